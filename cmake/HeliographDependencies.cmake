@@ -1,0 +1,42 @@
+# Third-party libraries. Minimum versions are those of Debian 12.
+find_package(Threads REQUIRED)
+find_package(glm REQUIRED)
+find_package(fmt REQUIRED)
+find_package(spdlog REQUIRED)
+find_package(TBB REQUIRED)
+find_package(OpenSSL REQUIRED)
+find_package(Protobuf REQUIRED)
+find_package(gRPC 1.51 CONFIG REQUIRED)
+find_package(CLI11 REQUIRED)
+
+find_package(embree 4 QUIET)
+if(NOT embree_FOUND)
+  find_package(embree 3 REQUIRED)
+endif()
+
+# Debian's OpenImageIO config names an include directory of OpenCV that its package does not bring.
+find_package(OpenImageIO 2.4 CONFIG REQUIRED)
+get_target_property(includes OpenImageIO::OpenImageIO INTERFACE_INCLUDE_DIRECTORIES)
+set(present)
+foreach(directory IN LISTS includes)
+  if(EXISTS ${directory})
+    list(APPEND present ${directory})
+  endif()
+endforeach()
+set_target_properties(OpenImageIO::OpenImageIO PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "${present}")
+
+find_path(OPENVDB_CMAKE FindOpenVDB.cmake
+  PATHS /usr/lib/${CMAKE_LIBRARY_ARCHITECTURE}/cmake/OpenVDB /usr/lib/x86_64-linux-gnu/cmake/OpenVDB REQUIRED)
+list(APPEND CMAKE_MODULE_PATH ${OPENVDB_CMAKE})
+find_package(OpenVDB 10 REQUIRED)
+
+find_path(TINYGLTF_INCLUDE tiny_gltf.h REQUIRED)
+find_library(TINYGLTF_LIBRARY tinygltf REQUIRED)
+find_library(SECCOMP_LIBRARY seccomp REQUIRED)
+
+if(HELIOGRAPH_TESTS)
+  find_package(Catch2 REQUIRED)
+endif()
+if(HELIOGRAPH_CUDA)
+  find_program(NVCC nvcc PATHS /usr/local/cuda/bin)
+endif()

@@ -1,0 +1,36 @@
+// What lets one source compile for every target: the macro KERNEL, GLM, integer names.
+#pragma once
+
+#if defined(__CUDACC__)
+#include <cuda.h>  // GLM reads CUDA_VERSION and does not include it itself
+#define KERNEL __host__ __device__ inline
+#else
+#define KERNEL inline
+#endif
+
+#include <cmath>
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <type_traits>
+
+namespace heliograph::kernels {
+
+using u8 = std::uint8_t;
+using u16 = std::uint16_t;
+using u32 = std::uint32_t;
+using u64 = std::uint64_t;
+using i32 = std::int32_t;
+
+using glm::mat3;
+using glm::mat4x3;
+using glm::uvec2;
+using glm::uvec3;
+using glm::vec2;
+using glm::vec3;
+using glm::vec4;
+
+inline constexpr float kPi = 3.14159265358979323846f;
+inline constexpr float kInvPi = 0.31830988618379067154f;
+inline constexpr u32 kNone = 0xffffffffu;
+
+}  // namespace heliograph::kernels

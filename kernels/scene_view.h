@@ -1,0 +1,197 @@
+// The plain data a device sees: a scene at one instant. Filled by a backend, read by every kernel.
+#pragma once
+
+#include "kernels/material_parameters.h"
+#include "kernels/platform.h"
+
+namespace heliograph::kernels {
+
+// ---------------------------------------------------------------- textures
+
+enum class TexelType : u8 { kU8, kU16, kF16, kF32 };
+enum class Wrap : u8 { kRepeat, kClamp, kMirror };
+
+/// Texels in their source's bit depth, row 0 at the top (v = 1).
+struct TextureView {
+  const void* texels;
+  u32 width;
+  u32 height;
+  u8 channels;  // 1..4
+  TexelType type;
+  bool srgb;  // decode before filtering; the fourth channel (of 2 or 4: the last) stays linear
+  bool nearest;
+  Wrap wrap_u;
+  Wrap wrap_v;
+};
+
+/// value = texel[channel] * scale + offset at uv' = uv_x * u + uv_y * v + uv_offset.
+struct TextureUseView {
+  u32 texture;  // kNone: none
+  u32 uv_set;
+  u32 channel;
+  float scale;
+  float offset;
+  vec2 uv_x;
+  vec2 uv_y;
+  vec2 uv_offset;
+};
+
+// ---------------------------------------------------------------- materials
+
+template <int N>
+struct ParameterType;
+template <>
+struct ParameterType<1> {
+  using type = float;
+};
+template <>
+struct ParameterType<3> {
+  using type = vec3;
+};
+
+/// One value of every parameter: base_color, metallic, ...
+struct MaterialValues {
+#define HELIO_PARAMETER(name, components, ...) ParameterType<components>::type name;
+  HELIO_MATERIAL_PARAMETERS(HELIO_PARAMETER)
+#undef HELIO_PARAMETER
+};
+
+enum class ParameterBit : u32 {
+#define HELIO_PARAMETER(name, ...) name,
+  HELIO_MATERIAL_PARAMETERS(HELIO_PARAMETER)
+#undef HELIO_PARAMETER
+      kCount
+};
+
+enum class AlphaMode : u8 { kOpaque, kMask, kBlend };
+
+struct MaterialView {
+  MaterialValues constant;
+  u32 textured;   // bit i: parameter i has a texture; its uses follow each other in bit order
+  u32 first_use;  // index into SceneView::texture_uses
+  TextureUseView normal_map;
+  float alpha_cutoff;
+  AlphaMode alpha_mode;
+  bool two_sided_emission;
+  bool unlit;
+  u32 id;  // the plane "material": index of the material object in the scene
+};
+
+// ---------------------------------------------------------------- geometry
+
+/// A mesh as it is at this instant, in object space. Null: there is none.
+struct MeshView {
+  const uvec3* triangles;
+  const vec3* positions;
+  const vec3* normals;         // flat shading without
+  const vec3* rest_positions;  // the first key without morph or skin: what labels measure
+  const vec2* uvs;
+  const vec2* uvs1;
+  const vec4* colors;
+  const vec4* tangents;  // w: handedness
+  const u32* parts;      // per triangle
+  // For sampling emissive parts: triangles grouped by part, with running areas in object space.
+  const u32* part_triangles;  // permutation of the triangles; null unless some part emits
+  const float*
+      part_cdf;  // in that order, within a part: sum of areas up to and including, over the part's
+  const u32* part_offsets;  // part_count + 1
+  u32 triangle_count;
+  u32 vertex_count;
+  u32 part_count;
+};
+
+enum InstanceFlag : u32 {
+  kFlipped = 1,      // world_from_object mirrors: front and back change places
+  kMayBeHole = 2,    // some material of it is not opaque: accepts() decides
+  kFlowInvalid = 4,  // created or teleported within the flow interval
+};
+
+/// One entity that shows a mesh.
+struct InstanceView {
+  mat4x3 world_from_object;
+  mat4x3 object_from_world;
+  u32 mesh;
+  u32 first_part;          // its parts' rows in SceneView::part_materials and part_lights
+  u32 flags;               // InstanceFlag
+  u32 visibility;          // ray mask bits
+  u32 entity;              // entity index in the scene
+  u32 label;               // instance label, 0: none
+  u32 category;            // class id
+  u32 part;                // number of its first mesh part within the instance
+  mat4x3 box_from_object;  // rest position -> [0, 1]^3 in the labelled instance's rest box
+  vec3 nocs_scale;         // box size / box diagonal
+};
+
+// ---------------------------------------------------------------- lights
+
+/// One emitting (instance, mesh part).
+struct LightView {
+  vec3 radiance;  // of the entity's light before `texture`; the material's emission comes on top
+  TextureUseView texture;
+  u32 instance;
+  u32 part;
+  float probability;        // of choosing this light among all, the dome included
+  bool light_two_sided;     // of the entity's light
+  bool material_two_sided;  // of the material's emission
+  bool material_emits;      // the material's emission is not black
+};
+
+/// Light from infinity. Direction d in the dome's frame: u = 0.5 - atan2(d.y, d.x) / 2 pi, v =
+/// acos(d.z) / pi.
+struct DomeView {
+  u32 texture;    // kNone: constant
+  vec3 radiance;  // multiplies the texture
+  mat3 world_from_dome;
+  mat3 dome_from_world;
+  float probability;  // of choosing the dome among all lights; 0: no light
+  bool camera_visible;
+  // Piecewise-constant density over the texels, luminance times solid angle; null: uniform
+  // directions.
+  u32 width;
+  u32 height;
+  const float* row_cdf;     // height: sum over rows up to and including, normalised
+  const float* column_cdf;  // height * width: the same within a row
+};
+
+// ---------------------------------------------------------------- camera
+
+enum class Projection : u8 { kPerspective, kOrthographic };
+
+/// raster.x = fx * x / z + cx (perspective), in the OpenCV frame; cx, cy are raster coordinates
+/// here.
+struct CameraView {
+  mat4x3 world_from_camera;  // OpenGL frame: looks down -Z
+  mat4x3 camera_from_world;
+  float fx, fy, cx, cy;
+  u32 width;
+  u32 height;
+  Projection projection;
+};
+
+// ---------------------------------------------------------------- scene
+
+struct SceneView {
+  const InstanceView* instances;
+  const MeshView* meshes;
+  const MaterialView* materials;
+  const TextureView* textures;
+  const TextureUseView* texture_uses;
+  const u32* part_materials;  // material of each part of each instance
+  const u32* part_lights;     // light of each, or kNone
+  const LightView* lights;
+  const float*
+      light_cdf;  // light_count: running probability of the lights, ends at 1 - dome.probability
+  DomeView dome;
+  u32 instance_count;
+  u32 light_count;
+  bool any_holes;  // some instance has kMayBeHole
+  float radius;    // of a sphere about the scene's bounds, metres
+  vec3 center;
+};
+
+static_assert(std::is_trivially_copyable_v<SceneView>);
+static_assert(std::is_trivially_copyable_v<InstanceView>);
+static_assert(std::is_trivially_copyable_v<MaterialView>);
+static_assert(std::is_trivially_copyable_v<CameraView>);
+
+}  // namespace heliograph::kernels

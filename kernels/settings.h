@@ -1,0 +1,20 @@
+// What a render request sets for the kernels.
+#pragma once
+
+#include "kernels/platform.h"
+
+namespace heliograph::kernels {
+
+enum class PixelFilter : u8 { kBox, kTent, kGaussian, kBlackmanHarris };
+
+struct Settings {
+  u64 seed;
+  u32 max_depth;  // path edges: 1 = emission seen directly, 2 = direct light
+  bool roulette;
+  float clamp;  // largest radiance of one contribution; +inf: none
+  PixelFilter filter;
+  bool transparent_background;
+  bool through_transmission;
+};
+
+}  // namespace heliograph::kernels

@@ -1,0 +1,48 @@
+// Files to assets: glTF, OBJ, PLY, STL, images, volumes. Linked only by heliograph-decode, which
+// runs it inside the sandbox; what comes out is checked again by the daemon.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "renderer/base/error.h"
+#include "renderer/scene/transaction.h"
+
+namespace heliograph {
+
+/// A file of a bundle, by its path relative to the bundle's folder.
+struct BundleFile {
+  std::string path;
+  std::span<const std::byte> bytes;
+};
+
+struct LoadOptions {
+  std::string format;  // "": by the first file's extension
+  std::string up;      // "x", "y", "z" for formats that name no axis; "": the format's default
+  double units = 0;    // metres a unit for formats that name none; 0: 1
+};
+
+/// A model (`asset`), or a lone picture (`image`).
+struct Loaded {
+  Asset asset;
+  std::optional<ImageData> image;
+  bool image_srgb = false;
+  std::vector<std::string> missing;   // companions the bundle lacks; then there is no asset
+  std::vector<std::string> warnings;  // what was ignored or approximated, by name
+  vec3 bounds_min{0}, bounds_max{0};  // rest box of the whole model, metres, +Z up
+};
+
+/// Loads the first file of the bundle, with the others as its companions.
+///
+/// Fails with INVALID_ARGUMENT (malformed: names the file, the element and the rule broken),
+/// UNIMPLEMENTED (a required extension or a format that is not supported, by name),
+/// RESOURCE_EXHAUSTED (it would decode to more than the limits allow).
+[[nodiscard]] Expected<Loaded> load_asset(std::span<const BundleFile> bundle,
+                                          const LoadOptions& options);
+
+/// Versions of the libraries in use, for GetServerInfo.
+[[nodiscard]] std::string decoder_versions();
+
+}  // namespace heliograph

@@ -1,0 +1,88 @@
+// What a device must do. Every call comes from the one thread that owns the device.
+#pragma once
+
+#include <memory>
+#include <span>
+#include <stop_token>
+#include <string>
+#include <string_view>
+
+#include "renderer/base/error.h"
+#include "renderer/engine/frame.h"
+#include "renderer/engine/query.h"
+
+namespace heliograph {
+
+/// A snapshot at one instant, resident on the device. Immutable while anybody holds it.
+class DeviceScene {
+ public:
+  virtual ~DeviceScene() = default;
+};
+
+/// One camera's share of a job.
+struct Shot {
+  std::shared_ptr<const RenderJob> job;
+  u32 camera = 0;                            // index into job->cameras
+  std::shared_ptr<const DeviceScene> scene;  // at the job's time
+  std::shared_ptr<const DeviceScene>
+      forward;  // at time + frame_interval; null unless a plane needs it
+  std::shared_ptr<const DeviceScene> backward;  // at time - frame_interval
+};
+
+/// A part of a shot's work. Pixels are in row-major order of 16x16 tiles.
+struct WorkRange {
+  u32 first_tile = 0;
+  u32 tile_count = 0;
+  u32 first_sample = 0;  // a multiple of 16 unless it continues within a block
+  u32 sample_count = 0;
+};
+
+/// An accumulating image of one Shot.
+class Film {
+ public:
+  virtual ~Film() = default;
+  [[nodiscard]] virtual u32 tiles() const = 0;
+  [[nodiscard]] virtual u64 rays() const = 0;  // traced so far
+};
+
+class Backend {
+ public:
+  virtual ~Backend() = default;
+  [[nodiscard]] virtual std::string_view name() const = 0;
+  /// Feature level of the kernels and of the ray tracer, for the manifest: "x86-64-v3,
+  /// embree 3.13.5 AVX2".
+  [[nodiscard]] virtual std::string cpu_features() const = 0;
+
+  /// Uploads what changed against the nearest resident scene; derived data is cached by buffer
+  /// serial.
+  [[nodiscard]] virtual Expected<std::shared_ptr<const DeviceScene>> prepare(
+      const std::shared_ptr<const Snapshot>& snapshot, Time time) = 0;
+  [[nodiscard]] virtual Expected<std::unique_ptr<Film>> begin(const Shot& shot) = 0;
+  /// Traces the mean planes' samples of a range. The result does not depend on how work is split.
+  [[nodiscard]] virtual Status render(Film& film, const WorkRange& range, std::stop_token stop) = 0;
+  /// Traces the centre planes of a range of tiles.
+  [[nodiscard]] virtual Status probe(Film& film, u32 first_tile, u32 tile_count,
+                                     std::stop_token stop) = 0;
+  /// Label columns; the film's centre planes are complete.
+  [[nodiscard]] virtual Expected<std::vector<Column>> labels(Film& film, std::stop_token stop) = 0;
+  /// The planes after `samples` samples of every pixel, in the order of the job.
+  [[nodiscard]] virtual Expected<std::vector<PlaneData>> resolve(Film& film, u32 samples) = 0;
+  /// Mean relative standard error over the pixels, from the film's variance; NaN below 2 samples.
+  [[nodiscard]] virtual double noise(const Film& film, u32 samples) = 0;
+
+  [[nodiscard]] virtual Expected<QueryResult> query(const QueryJob& job, std::stop_token stop) = 0;
+  /// Bytes of derived data resident now.
+  [[nodiscard]] virtual u64 derived_bytes() const = 0;
+};
+
+struct BackendOptions {
+  u32 threads = 0;               // 0: all
+  u64 cache_bytes = 4ull << 30;  // of scenes and derived data nobody uses
+};
+
+/// Names: "embree". The only function that knows backends.
+[[nodiscard]] Expected<std::unique_ptr<Backend>> make_backend(std::string_view name,
+                                                              const BackendOptions& options);
+[[nodiscard]] std::vector<std::string_view> backend_names();
+
+}  // namespace heliograph

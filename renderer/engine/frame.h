@@ -1,0 +1,69 @@
+// What a job gives back: planes and label columns, immutable.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "renderer/engine/job.h"
+
+namespace heliograph {
+
+enum class DType : u8 { kU8, kU16, kU32, kI32, kU64, kF16, kF32, kF64 };
+[[nodiscard]] std::size_t size_of(DType type);
+
+/// What clients are told about a plane; derived from HELIO_PLANES.
+struct PlaneInfo {
+  const char* name;  // lower case
+  DType dtype;
+  u32 channels;
+  const char* unit;
+  kernels::Fold fold;
+};
+[[nodiscard]] const PlaneInfo& plane_info(Plane plane);
+
+/// A dense array with its shape; or text, one string a row.
+struct Column {
+  std::string name;
+  DType dtype = DType::kF32;
+  std::vector<u64> shape;  // the first dimension is one row an instance
+  std::vector<std::byte> data;
+  std::vector<std::string> strings;
+};
+
+struct PlaneData {
+  Plane plane{};
+  std::vector<std::byte> pixels;  // row-major, row 0 at the top
+};
+
+struct Frame {
+  u32 index = 0;  // over the job's cameras
+  u64 scene = 0;
+  Revision revision = 0;
+  u64 overlay = 0;
+  std::string camera;
+  u32 width = 0, height = 0;
+  Time time = 0;
+  u64 seed = 0;
+  u32 samples = 0;
+  bool final = true;
+  glm::dmat3 k{1};  // intrinsics at the rendered size
+  glm::dmat4 camera_from_world_cv{1};
+  std::vector<PlaneData> planes;  // in the order of the job
+  std::vector<Column> labels;
+  std::vector<std::string> categories;  // class id - 1 -> name
+  std::vector<std::string> warnings;
+  double render_seconds = 0;
+  u64 rays = 0;
+};
+
+struct Progress {
+  double done = 0;  // [0, 1]
+  double rays_per_second = 0;
+  double eta_seconds = 0;
+  double noise = 0;  // NaN until known
+};
+
+}  // namespace heliograph

@@ -1,0 +1,53 @@
+// What to render: a snapshot (an overlay is already applied to it), cameras, planes, a stop rule.
+#pragma once
+
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "kernels/planes.h"
+#include "kernels/settings.h"
+#include "renderer/scene/snapshot.h"
+
+namespace heliograph {
+
+using kernels::Plane;
+using kernels::PlaneSet;
+
+struct LabelOptions {
+  bool boxes = false;
+  bool amodal = false;
+  bool amodal_masks = false;
+  bool keypoints = false;
+  float canvas = 1;  // the canvas extends the image by this many sizes on each side
+  std::optional<float> keypoint_radius;  // metres
+  u32 max_rows = 65536;
+};
+
+struct StopRule {
+  u32 spp = 0;         // 0: not set
+  double seconds = 0;  // 0: not set
+  double noise = 0;    // 0: not set
+};
+
+struct RenderJob {
+  std::shared_ptr<const Snapshot> snapshot;
+  u64 scene = 0;    // for the frame's header
+  u64 overlay = 0;  // hash of the overlay; 0: none
+  std::vector<EntityId> cameras;
+  std::vector<Plane> planes;
+  EntityId disparity_camera;
+  u32 width = 0, height = 0;  // 0: the camera's own
+  Time time = 0;
+  double frame_interval = 0;  // 0: not set
+  bool hold = false;
+  StopRule stop;
+  bool progressive = false;
+  kernels::Settings settings{};
+  LabelOptions labels;
+  std::optional<std::chrono::steady_clock::time_point> deadline;
+};
+
+}  // namespace heliograph

@@ -1,0 +1,234 @@
+// What a scene is made of, as plain values. Read by every backend; changed only through
+// Transactions.
+#pragma once
+
+#include <array>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "kernels/material_parameters.h"
+#include "renderer/base/array.h"
+#include "renderer/scene/ids.h"
+
+namespace heliograph {
+
+// ---------------------------------------------------------------- textures and materials
+
+enum class TexelType : u8 { kU8, kU16, kF16, kF32 };
+enum class Wrap : u8 { kRepeat, kClamp, kMirror };
+
+/// Texels as in the source: bit depth and channels are kept. Row 0 is the top.
+struct ImageData {
+  BufferPtr texels;
+  u32 width = 0;
+  u32 height = 0;
+  u32 channels = 0;  // 1..4
+  TexelType type = TexelType::kU8;
+};
+
+struct Texture {
+  std::shared_ptr<const ImageData> image;
+  bool srgb = false;
+  bool nearest = false;
+  Wrap wrap_u = Wrap::kRepeat;
+  Wrap wrap_v = Wrap::kRepeat;
+};
+
+/// value = texel[channel] * scale + offset, looked up at uv_transform * (u, v, 1); v = 0 is the
+/// bottom row.
+struct TextureUse {
+  TextureId texture;
+  u32 uv_set = 0;
+  u32 channel = 0;
+  float scale = 1;
+  float offset = 0;
+  glm::mat3x2 uv_transform{1, 0, 0, 1, 0, 0};
+};
+
+enum class MaterialParameter : u32 {
+#define HELIO_PARAMETER(name, ...) name,
+  HELIO_MATERIAL_PARAMETERS(HELIO_PARAMETER)
+#undef HELIO_PARAMETER
+      kCount
+};
+inline constexpr std::size_t kMaterialParameters = std::size_t(MaterialParameter::kCount);
+
+struct Parameter {
+  vec3 value{0};  // scalars use x
+  TextureUse texture;
+};
+
+enum class AlphaMode : u8 { kOpaque, kMask, kBlend };
+
+struct Material {
+  std::array<Parameter, kMaterialParameters> parameters;  // defaults: make_material()
+  TextureUse normal_map;
+  AlphaMode alpha_mode = AlphaMode::kOpaque;
+  float alpha_cutoff = 0.5f;
+  bool two_sided_emission = false;
+  bool unlit = false;
+
+  [[nodiscard]] Parameter& operator[](MaterialParameter p) { return parameters[std::size_t(p)]; }
+  [[nodiscard]] const Parameter& operator[](MaterialParameter p) const {
+    return parameters[std::size_t(p)];
+  }
+};
+
+/// A material with the default of every parameter.
+[[nodiscard]] Material make_material();
+
+// ---------------------------------------------------------------- meshes
+
+struct Keypoint {
+  std::string name;
+  vec3 position{0};
+};
+struct Symmetry {
+  std::optional<mat4> matrix;  // discrete, or
+  vec3 axis{0};                // any rotation about this axis
+  vec3 offset{0};
+};
+
+/// What does not change when vertices move. Arrays are per vertex unless they say otherwise.
+struct MeshTopology {
+  u32 vertex_count = 0;
+  ArrayOf<uvec3> triangles;  // vertex indices, checked
+  ArrayOf<vec2> uvs;         // empty, or vertex_count
+  ArrayOf<vec2> uvs1;
+  ArrayOf<vec4> colors;
+  ArrayOf<vec4> tangents;
+  ArrayOf<u32> parts;  // per triangle; empty: all 0
+  u32 part_count = 1;
+  std::vector<std::string> part_names;
+  ArrayOf<glm::u16vec4> joints;
+  ArrayOf<vec4> weights;
+  u32 morph_count = 0;
+  ArrayOf<vec3> morph_positions;  // morph_count * vertex_count
+  ArrayOf<vec3> morph_normals;    // empty, or as many
+  std::vector<Keypoint> keypoints;
+  ArrayOf<uvec2> skeleton;
+  std::vector<Symmetry> symmetries;
+};
+
+/// Positions and normals at one or more times, in mesh coordinates.
+struct VertexKeys {
+  std::vector<Time> times;  // strictly increasing; one entry when static
+  ArrayOf<vec3> positions;  // times.size() * vertex_count
+  ArrayOf<vec3> normals;    // empty (flat), or as many
+};
+
+struct Mesh {
+  std::shared_ptr<const MeshTopology> topology;
+  std::shared_ptr<const VertexKeys> vertices;
+};
+
+/// Bytes of a .nvdb or .vdb file, kept for a backend that renders volumes.
+struct Volume {
+  BufferPtr bytes;
+  std::vector<std::string> grids;
+};
+
+// ---------------------------------------------------------------- entities
+
+/// An affine pose relative to the parent. The exact matrix the client gave.
+struct PoseKey {
+  Time time = 0;
+  mat4x3 matrix{1};
+};
+using PoseKeys = std::vector<PoseKey>;  // strictly increasing times, at least two
+
+enum class LightUnit : u8 { kRadiance, kPower, kLuminance, kLumen };
+
+struct Light {
+  vec3 color{1};
+  float intensity = 1;
+  LightUnit unit = LightUnit::kRadiance;
+  float exposure = 0;
+  float temperature = 0;  // 0: none
+  bool two_sided = false;
+  TextureUse texture;
+};
+
+enum class Projection : u8 { kPerspective, kOrthographic };
+
+/// OpenCV intrinsics at the calibrated size: integers are pixel centres.
+struct Camera {
+  u32 width = 0;
+  u32 height = 0;
+  Projection projection = Projection::kPerspective;
+  double fx = 0, fy = 0, cx = 0, cy = 0;
+};
+
+/// Which kinds of rays meet an entity. Bits of Entity::visibility and of a ray's mask.
+enum RayMask : u8 {
+  kCameraRay = 1,
+  kDiffuseRay = 2,
+  kGlossyRay = 4,
+  kTransmissionRay = 8,
+  kShadowRay = 16,
+  kAllRays = 31,
+};
+
+struct Skin {
+  std::vector<EntityId> joints;
+  std::vector<mat4x3> inverse_binds;  // joint_from_mesh in the bind pose
+};
+struct MorphWeights {
+  std::vector<Time> times;     // empty: constant
+  std::vector<float> weights;  // max(1, times.size()) * morph_count
+};
+
+/// What an entity says about labels itself; see Snapshot::label_of for what it inherits.
+struct Label {
+  u32 value = 0;     // 0 with `set`: opted out
+  bool set = false;  // false: inherits from the nearest labelled ancestor
+  bool group = false;
+  u32 part = 0;      // 0: automatic
+  u32 category = 0;  // class id; 0: none
+};
+
+using Attributes = std::map<std::string, std::string>;
+
+/// One entity, but for its pose, which has a table of its own because it changes most.
+struct Entity {
+  std::shared_ptr<const std::string> name;  // null: none
+  EntityId parent;
+  MeshId mesh;
+  VolumeId volume;
+  std::shared_ptr<const std::vector<MaterialId>> materials;  // by part; the last serves the rest
+  std::shared_ptr<const PoseKeys> keys;                      // null: the pose is constant
+  std::shared_ptr<const Light> light;
+  std::shared_ptr<const Camera> camera;
+  std::shared_ptr<const Skin> skin;
+  std::shared_ptr<const MorphWeights> morph_weights;
+  std::shared_ptr<const Attributes> attributes;
+  Label label;
+  u32 children = 0;         // entities whose parent this is
+  Revision teleported = 0;  // revision of the last pose that was a jump
+  u8 visibility = kAllRays;
+  bool visible = true;
+  bool is_static = false;
+};
+
+/// A named, shared payload: the row of meshes, materials, textures and volumes.
+template <class T>
+struct Shared {
+  std::shared_ptr<const std::string> name;  // null: none
+  std::shared_ptr<const T> value;
+  u32 uses = 0;  // references from entities and materials
+};
+
+// ---------------------------------------------------------------- scene settings
+
+struct Dome {
+  TextureId texture;
+  std::optional<vec3> color;  // unset: 1 with a texture, else 0
+  float intensity = 1;
+  mat3 world_from_dome{1};
+  bool camera_visible = true;
+};
+
+}  // namespace heliograph

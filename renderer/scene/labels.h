@@ -1,0 +1,35 @@
+// Which instance, class and part every entity belongs to: a pure function of the snapshot.
+#pragma once
+
+#include <vector>
+
+#include "renderer/scene/snapshot.h"
+
+namespace heliograph {
+
+struct EntityLabel {
+  u32 instance = 0;  // 0: none
+  u32 category = 0;  // class id
+  u32 part =
+      0;  // number of the entity's first mesh part within the instance, from 1; 0 where unlabelled
+  u32 root = ~0u;  // index of the topmost labelled entity of the instance
+};
+
+/// One label's row.
+struct Instance {
+  u32 label = 0;
+  u32 category = 0;
+  u32 root = 0;               // entity index
+  std::vector<u32> entities;  // with a mesh and visible, by index
+};
+
+struct Labelling {
+  std::vector<EntityLabel> entities;  // by entity index
+  std::vector<Instance> instances;    // ordered by label; every labelled one has a row
+};
+
+/// A mesh with several parts takes as many consecutive part numbers, an entity's explicit part
+/// number comes first. Entities are numbered in index order.
+[[nodiscard]] Labelling label_entities(const Snapshot& snapshot);
+
+}  // namespace heliograph

@@ -1,0 +1,67 @@
+// Where things are at a time: interpolation of keys, parents, skins. Used by backends and by Read.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "renderer/scene/snapshot.h"
+
+namespace heliograph {
+
+/// Translation, rotation, symmetric stretch: matrix = translate * rotate * stretch. A reflection
+/// (negative determinant) stays in the stretch.
+struct Decomposed {
+  vec3 translation{0};
+  quat rotation{1, 0, 0, 0};
+  mat3 stretch{1};
+};
+
+/// Polar decomposition. Source: Shoemake & Duff 1992, "Matrix Animation and Polar Decomposition".
+[[nodiscard]] Decomposed decompose(const mat4x3& m);
+[[nodiscard]] mat4x3 compose(const Decomposed& d);
+/// Translation and stretch linearly, rotation by slerp along the shorter arc; u in [0, 1].
+[[nodiscard]] mat4x3 interpolate(const mat4x3& a, const mat4x3& b, float u);
+
+[[nodiscard]] mat4x3 multiply(const mat4x3& a, const mat4x3& b);  // a * b as affine maps
+[[nodiscard]] mat4x3 inverse(const mat4x3& m);
+
+/// The local pose of a live entity at `time`. An entity with keys follows them and is held outside
+/// their range. One without moves from its pose in `previous` (if it was alive there under the same
+/// id and did not teleport since) to its present one between previous->time and snapshot.time.
+[[nodiscard]] mat4x3 local_pose(const Snapshot& snapshot, u32 entity, Time time);
+
+/// World poses of all entities at one time, computed once, parents first; [index], identity where
+/// not alive.
+[[nodiscard]] std::vector<mat4x3> world_poses(const Snapshot& snapshot, Time time);
+/// World pose of one entity: walks up its parents.
+[[nodiscard]] mat4x3 world_pose(const Snapshot& snapshot, u32 entity, Time time);
+
+/// Whether entity and all its ancestors are `visible`.
+[[nodiscard]] bool visible(const Snapshot& snapshot, u32 entity);
+
+/// The morph weights of an entity at a time, morph_count values; empty when it has none.
+[[nodiscard]] std::vector<float> morph_weights(const Entity& entity, u32 morph_count, Time time);
+
+/// Positions and normals of a mesh as an entity shows them at `time`: vertex keys (and, as for
+/// poses, vertices edited since `previous`), then morph targets, then the skin; in mesh coordinates
+/// (skinned: relative to the entity's own world pose). nullopt: the mesh's own single key serves as
+/// it is.
+struct DeformedVertices {
+  std::vector<vec3> positions;
+  std::vector<vec3> normals;  // empty when the mesh has none
+};
+[[nodiscard]] std::optional<DeformedVertices> deform(const Snapshot& snapshot, u32 entity,
+                                                     Time time,
+                                                     const std::vector<mat4x3>& world_poses);
+
+/// Whether flow between `time` and `other` is defined for the whole scene and these cameras: every
+/// visible entity with a mesh, and every camera, has keys (its own or an ancestor's, or vertex
+/// keys, or a skin), or both times lie within [previous->time, snapshot.time]. Otherwise
+/// FAILED_PRECONDITION names an entity that has none and the remedy (keys=, advance(), hold=True).
+[[nodiscard]] Status flow_defined(const Snapshot& snapshot, Time time, Time other,
+                                  const std::vector<EntityId>& cameras);
+/// Whether this entity's own flow over (time, other) is valid: it and its ancestors existed and did
+/// not teleport in between.
+[[nodiscard]] bool flow_valid(const Snapshot& snapshot, u32 entity, Time time, Time other);
+
+}  // namespace heliograph

@@ -1,0 +1,73 @@
+// Applying transactions: all or nothing, as a pure function, and the chain of revisions it makes.
+#pragma once
+
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <vector>
+
+#include "renderer/scene/snapshot.h"
+#include "renderer/scene/transaction.h"
+
+namespace heliograph {
+
+/// What a transaction would make of a snapshot. Not visible to anybody yet.
+struct Prepared {
+  std::shared_ptr<const Snapshot> snapshot;
+  std::vector<Id> ids;      // one an edit, then the further ids of each edit in order
+  std::vector<u32> counts;  // further ids of each edit (Instances, Instantiate)
+};
+
+struct SceneLimits {
+  u32 entities = 4'000'000;
+  u64 array_bytes = 8ull << 30;  // of all arrays a scene refers to, shared ones counted once
+  u32 revisions = 64;            // recent revisions kept for RenderRequest.revision
+};
+
+/// Applies every edit or none.
+///
+/// Fails with, `where` = "edits[i]..." : NOT_FOUND (stale id, unknown name with the nearest ones),
+/// ALREADY_EXISTS (mode CREATE), INVALID_ARGUMENT (mesh and volume on one entity, a label on
+/// unrelated entities without `group`, a parent cycle, a reference of the wrong kind, vertices that
+/// do not match the topology, a skin without joints), FAILED_PRECONDITION (removal of something in
+/// use; lists its users), RESOURCE_EXHAUSTED (limits). The new revision is base.revision + 1.
+[[nodiscard]] Expected<Prepared> apply(const Snapshot& base, const Transaction& transaction,
+                                       const SceneLimits& limits);
+
+/// A scene: its head and its recent revisions.
+///
+/// Thread: any; one mutex, held for microseconds. `prepare` and `publish` are two steps so that a
+/// journal can commit between them; prepared transactions are published in the order of
+/// preparation.
+class Scene {
+ public:
+  Scene(std::shared_ptr<const Snapshot> first, SceneLimits limits);
+
+  /// Applies to the pending head. `expected`: ABORTED unless it equals the pending revision.
+  [[nodiscard]] Expected<Prepared> prepare(const Transaction& transaction,
+                                           std::optional<Revision> expected);
+  /// Makes the oldest prepared transaction the head.
+  void publish(const Prepared& prepared);
+  /// Drops everything prepared and not published (a journal failed).
+  void drop_pending();
+
+  [[nodiscard]] std::shared_ptr<const Snapshot> head() const;
+  /// OUT_OF_RANGE when it is no longer kept, or does not exist yet.
+  [[nodiscard]] Expected<std::shared_ptr<const Snapshot>> at(Revision revision) const;
+
+ private:
+  const SceneLimits limits_;
+  mutable std::mutex mutex_;
+  std::shared_ptr<const Snapshot> pending_;
+  std::deque<std::shared_ptr<const Snapshot>> recent_;  // the last is the head
+};
+
+/// The edits that make this snapshot from an empty scene, names and ids' order included, for
+/// ExportScene. Objects without a name get none; references are CreatedByEdit.
+[[nodiscard]] Transaction describe(const Snapshot& snapshot);
+
+/// Bytes of arrays a snapshot refers to, each counted once.
+[[nodiscard]] u64 array_bytes(const Snapshot& snapshot);
+
+}  // namespace heliograph

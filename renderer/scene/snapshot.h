@@ -1,0 +1,69 @@
+// One revision of a scene, immutable and shared. Everything that renders or reads works on one.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "renderer/base/error.h"
+#include "renderer/scene/components.h"
+#include "renderer/scene/persistent_map.h"
+#include "renderer/scene/table.h"
+
+namespace heliograph {
+
+/// What the scene keeps of an asset that was instantiated: the shared objects it created, so that
+/// the next instance uses them again. In the order of Asset::library; ids may have gone stale.
+using Library = std::vector<Id>;
+
+/// Thread: any, once it is const. Copying costs one pointer a chunk.
+struct Snapshot {
+  Revision revision = 0;
+  Time time = 0;
+
+  Table<Entity> entities;
+  ChunkedArray<mat4x3> poses;  // local pose by entity index, at `time`; identity where not alive
+  Table<Shared<Mesh>> meshes;
+  Table<Shared<Material>> materials;
+  Table<Shared<Texture>> textures;
+  Table<Shared<Volume>> volumes;
+  std::shared_ptr<const Dome> dome;  // null: none
+
+  PersistentMap<std::string, Id> names;
+  PersistentMap<u32, u32> labels;  // value -> how many entities say it themselves
+  u32 next_label = 1;
+  std::shared_ptr<const std::vector<std::string>> categories;  // class id - 1 -> name; may be null
+  PersistentMap<std::string, std::shared_ptr<const Library>> libraries;  // by asset hash
+
+  /// The state before the last Advance, at its own time; its own `previous` is null.
+  std::shared_ptr<const Snapshot> previous;
+
+  [[nodiscard]] const Entity* find(EntityId id) const {
+    return entities.find(id.version(), id.index());
+  }
+  [[nodiscard]] const Shared<Mesh>* find(MeshId id) const {
+    return meshes.find(id.version(), id.index());
+  }
+  [[nodiscard]] const Shared<Material>* find(MaterialId id) const {
+    return materials.find(id.version(), id.index());
+  }
+  [[nodiscard]] const Shared<Texture>* find(TextureId id) const {
+    return textures.find(id.version(), id.index());
+  }
+  [[nodiscard]] const Shared<Volume>* find(VolumeId id) const {
+    return volumes.find(id.version(), id.index());
+  }
+  /// Whether an id of any kind names a live object.
+  [[nodiscard]] bool alive(Id id) const;
+  [[nodiscard]] EntityId entity_id(u32 index) const {
+    return EntityId::make(entities.version(index), index);
+  }
+
+  /// The object of that name; NOT_FOUND lists the nearest names.
+  [[nodiscard]] Expected<Id> find(std::string_view name) const;
+  /// Its name, or "" when it has none or is not alive.
+  [[nodiscard]] std::string name_of(Id id) const;
+};
+
+}  // namespace heliograph

@@ -1,0 +1,133 @@
+// Chunked copy-on-write rows: a copy shares every chunk, a write clones one. Owned by Snapshots.
+#pragma once
+
+#include <cassert>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "renderer/base/types.h"
+
+namespace heliograph {
+
+/// A growing array in chunks of 256 rows. Copying costs one pointer a chunk; a chunk that another
+/// copy shares is cloned on the first write. Thread: const access from any, writes from one.
+template <class T>
+class ChunkedArray {
+ public:
+  static constexpr u32 kRows = 256;
+
+  [[nodiscard]] u32 size() const { return size_; }
+  [[nodiscard]] const T& operator[](u32 i) const {
+    assert(i < size_);
+    return (*chunks_[i / kRows])[i % kRows];
+  }
+  [[nodiscard]] T& write(u32 i) {
+    assert(i < size_);
+    auto& chunk = chunks_[i / kRows];
+    if (chunk.use_count() > 1) chunk = std::make_shared<Chunk>(*chunk);
+    return (*chunk)[i % kRows];
+  }
+  u32 push_back(T value) {
+    if (size_ % kRows == 0) {
+      auto chunk = std::make_shared<Chunk>();
+      chunk->reserve(kRows);
+      chunks_.push_back(std::move(chunk));
+    } else if (auto& last = chunks_.back(); last.use_count() > 1) {
+      auto clone = std::make_shared<Chunk>();
+      clone->reserve(kRows);
+      *clone = *last;
+      last = std::move(clone);
+    }
+    chunks_.back()->push_back(std::move(value));
+    return size_++;
+  }
+  /// Calls f(index) for every row in a chunk that `before` does not share.
+  template <class F>
+  void for_each_changed(const ChunkedArray& before, F&& f) const {
+    for (std::size_t c = 0; c < chunks_.size(); ++c) {
+      if (c < before.chunks_.size() && before.chunks_[c] == chunks_[c]) continue;
+      const u32 first = u32(c) * kRows;
+      for (u32 i = 0; i < chunks_[c]->size(); ++i) f(first + i);
+    }
+  }
+  [[nodiscard]] bool same(const ChunkedArray& other) const {
+    return size_ == other.size_ && chunks_ == other.chunks_;
+  }
+
+ private:
+  using Chunk = std::vector<T>;
+  std::vector<std::shared_ptr<Chunk>> chunks_;
+  u32 size_ = 0;
+};
+
+/// Rows with versions: an index is used again only under a new version, so stale ids are detected.
+template <class T>
+class Table {
+ public:
+  /// The row, or nullptr when the id is stale or unknown.
+  [[nodiscard]] const T* find(u32 version, u32 index) const {
+    if (index >= slots_.size()) return nullptr;
+    const Slot& slot = slots_[index];
+    return slot.alive && slot.version == version ? &slot.value : nullptr;
+  }
+  /// The row at an index that is alive.
+  [[nodiscard]] const T& at(u32 index) const {
+    assert(alive(index));
+    return slots_[index].value;
+  }
+  [[nodiscard]] bool alive(u32 index) const { return index < slots_.size() && slots_[index].alive; }
+  [[nodiscard]] u32 version(u32 index) const { return slots_[index].version; }
+  [[nodiscard]] T& write(u32 index) {
+    assert(alive(index));
+    return slots_.write(index).value;
+  }
+  /// The index of the new row; its version is version(index).
+  u32 insert(T value) {
+    ++count_;
+    if (free_ == kNone) return slots_.push_back({1, true, kNone, std::move(value)});
+    const u32 index = free_;
+    Slot& slot = slots_.write(index);
+    free_ = slot.next_free;
+    slot.alive = true;
+    slot.value = std::move(value);
+    return index;
+  }
+  void erase(u32 index) {
+    assert(alive(index));
+    Slot& slot = slots_.write(index);
+    slot.alive = false;
+    slot.version = slot.version % 0xffffffu + 1;
+    slot.next_free = free_;
+    slot.value = T{};
+    free_ = index;
+    --count_;
+  }
+  [[nodiscard]] u32 count() const { return count_; }            // rows alive
+  [[nodiscard]] u32 capacity() const { return slots_.size(); }  // indices are below it
+  template <class F>
+  void for_each(F&& f) const {  // f(index, row), in index order
+    for (u32 i = 0; i < slots_.size(); ++i)
+      if (slots_[i].alive) f(i, slots_[i].value);
+  }
+  /// f(index) for every index, alive or not, in a chunk that `before` does not share.
+  template <class F>
+  void for_each_changed(const Table& before, F&& f) const {
+    slots_.for_each_changed(before.slots_, f);
+  }
+  [[nodiscard]] bool same(const Table& other) const { return slots_.same(other.slots_); }
+
+ private:
+  static constexpr u32 kNone = ~0u;
+  struct Slot {
+    u32 version = 1;
+    bool alive = false;
+    u32 next_free = kNone;
+    T value{};
+  };
+  ChunkedArray<Slot> slots_;
+  u32 free_ = kNone;
+  u32 count_ = 0;
+};
+
+}  // namespace heliograph

@@ -1,0 +1,173 @@
+// An edit after hop 3: every number in it was checked, no id in it was. Made in server/convert, by
+// the asset store, and by tests; consumed by apply() in scene.h.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "renderer/scene/components.h"
+
+namespace heliograph {
+
+/// Names an object: nothing, an id, a name, or the object of an earlier edit of the transaction.
+struct CreatedByEdit {
+  u32 edit = 0;
+};
+using Ref = std::variant<std::monostate, Id, std::string, CreatedByEdit>;
+
+/// A texture use whose texture is not resolved yet; `use.texture` is ignored.
+struct TextureUsePatch {
+  Ref texture;
+  TextureUse use;
+};
+
+// In every patch, a field that is absent stays as it is. A field that a client cleared is present
+// and holds its default.
+
+struct PosePatch {
+  std::vector<Time> times;       // empty: constant
+  std::vector<mat4x3> matrices;  // one, or as many as times
+};
+struct LightPatch {
+  Light light;
+  TextureUsePatch texture;
+};
+struct SkinPatch {
+  std::vector<Ref> joints;
+  std::vector<mat4x3> inverse_binds;
+};
+struct LabelPatch {
+  enum class Kind : u8 { kInherit, kValue, kAuto } kind = Kind::kInherit;
+  u32 value = 0;
+  bool group = false;
+  std::optional<std::string> category;  // "": none
+  u32 part = 0;
+};
+
+struct PutEntity {
+  std::optional<Ref> parent;
+  std::optional<PosePatch> pose;
+  std::optional<Ref> mesh;
+  std::optional<std::vector<Ref>> materials;
+  std::optional<std::optional<LightPatch>> light;  // inner nullopt: removed
+  std::optional<std::optional<Camera>> camera;
+  std::optional<Ref> volume;
+  std::optional<std::optional<SkinPatch>> skin;
+  std::optional<std::optional<MorphWeights>> morph_weights;
+  std::optional<LabelPatch> label;
+  std::optional<bool> visible;
+  std::optional<u8> visibility;  // RayMask bits
+  std::optional<bool> is_static;
+  bool teleport = false;
+  std::optional<Attributes> attributes;
+};
+
+/// A whole topology, or only new vertices for the present one; a new mesh needs both.
+struct PutMesh {
+  std::shared_ptr<const MeshTopology> topology;  // null: stays
+  std::shared_ptr<const VertexKeys> vertices;    // null: stays
+};
+
+struct ParameterPatch {
+  std::optional<vec3> value;
+  std::optional<TextureUsePatch> texture;
+};
+struct PutMaterial {
+  std::array<ParameterPatch, kMaterialParameters> parameters;
+  std::optional<TextureUsePatch> normal_map;
+  std::optional<AlphaMode> alpha_mode;
+  std::optional<float> alpha_cutoff;
+  std::optional<bool> two_sided_emission;
+  std::optional<bool> unlit;
+};
+
+struct PutTexture {
+  std::shared_ptr<const ImageData> image;  // null: stays
+  std::optional<bool> srgb;                // a new texture without one: u8 is sRGB, others linear
+  std::optional<bool> nearest;
+  std::optional<Wrap> wrap_u;
+  std::optional<Wrap> wrap_v;
+};
+
+struct PutVolume {
+  std::shared_ptr<const Volume> volume;
+};
+
+struct PutDome {
+  std::optional<Ref> texture;
+  std::optional<std::optional<vec3>> color;
+  std::optional<float> intensity;
+  std::optional<mat3> world_from_dome;
+  std::optional<bool> camera_visible;
+};
+struct PutSettings {
+  std::optional<Time> time;
+  std::optional<PutDome> dome;
+};
+
+struct Remove {
+  bool cascade = false;
+};
+
+struct Asset;
+struct Instantiate {
+  std::shared_ptr<const Asset> asset;
+  std::optional<Ref> parent;
+  std::optional<PosePatch> pose;
+  std::optional<LabelPatch> label;
+  std::vector<std::pair<std::string, Ref>> materials;  // overrides, by the asset's material name
+  i32 animation = -1;
+};
+
+struct Instances {
+  PutEntity prototype;
+  std::vector<mat4x3> matrices;
+};
+struct Poses {
+  std::vector<Id> ids;
+  std::vector<mat4x3> matrices;
+  bool teleport = false;
+};
+struct Advance {
+  double dt = 0;
+};
+struct Prune {};
+
+using Action = std::variant<PutEntity, PutMesh, PutMaterial, PutTexture, PutVolume, Remove,
+                            Instantiate, Instances, Poses, PutSettings, Advance, Prune>;
+
+enum class Mode : u8 { kUpsert, kCreate, kUpdate };
+
+struct Edit {
+  Mode mode = Mode::kUpsert;
+  Ref target;  // monostate: a new object without a name
+  Action action;
+};
+
+struct Transaction {
+  std::vector<Edit> edits;
+};
+
+/// A decoded model: the edits that make it. CreatedByEdit counts over library, then entities.
+/// Names in `library` are relative to the asset's name, names in `entities` to the root's.
+struct Asset {
+  std::string hash;            // 32 bytes
+  std::string name;            // the file's stem: prefix of the library's names
+  std::vector<Edit> library;   // textures, materials, meshes, volumes; made once a scene
+  std::vector<Edit> entities;  // made for each instance; the first is the root
+  struct Channel {
+    u32 entity = 0;  // index into `entities`
+    std::variant<PosePatch, MorphWeights> keys;
+  };
+  struct Animation {
+    std::string name;
+    std::vector<Channel> channels;
+  };
+  std::vector<Animation> animations;
+};
+
+}  // namespace heliograph
