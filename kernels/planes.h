@@ -110,13 +110,4 @@ using PlaneSet = u64;
 static_assert(kPlanes <= 64);
 KERNEL constexpr PlaneSet plane_bit(Plane plane) { return PlaneSet(1) << u32(plane); }
 
-/// Where a film's pixels lie: one typed, row-major array a plane; null for planes not asked for.
-/// A mean plane holds the running sum of finished blocks until it is resolved.
-struct FilmView {
-  void* planes[kPlanes];
-  PlaneSet wanted;
-  u32 width;
-  u32 height;
-};
-
 }  // namespace heliograph::kernels
