@@ -1,0 +1,50 @@
+"""Plants breaches of the dependency rule in a small tree and checks that layers.py names each one."""
+
+import pathlib
+import subprocess
+import sys
+import tempfile
+
+LAYERS = pathlib.Path(__file__).with_name("layers.py")
+CLEAN = {
+    "kernels/path.h": '#include "kernels/ray.h"\n',
+    "renderer/scene/scene.cpp": '#include "renderer/scene/scene.h"\n#include "renderer/base/error.h"\n',
+    "renderer/backend/registry.cpp": '#include "renderer/backend/embree/backend.h"\n',
+    "server/convert/frame.cpp": '#include "heliograph/v1/render.pb.h"\n',
+}
+BREACHES = {
+    "kernels/bsdf.h": '#include <cmath>\n#include "renderer/base/error.h"\n',
+    "renderer/scene/table.h": '#include "heliograph/v1/scene.pb.h"\n',
+    "renderer/engine/worker.cpp": '#include "renderer/backend/embree/backend.h"\n',
+    "server/service.cpp": '#include "renderer/assets/load.h"\n',
+    "renderer/engine/job.h": "#include <embree3/rtcore.h>\n",
+    "server/frame.cpp": "#include <OpenImageIO/imageio.h>\n",
+}
+
+
+def run(files: dict[str, str]) -> tuple[int, str]:
+    with tempfile.TemporaryDirectory() as root:
+        for name, text in files.items():
+            path = pathlib.Path(root, name)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
+        done = subprocess.run(
+            [sys.executable, LAYERS, root], capture_output=True, text=True, check=False
+        )
+        return done.returncode, done.stdout
+
+
+def main() -> int:
+    code, out = run(CLEAN)
+    assert code == 0 and not out, out
+    for name, text in BREACHES.items():
+        code, out = run({**CLEAN, name: text})
+        line = text.count("\n")
+        assert code == 1 and out.startswith(f"{name}:{line}: "), (name, code, out)
+        assert out.count("\n") == 1, out
+    print(f"{len(BREACHES)} planted breaches found")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
