@@ -13,6 +13,19 @@
 #include <glm/glm.hpp>
 #include <type_traits>
 
+// Every kernel function lives in this inline namespace, so that one binary can hold the kernels
+// compiled for several instruction sets. A translation unit built for one of them defines it.
+#ifndef HELIO_ISA
+#define HELIO_ISA baseline
+#endif
+
+// A constant table that kernels index at run time.
+#if defined(__CUDA_ARCH__)
+#define HELIO_TABLE static __device__ const
+#else
+#define HELIO_TABLE inline constexpr
+#endif
+
 namespace heliograph::kernels {
 
 using u8 = std::uint8_t;
@@ -23,6 +36,7 @@ using i32 = std::int32_t;
 
 using glm::mat3;
 using glm::mat4x3;
+using glm::ivec2;
 using glm::uvec2;
 using glm::uvec3;
 using glm::vec2;

@@ -95,6 +95,7 @@ struct MeshView {
   const float*
       part_cdf;  // in that order, within a part: sum of areas up to and including, over the part's
   const u32* part_offsets;  // part_count + 1
+  const float* part_areas;  // part_count: area of each part in object space; null as part_cdf is
   u32 triangle_count;
   u32 vertex_count;
   u32 part_count;
