@@ -1,0 +1,93 @@
+// Label columns of a frame: arithmetic on the snapshot and on what a backend traced. Called by
+// backends.
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "renderer/engine/frame.h"
+#include "renderer/scene/labels.h"
+
+namespace heliograph {
+
+/// The frame that an instance's labels refer to: rotation and translation of its root entity.
+struct ObjectFrame {
+  glm::dmat4 world_from_object{1};  // R orthonormal, det +1
+  vec3 scale{1};                    // of the root entity along the object's axes
+  bool rigid = true;                // false: the parents shear or mirror
+};
+[[nodiscard]] ObjectFrame object_frame(const mat4x3& world_from_root);
+
+/// An axis-aligned box in an ObjectFrame, metres; empty while lower > upper.
+struct RestBox {
+  vec3 lower{INFINITY};
+  vec3 upper{-INFINITY};
+  [[nodiscard]] bool empty() const { return !(lower.x <= upper.x); }
+};
+
+/// Half-open pixel box [x0, x1) x [y0, y1); all 0 when there is no pixel.
+struct PixelBox {
+  i32 x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+  void extend(i32 x, i32 y);
+};
+
+/// An instance alone, whatever hides it.
+struct Silhouette {
+  u32 inside = 0;  // pixels within the image
+  u32 canvas = 0;  // pixels on the canvas
+  PixelBox box_inside;
+  PixelBox box_canvas;
+  std::vector<u8> mask;  // of the image, bit-packed most significant first; empty unless asked for
+};
+
+struct KeypointLabel {
+  enum class State : u8 { kOutside = 0, kOccluded = 1, kSelfOccluded = 2, kVisible = 3 };
+  u32 instance = 0;  // label
+  std::string name;
+  vec3 p_camera{0};  // OpenCV camera frame, metres
+  vec2 p_image{0};   // K coordinates; NaN behind the camera
+  State state = State::kOutside;
+};
+
+/// The camera a frame is seen by, in double precision.
+struct ImageCamera {
+  glm::dmat3 k{1};  // OpenCV intrinsics at the rendered size
+  glm::dmat4 camera_from_world_cv{1};
+  Projection projection = Projection::kPerspective;
+  u32 width = 0;
+  u32 height = 0;
+};
+[[nodiscard]] ImageCamera image_camera(const Camera& camera, const mat4x3& world_from_camera,
+                                       u32 width, u32 height);
+/// K coordinates of a point in the OpenCV camera frame; NaN unless it is in front.
+[[nodiscard]] glm::dvec2 project(const ImageCamera& camera, const glm::dvec3& p_camera);
+
+/// What the columns are made from. Spans by row follow Labelling::instances.
+struct LabelInputs {
+  const Snapshot& snapshot;
+  const Labelling& labelling;
+  const ImageCamera& camera;
+  std::span<const mat4x3> world_poses;       // by entity index, at the label time
+  std::span<const RestBox> boxes;            // by row
+  std::span<const u32> instance_plane;       // width * height labels; empty: no pixel columns
+  std::span<const Silhouette> silhouettes;   // by row; empty: no amodal columns
+  std::span<const KeypointLabel> keypoints;  // ordered by instance
+  LabelOptions options;
+};
+
+/// The columns, one row an instance ordered by label; keypoint columns have one row a keypoint:
+///   label u32 · name text · category u32 · entity u64 · attributes text (JSON)
+///   world_from_object, camera_from_object_cv (N, 4, 4) f64 rigid · scale (N, 3) f32 · rigid u8
+///   box_center, box_half_extents (N, 3) f32, object frame, metres, scale contained
+///   corners_camera (N, 8, 3) f32 · corners_image (N, 8, 2) f32 K coordinates, NaN behind the
+///   camera;
+///     corner i has the upper x where i & 1, the upper y where i & 2, the upper z where i & 4
+///   crosses_camera_plane u8 · visible u32 · bbox_visible (N, 4) i32 x0 y0 x1 y1
+///   inside, canvas u32 · visibility, occlusion, truncation f32 · bbox_amodal, bbox_amodal_canvas
+///   amodal_masks (N, ceil(H W / 8)) u8
+///   keypoint_instance u32 · keypoint_name text · keypoint_position_camera (K, 3) f32
+///   keypoint_image (K, 2) f32 · keypoint_state u8 (KeypointLabel::State)
+[[nodiscard]] std::vector<Column> label_columns(const LabelInputs& inputs);
+
+}  // namespace heliograph
