@@ -267,31 +267,6 @@ void PixelBox::extend(i32 x, i32 y) {
   y1 = std::max(y1, y + 1);
 }
 
-ImageCamera image_camera(const Camera& camera, const mat4x3& world_from_camera, u32 width,
-                         u32 height) {
-  const double sx = double(width) / camera.width, sy = double(height) / camera.height;
-  ImageCamera out{.projection = camera.projection, .width = width, .height = height};
-  out.k = glm::dmat3(0);
-  out.k[0][0] = camera.fx * sx;
-  out.k[1][1] = camera.fy * sy;
-  out.k[2] = {(camera.cx + 0.5) * sx - 0.5, (camera.cy + 0.5) * sy - 0.5, 1};
-  glm::dmat4 world(1);
-  for (int i = 0; i < 3; ++i)
-    world[i] = glm::dvec4(glm::normalize(glm::dvec3(world_from_camera[i])), 0);
-  world[3] = glm::dvec4(glm::dvec3(world_from_camera[3]), 1);
-  glm::dmat4 cv_from_gl(1);
-  cv_from_gl[1][1] = cv_from_gl[2][2] = -1;
-  out.camera_from_world_cv = cv_from_gl * glm::inverse(world);
-  return out;
-}
-
-glm::dvec2 project(const ImageCamera& camera, const glm::dvec3& p_camera) {
-  if (!(p_camera.z > 0)) return {kNaN, kNaN};
-  const double z = camera.projection == Projection::kPerspective ? p_camera.z : 1;
-  return {camera.k[0][0] * p_camera.x / z + camera.k[2][0],
-          camera.k[1][1] * p_camera.y / z + camera.k[2][1]};
-}
-
 std::vector<Column> label_columns(const LabelInputs& inputs) {
   std::vector<Column> columns;
   add_identity(inputs, columns);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "renderer/engine/frame.h"
+#include "renderer/engine/image_camera.h"
 #include "renderer/scene/labels.h"
 
 namespace heliograph {
@@ -49,19 +50,6 @@ struct KeypointLabel {
   vec2 p_image{0};   // K coordinates; NaN behind the camera
   State state = State::kOutside;
 };
-
-/// The camera a frame is seen by, in double precision.
-struct ImageCamera {
-  glm::dmat3 k{1};  // OpenCV intrinsics at the rendered size
-  glm::dmat4 camera_from_world_cv{1};
-  Projection projection = Projection::kPerspective;
-  u32 width = 0;
-  u32 height = 0;
-};
-[[nodiscard]] ImageCamera image_camera(const Camera& camera, const mat4x3& world_from_camera,
-                                       u32 width, u32 height);
-/// K coordinates of a point in the OpenCV camera frame; NaN unless it is in front.
-[[nodiscard]] glm::dvec2 project(const ImageCamera& camera, const glm::dvec3& p_camera);
 
 /// What the columns are made from. Spans by row follow Labelling::instances.
 struct LabelInputs {

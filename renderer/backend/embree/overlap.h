@@ -1,0 +1,17 @@
+// Whether two meshes meet. Called by queries.cpp.
+#pragma once
+
+#include "renderer/backend/embree/placement.h"
+#include "renderer/backend/embree/tracer.h"
+
+namespace heliograph::embree {
+
+/// Whether the surfaces of two slots intersect, or one lies inside the other.
+///
+/// Two triangles that are not coplanar intersect exactly when an edge of one crosses the other, so
+/// every edge of each mesh is cast as a segment against the other. Containment: the first surface
+/// of the other that a ray from a vertex meets shows its back (surfaces are closed,
+/// counter-clockwise seen from outside). Coplanar faces that only touch do not count.
+[[nodiscard]] bool overlap(const Placement& placement, const TracedScene& scene, u32 a, u32 b);
+
+}  // namespace heliograph::embree

@@ -1,0 +1,288 @@
+#include "renderer/backend/embree/queries.h"
+
+#include <fmt/format.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cstring>
+#include <random>
+
+#include "kernels/camera.h"
+#include "kernels/surface.h"
+#include "renderer/backend/embree/overlap.h"
+#include "renderer/backend/embree/silhouettes.h"
+#include "renderer/engine/image_camera.h"
+
+namespace heliograph::embree {
+
+namespace {
+
+constexpr kernels::HoleKey kProbe{0, true};
+
+/// A column of n rows of `width` values, written in place.
+template <class T>
+class Out {
+ public:
+  Out(QueryResult& result, const char* name, DType dtype, std::size_t rows, u64 width)
+      : width_(width) {
+    Column column{.name = name, .dtype = dtype, .shape = {rows}};
+    if (width > 1) column.shape.push_back(width);
+    column.data.resize(rows * width * sizeof(T));
+    values_ = reinterpret_cast<T*>(column.data.data());
+    result.push_back(std::move(column));  // moving keeps the storage
+  }
+  [[nodiscard]] T* row(std::size_t i) const { return values_ + i * width_; }
+
+ private:
+  T* values_ = nullptr;
+  u64 width_;
+};
+
+template <class V>
+void put(float* to, const V& v) {
+  for (int i = 0; i < V::length(); ++i) to[i] = v[i];
+}
+
+Expected<u32> slot_of(const QueryScene& scene, EntityId id, const std::string& where) {
+  if (!scene.snapshot.find(id)) return fail(Code::kNotFound, where, "there is no such entity");
+  const u32 slot = scene.placement.structure->slot_of_entity[id.index()];
+  if (slot == kNone)
+    return fail(Code::kInvalidArgument, where,
+                fmt::format("'{}' shows no mesh; give it one, or make it visible",
+                            scene.snapshot.name_of(id)));
+  return slot;
+}
+
+Expected<std::vector<u32>> slots_of(const QueryScene& scene, const std::vector<EntityId>& ids,
+                                    const char* where) {
+  std::vector<u32> slots;
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    auto slot = slot_of(scene, ids[i], fmt::format("{}[{}]", where, i));
+    if (!slot) return std::unexpected(std::move(slot).error());
+    slots.push_back(*slot);
+  }
+  return slots;
+}
+
+Expected<kernels::CameraView> camera_of(const QueryScene& scene, EntityId id) {
+  const Entity* entity = scene.snapshot.find(id);
+  if (!entity) return fail(Code::kNotFound, "camera", "there is no such entity");
+  if (!entity->camera)
+    return fail(Code::kInvalidArgument, "camera",
+                fmt::format("'{}' has no camera", scene.snapshot.name_of(id)));
+  return camera_view(image_camera(*entity->camera, scene.placement.world[id.index()],
+                                  entity->camera->width, entity->camera->height));
+}
+
+/// The columns of rays that met something, or did not.
+class HitColumns {
+ public:
+  HitColumns(QueryResult& result, std::size_t rows)
+      : t_(result, "t", DType::kF32, rows, 1),
+        entity_(result, "entity", DType::kU64, rows, 1),
+        instance_(result, "instance", DType::kU32, rows, 1),
+        primitive_(result, "primitive", DType::kU32, rows, 1),
+        position_(result, "position", DType::kF32, rows, 3),
+        normal_(result, "normal", DType::kF32, rows, 3),
+        uv_(result, "uv", DType::kF32, rows, 2) {}
+
+  void set(std::size_t i, const QueryScene& scene, const kernels::Hit& hit, const vec3& direction) {
+    *t_.row(i) = hit.t;
+    if (hit.instance == kNone) {
+      *primitive_.row(i) = kNone;
+      put(position_.row(i), vec3(NAN));
+      return;
+    }
+    const kernels::InstanceView& instance = scene.traced.view->instances[hit.instance];
+    const kernels::Surface surface =
+        kernels::surface_at(*scene.traced.view, hit.instance, hit.primitive, vec2(hit.u, hit.v));
+    *entity_.row(i) = scene.snapshot.entity_id(instance.entity).value;
+    *instance_.row(i) = instance.label;
+    *primitive_.row(i) = hit.primitive;
+    put(position_.row(i), surface.p);
+    put(normal_.row(i), glm::dot(surface.ng, direction) > 0 ? -surface.ng : surface.ng);
+    put(uv_.row(i), surface.uvs.set[0]);
+  }
+
+ private:
+  Out<float> t_;
+  Out<u64> entity_;
+  Out<u32> instance_, primitive_;
+  Out<float> position_, normal_, uv_;
+};
+
+template <class F>
+void for_each_row(std::size_t rows, const std::stop_token& stop, F&& f) {
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, rows, 1024), [&](const auto& range) {
+    if (stop.stop_requested()) return;
+    for (std::size_t i = range.begin(); i < range.end(); ++i) f(i);
+  });
+}
+
+Expected<QueryResult> cast_rays(const QueryScene& scene, const CastRays& query,
+                                const std::stop_token& stop) {
+  const std::size_t rows = query.origins.size();
+  for (std::size_t i = 0; i < rows; ++i)
+    if (!(glm::dot(query.directions[i], query.directions[i]) > 0))
+      return fail(Code::kInvalidArgument, fmt::format("cast_rays.directions[{}]", i),
+                  "a direction must have a length above 0");
+  const EmbreeTracer tracer(scene.traced);
+  const float t_max = query.t_max > 0 ? query.t_max : INFINITY;
+  QueryResult result;
+  if (query.any_hit) {
+    const Out<float> t(result, "t", DType::kF32, rows, 1);
+    for_each_row(rows, stop, [&](std::size_t i) {
+      const kernels::Ray ray{query.origins[i], glm::normalize(query.directions[i]), t_max, kProbe};
+      *t.row(i) = tracer.occluded(ray, kernels::kAllRays) ? 0 : INFINITY;
+    });
+    return result;
+  }
+  HitColumns columns(result, rows);
+  for_each_row(rows, stop, [&](std::size_t i) {
+    const kernels::Ray ray{query.origins[i], glm::normalize(query.directions[i]), t_max, kProbe};
+    columns.set(i, scene, tracer.closest(ray, kernels::kAllRays), ray.direction);
+  });
+  return result;
+}
+
+Expected<QueryResult> pick(const QueryScene& scene, const Pick& query,
+                           const std::stop_token& stop) {
+  const auto camera = camera_of(scene, query.camera);
+  if (!camera) return std::unexpected(camera.error());
+  const EmbreeTracer tracer(scene.traced);
+  QueryResult result;
+  HitColumns columns(result, query.pixels.size());
+  for_each_row(query.pixels.size(), stop, [&](std::size_t i) {
+    const kernels::Ray ray = kernels::camera_ray(*camera, query.pixels[i] + 0.5f, kProbe);
+    columns.set(i, scene, tracer.closest(ray, kernels::kCameraRay), ray.direction);
+  });
+  return result;
+}
+
+Expected<QueryResult> visible(const QueryScene& scene, const Visible& query,
+                              const std::stop_token& stop) {
+  const auto camera = camera_of(scene, query.camera);
+  if (!camera) return std::unexpected(camera.error());
+  const auto slots = slots_of(scene, query.entities, "visible.entities");
+  if (!slots) return std::unexpected(slots.error());
+  const EmbreeTracer tracer(scene.traced);
+  const PixelBox image{0, 0, i32(camera->width), i32(camera->height)};
+  QueryResult result;
+  const Out<u8> visible(result, "visible", DType::kU8, slots->size(), 1);
+  const Out<float> share(result, "share", DType::kF32, slots->size(), 1);
+  tbb::parallel_for(std::size_t(0), slots->size(), [&](std::size_t i) {
+    const u32 slot = (*slots)[i];
+    const PixelBox box = bounds_on_canvas(scene.placement, slot, *camera, image);
+    u32 alone = 0, seen = 0;
+    for (i32 y = box.y0; y < box.y1 && !stop.stop_requested(); ++y)
+      for (i32 x = box.x0; x < box.x1; ++x) {
+        const vec2 raster(float(x) + 0.5f, float(y) + 0.5f);
+        const kernels::Ray ray = kernels::camera_ray(*camera, raster, kProbe);
+        if (tracer.closest_in(slot, ray).instance == kNone) continue;
+        ++alone;
+        seen += tracer.closest(ray, kernels::kCameraRay).instance == slot;
+      }
+    *visible.row(i) = seen > 0;
+    *share.row(i) = alone ? float(double(seen) / alone) : 0;
+  });
+  return result;
+}
+
+Expected<QueryResult> overlaps(const QueryScene& scene, const Overlaps& query,
+                               const std::stop_token& stop) {
+  const auto a = slots_of(scene, query.a, "overlaps.a");
+  if (!a) return std::unexpected(a.error());
+  const auto b = slots_of(scene, query.b, "overlaps.b");
+  if (!b) return std::unexpected(b.error());
+  QueryResult result;
+  const Out<u8> out(result, "overlaps", DType::kU8, a->size(), b->size());
+  result[0].shape = {a->size(), b->size()};
+  tbb::parallel_for(std::size_t(0), a->size() * b->size(), [&](std::size_t i) {
+    if (stop.stop_requested()) return;
+    const u32 slot_a = (*a)[i / b->size()], slot_b = (*b)[i % b->size()];
+    out.row(0)[i] = slot_a == slot_b || overlap(scene.placement, scene.traced, slot_a, slot_b);
+  });
+  return result;
+}
+
+/// Running world areas of the triangles of some slots.
+struct AreaTable {
+  struct Entry {
+    u32 slot, triangle;
+  };
+  std::vector<Entry> entries;
+  std::vector<double> sums;
+};
+
+AreaTable area_table(const QueryScene& scene, const std::vector<u32>& slots) {
+  AreaTable table;
+  double sum = 0;
+  for (const u32 slot : slots) {
+    const DeviceMesh& mesh = *scene.placement.meshes[scene.placement.mesh_of_slot[slot]];
+    const mat3 linear(scene.placement.instances[slot].world_from_object);
+    const auto triangles = mesh.topology->triangles.span();
+    for (u32 i = 0; i < triangles.size(); ++i) {
+      const vec3 p = mesh.positions[triangles[i].x];
+      const vec3 e1 = linear * (mesh.positions[triangles[i].y] - p);
+      const vec3 e2 = linear * (mesh.positions[triangles[i].z] - p);
+      sum += 0.5 * double(glm::length(glm::cross(e1, e2)));
+      table.entries.push_back({slot, i});
+      table.sums.push_back(sum);
+    }
+  }
+  return table;
+}
+
+Expected<QueryResult> sample_surface(const QueryScene& scene, const SampleSurface& query) {
+  const auto slots = slots_of(scene, query.entities, "sample_surface.entities");
+  if (!slots) return std::unexpected(slots.error());
+  const AreaTable table = area_table(scene, *slots);
+  if (table.sums.empty() || !(table.sums.back() > 0))
+    return fail(Code::kInvalidArgument, "sample_surface.entities", "these entities have no area");
+  QueryResult result;
+  const Out<float> position(result, "position", DType::kF32, query.count, 3);
+  const Out<float> normal(result, "normal", DType::kF32, query.count, 3);
+  const Out<float> uv(result, "uv", DType::kF32, query.count, 2);
+  const Out<u64> entity(result, "entity", DType::kU64, query.count, 1);
+  std::mt19937_64 random(query.seed);
+  const auto uniform = [&] { return double(random() >> 11) * 0x1p-53; };
+  for (u32 i = 0; i < query.count; ++i) {
+    const auto found = std::ranges::upper_bound(table.sums, uniform() * table.sums.back());
+    const auto at = std::min(std::size_t(found - table.sums.begin()), table.sums.size() - 1);
+    double u = uniform(), v = uniform();
+    if (u + v > 1) {
+      u = 1 - u;
+      v = 1 - v;
+    }
+    const auto [slot, triangle] = table.entries[at];
+    const kernels::Surface surface =
+        kernels::surface_at(*scene.traced.view, slot, triangle, vec2(float(u), float(v)));
+    put(position.row(i), surface.p);
+    put(normal.row(i), surface.ng);
+    put(uv.row(i), surface.uvs.set[0]);
+    *entity.row(i) = scene.snapshot.entity_id(scene.placement.structure->slots[slot].entity).value;
+  }
+  return result;
+}
+
+}  // namespace
+
+Expected<QueryResult> answer(const QueryScene& scene, const QueryJob& job, std::stop_token stop) {
+  struct Visitor {
+    const QueryScene& scene;
+    const std::stop_token& stop;
+    Expected<QueryResult> operator()(const CastRays& q) const { return cast_rays(scene, q, stop); }
+    Expected<QueryResult> operator()(const Pick& q) const { return pick(scene, q, stop); }
+    Expected<QueryResult> operator()(const Visible& q) const { return visible(scene, q, stop); }
+    Expected<QueryResult> operator()(const Overlaps& q) const { return overlaps(scene, q, stop); }
+    Expected<QueryResult> operator()(const SampleSurface& q) const {
+      return sample_surface(scene, q);
+    }
+  };
+  auto result = std::visit(Visitor{scene, stop}, job.query);
+  if (stop.stop_requested()) return fail(Code::kCancelled, "", "the query was cancelled");
+  return result;
+}
+
+}  // namespace heliograph::embree

@@ -1,0 +1,34 @@
+// Instances alone, whatever hides them: amodal masks, counts and boxes; and what hides keypoints.
+#pragma once
+
+#include <stop_token>
+#include <vector>
+
+#include "renderer/backend/embree/placement.h"
+#include "renderer/backend/embree/tracer.h"
+#include "renderer/engine/label_columns.h"
+
+namespace heliograph::embree {
+
+/// Traces every labelled instance over its bounds on the canvas, one ray through each pixel's
+/// centre. The result has one entry for each row of the labelling. Partial when `stop` was
+/// requested.
+[[nodiscard]] std::vector<Silhouette> trace_silhouettes(const Placement& placement,
+                                                        const TracedScene& scene,
+                                                        const kernels::CameraView& camera,
+                                                        const LabelOptions& options,
+                                                        std::stop_token stop);
+
+/// The keypoints of every labelled instance, ordered by row. A keypoint is visible when the segment
+/// from the camera to it meets no surface but within the keypoint radius of it.
+[[nodiscard]] std::vector<KeypointLabel> trace_keypoints(const Placement& placement,
+                                                         const TracedScene& scene,
+                                                         const kernels::CameraView& view,
+                                                         const ImageCamera& camera,
+                                                         const LabelOptions& options);
+
+/// Pixels [x0, x1) x [y0, y1) that a slot's surface may cover, within `canvas`.
+[[nodiscard]] PixelBox bounds_on_canvas(const Placement& placement, u32 slot,
+                                        const kernels::CameraView& camera, const PixelBox& canvas);
+
+}  // namespace heliograph::embree

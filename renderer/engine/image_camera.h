@@ -1,0 +1,25 @@
+// A camera at the size it is rendered at: intrinsics and pose, in double and for kernels.
+#pragma once
+
+#include "kernels/scene_view.h"
+#include "renderer/base/types.h"
+#include "renderer/scene/components.h"
+
+namespace heliograph {
+
+/// The camera a frame is seen by, in double precision.
+struct ImageCamera {
+  glm::dmat3 k{1};  // OpenCV intrinsics at the rendered size
+  glm::dmat4 camera_from_world_cv{1};
+  Projection projection = Projection::kPerspective;
+  u32 width = 0;
+  u32 height = 0;
+};
+[[nodiscard]] ImageCamera image_camera(const Camera& camera, const mat4x3& world_from_camera,
+                                       u32 width, u32 height);
+/// K coordinates of a point in the OpenCV camera frame; NaN unless it is in front.
+[[nodiscard]] glm::dvec2 project(const ImageCamera& camera, const glm::dvec3& p_camera);
+/// The same for kernels, whose cx and cy are raster coordinates.
+[[nodiscard]] kernels::CameraView camera_view(const ImageCamera& camera);
+
+}  // namespace heliograph
