@@ -20,8 +20,9 @@ target_compile_options(heliograph_options INTERFACE
   -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Werror=switch -Werror
   -Wno-missing-field-initializers -march=x86-64-v2 -ffp-contract=off)
 target_compile_definitions(heliograph_options INTERFACE GLM_FORCE_INLINE)
+# g++ 12 sees uninitialised values in the standard library once it is instrumented.
 if(HELIOGRAPH_SANITIZE)
   target_compile_options(heliograph_options INTERFACE
-    -fsanitize=${HELIOGRAPH_SANITIZE} -fno-omit-frame-pointer)
+    -fsanitize=${HELIOGRAPH_SANITIZE} -fno-omit-frame-pointer -Wno-maybe-uninitialized)
   target_link_options(heliograph_options INTERFACE -fsanitize=${HELIOGRAPH_SANITIZE})
 endif()
