@@ -16,15 +16,29 @@ ALLOWED = {
     "renderer/backend/embree": {"renderer/base", "renderer/scene", "renderer/engine", "kernels"},
     "renderer/backend": {"renderer/base", "renderer/engine", "renderer/backend/embree"},
     "server/decode": {
-        "renderer/base", "renderer/scene", "renderer/assets", "server", "server/convert",
+        "renderer/base",
+        "renderer/scene",
+        "renderer/assets",
+        "server",
+        "server/convert",
         "heliograph/v1",
     },
     "server": {
-        "renderer/base", "renderer/scene", "renderer/engine", "kernels", "heliograph/v1",
-        "server/convert", "server/decode",
+        "renderer/base",
+        "renderer/scene",
+        "renderer/engine",
+        "kernels",
+        "heliograph/v1",
+        "server/convert",
+        "server/decode",
     },
     "server/convert": {
-        "renderer/base", "renderer/scene", "renderer/engine", "kernels", "heliograph/v1", "server",
+        "renderer/base",
+        "renderer/scene",
+        "renderer/engine",
+        "kernels",
+        "heliograph/v1",
+        "server",
     },
 }
 LAYERS = sorted({*ALLOWED, "heliograph/v1"}, key=len, reverse=True)

@@ -114,19 +114,20 @@ def measure_quality(peer, args, timed):
     return {"spp": args.spp, "qual": seconds, **errors(image, reference)}
 
 
-def main(peer_class, extra=lambda parser: None, usage=own_process):
+def main(peer_class, extra=lambda parser: None, usage=own_process, started=None):
     """Runs one task and prints one line "RESULT {json}". Times are [wall s, CPU s of all threads
-    and processes]: compare the latter on a shared machine."""
+    and processes]: compare the latter on a shared machine. started: (wall, CPU) when a peer that
+    loads before it is constructed began to."""
     args = parse(extra)
 
-    def timed(call):
-        wall, cpu = time.perf_counter(), usage()[0]
+    def timed(call, since=None):
+        wall, cpu = since or (time.perf_counter(), usage()[0])
         value = call()
         return value, [time.perf_counter() - wall, usage()[0] - cpu]
 
     result = {}
     doc = load_scene(args.scene, args.lambert)
-    peer, result["load"] = timed(lambda: peer_class(doc, args))
+    peer, result["load"] = timed(lambda: peer_class(doc, args), started)
     _, result["first_frame"] = timed(lambda: peer.render(SMALL, 1, 0))
     result["first_image_monotonic"], result["cpu_to_first_image"] = time.monotonic(), usage()[0]
     result["version"] = peer.version
