@@ -38,9 +38,10 @@ struct Error {
   u64 available = 0;
   u64 expected = 0;
 
-  /// Prefixes the path: at("edits[3]") turns "mesh.indices" into "edits[3].mesh.indices".
+  /// Prefixes the path: at("edits[3]") turns "mesh.indices" into "edits[3].mesh.indices", and
+  /// at("ids") turns "[7]" into "ids[7]".
   [[nodiscard]] Error at(const std::string& prefix) && {
-    where = where.empty() ? prefix : prefix + "." + where;
+    where = where.empty() || where.front() == '[' ? prefix + where : prefix + "." + where;
     return std::move(*this);
   }
 };

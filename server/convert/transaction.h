@@ -22,7 +22,7 @@ namespace heliograph::server {
 class ArraySource {
  public:
   virtual ~ArraySource() = default;
-  /// The array's bytes, exactly as many as its shape and dtype say; aligned for any dtype.
+  /// The array's bytes, aligned for any dtype. How many there must be is checked by the caller.
   [[nodiscard]] virtual Expected<BufferPtr> bytes(const v1::Array& array) = 0;
   /// The asset of this hash (32 bytes), or NOT_FOUND.
   [[nodiscard]] virtual Expected<std::shared_ptr<const Asset>> asset(std::string_view hash) = 0;
@@ -31,7 +31,7 @@ class ArraySource {
 };
 
 /// Where arrays go on their way out: fills `array.source` for the given bytes. dtype and shape are
-/// set.
+/// set, but for the bytes of a volume: these have none and must become a `blob`.
 using ArraySink = std::function<void(const BufferPtr& bytes, v1::Array& array)>;
 
 /// Parses and checks a transaction. INVALID_ARGUMENT names the field ("edits[3].mesh.indices[17]"),

@@ -1,0 +1,225 @@
+// Transactions: each edit's mode, target and action. Called by the service, ImportScene and the
+// decoder.
+#include <fmt/format.h>
+
+#include <map>
+
+#include "server/convert/array.h"
+#include "server/convert/fields.h"
+#include "server/convert/nouns.h"
+
+namespace heliograph::server {
+namespace {
+
+Expected<Instantiate> to_instantiate(const v1::Instantiate& message, ArraySource& source) {
+  Instantiate action;
+  HELIO_CHECK(check_hash(message.asset()), "asset");
+  HELIO_TAKE(action.asset, source.asset(message.asset()), "asset");
+  if (message.has_parent()) HELIO_TAKE(action.parent, to_ref(message.parent()), "parent");
+  if (message.has_pose()) HELIO_TAKE(action.pose, to_pose(message.pose(), source), "pose");
+  if (message.has_label()) HELIO_TAKE(action.label, to_label(message.label()), "label");
+  const std::map<std::string, v1::Ref> sorted(message.materials().begin(),
+                                              message.materials().end());
+  for (const auto& [name, ref] : sorted)
+    HELIO_TAKE(action.materials.emplace_back(name, Ref{}).second, to_ref(ref),
+               fmt::format("materials[\"{}\"]", name));
+  const auto clips = i64(action.asset->animations.size());
+  action.animation = message.animation() == 0 && clips == 0 ? -1 : message.animation();
+  if (action.animation < -1 || action.animation >= clips)
+    return fail(Code::kInvalidArgument, "animation",
+                fmt::format("is {}; the asset has {} animations: give one from 0, or -1 for none",
+                            message.animation(), clips));
+  return action;
+}
+
+v1::Instantiate instantiate_to_proto(const Instantiate& action, const ArraySink& sink) {
+  v1::Instantiate message;
+  message.set_asset(action.asset->hash);
+  if (action.parent) *message.mutable_parent() = to_proto(*action.parent);
+  if (action.pose) *message.mutable_pose() = to_proto(*action.pose, sink);
+  if (action.label) *message.mutable_label() = to_proto(*action.label);
+  for (const auto& [name, ref] : action.materials)
+    (*message.mutable_materials())[name] = to_proto(ref);
+  message.set_animation(action.animation);
+  return message;
+}
+
+Expected<Instances> to_instances(const v1::Instances& message, ArraySource& source) {
+  Instances action;
+  if (message.prototype().has_pose())
+    return fail(Code::kInvalidArgument, "prototype.pose",
+                "has no place here; the poses are in matrices");
+  HELIO_TAKE(action.prototype, to_entity(message.prototype(), source), "prototype");
+  HELIO_TAKE(action.matrices, read_poses(message.matrices(), source, {{"N", {}}, kFour, kFour}),
+             "matrices");
+  return action;
+}
+
+Expected<Poses> to_poses(const v1::Poses& message, ArraySource& source) {
+  Poses action{.teleport = message.teleport()};
+  ArrayOf<u64> ids;
+  HELIO_TAKE(ids, read_integers<u64>(message.ids(), source, {{"N", {}}}, v1::D_TYPE_U64), "ids");
+  for (const u64 id : ids) action.ids.push_back(Id{id});
+  const Dims dims{{"N", action.ids.size()}, kFour, kFour};
+  HELIO_TAKE(action.matrices, read_poses(message.matrices(), source, dims), "matrices");
+  return action;
+}
+
+v1::Poses poses_to_proto(const Poses& action, const ArraySink& sink) {
+  v1::Poses message;
+  std::vector<u64> ids;
+  for (const Id id : action.ids) ids.push_back(id.value);
+  const u64 count = ids.size();
+  *message.mutable_ids() =
+      to_array(ArrayOf<u64>(std::move(ids)).buffer(), v1::D_TYPE_U64, std::span(&count, 1), sink);
+  *message.mutable_matrices() = to_array(action.matrices, false, sink);
+  message.set_teleport(action.teleport);
+  return message;
+}
+
+Expected<PutSettings> to_settings(const v1::Settings& message, ArraySource& source) {
+  PutSettings patch;
+  if (message.has_time()) HELIO_TAKE(patch.time, in_range(message.time(), {-1e9, 1e9}), "time");
+  if (message.has_dome()) HELIO_TAKE(patch.dome, to_dome(message.dome(), source), "dome");
+  return patch;
+}
+
+Expected<Advance> to_advance(const v1::Advance& message) {
+  if (std::isfinite(message.dt()) && message.dt() > 0 && message.dt() <= 1e9)
+    return Advance{message.dt()};
+  return fail(
+      Code::kInvalidArgument, "dt",
+      fmt::format("is {} s; time goes forward: give more than 0 and at most 1e9", message.dt()));
+}
+
+/// Takes the action of one case; the field's name prefixes its errors.
+Expected<Action> to_action(const v1::Edit& edit, ArraySource& source) {
+  Action action;
+  switch (edit.action_case()) {
+    case v1::Edit::kEntity:
+      HELIO_TAKE(action, to_entity(edit.entity(), source), "entity");
+      break;
+    case v1::Edit::kMesh:
+      HELIO_TAKE(action, to_mesh(edit.mesh(), source), "mesh");
+      break;
+    case v1::Edit::kMaterial:
+      HELIO_TAKE(action, to_material(edit.material(), source), "material");
+      break;
+    case v1::Edit::kTexture:
+      HELIO_TAKE(action, to_texture(edit.texture(), source), "texture");
+      break;
+    case v1::Edit::kVolume:
+      HELIO_TAKE(action, to_volume(edit.volume(), source), "volume");
+      break;
+    case v1::Edit::kRemove:
+      action = Remove{edit.remove().cascade()};
+      break;
+    case v1::Edit::kInstantiate:
+      HELIO_TAKE(action, to_instantiate(edit.instantiate(), source), "instantiate");
+      break;
+    case v1::Edit::kInstances:
+      HELIO_TAKE(action, to_instances(edit.instances(), source), "instances");
+      break;
+    case v1::Edit::kPoses:
+      HELIO_TAKE(action, to_poses(edit.poses(), source), "poses");
+      break;
+    case v1::Edit::kSettings:
+      HELIO_TAKE(action, to_settings(edit.settings(), source), "settings");
+      break;
+    case v1::Edit::kAdvance:
+      HELIO_TAKE(action, to_advance(edit.advance()), "advance");
+      break;
+    case v1::Edit::kPrune:
+      action = Prune{};
+      break;
+    case v1::Edit::ACTION_NOT_SET:
+      return fail(Code::kInvalidArgument, "", "does nothing; set one of its actions");
+  }
+  return action;
+}
+
+/// Edits of the scene itself have no target; the others may have one, a removal must.
+Status check_target(const Edit& edit, bool given) {
+  const bool named = !std::holds_alternative<std::monostate>(edit.target);
+  const bool of_scene = std::holds_alternative<PutSettings>(edit.action) ||
+                        std::holds_alternative<Advance>(edit.action) ||
+                        std::holds_alternative<Prune>(edit.action) ||
+                        std::holds_alternative<Poses>(edit.action);
+  if (given && of_scene)
+    return fail(Code::kInvalidArgument, "target", "has no place here; leave it out");
+  if (given && !named)
+    return fail(Code::kInvalidArgument, "target.id",
+                "is 0, which is nothing; leave the target out for a new object without a name");
+  if (!named && std::holds_alternative<Remove>(edit.action))
+    return fail(Code::kInvalidArgument, "target", "is missing; say what to remove");
+  return {};
+}
+
+constexpr std::array kModes{Mode::kUpsert, Mode::kCreate, Mode::kUpdate};
+static_assert(kModes.size() == v1::Edit::Mode_ARRAYSIZE);
+
+Expected<Edit> to_edit(const v1::Edit& message, ArraySource& source) {
+  Edit edit{.mode = from_enum(kModes, message.mode())};
+  if (message.has_target()) HELIO_TAKE(edit.target, to_ref(message.target()), "target");
+  auto action = to_action(message, source);
+  if (!action) return std::unexpected(std::move(action).error());
+  edit.action = std::move(*action);
+  HELIO_TRY(check_target(edit, message.has_target()));
+  return edit;
+}
+
+/// Writes an action into the case of its type.
+struct WriteAction {
+  v1::Edit& edit;
+  const ArraySink& sink;
+
+  void operator()(const PutEntity& p) const { *edit.mutable_entity() = to_proto(p, sink); }
+  void operator()(const PutMesh& p) const { *edit.mutable_mesh() = to_proto(p, sink); }
+  void operator()(const PutMaterial& p) const { *edit.mutable_material() = to_proto(p, sink); }
+  void operator()(const PutTexture& p) const { *edit.mutable_texture() = to_proto(p, sink); }
+  void operator()(const PutVolume& p) const { *edit.mutable_volume() = to_proto(p, sink); }
+  void operator()(const Remove& r) const { edit.mutable_remove()->set_cascade(r.cascade); }
+  void operator()(const Instantiate& i) const {
+    *edit.mutable_instantiate() = instantiate_to_proto(i, sink);
+  }
+  void operator()(const Instances& i) const {
+    *edit.mutable_instances()->mutable_prototype() = to_proto(i.prototype, sink);
+    *edit.mutable_instances()->mutable_matrices() = to_array(i.matrices, false, sink);
+  }
+  void operator()(const Poses& p) const { *edit.mutable_poses() = poses_to_proto(p, sink); }
+  void operator()(const PutSettings& s) const {
+    v1::Settings* message = edit.mutable_settings();
+    if (s.time) message->set_time(*s.time);
+    if (s.dome) *message->mutable_dome() = to_proto(*s.dome, sink);
+  }
+  void operator()(const Advance& a) const { edit.mutable_advance()->set_dt(a.dt); }
+  void operator()(const Prune&) const { edit.mutable_prune(); }
+};
+
+}  // namespace
+
+Expected<Transaction> to_transaction(const v1::Transaction& message, ArraySource& source) {
+  HELIO_TRY(check_known(message));
+  Transaction transaction;
+  transaction.edits.reserve(std::size_t(message.edits_size()));
+  for (int i = 0; i < message.edits_size(); ++i) {
+    auto edit = to_edit(message.edits(i), source);
+    if (!edit) return std::unexpected(std::move(edit).error().at(indexed("edits", u64(i))));
+    transaction.edits.push_back(std::move(*edit));
+  }
+  return transaction;
+}
+
+v1::Transaction to_proto(const Transaction& transaction, const ArraySink& sink) {
+  v1::Transaction message;
+  for (const Edit& edit : transaction.edits) {
+    v1::Edit* out = message.add_edits();
+    out->set_mode(v1::Edit::Mode(edit.mode));
+    if (!std::holds_alternative<std::monostate>(edit.target))
+      *out->mutable_target() = to_proto(edit.target);
+    std::visit(WriteAction{*out, sink}, edit.action);
+  }
+  return message;
+}
+
+}  // namespace heliograph::server

@@ -1,0 +1,147 @@
+// What an entity carries itself: label, camera, light, skin.
+#include <fmt/format.h>
+
+#include "server/convert/fields.h"
+#include "server/convert/nouns.h"
+
+namespace heliograph::server {
+namespace {
+
+constexpr std::array kUnits{LightUnit::kRadiance, LightUnit::kRadiance, LightUnit::kPower,
+                            LightUnit::kLuminance, LightUnit::kLumen};
+static_assert(kUnits.size() == v1::Light::Unit_ARRAYSIZE);
+constexpr std::array kProjections{Projection::kPerspective, Projection::kPerspective,
+                                  Projection::kOrthographic};
+static_assert(kProjections.size() == v1::Camera::Projection_ARRAYSIZE);
+
+constexpr Range kImageSide{1, 16384};
+constexpr Range kFocalLength{1e-6, 1e9};
+constexpr Range kPrincipalPoint{-1e9, 1e9};
+constexpr Range kBrightness{0, 1e15};
+constexpr Range kExposure{-64, 64};
+constexpr Range kKelvin{1000, 40000};
+constexpr u32 kLargestLabel = 0xfffffffeu;
+
+Status require(bool present, const char* field, const char* remedy) {
+  if (present) return {};
+  return fail(Code::kInvalidArgument, field, std::string("is missing; ") + remedy);
+}
+
+}  // namespace
+
+Expected<LabelPatch> to_label(const v1::Label& message) {
+  LabelPatch patch;
+  if (message.has_value()) {
+    patch.kind = LabelPatch::Kind::kValue;
+    HELIO_TAKE(patch.value, in_range(message.value(), {0, double(kLargestLabel)}), "value");
+  } else if (message.has_auto_()) {
+    if (!message.auto_())
+      return fail(
+          Code::kInvalidArgument, "auto",
+          "is false; set it to true, give value 0 to opt out, or leave both out to inherit");
+    patch.kind = LabelPatch::Kind::kAuto;
+  }
+  patch.group = message.group();
+  if (message.has_category()) patch.category = message.category();
+  patch.part = message.part();
+  return patch;
+}
+
+v1::Label to_proto(const LabelPatch& patch) {
+  v1::Label message;
+  if (patch.kind == LabelPatch::Kind::kValue) message.set_value(patch.value);
+  if (patch.kind == LabelPatch::Kind::kAuto) message.set_auto_(true);
+  message.set_group(patch.group);
+  if (patch.category) message.set_category(*patch.category);
+  message.set_part(patch.part);
+  return message;
+}
+
+Expected<Camera> to_camera(const v1::Camera& message) {
+  HELIO_TRY(require(message.has_width(), "width", "give the calibrated size in pixels"));
+  HELIO_TRY(require(message.has_height(), "height", "give the calibrated size in pixels"));
+  HELIO_TRY(require(message.has_fx(), "fx", "give the focal length in pixels"));
+  HELIO_TRY(
+      require(message.has_fy(), "fy", "give the focal length in pixels (fx for square ones)"));
+  HELIO_TRY(require(message.has_cx(), "cx", "the image's centre is (width - 1) / 2"));
+  HELIO_TRY(require(message.has_cy(), "cy", "the image's centre is (height - 1) / 2"));
+  Camera camera;
+  HELIO_TAKE(camera.width, in_range(message.width(), kImageSide), "width");
+  HELIO_TAKE(camera.height, in_range(message.height(), kImageSide), "height");
+  camera.projection = from_enum(kProjections, message.projection());
+  HELIO_TAKE(camera.fx, in_range(message.fx(), kFocalLength), "fx");
+  HELIO_TAKE(camera.fy, in_range(message.fy(), kFocalLength), "fy");
+  HELIO_TAKE(camera.cx, in_range(message.cx(), kPrincipalPoint), "cx");
+  HELIO_TAKE(camera.cy, in_range(message.cy(), kPrincipalPoint), "cy");
+  return camera;
+}
+
+v1::Camera to_proto(const Camera& camera) {
+  v1::Camera message;
+  message.set_width(camera.width);
+  message.set_height(camera.height);
+  message.set_projection(to_enum<v1::Camera::Projection>(kProjections, camera.projection));
+  message.set_fx(camera.fx);
+  message.set_fy(camera.fy);
+  message.set_cx(camera.cx);
+  message.set_cy(camera.cy);
+  return message;
+}
+
+Expected<LightPatch> to_light(const v1::Light& message, ArraySource& source) {
+  LightPatch patch;
+  Light& light = patch.light;
+  if (message.has_color()) HELIO_TAKE(light.color, to_vec3(message.color(), kBrightness), "color");
+  if (message.has_intensity())
+    HELIO_TAKE(light.intensity, in_range(message.intensity(), kBrightness), "intensity");
+  light.unit = from_enum(kUnits, message.unit());
+  HELIO_TAKE(light.exposure, in_range(message.exposure(), kExposure), "exposure");
+  if (message.temperature() != 0)
+    HELIO_TAKE(light.temperature, in_range(message.temperature(), kKelvin), "temperature");
+  light.two_sided = message.two_sided();
+  const double peak = std::max({light.color.x, light.color.y, light.color.z});
+  HELIO_CHECK(in_range(peak * light.intensity * std::exp2(light.exposure), {0, 1e30}), "intensity");
+  if (message.has_texture())
+    HELIO_TAKE(patch.texture, to_texture_use(message.texture(), source, false), "texture");
+  return patch;
+}
+
+v1::Light to_proto(const LightPatch& patch, const ArraySink& sink) {
+  v1::Light message;
+  *message.mutable_color() = to_proto(patch.light.color);
+  message.set_intensity(patch.light.intensity);
+  message.set_unit(to_enum<v1::Light::Unit>(kUnits, patch.light.unit));
+  message.set_exposure(patch.light.exposure);
+  message.set_temperature(patch.light.temperature);
+  message.set_two_sided(patch.light.two_sided);
+  if (!std::holds_alternative<std::monostate>(patch.texture.texture)) {
+    *message.mutable_texture() = to_proto(patch.texture, sink);
+    message.mutable_texture()->clear_channel();
+  }
+  return message;
+}
+
+Expected<SkinPatch> to_skin(const v1::Skin& message, ArraySource& source) {
+  SkinPatch patch;
+  if (message.joints_size() < 1 || message.joints_size() > 65536)
+    return fail(Code::kInvalidArgument, "joints",
+                fmt::format("has {} entities; give 1 to 65536", message.joints_size()));
+  HELIO_TAKE(patch.joints, to_refs(message.joints()), "joints");
+  if (!message.has_inverse_binds()) {
+    patch.inverse_binds.assign(patch.joints.size(), mat4x3(1));
+    return patch;
+  }
+  const Dims dims{{"J", patch.joints.size()}, kFour, kFour};
+  HELIO_TAKE(patch.inverse_binds, read_affine(message.inverse_binds(), source, dims),
+             "inverse_binds");
+  return patch;
+}
+
+v1::Skin to_proto(const SkinPatch& patch, const ArraySink& sink) {
+  v1::Skin message;
+  for (const Ref& joint : patch.joints) *message.add_joints() = to_proto(joint);
+  *message.mutable_inverse_binds() = to_array(patch.inverse_binds, false, sink);
+  return message;
+}
+
+}  // namespace heliograph::server

@@ -1,0 +1,114 @@
+// Materials, by the list of their parameters: a field is named like its parameter.
+#include "server/convert/array.h"
+#include "server/convert/fields.h"
+#include "server/convert/nouns.h"
+
+namespace heliograph::server {
+namespace {
+
+constexpr std::array kAlphaModes{AlphaMode::kOpaque, AlphaMode::kOpaque, AlphaMode::kMask,
+                                 AlphaMode::kBlend};
+static_assert(kAlphaModes.size() == v1::Material::AlphaMode_ARRAYSIZE);
+
+constexpr float kDefaultCutoff = 0.5f;
+
+Expected<vec3> to_value(float value, Range range) {
+  auto checked = in_range(value, range);
+  if (!checked) return std::unexpected(std::move(checked).error());
+  return vec3(value, 0, 0);
+}
+Expected<vec3> to_value(const v1::Vec3& value, Range range) { return to_vec3(value, range); }
+
+void set_value(const vec3& value, v1::ScalarParameter& message) { message.set_value(value.x); }
+void set_value(const vec3& value, v1::ColorParameter& message) {
+  *message.mutable_value() = to_proto(value);
+}
+
+template <class Message>
+constexpr bool kIsScalar = std::is_same_v<Message, v1::ScalarParameter>;
+
+/// Writes over what `clear` may have put there.
+template <class Message>
+Status read_parameter(const Message& message, ArraySource& source, Range range,
+                      ParameterPatch& patch) {
+  if (message.has_value()) HELIO_TAKE(patch.value, to_value(message.value(), range), "value");
+  if (message.has_texture())
+    HELIO_TAKE(patch.texture, to_texture_use(message.texture(), source, kIsScalar<Message>),
+               "texture");
+  return {};
+}
+
+template <class Message>
+void write_parameter(const ParameterPatch& patch, const ArraySink& sink, Message* message) {
+  if (patch.value) set_value(*patch.value, *message);
+  if (!patch.texture) return;
+  *message->mutable_texture() = to_proto(*patch.texture, sink);
+  if (!kIsScalar<Message>) message->mutable_texture()->clear_channel();
+}
+
+vec3 default_value(int components, float value) {
+  return components == 3 ? vec3(value) : vec3(value, 0, 0);
+}
+
+template <MaterialParameter P>
+void reset(PutMaterial& patch, vec3 value) {
+  patch.parameters[std::size_t(P)] = {value, TextureUsePatch{}};
+}
+
+constexpr std::array<Clear<PutMaterial>, kMaterialParameters + 5> kClear{{
+#define HELIO_CLEAR(name, components, value, low, high)                          \
+  {#name, [](PutMaterial& p) {                                                   \
+     reset<MaterialParameter::name>(p, default_value(components, float(value))); \
+   }},
+    HELIO_MATERIAL_PARAMETERS(HELIO_CLEAR)
+#undef HELIO_CLEAR
+        {"alpha_mode", [](PutMaterial& p) { p.alpha_mode = AlphaMode::kOpaque; }},
+    {"alpha_cutoff", [](PutMaterial& p) { p.alpha_cutoff = kDefaultCutoff; }},
+    {"normal_map", [](PutMaterial& p) { p.normal_map = TextureUsePatch{}; }},
+    {"two_sided_emission", [](PutMaterial& p) { p.two_sided_emission = false; }},
+    {"unlit", [](PutMaterial& p) { p.unlit = false; }},
+}};
+
+}  // namespace
+
+Expected<PutMaterial> to_material(const v1::Material& message, ArraySource& source) {
+  PutMaterial patch;
+  HELIO_TRY(clear_fields(message.clear(), kClear, patch));
+#define HELIO_READ(name, components, value, low, high)                                  \
+  if (message.has_##name())                                                             \
+    HELIO_CHECK(read_parameter(message.name(), source, {low, high},                     \
+                               patch.parameters[std::size_t(MaterialParameter::name)]), \
+                #name);
+  HELIO_MATERIAL_PARAMETERS(HELIO_READ)
+#undef HELIO_READ
+  if (message.has_normal_map())
+    HELIO_TAKE(patch.normal_map, to_texture_use(message.normal_map(), source, false), "normal_map");
+  if (message.has_alpha_mode()) patch.alpha_mode = from_enum(kAlphaModes, message.alpha_mode());
+  if (message.has_alpha_cutoff())
+    HELIO_TAKE(patch.alpha_cutoff, in_range(message.alpha_cutoff(), {0, 1}), "alpha_cutoff");
+  if (message.has_two_sided_emission()) patch.two_sided_emission = message.two_sided_emission();
+  if (message.has_unlit()) patch.unlit = message.unlit();
+  return patch;
+}
+
+v1::Material to_proto(const PutMaterial& patch, const ArraySink& sink) {
+  v1::Material message;
+#define HELIO_WRITE(name, ...)                                                \
+  if (const auto& p = patch.parameters[std::size_t(MaterialParameter::name)]; \
+      p.value || p.texture)                                                   \
+    write_parameter(p, sink, message.mutable_##name());
+  HELIO_MATERIAL_PARAMETERS(HELIO_WRITE)
+#undef HELIO_WRITE
+  if (patch.normal_map) {
+    *message.mutable_normal_map() = to_proto(*patch.normal_map, sink);
+    message.mutable_normal_map()->clear_channel();
+  }
+  if (patch.alpha_mode)
+    message.set_alpha_mode(to_enum<v1::Material::AlphaMode>(kAlphaModes, *patch.alpha_mode));
+  if (patch.alpha_cutoff) message.set_alpha_cutoff(*patch.alpha_cutoff);
+  if (patch.two_sided_emission) message.set_two_sided_emission(*patch.two_sided_emission);
+  if (patch.unlit) message.set_unlit(*patch.unlit);
+  return message;
+}
+
+}  // namespace heliograph::server

@@ -1,0 +1,137 @@
+// Matrices, poses and morph weights over time.
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "server/convert/array.h"
+#include "server/convert/fields.h"
+#include "server/convert/nouns.h"
+
+namespace heliograph::server {
+namespace {
+
+/// Noise that a product or an inverse in f32 leaves in the last row.
+constexpr double kLastRowTolerance = 1e-6;
+/// Smallest volume that the three axes may span, relative to a box of the same lengths.
+constexpr double kSmallestVolume = 1e-6;
+/// Determinants between these have an inverse in f32.
+constexpr double kSmallestDeterminant = 1e-30, kLargestDeterminant = 1e30;
+
+bool invertible(const mat4x3& m) {
+  const glm::dvec3 x(m[0]), y(m[1]), z(m[2]);
+  const double determinant = std::abs(glm::dot(x, glm::cross(y, z)));
+  const double box = glm::length(x) * glm::length(y) * glm::length(z);
+  return determinant >= kSmallestDeterminant && determinant <= kLargestDeterminant &&
+         determinant >= kSmallestVolume * box;
+}
+
+bool is_affine(std::span<const double> m) {
+  return std::abs(m[12]) <= kLastRowTolerance && std::abs(m[13]) <= kLastRowTolerance &&
+         std::abs(m[14]) <= kLastRowTolerance && std::abs(m[15] - 1) <= kLastRowTolerance;
+}
+
+std::string matrix_path(const Dims& dims, u64 index) {
+  return dims.size() > 2 ? indexed("", index) : "";
+}
+
+/// {K, 4, 4} where there are times, else {4, 4}.
+Dims keyed(std::size_t times, std::initializer_list<Dim> one) {
+  Dims dims(one);
+  if (times > 0) dims.insert(dims.begin(), Dim{"K", times});
+  return dims;
+}
+
+}  // namespace
+
+Expected<std::vector<mat4x3>> read_affine(const v1::Array& array, ArraySource& source,
+                                          const Dims& dims) {
+  auto numbers = read_f64(array, source, dims, 16);
+  if (!numbers) return std::unexpected(std::move(numbers).error());
+  std::vector<mat4x3> matrices(numbers->size() / 16);
+  for (std::size_t i = 0; i < matrices.size(); ++i) {
+    const auto m = std::span<const double>(*numbers).subspan(16 * i, 16);
+    if (!is_affine(m))
+      return fail(Code::kInvalidArgument, matrix_path(dims, i),
+                  fmt::format("has the last row {} {} {} {}; give 0 0 0 1 (matrices are row-major "
+                              "and act on column vectors)",
+                              m[12], m[13], m[14], m[15]));
+    for (int row = 0; row < 3; ++row)
+      for (int column = 0; column < 4; ++column)
+        matrices[i][column][row] = float(m[std::size_t(4 * row + column)]);
+  }
+  return matrices;
+}
+
+Expected<std::vector<mat4x3>> read_poses(const v1::Array& array, ArraySource& source,
+                                         const Dims& dims) {
+  auto matrices = read_affine(array, source, dims);
+  if (!matrices) return matrices;
+  for (std::size_t i = 0; i < matrices->size(); ++i)
+    if (!invertible((*matrices)[i]))
+      return fail(Code::kInvalidArgument, matrix_path(dims, i),
+                  "is not invertible; give three independent axes of non-zero length (to hide an "
+                  "entity use visible = false)");
+  return matrices;
+}
+
+v1::Array to_array(std::span<const mat4x3> matrices, bool single, const ArraySink& sink) {
+  std::vector<float> numbers;
+  numbers.reserve(matrices.size() * 16);
+  for (const mat4x3& m : matrices) {
+    for (int row = 0; row < 3; ++row)
+      for (int column = 0; column < 4; ++column) numbers.push_back(m[column][row]);
+    numbers.insert(numbers.end(), {0, 0, 0, 1});
+  }
+  const std::vector<u64> shape =
+      single ? std::vector<u64>{4, 4} : std::vector<u64>{matrices.size(), 4, 4};
+  return to_array(std::move(numbers), shape, sink);
+}
+
+Expected<PosePatch> to_pose(const v1::Pose& message, ArraySource& source) {
+  PosePatch patch;
+  if (message.has_times()) HELIO_TAKE(patch.times, read_times(message.times(), source), "times");
+  const Dims dims = keyed(patch.times.size(), {kFour, kFour});
+  HELIO_TAKE(patch.matrices, read_poses(message.matrices(), source, dims), "matrices");
+  if (patch.times.size() == 1) patch.times.clear();
+  return patch;
+}
+
+v1::Pose to_proto(const PosePatch& pose, const ArraySink& sink) {
+  v1::Pose message;
+  const bool single = pose.times.empty();
+  *message.mutable_matrices() = to_array(pose.matrices, single, sink);
+  if (!single) {
+    const u64 count = pose.times.size();
+    *message.mutable_times() = to_array(pose.times, std::span(&count, 1), sink);
+  }
+  return message;
+}
+
+Expected<MorphWeights> to_morph_weights(const v1::MorphWeights& message, ArraySource& source) {
+  MorphWeights out;
+  if (message.has_times()) HELIO_TAKE(out.times, read_times(message.times(), source), "times");
+  const Dims dims = keyed(out.times.size(), {{"T", {}}});
+  ArrayOf<float> weights;
+  HELIO_TAKE(weights, read_floats<float>(message.weights(), source, dims), "weights");
+  if (weights.empty())
+    return fail(Code::kInvalidArgument, "weights", "is empty; give one a morph target");
+  out.weights.assign(weights.begin(), weights.end());
+  if (out.times.size() == 1) out.times.clear();
+  return out;
+}
+
+v1::MorphWeights to_proto(const MorphWeights& weights, const ArraySink& sink) {
+  v1::MorphWeights message;
+  const u64 count = weights.times.size();
+  if (count == 0) {
+    const u64 targets = weights.weights.size();
+    *message.mutable_weights() = to_array(weights.weights, std::span(&targets, 1), sink);
+    return message;
+  }
+  const u64 shape[] = {count, weights.weights.size() / count};
+  *message.mutable_weights() = to_array(weights.weights, shape, sink);
+  *message.mutable_times() = to_array(weights.times, std::span(&count, 1), sink);
+  return message;
+}
+
+}  // namespace heliograph::server
