@@ -110,4 +110,14 @@ using PlaneSet = u64;
 static_assert(kPlanes <= 64);
 KERNEL constexpr PlaneSet plane_bit(Plane plane) { return PlaneSet(1) << u32(plane); }
 
+/// All planes of one fold.
+KERNEL constexpr PlaneSet planes_of(Fold fold) {
+  PlaneSet set = 0;
+#define HELIO_PLANE(NAME, type, channels, of, ...) \
+  if (fold == Fold::of) set |= plane_bit(Plane::NAME);
+  HELIO_PLANES(HELIO_PLANE)
+#undef HELIO_PLANE
+  return set;
+}
+
 }  // namespace heliograph::kernels

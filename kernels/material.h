@@ -1,0 +1,110 @@
+// Material parameters at a point: constants times textures. Called by surface.h, accept.h, light.h.
+#pragma once
+
+#include "kernels/texture.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+/// Texture coordinates of a point: both sets, zero where the mesh has none.
+struct Uvs {
+  vec2 set[2];
+};
+
+KERNEL vec2 interpolate(const vec2* values, uvec3 triangle, vec2 barycentric) {
+  const vec2 a = values[triangle.x];
+  return a + (values[triangle.y] - a) * barycentric.x + (values[triangle.z] - a) * barycentric.y;
+}
+
+KERNEL Uvs uvs_at(const MeshView& mesh, uvec3 triangle, vec2 barycentric) {
+  return {{mesh.uvs ? interpolate(mesh.uvs, triangle, barycentric) : vec2(0),
+           mesh.uvs1 ? interpolate(mesh.uvs1, triangle, barycentric) : vec2(0)}};
+}
+
+KERNEL vec4 color_at(const MeshView& mesh, uvec3 triangle, vec2 barycentric) {
+  const vec4 a = mesh.colors[triangle.x];
+  return a + (mesh.colors[triangle.y] - a) * barycentric.x +
+         (mesh.colors[triangle.z] - a) * barycentric.y;
+}
+
+KERNEL vec2 transform_uv(const TextureUseView& use, const Uvs& uvs) {
+  const vec2 uv = uvs.set[use.uv_set & 1];
+  return use.uv_x * uv.x + use.uv_y * uv.y + use.uv_offset;
+}
+
+template <bool kRadiance = false>
+KERNEL vec4 sample_use(const SceneView& scene, const TextureUseView& use, const Uvs& uvs) {
+  const vec4 texel = sample_texture<kRadiance>(scene.textures[use.texture], transform_uv(use, uvs));
+  return texel * use.scale + use.offset;
+}
+
+/// A texture's factor to a constant.
+KERNEL void multiply(vec3& value, vec4 texel, u32) { value *= vec3(texel); }
+KERNEL void multiply(float& value, vec4 texel, u32 channel) { value *= texel[i32(channel)]; }
+
+KERNEL float clamp_to(float x, float smallest, float largest) {
+  return x > smallest ? min2(x, largest) : smallest;
+}
+KERNEL vec3 clamp_to(vec3 v, float smallest, float largest) {
+  return vec3(clamp_to(v.x, smallest, largest), clamp_to(v.y, smallest, largest),
+              clamp_to(v.z, smallest, largest));
+}
+
+/// The parameters named by the bits of `wanted`, textures applied and clamped to their ranges; the
+/// others keep their constants.
+KERNEL MaterialValues evaluate_material(const SceneView& scene, const MaterialView& material,
+                                        const Uvs& uvs, u32 wanted) {
+  MaterialValues values = material.constant;
+  if ((material.textured & wanted) == 0) return values;
+  u32 use = material.first_use;
+  for (u32 i = 0; i < u32(ParameterBit::kCount); ++i) {
+    if (!(material.textured >> i & 1)) continue;
+    const TextureUseView& view = scene.texture_uses[use++];
+    if (!(wanted >> i & 1)) continue;
+    const vec4 texel = sample_use(scene, view, uvs);
+    switch (ParameterBit(i)) {
+#define HELIO_PARAMETER(name, components, standard, smallest, largest) \
+  case ParameterBit::name:                                             \
+    multiply(values.name, texel, view.channel);                        \
+    values.name = clamp_to(values.name, smallest, largest);            \
+    break;
+      HELIO_MATERIAL_PARAMETERS(HELIO_PARAMETER)
+#undef HELIO_PARAMETER
+      case ParameterBit::kCount:
+        break;
+    }
+  }
+  return values;
+}
+
+inline constexpr u32 kEmissionBits =
+    1u << u32(ParameterBit::emission) | 1u << u32(ParameterBit::emission_strength);
+inline constexpr u32 kAlphaBit = 1u << u32(ParameterBit::alpha);
+
+KERNEL const MaterialView& material_of(const SceneView& scene, const InstanceView& instance,
+                                       u32 mesh_part) {
+  return scene.materials[scene.part_materials[instance.first_part + mesh_part]];
+}
+
+KERNEL u32 part_of(const MeshView& mesh, u32 primitive) {
+  return mesh.parts ? mesh.parts[primitive] : 0;
+}
+
+/// Share of rays that meet the surface at a point: 0 or 1 unless the material blends.
+KERNEL float opacity_at(const SceneView& scene, u32 instance_index, u32 primitive,
+                        vec2 barycentric) {
+  const InstanceView& instance = scene.instances[instance_index];
+  const MeshView& mesh = scene.meshes[instance.mesh];
+  const MaterialView& material = material_of(scene, instance, part_of(mesh, primitive));
+  if (material.alpha_mode == AlphaMode::kOpaque) return 1;
+  const uvec3 triangle = mesh.triangles[primitive];
+  float alpha = material.constant.alpha;
+  if (material.textured & kAlphaBit) {
+    const Uvs uvs = uvs_at(mesh, triangle, barycentric);
+    alpha = evaluate_material(scene, material, uvs, kAlphaBit).alpha;
+  }
+  if (mesh.colors) alpha *= color_at(mesh, triangle, barycentric).w;
+  if (material.alpha_mode == AlphaMode::kMask) return alpha < material.alpha_cutoff ? 0 : 1;
+  return alpha;
+}
+
+}  // namespace heliograph::kernels::inline HELIO_ISA

@@ -1,0 +1,269 @@
+// The integrator: unbiased path tracing with next event estimation and multiple importance
+// sampling. render_pixel() is the entry point of every backend; the steps below it are its whole.
+#pragma once
+
+#include "kernels/camera.h"
+#include "kernels/filter.h"
+#include "kernels/light.h"
+#include "kernels/sample.h"
+#include "kernels/sampler.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+/// Pairs of random numbers that a path takes: first the filter, then these at every vertex.
+enum Dimension : u32 { kFilterPair = 0, kFirstVertexPair = 1 };
+enum VertexDimension : u32 { kLightPair, kScatterPair, kLightChoice, kLobeChoice, kVertexPairs };
+/// Numbers of unstratified random choices.
+enum Hashed : u32 {
+  kHoleHash = 0,
+  kShadowHoleHash = 64,
+  kRouletteHash = 128,
+  kOcclusionHash = 192
+};
+
+/// What every step needs and none changes.
+template <Tracer T>
+struct PathContext {
+  const SceneView& scene;
+  const CameraView& camera;
+  const Settings& settings;
+  const T& tracer;
+  const FilmView& film;
+  Sampler sampler;
+};
+
+/// A path on its way from the camera.
+struct Path {
+  Ray ray;
+  u32 mask;  // kind of the ray
+  vec3 throughput;
+  float pdf;  // 1/sr, with which the ray's direction was chosen; 0: no light sampling competes
+  float radiance_scale;  // product of eta^2 of refractions: throughput without them, for roulette
+  u32 edges;             // of the path, the ray included
+  bool guided;           // the guides are recorded
+  Route route;
+};
+
+/// The surface at the end of the path's ray.
+struct Vertex {
+  Surface surface;
+  MaterialValues material;
+  Bsdf bsdf;
+};
+
+template <Tracer T>
+KERNEL HoleKey hole_key(const PathContext<T>& c, u32 number) {
+  return {c.scene.any_holes ? c.sampler.hash_of(number) : 0, false};
+}
+
+KERNEL u32 vertex_pair(const Path& path, u32 dimension) {
+  return kFirstVertexPair + (path.edges - 1) * kVertexPairs + dimension;
+}
+
+/// Counts light that has reached the camera.
+template <Tracer T>
+KERNEL void collect(const PathContext<T>& c, SampleValues& sample, Contribution light,
+                    const Route& route) {
+  const float largest = max_component(light.radiance);
+  if (!(largest > 0)) return;
+  if (largest > c.settings.clamp) light.radiance *= c.settings.clamp / largest;
+  sample.radiance += light.radiance;
+  if (c.film.wanted & kLightPlaneSet) add_light(sample, light, route);
+}
+
+template <Tracer T>
+KERNEL Path begin_path(const PathContext<T>& c, u32 x, u32 y) {
+  const vec2 offset = sample_filter(c.settings.filter, c.sampler.get2(kFilterPair));
+  Path path;
+  path.ray =
+      camera_ray(c.camera, vec2(float(x) + 0.5f, float(y) + 0.5f) + offset, hole_key(c, kHoleHash));
+  path.mask = kCameraRay;
+  path.throughput = vec3(1);
+  path.pdf = 0;
+  path.radiance_scale = 1;
+  path.edges = 1;
+  path.guided = (c.film.wanted & kGuidePlaneSet) == 0;
+  path.route = {vec3(0), false};
+  return path;
+}
+
+/// The path leaves the scene.
+template <Tracer T>
+KERNEL void miss(const PathContext<T>& c, const Path& path, SampleValues& sample) {
+  const bool seen = path.edges == 1;
+  if (seen && (c.settings.transparent_background || !c.scene.dome.camera_visible)) return;
+  const DomeLight light = dome_light(c.scene, path.ray.direction);
+  const float weight = path.pdf > 0 && light.pdf > 0 ? mis_weight(path.pdf, light.pdf) : 1;
+  collect(c, sample, {path.throughput * light.radiance * weight, path.edges, true}, path.route);
+}
+
+/// Weight of light that the path met by itself where sample_light could have found it too.
+KERNEL float emission_weight(const SceneView& scene, const Path& path, const Hit& hit, u32 light) {
+  if (path.pdf <= 0 || light == kNone) return 1;
+  if (!shows_to_all(scene.instances[hit.instance].visibility)) return 0;
+  return mis_weight(path.pdf, light_pdf(scene, hit, light, path.ray.direction));
+}
+
+/// The path meets a surface: counts what it emits; false when the path ends there.
+template <Tracer T>
+KERNEL bool hit_surface(const PathContext<T>& c, const Path& path, const Hit& hit, Vertex& v,
+                        SampleValues& sample) {
+  v.surface = surface_at(c.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v));
+  const Surface& s = v.surface;
+  v.material = material_at(c.scene, s, ~kAlphaBit);
+  const vec3 wo = -path.ray.direction;
+  const vec3 emission = emitted(c.scene, s, v.material, dot(wo, s.ng) >= 0);
+  if (!is_black(emission)) {
+    const float weight = emission_weight(c.scene, path, hit, s.light);
+    collect(c, sample, {path.throughput * emission * weight, path.edges, false}, path.route);
+  }
+  if (!s.material->unlit) {
+    v.bsdf = make_bsdf(v.material, wo, s.ng, s.ns);
+    if (scatters(v.bsdf)) return true;
+  }
+  if (!path.guided) {
+    sample.albedo = path.throughput * path.radiance_scale * glm::min(emission, vec3(1));
+    sample.normal = dot(wo, s.ng) >= 0 ? s.ns : -s.ns;
+  }
+  return false;
+}
+
+/// Light that comes to the vertex straight from one light (next event estimation).
+template <Tracer T>
+KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Vertex& v,
+                         SampleValues& sample) {
+  LightSample light;
+  const float choice = c.sampler.get1(vertex_pair(path, kLightChoice));
+  const vec2 u = c.sampler.get2(vertex_pair(path, kLightPair));
+  if (!sample_light(c.scene, v.surface.p, choice, u, light)) return;
+  BsdfValue f = evaluate_bsdf(v.bsdf, light.direction);
+  const bool transmitted = dot(v.bsdf.ng, light.direction) < 0;
+  if (!(light.visibility & kDiffuseRay)) f.diffuse = vec3(0);
+  if (!(light.visibility & (transmitted ? kTransmissionRay : kGlossyRay))) f.glossy = vec3(0);
+  const vec3 total = f.diffuse + f.glossy;
+  if (!(max_component(total) > 0)) return;
+
+  Ray ray{offset_point(v.surface, light.direction), light.direction, INFINITY,
+          hole_key(c, kShadowHoleHash + path.edges)};
+  if (!light.infinite) {
+    const vec3 d = light.target - ray.origin;
+    const float distance = length(d);
+    if (!(distance > 0)) return;
+    ray.direction = d / distance;
+    ray.t_max = distance;
+  }
+  ++sample.rays;
+  if (c.tracer.occluded(ray, kShadowRay)) return;
+  const float weight = shows_to_all(light.visibility) ? mis_weight(light.pdf, f.pdf) : 1;
+  const vec3 radiance = path.throughput * total * light.radiance * (weight / light.pdf);
+  const Route route = path.edges == 1 ? Route{share_of(f.diffuse, total), transmitted} : path.route;
+  collect(c, sample, {radiance, path.edges + 1, light.infinite}, route);
+}
+
+/// Denoising guides, at the first vertex that is not a perfect mirror.
+KERNEL void record_guides(const Path& path, const Bsdf& bsdf, vec3 weight, SampleValues& sample) {
+  sample.albedo = glm::min(path.throughput * weight * path.radiance_scale, vec3(1));
+  sample.normal = bsdf.frame.n;
+}
+
+/// Ends the path by chance where it carries little; unbiased.
+template <Tracer T>
+KERNEL bool survives(const PathContext<T>& c, Path& path) {
+  if (!c.settings.roulette || path.edges <= 4) return true;
+  const float chance = max_component(path.throughput) * path.radiance_scale;
+  if (chance >= 1) return true;
+  if (unit_float(c.sampler.hash_of(kRouletteHash + path.edges)) >= chance) return false;
+  path.throughput *= 1 / chance;
+  return true;
+}
+
+/// The path goes on in a direction of the surface's choice; false when it ends.
+template <Tracer T>
+KERNEL bool scatter(const PathContext<T>& c, Path& path, const Vertex& v, SampleValues& sample) {
+  const float choice = c.sampler.get1(vertex_pair(path, kLobeChoice));
+  const vec2 u = c.sampler.get2(vertex_pair(path, kScatterPair));
+  BsdfSample s;
+  const bool goes_on = sample_bsdf(v.bsdf, choice, u, s);
+  if (!path.guided && (!goes_on || s.pdf > 0)) {
+    record_guides(path, v.bsdf, goes_on ? s.weight * sqr(s.eta) : vec3(0), sample);
+    path.guided = true;
+  }
+  if (!goes_on) return false;
+  if (path.edges == 1) path.route = {s.diffuse_share, s.lobe == Lobe::kTransmission};
+  path.throughput *= s.weight;
+  path.radiance_scale *= sqr(s.eta);
+  path.pdf = s.pdf;
+  path.mask = s.lobe == Lobe::kDiffuse  ? kDiffuseRay
+              : s.lobe == Lobe::kGlossy ? kGlossyRay
+                                        : kTransmissionRay;
+  path.ray = {offset_point(v.surface, s.wi), s.wi, INFINITY, hole_key(c, kHoleHash + path.edges)};
+  ++path.edges;
+  return survives(c, path);
+}
+
+/// Whether the hemisphere above the vertex is open in a direction chosen by cosine.
+template <Tracer T>
+KERNEL float open_hemisphere(const PathContext<T>& c, const Vertex& v, const Path& path,
+                             SampleValues& sample) {
+  const Surface& s = v.surface;
+  const float side = dot(path.ray.direction, s.ng) < 0 ? 1.0f : -1.0f;
+  const u32 bits = c.sampler.hash_of(kOcclusionHash);
+  const vec2 u(unit_float(bits), unit_float(hash32(bits)));
+  const vec3 d = to_world(make_frame(s.ns * side), sample_cosine(u));
+  if (dot(d, s.ng) * side <= 0) return 0;
+  ++sample.rays;
+  const Ray ray{offset_point(s, d), d, INFINITY, hole_key(c, kOcclusionHash)};
+  return c.tracer.occluded(ray, kShadowRay) ? 0 : 1;
+}
+
+/// Traces one path and all the light it meets.
+template <Tracer T>
+KERNEL SampleValues trace_path(const PathContext<T>& c, u32 x, u32 y) {
+  SampleValues sample;
+  if (c.film.wanted & kLightPlaneSet) {
+    for (vec3& light : sample.light) light = vec3(0);
+  }
+  const bool lights = has_lights(c.scene);
+  Path path = begin_path(c, x, y);
+  for (;;) {
+    const Hit hit = c.tracer.closest(path.ray, path.mask);
+    ++sample.rays;
+    if (hit.instance == kNone) {
+      miss(c, path, sample);
+      break;
+    }
+    Vertex v;
+    sample.hit = true;
+    const bool ends = !hit_surface(c, path, hit, v, sample);
+    if (path.edges == 1 && wants(c.film, Plane::AMBIENT_OCCLUSION)) {
+      sample.open = open_hemisphere(c, v, path, sample);
+    }
+    if (ends) break;
+    const bool last = path.edges >= c.settings.max_depth;
+    if (last && path.guided) break;
+    if (!last && lights && has_smooth_lobe(v.bsdf)) sample_light(c, path, v, sample);
+    if (!scatter(c, path, v, sample) || path.edges > c.settings.max_depth) break;
+  }
+  sample.alpha = sample.hit || !c.settings.transparent_background ? 1 : 0;
+  return sample;
+}
+
+/// Adds samples [first_sample, first_sample + sample_count) of pixel (x, y) to the film; returns
+/// rays traced.
+template <Tracer T>
+KERNEL u32 render_pixel(const SceneView& scene, const CameraView& camera, const Settings& settings,
+                        const T& tracer, const FilmView& film, u32 x, u32 y, u32 first_sample,
+                        u32 sample_count) {
+  const u64 key = pixel_key(settings.seed, x, y);
+  const u64 pixel = u64(y) * film.width + x;
+  u32 rays = 0;
+  for (u32 i = first_sample; i < first_sample + sample_count; ++i) {
+    const PathContext<T> context{scene, camera, settings, tracer, film, Sampler(key, i)};
+    const SampleValues sample = trace_path(context, x, y);
+    write_sample(film, pixel, sample, (i + 1) % kBlock == 0);
+    rays += sample.rays;
+  }
+  return rays;
+}
+
+}  // namespace heliograph::kernels::inline HELIO_ISA

@@ -1,0 +1,244 @@
+// Labels: what the ray through a pixel's centre meets, exactly and without noise. probe_pixel() is
+// the entry point of every backend.
+#pragma once
+
+#include "kernels/camera.h"
+#include "kernels/film.h"
+#include "kernels/light.h"
+#include "kernels/settings.h"
+
+namespace heliograph::kernels {
+
+/// A scene and the camera in it, at one instant.
+struct ProbeScene {
+  const SceneView* scene;
+  const CameraView* camera;
+};
+
+/// What a probe reads. forward, backward: the other ends of flow, null when not wanted; their
+/// instances and triangles are those of `now`, in the same order, elsewhere.
+struct ProbeContext {
+  ProbeScene now;
+  ProbeScene forward;
+  ProbeScene backward;
+  const CameraView* disparity;  // the second camera of a rectified rig, null when not wanted
+  const Settings* settings;
+};
+
+}  // namespace heliograph::kernels
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+/// Glass that probes look through when Settings::through_transmission is set.
+KERNEL bool is_clear(const MaterialValues& m) {
+  return m.transmission >= 0.5f && m.metallic < 0.5f && m.roughness <= 0.2f;
+}
+
+/// A tracer and how many rays it has traced.
+template <Tracer T>
+struct CountedTracer {
+  const T& tracer;
+  u32& rays;
+};
+
+/// The nearest surface that a probe takes, within ray.t_max. Layers of clear glass are looked
+/// through in a straight line, so that the pixel sees what lies behind it in projection.
+template <Tracer T>
+KERNEL Hit probe_closest(const SceneView& scene, CountedTracer<T> counted, Ray ray,
+                         bool through_transmission) {
+  for (u32 layer = 0;; ++layer) {
+    const Hit hit = counted.tracer.closest(ray, kCameraRay);
+    ++counted.rays;
+    if (hit.instance == kNone || !through_transmission || layer == 1024) return hit;
+    const Surface s = surface_at(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v));
+    if (!is_clear(material_at(scene, s, ~0u))) return hit;
+    const vec3 next = offset_point(s, ray.direction);
+    ray.t_max -= dot(next - ray.origin, ray.direction);
+    ray.origin = next;
+    if (!(ray.t_max > 0)) return {INFINITY, kNone, 0, 0, 0};
+  }
+}
+
+/// Whether a camera sees a point of a surface: nothing lies before it.
+template <Tracer T>
+KERNEL bool camera_sees(const ProbeScene& at, CountedTracer<T> counted, const Surface& s,
+                        bool through_transmission) {
+  const vec3 towards = camera_ray_to(*at.camera, s.p, {0, true}).direction;
+  const Ray ray = camera_ray_to(*at.camera, offset_point(s, -towards), {0, true});
+  return probe_closest(*at.scene, counted, ray, through_transmission).instance == kNone;
+}
+
+struct Flow {
+  vec2 pixels;
+  u8 valid;
+  u8 visible;
+  vec3 metres;
+};
+
+/// Where the probed surface point is at another instant.
+template <Tracer T>
+KERNEL Flow flow_to(const ProbeContext& context, const ProbeScene& other, CountedTracer<T> counted,
+                    const Hit& hit, vec3 p_world) {
+  Flow flow{vec2(0), 0, 0, vec3(0)};
+  if (other.scene->instances[hit.instance].flags & kFlowInvalid) return flow;
+  const Surface there = surface_at(*other.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v));
+  flow.metres = there.p - p_world;
+  const Projected to = project(*other.camera, there.p);
+  if (!to.in_front) return flow;
+  flow.pixels = to.raster - project(*context.now.camera, p_world).raster;
+  flow.valid = 1;
+  flow.visible = inside_image(*other.camera, to.raster) &&
+                 camera_sees(other, counted, there, context.settings->through_transmission);
+  return flow;
+}
+
+/// Flow of a point infinitely far away: the camera's rotation alone.
+KERNEL Flow background_flow(const ProbeContext& context, const ProbeScene& other, const Ray& ray,
+                            vec2 raster) {
+  Flow flow{vec2(0), 0, 0, vec3(0)};
+  const Projected from = project_direction(*context.now.camera, ray.direction, raster);
+  const Projected to = project_direction(*other.camera, ray.direction, raster);
+  if (!to.in_front) return flow;
+  flow.pixels = to.raster - from.raster;
+  flow.valid = 1;
+  return flow;
+}
+
+KERNEL void put_flow(Probe& p, const Flow& flow, bool forward) {
+  (forward ? p.flow_forward : p.flow_backward) = flow.pixels;
+  (forward ? p.flow_forward_valid : p.flow_backward_valid) = flow.valid;
+  (forward ? p.flow_forward_visible : p.flow_backward_visible) = flow.visible;
+  if (forward) p.scene_flow = flow.metres;
+}
+
+/// What a probe says where it meets nothing.
+KERNEL Probe empty_probe() {
+  Probe p{};
+  p.p_world = p.p_camera = p.object_coordinates = p.nocs = vec3(NAN);
+  p.material_id = p.primitive = kNone;
+  p.distance = INFINITY;
+  return p;
+}
+
+KERNEL void probe_geometry(Probe& p, const Surface& s, const CameraView& camera, const Ray& ray) {
+  const float side = dot(s.ng, ray.direction) > 0 ? -1.0f : 1.0f;
+  const Corners c = corners_of(s.mesh->positions, s.triangle);
+  p.distance = dot(s.p - ray.origin, ray.direction);
+  p.p_world = s.p;
+  p.p_camera = cv_from_gl(transform_point(camera.camera_from_world, s.p));
+  p.normal = s.ns * side;
+  p.normal_camera = normalize(cv_from_gl(transform_vector(camera.camera_from_world, p.normal)));
+  p.geometric_normal = s.ng * side;
+  p.tangent = world_tangent(s, tangents_of(s, c, 0).t);
+  p.uv = s.uvs.set[0];
+  p.barycentric = s.barycentric;
+}
+
+KERNEL void probe_labels(Probe& p, const SceneView& scene, const Surface& s, const Hit& hit) {
+  const InstanceView& instance = *s.instance;
+  p.instance_label = instance.label;
+  p.category = instance.category;
+  p.part = instance.label != 0 ? instance.part + s.part : 0;
+  p.material_id = s.material->id;
+  p.primitive = hit.primitive;
+  const vec3* rest = s.mesh->rest_positions ? s.mesh->rest_positions : s.mesh->positions;
+  p.object_coordinates =
+      transform_point(instance.box_from_object, interpolate(rest, s.triangle, s.barycentric));
+  p.nocs = vec3(0.5f) + (p.object_coordinates - vec3(0.5f)) * instance.nocs_scale;
+  p.material.alpha = opacity_at(scene, hit.instance, hit.primitive, s.barycentric);
+}
+
+inline constexpr PlaneSet kForwardPlanes =
+    PlaneSet(1) << u32(Plane::FLOW_FORWARD) | PlaneSet(1) << u32(Plane::FLOW_FORWARD_VALID) |
+    PlaneSet(1) << u32(Plane::FLOW_FORWARD_VISIBLE) | PlaneSet(1) << u32(Plane::SCENE_FLOW);
+inline constexpr PlaneSet kBackwardPlanes = PlaneSet(1) << u32(Plane::FLOW_BACKWARD) |
+                                            PlaneSet(1) << u32(Plane::FLOW_BACKWARD_VALID) |
+                                            PlaneSet(1) << u32(Plane::FLOW_BACKWARD_VISIBLE);
+inline constexpr PlaneSet kDisparityPlanes =
+    PlaneSet(1) << u32(Plane::DISPARITY) | PlaneSet(1) << u32(Plane::DISPARITY_VISIBLE);
+
+template <Tracer T>
+KERNEL void probe_disparity(Probe& p, const ProbeContext& context, CountedTracer<T> counted,
+                            const Surface& s) {
+  const CameraView& camera = *context.disparity;
+  const Projected to = project(camera, s.p);
+  if (!to.in_front) return;
+  p.disparity = project(*context.now.camera, s.p).raster.x - to.raster.x;
+  p.disparity_visible =
+      inside_image(camera, to.raster) &&
+      camera_sees({context.now.scene, &camera}, counted, s, context.settings->through_transmission);
+}
+
+/// Everything that the film wants of one pixel. Tracers of flow may be null with their scenes.
+template <Tracer T>
+KERNEL Probe make_probe(const ProbeContext& context, const T* const (&tracers)[3], PlaneSet wanted,
+                        vec2 raster, u32& rays) {
+  const SceneView& scene = *context.now.scene;
+  const CameraView& camera = *context.now.camera;
+  const bool through = context.settings->through_transmission;
+  const Ray ray = camera_ray(camera, raster, {0, true});
+  const Hit hit = probe_closest(scene, CountedTracer<T>{*tracers[0], rays}, ray, through);
+  const bool forward = context.forward.scene && (wanted & kForwardPlanes);
+  const bool backward = context.backward.scene && (wanted & kBackwardPlanes);
+  Probe p = empty_probe();
+  if (hit.instance == kNone) {
+    if (forward) put_flow(p, background_flow(context, context.forward, ray, raster), true);
+    if (backward) put_flow(p, background_flow(context, context.backward, ray, raster), false);
+    return p;
+  }
+  const Surface s = surface_at(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v));
+  p.hit = true;
+  probe_geometry(p, s, camera, ray);
+  p.material = material_at(scene, s, ~kAlphaBit);
+  p.emission = emitted(scene, s, p.material, dot(s.ng, ray.direction) <= 0);
+  probe_labels(p, scene, s, hit);
+  if (forward) {
+    const CountedTracer<T> counted{*tracers[1], rays};
+    put_flow(p, flow_to(context, context.forward, counted, hit, s.p), true);
+  }
+  if (backward) {
+    const CountedTracer<T> counted{*tracers[2], rays};
+    put_flow(p, flow_to(context, context.backward, counted, hit, s.p), false);
+  }
+  if (context.disparity && (wanted & kDisparityPlanes)) {
+    probe_disparity(p, context, CountedTracer<T>{*tracers[0], rays}, s);
+  }
+  return p;
+}
+
+template <class T, int N, class Value>
+KERNEL void put_plane(void* plane, u64 pixel, const Value& value) {
+  T* out = static_cast<T*>(plane) + pixel * N;
+  if constexpr (N == 1) {
+    out[0] = T(value);
+  } else {
+    for (int i = 0; i < N; ++i) out[i] = value[i];
+  }
+}
+
+/// Writes the centre planes of pixel (x, y); returns rays traced. The tracers of flow may be null
+/// where their scenes are.
+template <Tracer T>
+KERNEL u32 probe_pixel(const ProbeContext& context, const T& tracer, const T* forward_tracer,
+                       const T* backward_tracer, const FilmView& film, u32 x, u32 y) {
+  u32 rays = 0;
+  const u64 pixel = u64(y) * film.width + x;
+  const vec2 raster(float(x) + 0.5f, float(y) + 0.5f);
+  const T* const tracers[3] = {&tracer, forward_tracer, backward_tracer};
+  const Probe p = make_probe<T>(context, tracers, film.wanted, raster, rays);
+#define HELIO_PUT_kMean(...)
+#define HELIO_PUT_kFilm(...)
+#define HELIO_PUT_kCentre(NAME, type, channels, expression) \
+  if (wants(film, Plane::NAME))                             \
+    put_plane<type, channels>(film.planes[u32(Plane::NAME)], pixel, expression);
+#define HELIO_PUT(NAME, type, channels, fold, unit, expression) \
+  HELIO_PUT_##fold(NAME, type, channels, expression)
+  HELIO_PLANES(HELIO_PUT)
+#undef HELIO_PUT
+#undef HELIO_PUT_kCentre
+#undef HELIO_PUT_kFilm
+#undef HELIO_PUT_kMean
+  return rays;
+}
+
+}  // namespace heliograph::kernels::inline HELIO_ISA

@@ -1,0 +1,141 @@
+// Where and what a hit is: position, normals, texture coordinates, material. Called by path.h and
+// probe.h; everything is recomputed from (instance, primitive, barycentrics).
+#pragma once
+
+#include "kernels/material.h"
+#include "kernels/ray.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+/// A point of a surface, seen from its front (counter-clockwise) side. World space.
+struct Surface {
+  vec3 p;
+  vec3 ng;       // unit, geometric
+  vec3 ns;       // unit, shading, in the hemisphere of ng
+  float offset;  // metres along ng that leave the surface for certain
+  Uvs uvs;
+  const InstanceView* instance;
+  const MeshView* mesh;
+  const MaterialView* material;
+  uvec3 triangle;
+  vec2 barycentric;
+  u32 part;   // mesh part
+  u32 light;  // index into SceneView::lights, or kNone
+};
+
+KERNEL vec3 interpolate(const vec3* values, uvec3 triangle, vec2 barycentric) {
+  const vec3 a = values[triangle.x];
+  return a + (values[triangle.y] - a) * barycentric.x + (values[triangle.z] - a) * barycentric.y;
+}
+
+/// Corners of a triangle in object space: one of them and the edges from it.
+struct Corners {
+  vec3 a, ab, ac;
+};
+KERNEL Corners corners_of(const vec3* positions, uvec3 triangle) {
+  const vec3 a = positions[triangle.x];
+  return {a, positions[triangle.y] - a, positions[triangle.z] - a};
+}
+
+/// How far a point computed from a triangle's corners may lie off its true plane.
+///
+/// Rounding grows with the magnitude of the corners, in object space and in the pose, not with that
+/// of the point: the point of a large triangle near the origin is as uncertain as its corners.
+/// After Wächter and Binder 2019, "A Fast and Robust Method for Avoiding Self-Intersection", Ray
+/// Tracing Gems chapter 6, which takes the point's magnitude.
+KERNEL float plane_error(const mat4x3& world_from_object, const Corners& c, vec3 ng) {
+  const vec3 largest = abs3(c.a) + max3(abs3(c.ab), abs3(c.ac));
+  const vec3 bound = abs3(world_from_object[0]) * largest.x +
+                     abs3(world_from_object[1]) * largest.y +
+                     abs3(world_from_object[2]) * largest.z + abs3(world_from_object[3]);
+  return 0x1p-19f * (dot(abs3(ng), bound) + 0.0625f * max_component(bound));
+}
+
+/// The point moved to the side of its surface that `direction` leaves to.
+KERNEL vec3 offset_point(const Surface& s, vec3 direction) {
+  return s.p + s.ng * (dot(s.ng, direction) < 0 ? -s.offset : s.offset);
+}
+
+struct Tangents {
+  vec3 t, b;  // object space; t zero when there are none
+};
+
+/// Tangents along u and v of a set of texture coordinates, from the mesh or from its uvs.
+KERNEL Tangents tangents_of(const Surface& s, const Corners& c, u32 uv_set) {
+  if (s.mesh->tangents && uv_set == 0) {
+    const vec4* all = s.mesh->tangents;
+    const vec4 a = all[s.triangle.x];
+    const vec3 t = vec3(a) + vec3(all[s.triangle.y] - a) * s.barycentric.x +
+                   vec3(all[s.triangle.z] - a) * s.barycentric.y;
+    const vec3 n = s.mesh->normals ? interpolate(s.mesh->normals, s.triangle, s.barycentric)
+                                   : cross(c.ab, c.ac);
+    return {t, cross(n, t) * a.w};
+  }
+  const vec2* uvs = uv_set ? s.mesh->uvs1 : s.mesh->uvs;
+  if (!uvs) return {vec3(0), vec3(0)};
+  const vec2 a = uvs[s.triangle.x];
+  const vec2 ab = uvs[s.triangle.y] - a;
+  const vec2 ac = uvs[s.triangle.z] - a;
+  const float sign = ab.x * ac.y - ab.y * ac.x < 0 ? -1.0f : 1.0f;
+  return {(c.ab * ac.y - c.ac * ab.y) * sign, (c.ac * ab.x - c.ab * ac.x) * sign};
+}
+
+/// Unit world tangent orthogonal to the shading normal; zero without texture coordinates.
+KERNEL vec3 world_tangent(const Surface& s, vec3 t_object) {
+  const vec3 t = transform_vector(s.instance->world_from_object, t_object);
+  return normalize_or(t - s.ns * dot(s.ns, t), vec3(0));
+}
+
+KERNEL vec3 mapped_normal(const SceneView& scene, const Surface& s, const Corners& c) {
+  const TextureUseView& use = s.material->normal_map;
+  const Tangents tangents = tangents_of(s, c, use.uv_set & 1);
+  const vec3 t = world_tangent(s, tangents.t);
+  if (is_black(t)) return s.ns;
+  const vec3 b_world = transform_vector(s.instance->world_from_object, tangents.b);
+  vec3 b = cross(s.ns, t);
+  if (dot(b, b_world) < 0) b = -b;
+  const vec4 texel = sample_texture(scene.textures[use.texture], transform_uv(use, s.uvs));
+  const vec3 n((2 * texel.x - 1) * use.scale, (2 * texel.y - 1) * use.scale, 2 * texel.z - 1);
+  return normalize_or(t * n.x + b * n.y + s.ns * n.z, s.ns);
+}
+
+KERNEL Surface surface_at(const SceneView& scene, u32 instance_index, u32 primitive,
+                          vec2 barycentric) {
+  Surface s;
+  s.instance = &scene.instances[instance_index];
+  s.mesh = &scene.meshes[s.instance->mesh];
+  s.triangle = s.mesh->triangles[primitive];
+  s.barycentric = barycentric;
+  s.part = part_of(*s.mesh, primitive);
+  s.material = &material_of(scene, *s.instance, s.part);
+  s.light = scene.light_count > 0 ? scene.part_lights[s.instance->first_part + s.part] : kNone;
+
+  const Corners c = corners_of(s.mesh->positions, s.triangle);
+  const mat4x3& inverse = s.instance->object_from_world;
+  s.p = transform_point(s.instance->world_from_object,
+                        c.a + c.ab * barycentric.x + c.ac * barycentric.y);
+  s.ng = normalize_or(transform_normal(inverse, cross(c.ab, c.ac)), vec3(0, 0, 1));
+  s.offset = plane_error(s.instance->world_from_object, c, s.ng);
+  s.ns = s.ng;
+  if (s.mesh->normals) {
+    const vec3 n = interpolate(s.mesh->normals, s.triangle, barycentric);
+    s.ns = normalize_or(transform_normal(inverse, n), s.ng);
+    if (dot(s.ns, s.ng) < 0) s.ns = -s.ns;
+  }
+  s.uvs = uvs_at(*s.mesh, s.triangle, barycentric);
+  if (s.material->normal_map.texture != kNone) s.ns = mapped_normal(scene, s, c);
+  return s;
+}
+
+/// Material parameters there, with the vertex colours.
+KERNEL MaterialValues material_at(const SceneView& scene, const Surface& s, u32 wanted) {
+  MaterialValues values = evaluate_material(scene, *s.material, s.uvs, wanted);
+  if (s.mesh->colors) {
+    const vec4 color = color_at(*s.mesh, s.triangle, s.barycentric);
+    values.base_color *= vec3(color);
+    values.alpha *= color.w;
+  }
+  return values;
+}
+
+}  // namespace heliograph::kernels::inline HELIO_ISA

@@ -1,0 +1,131 @@
+// Texture lookup in software: the same bits on every device. Called by material.h and light.h.
+#pragma once
+
+#include "kernels/math.h"
+#include "kernels/scene_view.h"
+#include "kernels/srgb_table.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+/// IEC 61966-2-1, for texels of more than 8 bits.
+KERNEL float srgb_to_linear(float x) {
+  return x <= 0.04045f ? x * (1 / 12.92f) : std::pow((x + 0.055f) * (1 / 1.055f), 2.4f);
+}
+
+/// IEEE 754 binary16; subnormals, infinities and NaN included.
+KERNEL float half_to_float(u16 h) {
+  const u32 sign = u32(h & 0x8000u) << 16;
+  const u32 rest = u32(h & 0x7fffu) << 13;
+  // Scaling by 2^112 moves the exponent's bias and makes subnormals right at once.
+  float value = glm::uintBitsToFloat(rest) * 0x1p112f;
+  if (rest >= 0x7c00u << 13) value = glm::uintBitsToFloat(rest | 0x7f800000u);
+  return glm::uintBitsToFloat(glm::floatBitsToUint(value) | sign);
+}
+
+template <TexelType T>
+KERNEL float load_texel(const void* texels, u64 i, bool srgb) {
+  if constexpr (T == TexelType::kU8) {
+    const u8 x = static_cast<const u8*>(texels)[i];
+    return srgb ? kSrgbToLinear[x] : float(x) * (1 / 255.0f);
+  } else if constexpr (T == TexelType::kU16) {
+    const float x = float(static_cast<const u16*>(texels)[i]) * (1 / 65535.0f);
+    return srgb ? srgb_to_linear(x) : x;
+  } else if constexpr (T == TexelType::kF16) {
+    const float x = half_to_float(static_cast<const u16*>(texels)[i]);
+    return srgb ? srgb_to_linear(x) : x;
+  } else {
+    const float x = static_cast<const float*>(texels)[i];
+    return srgb ? srgb_to_linear(x) : x;
+  }
+}
+
+/// One texel as RGBA: grey fills RGB, a missing alpha is 1.
+template <TexelType T>
+KERNEL vec4 load_rgba(const TextureView& texture, u64 i) {
+  const void* t = texture.texels;
+  const u64 at = i * texture.channels;
+  const bool srgb = texture.srgb;
+  switch (texture.channels) {
+    case 1:
+      return vec4(vec3(load_texel<T>(t, at, srgb)), 1);
+    case 2:
+      return vec4(vec3(load_texel<T>(t, at, srgb)), load_texel<T>(t, at + 1, false));
+    default: {
+      const float alpha = texture.channels == 4 ? load_texel<T>(t, at + 3, false) : 1;
+      return vec4(load_texel<T>(t, at, srgb), load_texel<T>(t, at + 1, srgb),
+                  load_texel<T>(t, at + 2, srgb), alpha);
+    }
+  }
+}
+
+KERNEL vec4 load_rgba(const TextureView& texture, u64 i) {
+  switch (texture.type) {
+    case TexelType::kU8:
+      return load_rgba<TexelType::kU8>(texture, i);
+    case TexelType::kU16:
+      return load_rgba<TexelType::kU16>(texture, i);
+    case TexelType::kF16:
+      return load_rgba<TexelType::kF16>(texture, i);
+    case TexelType::kF32:
+      break;
+  }
+  return load_rgba<TexelType::kF32>(texture, i);
+}
+
+/// The coordinate within one period, in [0, 1].
+KERNEL float wrap_coordinate(float x, Wrap wrap) {
+  if (wrap == Wrap::kClamp) return clamp01(x);
+  if (wrap == Wrap::kRepeat) return x - std::floor(x);
+  const float y = x - 2 * std::floor(0.5f * x);
+  return y > 1 ? 2 - y : y;
+}
+
+/// Two neighbouring texels along one axis and the second one's weight.
+struct Taps {
+  u32 first, second;
+  float weight;
+};
+KERNEL Taps make_taps(float x, u32 size, Wrap wrap) {
+  const float place = wrap_coordinate(x, wrap) * float(size) - 0.5f;
+  const float floor = std::floor(place);
+  const i32 last = i32(size) - 1;
+  const i32 first = i32(floor);
+  const i32 second = first + 1;
+  const bool repeat = wrap == Wrap::kRepeat;
+  return {u32(first < 0 ? (repeat ? last : 0) : min2(first, last)),
+          u32(second > last ? (repeat ? 0 : last) : second), place - floor};
+}
+KERNEL u32 nearest_tap(float x, u32 size, Wrap wrap) {
+  return min2(u32(wrap_coordinate(x, wrap) * float(size)), size - 1);
+}
+
+/// Values that cannot be light count as darkness: negative ones and NaN.
+KERNEL vec4 as_radiance(vec4 v) {
+  return vec4(v.x > 0 ? v.x : 0, v.y > 0 ? v.y : 0, v.z > 0 ? v.z : 0, v.w);
+}
+
+/// Bilinear lookup (or the nearest texel). uv: v = 0 is the bottom row.
+template <bool kRadiance = false>
+KERNEL vec4 sample_texture(const TextureView& texture, vec2 uv) {
+  const u64 width = texture.width;
+  if (texture.nearest) {
+    const u32 x = nearest_tap(uv.x, texture.width, texture.wrap_u);
+    const u32 y = nearest_tap(1 - uv.y, texture.height, texture.wrap_v);
+    const vec4 texel = load_rgba(texture, y * width + x);
+    return kRadiance ? as_radiance(texel) : texel;
+  }
+  const Taps x = make_taps(uv.x, texture.width, texture.wrap_u);
+  const Taps y = make_taps(1 - uv.y, texture.height, texture.wrap_v);
+  vec4 a = load_rgba(texture, y.first * width + x.first);
+  vec4 b = load_rgba(texture, y.first * width + x.second);
+  vec4 c = load_rgba(texture, y.second * width + x.first);
+  vec4 d = load_rgba(texture, y.second * width + x.second);
+  if constexpr (kRadiance) {
+    a = as_radiance(a), b = as_radiance(b), c = as_radiance(c), d = as_radiance(d);
+  }
+  const vec4 top = a + (b - a) * x.weight;
+  const vec4 bottom = c + (d - c) * x.weight;
+  return top + (bottom - top) * y.weight;
+}
+
+}  // namespace heliograph::kernels::inline HELIO_ISA

@@ -1,0 +1,71 @@
+// Maps from the unit square to the distributions that renderers need, and their densities.
+#pragma once
+
+#include "kernels/math.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+/// Uniform on the unit disk.
+///
+/// Source: Shirley and Chiu 1997, "A Low Distortion Map Between Disk and Square".
+KERNEL vec2 sample_disk(vec2 u) {
+  const float a = 2 * u.x - 1;
+  const float b = 2 * u.y - 1;
+  if (a == 0 && b == 0) return vec2(0);
+  const bool wide = std::fabs(a) > std::fabs(b);
+  const float r = wide ? a : b;
+  const SinCos phi = sincos_turns(wide ? 0.125f * b / a : 0.25f - 0.125f * a / b);
+  return vec2(r * phi.cos, r * phi.sin);
+}
+
+/// Hemisphere about +z with density cos / pi.
+KERNEL vec3 sample_cosine(vec2 u) {
+  const vec2 d = sample_disk(u);
+  return vec3(d, safe_sqrt(1 - d.x * d.x - d.y * d.y));
+}
+
+/// Sphere with density 1 / 4 pi.
+KERNEL vec3 sample_sphere(vec2 u) {
+  const float z = 1 - 2 * u.x;
+  const float r = safe_sqrt(1 - z * z);
+  const SinCos phi = sincos_turns(u.y);
+  return vec3(r * phi.cos, r * phi.sin, z);
+}
+
+/// Weights of a triangle's vertices 1 and 2, uniform in area.
+///
+/// Source: Heitz 2019, "A Low-Distortion Map Between Triangle and Square".
+KERNEL vec2 sample_triangle(vec2 u) {
+  if (u.y > u.x) {
+    const float a = 0.5f * u.x;
+    return vec2(a, u.y - a);
+  }
+  const float b = 0.5f * u.y;
+  return vec2(u.x - b, b);
+}
+
+/// The interval of a running sum that u in [0, total) falls into, and u's place in it.
+struct Choice {
+  u32 index;
+  float probability;  // of the interval, as the sums have it
+  float rest;         // uniform in [0, 1)
+};
+/// cdf   [count] sums up to and including each entry; count > 0
+/// u     in [0, cdf[count - 1]]
+KERNEL Choice choose(const float* cdf, u32 count, float u) {
+  u32 low = 0;
+  u32 high = count - 1;
+  while (low < high) {
+    const u32 middle = (low + high) / 2;
+    if (cdf[middle] > u) {
+      high = middle;
+    } else {
+      low = middle + 1;
+    }
+  }
+  const float start = low > 0 ? cdf[low - 1] : 0;
+  const float width = cdf[low] - start;
+  return {low, width, width > 0 ? min2((u - start) / width, 1 - 0x1p-24f) : 0};
+}
+
+}  // namespace heliograph::kernels::inline HELIO_ISA
