@@ -34,6 +34,13 @@ find_path(TINYGLTF_INCLUDE tiny_gltf.h REQUIRED)
 find_library(TINYGLTF_LIBRARY tinygltf REQUIRED)
 find_library(SECCOMP_LIBRARY seccomp REQUIRED)
 
+# The codecs of heliograph-decode.
+find_package(nlohmann_json REQUIRED)
+find_package(PNG REQUIRED)
+find_package(JPEG REQUIRED)
+find_package(TIFF 4.5 REQUIRED)
+find_package(OpenEXR 3 CONFIG REQUIRED)
+
 if(HELIOGRAPH_TESTS)
   find_package(Catch2 REQUIRED)
 endif()

@@ -18,10 +18,22 @@ struct BundleFile {
   std::span<const std::byte> bytes;
 };
 
+/// What one load may decode to; more is RESOURCE_EXHAUSTED, before anything is allocated.
+struct LoadLimits {
+  u64 bytes = 1ull << 30;     // of all arrays together
+  u64 texels = 1ull << 27;    // of one picture
+  u64 vertices = 1ull << 26;  // of one mesh
+  u64 triangles = 1ull << 27;
+  u64 entities = 1ull << 20;
+  u64 keys = 1ull << 22;         // of all animations together
+  u64 json_bytes = 64ull << 20;  // of a glTF document without its buffers
+};
+
 struct LoadOptions {
   std::string format;  // "": by the first file's extension
-  std::string up;      // "x", "y", "z" for formats that name no axis; "": the format's default
+  std::string up;      // "x", "y", "z" for formats that name no axis; "": "z", nothing is turned
   double units = 0;    // metres a unit for formats that name none; 0: 1
+  LoadLimits limits{};
 };
 
 /// A model (`asset`), or a lone picture (`image`).

@@ -1,0 +1,194 @@
+#include "renderer/assets/bundle.h"
+
+#include <algorithm>
+#include <cctype>
+
+#include "renderer/assets/refuse.h"
+
+namespace heliograph::assets {
+namespace {
+
+constexpr std::size_t kLongestPath = 4096;
+constexpr std::size_t kLongestName = 120;
+
+[[noreturn]] void refuse_path(const std::string& where) {
+  refuse(where,
+         "a path must be relative and stay inside the bundle; put the file beside the model and "
+         "refer to it by a relative path");
+}
+
+bool has_scheme(std::string_view path) {
+  const std::size_t colon = path.find(':');
+  return colon != std::string_view::npos &&
+         path.substr(0, colon).find('/') == std::string_view::npos;
+}
+
+/// Resolves "." and ".." in directory + "/" + path.
+std::string normalise(std::string_view directory, std::string_view path, const std::string& where) {
+  if (path.empty() || path.size() > kLongestPath || path.front() == '/' || has_scheme(path) ||
+      path.find('\0') != std::string_view::npos) {
+    refuse_path(where);
+  }
+  std::vector<std::string_view> parts;
+  for (std::string_view text : {directory, path}) {
+    while (!text.empty()) {
+      const std::size_t slash = std::min(text.find('/'), text.size());
+      const std::string_view part = text.substr(0, slash);
+      text.remove_prefix(std::min(slash + 1, text.size()));
+      if (part == "..") {
+        if (parts.empty()) refuse_path(where);
+        parts.pop_back();
+      } else if (!part.empty() && part != ".") {
+        parts.push_back(part);
+      }
+    }
+  }
+  if (parts.empty()) refuse_path(where);
+  std::string result;
+  for (std::string_view part : parts) {
+    if (!result.empty()) result += '/';
+    result += part;
+  }
+  return result;
+}
+
+int hex_digit(char c) {
+  if (c >= '0' && c <= '9') return c - '0';
+  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
+  return -1;
+}
+
+int base64_digit(char c) {
+  if (c >= 'A' && c <= 'Z') return c - 'A';
+  if (c >= 'a' && c <= 'z') return c - 'a' + 26;
+  if (c >= '0' && c <= '9') return c - '0' + 52;
+  if (c == '+' || c == '-') return 62;
+  if (c == '/' || c == '_') return 63;
+  return -1;
+}
+
+std::vector<std::byte> decode_base64(std::string_view text, const std::string& where) {
+  while (!text.empty() && text.back() == '=') text.remove_suffix(1);
+  if (text.size() % 4 == 1) refuse(where, "base64 data is truncated");
+  std::vector<std::byte> bytes;
+  bytes.reserve(text.size() / 4 * 3 + 2);
+  u32 bits = 0;
+  int held = 0;
+  for (char c : text) {
+    const int digit = base64_digit(c);
+    if (digit < 0) refuse(where, "a character that is not base64");
+    bits = bits << 6 | u32(digit);
+    held += 6;
+    if (held >= 8) {
+      held -= 8;
+      bytes.push_back(std::byte(bits >> held & 0xff));
+    }
+  }
+  return bytes;
+}
+
+/// Bytes of the UTF-8 sequence at the start of `text`; 0 when it is not one.
+std::size_t utf8_length(std::string_view text) {
+  const auto lead = u8(text.front());
+  const std::size_t length = lead < 0x80            ? 1
+                             : lead >> 5 == 0b110   ? 2
+                             : lead >> 4 == 0b1110  ? 3
+                             : lead >> 3 == 0b11110 ? 4
+                                                    : 0;
+  if (length == 0 || length > text.size()) return 0;
+  u32 code = length == 1 ? lead : lead & (0x7fu >> length);
+  for (std::size_t i = 1; i < length; ++i) {
+    if ((u8(text[i]) & 0xc0) != 0x80) return 0;
+    code = code << 6 | (u8(text[i]) & 0x3f);
+  }
+  constexpr u32 kSmallest[] = {0, 0, 0x80, 0x800, 0x10000};
+  const bool surrogate = code >= 0xd800 && code < 0xe000;
+  return code < kSmallest[length] || surrogate || code > 0x10ffff ? 0 : length;
+}
+
+}  // namespace
+
+Bundle::Bundle(std::span<const BundleFile> files) : files_(files) {
+  if (files.empty()) refuse("files", "the bundle is empty; the first file is the model");
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    const std::string where = fmt::format("files[{}].path", i);
+    if (normalise("", files[i].path, where) != files[i].path) refuse_path(where);
+    if (find(files[i].path) != &files[i]) refuse(where, "this path is in the bundle twice");
+  }
+}
+
+const BundleFile* Bundle::find(std::string_view path) const {
+  const auto at = std::ranges::find(files_, path, &BundleFile::path);
+  return at == files_.end() ? nullptr : &*at;
+}
+
+std::string Bundle::resolve(std::string_view from, std::string_view reference,
+                            const std::string& where) {
+  const std::size_t slash = from.rfind('/');
+  return normalise(slash == std::string_view::npos ? "" : from.substr(0, slash), reference, where);
+}
+
+std::string percent_decode(std::string_view text, const std::string& where) {
+  std::string result;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text[i] != '%') {
+      result += text[i];
+      continue;
+    }
+    const int high = i + 2 < text.size() ? hex_digit(text[i + 1]) : -1;
+    const int low = i + 2 < text.size() ? hex_digit(text[i + 2]) : -1;
+    if (high < 0 || low < 0) refuse(where, "% is not followed by two hexadecimal digits");
+    result += char(high * 16 + low);
+    i += 2;
+  }
+  return result;
+}
+
+DataUri decode_data_uri(std::string_view uri, const std::string& where) {
+  const std::size_t comma = uri.find(',');
+  if (!uri.starts_with("data:") || comma == std::string_view::npos) {
+    refuse(where, "a data URI reads data:<media type>;base64,<data>");
+  }
+  std::string_view header = uri.substr(5, comma - 5);
+  const std::string_view body = uri.substr(comma + 1);
+  if (header.ends_with(";base64")) {
+    header.remove_suffix(7);
+    return {std::string(header), decode_base64(body, where)};
+  }
+  const std::string text = percent_decode(body, where);
+  const auto bytes = std::as_bytes(std::span(text));
+  return {std::string(header), {bytes.begin(), bytes.end()}};
+}
+
+std::string extension_of(std::string_view path) {
+  const std::size_t dot = path.rfind('.');
+  const std::size_t slash = path.rfind('/');
+  if (dot == std::string_view::npos || (slash != std::string_view::npos && dot < slash)) return "";
+  std::string result(path.substr(dot + 1));
+  std::ranges::transform(result, result.begin(), [](u8 c) { return char(std::tolower(c)); });
+  return result;
+}
+
+std::string stem_of(std::string_view path) {
+  const std::size_t slash = path.rfind('/');
+  if (slash != std::string_view::npos) path.remove_prefix(slash + 1);
+  return clean_name(path.substr(0, path.rfind('.')), "asset");
+}
+
+std::string clean_name(std::string_view text, std::string_view fallback) {
+  std::string result;
+  while (!text.empty() && result.size() < kLongestName) {
+    const std::size_t length = utf8_length(text);
+    const auto c = u8(text.front());
+    if (length > 1) {
+      result += text.substr(0, length);
+    } else {
+      result += length == 0 || c < 0x20 || c == 0x7f || c == '/' ? '_' : char(c);
+    }
+    text.remove_prefix(std::max<std::size_t>(length, 1));
+  }
+  return result.empty() ? std::string(fallback) : result;
+}
+
+}  // namespace heliograph::assets

@@ -1,0 +1,49 @@
+// The files of one load and how they refer to each other. No loader opens a file: what is not in
+// the bundle does not exist.
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "renderer/assets/load.h"
+
+namespace heliograph::assets {
+
+class Bundle {
+ public:
+  /// Refuses an empty bundle, and paths that are absolute, leave the bundle, or are not clean.
+  explicit Bundle(std::span<const BundleFile> files);
+
+  [[nodiscard]] const BundleFile& model() const { return files_.front(); }
+  [[nodiscard]] const BundleFile* find(std::string_view path) const;
+
+  /// The bundle path of `reference`, as written in the file `from`; `where` is for the message.
+  /// A reference that is absolute, has a scheme or a NUL, or leaves the bundle is refused, in the
+  /// same words whether or not such a file exists.
+  [[nodiscard]] static std::string resolve(std::string_view from, std::string_view reference,
+                                           const std::string& where);
+
+ private:
+  std::span<const BundleFile> files_;
+};
+
+/// Replaces %XX; refuses a broken escape.
+[[nodiscard]] std::string percent_decode(std::string_view text, const std::string& where);
+
+struct DataUri {
+  std::string media_type;
+  std::vector<std::byte> bytes;
+};
+/// data:[<media type>][;base64],<data>
+[[nodiscard]] DataUri decode_data_uri(std::string_view uri, const std::string& where);
+
+/// "dir/Name.GLTF" -> "gltf" and "Name".
+[[nodiscard]] std::string extension_of(std::string_view path);
+[[nodiscard]] std::string stem_of(std::string_view path);
+
+/// Printable UTF-8 of at most 120 bytes without '/', or `fallback` when nothing is left.
+[[nodiscard]] std::string clean_name(std::string_view text, std::string_view fallback);
+
+}  // namespace heliograph::assets

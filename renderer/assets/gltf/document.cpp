@@ -1,0 +1,196 @@
+#include "renderer/assets/gltf/document.h"
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <string_view>
+
+namespace heliograph::assets::gltf {
+namespace {
+
+// Extensions that are honoured, and those whose effect is left out with a warning.
+constexpr std::array<std::string_view, 10> kHonoured = {
+    "KHR_texture_transform",   "KHR_lights_punctual",
+    "KHR_materials_unlit",     "KHR_materials_emissive_strength",
+    "KHR_materials_ior",       "KHR_materials_transmission",
+    "KHR_materials_specular",  "KHR_materials_pbrSpecularGlossiness",
+    "EXT_mesh_gpu_instancing", "KHR_mesh_quantization"};
+constexpr std::array<std::string_view, 8> kLeftOut = {
+    "KHR_materials_clearcoat",   "KHR_materials_sheen",
+    "KHR_materials_volume",      "KHR_materials_anisotropy",
+    "KHR_materials_iridescence", "KHR_materials_dispersion",
+    "KHR_materials_variants",    "KHR_xmp_json_ld"};
+
+constexpr u32 kJsonChunk = 0x4E4F534A;
+constexpr u32 kBinChunk = 0x004E4942;
+
+u32 word_at(Bytes bytes, std::size_t at) {
+  if (at + 4 > bytes.size()) refuse("glb", "the file is truncated");
+  u32 value;
+  std::memcpy(&value, bytes.data() + at, 4);
+  return value;
+}
+
+nlohmann::json parse_json(Bytes text, const LoadLimits& limits) {
+  Budget::check(text.size(), limits.json_bytes, "bytes of JSON", "document");
+  const auto* begin = reinterpret_cast<const char*>(text.data());
+  nlohmann::json json = nlohmann::json::parse(begin, begin + text.size(), nullptr, false);
+  if (json.is_discarded()) refuse("document", "is not valid JSON");
+  if (!json.is_object()) refuse("document", "must be a JSON object");
+  return json;
+}
+
+}  // namespace
+
+Document::Document(Builder& builder) : builder_(builder) {
+  parse_container(builder.bundle.model().bytes);
+  const std::string version = root().at("asset").at("version").text();
+  if (!version.starts_with("2.")) {
+    refuse_unimplemented("asset.version", fmt::format("glTF {}; only 2.x is read", version));
+  }
+  check_extensions();
+  load_buffers();
+}
+
+void Document::parse_container(Bytes file) {
+  const LoadLimits& limits = builder_.options.limits;
+  constexpr std::string_view kMagic = "glTF";
+  if (file.size() < 4 || std::memcmp(file.data(), kMagic.data(), 4) != 0) {
+    json_ = parse_json(file, limits);
+    return;
+  }
+  const u32 version = word_at(file, 4);
+  if (version != 2) refuse_unimplemented("glb", fmt::format("GLB version {}", version));
+  const u64 length = word_at(file, 8);
+  if (length > file.size()) refuse("glb", "the file is truncated");
+  file = file.first(length);
+  bool first = true;
+  for (std::size_t at = 12; at + 8 <= file.size();) {
+    const u64 size = word_at(file, at);
+    const u32 type = word_at(file, at + 4);
+    at += 8;
+    if (size > file.size() - at) refuse("glb", "a chunk leaves the file");
+    if (first != (type == kJsonChunk)) refuse("glb", "the first chunk, and only it, must be JSON");
+    if (first) json_ = parse_json(file.subspan(at, size), limits);
+    if (type == kBinChunk && !glb_chunk_) glb_chunk_ = file.subspan(at, size);
+    first = false;
+    at += size;
+  }
+  if (first) refuse("glb", "the JSON chunk is missing");
+}
+
+void Document::check_extensions() const {
+  const auto known = [](const auto& list, const std::string& name) {
+    return std::ranges::find(list, name) != list.end();
+  };
+  if (const auto required = root().find("extensionsRequired")) {
+    for (std::size_t i = 0; i < required->size(); ++i) {
+      const std::string name = (*required)[i].text();
+      if (known(kHonoured, name) || known(kLeftOut, name)) continue;
+      refuse_unimplemented((*required)[i].where(),
+                           fmt::format("the file requires the extension {}; export it without",
+                                       clean_name(name, "?")));
+    }
+  }
+  if (const auto used = root().find("extensionsUsed")) {
+    for (std::size_t i = 0; i < used->size(); ++i) {
+      const std::string name = (*used)[i].text();
+      if (known(kHonoured, name)) continue;
+      builder_.warn(fmt::format("extension {} is left out", clean_name(name, "?")));
+    }
+  }
+}
+
+void Document::load_buffers() {
+  for (u32 i = 0; i < count("buffers"); ++i) {
+    const Value buffer = item("buffers", i);
+    const u64 length = buffer.at("byteLength").whole();
+    Bytes bytes;
+    if (const auto uri = buffer.find("uri")) {
+      const auto found = uri_bytes(*uri);
+      if (!found) {
+        buffers_.emplace_back();
+        continue;
+      }
+      bytes = found->bytes;
+    } else if (i == 0 && glb_chunk_) {
+      bytes = *glb_chunk_;
+    } else {
+      refuse(buffer.key_where("uri"), "is missing, and there is no GLB chunk for this buffer");
+    }
+    if (bytes.size() < length) {
+      refuse(buffer.key_where("byteLength"),
+             fmt::format("is {}, but the data has {} bytes", length, bytes.size()));
+    }
+    buffers_.push_back(bytes.first(length));
+  }
+}
+
+std::optional<Document::ImageBytes> Document::uri_bytes(const Value& uri) {
+  const std::string text = uri.text();
+  if (text.starts_with("data:")) {
+    DataUri data = decode_data_uri(text, uri.where());
+    owned_.push_back(std::move(data.bytes));
+    return ImageBytes{.bytes = owned_.back(), .name = data.media_type};
+  }
+  const std::string path =
+      Bundle::resolve(builder_.bundle.model().path, percent_decode(text, uri.where()), uri.where());
+  const BundleFile* file = builder_.bundle.find(path);
+  if (!file) {
+    builder_.missing(path);
+    return std::nullopt;
+  }
+  return ImageBytes{.bytes = file->bytes, .name = extension_of(path)};
+}
+
+std::size_t Document::count(const std::string& key) const {
+  const auto list = root().find(key);
+  return list ? list->size() : 0;
+}
+
+Value Document::item(const std::string& key, u32 index) const { return root().at(key)[index]; }
+
+Bytes Document::view_bytes(const Value& view, u64 offset, u64 size) const {
+  const Bytes bytes = whole_view(view);
+  if (offset > bytes.size() || size > bytes.size() - offset) {
+    refuse(view.where(), fmt::format("needs bytes {} to {} of a buffer view of {} bytes", offset,
+                                     offset + size, bytes.size()));
+  }
+  return bytes.subspan(offset, size);
+}
+
+u64 Document::view_stride(const Value& view) const {
+  const Value item_view = item("bufferViews", view.index(count("bufferViews")));
+  const u64 stride = item_view.whole("byteStride", 0);
+  if (stride > 252 || (stride != 0 && stride < 4)) {
+    refuse(item_view.key_where("byteStride"), "must be 4 to 252");
+  }
+  return stride;
+}
+
+Bytes Document::whole_view(const Value& view) const {
+  const Value item_view = item("bufferViews", view.index(count("bufferViews")));
+  const u32 buffer = item_view.at("buffer").index(buffers_.size());
+  const u64 offset = item_view.whole("byteOffset", 0);
+  const u64 size = item_view.at("byteLength").whole();
+  const Bytes bytes = buffers_[buffer];
+  if (offset > bytes.size() || size > bytes.size() - offset) {
+    refuse(item_view.where(), fmt::format("bytes {} to {} leave the buffer of {} bytes", offset,
+                                          offset + size, bytes.size()));
+  }
+  return bytes.subspan(offset, size);
+}
+
+std::optional<Document::ImageBytes> Document::image_bytes(u32 image) {
+  const Value value = item("images", image);
+  if (const auto uri = value.find("uri")) {
+    auto found = uri_bytes(*uri);
+    if (found && found->name.empty()) found->name = value.text("mimeType", "");
+    return found;
+  }
+  if (!builder_.complete()) return std::nullopt;  // its buffer may be what is missing
+  return ImageBytes{.bytes = whole_view(value.at("bufferView")),
+                    .name = value.at("mimeType").text()};
+}
+
+}  // namespace heliograph::assets::gltf

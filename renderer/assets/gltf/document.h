@@ -1,0 +1,87 @@
+// A glTF 2.0 document: its JSON, its buffers, and typed reads of its accessors, every range
+// checked. Source: Khronos, glTF 2.0 Specification (2021).
+#pragma once
+
+#include <cstring>
+#include <list>
+
+#include "renderer/assets/builder.h"
+#include "renderer/assets/gltf/value.h"
+
+namespace heliograph::assets::gltf {
+
+using Bytes = std::span<const std::byte>;
+
+/// Owns: the JSON and decoded data URIs. Borrows: the bundle.
+class Document {
+ public:
+  /// Parses the model of the bundle (.gltf or .glb) and refuses what it requires and we lack.
+  /// Missing companions are reported to the builder; then only `builder.complete()` matters.
+  explicit Document(Builder& builder);
+
+  [[nodiscard]] Value root() const { return {json_, ""}; }
+  /// The top-level array `key`; empty when absent.
+  [[nodiscard]] std::size_t count(const std::string& key) const;
+  [[nodiscard]] Value item(const std::string& key, u32 index) const;
+
+  /// Bytes [offset, offset + size) of a buffer view; `view` holds its index.
+  [[nodiscard]] Bytes view_bytes(const Value& view, u64 offset, u64 size) const;
+  [[nodiscard]] u64 view_stride(const Value& view) const;  // 0: tightly packed
+  [[nodiscard]] Bytes whole_view(const Value& view) const;
+
+  /// The bytes of an image and the media type or file name that says what they are; nullopt when
+  /// the bundle lacks its file (reported as missing).
+  struct ImageBytes {
+    Bytes bytes;
+    std::string name;
+  };
+  [[nodiscard]] std::optional<ImageBytes> image_bytes(u32 image);
+
+ private:
+  void parse_container(Bytes file);
+  void check_extensions() const;
+  void load_buffers();
+  /// The bytes a uri names: a data URI or a file of the bundle; nullopt: missing, reported.
+  [[nodiscard]] std::optional<ImageBytes> uri_bytes(const Value& uri);
+
+  Builder& builder_;
+  nlohmann::json json_;
+  std::optional<Bytes> glb_chunk_;
+  std::vector<Bytes> buffers_;
+  std::list<std::vector<std::byte>> owned_;
+};
+
+// ---------------------------------------------------------------- accessors
+
+/// Component counts by accessor type, SCALAR .. MAT4.
+struct Shape {
+  u32 components;
+  const char* name;
+};
+
+/// All components as floats, normalised integers mapped to [0, 1] or [-1, 1]; finite.
+///
+/// accessor   holds the accessor's index
+/// components how many an element must have
+[[nodiscard]] std::vector<float> read_floats(const Document& document, const Value& accessor,
+                                             u32 components, Budget& budget);
+/// Unsigned integers as they are.
+[[nodiscard]] std::vector<u32> read_integers(const Document& document, const Value& accessor,
+                                             u32 components, Budget& budget);
+[[nodiscard]] u64 accessor_count(const Document& document, const Value& accessor);
+/// Components of an element, from the accessor's type.
+[[nodiscard]] u32 accessor_components(const Document& document, const Value& accessor);
+
+/// Floats as vectors: read_as<vec3>.
+template <class T>
+[[nodiscard]] std::vector<T> read_as(const Document& document, const Value& accessor,
+                                     Budget& budget) {
+  const std::vector<float> floats =
+      read_floats(document, accessor, sizeof(T) / sizeof(float), budget);
+  std::vector<T> result(floats.size() / (sizeof(T) / sizeof(float)));
+  if (!floats.empty())
+    std::memcpy(static_cast<void*>(result.data()), floats.data(), floats.size() * sizeof(float));
+  return result;
+}
+
+}  // namespace heliograph::assets::gltf

@@ -1,0 +1,212 @@
+// Nodes to entities. Parents come before children and joints before the meshes that follow them, so
+// that every reference points back.
+#include <algorithm>
+
+#include "renderer/assets/gltf/nodes.h"
+#include "renderer/assets/mesh_data.h"
+
+namespace heliograph::assets::gltf {
+namespace {
+
+class Maker {
+ public:
+  Maker(const Document& document, Builder& builder, const std::vector<Node>& nodes,
+        const std::vector<Mesh>& meshes)
+      : document_(document), builder_(builder), nodes_(nodes), meshes_(meshes) {
+    entities_.node.resize(nodes.size());
+    entities_.mesh.resize(nodes.size());
+  }
+
+  Entities make() {
+    const LightShapes shapes = add_light_shapes(document_, builder_);
+    const u32 root = builder_.entity("", PutEntity{});
+    PutEntity turned;
+    turned.parent = builder_.entity_ref(root);
+    turned.pose = constant_pose(mat4x3(z_up_from("y")));
+    const u32 z_up = builder_.entity(builder_.claim_name("z_up", "z_up"), std::move(turned));
+    std::vector<u32> order = scene_roots();
+    std::vector<u32> skinned;
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      const Node& node = nodes_[order[i]];
+      const bool has_skin = node.value.find("skin") && node.value.find("mesh");
+      if (has_skin) skinned.push_back(order[i]);
+      if (!has_skin || !node.children.empty()) add_node(order[i], z_up, shapes);
+      order.insert(order.end(), node.children.begin(), node.children.end());
+    }
+    for (const u32 index : skinned) add_skinned(index, z_up, shapes);
+    return std::move(entities_);
+  }
+
+ private:
+  std::vector<u32> scene_roots() const {
+    std::vector<u32> roots;
+    if (document_.count("scenes") == 0) {
+      for (u32 i = 0; i < nodes_.size(); ++i) {
+        if (!nodes_[i].parent) roots.push_back(i);
+      }
+      return roots;
+    }
+    const auto chosen = document_.root().find("scene");
+    const Value scene =
+        document_.item("scenes", chosen ? chosen->index(document_.count("scenes")) : 0);
+    const auto list = scene.find("nodes");
+    for (std::size_t i = 0; list && i < list->size(); ++i) {
+      const u32 root = (*list)[i].index(nodes_.size());
+      if (nodes_[root].parent) refuse((*list)[i].where(), "is not a root: it has a parent");
+      if (std::ranges::count(roots, root)) refuse((*list)[i].where(), "is in the scene twice");
+      roots.push_back(root);
+    }
+    return roots;
+  }
+
+  PutEntity placed(u32 index, u32 z_up) const {
+    const Node& node = nodes_[index];
+    PutEntity put;
+    const auto parent = node.parent ? entities_.node[*node.parent] : std::optional<u32>(z_up);
+    put.parent = builder_.entity_ref(*parent);
+    if (node.flat) {
+      builder_.warn(fmt::format("node '{}' is scaled to nothing and is hidden", node.name));
+      put.visible = false;
+      put.pose = constant_pose(mat4x3(vec3(1, 0, 0), vec3(0, 1, 0), vec3(0, 0, 1), node.local[3]));
+    } else if (node.local != mat4x3(1)) {
+      put.pose = constant_pose(node.local);
+    }
+    return put;
+  }
+
+  /// Binds the node's mesh, its materials and its morph weights.
+  void bind_mesh(const Node& node, PutEntity& put) const {
+    const Mesh& mesh = meshes_[node.value.at("mesh").index(meshes_.size())];
+    if (std::holds_alternative<std::monostate>(mesh.ref)) return;
+    put.mesh = mesh.ref;
+    put.materials = mesh.materials;
+    if (mesh.morph_count == 0) return;
+    MorphWeights weights{.times = {}, .weights = mesh.morph_weights};
+    weights.weights.resize(mesh.morph_count);
+    if (const auto own = node.value.find("weights")) {
+      if (own->size() != mesh.morph_count) {
+        refuse(own->where(), fmt::format("must have {} numbers", mesh.morph_count));
+      }
+      for (u32 i = 0; i < mesh.morph_count; ++i) weights.weights[i] = (*own)[i].single();
+    }
+    put.morph_weights = weights;
+  }
+
+  void add_attachments(u32 index, const LightShapes& shapes) {
+    const auto light = nodes_[index].value.extension("KHR_lights_punctual");
+    if (light) add_light(document_, builder_, light->at("light"), *entities_.node[index], shapes);
+  }
+
+  void add_node(u32 index, u32 z_up, const LightShapes& shapes) {
+    const Node& node = nodes_[index];
+    PutEntity put = placed(index, z_up);
+    const bool has_mesh = node.value.find("mesh").has_value();
+    const auto instancing = node.value.extension("EXT_mesh_gpu_instancing");
+    const bool plain = has_mesh && !instancing && !node.value.find("skin");
+    if (plain) bind_mesh(node, put);
+    if (const auto camera = node.value.find("camera")) {
+      put.camera =
+          read_camera(document_.item("cameras", camera->index(document_.count("cameras"))));
+    }
+    entities_.node[index] = builder_.entity(node.name, std::move(put));
+    if (plain) entities_.mesh[index] = entities_.node[index];
+    if (has_mesh && instancing) add_instances(node, *instancing, *entities_.node[index]);
+    add_attachments(index, shapes);
+  }
+
+  /// Source: EXT_mesh_gpu_instancing.
+  void add_instances(const Node& node, const Value& instancing, u32 parent) {
+    const Value attributes = instancing.at("attributes");
+    std::optional<u64> count;
+    for (const auto& [key, accessor] : attributes.members()) {
+      const u64 here = accessor_count(document_, accessor);
+      if (count && *count != here) refuse(accessor.where(), "has another count than its siblings");
+      count = here;
+    }
+    const u64 total = count.value_or(0);
+    Budget::check(total, builder_.options.limits.entities, "entities", instancing.where());
+    std::vector<vec3> translations(total, vec3(0));
+    std::vector<vec3> scales(total, vec3(1));
+    std::vector<vec4> rotations(total, vec4(0, 0, 0, 1));
+    const auto read = [&]<class T>(const std::string& key, std::vector<T>& out) {
+      const auto accessor = attributes.find(key);
+      if (accessor) out = read_as<T>(document_, *accessor, builder_.budget);
+    };
+    read("TRANSLATION", translations);
+    read("SCALE", scales);
+    read("ROTATION", rotations);
+    for (std::size_t i = 0; i < total; ++i) {
+      const vec4 r = rotations[i];
+      const float length = glm::length(r);
+      if (!(length > 1e-6f)) refuse(instancing.where(), "a rotation is not a unit quaternion");
+      const quat rotation(r.w / length, r.x / length, r.y / length, r.z / length);
+      PutEntity put;
+      put.parent = builder_.entity_ref(parent);
+      put.pose = constant_pose(compose_trs(translations[i], rotation, scales[i]));
+      if (is_flat(put.pose->matrices.front())) {
+        builder_.warn(
+            fmt::format("instances of node '{}' scaled to nothing are left out", node.name));
+        continue;
+      }
+      bind_mesh(node, put);
+      builder_.entity(builder_.claim_name(fmt::format("{}.{}", node.name, i), "instance"),
+                      std::move(put));
+    }
+  }
+
+  /// After all joints: the node's own entity if it is a leaf, else one below it. Where a skinned
+  /// mesh hangs does not matter: it follows its joints alone.
+  void add_skinned(u32 index, u32 z_up, const LightShapes& shapes) {
+    const Node& node = nodes_[index];
+    PutEntity put;
+    if (node.children.empty()) {
+      put = placed(index, z_up);
+    } else {
+      put.parent = builder_.entity_ref(*entities_.node[index]);
+    }
+    bind_mesh(node, put);
+    put.skin = read_skin_patch(node);
+    const bool own = node.children.empty();
+    const std::string name = own ? node.name : builder_.claim_name(node.name + ".skin", "skin");
+    entities_.mesh[index] = builder_.entity(name, std::move(put));
+    if (!own) return;
+    entities_.node[index] = entities_.mesh[index];
+    add_attachments(index, shapes);
+  }
+
+  SkinPatch read_skin_patch(const Node& node) const {
+    const Value index = node.value.at("skin");
+    const Value skin = document_.item("skins", index.index(document_.count("skins")));
+    SkinData data = read_skin(document_, skin, nodes_.size(), builder_.budget);
+    const Mesh& mesh = meshes_[node.value.at("mesh").index(meshes_.size())];
+    if (mesh.joint_count == 0)
+      refuse(node.value.where(), "has a skin, but its mesh has no JOINTS_0");
+    if (mesh.joint_count > data.joints.size()) {
+      refuse(skin.key_where("joints"), fmt::format("the mesh uses joint {}, the skin has {}",
+                                                   mesh.joint_count - 1, data.joints.size()));
+    }
+    SkinPatch patch{.joints = {}, .inverse_binds = std::move(data.inverse_binds)};
+    for (const u32 joint : data.joints) {
+      if (!entities_.node[joint]) {
+        refuse(skin.key_where("joints"), fmt::format("node {} is not in the scene", joint));
+      }
+      patch.joints.push_back(builder_.entity_ref(*entities_.node[joint]));
+    }
+    return patch;
+  }
+
+  const Document& document_;
+  Builder& builder_;
+  const std::vector<Node>& nodes_;
+  const std::vector<Mesh>& meshes_;
+  Entities entities_;
+};
+
+}  // namespace
+
+Entities make_entities(const Document& document, Builder& builder, const std::vector<Node>& nodes,
+                       const std::vector<Mesh>& meshes) {
+  return Maker(document, builder, nodes, meshes).make();
+}
+
+}  // namespace heliograph::assets::gltf

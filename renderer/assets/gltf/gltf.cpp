@@ -1,0 +1,23 @@
+// glTF 2.0 to an asset: the order of the steps. Chosen by load.cpp.
+//
+// The root entity is the user's: its pose is left alone. Below it the entity "z_up" turns glTF's +Y
+// up to the world's +Z, and the scene's nodes hang below that.
+#include "renderer/assets/gltf/animation.h"
+
+namespace heliograph::assets {
+
+void load_gltf(Builder& builder) {
+  using namespace gltf;
+  if (!builder.options.up.empty() || builder.options.units > 0) {
+    builder.warn("up and units are ignored: glTF is +Y up and in metres");
+  }
+  Document document(builder);
+  const Materials materials = load_materials(document, builder, any_without_material(document));
+  if (!builder.complete()) return;
+  const std::vector<Node> nodes = read_nodes(document, builder);
+  const std::vector<Mesh> meshes = load_meshes(document, builder, materials);
+  const Entities entities = make_entities(document, builder, nodes, meshes);
+  builder.loaded.asset.animations = load_animations(document, builder, nodes, entities, meshes);
+}
+
+}  // namespace heliograph::assets

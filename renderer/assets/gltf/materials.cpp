@@ -1,0 +1,196 @@
+// Source: glTF 2.0, 3.9 (Materials) and the KHR_materials_* extensions it cites by name.
+#include "renderer/assets/gltf/materials.h"
+
+#include <algorithm>
+
+namespace heliograph::assets::gltf {
+namespace {
+
+using enum MaterialParameter;
+
+struct Range {
+  float smallest, largest;
+};
+constexpr std::array<Range, kMaterialParameters> kRanges = {{
+#define HELIO_PARAMETER(name, components, initial, smallest, largest) {smallest, largest},
+    HELIO_MATERIAL_PARAMETERS(HELIO_PARAMETER)
+#undef HELIO_PARAMETER
+}};
+
+/// One material being read.
+class Reader {
+ public:
+  Reader(const Value& value, Textures& textures, Builder& builder)
+      : value_(value), textures_(textures), builder_(builder) {}
+
+  PutMaterial read() {
+    alpha();
+    if (const auto old = value_.extension("KHR_materials_pbrSpecularGlossiness")) {
+      specular_glossiness(*old);
+    } else {
+      metallic_roughness();
+    }
+    emission();
+    extensions();
+    if (const auto normal = value_.find("normalTexture")) {
+      put_.normal_map = textures_.use(*normal, false, 0);
+      if (put_.normal_map) put_.normal_map->use.scale = float(normal->number("scale", 1));
+    }
+    put_.two_sided_emission = value_.flag("doubleSided", false);
+    return std::move(put_);
+  }
+
+ private:
+  void set(MaterialParameter parameter, vec3 value) {
+    const Range range = kRanges[std::size_t(parameter)];
+    const vec3 clamped = glm::clamp(value, range.smallest, range.largest);
+    if (clamped != value) {
+      builder_.warn(fmt::format("{}: a factor outside [{}, {}] was clamped", value_.where(),
+                                range.smallest, range.largest));
+    }
+    put_.parameters[std::size_t(parameter)].value = clamped;
+  }
+  void set_texture(MaterialParameter parameter, const Value& owner, const std::string& key,
+                   bool srgb, u32 channel) {
+    const auto info = owner.find(key);
+    if (info) put_.parameters[std::size_t(parameter)].texture = textures_.use(*info, srgb, channel);
+  }
+
+  void alpha() {
+    const std::string mode = value_.text("alphaMode", "OPAQUE");
+    if (mode == "OPAQUE") {
+      put_.alpha_mode = AlphaMode::kOpaque;
+    } else if (mode == "MASK") {
+      put_.alpha_mode = AlphaMode::kMask;
+      put_.alpha_cutoff = float(std::clamp(value_.number("alphaCutoff", 0.5), 0.0, 1.0));
+    } else if (mode == "BLEND") {
+      put_.alpha_mode = AlphaMode::kBlend;
+    } else {
+      refuse(value_.key_where("alphaMode"), "must be OPAQUE, MASK or BLEND");
+    }
+  }
+  /// base_color from RGB of a factor and a texture, alpha from their A unless the mode is OPAQUE.
+  void color_and_alpha(const Value& owner, const std::string& factor, const std::string& texture) {
+    const auto color = owner.numbers<4>(factor, {1, 1, 1, 1});
+    set(base_color, {color[0], color[1], color[2]});
+    set_texture(base_color, owner, texture, true, 0);
+    if (put_.alpha_mode == AlphaMode::kOpaque) return;
+    set(MaterialParameter::alpha, vec3(color[3]));
+    set_texture(MaterialParameter::alpha, owner, texture, true, 3);
+  }
+
+  void metallic_roughness() {
+    static const nlohmann::json kEmpty = nlohmann::json::object();
+    const Value pbr = value_.find("pbrMetallicRoughness").value_or(Value(kEmpty, value_.where()));
+    color_and_alpha(pbr, "baseColorFactor", "baseColorTexture");
+    set(metallic, vec3(float(pbr.number("metallicFactor", 1))));
+    set(roughness, vec3(float(pbr.number("roughnessFactor", 1))));
+    set_texture(metallic, pbr, "metallicRoughnessTexture", false, 2);
+    set_texture(roughness, pbr, "metallicRoughnessTexture", false, 1);
+  }
+
+  /// Diffuse and specular of a dielectric: F0 = 0.04 specular_color, so the tint is specular /
+  /// 0.04.
+  void specular_glossiness(const Value& old) {
+    color_and_alpha(old, "diffuseFactor", "diffuseTexture");
+    set(metallic, vec3(0));
+    const auto specular = old.numbers<3>("specularFactor", {1, 1, 1});
+    set(specular_color, vec3(specular[0], specular[1], specular[2]) / 0.04f);
+    set_texture(specular_color, old, "specularGlossinessTexture", true, 0);
+    const float glossiness = float(std::clamp(old.number("glossinessFactor", 1), 0.0, 1.0));
+    ParameterPatch& rough = put_.parameters[std::size_t(roughness)];
+    set_texture(roughness, old, "specularGlossinessTexture", true, 3);
+    set(roughness, vec3(rough.texture ? 1.0f : 1.0f - glossiness));
+    if (rough.texture) {
+      rough.texture->use.scale = -glossiness;
+      rough.texture->use.offset = 1;
+    }
+  }
+
+  void emission() {
+    const auto factor = value_.numbers<3>("emissiveFactor", {0, 0, 0});
+    set(MaterialParameter::emission, {factor[0], factor[1], factor[2]});
+    if (factor[0] > 0 || factor[1] > 0 || factor[2] > 0) {
+      set_texture(MaterialParameter::emission, value_, "emissiveTexture", true, 0);
+    }
+    if (const auto strength = value_.extension("KHR_materials_emissive_strength")) {
+      set(emission_strength, vec3(float(strength->number("emissiveStrength", 1))));
+    }
+  }
+
+  void extensions() {
+    put_.unlit = value_.extension("KHR_materials_unlit").has_value();
+    if (const auto transmitting = value_.extension("KHR_materials_transmission")) {
+      set(transmission, vec3(float(transmitting->number("transmissionFactor", 0))));
+      set_texture(transmission, *transmitting, "transmissionTexture", false, 0);
+    }
+    if (const auto index = value_.extension("KHR_materials_ior")) {
+      set(ior, vec3(float(index->number("ior", 1.5))));
+    }
+    if (const auto reflecting = value_.extension("KHR_materials_specular")) {
+      set(specular, vec3(float(reflecting->number("specularFactor", 1))));
+      set_texture(specular, *reflecting, "specularTexture", false, 3);
+      const auto tint = reflecting->numbers<3>("specularColorFactor", {1, 1, 1});
+      set(specular_color, {tint[0], tint[1], tint[2]});
+      set_texture(specular_color, *reflecting, "specularColorTexture", true, 0);
+    }
+  }
+
+  const Value& value_;
+  Textures& textures_;
+  Builder& builder_;
+  PutMaterial put_;
+};
+
+/// Points channels at what the decoded image has: gray serves for red, green and blue; without an
+/// alpha channel alpha is 1.
+void adapt_channels(PutMaterial& put, const Textures& textures) {
+  for (ParameterPatch& parameter : put.parameters) {
+    if (!parameter.texture) continue;
+    TextureUse& use = parameter.texture->use;
+    const u32 channels = textures.channels(*parameter.texture);
+    if (use.channel == 3) {
+      if (channels == 2 || channels == 4) {
+        use.channel = channels - 1;
+      } else {
+        const float constant = use.scale + use.offset;
+        parameter.texture.reset();
+        parameter.value = parameter.value.value_or(vec3(1)) * constant;
+      }
+    } else if (channels < 3) {
+      use.channel = 0;
+    }
+  }
+}
+
+}  // namespace
+
+Materials load_materials(Document& document, Builder& builder, bool needs_fallback) {
+  Textures textures(document, builder);
+  std::vector<PutMaterial> puts;
+  Materials materials;
+  for (u32 i = 0; i < document.count("materials"); ++i) {
+    puts.push_back(Reader(document.item("materials", i), textures, builder).read());
+    materials.normal_mapped.push_back(puts.back().normal_map.has_value());
+  }
+  std::vector<std::string> names;  // before the textures', which nobody addresses
+  for (u32 i = 0; i < puts.size(); ++i) {
+    names.push_back(builder.claim_name(document.item("materials", i).text("name", ""),
+                                       fmt::format("material_{}", i)));
+  }
+  textures.make_library();
+  if (!builder.complete()) return materials;
+  for (u32 i = 0; i < puts.size(); ++i) {
+    adapt_channels(puts[i], textures);
+    materials.refs.push_back(builder.library(names[i], std::move(puts[i])));
+  }
+  if (needs_fallback) {
+    static const nlohmann::json kDefault = nlohmann::json::object();
+    const Value value(kDefault, "materials");
+    materials.fallback = builder.library(builder.claim_name("default", "default"),
+                                         Reader(value, textures, builder).read());
+  }
+  return materials;
+}
+
+}  // namespace heliograph::assets::gltf

@@ -1,0 +1,19 @@
+// glTF materials to PutMaterial.
+#pragma once
+
+#include "renderer/assets/gltf/textures.h"
+
+namespace heliograph::assets::gltf {
+
+/// What the rest of the loader asks about materials.
+struct Materials {
+  std::vector<Ref> refs;  // by glTF material index
+  std::vector<bool> normal_mapped;
+  Ref fallback;  // for primitives without a material; may be monostate
+};
+
+/// Adds textures, then materials to the library. `needs_fallback`: some primitive names no
+/// material.
+[[nodiscard]] Materials load_materials(Document& document, Builder& builder, bool needs_fallback);
+
+}  // namespace heliograph::assets::gltf

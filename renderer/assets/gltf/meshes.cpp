@@ -1,0 +1,210 @@
+#include "renderer/assets/gltf/meshes.h"
+
+#include <algorithm>
+#include <map>
+
+#include "renderer/assets/gltf/primitive.h"
+
+namespace heliograph::assets::gltf {
+namespace {
+
+bool is_surface(const Value& primitive) {
+  const u64 mode = primitive.whole("mode", 4);
+  if (mode > 6) refuse(primitive.key_where("mode"), "must be 0 to 6");
+  return mode >= 4 && primitive.at("attributes").find("POSITION");
+}
+
+/// Vertices that one or more primitives share, and where they begin in the mesh.
+struct Piece {
+  MeshData vertices;
+  u32 first = 0;
+};
+struct Part {
+  std::size_t piece = 0;
+  std::vector<uvec3> triangles;
+};
+
+template <class T>
+void append(std::vector<T>& all, std::vector<T>& some, std::size_t count, const T& fill) {
+  if (some.empty()) some.assign(count, fill);
+  all.insert(all.end(), some.begin(), some.end());
+}
+
+/// Which optional arrays the merged mesh has: those that any piece has.
+struct Present {
+  bool normals = false, uvs = false, uvs1 = false, colors = false, skin = false;
+  bool tangents = true, morph_normals = false;
+  explicit Present(const std::vector<Piece>& pieces) {
+    for (const auto& [mesh, first] : pieces) {
+      normals |= !mesh.normals.empty();
+      uvs |= !mesh.uvs.empty();
+      uvs1 |= !mesh.uvs1.empty();
+      colors |= !mesh.colors.empty();
+      skin |= !mesh.joints.empty();
+      tangents &= !mesh.tangents.empty();
+      morph_normals |= !mesh.morph_normals.empty();
+    }
+  }
+};
+
+MeshData merge(std::vector<Piece>& pieces) {
+  if (pieces.size() == 1) return std::move(pieces.front().vertices);
+  const Present present(pieces);
+  MeshData all;
+  const std::size_t targets = pieces.front().vertices.morph_positions.size();
+  all.morph_positions.resize(targets);
+  all.morph_normals.resize(present.morph_normals ? targets : 0);
+  for (Piece& piece : pieces) {
+    MeshData& mesh = piece.vertices;
+    const std::size_t count = mesh.positions.size();
+    piece.first = u32(all.positions.size());
+    append(all.positions, mesh.positions, count, vec3(0));
+    if (present.normals) append(all.normals, mesh.normals, count, vec3(0, 0, 1));
+    if (present.uvs) append(all.uvs, mesh.uvs, count, vec2(0));
+    if (present.uvs1) append(all.uvs1, mesh.uvs1, count, vec2(0));
+    if (present.colors) append(all.colors, mesh.colors, count, vec4(1));
+    if (present.tangents) append(all.tangents, mesh.tangents, count, vec4(1, 0, 0, 1));
+    if (present.skin) {
+      append(all.joints, mesh.joints, count, glm::u16vec4(0));
+      append(all.weights, mesh.weights, count, vec4(1, 0, 0, 0));
+    }
+    mesh.morph_normals.resize(present.morph_normals ? targets : 0);
+    for (std::size_t t = 0; t < targets; ++t) {
+      append(all.morph_positions[t], mesh.morph_positions[t], count, vec3(0));
+      if (!present.morph_normals) continue;
+      append(all.morph_normals[t], mesh.morph_normals[t], count, vec3(0));
+    }
+  }
+  return all;
+}
+
+class Loader {
+ public:
+  Loader(const Document& document, Builder& builder, const Materials& materials)
+      : document_(document), builder_(builder), materials_(materials) {}
+
+  Mesh load(const Value& value, u32 index) {
+    const Value primitives = value.at("primitives");
+    std::vector<Value> surfaces;
+    for (std::size_t i = 0; i < primitives.size(); ++i) {
+      if (is_surface(primitives[i])) surfaces.push_back(primitives[i]);
+    }
+    if (surfaces.size() < primitives.size()) {
+      builder_.warn("primitives of points or lines, or without POSITION, are left out");
+    }
+    Mesh mesh;
+    if (surfaces.empty()) return mesh;
+    read_parts(surfaces);
+    MeshData data = merge(pieces_);
+    for (std::size_t i = 0; i < parts_.size(); ++i) {
+      add_part(surfaces[i], parts_[i], data, mesh);
+    }
+    for (const glm::u16vec4& joints : data.joints) {
+      for (int i = 0; i < 4; ++i)
+        mesh.joint_count = std::max<u32>(mesh.joint_count, joints[i] + 1u);
+    }
+    mesh.morph_count = u32(data.morph_positions.size());
+    mesh.morph_weights = read_weights(value, mesh.morph_count);
+    if (data.triangles.empty()) return mesh;
+    PutMesh put = finish_mesh(std::move(data), value.where(), builder_.budget);
+    mesh.topology = put.topology;
+    mesh.vertices = put.vertices;
+    mesh.ref = builder_.library(
+        builder_.claim_name(value.text("name", ""), fmt::format("mesh_{}", index)), std::move(put));
+    return mesh;
+  }
+
+ private:
+  void read_parts(const std::vector<Value>& surfaces) {
+    const auto has_normals = [](const Value& primitive) {
+      return primitive.at("attributes").find("NORMAL").has_value();
+    };
+    const bool any_normals = std::ranges::any_of(surfaces, has_normals);
+    std::map<std::string, std::size_t> known;
+    u64 vertices = 0;
+    for (const Value& primitive : surfaces) {
+      const auto targets = primitive.find("targets");
+      const std::string key = primitive.at("attributes").dump() + (targets ? targets->dump() : "");
+      auto [at, is_new] = known.try_emplace(key, pieces_.size());
+      if (is_new) pieces_.push_back({.vertices = read_vertices(document_, primitive, builder_)});
+      Part part{.piece = at->second, .triangles = {}};
+      const MeshData& shared = pieces_[part.piece].vertices;
+      part.triangles =
+          read_triangles(document_, primitive, u32(shared.positions.size()), builder_.budget);
+      if (any_normals && !has_normals(primitive)) make_flat(part);
+      const auto& first = pieces_.front().vertices.morph_positions;
+      if (pieces_[part.piece].vertices.morph_positions.size() != first.size()) {
+        refuse(primitive.where(), "has another number of morph targets than the first primitive");
+      }
+      vertices += is_new ? pieces_.back().vertices.positions.size() : 0;
+      Budget::check(vertices, builder_.options.limits.vertices, "vertices", primitive.where());
+      parts_.push_back(std::move(part));
+    }
+  }
+
+  /// Beside parts with normals, a part without takes its triangles' own.
+  void make_flat(Part& part) {
+    pieces_.push_back(
+        {.vertices = flat_shaded(pieces_[part.piece].vertices, part.triangles, builder_.budget)});
+    part.piece = pieces_.size() - 1;
+    for (std::size_t i = 0; i < part.triangles.size(); ++i) {
+      part.triangles[i] = uvec3(3 * i, 3 * i + 1, 3 * i + 2);
+    }
+  }
+
+  void add_part(const Value& primitive, const Part& part, MeshData& data, Mesh& mesh) {
+    const u32 first = pieces_[part.piece].first;
+    for (const uvec3& t : part.triangles) data.triangles.push_back(t + first);
+    data.parts.insert(data.parts.end(), part.triangles.size(), u32(mesh.materials.size()));
+    const auto material = primitive.find("material");
+    std::string name = fmt::format("part_{}", mesh.materials.size());
+    if (material) {
+      const u32 index = material->index(document_.count("materials"));
+      mesh.materials.push_back(materials_.refs[index]);
+      name = clean_name(document_.item("materials", index).text("name", ""), name);
+    } else {
+      mesh.materials.push_back(materials_.fallback);
+    }
+    data.part_names.push_back(name);
+  }
+
+  static std::vector<float> read_weights(const Value& mesh, u32 targets) {
+    std::vector<float> weights;
+    const auto array = mesh.find("weights");
+    if (!array || targets == 0) return weights;
+    if (array->size() != targets) {
+      refuse(array->where(), fmt::format("must have {} numbers", targets));
+    }
+    for (std::size_t i = 0; i < targets; ++i) weights.push_back((*array)[i].single());
+    return weights;
+  }
+
+  const Document& document_;
+  Builder& builder_;
+  const Materials& materials_;
+  std::vector<Piece> pieces_;
+  std::vector<Part> parts_;
+};
+
+}  // namespace
+
+std::vector<Mesh> load_meshes(const Document& document, Builder& builder,
+                              const Materials& materials) {
+  std::vector<Mesh> meshes;
+  for (u32 i = 0; i < document.count("meshes"); ++i) {
+    meshes.push_back(Loader(document, builder, materials).load(document.item("meshes", i), i));
+  }
+  return meshes;
+}
+
+bool any_without_material(const Document& document) {
+  for (u32 i = 0; i < document.count("meshes"); ++i) {
+    const Value primitives = document.item("meshes", i).at("primitives");
+    for (std::size_t k = 0; k < primitives.size(); ++k) {
+      if (!primitives[k].find("material")) return true;
+    }
+  }
+  return false;
+}
+
+}  // namespace heliograph::assets::gltf

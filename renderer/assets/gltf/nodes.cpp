@@ -1,0 +1,116 @@
+// Source: glTF 2.0, 3.5.2 and 3.5.3 (node hierarchy, transformations).
+#include <algorithm>
+#include <cmath>
+
+#include "renderer/assets/gltf/nodes.h"
+
+namespace heliograph::assets::gltf {
+namespace {
+
+void read_matrix(const Value& matrix_value, const std::array<float, 16>& m, Node& node) {
+  if (m[3] != 0 || m[7] != 0 || m[11] != 0 || m[15] != 1) {
+    refuse(matrix_value.where(), "the last row must be 0 0 0 1");
+  }
+  node.has_matrix = true;
+  for (int column = 0; column < 4; ++column) {
+    for (int row = 0; row < 3; ++row) node.local[column][row] = m[std::size_t(column * 4 + row)];
+  }
+}
+
+void read_trs(const Value& value, Node& node) {
+  const auto t = value.numbers<3>("translation", {0, 0, 0});
+  const auto r = value.numbers<4>("rotation", {0, 0, 0, 1});
+  const auto s = value.numbers<3>("scale", {1, 1, 1});
+  node.translation = {t[0], t[1], t[2]};
+  node.rotation = quat(r[3], r[0], r[1], r[2]);
+  node.scale = {s[0], s[1], s[2]};
+  const float length = glm::length(node.rotation);
+  if (!(length > 1e-6f) || !std::isfinite(length)) {
+    refuse(value.key_where("rotation"), "must be a unit quaternion");
+  }
+  node.rotation = node.rotation / length;
+  node.local = compose_trs(node.translation, node.rotation, node.scale);
+}
+
+/// Fills parents and children; refuses a second parent, and cycles, which no root reaches.
+void link(std::vector<Node>& nodes) {
+  for (u32 i = 0; i < nodes.size(); ++i) {
+    const auto children = nodes[i].value.find("children");
+    for (std::size_t k = 0; children && k < children->size(); ++k) {
+      const u32 child = (*children)[k].index(nodes.size());
+      if (nodes[child].parent) {
+        refuse((*children)[k].where(), fmt::format("node {} has two parents", child));
+      }
+      nodes[child].parent = i;
+      nodes[i].children.push_back(child);
+    }
+  }
+  std::vector<u32> reached;
+  for (u32 i = 0; i < nodes.size(); ++i) {
+    if (!nodes[i].parent) reached.push_back(i);
+  }
+  std::vector<bool> seen(nodes.size());
+  for (std::size_t k = 0; k < reached.size(); ++k) {
+    seen[reached[k]] = true;
+    const auto& children = nodes[reached[k]].children;
+    reached.insert(reached.end(), children.begin(), children.end());
+  }
+  const auto lost = std::ranges::find(seen, false);
+  if (lost != seen.end()) {
+    refuse(fmt::format("nodes[{}].children", lost - seen.begin()), "the nodes form a cycle");
+  }
+}
+
+}  // namespace
+
+mat4x3 compose_trs(vec3 translation, quat rotation, vec3 scale) {
+  const mat3 r = glm::mat3_cast(rotation);
+  return {r[0] * scale.x, r[1] * scale.y, r[2] * scale.z, translation};
+}
+
+bool is_flat(const mat4x3& matrix) {
+  const glm::dmat3 m{mat3(matrix)};
+  const double size = glm::length(m[0]) * glm::length(m[1]) * glm::length(m[2]);
+  return !(std::abs(glm::determinant(m)) > 1e-6 * size) || !(size > 1e-24);
+}
+
+std::vector<Node> read_nodes(const Document& document, Builder& builder) {
+  std::vector<Node> nodes;
+  Budget::check(document.count("nodes"), builder.options.limits.entities, "entities", "nodes");
+  for (u32 i = 0; i < document.count("nodes"); ++i) {
+    const Value value = document.item("nodes", i);
+    Node node{.value = value, .name = {}, .parent = {}, .children = {}};
+    if (const auto matrix = value.find("matrix")) {
+      read_matrix(*matrix, value.numbers<16>("matrix", {}), node);
+    } else {
+      read_trs(value, node);
+    }
+    node.flat = is_flat(node.local);
+    node.name = builder.claim_name(value.text("name", ""), fmt::format("node_{}", i));
+    nodes.push_back(std::move(node));
+  }
+  link(nodes);
+  return nodes;
+}
+
+SkinData read_skin(const Document& document, const Value& skin, std::size_t nodes, Budget& budget) {
+  SkinData data;
+  const Value joints = skin.at("joints");
+  if (joints.size() == 0 || joints.size() > 0x10000) {
+    refuse(joints.where(), "must name 1 to 65536 joints");
+  }
+  for (std::size_t i = 0; i < joints.size(); ++i) data.joints.push_back(joints[i].index(nodes));
+  data.inverse_binds.assign(data.joints.size(), mat4x3(1));
+  if (const auto accessor = skin.find("inverseBindMatrices")) {
+    const std::vector<mat4> matrices = read_as<mat4>(document, *accessor, budget);
+    if (matrices.size() < data.joints.size()) {
+      refuse(accessor->where(),
+             fmt::format("has {} matrices for {} joints", matrices.size(), data.joints.size()));
+    }
+    for (std::size_t i = 0; i < data.joints.size(); ++i)
+      data.inverse_binds[i] = mat4x3(matrices[i]);
+  }
+  return data;
+}
+
+}  // namespace heliograph::assets::gltf

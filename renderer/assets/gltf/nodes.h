@@ -1,0 +1,57 @@
+// The node hierarchy of a glTF: checked to be a tree, and made into entities.
+#pragma once
+
+#include "renderer/assets/gltf/meshes.h"
+
+namespace heliograph::assets::gltf {
+
+/// The nodes as data: every number read, every index checked, every node at most one parent, no
+/// cycle.
+struct Node {
+  Value value;
+  std::string name;  // claimed
+  std::optional<u32> parent;
+  std::vector<u32> children;
+  bool has_matrix = false;
+  mat4x3 local{1};           // parent_from_node
+  glm::vec3 translation{0};  // when not has_matrix
+  glm::quat rotation{1, 0, 0, 0};
+  glm::vec3 scale{1};
+  bool flat = false;  // its matrix cannot be inverted: nothing of it can be seen
+};
+[[nodiscard]] std::vector<Node> read_nodes(const Document& document, Builder& builder);
+
+/// Where the nodes went.
+struct Entities {
+  std::vector<std::optional<u32>> node;  // entity of each node; nullopt: not in the scene
+  std::vector<std::optional<u32>> mesh;  // entity that shows its mesh; may be another
+};
+/// Adds the root, the turn to +Z up below it, and every node of the scene.
+[[nodiscard]] Entities make_entities(const Document& document, Builder& builder,
+                                     const std::vector<Node>& nodes,
+                                     const std::vector<Mesh>& meshes);
+
+/// The joints of a skin as node indices, and its inverse bind matrices.
+struct SkinData {
+  std::vector<u32> joints;
+  std::vector<mat4x3> inverse_binds;
+};
+[[nodiscard]] SkinData read_skin(const Document& document, const Value& skin, std::size_t nodes,
+                                 Budget& budget);
+
+[[nodiscard]] mat4x3 compose_trs(vec3 translation, quat rotation, vec3 scale);
+/// Whether a pose with this matrix would be refused.
+[[nodiscard]] bool is_flat(const mat4x3& matrix);
+
+// lights.cpp
+/// Meshes and material that light entities share; empty when the file has no lights.
+struct LightShapes {
+  Ref sphere, disc, black;
+};
+[[nodiscard]] LightShapes add_light_shapes(const Document& document, Builder& builder);
+/// Adds the entity of a node's KHR_lights_punctual light below that node.
+void add_light(const Document& document, Builder& builder, const Value& reference, u32 node_entity,
+               const LightShapes& shapes);
+[[nodiscard]] Camera read_camera(const Value& camera);
+
+}  // namespace heliograph::assets::gltf

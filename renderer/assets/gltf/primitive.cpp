@@ -1,0 +1,209 @@
+// Source: glTF 2.0, 3.7.2 (Meshes).
+#include "renderer/assets/gltf/primitive.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace heliograph::assets::gltf {
+namespace {
+
+/// Our textures have v = 0 at the bottom, glTF's at the top.
+void flip_v(std::vector<vec2>& uvs) {
+  for (vec2& uv : uvs) uv.y = 1 - uv.y;
+}
+
+std::vector<vec4> read_colors(const Document& document, const Value& accessor, Budget& budget) {
+  if (accessor_components(document, accessor) == 4) {
+    return read_as<vec4>(document, accessor, budget);
+  }
+  std::vector<vec4> colors;
+  for (const vec3& rgb : read_as<vec3>(document, accessor, budget)) colors.emplace_back(rgb, 1);
+  return colors;
+}
+
+struct Influence {
+  u32 joint;
+  float weight;
+};
+
+/// The four strongest of a vertex's influences, weights summing to 1.
+void keep_strongest(std::vector<Influence>& influences, MeshData& mesh) {
+  std::ranges::stable_sort(influences, std::greater{}, &Influence::weight);
+  glm::u16vec4 joints(0);
+  vec4 weights(0);
+  for (int i = 0; i < 4; ++i) {
+    const Influence& influence = influences[std::size_t(i)];
+    if (influence.weight <= 0) break;
+    joints[i] = u16(influence.joint);
+    weights[i] = influence.weight;
+  }
+  const float sum = weights.x + weights.y + weights.z + weights.w;
+  mesh.joints.push_back(joints);
+  mesh.weights.push_back(sum > 0 ? weights / sum : vec4(1, 0, 0, 0));
+}
+
+void read_influences(const Document& document, const Value& attributes, Builder& builder,
+                     MeshData& mesh) {
+  const std::size_t count = mesh.positions.size();
+  std::vector<std::vector<u32>> joints;
+  std::vector<std::vector<vec4>> weights;
+  for (u32 set = 0; attributes.find(fmt::format("JOINTS_{}", set)); ++set) {
+    const Value joint = attributes.at(fmt::format("JOINTS_{}", set));
+    const Value weight = attributes.at(fmt::format("WEIGHTS_{}", set));
+    joints.push_back(read_integers(document, joint, 4, builder.budget));
+    weights.push_back(read_as<vec4>(document, weight, builder.budget));
+    if (joints.back().size() != count * 4 || weights.back().size() != count) {
+      refuse(joint.where(), "has another count than POSITION");
+    }
+    if (std::ranges::any_of(joints.back(), [](u32 index) { return index > 0xffff; })) {
+      refuse(joint.where(), "a joint index exceeds 65535");
+    }
+  }
+  if (joints.empty()) return;
+  if (joints.size() > 1) {
+    builder.warn("vertices follow more than 4 joints; the 4 strongest are kept");
+  }
+  builder.budget.take(count, sizeof(vec4) + sizeof(glm::u16vec4), attributes.where());
+  std::vector<Influence> influences;
+  for (std::size_t v = 0; v < count; ++v) {
+    influences.clear();
+    for (std::size_t set = 0; set < joints.size(); ++set) {
+      for (int i = 0; i < 4; ++i) {
+        influences.push_back({joints[set][v * 4 + std::size_t(i)], weights[set][v][i]});
+      }
+    }
+    keep_strongest(influences, mesh);
+  }
+}
+
+void read_targets(const Document& document, const Value& primitive, Budget& budget,
+                  MeshData& mesh) {
+  const auto targets = primitive.find("targets");
+  if (!targets) return;
+  const std::size_t count = mesh.positions.size();
+  bool any_normals = false;
+  for (std::size_t i = 0; i < targets->size(); ++i) {
+    const Value target = (*targets)[i];
+    const auto deltas = [&](const std::string& key) {
+      const auto accessor = target.find(key);
+      if (accessor) {
+        std::vector<vec3> values = read_as<vec3>(document, *accessor, budget);
+        if (values.size() != count) refuse(accessor->where(), "has another count than POSITION");
+        return values;
+      }
+      budget.take(count, sizeof(vec3), target.where());
+      return std::vector<vec3>(count, vec3(0));
+    };
+    mesh.morph_positions.push_back(deltas("POSITION"));
+    mesh.morph_normals.push_back(deltas("NORMAL"));
+    any_normals |= target.find("NORMAL").has_value();
+  }
+  if (!any_normals || mesh.normals.empty()) mesh.morph_normals.clear();
+}
+
+template <class T>
+void expand(std::vector<T>& values, const std::vector<uvec3>& triangles) {
+  if (values.empty()) return;
+  std::vector<T> corners;
+  corners.reserve(triangles.size() * 3);
+  for (const uvec3& t : triangles) {
+    for (int i = 0; i < 3; ++i) corners.push_back(values[t[i]]);
+  }
+  values = std::move(corners);
+}
+
+}  // namespace
+
+std::vector<uvec3> read_triangles(const Document& document, const Value& primitive, u32 vertices,
+                                  Budget& budget) {
+  const u64 mode = primitive.whole("mode", 4);
+  std::vector<u32> order;
+  if (const auto indices = primitive.find("indices")) {
+    order = read_integers(document, *indices, 1, budget);
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      if (order[i] < vertices) continue;
+      refuse(indices->where(),
+             fmt::format("element {} is {}, but there are {} vertices", i, order[i], vertices));
+    }
+  } else {
+    budget.take(vertices, sizeof(u32), primitive.where());
+    for (u32 i = 0; i < vertices; ++i) order.push_back(i);
+  }
+  if (mode == 4 && order.size() % 3 != 0) {
+    refuse(primitive.where(), fmt::format("{} indices do not make triangles", order.size()));
+  }
+  const std::size_t count =
+      mode == 4 ? order.size() / 3 : std::max<std::size_t>(order.size(), 2) - 2;
+  Budget::check(count, budget.limits().triangles, "triangles", primitive.where());
+  budget.take(count, sizeof(uvec3), primitive.where());
+  std::vector<uvec3> triangles;
+  triangles.reserve(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t odd = i % 2;
+    const uvec3 t = mode == 4   ? uvec3(order[3 * i], order[3 * i + 1], order[3 * i + 2])
+                    : mode == 5 ? uvec3(order[i], order[i + 1 + odd], order[i + 2 - odd])
+                                : uvec3(order[i + 1], order[i + 2], order[0]);
+    const bool joins_strips = mode == 5 && (t.x == t.y || t.y == t.z || t.z == t.x);
+    if (!joins_strips) triangles.push_back(t);
+  }
+  return triangles;
+}
+
+MeshData read_vertices(const Document& document, const Value& primitive, Builder& builder) {
+  Budget& budget = builder.budget;
+  const Value attributes = primitive.at("attributes");
+  const Value position = attributes.at("POSITION");
+  Budget::check(accessor_count(document, position), budget.limits().vertices, "vertices",
+                position.where());
+  MeshData mesh;
+  mesh.positions = read_as<vec3>(document, position, budget);
+  const auto read = [&]<class T>(const std::string& key, std::vector<T>& out) {
+    const auto accessor = attributes.find(key);
+    if (!accessor) return;
+    out = read_as<T>(document, *accessor, budget);
+    if (out.size() != mesh.positions.size()) {
+      refuse(accessor->where(), fmt::format("has {} elements, but POSITION has {}", out.size(),
+                                            mesh.positions.size()));
+    }
+  };
+  read("NORMAL", mesh.normals);
+  read("TANGENT", mesh.tangents);
+  read("TEXCOORD_0", mesh.uvs);
+  read("TEXCOORD_1", mesh.uvs1);
+  flip_v(mesh.uvs);
+  flip_v(mesh.uvs1);
+  if (const auto color = attributes.find("COLOR_0")) {
+    mesh.colors = read_colors(document, *color, budget);
+    if (mesh.colors.size() != mesh.positions.size()) {
+      refuse(color->where(), "has another count than POSITION");
+    }
+  }
+  read_influences(document, attributes, builder, mesh);
+  read_targets(document, primitive, budget, mesh);
+  return mesh;
+}
+
+MeshData flat_shaded(const MeshData& vertices, const std::vector<uvec3>& triangles,
+                     Budget& budget) {
+  budget.take(triangles.size() * 3, sizeof(vec3) * (3 + 2 * vertices.morph_positions.size()),
+              "normals");
+  MeshData mesh = vertices;
+  expand(mesh.positions, triangles);
+  expand(mesh.uvs, triangles);
+  expand(mesh.uvs1, triangles);
+  expand(mesh.colors, triangles);
+  expand(mesh.joints, triangles);
+  expand(mesh.weights, triangles);
+  for (auto& target : mesh.morph_positions) expand(target, triangles);
+  mesh.morph_normals.clear();
+  mesh.tangents.clear();  // they belong to the smooth normals that are not there
+  mesh.normals.clear();
+  for (std::size_t i = 0; i + 2 < mesh.positions.size(); i += 3) {
+    const vec3 n = glm::cross(mesh.positions[i + 1] - mesh.positions[i],
+                              mesh.positions[i + 2] - mesh.positions[i]);
+    mesh.normals.insert(mesh.normals.end(), 3, n);
+  }
+  return mesh;
+}
+
+}  // namespace heliograph::assets::gltf

@@ -1,0 +1,167 @@
+#include "renderer/assets/gltf/textures.h"
+
+#include <algorithm>
+#include <cmath>
+#include <mutex>
+#include <set>
+#include <thread>
+
+#include "renderer/assets/picture.h"
+
+namespace heliograph::assets::gltf {
+namespace {
+
+Wrap wrap_of(const Value& sampler, const std::string& key) {
+  switch (sampler.whole(key, 10497)) {
+    case 10497:
+      return Wrap::kRepeat;
+    case 33071:
+      return Wrap::kClamp;
+    case 33648:
+      return Wrap::kMirror;
+    default:
+      refuse(sampler.key_where(key), "must be 10497, 33071 or 33648");
+  }
+}
+
+/// uv_transform in our texture space, whose v runs up: F M F with F (u, v) = (u, 1 - v) and M the
+/// extension's offset * rotation * scale. Source: KHR_texture_transform; its rotation is
+/// counter-clockwise as seen in the picture.
+glm::mat3x2 uv_transform_of(const Value& transform) {
+  const auto offset = transform.numbers<2>("offset", {0, 0});
+  const auto scale = transform.numbers<2>("scale", {1, 1});
+  const double angle = transform.number("rotation", 0);
+  const double c = std::cos(angle);
+  const double s = std::sin(angle);
+  return {float(c * scale[0]),
+          float(s * scale[0]),  // u
+          float(-s * scale[1]),
+          float(c * scale[1]),  // v
+          float(s * scale[1] + offset[0]),
+          float(1 - c * scale[1] - offset[1])};
+}
+
+}  // namespace
+
+std::optional<Textures::Slot> Textures::slot_of(const Value& texture, u32 index) const {
+  const auto source = texture.find("source");
+  if (!source) {
+    const auto extensions = texture.find("extensions");
+    const auto members = extensions ? extensions->members() : decltype(extensions->members()){};
+    if (members.empty()) {
+      builder_.warn(fmt::format("texture {} has no image and is left out", index));
+      return std::nullopt;
+    }
+    refuse_unimplemented(texture.where(),
+                         fmt::format("its image exists only through {}; export PNG or JPEG",
+                                     clean_name(members.front().first, "?")));
+  }
+  Slot slot{.texture = index, .image = source->index(document_.count("images"))};
+  if (const auto sampler_index = texture.find("sampler")) {
+    const Value sampler =
+        document_.item("samplers", sampler_index->index(document_.count("samplers")));
+    slot.wrap_u = wrap_of(sampler, "wrapS");
+    slot.wrap_v = wrap_of(sampler, "wrapT");
+    slot.nearest = sampler.whole("magFilter", 9729) == 9728;
+  }
+  return slot;
+}
+
+std::optional<TextureUsePatch> Textures::use(const Value& info, bool srgb, u32 channel) {
+  const u32 index = info.at("index").index(document_.count("textures"));
+  std::optional<Slot> slot = slot_of(document_.item("textures", index), index);
+  if (!slot) return std::nullopt;
+  slot->srgb = srgb;
+  const auto same = [&](const Slot& other) {
+    Slot a = other;
+    a.texture = slot->texture;
+    return a == *slot;
+  };
+  auto found = std::ranges::find_if(slots_, same);
+  if (found == slots_.end()) found = slots_.insert(slots_.end(), *slot);
+  TextureUsePatch patch{.texture = CreatedByEdit{u32(found - slots_.begin())}, .use = {}};
+  patch.use.channel = channel;
+  u64 uv_set = info.whole("texCoord", 0);
+  if (const auto transform = info.extension("KHR_texture_transform")) {
+    patch.use.uv_transform = uv_transform_of(*transform);
+    uv_set = transform->whole("texCoord", uv_set);
+  }
+  if (uv_set > 1) {
+    builder_.warn(fmt::format("{} uses TEXCOORD_{}; only sets 0 and 1 are read, set 0 is taken",
+                              info.where(), uv_set));
+    uv_set = 0;
+  }
+  patch.use.uv_set = u32(uv_set);
+  return patch;
+}
+
+void Textures::decode_images() {
+  images_.resize(document_.count("images"));
+  std::set<u32> used;
+  for (const Slot& slot : slots_) used.insert(slot.image);
+  struct Job {
+    u32 image;
+    Document::ImageBytes source;
+    Picture picture{};
+    std::optional<Error> error{};
+  };
+  std::vector<Job> jobs;
+  for (u32 image : used) {
+    if (auto bytes = document_.image_bytes(image)) jobs.push_back({image, std::move(*bytes)});
+  }
+  if (!builder_.complete()) return;
+  std::atomic<std::size_t> next{0};
+  const auto work = [&] {
+    for (std::size_t i = next++; i < jobs.size(); i = next++) {
+      Job& job = jobs[i];
+      const std::string where = fmt::format("images[{}]", job.image);
+      try {
+        job.picture = decode_picture(job.source.bytes, job.source.name, where, builder_.budget);
+      } catch (const Refused& refused) {
+        job.error = refused.error;
+      } catch (const std::bad_alloc&) {
+        job.error = Error{.code = Code::kResourceExhausted,
+                          .message = "out of memory while decoding",
+                          .where = where};
+      }
+    }
+  };
+  {
+    std::vector<std::jthread> helpers;
+    const std::size_t processors = std::max(1u, std::thread::hardware_concurrency());
+    for (std::size_t i = 1; i < std::min(processors, jobs.size()); ++i) helpers.emplace_back(work);
+    work();
+  }
+  for (Job& job : jobs) {
+    if (job.error) throw Refused{std::move(*job.error)};
+    for (const std::string& warning : job.picture.warnings) {
+      builder_.warn(fmt::format("image {}: {}", job.image, warning));
+    }
+    images_[job.image] = std::make_shared<const ImageData>(std::move(job.picture.image));
+  }
+}
+
+void Textures::make_library() {
+  decode_images();
+  if (!builder_.complete()) return;
+  for (const Slot& slot : slots_) {
+    const Value texture = document_.item("textures", slot.texture);
+    const Value image = document_.item("images", slot.image);
+    std::string name = texture.text("name", image.text("name", ""));
+    const std::string uri = image.text("uri", "");
+    if (name.empty() && !uri.empty() && !uri.starts_with("data:")) name = stem_of(uri);
+    PutTexture put{.image = images_[slot.image]};
+    put.srgb = slot.srgb;
+    put.nearest = slot.nearest;
+    put.wrap_u = slot.wrap_u;
+    put.wrap_v = slot.wrap_v;
+    builder_.library(builder_.claim_name(name, fmt::format("texture_{}", slot.texture)),
+                     std::move(put));
+  }
+}
+
+u32 Textures::channels(const TextureUsePatch& use) const {
+  return images_[slots_[std::get<CreatedByEdit>(use.texture).edit].image]->channels;
+}
+
+}  // namespace heliograph::assets::gltf

@@ -1,0 +1,93 @@
+#include "renderer/assets/load.h"
+
+#include <OpenEXRConfig.h>
+#include <jpeglib.h>
+#include <png.h>
+#include <tiffvers.h>
+#include <cstddef>
+#include <cstdio>
+
+#include <cmath>
+
+#include "renderer/assets/builder.h"
+#include "renderer/assets/picture.h"
+
+namespace heliograph {
+namespace {
+
+using namespace assets;
+
+void check_options(const LoadOptions& options) {
+  if (!options.up.empty() && options.up != "x" && options.up != "y" && options.up != "z") {
+    refuse("up", "must be \"x\", \"y\" or \"z\"");
+  }
+  if (!std::isfinite(options.units) || options.units < 0) {
+    refuse("units", "must be a positive number of metres");
+  }
+}
+
+/// The loader of a format, and the first bytes its files have.
+void load(Builder& builder) {
+  const std::string& path = builder.bundle.model().path;
+  const std::string format =
+      builder.options.format.empty() ? extension_of(path) : builder.options.format;
+  if (format == "gltf" || format == "glb") return load_gltf(builder);
+  if (picture_format(format) != PictureFormat::kNone) return load_picture(builder);
+  refuse_unimplemented(
+      "format", fmt::format("'{}' is not one of gltf, glb, obj, ply, stl, exr, hdr, png, jpeg, "
+                            "tiff, nvdb, vdb",
+                            clean_name(format, "")));
+}
+
+Loaded load_bundle(std::span<const BundleFile> files, const LoadOptions& options) {
+  check_options(options);
+  Builder builder(Bundle(files), options);
+  const std::string path = builder.bundle.model().path;
+  try {
+    load(builder);
+  } catch (Refused& refused) {
+    throw Refused{std::move(refused.error).at(clean_name(path, "model"))};
+  }
+  if (!builder.complete()) {
+    builder.loaded.asset = {};
+    return std::move(builder.loaded);
+  }
+  builder.loaded.asset.name = stem_of(path);
+  measure(builder.loaded);
+  return std::move(builder.loaded);
+}
+
+}  // namespace
+
+namespace assets {
+
+void load_picture(Builder& builder) {
+  const BundleFile& file = builder.bundle.model();
+  const std::string format =
+      builder.options.format.empty() ? extension_of(file.path) : builder.options.format;
+  Picture picture = decode_picture(file.bytes, format, "", builder.budget);
+  for (const std::string& warning : picture.warnings) builder.warn(warning);
+  builder.loaded.image = std::move(picture.image);
+  builder.loaded.image_srgb = picture.srgb;
+}
+
+}  // namespace assets
+
+Expected<Loaded> load_asset(std::span<const BundleFile> bundle, const LoadOptions& options) {
+  try {
+    return load_bundle(bundle, options);
+  } catch (Refused& refused) {
+    return std::unexpected(std::move(refused.error));
+  } catch (const std::bad_alloc&) {
+    return fail(Code::kResourceExhausted, "files", "out of memory while decoding");
+  } catch (const std::length_error&) {
+    return fail(Code::kResourceExhausted, "files", "an array is too long to decode");
+  }
+}
+
+std::string decoder_versions() {
+  return fmt::format("libpng {}, libjpeg {}, OpenEXR {}, libtiff of {}", PNG_LIBPNG_VER_STRING,
+                     JPEG_LIB_VERSION, OPENEXR_VERSION_STRING, TIFFLIB_VERSION);
+}
+
+}  // namespace heliograph

@@ -1,0 +1,104 @@
+// The rest box of a model, from its edits: the same for every format.
+#include <array>
+
+#include "renderer/assets/builder.h"
+
+namespace heliograph::assets {
+namespace {
+
+struct Box {
+  vec3 low{0}, high{0};
+  bool any = false;
+
+  void add(const vec3& p) {
+    low = any ? glm::min(low, p) : p;
+    high = any ? glm::max(high, p) : p;
+    any = true;
+  }
+};
+
+mat4x3 affine_product(const mat4x3& a, const mat4x3& b) {
+  const mat3 linear(a);
+  return {linear * b[0], linear * b[1], linear * b[2], linear * b[3] + a[3]};
+}
+
+class Measure {
+ public:
+  explicit Measure(const Asset& asset) : asset_(asset) {}
+
+  Box box() {
+    for (const Edit& edit : asset_.entities) {
+      const auto& put = std::get<PutEntity>(edit.action);
+      root_from_.push_back(pose_of(put));
+      const bool shown = put.visible.value_or(true) && !put.light;
+      if (!shown || !put.mesh || std::holds_alternative<std::monostate>(*put.mesh)) continue;
+      const auto& mesh =
+          std::get<PutMesh>(asset_.library[std::get<CreatedByEdit>(*put.mesh).edit].action);
+      if (put.skin && *put.skin) {
+        add_skinned(mesh, **put.skin);
+      } else {
+        add_rigid(mesh, root_from_.back());
+      }
+    }
+    return box_;
+  }
+
+ private:
+  [[nodiscard]] const mat4x3& entity_pose(const Ref& ref) const {
+    return root_from_[std::get<CreatedByEdit>(ref).edit - asset_.library.size()];
+  }
+  [[nodiscard]] mat4x3 pose_of(const PutEntity& put) const {
+    const mat4x3 local = put.pose ? put.pose->matrices.front() : mat4x3(1);
+    return put.parent ? affine_product(entity_pose(*put.parent), local) : local;
+  }
+
+  /// Vertex by vertex, until instances make that long; then by the corners of the mesh's own box.
+  void add_rigid(const PutMesh& mesh, const mat4x3& root_from_mesh) {
+    constexpr std::size_t kManyVertices = 1 << 24;
+    const auto& positions = mesh.vertices->positions;
+    visited_ += positions.size();
+    if (visited_ < kManyVertices) {
+      for (const vec3& p : positions) box_.add(root_from_mesh * vec4(p, 1));
+      return;
+    }
+    Box own;
+    for (const vec3& p : positions) own.add(p);
+    for (u32 corner = 0; corner < 8; ++corner) {
+      const vec3 p(corner & 1 ? own.high.x : own.low.x, corner & 2 ? own.high.y : own.low.y,
+                   corner & 4 ? own.high.z : own.low.z);
+      box_.add(root_from_mesh * vec4(p, 1));
+    }
+  }
+
+  void add_skinned(const PutMesh& mesh, const SkinPatch& skin) {
+    std::vector<mat4x3> root_from_mesh;
+    for (std::size_t i = 0; i < skin.joints.size(); ++i) {
+      root_from_mesh.push_back(affine_product(entity_pose(skin.joints[i]), skin.inverse_binds[i]));
+    }
+    const auto& positions = mesh.vertices->positions;
+    for (std::size_t v = 0; v < positions.size(); ++v) {
+      const vec4 weights = mesh.topology->weights[v];
+      const auto joints = mesh.topology->joints[v];
+      vec3 p(0);
+      for (int i = 0; i < 4; ++i) {
+        if (weights[i] > 0) p += weights[i] * (root_from_mesh[joints[i]] * vec4(positions[v], 1));
+      }
+      box_.add(p);
+    }
+  }
+
+  const Asset& asset_;
+  std::vector<mat4x3> root_from_;
+  Box box_;
+  std::size_t visited_ = 0;
+};
+
+}  // namespace
+
+void measure(Loaded& loaded) {
+  const Box box = Measure(loaded.asset).box();
+  loaded.bounds_min = box.low;
+  loaded.bounds_max = box.high;
+}
+
+}  // namespace heliograph::assets

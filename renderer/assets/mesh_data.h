@@ -1,0 +1,42 @@
+// A mesh while it is being put together, and the steps every format shares: triangulation, axes,
+// and the checks before it becomes a PutMesh.
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "renderer/assets/budget.h"
+#include "renderer/scene/transaction.h"
+
+namespace heliograph::assets {
+
+/// Arrays are per vertex, and empty or as long as `positions`; per triangle for `parts`.
+struct MeshData {
+  std::vector<vec3> positions;
+  std::vector<vec3> normals;
+  std::vector<vec2> uvs, uvs1;  // v = 0 is the bottom row
+  std::vector<vec4> colors;     // linear
+  std::vector<vec4> tangents;
+  std::vector<glm::u16vec4> joints;
+  std::vector<vec4> weights;
+  std::vector<uvec3> triangles;
+  std::vector<u32> parts;
+  std::vector<std::string> part_names;
+  std::vector<std::vector<vec3>> morph_positions;  // by target, as long as `positions`
+  std::vector<std::vector<vec3>> morph_normals;    // empty, or as long as `positions` each
+};
+
+/// Checks counts and indices, makes normals unit, and takes the arrays.
+[[nodiscard]] PutMesh finish_mesh(MeshData mesh, const std::string& where, Budget& budget);
+
+/// Cuts a simple polygon into triangles by ear clipping, in its own plane; fans what is convex.
+/// Appends indices 0 .. polygon.size() - 1.
+void triangulate(std::span<const vec3> polygon, std::vector<uvec3>& triangles);
+
+/// Turns the up axis ("x", "y", "z", "") to +Z and scales to metres, in the vertices.
+void to_world_axes(MeshData& mesh, const LoadOptions& options);
+/// The rotation of that: z_up_from("y") maps (x, y, z) to (x, -z, y).
+[[nodiscard]] mat3 z_up_from(const std::string& up);
+
+}  // namespace heliograph::assets

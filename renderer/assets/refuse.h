@@ -1,0 +1,29 @@
+// How loaders refuse a file: one exception type, thrown only inside renderer/assets and caught only
+// by load_asset(). Used by every loader.
+#pragma once
+
+#include <fmt/format.h>
+
+#include <string>
+#include <utility>
+
+#include "renderer/base/error.h"
+
+namespace heliograph::assets {
+
+struct Refused {
+  Error error;
+};
+
+/// where   element of the file: "accessors[3].count", "line 17"
+/// message the rule broken and the remedy
+[[noreturn]] inline void refuse(std::string where, std::string message,
+                                Code code = Code::kInvalidArgument) {
+  throw Refused{Error{.code = code, .message = std::move(message), .where = std::move(where)}};
+}
+
+[[noreturn]] inline void refuse_unimplemented(std::string where, std::string message) {
+  refuse(std::move(where), std::move(message), Code::kUnimplemented);
+}
+
+}  // namespace heliograph::assets
