@@ -15,7 +15,7 @@ constexpr std::array<Clear<PutEntity>, 14> kClear{{
     {"volume", [](PutEntity& p) { p.volume = Ref{}; }},
     {"skin", [](PutEntity& p) { p.skin.emplace(std::nullopt); }},
     {"morph_weights", [](PutEntity& p) { p.morph_weights.emplace(std::nullopt); }},
-    {"label", [](PutEntity& p) { p.label = LabelPatch{.category = ""}; }},
+    {"label", [](PutEntity& p) { p.label.emplace(); }},
     {"visible", [](PutEntity& p) { p.visible = true; }},
     {"visibility", [](PutEntity& p) { p.visibility = kAllRays; }},
     {"static", [](PutEntity& p) { p.is_static = false; }},

@@ -1,0 +1,129 @@
+// Frame to FrameHeader and PlaneChunk.
+#include "server/convert/frame.h"
+
+#include <algorithm>
+#include <array>
+
+#include "server/convert/render.h"
+
+namespace heliograph::server {
+namespace {
+
+const char* fold_text(kernels::Fold fold) {
+  switch (fold) {
+    case kernels::Fold::kMean:
+      return "mean";
+    case kernels::Fold::kCentre:
+      return "centre";
+    case kernels::Fold::kFilm:
+      return "film";
+  }
+  return "";
+}
+
+/// Row-major f64.
+template <class Matrix>
+v1::Array matrix_array(const Matrix& m) {
+  std::vector<double> numbers;
+  constexpr int n = int(Matrix::length());
+  for (int row = 0; row < n; ++row)
+    for (int column = 0; column < n; ++column) numbers.push_back(m[column][row]);
+  v1::Array array;
+  array.set_dtype(v1::D_TYPE_F64);
+  array.add_shape(u64(n));
+  array.add_shape(u64(n));
+  array.set_inline_(numbers.data(), numbers.size() * sizeof(double));
+  return array;
+}
+
+std::string argument_text(const v1::PlaneRequest& request) {
+  if (!request.has_camera()) return request.group();
+  return request.camera().has_name() ? request.camera().name()
+                                     : std::to_string(request.camera().id());
+}
+
+v1::PlaneInfo to_proto(const PlaneData& data, const v1::PlaneRequest& request) {
+  const PlaneInfo& info = plane_info(data.plane);
+  v1::PlaneInfo message;
+  message.set_plane(server::to_proto(data.plane));
+  message.set_name(info.name);
+  message.set_dtype(server::to_proto(info.dtype));
+  message.set_channels(info.channels);
+  message.set_unit(info.unit);
+  message.set_fold(fold_text(info.fold));
+  message.set_size(data.pixels.size());
+  message.set_argument(argument_text(request));
+  return message;
+}
+
+}  // namespace
+
+v1::DType to_proto(DType type) {
+  static constexpr std::array kTypes{v1::D_TYPE_U8,  v1::D_TYPE_U16, v1::D_TYPE_U32,
+                                     v1::D_TYPE_I32, v1::D_TYPE_U64, v1::D_TYPE_F16,
+                                     v1::D_TYPE_F32, v1::D_TYPE_F64};
+  return kTypes[std::size_t(type)];
+}
+
+v1::LabelColumn to_proto(const Column& column) {
+  v1::LabelColumn message;
+  message.set_name(column.name);
+  message.set_dtype(to_proto(column.dtype));
+  message.mutable_shape()->Add(column.shape.begin(), column.shape.end());
+  message.set_data(column.data.data(), column.data.size());
+  message.mutable_strings()->Add(column.strings.begin(), column.strings.end());
+  return message;
+}
+
+v1::Progress to_proto(const Progress& progress) {
+  v1::Progress message;
+  message.set_done(progress.done);
+  message.set_rays_per_second(progress.rays_per_second);
+  message.set_eta_seconds(progress.eta_seconds);
+  message.set_noise(progress.noise);
+  return message;
+}
+
+v1::FrameHeader to_header(const Frame& frame, const FrameContext& context) {
+  v1::FrameHeader message;
+  message.set_frame(frame.index);
+  message.set_scene(frame.scene);
+  message.set_revision(frame.revision);
+  message.set_overlay(frame.overlay);
+  message.set_camera(frame.camera);
+  message.set_width(frame.width);
+  message.set_height(frame.height);
+  message.set_time(frame.time);
+  message.set_seed(frame.seed);
+  message.set_samples(frame.samples);
+  message.set_final(frame.final);
+  message.set_backend(context.backend);
+  message.set_cpu_features(context.cpu_features);
+  *message.mutable_k() = matrix_array(frame.k);
+  *message.mutable_camera_from_world_cv() = matrix_array(frame.camera_from_world_cv);
+  for (std::size_t i = 0; i < frame.planes.size(); ++i)
+    *message.add_planes() = to_proto(frame.planes[i], context.request.planes(int(i)));
+  for (const Column& column : frame.labels) *message.add_labels() = to_proto(column);
+  for (std::size_t i = 0; i < frame.categories.size(); ++i) {
+    v1::Category* category = message.add_categories();
+    category->set_id(u32(i + 1));
+    category->set_name(frame.categories[i]);
+  }
+  message.mutable_warnings()->Add(frame.warnings.begin(), frame.warnings.end());
+  message.set_manifest(manifest(frame, context));
+  message.set_render_seconds(frame.render_seconds);
+  message.set_rays(frame.rays);
+  return message;
+}
+
+v1::PlaneChunk to_chunk(const Frame& frame, u32 plane, u64 offset, u64 limit) {
+  const auto& pixels = frame.planes[plane].pixels;
+  v1::PlaneChunk chunk;
+  chunk.set_frame(frame.index);
+  chunk.set_plane(plane);
+  chunk.set_offset(offset);
+  chunk.set_chunk(pixels.data() + offset, std::min<u64>(limit, pixels.size() - offset));
+  return chunk;
+}
+
+}  // namespace heliograph::server

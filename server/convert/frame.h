@@ -1,0 +1,32 @@
+// Frames, columns and progress on their way to the wire. Called by Render and Query.
+#pragma once
+
+#include "heliograph/v1/render.pb.h"
+#include "renderer/engine/frame.h"
+#include "renderer/engine/job.h"
+
+namespace heliograph::server {
+
+/// What a header says besides the frame: who rendered it, and for which request.
+struct FrameContext {
+  v1::RenderRequest request;
+  std::shared_ptr<const RenderJob> job;  // made of the request
+  std::string version;                   // of the daemon
+  std::string backend;
+  std::string cpu_features;
+};
+
+/// The header of a frame; its planes' bytes follow in chunks.
+[[nodiscard]] v1::FrameHeader to_header(const Frame& frame, const FrameContext& context);
+/// JSON that renders the frame again to the same bytes: a RenderRequest in which everything that
+/// was left to defaults, to time or to noise is written out, and who rendered it. An overlay of
+/// more than 64 KiB is named by its hash only.
+[[nodiscard]] std::string manifest(const Frame& frame, const FrameContext& context);
+
+[[nodiscard]] v1::DType to_proto(DType type);
+[[nodiscard]] v1::LabelColumn to_proto(const Column& column);
+[[nodiscard]] v1::Progress to_proto(const Progress& progress);
+/// At most `limit` bytes of a plane from `offset` on.
+[[nodiscard]] v1::PlaneChunk to_chunk(const Frame& frame, u32 plane, u64 offset, u64 limit);
+
+}  // namespace heliograph::server

@@ -1,0 +1,62 @@
+// The manifest of a frame: what renders it again.
+#include <fmt/format.h>
+#include <google/protobuf/struct.pb.h>
+#include <google/protobuf/util/json_util.h>
+
+#include "server/convert/fields.h"
+#include "server/convert/frame.h"
+
+namespace heliograph::server {
+namespace {
+
+constexpr std::size_t kLargestOverlay = 64 << 10;
+
+std::string to_json(const google::protobuf::Message& message) {
+  std::string json;
+  google::protobuf::util::JsonPrintOptions options;
+  options.preserve_proto_field_names = true;
+  return google::protobuf::util::MessageToJsonString(message, &json, options).ok() ? json : "{}";
+}
+
+/// The request with nothing left open, for one camera.
+v1::RenderRequest resolved(const Frame& frame, const FrameContext& context) {
+  const RenderJob& job = *context.job;
+  v1::RenderRequest request = context.request;
+  request.set_scene(frame.scene);
+  request.set_revision(frame.revision);
+  request.clear_cameras();
+  *request.add_cameras() = context.request.cameras(int(frame.index));
+  request.set_width(frame.width);
+  request.set_height(frame.height);
+  request.set_time(frame.time);
+  if (job.frame_interval > 0) request.set_frame_interval(job.frame_interval);
+  request.set_seed(frame.seed);
+  request.clear_spp();
+  if (frame.samples > 0) request.set_spp(frame.samples);
+  request.clear_seconds();
+  request.clear_noise();
+  request.clear_progressive();
+  request.set_max_depth(job.settings.max_depth);
+  request.set_roulette(job.settings.roulette);
+  if (request.overlay().ByteSizeLong() > kLargestOverlay) request.clear_overlay();
+  return request;
+}
+
+}  // namespace
+
+std::string manifest(const Frame& frame, const FrameContext& context) {
+  google::protobuf::Struct head;
+  const auto set = [&](const char* name, const std::string& value) {
+    (*head.mutable_fields())[name].set_string_value(value);
+  };
+  set("format", "heliograph.manifest.v1");
+  set("version", context.version);
+  set("backend", context.backend);
+  set("cpu_features", context.cpu_features);
+  if (frame.overlay) set("overlay", fmt::format("{:016x}", frame.overlay));
+  std::string json = to_json(head);
+  json.pop_back();
+  return json + ",\"request\":" + to_json(resolved(frame, context)) + "}";
+}
+
+}  // namespace heliograph::server

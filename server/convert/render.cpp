@@ -1,0 +1,188 @@
+// Checks of a RenderRequest, in the order of its fields.
+#include "server/convert/render.h"
+
+#include <fmt/format.h>
+
+#include "server/convert/fields.h"
+#include "server/convert/resolve.h"
+#include "server/convert/transaction.h"
+#include "server/hash.h"
+
+namespace heliograph::server {
+namespace {
+
+using kernels::Fold;
+using kernels::PixelFilter;
+
+constexpr Range kSeconds{-1e9, 1e9};
+constexpr u32 kDefaultDepth = 12;
+constexpr u32 kDefaultRows = 65536;
+constexpr Range kCanvas{0, 4};
+
+constexpr std::array kFilters{PixelFilter::kBlackmanHarris, PixelFilter::kBox, PixelFilter::kTent,
+                              PixelFilter::kGaussian, PixelFilter::kBlackmanHarris};
+static_assert(kFilters.size() == v1::PixelFilter_ARRAYSIZE);
+
+constexpr std::array kFolds{
+#define HELIO_FOLD(NAME, type, channels, fold, ...) Fold::fold,
+    HELIO_PLANES(HELIO_FOLD)
+#undef HELIO_FOLD
+};
+
+bool is_disparity(Plane plane) {
+  return plane == Plane::DISPARITY || plane == Plane::DISPARITY_VISIBLE;
+}
+
+Status read_cameras(const v1::RenderRequest& request, const RenderLimits& limits, RenderJob& job) {
+  const auto count = u32(request.cameras_size());
+  if (count < 1 || count > limits.cameras)
+    return fail(Code::kInvalidArgument, "cameras",
+                fmt::format("has {} entries; name 1 to {} cameras", count, limits.cameras));
+  for (u32 i = 0; i < count; ++i)
+    HELIO_TAKE(job.cameras.emplace_back(), resolve_camera(request.cameras(int(i)), *job.snapshot),
+               indexed("cameras", i));
+  return {};
+}
+
+/// The arguments of a plane: disparity has a second camera, nothing else has any.
+Status read_argument(const v1::PlaneRequest& request, Plane plane, RenderJob& job) {
+  if (!request.group().empty())
+    return fail(Code::kInvalidArgument, "group", "is for PLANE_BEAUTY_GROUP; leave it out");
+  if (is_disparity(plane) != request.has_camera())
+    return fail(Code::kInvalidArgument, "camera",
+                request.has_camera() ? "is for the disparity planes; leave it out"
+                                     : "is missing; name the second camera of the rig");
+  if (!is_disparity(plane)) return {};
+  EntityId camera;
+  HELIO_TAKE(camera, resolve_camera(request.camera(), *job.snapshot), "camera");
+  if (job.disparity_camera && job.disparity_camera != camera)
+    return fail(Code::kInvalidArgument, "camera",
+                "differs from another disparity plane's; ask for one second camera a request");
+  job.disparity_camera = camera;
+  return {};
+}
+
+Status read_planes(const v1::RenderRequest& request, RenderJob& job) {
+  PlaneSet seen = 0;
+  for (int i = 0; i < request.planes_size(); ++i) {
+    const std::string where = indexed("planes", u64(i));
+    Plane plane{};
+    HELIO_TAKE(plane, to_plane(request.planes(i).plane()), where);
+    if (seen & kernels::plane_bit(plane))
+      return fail(Code::kInvalidArgument, where,
+                  fmt::format("{} is asked for twice; leave one out",
+                              v1::Plane_Name(request.planes(i).plane())));
+    seen |= kernels::plane_bit(plane);
+    HELIO_CHECK(read_argument(request.planes(i), plane, job), where);
+    job.planes.push_back(plane);
+  }
+  return {};
+}
+
+Status read_size(const v1::RenderRequest& request, const RenderLimits& limits, RenderJob& job) {
+  if (request.has_width() != request.has_height())
+    return fail(Code::kInvalidArgument, request.has_width() ? "height" : "width",
+                "is missing; give both, or neither for the camera's own size");
+  if (!request.has_width()) return {};
+  const Range side{1, double(limits.size)};
+  HELIO_TAKE(job.width, in_range(request.width(), side), "width");
+  HELIO_TAKE(job.height, in_range(request.height(), side), "height");
+  return {};
+}
+
+Status read_times(const v1::RenderRequest& request, RenderJob& job) {
+  const Snapshot& snapshot = *job.snapshot;
+  job.time = snapshot.time;
+  if (request.has_time()) HELIO_TAKE(job.time, in_range(request.time(), kSeconds), "time");
+  job.hold = request.hold();
+  if (!request.has_frame_interval()) {
+    job.frame_interval = snapshot.previous ? snapshot.time - snapshot.previous->time : 0;
+    return {};
+  }
+  HELIO_TAKE(job.frame_interval, in_range(request.frame_interval(), {0, 1e9}), "frame_interval");
+  if (job.frame_interval == 0)
+    return fail(Code::kInvalidArgument, "frame_interval",
+                "is 0; give the seconds to the next frame, or leave it out");
+  return {};
+}
+
+Status read_stop_rule(const v1::RenderRequest& request, const RenderLimits& limits,
+                      RenderJob& job) {
+  if (request.has_spp())
+    HELIO_TAKE(job.stop.spp, in_range(request.spp(), {1, double(limits.spp)}), "spp");
+  if (request.has_seconds())
+    HELIO_TAKE(job.stop.seconds, in_range(request.seconds(), {1e-3, limits.seconds}), "seconds");
+  if (request.has_noise())
+    HELIO_TAKE(job.stop.noise, in_range(request.noise(), {1e-6, 1}), "noise");
+  job.progressive = request.progressive();
+  const bool samples = std::ranges::any_of(
+      job.planes, [](Plane p) { return kFolds[std::size_t(p)] != Fold::kCentre; });
+  if (!samples || request.has_spp() || request.has_seconds() || request.has_noise()) return {};
+  return fail(Code::kInvalidArgument, "spp",
+              "is missing; these planes are averaged over samples: set spp, seconds or noise");
+}
+
+Status read_settings(const v1::RenderRequest& request, const RenderLimits& limits,
+                     kernels::Settings& settings) {
+  settings.seed = request.seed();
+  settings.max_depth = kDefaultDepth;
+  if (request.has_max_depth())
+    HELIO_TAKE(settings.max_depth, in_range(request.max_depth(), {1, double(limits.max_depth)}),
+               "max_depth");
+  settings.roulette = request.has_roulette() ? request.roulette() : true;
+  settings.clamp = INFINITY;
+  if (request.has_clamp())
+    HELIO_TAKE(settings.clamp, in_range(request.clamp(), {1e-6, 1e30}), "clamp");
+  settings.filter = from_enum(kFilters, request.filter());
+  settings.transparent_background = request.transparent_background();
+  settings.through_transmission = request.through_transmission();
+  return {};
+}
+
+Status read_labels(const v1::LabelRequest& request, const RenderLimits& limits,
+                   LabelOptions& labels) {
+  labels.boxes = request.boxes();
+  labels.amodal_masks = request.amodal_masks();
+  labels.amodal = request.amodal() || request.amodal_masks();
+  labels.keypoints = request.keypoints();
+  if (request.has_canvas())
+    HELIO_TAKE(labels.canvas, in_range(request.canvas(), kCanvas), "canvas");
+  if (request.has_keypoint_radius())
+    HELIO_TAKE(labels.keypoint_radius, in_range(request.keypoint_radius(), {0, 1e9}),
+               "keypoint_radius");
+  labels.max_rows = kDefaultRows;
+  if (request.max_rows() > 0)
+    HELIO_TAKE(labels.max_rows, in_range(request.max_rows(), {1, double(limits.label_rows)}),
+               "max_rows");
+  return {};
+}
+
+}  // namespace
+
+Expected<RenderJob> to_job(const v1::RenderRequest& request,
+                           std::shared_ptr<const Snapshot> snapshot, const RenderLimits& limits) {
+  HELIO_TRY(check_known(request));
+  RenderJob job{.snapshot = std::move(snapshot), .scene = request.scene()};
+  if (request.has_overlay()) job.overlay = overlay_hash(request.overlay());
+  HELIO_TRY(read_cameras(request, limits, job));
+  HELIO_TRY(read_planes(request, job));
+  HELIO_TRY(read_size(request, limits, job));
+  HELIO_TRY(read_times(request, job));
+  HELIO_TRY(read_stop_rule(request, limits, job));
+  HELIO_TRY(read_settings(request, limits, job.settings));
+  HELIO_CHECK(read_labels(request.labels(), limits, job.labels), "labels");
+  const LabelOptions& labels = job.labels;
+  if (job.planes.empty() && !labels.boxes && !labels.amodal && !labels.keypoints)
+    return fail(Code::kInvalidArgument, "planes",
+                "is empty; ask for at least one plane, or for labels");
+  return job;
+}
+
+u64 overlay_hash(const v1::Transaction& overlay) {
+  const std::string digest = sha256(serialize(overlay));
+  u64 hash = 0;
+  std::memcpy(&hash, digest.data(), sizeof hash);
+  return std::max<u64>(hash, 1);
+}
+
+}  // namespace heliograph::server
