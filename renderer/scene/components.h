@@ -181,13 +181,15 @@ struct MorphWeights {
   std::vector<float> weights;  // max(1, times.size()) * morph_count
 };
 
-/// What an entity says about labels itself; see Snapshot::label_of for what it inherits.
+/// What an entity says about labels itself; label_entities() says what it inherits.
 struct Label {
   u32 value = 0;     // 0 with `set`: opted out
   bool set = false;  // false: inherits from the nearest labelled ancestor
   bool group = false;
   u32 part = 0;      // 0: automatic
   u32 category = 0;  // class id; 0: none
+
+  friend bool operator==(const Label&, const Label&) = default;
 };
 
 using Attributes = std::map<std::string, std::string>;
@@ -198,19 +200,24 @@ struct Entity {
   EntityId parent;
   MeshId mesh;
   VolumeId volume;
-  std::shared_ptr<const std::vector<MaterialId>> materials;  // by part; the last serves the rest
-  std::shared_ptr<const PoseKeys> keys;                      // null: the pose is constant
+  // By part; the last one serves all further parts. Null, or an id that is null: make_material().
+  std::shared_ptr<const std::vector<MaterialId>> materials;
+  std::shared_ptr<const PoseKeys> keys;  // null: the pose is constant
   std::shared_ptr<const Light> light;
   std::shared_ptr<const Camera> camera;
   std::shared_ptr<const Skin> skin;
   std::shared_ptr<const MorphWeights> morph_weights;
   std::shared_ptr<const Attributes> attributes;
   Label label;
-  u32 children = 0;         // entities whose parent this is
-  Revision teleported = 0;  // revision of the last pose that was a jump
+  u32 children = 0;    // entities whose parent this is
+  u32 skins = 0;       // times that skins name this as a joint
+  u64 teleported = 0;  // Snapshot::advances when its pose last jumped
   u8 visibility = kAllRays;
   bool visible = true;
   bool is_static = false;
+
+  /// The same fields; what they point to is compared by address.
+  friend bool operator==(const Entity&, const Entity&) = default;
 };
 
 /// A named, shared payload: the row of meshes, materials, textures and volumes.
@@ -218,7 +225,7 @@ template <class T>
 struct Shared {
   std::shared_ptr<const std::string> name;  // null: none
   std::shared_ptr<const T> value;
-  u32 uses = 0;  // references from entities and materials
+  u32 uses = 0;  // references from entities, materials and the dome
 };
 
 // ---------------------------------------------------------------- scene settings

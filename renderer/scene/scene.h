@@ -37,7 +37,8 @@ struct SceneLimits {
 
 /// A scene: its head and its recent revisions.
 ///
-/// Thread: any; one mutex, held for microseconds. `prepare` and `publish` are two steps so that a
+/// Thread: any; one mutex, held for microseconds: a transaction is applied outside it, and again
+/// when another one was faster. `prepare` and `publish` are two steps so that a
 /// journal can commit between them; prepared transactions are published in the order of
 /// preparation.
 class Scene {
@@ -63,8 +64,9 @@ class Scene {
   std::deque<std::shared_ptr<const Snapshot>> recent_;  // the last is the head
 };
 
-/// The edits that make this snapshot from an empty scene, names and ids' order included, for
-/// ExportScene. Objects without a name get none; references are CreatedByEdit.
+/// The edits that make this snapshot from an empty scene: the same objects in the same order,
+/// names, labels, classes, keys, settings and time; without what happened before the last Advance.
+/// For ExportScene. Objects without a name get none; references are CreatedByEdit.
 [[nodiscard]] Transaction describe(const Snapshot& snapshot);
 
 /// Bytes of arrays a snapshot refers to, each counted once.

@@ -36,8 +36,14 @@ struct Snapshot {
   std::shared_ptr<const std::vector<std::string>> categories;  // class id - 1 -> name; may be null
   PersistentMap<std::string, std::shared_ptr<const Library>> libraries;  // by asset hash
 
-  /// The state before the last Advance, at its own time; its own `previous` is null.
+  u32 keyed = 0;  // entities with pose keys
+  u64 array_bound =
+      0;  // bytes of all arrays, shared ones counted at each use: no less than the truth
+
+  /// The state before the last Advance, at its own time; its own `previous` is null. Setting the
+  /// time by other means forgets it.
   std::shared_ptr<const Snapshot> previous;
+  u64 advances = 0;  // how many led here
 
   [[nodiscard]] const Entity* find(EntityId id) const {
     return entities.find(id.version(), id.index());

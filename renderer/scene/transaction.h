@@ -40,11 +40,15 @@ struct SkinPatch {
   std::vector<Ref> joints;
   std::vector<mat4x3> inverse_binds;
 };
+/// kAuto keeps a value that the entity has for itself alone. kInherit with a category changes the
+/// category (and a part that is not 0) and leaves the rest; without one it resets the label.
+/// An entity that has a mesh, no label of its own and no labelled ancestor gets kAuto at the end of
+/// an edit that carries its mesh or its label; the root of an Instantiate always does.
 struct LabelPatch {
   enum class Kind : u8 { kInherit, kValue, kAuto } kind = Kind::kInherit;
   u32 value = 0;
   bool group = false;
-  std::optional<std::string> category;  // "": none
+  std::optional<std::string> category;  // "": none; absent: stays, unless the label is reset
   u32 part = 0;
 };
 
@@ -105,7 +109,8 @@ struct PutDome {
   std::optional<bool> camera_visible;
 };
 struct PutSettings {
-  std::optional<Time> time;
+  std::optional<Time> time;             // forgets the state before the last Advance
+  std::vector<std::string> categories;  // registers classes in this order, those that are new
   std::optional<PutDome> dome;
 };
 

@@ -1,0 +1,84 @@
+// What the arrays of a scene weigh. Called by apply() and by DescribeScene.
+#include <fmt/format.h>
+
+#include <unordered_set>
+
+#include "renderer/scene/draft.h"
+
+namespace heliograph {
+namespace {
+
+template <class F>
+void for_each_array(const Mesh& mesh, F&& f) {
+  const MeshTopology& t = *mesh.topology;
+  for (const BufferPtr& buffer :
+       {t.triangles.buffer(), t.uvs.buffer(), t.uvs1.buffer(), t.colors.buffer(),
+        t.tangents.buffer(), t.parts.buffer(), t.joints.buffer(), t.weights.buffer(),
+        t.morph_positions.buffer(), t.morph_normals.buffer(), t.skeleton.buffer(),
+        mesh.vertices->positions.buffer(), mesh.vertices->normals.buffer()})
+    if (buffer) f(*buffer);
+}
+template <class F>
+void for_each_array(const Texture& texture, F&& f) {
+  if (texture.image->texels) f(*texture.image->texels);
+}
+template <class F>
+void for_each_array(const Volume& volume, F&& f) {
+  if (volume.bytes) f(*volume.bytes);
+}
+
+template <class T>
+u64 sum_of_arrays(const T& value) {
+  u64 bytes = 0;
+  for_each_array(value, [&](const Buffer& buffer) { bytes += buffer.bytes().size(); });
+  return bytes;
+}
+
+struct Sum {
+  std::unordered_set<u64> serials;
+  u64 bytes = 0;
+
+  template <class T>
+  void add(const Table<Shared<T>>& table) {
+    table.for_each([&](u32, const Shared<T>& row) {
+      for_each_array(*row.value, [&](const Buffer& buffer) {
+        if (serials.insert(buffer.serial()).second) bytes += buffer.bytes().size();
+      });
+    });
+  }
+  void add(const Snapshot& snapshot) {
+    add(snapshot.meshes);
+    add(snapshot.textures);
+    add(snapshot.volumes);
+  }
+};
+
+}  // namespace
+
+u64 bytes_of(const Mesh& mesh) { return sum_of_arrays(mesh); }
+u64 bytes_of(const Texture& texture) { return sum_of_arrays(texture); }
+u64 bytes_of(const Volume& volume) { return sum_of_arrays(volume); }
+
+u64 array_bytes(const Snapshot& snapshot) {
+  Sum sum;
+  sum.add(snapshot);
+  if (snapshot.previous) sum.add(*snapshot.previous);
+  return sum.bytes;
+}
+
+Status check_memory(const Draft& draft) {
+  const Snapshot& scene = draft.next;
+  const u64 bound = scene.array_bound + (scene.previous ? scene.previous->array_bound : 0);
+  if (bound <= draft.limits.array_bytes) return {};
+  const u64 bytes = array_bytes(scene);
+  if (bytes <= draft.limits.array_bytes) return {};
+  return std::unexpected(
+      Error{.code = Code::kResourceExhausted,
+            .message = fmt::format("the scene's arrays would take {} bytes; {} are allowed", bytes,
+                                   draft.limits.array_bytes),
+            .where = "edits",
+            .needed = bytes,
+            .available = draft.limits.array_bytes});
+}
+
+}  // namespace heliograph

@@ -1,0 +1,316 @@
+// Interpolation of keys, parents, skins and vertices, and what flow needs. Declared in motion.h.
+#include "renderer/scene/motion.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <span>
+
+namespace heliograph {
+
+namespace {
+
+/// Where `time` lies among increasing times: between [index] and [index + 1], at fraction u.
+struct Between {
+  std::size_t index = 0;
+  float u = 0;
+};
+
+template <class Times>
+Between locate(const Times& times, std::size_t count, Time time) {
+  std::size_t i = 0;
+  while (i + 1 < count && times(i + 1) <= time) ++i;
+  if (i + 1 == count) return {count - 1, 0};
+  const double u = (time - times(i)) / (times(i + 1) - times(i));
+  return {i, float(std::clamp(u, 0.0, 1.0))};
+}
+
+/// Whether the pose or vertices at `time` come from between `previous` and the present.
+bool in_history(const Snapshot& snapshot, Time time) {
+  return snapshot.previous && time < snapshot.time;
+}
+
+float history_fraction(const Snapshot& snapshot, Time time) {
+  const double from = snapshot.previous->time;
+  return float(std::clamp((time - from) / (snapshot.time - from), 0.0, 1.0));
+}
+
+/// The same entity before the last Advance; null when it was not there, or jumped since.
+const Entity* before(const Snapshot& snapshot, u32 entity) {
+  if (!snapshot.previous || snapshot.entities.at(entity).teleported == snapshot.advances)
+    return nullptr;
+  return snapshot.previous->find(snapshot.entity_id(entity));
+}
+
+/// Its local pose before the last Advance, relative to its present parent.
+mat4x3 local_before(const Snapshot& snapshot, u32 entity, const Entity& then) {
+  const Snapshot& previous = *snapshot.previous;
+  const EntityId parent = snapshot.entities.at(entity).parent;
+  if (then.parent == parent) return local_pose(previous, entity, previous.time);
+  const mat4x3 world = world_pose(previous, entity, previous.time);
+  if (!parent) return world;
+  return multiply(inverse(world_pose(snapshot, parent.index(), previous.time)), world);
+}
+
+bool has_keys_above(const Snapshot& snapshot, EntityId id) {
+  for (const Entity* e = snapshot.find(id); e; e = snapshot.find(e->parent))
+    if (e->keys) return true;
+  return false;
+}
+
+/// Whether something says where this entity is at other times.
+bool is_keyed(const Snapshot& snapshot, u32 index) {
+  const Entity& entity = snapshot.entities.at(index);
+  if (has_keys_above(snapshot, snapshot.entity_id(index))) return true;
+  if (entity.morph_weights && entity.morph_weights->times.size() > 1) return true;
+  if (const auto* mesh = snapshot.find(entity.mesh);
+      mesh && mesh->value->vertices->times.size() > 1)
+    return true;
+  return entity.skin && std::ranges::any_of(entity.skin->joints, [&](EntityId joint) {
+           return has_keys_above(snapshot, joint);
+         });
+}
+
+// ---------------------------------------------------------------- vertices
+
+/// positions or normals of keys at a time.
+std::vector<vec3> at_time(const VertexKeys& keys, const ArrayOf<vec3>& values, Time time) {
+  const std::size_t count = values.size() / keys.times.size();
+  const auto [i, u] = locate([&](std::size_t k) { return keys.times[k]; }, keys.times.size(), time);
+  const vec3* a = values.data() + i * count;
+  std::vector<vec3> out(a, a + count);
+  if (u > 0)
+    for (std::size_t v = 0; v < count; ++v) out[v] = glm::mix(a[v], a[count + v], u);
+  return out;
+}
+
+/// The vertices this mesh had before the last Advance, when they were edited since.
+const VertexKeys* vertices_before(const Snapshot& snapshot, u32 index, const Mesh& mesh) {
+  const Entity* then = before(snapshot, index);
+  if (!then || then->mesh != snapshot.entities.at(index).mesh) return nullptr;
+  const auto* old = snapshot.previous->find(then->mesh);
+  if (!old || old->value->topology != mesh.topology) return nullptr;
+  return old->value->vertices == mesh.vertices ? nullptr : old->value->vertices.get();
+}
+
+void blend(std::vector<vec3>& values, const std::vector<vec3>& other, float u) {
+  if (values.size() != other.size()) return;  // normals came or went: the present ones serve
+  for (std::size_t v = 0; v < values.size(); ++v) values[v] = glm::mix(other[v], values[v], u);
+}
+
+void add_morphs(std::vector<vec3>& values, const ArrayOf<vec3>& targets,
+                const std::vector<float>& weights) {
+  if (targets.empty() || values.empty()) return;
+  for (std::size_t m = 0; m < weights.size(); ++m) {
+    if (weights[m] == 0) continue;
+    const vec3* target = targets.data() + m * values.size();
+    for (std::size_t v = 0; v < values.size(); ++v) values[v] += target[v] * weights[m];
+  }
+}
+
+mat4x3 scaled(const mat4x3& m, float s) { return {m[0] * s, m[1] * s, m[2] * s, m[3] * s}; }
+mat4x3 plus(const mat4x3& a, const mat4x3& b) {
+  return {a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3]};
+}
+
+/// Linear blend skinning (glTF 2.0, section 3.7.3.3): the joints' poses relative to the entity's.
+void apply_skin(const Skin& skin, const MeshTopology& topology, const mat4x3& entity_world,
+                const std::vector<mat4x3>& world_poses, DeformedVertices& vertices) {
+  const mat4x3 entity_from_world = inverse(entity_world);
+  std::vector<mat4x3> joints;
+  for (std::size_t j = 0; j < skin.joints.size(); ++j)
+    joints.push_back(multiply(multiply(entity_from_world, world_poses[skin.joints[j].index()]),
+                              skin.inverse_binds[j]));
+  for (std::size_t v = 0; v < vertices.positions.size(); ++v) {
+    mat4x3 blended(0);
+    for (int k = 0; k < 4; ++k)
+      if (const float w = topology.weights[v][k]; w != 0)
+        blended = plus(blended, scaled(joints[topology.joints[v][k]], w));
+    vertices.positions[v] = blended * vec4(vertices.positions[v], 1);
+    if (vertices.normals.empty()) continue;
+    const vec3 n = glm::transpose(glm::inverse(mat3(blended))) * vertices.normals[v];
+    const float length = glm::length(n);
+    if (length > 0 && std::isfinite(length)) vertices.normals[v] = n / length;
+  }
+}
+
+}  // namespace
+
+// ---------------------------------------------------------------- affine maps
+
+Decomposed decompose(const mat4x3& m) {
+  // Newton's iteration for the orthogonal factor converges quadratically (Higham 1986, "Computing
+  // the Polar Decomposition"); in double, because stretches may differ much.
+  const glm::dmat3 linear{mat3(m)};
+  glm::dmat3 q = linear;
+  if (glm::determinant(q) < 0) q = -q;
+  for (int i = 0; i < 64; ++i) {
+    const glm::dmat3 inverse_transpose = glm::transpose(glm::inverse(q));
+    const glm::dmat3 next = 0.5 * (q + inverse_transpose);
+    double change = 0;
+    for (int c = 0; c < 3; ++c) change = std::max(change, glm::length(next[c] - q[c]));
+    q = next;
+    if (change < 1e-12) break;
+  }
+  const glm::dmat3 stretch = glm::transpose(q) * linear;
+  return {vec3(m[3]), glm::normalize(quat(glm::quat_cast(q))),
+          mat3(0.5 * (stretch + glm::transpose(stretch)))};
+}
+
+mat4x3 compose(const Decomposed& d) {
+  const mat3 linear = glm::mat3_cast(d.rotation) * d.stretch;
+  return {linear[0], linear[1], linear[2], d.translation};
+}
+
+mat4x3 interpolate(const mat4x3& a, const mat4x3& b, float u) {
+  if (u <= 0 || a == b) return a;
+  if (u >= 1) return b;
+  const Decomposed x = decompose(a), y = decompose(b);
+  return compose({glm::mix(x.translation, y.translation, u), glm::slerp(x.rotation, y.rotation, u),
+                  x.stretch * (1 - u) + y.stretch * u});
+}
+
+mat4x3 multiply(const mat4x3& a, const mat4x3& b) {
+  const mat3 linear = mat3(a) * mat3(b);
+  return {linear[0], linear[1], linear[2], a * vec4(b[3], 1)};
+}
+
+mat4x3 inverse(const mat4x3& m) {
+  const glm::dmat3 linear = glm::inverse(glm::dmat3(mat3(m)));
+  return {vec3(linear[0]), vec3(linear[1]), vec3(linear[2]), vec3(-(linear * glm::dvec3(m[3])))};
+}
+
+// ---------------------------------------------------------------- poses
+
+mat4x3 local_pose(const Snapshot& snapshot, u32 entity, Time time) {
+  const Entity& e = snapshot.entities.at(entity);
+  if (e.keys) {
+    const PoseKeys& keys = *e.keys;
+    const auto [i, u] = locate([&](std::size_t k) { return keys[k].time; }, keys.size(), time);
+    return u > 0 ? interpolate(keys[i].matrix, keys[i + 1].matrix, u) : keys[i].matrix;
+  }
+  const mat4x3& now = snapshot.poses[entity];
+  if (!in_history(snapshot, time)) return now;
+  const Entity* then = before(snapshot, entity);
+  if (!then) return now;
+  return interpolate(local_before(snapshot, entity, *then), now, history_fraction(snapshot, time));
+}
+
+mat4x3 world_pose(const Snapshot& snapshot, u32 entity, Time time) {
+  mat4x3 world = local_pose(snapshot, entity, time);
+  for (EntityId parent = snapshot.entities.at(entity).parent; parent;
+       parent = snapshot.entities.at(parent.index()).parent)
+    world = multiply(local_pose(snapshot, parent.index(), time), world);
+  return world;
+}
+
+std::vector<mat4x3> world_poses(const Snapshot& snapshot, Time time) {
+  std::vector<mat4x3> world(snapshot.entities.capacity(), mat4x3(1));
+  std::vector<bool> done(world.size(), false);
+  std::vector<u32> chain;
+  snapshot.entities.for_each([&](u32 index, const Entity&) {
+    chain.clear();
+    for (u32 i = index; !done[i];) {
+      chain.push_back(i);
+      const EntityId parent = snapshot.entities.at(i).parent;
+      if (!parent) break;
+      i = parent.index();
+    }
+    for (; !chain.empty(); chain.pop_back()) {
+      const u32 i = chain.back();
+      const EntityId parent = snapshot.entities.at(i).parent;
+      const mat4x3 local = local_pose(snapshot, i, time);
+      world[i] = parent ? multiply(world[parent.index()], local) : local;
+      done[i] = true;
+    }
+  });
+  return world;
+}
+
+bool visible(const Snapshot& snapshot, u32 entity) {
+  for (const Entity* e = &snapshot.entities.at(entity); e; e = snapshot.find(e->parent))
+    if (!e->visible) return false;
+  return true;
+}
+
+// ---------------------------------------------------------------- deformation
+
+std::vector<float> morph_weights(const Entity& entity, u32 morph_count, Time time) {
+  if (!entity.morph_weights || morph_count == 0) return {};
+  const MorphWeights& keys = *entity.morph_weights;
+  const std::span<const float> all = keys.weights;
+  if (keys.times.empty()) return {all.begin(), all.begin() + morph_count};
+  const auto [i, u] = locate([&](std::size_t k) { return keys.times[k]; }, keys.times.size(), time);
+  const auto a = all.subspan(i * morph_count, morph_count);
+  std::vector<float> out(a.begin(), a.end());
+  if (u > 0)
+    for (u32 m = 0; m < morph_count; ++m)
+      out[m] = std::lerp(a[m], all[(i + 1) * morph_count + m], u);
+  return out;
+}
+
+std::optional<DeformedVertices> deform(const Snapshot& snapshot, u32 entity, Time time,
+                                       const std::vector<mat4x3>& world_poses) {
+  const Entity& e = snapshot.entities.at(entity);
+  const auto* shared = snapshot.find(e.mesh);
+  if (!shared) return std::nullopt;
+  const Mesh& mesh = *shared->value;
+  const MeshTopology& topology = *mesh.topology;
+  const std::vector<float> weights = morph_weights(e, topology.morph_count, time);
+  const VertexKeys* then =
+      in_history(snapshot, time) ? vertices_before(snapshot, entity, mesh) : nullptr;
+  const bool morphs = std::ranges::any_of(weights, [](float w) { return w != 0; });
+  if (mesh.vertices->times.size() == 1 && !then && !morphs && !e.skin) return std::nullopt;
+
+  DeformedVertices out{at_time(*mesh.vertices, mesh.vertices->positions, time), {}};
+  if (!mesh.vertices->normals.empty())
+    out.normals = at_time(*mesh.vertices, mesh.vertices->normals, time);
+  if (then) {
+    const float u = history_fraction(snapshot, time);
+    blend(out.positions, at_time(*then, then->positions, snapshot.previous->time), u);
+    if (!then->normals.empty())
+      blend(out.normals, at_time(*then, then->normals, snapshot.previous->time), u);
+  }
+  add_morphs(out.positions, topology.morph_positions, weights);
+  add_morphs(out.normals, topology.morph_normals, weights);
+  if (e.skin) apply_skin(*e.skin, topology, world_poses[entity], world_poses, out);
+  return out;
+}
+
+// ---------------------------------------------------------------- flow
+
+Status flow_defined(const Snapshot& snapshot, Time time, Time other,
+                    const std::vector<EntityId>& cameras) {
+  const auto [from, to] = std::minmax(time, other);
+  const double tolerance = 1e-9 * std::max(1.0, std::abs(snapshot.time));
+  if (snapshot.previous && from >= snapshot.previous->time - tolerance &&
+      to <= snapshot.time + tolerance)
+    return {};
+  const auto refuse = [&](u32 index) {
+    const std::string name = snapshot.name_of(snapshot.entity_id(index));
+    return fail(
+        Code::kFailedPrecondition, "planes",
+        fmt::format("flow from {:g} s to {:g} s is not defined: '{}' has no keys there. Give it "
+                    "keys=, call edit.advance(dt) before moving things, or pass hold=True to "
+                    "say that what has no keys stands still",
+                    time, other, name.empty() ? "an entity without a name" : name));
+  };
+  for (const EntityId camera : cameras)
+    if (!is_keyed(snapshot, camera.index())) return refuse(camera.index());
+  for (u32 i = 0; i < snapshot.entities.capacity(); ++i)
+    if (snapshot.entities.alive(i) && snapshot.entities.at(i).mesh && visible(snapshot, i) &&
+        !is_keyed(snapshot, i))
+      return refuse(i);
+  return {};
+}
+
+bool flow_valid(const Snapshot& snapshot, u32 entity, Time time, Time other) {
+  if (!in_history(snapshot, std::min(time, other))) return true;
+  for (EntityId id = snapshot.entity_id(entity); id; id = snapshot.entities.at(id.index()).parent)
+    if (!snapshot.entities.at(id.index()).keys && !before(snapshot, id.index())) return false;
+  return true;
+}
+
+}  // namespace heliograph

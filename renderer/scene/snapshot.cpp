@@ -1,0 +1,108 @@
+// Looking objects up by id and by name. Called by everything that reads a Snapshot.
+#include "renderer/scene/snapshot.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <tuple>
+
+namespace heliograph {
+namespace {
+
+constexpr std::size_t kNearest = 3;
+
+/// Edits (insert, delete, substitute) between two words, or limit + 1 when there are more.
+///
+/// Source: Wagner & Fischer 1974, "The String-to-String Correction Problem".
+std::size_t edit_distance(std::string_view a, std::string_view b, std::size_t limit) {
+  if (std::max(a.size(), b.size()) - std::min(a.size(), b.size()) > limit) return limit + 1;
+  std::vector<std::size_t> row(b.size() + 1);
+  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = std::exchange(row[0], i);
+    std::size_t smallest = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t above = row[j];
+      row[j] = std::min({above + 1, row[j - 1] + 1, diagonal + (a[i - 1] != b[j - 1])});
+      diagonal = above;
+      smallest = std::min(smallest, row[j]);
+    }
+    if (smallest > limit) return limit + 1;
+  }
+  return std::min(row.back(), limit + 1);
+}
+
+std::vector<std::string> nearest_names(const Snapshot& snapshot, std::string_view name) {
+  const std::size_t limit = std::max<std::size_t>(2, name.size() / 2);
+  std::vector<std::pair<std::size_t, std::string>> found;
+  snapshot.names.for_each([&](const std::string& candidate, Id) {
+    const bool full = found.size() == kNearest;
+    const std::size_t bar = full ? found.back().first : limit;
+    const std::size_t distance = edit_distance(name, candidate, bar);
+    if (distance > bar) return;
+    std::pair entry{distance, candidate};
+    found.insert(std::ranges::upper_bound(found, entry), std::move(entry));
+    if (full) found.resize(std::min(found.size(), kNearest));
+  });
+  if (found.size() > kNearest) found.resize(kNearest);
+  std::vector<std::string> names;
+  for (auto& [distance, candidate] : found) names.push_back(std::move(candidate));
+  return names;
+}
+
+template <class Row>
+std::string name_or_empty(const Row* row) {
+  return row && row->name ? *row->name : std::string();
+}
+
+}  // namespace
+
+bool Snapshot::alive(Id id) const {
+  switch (id.kind()) {
+    case Kind::kEntity:
+      return find(EntityId(id));
+    case Kind::kMesh:
+      return find(MeshId(id));
+    case Kind::kMaterial:
+      return find(MaterialId(id));
+    case Kind::kTexture:
+      return find(TextureId(id));
+    case Kind::kVolume:
+      return find(VolumeId(id));
+    case Kind::kNone:
+      return false;
+  }
+  return false;
+}
+
+std::string Snapshot::name_of(Id id) const {
+  switch (id.kind()) {
+    case Kind::kEntity:
+      return name_or_empty(find(EntityId(id)));
+    case Kind::kMesh:
+      return name_or_empty(find(MeshId(id)));
+    case Kind::kMaterial:
+      return name_or_empty(find(MaterialId(id)));
+    case Kind::kTexture:
+      return name_or_empty(find(TextureId(id)));
+    case Kind::kVolume:
+      return name_or_empty(find(VolumeId(id)));
+    case Kind::kNone:
+      return {};
+  }
+  return {};
+}
+
+Expected<Id> Snapshot::find(std::string_view name) const {
+  if (const Id* id = names.find(std::string(name))) return *id;
+  Error error{.code = Code::kNotFound,
+              .message = fmt::format("nothing in the scene is named '{}'", name),
+              .where = {}};
+  error.nearest = nearest_names(*this, name);
+  if (!error.nearest.empty())
+    error.message += fmt::format("; the nearest names are '{}'", fmt::join(error.nearest, "', '"));
+  return std::unexpected(std::move(error));
+}
+
+}  // namespace heliograph
