@@ -1,8 +1,9 @@
-// What a device must do. Every call comes from the one thread that owns the device.
+// What a device must do. Every call comes from the one thread that owns the device, but for warm().
 #pragma once
 
+#include <chrono>
 #include <memory>
-#include <span>
+#include <optional>
 #include <stop_token>
 #include <string>
 #include <string_view>
@@ -37,6 +38,22 @@ struct WorkRange {
   u32 sample_count = 0;
 };
 
+/// When to give up. Checked between pieces of work of at most some milliseconds.
+struct Interrupt {
+  std::stop_token stop;
+  std::optional<std::chrono::steady_clock::time_point> deadline;
+
+  [[nodiscard]] bool requested() const {
+    return stop.stop_requested() || (deadline && std::chrono::steady_clock::now() >= *deadline);
+  }
+  /// CANCELLED or DEADLINE_EXCEEDED once requested.
+  [[nodiscard]] Status status() const {
+    if (stop.stop_requested()) return fail(Code::kCancelled, "", "cancelled by the client");
+    if (requested()) return fail(Code::kDeadlineExceeded, "", "the deadline passed");
+    return {};
+  }
+};
+
 /// An accumulating image of one Shot.
 class Film {
  public:
@@ -53,24 +70,32 @@ class Backend {
   /// embree 3.13.5 AVX2".
   [[nodiscard]] virtual std::string cpu_features() const = 0;
 
+  /// Whether the derived data of a snapshot's assets is made, so that prepare() is quick.
+  [[nodiscard]] virtual bool ready(const Snapshot& snapshot) const = 0;
+  /// Makes it. The only function called from another thread than the device's, beside it.
+  [[nodiscard]] virtual Status warm(const Snapshot& snapshot) = 0;
+
   /// Uploads what changed against the nearest resident scene; derived data is cached by buffer
   /// serial.
   [[nodiscard]] virtual Expected<std::shared_ptr<const DeviceScene>> prepare(
       const std::shared_ptr<const Snapshot>& snapshot, Time time) = 0;
   [[nodiscard]] virtual Expected<std::unique_ptr<Film>> begin(const Shot& shot) = 0;
   /// Traces the mean planes' samples of a range. The result does not depend on how work is split.
-  [[nodiscard]] virtual Status render(Film& film, const WorkRange& range, std::stop_token stop) = 0;
+  [[nodiscard]] virtual Status render(Film& film, const WorkRange& range,
+                                      const Interrupt& interrupt) = 0;
   /// Traces the centre planes of a range of tiles.
   [[nodiscard]] virtual Status probe(Film& film, u32 first_tile, u32 tile_count,
-                                     std::stop_token stop) = 0;
+                                     const Interrupt& interrupt) = 0;
   /// Label columns; the film's centre planes are complete.
-  [[nodiscard]] virtual Expected<std::vector<Column>> labels(Film& film, std::stop_token stop) = 0;
+  [[nodiscard]] virtual Expected<std::vector<Column>> labels(Film& film,
+                                                             const Interrupt& interrupt) = 0;
   /// The planes after `samples` samples of every pixel, in the order of the job.
   [[nodiscard]] virtual Expected<std::vector<PlaneData>> resolve(Film& film, u32 samples) = 0;
   /// Mean relative standard error over the pixels, from the film's variance; NaN below 2 samples.
   [[nodiscard]] virtual double noise(const Film& film, u32 samples) = 0;
 
-  [[nodiscard]] virtual Expected<QueryResult> query(const QueryJob& job, std::stop_token stop) = 0;
+  [[nodiscard]] virtual Expected<QueryResult> query(const QueryJob& job,
+                                                    const Interrupt& interrupt) = 0;
   /// Bytes of derived data resident now.
   [[nodiscard]] virtual u64 derived_bytes() const = 0;
 };

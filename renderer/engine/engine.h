@@ -7,6 +7,7 @@
 #include <stop_token>
 
 #include "renderer/engine/backend.h"
+#include "renderer/engine/check.h"
 
 namespace heliograph {
 
@@ -23,12 +24,14 @@ class JobSink {
 struct EngineOptions {
   std::string backend = "embree";
   BackendOptions device;
+  JobLimits limits;
   std::chrono::milliseconds slice{
       10};  // the longest the device runs without asking whether to stop
 };
 
-/// Owns: a backend and its device thread. Thread: any. Jobs run one at a time in the order of
-/// submission, in slices; a cancelled or expired job ends within a slice.
+/// Owns: a backend, its device thread, and one that makes derived data. Thread: any. Jobs run one
+/// at a time in the order in which their derived data is ready, in slices; a cancelled or expired
+/// job, queued or running, ends within a slice.
 class Engine {
  public:
   [[nodiscard]] static Expected<std::unique_ptr<Engine>> create(const EngineOptions& options);

@@ -113,15 +113,15 @@ class HitColumns {
 };
 
 template <class F>
-void for_each_row(std::size_t rows, const std::stop_token& stop, F&& f) {
+void for_each_row(std::size_t rows, const Interrupt& interrupt, F&& f) {
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, rows, 1024), [&](const auto& range) {
-    if (stop.stop_requested()) return;
+    if (interrupt.requested()) return;
     for (std::size_t i = range.begin(); i < range.end(); ++i) f(i);
   });
 }
 
 Expected<QueryResult> cast_rays(const QueryScene& scene, const CastRays& query,
-                                const std::stop_token& stop) {
+                                const Interrupt& interrupt) {
   const std::size_t rows = query.origins.size();
   for (std::size_t i = 0; i < rows; ++i)
     if (!(glm::dot(query.directions[i], query.directions[i]) > 0))
@@ -132,28 +132,27 @@ Expected<QueryResult> cast_rays(const QueryScene& scene, const CastRays& query,
   QueryResult result;
   if (query.any_hit) {
     const Out<float> t(result, "t", DType::kF32, rows, 1);
-    for_each_row(rows, stop, [&](std::size_t i) {
+    for_each_row(rows, interrupt, [&](std::size_t i) {
       const kernels::Ray ray{query.origins[i], glm::normalize(query.directions[i]), t_max, kProbe};
       *t.row(i) = tracer.occluded(ray, kernels::kAllRays) ? 0 : INFINITY;
     });
     return result;
   }
   HitColumns columns(result, rows);
-  for_each_row(rows, stop, [&](std::size_t i) {
+  for_each_row(rows, interrupt, [&](std::size_t i) {
     const kernels::Ray ray{query.origins[i], glm::normalize(query.directions[i]), t_max, kProbe};
     columns.set(i, scene, tracer.closest(ray, kernels::kAllRays), ray.direction);
   });
   return result;
 }
 
-Expected<QueryResult> pick(const QueryScene& scene, const Pick& query,
-                           const std::stop_token& stop) {
+Expected<QueryResult> pick(const QueryScene& scene, const Pick& query, const Interrupt& interrupt) {
   const auto camera = camera_of(scene, query.camera);
   if (!camera) return std::unexpected(camera.error());
   const EmbreeTracer tracer(scene.traced);
   QueryResult result;
   HitColumns columns(result, query.pixels.size());
-  for_each_row(query.pixels.size(), stop, [&](std::size_t i) {
+  for_each_row(query.pixels.size(), interrupt, [&](std::size_t i) {
     const kernels::Ray ray = kernels::camera_ray(*camera, query.pixels[i] + 0.5f, kProbe);
     columns.set(i, scene, tracer.closest(ray, kernels::kCameraRay), ray.direction);
   });
@@ -161,7 +160,7 @@ Expected<QueryResult> pick(const QueryScene& scene, const Pick& query,
 }
 
 Expected<QueryResult> visible(const QueryScene& scene, const Visible& query,
-                              const std::stop_token& stop) {
+                              const Interrupt& interrupt) {
   const auto camera = camera_of(scene, query.camera);
   if (!camera) return std::unexpected(camera.error());
   const auto slots = slots_of(scene, query.entities, "visible.entities");
@@ -175,7 +174,7 @@ Expected<QueryResult> visible(const QueryScene& scene, const Visible& query,
     const u32 slot = (*slots)[i];
     const PixelBox box = bounds_on_canvas(scene.placement, slot, *camera, image);
     u32 alone = 0, seen = 0;
-    for (i32 y = box.y0; y < box.y1 && !stop.stop_requested(); ++y)
+    for (i32 y = box.y0; y < box.y1 && !interrupt.requested(); ++y)
       for (i32 x = box.x0; x < box.x1; ++x) {
         const vec2 raster(float(x) + 0.5f, float(y) + 0.5f);
         const kernels::Ray ray = kernels::camera_ray(*camera, raster, kProbe);
@@ -190,7 +189,7 @@ Expected<QueryResult> visible(const QueryScene& scene, const Visible& query,
 }
 
 Expected<QueryResult> overlaps(const QueryScene& scene, const Overlaps& query,
-                               const std::stop_token& stop) {
+                               const Interrupt& interrupt) {
   const auto a = slots_of(scene, query.a, "overlaps.a");
   if (!a) return std::unexpected(a.error());
   const auto b = slots_of(scene, query.b, "overlaps.b");
@@ -199,7 +198,7 @@ Expected<QueryResult> overlaps(const QueryScene& scene, const Overlaps& query,
   const Out<u8> out(result, "overlaps", DType::kU8, a->size(), b->size());
   result[0].shape = {a->size(), b->size()};
   tbb::parallel_for(std::size_t(0), a->size() * b->size(), [&](std::size_t i) {
-    if (stop.stop_requested()) return;
+    if (interrupt.requested()) return;
     const u32 slot_a = (*a)[i / b->size()], slot_b = (*b)[i % b->size()];
     out.row(0)[i] = slot_a == slot_b || overlap(scene.placement, scene.traced, slot_a, slot_b);
   });
@@ -268,20 +267,27 @@ Expected<QueryResult> sample_surface(const QueryScene& scene, const SampleSurfac
 
 }  // namespace
 
-Expected<QueryResult> answer(const QueryScene& scene, const QueryJob& job, std::stop_token stop) {
+Expected<QueryResult> answer(const QueryScene& scene, const QueryJob& job,
+                             const Interrupt& interrupt) {
   struct Visitor {
     const QueryScene& scene;
-    const std::stop_token& stop;
-    Expected<QueryResult> operator()(const CastRays& q) const { return cast_rays(scene, q, stop); }
-    Expected<QueryResult> operator()(const Pick& q) const { return pick(scene, q, stop); }
-    Expected<QueryResult> operator()(const Visible& q) const { return visible(scene, q, stop); }
-    Expected<QueryResult> operator()(const Overlaps& q) const { return overlaps(scene, q, stop); }
+    const Interrupt& interrupt;
+    Expected<QueryResult> operator()(const CastRays& q) const {
+      return cast_rays(scene, q, interrupt);
+    }
+    Expected<QueryResult> operator()(const Pick& q) const { return pick(scene, q, interrupt); }
+    Expected<QueryResult> operator()(const Visible& q) const {
+      return visible(scene, q, interrupt);
+    }
+    Expected<QueryResult> operator()(const Overlaps& q) const {
+      return overlaps(scene, q, interrupt);
+    }
     Expected<QueryResult> operator()(const SampleSurface& q) const {
       return sample_surface(scene, q);
     }
   };
-  auto result = std::visit(Visitor{scene, stop}, job.query);
-  if (stop.stop_requested()) return fail(Code::kCancelled, "", "the query was cancelled");
+  auto result = std::visit(Visitor{scene, interrupt}, job.query);
+  if (interrupt.requested()) return fail(Code::kCancelled, "", "the query was cancelled");
   return result;
 }
 

@@ -1,11 +1,9 @@
 // Spatial questions on Embree: rays, picks, visibility, overlap, surface samples.
 #pragma once
 
-#include <stop_token>
-
 #include "renderer/backend/embree/placement.h"
 #include "renderer/backend/embree/tracer.h"
-#include "renderer/engine/query.h"
+#include "renderer/engine/backend.h"
 
 namespace heliograph::embree {
 
@@ -20,6 +18,6 @@ struct QueryScene {
 /// stale), INVALID_ARGUMENT (an entity without a mesh or a camera, zero directions, nothing to
 /// sample), CANCELLED.
 [[nodiscard]] Expected<QueryResult> answer(const QueryScene& scene, const QueryJob& job,
-                                           std::stop_token stop);
+                                           const Interrupt& interrupt);
 
 }  // namespace heliograph::embree

@@ -150,7 +150,7 @@ PixelBox bounds_on_canvas(const Placement& placement, u32 slot, const kernels::C
 
 std::vector<Silhouette> trace_silhouettes(const Placement& placement, const TracedScene& scene,
                                           const kernels::CameraView& camera,
-                                          const LabelOptions& options, std::stop_token stop) {
+                                          const LabelOptions& options, const Interrupt& interrupt) {
   const auto reach = reaches(placement, camera, canvas_of(camera, options.canvas));
   std::vector<Silhouette> out(reach.size());
   if (options.amodal_masks)
@@ -160,7 +160,7 @@ std::vector<Silhouette> trace_silhouettes(const Placement& placement, const Trac
   std::vector<Task> tasks = make_tasks(reach);
   const SilhouetteTracer tracer(scene, camera);
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, tasks.size(), 4), [&](const auto& range) {
-    for (std::size_t i = range.begin(); i < range.end() && !stop.stop_requested(); ++i) {
+    for (std::size_t i = range.begin(); i < range.end() && !interrupt.requested(); ++i) {
       Task& task = tasks[i];
       tracer.trace(task, reach[task.row],
                    options.amodal_masks ? out[task.row].mask.data() : nullptr);

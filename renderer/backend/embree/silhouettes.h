@@ -1,23 +1,23 @@
 // Instances alone, whatever hides them: amodal masks, counts and boxes; and what hides keypoints.
 #pragma once
 
-#include <stop_token>
 #include <vector>
 
 #include "renderer/backend/embree/placement.h"
 #include "renderer/backend/embree/tracer.h"
+#include "renderer/engine/backend.h"
 #include "renderer/engine/label_columns.h"
 
 namespace heliograph::embree {
 
 /// Traces every labelled instance over its bounds on the canvas, one ray through each pixel's
-/// centre. The result has one entry for each row of the labelling. Partial when `stop` was
+/// centre. The result has one entry for each row of the labelling. Partial when the interrupt was
 /// requested.
 [[nodiscard]] std::vector<Silhouette> trace_silhouettes(const Placement& placement,
                                                         const TracedScene& scene,
                                                         const kernels::CameraView& camera,
                                                         const LabelOptions& options,
-                                                        std::stop_token stop);
+                                                        const Interrupt& interrupt);
 
 /// The keypoints of every labelled instance, ordered by row. A keypoint is visible when the segment
 /// from the camera to it meets no surface but within the keypoint radius of it.

@@ -1,0 +1,179 @@
+// Snapshots to scenes, by difference from the nearest one kept.
+#include "renderer/backend/embree/device_scene.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+
+namespace heliograph::embree {
+namespace {
+
+constexpr std::size_t kScenesKept = 8;
+
+bool may_be_hole(const kernels::MaterialView& material) {
+  return material.alpha_mode != kernels::AlphaMode::kOpaque;
+}
+
+/// Whether nothing that decides on poses at `time` differs between a scene and a snapshot.
+bool same_poses(const EmbreeScene& scene, const Snapshot& snapshot, Time time) {
+  const Snapshot& before = scene.snapshot();
+  return scene.time() == time && before.time == snapshot.time &&
+         before.entities.same(snapshot.entities) && before.meshes.same(snapshot.meshes) &&
+         before.poses.same(snapshot.poses) &&
+         (time == snapshot.time || before.previous == snapshot.previous);
+}
+
+bool same_structure(const Snapshot& a, const Snapshot& b) {
+  return a.entities.same(b.entities) && a.meshes.same(b.meshes) &&
+         a.materials.capacity() == b.materials.capacity() && a.categories == b.categories;
+}
+
+bool same_materials(const Snapshot& a, const Snapshot& b) {
+  return a.materials.same(b.materials) && a.textures.same(b.textures);
+}
+
+}  // namespace
+
+EmbreeScene::EmbreeScene(std::shared_ptr<const Snapshot> snapshot, Time time,
+                         std::shared_ptr<const Placement> placement,
+                         std::shared_ptr<const Materials> materials,
+                         std::shared_ptr<const Lights> lights)
+    : snapshot_(std::move(snapshot)),
+      time_(time),
+      placement_(std::move(placement)),
+      materials_(std::move(materials)),
+      lights_(std::move(lights)) {
+  const Structure& structure = *placement_->structure;
+  for (std::size_t i = 0; i < placement_->meshes.size(); ++i) {
+    const DeviceMesh& mesh = *placement_->meshes[i];
+    meshes_.push_back(mesh.view());
+    if (const auto& tables = lights_->part_tables[i]) tables->fill(meshes_.back());
+  }
+  instances_ = placement_->instances;
+  for (std::size_t i = 0; i < instances_.size(); ++i) {
+    const u32 first = structure.slots[i].first_part;
+    const u32 parts = meshes_[instances_[i].mesh].part_count;
+    for (u32 p = first; p < first + parts; ++p)
+      if (may_be_hole(materials_->materials[structure.part_materials[p]]))
+        instances_[i].flags |= kernels::kMayBeHole;
+    view_.any_holes |= (instances_[i].flags & kernels::kMayBeHole) != 0;
+  }
+  view_.instances = instances_.data();
+  view_.meshes = meshes_.data();
+  view_.materials = materials_->materials.data();
+  view_.textures = materials_->textures.data();
+  view_.texture_uses = materials_->uses.data();
+  view_.part_materials = structure.part_materials.data();
+  view_.part_lights = lights_->part_lights.data();
+  view_.lights = lights_->lights.data();
+  view_.light_cdf = lights_->cdf.data();
+  view_.dome = lights_->dome;
+  view_.instance_count = u32(instances_.size());
+  view_.light_count = u32(lights_->lights.size());
+  const Box& bounds = placement_->bounds;
+  view_.center = bounds.empty() ? vec3(0) : 0.5f * (bounds.lower + bounds.upper);
+  view_.radius = bounds.empty() ? 1 : 0.5f * glm::length(bounds.upper - bounds.lower);
+}
+
+TracedScene EmbreeScene::traced_of(const kernels::SceneView& view) const {
+  return {placement_->top.get(), placement_->instance_scenes.data(), &view};
+}
+
+u64 EmbreeScene::bytes() const {
+  constexpr u64 kTopBytesPerInstance = 256;  // Embree's nodes and instance
+  return instances_.size() * (2 * sizeof(kernels::InstanceView) + kTopBytesPerInstance) +
+         placement_->world.size() * sizeof(mat4x3) + meshes_.size() * sizeof(kernels::MeshView) +
+         materials_->materials.size() * sizeof(kernels::MaterialView);
+}
+
+Expected<std::shared_ptr<const EmbreeScene>> SceneStore::prepare(
+    const std::shared_ptr<const Snapshot>& snapshot, Time time) {
+  const std::shared_ptr<const EmbreeScene> before = nearest(*snapshot, time);
+  const bool materials_kept = before && same_materials(before->snapshot(), *snapshot);
+  std::shared_ptr<const Placement> placement;
+  if (before && same_structure(before->snapshot(), *snapshot) &&
+      same_poses(*before, *snapshot, time)) {
+    placement = before->placement_ptr();
+  } else {
+    std::shared_ptr<const Structure> structure;
+    if (before && same_structure(before->snapshot(), *snapshot)) {
+      structure = before->placement().structure;
+    } else {
+      auto made = make_structure(*snapshot, builder_);
+      if (!made) return std::unexpected(std::move(made).error());
+      structure = *std::move(made);
+    }
+    auto made = make_placement(*snapshot, time, std::move(structure),
+                               before ? &before->placement() : nullptr, builder_, device_);
+    if (!made) return std::unexpected(std::move(made).error());
+    placement = *std::move(made);
+  }
+  const bool placement_kept = before && placement == before->placement_ptr();
+  if (placement_kept && materials_kept && before->snapshot().dome == snapshot->dome &&
+      before->snapshot().revision == snapshot->revision)
+    return before;
+  auto materials = materials_kept ? before->materials_ptr() : make_materials(*snapshot);
+  auto lights = placement_kept && materials_kept && before->snapshot().dome == snapshot->dome
+                    ? before->lights_ptr()
+                    : make_lights(*snapshot, *placement, *materials, builder_, cache_);
+  auto scene = std::make_shared<const EmbreeScene>(snapshot, time, std::move(placement),
+                                                   std::move(materials), std::move(lights));
+  keep(scene);
+  return scene;
+}
+
+bool SceneStore::ready(const Snapshot& snapshot) const {
+  bool all = true;
+  snapshot.meshes.for_each([&](u32, const Shared<Mesh>& row) {
+    all = all &&
+          (row.uses == 0 || row.value->topology->triangles.empty() || builder_.ready(*row.value));
+  });
+  return all;
+}
+
+Status SceneStore::warm(const Snapshot& snapshot) const {
+  std::vector<const Mesh*> meshes;
+  snapshot.meshes.for_each([&](u32, const Shared<Mesh>& row) {
+    if (row.uses > 0 && !row.value->topology->triangles.empty()) meshes.push_back(row.value.get());
+  });
+  std::vector<Status> results(meshes.size());
+  tbb::parallel_for(std::size_t(0), meshes.size(), [&](std::size_t i) {
+    if (auto made = builder_.build(*meshes[i]); !made)
+      results[i] = std::unexpected(std::move(made).error());
+  });
+  for (Status& result : results) HELIO_TRY(std::move(result));
+  if (snapshot.dome)
+    if (const auto* texture = snapshot.find(snapshot.dome->texture))
+      (void)dome_tables(*texture->value, cache_);
+  return {};
+}
+
+std::shared_ptr<const EmbreeScene> SceneStore::nearest(const Snapshot& snapshot, Time time) const {
+  std::shared_ptr<const EmbreeScene> best;
+  int best_score = -1;
+  for (const auto& scene : recent_) {
+    const Snapshot& before = scene->snapshot();
+    const int score = 8 * int(same_structure(before, snapshot)) +
+                      4 * int(same_poses(*scene, snapshot, time)) +
+                      2 * int(same_materials(before, snapshot)) + int(before.dome == snapshot.dome);
+    if (score >= best_score) {
+      best_score = score;
+      best = scene;
+    }
+  }
+  return best;
+}
+
+void SceneStore::keep(std::shared_ptr<const EmbreeScene> scene) {
+  recent_.push_back(std::move(scene));
+  const auto sum = [&] {
+    u64 bytes = 0;
+    for (const auto& kept : recent_) bytes += kept->bytes();
+    return bytes;
+  };
+  while (recent_.size() > 1 && (recent_.size() > kScenesKept || sum() > limit_))
+    recent_.erase(recent_.begin());
+  bytes_ = sum();
+}
+
+}  // namespace heliograph::embree

@@ -1,0 +1,73 @@
+// A snapshot at one instant, resident: pieces that scenes share, and the view kernels read.
+#pragma once
+
+#include <atomic>
+
+#include "renderer/backend/embree/lights.h"
+#include "renderer/backend/embree/tracer.h"
+#include "renderer/engine/backend.h"
+
+namespace heliograph::embree {
+
+/// Immutable. Each piece is a pure function of parts of the snapshot and is shared with the scenes
+/// that have the same parts.
+class EmbreeScene final : public DeviceScene {
+ public:
+  EmbreeScene(std::shared_ptr<const Snapshot> snapshot, Time time,
+              std::shared_ptr<const Placement> placement,
+              std::shared_ptr<const Materials> materials, std::shared_ptr<const Lights> lights);
+
+  [[nodiscard]] const kernels::SceneView& view() const { return view_; }
+  [[nodiscard]] TracedScene traced() const { return traced_of(view_); }
+  /// The same with another view of the same instances.
+  [[nodiscard]] TracedScene traced_of(const kernels::SceneView& view) const;
+  [[nodiscard]] const Snapshot& snapshot() const { return *snapshot_; }
+  [[nodiscard]] Time time() const { return time_; }
+  [[nodiscard]] const Placement& placement() const { return *placement_; }
+  [[nodiscard]] const Structure& structure() const { return *placement_->structure; }
+  [[nodiscard]] u64 bytes() const;  // of its own, what it shares not counted
+
+  const std::shared_ptr<const Placement>& placement_ptr() const { return placement_; }
+  const std::shared_ptr<const Materials>& materials_ptr() const { return materials_; }
+  const std::shared_ptr<const Lights>& lights_ptr() const { return lights_; }
+
+ private:
+  std::shared_ptr<const Snapshot> snapshot_;
+  Time time_;
+  std::shared_ptr<const Placement> placement_;
+  std::shared_ptr<const Materials> materials_;
+  std::shared_ptr<const Lights> lights_;
+  std::vector<kernels::InstanceView> instances_;  // the placement's, with flags of the materials
+  std::vector<kernels::MeshView> meshes_;
+  kernels::SceneView view_{};
+};
+
+/// Makes scenes, and keeps the last ones to start from. Thread: the device's; `warm` any.
+class SceneStore {
+ public:
+  SceneStore(RTCDevice device, DerivedCache& cache, u64 limit)
+      : device_(device), cache_(cache), builder_(device, cache), limit_(limit) {}
+
+  [[nodiscard]] Expected<std::shared_ptr<const EmbreeScene>> prepare(
+      const std::shared_ptr<const Snapshot>& snapshot, Time time);
+  /// Whether prepare() would find the derived data of meshes and dome made.
+  [[nodiscard]] bool ready(const Snapshot& snapshot) const;
+  /// Makes that data.
+  [[nodiscard]] Status warm(const Snapshot& snapshot) const;
+  /// Thread: any.
+  [[nodiscard]] u64 bytes() const { return bytes_.load(std::memory_order_relaxed); }
+
+ private:
+  [[nodiscard]] std::shared_ptr<const EmbreeScene> nearest(const Snapshot& snapshot,
+                                                           Time time) const;
+  void keep(std::shared_ptr<const EmbreeScene> scene);
+
+  RTCDevice device_;
+  DerivedCache& cache_;
+  MeshBuilder builder_;
+  const u64 limit_;
+  std::vector<std::shared_ptr<const EmbreeScene>> recent_;  // the last is the latest
+  std::atomic<u64> bytes_{0};
+};
+
+}  // namespace heliograph::embree

@@ -1,0 +1,212 @@
+// The CPU backend: Embree for rays, oneTBB for threads.
+#include "renderer/backend/embree/embree_backend.h"
+
+#include <fmt/format.h>
+#include <immintrin.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include "kernels/film.h"
+#include "renderer/backend/embree/embree_film.h"
+#include "renderer/backend/embree/queries.h"
+#include "renderer/backend/embree/silhouettes.h"
+
+namespace heliograph::embree {
+namespace {
+
+constexpr u32 kBandRows = 4;  // a task: so many lines of a tile
+constexpr u32 kBands = kTileSize / kBandRows;
+
+/// Denormals are zero while it lives: Embree asks for it on every thread that traces.
+class FlushDenormals {
+ public:
+  FlushDenormals() : before_(_mm_getcsr()) {
+    _mm_setcsr(before_ | kFlushToZero | kDenormalsAreZero);
+  }
+  ~FlushDenormals() { _mm_setcsr(before_); }
+  FlushDenormals(const FlushDenormals&) = delete;
+  FlushDenormals& operator=(const FlushDenormals&) = delete;
+
+ private:
+  static constexpr unsigned kFlushToZero = 1u << 15, kDenormalsAreZero = 1u << 6;
+  unsigned before_;
+};
+
+const char* widest_isa() {
+  if (__builtin_cpu_supports("avx512vl")) return "AVX512";
+  if (__builtin_cpu_supports("avx2")) return "AVX2";
+  if (__builtin_cpu_supports("avx")) return "AVX";
+  return "SSE4.2";
+}
+
+class EmbreeBackend final : public Backend {
+ public:
+  EmbreeBackend(DeviceHandle device, const BackendOptions& options)
+      : device_(std::move(device)),
+        cache_(options.cache_bytes),
+        store_(device_.get(), cache_, options.cache_bytes),
+        loops_(best_pixel_loops()),
+        arena_(options.threads ? int(options.threads) : tbb::task_arena::automatic) {}
+
+  [[nodiscard]] std::string_view name() const override { return "embree"; }
+  [[nodiscard]] std::string cpu_features() const override;
+  [[nodiscard]] bool ready(const Snapshot& snapshot) const override {
+    return store_.ready(snapshot);
+  }
+  [[nodiscard]] Status warm(const Snapshot& snapshot) override { return store_.warm(snapshot); }
+  [[nodiscard]] Expected<std::shared_ptr<const DeviceScene>> prepare(
+      const std::shared_ptr<const Snapshot>& snapshot, Time time) override {
+    return arena_.execute([&] { return store_.prepare(snapshot, time); });
+  }
+  [[nodiscard]] Expected<std::unique_ptr<Film>> begin(const Shot& shot) override {
+    return EmbreeFilm::create(shot);
+  }
+  [[nodiscard]] Status render(Film& film, const WorkRange& range,
+                              const Interrupt& interrupt) override;
+  [[nodiscard]] Status probe(Film& film, u32 first_tile, u32 tile_count,
+                             const Interrupt& interrupt) override;
+  [[nodiscard]] Expected<std::vector<Column>> labels(Film& film,
+                                                     const Interrupt& interrupt) override;
+  [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film& film, u32 samples) override;
+  [[nodiscard]] double noise(const Film& film, u32 samples) override;
+  [[nodiscard]] Expected<QueryResult> query(const QueryJob& job,
+                                            const Interrupt& interrupt) override;
+  [[nodiscard]] u64 derived_bytes() const override { return cache_.bytes() + store_.bytes(); }
+
+ private:
+  template <class F>
+  Status for_each_band(EmbreeFilm& film, u32 first_tile, u32 tile_count, const Interrupt& interrupt,
+                       F&& trace);
+
+  DeviceHandle device_;
+  DerivedCache cache_;
+  SceneStore store_;
+  const PixelLoops& loops_;
+  tbb::task_arena arena_;
+};
+
+std::string EmbreeBackend::cpu_features() const {
+  const auto version = rtcGetDeviceProperty(device_.get(), RTC_DEVICE_PROPERTY_VERSION);
+  return fmt::format("{}, embree {}.{}.{} {}", loops_.isa, version / 10000, version / 100 % 100,
+                     version % 100, widest_isa());
+}
+
+template <class F>
+Status EmbreeBackend::for_each_band(EmbreeFilm& film, u32 first_tile, u32 tile_count,
+                                    const Interrupt& interrupt, F&& trace) {
+  std::atomic<bool> skipped{false};
+  arena_.execute([&] {
+    const u32 first = first_tile * kBands, last = (first_tile + tile_count) * kBands;
+    tbb::parallel_for(tbb::blocked_range<u32>(first, last, 1), [&](const auto& bands) {
+      const FlushDenormals flush;
+      for (u32 band = bands.begin(); band < bands.end(); ++band) {
+        if (interrupt.requested()) {
+          skipped = true;
+          return;
+        }
+        PixelRect rect = film.tile(band / kBands);
+        rect.y0 += band % kBands * kBandRows;
+        rect.y1 = std::min(rect.y1, rect.y0 + kBandRows);
+        film.add_rays(trace(rect));
+      }
+    });
+  });
+  return skipped ? interrupt.status() : Status{};
+}
+
+Status EmbreeBackend::render(Film& film, const WorkRange& range, const Interrupt& interrupt) {
+  auto& own = static_cast<EmbreeFilm&>(film);
+  const RenderTask task = own.render_task();
+  return for_each_band(own, range.first_tile, range.tile_count, interrupt, [&](const auto& rect) {
+    return loops_.render(task, rect, range.first_sample, range.sample_count);
+  });
+}
+
+Status EmbreeBackend::probe(Film& film, u32 first_tile, u32 tile_count,
+                            const Interrupt& interrupt) {
+  auto& own = static_cast<EmbreeFilm&>(film);
+  const ProbeTask task = own.probe_task();
+  return for_each_band(own, first_tile, tile_count, interrupt,
+                       [&](const auto& rect) { return loops_.probe(task, rect); });
+}
+
+Expected<std::vector<Column>> EmbreeBackend::labels(Film& film, const Interrupt& interrupt) {
+  auto& own = static_cast<EmbreeFilm&>(film);
+  const EmbreeScene& scene = own.scene();
+  const LabelOptions& options = own.job().labels;
+  const Placement& placement = scene.placement();
+  const Labelling& labelling = scene.structure().labelling;
+  if (labelling.instances.size() > options.max_rows) {
+    auto error = fail(Code::kResourceExhausted, "labels.max_rows",
+                      fmt::format("{} labelled instances; raise max_rows, now {}",
+                                  labelling.instances.size(), options.max_rows));
+    error.error().needed = labelling.instances.size();
+    error.error().available = options.max_rows;
+    return error;
+  }
+  return arena_.execute([&]() -> Expected<std::vector<Column>> {
+    const FlushDenormals flush;
+    std::vector<Silhouette> silhouettes;
+    std::vector<KeypointLabel> keypoints;
+    if (options.amodal || options.amodal_masks)
+      silhouettes = trace_silhouettes(placement, scene.traced(), own.camera(), options, interrupt);
+    HELIO_TRY(interrupt.status());
+    if (options.keypoints)
+      keypoints =
+          trace_keypoints(placement, scene.traced(), own.camera(), own.image_camera(), options);
+    const auto* plane = static_cast<const u32*>(own.view().planes[u32(Plane::INSTANCE)]);
+    const u64 pixels = u64(own.view().width) * own.view().height;
+    return label_columns({.snapshot = scene.snapshot(),
+                          .labelling = labelling,
+                          .camera = own.image_camera(),
+                          .world_poses = placement.world,
+                          .boxes = placement.boxes,
+                          .instance_plane = {plane, plane ? pixels : 0},
+                          .silhouettes = silhouettes,
+                          .keypoints = keypoints,
+                          .options = options});
+  });
+}
+
+Expected<std::vector<PlaneData>> EmbreeBackend::resolve(Film& film, u32 samples) {
+  const auto& own = static_cast<const EmbreeFilm&>(film);
+  std::vector<PlaneData> planes;
+  arena_.execute([&] {
+    for (const Plane plane : own.job().planes) planes.push_back(own.resolve(plane, samples));
+  });
+  return planes;
+}
+
+double EmbreeBackend::noise(const Film& film, u32 samples) {
+  const auto& own = static_cast<const EmbreeFilm&>(film);
+  if (samples < 2 || !own.view().moment) return NAN;
+  const u64 pixels = u64(own.view().width) * own.view().height;
+  double sum = 0;
+  for (u64 i = 0; i < pixels; ++i) sum += double(kernels::relative_error(own.view(), i, samples));
+  return sum / double(pixels);
+}
+
+Expected<QueryResult> EmbreeBackend::query(const QueryJob& job, const Interrupt& interrupt) {
+  auto prepared = prepare(job.snapshot, job.time);
+  if (!prepared) return std::unexpected(std::move(prepared).error());
+  const auto& scene = static_cast<const EmbreeScene&>(**prepared);
+  return arena_.execute([&] {
+    const FlushDenormals flush;
+    return answer({scene.snapshot(), scene.placement(), scene.traced()}, job, interrupt);
+  });
+}
+
+}  // namespace
+
+Expected<std::unique_ptr<Backend>> make_embree_backend(const BackendOptions& options) {
+  const std::string config =
+      options.threads ? fmt::format("threads={}", options.threads) : std::string();
+  DeviceHandle device(rtcNewDevice(config.c_str()));
+  if (!device)
+    return fail(Code::kUnavailable, "",
+                fmt::format("Embree gave no device: error {}", int(rtcGetDeviceError(nullptr))));
+  return std::make_unique<EmbreeBackend>(std::move(device), options);
+}
+
+}  // namespace heliograph::embree

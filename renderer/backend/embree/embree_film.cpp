@@ -1,0 +1,148 @@
+// Planes of a shot in host memory.
+#include "renderer/backend/embree/embree_film.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cstring>
+
+#include "kernels/film.h"
+
+namespace heliograph::embree {
+namespace {
+
+using kernels::Fold;
+using kernels::plane_bit;
+
+bool wants_label_pixels(const LabelOptions& labels) {
+  return labels.boxes || labels.amodal || labels.amodal_masks;
+}
+
+kernels::PlaneSet wanted_planes(const RenderJob& job) {
+  kernels::PlaneSet wanted = 0;
+  for (const Plane plane : job.planes) wanted |= plane_bit(plane);
+  if (wants_label_pixels(job.labels)) wanted |= plane_bit(Plane::INSTANCE);
+  if (job.stop.noise > 0 || (wanted & plane_bit(Plane::VARIANCE)))
+    wanted |= plane_bit(Plane::BEAUTY);
+  return wanted;
+}
+
+bool wants_moment(const RenderJob& job) {
+  return job.stop.noise > 0 || std::ranges::count(job.planes, Plane::VARIANCE) > 0;
+}
+
+}  // namespace
+
+Expected<std::unique_ptr<EmbreeFilm>> EmbreeFilm::create(const Shot& shot) {
+  std::unique_ptr<EmbreeFilm> film(new EmbreeFilm(shot));
+  if (!film->allocate())
+    return fail(Code::kResourceExhausted, "planes",
+                "no memory for these planes; ask for a smaller image or fewer planes");
+  return film;
+}
+
+EmbreeFilm::EmbreeFilm(const Shot& shot)
+    : shot_(shot), scene_(std::static_pointer_cast<const EmbreeScene>(shot.scene)) {
+  image_camera_ = camera_at(job().cameras[shot.camera], *scene_);
+  camera_ = camera_view(image_camera_);
+  if (job().disparity_camera) disparity_ = camera_view(camera_at(job().disparity_camera, *scene_));
+  set_end(forward_, shot.forward);
+  set_end(backward_, shot.backward);
+  tiles_x_ = (image_camera_.width + kTileSize - 1) / kTileSize;
+  tiles_y_ = (image_camera_.height + kTileSize - 1) / kTileSize;
+}
+
+ImageCamera EmbreeFilm::camera_at(EntityId camera, const EmbreeScene& scene) const {
+  const Camera& model = *scene.snapshot().find(camera)->camera;
+  const u32 width = job().width ? job().width : model.width;
+  const u32 height = job().height ? job().height : model.height;
+  return heliograph::image_camera(model, scene.placement().world[camera.index()], width, height);
+}
+
+void EmbreeFilm::set_end(FlowEnd& end, const std::shared_ptr<const DeviceScene>& scene) {
+  if (!scene) return;
+  end.scene = std::static_pointer_cast<const EmbreeScene>(scene);
+  end.view = end.scene->view();
+  end.instances.assign(end.view.instances, end.view.instances + end.view.instance_count);
+  for (kernels::InstanceView& instance : end.instances)
+    if (!flow_valid(scene_->snapshot(), instance.entity, scene_->time(), end.scene->time()))
+      instance.flags |= kernels::kFlowInvalid;
+  end.view.instances = end.instances.data();
+  end.camera = camera_view(camera_at(job().cameras[shot_.camera], *end.scene));
+}
+
+void* EmbreeFilm::zeroed(u64 bytes) {
+  memory_.emplace_back(std::calloc(std::max<u64>(bytes, 1), 1));
+  return memory_.back().get();
+}
+
+bool EmbreeFilm::allocate() {
+  view_.width = image_camera_.width;
+  view_.height = image_camera_.height;
+  view_.wanted = wanted_planes(job());
+  const u64 pixels = u64(view_.width) * view_.height;
+  for (u32 i = 0; i < kernels::kPlanes; ++i) {
+    const PlaneInfo& info = plane_info(Plane(i));
+    if (!(view_.wanted & plane_bit(Plane(i))) || info.fold == Fold::kFilm) continue;
+    const u64 bytes = pixels * info.channels * size_of(info.dtype);
+    view_.planes[i] = zeroed(bytes);
+    if (info.fold == Fold::kMean) view_.partial[i] = static_cast<float*>(zeroed(bytes));
+  }
+  if (wants_moment(job())) {
+    view_.moment = static_cast<float*>(zeroed(pixels * sizeof(float)));
+    view_.moment_partial = static_cast<float*>(zeroed(pixels * sizeof(float)));
+  }
+  return std::ranges::all_of(memory_, [](const ZeroedMemory& m) { return m != nullptr; });
+}
+
+PixelRect EmbreeFilm::tile(u32 index) const {
+  const u32 x = index % tiles_x_ * kTileSize, y = index / tiles_x_ * kTileSize;
+  return {x, y, std::min(x + kTileSize, view_.width), std::min(y + kTileSize, view_.height)};
+}
+
+RenderTask EmbreeFilm::render_task() const {
+  return {scene_->traced(), &camera_, &job().settings, &view_};
+}
+
+ProbeTask EmbreeFilm::probe_task() const {
+  const auto end = [](const FlowEnd& e) {
+    return e.scene ? kernels::ProbeScene{&e.view, &e.camera} : kernels::ProbeScene{};
+  };
+  const auto traced = [](const FlowEnd& e) {
+    return e.scene ? e.scene->traced_of(e.view) : TracedScene{};
+  };
+  return {.context = {.now = {&scene_->view(), &camera_},
+                      .forward = end(forward_),
+                      .backward = end(backward_),
+                      .disparity = job().disparity_camera ? &disparity_ : nullptr,
+                      .settings = &job().settings},
+          .now = scene_->traced(),
+          .forward = traced(forward_),
+          .backward = traced(backward_),
+          .film = &view_};
+}
+
+PlaneData EmbreeFilm::resolve(Plane plane, u32 samples) const {
+  const PlaneInfo& info = plane_info(plane);
+  const u64 pixels = u64(view_.width) * view_.height;
+  PlaneData data{plane, std::vector<std::byte>(pixels * info.channels * size_of(info.dtype))};
+  if (info.fold == Fold::kCentre) {
+    std::memcpy(data.pixels.data(), view_.planes[u32(plane)], data.pixels.size());
+    return data;
+  }
+  if (plane == Plane::SAMPLES) {
+    std::fill_n(reinterpret_cast<u32*>(data.pixels.data()), pixels, samples);
+    return data;
+  }
+  if (samples == 0) return data;
+  auto* out = reinterpret_cast<float*>(data.pixels.data());
+  tbb::parallel_for(tbb::blocked_range<u64>(0, pixels * info.channels, 1 << 16), [&](auto range) {
+    for (u64 i = range.begin(); i < range.end(); ++i)
+      out[i] = plane == Plane::VARIANCE ? kernels::pixel_statistics(view_, i, samples).variance
+                                        : kernels::mean_value(view_, plane, i, samples);
+  });
+  return data;
+}
+
+}  // namespace heliograph::embree

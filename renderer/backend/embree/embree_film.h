@@ -1,0 +1,68 @@
+// The accumulating image of one shot, and the work on it.
+#pragma once
+
+#include <atomic>
+#include <cstdlib>
+
+#include "renderer/backend/embree/device_scene.h"
+#include "renderer/backend/embree/pixel_loop.h"
+#include "renderer/engine/image_camera.h"
+
+namespace heliograph::embree {
+
+inline constexpr u32 kTileSize = 16;
+
+/// Zeroed memory that costs nothing until it is touched.
+struct Free {
+  void operator()(void* memory) const { std::free(memory); }
+};
+using ZeroedMemory = std::unique_ptr<void, Free>;
+
+/// A flow end: the scene there, its camera, and the instances with kFlowInvalid set.
+struct FlowEnd {
+  std::shared_ptr<const EmbreeScene> scene;  // null: not wanted
+  std::vector<kernels::InstanceView> instances;
+  kernels::SceneView view{};
+  kernels::CameraView camera{};
+};
+
+class EmbreeFilm final : public Film {
+ public:
+  /// Fails with RESOURCE_EXHAUSTED when there is no memory for the planes.
+  [[nodiscard]] static Expected<std::unique_ptr<EmbreeFilm>> create(const Shot& shot);
+
+  [[nodiscard]] u32 tiles() const override { return tiles_x_ * tiles_y_; }
+  [[nodiscard]] u64 rays() const override { return rays_.load(std::memory_order_relaxed); }
+  void add_rays(u64 rays) { rays_.fetch_add(rays, std::memory_order_relaxed); }
+  /// The pixels of a tile.
+  [[nodiscard]] PixelRect tile(u32 index) const;
+
+  [[nodiscard]] const RenderJob& job() const { return *shot_.job; }
+  [[nodiscard]] const EmbreeScene& scene() const { return *scene_; }
+  [[nodiscard]] const kernels::FilmView& view() const { return view_; }
+  [[nodiscard]] const kernels::CameraView& camera() const { return camera_; }
+  [[nodiscard]] const ImageCamera& image_camera() const { return image_camera_; }
+  [[nodiscard]] RenderTask render_task() const;
+  [[nodiscard]] ProbeTask probe_task() const;
+  [[nodiscard]] PlaneData resolve(Plane plane, u32 samples) const;
+
+ private:
+  explicit EmbreeFilm(const Shot& shot);
+  [[nodiscard]] ImageCamera camera_at(EntityId camera, const EmbreeScene& scene) const;
+  void set_end(FlowEnd& end, const std::shared_ptr<const DeviceScene>& scene);
+  [[nodiscard]] bool allocate();
+  [[nodiscard]] void* zeroed(u64 bytes);
+
+  Shot shot_;
+  std::shared_ptr<const EmbreeScene> scene_;
+  ImageCamera image_camera_;
+  kernels::CameraView camera_{};
+  kernels::CameraView disparity_{};
+  FlowEnd forward_, backward_;
+  kernels::FilmView view_{};
+  std::vector<ZeroedMemory> memory_;
+  u32 tiles_x_, tiles_y_;
+  std::atomic<u64> rays_{0};
+};
+
+}  // namespace heliograph::embree

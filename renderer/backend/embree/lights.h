@@ -1,0 +1,42 @@
+// What emits: the entities' lights, emissive materials and the dome, and how often each is sampled.
+#pragma once
+
+#include "renderer/backend/embree/materials.h"
+#include "renderer/backend/embree/placement.h"
+
+namespace heliograph::embree {
+
+/// Density of a dome's texture over directions and its integrals.
+struct DomeTables {
+  std::vector<float> row_cdf;
+  std::vector<float> column_cdf;
+  vec3 integral{0};  // of the texture over the sphere
+  [[nodiscard]] u64 bytes() const { return (row_cdf.size() + column_cdf.size()) * sizeof(float); }
+};
+[[nodiscard]] std::shared_ptr<const DomeTables> dome_tables(const Texture& texture,
+                                                            DerivedCache& cache);
+
+struct Lights {
+  std::vector<kernels::LightView> lights;
+  std::vector<float> cdf;
+  std::vector<u32> part_lights;
+  std::vector<std::shared_ptr<const PartTables>> part_tables;  // by mesh of the placement, or null
+  kernels::DomeView dome{};
+  std::shared_ptr<const DomeTables> dome_tables;  // null: constant
+};
+
+/// Probabilities are proportional to power; nothing that emits has probability 0.
+[[nodiscard]] std::shared_ptr<const Lights> make_lights(const Snapshot& snapshot,
+                                                        const Placement& placement,
+                                                        const Materials& materials,
+                                                        const MeshBuilder& builder,
+                                                        DerivedCache& cache);
+
+/// Radiance of a light in each channel, before its texture, for an emitting area in m^2 (all
+/// sides).
+[[nodiscard]] vec3 light_radiance(const Light& light, double area);
+/// Linear Rec.709 colour of the Planckian locus at unit luminance; kelvin in [1000, 40000].
+/// Channels outside the gamut are 0, which keeps the luminance by rescaling the others.
+[[nodiscard]] vec3 planckian_color(double kelvin);
+
+}  // namespace heliograph::embree

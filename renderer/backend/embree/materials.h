@@ -1,0 +1,24 @@
+// Materials and textures as kernels see them.
+#pragma once
+
+#include "kernels/scene_view.h"
+#include "renderer/backend/embree/derived_cache.h"
+#include "renderer/scene/snapshot.h"
+
+namespace heliograph::embree {
+
+/// By row of the snapshot's tables; the last material is the default one.
+struct Materials {
+  std::vector<kernels::MaterialView> materials;
+  std::vector<kernels::TextureUseView> uses;
+  std::vector<kernels::TextureView> textures;
+  std::vector<std::shared_ptr<const ImageData>> images;  // keeps the texels alive
+};
+
+[[nodiscard]] std::shared_ptr<const Materials> make_materials(const Snapshot& snapshot);
+[[nodiscard]] kernels::TextureUseView view_of(const Snapshot& snapshot, const TextureUse& use);
+
+/// Mean of the decoded texels, grey in all colours.
+[[nodiscard]] vec4 texture_mean(const Texture& texture, DerivedCache& cache);
+
+}  // namespace heliograph::embree

@@ -1,0 +1,195 @@
+// Builds what meshes need on the device.
+#include "renderer/backend/embree/mesh.h"
+
+#include <cstring>
+#include <string_view>
+
+namespace heliograph::embree {
+namespace {
+
+constexpr u64 kBlasBytesPerTriangle = 96;  // measured with Embree's memory monitor
+
+/// 64-bit FNV-1a over words: names deformed vertices, which have no serial of their own.
+u64 hash_words(std::span<const std::byte> bytes) {
+  u64 hash = 0xcbf29ce484222325ull;
+  for (std::size_t i = 0; i + 4 <= bytes.size(); i += 4) {
+    u32 word;
+    std::memcpy(&word, bytes.data() + i, 4);
+    hash = (hash ^ word) * 0x100000001b3ull;
+    hash ^= hash >> 29;
+  }
+  return hash;
+}
+
+/// Embree reads 16 bytes for each vertex: 4 past the end of the last one, which is harmless unless
+/// a page ends there.
+bool readable_past_end(const vec3* end) { return reinterpret_cast<std::uintptr_t>(end) % 4096; }
+
+void set_vertices(RTCGeometry geometry, const vec3* positions, u32 count) {
+  if (readable_past_end(positions + count)) {
+    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, positions, 0,
+                               sizeof(vec3), count);
+    return;
+  }
+  void* copy = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                                       sizeof(vec3), count);
+  if (copy) std::memcpy(copy, positions, count * sizeof(vec3));
+}
+
+std::span<const vec3> first_key(const ArrayOf<vec3>& keys, u32 vertex_count) {
+  return keys.span().first(std::min<std::size_t>(keys.size(), vertex_count));
+}
+
+}  // namespace
+
+kernels::MeshView DeviceMesh::view() const {
+  kernels::MeshView view{};
+  view.triangles = topology->triangles.data();
+  view.positions = positions.data();
+  view.normals = normals.data();
+  view.rest_positions = vertices->positions.data();
+  view.uvs = topology->uvs.data();
+  view.uvs1 = topology->uvs1.data();
+  view.colors = topology->colors.data();
+  view.tangents = topology->tangents.data();
+  view.parts = topology->parts.data();
+  view.triangle_count = u32(topology->triangles.size());
+  view.vertex_count = topology->vertex_count;
+  view.part_count = topology->part_count;
+  return view;
+}
+
+void PartTables::fill(kernels::MeshView& view) const {
+  view.part_triangles = triangles.data();
+  view.part_cdf = cdf.data();
+  view.part_offsets = offsets.data();
+  view.part_areas = areas.data();
+}
+
+Expected<std::shared_ptr<const Blas>> MeshBuilder::blas(const ArrayOf<uvec3>& triangles,
+                                                        const ArrayOf<vec3>& positions,
+                                                        u32 vertex_count) const {
+  const DerivedKey key{Derived::kBlas, {positions.serial(), triangles.serial(), vertex_count}};
+  const Sources sources{positions.buffer(), triangles.buffer()};
+  auto made = cache_.get<Blas>(key, sources, [&] {
+    auto blas = std::make_shared<Blas>();
+    blas->scene = SceneHandle(rtcNewScene(device_));
+    const GeometryHandle geometry(rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_TRIANGLE));
+    set_vertices(geometry.get(), positions.data(), vertex_count);
+    rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                               triangles.data(), 0, sizeof(uvec3), triangles.size());
+    rtcSetGeometryMask(geometry.get(), ~0u);
+    rtcCommitGeometry(geometry.get());
+    rtcAttachGeometryByID(blas->scene.get(), geometry.get(), 0);
+    rtcCommitScene(blas->scene.get());
+    blas->bytes_ = triangles.size() * kBlasBytesPerTriangle;
+    return blas;
+  });
+  if (const RTCError error = rtcGetDeviceError(device_); error != RTC_ERROR_NONE)
+    return fail(error == RTC_ERROR_OUT_OF_MEMORY ? Code::kResourceExhausted : Code::kInternal, "",
+                "Embree could not build a mesh's acceleration structure: error " +
+                    std::to_string(int(error)));
+  return made;
+}
+
+Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::build(const Mesh& mesh) const {
+  auto made = std::make_shared<DeviceMesh>();
+  made->topology = mesh.topology;
+  made->vertices = mesh.vertices;
+  made->positions = mesh.vertices->positions;
+  made->normals = mesh.vertices->normals;
+  auto structure = blas(mesh.topology->triangles, made->positions, mesh.topology->vertex_count);
+  if (!structure) return std::unexpected(std::move(structure).error());
+  made->blas = *std::move(structure);
+  made->rest = rest_bounds(*made, mat3(1));
+  return made;
+}
+
+Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::build(const Mesh& mesh,
+                                                         DeformedVertices deformed) const {
+  struct Vertices {
+    ArrayOf<vec3> positions, normals;
+    [[nodiscard]] u64 bytes() const { return (positions.size() + normals.size()) * sizeof(vec3); }
+  };
+  const u64 hash = hash_words(std::as_bytes(std::span(deformed.positions)));
+  const u64 normals_hash = hash_words(std::as_bytes(std::span(deformed.normals)));
+  const DerivedKey key{Derived::kVertices, {hash, normals_hash, mesh.topology->triangles.serial()}};
+  const auto kept = cache_.get<Vertices>(key, {}, [&] {
+    auto vertices = std::make_shared<Vertices>();
+    vertices->positions = ArrayOf(std::move(deformed.positions));
+    vertices->normals = ArrayOf(std::move(deformed.normals));
+    return vertices;
+  });
+  auto made = std::make_shared<DeviceMesh>();
+  made->topology = mesh.topology;
+  made->vertices = mesh.vertices;
+  made->positions = kept->positions;
+  made->normals = kept->normals;
+  auto structure = blas(mesh.topology->triangles, made->positions, mesh.topology->vertex_count);
+  if (!structure) return std::unexpected(std::move(structure).error());
+  made->blas = *std::move(structure);
+  made->rest = rest_bounds(*made, mat3(1));
+  return made;
+}
+
+bool MeshBuilder::ready(const Mesh& mesh) const {
+  return cache_.contains({Derived::kBlas,
+                          {mesh.vertices->positions.serial(), mesh.topology->triangles.serial(),
+                           mesh.topology->vertex_count}});
+}
+
+std::shared_ptr<const PartTables> MeshBuilder::part_tables(const DeviceMesh& mesh) const {
+  const MeshTopology& topology = *mesh.topology;
+  const DerivedKey key{
+      Derived::kParts,
+      {mesh.positions.serial(), topology.triangles.serial(), topology.parts.serial()}};
+  Sources sources{mesh.positions.buffer(), topology.triangles.buffer()};
+  if (!topology.parts.empty()) sources.push_back(topology.parts.buffer());
+  return cache_.get<PartTables>(key, std::move(sources), [&] {
+    auto tables = std::make_shared<PartTables>();
+    const u32 count = u32(topology.triangles.size());
+    const auto part_of = [&](u32 triangle) {
+      return topology.parts.empty() ? 0 : topology.parts[triangle];
+    };
+    tables->offsets.assign(topology.part_count + 1, 0);
+    for (u32 i = 0; i < count; ++i) ++tables->offsets[part_of(i) + 1];
+    for (u32 p = 0; p < topology.part_count; ++p) tables->offsets[p + 1] += tables->offsets[p];
+    tables->triangles.resize(count);
+    auto next = tables->offsets;
+    for (u32 i = 0; i < count; ++i) tables->triangles[next[part_of(i)]++] = i;
+    tables->cdf.resize(count);
+    for (u32 p = 0; p < topology.part_count; ++p) {
+      double area = 0;
+      const u32 first = tables->offsets[p], last = tables->offsets[p + 1];
+      std::vector<double> sums(last - first);
+      for (u32 i = first; i < last; ++i) {
+        const uvec3 t = topology.triangles[tables->triangles[i]];
+        const vec3 a = mesh.positions[t.x];
+        area += 0.5 * glm::length(glm::cross(glm::dvec3(mesh.positions[t.y] - a),
+                                             glm::dvec3(mesh.positions[t.z] - a)));
+        sums[i - first] = area;
+      }
+      for (u32 i = first; i < last; ++i)
+        tables->cdf[i] =
+            area > 0 ? float(sums[i - first] / area) : float(i + 1 - first) / float(last - first);
+      tables->areas.push_back(float(area));
+    }
+    return tables;
+  });
+}
+
+Box MeshBuilder::rest_bounds(const DeviceMesh& mesh, const mat3& map) const {
+  const auto rest = first_key(mesh.vertices->positions, mesh.topology->vertex_count);
+  const DerivedKey key{Derived::kBounds,
+                       {mesh.vertices->positions.serial(), mesh.topology->triangles.serial(),
+                        map == mat3(1) ? 0 : hash_words(std::as_bytes(std::span(&map, 1)))}};
+  const Sources sources{mesh.vertices->positions.buffer(), mesh.topology->triangles.buffer()};
+  return *cache_.get<Box>(key, sources, [&] {
+    auto box = std::make_shared<Box>();
+    for (const uvec3 t : mesh.topology->triangles)
+      for (const u32 v : {t.x, t.y, t.z}) box->extend(map * rest[v]);
+    return box;
+  });
+}
+
+}  // namespace heliograph::embree

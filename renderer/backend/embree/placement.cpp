@@ -1,0 +1,270 @@
+// Poses to instances. Only what moved is made anew; the top level is always built from scratch, so
+// that it is a function of its instances alone.
+#include "renderer/backend/embree/placement.h"
+
+#include <tbb/parallel_for.h>
+
+#include <cstring>
+
+namespace heliograph::embree {
+namespace {
+
+bool same(const mat4x3& a, const mat4x3& b) { return std::memcmp(&a, &b, sizeof a) == 0; }
+
+bool invertible(const mat4x3& m) {
+  const float det = glm::determinant(mat3(m));
+  return std::isfinite(det) && det != 0 && std::isfinite(m[3].x + m[3].y + m[3].z);
+}
+
+/// Makes a Placement step by step.
+class Placer {
+ public:
+  Placer(const Snapshot& snapshot, Time time, std::shared_ptr<const Structure> structure,
+         const Placement* before, const MeshBuilder& builder)
+      : snapshot_(snapshot), time_(time), before_(before), builder_(builder) {
+    made_->structure = std::move(structure);
+    made_->world = world_poses(snapshot, time);
+  }
+
+  Status meshes();
+  Status instances(RTCDevice device);
+  void label_frames();
+  void boxes();
+  Status top_level(RTCDevice device);
+  std::shared_ptr<Placement> take() { return std::move(made_); }
+
+ private:
+  [[nodiscard]] u32 slot_before(const Slot& slot) const;
+  [[nodiscard]] bool takes_over(u32 slot, u32 old) const;
+  void place(u32 slot, RTCDevice device);
+  [[nodiscard]] mat4x3 from_root(u32 entity, u32 root) const;
+  [[nodiscard]] RestBox rest_box(const Instance& row, const ObjectFrame& frame) const;
+
+  const Snapshot& snapshot_;
+  const Time time_;
+  const Placement* before_;
+  const MeshBuilder& builder_;
+  std::shared_ptr<Placement> made_ = std::make_shared<Placement>();
+  std::vector<u8> moved_;  // by slot
+  bool changed_ = false;   // the top level differs from the one before
+};
+
+Status Placer::meshes() {
+  const Structure& structure = *made_->structure;
+  made_->meshes = structure.meshes;
+  made_->mesh_of_slot.reserve(structure.slots.size());
+  const bool between = snapshot_.previous && time_ != snapshot_.time;
+  for (const Slot& slot : structure.slots) {
+    made_->mesh_of_slot.push_back(slot.mesh);
+    if (!slot.deforms && !between) continue;
+    auto deformed = deform(snapshot_, slot.entity, time_, made_->world);
+    if (!deformed) continue;
+    const Entity& entity = snapshot_.entities.at(slot.entity);
+    auto mesh =
+        builder_.build(*snapshot_.meshes.at(entity.mesh.index()).value, *std::move(deformed));
+    if (!mesh) return std::unexpected(std::move(mesh).error());
+    made_->mesh_of_slot.back() = u32(made_->meshes.size());
+    made_->meshes.push_back(*std::move(mesh));
+  }
+  return {};
+}
+
+u32 Placer::slot_before(const Slot& slot) const {
+  if (!before_ || slot.entity >= before_->structure->slot_of_entity.size()) return kNone;
+  return before_->structure->slot_of_entity[slot.entity];
+}
+
+bool Placer::takes_over(u32 slot, u32 old) const {
+  if (old == kNone) return false;
+  const u32 entity = made_->structure->slots[slot].entity;
+  return same(made_->world[entity], before_->world[entity]) &&
+         made_->meshes[made_->mesh_of_slot[slot]]->blas ==
+             before_->meshes[before_->mesh_of_slot[old]]->blas &&
+         u32(snapshot_.entities.at(entity).visibility) == before_->instances[old].visibility;
+}
+
+void Placer::place(u32 index, RTCDevice device) {
+  const Slot& slot = made_->structure->slots[index];
+  kernels::InstanceView& view = made_->instances[index];
+  const mat4x3& world = made_->world[slot.entity];
+  const bool usable = invertible(world);
+  view.world_from_object = usable ? world : mat4x3(1);
+  view.object_from_world = usable ? inverse(world) : mat4x3(1);
+  view.visibility = snapshot_.entities.at(slot.entity).visibility;
+  const bool flipped = glm::determinant(mat3(view.world_from_object)) < 0;
+  view.flags = flipped ? u32(kernels::kFlipped) : 0;
+
+  made_->geometries[index] = GeometryHandle(rtcNewGeometry(device, RTC_GEOMETRY_TYPE_INSTANCE));
+  const RTCGeometry geometry = made_->geometries[index].get();
+  rtcSetGeometryInstancedScene(geometry, made_->instance_scenes[index]);
+  rtcSetGeometryMask(geometry, usable ? view.visibility : 0);
+  rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, &view.world_from_object);
+  rtcCommitGeometry(geometry);
+}
+
+Status Placer::instances(RTCDevice device) {
+  const Structure& structure = *made_->structure;
+  const u32 count = u32(structure.slots.size());
+  made_->instances.resize(count);
+  made_->geometries.resize(count);
+  made_->instance_scenes.resize(count);
+  moved_.assign(count, 0);
+  changed_ = !before_ || before_->instances.size() != count;
+  for (u32 i = 0; i < count; ++i) {
+    const Slot& slot = structure.slots[i];
+    made_->instance_scenes[i] = made_->meshes[made_->mesh_of_slot[i]]->blas->scene.get();
+    const u32 old = slot_before(slot);
+    kernels::InstanceView& view = made_->instances[i];
+    if (takes_over(i, old)) {
+      view = before_->instances[old];
+      view.flags &= kernels::kFlipped;
+      made_->geometries[i] = before_->geometries[old];
+      changed_ |= old != i;
+    } else {
+      place(i, device);
+      moved_[i] = 1;
+      changed_ = true;
+    }
+    const EntityLabel& label = structure.labelling.entities[slot.entity];
+    view.mesh = made_->mesh_of_slot[i];
+    view.first_part = slot.first_part;
+    view.entity = slot.entity;
+    view.label = label.instance;
+    view.category = label.category;
+    view.part = label.part;
+  }
+  if (const RTCError error = rtcGetDeviceError(device); error != RTC_ERROR_NONE)
+    return fail(Code::kResourceExhausted, "", "Embree could not place the scene's instances");
+  return {};
+}
+
+mat4x3 Placer::from_root(u32 entity, u32 root) const {
+  mat4x3 result(1);
+  for (u32 i = entity; i != root;) {
+    const EntityId parent = snapshot_.entities.at(i).parent;
+    if (!parent) return multiply(inverse(made_->world[root]), made_->world[entity]);
+    result = multiply(local_pose(snapshot_, i, time_), result);
+    i = parent.index();
+  }
+  return result;
+}
+
+/// Root entity's coordinates to the object frame: its scale, and its shear if there is any.
+mat3 object_from_root(const ObjectFrame& frame, const mat4x3& world_from_root) {
+  if (frame.rigid) return mat3(frame.scale.x, 0, 0, 0, frame.scale.y, 0, 0, 0, frame.scale.z);
+  return mat3(glm::transpose(glm::dmat3(frame.world_from_object)) *
+              glm::dmat3(glm::mat3(world_from_root)));
+}
+
+RestBox Placer::rest_box(const Instance& row, const ObjectFrame& frame) const {
+  // A rigid frame's scale keeps the sides of a box: bounds are then those of the root's frame,
+  // which do not change when the root moves.
+  const mat3 from_root = frame.rigid ? mat3(1) : object_from_root(frame, made_->world[row.root]);
+  const vec3 scale = frame.rigid ? frame.scale : vec3(1);
+  RestBox box;
+  for (const u32 entity : row.entities) {
+    const u32 slot = made_->structure->slot_of_entity[entity];
+    if (slot == kNone) continue;
+    const mat4x3& to_root = made_->root_from_entity[slot];
+    const Box part =
+        builder_.rest_bounds(*made_->meshes[made_->mesh_of_slot[slot]], from_root * mat3(to_root));
+    const vec3 offset = from_root * to_root[3];
+    box.lower = glm::min(box.lower, (part.lower + offset) * scale);
+    box.upper = glm::max(box.upper, (part.upper + offset) * scale);
+  }
+  return box;
+}
+
+void Placer::label_frames() {
+  const Structure& structure = *made_->structure;
+  made_->root_from_entity.resize(structure.slots.size());
+  made_->frames.resize(structure.labelling.instances.size());
+  made_->boxes.resize(made_->frames.size());
+  const bool same_structure = before_ && before_->structure == made_->structure;
+  for (u32 row = 0; row < made_->frames.size(); ++row) {
+    const Instance& instance = structure.labelling.instances[row];
+    bool moved =
+        !same_structure || !same(made_->world[instance.root], before_->world[instance.root]);
+    for (const u32 entity : instance.entities)
+      moved |= moved_[structure.slot_of_entity[entity]] != 0;
+    for (const u32 entity : instance.entities) {
+      const u32 slot = structure.slot_of_entity[entity];
+      made_->root_from_entity[slot] =
+          moved ? from_root(entity, instance.root) : before_->root_from_entity[slot];
+      moved_[slot] |= u8(moved);
+    }
+    if (moved) {
+      made_->frames[row] = object_frame(made_->world[instance.root]);
+      made_->boxes[row] = rest_box(instance, made_->frames[row]);
+    } else {
+      made_->frames[row] = before_->frames[row];
+      made_->boxes[row] = before_->boxes[row];
+    }
+  }
+}
+
+void Placer::boxes() {
+  const Structure& structure = *made_->structure;
+  for (u32 i = 0; i < structure.slots.size(); ++i) {
+    const Slot& slot = structure.slots[i];
+    const bool kept = !moved_[i] && before_ && before_->structure == made_->structure;
+    if (kept) continue;
+    const Box& own = made_->meshes[made_->mesh_of_slot[i]]->rest;
+    RestBox box{own.lower, own.upper};
+    mat4x3 to_object(1);
+    if (slot.row != kNone) {
+      const mat3 scale = object_from_root(
+          made_->frames[slot.row], made_->world[structure.labelling.instances[slot.row].root]);
+      box = made_->boxes[slot.row];
+      to_object =
+          multiply(mat4x3(scale[0], scale[1], scale[2], vec3(0)), made_->root_from_entity[i]);
+    }
+    const vec3 size = box.upper - box.lower;
+    const float diagonal = glm::length(size);
+    kernels::InstanceView& view = made_->instances[i];
+    view.nocs_scale = diagonal > 0 ? size / diagonal : vec3(0);
+    mat4x3 normalise(1);
+    for (int axis = 0; axis < 3; ++axis) {
+      const bool flat = !(size[axis] > 0);
+      normalise[axis][axis] = flat ? 0 : 1 / size[axis];
+      normalise[3][axis] = flat ? 0.5f : -box.lower[axis] / size[axis];
+    }
+    view.box_from_object = multiply(normalise, to_object);
+  }
+}
+
+Status Placer::top_level(RTCDevice device) {
+  if (!changed_) {
+    made_->top = before_->top;
+    made_->bounds = before_->bounds;
+    return {};
+  }
+  if (made_->geometries.empty()) return {};
+  made_->top = SceneHandle(rtcNewScene(device));
+  for (u32 i = 0; i < made_->geometries.size(); ++i)
+    rtcAttachGeometryByID(made_->top.get(), made_->geometries[i].get(), i);
+  rtcCommitScene(made_->top.get());
+  if (rtcGetDeviceError(device) != RTC_ERROR_NONE)
+    return fail(Code::kResourceExhausted, "", "Embree could not build the scene's top level");
+  RTCBounds bounds;
+  rtcGetSceneBounds(made_->top.get(), &bounds);
+  made_->bounds.lower = {bounds.lower_x, bounds.lower_y, bounds.lower_z};
+  made_->bounds.upper = {bounds.upper_x, bounds.upper_y, bounds.upper_z};
+  return {};
+}
+
+}  // namespace
+
+Expected<std::shared_ptr<const Placement>> make_placement(
+    const Snapshot& snapshot, Time time, std::shared_ptr<const Structure> structure,
+    const Placement* before, const MeshBuilder& builder, RTCDevice device) {
+  Placer placer(snapshot, time, std::move(structure), before, builder);
+  HELIO_TRY(placer.meshes());
+  HELIO_TRY(placer.instances(device));
+  placer.label_frames();
+  placer.boxes();
+  HELIO_TRY(placer.top_level(device));
+  return placer.take();
+}
+
+}  // namespace heliograph::embree

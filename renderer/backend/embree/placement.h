@@ -1,0 +1,30 @@
+// Where the slots of a structure are at one instant: instances, the top level, frames of labels.
+#pragma once
+
+#include "renderer/backend/embree/structure.h"
+#include "renderer/engine/label_columns.h"
+
+namespace heliograph::embree {
+
+struct Placement {
+  std::shared_ptr<const Structure> structure;
+  std::vector<mat4x3> world;                              // by entity index
+  std::vector<kernels::InstanceView> instances;           // by slot
+  std::vector<std::shared_ptr<const DeviceMesh>> meshes;  // the structure's, then deformed ones
+  std::vector<u32> mesh_of_slot;                          // index into meshes
+  std::vector<GeometryHandle> geometries;                 // by slot
+  std::vector<RTCScene> instance_scenes;                  // by slot
+  std::vector<mat4x3> root_from_entity;                   // by slot
+  std::vector<ObjectFrame> frames;                        // by row of the labelling
+  std::vector<RestBox> boxes;                             // by row, in those frames
+  SceneHandle top;                                        // null: no instance
+  Box bounds;
+};
+
+/// Places every slot at `time`. What `before` has in the same place is taken over; the result does
+/// not depend on it.
+[[nodiscard]] Expected<std::shared_ptr<const Placement>> make_placement(
+    const Snapshot& snapshot, Time time, std::shared_ptr<const Structure> structure,
+    const Placement* before, const MeshBuilder& builder, RTCDevice device);
+
+}  // namespace heliograph::embree

@@ -1,0 +1,144 @@
+// The CPU's answer to rays: kernels::Tracer on Embree. Compiled once for each instruction set.
+#pragma once
+
+#include "kernels/accept.h"
+#include "kernels/ray.h"
+#include "renderer/backend/embree/embree.h"
+
+namespace heliograph::embree {
+
+/// What an EmbreeTracer needs of a scene.
+struct TracedScene {
+  RTCScene top = nullptr;                     // null: nothing to hit
+  const RTCScene* instance_scenes = nullptr;  // by instance: the scene its mesh lies in
+  const kernels::SceneView* view = nullptr;
+};
+
+inline namespace HELIO_ISA {
+
+/// Thread: any. Lifetime: of the TracedScene's parts.
+class EmbreeTracer {
+ public:
+  explicit EmbreeTracer(const TracedScene& scene) : scene_(scene) {}
+
+  [[nodiscard]] kernels::Hit closest(const kernels::Ray& ray, kernels::u32 mask) const {
+    if (!scene_.top) return miss();
+    RTCRayHit query{};
+    fill(query.ray, ray, mask);
+    query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    Context context(scene_.view, ray, kernels::kNone);
+    context.intersect(scene_.top, query, scene_.view->any_holes);
+    if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return miss();
+    return {query.ray.tfar, query.hit.instID[0], query.hit.primID, query.hit.u, query.hit.v};
+  }
+
+  [[nodiscard]] bool occluded(const kernels::Ray& ray, kernels::u32 mask) const {
+    if (!scene_.top) return false;
+    RTCRay query{};
+    fill(query, ray, mask);
+    Context context(scene_.view, ray, kernels::kNone);
+    context.occluded(scene_.top, query, scene_.view->any_holes);
+    return query.tfar < 0;
+  }
+
+  [[nodiscard]] kernels::Hit closest_in(kernels::u32 instance, const kernels::Ray& ray) const {
+    const kernels::InstanceView& view = scene_.view->instances[instance];
+    kernels::Ray local = ray;
+    local.origin = view.object_from_world * kernels::vec4(ray.origin, 1);
+    local.direction = kernels::mat3(view.object_from_world) * ray.direction;
+    RTCRayHit query{};
+    fill(query.ray, local, kernels::kNone);
+    query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    Context context(scene_.view, ray, instance);
+    context.intersect(scene_.instance_scenes[instance], query,
+                      (view.flags & kernels::kMayBeHole) != 0);
+    if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return miss();
+    return {query.ray.tfar, instance, query.hit.primID, query.hit.u, query.hit.v};
+  }
+
+ private:
+  static kernels::Hit miss() { return {INFINITY, kernels::kNone, kernels::kNone, 0, 0}; }
+
+  static void fill(RTCRay& query, const kernels::Ray& ray, kernels::u32 mask) {
+    query.org_x = ray.origin.x;
+    query.org_y = ray.origin.y;
+    query.org_z = ray.origin.z;
+    query.dir_x = ray.direction.x;
+    query.dir_y = ray.direction.y;
+    query.dir_z = ray.direction.z;
+    query.tnear = 0;
+    query.tfar = ray.t_max;
+    query.mask = mask;
+  }
+
+  /// Embree's context, followed by what the filter function reads.
+  struct Context {
+#if RTC_VERSION_MAJOR >= 4
+    RTCRayQueryContext base;
+#else
+    RTCIntersectContext base;
+#endif
+    const kernels::SceneView* view;
+    const kernels::Ray& ray;
+    kernels::u32 instance;  // of closest_in(); kNone: Embree's own
+
+    Context(const kernels::SceneView* v, const kernels::Ray& r, kernels::u32 i)
+        : view(v), ray(r), instance(i) {
+#if RTC_VERSION_MAJOR >= 4
+      rtcInitRayQueryContext(&base);
+#else
+      rtcInitIntersectContext(&base);
+#endif
+    }
+
+#if RTC_VERSION_MAJOR >= 4
+    void intersect(RTCScene scene, RTCRayHit& query, bool holes) {
+      RTCIntersectArguments arguments;
+      rtcInitIntersectArguments(&arguments);
+      arguments.context = &base;
+      if (holes) {
+        arguments.filter = filter;
+        arguments.flags = RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER;
+      }
+      rtcIntersect1(scene, &query, &arguments);
+    }
+    void occluded(RTCScene scene, RTCRay& query, bool holes) {
+      RTCOccludedArguments arguments;
+      rtcInitOccludedArguments(&arguments);
+      arguments.context = &base;
+      if (holes) {
+        arguments.filter = filter;
+        arguments.flags = RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER;
+      }
+      rtcOccluded1(scene, &query, &arguments);
+    }
+#else
+    void intersect(RTCScene scene, RTCRayHit& query, bool holes) {
+      if (holes) base.filter = filter;
+      rtcIntersect1(scene, &base, &query);
+    }
+    void occluded(RTCScene scene, RTCRay& query, bool holes) {
+      if (holes) base.filter = filter;
+      rtcOccluded1(scene, &base, &query);
+    }
+#endif
+  };
+
+  /// Refuses hits that kernels::accepts() sees through. Embree calls it for single rays only.
+  static void filter(const RTCFilterFunctionNArguments* arguments) {
+    const auto* context = reinterpret_cast<const Context*>(arguments->context);
+    const RTCHit hit = rtcGetHitFromHitN(arguments->hit, arguments->N, 0);
+    const kernels::u32 instance =
+        context->instance == kernels::kNone ? hit.instID[0] : context->instance;
+    if (!(context->view->instances[instance].flags & kernels::kMayBeHole)) return;
+    const float t = RTCRayN_tfar(arguments->ray, arguments->N, 0);
+    const kernels::Hit candidate{t, instance, hit.primID, hit.u, hit.v};
+    if (!kernels::accepts(*context->view, context->ray, candidate)) arguments->valid[0] = 0;
+  }
+
+  TracedScene scene_;
+};
+
+}  // namespace HELIO_ISA
+}  // namespace heliograph::embree

@@ -1,0 +1,174 @@
+// Checks of jobs.
+#include "renderer/engine/check.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "renderer/engine/frame.h"
+#include "renderer/scene/labels.h"
+#include "renderer/scene/motion.h"
+
+namespace heliograph {
+namespace {
+
+using kernels::Fold;
+
+bool has(const RenderJob& job, std::initializer_list<Plane> any) {
+  return std::ranges::any_of(
+      any, [&](Plane plane) { return std::ranges::count(job.planes, plane) > 0; });
+}
+
+Status check_camera(const RenderJob& job, EntityId id, const std::string& where) {
+  const Entity* entity = job.snapshot->find(id);
+  if (!entity) return fail(Code::kNotFound, where, "there is no such entity in this revision");
+  if (!entity->camera)
+    return fail(Code::kFailedPrecondition, where,
+                fmt::format("'{}' has no camera; put one with camera=", job.snapshot->name_of(id)));
+  return {};
+}
+
+Status check_size(const RenderJob& job, EntityId camera, const JobLimits& limits) {
+  const uvec2 size = rendered_size(job, camera);
+  for (const auto& [value, name] : {std::pair{size.x, "width"}, {size.y, "height"}})
+    if (value == 0 || value > limits.size)
+      return fail(Code::kInvalidArgument, name,
+                  fmt::format("{} must be in [1, {}], is {}", name, limits.size, value));
+  u64 bytes = 0;
+  for (const Plane plane : job.planes) {
+    const PlaneInfo& info = plane_info(plane);
+    bytes += u64(size.x) * size.y * info.channels * size_of(info.dtype) *
+             (info.fold == Fold::kMean ? 2 : 1);
+  }
+  if (bytes <= limits.film_bytes) return {};
+  auto error = fail(Code::kResourceExhausted, "planes",
+                    fmt::format("the planes take {} bytes, {} are allowed; ask for a smaller image",
+                                bytes, limits.film_bytes));
+  error.error().needed = bytes;
+  error.error().available = limits.film_bytes;
+  return error;
+}
+
+Status check_stop_rule(const RenderJob& job, const JobLimits& limits) {
+  const StopRule& stop = job.stop;
+  if (stop.spp > limits.spp)
+    return fail(Code::kInvalidArgument, "spp",
+                fmt::format("spp must be at most {}, is {}", limits.spp, stop.spp));
+  if (!(stop.seconds >= 0)) return fail(Code::kInvalidArgument, "seconds", "must be at least 0");
+  if (!(stop.noise >= 0)) return fail(Code::kInvalidArgument, "noise", "must be at least 0");
+  if (wants_samples(job) && stop.spp == 0 && stop.seconds == 0 && stop.noise == 0)
+    return fail(Code::kInvalidArgument, "spp",
+                "these planes average samples: set spp, seconds or noise");
+  return {};
+}
+
+Status check_flow(const RenderJob& job) {
+  if (!wants_forward(job) && !wants_backward(job)) return {};
+  const double interval = flow_interval(job);
+  if (!(interval > 0) || !std::isfinite(interval))
+    return fail(Code::kFailedPrecondition, "frame_interval",
+                "flow needs another end: set frame_interval, or move the scene with advance()");
+  if (job.hold) return {};
+  for (const double sign : {1.0, -1.0}) {
+    if (!(sign > 0 ? wants_forward(job) : wants_backward(job))) continue;
+    if (auto defined =
+            flow_defined(*job.snapshot, job.time, job.time + sign * interval, job.cameras);
+        !defined)
+      return std::unexpected(std::move(defined).error().at("planes"));
+  }
+  return {};
+}
+
+Status check_labels(const RenderJob& job, const JobLimits& limits) {
+  const LabelOptions& labels = job.labels;
+  if (!wants_label_columns(job)) return {};
+  if (!(labels.canvas >= 0 && labels.canvas <= limits.canvas))
+    return fail(Code::kInvalidArgument, "labels.canvas",
+                fmt::format("canvas must be in [0, {}], is {}", limits.canvas, labels.canvas));
+  if (labels.keypoint_radius && !(*labels.keypoint_radius >= 0))
+    return fail(Code::kInvalidArgument, "labels.keypoint_radius", "must be at least 0");
+  const u64 rows = label_entities(*job.snapshot).instances.size();
+  if (rows > labels.max_rows) {
+    auto error = fail(Code::kResourceExhausted, "labels.max_rows",
+                      fmt::format("{} labelled instances, max_rows is {}", rows, labels.max_rows));
+    error.error().needed = rows;
+    error.error().available = labels.max_rows;
+    return error;
+  }
+  if (!labels.amodal_masks) return {};
+  for (const EntityId camera : job.cameras) {
+    const uvec2 size = rendered_size(job, camera);
+    const u64 bytes = rows * ((u64(size.x) * size.y + 7) / 8);
+    if (bytes <= limits.mask_bytes) continue;
+    auto error =
+        fail(Code::kResourceExhausted, "labels.amodal_masks",
+             fmt::format("the masks take {} bytes, {} are allowed", bytes, limits.mask_bytes));
+    error.error().needed = bytes;
+    error.error().available = limits.mask_bytes;
+    return error;
+  }
+  return {};
+}
+
+Status check_disparity(const RenderJob& job) {
+  if (!has(job, {Plane::DISPARITY, Plane::DISPARITY_VISIBLE})) return {};
+  if (!job.disparity_camera)
+    return fail(Code::kInvalidArgument, "planes.camera",
+                "disparity needs a second camera: set PlaneRequest.camera");
+  return check_camera(job, job.disparity_camera, "planes.camera");
+}
+
+}  // namespace
+
+bool wants_samples(const RenderJob& job) {
+  return job.stop.noise > 0 || std::ranges::any_of(job.planes, [](Plane plane) {
+           return plane_info(plane).fold != Fold::kCentre;
+         });
+}
+
+bool wants_label_columns(const RenderJob& job) {
+  const LabelOptions& l = job.labels;
+  return l.boxes || l.amodal || l.amodal_masks || l.keypoints;
+}
+
+bool wants_probe(const RenderJob& job) {
+  return wants_label_columns(job) || std::ranges::any_of(job.planes, [](Plane plane) {
+           return plane_info(plane).fold == Fold::kCentre;
+         });
+}
+
+bool wants_forward(const RenderJob& job) {
+  return has(job, {Plane::FLOW_FORWARD, Plane::FLOW_FORWARD_VALID, Plane::FLOW_FORWARD_VISIBLE,
+                   Plane::SCENE_FLOW});
+}
+
+bool wants_backward(const RenderJob& job) {
+  return has(job, {Plane::FLOW_BACKWARD, Plane::FLOW_BACKWARD_VALID, Plane::FLOW_BACKWARD_VISIBLE});
+}
+
+double flow_interval(const RenderJob& job) {
+  if (job.frame_interval != 0) return job.frame_interval;
+  return job.snapshot->previous ? job.snapshot->time - job.snapshot->previous->time : 0;
+}
+
+uvec2 rendered_size(const RenderJob& job, EntityId camera) {
+  const Camera& model = *job.snapshot->find(camera)->camera;
+  return {job.width ? job.width : model.width, job.height ? job.height : model.height};
+}
+
+Status check_job(const RenderJob& job, const JobLimits& limits) {
+  if (job.cameras.empty())
+    return fail(Code::kInvalidArgument, "cameras", "name at least one camera");
+  if (job.planes.empty() && !wants_label_columns(job))
+    return fail(Code::kInvalidArgument, "planes", "ask for at least one plane, or for labels");
+  for (std::size_t i = 0; i < job.cameras.size(); ++i) {
+    HELIO_TRY(check_camera(job, job.cameras[i], fmt::format("cameras[{}]", i)));
+    HELIO_TRY(check_size(job, job.cameras[i], limits));
+  }
+  HELIO_TRY(check_stop_rule(job, limits));
+  HELIO_TRY(check_disparity(job));
+  HELIO_TRY(check_labels(job, limits));
+  return check_flow(job);
+}
+
+}  // namespace heliograph

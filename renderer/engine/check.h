@@ -1,0 +1,35 @@
+// What a job needs of its snapshot, checked before it is queued. Called by Engine::submit.
+#pragma once
+
+#include "renderer/base/error.h"
+#include "renderer/engine/job.h"
+
+namespace heliograph {
+
+/// Most pixels a side, samples a pixel and bytes of planes of one frame.
+struct JobLimits {
+  u32 size = 16384;
+  u32 spp = 1u << 20;
+  u64 film_bytes = 8ull << 30;
+  u64 mask_bytes = 1ull << 30;
+  float canvas = 8;
+};
+
+/// Fails with NOT_FOUND (a stale camera), FAILED_PRECONDITION (not a camera; flow without another
+/// end), INVALID_ARGUMENT (sizes, samples, planes), RESOURCE_EXHAUSTED (bytes); `where` names the
+/// field of RenderRequest.
+[[nodiscard]] Status check_job(const RenderJob& job, const JobLimits& limits);
+
+/// Seconds between a job's time and the other end of flow: what it says, or else the length of the
+/// last advance; 0 when there is none.
+[[nodiscard]] double flow_interval(const RenderJob& job);
+[[nodiscard]] bool wants_forward(const RenderJob& job);
+[[nodiscard]] bool wants_backward(const RenderJob& job);
+[[nodiscard]] bool wants_samples(const RenderJob& job);  // some plane averages samples
+[[nodiscard]] bool wants_label_columns(const RenderJob& job);
+/// Whether any centre plane is wanted, by the job or by its labels.
+[[nodiscard]] bool wants_probe(const RenderJob& job);
+/// The rendered size of a camera that check_job() has accepted.
+[[nodiscard]] uvec2 rendered_size(const RenderJob& job, EntityId camera);
+
+}  // namespace heliograph

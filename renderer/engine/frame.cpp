@@ -1,0 +1,59 @@
+// What is known of planes and types, derived from HELIO_PLANES.
+#include "renderer/engine/frame.h"
+
+#include <array>
+
+namespace heliograph {
+namespace {
+
+template <class T>
+constexpr DType dtype_of() {
+  if constexpr (std::is_same_v<T, float>) return DType::kF32;
+  if constexpr (std::is_same_v<T, u32>) return DType::kU32;
+  if constexpr (std::is_same_v<T, u8>) return DType::kU8;
+}
+
+/// A name in lower case, kept in static storage.
+template <std::size_t N>
+struct LowerCase {
+  char text[N];
+  constexpr explicit LowerCase(const char (&upper)[N]) : text{} {
+    for (std::size_t i = 0; i < N; ++i)
+      text[i] = upper[i] >= 'A' && upper[i] <= 'Z' ? char(upper[i] - 'A' + 'a') : upper[i];
+  }
+};
+
+#define HELIO_PLANE(NAME, ...) constexpr LowerCase kName_##NAME(#NAME);
+HELIO_PLANES(HELIO_PLANE)
+#undef HELIO_PLANE
+
+constexpr std::array kPlaneInfos{
+#define HELIO_PLANE(NAME, type, channels, fold, unit, ...) \
+  PlaneInfo{kName_##NAME.text, dtype_of<type>(), channels, unit, kernels::Fold::fold},
+    HELIO_PLANES(HELIO_PLANE)
+#undef HELIO_PLANE
+};
+
+}  // namespace
+
+std::size_t size_of(DType type) {
+  switch (type) {
+    case DType::kU8:
+      return 1;
+    case DType::kU16:
+    case DType::kF16:
+      return 2;
+    case DType::kU32:
+    case DType::kI32:
+    case DType::kF32:
+      return 4;
+    case DType::kU64:
+    case DType::kF64:
+      return 8;
+  }
+  return 0;
+}
+
+const PlaneInfo& plane_info(Plane plane) { return kPlaneInfos[std::size_t(plane)]; }
+
+}  // namespace heliograph

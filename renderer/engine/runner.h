@@ -1,0 +1,50 @@
+// One job from its snapshot to its last frame, in slices. Called by the engine's device thread.
+#pragma once
+
+#include <functional>
+
+#include "renderer/engine/engine.h"
+
+namespace heliograph {
+
+/// How a runner is paced and stopped.
+struct RunnerContext {
+  Backend& backend;
+  JobSink& sink;
+  const Interrupt& interrupt;
+  std::chrono::duration<double> slice;  // the longest time without a call of `between`
+  std::function<Status()> between;      // an error ends the job with it
+};
+
+class Runner {
+ public:
+  Runner(std::shared_ptr<const RenderJob> job, const RunnerContext& context);
+  [[nodiscard]] Status run();
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  [[nodiscard]] Status run_camera(u32 camera);
+  [[nodiscard]] Expected<Shot> make_shot(u32 camera);
+  [[nodiscard]] Status probe(Film& film);
+  [[nodiscard]] Status sample(Film& film, u32 camera, Frame& frame);
+  [[nodiscard]] Status pass(Film& film, u32 first, u32 count);
+  [[nodiscard]] u32 next_pass(u32 done) const;
+  [[nodiscard]] bool finished(Film& film, u32 done);
+  [[nodiscard]] Status emit(Film& film, Frame frame, u32 samples, bool final);
+  [[nodiscard]] Frame header(u32 camera) const;
+  [[nodiscard]] Status pause();
+  void report(const Film& film, double done_in_camera, bool force);
+  [[nodiscard]] double share_done(u32 samples) const;
+  [[nodiscard]] double seconds_in_camera() const;
+
+  std::shared_ptr<const RenderJob> job_;
+  RunnerContext context_;
+  Clock::time_point start_, camera_start_, reported_;
+  u32 camera_ = 0;
+  u64 rays_before_ = 0;            // of the cameras that are done
+  double noise_;                   // the latest estimate
+  double seconds_per_sample_ = 0;  // of one sample of a whole tile
+  double seconds_per_probe_ = 0;   // of one tile
+};
+
+}  // namespace heliograph
