@@ -1,0 +1,185 @@
+// The engine: what it refuses, how jobs stop, and the order of what it sends.
+#include "renderer/engine/engine.h"
+
+#include <thread>
+
+#include "renderer/engine/check.h"
+#include "tests/unit/render_scene.h"
+
+using namespace heliograph;
+using namespace heliograph::test;
+using namespace std::chrono_literals;
+
+namespace {
+
+Error refusal(const RenderJob& job) {
+  const Status status = check_job(job, {});
+  REQUIRE(!status.has_value());
+  return status.error();
+}
+
+}  // namespace
+
+TEST_CASE("engine: names the field of what it refuses") {
+  const auto scene = still_life().apply();
+  const RenderJob good = job_of(scene, {Plane::BEAUTY}, 1);
+  REQUIRE(check_job(good, {}).has_value());
+
+  auto job = good;
+  job.cameras.clear();
+  CHECK(refusal(job).where == "cameras");
+  job.cameras = {good.cameras[0], entity(*scene, "box")};
+  CHECK(refusal(job).where == "cameras[1]");
+  CHECK(refusal(job).code == Code::kFailedPrecondition);
+  job.cameras = {EntityId::make(77, 5)};
+  CHECK(refusal(job).code == Code::kNotFound);
+
+  job = good;
+  job.planes.clear();
+  CHECK(refusal(job).where == "planes");
+  job = good;
+  job.stop.spp = 0;
+  CHECK(refusal(job).where == "spp");
+  job.stop.spp = (1u << 20) + 1;
+  CHECK(refusal(job).code == Code::kInvalidArgument);
+  job = good;
+  job.height = 100000;
+  CHECK(refusal(job).where == "height");
+  job = good;
+  job.width = job.height = 16384;
+  job.planes = {Plane::BEAUTY, Plane::ALBEDO_MEAN, Plane::NORMAL_MEAN};
+  CHECK(refusal(job).code == Code::kResourceExhausted);
+  CHECK(refusal(job).needed > refusal(job).available);
+
+  job = good;
+  job.planes = {Plane::FLOW_FORWARD};
+  CHECK(refusal(job).where == "frame_interval");
+  CHECK(refusal(job).code == Code::kFailedPrecondition);
+  job.frame_interval = 0.1;
+  CHECK(refusal(job).code == Code::kFailedPrecondition);
+  job.hold = true;
+  CHECK(check_job(job, {}).has_value());
+  job = good;
+  job.planes = {Plane::DISPARITY};
+  CHECK(refusal(job).where == "planes.camera");
+
+  job = good;
+  job.labels.boxes = true;
+  job.labels.max_rows = 1;
+  CHECK(refusal(job).code == Code::kResourceExhausted);
+  CHECK(refusal(job).needed == 4);
+}
+
+TEST_CASE("engine: every plane has a name, a size and a fold") {
+  CHECK(std::string(plane_info(Plane::BEAUTY).name) == "beauty");
+  CHECK(plane_info(Plane::BEAUTY).channels == 4);
+  CHECK(plane_info(Plane::INSTANCE).dtype == DType::kU32);
+  CHECK(plane_info(Plane::FLOW_FORWARD_VALID).dtype == DType::kU8);
+  CHECK(plane_info(Plane::VARIANCE).fold == kernels::Fold::kFilm);
+}
+
+TEST_CASE("engine: progressive frames double their samples") {
+  auto engine = make_engine();
+  auto job = job_of(still_life().apply(), {Plane::BEAUTY, Plane::SAMPLES}, 11);
+  job.progressive = true;
+  auto sink = std::make_shared<Collect>();
+  REQUIRE(engine->submit(std::make_shared<const RenderJob>(job), sink, {}).has_value());
+  REQUIRE(sink->wait().has_value());
+  std::vector<u32> samples;
+  for (const auto& frame : sink->frames) {
+    samples.push_back(frame->samples);
+    CHECK(pixels<u32>(*frame, 1)[0] == frame->samples);
+    CHECK(frame->final == (frame == sink->frames.back()));
+  }
+  CHECK(samples == std::vector<u32>{1, 2, 4, 8, 11});
+  CHECK(sink->last_progress.done == 1);
+}
+
+TEST_CASE("engine: stop rules") {
+  auto engine = make_engine();
+  const auto scene = still_life().apply();
+  SECTION("seconds") {
+    auto job = job_of(scene, {Plane::BEAUTY});
+    job.stop.seconds = 0.3;
+    const auto start = std::chrono::steady_clock::now();
+    const auto frame = render(*engine, job);
+    CHECK(frame->samples > 0);
+    CHECK(std::chrono::steady_clock::now() - start < 2s);
+  }
+  SECTION("noise") {
+    auto job = job_of(scene, {Plane::DEPTH});
+    job.stop.noise = 0.2;
+    const auto coarse = render(*engine, job);
+    job.stop.noise = 0.05;
+    const auto fine = render(*engine, job);
+    CHECK(coarse->samples < fine->samples);
+    CHECK(fine->samples < 100000);
+  }
+}
+
+TEST_CASE("engine: a frame for each camera, in order") {
+  auto engine = make_engine();
+  const auto scene =
+      Edits().camera("top", look_at({0, 0, 9}, vec3(0)), 20, 10, 20).apply(*still_life().apply());
+  auto job = job_of(scene, {Plane::DEPTH});
+  job.cameras.push_back(entity(*scene, "top"));
+  auto sink = std::make_shared<Collect>();
+  REQUIRE(engine->submit(std::make_shared<const RenderJob>(job), sink, {}).has_value());
+  REQUIRE(sink->wait().has_value());
+  REQUIRE(sink->frames.size() == 2);
+  CHECK(sink->frames[0]->camera == "camera");
+  CHECK(sink->frames[1]->camera == "top");
+  CHECK(sink->frames[1]->index == 1);
+  CHECK(sink->frames[1]->width == 20);
+  CHECK(sink->frames[1]->revision == scene->revision);
+}
+
+TEST_CASE("engine: a cancelled job ends soon, running or queued") {
+  auto engine = make_engine();
+  auto job = job_of(still_life().apply(), {Plane::BEAUTY}, 1u << 20);
+  job.width = 640;
+  job.height = 480;
+  const auto endless = std::make_shared<const RenderJob>(job);
+  auto running = std::make_shared<Collect>(), queued = std::make_shared<Collect>();
+  std::stop_source stop_running, stop_queued;
+  REQUIRE(engine->submit(endless, running, stop_running.get_token()).has_value());
+  REQUIRE(engine->submit(endless, queued, stop_queued.get_token()).has_value());
+  std::this_thread::sleep_for(100ms);
+  CHECK(engine->queued() == 2);
+
+  auto start = std::chrono::steady_clock::now();
+  stop_queued.request_stop();
+  CHECK(queued->wait().error().code == Code::kCancelled);
+  CHECK(std::chrono::steady_clock::now() - start < 1s);  // 50 ms on a machine of one's own
+  start = std::chrono::steady_clock::now();
+  stop_running.request_stop();
+  CHECK(running->wait().error().code == Code::kCancelled);
+  CHECK(std::chrono::steady_clock::now() - start < 1s);
+  CHECK(running->frames.empty());
+}
+
+TEST_CASE("engine: a job past its deadline ends, and one that is too late does not start") {
+  auto engine = make_engine();
+  auto job = job_of(still_life().apply(), {Plane::BEAUTY}, 1u << 20);
+  job.deadline = std::chrono::steady_clock::now() + 50ms;
+  auto late = job;
+  auto sink = std::make_shared<Collect>(), second = std::make_shared<Collect>();
+  REQUIRE(engine->submit(std::make_shared<const RenderJob>(job), sink, {}).has_value());
+  CHECK(sink->wait().error().code == Code::kDeadlineExceeded);
+  REQUIRE(engine->submit(std::make_shared<const RenderJob>(late), second, {}).has_value());
+  CHECK(second->wait().error().code == Code::kDeadlineExceeded);
+  CHECK(second->frames.empty());
+}
+
+TEST_CASE("engine: what waits when it closes is answered") {
+  auto sink = std::make_shared<Collect>(), second = std::make_shared<Collect>();
+  {
+    auto engine = make_engine();
+    const auto job =
+        std::make_shared<const RenderJob>(job_of(still_life().apply(), {Plane::BEAUTY}, 1u << 20));
+    REQUIRE(engine->submit(job, sink, {}).has_value());
+    REQUIRE(engine->submit(job, second, {}).has_value());
+  }
+  CHECK(sink->wait().error().code == Code::kUnavailable);
+  CHECK(second->wait().error().code == Code::kUnavailable);
+}
