@@ -52,11 +52,13 @@ KERNEL float sample_filter(PixelFilter filter, float u) {
     case PixelFilter::kBlackmanHarris:
       break;
   }
-  // 3.3 pixels wide, linear between equal steps of the integral.
-  const float place = u * kFilterIntervals;
+  // 3.3 pixels wide. The root makes the inverse of the integral nearly linear in the tails.
+  const float half = min2(2 * min2(u, 1 - u), 1.0f);
+  const float place = std::sqrt(std::sqrt(half)) * kFilterIntervals;
   const u32 i = min2(u32(place), kFilterIntervals - 1);
   const float a = kInverseBlackmanHarris[i];
-  return 3.3f * (a + (kInverseBlackmanHarris[i + 1] - a) * (place - float(i)));
+  const float x = 3.3f * (a + (kInverseBlackmanHarris[i + 1] - a) * (place - float(i)));
+  return u < 0.5f ? x : -x;
 }
 
 KERNEL vec2 sample_filter(PixelFilter filter, vec2 u) {

@@ -44,7 +44,7 @@ struct LightTriangle {
   vec3 a, ab, ac;
   vec3 normal;        // of the front side, its length twice the area
   float probability;  // of the triangle among all lights
-  float offset;       // metres along the normal that leave its plane for certain
+  Corners corners;    // in object space
 };
 KERNEL LightTriangle light_triangle(const SceneView& scene, const LightView& light, u32 primitive) {
   const InstanceView& instance = scene.instances[light.instance];
@@ -52,12 +52,12 @@ KERNEL LightTriangle light_triangle(const SceneView& scene, const LightView& lig
   const Corners c = corners_of(mesh.positions, mesh.triangles[primitive]);
   const mat4x3& world = instance.world_from_object;
   LightTriangle t;
+  t.corners = c;
   t.a = transform_point(world, c.a);
   t.ab = transform_vector(world, c.ab);
   t.ac = transform_vector(world, c.ac);
   t.normal = cross(t.ab, t.ac);
   if (instance.flags & kFlipped) t.normal = -t.normal;
-  t.offset = plane_error(world, c, t.normal);
   t.probability =
       light.probability * 0.5f * length(cross(c.ab, c.ac)) / mesh.part_areas[light.part];
   return t;
@@ -86,7 +86,6 @@ KERNEL bool sample_surface_light(const SceneView& scene, u32 index, vec3 p, floa
   if (count == 0) return false;
   const u32 primitive = mesh.part_triangles[first + choose(mesh.part_cdf + first, count, u).index];
   const LightTriangle t = light_triangle(scene, light, primitive);
-  const float area2 = max2(length(t.normal), 1e-37f);
   const vec2 barycentric = sample_triangle(u2);
   out.target = t.a + t.ab * barycentric.x + t.ac * barycentric.y;
   const vec3 d = out.target - p;
@@ -99,7 +98,9 @@ KERNEL bool sample_surface_light(const SceneView& scene, u32 index, vec3 p, floa
   out.direction = d / distance;
   out.pdf = triangle_pdf(t, out.direction, distance);
   if (!(out.pdf > 0)) return false;
-  out.target += t.normal * ((front ? t.offset : -t.offset) / area2);
+  const vec3 n = normalize(t.normal);
+  const float offset = plane_error(instance.world_from_object, t.corners, n);
+  out.target += n * (front ? offset : -offset);
   out.visibility = instance.visibility;
   out.infinite = false;
   if (!light.material_emits && light.texture.texture == kNone && !(instance.flags & kMayBeHole)) {

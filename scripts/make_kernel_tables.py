@@ -10,7 +10,7 @@ import numpy as np
 
 MU, ROUGHNESS = 32, 32  # reflection: cosines (sqrt-spaced), roughnesses
 GLASS_MU, GLASS_ROUGHNESS, GLASS_IOR = 16, 16, 16
-FILTER = 512
+FILTER = 128  # intervals of one half
 GRID = 96  # per side, quadrature points over the sampling square
 
 HEADER = """// {what} Written by scripts/make_kernel_tables.py.
@@ -49,7 +49,7 @@ def blackman_harris() -> np.ndarray:
     a = (0.35875, 0.48829, 0.14128, 0.01168)
     integral = a[0] * x + sum(a[k] * np.sin(2 * np.pi * k * x) / (2 * np.pi * k) for k in (1, 2, 3))
     integral -= integral[0]
-    return np.interp(np.linspace(0, 1, FILTER + 1), integral / integral[-1], x)
+    return np.interp(np.linspace(0, 1, FILTER + 1) ** 4 / 2, integral / integral[-1], x)
 
 
 def lambda_ggx(z: np.ndarray, alpha: float) -> np.ndarray:
@@ -138,7 +138,7 @@ def main(folder: pathlib.Path) -> None:
         "filter_table.h": (
             "The Blackman-Harris filter.",
             constant("kFilterIntervals", FILTER)
-            + table("kInverseBlackmanHarris", blackman_harris(), "places in [-0.5, 0.5] of equal steps of the integral"),
+            + table("kInverseBlackmanHarris", blackman_harris(), "places in [-0.5, 0] by the fourth root of twice the integral"),
         ),
         "ggx_tables.h": ("Albedos of GGX microfacets (single scattering).", ggx_tables()),
     }

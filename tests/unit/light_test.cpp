@@ -1,0 +1,228 @@
+// Emission and the choice of directions to it, against densities and closed forms.
+#include "kernels/light.h"
+
+#include <random>
+
+#include "tests/unit/catch.h"
+#include "tests/unit/chi2.h"
+#include "tests/unit/test_tracer.h"
+
+using namespace heliograph::test;
+
+namespace {
+
+class Random {
+ public:
+  float next() { return float(engine_() >> 8) * 0x1p-24f; }
+  vec2 next2() {
+    const float x = next();
+    return vec2(x, next());
+  }
+
+ private:
+  std::mt19937 engine_{3};
+};
+
+/// A picture with a sun, negative and NaN texels.
+std::vector<float> sky(u32 width, u32 height) {
+  std::vector<float> texels(size_t(width) * height * 3);
+  for (u32 y = 0; y < height; ++y) {
+    for (u32 x = 0; x < width; ++x) {
+      float* t = &texels[(size_t(y) * width + x) * 3];
+      t[0] = 0.2f + 0.1f * float(x) / float(width);
+      t[1] = 0.3f;
+      t[2] = 0.5f * float(height - y) / float(height);
+    }
+  }
+  for (int c = 0; c < 3; ++c) texels[(size_t(height / 4) * width + width / 3) * 3 + c] = 50;
+  texels[size_t(width) * 3 * 5] = NAN;
+  texels[size_t(width) * 3 * 6 + 1] = -7;
+  return texels;
+}
+
+}  // namespace
+
+TEST_CASE("light: directions to a stretched, mirrored mesh follow their density (1e-6)") {
+  TestScene scene;
+  MaterialView m = emitter(vec3(1));
+  m.two_sided_emission = true;
+  const mat3 linear = rotation({1, 2, 3}, 0.7f) * mat3(3, 0, 0, 0, -0.5f, 0, 0, 0, 1);
+  const u32 i =
+      scene.add_instance(scene.add(sphere(3, false)), scene.add(m), pose(linear, {0.5f, 1, 4}));
+  scene.add_light(i);
+  const SceneView& view = scene.finish();
+  const TestTracer tracer(view);
+  // Every surface along a direction could have been sampled: the density is their sum.
+  const auto density = [&](double x, double y) {
+    const double z = y, r = std::sqrt(1 - z * z), phi = 2 * M_PI * x;
+    const vec3 d(r * std::cos(phi), r * std::sin(phi), z);
+    Ray ray{vec3(0), d, INFINITY, {}};
+    double sum = 0;
+    float t = 0;
+    for (;;) {
+      Hit hit = tracer.closest(ray, kAllRays);
+      if (hit.instance == kNone) break;
+      t += hit.t;
+      hit.t = t;
+      sum += double(light_pdf(view, hit, 0, d));
+      ray.origin = d * (t + 1e-4f);
+      t += 1e-4f;
+    }
+    return 2 * M_PI * sum;
+  };
+  Random random;
+  const auto sample = [&](double& x, double& y) {
+    LightSample s;
+    const float u = random.next();
+    if (!sample_light(view, vec3(0), u, random.next2(), s)) return false;
+    x = std::atan2(double(s.direction.y), double(s.direction.x)) / (2 * M_PI);
+    if (x < 0) x += 1;
+    y = s.direction.z;
+    return y > 0;
+  };
+  CHECK(square_p_value({24, 24, 100000}, sample, density) > kLevel);
+}
+
+TEST_CASE("light: the density of a sample is the density of the ray that meets the same point") {
+  TestScene scene;
+  const u32 mesh = scene.add(rectangle(0.5f, 0.7f));
+  const u32 m = scene.add(emitter(vec3(2)));
+  for (int i = 0; i < 5; ++i) {
+    const mat3 linear = rotation({1, float(i), 0}, 3) * mat3(1 + float(i), 0, 0, 0, 1, 0, 0, 0, 1);
+    scene.add_light(scene.add_instance(mesh, m, pose(linear, {3 * float(i), 0, 3})));
+  }
+  const SceneView& view = scene.finish();
+  const TestTracer tracer(view);
+  Random random;
+  int seen = 0;
+  for (int i = 0; i < 1000; ++i) {
+    LightSample s;
+    const float u = random.next();
+    if (!sample_light(view, vec3(1, 0, 0), u, random.next2(), s)) continue;
+    const Hit hit = tracer.closest({vec3(1, 0, 0), s.direction, INFINITY, {}}, kAllRays);
+    if (hit.instance == kNone) continue;  // a seam
+    const u32 light = surface_at(view, hit.instance, hit.primitive, {hit.u, hit.v}).light;
+    if (light_pdf(view, hit, light, s.direction) == Approx(s.pdf).epsilon(1e-3)) ++seen;
+  }
+  CHECK(seen > 950);  // the rest is hidden behind another light
+}
+
+TEST_CASE("dome: directions follow their density, which is the one looked up (1e-6)") {
+  TestScene scene;
+  scene.dome_rotation = rotation({1, 1, 0}, 0.6f);
+  scene.set_dome(vec3(1), scene.add_texture(sky(32, 16), {32, 16}, TexelType::kF32));
+  const SceneView& view = scene.finish();
+  Random random;
+  const auto sample = [&](double& x, double& y) {
+    LightSample s;
+    const float u = random.next();
+    if (!sample_light(view, vec3(0), u, random.next2(), s)) return false;
+    const DomeLight looked_up = dome_light(view, s.direction);
+    // Rounding may move a direction on the border of two texels into the other one.
+    if (std::fabs(looked_up.pdf / s.pdf - 1) < 1e-2f) {
+      REQUIRE(looked_up.radiance.y == Approx(s.radiance.y).epsilon(1e-2));
+    }
+    x = std::atan2(double(s.direction.y), double(s.direction.x)) / (2 * M_PI) + 0.5;
+    y = 0.5 + 0.5 * double(s.direction.z);
+    return true;
+  };
+  const auto density = [&](double x, double y) {
+    const double z = 2 * y - 1, r = std::sqrt(1 - z * z), phi = 2 * M_PI * (x - 0.5);
+    return 4 * M_PI * double(dome_light(view, vec3(r * std::cos(phi), r * std::sin(phi), z)).pdf);
+  };
+  CHECK(square_p_value({20, 32, 100000}, sample, density) > kLevel);
+}
+
+TEST_CASE("dome: u = 0.5 - atan2(y, x) / 2 pi, row 0 is +z, rotation") {
+  std::vector<float> texels(8 * 4 * 3, 0);
+  for (u32 i = 0; i < 32; ++i) texels[i * 3] = float(i);
+  TestScene scene;
+  scene.dome_rotation = rotation({0, 0, 1}, 0.5f * kPi);
+  scene.set_dome(vec3(1), scene.add_texture(texels, {8, 4}, TexelType::kF32));
+  const SceneView& view = scene.finish();
+  // Centre of texel (x 5, y 1): u = 5.5 / 8, v = 1.5 / 4; then rotated by a quarter turn.
+  const double phi = 2 * M_PI * (0.5 - 5.5 / 8) + M_PI / 2, theta = M_PI * 1.5 / 4;
+  const vec3 d(std::sin(theta) * std::cos(phi), std::sin(theta) * std::sin(phi), std::cos(theta));
+  CHECK(dome_light(view, d).radiance.x == Approx(13).epsilon(1e-4));
+  CHECK(dome_light(view, vec3(0, 0, 1)).radiance.x < 8);
+  CHECK(dome_light(view, vec3(0, 0, -1)).radiance.x >= 24);
+}
+
+TEST_CASE("dome: irradiance of a plane is the integral over the sky") {
+  TestScene scene;
+  const std::vector<float> texels = sky(32, 16);
+  const u32 texture = scene.add_texture(texels, {32, 16}, TexelType::kF32);
+  scene.set_dome(vec3(2), texture);
+  scene.add_instance(scene.add(rectangle(100, 100)), scene.add(lambert(vec3(0.5f))));
+  const SceneView& view = scene.finish();
+  glm::dvec3 irradiance(0);
+  const int n = 1500;
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < n; ++j) {
+      const double z = (i + 0.5) / n, r = std::sqrt(1 - z * z), phi = 2 * M_PI * (j + 0.5) / n;
+      const vec3 l = dome_light(view, vec3(r * std::cos(phi), r * std::sin(phi), z)).radiance;
+      irradiance += glm::dvec3(l) * z * (2 * M_PI / (double(n) * n));
+    }
+  }
+  const CameraView camera = look_at({0, 0, 5}, {0, 0, 0}, {4, 4}, 0.5f);
+  const vec3 got = mean_beauty(view, camera, standard_settings(2), 4096);
+  for (int c = 0; c < 3; ++c) CHECK(got[c] == Approx(irradiance[c] * 0.5 / M_PI).epsilon(0.003));
+}
+
+TEST_CASE("light: a spherical light's irradiance has its closed form") {
+  // E = pi L (R / d)^2 at a point that faces the centre of a whole sphere above its horizon.
+  TestScene scene;
+  const u32 floor =
+      scene.add_instance(scene.add(rectangle(0.01f, 0.01f)), scene.add(lambert(vec3(1))));
+  const u32 lamp = scene.add_instance(scene.add(sphere(96, false)), scene.add(emitter(vec3(3))),
+                                      pose(mat3(0.5f), {0, 0, 2}));
+  scene.instances[lamp].visibility = kAllRays & ~kCameraRay;
+  scene.add_light(lamp);
+  (void)floor;
+  const SceneView& view = scene.finish();
+  const CameraView camera = look_at({0.5f, 0, 0.5f}, {0, 0, 0}, {4, 4}, 0.005f);
+  const vec3 got = mean_beauty(view, camera, standard_settings(2), 4096);
+  // The tessellated sphere has the solid angle of its silhouette, a little below the sphere's.
+  CHECK(got.y == Approx(3 * 0.25 / 4).epsilon(0.005));
+}
+
+TEST_CASE("light: only the front emits unless two-sided; a mirroring pose keeps the outside") {
+  for (const bool mirrored : {false, true}) {
+    for (const bool two_sided : {false, true}) {
+      for (const bool above : {false, true}) {
+        INFO("mirrored " << mirrored << " two-sided " << two_sided << " above " << above);
+        TestScene scene;
+        MaterialView m = emitter(vec3(1));
+        m.two_sided_emission = two_sided;
+        const mat3 linear(mirrored ? -1 : 1, 0, 0, 0, 1, 0, 0, 0, 1);
+        const u32 lamp =
+            scene.add_instance(scene.add(rectangle(1, 1)), scene.add(m), pose(linear, {0, 0, 2}));
+        scene.add_light(lamp);
+        const SceneView& view = scene.finish();
+        LightSample s;
+        const bool found = sample_light(view, {0, 0, above ? 4.0f : 0.0f}, 0.3f, {0.4f, 0.6f}, s);
+        CHECK(found == (above || two_sided));
+        const Surface surface = surface_at(view, lamp, 0, {0.3f, 0.3f});
+        CHECK(surface.ng.z == Approx(1));
+      }
+    }
+  }
+}
+
+TEST_CASE("light: a textured entity light multiplies its radiance, alpha thins it") {
+  TestScene scene;
+  const u32 texture = scene.add_texture(std::vector<float>{1, -2, 0.5f}, {1, 1}, TexelType::kF32);
+  MaterialView m = emitter(vec3(0.25f));
+  m.alpha_mode = AlphaMode::kBlend;
+  m.constant.alpha = 0.5f;
+  const u32 lamp = scene.add_instance(scene.add(rectangle(1, 1)), scene.add(m));
+  LightView& light = scene.add_light(lamp, 0, vec3(4));
+  light.texture = no_texture();
+  light.texture.texture = texture;
+  const SceneView& view = scene.finish();
+  LightSample s;
+  REQUIRE(sample_light(view, {0, 0, 1}, 0.3f, {0.4f, 0.6f}, s));
+  CHECK(s.radiance.x == Approx(0.5f * 4.25f));
+  CHECK(s.radiance.y == Approx(0.5f * 0.25f));
+  CHECK(s.radiance.z == Approx(0.5f * 2.25f));
+}
