@@ -1,0 +1,152 @@
+"""Heliograph: a headless path-tracing render server for training data; this is its Python client.
+
+Importing it is cheap: connect() starts the daemon first and imports the rest while it starts.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from .errors import (
+    Aborted,
+    AlreadyExists,
+    Cancelled,
+    DeadlineExceeded,
+    FailedPrecondition,
+    HeliographError,
+    Internal,
+    InvalidArgument,
+    NotFound,
+    OutOfRange,
+    PermissionDenied,
+    ResourceExhausted,
+    Unauthenticated,
+    Unavailable,
+    Unimplemented,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from . import materials, shapes
+    from ._progress import Progress
+    from .client import Client
+    from .components import Camera, Light, Tex, Visibility
+    from .frame import Frame
+    from .handles import Asset, Entity, Group, Handle, Material, Mesh, Texture
+    from .pose import Pose, look_at
+    from .scene import Scene
+
+__version__ = "0.1.0"
+
+_LAZY = {
+    "Asset": "handles",
+    "Camera": "components",
+    "Client": "client",
+    "Entity": "handles",
+    "Frame": "frame",
+    "Group": "handles",
+    "Handle": "handles",
+    "Light": "components",
+    "Material": "handles",
+    "Mesh": "handles",
+    "Pose": "pose",
+    "Progress": "_progress",
+    "Scene": "scene",
+    "Tex": "components",
+    "Texture": "handles",
+    "Visibility": "components",
+    "look_at": "pose",
+    "aio": "",
+    "datasets": "",
+    "materials": "",
+    "shapes": "",
+}
+
+__all__ = [
+    "Aborted",
+    "AlreadyExists",
+    "Asset",
+    "Camera",
+    "Cancelled",
+    "Client",
+    "DeadlineExceeded",
+    "Entity",
+    "FailedPrecondition",
+    "Frame",
+    "Group",
+    "Handle",
+    "HeliographError",
+    "Internal",
+    "InvalidArgument",
+    "Light",
+    "Material",
+    "Mesh",
+    "NotFound",
+    "OutOfRange",
+    "PermissionDenied",
+    "Pose",
+    "Progress",
+    "ResourceExhausted",
+    "Scene",
+    "Tex",
+    "Texture",
+    "Unauthenticated",
+    "Unavailable",
+    "Unimplemented",
+    "Visibility",
+    "connect",
+    "look_at",
+    "materials",
+    "shapes",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LAZY:
+        raise AttributeError(f"module 'heliograph' has no attribute {name!r}")
+    import importlib
+
+    home = _LAZY[name]
+    module = importlib.import_module(f"{__name__}.{home or name}")
+    found = getattr(module, name) if home else module
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_LAZY])
+
+
+def connect(
+    address: str | None = None,
+    *,
+    token: str | None = None,
+    tls: Any = None,
+    arguments: Sequence[str] = (),
+    timeout: float = 30.0,
+) -> Client:
+    """A client of a daemon.
+
+    Without an address: a private heliographd, which ends with this process; `arguments` are more
+    of its flags (`--threads 4`). Otherwise "unix:///path/heliograph.sock", or "host:port" with the
+    daemon's `token`. `timeout`: seconds a private daemon may take to start.
+    The daemon's log goes to logging.getLogger("heliograph").
+    """
+    daemon = None
+    if address is None and tls is None:
+        from ._launch import PrivateDaemon
+
+        daemon = PrivateDaemon(arguments)
+    try:
+        from .client import check_arguments, open_client
+
+        check_arguments(address, tls, arguments)
+        if daemon is not None:
+            address = daemon.address(timeout)
+        assert address is not None
+        return open_client(address, token, daemon)
+    except BaseException:
+        if daemon is not None:
+            daemon.stop()
+        raise

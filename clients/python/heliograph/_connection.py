@@ -1,0 +1,373 @@
+"""One session with a daemon: channel, lifeline, typed errors, retries, fork. Used by client.py."""
+
+from __future__ import annotations
+
+import array
+import contextlib
+import ctypes
+import os
+import platform
+import socket
+import threading
+import time
+import weakref
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Any
+
+import grpc
+from google.protobuf import message_factory
+
+from ._proto import service_pb2 as service
+from ._proto import types_pb2 as types
+from .errors import BY_CODE, HeliographError, Internal, InvalidArgument, Unavailable
+
+if TYPE_CHECKING:
+    from ._launch import PrivateDaemon
+
+RETRY_SECONDS = 10.0  # how long an unreachable daemon is tried again
+_OPTIONS = (
+    ("grpc.max_receive_message_length", -1),
+    ("grpc.max_send_message_length", -1),
+    ("grpc.use_local_subchannel_pool", 1),  # a forked child must not meet its parent's connection
+    ("grpc.enable_http_proxy", 0),
+    ("grpc.initial_reconnect_backoff_ms", 50),
+    ("grpc.min_reconnect_backoff_ms", 50),
+    ("grpc.max_reconnect_backoff_ms", 1000),
+)
+_METHODS = service.DESCRIPTOR.services_by_name["Renderer"].methods_by_name
+_TICKET_BYTES = 16
+
+
+def to_error(error: grpc.RpcError) -> HeliographError:
+    """The typed error of a failed call, with the fields of its ErrorDetail."""
+    detail = types.ErrorDetail()
+    for key, value in error.trailing_metadata() or ():
+        if key == "heliograph-error-bin":
+            detail.ParseFromString(value)
+    name = error.code().name
+    text = error.details() or name
+    if name == "UNAVAILABLE":
+        return Unavailable(text, field=detail.field)
+    if name in BY_CODE:
+        return BY_CODE[name](text, **detail_fields(detail))
+    return Internal(f"{name}: {text}", **detail_fields(detail))
+
+
+def detail_fields(detail: types.ErrorDetail) -> dict[str, Any]:
+    """Keyword arguments of HeliographError."""
+    return {
+        "field": detail.field,
+        "needed": detail.needed,
+        "available": detail.available,
+        "users": list(detail.users),
+        "nearest": list(detail.nearest),
+        "expected": detail.expected,
+    }
+
+
+def target_of(address: str) -> tuple[str, str]:
+    """(gRPC target, path of the Unix socket or ""). Refuses what is neither."""
+    if address.startswith("unix:"):
+        path = address[len("unix:") :]
+        path = path[2:] if path.startswith("//") else path
+        if not path.startswith("/"):
+            raise InvalidArgument(
+                f"address {address!r}: write unix:///absolute/path", field="address"
+            )
+        return "unix://" + path, path
+    host, colon, port = address.rpartition(":")
+    if not (colon and host and port.isdigit()):
+        raise InvalidArgument(
+            f'address {address!r}: write "unix:///path" or "host:port"', field="address"
+        )
+    return address, ""
+
+
+class Link:
+    """A channel and the session opened over it. Belongs to the process that opened it."""
+
+    def __init__(self, address: str, token: str | None) -> None:
+        target, path = target_of(address)
+        self.pid = os.getpid()
+        self._calls: dict[tuple[str, bool], Any] = {}
+        self.metadata: tuple[tuple[str, str], ...] = ()
+        if token:
+            self.metadata = (("authorization", f"Bearer {token}"),)
+        self._lifeline: socket.socket | None = None
+        self._keep: Any = None
+        self._keeper: threading.Thread | None = None
+        ticket = self._connect_lifeline(path + ".fd.sock") if path else b""
+        self.channel = grpc.insecure_channel(target, options=_OPTIONS)
+        try:
+            self._open_session(ticket)
+        except BaseException:
+            self.close()
+            raise
+        if not path:
+            self.keep_session()
+
+    def _connect_lifeline(self, path: str) -> bytes:
+        """The second socket: the session lives as long as it does. Returns the one-time ticket."""
+        lifeline = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        try:
+            lifeline.settimeout(RETRY_SECONDS)
+            lifeline.connect(path)
+            ticket = lifeline.recv(4096)
+        except OSError as error:
+            lifeline.close()
+            raise Unavailable(f"no daemon listens at {path}: {error}") from None
+        if len(ticket) != _TICKET_BYTES:
+            lifeline.close()
+            raise Unavailable(f"{path} gave no ticket; is it a heliographd socket of this version?")
+        self._lifeline = lifeline
+        return ticket
+
+    def _open_session(self, ticket: bytes) -> None:
+        from . import __version__
+
+        client = f"python {platform.python_version()} heliograph {__version__}"
+        request = service.OpenSessionRequest(client=client, ticket=ticket)
+        reply = self.method("OpenSession")(
+            request, timeout=RETRY_SECONDS, metadata=self.metadata, wait_for_ready=True
+        )
+        self.session = int(reply.session)
+        self.server: service.GetServerInfoReply = reply.server
+        self.metadata += (("heliograph-session", str(self.session)),)
+
+    def keep_session(self) -> None:
+        """Over TCP a stream carries the session; a thread reads it."""
+        self._keep = self.method("KeepSession")(
+            service.KeepSessionRequest(), metadata=self.metadata
+        )
+        self._keeper = threading.Thread(target=_drain, args=(self._keep,), daemon=True)
+        self._keeper.start()
+
+    def pause_for_fork(self) -> None:
+        """No stream may be open at os.fork; the grace time bridges the gap."""
+        if self._keep is not None:
+            self._keep.cancel()
+            if self._keeper:
+                self._keeper.join(1)
+            time.sleep(0.02)
+
+    def resume_after_fork(self) -> None:
+        if self._keep is not None:
+            self.keep_session()
+
+    def method(self, name: str, raw: bool = False) -> Any:
+        """The callable of an RPC; `raw`: replies stay bytes."""
+        key = (name, raw)
+        if key not in self._calls:
+            found = _METHODS[name]
+            kind = ("stream" if found.client_streaming else "unary") + (
+                "_stream" if found.server_streaming else "_unary"
+            )
+            reply = message_factory.GetMessageClass(found.output_type)
+            self._calls[key] = getattr(self.channel, kind)(
+                f"/{found.containing_service.full_name}/{name}",
+                request_serializer=_serialize,
+                response_deserializer=None if raw else reply.FromString,
+            )
+        return self._calls[key]
+
+    def abandon(self) -> None:
+        """In a forked child: leaves the parent's channel alone for ever, closes our copy of the
+        lifeline. Closing or freeing the channel here would hang, so it is made immortal."""
+        for thing in (self.channel, self._calls, self._keep):
+            ctypes.pythonapi.Py_IncRef(ctypes.py_object(thing))
+        if self._lifeline:
+            self._lifeline.close()
+
+    def close(self) -> None:
+        if self._keep is not None:
+            self._keep.cancel()
+        if self._lifeline:
+            self._lifeline.close()
+        self.channel.close()
+
+
+def _serialize(message: Any) -> bytes:
+    return bytes(message.SerializeToString())
+
+
+def _drain(stream: Any) -> None:
+    try:
+        for _ in stream:
+            pass
+    except grpc.RpcError:
+        pass
+
+
+class Connection:
+    """Calls of one client. Opens a session when first used, and again in a forked child.
+
+    Thread: any.
+    """
+
+    def __init__(self, address: str, token: str | None, daemon: PrivateDaemon | None) -> None:
+        self.address = address
+        self.token = token
+        self.daemon = daemon
+        self.closed = False
+        self._lock = threading.Lock()
+        self._link: Link | None = None
+        _connections.add(self)
+
+    @property
+    def link(self) -> Link:
+        """The session of this process."""
+        link = self._link
+        if link is not None and link.pid == os.getpid():
+            return link
+        with self._lock:
+            if self.closed:
+                raise Unavailable("this client is closed; connect() again")
+            if self._link is None:
+                self._link = self._open_link()
+            return self._link
+
+    def open(self) -> None:
+        """Opens the session now, so that connect() fails rather than the first call."""
+        assert self.link
+
+    def _open_link(self) -> Link:
+        try:
+            return Link(self.address, self.token)
+        except grpc.RpcError as error:
+            raise self._lost(to_error(error)) from None
+        except Unavailable as error:
+            raise self._lost(error) from None
+
+    def _lost(self, error: HeliographError) -> HeliographError:
+        """How the private daemon died, when that is why."""
+        if isinstance(error, Unavailable) and self.daemon is not None:
+            deadline = time.monotonic() + 0.3
+            while self.daemon.exit_code() is None and time.monotonic() < deadline:
+                time.sleep(0.01)
+            if self.daemon.exit_code() is not None:
+                return self.daemon.death("heliographd died")
+        return error
+
+    def call(self, name: str, request: Any, timeout: float | None = None) -> Any:
+        """A unary call, repeated while the daemon is unavailable: edits are numbered and creations
+        carry a request id, so that a repetition is answered, not done twice."""
+        until = time.monotonic() + (RETRY_SECONDS if timeout is None else timeout)
+        delay = 0.02
+        while True:
+            link = self.link
+            try:
+                return link.method(name)(request, timeout=timeout, metadata=link.metadata)
+            except grpc.RpcError as error:
+                failure = to_error(error)
+            if not isinstance(failure, Unavailable):
+                raise failure
+            failure = self._lost(failure)
+            if (self.daemon and self.daemon.exit_code() is not None) or time.monotonic() > until:
+                raise failure
+            time.sleep(delay)
+            delay = min(2 * delay, 1.0)
+
+    def stream(
+        self, name: str, request: Any, raw: bool = False, timeout: float | None = None
+    ) -> Stream:
+        """A server stream."""
+        link = self.link
+        found = link.method(name, raw)(request, timeout=timeout, metadata=link.metadata)
+        return Stream(self, found)
+
+    def push(self, name: str, requests: Iterable[Any]) -> Any:
+        """A client stream; its reply. What `requests` raises is raised here."""
+        link = self.link
+        faults: list[Exception] = []
+
+        def guarded() -> Iterator[Any]:
+            try:
+                yield from requests
+            except Exception as fault:
+                faults.append(fault)
+                raise
+
+        try:
+            return link.method(name)(guarded(), metadata=link.metadata)
+        except grpc.RpcError as error:
+            if faults:
+                raise faults[0] from None
+            raise self._lost(to_error(error)) from None
+
+    def close(self) -> None:
+        """Ends the session, and a private daemon. Safe to call twice."""
+        with self._lock:
+            link, self._link, closed, self.closed = self._link, None, self.closed, True
+        if link is not None and link.pid == os.getpid():
+            # Should it fail: the end of the lifeline, next line, frees the same things.
+            with contextlib.suppress(grpc.RpcError):
+                link.method("CloseSession")(
+                    service.CloseSessionRequest(), timeout=2, metadata=link.metadata
+                )
+            link.close()
+        if self.daemon is not None and not closed:
+            self.daemon.stop()
+
+    def pause_for_fork(self) -> None:
+        if self._link is not None:
+            self._link.pause_for_fork()
+
+    def resume_after_fork(self) -> None:
+        if self._link is not None:
+            self._link.resume_after_fork()
+
+    def forget_parent(self) -> None:
+        """In a forked child."""
+        self._lock = threading.Lock()
+        link, self._link = self._link, None
+        if link is not None:
+            link.abandon()
+
+
+class Stream:
+    """Messages of a server stream; cancels it when left early."""
+
+    def __init__(self, connection: Connection, call: Any) -> None:
+        self._connection = connection
+        self._call = call
+
+    def cancel(self) -> None:
+        """From any thread."""
+        self._call.cancel()
+
+    def __iter__(self) -> Iterator[Any]:
+        try:
+            yield from self._call
+        except grpc.RpcError as error:
+            raise self._connection._lost(to_error(error)) from None
+        finally:
+            self._call.cancel()
+
+
+def packed_ids(data: bytes) -> list[int]:
+    """ApplyReply.ids."""
+    numbers = array.array("Q")
+    numbers.frombytes(data)
+    return list(numbers)
+
+
+_connections: weakref.WeakSet[Connection] = weakref.WeakSet()
+
+
+def _before_fork() -> None:
+    for connection in list(_connections):
+        connection.pause_for_fork()
+
+
+def _in_parent() -> None:
+    for connection in list(_connections):
+        connection.resume_after_fork()
+
+
+def _in_child() -> None:
+    for connection in list(_connections):
+        connection.forget_parent()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(before=_before_fork, after_in_parent=_in_parent, after_in_child=_in_child)

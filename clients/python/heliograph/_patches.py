@@ -1,0 +1,306 @@
+"""Keyword arguments to the messages of an edit: entities, materials, meshes. Used by edit.py."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypedDict
+
+import numpy as np
+
+from ._arrays import NdArray, checked, inline
+from ._proto import scene_pb2 as pb
+from ._proto import types_pb2 as types
+from .components import Camera, Light, Tex, Visibility, color_of, number_of
+from .errors import InvalidArgument
+from .handles import Named, Texture
+from .pose import matrices_of, matrix_of
+
+if TYPE_CHECKING:
+    from .edit import Edits
+
+
+class Components(TypedDict, total=False):
+    """What an entity can be given; absent: stays as it is; None: reset to its default."""
+
+    transform: Any  # 4x4 or Pose, relative to the parent
+    keys: Mapping[float, Any] | None  # {time in seconds: pose}, instead of transform
+    parent: Named | None
+    mesh: Named | None
+    material: Named | None  # for all parts
+    materials: Sequence[Named] | None  # one a part
+    light: Light | None
+    camera: Camera | None
+    volume: Named | None
+    skin: tuple[Sequence[Named], Any] | None  # joints, (J, 4, 4) inverse binds
+    morph_weights: Any  # (T,), or {time: (T,)}
+    # label ("auto", 0: none, or a number), category, group and part are one value: give them
+    # together.
+    label: int | str | None
+    category: str
+    group: bool
+    part: int
+    visible: bool
+    visibility: Visibility | None
+    static: bool
+    teleport: bool
+    attributes: Mapping[str, str] | None
+
+
+class Parameters(TypedDict, total=False):
+    """A material's parameters: a constant, a texture, or a Tex. None: reset to its default."""
+
+    base_color: Any
+    metallic: Any
+    roughness: Any
+    specular: Any
+    specular_color: Any
+    ior: Any
+    transmission: Any
+    emission: Any
+    emission_strength: Any
+    alpha: Any
+    alpha_mode: str | None  # "opaque", "mask", "blend"
+    alpha_cutoff: float | None
+    normal_map: Any  # a texture or Tex; its scale in Tex.scale
+    two_sided_emission: bool
+    unlit: bool
+
+
+_LABEL = ("label", "category", "group", "part")
+
+
+def refuse_unknown(given: Mapping[str, Any], known: type, what: str) -> None:
+    """InvalidArgument with the nearest names when a keyword is none of the TypedDict's."""
+    for name in given:
+        if name not in known.__annotations__:
+            near = difflib.get_close_matches(name, known.__annotations__, 3)
+            hint = f"; did you mean {' or '.join(near)}?" if near else ""
+            raise InvalidArgument(f"{what} has no {name!r}{hint}", field=name)
+
+
+def entity_message(edits: Edits, given: Mapping[str, Any]) -> pb.Entity:
+    """The Entity of some Components."""
+    refuse_unknown(given, Components, "an entity")
+    out = pb.Entity()
+    for one, other in (("transform", "keys"), ("material", "materials")):
+        if one in given and other in given:
+            raise InvalidArgument(f"give {one} or {other}, not both", field=other)
+    for name, value in given.items():
+        if name in _LABEL:
+            continue
+        if value is None:
+            field = {"transform": "pose", "keys": "pose", "material": "materials"}.get(name, name)
+            out.clear.append(field)
+        else:
+            _put_component(edits, out, name, value)
+    if any(name in given for name in _LABEL):
+        _put_label(out, given)
+    return out
+
+
+def _put_component(edits: Edits, out: pb.Entity, name: str, value: Any) -> None:
+    if name == "transform":
+        out.pose.matrices.CopyFrom(inline(matrix_of(value, name)))
+    elif name == "keys":
+        _put_keys(edits, out.pose, value)
+    elif name in ("parent", "mesh", "volume"):
+        getattr(out, name).CopyFrom(edits.ref(value, name))
+    elif name == "material":
+        out.materials.parts.append(edits.ref(value, name))
+    elif name == "materials":
+        out.materials.SetInParent()
+        out.materials.parts.extend(edits.ref(v, f"materials[{i}]") for i, v in enumerate(value))
+    elif name == "light":
+        out.light.CopyFrom(value.to_message())
+        if value.texture is not None:
+            out.light.texture.CopyFrom(texture_use(edits, value.texture, "light.texture"))
+    elif name in ("camera", "visibility"):
+        getattr(out, name).CopyFrom(value.to_message())
+    elif name == "skin":
+        out.skin.joints.extend(edits.ref(v, f"skin[{i}]") for i, v in enumerate(value[0]))
+        binds = checked(value[1], "skin.inverse_binds", "<f4", (None, 4, 4))
+        out.skin.inverse_binds.CopyFrom(inline(binds))
+    elif name == "morph_weights":
+        _put_morph_weights(out.morph_weights, value)
+    elif name == "attributes":
+        out.attributes.SetInParent()
+        out.attributes.values.update({str(k): str(v) for k, v in value.items()})
+    else:
+        setattr(out, name, bool(value))
+
+
+def _put_keys(edits: Edits, out: types.Pose, keys: Mapping[float, Any]) -> None:
+    times = sorted(keys)
+    out.times.CopyFrom(inline(checked(times, "keys", "<f8", (None,))))
+    out.matrices.CopyFrom(edits.edited(matrices_of([keys[t] for t in times], "keys")))
+
+
+def _put_morph_weights(out: pb.MorphWeights, value: Any) -> None:
+    if isinstance(value, Mapping):
+        times = sorted(value)
+        out.times.CopyFrom(inline(checked(times, "morph_weights", "<f8", (None,))))
+        rows = [value[t] for t in times]
+        out.weights.CopyFrom(inline(checked(rows, "morph_weights", "<f4", (None, None))))
+    else:
+        out.weights.CopyFrom(inline(checked(value, "morph_weights", "<f4", (None,))))
+
+
+def _put_label(out: pb.Entity, given: Mapping[str, Any]) -> None:
+    label = given.get("label", "auto" if "category" in given or "group" in given else None)
+    if "label" in given and label is None and len([n for n in _LABEL if n in given]) == 1:
+        out.clear.append("label")
+        return
+    if label == "auto":
+        out.label.auto = True
+    elif label is not None:
+        if isinstance(label, (str, bool)) or not 0 <= int(label) < 2**32:
+            raise InvalidArgument(
+                f'label: "auto", 0 (none) or a whole number below 2^32, not {label!r}',
+                field="label",
+            )
+        out.label.value = int(label)
+    if given.get("category") is not None:
+        out.label.category = given["category"]
+    if given.get("group") is not None:
+        out.label.group = bool(given["group"])
+    if given.get("part") is not None:
+        out.label.part = int(given["part"])
+    out.label.SetInParent()
+
+
+def texture_use(edits: Edits, value: Any, field: str) -> pb.TextureUse:
+    """The TextureUse of a texture handle, a name or a Tex."""
+    use = value if isinstance(value, Tex) else Tex(value)
+    out = pb.TextureUse(
+        texture=edits.ref(use.texture, field),
+        channel=use.channel,
+        scale=number_of(use.scale, f"{field}.scale"),
+        offset=number_of(use.offset, f"{field}.offset"),
+        uv_set=use.uv_set,
+    )
+    if use.uv is not None:
+        out.uv_transform.CopyFrom(inline(checked(use.uv, f"{field}.uv", "<f4", (2, 3))))
+    return out
+
+
+def material_message(edits: Edits, given: Mapping[str, Any]) -> pb.Material:
+    """The Material of some Parameters."""
+    refuse_unknown(given, Parameters, "a material")
+    out = pb.Material()
+    for name, value in given.items():
+        if value is None:
+            out.clear.append(name)
+        elif name == "alpha_mode":
+            modes = ("opaque", "mask", "blend")
+            if value not in modes:
+                raise InvalidArgument(f"alpha_mode: one of {', '.join(modes)}", field=name)
+            mode: Any = pb.Material.AlphaMode.Value(f"ALPHA_MODE_{value.upper()}")
+            out.alpha_mode = mode
+        elif name == "alpha_cutoff":
+            out.alpha_cutoff = number_of(value, name)
+        elif name == "normal_map":
+            out.normal_map.CopyFrom(texture_use(edits, value, name))
+        elif name in ("two_sided_emission", "unlit"):
+            setattr(out, name, bool(value))
+        else:
+            _put_parameter(edits, getattr(out, name), name, value)
+    return out
+
+
+def _put_parameter(edits: Edits, out: Any, name: str, value: Any) -> None:
+    """A constant unbinds the texture; a texture sets the factor, which is 1 without a Tex."""
+    factor = value
+    if isinstance(value, (Tex, Texture, str)):
+        factor = value.factor if isinstance(value, Tex) else 1.0
+        out.texture.CopyFrom(texture_use(edits, value, name))
+    else:
+        out.texture.SetInParent()
+    if isinstance(out, pb.ColorParameter):
+        out.value.CopyFrom(color_of(factor, name))
+    else:
+        out.value = number_of(factor, name)
+
+
+# Name, dtype and row length of the arrays of a mesh's topology.
+_TOPOLOGY: dict[str, tuple[str, tuple[int | None, ...]]] = {
+    "indices": ("<u4", (None, 3)),
+    "uvs": ("<f4", (None, 2)),
+    "uvs1": ("<f4", (None, 2)),
+    "tangents": ("<f4", (None, 4)),
+    "parts": ("<u4", (None,)),
+    "joints": ("<u2", (None, 4)),
+    "weights": ("<f4", (None, 4)),
+    "morph_positions": ("<f4", (None, None, 3)),
+    "morph_normals": ("<f4", (None, None, 3)),
+    "skeleton": ("<u4", (None, 2)),
+}
+
+
+class Geometry(TypedDict, total=False):
+    """A mesh's arrays; shapes as in proto/heliograph/v1/scene.proto."""
+
+    positions: Any  # (V, 3) metres, or (K, V, 3) with times
+    times: Any  # (K,) seconds
+    indices: Any  # (F, 3), counter-clockwise seen from outside
+    normals: Any  # (V, 3), or (K, V, 3); None: flat
+    uvs: Any  # (V, 2)
+    uvs1: Any
+    colors: Any  # (V, 3) or (V, 4): float linear, or u8, u16 normalised
+    tangents: Any  # (V, 4)
+    parts: Any  # (F,)
+    part_names: Sequence[str] | None
+    joints: Any  # (V, 4)
+    weights: Any  # (V, 4)
+    morph_positions: Any  # (T, V, 3)
+    morph_normals: Any
+    keypoints: Mapping[str, Any] | None  # {name: (3,)} in mesh coordinates
+    skeleton: Any  # (E, 2) edges between keypoints
+    symmetries: Sequence[Any] | None  # (4, 4) matrices, or {"axis": (3,), "offset": (3,)}
+
+
+def mesh_message(edits: Edits, given: Mapping[str, Any]) -> pb.Mesh:
+    """The Mesh of some Geometry. With indices it is a whole mesh, and None is the same as absent;
+    without, None clears."""
+    refuse_unknown(given, Geometry, "a mesh")
+    whole = given.get("indices") is not None
+    out = pb.Mesh()
+    keyed = given.get("times") is not None
+    for name, value in given.items():
+        if value is None:
+            if not whole:
+                out.clear.append(name)
+        elif name in ("positions", "normals"):
+            shape: tuple[int | None, ...] = (None, None, 3) if keyed else (None, 3)
+            getattr(out, name).CopyFrom(edits.edited(checked(value, name, "<f4", shape)))
+        elif name == "times":
+            out.times.CopyFrom(inline(checked(value, name, "<f8", (None,))))
+        elif name in _TOPOLOGY:
+            dtype, shape = _TOPOLOGY[name]
+            getattr(out, name).CopyFrom(edits.asset(checked(value, name, dtype, shape)))
+        elif name == "colors":
+            out.colors.CopyFrom(edits.asset(_colors(value)))
+        elif name == "part_names":
+            out.part_names.extend(value)
+        elif name == "keypoints":
+            for key, position in value.items():
+                at = color_of(position, f"keypoints[{key!r}]")
+                out.keypoints.append(pb.Keypoint(name=key, position=at))
+        else:
+            out.symmetries.extend(_symmetry(s, f"symmetries[{i}]") for i, s in enumerate(value))
+    return out
+
+
+def _colors(value: Any) -> NdArray:
+    given = np.asarray(value)
+    dtype = given.dtype.str if given.dtype in (np.uint8, np.uint16) else "<f4"
+    width = given.shape[-1] if given.ndim == 2 and given.shape[-1] in (3, 4) else 3
+    return checked(given, "colors", dtype, (None, width))
+
+
+def _symmetry(value: Any, field: str) -> pb.Symmetry:
+    if isinstance(value, Mapping):
+        axis = color_of(value["axis"], f"{field}.axis")
+        offset: types.Vec3 = color_of(value.get("offset", (0, 0, 0)), f"{field}.offset")
+        return pb.Symmetry(axis=axis, offset=offset)
+    return pb.Symmetry(matrix=inline(matrix_of(value, field)))

@@ -1,0 +1,290 @@
+"""The Render call: options to a request, parts to frames. Called by Scene.render."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypedDict
+
+import numpy as np
+
+from ._arrays import NdArray, bytes_of, dtype_of
+from ._patches import refuse_unknown
+from ._progress import Meter, Progress
+from ._proto import render_pb2 as render_pb
+from ._proto import types_pb2 as types
+from .components import number_of
+from .errors import Internal, InvalidArgument
+from .frame import Frame
+from .handles import Handle, Named
+
+if TYPE_CHECKING:
+    from .edit import Edits
+    from .scene import Scene
+
+_DEFAULT_SPP = 64
+_LABELS = ("boxes", "amodal", "amodal_masks", "keypoints")
+_FILM = {"variance", "samples"}
+_MEAN = {
+    *("beauty", "albedo_mean", "normal_mean", "coverage", "ambient_occlusion", "cost"),
+    *("emission_light", "environment_light"),
+}
+
+
+class Options(TypedDict, total=False):
+    """Keyword arguments of Scene.render."""
+
+    planes: Sequence[str | tuple[str, Named]]
+    spp: int
+    seconds: float
+    noise: float
+    size: tuple[int, int]
+    time: float
+    frame_interval: float
+    hold: bool
+    seed: int
+    labels: bool | Sequence[str] | Mapping[str, Any]
+    overlay: Edits | None
+    revision: int | None
+    max_depth: int
+    roulette: bool
+    clamp: float
+    filter: str  # "box", "tent", "gaussian", "blackman_harris"
+    transparent_background: bool
+    through_transmission: bool
+    progress: bool | Callable[[Progress], Any] | None
+    on_pass: Callable[[Frame], Any] | None  # called with a frame after each doubling of samples
+    timeout: float | None
+    on_start: Callable[[Callable[[], None]], Any]  # gets a function that cancels the call
+
+
+def render(scene: Scene, cameras: Sequence[Named], options: Options) -> list[Frame]:
+    """One request; its final frames in the order of the cameras."""
+    request = make_request(scene, cameras, options)
+    connection = scene.client.connection
+    stream = connection.stream("Render", request, raw=True, timeout=options.get("timeout"))
+    if "on_start" in options:
+        options["on_start"](stream.cancel)
+    assembly = Assembly(len(cameras))
+    on_pass = options.get("on_pass")
+    with Meter(options.get("progress")) as meter:
+        for data in stream:
+            part = assembly.add(data)
+            if isinstance(part, render_pb.Progress):
+                meter.update(part)
+            elif isinstance(part, Frame) and on_pass is not None:
+                on_pass(part)
+    return assembly.frames()
+
+
+def is_averaged(name: str) -> bool:
+    """Whether a plane is a mean over samples and needs a stop rule."""
+    base = name.partition(":")[0]
+    return base in _MEAN | _FILM or base.startswith(("direct_", "indirect_", "beauty"))
+
+
+def make_request(
+    scene: Scene, cameras: Sequence[Named], options: Options
+) -> render_pb.RenderRequest:
+    """The RenderRequest of some Options."""
+    refuse_unknown(options, Options, "render")
+    if not cameras:
+        raise InvalidArgument("cameras: needs at least one", field="cameras")
+    out = render_pb.RenderRequest(scene=scene.id, seed=int(options.get("seed", 0)))
+    out.cameras.extend(_ref(camera) for camera in cameras)
+    planes = options.get("planes", ["beauty"])
+    if isinstance(planes, str):
+        planes = [planes]
+    out.planes.extend(_plane(plane) for plane in planes)
+    _put_stop_rule(out, options, planes)
+    if "size" in options:
+        out.width, out.height = (int(n) for n in options["size"])
+    for name in ("time", "frame_interval", "clamp"):
+        if options.get(name) is not None:
+            setattr(out, name, number_of(options[name], name))
+    if "max_depth" in options:
+        out.max_depth = options["max_depth"]
+    if "roulette" in options:
+        out.roulette = options["roulette"]
+    for flag in ("hold", "transparent_background", "through_transmission"):
+        setattr(out, flag, bool(options.get(flag, False)))
+    out.progressive = options.get("on_pass") is not None
+    if "filter" in options:
+        out.filter = _filter(options["filter"])
+    if options.get("revision"):
+        out.revision = int(options["revision"] or 0)
+    overlay = options.get("overlay")
+    if overlay is not None:
+        out.overlay.CopyFrom(overlay.transaction)
+    _put_labels(out, options.get("labels"))
+    return out
+
+
+def _ref(thing: Named) -> types.Ref:
+    return thing.ref() if isinstance(thing, Handle) else types.Ref(name=thing)
+
+
+def _plane(plane: str | tuple[str, Named]) -> render_pb.PlaneRequest:
+    """ "depth", "disparity:right", ("disparity", camera) or "beauty:GROUP"."""
+    if isinstance(plane, tuple):
+        name, argument = plane
+    else:
+        name, _, argument = plane.partition(":")
+    wanted = "PLANE_" + ("beauty_group" if name == "beauty" and argument else name).upper()
+    names = render_pb.Plane.keys()
+    if wanted not in names or wanted == "PLANE_UNSPECIFIED":
+        import difflib
+
+        known = [key[len("PLANE_") :].lower() for key in names[1:]]
+        near = difflib.get_close_matches(name, known, 3) or known
+        raise InvalidArgument(
+            f"planes: no plane {name!r}; the nearest are {', '.join(near)}", field="planes"
+        )
+    number: Any = render_pb.Plane.Value(wanted)
+    out = render_pb.PlaneRequest(plane=number)
+    if argument and name == "beauty":
+        out.group = str(argument)
+    elif argument:
+        out.camera.CopyFrom(_ref(argument))
+    return out
+
+
+def _put_stop_rule(
+    out: render_pb.RenderRequest, options: Options, planes: Sequence[str | tuple[str, Named]]
+) -> None:
+    if options.get("spp") is not None:
+        spp = options["spp"]
+        if int(spp) != spp or not 1 <= spp < 2**32:
+            raise InvalidArgument(f"spp: needs a whole number from 1, not {spp}", field="spp")
+        out.spp = int(spp)
+    for name in ("seconds", "noise"):
+        if options.get(name) is not None:
+            setattr(out, name, number_of(options[name], name))
+    names = [plane if isinstance(plane, str) else plane[0] for plane in planes]
+    rules = (out.HasField(name) for name in ("spp", "seconds", "noise"))
+    if not any(rules) and any(is_averaged(name) for name in names):
+        out.spp = _DEFAULT_SPP
+
+
+def _filter(name: str) -> Any:
+    known = [key[len("PIXEL_FILTER_") :].lower() for key in render_pb.PixelFilter.keys()[1:]]
+    if name not in known:
+        raise InvalidArgument(f"filter: one of {', '.join(known)}, not {name!r}", field="filter")
+    return render_pb.PixelFilter.Value(f"PIXEL_FILTER_{name.upper()}")
+
+
+def _put_labels(out: render_pb.RenderRequest, labels: Any) -> None:
+    """None: boxes where a plane looks at surfaces anyway. True: everything but masks."""
+    if labels is None:
+        names = [render_pb.Plane.Name(p.plane)[len("PLANE_") :].lower() for p in out.planes]
+        if not all(is_averaged(name) for name in names):
+            out.labels.boxes = True
+        return
+    if labels is False:
+        return
+    wanted: Mapping[str, Any]
+    if labels is True:
+        wanted = {"boxes": True, "amodal": True, "keypoints": True}
+    elif isinstance(labels, Mapping):
+        wanted = labels
+    else:
+        wanted = dict.fromkeys([labels] if isinstance(labels, str) else labels, True)
+    known = render_pb.LabelRequest.DESCRIPTOR.fields_by_name
+    for name, value in wanted.items():
+        if name not in known:
+            raise InvalidArgument(
+                f"labels: no {name!r}; there are {', '.join(known)}", field="labels"
+            )
+        setattr(out.labels, name, value)
+
+
+class Assembly:
+    """Puts frames together as their parts arrive. Pixels are copied once, into their array."""
+
+    def __init__(self, count: int) -> None:
+        self._final: list[Frame | None] = [None] * count
+        self._header: render_pb.FrameHeader | None = None
+        self._arrays: list[NdArray] = []
+        self._bytes: list[memoryview] = []
+        self._left = 0
+
+    def add(self, data: bytes) -> render_pb.Progress | Frame | None:
+        """A serialised FramePart; gives back progress, or the frame that this part completed."""
+        span = chunk_span(data)
+        if span is not None:
+            plane, offset, start, size = span
+            self._bytes[plane][offset : offset + size] = memoryview(data)[start : start + size]
+            self._left -= size
+            return self._complete()
+        part = render_pb.FramePart.FromString(data)
+        kind = part.WhichOneof("part")
+        if kind == "progress":
+            return part.progress
+        if kind == "header":
+            self._begin(part.header)
+            return self._complete()
+        if kind == "chunk":
+            raise Internal("the daemon sent a shared buffer, which was not asked for")
+        return None
+
+    def _begin(self, header: render_pb.FrameHeader) -> None:
+        self._header = header
+        self._arrays = []
+        for plane in header.planes:
+            shape: tuple[int, ...] = (header.height, header.width)
+            if plane.channels != 1:
+                shape += (plane.channels,)
+            self._arrays.append(np.empty(shape, dtype=dtype_of(plane.dtype)))
+            if self._arrays[-1].nbytes != plane.size:
+                raise Internal(f"plane {plane.name}: {plane.size} bytes do not fill {shape}")
+        self._bytes = [bytes_of(a) for a in self._arrays]
+        self._left = sum(a.nbytes for a in self._arrays)
+
+    def _complete(self) -> Frame | None:
+        if self._left or self._header is None:
+            return None
+        frame = Frame(self._header, self._arrays)
+        if self._header.final:
+            self._final[self._header.frame] = frame
+        self._header = None
+        return frame
+
+    def frames(self) -> list[Frame]:
+        frames = [frame for frame in self._final if frame is not None]
+        if len(frames) != len(self._final):
+            raise Internal(f"{len(frames)} of {len(self._final)} frames arrived")
+        return frames
+
+
+def chunk_span(data: bytes) -> tuple[int, int, int, int] | None:
+    """(plane, offset, start, size) of a FramePart whose part is a chunk of bytes, else None.
+
+    The wire format of Protocol Buffers, read by hand so that the pixels are not copied twice:
+    FramePart.chunk is field 2; PlaneChunk has plane 2, offset 3, chunk 4.
+    """
+    if data[:1] != b"\x12":
+        return None
+    _, at = _varint(data, 1)
+    plane = offset = 0
+    while at < len(data):
+        tag, at = _varint(data, at)
+        value, at = _varint(data, at)
+        if tag == 0x22:
+            return plane, offset, at, value
+        if tag == 0x10:
+            plane = value
+        elif tag == 0x18:
+            offset = value
+        elif tag & 7:
+            return None
+    return None
+
+
+def _varint(data: bytes, at: int) -> tuple[int, int]:
+    value = shift = 0
+    while True:
+        byte = data[at]
+        at += 1
+        value |= (byte & 0x7F) << shift
+        if byte < 0x80:
+            return value, at
+        shift += 7

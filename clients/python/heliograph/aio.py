@@ -1,0 +1,180 @@
+"""Async twins of the client: every method of Client and Scene that talks to the daemon is awaited.
+
+    async with await heliograph.aio.connect() as client:
+        scene = await client.create_scene()
+        async with scene.edit() as edit:
+            ...                                   # building an edit does not wait
+        frame = await scene.render("cam", spp=64)
+
+Each call runs in a thread of its own pool. Edits of a client go out in the order in which they were
+started; cancelling a render cancels the job.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+from collections.abc import AsyncIterator, Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+
+from . import connect as _connect
+from .client import Client as _Client
+from .edit import Edits
+from .handles import Handle
+from .scene import Overlay
+from .scene import Scene as _Scene
+
+_THREADS = 16
+
+
+class _Pool:
+    """Threads for calls, and one thread for edits, which keeps their order."""
+
+    def __init__(self) -> None:
+        self._calls = ThreadPoolExecutor(_THREADS, "heliograph-call")
+        self._edits = ThreadPoolExecutor(1, "heliograph-edit")
+
+    async def call(self, work: Callable[..., Any], *args: Any, **options: Any) -> Any:
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(self._calls, functools.partial(work, *args, **options))
+
+    async def edit(self, work: Callable[[], Any]) -> Any:
+        """Not interrupted half way: an edit that was started is awaited."""
+        loop = asyncio.get_running_loop()
+        return await asyncio.shield(loop.run_in_executor(self._edits, work))
+
+    def close(self) -> None:
+        self._calls.shutdown(wait=False)
+        self._edits.shutdown(wait=False)
+
+
+async def connect(address: str | None = None, **options: Any) -> Client:
+    """See heliograph.connect."""
+    pool = _Pool()
+    return Client(await pool.call(_connect, address, **options), pool)
+
+
+class _Twin:
+    """Awaits the named methods of `sync`; gives its other attributes as they are."""
+
+    _awaited: frozenset[str] = frozenset()
+    _scenes: frozenset[str] = frozenset()
+
+    def __init__(self, sync: Any, pool: _Pool) -> None:
+        self.sync = sync
+        self._pool = pool
+
+    def __getattr__(self, name: str) -> Any:
+        if name in self._awaited or name in self._scenes:
+            return functools.partial(self._await, name)
+        raise AttributeError(f"{type(self).__name__} has no {name!r}; .sync is the blocking twin")
+
+    async def _await(self, name: str, *args: Any, **options: Any) -> Any:
+        args = tuple(arg.sync if isinstance(arg, _Twin) else arg for arg in args)
+        found = await self._pool.call(getattr(self.sync, name), *args, **options)
+        if name in self._scenes:
+            if isinstance(found, list):
+                return [Scene(scene, self._pool) for scene in found]
+            return Scene(found, self._pool)
+        return found
+
+    def __repr__(self) -> str:
+        return f"<async {self.sync!r}>"
+
+
+class Client(_Twin):
+    """create_scene, open_scene, load_scene, scenes, info, close: all awaited."""
+
+    sync: _Client
+    _scenes = frozenset({"create_scene", "open_scene", "load_scene", "scenes"})
+    _awaited = frozenset({"info"})
+
+    @property
+    def address(self) -> str:
+        return self.sync.address
+
+    async def close(self) -> None:
+        await self._pool.call(self.sync.close)
+        self._pool.close()
+
+    async def __aenter__(self) -> Client:
+        return self
+
+    async def __aexit__(self, *_: Any) -> None:
+        await self.close()
+
+
+class Scene(_Twin):
+    """The methods of heliograph.Scene, awaited; revision() and time() are methods here."""
+
+    sync: _Scene
+    _scenes = frozenset({"branch"})
+    _awaited = frozenset(
+        {
+            *("describe", "resolve", "handle", "find", "tree", "memory", "transforms", "read"),
+            *("cast_rays", "pick", "visible", "overlaps", "sample_surface"),
+            *("save", "delete", "rerender"),
+        }
+    )
+
+    @property
+    def id(self) -> int:
+        return self.sync.id
+
+    @property
+    def name(self) -> str:
+        return self.sync.name
+
+    async def revision(self) -> int:
+        """The latest revision."""
+        return int(await self._pool.call(lambda: self.sync.revision))
+
+    async def time(self) -> float:
+        """The scene's time, seconds."""
+        return float(await self._pool.call(lambda: self.sync.time))
+
+    def edit(self, *, expected_revision: int | None = None) -> _Edit:
+        """`async with scene.edit() as edit:` one atomic transaction."""
+        return _Edit(self.sync.edit(expected_revision=expected_revision), self._pool)
+
+    def overlay(self) -> Overlay:
+        """A plain `with`: an overlay sends nothing at its end."""
+        return self.sync.overlay()
+
+    async def render(self, cameras: str | Handle | Any, **options: Any) -> Any:
+        """See heliograph.Scene.render. Cancelling the task cancels the job."""
+        cancels: list[Callable[[], None]] = []
+        options["on_start"] = cancels.append
+        try:
+            return await self._pool.call(self.sync.render, cameras, **options)
+        except asyncio.CancelledError:
+            for cancel in cancels:
+                cancel()
+            raise
+
+    async def render_sequence(self, camera: Any, times: Any, **options: Any) -> AsyncIterator[Any]:
+        """One frame a time, all of one revision."""
+        revision = options.pop("revision", None) or await self.revision()
+        for t in np.asarray(times, dtype="f8").ravel():
+            yield await self.render(camera, time=float(t), revision=revision, **options)
+
+    async def __aenter__(self) -> Scene:
+        return self
+
+    async def __aexit__(self, *_: Any) -> None:
+        await self._pool.call(self.sync.__exit__, None, None, None)
+
+
+class _Edit:
+    def __init__(self, edits: Edits, pool: _Pool) -> None:
+        self._edits = edits
+        self._pool = pool
+
+    async def __aenter__(self) -> Edits:
+        return self._edits
+
+    async def __aexit__(self, kind: Any, value: Any, trace: Any) -> None:
+        await self._pool.edit(functools.partial(self._edits.__exit__, kind, value, trace))

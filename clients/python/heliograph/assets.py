@@ -1,0 +1,196 @@
+"""Files to assets: uploads a model and its companions, has them decoded. Used by edits."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any, TypedDict
+
+import numpy as np
+
+from ._arrays import from_message, inline
+from ._proto import scene_pb2 as pb
+from ._proto import service_pb2 as service
+from ._proto import types_pb2 as types
+from .errors import InvalidArgument, NotFound
+from .handles import Asset, Named
+from .pose import matrix_of
+
+if TYPE_CHECKING:
+    from .client import Client
+    from .edit import Edits
+    from .scene import Scene
+
+_ROUNDS = 64  # of naming missing companions
+
+
+class Placement(TypedDict, total=False):
+    """Where a copy of an asset goes."""
+
+    transform: Any  # 4x4 or Pose
+    parent: Named | None
+    label: int | str
+    category: str
+    group: bool
+    materials: Mapping[str, Named]  # overrides, by the asset's material name
+    animation: int | str | None  # clip to bind, by index or name; None: none
+
+
+@dataclass(frozen=True)
+class Source:
+    """What to decode."""
+
+    path: str | os.PathLike[str] | None
+    server_path: str = ""
+    up: str = ""
+    units: float = 0.0
+
+    def request(self) -> service.DecodeAssetRequest:
+        if (self.path is None) == (not self.server_path):
+            raise InvalidArgument("give path or server_path", field="path")
+        if self.up not in ("", "x", "y", "z"):
+            raise InvalidArgument(f'up: "x", "y" or "z", not {self.up!r}', field="up")
+        return service.DecodeAssetRequest(
+            server_path=self.server_path, up=self.up, units=self.units
+        )
+
+
+def decode(scene: Scene, source: Source, name: str | None) -> Asset:
+    """Uploads and decodes; the asset is not placed yet."""
+    info = decode_bundle(scene.client, source)
+    if not info.sha256:
+        raise InvalidArgument(
+            f"{source.path or source.server_path} is a picture: use edit.texture() or edit.dome()",
+            field="path",
+        )
+    stem = Path(source.path or source.server_path).stem
+    asset = Asset(scene, name or stem, info)
+    if info.HasField("bounds"):
+        asset.bounds = from_message(info.bounds)
+    return asset
+
+
+def decode_bundle(client: Client, source: Source) -> service.AssetInfo:
+    """DecodeAsset, uploading what the daemon says is missing until nothing is."""
+    request = source.request()
+    if source.path is not None:
+        model = Path(source.path)
+        _add_file(client, request, model.name, _existing(model))
+    folder = Path(source.path).parent if source.path is not None else Path()
+    for _ in range(_ROUNDS):
+        missing: list[str] = []
+        found: service.AssetInfo | None = None
+        for reply in client.connection.stream("DecodeAsset", request):
+            missing.extend(reply.missing)
+            if reply.HasField("asset"):
+                found = reply.asset
+        if found is not None:
+            return found
+        sent = {file.path for file in request.files}
+        new = [name for name in dict.fromkeys(missing) if name not in sent]
+        if not new:
+            raise NotFound(f"{source.path}: the daemon still misses {', '.join(missing)}")
+        for name in new:
+            _add_file(client, request, name, companion(folder, name))
+    raise InvalidArgument(f"{source.path}: names companions in more than {_ROUNDS} rounds")
+
+
+def _existing(path: Path) -> Path:
+    if not path.is_file():
+        raise NotFound(f"no file {path}", field="path")
+    return path
+
+
+def companion(folder: Path, name: str) -> Path:
+    """The file `name` beneath `folder`. Refuses whatever would leave the folder."""
+    relative = PurePosixPath(name)
+    absolute = relative.is_absolute() or "\\" in name or "\0" in name or ":" in name
+    if absolute or ".." in relative.parts or not relative.parts:
+        raise InvalidArgument(
+            f"the model refers to {name!r}: only files beneath its own folder are read; copy it "
+            "there and correct the reference",
+            field="path",
+        )
+    base = folder.resolve()
+    path = (base / relative).resolve()
+    if base not in path.parents:
+        raise InvalidArgument(
+            f"the model refers to {name!r}, a link that leaves its folder; copy the file there",
+            field="path",
+        )
+    if not path.is_file():
+        raise NotFound(f"the model refers to {name!r}, which is not in {folder}", field="path")
+    return path
+
+
+def _add_file(client: Client, request: service.DecodeAssetRequest, name: str, path: Path) -> None:
+    digest = client.store.blob(path.read_bytes())
+    request.files.append(service.BundleFile(path=name, sha256=digest))
+
+
+def texels_of(client: Client, image: Any) -> tuple[types.Array, str]:
+    """The texels of a file or an array, and their encoding ("": by dtype)."""
+    if isinstance(image, (str, os.PathLike)):
+        info = decode_bundle(client, Source(image))
+        if not info.HasField("texels"):
+            raise InvalidArgument(f"{image} is no picture", field="image")
+        return info.texels, info.encoding
+    return client.store.asset(_checked_texels(image)), ""
+
+
+def _checked_texels(image: Any) -> np.ndarray[Any, np.dtype[Any]]:
+    texels = np.asarray(image)
+    if texels.dtype not in (np.uint8, np.uint16, np.float16, np.float32):
+        if texels.dtype.kind != "f":
+            raise InvalidArgument(
+                f"image: texels are u8, u16, f16 or f32, not {texels.dtype}; convert them",
+                field="image",
+            )
+        texels = texels.astype("<f4")
+    shaped = texels.ndim == 2 or (texels.ndim == 3 and 1 <= texels.shape[2] <= 4)
+    if not shaped or 0 in texels.shape:
+        raise InvalidArgument(
+            f"image: needs shape (H, W) or (H, W, 1..4), has {texels.shape}", field="image"
+        )
+    if texels.dtype.kind == "f" and not np.isfinite(texels).all():
+        raise InvalidArgument("image: every texel must be finite", field="image")
+    return np.ascontiguousarray(texels)
+
+
+def instantiate_message(edits: Edits, asset: Asset, placement: Placement) -> pb.Instantiate:
+    """The Instantiate of an asset at a placement."""
+    from ._patches import entity_message, refuse_unknown
+
+    refuse_unknown(placement, Placement, "a placement")
+    out = pb.Instantiate(asset=asset.sha256, animation=_animation(asset, placement))
+    if placement.get("transform") is not None:
+        out.pose.matrices.CopyFrom(inline(matrix_of(placement["transform"])))
+    parent = placement.get("parent")
+    if parent is not None:
+        out.parent.CopyFrom(edits.ref(parent, "parent"))
+    label: Any = {k: placement[k] for k in ("label", "category", "group") if k in placement}
+    if label:
+        out.label.CopyFrom(entity_message(edits, label).label)
+    for name, material in placement.get("materials", {}).items():
+        if name not in asset.info.materials:
+            asset.materials[name]  # raises, naming those there are
+        out.materials[name].CopyFrom(edits.ref(material, f"materials[{name!r}]"))
+    return out
+
+
+def _animation(asset: Asset, placement: Placement) -> int:
+    clip = placement.get("animation", None)
+    if clip is None:
+        return -1
+    if isinstance(clip, str):
+        if clip not in asset.animations:
+            have = ", ".join(map(repr, asset.animations)) or "none"
+            raise NotFound(f"{asset!r} has no animation {clip!r}; it has {have}")
+        return asset.animations.index(clip)
+    if not 0 <= clip < len(asset.animations):
+        raise InvalidArgument(
+            f"animation: {clip} is not below {len(asset.animations)}", field="animation"
+        )
+    return clip

@@ -1,0 +1,133 @@
+"""connect() and Client: a session with a daemon, and its scenes."""
+
+from __future__ import annotations
+
+import os
+import threading
+import uuid
+import weakref
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from ._arrays import Store
+from ._connection import Connection
+from ._proto import service_pb2 as service
+from .errors import InvalidArgument, Unimplemented
+from .scene import Scene, SceneState
+
+if TYPE_CHECKING:
+    from ._launch import PrivateDaemon
+
+_clients: weakref.WeakValueDictionary[tuple[int, str], Client] = weakref.WeakValueDictionary()
+
+
+class Client:
+    """A session with a daemon. Use it in a `with`, or close() it. Thread: any.
+
+    Pickles as its address; a forked child opens a session of its own.
+    """
+
+    def __init__(self, connection: Connection) -> None:
+        self.connection = connection
+        self.store = Store(connection)
+        self._states: dict[int, SceneState] = {}
+        self._lock = threading.Lock()
+        _clients[(os.getpid(), self.address)] = self
+
+    @property
+    def address(self) -> str:
+        """ "unix:///path" or "host:port"."""
+        return self.connection.address
+
+    def create_scene(
+        self, name: str = "", *, durability: str = "none", shared: bool = False
+    ) -> Scene:
+        """An empty scene. Private ones die with this session; shared ones live until deleted."""
+        request = service.CreateSceneRequest(
+            request_id=uuid.uuid4().hex, name=name, shared=shared, durability=durability
+        )
+        return self.scene_of(self.connection.call("CreateScene", request), owned=not shared)
+
+    def open_scene(self, name: str) -> Scene:
+        """A scene by its name; NotFound lists the nearest."""
+        return self.scene_of(self.connection.call("OpenScene", service.OpenSceneRequest(name=name)))
+
+    def load_scene(
+        self, path: str | os.PathLike[str], *, name: str = "", shared: bool = False
+    ) -> Scene:
+        """A new scene from a file that Scene.save wrote."""
+        from . import scene_file
+
+        header = (uuid.uuid4().hex, name, shared)
+        info = self.connection.push("ImportScene", scene_file.read(path, *header))
+        return self.scene_of(info, owned=not shared)
+
+    def scenes(self) -> list[Scene]:
+        """Every scene this client may open."""
+        reply = self.connection.call("ListScenes", service.ListScenesRequest())
+        return [self.scene_of(info) for info in reply.scenes]
+
+    def info(self) -> service.GetServerInfoReply:
+        """Version, backend, limits, capabilities, and what the kernel refused."""
+        reply: service.GetServerInfoReply = self.connection.call(
+            "GetServerInfo", service.GetServerInfoRequest()
+        )
+        return reply
+
+    def scene_of(self, info: service.SceneInfo, owned: bool = False) -> Scene:
+        """The Scene of a SceneInfo."""
+        return Scene(self, info.scene, info.name, owned=owned)
+
+    def state_of(self, scene: int) -> SceneState:
+        """What every Scene object of one scene shares: the numbering of its edits."""
+        with self._lock:
+            return self._states.setdefault(scene, SceneState())
+
+    def close(self) -> None:
+        """Ends the session, its private scenes, and a private daemon."""
+        self.connection.close()
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"<Client {self.address}>"
+
+    def __reduce__(self) -> Any:
+        return _reconnect, (self.address, self.connection.token)
+
+
+def _reconnect(address: str, token: str | None) -> Client:
+    """Unpickling: this process's client of that address, or a new one."""
+    found = _clients.get((os.getpid(), address))
+    if found is None or found.connection.closed:
+        return open_client(address, token, None)
+    return found
+
+
+def open_client(address: str, token: str | None, daemon: PrivateDaemon | None) -> Client:
+    """A client whose session is open."""
+    connection = Connection(address, token, daemon)
+    try:
+        connection.open()
+    except BaseException:
+        connection.close()
+        raise
+    client = Client(connection)
+    _clients[(os.getpid(), address)] = client
+    return client
+
+
+def check_arguments(address: str | None, tls: Any, arguments: Sequence[str]) -> None:
+    """What connect() refuses before it starts anything."""
+    if tls is not None:
+        raise Unimplemented(
+            "tls= arrives with the issue Many clients: use a Unix socket, or loopback TCP with "
+            "token=",
+            field="tls",
+        )
+    if address is not None and arguments:
+        raise InvalidArgument("arguments= are for the private daemon", field="arguments")

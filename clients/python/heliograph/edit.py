@@ -1,0 +1,406 @@
+"""Edits: one atomic transaction, built by calls and sent when its `with` block ends.
+
+Made by Scene.edit() and Scene.overlay().
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from . import _patches, assets, studio
+from ._arrays import NdArray, checked, inline
+from ._connection import packed_ids
+from ._proto import scene_pb2 as pb
+from ._proto import service_pb2 as service
+from ._proto import types_pb2 as types
+from .components import color_of, number_of
+from .errors import FailedPrecondition, HeliographError, InvalidArgument
+from .handles import BY_NAME, Asset, Entity, Group, Handle, Material, Mesh, Named, Texture, flatten
+from .pose import matrices_of
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from .scene import Scene
+
+_H = TypeVar("_H", bound=Handle)
+_UNSET: Any = object()
+
+
+class Edits:
+    """A list of edits; `with` sends them as one transaction, or drops them on an exception.
+
+    In every call: what is given changes, what is absent stays, None resets to the default; the
+    object is created when its name is new; `exist_ok=False` only creates. Handles and names are
+    interchangeable. Arrays are anything numpy accepts.
+    """
+
+    def __init__(self, scene: Scene, publish: bool, expected_revision: int | None = None) -> None:
+        self.scene = scene
+        self.revision = 0
+        self.transaction = pb.Transaction()
+        self._publish = publish
+        self._expected = expected_revision
+        self._made: dict[int, Handle] = {}
+        self._groups: dict[int, Sequence[Handle]] = {}
+        self._open = True
+
+    def __enter__(self) -> Edits:
+        return self
+
+    def __exit__(self, kind: Any, value: Any, trace: Any) -> None:
+        self._open = False
+        if kind is None and self._publish:
+            self.commit()
+
+    def commit(self) -> None:
+        """Sends the transaction; called by `with`."""
+        self._open = False
+        if not self.transaction.edits:
+            return
+        try:
+            reply = self.scene.apply(self.transaction, self._expected)
+        except HeliographError as error:
+            raise self._explained(error) from None
+        self.revision = reply.revision
+        self._resolve(reply)
+
+    def _resolve(self, reply: service.ApplyReply) -> None:
+        """Gives the handles their ids."""
+        ids = packed_ids(reply.ids)
+        further = len(self.transaction.edits)
+        for index in range(len(self.transaction.edits)):
+            handle = self._made.get(index)
+            if handle is not None:
+                handle._edits, handle._id = None, ids[index]
+            count = reply.counts[index] if index < len(reply.counts) else 0
+            for member, number in zip(self._groups.get(index, ()), ids[further : further + count]):
+                member._edits, member._id = None, number
+            further += count
+
+    def _explained(self, error: HeliographError) -> HeliographError:
+        """Adds which object edits[i] is about."""
+        found = re.match(r"edits\[(\d+)\]", error.field)
+        if found and int(found[1]) < len(self.transaction.edits):
+            edit = self.transaction.edits[int(found[1])]
+            name = edit.target.name
+            error.args = (
+                (f"{error} [{edit.WhichOneof('action')} {name!r}]",) if name else error.args
+            )
+        return error
+
+    # ------------------------------------------------------------ references and arrays
+
+    def ref(self, thing: Named | Asset, field: str) -> types.Ref:
+        """The Ref of a handle or a name."""
+        if isinstance(thing, str) and thing:
+            return types.Ref(name=thing)
+        if isinstance(thing, Asset):
+            thing = thing.root
+        if isinstance(thing, Handle):
+            return thing.ref(self)
+        raise InvalidArgument(f"{field}: needs a handle or a name, not {thing!r}", field=field)
+
+    def asset(self, data: NdArray) -> types.Array:
+        """An array that stays: large ones travel once, by hash."""
+        return self.scene.client.store.asset(data)
+
+    def edited(self, data: NdArray) -> types.Array:
+        """An array that changes. An overlay is used more than once, an upload only once."""
+        store = self.scene.client.store
+        return store.edited(data) if self._publish else store.asset(data)
+
+    def _add(self, target: Named | None, exist_ok: bool = True, update: bool = False) -> pb.Edit:
+        if not self._open:
+            raise FailedPrecondition("this transaction is over: open another with scene.edit()")
+        edit = self.transaction.edits.add()
+        edit.mode = pb.Edit.MODE_UPDATE if update else pb.Edit.MODE_UPSERT
+        if not exist_ok:
+            edit.mode = pb.Edit.MODE_CREATE
+        if target is not None:
+            try:
+                edit.target.CopyFrom(self.ref(target, "name"))
+            except BaseException:
+                del self.transaction.edits[-1]
+                raise
+        return edit
+
+    def _handle(self, kind: type[_H], target: Named | None) -> _H:
+        """The handle of the edit just added."""
+        if isinstance(target, Handle):
+            if not isinstance(target, kind):
+                raise InvalidArgument(f"{target!r} is not a {kind.kind}", field="name")
+            return target
+        handle = kind(self.scene, target or "")
+        handle._edits, handle._index = self, len(self.transaction.edits) - 1
+        self._made[handle._index] = handle
+        return handle
+
+    # ------------------------------------------------------------ entities
+
+    def entity(
+        self,
+        name: Named | None = None,
+        *,
+        exist_ok: bool = True,
+        **components: Unpack[_patches.Components],
+    ) -> Entity:
+        """Creates or changes an entity: any combination of the Components.
+
+        transform: 4x4 or hg.Pose, relative to the parent; or keys={seconds: pose}.
+        parent, mesh, volume: handles or names. material: one for all parts, or materials=[...].
+        camera: hg.Camera. light: hg.Light, given off by its mesh.
+        label: "auto", a number, or 0 for none; category, group, part belong to it.
+        visible=False removes it from every ray and label; visibility=hg.Visibility(camera=False)
+        keeps its light. attributes={str: str} travel to the labels. teleport: the pose is a jump.
+        """
+        message = _patches.entity_message(self, components)
+        self._add(name, exist_ok).entity.CopyFrom(message)
+        return self._handle(Entity, name)
+
+    def update(self, target: Named, **components: Unpack[_patches.Components]) -> Entity:
+        """Changes an entity that exists; NotFound lists the nearest names."""
+        message = _patches.entity_message(self, components)
+        self._add(target, update=True).entity.CopyFrom(message)
+        return target if isinstance(target, Entity) else self._handle(Entity, target)
+
+    def instances(
+        self, name: str, *, transforms: Any, **components: Unpack[_patches.Components]
+    ) -> Group:
+        """Creates entities "<name>/0" .. that share everything but the pose.
+
+        transforms: (N, 4, 4), sent as one packed message.
+        """
+        prototype = _patches.entity_message(self, components)
+        matrices = matrices_of(transforms)
+        action = self._add(name).instances
+        action.prototype.CopyFrom(prototype)
+        action.matrices.CopyFrom(self.edited(matrices))
+        index = len(self.transaction.edits) - 1
+        made = [Entity(self.scene, f"{name}/{i}") for i in range(len(matrices))]
+        for entity in made:
+            entity._edits, entity._index = self, BY_NAME
+        self._groups[index] = made
+        return Group(made, name)
+
+    def set_transforms(self, entities: Any, transforms: Any, *, teleport: bool = False) -> None:
+        """Sets the poses of N entities: a group, an asset, or a sequence; (N, 4, 4)."""
+        listed = flatten(entities, "entities")
+        matrices = matrices_of(transforms)
+        if len(listed) != len(matrices):
+            raise InvalidArgument(
+                f"transforms: {len(matrices)} matrices for {len(listed)} entities; give as many",
+                field="transforms",
+            )
+        handles = [e if isinstance(e, Handle) else Entity(self.scene, e) for e in listed]
+        if any(handle._edits is self for handle in handles):
+            for handle, matrix in zip(handles, matrices):
+                self.update(handle, transform=matrix, teleport=teleport)
+            return
+        ids = np.array([handle.id for handle in handles], dtype="<u8")
+        action = self._add(None).poses
+        action.ids.CopyFrom(self.edited(ids))
+        action.matrices.CopyFrom(self.edited(matrices))
+        action.teleport = teleport
+
+    # ------------------------------------------------------------ shared objects
+
+    def mesh(
+        self,
+        name: Named | None = None,
+        *,
+        exist_ok: bool = True,
+        **geometry: Unpack[_patches.Geometry],
+    ) -> Mesh:
+        """Creates a mesh (positions and indices), or changes one.
+
+        positions: (V, 3) metres, or (K, V, 3) at times. indices: (F, 3), counter-clockwise seen
+        from outside. normals: (V, 3); None: flat. uvs: (V, 2). parts: (F,) from 0.
+        keypoints: {name: (3,)}. New positions alone keep the topology, so that flow and labels
+        follow the surface.
+        """
+        message = _patches.mesh_message(self, geometry)
+        self._add(name, exist_ok).mesh.CopyFrom(message)
+        return self._handle(Mesh, name)
+
+    def material(
+        self,
+        name: Named | None = None,
+        *,
+        exist_ok: bool = True,
+        **parameters: Unpack[_patches.Parameters],
+    ) -> Material:
+        """Creates or changes a material; parameters are constants, textures or hg.Tex."""
+        message = _patches.material_message(self, parameters)
+        self._add(name, exist_ok).material.CopyFrom(message)
+        return self._handle(Material, name)
+
+    def texture(
+        self,
+        name: Named | None = None,
+        image: Any = None,
+        *,
+        encoding: str | None = None,
+        wrap: str | tuple[str, str] | None = None,
+        filter: str | None = None,
+        exist_ok: bool = True,
+    ) -> Texture:
+        """Creates or changes a texture.
+
+        image: a file's path (decoded by the daemon), or an array (H, W) or (H, W, C), row 0 at the
+        top; u8 and u16 are normalised, f16 and f32 taken as they are.
+        encoding: "srgb" or "linear"; default: u8 is sRGB. wrap: "repeat", "clamp" or "mirror", or
+        one for each axis. filter: "linear" or "nearest".
+        """
+        out = pb.Texture()
+        if image is not None:
+            texels, found = assets.texels_of(self.scene.client, image)
+            out.texels.CopyFrom(texels)
+            encoding = encoding or found or None
+        if encoding is not None:
+            out.encoding = _choice(pb.Texture.Encoding, "ENCODING", encoding)
+        if wrap is not None:
+            u, v = (wrap, wrap) if isinstance(wrap, str) else wrap
+            out.wrap_u = _choice(pb.Texture.Wrap, "WRAP", u)
+            out.wrap_v = _choice(pb.Texture.Wrap, "WRAP", v)
+        if filter is not None:
+            out.filter = _choice(pb.Texture.Filter, "FILTER", filter)
+        self._add(name, exist_ok).texture.CopyFrom(out)
+        return self._handle(Texture, name)
+
+    def dome(
+        self,
+        image: Any = _UNSET,
+        *,
+        color: Any = _UNSET,
+        intensity: float | None = None,
+        rotation: Any = None,
+        camera_visible: bool | None = None,
+    ) -> None:
+        """Changes the light from infinitely far.
+
+        image: a lat-long file's path, an array, or a texture handle; None: no dome at all.
+        color: radiance (3,), or a number; it multiplies the image. intensity: a factor.
+        rotation: radians about +Z, or (3, 3) world_from_dome.
+        """
+        out = pb.Dome()
+        if image is None:
+            out.clear.extend(["texture", "color", "intensity", "rotation", "camera_visible"])
+        elif isinstance(image, Handle):
+            out.texture.CopyFrom(self.ref(image, "image"))
+        elif image is not _UNSET:
+            out.texture.CopyFrom(self._dome_texture(image).ref(self))
+        if color is None:
+            out.clear.append("color")
+        elif color is not _UNSET:
+            out.color.CopyFrom(color_of(color, "color"))
+        if intensity is not None:
+            out.intensity = number_of(intensity, "intensity")
+        if rotation is not None:
+            out.rotation.CopyFrom(inline(_rotation_of(rotation)))
+        if camera_visible is not None:
+            out.camera_visible = camera_visible
+        self._add(None).settings.dome.CopyFrom(out)
+
+    def _dome_texture(self, image: Any) -> Texture:
+        """A texture named by its content, so that the same dome is the same object."""
+        texels, encoding = assets.texels_of(self.scene.client, image)
+        digest = hashlib.sha256(texels.SerializeToString()).hexdigest()[:12]
+        is_file = isinstance(image, (str, os.PathLike))
+        stem = os.path.splitext(os.path.basename(os.fspath(image)))[0] if is_file else "array"
+        message = pb.Texture(texels=texels, wrap_v=pb.Texture.WRAP_CLAMP)
+        message.encoding = _choice(pb.Texture.Encoding, "ENCODING", encoding or "linear")
+        name = f"dome/{stem}-{digest}"
+        self._add(name).texture.CopyFrom(message)
+        return self._handle(Texture, name)
+
+    # ------------------------------------------------------------ files
+
+    def import_file(
+        self,
+        path: str | os.PathLike[str] | None = None,
+        *,
+        name: str | None = None,
+        count: int = 1,
+        up: str = "",
+        units: float = 0.0,
+        server_path: str = "",
+        **placement: Unpack[assets.Placement],
+    ) -> Asset:
+        """Decodes a model (glTF, GLB, OBJ, PLY, STL) and places it `count` times.
+
+        Companions are uploaded from beneath the model's folder only. up ("x", "y", "z") and units
+        (metres a unit) serve formats that name none. server_path: a file under the daemon's asset
+        root instead. Roots are called `name`, or "<name>/0" .. for a count above 1.
+        """
+        source = assets.Source(path, server_path, up, units)
+        asset = assets.decode(self.scene, source, name)
+        for i in range(count):
+            root = asset.name if count == 1 else f"{asset.name}/{i}"
+            asset.roots.append(self._instantiate(asset, root, placement))
+        return asset
+
+    def instance(
+        self, asset: Asset, name: str | None = None, **placement: Unpack[assets.Placement]
+    ) -> Entity:
+        """Places an asset again, without decoding it again.
+
+        materials={"Leather": other} overrides for this copy only, by the names in the file.
+        """
+        root = name or f"{asset.name}/{len(asset.roots)}"
+        entity = self._instantiate(asset, root, placement)
+        asset.roots.append(entity)
+        return entity
+
+    def _instantiate(self, asset: Asset, name: str, placement: assets.Placement) -> Entity:
+        message = assets.instantiate_message(self, asset, placement)
+        self._add(name, exist_ok=False).instantiate.CopyFrom(message)
+        return self._handle(Entity, name)
+
+    # ------------------------------------------------------------ the whole scene
+
+    def remove(self, things: Any, *, cascade: bool = False) -> None:
+        """Removes objects. FailedPrecondition lists who still uses one; `cascade` removes an
+        entity's children too and unbinds what refers to it."""
+        for thing in flatten(things, "things"):
+            self._add(thing).remove.cascade = cascade
+
+    def prune(self) -> None:
+        """Removes every mesh, material, texture and volume that nothing refers to."""
+        self._add(None).prune.SetInParent()
+
+    def advance(self, dt: float) -> None:
+        """Makes the present poses the keys at the old time and moves the scene's time by dt
+        seconds; what follows is the state at the new time. Flow is backward from then on."""
+        self._add(None).advance.dt = number_of(dt, "dt")
+
+    def time(self, t: float) -> None:
+        """Sets the scene's time, seconds."""
+        self._add(None).settings.time = number_of(t, "time")
+
+    def sample_studio(self, *, floor: float = 40.0) -> Entity:
+        """The bundled dome, and a floor of `floor` metres called "floor" at z = 0; the floor."""
+        self.dome(studio.dome())
+        return studio.add_floor(self, floor)
+
+
+def _choice(enum: Any, prefix: str, value: str) -> Any:
+    names = [name[len(prefix) + 1 :].lower() for name in enum.keys()[1:]]
+    if value not in names:
+        raise InvalidArgument(f"{prefix.lower()}: one of {', '.join(names)}, not {value!r}")
+    return enum.Value(f"{prefix}_{value.upper()}")
+
+
+def _rotation_of(rotation: Any) -> NdArray:
+    """(3, 3) float32 of an angle about +Z, or of a matrix."""
+    if np.ndim(rotation) == 0:
+        c, s = math.cos(rotation), math.sin(rotation)
+        rotation = [[c, -s, 0], [s, c, 0], [0, 0, 1]]
+    return checked(rotation, "rotation", "<f4", (3, 3))

@@ -1,0 +1,154 @@
+"""Typed errors. Raised by every module of the client; made from gRPC statuses in connection.py."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+class HeliographError(Exception):
+    """Anything the daemon or the client refuses. The message names the remedy.
+
+    field: path of the offending value, e.g. "edits[3].mesh.indices", or "".
+    code: the gRPC code's name, e.g. "NOT_FOUND".
+    """
+
+    code = "UNKNOWN"
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        field: str = "",
+        needed: int = 0,
+        available: int = 0,
+        users: Sequence[str] = (),
+        nearest: Sequence[str] = (),
+        expected: int = 0,
+    ) -> None:
+        super().__init__(message)
+        self.field = field
+        self.needed = needed
+        self.available = available
+        self.users = list(users)
+        self.nearest = list(nearest)
+        self.expected = expected
+
+    def __str__(self) -> str:
+        return str(self.args[0]) if self.args else ""
+
+
+class Cancelled(HeliographError):
+    """The call was cancelled."""
+
+    code = "CANCELLED"
+
+
+class InvalidArgument(HeliographError, ValueError):
+    """Would never work; `.field` says where."""
+
+    code = "INVALID_ARGUMENT"
+
+
+class DeadlineExceeded(HeliographError, TimeoutError):
+    """The call's timeout passed."""
+
+    code = "DEADLINE_EXCEEDED"
+
+
+class NotFound(HeliographError, LookupError):
+    """No such object; `.nearest` lists the nearest names."""
+
+    code = "NOT_FOUND"
+
+
+class AlreadyExists(HeliographError):
+    """The name is taken."""
+
+    code = "ALREADY_EXISTS"
+
+
+class PermissionDenied(HeliographError):
+    """The daemon does not admit this client."""
+
+    code = "PERMISSION_DENIED"
+
+
+class Unauthenticated(HeliographError):
+    """The token or the session is missing or wrong."""
+
+    code = "UNAUTHENTICATED"
+
+
+class ResourceExhausted(HeliographError):
+    """Over a limit: `.needed` against `.available`, in the unit the message names."""
+
+    code = "RESOURCE_EXHAUSTED"
+
+
+class FailedPrecondition(HeliographError):
+    """The wrong state now; `.users` lists who still refers to an object."""
+
+    code = "FAILED_PRECONDITION"
+
+
+class Aborted(HeliographError):
+    """Another writer was faster: repeat the transaction. `.expected`: what the daemon expected."""
+
+    code = "ABORTED"
+
+
+class OutOfRange(HeliographError):
+    """A revision that is no longer kept."""
+
+    code = "OUT_OF_RANGE"
+
+
+class Unimplemented(HeliographError, NotImplementedError):
+    """Not in this version; the message says what is missing."""
+
+    code = "UNIMPLEMENTED"
+
+
+class Internal(HeliographError):
+    """A fault of the daemon or the connection."""
+
+    code = "INTERNAL"
+
+
+class Unavailable(HeliographError, ConnectionError):
+    """The daemon cannot be reached.
+
+    When a private daemon died: its exit code (negative: the signal) and its last 20 log lines.
+    """
+
+    code = "UNAVAILABLE"
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        exit_code: int | None = None,
+        log: Sequence[str] = (),
+        field: str = "",
+    ) -> None:
+        super().__init__(message, field=field)
+        self.exit_code = exit_code
+        self.log = list(log)
+
+
+_CLASSES: tuple[type[HeliographError], ...] = (
+    Cancelled,
+    InvalidArgument,
+    DeadlineExceeded,
+    NotFound,
+    AlreadyExists,
+    PermissionDenied,
+    Unauthenticated,
+    ResourceExhausted,
+    FailedPrecondition,
+    Aborted,
+    OutOfRange,
+    Unimplemented,
+    Internal,
+)
+BY_CODE = {kind.code: kind for kind in _CLASSES}

@@ -1,0 +1,263 @@
+"""Frame: the planes and labels of one camera at one time. Made by Scene.render."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import tonemap
+from ._arrays import Columns, NdArray, from_message
+from ._proto import render_pb2 as pb
+from .errors import InvalidArgument
+
+_CV_TO_GL = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+class Frame:
+    """One camera, one revision, one time: planes and labels of one job.
+
+    frame["depth"]: (H, W) or (H, W, C), read-only, valid as long as anybody refers to it.
+    K: (3, 3) float64 at the rendered size. camera_from_world_cv: (4, 4), OpenCV camera (x right,
+    y down, z forward); camera_from_world_gl: OpenGL camera (y up, looks down -z).
+    """
+
+    def __init__(self, header: pb.FrameHeader, arrays: Sequence[NdArray]) -> None:
+        self._header = header
+        self._planes: dict[str, NdArray] = {}
+        self.units: dict[str, str] = {}
+        for info, array in zip(header.planes, arrays):
+            name = f"{info.name}:{info.argument}" if info.argument else info.name
+            array.setflags(write=False)
+            self._planes[name] = array
+            self.units[name] = info.unit
+        self.scene = int(header.scene)
+        self.revision = int(header.revision)
+        self.camera = str(header.camera)
+        self.width, self.height = int(header.width), int(header.height)
+        self.time = float(header.time)
+        self.seed, self.samples = int(header.seed), int(header.samples)
+        self.is_final = bool(header.final)
+        self.backend, self.cpu_features = str(header.backend), str(header.cpu_features)
+        self.manifest = str(header.manifest)
+        self.warnings = list(header.warnings)
+        self.render_seconds, self.rays = float(header.render_seconds), int(header.rays)
+        self.categories = {int(c.id): str(c.name) for c in header.categories}
+
+    def __getitem__(self, plane: str) -> NdArray:
+        found = self._planes.get(plane)
+        if found is None:  # "disparity" without its camera, where there is one only
+            near = [name for name in self._planes if name.partition(":")[0] == plane]
+            if len(near) != 1:
+                raise KeyError(
+                    f"no plane {plane!r}; this frame has {', '.join(self._planes) or 'none'}: ask "
+                    "for it with planes=[...]"
+                )
+            found = self._planes[near[0]]
+        return found
+
+    def __contains__(self, plane: object) -> bool:
+        return plane in self._planes
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._planes)
+
+    @property
+    def planes(self) -> list[str]:
+        """The names of its planes."""
+        return list(self._planes)
+
+    @cached_property
+    def K(self) -> NdArray:
+        return from_message(self._header.k)
+
+    @cached_property
+    def camera_from_world_cv(self) -> NdArray:
+        return from_message(self._header.camera_from_world_cv)
+
+    @property
+    def camera_from_world_gl(self) -> NdArray:
+        return _CV_TO_GL @ self.camera_from_world_cv
+
+    @cached_property
+    def labels(self) -> Columns:
+        """Columns over the instances, ordered by label; docs/python.md lists them."""
+        remedy = "; ask for more with labels=True or labels={'amodal_masks': True}"
+        return Columns.of(self._header.labels, remedy)
+
+    @property
+    def instances(self) -> dict[int, str]:
+        """Label to name. Needs labels."""
+        labels = self.labels
+        return {int(k): str(v) for k, v in zip(labels["label"], labels["name"])}
+
+    def amodal_mask(self, label: int) -> NdArray:
+        """(H, W) bool: the whole silhouette of an instance, also where it is hidden.
+
+        Needs labels={"amodal_masks": True}.
+        """
+        packed = self.labels["amodal_masks"]
+        row = np.flatnonzero(self.labels["label"] == label)
+        if row.size != 1:
+            raise KeyError(f"no instance has label {label}")
+        bits = np.unpackbits(packed[row[0]], bitorder="little")
+        return bits[: self.width * self.height].reshape(self.height, self.width).astype(bool)
+
+    # ------------------------------------------------------------ pictures
+
+    def image(self, *, exposure: float | str = 0.0, view: str = "standard") -> NdArray:
+        """(H, W, 3) uint8 sRGB of the beauty. exposure: stops, or "auto". view: "standard",
+        "filmic" or "agx"."""
+        beauty = self["beauty"]
+        rgb = beauty[..., :3]
+        return tonemap.to_srgb8(rgb, self._stops(exposure), view)
+
+    def _stops(self, exposure: float | str) -> float:
+        if exposure == "auto":
+            beauty = self["beauty"]
+            weight = beauty[..., 3]
+            if "depth" in self:
+                hit = np.isfinite(self["depth"])
+                weight = hit if hit.any() else weight
+            return tonemap.auto_exposure(beauty[..., :3], weight)
+        if isinstance(exposure, str):
+            raise InvalidArgument('exposure: stops, or "auto"', field="exposure")
+        return float(exposure)
+
+    def picture(
+        self, plane: str, *, exposure: float | str = 0.0, view: str = "standard"
+    ) -> NdArray:
+        """(H, W) or (H, W, 3) uint8 to look at: any plane, with ids in colours, near bright.
+
+        Radiance is exposed and viewed as the beauty; directions map [-1, 1] to [0, 255].
+        """
+        data = self[plane]
+        if data.dtype == np.uint32:
+            return tonemap.colors_of_ids(data)
+        if data.dtype == np.uint8:
+            return data * np.uint8(255)
+        unit = self.units.get(plane, "")
+        if unit.startswith("W "):
+            stops = self._stops(exposure) if "beauty" in self or exposure != "auto" else 0.0
+            return tonemap.to_srgb8(data[..., :3], stops, view)
+        if data.ndim == 2:
+            if unit in ("m", "px", "rays") or plane == "variance":
+                return tonemap.grey_of(data)
+            return np.asarray((np.clip(np.nan_to_num(data), 0, 1) * 255 + 0.5).astype(np.uint8))
+        return _picture_of_vectors(plane, np.nan_to_num(data), unit)
+
+    def show(self, *, exposure: float | str = 0.0, view: str = "standard") -> None:
+        """Shows the beauty in a notebook, else in a window."""
+        import sys
+
+        picture = _pil(self.image(exposure=exposure, view=view))
+        if "ipykernel" in sys.modules:
+            from IPython.display import display
+
+            display(picture)
+        else:
+            picture.show()
+
+    def annotated(self, *, exposure: float | str = 0.0, view: str = "standard") -> NdArray:
+        """(H, W, 3) uint8: the picture with each visible instance's box and name."""
+        from PIL import ImageDraw
+
+        picture = _pil(self.image(exposure=exposure, view=view))
+        draw = ImageDraw.Draw(picture)
+        labels = self.labels
+        colors = tonemap.colors_of_ids(labels["label"])
+        for i, (x0, y0, x1, y1) in enumerate(labels["bbox_visible"].tolist()):
+            if x1 <= x0 or y1 <= y0:
+                continue
+            color = tuple(int(c) for c in colors[i])
+            draw.rectangle((x0, y0, x1 - 1, y1 - 1), outline=color, width=2)
+            text = labels["name"][i] or str(labels["label"][i])
+            left, top, right, bottom = draw.textbbox((x0 + 3, y0 + 2), text)
+            draw.rectangle((left - 2, top - 1, right + 2, bottom + 2), fill=color)
+            draw.text((x0 + 3, y0 + 2), text, fill=(0, 0, 0))
+        return np.asarray(picture)
+
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        exposure: float | str = 0.0,
+        view: str = "standard",
+    ) -> list[Path]:
+        """Writes by the name's ending; the files written.
+
+        .exr: all planes as they are, one part each, with units and the manifest in the header.
+        .png, .jpg: pictures; "out.png" is the beauty, "out.depth.png" and so on the other planes.
+        .npz: all planes and labels as they are. .json: the manifest.
+        """
+        target = Path(path)
+        kind = target.suffix.lower()
+        if kind == ".exr":
+            from . import exr
+
+            exr.write(target, self)
+            return [target]
+        if kind in (".png", ".jpg", ".jpeg"):
+            return self._save_pictures(target, exposure, view)
+        if kind == ".npz":
+            columns = {f"labels.{name}": np.asarray(self.labels[name]) for name in self.labels}
+            arrays: Any = {**self._planes, **columns}
+            np.savez_compressed(target, **arrays)
+            return [target]
+        if kind == ".json":
+            target.write_text(json.dumps(json.loads(self.manifest), indent=1))
+            return [target]
+        raise InvalidArgument(
+            f"path: {target.name!r} ends in none of .exr .png .jpg .npz .json", field="path"
+        )
+
+    def _save_pictures(self, target: Path, exposure: float | str, view: str) -> list[Path]:
+        written = []
+        for plane in self._planes:
+            path = target
+            if plane != "beauty":
+                path = target.with_suffix(f".{plane.replace(':', '_')}{target.suffix}")
+            _pil(self.picture(plane, exposure=exposure, view=view)).save(path)
+            written.append(path)
+        return written
+
+    def __repr__(self) -> str:
+        planes = ", ".join(self._planes)
+        return (
+            f"<Frame {self.width}x{self.height} of {self.camera!r}, {self.samples} spp: {planes}>"
+        )
+
+    def __reduce__(self) -> Any:
+        arrays = [np.asarray(array) for array in self._planes.values()]
+        return _unpickled, (self._header.SerializeToString(), arrays)
+
+
+def _unpickled(header: bytes, arrays: list[NdArray]) -> Frame:
+    return Frame(pb.FrameHeader.FromString(header), arrays)
+
+
+def _picture_of_vectors(plane: str, data: NdArray, unit: str) -> NdArray:
+    """uint8 RGB of a (H, W, 2..4) plane that is not radiance."""
+    if data.shape[2] == 2:
+        data = np.concatenate([data, np.zeros_like(data[..., :1])], axis=2)
+    data = data[..., :3]
+    if "normal" in plane or plane == "tangent":
+        hit = np.any(data != 0, axis=2, keepdims=True)
+        return np.asarray(np.where(hit, data * 127.5 + 128, 0).clip(0, 255).astype(np.uint8))
+    if unit == "1":
+        if plane == "base_color":
+            return tonemap.to_srgb8(data, 0.0, "standard")
+        return np.asarray((np.clip(data, 0, 1) * 255 + 0.5).astype(np.uint8))
+    reach = float(np.abs(data).max()) or 1.0
+    return np.asarray((data / reach * 127.5 + 128).clip(0, 255).astype(np.uint8))
+
+
+def _pil(pixels: NdArray) -> Any:
+    from PIL import Image
+
+    return Image.fromarray(np.ascontiguousarray(pixels))

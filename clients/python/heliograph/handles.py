@@ -1,0 +1,346 @@
+"""Handles of scene objects, and reading them back. Made by edits and by scene["name"]."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Union, overload
+
+import numpy as np
+
+from ._arrays import NdArray
+from ._proto import scene_pb2 as pb
+from ._proto import types_pb2 as types
+from .components import Camera, Light
+from .errors import FailedPrecondition, InvalidArgument, NotFound
+
+if TYPE_CHECKING:
+    from .edit import Edits
+    from .scene import Scene
+
+
+BY_NAME = -1  # Handle._index of an object that only its name denotes within its transaction
+
+
+class Handle:
+    """One object of a scene. Its id is known once its transaction was committed.
+
+    Interchangeable with its name in every call; pickles as (address, scene, name or id).
+    """
+
+    kind = "object"
+
+    def __init__(self, scene: Scene, name: str = "", id: int = 0) -> None:
+        self.scene = scene
+        self.name = name
+        self._id = id
+        self._edits: Edits | None = None  # the transaction that makes it, until it is committed
+        self._index = 0
+
+    @property
+    def id(self) -> int:
+        """Its 64-bit id."""
+        if not self._id:
+            self._id = self.scene.resolve(self._name_or_refuse())
+        return self._id
+
+    @property
+    def known_id(self) -> int:
+        """Its id, or 0 when it would have to be asked for."""
+        return self._id
+
+    def _name_or_refuse(self) -> str:
+        if self._edits is not None or not self.name:
+            raise FailedPrecondition(
+                f"this {self.kind} does not exist yet: leave the `with scene.edit()` block first"
+            )
+        return self.name
+
+    def ref(self, within: Edits | None = None) -> types.Ref:
+        """The Ref that names it in a request, or within its own transaction."""
+        if within is not None and self._edits is within:
+            by_name = self._index == BY_NAME
+            return types.Ref(name=self.name) if by_name else types.Ref(created_by_edit=self._index)
+        if self._id:
+            return types.Ref(id=self._id)
+        return types.Ref(name=self._name_or_refuse())
+
+    def _read(self, *fields: str) -> list[Any]:
+        return self.scene.read([self], list(fields))[0]
+
+    def __repr__(self) -> str:
+        label = repr(self.name) if self.name else f"{self._id:#x}"
+        return f"<{type(self).__name__} {label}>"
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Handle) or self.scene.id != other.scene.id:
+            return NotImplemented if not isinstance(other, Handle) else False
+        if self._id and other._id:
+            return self._id == other._id
+        return bool(self.name) and self.name == other.name
+
+    def __hash__(self) -> int:
+        return hash((self.scene.id, self.name or self._id))
+
+    def __reduce__(self) -> Any:
+        if not self._id:
+            self._name_or_refuse()
+        return type(self), (self.scene, self.name, self._id)
+
+
+class Entity(Handle):
+    """A thing in the world. The properties ask the daemon each time."""
+
+    kind = "entity"
+
+    @property
+    def transform(self) -> NdArray:
+        """(4, 4) float32, parent_from_local at the scene's time."""
+        return np.asarray(self._read("pose")[0])
+
+    @property
+    def world_transform(self) -> NdArray:
+        """(4, 4) float32, world_from_local at the scene's time."""
+        return np.asarray(self._read("world_pose")[0])
+
+    @property
+    def aabb(self) -> NdArray:
+        """(2, 3) float32: lower and upper corner in the world, with its children, metres."""
+        return np.asarray(self._read("aabb")[0])
+
+    def _message(self) -> pb.Entity:
+        found: pb.Entity = self._read("entity")[0].entity
+        return found
+
+    def _handle(self, ref: types.Ref) -> Any:
+        target = ref.WhichOneof("target")
+        if target is None or (target == "id" and ref.id == 0):
+            return None
+        return self.scene.handle(ref.name if target == "name" else ref.id)
+
+    @property
+    def parent(self) -> Entity | None:
+        found: Entity | None = self._optional("parent")
+        return found
+
+    @property
+    def mesh(self) -> Mesh | None:
+        found: Mesh | None = self._optional("mesh")
+        return found
+
+    def _optional(self, field: str) -> Any:
+        message = self._message()
+        return self._handle(getattr(message, field)) if message.HasField(field) else None
+
+    @property
+    def materials(self) -> list[Any]:
+        """The material of each part; the last one serves all further parts."""
+        return [self._handle(ref) for ref in self._message().materials.parts]
+
+    @property
+    def material(self) -> Material | None:
+        """The material of the first part."""
+        bound = self.materials
+        return bound[0] if bound else None
+
+    @property
+    def visible(self) -> bool:
+        message = self._message()
+        return message.visible if message.HasField("visible") else True
+
+    @property
+    def camera(self) -> Camera:
+        """Its camera; NotFound without one."""
+        message = self._message()
+        if not message.HasField("camera"):
+            raise NotFound(f"{self!r} has no camera: give it one with camera=hg.Camera...")
+        return Camera.from_message(message.camera)
+
+    @property
+    def K(self) -> NdArray:
+        """(3, 3) float64 intrinsics of its camera."""
+        return self.camera.K
+
+    @property
+    def light(self) -> Light | None:
+        message = self._message()
+        return Light.from_message(message.light) if message.HasField("light") else None
+
+    @property
+    def attributes(self) -> dict[str, str]:
+        return dict(self._message().attributes.values)
+
+
+class Mesh(Handle):
+    """A triangle mesh. Arrays are read-only copies at the scene's time."""
+
+    kind = "mesh"
+
+    @property
+    def positions(self) -> NdArray:
+        """(V, 3) float32, mesh coordinates, metres."""
+        return np.asarray(self._read("mesh.positions")[0])
+
+    @property
+    def indices(self) -> NdArray:
+        """(F, 3) uint32."""
+        return np.asarray(self._read("mesh.indices")[0])
+
+    @property
+    def normals(self) -> NdArray | None:
+        """(V, 3) float32; None: flat."""
+        return self._array("mesh.normals")
+
+    @property
+    def uvs(self) -> NdArray | None:
+        """(V, 2) float32; None: none."""
+        return self._array("mesh.uvs")
+
+    def _array(self, field: str) -> NdArray | None:
+        found = self._read(field)[0]
+        return None if found is None or found.size == 0 else np.asarray(found)
+
+
+class Material(Handle):
+    """A material that entities share."""
+
+    kind = "material"
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Name to number or (r, g, b); a parameter that a texture drives gives its factor."""
+        message = self._read("material")[0].material
+        out: dict[str, Any] = {}
+        for field, value in message.ListFields():
+            if isinstance(value, pb.ScalarParameter):
+                out[field.name] = value.value
+            elif isinstance(value, pb.ColorParameter):
+                out[field.name] = (value.value.x, value.value.y, value.value.z)
+        return out
+
+
+class Texture(Handle):
+    """An image with its sampler."""
+
+    kind = "texture"
+
+
+class Volume(Handle):
+    """A sparse volume: stored, not rendered in this version."""
+
+    kind = "volume"
+
+
+KINDS: dict[int, type[Handle]] = {1: Entity, 2: Mesh, 3: Material, 4: Texture, 5: Volume}
+Named = Union[str, Handle]
+
+
+class Group(Sequence[Entity]):
+    """The entities "<name>/0" .. "<name>/N-1" that one edit created."""
+
+    def __init__(self, entities: Sequence[Entity], name: str = "") -> None:
+        self.name = name
+        self._entities = list(entities)
+
+    @overload
+    def __getitem__(self, index: int) -> Entity: ...
+    @overload
+    def __getitem__(self, index: slice) -> Group: ...
+    def __getitem__(self, index: int | slice) -> Entity | Group:
+        if isinstance(index, slice):
+            return Group(self._entities[index], self.name)
+        return self._entities[index]
+
+    def __len__(self) -> int:
+        return len(self._entities)
+
+    def __repr__(self) -> str:
+        return f"<Group {self.name!r} of {len(self)}>"
+
+
+class Asset:
+    """A decoded file and where it was placed.
+
+    root: the first placement's root; roots: one a placement; entities: all of the first placement.
+    meshes, materials, textures: by the names in the file. bounds: (2, 3) float32 rest box, metres.
+    """
+
+    def __init__(self, scene: Scene, name: str, info: Any) -> None:
+        self.scene = scene
+        self.name = name
+        self.sha256 = bytes(info.sha256)
+        self.info = info
+        self.animations: list[str] = list(info.animations)
+        self.warnings: list[str] = list(info.warnings)
+        self.roots: list[Entity] = []
+        self.bounds: NdArray | None = None
+
+    @property
+    def root(self) -> Entity:
+        if not self.roots:
+            raise FailedPrecondition(f"{self!r} is placed nowhere: use edit.instance(asset)")
+        return self.roots[0]
+
+    def _within(self, names: Sequence[str], root: str) -> Group:
+        return Group([Entity(self.scene, f"{root}/{name}") for name in names], root)
+
+    @property
+    def entities(self) -> Group:
+        return self._within(self.info.entities, self.root.name)
+
+    @property
+    def cameras(self) -> Group:
+        return self._within(self.info.cameras, self.root.name)
+
+    @property
+    def meshes(self) -> Mapping[str, Mesh]:
+        return Library(Mesh, self, self.info.meshes)
+
+    @property
+    def materials(self) -> Mapping[str, Material]:
+        return Library(Material, self, self.info.materials)
+
+    @property
+    def textures(self) -> Mapping[str, Texture]:
+        return Library(Texture, self, self.info.textures)
+
+    def __len__(self) -> int:
+        return len(self.roots)
+
+    def __iter__(self) -> Iterator[Entity]:
+        return iter(self.roots)
+
+    def __repr__(self) -> str:
+        return f"<Asset {self.name!r}, {len(self.roots)} placed>"
+
+
+class Library(Mapping[str, Any]):
+    """Shared objects of an asset, by the names in its file."""
+
+    def __init__(self, kind: type[Handle], asset: Asset, names: Sequence[str]) -> None:
+        self._kind = kind
+        self._asset = asset
+        self._names = list(names)
+
+    def __getitem__(self, name: str) -> Handle:
+        if name not in self._names:
+            have = ", ".join(map(repr, self._names)) or "none"
+            raise KeyError(f"{self._asset!r} has no {self._kind.kind} {name!r}; it has {have}")
+        return self._kind(self._asset.scene, f"{self._asset.name}/{name}")
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def __repr__(self) -> str:
+        return f"<{self._kind.kind}s {', '.join(self._names)}>"
+
+
+def flatten(things: Any, field: str) -> list[Named]:
+    """Handles and names of one thing, an asset, a group, or a nested sequence of these."""
+    if isinstance(things, (str, Handle)):
+        return [things]
+    if isinstance(things, (Group, Asset, Sequence, Iterator)):
+        return [leaf for thing in things for leaf in flatten(thing, field)]
+    raise InvalidArgument(f"{field}: needs a handle or a name, not {type(things).__name__}")

@@ -1,0 +1,28 @@
+"""Bundled materials, as the keyword arguments of edit.material(): **hg.materials.steel.
+
+Reflectances of metals: RGB of measured n and k (RefractiveIndex.INFO), rounded.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ._patches import Parameters
+
+matte: Parameters = {"base_color": 0.6, "roughness": 1.0, "specular": 0.0}
+plaster: Parameters = {"base_color": (0.78, 0.76, 0.72), "roughness": 0.9}
+plastic: Parameters = {"base_color": (0.05, 0.2, 0.6), "roughness": 0.25}
+rubber: Parameters = {"base_color": 0.03, "roughness": 0.75}
+wood: Parameters = {"base_color": (0.38, 0.22, 0.12), "roughness": 0.55}
+steel: Parameters = {"base_color": (0.56, 0.57, 0.58), "metallic": 1.0, "roughness": 0.25}
+aluminium: Parameters = {"base_color": (0.91, 0.92, 0.92), "metallic": 1.0, "roughness": 0.3}
+gold: Parameters = {"base_color": (1.0, 0.77, 0.34), "metallic": 1.0, "roughness": 0.15}
+copper: Parameters = {"base_color": (0.95, 0.64, 0.54), "metallic": 1.0, "roughness": 0.2}
+chrome: Parameters = {"base_color": (0.55, 0.55, 0.55), "metallic": 1.0, "roughness": 0.03}
+glass: Parameters = {"base_color": 1.0, "transmission": 1.0, "roughness": 0.0, "ior": 1.5}
+frosted_glass: Parameters = {"base_color": 1.0, "transmission": 1.0, "roughness": 0.35}
+
+names = tuple(
+    name for name, value in list(globals().items()) if isinstance(value, dict) and name[0] != "_"
+)

@@ -1,0 +1,324 @@
+"""Scene: edits, renders, reads and queries of one scene."""
+
+from __future__ import annotations
+
+import difflib
+import os
+import threading
+import uuid
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _render, query
+from ._arrays import Columns, NdArray, dtype_of
+from ._proto import scene_pb2 as pb
+from ._proto import service_pb2 as service
+from ._proto import types_pb2 as types
+from .edit import Edits
+from .errors import Aborted, InvalidArgument, NotFound, Unimplemented
+from .frame import Frame
+from .handles import KINDS, Handle, Named, flatten
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from .client import Client
+
+
+class SceneState:
+    """The numbering of one session's edits of one scene: contiguous, one at a time."""
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+        self.session = 0
+        self.next = 1
+
+
+class Overlay(Edits):
+    """Edits for scene.render(overlay=...) only: the scene is never changed."""
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(scene, publish=False)
+
+
+class Scene:
+    """A scene of a daemon. Thread: any; edits of one scene go out in one order.
+
+    In a `with`, a private scene that this client made is deleted at the end.
+    """
+
+    def __init__(self, client: Client, id: int, name: str = "", *, owned: bool = False) -> None:
+        self.client = client
+        self.id = id
+        self.name = name
+        self._owned = owned
+
+    # ------------------------------------------------------------ edits
+
+    def edit(self, *, expected_revision: int | None = None) -> Edits:
+        """`with scene.edit() as edit:` one atomic transaction, sent at the end of the block.
+
+        expected_revision: Aborted when the scene has moved on from it.
+        """
+        return Edits(self, publish=True, expected_revision=expected_revision)
+
+    def overlay(self) -> Overlay:
+        """`with scene.overlay() as o:` edits that scene.render(overlay=o) applies for itself."""
+        return Overlay(self)
+
+    def apply(
+        self, transaction: pb.Transaction, expected_revision: int | None = None
+    ) -> service.ApplyReply:
+        """Sends a transaction under the next number. A repetition is answered, not done twice."""
+        request = service.ApplyRequest(
+            scene=self.id, transaction=transaction, expected_revision=expected_revision
+        )
+        state = self.client.state_of(self.id)
+        with state.lock:
+            session = self.client.connection.link.session
+            if state.session != session:
+                state.session, state.next = session, self._info().next_edit
+            request.number = state.next
+            try:
+                return self._send(request)
+            except Aborted as error:
+                if error.field != "number":
+                    raise
+                state.next = request.number = error.expected  # nothing of ours has that number
+                return self._send(request)
+            finally:
+                state.next = request.number + 1
+
+    def _send(self, request: service.ApplyRequest) -> service.ApplyReply:
+        try:
+            return self.client.connection.call("Apply", request)  # type: ignore[no-any-return]
+        except KeyboardInterrupt:
+            # Whether it was applied is settled by asking for the same number again.
+            self.client.connection.call("Apply", request)
+            raise
+
+    # ------------------------------------------------------------ rendering
+
+    def render(self, cameras: Any, **options: Unpack[_render.Options]) -> Any:
+        """Renders one camera (a Frame) or a sequence of them (a list of Frames).
+
+        The stop rule of `beauty` and other averaged planes: spp, seconds and noise, any of them;
+        without one, 64 samples a pixel. planes: names, default ["beauty"]; disparity:CAMERA names
+        its second camera. size: (width, height), default the camera's own. seed. time: seconds,
+        default the scene's. frame_interval, hold: the other end of flow. overlay: of
+        scene.overlay(). labels: see docs/python.md; by default boxes come with any plane that
+        looks at surfaces. revision: exactly this one. progress: True, False, or a callable.
+        Ctrl-C cancels the job and leaves the client usable.
+        """
+        single = isinstance(cameras, (str, Handle))
+        listed = flatten(cameras, "cameras")
+        frames = _render.render(self, listed, options)
+        return frames[0] if single else frames
+
+    def render_sequence(
+        self, camera: Named, times: Any, **options: Unpack[_render.Options]
+    ) -> Iterator[Frame]:
+        """One frame a time, seconds; the next one is rendered when it is asked for."""
+        if "time" in options:
+            raise InvalidArgument("time: render_sequence sets it", field="time")
+        revision = options.pop("revision", None) or self.revision
+        for t in np.asarray(times, dtype="f8").ravel():
+            options["time"], options["revision"] = float(t), revision
+            yield self.render(camera, **options)
+
+    def render_batch(self, jobs: Any) -> Iterator[Any]:
+        """Not in this version."""
+        raise Unimplemented(
+            "render_batch arrives with the issue Many clients; until then call render(overlay=) "
+            "for each job"
+        )
+
+    def stream(self, **options: Any) -> Iterator[Frame]:
+        """Not in this version."""
+        raise Unimplemented(
+            "stream arrives with the issue Many clients; until then call render() in a loop"
+        )
+
+    # ------------------------------------------------------------ reading
+
+    def _info(self) -> service.SceneInfo:
+        return self.describe().scene
+
+    def describe(self, **fields: Any) -> service.DescribeSceneReply:
+        """DescribeScene as it is: counts, objects (tree=True, pattern=), memory, categories."""
+        request = service.DescribeSceneRequest(scene=self.id, **fields)
+        reply: service.DescribeSceneReply = self.client.connection.call("DescribeScene", request)
+        return reply
+
+    @property
+    def revision(self) -> int:
+        """The latest revision."""
+        return self._info().revision
+
+    @property
+    def time(self) -> float:
+        """The scene's time, seconds."""
+        return self._info().time
+
+    @property
+    def categories(self) -> dict[int, str]:
+        """Class id to name."""
+        return {c.id: c.name for c in self.describe().categories}
+
+    def __getitem__(self, name: str) -> Any:
+        """The handle of the object with that name; NotFound lists the nearest."""
+        return self.handle(self.resolve(name), name)
+
+    def __contains__(self, name: str) -> bool:
+        return any(o.name == name for o in self._objects(_escaped(name)))
+
+    def resolve(self, name: str) -> int:
+        """The id of a name."""
+        for found in self._objects(_escaped(name)):
+            if found.name == name:
+                return found.id
+        names = [found.name for found in self._objects("") if found.name]
+        near = difflib.get_close_matches(name, names, 5)
+        hint = f"; the nearest are {', '.join(near)}" if near else "; scene.find() lists all"
+        raise NotFound(f"no object called {name!r}{hint}", nearest=near)
+
+    def _objects(self, pattern: str) -> Sequence[service.ObjectInfo]:
+        return self.describe(tree=True, pattern=pattern).objects
+
+    def handle(self, id: int | str, name: str = "") -> Any:
+        """The handle of an id, of the class its kind says; or of a name."""
+        if isinstance(id, str):
+            return self[id]
+        return KINDS.get(id >> 56, Handle)(self, name, id)
+
+    def find(self, pattern: str = "*") -> list[Any]:
+        """Handles of the objects whose names match a glob, in id order."""
+        return [self.handle(o.id, o.name) for o in self._objects(pattern)]
+
+    def tree(self) -> str:
+        """Every object, entities indented under their parents, with their uses."""
+        objects = list(self._objects(""))
+        children: dict[int, list[service.ObjectInfo]] = {}
+        for found in objects:
+            children.setdefault(found.parent, []).append(found)
+        lines: list[str] = []
+
+        def add(found: service.ObjectInfo, depth: int) -> None:
+            kind = KINDS.get(found.id >> 56, Handle).kind
+            uses = f" ({found.uses} uses)" if kind not in ("entity", "object") else ""
+            lines.append(f"{'  ' * depth}{kind} {found.name or hex(found.id)}{uses}")
+            for child in children.get(found.id, ()):
+                add(child, depth + 1)
+
+        for found in children.get(0, ()):
+            add(found, 0)
+        return "\n".join(lines)
+
+    def memory(self) -> dict[str, int]:
+        """Bytes: "rows", "arrays" (shared ones counted once), "derived"."""
+        return dict(self.describe(memory=True).memory)
+
+    def transforms(self, entities: Any) -> NdArray:
+        """(N, 4, 4) float32 poses relative to the parents."""
+        listed = flatten(entities, "entities")
+        if not listed:
+            return np.zeros((0, 4, 4), dtype="<f4")
+        return np.stack([row[0] for row in self.read(listed, ["pose"])])
+
+    def read(self, things: Sequence[Named], fields: Sequence[str]) -> list[list[Any]]:
+        """For each thing, each field: an array, an Edit message, or None where there is nothing."""
+        refs = [t.ref() if isinstance(t, Handle) else types.Ref(name=t) for t in things]
+        request = service.ReadRequest(scene=self.id, refs=refs, fields=fields)
+        out: list[list[Any]] = [[None] * len(fields) for _ in refs]
+        for part in self.client.connection.stream("Read", request):
+            row = out[part.ref]
+            if part.HasField("object"):
+                row[part.field] = part.object
+            elif part.HasField("array"):
+                row[part.field] = _filled(row[part.field], part)
+        for row in out:
+            for value in row:
+                if isinstance(value, np.ndarray):
+                    value.setflags(write=False)
+        return out
+
+    # ------------------------------------------------------------ queries
+
+    def cast_rays(
+        self, origins: Any, directions: Any, *, t_max: float = 0.0, any_hit: bool = False
+    ) -> Columns:
+        """The first hit of each ray. origins, directions: (N, 3) world; a single one broadcasts.
+
+        Columns: t (N,) metres along the unit direction (+inf: none), entity, primitive,
+        position, normal (N, 3), uv (N, 2), instance. any_hit: only t, 0 where something is hit.
+        """
+        return query.cast_rays(self, origins, directions, (t_max, any_hit))
+
+    def pick(self, camera: Named, pixels: Any) -> Columns:
+        """What lies at image points (N, 2), K coordinates (integers are pixel centres)."""
+        return query.pick(self, camera, pixels)
+
+    def visible(self, camera: Named, entities: Any) -> Columns:
+        """visible (E,) bool, share (E,) of each entity's silhouette that is seen."""
+        return query.visible(self, camera, entities)
+
+    def overlaps(self, a: Any, b: Any) -> NdArray:
+        """(A, B) bool: do the surfaces intersect, or does one contain the other."""
+        return query.overlaps(self, a, b)
+
+    def sample_surface(self, entities: Any, count: int, *, seed: int = 0) -> Columns:
+        """Points uniform over the world area of all: position, normal (N, 3), uv, entity."""
+        return query.sample_surface(self, entities, count, seed)
+
+    # ------------------------------------------------------------ life
+
+    def branch(self, name: str = "", *, revision: int | None = None, shared: bool = False) -> Scene:
+        """A copy-on-write branch; handles of this scene serve it too, by their ids."""
+        request = service.BranchSceneRequest(
+            request_id=uuid.uuid4().hex, scene=self.id, name=name, shared=shared, revision=revision
+        )
+        info = self.client.connection.call("BranchScene", request)
+        return self.client.scene_of(info, owned=not shared)
+
+    def save(self, path: str | os.PathLike[str], *, revision: int | None = None) -> None:
+        """Writes the whole scene, arrays and textures included, to one file."""
+        from . import scene_file
+
+        request = service.ExportSceneRequest(scene=self.id, revision=revision)
+        scene_file.write(path, self.client.connection.stream("ExportScene", request))
+
+    def delete(self) -> None:
+        """Deletes the scene in the daemon."""
+        self._owned = False
+        request = service.DeleteSceneRequest(request_id=uuid.uuid4().hex, scene=self.id)
+        self.client.connection.call("DeleteScene", request)
+
+    def __enter__(self) -> Scene:
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        if self._owned and not self.client.connection.closed:
+            self.delete()
+
+    def __repr__(self) -> str:
+        return f"<Scene {self.name!r} of {self.client.address}>"
+
+    def __reduce__(self) -> Any:
+        return Scene, (self.client, self.id, self.name)
+
+
+def _filled(array: Any, part: service.ReadReply) -> NdArray:
+    """The array of a reply, which may come in several parts."""
+    if array is None:
+        array = np.empty(tuple(part.array.shape), dtype=dtype_of(part.array.dtype))
+    data = np.frombuffer(part.array.inline, dtype=np.uint8)
+    out: NdArray = array
+    out.reshape(-1).view(np.uint8)[part.offset : part.offset + data.size] = data
+    return out
+
+
+def _escaped(name: str) -> str:
+    """A glob that matches `name` alone."""
+    return "".join(f"[{c}]" if c in "*?[" else c for c in name)

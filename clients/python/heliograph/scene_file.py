@@ -1,0 +1,89 @@
+"""Scene files: "HELIOSC1", then SceneChunk messages, each after its length (u32, little-endian).
+
+Read and written by Client.load_scene and Scene.save; the messages are the daemon's.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from ._proto import service_pb2 as service
+from .errors import InvalidArgument
+
+_MAGIC = b"HELIOSC1"
+_LENGTH = struct.Struct("<I")
+_HEADER_BYTES = 1 << 20
+_LONGEST = 64 << 20
+
+
+def write(path: str | os.PathLike[str], chunks: Iterable[service.SceneChunk]) -> None:
+    """All or nothing: the file takes its name when it is complete."""
+    final = Path(path)
+    partial = final.with_name(final.name + ".partial")
+    try:
+        with open(partial, "wb") as file:
+            file.write(_MAGIC)
+            for chunk in chunks:
+                data = chunk.SerializeToString()
+                file.write(_LENGTH.pack(len(data)))
+                file.write(data)
+        os.replace(partial, final)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def read(
+    path: str | os.PathLike[str], request_id: str, name: str, shared: bool
+) -> Iterator[service.SceneChunk]:
+    """The chunks for ImportScene, with the header completed."""
+    chunks = _read_chunks(path)
+    pieces = b""
+    for chunk in chunks:
+        if chunk.WhichOneof("part") == "header_chunk":
+            pieces += chunk.header_chunk
+            continue
+        header = service.SceneChunk.Header()
+        if pieces:
+            header.ParseFromString(pieces)
+        elif chunk.WhichOneof("part") == "header":
+            header = chunk.header
+        else:
+            raise InvalidArgument(f"{path}: has no header; it is not a scene file", field="path")
+        header.request_id, header.name, header.shared = request_id, name, shared
+        yield from _header_chunks(header)
+        if pieces:
+            yield chunk
+        yield from chunks
+        return
+    if not pieces:
+        raise InvalidArgument(f"{path}: ends before its header", field="path")
+    header = service.SceneChunk.Header.FromString(pieces)
+    header.request_id, header.name, header.shared = request_id, name, shared
+    yield from _header_chunks(header)
+
+
+def _header_chunks(header: service.SceneChunk.Header) -> Iterator[service.SceneChunk]:
+    data = header.SerializeToString()
+    if len(data) <= _HEADER_BYTES:
+        yield service.SceneChunk(header=header)
+        return
+    for start in range(0, len(data), _HEADER_BYTES):
+        yield service.SceneChunk(header_chunk=data[start : start + _HEADER_BYTES])
+
+
+def _read_chunks(path: str | os.PathLike[str]) -> Iterator[service.SceneChunk]:
+    with open(path, "rb") as file:
+        if file.read(len(_MAGIC)) != _MAGIC:
+            raise InvalidArgument(f"{path} is not a scene file", field="path")
+        while True:
+            prefix = file.read(_LENGTH.size)
+            if not prefix:
+                return
+            length = _LENGTH.unpack(prefix)[0] if len(prefix) == _LENGTH.size else _LONGEST + 1
+            data = file.read(length) if length <= _LONGEST else b""
+            if len(data) != length:
+                raise InvalidArgument(f"{path}: is cut off or damaged", field="path")
+            yield service.SceneChunk.FromString(data)
