@@ -42,7 +42,7 @@ def find_program() -> str:
     package = Path(__file__).resolve().parent
     for candidate in (
         package / "_bin" / "heliographd",
-        package.parents[2] / "build" / "cpu" / "server" / "heliographd",
+        package.parents[2] / "build" / "cpu" / "bin" / "heliographd",
     ):
         if os.access(candidate, os.X_OK):
             return str(candidate)

@@ -174,11 +174,12 @@ def texture_use(edits: Edits, value: Any, field: str) -> pb.TextureUse:
     use = value if isinstance(value, Tex) else Tex(value)
     out = pb.TextureUse(
         texture=edits.ref(use.texture, field),
-        channel=use.channel,
         scale=number_of(use.scale, f"{field}.scale"),
         offset=number_of(use.offset, f"{field}.offset"),
         uv_set=use.uv_set,
     )
+    if use.channel:
+        out.channel = use.channel
     if use.uv is not None:
         out.uv_transform.CopyFrom(inline(checked(use.uv, f"{field}.uv", "<f4", (2, 3))))
     return out
@@ -260,17 +261,15 @@ class Geometry(TypedDict, total=False):
 
 
 def mesh_message(edits: Edits, given: Mapping[str, Any]) -> pb.Mesh:
-    """The Mesh of some Geometry. With indices it is a whole mesh, and None is the same as absent;
-    without, None clears."""
+    """The Mesh of some Geometry; None is the same as absent: topology and vertices are replaced
+    whole."""
     refuse_unknown(given, Geometry, "a mesh")
-    whole = given.get("indices") is not None
     out = pb.Mesh()
     keyed = given.get("times") is not None
     for name, value in given.items():
         if value is None:
-            if not whole:
-                out.clear.append(name)
-        elif name in ("positions", "normals"):
+            continue
+        if name in ("positions", "normals"):
             shape: tuple[int | None, ...] = (None, None, 3) if keyed else (None, 3)
             getattr(out, name).CopyFrom(edits.edited(checked(value, name, "<f4", shape)))
         elif name == "times":

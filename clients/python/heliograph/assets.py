@@ -8,12 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, TypedDict
 
-import numpy as np
-
-from ._arrays import from_message, inline
+from ._arrays import inline
 from ._proto import scene_pb2 as pb
 from ._proto import service_pb2 as service
-from ._proto import types_pb2 as types
 from .errors import InvalidArgument, NotFound
 from .handles import Asset, Named
 from .pose import matrix_of
@@ -66,10 +63,7 @@ def decode(scene: Scene, source: Source, name: str | None) -> Asset:
             field="path",
         )
     stem = Path(source.path or source.server_path).stem
-    asset = Asset(scene, name or stem, info)
-    if info.HasField("bounds"):
-        asset.bounds = from_message(info.bounds)
-    return asset
+    return Asset(scene, name or stem, stem, info)
 
 
 def decode_bundle(client: Client, source: Source) -> service.AssetInfo:
@@ -130,35 +124,6 @@ def _add_file(client: Client, request: service.DecodeAssetRequest, name: str, pa
     request.files.append(service.BundleFile(path=name, sha256=digest))
 
 
-def texels_of(client: Client, image: Any) -> tuple[types.Array, str]:
-    """The texels of a file or an array, and their encoding ("": by dtype)."""
-    if isinstance(image, (str, os.PathLike)):
-        info = decode_bundle(client, Source(image))
-        if not info.HasField("texels"):
-            raise InvalidArgument(f"{image} is no picture", field="image")
-        return info.texels, info.encoding
-    return client.store.asset(_checked_texels(image)), ""
-
-
-def _checked_texels(image: Any) -> np.ndarray[Any, np.dtype[Any]]:
-    texels = np.asarray(image)
-    if texels.dtype not in (np.uint8, np.uint16, np.float16, np.float32):
-        if texels.dtype.kind != "f":
-            raise InvalidArgument(
-                f"image: texels are u8, u16, f16 or f32, not {texels.dtype}; convert them",
-                field="image",
-            )
-        texels = texels.astype("<f4")
-    shaped = texels.ndim == 2 or (texels.ndim == 3 and 1 <= texels.shape[2] <= 4)
-    if not shaped or 0 in texels.shape:
-        raise InvalidArgument(
-            f"image: needs shape (H, W) or (H, W, 1..4), has {texels.shape}", field="image"
-        )
-    if texels.dtype.kind == "f" and not np.isfinite(texels).all():
-        raise InvalidArgument("image: every texel must be finite", field="image")
-    return np.ascontiguousarray(texels)
-
-
 def instantiate_message(edits: Edits, asset: Asset, placement: Placement) -> pb.Instantiate:
     """The Instantiate of an asset at a placement."""
     from ._patches import entity_message, refuse_unknown
@@ -174,8 +139,9 @@ def instantiate_message(edits: Edits, asset: Asset, placement: Placement) -> pb.
     if label:
         out.label.CopyFrom(entity_message(edits, label).label)
     for name, material in placement.get("materials", {}).items():
-        if name not in asset.info.materials:
-            asset.materials[name]  # raises, naming those there are
+        if name not in asset.materials:
+            have = ", ".join(map(repr, asset.materials)) or "none"
+            raise NotFound(f"materials: {asset!r} has no material {name!r}; it has {have}")
         out.materials[name].CopyFrom(edits.ref(material, f"materials[{name!r}]"))
     return out
 

@@ -5,24 +5,35 @@ Made by Scene.edit() and Scene.overlay().
 
 from __future__ import annotations
 
-import hashlib
-import math
+import functools
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from . import _patches, assets, studio
-from ._arrays import NdArray, checked, inline
+from . import _images, _patches, assets, studio
+from ._arrays import NdArray, inline
 from ._connection import packed_ids
 from ._proto import scene_pb2 as pb
 from ._proto import service_pb2 as service
 from ._proto import types_pb2 as types
 from .components import color_of, number_of
 from .errors import FailedPrecondition, HeliographError, InvalidArgument
-from .handles import BY_NAME, Asset, Entity, Group, Handle, Material, Mesh, Named, Texture, flatten
+from .handles import (
+    BY_NAME,
+    Asset,
+    Entity,
+    Group,
+    Handle,
+    Material,
+    Mesh,
+    Named,
+    Texture,
+    flatten,
+    give_ids,
+)
 from .pose import matrices_of
 
 if TYPE_CHECKING:
@@ -49,7 +60,7 @@ class Edits:
         self._publish = publish
         self._expected = expected_revision
         self._made: dict[int, Handle] = {}
-        self._groups: dict[int, Sequence[Handle]] = {}
+        self._further: dict[int, Callable[[Sequence[int]], None]] = {}
         self._open = True
 
     def __enter__(self) -> Edits:
@@ -81,8 +92,8 @@ class Edits:
             if handle is not None:
                 handle._edits, handle._id = None, ids[index]
             count = reply.counts[index] if index < len(reply.counts) else 0
-            for member, number in zip(self._groups.get(index, ()), ids[further : further + count]):
-                member._edits, member._id = None, number
+            if index in self._further:
+                self._further[index](ids[further : further + count])
             further += count
 
     def _explained(self, error: HeliographError) -> HeliographError:
@@ -187,7 +198,7 @@ class Edits:
         made = [Entity(self.scene, f"{name}/{i}") for i in range(len(matrices))]
         for entity in made:
             entity._edits, entity._index = self, BY_NAME
-        self._groups[index] = made
+        self._further[index] = functools.partial(give_ids, made)
         return Group(made, name)
 
     def set_transforms(self, entities: Any, transforms: Any, *, teleport: bool = False) -> None:
@@ -259,19 +270,8 @@ class Edits:
         encoding: "srgb" or "linear"; default: u8 is sRGB. wrap: "repeat", "clamp" or "mirror", or
         one for each axis. filter: "linear" or "nearest".
         """
-        out = pb.Texture()
-        if image is not None:
-            texels, found = assets.texels_of(self.scene.client, image)
-            out.texels.CopyFrom(texels)
-            encoding = encoding or found or None
-        if encoding is not None:
-            out.encoding = _choice(pb.Texture.Encoding, "ENCODING", encoding)
-        if wrap is not None:
-            u, v = (wrap, wrap) if isinstance(wrap, str) else wrap
-            out.wrap_u = _choice(pb.Texture.Wrap, "WRAP", u)
-            out.wrap_v = _choice(pb.Texture.Wrap, "WRAP", v)
-        if filter is not None:
-            out.filter = _choice(pb.Texture.Filter, "FILTER", filter)
+        sampler = _images.Sampler(encoding, wrap, filter)
+        out = _images.texture_message(self.scene.client, image, sampler)
         self._add(name, exist_ok).texture.CopyFrom(out)
         return self._handle(Texture, name)
 
@@ -304,20 +304,13 @@ class Edits:
         if intensity is not None:
             out.intensity = number_of(intensity, "intensity")
         if rotation is not None:
-            out.rotation.CopyFrom(inline(_rotation_of(rotation)))
+            out.rotation.CopyFrom(inline(_images.rotation_of(rotation)))
         if camera_visible is not None:
             out.camera_visible = camera_visible
         self._add(None).settings.dome.CopyFrom(out)
 
     def _dome_texture(self, image: Any) -> Texture:
-        """A texture named by its content, so that the same dome is the same object."""
-        texels, encoding = assets.texels_of(self.scene.client, image)
-        digest = hashlib.sha256(texels.SerializeToString()).hexdigest()[:12]
-        is_file = isinstance(image, (str, os.PathLike))
-        stem = os.path.splitext(os.path.basename(os.fspath(image)))[0] if is_file else "array"
-        message = pb.Texture(texels=texels, wrap_v=pb.Texture.WRAP_CLAMP)
-        message.encoding = _choice(pb.Texture.Encoding, "ENCODING", encoding or "linear")
-        name = f"dome/{stem}-{digest}"
+        name, message = _images.dome_texture(self.scene.client, image)
         self._add(name).texture.CopyFrom(message)
         return self._handle(Texture, name)
 
@@ -344,7 +337,7 @@ class Edits:
         asset = assets.decode(self.scene, source, name)
         for i in range(count):
             root = asset.name if count == 1 else f"{asset.name}/{i}"
-            asset.roots.append(self._instantiate(asset, root, placement))
+            self._instantiate(asset, root, placement)
         return asset
 
     def instance(
@@ -355,14 +348,14 @@ class Edits:
         materials={"Leather": other} overrides for this copy only, by the names in the file.
         """
         root = name or f"{asset.name}/{len(asset.roots)}"
-        entity = self._instantiate(asset, root, placement)
-        asset.roots.append(entity)
-        return entity
+        return self._instantiate(asset, root, placement)
 
     def _instantiate(self, asset: Asset, name: str, placement: assets.Placement) -> Entity:
         message = assets.instantiate_message(self, asset, placement)
         self._add(name, exist_ok=False).instantiate.CopyFrom(message)
-        return self._handle(Entity, name)
+        root = self._handle(Entity, name)
+        self._further[root._index] = asset.place(root)
+        return root
 
     # ------------------------------------------------------------ the whole scene
 
@@ -389,18 +382,3 @@ class Edits:
         """The bundled dome, and a floor of `floor` metres called "floor" at z = 0; the floor."""
         self.dome(studio.dome())
         return studio.add_floor(self, floor)
-
-
-def _choice(enum: Any, prefix: str, value: str) -> Any:
-    names = [name[len(prefix) + 1 :].lower() for name in enum.keys()[1:]]
-    if value not in names:
-        raise InvalidArgument(f"{prefix.lower()}: one of {', '.join(names)}, not {value!r}")
-    return enum.Value(f"{prefix}_{value.upper()}")
-
-
-def _rotation_of(rotation: Any) -> NdArray:
-    """(3, 3) float32 of an angle about +Z, or of a matrix."""
-    if np.ndim(rotation) == 0:
-        c, s = math.cos(rotation), math.sin(rotation)
-        rotation = [[c, -s, 0], [s, c, 0], [0, 0, 1]]
-    return checked(rotation, "rotation", "<f4", (3, 3))

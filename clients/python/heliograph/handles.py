@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Union, overload
 
 import numpy as np
 
-from ._arrays import NdArray
+from ._arrays import NdArray, from_message
 from ._proto import scene_pb2 as pb
 from ._proto import types_pb2 as types
 from .components import Camera, Light
@@ -260,48 +260,67 @@ class Group(Sequence[Entity]):
 class Asset:
     """A decoded file and where it was placed.
 
-    root: the first placement's root; roots: one a placement; entities: all of the first placement.
-    meshes, materials, textures: by the names in the file. bounds: (2, 3) float32 rest box, metres.
+    root: the first placement's root; roots: one a placement; entities: all of the first placement,
+    its root first. meshes, materials, textures: by the names in the file. bounds: (2, 3) float32
+    rest box, metres.
     """
 
-    def __init__(self, scene: Scene, name: str, info: Any) -> None:
+    def __init__(self, scene: Scene, name: str, stem: str, info: Any) -> None:
         self.scene = scene
         self.name = name
         self.sha256 = bytes(info.sha256)
-        self.info = info
         self.animations: list[str] = list(info.animations)
         self.warnings: list[str] = list(info.warnings)
+        self.bounds: NdArray | None = from_message(info.bounds) if info.HasField("bounds") else None
         self.roots: list[Entity] = []
-        self.bounds: NdArray | None = None
+        self.meshes: Mapping[str, Mesh] = self._library(Mesh, stem, info.meshes)
+        self.materials: Mapping[str, Material] = self._library(Material, stem, info.materials)
+        self.textures: Mapping[str, Texture] = self._library(Texture, stem, info.textures)
+        self._libraries: dict[type[Handle], Mapping[str, Handle]] = {
+            Mesh: self.meshes,
+            Material: self.materials,
+            Texture: self.textures,
+        }
+        self._names = list(info.entities)
+        self._camera_names = set(info.cameras)
+        self._placed: list[list[Entity]] = []
+
+    def _library(self, kind: type[Handle], stem: str, names: Sequence[str]) -> Any:
+        return Library({name: kind(self.scene, f"{stem}/{name}") for name in names}, self, kind)
 
     @property
     def root(self) -> Entity:
-        if not self.roots:
-            raise FailedPrecondition(f"{self!r} is placed nowhere: use edit.instance(asset)")
-        return self.roots[0]
-
-    def _within(self, names: Sequence[str], root: str) -> Group:
-        return Group([Entity(self.scene, f"{root}/{name}") for name in names], root)
+        found: Entity = self._first(self.roots)
+        return found
 
     @property
     def entities(self) -> Group:
-        return self._within(self.info.entities, self.root.name)
+        return Group(self._first(self._placed), self.root.name)
 
     @property
     def cameras(self) -> Group:
-        return self._within(self.info.cameras, self.root.name)
+        """The entities of the first placement that have a camera."""
+        pairs = zip(self._names, self._first(self._placed))
+        return Group([entity for name, entity in pairs if name in self._camera_names])
 
-    @property
-    def meshes(self) -> Mapping[str, Mesh]:
-        return Library(Mesh, self, self.info.meshes)
+    def _first(self, found: Sequence[Any]) -> Any:
+        if not found:
+            raise FailedPrecondition(f"{self!r} is placed nowhere: use edit.instance(asset)")
+        return found[0]
 
-    @property
-    def materials(self) -> Mapping[str, Material]:
-        return Library(Material, self, self.info.materials)
+    def place(self, root: Entity) -> Callable[[Sequence[int]], None]:
+        """Notes a placement; the result takes the further ids of its Instantiate: the entities
+        after the root, then the library in the file's order."""
+        entities = [root, *(Entity(self.scene, f"{root.name}/{name}") for name in self._names[1:])]
+        self.roots.append(root)
+        self._placed.append(entities)
 
-    @property
-    def textures(self) -> Mapping[str, Texture]:
-        return Library(Texture, self, self.info.textures)
+        def resolve(ids: Sequence[int]) -> None:
+            give_ids(entities[1:], [i for i in ids if i >> 56 == _KIND_OF[Entity]])
+            for kind, library in self._libraries.items():
+                give_ids(list(library.values()), [i for i in ids if i >> 56 == _KIND_OF[kind]])
+
+        return resolve
 
     def __len__(self) -> int:
         return len(self.roots)
@@ -316,25 +335,34 @@ class Asset:
 class Library(Mapping[str, Any]):
     """Shared objects of an asset, by the names in its file."""
 
-    def __init__(self, kind: type[Handle], asset: Asset, names: Sequence[str]) -> None:
-        self._kind = kind
+    def __init__(self, handles: dict[str, Handle], asset: Asset, kind: type[Handle]) -> None:
+        self.kind = kind
+        self._handles = handles
         self._asset = asset
-        self._names = list(names)
 
     def __getitem__(self, name: str) -> Handle:
-        if name not in self._names:
-            have = ", ".join(map(repr, self._names)) or "none"
-            raise KeyError(f"{self._asset!r} has no {self._kind.kind} {name!r}; it has {have}")
-        return self._kind(self._asset.scene, f"{self._asset.name}/{name}")
+        if name not in self._handles:
+            have = ", ".join(map(repr, self._handles)) or "none"
+            raise KeyError(f"{self._asset!r} has no {self.kind.kind} {name!r}; it has {have}")
+        return self._handles[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._names)
+        return iter(self._handles)
 
     def __len__(self) -> int:
-        return len(self._names)
+        return len(self._handles)
 
     def __repr__(self) -> str:
-        return f"<{self._kind.kind}s {', '.join(self._names)}>"
+        return f"<{self.kind.kind}s {', '.join(self._handles)}>"
+
+
+_KIND_OF = {kind: number for number, kind in KINDS.items()}
+
+
+def give_ids(handles: Sequence[Handle], ids: Sequence[int]) -> None:
+    """After a commit."""
+    for handle, number in zip(handles, ids):
+        handle._edits, handle._id = None, number
 
 
 def flatten(things: Any, field: str) -> list[Named]:
