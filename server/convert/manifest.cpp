@@ -25,7 +25,9 @@ v1::RenderRequest resolved(const Frame& frame, const FrameContext& context) {
   request.set_scene(frame.scene);
   request.set_revision(frame.revision);
   request.clear_cameras();
-  *request.add_cameras() = context.request.cameras(int(frame.index));
+  v1::Ref* camera = request.add_cameras();
+  *camera = context.request.cameras(int(frame.index));
+  if (!frame.camera.empty()) camera->set_name(frame.camera);  // ids do not survive a scene file
   request.set_width(frame.width);
   request.set_height(frame.height);
   request.set_time(frame.time);

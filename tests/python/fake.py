@@ -256,9 +256,9 @@ class FakeDaemon(service_pb2_grpc.RendererServicer):
             [1, 2], dtype="<u4"
         ).tobytes()
         header.labels.add(name="name", strings=["bolt/0", "bolt/1"])
-        header.labels.add(name="bbox_visible", dtype=types_pb2.D_TYPE_I32, shape=[2, 4]).data = (
-            np.array([[2, 2, 20, 20], [0, 0, 0, 0]], dtype="<i4").tobytes()
-        )
+        header.labels.add(
+            name="bbox_visible", dtype=types_pb2.D_TYPE_I32, shape=[2, 4]
+        ).data = np.array([[2, 2, 20, 20], [0, 0, 0, 0]], dtype="<i4").tobytes()
         self.sent = arrays
         yield render_pb2.FramePart(header=header)
         for plane, data in enumerate(arrays):

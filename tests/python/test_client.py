@@ -217,7 +217,7 @@ def test_log_levels():
     assert _launch.level_of("plain text") == 20
 
 
-@pytest.mark.parametrize("arguments", [[], ["render"], ["paint"], ["render", "a", "-o", "b", "--size", "9"]])
+@pytest.mark.parametrize("arguments", [[], ["render"], ["paint"], ["render", "a", "--size", "9"]])
 def test_wrong_usage_exits_with_2(arguments, capsys):
     with pytest.raises(SystemExit) as ended:
         cli.main(arguments)

@@ -287,7 +287,10 @@ def test_imports(daemon, scene, tmp_path):
     assert placed.instantiate.materials["Leather"].name == "steel"
 
 
-@pytest.mark.parametrize("name", ["../secret", "/etc/passwd", "a\\b", "link.png", "c:x", "a/../../b"])
+ESCAPES = ["../secret", "/etc/passwd", "a\\b", "link.png", "c:x", "a/../../b"]
+
+
+@pytest.mark.parametrize("name", ESCAPES)
 def test_companions_stay_beneath_the_models_folder(daemon, scene, tmp_path, name):
     folder = tmp_path / "inside"
     folder.mkdir()

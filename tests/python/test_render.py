@@ -19,7 +19,7 @@ def test_planes_arrive_as_they_were_sent(daemon, scene):
     frame = scene.render("cam", spp=4, planes=["beauty", "depth", "normal", "instance"])
     assert frame["beauty"].shape == (48, 64, 4) and frame["depth"].shape == (48, 64)
     assert frame["instance"].dtype == np.uint32
-    for name, sent in zip(frame.planes, daemon.sent):
+    for name, sent in zip(frame.planes, daemon.sent, strict=True):
         assert np.array_equal(frame[name], sent.reshape(frame[name].shape))
         assert not frame[name].flags.writeable
     assert frame.samples == 4 and frame.K.shape == (3, 3)
@@ -45,6 +45,19 @@ def test_what_the_request_says(daemon, scene):
     scene.render("cam", spp=1, labels=["amodal_masks"], filter="box", max_depth=3)
     sent = daemon.requests[-1]
     assert sent.labels.amodal_masks and sent.filter == render_pb2.PIXEL_FILTER_BOX
+
+
+def test_rerender_sends_the_manifests_request(daemon, scene):
+    request = '{"seed": "9", "spp": 4, "width": 8, "height": 6, "revision": "3", "cameras": '
+    request += '[{"name": "cam"}], "planes": [{"plane": "PLANE_BEAUTY"}]}'
+    frame = scene.rerender('{"format": "heliograph.manifest.v1", "request": ' + request + "}")
+    sent = daemon.requests[-1]
+    assert frame["beauty"].shape == (6, 8, 4) and sent.seed == 9 and not sent.HasField("revision")
+    with pytest.raises(hg.InvalidArgument, match="overlay"):
+        scene.rerender('{"overlay": "1234", "request": ' + request + "}")
+    for text in ("", "[]", "{}", '{"request": {"no_such": 1}}'):
+        with pytest.raises(hg.InvalidArgument, match="manifest"):
+            scene.rerender(text)
 
 
 @pytest.mark.parametrize(

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from ._progress import Progress
     from .client import Client
     from .components import Camera, Light, Tex, Visibility
+    from .edit import Edits
     from .frame import Frame
     from .handles import Asset, Entity, Group, Handle, Material, Mesh, Texture
     from .pose import Pose, look_at
@@ -43,6 +44,7 @@ _LAZY = {
     "Asset": "handles",
     "Camera": "components",
     "Client": "client",
+    "Edits": "edit",
     "Entity": "handles",
     "Frame": "frame",
     "Group": "handles",
@@ -71,6 +73,7 @@ __all__ = [
     "Cancelled",
     "Client",
     "DeadlineExceeded",
+    "Edits",
     "Entity",
     "FailedPrecondition",
     "Frame",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypedDict
 
@@ -59,12 +60,16 @@ class Options(TypedDict, total=False):
 
 def render(scene: Scene, cameras: Sequence[Named], options: Options) -> list[Frame]:
     """One request; its final frames in the order of the cameras."""
-    request = make_request(scene, cameras, options)
+    return run(scene, make_request(scene, cameras, options), options)
+
+
+def run(scene: Scene, request: render_pb.RenderRequest, options: Options) -> list[Frame]:
+    """Sends a request; its final frames."""
     connection = scene.client.connection
     stream = connection.stream("Render", request, raw=True, timeout=options.get("timeout"))
     if "on_start" in options:
         options["on_start"](stream.cancel)
-    assembly = Assembly(len(cameras))
+    assembly = Assembly(len(request.cameras))
     on_pass = options.get("on_pass")
     with Meter(options.get("progress")) as meter:
         for data in stream:
@@ -74,6 +79,29 @@ def render(scene: Scene, cameras: Sequence[Named], options: Options) -> list[Fra
             elif isinstance(part, Frame) and on_pass is not None:
                 on_pass(part)
     return assembly.frames()
+
+
+def request_of_manifest(scene: Scene, manifest: str) -> render_pb.RenderRequest:
+    """The RenderRequest that a manifest holds, for this scene's latest revision."""
+    from google.protobuf.json_format import ParseDict, ParseError
+
+    try:
+        fields = json.loads(manifest)
+        out = ParseDict(fields["request"], render_pb.RenderRequest())
+    except (ValueError, TypeError, KeyError, ParseError) as error:
+        raise InvalidArgument(
+            f"manifest: is not one of a frame: {error}", field="manifest"
+        ) from None
+    if fields.get("overlay") and not out.HasField("overlay"):
+        raise InvalidArgument(
+            "manifest: its frame had an overlay too large to be kept: apply the same edits to the "
+            "scene and render as usual",
+            field="manifest",
+        )
+    out.scene = scene.id
+    out.ClearField("revision")
+    out.ClearField("min_revision")
+    return out
 
 
 def is_averaged(name: str) -> bool:

@@ -128,6 +128,12 @@ class Scene:
             options["time"], options["revision"] = float(t), revision
             yield self.render(camera, **options)
 
+    def rerender(self, manifest: str, **options: Unpack[_render.Options]) -> Frame:
+        """Renders a frame again from its manifest, at this scene's latest revision: the same bytes
+        for the same content, daemon version and CPU features. options: progress and timeout."""
+        request = _render.request_of_manifest(self, manifest)
+        return _render.run(self, request, options)[0]
+
     def render_batch(self, jobs: Any) -> Iterator[Any]:
         """Not in this version."""
         raise Unimplemented(
