@@ -1,0 +1,16 @@
+"""Fixtures of the tests against a real daemon: the one that $HELIOGRAPHD names."""
+
+import heliograph as hg
+import pytest
+
+
+@pytest.fixture(scope="module")
+def client():
+    with hg.connect() as connected:
+        yield connected
+
+
+@pytest.fixture
+def scene(client):
+    with client.create_scene() as made:
+        yield made

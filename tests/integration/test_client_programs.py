@@ -1,0 +1,68 @@
+"""The command line and the examples, as a user runs them."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+ROOT = Path(__file__).resolve().parents[2]
+HELMET = ROOT / "examples/assets/FlightHelmet/FlightHelmet.gltf"
+
+
+def heliograph(*arguments):
+    command = [sys.executable, "-m", "heliograph", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300)
+
+
+def test_render_to_pictures(tmp_path):
+    out = tmp_path / "out.png"
+    run = heliograph(
+        *("render", HELMET, "-o", out, "--size", "240x135", "--spp", "16"),
+        *("--planes", "depth,normal,instance"),
+    )
+    assert run.returncode == 0, run.stderr
+    for name in ("out.png", "out.depth.png", "out.normal.png", "out.instance.png"):
+        assert Image.open(tmp_path / name).size == (240, 135)
+    picture = np.asarray(Image.open(out)).astype(float)
+    assert 40 < picture.mean() < 215 and picture.std() > 15
+    seen = np.asarray(Image.open(tmp_path / "out.instance.png")).any(axis=2)
+    ys, xs = np.nonzero(seen)
+    assert 0 < xs.min() and xs.max() < 239 and 0 < ys.min() and ys.max() < 134
+    assert max(np.ptp(xs) / 240, np.ptp(ys) / 135) > 0.6
+
+
+def test_render_to_exr_and_again(tmp_path):
+    OpenEXR = pytest.importorskip("OpenEXR")
+    out = tmp_path / "out.exr"
+    run = heliograph("render", HELMET, "-o", out, "--size", "64x64", "--spp", "4", "--planes=depth")
+    assert run.returncode == 0, run.stderr
+    with OpenEXR.File(str(out)) as file:
+        assert [part.name() for part in file.parts] == ["beauty", "depth"]
+        assert "heliograph.manifest" in file.parts[0].header["manifest"]
+        assert file.parts[1].header["unit"] == "m"
+
+
+def test_refusals_have_the_right_exit_status(tmp_path):
+    missing = heliograph("render", tmp_path / "no.glb", "-o", tmp_path / "a.png")
+    assert missing.returncode == 2 and "no.glb" in missing.stderr
+    (tmp_path / "bad.glb").write_bytes(b"glTF nonsense")
+    bad = heliograph("render", tmp_path / "bad.glb", "-o", tmp_path / "a.png")
+    assert bad.returncode == 2 and "bad.glb" in bad.stderr
+    assert "Traceback" not in bad.stderr + missing.stderr
+    assert heliograph("serve", "--no-such-flag").returncode == 64
+
+
+def test_info():
+    run = heliograph("info")
+    assert run.returncode == 0 and "limits" in run.stdout, run.stderr
+
+
+@pytest.mark.parametrize("name", ["hello", "randomize", "labels", "import_model"])
+def test_examples(name, tmp_path):
+    command = [sys.executable, str(ROOT / f"examples/{name}.py"), str(tmp_path)]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert run.returncode == 0, run.stderr
+    assert list(tmp_path.glob("*.png"))
