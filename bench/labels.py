@@ -37,7 +37,7 @@ def main(scenes):
             rate = 1 / statistics.median(taken[1:])
             rows = len(frame.labels["label"])
             print(
-                f"{name:42s} {rate:6.1f} frames a second, {rows} instances, load {os.getloadavg()[0]:.1f}"
+                f"{name:42s} {rate:6.1f} frames a second, {rows} instances"
             )
 
 
