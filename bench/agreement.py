@@ -1,8 +1,8 @@
 """Our pictures against Mitsuba's converged ones.
 
 usage: agreement.py [WORK=build/bench] [SPP=1024]
-Run with .venv/bin/python; bench/run makes the scenes and the references. W1 as it is, the others with
-Lambert in place of principled materials. z of a pixel: difference over its standard error, from the
+Run with .venv/bin/python; bench/run makes scenes and references. W1 as it is, the others with
+Lambert in place of principled materials. z of a pixel: difference over its standard error, by the
 spread of independent pictures on both sides; noise alone gives |z| > 2 in 4.6 % of the values and
 > 3 in 0.27 % (somewhat more where few pictures estimate a heavy-tailed error).
 """
