@@ -1,9 +1,11 @@
 // JPEG through libjpeg.
-#include <jerror.h>
-#include <jpeglib.h>
 #include <csetjmp>
 #include <cstddef>
 #include <cstdio>
+
+#include <jpeglib.h>  // needs FILE and size_t before it
+
+#include <jerror.h>
 
 #include "renderer/assets/picture.h"
 
