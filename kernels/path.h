@@ -150,7 +150,7 @@ KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Vertex
     const float distance = length(d);
     if (!(distance > 0)) return;
     ray.direction = d / distance;
-    ray.t_max = distance;
+    ray.t_max = distance * kJustBefore;
   }
   ++sample.rays;
   if (c.tracer.occluded(ray, kShadowRay)) return;

@@ -34,9 +34,9 @@ using u32 = std::uint32_t;
 using u64 = std::uint64_t;
 using i32 = std::int32_t;
 
+using glm::ivec2;
 using glm::mat3;
 using glm::mat4x3;
-using glm::ivec2;
 using glm::uvec2;
 using glm::uvec3;
 using glm::vec2;

@@ -64,7 +64,8 @@ template <Tracer T>
 KERNEL bool camera_sees(const ProbeScene& at, CountedTracer<T> counted, const Surface& s,
                         bool through_transmission) {
   const vec3 towards = camera_ray_to(*at.camera, s.p, {0, true}).direction;
-  const Ray ray = camera_ray_to(*at.camera, offset_point(s, -towards), {0, true});
+  Ray ray = camera_ray_to(*at.camera, offset_point(s, -towards), {0, true});
+  ray.t_max *= kJustBefore;
   return probe_closest(*at.scene, counted, ray, through_transmission).instance == kNone;
 }
 

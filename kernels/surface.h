@@ -51,6 +51,9 @@ KERNEL float plane_error(const mat4x3& world_from_object, const Corners& c, vec3
   return 0x1p-19f * (dot(abs3(ng), bound) + 0.0625f * max_component(bound));
 }
 
+/// Share of the way to a surface on which rounding of the distance cannot meet it.
+inline constexpr float kJustBefore = 1 - 0x1p-18f;
+
 /// The point moved to the side of its surface that `direction` leaves to.
 KERNEL vec3 offset_point(const Surface& s, vec3 direction) {
   return s.p + s.ng * (dot(s.ng, direction) < 0 ? -s.offset : s.offset);
