@@ -1,13 +1,13 @@
 #include "renderer/assets/load.h"
 
+#include <cmath>
+#include <cstddef>
+#include <cstdio>
+// jpeglib.h expects the two before it.
 #include <OpenEXRConfig.h>
 #include <jpeglib.h>
 #include <png.h>
 #include <tiffvers.h>
-#include <cstddef>
-#include <cstdio>
-
-#include <cmath>
 
 #include "renderer/assets/builder.h"
 #include "renderer/assets/picture.h"

@@ -2,10 +2,9 @@
 #include <csetjmp>
 #include <cstddef>
 #include <cstdio>
-
-#include <jpeglib.h>  // needs FILE and size_t before it
-
+// jpeglib.h expects the two before it.
 #include <jerror.h>
+#include <jpeglib.h>
 
 #include "renderer/assets/picture.h"
 

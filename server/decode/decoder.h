@@ -22,6 +22,7 @@ struct DecodeJob {
   std::string format;
   std::string up;
   double units = 0;
+  std::string hash;  // becomes Asset::hash
 };
 
 /// What came back, every number in it checked by the daemon; arrays lie in the child's sealed

@@ -11,6 +11,8 @@
 namespace heliograph::assets::gltf {
 namespace {
 
+constexpr std::size_t kMostThreads = 8;  // their stacks share the address space limit
+
 Wrap wrap_of(const Value& sampler, const std::string& key) {
   switch (sampler.whole(key, 10497)) {
     case 10497:
@@ -129,7 +131,8 @@ void Textures::decode_images() {
   {
     std::vector<std::jthread> helpers;
     const std::size_t processors = std::max(1u, std::thread::hardware_concurrency());
-    for (std::size_t i = 1; i < std::min(processors, jobs.size()); ++i) helpers.emplace_back(work);
+    for (std::size_t i = 1; i < std::min({processors, jobs.size(), kMostThreads}); ++i)
+      helpers.emplace_back(work);
     work();
   }
   for (Job& job : jobs) {

@@ -1,0 +1,136 @@
+#include "server/decode/child.h"
+
+#include <map>
+
+#include "renderer/assets/load.h"
+#include "server/convert/transaction.h"
+
+namespace heliograph::server {
+namespace {
+
+/// Gives every distinct buffer a place in the data section.
+class Arrays {
+ public:
+  void place(const BufferPtr& buffer, v1::Array& array) {
+    const Bytes bytes = buffer->bytes();
+    if (array.dtype() == v1::D_TYPE_UNSPECIFIED) {  // a volume: the job's first file, as it is
+      array.set_blob(std::string(32, '\0'));
+      return;
+    }
+    const auto [at, is_new] = offsets_.try_emplace(buffer->serial(), aligned(end_));
+    if (is_new) {
+      end_ = at->second + bytes.size();
+      kept_.push_back(buffer);
+      spans_.push_back(bytes);
+    }
+    array.mutable_buffer()->set_offset(at->second);
+    array.mutable_buffer()->set_size(bytes.size());
+  }
+  [[nodiscard]] std::span<const Bytes> spans() const { return spans_; }
+  [[nodiscard]] u64 size() const { return end_; }
+
+ private:
+  std::map<u64, u64> offsets_;  // by serial
+  std::vector<BufferPtr> kept_;
+  std::vector<Bytes> spans_;
+  u64 end_ = 0;
+};
+
+decode::Result refusal(const Error& error) {
+  decode::Result result;
+  result.set_code(u32(error.code));
+  result.set_message(error.message);
+  result.set_where(error.where);
+  result.set_needed(error.needed);
+  result.set_available(error.available);
+  return result;
+}
+
+decode::Result to_result(const Loaded& loaded, const ArraySink& sink) {
+  decode::Result result;
+  result.set_name(loaded.asset.name);
+  for (const std::string& path : loaded.missing) result.add_missing(path);
+  for (const std::string& warning : loaded.warnings) result.add_warnings(warning);
+  for (const vec3& corner : {loaded.bounds_min, loaded.bounds_max}) {
+    for (int i = 0; i < 3; ++i) result.add_bounds(corner[i]);
+  }
+  if (loaded.image) {
+    *result.mutable_texels() = to_proto(*loaded.image, sink);
+    result.set_srgb(loaded.image_srgb);
+  }
+  *result.mutable_library() = to_proto(Transaction{loaded.asset.library}, sink);
+  *result.mutable_entities() = to_proto(Transaction{loaded.asset.entities}, sink);
+  for (const Asset::Animation& animation : loaded.asset.animations) {
+    decode::Animation* out = result.add_animations();
+    out->set_name(animation.name);
+    for (const Asset::Channel& channel : animation.channels) {
+      decode::Channel* track = out->add_channels();
+      track->set_entity(channel.entity);
+      if (const auto* pose = std::get_if<PosePatch>(&channel.keys)) {
+        *track->mutable_pose() = to_proto(*pose, sink);
+      } else {
+        *track->mutable_morph_weights() = to_proto(std::get<MorphWeights>(channel.keys), sink);
+      }
+    }
+  }
+  return result;
+}
+
+void send_result(int socket, const decode::Result& result, std::span<const Bytes> arrays) {
+  Expected<Fd> region = write_region(result, arrays);
+  if (!region) region = write_region(refusal(region.error()), {});
+  if (!region) return;  // the daemon sees a child that ended without a result
+  const int fds[] = {region->get()};
+  (void)send_packet(socket, PacketKind::kResult, "", fds);
+}
+
+Expected<Loaded> load(const Region& region, u64& result_bytes) {
+  std::vector<Bytes> spans;
+  Expected<decode::Job> job = read_job(region, spans);
+  if (!job) return std::unexpected(std::move(job).error());
+  result_bytes = job->result_bytes();
+  std::vector<BundleFile> files;
+  for (std::size_t i = 0; i < spans.size(); ++i) files.push_back({job->paths(int(i)), spans[i]});
+  LoadOptions options{.format = job->format(), .up = job->up(), .units = job->units()};
+  options.limits.bytes = std::min(options.limits.bytes, result_bytes);
+  return load_asset(files, options);
+}
+
+}  // namespace
+
+Expected<decode::Job> read_job(const Region& region, std::vector<Bytes>& files) {
+  decode::Job job;
+  const Bytes message = region.message();
+  if (!job.ParseFromArray(message.data(), int(message.size())) ||
+      job.paths_size() != job.sizes_size()) {
+    return fail(Code::kInternal, "", "the job cannot be read");
+  }
+  u64 end = 0;
+  for (const u64 size : job.sizes()) {
+    const auto bytes = region.data(aligned(end), size);
+    if (!bytes) return fail(Code::kInternal, "", "a file leaves the job");
+    files.push_back(*bytes);
+    end = aligned(end) + size;
+  }
+  return job;
+}
+
+void run_job(const Region& job, int socket) {
+  u64 result_bytes = 0;
+  const Expected<Loaded> loaded = load(job, result_bytes);
+  if (!loaded) return send_result(socket, refusal(loaded.error()), {});
+  Arrays arrays;
+  const decode::Result result = to_result(
+      *loaded, [&](const BufferPtr& buffer, v1::Array& array) { arrays.place(buffer, array); });
+  if (arrays.size() > result_bytes) {
+    Error error{.code = Code::kResourceExhausted,
+                .message = "the decoded arrays are larger than a result may be",
+                .where = ""};
+    error.needed = arrays.size();
+    error.available = result_bytes;
+    return send_result(socket, refusal(error), {});
+  }
+  send_result(socket, result, arrays.spans());
+}
+
+}  // namespace heliograph::server

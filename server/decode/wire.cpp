@@ -1,0 +1,169 @@
+#include "server/decode/wire.h"
+
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+
+namespace heliograph::server {
+namespace {
+
+constexpr std::size_t kMostFds = 2;
+constexpr std::size_t kLongestPacket = 64 << 10;
+constexpr int kSeals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_WRITE;
+
+union ControlBuffer {
+  cmsghdr header;
+  char bytes[CMSG_SPACE(kMostFds * sizeof(int))];
+};
+
+Status write_all(int fd, Bytes bytes, std::uint64_t offset) {
+  while (!bytes.empty()) {
+    const ssize_t written = pwrite(fd, bytes.data(), bytes.size(), off_t(offset));
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) return fail(Code::kResourceExhausted, "", system_message("memfd"));
+    bytes = bytes.subspan(std::size_t(written));
+    offset += std::uint64_t(written);
+  }
+  return {};
+}
+
+}  // namespace
+
+Fd::~Fd() {
+  if (fd_ >= 0) close(fd_);
+}
+
+std::string system_message(const char* what) {
+  const int code = errno;
+  std::array<char, 128> text{};
+  return std::string(what) + ": " + strerror_r(code, text.data(), text.size());
+}
+
+Status send_packet(int socket, PacketKind kind, std::string_view bytes, std::span<const int> fds) {
+  char first = char(kind);
+  iovec parts[] = {{&first, 1}, {const_cast<char*>(bytes.data()), bytes.size()}};
+  ControlBuffer control{};
+  msghdr message{};
+  message.msg_iov = parts;
+  message.msg_iovlen = 2;
+  if (!fds.empty()) {
+    message.msg_control = control.bytes;
+    message.msg_controllen = CMSG_SPACE(fds.size_bytes());
+    cmsghdr* header = CMSG_FIRSTHDR(&message);
+    header->cmsg_level = SOL_SOCKET;
+    header->cmsg_type = SCM_RIGHTS;
+    header->cmsg_len = CMSG_LEN(fds.size_bytes());
+    std::memcpy(CMSG_DATA(header), fds.data(), fds.size_bytes());
+  }
+  ssize_t sent;
+  do sent = sendmsg(socket, &message, MSG_NOSIGNAL);
+  while (sent < 0 && errno == EINTR);
+  if (sent < 0) return fail(Code::kUnavailable, "", system_message("sendmsg"));
+  return {};
+}
+
+Expected<std::optional<Packet>> receive_packet(int socket) {
+  std::string bytes(kLongestPacket, '\0');
+  iovec part{bytes.data(), bytes.size()};
+  ControlBuffer control{};
+  msghdr message{};
+  message.msg_iov = &part;
+  message.msg_iovlen = 1;
+  message.msg_control = control.bytes;
+  message.msg_controllen = sizeof control.bytes;
+  ssize_t received;
+  do received = recvmsg(socket, &message, MSG_CMSG_CLOEXEC);
+  while (received < 0 && errno == EINTR);
+  if (received < 0 && errno == ECONNRESET) return std::optional<Packet>();
+  if (received < 0) return fail(Code::kUnavailable, "", system_message("recvmsg"));
+  Packet packet;
+  for (cmsghdr* header = CMSG_FIRSTHDR(&message); header; header = CMSG_NXTHDR(&message, header)) {
+    if (header->cmsg_level != SOL_SOCKET || header->cmsg_type != SCM_RIGHTS) continue;
+    const std::size_t count = (header->cmsg_len - CMSG_LEN(0)) / sizeof(int);
+    for (std::size_t i = 0; i < count; ++i) {
+      int fd;
+      std::memcpy(&fd, CMSG_DATA(header) + i * sizeof(int), sizeof fd);
+      packet.fds.emplace_back(fd);
+    }
+  }
+  if (received == 0) return std::optional<Packet>();
+  packet.kind = PacketKind(bytes[0]);
+  packet.bytes = bytes.substr(1, std::size_t(received) - 1);
+  return packet;
+}
+
+Expected<std::pair<Fd, Fd>> socket_pair() {
+  int fds[2];
+  if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, fds) != 0) {
+    return fail(Code::kResourceExhausted, "", system_message("socketpair"));
+  }
+  return std::pair(Fd(fds[0]), Fd(fds[1]));
+}
+
+Expected<Fd> write_region(const google::protobuf::MessageLite& message,
+                          std::span<const Bytes> arrays) {
+  Fd fd(memfd_create("heliograph-decode", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+  if (!fd) return fail(Code::kResourceExhausted, "", system_message("memfd_create"));
+  std::string head(8, '\0');
+  if (!message.AppendToString(&head)) return fail(Code::kInternal, "", "a message over 2 GiB");
+  const std::uint64_t size = head.size() - 8;
+  std::memcpy(head.data(), &size, 8);
+  const std::uint64_t base = aligned(head.size());
+  std::uint64_t end = 0;
+  for (const Bytes array : arrays) end = aligned(end) + array.size();
+  if (ftruncate(fd.get(), off_t(base + end)) != 0) {
+    return fail(Code::kResourceExhausted, "", system_message("ftruncate"));
+  }
+  HELIO_TRY(write_all(fd.get(), std::as_bytes(std::span(head)), 0));
+  end = 0;
+  for (const Bytes array : arrays) {
+    HELIO_TRY(write_all(fd.get(), array, base + aligned(end)));
+    end = aligned(end) + array.size();
+  }
+  if (fcntl(fd.get(), F_ADD_SEALS, kSeals | F_SEAL_SEAL) != 0) {
+    return fail(Code::kInternal, "", system_message("F_ADD_SEALS"));
+  }
+  return fd;
+}
+
+Expected<std::shared_ptr<const Region>> Region::map(int fd, std::uint64_t largest) {
+  const int seals = fcntl(fd, F_GET_SEALS);
+  struct stat info{};
+  if (seals < 0 || (seals & kSeals) != kSeals || fstat(fd, &info) != 0) {
+    return fail(Code::kInvalidArgument, "", "the memfd is not sealed");
+  }
+  const auto size = std::uint64_t(info.st_size);
+  if (size < 8 || size > largest) {
+    return fail(Code::kInvalidArgument, "", "the memfd has an impossible size");
+  }
+  void* at = mmap(nullptr, size, PROT_READ, MAP_SHARED, fd, 0);
+  if (at == MAP_FAILED) return fail(Code::kResourceExhausted, "", system_message("mmap"));
+  const Bytes bytes(static_cast<const std::byte*>(at), size);
+  std::uint64_t message_size;
+  std::memcpy(&message_size, bytes.data(), 8);
+  std::shared_ptr<const Region> region(new Region(bytes, message_size));
+  if (message_size > size - 8) {
+    return fail(Code::kInvalidArgument, "", "the message leaves the memfd");
+  }
+  return region;
+}
+
+Region::~Region() { munmap(const_cast<std::byte*>(bytes_.data()), bytes_.size()); }
+
+std::optional<Bytes> Region::data(std::uint64_t offset, std::uint64_t size) const {
+  const std::uint64_t base = aligned(8 + message_size_);
+  if (size == 0) return Bytes{};
+  if (base > bytes_.size() || offset > bytes_.size() - base ||
+      size > bytes_.size() - base - offset) {
+    return std::nullopt;
+  }
+  return bytes_.subspan(base + offset, size);
+}
+
+}  // namespace heliograph::server
