@@ -307,8 +307,8 @@ TEST_CASE("probe: glass before a point hides it from the other camera unless loo
   glass.constant.roughness = 0;
   scene.add_instance(scene.add(rectangle(4, 4)), scene.add(glass), pose(mat3(1), {0, 0, 2}));
   const SceneView& view = scene.finish();
-  const CameraView camera = look_at({0, 0.1f, 1}, {0, 0, 0}, {1, 1}, 0.1f);
-  const CameraView above = look_at({0, 0.1f, 5}, {0, 0, 0}, {1, 1}, 0.1f);
+  const CameraView camera = look_at({0, 0.1f, 1}, {0.3f, 0.1f, 0}, {1, 1}, 0.1f);
+  const CameraView above = look_at({0, 0.1f, 5}, {0.3f, 0.1f, 0}, {1, 1}, 0.1f);
   for (const bool through : {false, true}) {
     Settings settings = kSettings;
     settings.through_transmission = through;
