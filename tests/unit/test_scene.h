@@ -1,0 +1,285 @@
+// Scenes of a few meshes as kernels see them. Included by test_tracer.h.
+#pragma once
+
+#include <algorithm>
+#include <cstring>
+#include <deque>
+#include <numeric>
+#include <vector>
+
+#include "kernels/accept.h"
+#include "kernels/path.h"
+#include "kernels/probe.h"
+
+namespace heliograph::test {
+
+using namespace heliograph::kernels;
+
+struct TestMesh {
+  std::vector<vec3> positions, normals;
+  std::vector<vec2> uvs;
+  std::vector<vec4> colors, tangents;
+  std::vector<uvec3> triangles;
+  std::vector<u32> parts;
+};
+
+/// A rectangle in the plane z = 0 that faces +z; uv (0, 0) at (-x, -y).
+inline TestMesh rectangle(float half_x, float half_y) {
+  TestMesh m;
+  m.positions = {
+      {-half_x, -half_y, 0}, {half_x, -half_y, 0}, {half_x, half_y, 0}, {-half_x, half_y, 0}};
+  m.uvs = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
+  m.triangles = {{0, 1, 2}, {0, 2, 3}};
+  return m;
+}
+
+/// A unit sphere of 2 * rings^2 * 2 triangles with smooth normals, facing outwards.
+inline TestMesh sphere(u32 rings, bool smooth = true) {
+  TestMesh m;
+  const u32 columns = 2 * rings;
+  for (u32 i = 0; i <= rings; ++i) {
+    for (u32 j = 0; j <= columns; ++j) {
+      const double theta = M_PI * i / rings;
+      const double phi = 2 * M_PI * j / columns;
+      const vec3 p(sin(theta) * cos(phi), sin(theta) * sin(phi), cos(theta));
+      m.positions.push_back(p);
+      m.uvs.push_back(vec2(float(j) / float(columns), 1 - float(i) / float(rings)));
+    }
+  }
+  const auto at = [&](u32 i, u32 j) { return i * (columns + 1) + j; };
+  for (u32 i = 0; i < rings; ++i) {
+    for (u32 j = 0; j < columns; ++j) {
+      if (i > 0) m.triangles.push_back({at(i, j), at(i + 1, j), at(i, j + 1)});
+      if (i + 1 < rings) m.triangles.push_back({at(i, j + 1), at(i + 1, j), at(i + 1, j + 1)});
+    }
+  }
+  if (smooth) m.normals = m.positions;
+  return m;
+}
+
+inline TextureUseView no_texture() { return {kNone, 0, 0, 1, 0, {1, 0}, {0, 1}, {0, 0}}; }
+
+inline MaterialView standard_material() {
+  MaterialView m{};
+#define HELIO_PARAMETER(name, components, standard, ...) \
+  m.constant.name = ParameterType<components>::type(standard);
+  HELIO_MATERIAL_PARAMETERS(HELIO_PARAMETER)
+#undef HELIO_PARAMETER
+  m.normal_map = no_texture();
+  m.alpha_cutoff = 0.5f;
+  return m;
+}
+inline MaterialView lambert(vec3 color) {
+  MaterialView m = standard_material();
+  m.constant.base_color = color;
+  m.constant.specular = 0;
+  return m;
+}
+inline MaterialView emitter(vec3 radiance) {
+  MaterialView m = lambert(vec3(0));
+  m.constant.emission = radiance;
+  return m;
+}
+
+inline mat4x3 pose(mat3 linear, vec3 translation) {
+  return mat4x3(linear[0], linear[1], linear[2], translation);
+}
+inline mat4x3 inverse(const mat4x3& m) {
+  const mat3 linear = glm::inverse(mat3(m[0], m[1], m[2]));
+  return pose(linear, -(linear * m[3]));
+}
+inline mat3 rotation(vec3 axis, float angle) {
+  const vec3 a = normalize(axis);
+  const mat3 k(0, a.z, -a.y, -a.z, 0, a.x, a.y, -a.x, 0);
+  return mat3(1) + k * std::sin(angle) + k * k * (1 - std::cos(angle));
+}
+
+/// A camera at `eye` that looks at `target`, square pixels of `fov` radians over the width.
+inline CameraView look_at(vec3 eye, vec3 target, uvec2 size, float fov) {
+  const vec3 back = normalize(eye - target);
+  const vec3 up = std::fabs(back.z) < 0.99f ? vec3(0, 0, 1) : vec3(0, 1, 0);
+  const vec3 right = normalize(cross(up, back));
+  CameraView c{};
+  c.world_from_camera = pose(mat3(right, cross(back, right), back), eye);
+  c.camera_from_world = inverse(c.world_from_camera);
+  c.fx = c.fy = 0.5f * float(size.x) / std::tan(0.5f * fov);
+  c.cx = 0.5f * float(size.x);
+  c.cy = 0.5f * float(size.y);
+  c.width = size.x;
+  c.height = size.y;
+  return c;
+}
+
+/// Owns what a SceneView points to. Add things, then call finish() once.
+class TestScene {
+ public:
+  u32 add(MaterialView material) {
+    material.id = u32(materials.size());
+    materials.push_back(material);
+    return material.id;
+  }
+  u32 add(TestMesh mesh) {
+    meshes_.push_back(std::move(mesh));
+    return u32(meshes_.size() - 1);
+  }
+  template <class Texel>
+  u32 add_texture(std::vector<Texel> texels, uvec2 size, TexelType type) {
+    auto& bytes = texels_.emplace_back(texels.size() * sizeof(Texel));
+    std::memcpy(bytes.data(), texels.data(), bytes.size());
+    const u32 channels = u32(texels.size() / (size_t(size.x) * size.y));
+    textures.push_back({bytes.data(), size.x, size.y, u8(channels), type, false, false,
+                        Wrap::kRepeat, Wrap::kRepeat});
+    return u32(textures.size() - 1);
+  }
+  /// Binds `material` to every part. Returns the instance.
+  u32 add_instance(u32 mesh, const std::vector<u32>& part_materials, mat4x3 world_from_object) {
+    InstanceView i{};
+    i.world_from_object = world_from_object;
+    i.object_from_world = inverse(world_from_object);
+    i.mesh = mesh;
+    i.first_part = u32(part_materials_.size());
+    const mat3 linear(world_from_object[0], world_from_object[1], world_from_object[2]);
+    if (determinant(linear) < 0) i.flags |= kFlipped;
+    for (u32 m : part_materials) {
+      if (materials[m].alpha_mode != AlphaMode::kOpaque) i.flags |= kMayBeHole;
+      part_materials_.push_back(m);
+      part_lights_.push_back(kNone);
+    }
+    i.visibility = kAllRays;
+    i.entity = i.label = u32(instances.size() + 1);
+    i.box_from_object = mat4x3(1);
+    i.nocs_scale = vec3(1);
+    instances.push_back(i);
+    return u32(instances.size() - 1);
+  }
+  u32 add_instance(u32 mesh, u32 material, mat4x3 world_from_object = mat4x3(1)) {
+    return add_instance(mesh, std::vector<u32>{material}, world_from_object);
+  }
+  /// Makes a part of an instance a light that sample_light() knows.
+  LightView& add_light(u32 instance, u32 part = 0, vec3 radiance = vec3(0)) {
+    const MaterialView& m = materials[part_materials_[instances[instance].first_part + part]];
+    LightView light{};
+    light.radiance = radiance;
+    light.texture = no_texture();
+    light.instance = instance;
+    light.part = part;
+    light.material_emits = !is_black(m.constant.emission);
+    light.material_two_sided = m.two_sided_emission;
+    part_lights_[instances[instance].first_part + part] = u32(lights.size());
+    return lights.emplace_back(light);
+  }
+  void set_dome(vec3 radiance, u32 texture = kNone) {
+    view.dome.radiance = radiance;
+    view.dome.texture = texture;
+    has_dome_ = true;
+  }
+  /// Gives a share of the samples to each light and builds all tables.
+  const SceneView& finish() {
+    for (const TestMesh& mesh : meshes_) mesh_views_.push_back(make_view(mesh));
+    const size_t count = lights.size() + (has_dome_ ? 1 : 0);
+    for (size_t i = 0; i < lights.size(); ++i) {
+      lights[i].probability = 1 / float(count);
+      light_cdf_.push_back(float(i + 1) / float(count));
+    }
+    DomeView& dome = view.dome;
+    dome.probability = has_dome_ ? 1 / float(count) : 0;
+    if (!has_dome_) dome.texture = kNone;
+    dome.world_from_dome = dome_rotation;
+    dome.dome_from_world = transpose(dome_rotation);
+    dome.camera_visible = true;
+    if (dome.texture != kNone) make_dome_tables();
+    view.instances = instances.data();
+    view.meshes = mesh_views_.data();
+    view.materials = materials.data();
+    view.textures = textures.data();
+    view.texture_uses = texture_uses.data();
+    view.part_materials = part_materials_.data();
+    view.part_lights = part_lights_.data();
+    view.lights = lights.data();
+    view.light_cdf = light_cdf_.data();
+    view.instance_count = u32(instances.size());
+    view.light_count = u32(lights.size());
+    for (const InstanceView& i : instances) view.any_holes |= (i.flags & kMayBeHole) != 0;
+    return view;
+  }
+
+  SceneView view{};
+  std::vector<InstanceView> instances;
+  std::vector<MaterialView> materials;
+  std::vector<TextureView> textures;
+  std::vector<TextureUseView> texture_uses;
+  std::vector<LightView> lights;
+  mat3 dome_rotation{1};
+
+ private:
+  struct PartTables {
+    std::vector<u32> triangles, offsets;
+    std::vector<float> cdf, areas;
+  };
+  MeshView make_view(const TestMesh& m) {
+    const auto data = [](const auto& v) { return v.empty() ? nullptr : v.data(); };
+    MeshView v{};
+    v.triangles = m.triangles.data();
+    v.positions = v.rest_positions = m.positions.data();
+    v.normals = data(m.normals);
+    v.uvs = data(m.uvs);
+    v.colors = data(m.colors);
+    v.tangents = data(m.tangents);
+    v.parts = data(m.parts);
+    v.triangle_count = u32(m.triangles.size());
+    v.vertex_count = u32(m.positions.size());
+    v.part_count = m.parts.empty() ? 1 : *std::max_element(m.parts.begin(), m.parts.end()) + 1;
+    PartTables& t = part_tables_.emplace_back();
+    t.offsets.push_back(0);
+    for (u32 part = 0; part < v.part_count; ++part) {
+      float area = 0;
+      for (u32 i = 0; i < v.triangle_count; ++i) {
+        if (part_of(v, i) != part) continue;
+        const Corners c = corners_of(v.positions, v.triangles[i]);
+        area += 0.5f * length(cross(c.ab, c.ac));
+        t.triangles.push_back(i);
+        t.cdf.push_back(area);
+      }
+      for (size_t i = t.offsets.back(); i < t.cdf.size(); ++i) t.cdf[i] /= area;
+      t.areas.push_back(area);
+      t.offsets.push_back(u32(t.triangles.size()));
+    }
+    v.part_triangles = t.triangles.data();
+    v.part_cdf = t.cdf.data();
+    v.part_offsets = t.offsets.data();
+    v.part_areas = t.areas.data();
+    return v;
+  }
+  void make_dome_tables() {
+    const TextureView& t = textures[view.dome.texture];
+    row_cdf_.assign(t.height, 0);
+    column_cdf_.assign(size_t(t.width) * t.height, 0);
+    double total = 0;
+    for (u32 y = 0; y < t.height; ++y) {
+      double row = 0;
+      for (u32 x = 0; x < t.width; ++x) {
+        // A little everywhere: bilinear lookup spreads light to dark neighbours.
+        row += luminance(vec3(as_radiance(load_rgba(t, u64(y) * t.width + x)))) + 1e-2;
+        column_cdf_[size_t(y) * t.width + x] = float(row);
+      }
+      for (u32 x = 0; x < t.width; ++x) column_cdf_[size_t(y) * t.width + x] /= float(row);
+      total += row * std::sin(M_PI * (y + 0.5) / t.height);
+      row_cdf_[y] = float(total);
+    }
+    for (float& r : row_cdf_) r /= float(total);
+    view.dome.width = t.width;
+    view.dome.height = t.height;
+    view.dome.row_cdf = row_cdf_.data();
+    view.dome.column_cdf = column_cdf_.data();
+  }
+
+  std::vector<TestMesh> meshes_;
+  std::vector<MeshView> mesh_views_;
+  std::deque<PartTables> part_tables_;
+  std::deque<std::vector<u8>> texels_;
+  std::vector<u32> part_materials_, part_lights_;
+  std::vector<float> light_cdf_, row_cdf_, column_cdf_;
+  bool has_dome_ = false;
+};
+
+}  // namespace heliograph::test
