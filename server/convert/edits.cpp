@@ -81,6 +81,12 @@ Expected<PutSettings> to_settings(const v1::Settings& message, ArraySource& sour
   PutSettings patch;
   if (message.has_time()) HELIO_TAKE(patch.time, in_range(message.time(), {-1e9, 1e9}), "time");
   if (message.has_dome()) HELIO_TAKE(patch.dome, to_dome(message.dome(), source), "dome");
+  for (const std::string& category : message.categories()) {
+    if (category.empty())
+      return fail(Code::kInvalidArgument, fmt::format("categories[{}]", patch.categories.size()),
+                  "is empty; a class has a name");
+    patch.categories.push_back(category);
+  }
   return patch;
 }
 
@@ -191,6 +197,7 @@ struct WriteAction {
     v1::Settings* message = edit.mutable_settings();
     if (s.time) message->set_time(*s.time);
     if (s.dome) *message->mutable_dome() = to_proto(*s.dome, sink);
+    for (const std::string& category : s.categories) message->add_categories(category);
   }
   void operator()(const Advance& a) const { edit.mutable_advance()->set_dt(a.dt); }
   void operator()(const Prune&) const { edit.mutable_prune(); }

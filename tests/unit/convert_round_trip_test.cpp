@@ -130,7 +130,8 @@ v1::Texture full_texture() {
 v1::Settings full_settings() {
   auto settings = parse<v1::Settings>(R"(
     time: 2.5
-    dome { texture { name: 't' } color { x: 1 y: 1 z: 1 } intensity: 3 camera_visible: false })");
+    dome { texture { name: 't' } color { x: 1 y: 1 z: 1 } intensity: 3 camera_visible: false }
+    categories: 'bolt' categories: 'nut')");
   *settings.mutable_dome()->mutable_rotation() = f32({3, 3}, {0, -1, 0, 1, 0, 0, 0, 0, 1});
   return settings;
 }
