@@ -99,6 +99,13 @@ def entity_message(edits: Edits, given: Mapping[str, Any]) -> pb.Entity:
     return out
 
 
+def labelled(given: Components) -> Components:
+    """What is given a class is an instance: its label is "auto" unless another is given."""
+    if "label" in given or given.get("category") is None:
+        return given
+    return {**given, "label": "auto"}
+
+
 def _put_component(edits: Edits, out: pb.Entity, name: str, value: Any) -> None:
     if name == "transform":
         out.pose.matrices.CopyFrom(inline(matrix_of(value, name)))
@@ -147,8 +154,8 @@ def _put_morph_weights(out: pb.MorphWeights, value: Any) -> None:
 
 
 def _put_label(out: pb.Entity, given: Mapping[str, Any]) -> None:
-    label = given.get("label", "auto" if "category" in given or "group" in given else None)
-    if "label" in given and label is None and len([n for n in _LABEL if n in given]) == 1:
+    label = given.get("label")
+    if [name for name in _LABEL if name in given] == ["label"] and label is None:
         out.clear.append("label")
         return
     if label == "auto":

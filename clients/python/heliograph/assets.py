@@ -57,7 +57,7 @@ class Source:
 def decode(scene: Scene, source: Source, name: str | None) -> Asset:
     """Uploads and decodes; the asset is not placed yet."""
     info = decode_bundle(scene.client, source)
-    if not info.sha256:
+    if info.HasField("texels"):
         raise InvalidArgument(
             f"{source.path or source.server_path} is a picture: use edit.texture() or edit.dome()",
             field="path",

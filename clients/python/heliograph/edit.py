@@ -172,7 +172,7 @@ class Edits:
         visible=False removes it from every ray and label; visibility=hg.Visibility(camera=False)
         keeps its light. attributes={str: str} travel to the labels. teleport: the pose is a jump.
         """
-        message = _patches.entity_message(self, components)
+        message = _patches.entity_message(self, _patches.labelled(components))
         self._add(name, exist_ok).entity.CopyFrom(message)
         return self._handle(Entity, name)
 
@@ -189,7 +189,7 @@ class Edits:
 
         transforms: (N, 4, 4), sent as one packed message.
         """
-        prototype = _patches.entity_message(self, components)
+        prototype = _patches.entity_message(self, _patches.labelled(components))
         matrices = matrices_of(transforms)
         action = self._add(name).instances
         action.prototype.CopyFrom(prototype)
@@ -373,6 +373,11 @@ class Edits:
         """Makes the present poses the keys at the old time and moves the scene's time by dt
         seconds; what follows is the state at the new time. Flow is backward from then on."""
         self._add(None).advance.dt = number_of(dt, "dt")
+
+    def categories(self, *names: str) -> None:
+        """Registers classes in this order, so that every scene gives them the same ids; those that
+        are known keep theirs."""
+        self._add(None).settings.categories.extend(names)
 
     def time(self, t: float) -> None:
         """Sets the scene's time, seconds."""

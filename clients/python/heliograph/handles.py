@@ -273,20 +273,18 @@ class Asset:
         self.warnings: list[str] = list(info.warnings)
         self.bounds: NdArray | None = from_message(info.bounds) if info.HasField("bounds") else None
         self.roots: list[Entity] = []
+        self._shared: dict[type[Handle], list[Handle]] = {}
         self.meshes: Mapping[str, Mesh] = self._library(Mesh, stem, info.meshes)
         self.materials: Mapping[str, Material] = self._library(Material, stem, info.materials)
         self.textures: Mapping[str, Texture] = self._library(Texture, stem, info.textures)
-        self._libraries: dict[type[Handle], Mapping[str, Handle]] = {
-            Mesh: self.meshes,
-            Material: self.materials,
-            Texture: self.textures,
-        }
         self._names = list(info.entities)
         self._camera_names = set(info.cameras)
         self._placed: list[list[Entity]] = []
 
     def _library(self, kind: type[Handle], stem: str, names: Sequence[str]) -> Any:
-        return Library({name: kind(self.scene, f"{stem}/{name}") for name in names}, self, kind)
+        handles = [kind(self.scene, f"{stem}/{name}" if name else "") for name in names]
+        self._shared[kind] = handles
+        return Library(dict(zip(names, handles)), self, kind)
 
     @property
     def root(self) -> Entity:
@@ -311,14 +309,15 @@ class Asset:
     def place(self, root: Entity) -> Callable[[Sequence[int]], None]:
         """Notes a placement; the result takes the further ids of its Instantiate: the entities
         after the root, then the library in the file's order."""
-        entities = [root, *(Entity(self.scene, f"{root.name}/{name}") for name in self._names[1:])]
+        names = [f"{root.name}/{name}" if name else "" for name in self._names[1:]]
+        entities = [root, *(Entity(self.scene, name) for name in names)]
         self.roots.append(root)
         self._placed.append(entities)
 
         def resolve(ids: Sequence[int]) -> None:
             give_ids(entities[1:], [i for i in ids if i >> 56 == _KIND_OF[Entity]])
-            for kind, library in self._libraries.items():
-                give_ids(list(library.values()), [i for i in ids if i >> 56 == _KIND_OF[kind]])
+            for kind, handles in self._shared.items():
+                give_ids(handles, [i for i in ids if i >> 56 == _KIND_OF[kind]])
 
         return resolve
 
