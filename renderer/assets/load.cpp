@@ -26,12 +26,15 @@ void check_options(const LoadOptions& options) {
   }
 }
 
-/// The loader of a format, and the first bytes its files have.
 void load(Builder& builder) {
   const std::string& path = builder.bundle.model().path;
   const std::string format =
       builder.options.format.empty() ? extension_of(path) : builder.options.format;
   if (format == "gltf" || format == "glb") return load_gltf(builder);
+  if (format == "obj") return load_obj(builder);
+  if (format == "ply") return load_ply(builder);
+  if (format == "stl") return load_stl(builder);
+  if (format == "nvdb" || format == "vdb") return load_volume(builder);
   if (picture_format(format) != PictureFormat::kNone) return load_picture(builder);
   refuse_unimplemented(
       "format", fmt::format("'{}' is not one of gltf, glb, obj, ply, stl, exr, hdr, png, jpeg, "

@@ -1,0 +1,236 @@
+// OBJ: one mesh, whose parts are its (group, material) pairs. Chosen by load.cpp.
+// Source: Wavefront, Object Files, appendix B1.
+#include <algorithm>
+#include <map>
+#include <unordered_map>
+
+#include "renderer/assets/mesh_data.h"
+#include "renderer/assets/mtl.h"
+#include "renderer/assets/text_scan.h"
+
+namespace heliograph::assets {
+namespace {
+
+constexpr u32 kNone = ~0u;
+constexpr u32 kFlat = 1u << 31;  // marks an index into the normals of faces
+
+/// A corner of a face: 0-based indices, kNone where the file gives none.
+struct Corner {
+  u32 position = 0, uv = kNone, normal = kNone;
+  bool operator==(const Corner&) const = default;
+};
+struct CornerHash {
+  std::size_t operator()(const Corner& c) const {
+    u64 h = (u64(c.position) << 32 | c.uv) * 0x9E3779B97F4A7C15ull;
+    h ^= h >> 29;
+    return std::size_t((h ^ c.normal) * 0xBF58476D1CE4E5B9ull);
+  }
+};
+
+class Reader {
+ public:
+  explicit Reader(Builder& builder) : builder_(builder), limits_(builder.options.limits) {}
+
+  void read() {
+    const std::string_view text = as_text(builder_.bundle.model().bytes);
+    has_normals_ = text.starts_with("vn ") || text.find("\nvn ") != text.npos;
+    Lines lines(text);
+    while (auto line = lines.next()) {
+      std::string_view rest = *line;
+      const std::string_view key = take_word(rest);
+      if (key.empty() || key.starts_with('#')) continue;
+      where_ = lines.where();
+      statement(key, rest);
+    }
+    if (mesh_.triangles.empty()) refuse("f", "the file has no faces");
+    if (skipped_ > 0)
+      builder_.warn(fmt::format("{} faces of fewer than 3 corners are left out", skipped_));
+  }
+
+  void build() {
+    std::set<std::string> used;
+    for (const auto& [key, part] : parts_) used.insert(key.second);
+    std::map<std::string, Ref> materials = load_materials(builder_, libraries_, used);
+    if (!builder_.complete()) return;
+    std::vector<Ref> by_part(parts_.size());
+    mesh_.part_names.resize(parts_.size());
+    for (const auto& [key, part] : parts_) {
+      by_part[part] = materials[key.second];
+      const std::string& name = key.first.empty() ? key.second : key.first;
+      mesh_.part_names[part] = clean_name(name, fmt::format("part_{}", part));
+    }
+    if (!any_uv_) mesh_.uvs.clear();
+    if (!any_normal_) mesh_.normals.clear();
+    if (colors_.size() != positions_.size()) mesh_.colors.clear();
+    to_world_axes(mesh_, builder_.options);
+    const std::string stem = stem_of(builder_.bundle.model().path);
+    PutEntity root;
+    root.mesh = builder_.library(builder_.claim_name(stem, "mesh"),
+                                 finish_mesh(std::move(mesh_), "mesh", builder_.budget));
+    const bool any_material = std::ranges::any_of(
+        by_part, [](const Ref& ref) { return !std::holds_alternative<std::monostate>(ref); });
+    if (any_material) root.materials = std::move(by_part);
+    builder_.entity("", std::move(root));
+  }
+
+ private:
+  void statement(std::string_view key, std::string_view rest) {
+    if (key == "v") {
+      position(rest);
+    } else if (key == "vt") {
+      const float u = take_number(rest, where_);
+      uvs_.emplace_back(u, trimmed(rest).empty() ? 0 : take_number(rest, where_));
+    } else if (key == "vn") {
+      const float x = take_number(rest, where_);
+      const float y = take_number(rest, where_);
+      normals_.emplace_back(x, y, take_number(rest, where_));
+    } else if (key == "f" || key == "fo") {
+      face(rest);
+    } else if (key == "o" || key == "g") {
+      group_ = trimmed(rest);
+      part_.reset();
+    } else if (key == "usemtl") {
+      material_ = trimmed(rest);
+      part_.reset();
+    } else if (key == "mtllib") {
+      material_library(trimmed(rest));
+    } else if (key == "l" || key == "p") {
+      builder_.warn("points and lines are left out");
+    } else if (key.starts_with("curv") || key == "surf" || key == "cstype") {
+      refuse_unimplemented(where_, "free-form curves and surfaces; tessellate them");
+    }
+  }
+
+  void position(std::string_view rest) {
+    const float x = take_number(rest, where_);
+    const float y = take_number(rest, where_);
+    positions_.emplace_back(x, y, take_number(rest, where_));
+    Budget::check(positions_.size(), limits_.vertices, "vertices", where_);
+    float numbers[4] = {};
+    int count = 0;
+    while (count < 4 && !trimmed(rest).empty()) numbers[count++] = take_number(rest, where_);
+    if (count < 3) return;  // none, or a weight
+    const float* rgb = numbers + (count == 4 ? 1 : 0);
+    colors_.emplace_back(linear_from_srgb(rgb[0]), linear_from_srgb(rgb[1]),
+                         linear_from_srgb(rgb[2]), 1);
+  }
+
+  /// A whole line may be one name with spaces, or several names.
+  void material_library(std::string_view names) {
+    const std::string& from = builder_.bundle.model().path;
+    const std::string whole = Bundle::resolve(from, names, where_);
+    if (builder_.bundle.find(whole)) {
+      libraries_.push_back(whole);
+      return;
+    }
+    while (!trimmed(names).empty()) {
+      libraries_.push_back(Bundle::resolve(from, take_word(names), where_));
+    }
+  }
+
+  /// 1 is the first, -1 the last so far.
+  u32 index(std::string_view text, std::size_t count, const char* what) const {
+    i64 value = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    const i64 zero_based = value > 0 ? value - 1 : i64(count) + value;
+    if (error != std::errc() || end != text.data() + text.size() || value == 0 || zero_based < 0 ||
+        zero_based >= i64(count)) {
+      refuse(where_,
+             fmt::format("{} '{}' is not one of the {} so far", what, clean_name(text, ""), count));
+    }
+    return u32(zero_based);
+  }
+
+  Corner corner(std::string_view word) const {
+    const std::size_t first = std::min(word.find('/'), word.size());
+    Corner result{.position = index(word.substr(0, first), positions_.size(), "vertex")};
+    if (first == word.size()) return result;
+    word.remove_prefix(first + 1);
+    const std::size_t second = std::min(word.find('/'), word.size());
+    if (second > 0) result.uv = index(word.substr(0, second), uvs_.size(), "texture coordinate");
+    if (second < word.size()) {
+      result.normal = index(word.substr(second + 1), normals_.size(), "normal");
+    }
+    return result;
+  }
+
+  void face(std::string_view rest) {
+    corners_.clear();
+    polygon_.clear();
+    bool all_normals = true;
+    while (!trimmed(rest).empty()) {
+      corners_.push_back(corner(take_word(rest)));
+      polygon_.push_back(positions_[corners_.back().position]);
+      all_normals &= corners_.back().normal != kNone;
+    }
+    if (corners_.size() < 3) {
+      ++skipped_;
+      return;
+    }
+    any_normal_ |= all_normals;
+    if (!all_normals) give_flat_normal();
+    local_.clear();
+    triangulate(polygon_, local_);
+    Budget::check(mesh_.triangles.size() + local_.size(), limits_.triangles, "triangles", where_);
+    if (!part_) {
+      part_ = parts_.try_emplace({group_, material_}, u32(parts_.size())).first->second;
+    }
+    for (const uvec3& t : local_) {
+      mesh_.triangles.emplace_back(vertex(corners_[t.x]), vertex(corners_[t.y]),
+                                   vertex(corners_[t.z]));
+      mesh_.parts.push_back(*part_);
+    }
+  }
+
+  /// In a file with normals, a face without takes its own.
+  void give_flat_normal() {
+    if (!has_normals_) return;
+    flat_normals_.push_back(glm::cross(polygon_[1] - polygon_[0], polygon_[2] - polygon_[0]));
+    for (Corner& c : corners_) c.normal = kFlat | u32(flat_normals_.size() - 1);
+  }
+
+  [[nodiscard]] vec3 normal(const Corner& c) const {
+    if (c.normal == kNone) return {0, 0, 1};
+    return c.normal & kFlat ? flat_normals_[c.normal & ~kFlat] : normals_[c.normal];
+  }
+
+  u32 vertex(const Corner& c) {
+    const auto [at, is_new] = vertices_.try_emplace(c, u32(mesh_.positions.size()));
+    if (!is_new) return at->second;
+    Budget::check(mesh_.positions.size() + 1, limits_.vertices, "vertices", where_);
+    mesh_.positions.push_back(positions_[c.position]);
+    mesh_.uvs.push_back(c.uv == kNone ? vec2(0) : uvs_[c.uv]);
+    mesh_.normals.push_back(normal(c));
+    mesh_.colors.push_back(c.position < colors_.size() ? colors_[c.position] : vec4(1));
+    any_uv_ |= c.uv != kNone;
+    return at->second;
+  }
+
+  Builder& builder_;
+  const LoadLimits& limits_;
+  std::string where_;
+  std::vector<vec3> positions_, normals_, flat_normals_;
+  std::vector<vec2> uvs_;
+  std::vector<vec4> colors_;
+  std::vector<std::string> libraries_;
+  std::string group_, material_;
+  std::optional<u32> part_;
+  std::map<std::pair<std::string, std::string>, u32> parts_;  // (group, material)
+  std::unordered_map<Corner, u32, CornerHash> vertices_;
+  std::vector<Corner> corners_;
+  std::vector<vec3> polygon_;
+  std::vector<uvec3> local_;
+  MeshData mesh_;
+  u64 skipped_ = 0;
+  bool has_normals_ = false, any_uv_ = false, any_normal_ = false;
+};
+
+}  // namespace
+
+void load_obj(Builder& builder) {
+  Reader reader(builder);
+  reader.read();
+  reader.build();
+}
+
+}  // namespace heliograph::assets

@@ -1,0 +1,102 @@
+// Lines, words and numbers of text formats. Used by OBJ, MTL, PLY and STL.
+#pragma once
+
+#include <charconv>
+#include <cmath>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "renderer/assets/refuse.h"
+#include "renderer/base/types.h"
+
+namespace heliograph::assets {
+
+[[nodiscard]] inline std::string_view as_text(std::span<const std::byte> bytes) {
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+[[nodiscard]] inline std::string_view trimmed(std::string_view text) {
+  constexpr std::string_view kSpace = " \t\r\n\v\f";
+  const std::size_t first = text.find_first_not_of(kSpace);
+  if (first == std::string_view::npos) return {};
+  return text.substr(first, text.find_last_not_of(kSpace) - first + 1);
+}
+
+/// Takes the next word off the front of `text`; empty at the end.
+[[nodiscard]] inline std::string_view take_word(std::string_view& text) {
+  constexpr std::string_view kSpace = " \t\r\n\v\f";
+  const std::size_t first = text.find_first_not_of(kSpace);
+  if (first == std::string_view::npos) {
+    text = {};
+    return {};
+  }
+  const std::size_t end = std::min(text.find_first_of(kSpace, first), text.size());
+  const std::string_view word = text.substr(first, end - first);
+  text.remove_prefix(end);
+  return word;
+}
+
+/// A finite number that is the whole word.
+[[nodiscard]] inline std::optional<float> parse_number(std::string_view word) {
+  if (word.starts_with('+')) word.remove_prefix(1);
+  double value = 0;
+  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  const bool whole = end == word.data() + word.size() && !word.empty();
+  const bool tiny = word.find("e-") != word.npos || word.find("E-") != word.npos;
+  if (error == std::errc::result_out_of_range && whole && tiny) return 0.0f;
+  if (error != std::errc() || !whole || !std::isfinite(float(value))) return std::nullopt;
+  return float(value);
+}
+
+[[nodiscard]] inline float take_number(std::string_view& text, const std::string& where) {
+  const std::string_view word = take_word(text);
+  const std::optional<float> value = parse_number(word);
+  if (!value) {
+    refuse(where, word.empty() ? "a number is missing" : "is not a finite number");
+  }
+  return *value;
+}
+
+/// Lines of a text, without their ends; a backslash at the end joins the next line.
+class Lines {
+ public:
+  explicit Lines(std::string_view text) : rest_(text) {}
+
+  /// The next line, trimmed; nullopt at the end. Valid until the next call.
+  [[nodiscard]] std::optional<std::string_view> next() {
+    if (rest_.empty()) return std::nullopt;
+    std::string_view line = one();
+    if (!line.ends_with('\\')) return line;
+    joined_.clear();
+    while (line.ends_with('\\')) {
+      joined_ += line.substr(0, line.size() - 1);
+      joined_ += ' ';
+      line = rest_.empty() ? std::string_view() : one();
+    }
+    joined_ += line;
+    return joined_;
+  }
+  /// "line 17" of the line returned last.
+  [[nodiscard]] std::string where() const { return fmt::format("line {}", number_); }
+
+ private:
+  std::string_view one() {
+    const std::size_t end = std::min(rest_.find('\n'), rest_.size());
+    const std::string_view line = trimmed(rest_.substr(0, end));
+    rest_.remove_prefix(std::min(end + 1, rest_.size()));
+    ++number_;
+    return line;
+  }
+  std::string_view rest_;
+  std::string joined_;
+  u64 number_ = 0;
+};
+
+/// sRGB (IEC 61966-2-1) to linear.
+[[nodiscard]] inline float linear_from_srgb(float c) {
+  return c <= 0.04045f ? c / 12.92f : std::pow((c + 0.055f) / 1.055f, 2.4f);
+}
+
+}  // namespace heliograph::assets
