@@ -1,0 +1,101 @@
+// Uploaded bytes, found by their SHA-256 and stored once. Used by sessions (holdings.h).
+#pragma once
+
+#include <atomic>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <string_view>
+
+#include "renderer/base/array.h"
+#include "renderer/base/error.h"
+#include "server/hash.h"
+
+namespace heliograph::server {
+
+/// Bytes that may be in use, and how many are. Thread: any.
+class Budget {
+ public:
+  explicit Budget(u64 limit) : limit_(limit) {}
+  /// RESOURCE_EXHAUSTED with what is needed and what there is; nothing is taken then.
+  [[nodiscard]] Status take(u64 bytes);
+  void give_back(u64 bytes) { used_ -= bytes; }
+  [[nodiscard]] u64 used() const { return used_; }
+
+ private:
+  const u64 limit_;
+  std::atomic<u64> used_ = 0;
+};
+
+/// A share of a budget, given back with its end.
+class Charge {
+ public:
+  [[nodiscard]] static Expected<Charge> take(std::shared_ptr<Budget> budget, u64 bytes);
+  Charge() = default;
+  Charge(Charge&& other) noexcept = default;
+  Charge& operator=(Charge&& other) noexcept;
+  ~Charge();
+
+ private:
+  std::shared_ptr<Budget> budget_;
+  u64 bytes_ = 0;
+};
+
+struct BlobLimits {
+  u64 bytes = 8ull << 30;  // of all blobs and uploads alive, those that scenes refer to included
+  u64 blob_bytes = 2ull << 30;  // of one
+  u64 inline_bytes = 1u << 20;  // of one inline array
+};
+
+/// Bytes on their way in. The room was taken from the budget when it began.
+/// Thread: one at a time.
+class Incoming {
+ public:
+  /// INVALID_ARGUMENT when more comes than was announced.
+  [[nodiscard]] Status append(std::string_view chunk);
+  /// The bytes; INVALID_ARGUMENT when fewer came than announced, or others than `hash` names.
+  [[nodiscard]] Expected<BufferPtr> finish();
+  [[nodiscard]] u64 size() const;
+
+ private:
+  friend class BlobStore;
+  struct Storage;
+  Incoming(std::shared_ptr<Storage> storage, std::string hash)
+      : storage_(std::move(storage)), hash_(std::move(hash)) {}
+  std::shared_ptr<Storage> storage_;
+  std::string hash_;  // 32 bytes; "" for an anonymous upload
+  Sha256 digest_;
+  u64 filled_ = 0;
+};
+
+/// The blobs alive, by hash. It owns none: sessions and scenes do, and what nobody refers to any
+/// more is gone. Equal bytes are one Buffer, so that they have one serial.
+/// Thread: any; one mutex, held for a look-up.
+class BlobStore {
+ public:
+  explicit BlobStore(BlobLimits limits)
+      : limits_(limits), budget_(std::make_shared<Budget>(limits.bytes)) {}
+
+  /// Room for `size` bytes. `hash` is what they must hash to; "": anything.
+  /// Fails with INVALID_ARGUMENT, RESOURCE_EXHAUSTED.
+  [[nodiscard]] Expected<Incoming> begin(std::string hash, u64 size) const;
+  /// The blob of this hash, or null.
+  [[nodiscard]] BufferPtr find(std::string_view hash) const;
+  /// The Buffer that stands for this content from now on: `buffer`, or one that was there before.
+  [[nodiscard]] BufferPtr put(const std::string& hash, BufferPtr buffer);
+
+  [[nodiscard]] const BlobLimits& limits() const { return limits_; }
+  [[nodiscard]] const std::shared_ptr<Budget>& budget() const { return budget_; }
+
+ private:
+  void sweep();  // forgets hashes whose bytes are gone; under mutex_
+
+  const BlobLimits limits_;
+  const std::shared_ptr<Budget> budget_;
+  mutable std::mutex mutex_;
+  std::map<std::string, std::weak_ptr<const Buffer>, std::less<>> blobs_;
+  std::size_t sweep_at_ = 64;
+};
+
+}  // namespace heliograph::server

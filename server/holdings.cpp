@@ -1,0 +1,128 @@
+// A session's blobs, uploads and assets.
+#include "server/holdings.h"
+
+#include <fmt/format.h>
+
+#include <cstring>
+
+#include "server/convert/fields.h"
+
+namespace heliograph::server {
+namespace {
+
+BufferPtr copy(std::string_view bytes) {
+  auto owner = std::make_shared<std::vector<std::byte>>(bytes.size());
+  if (!bytes.empty()) std::memcpy(owner->data(), bytes.data(), bytes.size());
+  return std::make_shared<const Buffer>(owner, std::span<const std::byte>(*owner));
+}
+
+/// The blob that an array names.
+Expected<BufferPtr> find_blob(Holdings& holdings, const std::string& hash) {
+  BufferPtr buffer;
+  HELIO_CHECK(check_hash(hash), "blob");
+  HELIO_TAKE(buffer, holdings.blob(hash), "blob");
+  return buffer;
+}
+
+}  // namespace
+
+Expected<std::optional<Incoming>> Holdings::begin(const v1::UploadBlobRequest& first) {
+  const std::string& hash = first.sha256();
+  if (hash.empty() && first.request_id().empty())
+    return fail(Code::kInvalidArgument, "request_id",
+                "is empty; name the upload by its sha256 or by a request_id");
+  if (!hash.empty()) {
+    if (BufferPtr present = blobs_.find(hash)) {
+      const std::lock_guard lock(mutex_);
+      held_[hash] = std::move(present);
+      return std::nullopt;
+    }
+  } else {
+    const std::lock_guard lock(mutex_);
+    if (uploads_.contains(first.request_id())) return std::nullopt;
+  }
+  auto incoming = blobs_.begin(hash, first.size());
+  if (!incoming) return std::unexpected(std::move(incoming).error());
+  return std::optional(std::move(*incoming));
+}
+
+Status Holdings::finish(const v1::UploadBlobRequest& first, Incoming incoming) {
+  auto buffer = incoming.finish();
+  if (!buffer) return std::unexpected(std::move(buffer).error());
+  const std::string& hash = first.sha256();
+  if (!hash.empty()) *buffer = blobs_.put(hash, std::move(*buffer));
+  const std::lock_guard lock(mutex_);
+  if (hash.empty())
+    uploads_.emplace(first.request_id(), std::move(*buffer));
+  else
+    held_[hash] = std::move(*buffer);
+  return {};
+}
+
+Expected<std::string> Holdings::hold(BufferPtr bytes) {
+  auto charge = Charge::take(blobs_.budget(), bytes->bytes().size());
+  if (!charge) return std::unexpected(std::move(charge).error());
+  std::string hash = sha256(bytes->bytes());
+  BufferPtr present = blobs_.put(hash, std::move(bytes));
+  const std::lock_guard lock(mutex_);
+  if (held_.insert_or_assign(hash, std::move(present)).second) charges_[hash] = std::move(*charge);
+  return hash;
+}
+
+std::shared_ptr<const StoredAsset> Holdings::hold(std::shared_ptr<const StoredAsset> asset) {
+  asset = assets_.put(std::move(asset));
+  const std::lock_guard lock(mutex_);
+  models_[asset->info.sha256()] = asset;
+  return asset;
+}
+
+std::shared_ptr<const StoredAsset> Holdings::find_asset(std::string_view hash) {
+  auto asset = assets_.find(hash);
+  return asset ? hold(std::move(asset)) : nullptr;
+}
+
+Expected<BufferPtr> Holdings::bytes(const v1::Array& array) {
+  switch (array.source_case()) {
+    case v1::Array::kInline:
+      if (array.inline_().size() > blobs_.limits().inline_bytes)
+        return fail(Code::kInvalidArgument, "inline",
+                    fmt::format("has {} bytes; upload arrays of more than {}",
+                                array.inline_().size(), blobs_.limits().inline_bytes));
+      return copy(array.inline_());
+    case v1::Array::kBlob:
+      return find_blob(*this, array.blob());
+    case v1::Array::kUpload:
+      return take_upload(array.upload());
+    case v1::Array::kBuffer:
+      return fail(Code::kUnimplemented, "buffer",
+                  "the daemon does not offer the capability \"shared_memory\"; send the bytes "
+                  "inline, or upload them");
+    case v1::Array::SOURCE_NOT_SET:
+      break;
+  }
+  return fail(Code::kInvalidArgument, "", "has no bytes; set inline, blob or upload");
+}
+
+Expected<BufferPtr> Holdings::take_upload(const std::string& request_id) {
+  const std::lock_guard lock(mutex_);
+  auto node = uploads_.extract(request_id);
+  if (node) return std::move(node.mapped());
+  return fail(Code::kNotFound, "upload",
+              fmt::format("this session has no upload '{}'; upload it again: a use consumes it",
+                          request_id));
+}
+
+Expected<BufferPtr> Holdings::blob(std::string_view hash) {
+  if (BufferPtr found = blobs_.find(hash)) return found;
+  return fail(Code::kNotFound, "",
+              fmt::format("there is no blob {}; upload it with UploadBlob", hex(hash)));
+}
+
+Expected<std::shared_ptr<const Asset>> Holdings::asset(std::string_view hash) {
+  const auto found = assets_.find(hash);
+  if (found && found->asset) return found->asset;
+  return fail(Code::kNotFound, "",
+              fmt::format("there is no asset {}; decode its bundle with DecodeAsset", hex(hash)));
+}
+
+}  // namespace heliograph::server

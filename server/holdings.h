@@ -1,0 +1,54 @@
+// What one session uploaded and decoded. Owned by the session; goes with it.
+#pragma once
+
+#include <map>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "heliograph/v1/service.pb.h"
+#include "server/assets.h"
+#include "server/blobs.h"
+#include "server/convert/transaction.h"
+
+namespace heliograph::server {
+
+/// Keeps blobs and assets alive for a session, and its anonymous uploads until they are used; and
+/// so says where the bytes of its arrays come from.
+///
+/// Arrays fail with INVALID_ARGUMENT (nothing set, too long inline), NOT_FOUND (no such blob,
+/// upload or asset), UNIMPLEMENTED (shared buffers).
+/// Thread: any; one mutex, held for a look-up. The stores outlive it.
+class Holdings final : public ArraySource {
+ public:
+  Holdings(BlobStore& blobs, AssetStore& assets) : blobs_(blobs), assets_(assets) {}
+
+  /// Begins an upload by its first message. nullopt: the bytes are here already, and are held from
+  /// now on.
+  [[nodiscard]] Expected<std::optional<Incoming>> begin(const v1::UploadBlobRequest& first);
+  /// Ends it, under the name its first message gave.
+  [[nodiscard]] Status finish(const v1::UploadBlobRequest& first, Incoming incoming);
+
+  /// Holds bytes of the daemon's own as a blob; returns its hash.
+  [[nodiscard]] Expected<std::string> hold(BufferPtr bytes);
+  [[nodiscard]] std::shared_ptr<const StoredAsset> hold(std::shared_ptr<const StoredAsset> asset);
+  /// The asset of this hash, held from now on; null when it is not alive.
+  [[nodiscard]] std::shared_ptr<const StoredAsset> find_asset(std::string_view hash);
+
+  [[nodiscard]] Expected<BufferPtr> bytes(const v1::Array& array) override;
+  [[nodiscard]] Expected<std::shared_ptr<const Asset>> asset(std::string_view hash) override;
+  [[nodiscard]] Expected<BufferPtr> blob(std::string_view hash) override;
+
+ private:
+  [[nodiscard]] Expected<BufferPtr> take_upload(const std::string& request_id);
+
+  BlobStore& blobs_;
+  AssetStore& assets_;
+  std::mutex mutex_;
+  std::map<std::string, BufferPtr, std::less<>> held_;                             // by hash
+  std::map<std::string, Charge, std::less<>> charges_;                             // of hold()
+  std::map<std::string, BufferPtr> uploads_;                                       // by request_id
+  std::map<std::string, std::shared_ptr<const StoredAsset>, std::less<>> models_;  // by hash
+};
+
+}  // namespace heliograph::server
