@@ -28,6 +28,9 @@ v1::RenderRequest resolved(const Frame& frame, const FrameContext& context) {
   v1::Ref* camera = request.add_cameras();
   *camera = context.request.cameras(int(frame.index));
   if (!frame.camera.empty()) camera->set_name(frame.camera);  // ids do not survive a scene file
+  if (const std::string second = job.snapshot->name_of(job.disparity_camera); !second.empty())
+    for (v1::PlaneRequest& plane : *request.mutable_planes())
+      if (plane.has_camera()) plane.mutable_camera()->set_name(second);
   request.set_width(frame.width);
   request.set_height(frame.height);
   request.set_time(frame.time);
