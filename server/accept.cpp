@@ -1,0 +1,241 @@
+// Binding, accepting and counting connections. Called by main.
+#include "server/accept.h"
+
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <sys/epoll.h>
+#include <sys/file.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+
+#include <cerrno>
+#include <charconv>
+#include <cstring>
+#include <filesystem>
+
+namespace heliograph::server {
+namespace {
+
+constexpr int kBacklog = 128;
+constexpr auto kAcceptPause = std::chrono::milliseconds(100);
+constexpr int kAcceptsPerRound = 64;
+
+std::unexpected<Error> system_error(const std::string& what) {
+  return fail(Code::kUnavailable, "", what + ": " + std::strerror(errno));
+}
+
+/// Opens the folder of a socket; makes it, private, when it is not there.
+Expected<UniqueFd> open_folder(const std::filesystem::path& folder) {
+  if (::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST)
+    return system_error("cannot make the socket's folder " + folder.string());
+  UniqueFd fd(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  struct stat info{};
+  if (!fd || ::fstat(fd.get(), &info) != 0)
+    return system_error("cannot open the socket's folder " + folder.string());
+  const bool is_mine = info.st_uid == ::geteuid() || info.st_uid == 0;
+  const bool is_open = (info.st_mode & 0022) != 0 && (info.st_mode & S_ISVTX) == 0;
+  if (!is_mine || is_open)
+    return fail(Code::kPermissionDenied, "--socket",
+                "the folder " + folder.string() +
+                    " belongs to or is writable by other users; choose one of yours or run "
+                    "`chmod go-w` on it");
+  return fd;
+}
+
+bool answers(const sockaddr_un& address, int type) {
+  const UniqueFd probe(::socket(AF_UNIX, type | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  if (::connect(probe.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0)
+    return true;
+  return errno == EAGAIN || errno == EINPROGRESS;  // a full backlog: somebody listens
+}
+
+Expected<sockaddr_storage> parse_loopback(const std::string& address, socklen_t& size) {
+  const auto colon = address.rfind(':');
+  const std::string host = address.substr(0, colon);
+  u16 port = 0;
+  const char* end = address.data() + address.size();
+  const auto parsed = colon == std::string::npos
+                          ? std::from_chars_result{nullptr, std::errc::invalid_argument}
+                          : std::from_chars(address.data() + colon + 1, end, port);
+  if (parsed.ec != std::errc() || parsed.ptr != end)
+    return fail(Code::kInvalidArgument, "--listen",
+                "'" + address + "' is not ADDRESS:PORT, for example 127.0.0.1:7443");
+  sockaddr_storage storage{};
+  auto* v4 = reinterpret_cast<sockaddr_in*>(&storage);
+  auto* v6 = reinterpret_cast<sockaddr_in6*>(&storage);
+  if (::inet_pton(AF_INET, host.c_str(), &v4->sin_addr) == 1 &&
+      (ntohl(v4->sin_addr.s_addr) >> 24) == 127) {
+    v4->sin_family = AF_INET;
+    v4->sin_port = htons(port);
+    size = sizeof *v4;
+    return storage;
+  }
+  storage = {};
+  if (host == "[::1]") {
+    v6->sin6_family = AF_INET6;
+    v6->sin6_addr = in6addr_loopback;
+    v6->sin6_port = htons(port);
+    size = sizeof *v6;
+    return storage;
+  }
+  return fail(Code::kInvalidArgument, "--listen",
+              "'" + address +
+                  "' is not a loopback address. Without TLS anybody on the network could use or "
+                  "stall this daemon, so only 127.0.0.1:PORT and [::1]:PORT are accepted; reach it "
+                  "from elsewhere through `ssh -L`");
+}
+
+}  // namespace
+
+Expected<UniqueFd> listen_unix(const std::string& path, int type) {
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  if (path.empty() || path.size() >= sizeof address.sun_path)
+    return fail(Code::kInvalidArgument, "--socket",
+                fmt::format("'{}' has {} bytes; a socket's path may have {}. Choose a shorter one",
+                            path, path.size(), sizeof address.sun_path - 1));
+  path.copy(address.sun_path, sizeof address.sun_path - 1);
+  auto folder = open_folder(std::filesystem::absolute(path).parent_path());
+  if (!folder) return std::unexpected(folder.error());
+  ::flock(folder->get(), LOCK_EX);  // until the folder is closed: one daemon at a time decides
+  if (answers(address, type))
+    return fail(Code::kAlreadyExists, "--socket",
+                "a daemon already listens on " + path + "; stop it or choose another --socket");
+  struct stat info{};
+  if (::lstat(path.c_str(), &info) == 0 && !S_ISSOCK(info.st_mode))
+    return fail(Code::kAlreadyExists, "--socket", path + " exists and is not a socket");
+  ::unlink(path.c_str());
+  UniqueFd fd(::socket(AF_UNIX, type | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  const mode_t old_mask = ::umask(0177);
+  const int bound = ::bind(fd.get(), reinterpret_cast<sockaddr*>(&address), sizeof address);
+  ::umask(old_mask);
+  if (bound != 0 || ::listen(fd.get(), kBacklog) != 0)
+    return system_error("cannot listen on " + path);
+  return fd;
+}
+
+Status check_loopback(const std::string& address) {
+  socklen_t size = 0;
+  HELIO_TRY(parse_loopback(address, size));
+  return {};
+}
+
+Expected<UniqueFd> listen_loopback(const std::string& address) {
+  socklen_t size = 0;
+  auto storage = parse_loopback(address, size);
+  if (!storage) return std::unexpected(storage.error());
+  UniqueFd fd(::socket(storage->ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  const int one = 1;
+  ::setsockopt(fd.get(), SOL_SOCKET, SO_REUSEADDR, &one, sizeof one);
+  if (::bind(fd.get(), reinterpret_cast<sockaddr*>(&*storage), size) != 0 ||
+      ::listen(fd.get(), kBacklog) != 0)
+    return system_error("cannot listen on " + address);
+  return fd;
+}
+
+std::string local_address(int fd) {
+  sockaddr_storage storage{};
+  socklen_t size = sizeof storage;
+  ::getsockname(fd, reinterpret_cast<sockaddr*>(&storage), &size);
+  char text[INET6_ADDRSTRLEN] = "";
+  if (storage.ss_family == AF_INET6) {
+    const auto* v6 = reinterpret_cast<sockaddr_in6*>(&storage);
+    ::inet_ntop(AF_INET6, &v6->sin6_addr, text, sizeof text);
+    return fmt::format("[{}]:{}", text, ntohs(v6->sin6_port));
+  }
+  const auto* v4 = reinterpret_cast<sockaddr_in*>(&storage);
+  ::inet_ntop(AF_INET, &v4->sin_addr, text, sizeof text);
+  return fmt::format("{}:{}", text, ntohs(v4->sin_port));
+}
+
+// ---------------------------------------------------------------- Listener
+
+Expected<std::unique_ptr<Listener>> Listener::start(EventLoop& loop, const Log& log, UniqueFd fd,
+                                                    Take take) {
+  std::unique_ptr<Listener> listener(new Listener(loop, log, std::move(fd), std::move(take)));
+  HELIO_TRY(listener->resume());
+  return listener;
+}
+
+Listener::Listener(EventLoop& loop, const Log& log, UniqueFd fd, Take take)
+    : loop_(loop), log_(log), fd_(std::move(fd)), take_(std::move(take)) {
+  int domain = 0;
+  socklen_t size = sizeof domain;
+  ::getsockopt(fd_.get(), SOL_SOCKET, SO_DOMAIN, &domain, &size);
+  is_unix_ = domain == AF_UNIX;
+}
+
+Listener::~Listener() { loop_.forget(fd_.get()); }
+
+Status Listener::resume() {
+  return loop_.watch(fd_.get(), EPOLLIN, [this](u32) { accept_some(); });
+}
+
+void Listener::pause() {
+  loop_.forget(fd_.get());
+  loop_.after(kAcceptPause, [this, alive = std::weak_ptr(alive_)] {
+    if (alive.expired()) return;
+    if (auto status = resume(); !status) pause();
+  });
+}
+
+void Listener::accept_some() {
+  for (int i = 0; i < kAcceptsPerRound; ++i) {
+    UniqueFd connection(::accept4(fd_.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+    if (!connection) {
+      if (errno == EAGAIN || errno == EINTR || errno == ECONNABORTED) return;
+      log_.warning("accepting connections pauses", {{"reason", std::strerror(errno)}});
+      return pause();
+    }
+    pid_t peer = 0;
+    if (admit(connection.get(), peer)) take_(std::move(connection), peer);
+  }
+}
+
+bool Listener::admit(int connection, pid_t& peer) const {
+  if (!is_unix_) {
+    const int one = 1;
+    ::setsockopt(connection, IPPROTO_TCP, TCP_NODELAY, &one, sizeof one);
+    return true;
+  }
+  ucred credentials{};
+  socklen_t size = sizeof credentials;
+  if (::getsockopt(connection, SOL_SOCKET, SO_PEERCRED, &credentials, &size) != 0) return false;
+  peer = credentials.pid;
+  if (credentials.uid == ::geteuid()) return true;
+  log_.warning("connection of another user refused", {{"uid", credentials.uid}});
+  return false;
+}
+
+// ---------------------------------------------------------------- ConnectionCount
+
+ConnectionCount::~ConnectionCount() {
+  for (const auto& [fd, entry] : open_) loop_.forget(fd);
+}
+
+bool ConnectionCount::add(int connection, pid_t peer) {
+  if (open_.size() >= limits_.total) return false;
+  if (const auto found = by_peer_.find(peer);
+      peer != 0 && found != by_peer_.end() && found->second >= limits_.per_peer)
+    return false;
+  UniqueFd duplicate(::fcntl(connection, F_DUPFD_CLOEXEC, 0));
+  const int fd = duplicate.get();
+  if (!duplicate) return false;
+  if (!loop_.watch(fd, 0, [this, fd](u32) { remove(fd); })) return false;
+  open_.emplace(fd, Entry{std::move(duplicate), peer});
+  ++by_peer_[peer];
+  return true;
+}
+
+void ConnectionCount::remove(int duplicate) {
+  const auto found = open_.find(duplicate);
+  if (const auto peer = by_peer_.find(found->second.peer); --peer->second == 0)
+    by_peer_.erase(peer);
+  loop_.forget(duplicate);
+  open_.erase(found);
+}
+
+}  // namespace heliograph::server

@@ -1,0 +1,86 @@
+// Sockets that wait for clients: bound by us, private by mode and peer check, never starved of
+// descriptors. Used for gRPC's connections (accept.cpp hands them over) and for lifelines.
+#pragma once
+
+#include <sys/types.h>
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <unordered_map>
+
+#include "server/event_loop.h"
+#include "server/log.h"
+
+namespace heliograph::server {
+
+/// Binds a Unix socket with mode 0600 and listens. The folder is made with mode 0700 when it does
+/// not exist; a stale socket of a dead daemon is replaced.
+///
+/// type: SOCK_STREAM or SOCK_SEQPACKET. Fails with ALREADY_EXISTS when a daemon answers there,
+/// PERMISSION_DENIED when the folder belongs to or is writable by others, INVALID_ARGUMENT when the
+/// path is too long for a socket.
+[[nodiscard]] Expected<UniqueFd> listen_unix(const std::string& path, int type);
+
+/// Listens on a loopback address "127.0.0.1:PORT" or "[::1]:PORT"; port 0 takes a free one.
+/// INVALID_ARGUMENT for anything routable, with the reason.
+[[nodiscard]] Expected<UniqueFd> listen_loopback(const std::string& address);
+/// Whether listen_loopback would take it, without binding.
+[[nodiscard]] Status check_loopback(const std::string& address);
+/// The address a TCP listener is bound to, as "127.0.0.1:PORT".
+[[nodiscard]] std::string local_address(int fd);
+
+/// Accepts connections of one listening socket and gives them away. Owns: the listener. Thread: the
+/// loop's. Unix peers of another user are closed; out of descriptors it pauses instead of spinning.
+class Listener {
+ public:
+  using Take = std::function<void(UniqueFd connection, pid_t peer)>;  // peer: 0 over TCP
+
+  [[nodiscard]] static Expected<std::unique_ptr<Listener>> start(EventLoop& loop, const Log& log,
+                                                                 UniqueFd fd, Take take);
+  ~Listener();
+
+ private:
+  Listener(EventLoop& loop, const Log& log, UniqueFd fd, Take take);
+  [[nodiscard]] Status resume();
+  void accept_some();
+  void pause();
+  [[nodiscard]] bool admit(int connection, pid_t& peer) const;
+
+  EventLoop& loop_;
+  const Log& log_;
+  UniqueFd fd_;
+  Take take_;
+  bool is_unix_ = false;
+  std::shared_ptr<int> alive_ = std::make_shared<int>(0);  // timers check it
+};
+
+/// Counts connections that somebody else (gRPC) owns. Owns: a duplicate of each, which reports the
+/// hang-up. Thread: the loop's.
+class ConnectionCount {
+ public:
+  struct Limits {
+    u32 total = 256;
+    u32 per_peer = 64;
+  };
+  ConnectionCount(EventLoop& loop, Limits limits) : loop_(loop), limits_(limits) {}
+  ~ConnectionCount();
+
+  /// False when the caller should close the connection.
+  [[nodiscard]] bool add(int connection, pid_t peer);
+  [[nodiscard]] u32 open() const { return u32(open_.size()); }
+
+ private:
+  void remove(int duplicate);
+
+  EventLoop& loop_;
+  const Limits limits_;
+  struct Entry {
+    UniqueFd fd;
+    pid_t peer;
+  };
+  std::unordered_map<int, Entry> open_;
+  std::unordered_map<pid_t, u32> by_peer_;
+};
+
+}  // namespace heliograph::server

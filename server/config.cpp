@@ -1,0 +1,143 @@
+// Flags to Config. Called by main.
+#include "server/config.h"
+
+#include <fmt/ranges.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <charconv>
+#include <cstdlib>
+
+#include "renderer/engine/backend.h"
+#include "server/accept.h"
+#include "server/version.h"
+
+namespace heliograph::server {
+namespace {
+
+std::string default_socket() {
+  const char* runtime = std::getenv("XDG_RUNTIME_DIR");
+  const std::string folder = runtime != nullptr && *runtime == '/'
+                                 ? std::string(runtime) + "/heliograph"
+                                 : fmt::format("/tmp/heliograph-{}", ::geteuid());
+  return folder + "/heliograph.sock";
+}
+
+Status set_limit(Limits& limits, const std::string& setting) {
+  const auto equals = setting.find('=');
+  u64 value = 0;
+  const char* end = setting.data() + setting.size();
+  const auto parsed = equals == std::string::npos
+                          ? std::from_chars_result{nullptr, std::errc::invalid_argument}
+                          : std::from_chars(setting.data() + equals + 1, end, value);
+  if (parsed.ec != std::errc() || parsed.ptr != end || value == 0)
+    return fail(Code::kInvalidArgument, "--limit",
+                "'" + setting + "' is not NAME=NUMBER with a number above 0");
+  const std::string name = setting.substr(0, equals);
+#define HELIO_LIMIT(field, ...) \
+  if (name == #field) {         \
+    limits.field = value;       \
+    return {};                  \
+  }
+  HELIO_LIMITS(HELIO_LIMIT)
+#undef HELIO_LIMIT
+  return fail(Code::kInvalidArgument, "--limit",
+              "there is no limit '" + name + "'; --help lists them");
+}
+
+std::string limits_help() {
+  std::string text = "Limits (--limit NAME=VALUE):\n";
+#define HELIO_LIMIT(name, value, what) \
+  text += fmt::format("  {:<24} {} [{}]\n", #name, what, u64(value));
+  HELIO_LIMITS(HELIO_LIMIT)
+#undef HELIO_LIMIT
+  return text +
+         "Exit status: 0 drained or the owner ended, 64 a wrong or unsafe flag, 69 cannot listen, "
+         "70 internal error, 75 device lost.";
+}
+
+Status check(const Config& config) {
+  for (const std::string& address : config.listen) HELIO_TRY(check_loopback(address));
+  const auto backends = backend_names();
+  if (std::ranges::find(backends, config.backend) == backends.end())
+    return fail(Code::kInvalidArgument, "--backend",
+                fmt::format("there is no backend '{}'; choose one of: {}", config.backend,
+                            fmt::join(backends, ", ")));
+  if (config.grace_seconds < 0 || config.drain_seconds < 0)
+    return fail(Code::kInvalidArgument, "--grace, --drain", "must not be negative");
+  if (config.is_private && !config.listen.empty())
+    return fail(Code::kInvalidArgument, "--listen", "a private daemon listens on its socket only");
+  if (config.owner_pidfd >= 0 && !config.is_private)
+    return fail(Code::kInvalidArgument, "--owner-pidfd", "needs --private");
+  return {};
+}
+
+void add_flags(CLI::App& app, Config& config) {
+  app.add_option("--socket", config.socket, "Path of the Unix socket (mode 0600)");
+  app.add_option("--listen", config.listen, "Loopback TCP address too, e.g. 127.0.0.1:7443");
+  app.add_option("--token-file", config.token_file,
+                 "Token that TCP clients send; made with mode 0600 when it is not there");
+  app.add_flag("--private", config.is_private, "Serve one owner process and end with it");
+  app.add_option("--owner-pidfd", config.owner_pidfd, "Inherited pidfd of the owner");
+  app.add_option("--ready-fd", config.ready_fd,
+                 "Inherited descriptor that gets one line of JSON when connections are taken");
+  app.add_option("--threads", config.threads, "Render threads; 0: all cores")
+      ->capture_default_str();
+  app.add_option("--backend", config.backend, "Render backend")->capture_default_str();
+  app.add_option("--asset-root", config.asset_root,
+                 "Folder beneath which DecodeAsset may read server_path; off by default");
+  app.add_option("--decode-program", config.decode_program,
+                 "heliograph-decode; default: beside this program");
+  app.add_option("--grace", config.grace_seconds,
+                 "Seconds a session outlives its connection (private daemon: 0)")
+      ->capture_default_str();
+  app.add_option("--drain", config.drain_seconds, "Seconds in-flight work may take after SIGTERM")
+      ->capture_default_str();
+  app.add_option("--log-level", config.log_level, "debug, info, warning, error or off")
+      ->check(CLI::IsMember({"debug", "info", "warning", "error", "off"}))
+      ->capture_default_str();
+  app.add_flag("--log-json", config.log_json, "Log JSON lines");
+}
+
+}  // namespace
+
+std::expected<Config, int> parse_config(int argc, char** argv) {
+  Config config;
+  std::string socket_dir;
+  std::vector<std::string> limits;
+  CLI::App app("heliographd: the render daemon of Heliograph", "heliographd");
+  app.set_version_flag("--version", kVersion);
+  app.footer(limits_help());
+  add_flags(app, config);
+  app.add_option("--socket-dir", socket_dir, "Folder of the sockets, instead of --socket");
+  app.add_option("--limit", limits, "NAME=VALUE, see below");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return std::unexpected(app.exit(error) == 0 ? kExitOk : kExitUsage);
+  }
+  if (config.socket.empty())
+    config.socket = socket_dir.empty() ? default_socket() : socket_dir + "/heliograph.sock";
+  if (config.token_file.empty())
+    config.token_file = config.socket.substr(0, config.socket.rfind('/') + 1) + "token";
+  if (config.is_private && app.count("--grace") == 0) config.grace_seconds = 0;
+  Status status = check(config);
+  for (const std::string& limit : limits)
+    if (status) status = set_limit(config.limits, limit);
+  if (status) return config;
+  fmt::print(stderr, "heliographd: {}: {}\n", status.error().where, status.error().message);
+  return std::unexpected(kExitUsage);
+}
+
+std::vector<std::pair<std::string, u64>> list_limits(const Limits& limits) {
+  return {
+#define HELIO_LIMIT(name, ...) {#name, limits.name},
+      HELIO_LIMITS(HELIO_LIMIT)
+#undef HELIO_LIMIT
+  };
+}
+
+std::string lifeline_path(const std::string& socket) { return socket + ".fd.sock"; }
+
+}  // namespace heliograph::server

@@ -1,0 +1,83 @@
+// What the flags say. Parsed once by main; everybody else sees it const.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "renderer/base/error.h"
+
+namespace heliograph::server {
+
+/// How the process ends.
+enum ExitCode : int {
+  kExitOk = 0,            // drained, or the owner ended
+  kExitUsage = 64,        // a flag is wrong, or would not be safe
+  kExitUnavailable = 69,  // cannot listen, or another daemon does
+  kExitSoftware = 70,     // a bug, or a library failed
+  kExitDevice = 75,       // the device was lost
+};
+
+// X(name, default, what it bounds): every limit is a setting, --limit NAME=VALUE.
+#define HELIO_LIMITS(X)                                                                 \
+  X(connections, 256, "open connections")                                               \
+  X(connections_per_peer, 64, "open connections of one process")                        \
+  X(sessions, 256, "open sessions")                                                     \
+  X(calls_per_session, 64, "calls and streams of one session at a time")                \
+  X(streams_per_connection, 64, "calls and streams of one connection at a time")        \
+  X(pool_queue, 4096, "requests that wait for a thread")                                \
+  X(jobs, 256, "render jobs and queries that wait for the device")                      \
+  X(scenes, 4096, "scenes, private and shared")                                         \
+  X(revisions, 64, "recent revisions a scene keeps")                                    \
+  X(entities, 4'000'000, "entities of a scene")                                         \
+  X(array_bytes, 8ull << 30, "bytes of all arrays of a scene")                          \
+  X(message_bytes, 16ull << 20, "bytes of a request message")                           \
+  X(chunk_bytes, 1ull << 20, "bytes of one chunk of an upload or a frame")              \
+  X(blob_bytes, 4ull << 30, "bytes of one uploaded blob")                               \
+  X(blob_store_bytes, 16ull << 30, "bytes of all blobs and assets")                     \
+  X(frame_bytes, 4ull << 30, "bytes of all frames of one request")                      \
+  X(samples, 1ull << 20, "samples a pixel")                                             \
+  X(edits, 1'000'000, "edits of one transaction")                                       \
+  X(replies, 1024, "replies kept for each session and scene, to answer retries")        \
+  X(reply_bytes, 16ull << 20, "bytes of those replies, and of a session's others")      \
+  X(quota_bytes, 256ull << 20, "bytes gRPC may buffer")                                 \
+  X(derived_bytes, 4ull << 30, "bytes of derived data that nobody uses, kept as cache") \
+  X(decode_bytes, 2ull << 30, "address space of a decoder process")                     \
+  X(decode_result_bytes, 1ull << 30, "bytes a decoder may hand back")                   \
+  X(decode_seconds, 30, "seconds a file may take to decode")
+
+struct Limits {
+#define HELIO_LIMIT(name, value, text) u64 name = value;
+  HELIO_LIMITS(HELIO_LIMIT)
+#undef HELIO_LIMIT
+};
+
+struct Config {
+  std::string socket;               // path of the Unix socket; the second one is `socket`.fd.sock
+  std::vector<std::string> listen;  // loopback TCP addresses
+  std::string token_file;           // used with `listen`
+  bool is_private = false;
+  int owner_pidfd = -1;
+  int ready_fd = -1;
+  u32 threads = 0;  // 0: all
+  std::string backend = "embree";
+  std::string asset_root;      // "": server_path is refused
+  std::string decode_program;  // "": beside this program
+  double grace_seconds = 10;   // a session outlives its connection by this
+  double drain_seconds = 20;   // in-flight work may take this long after SIGTERM
+  std::string log_level = "warning";
+  bool log_json = false;
+  Limits limits;
+};
+
+/// Parses the command line. An int is an exit status: --help and --version were printed, or the
+/// usage error was.
+[[nodiscard]] std::expected<Config, int> parse_config(int argc, char** argv);
+
+/// The limits by name, as GetServerInfo tells them.
+[[nodiscard]] std::vector<std::pair<std::string, u64>> list_limits(const Limits& limits);
+
+/// The path of the second socket.
+[[nodiscard]] std::string lifeline_path(const std::string& socket);
+
+}  // namespace heliograph::server

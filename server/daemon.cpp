@@ -1,0 +1,52 @@
+// Config to the parts of the daemon. Called by main.
+#include "server/daemon.h"
+
+#include <sys/random.h>
+
+#include <algorithm>
+#include <thread>
+
+namespace heliograph::server {
+namespace {
+
+u64 random_number() {
+  u64 number = 0;
+  [[maybe_unused]] const auto size = ::getrandom(&number, sizeof number, 0);
+  return number;
+}
+
+ReplyLimits reply_limits(const Limits& limits) { return {limits.replies, limits.reply_bytes}; }
+
+Scenes::Options scene_options(const Limits& limits) {
+  return {.limit = u32(limits.scenes),
+          .scene = {.entities = u32(limits.entities),
+                    .array_bytes = limits.array_bytes,
+                    .revisions = u32(limits.revisions)},
+          .replies = reply_limits(limits),
+          .queue = u32(limits.calls_per_session)};
+}
+
+Sessions::Options session_options(const Config& config) {
+  return {.limit = u32(config.limits.sessions),
+          .grace_seconds = config.grace_seconds,
+          .session = {.calls = u32(config.limits.calls_per_session),
+                      .replies = reply_limits(config.limits)}};
+}
+
+}  // namespace
+
+Daemon::Daemon(Config settings, std::string token, std::unique_ptr<EventLoop> event_loop)
+    : config(std::move(settings)),
+      instance(random_number()),
+      log(config.log_level, config.log_json),
+      loop(std::move(event_loop)),
+      pool(std::clamp(std::thread::hardware_concurrency(), 2u, 16u), u32(config.limits.pool_queue)),
+      scenes(pool, scene_options(config.limits)),
+      sessions(*loop, session_options(config),
+               [this](const Session& session) {
+                 log.info("session ended", {{"client", session.client()}});
+                 scenes.end_session(session.id());
+               }),
+      gate(sessions, std::move(token)) {}
+
+}  // namespace heliograph::server

@@ -1,0 +1,34 @@
+// What the handlers share. Built once by main, passed by reference; destroyed in reverse order.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "server/config.h"
+#include "server/engine_slot.h"
+#include "server/event_loop.h"
+#include "server/gate.h"
+#include "server/lifeline.h"
+#include "server/log.h"
+#include "server/scenes.h"
+#include "server/session.h"
+#include "server/work_pool.h"
+
+namespace heliograph::server {
+
+struct Daemon {
+  const Config config;
+  const u64 instance;  // random; changes when the daemon restarts
+  const Log log;
+  std::unique_ptr<EventLoop> loop;
+  WorkPool pool;
+  Scenes scenes;
+  Sessions sessions;
+  Gate gate;
+  std::unique_ptr<Lifelines> lifelines;
+  std::unique_ptr<EngineSlot> engine;
+
+  Daemon(Config settings, std::string token, std::unique_ptr<EventLoop> event_loop);
+};
+
+}  // namespace heliograph::server

@@ -1,0 +1,16 @@
+// One numbered transaction, as Apply and ApplyStream do it. Implemented in service_edit.cpp.
+#pragma once
+
+#include <functional>
+
+#include "server/daemon.h"
+
+namespace heliograph::server {
+
+/// Runs the request in the strand of its session and scene and calls `done` once, from any thread.
+/// An error instead of a reply that is kept (gap, unknown scene, full queue) does not use the
+/// number up.
+void apply_numbered(Daemon& daemon, const std::shared_ptr<Session>& session,
+                    const v1::ApplyRequest& request, std::function<void(EditLog::Reply)> done);
+
+}  // namespace heliograph::server

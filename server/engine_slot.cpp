@@ -1,0 +1,93 @@
+// Starting the engine and rendering its first pixel. Called by main.
+#include "server/engine_slot.h"
+
+#include "renderer/scene/scene.h"
+
+namespace heliograph::server {
+namespace {
+
+class ProbeSink final : public JobSink {
+ public:
+  explicit ProbeSink(std::function<void(Status)> done) : done_(std::move(done)) {}
+  void progress(const Progress&) override {}
+  void frame(std::shared_ptr<const Frame> frame) override { frames_ += frame ? 1u : 0u; }
+  void done(Status status) override {
+    if (status && frames_ == 0) status = fail(Code::kInternal, "", "the engine gave no frame");
+    done_(status);
+  }
+
+ private:
+  std::function<void(Status)> done_;
+  u32 frames_ = 0;
+};
+
+/// One pixel of a triangle that gives light.
+Expected<std::shared_ptr<const RenderJob>> probe_job() {
+  Transaction transaction;
+  const std::vector<vec3> positions = {{-1, -1, -1}, {1, -1, -1}, {0, 1, -1}};
+  auto topology = std::make_shared<MeshTopology>();
+  topology->vertex_count = u32(positions.size());
+  topology->triangles = ArrayOf<uvec3>(std::vector<uvec3>{{0, 1, 2}});
+  auto vertices = std::make_shared<VertexKeys>();
+  vertices->times = {0};
+  vertices->positions = ArrayOf<vec3>(positions);
+  transaction.edits.push_back({.action = PutMesh{topology, vertices}});
+  transaction.edits.push_back(
+      {.action = PutEntity{.mesh = Ref(CreatedByEdit{0}), .light = LightPatch{}}});
+  const Camera camera{.width = 1, .height = 1, .fx = 1, .fy = 1, .cx = 0, .cy = 0};
+  transaction.edits.push_back({.action = PutEntity{.camera = camera}});
+  auto prepared = apply(Snapshot{}, transaction, SceneLimits{});
+  if (!prepared) return std::unexpected(prepared.error());
+  auto job = std::make_shared<RenderJob>();
+  job->snapshot = prepared->snapshot;
+  job->cameras = {EntityId(prepared->ids.at(2))};
+  job->planes = {Plane::BEAUTY, Plane::DEPTH};
+  job->stop.spp = 1;
+  return job;
+}
+
+}  // namespace
+
+EngineSlot::EngineSlot(EngineOptions options, const Log& log, std::function<void(Status)> ready)
+    : log_(log), ready_(std::move(ready)), future_(promise_.get_future().share()) {
+  thread_ = std::thread([this, options = std::move(options)] { start(options); });
+}
+
+EngineSlot::~EngineSlot() {
+  thread_.join();
+  engine_.reset();  // its last calls still find the members below it
+}
+
+void EngineSlot::start(const EngineOptions& options) {
+  auto engine = Engine::create(options);
+  if (!engine) {
+    promise_.set_value(std::unexpected(engine.error()));
+    return finish(std::unexpected(engine.error()));
+  }
+  engine_ = std::move(*engine);
+  engine_now_ = engine_.get();
+  promise_.set_value(engine_.get());
+  probe(*engine_);
+}
+
+void EngineSlot::probe(Engine& engine) {
+  const auto job = probe_job();
+  if (!job) return finish(std::unexpected(job.error()));
+  auto sink = std::make_shared<ProbeSink>([this](const Status& status) { finish(status); });
+  if (auto submitted = engine.submit(*job, sink, {}); !submitted) finish(submitted);
+}
+
+void EngineSlot::finish(const Status& status) {
+  is_ready_ = status.has_value();
+  if (!status) log_.error("the engine is not ready", {{"reason", status.error().message}});
+  ready_(status);
+}
+
+Expected<Engine*> EngineSlot::wait() const {
+  auto engine = future_.get();
+  if (engine) return engine;
+  return fail(Code::kUnavailable, "",
+              "the render engine could not be started: " + engine.error().message);
+}
+
+}  // namespace heliograph::server

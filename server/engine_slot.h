@@ -1,0 +1,45 @@
+// The engine while it starts, and whether it is ready: a pixel was rendered.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <future>
+#include <memory>
+#include <thread>
+
+#include "renderer/engine/engine.h"
+#include "server/log.h"
+
+namespace heliograph::server {
+
+/// Owns: the engine, and the thread that makes it while the daemon already takes connections.
+/// Thread: any.
+class EngineSlot {
+ public:
+  /// `ready` is called once, from the starting or the device thread, when the first pixel is there
+  /// or is known not to come.
+  EngineSlot(EngineOptions options, const Log& log, std::function<void(Status)> ready);
+  ~EngineSlot();
+
+  /// Waits for the engine, so call it on the work pool. UNAVAILABLE when it could not be made.
+  [[nodiscard]] Expected<Engine*> wait() const;
+  /// Null while it starts.
+  [[nodiscard]] const Engine* get() const { return engine_now_; }
+  [[nodiscard]] bool is_ready() const { return is_ready_; }
+
+ private:
+  void start(const EngineOptions& options);
+  void probe(Engine& engine);
+  void finish(const Status& status);
+
+  const Log& log_;
+  const std::function<void(Status)> ready_;
+  std::unique_ptr<Engine> engine_;
+  std::atomic<const Engine*> engine_now_ = nullptr;
+  std::promise<Expected<Engine*>> promise_;
+  std::shared_future<Expected<Engine*>> future_;
+  std::atomic<bool> is_ready_ = false;
+  std::thread thread_;
+};
+
+}  // namespace heliograph::server

@@ -1,0 +1,258 @@
+// The life of the daemon, in order. See lifecycle.h.
+#include "server/lifecycle.h"
+
+#include <sys/epoll.h>
+#include <sys/resource.h>
+#include <sys/signalfd.h>
+#include <sys/socket.h>
+
+#include <csignal>
+#include <filesystem>
+
+#include "server/daemon.h"
+#include "server/grpc_server.h"
+#include "server/socket_files.h"
+#include "server/token.h"
+
+namespace heliograph::server {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr auto kDrainPoll = milliseconds(10);
+constexpr auto kLastCalls = milliseconds(500);
+constexpr u64 kOwnDescriptors = 64;     // of gRPC, the decoder, logs
+constexpr u64 kDescriptorsAClient = 3;  // its connection, our duplicate, its lifeline
+
+/// Listening sockets, taken before anything slow starts.
+struct Sockets {
+  UniqueFd main;
+  UniqueFd lifeline;
+  std::vector<UniqueFd> tcp;
+  std::vector<std::string> tcp_addresses;
+};
+
+Expected<Sockets> open_sockets(const Config& config, SocketFiles& files) {
+  Sockets sockets;
+  auto main = listen_unix(config.socket, SOCK_STREAM);
+  if (!main) return std::unexpected(main.error());
+  files.add(config.socket);
+  auto lifeline = listen_unix(lifeline_path(config.socket), SOCK_SEQPACKET);
+  if (!lifeline) return std::unexpected(lifeline.error());
+  files.add(lifeline_path(config.socket));
+  sockets.main = std::move(*main);
+  sockets.lifeline = std::move(*lifeline);
+  for (const std::string& address : config.listen) {
+    auto fd = listen_loopback(address);
+    if (!fd) return std::unexpected(fd.error());
+    sockets.tcp_addresses.push_back(local_address(fd->get()));
+    sockets.tcp.push_back(std::move(*fd));
+  }
+  if (config.is_private)
+    files.remove_folder(std::filesystem::path(config.socket).parent_path().string());
+  return sockets;
+}
+
+/// One line of JSON: clients may connect from now on.
+void announce(const Config& config, const Sockets& sockets) {
+  std::string tcp;
+  for (const std::string& address : sockets.tcp_addresses)
+    tcp += fmt::format("{}\"{}\"", tcp.empty() ? "" : ",", address);
+  const std::string line =
+      fmt::format("{{\"socket\":\"{}\",\"lifeline\":\"{}\",\"listen\":[{}],\"pid\":{}}}\n",
+                  config.socket, lifeline_path(config.socket), tcp, ::getpid());
+  if (config.ready_fd < 0) return;
+  const UniqueFd fd(config.ready_fd);
+  [[maybe_unused]] const auto written = ::write(fd.get(), line.data(), line.size());
+}
+
+/// As many connections as the descriptors allow, after raising the soft limit.
+u32 connection_limit(const Limits& limits) {
+  rlimit files{};
+  ::getrlimit(RLIMIT_NOFILE, &files);
+  files.rlim_cur = files.rlim_max;
+  ::setrlimit(RLIMIT_NOFILE, &files);
+  ::getrlimit(RLIMIT_NOFILE, &files);
+  const u64 spare =
+      files.rlim_cur > 2 * kOwnDescriptors ? files.rlim_cur - kOwnDescriptors : files.rlim_cur / 2;
+  return u32(std::min<u64>(limits.connections, std::max<u64>(spare / kDescriptorsAClient, 4)));
+}
+
+/// Everything that runs, once the sockets listen.
+class Life {
+ public:
+  explicit Life(Daemon& daemon) : daemon_(daemon), service_(daemon) {}
+
+  [[nodiscard]] Status start(Sockets sockets, UniqueFd signals);
+  [[nodiscard]] int run();
+
+ private:
+  [[nodiscard]] Status start_listening(Sockets sockets);
+  [[nodiscard]] Status watch_signals(UniqueFd signals);
+  [[nodiscard]] Status watch_owner();
+  void on_signal();
+  void drain();
+  void await_quiet(EventLoop::Clock::time_point deadline);
+  void on_engine(const Status& status);
+  void end();
+
+  Daemon& daemon_;
+  Service service_;
+  UniqueFd signals_;
+  std::unique_ptr<GrpcServer> grpc_;
+  std::unique_ptr<ConnectionCount> connections_;
+  std::vector<std::unique_ptr<Listener>> listeners_;
+  bool is_draining_ = false;
+  int exit_code_ = kExitOk;
+};
+
+Status Life::start(Sockets sockets, UniqueFd signals) {
+  const Config& config = daemon_.config;
+  daemon_.engine = std::make_unique<EngineSlot>(
+      EngineOptions{
+          .backend = config.backend,
+          .device = {.threads = config.threads, .cache_bytes = config.limits.derived_bytes}},
+      daemon_.log,
+      [this](const Status& status) { daemon_.loop->post([this, status] { on_engine(status); }); });
+  auto grpc = GrpcServer::start(service_, config);
+  if (!grpc) return std::unexpected(grpc.error());
+  grpc_ = std::move(*grpc);
+  HELIO_TRY(start_listening(std::move(sockets)));
+  HELIO_TRY(watch_signals(std::move(signals)));
+  return watch_owner();
+}
+
+Status Life::start_listening(Sockets sockets) {
+  const Limits& limits = daemon_.config.limits;
+  const u32 limit = connection_limit(limits);
+  auto lifelines = Lifelines::start(*daemon_.loop, daemon_.log, std::move(sockets.lifeline), limit,
+                                    [this](u64 session) { daemon_.sessions.detach(session); });
+  if (!lifelines) return std::unexpected(lifelines.error());
+  daemon_.lifelines = std::move(*lifelines);
+  connections_ = std::make_unique<ConnectionCount>(
+      *daemon_.loop, ConnectionCount::Limits{limit, u32(limits.connections_per_peer)});
+  std::vector<UniqueFd> all = std::move(sockets.tcp);
+  all.push_back(std::move(sockets.main));
+  for (UniqueFd& fd : all) {
+    auto listener = Listener::start(*daemon_.loop, daemon_.log, std::move(fd),
+                                    [this](UniqueFd connection, pid_t peer) {
+                                      if (connections_->add(connection.get(), peer))
+                                        grpc_->serve(std::move(connection));
+                                    });
+    if (!listener) return std::unexpected(listener.error());
+    listeners_.push_back(std::move(*listener));
+  }
+  return {};
+}
+
+Status Life::watch_signals(UniqueFd signals) {
+  signals_ = std::move(signals);
+  return daemon_.loop->watch(signals_.get(), EPOLLIN, [this](u32) { on_signal(); });
+}
+
+Status Life::watch_owner() {
+  if (daemon_.config.owner_pidfd < 0) return {};
+  return daemon_.loop->watch(daemon_.config.owner_pidfd, EPOLLIN, [this](u32) {
+    daemon_.log.info("the owner ended");
+    daemon_.loop->forget(daemon_.config.owner_pidfd);
+    daemon_.loop->quit();
+  });
+}
+
+void Life::on_signal() {
+  signalfd_siginfo info;
+  if (::read(signals_.get(), &info, sizeof info) != sizeof info) return;
+  daemon_.log.info(is_draining_ ? "second signal: ending at once" : "signal: draining",
+                   {{"signal", info.ssi_signo}});
+  if (is_draining_) return daemon_.loop->quit();
+  drain();
+}
+
+void Life::drain() {
+  is_draining_ = true;
+  grpc_->set_ready(false);
+  daemon_.gate.close();
+  const auto limit = std::chrono::duration<double>(daemon_.config.drain_seconds);
+  await_quiet(EventLoop::Clock::now() +
+              std::chrono::duration_cast<EventLoop::Clock::duration>(limit));
+}
+
+void Life::await_quiet(EventLoop::Clock::time_point deadline) {
+  if (daemon_.gate.active() == 0 || EventLoop::Clock::now() >= deadline)
+    return daemon_.loop->quit();
+  daemon_.loop->after(kDrainPoll, [this, deadline] { await_quiet(deadline); });
+}
+
+void Life::on_engine(const Status& status) {
+  if (status) return grpc_->set_ready(!is_draining_);
+  exit_code_ = kExitDevice;
+  daemon_.loop->quit();
+}
+
+int Life::run() {
+  daemon_.loop->run();
+  end();
+  return exit_code_;
+}
+
+/// Jobs are cancelled first, so that every call can end before gRPC does.
+void Life::end() {
+  daemon_.gate.close();
+  listeners_.clear();
+  daemon_.lifelines->stop_listening();
+  daemon_.sessions.close_all();
+  grpc_->shutdown(kLastCalls);
+  daemon_.pool.stop();
+  daemon_.engine.reset();
+  connections_.reset();
+  grpc_.reset();
+}
+
+UniqueFd block_signals() {
+  sigset_t set;
+  sigemptyset(&set);
+  sigaddset(&set, SIGTERM);
+  sigaddset(&set, SIGINT);
+  ::sigprocmask(SIG_BLOCK, &set, nullptr);  // before any thread starts, so that all inherit it
+  return UniqueFd(::signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK));
+}
+
+int refuse(const Error& error) {
+  fmt::print(stderr, "heliographd: {}{}{}\n", error.where, error.where.empty() ? "" : ": ",
+             error.message);
+  switch (error.code) {
+    case Code::kInvalidArgument:
+    case Code::kPermissionDenied:
+      return kExitUsage;
+    case Code::kAlreadyExists:
+    case Code::kUnavailable:
+      return kExitUnavailable;
+    default:
+      return kExitSoftware;
+  }
+}
+
+}  // namespace
+
+int run(Config config) {
+  UniqueFd signals = block_signals();
+  SocketFiles files;
+  auto sockets = open_sockets(config, files);
+  if (!sockets) return refuse(sockets.error());
+  std::string token;
+  if (!config.listen.empty()) {
+    auto loaded = load_token(config.token_file);
+    if (!loaded) return refuse(loaded.error());
+    token = std::move(*loaded);
+  }
+  announce(config, *sockets);
+  auto loop = EventLoop::create();
+  if (!loop) return refuse(loop.error());
+  Daemon daemon(std::move(config), std::move(token), std::move(*loop));
+  Life life(daemon);
+  if (auto started = life.start(std::move(*sockets), std::move(signals)); !started)
+    return refuse(started.error());
+  return life.run();
+}
+
+}  // namespace heliograph::server

@@ -1,0 +1,98 @@
+// Tickets and hang-ups of the second socket. Called by main and OpenSession.
+#include "server/lifeline.h"
+
+#include <sys/epoll.h>
+#include <sys/random.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <array>
+
+namespace heliograph::server {
+namespace {
+
+constexpr std::size_t kTicketBytes = 16;
+
+}  // namespace
+
+Expected<std::unique_ptr<Lifelines>> Lifelines::start(EventLoop& loop, const Log& log,
+                                                      UniqueFd listener, u32 limit,
+                                                      std::function<void(u64)> lost) {
+  std::unique_ptr<Lifelines> lifelines(new Lifelines(loop, limit, std::move(lost)));
+  auto started = Listener::start(
+      loop, log, std::move(listener),
+      [self = lifelines.get()](UniqueFd connection, pid_t) { self->take(std::move(connection)); });
+  if (!started) return std::unexpected(started.error());
+  lifelines->listener_ = std::move(*started);
+  return lifelines;
+}
+
+Lifelines::Lifelines(EventLoop& loop, u32 limit, std::function<void(u64)> lost)
+    : loop_(loop), limit_(limit), lost_(std::move(lost)) {}
+
+Lifelines::~Lifelines() {
+  for (const auto& [fd, line] : lines_) loop_.forget(fd);
+}
+
+void Lifelines::take(UniqueFd connection) {
+  const int fd = connection.get();
+  std::string ticket(kTicketBytes, '\0');
+  if (::getrandom(ticket.data(), ticket.size(), 0) != ssize_t(ticket.size())) return;
+  {
+    const std::lock_guard lock(mutex_);
+    if (lines_.size() >= limit_) return;
+    lines_.emplace(fd, Line{std::move(connection), ticket, 0});
+  }
+  const bool sent = ::send(fd, ticket.data(), ticket.size(), MSG_NOSIGNAL) > 0;
+  const auto watched =
+      loop_.watch(fd, EPOLLIN | EPOLLRDHUP, [this, fd](u32 events) { on_event(fd, events); });
+  if (!sent || !watched) on_event(fd, EPOLLHUP);
+}
+
+void Lifelines::on_event(int fd, u32 events) {
+  if ((events & (EPOLLHUP | EPOLLRDHUP | EPOLLERR)) == 0) {
+    std::array<char, 256> ignored;
+    [[maybe_unused]] const auto read = ::recv(fd, ignored.data(), ignored.size(), MSG_DONTWAIT);
+    return;
+  }
+  loop_.forget(fd);
+  u64 session = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto found = lines_.find(fd);
+    session = found->second.session;
+    lines_.erase(found);
+  }
+  if (session != 0) lost_(session);
+}
+
+Status Lifelines::bind(const std::string& ticket, u64 session) {
+  const std::lock_guard lock(mutex_);
+  const auto found = std::ranges::find_if(lines_, [&](const auto& entry) {
+    return entry.second.session == 0 && entry.second.ticket == ticket;
+  });
+  if (ticket.size() != kTicketBytes || found == lines_.end())
+    return fail(Code::kUnauthenticated, "ticket",
+                "this ticket is not valid; connect to the daemon's second socket (SOCKET.fd.sock), "
+                "receive a new one and keep that connection open");
+  found->second.session = session;
+  found->second.ticket.clear();
+  return {};
+}
+
+void Lifelines::release(u64 session) {
+  loop_.post([this, session] {
+    int fd = -1;
+    {
+      const std::lock_guard lock(mutex_);
+      const auto found = std::ranges::find_if(
+          lines_, [&](const auto& entry) { return entry.second.session == session; });
+      if (found == lines_.end()) return;
+      found->second.session = 0;
+      fd = found->first;
+    }
+    on_event(fd, EPOLLHUP);
+  });
+}
+
+}  // namespace heliograph::server

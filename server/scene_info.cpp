@@ -1,0 +1,19 @@
+// See scene_info.h.
+#include "server/scene_info.h"
+
+namespace heliograph::server {
+
+v1::SceneInfo scene_info(Scenes& scenes, SceneEntry& scene, u64 session) {
+  const auto head = scene.scene.head();
+  v1::SceneInfo info;
+  info.set_scene(scene.id);
+  info.set_name(scene.name);
+  info.set_revision(head->revision);
+  info.set_shared(scene.owner == 0);
+  info.set_durability("none");
+  info.set_time(head->time);
+  info.set_next_edit(scenes.next_edit(scene, session));
+  return info;
+}
+
+}  // namespace heliograph::server

@@ -1,0 +1,90 @@
+// The directory of scenes: names, private and shared ones, branches, and each session's edits.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "renderer/scene/scene.h"
+#include "server/request_log.h"
+#include "server/session.h"
+
+namespace heliograph::server {
+
+/// A scene and who may see it. Thread: any.
+class SceneEntry {
+ public:
+  SceneEntry(u64 scene_id, std::string scene_name, u64 scene_owner,
+             std::shared_ptr<const Snapshot> first, const SceneLimits& limits)
+      : id(scene_id),
+        name(std::move(scene_name)),
+        owner(scene_owner),
+        scene(std::move(first), limits) {}
+
+  const u64 id;
+  const std::string name;  // "": anonymous
+  const u64 owner;         // session of a private scene; 0: shared
+  Scene scene;
+
+  /// Prepares and publishes. Sessions that edit one shared scene wait for each other here.
+  [[nodiscard]] Expected<Prepared> commit(const Transaction& transaction,
+                                          std::optional<Revision> expected);
+  [[nodiscard]] bool seen_by(u64 session) const { return owner == 0 || owner == session; }
+
+ private:
+  friend class Scenes;
+  std::mutex commit_mutex_;
+  std::mutex mutex_;
+  std::unordered_map<u64, std::shared_ptr<EditLog>> edits_;  // by session
+};
+using ScenePtr = std::shared_ptr<SceneEntry>;
+
+struct NewScene {
+  std::string name;
+  bool is_shared = false;
+  std::shared_ptr<const Snapshot> first;
+};
+
+/// Thread: any. Another session's private scene is NOT_FOUND, like one that does not exist. A name
+/// is unique among the scenes its session sees.
+class Scenes {
+ public:
+  struct Options {
+    u32 limit = 4096;
+    SceneLimits scene;
+    ReplyLimits replies;
+    u32 queue = 64;  // edits of one session and scene that may wait
+  };
+  Scenes(WorkPool& pool, Options options) : pool_(pool), options_(options) {}
+
+  [[nodiscard]] Expected<ScenePtr> create(NewScene scene, u64 session);
+  [[nodiscard]] Expected<ScenePtr> find(u64 id, u64 session) const;
+  [[nodiscard]] Expected<ScenePtr> open(const std::string& name, u64 session) const;
+  [[nodiscard]] std::vector<ScenePtr> list(u64 session) const;
+  [[nodiscard]] Status remove(u64 id, u64 session);
+  /// Frees the session's private scenes and edit logs; the memory goes on the work pool.
+  void end_session(u64 session);
+  [[nodiscard]] std::shared_ptr<EditLog> edits(SceneEntry& scene, u64 session);
+  /// The number this session's next edit must carry.
+  [[nodiscard]] u64 next_edit(SceneEntry& scene, u64 session) const;
+  [[nodiscard]] const SceneLimits& scene_limits() const { return options_.scene; }
+
+ private:
+  [[nodiscard]] ScenePtr named(const std::string& name, u64 session) const;
+  void free_later(std::vector<ScenePtr> scenes);
+
+  WorkPool& pool_;
+  const Options options_;
+  mutable std::mutex mutex_;
+  std::map<u64, ScenePtr> scenes_;
+  u64 last_id_ = 0;
+};
+
+/// The revision asked for, or the head.
+[[nodiscard]] Expected<std::shared_ptr<const Snapshot>> snapshot_at(
+    const SceneEntry& scene, std::optional<Revision> revision);
+
+}  // namespace heliograph::server

@@ -1,0 +1,113 @@
+// Apply and ApplyStream.
+#include "server/apply_stream.h"
+#include "server/edit_calls.h"
+#include "server/rpc.h"
+#include "server/session_arrays.h"
+
+namespace heliograph::server {
+namespace {
+
+constexpr std::size_t kShortBytes = 64 << 10;  // checked in the caller's thread
+
+EditLog::Reply refuse(Error error) {
+  return std::make_shared<const Expected<v1::ApplyReply>>(std::unexpected(std::move(error)));
+}
+
+v1::ApplyReply to_reply(u64 number, const Prepared& prepared) {
+  v1::ApplyReply reply;
+  reply.set_number(number);
+  reply.set_revision(prepared.snapshot->revision);
+  reply.set_ids(prepared.ids.data(), prepared.ids.size() * sizeof(Id));
+  reply.mutable_counts()->Add(prepared.counts.begin(), prepared.counts.end());
+  return reply;
+}
+
+Expected<v1::ApplyReply> apply_now(Daemon& daemon, Session& session, SceneEntry& entry,
+                                   const v1::ApplyRequest& request) {
+  HELIO_TRY(check_known(request));
+  SessionArrays arrays(daemon, session);
+  const auto transaction = to_transaction(request.transaction(), arrays);
+  if (!transaction) return std::unexpected(transaction.error());
+  const auto expected = request.has_expected_revision()
+                            ? std::optional<Revision>(request.expected_revision())
+                            : std::nullopt;
+  const auto prepared = entry.commit(*transaction, expected);
+  if (!prepared) return std::unexpected(prepared.error());
+  arrays.consume();
+  return to_reply(request.number(), *prepared);
+}
+
+/// Whether checking takes microseconds: small, and no arrays outside the message.
+bool is_short(const v1::ApplyRequest& request) {
+  if (request.ByteSizeLong() > kShortBytes) return false;
+  for (const v1::Edit& edit : request.transaction().edits())
+    if (edit.has_mesh() || edit.has_texture() || edit.has_instantiate() || edit.has_volume())
+      return false;
+  return true;
+}
+
+}  // namespace
+
+void apply_numbered(Daemon& daemon, const std::shared_ptr<Session>& session,
+                    const v1::ApplyRequest& request, std::function<void(EditLog::Reply)> done) {
+  const auto entry = daemon.scenes.find(request.scene(), session->id());
+  if (!entry) return done(refuse(entry.error()));
+  const auto log = daemon.scenes.edits(**entry, session->id());
+  auto task = [&daemon, &request, session, entry = *entry, log, done] {
+    done(log->answer(request.number(),
+                     [&] { return apply_now(daemon, *session, *entry, request); }));
+  };
+  if (auto queued = log->strand().run(std::move(task), is_short(request)); !queued)
+    done(refuse(queued.error()));
+}
+
+grpc::ServerUnaryReactor* Service::Apply(Context* context, const v1::ApplyRequest* request,
+                                         v1::ApplyReply* reply) {
+  using Refused = Refusal<grpc::ServerUnaryReactor>;
+  auto admitted = daemon_.gate.admit(*context, Needs::kSession);
+  if (!admitted) return new Refused(*context, admitted.error());
+  auto* call = new UnaryCall(*context, std::move(*admitted));
+  apply_numbered(daemon_, call->session(), *request, [call, reply](const EditLog::Reply& answer) {
+    if (!*answer) return call->finish(std::unexpected(answer->error()));
+    *reply = **answer;
+    call->finish({});
+  });
+  return call;
+}
+
+grpc::ServerBidiReactor<v1::ApplyRequest, v1::ApplyReply>* Service::ApplyStream(Context* context) {
+  using Refused = Refusal<grpc::ServerBidiReactor<v1::ApplyRequest, v1::ApplyReply>>;
+  auto admitted = daemon_.gate.admit(*context, Needs::kSession);
+  if (!admitted) return new Refused(*context, admitted.error());
+  return new ApplyStreamCall(daemon_, *context, std::move(*admitted));
+}
+
+// ---------------------------------------------------------------- ApplyStreamCall
+
+ApplyStreamCall::ApplyStreamCall(Daemon& daemon, grpc::CallbackServerContext& context, Call call)
+    : daemon_(daemon), context_(context), call_(std::move(call)) {
+  StartRead(&request_);
+}
+
+void ApplyStreamCall::OnReadDone(bool ok) {
+  if (!ok) return Finish(grpc::Status::OK);
+  apply_numbered(daemon_, call_.session(), request_, [this](const EditLog::Reply& answer) {
+    reply_.Clear();
+    if (*answer) {
+      reply_ = **answer;
+    } else {
+      reply_.set_number(request_.number());
+      reply_.set_code(u32(answer->error().code));
+      reply_.set_message(message_of(answer->error()));
+      *reply_.mutable_detail() = to_proto(answer->error());
+    }
+    StartWrite(&reply_);
+  });
+}
+
+void ApplyStreamCall::OnWriteDone(bool ok) {
+  if (!ok) return Finish(grpc::Status::CANCELLED);
+  StartRead(&request_);
+}
+
+}  // namespace heliograph::server

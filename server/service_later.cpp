@@ -1,0 +1,32 @@
+// Calls that are declared for later versions: each says what is missing.
+#include "server/rpc.h"
+#include "server/service.h"
+
+namespace heliograph::server {
+namespace {
+
+Error missing(const char* call, const char* instead) {
+  return {.code = Code::kUnimplemented,
+          .message = std::string(call) + " is not part of this version; " + instead,
+          .where = ""};
+}
+
+}  // namespace
+
+Writer<v1::WatchReply>* Service::Watch(Context* context, const v1::WatchRequest*) {
+  return new Refusal<Writer<v1::WatchReply>>(
+      *context, missing("Watch", "poll DescribeScene for the revision"));
+}
+
+grpc::ServerBidiReactor<v1::StreamRequest, v1::FramePart>* Service::Stream(Context* context) {
+  return new Refusal<grpc::ServerBidiReactor<v1::StreamRequest, v1::FramePart>>(
+      *context, missing("Stream", "call Render for each frame, or with `progressive`"));
+}
+
+grpc::ServerBidiReactor<v1::RenderBatchRequest, v1::RenderBatchReply>* Service::RenderBatch(
+    Context* context) {
+  return new Refusal<grpc::ServerBidiReactor<v1::RenderBatchRequest, v1::RenderBatchReply>>(
+      *context, missing("RenderBatch", "call Render with an `overlay` for each item"));
+}
+
+}  // namespace heliograph::server

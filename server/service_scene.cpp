@@ -1,0 +1,131 @@
+// CreateScene, OpenScene, BranchScene, DeleteScene, ListScenes, DescribeScene.
+#include "server/describe_scene.h"
+#include "server/once.h"
+#include "server/rpc.h"
+#include "server/scene_info.h"
+#include "server/service.h"
+
+namespace heliograph::server {
+namespace {
+
+Status check_durability(const std::string& durability) {
+  if (durability.empty() || durability == "none") return {};
+  if (durability == "os" || durability == "fsync")
+    return fail(Code::kUnimplemented, "durability",
+                "durability '" + durability +
+                    "' needs the journal, which this version lacks; use \"none\" and keep copies "
+                    "with ExportScene");
+  return fail(Code::kInvalidArgument, "durability",
+              "'" + durability + "' is not one of none, os, fsync");
+}
+
+Expected<v1::SceneInfo> create(Daemon& daemon, const Session& session, NewScene scene) {
+  auto entry = daemon.scenes.create(std::move(scene), session.id());
+  if (!entry) return std::unexpected(entry.error());
+  return scene_info(daemon.scenes, **entry, session.id());
+}
+
+Expected<v1::SceneInfo> create_scene(Daemon& daemon, const Session& session,
+                                     const v1::CreateSceneRequest& request) {
+  HELIO_TRY(check_durability(request.durability()));
+  return create(daemon, session,
+                {request.name(), request.shared(), std::make_shared<const Snapshot>()});
+}
+
+Expected<v1::SceneInfo> branch_scene(Daemon& daemon, const Session& session,
+                                     const v1::BranchSceneRequest& request) {
+  auto parent = daemon.scenes.find(request.scene(), session.id());
+  if (!parent) return std::unexpected(parent.error());
+  auto snapshot = snapshot_at(
+      **parent, request.has_revision() ? std::optional(request.revision()) : std::nullopt);
+  if (!snapshot) return std::unexpected(std::move(snapshot).error().at("revision"));
+  return create(daemon, session, {request.name(), request.shared(), std::move(*snapshot)});
+}
+
+Expected<v1::DeleteSceneReply> delete_scene(Daemon& daemon, const Session& session,
+                                            const v1::DeleteSceneRequest& request) {
+  HELIO_TRY(daemon.scenes.remove(request.scene(), session.id()));
+  return v1::DeleteSceneReply();
+}
+
+Status describe_scene(Daemon& daemon, const Session& session,
+                      const v1::DescribeSceneRequest& request, v1::DescribeSceneReply& reply) {
+  const auto entry = daemon.scenes.find(request.scene(), session.id());
+  if (!entry) return std::unexpected(entry.error());
+  *reply.mutable_scene() = scene_info(daemon.scenes, **entry, session.id());
+  const auto snapshot = (*entry)->scene.head();
+  describe_counts(*snapshot, reply);
+  if (request.tree()) describe_objects(*snapshot, request.pattern(), reply);
+  if (!request.memory()) return {};
+  auto& memory = *reply.mutable_memory();
+  memory["arrays"] = array_bytes(*snapshot);
+  memory["rows"] = row_bytes(*snapshot);
+  if (const Engine* engine = daemon.engine->get()) memory["derived"] = engine->derived_bytes();
+  return {};
+}
+
+}  // namespace
+
+grpc::ServerUnaryReactor* Service::CreateScene(Context* context,
+                                               const v1::CreateSceneRequest* request,
+                                               v1::SceneInfo* reply) {
+  return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
+    const OnceKey key{call.session()->requests(), request->request_id(), "CreateScene"};
+    call.finish(
+        once(key, *reply, [&] { return create_scene(daemon_, *call.session(), *request); }));
+  });
+}
+
+grpc::ServerUnaryReactor* Service::OpenScene(Context* context, const v1::OpenSceneRequest* request,
+                                             v1::SceneInfo* reply) {
+  return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
+    const u64 session = call.session()->id();
+    const auto entry = daemon_.scenes.open(request->name(), session);
+    if (!entry) return call.finish(std::unexpected(entry.error()));
+    *reply = scene_info(daemon_.scenes, **entry, session);
+    call.finish({});
+  });
+}
+
+grpc::ServerUnaryReactor* Service::BranchScene(Context* context,
+                                               const v1::BranchSceneRequest* request,
+                                               v1::SceneInfo* reply) {
+  return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
+    const OnceKey key{call.session()->requests(), request->request_id(), "BranchScene"};
+    call.finish(
+        once(key, *reply, [&] { return branch_scene(daemon_, *call.session(), *request); }));
+  });
+}
+
+grpc::ServerUnaryReactor* Service::DeleteScene(Context* context,
+                                               const v1::DeleteSceneRequest* request,
+                                               v1::DeleteSceneReply* reply) {
+  return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
+    const OnceKey key{call.session()->requests(), request->request_id(), "DeleteScene"};
+    call.finish(
+        once(key, *reply, [&] { return delete_scene(daemon_, *call.session(), *request); }));
+  });
+}
+
+grpc::ServerUnaryReactor* Service::ListScenes(Context* context,
+                                              const v1::ListScenesRequest* request,
+                                              v1::ListScenesReply* reply) {
+  return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
+    const u64 session = call.session()->id();
+    for (const ScenePtr& scene : daemon_.scenes.list(session))
+      *reply->add_scenes() = scene_info(daemon_.scenes, *scene, session);
+    call.finish({});
+  });
+}
+
+grpc::ServerUnaryReactor* Service::DescribeScene(Context* context,
+                                                 const v1::DescribeSceneRequest* request,
+                                                 v1::DescribeSceneReply* reply) {
+  return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
+    call.post(daemon_.pool, [this, request, reply, &call] {
+      call.finish(describe_scene(daemon_, *call.session(), *request, *reply));
+    });
+  });
+}
+
+}  // namespace heliograph::server

@@ -1,0 +1,109 @@
+// GetServerInfo, OpenSession, KeepSession, CloseSession.
+#include <optional>
+#include <stop_token>
+
+#include "server/rpc.h"
+#include "server/service.h"
+#include "server/version.h"
+
+namespace heliograph::server {
+namespace {
+
+void describe_server(const Daemon& daemon, v1::GetServerInfoReply& reply) {
+  reply.set_version(kVersion);
+  reply.set_api("v1");
+  reply.set_instance(daemon.instance);
+  reply.set_backend(daemon.config.backend);
+  if (const Engine* engine = daemon.engine->get()) reply.set_cpu_features(engine->cpu_features());
+  reply.set_threads(daemon.config.threads != 0 ? daemon.config.threads
+                                               : std::thread::hardware_concurrency());
+  for (const auto& [name, value] : list_limits(daemon.config.limits))
+    (*reply.mutable_limits())[name] = value;
+  reply.set_ready(daemon.engine->is_ready());
+}
+
+/// A TCP session's carrier: stays open until either side ends it.
+class KeepSessionStream final : public Writer<v1::KeepSessionReply> {
+ public:
+  KeepSessionStream(Sessions& sessions, Call call) : sessions_(sessions), call_(std::move(call)) {
+    sessions_.attach(call_.session()->id());
+    StartSendInitialMetadata();
+    on_end_.emplace(call_.session()->ended(), [this] { finish(); });
+  }
+  void OnCancel() override { finish(); }
+  void OnDone() override {
+    on_end_.reset();
+    sessions_.detach(call_.session()->id());
+    delete this;
+  }
+
+ private:
+  void finish() {
+    if (!is_finished_.exchange(true)) Finish(grpc::Status::OK);
+  }
+  Sessions& sessions_;
+  Call call_;
+  std::atomic<bool> is_finished_ = false;
+  std::optional<std::stop_callback<std::function<void()>>> on_end_;
+};
+
+Expected<std::shared_ptr<Session>> open_session(Daemon& daemon,
+                                                const v1::OpenSessionRequest& request) {
+  auto session = daemon.sessions.open(request.client());
+  if (!session || request.ticket().empty()) return session;
+  const u64 id = (*session)->id();
+  daemon.sessions.attach(id);
+  if (auto bound = daemon.lifelines->bind(request.ticket(), id); !bound) {
+    daemon.sessions.close(id);
+    return std::unexpected(bound.error());
+  }
+  return session;
+}
+
+}  // namespace
+
+grpc::ServerUnaryReactor* Service::GetServerInfo(Context* context,
+                                                 const v1::GetServerInfoRequest* request,
+                                                 v1::GetServerInfoReply* reply) {
+  return unary(daemon_.gate, context, *request, Needs::kNothing, [&](UnaryCall& call) {
+    describe_server(daemon_, *reply);
+    call.finish({});
+  });
+}
+
+grpc::ServerUnaryReactor* Service::OpenSession(Context* context,
+                                               const v1::OpenSessionRequest* request,
+                                               v1::OpenSessionReply* reply) {
+  return unary(daemon_.gate, context, *request, Needs::kNothing, [&](UnaryCall& call) {
+    const auto session = open_session(daemon_, *request);
+    if (!session) return call.finish(std::unexpected(session.error()));
+    daemon_.log.info("session opened", {{"client", request->client()}});
+    reply->set_session((*session)->id());
+    reply->set_instance(daemon_.instance);
+    reply->set_grace_seconds(daemon_.config.grace_seconds);
+    describe_server(daemon_, *reply->mutable_server());
+    call.finish({});
+  });
+}
+
+Writer<v1::KeepSessionReply>* Service::KeepSession(Context* context,
+                                                   const v1::KeepSessionRequest* request) {
+  using Refused = Refusal<Writer<v1::KeepSessionReply>>;
+  auto admitted = daemon_.gate.admit(*context, Needs::kSessionAlways);
+  if (!admitted) return new Refused(*context, admitted.error());
+  if (auto known = check_known(*request); !known) return new Refused(*context, known.error());
+  return new KeepSessionStream(daemon_.sessions, std::move(*admitted));
+}
+
+grpc::ServerUnaryReactor* Service::CloseSession(Context* context,
+                                                const v1::CloseSessionRequest* request,
+                                                v1::CloseSessionReply*) {
+  return unary(daemon_.gate, context, *request, Needs::kSessionAlways, [&](UnaryCall& call) {
+    const u64 id = call.session()->id();
+    daemon_.sessions.close(id);
+    daemon_.lifelines->release(id);
+    call.finish({});
+  });
+}
+
+}  // namespace heliograph::server

@@ -1,0 +1,115 @@
+// Opening, carrying and ending sessions. Called by the gate, OpenSession and the lifelines.
+#include "server/session.h"
+
+#include <fmt/format.h>
+#include <sys/random.h>
+
+namespace heliograph::server {
+namespace {
+
+constexpr double kFirstCarrierSeconds = 5;  // between OpenSession and KeepSession
+
+}  // namespace
+
+Status Session::begin_call() {
+  if (++calls_ <= limits_.calls) return {};
+  --calls_;
+  Error error{.code = Code::kResourceExhausted,
+              .message = fmt::format("{} calls of this session run already; wait for some of them "
+                                     "(limit calls_per_session)",
+                                     limits_.calls),
+              .where = ""};
+  error.needed = limits_.calls + 1;
+  error.available = limits_.calls;
+  return std::unexpected(std::move(error));
+}
+
+Expected<std::shared_ptr<Session>> Sessions::open(std::string client) {
+  u64 id = 0;
+  while (id == 0)
+    if (::getrandom(&id, sizeof id, 0) != sizeof id)
+      return fail(Code::kInternal, "", "no random numbers");
+  auto session = std::make_shared<Session>(id, std::move(client), options_.session);
+  {
+    const std::lock_guard lock(mutex_);
+    if (open_.size() >= options_.limit)
+      return fail(Code::kResourceExhausted, "",
+                  fmt::format("{} sessions are open; close one (limit sessions)", open_.size()));
+    open_.emplace(id, session);
+  }
+  start_grace(id, 0);
+  return session;
+}
+
+std::shared_ptr<Session> Sessions::find(u64 id) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = open_.find(id);
+  return found == open_.end() ? nullptr : found->second;
+}
+
+void Sessions::attach(u64 id) {
+  const std::lock_guard lock(mutex_);
+  if (const auto found = open_.find(id); found != open_.end()) ++found->second->carriers_;
+}
+
+void Sessions::detach(u64 id) {
+  u64 loss = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto found = open_.find(id);
+    if (found == open_.end() || --found->second->carriers_ > 0) return;
+    loss = ++found->second->losses_;
+  }
+  start_grace(id, loss);
+}
+
+void Sessions::start_grace(u64 id, u64 loss) {
+  const double seconds =
+      loss == 0 ? std::max(kFirstCarrierSeconds, options_.grace_seconds) : options_.grace_seconds;
+  const auto delay = std::chrono::duration_cast<EventLoop::Clock::duration>(
+      std::chrono::duration<double>(seconds));
+  loop_.post([this, id, loss, delay] {
+    loop_.after(delay, [this, id, loss] {
+      const auto session = find(id);
+      if (!session) return;
+      bool is_over;
+      {
+        const std::lock_guard lock(mutex_);
+        is_over = session->carriers_ == 0 && session->losses_ == loss;
+      }
+      if (is_over) close(id);
+    });
+  });
+}
+
+void Sessions::close(u64 id) {
+  std::shared_ptr<Session> session;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto found = open_.find(id);
+    if (found == open_.end()) return;
+    session = std::move(found->second);
+    open_.erase(found);
+  }
+  session->stop_.request_stop();
+  ended_(*session);
+}
+
+void Sessions::close_all() {
+  while (true) {
+    u64 id;
+    {
+      const std::lock_guard lock(mutex_);
+      if (open_.empty()) return;
+      id = open_.begin()->first;
+    }
+    close(id);
+  }
+}
+
+u32 Sessions::count() const {
+  const std::lock_guard lock(mutex_);
+  return u32(open_.size());
+}
+
+}  // namespace heliograph::server

@@ -1,0 +1,83 @@
+// One client: its calls, its retries, its uploads, and how long it lives.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <stop_token>
+#include <string>
+#include <unordered_map>
+
+#include "server/event_loop.h"
+#include "server/request_log.h"
+
+namespace heliograph::server {
+
+/// Thread: any. Lives as long as a call of it runs, even after it was closed.
+class Session {
+ public:
+  struct Limits {
+    u32 calls = 64;
+    ReplyLimits replies;
+  };
+  Session(u64 id, std::string client, Limits limits)
+      : id_(id), client_(std::move(client)), limits_(limits), requests_(limits.replies) {}
+
+  [[nodiscard]] u64 id() const { return id_; }
+  [[nodiscard]] const std::string& client() const { return client_; }
+  /// Stops when the session ends; its jobs stop with it.
+  [[nodiscard]] std::stop_token ended() const { return stop_.get_token(); }
+  [[nodiscard]] RequestLog& requests() { return requests_; }
+
+  /// RESOURCE_EXHAUSTED when too many calls run. end_call() must follow.
+  [[nodiscard]] Status begin_call();
+  void end_call() { --calls_; }
+
+ private:
+  friend class Sessions;
+  const u64 id_;
+  const std::string client_;
+  const Limits limits_;
+  RequestLog requests_;
+  std::stop_source stop_;
+  std::atomic<u32> calls_ = 0;
+  u32 carriers_ = 0;  // lifelines and KeepSession streams; guarded by Sessions::mutex_
+  u64 losses_ = 0;    // how often the last carrier ended
+};
+
+/// The open sessions. A session lives while something carries it (its second socket, or a
+/// KeepSession stream) and for the grace time after that. Thread: any.
+class Sessions {
+ public:
+  struct Options {
+    u32 limit = 256;
+    double grace_seconds = 10;
+    Session::Limits session;
+  };
+  /// `ended` is called once for each session, from any thread, after its jobs were told to stop.
+  Sessions(EventLoop& loop, Options options, std::function<void(const Session&)> ended)
+      : loop_(loop), options_(options), ended_(std::move(ended)) {}
+
+  /// Opens a session that nothing carries yet: its grace time starts.
+  [[nodiscard]] Expected<std::shared_ptr<Session>> open(std::string client);
+  /// Null when it is not open.
+  [[nodiscard]] std::shared_ptr<Session> find(u64 id) const;
+  void attach(u64 id);
+  /// The end of a carrier; of the last one starts the grace time.
+  void detach(u64 id);
+  void close(u64 id);
+  void close_all();
+  [[nodiscard]] u32 count() const;
+
+ private:
+  void start_grace(u64 id, u64 loss);
+
+  EventLoop& loop_;
+  const Options options_;
+  const std::function<void(const Session&)> ended_;
+  mutable std::mutex mutex_;
+  std::unordered_map<u64, std::shared_ptr<Session>> open_;
+};
+
+}  // namespace heliograph::server

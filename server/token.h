@@ -1,0 +1,18 @@
+// The token that loopback TCP clients send: loopback is open to every local user, a file is not.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "renderer/base/error.h"
+
+namespace heliograph::server {
+
+/// Reads the token file, or makes it (mode 0600, 32 random bytes in hexadecimal).
+/// PERMISSION_DENIED when others may read it.
+[[nodiscard]] Expected<std::string> load_token(const std::string& path);
+
+/// Compares in a time that does not depend on the content.
+[[nodiscard]] bool same_token(std::string_view a, std::string_view b);
+
+}  // namespace heliograph::server

@@ -1,0 +1,171 @@
+"""A real daemon on a Unix socket in a temporary folder, and a client of raw gRPC stubs.
+
+The stubs are generated here by protoc, so that these tests need no client package.
+"""
+
+import json
+import os
+import pathlib
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+
+import pytest
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+DAEMON = pathlib.Path(os.environ.get("HELIOGRAPHD", ROOT / "build/cpu/bin/heliographd"))
+STUBS = ROOT / "build/stubs"
+
+
+def generate_stubs() -> None:
+    protos = sorted((ROOT / "proto").rglob("*.proto"))
+    package = STUBS / "heliograph/v1"
+    newest = max(p.stat().st_mtime for p in protos)
+    made = package / "service_pb2_grpc.py"
+    if made.exists() and made.stat().st_mtime >= newest:
+        return
+    package.mkdir(parents=True, exist_ok=True)
+    for folder in (STUBS / "heliograph", package):
+        (folder / "__init__.py").touch()
+    plugin = subprocess.check_output(["which", "grpc_python_plugin"], text=True).strip()
+    subprocess.check_call(
+        ["protoc", f"-I{ROOT / 'proto'}", f"--python_out={STUBS}", f"--grpc_python_out={STUBS}",
+         f"--plugin=protoc-gen-grpc_python={plugin}", *map(str, protos)])
+
+
+generate_stubs()
+sys.path.insert(0, str(STUBS))
+
+import grpc  # noqa: E402
+from heliograph.v1 import service_pb2 as service  # noqa: E402
+from heliograph.v1 import service_pb2_grpc, types_pb2  # noqa: E402
+
+
+class Daemon:
+    """One heliographd process."""
+
+    def __init__(self, *flags: str, folder: str, limits: dict | None = None, **popen):
+        self.socket = os.path.join(folder, "heliograph.sock")
+        read, write = os.pipe()
+        named = [f"--limit={name}={value}" for name, value in (limits or {}).items()]
+        self.process = subprocess.Popen(
+            [DAEMON, "--socket", self.socket, "--ready-fd", str(write), *named, *flags],
+            pass_fds=(write, *popen.pop("pass_fds", ())), stderr=subprocess.PIPE, text=True,
+            **popen)
+        os.close(write)
+        with os.fdopen(read) as ready:
+            line = ready.readline()
+        self.ready = json.loads(line) if line else None
+
+    @property
+    def target(self) -> str:
+        return f"unix:{self.socket}"
+
+    def stop(self, signal_number: int = signal.SIGTERM, timeout: float = 10) -> int:
+        if self.process.poll() is None:
+            self.process.send_signal(signal_number)
+        try:
+            return self.process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+            raise
+
+
+class Client:
+    """One session: its lifeline, its channel, its stub."""
+
+    def __init__(self, daemon: Daemon, ticket: bool = True):
+        self.channel = grpc.insecure_channel(
+            daemon.target, options=[("grpc.use_local_subchannel_pool", 1)])
+        self.stub = service_pb2_grpc.RendererStub(self.channel)
+        self.lifeline = None
+        request = service.OpenSessionRequest(client="test")
+        if ticket:
+            self.lifeline = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            self.lifeline.connect(daemon.socket + ".fd.sock")
+            request.ticket = self.lifeline.recv(64)
+        self.opened = self.stub.OpenSession(request, wait_for_ready=True, timeout=10)
+        self.metadata = [("heliograph-session", str(self.opened.session))]
+        self.numbers: dict[int, int] = {}
+
+    def call(self, method: str, request=None, timeout: float | None = 10, **fields):
+        rpc = getattr(self.stub, method)
+        if request is None:
+            request = getattr(service, method + "Request")(**fields)
+        return rpc(request, metadata=self.metadata, timeout=timeout)
+
+    def create(self, name: str = "", **fields) -> int:
+        return self.call("CreateScene", name=name, **fields).scene
+
+    def apply(self, scene: int, *edits, number: int | None = None, **fields):
+        number = number or self.numbers.get(scene, 0) + 1
+        self.numbers[scene] = number
+        request = service.ApplyRequest(scene=scene, number=number, **fields)
+        request.transaction.edits.extend(edits)
+        return self.call("Apply", request)
+
+    def revision(self, scene: int) -> int:
+        return self.call("DescribeScene", scene=scene).scene.revision
+
+    def close(self) -> None:
+        self.channel.close()
+        if self.lifeline:
+            self.lifeline.close()
+
+
+def detail(error: grpc.RpcError) -> types_pb2.ErrorDetail:
+    """The ErrorDetail that travels with every error."""
+    for key, value in error.trailing_metadata() or ():
+        if key == "heliograph-error-bin":
+            return types_pb2.ErrorDetail.FromString(value)
+    raise AssertionError("the error carries no detail")
+
+
+def eventually(condition, seconds: float = 5.0):
+    """Waits until condition() is true and returns it."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        value = condition()
+        if value:
+            return value
+        time.sleep(0.01)
+    raise AssertionError("did not come true in time")
+
+
+@pytest.fixture
+def start():
+    """start(*flags, limits={}) -> Daemon; all are stopped at the end of the test."""
+    daemons = []
+    with tempfile.TemporaryDirectory(prefix="hg-") as folder:
+
+        def make(*flags: str, **options) -> Daemon:
+            place = os.path.join(folder, str(len(daemons)))
+            os.mkdir(place, 0o700)
+            daemons.append(Daemon(*flags, folder=place, **options))
+            return daemons[-1]
+
+        yield make
+        for daemon in daemons:
+            if daemon.process.poll() is None:
+                daemon.process.kill()
+            daemon.process.wait()
+
+
+@pytest.fixture(scope="module")
+def daemon():
+    """One daemon for a whole file, stopped by SIGTERM; it must then end with 0."""
+    with tempfile.TemporaryDirectory(prefix="hg-") as folder:
+        running = Daemon("--grace", "0.2", folder=folder)
+        yield running
+        assert running.stop() == 0, running.process.stderr.read()
+
+
+@pytest.fixture
+def client(daemon):
+    opened = Client(daemon)
+    yield opened
+    opened.close()

@@ -1,0 +1,100 @@
+"""The directory of scenes: names, who sees what, branches, retries."""
+
+import grpc
+import pytest
+from conftest import Client, detail
+
+NOT_FOUND = grpc.StatusCode.NOT_FOUND
+
+
+@pytest.fixture
+def other(daemon):
+    opened = Client(daemon)
+    yield opened
+    opened.close()
+
+
+def code_of(call) -> grpc.StatusCode:
+    with pytest.raises(grpc.RpcError) as error:
+        call()
+    return error.value.code()
+
+
+def test_a_scene_is_created_opened_and_deleted(client):
+    info = client.call("CreateScene", name="demo")
+    assert (info.name, info.revision, info.shared, info.durability) == ("demo", 0, False, "none")
+    assert info.next_edit == 1
+    assert client.call("OpenScene", name="demo").scene == info.scene
+    client.call("DeleteScene", scene=info.scene)
+    assert code_of(lambda: client.call("OpenScene", name="demo")) == NOT_FOUND
+    assert code_of(lambda: client.call("DeleteScene", scene=info.scene)) == NOT_FOUND
+
+
+def test_a_name_is_taken_once(client):
+    client.create("taken")
+    assert code_of(lambda: client.create("taken")) == grpc.StatusCode.ALREADY_EXISTS
+
+
+def test_an_unknown_name_lists_those_that_exist(client):
+    client.create("bin-picking")
+    with pytest.raises(grpc.RpcError) as error:
+        client.call("OpenScene", name="bin-pickin")
+    assert error.value.code() == NOT_FOUND
+    assert "bin-picking" in detail(error.value).nearest
+    assert detail(error.value).field == "name"
+
+
+def test_a_private_scene_is_invisible_to_others(client, other):
+    scene = client.create("secret")
+    assert [s.name for s in client.call("ListScenes").scenes] == ["secret"]
+    assert not other.call("ListScenes").scenes
+    for method in ("DescribeScene", "DeleteScene", "BranchScene"):
+        assert code_of(lambda m=method: other.call(m, scene=scene)) == NOT_FOUND
+    assert code_of(lambda: other.call("OpenScene", name="secret")) == NOT_FOUND
+    other.create("secret")  # the name tells nothing either
+
+
+def test_a_shared_scene_outlives_its_session(daemon, other):
+    client = Client(daemon)
+    scene = client.create("common", shared=True)
+    assert other.call("OpenScene", name="common").scene == scene
+    client.call("CloseSession")
+    client.close()
+    assert other.call("OpenScene", name="common").shared
+    other.call("DeleteScene", scene=scene)
+
+
+def test_a_repeated_request_id_is_answered_from_memory(client):
+    first = client.call("CreateScene", name="once", request_id="a")
+    again = client.call("CreateScene", name="once", request_id="a")
+    assert first == again
+    assert len(client.call("ListScenes").scenes) == 1
+    client.call("DeleteScene", scene=first.scene, request_id="b")
+    client.call("DeleteScene", scene=first.scene, request_id="b")
+    assert code_of(lambda: client.call("DeleteScene", scene=first.scene, request_id="a")) == \
+        grpc.StatusCode.INVALID_ARGUMENT
+
+
+def test_a_failed_call_may_be_tried_again_under_its_request_id(client):
+    scene = client.create("busy")
+    assert code_of(lambda: client.call("CreateScene", name="busy", request_id="c")) == \
+        grpc.StatusCode.ALREADY_EXISTS
+    client.call("DeleteScene", scene=scene)
+    assert client.call("CreateScene", name="busy", request_id="c").scene != scene
+
+
+@pytest.mark.parametrize("durability,code", [("os", "UNIMPLEMENTED"), ("fsync", "UNIMPLEMENTED"),
+                                             ("never", "INVALID_ARGUMENT")])
+def test_durability_is_none_or_refused(client, durability, code):
+    with pytest.raises(grpc.RpcError) as error:
+        client.call("CreateScene", durability=durability)
+    assert error.value.code().name == code
+    assert detail(error.value).field == "durability"
+
+
+def test_scenes_are_limited(start):
+    client = Client(start(limits={"scenes": 3}))
+    for _ in range(3):
+        client.create()
+    assert code_of(client.create) == grpc.StatusCode.RESOURCE_EXHAUSTED
+    client.close()
