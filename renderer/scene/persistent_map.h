@@ -1,11 +1,10 @@
-// A persistent hash map: a copy is one pointer, an insertion clones a path of at most a few nodes.
+// A persistent hash map: a copy is one pointer, and a change clones only what a copy shares.
 // Names and labels of a Snapshot live here.
 #pragma once
 
-#include <array>
+#include <algorithm>
 #include <functional>
 #include <memory>
-#include <optional>
 #include <utility>
 #include <vector>
 
@@ -13,112 +12,115 @@
 
 namespace heliograph {
 
-/// Source: Bagwell 2001, "Ideal Hash Trees", with a fan-out of 32 and small sorted buckets of equal
-/// hash prefixes at the leaves. Iteration order depends on the keys only, never on history.
+/// Source: Bagwell 2001, "Ideal Hash Trees", with a fan-out of 32 and small sorted buckets at the
+/// leaves. The tree and its iteration order depend on the keys only, never on history.
+/// Thread: const access from any, writes from one.
 template <class K, class V, class Hash = std::hash<K>>
 class PersistentMap {
  public:
   [[nodiscard]] const V* find(const K& key) const {
-    const u64 h = mix(Hash{}(key));
+    const u64 h = hash(key);
     const Node* node = root_.get();
-    for (u32 level = 0; node; ++level) {
-      if (node->leaf) {
-        for (const auto& [k, v] : node->entries)
-          if (k == key) return &v;
-        return nullptr;
-      }
-      node = node->children[slot(h, level)].get();
-    }
-    return nullptr;
+    for (u32 level = 0; node && !node->leaf(); ++level) node = node->children[slot(h, level)].get();
+    if (!node) return nullptr;
+    const auto entry = std::ranges::lower_bound(node->entries, key, {}, &Entry::first);
+    return entry != node->entries.end() && entry->first == key ? &entry->second : nullptr;
   }
-  void set(const K& key, V value) {
-    bool added = false;
-    root_ = set(root_, mix(Hash{}(key)), 0, key, std::move(value), added);
-    size_ += added;
-  }
+  void set(const K& key, V value) { insert(root_, hash(key), 0, {key, std::move(value)}); }
   void erase(const K& key) {
-    bool removed = false;
-    root_ = erase(root_, mix(Hash{}(key)), 0, key, removed);
-    size_ -= removed;
+    if (find(key)) remove(root_, hash(key), 0, key);
   }
-  [[nodiscard]] u32 size() const { return size_; }
+  [[nodiscard]] u32 size() const { return root_ ? root_->count : 0; }
+  /// f(key, value) for all of them.
   template <class F>
   void for_each(F&& f) const {
     visit(root_.get(), f);
   }
 
  private:
-  static constexpr u32 kBucket = 8;
-  static constexpr u32 kMaxLevel = 12;
+  static constexpr u32 kFan = 32;
+  static constexpr u32 kBucket = 8;     // a node of more entries has children
+  static constexpr u32 kMaxLevel = 12;  // below it, equal hashes share a leaf
+  using Entry = std::pair<K, V>;
   struct Node;
-  using NodePtr = std::shared_ptr<const Node>;
+  using NodePtr = std::shared_ptr<Node>;
   struct Node {
-    bool leaf = true;
-    std::vector<std::pair<K, V>> entries;
-    std::array<NodePtr, 32> children;
+    u32 count = 0;                  // entries here and beneath
+    std::vector<Entry> entries;     // leaf: sorted by key
+    std::vector<NodePtr> children;  // inner: kFan, some null
+
+    [[nodiscard]] bool leaf() const { return children.empty(); }
   };
 
-  static u64 mix(u64 x) {  // splitmix64 finaliser
+  static u64 hash(const K& key) {  // splitmix64's finaliser
+    u64 x = Hash{}(key);
     x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9ull;
     x = (x ^ (x >> 27)) * 0x94d049bb133111ebull;
     return x ^ (x >> 31);
   }
-  static u32 slot(u64 h, u32 level) { return u32(h >> (5 * level)) & 31u; }
+  static u32 slot(u64 h, u32 level) { return u32(h >> (5 * level)) & (kFan - 1); }
 
-  static NodePtr set(const NodePtr& node, u64 h, u32 level, const K& key, V value, bool& added) {
-    auto out = node ? std::make_shared<Node>(*node) : std::make_shared<Node>();
-    if (out->leaf) {
-      for (auto& [k, v] : out->entries)
-        if (k == key) {
-          v = std::move(value);
-          return out;
-        }
-      added = true;
-      out->entries.emplace_back(key, std::move(value));
-      if (out->entries.size() <= kBucket || level == kMaxLevel) return out;
-      auto entries = std::move(out->entries);
-      out->entries.clear();
-      out->leaf = false;
-      for (auto& [k, v] : entries) {
-        const u64 hk = mix(Hash{}(k));
-        NodePtr& child = out->children[slot(hk, level)];
-        bool again = false;
-        child = set(child, hk, level + 1, k, std::move(v), again);
-      }
-      return out;
-    }
-    NodePtr& child = out->children[slot(h, level)];
-    child = set(child, h, level + 1, key, std::move(value), added);
-    return out;
+  /// The node for writing: cloned when a copy shares it.
+  static Node& own(NodePtr& node) {
+    if (!node)
+      node = std::make_shared<Node>();
+    else if (node.use_count() > 1)
+      node = std::make_shared<Node>(*node);
+    return *node;
   }
-  static NodePtr erase(const NodePtr& node, u64 h, u32 level, const K& key, bool& removed) {
-    if (!node) return node;
-    if (node->leaf) {
-      for (std::size_t i = 0; i < node->entries.size(); ++i)
-        if (node->entries[i].first == key) {
-          removed = true;
-          auto out = std::make_shared<Node>(*node);
-          out->entries.erase(out->entries.begin() + std::ptrdiff_t(i));
-          return out->entries.empty() ? nullptr : NodePtr(out);
-        }
-      return node;
+
+  static bool insert(NodePtr& shared, u64 h, u32 level, Entry entry) {
+    Node& node = own(shared);
+    if (!node.leaf()) {
+      const bool added = insert(node.children[slot(h, level)], h, level + 1, std::move(entry));
+      node.count += added;
+      return added;
     }
-    const NodePtr& child = node->children[slot(h, level)];
-    NodePtr smaller = erase(child, h, level + 1, key, removed);
-    if (!removed) return node;
-    auto out = std::make_shared<Node>(*node);
-    out->children[slot(h, level)] = std::move(smaller);
-    return out;
+    const auto place = std::ranges::lower_bound(node.entries, entry.first, {}, &Entry::first);
+    if (place != node.entries.end() && place->first == entry.first) {
+      place->second = std::move(entry.second);
+      return false;
+    }
+    node.entries.insert(place, std::move(entry));
+    ++node.count;
+    if (node.count > kBucket && level < kMaxLevel) split(node, level);
+    return true;
   }
+  static void split(Node& node, u32 level) {
+    node.children.resize(kFan);
+    for (Entry& entry : std::exchange(node.entries, {})) {
+      const u64 h = hash(entry.first);
+      insert(node.children[slot(h, level)], h, level + 1, std::move(entry));
+    }
+  }
+
+  /// Removes a key that is there.
+  static void remove(NodePtr& shared, u64 h, u32 level, const K& key) {
+    Node& node = own(shared);
+    if (node.leaf())
+      node.entries.erase(std::ranges::lower_bound(node.entries, key, {}, &Entry::first));
+    else
+      remove(node.children[slot(h, level)], h, level + 1, key);
+    if (--node.count == 0)
+      shared = nullptr;
+    else if (!node.leaf() && node.count <= kBucket)
+      gather(node);
+  }
+  static void gather(Node& node) {
+    const auto keep = [&](const K& key, const V& value) { node.entries.emplace_back(key, value); };
+    for (const NodePtr& child : node.children) visit(child.get(), keep);
+    node.children.clear();
+    std::ranges::sort(node.entries, {}, &Entry::first);
+  }
+
   template <class F>
   static void visit(const Node* node, F& f) {
     if (!node) return;
-    for (const auto& [k, v] : node->entries) f(k, v);
+    for (const auto& [key, value] : node->entries) f(key, value);
     for (const NodePtr& child : node->children) visit(child.get(), f);
   }
 
   NodePtr root_;
-  u32 size_ = 0;
 };
 
 }  // namespace heliograph

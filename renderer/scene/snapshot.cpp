@@ -5,7 +5,8 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <tuple>
+#include <numeric>
+#include <utility>
 
 namespace heliograph {
 namespace {
@@ -13,12 +14,14 @@ namespace {
 constexpr std::size_t kNearest = 3;
 
 /// Edits (insert, delete, substitute) between two words, or limit + 1 when there are more.
+/// `row` is working memory.
 ///
 /// Source: Wagner & Fischer 1974, "The String-to-String Correction Problem".
-std::size_t edit_distance(std::string_view a, std::string_view b, std::size_t limit) {
+std::size_t edit_distance(std::string_view a, std::string_view b, std::size_t limit,
+                          std::vector<std::size_t>& row) {
   if (std::max(a.size(), b.size()) - std::min(a.size(), b.size()) > limit) return limit + 1;
-  std::vector<std::size_t> row(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  row.resize(b.size() + 1);
+  std::iota(row.begin(), row.end(), 0);
   for (std::size_t i = 1; i <= a.size(); ++i) {
     std::size_t diagonal = std::exchange(row[0], i);
     std::size_t smallest = i;
@@ -36,16 +39,16 @@ std::size_t edit_distance(std::string_view a, std::string_view b, std::size_t li
 std::vector<std::string> nearest_names(const Snapshot& snapshot, std::string_view name) {
   const std::size_t limit = std::max<std::size_t>(2, name.size() / 2);
   std::vector<std::pair<std::size_t, std::string>> found;
+  std::vector<std::size_t> row;
   snapshot.names.for_each([&](const std::string& candidate, Id) {
     const bool full = found.size() == kNearest;
     const std::size_t bar = full ? found.back().first : limit;
-    const std::size_t distance = edit_distance(name, candidate, bar);
-    if (distance > bar) return;
+    const std::size_t distance = edit_distance(name, candidate, bar, row);
+    if (distance > bar || (full && distance == bar && candidate > found.back().second)) return;
     std::pair entry{distance, candidate};
     found.insert(std::ranges::upper_bound(found, entry), std::move(entry));
-    if (full) found.resize(std::min(found.size(), kNearest));
+    if (full) found.pop_back();
   });
-  if (found.size() > kNearest) found.resize(kNearest);
   std::vector<std::string> names;
   for (auto& [distance, candidate] : found) names.push_back(std::move(candidate));
   return names;
