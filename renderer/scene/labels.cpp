@@ -1,35 +1,34 @@
-// Labels, classes and parts of every entity in one pass. Declared in labels.h.
+// Labels, classes and parts of every entity, each in one pass. Declared in labels.h.
 #include "renderer/scene/labels.h"
 
 #include <algorithm>
-#include <map>
 #include <utility>
 
 namespace heliograph {
-
 namespace {
+
+constexpr u32 kNone = ~0u;
 
 /// What an entity passes on to its children.
 struct Inherited {
-  u32 instance = 0;
+  u32 row = kNone;  // of its instance
   u32 category = 0;
-  u32 top = ~0u;  // topmost labelled entity of the instance above, or the entity itself
+  u32 depth = 0;
   bool visible = true;
 };
 
-Inherited inherit(const Entity& entity, u32 index, const Inherited& above) {
+Inherited inherit(const Entity& entity, u32 own_row, const Inherited& above) {
   Inherited out = above;
+  ++out.depth;
   out.visible = above.visible && entity.visible;
-  if (entity.label.category != 0) out.category = entity.label.category;
-  if (entity.label.set && entity.label.value != above.instance) {
-    out.instance = entity.label.value;
-    out.top = out.instance == 0 ? ~0u : index;
-  }
+  if (entity.label.set) out.row = own_row;
+  const bool opts_out = entity.label.set && entity.label.value == 0;
+  if (entity.label.category != 0 || opts_out) out.category = entity.label.category;
   return out;
 }
 
 /// What every entity inherits, parents first.
-std::vector<Inherited> inherit_all(const Snapshot& snapshot) {
+std::vector<Inherited> inherit_all(const Snapshot& snapshot, const std::vector<u32>& own_row) {
   std::vector<Inherited> out(snapshot.entities.capacity());
   std::vector<bool> done(out.size(), false);
   std::vector<u32> chain;
@@ -44,10 +43,21 @@ std::vector<Inherited> inherit_all(const Snapshot& snapshot) {
     for (; !chain.empty(); chain.pop_back()) {
       const u32 i = chain.back();
       const Entity& entity = snapshot.entities.at(i);
-      out[i] = inherit(entity, i, entity.parent ? out[entity.parent.index()] : Inherited{});
+      out[i] =
+          inherit(entity, own_row[i], entity.parent ? out[entity.parent.index()] : Inherited{});
       done[i] = true;
     }
   });
+  return out;
+}
+
+/// (label, index) of the entities that say their label themselves, ordered.
+std::vector<std::pair<u32, u32>> labelled_entities(const Snapshot& snapshot) {
+  std::vector<std::pair<u32, u32>> out;
+  snapshot.entities.for_each([&](u32 index, const Entity& entity) {
+    if (entity.label.set && entity.label.value != 0) out.emplace_back(entity.label.value, index);
+  });
+  std::ranges::sort(out);
   return out;
 }
 
@@ -55,64 +65,68 @@ std::vector<Inherited> inherit_all(const Snapshot& snapshot) {
 class PartNumbers {
  public:
   void reserve(u32 first, u32 count) { taken_.emplace_back(first, first + count); }
+  void sort() { std::ranges::sort(taken_); }
   u32 next(u32 count) {
-    std::ranges::sort(taken_);
-    for (const auto& [from, to] : taken_)
-      if (free_ < to && from < free_ + count) free_ = to;
+    for (; at_ < taken_.size() && taken_[at_].first < free_ + count; ++at_)
+      free_ = std::max(free_, taken_[at_].second);
     return std::exchange(free_, free_ + count);
   }
 
  private:
   std::vector<std::pair<u32, u32>> taken_;
+  std::size_t at_ = 0;
   u32 free_ = 1;
 };
 
-u32 part_count(const Snapshot& snapshot, const Entity& entity) {
-  const auto* mesh = snapshot.find(entity.mesh);
-  return mesh ? mesh->value->topology->part_count : 1;
-}
-
-void number_parts(const Snapshot& snapshot, const Instance& instance,
-                  std::vector<EntityLabel>& labels) {
-  PartNumbers numbers;
-  for (const u32 index : instance.entities)
-    if (const Entity& e = snapshot.entities.at(index); e.label.part != 0) {
-      labels[index].part = e.label.part;
-      numbers.reserve(e.label.part, part_count(snapshot, e));
-    }
-  for (const u32 index : instance.entities)
-    if (labels[index].part == 0)
-      labels[index].part = numbers.next(part_count(snapshot, snapshot.entities.at(index)));
+/// Numbers every entity with a mesh, also hidden ones, so that hiding one renumbers no other.
+void number_parts(const Snapshot& snapshot, const std::vector<Inherited>& inherited,
+                  Labelling& labelling) {
+  std::vector<PartNumbers> numbers(labelling.instances.size());
+  const auto for_each_part = [&](bool given, auto&& f) {
+    snapshot.entities.for_each([&](u32 index, const Entity& entity) {
+      const auto* mesh = snapshot.find(entity.mesh);
+      if (!mesh || inherited[index].row == kNone || (entity.label.part != 0) != given) return;
+      f(entity, mesh->value->topology->part_count, numbers[inherited[index].row],
+        labelling.entities[index].part);
+    });
+  };
+  for_each_part(true, [](const Entity& entity, u32 count, PartNumbers& row, u32& part) {
+    part = entity.label.part;
+    row.reserve(part, count);
+  });
+  for (PartNumbers& row : numbers) row.sort();
+  for_each_part(
+      false, [](const Entity&, u32 count, PartNumbers& row, u32& part) { part = row.next(count); });
 }
 
 }  // namespace
 
 Labelling label_entities(const Snapshot& snapshot) {
-  const std::vector<Inherited> inherited = inherit_all(snapshot);
+  const auto labelled = labelled_entities(snapshot);
   Labelling out;
+  std::vector<u32> own_row(snapshot.entities.capacity(), kNone);
+  for (const auto& [label, index] : labelled) {
+    if (out.instances.empty() || out.instances.back().label != label)
+      out.instances.push_back({.label = label, .category = 0, .root = index, .entities = {}});
+    own_row[index] = u32(out.instances.size() - 1);
+  }
+  const std::vector<Inherited> inherited = inherit_all(snapshot, own_row);
+  for (const auto& [label, index] : labelled) {
+    Instance& instance = out.instances[own_row[index]];
+    if (inherited[index].depth < inherited[instance.root].depth) instance.root = index;
+  }
+  for (Instance& instance : out.instances) instance.category = inherited[instance.root].category;
   out.entities.resize(inherited.size());
-  std::map<u32, Instance> instances;
   snapshot.entities.for_each([&](u32 index, const Entity& entity) {
     const Inherited& mine = inherited[index];
-    out.entities[index] = {mine.instance, mine.category, 0, ~0u};
-    if (mine.instance == 0) return;
-    const auto [found, added] = instances.try_emplace(mine.instance);
-    Instance& instance = found->second;
-    if (added) instance = {mine.instance, inherited[mine.top].category, mine.top, {}};
+    EntityLabel& label = out.entities[index];
+    label.category = mine.category;
+    if (mine.row == kNone) return;
+    Instance& instance = out.instances[mine.row];
+    label = {instance.label, instance.category, 0, instance.root};
     if (entity.mesh && mine.visible) instance.entities.push_back(index);
   });
-  for (auto& [label, instance] : instances) {
-    number_parts(snapshot, instance, out.entities);
-    out.instances.push_back(std::move(instance));
-  }
-  snapshot.entities.for_each([&](u32 index, const Entity&) {
-    EntityLabel& label = out.entities[index];
-    if (label.instance == 0) return;
-    const Instance& instance =
-        *std::ranges::lower_bound(out.instances, label.instance, {}, &Instance::label);
-    label.root = instance.root;
-    label.category = instance.category;
-  });
+  number_parts(snapshot, inherited, out);
   return out;
 }
 

@@ -28,6 +28,7 @@ struct Labelling {
   std::vector<Instance> instances;    // ordered by label; every labelled one has a row
 };
 
+/// All entities of one label have the category of the topmost; one that opted out has its own.
 /// A mesh with several parts takes as many consecutive part numbers, an entity's explicit part
 /// number comes first. Entities are numbered in index order.
 [[nodiscard]] Labelling label_entities(const Snapshot& snapshot);

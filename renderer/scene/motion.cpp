@@ -18,13 +18,21 @@ struct Between {
   float u = 0;
 };
 
-template <class Times>
-Between locate(const Times& times, std::size_t count, Time time) {
-  std::size_t i = 0;
-  while (i + 1 < count && times(i + 1) <= time) ++i;
-  if (i + 1 == count) return {count - 1, 0};
-  const double u = (time - times(i)) / (times(i + 1) - times(i));
-  return {i, float(std::clamp(u, 0.0, 1.0))};
+Between locate(const std::vector<Time>& times, Time time) {
+  const auto after = std::ranges::upper_bound(times, time);
+  if (after == times.begin()) return {};
+  const std::size_t i = std::size_t(after - times.begin()) - 1;
+  if (after == times.end()) return {.index = i};
+  return {.index = i, .u = float((time - times[i]) / (times[i + 1] - times[i]))};
+}
+
+mat4x3 pose_at(const PoseKeys& keys, Time time) {
+  const auto after = std::ranges::upper_bound(keys, time, {}, &PoseKey::time);
+  if (after == keys.begin()) return after->matrix;
+  const PoseKey& from = *std::prev(after);
+  if (after == keys.end()) return from.matrix;
+  return interpolate(from.matrix, after->matrix,
+                     float((time - from.time) / (after->time - from.time)));
 }
 
 /// Whether the pose or vertices at `time` come from between `previous` and the present.
@@ -78,7 +86,7 @@ bool is_keyed(const Snapshot& snapshot, u32 index) {
 /// positions or normals of keys at a time.
 std::vector<vec3> at_time(const VertexKeys& keys, const ArrayOf<vec3>& values, Time time) {
   const std::size_t count = values.size() / keys.times.size();
-  const auto [i, u] = locate([&](std::size_t k) { return keys.times[k]; }, keys.times.size(), time);
+  const auto [i, u] = locate(keys.times, time);
   const vec3* a = values.data() + i * count;
   std::vector<vec3> out(a, a + count);
   if (u > 0)
@@ -86,13 +94,27 @@ std::vector<vec3> at_time(const VertexKeys& keys, const ArrayOf<vec3>& values, T
   return out;
 }
 
-/// The vertices this mesh had before the last Advance, when they were edited since.
-const VertexKeys* vertices_before(const Snapshot& snapshot, u32 index, const Mesh& mesh) {
+/// The mesh that this entity showed before the last Advance, if it is the same surface; or null.
+const Mesh* mesh_before(const Snapshot& snapshot, u32 index, const Mesh& mesh) {
   const Entity* then = before(snapshot, index);
   if (!then || then->mesh != snapshot.entities.at(index).mesh) return nullptr;
   const auto* old = snapshot.previous->find(then->mesh);
-  if (!old || old->value->topology != mesh.topology) return nullptr;
-  return old->value->vertices == mesh.vertices ? nullptr : old->value->vertices.get();
+  return old && old->value->topology == mesh.topology ? old->value.get() : nullptr;
+}
+
+/// Morph weights at a time; those without keys move from what they were before the last Advance.
+std::vector<float> weights_at(const Snapshot& snapshot, u32 index, u32 morph_count, Time time) {
+  const Entity& now = snapshot.entities.at(index);
+  std::vector<float> weights = morph_weights(now, morph_count, time);
+  const bool keyed = now.morph_weights && !now.morph_weights->times.empty();
+  const Entity* then = in_history(snapshot, time) && !keyed ? before(snapshot, index) : nullptr;
+  if (!then || then->mesh != now.mesh || then->morph_weights == now.morph_weights) return weights;
+  std::vector<float> old = morph_weights(*then, morph_count, snapshot.previous->time);
+  old.resize(morph_count);
+  weights.resize(morph_count);
+  const float u = history_fraction(snapshot, time);
+  for (u32 m = 0; m < morph_count; ++m) weights[m] = std::lerp(old[m], weights[m], u);
+  return weights;
 }
 
 void blend(std::vector<vec3>& values, const std::vector<vec3>& other, float u) {
@@ -138,59 +160,11 @@ void apply_skin(const Skin& skin, const MeshTopology& topology, const mat4x3& en
 
 }  // namespace
 
-// ---------------------------------------------------------------- affine maps
-
-Decomposed decompose(const mat4x3& m) {
-  // Newton's iteration for the orthogonal factor converges quadratically (Higham 1986, "Computing
-  // the Polar Decomposition"); in double, because stretches may differ much.
-  const glm::dmat3 linear{mat3(m)};
-  glm::dmat3 q = linear;
-  if (glm::determinant(q) < 0) q = -q;
-  for (int i = 0; i < 64; ++i) {
-    const glm::dmat3 inverse_transpose = glm::transpose(glm::inverse(q));
-    const glm::dmat3 next = 0.5 * (q + inverse_transpose);
-    double change = 0;
-    for (int c = 0; c < 3; ++c) change = std::max(change, glm::length(next[c] - q[c]));
-    q = next;
-    if (change < 1e-12) break;
-  }
-  const glm::dmat3 stretch = glm::transpose(q) * linear;
-  return {vec3(m[3]), glm::normalize(quat(glm::quat_cast(q))),
-          mat3(0.5 * (stretch + glm::transpose(stretch)))};
-}
-
-mat4x3 compose(const Decomposed& d) {
-  const mat3 linear = glm::mat3_cast(d.rotation) * d.stretch;
-  return {linear[0], linear[1], linear[2], d.translation};
-}
-
-mat4x3 interpolate(const mat4x3& a, const mat4x3& b, float u) {
-  if (u <= 0 || a == b) return a;
-  if (u >= 1) return b;
-  const Decomposed x = decompose(a), y = decompose(b);
-  return compose({glm::mix(x.translation, y.translation, u), glm::slerp(x.rotation, y.rotation, u),
-                  x.stretch * (1 - u) + y.stretch * u});
-}
-
-mat4x3 multiply(const mat4x3& a, const mat4x3& b) {
-  const mat3 linear = mat3(a) * mat3(b);
-  return {linear[0], linear[1], linear[2], a * vec4(b[3], 1)};
-}
-
-mat4x3 inverse(const mat4x3& m) {
-  const glm::dmat3 linear = glm::inverse(glm::dmat3(mat3(m)));
-  return {vec3(linear[0]), vec3(linear[1]), vec3(linear[2]), vec3(-(linear * glm::dvec3(m[3])))};
-}
-
 // ---------------------------------------------------------------- poses
 
 mat4x3 local_pose(const Snapshot& snapshot, u32 entity, Time time) {
   const Entity& e = snapshot.entities.at(entity);
-  if (e.keys) {
-    const PoseKeys& keys = *e.keys;
-    const auto [i, u] = locate([&](std::size_t k) { return keys[k].time; }, keys.size(), time);
-    return u > 0 ? interpolate(keys[i].matrix, keys[i + 1].matrix, u) : keys[i].matrix;
-  }
+  if (e.keys) return pose_at(*e.keys, time);
   const mat4x3& now = snapshot.poses[entity];
   if (!in_history(snapshot, time)) return now;
   const Entity* then = before(snapshot, entity);
@@ -242,7 +216,7 @@ std::vector<float> morph_weights(const Entity& entity, u32 morph_count, Time tim
   const MorphWeights& keys = *entity.morph_weights;
   const std::span<const float> all = keys.weights;
   if (keys.times.empty()) return {all.begin(), all.begin() + morph_count};
-  const auto [i, u] = locate([&](std::size_t k) { return keys.times[k]; }, keys.times.size(), time);
+  const auto [i, u] = locate(keys.times, time);
   const auto a = all.subspan(i * morph_count, morph_count);
   std::vector<float> out(a.begin(), a.end());
   if (u > 0)
@@ -258,35 +232,44 @@ std::optional<DeformedVertices> deform(const Snapshot& snapshot, u32 entity, Tim
   if (!shared) return std::nullopt;
   const Mesh& mesh = *shared->value;
   const MeshTopology& topology = *mesh.topology;
-  const std::vector<float> weights = morph_weights(e, topology.morph_count, time);
-  const VertexKeys* then =
-      in_history(snapshot, time) ? vertices_before(snapshot, entity, mesh) : nullptr;
+  const std::vector<float> weights = weights_at(snapshot, entity, topology.morph_count, time);
   const bool morphs = std::ranges::any_of(weights, [](float w) { return w != 0; });
-  if (mesh.vertices->times.size() == 1 && !then && !morphs && !e.skin) return std::nullopt;
+  const bool keyed = mesh.vertices->times.size() > 1;
+  const Mesh* old =
+      in_history(snapshot, time) && !keyed ? mesh_before(snapshot, entity, mesh) : nullptr;
+  if (old && old->vertices == mesh.vertices) old = nullptr;
+  if (!keyed && !old && !morphs && !e.skin) return std::nullopt;
 
   DeformedVertices out{at_time(*mesh.vertices, mesh.vertices->positions, time), {}};
-  if (!mesh.vertices->normals.empty())
-    out.normals = at_time(*mesh.vertices, mesh.vertices->normals, time);
-  if (then) {
+  out.normals = at_time(*mesh.vertices, mesh.vertices->normals, time);
+  if (old) {
+    const VertexKeys& then = *old->vertices;
     const float u = history_fraction(snapshot, time);
-    blend(out.positions, at_time(*then, then->positions, snapshot.previous->time), u);
-    if (!then->normals.empty())
-      blend(out.normals, at_time(*then, then->normals, snapshot.previous->time), u);
+    blend(out.positions, at_time(then, then.positions, snapshot.previous->time), u);
+    blend(out.normals, at_time(then, then.normals, snapshot.previous->time), u);
   }
   add_morphs(out.positions, topology.morph_positions, weights);
   add_morphs(out.normals, topology.morph_normals, weights);
+  for (vec3& n : out.normals)
+    if (const float length = glm::length(n); length > 0) n /= length;
   if (e.skin) apply_skin(*e.skin, topology, world_poses[entity], world_poses, out);
   return out;
 }
 
 // ---------------------------------------------------------------- flow
 
+namespace {
+
+/// Times this near are the same, for sums like t - dt are rounded.
+double tolerance(const Snapshot& snapshot) { return 1e-9 * std::max(1.0, std::abs(snapshot.time)); }
+
+}  // namespace
+
 Status flow_defined(const Snapshot& snapshot, Time time, Time other,
                     const std::vector<EntityId>& cameras) {
   const auto [from, to] = std::minmax(time, other);
-  const double tolerance = 1e-9 * std::max(1.0, std::abs(snapshot.time));
-  if (snapshot.previous && from >= snapshot.previous->time - tolerance &&
-      to <= snapshot.time + tolerance)
+  if (snapshot.previous && from >= snapshot.previous->time - tolerance(snapshot) &&
+      to <= snapshot.time + tolerance(snapshot))
     return {};
   const auto refuse = [&](u32 index) {
     const std::string name = snapshot.name_of(snapshot.entity_id(index));
@@ -307,9 +290,11 @@ Status flow_defined(const Snapshot& snapshot, Time time, Time other,
 }
 
 bool flow_valid(const Snapshot& snapshot, u32 entity, Time time, Time other) {
-  if (!in_history(snapshot, std::min(time, other))) return true;
+  if (!in_history(snapshot, std::min(time, other) + tolerance(snapshot))) return true;
+  const auto* mesh = snapshot.find(snapshot.entities.at(entity).mesh);
+  if (mesh && !mesh_before(snapshot, entity, *mesh->value)) return false;
   for (EntityId id = snapshot.entity_id(entity); id; id = snapshot.entities.at(id.index()).parent)
-    if (!snapshot.entities.at(id.index()).keys && !before(snapshot, id.index())) return false;
+    if (!before(snapshot, id.index())) return false;
   return true;
 }
 

@@ -43,7 +43,8 @@ struct Decomposed {
 [[nodiscard]] std::vector<float> morph_weights(const Entity& entity, u32 morph_count, Time time);
 
 /// Positions and normals of a mesh as an entity shows them at `time`: vertex keys (and, as for
-/// poses, vertices edited since `previous`), then morph targets, then the skin; in mesh coordinates
+/// poses, vertices and weights edited since `previous`), then morph targets, then the skin; in mesh
+/// coordinates
 /// (skinned: relative to the entity's own world pose). nullopt: the mesh's own single key serves as
 /// it is.
 struct DeformedVertices {
@@ -61,7 +62,7 @@ struct DeformedVertices {
 [[nodiscard]] Status flow_defined(const Snapshot& snapshot, Time time, Time other,
                                   const std::vector<EntityId>& cameras);
 /// Whether this entity's own flow over (time, other) is valid: it and its ancestors existed and did
-/// not teleport in between.
+/// not teleport in between, and it showed the same surface.
 [[nodiscard]] bool flow_valid(const Snapshot& snapshot, u32 entity, Time time, Time other);
 
 }  // namespace heliograph

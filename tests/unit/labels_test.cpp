@@ -87,3 +87,55 @@ TEST_CASE("labels: a group joins unrelated entities in one row") {
   CHECK(l.instances[0].entities == std::vector<u32>{first, second});
   CHECK(l.entities[second].part == 2);
 }
+
+TEST_CASE("labels: the topmost entity is the root, whatever the order of indices") {
+  Builder b;
+  const MeshId mesh = b.mesh(1);
+  const u32 leaf = b.add(value(5), mesh);
+  const u32 middle = b.add(value(7));
+  const u32 top = b.add(value(5, 3));
+  b.s.entities.write(leaf).parent = b.s.entity_id(middle);
+  b.s.entities.write(middle).parent = b.s.entity_id(top);
+  const Labelling l = label_entities(b.s);
+  CHECK(l.entities[leaf].instance == 5);
+  CHECK(l.entities[leaf].root == top);
+  CHECK(l.instances[0].root == top);
+  CHECK(l.instances[0].category == 3);
+}
+
+TEST_CASE("labels: classes are inherited, and end where something opts out") {
+  Builder b;
+  const u32 top = b.add(value(1, 2));
+  const u32 inner = b.add(value(3), b.mesh(1), i32(top));
+  const u32 out = b.add(value(0), b.mesh(1), i32(top));
+  const u32 stuff = b.add(value(0, 4), b.mesh(1), i32(top));
+  const Labelling l = label_entities(b.s);
+  CHECK(l.entities[inner].category == 2);
+  CHECK(l.entities[out].category == 0);
+  CHECK(l.entities[stuff].category == 4);
+  CHECK(l.entities[stuff].instance == 0);
+}
+
+TEST_CASE("labels: hiding an entity renumbers no other") {
+  Builder b;
+  const u32 root = b.add(value(1));
+  const u32 first = b.add({}, b.mesh(2), i32(root)), second = b.add({}, b.mesh(1), i32(root));
+  CHECK(label_entities(b.s).entities[second].part == 3);
+  b.s.entities.write(first).visible = false;
+  CHECK(label_entities(b.s).entities[second].part == 3);
+  CHECK(label_entities(b.s).instances[0].entities == std::vector<u32>{second});
+}
+
+TEST_CASE("labels: automatic parts go around explicit ones, in index order") {
+  Builder b;
+  const u32 root = b.add(value(1));
+  const auto add = [&](u32 parts, u32 part) {
+    return b.add({.part = part}, b.mesh(parts), i32(root));
+  };
+  const std::vector<u32> entities{add(1, 0), add(2, 2), add(2, 0), add(1, 7),
+                                  add(1, 6), add(2, 0), add(1, 0)};
+  const Labelling l = label_entities(b.s);
+  std::vector<u32> parts;
+  for (const u32 i : entities) parts.push_back(l.entities[i].part);
+  CHECK(parts == std::vector<u32>{1, 2, 4, 7, 6, 8, 10});
+}

@@ -51,6 +51,30 @@ TEST_CASE("motion: decomposition gives back the matrix, also sheared and mirrore
   }
 }
 
+TEST_CASE("motion: decomposition of the flat and the nearly flat is a rotation and a stretch") {
+  const auto flattened = [](vec3 scale, float shear) {
+    mat4x3 m = pose({}, 0.7f, scale);
+    m[1] += m[0] * shear;
+    return m;
+  };
+  for (const mat4x3& m :
+       {flattened({1, 1, 0}, 0), flattened({0, 1, 1}, 0), flattened({1, 1e-12f, 1}, 0.5f),
+        flattened({0, 2, 0}, 0), flattened({0, 0, 0}, 0), flattened({-1, 1e-20f, 3}, 0.1f),
+        flattened({1e-20f, 1e-20f, 1e-20f}, 0.3f), flattened({1e15f, 1, 1e-15f}, 0)}) {
+    const Decomposed d = decompose(m);
+    const float size = glm::length(m[0]) + glm::length(m[1]) + glm::length(m[2]);
+    CHECK(difference(compose(d), m) <= 1e-6f * size);
+    CHECK(glm::length(d.rotation) == Approx(1));
+    CHECK(glm::determinant(glm::mat3_cast(d.rotation)) == Approx(1));
+  }
+}
+
+TEST_CASE("motion: a mirrored pose moves without collapsing") {
+  const mat4x3 a = pose({0, 0, 0}, 0, vec3(-1, 1, 1)), b = pose({0, 0, 0}, 1, vec3(-1, 1, 1));
+  for (const float u : {0.1f, 0.5f, 0.9f})
+    CHECK(glm::determinant(mat3(interpolate(a, b, u))) == Approx(-1));
+}
+
 TEST_CASE("motion: interpolation turns at a constant rate along the shorter arc") {
   const mat4x3 a = pose({0, 0, 0}, 0.2f, vec3(1)), b = pose({4, 0, 0}, 1.4f, vec3(3));
   CHECK(difference(interpolate(a, b, 0.25f), pose({1, 0, 0}, 0.5f, vec3(1.5f))) < 1e-5f);
@@ -105,6 +129,11 @@ TEST_CASE("motion: after an advance the old pose is at the old time, and flow is
   CHECK_FALSE(flow_valid(s, jumped, 2, 0));
   CHECK_FALSE(flow_valid(s, created, 2, 0));
   CHECK(flow_valid(s, created, 2, 4));
+  s.entities.write(created).keys =
+      std::make_shared<PoseKeys>(PoseKeys{{0, pose({0, 0, 0}, 0)}, {2, pose({1, 0, 0}, 0)}});
+  CHECK_FALSE(flow_valid(s, created, 2, 0));
+  const u32 child = add(s, mat4x3(1), created);
+  CHECK_FALSE(flow_valid(s, child, 2, 0));
 }
 
 TEST_CASE("motion: a change of parent keeps the world pose of the old time") {
@@ -178,4 +207,59 @@ TEST_CASE("motion: a still mesh is not deformed; one edited since the advance is
   const auto between = deform(s, i, 0.25, world_poses(s, 0.25));
   REQUIRE(between);
   CHECK(between->positions[0] == vec3(0, 0, 1));
+}
+
+TEST_CASE("motion: morph weights edited since the advance are in between, and normals stay unit") {
+  auto old = std::make_shared<Snapshot>();
+  const u32 i = add(*old, mat4x3(1));
+  old->entities.write(i).mesh = add_triangle(*old, {0}, {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}});
+  auto& row = old->meshes.write(0);
+  MeshTopology topology = *row.value->topology;
+  topology.morph_count = 1;
+  topology.morph_positions = ArrayOf<vec3>(std::vector<vec3>(3, {0, 0, 2}));
+  topology.morph_normals = ArrayOf<vec3>(std::vector<vec3>(3, {3, 0, 3}));
+  VertexKeys vertices = *row.value->vertices;
+  vertices.normals = ArrayOf<vec3>(std::vector<vec3>(3, {0, 0, 1}));
+  row.value = std::make_shared<Mesh>(
+      Mesh{std::make_shared<MeshTopology>(topology), std::make_shared<VertexKeys>(vertices)});
+  Snapshot s = *old;
+  s.previous = old;
+  s.time = s.advances = 1;
+  s.entities.write(i).morph_weights = std::make_shared<MorphWeights>(MorphWeights{{}, {1}});
+  const auto between = deform(s, i, 0.5, world_poses(s, 0.5));
+  REQUIRE(between);
+  CHECK(between->positions[0].z == 1);
+  CHECK(glm::length(between->normals[0]) == Approx(1));
+  CHECK_FALSE(deform(s, i, 0, world_poses(s, 0)));
+}
+
+TEST_CASE("motion: vertices with keys follow them, whatever they were before the advance") {
+  auto old = std::make_shared<Snapshot>();
+  const u32 i = add(*old, mat4x3(1));
+  old->entities.write(i).mesh = add_triangle(*old, {0}, {{9, 9, 9}, {1, 0, 0}, {0, 1, 0}});
+  Snapshot s = *old;
+  s.previous = old;
+  s.time = s.advances = 1;
+  auto& row = s.meshes.write(0);
+  VertexKeys keys{{0, 1}, ArrayOf(std::vector<vec3>(6, vec3(2))), {}};
+  row.value = std::make_shared<Mesh>(Mesh{row.value->topology, std::make_shared<VertexKeys>(keys)});
+  CHECK(deform(s, i, 0.5, world_poses(s, 0.5))->positions[0] == vec3(2));
+  CHECK(flow_valid(s, i, 1, 0));
+  row.value = std::make_shared<Mesh>(
+      Mesh{std::make_shared<MeshTopology>(*row.value->topology), row.value->vertices});
+  CHECK_FALSE(flow_valid(s, i, 1, 0));
+}
+
+TEST_CASE("motion: times that rounding moved still lie within the advance") {
+  auto old = std::make_shared<Snapshot>();
+  const u32 i = add(*old, mat4x3(1));
+  old->entities.write(i).mesh = add_triangle(*old, {0}, {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}});
+  old->time = 0.1;
+  Snapshot s = *old;
+  s.previous = old;
+  s.advances = 1;
+  s.time = 0.1 + 0.2;
+  CHECK(flow_defined(s, s.time, s.time - 0.2 - 1e-15, {}));
+  CHECK_FALSE(flow_defined(s, s.time, s.time + 0.2, {}));
+  CHECK_FALSE(flow_defined(s, s.time, s.time - 0.3, {}));
 }
