@@ -1,0 +1,44 @@
+// Bounds vertex by vertex: exact for any pose.
+#include "server/convert/bounds.h"
+
+#include "renderer/scene/motion.h"
+
+namespace heliograph::server {
+
+WorldBoxes::WorldBoxes(const Snapshot& snapshot)
+    : snapshot_(snapshot),
+      poses_(world_poses(snapshot, snapshot.time)),
+      children_(snapshot.entities.capacity()) {
+  snapshot.entities.for_each([&](u32 i, const Entity& entity) {
+    if (entity.parent) children_[entity.parent.index()].push_back(i);
+  });
+}
+
+void WorldBoxes::add(u32 entity, std::optional<Box>& box) const {
+  const Entity& row = snapshot_.entities.at(entity);
+  const Shared<Mesh>* mesh = snapshot_.find(row.mesh);
+  if (!mesh) return;
+  const auto moved = deform(snapshot_, entity, snapshot_.time, poses_);
+  const std::span<const vec3> positions =
+      moved ? std::span<const vec3>(moved->positions) : mesh->value->vertices->positions.span();
+  for (const vec3& p : positions) {
+    const vec3 p_world = poses_[entity] * vec4(p, 1);
+    if (!box) box = Box{p_world, p_world};
+    box->min = glm::min(box->min, p_world);
+    box->max = glm::max(box->max, p_world);
+  }
+}
+
+std::optional<Box> WorldBoxes::of(u32 entity) const {
+  std::optional<Box> box;
+  std::vector<u32> open{entity};
+  while (!open.empty()) {
+    const u32 next = open.back();
+    open.pop_back();
+    add(next, box);
+    open.insert(open.end(), children_[next].begin(), children_[next].end());
+  }
+  return box;
+}
+
+}  // namespace heliograph::server

@@ -1,0 +1,14 @@
+// One live object of a snapshot as the edit that would make it. Called by read.
+#pragma once
+
+#include "renderer/scene/snapshot.h"
+#include "renderer/scene/transaction.h"
+
+namespace heliograph::server {
+
+/// Every field of a live object, defaults included; references are ids.
+[[nodiscard]] Action describe_object(const Snapshot& snapshot, Id id);
+/// The dome, or the defaults where there is none.
+[[nodiscard]] PutDome describe_dome(const Snapshot& snapshot);
+
+}  // namespace heliograph::server
