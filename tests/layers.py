@@ -50,7 +50,7 @@ LIBRARIES = {
     "openvdb": {"renderer/assets"},
     "nanovdb": {"renderer/assets", "kernels"},
     "tiny_gltf.h": {"renderer/assets"},
-    "grpcpp": {"server"},
+    "grpcpp": {"server", "server/convert"},
     "google": {"server", "server/convert", "server/decode"},
 }
 INCLUDE = re.compile(r'^\s*#\s*include\s+(?:"([^"]+)"|<([^>]+)>)')

@@ -29,8 +29,10 @@ Message parse(const std::string& text) {
 std::shared_ptr<const Snapshot> snapshot() {
   InlineSource source;
   const auto message = parse<v1::Transaction>(R"(
-    edits { target { name: 'left' } entity { camera { width: 64 height: 48 fx: 50 fy: 50 cx: 31.5 cy: 23.5 } } }
-    edits { target { name: 'right' } entity { camera { width: 64 height: 48 fx: 50 fy: 50 cx: 31.5 cy: 23.5 } } }
+    edits { target { name: 'left' }
+            entity { camera { width: 64 height: 48 fx: 50 fy: 50 cx: 31.5 cy: 23.5 } } }
+    edits { target { name: 'right' }
+            entity { camera { width: 64 height: 48 fx: 50 fy: 50 cx: 31.5 cy: 23.5 } } }
     edits { target { name: 'rock' } entity { } }
     edits { target { name: 'paint' } material { } }
     edits { settings { time: 1.5 } }

@@ -56,9 +56,12 @@ void check_round_trip(const v1::Transaction& message, InlineSource& source) {
 
 v1::Entity full_entity() {
   auto entity = parse<v1::Entity>(R"(
-    parent { name: 'p' } mesh { id: 144115188075855873 } materials { parts { name: 'm' } parts { created_by_edit: 3 } }
-    light { color { x: 1 y: 2 z: 3 } intensity: 4 unit: UNIT_POWER exposure: -1 temperature: 6500 two_sided: true }
-    camera { width: 640 height: 480 projection: PROJECTION_ORTHOGRAPHIC fx: 500 fy: 501 cx: 319.5 cy: 239.5 }
+    parent { name: 'p' } mesh { id: 144115188075855873 }
+    materials { parts { name: 'm' } parts { created_by_edit: 3 } }
+    light { color { x: 1 y: 2 z: 3 } intensity: 4
+            unit: UNIT_POWER exposure: -1 temperature: 6500 two_sided: true }
+    camera { width: 640 height: 480 projection: PROJECTION_ORTHOGRAPHIC
+             fx: 500 fy: 501 cx: 319.5 cy: 239.5 }
     volume { id: 0 } skin { joints { name: 'a' } joints { name: 'b' } }
     label { value: 7 group: true category: 'bolt' part: 2 } visible: false
     visibility { camera: false diffuse: true glossy: false transmission: true shadow: false }
@@ -75,7 +78,8 @@ v1::Entity full_entity() {
 v1::Mesh full_mesh() {
   auto mesh = parse<v1::Mesh>(R"(
     part_names: 'x' part_names: 'y'
-    keypoints { name: 'tip' position { x: 1 y: 2 z: 3 } } keypoints { name: 'base' position { x: 1 } }
+    keypoints { name: 'tip' position { x: 1 y: 2 z: 3 } }
+    keypoints { name: 'base' position { x: 1 } }
     symmetries { axis { z: 1 } offset { x: 1 } })");
   const std::vector<float> nine{0, 0, 0, 1, 0, 0, 0, 1, 0}, six{0, 0, 1, 0, 0, 1};
   const std::vector<float> twelve{1, 0, 0, 0, 0, 1, 0, 0, 0.25, 0.25, 0.25, 0.25};
@@ -178,7 +182,8 @@ TEST_CASE("convert: every action survives the round trip") {
   source.assets[hash] = std::make_shared<const Asset>(asset);
   auto message = parse<v1::Transaction>(R"(
     edits { target { name: 'x' } remove { cascade: true } }
-    edits { target { name: 'y' } instantiate { parent { name: 'p' } label { auto: true group: false category: 'c' part: 0 }
+    edits { target { name: 'y' } instantiate { parent { name: 'p' } 
+            label { auto: true group: false category: 'c' part: 0 }
             materials { key: 'Leather' value { name: 'steel' } } animation: 1 } }
     edits { target { name: 'z' } instances { prototype { mesh { name: 'm' } } } }
     edits { poses { teleport: true } }

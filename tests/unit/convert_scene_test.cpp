@@ -47,10 +47,15 @@ std::shared_ptr<const Snapshot> make_scene(u32 n = 4) {
   InlineSource source;
   auto message = parse<v1::Transaction>(R"(
     edits { target { name: 'grid' } mesh { } }
-    edits { target { name: 'paint' } material { roughness { value: 0.25 } base_color { texture { texture { name: 'tex' } } } } }
-    edits { target { name: 'eye' } entity { camera { width: 64 height: 48 fx: 50 fy: 50 cx: 31.5 cy: 23.5 } } }
+    edits { target { name: 'paint' } 
+            material { roughness { value: 0.25 }
+                       base_color { texture { texture { name: 'tex' } } } } }
+    edits { target { name: 'eye' }
+            entity { camera { width: 64 height: 48 fx: 50 fy: 50 cx: 31.5 cy: 23.5 } } }
     edits { target { name: 'root' } entity { } }
-    edits { target { name: 'leaf' } entity { parent { name: 'root' } mesh { name: 'grid' } materials { parts { name: 'paint' } }
+    edits { target { name: 'leaf' }
+            entity { parent { name: 'root' } mesh { name: 'grid' }
+            materials { parts { name: 'paint' } }
             label { value: 5 category: 'leaf' } light { intensity: 2 } } }
     edits { settings { dome { intensity: 3 color { x: 1 y: 1 z: 1 } } } })");
   auto texture = parse<v1::Edit>("target { name: 'tex' } texture { wrap_u: WRAP_CLAMP }");
