@@ -12,31 +12,42 @@ namespace heliograph::kernels::inline HELIO_ISA {
 /// Rendering", section 3.3 (power heuristic, exponent 2).
 KERNEL float mis_weight(float a, float b) { return 1 / (1 + sqr(b / a)); }
 
-/// A direction towards light, from a given point.
+/// A direction towards light, from a given point. What comes from there is light_radiance().
 struct LightSample {
   vec3 direction;  // unit, world
   vec3 target;     // just before the light; meaningless for the dome
-  vec3 radiance;   // W sr^-1 m^-2
   float pdf;       // 1/sr, the choice of the light included
-  u32 visibility;  // ray mask bits of the emitting instance
-  bool infinite;   // the dome
+  u32 light;       // index into SceneView::lights; kNone: the dome
+  u32 primitive = 0;
+  vec2 place;         // barycentric; for the dome in its picture, row 0 at v = 0
+  bool front = true;  // the light shows its front
+  u32 visibility;     // ray mask bits of the emitting instance
 };
 
 // ---------------------------------------------------------------- surfaces
 
-/// Radiance that a point of a surface emits towards the side `front`.
+/// Radiance that a point of a surface emits towards the side `front`, and that sample_light()
+/// counts where the surface belongs to a light.
 KERNEL vec3 emitted(const SceneView& scene, const Surface& s, const MaterialValues& m, bool front) {
-  if (s.material->unlit) return m.base_color;
   vec3 radiance(0);
-  if (front || s.material->two_sided_emission) radiance = m.emission * m.emission_strength;
+  const MaterialView& material = *s.material;
+  if (!material.unlit && (front || material.two_sided_emission)) {
+    radiance = m.emission * m.emission_strength;
+  }
   if (s.light == kNone) return radiance;
   const LightView& light = scene.lights[s.light];
   if (!front && !light.light_two_sided) return radiance;
   vec3 added = light.radiance;
   if (light.texture.texture != kNone) {
-    added *= glm::max(vec3(sample_use<true>(scene, light.texture, s.uvs)), vec3(0));
+    added *= glm::max(vec3(sample_use<true>(scene, light.texture, uvs_at(s))), vec3(0));
   }
   return radiance + added;
+}
+
+/// What a surface shows of itself besides: the colour of unlit materials, which is light to whoever
+/// meets it but that sample_light() does not know.
+KERNEL vec3 shown(const Surface& s, const MaterialValues& m) {
+  return s.material->unlit ? m.base_color : vec3(0);
 }
 
 /// A triangle of a light in world space.
@@ -86,8 +97,8 @@ KERNEL bool sample_surface_light(const SceneView& scene, u32 index, vec3 p, floa
   if (count == 0) return false;
   const u32 primitive = mesh.part_triangles[first + choose(mesh.part_cdf + first, count, u).index];
   const LightTriangle t = light_triangle(scene, light, primitive);
-  const vec2 barycentric = sample_triangle(u2);
-  out.target = t.a + t.ab * barycentric.x + t.ac * barycentric.y;
+  out.place = sample_triangle(u2);
+  out.target = t.a + t.ab * out.place.x + t.ac * out.place.y;
   const vec3 d = out.target - p;
   const float distance2 = dot(d, d);
   const bool front = dot(d, t.normal) < 0;
@@ -101,31 +112,37 @@ KERNEL bool sample_surface_light(const SceneView& scene, u32 index, vec3 p, floa
   const vec3 n = normalize(t.normal);
   const float offset = plane_error(instance.world_from_object, t.corners, n);
   out.target += n * (front ? offset : -offset);
+  out.light = index;
+  out.primitive = primitive;
+  out.front = front;
   out.visibility = instance.visibility;
-  out.infinite = false;
-  if (!light.material_emits && light.texture.texture == kNone && !(instance.flags & kMayBeHole)) {
-    out.radiance = light.radiance;
-    return true;
-  }
-  const Surface s = surface_at(scene, light.instance, primitive, barycentric);
-  out.radiance = emitted(scene, s, material_at(scene, s, kEmissionBits), front);
-  if (instance.flags & kMayBeHole) {
-    out.radiance *= opacity_at(scene, light.instance, primitive, barycentric);
-  }
-  return !is_black(out.radiance);
+  return true;
+}
+
+/// Radiance of a sampled point of a surface.
+KERNEL vec3 surface_radiance(const SceneView& scene, const LightSample& sample) {
+  const LightView& light = scene.lights[sample.light];
+  const bool holes = scene.instances[light.instance].flags & kMayBeHole;
+  if (!light.material_emits && light.texture.texture == kNone && !holes) return light.radiance;
+  const Surface s = surface_at(scene, light.instance, sample.primitive, sample.place);
+  const vec3 radiance = emitted(scene, s, material_at(scene, s, kEmissionBits), sample.front);
+  if (!holes) return radiance;
+  return radiance * opacity_at(scene, light.instance, sample.primitive, sample.place);
 }
 
 // ---------------------------------------------------------------- dome
 
-KERNEL vec3 dome_texel(const SceneView& scene, vec2 uv) {
-  TextureView texture = scene.textures[scene.dome.texture];
+/// place: row 0 at v = 0.
+KERNEL vec3 dome_radiance(const SceneView& scene, vec2 place) {
+  const DomeView& dome = scene.dome;
+  if (dome.texture == kNone) return dome.radiance;
+  TextureView texture = scene.textures[dome.texture];
   texture.wrap_u = Wrap::kRepeat;
   texture.wrap_v = Wrap::kClamp;
-  return scene.dome.radiance * vec3(sample_texture<true>(texture, uv));
+  return dome.radiance * vec3(sample_texture<true>(texture, vec2(place.x, 1 - place.y)));
 }
 
-/// Place of a direction in the dome's picture, row 0 at v = 0 here, and the sine of its polar
-/// angle.
+/// Place of a direction in the dome's picture, and the sine of its polar angle.
 struct DomePlace {
   vec2 uv;
   float sine;
@@ -136,55 +153,61 @@ KERNEL DomePlace dome_place(const DomeView& dome, vec3 direction) {
   return {vec2(0.5f - atan2_turns(d.y, d.x), 2 * atan2_turns(sine, d.z)), sine};
 }
 
-struct DomeLight {
-  vec3 radiance;
-  float pdf;  // 1/sr, the choice of the dome included
-};
-/// Light from a direction, and the density with which sample_light would have taken it.
-KERNEL DomeLight dome_light(const SceneView& scene, vec3 direction) {
-  const DomeView& dome = scene.dome;
-  const float uniform = dome.probability * (0.25f * kInvPi);
-  if (dome.texture == kNone) return {dome.radiance, uniform};
-  const DomePlace place = dome_place(dome, direction);
-  const vec3 radiance = dome_texel(scene, vec2(place.uv.x, 1 - place.uv.y));
-  if (!dome.row_cdf || dome.probability <= 0) return {radiance, uniform};
+/// From the probability of a texel to a density of directions, 1/sr.
+KERNEL float dome_density(const DomeView& dome, float probability, float sine) {
+  return dome.probability * probability * float(dome.width) * float(dome.height) /
+         (2 * kPi * kPi * max2(sine, 1e-6f));
+}
+
+/// Density [1/sr] with which sample_light() takes a direction to the dome.
+KERNEL float dome_pdf(const DomeView& dome, const DomePlace& place) {
+  if (!dome.row_cdf) return dome.probability * (0.25f * kInvPi);
   const u32 x = min2(u32(max2(place.uv.x, 0.0f) * float(dome.width)), dome.width - 1);
   const u32 y = min2(u32(place.uv.y * float(dome.height)), dome.height - 1);
   const float* columns = dome.column_cdf + u64(y) * dome.width;
   const float row = dome.row_cdf[y] - (y > 0 ? dome.row_cdf[y - 1] : 0);
   const float column = columns[x] - (x > 0 ? columns[x - 1] : 0);
-  const float texels = float(dome.width) * float(dome.height);
-  const float sine = max2(place.sine, 1e-6f);
-  return {radiance, dome.probability * row * column * texels / (2 * kPi * kPi * sine)};
+  return dome_density(dome, row * column, place.sine);
+}
+
+/// The column that u falls into, within a row. The guide narrows the search to a few neighbours.
+KERNEL Choice choose_column(const DomeView& dome, u32 row, float u) {
+  const float* cdf = dome.column_cdf + u64(row) * dome.width;
+  if (!dome.column_guide) return choose(cdf, dome.width, u);
+  const u16* guide = dome.column_guide + u64(row) * kDomeGuide;
+  const u32 i = min2(u32(u * kDomeGuide), kDomeGuide - 1);
+  const u32 last = i + 1 < kDomeGuide ? guide[i + 1] : dome.width - 1;
+  return choose(cdf, guide[i], last + 1 - guide[i], u);
 }
 
 KERNEL bool sample_dome(const SceneView& scene, vec2 u, LightSample& out) {
   const DomeView& dome = scene.dome;
-  out.infinite = true;
+  out.light = kNone;
   out.visibility = kAllRays;
-  if (dome.texture == kNone || !dome.row_cdf) {
+  if (!dome.row_cdf) {
     out.direction = sample_sphere(u);
-    const DomeLight light = dome_light(scene, out.direction);
-    out.radiance = light.radiance;
-    out.pdf = light.pdf;
-    return !is_black(out.radiance);
+    out.place = dome.texture == kNone ? vec2(0) : dome_place(dome, out.direction).uv;
+    out.pdf = dome.probability * (0.25f * kInvPi);
+    return true;
   }
   const Choice row = choose(dome.row_cdf, dome.height, u.y);
-  const Choice column = choose(dome.column_cdf + u64(row.index) * dome.width, dome.width, u.x);
-  const vec2 uv((float(column.index) + column.rest) / float(dome.width),
-                (float(row.index) + row.rest) / float(dome.height));
-  const SinCos theta = sincos_turns(0.5f * uv.y);
-  const SinCos phi = sincos_turns(0.5f - uv.x);
-  if (theta.sin <= 1e-6f) return false;
+  const Choice column = choose_column(dome, row.index, u.x);
+  out.place = vec2((float(column.index) + column.rest) / float(dome.width),
+                   (float(row.index) + row.rest) / float(dome.height));
+  const SinCos theta = sincos_turns(0.5f * out.place.y);
+  const SinCos phi = sincos_turns(0.5f - out.place.x);
   out.direction = dome.world_from_dome * vec3(theta.sin * phi.cos, theta.sin * phi.sin, theta.cos);
-  const float texels = float(dome.width) * float(dome.height);
-  out.pdf = dome.probability * row.probability * column.probability * texels /
-            (2 * kPi * kPi * theta.sin);
-  out.radiance = dome_texel(scene, vec2(uv.x, 1 - uv.y));
-  return out.pdf > 0 && !is_black(out.radiance);
+  out.pdf = dome_density(dome, row.probability * column.probability, theta.sin);
+  return theta.sin > 1e-6f && out.pdf > 0;
 }
 
 // ---------------------------------------------------------------- all
+
+/// Radiance that arrives along a sampled direction if nothing stands in the way.
+KERNEL vec3 light_radiance(const SceneView& scene, const LightSample& sample) {
+  return sample.light == kNone ? dome_radiance(scene, sample.place)
+                               : surface_radiance(scene, sample);
+}
 
 /// Whether a light shows to every kind of ray that scattering makes. If not, only sample_light()
 /// and mirrors count it.

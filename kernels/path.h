@@ -92,9 +92,18 @@ template <Tracer T>
 KERNEL void miss(const PathContext<T>& c, const Path& path, SampleValues& sample) {
   const bool seen = path.edges == 1;
   if (seen && (c.settings.transparent_background || !c.scene.dome.camera_visible)) return;
-  const DomeLight light = dome_light(c.scene, path.ray.direction);
-  const float weight = path.pdf > 0 && light.pdf > 0 ? mis_weight(path.pdf, light.pdf) : 1;
-  collect(c, sample, {path.throughput * light.radiance * weight, path.edges, true}, path.route);
+  const DomeView& dome = c.scene.dome;
+  float weight = 1;
+  vec2 place(0);
+  if (dome.texture != kNone || path.pdf > 0) {
+    const DomePlace at = dome_place(dome, path.ray.direction);
+    place = at.uv;
+    if (path.pdf > 0 && dome.probability > 0) {
+      weight = mis_weight(path.pdf, dome_pdf(dome, at));
+    }
+  }
+  const vec3 radiance = dome_radiance(c.scene, place);
+  collect(c, sample, {path.throughput * radiance * weight, path.edges, true}, path.route);
 }
 
 /// Weight of light that the path met by itself where sample_light could have found it too.
@@ -112,18 +121,20 @@ KERNEL bool hit_surface(const PathContext<T>& c, const Path& path, const Hit& hi
   const Surface& s = v.surface;
   v.material = material_at(c.scene, s, ~kAlphaBit);
   const vec3 wo = -path.ray.direction;
-  const vec3 emission = emitted(c.scene, s, v.material, dot(wo, s.ng) >= 0);
-  if (!is_black(emission)) {
-    const float weight = emission_weight(c.scene, path, hit, s.light);
-    collect(c, sample, {path.throughput * emission * weight, path.edges, false}, path.route);
+  const bool front = dot(wo, s.ng) >= 0;
+  const vec3 emission = emitted(c.scene, s, v.material, front);
+  const vec3 own = shown(s, v.material);
+  if (!is_black(emission) || !is_black(own)) {
+    const vec3 light = emission * emission_weight(c.scene, path, hit, s.light) + own;
+    collect(c, sample, {path.throughput * light, path.edges, false}, path.route);
   }
   if (!s.material->unlit) {
     v.bsdf = make_bsdf(v.material, wo, s.ng, s.ns);
     if (scatters(v.bsdf)) return true;
   }
   if (!path.guided) {
-    sample.albedo = path.throughput * path.radiance_scale * glm::min(emission, vec3(1));
-    sample.normal = dot(wo, s.ng) >= 0 ? s.ns : -s.ns;
+    sample.albedo = path.throughput * path.radiance_scale * glm::min(emission + own, vec3(1));
+    sample.normal = front ? s.ns : -s.ns;
   }
   return false;
 }
@@ -145,7 +156,7 @@ KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Vertex
 
   Ray ray{offset_point(v.surface, light.direction), light.direction, INFINITY,
           hole_key(c, kShadowHoleHash + path.edges)};
-  if (!light.infinite) {
+  if (light.light != kNone) {
     const vec3 d = light.target - ray.origin;
     const float distance = length(d);
     if (!(distance > 0)) return;
@@ -155,9 +166,10 @@ KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Vertex
   ++sample.rays;
   if (c.tracer.occluded(ray, kShadowRay)) return;
   const float weight = shows_to_all(light.visibility) ? mis_weight(light.pdf, f.pdf) : 1;
-  const vec3 radiance = path.throughput * total * light.radiance * (weight / light.pdf);
+  const vec3 radiance =
+      path.throughput * total * light_radiance(c.scene, light) * (weight / light.pdf);
   const Route route = path.edges == 1 ? Route{share_of(f.diffuse, total), transmitted} : path.route;
-  collect(c, sample, {radiance, path.edges + 1, light.infinite}, route);
+  collect(c, sample, {radiance, path.edges + 1, light.light == kNone}, route);
 }
 
 /// Denoising guides, at the first vertex that is not a perfect mirror.

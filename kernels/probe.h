@@ -131,7 +131,7 @@ KERNEL void probe_geometry(Probe& p, const Surface& s, const CameraView& camera,
   p.normal_camera = normalize(cv_from_gl(transform_vector(camera.camera_from_world, p.normal)));
   p.geometric_normal = s.ng * side;
   p.tangent = world_tangent(s, tangents_of(s, c, 0).t);
-  p.uv = s.uvs.set[0];
+  p.uv = uvs_at(s).set[0];
   p.barycentric = s.barycentric;
 }
 
@@ -191,7 +191,7 @@ KERNEL Probe make_probe(const ProbeContext& context, const T* const (&tracers)[3
   p.hit = true;
   probe_geometry(p, s, camera, ray);
   p.material = material_at(scene, s, ~kAlphaBit);
-  p.emission = emitted(scene, s, p.material, dot(s.ng, ray.direction) <= 0);
+  p.emission = emitted(scene, s, p.material, dot(s.ng, ray.direction) <= 0) + shown(s, p.material);
   probe_labels(p, scene, s, hit);
   if (forward) {
     const CountedTracer<T> counted{*tracers[1], rays};

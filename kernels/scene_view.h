@@ -137,6 +137,8 @@ struct LightView {
   bool material_emits;      // the material's emission is not black
 };
 
+inline constexpr u32 kDomeGuide = 128;
+
 /// Light from infinity. Direction d in the dome's frame: u = 0.5 - atan2(d.y, d.x) / 2 pi, v =
 /// acos(d.z) / pi.
 struct DomeView {
@@ -152,6 +154,9 @@ struct DomeView {
   u32 height;
   const float* row_cdf;     // height: sum over rows up to and including, normalised
   const float* column_cdf;  // height * width: the same within a row
+  // height * kDomeGuide: for each row the column that u = i / kDomeGuide falls into, i. e. the
+  // first one whose sum exceeds it. Null: columns are searched for as a whole.
+  const u16* column_guide;
 };
 
 // ---------------------------------------------------------------- camera

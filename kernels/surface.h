@@ -13,7 +13,6 @@ struct Surface {
   vec3 ng;       // unit, geometric
   vec3 ns;       // unit, shading, in the hemisphere of ng
   float offset;  // metres along ng that leave the surface for certain
-  Uvs uvs;
   const InstanceView* instance;
   const MeshView* mesh;
   const MaterialView* material;
@@ -59,6 +58,8 @@ KERNEL vec3 offset_point(const Surface& s, vec3 direction) {
   return s.p + s.ng * (dot(s.ng, direction) < 0 ? -s.offset : s.offset);
 }
 
+KERNEL Uvs uvs_at(const Surface& s) { return uvs_at(*s.mesh, s.triangle, s.barycentric); }
+
 struct Tangents {
   vec3 t, b;  // object space; t zero when there are none
 };
@@ -97,7 +98,7 @@ KERNEL vec3 mapped_normal(const SceneView& scene, const Surface& s, const Corner
   const vec3 b_world = transform_vector(s.instance->world_from_object, tangents.b);
   vec3 b = cross(s.ns, t);
   if (dot(b, b_world) < 0) b = -b;
-  const vec4 texel = sample_texture(scene.textures[use.texture], transform_uv(use, s.uvs));
+  const vec4 texel = sample_texture(scene.textures[use.texture], transform_uv(use, uvs_at(s)));
   const vec3 n((2 * texel.x - 1) * use.scale, (2 * texel.y - 1) * use.scale, 2 * texel.z - 1);
   return normalize_or(t * n.x + b * n.y + s.ns * n.z, s.ns);
 }
@@ -125,14 +126,15 @@ KERNEL Surface surface_at(const SceneView& scene, u32 instance_index, u32 primit
     s.ns = normalize_or(transform_normal(inverse, n), s.ng);
     if (dot(s.ns, s.ng) < 0) s.ns = -s.ns;
   }
-  s.uvs = uvs_at(*s.mesh, s.triangle, barycentric);
   if (s.material->normal_map.texture != kNone) s.ns = mapped_normal(scene, s, c);
   return s;
 }
 
 /// Material parameters there, with the vertex colours.
 KERNEL MaterialValues material_at(const SceneView& scene, const Surface& s, u32 wanted) {
-  MaterialValues values = evaluate_material(scene, *s.material, s.uvs, wanted);
+  MaterialValues values = s.material->textured & wanted
+                              ? evaluate_material(scene, *s.material, uvs_at(s), wanted)
+                              : s.material->constant;
   if (s.mesh->colors) {
     const vec4 color = color_at(*s.mesh, s.triangle, s.barycentric);
     values.base_color *= vec3(color);

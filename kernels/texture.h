@@ -58,18 +58,24 @@ KERNEL vec4 load_rgba(const TextureView& texture, u64 i) {
   }
 }
 
-KERNEL vec4 load_rgba(const TextureView& texture, u64 i) {
-  switch (texture.type) {
+/// Calls f with the texel type as a template argument.
+template <class F>
+KERNEL vec4 with_type(TexelType type, const F& f) {
+  switch (type) {
     case TexelType::kU8:
-      return load_rgba<TexelType::kU8>(texture, i);
+      return f.template operator()<TexelType::kU8>();
     case TexelType::kU16:
-      return load_rgba<TexelType::kU16>(texture, i);
+      return f.template operator()<TexelType::kU16>();
     case TexelType::kF16:
-      return load_rgba<TexelType::kF16>(texture, i);
+      return f.template operator()<TexelType::kF16>();
     case TexelType::kF32:
       break;
   }
-  return load_rgba<TexelType::kF32>(texture, i);
+  return f.template operator()<TexelType::kF32>();
+}
+
+KERNEL vec4 load_rgba(const TextureView& texture, u64 i) {
+  return with_type(texture.type, [&]<TexelType T>() { return load_rgba<T>(texture, i); });
 }
 
 /// The coordinate within one period, in [0, 1].
@@ -104,28 +110,36 @@ KERNEL vec4 as_radiance(vec4 v) {
   return vec4(v.x > 0 ? v.x : 0, v.y > 0 ? v.y : 0, v.z > 0 ? v.z : 0, v.w);
 }
 
-/// Bilinear lookup (or the nearest texel). uv: v = 0 is the bottom row.
-template <bool kRadiance = false>
-KERNEL vec4 sample_texture(const TextureView& texture, vec2 uv) {
-  const u64 width = texture.width;
-  if (texture.nearest) {
-    const u32 x = nearest_tap(uv.x, texture.width, texture.wrap_u);
-    const u32 y = nearest_tap(1 - uv.y, texture.height, texture.wrap_v);
-    const vec4 texel = load_rgba(texture, y * width + x);
-    return kRadiance ? as_radiance(texel) : texel;
-  }
-  const Taps x = make_taps(uv.x, texture.width, texture.wrap_u);
-  const Taps y = make_taps(1 - uv.y, texture.height, texture.wrap_v);
-  vec4 a = load_rgba(texture, y.first * width + x.first);
-  vec4 b = load_rgba(texture, y.first * width + x.second);
-  vec4 c = load_rgba(texture, y.second * width + x.first);
-  vec4 d = load_rgba(texture, y.second * width + x.second);
+/// Four neighbouring texels, mixed.
+template <TexelType T, bool kRadiance>
+KERNEL vec4 bilinear(const TextureView& texture, Taps x, Taps y) {
+  const u64 top_row = u64(y.first) * texture.width;
+  const u64 bottom_row = u64(y.second) * texture.width;
+  vec4 a = load_rgba<T>(texture, top_row + x.first);
+  vec4 b = load_rgba<T>(texture, top_row + x.second);
+  vec4 c = load_rgba<T>(texture, bottom_row + x.first);
+  vec4 d = load_rgba<T>(texture, bottom_row + x.second);
   if constexpr (kRadiance) {
     a = as_radiance(a), b = as_radiance(b), c = as_radiance(c), d = as_radiance(d);
   }
   const vec4 top = a + (b - a) * x.weight;
   const vec4 bottom = c + (d - c) * x.weight;
   return top + (bottom - top) * y.weight;
+}
+
+/// Bilinear lookup (or the nearest texel). uv: v = 0 is the bottom row.
+template <bool kRadiance = false>
+KERNEL vec4 sample_texture(const TextureView& texture, vec2 uv) {
+  if (texture.nearest) {
+    const u32 x = nearest_tap(uv.x, texture.width, texture.wrap_u);
+    const u32 y = nearest_tap(1 - uv.y, texture.height, texture.wrap_v);
+    const vec4 texel = load_rgba(texture, u64(y) * texture.width + x);
+    return kRadiance ? as_radiance(texel) : texel;
+  }
+  const Taps x = make_taps(uv.x, texture.width, texture.wrap_u);
+  const Taps y = make_taps(1 - uv.y, texture.height, texture.wrap_v);
+  return with_type(texture.type,
+                   [&]<TexelType T>() { return bilinear<T, kRadiance>(texture, x, y); });
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

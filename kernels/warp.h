@@ -50,22 +50,19 @@ struct Choice {
   float probability;  // of the interval, as the sums have it
   float rest;         // uniform in [0, 1)
 };
-/// cdf   [count] sums up to and including each entry; count > 0
-/// u     in [0, cdf[count - 1]]
-KERNEL Choice choose(const float* cdf, u32 count, float u) {
-  u32 low = 0;
-  u32 high = count - 1;
-  while (low < high) {
-    const u32 middle = (low + high) / 2;
-    if (cdf[middle] > u) {
-      high = middle;
-    } else {
-      low = middle + 1;
-    }
+/// cdf     sums up to and including each entry
+/// first, count   the entries to choose from; count > 0
+/// u       in [0, cdf[first + count - 1]]
+KERNEL Choice choose(const float* cdf, u32 first, u32 count, float u) {
+  while (count > 1) {
+    const u32 half = count / 2;
+    first = cdf[first + half - 1] <= u ? first + half : first;
+    count -= half;
   }
-  const float start = low > 0 ? cdf[low - 1] : 0;
-  const float width = cdf[low] - start;
-  return {low, width, width > 0 ? min2((u - start) / width, 1 - 0x1p-24f) : 0};
+  const float start = first > 0 ? cdf[first - 1] : 0;
+  const float width = cdf[first] - start;
+  return {first, width, width > 0 ? min2((u - start) / width, 1 - 0x1p-24f) : 0};
 }
+KERNEL Choice choose(const float* cdf, u32 count, float u) { return choose(cdf, 0, count, u); }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

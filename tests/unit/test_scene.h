@@ -271,6 +271,13 @@ class TestScene {
     view.dome.height = t.height;
     view.dome.row_cdf = row_cdf_.data();
     view.dome.column_cdf = column_cdf_.data();
+    for (u32 y = 0; y < t.height; ++y) {
+      const float* row = column_cdf_.data() + size_t(y) * t.width;
+      for (u32 i = 0; i < kDomeGuide; ++i) {
+        column_guide_.push_back(u16(choose(row, t.width, float(i) / kDomeGuide).index));
+      }
+    }
+    view.dome.column_guide = column_guide_.data();
   }
 
   std::vector<TestMesh> meshes_;
@@ -279,6 +286,7 @@ class TestScene {
   std::deque<std::vector<u8>> texels_;
   std::vector<u32> part_materials_, part_lights_;
   std::vector<float> light_cdf_, row_cdf_, column_cdf_;
+  std::vector<u16> column_guide_;
   bool has_dome_ = false;
 };
 

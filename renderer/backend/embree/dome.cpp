@@ -2,6 +2,7 @@
 #include <tbb/parallel_for.h>
 
 #include "kernels/texture.h"
+#include "kernels/warp.h"
 #include "renderer/backend/embree/lights.h"
 
 namespace heliograph::embree {
@@ -23,6 +24,12 @@ float luminance(vec3 c) { return glm::dot(c, vec3(0.2126f, 0.7152f, 0.0722f)); }
 /// Share of a texel and of its two neighbours in the mean of the bilinear interpolant over it.
 constexpr float kSide = 0.125f, kMiddle = 0.75f;
 
+/// A row of DomeView::column_guide.
+void guide_row(const float* cdf, u32 width, kernels::u16* guide) {
+  for (u32 i = 0; i < kernels::kDomeGuide; ++i)
+    guide[i] = kernels::u16(kernels::choose(cdf, width, float(i) / kernels::kDomeGuide).index);
+}
+
 }  // namespace
 
 std::shared_ptr<const DomeTables> dome_tables(const Texture& texture, DerivedCache& cache) {
@@ -39,6 +46,7 @@ std::shared_ptr<const DomeTables> dome_tables(const Texture& texture, DerivedCac
     const u32 w = image.width, h = image.height;
     const float side = texture.nearest ? 0 : kSide, middle = texture.nearest ? 1 : kMiddle;
     tables->column_cdf.resize(std::size_t(w) * h);
+    if (w <= 1u << 16) tables->column_guide.resize(std::size_t(kernels::kDomeGuide) * h);
     std::vector<double> rows(h);
     std::vector<glm::dvec3> integrals(h);
     tbb::parallel_for(0u, h, [&](u32 y) {
@@ -59,6 +67,8 @@ std::shared_ptr<const DomeTables> dome_tables(const Texture& texture, DerivedCac
         sums[x] = sum += luminance(texel);
       }
       for (u32 x = 0; x < w; ++x) cdf[x] = sum > 0 ? float(sums[x] / sum) : float(x + 1) / float(w);
+      if (!tables->column_guide.empty())
+        guide_row(cdf, w, tables->column_guide.data() + std::size_t(y) * kernels::kDomeGuide);
       rows[y] = sum * solid_angle;
     });
     double total = 0;

@@ -186,6 +186,7 @@ double Lighter::add_dome() {
     view.height = texture->value->image->height;
     view.row_cdf = tables.row_cdf.data();
     view.column_cdf = tables.column_cdf.data();
+    if (!tables.column_guide.empty()) view.column_guide = tables.column_guide.data();
     integral = tables.integral;
   }
   const Box& bounds = placement_.bounds;

@@ -102,7 +102,7 @@ class HitColumns {
     *primitive_.row(i) = hit.primitive;
     put(position_.row(i), surface.p);
     put(normal_.row(i), glm::dot(surface.ng, direction) > 0 ? -surface.ng : surface.ng);
-    put(uv_.row(i), surface.uvs.set[0]);
+    put(uv_.row(i), kernels::uvs_at(surface).set[0]);
   }
 
  private:
@@ -259,7 +259,7 @@ Expected<QueryResult> sample_surface(const QueryScene& scene, const SampleSurfac
         kernels::surface_at(*scene.traced.view, slot, triangle, vec2(float(u), float(v)));
     put(position.row(i), surface.p);
     put(normal.row(i), surface.ng);
-    put(uv.row(i), surface.uvs.set[0]);
+    put(uv.row(i), kernels::uvs_at(surface).set[0]);
     *entity.row(i) = scene.snapshot.entity_id(scene.placement.structure->slots[slot].entity).value;
   }
   return result;
