@@ -29,7 +29,7 @@ def picture(peer, spp):
 
 def main(work, spp):
     print("workload  mean ours  Mitsuba's  difference  its error   |z|>2    |z|>3   median z")
-    for workload in ("W1", "W2", "W3", "W4", "W5"):
+    for workload in os.environ.get("WORKLOADS", "W1 W2 W3 W4 W5").split():
         variant = "" if workload == "W1" else "_lambert"
         path = os.path.join(work, "refs", workload + variant + ".npz")
         if not os.path.exists(path):
