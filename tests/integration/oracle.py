@@ -1,5 +1,5 @@
-"""A second opinion on planes and labels: a brute-force tracer in numpy float64, which shares no code with
-the renderer. Conventions are those of proto/heliograph/v1/types.proto."""
+"""A second opinion on planes and labels: a brute-force tracer in numpy float64, which shares no
+code with the renderer. Conventions are those of proto/heliograph/v1/types.proto."""
 
 from __future__ import annotations
 
@@ -36,7 +36,9 @@ class Hits:
     triangle: np.ndarray
     u: np.ndarray
     v: np.ndarray
-    margin: np.ndarray  # distance to the nearest triangle edge in barycentric units: small = ambiguous
+    margin: (
+        np.ndarray
+    )  # distance to the nearest triangle edge in barycentric units: small = ambiguous
 
 
 def pixel_rays(k: np.ndarray, width: int, height: int) -> np.ndarray:
@@ -80,7 +82,16 @@ def icosphere(level: int) -> tuple[np.ndarray, np.ndarray]:
     g = (1 + 5**0.5) / 2
     v = [(-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0), (0, -1, g), (0, 1, g)]
     v += [(0, -1, -g), (0, 1, -g), (g, 0, -1), (g, 0, 1), (-g, 0, -1), (-g, 0, 1)]
-    f = [(0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4), (11, 10, 2)]
+    f = [
+        (0, 11, 5),
+        (0, 5, 1),
+        (0, 1, 7),
+        (0, 7, 10),
+        (0, 10, 11),
+        (1, 5, 9),
+        (5, 11, 4),
+        (11, 10, 2),
+    ]
     f += [(10, 7, 6), (7, 1, 8), (3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8), (3, 8, 9), (4, 9, 5)]
     f += [(2, 4, 11), (6, 2, 10), (8, 6, 7), (9, 8, 1)]
     points = [np.array(x, float) / np.linalg.norm(x) for x in v]

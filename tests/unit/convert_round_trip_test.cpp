@@ -182,7 +182,7 @@ TEST_CASE("convert: every action survives the round trip") {
   source.assets[hash] = std::make_shared<const Asset>(asset);
   auto message = parse<v1::Transaction>(R"(
     edits { target { name: 'x' } remove { cascade: true } }
-    edits { target { name: 'y' } instantiate { parent { name: 'p' } 
+    edits { target { name: 'y' } instantiate { parent { name: 'p' }
             label { auto: true group: false category: 'c' part: 0 }
             materials { key: 'Leather' value { name: 'steel' } } animation: 1 } }
     edits { target { name: 'z' } instances { prototype { mesh { name: 'm' } } } }

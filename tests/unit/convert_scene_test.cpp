@@ -47,7 +47,7 @@ std::shared_ptr<const Snapshot> make_scene(u32 n = 4) {
   InlineSource source;
   auto message = parse<v1::Transaction>(R"(
     edits { target { name: 'grid' } mesh { } }
-    edits { target { name: 'paint' } 
+    edits { target { name: 'paint' }
             material { roughness { value: 0.25 }
                        base_color { texture { texture { name: 'tex' } } } } }
     edits { target { name: 'eye' }
