@@ -14,24 +14,6 @@ if(NOT embree_FOUND)
   find_package(embree 3 REQUIRED)
 endif()
 
-# Debian's OpenImageIO config names an include directory of OpenCV that its package does not bring.
-find_package(OpenImageIO 2.4 CONFIG REQUIRED)
-get_target_property(includes OpenImageIO::OpenImageIO INTERFACE_INCLUDE_DIRECTORIES)
-set(present)
-foreach(directory IN LISTS includes)
-  if(EXISTS ${directory})
-    list(APPEND present ${directory})
-  endif()
-endforeach()
-set_target_properties(OpenImageIO::OpenImageIO PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "${present}")
-
-find_path(OPENVDB_CMAKE FindOpenVDB.cmake
-  PATHS /usr/lib/${CMAKE_LIBRARY_ARCHITECTURE}/cmake/OpenVDB /usr/lib/x86_64-linux-gnu/cmake/OpenVDB REQUIRED)
-list(APPEND CMAKE_MODULE_PATH ${OPENVDB_CMAKE})
-find_package(OpenVDB 10 REQUIRED)
-
-find_path(TINYGLTF_INCLUDE tiny_gltf.h REQUIRED)
-find_library(TINYGLTF_LIBRARY tinygltf REQUIRED)
 find_library(SECCOMP_LIBRARY seccomp REQUIRED)
 
 # The codecs of heliograph-decode.

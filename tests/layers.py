@@ -45,7 +45,7 @@ LAYERS = sorted({*ALLOWED, "heliograph/v1"}, key=len, reverse=True)
 LIBRARIES = {
     "embree3": {"renderer/backend/embree"},
     "embree4": {"renderer/backend/embree"},
-    "OpenImageIO": {"renderer/assets"},
+    "OpenImageIO": set(),
     "OpenEXR": {"renderer/assets"},
     "openvdb": {"renderer/assets"},
     "nanovdb": {"renderer/assets", "kernels"},
