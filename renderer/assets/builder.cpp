@@ -38,7 +38,8 @@ PutEntity& Builder::entity_at(u32 index) {
 }
 
 void Builder::warn(const std::string& warning) {
-  if (warned_.insert(warning).second) loaded.warnings.push_back(warning);
+  constexpr std::size_t kLongest = 500;
+  if (warned_.insert(warning).second) loaded.warnings.push_back(clean_text(warning, kLongest));
 }
 
 void Builder::missing(const std::string& path) {

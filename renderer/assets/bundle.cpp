@@ -176,18 +176,24 @@ std::string stem_of(std::string_view path) {
   return clean_name(path.substr(0, path.rfind('.')), "asset");
 }
 
-std::string clean_name(std::string_view text, std::string_view fallback) {
+std::string clean_text(std::string_view text, std::size_t longest) {
   std::string result;
-  while (!text.empty() && result.size() < kLongestName) {
+  while (!text.empty() && result.size() < longest) {
     const std::size_t length = utf8_length(text);
     const auto c = u8(text.front());
     if (length > 1) {
       result += text.substr(0, length);
     } else {
-      result += length == 0 || c < 0x20 || c == 0x7f || c == '/' ? '_' : char(c);
+      result += length == 0 || c < 0x20 || c == 0x7f ? '_' : char(c);
     }
     text.remove_prefix(std::max<std::size_t>(length, 1));
   }
+  return result;
+}
+
+std::string clean_name(std::string_view text, std::string_view fallback) {
+  std::string result = clean_text(text, kLongestName);
+  std::ranges::replace(result, '/', '_');
   return result.empty() ? std::string(fallback) : result;
 }
 

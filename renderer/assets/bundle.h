@@ -43,7 +43,9 @@ struct DataUri {
 [[nodiscard]] std::string extension_of(std::string_view path);
 [[nodiscard]] std::string stem_of(std::string_view path);
 
-/// Printable UTF-8 of at most 120 bytes without '/', or `fallback` when nothing is left.
+/// Printable UTF-8 of at most `longest` bytes, whatever the file holds.
+[[nodiscard]] std::string clean_text(std::string_view text, std::size_t longest);
+/// A name for an object: at most 120 bytes, without '/'; `fallback` when nothing is left.
 [[nodiscard]] std::string clean_name(std::string_view text, std::string_view fallback);
 
 }  // namespace heliograph::assets

@@ -49,7 +49,10 @@ Loaded load_bundle(std::span<const BundleFile> files, const LoadOptions& options
   try {
     load(builder);
   } catch (Refused& refused) {
-    throw Refused{std::move(refused.error).at(clean_name(path, "model"))};
+    constexpr std::size_t kLongestMessage = 2000;
+    refused.error.message = clean_text(refused.error.message, kLongestMessage);
+    refused.error.where = clean_text(refused.error.where, kLongestMessage);
+    throw Refused{std::move(refused.error).at(clean_text(path, kLongestMessage))};
   }
   if (!builder.complete()) {
     builder.loaded.asset = {};

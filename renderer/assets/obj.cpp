@@ -176,8 +176,9 @@ class Reader {
       part_ = parts_.try_emplace({group_, material_}, u32(parts_.size())).first->second;
     }
     for (const uvec3& t : local_) {
-      mesh_.triangles.emplace_back(vertex(corners_[t.x]), vertex(corners_[t.y]),
-                                   vertex(corners_[t.z]));
+      const u32 a = vertex(corners_[t.x]);
+      const u32 b = vertex(corners_[t.y]);
+      mesh_.triangles.emplace_back(a, b, vertex(corners_[t.z]));
       mesh_.parts.push_back(*part_);
     }
   }

@@ -7,7 +7,7 @@
 namespace heliograph::assets {
 namespace {
 
-constexpr u32 kLargestSide = 1 << 20;
+constexpr u32 kLargestSide = 1 << 16;
 
 constexpr std::array<const char*, 6> kFormatNames = {"none", "PNG", "JPEG", "EXR", "HDR", "TIFF"};
 

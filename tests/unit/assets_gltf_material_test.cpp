@@ -1,0 +1,171 @@
+// glTF materials and textures: parameters, channels, encodings, samplers and texture transforms.
+#include <cmath>
+
+#include "renderer/assets/load.h"
+#include "tests/unit/asset_fixture.h"
+#include "tests/unit/catch.h"
+
+using namespace heliograph;
+using Catch::Matchers::Contains;
+using enum MaterialParameter;
+
+namespace {
+
+const ParameterPatch& parameter(const PutMaterial& material, MaterialParameter p) {
+  return material.parameters[std::size_t(p)];
+}
+
+/// A document with one material, an RGBA image (0), a gray one (1), and textures of both.
+Expected<Loaded> load_material(const std::string& material, const std::string& more = "") {
+  TestBundle bundle;
+  bundle.add("m.gltf",
+             R"({"asset":{"version":"2.0"},"images":[{"uri":"orm.png"},{"uri":"cube_depth.png"}],)"
+             R"("samplers":[{"wrapS":33071,"wrapT":33648,"magFilter":9728}],)"
+             R"("textures":[{"source":0},{"source":1},{"source":0,"sampler":0}],)"
+             R"("materials":[{)" +
+                 material + "}]" + more + "}");
+  bundle.add("orm.png", read_file(test_assets() / "picture/orm.png"));
+  bundle.add("cube_depth.png", read_file(test_assets() / "picture/cube_depth.png"));
+  return bundle.load();
+}
+
+PutMaterial material_of(const std::string& json) {
+  const auto loaded = load_material(json);
+  INFO(refusal(loaded));
+  REQUIRE(loaded);
+  return library_item<PutMaterial>(*loaded);
+}
+
+}  // namespace
+
+TEST_CASE("gltf: a material without a word has glTF's defaults, not ours") {
+  const PutMaterial material = material_of("");
+  CHECK(parameter(material, base_color).value == vec3(1));
+  CHECK(parameter(material, metallic).value == vec3(1));
+  CHECK(parameter(material, roughness).value == vec3(1));
+  CHECK(parameter(material, emission).value == vec3(0));
+  CHECK(material.alpha_mode == AlphaMode::kOpaque);
+  CHECK(material.two_sided_emission == false);
+}
+
+TEST_CASE("gltf: metallic from blue, roughness from green, both linear; colour is sRGB") {
+  const auto loaded = load_material(
+      R"("pbrMetallicRoughness":{"baseColorTexture":{"index":0},"baseColorFactor":[0.5,0.6,0.7,0.8],)"
+      R"("metallicRoughnessTexture":{"index":0},"metallicFactor":0.25})");
+  REQUIRE(loaded);
+  const PutMaterial& material = library_item<PutMaterial>(*loaded);
+  CHECK(parameter(material, metallic).texture->use.channel == 2);
+  CHECK(parameter(material, roughness).texture->use.channel == 1);
+  CHECK(parameter(material, metallic).value->x == 0.25f);
+  CHECK(parameter(material, base_color).value == vec3(0.5f, 0.6f, 0.7f));
+  CHECK_FALSE(parameter(material, alpha).texture);  // OPAQUE ignores alpha
+  // One picture, two encodings: two textures over the same texels.
+  const PutTexture& color = library_item<PutTexture>(*loaded, 0);
+  const PutTexture& data = library_item<PutTexture>(*loaded, 1);
+  CHECK(*color.srgb);
+  CHECK_FALSE(*data.srgb);
+  CHECK(color.image->texels->serial() == data.image->texels->serial());
+  CHECK_THROWS(library_item<PutTexture>(*loaded, 2));
+}
+
+TEST_CASE("gltf: alpha comes from the alpha channel, where there is one") {
+  const PutMaterial mask =
+      material_of(R"("alphaMode":"MASK","alphaCutoff":0.3,"pbrMetallicRoughness":)"
+                  R"({"baseColorTexture":{"index":0},"baseColorFactor":[1,1,1,0.5]})");
+  CHECK(mask.alpha_mode == AlphaMode::kMask);
+  CHECK(*mask.alpha_cutoff == 0.3f);
+  CHECK(parameter(mask, alpha).texture->use.channel == 3);
+  CHECK(parameter(mask, alpha).value->x == 0.5f);
+  const PutMaterial gray =
+      material_of(R"("alphaMode":"BLEND","pbrMetallicRoughness":{"baseColorTexture":{"index":1},)"
+                  R"("metallicRoughnessTexture":{"index":1}})");
+  CHECK_FALSE(parameter(gray, alpha).texture);
+  CHECK(parameter(gray, metallic).texture->use.channel == 0);
+}
+
+TEST_CASE("gltf: samplers and texture transforms") {
+  const auto loaded = load_material(
+      R"("normalTexture":{"index":2,"scale":0.5,"texCoord":1,"extensions":{"KHR_texture_transform":)"
+      R"({"offset":[0.1,0.2],"rotation":0.5,"scale":[2,3]}}})");
+  REQUIRE(loaded);
+  const PutTexture& texture = library_item<PutTexture>(*loaded);
+  CHECK(*texture.nearest);
+  CHECK(*texture.wrap_u == Wrap::kClamp);
+  CHECK(*texture.wrap_v == Wrap::kMirror);
+  const TextureUse& use = library_item<PutMaterial>(*loaded).normal_map->use;
+  CHECK(use.uv_set == 1);
+  CHECK(use.scale == 0.5f);
+  // offset + rotation * scale, counter-clockwise in the picture, whose v runs down.
+  const vec2 uv(0.3f, 0.4f);
+  const double c = std::cos(0.5), s = std::sin(0.5);
+  const double u_out = 0.1 + c * 2 * 0.3 + s * 3 * (1 - 0.4);
+  const double v_out = 0.2 - s * 2 * 0.3 + c * 3 * (1 - 0.4);
+  const vec2 ours = use.uv_transform * vec3(uv, 1);
+  CHECK(ours.x == Approx(u_out));
+  CHECK(ours.y == Approx(1 - v_out));
+}
+
+TEST_CASE("gltf: the material extensions that have a parameter") {
+  const PutMaterial material = material_of(
+      R"("doubleSided":true,"emissiveFactor":[1,0.5,0],"emissiveTexture":{"index":0},"extensions":{)"
+      R"("KHR_materials_emissive_strength":{"emissiveStrength":20},)"
+      R"("KHR_materials_ior":{"ior":1.33},"KHR_materials_unlit":{},)"
+      R"("KHR_materials_transmission":{"transmissionFactor":0.9,"transmissionTexture":{"index":0}},)"
+      R"("KHR_materials_specular":{"specularFactor":0.4,"specularTexture":{"index":0},)"
+      R"("specularColorFactor":[0.1,0.2,0.3]}})");
+  CHECK(*material.two_sided_emission);
+  CHECK(*material.unlit);
+  CHECK(parameter(material, emission).value == vec3(1, 0.5f, 0));
+  CHECK(parameter(material, emission_strength).value->x == 20);
+  CHECK(parameter(material, ior).value->x == 1.33f);
+  CHECK(parameter(material, transmission).value->x == 0.9f);
+  CHECK(parameter(material, transmission).texture->use.channel == 0);
+  CHECK(parameter(material, specular).texture->use.channel == 3);
+  CHECK(parameter(material, specular_color).value == vec3(0.1f, 0.2f, 0.3f));
+}
+
+TEST_CASE("gltf: specular-glossiness becomes a dielectric of that reflection") {
+  const PutMaterial material = material_of(
+      R"("extensions":{"KHR_materials_pbrSpecularGlossiness":{"diffuseFactor":[0.2,0.3,0.4,1],)"
+      R"("specularFactor":[0.02,0.04,0.08],"glossinessFactor":0.75,)"
+      R"("specularGlossinessTexture":{"index":0}}})");
+  CHECK(parameter(material, base_color).value == vec3(0.2f, 0.3f, 0.4f));
+  CHECK(parameter(material, metallic).value->x == 0);
+  CHECK(parameter(material, specular_color).value->z == Approx(2));
+  const auto& use = parameter(material, roughness).texture->use;
+  // roughness = 1 - glossiness * texel
+  CHECK(parameter(material, roughness).value->x * (0.5f * use.scale + use.offset) ==
+        Approx(1 - 0.75 * 0.5));
+}
+
+TEST_CASE("gltf: what is left out or clamped says so") {
+  const auto loaded =
+      load_material(R"("pbrMetallicRoughness":{"roughnessFactor":3})",
+                    R"(,"extensionsUsed":["KHR_materials_clearcoat","KHR_materials_variants"])");
+  REQUIRE(loaded);
+  CHECK(parameter(library_item<PutMaterial>(*loaded), roughness).value->x == 1);
+  CHECK(loaded->warnings.size() == 3);
+}
+
+TEST_CASE("gltf: broken materials and pictures are refused by name") {
+  const auto refused = [](const std::string& json, const std::string& more = "") {
+    return refusal(load_material(json, more));
+  };
+  CHECK_THAT(refused(R"("normalTexture":{"index":7})"),
+             Contains("materials[0].normalTexture.index: is 7"));
+  CHECK_THAT(refused(R"("normalTexture":{})"), Contains("index: is missing"));
+  CHECK_THAT(refused(R"("alphaMode":"GLASS")"), Contains("alphaMode"));
+  CHECK_THAT(refused(R"("emissiveFactor":[1,1])"), Contains("3 numbers"));
+  TestBundle bundle;
+  bundle.add("m.gltf",
+             R"({"asset":{"version":"2.0"},"images":[{"uri":"a.png"}],)"
+             R"("textures":[{"source":0},{"extensions":{"KHR_texture_basisu":{"source":0}}}],)"
+             R"("materials":[{"normalTexture":{"index":0}}]})");
+  CHECK(bundle.load()->missing == std::vector<std::string>{"a.png"});
+  TestBundle broken = bundle;
+  broken.add("a.png", "\x89PNG\r\n\x1a\n and then nonsense");
+  CHECK_THAT(refusal(broken.load()), Contains("images[0]: broken PNG"));
+  TestBundle lying = bundle;
+  lying.add("a.png", read_file(test_assets() / "picture/gradient.jpg"));
+  CHECK_THAT(refusal(lying.load()), Contains("JPEG"));
+}

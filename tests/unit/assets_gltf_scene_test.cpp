@@ -1,0 +1,279 @@
+// glTF nodes, cameras, lights, instances, skins and animations against arithmetic.
+#include <cmath>
+#include <numbers>
+
+#include "renderer/assets/load.h"
+#include "tests/unit/asset_fixture.h"
+#include "tests/unit/catch.h"
+
+using namespace heliograph;
+using Catch::Matchers::Contains;
+
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+std::string with_triangle(const std::string& nodes, const std::string& more = "") {
+  return R"("meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"nodes":[)" + nodes + "]" +
+         more;
+}
+
+GltfFile triangle() {
+  GltfFile file;
+  file.floats("VEC3", {0, 0, 0, 1, 0, 0, 0, 2, 0});
+  return file;
+}
+
+bool near(const mat4x3& a, const mat4x3& b) {
+  for (int c = 0; c < 4; ++c) {
+    if (glm::distance(a[c], b[c]) > 1e-5f) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+TEST_CASE("gltf: the root is the user's, and z_up below it turns +Y to +Z") {
+  const auto loaded = triangle().load(with_triangle(
+      R"({"name":"a","children":[1],"translation":[0,10,0]},{"name":"b","mesh":0,"scale":[2,2,2]})"));
+  REQUIRE(loaded);
+  CHECK(std::holds_alternative<std::monostate>(loaded->asset.entities[0].target));
+  CHECK_FALSE(std::get<PutEntity>(loaded->asset.entities[0].action).pose);
+  const PutEntity& z_up = entity_named(*loaded, "z_up");
+  CHECK(z_up.pose->matrices[0] * vec4(0, 1, 0, 1) == vec3(0, 0, 1));
+  CHECK(z_up.pose->matrices[0] * vec4(0, 0, 1, 1) == vec3(0, -1, 0));
+  CHECK(entity_of(*loaded, *entity_named(*loaded, "b").parent) == entity_index(*loaded, "a"));
+  // (0..2, 10..14, 0) in glTF is (0..2, 0, 10..14) here.
+  CHECK(glm::distance(loaded->bounds_min, vec3(0, 0, 10)) < 1e-5f);
+  CHECK(glm::distance(loaded->bounds_max, vec3(2, 0, 14)) < 1e-5f);
+}
+
+TEST_CASE("gltf: a matrix and its TRS are the same pose") {
+  // 90 degrees about +Z, then moved.
+  const auto loaded = triangle().load(with_triangle(
+      R"({"name":"m","mesh":0,"matrix":[0,2,0,0,-3,0,0,0,0,0,1,0,4,5,6,1]},)"
+      R"({"name":"t","mesh":0,"translation":[4,5,6],"rotation":[0,0,0.70710678,0.70710678],)"
+      R"("scale":[2,3,1]})"));
+  REQUIRE(loaded);
+  CHECK(near(entity_named(*loaded, "m").pose->matrices[0],
+             entity_named(*loaded, "t").pose->matrices[0]));
+}
+
+TEST_CASE("gltf: node graphs that are no trees are refused") {
+  const auto refused = [](const std::string& nodes, const std::string& more = "") {
+    return refusal(triangle().load(with_triangle(nodes, more)));
+  };
+  CHECK_THAT(refused(R"({"children":[0]})"), Contains("cycle"));
+  CHECK_THAT(refused(R"({"children":[1]},{"children":[0]})"), Contains("cycle"));
+  CHECK_THAT(refused(R"({"children":[2]},{"children":[2]},{})"), Contains("two parents"));
+  CHECK_THAT(refused(R"({"children":[5]})"), Contains("nodes[0].children[0]: is 5"));
+  CHECK_THAT(refused(R"({"mesh":3})"), Contains("nodes[0].mesh: is 3"));
+  CHECK_THAT(refused(R"({"children":[1]},{})", R"(,"scenes":[{"nodes":[1]}])"), Contains("parent"));
+  CHECK_THAT(refused(R"({"rotation":[0,0,0,0]})"), Contains("rotation"));
+  CHECK_THAT(refused(R"({"translation":[0,0]})"), Contains("3 numbers"));
+  CHECK_THAT(refused(R"({"translation":[0,0,1e39]})"), Contains("too large"));
+  CHECK_THAT(refused(R"({"matrix":[1,0,0,1,0,1,0,0,0,0,1,0,0,0,0,1]})"), Contains("last row"));
+}
+
+TEST_CASE("gltf: a node scaled to nothing is hidden, not refused") {
+  const auto loaded = triangle().load(with_triangle(R"({"name":"flat","mesh":0,"scale":[0,0,0]})"));
+  REQUIRE(loaded);
+  CHECK(entity_named(*loaded, "flat").visible == false);
+  CHECK_THAT(loaded->warnings.at(0), Contains("'flat'"));
+}
+
+TEST_CASE("gltf: cameras keep their field of view") {
+  const auto loaded = triangle().load(with_triangle(
+      R"({"name":"p","camera":0},{"name":"o","camera":1})",
+      R"(,"cameras":[{"type":"perspective","perspective":{"yfov":1.0}},)"
+      R"({"type":"orthographic","orthographic":{"xmag":2,"ymag":1,"znear":0,"zfar":1}}])"));
+  REQUIRE(loaded);
+  const Camera p = **entity_named(*loaded, "p").camera;
+  CHECK(p.width == 1920);
+  CHECK(2 * std::atan(0.5 * p.height / p.fy) == Approx(1.0));
+  CHECK(p.fx == Approx(p.fy));
+  CHECK(p.cx == 959.5);
+  const Camera o = **entity_named(*loaded, "o").camera;
+  CHECK(o.projection == Projection::kOrthographic);
+  CHECK(o.width / o.fx == Approx(4));
+  CHECK(o.height / o.fy == Approx(2));
+}
+
+TEST_CASE("gltf: punctual lights carry their intensity over") {
+  const auto loaded = triangle().load(
+      with_triangle(R"({"name":"n","extensions":{"KHR_lights_punctual":{"light":0}}},)"
+                    R"({"extensions":{"KHR_lights_punctual":{"light":1}}},)"
+                    R"({"extensions":{"KHR_lights_punctual":{"light":2}}})",
+                    R"(,"extensions":{"KHR_lights_punctual":{"lights":[)"
+                    R"({"name":"bulb","type":"point","intensity":7,"color":[1,0.5,0]},)"
+                    R"({"name":"torch","type":"spot","intensity":7,"spot":{}},)"
+                    R"({"name":"sun","type":"directional","intensity":1000}]}})"));
+  REQUIRE(loaded);
+  const PutEntity& bulb = entity_named(*loaded, "bulb");
+  CHECK((*bulb.light)->light.unit == LightUnit::kLumen);
+  CHECK((*bulb.light)->light.intensity == Approx(4 * kPi * 7));
+  CHECK((*bulb.light)->light.color == vec3(1, 0.5f, 0));
+  CHECK_FALSE(*bulb.visibility & kCameraRay);
+  CHECK(bulb.label->kind == LabelPatch::Kind::kValue);
+  CHECK((*entity_named(*loaded, "torch").light)->light.intensity == Approx(kPi * 7));
+  // The illuminance of a disc seen under its half angle: E = pi L sin^2.
+  const PutEntity& sun = entity_named(*loaded, "sun");
+  const mat4x3 m = sun.pose->matrices[0];
+  const double sine = std::sin(std::atan2(glm::length(m[0]), m[3].z));
+  CHECK(kPi * (*sun.light)->light.intensity * sine * sine == Approx(1000).epsilon(1e-4));
+  CHECK(loaded->bounds_max == vec3(0));  // no mesh but the lights', which do not count
+  // The sphere's normals point out, the disc faces -Z.
+  const PutMesh& sphere = library_item<PutMesh>(*loaded, 1);
+  for (const uvec3& t : sphere.topology->triangles) {
+    const auto& p = sphere.vertices->positions;
+    CHECK(glm::dot(glm::cross(p[t.y] - p[t.x], p[t.z] - p[t.x]), p[t.x]) > 0);
+  }
+  const PutMesh& disc = library_item<PutMesh>(*loaded, 2);
+  const uvec3 t = disc.topology->triangles[0];
+  const auto& p = disc.vertices->positions;
+  CHECK(glm::cross(p[t.y] - p[t.x], p[t.z] - p[t.x]).z < 0);
+}
+
+TEST_CASE("gltf: EXT_mesh_gpu_instancing makes an entity each") {
+  GltfFile file = triangle();
+  file.floats("VEC3", {1, 0, 0, 2, 0, 0});
+  file.floats("VEC3", {1, 1, 1, 3, 3, 3});
+  const std::string node =
+      R"({{"name":"n","mesh":0,"extensions":{{"EXT_mesh_gpu_instancing":{{"attributes":{}}}}}}})";
+  const auto loaded =
+      file.load(with_triangle(fmt::format(fmt::runtime(node), R"({"TRANSLATION":1,"SCALE":2})")));
+  REQUIRE(loaded);
+  CHECK_FALSE(entity_named(*loaded, "n").mesh);
+  const PutEntity& second = entity_named(*loaded, "n.1");
+  CHECK(second.pose->matrices[0] * vec4(1, 0, 0, 1) == vec3(5, 0, 0));
+  CHECK(entity_of(*loaded, *second.parent) == entity_index(*loaded, "n"));
+  CHECK_THAT(refusal(file.load(
+                 with_triangle(fmt::format(fmt::runtime(node), R"({"TRANSLATION":1,"SCALE":0})")))),
+             Contains("another count"));
+}
+
+TEST_CASE("gltf: a skin's joints come before the mesh that follows them") {
+  GltfFile file = triangle();
+  file.add<u8>("VEC4", 5121, {1, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0});
+  file.floats("VEC4", {2, 0, 0, 0, 1, 0, 0, 0, 1, 1, 0, 0});
+  file.floats("MAT4", {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0,  0, 1,  //
+                       1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, -3, 0, 1});
+  const auto load = [&](const std::string& skins) {
+    return file.load(R"("meshes":[{"primitives":[{"attributes":)"
+                     R"({"POSITION":0,"JOINTS_0":1,"WEIGHTS_0":2}}]}],"nodes":[)"
+                     R"({"name":"body","mesh":0,"skin":0},{"name":"hip"},)"
+                     R"({"name":"knee","translation":[0,5,0]}],"skins":[)" +
+                     skins + "]");
+  };
+  const auto loaded = load(R"({"joints":[1,2],"inverseBindMatrices":3})");
+  REQUIRE(loaded);
+  const std::size_t body = entity_index(*loaded, "body");
+  const SkinPatch& skin = **entity_named(*loaded, "body").skin;
+  for (const Ref& joint : skin.joints) CHECK(entity_of(*loaded, joint) < body);
+  const MeshTopology& mesh = *library_item<PutMesh>(*loaded).topology;
+  CHECK(mesh.joints[0].x == 1);
+  CHECK(mesh.weights[0] == vec4(1, 0, 0, 0));
+  CHECK(mesh.weights[2] == vec4(0.5f, 0.5f, 0, 0));
+  // Vertex 0 follows the knee: 0 - 3 + 5 = 2 up; vertex 2 half of it.
+  CHECK(loaded->bounds_max.z == Approx(3));
+  CHECK(loaded->bounds_min.z == Approx(2));
+  CHECK_THAT(refusal(load(R"({"joints":[1],"inverseBindMatrices":3})")), Contains("uses joint 1"));
+  CHECK_THAT(refusal(load(R"({"joints":[1,9]})")), Contains("skins[0].joints[1]: is 9"));
+  CHECK_THAT(refusal(load(R"({"joints":[]})")), Contains("joints"));
+}
+
+TEST_CASE("gltf: morph targets and their weights") {
+  GltfFile file = triangle();
+  file.floats("VEC3", {0, 0, 1, 0, 0, 1, 0, 0, 1});
+  const auto loaded =
+      file.load(R"("meshes":[{"weights":[0.25,0.5],"primitives":[{"attributes":{"POSITION":0},)"
+                R"("targets":[{"POSITION":1},{"POSITION":0}]}]}],)"
+                R"("nodes":[{"name":"a","mesh":0},{"name":"b","mesh":0,"weights":[1,0]}])");
+  REQUIRE(loaded);
+  const MeshTopology& mesh = *library_item<PutMesh>(*loaded).topology;
+  CHECK(mesh.morph_count == 2);
+  CHECK(mesh.morph_positions[1] == vec3(0, 0, 1));
+  CHECK(mesh.morph_positions[4] == vec3(1, 0, 0));
+  CHECK((*entity_named(*loaded, "a").morph_weights)->weights == std::vector<float>{0.25f, 0.5f});
+  CHECK((*entity_named(*loaded, "b").morph_weights)->weights == std::vector<float>{1, 0});
+}
+
+namespace {
+
+Expected<Loaded> animate(const std::string& interpolation, const std::string& path,
+                         const std::string& type, const std::vector<float>& times,
+                         const std::vector<float>& values) {
+  GltfFile file = triangle();
+  file.floats("SCALAR", times);
+  file.floats(type, values);
+  return file.load(with_triangle(
+      R"({"name":"n","mesh":0,"scale":[2,2,2]})",
+      fmt::format(R"(,"animations":[{{"name":"clip","channels":[{{"sampler":0,"target":)"
+                  R"({{"node":0,"path":"{}"}}}}],"samplers":[{{"input":1,"output":2,)"
+                  R"("interpolation":"{}"}}]}}])",
+                  path, interpolation)));
+}
+
+const PosePatch& pose_of(const Loaded& loaded) {
+  return std::get<PosePatch>(loaded.asset.animations.at(0).channels.at(0).keys);
+}
+
+}  // namespace
+
+TEST_CASE("gltf: linear channels keep their keys and the node's other components") {
+  const auto loaded = animate("LINEAR", "translation", "VEC3", {0.5f, 2}, {0, 0, 0, 4, 0, 0});
+  REQUIRE(loaded);
+  const PosePatch& pose = pose_of(*loaded);
+  CHECK(loaded->asset.animations[0].channels[0].entity == entity_index(*loaded, "n"));
+  CHECK(pose.times == std::vector<Time>{0.5, 2});
+  CHECK(pose.matrices[1][3] == vec3(4, 0, 0));
+  CHECK(pose.matrices[1][0] == vec3(2, 0, 0));
+}
+
+TEST_CASE("gltf: a step jumps, a spline follows its Hermite curve") {
+  const auto step = animate("STEP", "translation", "VEC3", {0, 1}, {1, 0, 0, 4, 0, 0});
+  REQUIRE(step);
+  const PosePatch& jump = pose_of(*step);
+  REQUIRE(jump.times.size() == 3);
+  CHECK(jump.times[1] > 0.9999);
+  CHECK(jump.matrices[1][3].x == 1);
+  CHECK(jump.matrices[2][3].x == 4);
+  // in-tangent, value, out-tangent at each key
+  const auto spline = animate("CUBICSPLINE", "translation", "VEC3", {0, 2},
+                              {0, 0, 0, 0, 0, 0, 3, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0});
+  REQUIRE(spline);
+  const PosePatch& curve = pose_of(*spline);
+  CHECK(curve.times.size() > 10);
+  for (std::size_t i = 0; i < curve.times.size(); ++i) {
+    const double u = curve.times[i] / 2;
+    const double expected = 2 * (u * u * u - 2 * u * u + u) * 3 + (3 * u * u - 2 * u * u * u) * 1 +
+                            2 * (u * u * u - u * u) * -1;
+    CHECK(curve.matrices[i][3].x == Approx(expected).margin(1e-5));
+  }
+}
+
+TEST_CASE("gltf: rotations become unit, a scale of 0 stays invertible") {
+  const float s = std::sqrt(0.5f);
+  const auto turned =
+      animate("LINEAR", "rotation", "VEC4", {0, 1}, {0, 0, 0, 2, 0, 0, 2 * s, 2 * s});
+  REQUIRE(turned);
+  CHECK(glm::distance(pose_of(*turned).matrices[1][0], vec3(0, 2, 0)) < 1e-5f);
+  const auto scaled = animate("LINEAR", "scale", "VEC3", {0, 1}, {0, 0, 0, 1, 1, 1});
+  REQUIRE(scaled);
+  CHECK(pose_of(*scaled).matrices[0][0].x > 0);
+  CHECK_FALSE(scaled->warnings.empty());
+}
+
+TEST_CASE("gltf: broken animations are refused") {
+  const auto refused = [](const auto&... arguments) { return refusal(animate(arguments...)); };
+  const std::vector<float> two = {0, 0, 0, 1, 1, 1};
+  CHECK_THAT(refused("LINEAR", "translation", "VEC3", std::vector<float>{1, 1}, two),
+             Contains("strictly increase"));
+  CHECK_THAT(refused("LINEAR", "translation", "VEC3", std::vector<float>{0, 1, 2}, two),
+             Contains("has 6 numbers, 3 keys need 9"));
+  CHECK_THAT(refused("SMOOTH", "translation", "VEC3", std::vector<float>{0, 1}, two),
+             Contains("interpolation"));
+  CHECK_THAT(refused("LINEAR", "colour", "VEC3", std::vector<float>{0, 1}, two), Contains("path"));
+  CHECK_THAT(refused("LINEAR", "weights", "SCALAR", std::vector<float>{0, 1}, two),
+             Contains("no morph targets"));
+}
