@@ -19,7 +19,7 @@
 namespace heliograph::server {
 namespace {
 
-// What the decoders, malloc and threads need. Measured; see docs/decisions.
+// What the decoders, malloc and threads need. Source: docs/decisions/008.
 constexpr std::array kAllowed = {SCMP_SYS(read),
                                  SCMP_SYS(write),
                                  SCMP_SYS(pread64),
