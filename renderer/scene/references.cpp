@@ -68,7 +68,7 @@ Expected<Id> Scope::resolve_kind(const Ref& ref, Kind kind) const {
   auto id = resolve(ref);
   if (id && *id && id->kind() != kind)
     return fail(Code::kInvalidArgument, "",
-                fmt::format("{} is not a {}", describe_object(scene_, *id), kind_name(kind)));
+                fmt::format("{} is not of the kind {}", describe_object(scene_, *id), kind_name(kind)));
   return id;
 }
 
@@ -95,7 +95,7 @@ Expected<Target> find_target(const Draft& draft, const Edit& edit, Kind kind) {
     return fail(Code::kAlreadyExists, "target", fmt::format("{} already exists", object));
   if (id->kind() != kind)
     return fail(Code::kInvalidArgument, "target",
-                fmt::format("{} is not a {}", object, kind_name(kind)));
+                fmt::format("{} is not of the kind {}", object, kind_name(kind)));
   return Target{.id = *id, .name = {}};
 }
 

@@ -159,3 +159,41 @@ TEST_CASE("embree: units of light give the irradiance they promise") {
   light.exposure = 1;
   CHECK(radiance(lit_by(light)) == Approx(2 * reflected).epsilon(0.01));
 }
+
+TEST_CASE("embree: cut-outs are holes to camera, shadow and centre rays") {
+  auto engine = make_engine();
+  PutMaterial paper;
+  paper.parameters[std::size_t(MaterialParameter::alpha)].value = vec3(0.25f);
+  SECTION("blend: a share of the rays meets the surface") {
+    paper.alpha_mode = AlphaMode::kBlend;
+    const auto scene = Edits()
+                           .mesh("quad", quad())
+                           .material("paper", vec3(0))
+                           .put("paper", paper)
+                           .object("sheet", "quad", scaled(vec3(9), vec3(0)), "paper")
+                           .camera("camera", look_at({0, 0, 3}, vec3(0)), 16, 16, 16)
+                           .apply();
+    const auto frame = render(*engine, job_of(scene, {Plane::COVERAGE, Plane::INSTANCE}, 256));
+    double mean = 0;
+    for (const float c : pixels<float>(*frame)) mean += double(c) / 256;
+    CHECK(mean == Approx(0.25).margin(4 * std::sqrt(0.25 * 0.75 / 65536)));  // 4 sigma
+    for (const u32 label : pixels<u32>(*frame, 1)) CHECK(label == 0);
+  }
+  SECTION("mask: below the cutoff nothing is there") {
+    paper.alpha_mode = AlphaMode::kMask;
+    const auto with = [&](float cutoff) {
+      paper.alpha_cutoff = cutoff;
+      const auto scene = Edits()
+                             .mesh("quad", quad())
+                             .material("paper", vec3(0.5f))
+                             .put("paper", paper)
+                             .object("sheet", "quad", scaled(vec3(9), vec3(0, 0, 1)), "paper")
+                             .object("floor", "quad", scaled(vec3(4), vec3(0)))
+                             .camera("camera", look_at({0, 0, 3}, vec3(0)), 8, 8, 8)
+                             .apply();
+      return render(*engine, job_of(scene, {Plane::DEPTH}));
+    };
+    for (const float z : pixels<float>(*with(0.5f))) CHECK(z == Approx(3));
+    for (const float z : pixels<float>(*with(0.125f))) CHECK(z == Approx(2));
+  }
+}

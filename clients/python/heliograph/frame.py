@@ -105,7 +105,7 @@ class Frame:
         row = np.flatnonzero(self.labels["label"] == label)
         if row.size != 1:
             raise KeyError(f"no instance has label {label}")
-        bits = np.unpackbits(packed[row[0]], bitorder="little")
+        bits = np.unpackbits(packed[row[0]])
         return bits[: self.width * self.height].reshape(self.height, self.width).astype(bool)
 
     # ------------------------------------------------------------ pictures

@@ -39,4 +39,15 @@ using DeviceHandle = Handle<RTCDevice, rtcRetainDevice, rtcReleaseDevice>;
 using SceneHandle = Handle<RTCScene, rtcRetainScene, rtcReleaseScene>;
 using GeometryHandle = Handle<RTCGeometry, rtcRetainGeometry, rtcReleaseGeometry>;
 
+/// A scene whose queries may bring a filter of their own: cut-outs are decided ray by ray.
+inline SceneHandle new_scene(RTCDevice device) {
+  SceneHandle scene(rtcNewScene(device));
+#if RTC_VERSION_MAJOR >= 4
+  rtcSetSceneFlags(scene.get(), RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS);
+#else
+  rtcSetSceneFlags(scene.get(), RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION);
+#endif
+  return scene;
+}
+
 }  // namespace heliograph::embree

@@ -73,7 +73,7 @@ Expected<std::shared_ptr<const Blas>> MeshBuilder::blas(const ArrayOf<uvec3>& tr
   const Sources sources{positions.buffer(), triangles.buffer()};
   auto made = cache_.get<Blas>(key, sources, [&] {
     auto blas = std::make_shared<Blas>();
-    blas->scene = SceneHandle(rtcNewScene(device_));
+    blas->scene = new_scene(device_);
     const GeometryHandle geometry(rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_TRIANGLE));
     set_vertices(geometry.get(), positions.data(), vertex_count);
     rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,

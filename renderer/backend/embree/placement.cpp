@@ -240,7 +240,7 @@ Status Placer::top_level(RTCDevice device) {
     return {};
   }
   if (made_->geometries.empty()) return {};
-  made_->top = SceneHandle(rtcNewScene(device));
+  made_->top = new_scene(device);
   for (u32 i = 0; i < made_->geometries.size(); ++i)
     rtcAttachGeometryByID(made_->top.get(), made_->geometries[i].get(), i);
   rtcCommitScene(made_->top.get());
