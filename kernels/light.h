@@ -124,7 +124,7 @@ KERNEL vec3 surface_radiance(const SceneView& scene, const LightSample& sample) 
   const LightView& light = scene.lights[sample.light];
   const bool holes = scene.instances[light.instance].flags & kMayBeHole;
   if (!light.material_emits && light.texture.texture == kNone && !holes) return light.radiance;
-  const Surface s = surface_at(scene, light.instance, sample.primitive, sample.place);
+  const Surface s = locate(scene, light.instance, sample.primitive, sample.place);
   const vec3 radiance = emitted(scene, s, material_at(scene, s, kEmissionBits), sample.front);
   if (!holes) return radiance;
   return radiance * opacity_at(scene, light.instance, sample.primitive, sample.place);

@@ -50,7 +50,7 @@ KERNEL Hit probe_closest(const SceneView& scene, CountedTracer<T> counted, Ray r
     const Hit hit = counted.tracer.closest(ray, kCameraRay);
     ++counted.rays;
     if (hit.instance == kNone || !through_transmission || layer == 1024) return hit;
-    const Surface s = surface_at(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v));
+    const Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v));
     if (!is_clear(material_at(scene, s, ~0u))) return hit;
     const vec3 next = offset_point(s, ray.direction);
     ray.t_max -= dot(next - ray.origin, ray.direction);
@@ -82,7 +82,7 @@ KERNEL Flow flow_to(const ProbeContext& context, const ProbeScene& other, Counte
                     const Hit& hit, vec3 p_world) {
   Flow flow{vec2(0), 0, 0, vec3(0)};
   if (other.scene->instances[hit.instance].flags & kFlowInvalid) return flow;
-  const Surface there = surface_at(*other.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v));
+  const Surface there = locate(*other.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v));
   flow.metres = there.p - p_world;
   const Projected to = project(*other.camera, there.p);
   if (!to.in_front) return flow;
@@ -121,42 +121,76 @@ KERNEL Probe empty_probe() {
   return p;
 }
 
+inline constexpr PlaneSet kNormalPlanes =
+    plane_bit(Plane::NORMAL) | plane_bit(Plane::NORMAL_CAMERA) | plane_bit(Plane::TANGENT);
+inline constexpr PlaneSet kMaterialPlanes =
+    plane_bit(Plane::BASE_COLOR) | plane_bit(Plane::ROUGHNESS) | plane_bit(Plane::METALLIC) |
+    plane_bit(Plane::TRANSMISSION) | plane_bit(Plane::EMISSION);
+inline constexpr PlaneSet kRestPlanes =
+    plane_bit(Plane::OBJECT_COORDINATES) | plane_bit(Plane::NOCS);
+inline constexpr PlaneSet kForwardPlanes =
+    plane_bit(Plane::FLOW_FORWARD) | plane_bit(Plane::FLOW_FORWARD_VALID) |
+    plane_bit(Plane::FLOW_FORWARD_VISIBLE) | plane_bit(Plane::SCENE_FLOW);
+inline constexpr PlaneSet kBackwardPlanes = plane_bit(Plane::FLOW_BACKWARD) |
+                                            plane_bit(Plane::FLOW_BACKWARD_VALID) |
+                                            plane_bit(Plane::FLOW_BACKWARD_VISIBLE);
+inline constexpr PlaneSet kDisparityPlanes =
+    plane_bit(Plane::DISPARITY) | plane_bit(Plane::DISPARITY_VISIBLE);
+
 KERNEL void probe_geometry(Probe& p, const Surface& s, const CameraView& camera, const Ray& ray) {
-  const float side = dot(s.ng, ray.direction) > 0 ? -1.0f : 1.0f;
-  const Corners c = corners_of(s.mesh->positions, s.triangle);
   p.distance = dot(s.p - ray.origin, ray.direction);
   p.p_world = s.p;
   p.p_camera = cv_from_gl(transform_point(camera.camera_from_world, s.p));
-  p.normal = s.ns * side;
-  p.normal_camera = normalize(cv_from_gl(transform_vector(camera.camera_from_world, p.normal)));
-  p.geometric_normal = s.ng * side;
-  p.tangent = world_tangent(s, tangents_of(s, c, 0).t);
-  p.uv = uvs_at(s).set[0];
+  p.geometric_normal = dot(s.ng, ray.direction) > 0 ? -s.ng : s.ng;
   p.barycentric = s.barycentric;
 }
 
-KERNEL void probe_labels(Probe& p, const SceneView& scene, const Surface& s, const Hit& hit) {
+KERNEL void probe_shading(Probe& p, const Surface& s, const CameraView& camera, const Ray& ray) {
+  p.normal = dot(s.ng, ray.direction) > 0 ? -s.ns : s.ns;
+  p.normal_camera = normalize(cv_from_gl(transform_vector(camera.camera_from_world, p.normal)));
+  const Corners c = corners_of(s.mesh->positions, s.triangle);
+  p.tangent = world_tangent(s, s.ns, tangents_of(s, c, 0).t);
+}
+
+KERNEL void probe_labels(Probe& p, const Surface& s, const Hit& hit) {
   const InstanceView& instance = *s.instance;
   p.instance_label = instance.label;
   p.category = instance.category;
   p.part = instance.label != 0 ? instance.part + s.part : 0;
   p.material_id = s.material->id;
   p.primitive = hit.primitive;
-  const vec3* rest = s.mesh->rest_positions ? s.mesh->rest_positions : s.mesh->positions;
-  p.object_coordinates =
-      transform_point(instance.box_from_object, interpolate(rest, s.triangle, s.barycentric));
-  p.nocs = vec3(0.5f) + (p.object_coordinates - vec3(0.5f)) * instance.nocs_scale;
-  p.material.alpha = opacity_at(scene, hit.instance, hit.primitive, s.barycentric);
 }
 
-inline constexpr PlaneSet kForwardPlanes =
-    PlaneSet(1) << u32(Plane::FLOW_FORWARD) | PlaneSet(1) << u32(Plane::FLOW_FORWARD_VALID) |
-    PlaneSet(1) << u32(Plane::FLOW_FORWARD_VISIBLE) | PlaneSet(1) << u32(Plane::SCENE_FLOW);
-inline constexpr PlaneSet kBackwardPlanes = PlaneSet(1) << u32(Plane::FLOW_BACKWARD) |
-                                            PlaneSet(1) << u32(Plane::FLOW_BACKWARD_VALID) |
-                                            PlaneSet(1) << u32(Plane::FLOW_BACKWARD_VISIBLE);
-inline constexpr PlaneSet kDisparityPlanes =
-    PlaneSet(1) << u32(Plane::DISPARITY) | PlaneSet(1) << u32(Plane::DISPARITY_VISIBLE);
+KERNEL void probe_rest(Probe& p, const Surface& s) {
+  const vec3* rest = s.mesh->rest_positions ? s.mesh->rest_positions : s.mesh->positions;
+  p.object_coordinates =
+      transform_point(s.instance->box_from_object, interpolate(rest, s.triangle, s.barycentric));
+  p.nocs = vec3(0.5f) + (p.object_coordinates - vec3(0.5f)) * s.instance->nocs_scale;
+}
+
+/// What the wanted planes say of the surface itself.
+KERNEL void probe_surface(Probe& p, const ProbeScene& now, const Hit& hit, const Ray& ray,
+                          PlaneSet wanted) {
+  const SceneView& scene = *now.scene;
+  Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v));
+  p.hit = true;
+  probe_geometry(p, s, *now.camera, ray);
+  probe_labels(p, s, hit);
+  if (wanted & kNormalPlanes) {
+    s.ns = shading_normal(scene, s);
+    probe_shading(p, s, *now.camera, ray);
+  }
+  if (wanted & plane_bit(Plane::UV)) p.uv = uvs_at(s).set[0];
+  if (wanted & kMaterialPlanes) {
+    p.material = material_at(scene, s, ~kAlphaBit);
+    const bool front = dot(s.ng, ray.direction) <= 0;
+    p.emission = emitted(scene, s, p.material, front) + shown(s, p.material);
+  }
+  if (wanted & plane_bit(Plane::OPACITY)) {
+    p.material.alpha = opacity_at(scene, hit.instance, hit.primitive, s.barycentric);
+  }
+  if (wanted & kRestPlanes) probe_rest(p, s);
+}
 
 template <Tracer T>
 KERNEL void probe_disparity(Probe& p, const ProbeContext& context, CountedTracer<T> counted,
@@ -187,21 +221,17 @@ KERNEL Probe make_probe(const ProbeContext& context, const T* const (&tracers)[3
     if (backward) put_flow(p, background_flow(context, context.backward, ray, raster), false);
     return p;
   }
-  const Surface s = surface_at(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v));
-  p.hit = true;
-  probe_geometry(p, s, camera, ray);
-  p.material = material_at(scene, s, ~kAlphaBit);
-  p.emission = emitted(scene, s, p.material, dot(s.ng, ray.direction) <= 0) + shown(s, p.material);
-  probe_labels(p, scene, s, hit);
+  probe_surface(p, context.now, hit, ray, wanted);
   if (forward) {
     const CountedTracer<T> counted{*tracers[1], rays};
-    put_flow(p, flow_to(context, context.forward, counted, hit, s.p), true);
+    put_flow(p, flow_to(context, context.forward, counted, hit, p.p_world), true);
   }
   if (backward) {
     const CountedTracer<T> counted{*tracers[2], rays};
-    put_flow(p, flow_to(context, context.backward, counted, hit, s.p), false);
+    put_flow(p, flow_to(context, context.backward, counted, hit, p.p_world), false);
   }
   if (context.disparity && (wanted & kDisparityPlanes)) {
+    const Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v));
     probe_disparity(p, context, CountedTracer<T>{*tracers[0], rays}, s);
   }
   return p;

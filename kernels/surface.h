@@ -84,27 +84,29 @@ KERNEL Tangents tangents_of(const Surface& s, const Corners& c, u32 uv_set) {
   return {(c.ab * ac.y - c.ac * ab.y) * sign, (c.ac * ab.x - c.ab * ac.x) * sign};
 }
 
-/// Unit world tangent orthogonal to the shading normal; zero without texture coordinates.
-KERNEL vec3 world_tangent(const Surface& s, vec3 t_object) {
+/// Unit world tangent orthogonal to the normal ns; zero without texture coordinates.
+KERNEL vec3 world_tangent(const Surface& s, vec3 ns, vec3 t_object) {
   const vec3 t = transform_vector(s.instance->world_from_object, t_object);
-  return normalize_or(t - s.ns * dot(s.ns, t), vec3(0));
+  return normalize_or(t - ns * dot(ns, t), vec3(0));
 }
 
-KERNEL vec3 mapped_normal(const SceneView& scene, const Surface& s, const Corners& c) {
+/// The normal ns as the material's normal map tilts it.
+KERNEL vec3 mapped_normal(const SceneView& scene, const Surface& s, vec3 ns) {
   const TextureUseView& use = s.material->normal_map;
+  const Corners c = corners_of(s.mesh->positions, s.triangle);
   const Tangents tangents = tangents_of(s, c, use.uv_set & 1);
-  const vec3 t = world_tangent(s, tangents.t);
-  if (is_black(t)) return s.ns;
+  const vec3 t = world_tangent(s, ns, tangents.t);
+  if (is_black(t)) return ns;
   const vec3 b_world = transform_vector(s.instance->world_from_object, tangents.b);
-  vec3 b = cross(s.ns, t);
+  vec3 b = cross(ns, t);
   if (dot(b, b_world) < 0) b = -b;
   const vec4 texel = sample_texture(scene.textures[use.texture], transform_uv(use, uvs_at(s)));
   const vec3 n((2 * texel.x - 1) * use.scale, (2 * texel.y - 1) * use.scale, 2 * texel.z - 1);
-  return normalize_or(t * n.x + b * n.y + s.ns * n.z, s.ns);
+  return normalize_or(t * n.x + b * n.y + ns * n.z, ns);
 }
 
-KERNEL Surface surface_at(const SceneView& scene, u32 instance_index, u32 primitive,
-                          vec2 barycentric) {
+/// The surface without its shading: ns is the geometric normal.
+KERNEL Surface locate(const SceneView& scene, u32 instance_index, u32 primitive, vec2 barycentric) {
   Surface s;
   s.instance = &scene.instances[instance_index];
   s.mesh = &scene.meshes[s.instance->mesh];
@@ -115,18 +117,30 @@ KERNEL Surface surface_at(const SceneView& scene, u32 instance_index, u32 primit
   s.light = scene.light_count > 0 ? scene.part_lights[s.instance->first_part + s.part] : kNone;
 
   const Corners c = corners_of(s.mesh->positions, s.triangle);
-  const mat4x3& inverse = s.instance->object_from_world;
   s.p = transform_point(s.instance->world_from_object,
                         c.a + c.ab * barycentric.x + c.ac * barycentric.y);
-  s.ng = normalize_or(transform_normal(inverse, cross(c.ab, c.ac)), vec3(0, 0, 1));
+  const vec3 n = transform_normal(s.instance->object_from_world, cross(c.ab, c.ac));
+  s.ng = normalize_or(n, vec3(0, 0, 1));
   s.offset = plane_error(s.instance->world_from_object, c, s.ng);
   s.ns = s.ng;
+  return s;
+}
+
+/// The shading normal of a located surface: interpolated, then mapped.
+KERNEL vec3 shading_normal(const SceneView& scene, const Surface& s) {
+  vec3 ns = s.ng;
   if (s.mesh->normals) {
-    const vec3 n = interpolate(s.mesh->normals, s.triangle, barycentric);
-    s.ns = normalize_or(transform_normal(inverse, n), s.ng);
-    if (dot(s.ns, s.ng) < 0) s.ns = -s.ns;
+    const vec3 n = interpolate(s.mesh->normals, s.triangle, s.barycentric);
+    ns = normalize_or(transform_normal(s.instance->object_from_world, n), s.ng);
+    if (dot(ns, s.ng) < 0) ns = -ns;
   }
-  if (s.material->normal_map.texture != kNone) s.ns = mapped_normal(scene, s, c);
+  return s.material->normal_map.texture == kNone ? ns : mapped_normal(scene, s, ns);
+}
+
+KERNEL Surface surface_at(const SceneView& scene, u32 instance_index, u32 primitive,
+                          vec2 barycentric) {
+  Surface s = locate(scene, instance_index, primitive, barycentric);
+  s.ns = shading_normal(scene, s);
   return s;
 }
 
