@@ -78,25 +78,23 @@ class PartNumbers {
   u32 free_ = 1;
 };
 
-/// Numbers every entity with a mesh, also hidden ones, so that hiding one renumbers no other.
-void number_parts(const Snapshot& snapshot, const std::vector<Inherited>& inherited,
-                  Labelling& labelling) {
-  std::vector<PartNumbers> numbers(labelling.instances.size());
-  const auto for_each_part = [&](bool given, auto&& f) {
-    snapshot.entities.for_each([&](u32 index, const Entity& entity) {
-      const auto* mesh = snapshot.find(entity.mesh);
-      if (!mesh || inherited[index].row == kNone || (entity.label.part != 0) != given) return;
-      f(entity, mesh->value->topology->part_count, numbers[inherited[index].row],
-        labelling.entities[index].part);
-    });
-  };
-  for_each_part(true, [](const Entity& entity, u32 count, PartNumbers& row, u32& part) {
-    part = entity.label.part;
-    row.reserve(part, count);
-  });
-  for (PartNumbers& row : numbers) row.sort();
-  for_each_part(
-      false, [](const Entity&, u32 count, PartNumbers& row, u32& part) { part = row.next(count); });
+/// A labelled entity's mesh, and the number its first part was given; 0: automatic.
+struct MeshParts {
+  u32 index = 0;
+  u32 row = 0;
+  u32 count = 0;
+  u32 given = 0;
+};
+
+/// Numbers every labelled mesh, also hidden ones, so that hiding one renumbers no other.
+void number_parts(const std::vector<MeshParts>& meshes, Labelling& labelling) {
+  std::vector<PartNumbers> rows(labelling.instances.size());
+  for (const MeshParts& mesh : meshes)
+    if (mesh.given != 0) rows[mesh.row].reserve(mesh.given, mesh.count);
+  for (PartNumbers& row : rows) row.sort();
+  for (const MeshParts& mesh : meshes)
+    labelling.entities[mesh.index].part =
+        mesh.given != 0 ? mesh.given : rows[mesh.row].next(mesh.count);
 }
 
 }  // namespace
@@ -117,6 +115,7 @@ Labelling label_entities(const Snapshot& snapshot) {
   }
   for (Instance& instance : out.instances) instance.category = inherited[instance.root].category;
   out.entities.resize(inherited.size());
+  std::vector<MeshParts> meshes;
   snapshot.entities.for_each([&](u32 index, const Entity& entity) {
     const Inherited& mine = inherited[index];
     EntityLabel& label = out.entities[index];
@@ -124,9 +123,12 @@ Labelling label_entities(const Snapshot& snapshot) {
     if (mine.row == kNone) return;
     Instance& instance = out.instances[mine.row];
     label = {instance.label, instance.category, 0, instance.root};
-    if (entity.mesh && mine.visible) instance.entities.push_back(index);
+    const auto* mesh = snapshot.find(entity.mesh);
+    if (!mesh) return;
+    meshes.push_back({index, mine.row, mesh->value->topology->part_count, entity.label.part});
+    if (mine.visible) instance.entities.push_back(index);
   });
-  number_parts(snapshot, inherited, out);
+  number_parts(meshes, out);
   return out;
 }
 

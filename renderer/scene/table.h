@@ -97,11 +97,12 @@ class Table {
     assert(alive(index));
     Slot& slot = slots_.write(index);
     slot.alive = false;
-    slot.version = slot.version % 0xffffffu + 1;
-    slot.next_free = free_;
     slot.value = T{};
-    free_ = index;
     --count_;
+    if (slot.version == kLastVersion) return;  // its ids are used up: the index retires
+    ++slot.version;
+    slot.next_free = free_;
+    free_ = index;
   }
   [[nodiscard]] u32 count() const { return count_; }            // rows alive
   [[nodiscard]] u32 capacity() const { return slots_.size(); }  // indices are below it
@@ -119,6 +120,7 @@ class Table {
 
  private:
   static constexpr u32 kNone = ~0u;
+  static constexpr u32 kLastVersion = 0xffffff;  // ids have 24 bits for it
   struct Slot {
     u32 version = 1;
     bool alive = false;
