@@ -4,7 +4,6 @@
 namespace heliograph::embree {
 
 const PixelLoops& best_pixel_loops() {
-  if (__builtin_cpu_supports("x86-64-v4")) return kPixelLoopsV4;
   if (__builtin_cpu_supports("x86-64-v3")) return kPixelLoopsV3;
   return kPixelLoopsV2;
 }

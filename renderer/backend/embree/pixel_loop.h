@@ -33,7 +33,6 @@ struct PixelLoops {
 };
 extern const PixelLoops kPixelLoopsV2;
 extern const PixelLoops kPixelLoopsV3;
-extern const PixelLoops kPixelLoopsV4;
 
 /// The best level this processor has.
 [[nodiscard]] const PixelLoops& best_pixel_loops();
