@@ -256,17 +256,6 @@ ObjectFrame object_frame(const mat4x3& world_from_root) {
   return frame;
 }
 
-void PixelBox::extend(i32 x, i32 y) {
-  if (x1 == x0) {
-    *this = {x, y, x + 1, y + 1};
-    return;
-  }
-  x0 = std::min(x0, x);
-  y0 = std::min(y0, y);
-  x1 = std::max(x1, x + 1);
-  y1 = std::max(y1, y + 1);
-}
-
 std::vector<Column> label_columns(const LabelInputs& inputs) {
   std::vector<Column> columns;
   add_identity(inputs, columns);

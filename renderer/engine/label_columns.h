@@ -2,6 +2,7 @@
 // backends.
 #pragma once
 
+#include <algorithm>
 #include <span>
 #include <string>
 #include <vector>
@@ -30,7 +31,16 @@ struct RestBox {
 /// Half-open pixel box [x0, x1) x [y0, y1); all 0 when there is no pixel.
 struct PixelBox {
   i32 x0 = 0, y0 = 0, x1 = 0, y1 = 0;
-  void extend(i32 x, i32 y);
+  void extend(i32 x, i32 y) {
+    if (x1 == x0) {
+      *this = {x, y, x + 1, y + 1};
+      return;
+    }
+    x0 = std::min(x0, x);
+    y0 = std::min(y0, y);
+    x1 = std::max(x1, x + 1);
+    y1 = std::max(y1, y + 1);
+  }
 };
 
 /// An instance alone, whatever hides it.

@@ -147,22 +147,23 @@ Expected<std::vector<Column>> EmbreeBackend::labels(Film& film, const Interrupt&
   }
   return arena_.execute([&]() -> Expected<std::vector<Column>> {
     const FlushDenormals flush;
+    const auto* plane = static_cast<const u32*>(own.view().planes[u32(Plane::INSTANCE)]);
+    const u64 pixels = plane ? u64(own.view().width) * own.view().height : 0;
     std::vector<Silhouette> silhouettes;
     std::vector<KeypointLabel> keypoints;
     if (options.amodal || options.amodal_masks)
-      silhouettes = trace_silhouettes(placement, scene.traced(), own.camera(), options, interrupt);
+      silhouettes = trace_silhouettes(placement, scene.traced(),
+                                      {own.camera(), options, {plane, pixels}}, interrupt);
     HELIO_TRY(interrupt.status());
     if (options.keypoints)
       keypoints =
           trace_keypoints(placement, scene.traced(), own.camera(), own.image_camera(), options);
-    const auto* plane = static_cast<const u32*>(own.view().planes[u32(Plane::INSTANCE)]);
-    const u64 pixels = u64(own.view().width) * own.view().height;
     return label_columns({.snapshot = scene.snapshot(),
                           .labelling = labelling,
                           .camera = own.image_camera(),
                           .world_poses = placement.world,
                           .boxes = placement.boxes,
-                          .instance_plane = {plane, plane ? pixels : 0},
+                          .instance_plane = {plane, pixels},
                           .silhouettes = silhouettes,
                           .keypoints = keypoints,
                           .options = options});

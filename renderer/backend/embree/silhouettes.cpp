@@ -4,6 +4,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <bit>
 
 #include "kernels/camera.h"
 
@@ -41,7 +42,7 @@ std::vector<std::vector<Reach>> reaches(const Placement& placement,
   std::vector<std::vector<Reach>> out(structure.labelling.instances.size());
   for (u32 slot = 0; slot < structure.slots.size(); ++slot) {
     const u32 row = structure.slots[slot].row;
-    if (row == kNone) continue;
+    if (row == kNone || !(placement.instances[slot].visibility & kernels::kCameraRay)) continue;
     const PixelBox box = bounds_on_canvas(placement, slot, camera, canvas);
     if (box.x1 > box.x0) out[row].push_back({slot, box});
   }
@@ -66,13 +67,60 @@ std::vector<Task> make_tasks(const std::vector<std::vector<Reach>>& reaches) {
   return tasks;
 }
 
+/// The camera's rays in the space of one object: affine in the pixel, and not normalised.
+class ObjectRays {
+ public:
+  ObjectRays(const kernels::CameraView& camera, const kernels::InstanceView& instance) {
+    const mat4x3 object_from_camera =
+        multiply(instance.object_from_world, camera.world_from_camera);
+    const mat3 linear(object_from_camera);
+    const vec3 along_x = linear[0] / camera.fx, along_y = -linear[1] / camera.fy;
+    const vec3 corner = along_x * (0.5f - camera.cx) + along_y * (0.5f - camera.cy);
+    const bool perspective = camera.projection == kernels::Projection::kPerspective;
+    direction_ = -linear[2] + (perspective ? corner : vec3(0));
+    origin_ = object_from_camera[3] + (perspective ? vec3(0) : corner);
+    (perspective ? direction_x_ : origin_x_) = along_x;
+    (perspective ? direction_y_ : origin_y_) = along_y;
+  }
+  [[nodiscard]] kernels::Ray through(float x, float y) const {
+    return {origin_ + origin_x_ * x + origin_y_ * y,
+            direction_ + direction_x_ * x + direction_y_ * y, INFINITY, kProbe};
+  }
+  /// The rays through (x, y) ... (x + 7, y).
+  void through(float x, float y, RTCRay8& rays) const {
+    for (int i = 0; i < 8; ++i) {
+      const kernels::Ray ray = through(x + float(i), y);
+      rays.org_x[i] = ray.origin.x;
+      rays.org_y[i] = ray.origin.y;
+      rays.org_z[i] = ray.origin.z;
+      rays.dir_x[i] = ray.direction.x;
+      rays.dir_y[i] = ray.direction.y;
+      rays.dir_z[i] = ray.direction.z;
+      rays.tnear[i] = rays.time[i] = 0;
+      rays.tfar[i] = INFINITY;
+      rays.mask[i] = kNone;
+      rays.id[i] = rays.flags[i] = 0;
+    }
+  }
+
+ private:
+  vec3 origin_, origin_x_{0}, origin_y_{0};
+  vec3 direction_, direction_x_{0}, direction_y_{0};
+};
+
 class SilhouetteTracer {
  public:
-  SilhouetteTracer(const TracedScene& scene, const kernels::CameraView& camera)
-      : tracer_(scene), camera_(camera) {}
+  SilhouetteTracer(const TracedScene& scene, const SilhouetteInputs& in)
+      : tracer_(scene),
+        instances_(scene.view->instances),
+        camera_(in.camera),
+        plane_(in.instance_plane) {}
 
-  /// Traces the task's pixels; sets their bits in `mask` unless it is null.
+  /// Traces the task's pixels; sets their bits in `mask` unless it is null. A pixel whose centre
+  /// ray met the instance belongs to it without another ray.
   void trace(Task& task, const std::vector<Reach>& reaches, u8* mask) const {
+    std::vector<ObjectRays> rays;
+    for (const Reach& reach : reaches) rays.emplace_back(camera_, instances_[reach.slot]);
     for (i32 y = task.y0; y < task.y1; ++y) {
       i32 x0 = INT32_MAX, x1 = INT32_MIN;
       for (const Reach& reach : reaches)
@@ -80,30 +128,68 @@ class SilhouetteTracer {
           x0 = std::min(x0, reach.box.x0);
           x1 = std::max(x1, reach.box.x1);
         }
-      for (i32 x = x0; x < x1; ++x) {
-        if (!meets(reaches, x, y)) continue;
-        ++task.canvas;
-        task.box_canvas.extend(x, y);
-        if (x < 0 || y < 0 || x >= i32(camera_.width) || y >= i32(camera_.height)) continue;
-        ++task.inside;
-        task.box_inside.extend(x, y);
-        const u64 bit = u64(y) * camera_.width + u64(x);
-        if (mask) mask[bit / 8] = u8(mask[bit / 8] | (0x80u >> (bit % 8)));
+      for (i32 x = x0; x < x1; x += kLanes) {
+        const u32 lanes = (1u << std::min(kLanes, x1 - x)) - 1;
+        u32 met = seen(instances_[reaches[0].slot].label, x, y) & lanes;
+        for (std::size_t i = 0; i < reaches.size() && met != lanes; ++i)
+          met |= meets(reaches[i], rays[i], {x, y}, lanes & ~met);
+        for (; met; met &= met - 1) add(task, x + std::countr_zero(met), y, mask);
       }
     }
   }
 
  private:
-  [[nodiscard]] bool meets(const std::vector<Reach>& reaches, i32 x, i32 y) const {
-    const auto ray = kernels::camera_ray(camera_, vec2(float(x) + 0.5f, float(y) + 0.5f), kProbe);
-    return std::ranges::any_of(reaches, [&](const Reach& reach) {
-      return x >= reach.box.x0 && x < reach.box.x1 && y >= reach.box.y0 && y < reach.box.y1 &&
-             tracer_.closest_in(reach.slot, ray).instance != kNone;
-    });
+  static constexpr i32 kLanes = 8;
+
+  [[nodiscard]] bool in_image(i32 x, i32 y) const {
+    return x >= 0 && y >= 0 && x < i32(camera_.width) && y < i32(camera_.height);
+  }
+  /// Which of the pixels from (x, y) on show the label.
+  [[nodiscard]] u32 seen(u32 label, i32 x, i32 y) const {
+    u32 bits = 0;
+    for (i32 i = 0; i < kLanes; ++i)
+      if (in_image(x + i, y) && plane_[u64(y) * camera_.width + u64(x + i)] == label)
+        bits |= 1u << i;
+    return bits;
+  }
+  void add(Task& task, i32 x, i32 y, u8* mask) const {
+    ++task.canvas;
+    task.box_canvas.extend(x, y);
+    if (!in_image(x, y)) return;
+    ++task.inside;
+    task.box_inside.extend(x, y);
+    const u64 bit = u64(y) * camera_.width + u64(x);
+    if (mask) mask[bit / 8] = u8(mask[bit / 8] | (0x80u >> (bit % 8)));
+  }
+  /// Which of the lanes from `first` on meet one slot.
+  [[nodiscard]] u32 meets(const Reach& reach, const ObjectRays& rays, glm::ivec2 first,
+                          u32 lanes) const {
+    alignas(32) int valid[kLanes];
+    u32 wanted = 0;
+    for (i32 i = 0; i < kLanes; ++i) {
+      const i32 x = first.x + i;
+      const bool want = (lanes >> i & 1) && first.y >= reach.box.y0 && first.y < reach.box.y1 &&
+                        x >= reach.box.x0 && x < reach.box.x1;
+      valid[i] = want ? -1 : 0;
+      wanted |= u32(want) << i;
+    }
+    if (wanted == 0) return 0;
+    if (!(instances_[reach.slot].flags & kernels::kMayBeHole)) {
+      RTCRay8 packet;
+      rays.through(float(first.x), float(first.y), packet);
+      return tracer_.meets(reach.slot, packet, valid);
+    }
+    u32 met = 0;
+    for (i32 i = 0; i < kLanes; ++i)
+      if (valid[i] && tracer_.meets(reach.slot, rays.through(float(first.x + i), float(first.y))))
+        met |= 1u << i;
+    return met;
   }
 
   EmbreeTracer tracer_;
+  const kernels::InstanceView* instances_;
   const kernels::CameraView& camera_;
+  std::span<const u32> plane_;
 };
 
 void merge(PixelBox& into, const PixelBox& box) {
@@ -149,8 +235,9 @@ PixelBox bounds_on_canvas(const Placement& placement, u32 slot, const kernels::C
 }
 
 std::vector<Silhouette> trace_silhouettes(const Placement& placement, const TracedScene& scene,
-                                          const kernels::CameraView& camera,
-                                          const LabelOptions& options, const Interrupt& interrupt) {
+                                          const SilhouetteInputs& in, const Interrupt& interrupt) {
+  const kernels::CameraView& camera = in.camera;
+  const LabelOptions& options = in.options;
   const auto reach = reaches(placement, camera, canvas_of(camera, options.canvas));
   std::vector<Silhouette> out(reach.size());
   if (options.amodal_masks)
@@ -158,7 +245,7 @@ std::vector<Silhouette> trace_silhouettes(const Placement& placement, const Trac
       silhouette.mask.resize((u64(camera.width) * camera.height + 7) / 8);
 
   std::vector<Task> tasks = make_tasks(reach);
-  const SilhouetteTracer tracer(scene, camera);
+  const SilhouetteTracer tracer(scene, in);
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, tasks.size(), 4), [&](const auto& range) {
     for (std::size_t i = range.begin(); i < range.end() && !interrupt.requested(); ++i) {
       Task& task = tasks[i];

@@ -10,13 +10,18 @@
 
 namespace heliograph::embree {
 
+struct SilhouetteInputs {
+  const kernels::CameraView& camera;
+  const LabelOptions& options;
+  std::span<const u32> instance_plane;  // width * height labels
+};
+
 /// Traces every labelled instance over its bounds on the canvas, one ray through each pixel's
 /// centre. The result has one entry for each row of the labelling. Partial when the interrupt was
 /// requested.
 [[nodiscard]] std::vector<Silhouette> trace_silhouettes(const Placement& placement,
                                                         const TracedScene& scene,
-                                                        const kernels::CameraView& camera,
-                                                        const LabelOptions& options,
+                                                        const SilhouetteInputs& in,
                                                         const Interrupt& interrupt);
 
 /// The keypoints of every labelled instance, ordered by row. A keypoint is visible when the segment

@@ -57,6 +57,25 @@ class EmbreeTracer {
     return {query.ray.tfar, instance, query.hit.primID, query.hit.u, query.hit.v};
   }
 
+  /// Whether a ray of object space, its direction of any length, meets one instance alone.
+  [[nodiscard]] bool meets(kernels::u32 instance, const kernels::Ray& ray_object) const {
+    RTCRay query{};
+    fill(query, ray_object, kernels::kNone);
+    Context context(scene_.view, ray_object, instance);
+    context.occluded(scene_.instance_scenes[instance], query,
+                     (scene_.view->instances[instance].flags & kernels::kMayBeHole) != 0);
+    return query.tfar < 0;
+  }
+  /// The same for 8 rays that start and go nearly alike, of an instance without holes; lane i of
+  /// `valid` is -1 where there is a ray. Returns a bit for each.
+  [[nodiscard]] kernels::u32 meets(kernels::u32 instance, RTCRay8& rays, const int* valid) const {
+    Context context(scene_.view, {}, instance);
+    context.occluded8(scene_.instance_scenes[instance], rays, valid);
+    kernels::u32 bits = 0;
+    for (kernels::u32 i = 0; i < 8; ++i) bits |= kernels::u32(valid[i] && rays.tfar[i] < 0) << i;
+    return bits;
+  }
+
  private:
   static kernels::Hit miss() { return {INFINITY, kernels::kNone, kernels::kNone, 0, 0}; }
 
@@ -80,7 +99,7 @@ class EmbreeTracer {
     RTCIntersectContext base;
 #endif
     const kernels::SceneView* view;
-    const kernels::Ray& ray;
+    kernels::Ray ray;
     kernels::u32 instance;  // of closest_in(); kNone: Embree's own
 
     Context(const kernels::SceneView* v, const kernels::Ray& r, kernels::u32 i)
@@ -113,6 +132,13 @@ class EmbreeTracer {
       }
       rtcOccluded1(scene, &query, &arguments);
     }
+    void occluded8(RTCScene scene, RTCRay8& rays, const int* valid) {
+      RTCOccludedArguments arguments;
+      rtcInitOccludedArguments(&arguments);
+      arguments.context = &base;
+      arguments.flags = RTC_RAY_QUERY_FLAG_COHERENT;
+      rtcOccluded8(valid, scene, &rays, &arguments);
+    }
 #else
     void intersect(RTCScene scene, RTCRayHit& query, bool holes) {
       if (holes) base.filter = filter;
@@ -121,6 +147,10 @@ class EmbreeTracer {
     void occluded(RTCScene scene, RTCRay& query, bool holes) {
       if (holes) base.filter = filter;
       rtcOccluded1(scene, &base, &query);
+    }
+    void occluded8(RTCScene scene, RTCRay8& rays, const int* valid) {
+      base.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+      rtcOccluded8(valid, scene, &base, &rays);
     }
 #endif
   };
