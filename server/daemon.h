@@ -4,7 +4,11 @@
 #include <memory>
 #include <string>
 
+#include "server/asset_root.h"
+#include "server/assets.h"
+#include "server/blobs.h"
 #include "server/config.h"
+#include "server/decode/decoder.h"
 #include "server/engine_slot.h"
 #include "server/event_loop.h"
 #include "server/gate.h"
@@ -23,10 +27,14 @@ struct Daemon {
   std::unique_ptr<EventLoop> loop;
   WorkPool pool;
   Scenes scenes;
+  BlobStore blobs;
+  AssetStore assets;
   Sessions sessions;
   Gate gate;
   std::unique_ptr<Lifelines> lifelines;
   std::unique_ptr<EngineSlot> engine;
+  AssetRoot asset_root;
+  Expected<std::unique_ptr<Decoder>> decoder;
 
   Daemon(Config settings, std::string token, std::unique_ptr<EventLoop> event_loop);
 };

@@ -90,4 +90,10 @@ Expected<Engine*> EngineSlot::wait() const {
               "the render engine could not be started: " + engine.error().message);
 }
 
+Status check_queue(const Engine& engine, u64 limit) {
+  if (engine.queued() < limit) return {};
+  return fail(Code::kResourceExhausted, "",
+              fmt::format("{} jobs wait already; retry later (limit jobs)", limit));
+}
+
 }  // namespace heliograph::server

@@ -42,4 +42,7 @@ class EngineSlot {
   std::thread thread_;
 };
 
+/// RESOURCE_EXHAUSTED when as many jobs wait as `limit` allows.
+[[nodiscard]] Status check_queue(const Engine& engine, u64 limit);
+
 }  // namespace heliograph::server

@@ -37,7 +37,8 @@ class Call {
 
 /// What a call needs to be let in.
 enum class Needs {
-  kNothing,  // but the token over TCP
+  kNothing,     // but the token over TCP
+  kNewSession,  // it opens one: not while the daemon drains
   kSession,
   kSessionAlways,  // also while the daemon drains; not counted as work
 };

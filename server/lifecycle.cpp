@@ -78,6 +78,16 @@ u32 connection_limit(const Limits& limits) {
   return u32(std::min<u64>(limits.connections, std::max<u64>(spare / kDescriptorsAClient, 4)));
 }
 
+DecoderOptions decoder_options(const Config& config) {
+  const auto beside = std::filesystem::read_symlink("/proc/self/exe").parent_path();
+  return {.program = config.decode_program.empty() ? (beside / "heliograph-decode").string()
+                                                   : config.decode_program,
+          .memory_bytes = config.limits.decode_bytes,
+          .cpu_seconds = u32(config.limits.decode_seconds),
+          .deadline_seconds = double(config.limits.decode_seconds),
+          .result_bytes = config.limits.decode_result_bytes};
+}
+
 /// Everything that runs, once the sockets listen.
 class Life {
  public:
@@ -114,6 +124,9 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
           .device = {.threads = config.threads, .cache_bytes = config.limits.derived_bytes}},
       daemon_.log,
       [this](const Status& status) { daemon_.loop->post([this, status] { on_engine(status); }); });
+  daemon_.decoder = Decoder::create(decoder_options(config));
+  if (!daemon_.decoder)
+    daemon_.log.error("no decoder", {{"reason", daemon_.decoder.error().message}});
   auto grpc = GrpcServer::start(service_, config);
   if (!grpc) return std::unexpected(grpc.error());
   grpc_ = std::move(*grpc);
@@ -204,6 +217,7 @@ void Life::end() {
   grpc_->shutdown(kLastCalls);
   daemon_.pool.stop();
   daemon_.engine.reset();
+  daemon_.decoder = nullptr;
   connections_.reset();
   grpc_.reset();
 }
@@ -248,7 +262,14 @@ int run(Config config) {
   announce(config, *sockets);
   auto loop = EventLoop::create();
   if (!loop) return refuse(loop.error());
+  AssetRoot root;
+  if (!config.asset_root.empty()) {
+    auto opened = AssetRoot::open(config.asset_root);
+    if (!opened) return refuse(opened.error());
+    root = std::move(*opened);
+  }
   Daemon daemon(std::move(config), std::move(token), std::move(*loop));
+  daemon.asset_root = std::move(root);
   Life life(daemon);
   if (auto started = life.start(std::move(*sockets), std::move(signals)); !started)
     return refuse(started.error());

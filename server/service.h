@@ -36,6 +36,14 @@ class Service final : public v1::Renderer::CallbackService {
   Unary* Apply(Context*, const v1::ApplyRequest*, v1::ApplyReply*) override;
   grpc::ServerBidiReactor<v1::ApplyRequest, v1::ApplyReply>* ApplyStream(Context*) override;
 
+  Reader<v1::UploadBlobRequest>* UploadBlob(Context*, v1::UploadBlobReply*) override;
+  Writer<v1::DecodeAssetReply>* DecodeAsset(Context*, const v1::DecodeAssetRequest*) override;
+
+  Writer<v1::ReadReply>* Read(Context*, const v1::ReadRequest*) override;
+  Writer<v1::SceneChunk>* ExportScene(Context*, const v1::ExportSceneRequest*) override;
+  Reader<v1::SceneChunk>* ImportScene(Context*, v1::SceneInfo*) override;
+  Unary* Query(Context*, const v1::QueryRequest*, v1::QueryReply*) override;
+
   Writer<v1::FramePart>* Render(Context*, const v1::RenderRequest*) override;
 
   Writer<v1::WatchReply>* Watch(Context*, const v1::WatchRequest*) override;

@@ -2,7 +2,6 @@
 #include "server/apply_stream.h"
 #include "server/edit_calls.h"
 #include "server/rpc.h"
-#include "server/session_arrays.h"
 
 namespace heliograph::server {
 namespace {
@@ -22,18 +21,16 @@ v1::ApplyReply to_reply(u64 number, const Prepared& prepared) {
   return reply;
 }
 
-Expected<v1::ApplyReply> apply_now(Daemon& daemon, Session& session, SceneEntry& entry,
+Expected<v1::ApplyReply> apply_now(Session& session, SceneEntry& entry,
                                    const v1::ApplyRequest& request) {
   HELIO_TRY(check_known(request));
-  SessionArrays arrays(daemon, session);
-  const auto transaction = to_transaction(request.transaction(), arrays);
+  const auto transaction = to_transaction(request.transaction(), session.holdings());
   if (!transaction) return std::unexpected(transaction.error());
   const auto expected = request.has_expected_revision()
                             ? std::optional<Revision>(request.expected_revision())
                             : std::nullopt;
   const auto prepared = entry.commit(*transaction, expected);
   if (!prepared) return std::unexpected(prepared.error());
-  arrays.consume();
   return to_reply(request.number(), *prepared);
 }
 
@@ -53,9 +50,8 @@ void apply_numbered(Daemon& daemon, const std::shared_ptr<Session>& session,
   const auto entry = daemon.scenes.find(request.scene(), session->id());
   if (!entry) return done(refuse(entry.error()));
   const auto log = daemon.scenes.edits(**entry, session->id());
-  auto task = [&daemon, &request, session, entry = *entry, log, done] {
-    done(log->answer(request.number(),
-                     [&] { return apply_now(daemon, *session, *entry, request); }));
+  auto task = [&request, session, entry = *entry, log, done] {
+    done(log->answer(request.number(), [&] { return apply_now(*session, *entry, request); }));
   };
   if (auto queued = log->strand().run(std::move(task), is_short(request)); !queued)
     done(refuse(queued.error()));

@@ -4,7 +4,6 @@
 #include "server/frame_stream.h"
 #include "server/rpc.h"
 #include "server/service.h"
-#include "server/session_arrays.h"
 #include "server/version.h"
 
 namespace heliograph::server {
@@ -28,12 +27,10 @@ Expected<SnapshotPtr> base_of(const SceneEntry& entry, const v1::RenderRequest& 
 /// The overlay on a snapshot of its own, under the revision it is based on.
 Expected<SnapshotPtr> with_overlay(Daemon& daemon, Session& session, const SnapshotPtr& base,
                                    const v1::Transaction& overlay) {
-  SessionArrays arrays(daemon, session);
-  const auto transaction = to_transaction(overlay, arrays);
+  const auto transaction = to_transaction(overlay, session.holdings());
   if (!transaction) return std::unexpected(Error(transaction.error()).at("overlay"));
   const auto prepared = apply(*base, *transaction, daemon.scenes.scene_limits());
   if (!prepared) return std::unexpected(Error(prepared.error()).at("overlay"));
-  arrays.consume();
   auto snapshot = std::make_shared<Snapshot>(*prepared->snapshot);
   snapshot->revision = base->revision;
   return snapshot;
@@ -83,10 +80,7 @@ Status start_render(Daemon& daemon, const v1::RenderRequest& request,
   (*job)->deadline = stream->deadline();
   auto engine = daemon.engine->wait();
   if (!engine) return std::unexpected(engine.error());
-  if ((*engine)->queued() >= daemon.config.limits.jobs)
-    return fail(
-        Code::kResourceExhausted, "",
-        fmt::format("{} jobs wait already; retry later (limit jobs)", daemon.config.limits.jobs));
+  HELIO_TRY(check_queue(**engine, daemon.config.limits.jobs));
   stream->set_header([context = FrameContext{.request = request,
                                              .job = *job,
                                              .version = kVersion,

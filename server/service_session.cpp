@@ -1,4 +1,6 @@
 // GetServerInfo, OpenSession, KeepSession, CloseSession.
+#include <fmt/ranges.h>
+
 #include <optional>
 #include <stop_token>
 
@@ -8,6 +10,13 @@
 
 namespace heliograph::server {
 namespace {
+
+void describe_decoder(const Decoder& decoder, v1::GetServerInfoReply& reply) {
+  const std::vector<std::string> sandbox = decoder.sandbox();
+  reply.add_capabilities(fmt::format("decode_sandbox:{}", fmt::join(sandbox, ",")));
+  for (const std::string& refused : decoder.refused()) reply.add_refused(refused);
+  reply.set_decoder(decoder.versions());
+}
 
 void describe_server(const Daemon& daemon, v1::GetServerInfoReply& reply) {
   reply.set_version(kVersion);
@@ -20,6 +29,10 @@ void describe_server(const Daemon& daemon, v1::GetServerInfoReply& reply) {
   for (const auto& [name, value] : list_limits(daemon.config.limits))
     (*reply.mutable_limits())[name] = value;
   reply.set_ready(daemon.engine->is_ready());
+  if (daemon.decoder)
+    describe_decoder(**daemon.decoder, reply);
+  else
+    reply.add_refused("decoder: " + daemon.decoder.error().message);
 }
 
 /// A TCP session's carrier: stays open until either side ends it.
@@ -74,7 +87,7 @@ grpc::ServerUnaryReactor* Service::GetServerInfo(Context* context,
 grpc::ServerUnaryReactor* Service::OpenSession(Context* context,
                                                const v1::OpenSessionRequest* request,
                                                v1::OpenSessionReply* reply) {
-  return unary(daemon_.gate, context, *request, Needs::kNothing, [&](UnaryCall& call) {
+  return unary(daemon_.gate, context, *request, Needs::kNewSession, [&](UnaryCall& call) {
     const auto session = open_session(daemon_, *request);
     if (!session) return call.finish(std::unexpected(session.error()));
     daemon_.log.info("session opened", {{"client", request->client()}});

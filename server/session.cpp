@@ -29,7 +29,7 @@ Expected<std::shared_ptr<Session>> Sessions::open(std::string client) {
   while (id == 0)
     if (::getrandom(&id, sizeof id, 0) != sizeof id)
       return fail(Code::kInternal, "", "no random numbers");
-  auto session = std::make_shared<Session>(id, std::move(client), options_.session);
+  auto session = std::make_shared<Session>(id, std::move(client), options_.session, stores_);
   {
     const std::lock_guard lock(mutex_);
     if (open_.size() >= options_.limit)

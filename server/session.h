@@ -10,9 +10,16 @@
 #include <unordered_map>
 
 #include "server/event_loop.h"
+#include "server/holdings.h"
 #include "server/request_log.h"
 
 namespace heliograph::server {
+
+/// What all sessions share. Outlives them.
+struct Stores {
+  BlobStore& blobs;
+  AssetStore& assets;
+};
 
 /// Thread: any. Lives as long as a call of it runs, even after it was closed.
 class Session {
@@ -21,14 +28,20 @@ class Session {
     u32 calls = 64;
     ReplyLimits replies;
   };
-  Session(u64 id, std::string client, Limits limits)
-      : id_(id), client_(std::move(client)), limits_(limits), requests_(limits.replies) {}
+  Session(u64 id, std::string client, Limits limits, Stores stores)
+      : id_(id),
+        client_(std::move(client)),
+        limits_(limits),
+        requests_(limits.replies),
+        holdings_(stores.blobs, stores.assets) {}
 
   [[nodiscard]] u64 id() const { return id_; }
   [[nodiscard]] const std::string& client() const { return client_; }
   /// Stops when the session ends; its jobs stop with it.
   [[nodiscard]] std::stop_token ended() const { return stop_.get_token(); }
   [[nodiscard]] RequestLog& requests() { return requests_; }
+  /// Its blobs, uploads and assets.
+  [[nodiscard]] Holdings& holdings() { return holdings_; }
 
   /// RESOURCE_EXHAUSTED when too many calls run. end_call() must follow.
   [[nodiscard]] Status begin_call();
@@ -40,6 +53,7 @@ class Session {
   const std::string client_;
   const Limits limits_;
   RequestLog requests_;
+  Holdings holdings_;
   std::stop_source stop_;
   std::atomic<u32> calls_ = 0;
   u32 carriers_ = 0;  // lifelines and KeepSession streams; guarded by Sessions::mutex_
@@ -56,8 +70,9 @@ class Sessions {
     Session::Limits session;
   };
   /// `ended` is called once for each session, from any thread, after its jobs were told to stop.
-  Sessions(EventLoop& loop, Options options, std::function<void(const Session&)> ended)
-      : loop_(loop), options_(options), ended_(std::move(ended)) {}
+  Sessions(EventLoop& loop, Options options, Stores stores,
+           std::function<void(const Session&)> ended)
+      : loop_(loop), options_(options), stores_(stores), ended_(std::move(ended)) {}
 
   /// Opens a session that nothing carries yet: its grace time starts.
   [[nodiscard]] Expected<std::shared_ptr<Session>> open(std::string client);
@@ -75,6 +90,7 @@ class Sessions {
 
   EventLoop& loop_;
   const Options options_;
+  const Stores stores_;
   const std::function<void(const Session&)> ended_;
   mutable std::mutex mutex_;
   std::unordered_map<u64, std::shared_ptr<Session>> open_;

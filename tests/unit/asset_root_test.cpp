@@ -52,7 +52,7 @@ TEST_CASE("asset root: every way out is refused in the words of a missing file")
   const auto root = AssetRoot::open(root_folder);
   REQUIRE(root);
   const auto missing = root->read("nothing.glb", 100).error();
-  for (const std::string path :
+  for (const std::string& path :
        {std::string("../secret.txt"), std::string("models/../../secret.txt"),
         (tree.top() / "secret.txt").string(), std::string("link"), std::string("inner_link"),
         std::string("up/secret.txt"), std::string("hard"), std::string("pipe"),

@@ -1,0 +1,70 @@
+// ImportScene: a scene file in chunks becomes a new scene.
+#include "server/convert/export.h"
+#include "server/once.h"
+#include "server/rpc.h"
+#include "server/scene_info.h"
+#include "server/service.h"
+
+namespace heliograph::server {
+namespace {
+
+class ImportCall final : public Reader<v1::SceneChunk> {
+ public:
+  ImportCall(Daemon& daemon, grpc::CallbackServerContext& context, Call call, v1::SceneInfo& reply)
+      : daemon_(daemon),
+        context_(context),
+        call_(std::move(call)),
+        reply_(reply),
+        file_(call_.session()->holdings()) {
+    StartRead(&chunk_);
+  }
+  void OnReadDone(bool ok) override {
+    if (!ok) return end();
+    Status taken = check_known(chunk_);
+    if (taken) taken = file_.append(chunk_);
+    if (!taken) return finish(taken);
+    StartRead(&chunk_);
+  }
+  void OnDone() override { delete this; }
+
+ private:
+  void end() {
+    if (context_.IsCancelled())
+      return finish(fail(Code::kCancelled, "", "the import was cancelled"));
+    if (auto posted = daemon_.pool.post([this] { finish(build()); }); !posted) finish(posted);
+  }
+  Status build() {
+    const auto scene = file_.finish();
+    if (!scene) return std::unexpected(scene.error());
+    const OnceKey key{call_.session()->requests(), scene->request_id, "ImportScene"};
+    return once(key, reply_, [&] { return create(*scene); });
+  }
+  Expected<v1::SceneInfo> create(const ImportedScene& scene) {
+    auto made = apply(Snapshot{}, scene.transaction, daemon_.scenes.scene_limits());
+    if (!made) return std::unexpected(std::move(made).error().at("header.transaction"));
+    const u64 session = call_.session()->id();
+    auto entry =
+        daemon_.scenes.create({scene.name, scene.shared, std::move(made->snapshot)}, session);
+    if (!entry) return std::unexpected(entry.error());
+    return scene_info(daemon_.scenes, **entry, session);
+  }
+  void finish(const Status& status) { Finish(to_status(status, context_)); }
+
+  Daemon& daemon_;
+  grpc::CallbackServerContext& context_;
+  Call call_;
+  v1::SceneInfo& reply_;
+  SceneImport file_;
+  v1::SceneChunk chunk_;
+};
+
+}  // namespace
+
+Reader<v1::SceneChunk>* Service::ImportScene(Context* context, v1::SceneInfo* reply) {
+  using Refused = Refusal<Reader<v1::SceneChunk>>;
+  auto admitted = daemon_.gate.admit(*context, Needs::kSession);
+  if (!admitted) return new Refused(*context, admitted.error());
+  return new ImportCall(daemon_, *context, std::move(*admitted), *reply);
+}
+
+}  // namespace heliograph::server

@@ -1,0 +1,56 @@
+// Read and ExportScene: streams that are made as fast as they are read.
+#include "server/convert/export.h"
+#include "server/convert/read.h"
+#include "server/rpc.h"
+#include "server/service.h"
+
+namespace heliograph::server {
+namespace {
+
+using SnapshotPtr = std::shared_ptr<const Snapshot>;
+
+Expected<SnapshotPtr> find_snapshot(Daemon& daemon, const Session& session, u64 scene,
+                                    std::optional<Revision> revision) {
+  const auto entry = daemon.scenes.find(scene, session.id());
+  if (!entry) return std::unexpected(entry.error());
+  return snapshot_at(**entry, revision);
+}
+
+}  // namespace
+
+Writer<v1::ReadReply>* Service::Read(Context* context, const v1::ReadRequest* request) {
+  const auto prepare = [this, request](const std::shared_ptr<Session>& session) {
+    return [this, request, session, reading = std::make_shared<std::optional<Reading>>()](
+               v1::ReadReply& reply) -> Expected<bool> {
+      if (!*reading) {
+        auto snapshot = find_snapshot(daemon_, *session, request->scene(), std::nullopt);
+        if (!snapshot) return std::unexpected(snapshot.error());
+        auto made = Reading::create(*request, std::move(*snapshot));
+        if (!made) return std::unexpected(made.error());
+        reading->emplace(std::move(*made));
+      }
+      return (*reading)->next(reply);
+    };
+  };
+  return pull<v1::ReadReply>(daemon_.gate, daemon_.pool, context, *request, prepare);
+}
+
+Writer<v1::SceneChunk>* Service::ExportScene(Context* context,
+                                             const v1::ExportSceneRequest* request) {
+  const auto prepare = [this, request](const std::shared_ptr<Session>& session) {
+    return [this, request, session, file = std::make_shared<std::optional<SceneExport>>()](
+               v1::SceneChunk& chunk) -> Expected<bool> {
+      if (!*file) {
+        const auto revision =
+            request->has_revision() ? std::optional(request->revision()) : std::nullopt;
+        const auto snapshot = find_snapshot(daemon_, *session, request->scene(), revision);
+        if (!snapshot) return std::unexpected(snapshot.error());
+        file->emplace(**snapshot);
+      }
+      return (*file)->next(chunk);
+    };
+  };
+  return pull<v1::SceneChunk>(daemon_.gate, daemon_.pool, context, *request, prepare);
+}
+
+}  // namespace heliograph::server
