@@ -29,10 +29,10 @@ def main(out: Path) -> None:
                 transform=hg.Pose((0.9, -0.35, 0.14)),
                 category="ring",
             )
-            camera = hg.Camera.from_fov(40, 640, 480, degrees=True)
+            camera = hg.Camera.from_fov(40, 480, 360, degrees=True)
             pose = hg.look_at((1.6, -3.2, 1.5), (0.3, 0, 0.35))
             cam = edit.entity("cam", camera=camera, transform=pose)
-        frame = scene.render(cam, spp=64, planes=["beauty", "depth", "normal", "instance"])
+        frame = scene.render(cam, spp=48, planes=["beauty", "depth", "normal", "instance"])
         frame.save(out / "hello.png", exposure="auto")
         for label, name in frame.instances.items():
             pixels = int((frame["instance"] == label).sum())

@@ -30,12 +30,12 @@ def main(out: Path, model: Path) -> None:
             edit.instance(
                 asset, "red", transform=beside, materials={list(asset.materials)[0]: material}
             )
-            lens = hg.Camera.from_fov(35, 800, 450, degrees=True)
+            lens = hg.Camera.from_fov(35, 640, 360, degrees=True)
             bounds = asset.bounds.copy()
             bounds[1, 0] += beside.position[0]
             edit.entity("cam", camera=lens, transform=framing.frame_box(bounds, lens, azimuth=20))
         print(f"{first!r} is {first.parameters}")
-        frame = scene.render("cam", spp=96)
+        frame = scene.render("cam", spp=48)
         frame.save(out / "import_model.png", exposure="auto", view="agx")
         scene.save(out / "import_model.helio")
         with client.load_scene(out / "import_model.helio") as again:

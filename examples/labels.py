@@ -23,7 +23,7 @@ def build(scene: hg.Scene) -> hg.Entity:
             edit.entity(f"ball/{i}", mesh=ball, material=clay, transform=pose, category="ball")
         pose = hg.Pose((0.25, -0.7, 0.7))
         edit.entity("post/0", mesh=post, material=steel, transform=pose, category="post")
-        lens = hg.Camera.from_fov(42, 640, 480, degrees=True)
+        lens = hg.Camera.from_fov(42, 480, 360, degrees=True)
         return edit.entity("cam", camera=lens, transform=hg.look_at((0.5, -3.4, 1.4), (0, 0, 0.5)))
 
 
@@ -46,7 +46,7 @@ def main(out: Path) -> None:
         cam = build(scene)
         frame = scene.render(
             cam,
-            spp=64,
+            spp=32,
             planes=["beauty", "depth", "position_camera", "instance"],
             labels={"boxes": True, "amodal": True, "amodal_masks": True, "keypoints": True},
         )

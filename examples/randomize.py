@@ -26,7 +26,7 @@ def build(scene: hg.Scene) -> tuple[hg.Group, hg.Entity]:
             category="die",
             transforms=np.tile(np.eye(4), (COUNT, 1, 1)),
         )
-        lens = hg.Camera.from_fov(45, 480, 360, degrees=True)
+        lens = hg.Camera.from_fov(45, 320, 240, degrees=True)
         cam = edit.entity("cam", camera=lens)
     return dice, cam
 
@@ -51,7 +51,7 @@ def main(out: Path, frames: int) -> None:
             with scene.overlay() as overlay:
                 randomise(overlay, np.random.default_rng(i), dice)
             frame = scene.render(
-                cam, overlay=overlay, spp=32, seed=i, planes=["beauty", "instance"], labels=True
+                cam, overlay=overlay, spp=24, seed=i, planes=["beauty", "instance"], labels=True
             )
             frame.save(out / f"{i:03d}.png", exposure="auto")
             boxes = {

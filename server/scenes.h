@@ -26,13 +26,15 @@ class SceneEntry {
 
   const u64 id;
   const std::string name;  // "": anonymous
-  const u64 owner;         // session of a private scene; 0: shared
+  const u64 owner;         // the session that a private scene dies with; 0: shared
   Scene scene;
 
   /// Prepares and publishes. Sessions that edit one shared scene wait for each other here.
   [[nodiscard]] Expected<Prepared> commit(const Transaction& transaction,
                                           std::optional<Revision> expected);
-  [[nodiscard]] bool seen_by(u64 session) const { return owner == 0 || owner == session; }
+  /// Access is by tenant, not by session, and this version has one tenant: forked and unpickled
+  /// clients work on their parent's scenes.
+  [[nodiscard]] bool seen_by(u64 /*session*/) const { return true; }
 
  private:
   friend class Scenes;
@@ -48,8 +50,7 @@ struct NewScene {
   std::shared_ptr<const Snapshot> first;
 };
 
-/// Thread: any. Another session's private scene is NOT_FOUND, like one that does not exist. A name
-/// is unique among the scenes its session sees.
+/// Thread: any. A name is unique among the scenes that a session sees.
 class Scenes {
  public:
   struct Options {

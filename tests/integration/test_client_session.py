@@ -12,6 +12,7 @@ import time
 import heliograph as hg
 import numpy as np
 import pytest
+from heliograph import _launch
 
 
 def simple(scene):
@@ -37,6 +38,18 @@ def gone(pid, seconds=10.0):
     while alive(pid) and time.monotonic() < deadline:
         time.sleep(0.02)
     return not alive(pid)
+
+
+def in_child(work):
+    """The small number that `work` gives in a forked child; 255 when it raises."""
+    pid = os.fork()
+    if pid == 0:
+        status = 255
+        try:
+            status = work()
+        finally:
+            os._exit(status)
+    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
 
 
 def test_the_first_call_is_answered_soon():
@@ -163,7 +176,7 @@ def test_arrays_outlive_the_connection():
 
 
 def test_tcp_with_a_token(tmp_path):
-    program = hg.connect().connection.daemon._program
+    program = _launch.find_program()
     port = 50000 + os.getpid() % 10000
     command = [program, "--socket-dir", str(tmp_path), "--listen", f"127.0.0.1:{port}"]
     with subprocess.Popen([*command, "--token-file", str(tmp_path / "token")]) as daemon:
@@ -176,10 +189,7 @@ def test_tcp_with_a_token(tmp_path):
                 with client.create_scene() as scene:
                     simple(scene)
                     assert scene.render("cam", spp=1).samples == 1
-                    pid = os.fork()
-                    if pid == 0:
-                        os._exit(0 if scene.revision == 1 else 1)
-                    assert os.waitpid(pid, 0)[1] == 0
+                    assert in_child(lambda: scene.revision) == 1
                     assert scene.revision == 1
             shared = f"unix://{tmp_path}/heliograph.sock"
             with hg.connect(shared) as client:

@@ -44,14 +44,17 @@ def test_an_unknown_name_lists_those_that_exist(client):
     assert detail(error.value).field == "name"
 
 
-def test_a_private_scene_is_invisible_to_others(client, other):
-    scene = client.create("secret")
-    assert [s.name for s in client.call("ListScenes").scenes] == ["secret"]
-    assert not other.call("ListScenes").scenes
-    for method in ("DescribeScene", "DeleteScene", "BranchScene"):
-        assert code_of(lambda m=method: other.call(m, scene=scene)) == NOT_FOUND
-    assert code_of(lambda: other.call("OpenScene", name="secret")) == NOT_FOUND
-    other.create("secret")  # the name tells nothing either
+def test_sessions_of_a_tenant_see_each_others_scenes(client, other):
+    """A forked or unpickled client has a session of its own and works on its parent's scenes."""
+    scene = client.create("bins")
+    assert other.call("OpenScene", name="bins").scene == scene
+    assert [s.name for s in other.call("ListScenes").scenes] == ["bins"]
+    assert other.call("DescribeScene", scene=scene).scene.next_edit == 1
+    with pytest.raises(grpc.RpcError) as error:
+        other.create("bins")
+    assert error.value.code() == grpc.StatusCode.ALREADY_EXISTS
+    client.call("CloseSession")
+    assert code_of(lambda: other.call("DescribeScene", scene=scene)) == NOT_FOUND
 
 
 def test_a_shared_scene_outlives_its_session(daemon, other):
