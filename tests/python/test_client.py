@@ -62,6 +62,15 @@ def test_scenes_made_here_are_deleted_at_the_end(daemon, client):
     assert len(daemon.requests) == count + 1
 
 
+def test_a_failing_deletion_does_not_hide_the_error(client, monkeypatch):
+    def refuse(*_):
+        raise hg.Unavailable("gone")
+
+    with pytest.raises(RuntimeError, match="mine"), client.create_scene("a"):
+        monkeypatch.setattr(client.connection, "call", refuse)
+        raise RuntimeError("mine")
+
+
 def test_lookup_by_name(daemon, scene):
     with scene.edit() as edit:
         edit.entity("bolt/1")

@@ -17,7 +17,7 @@ from ._proto import scene_pb2 as pb
 from ._proto import service_pb2 as service
 from ._proto import types_pb2 as types
 from .edit import Edits
-from .errors import Aborted, InvalidArgument, NotFound, Unimplemented
+from .errors import Aborted, HeliographError, InvalidArgument, NotFound, Unimplemented
 from .frame import Frame
 from .handles import KINDS, Handle, Named, flatten
 
@@ -304,9 +304,14 @@ class Scene:
     def __enter__(self) -> Scene:
         return self
 
-    def __exit__(self, *_: Any) -> None:
-        if self._owned and not self.client.connection.closed:
+    def __exit__(self, kind: Any, *_: Any) -> None:
+        if not self._owned or self.client.connection.closed:
+            return
+        try:
             self.delete()
+        except HeliographError:
+            if kind is None:  # an error already on its way tells more
+                raise
 
     def __repr__(self) -> str:
         return f"<Scene {self.name!r} of {self.client.address}>"
