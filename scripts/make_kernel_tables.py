@@ -1,6 +1,8 @@
-"""Writes the tables of kernels/: sRGB decoding, the inverse of the Blackman-Harris filter's integral, and albedos of GGX.
+"""Writes the tables of kernels/: sRGB decoding, the inverse of the Blackman-Harris filter's
+integral, and albedos of GGX.
 
-usage: make_kernel_tables.py KERNELS_FOLDER (needs numpy). The results are checked in; run it again when a size changes.
+usage: make_kernel_tables.py KERNELS_FOLDER (needs numpy). The results are checked in; run it again
+when a size changes.
 """
 
 import pathlib
@@ -32,7 +34,11 @@ def table(name: str, values: np.ndarray, comment: str) -> str:
     numbers = [f"{v:.9g}" for v in np.asarray(values, np.float32).ravel()]
     numbers = [n + ("f" if "." in n or "e" in n else ".0f") for n in numbers]
     rows = [", ".join(numbers[i : i + 8]) for i in range(0, len(numbers), 8)]
-    return f"/// {comment}\nHELIO_TABLE float {name}[{len(numbers)}] = {{\n" + ",\n".join(rows) + "};\n"
+    return (
+        f"/// {comment}\nHELIO_TABLE float {name}[{len(numbers)}] = {{\n"
+        + ",\n".join(rows)
+        + "};\n"
+    )
 
 
 def constant(name: str, value: int) -> str:
@@ -111,34 +117,74 @@ def mu_of(i: int, n: int) -> float:
 
 
 def ggx_tables() -> str:
-    albedo = np.array([[reflection(mu_of(m, MU), alpha_of(r, ROUGHNESS)) for m in range(MU)] for r in range(ROUGHNESS)])
+    albedo = np.array(
+        [
+            [reflection(mu_of(m, MU), alpha_of(r, ROUGHNESS)) for m in range(MU)]
+            for r in range(ROUGHNESS)
+        ]
+    )
     # Averages integrate the interpolated table, so that the furnace closes with what kernels read.
     s, w = np.polynomial.legendre.leggauss(400)
     mu = (s + 1) / 2
     grid = np.arange(MU) / (MU - 1)
-    average = np.array([[np.sum(w * mu * np.interp(np.sqrt(mu), grid, row[:, k])) for k in (0, 1)] for row in albedo])
+    average = np.array(
+        [
+            [np.sum(w * mu * np.interp(np.sqrt(mu), grid, row[:, k])) for k in (0, 1)]
+            for row in albedo
+        ]
+    )
     top = np.sqrt(3 / 5)
     iors = [max((1 + x * x) / (1 - x * x), 1.001) for x in np.linspace(0, top, GLASS_IOR)]
-    inside = np.array([
-        [[[glass(mu_of(m, GLASS_MU), alpha_of(r, GLASS_ROUGHNESS), eta) for m in range(GLASS_MU)]
-          for r in range(GLASS_ROUGHNESS)] for eta in (ior, 1 / ior)] for ior in iors])
+    inside = np.array(
+        [
+            [
+                [
+                    [
+                        glass(mu_of(m, GLASS_MU), alpha_of(r, GLASS_ROUGHNESS), eta)
+                        for m in range(GLASS_MU)
+                    ]
+                    for r in range(GLASS_ROUGHNESS)
+                ]
+                for eta in (ior, 1 / ior)
+            ]
+            for ior in iors
+        ]
+    )
     return (
-        constant("kAlbedoCosines", MU) + constant("kAlbedoRoughnesses", ROUGHNESS)
+        constant("kAlbedoCosines", MU)
+        + constant("kAlbedoRoughnesses", ROUGHNESS)
         + table("kReflectionAlbedo", albedo, "[roughness][sqrt(cos)][Fresnel 1, (1 - cos_h)^5]")
-        + table("kReflectionAverage", average, "[roughness][the same two], averaged over the hemisphere by cosine")
-        + constant("kGlassCosines", GLASS_MU) + constant("kGlassRoughnesses", GLASS_ROUGHNESS)
+        + table(
+            "kReflectionAverage",
+            average,
+            "[roughness][the same two], averaged over the hemisphere by cosine",
+        )
+        + constant("kGlassCosines", GLASS_MU)
+        + constant("kGlassRoughnesses", GLASS_ROUGHNESS)
         + constant("kGlassIors", GLASS_IOR)
-        + table("kGlassAlbedo", inside, "[sqrt((ior - 1) / (ior + 1)), from 0 to sqrt(3 / 5)][entering, leaving][roughness][sqrt(cos)]")
+        + table(
+            "kGlassAlbedo",
+            inside,
+            "[sqrt((ior - 1) / (ior + 1)), from 0 to sqrt(3 / 5)]"
+            "[entering, leaving][roughness][sqrt(cos)]",
+        )
     )
 
 
 def main(folder: pathlib.Path) -> None:
     files = {
-        "srgb_table.h": ("sRGB bytes as linear numbers.", table("kSrgbToLinear", srgb(), "IEC 61966-2-1")),
+        "srgb_table.h": (
+            "sRGB bytes as linear numbers.",
+            table("kSrgbToLinear", srgb(), "IEC 61966-2-1"),
+        ),
         "filter_table.h": (
             "The Blackman-Harris filter.",
             constant("kFilterIntervals", FILTER)
-            + table("kInverseBlackmanHarris", blackman_harris(), "places in [-0.5, 0] by the fourth root of twice the integral"),
+            + table(
+                "kInverseBlackmanHarris",
+                blackman_harris(),
+                "places in [-0.5, 0] by the fourth root of twice the integral",
+            ),
         ),
         "ggx_tables.h": ("Albedos of GGX microfacets (single scattering).", ggx_tables()),
     }

@@ -45,7 +45,9 @@ def normal_p(z: np.ndarray) -> np.ndarray:
     return np.vectorize(lambda x: math.erfc(abs(x) / math.sqrt(2)))(z)
 
 
-def compare(image: np.ndarray, variance: np.ndarray, golden: tuple[np.ndarray, np.ndarray]) -> Verdict:
+def compare(
+    image: np.ndarray, variance: np.ndarray, golden: tuple[np.ndarray, np.ndarray]
+) -> Verdict:
     """A z-test of each pixel's luminance with Sidak's correction, and one of the image's mean.
 
     After the image tests of Mitsuba 3; the mean is ours: it finds faint biases below the noise."""

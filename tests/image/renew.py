@@ -11,7 +11,7 @@ import heliograph as hg
 import numpy as np
 import scenes
 
-SPP = 16384
+SPP = 4096
 
 
 def main() -> None:

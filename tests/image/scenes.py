@@ -5,7 +5,8 @@ A scene function fills an edit and returns the options of its render.
 
 from __future__ import annotations
 
-from typing import Any, Callable
+from collections.abc import Callable
+from typing import Any
 
 import heliograph as hg
 import numpy as np
@@ -26,7 +27,11 @@ def cornell(edit: Any) -> dict[str, Any]:
     """Colour bleeding, an area light, glass and rough metal; depth 8."""
     edit.mesh("square", **hg.shapes.plane(2))
     edit.mesh("ball", **hg.shapes.sphere(0.35, 48))
-    for name, color in (("white", 0.73), ("red", (0.63, 0.06, 0.05)), ("green", (0.14, 0.45, 0.09))):
+    for name, color in (
+        ("white", 0.73),
+        ("red", (0.63, 0.06, 0.05)),
+        ("green", (0.14, 0.45, 0.09)),
+    ):
         edit.material(name, base_color=color, specular=0)
     edit.material("black", base_color=0, specular=0)
     _square(edit, "floor", "white", [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
@@ -73,7 +78,9 @@ def materials(edit: Any) -> dict[str, Any]:
 def textures(edit: Any) -> dict[str, Any]:
     """Textured base colour, roughness, normals, emission and cut-outs."""
     y, x = np.mgrid[0:64, 0:64]
-    checker = np.where(((x // 8 + y // 8) % 2)[..., None], (220, 210, 190), (40, 60, 90)).astype("u1")
+    checker = np.where(((x // 8 + y // 8) % 2)[..., None], (220, 210, 190), (40, 60, 90)).astype(
+        "u1"
+    )
     bumps = np.stack([np.sin(x * 0.6), np.cos(y * 0.6), np.full(x.shape, 1.5)], -1)
     bumps /= np.linalg.norm(bumps, axis=-1, keepdims=True)
     hole = np.where((x - 32) ** 2 + (y - 32) ** 2 < 400, 255, 0).astype("u1")
@@ -87,7 +94,9 @@ def textures(edit: Any) -> dict[str, Any]:
     edit.material("foliage", base_color=(0.2, 0.6, 0.1), alpha="hole", alpha_mode="mask")
     edit.material("lit", base_color=0, emission="checker", emission_strength=3)
     edit.entity("floor", mesh="square", material="tiles", transform=hg.Pose(scale=2))
-    edit.entity("leaf", mesh="square", material="foliage", transform=hg.Pose((-0.6, 0, 1.1), scale=0.5))
+    edit.entity(
+        "leaf", mesh="square", material="foliage", transform=hg.Pose((-0.6, 0, 1.1), scale=0.5)
+    )
     edit.entity("glow", mesh="ball", material="lit", transform=hg.Pose((0.7, 0.2, 0.6)))
     edit.dome(color=(0.3, 0.35, 0.4))
     _camera(edit, (0, -3.2, 2.4), (0, 0, 0.4), 50)

@@ -9,17 +9,17 @@ from oracle import CV_FROM_GL, Thing, icosphere, look_at_cv, pixel_rays, pose, r
 
 WIDTH, HEIGHT = 96, 64
 K = np.array([[88.0, 0, 43.7], [0, 101.0, 35.2], [0, 0, 1]])
-PLANES = [
-    "depth", "distance", "position", "position_camera", "normal", "normal_camera", "geometric_normal",
-    "uv", "barycentric", "base_color", "roughness", "metallic", "instance", "semantic", "part", "material",
-    "primitive", "object_coordinates", "nocs", "flow_forward", "flow_backward", "flow_forward_valid",
-    "flow_backward_valid", "flow_forward_visible", "flow_backward_visible", "scene_flow",
-]  # fmt: skip
+PLANES = """
+    depth distance position position_camera normal normal_camera geometric_normal uv
+    barycentric base_color roughness metallic instance semantic part material primitive
+    object_coordinates nocs flow_forward flow_backward flow_forward_valid flow_backward_valid
+    flow_forward_visible flow_backward_visible scene_flow
+""".split()
 DT = 0.1
 
 
 class World:
-    """A plane, a squashed turning sphere, and a box with a lid as its child: moved once by advance()."""
+    """A plane, a squashed turning sphere, a box with a lid as its child; moved once."""
 
     def __init__(self, client: hg.Client) -> None:
         points, faces = icosphere(2)
@@ -34,13 +34,19 @@ class World:
         )  # fmt: skip
         box_parts = (np.arange(12) >= 6).astype(np.uint32)
 
-        self.eye, self.target = [(0.2, -5.0, 2.6), (0.25, -4.9, 2.6)], [(0, 0, 0.6), (0.05, 0, 0.62)]
+        self.eye, self.target = (
+            [(0.2, -5.0, 2.6), (0.25, -4.9, 2.6)],
+            [(0, 0, 0.6), (0.05, 0, 0.62)],
+        )
         squash = (0.9, 0.5, 0.7)
         sphere = [
             pose((-0.9, 0.1, 0.8), rotation((0, 0, 1), 0.3), squash),
             pose((-0.8, 0.0, 0.85), rotation((0.2, 0, 1), 0.5), squash),
         ]
-        box = [pose((0.9, 0.2, 0.5), rotation((0, 0, 1), 0.4), 0.4), pose((0.8, 0.15, 0.5), rotation((0, 0, 1), 0.6), 0.4)]
+        box = [
+            pose((0.9, 0.2, 0.5), rotation((0, 0, 1), 0.4), 0.4),
+            pose((0.8, 0.15, 0.5), rotation((0, 0, 1), 0.6), 0.4),
+        ]
         lid = pose((0, 0, 1.3), rotation((0, 0, 1), 0.2), (1.2, 1.2, 0.1))
         floor = pose(scale=4.0)
         self.states = [
@@ -61,10 +67,28 @@ class World:
             ]
             grey = edit.material("grey", base_color=(0.5, 0.4, 0.3), roughness=0.25)
             steel = edit.material("steel", base_color=(0.7, 0.7, 0.6), metallic=1, roughness=0.125)
-            edit.entity("floor", mesh=meshes[0], material=grey, transform=floor, label=7, category="ground")
-            edit.entity("ball", mesh=meshes[1], material=steel, transform=sphere[0], label=3, category="ball")
-            edit.entity("crate", mesh=meshes[2], materials=[grey, steel], transform=box[0], label=5, category="crate")
-            edit.entity("lid", parent="crate", mesh=meshes[2], materials=[steel, grey], transform=lid)
+            edit.entity(
+                "floor", mesh=meshes[0], material=grey, transform=floor, label=7, category="ground"
+            )
+            edit.entity(
+                "ball",
+                mesh=meshes[1],
+                material=steel,
+                transform=sphere[0],
+                label=3,
+                category="ball",
+            )
+            edit.entity(
+                "crate",
+                mesh=meshes[2],
+                materials=[grey, steel],
+                transform=box[0],
+                label=5,
+                category="crate",
+            )
+            edit.entity(
+                "lid", parent="crate", mesh=meshes[2], materials=[steel, grey], transform=lid
+            )
             camera = hg.Camera.from_intrinsics(K, WIDTH, HEIGHT)
             edit.entity("cam", camera=camera, transform=self.world_from_camera(0))
             edit.dome(color=(1, 1, 1))
@@ -75,7 +99,9 @@ class World:
             edit.entity("cam", transform=self.world_from_camera(1))
         # At the new time only backward flow is defined; at the old time only forward flow.
         self.frames = [
-            self.scene.render("cam", planes=[p for p in PLANES if "backward" not in p], time=0, frame_interval=DT),
+            self.scene.render(
+                "cam", planes=[p for p in PLANES if "backward" not in p], time=0, frame_interval=DT
+            ),
             self.scene.render(
                 "cam",
                 planes=[p for p in PLANES if "forward" not in p and p != "scene_flow"],
@@ -107,7 +133,9 @@ class Truth:
         self.directions = rays @ r
         self.hits = trace(self.things, self.origin, self.directions)
         self.hit = self.hits.thing >= 0
-        self.sure = self.hit & (self.hits.margin > 2e-3)  # not on an edge, where either side is right
+        self.sure = self.hit & (
+            self.hits.margin > 2e-3
+        )  # not on an edge, where either side is right
         reach = np.where(self.hit, self.hits.t, 0)
         self.position = self.origin + reach[:, None] * self.directions
 
@@ -131,7 +159,9 @@ class Truth:
         out = np.zeros((len(self.hit), 3))
         for index, thing in enumerate(self.things):
             mine = np.flatnonzero(self.hits.thing == index)
-            a, b, c = np.moveaxis(thing.world_positions()[thing.triangles[self.hits.triangle[mine]]], 1, 0)
+            a, b, c = np.moveaxis(
+                thing.world_positions()[thing.triangles[self.hits.triangle[mine]]], 1, 0
+            )
             out[mine] = np.cross(b - a, c - a)
         out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-30)
         return np.where((out * self.directions).sum(1, keepdims=True) > 0, -out, out)
@@ -163,7 +193,9 @@ def test_ids(pair):
     mesh_part = np.zeros(len(truth.hit), int)
     for index, thing in enumerate(truth.things):
         mine = truth.hits.thing == index
-        mesh_part[mine] = thing.first_part + (thing.parts[truth.hits.triangle[mine]] if thing.parts is not None else 0)
+        mesh_part[mine] = thing.first_part + (
+            thing.parts[truth.hits.triangle[mine]] if thing.parts is not None else 0
+        )
     expected["part"] = mesh_part
     for name, value in expected.items():
         assert frame[name].dtype == np.uint32
@@ -178,7 +210,9 @@ def test_geometry(pair):
     normal = truth.geometric_normals()
     close = dict(rtol=2e-5, atol=2e-5)
     np.testing.assert_allclose(flat(frame, "depth")[sure, 0], truth.hits.t[sure], **close)
-    np.testing.assert_allclose(flat(frame, "distance")[sure, 0], (truth.hits.t * length)[sure], **close)
+    np.testing.assert_allclose(
+        flat(frame, "distance")[sure, 0], (truth.hits.t * length)[sure], **close
+    )
     np.testing.assert_allclose(flat(frame, "position")[sure], truth.position[sure], **close)
     np.testing.assert_allclose(flat(frame, "position_camera")[sure], camera[sure], **close)
     np.testing.assert_allclose(flat(frame, "geometric_normal")[sure], normal[sure], **close)
@@ -197,9 +231,13 @@ def test_shading_normals(pair):
     smooth /= np.linalg.norm(smooth, axis=1, keepdims=True)
     got = flat(frame, "normal")[ball]
     np.testing.assert_allclose(got, smooth, atol=1e-4)
-    np.testing.assert_allclose(flat(frame, "normal_camera")[ball], got @ truth.camera[:3, :3].T, atol=1e-5)
+    np.testing.assert_allclose(
+        flat(frame, "normal_camera")[ball], got @ truth.camera[:3, :3].T, atol=1e-5
+    )
     rest = truth.sure & (truth.hits.thing != 1)
-    np.testing.assert_allclose(flat(frame, "normal")[rest], flat(frame, "geometric_normal")[rest], atol=1e-6)
+    np.testing.assert_allclose(
+        flat(frame, "normal")[rest], flat(frame, "geometric_normal")[rest], atol=1e-6
+    )
 
 
 def test_material_parameters(pair):
@@ -211,7 +249,9 @@ def test_material_parameters(pair):
         steel[mine] = np.asarray(part) != (1 if swap else 0)
     sure = truth.sure
     np.testing.assert_allclose(flat(frame, "metallic")[sure, 0], steel[sure])
-    np.testing.assert_allclose(flat(frame, "roughness")[sure, 0], np.where(steel, 0.125, 0.25)[sure])
+    np.testing.assert_allclose(
+        flat(frame, "roughness")[sure, 0], np.where(steel, 0.125, 0.25)[sure]
+    )
     base = np.where(steel[:, None], (0.7, 0.7, 0.6), (0.5, 0.4, 0.3))
     np.testing.assert_allclose(flat(frame, "base_color")[sure], base[sure], rtol=1e-6)
 
@@ -222,7 +262,9 @@ def test_object_coordinates(pair):
     points = truth.things[1].positions
     rest = truth.corner_values("positions", 3)[ball] * np.array([0.9, 0.5, 0.7])
     low, high = points.min(0) * [0.9, 0.5, 0.7], points.max(0) * [0.9, 0.5, 0.7]
-    np.testing.assert_allclose(flat(frame, "object_coordinates")[ball], (rest - low) / (high - low), atol=1e-4)
+    np.testing.assert_allclose(
+        flat(frame, "object_coordinates")[ball], (rest - low) / (high - low), atol=1e-4
+    )
     nocs = 0.5 + (rest - (low + high) / 2) / np.linalg.norm(high - low)
     np.testing.assert_allclose(flat(frame, "nocs")[ball], nocs, atol=1e-4)
 
@@ -242,7 +284,9 @@ def test_flow_is_reprojection(world, k, name):
     np.testing.assert_allclose(flat(frame, name)[sure], expected[sure], atol=0.01)
     assert flat(frame, name + "_valid").all()
     if name == "flow_forward":
-        np.testing.assert_allclose(flat(frame, "scene_flow")[sure], (moved - truth.position)[sure], atol=1e-5)
+        np.testing.assert_allclose(
+            flat(frame, "scene_flow")[sure], (moved - truth.position)[sure], atol=1e-5
+        )
 
     # The background moves as points at infinity do.
     away = ~truth.hit
@@ -257,7 +301,9 @@ def test_flow_is_reprojection(world, k, name):
     raster = project(other, moved) + 0.5
     inside = (raster >= 0).all(1) & (raster[:, 0] < WIDTH) & (raster[:, 1] < HEIGHT)
     seen = inside & (blocked.t > 1 - 1e-4)
-    clear = sure & (blocked.margin > 2e-3) & (np.abs(blocked.t - 1) < 1e-4) | sure & (blocked.t < 0.99)
+    clear = sure & (blocked.margin > 2e-3) & (np.abs(blocked.t - 1) < 1e-4) | sure & (
+        blocked.t < 0.99
+    )
     assert (flat(frame, name + "_visible")[clear, 0] == seen[clear]).mean() > 0.998
 
 
@@ -343,9 +389,20 @@ def test_masks_boxes_and_counts(world):
         rays = pixel_rays(wide, 3 * WIDTH, 3 * HEIGHT).reshape(-1, 3) @ truth.camera[:3, :3]
         canvas = trace([truth.things[i] for i in members], truth.origin, rays).thing >= 0
         assert abs(int(labels["canvas"][row]) - canvas.sum()) <= 3
-        box = np.array(extent(canvas.reshape(3 * HEIGHT, 3 * WIDTH))) - [WIDTH, HEIGHT, WIDTH, HEIGHT]
+        box = np.array(extent(canvas.reshape(3 * HEIGHT, 3 * WIDTH))) - [
+            WIDTH,
+            HEIGHT,
+            WIDTH,
+            HEIGHT,
+        ]
         assert np.abs(labels["bbox_amodal_canvas"][row] - box).max() <= 1
-        assert labels["visibility"][row] == pytest.approx(labels["visible"][row] / labels["canvas"][row])
-        assert labels["occlusion"][row] == pytest.approx(1 - labels["visible"][row] / labels["inside"][row])
-        assert labels["truncation"][row] == pytest.approx(1 - labels["inside"][row] / labels["canvas"][row])
+        assert labels["visibility"][row] == pytest.approx(
+            labels["visible"][row] / labels["canvas"][row]
+        )
+        assert labels["occlusion"][row] == pytest.approx(
+            1 - labels["visible"][row] / labels["inside"][row]
+        )
+        assert labels["truncation"][row] == pytest.approx(
+            1 - labels["inside"][row] / labels["canvas"][row]
+        )
     assert total == (frame["instance"] != 0).sum()
