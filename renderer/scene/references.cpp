@@ -67,8 +67,9 @@ Expected<Id> Scope::resolve(const Ref& ref) const {
 Expected<Id> Scope::resolve_kind(const Ref& ref, Kind kind) const {
   auto id = resolve(ref);
   if (id && *id && id->kind() != kind)
-    return fail(Code::kInvalidArgument, "",
-                fmt::format("{} is not of the kind {}", describe_object(scene_, *id), kind_name(kind)));
+    return fail(
+        Code::kInvalidArgument, "",
+        fmt::format("{} is not of the kind {}", describe_object(scene_, *id), kind_name(kind)));
   return id;
 }
 

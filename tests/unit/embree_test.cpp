@@ -193,7 +193,8 @@ TEST_CASE("embree: cut-outs are holes to camera, shadow and centre rays") {
                              .apply();
       return render(*engine, job_of(scene, {Plane::DEPTH}));
     };
-    for (const float z : pixels<float>(*with(0.5f))) CHECK(z == Approx(3));
-    for (const float z : pixels<float>(*with(0.125f))) CHECK(z == Approx(2));
+    const auto hole = with(0.5f), sheet = with(0.125f);
+    for (const float z : pixels<float>(*hole)) CHECK(z == Approx(3));
+    for (const float z : pixels<float>(*sheet)) CHECK(z == Approx(2));
   }
 }
