@@ -48,7 +48,7 @@ def test_sessions_of_a_tenant_see_each_others_scenes(client, other):
     """A forked or unpickled client has a session of its own and works on its parent's scenes."""
     scene = client.create("bins")
     assert other.call("OpenScene", name="bins").scene == scene
-    assert [s.name for s in other.call("ListScenes").scenes] == ["bins"]
+    assert "bins" in [s.name for s in other.call("ListScenes").scenes]
     assert other.call("DescribeScene", scene=scene).scene.next_edit == 1
     with pytest.raises(grpc.RpcError) as error:
         other.create("bins")
@@ -71,7 +71,7 @@ def test_a_repeated_request_id_is_answered_from_memory(client):
     first = client.call("CreateScene", name="once", request_id="a")
     again = client.call("CreateScene", name="once", request_id="a")
     assert first == again
-    assert len(client.call("ListScenes").scenes) == 1
+    assert [s.name for s in client.call("ListScenes").scenes].count("once") == 1
     client.call("DeleteScene", scene=first.scene, request_id="b")
     client.call("DeleteScene", scene=first.scene, request_id="b")
     assert code_of(lambda: client.call("DeleteScene", scene=first.scene, request_id="a")) == \
