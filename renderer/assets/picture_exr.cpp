@@ -173,7 +173,9 @@ bool convert_primaries(const Imf::Header& header, Canvas& canvas) {
   const Imf::Chromaticities file = Imf::chromaticities(header);
   const Imf::Chromaticities rec709;
   constexpr float kSame = 1e-3f;
-  const auto same = [](Imath::V2f a, Imath::V2f b) { return (a - b).length() < kSame; };
+  const auto same = [](const Imath::V2f& a, const Imath::V2f& b) {
+    return (a - b).length() < kSame;
+  };
   if (same(file.red, rec709.red) && same(file.green, rec709.green) &&
       same(file.blue, rec709.blue) && same(file.white, rec709.white)) {
     return false;

@@ -66,7 +66,8 @@ struct RawArray {
 template <class T>
 [[nodiscard]] Expected<ArrayOf<T>> read_floats(const v1::Array& array, ArraySource& source,
                                                const Dims& dims) {
-  auto raw = read_f32(array, source, dims, sizeof(T) / sizeof(float));
+  constexpr u64 kFloatBytes = 4;
+  auto raw = read_f32(array, source, dims, sizeof(T) / kFloatBytes);
   if (!raw) return std::unexpected(std::move(raw).error());
   return ArrayOf<T>(raw->buffer);
 }
