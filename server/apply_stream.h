@@ -8,7 +8,7 @@ namespace heliograph::server {
 /// One transaction is in work at a time; what the client sends ahead waits in gRPC's window.
 class ApplyStreamCall final : public grpc::ServerBidiReactor<v1::ApplyRequest, v1::ApplyReply> {
  public:
-  ApplyStreamCall(Daemon& daemon, grpc::CallbackServerContext& context, Call call);
+  ApplyStreamCall(Daemon& daemon, Call call);
 
   void OnReadDone(bool ok) override;
   void OnWriteDone(bool ok) override;
@@ -16,7 +16,6 @@ class ApplyStreamCall final : public grpc::ServerBidiReactor<v1::ApplyRequest, v
 
  private:
   Daemon& daemon_;
-  grpc::CallbackServerContext& context_;
   Call call_;
   v1::ApplyRequest request_;
   v1::ApplyReply reply_;

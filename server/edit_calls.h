@@ -11,6 +11,7 @@ namespace heliograph::server {
 /// An error instead of a reply that is kept (gap, unknown scene, full queue) does not use the
 /// number up.
 void apply_numbered(Daemon& daemon, const std::shared_ptr<Session>& session,
-                    const v1::ApplyRequest& request, std::function<void(EditLog::Reply)> done);
+                    const v1::ApplyRequest& request,
+                    const std::function<void(EditLog::Reply)>& done);
 
 }  // namespace heliograph::server

@@ -3,15 +3,12 @@
 #pragma once
 
 #include <fmt/format.h>
+#include <spdlog/fwd.h>
 
 #include <initializer_list>
 #include <memory>
 #include <string>
 #include <string_view>
-
-namespace spdlog {
-class logger;
-}
 
 namespace heliograph::server {
 

@@ -46,7 +46,8 @@ bool is_short(const v1::ApplyRequest& request) {
 }  // namespace
 
 void apply_numbered(Daemon& daemon, const std::shared_ptr<Session>& session,
-                    const v1::ApplyRequest& request, std::function<void(EditLog::Reply)> done) {
+                    const v1::ApplyRequest& request,
+                    const std::function<void(EditLog::Reply)>& done) {
   const auto entry = daemon.scenes.find(request.scene(), session->id());
   if (!entry) return done(refuse(entry.error()));
   const auto log = daemon.scenes.edits(**entry, session->id());
@@ -75,13 +76,13 @@ grpc::ServerBidiReactor<v1::ApplyRequest, v1::ApplyReply>* Service::ApplyStream(
   using Refused = Refusal<grpc::ServerBidiReactor<v1::ApplyRequest, v1::ApplyReply>>;
   auto admitted = daemon_.gate.admit(*context, Needs::kSession);
   if (!admitted) return new Refused(*context, admitted.error());
-  return new ApplyStreamCall(daemon_, *context, std::move(*admitted));
+  return new ApplyStreamCall(daemon_, std::move(*admitted));
 }
 
 // ---------------------------------------------------------------- ApplyStreamCall
 
-ApplyStreamCall::ApplyStreamCall(Daemon& daemon, grpc::CallbackServerContext& context, Call call)
-    : daemon_(daemon), context_(context), call_(std::move(call)) {
+ApplyStreamCall::ApplyStreamCall(Daemon& daemon, Call call)
+    : daemon_(daemon), call_(std::move(call)) {
   StartRead(&request_);
 }
 

@@ -55,6 +55,7 @@ void WorkPool::work() {
 }
 
 Status Strand::run(WorkPool::Task task, bool is_short) {
+  WorkPool::Task now;  // empty: it waits its turn
   {
     const std::lock_guard lock(mutex_);
     if (tasks_.size() >= capacity_)
@@ -62,11 +63,14 @@ Status Strand::run(WorkPool::Task task, bool is_short) {
                   fmt::format("{} requests of this session and scene wait already; wait for their "
                               "replies (limit calls_per_session)",
                               tasks_.size()));
-    if (busy_ || !is_short) tasks_.push_back(std::move(task));
+    if (!busy_ && is_short)
+      now = std::move(task);
+    else
+      tasks_.push_back(std::move(task));
     if (busy_) return {};
     busy_ = true;
   }
-  if (task) task();
+  if (now) now();
   bool more;
   {
     const std::lock_guard lock(mutex_);

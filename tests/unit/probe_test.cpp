@@ -95,7 +95,8 @@ TEST_CASE("probe: geometry, labels and material of a plane and a sphere") {
     probe_all({{world.view, &camera}, {}, {}, nullptr, &kSettings}, film);
     int seen[3] = {};
     for (u64 i = 0; i < u64(kSize.x) * kSize.y; ++i) {
-      const vec2 raster(float(i % kSize.x) + 0.5f, float(i / kSize.x) + 0.5f);
+      const u32 column = i % kSize.x, row = i / kSize.x;
+      const vec2 raster(float(column) + 0.5f, float(row) + 0.5f);
       const Ray ray = camera_ray(camera, raster, {0, true});
       const Exact exact = exact_hit(ray, center);
       const u32 label = film.centre<u32>(Plane::INSTANCE, i);
@@ -198,7 +199,8 @@ TEST_CASE("probe: flow is the reprojection of a moving sphere and a moving camer
             film);
   int seen[3] = {}, hidden = 0;
   for (u64 i = 0; i < u64(kSize.x) * kSize.y; ++i) {
-    const vec2 raster(float(i % kSize.x) + 0.5f, float(i / kSize.x) + 0.5f);
+    const u32 column = i % kSize.x, row = i / kSize.x;
+    const vec2 raster(float(column) + 0.5f, float(row) + 0.5f);
     const u32 label = film.centre<u32>(Plane::INSTANCE, i);
     const vec2 flow(film.centre(Plane::FLOW_FORWARD, 2 * i),
                     film.centre(Plane::FLOW_FORWARD, 2 * i + 1));
