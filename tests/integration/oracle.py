@@ -115,6 +115,17 @@ def icosphere(level: int) -> tuple[np.ndarray, np.ndarray]:
     return np.array(points), np.array(faces)
 
 
+def cube() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Corners of a cube of side 2, its triangles, and two parts of six triangles each."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+    faces = np.array(
+        [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+         [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+    )  # fmt: skip
+    parts = (np.arange(12) >= 6).astype(np.uint32)
+    return corners, faces, parts
+
+
 def rotation(axis: tuple[float, float, float], angle: float) -> np.ndarray:
     """(3, 3), Rodrigues' formula."""
     x, y, z = np.asarray(axis, float) / np.linalg.norm(axis)
@@ -142,3 +153,9 @@ def look_at_cv(eye, target, up=(0, 0, 1)) -> np.ndarray:
     m = np.eye(4)
     m[:3, :3], m[:3, 3] = r, -r @ eye
     return m
+
+
+def extent(mask: np.ndarray) -> list[int]:
+    """Half-open pixel box of a mask: x0, y0, x1, y1; zeros when it is empty."""
+    y, x = np.nonzero(mask)
+    return [x.min(), y.min(), x.max() + 1, y.max() + 1] if len(x) else [0, 0, 0, 0]

@@ -1,170 +1,17 @@
-"""Every centre plane and label column against numpy arithmetic on the same scene (oracle.py)."""
+"""Every centre plane against numpy arithmetic on the same scene (oracle.py)."""
 
 from __future__ import annotations
 
 import heliograph as hg
 import numpy as np
 import pytest
-from oracle import CV_FROM_GL, Thing, icosphere, look_at_cv, pixel_rays, pose, rotation, trace
-
-WIDTH, HEIGHT = 96, 64
-K = np.array([[88.0, 0, 43.7], [0, 101.0, 35.2], [0, 0, 1]])
-PLANES = """
-    depth distance position position_camera normal normal_camera geometric_normal uv
-    barycentric base_color roughness metallic instance semantic part material primitive
-    object_coordinates nocs flow_forward flow_backward flow_forward_valid flow_backward_valid
-    flow_forward_visible flow_backward_visible scene_flow
-""".split()
-DT = 0.1
-
-
-class World:
-    """A plane, a squashed turning sphere, a box with a lid as its child; moved once."""
-
-    def __init__(self, client: hg.Client) -> None:
-        points, faces = icosphere(2)
-        sphere_uv = np.stack([np.arctan2(points[:, 1], points[:, 0]), points[:, 2]], -1)
-        quad = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float)
-        quad_uv = quad[:, :2] * 0.5 + 0.5
-        quad_faces = np.array([[0, 1, 2], [0, 2, 3]])
-        corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
-        box_faces = np.array(
-            [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
-             [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
-        )  # fmt: skip
-        box_parts = (np.arange(12) >= 6).astype(np.uint32)
-
-        self.eye, self.target = (
-            [(0.2, -5.0, 2.6), (0.25, -4.9, 2.6)],
-            [(0, 0, 0.6), (0.05, 0, 0.62)],
-        )
-        squash = (0.9, 0.5, 0.7)
-        sphere = [
-            pose((-0.9, 0.1, 0.8), rotation((0, 0, 1), 0.3), squash),
-            pose((-0.8, 0.0, 0.85), rotation((0.2, 0, 1), 0.5), squash),
-        ]
-        box = [
-            pose((0.9, 0.2, 0.5), rotation((0, 0, 1), 0.4), 0.4),
-            pose((0.8, 0.15, 0.5), rotation((0, 0, 1), 0.6), 0.4),
-        ]
-        lid = pose((0, 0, 1.3), rotation((0, 0, 1), 0.2), (1.2, 1.2, 0.1))
-        floor = pose(scale=4.0)
-        self.states = [
-            [
-                Thing(quad, quad_faces, floor, None, quad_uv, None, 7, 1),
-                Thing(points, faces, sphere[k], points, sphere_uv, None, 3, 2),
-                Thing(corners, box_faces, box[k], None, None, box_parts, 5, 3),
-                Thing(corners, box_faces, box[k] @ lid, None, None, box_parts, 5, 3, first_part=3),
-            ]
-            for k in range(2)
-        ]
-        self.scene = client.create_scene()
-        with self.scene.edit() as edit:
-            meshes = [
-                edit.mesh("quad", positions=quad, indices=quad_faces, uvs=quad_uv),
-                edit.mesh("sphere", positions=points, indices=faces, normals=points, uvs=sphere_uv),
-                edit.mesh("box", positions=corners, indices=box_faces, parts=box_parts),
-            ]
-            grey = edit.material("grey", base_color=(0.5, 0.4, 0.3), roughness=0.25)
-            steel = edit.material("steel", base_color=(0.7, 0.7, 0.6), metallic=1, roughness=0.125)
-            edit.entity(
-                "floor", mesh=meshes[0], material=grey, transform=floor, label=7, category="ground"
-            )
-            edit.entity(
-                "ball",
-                mesh=meshes[1],
-                material=steel,
-                transform=sphere[0],
-                label=3,
-                category="ball",
-            )
-            edit.entity(
-                "crate",
-                mesh=meshes[2],
-                materials=[grey, steel],
-                transform=box[0],
-                label=5,
-                category="crate",
-            )
-            edit.entity(
-                "lid", parent="crate", mesh=meshes[2], materials=[steel, grey], transform=lid
-            )
-            camera = hg.Camera.from_intrinsics(K, WIDTH, HEIGHT)
-            edit.entity("cam", camera=camera, transform=self.world_from_camera(0))
-            edit.dome(color=(1, 1, 1))
-        with self.scene.edit() as edit:
-            edit.advance(DT)
-            edit.entity("ball", transform=sphere[1])
-            edit.entity("crate", transform=box[1])
-            edit.entity("cam", transform=self.world_from_camera(1))
-        # At the new time only backward flow is defined; at the old time only forward flow.
-        self.frames = [
-            self.scene.render(
-                "cam", planes=[p for p in PLANES if "backward" not in p], time=0, frame_interval=DT
-            ),
-            self.scene.render(
-                "cam",
-                planes=[p for p in PLANES if "forward" not in p and p != "scene_flow"],
-                labels=["boxes", "amodal", "amodal_masks"],
-            ),
-        ]
-
-    def world_from_camera(self, k: int) -> np.ndarray:
-        return np.linalg.inv(look_at_cv(self.eye[k], self.target[k])) @ CV_FROM_GL
-
-    def camera_from_world(self, k: int) -> np.ndarray:
-        return look_at_cv(self.eye[k], self.target[k])
+from oracle import trace
+from oracle_world import HEIGHT, WIDTH, K, Truth, World, project
 
 
 @pytest.fixture(scope="module")
 def world(client: hg.Client) -> World:
     return World(client)
-
-
-class Truth:
-    """What every pixel of one state should show."""
-
-    def __init__(self, world: World, k: int) -> None:
-        self.things = world.states[k]
-        self.camera = world.camera_from_world(k)
-        rays = pixel_rays(K, WIDTH, HEIGHT).reshape(-1, 3)
-        r, t = self.camera[:3, :3], self.camera[:3, 3]
-        self.origin = -r.T @ t
-        self.directions = rays @ r
-        self.hits = trace(self.things, self.origin, self.directions)
-        self.hit = self.hits.thing >= 0
-        self.sure = self.hit & (
-            self.hits.margin > 2e-3
-        )  # not on an edge, where either side is right
-        reach = np.where(self.hit, self.hits.t, 0)
-        self.position = self.origin + reach[:, None] * self.directions
-
-    def corner_values(self, name: str, size: int) -> np.ndarray:
-        """An attribute interpolated at the hits, (N, size); zeros where it is absent."""
-        out = np.zeros((len(self.hit), size))
-        for index, thing in enumerate(self.things):
-            values = getattr(thing, name)
-            if values is None:
-                continue
-            mine = np.flatnonzero(self.hits.thing == index)
-            corner = values[thing.triangles[self.hits.triangle[mine]]]
-            u, v = self.hits.u[mine, None], self.hits.v[mine, None]
-            out[mine] = corner[:, 0] * (1 - u - v) + corner[:, 1] * u + corner[:, 2] * v
-        return out
-
-    def per_thing(self, values: list) -> np.ndarray:
-        return np.array([*values, 0])[self.hits.thing]
-
-    def geometric_normals(self) -> np.ndarray:
-        out = np.zeros((len(self.hit), 3))
-        for index, thing in enumerate(self.things):
-            mine = np.flatnonzero(self.hits.thing == index)
-            a, b, c = np.moveaxis(
-                thing.world_positions()[thing.triangles[self.hits.triangle[mine]]], 1, 0
-            )
-            out[mine] = np.cross(b - a, c - a)
-        out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-30)
-        return np.where((out * self.directions).sum(1, keepdims=True) > 0, -out, out)
 
 
 @pytest.fixture(scope="module", params=[0, 1], ids=["old", "new"])
@@ -174,11 +21,6 @@ def pair(request: pytest.FixtureRequest, world: World) -> tuple[hg.Frame, Truth]
 
 def flat(frame: hg.Frame, plane: str) -> np.ndarray:
     return np.asarray(frame[plane]).reshape(WIDTH * HEIGHT, -1)
-
-
-def project(camera_from_world: np.ndarray, p: np.ndarray) -> np.ndarray:
-    q = p @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
-    return q[:, :2] / q[:, 2:] * [K[0, 0], K[1, 1]] + [K[0, 2], K[1, 2]]
 
 
 def test_ids(pair):
@@ -319,90 +161,3 @@ def test_empty_pixels(pair):
         assert (flat(frame, name)[away] == 0).all(), name
     for name in ("material", "primitive"):
         assert (flat(frame, name)[away] == 0xFFFFFFFF).all(), name
-
-
-def rows(world: World) -> dict[int, int]:
-    return {int(label): i for i, label in enumerate(world.frames[1].labels["label"])}
-
-
-def test_label_rows(world):
-    labels = world.frames[1].labels
-    assert list(labels["label"]) == [3, 5, 7]
-    frame = world.frames[1]
-    assert [frame.categories[int(c)] for c in labels["category"]] == ["ball", "crate", "ground"]
-    camera = world.camera_from_world(1)
-    for label, root in ((7, 0), (3, 1), (5, 2)):
-        row = rows(world)[label]
-        m = world.states[1][root].world
-        scale = np.linalg.norm(m[:3, :3], axis=0)
-        rigid = m.copy()
-        rigid[:3, :3] /= scale
-        np.testing.assert_allclose(labels["world_from_object"][row], rigid, atol=1e-5)
-        np.testing.assert_allclose(labels["camera_from_object_cv"][row], camera @ rigid, atol=1e-5)
-        np.testing.assert_allclose(labels["scale"][row], scale, atol=1e-5)
-        assert labels["rigid"][row]
-
-
-def test_boxes_3d(world):
-    labels = world.frames[1].labels
-    row = rows(world)[5]
-    crate, lid = world.states[1][2], world.states[1][3]
-    m = labels["world_from_object"][row].astype(float)
-    local = [(t.world_positions() - m[:3, 3]) @ m[:3, :3] for t in (crate, lid)]
-    points = np.concatenate(local)
-    low, high = points.min(0), points.max(0)
-    np.testing.assert_allclose(labels["box_center"][row], (low + high) / 2, atol=1e-5)
-    np.testing.assert_allclose(labels["box_half_extents"][row], (high - low) / 2, atol=1e-5)
-    corners = labels["corners_camera"][row].astype(float)
-    np.testing.assert_allclose(labels["corners_image"][row], project(np.eye(4), corners), atol=0.01)
-    back = np.linalg.inv(labels["camera_from_object_cv"][row])
-    local_corners = corners @ back[:3, :3].T + back[:3, 3]
-    np.testing.assert_allclose(np.sort(local_corners, 0)[[0, -1]], [low, high], atol=1e-4)
-
-
-def extent(mask: np.ndarray) -> list[int]:
-    y, x = np.nonzero(mask)
-    return [x.min(), y.min(), x.max() + 1, y.max() + 1] if len(x) else [0, 0, 0, 0]
-
-
-def test_masks_boxes_and_counts(world):
-    frame = world.frames[1]
-    labels = frame.labels
-    truth = Truth(world, 1)
-    masks = [frame.amodal_mask(int(label)) for label in labels["label"]]
-    total = 0
-    for label, members in ((7, [0]), (3, [1]), (5, [2, 3])):
-        row = rows(world)[label]
-        visible = frame["instance"] == label
-        total += visible.sum()
-        assert labels["visible"][row] == visible.sum()
-        assert list(labels["bbox_visible"][row]) == extent(visible)
-        alone = trace([truth.things[i] for i in members], truth.origin, truth.directions)
-        expected = (alone.thing >= 0).reshape(HEIGHT, WIDTH)
-        sure = (alone.margin.reshape(HEIGHT, WIDTH) > 2e-3) | ~expected & ~masks[row]
-        assert (masks[row] == expected)[sure].all()
-        assert (visible <= masks[row]).all()
-        assert labels["inside"][row] == masks[row].sum()
-        assert list(labels["bbox_amodal"][row]) == extent(masks[row])
-
-        wide = K + np.array([[0, 0, WIDTH], [0, 0, HEIGHT], [0, 0, 0]])
-        rays = pixel_rays(wide, 3 * WIDTH, 3 * HEIGHT).reshape(-1, 3) @ truth.camera[:3, :3]
-        canvas = trace([truth.things[i] for i in members], truth.origin, rays).thing >= 0
-        assert abs(int(labels["canvas"][row]) - canvas.sum()) <= 3
-        box = np.array(extent(canvas.reshape(3 * HEIGHT, 3 * WIDTH))) - [
-            WIDTH,
-            HEIGHT,
-            WIDTH,
-            HEIGHT,
-        ]
-        assert np.abs(labels["bbox_amodal_canvas"][row] - box).max() <= 1
-        assert labels["visibility"][row] == pytest.approx(
-            labels["visible"][row] / labels["canvas"][row]
-        )
-        assert labels["occlusion"][row] == pytest.approx(
-            1 - labels["visible"][row] / labels["inside"][row]
-        )
-        assert labels["truncation"][row] == pytest.approx(
-            1 - labels["inside"][row] / labels["canvas"][row]
-        )
-    assert total == (frame["instance"] != 0).sum()
