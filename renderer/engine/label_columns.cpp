@@ -115,7 +115,7 @@ void add_boxes(const LabelInputs& in, std::vector<Column>& columns) {
   Rows<u8> rigid("rigid", {}), crosses("crosses_camera_plane", {});
   const auto& instances = in.labelling.instances;
   for (std::size_t row = 0; row < instances.size(); ++row) {
-    const ObjectFrame frame = object_frame(in.world_poses[instances[row].root]);
+    const ObjectFrame& frame = in.frames[row];
     const glm::dmat4 camera_from_object = in.camera.camera_from_world_cv * frame.world_from_object;
     const RestBox box = in.boxes[row].empty() ? RestBox{vec3(0), vec3(0)} : in.boxes[row];
     world.add_matrix(frame.world_from_object);

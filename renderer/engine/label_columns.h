@@ -66,7 +66,7 @@ struct LabelInputs {
   const Snapshot& snapshot;
   const Labelling& labelling;
   const ImageCamera& camera;
-  std::span<const mat4x3> world_poses;       // by entity index, at the label time
+  std::span<const ObjectFrame> frames;       // by row, at the label time
   std::span<const RestBox> boxes;            // by row
   std::span<const u32> instance_plane;       // width * height labels; empty: no pixel columns
   std::span<const Silhouette> silhouettes;   // by row; empty: no amodal columns

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "renderer/scene/parents_first.h"
+
 namespace heliograph {
 namespace {
 
@@ -30,23 +32,9 @@ Inherited inherit(const Entity& entity, u32 own_row, const Inherited& above) {
 /// What every entity inherits, parents first.
 std::vector<Inherited> inherit_all(const Snapshot& snapshot, const std::vector<u32>& own_row) {
   std::vector<Inherited> out(snapshot.entities.capacity());
-  std::vector<bool> done(out.size(), false);
-  std::vector<u32> chain;
-  snapshot.entities.for_each([&](u32 index, const Entity&) {
-    chain.clear();
-    for (u32 i = index; !done[i];) {
-      chain.push_back(i);
-      const EntityId parent = snapshot.entities.at(i).parent;
-      if (!parent) break;
-      i = parent.index();
-    }
-    for (; !chain.empty(); chain.pop_back()) {
-      const u32 i = chain.back();
-      const Entity& entity = snapshot.entities.at(i);
-      out[i] =
-          inherit(entity, own_row[i], entity.parent ? out[entity.parent.index()] : Inherited{});
-      done[i] = true;
-    }
+  for_each_parents_first(snapshot, [&](u32 index, const Entity& entity) {
+    out[index] =
+        inherit(entity, own_row[index], entity.parent ? out[entity.parent.index()] : Inherited{});
   });
   return out;
 }

@@ -8,6 +8,8 @@
 #include <numeric>
 #include <span>
 
+#include "renderer/scene/parents_first.h"
+
 namespace heliograph {
 
 namespace {
@@ -182,23 +184,9 @@ mat4x3 world_pose(const Snapshot& snapshot, u32 entity, Time time) {
 
 std::vector<mat4x3> world_poses(const Snapshot& snapshot, Time time) {
   std::vector<mat4x3> world(snapshot.entities.capacity(), mat4x3(1));
-  std::vector<bool> done(world.size(), false);
-  std::vector<u32> chain;
-  snapshot.entities.for_each([&](u32 index, const Entity&) {
-    chain.clear();
-    for (u32 i = index; !done[i];) {
-      chain.push_back(i);
-      const EntityId parent = snapshot.entities.at(i).parent;
-      if (!parent) break;
-      i = parent.index();
-    }
-    for (; !chain.empty(); chain.pop_back()) {
-      const u32 i = chain.back();
-      const EntityId parent = snapshot.entities.at(i).parent;
-      const mat4x3 local = local_pose(snapshot, i, time);
-      world[i] = parent ? multiply(world[parent.index()], local) : local;
-      done[i] = true;
-    }
+  for_each_parents_first(snapshot, [&](u32 index, const Entity& entity) {
+    const mat4x3 local = local_pose(snapshot, index, time);
+    world[index] = entity.parent ? multiply(world[entity.parent.index()], local) : local;
   });
   return world;
 }

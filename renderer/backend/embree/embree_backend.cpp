@@ -161,7 +161,7 @@ Expected<std::vector<Column>> EmbreeBackend::labels(Film& film, const Interrupt&
     return label_columns({.snapshot = scene.snapshot(),
                           .labelling = labelling,
                           .camera = own.image_camera(),
-                          .world_poses = placement.world,
+                          .frames = placement.frames,
                           .boxes = placement.boxes,
                           .instance_plane = {plane, pixels},
                           .silhouettes = silhouettes,
