@@ -2,14 +2,19 @@
 // The order is the order of the bits in MaterialView::textured.
 #pragma once
 
-#define HELIO_MATERIAL_PARAMETERS(X)  \
-  X(base_color, 3, 0.8f, 0, 1)        \
-  X(metallic, 1, 0, 0, 1)             \
-  X(roughness, 1, 0.5f, 0, 1)         \
-  X(specular, 1, 1, 0, 1)             \
-  X(specular_color, 3, 1, 0, 1e4f)    \
-  X(ior, 1, 1.5f, 1, 4)               \
-  X(transmission, 1, 0, 0, 1)         \
-  X(emission, 3, 0, 0, 1e9f)          \
-  X(emission_strength, 1, 1, 0, 1e9f) \
-  X(alpha, 1, 1, 0, 1)
+#define HELIO_MATERIAL_PARAMETERS(X)      \
+  X(base_color, 3, 0.8f, 0, 1)            \
+  X(metallic, 1, 0, 0, 1)                 \
+  X(roughness, 1, 0.5f, 0, 1)             \
+  X(specular, 1, 1, 0, 1)                 \
+  X(specular_color, 3, 1, 0, 1e4f)        \
+  X(ior, 1, 1.5f, 1, 4)                   \
+  X(transmission, 1, 0, 0, 1)             \
+  X(emission, 3, 0, 0, 1e9f)              \
+  X(emission_strength, 1, 1, 0, 1e9f)     \
+  X(alpha, 1, 1, 0, 1)                    \
+  X(subsurface, 1, 0, 0, 1)               \
+  X(subsurface_radius, 3, 0.01f, 0, 1e4f) \
+  X(subsurface_color, 3, 0.8f, 0, 1)      \
+  X(attenuation_color, 3, 1, 0, 1)        \
+  X(attenuation_distance, 1, 0, 0, 1e9f)

@@ -74,6 +74,7 @@ struct MaterialView {
   AlphaMode alpha_mode;
   bool two_sided_emission;
   bool unlit;
+  bool thin_walled;
   u32 id;  // the plane "material": index of the material object in the scene
 };
 

@@ -70,6 +70,7 @@ struct Material {
   float alpha_cutoff = 0.5f;
   bool two_sided_emission = false;
   bool unlit = false;
+  bool thin_walled = false;
 
   [[nodiscard]] Parameter& operator[](MaterialParameter p) { return parameters[std::size_t(p)]; }
   [[nodiscard]] const Parameter& operator[](MaterialParameter p) const {

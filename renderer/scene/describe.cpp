@@ -72,6 +72,7 @@ class Description {
     if (m.alpha_cutoff != defaults.alpha_cutoff) patch.alpha_cutoff = m.alpha_cutoff;
     if (m.two_sided_emission) patch.two_sided_emission = true;
     if (m.unlit) patch.unlit = true;
+    if (m.thin_walled) patch.thin_walled = true;
     return patch;
   }
 

@@ -87,6 +87,7 @@ struct PutMaterial {
   std::optional<float> alpha_cutoff;
   std::optional<bool> two_sided_emission;
   std::optional<bool> unlit;
+  std::optional<bool> thin_walled;
 };
 
 struct PutTexture {

@@ -55,7 +55,7 @@ void reset(PutMaterial& patch, vec3 value) {
   patch.parameters[std::size_t(P)] = {value, TextureUsePatch{}};
 }
 
-constexpr std::array<Clear<PutMaterial>, kMaterialParameters + 5> kClear{{
+constexpr std::array<Clear<PutMaterial>, kMaterialParameters + 6> kClear{{
 #define HELIO_CLEAR(name, components, value, low, high)                          \
   {#name, [](PutMaterial& p) {                                                   \
      reset<MaterialParameter::name>(p, default_value(components, float(value))); \
@@ -67,6 +67,7 @@ constexpr std::array<Clear<PutMaterial>, kMaterialParameters + 5> kClear{{
     {"normal_map", [](PutMaterial& p) { p.normal_map = TextureUsePatch{}; }},
     {"two_sided_emission", [](PutMaterial& p) { p.two_sided_emission = false; }},
     {"unlit", [](PutMaterial& p) { p.unlit = false; }},
+    {"thin_walled", [](PutMaterial& p) { p.thin_walled = false; }},
 }};
 
 }  // namespace
@@ -88,6 +89,7 @@ Expected<PutMaterial> to_material(const v1::Material& message, ArraySource& sour
     HELIO_TAKE(patch.alpha_cutoff, in_range(message.alpha_cutoff(), {0, 1}), "alpha_cutoff");
   if (message.has_two_sided_emission()) patch.two_sided_emission = message.two_sided_emission();
   if (message.has_unlit()) patch.unlit = message.unlit();
+  if (message.has_thin_walled()) patch.thin_walled = message.thin_walled();
   return patch;
 }
 
@@ -108,6 +110,7 @@ v1::Material to_proto(const PutMaterial& patch, const ArraySink& sink) {
   if (patch.alpha_cutoff) message.set_alpha_cutoff(*patch.alpha_cutoff);
   if (patch.two_sided_emission) message.set_two_sided_emission(*patch.two_sided_emission);
   if (patch.unlit) message.set_unlit(*patch.unlit);
+  if (patch.thin_walled) message.set_thin_walled(*patch.thin_walled);
   return message;
 }
 

@@ -65,6 +65,12 @@ class Parameters(TypedDict, total=False):
     normal_map: Any  # a texture or Tex; its scale in Tex.scale
     two_sided_emission: bool
     unlit: bool
+    subsurface: Any
+    subsurface_radius: Any  # metres
+    subsurface_color: Any
+    attenuation_color: Any
+    attenuation_distance: Any  # metres; 0: clear
+    thin_walled: bool
 
 
 _LABEL = ("label", "category", "group", "part")
@@ -209,7 +215,7 @@ def material_message(edits: Edits, given: Mapping[str, Any]) -> pb.Material:
             out.alpha_cutoff = number_of(value, name)
         elif name == "normal_map":
             out.normal_map.CopyFrom(texture_use(edits, value, name))
-        elif name in ("two_sided_emission", "unlit"):
+        elif name in ("two_sided_emission", "unlit", "thin_walled"):
             setattr(out, name, bool(value))
         else:
             _put_parameter(edits, getattr(out, name), name, value)

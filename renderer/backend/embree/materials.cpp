@@ -39,6 +39,7 @@ kernels::MaterialView view_of(const Snapshot& snapshot, const Material& material
   view.alpha_mode = kernels::AlphaMode(material.alpha_mode);
   view.two_sided_emission = material.two_sided_emission;
   view.unlit = material.unlit;
+  view.thin_walled = material.thin_walled;
   view.id = id;
   return view;
 }
