@@ -11,10 +11,11 @@ KERNEL Ray camera_ray(const CameraView& camera, vec2 raster, HoleKey holes) {
   const vec2 k((raster.x - camera.cx) / camera.fx, (camera.cy - raster.y) / camera.fy);
   if (camera.projection == Projection::kOrthographic) {
     return {transform_point(camera.world_from_camera, vec3(k, 0)),
-            normalize(-camera.world_from_camera[2]), INFINITY, holes};
+            normalize(-camera.world_from_camera[2]), INFINITY, camera.time, holes};
   }
   return {camera.world_from_camera[3],
-          normalize(transform_vector(camera.world_from_camera, vec3(k, -1))), INFINITY, holes};
+          normalize(transform_vector(camera.world_from_camera, vec3(k, -1))), INFINITY, camera.time,
+          holes};
 }
 
 /// Where a camera sees something.
@@ -51,11 +52,11 @@ KERNEL Ray camera_ray_to(const CameraView& camera, vec3 p_world, HoleKey holes) 
   if (camera.projection == Projection::kOrthographic) {
     direction = normalize(-camera.world_from_camera[2]);
     const float distance = dot(p_world - camera.world_from_camera[3], direction);
-    return {p_world - direction * distance, direction, distance, holes};
+    return {p_world - direction * distance, direction, distance, camera.time, holes};
   }
   direction = p_world - camera.world_from_camera[3];
   const float distance = length(direction);
-  return {camera.world_from_camera[3], direction / distance, distance, holes};
+  return {camera.world_from_camera[3], direction / distance, distance, camera.time, holes};
 }
 
 KERNEL bool inside_image(const CameraView& camera, vec2 raster) {

@@ -19,6 +19,7 @@ struct LightSample {
   float pdf;       // 1/sr, the choice of the light included
   u32 light;       // index into SceneView::lights; kNone: the dome
   u32 primitive = 0;
+  float time = 0;     // of the ray
   vec2 place;         // barycentric; for the dome in its picture, row 0 at v = 0
   bool front = true;  // the light shows its front
   u32 visibility;     // ray mask bits of the emitting instance
@@ -56,21 +57,27 @@ struct LightTriangle {
   vec3 normal;        // of the front side, its length twice the area
   float probability;  // of the triangle among all lights
   Corners corners;    // in object space
+  mat4x3 world_from_object;
 };
-KERNEL LightTriangle light_triangle(const SceneView& scene, const LightView& light, u32 primitive) {
+KERNEL LightTriangle light_triangle(const SceneView& scene, const LightView& light, u32 primitive,
+                                    float time) {
   const InstanceView& instance = scene.instances[light.instance];
   const MeshView& mesh = scene.meshes[instance.mesh];
-  const Corners c = corners_of(mesh.positions, mesh.triangles[primitive]);
-  const mat4x3& world = instance.world_from_object;
+  const Corners c = corners_at(mesh, mesh.triangles[primitive], time);
   LightTriangle t;
+  t.world_from_object = pose_at(scene, instance, time).world_from_object;
+  const mat4x3& world = t.world_from_object;
   t.corners = c;
   t.a = transform_point(world, c.a);
   t.ab = transform_vector(world, c.ab);
   t.ac = transform_vector(world, c.ac);
   t.normal = cross(t.ab, t.ac);
   if (instance.flags & kFlipped) t.normal = -t.normal;
+  // Triangles are chosen by their areas before they deform.
+  const Corners rest =
+      mesh.segments == 0 ? c : corners_of(mesh.positions, mesh.triangles[primitive]);
   t.probability =
-      light.probability * 0.5f * length(cross(c.ab, c.ac)) / mesh.part_areas[light.part];
+      light.probability * 0.5f * length(cross(rest.ab, rest.ac)) / mesh.part_areas[light.part];
   return t;
 }
 
@@ -83,12 +90,13 @@ KERNEL float triangle_pdf(const LightTriangle& t, vec3 d, float distance) {
 
 /// Density [1/sr] with which sample_light would have taken the direction in which a ray met a
 /// light.
-KERNEL float light_pdf(const SceneView& scene, const Hit& hit, u32 light, vec3 direction) {
-  return triangle_pdf(light_triangle(scene, scene.lights[light], hit.primitive), direction, hit.t);
+KERNEL float light_pdf(const SceneView& scene, const Hit& hit, u32 light, const Ray& ray) {
+  const LightTriangle t = light_triangle(scene, scene.lights[light], hit.primitive, ray.time);
+  return triangle_pdf(t, ray.direction, hit.t);
 }
 
 KERNEL bool sample_surface_light(const SceneView& scene, u32 index, vec3 p, float u, vec2 u2,
-                                 LightSample& out) {
+                                 float time, LightSample& out) {
   const LightView& light = scene.lights[index];
   const InstanceView& instance = scene.instances[light.instance];
   const MeshView& mesh = scene.meshes[instance.mesh];
@@ -96,7 +104,7 @@ KERNEL bool sample_surface_light(const SceneView& scene, u32 index, vec3 p, floa
   const u32 count = mesh.part_offsets[light.part + 1] - first;
   if (count == 0) return false;
   const u32 primitive = mesh.part_triangles[first + choose(mesh.part_cdf + first, count, u).index];
-  const LightTriangle t = light_triangle(scene, light, primitive);
+  const LightTriangle t = light_triangle(scene, light, primitive, time);
   out.place = sample_triangle(u2);
   out.target = t.a + t.ab * out.place.x + t.ac * out.place.y;
   const vec3 d = out.target - p;
@@ -110,10 +118,11 @@ KERNEL bool sample_surface_light(const SceneView& scene, u32 index, vec3 p, floa
   out.pdf = triangle_pdf(t, out.direction, distance);
   if (!(out.pdf > 0)) return false;
   const vec3 n = normalize(t.normal);
-  const float offset = plane_error(instance.world_from_object, t.corners, n);
+  const float offset = plane_error(t.world_from_object, t.corners, n);
   out.target += n * (front ? offset : -offset);
   out.light = index;
   out.primitive = primitive;
+  out.time = time;
   out.front = front;
   out.visibility = instance.visibility;
   return true;
@@ -124,7 +133,7 @@ KERNEL vec3 surface_radiance(const SceneView& scene, const LightSample& sample) 
   const LightView& light = scene.lights[sample.light];
   const bool holes = scene.instances[light.instance].flags & kMayBeHole;
   if (!light.material_emits && light.texture.texture == kNone && !holes) return light.radiance;
-  const Surface s = locate(scene, light.instance, sample.primitive, sample.place);
+  const Surface s = locate(scene, light.instance, sample.primitive, sample.place, sample.time);
   const vec3 radiance = emitted(scene, s, material_at(scene, s, kEmissionBits), sample.front);
   if (!holes) return radiance;
   return radiance * opacity_at(scene, light.instance, sample.primitive, sample.place);
@@ -220,14 +229,15 @@ KERNEL bool has_lights(const SceneView& scene) {
   return scene.light_count > 0 || scene.dome.probability > 0;
 }
 
-/// Chooses a light and a direction from p to it; false when no light comes from there.
+/// Chooses a light and a direction from p to it at a time; false when no light comes from there.
 ///
 /// u, u2   uniform in [0, 1)
-KERNEL bool sample_light(const SceneView& scene, vec3 p, float u, vec2 u2, LightSample& out) {
+KERNEL bool sample_light(const SceneView& scene, vec3 p, float time, float u, vec2 u2,
+                         LightSample& out) {
   const float surfaces = scene.light_count > 0 ? scene.light_cdf[scene.light_count - 1] : 0;
   if (u >= surfaces) return scene.dome.probability > 0 && sample_dome(scene, u2, out);
   const Choice light = choose(scene.light_cdf, scene.light_count, u);
-  return sample_surface_light(scene, light.index, p, light.rest, u2, out);
+  return sample_surface_light(scene, light.index, p, light.rest, u2, time, out);
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

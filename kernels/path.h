@@ -10,8 +10,8 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// Pairs of random numbers that a path takes: first the filter, then these at every vertex.
-enum Dimension : u32 { kFilterPair = 0, kFirstVertexPair = 1 };
+/// Pairs of random numbers that a path takes: the filter, the time, then these at every vertex.
+enum Dimension : u32 { kFilterPair = 0, kFirstVertexPair = 1, kTimePair = 1u << 24 };
 enum VertexDimension : u32 { kLightPair, kScatterPair, kLightChoice, kLobeChoice, kVertexPairs };
 /// Numbers of unstratified random choices.
 enum Hashed : u32 {
@@ -25,11 +25,12 @@ enum Hashed : u32 {
 template <Tracer T>
 struct PathContext {
   const SceneView& scene;
-  const CameraView& camera;
+  const CameraView& camera;  // at that time
   const Settings& settings;
   const T& tracer;
   const FilmView& film;
   Sampler sampler;
+  float time;  // of the path, with all that it meets
 };
 
 /// A path on its way from the camera.
@@ -110,14 +111,14 @@ KERNEL void miss(const PathContext<T>& c, const Path& path, SampleValues& sample
 KERNEL float emission_weight(const SceneView& scene, const Path& path, const Hit& hit, u32 light) {
   if (path.pdf <= 0 || light == kNone) return 1;
   if (!shows_to_all(scene.instances[hit.instance].visibility)) return 0;
-  return mis_weight(path.pdf, light_pdf(scene, hit, light, path.ray.direction));
+  return mis_weight(path.pdf, light_pdf(scene, hit, light, path.ray));
 }
 
 /// The path meets a surface: counts what it emits; false when the path ends there.
 template <Tracer T>
 KERNEL bool hit_surface(const PathContext<T>& c, const Path& path, const Hit& hit, Vertex& v,
                         SampleValues& sample) {
-  v.surface = surface_at(c.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v));
+  v.surface = surface_at(c.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), c.time);
   const Surface& s = v.surface;
   v.material = material_at(c.scene, s, ~kAlphaBit);
   const vec3 wo = -path.ray.direction;
@@ -146,7 +147,7 @@ KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Vertex
   LightSample light;
   const float choice = c.sampler.get1(vertex_pair(path, kLightChoice));
   const vec2 u = c.sampler.get2(vertex_pair(path, kLightPair));
-  if (!sample_light(c.scene, v.surface.p, choice, u, light)) return;
+  if (!sample_light(c.scene, v.surface.p, c.time, choice, u, light)) return;
   BsdfValue f = evaluate_bsdf(v.bsdf, light.direction);
   const bool transmitted = dot(v.bsdf.ng, light.direction) < 0;
   if (!(light.visibility & kDiffuseRay)) f.diffuse = vec3(0);
@@ -154,7 +155,7 @@ KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Vertex
   const vec3 total = f.diffuse + f.glossy;
   if (!(max_component(total) > 0)) return;
 
-  Ray ray{offset_point(v.surface, light.direction), light.direction, INFINITY,
+  Ray ray{offset_point(v.surface, light.direction), light.direction, INFINITY, c.time,
           hole_key(c, kShadowHoleHash + path.edges)};
   if (light.light != kNone) {
     const vec3 d = light.target - ray.origin;
@@ -208,7 +209,8 @@ KERNEL bool scatter(const PathContext<T>& c, Path& path, const Vertex& v, Sample
   path.mask = s.lobe == Lobe::kDiffuse  ? kDiffuseRay
               : s.lobe == Lobe::kGlossy ? kGlossyRay
                                         : kTransmissionRay;
-  path.ray = {offset_point(v.surface, s.wi), s.wi, INFINITY, hole_key(c, kHoleHash + path.edges)};
+  path.ray = {offset_point(v.surface, s.wi), s.wi, INFINITY, c.time,
+              hole_key(c, kHoleHash + path.edges)};
   ++path.edges;
   return survives(c, path);
 }
@@ -224,7 +226,7 @@ KERNEL float open_hemisphere(const PathContext<T>& c, const Vertex& v, const Pat
   const vec3 d = to_world(make_frame(s.ns * side), sample_cosine(u));
   if (dot(d, s.ng) * side <= 0) return 0;
   ++sample.rays;
-  const Ray ray{offset_point(s, d), d, INFINITY, hole_key(c, kOcclusionHash)};
+  const Ray ray{offset_point(s, d), d, INFINITY, c.time, hole_key(c, kOcclusionHash)};
   return c.tracer.occluded(ray, kShadowRay) ? 0 : 1;
 }
 
@@ -260,6 +262,11 @@ KERNEL SampleValues trace_path(const PathContext<T>& c, u32 x, u32 y) {
   return sample;
 }
 
+/// The time of a path through row y: stratified over the pixel's samples.
+KERNEL float path_time(const ShutterView& shutter, const Sampler& sampler, u32 y) {
+  return shutter_time(shutter, y, shutter.length > 0 ? sampler.get1(kTimePair) : 0);
+}
+
 /// Adds samples [first_sample, first_sample + sample_count) of pixel (x, y) to the film; returns
 /// rays traced.
 template <Tracer T>
@@ -270,7 +277,10 @@ KERNEL u32 render_pixel(const SceneView& scene, const CameraView& camera, const 
   const u64 pixel = u64(y) * film.width + x;
   u32 rays = 0;
   for (u32 i = first_sample; i < first_sample + sample_count; ++i) {
-    const PathContext<T> context{scene, camera, settings, tracer, film, Sampler(key, i)};
+    const Sampler sampler(key, i);
+    const float time = path_time(camera.shutter, sampler, y);
+    const CameraAt now(camera, time);
+    const PathContext<T> context{scene, now.camera(), settings, tracer, film, sampler, time};
     const SampleValues sample = trace_path(context, x, y);
     write_sample(film, pixel, sample, (i + 1) % kBlock == 0);
     rays += sample.rays;

@@ -50,7 +50,7 @@ KERNEL Hit probe_closest(const SceneView& scene, CountedTracer<T> counted, Ray r
     const Hit hit = counted.tracer.closest(ray, kCameraRay);
     ++counted.rays;
     if (hit.instance == kNone || !through_transmission || layer == 1024) return hit;
-    const Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v));
+    const Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), ray.time);
     if (!is_clear(material_at(scene, s, ~0u))) return hit;
     const vec3 next = offset_point(s, ray.direction);
     ray.t_max -= dot(next - ray.origin, ray.direction);
@@ -82,7 +82,8 @@ KERNEL Flow flow_to(const ProbeContext& context, const ProbeScene& other, Counte
                     const Hit& hit, vec3 p_world) {
   Flow flow{vec2(0), 0, 0, vec3(0)};
   if (other.scene->instances[hit.instance].flags & kFlowInvalid) return flow;
-  const Surface there = locate(*other.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v));
+  const Surface there =
+      locate(*other.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), other.camera->time);
   flow.metres = there.p - p_world;
   const Projected to = project(*other.camera, there.p);
   if (!to.in_front) return flow;
@@ -148,7 +149,7 @@ KERNEL void probe_geometry(Probe& p, const Surface& s, const CameraView& camera,
 KERNEL void probe_shading(Probe& p, const Surface& s, const CameraView& camera, const Ray& ray) {
   p.normal = dot(s.ng, ray.direction) > 0 ? -s.ns : s.ns;
   p.normal_camera = normalize(cv_from_gl(transform_vector(camera.camera_from_world, p.normal)));
-  const Corners c = corners_of(s.mesh->positions, s.triangle);
+  const Corners c = corners_at(*s.mesh, s.triangle, s.time);
   p.tangent = world_tangent(s, s.ns, tangents_of(s, c, 0).t);
 }
 
@@ -172,7 +173,7 @@ KERNEL void probe_rest(Probe& p, const Surface& s) {
 KERNEL void probe_surface(Probe& p, const ProbeScene& now, const Hit& hit, const Ray& ray,
                           PlaneSet wanted) {
   const SceneView& scene = *now.scene;
-  Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v));
+  Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), ray.time);
   p.hit = true;
   probe_geometry(p, s, *now.camera, ray);
   probe_labels(p, s, hit);
@@ -231,7 +232,7 @@ KERNEL Probe make_probe(const ProbeContext& context, const T* const (&tracers)[3
     put_flow(p, flow_to(context, context.backward, counted, hit, p.p_world), false);
   }
   if (context.disparity && (wanted & kDisparityPlanes)) {
-    const Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v));
+    const Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), ray.time);
     probe_disparity(p, context, CountedTracer<T>{*tracers[0], rays}, s);
   }
   return p;

@@ -29,6 +29,7 @@ struct Ray {
   vec3 origin;     // metres, world
   vec3 direction;  // unit unless said otherwise
   float t_max;
+  float time;  // within the scene's motion, [0, 1]
   HoleKey holes;
 };
 

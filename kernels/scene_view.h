@@ -80,7 +80,9 @@ struct MaterialView {
 
 // ---------------------------------------------------------------- geometry
 
-/// A mesh as it is at this instant, in object space. Null: there is none.
+/// A mesh as it is at this instant, in object space. Null: there is none. One that deforms while
+/// the shutter is open has positions and normals at segments + 1 equidistant times, one after the
+/// other.
 struct MeshView {
   const uvec3* triangles;
   const vec3* positions;
@@ -100,6 +102,7 @@ struct MeshView {
   u32 triangle_count;
   u32 vertex_count;
   u32 part_count;
+  u32 segments;  // 0: it does not deform
 };
 
 enum InstanceFlag : u32 {
@@ -108,9 +111,17 @@ enum InstanceFlag : u32 {
   kFlowInvalid = 4,  // created or teleported within the flow interval
 };
 
+/// Where something is at one of the equidistant times that it has keys at: world = translate *
+/// rotate * shear. Between two keys translation and shear go linearly, the rotation by slerp.
+struct MotionKey {
+  vec3 translation;
+  vec4 rotation;                 // unit quaternion, xyzw
+  float xx, xy, xz, yy, yz, zz;  // upper triangle of the shear, whose diagonal is the scale
+};
+
 /// One entity that shows a mesh.
 struct InstanceView {
-  mat4x3 world_from_object;
+  mat4x3 world_from_object;  // of what does not move; use pose_at()
   mat4x3 object_from_world;
   u32 mesh;
   u32 first_part;          // its parts' rows in SceneView::part_materials and part_lights
@@ -120,6 +131,8 @@ struct InstanceView {
   u32 label;               // instance label, 0: none
   u32 category;            // class id
   u32 part;                // number of its first mesh part within the instance
+  u32 segments;            // of its motion while the shutter is open; 0: it does not move
+  u32 first_key;           // of segments + 1 in SceneView::motion_keys
   mat4x3 box_from_object;  // rest position -> [0, 1]^3 in the labelled instance's rest box
   vec3 nocs_scale;         // box size / box diagonal
 };
@@ -164,11 +177,22 @@ struct DomeView {
 
 enum class Projection : u8 { kPerspective, kOrthographic };
 
+/// When a camera sees, on the scene's time axis: 0 is the start and 1 the end of its motion.
+struct ShutterView {
+  float open;    // of row 0
+  float length;  // how long each row is open
+  float row;     // how much later than the row above a row opens
+};
+
 /// raster.x = fx * x / z + cx (perspective), in the OpenCV frame; cx, cy are raster coordinates
 /// here.
 struct CameraView {
   mat4x3 world_from_camera;  // OpenGL frame: looks down -Z
   mat4x3 camera_from_world;
+  const MotionKey* motion_keys;  // segments + 1; camera_at() has the poses
+  u32 segments;                  // 0: it does not move
+  float time;                    // of its rays, where it does not move
+  ShutterView shutter;
   float fx, fy, cx, cy;
   u32 width;
   u32 height;
@@ -186,6 +210,7 @@ struct SceneView {
   const u32* part_materials;  // material of each part of each instance
   const u32* part_lights;     // light of each, or kNone
   const LightView* lights;
+  const MotionKey* motion_keys;
   const float*
       light_cdf;  // light_count: running probability of the lights, ends at 1 - dome.probability
   DomeView dome;

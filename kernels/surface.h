@@ -3,6 +3,7 @@
 #pragma once
 
 #include "kernels/material.h"
+#include "kernels/motion.h"
 #include "kernels/ray.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
@@ -13,6 +14,8 @@ struct Surface {
   vec3 ng;       // unit, geometric
   vec3 ns;       // unit, shading, in the hemisphere of ng
   float offset;  // metres along ng that leave the surface for certain
+  float time;    // of the ray that met it
+  ObjectPose pose;
   const InstanceView* instance;
   const MeshView* mesh;
   const MaterialView* material;
@@ -34,6 +37,26 @@ struct Corners {
 KERNEL Corners corners_of(const vec3* positions, uvec3 triangle) {
   const vec3 a = positions[triangle.x];
   return {a, positions[triangle.y] - a, positions[triangle.z] - a};
+}
+
+/// The same at a time, of a mesh that may deform.
+KERNEL Corners corners_at(const MeshView& mesh, uvec3 triangle, float time) {
+  if (mesh.segments == 0) return corners_of(mesh.positions, triangle);
+  const Segment s = segment_at(mesh.segments, time);
+  const vec3* positions = mesh.positions + u64(s.index) * mesh.vertex_count;
+  const Corners from = corners_of(positions, triangle);
+  const Corners to = corners_of(positions + mesh.vertex_count, triangle);
+  const auto mix = [&s](vec3 a, vec3 b) { return a * (1 - s.u) + b * s.u; };
+  return {mix(from.a, to.a), mix(from.ab, to.ab), mix(from.ac, to.ac)};
+}
+
+/// The interpolated vertex normal of a mesh that has normals; not unit, object space.
+KERNEL vec3 vertex_normal_at(const MeshView& mesh, uvec3 triangle, vec2 barycentric, float time) {
+  if (mesh.segments == 0) return interpolate(mesh.normals, triangle, barycentric);
+  const Segment s = segment_at(mesh.segments, time);
+  const vec3* normals = mesh.normals + u64(s.index) * mesh.vertex_count;
+  return interpolate(normals, triangle, barycentric) * (1 - s.u) +
+         interpolate(normals + mesh.vertex_count, triangle, barycentric) * s.u;
 }
 
 /// How far a point computed from a triangle's corners may lie off its true plane.
@@ -71,7 +94,7 @@ KERNEL Tangents tangents_of(const Surface& s, const Corners& c, u32 uv_set) {
     const vec4 a = all[s.triangle.x];
     const vec3 t = vec3(a) + vec3(all[s.triangle.y] - a) * s.barycentric.x +
                    vec3(all[s.triangle.z] - a) * s.barycentric.y;
-    const vec3 n = s.mesh->normals ? interpolate(s.mesh->normals, s.triangle, s.barycentric)
+    const vec3 n = s.mesh->normals ? vertex_normal_at(*s.mesh, s.triangle, s.barycentric, s.time)
                                    : cross(c.ab, c.ac);
     return {t, cross(n, t) * a.w};
   }
@@ -86,18 +109,18 @@ KERNEL Tangents tangents_of(const Surface& s, const Corners& c, u32 uv_set) {
 
 /// Unit world tangent orthogonal to the normal ns; zero without texture coordinates.
 KERNEL vec3 world_tangent(const Surface& s, vec3 ns, vec3 t_object) {
-  const vec3 t = transform_vector(s.instance->world_from_object, t_object);
+  const vec3 t = transform_vector(s.pose.world_from_object, t_object);
   return normalize_or(t - ns * dot(ns, t), vec3(0));
 }
 
 /// The normal ns as the material's normal map tilts it.
 KERNEL vec3 mapped_normal(const SceneView& scene, const Surface& s, vec3 ns) {
   const TextureUseView& use = s.material->normal_map;
-  const Corners c = corners_of(s.mesh->positions, s.triangle);
+  const Corners c = corners_at(*s.mesh, s.triangle, s.time);
   const Tangents tangents = tangents_of(s, c, use.uv_set & 1);
   const vec3 t = world_tangent(s, ns, tangents.t);
   if (is_black(t)) return ns;
-  const vec3 b_world = transform_vector(s.instance->world_from_object, tangents.b);
+  const vec3 b_world = transform_vector(s.pose.world_from_object, tangents.b);
   vec3 b = cross(ns, t);
   if (dot(b, b_world) < 0) b = -b;
   const vec4 texel = sample_texture(scene.textures[use.texture], transform_uv(use, uvs_at(s)));
@@ -106,8 +129,10 @@ KERNEL vec3 mapped_normal(const SceneView& scene, const Surface& s, vec3 ns) {
 }
 
 /// The surface without its shading: ns is the geometric normal.
-KERNEL Surface locate(const SceneView& scene, u32 instance_index, u32 primitive, vec2 barycentric) {
+KERNEL Surface locate(const SceneView& scene, u32 instance_index, u32 primitive, vec2 barycentric,
+                      float time) {
   Surface s;
+  s.time = time;
   s.instance = &scene.instances[instance_index];
   s.mesh = &scene.meshes[s.instance->mesh];
   s.triangle = s.mesh->triangles[primitive];
@@ -116,12 +141,13 @@ KERNEL Surface locate(const SceneView& scene, u32 instance_index, u32 primitive,
   s.material = &material_of(scene, *s.instance, s.part);
   s.light = scene.light_count > 0 ? scene.part_lights[s.instance->first_part + s.part] : kNone;
 
-  const Corners c = corners_of(s.mesh->positions, s.triangle);
-  s.p = transform_point(s.instance->world_from_object,
-                        c.a + c.ab * barycentric.x + c.ac * barycentric.y);
-  const vec3 n = transform_normal(s.instance->object_from_world, cross(c.ab, c.ac));
+  s.pose = pose_at(scene, *s.instance, time);
+  const Corners c = corners_at(*s.mesh, s.triangle, time);
+  s.p =
+      transform_point(s.pose.world_from_object, c.a + c.ab * barycentric.x + c.ac * barycentric.y);
+  const vec3 n = transform_normal(s.pose.object_from_world, cross(c.ab, c.ac));
   s.ng = normalize_or(n, vec3(0, 0, 1));
-  s.offset = plane_error(s.instance->world_from_object, c, s.ng);
+  s.offset = plane_error(s.pose.world_from_object, c, s.ng);
   s.ns = s.ng;
   return s;
 }
@@ -130,16 +156,16 @@ KERNEL Surface locate(const SceneView& scene, u32 instance_index, u32 primitive,
 KERNEL vec3 shading_normal(const SceneView& scene, const Surface& s) {
   vec3 ns = s.ng;
   if (s.mesh->normals) {
-    const vec3 n = interpolate(s.mesh->normals, s.triangle, s.barycentric);
-    ns = normalize_or(transform_normal(s.instance->object_from_world, n), s.ng);
+    const vec3 n = vertex_normal_at(*s.mesh, s.triangle, s.barycentric, s.time);
+    ns = normalize_or(transform_normal(s.pose.object_from_world, n), s.ng);
     if (dot(ns, s.ng) < 0) ns = -ns;
   }
   return s.material->normal_map.texture == kNone ? ns : mapped_normal(scene, s, ns);
 }
 
 KERNEL Surface surface_at(const SceneView& scene, u32 instance_index, u32 primitive,
-                          vec2 barycentric) {
-  Surface s = locate(scene, instance_index, primitive, barycentric);
+                          vec2 barycentric, float time) {
+  Surface s = locate(scene, instance_index, primitive, barycentric, time);
   s.ns = shading_normal(scene, s);
   return s;
 }

@@ -60,7 +60,7 @@ TEST_CASE("light: directions to a stretched, mirrored mesh follow their density 
   const auto density = [&](double x, double y) {
     const double z = y, r = std::sqrt(1 - z * z), phi = 2 * M_PI * x;
     const vec3 d(r * std::cos(phi), r * std::sin(phi), z);
-    Ray ray{vec3(0), d, INFINITY, {}};
+    Ray ray{vec3(0), d, INFINITY, 0, {}};
     double sum = 0;
     float t = 0;
     for (;;) {
@@ -68,7 +68,7 @@ TEST_CASE("light: directions to a stretched, mirrored mesh follow their density 
       if (hit.instance == kNone) break;
       t += hit.t;
       hit.t = t;
-      sum += double(light_pdf(view, hit, 0, d));
+      sum += double(light_pdf(view, hit, 0, ray));
       ray.origin = d * (t + 1e-4f);
       t += 1e-4f;
     }
@@ -78,7 +78,7 @@ TEST_CASE("light: directions to a stretched, mirrored mesh follow their density 
   const auto sample = [&](double& x, double& y) {
     LightSample s;
     const float u = random.next();
-    if (!sample_light(view, vec3(0), u, random.next2(), s)) return false;
+    if (!sample_light(view, vec3(0), 0, u, random.next2(), s)) return false;
     x = std::atan2(double(s.direction.y), double(s.direction.x)) / (2 * M_PI);
     if (x < 0) x += 1;
     y = s.direction.z;
@@ -102,11 +102,12 @@ TEST_CASE("light: the density of a sample is the density of the ray that meets t
   for (int i = 0; i < 1000; ++i) {
     LightSample s;
     const float u = random.next();
-    if (!sample_light(view, vec3(1, 0, 0), u, random.next2(), s)) continue;
-    const Hit hit = tracer.closest({vec3(1, 0, 0), s.direction, INFINITY, {}}, kAllRays);
+    if (!sample_light(view, vec3(1, 0, 0), 0, u, random.next2(), s)) continue;
+    const Ray ray{vec3(1, 0, 0), s.direction, INFINITY, 0, {}};
+    const Hit hit = tracer.closest(ray, kAllRays);
     if (hit.instance == kNone) continue;  // a seam
-    const u32 light = surface_at(view, hit.instance, hit.primitive, {hit.u, hit.v}).light;
-    if (light_pdf(view, hit, light, s.direction) == Approx(s.pdf).epsilon(1e-3)) ++seen;
+    const u32 light = surface_at(view, hit.instance, hit.primitive, {hit.u, hit.v}, 0).light;
+    if (light_pdf(view, hit, light, ray) == Approx(s.pdf).epsilon(1e-3)) ++seen;
   }
   CHECK(seen > 950);  // the rest is hidden behind another light
 }
@@ -121,7 +122,7 @@ TEST_CASE("dome: directions follow their density, which is the one looked up (1e
   const auto sample = [&](double& x, double& y) {
     LightSample s;
     const float u = random.next();
-    if (!sample_light(view, vec3(0), u, random.next2(), s)) return false;
+    if (!sample_light(view, vec3(0), 0, u, random.next2(), s)) return false;
     const DomePlace place = dome_place(view.dome, s.direction);
     REQUIRE(length(place.uv - s.place) < 1e-5f);
     // Rounding may move a direction on the border of two texels into the other one.
@@ -207,9 +208,10 @@ TEST_CASE("light: only the front emits unless two-sided; a mirroring pose keeps 
         scene.add_light(lamp);
         const SceneView& view = scene.finish();
         LightSample s;
-        const bool found = sample_light(view, {0, 0, above ? 4.0f : 0.0f}, 0.3f, {0.4f, 0.6f}, s);
+        const bool found =
+            sample_light(view, {0, 0, above ? 4.0f : 0.0f}, 0, 0.3f, {0.4f, 0.6f}, s);
         CHECK(found == (above || two_sided));
-        const Surface surface = surface_at(view, lamp, 0, {0.3f, 0.3f});
+        const Surface surface = surface_at(view, lamp, 0, {0.3f, 0.3f}, 0);
         CHECK(surface.ng.z == Approx(1));
       }
     }
@@ -228,7 +230,7 @@ TEST_CASE("light: a textured entity light multiplies its radiance, alpha thins i
   light.texture.texture = texture;
   const SceneView& view = scene.finish();
   LightSample s;
-  REQUIRE(sample_light(view, {0, 0, 1}, 0.3f, {0.4f, 0.6f}, s));
+  REQUIRE(sample_light(view, {0, 0, 1}, 0, 0.3f, {0.4f, 0.6f}, s));
   const vec3 radiance = light_radiance(view, s);
   CHECK(radiance.x == Approx(0.5f * 4.25f));
   CHECK(radiance.y == Approx(0.5f * 0.25f));

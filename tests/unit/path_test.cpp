@@ -195,9 +195,9 @@ TEST_CASE("path: light through a slab of glass has Fresnel's share, displaced by
   CHECK(got.y == Approx((1 - f) * (1 - f) / (1 - f * f)).epsilon(0.003));
 
   const TestTracer tracer(view);
-  const Ray ray{vec3(0, 0, 2), normalize(vec3(1, 0, -1)), INFINITY, {}};
+  const Ray ray{vec3(0, 0, 2), normalize(vec3(1, 0, -1)), INFINITY, 0, {}};
   const Hit hit = tracer.closest(ray, kAllRays);
-  const Surface s = surface_at(view, hit.instance, hit.primitive, {hit.u, hit.v});
+  const Surface s = surface_at(view, hit.instance, hit.primitive, {hit.u, hit.v}, 0);
   const Bsdf bsdf = make_bsdf(glass.constant, -ray.direction, s.ng, s.ns);
   BsdfSample inside;
   REQUIRE(sample_bsdf(bsdf, 0.9f, vec2(0), inside));

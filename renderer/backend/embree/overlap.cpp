@@ -54,13 +54,13 @@ class Caster {
   }
   [[nodiscard]] bool crosses(vec3 p, vec3 q) const {
     const vec3 a = world_from_object_ * vec4(p, 1), b = world_from_object_ * vec4(q, 1);
-    const kernels::Ray ray{a, b - a, 1, kProbe};  // t counts lengths of the segment
+    const kernels::Ray ray{a, b - a, 1, 0, kProbe};  // t counts lengths of the segment
     return tracer_.closest_in(against_, ray).instance != kNone;
   }
   [[nodiscard]] bool contains(vec3 p) const {
     if (!near(p, p)) return false;
     const vec3 direction = glm::normalize(vec3(0.5377f, 0.6841f, 0.4932f));
-    const kernels::Ray ray{world_from_object_ * vec4(p, 1), direction, INFINITY, kProbe};
+    const kernels::Ray ray{world_from_object_ * vec4(p, 1), direction, INFINITY, 0, kProbe};
     const kernels::Hit hit = tracer_.closest_in(against_, ray);
     if (hit.instance == kNone) return false;
     const DeviceMesh& mesh = *placement_.meshes[placement_.mesh_of_slot[against_]];

@@ -96,7 +96,7 @@ class HitColumns {
     }
     const kernels::InstanceView& instance = scene.traced.view->instances[hit.instance];
     const kernels::Surface surface =
-        kernels::surface_at(*scene.traced.view, hit.instance, hit.primitive, vec2(hit.u, hit.v));
+        kernels::surface_at(*scene.traced.view, hit.instance, hit.primitive, vec2(hit.u, hit.v), 0);
     *entity_.row(i) = scene.snapshot.entity_id(instance.entity).value;
     *instance_.row(i) = instance.label;
     *primitive_.row(i) = hit.primitive;
@@ -133,14 +133,15 @@ Expected<QueryResult> cast_rays(const QueryScene& scene, const CastRays& query,
   if (query.any_hit) {
     const Out<float> t(result, "t", DType::kF32, rows, 1);
     for_each_row(rows, interrupt, [&](std::size_t i) {
-      const kernels::Ray ray{query.origins[i], glm::normalize(query.directions[i]), t_max, kProbe};
+      const kernels::Ray ray{query.origins[i], glm::normalize(query.directions[i]), t_max, 0,
+                             kProbe};
       *t.row(i) = tracer.occluded(ray, kernels::kAllRays) ? 0 : INFINITY;
     });
     return result;
   }
   HitColumns columns(result, rows);
   for_each_row(rows, interrupt, [&](std::size_t i) {
-    const kernels::Ray ray{query.origins[i], glm::normalize(query.directions[i]), t_max, kProbe};
+    const kernels::Ray ray{query.origins[i], glm::normalize(query.directions[i]), t_max, 0, kProbe};
     columns.set(i, scene, tracer.closest(ray, kernels::kAllRays), ray.direction);
   });
   return result;
@@ -256,7 +257,7 @@ Expected<QueryResult> sample_surface(const QueryScene& scene, const SampleSurfac
     }
     const auto [slot, triangle] = table.entries[at];
     const kernels::Surface surface =
-        kernels::surface_at(*scene.traced.view, slot, triangle, vec2(float(u), float(v)));
+        kernels::surface_at(*scene.traced.view, slot, triangle, vec2(float(u), float(v)), 0);
     put(position.row(i), surface.p);
     put(normal.row(i), surface.ng);
     put(uv.row(i), kernels::uvs_at(surface).set[0]);

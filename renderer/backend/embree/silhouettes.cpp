@@ -84,7 +84,7 @@ class ObjectRays {
   }
   [[nodiscard]] kernels::Ray through(float x, float y) const {
     return {origin_ + origin_x_ * x + origin_y_ * y,
-            direction_ + direction_x_ * x + direction_y_ * y, INFINITY, kProbe};
+            direction_ + direction_x_ * x + direction_y_ * y, INFINITY, 0, kProbe};
   }
   /// The rays through (x, y) ... (x + 7, y).
   void through(float x, float y, RTCRay8& rays) const {

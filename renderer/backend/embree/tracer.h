@@ -2,6 +2,7 @@
 #pragma once
 
 #include "kernels/accept.h"
+#include "kernels/motion.h"
 #include "kernels/ray.h"
 #include "renderer/backend/embree/embree.h"
 
@@ -45,8 +46,10 @@ class EmbreeTracer {
   [[nodiscard]] kernels::Hit closest_in(kernels::u32 instance, const kernels::Ray& ray) const {
     const kernels::InstanceView& view = scene_.view->instances[instance];
     kernels::Ray local = ray;
-    local.origin = view.object_from_world * kernels::vec4(ray.origin, 1);
-    local.direction = kernels::mat3(view.object_from_world) * ray.direction;
+    const kernels::mat4x3 object_from_world =
+        kernels::pose_at(*scene_.view, view, ray.time).object_from_world;
+    local.origin = object_from_world * kernels::vec4(ray.origin, 1);
+    local.direction = kernels::mat3(object_from_world) * ray.direction;
     RTCRayHit query{};
     fill(query.ray, local, kernels::kNone);
     query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
@@ -89,6 +92,7 @@ class EmbreeTracer {
     query.tnear = 0;
     query.tfar = ray.t_max;
     query.mask = mask;
+    query.time = ray.time;
   }
 
   /// Embree's context, followed by what the filter function reads.
