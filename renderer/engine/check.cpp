@@ -71,10 +71,7 @@ Status check_flow(const RenderJob& job) {
   if (job.hold) return {};
   for (const double sign : {1.0, -1.0}) {
     if (!(sign > 0 ? wants_forward(job) : wants_backward(job))) continue;
-    if (auto defined =
-            flow_defined(*job.snapshot, job.time, job.time + sign * interval, job.cameras);
-        !defined)
-      return std::unexpected(std::move(defined).error().at("planes"));
+    HELIO_TRY(flow_defined(*job.snapshot, job.time, job.time + sign * interval, job.cameras));
   }
   return {};
 }

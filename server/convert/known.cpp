@@ -34,13 +34,18 @@ Status check_repeated(const Message& message, const FieldDescriptor& field) {
 
 }  // namespace
 
+Status check_own_fields(const Message& message) {
+  const auto& unknown = message.GetReflection()->GetUnknownFields(message);
+  if (unknown.empty()) return {};
+  return fail(Code::kUnimplemented, "",
+              fmt::format("field {} of {} is not known to this version; update the daemon or "
+                          "leave the field out",
+                          unknown.field(0).number(), message.GetTypeName()));
+}
+
 Status check_known(const Message& message) {
+  HELIO_TRY(check_own_fields(message));
   const Reflection& reflection = *message.GetReflection();
-  if (const auto& unknown = reflection.GetUnknownFields(message); !unknown.empty())
-    return fail(Code::kUnimplemented, "",
-                fmt::format("field {} of {} is not known to this version; update the daemon or "
-                            "leave the field out",
-                            unknown.field(0).number(), message.GetTypeName()));
   std::vector<const FieldDescriptor*> fields;
   reflection.ListFields(message, &fields);
   for (const FieldDescriptor* field : fields) {

@@ -55,5 +55,7 @@ using ArraySink = std::function<void(const BufferPtr& bytes, v1::Array& array)>;
 /// OK unless the message, or one inside it, carries a field or an enum value this version does not
 /// know: UNIMPLEMENTED with its path and number.
 [[nodiscard]] Status check_known(const google::protobuf::Message& message);
+/// The same for the message's own fields, not for the messages in them.
+[[nodiscard]] Status check_own_fields(const google::protobuf::Message& message);
 
 }  // namespace heliograph::server

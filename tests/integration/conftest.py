@@ -2,6 +2,9 @@
 
 import heliograph as hg
 import pytest
+from refusals import furnished, world
+
+__all__ = ["furnished", "world"]
 
 
 @pytest.fixture(scope="module")

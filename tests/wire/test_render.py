@@ -131,35 +131,6 @@ def test_a_large_frame_comes_in_chunks(client, scene):
     assert planes["position"].shape == (480, 640, 3)
 
 
-BAD = {
-    "no camera": (dict(cameras=[]), "cameras"),
-    "unknown camera": (dict(cameras=[types_pb2.Ref(name="cax")]), "cameras[0]"),
-    "not a camera": (dict(cameras=[types_pb2.Ref(name="thing")]), "cameras[0]"),
-    "size 0": (dict(width=0, height=10), "width"),
-    "size 100000": (dict(width=100_000, height=100_000), "width"),
-    "10^9 samples": (dict(spp=10**9), "spp"),
-    "nan time": (dict(time=float("nan")), "time"),
-}
-
-
-@pytest.mark.parametrize("name", BAD)
-def test_a_bad_request_names_its_field_and_the_next_works(client, scene, name):
-    fields, where = BAD[name]
-    message = request(scene, "BEAUTY", spp=1)
-    for key, value in fields.items():
-        if key == "cameras":
-            del message.cameras[:]
-            message.cameras.extend(value)
-        else:
-            setattr(message, key, value)
-    error = refused(lambda: render(client, message))
-    assert detail(error).field.startswith(where), (error.details(), detail(error))
-    assert error.code() in (grpc.StatusCode.INVALID_ARGUMENT, grpc.StatusCode.NOT_FOUND,
-                            grpc.StatusCode.FAILED_PRECONDITION)
-    assert client.revision(scene) == 1
-    assert len(render(client, request(scene, "DEPTH"))) == 1
-
-
 def test_a_later_plane_and_an_unknown_one_are_unimplemented(client, scene):
     for plane in (render_pb2.PLANE_DENOISED, 999):
         message = request(scene)

@@ -7,6 +7,7 @@ import contextlib
 import ctypes
 import os
 import platform
+import re
 import socket
 import threading
 import time
@@ -36,6 +37,7 @@ _OPTIONS = (
 )
 _METHODS = service.DESCRIPTOR.services_by_name["Renderer"].methods_by_name
 _TICKET_BYTES = 16
+_TOO_LONG = re.compile(r"(Received|Sent) message larger than max \((\d+) vs\. (\d+)\)")
 
 
 def to_error(error: grpc.RpcError) -> HeliographError:
@@ -46,6 +48,18 @@ def to_error(error: grpc.RpcError) -> HeliographError:
             detail.ParseFromString(value)
     name = error.code().name
     text = error.details() or name
+    too_long = _TOO_LONG.search(text)  # gRPC's own words, before the daemon sees the request
+    if too_long:
+        detail.field = "message"
+        detail.needed, detail.available = int(too_long[2]), int(too_long[3])
+        text = (
+            f"message: the request has {detail.needed} bytes, the daemon takes {detail.available}; "
+            "split it into several (transactions, queries), or raise the daemon's limit "
+            "message_bytes"
+            if too_long[1] == "Received"
+            else f"message: the answer has {detail.needed} bytes, {detail.available} may travel at "
+            "once; ask for less (amodal_masks of many instances are large)"
+        )
     if name == "UNAVAILABLE":
         return Unavailable(text, field=detail.field)
     if name in BY_CODE:

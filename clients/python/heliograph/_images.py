@@ -14,6 +14,7 @@ from ._arrays import NdArray, checked
 from ._proto import scene_pb2 as pb
 from ._proto import types_pb2 as types
 from .assets import Source, decode_bundle
+from .components import number_of
 from .errors import InvalidArgument
 
 if TYPE_CHECKING:
@@ -89,13 +90,15 @@ def _checked_texels(image: Any) -> np.ndarray[Any, np.dtype[Any]]:
 def choice(enum: Any, prefix: str, value: str) -> Any:
     names = [name[len(prefix) + 1 :].lower() for name in enum.keys()[1:]]
     if value not in names:
-        raise InvalidArgument(f"{prefix.lower()}: one of {', '.join(names)}, not {value!r}")
+        field = prefix.lower()
+        raise InvalidArgument(f"{field}: one of {', '.join(names)}, not {value!r}", field=field)
     return enum.Value(f"{prefix}_{value.upper()}")
 
 
 def rotation_of(rotation: Any) -> NdArray:
     """(3, 3) float32 of an angle about +Z, or of a matrix."""
     if np.ndim(rotation) == 0:
-        c, s = math.cos(rotation), math.sin(rotation)
+        angle = number_of(rotation, "rotation")
+        c, s = math.cos(angle), math.sin(angle)
         rotation = [[c, -s, 0], [s, c, 0], [0, 0, 1]]
     return checked(rotation, "rotation", "<f4", (3, 3))

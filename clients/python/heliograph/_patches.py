@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, Any, TypedDict, TypeVar
 
 import numpy as np
 
 from ._arrays import NdArray, checked, inline
 from ._proto import scene_pb2 as pb
 from ._proto import types_pb2 as types
-from .components import Camera, Light, Tex, Visibility, color_of, number_of
+from .components import Camera, Light, Tex, Visibility, color_of, number_of, whole_of
 from .errors import InvalidArgument
 from .handles import Named, Texture
 from .pose import matrices_of, matrix_of
@@ -73,6 +73,7 @@ class Parameters(TypedDict, total=False):
     thin_walled: bool
 
 
+_Component = TypeVar("_Component")
 _LABEL = ("label", "category", "group", "part")
 
 
@@ -125,11 +126,13 @@ def _put_component(edits: Edits, out: pb.Entity, name: str, value: Any) -> None:
         out.materials.SetInParent()
         out.materials.parts.extend(edits.ref(v, f"materials[{i}]") for i, v in enumerate(value))
     elif name == "light":
-        out.light.CopyFrom(value.to_message())
+        out.light.CopyFrom(_of(Light, value, name).to_message())
         if value.texture is not None:
             out.light.texture.CopyFrom(texture_use(edits, value.texture, "light.texture"))
-    elif name in ("camera", "visibility"):
-        getattr(out, name).CopyFrom(value.to_message())
+    elif name == "camera":
+        out.camera.CopyFrom(_of(Camera, value, name).to_message())
+    elif name == "visibility":
+        out.visibility.CopyFrom(_of(Visibility, value, name).to_message())
     elif name == "skin":
         out.skin.joints.extend(edits.ref(v, f"skin[{i}]") for i, v in enumerate(value[0]))
         binds = checked(value[1], "skin.inverse_binds", "<f4", (None, 4, 4))
@@ -141,6 +144,12 @@ def _put_component(edits: Edits, out: pb.Entity, name: str, value: Any) -> None:
         out.attributes.values.update({str(k): str(v) for k, v in value.items()})
     else:
         setattr(out, name, bool(value))
+
+
+def _of(kind: type[_Component], value: Any, field: str) -> _Component:
+    if isinstance(value, kind):
+        return value
+    raise InvalidArgument(f"{field}: needs a hg.{kind.__name__}, not {value!r}", field=field)
 
 
 def _put_keys(edits: Edits, out: types.Pose, keys: Mapping[float, Any]) -> None:
@@ -167,18 +176,18 @@ def _put_label(out: pb.Entity, given: Mapping[str, Any]) -> None:
     if label == "auto":
         out.label.auto = True
     elif label is not None:
-        if isinstance(label, (str, bool)) or not 0 <= int(label) < 2**32:
+        if isinstance(label, (str, bool)):
             raise InvalidArgument(
                 f'label: "auto", 0 (none) or a whole number below 2^32, not {label!r}',
                 field="label",
             )
-        out.label.value = int(label)
+        out.label.value = whole_of(label, "label")
     if given.get("category") is not None:
         out.label.category = given["category"]
     if given.get("group") is not None:
         out.label.group = bool(given["group"])
     if given.get("part") is not None:
-        out.label.part = int(given["part"])
+        out.label.part = whole_of(given["part"], "part")
     out.label.SetInParent()
 
 
@@ -189,10 +198,10 @@ def texture_use(edits: Edits, value: Any, field: str) -> pb.TextureUse:
         texture=edits.ref(use.texture, field),
         scale=number_of(use.scale, f"{field}.scale"),
         offset=number_of(use.offset, f"{field}.offset"),
-        uv_set=use.uv_set,
+        uv_set=whole_of(use.uv_set, f"{field}.uv_set"),
     )
     if use.channel:
-        out.channel = use.channel
+        out.channel = whole_of(use.channel, f"{field}.channel")
     if use.uv is not None:
         out.uv_transform.CopyFrom(inline(checked(use.uv, f"{field}.uv", "<f4", (2, 3))))
     return out

@@ -13,7 +13,7 @@ from ._patches import refuse_unknown
 from ._progress import Meter, Progress
 from ._proto import render_pb2 as render_pb
 from ._proto import types_pb2 as types
-from .components import number_of
+from .components import number_of, whole_of
 from .errors import Internal, InvalidArgument
 from .frame import Frame
 from .handles import Handle, Named
@@ -117,7 +117,9 @@ def make_request(
     refuse_unknown(options, Options, "render")
     if not cameras:
         raise InvalidArgument("cameras: needs at least one", field="cameras")
-    out = render_pb.RenderRequest(scene=scene.id, seed=int(options.get("seed", 0)))
+    out = render_pb.RenderRequest(
+        scene=scene.id, seed=whole_of(options.get("seed", 0), "seed", 0, 2**64 - 1)
+    )
     out.cameras.extend(_ref(camera) for camera in cameras)
     planes = options.get("planes", ["beauty"])
     if isinstance(planes, str):
@@ -125,12 +127,12 @@ def make_request(
     out.planes.extend(_plane(plane) for plane in planes)
     _put_stop_rule(out, options, planes)
     if "size" in options:
-        out.width, out.height = (int(n) for n in options["size"])
+        out.width, out.height = _size(options["size"])
     for name in ("time", "frame_interval", "clamp"):
         if options.get(name) is not None:
             setattr(out, name, number_of(options[name], name))
     if "max_depth" in options:
-        out.max_depth = options["max_depth"]
+        out.max_depth = whole_of(options["max_depth"], "max_depth", 1)
     if "roulette" in options:
         out.roulette = options["roulette"]
     for flag in ("hold", "transparent_background", "through_transmission"):
@@ -139,12 +141,18 @@ def make_request(
     if "filter" in options:
         out.filter = _filter(options["filter"])
     if options.get("revision"):
-        out.revision = int(options["revision"] or 0)
+        out.revision = whole_of(options["revision"], "revision", 0, 2**64 - 1)
     overlay = options.get("overlay")
     if overlay is not None:
         out.overlay.CopyFrom(overlay.transaction)
     _put_labels(out, options.get("labels"))
     return out
+
+
+def _size(size: Any) -> tuple[int, int]:
+    if np.shape(size) != (2,):
+        raise InvalidArgument(f"size: needs (width, height), not {size!r}", field="size")
+    return whole_of(size[0], "size[0]"), whole_of(size[1], "size[1]")
 
 
 def _ref(thing: Named) -> types.Ref:
@@ -180,10 +188,7 @@ def _put_stop_rule(
     out: render_pb.RenderRequest, options: Options, planes: Sequence[str | tuple[str, Named]]
 ) -> None:
     if options.get("spp") is not None:
-        spp = options["spp"]
-        if int(spp) != spp or not 1 <= spp < 2**32:
-            raise InvalidArgument(f"spp: needs a whole number from 1, not {spp}", field="spp")
-        out.spp = int(spp)
+        out.spp = whole_of(options["spp"], "spp", 1)
     for name in ("seconds", "noise"):
         if options.get(name) is not None:
             setattr(out, name, number_of(options[name], name))
@@ -222,7 +227,13 @@ def _put_labels(out: render_pb.RenderRequest, labels: Any) -> None:
             raise InvalidArgument(
                 f"labels: no {name!r}; there are {', '.join(known)}", field="labels"
             )
-        setattr(out.labels, name, value)
+        field = f"labels.{name}"
+        if known[name].type == known[name].TYPE_FLOAT:
+            setattr(out.labels, name, number_of(value, field))
+        elif known[name].type == known[name].TYPE_UINT32:
+            setattr(out.labels, name, whole_of(value, field, 1))
+        else:
+            setattr(out.labels, name, bool(value))
 
 
 class Assembly:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,6 +26,22 @@ def color_of(value: Any, field: str) -> types.Vec3:
 def number_of(value: Any, field: str) -> float:
     """A finite float."""
     return float(checked(value, field, "f8", ()))
+
+
+def whole_of(value: Any, field: str, low: int = 0, high: int = 2**32 - 1) -> int:
+    """A whole number in [low, high]."""
+    try:
+        whole = operator.index(value)
+    except TypeError:
+        number = number_of(value, field)
+        if number % 1:
+            raise InvalidArgument(f"{field}: {value} is no whole number", field=field) from None
+        whole = int(number)
+    if not low <= whole <= high:
+        raise InvalidArgument(
+            f"{field}: {whole} is outside [{low}, {high}]; give a whole number in it", field=field
+        )
+    return whole
 
 
 @dataclass(frozen=True)
@@ -75,9 +92,9 @@ class Camera:
         cls, focal: float, width: int, height: int, *, sensor_width: float = 0.036
     ) -> Camera:
         """From a focal length and the sensor's width, both in metres (0.050 on 0.036)."""
-        if not (focal > 0 and sensor_width > 0):
+        pixels = number_of(focal, "focal") / number_of(sensor_width, "sensor_width") * width
+        if not pixels > 0:
             raise InvalidArgument("focal, sensor_width: need metres > 0", field="focal")
-        pixels = focal / sensor_width * width
         return cls(width, height, pixels, pixels, 0.5 * width - 0.5, 0.5 * height - 0.5)
 
     @classmethod
@@ -92,16 +109,12 @@ class Camera:
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
 
     def to_message(self) -> scene.Camera:
-        for name in ("width", "height"):
-            size = getattr(self, name)
-            if int(size) != size or size < 1:
-                raise InvalidArgument(f"camera.{name}: needs whole pixels >= 1", field=name)
         if self.projection not in ("perspective", "orthographic"):
             raise InvalidArgument("projection: perspective or orthographic", field="projection")
         projection: Any = scene.Camera.Projection.Value(f"PROJECTION_{self.projection.upper()}")
         return scene.Camera(
-            width=int(self.width),
-            height=int(self.height),
+            width=whole_of(self.width, "camera.width", 1),
+            height=whole_of(self.height, "camera.height", 1),
             projection=projection,
             **{n: number_of(getattr(self, n), f"camera.{n}") for n in ("fx", "fy", "cx", "cy")},
         )

@@ -370,4 +370,6 @@ def flatten(things: Any, field: str) -> list[Named]:
         return [things]
     if isinstance(things, (Group, Asset, Sequence, Iterator)):
         return [leaf for thing in things for leaf in flatten(thing, field)]
-    raise InvalidArgument(f"{field}: needs a handle or a name, not {type(things).__name__}")
+    raise InvalidArgument(
+        f"{field}: needs a handle or a name, not {type(things).__name__}", field=field
+    )

@@ -11,6 +11,7 @@ from ._arrays import Columns, NdArray, checked, inline
 from ._connection import to_error
 from ._proto import service_pb2 as service
 from ._proto import types_pb2 as types
+from .components import whole_of
 from .errors import InvalidArgument
 from .handles import Handle, Named, flatten
 
@@ -109,5 +110,9 @@ def overlaps(scene: Scene, a: Any, b: Any) -> NdArray:
 
 def sample_surface(scene: Scene, entities: Any, count: int, seed: int) -> Columns:
     """See Scene.sample_surface."""
-    question = service.SampleSurface(entities=_refs(entities, "entities"), count=count, seed=seed)
+    question = service.SampleSurface(
+        entities=_refs(entities, "entities"),
+        count=whole_of(count, "count"),
+        seed=whole_of(seed, "seed", 0, 2**64 - 1),
+    )
     return _joined(_ask(scene, [service.QueryRequest(scene=scene.id, sample_surface=question)]))

@@ -188,7 +188,7 @@ class Scene:
         names = [found.name for found in self._objects("") if found.name]
         near = difflib.get_close_matches(name, names, 5)
         hint = f"; the nearest are {', '.join(near)}" if near else "; scene.find() lists all"
-        raise NotFound(f"no object called {name!r}{hint}", nearest=near)
+        raise NotFound(f"name: no object called {name!r}{hint}", field="name", nearest=near)
 
     def _objects(self, pattern: str) -> Sequence[service.ObjectInfo]:
         return self.describe(tree=True, pattern=pattern).objects
