@@ -9,6 +9,7 @@
 
 #include "heliograph/v1/service.pb.h"
 #include "renderer/scene/transaction.h"
+#include "server/blobs.h"
 
 namespace heliograph::server {
 
@@ -17,6 +18,7 @@ struct StoredAsset {
   std::shared_ptr<const Asset> asset;  // null for a picture
   BufferPtr texels;                    // of a picture
   v1::AssetInfo info;
+  Charge charge;  // of a model's arrays, against the budget of blobs
 };
 
 /// The assets alive, by hash. It owns none: sessions do.

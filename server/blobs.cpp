@@ -22,7 +22,8 @@ Status Budget::take(u64 bytes) {
     if (bytes <= available) continue;
     auto error = fail(Code::kResourceExhausted, "",
                       fmt::format("needs {} bytes, {} are available; remove what is not used any "
-                                  "more, close other sessions, or raise the daemon's blob_bytes",
+                                  "more, close other sessions, or raise the daemon's limit "
+                                  "blob_store_bytes",
                                   bytes, available));
     error.error().needed = bytes;
     error.error().available = available;

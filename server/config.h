@@ -45,6 +45,12 @@ enum ExitCode : int {
   X(query_items, 1u << 20, "rays, pixels, points or pairs of one query")                \
   X(decode_bytes, 2ull << 30, "address space of a decoder process")                     \
   X(decode_result_bytes, 1ull << 30, "bytes a decoder may hand back")                   \
+  X(decode_texels, 1ull << 27, "texels of one decoded picture")                         \
+  X(decode_vertices, 1ull << 26, "vertices of one decoded mesh")                        \
+  X(decode_triangles, 1ull << 27, "triangles of one decoded mesh")                      \
+  X(decode_entities, 1ull << 20, "entities of one decoded model")                       \
+  X(decode_keys, 1ull << 22, "keys of all animations of one decoded model")             \
+  X(decode_json_bytes, 64ull << 20, "bytes of a glTF document without its buffers")     \
   X(decode_seconds, 30, "seconds a file may take to decode")
 
 struct Limits {

@@ -108,6 +108,9 @@ DecodeCall::Result DecodeCall::store(const Decoded& decoded) {
     stored->texels = decoded.image->texels;
     stored->info = to_info(*decoded.image, decoded.image_srgb, *blob);
   } else {
+    auto charge = Charge::take(daemon_.blobs.budget(), decoded.bytes);
+    if (!charge) return std::unexpected(charge.error());
+    stored->charge = std::move(*charge);
     stored->asset = decoded.asset;
     stored->info = to_info(*decoded.asset, decoded.bounds_min, decoded.bounds_max);
   }

@@ -85,7 +85,13 @@ DecoderOptions decoder_options(const Config& config) {
           .memory_bytes = config.limits.decode_bytes,
           .cpu_seconds = u32(config.limits.decode_seconds),
           .deadline_seconds = double(config.limits.decode_seconds),
-          .result_bytes = config.limits.decode_result_bytes};
+          .limits = {.bytes = config.limits.decode_result_bytes,
+                     .texels = config.limits.decode_texels,
+                     .vertices = config.limits.decode_vertices,
+                     .triangles = config.limits.decode_triangles,
+                     .entities = config.limits.decode_entities,
+                     .keys = config.limits.decode_keys,
+                     .json_bytes = config.limits.decode_json_bytes}};
 }
 
 /// Everything that runs, once the sockets listen.

@@ -36,8 +36,8 @@ class Budget {
                                     u64 available) {
     throw Refused{
         Error{.code = Code::kResourceExhausted,
-              .message = fmt::format("would decode to {} {}, the limit is {}; raise the limit "
-                                     "or reduce the asset",
+              .message = fmt::format("would decode to {} {}, the limit is {}; reduce the asset, "
+                                     "or raise the daemon's decode_ limit",
                                      needed, name, available),
               .where = where,
               .needed = needed,

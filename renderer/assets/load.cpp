@@ -50,9 +50,11 @@ Loaded load_bundle(std::span<const BundleFile> files, const LoadOptions& options
     load(builder);
   } catch (Refused& refused) {
     constexpr std::size_t kLongestMessage = 2000;
-    refused.error.message = clean_text(refused.error.message, kLongestMessage);
-    refused.error.where = clean_text(refused.error.where, kLongestMessage);
-    throw Refused{std::move(refused.error).at(clean_text(path, kLongestMessage))};
+    Error& error = refused.error;
+    error.message = clean_text(error.message, kLongestMessage);
+    const std::string element = clean_text(error.where, kLongestMessage);
+    error.where = clean_text(path, kLongestMessage) + (element.empty() ? "" : ": ") + element;
+    throw Refused{std::move(error)};
   }
   if (!builder.complete()) {
     builder.loaded.asset = {};

@@ -84,16 +84,27 @@ void send_result(int socket, const decode::Result& result, std::span<const Bytes
   (void)send_packet(socket, PacketKind::kResult, "", fds);
 }
 
+LoadLimits limits_of(const decode::Limits& message) {
+  return {.bytes = message.bytes(),
+          .texels = message.texels(),
+          .vertices = message.vertices(),
+          .triangles = message.triangles(),
+          .entities = message.entities(),
+          .keys = message.keys(),
+          .json_bytes = message.json_bytes()};
+}
+
 Expected<Loaded> load(const Region& region, u64& result_bytes) {
   std::vector<Bytes> spans;
   Expected<decode::Job> job = read_job(region, spans);
   if (!job) return std::unexpected(std::move(job).error());
-  result_bytes = job->result_bytes();
+  result_bytes = job->limits().bytes();
   std::vector<BundleFile> files;
   for (std::size_t i = 0; i < spans.size(); ++i) files.push_back({job->paths(int(i)), spans[i]});
-  LoadOptions options{.format = job->format(), .up = job->up(), .units = job->units()};
-  options.limits.bytes = std::min(options.limits.bytes, result_bytes);
-  return load_asset(files, options);
+  return load_asset(files, {.format = job->format(),
+                            .up = job->up(),
+                            .units = job->units(),
+                            .limits = limits_of(job->limits())});
 }
 
 }  // namespace

@@ -43,6 +43,18 @@ std::string how_it_died(int status) {
   return "could not be started";
 }
 
+decode::Limits to_proto(const LoadLimits& limits) {
+  decode::Limits message;
+  message.set_bytes(limits.bytes);
+  message.set_texels(limits.texels);
+  message.set_vertices(limits.vertices);
+  message.set_triangles(limits.triangles);
+  message.set_entities(limits.entities);
+  message.set_keys(limits.keys);
+  message.set_json_bytes(limits.json_bytes);
+  return message;
+}
+
 Expected<Fd> make_job_region(const DecodeJob& job, const DecoderOptions& options) {
   decode::Job message;
   std::vector<Bytes> files;
@@ -54,7 +66,7 @@ Expected<Fd> make_job_region(const DecodeJob& job, const DecoderOptions& options
   message.set_format(job.format);
   message.set_up(job.up);
   message.set_units(job.units);
-  message.set_result_bytes(options.result_bytes);
+  *message.mutable_limits() = to_proto(options.limits);
   return write_region(message, files);
 }
 
@@ -201,7 +213,7 @@ class Decoder::Impl {
     const std::string& path = job.files.front().path;
     switch (outcome.kind) {
       case Outcome::Kind::kResult: {
-        auto region = Region::map(outcome.region.get(), options_.result_bytes + kMessageBytes);
+        auto region = Region::map(outcome.region.get(), options_.limits.bytes + kMessageBytes);
         if (!region) return fail(Code::kInternal, path, region.error().message);
         return read_result(*region, job);
       }

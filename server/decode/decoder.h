@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "renderer/assets/load.h"
 #include "renderer/base/array.h"
 #include "renderer/base/error.h"
 #include "renderer/scene/transaction.h"
@@ -34,6 +35,7 @@ struct Decoded {
   std::vector<std::string> missing;
   std::vector<std::string> warnings;
   vec3 bounds_min{0}, bounds_max{0};
+  u64 bytes = 0;  // of the child's memfd
 };
 
 struct DecoderOptions {
@@ -41,7 +43,7 @@ struct DecoderOptions {
   u64 memory_bytes = 2ull << 30;  // of a child's address space
   u32 cpu_seconds = 20;
   double deadline_seconds = 30;
-  u64 result_bytes = 1ull << 30;
+  LoadLimits limits{};
 };
 
 /// Owns: the zygote process and the decode pool. Thread: any.

@@ -77,6 +77,7 @@ class Region {
   ~Region();
   Region(const Region&) = delete;
 
+  [[nodiscard]] std::uint64_t size() const { return bytes_.size(); }
   [[nodiscard]] Bytes message() const { return bytes_.subspan(8, message_size_); }
   /// Bytes of the data section; nullopt when the range leaves it.
   [[nodiscard]] std::optional<Bytes> data(std::uint64_t offset, std::uint64_t size) const;

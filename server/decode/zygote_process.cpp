@@ -50,7 +50,7 @@ Expected<std::unique_ptr<ZygoteProcess>> ZygoteProcess::start(const DecoderOptio
   if (!sockets) return std::unexpected(std::move(sockets).error());
   const std::array<std::string, 4> arguments = {
       options.program, std::to_string(options.memory_bytes), std::to_string(options.cpu_seconds),
-      std::to_string(options.result_bytes + (64ull << 20))};  // arrays and their message
+      std::to_string(options.limits.bytes + (64ull << 20))};  // arrays and their message
   std::array<char*, 5> argv{};
   for (std::size_t i = 0; i < arguments.size(); ++i) {
     argv[i] = const_cast<char*>(arguments[i].c_str());

@@ -165,7 +165,7 @@ TEST_CASE("decode: a program that is not there is an error at once") {
 
 TEST_CASE("decode: limits of time, memory and size answer, and the next job works") {
   DecoderOptions tight = options();
-  tight.result_bytes = 100'000;
+  tight.limits.bytes = 100'000;
   const auto small = start(tight);
   CHECK_THAT(said(decode_now(*small, job_of("gltf/Fox.glb"))), Contains("8 Fox.glb"));
   CHECK(decode_now(*small, job_of("mesh/cube_blender_uv.ply")));

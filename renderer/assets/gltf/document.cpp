@@ -25,7 +25,7 @@ constexpr u32 kJsonChunk = 0x4E4F534A;
 constexpr u32 kBinChunk = 0x004E4942;
 
 u32 word_at(Bytes bytes, std::size_t at) {
-  if (at + 4 > bytes.size()) refuse("glb", "the file is truncated");
+  if (at + 4 > bytes.size()) refuse("chunks", "the file is truncated");
   u32 value;
   std::memcpy(&value, bytes.data() + at, 4);
   return value;
@@ -62,21 +62,22 @@ void Document::parse_container(Bytes file) {
   const u32 version = word_at(file, 4);
   if (version != 2) refuse_unimplemented("glb", fmt::format("GLB version {}", version));
   const u64 length = word_at(file, 8);
-  if (length > file.size()) refuse("glb", "the file is truncated");
+  if (length > file.size()) refuse("chunks", "the file is truncated");
   file = file.first(length);
   bool first = true;
   for (std::size_t at = 12; at + 8 <= file.size();) {
     const u64 size = word_at(file, at);
     const u32 type = word_at(file, at + 4);
     at += 8;
-    if (size > file.size() - at) refuse("glb", "a chunk leaves the file");
-    if (first != (type == kJsonChunk)) refuse("glb", "the first chunk, and only it, must be JSON");
+    if (size > file.size() - at) refuse("chunks", "a chunk leaves the file");
+    if (first != (type == kJsonChunk))
+      refuse("chunks", "the first chunk, and only it, must be JSON");
     if (first) json_ = parse_json(file.subspan(at, size), limits);
     if (type == kBinChunk && !glb_chunk_) glb_chunk_ = file.subspan(at, size);
     first = false;
     at += size;
   }
-  if (first) refuse("glb", "the JSON chunk is missing");
+  if (first) refuse("chunks", "the JSON chunk is missing");
 }
 
 void Document::check_extensions() const {
