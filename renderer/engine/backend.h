@@ -78,7 +78,7 @@ class Backend {
   /// Uploads what changed against the nearest resident scene; derived data is cached by buffer
   /// serial.
   [[nodiscard]] virtual Expected<std::shared_ptr<const DeviceScene>> prepare(
-      const std::shared_ptr<const Snapshot>& snapshot, Time time) = 0;
+      const std::shared_ptr<const Snapshot>& snapshot, Time time, const Interrupt& interrupt) = 0;
   [[nodiscard]] virtual Expected<std::unique_ptr<Film>> begin(const Shot& shot) = 0;
   /// Traces the mean planes' samples of a range. The result does not depend on how work is split.
   [[nodiscard]] virtual Status render(Film& film, const WorkRange& range,

@@ -64,7 +64,7 @@ Expected<Shot> Runner::make_shot(u32 camera) {
   Shot shot{.job = job_, .camera = camera};
   const double interval = flow_interval(*job_);
   const auto prepare = [&](Time time, std::shared_ptr<const DeviceScene>& out) -> Status {
-    auto scene = context_.backend.prepare(job_->snapshot, time);
+    auto scene = context_.backend.prepare(job_->snapshot, time, context_.interrupt);
     if (!scene) return std::unexpected(std::move(scene).error());
     out = *std::move(scene);
     return pause();

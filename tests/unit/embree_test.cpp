@@ -73,6 +73,60 @@ TEST_CASE("embree: the same bits with one thread, two, and any split of the work
   }
 }
 
+namespace {
+
+/// All planes of a job whose work is done range by range, and whose centre planes go `probe` tiles
+/// at a time.
+std::vector<PlaneData> planes_by_ranges(Backend& backend, const RenderJob& job, u32 probe,
+                                        const std::vector<WorkRange>& ranges) {
+  Shot shot{.job = std::make_shared<const RenderJob>(job)};
+  auto scene = backend.prepare(job.snapshot, job.time, {});
+  REQUIRE(scene.has_value());
+  shot.scene = *scene;
+  auto film = backend.begin(shot);
+  REQUIRE(film.has_value());
+  const u32 tiles = (*film)->tiles();
+  for (u32 tile = 0; tile < tiles; tile += probe)
+    REQUIRE(backend.probe(**film, tile, std::min(probe, tiles - tile), {}).has_value());
+  for (const WorkRange& range : ranges) REQUIRE(backend.render(**film, range, {}).has_value());
+  auto planes = backend.resolve(**film, job.stop.spp);
+  REQUIRE(planes.has_value());
+  return *std::move(planes);
+}
+
+/// The tiles in groups of `tiles`, last first, each with its samples in groups of `samples`.
+std::vector<WorkRange> split(u32 all_tiles, u32 tiles, u32 all_samples, u32 samples) {
+  std::vector<WorkRange> ranges;
+  for (u32 tile = (all_tiles - 1) / tiles * tiles + tiles; tile > 0;) {
+    tile -= tiles;
+    for (u32 sample = 0; sample < all_samples; sample += samples)
+      ranges.push_back({tile, std::min(tiles, all_tiles - tile), sample,
+                        std::min(samples, all_samples - sample)});
+  }
+  return ranges;
+}
+
+}  // namespace
+
+TEST_CASE("embree: the same bits for any grouping of tiles and samples") {
+  constexpr u32 kSamples = 21, kTiles = 3 * 3;  // 42 x 37 pixels: cut tiles at two edges
+  auto job = job_of(still_life().apply(),
+                    {Plane::BEAUTY, Plane::DEPTH, Plane::VARIANCE, Plane::INSTANCE}, kSamples);
+  job.width = 42;
+  job.height = 37;
+  auto one = make_backend("embree", {.threads = 1}), two = make_backend("embree", {.threads = 2});
+  REQUIRE((one.has_value() && two.has_value()));
+  const auto whole = planes_by_ranges(**one, job, kTiles, {{0, kTiles, 0, kSamples}});
+  for (const u32 tiles : {1u, 2u, 4u, 9u})
+    for (const u32 samples : {1u, 5u, 16u, 21u}) {
+      INFO(tiles << " tiles, " << samples << " samples");
+      const auto parts =
+          planes_by_ranges(**two, job, tiles, split(kTiles, tiles, kSamples, samples));
+      REQUIRE(parts.size() == whole.size());
+      for (std::size_t i = 0; i < parts.size(); ++i) CHECK(parts[i].pixels == whole[i].pixels);
+    }
+}
+
 TEST_CASE("embree: a frame after edits equals that of a fresh renderer") {
   auto engine = make_engine(2);
   const std::vector planes{Plane::BEAUTY, Plane::DEPTH, Plane::INSTANCE, Plane::OBJECT_COORDINATES};

@@ -87,7 +87,7 @@ u64 EmbreeScene::bytes() const {
 }
 
 Expected<std::shared_ptr<const EmbreeScene>> SceneStore::prepare(
-    const std::shared_ptr<const Snapshot>& snapshot, Time time) {
+    const std::shared_ptr<const Snapshot>& snapshot, Time time, const Interrupt& interrupt) {
   const std::shared_ptr<const EmbreeScene> before = nearest(*snapshot, time);
   const bool materials_kept = before && same_materials(before->snapshot(), *snapshot);
   std::shared_ptr<const Placement> placement;
@@ -103,11 +103,13 @@ Expected<std::shared_ptr<const EmbreeScene>> SceneStore::prepare(
       if (!made) return std::unexpected(std::move(made).error());
       structure = *std::move(made);
     }
-    auto made = make_placement(*snapshot, time, std::move(structure),
-                               before ? &before->placement() : nullptr, builder_, device_);
+    auto made =
+        make_placement(*snapshot, time, std::move(structure),
+                       before ? &before->placement() : nullptr, {builder_, device_, interrupt});
     if (!made) return std::unexpected(std::move(made).error());
     placement = *std::move(made);
   }
+  HELIO_TRY(interrupt.status());
   const bool placement_kept = before && placement == before->placement_ptr();
   if (placement_kept && materials_kept && before->snapshot().dome == snapshot->dome &&
       before->snapshot().revision == snapshot->revision)

@@ -49,7 +49,7 @@ class SceneStore {
       : device_(device), cache_(cache), builder_(device, cache), limit_(limit) {}
 
   [[nodiscard]] Expected<std::shared_ptr<const EmbreeScene>> prepare(
-      const std::shared_ptr<const Snapshot>& snapshot, Time time);
+      const std::shared_ptr<const Snapshot>& snapshot, Time time, const Interrupt& interrupt);
   /// Whether prepare() would find the derived data of meshes and dome made.
   [[nodiscard]] bool ready(const Snapshot& snapshot) const;
   /// Makes that data.

@@ -56,8 +56,9 @@ class EmbreeBackend final : public Backend {
   }
   [[nodiscard]] Status warm(const Snapshot& snapshot) override { return store_.warm(snapshot); }
   [[nodiscard]] Expected<std::shared_ptr<const DeviceScene>> prepare(
-      const std::shared_ptr<const Snapshot>& snapshot, Time time) override {
-    return arena_.execute([&] { return store_.prepare(snapshot, time); });
+      const std::shared_ptr<const Snapshot>& snapshot, Time time,
+      const Interrupt& interrupt) override {
+    return arena_.execute([&] { return store_.prepare(snapshot, time, interrupt); });
   }
   [[nodiscard]] Expected<std::unique_ptr<Film>> begin(const Shot& shot) override {
     return EmbreeFilm::create(shot);
@@ -189,7 +190,7 @@ double EmbreeBackend::noise(const Film& film, u32 samples) {
 }
 
 Expected<QueryResult> EmbreeBackend::query(const QueryJob& job, const Interrupt& interrupt) {
-  auto prepared = prepare(job.snapshot, job.time);
+  auto prepared = prepare(job.snapshot, job.time, interrupt);
   if (!prepared) return std::unexpected(std::move(prepared).error());
   const auto& scene = static_cast<const EmbreeScene&>(**prepared);
   return arena_.execute([&] {

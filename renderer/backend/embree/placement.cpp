@@ -20,23 +20,33 @@ bool invertible(const mat4x3& m) {
 class Placer {
  public:
   Placer(const Snapshot& snapshot, Time time, std::shared_ptr<const Structure> structure,
-         const Placement* before, const MeshBuilder& builder)
-      : snapshot_(snapshot), time_(time), before_(before), builder_(builder) {
+         const Placement* before, const PlacementContext& context)
+      : snapshot_(snapshot),
+        time_(time),
+        before_(before),
+        builder_(context.builder),
+        device_(context.device),
+        interrupt_(context.interrupt) {
     made_->structure = std::move(structure);
     made_->world = world_poses(snapshot, time);
   }
 
   Status meshes();
-  Status instances(RTCDevice device);
-  void label_frames();
+  Status instances();
+  Status label_frames();
   void boxes();
-  Status top_level(RTCDevice device);
+  Status top_level();
   std::shared_ptr<Placement> take() { return std::move(made_); }
 
  private:
   [[nodiscard]] u32 slot_before(const Slot& slot) const;
   [[nodiscard]] bool takes_over(u32 slot, u32 old) const;
-  void place(u32 slot, RTCDevice device);
+  void place(u32 slot);
+  /// Looks at the interrupt in every so many of a long loop's turns.
+  [[nodiscard]] Status pause(u32 turn) const {
+    constexpr u32 kTurns = 1024;
+    return turn % kTurns == 0 ? interrupt_.status() : Status{};
+  }
   [[nodiscard]] mat4x3 from_root(u32 entity, u32 root) const;
   [[nodiscard]] RestBox rest_box(const Instance& row, const ObjectFrame& frame) const;
 
@@ -44,6 +54,8 @@ class Placer {
   const Time time_;
   const Placement* before_;
   const MeshBuilder& builder_;
+  const RTCDevice device_;
+  const Interrupt& interrupt_;
   std::shared_ptr<Placement> made_ = std::make_shared<Placement>();
   std::vector<u8> moved_;  // by slot
   bool changed_ = false;   // the top level differs from the one before
@@ -57,6 +69,7 @@ Status Placer::meshes() {
   for (const Slot& slot : structure.slots) {
     made_->mesh_of_slot.push_back(slot.mesh);
     if (!slot.deforms && !between) continue;
+    HELIO_TRY(interrupt_.status());
     auto deformed = deform(snapshot_, slot.entity, time_, made_->world);
     if (!deformed) continue;
     const Entity& entity = snapshot_.entities.at(slot.entity);
@@ -83,7 +96,7 @@ bool Placer::takes_over(u32 slot, u32 old) const {
          u32(snapshot_.entities.at(entity).visibility) == before_->instances[old].visibility;
 }
 
-void Placer::place(u32 index, RTCDevice device) {
+void Placer::place(u32 index) {
   const Slot& slot = made_->structure->slots[index];
   kernels::InstanceView& view = made_->instances[index];
   const mat4x3& world = made_->world[slot.entity];
@@ -94,7 +107,7 @@ void Placer::place(u32 index, RTCDevice device) {
   const bool flipped = glm::determinant(mat3(view.world_from_object)) < 0;
   view.flags = flipped ? u32(kernels::kFlipped) : 0;
 
-  made_->geometries[index] = GeometryHandle(rtcNewGeometry(device, RTC_GEOMETRY_TYPE_INSTANCE));
+  made_->geometries[index] = GeometryHandle(rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_INSTANCE));
   const RTCGeometry geometry = made_->geometries[index].get();
   rtcSetGeometryInstancedScene(geometry, made_->instance_scenes[index]);
   rtcSetGeometryMask(geometry, usable ? view.visibility : 0);
@@ -102,7 +115,7 @@ void Placer::place(u32 index, RTCDevice device) {
   rtcCommitGeometry(geometry);
 }
 
-Status Placer::instances(RTCDevice device) {
+Status Placer::instances() {
   const Structure& structure = *made_->structure;
   const u32 count = u32(structure.slots.size());
   made_->instances.resize(count);
@@ -111,6 +124,7 @@ Status Placer::instances(RTCDevice device) {
   moved_.assign(count, 0);
   changed_ = !before_ || before_->instances.size() != count;
   for (u32 i = 0; i < count; ++i) {
+    HELIO_TRY(pause(i));
     const Slot& slot = structure.slots[i];
     made_->instance_scenes[i] = made_->meshes[made_->mesh_of_slot[i]]->blas->scene.get();
     const u32 old = slot_before(slot);
@@ -121,7 +135,7 @@ Status Placer::instances(RTCDevice device) {
       made_->geometries[i] = before_->geometries[old];
       changed_ |= old != i;
     } else {
-      place(i, device);
+      place(i);
       moved_[i] = 1;
       changed_ = true;
     }
@@ -133,7 +147,7 @@ Status Placer::instances(RTCDevice device) {
     view.category = label.category;
     view.part = label.part;
   }
-  if (const RTCError error = rtcGetDeviceError(device); error != RTC_ERROR_NONE)
+  if (const RTCError error = rtcGetDeviceError(device_); error != RTC_ERROR_NONE)
     return fail(Code::kResourceExhausted, "", "Embree could not place the scene's instances");
   return {};
 }
@@ -175,13 +189,14 @@ RestBox Placer::rest_box(const Instance& row, const ObjectFrame& frame) const {
   return box;
 }
 
-void Placer::label_frames() {
+Status Placer::label_frames() {
   const Structure& structure = *made_->structure;
   made_->root_from_entity.resize(structure.slots.size());
   made_->frames.resize(structure.labelling.instances.size());
   made_->boxes.resize(made_->frames.size());
   const bool same_structure = before_ && before_->structure == made_->structure;
   for (u32 row = 0; row < made_->frames.size(); ++row) {
+    HELIO_TRY(pause(row));
     const Instance& instance = structure.labelling.instances[row];
     bool moved =
         !same_structure || !same(made_->world[instance.root], before_->world[instance.root]);
@@ -201,6 +216,7 @@ void Placer::label_frames() {
       made_->boxes[row] = before_->boxes[row];
     }
   }
+  return {};
 }
 
 void Placer::boxes() {
@@ -233,21 +249,30 @@ void Placer::boxes() {
   }
 }
 
-Status Placer::top_level(RTCDevice device) {
+Status Placer::top_level() {
   if (!changed_) {
     made_->top = before_->top;
     made_->bounds = before_->bounds;
     return {};
   }
   if (made_->geometries.empty()) return {};
-  made_->top = new_scene(device);
+  HELIO_TRY(interrupt_.status());
+  made_->top = new_scene(device_);
   for (u32 i = 0; i < made_->geometries.size(); ++i)
     rtcAttachGeometryByID(made_->top.get(), made_->geometries[i].get(), i);
-  rtcCommitScene(made_->top.get());
-  if (rtcGetDeviceError(device) != RTC_ERROR_NONE)
+  const auto go_on = [](void* interrupt, double) {
+    return !static_cast<const Interrupt*>(interrupt)->requested();
+  };
+  RTCScene top = made_->top.get();
+  rtcSetSceneProgressMonitorFunction(top, go_on, const_cast<Interrupt*>(&interrupt_));
+  rtcCommitScene(top);
+  rtcSetSceneProgressMonitorFunction(top, nullptr, nullptr);
+  const RTCError error = rtcGetDeviceError(device_);
+  HELIO_TRY(interrupt_.status());
+  if (error != RTC_ERROR_NONE)
     return fail(Code::kResourceExhausted, "", "Embree could not build the scene's top level");
   RTCBounds bounds;
-  rtcGetSceneBounds(made_->top.get(), &bounds);
+  rtcGetSceneBounds(top, &bounds);
   made_->bounds.lower = {bounds.lower_x, bounds.lower_y, bounds.lower_z};
   made_->bounds.upper = {bounds.upper_x, bounds.upper_y, bounds.upper_z};
   return {};
@@ -257,13 +282,13 @@ Status Placer::top_level(RTCDevice device) {
 
 Expected<std::shared_ptr<const Placement>> make_placement(
     const Snapshot& snapshot, Time time, std::shared_ptr<const Structure> structure,
-    const Placement* before, const MeshBuilder& builder, RTCDevice device) {
-  Placer placer(snapshot, time, std::move(structure), before, builder);
+    const Placement* before, const PlacementContext& context) {
+  Placer placer(snapshot, time, std::move(structure), before, context);
   HELIO_TRY(placer.meshes());
-  HELIO_TRY(placer.instances(device));
-  placer.label_frames();
+  HELIO_TRY(placer.instances());
+  HELIO_TRY(placer.label_frames());
   placer.boxes();
-  HELIO_TRY(placer.top_level(device));
+  HELIO_TRY(placer.top_level());
   return placer.take();
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "renderer/backend/embree/structure.h"
+#include "renderer/engine/backend.h"
 #include "renderer/engine/label_columns.h"
 
 namespace heliograph::embree {
@@ -21,10 +22,17 @@ struct Placement {
   Box bounds;
 };
 
+/// What a placement is made with.
+struct PlacementContext {
+  const MeshBuilder& builder;
+  RTCDevice device;
+  const Interrupt& interrupt;
+};
+
 /// Places every slot at `time`. What `before` has in the same place is taken over; the result does
-/// not depend on it.
+/// not depend on it. Fails with RESOURCE_EXHAUSTED, and as the interrupt says.
 [[nodiscard]] Expected<std::shared_ptr<const Placement>> make_placement(
     const Snapshot& snapshot, Time time, std::shared_ptr<const Structure> structure,
-    const Placement* before, const MeshBuilder& builder, RTCDevice device);
+    const Placement* before, const PlacementContext& context);
 
 }  // namespace heliograph::embree

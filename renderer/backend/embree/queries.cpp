@@ -215,10 +215,12 @@ struct AreaTable {
   std::vector<double> sums;
 };
 
-AreaTable area_table(const QueryScene& scene, const std::vector<u32>& slots) {
+AreaTable area_table(const QueryScene& scene, const std::vector<u32>& slots,
+                     const Interrupt& interrupt) {
   AreaTable table;
   double sum = 0;
   for (const u32 slot : slots) {
+    if (interrupt.requested()) break;
     const DeviceMesh& mesh = *scene.placement.meshes[scene.placement.mesh_of_slot[slot]];
     const mat3 linear(scene.placement.instances[slot].world_from_object);
     const auto triangles = mesh.topology->triangles.span();
@@ -234,10 +236,12 @@ AreaTable area_table(const QueryScene& scene, const std::vector<u32>& slots) {
   return table;
 }
 
-Expected<QueryResult> sample_surface(const QueryScene& scene, const SampleSurface& query) {
+Expected<QueryResult> sample_surface(const QueryScene& scene, const SampleSurface& query,
+                                     const Interrupt& interrupt) {
   const auto slots = slots_of(scene, query.entities, "sample_surface.entities");
   if (!slots) return std::unexpected(slots.error());
-  const AreaTable table = area_table(scene, *slots);
+  const AreaTable table = area_table(scene, *slots, interrupt);
+  HELIO_TRY(interrupt.status());
   if (table.sums.empty() || !(table.sums.back() > 0))
     return fail(Code::kInvalidArgument, "sample_surface.entities", "these entities have no area");
   QueryResult result;
@@ -248,6 +252,7 @@ Expected<QueryResult> sample_surface(const QueryScene& scene, const SampleSurfac
   std::mt19937_64 random(query.seed);
   const auto uniform = [&] { return double(random() >> 11) * 0x1p-53; };
   for (u32 i = 0; i < query.count; ++i) {
+    if (i % 1024 == 0) HELIO_TRY(interrupt.status());
     const auto found = std::ranges::upper_bound(table.sums, uniform() * table.sums.back());
     const auto at = std::min(std::size_t(found - table.sums.begin()), table.sums.size() - 1);
     double u = uniform(), v = uniform();
@@ -284,7 +289,7 @@ Expected<QueryResult> answer(const QueryScene& scene, const QueryJob& job,
       return overlaps(scene, q, interrupt);
     }
     Expected<QueryResult> operator()(const SampleSurface& q) const {
-      return sample_surface(scene, q);
+      return sample_surface(scene, q, interrupt);
     }
   };
   auto result = std::visit(Visitor{scene, interrupt}, job.query);
