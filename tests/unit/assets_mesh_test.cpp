@@ -112,7 +112,7 @@ TEST_CASE("obj: groups and materials are parts; MTL maps to parameters") {
 TEST_CASE("obj: what is broken is refused with its line") {
   const auto refused = [](const std::string& text) { return refusal(load_text("a.obj", text)); };
   CHECK_THAT(refused(kQuad), Contains("no faces"));
-  CHECK_THAT(refused(std::string(kQuad) + "f 1 2 5\n"), Contains("a.obj.line 5: vertex '5'"));
+  CHECK_THAT(refused(std::string(kQuad) + "f 1 2 5\n"), Contains("a.obj: line 5: vertex '5'"));
   CHECK_THAT(refused(std::string(kQuad) + "f 1 2 0\n"), Contains("line 5"));
   CHECK_THAT(refused(std::string(kQuad) + "f -5 2 1\n"), Contains("line 5"));
   CHECK_THAT(refused(std::string(kQuad) + "f 1/7 2 1\n"), Contains("texture coordinate"));
