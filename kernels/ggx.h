@@ -1,5 +1,5 @@
-// Fresnel equations, the isotropic GGX distribution of microfacets and its albedos. Local frames:
-// z is the shading normal and wo.z > 0. Called by bsdf.h.
+// Fresnel equations, the GGX distribution of microfacets and its albedos. Local frames: z is the
+// shading normal and wo.z > 0. Called by base.h and layers.h.
 #pragma once
 
 #include "kernels/ggx_tables.h"
@@ -31,28 +31,38 @@ KERNEL Fresnel fresnel_dielectric(float c, float eta) {
   return {0.5f * (sqr(perpendicular) + sqr(parallel)), root / eta};
 }
 
-/// Smith's Lambda. cos2: squared cosine to the normal, > 0.
+/// GGX microfacets: alpha along the local x and y.
+struct Ggx {
+  float x, y;
+};
+
+/// Squared slope of microfacets towards w, times its squared sine.
+KERNEL float ggx_slope2(Ggx g, vec3 w) { return sqr(g.x * w.x) + sqr(g.y * w.y); }
+
+/// Smith's Lambda. w.z != 0.
 ///
 /// Source: Heitz 2014, "Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs",
 /// JCGT 3(2), section 5.3.
-KERNEL float ggx_lambda(float cos2, float alpha2) {
-  return 0.5f * (std::sqrt(1 + alpha2 * max2(1 - cos2, 0.0f) / cos2) - 1);
+KERNEL float ggx_lambda(vec3 w, Ggx g) {
+  return 0.5f * (std::sqrt(1 + ggx_slope2(g, w) / (w.z * w.z)) - 1);
 }
 
 /// Density of normals D(h), unit h.
-KERNEL float ggx_density(vec3 h, float alpha2) {
-  return alpha2 / (kPi * sqr(h.x * h.x + h.y * h.y + alpha2 * h.z * h.z));
+KERNEL float ggx_density(vec3 h, Ggx g) {
+  const float xy = g.x * g.y;
+  const float q = (sqr(h.x * g.y) + sqr(h.y * g.x)) / xy + xy * h.z * h.z;
+  return xy / (kPi * q * q);
 }
 
 /// D(h) G1(wo) / wo.z: times |wo.h| it is the density of visible normals.
-KERNEL float ggx_visible_density(vec3 wo, float density, float alpha2) {
-  return 2 * density / (wo.z + std::sqrt(alpha2 + (1 - alpha2) * wo.z * wo.z));
+KERNEL float ggx_visible_density(vec3 wo, float density, Ggx g) {
+  return 2 * density / (wo.z + std::sqrt(ggx_slope2(g, wo) + wo.z * wo.z));
 }
 
 /// D(h) G2(wo, wi) / (4 wo.z wi.z), with heights correlated (Heitz 2014, section 5.4).
-KERNEL float ggx_reflection(vec3 wo, vec3 wi, float density, float alpha2) {
-  const float a = wi.z * std::sqrt(alpha2 + (1 - alpha2) * wo.z * wo.z);
-  const float b = wo.z * std::sqrt(alpha2 + (1 - alpha2) * wi.z * wi.z);
+KERNEL float ggx_reflection(vec3 wo, vec3 wi, float density, Ggx g) {
+  const float a = wi.z * std::sqrt(ggx_slope2(g, wo) + wo.z * wo.z);
+  const float b = wo.z * std::sqrt(ggx_slope2(g, wi) + wi.z * wi.z);
   return 0.5f * density / (a + b);
 }
 
@@ -60,13 +70,13 @@ KERNEL float ggx_reflection(vec3 wo, vec3 wi, float density, float alpha2) {
 ///
 /// Source: Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps", CGF 42(8).
 /// Tested: tests/unit/bsdf_test.cpp.
-KERNEL vec3 sample_ggx(vec3 wo, float alpha, vec2 u) {
-  const vec3 w = normalize(vec3(wo.x * alpha, wo.y * alpha, wo.z));
+KERNEL vec3 sample_ggx(vec3 wo, Ggx g, vec2 u) {
+  const vec3 w = normalize(vec3(wo.x * g.x, wo.y * g.y, wo.z));
   const float z = (1 - u.y) * (1 + w.z) - w.z;
   const float r = safe_sqrt(1 - z * z);
   const SinCos phi = sincos_turns(u.x);
   const vec3 h = vec3(r * phi.cos, r * phi.sin, z) + w;
-  return normalize(vec3(h.x * alpha, h.y * alpha, max2(h.z, 1e-7f)));
+  return normalize(vec3(h.x * g.x, h.y * g.y, max2(h.z, 1e-7f)));
 }
 
 /// Where a roughness and an albedo lie in the tables.
@@ -105,28 +115,91 @@ KERNEL Albedo albedo_at(const AlbedoRow& row, float cosine) {
           schlick_a + (schlick_b - schlick_a) * row.weight};
 }
 
-/// Share of light that leaves a rough interface after one scattering, reflected or refracted.
-///
+/// A row of the tables for anisotropic microfacets.
+struct AnisotropicRow {
+  float roughness;
+  float aspect;  // square root of alpha along y over alpha along x; 1: isotropic
+};
+
+/// Where a number lies between n entries of a table, x from 0 to n - 1.
+struct Place {
+  u32 index;
+  float weight;  // of the next entry
+};
+KERNEL Place place_at(float x, u32 n) {
+  const u32 index = min2(u32(max2(x, 0.0f)), n - 2);
+  return {index, clamp01(x - float(index))};
+}
+
+KERNEL Place aspect_place(float aspect) {
+  return place_at((1 - aspect) * (float(kAnisotropies - 1) / 0.683772234f), kAnisotropies);
+}
+
+/// w: unit, local
+KERNEL Albedo albedo_at(const AnisotropicRow& row, vec3 w) {
+  const float sine = std::sqrt(w.x * w.x + w.y * w.y);
+  const float cos_phi = sine > 0 ? std::fabs(w.x) / sine : 0.5f;
+  const Place a = aspect_place(row.aspect);
+  const Place r = place_at(row.roughness * (kAnisotropicRoughnesses - 1), kAnisotropicRoughnesses);
+  const Place p = place_at(cos_phi * (kAnisotropicPhis - 1), kAnisotropicPhis);
+  const Place c =
+      place_at(std::sqrt(clamp01(w.z)) * (kAnisotropicCosines - 1), kAnisotropicCosines);
+  Albedo sum{0, 0};
+  for (u32 corner = 0; corner < 16; ++corner) {
+    const u32 da = corner & 1;
+    const u32 dr = corner >> 1 & 1;
+    const u32 dp = corner >> 2 & 1;
+    const u32 dc = corner >> 3;
+    const float weight = (da ? a.weight : 1 - a.weight) * (dr ? r.weight : 1 - r.weight) *
+                         (dp ? p.weight : 1 - p.weight) * (dc ? c.weight : 1 - c.weight);
+    const u32 row_index = (a.index + da) * kAnisotropicRoughnesses + r.index + dr;
+    const float* at =
+        kAnisotropicAlbedo +
+        2 * ((row_index * kAnisotropicPhis + p.index + dp) * kAnisotropicCosines + c.index + dc);
+    sum.total += at[0] * weight;
+    sum.schlick += at[1] * weight;
+  }
+  return sum;
+}
+KERNEL Albedo albedo_average(const AnisotropicRow& row) {
+  const Place a = aspect_place(row.aspect);
+  const Place r = place_at(row.roughness * (kAnisotropicRoughnesses - 1), kAnisotropicRoughnesses);
+  Albedo sum{0, 0};
+  for (u32 corner = 0; corner < 4; ++corner) {
+    const u32 da = corner & 1;
+    const u32 dr = corner >> 1;
+    const float weight = (da ? a.weight : 1 - a.weight) * (dr ? r.weight : 1 - r.weight);
+    const float* at =
+        kAnisotropicAverage + 2 * ((a.index + da) * kAnisotropicRoughnesses + r.index + dr);
+    sum.total += at[0] * weight;
+    sum.schlick += at[1] * weight;
+  }
+  return sum;
+}
+
+/// Shares of light that leave a rough interface after one scattering.
+struct GlassAlbedo {
+  float reflected, refracted;
+};
 /// eta   index of the far side over the near side's
-KERNEL float glass_albedo(float cosine, float roughness, float eta) {
+KERNEL GlassAlbedo glass_albedo(float cosine, float roughness, float eta) {
   const float ior = max2(eta, 1 / eta);
-  const float x = std::sqrt((ior - 1) / (ior + 1)) * (1.29099445f * (kGlassIors - 1));
-  const float y = clamp01(roughness) * (kGlassRoughnesses - 1);
-  const float z = std::sqrt(clamp01(cosine)) * (kGlassCosines - 1);
-  const u32 i = min2(u32(x), kGlassIors - 2);
-  const u32 j = min2(u32(y), kGlassRoughnesses - 2);
-  const u32 k = min2(u32(z), kGlassCosines - 2);
-  const float fx = min2(x - float(i), 1.0f);
-  const float fy = y - float(j);
-  const float fz = z - float(k);
-  float sum = 0;
+  const Place i =
+      place_at(std::sqrt((ior - 1) / (ior + 1)) * (1.29099445f * (kGlassIors - 1)), kGlassIors);
+  const Place j = place_at(roughness * (kGlassRoughnesses - 1), kGlassRoughnesses);
+  const Place k = place_at(std::sqrt(clamp01(cosine)) * (kGlassCosines - 1), kGlassCosines);
+  const u32 side = eta > 1 ? 0 : 1;
+  GlassAlbedo sum{0, 0};
   for (u32 corner = 0; corner < 8; ++corner) {
     const u32 dx = corner & 1;
     const u32 dy = corner >> 1 & 1;
     const u32 dz = corner >> 2;
-    const u32 side = eta > 1 ? 0 : 1;
-    const u32 at = (((i + dx) * 2 + side) * kGlassRoughnesses + j + dy) * kGlassCosines + k + dz;
-    sum += kGlassAlbedo[at] * (dx ? fx : 1 - fx) * (dy ? fy : 1 - fy) * (dz ? fz : 1 - fz);
+    const float weight = (dx ? i.weight : 1 - i.weight) * (dy ? j.weight : 1 - j.weight) *
+                         (dz ? k.weight : 1 - k.weight);
+    const u32 row = ((i.index + dx) * 2 + side) * kGlassRoughnesses + j.index + dy;
+    const float* at = kGlassAlbedo + 2 * (row * kGlassCosines + k.index + dz);
+    sum.reflected += at[0] * weight;
+    sum.refracted += at[1] * weight;
   }
   return sum;
 }

@@ -26,9 +26,13 @@ KERNEL vec4 color_at(const MeshView& mesh, uvec3 triangle, vec2 barycentric) {
          (mesh.colors[triangle.z] - a) * barycentric.y;
 }
 
+/// A difference of texture coordinates as a use of a texture sees it.
+KERNEL vec2 turn_uv(const TextureUseView& use, vec2 uv) {
+  return use.uv_x * uv.x + use.uv_y * uv.y;
+}
+
 KERNEL vec2 transform_uv(const TextureUseView& use, const Uvs& uvs) {
-  const vec2 uv = uvs.set[use.uv_set & 1];
-  return use.uv_x * uv.x + use.uv_y * uv.y + use.uv_offset;
+  return turn_uv(use, uvs.set[use.uv_set & 1]) + use.uv_offset;
 }
 
 template <bool kRadiance = false>

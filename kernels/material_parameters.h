@@ -1,5 +1,5 @@
-// The only list of material parameters: X(name, components, default, smallest, largest).
-// The order is the order of the bits in MaterialView::textured.
+// The only lists of material parameters, X(name, components, default, smallest, largest), in the
+// order of the bits in MaterialView::textured, and of textures that shape the normal, X(name).
 #pragma once
 
 #define HELIO_MATERIAL_PARAMETERS(X)      \
@@ -17,4 +17,19 @@
   X(subsurface_radius, 3, 0.01f, 0, 1e4f) \
   X(subsurface_color, 3, 0.8f, 0, 1)      \
   X(attenuation_color, 3, 1, 0, 1)        \
-  X(attenuation_distance, 1, 0, 0, 1e9f)
+  X(attenuation_distance, 1, 0, 0, 1e9f)  \
+  X(specular_tint, 1, 0, 0, 1)            \
+  X(transmission_roughness, 1, 0, 0, 1)   \
+  X(anisotropic, 1, 0, 0, 1)              \
+  X(anisotropic_rotation, 1, 0, 0, 1)     \
+  X(sheen, 1, 0, 0, 1)                    \
+  X(sheen_color, 3, 1, 0, 1)              \
+  X(sheen_roughness, 1, 0.5f, 0, 1)       \
+  X(sheen_tint, 1, 0, 0, 1)               \
+  X(clearcoat, 1, 0, 0, 1)                \
+  X(clearcoat_roughness, 1, 0.03f, 0, 1)
+
+#define HELIO_NORMAL_MAPS(X) \
+  X(normal_map)              \
+  X(bump_map)                \
+  X(clearcoat_normal_map)

@@ -130,7 +130,7 @@ KERNEL bool hit_surface(const PathContext<T>& c, const Path& path, const Hit& hi
     collect(c, sample, {path.throughput * light, path.edges, false}, path.route);
   }
   if (!s.material->unlit) {
-    v.bsdf = make_bsdf(v.material, wo, s.ng, s.ns);
+    set_bsdf(v.bsdf, v.material, shading_point(c.scene, s, v.material, wo));
     if (scatters(v.bsdf)) return true;
   }
   if (!path.guided) {

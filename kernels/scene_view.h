@@ -69,7 +69,9 @@ struct MaterialView {
   MaterialValues constant;
   u32 textured;   // bit i: parameter i has a texture; its uses follow each other in bit order
   u32 first_use;  // index into SceneView::texture_uses
-  TextureUseView normal_map;
+#define HELIO_MAP(name) TextureUseView name;
+  HELIO_NORMAL_MAPS(HELIO_MAP)
+#undef HELIO_MAP
   float alpha_cutoff;
   AlphaMode alpha_mode;
   bool two_sided_emission;

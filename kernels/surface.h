@@ -8,6 +8,15 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
+/// A point as its material sees it. Directions unit, world; of the front side.
+struct ShadingPoint {
+  vec3 wo;  // leaves the surface
+  vec3 ng, ns;
+  vec3 tangent{0};           // along which anisotropic highlights stretch; zero: anywhere
+  vec3 clearcoat_normal{0};  // used where there is clearcoat
+  bool thin_walled = false;
+};
+
 /// A point of a surface, seen from its front (counter-clockwise) side. World space.
 struct Surface {
   vec3 p;
@@ -113,19 +122,53 @@ KERNEL vec3 world_tangent(const Surface& s, vec3 ns, vec3 t_object) {
   return normalize_or(t - ns * dot(ns, t), vec3(0));
 }
 
-/// The normal ns as the material's normal map tilts it.
-KERNEL vec3 mapped_normal(const SceneView& scene, const Surface& s, vec3 ns) {
-  const TextureUseView& use = s.material->normal_map;
+/// Unit world bitangent on the side of b_object.
+KERNEL vec3 world_bitangent(const Surface& s, vec3 ns, vec3 t, vec3 b_object) {
+  const vec3 b = cross(ns, t);
+  return dot(b, transform_vector(s.pose.world_from_object, b_object)) < 0 ? -b : b;
+}
+
+/// The normal ns as a normal map tilts it.
+KERNEL vec3 mapped_normal(const SceneView& scene, const Surface& s, const TextureUseView& use,
+                          vec3 ns) {
   const Corners c = corners_at(*s.mesh, s.triangle, s.time);
   const Tangents tangents = tangents_of(s, c, use.uv_set & 1);
   const vec3 t = world_tangent(s, ns, tangents.t);
   if (is_black(t)) return ns;
-  const vec3 b_world = transform_vector(s.pose.world_from_object, tangents.b);
-  vec3 b = cross(ns, t);
-  if (dot(b, b_world) < 0) b = -b;
+  const vec3 b = world_bitangent(s, ns, t, tangents.b);
   const vec4 texel = sample_texture(scene.textures[use.texture], transform_uv(use, uvs_at(s)));
   const vec3 n((2 * texel.x - 1) * use.scale, (2 * texel.y - 1) * use.scale, 2 * texel.z - 1);
   return normalize_or(t * n.x + b * n.y + ns * n.z, ns);
+}
+
+/// The normal ns as the slope of the material's height texture tilts it.
+///
+/// Source: Mikkelsen 2010, "Bump Mapping Unparametrized Surfaces on the GPU", section 2, which goes
+/// back to Blinn 1978.
+KERNEL vec3 bumped_normal(const SceneView& scene, const Surface& s, vec3 ns) {
+  const TextureUseView& use = s.material->bump_map;
+  const vec2* uvs = use.uv_set & 1 ? s.mesh->uvs1 : s.mesh->uvs;
+  if (!uvs) return ns;
+  const vec2 origin = uvs[s.triangle.x];
+  const vec2 ab = turn_uv(use, uvs[s.triangle.y] - origin);
+  const vec2 ac = turn_uv(use, uvs[s.triangle.z] - origin);
+  const float area = ab.x * ac.y - ab.y * ac.x;
+  if (!(std::fabs(area) > 0)) return ns;
+  const Corners c = corners_at(*s.mesh, s.triangle, s.time);
+  const vec3 along_u = transform_vector(s.pose.world_from_object, c.ab * ac.y - c.ac * ab.y) / area;
+  const vec3 along_v = transform_vector(s.pose.world_from_object, c.ac * ab.x - c.ab * ac.x) / area;
+  const TextureView& texture = scene.textures[use.texture];
+  const vec2 uv = transform_uv(use, uvs_at(s));
+  const vec2 step(1 / float(texture.width), 1 / float(texture.height));
+  const auto height = [&](float u, float v) {
+    return sample_texture(texture, uv + step * vec2(u, v))[i32(use.channel)];
+  };
+  const vec2 slope =
+      vec2(height(1, 0) - height(-1, 0), height(0, 1) - height(0, -1)) * (0.5f * use.scale) / step;
+  const vec3 across_u = cross(along_v, ns);
+  const float det = dot(along_u, across_u);
+  const vec3 gradient = across_u * slope.x + cross(ns, along_u) * slope.y;
+  return normalize_or(ns * std::fabs(det) - gradient * (det < 0 ? -1.0f : 1.0f), ns);
 }
 
 /// The surface without its shading: ns is the geometric normal.
@@ -152,15 +195,43 @@ KERNEL Surface locate(const SceneView& scene, u32 instance_index, u32 primitive,
   return s;
 }
 
-/// The shading normal of a located surface: interpolated, then mapped.
+/// The normal of a located surface, interpolated between vertices.
+KERNEL vec3 vertex_normal(const Surface& s) {
+  if (!s.mesh->normals) return s.ng;
+  const vec3 n = vertex_normal_at(*s.mesh, s.triangle, s.barycentric, s.time);
+  const vec3 ns = normalize_or(transform_normal(s.pose.object_from_world, n), s.ng);
+  return dot(ns, s.ng) < 0 ? -ns : ns;
+}
+
+/// The shading normal of a located surface: interpolated, then tilted by the material's textures.
 KERNEL vec3 shading_normal(const SceneView& scene, const Surface& s) {
-  vec3 ns = s.ng;
-  if (s.mesh->normals) {
-    const vec3 n = vertex_normal_at(*s.mesh, s.triangle, s.barycentric, s.time);
-    ns = normalize_or(transform_normal(s.pose.object_from_world, n), s.ng);
-    if (dot(ns, s.ng) < 0) ns = -ns;
+  vec3 ns = vertex_normal(s);
+  const MaterialView& material = *s.material;
+  if (material.bump_map.texture != kNone) ns = bumped_normal(scene, s, ns);
+  if (material.normal_map.texture != kNone) ns = mapped_normal(scene, s, material.normal_map, ns);
+  return ns;
+}
+
+/// The normal of the clearcoat.
+KERNEL vec3 clearcoat_normal(const SceneView& scene, const Surface& s) {
+  const vec3 ns = vertex_normal(s);
+  const TextureUseView& use = s.material->clearcoat_normal_map;
+  return use.texture == kNone ? ns : mapped_normal(scene, s, use, ns);
+}
+
+/// The direction in which anisotropic highlights stretch: along u, turned towards v. Without
+/// texture coordinates along circles about the object's z axis.
+KERNEL vec3 anisotropic_tangent(const Surface& s, float turns) {
+  const Corners c = corners_at(*s.mesh, s.triangle, s.time);
+  Tangents tangents = tangents_of(s, c, 0);
+  if (is_black(tangents.t)) {
+    const vec3 n = transform_vector(s.pose.object_from_world, s.ns);
+    tangents = {vec3(-n.y, n.x, 0), vec3(0, 0, 1)};
   }
-  return s.material->normal_map.texture == kNone ? ns : mapped_normal(scene, s, ns);
+  const vec3 t = world_tangent(s, s.ns, tangents.t);
+  if (turns == 0 || is_black(t)) return t;
+  const SinCos angle = sincos_turns(turns);
+  return t * angle.cos + world_bitangent(s, s.ns, t, tangents.b) * angle.sin;
 }
 
 KERNEL Surface surface_at(const SceneView& scene, u32 instance_index, u32 primitive,
@@ -181,6 +252,16 @@ KERNEL MaterialValues material_at(const SceneView& scene, const Surface& s, u32 
     values.alpha *= color.w;
   }
   return values;
+}
+
+/// wo: unit, world, leaves the surface
+KERNEL ShadingPoint shading_point(const SceneView& scene, const Surface& s, const MaterialValues& m,
+                                  vec3 wo) {
+  ShadingPoint at{wo, s.ng, s.ns};
+  at.thin_walled = s.material->thin_walled;
+  if (m.anisotropic > 0) at.tangent = anisotropic_tangent(s, m.anisotropic_rotation);
+  if (m.clearcoat > 0) at.clearcoat_normal = clearcoat_normal(scene, s);
+  return at;
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -1,5 +1,5 @@
 """Writes the tables of kernels/: sRGB decoding, the inverse of the Blackman-Harris filter's
-integral, and albedos of GGX.
+integral, and albedos of GGX and sheen.
 
 usage: make_kernel_tables.py KERNELS_FOLDER (needs numpy). The results are checked in; run it again
 when a size changes.
@@ -13,7 +13,12 @@ import numpy as np
 MU, ROUGHNESS = 32, 32  # reflection: cosines (sqrt-spaced), roughnesses
 GLASS_MU, GLASS_ROUGHNESS, GLASS_IOR = 16, 16, 16
 FILTER = 128  # intervals of one half
+ANISOTROPY, ANISOTROPIC_ROUGHNESS, ANISOTROPIC_PHI, ANISOTROPIC_MU = 6, 12, 6, 16
+SHEEN_MU, SHEEN_ROUGHNESS = 32, 16
+SHEEN_SMOOTHEST = 0.25  # below, the model reflects more than it gets
 GRID = 96  # per side, quadrature points over the sampling square
+
+Alpha = tuple[float, float]  # GGX, along x and y
 
 HEADER = """// {what} Written by scripts/make_kernel_tables.py.
 #pragma once
@@ -58,32 +63,37 @@ def blackman_harris() -> np.ndarray:
     return np.interp(np.linspace(0, 1, FILTER + 1) ** 4 / 2, integral / integral[-1], x)
 
 
-def lambda_ggx(z: np.ndarray, alpha: float) -> np.ndarray:
-    z2 = np.minimum(z * z, 1)
-    return (np.sqrt(1 + alpha**2 * (1 - z2) / np.maximum(z2, 1e-12)) - 1) / 2
+def lambda_ggx(w: np.ndarray, alpha: Alpha) -> np.ndarray:
+    slope = ((w[..., :2] * alpha) ** 2).sum(-1) / np.maximum(w[..., 2] ** 2, 1e-12)
+    return (np.sqrt(1 + slope) - 1) / 2
 
 
-def visible_normals(mu: float, alpha: float) -> tuple[np.ndarray, np.ndarray]:
-    """wo, and half vectors distributed by GGX's visible normals (Dupuy and Benyoub 2023)."""
+def direction(mu: float, cos_phi: float = 1) -> np.ndarray:
+    sine = np.sqrt(1 - mu * mu)
+    return np.array([sine * cos_phi, sine * np.sqrt(1 - cos_phi**2), mu])
+
+
+def visible_normals(wo: np.ndarray, alpha: Alpha) -> np.ndarray:
+    """Half vectors distributed by GGX's visible normals (Dupuy and Benyoub 2023)."""
     u = (np.arange(GRID) + 0.5) / GRID
     u1, u2 = (a.ravel() for a in np.meshgrid(u, u))
-    wo = np.array([np.sqrt(1 - mu * mu), 0.0, mu])
-    s = wo * [alpha, alpha, 1]
+    stretch = np.array([*alpha, 1])
+    s = wo * stretch
     s /= np.linalg.norm(s)
     z = (1 - u2) * (1 + s[2]) - s[2]
     r = np.sqrt(np.clip(1 - z * z, 0, 1))
     h = np.stack([r * np.cos(2 * np.pi * u1), r * np.sin(2 * np.pi * u1), z], 1) + s
-    h *= [alpha, alpha, 1]
-    return wo, h / np.linalg.norm(h, axis=1, keepdims=True)
+    h *= stretch
+    return h / np.linalg.norm(h, axis=1, keepdims=True)
 
 
-def reflection(mu: float, alpha: float) -> tuple[float, float]:
+def reflection(wo: np.ndarray, alpha: Alpha) -> tuple[float, float]:
     """Albedo of single scattering for Fresnel 1, and the same weighted by (1 - cos)^5."""
-    wo, h = visible_normals(mu, alpha)
+    h = visible_normals(wo, alpha)
     c = h @ wo
-    wi_z = 2 * c * h[:, 2] - wo[2]
-    lo = lambda_ggx(np.array(mu), alpha)
-    weight = np.where(wi_z > 0, (1 + lo) / (1 + lo + lambda_ggx(wi_z, alpha)), 0)
+    wi = 2 * c[:, None] * h - wo
+    lo = lambda_ggx(wo, alpha)
+    weight = np.where(wi[:, 2] > 0, (1 + lo) / (1 + lo + lambda_ggx(wi, alpha)), 0)
     return weight.mean(), (weight * (1 - c) ** 5).mean()
 
 
@@ -95,44 +105,137 @@ def fresnel(c: np.ndarray, eta: float) -> tuple[np.ndarray, np.ndarray]:
     return np.where(t2 > 0, (parallel**2 + perpendicular**2) / 2, 1), t
 
 
-def glass(mu: float, alpha: float, eta: float) -> float:
-    """Share of light that leaves a rough interface after one scattering, reflected or refracted."""
-    wo, h = visible_normals(mu, alpha)
+def glass(wo: np.ndarray, alpha: Alpha, eta: float) -> tuple[float, float]:
+    """Shares of light that a rough interface reflects and refracts in one scattering."""
+    h = visible_normals(wo, alpha)
     c = h @ wo
     f, t = fresnel(c, eta)
-    lo = lambda_ggx(np.array(mu), alpha)
-    up = 2 * c * h[:, 2] - mu
-    down = (c / eta - t) * h[:, 2] - mu / eta
+    lo = lambda_ggx(wo, alpha)
+    up = 2 * c[:, None] * h - wo
+    down = (c / eta - t)[:, None] * h - wo / eta
     g_up = (1 + lo) / (1 + lo + lambda_ggx(up, alpha))
     g_down = (1 + lo) / (1 + lo + lambda_ggx(down, alpha))
-    return (f * g_up * (up > 0) + (1 - f) * g_down * ((down < 0) & (f < 1))).mean()
+    refracted = (1 - f) * g_down * ((down[:, 2] < 0) & (f < 1))
+    return (f * g_up * (up[:, 2] > 0)).mean(), refracted.mean()
+
+
+def sheen_lambda(c: np.ndarray, alpha: float) -> np.ndarray:
+    rough = np.array([21.5473, 3.82987, 0.19823, -1.97760, -4.32054])
+    smooth = np.array([25.3245, 3.32435, 0.16801, -1.27393, -4.85967])
+    a, b, power, d, e = rough + (smooth - rough) * (1 - alpha) ** 2
+
+    def fit(x: np.ndarray) -> np.ndarray:
+        return a / (1 + b * x**power) + d * x + e
+
+    half = fit(np.array(0.5))
+    return np.where(
+        c < 0.5, np.exp(fit(np.minimum(c, 0.5))), np.exp(2 * half - fit(1 - np.maximum(c, 0.5)))
+    )
+
+
+def sheen(mu: float, roughness: float) -> float:
+    """Albedo of sheen (Conty and Kulla 2017)."""
+    alpha = roughness**2
+    n = 4 * GRID
+    u = (np.arange(n) + 0.5) / n
+    z, phi = np.meshgrid(u, u * np.pi)
+    sine = np.sqrt(1 - z * z)
+    wo = direction(mu)
+    h = np.stack([sine * np.cos(phi), sine * np.sin(phi), z], -1) + wo
+    h_z = h[..., 2] / np.linalg.norm(h, axis=-1)
+    density = (2 + 1 / alpha) * (1 - h_z**2) ** (0.5 / alpha) / (2 * np.pi)
+    masking = 1 / (1 + sheen_lambda(z, alpha) + sheen_lambda(np.array(mu), alpha))
+    return (density * masking).mean() * 2 * np.pi / (4 * mu)
 
 
 def alpha_of(i: int, n: int) -> float:
     return max((i / (n - 1)) ** 2, 1e-4)
 
 
+def isotropic(i: int, n: int) -> Alpha:
+    return (alpha_of(i, n), alpha_of(i, n))
+
+
+def anisotropic(i: int, r: int) -> Alpha:
+    """Of the aspect and roughness of a row of the table."""
+    aspect = 1 - i / (ANISOTROPY - 1) * (1 - np.sqrt(0.1))
+    alpha = alpha_of(r, ANISOTROPIC_ROUGHNESS)
+    return (alpha / aspect, alpha * aspect)
+
+
 def mu_of(i: int, n: int) -> float:
     return max((i / (n - 1)) ** 2, 1e-4)
 
 
-def ggx_tables() -> str:
+def cosine_average(row: np.ndarray) -> float:
+    """Of a row over sqrt(cos), interpolated as kernels do, so that the furnace closes with it."""
+    x, w = np.polynomial.legendre.leggauss(400)
+    mu = (x + 1) / 2
+    return np.sum(w * mu * np.interp(np.sqrt(mu), np.arange(len(row)) / (len(row) - 1), row))
+
+
+def cos_phi_average(values: np.ndarray) -> np.ndarray:
+    """Over the azimuth, of values over cos(phi) that are interpolated linearly."""
+    cos_phi = np.cos((np.arange(400) + 0.5) / 400 * np.pi / 2)
+    return np.interp(cos_phi, np.arange(len(values)) / (len(values) - 1), values).mean()
+
+
+def reflection_tables() -> str:
     albedo = np.array(
         [
-            [reflection(mu_of(m, MU), alpha_of(r, ROUGHNESS)) for m in range(MU)]
+            [reflection(direction(mu_of(m, MU)), isotropic(r, ROUGHNESS)) for m in range(MU)]
             for r in range(ROUGHNESS)
         ]
     )
-    # Averages integrate the interpolated table, so that the furnace closes with what kernels read.
-    s, w = np.polynomial.legendre.leggauss(400)
-    mu = (s + 1) / 2
-    grid = np.arange(MU) / (MU - 1)
-    average = np.array(
+    average = [[cosine_average(row[:, k]) for k in (0, 1)] for row in albedo]
+    stretched = np.array(
         [
-            [np.sum(w * mu * np.interp(np.sqrt(mu), grid, row[:, k])) for k in (0, 1)]
-            for row in albedo
+            [
+                [
+                    [
+                        reflection(
+                            direction(mu_of(m, ANISOTROPIC_MU), p / (ANISOTROPIC_PHI - 1)),
+                            anisotropic(i, r),
+                        )
+                        for m in range(ANISOTROPIC_MU)
+                    ]
+                    for p in range(ANISOTROPIC_PHI)
+                ]
+                for r in range(ANISOTROPIC_ROUGHNESS)
+            ]
+            for i in range(ANISOTROPY)
         ]
     )
+    stretched_average = [
+        [
+            [cos_phi_average(np.array([cosine_average(row[:, k]) for row in rows])) for k in (0, 1)]
+            for rows in plane
+        ]
+        for plane in stretched
+    ]
+    return (
+        constant("kAlbedoCosines", MU)
+        + constant("kAlbedoRoughnesses", ROUGHNESS)
+        + table("kReflectionAlbedo", albedo, "[roughness][sqrt(cos)][Fresnel 1, (1 - cos_h)^5]")
+        + table(
+            "kReflectionAverage",
+            average,
+            "[roughness][the same two], averaged over the hemisphere by cosine",
+        )
+        + constant("kAnisotropies", ANISOTROPY)
+        + constant("kAnisotropicRoughnesses", ANISOTROPIC_ROUGHNESS)
+        + constant("kAnisotropicPhis", ANISOTROPIC_PHI)
+        + constant("kAnisotropicCosines", ANISOTROPIC_MU)
+        + table(
+            "kAnisotropicAlbedo",
+            stretched,
+            "[aspect, from 1 to sqrt(0.1)][roughness][cos(phi)][sqrt(cos)][the same two]",
+        )
+        + table("kAnisotropicAverage", stretched_average, "[aspect][roughness][the same two]")
+    )
+
+
+def glass_table() -> str:
     top = np.sqrt(3 / 5)
     iors = [max((1 + x * x) / (1 - x * x), 1.001) for x in np.linspace(0, top, GLASS_IOR)]
     inside = np.array(
@@ -140,7 +243,7 @@ def ggx_tables() -> str:
             [
                 [
                     [
-                        glass(mu_of(m, GLASS_MU), alpha_of(r, GLASS_ROUGHNESS), eta)
+                        glass(direction(mu_of(m, GLASS_MU)), isotropic(r, GLASS_ROUGHNESS), eta)
                         for m in range(GLASS_MU)
                     ]
                     for r in range(GLASS_ROUGHNESS)
@@ -151,23 +254,29 @@ def ggx_tables() -> str:
         ]
     )
     return (
-        constant("kAlbedoCosines", MU)
-        + constant("kAlbedoRoughnesses", ROUGHNESS)
-        + table("kReflectionAlbedo", albedo, "[roughness][sqrt(cos)][Fresnel 1, (1 - cos_h)^5]")
-        + table(
-            "kReflectionAverage",
-            average,
-            "[roughness][the same two], averaged over the hemisphere by cosine",
-        )
-        + constant("kGlassCosines", GLASS_MU)
+        constant("kGlassCosines", GLASS_MU)
         + constant("kGlassRoughnesses", GLASS_ROUGHNESS)
         + constant("kGlassIors", GLASS_IOR)
         + table(
             "kGlassAlbedo",
             inside,
             "[sqrt((ior - 1) / (ior + 1)), from 0 to sqrt(3 / 5)]"
-            "[entering, leaving][roughness][sqrt(cos)]",
+            "[entering, leaving][roughness][sqrt(cos)][reflected, refracted]",
         )
+    )
+
+
+def sheen_table() -> str:
+    step = (1 - SHEEN_SMOOTHEST) / (SHEEN_ROUGHNESS - 1)
+    albedo = [
+        [sheen(mu_of(m, SHEEN_MU), SHEEN_SMOOTHEST + r * step) for m in range(SHEEN_MU)]
+        for r in range(SHEEN_ROUGHNESS)
+    ]
+    return (
+        constant("kSheenCosines", SHEEN_MU)
+        + constant("kSheenRoughnesses", SHEEN_ROUGHNESS)
+        + f"inline constexpr float kSheenSmoothest = {SHEEN_SMOOTHEST}f;\n"
+        + table("kSheenAlbedo", np.array(albedo), "[roughness, from kSheenSmoothest][sqrt(cos)]")
     )
 
 
@@ -186,7 +295,11 @@ def main(folder: pathlib.Path) -> None:
                 "places in [-0.5, 0] by the fourth root of twice the integral",
             ),
         ),
-        "ggx_tables.h": ("Albedos of GGX microfacets (single scattering).", ggx_tables()),
+        "ggx_tables.h": (
+            "Albedos of GGX microfacets (single scattering).",
+            reflection_tables() + glass_table(),
+        ),
+        "sheen_tables.h": ("Albedos of sheen.", sheen_table()),
     }
     for name, (what, text) in files.items():
         (folder / name).write_text(HEADER.format(what=what) + text + FOOTER)

@@ -65,7 +65,9 @@ enum class AlphaMode : u8 { kOpaque, kMask, kBlend };
 
 struct Material {
   std::array<Parameter, kMaterialParameters> parameters;  // defaults: make_material()
-  TextureUse normal_map;
+#define HELIO_MAP(name) TextureUse name;
+  HELIO_NORMAL_MAPS(HELIO_MAP)
+#undef HELIO_MAP
   AlphaMode alpha_mode = AlphaMode::kOpaque;
   float alpha_cutoff = 0.5f;
   bool two_sided_emission = false;

@@ -67,7 +67,10 @@ class Description {
       if (m.parameters[p].texture.texture)
         patch.parameters[p].texture = use(m.parameters[p].texture);
     }
-    if (m.normal_map.texture) patch.normal_map = use(m.normal_map);
+#define HELIO_MAP(name) \
+  if (m.name.texture) patch.name = use(m.name);
+    HELIO_NORMAL_MAPS(HELIO_MAP)
+#undef HELIO_MAP
     if (m.alpha_mode != defaults.alpha_mode) patch.alpha_mode = m.alpha_mode;
     if (m.alpha_cutoff != defaults.alpha_cutoff) patch.alpha_cutoff = m.alpha_cutoff;
     if (m.two_sided_emission) patch.two_sided_emission = true;

@@ -80,8 +80,6 @@ Status check_rendered(const Material& material) {
       return fail(Code::kUnimplemented, name,
                   "media inside objects are not in this version; leave it at 0");
   }
-  if (material.thin_walled)
-    return fail(Code::kUnimplemented, "thin_walled", "is not in this version; leave it out");
   return {};
 }
 
@@ -117,8 +115,10 @@ Expected<Id> put(Draft& draft, const Scope& scope, const Target& target, const P
         return std::unexpected(std::move(status).error().at(std::string(kParameterNames[p])));
     }
   }
-  if (patch.normal_map)
-    HELIO_TRY(bind(scope, *patch.normal_map, "normal_map", material.normal_map));
+#define HELIO_MAP(name) \
+  if (patch.name) HELIO_TRY(bind(scope, *patch.name, #name, material.name));
+  HELIO_NORMAL_MAPS(HELIO_MAP)
+#undef HELIO_MAP
   if (patch.alpha_mode) material.alpha_mode = *patch.alpha_mode;
   if (patch.alpha_cutoff) material.alpha_cutoff = *patch.alpha_cutoff;
   if (patch.two_sided_emission) material.two_sided_emission = *patch.two_sided_emission;

@@ -223,7 +223,9 @@ void count(Draft& draft, const Entity& before, const Entity& after) {
 void count(Draft& draft, const Material& before, const Material& after) {
   for (std::size_t p = 0; p < kMaterialParameters; ++p)
     move_use(draft.next, before.parameters[p].texture.texture, after.parameters[p].texture.texture);
-  move_use(draft.next, before.normal_map.texture, after.normal_map.texture);
+#define HELIO_MAP(name) move_use(draft.next, before.name.texture, after.name.texture);
+  HELIO_NORMAL_MAPS(HELIO_MAP)
+#undef HELIO_MAP
 }
 
 void count(Draft& draft, const Dome& before, const Dome& after) {

@@ -16,8 +16,11 @@ constexpr std::size_t kUsersNamed = 16;
 bool uses(const TextureUse& use, Id id) { return use.texture == id; }
 
 bool uses(const Material& material, Id id) {
-  return uses(material.normal_map, id) ||
-         std::ranges::any_of(material.parameters,
+#define HELIO_MAP(name) \
+  if (uses(material.name, id)) return true;
+  HELIO_NORMAL_MAPS(HELIO_MAP)
+#undef HELIO_MAP
+  return std::ranges::any_of(material.parameters,
                              [&](const Parameter& p) { return uses(p.texture, id); });
 }
 
@@ -59,7 +62,9 @@ void unbind(TextureUse& use, Id id) {
 }
 
 Material without(Material material, Id id) {
-  unbind(material.normal_map, id);
+#define HELIO_MAP(name) unbind(material.name, id);
+  HELIO_NORMAL_MAPS(HELIO_MAP)
+#undef HELIO_MAP
   for (Parameter& p : material.parameters) unbind(p.texture, id);
   return material;
 }

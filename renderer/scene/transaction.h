@@ -82,7 +82,9 @@ struct ParameterPatch {
 };
 struct PutMaterial {
   std::array<ParameterPatch, kMaterialParameters> parameters;
-  std::optional<TextureUsePatch> normal_map;
+#define HELIO_MAP(name) std::optional<TextureUsePatch> name;
+  HELIO_NORMAL_MAPS(HELIO_MAP)
+#undef HELIO_MAP
   std::optional<AlphaMode> alpha_mode;
   std::optional<float> alpha_cutoff;
   std::optional<bool> two_sided_emission;

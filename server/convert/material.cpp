@@ -12,6 +12,13 @@ static_assert(kAlphaModes.size() == v1::Material::AlphaMode_ARRAYSIZE);
 
 constexpr float kDefaultCutoff = 0.5f;
 
+#define HELIO_COUNT(name) +1
+constexpr std::size_t kNormalMaps = HELIO_NORMAL_MAPS(HELIO_COUNT);
+#undef HELIO_COUNT
+
+/// A height is one channel of a texture.
+constexpr bool is_height(std::string_view map) { return map == "bump_map"; }
+
 Expected<vec3> to_value(float value, Range range) {
   auto checked = in_range(value, range);
   if (!checked) return std::unexpected(std::move(checked).error());
@@ -55,7 +62,7 @@ void reset(PutMaterial& patch, vec3 value) {
   patch.parameters[std::size_t(P)] = {value, TextureUsePatch{}};
 }
 
-constexpr std::array<Clear<PutMaterial>, kMaterialParameters + 6> kClear{{
+constexpr std::array<Clear<PutMaterial>, kMaterialParameters + 5 + kNormalMaps> kClear{{
 #define HELIO_CLEAR(name, components, value, low, high)                          \
   {#name, [](PutMaterial& p) {                                                   \
      reset<MaterialParameter::name>(p, default_value(components, float(value))); \
@@ -64,8 +71,10 @@ constexpr std::array<Clear<PutMaterial>, kMaterialParameters + 6> kClear{{
 #undef HELIO_CLEAR
         {"alpha_mode", [](PutMaterial& p) { p.alpha_mode = AlphaMode::kOpaque; }},
     {"alpha_cutoff", [](PutMaterial& p) { p.alpha_cutoff = kDefaultCutoff; }},
-    {"normal_map", [](PutMaterial& p) { p.normal_map = TextureUsePatch{}; }},
-    {"two_sided_emission", [](PutMaterial& p) { p.two_sided_emission = false; }},
+#define HELIO_CLEAR_MAP(name) {#name, [](PutMaterial& p) { p.name = TextureUsePatch{}; }},
+    HELIO_NORMAL_MAPS(HELIO_CLEAR_MAP)
+#undef HELIO_CLEAR_MAP
+        {"two_sided_emission", [](PutMaterial& p) { p.two_sided_emission = false; }},
     {"unlit", [](PutMaterial& p) { p.unlit = false; }},
     {"thin_walled", [](PutMaterial& p) { p.thin_walled = false; }},
 }};
@@ -82,8 +91,11 @@ Expected<PutMaterial> to_material(const v1::Material& message, ArraySource& sour
                 #name);
   HELIO_MATERIAL_PARAMETERS(HELIO_READ)
 #undef HELIO_READ
-  if (message.has_normal_map())
-    HELIO_TAKE(patch.normal_map, to_texture_use(message.normal_map(), source, false), "normal_map");
+#define HELIO_READ_MAP(name) \
+  if (message.has_##name())  \
+    HELIO_TAKE(patch.name, to_texture_use(message.name(), source, is_height(#name)), #name);
+  HELIO_NORMAL_MAPS(HELIO_READ_MAP)
+#undef HELIO_READ_MAP
   if (message.has_alpha_mode()) patch.alpha_mode = from_enum(kAlphaModes, message.alpha_mode());
   if (message.has_alpha_cutoff())
     HELIO_TAKE(patch.alpha_cutoff, in_range(message.alpha_cutoff(), {0, 1}), "alpha_cutoff");
@@ -101,10 +113,13 @@ v1::Material to_proto(const PutMaterial& patch, const ArraySink& sink) {
     write_parameter(p, sink, message.mutable_##name());
   HELIO_MATERIAL_PARAMETERS(HELIO_WRITE)
 #undef HELIO_WRITE
-  if (patch.normal_map) {
-    *message.mutable_normal_map() = to_proto(*patch.normal_map, sink);
-    message.mutable_normal_map()->clear_channel();
+#define HELIO_WRITE_MAP(name)                                         \
+  if (patch.name) {                                                   \
+    *message.mutable_##name() = to_proto(*patch.name, sink);          \
+    if (!is_height(#name)) message.mutable_##name()->clear_channel(); \
   }
+  HELIO_NORMAL_MAPS(HELIO_WRITE_MAP)
+#undef HELIO_WRITE_MAP
   if (patch.alpha_mode)
     message.set_alpha_mode(to_enum<v1::Material::AlphaMode>(kAlphaModes, *patch.alpha_mode));
   if (patch.alpha_cutoff) message.set_alpha_cutoff(*patch.alpha_cutoff);

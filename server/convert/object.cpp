@@ -63,8 +63,7 @@ PutEntity entity_of(const Snapshot& snapshot, u32 index, const Entity& entity) {
 }
 
 PutMaterial material_of(const Material& material) {
-  PutMaterial patch{.normal_map = use_of(material.normal_map),
-                    .alpha_mode = material.alpha_mode,
+  PutMaterial patch{.alpha_mode = material.alpha_mode,
                     .alpha_cutoff = material.alpha_cutoff,
                     .two_sided_emission = material.two_sided_emission,
                     .unlit = material.unlit,
@@ -74,7 +73,10 @@ PutMaterial material_of(const Material& material) {
     if (material.parameters[i].texture.texture)
       patch.parameters[i].texture = use_of(material.parameters[i].texture);
   }
-  if (!material.normal_map.texture) patch.normal_map.reset();
+#define HELIO_MAP(name) \
+  if (material.name.texture) patch.name = use_of(material.name);
+  HELIO_NORMAL_MAPS(HELIO_MAP)
+#undef HELIO_MAP
   return patch;
 }
 

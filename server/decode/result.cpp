@@ -67,7 +67,10 @@ struct RefsWithin {
     return all;
   }
   bool operator()(const PutMaterial& put) const {
-    bool all = within(put.normal_map, limit);
+    bool all = true;
+#define HELIO_MAP(name) all = all && within(put.name, limit);
+    HELIO_NORMAL_MAPS(HELIO_MAP)
+#undef HELIO_MAP
     for (const ParameterPatch& parameter : put.parameters) {
       all = all && within(parameter.texture, limit);
     }

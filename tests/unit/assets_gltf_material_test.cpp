@@ -124,6 +124,37 @@ TEST_CASE("gltf: the material extensions that have a parameter") {
   CHECK(parameter(material, specular_color).value == vec3(0.1f, 0.2f, 0.3f));
 }
 
+TEST_CASE("gltf: clearcoat, sheen, anisotropy and thickness") {
+  const PutMaterial material = material_of(
+      R"("pbrMetallicRoughness":{"roughnessFactor":0.5},"extensions":{)"
+      R"("KHR_materials_clearcoat":{"clearcoatFactor":0.7,"clearcoatTexture":{"index":0},)"
+      R"("clearcoatRoughnessFactor":0.2,"clearcoatRoughnessTexture":{"index":0},)"
+      R"("clearcoatNormalTexture":{"index":0,"scale":0.5}},)"
+      R"("KHR_materials_sheen":{"sheenColorFactor":[0.1,0.2,0.3],"sheenRoughnessFactor":0.4,)"
+      R"("sheenRoughnessTexture":{"index":0}},)"
+      R"("KHR_materials_anisotropy":{"anisotropyStrength":0.5,"anisotropyRotation":-1.5707963},)"
+      R"("KHR_materials_transmission":{"transmissionFactor":1}})");
+  CHECK(parameter(material, clearcoat).value->x == 0.7f);
+  CHECK(parameter(material, clearcoat).texture->use.channel == 0);
+  CHECK(parameter(material, clearcoat_roughness).value->x == 0.2f);
+  CHECK(parameter(material, clearcoat_roughness).texture->use.channel == 1);
+  CHECK(material.clearcoat_normal_map->use.scale == 0.5f);
+  CHECK(parameter(material, sheen).value->x == 1);
+  CHECK(parameter(material, sheen_color).value == vec3(0.1f, 0.2f, 0.3f));
+  CHECK(parameter(material, sheen_roughness).texture->use.channel == 3);
+  CHECK(*material.thin_walled);
+  // alpha along the tangent mix(0.25, 1, 0.25), across it 0.25
+  const float a = std::sqrt(1 - 0.9f * parameter(material, anisotropic).value->x);
+  const float r2 = std::pow(parameter(material, roughness).value->x, 2.0f);
+  CHECK(r2 / a == Approx(0.4375));
+  CHECK(r2 * a == Approx(0.25));
+  CHECK(parameter(material, anisotropic_rotation).value->x == Approx(0.75));
+  const PutMaterial solid =
+      material_of(R"("extensions":{"KHR_materials_transmission":{"transmissionFactor":1},)"
+                  R"("KHR_materials_volume":{"thicknessFactor":0.1}})");
+  CHECK_FALSE(*solid.thin_walled);
+}
+
 TEST_CASE("gltf: specular-glossiness becomes a dielectric of that reflection") {
   const PutMaterial material = material_of(
       R"("extensions":{"KHR_materials_pbrSpecularGlossiness":{"diffuseFactor":[0.2,0.3,0.4,1],)"
@@ -141,7 +172,7 @@ TEST_CASE("gltf: specular-glossiness becomes a dielectric of that reflection") {
 TEST_CASE("gltf: what is left out or clamped says so") {
   const auto loaded =
       load_material(R"("pbrMetallicRoughness":{"roughnessFactor":3})",
-                    R"(,"extensionsUsed":["KHR_materials_clearcoat","KHR_materials_variants"])");
+                    R"(,"extensionsUsed":["KHR_materials_iridescence","KHR_materials_variants"])");
   REQUIRE(loaded);
   CHECK(parameter(library_item<PutMaterial>(*loaded), roughness).value->x == 1);
   CHECK(loaded->warnings.size() == 3);

@@ -78,7 +78,7 @@ TEST_CASE("bsdf: chi-squared of every lobe, level 1e-6") {
     for (const float cosine : {0.95f, 0.5f, 0.15f}) {
       for (const bool front : {true, false}) {
         INFO(c.name << " cos " << cosine << " front " << front);
-        const Bsdf b = make_bsdf(values_of(c), direction_at(cosine, front), kUp, kUp);
+        const Bsdf b = make_bsdf(values_of(c), {direction_at(cosine, front), kUp, kUp});
         Random random;
         double delta = 0;
         const int samples = 60000;
@@ -106,7 +106,7 @@ TEST_CASE("bsdf: chi-squared of every lobe, level 1e-6") {
 TEST_CASE("bsdf: a sample's weight is the value over the density") {
   Random random;
   for (const Config& c : kConfigs) {
-    const Bsdf b = make_bsdf(values_of(c), direction_at(0.6f), kUp, kUp);
+    const Bsdf b = make_bsdf(values_of(c), {direction_at(0.6f), kUp, kUp});
     for (int i = 0; i < 2000; ++i) {
       BsdfSample s;
       const float choice = random.next(), u = random.next(), v = random.next();
@@ -128,7 +128,7 @@ TEST_CASE("bsdf: nothing gives off more than it takes, white loses at most 1 %")
         for (const bool front : {true, false}) {
           MaterialValues m = values_of(c);
           if (white) m.base_color = vec3(1);
-          const Bsdf b = make_bsdf(m, direction_at(cosine, front), kUp, kUp);
+          const Bsdf b = make_bsdf(m, {direction_at(cosine, front), kUp, kUp});
           double sum = 0;
           const int n = 300;
           for (int i = 0; i < n; ++i) {
@@ -157,8 +157,8 @@ TEST_CASE("bsdf: reciprocity of what is opaque") {
       const float phi = 6.28f * random.next(), r = std::sqrt(1 - b * b);
       const vec3 wo = direction_at(a), wi(r * std::cos(phi), r * std::sin(phi), b);
       const MaterialValues m = values_of(c);
-      const BsdfValue there = evaluate_bsdf(make_bsdf(m, wo, kUp, kUp), wi);
-      const BsdfValue back = evaluate_bsdf(make_bsdf(m, wi, kUp, kUp), wo);
+      const BsdfValue there = evaluate_bsdf(make_bsdf(m, {wo, kUp, kUp}), wi);
+      const BsdfValue back = evaluate_bsdf(make_bsdf(m, {wi, kUp, kUp}), wo);
       INFO(c.name);
       REQUIRE((there.diffuse + there.glossy).x * wo.z ==
               Approx((back.diffuse + back.glossy).x * wi.z).epsilon(2e-4).margin(1e-6));
@@ -173,10 +173,10 @@ TEST_CASE("bsdf: rough refraction is reciprocal but for eta squared and the comp
   int seen = 0;
   for (int i = 0; i < 500; ++i) {
     const float choice = random.next(), u = random.next(), v = random.next();
-    const Bsdf b = make_bsdf(m, direction_at(0.7f), kUp, kUp);
+    const Bsdf b = make_bsdf(m, {direction_at(0.7f), kUp, kUp});
     BsdfSample s;
     if (!sample_bsdf(b, choice, vec2(u, v), s) || s.lobe != Lobe::kTransmission) continue;
-    const Bsdf back = make_bsdf(m, s.wi, kUp, kUp);
+    const Bsdf back = make_bsdf(m, {s.wi, kUp, kUp});
     const float there = evaluate_bsdf(b, s.wi).glossy.x / (std::fabs(s.wi.z) * b.glass_scale);
     const float here = evaluate_bsdf(back, direction_at(0.7f)).glossy.x / (0.7f * back.glass_scale);
     REQUIRE(there * 1.5f * 1.5f == Approx(here).epsilon(2e-3));
@@ -202,7 +202,7 @@ TEST_CASE("glass: Snell's direction, Fresnel's shares, radiance over eta squared
   const Config c{"glass", vec3(1), 0, 0, 1, 1, 1.5f};
   for (const bool front : {true, false}) {
     const vec3 wo = direction_at(0.8f, front);
-    const Bsdf b = make_bsdf(values_of(c), wo, kUp, kUp);
+    const Bsdf b = make_bsdf(values_of(c), {wo, kUp, kUp});
     const float eta = front ? 1.5f : 1 / 1.5f;
     const float f = fresnel_dielectric(0.8f, eta).reflectance;
     BsdfSample s;
@@ -241,7 +241,7 @@ TEST_CASE("bsdf: no light passes an opaque surface, whatever its shading normal"
       const vec3 wo = sample_cosine(vec2(random.next(), random.next()));
       const vec3 ns = sample_cosine(vec2(random.next(), random.next()));
       const vec3 wi = sample_sphere(vec2(random.next(), random.next()));
-      const Bsdf b = make_bsdf(values_of(c), wo, kUp, ns);
+      const Bsdf b = make_bsdf(values_of(c), {wo, kUp, ns});
       const BsdfValue f = evaluate_bsdf(b, wi);
       REQUIRE(std::isfinite(f.glossy.x));
       if (wi.z < 0) REQUIRE((is_black(f.diffuse) && is_black(f.glossy) && f.pdf == 0));

@@ -122,6 +122,8 @@ v1::Material full_material() {
     }
   }
   *material.mutable_normal_map() = texture_use(false);
+  *material.mutable_clearcoat_normal_map() = texture_use(false);
+  *material.mutable_bump_map() = texture_use(true);
   return material;
 }
 

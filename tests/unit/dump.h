@@ -80,10 +80,13 @@ inline std::string text(const PutMaterial& p) {
     out += parameter.value ? text(*parameter.value) : "-";
     if (parameter.texture) out += text(*parameter.texture);
   }
-  if (p.normal_map) out += " normals=" + text(*p.normal_map);
-  return out + fmt::format(" {} {} {} {}", int(p.alpha_mode.value_or(AlphaMode::kOpaque)),
+#define HELIO_MAP(name) \
+  if (p.name) out += " " #name "=" + text(*p.name);
+  HELIO_NORMAL_MAPS(HELIO_MAP)
+#undef HELIO_MAP
+  return out + fmt::format(" {} {} {} {} {}", int(p.alpha_mode.value_or(AlphaMode::kOpaque)),
                            p.alpha_cutoff.value_or(-1), p.two_sided_emission.value_or(false),
-                           p.unlit.value_or(false));
+                           p.unlit.value_or(false), p.thin_walled.value_or(false));
 }
 inline std::string text(const PutTexture& p) {
   return fmt::format("texture {} {} {} {} {}", p.image->texels->serial(), *p.srgb, *p.nearest,

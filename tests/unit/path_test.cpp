@@ -198,7 +198,7 @@ TEST_CASE("path: light through a slab of glass has Fresnel's share, displaced by
   const Ray ray{vec3(0, 0, 2), normalize(vec3(1, 0, -1)), INFINITY, 0, {}};
   const Hit hit = tracer.closest(ray, kAllRays);
   const Surface s = surface_at(view, hit.instance, hit.primitive, {hit.u, hit.v}, 0);
-  const Bsdf bsdf = make_bsdf(glass.constant, -ray.direction, s.ng, s.ns);
+  const Bsdf bsdf = make_bsdf(glass.constant, {-ray.direction, s.ng, s.ns});
   BsdfSample inside;
   REQUIRE(sample_bsdf(bsdf, 0.9f, vec2(0), inside));
   CHECK(inside.wi.x == Approx(std::sqrt(0.5) / 1.5));
@@ -237,18 +237,24 @@ TEST_CASE("path: cut-outs and partial opacity, for what is seen and for shadows"
   }
 }
 
-TEST_CASE("path: a normal map that tilts is a tilted plane") {
+TEST_CASE("path: a normal map that tilts, and a height that climbs, is a tilted plane") {
   const float tilt = 0.3f;
-  float results[2];
-  for (const bool mapped : {false, true}) {
+  enum { kTurned, kMapped, kBumped };
+  float results[3];
+  for (const int way : {kTurned, kMapped, kBumped}) {
     TestScene scene;
     MaterialView m = plastic(0.3f);
     mat3 linear(1);
-    if (mapped) {
+    if (way == kMapped) {
       const vec3 n = vec3(std::sin(tilt), 0, std::cos(tilt)) * 0.5f + 0.5f;
       m.normal_map = no_texture();
       m.normal_map.texture =
           scene.add_texture(std::vector<float>{n.x, n.y, n.z}, {1, 1}, TexelType::kF32);
+    } else if (way == kBumped) {
+      std::vector<float> ramp(64);
+      for (u32 i = 0; i < 64; ++i) ramp[i] = (float(i) + 0.5f) / 64;  // u, which is 2 m wide
+      m.bump_map.texture = scene.add_texture(ramp, {64, 1}, TexelType::kF32);
+      m.bump_map.scale = -2 * std::tan(tilt);
     } else {
       linear = rotation({0, 1, 0}, tilt);
     }
@@ -258,9 +264,10 @@ TEST_CASE("path: a normal map that tilts is a tilted plane") {
     scene.add_light(lamp);
     const SceneView& view = scene.finish();
     const CameraView camera = look_at({2, -1, 2}, {0, 0, 0}, {4, 4}, 0.01f);
-    results[mapped] = mean_beauty(view, camera, standard_settings(2), 1024).y;
+    results[way] = mean_beauty(view, camera, standard_settings(2), 1024).y;
   }
-  CHECK(results[1] == Approx(results[0]).epsilon(0.01));
+  CHECK(results[kMapped] == Approx(results[kTurned]).epsilon(0.01));
+  CHECK(results[kBumped] == Approx(results[kTurned]).epsilon(0.01));
 }
 
 TEST_CASE("path: alpha, coverage, cost, openness and guides") {

@@ -65,7 +65,9 @@ inline MaterialView standard_material() {
   m.constant.name = ParameterType<components>::type(standard);
   HELIO_MATERIAL_PARAMETERS(HELIO_PARAMETER)
 #undef HELIO_PARAMETER
-  m.normal_map = no_texture();
+#define HELIO_MAP(name) m.name = no_texture();
+  HELIO_NORMAL_MAPS(HELIO_MAP)
+#undef HELIO_MAP
   m.alpha_cutoff = 0.5f;
   return m;
 }

@@ -62,7 +62,9 @@ class Parameters(TypedDict, total=False):
     alpha: Any
     alpha_mode: str | None  # "opaque", "mask", "blend"
     alpha_cutoff: float | None
-    normal_map: Any  # a texture or Tex; its scale in Tex.scale
+    normal_map: Any  # a texture or Tex; its strength in Tex.scale
+    bump_map: Any  # height; metres in Tex.scale
+    clearcoat_normal_map: Any
     two_sided_emission: bool
     unlit: bool
     subsurface: Any
@@ -70,6 +72,16 @@ class Parameters(TypedDict, total=False):
     subsurface_color: Any
     attenuation_color: Any
     attenuation_distance: Any  # metres; 0: clear
+    specular_tint: Any
+    transmission_roughness: Any
+    anisotropic: Any
+    anisotropic_rotation: Any  # turns
+    sheen: Any
+    sheen_color: Any
+    sheen_roughness: Any
+    sheen_tint: Any
+    clearcoat: Any
+    clearcoat_roughness: Any
     thin_walled: bool
 
 
@@ -222,8 +234,8 @@ def material_message(edits: Edits, given: Mapping[str, Any]) -> pb.Material:
             out.alpha_mode = mode
         elif name == "alpha_cutoff":
             out.alpha_cutoff = number_of(value, name)
-        elif name == "normal_map":
-            out.normal_map.CopyFrom(texture_use(edits, value, name))
+        elif name in ("normal_map", "bump_map", "clearcoat_normal_map"):
+            getattr(out, name).CopyFrom(texture_use(edits, value, name))
         elif name in ("two_sided_emission", "unlit", "thin_walled"):
             setattr(out, name, bool(value))
         else:

@@ -2,6 +2,7 @@
 #include "renderer/assets/gltf/materials.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace heliograph::assets::gltf {
 namespace {
@@ -32,10 +33,7 @@ class Reader {
     }
     emission();
     extensions();
-    if (const auto normal = value_.find("normalTexture")) {
-      put_.normal_map = textures_.use(*normal, false, 0);
-      if (put_.normal_map) put_.normal_map->use.scale = float(normal->number("scale", 1));
-    }
+    put_.normal_map = normal_map(value_, "normalTexture");
     put_.two_sided_emission = value_.flag("doubleSided", false);
     return std::move(put_);
   }
@@ -54,6 +52,14 @@ class Reader {
                    bool srgb, u32 channel) {
     const auto info = owner.find(key);
     if (info) put_.parameters[std::size_t(parameter)].texture = textures_.use(*info, srgb, channel);
+  }
+
+  std::optional<TextureUsePatch> normal_map(const Value& owner, const std::string& key) {
+    const auto info = owner.find(key);
+    if (!info) return std::nullopt;
+    auto map = textures_.use(*info, false, 0);
+    if (map) map->use.scale = float(info->number("scale", 1));
+    return map;
   }
 
   void alpha() {
@@ -123,7 +129,11 @@ class Reader {
     if (const auto transmitting = value_.extension("KHR_materials_transmission")) {
       set(transmission, vec3(float(transmitting->number("transmissionFactor", 0))));
       set_texture(transmission, *transmitting, "transmissionTexture", false, 0);
+      volume();
     }
+    if (const auto coat = value_.extension("KHR_materials_clearcoat")) clearcoating(*coat);
+    if (const auto cloth = value_.extension("KHR_materials_sheen")) sheen_of(*cloth);
+    if (const auto brushed = value_.extension("KHR_materials_anisotropy")) anisotropy(*brushed);
     if (const auto index = value_.extension("KHR_materials_ior")) {
       set(ior, vec3(float(index->number("ior", 1.5))));
     }
@@ -133,6 +143,53 @@ class Reader {
       const auto tint = reflecting->numbers<3>("specularColorFactor", {1, 1, 1});
       set(specular_color, {tint[0], tint[1], tint[2]});
       set_texture(specular_color, *reflecting, "specularColorTexture", true, 0);
+    }
+  }
+
+  /// Without a thickness a transmitting surface is a thin sheet.
+  void volume() {
+    const auto inside = value_.extension("KHR_materials_volume");
+    put_.thin_walled = !inside || !(inside->number("thicknessFactor", 0) > 0);
+    if (inside && inside->find("attenuationDistance")) {
+      builder_.warn(fmt::format("{}: attenuation inside is left out", value_.where()));
+    }
+  }
+
+  void clearcoating(const Value& coat) {
+    set(clearcoat, vec3(float(coat.number("clearcoatFactor", 0))));
+    set_texture(clearcoat, coat, "clearcoatTexture", false, 0);
+    set(clearcoat_roughness, vec3(float(coat.number("clearcoatRoughnessFactor", 0))));
+    set_texture(clearcoat_roughness, coat, "clearcoatRoughnessTexture", false, 1);
+    put_.clearcoat_normal_map = normal_map(coat, "clearcoatNormalTexture");
+  }
+
+  void sheen_of(const Value& cloth) {
+    const auto color = cloth.numbers<3>("sheenColorFactor", {0, 0, 0});
+    set(sheen, vec3(1));
+    set(sheen_color, {color[0], color[1], color[2]});
+    set_texture(sheen_color, cloth, "sheenColorTexture", true, 0);
+    set(sheen_roughness, vec3(float(cloth.number("sheenRoughnessFactor", 0))));
+    set_texture(sheen_roughness, cloth, "sheenRoughnessTexture", false, 3);
+  }
+
+  /// glTF stretches alpha to mix(alpha, 1, strength^2) along the tangent and leaves it across. Ours
+  /// has the same ratio, as far as it goes, and the same geometric mean. The ratio depends on a
+  /// texture of the roughness, of which the factor is taken.
+  void anisotropy(const Value& brushed) {
+    const double strength = std::clamp(brushed.number("anisotropyStrength", 0), 0.0, 1.0);
+    ParameterPatch& rough = put_.parameters[std::size_t(roughness)];
+    const double across = std::max(double(rough.value->x) * double(rough.value->x), 1e-4);
+    const double along = across + (1 - across) * strength * strength;
+    set(anisotropic, vec3(float(std::min((1 - across / along) / 0.9, 1.0))));
+    rough.value->x = float(std::min(std::pow(across * along, 0.25), 1.0));
+    const double turns = brushed.number("anisotropyRotation", 0) / 6.283185307179586;
+    set(anisotropic_rotation, vec3(float(turns - std::floor(turns))));
+    if (brushed.find("anisotropyTexture")) {
+      set_texture(anisotropic, brushed, "anisotropyTexture", false, 2);
+      builder_.warn(
+          fmt::format("{}: directions in the anisotropy texture are left out; its strength "
+                      "scales ours",
+                      value_.where()));
     }
   }
 

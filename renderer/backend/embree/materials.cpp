@@ -34,7 +34,9 @@ kernels::MaterialView view_of(const Snapshot& snapshot, const Material& material
     view.textured |= 1u << p;
     uses.push_back(embree::view_of(snapshot, use));
   }
-  view.normal_map = embree::view_of(snapshot, material.normal_map);
+#define HELIO_MAP(name) view.name = embree::view_of(snapshot, material.name);
+  HELIO_NORMAL_MAPS(HELIO_MAP)
+#undef HELIO_MAP
   view.alpha_cutoff = material.alpha_cutoff;
   view.alpha_mode = kernels::AlphaMode(material.alpha_mode);
   view.two_sided_emission = material.two_sided_emission;

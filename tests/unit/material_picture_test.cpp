@@ -1,0 +1,162 @@
+// Materials through apply() and the backend: each parameter changes the picture, and a constant is
+// the same as a texture of that value.
+#include "renderer/engine/engine.h"
+#include "tests/unit/render_scene.h"
+
+using namespace heliograph;
+using namespace heliograph::test;
+using enum MaterialParameter;
+
+namespace {
+
+struct Row {
+  MaterialParameter parameter;
+  const char* name;
+  bool scalar;
+};
+constexpr Row kRows[] = {
+#define HELIO_PARAMETER(name, components, ...) {name, #name, components == 1},
+    HELIO_MATERIAL_PARAMETERS(HELIO_PARAMETER)
+#undef HELIO_PARAMETER
+};
+
+/// Those that need a medium inside, which apply() refuses or which do nothing without.
+bool of_a_medium(MaterialParameter p) {
+  return p == subsurface || p == subsurface_radius || p == subsurface_color ||
+         p == attenuation_color || p == attenuation_distance;
+}
+
+/// A material in which each parameter counts.
+PutMaterial everything() {
+  PutMaterial m;
+  const auto set = [&](MaterialParameter p, vec3 v) { m.parameters[std::size_t(p)].value = v; };
+  set(base_color, {0.8f, 0.4f, 0.2f});
+  set(roughness, vec3(0.4f));
+  set(metallic, vec3(0.2f));
+  set(transmission, vec3(0.3f));
+  set(transmission_roughness, vec3(0.1f));
+  set(specular_tint, vec3(0.3f));
+  set(anisotropic, vec3(0.5f));
+  set(anisotropic_rotation, vec3(0.1f));
+  set(sheen, vec3(0.4f));
+  set(sheen_tint, vec3(0.2f));
+  set(clearcoat, vec3(0.4f));
+  set(clearcoat_roughness, vec3(0.2f));
+  set(emission, vec3(0.1f));
+  set(alpha, vec3(0.9f));
+  m.alpha_mode = AlphaMode::kBlend;
+  return m;
+}
+
+std::vector<float> picture(const PutMaterial& material, const PutTexture* texture = nullptr) {
+  auto engine = make_engine();
+  Light light;
+  light.intensity = 20;
+  Edits edits;
+  if (texture) edits.put("texture", *texture);
+  edits.mesh("sphere", sphere(16))
+      .mesh("quad", quad())
+      .put("material", material)
+      .object("ball", "sphere", mat4x3(1), "material")
+      .object("lamp", "quad", mat4x3(1, 0, 0, 0, -1, 0, 0, 0, -1, 0.5f, 0, 3))
+      .light("lamp", light)
+      .dome(vec3(0.3f, 0.4f, 0.5f))
+      .camera("camera", look_at({3, -3, 2}, vec3(0)), 16, 16, 24);
+  const auto frame = render(*engine, job_of(edits.apply(), {Plane::BEAUTY}, 8));
+  const auto all = pixels<float>(*frame);
+  return {all.begin(), all.end()};
+}
+
+/// A picture of one texel, which reads the same through every channel.
+PutTexture texel(vec3 value) {
+  const auto texels = ArrayOf<float>(std::vector<float>{value.x, value.y, value.z});
+  return {.image = std::make_shared<const ImageData>(ImageData{.texels = texels.buffer(),
+                                                               .width = 1,
+                                                               .height = 1,
+                                                               .channels = 3,
+                                                               .type = TexelType::kF32}),
+          .srgb = false};
+}
+
+float difference(const std::vector<float>& a, const std::vector<float>& b) {
+  float sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) sum += std::fabs(a[i] - b[i]);
+  return sum / float(a.size());
+}
+
+}  // namespace
+
+TEST_CASE("material: each parameter changes the picture") {
+  const auto before = picture(everything());
+  for (const Row& row : kRows) {
+    if (of_a_medium(row.parameter)) continue;
+    PutMaterial m = everything();
+    const vec3 value = m.parameters[std::size_t(row.parameter)].value.value_or(
+        make_material()[row.parameter].value);
+    m.parameters[std::size_t(row.parameter)].value =
+        row.parameter == ior ? vec3(1.8f) : value * 0.5f;
+    INFO(row.name);
+    CHECK(difference(before, picture(m)) > 1e-4f);
+  }
+  PutMaterial thin = everything();
+  thin.thin_walled = true;
+  CHECK(difference(before, picture(thin)) > 1e-4f);
+}
+
+TEST_CASE("material: a constant is a texture of one texel with that value") {
+  const auto before = picture(everything());
+  for (const Row& row : kRows) {
+    if (of_a_medium(row.parameter)) continue;
+    PutMaterial m = everything();
+    ParameterPatch& parameter = m.parameters[std::size_t(row.parameter)];
+    const vec3 value = parameter.value.value_or(make_material()[row.parameter].value);
+    const PutTexture texture = texel(row.scalar ? vec3(0, value.x, 0) : value);
+    parameter.value = vec3(1);
+    parameter.texture = TextureUsePatch{.texture = "texture", .use = {}};
+    parameter.texture->use.channel = row.scalar ? 1 : 0;
+    INFO(row.name);
+    CHECK(difference(before, picture(m, &texture)) < 1e-6f);
+  }
+}
+
+TEST_CASE("material: a channel, a scale and an offset") {
+  PutMaterial constant = everything();
+  constant.parameters[std::size_t(clearcoat)].value = vec3(0.35f);
+  PutMaterial textured = everything();
+  ParameterPatch& parameter = textured.parameters[std::size_t(clearcoat)];
+  parameter.value = vec3(0.5f);
+  parameter.texture = TextureUsePatch{.texture = "texture", .use = {}};
+  parameter.texture->use.channel = 2;
+  parameter.texture->use.scale = 2;
+  parameter.texture->use.offset = 0.1f;
+  const PutTexture texture = texel({0.9f, 0.8f, 0.3f});
+  CHECK(difference(picture(constant), picture(textured, &texture)) < 1e-6f);
+}
+
+TEST_CASE("material: maps that shape the normal change the picture, flat ones do not") {
+  PutMaterial plain = everything();
+  const auto before = picture(plain);
+  const auto flat = texel({0.5f, 0.5f, 1});
+  const auto tilted = texel({0.8f, 0.5f, 0.9f});
+  const auto with = [&](auto member, const PutTexture& texture) {
+    PutMaterial m = everything();
+    m.*member = TextureUsePatch{.texture = "texture", .use = {}};
+    return picture(m, &texture);
+  };
+  CHECK(difference(before, with(&PutMaterial::normal_map, flat)) < 1e-5f);
+  CHECK(difference(before, with(&PutMaterial::normal_map, tilted)) > 1e-3f);
+  CHECK(difference(before, with(&PutMaterial::clearcoat_normal_map, flat)) < 1e-5f);
+  CHECK(difference(before, with(&PutMaterial::clearcoat_normal_map, tilted)) > 1e-4f);
+  CHECK(difference(before, with(&PutMaterial::bump_map, flat)) < 1e-6f);
+  std::vector<float> ramp(64);
+  for (std::size_t i = 0; i < ramp.size(); ++i) ramp[i] = float(i % 8 < 4);
+  const auto texels = ArrayOf<float>(std::move(ramp));
+  const PutTexture stripes{
+      .image = std::make_shared<const ImageData>(ImageData{.texels = texels.buffer(),
+                                                           .width = 8,
+                                                           .height = 8,
+                                                           .channels = 1,
+                                                           .type = TexelType::kF32}),
+      .srgb = false};
+  CHECK(difference(before, with(&PutMaterial::bump_map, stripes)) > 1e-3f);
+}
