@@ -42,6 +42,7 @@ enum ExitCode : int {
   X(reply_bytes, 16ull << 20, "bytes of those replies, and of a session's others")      \
   X(quota_bytes, 256ull << 20, "bytes gRPC may buffer")                                 \
   X(derived_bytes, 4ull << 30, "bytes of derived data that nobody uses, kept as cache") \
+  X(static_triangles, 4'000'000, "triangles of static entities traced as one mesh")     \
   X(query_items, 1u << 20, "rays, pixels, points or pairs of one query")                \
   X(decode_bytes, 2ull << 30, "address space of a decoder process")                     \
   X(decode_result_bytes, 1ull << 30, "bytes a decoder may hand back")                   \

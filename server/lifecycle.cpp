@@ -125,9 +125,10 @@ class Life {
 Status Life::start(Sockets sockets, UniqueFd signals) {
   const Config& config = daemon_.config;
   daemon_.engine = std::make_unique<EngineSlot>(
-      EngineOptions{
-          .backend = config.backend,
-          .device = {.threads = config.threads, .cache_bytes = config.limits.derived_bytes}},
+      EngineOptions{.backend = config.backend,
+                    .device = {.threads = config.threads,
+                               .cache_bytes = config.limits.derived_bytes,
+                               .static_triangles = config.limits.static_triangles}},
       daemon_.log,
       [this](const Status& status) { daemon_.loop->post([this, status] { on_engine(status); }); });
   daemon_.decoder = Decoder::create(decoder_options(config));

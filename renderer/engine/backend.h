@@ -101,8 +101,9 @@ class Backend {
 };
 
 struct BackendOptions {
-  u32 threads = 0;               // 0: all
-  u64 cache_bytes = 4ull << 30;  // of scenes and derived data nobody uses
+  u32 threads = 0;                   // 0: all
+  u64 cache_bytes = 4ull << 30;      // of scenes and derived data nobody uses
+  u64 static_triangles = 4'000'000;  // of static entities, traced as one mesh
 };
 
 /// Names: "embree". The only function that knows backends.

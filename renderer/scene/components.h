@@ -217,7 +217,7 @@ struct Entity {
   u64 teleported = 0;  // Snapshot::advances when its pose last jumped
   u8 visibility = kAllRays;
   bool visible = true;
-  bool is_static = false;
+  bool is_static = false;  // may be traced as one mesh with the other static ones
 
   /// The same fields; what they point to is compared by address.
   friend bool operator==(const Entity&, const Entity&) = default;

@@ -1,6 +1,8 @@
 // The CPU backend by its pictures: what is seen where, and that nothing but the scene decides it.
 #include "renderer/engine/engine.h"
 
+#include <numeric>
+
 #include "tests/unit/render_scene.h"
 
 using namespace heliograph;
@@ -156,6 +158,41 @@ TEST_CASE("embree: a frame after edits equals that of a fresh renderer") {
   }
   CHECK(same_planes(*first, *render(*engine, job_of(base, planes, 4))));
   CHECK(!same_planes(*first, *render(*engine, job_of(moved, planes, 4))));
+}
+
+TEST_CASE("embree: static entities show the same picture, whatever came before") {
+  auto engine = make_engine(2);
+  const std::vector planes{Plane::BEAUTY, Plane::INSTANCE, Plane::PRIMITIVE, Plane::DEPTH};
+  const auto loose = still_life().apply();
+  PutEntity fixed, hidden_from_camera;
+  fixed.is_static = true;
+  hidden_from_camera.visibility = u8(kAllRays & ~kCameraRay);
+  const auto all = Edits().put("box", fixed).put("ball", fixed).put("floor", fixed).apply(*loose);
+  const auto frame = render(*engine, job_of(loose, planes, 16));
+  const auto grouped = render(*engine, job_of(all, planes, 16));
+  CHECK(grouped->planes[1].pixels == frame->planes[1].pixels);
+  CHECK(grouped->planes[2].pixels == frame->planes[2].pixels);
+  const auto depths = pixels<float>(*frame, 3), grouped_depths = pixels<float>(*grouped, 3);
+  for (std::size_t i = 0; i < depths.size(); ++i)
+    CHECK(grouped_depths[i] == Approx(depths[i]).epsilon(1e-5));
+  const auto light = pixels<float>(*frame), grouped_light = pixels<float>(*grouped);
+  const auto sum = [](std::span<const float> v) {
+    return std::accumulate(v.begin(), v.end(), 0.0);
+  };
+  CHECK(sum(grouped_light) == Approx(sum(light)).epsilon(1e-3));
+
+  PutEntity loosened;
+  loosened.is_static = false;
+  const auto moved = Edits().pose("box", translation({-0.9f, 0.8f, 0.5f})).apply(*all);
+  const auto unseen = Edits().put("ball", hidden_from_camera).apply(*moved);
+  const auto freed = Edits().put("box", loosened).apply(*unseen);
+  for (const auto& scene : {moved, unseen, freed, all}) {
+    auto fresh = make_engine(2);
+    CHECK(same_planes(*render(*engine, job_of(scene, planes, 4)),
+                      *render(*fresh, job_of(scene, planes, 4))));
+  }
+  CHECK(!same_planes(*render(*engine, job_of(unseen, planes, 4)),
+                     *render(*engine, job_of(moved, planes, 4))));
 }
 
 TEST_CASE("embree: branches do not see each other's edits") {

@@ -171,6 +171,7 @@ class Edits:
         label: "auto", a number, or 0 for none; category, group, part belong to it.
         visible=False removes it from every ray and label; visibility=hg.Visibility(camera=False)
         keeps its light. attributes={str: str} travel to the labels. teleport: the pose is a jump.
+        static=True: it does not move, and is traced faster; moving it rebuilds all that is static.
         """
         message = _patches.entity_message(self, _patches.labelled(components))
         self._add(name, exist_ok).entity.CopyFrom(message)

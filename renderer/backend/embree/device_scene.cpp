@@ -76,7 +76,14 @@ EmbreeScene::EmbreeScene(std::shared_ptr<const Snapshot> snapshot, Time time,
 }
 
 TracedScene EmbreeScene::traced_of(const kernels::SceneView& view) const {
-  return {placement_->top.get(), placement_->instance_scenes.data(), &view};
+  TracedScene traced{.top = placement_->top.get(),
+                     .instance_scenes = placement_->instance_scenes.data(),
+                     .view = &view};
+  if (const StaticGroup* group = placement_->group.get()) {
+    traced.group = u32(placement_->instances.size());
+    traced.group_instances = group->slots.data();
+  }
+  return traced;
 }
 
 u64 EmbreeScene::bytes() const {
@@ -103,9 +110,9 @@ Expected<std::shared_ptr<const EmbreeScene>> SceneStore::prepare(
       if (!made) return std::unexpected(std::move(made).error());
       structure = *std::move(made);
     }
-    auto made =
-        make_placement(*snapshot, time, std::move(structure),
-                       before ? &before->placement() : nullptr, {builder_, device_, interrupt});
+    auto made = make_placement(*snapshot, time, std::move(structure),
+                               before ? &before->placement() : nullptr,
+                               {builder_, device_, static_triangles_, interrupt});
     if (!made) return std::unexpected(std::move(made).error());
     placement = *std::move(made);
   }

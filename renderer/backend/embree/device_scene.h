@@ -45,8 +45,12 @@ class EmbreeScene final : public DeviceScene {
 /// Makes scenes, and keeps the last ones to start from. Thread: the device's; `warm` any.
 class SceneStore {
  public:
-  SceneStore(RTCDevice device, DerivedCache& cache, u64 limit)
-      : device_(device), cache_(cache), builder_(device, cache), limit_(limit) {}
+  SceneStore(RTCDevice device, DerivedCache& cache, const BackendOptions& options)
+      : device_(device),
+        cache_(cache),
+        builder_(device, cache),
+        limit_(options.cache_bytes),
+        static_triangles_(options.static_triangles) {}
 
   [[nodiscard]] Expected<std::shared_ptr<const EmbreeScene>> prepare(
       const std::shared_ptr<const Snapshot>& snapshot, Time time, const Interrupt& interrupt);
@@ -66,6 +70,7 @@ class SceneStore {
   DerivedCache& cache_;
   MeshBuilder builder_;
   const u64 limit_;
+  const u64 static_triangles_;
   std::vector<std::shared_ptr<const EmbreeScene>> recent_;  // the last is the latest
   std::atomic<u64> bytes_{0};
 };

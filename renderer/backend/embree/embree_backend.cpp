@@ -45,7 +45,7 @@ class EmbreeBackend final : public Backend {
   EmbreeBackend(DeviceHandle device, const BackendOptions& options)
       : device_(std::move(device)),
         cache_(options.cache_bytes),
-        store_(device_.get(), cache_, options.cache_bytes),
+        store_(device_.get(), cache_, options),
         loops_(best_pixel_loops()),
         arena_(options.threads ? int(options.threads) : tbb::task_arena::automatic) {}
 

@@ -6,6 +6,8 @@
 
 #include <cstring>
 
+#include "renderer/backend/embree/commit.h"
+
 namespace heliograph::embree {
 namespace {
 
@@ -26,13 +28,16 @@ class Placer {
         before_(before),
         builder_(context.builder),
         device_(context.device),
+        static_triangles_(context.static_triangles),
         interrupt_(context.interrupt) {
     made_->structure = std::move(structure);
     made_->world = world_poses(snapshot, time);
   }
 
   Status meshes();
+  void choose_static();
   Status instances();
+  Status group();
   Status label_frames();
   void boxes();
   Status top_level();
@@ -55,10 +60,12 @@ class Placer {
   const Placement* before_;
   const MeshBuilder& builder_;
   const RTCDevice device_;
+  const u64 static_triangles_;
   const Interrupt& interrupt_;
   std::shared_ptr<Placement> made_ = std::make_shared<Placement>();
-  std::vector<u8> moved_;  // by slot
-  bool changed_ = false;   // the top level differs from the one before
+  std::vector<u8> moved_;    // by slot
+  std::vector<u8> grouped_;  // by slot
+  bool changed_ = false;     // the top level differs from the one before
 };
 
 Status Placer::meshes() {
@@ -91,6 +98,7 @@ bool Placer::takes_over(u32 slot, u32 old) const {
   if (old == kNone) return false;
   const u32 entity = made_->structure->slots[slot].entity;
   return same(made_->world[entity], before_->world[entity]) &&
+         grouped_[slot] == !before_->geometries[old] &&
          made_->meshes[made_->mesh_of_slot[slot]]->blas ==
              before_->meshes[before_->mesh_of_slot[old]]->blas &&
          u32(snapshot_.entities.at(entity).visibility) == before_->instances[old].visibility;
@@ -107,12 +115,47 @@ void Placer::place(u32 index) {
   const bool flipped = glm::determinant(mat3(view.world_from_object)) < 0;
   view.flags = flipped ? u32(kernels::kFlipped) : 0;
 
+  made_->geometries[index] = {};
+  if (grouped_[index]) return;
   made_->geometries[index] = GeometryHandle(rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_INSTANCE));
   const RTCGeometry geometry = made_->geometries[index].get();
   rtcSetGeometryInstancedScene(geometry, made_->instance_scenes[index]);
   rtcSetGeometryMask(geometry, usable ? view.visibility : 0);
   rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, &view.world_from_object);
   rtcCommitGeometry(geometry);
+}
+
+/// Static entities join the group in the order of their slots as long as there is room.
+void Placer::choose_static() {
+  const Structure& structure = *made_->structure;
+  grouped_.assign(structure.slots.size(), 0);
+  u64 triangles = 0;
+  u32 members = 0;
+  for (u32 i = 0; i < structure.slots.size(); ++i) {
+    const Slot& slot = structure.slots[i];
+    if (!snapshot_.entities.at(slot.entity).is_static || slot.deforms) continue;
+    if (!invertible(made_->world[slot.entity])) continue;
+    const u64 more = made_->meshes[made_->mesh_of_slot[i]]->topology->triangles.size();
+    if (triangles + more > static_triangles_) continue;
+    triangles += more;
+    ++members;
+    grouped_[i] = 1;
+  }
+  if (members < 2) grouped_.assign(grouped_.size(), 0);
+}
+
+Status Placer::group() {
+  std::vector<StaticMember> members;
+  for (u32 i = 0; i < grouped_.size(); ++i) {
+    if (!grouped_[i]) continue;
+    members.push_back({i, made_->instances[i].visibility, made_->meshes[made_->mesh_of_slot[i]],
+                       made_->instances[i].world_from_object});
+  }
+  auto made = make_static_group(std::move(members), before_ ? before_->group : nullptr, device_,
+                                interrupt_);
+  if (!made) return std::unexpected(std::move(made).error());
+  made_->group = *std::move(made);
+  return {};
 }
 
 Status Placer::instances() {
@@ -256,23 +299,16 @@ Status Placer::top_level() {
     return {};
   }
   if (made_->geometries.empty()) return {};
-  HELIO_TRY(interrupt_.status());
   made_->top = new_scene(device_);
   for (u32 i = 0; i < made_->geometries.size(); ++i)
-    rtcAttachGeometryByID(made_->top.get(), made_->geometries[i].get(), i);
-  const auto go_on = [](void* interrupt, double) {
-    return !static_cast<const Interrupt*>(interrupt)->requested();
-  };
-  RTCScene top = made_->top.get();
-  rtcSetSceneProgressMonitorFunction(top, go_on, const_cast<Interrupt*>(&interrupt_));
-  rtcCommitScene(top);
-  rtcSetSceneProgressMonitorFunction(top, nullptr, nullptr);
-  const RTCError error = rtcGetDeviceError(device_);
-  HELIO_TRY(interrupt_.status());
-  if (error != RTC_ERROR_NONE)
-    return fail(Code::kResourceExhausted, "", "Embree could not build the scene's top level");
+    if (made_->geometries[i])
+      rtcAttachGeometryByID(made_->top.get(), made_->geometries[i].get(), i);
+  if (made_->group)
+    rtcAttachGeometryByID(made_->top.get(), made_->group->instance.get(),
+                          u32(made_->geometries.size()));
+  HELIO_TRY(commit(made_->top.get(), device_, interrupt_));
   RTCBounds bounds;
-  rtcGetSceneBounds(top, &bounds);
+  rtcGetSceneBounds(made_->top.get(), &bounds);
   made_->bounds.lower = {bounds.lower_x, bounds.lower_y, bounds.lower_z};
   made_->bounds.upper = {bounds.upper_x, bounds.upper_y, bounds.upper_z};
   return {};
@@ -285,7 +321,9 @@ Expected<std::shared_ptr<const Placement>> make_placement(
     const Placement* before, const PlacementContext& context) {
   Placer placer(snapshot, time, std::move(structure), before, context);
   HELIO_TRY(placer.meshes());
+  placer.choose_static();
   HELIO_TRY(placer.instances());
+  HELIO_TRY(placer.group());
   HELIO_TRY(placer.label_frames());
   placer.boxes();
   HELIO_TRY(placer.top_level());

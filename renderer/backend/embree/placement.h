@@ -1,7 +1,7 @@
 // Where the slots of a structure are at one instant: instances, the top level, frames of labels.
 #pragma once
 
-#include "renderer/backend/embree/structure.h"
+#include "renderer/backend/embree/static_group.h"
 #include "renderer/engine/backend.h"
 #include "renderer/engine/label_columns.h"
 
@@ -13,7 +13,8 @@ struct Placement {
   std::vector<kernels::InstanceView> instances;           // by slot
   std::vector<std::shared_ptr<const DeviceMesh>> meshes;  // the structure's, then deformed ones
   std::vector<u32> mesh_of_slot;                          // index into meshes
-  std::vector<GeometryHandle> geometries;                 // by slot
+  std::vector<GeometryHandle> geometries;                 // by slot; null: in the group
+  std::shared_ptr<const StaticGroup> group;               // its number in the top level: slots
   std::vector<RTCScene> instance_scenes;                  // by slot
   std::vector<mat4x3> root_from_entity;                   // by slot
   std::vector<ObjectFrame> frames;                        // by row of the labelling
@@ -26,6 +27,7 @@ struct Placement {
 struct PlacementContext {
   const MeshBuilder& builder;
   RTCDevice device;
+  u64 static_triangles;  // at most so many in the group
   const Interrupt& interrupt;
 };
 

@@ -13,6 +13,13 @@ struct TracedScene {
   RTCScene top = nullptr;                     // null: nothing to hit
   const RTCScene* instance_scenes = nullptr;  // by instance: the scene its mesh lies in
   const kernels::SceneView* view = nullptr;
+  // The static entities, one instance of the top level: by geometry within it, their instances.
+  kernels::u32 group = kernels::kNone;
+  const kernels::u32* group_instances = nullptr;
+
+  [[nodiscard]] kernels::u32 instance_of(const RTCHit& hit) const {
+    return hit.instID[0] == group ? group_instances[hit.geomID] : hit.instID[0];
+  }
 };
 
 inline namespace HELIO_ISA {
@@ -28,17 +35,18 @@ class EmbreeTracer {
     fill(query.ray, ray, mask);
     query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-    Context context(scene_.view, ray, kernels::kNone);
+    Context context(scene_, ray, kernels::kNone);
     context.intersect(scene_.top, query, scene_.view->any_holes);
     if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return miss();
-    return {query.ray.tfar, query.hit.instID[0], query.hit.primID, query.hit.u, query.hit.v};
+    return {query.ray.tfar, scene_.instance_of(query.hit), query.hit.primID, query.hit.u,
+            query.hit.v};
   }
 
   [[nodiscard]] bool occluded(const kernels::Ray& ray, kernels::u32 mask) const {
     if (!scene_.top) return false;
     RTCRay query{};
     fill(query, ray, mask);
-    Context context(scene_.view, ray, kernels::kNone);
+    Context context(scene_, ray, kernels::kNone);
     context.occluded(scene_.top, query, scene_.view->any_holes);
     return query.tfar < 0;
   }
@@ -53,7 +61,7 @@ class EmbreeTracer {
     RTCRayHit query{};
     fill(query.ray, local, kernels::kNone);
     query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-    Context context(scene_.view, ray, instance);
+    Context context(scene_, ray, instance);
     context.intersect(scene_.instance_scenes[instance], query,
                       (view.flags & kernels::kMayBeHole) != 0);
     if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return miss();
@@ -64,7 +72,7 @@ class EmbreeTracer {
   [[nodiscard]] bool meets(kernels::u32 instance, const kernels::Ray& ray_object) const {
     RTCRay query{};
     fill(query, ray_object, kernels::kNone);
-    Context context(scene_.view, ray_object, instance);
+    Context context(scene_, ray_object, instance);
     context.occluded(scene_.instance_scenes[instance], query,
                      (scene_.view->instances[instance].flags & kernels::kMayBeHole) != 0);
     return query.tfar < 0;
@@ -72,7 +80,7 @@ class EmbreeTracer {
   /// The same for 8 rays that start and go nearly alike, of an instance without holes; lane i of
   /// `valid` is -1 where there is a ray. Returns a bit for each.
   [[nodiscard]] kernels::u32 meets(kernels::u32 instance, RTCRay8& rays, const int* valid) const {
-    Context context(scene_.view, {}, instance);
+    Context context(scene_, {}, instance);
     context.occluded8(scene_.instance_scenes[instance], rays, valid);
     kernels::u32 bits = 0;
     for (kernels::u32 i = 0; i < 8; ++i) bits |= kernels::u32(valid[i] && rays.tfar[i] < 0) << i;
@@ -102,12 +110,12 @@ class EmbreeTracer {
 #else
     RTCIntersectContext base;
 #endif
-    const kernels::SceneView* view;
+    const TracedScene* traced;
     kernels::Ray ray;
     kernels::u32 instance;  // of closest_in(); kNone: Embree's own
 
-    Context(const kernels::SceneView* v, const kernels::Ray& r, kernels::u32 i)
-        : view(v), ray(r), instance(i) {
+    Context(const TracedScene& s, const kernels::Ray& r, kernels::u32 i)
+        : traced(&s), ray(r), instance(i) {
 #if RTC_VERSION_MAJOR >= 4
       rtcInitRayQueryContext(&base);
 #else
@@ -164,11 +172,12 @@ class EmbreeTracer {
     const auto* context = reinterpret_cast<const Context*>(arguments->context);
     const RTCHit hit = rtcGetHitFromHitN(arguments->hit, arguments->N, 0);
     const kernels::u32 instance =
-        context->instance == kernels::kNone ? hit.instID[0] : context->instance;
-    if (!(context->view->instances[instance].flags & kernels::kMayBeHole)) return;
+        context->instance == kernels::kNone ? context->traced->instance_of(hit) : context->instance;
+    const kernels::SceneView& view = *context->traced->view;
+    if (!(view.instances[instance].flags & kernels::kMayBeHole)) return;
     const float t = RTCRayN_tfar(arguments->ray, arguments->N, 0);
     const kernels::Hit candidate{t, instance, hit.primID, hit.u, hit.v};
-    if (!kernels::accepts(*context->view, context->ray, candidate)) arguments->valid[0] = 0;
+    if (!kernels::accepts(view, context->ray, candidate)) arguments->valid[0] = 0;
   }
 
   TracedScene scene_;

@@ -1,0 +1,69 @@
+// Many meshes to one scene of triangles.
+#include "renderer/backend/embree/static_group.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cstring>
+
+#include "renderer/backend/embree/commit.h"
+
+namespace heliograph::embree {
+namespace {
+
+bool same(const StaticMember& a, const StaticMember& b) {
+  return a.visibility == b.visibility && a.mesh->blas == b.mesh->blas &&
+         std::memcmp(&a.world, &b.world, sizeof a.world) == 0;
+}
+
+GeometryHandle world_triangles(const StaticMember& member, RTCDevice device) {
+  const DeviceMesh& mesh = *member.mesh;
+  const u32 count = mesh.topology->vertex_count;
+  GeometryHandle geometry(rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE));
+  auto* vertices = static_cast<vec3*>(rtcSetNewGeometryBuffer(
+      geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, sizeof(vec3), count));
+  if (!vertices) return geometry;
+  for (u32 i = 0; i < count; ++i) vertices[i] = member.world * vec4(mesh.positions[i], 1);
+  rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                             mesh.topology->triangles.data(), 0, sizeof(uvec3),
+                             mesh.topology->triangles.size());
+  rtcSetGeometryMask(geometry.get(), member.visibility);
+  rtcCommitGeometry(geometry.get());
+  return geometry;
+}
+
+Status build(StaticGroup& group, RTCDevice device, const Interrupt& interrupt) {
+  std::vector<GeometryHandle> geometries(group.members.size());
+  tbb::parallel_for(std::size_t(0), geometries.size(), [&](std::size_t i) {
+    geometries[i] = world_triangles(group.members[i], device);
+  });
+  group.scene = new_scene(device);
+  for (u32 i = 0; i < geometries.size(); ++i)
+    rtcAttachGeometryByID(group.scene.get(), geometries[i].get(), i);
+  HELIO_TRY(commit(group.scene.get(), device, interrupt));
+  group.instance = GeometryHandle(rtcNewGeometry(device, RTC_GEOMETRY_TYPE_INSTANCE));
+  rtcSetGeometryInstancedScene(group.instance.get(), group.scene.get());
+  rtcSetGeometryMask(group.instance.get(), ~0u);
+  rtcCommitGeometry(group.instance.get());
+  return {};
+}
+
+}  // namespace
+
+Expected<std::shared_ptr<const StaticGroup>> make_static_group(
+    std::vector<StaticMember> members, const std::shared_ptr<const StaticGroup>& before,
+    RTCDevice device, const Interrupt& interrupt) {
+  if (members.empty()) return nullptr;
+  auto group = std::make_shared<StaticGroup>();
+  group->members = std::move(members);
+  for (const StaticMember& member : group->members) group->slots.push_back(member.slot);
+  if (before && std::ranges::equal(before->members, group->members, same)) {
+    group->scene = before->scene;
+    group->instance = before->instance;
+    return group;
+  }
+  HELIO_TRY(build(*group, device, interrupt));
+  return group;
+}
+
+}  // namespace heliograph::embree

@@ -1,0 +1,31 @@
+// Entities that say they are static, in one acceleration structure in world space: rays meet them
+// without a change of coordinates, and their boxes do not overlap. Called by placement.cpp.
+#pragma once
+
+#include "renderer/backend/embree/structure.h"
+#include "renderer/engine/backend.h"
+
+namespace heliograph::embree {
+
+/// An entity as the group holds it.
+struct StaticMember {
+  u32 slot;
+  u32 visibility;
+  std::shared_ptr<const DeviceMesh> mesh;
+  mat4x3 world;
+};
+
+struct StaticGroup {
+  std::vector<StaticMember> members;
+  std::vector<u32> slots;  // by number of the geometry within the scene
+  SceneHandle scene;
+  GeometryHandle instance;  // of the scene, for a top level
+};
+
+/// Builds the group, or takes over the acceleration structure of `before` where it is the same.
+/// Null without members. Fails with RESOURCE_EXHAUSTED, and as the interrupt says.
+[[nodiscard]] Expected<std::shared_ptr<const StaticGroup>> make_static_group(
+    std::vector<StaticMember> members, const std::shared_ptr<const StaticGroup>& before,
+    RTCDevice device, const Interrupt& interrupt);
+
+}  // namespace heliograph::embree
