@@ -4,7 +4,9 @@ usage: agreement.py [WORK=build/bench] [SPP=1024]
 Run with .venv/bin/python; bench/run makes scenes and references. W1 as it is, the others with
 Lambert in place of principled materials. z of a pixel: difference over its standard error, by the
 spread of independent pictures on both sides; noise alone gives |z| > 2 in 4.6 % of the values and
-> 3 in 0.27 % (somewhat more where few pictures estimate a heavy-tailed error).
+> 3 in 0.27 % (somewhat more where few pictures estimate a heavy-tailed error). FLAT=1 compares
+without interpolated normals, which Mitsuba and we treat differently at silhouettes; make those
+references, W3_lambert_flat.npz and so on, with mitsuba_peer.py --flat --lambert.
 """
 
 import os
@@ -28,15 +30,17 @@ def picture(peer, spp):
 
 
 def main(work, spp):
+    flat = "_flat" if os.environ.get("FLAT") else ""
     print("workload  mean ours  Mitsuba's  difference  its error   |z|>2    |z|>3   median z")
     for workload in os.environ.get("WORKLOADS", "W1 W2 W3 W4 W5").split():
-        variant = "" if workload == "W1" else "_lambert"
+        variant = ("" if workload == "W1" else "_lambert") + flat
         path = os.path.join(work, "refs", workload + variant + ".npz")
         if not os.path.exists(path):
             print(f"{workload:8s}  no reference {path}")
             continue
         reference = np.load(path)
         doc = common.load_scene(os.path.join(work, "scenes", workload), lambert=True)
+        doc["flat"] = bool(flat)
         with hg.connect(arguments=["--threads", "2"]) as client:
             mean, variance = picture(Heliograph(client, doc), spp)
         both = variance + reference["variance"]

@@ -36,9 +36,7 @@ def main(scenes):
                 taken.append(time.perf_counter() - start)
             rate = 1 / statistics.median(taken[1:])
             rows = len(frame.labels["label"])
-            print(
-                f"{name:42s} {rate:6.1f} frames a second, {rows} instances"
-            )
+            print(f"{name:42s} {rate:6.1f} frames a second, {rows} instances")
 
 
 if __name__ == "__main__":

@@ -42,6 +42,8 @@ class Heliograph:
         self.meshes = {}
         for name, mesh in doc["meshes"].items():
             positions, normals, uvs, indices = common.read_ply(self.path(mesh["file"]))
+            if doc.get("flat"):
+                normals = None
             self.meshes[name] = edit.mesh(
                 f"mesh/{name}", positions=positions, normals=normals, uvs=uvs, indices=indices
             )
@@ -71,6 +73,7 @@ class Heliograph:
                 mesh=self.meshes[o["mesh"]],
                 material=self.materials[o["material"]],
                 transform=o["to_world"],
+                static=o["name"] != self.doc["edit"]["object"],
                 **light,
             )
         camera = self.doc["camera"]

@@ -67,6 +67,12 @@ class Mitsuba:
                 "eta": m["ior"],
             }
 
+        def sided(m, material):
+            """Materials that show on both sides, as ours do."""
+            if not a.flat or m["type"] == "glass":
+                return material
+            return {"type": "twosided", "bsdf": material}
+
         sizes = (common.FULL, common.SMALL, common.QUALITY)
         self.sensor = {s: i for i, s in enumerate(sizes)}
         C = np.array(doc["camera"]["to_world"]) @ np.diag([-1.0, 1, -1, 1])
@@ -101,7 +107,7 @@ class Mitsuba:
                 "to_world": T(np.array([[0, 0, 1.0, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])),
             }
         for n, m in doc["materials"].items():
-            d["mat_" + n] = bsdf(m)
+            d["mat_" + n] = sided(m, bsdf(m))
 
         def key(o):
             return (o["mesh"], o["material"])
@@ -112,6 +118,7 @@ class Mitsuba:
                 "type": "ply",
                 "filename": path(doc["meshes"][o["mesh"]]["file"]),
                 "flip_tex_coords": True,
+                "face_normals": a.flat,
                 "bsdf": {"type": "ref", "id": "mat_" + o["material"]},
             }
             M = T(np.array(o["to_world"]))
@@ -165,5 +172,6 @@ if __name__ == "__main__":
             p.add_argument("--variant", default="llvm_ad_rgb"),
             p.add_argument("--no-freeze", action="store_true"),
             p.add_argument("--instance-all", action="store_true"),
+            p.add_argument("--flat", action="store_true", help="two-sided, geometric normals"),
         ),
     )
