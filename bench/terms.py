@@ -100,7 +100,7 @@ def main(python):
     rows["diffuse"] = tuple(rows["plastic"][k] - rows["specular"][k] for k in (0, 1))
     for name, (a, b) in rows.items():
         for i, roughness in enumerate(ROUGHNESS):
-            pairs = "".join(f"       {x:8.4f} {y:7.4f}" for x, y in zip(a[i], b[i]))
+            pairs = "".join(f"       {x:8.4f} {y:7.4f}" for x, y in zip(a[i], b[i], strict=True))
             print(f"{name:9s} {roughness:9.1f} {pairs}")
 
 
