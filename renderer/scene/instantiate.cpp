@@ -141,13 +141,13 @@ Status create_entities(Draft& draft, const Asset& asset, const std::string& root
 }
 
 Status bind_animation(Draft& draft, const Instantiate& action, std::span<const Id> entities) {
-  if (action.animation < 0) return {};
+  if (!action.animation) return {};
   const auto& animations = action.asset->animations;
-  if (std::size_t(action.animation) >= animations.size())
+  if (*action.animation >= animations.size())
     return fail(Code::kInvalidArgument, "animation",
                 fmt::format("the asset has {} animations, counted from 0", animations.size()));
   const Scope scope(draft.next, {}, kNames);
-  for (const Asset::Channel& channel : animations[std::size_t(action.animation)].channels) {
+  for (const Asset::Channel& channel : animations[*action.animation].channels) {
     if (channel.entity >= entities.size())
       return fail(Code::kInvalidArgument, "asset.animations", "a channel moves no entity of it");
     PutEntity patch;

@@ -128,7 +128,7 @@ struct Instantiate {
   std::optional<PosePatch> pose;
   std::optional<LabelPatch> label;
   std::vector<std::pair<std::string, Ref>> materials;  // overrides, by the asset's material name
-  i32 animation = -1;
+  std::optional<u32> animation;                        // clip to bind; nullopt: none
 };
 
 struct Instances {

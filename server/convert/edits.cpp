@@ -23,11 +23,11 @@ Expected<Instantiate> to_instantiate(const v1::Instantiate& message, ArraySource
   for (const auto& [name, ref] : sorted)
     HELIO_TAKE(action.materials.emplace_back(name, Ref{}).second, to_ref(ref),
                fmt::format("materials[\"{}\"]", name));
-  const auto clips = i64(action.asset->animations.size());
-  action.animation = message.animation() == 0 && clips == 0 ? -1 : message.animation();
-  if (action.animation < -1 || action.animation >= clips)
+  if (!message.has_animation()) return action;
+  action.animation = message.animation();
+  if (const auto clips = action.asset->animations.size(); *action.animation >= clips)
     return fail(Code::kInvalidArgument, "animation",
-                fmt::format("is {}; the asset has {} animations: give one from 0, or -1 for none",
+                fmt::format("is {}; the asset has {} animations, counted from 0; absent binds none",
                             message.animation(), clips));
   return action;
 }
@@ -40,7 +40,7 @@ v1::Instantiate instantiate_to_proto(const Instantiate& action, const ArraySink&
   if (action.label) *message.mutable_label() = to_proto(*action.label);
   for (const auto& [name, ref] : action.materials)
     (*message.mutable_materials())[name] = to_proto(ref);
-  message.set_animation(action.animation);
+  if (action.animation) message.set_animation(*action.animation);
   return message;
 }
 

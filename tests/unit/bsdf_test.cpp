@@ -1,11 +1,10 @@
 // The material: sampling against densities, Fresnel and Snell, reciprocity, bent normals.
 #include "kernels/bsdf.h"
 
-#include <random>
-
 #include "kernels/hash.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/chi2.h"
+#include "tests/unit/random.h"
 
 using namespace heliograph::kernels;
 using namespace heliograph::test;
@@ -60,14 +59,6 @@ void to_square(vec3 d, double& x, double& y) {
   if (x < 0) x += 1;
   y = 0.5 + 0.5 * double(d.z);
 }
-
-class Random {
- public:
-  float next() { return float(engine_() >> 8) * 0x1p-24f; }
-
- private:
-  std::mt19937 engine_{5};
-};
 
 const vec3 kUp(0, 0, 1);
 

@@ -1,27 +1,14 @@
 // Emission and the choice of directions to it, against densities and closed forms.
 #include "kernels/light.h"
 
-#include <random>
-
 #include "tests/unit/catch.h"
 #include "tests/unit/chi2.h"
+#include "tests/unit/random.h"
 #include "tests/unit/test_tracer.h"
 
 using namespace heliograph::test;
 
 namespace {
-
-class Random {
- public:
-  float next() { return float(engine_() >> 8) * 0x1p-24f; }
-  vec2 next2() {
-    const float x = next();
-    return vec2(x, next());
-  }
-
- private:
-  std::mt19937 engine_{3};
-};
 
 vec3 sky_at(const SceneView& view, vec3 d) {
   return dome_radiance(view, dome_place(view.dome, d).uv);

@@ -1,30 +1,13 @@
 // Warps and pixel filters against their densities; trigonometry against the library.
 #include "kernels/warp.h"
 
-#include <random>
-
 #include "kernels/filter.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/chi2.h"
+#include "tests/unit/random.h"
 
 using namespace heliograph::kernels;
 using namespace heliograph::test;
-
-namespace {
-
-class Random {
- public:
-  float next() { return float(engine_() >> 8) * 0x1p-24f; }
-  vec2 next2() {
-    const float x = next();
-    return vec2(x, next());
-  }
-
- private:
-  std::mt19937 engine_{1};
-};
-
-}  // namespace
 
 TEST_CASE("math: sine, cosine and arc tangent") {
   for (int i = -20000; i <= 20000; ++i) {

@@ -129,7 +129,10 @@ def instantiate_message(edits: Edits, asset: Asset, placement: Placement) -> pb.
     from ._patches import entity_message, refuse_unknown
 
     refuse_unknown(placement, Placement, "a placement")
-    out = pb.Instantiate(asset=asset.sha256, animation=_animation(asset, placement))
+    out = pb.Instantiate(asset=asset.sha256)
+    clip = placement.get("animation")
+    if clip is not None:
+        out.animation = _animation(asset, clip)
     if placement.get("transform") is not None:
         out.pose.matrices.CopyFrom(inline(matrix_of(placement["transform"])))
     parent = placement.get("parent")
@@ -146,10 +149,7 @@ def instantiate_message(edits: Edits, asset: Asset, placement: Placement) -> pb.
     return out
 
 
-def _animation(asset: Asset, placement: Placement) -> int:
-    clip = placement.get("animation", None)
-    if clip is None:
-        return -1
+def _animation(asset: Asset, clip: int | str) -> int:
     if isinstance(clip, str):
         if clip not in asset.animations:
             have = ", ".join(map(repr, asset.animations)) or "none"
