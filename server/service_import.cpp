@@ -40,11 +40,10 @@ class ImportCall final : public Reader<v1::SceneChunk> {
     return once(key, reply_, [&] { return create(*scene); });
   }
   Expected<v1::SceneInfo> create(const ImportedScene& scene) {
-    auto made = apply(Snapshot{}, scene.transaction, daemon_.scenes.scene_limits());
-    if (!made) return std::unexpected(std::move(made).error().at("header.transaction"));
+    auto made = rebuild(scene.description, daemon_.scenes.scene_limits());
+    if (!made) return std::unexpected(std::move(made).error().at("header"));
     const u64 session = call_.session()->id();
-    auto entry =
-        daemon_.scenes.create({scene.name, scene.shared, std::move(made->snapshot)}, session);
+    auto entry = daemon_.scenes.create({scene.name, scene.shared, *std::move(made)}, session);
     if (!entry) return std::unexpected(entry.error());
     return scene_info(daemon_.scenes, **entry, session);
   }

@@ -1,7 +1,10 @@
-// A snapshot as the transaction that rebuilds it. Called by ExportScene and Read.
+// A snapshot as the edits that rebuild it, and the rebuilding. Called by ExportScene, ImportScene.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <unordered_map>
 
+#include "renderer/scene/motion.h"
 #include "renderer/scene/scene.h"
 
 namespace heliograph {
@@ -14,7 +17,7 @@ class Description {
  public:
   explicit Description(const Snapshot& snapshot) : scene_(snapshot) {}
 
-  Transaction make() {
+  SceneDescription make() {
     scene_.textures.for_each([&](u32 i, const Shared<Texture>& row) {
       add(Id::make(Kind::kTexture, scene_.textures.version(i), i), texture(*row.value));
     });
@@ -30,7 +33,7 @@ class Description {
     });
     settings();
     entities();
-    return std::move(transaction_);
+    return {.scene = std::move(transaction_), .previous = previous(), .libraries = libraries()};
   }
 
  private:
@@ -146,6 +149,7 @@ class Description {
     if (e.camera) patch.camera = *e.camera;
     if (e.morph_weights) patch.morph_weights = *e.morph_weights;
     patch.label = label(e);
+    patch.teleport = scene_.previous && !before_advance(scene_, index);
     if (!e.visible) patch.visible = false;
     if (e.visibility != kAllRays) patch.visibility = e.visibility;
     if (e.is_static) patch.is_static = true;
@@ -193,13 +197,124 @@ class Description {
     return false;
   }
 
+  // -------------------------------------------------------------- before the last Advance
+
+  [[nodiscard]] Transaction previous() const {
+    if (!scene_.previous) return {};
+    Transaction out;
+    out.edits.push_back({.target = {}, .action = PutSettings{.time = scene_.previous->time}});
+    const auto change = [&](Id id, Action action) {
+      out.edits.push_back({.mode = Mode::kUpdate, .target = ref(id), .action = std::move(action)});
+    };
+    scene_.meshes.for_each([&](u32 i, const Shared<Mesh>& row) {
+      const MeshId id = MeshId::make(scene_.meshes.version(i), i);
+      const auto* then = scene_.previous->find(id);
+      if (then && then->value->topology == row.value->topology &&
+          then->value->vertices != row.value->vertices)
+        change(id, PutMesh{.topology = nullptr, .vertices = then->value->vertices});
+    });
+    scene_.entities.for_each([&](u32 i, const Entity& e) {
+      if (auto patch = previous(i, e)) change(scene_.entity_id(i), *std::move(patch));
+    });
+    return out;
+  }
+  /// What motion reads of an entity's state then, where it differs. One that showed another surface
+  /// shows none: its flow is invalid either way.
+  [[nodiscard]] std::optional<PutEntity> previous(u32 index, const Entity& e) const {
+    const Entity* then = before_advance(scene_, index);
+    if (!then) return std::nullopt;
+    PutEntity patch;
+    const mat4x3 pose = local_pose(scene_, index, scene_.previous->time);
+    const bool moved = !e.keys && pose != scene_.poses[index];
+    const bool other = e.mesh && !mesh_before_advance(scene_, index);
+    const bool morphed = !other && then->morph_weights != e.morph_weights;
+    if (moved) patch.pose = PosePatch{.times = {}, .matrices = {pose}};
+    if (other) patch.mesh = Id{};
+    if (morphed && then->morph_weights) patch.morph_weights.emplace(*then->morph_weights);
+    if (morphed && !then->morph_weights) patch.morph_weights.emplace(std::nullopt);
+    if (!moved && !other && !morphed) return std::nullopt;
+    return patch;
+  }
+
+  [[nodiscard]] std::vector<SceneDescription::KeptLibrary> libraries() const {
+    std::vector<SceneDescription::KeptLibrary> out;
+    scene_.libraries.for_each(
+        [&](const std::string& asset, const std::shared_ptr<const Library>& library) {
+          auto& kept = out.emplace_back();
+          kept.asset = asset;
+          for (const Id id : *library)
+            kept.edits.push_back(scene_.alive(id) ? std::optional(edit_of_.at(id)) : std::nullopt);
+        });
+    std::ranges::sort(out, {}, &SceneDescription::KeptLibrary::asset);
+    return out;
+  }
+
   const Snapshot& scene_;
   Transaction transaction_;
   std::unordered_map<Id, u32> edit_of_;
 };
 
+/// `previous` with the objects that the edits of the scene made as its targets.
+Expected<Transaction> resolved(Transaction previous, const std::vector<Id>& ids) {
+  for (std::size_t i = 0; i < previous.edits.size(); ++i) {
+    Ref& target = previous.edits[i].target;
+    const auto* created = std::get_if<CreatedByEdit>(&target);
+    if (!created) continue;
+    if (created->edit >= ids.size())
+      return fail(Code::kInvalidArgument, fmt::format("previous.edits[{}].target", i),
+                  "is no edit of the scene; the file is damaged");
+    target = ids[created->edit];
+  }
+  return previous;
+}
+
+Status add_previous(Snapshot& scene, const SceneDescription& description,
+                    const std::vector<Id>& ids, const SceneLimits& limits) {
+  auto edits = resolved(description.previous, ids);
+  if (!edits) return std::unexpected(std::move(edits).error());
+  auto made = apply(scene, *edits, limits);
+  if (!made) return std::unexpected(std::move(made).error().at("previous"));
+  Snapshot previous = *made->snapshot;
+  if (!(previous.time < scene.time))
+    return fail(Code::kInvalidArgument, "previous",
+                fmt::format("is at {} s, not before the scene's {} s; the file is damaged",
+                            previous.time, scene.time));
+  previous.previous = nullptr;
+  scene.previous = std::make_shared<const Snapshot>(std::move(previous));
+  return {};
+}
+
+Status add_libraries(Snapshot& scene, const SceneDescription& description,
+                     const std::vector<Id>& ids) {
+  for (std::size_t i = 0; i < description.libraries.size(); ++i) {
+    const auto& kept = description.libraries[i];
+    auto library = std::make_shared<Library>();
+    for (std::size_t k = 0; k < kept.edits.size(); ++k) {
+      if (kept.edits[k] && *kept.edits[k] >= description.scene.edits.size())
+        return fail(Code::kInvalidArgument, fmt::format("libraries[{}].objects[{}]", i, k),
+                    "is no edit of the scene; the file is damaged");
+      library->push_back(kept.edits[k] ? ids[*kept.edits[k]] : Id{});
+    }
+    scene.libraries.set(kept.asset, std::move(library));
+  }
+  return {};
+}
+
 }  // namespace
 
-Transaction describe(const Snapshot& snapshot) { return Description(snapshot).make(); }
+SceneDescription describe(const Snapshot& snapshot) { return Description(snapshot).make(); }
+
+Expected<std::shared_ptr<const Snapshot>> rebuild(const SceneDescription& description,
+                                                  const SceneLimits& limits) {
+  Snapshot empty;
+  const bool advanced = !description.previous.edits.empty();
+  empty.advances = advanced ? 1 : 0;
+  auto made = apply(empty, description.scene, limits);
+  if (!made) return std::unexpected(std::move(made).error().at("transaction"));
+  auto scene = std::make_shared<Snapshot>(*made->snapshot);
+  if (advanced) HELIO_TRY(add_previous(*scene, description, made->ids, limits));
+  HELIO_TRY(add_libraries(*scene, description, made->ids));
+  return scene;
+}
 
 }  // namespace heliograph

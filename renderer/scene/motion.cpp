@@ -47,13 +47,6 @@ float history_fraction(const Snapshot& snapshot, Time time) {
   return float(std::clamp((time - from) / (snapshot.time - from), 0.0, 1.0));
 }
 
-/// The same entity before the last Advance; null when it was not there, or jumped since.
-const Entity* before(const Snapshot& snapshot, u32 entity) {
-  if (!snapshot.previous || snapshot.entities.at(entity).teleported == snapshot.advances)
-    return nullptr;
-  return snapshot.previous->find(snapshot.entity_id(entity));
-}
-
 /// Its local pose before the last Advance, relative to its present parent.
 mat4x3 local_before(const Snapshot& snapshot, u32 entity, const Entity& then) {
   const Snapshot& previous = *snapshot.previous;
@@ -96,12 +89,8 @@ std::vector<vec3> at_time(const VertexKeys& keys, const ArrayOf<vec3>& values, T
   return out;
 }
 
-/// The mesh that this entity showed before the last Advance, if it is the same surface; or null.
-const Mesh* mesh_before(const Snapshot& snapshot, u32 index, const Mesh& mesh) {
-  const Entity* then = before(snapshot, index);
-  if (!then || then->mesh != snapshot.entities.at(index).mesh) return nullptr;
-  const auto* old = snapshot.previous->find(then->mesh);
-  return old && old->value->topology == mesh.topology ? old->value.get() : nullptr;
+bool same(const std::shared_ptr<const Skin>& a, const std::shared_ptr<const Skin>& b) {
+  return a == b || (a && b && a->joints == b->joints && a->inverse_binds == b->inverse_binds);
 }
 
 /// Morph weights at a time; those without keys move from what they were before the last Advance.
@@ -109,9 +98,10 @@ std::vector<float> weights_at(const Snapshot& snapshot, u32 index, u32 morph_cou
   const Entity& now = snapshot.entities.at(index);
   std::vector<float> weights = morph_weights(now, morph_count, time);
   const bool keyed = now.morph_weights && !now.morph_weights->times.empty();
-  const Entity* then = in_history(snapshot, time) && !keyed ? before(snapshot, index) : nullptr;
-  if (!then || then->mesh != now.mesh || then->morph_weights == now.morph_weights) return weights;
-  std::vector<float> old = morph_weights(*then, morph_count, snapshot.previous->time);
+  if (!in_history(snapshot, time) || keyed || !mesh_before_advance(snapshot, index)) return weights;
+  const Entity& then = *before_advance(snapshot, index);
+  if (then.morph_weights == now.morph_weights) return weights;
+  std::vector<float> old = morph_weights(then, morph_count, snapshot.previous->time);
   old.resize(morph_count);
   weights.resize(morph_count);
   const float u = history_fraction(snapshot, time);
@@ -162,6 +152,23 @@ void apply_skin(const Skin& skin, const MeshTopology& topology, const mat4x3& en
 
 }  // namespace
 
+// ---------------------------------------------------------------- before the last Advance
+
+const Entity* before_advance(const Snapshot& snapshot, u32 entity) {
+  if (!snapshot.previous || snapshot.entities.at(entity).teleported == snapshot.advances)
+    return nullptr;
+  return snapshot.previous->find(snapshot.entity_id(entity));
+}
+
+const Mesh* mesh_before_advance(const Snapshot& snapshot, u32 entity) {
+  const Entity& now = snapshot.entities.at(entity);
+  const Entity* then = before_advance(snapshot, entity);
+  const auto* mesh = snapshot.find(now.mesh);
+  if (!then || !mesh || then->mesh != now.mesh || !same(then->skin, now.skin)) return nullptr;
+  const auto* old = snapshot.previous->find(then->mesh);
+  return old && old->value->topology == mesh->value->topology ? old->value.get() : nullptr;
+}
+
 // ---------------------------------------------------------------- poses
 
 mat4x3 local_pose(const Snapshot& snapshot, u32 entity, Time time) {
@@ -169,7 +176,7 @@ mat4x3 local_pose(const Snapshot& snapshot, u32 entity, Time time) {
   if (e.keys) return pose_at(*e.keys, time);
   const mat4x3& now = snapshot.poses[entity];
   if (!in_history(snapshot, time)) return now;
-  const Entity* then = before(snapshot, entity);
+  const Entity* then = before_advance(snapshot, entity);
   if (!then) return now;
   return interpolate(local_before(snapshot, entity, *then), now, history_fraction(snapshot, time));
 }
@@ -224,7 +231,7 @@ std::optional<DeformedVertices> deform(const Snapshot& snapshot, u32 entity, Tim
   const bool morphs = std::ranges::any_of(weights, [](float w) { return w != 0; });
   const bool keyed = mesh.vertices->times.size() > 1;
   const Mesh* old =
-      in_history(snapshot, time) && !keyed ? mesh_before(snapshot, entity, mesh) : nullptr;
+      in_history(snapshot, time) && !keyed ? mesh_before_advance(snapshot, entity) : nullptr;
   if (old && old->vertices == mesh.vertices) old = nullptr;
   if (!keyed && !old && !morphs && !e.skin) return std::nullopt;
 
@@ -250,6 +257,13 @@ namespace {
 
 /// Times this near are the same, for sums like t - dt are rounded.
 double tolerance(const Snapshot& snapshot) { return 1e-9 * std::max(1.0, std::abs(snapshot.time)); }
+
+/// Whether the entity and its ancestors were there before the last Advance and did not jump since.
+bool all_were_there(const Snapshot& snapshot, EntityId id) {
+  for (; id; id = snapshot.entities.at(id.index()).parent)
+    if (!before_advance(snapshot, id.index())) return false;
+  return true;
+}
 
 }  // namespace
 
@@ -279,11 +293,12 @@ Status flow_defined(const Snapshot& snapshot, Time time, Time other,
 
 bool flow_valid(const Snapshot& snapshot, u32 entity, Time time, Time other) {
   if (!in_history(snapshot, std::min(time, other) + tolerance(snapshot))) return true;
-  const auto* mesh = snapshot.find(snapshot.entities.at(entity).mesh);
-  if (mesh && !mesh_before(snapshot, entity, *mesh->value)) return false;
-  for (EntityId id = snapshot.entity_id(entity); id; id = snapshot.entities.at(id.index()).parent)
-    if (!before(snapshot, id.index())) return false;
-  return true;
+  const Entity& now = snapshot.entities.at(entity);
+  if (now.mesh && !mesh_before_advance(snapshot, entity)) return false;
+  if (!all_were_there(snapshot, snapshot.entity_id(entity))) return false;
+  return !now.skin || std::ranges::all_of(now.skin->joints, [&](EntityId joint) {
+    return all_were_there(snapshot, joint);
+  });
 }
 
 }  // namespace heliograph

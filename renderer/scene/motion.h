@@ -30,6 +30,12 @@ struct Decomposed {
 /// id and did not teleport since) to its present one between previous->time and snapshot.time.
 [[nodiscard]] mat4x3 local_pose(const Snapshot& snapshot, u32 entity, Time time);
 
+/// The same entity before the last Advance; null when there was none, it was not there, or it
+/// jumped since.
+[[nodiscard]] const Entity* before_advance(const Snapshot& snapshot, u32 entity);
+/// The mesh that it showed then, if that was the same surface in the same skin; else null.
+[[nodiscard]] const Mesh* mesh_before_advance(const Snapshot& snapshot, u32 entity);
+
 /// World poses of all entities at one time, computed once, parents first; [index], identity where
 /// not alive.
 [[nodiscard]] std::vector<mat4x3> world_poses(const Snapshot& snapshot, Time time);
@@ -61,8 +67,8 @@ struct DeformedVertices {
 /// FAILED_PRECONDITION names an entity that has none and the remedy (keys=, advance(), hold=True).
 [[nodiscard]] Status flow_defined(const Snapshot& snapshot, Time time, Time other,
                                   const std::vector<EntityId>& cameras);
-/// Whether this entity's own flow over (time, other) is valid: it and its ancestors existed and did
-/// not teleport in between, and it showed the same surface.
+/// Whether this entity's own flow over (time, other) is valid: it, its joints and the ancestors of
+/// both existed and did not teleport in between, and it showed the same surface.
 [[nodiscard]] bool flow_valid(const Snapshot& snapshot, u32 entity, Time time, Time other);
 
 }  // namespace heliograph

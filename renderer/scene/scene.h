@@ -64,10 +64,28 @@ class Scene {
   std::deque<std::shared_ptr<const Snapshot>> recent_;  // the last is the head
 };
 
-/// The edits that make this snapshot from an empty scene: the same objects in the same order,
-/// names, labels, classes, keys, settings and time; without what happened before the last Advance.
-/// For ExportScene. Objects without a name get none; references are CreatedByEdit.
-[[nodiscard]] Transaction describe(const Snapshot& snapshot);
+/// What a scene file holds: all that rebuild() needs to make a snapshot again.
+struct SceneDescription {
+  /// The edits that make it from an empty scene: the same objects in the same order, names, labels,
+  /// classes, keys, settings and time. Objects without a name get none; references are
+  /// CreatedByEdit. What is new since the last Advance, or jumped since, is put with `teleport`.
+  Transaction scene;
+  /// The edits that make of that the state before the last Advance, as far as motion reads it.
+  /// Targets are CreatedByEdit of `scene`. Without edits: there was no Advance.
+  Transaction previous;
+  struct KeptLibrary {
+    std::string asset;                      // hash
+    std::vector<std::optional<u32>> edits;  // of `scene` that make its objects; nullopt: gone since
+  };
+  std::vector<KeptLibrary> libraries;  // ordered by hash
+};
+[[nodiscard]] SceneDescription describe(const Snapshot& snapshot);
+
+/// The snapshot of a description, at revision 1. Fails as apply() does, with `where` beneath
+/// "transaction", "previous" or "libraries[i]"; INVALID_ARGUMENT when the parts do not fit
+/// together.
+[[nodiscard]] Expected<std::shared_ptr<const Snapshot>> rebuild(const SceneDescription& description,
+                                                                const SceneLimits& limits);
 
 /// Bytes of arrays a snapshot refers to, each counted once.
 [[nodiscard]] u64 array_bytes(const Snapshot& snapshot);

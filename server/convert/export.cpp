@@ -8,13 +8,24 @@ namespace heliograph::server {
 
 SceneExport::SceneExport(const Snapshot& snapshot) {
   header_.set_format(kSceneFormat);
-  *header_.mutable_transaction() =
-      to_proto(describe(snapshot), [this](const BufferPtr& bytes, v1::Array& array) {
-        if (array.dtype() != v1::D_TYPE_UNSPECIFIED && bytes->bytes().size() <= kLargestInline)
-          array.set_inline_(bytes->bytes().data(), bytes->bytes().size());
-        else
-          add_blob(bytes, array);
-      });
+  const SceneDescription description = describe(snapshot);
+  const auto sink = [this](const BufferPtr& bytes, v1::Array& array) {
+    if (array.dtype() != v1::D_TYPE_UNSPECIFIED && bytes->bytes().size() <= kLargestInline)
+      array.set_inline_(bytes->bytes().data(), bytes->bytes().size());
+    else
+      add_blob(bytes, array);
+  };
+  *header_.mutable_transaction() = to_proto(description.scene, sink);
+  if (!description.previous.edits.empty())
+    *header_.mutable_previous() = to_proto(description.previous, sink);
+  for (const auto& kept : description.libraries) {
+    v1::SceneChunk::Library* library = header_.add_libraries();
+    library->set_asset(kept.asset);
+    for (const auto& edit : kept.edits) {
+      v1::Ref* object = library->add_objects();
+      if (edit) object->set_created_by_edit(*edit);
+    }
+  }
   for (const BufferPtr& blob : blobs_) {
     header_.add_blobs(hashes_.at(blob->serial()));
     header_.add_sizes(blob->bytes().size());

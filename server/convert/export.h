@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "heliograph/v1/service.pb.h"
-#include "renderer/scene/snapshot.h"
+#include "renderer/scene/scene.h"
 #include "server/holdings.h"
 
 namespace heliograph::server {
@@ -35,7 +35,7 @@ class SceneExport {
 };
 
 struct ImportedScene {
-  Transaction transaction;
+  SceneDescription description;
   std::string request_id;
   std::string name;
   bool shared = false;

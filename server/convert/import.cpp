@@ -6,6 +6,23 @@
 #include "server/convert/scene_file.h"
 
 namespace heliograph::server {
+namespace {
+
+Expected<SceneDescription::KeptLibrary> to_library(const v1::SceneChunk::Library& message) {
+  HELIO_CHECK(check_hash(message.asset()), "asset");
+  SceneDescription::KeptLibrary kept{.asset = message.asset(), .edits = {}};
+  for (const v1::Ref& object : message.objects()) {
+    if (object.target_case() != v1::Ref::kCreatedByEdit &&
+        object.target_case() != v1::Ref::TARGET_NOT_SET)
+      return fail(Code::kInvalidArgument, indexed("objects", kept.edits.size()),
+                  "is no created_by_edit; the file is damaged");
+    kept.edits.push_back(object.has_created_by_edit() ? std::optional(object.created_by_edit())
+                                                      : std::nullopt);
+  }
+  return kept;
+}
+
+}  // namespace
 
 v1::UploadBlobRequest SceneImport::upload_of(std::size_t blob) const {
   v1::UploadBlobRequest upload;
@@ -99,8 +116,14 @@ Expected<ImportedScene> SceneImport::finish() {
                 fmt::format("blob {} lacks {} bytes; the file is cut short", blob_ - 1, left_));
   ImportedScene scene{
       .request_id = header_->request_id(), .name = header_->name(), .shared = header_->shared()};
-  HELIO_TAKE(scene.transaction, to_transaction(header_->transaction(), holdings_),
+  SceneDescription& description = scene.description;
+  HELIO_TAKE(description.scene, to_transaction(header_->transaction(), holdings_),
              "header.transaction");
+  HELIO_TAKE(description.previous, to_transaction(header_->previous(), holdings_),
+             "header.previous");
+  for (int i = 0; i < header_->libraries_size(); ++i)
+    HELIO_TAKE(description.libraries.emplace_back(), to_library(header_->libraries(i)),
+               indexed("header.libraries", u64(i)));
   return scene;
 }
 

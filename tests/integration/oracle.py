@@ -67,7 +67,7 @@ def trace(things: list[Thing], origin: np.ndarray, directions: np.ndarray) -> Hi
                 q = np.cross(s, e1)
                 v = (d @ q) / det
                 t = (e2 @ q) / det
-            margin = np.minimum(np.minimum(u, v), 1 - u - v)
+                margin = np.minimum(np.minimum(u, v), 1 - u - v)
             near = (margin > -1e-3) & (margin < 1e-3) & (t > 1e-6)
             inside = (margin >= 0) & (t > 1e-6) & (t < hits.t)
             for name, value in (("t", t), ("u", u), ("v", v), ("margin", margin)):

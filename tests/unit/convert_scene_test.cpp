@@ -250,13 +250,13 @@ TEST_CASE("scene file: a scene comes back as it was, sent whole or in pieces") {
   const auto imported = import.finish();
   REQUIRE(imported);
   CHECK(imported->name == "copy");
-  const auto copy = apply(Snapshot{}, imported->transaction, {});
+  const auto copy = rebuild(imported->description, {});
   REQUIRE(copy);
   const auto hashed = [](const BufferPtr& bytes, v1::Array& array) {
     array.set_blob(sha256(bytes->bytes()));
   };
   CHECK(google::protobuf::util::MessageDifferencer::Equals(
-      to_proto(describe(*scene), hashed), to_proto(describe(*copy->snapshot), hashed)));
+      to_proto(describe(*scene).scene, hashed), to_proto(describe(**copy).scene, hashed)));
 }
 
 TEST_CASE("scene file: damage is refused") {
@@ -285,4 +285,8 @@ TEST_CASE("scene file: damage is refused") {
   auto more = chunks;
   more.push_back(chunks.back());
   refused(load(more), kInvalid, "chunk", "spans two blobs");
+  auto library = chunks;
+  library[0].mutable_header()->add_libraries()->set_asset(std::string(32, 'a'));
+  library[0].mutable_header()->mutable_libraries(0)->add_objects()->set_name("x");
+  refused(load(library), kInvalid, "header.libraries[0].objects[0]", "damaged");
 }

@@ -66,12 +66,13 @@ inline std::string text(const PutEntity& p) {
   if (p.visible) out += fmt::format(" visible={}", *p.visible);
   if (p.visibility) out += fmt::format(" rays={}", *p.visibility);
   if (p.is_static) out += fmt::format(" static={}", *p.is_static);
+  if (p.teleport) out += " teleport";
   if (p.attributes)
     out += list(*p.attributes, [](const auto& a) { return a.first + ":" + a.second; });
   return out;
 }
 inline std::string text(const PutMesh& p) {
-  return fmt::format("mesh {} {} {}", p.topology->triangles.serial(),
+  return fmt::format("mesh {} {} {}", p.topology ? p.topology->triangles.serial() : 0,
                      p.vertices->positions.serial(), p.vertices->normals.serial());
 }
 inline std::string text(const PutMaterial& p) {
@@ -115,6 +116,13 @@ inline std::string text(const Transaction& transaction) {
   for (const Edit& edit : transaction.edits)
     out += fmt::format("{} {} {}\n", int(edit.mode), text(edit.target),
                        std::visit([](const auto& action) { return text(action); }, edit.action));
+  return out;
+}
+inline std::string text(const SceneDescription& description) {
+  std::string out = text(description.scene) + "before:\n" + text(description.previous);
+  for (const auto& kept : description.libraries)
+    out += "library " + kept.asset +
+           list(kept.edits, [](auto e) { return e ? fmt::format("@{}", *e) : "gone"; }) + "\n";
   return out;
 }
 inline std::string text(const Snapshot& snapshot) { return text(describe(snapshot)); }

@@ -263,3 +263,22 @@ TEST_CASE("motion: times that rounding moved still lie within the advance") {
   CHECK_FALSE(flow_defined(s, s.time, s.time + 0.2, {}));
   CHECK_FALSE(flow_defined(s, s.time, s.time - 0.3, {}));
 }
+
+TEST_CASE("motion: flow of a skin is invalid when a joint jumped, or when the skin is new") {
+  auto old = std::make_shared<Snapshot>();
+  const u32 hip = add(*old, pose({}, 0)), knee = add(*old, pose({}, 0), hip);
+  const u32 body = add(*old, pose({}, 0));
+  old->entities.write(body).mesh = add_triangle(*old, {0}, {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}});
+  const Skin skin{{old->entity_id(knee)}, {mat4x3(1)}};
+  old->entities.write(body).skin = std::make_shared<Skin>(skin);
+  Snapshot s = *old;
+  s.previous = old;
+  s.time = s.advances = 1;
+  s.entities.write(body).skin = std::make_shared<Skin>(skin);  // the same again
+  CHECK(flow_valid(s, body, 1, 0));
+  s.entities.write(hip).teleported = 1;
+  CHECK_FALSE(flow_valid(s, body, 1, 0));
+  s.entities.write(hip).teleported = 0;
+  s.entities.write(body).skin = std::make_shared<Skin>(Skin{{s.entity_id(hip)}, {mat4x3(1)}});
+  CHECK_FALSE(flow_valid(s, body, 1, 0));
+}

@@ -69,7 +69,10 @@ void EmbreeFilm::set_end(FlowEnd& end, const std::shared_ptr<const DeviceScene>&
     if (!flow_valid(scene_->snapshot(), instance.entity, scene_->time(), end.scene->time()))
       instance.flags |= kernels::kFlowInvalid;
   end.view.instances = end.instances.data();
-  end.camera = camera_view(camera_at(job().cameras[shot_.camera], *end.scene));
+  const EntityId camera = job().cameras[shot_.camera];
+  end.camera = camera_view(camera_at(camera, *end.scene));
+  end.has_camera =
+      flow_valid(scene_->snapshot(), camera.index(), scene_->time(), end.scene->time());
 }
 
 void* EmbreeFilm::zeroed(u64 bytes) {
@@ -107,7 +110,8 @@ RenderTask EmbreeFilm::render_task() const {
 
 ProbeTask EmbreeFilm::probe_task() const {
   const auto end = [](const FlowEnd& e) {
-    return e.scene ? kernels::ProbeScene{&e.view, &e.camera} : kernels::ProbeScene{};
+    if (!e.scene) return kernels::ProbeScene{};
+    return kernels::ProbeScene{&e.view, e.has_camera ? &e.camera : nullptr};
   };
   const auto traced = [](const FlowEnd& e) {
     return e.scene ? e.scene->traced_of(e.view) : TracedScene{};

@@ -24,6 +24,7 @@ struct FlowEnd {
   std::vector<kernels::InstanceView> instances;
   kernels::SceneView view{};
   kernels::CameraView camera{};
+  bool has_camera = true;  // false: it was not there, or jumped in between
 };
 
 class EmbreeFilm final : public Film {

@@ -1,0 +1,101 @@
+// What the CPU backend makes again when surfaces change shape: their own structures, nothing else.
+#include "renderer/backend/embree/device_scene.h"
+
+#include "tests/unit/render_scene.h"
+
+using namespace heliograph;
+using namespace heliograph::embree;
+using namespace heliograph::test;
+
+namespace {
+
+using Blases = std::map<std::string, const Blas*>;
+
+/// The acceleration structure that each entity shows.
+Blases blases(const EmbreeScene& scene) {
+  Blases out;
+  const Placement& placement = scene.placement();
+  for (std::size_t i = 0; i < placement.structure->slots.size(); ++i) {
+    const EntityId id = scene.snapshot().entity_id(placement.structure->slots[i].entity);
+    out[scene.snapshot().name_of(id)] = placement.meshes[placement.mesh_of_slot[i]]->blas.get();
+  }
+  return out;
+}
+
+/// Entities whose structures differ.
+std::vector<std::string> changed(const Blases& a, const Blases& b) {
+  std::vector<std::string> names;
+  for (const auto& [name, blas] : a)
+    if (b.at(name) != blas) names.push_back(name);
+  return names;
+}
+
+PutMesh morphing() {
+  const Shape shape = quad();
+  auto topology = std::make_shared<MeshTopology>();
+  topology->vertex_count = 4;
+  topology->triangles = ArrayOf<uvec3>(std::vector<uvec3>(shape.triangles));
+  topology->morph_count = 1;
+  topology->morph_positions = ArrayOf<vec3>(std::vector<vec3>(4, {0, 0, 1}));
+  auto vertices = std::make_shared<VertexKeys>();
+  vertices->times = {0};
+  vertices->positions = ArrayOf<vec3>(std::vector<vec3>(shape.positions));
+  return {topology, vertices};
+}
+PutEntity weights(float w) { return {.morph_weights = MorphWeights{{}, {w}}}; }
+
+struct Device {
+  DeviceHandle device{rtcNewDevice(nullptr)};
+  DerivedCache cache{1u << 30};
+  SceneStore store{device.get(), cache, 1u << 30};
+
+  std::shared_ptr<const EmbreeScene> operator()(const std::shared_ptr<const Snapshot>& snapshot,
+                                                Time time) {
+    auto scene = store.prepare(snapshot, time);
+    REQUIRE(scene);
+    return *scene;
+  }
+};
+
+}  // namespace
+
+TEST_CASE("scene store: only what changes shape gets a new structure") {
+  Device device;
+  auto base = Edits()
+                  .mesh("sphere", sphere(16))
+                  .put("flag", morphing())
+                  .object("still", "sphere", mat4x3(1))
+                  .object("rest", "flag", mat4x3(1))
+                  .object("waving", "flag", mat4x3(1))
+                  .apply();
+  const auto at_rest = device(base, 0);
+  const Blases rest = blases(*at_rest);
+  CHECK(rest.at("rest") == rest.at("waving"));  // weights of 0 need no vertices of their own
+
+  const auto waved = Edits().put("waving", weights(0.5f)).apply(*base);
+  const auto after = device(waved, 0);
+  const Blases waving = blases(*after);
+  CHECK(changed(rest, waving) == std::vector<std::string>{"waving"});
+  const auto& meshes = after->placement().meshes;
+  CHECK(meshes.back()->topology == meshes[1]->topology);
+
+  // The same shape again, by another way, is the same structure.
+  const auto again = Edits().put("rest", weights(0.5f)).apply(*waved);
+  CHECK(blases(*device(again, 0)).at("rest") == waving.at("waving"));
+  // Moving things makes no structure at all.
+  const auto moved = Edits().pose("waving", translation({3, 0, 0})).apply(*again);
+  CHECK(changed(blases(*device(moved, 0)), blases(*device(again, 0))).empty());
+}
+
+TEST_CASE("scene store: shapes of the past are forgotten, those in use are kept") {
+  Device device;
+  auto scene = Edits().put("flag", morphing()).object("waving", "flag", mat4x3(1)).apply();
+  device(scene, 0);
+  u64 settled = 0;
+  for (int i = 1; i <= 400; ++i) {
+    scene = Edits().put("waving", weights(float(i))).apply(*scene);
+    device(scene, 0);
+    if (i == 200) settled = device.cache.bytes();
+  }
+  CHECK(device.cache.bytes() <= settled);
+}
