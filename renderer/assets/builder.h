@@ -44,6 +44,12 @@ class Builder {
   std::set<std::string> missing_;
 };
 
+/// a * b as affine maps.
+[[nodiscard]] inline mat4x3 affine_product(const mat4x3& a, const mat4x3& b) {
+  const mat3 linear(a);
+  return {linear * b[0], linear * b[1], linear * b[2], linear * b[3] + a[3]};
+}
+
 /// A matrix as a constant pose.
 [[nodiscard]] inline PosePatch constant_pose(const mat4x3& matrix) {
   return PosePatch{.times = {}, .matrices = {matrix}};

@@ -17,11 +17,6 @@ struct Box {
   }
 };
 
-mat4x3 affine_product(const mat4x3& a, const mat4x3& b) {
-  const mat3 linear(a);
-  return {linear * b[0], linear * b[1], linear * b[2], linear * b[3] + a[3]};
-}
-
 class Measure {
  public:
   explicit Measure(const Asset& asset) : asset_(asset) {}

@@ -156,6 +156,12 @@ def test_without_a_clip_the_model_rests(scene, model):
     for t in (0.0, 0.7):
         frame = scene.render("cam", planes=PLANES, time=t)
         check(frame, model.shape(ROOT, 0.0, 0.25))
+    # The box of the rest shape lies where the bind pose does, whatever the mesh's own node says.
+    rest = 1.5 * (model.points + (0.2, 0, 0)) @ Z_UP[:3, :3].T
+    low, high = rest.min(0), rest.max(0)
+    labels = frame.labels
+    np.testing.assert_allclose(labels["box_center"][0], (low + high) / 2, atol=1e-5)
+    np.testing.assert_allclose(labels["box_half_extents"][0], (high - low) / 2, atol=1e-5)
 
 
 @pytest.mark.parametrize("t", [-0.5, 0.0, 0.3, 0.75])

@@ -167,8 +167,10 @@ TEST_CASE("gltf: a skin's joints come before the mesh that follows them") {
   };
   const auto loaded = load(R"({"joints":[1,2],"inverseBindMatrices":3})");
   REQUIRE(loaded);
-  const std::size_t body = entity_index(*loaded, "body");
-  const SkinPatch& skin = **entity_named(*loaded, "body").skin;
+  const std::size_t body = entity_index(*loaded, "body.skin");
+  const PutEntity& shown = entity_named(*loaded, "body.skin");
+  const SkinPatch& skin = **shown.skin;
+  CHECK_FALSE(entity_named(*loaded, "body").mesh);
   for (const Ref& joint : skin.joints) CHECK(entity_of(*loaded, joint) < body);
   const MeshTopology& mesh = *library_item<PutMesh>(*loaded).topology;
   CHECK(mesh.joints[0].x == 1);
@@ -177,6 +179,11 @@ TEST_CASE("gltf: a skin's joints come before the mesh that follows them") {
   // Vertex 0 follows the knee: 0 - 3 + 5 = 2 up; vertex 2 half of it.
   CHECK(loaded->bounds_max.z == Approx(3));
   CHECK(loaded->bounds_min.z == Approx(2));
+  // The mesh's coordinates lie where the first joint's bind pose puts them.
+  CHECK(entity_of(*loaded, *shown.parent) == 1);
+  CHECK(shown.pose->matrices[0] == mat4x3(1));
+  const auto other = load(R"({"joints":[2,1],"inverseBindMatrices":3})");
+  CHECK(entity_named(*other, "body.skin").pose->matrices[0][3] == vec3(0, 5, 0));
   CHECK_THAT(refusal(load(R"({"joints":[1],"inverseBindMatrices":3})")), Contains("uses joint 1"));
   CHECK_THAT(refusal(load(R"({"joints":[1,9]})")), Contains("skins[0].joints[1]: is 9"));
   CHECK_THAT(refusal(load(R"({"joints":[]})")), Contains("joints"));

@@ -1,6 +1,8 @@
 // What the CPU backend makes again when surfaces change shape: their own structures, nothing else.
 #include "renderer/backend/embree/device_scene.h"
 
+#include <map>
+
 #include "tests/unit/render_scene.h"
 
 using namespace heliograph;

@@ -28,16 +28,19 @@ class Maker {
     std::vector<u32> skinned;
     for (std::size_t i = 0; i < order.size(); ++i) {
       const Node& node = nodes_[order[i]];
-      const bool has_skin = node.value.find("skin") && node.value.find("mesh");
-      if (has_skin) skinned.push_back(order[i]);
-      if (!has_skin || !node.children.empty()) add_node(order[i], z_up, shapes);
+      if (has_skin(node)) skinned.push_back(order[i]);
+      add_node(order[i], z_up, shapes);
       order.insert(order.end(), node.children.begin(), node.children.end());
     }
-    for (const u32 index : skinned) add_skinned(index, z_up, shapes);
+    for (const u32 index : skinned) add_skinned(nodes_[index], index, z_up);
     return std::move(entities_);
   }
 
  private:
+  static bool has_skin(const Node& node) {
+    return node.value.find("skin") && node.value.find("mesh");
+  }
+
   std::vector<u32> scene_roots() const {
     std::vector<u32> roots;
     if (document_.count("scenes") == 0) {
@@ -100,9 +103,9 @@ class Maker {
   void add_node(u32 index, u32 z_up, const LightShapes& shapes) {
     const Node& node = nodes_[index];
     PutEntity put = placed(index, z_up);
-    const bool has_mesh = node.value.find("mesh").has_value();
+    const bool has_mesh = node.value.find("mesh") && !has_skin(node);
     const auto instancing = node.value.extension("EXT_mesh_gpu_instancing");
-    const bool plain = has_mesh && !instancing && !node.value.find("skin");
+    const bool plain = has_mesh && !instancing;
     if (plain) bind_mesh(node, put);
     if (const auto camera = node.value.find("camera")) {
       put.camera =
@@ -154,29 +157,36 @@ class Maker {
     }
   }
 
-  /// After all joints: the node's own entity if it is a leaf, else one below it. Where a skinned
-  /// mesh hangs does not matter: it follows its joints alone.
-  void add_skinned(u32 index, u32 z_up, const LightShapes& shapes) {
-    const Node& node = nodes_[index];
+  /// After all joints, an entity that follows them alone, whatever its node does. Its pose is where
+  /// the bind pose puts the mesh's coordinates, so that the box of the rest shape lies around it.
+  void add_skinned(const Node& node, u32 index, u32 z_up) {
     PutEntity put;
-    if (node.children.empty()) {
-      put = placed(index, z_up);
-    } else {
-      put.parent = builder_.entity_ref(*entities_.node[index]);
-    }
+    put.parent = builder_.entity_ref(z_up);
     bind_mesh(node, put);
     put.skin = read_skin_patch(node);
-    const bool own = node.children.empty();
-    const std::string name = own ? node.name : builder_.claim_name(node.name + ".skin", "skin");
+    const mat4x3 bound =
+        affine_product(pose_of(first_joint(node)), (*put.skin)->inverse_binds.front());
+    if (!is_flat(bound)) put.pose = constant_pose(bound);
+    const std::string name = builder_.claim_name(node.name + ".skin", "skin");
     entities_.mesh[index] = builder_.entity(name, std::move(put));
-    if (!own) return;
-    entities_.node[index] = entities_.mesh[index];
-    add_attachments(index, shapes);
+  }
+
+  Value skin_of(const Node& node) const {
+    return document_.item("skins", node.value.at("skin").index(document_.count("skins")));
+  }
+  u32 first_joint(const Node& node) const {
+    return skin_of(node).at("joints")[0].index(nodes_.size());
+  }
+  /// A node's pose in the scene, as the file has it.
+  mat4x3 pose_of(u32 index) const {
+    mat4x3 pose = nodes_[index].local;
+    for (auto above = nodes_[index].parent; above; above = nodes_[*above].parent)
+      pose = affine_product(nodes_[*above].local, pose);
+    return pose;
   }
 
   SkinPatch read_skin_patch(const Node& node) const {
-    const Value index = node.value.at("skin");
-    const Value skin = document_.item("skins", index.index(document_.count("skins")));
+    const Value skin = skin_of(node);
     SkinData data = read_skin(document_, skin, nodes_.size(), builder_.budget);
     const Mesh& mesh = meshes_[node.value.at("mesh").index(meshes_.size())];
     if (mesh.joint_count == 0)
