@@ -13,11 +13,11 @@ namespace heliograph::kernels {
 struct ProbeScene {
   const SceneView* scene;
   const CameraView* camera;
+  bool camera_jumped = false;  // as an end of flow: no flow in pixels to there is valid
 };
 
 /// What a probe reads. forward, backward: the other ends of flow, null when not wanted; their
-/// instances and triangles are those of `now`, in the same order, elsewhere. Without a camera there
-/// (it is new, or jumped) no flow in pixels is valid.
+/// instances and triangles are those of `now`, in the same order, elsewhere.
 struct ProbeContext {
   ProbeScene now;
   ProbeScene forward;
@@ -86,7 +86,7 @@ KERNEL Flow flow_to(const ProbeContext& context, const ProbeScene& other, Counte
   const Surface there =
       locate(*other.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), other.camera->time);
   flow.metres = there.p - p_world;
-  if (!other.camera) return flow;
+  if (other.camera_jumped) return flow;
   const Projected to = project(*other.camera, there.p);
   if (!to.in_front) return flow;
   flow.pixels = to.raster - project(*context.now.camera, p_world).raster;
@@ -100,7 +100,7 @@ KERNEL Flow flow_to(const ProbeContext& context, const ProbeScene& other, Counte
 KERNEL Flow background_flow(const ProbeContext& context, const ProbeScene& other, const Ray& ray,
                             vec2 raster) {
   Flow flow{vec2(0), 0, 0, vec3(0)};
-  if (!other.camera) return flow;
+  if (other.camera_jumped) return flow;
   const Projected from = project_direction(*context.now.camera, ray.direction, raster);
   const Projected to = project_direction(*other.camera, ray.direction, raster);
   if (!to.in_front) return flow;

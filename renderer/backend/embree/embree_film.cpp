@@ -71,8 +71,8 @@ void EmbreeFilm::set_end(FlowEnd& end, const std::shared_ptr<const DeviceScene>&
   end.view.instances = end.instances.data();
   const EntityId camera = job().cameras[shot_.camera];
   end.camera = camera_view(camera_at(camera, *end.scene));
-  end.has_camera =
-      flow_valid(scene_->snapshot(), camera.index(), scene_->time(), end.scene->time());
+  end.camera_jumped =
+      !flow_valid(scene_->snapshot(), camera.index(), scene_->time(), end.scene->time());
 }
 
 void* EmbreeFilm::zeroed(u64 bytes) {
@@ -110,8 +110,8 @@ RenderTask EmbreeFilm::render_task() const {
 
 ProbeTask EmbreeFilm::probe_task() const {
   const auto end = [](const FlowEnd& e) {
-    if (!e.scene) return kernels::ProbeScene{};
-    return kernels::ProbeScene{&e.view, e.has_camera ? &e.camera : nullptr};
+    return e.scene ? kernels::ProbeScene{&e.view, &e.camera, e.camera_jumped}
+                   : kernels::ProbeScene{};
   };
   const auto traced = [](const FlowEnd& e) {
     return e.scene ? e.scene->traced_of(e.view) : TracedScene{};

@@ -24,7 +24,7 @@ struct FlowEnd {
   std::vector<kernels::InstanceView> instances;
   kernels::SceneView view{};
   kernels::CameraView camera{};
-  bool has_camera = true;  // false: it was not there, or jumped in between
+  bool camera_jumped = false;  // or was not there: it has no flow
 };
 
 class EmbreeFilm final : public Film {
