@@ -83,7 +83,7 @@ TEST_CASE("files: the fox has its bones, its clips and its size") {
   REQUIRE(loaded);
   CHECK(loaded->asset.animations.size() == 3);
   CHECK(loaded->asset.animations[1].name == "Walk");
-  const PutEntity& fox = entity_named(*loaded, "fox");
+  const PutEntity& fox = entity_named(*loaded, "fox.skin");
   CHECK((*fox.skin)->joints.size() == 24);
   CHECK(loaded->bounds_max.z == Approx(78.9).epsilon(0.01));  // it stands up
 }
