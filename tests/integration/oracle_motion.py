@@ -58,7 +58,7 @@ class Cloth:
 
     def build(self, edit: hg.edit.Edits) -> None:
         mesh = edit.mesh("cloth", positions=self.keys, times=self.times, indices=self.faces)
-        edit.entity("cloth/entity", mesh=mesh, transform=self.world, label=self.label)
+        edit.entity("cloth/entity", mesh=mesh, transform=self.world, label=self.label, static=True)
 
     def at(self, t: float) -> Shape:
         now = between(t, self.times, self.keys)
@@ -219,7 +219,7 @@ class Wall:
     def build(self, edit: hg.edit.Edits) -> None:
         mesh = edit.mesh("wall", positions=self.points, indices=self.faces)
         keys = {0: self.world, 1: self.world}
-        edit.entity("wall/entity", mesh=mesh, keys=keys, label=self.label)
+        edit.entity("wall/entity", mesh=mesh, keys=keys, label=self.label, static=True)
 
     def at(self, t: float) -> Shape:
         return Shape(self.points, self.faces, self.world, label=self.label, rest=self.points)

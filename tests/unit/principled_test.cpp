@@ -1,10 +1,9 @@
 // All parameters of the material: furnaces, sampling against densities, reciprocity, bounded
 // weights.
-#include <random>
-
 #include "kernels/bsdf.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/chi2.h"
+#include "tests/unit/random.h"
 
 using namespace heliograph::kernels;
 using namespace heliograph::test;
@@ -99,22 +98,15 @@ void to_square(vec3 d, double& x, double& y) {
   y = 0.5 + 0.5 * double(d.z);
 }
 
-class Random {
- public:
-  float next() { return float(engine_() >> 8) * 0x1p-24f; }
-  /// The ends of a range more often than by chance.
-  float parameter() {
-    const float u = next();
-    return u < 0.2f ? 0 : u > 0.8f ? 1 : next();
-  }
+/// The ends of a range more often than by chance.
+float parameter(Random& random) {
+  const float u = random.next();
+  return u < 0.2f ? 0 : u > 0.8f ? 1 : random.next();
+}
 
- private:
-  std::mt19937 engine_{5};
-};
-
-void randomize(float& value, Random& random) { value = random.parameter(); }
+void randomize(float& value, Random& random) { value = parameter(random); }
 void randomize(vec3& value, Random& random) {
-  value = vec3(random.parameter(), random.next(), random.parameter());
+  value = vec3(parameter(random), random.next(), parameter(random));
 }
 
 /// Albedo, the error of its estimate, and the largest weight of a sample.
@@ -202,7 +194,7 @@ TEST_CASE("principled: 1,000 random materials are finite and give off at most wh
 #undef HELIO_PARAMETER
     if (random.next() < 0.3f) m.metallic = 0;
     if (random.next() < 0.3f) m.transmission = 0;
-    m.ior = 1 + 2 * random.parameter();
+    m.ior = 1 + 2 * parameter(random);
     const Config c{"random", m, random.next() < 0.3f};
     const float cosine = 0.02f + 0.98f * random.next();
     const vec3 coat = normalize(kUp + 0.3f * vec3(random.next(), random.next(), 0));

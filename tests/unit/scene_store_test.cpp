@@ -49,11 +49,11 @@ PutEntity weights(float w) { return {.morph_weights = MorphWeights{{}, {w}}}; }
 struct Device {
   DeviceHandle device{rtcNewDevice(nullptr)};
   DerivedCache cache{1u << 30};
-  SceneStore store{device.get(), cache, 1u << 30};
+  SceneStore store{device.get(), cache, BackendOptions{}};
 
   std::shared_ptr<const EmbreeScene> operator()(const std::shared_ptr<const Snapshot>& snapshot,
                                                 Time time) {
-    auto scene = store.prepare(snapshot, time);
+    auto scene = store.prepare(snapshot, time, Interrupt{});
     REQUIRE(scene);
     return *scene;
   }
