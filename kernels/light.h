@@ -1,8 +1,8 @@
 // What surfaces and the sky emit, and how directions to them are chosen. Called by path.h.
 #pragma once
 
-#include "kernels/surface.h"
-#include "kernels/warp.h"
+#include "kernels/light_triangle.h"
+#include "kernels/sun.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
@@ -15,9 +15,10 @@ KERNEL float mis_weight(float a, float b) { return 1 / (1 + sqr(b / a)); }
 /// A direction towards light, from a given point. What comes from there is light_radiance().
 struct LightSample {
   vec3 direction;  // unit, world
-  vec3 target;     // just before the light; meaningless for the dome
+  vec3 target;     // just before the light; meaningless for what is infinitely far
   float pdf;       // 1/sr, the choice of the light included
-  u32 light;       // index into SceneView::lights; kNone: the dome
+  u32 light;       // index into SceneView::lights; kNone: the dome or a sun
+  u32 sun;         // where there is no light: index into SceneView::suns; kNone: the dome
   u32 primitive = 0;
   float time = 0;     // of the ray
   vec2 place;         // barycentric; for the dome in its picture, row 0 at v = 0
@@ -51,80 +52,50 @@ KERNEL vec3 shown(const Surface& s, const MaterialValues& m) {
   return s.material->unlit ? m.base_color : vec3(0);
 }
 
-/// A triangle of a light in world space.
-struct LightTriangle {
-  vec3 a, ab, ac;
-  vec3 normal;        // of the front side, its length twice the area
-  float probability;  // of the triangle among all lights
-  Corners corners;    // in object space
-  mat4x3 world_from_object;
-};
-KERNEL LightTriangle light_triangle(const SceneView& scene, const LightView& light, u32 primitive,
-                                    float time) {
-  const InstanceView& instance = scene.instances[light.instance];
-  const MeshView& mesh = scene.meshes[instance.mesh];
-  const Corners c = corners_at(mesh, mesh.triangles[primitive], time);
-  LightTriangle t;
-  t.world_from_object = pose_at(scene, instance, time).world_from_object;
-  const mat4x3& world = t.world_from_object;
-  t.corners = c;
-  t.a = transform_point(world, c.a);
-  t.ab = transform_vector(world, c.ab);
-  t.ac = transform_vector(world, c.ac);
-  t.normal = cross(t.ab, t.ac);
-  if (instance.flags & kFlipped) t.normal = -t.normal;
-  // Triangles are chosen by their areas before they deform.
-  const Corners rest =
-      mesh.segments == 0 ? c : corners_of(mesh.positions, mesh.triangles[primitive]);
-  t.probability =
-      light.probability * 0.5f * length(cross(rest.ab, rest.ac)) / mesh.part_areas[light.part];
-  return t;
+/// Density [1/sr] with which sample_light() would have taken the direction in which a ray from the
+/// receiver met a light.
+KERNEL float light_pdf(const SceneView& scene, const Receiver& from, const Hit& hit, vec3 direction,
+                       u32 index) {
+  const LightPlace at = light_place(scene, index, from.time);
+  const TriangleTree& tree = at.light.tree;
+  const float chosen = leaf_probability(scene.light_nodes, at.light.leaf, from, false);
+  const u32 entry = tree.entry_of_triangle[hit.primitive];
+  float within = 1;
+  if (tree.nodes[tree.root].count == 0) {
+    within = leaf_probability(tree.nodes, tree.entries[entry].leaf, to_object(at.pose, from),
+                              emits_back(at.light));
+  }
+  const float pdf =
+      scene.surface_probability * chosen * within * leaf_pdf(at, entry, from.p, direction, hit.t);
+  return pdf > 0 ? pdf : 0;
 }
 
-/// Density [1/sr] of a direction to a point of a triangle of area |normal| / 2 that is chosen with
-/// t.probability. d: unit.
-KERNEL float triangle_pdf(const LightTriangle& t, vec3 d, float distance) {
-  const float projected = 0.5f * std::fabs(dot(t.normal, d));
-  return projected > 0 ? t.probability * sqr(distance) / projected : 0;
-}
-
-/// Density [1/sr] with which sample_light would have taken the direction in which a ray met a
-/// light.
-KERNEL float light_pdf(const SceneView& scene, const Hit& hit, u32 light, const Ray& ray) {
-  const LightTriangle t = light_triangle(scene, scene.lights[light], hit.primitive, ray.time);
-  return triangle_pdf(t, ray.direction, hit.t);
-}
-
-KERNEL bool sample_surface_light(const SceneView& scene, u32 index, vec3 p, float u, vec2 u2,
-                                 float time, LightSample& out) {
-  const LightView& light = scene.lights[index];
-  const InstanceView& instance = scene.instances[light.instance];
-  const MeshView& mesh = scene.meshes[instance.mesh];
-  const u32 first = mesh.part_offsets[light.part];
-  const u32 count = mesh.part_offsets[light.part + 1] - first;
-  if (count == 0) return false;
-  const u32 primitive = mesh.part_triangles[first + choose(mesh.part_cdf + first, count, u).index];
-  const LightTriangle t = light_triangle(scene, light, primitive, time);
-  out.place = sample_triangle(u2);
-  out.target = t.a + t.ab * out.place.x + t.ac * out.place.y;
-  const vec3 d = out.target - p;
-  const float distance2 = dot(d, d);
-  const bool front = dot(d, t.normal) < 0;
-  const bool emits =
-      front || light.light_two_sided || (light.material_emits && light.material_two_sided);
-  if (!emits || !(distance2 > 0)) return false;
-  const float distance = std::sqrt(distance2);
-  out.direction = d / distance;
-  out.pdf = triangle_pdf(t, out.direction, distance);
+/// choice: a leaf of the scene's tree.
+KERNEL bool sample_surface_light(const SceneView& scene, const Receiver& from, LeafChoice choice,
+                                 vec2 u2, LightSample& out) {
+  out.light = scene.light_nodes[choice.node].first;
+  const LightPlace at = light_place(scene, out.light, from.time);
+  const TriangleTree& tree = at.light.tree;
+  choice.node = tree.root;
+  if (tree.nodes[tree.root].count == 0) {
+    choose_leaf(tree.nodes, to_object(at.pose, from), emits_back(at.light), choice);
+  }
+  TrianglePoint point;
+  point.entry = choice.node;
+  if (!sample_leaf(at, from.p, vec3(choice.rest, u2.x, u2.y), point)) return false;
+  const vec3 normal = point.triangle.normal;
+  out.front = dot(point.direction, normal) < 0;
+  if (!out.front && !emits_back(at.light)) return false;
+  out.direction = point.direction;
+  out.pdf = choice.probability * point.pdf;
   if (!(out.pdf > 0)) return false;
-  const vec3 n = normalize(t.normal);
-  const float offset = plane_error(t.world_from_object, t.corners, n);
-  out.target += n * (front ? offset : -offset);
-  out.light = index;
-  out.primitive = primitive;
-  out.time = time;
-  out.front = front;
-  out.visibility = instance.visibility;
+  const vec3 n = normalize(normal);
+  const float offset = plane_error(at.pose.world_from_object, point.triangle.corners, n);
+  out.target = point.p + n * (out.front ? offset : -offset);
+  out.primitive = tree.entries[point.entry].triangle;
+  out.place = point.place;
+  out.time = from.time;
+  out.visibility = at.instance.visibility;
   return true;
 }
 
@@ -191,7 +162,7 @@ KERNEL Choice choose_column(const DomeView& dome, u32 row, float u) {
 
 KERNEL bool sample_dome(const SceneView& scene, vec2 u, LightSample& out) {
   const DomeView& dome = scene.dome;
-  out.light = kNone;
+  out.light = out.sun = kNone;
   out.visibility = kAllRays;
   if (!dome.row_cdf) {
     out.direction = sample_sphere(u);
@@ -214,8 +185,8 @@ KERNEL bool sample_dome(const SceneView& scene, vec2 u, LightSample& out) {
 
 /// Radiance that arrives along a sampled direction if nothing stands in the way.
 KERNEL vec3 light_radiance(const SceneView& scene, const LightSample& sample) {
-  return sample.light == kNone ? dome_radiance(scene, sample.place)
-                               : surface_radiance(scene, sample);
+  if (sample.light != kNone) return surface_radiance(scene, sample);
+  return sample.sun != kNone ? scene.suns[sample.sun].radiance : dome_radiance(scene, sample.place);
 }
 
 /// Whether a light shows to every kind of ray that scattering makes. If not, only sample_light()
@@ -226,18 +197,36 @@ KERNEL bool shows_to_all(u32 visibility) {
 }
 
 KERNEL bool has_lights(const SceneView& scene) {
-  return scene.light_count > 0 || scene.dome.probability > 0;
+  return scene.light_count > 0 || scene.sun_count > 0 || scene.dome.probability > 0;
 }
 
-/// Chooses a light and a direction from p to it at a time; false when no light comes from there.
+/// Chooses a sun or the dome. u: uniform in [0, 1 - surface_probability).
+KERNEL bool sample_sky(const SceneView& scene, float u, vec2 u2, LightSample& out) {
+  for (u32 i = 0; i < scene.sun_count; ++i) {
+    const SunView& sun = scene.suns[i];
+    if (u < sun.probability) {
+      out.direction = sample_sun(sun, u2);
+      out.pdf = sun_pdf(sun);
+      out.light = kNone;
+      out.sun = i;
+      out.visibility = sun.visibility;
+      return true;
+    }
+    u -= sun.probability;
+  }
+  return scene.dome.probability > 0 && sample_dome(scene, u2, out);
+}
+
+/// Chooses a light and a direction to it; false when no light comes from there.
 ///
 /// u, u2   uniform in [0, 1)
-KERNEL bool sample_light(const SceneView& scene, vec3 p, float time, float u, vec2 u2,
+KERNEL bool sample_light(const SceneView& scene, const Receiver& from, float u, vec2 u2,
                          LightSample& out) {
-  const float surfaces = scene.light_count > 0 ? scene.light_cdf[scene.light_count - 1] : 0;
-  if (u >= surfaces) return scene.dome.probability > 0 && sample_dome(scene, u2, out);
-  const Choice light = choose(scene.light_cdf, scene.light_count, u);
-  return sample_surface_light(scene, light.index, p, light.rest, u2, time, out);
+  const float surfaces = scene.surface_probability;
+  if (u >= surfaces) return sample_sky(scene, u - surfaces, u2, out);
+  LeafChoice choice{0, surfaces, u / surfaces};
+  choose_leaf(scene.light_nodes, from, false, choice);
+  return sample_surface_light(scene, from, choice, u2, out);
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

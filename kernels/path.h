@@ -38,7 +38,8 @@ struct Path {
   Ray ray;
   u32 mask;  // kind of the ray
   vec3 throughput;
-  float pdf;  // 1/sr, with which the ray's direction was chosen; 0: no light sampling competes
+  float pdf;      // 1/sr, with which the ray's direction was chosen; 0: no light sampling competes
+  Receiver from;  // where it was chosen; unset for camera rays
   float radiance_scale;  // product of eta^2 of refractions: throughput without them, for roulette
   u32 edges;             // of the path, the ray included
   bool guided;           // the guides are recorded
@@ -88,30 +89,48 @@ KERNEL Path begin_path(const PathContext<T>& c, u32 x, u32 y) {
   return path;
 }
 
-/// The path leaves the scene.
-template <Tracer T>
-KERNEL void miss(const PathContext<T>& c, const Path& path, SampleValues& sample) {
-  const bool seen = path.edges == 1;
-  if (seen && (c.settings.transparent_background || !c.scene.dome.camera_visible)) return;
-  const DomeView& dome = c.scene.dome;
+/// Radiance of the dome where the path leaves the scene, weighted.
+KERNEL vec3 met_dome(const SceneView& scene, const Path& path) {
+  const DomeView& dome = scene.dome;
+  if (path.edges == 1 && !dome.camera_visible) return vec3(0);
   float weight = 1;
   vec2 place(0);
   if (dome.texture != kNone || path.pdf > 0) {
     const DomePlace at = dome_place(dome, path.ray.direction);
     place = at.uv;
-    if (path.pdf > 0 && dome.probability > 0) {
-      weight = mis_weight(path.pdf, dome_pdf(dome, at));
+    if (path.pdf > 0 && dome.probability > 0) weight = mis_weight(path.pdf, dome_pdf(dome, at));
+  }
+  return dome_radiance(scene, place) * weight;
+}
+
+/// Radiance of the suns that the path meets, weighted.
+KERNEL vec3 met_suns(const SceneView& scene, const Path& path) {
+  vec3 radiance(0);
+  for (u32 i = 0; i < scene.sun_count; ++i) {
+    const SunView& sun = scene.suns[i];
+    if (!(sun.visibility & path.mask) || !in_sun(sun, path.ray.direction)) continue;
+    if (path.pdf <= 0) {
+      radiance += sun.radiance;
+    } else if (shows_to_all(sun.visibility)) {
+      radiance += sun.radiance * mis_weight(path.pdf, sun_pdf(sun));
     }
   }
-  const vec3 radiance = dome_radiance(c.scene, place);
-  collect(c, sample, {path.throughput * radiance * weight, path.edges, true}, path.route);
+  return radiance;
+}
+
+/// The path leaves the scene.
+template <Tracer T>
+KERNEL void miss(const PathContext<T>& c, const Path& path, SampleValues& sample) {
+  if (path.edges == 1 && c.settings.transparent_background) return;
+  const vec3 radiance = met_dome(c.scene, path) + met_suns(c.scene, path);
+  collect(c, sample, {path.throughput * radiance, path.edges, true}, path.route);
 }
 
 /// Weight of light that the path met by itself where sample_light could have found it too.
 KERNEL float emission_weight(const SceneView& scene, const Path& path, const Hit& hit, u32 light) {
   if (path.pdf <= 0 || light == kNone) return 1;
   if (!shows_to_all(scene.instances[hit.instance].visibility)) return 0;
-  return mis_weight(path.pdf, light_pdf(scene, hit, light, path.ray));
+  return mis_weight(path.pdf, light_pdf(scene, path.from, hit, path.ray.direction, light));
 }
 
 /// The path meets a surface: counts what it emits; false when the path ends there.
@@ -140,6 +159,14 @@ KERNEL bool hit_surface(const PathContext<T>& c, const Path& path, const Hit& hi
   return false;
 }
 
+/// The vertex as a light tree sees it. A clearcoat may have a normal of its own, but no light from
+/// below the surface.
+KERNEL Receiver receiver_of(const Vertex& v, float time) {
+  const Bsdf& b = v.bsdf;
+  return {v.surface.p, b.layered ? b.ng : b.frame.n, b.glass > 0 ? Facing::kBoth : Facing::kFront,
+          time};
+}
+
 /// Light that comes to the vertex straight from one light (next event estimation).
 template <Tracer T>
 KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Vertex& v,
@@ -147,7 +174,7 @@ KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Vertex
   LightSample light;
   const float choice = c.sampler.get1(vertex_pair(path, kLightChoice));
   const vec2 u = c.sampler.get2(vertex_pair(path, kLightPair));
-  if (!sample_light(c.scene, v.surface.p, c.time, choice, u, light)) return;
+  if (!sample_light(c.scene, receiver_of(v, c.time), choice, u, light)) return;
   BsdfValue f = evaluate_bsdf(v.bsdf, light.direction);
   const bool transmitted = dot(v.bsdf.ng, light.direction) < 0;
   if (!(light.visibility & kDiffuseRay)) f.diffuse = vec3(0);
@@ -206,6 +233,7 @@ KERNEL bool scatter(const PathContext<T>& c, Path& path, const Vertex& v, Sample
   path.throughput *= s.weight;
   path.radiance_scale *= sqr(s.eta);
   path.pdf = s.pdf;
+  path.from = receiver_of(v, c.time);
   path.mask = s.lobe == Lobe::kDiffuse  ? kDiffuseRay
               : s.lobe == Lobe::kGlossy ? kGlossyRay
                                         : kTransmissionRay;

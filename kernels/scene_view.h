@@ -95,12 +95,6 @@ struct MeshView {
   const vec4* colors;
   const vec4* tangents;  // w: handedness
   const u32* parts;      // per triangle
-  // For sampling emissive parts: triangles grouped by part, with running areas in object space.
-  const u32* part_triangles;  // permutation of the triangles; null unless some part emits
-  const float*
-      part_cdf;  // in that order, within a part: sum of areas up to and including, over the part's
-  const u32* part_offsets;  // part_count + 1
-  const float* part_areas;  // part_count: area of each part in object space; null as part_cdf is
   u32 triangle_count;
   u32 vertex_count;
   u32 part_count;
@@ -141,13 +135,47 @@ struct InstanceView {
 
 // ---------------------------------------------------------------- lights
 
-/// One emitting (instance, mesh part).
+/// A subtree of a light tree: bounds of what emits there, and how strongly.
+struct LightNode {
+  vec3 center;
+  float radius2;     // square of the radius of a sphere about it
+  vec3 axis;         // unit, of a cone that holds the fronts' normals
+  float cos_spread;  // of the cone's half angle; -1: every direction
+  float power;       // what the emitters beneath send, up to a factor common to the tree
+  u32 first;         // inner: the first child, the other one follows; leaf: the first entry
+  u32 parent;        // kNone: the root
+  u16 count;         // of a leaf's entries; 0: inner
+  bool two_sided;    // some emitters beneath emit from their backs, too
+};
+
+/// The most triangles in a leaf.
+inline constexpr u32 kLeafTriangles = 4;
+
+/// A triangle in a leaf.
+struct TriangleEntry {
+  u32 triangle;
+  float radiosity;  // relative to the other triangles of its tree
+  float power;      // radiosity times area, before the mesh deforms
+  u32 leaf;         // node
+};
+
+/// The light tree over the triangles of a mesh part, in object space. Power is area times
+/// radiosity.
+struct TriangleTree {
+  const LightNode* nodes;
+  const TriangleEntry* entries;
+  const u32* entry_of_triangle;  // by triangle of the mesh
+  u32 root;
+};
+
+/// One emitting (instance, mesh part): a leaf of the tree SceneView::light_nodes.
 struct LightView {
   vec3 radiance;  // of the entity's light before `texture`; the material's emission comes on top
   TextureUseView texture;
   u32 instance;
   u32 part;
-  float probability;        // of choosing this light among all, the dome included
+  u32 leaf;  // index into SceneView::light_nodes
+  TriangleTree tree;
   bool light_two_sided;     // of the entity's light
   bool material_two_sided;  // of the material's emission
   bool material_emits;      // the material's emission is not black
@@ -173,6 +201,15 @@ struct DomeView {
   // height * kDomeGuide: for each row the column that u = i / kDomeGuide falls into, i. e. the
   // first one whose sum exceeds it. Null: columns are searched for as a whole.
   const u16* column_guide;
+};
+
+/// A disc of light infinitely far away.
+struct SunView {
+  vec3 direction;  // unit, to its middle
+  float depth;     // 1 - cosine of its angular radius: its solid angle over 2 pi
+  vec3 radiance;
+  float probability;  // of choosing it among all lights
+  u32 visibility;     // ray mask bits
 };
 
 // ---------------------------------------------------------------- camera
@@ -213,9 +250,11 @@ struct SceneView {
   const u32* part_lights;     // light of each, or kNone
   const LightView* lights;
   const MotionKey* motion_keys;
-  const float*
-      light_cdf;  // light_count: running probability of the lights, ends at 1 - dome.probability
+  const LightNode* light_nodes;  // the tree over the lights; node 0 is its root
   DomeView dome;
+  const SunView* suns;
+  u32 sun_count;
+  float surface_probability;  // of choosing a light of the tree among all
   u32 instance_count;
   u32 light_count;
   bool any_holes;  // some instance has kMayBeHole

@@ -143,7 +143,14 @@ struct PoseKey {
 };
 using PoseKeys = std::vector<PoseKey>;  // strictly increasing times, at least two
 
-enum class LightUnit : u8 { kRadiance, kPower, kLuminance, kLumen };
+enum class LightUnit : u8 {
+  kRadiance,
+  kPower,
+  kLuminance,
+  kLumen,
+  kIrradiance,   // suns only
+  kIlluminance,  // suns only
+};
 
 struct Light {
   vec3 color{1};
@@ -152,6 +159,7 @@ struct Light {
   float exposure = 0;
   float temperature = 0;  // 0: none
   bool two_sided = false;
+  float sun_angle = 0;  // radians, diameter; 0: the light of the entity's mesh
   TextureUse texture;
 };
 

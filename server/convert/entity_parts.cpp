@@ -7,8 +7,10 @@
 namespace heliograph::server {
 namespace {
 
-constexpr std::array kUnits{LightUnit::kRadiance, LightUnit::kRadiance, LightUnit::kPower,
-                            LightUnit::kLuminance, LightUnit::kLumen};
+constexpr std::array kUnits{
+    LightUnit::kRadiance, LightUnit::kRadiance,   LightUnit::kPower,       LightUnit::kLuminance,
+    LightUnit::kLumen,    LightUnit::kIrradiance, LightUnit::kIlluminance,
+};
 static_assert(kUnits.size() == v1::Light::Unit_ARRAYSIZE);
 constexpr std::array kProjections{Projection::kPerspective, Projection::kPerspective,
                                   Projection::kOrthographic};
@@ -20,11 +22,29 @@ constexpr Range kPrincipalPoint{-1e9, 1e9};
 constexpr Range kBrightness{0, 1e15};
 constexpr Range kExposure{-64, 64};
 constexpr Range kKelvin{1000, 40000};
+constexpr Range kSunAngle{1e-4, 3.14};
 constexpr u32 kLargestLabel = 0xfffffffeu;
 
 Status require(bool present, const char* field, const char* remedy) {
   if (present) return {};
   return fail(Code::kInvalidArgument, field, std::string("is missing; ") + remedy);
+}
+
+/// What a sun and a mesh's light do not share.
+Status check_sun(const v1::Light& message, LightUnit unit) {
+  const bool sun = message.sun_angle() != 0;
+  if ((unit == LightUnit::kIrradiance || unit == LightUnit::kIlluminance) && !sun)
+    return fail(Code::kInvalidArgument, "unit",
+                "is for suns; give a sun_angle, or the radiance, power, luminance or lumen");
+  if (!sun) return {};
+  if (unit == LightUnit::kPower || unit == LightUnit::kLumen)
+    return fail(Code::kInvalidArgument, "unit",
+                "is for meshes; a sun has a radiance, luminance, irradiance or illuminance");
+  if (message.two_sided())
+    return fail(Code::kInvalidArgument, "two_sided", "is for meshes; leave it out for a sun");
+  if (message.has_texture() && message.texture().has_texture())
+    return fail(Code::kInvalidArgument, "texture", "is for meshes; leave it out for a sun");
+  return {};
 }
 
 }  // namespace
@@ -99,6 +119,9 @@ Expected<LightPatch> to_light(const v1::Light& message, ArraySource& source) {
   if (message.temperature() != 0)
     HELIO_TAKE(light.temperature, in_range(message.temperature(), kKelvin), "temperature");
   light.two_sided = message.two_sided();
+  if (message.sun_angle() != 0)
+    HELIO_TAKE(light.sun_angle, in_range(message.sun_angle(), kSunAngle), "sun_angle");
+  HELIO_TRY(check_sun(message, light.unit));
   const double peak = std::max({light.color.x, light.color.y, light.color.z});
   HELIO_CHECK(in_range(peak * light.intensity * std::exp2(light.exposure), {0, 1e30}), "intensity");
   if (message.has_texture())
@@ -114,6 +137,7 @@ v1::Light to_proto(const LightPatch& patch, const ArraySink& sink) {
   message.set_exposure(patch.light.exposure);
   message.set_temperature(patch.light.temperature);
   message.set_two_sided(patch.light.two_sided);
+  if (patch.light.sun_angle > 0) message.set_sun_angle(patch.light.sun_angle);
   if (!std::holds_alternative<std::monostate>(patch.texture.texture)) {
     *message.mutable_texture() = to_proto(patch.texture, sink);
     message.mutable_texture()->clear_channel();

@@ -116,11 +116,11 @@ TEST_CASE("gltf: punctual lights carry their intensity over") {
   CHECK_FALSE(*bulb.visibility & kCameraRay);
   CHECK(bulb.label->kind == LabelPatch::Kind::kValue);
   CHECK((*entity_named(*loaded, "torch").light)->light.intensity == Approx(kPi * 7));
-  // The illuminance of a disc seen under its half angle: E = pi L sin^2.
   const PutEntity& sun = entity_named(*loaded, "sun");
-  const mat4x3 m = sun.pose->matrices[0];
-  const double sine = std::sin(std::atan2(glm::length(m[0]), m[3].z));
-  CHECK(kPi * (*sun.light)->light.intensity * sine * sine == Approx(1000).epsilon(1e-4));
+  CHECK((*sun.light)->light.unit == LightUnit::kIlluminance);
+  CHECK((*sun.light)->light.intensity == 1000);
+  CHECK((*sun.light)->light.sun_angle == Approx(0.0093f));
+  CHECK_FALSE(sun.mesh);
   CHECK(loaded->bounds_max == vec3(0));  // no mesh but the lights', which do not count
   // The sphere's normals point out, the disc faces -Z.
   const PutMesh& sphere = library_item<PutMesh>(*loaded, 1);

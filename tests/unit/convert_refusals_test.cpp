@@ -192,6 +192,14 @@ TEST_CASE("refusals: parameters, cameras, references and lists of fields") {
         "edits[3].entity.materials.parts[1]", "set id (0 for nothing), name");
   check(refusal("entity { light { temperature: 100 } }"), kInvalid,
         "edits[3].entity.light.temperature", "[1000, 40000]");
+  check(refusal("entity { light { sun_angle: 4 } }"), kInvalid, "edits[3].entity.light.sun_angle",
+        "[0.0001, 3.14]");
+  check(refusal("entity { light { unit: UNIT_ILLUMINANCE } }"), kInvalid,
+        "edits[3].entity.light.unit", "sun_angle");
+  check(refusal("entity { light { unit: UNIT_POWER sun_angle: 0.01 } }"), kInvalid,
+        "edits[3].entity.light.unit", "irradiance");
+  check(refusal("entity { light { two_sided: true sun_angle: 0.01 } }"), kInvalid,
+        "edits[3].entity.light.two_sided", "for meshes");
   check(refusal("target { id: 0 } entity { }"), kInvalid, "edits[3].target.id", "leave the target");
   check(refusal("remove { }"), kInvalid, "edits[3].target", "say what to remove");
   check(refusal("target { name: 'a' } advance { dt: 1 }"), kInvalid, "edits[3].target", "leave it");

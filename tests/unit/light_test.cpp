@@ -10,6 +10,9 @@ using namespace heliograph::test;
 
 namespace {
 
+/// A point in a medium: every direction counts alike.
+Receiver from(vec3 p) { return {p, vec3(0), Facing::kAny, 0}; }
+
 vec3 sky_at(const SceneView& view, vec3 d) {
   return dome_radiance(view, dome_place(view.dome, d).uv);
 }
@@ -55,7 +58,7 @@ TEST_CASE("light: directions to a stretched, mirrored mesh follow their density 
       if (hit.instance == kNone) break;
       t += hit.t;
       hit.t = t;
-      sum += double(light_pdf(view, hit, 0, ray));
+      sum += double(light_pdf(view, from(vec3(0)), hit, d, 0));
       ray.origin = d * (t + 1e-4f);
       t += 1e-4f;
     }
@@ -65,13 +68,46 @@ TEST_CASE("light: directions to a stretched, mirrored mesh follow their density 
   const auto sample = [&](double& x, double& y) {
     LightSample s;
     const float u = random.next();
-    if (!sample_light(view, vec3(0), 0, u, random.next2(), s)) return false;
+    if (!sample_light(view, from(vec3(0)), u, random.next2(), s)) return false;
     x = std::atan2(double(s.direction.y), double(s.direction.x)) / (2 * M_PI);
     if (x < 0) x += 1;
     y = s.direction.z;
     return y > 0;
   };
-  CHECK(square_p_value({24, 24, 100000}, sample, density) > kLevel);
+  CHECK(square_p_value({12, 64, 20000}, sample, density) > kLevel);
+}
+
+TEST_CASE("light: a near rectangle is sampled by solid angle (1e-6)") {
+  TestScene scene;
+  const u32 i = scene.add_instance(scene.add(rectangle(1, 0.6f)), scene.add(emitter(vec3(1))),
+                                   pose(rotation({1, 0, 0}, kPi), {0.3f, 0.1f, 0.4f}));
+  scene.add_light(i);
+  const SceneView& view = scene.finish();
+  const TestTracer tracer(view);
+  const Receiver receiver{vec3(0), vec3(0, 0, 1), Facing::kFront, 0};
+  float least = INFINITY, most = 0;
+  const auto density = [&](double x, double y) {
+    const double z = y, r = std::sqrt(1 - z * z), phi = 2 * M_PI * x;
+    const vec3 d(r * std::cos(phi), r * std::sin(phi), z);
+    const Hit hit = tracer.closest({vec3(0), d, INFINITY, 0, {}}, kAllRays);
+    if (hit.instance == kNone) return 0.0;
+    const float pdf = light_pdf(view, receiver, hit, d, 0);
+    least = min2(least, pdf);
+    most = max2(most, pdf);
+    return 2 * M_PI * double(pdf);
+  };
+  Random random;
+  const auto sample = [&](double& x, double& y) {
+    LightSample s;
+    const float u = random.next();
+    if (!sample_light(view, receiver, u, random.next2(), s)) return false;
+    x = std::atan2(double(s.direction.y), double(s.direction.x)) / (2 * M_PI);
+    if (x < 0) x += 1;
+    y = s.direction.z;
+    return true;
+  };
+  CHECK(square_p_value({24, 64, 100000}, sample, density) > kLevel);
+  CHECK(most == Approx(least).epsilon(1e-5));
 }
 
 TEST_CASE("light: the density of a sample is the density of the ray that meets the same point") {
@@ -89,12 +125,12 @@ TEST_CASE("light: the density of a sample is the density of the ray that meets t
   for (int i = 0; i < 1000; ++i) {
     LightSample s;
     const float u = random.next();
-    if (!sample_light(view, vec3(1, 0, 0), 0, u, random.next2(), s)) continue;
-    const Ray ray{vec3(1, 0, 0), s.direction, INFINITY, 0, {}};
-    const Hit hit = tracer.closest(ray, kAllRays);
+    if (!sample_light(view, from({1, 0, 0}), u, random.next2(), s)) continue;
+    const Hit hit = tracer.closest({vec3(1, 0, 0), s.direction, INFINITY, 0, {}}, kAllRays);
     if (hit.instance == kNone) continue;  // a seam
     const u32 light = surface_at(view, hit.instance, hit.primitive, {hit.u, hit.v}, 0).light;
-    if (light_pdf(view, hit, light, ray) == Approx(s.pdf).epsilon(1e-3)) ++seen;
+    if (light_pdf(view, from({1, 0, 0}), hit, s.direction, light) == Approx(s.pdf).epsilon(1e-3))
+      ++seen;
   }
   CHECK(seen > 950);  // the rest is hidden behind another light
 }
@@ -109,7 +145,7 @@ TEST_CASE("dome: directions follow their density, which is the one looked up (1e
   const auto sample = [&](double& x, double& y) {
     LightSample s;
     const float u = random.next();
-    if (!sample_light(view, vec3(0), 0, u, random.next2(), s)) return false;
+    if (!sample_light(view, from(vec3(0)), u, random.next2(), s)) return false;
     const DomePlace place = dome_place(view.dome, s.direction);
     // At the poles u is anything: differences count by their length on the sphere.
     REQUIRE(length((place.uv - s.place) * vec2(place.sine, 1)) < 1e-5f);
@@ -197,7 +233,7 @@ TEST_CASE("light: only the front emits unless two-sided; a mirroring pose keeps 
         const SceneView& view = scene.finish();
         LightSample s;
         const bool found =
-            sample_light(view, {0, 0, above ? 4.0f : 0.0f}, 0, 0.3f, {0.4f, 0.6f}, s);
+            sample_light(view, from({0, 0, above ? 4.0f : 0.0f}), 0.3f, {0.4f, 0.6f}, s);
         CHECK(found == (above || two_sided));
         const Surface surface = surface_at(view, lamp, 0, {0.3f, 0.3f}, 0);
         CHECK(surface.ng.z == Approx(1));
@@ -218,9 +254,49 @@ TEST_CASE("light: a textured entity light multiplies its radiance, alpha thins i
   light.texture.texture = texture;
   const SceneView& view = scene.finish();
   LightSample s;
-  REQUIRE(sample_light(view, {0, 0, 1}, 0, 0.3f, {0.4f, 0.6f}, s));
+  REQUIRE(sample_light(view, from({0, 0, 1}), 0.3f, {0.4f, 0.6f}, s));
   const vec3 radiance = light_radiance(view, s);
   CHECK(radiance.x == Approx(0.5f * 4.25f));
   CHECK(radiance.y == Approx(0.5f * 0.25f));
   CHECK(radiance.z == Approx(0.5f * 2.25f));
+}
+
+TEST_CASE("sun: irradiance is pi L sin^2 of the angular radius, whoever finds it") {
+  for (const float angle : {0.00465f, 0.3f}) {
+    for (const float roughness : {1.0f, 0.1f}) {
+      TestScene scene;
+      MaterialView m = lambert(vec3(0.5f));
+      if (roughness < 1) {
+        m.constant.base_color = vec3(1);
+        m.constant.metallic = 1;
+        m.constant.roughness = roughness;
+      }
+      scene.add_instance(scene.add(rectangle(10, 10)), scene.add(m));
+      SunView sun{};
+      sun.direction = normalize(vec3(1, 0, 2));
+      sun.depth = float(2 * std::pow(std::sin(0.5 * double(angle)), 2));
+      sun.radiance = vec3(3);
+      sun.visibility = kAllRays;
+      scene.suns.push_back(sun);
+      const SceneView& view = scene.finish();
+      const vec3 eye = 4.0f * vec3(-sun.direction.x, 0, sun.direction.z);
+      const CameraView camera = look_at(eye, {0, 0, 0}, {4, 4}, 0.001f);
+      const float got = mean_beauty(view, camera, standard_settings(2), 4096).y;
+      INFO("angle " << angle << " roughness " << roughness);
+      if (roughness == 1) {
+        const double sine = std::sin(double(angle));
+        const double irradiance = 3 * M_PI * sine * sine * double(sun.direction.z);
+        CHECK(got == Approx(0.5 / M_PI * irradiance).epsilon(0.003));
+      } else if (angle > 0.2f) {
+        CHECK(got == Approx(3).epsilon(0.05));  // the lobe lies within the sun
+      }
+      Path path{};
+      path.ray.direction = sun.direction;
+      path.mask = kCameraRay;
+      path.edges = 1;
+      CHECK(met_suns(view, path).y == 3);
+      path.ray.direction = normalize(sun.direction + vec3(0, 1.01f * std::tan(angle), 0));
+      CHECK(met_suns(view, path).y == 0);
+    }
+  }
 }

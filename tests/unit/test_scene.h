@@ -175,16 +175,20 @@ class TestScene {
     view.dome.texture = texture;
     has_dome_ = true;
   }
-  /// Gives a share of the samples to each light and builds all tables.
+  /// Builds all tables and trees.
   const SceneView& finish() {
     for (const TestMesh& mesh : meshes_) mesh_views_.push_back(make_view(mesh));
-    const size_t count = lights.size() + (has_dome_ ? 1 : 0);
-    for (size_t i = 0; i < lights.size(); ++i) {
-      lights[i].probability = 1 / float(count);
-      light_cdf_.push_back(float(i + 1) / float(count));
-    }
+    for (LightView& light : lights) light_bounds.push_back(add_tree(light));
+    light_nodes_ = make_tree(light_bounds, 1);
+    for (u32 i = 0; i < light_nodes_.size(); ++i)
+      if (light_nodes_[i].count > 0) lights[light_nodes_[i].first].leaf = i;
     DomeView& dome = view.dome;
-    dome.probability = has_dome_ ? 1 / float(count) : 0;
+    const float kinds = float(lights.size() + suns.size() + (has_dome_ ? 1 : 0));
+    dome.probability = has_dome_ ? 1 / kinds : 0;
+    for (SunView& sun : suns) sun.probability = 1 / kinds;
+    view.surface_probability = lights.empty() ? 0 : float(lights.size()) / kinds;
+    view.suns = suns.data();
+    view.sun_count = u32(suns.size());
     if (!has_dome_) dome.texture = kNone;
     dome.world_from_dome = dome_rotation;
     dome.dome_from_world = transpose(dome_rotation);
@@ -198,7 +202,7 @@ class TestScene {
     view.part_materials = part_materials_.data();
     view.part_lights = part_lights_.data();
     view.lights = lights.data();
-    view.light_cdf = light_cdf_.data();
+    view.light_nodes = light_nodes_.data();
     view.instance_count = u32(instances.size());
     view.light_count = u32(lights.size());
     for (const InstanceView& i : instances) view.any_holes |= (i.flags & kMayBeHole) != 0;
@@ -211,13 +215,73 @@ class TestScene {
   std::vector<TextureView> textures;
   std::vector<TextureUseView> texture_uses;
   std::vector<LightView> lights;
+  std::vector<SunView> suns;
+  std::vector<LightBounds> light_bounds;  // in the world; made by finish()
   mat3 dome_rotation{1};
 
  private:
-  struct PartTables {
-    std::vector<u32> triangles, offsets;
-    std::vector<float> cdf, areas;
+  struct Tree {
+    std::vector<LightNode> nodes;
+    std::vector<TriangleEntry> entries;
+    std::vector<u32> entry_of_triangle;
   };
+  /// A tree that halves the elements in their order.
+  static std::vector<LightNode> make_tree(const std::vector<LightBounds>& elements, u32 leaf) {
+    std::vector<LightNode> nodes;
+    const auto build = [&](auto& self, u32 node, u32 begin, u32 end) -> LightBounds {
+      LightBounds bounds = elements[begin];
+      u32 first = begin, count = end - begin;
+      if (count <= leaf) {
+        for (u32 i = begin + 1; i < end; ++i) bounds = merge(bounds, elements[i]);
+      } else {
+        first = u32(nodes.size());
+        nodes.resize(first + 2);
+        const u32 middle = begin + count / 2;
+        bounds = merge(self(self, first, begin, middle), self(self, first + 1, middle, end));
+        nodes[first].parent = nodes[first + 1].parent = node;
+        count = 0;
+      }
+      const u32 parent = node > 0 ? nodes[node].parent : kNone;
+      nodes[node] = node_of(bounds);
+      nodes[node].parent = parent;
+      nodes[node].first = first;
+      nodes[node].count = u16(count);
+      return bounds;
+    };
+    if (elements.empty()) return nodes;
+    nodes.resize(1);
+    build(build, 0, 0, u32(elements.size()));
+    return nodes;
+  }
+  /// The light's tree over its triangles; returns its bounds in the world.
+  LightBounds add_tree(LightView& light) {
+    const InstanceView& instance = instances[light.instance];
+    const MeshView& mesh = mesh_views_[instance.mesh];
+    Tree& tree = trees_.emplace_back();
+    tree.entry_of_triangle.resize(mesh.triangle_count);
+    std::vector<LightBounds> elements;
+    LightBounds world;
+    const auto corner = [&](u32 v) {
+      return transform_point(instance.world_from_object, mesh.positions[v]);
+    };
+    for (u32 i = 0; i < mesh.triangle_count; ++i) {
+      if (part_of(mesh, i) != light.part) continue;
+      const uvec3 t = mesh.triangles[i];
+      elements.push_back(
+          triangle_bounds(mesh.positions[t.x], mesh.positions[t.y], mesh.positions[t.z]));
+      tree.entry_of_triangle[i] = u32(tree.entries.size());
+      tree.entries.push_back({i, 1, elements.back().power, 0});
+      LightBounds own = triangle_bounds(corner(t.x), corner(t.y), corner(t.z));
+      if (instance.flags & kFlipped) own.axis = -own.axis;
+      world = elements.size() == 1 ? own : merge(world, own);
+    }
+    tree.nodes = make_tree(elements, kLeafTriangles);
+    for (u32 n = 0; n < tree.nodes.size(); ++n)
+      for (u32 i = 0; i < tree.nodes[n].count; ++i) tree.entries[tree.nodes[n].first + i].leaf = n;
+    light.tree = {tree.nodes.data(), tree.entries.data(), tree.entry_of_triangle.data(), 0};
+    world.two_sided = emits_back(light);
+    return world;
+  }
   MeshView make_view(const TestMesh& m) {
     const auto data = [](const auto& v) { return v.empty() ? nullptr : v.data(); };
     MeshView v{};
@@ -231,25 +295,6 @@ class TestScene {
     v.triangle_count = u32(m.triangles.size());
     v.vertex_count = u32(m.positions.size());
     v.part_count = m.parts.empty() ? 1 : *std::max_element(m.parts.begin(), m.parts.end()) + 1;
-    PartTables& t = part_tables_.emplace_back();
-    t.offsets.push_back(0);
-    for (u32 part = 0; part < v.part_count; ++part) {
-      float area = 0;
-      for (u32 i = 0; i < v.triangle_count; ++i) {
-        if (part_of(v, i) != part) continue;
-        const Corners c = corners_of(v.positions, v.triangles[i]);
-        area += 0.5f * length(cross(c.ab, c.ac));
-        t.triangles.push_back(i);
-        t.cdf.push_back(area);
-      }
-      for (size_t i = t.offsets.back(); i < t.cdf.size(); ++i) t.cdf[i] /= area;
-      t.areas.push_back(area);
-      t.offsets.push_back(u32(t.triangles.size()));
-    }
-    v.part_triangles = t.triangles.data();
-    v.part_cdf = t.cdf.data();
-    v.part_offsets = t.offsets.data();
-    v.part_areas = t.areas.data();
     return v;
   }
   void make_dome_tables() {
@@ -284,10 +329,11 @@ class TestScene {
 
   std::vector<TestMesh> meshes_;
   std::vector<MeshView> mesh_views_;
-  std::deque<PartTables> part_tables_;
+  std::deque<Tree> trees_;
+  std::vector<LightNode> light_nodes_;
   std::deque<std::vector<u8>> texels_;
   std::vector<u32> part_materials_, part_lights_;
-  std::vector<float> light_cdf_, row_cdf_, column_cdf_;
+  std::vector<float> row_cdf_, column_cdf_;
   std::vector<u16> column_guide_;
   bool has_dome_ = false;
 };

@@ -133,37 +133,45 @@ class Camera:
         )
 
 
-_UNITS = {"radiance": "RADIANCE", "power": "POWER", "luminance": "LUMINANCE", "lumen": "LUMEN"}
+_UNITS = ("radiance", "power", "luminance", "lumen", "irradiance", "illuminance")
 
 
 @dataclass(frozen=True)
 class Light:
-    """Light that an entity's mesh gives off, besides what its material emits.
+    """Light that an entity's mesh gives off, besides what its material emits; or a sun.
 
     Strength, exactly one of: `radiance` (W sr^-1 m^-2), `power` (W over all emitting sides, each
-    channel), `luminance` (cd m^-2), `lumen` (lm over all emitting sides).
+    channel), `luminance` (cd m^-2), `lumen` (lm over all emitting sides); for suns also
+    `irradiance` (W m^-2) and `illuminance` (lx) of a surface that faces the sun.
     color: number or (3,), linear. exposure: stops. temperature: kelvin, 0 for none.
     two_sided: the back emits too. texture: a texture or Tex that multiplies the radiance.
+    sun_angle: makes it a sun, a disc infinitely far away that shines along the entity's -Z axis and
+    needs no mesh; its angular diameter, radians (ours: 0.0093). 0: the mesh emits.
     """
 
     radiance: float | None = None
     power: float | None = None
     luminance: float | None = None
     lumen: float | None = None
+    irradiance: float | None = None
+    illuminance: float | None = None
     color: Any = 1.0
     exposure: float = 0.0
     temperature: float = 0.0
     two_sided: bool = False
     texture: Any = None
+    sun_angle: float = 0.0
 
     def to_message(self) -> scene.Light:
         given = [name for name in _UNITS if getattr(self, name) is not None]
         if len(given) != 1:
             raise InvalidArgument(
-                "light: give exactly one of radiance=, power=, luminance=, lumen=", field="light"
+                "light: give exactly one of radiance=, power=, luminance=, lumen=, irradiance=, "
+                "illuminance=",
+                field="light",
             )
-        unit: Any = scene.Light.Unit.Value("UNIT_" + _UNITS[given[0]])
-        return scene.Light(
+        unit: Any = scene.Light.Unit.Value("UNIT_" + given[0].upper())
+        message = scene.Light(
             color=color_of(self.color, "light.color"),
             intensity=number_of(getattr(self, given[0]), f"light.{given[0]}"),
             unit=unit,
@@ -171,6 +179,9 @@ class Light:
             temperature=number_of(self.temperature, "light.temperature"),
             two_sided=bool(self.two_sided),
         )
+        if self.sun_angle:
+            message.sun_angle = number_of(self.sun_angle, "light.sun_angle")
+        return message
 
     @classmethod
     def from_message(cls, message: scene.Light) -> Light:
@@ -182,6 +193,7 @@ class Light:
             exposure=message.exposure,
             temperature=message.temperature,
             two_sided=message.two_sided,
+            sun_angle=message.sun_angle,
         )
 
 

@@ -4,8 +4,8 @@
 // A convex body of uniform luminance L and area A sends Phi = pi A L lumen; its mean intensity over
 // all directions is Phi / 4 pi (Cauchy). So a point light of I candela is a sphere of 4 pi I lumen.
 // A one-sided disc has intensity L A = Phi / pi along its axis: a spot light of I candela is a disc
-// of pi I lumen, whose cosine lobe stands for the cone. A directional light of E lux is a far disc
-// of angular radius a with luminance E / (pi sin^2 a).
+// of pi I lumen, whose cosine lobe stands for the cone. A directional light of E lux is a
+// sun.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -16,9 +16,8 @@
 namespace heliograph::assets::gltf {
 namespace {
 
-constexpr float kRadius = 0.01f;       // metres, of point and spot lights
-constexpr float kSunAngle = 0.00465f;  // radians, the sun's angular radius
-constexpr float kSunDistance = 1000;   // metres
+constexpr float kRadius = 0.01f;      // metres, of point and spot lights
+constexpr float kSunAngle = 0.0093f;  // radians, our sun's angular diameter
 constexpr double kPi = std::numbers::pi;
 
 /// A unit sphere: an icosahedron subdivided twice.
@@ -109,14 +108,16 @@ void add_light(const Document& document, Builder& builder, const Value& referenc
     light.intensity = float(kPi * intensity);
     builder.warn("spot lights: the cone is approximated by a cosine lobe along its axis");
   } else if (type == "directional") {
-    light.unit = LightUnit::kLuminance;
-    light.intensity = float(intensity / (kPi * std::pow(std::sin(kSunAngle), 2)));
-    put.pose = constant_pose(scaled(kSunDistance * std::tan(kSunAngle), vec3(0, 0, kSunDistance)));
+    light.unit = LightUnit::kIlluminance;
+    light.intensity = float(intensity);
+    light.sun_angle = kSunAngle;
+    put.mesh.reset();
+    put.pose.reset();
   } else {
     refuse(value.key_where("type"), "must be point, spot or directional");
   }
   put.parent = builder.entity_ref(node_entity);
-  put.materials = std::vector<Ref>{shapes.black};
+  if (put.mesh) put.materials = std::vector<Ref>{shapes.black};
   put.light = LightPatch{.light = light, .texture = {}};
   put.label = LabelPatch{.kind = LabelPatch::Kind::kValue, .value = 0, .category = {}};
   put.visibility = u8(kDiffuseRay | kGlossyRay | kTransmissionRay);

@@ -45,9 +45,7 @@ EmbreeScene::EmbreeScene(std::shared_ptr<const Snapshot> snapshot, Time time,
       lights_(std::move(lights)) {
   const Structure& structure = *placement_->structure;
   for (std::size_t i = 0; i < placement_->meshes.size(); ++i) {
-    const DeviceMesh& mesh = *placement_->meshes[i];
-    meshes_.push_back(mesh.view());
-    if (const auto& tables = lights_->part_tables[i]) tables->fill(meshes_.back());
+    meshes_.push_back(placement_->meshes[i]->view());
   }
   instances_ = placement_->instances;
   for (std::size_t i = 0; i < instances_.size(); ++i) {
@@ -66,8 +64,11 @@ EmbreeScene::EmbreeScene(std::shared_ptr<const Snapshot> snapshot, Time time,
   view_.part_materials = structure.part_materials.data();
   view_.part_lights = lights_->part_lights.data();
   view_.lights = lights_->lights.data();
-  view_.light_cdf = lights_->cdf.data();
+  view_.light_nodes = lights_->tree->nodes.data();
   view_.dome = lights_->dome;
+  view_.suns = lights_->suns.data();
+  view_.sun_count = u32(lights_->suns.size());
+  view_.surface_probability = lights_->surface_probability;
   view_.instance_count = u32(instances_.size());
   view_.light_count = u32(lights_->lights.size());
   const Box& bounds = placement_->bounds;
@@ -124,7 +125,8 @@ Expected<std::shared_ptr<const EmbreeScene>> SceneStore::prepare(
   auto materials = materials_kept ? before->materials_ptr() : make_materials(*snapshot);
   auto lights = placement_kept && materials_kept && before->snapshot().dome == snapshot->dome
                     ? before->lights_ptr()
-                    : make_lights(*snapshot, *placement, *materials, builder_, cache_);
+                    : make_lights(*snapshot, *placement, *materials,
+                                  before ? before->lights_ptr().get() : nullptr, cache_);
   auto scene = std::make_shared<const EmbreeScene>(snapshot, time, std::move(placement),
                                                    std::move(materials), std::move(lights));
   keep(scene);

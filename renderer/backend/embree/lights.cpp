@@ -1,6 +1,8 @@
 // Emission to lights.
 #include "renderer/backend/embree/lights.h"
 
+#include "kernels/light_triangle.h"
+
 #include <cmath>
 
 namespace heliograph::embree {
@@ -10,8 +12,8 @@ constexpr double kLumensPerWatt = 683;
 // A light far dimmer than the others still gets this share of the mean: it may be the only one that
 // a corner of the scene sees.
 constexpr double kSmallestShare = 1e-3;
-// Of the dome, where other lights exist, and the other way round.
-constexpr double kSmallestDomeShare = 0.1;
+// Of the lights of the tree, of the suns and of the dome, where others exist.
+constexpr double kSmallestGroupShare = 0.1;
 
 float luminance(vec3 c) { return glm::dot(c, vec3(0.2126f, 0.7152f, 0.0722f)); }
 
@@ -32,17 +34,34 @@ std::optional<double> area_scale(const mat4x3& m) {
   return similar ? std::optional<double>(s) : std::nullopt;
 }
 
-double part_area(const DeviceMesh& mesh, const PartTables& tables, const mat4x3& world, u32 part) {
-  if (const auto scale = area_scale(world)) return *scale * tables.areas[part];
+double part_area(const DeviceMesh& mesh, const PartTrees& trees, const mat4x3& world, u32 part) {
+  if (const auto scale = area_scale(world)) return *scale * double(trees.bounds[part].power);
   double area = 0;
   const mat3 linear(world);
-  for (u32 i = tables.offsets[part]; i < tables.offsets[part + 1]; ++i) {
-    const uvec3 t = mesh.topology->triangles[tables.triangles[i]];
+  for (u32 i = trees.offsets[part]; i < trees.offsets[part + 1]; ++i) {
+    const uvec3 t = mesh.topology->triangles[trees.entries[i].triangle];
     const vec3 a = mesh.positions[t.x];
     area += 0.5 * glm::length(glm::cross(linear * (mesh.positions[t.y] - a),
                                          linear * (mesh.positions[t.z] - a)));
   }
   return area;
+}
+
+/// Bounds in the world of what has `bounds` in an instance's object space, but for the power.
+kernels::LightBounds world_bounds(const kernels::LightBounds& bounds,
+                                  const kernels::InstanceView& instance) {
+  const mat4x3& m = instance.world_from_object;
+  const vec3 center = kernels::transform_point(m, 0.5f * (bounds.lower + bounds.upper));
+  const vec3 half = 0.5f * (bounds.upper - bounds.lower);
+  const vec3 extent = glm::abs(m[0]) * half.x + glm::abs(m[1]) * half.y + glm::abs(m[2]) * half.z;
+  kernels::LightBounds world = bounds;
+  world.lower = center - extent;
+  world.upper = center + extent;
+  world.axis = kernels::normalize_or(
+      kernels::transform_normal(instance.object_from_world, bounds.axis), vec3(0, 0, 1));
+  // Only similar maps keep the angles of a cone; a single normal has none.
+  if (bounds.cos_spread < 1 && !area_scale(m)) world.cos_spread = -1;
+  return world;
 }
 
 /// Mean of what a texture use multiplies by, in its channel and as a colour; positive wherever the
@@ -69,21 +88,42 @@ vec3 material_emission(const Snapshot& snapshot, const Material& material, Deriv
 
 bool black(vec3 c) { return !(c.x > 0 || c.y > 0 || c.z > 0); }
 
+bool emits(const Light& light) { return !black(light.color) && light.intensity > 0; }
+
+/// sin^2 of an angle's quarter, twice: 1 - the cosine of its half.
+double disc_depth(double angle) { return 2 * std::pow(std::sin(0.25 * angle), 2); }
+
+std::shared_ptr<const TopTree> make_top_tree(std::vector<kernels::LightBounds> bounds) {
+  auto top = std::make_shared<TopTree>();
+  LightTree tree = build_light_tree(bounds, 1);
+  top->leaves.resize(bounds.size());
+  for (u32 i = 0; i < tree.nodes.size(); ++i) {
+    kernels::LightNode& node = tree.nodes[i];
+    if (node.count == 0) continue;
+    node.first = tree.order[node.first];
+    top->leaves[node.first] = i;
+  }
+  top->bounds = std::move(bounds);
+  top->nodes = std::move(tree.nodes);
+  return top;
+}
+
 /// Makes Lights step by step.
 class Lighter {
  public:
   Lighter(const Snapshot& snapshot, const Placement& placement, const Materials& materials,
-          const MeshBuilder& builder, DerivedCache& cache)
+          const Lights* before, DerivedCache& cache)
       : snapshot_(snapshot),
         placement_(placement),
         materials_(materials),
-        builder_(builder),
+        before_(before),
         cache_(cache) {}
 
   std::shared_ptr<const Lights> make() {
     made_->part_lights.assign(placement_.structure->part_materials.size(), kNone);
-    made_->part_tables.resize(placement_.meshes.size());
+    made_->part_trees.resize(placement_.meshes.size());
     for (u32 i = 0; i < placement_.structure->slots.size(); ++i) add(i);
+    for (const u32 entity : placement_.structure->suns) add_sun(entity);
     const double dome = add_dome();
     distribute(dome);
     return std::move(made_);
@@ -92,11 +132,13 @@ class Lighter {
  private:
   void add(u32 index);
   void add_part(u32 index, u32 part, const kernels::LightView& base, double sides);
+  void add_sun(u32 entity);
   double add_dome();
+  [[nodiscard]] double scene_section() const;
   void distribute(double dome_power);
-  const PartTables& tables(u32 mesh) {
-    auto& entry = made_->part_tables[mesh];
-    if (!entry) entry = builder_.part_tables(*placement_.meshes[mesh]);
+  const PartTrees& trees(u32 mesh) {
+    auto& entry = made_->part_trees[mesh];
+    if (!entry) entry = part_trees(*placement_.meshes[mesh], cache_);
     return *entry;
   }
   vec3 emission_of(u32 row);
@@ -104,11 +146,11 @@ class Lighter {
   const Snapshot& snapshot_;
   const Placement& placement_;
   const Materials& materials_;
-  const MeshBuilder& builder_;
+  const Lights* before_;
   DerivedCache& cache_;
   std::shared_ptr<Lights> made_ = std::make_shared<Lights>();
   std::vector<std::optional<vec3>> emissions_;  // by material row
-  std::vector<double> powers_;
+  std::vector<kernels::LightBounds> bounds_;    // by light
 };
 
 vec3 Lighter::emission_of(u32 row) {
@@ -130,11 +172,11 @@ void Lighter::add(u32 index) {
   base.instance = index;
   base.texture.texture = kNone;
   vec3 mean(0);
-  if (entity.light && !black(entity.light->color) && entity.light->intensity > 0) {
+  if (entity.light && entity.light->sun_angle == 0 && emits(*entity.light)) {
     const Light& light = *entity.light;
     double area = 0;
     for (u32 p = 0; p < parts; ++p)
-      area += part_area(mesh, tables(mesh_index), placement_.world[slot.entity], p);
+      area += part_area(mesh, trees(mesh_index), placement_.world[slot.entity], p);
     base.radiance = light_radiance(light, area * (light.two_sided ? 2 : 1));
     base.texture = view_of(snapshot_, light.texture);
     base.light_two_sided = light.two_sided;
@@ -157,12 +199,36 @@ void Lighter::add_part(u32 index, u32 part, const kernels::LightView& base, doub
   const Slot& slot = placement_.structure->slots[index];
   const u32 mesh = placement_.mesh_of_slot[index];
   const double area =
-      part_area(*placement_.meshes[mesh], tables(mesh), placement_.world[slot.entity], part);
+      part_area(*placement_.meshes[mesh], trees(mesh), placement_.world[slot.entity], part);
   if (!(area > 0) || !std::isfinite(radiosity)) return;
   made_->part_lights[slot.first_part + part] = u32(made_->lights.size());
   made_->lights.push_back(base);
-  made_->lights.back().part = part;
-  powers_.push_back(M_PI * area * radiosity);
+  kernels::LightView& light = made_->lights.back();
+  light.part = part;
+  light.tree = trees(mesh).view(part);
+  bounds_.push_back(world_bounds(trees(mesh).bounds[part], placement_.instances[index]));
+  bounds_.back().power = float(M_PI * area * radiosity);
+  bounds_.back().two_sided = kernels::emits_back(light);
+}
+
+/// Area of a disc that hides the scene from a direction, m^2.
+double Lighter::scene_section() const {
+  const Box& bounds = placement_.bounds;
+  const double radius = bounds.empty() ? 1 : 0.5 * double(glm::length(bounds.upper - bounds.lower));
+  return M_PI * radius * radius;
+}
+
+void Lighter::add_sun(u32 index) {
+  const Entity& entity = snapshot_.entities.at(index);
+  const Light& light = *entity.light;
+  const vec3 axis = kernels::normalize_or(placement_.world[index][2], vec3(0));
+  if (!emits(light) || black(glm::abs(axis))) return;
+  kernels::SunView sun{};
+  sun.direction = axis;
+  sun.depth = float(disc_depth(double(light.sun_angle)));
+  sun.radiance = light_radiance(light, 0);
+  sun.visibility = entity.visibility;
+  made_->suns.push_back(sun);
 }
 
 double Lighter::add_dome() {
@@ -189,35 +255,40 @@ double Lighter::add_dome() {
     if (!tables.column_guide.empty()) view.column_guide = tables.column_guide.data();
     integral = tables.integral;
   }
-  const Box& bounds = placement_.bounds;
-  const double radius = bounds.empty() ? 1 : 0.5 * double(glm::length(bounds.upper - bounds.lower));
-  return M_PI * radius * radius * luminance(integral * view.radiance);
+  return scene_section() * double(luminance(integral * view.radiance));
 }
 
+/// Shares of the lights, of the suns and of the dome in proportion to their power, none too small.
 void Lighter::distribute(double dome_power) {
   double total = 0;
-  for (const double p : powers_) total += p;
-  const double least =
-      total > 0 ? kSmallestShare * total / double(powers_.size()) : 1;  // all too dim for a double
+  for (const auto& b : bounds_) total += double(b.power);
+  // All may be too dim for a float, or too many.
+  const double least = total > 0 ? kSmallestShare * total / double(bounds_.size()) : 1;
+  glm::dvec3 shares(0, 0, dome_power);
+  for (auto& b : bounds_) {
+    b.power = std::max(b.power, float(least));
+    shares.x += double(b.power);
+  }
+  std::vector<double> suns;
+  for (const auto& sun : made_->suns) {
+    suns.push_back(scene_section() * 2 * M_PI * double(sun.depth * luminance(sun.radiance)));
+    shares.y += suns.back();
+  }
+  const double all = shares.x + shares.y + shares.z, sun_power = shares.y;
   double sum = 0;
-  for (double& p : powers_) sum += p = std::max(p, least);
-  double dome = 0;
-  if (dome_power > 0) {
-    dome = sum > 0 ? std::clamp(dome_power / (dome_power + sum), kSmallestDomeShare,
-                                1 - kSmallestDomeShare)
-                   : 1;
-  }
-  made_->dome.probability = float(dome);
-  const float all = 1 - made_->dome.probability;
-  double running = 0;
-  float before = 0;
-  for (std::size_t i = 0; i < powers_.size(); ++i) {
-    running += powers_[i];
-    const float now = i + 1 == powers_.size() ? all : float(running / sum * double(all));
-    made_->cdf.push_back(now);
-    made_->lights[i].probability = now - before;
-    before = now;
-  }
+  for (int i = 0; i < 3; ++i)
+    if (shares[i] > 0) sum += shares[i] = std::max(shares[i] / all, kSmallestGroupShare);
+  if (sum > 0) shares /= sum;
+  double sun_sum = 0;
+  for (double& s : suns) sun_sum += s = std::max(s, kSmallestShare * sun_power);
+  for (std::size_t i = 0; i < suns.size(); ++i)
+    made_->suns[i].probability = float(shares.y * suns[i] / sun_sum);
+  made_->surface_probability = float(shares.x);
+  made_->dome.probability = float(shares.z);
+  made_->tree = before_ && before_->tree->bounds == bounds_ ? before_->tree
+                                                            : make_top_tree(std::move(bounds_));
+  for (std::size_t i = 0; i < made_->lights.size(); ++i)
+    made_->lights[i].leaf = made_->tree->leaves[i];
 }
 
 }  // namespace
@@ -243,8 +314,11 @@ vec3 planckian_color(double kelvin) {
 
 vec3 light_radiance(const Light& light, double area) {
   double scale = double(light.intensity) * std::exp2(double(light.exposure));
-  if (light.unit == LightUnit::kLuminance || light.unit == LightUnit::kLumen)
+  if (light.unit == LightUnit::kLuminance || light.unit == LightUnit::kLumen ||
+      light.unit == LightUnit::kIlluminance)
     scale /= kLumensPerWatt;
+  if (light.unit == LightUnit::kIrradiance || light.unit == LightUnit::kIlluminance)
+    scale /= M_PI * std::pow(std::sin(0.5 * double(light.sun_angle)), 2);
   if (light.unit == LightUnit::kPower || light.unit == LightUnit::kLumen)
     scale = area > 0 ? scale / (M_PI * area) : 0;
   const vec3 tint = light.temperature > 0 ? planckian_color(double(light.temperature)) : vec3(1);
@@ -252,9 +326,9 @@ vec3 light_radiance(const Light& light, double area) {
 }
 
 std::shared_ptr<const Lights> make_lights(const Snapshot& snapshot, const Placement& placement,
-                                          const Materials& materials, const MeshBuilder& builder,
+                                          const Materials& materials, const Lights* before,
                                           DerivedCache& cache) {
-  return Lighter(snapshot, placement, materials, builder, cache).make();
+  return Lighter(snapshot, placement, materials, before, cache).make();
 }
 
 }  // namespace heliograph::embree

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "renderer/backend/embree/materials.h"
+#include "renderer/backend/embree/part_trees.h"
 #include "renderer/backend/embree/placement.h"
 
 namespace heliograph::embree {
@@ -19,24 +20,32 @@ struct DomeTables {
 [[nodiscard]] std::shared_ptr<const DomeTables> dome_tables(const Texture& texture,
                                                             DerivedCache& cache);
 
+/// The tree over the lights of a scene: a function of their bounds.
+struct TopTree {
+  std::vector<kernels::LightBounds> bounds;  // by light
+  std::vector<kernels::LightNode> nodes;     // a leaf's entry is a light
+  std::vector<u32> leaves;                   // by light
+};
+
 struct Lights {
   std::vector<kernels::LightView> lights;
-  std::vector<float> cdf;
+  std::shared_ptr<const TopTree> tree;
   std::vector<u32> part_lights;
-  std::vector<std::shared_ptr<const PartTables>> part_tables;  // by mesh of the placement, or null
+  std::vector<std::shared_ptr<const PartTrees>> part_trees;  // by mesh of the placement, or null
+  std::vector<kernels::SunView> suns;
+  float surface_probability = 0;  // of the lights together
   kernels::DomeView dome{};
   std::shared_ptr<const DomeTables> dome_tables;  // null: constant
 };
 
-/// Probabilities are proportional to power; nothing that emits has probability 0.
+/// A tree that `before` has for the same bounds is taken over; the result does not depend on it.
 [[nodiscard]] std::shared_ptr<const Lights> make_lights(const Snapshot& snapshot,
                                                         const Placement& placement,
                                                         const Materials& materials,
-                                                        const MeshBuilder& builder,
-                                                        DerivedCache& cache);
+                                                        const Lights* before, DerivedCache& cache);
 
 /// Radiance of a light in each channel, before its texture, for an emitting area in m^2 (all
-/// sides).
+/// sides); suns need none.
 [[nodiscard]] vec3 light_radiance(const Light& light, double area);
 /// Linear Rec.709 colour of the Planckian locus at unit luminance; kelvin in [1000, 40000].
 /// Channels outside the gamut are 0, which keeps the luminance by rescaling the others.

@@ -59,13 +59,6 @@ kernels::MeshView DeviceMesh::view() const {
   return view;
 }
 
-void PartTables::fill(kernels::MeshView& view) const {
-  view.part_triangles = triangles.data();
-  view.part_cdf = cdf.data();
-  view.part_offsets = offsets.data();
-  view.part_areas = areas.data();
-}
-
 Expected<std::shared_ptr<const Blas>> MeshBuilder::blas(const ArrayOf<uvec3>& triangles,
                                                         const ArrayOf<vec3>& positions,
                                                         u32 vertex_count) const {
@@ -136,46 +129,6 @@ bool MeshBuilder::ready(const Mesh& mesh) const {
   return cache_.contains({Derived::kBlas,
                           {mesh.vertices->positions.serial(), mesh.topology->triangles.serial(),
                            mesh.topology->vertex_count}});
-}
-
-std::shared_ptr<const PartTables> MeshBuilder::part_tables(const DeviceMesh& mesh) const {
-  const MeshTopology& topology = *mesh.topology;
-  const DerivedKey key{
-      Derived::kParts,
-      {mesh.positions.serial(), topology.triangles.serial(), topology.parts.serial()}};
-  Sources sources{mesh.positions.buffer(), topology.triangles.buffer()};
-  if (!topology.parts.empty()) sources.push_back(topology.parts.buffer());
-  return cache_.get<PartTables>(key, std::move(sources), [&] {
-    auto tables = std::make_shared<PartTables>();
-    const u32 count = u32(topology.triangles.size());
-    const auto part_of = [&](u32 triangle) {
-      return topology.parts.empty() ? 0 : topology.parts[triangle];
-    };
-    tables->offsets.assign(topology.part_count + 1, 0);
-    for (u32 i = 0; i < count; ++i) ++tables->offsets[part_of(i) + 1];
-    for (u32 p = 0; p < topology.part_count; ++p) tables->offsets[p + 1] += tables->offsets[p];
-    tables->triangles.resize(count);
-    auto next = tables->offsets;
-    for (u32 i = 0; i < count; ++i) tables->triangles[next[part_of(i)]++] = i;
-    tables->cdf.resize(count);
-    for (u32 p = 0; p < topology.part_count; ++p) {
-      double area = 0;
-      const u32 first = tables->offsets[p], last = tables->offsets[p + 1];
-      std::vector<double> sums(last - first);
-      for (u32 i = first; i < last; ++i) {
-        const uvec3 t = topology.triangles[tables->triangles[i]];
-        const vec3 a = mesh.positions[t.x];
-        area += 0.5 * glm::length(glm::cross(glm::dvec3(mesh.positions[t.y] - a),
-                                             glm::dvec3(mesh.positions[t.z] - a)));
-        sums[i - first] = area;
-      }
-      for (u32 i = first; i < last; ++i)
-        tables->cdf[i] =
-            area > 0 ? float(sums[i - first] / area) : float(i + 1 - first) / float(last - first);
-      tables->areas.push_back(float(area));
-    }
-    return tables;
-  });
 }
 
 Box MeshBuilder::rest_bounds(const DeviceMesh& mesh, const mat3& map) const {

@@ -1,4 +1,4 @@
-// Meshes on the device: their acceleration structures, bounds and tables for sampling their area.
+// Meshes on the device: their acceleration structures and bounds.
 #pragma once
 
 #include <optional>
@@ -35,16 +35,6 @@ struct Blas {
   [[nodiscard]] u64 bytes() const { return bytes_; }
 };
 
-/// The tables of kernels::MeshView for sampling points on parts, and the parts' areas.
-struct PartTables {
-  std::vector<u32> triangles;
-  std::vector<float> cdf;
-  std::vector<u32> offsets;
-  std::vector<float> areas;  // by part, object space
-  void fill(kernels::MeshView& view) const;
-  [[nodiscard]] u64 bytes() const { return triangles.size() * 8 + offsets.size() * 8; }
-};
-
 /// A mesh as one or more entities show it.
 struct DeviceMesh {
   std::shared_ptr<const MeshTopology> topology;
@@ -68,7 +58,6 @@ class MeshBuilder {
                                                             DeformedVertices deformed) const;
   /// Whether build(mesh) would find everything made.
   [[nodiscard]] bool ready(const Mesh& mesh) const;
-  [[nodiscard]] std::shared_ptr<const PartTables> part_tables(const DeviceMesh& mesh) const;
   /// Bounds of the rest vertices of the triangles under a linear map.
   [[nodiscard]] Box rest_bounds(const DeviceMesh& mesh, const mat3& map) const;
 

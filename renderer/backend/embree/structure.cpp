@@ -31,6 +31,19 @@ std::vector<u8> visibility_of_all(const Snapshot& snapshot) {
   return state;
 }
 
+bool is_sun(const Entity& entity) { return entity.light && entity.light->sun_angle > 0; }
+
+std::vector<u32> shown_suns(const Snapshot& snapshot) {
+  std::vector<u32> suns;
+  snapshot.entities.for_each([&](u32 index, const Entity& entity) {
+    if (is_sun(entity)) suns.push_back(index);
+  });
+  if (suns.empty()) return suns;
+  const std::vector<u8> shown = visibility_of_all(snapshot);
+  std::erase_if(suns, [&](u32 index) { return !shown[index]; });
+  return suns;
+}
+
 template <class F>
 void for_each_shown(const Snapshot& snapshot, F&& f) {
   const std::vector<u8> shown = visibility_of_all(snapshot);
@@ -89,6 +102,7 @@ Expected<std::shared_ptr<const Structure>> make_structure(const Snapshot& snapsh
     structure->meshes.push_back(*std::move(built[i]));
   }
 
+  structure->suns = shown_suns(snapshot);
   structure->labelling = label_entities(snapshot);
   std::vector<u32> row_of_entity(snapshot.entities.capacity(), kNone);
   for (u32 row = 0; row < structure->labelling.instances.size(); ++row)

@@ -22,6 +22,7 @@ struct Structure {
   std::vector<u32> slot_of_entity;  // kNone: shows nothing
   std::vector<std::shared_ptr<const DeviceMesh>> meshes;
   std::vector<u32> part_materials;  // row of the material table; its capacity: the default material
+  std::vector<u32> suns;            // entities that are shown and have a sun
   Labelling labelling;
 };
 

@@ -1,0 +1,187 @@
+// Light trees: choosing an emitter by what it may send to a point. Called by light.h; who builds a
+// tree bounds its leaves and subtrees with the functions here.
+#pragma once
+
+#include "kernels/motion.h"
+#include "kernels/scene_view.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+/// Which directions count at a point that receives light.
+enum class Facing : u8 {
+  kFront,  // those in the hemisphere of its normal
+  kBoth,   // all, by their cosine to the normal
+  kAny     // all alike: a point of a medium
+};
+
+/// A point that light is sampled for, at a time.
+struct Receiver {
+  vec3 p;
+  vec3 n;  // unit; unused for kAny
+  Facing facing;
+  float time;
+};
+
+/// The receiver in the object space of an instance that has this pose. Half-spaces stay
+/// half-spaces: what cannot count in the world cannot count there.
+KERNEL Receiver to_object(const ObjectPose& pose, const Receiver& r) {
+  return {transform_point(pose.object_from_world, r.p),
+          normalize_or(transform_normal(pose.world_from_object, r.n), vec3(0)), r.facing, r.time};
+}
+
+// ---------------------------------------------------------------- bounds
+
+/// Bounds of emitters: where they are, where their fronts face, how much they send.
+struct LightBounds {
+  vec3 lower{INFINITY};
+  vec3 upper{-INFINITY};
+  vec3 axis{0, 0, 1};     // unit, of a cone that holds the fronts' normals
+  float cos_spread = -1;  // of its half angle; -1: every direction
+  float power = 0;
+  bool two_sided = false;  // some of them emit from both sides
+  friend bool operator==(const LightBounds&, const LightBounds&) = default;
+};
+
+/// cos(a + b) for angles in [0, pi], -1 where the sum exceeds pi.
+KERNEL float cos_sum(float cos_a, float cos_b) {
+  if (cos_a + cos_b <= 0) return -1;
+  return cos_a * cos_b - safe_sqrt(1 - cos_a * cos_a) * safe_sqrt(1 - cos_b * cos_b);
+}
+
+/// Rounding must not shrink a cone.
+KERNEL float widened(float cosine) { return cosine > 1 - 1e-6f ? cosine : cosine - 1e-6f; }
+
+/// The bounds of both. The cone's axis lies between theirs, or is theirs if one holds the other.
+KERNEL LightBounds merge(const LightBounds& a, const LightBounds& b) {
+  LightBounds m;
+  m.lower = glm::min(a.lower, b.lower);
+  m.upper = glm::max(a.upper, b.upper);
+  m.power = a.power + b.power;
+  m.two_sided = a.two_sided || b.two_sided;
+  const LightBounds& wide = a.cos_spread <= b.cos_spread ? a : b;
+  const LightBounds& narrow = a.cos_spread <= b.cos_spread ? b : a;
+  m.axis = wide.axis;
+  m.cos_spread = wide.cos_spread;
+  if (wide.cos_spread <= -1) return m;
+  const float between = min2(dot(a.axis, b.axis), 1.0f);
+  if (cos_sum(between, narrow.cos_spread) >= wide.cos_spread) return m;
+  m.axis = normalize_or(a.axis + b.axis, a.axis);
+  m.cos_spread = max2(widened(min2(cos_sum(min2(dot(m.axis, a.axis), 1.0f), a.cos_spread),
+                                   cos_sum(min2(dot(m.axis, b.axis), 1.0f), b.cos_spread))),
+                      -1.0f);
+  return m;
+}
+
+KERNEL LightBounds triangle_bounds(vec3 a, vec3 b, vec3 c) {
+  LightBounds bounds;
+  bounds.lower = glm::min(a, glm::min(b, c));
+  bounds.upper = glm::max(a, glm::max(b, c));
+  const vec3 n = cross(b - a, c - a);
+  bounds.axis = normalize_or(n, vec3(0, 0, 1));
+  bounds.cos_spread = 1;
+  bounds.power = 0.5f * length(n);
+  return bounds;
+}
+
+/// A node with these bounds and without children.
+KERNEL LightNode node_of(const LightBounds& b) {
+  LightNode node{};
+  const vec3 half = 0.5f * (b.upper - b.lower);
+  node.center = b.lower + half;
+  node.radius2 = dot(half, half);
+  node.axis = b.axis;
+  node.cos_spread = b.cos_spread;
+  node.power = b.power;
+  node.parent = kNone;
+  node.two_sided = b.two_sided;
+  return node;
+}
+
+// ---------------------------------------------------------------- choice
+
+/// cos(max(a - b, 0)) for angles in [0, pi].
+KERNEL float cos_difference(float cos_a, float cos_b, float sin_b) {
+  if (cos_a >= cos_b) return 1;
+  return cos_a * cos_b + safe_sqrt(1 - cos_a * cos_a) * sin_b;
+}
+
+/// From a cosine at a node's centre and the largest one over the node to a typical one, which is 0
+/// only where the largest is. Of 1, 1/2, 1/4 and 1/10, this share of the largest had the least
+/// variance.
+KERNEL float typical_cosine(float center, float largest) {
+  return largest > 0 ? 0.25f * largest + 0.75f * max2(center, 0.0f) : 0;
+}
+
+/// How much the emitters of a node may send to a point, up to a common factor: never 0 where they
+/// send any.
+///
+/// Source: Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree
+/// Splitting", section 4.1, with the receiver's cosine. Their cosines are the largest ones, and
+/// their distance is at least the node's radius; typical cosines and half of the radius have a
+/// tenth of the variance (1,000 lights on a ceiling).
+KERNEL float importance(const LightNode& node, const Receiver& r, bool two_sided) {
+  const vec3 d = node.center - r.p;
+  const float distance2 = dot(d, d);
+  const float inverse = 1 / max2(distance2, 1e-20f);
+  const float scale = std::sqrt(inverse);
+  const bool inside = distance2 <= node.radius2;
+  const float sin_b2 = inside ? 1 : node.radius2 * inverse;
+  const float sin_b = std::sqrt(sin_b2);
+  const float cos_b = inside ? -1 : safe_sqrt(1 - sin_b2);
+  float result = node.power / max2(max2(distance2, 0.25f * node.radius2), 1e-20f);
+  if (node.cos_spread > -1) {
+    float center = -dot(node.axis, d) * scale;
+    if (two_sided || node.two_sided) center = std::fabs(center);
+    float nearest = center;
+    if (node.cos_spread < 1) {
+      nearest = cos_difference(center, node.cos_spread, safe_sqrt(1 - sqr(node.cos_spread)));
+      center = 0.5f * (center + nearest);
+    }
+    result *= typical_cosine(center, inside ? 1 : cos_difference(nearest, cos_b, sin_b));
+    if (!(result > 0)) return 0;
+  }
+  if (r.facing == Facing::kAny) return result;
+  float center = dot(r.n, d) * scale;
+  if (r.facing == Facing::kBoth) center = std::fabs(center);
+  return result * typical_cosine(center, inside ? 1 : cos_difference(center, cos_b, sin_b));
+}
+
+/// Probability of the first of two siblings. Where neither sends anything, any choice will do.
+KERNEL float first_share(const LightNode* pair, const Receiver& r, bool two_sided) {
+  const float a = importance(pair[0], r, two_sided);
+  const float b = importance(pair[1], r, two_sided);
+  const float share = a / (a + b);
+  return share >= 0 ? share : 0.5f;
+}
+
+struct LeafChoice {
+  u32 node;
+  float probability;
+  float rest;  // uniform in [0, 1)
+};
+
+/// Descends from io.node to a leaf.
+KERNEL void choose_leaf(const LightNode* nodes, const Receiver& r, bool two_sided, LeafChoice& io) {
+  while (nodes[io.node].count == 0) {
+    const u32 first = nodes[io.node].first;
+    const float share = first_share(nodes + first, r, two_sided);
+    const bool second = io.rest >= share;
+    const float part = second ? 1 - share : share;
+    io.rest = min2((second ? io.rest - share : io.rest) / part, 1 - 0x1p-24f);
+    io.probability *= part;
+    io.node = first + u32(second);
+  }
+}
+
+/// Probability with which choose_leaf() ends in `leaf`.
+KERNEL float leaf_probability(const LightNode* nodes, u32 leaf, const Receiver& r, bool two_sided) {
+  float probability = 1;
+  for (u32 node = leaf; nodes[node].parent != kNone; node = nodes[node].parent) {
+    const u32 first = nodes[nodes[node].parent].first;
+    const float share = first_share(nodes + first, r, two_sided);
+    probability *= node == first ? share : 1 - share;
+  }
+  return probability;
+}
+
+}  // namespace heliograph::kernels::inline HELIO_ISA
