@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from .scene import Scene
+    from .sky import AirOptions
 
 _H = TypeVar("_H", bound=Handle)
 _UNSET: Any = object()
@@ -309,6 +310,15 @@ class Edits:
         if camera_visible is not None:
             out.camera_visible = camera_visible
         self._add(None).settings.dome.CopyFrom(out)
+
+    def sky(
+        self, elevation: float, azimuth: float = 0.0, sun: str = "sun", **air: Unpack[AirOptions]
+    ) -> None:
+        """A clear sky as the dome, and its sun as the entity `sun`. elevation, azimuth: of the sun,
+        radians. The options are those of heliograph.sky.AirOptions."""
+        from . import sky
+
+        sky.put(self, sun, sky.sky(elevation, azimuth, **air))
 
     def _dome_texture(self, image: Any) -> Texture:
         name, message = _images.dome_texture(self.scene.client, image)
