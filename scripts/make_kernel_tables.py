@@ -13,7 +13,7 @@ import numpy as np
 MU, ROUGHNESS = 32, 32  # reflection: cosines (sqrt-spaced), roughnesses
 GLASS_MU, GLASS_ROUGHNESS, GLASS_IOR = 16, 16, 16
 FILTER = 128  # intervals of one half
-ANISOTROPY, ANISOTROPIC_ROUGHNESS, ANISOTROPIC_PHI, ANISOTROPIC_MU = 6, 12, 6, 16
+ANISOTROPY, ANISOTROPIC_ROUGHNESS, ANISOTROPIC_PHI, ANISOTROPIC_MU = 9, 16, 4, 12
 SHEEN_MU, SHEEN_ROUGHNESS = 32, 16
 SHEEN_SMOOTHEST = 0.25  # below, the model reflects more than it gets
 GRID = 96  # per side, quadrature points over the sampling square

@@ -15,7 +15,7 @@ import numpy as np
 from heliograph import studio
 
 COLUMNS = 6
-SIZE = (480, 560)
+SIZE = (360, 420)
 
 Row = Callable[[float], dict[str, Any]]
 ROWS: tuple[tuple[str, Row], ...] = (
@@ -67,7 +67,7 @@ def build(edit: hg.Edits) -> hg.Entity:
     edit.texture("dimples", dimples())
     ball = edit.mesh("ball", **hg.shapes.sphere(0.44, 96))
     stripes = np.where(np.arange(16)[None, :, None] % 2 == 0, 0.75, 0.08)
-    edit.texture("stripes", np.broadcast_to(stripes, (1, 16, 3)).astype("f4"))
+    edit.texture("stripes", np.broadcast_to(stripes, (1, 16, 3)).astype("f4"), filter="nearest")
     edit.material("wall/material", base_color="stripes", roughness=0.8)
     wall = edit.mesh("wall/mesh", **hg.shapes.plane(9))
     turn = np.array([[1, 0, 0, 0], [0, 0, -1, 1], [0, 1, 0, 0], [0, 0, 0, 1.0]])
@@ -90,8 +90,8 @@ def main(out: Path, spp: int) -> None:
             camera = build(edit)
         frame = scene.render(camera, spp=spp, max_depth=8)
         image = Image.fromarray(frame.image(view="filmic"))
-        image.convert("RGB").quantize(256, dither=Image.Dither.NONE).save(out, optimize=True)
+        image.convert("RGB").quantize(128, dither=Image.Dither.NONE).save(out, optimize=True)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 256)
+    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 512)

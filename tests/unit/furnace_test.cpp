@@ -16,6 +16,16 @@ MaterialView white(float roughness, float metallic, float transmission, float sp
   return m;
 }
 
+MaterialView with(MaterialView m, float MaterialValues::* parameter, float value) {
+  m.constant.*parameter = value;
+  return m;
+}
+
+MaterialView sheet(MaterialView m) {
+  m.thin_walled = true;
+  return m;
+}
+
 /// Mean radiance of the picture of a sphere of some material that fills it, under a uniform sky.
 float open_furnace(const MaterialView& material) {
   TestScene scene;
@@ -35,20 +45,26 @@ TEST_CASE("furnace: a white sphere vanishes before a uniform sky") {
     MaterialView material;
     float tolerance;
   };
-  const Row rows[] = {{"lambert", white(0.5f, 0, 0, 0), 0.002f},
-                      {"smooth plastic", white(0, 0, 0), 0.01f},
-                      {"plastic 0.3", white(0.3f, 0, 0), 0.01f},
-                      {"plastic 0.6", white(0.6f, 0, 0), 0.01f},
-                      {"plastic 1", white(1, 0, 0), 0.01f},
-                      {"mirror", white(0, 1, 0), 0.002f},
-                      {"metal 0.2", white(0.2f, 1, 0), 0.01f},
-                      {"metal 0.5", white(0.5f, 1, 0), 0.01f},
-                      {"metal 1", white(1, 1, 0), 0.01f},
-                      {"glass", white(0, 0, 1), 0.01f},
-                      {"rough glass 0.2", white(0.2f, 0, 1), 0.01f},
-                      {"rough glass 0.5", white(0.5f, 0, 1), 0.01f},
-                      {"rough glass 1", white(1, 0, 1), 0.02f},
-                      {"mixture", white(0.4f, 0.5f, 0.5f), 0.01f}};
+  const Row rows[] = {
+      {"lambert", white(0.5f, 0, 0, 0), 0.002f},
+      {"smooth plastic", white(0, 0, 0), 0.01f},
+      {"plastic 0.3", white(0.3f, 0, 0), 0.01f},
+      {"plastic 0.6", white(0.6f, 0, 0), 0.01f},
+      {"plastic 1", white(1, 0, 0), 0.01f},
+      {"mirror", white(0, 1, 0), 0.002f},
+      {"metal 0.2", white(0.2f, 1, 0), 0.01f},
+      {"metal 0.5", white(0.5f, 1, 0), 0.01f},
+      {"metal 1", white(1, 1, 0), 0.01f},
+      {"glass", white(0, 0, 1), 0.01f},
+      {"rough glass 0.2", white(0.2f, 0, 1), 0.01f},
+      {"rough glass 0.5", white(0.5f, 0, 1), 0.01f},
+      {"rough glass 1", white(1, 0, 1), 0.02f},
+      {"mixture", white(0.4f, 0.5f, 0.5f), 0.01f},
+      {"brushed metal", with(white(0.5f, 1, 0), &MaterialValues::anisotropic, 0.8f), 0.01f},
+      {"clearcoat", with(white(0.6f, 1, 0), &MaterialValues::clearcoat, 1), 0.01f},
+      {"sheen", with(white(0.6f, 0, 0), &MaterialValues::sheen, 1), 0.01f},
+      {"rough inside", with(white(0, 0, 1), &MaterialValues::transmission_roughness, 0.4f), 0.015f},
+      {"sheet", sheet(white(0.3f, 0, 1)), 0.01f}};
   for (const Row& row : rows) {
     INFO(row.name);
     const float got = open_furnace(row.material);
