@@ -170,7 +170,9 @@ TEST_CASE("embree: static entities show the same picture, whatever came before")
   fix.put("box", fixed).put("ball", fixed).put("floor", fixed);
   for (int i = 0; i < 36; ++i) {  // so many that they are traced as one mesh
     const std::string name = fmt::format("stone {}", i);
-    world.object(name, "cube", scaled(vec3(0.1f), {0.3f * (i % 6) - 1, 0.3f * (i / 6) - 1, 0.05f}));
+    const int row = i / 6;
+    world.object(name, "cube",
+                 scaled(vec3(0.1f), {0.3f * float(i - 6 * row) - 1, 0.3f * float(row) - 1, 0.05f}));
     fix.put(name, fixed);
   }
   const auto loose = world.apply();
