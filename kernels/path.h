@@ -43,6 +43,7 @@ struct Path {
   float radiance_scale;  // product of eta^2 of refractions: throughput without them, for roulette
   u32 edges;             // of the path, the ray included
   bool guided;           // the guides are recorded
+  bool blurred;          // it has scattered, and not by a perfect mirror or window alone
   Route route;
 };
 
@@ -68,7 +69,8 @@ KERNEL void collect(const PathContext<T>& c, SampleValues& sample, Contribution 
                     const Route& route) {
   const float largest = max_component(light.radiance);
   if (!(largest > 0)) return;
-  if (largest > c.settings.clamp) light.radiance *= c.settings.clamp / largest;
+  const float most = light.edges > 2 ? c.settings.clamp_indirect : c.settings.clamp;
+  if (largest > most) light.radiance *= most / largest;
   sample.radiance += light.radiance;
   if (c.film.wanted & kLightPlaneSet) add_light(sample, light, route);
 }
@@ -85,6 +87,7 @@ KERNEL Path begin_path(const PathContext<T>& c, u32 x, u32 y) {
   path.radiance_scale = 1;
   path.edges = 1;
   path.guided = (c.film.wanted & kGuidePlaneSet) == 0;
+  path.blurred = false;
   path.route = {vec3(0), false};
   return path;
 }
@@ -133,6 +136,19 @@ KERNEL float emission_weight(const SceneView& scene, const Path& path, const Hit
   return mis_weight(path.pdf, light_pdf(scene, path.from, hit, path.ray.direction, light));
 }
 
+/// Makes glossy lobes rougher, so that paths which light sampling cannot find are not fireflies.
+///
+/// Source: Kaplanyan and Dachsbacher 2013, "Path Space Regularization for Holistic and Robust Light
+/// Transport"; the rule is pbrt-v4's: alpha below 0.3 becomes 2 alpha, within [0.1, 0.3].
+KERNEL void regularize(float& roughness) {
+  const float alpha = sqr(roughness);
+  if (alpha < 0.3f) roughness = std::sqrt(min2(max2(2 * alpha, 0.1f), 0.3f));
+}
+KERNEL void regularize(MaterialValues& material) {
+  regularize(material.roughness);
+  regularize(material.clearcoat_roughness);
+}
+
 /// The path meets a surface: counts what it emits; false when the path ends there.
 template <Tracer T>
 KERNEL bool hit_surface(const PathContext<T>& c, const Path& path, const Hit& hit, Vertex& v,
@@ -140,6 +156,7 @@ KERNEL bool hit_surface(const PathContext<T>& c, const Path& path, const Hit& hi
   v.surface = surface_at(c.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), c.time);
   const Surface& s = v.surface;
   v.material = material_at(c.scene, s, ~kAlphaBit);
+  if (path.blurred && c.settings.regularize) regularize(v.material);
   const vec3 wo = -path.ray.direction;
   const bool front = dot(wo, s.ng) >= 0;
   const vec3 emission = emitted(c.scene, s, v.material, front);
@@ -233,6 +250,7 @@ KERNEL bool scatter(const PathContext<T>& c, Path& path, const Vertex& v, Sample
   path.throughput *= s.weight;
   path.radiance_scale *= sqr(s.eta);
   path.pdf = s.pdf;
+  path.blurred = path.blurred || s.pdf > 0;
   path.from = receiver_of(v, c.time);
   path.mask = s.lobe == Lobe::kDiffuse  ? kDiffuseRay
               : s.lobe == Lobe::kGlossy ? kGlossyRay

@@ -11,6 +11,7 @@ enum class Fold : u8 {
   kMean,    // averaged over samples with the pixel filter, by render_pixel()
   kCentre,  // one ray through the pixel's centre, by probe_pixel()
   kFilm,    // read from the accumulation
+  kPost,    // computed from other planes of the frame
 };
 
 /// What one centre ray knows of the first surface it meets. World space unless a name says
@@ -95,7 +96,8 @@ struct Probe {
   X(EMISSION_LIGHT, float, 3, kMean, "W sr^-1 m^-2", 0)                  \
   X(ENVIRONMENT_LIGHT, float, 3, kMean, "W sr^-1 m^-2", 0)               \
   X(AMBIENT_OCCLUSION, float, 1, kMean, "1", 0)                          \
-  X(COST, float, 1, kMean, "rays", 0)
+  X(COST, float, 1, kMean, "rays", 0)                                    \
+  X(DENOISED, float, 4, kPost, "W sr^-1 m^-2", 0)
 
 enum class Plane : u32 {
 #define HELIO_PLANE(NAME, ...) NAME,

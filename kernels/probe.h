@@ -263,6 +263,7 @@ KERNEL u32 probe_pixel(const ProbeContext& context, const T& tracer, const T* fo
   const Probe p = make_probe<T>(context, tracers, film.wanted, raster, rays);
 #define HELIO_PUT_kMean(...)
 #define HELIO_PUT_kFilm(...)
+#define HELIO_PUT_kPost(...)
 #define HELIO_PUT_kCentre(NAME, type, channels, expression) \
   if (wants(film, Plane::NAME))                             \
     put_plane<type, channels>(film.planes[u32(Plane::NAME)], pixel, expression);
@@ -271,6 +272,7 @@ KERNEL u32 probe_pixel(const ProbeContext& context, const T& tracer, const T* fo
   HELIO_PLANES(HELIO_PUT)
 #undef HELIO_PUT
 #undef HELIO_PUT_kCentre
+#undef HELIO_PUT_kPost
 #undef HELIO_PUT_kFilm
 #undef HELIO_PUT_kMean
   return rays;

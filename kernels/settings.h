@@ -11,7 +11,9 @@ struct Settings {
   u64 seed;
   u32 max_depth;  // path edges: 1 = emission seen directly, 2 = direct light
   bool roulette;
-  float clamp;  // largest radiance of one contribution; +inf: none
+  float clamp;           // largest radiance of one contribution; +inf: none
+  float clamp_indirect;  // of one after three edges or more
+  bool regularize;       // glossy lobes behind a diffuse or rough scattering are rougher
   PixelFilter filter;
   bool transparent_background;
   bool through_transmission;

@@ -85,6 +85,9 @@ void add_flags(CLI::App& app, Config& config) {
   app.add_option("--threads", config.threads, "Render threads; 0: all cores")
       ->capture_default_str();
   app.add_option("--backend", config.backend, "Render backend")->capture_default_str();
+  app.add_option("--denoiser", config.denoiser,
+                 "Open Image Denoise 2: a path, a name the loader finds, or off")
+      ->capture_default_str();
   app.add_option("--asset-root", config.asset_root,
                  "Folder beneath which DecodeAsset may read server_path; off by default");
   app.add_option("--decode-program", config.decode_program,

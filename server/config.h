@@ -69,6 +69,7 @@ struct Config {
   int ready_fd = -1;
   u32 threads = 0;  // 0: all
   std::string backend = "embree";
+  std::string denoiser = "libOpenImageDenoise.so.2";
   std::string asset_root;      // "": server_path is refused
   std::string decode_program;  // "": beside this program
   double grace_seconds = 10;   // a session outlives its connection by this

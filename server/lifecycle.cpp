@@ -128,7 +128,8 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
       EngineOptions{.backend = config.backend,
                     .device = {.threads = config.threads,
                                .cache_bytes = config.limits.derived_bytes,
-                               .static_triangles = config.limits.static_triangles}},
+                               .static_triangles = config.limits.static_triangles},
+                    .denoiser = config.denoiser},
       daemon_.log,
       [this](const Status& status) { daemon_.loop->post([this, status] { on_engine(status); }); });
   daemon_.decoder = Decoder::create(decoder_options(config));

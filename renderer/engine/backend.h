@@ -54,11 +54,19 @@ struct Interrupt {
   }
 };
 
+/// Mean relative standard errors of the pixels' luminance.
+struct Noise {
+  double mean = std::numeric_limits<double>::quiet_NaN();  // over the image
+  std::vector<float> tiles;
+};
+
 /// An accumulating image of one Shot.
 class Film {
  public:
   virtual ~Film() = default;
   [[nodiscard]] virtual u32 tiles() const = 0;
+  [[nodiscard]] virtual u32 tiles_across() const = 0;
+  [[nodiscard]] virtual u32 samples(u32 tile) const = 0;  // taken so far
   [[nodiscard]] virtual u64 rays() const = 0;  // traced so far
 };
 
@@ -89,10 +97,10 @@ class Backend {
   /// Label columns; the film's centre planes are complete.
   [[nodiscard]] virtual Expected<std::vector<Column>> labels(Film& film,
                                                              const Interrupt& interrupt) = 0;
-  /// The planes after `samples` samples of every pixel, in the order of the job.
-  [[nodiscard]] virtual Expected<std::vector<PlaneData>> resolve(Film& film, u32 samples) = 0;
-  /// Mean relative standard error over the pixels, from the film's variance; NaN below 2 samples.
-  [[nodiscard]] virtual double noise(const Film& film, u32 samples) = 0;
+  /// The planes of film_planes() after the samples that each tile has.
+  [[nodiscard]] virtual Expected<std::vector<PlaneData>> resolve(Film& film) = 0;
+  /// From the film's variance, which the job asked for (measures_noise); NaN below 2 samples.
+  [[nodiscard]] virtual Noise noise(const Film& film) = 0;
 
   [[nodiscard]] virtual Expected<QueryResult> query(const QueryJob& job,
                                                     const Interrupt& interrupt) = 0;

@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "renderer/engine/frame.h"
+#include "renderer/engine/post.h"
 #include "renderer/scene/labels.h"
 #include "renderer/scene/motion.h"
 
@@ -35,7 +35,7 @@ Status check_size(const RenderJob& job, EntityId camera, const JobLimits& limits
       return fail(Code::kInvalidArgument, name,
                   fmt::format("{} must be in [1, {}], is {}", name, limits.size, value));
   u64 bytes = 0;
-  for (const Plane plane : job.planes) {
+  for (const Plane plane : film_planes(job)) {
     const PlaneInfo& info = plane_info(plane);
     bytes += u64(size.x) * size.y * info.channels * size_of(info.dtype) *
              (info.fold == Fold::kMean ? 2 : 1);
@@ -56,7 +56,8 @@ Status check_stop_rule(const RenderJob& job, const JobLimits& limits) {
                 fmt::format("spp must be at most {}, is {}", limits.spp, stop.spp));
   if (!(stop.seconds >= 0)) return fail(Code::kInvalidArgument, "seconds", "must be at least 0");
   if (!(stop.noise >= 0)) return fail(Code::kInvalidArgument, "noise", "must be at least 0");
-  if (wants_samples(job) && stop.spp == 0 && stop.seconds == 0 && stop.noise == 0)
+  if (wants_samples(job) && stop.spp == 0 && stop.seconds == 0 && stop.noise == 0 &&
+      stop.tile_rounds == 0)
     return fail(Code::kInvalidArgument, "spp",
                 "these planes average samples: set spp, seconds or noise");
   return {};
@@ -117,10 +118,14 @@ Status check_disparity(const RenderJob& job) {
 
 }  // namespace
 
+bool measures_noise(const RenderJob& job) {
+  return job.stop.noise > 0 || job.stop.adaptive || has(job, {Plane::VARIANCE});
+}
+
 bool wants_samples(const RenderJob& job) {
-  return job.stop.noise > 0 || std::ranges::any_of(job.planes, [](Plane plane) {
-           return plane_info(plane).fold != Fold::kCentre;
-         });
+  return job.stop.noise > 0 || job.stop.adaptive ||
+         std::ranges::any_of(film_planes(job),
+                             [](Plane plane) { return plane_info(plane).fold != Fold::kCentre; });
 }
 
 bool wants_label_columns(const RenderJob& job) {
@@ -129,7 +134,7 @@ bool wants_label_columns(const RenderJob& job) {
 }
 
 bool wants_probe(const RenderJob& job) {
-  return wants_label_columns(job) || std::ranges::any_of(job.planes, [](Plane plane) {
+  return wants_label_columns(job) || std::ranges::any_of(film_planes(job), [](Plane plane) {
            return plane_info(plane).fold == Fold::kCentre;
          });
 }

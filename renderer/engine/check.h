@@ -27,6 +27,8 @@ struct JobLimits {
 [[nodiscard]] bool wants_backward(const RenderJob& job);
 [[nodiscard]] bool wants_samples(const RenderJob& job);  // some plane averages samples
 [[nodiscard]] bool wants_label_columns(const RenderJob& job);
+/// Whether the film keeps second moments: for the plane `variance` or to stop by noise.
+[[nodiscard]] bool measures_noise(const RenderJob& job);
 /// Whether any centre plane is wanted, by the job or by its labels.
 [[nodiscard]] bool wants_probe(const RenderJob& job);
 /// The rendered size of a camera that check_job() has accepted.

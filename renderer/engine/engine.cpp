@@ -1,6 +1,7 @@
 // The queue of jobs, the device thread, and the thread that makes derived data beside it.
 #include "renderer/engine/engine.h"
 
+#include <algorithm>
 #include <condition_variable>
 #include <deque>
 #include <mutex>
@@ -24,7 +25,7 @@ class Work {
   virtual ~Work() = default;
   Work(const Work&) = delete;
   Work& operator=(const Work&) = delete;
-  virtual void run(Backend& backend, std::chrono::milliseconds slice,
+  virtual void run(Backend& backend, Denoiser& denoiser, std::chrono::milliseconds slice,
                    const std::function<Status()>& between) = 0;
   virtual void refuse(Error error) = 0;
   [[nodiscard]] const std::shared_ptr<const Snapshot>& snapshot() const { return snapshot_; }
@@ -52,10 +53,11 @@ class RenderWork final : public Work {
       : Work(job->snapshot, {std::move(stop), job->deadline}),
         job_(std::move(job)),
         sink_(std::move(sink)) {}
-  void run(Backend& backend, std::chrono::milliseconds slice,
+  void run(Backend& backend, Denoiser& denoiser, std::chrono::milliseconds slice,
            const std::function<Status()>& between) override {
-    sink_->done(
-        guard([&] { return Runner(job_, {backend, *sink_, interrupt(), slice, between}).run(); }));
+    sink_->done(guard([&] {
+      return Runner(job_, {backend, denoiser, *sink_, interrupt(), slice, between}).run();
+    }));
   }
   void refuse(Error error) override { sink_->done(std::unexpected(std::move(error))); }
 
@@ -71,7 +73,8 @@ class QueryWork final : public Work {
       : Work(query->snapshot, {std::move(stop), std::nullopt}),
         query_(std::move(query)),
         done_(std::move(done)) {}
-  void run(Backend& backend, std::chrono::milliseconds, const std::function<Status()>&) override {
+  void run(Backend& backend, Denoiser&, std::chrono::milliseconds,
+           const std::function<Status()>&) override {
     done_(guard([&] { return backend.query(*query_, interrupt()); }));
   }
   void refuse(Error error) override { done_(std::unexpected(std::move(error))); }
@@ -87,7 +90,9 @@ class QueryWork final : public Work {
 class Engine::Impl {
  public:
   Impl(std::unique_ptr<Backend> backend, const EngineOptions& options)
-      : backend_(std::move(backend)), options_(options) {
+      : backend_(std::move(backend)),
+        options_(options),
+        denoiser_(options.denoiser, options.device.threads) {
     device_ = std::thread([this] { device_loop(); });
     warmer_ = std::thread([this] { warm_loop(); });
   }
@@ -112,6 +117,7 @@ class Engine::Impl {
 
   [[nodiscard]] const Backend& backend() const { return *backend_; }
   [[nodiscard]] const JobLimits& limits() const { return options_.limits; }
+  [[nodiscard]] Denoiser& denoiser() { return denoiser_; }
   [[nodiscard]] u32 queued() const {
     const std::scoped_lock lock(mutex_);
     return u32(ready_.size() + cold_.size()) + running_;
@@ -127,6 +133,7 @@ class Engine::Impl {
 
   const std::unique_ptr<Backend> backend_;
   const EngineOptions options_;
+  Denoiser denoiser_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   Queue ready_;  // derived data made
@@ -158,7 +165,7 @@ void Engine::Impl::device_loop() {
     if (auto status = work->interrupt().status(); !status)
       work->refuse(std::move(status).error());
     else
-      work->run(*backend_, options_.slice, [this] { return between(); });
+      work->run(*backend_, denoiser_, options_.slice, [this] { return between(); });
     work.reset();
     const std::scoped_lock lock(mutex_);
     running_ = 0;
@@ -235,6 +242,7 @@ Engine::~Engine() = default;
 Status Engine::submit(std::shared_ptr<const RenderJob> job, std::shared_ptr<JobSink> sink,
                       std::stop_token stop) {
   HELIO_TRY(check_job(*job, impl_->limits()));
+  if (std::ranges::count(job->planes, Plane::DENOISED) > 0) HELIO_TRY(impl_->denoiser().ready());
   impl_->submit(std::make_unique<RenderWork>(std::move(job), std::move(sink), std::move(stop)));
   return {};
 }

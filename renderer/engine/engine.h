@@ -24,6 +24,7 @@ class JobSink {
 struct EngineOptions {
   std::string backend = "embree";
   BackendOptions device;
+  std::string denoiser = "libOpenImageDenoise.so.2";  // or a path, or "off"
   JobLimits limits;
   std::chrono::milliseconds slice{
       10};  // the longest the device runs without asking whether to stop

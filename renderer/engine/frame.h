@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <limits>
 #include <memory>
 #include <string>
 #include <variant>
@@ -57,6 +58,8 @@ struct Frame {
   std::vector<std::string> warnings;
   double render_seconds = 0;
   u64 rays = 0;
+  double noise = std::numeric_limits<double>::quiet_NaN();  // mean relative standard error
+  u64 tile_rounds = 0;  // of an adaptive frame
 };
 
 struct Progress {

@@ -30,6 +30,8 @@ struct StopRule {
   u32 spp = 0;         // 0: not set
   double seconds = 0;  // 0: not set
   double noise = 0;    // 0: not set
+  bool adaptive = false;
+  u64 tile_rounds = 0;  // adaptive; 0: not set
 };
 
 struct RenderJob {

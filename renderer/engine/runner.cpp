@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "kernels/film.h"
+#include "renderer/engine/adaptive.h"
 #include "renderer/engine/check.h"
 #include "renderer/engine/image_camera.h"
 #include "renderer/scene/motion.h"
@@ -38,6 +39,7 @@ Status Runner::run() {
 Status Runner::run_camera(u32 camera) {
   camera_start_ = Clock::now();
   noise_ = NAN;
+  tile_samples_ = tile_rounds_ = 0;
   HELIO_TRY(pause());
   auto shot = make_shot(camera);
   if (!shot) return std::unexpected(std::move(shot).error());
@@ -52,9 +54,9 @@ Status Runner::run_camera(u32 camera) {
     frame.labels = *std::move(labels);
   }
   if (wants_samples(*job_))
-    HELIO_TRY(sample(**film, camera, frame));
+    HELIO_TRY(sample(**film, frame));
   else
-    HELIO_TRY(emit(**film, std::move(frame), 0, true));
+    HELIO_TRY(emit(**film, std::move(frame), true));
   report(**film, 1, camera + 1 == job_->cameras.size());
   rays_before_ += (*film)->rays();
   return {};
@@ -94,24 +96,58 @@ Status Runner::probe(Film& film) {
   return {};
 }
 
-Status Runner::sample(Film& film, u32 camera, Frame& frame) {
-  (void)camera;
+Status Runner::sample(Film& film, const Frame& frame) {
   for (u32 done = 0;;) {
     const u32 count = next_pass(done);
-    HELIO_TRY(pass(film, done, count));
+    HELIO_TRY(pass(film, {0, film.tiles()}, done, count));
     done += count;
     const bool last = finished(film, done);
-    if (last || (job_->progressive && power_of_two(done))) HELIO_TRY(emit(film, frame, done, last));
+    if (!last && job_->stop.adaptive && done == kernels::kBlock) return sample_noisy(film, frame);
+    if (last || (job_->progressive && power_of_two(done))) HELIO_TRY(emit(film, frame, last));
     if (last) return {};
   }
 }
+
+Status Runner::sample_noisy(Film& film, const Frame& frame) {
+  const StopRule& stop = job_->stop;
+  const u64 most_rounds = stop.tile_rounds > 0 ? stop.tile_rounds : ~u64(0);
+  for (u32 rounds = 1;; ++rounds) {
+    const Noise noise = context_.backend.noise(film);
+    noise_ = noise.mean;
+    std::vector<u32> tiles = noisy_tiles(noise.tiles, film.tiles_across(), stop.noise);
+    std::erase_if(tiles, [&](u32 tile) { return film.samples(tile) >= most_samples(); });
+    tiles.resize(std::min(tiles.size(), most_rounds - tile_rounds_));
+    const bool last = tiles.empty() || out_of_time();
+    if (last || (job_->progressive && power_of_two(rounds))) HELIO_TRY(emit(film, frame, last));
+    if (last) return {};
+    HELIO_TRY(round(film, tiles));
+  }
+}
+
+/// A block of samples for each of the tiles, or for the first ones when time runs out.
+Status Runner::round(Film& film, const std::vector<u32>& tiles) {
+  for (std::size_t i = 0; i < tiles.size() && !out_of_time();) {
+    const u32 first = film.samples(tiles[i]);
+    const u32 count = std::min(kernels::kBlock, most_samples() - first);
+    const double fits = seconds(kReportEvery) / (seconds_per_sample_ * count);
+    Tiles run{tiles[i], tiles[i] + 1};
+    while (++i < tiles.size() && tiles[i] == run.end && film.samples(run.end) == first &&
+           run.end - run.begin < fits)
+      ++run.end;
+    HELIO_TRY(pass(film, run, first, count));
+    tile_rounds_ += run.end - run.begin;
+  }
+  return {};
+}
+
+u32 Runner::most_samples() const { return job_->stop.spp > 0 ? job_->stop.spp : JobLimits{}.spp; }
 
 u32 Runner::next_pass(u32 done) const {
   const StopRule& stop = job_->stop;
   u32 count = kernels::kBlock - done % kernels::kBlock;
   if (job_->progressive || stop.seconds > 0 || stop.noise > 0)
     count = std::min(count, std::max(done, 1u));
-  if (stop.spp > 0) count = std::min(count, stop.spp - done);
+  count = std::min(count, most_samples() - done);
   if (stop.seconds > 0 && done > 0) {
     const double budget = stop.seconds / double(job_->cameras.size());
     const double each = seconds_in_camera() / done;
@@ -120,54 +156,58 @@ u32 Runner::next_pass(u32 done) const {
   return count;
 }
 
+bool Runner::out_of_time() const {
+  const double seconds = job_->stop.seconds;
+  return seconds > 0 && seconds_in_camera() >= seconds / double(job_->cameras.size());
+}
+
 bool Runner::finished(Film& film, u32 done) {
   const StopRule& stop = job_->stop;
-  const u32 most = stop.spp > 0 ? stop.spp : JobLimits{}.spp;
-  if (done >= most) return true;
+  if (done >= most_samples()) return true;
   if (stop.seconds > 0) {
     const double budget = stop.seconds / double(job_->cameras.size());
     if (seconds_in_camera() * (1 + 0.5 / done) >= budget) return true;
   }
   if (stop.noise > 0 && done >= kernels::kBlock && (power_of_two(done) || done % 64 == 0)) {
-    noise_ = context_.backend.noise(film, done);
-    if (noise_ <= stop.noise) return true;
+    noise_ = context_.backend.noise(film).mean;
+    if (!stop.adaptive && noise_ <= stop.noise) return true;
   }
   return false;
 }
 
-Status Runner::pass(Film& film, u32 first, u32 count) {
+Status Runner::pass(Film& film, Tiles tiles, u32 first, u32 count) {
   const double slice = context_.slice.count();
-  for (u32 tile = 0; tile < film.tiles();) {
+  for (u32 tile = tiles.begin; tile < tiles.end;) {
     // A slice is some tiles with all samples of the pass, or one tile with some of them.
     double fits = seconds_per_sample_ > 0 ? slice / seconds_per_sample_ : 1;
-    const u32 tiles = u32(std::clamp(fits / count, 1.0, double(film.tiles() - tile)));
+    const u32 wide = u32(std::clamp(fits / count, 1.0, double(tiles.end - tile)));
     for (u32 taken = 0; taken < count;) {
       fits = seconds_per_sample_ > 0 ? slice / seconds_per_sample_ : 1;
-      const u32 samples = u32(std::clamp(fits / tiles, 1.0, double(count - taken)));
+      const u32 samples = u32(std::clamp(fits / wide, 1.0, double(count - taken)));
       const auto start = Clock::now();
       HELIO_TRY(
-          context_.backend.render(film, {tile, tiles, first + taken, samples}, context_.interrupt));
-      seconds_per_sample_ = seconds(Clock::now() - start) / (double(tiles) * samples);
+          context_.backend.render(film, {tile, wide, first + taken, samples}, context_.interrupt));
+      seconds_per_sample_ = seconds(Clock::now() - start) / (double(wide) * samples);
       taken += samples;
+      tile_samples_ += u64(wide) * samples;
       HELIO_TRY(pause());
     }
-    tile += tiles;
-    report(
-        film,
-        share_done(first) + (share_done(first + count) - share_done(first)) * tile / film.tiles(),
-        false);
+    tile += wide;
+    report(film, share_done(film), false);
   }
   return {};
 }
 
 double Runner::seconds_in_camera() const { return seconds(Clock::now() - camera_start_); }
 
-double Runner::share_done(u32 samples) const {
+double Runner::share_done(const Film& film) const {
   const StopRule& stop = job_->stop;
-  double share = stop.spp > 0 ? double(samples) / stop.spp : 0;
+  double share = stop.spp > 0 ? double(tile_samples_) / film.tiles() / stop.spp : 0;
   if (stop.seconds > 0)
     share = std::max(share, seconds_in_camera() * double(job_->cameras.size()) / stop.seconds);
   if (stop.noise > 0 && noise_ > 0) share = std::max(share, std::pow(stop.noise / noise_, 2));
+  if (stop.tile_rounds > 0)
+    share = std::max(share, double(tile_rounds_) / double(stop.tile_rounds));
   return std::min(share, 1.0);
 }
 
@@ -207,11 +247,17 @@ Frame Runner::header(u32 index) const {
   return frame;
 }
 
-Status Runner::emit(Film& film, Frame frame, u32 samples, bool final) {
-  auto planes = context_.backend.resolve(film, samples);
+Status Runner::emit(Film& film, Frame frame, bool final) {
+  auto made = context_.backend.resolve(film);
+  if (!made) return std::unexpected(std::move(made).error());
+  auto planes = finish_planes(*job_, *std::move(made),
+                              {context_.denoiser, context_.interrupt, frame.width, frame.height});
   if (!planes) return std::unexpected(std::move(planes).error());
   frame.planes = *std::move(planes);
-  frame.samples = samples;
+  for (u32 tile = 0; tile < film.tiles(); ++tile)
+    frame.samples = std::max(frame.samples, film.samples(tile));
+  frame.tile_rounds = tile_rounds_;
+  if (measures_noise(*job_) && frame.samples > 1) frame.noise = context_.backend.noise(film).mean;
   frame.final = final;
   frame.render_seconds = seconds_in_camera();
   frame.rays = film.rays();

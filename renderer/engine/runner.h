@@ -4,12 +4,14 @@
 #include <functional>
 
 #include "renderer/engine/engine.h"
+#include "renderer/engine/post.h"
 
 namespace heliograph {
 
 /// How a runner is paced and stopped.
 struct RunnerContext {
   Backend& backend;
+  Denoiser& denoiser;
   JobSink& sink;
   const Interrupt& interrupt;
   std::chrono::duration<double> slice;  // the longest time without a call of `between`
@@ -26,15 +28,22 @@ class Runner {
   [[nodiscard]] Status run_camera(u32 camera);
   [[nodiscard]] Expected<Shot> make_shot(u32 camera);
   [[nodiscard]] Status probe(Film& film);
-  [[nodiscard]] Status sample(Film& film, u32 camera, Frame& frame);
-  [[nodiscard]] Status pass(Film& film, u32 first, u32 count);
+  struct Tiles {
+    u32 begin, end;
+  };
+  [[nodiscard]] Status sample(Film& film, const Frame& frame);
+  [[nodiscard]] Status sample_noisy(Film& film, const Frame& frame);
+  [[nodiscard]] Status round(Film& film, const std::vector<u32>& tiles);
+  [[nodiscard]] Status pass(Film& film, Tiles tiles, u32 first, u32 count);
+  [[nodiscard]] u32 most_samples() const;
   [[nodiscard]] u32 next_pass(u32 done) const;
+  [[nodiscard]] bool out_of_time() const;
   [[nodiscard]] bool finished(Film& film, u32 done);
-  [[nodiscard]] Status emit(Film& film, Frame frame, u32 samples, bool final);
+  [[nodiscard]] Status emit(Film& film, Frame frame, bool final);
   [[nodiscard]] Frame header(u32 camera) const;
   [[nodiscard]] Status pause();
   void report(const Film& film, double done_in_camera, bool force);
-  [[nodiscard]] double share_done(u32 samples) const;
+  [[nodiscard]] double share_done(const Film& film) const;
   [[nodiscard]] double seconds_in_camera() const;
 
   std::shared_ptr<const RenderJob> job_;
@@ -43,6 +52,8 @@ class Runner {
   u32 camera_ = 0;
   u64 rays_before_ = 0;            // of the cameras that are done
   double noise_;                   // the latest estimate
+  u64 tile_samples_ = 0;           // of this camera, summed over its tiles
+  u64 tile_rounds_ = 0;            // of this camera, adaptive
   double seconds_per_sample_ = 0;  // of one sample of a whole tile
   double seconds_per_probe_ = 0;   // of one tile
 };

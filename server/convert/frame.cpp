@@ -17,6 +17,8 @@ const char* fold_text(kernels::Fold fold) {
       return "centre";
     case kernels::Fold::kFilm:
       return "film";
+    case kernels::Fold::kPost:
+      return "post";
   }
   return "";
 }
@@ -113,6 +115,8 @@ v1::FrameHeader to_header(const Frame& frame, const FrameContext& context) {
   message.set_manifest(manifest(frame, context));
   message.set_render_seconds(frame.render_seconds);
   message.set_rays(frame.rays);
+  message.set_noise(frame.noise);
+  message.set_tile_rounds(frame.tile_rounds);
   return message;
 }
 

@@ -37,9 +37,15 @@ v1::RenderRequest resolved(const Frame& frame, const FrameContext& context) {
   if (job.frame_interval > 0) request.set_frame_interval(job.frame_interval);
   request.set_seed(frame.seed);
   request.clear_spp();
-  if (frame.samples > 0) request.set_spp(frame.samples);
   request.clear_seconds();
-  request.clear_noise();
+  if (frame.tile_rounds > 0) {
+    request.set_tile_rounds(frame.tile_rounds);
+    if (job.stop.spp > 0) request.set_spp(job.stop.spp);
+  } else {
+    if (frame.samples > 0) request.set_spp(frame.samples);
+    request.clear_adaptive();
+    request.clear_noise();
+  }
   request.clear_progressive();
   request.set_max_depth(job.settings.max_depth);
   request.set_roulette(job.settings.roulette);

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include "renderer/engine/check.h"
 #include "server/convert/fields.h"
 #include "server/convert/resolve.h"
 #include "server/convert/transaction.h"
@@ -11,23 +12,17 @@
 namespace heliograph::server {
 namespace {
 
-using kernels::Fold;
 using kernels::PixelFilter;
 
 constexpr Range kSeconds{-1e9, 1e9};
 constexpr u32 kDefaultDepth = 12;
 constexpr u32 kDefaultRows = 65536;
 constexpr Range kCanvas{0, 4};
+constexpr Range kClamp{1e-6, 1e30};
 
 constexpr std::array kFilters{PixelFilter::kBlackmanHarris, PixelFilter::kBox, PixelFilter::kTent,
                               PixelFilter::kGaussian, PixelFilter::kBlackmanHarris};
 static_assert(kFilters.size() == v1::PixelFilter_ARRAYSIZE);
-
-constexpr std::array kFolds{
-#define HELIO_FOLD(NAME, type, channels, fold, ...) Fold::fold,
-    HELIO_PLANES(HELIO_FOLD)
-#undef HELIO_FOLD
-};
 
 bool is_disparity(Plane plane) {
   return plane == Plane::DISPARITY || plane == Plane::DISPARITY_VISIBLE;
@@ -115,9 +110,13 @@ Status read_stop_rule(const v1::RenderRequest& request, const RenderLimits& limi
   if (request.has_noise())
     HELIO_TAKE(job.stop.noise, in_range(request.noise(), {1e-6, 1}), "noise");
   job.progressive = request.progressive();
-  const bool samples = std::ranges::any_of(
-      job.planes, [](Plane p) { return kFolds[std::size_t(p)] != Fold::kCentre; });
-  if (!samples || request.has_spp() || request.has_seconds() || request.has_noise()) return {};
+  job.stop.adaptive = request.adaptive();
+  job.stop.tile_rounds = request.tile_rounds();
+  if (job.stop.tile_rounds > 0 && !job.stop.adaptive)
+    return fail(Code::kInvalidArgument, "tile_rounds", "is for adaptive sampling; set adaptive");
+  if (!wants_samples(job) || job.stop.tile_rounds > 0 || request.has_spp() ||
+      request.has_seconds() || request.has_noise())
+    return {};
   return fail(Code::kInvalidArgument, "spp",
               "is missing; these planes are averaged over samples: set spp, seconds or noise");
 }
@@ -131,8 +130,13 @@ Status read_settings(const v1::RenderRequest& request, const RenderLimits& limit
                "max_depth");
   settings.roulette = request.has_roulette() ? request.roulette() : true;
   settings.clamp = INFINITY;
-  if (request.has_clamp())
-    HELIO_TAKE(settings.clamp, in_range(request.clamp(), {1e-6, 1e30}), "clamp");
+  if (request.has_clamp()) HELIO_TAKE(settings.clamp, in_range(request.clamp(), kClamp), "clamp");
+  settings.clamp_indirect = settings.clamp;
+  if (request.has_clamp_indirect())
+    HELIO_TAKE(settings.clamp_indirect, in_range(request.clamp_indirect(), kClamp),
+               "clamp_indirect");
+  settings.clamp_indirect = std::min(settings.clamp, settings.clamp_indirect);
+  settings.regularize = request.regularize();
   settings.filter = from_enum(kFilters, request.filter());
   settings.transparent_background = request.transparent_background();
   settings.through_transmission = request.through_transmission();

@@ -142,6 +142,7 @@ NUMBERS = {
             "time",
             "frame_interval",
             "clamp",
+            "clamp_indirect",
             "seed",
             "max_depth",
             "revision",

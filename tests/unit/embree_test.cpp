@@ -91,7 +91,7 @@ std::vector<PlaneData> planes_by_ranges(Backend& backend, const RenderJob& job, 
   for (u32 tile = 0; tile < tiles; tile += probe)
     REQUIRE(backend.probe(**film, tile, std::min(probe, tiles - tile), {}).has_value());
   for (const WorkRange& range : ranges) REQUIRE(backend.render(**film, range, {}).has_value());
-  auto planes = backend.resolve(**film, job.stop.spp);
+  auto planes = backend.resolve(**film);
   REQUIRE(planes.has_value());
   return *std::move(planes);
 }

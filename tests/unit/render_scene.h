@@ -185,6 +185,7 @@ inline RenderJob job_of(std::shared_ptr<const Snapshot> snapshot, std::vector<Pl
                   .max_depth = 6,
                   .roulette = true,
                   .clamp = INFINITY,
+                  .clamp_indirect = INFINITY,
                   .filter = kernels::PixelFilter::kBox};
   return job;
 }

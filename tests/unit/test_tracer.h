@@ -176,7 +176,11 @@ class TestFilm {
 };
 
 inline Settings standard_settings(u32 max_depth) {
-  return {1, max_depth, false, INFINITY, PixelFilter::kBox, false, false};
+  return {.seed = 1,
+          .max_depth = max_depth,
+          .clamp = INFINITY,
+          .clamp_indirect = INFINITY,
+          .filter = PixelFilter::kBox};
 }
 
 inline constexpr PlaneSet kBeauty = PlaneSet(1) << u32(Plane::BEAUTY);

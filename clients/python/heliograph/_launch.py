@@ -83,6 +83,8 @@ class PrivateDaemon:
         self._ready, ready_end = os.pipe()
         command = [self._program, "--private", "--socket-dir", self._folder]
         command += ["--owner-pidfd", str(owner), "--ready-fd", str(ready_end), *arguments]
+        if "--denoiser" not in arguments:
+            command += _denoiser()
         try:
             self._process: subprocess.Popen[bytes] = subprocess.Popen(
                 command,
@@ -174,6 +176,17 @@ class PrivateDaemon:
 
     def __getstate__(self) -> Any:
         raise TypeError("a private daemon belongs to its process; pickle the client instead")
+
+
+def _denoiser() -> list[str]:
+    """The flag that names Open Image Denoise where the package pyoidn has brought it."""
+    import importlib.util
+
+    package = importlib.util.find_spec("pyoidn")
+    if package is None or package.origin is None:
+        return []
+    library = Path(package.origin).parent / "oidn/lib/libOpenImageDenoise.so.2"
+    return ["--denoiser", str(library)] if library.exists() else []
 
 
 def level_of(line: str) -> int:

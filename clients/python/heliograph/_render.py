@@ -26,7 +26,7 @@ _DEFAULT_SPP = 64
 _LABELS = ("boxes", "amodal", "amodal_masks", "keypoints")
 _FILM = {"variance", "samples"}
 _MEAN = {
-    *("beauty", "albedo_mean", "normal_mean", "coverage", "ambient_occlusion", "cost"),
+    *("beauty", "denoised", "albedo_mean", "normal_mean", "coverage", "ambient_occlusion", "cost"),
     *("emission_light", "environment_light"),
 }
 
@@ -49,6 +49,9 @@ class Options(TypedDict, total=False):
     max_depth: int
     roulette: bool
     clamp: float
+    clamp_indirect: float
+    regularize: bool
+    adaptive: bool
     filter: str  # "box", "tent", "gaussian", "blackman_harris"
     transparent_background: bool
     through_transmission: bool
@@ -128,14 +131,14 @@ def make_request(
     _put_stop_rule(out, options, planes)
     if "size" in options:
         out.width, out.height = _size(options["size"])
-    for name in ("time", "frame_interval", "clamp"):
+    for name in ("time", "frame_interval", "clamp", "clamp_indirect"):
         if options.get(name) is not None:
             setattr(out, name, number_of(options[name], name))
     if "max_depth" in options:
         out.max_depth = whole_of(options["max_depth"], "max_depth", 1)
     if "roulette" in options:
         out.roulette = options["roulette"]
-    for flag in ("hold", "transparent_background", "through_transmission"):
+    for flag in ("hold", "transparent_background", "through_transmission", "adaptive", "regularize"):
         setattr(out, flag, bool(options.get(flag, False)))
     out.progressive = options.get("on_pass") is not None
     if "filter" in options:

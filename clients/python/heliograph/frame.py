@@ -42,6 +42,7 @@ class Frame:
         self.width, self.height = int(header.width), int(header.height)
         self.time = float(header.time)
         self.seed, self.samples = int(header.seed), int(header.samples)
+        self.noise = float(header.noise)
         self.is_final = bool(header.final)
         self.backend, self.cpu_features = str(header.backend), str(header.cpu_features)
         self.manifest = str(header.manifest)

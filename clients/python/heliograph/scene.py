@@ -105,7 +105,8 @@ class Scene:
         """Renders one camera (a Frame) or a sequence of them (a list of Frames).
 
         The stop rule of `beauty` and other averaged planes: spp, seconds and noise, any of them;
-        without one, 64 samples a pixel. planes: names, default ["beauty"]; disparity:CAMERA names
+        without one, 64 samples a pixel. adaptive: samples go to the noisier tiles, spp is the most
+        a pixel gets. planes: names, default ["beauty"]; disparity:CAMERA names
         its second camera. size: (width, height), default the camera's own. seed. time: seconds,
         default the scene's. frame_interval, hold: the other end of flow. overlay: of
         scene.overlay(). labels: see docs/python.md; by default boxes come with any plane that

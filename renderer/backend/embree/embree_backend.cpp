@@ -11,6 +11,7 @@
 #include "renderer/backend/embree/embree_film.h"
 #include "renderer/backend/embree/queries.h"
 #include "renderer/backend/embree/silhouettes.h"
+#include "renderer/engine/post.h"
 
 namespace heliograph::embree {
 namespace {
@@ -69,8 +70,8 @@ class EmbreeBackend final : public Backend {
                              const Interrupt& interrupt) override;
   [[nodiscard]] Expected<std::vector<Column>> labels(Film& film,
                                                      const Interrupt& interrupt) override;
-  [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film& film, u32 samples) override;
-  [[nodiscard]] double noise(const Film& film, u32 samples) override;
+  [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film& film) override;
+  [[nodiscard]] Noise noise(const Film& film) override;
   [[nodiscard]] Expected<QueryResult> query(const QueryJob& job,
                                             const Interrupt& interrupt) override;
   [[nodiscard]] u64 derived_bytes() const override { return cache_.bytes() + store_.bytes(); }
@@ -119,9 +120,13 @@ Status EmbreeBackend::for_each_band(EmbreeFilm& film, u32 first_tile, u32 tile_c
 Status EmbreeBackend::render(Film& film, const WorkRange& range, const Interrupt& interrupt) {
   auto& own = static_cast<EmbreeFilm&>(film);
   const RenderTask task = own.render_task();
-  return for_each_band(own, range.first_tile, range.tile_count, interrupt, [&](const auto& rect) {
-    return loops_.render(task, rect, range.first_sample, range.sample_count);
-  });
+  HELIO_TRY(
+      for_each_band(own, range.first_tile, range.tile_count, interrupt, [&](const auto& rect) {
+        return loops_.render(task, rect, range.first_sample, range.sample_count);
+      }));
+  for (u32 i = 0; i < range.tile_count; ++i)
+    own.set_samples(range.first_tile + i, range.first_sample + range.sample_count);
+  return {};
 }
 
 Status EmbreeBackend::probe(Film& film, u32 first_tile, u32 tile_count,
@@ -171,22 +176,18 @@ Expected<std::vector<Column>> EmbreeBackend::labels(Film& film, const Interrupt&
   });
 }
 
-Expected<std::vector<PlaneData>> EmbreeBackend::resolve(Film& film, u32 samples) {
+Expected<std::vector<PlaneData>> EmbreeBackend::resolve(Film& film) {
   const auto& own = static_cast<const EmbreeFilm&>(film);
   std::vector<PlaneData> planes;
   arena_.execute([&] {
-    for (const Plane plane : own.job().planes) planes.push_back(own.resolve(plane, samples));
+    for (const Plane plane : film_planes(own.job())) planes.push_back(own.resolve(plane));
   });
   return planes;
 }
 
-double EmbreeBackend::noise(const Film& film, u32 samples) {
+Noise EmbreeBackend::noise(const Film& film) {
   const auto& own = static_cast<const EmbreeFilm&>(film);
-  if (samples < 2 || !own.view().moment) return NAN;
-  const u64 pixels = u64(own.view().width) * own.view().height;
-  double sum = 0;
-  for (u64 i = 0; i < pixels; ++i) sum += double(kernels::relative_error(own.view(), i, samples));
-  return sum / double(pixels);
+  return arena_.execute([&] { return own.noise(); });
 }
 
 Expected<QueryResult> EmbreeBackend::query(const QueryJob& job, const Interrupt& interrupt) {

@@ -8,6 +8,8 @@
 #include <cstring>
 
 #include "kernels/film.h"
+#include "renderer/engine/check.h"
+#include "renderer/engine/post.h"
 
 namespace heliograph::embree {
 namespace {
@@ -21,15 +23,10 @@ bool wants_label_pixels(const LabelOptions& labels) {
 
 kernels::PlaneSet wanted_planes(const RenderJob& job) {
   kernels::PlaneSet wanted = 0;
-  for (const Plane plane : job.planes) wanted |= plane_bit(plane);
+  for (const Plane plane : film_planes(job)) wanted |= plane_bit(plane);
   if (wants_label_pixels(job.labels)) wanted |= plane_bit(Plane::INSTANCE);
-  if (job.stop.noise > 0 || (wanted & plane_bit(Plane::VARIANCE)))
-    wanted |= plane_bit(Plane::BEAUTY);
+  if (measures_noise(job)) wanted |= plane_bit(Plane::BEAUTY);
   return wanted;
-}
-
-bool wants_moment(const RenderJob& job) {
-  return job.stop.noise > 0 || std::ranges::count(job.planes, Plane::VARIANCE) > 0;
 }
 
 }  // namespace
@@ -51,6 +48,7 @@ EmbreeFilm::EmbreeFilm(const Shot& shot)
   set_end(backward_, shot.backward);
   tiles_x_ = (image_camera_.width + kTileSize - 1) / kTileSize;
   tiles_y_ = (image_camera_.height + kTileSize - 1) / kTileSize;
+  tile_samples_.resize(tiles());
 }
 
 ImageCamera EmbreeFilm::camera_at(EntityId camera, const EmbreeScene& scene) const {
@@ -92,7 +90,7 @@ bool EmbreeFilm::allocate() {
     view_.planes[i] = zeroed(bytes);
     if (info.fold == Fold::kMean) view_.partial[i] = static_cast<float*>(zeroed(bytes));
   }
-  if (wants_moment(job())) {
+  if (measures_noise(job())) {
     view_.moment = static_cast<float*>(zeroed(pixels * sizeof(float)));
     view_.moment_partial = static_cast<float*>(zeroed(pixels * sizeof(float)));
   }
@@ -127,7 +125,14 @@ ProbeTask EmbreeFilm::probe_task() const {
           .film = &view_};
 }
 
-PlaneData EmbreeFilm::resolve(Plane plane, u32 samples) const {
+template <class F>
+void EmbreeFilm::for_each_tile(F&& visit) const {
+  tbb::parallel_for(tbb::blocked_range<u32>(0, tiles()), [&](const auto& range) {
+    for (u32 i = range.begin(); i < range.end(); ++i) visit(i);
+  });
+}
+
+PlaneData EmbreeFilm::resolve(Plane plane) const {
   const PlaneInfo& info = plane_info(plane);
   const u64 pixels = u64(view_.width) * view_.height;
   PlaneData data{plane, std::vector<std::byte>(pixels * info.channels * size_of(info.dtype))};
@@ -135,18 +140,43 @@ PlaneData EmbreeFilm::resolve(Plane plane, u32 samples) const {
     std::memcpy(data.pixels.data(), view_.planes[u32(plane)], data.pixels.size());
     return data;
   }
-  if (plane == Plane::SAMPLES) {
-    std::fill_n(reinterpret_cast<u32*>(data.pixels.data()), pixels, samples);
-    return data;
-  }
-  if (samples == 0) return data;
+  auto* counts = reinterpret_cast<u32*>(data.pixels.data());
   auto* out = reinterpret_cast<float*>(data.pixels.data());
-  tbb::parallel_for(tbb::blocked_range<u64>(0, pixels * info.channels, 1 << 16), [&](auto range) {
-    for (u64 i = range.begin(); i < range.end(); ++i)
-      out[i] = plane == Plane::VARIANCE ? kernels::pixel_statistics(view_, i, samples).variance
-                                        : kernels::mean_value(view_, plane, i, samples);
+  for_each_tile([&](u32 index) {
+    const PixelRect rect = tile(index);
+    const u32 samples = tile_samples_[index];
+    if (samples == 0) return;
+    for (u32 y = rect.y0; y < rect.y1; ++y) {
+      const u64 row = u64(y) * view_.width;
+      for (u64 i = (row + rect.x0) * info.channels; i < (row + rect.x1) * info.channels; ++i) {
+        if (plane == Plane::SAMPLES)
+          counts[i] = samples;
+        else
+          out[i] = plane == Plane::VARIANCE ? kernels::pixel_statistics(view_, i, samples).variance
+                                            : kernels::mean_value(view_, plane, i, samples);
+      }
+    }
   });
   return data;
+}
+
+Noise EmbreeFilm::noise() const {
+  std::vector<double> sums(tiles());
+  for_each_tile([&](u32 index) {
+    const PixelRect rect = tile(index);
+    for (u32 y = rect.y0; y < rect.y1; ++y)
+      for (u32 x = rect.x0; x < rect.x1; ++x)
+        sums[index] +=
+            double(kernels::relative_error(view_, u64(y) * view_.width + x, tile_samples_[index]));
+  });
+  Noise noise{.mean = 0};
+  for (u32 i = 0; i < tiles(); ++i) {
+    const PixelRect rect = tile(i);
+    noise.mean += sums[i];
+    noise.tiles.push_back(float(sums[i] / double((rect.x1 - rect.x0) * (rect.y1 - rect.y0))));
+  }
+  noise.mean /= double(view_.width) * view_.height;
+  return noise;
 }
 
 }  // namespace heliograph::embree

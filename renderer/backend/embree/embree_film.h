@@ -33,6 +33,9 @@ class EmbreeFilm final : public Film {
   [[nodiscard]] static Expected<std::unique_ptr<EmbreeFilm>> create(const Shot& shot);
 
   [[nodiscard]] u32 tiles() const override { return tiles_x_ * tiles_y_; }
+  [[nodiscard]] u32 tiles_across() const override { return tiles_x_; }
+  [[nodiscard]] u32 samples(u32 tile) const override { return tile_samples_[tile]; }
+  void set_samples(u32 tile, u32 samples) { tile_samples_[tile] = samples; }
   [[nodiscard]] u64 rays() const override { return rays_.load(std::memory_order_relaxed); }
   void add_rays(u64 rays) { rays_.fetch_add(rays, std::memory_order_relaxed); }
   /// The pixels of a tile.
@@ -45,7 +48,8 @@ class EmbreeFilm final : public Film {
   [[nodiscard]] const ImageCamera& image_camera() const { return image_camera_; }
   [[nodiscard]] RenderTask render_task() const;
   [[nodiscard]] ProbeTask probe_task() const;
-  [[nodiscard]] PlaneData resolve(Plane plane, u32 samples) const;
+  [[nodiscard]] PlaneData resolve(Plane plane) const;
+  [[nodiscard]] Noise noise() const;
 
  private:
   explicit EmbreeFilm(const Shot& shot);
@@ -53,6 +57,8 @@ class EmbreeFilm final : public Film {
   void set_end(FlowEnd& end, const std::shared_ptr<const DeviceScene>& scene);
   [[nodiscard]] bool allocate();
   [[nodiscard]] void* zeroed(u64 bytes);
+  template <class F>
+  void for_each_tile(F&& visit) const;
 
   Shot shot_;
   std::shared_ptr<const EmbreeScene> scene_;
@@ -63,6 +69,7 @@ class EmbreeFilm final : public Film {
   kernels::FilmView view_{};
   std::vector<ZeroedMemory> memory_;
   u32 tiles_x_, tiles_y_;
+  std::vector<u32> tile_samples_;
   std::atomic<u64> rays_{0};
 };
 

@@ -1,0 +1,24 @@
+// Planes that are computed from other planes of their frame. Called by checks, films and the
+// runner.
+#pragma once
+
+#include "renderer/engine/denoiser.h"
+
+namespace heliograph {
+
+/// The planes that a backend makes for a job: those it asks for that are no post planes, in its
+/// order, then what the post planes are computed from.
+[[nodiscard]] std::vector<Plane> film_planes(const RenderJob& job);
+
+struct PostContext {
+  Denoiser& denoiser;
+  const Interrupt& interrupt;
+  u32 width, height;
+};
+
+/// A job's planes in its order, from those that the backend made (film_planes).
+[[nodiscard]] Expected<std::vector<PlaneData>> finish_planes(const RenderJob& job,
+                                                             std::vector<PlaneData> made,
+                                                             const PostContext& context);
+
+}  // namespace heliograph
