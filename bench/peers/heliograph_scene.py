@@ -73,7 +73,7 @@ class Heliograph:
                 mesh=self.meshes[o["mesh"]],
                 material=self.materials[o["material"]],
                 transform=o["to_world"],
-                static=o["name"] != self.doc["edit"]["object"],
+                static=not self.doc.get("all_move") and o["name"] != self.doc["edit"]["object"],
                 **light,
             )
         camera = self.doc["camera"]

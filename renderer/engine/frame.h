@@ -59,7 +59,7 @@ struct Frame {
   double render_seconds = 0;
   u64 rays = 0;
   double noise = std::numeric_limits<double>::quiet_NaN();  // mean relative standard error
-  u64 tile_rounds = 0;  // of an adaptive frame
+  u64 tile_rounds = 0;                                      // of an adaptive frame
 };
 
 struct Progress {

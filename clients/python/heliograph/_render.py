@@ -138,7 +138,13 @@ def make_request(
         out.max_depth = whole_of(options["max_depth"], "max_depth", 1)
     if "roulette" in options:
         out.roulette = options["roulette"]
-    for flag in ("hold", "transparent_background", "through_transmission", "adaptive", "regularize"):
+    for flag in (
+        "hold",
+        "transparent_background",
+        "through_transmission",
+        "adaptive",
+        "regularize",
+    ):
         setattr(out, flag, bool(options.get(flag, False)))
     out.progressive = options.get("on_pass") is not None
     if "filter" in options:
