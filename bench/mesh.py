@@ -1,5 +1,7 @@
 """The paper's MESH scene: W3's 1,000 random meshes under 6 lamps, all moved before each frame of
-640x480 with 64 samples and every label. usage: mesh.py heliograph|cycles [SCENES=build/bench/scenes]
+640x480 with 64 samples and every label.
+
+usage: mesh.py heliograph|cycles [SCENES=build/bench/scenes]
 
 Run heliograph with .venv/bin/python, cycles with build/bench/venv/bin/python; bench/run makes both.
 Times are wall milliseconds, medians.

@@ -67,7 +67,7 @@ class Film {
   [[nodiscard]] virtual u32 tiles() const = 0;
   [[nodiscard]] virtual u32 tiles_across() const = 0;
   [[nodiscard]] virtual u32 samples(u32 tile) const = 0;  // taken so far
-  [[nodiscard]] virtual u64 rays() const = 0;  // traced so far
+  [[nodiscard]] virtual u64 rays() const = 0;             // traced so far
 };
 
 class Backend {

@@ -4,6 +4,7 @@ code with the renderer. Conventions are those of proto/heliograph/v1/types.proto
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -159,3 +160,25 @@ def extent(mask: np.ndarray) -> list[int]:
     """Half-open pixel box of a mask: x0, y0, x1, y1; zeros when it is empty."""
     y, x = np.nonzero(mask)
     return [x.min(), y.min(), x.max() + 1, y.max() + 1] if len(x) else [0, 0, 0, 0]
+
+
+def at_hits(
+    hits: Hits, index: int, thing: Any, values: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where thing `index` was hit: those hits' numbers, and vertex values interpolated there."""
+    mine = np.flatnonzero(hits.thing == index)
+    corner = values[thing.triangles[hits.triangle[mine]]]
+    u, v = hits.u[mine, None], hits.v[mine, None]
+    return mine, corner[:, 0] * (1 - u - v) + corner[:, 1] * u + corner[:, 2] * v
+
+
+def facing_normals(hits: Hits, things: list, directions: np.ndarray) -> np.ndarray:
+    """Unit normals of the triangles that were hit, towards where the rays come from; else 0."""
+    out = np.zeros((len(directions), 3))
+    for index, thing in enumerate(things):
+        mine = np.flatnonzero(hits.thing == index)
+        corners = thing.world_positions()[thing.triangles[hits.triangle[mine]]]
+        a, b, c = np.moveaxis(corners, 1, 0)
+        out[mine] = np.cross(b - a, c - a)
+    out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-30)
+    return np.where((out * directions).sum(1, keepdims=True) > 0, -out, out)

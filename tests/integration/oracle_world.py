@@ -4,7 +4,19 @@ from __future__ import annotations
 
 import heliograph as hg
 import numpy as np
-from oracle import CV_FROM_GL, Thing, cube, icosphere, look_at_cv, pixel_rays, pose, rotation, trace
+from oracle import (
+    CV_FROM_GL,
+    Thing,
+    at_hits,
+    cube,
+    facing_normals,
+    icosphere,
+    look_at_cv,
+    pixel_rays,
+    pose,
+    rotation,
+    trace,
+)
 
 WIDTH, HEIGHT = 96, 64
 K = np.array([[88.0, 0, 43.7], [0, 101.0, 35.2], [0, 0, 1]])
@@ -135,25 +147,15 @@ class Truth:
             values = getattr(thing, name)
             if values is None:
                 continue
-            mine = np.flatnonzero(self.hits.thing == index)
-            corner = values[thing.triangles[self.hits.triangle[mine]]]
-            u, v = self.hits.u[mine, None], self.hits.v[mine, None]
-            out[mine] = corner[:, 0] * (1 - u - v) + corner[:, 1] * u + corner[:, 2] * v
+            mine, there = at_hits(self.hits, index, thing, values)
+            out[mine] = there
         return out
 
     def per_thing(self, values: list) -> np.ndarray:
         return np.array([*values, 0])[self.hits.thing]
 
     def geometric_normals(self) -> np.ndarray:
-        out = np.zeros((len(self.hit), 3))
-        for index, thing in enumerate(self.things):
-            mine = np.flatnonzero(self.hits.thing == index)
-            a, b, c = np.moveaxis(
-                thing.world_positions()[thing.triangles[self.hits.triangle[mine]]], 1, 0
-            )
-            out[mine] = np.cross(b - a, c - a)
-        out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-30)
-        return np.where((out * self.directions).sum(1, keepdims=True) > 0, -out, out)
+        return facing_normals(self.hits, self.things, self.directions)
 
 
 def project(camera_from_world: np.ndarray, p: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import heliograph as hg
 import numpy as np
 import pytest
-from oracle import extent, pixel_rays, pose, rotation, trace
+from oracle import at_hits, extent, facing_normals, pixel_rays, pose, rotation, trace
 from oracle_motion import (
     HEIGHT,
     WIDTH,
@@ -45,22 +45,12 @@ class View:
         """Vertex values of each shape, interpolated where its triangles were hit."""
         out = np.zeros((len(self.directions), 3))
         for index, (shape, value) in enumerate(zip(self.shapes, values, strict=True)):
-            mine = np.flatnonzero(self.hits.thing == index)
-            corner = value[shape.triangles[self.hits.triangle[mine]]]
-            u, v = self.hits.u[mine, None], self.hits.v[mine, None]
-            out[mine] = corner[:, 0] * (1 - u - v) + corner[:, 1] * u + corner[:, 2] * v
+            mine, there = at_hits(self.hits, index, shape, value)
+            out[mine] = there
         return out
 
     def geometric_normals(self) -> np.ndarray:
-        out = np.zeros_like(self.position)
-        for index, shape in enumerate(self.shapes):
-            mine = np.flatnonzero(self.hits.thing == index)
-            a, b, c = np.moveaxis(
-                shape.world_positions()[shape.triangles[self.hits.triangle[mine]]], 1, 0
-            )
-            out[mine] = np.cross(b - a, c - a)
-        out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-30)
-        return np.where((out * self.directions).sum(1, keepdims=True) > 0, -out, out)
+        return facing_normals(self.hits, self.shapes, self.directions)
 
 
 def flat(frame: hg.Frame, plane: str) -> np.ndarray:

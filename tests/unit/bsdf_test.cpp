@@ -50,16 +50,6 @@ vec3 direction_at(float cosine, bool front = true) {
 }
 
 /// The sphere as a square: azimuth and z.
-vec3 from_square(double x, double y) {
-  const double z = 2 * y - 1, r = std::sqrt(1 - z * z);
-  return vec3(r * std::cos(2 * M_PI * x), r * std::sin(2 * M_PI * x), z);
-}
-void to_square(vec3 d, double& x, double& y) {
-  x = std::atan2(double(d.y), double(d.x)) / (2 * M_PI);
-  if (x < 0) x += 1;
-  y = 0.5 + 0.5 * double(d.z);
-}
-
 const vec3 kUp(0, 0, 1);
 
 }  // namespace

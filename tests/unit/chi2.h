@@ -6,6 +6,8 @@
 #include <functional>
 #include <vector>
 
+#include "kernels/platform.h"
+
 namespace heliograph::test {
 
 /// Regularised upper incomplete gamma function: series and continued fraction (Press et al.,
@@ -85,6 +87,17 @@ inline double square_p_value(const SquareTest& test,
   counts.push_back(test.samples - seen);
   expected.push_back(std::max(0.0, test.samples * (1 - total)));
   return chi2_p_value(counts, expected);
+}
+
+/// The unit square to unit directions and back, preserving area (up to 4 pi).
+inline kernels::vec3 from_square(double x, double y) {
+  const double z = 2 * y - 1, r = std::sqrt(1 - z * z);
+  return {r * std::cos(2 * M_PI * x), r * std::sin(2 * M_PI * x), z};
+}
+inline void to_square(kernels::vec3 d, double& x, double& y) {
+  x = std::atan2(double(d.y), double(d.x)) / (2 * M_PI);
+  if (x < 0) x += 1;
+  y = 0.5 + 0.5 * double(d.z);
 }
 
 /// The level of each statistical test here; a suite of a hundred of them fails by chance once in

@@ -88,16 +88,6 @@ Bsdf bsdf_of(const Config& c, vec3 wo, vec3 clearcoat_normal = kUp) {
                          .thin_walled = c.thin_walled});
 }
 
-vec3 from_square(double x, double y) {
-  const double z = 2 * y - 1, r = std::sqrt(1 - z * z);
-  return vec3(r * std::cos(2 * M_PI * x), r * std::sin(2 * M_PI * x), z);
-}
-void to_square(vec3 d, double& x, double& y) {
-  x = std::atan2(double(d.y), double(d.x)) / (2 * M_PI);
-  if (x < 0) x += 1;
-  y = 0.5 + 0.5 * double(d.z);
-}
-
 /// The ends of a range more often than by chance.
 float parameter(Random& random) {
   const float u = random.next();
