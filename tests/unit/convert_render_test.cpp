@@ -111,8 +111,6 @@ TEST_CASE("render: refusals") {
           "no object 77");
   refused("cameras { name: 'left' }", kInvalid, "planes", "at least one plane, or for labels");
   refused("cameras { name: 'left' } planes { }", kInvalid, "planes[0]", "name a plane");
-  refused(kGood + "planes { plane: PLANE_DENOISED }", Code::kUnimplemented, "planes[1]",
-          "PLANE_DENOISED is not built");
   refused(kGood + "planes { plane: PLANE_BEAUTY }", kInvalid, "planes[1]", "twice");
   refused(kGood + "planes { plane: PLANE_DISPARITY }", kInvalid, "planes[1].camera",
           "second camera");
@@ -131,6 +129,8 @@ TEST_CASE("render: refusals") {
           "set spp, seconds or noise");
   refused(kGood + "seconds: nan", kInvalid, "seconds", "finite");
   refused(kGood + "noise: -1", kInvalid, "noise", "");
+  refused(kGood + "clamp_indirect: 0", kInvalid, "clamp_indirect", "");
+  refused(kGood + "tile_rounds: 3", kInvalid, "tile_rounds", "set adaptive");
   refused(kGood + "time: inf", kInvalid, "time", "finite");
   refused(kGood + "frame_interval: 0", kInvalid, "frame_interval", "seconds to the next frame");
   refused(kGood + "max_depth: 0", kInvalid, "max_depth", "[1, 1024]");
