@@ -16,8 +16,11 @@ inline constexpr u32 kBlock = 16;
 struct FilmView {
   void* planes[kPlanes];    // centre planes: the values. mean planes: float sums of whole blocks
   float* partial[kPlanes];  // mean planes: sum of the samples of the unfinished block
-  float* moment;            // the same two for the squared luminance of beauty; null unless
-  float* moment_partial;    // VARIANCE or a noise stop rule is wanted (then BEAUTY is there too)
+  // BEAUTY_GROUP has the pixels of one group after those of the other.
+  const u32* rank_of_group;  // by light group of the scene: which of them, kNone: not wanted
+  u32 groups;                // how many are wanted
+  float* moment;             // the same two for the squared luminance of beauty; null unless
+  float* moment_partial;     // VARIANCE or a noise stop rule is wanted (then BEAUTY is there too)
   PlaneSet wanted;
   u32 width;
   u32 height;
@@ -43,6 +46,24 @@ KERNEL void add_sample(const FilmView& film, Plane plane, u64 pixel, const float
   float* sum = static_cast<float*>(film.planes[u32(plane)]) + pixel * N;
   float* partial = film.partial[u32(plane)] + pixel * N;
   for (int i = 0; i < N; ++i) add_to_sum(sum[i], partial[i], value[i], whole);
+}
+
+/// Adds a contribution to the unfinished block of its light group, where that is wanted.
+KERNEL void add_to_group(const FilmView& film, u32 group, u64 pixel, vec3 radiance) {
+  const u32 rank = film.rank_of_group[group];
+  if (rank == kNone) return;
+  float* partial = film.partial[u32(Plane::BEAUTY_GROUP)];
+  partial += (u64(rank) * film.width * film.height + pixel) * 3;
+  for (int i = 0; i < 3; ++i) partial[i] += radiance[i];
+}
+/// Ends a block of a pixel's samples.
+KERNEL void end_group_block(const FilmView& film, u64 pixel) {
+  const u64 stride = u64(film.width) * film.height * 3;
+  float* sum = static_cast<float*>(film.planes[u32(Plane::BEAUTY_GROUP)]) + pixel * 3;
+  float* partial = film.partial[u32(Plane::BEAUTY_GROUP)] + pixel * 3;
+  for (u32 group = 0; group < film.groups; ++group, sum += stride, partial += stride) {
+    for (int i = 0; i < 3; ++i) add_to_sum(sum[i], partial[i], 0, true);
+  }
 }
 
 /// A channel of a mean plane after `samples` samples. i: pixel * channels + channel.

@@ -189,6 +189,13 @@ KERNEL vec3 light_radiance(const SceneView& scene, const LightSample& sample) {
   return sample.sun != kNone ? scene.suns[sample.sun].radiance : dome_radiance(scene, sample.place);
 }
 
+KERNEL u32 light_group(const SceneView& scene, const LightSample& sample) {
+  if (sample.light != kNone) {
+    return scene.instances[scene.lights[sample.light].instance].light_group;
+  }
+  return sample.sun != kNone ? scene.suns[sample.sun].light_group : scene.dome.light_group;
+}
+
 /// Whether a light shows to every kind of ray that scattering makes. If not, only sample_light()
 /// and mirrors count it.
 KERNEL bool shows_to_all(u32 visibility) {

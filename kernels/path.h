@@ -31,6 +31,7 @@ struct PathContext {
   const FilmView& film;
   Sampler sampler;
   float time;  // of the path, with all that it meets
+  u64 pixel;
 };
 
 /// A path on its way from the camera.
@@ -72,6 +73,9 @@ KERNEL void collect(const PathContext<T>& c, SampleValues& sample, Contribution 
   const float most = light.edges > 2 ? c.settings.clamp_indirect : c.settings.clamp;
   if (largest > most) light.radiance *= most / largest;
   sample.radiance += light.radiance;
+  if (wants(c.film, Plane::BEAUTY_GROUP)) {
+    add_to_group(c.film, light.group, c.pixel, light.radiance);
+  }
   if (c.film.wanted & kLightPlaneSet) add_light(sample, light, route);
 }
 
@@ -106,27 +110,25 @@ KERNEL vec3 met_dome(const SceneView& scene, const Path& path) {
   return dome_radiance(scene, place) * weight;
 }
 
-/// Radiance of the suns that the path meets, weighted.
-KERNEL vec3 met_suns(const SceneView& scene, const Path& path) {
-  vec3 radiance(0);
-  for (u32 i = 0; i < scene.sun_count; ++i) {
-    const SunView& sun = scene.suns[i];
-    if (!(sun.visibility & path.mask) || !in_sun(sun, path.ray.direction)) continue;
-    if (path.pdf <= 0) {
-      radiance += sun.radiance;
-    } else if (shows_to_all(sun.visibility)) {
-      radiance += sun.radiance * mis_weight(path.pdf, sun_pdf(sun));
-    }
-  }
-  return radiance;
+/// Radiance of a sun where the path leaves the scene, weighted; 0 unless it meets the sun.
+KERNEL vec3 met_sun(const SunView& sun, const Path& path) {
+  if (!(sun.visibility & path.mask) || !in_sun(sun, path.ray.direction)) return vec3(0);
+  if (path.pdf <= 0) return sun.radiance;
+  if (!shows_to_all(sun.visibility)) return vec3(0);
+  return sun.radiance * mis_weight(path.pdf, sun_pdf(sun));
 }
 
 /// The path leaves the scene.
 template <Tracer T>
 KERNEL void miss(const PathContext<T>& c, const Path& path, SampleValues& sample) {
   if (path.edges == 1 && c.settings.transparent_background) return;
-  const vec3 radiance = met_dome(c.scene, path) + met_suns(c.scene, path);
-  collect(c, sample, {path.throughput * radiance, path.edges, true}, path.route);
+  const auto add = [&](vec3 radiance, u32 group) {
+    collect(c, sample, {path.throughput * radiance, path.edges, true, group}, path.route);
+  };
+  add(met_dome(c.scene, path), c.scene.dome.light_group);
+  for (u32 i = 0; i < c.scene.sun_count; ++i) {
+    add(met_sun(c.scene.suns[i], path), c.scene.suns[i].light_group);
+  }
 }
 
 /// Weight of light that the path met by itself where sample_light could have found it too.
@@ -163,7 +165,8 @@ KERNEL bool hit_surface(const PathContext<T>& c, const Path& path, const Hit& hi
   const vec3 own = shown(s, v.material);
   if (!is_black(emission) || !is_black(own)) {
     const vec3 light = emission * emission_weight(c.scene, path, hit, s.light) + own;
-    collect(c, sample, {path.throughput * light, path.edges, false}, path.route);
+    const u32 group = s.instance->light_group;
+    collect(c, sample, {path.throughput * light, path.edges, false, group}, path.route);
   }
   if (!s.material->unlit) {
     set_bsdf(v.bsdf, v.material, shading_point(c.scene, s, v.material, wo));
@@ -214,7 +217,8 @@ KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Vertex
   const vec3 radiance =
       path.throughput * total * light_radiance(c.scene, light) * (weight / light.pdf);
   const Route route = path.edges == 1 ? Route{share_of(f.diffuse, total), transmitted} : path.route;
-  collect(c, sample, {radiance, path.edges + 1, light.light == kNone}, route);
+  const u32 group = light_group(c.scene, light);
+  collect(c, sample, {radiance, path.edges + 1, light.light == kNone, group}, route);
 }
 
 /// Denoising guides, at the first vertex that is not a perfect mirror.
@@ -326,7 +330,7 @@ KERNEL u32 render_pixel(const SceneView& scene, const CameraView& camera, const 
     const Sampler sampler(key, i);
     const float time = path_time(camera.shutter, sampler, y);
     const CameraAt now(camera, time);
-    const PathContext<T> context{scene, now.camera(), settings, tracer, film, sampler, time};
+    const PathContext<T> context{scene, now.camera(), settings, tracer, film, sampler, time, pixel};
     const SampleValues sample = trace_path(context, x, y);
     write_sample(film, pixel, sample, (i + 1) % kBlock == 0);
     rays += sample.rays;

@@ -14,7 +14,8 @@ enum RayMask : u32 {
   kGlossyRay = 4,
   kTransmissionRay = 8,
   kShadowRay = 16,
-  kAllRays = 31,
+  kVolumeRay = 32,
+  kAllRays = 63,
 };
 
 /// What accepts() needs to decide on a hole. A probe ray takes a surface with opacity >= 0.5; any

@@ -35,6 +35,7 @@ struct Contribution {
   vec3 radiance;
   u32 edges;  // of the path from the camera to the light, 1: seen directly
   bool environment;
+  u32 group;  // light group
 };
 KERNEL void add_light(SampleValues& sample, const Contribution& c, const Route& route) {
   const u32 direct = c.edges == 2 ? 0 : 1;
@@ -59,6 +60,7 @@ KERNEL void write_sample(const FilmView& film, u64 pixel, const SampleValues& s,
     const float y = luminance(s.radiance);
     add_to_sum(film.moment[pixel], film.moment_partial[pixel], y * y, whole);
   }
+  if (whole && wants(film, Plane::BEAUTY_GROUP)) end_group_block(film, pixel);
   constexpr PlaneSet kScalars =
       plane_bit(Plane::COVERAGE) | plane_bit(Plane::AMBIENT_OCCLUSION) | plane_bit(Plane::COST);
   if ((film.wanted & (kGuidePlaneSet | kLightPlaneSet | kScalars)) == 0) return;

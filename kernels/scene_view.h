@@ -129,6 +129,7 @@ struct InstanceView {
   u32 part;                // number of its first mesh part within the instance
   u32 segments;            // of its motion while the shutter is open; 0: it does not move
   u32 first_key;           // of segments + 1 in SceneView::motion_keys
+  u32 light_group;         // of all light it gives off
   mat4x3 box_from_object;  // rest position -> [0, 1]^3 in the labelled instance's rest box
   vec3 nocs_scale;         // box size / box diagonal
 };
@@ -191,6 +192,7 @@ struct DomeView {
   mat3 world_from_dome;
   mat3 dome_from_world;
   float probability;  // of choosing the dome among all lights; 0: no light
+  u32 light_group;
   bool camera_visible;
   // Piecewise-constant density over the texels, luminance times solid angle; null: uniform
   // directions.
@@ -210,6 +212,7 @@ struct SunView {
   vec3 radiance;
   float probability;  // of choosing it among all lights
   u32 visibility;     // ray mask bits
+  u32 light_group;
 };
 
 // ---------------------------------------------------------------- camera

@@ -37,6 +37,7 @@ enum ExitCode : int {
   X(blob_store_bytes, 16ull << 30, "bytes of all blobs and assets")                     \
   X(frame_bytes, 4ull << 30, "bytes of all frames of one request")                      \
   X(samples, 1ull << 20, "samples a pixel")                                             \
+  X(groups, 64, "light groups of one request")                                          \
   X(edits, 1'000'000, "edits of one transaction")                                       \
   X(replies, 1024, "replies kept for each session and scene, to answer retries")        \
   X(reply_bytes, 16ull << 20, "bytes of those replies, and of a session's others")      \

@@ -67,9 +67,11 @@ Expected<std::shared_ptr<RenderJob>> make_job(Daemon& daemon, Session& session,
   if (snapshot && request.has_overlay())
     snapshot = with_overlay(daemon, session, *snapshot, request.overlay());
   if (!snapshot) return std::unexpected(snapshot.error());
-  auto job = to_job(request, std::move(*snapshot), {.spp = u32(daemon.config.limits.samples)});
+  const Limits& limits = daemon.config.limits;
+  auto job = to_job(request, std::move(*snapshot),
+                    {.spp = u32(limits.samples), .groups = u32(limits.groups)});
   if (!job) return std::unexpected(job.error());
-  HELIO_TRY(check_size(*job, daemon.config.limits.frame_bytes));
+  HELIO_TRY(check_size(*job, limits.frame_bytes));
   return std::make_shared<RenderJob>(std::move(*job));
 }
 

@@ -116,6 +116,13 @@ Status check_disparity(const RenderJob& job) {
   return check_camera(job, job.disparity_camera, "planes.camera");
 }
 
+Status check_groups(const RenderJob& job) {
+  const auto planes = std::size_t(std::ranges::count(job.planes, Plane::BEAUTY_GROUP));
+  if (planes == job.groups.size()) return {};
+  return fail(Code::kInvalidArgument, "planes",
+              fmt::format("{} names of light groups for {} planes", job.groups.size(), planes));
+}
+
 }  // namespace
 
 bool measures_noise(const RenderJob& job) {
@@ -169,6 +176,7 @@ Status check_job(const RenderJob& job, const JobLimits& limits) {
   }
   HELIO_TRY(check_stop_rule(job, limits));
   HELIO_TRY(check_disparity(job));
+  HELIO_TRY(check_groups(job));
   HELIO_TRY(check_labels(job, limits));
   return check_flow(job);
 }

@@ -41,7 +41,8 @@ struct RenderJob {
   std::vector<EntityId> cameras;
   std::vector<Plane> planes;
   EntityId disparity_camera;
-  u32 width = 0, height = 0;  // 0: the camera's own
+  std::vector<std::string> groups;  // light groups of its BEAUTY_GROUP planes, in their order
+  u32 width = 0, height = 0;        // 0: the camera's own
   Time time = 0;
   double frame_interval = 0;  // 0: not set
   bool hold = false;

@@ -58,7 +58,11 @@ Expected<std::vector<PlaneData>> finish_planes(const RenderJob& job, std::vector
     made.push_back(*std::move(out));
   }
   std::vector<PlaneData> planes;
-  for (const Plane plane : job.planes) planes.push_back(std::move(find(made, plane)));
+  for (const Plane plane : job.planes) {
+    PlaneData& next = find(made, plane);
+    planes.push_back(std::move(next));
+    next.plane = Plane::kCount;  // taken: light groups have a plane each
+  }
   return planes;
 }
 

@@ -180,7 +180,8 @@ enum RayMask : u8 {
   kGlossyRay = 4,
   kTransmissionRay = 8,
   kShadowRay = 16,
-  kAllRays = 31,
+  kVolumeRay = 32,
+  kAllRays = 63,
 };
 
 struct Skin {
@@ -219,6 +220,7 @@ struct Entity {
   std::shared_ptr<const Skin> skin;
   std::shared_ptr<const MorphWeights> morph_weights;
   std::shared_ptr<const Attributes> attributes;
+  std::shared_ptr<const std::string> light_group;  // of all its light; null: ""
   Label label;
   u32 children = 0;    // entities whose parent this is
   u32 skins = 0;       // times that skins name this as a joint
@@ -247,6 +249,7 @@ struct Dome {
   float intensity = 1;
   mat3 world_from_dome{1};
   bool camera_visible = true;
+  std::string light_group;
 };
 
 }  // namespace heliograph

@@ -90,7 +90,8 @@ class Description {
                            .color = dome->color,
                            .intensity = dome->intensity,
                            .world_from_dome = dome->world_from_dome,
-                           .camera_visible = dome->camera_visible};
+                           .camera_visible = dome->camera_visible,
+                           .light_group = dome->light_group};
     transaction_.edits.push_back({.target = {}, .action = std::move(patch)});
   }
 
@@ -154,6 +155,7 @@ class Description {
     if (e.visibility != kAllRays) patch.visibility = e.visibility;
     if (e.is_static) patch.is_static = true;
     if (e.attributes) patch.attributes = *e.attributes;
+    if (e.light_group) patch.light_group = *e.light_group;
     return patch;
   }
   [[nodiscard]] std::optional<PosePatch> pose(u32 index, const Entity& e) const {

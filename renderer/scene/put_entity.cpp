@@ -106,6 +106,12 @@ Status set_references(const Scope& scope, const PutEntity& patch, Entity& entity
   return {};
 }
 
+void set_light_group(const std::string& name, Entity& entity) {
+  const std::string now = entity.light_group ? *entity.light_group : "";
+  if (name == now) return;
+  entity.light_group = name.empty() ? nullptr : std::make_shared<const std::string>(name);
+}
+
 void set_values(const PutEntity& patch, Entity& entity) {
   if (patch.camera)
     entity.camera = *patch.camera ? std::make_shared<const Camera>(**patch.camera) : nullptr;
@@ -115,6 +121,7 @@ void set_values(const PutEntity& patch, Entity& entity) {
   if (patch.attributes)
     entity.attributes =
         patch.attributes->empty() ? nullptr : std::make_shared<const Attributes>(*patch.attributes);
+  if (patch.light_group) set_light_group(*patch.light_group, entity);
 }
 
 Status check(const Snapshot& scene, const PutEntity& patch, const Entity& entity) {

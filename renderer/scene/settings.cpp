@@ -27,6 +27,7 @@ Status put_dome(Draft& draft, const Scope& scope, const PutDome& patch) {
   if (patch.intensity) dome.intensity = *patch.intensity;
   if (patch.world_from_dome) dome.world_from_dome = *patch.world_from_dome;
   if (patch.camera_visible) dome.camera_visible = *patch.camera_visible;
+  if (patch.light_group) dome.light_group = *patch.light_group;
   count(draft, before, dome);
   draft.next.dome = std::make_shared<const Dome>(dome);
   return {};

@@ -108,4 +108,14 @@ Expected<Id> Snapshot::find(std::string_view name) const {
   return std::unexpected(std::move(error));
 }
 
+std::set<std::string> light_groups(const Snapshot& snapshot) {
+  std::set<std::string> names;
+  snapshot.entities.for_each([&](u32, const Entity& entity) {
+    if (entity.light_group) names.insert(*entity.light_group);
+  });
+  if (snapshot.dome && !snapshot.dome->light_group.empty())
+    names.insert(snapshot.dome->light_group);
+  return names;
+}
+
 }  // namespace heliograph

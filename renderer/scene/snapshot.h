@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -71,5 +72,8 @@ struct Snapshot {
   /// Its name, or "" when it has none or is not alive.
   [[nodiscard]] std::string name_of(Id id) const;
 };
+
+/// Names of the light groups of its entities and its dome, but for "".
+[[nodiscard]] std::set<std::string> light_groups(const Snapshot& snapshot);
 
 }  // namespace heliograph

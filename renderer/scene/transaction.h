@@ -68,6 +68,7 @@ struct PutEntity {
   std::optional<bool> is_static;
   bool teleport = false;
   std::optional<Attributes> attributes;
+  std::optional<std::string> light_group;
 };
 
 /// A whole topology, or only new vertices for the present one; a new mesh needs both.
@@ -110,6 +111,7 @@ struct PutDome {
   std::optional<float> intensity;
   std::optional<mat3> world_from_dome;
   std::optional<bool> camera_visible;
+  std::optional<std::string> light_group;
 };
 struct PutSettings {
   std::optional<Time> time;             // forgets the state before the last Advance

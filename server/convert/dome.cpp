@@ -10,12 +10,13 @@ namespace {
 constexpr Range kBrightness{0, 1e15};
 constexpr float kOrthonormalTolerance = 1e-4f;
 
-constexpr std::array<Clear<PutDome>, 5> kClear{{
+constexpr std::array<Clear<PutDome>, 6> kClear{{
     {"texture", [](PutDome& p) { p.texture = Ref{}; }},
     {"color", [](PutDome& p) { p.color.emplace(std::nullopt); }},
     {"intensity", [](PutDome& p) { p.intensity = 1; }},
     {"rotation", [](PutDome& p) { p.world_from_dome = mat3(1); }},
     {"camera_visible", [](PutDome& p) { p.camera_visible = true; }},
+    {"light_group", [](PutDome& p) { p.light_group.emplace(); }},
 }};
 
 Expected<mat3> to_rotation(const v1::Array& array, ArraySource& source) {
@@ -47,6 +48,8 @@ Expected<PutDome> to_dome(const v1::Dome& message, ArraySource& source) {
   if (message.has_rotation())
     HELIO_TAKE(patch.world_from_dome, to_rotation(message.rotation(), source), "rotation");
   if (message.has_camera_visible()) patch.camera_visible = message.camera_visible();
+  if (message.has_light_group())
+    HELIO_TAKE(patch.light_group, to_group(message.light_group()), "light_group");
   return patch;
 }
 
@@ -66,6 +69,7 @@ v1::Dome to_proto(const PutDome& patch, const ArraySink& sink) {
     *message.mutable_rotation() = to_array(std::move(numbers), shape, sink);
   }
   if (patch.camera_visible) message.set_camera_visible(*patch.camera_visible);
+  if (patch.light_group) message.set_light_group(*patch.light_group);
   return message;
 }
 

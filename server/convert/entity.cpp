@@ -5,7 +5,7 @@
 namespace heliograph::server {
 namespace {
 
-constexpr std::array<Clear<PutEntity>, 14> kClear{{
+constexpr std::array<Clear<PutEntity>, 15> kClear{{
     {"parent", [](PutEntity& p) { p.parent = Ref{}; }},
     {"pose", [](PutEntity& p) { p.pose = PosePatch{{}, {mat4x3(1)}}; }},
     {"mesh", [](PutEntity& p) { p.mesh = Ref{}; }},
@@ -20,6 +20,7 @@ constexpr std::array<Clear<PutEntity>, 14> kClear{{
     {"visibility", [](PutEntity& p) { p.visibility = kAllRays; }},
     {"static", [](PutEntity& p) { p.is_static = false; }},
     {"attributes", [](PutEntity& p) { p.attributes.emplace(); }},
+    {"light_group", [](PutEntity& p) { p.light_group.emplace(); }},
 }};
 
 u8 to_visibility(const v1::Visibility& m) {
@@ -28,7 +29,7 @@ u8 to_visibility(const v1::Visibility& m) {
          bit(m.has_diffuse(), m.diffuse(), kDiffuseRay) |
          bit(m.has_glossy(), m.glossy(), kGlossyRay) |
          bit(m.has_transmission(), m.transmission(), kTransmissionRay) |
-         bit(m.has_shadow(), m.shadow(), kShadowRay);
+         bit(m.has_shadow(), m.shadow(), kShadowRay) | bit(m.has_volume(), m.volume(), kVolumeRay);
 }
 
 v1::Visibility visibility_to_proto(u8 mask) {
@@ -38,6 +39,7 @@ v1::Visibility visibility_to_proto(u8 mask) {
   message.set_glossy(mask & kGlossyRay);
   message.set_transmission(mask & kTransmissionRay);
   message.set_shadow(mask & kShadowRay);
+  message.set_volume(mask & kVolumeRay);
   return message;
 }
 
@@ -82,6 +84,8 @@ Expected<PutEntity> to_entity(const v1::Entity& message, ArraySource& source) {
   if (message.has_attributes())
     patch.attributes.emplace(message.attributes().values().begin(),
                              message.attributes().values().end());
+  if (message.has_light_group())
+    HELIO_TAKE(patch.light_group, to_group(message.light_group()), "light_group");
   return patch;
 }
 
@@ -113,6 +117,7 @@ v1::Entity to_proto(const PutEntity& patch, const ArraySink& sink) {
   if (patch.attributes)
     message.mutable_attributes()->mutable_values()->insert(patch.attributes->begin(),
                                                            patch.attributes->end());
+  if (patch.light_group) message.set_light_group(*patch.light_group);
   return message;
 }
 

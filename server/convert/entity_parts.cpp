@@ -30,6 +30,12 @@ Status require(bool present, const char* field, const char* remedy) {
   return fail(Code::kInvalidArgument, field, std::string("is missing; ") + remedy);
 }
 
+/// Whether a use of a texture names one; id 0 is nothing.
+bool binds(const v1::TextureUse& use) {
+  const v1::Ref& texture = use.texture();
+  return texture.has_name() || texture.has_created_by_edit() || texture.id() != 0;
+}
+
 /// What a sun and a mesh's light do not share.
 Status check_sun(const v1::Light& message, LightUnit unit) {
   const bool sun = message.sun_angle() != 0;
@@ -42,7 +48,7 @@ Status check_sun(const v1::Light& message, LightUnit unit) {
                 "is for meshes; a sun has a radiance, luminance, irradiance or illuminance");
   if (message.two_sided())
     return fail(Code::kInvalidArgument, "two_sided", "is for meshes; leave it out for a sun");
-  if (message.has_texture() && message.texture().has_texture())
+  if (binds(message.texture()))
     return fail(Code::kInvalidArgument, "texture", "is for meshes; leave it out for a sun");
   return {};
 }

@@ -74,6 +74,13 @@ std::string indexed(std::string_view field, u64 index) {
   return fmt::format("{}[{}]", field, index);
 }
 
+Expected<std::string> to_group(std::string_view name) {
+  constexpr std::size_t kLongest = 256;
+  if (name.size() <= kLongest) return std::string(name);
+  return fail(Code::kInvalidArgument, "",
+              fmt::format("has {} bytes; name it in at most {}", name.size(), kLongest));
+}
+
 Status check_hash(std::string_view hash) {
   if (hash.size() == 32) return {};
   return fail(Code::kInvalidArgument, "",

@@ -51,6 +51,8 @@ inline constexpr Range kNotNegative{0, 3.4e38};
 
 /// "field[3]".
 [[nodiscard]] std::string indexed(std::string_view field, u64 index);
+/// The name of a light group, at most 256 bytes, or INVALID_ARGUMENT.
+[[nodiscard]] Expected<std::string> to_group(std::string_view name);
 /// 32 bytes, or INVALID_ARGUMENT.
 [[nodiscard]] Status check_hash(std::string_view hash);
 /// Lower-case hexadecimal digits, for messages.

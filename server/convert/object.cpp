@@ -59,6 +59,7 @@ PutEntity entity_of(const Snapshot& snapshot, u32 index, const Entity& entity) {
   }
   if (entity.morph_weights) patch.morph_weights = *entity.morph_weights;
   if (entity.attributes) patch.attributes = *entity.attributes;
+  if (entity.light_group) patch.light_group = *entity.light_group;
   return patch;
 }
 
@@ -106,7 +107,8 @@ PutDome describe_dome(const Snapshot& snapshot) {
           .color = dome.color,
           .intensity = dome.intensity,
           .world_from_dome = dome.world_from_dome,
-          .camera_visible = dome.camera_visible};
+          .camera_visible = dome.camera_visible,
+          .light_group = dome.light_group};
 }
 
 }  // namespace heliograph::server

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <set>
+
 #include "renderer/engine/check.h"
 #include "server/convert/fields.h"
 #include "server/convert/resolve.h"
@@ -39,10 +41,22 @@ Status read_cameras(const v1::RenderRequest& request, const RenderLimits& limits
   return {};
 }
 
-/// The arguments of a plane: disparity has a second camera, nothing else has any.
+Status check_group(const std::string& group, const Snapshot& snapshot) {
+  const auto known = light_groups(snapshot);
+  if (group.empty() || known.contains(group)) return {};
+  return fail(Code::kNotFound, "group",
+              fmt::format("nothing has the light group '{}'; there are: '{}'", group,
+                          fmt::join(known, "', '")));
+}
+
+/// The arguments of a plane: disparity has a second camera, beauty_group its group.
 Status read_argument(const v1::PlaneRequest& request, Plane plane, RenderJob& job) {
-  if (!request.group().empty())
+  if (plane == Plane::BEAUTY_GROUP) {
+    HELIO_TRY(check_group(request.group(), *job.snapshot));
+    job.groups.push_back(request.group());
+  } else if (!request.group().empty()) {
     return fail(Code::kInvalidArgument, "group", "is for PLANE_BEAUTY_GROUP; leave it out");
+  }
   if (is_disparity(plane) != request.has_camera())
     return fail(Code::kInvalidArgument, "camera",
                 request.has_camera() ? "is for the disparity planes; leave it out"
@@ -57,20 +71,23 @@ Status read_argument(const v1::PlaneRequest& request, Plane plane, RenderJob& jo
   return {};
 }
 
-Status read_planes(const v1::RenderRequest& request, RenderJob& job) {
-  PlaneSet seen = 0;
+Status read_planes(const v1::RenderRequest& request, const RenderLimits& limits, RenderJob& job) {
+  std::set<std::pair<Plane, std::string>> seen;
   for (int i = 0; i < request.planes_size(); ++i) {
     const std::string where = indexed("planes", u64(i));
     Plane plane{};
     HELIO_TAKE(plane, to_plane(request.planes(i).plane()), where);
-    if (seen & kernels::plane_bit(plane))
+    if (!seen.emplace(plane, request.planes(i).group()).second)
       return fail(Code::kInvalidArgument, where,
                   fmt::format("{} is asked for twice; leave one out",
                               v1::Plane_Name(request.planes(i).plane())));
-    seen |= kernels::plane_bit(plane);
     HELIO_CHECK(read_argument(request.planes(i), plane, job), where);
     job.planes.push_back(plane);
   }
+  if (job.groups.size() > limits.groups)
+    return fail(Code::kInvalidArgument, "planes",
+                fmt::format("has {} light groups; ask for at most {} (limit groups)",
+                            job.groups.size(), limits.groups));
   return {};
 }
 
@@ -169,7 +186,7 @@ Expected<RenderJob> to_job(const v1::RenderRequest& request,
   RenderJob job{.snapshot = std::move(snapshot), .scene = request.scene()};
   if (request.has_overlay()) job.overlay = overlay_hash(request.overlay());
   HELIO_TRY(read_cameras(request, limits, job));
-  HELIO_TRY(read_planes(request, job));
+  HELIO_TRY(read_planes(request, limits, job));
   HELIO_TRY(read_size(request, limits, job));
   HELIO_TRY(read_times(request, job));
   HELIO_TRY(read_stop_rule(request, limits, job));

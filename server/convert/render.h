@@ -13,6 +13,7 @@ struct RenderLimits {
   u32 max_depth = 1024;    // path edges
   u32 cameras = 1024;      // of one request
   u32 label_rows = 1u << 20;
+  u32 groups = 64;  // light groups of one request
 };
 
 /// The job of a request on a snapshot, to which the request's overlay is applied already. Its

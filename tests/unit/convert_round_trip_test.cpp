@@ -64,8 +64,8 @@ v1::Entity full_entity() {
              fx: 500 fy: 501 cx: 319.5 cy: 239.5 }
     volume { id: 0 } skin { joints { name: 'a' } joints { name: 'b' } }
     label { value: 7 group: true category: 'bolt' part: 2 } visible: false
-    visibility { camera: false diffuse: true glossy: false transmission: true shadow: false }
-    static: true teleport: true attributes { values { key: 'a' value: 'b' } })");
+    visibility { camera: false diffuse: true glossy: false transmission: true shadow: false volume: false }
+    static: true teleport: true attributes { values { key: 'a' value: 'b' } } light_group: 'key')");
   *entity.mutable_pose()->mutable_matrices() = f32({2, 4, 4}, translations({1, 2}));
   *entity.mutable_pose()->mutable_times() = f64({2}, {0, 1});
   *entity.mutable_light()->mutable_texture() = texture_use(false);
@@ -137,7 +137,8 @@ v1::Texture full_texture() {
 v1::Settings full_settings() {
   auto settings = parse<v1::Settings>(R"(
     time: 2.5
-    dome { texture { name: 't' } color { x: 1 y: 1 z: 1 } intensity: 3 camera_visible: false }
+    dome { texture { name: 't' } color { x: 1 y: 1 z: 1 } intensity: 3 camera_visible: false
+           light_group: 'sky' }
     categories: 'bolt' categories: 'nut')");
   *settings.mutable_dome()->mutable_rotation() = f32({3, 3}, {0, -1, 0, 1, 0, 0, 0, 0, 1});
   return settings;

@@ -53,7 +53,8 @@ TEST_CASE("describe: everything a scene can hold") {
                  .visible = false,
                  .visibility = u8(kCameraRay),
                  .is_static = true,
-                 .attributes = Attributes{{"k", "v"}}};
+                 .attributes = Attributes{{"k", "v"}},
+                 .light_group = "key"};
   body.light = LightPatch{.light = {.intensity = 3, .unit = LightUnit::kLumen},
                           .texture = {.texture = "image", .use = {.offset = 1}}};
   body.skin = SkinPatch{.joints = {"hip", "knee"}, .inverse_binds = {at(1), at(2)}};
@@ -71,7 +72,8 @@ TEST_CASE("describe: everything a scene can hold") {
          anonymous(PutSettings{.dome = PutDome{.texture = "image",
                                                .color = std::optional(vec3(1, 2, 3)),
                                                .intensity = 2,
-                                               .camera_visible = false}})});
+                                               .camera_visible = false,
+                                               .light_group = "sky"}})});
   check_round_trip(*scene.now);
   const auto copy = rebuilt(*scene.now);
   CHECK(copy->poses[copy->find("man").value().index()] == at(2));

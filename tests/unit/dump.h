@@ -65,6 +65,7 @@ inline std::string text(const PutEntity& p) {
   if (p.label) out += " " + text(*p.label);
   if (p.visible) out += fmt::format(" visible={}", *p.visible);
   if (p.visibility) out += fmt::format(" rays={}", *p.visibility);
+  if (p.light_group) out += " light_group=" + *p.light_group;
   if (p.is_static) out += fmt::format(" static={}", *p.is_static);
   if (p.teleport) out += " teleport";
   if (p.attributes)
@@ -101,8 +102,8 @@ inline std::string text(const PutSettings& p) {
                     list(p.categories, [](const std::string& c) { return c; });
   if (!p.dome) return out;
   const PutDome& d = *p.dome;
-  out += fmt::format(" dome {} {} {} {}", text(*d.texture), *d.intensity, text(*d.world_from_dome),
-                     *d.camera_visible);
+  out += fmt::format(" dome {} {} {} {} {}", text(*d.texture), *d.intensity,
+                     text(*d.world_from_dome), *d.camera_visible, *d.light_group);
   return out + (*d.color ? text(**d.color) : "");
 }
 inline std::string text(const Remove& a) { return a.cascade ? "remove all" : "remove"; }

@@ -294,9 +294,9 @@ TEST_CASE("sun: irradiance is pi L sin^2 of the angular radius, whoever finds it
       path.ray.direction = sun.direction;
       path.mask = kCameraRay;
       path.edges = 1;
-      CHECK(met_suns(view, path).y == 3);
+      CHECK(met_sun(view.suns[0], path).y == 3);
       path.ray.direction = normalize(sun.direction + vec3(0, 1.01f * std::tan(angle), 0));
-      CHECK(met_suns(view, path).y == 0);
+      CHECK(met_sun(view.suns[0], path).y == 0);
     }
   }
 }

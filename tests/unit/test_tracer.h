@@ -140,17 +140,22 @@ class TestTracer {
 /// A film in host memory, with the planes asked for.
 class TestFilm {
  public:
-  TestFilm(uvec2 size, PlaneSet wanted) {
+  /// rank_of_group: of BEAUTY_GROUP, by light group of the scene.
+  TestFilm(uvec2 size, PlaneSet wanted, std::vector<u32> rank_of_group = {0})
+      : rank_of_group_(std::move(rank_of_group)) {
     view.wanted = wanted;
     view.width = size.x;
     view.height = size.y;
     for (u32 i = 0; i < kPlanes; ++i) {
       if (!(wanted >> i & 1)) continue;
-      memory_[i].assign(size_t(size.x) * size.y * 4, 0);
-      partial_[i].assign(size_t(size.x) * size.y * 4, 0);
+      memory_[i].assign(size_t(size.x) * size.y * 4 * std::max<size_t>(1, rank_of_group_.size()),
+                        0);
+      partial_[i] = memory_[i];
       view.planes[i] = memory_[i].data();
       view.partial[i] = partial_[i].data();
     }
+    view.rank_of_group = rank_of_group_.data();
+    for (const u32 rank : rank_of_group_) view.groups += rank != kNone;
     moment_.assign(size_t(size.x) * size.y, 0);
     moment_partial_ = moment_;
     if (wanted & plane_bit(Plane::BEAUTY)) {
@@ -171,6 +176,7 @@ class TestFilm {
   FilmView view{};
 
  private:
+  std::vector<u32> rank_of_group_;
   std::vector<float> memory_[kPlanes], partial_[kPlanes];
   std::vector<float> moment_, moment_partial_;
 };

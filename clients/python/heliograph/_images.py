@@ -6,19 +6,46 @@ import hashlib
 import math
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
 import numpy as np
 
-from ._arrays import NdArray, checked
+from ._arrays import NdArray, checked, inline
 from ._proto import scene_pb2 as pb
 from ._proto import types_pb2 as types
 from .assets import Source, decode_bundle
-from .components import number_of
+from .components import color_of, number_of, refuse_unknown, text_of
 from .errors import InvalidArgument
 
 if TYPE_CHECKING:
     from .client import Client
+
+
+class DomeOptions(TypedDict, total=False):
+    """What Edits.dome takes besides the picture; None: reset to its default."""
+
+    color: Any
+    intensity: float | None
+    rotation: Any
+    camera_visible: bool | None
+    light_group: str | None
+
+
+def dome_message(given: DomeOptions) -> pb.Dome:
+    """The Dome of some DomeOptions."""
+    refuse_unknown(given, DomeOptions, "the dome")
+    out = pb.Dome(clear=[name for name, value in given.items() if value is None])
+    if given.get("color") is not None:
+        out.color.CopyFrom(color_of(given["color"], "color"))
+    if given.get("intensity") is not None:
+        out.intensity = number_of(given["intensity"], "intensity")
+    if given.get("rotation") is not None:
+        out.rotation.CopyFrom(inline(rotation_of(given["rotation"])))
+    if given.get("camera_visible") is not None:
+        out.camera_visible = bool(given["camera_visible"])
+    if given.get("light_group") is not None:
+        out.light_group = text_of(given["light_group"], "light_group")
+    return out
 
 
 class Sampler(NamedTuple):

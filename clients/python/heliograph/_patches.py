@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypedDict, TypeVar
 
@@ -11,7 +10,17 @@ import numpy as np
 from ._arrays import NdArray, checked, inline
 from ._proto import scene_pb2 as pb
 from ._proto import types_pb2 as types
-from .components import Camera, Light, Tex, Visibility, color_of, number_of, whole_of
+from .components import (
+    Camera,
+    Light,
+    Tex,
+    Visibility,
+    color_of,
+    number_of,
+    refuse_unknown,
+    text_of,
+    whole_of,
+)
 from .errors import InvalidArgument
 from .handles import Named, Texture
 from .pose import matrices_of, matrix_of
@@ -45,6 +54,7 @@ class Components(TypedDict, total=False):
     static: bool
     teleport: bool
     attributes: Mapping[str, str] | None
+    light_group: str | None  # of all its light
 
 
 class Parameters(TypedDict, total=False):
@@ -87,15 +97,6 @@ class Parameters(TypedDict, total=False):
 
 _Component = TypeVar("_Component")
 _LABEL = ("label", "category", "group", "part")
-
-
-def refuse_unknown(given: Mapping[str, Any], known: type, what: str) -> None:
-    """InvalidArgument with the nearest names when a keyword is none of the TypedDict's."""
-    for name in given:
-        if name not in known.__annotations__:
-            near = difflib.get_close_matches(name, known.__annotations__, 3)
-            hint = f"; did you mean {' or '.join(near)}?" if near else ""
-            raise InvalidArgument(f"{what} has no {name!r}{hint}", field=name)
 
 
 def entity_message(edits: Edits, given: Mapping[str, Any]) -> pb.Entity:
@@ -151,6 +152,8 @@ def _put_component(edits: Edits, out: pb.Entity, name: str, value: Any) -> None:
         out.skin.inverse_binds.CopyFrom(inline(binds))
     elif name == "morph_weights":
         _put_morph_weights(out.morph_weights, value)
+    elif name == "light_group":
+        out.light_group = text_of(value, name)
     elif name == "attributes":
         out.attributes.SetInParent()
         out.attributes.values.update({str(k): str(v) for k, v in value.items()})

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any, TypedDict
 import numpy as np
 
 from ._arrays import NdArray, bytes_of, dtype_of
-from ._patches import refuse_unknown
 from ._progress import Meter, Progress
 from ._proto import render_pb2 as render_pb
 from ._proto import types_pb2 as types
-from .components import number_of, whole_of
+from .components import number_of, refuse_unknown, whole_of
 from .errors import Internal, InvalidArgument
 from .frame import Frame
 from .handles import Handle, Named
@@ -169,12 +168,15 @@ def _ref(thing: Named) -> types.Ref:
 
 
 def _plane(plane: str | tuple[str, Named]) -> render_pb.PlaneRequest:
-    """ "depth", "disparity:right", ("disparity", camera) or "beauty:GROUP"."""
+    """ "depth", "disparity:right", ("disparity", camera) or "beauty:GROUP"; "beauty:" is the group
+    of what has none."""
     if isinstance(plane, tuple):
         name, argument = plane
+        grouped = name == "beauty"
     else:
-        name, _, argument = plane.partition(":")
-    wanted = "PLANE_" + ("beauty_group" if name == "beauty" and argument else name).upper()
+        name, colon, argument = plane.partition(":")
+        grouped = name == "beauty" and bool(colon)
+    wanted = "PLANE_" + ("beauty_group" if grouped else name).upper()
     names = render_pb.Plane.keys()
     if wanted not in names or wanted == "PLANE_UNSPECIFIED":
         import difflib
@@ -186,7 +188,7 @@ def _plane(plane: str | tuple[str, Named]) -> render_pb.PlaneRequest:
         )
     number: Any = render_pb.Plane.Value(wanted)
     out = render_pb.PlaneRequest(plane=number)
-    if argument and name == "beauty":
+    if grouped:
         out.group = str(argument)
     elif argument:
         out.camera.CopyFrom(_ref(argument))

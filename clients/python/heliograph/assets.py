@@ -126,7 +126,8 @@ def _add_file(client: Client, request: service.DecodeAssetRequest, name: str, pa
 
 def instantiate_message(edits: Edits, asset: Asset, placement: Placement) -> pb.Instantiate:
     """The Instantiate of an asset at a placement."""
-    from ._patches import entity_message, refuse_unknown
+    from ._patches import entity_message
+    from .components import refuse_unknown
 
     refuse_unknown(placement, Placement, "a placement")
     out = pb.Instantiate(asset=asset.sha256)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import operator
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +15,15 @@ from ._arrays import NdArray, checked
 from ._proto import scene_pb2 as scene
 from ._proto import types_pb2 as types
 from .errors import InvalidArgument
+
+
+def refuse_unknown(given: Mapping[str, Any], known: type, what: str) -> None:
+    """InvalidArgument with the nearest names when a keyword is none of the TypedDict's."""
+    for name in given:
+        if name not in known.__annotations__:
+            near = difflib.get_close_matches(name, known.__annotations__, 3)
+            hint = f"; did you mean {' or '.join(near)}?" if near else ""
+            raise InvalidArgument(f"{what} has no {name!r}{hint}", field=name)
 
 
 def color_of(value: Any, field: str) -> types.Vec3:
@@ -26,6 +37,13 @@ def color_of(value: Any, field: str) -> types.Vec3:
 def number_of(value: Any, field: str) -> float:
     """A finite float."""
     return float(checked(value, field, "f8", ()))
+
+
+def text_of(value: Any, field: str) -> str:
+    """A str, and nothing that only looks like one."""
+    if isinstance(value, str):
+        return value
+    raise InvalidArgument(f"{field}: needs a str, not {value!r}", field=field)
 
 
 def whole_of(value: Any, field: str, low: int = 0, high: int = 2**32 - 1) -> int:
@@ -206,6 +224,7 @@ class Visibility:
     glossy: bool = True
     transmission: bool = True
     shadow: bool = True
+    volume: bool = True
 
     def to_message(self) -> scene.Visibility:
         return scene.Visibility(
@@ -214,6 +233,7 @@ class Visibility:
             glossy=self.glossy,
             transmission=self.transmission,
             shadow=self.shadow,
+            volume=self.volume,
         )
 
 

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from . import _images, _patches, assets, studio
-from ._arrays import NdArray, inline
+from ._arrays import NdArray
 from ._connection import packed_ids
 from ._proto import scene_pb2 as pb
 from ._proto import service_pb2 as service
 from ._proto import types_pb2 as types
-from .components import color_of, number_of
+from .components import number_of
 from .errors import FailedPrecondition, HeliographError, InvalidArgument
 from .handles import (
     BY_NAME,
@@ -172,6 +172,7 @@ class Edits:
         label: "auto", a number, or 0 for none; category, group, part belong to it.
         visible=False removes it from every ray and label; visibility=hg.Visibility(camera=False)
         keeps its light. attributes={str: str} travel to the labels. teleport: the pose is a jump.
+        light_group: the name that all its light counts under in planes "beauty:NAME".
         static=True: it does not move, and is traced faster; moving it rebuilds all that is static.
         """
         message = _patches.entity_message(self, _patches.labelled(components))
@@ -277,38 +278,20 @@ class Edits:
         self._add(name, exist_ok).texture.CopyFrom(out)
         return self._handle(Texture, name)
 
-    def dome(
-        self,
-        image: Any = _UNSET,
-        *,
-        color: Any = _UNSET,
-        intensity: float | None = None,
-        rotation: Any = None,
-        camera_visible: bool | None = None,
-    ) -> None:
+    def dome(self, image: Any = _UNSET, **light: Unpack[_images.DomeOptions]) -> None:
         """Changes the light from infinitely far.
 
         image: a lat-long file's path, an array, or a texture handle; None: no dome at all.
         color: radiance (3,), or a number; it multiplies the image. intensity: a factor.
-        rotation: radians about +Z, or (3, 3) world_from_dome.
+        rotation: radians about +Z, or (3, 3) world_from_dome. light_group: as of an entity.
         """
-        out = pb.Dome()
+        out = _images.dome_message(light)
         if image is None:
-            out.clear.extend(["texture", "color", "intensity", "rotation", "camera_visible"])
+            out.clear.extend(field.name for field in out.DESCRIPTOR.fields if field.name != "clear")
         elif isinstance(image, Handle):
             out.texture.CopyFrom(self.ref(image, "image"))
         elif image is not _UNSET:
             out.texture.CopyFrom(self._dome_texture(image).ref(self))
-        if color is None:
-            out.clear.append("color")
-        elif color is not _UNSET:
-            out.color.CopyFrom(color_of(color, "color"))
-        if intensity is not None:
-            out.intensity = number_of(intensity, "intensity")
-        if rotation is not None:
-            out.rotation.CopyFrom(inline(_images.rotation_of(rotation)))
-        if camera_visible is not None:
-            out.camera_visible = camera_visible
         self._add(None).settings.dome.CopyFrom(out)
 
     def sky(

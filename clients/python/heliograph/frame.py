@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ import numpy as np
 from . import tonemap
 from ._arrays import Columns, NdArray, from_message
 from ._proto import render_pb2 as pb
+from .components import color_of
 from .errors import InvalidArgument
 
 _CV_TO_GL = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -33,6 +34,8 @@ class Frame:
         self.units: dict[str, str] = {}
         for info, array in zip(header.planes, arrays):
             name = f"{info.name}:{info.argument}" if info.argument else info.name
+            if info.plane == pb.PLANE_BEAUTY_GROUP:
+                name = f"beauty:{info.argument}"
             array.setflags(write=False)
             self._planes[name] = array
             self.units[name] = info.unit
@@ -54,7 +57,7 @@ class Frame:
         found = self._planes.get(plane)
         if found is None:  # "disparity" without its camera, where there is one only
             near = [name for name in self._planes if name.partition(":")[0] == plane]
-            if len(near) != 1:
+            if len(near) != 1 or plane == "beauty":
                 raise KeyError(
                     f"no plane {plane!r}; this frame has {', '.join(self._planes) or 'none'}: ask "
                     "for it with planes=[...]"
@@ -117,6 +120,24 @@ class Frame:
         beauty = self["beauty"]
         rgb = beauty[..., :3]
         return tonemap.to_srgb8(rgb, self._stops(exposure), view)
+
+    def relight(self, factors: Mapping[str, Any]) -> NdArray:
+        """(H, W, 4) float32: the beauty if the light groups were as many times as bright.
+
+        factors: {group: number or (3,)}, >= 0; what is not named stays. Needs the planes "beauty"
+        and "beauty:GROUP" of each. Light is linear, so this is the picture that the same paths
+        would bring home from lights of those strengths, within rounding of the beauty. A new
+        render chooses its lights by the new strengths: it agrees in the mean, not in the noise.
+        """
+        out = self["beauty"].astype(np.float64)
+        for group, factor in factors.items():
+            color = color_of(factor, f"factors[{group!r}]")
+            scale = np.array([color.x, color.y, color.z])
+            if scale.min() < 0:
+                raise InvalidArgument(f"factors[{group!r}]: {factor!r} is below 0", field="factors")
+            out[..., :3] += (scale - 1) * self[f"beauty:{group}"]
+        out[..., :3] = out[..., :3].clip(0)
+        return out.astype(np.float32)
 
     def _stops(self, exposure: float | str) -> float:
         if exposure == "auto":

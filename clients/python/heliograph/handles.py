@@ -166,6 +166,11 @@ class Entity(Handle):
         return Light.from_message(message.light) if message.HasField("light") else None
 
     @property
+    def light_group(self) -> str:
+        """The light group of all its light."""
+        return str(self._message().light_group)
+
+    @property
     def attributes(self) -> dict[str, str]:
         return dict(self._message().attributes.values)
 

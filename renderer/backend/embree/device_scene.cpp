@@ -49,6 +49,7 @@ EmbreeScene::EmbreeScene(std::shared_ptr<const Snapshot> snapshot, Time time,
   }
   instances_ = placement_->instances;
   for (std::size_t i = 0; i < instances_.size(); ++i) {
+    instances_[i].light_group = lights_->group_of_slot[i];
     const u32 first = structure.slots[i].first_part;
     const u32 parts = meshes_[instances_[i].mesh].part_count;
     for (u32 p = first; p < first + parts; ++p)

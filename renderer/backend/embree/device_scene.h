@@ -25,6 +25,7 @@ class EmbreeScene final : public DeviceScene {
   [[nodiscard]] Time time() const { return time_; }
   [[nodiscard]] const Placement& placement() const { return *placement_; }
   [[nodiscard]] const Structure& structure() const { return *placement_->structure; }
+  [[nodiscard]] const Lights& lights() const { return *lights_; }
   [[nodiscard]] u64 bytes() const;  // of its own, what it shares not counted
 
   const std::shared_ptr<const Placement>& placement_ptr() const { return placement_; }

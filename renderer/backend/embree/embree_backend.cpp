@@ -180,7 +180,9 @@ Expected<std::vector<PlaneData>> EmbreeBackend::resolve(Film& film) {
   const auto& own = static_cast<const EmbreeFilm&>(film);
   std::vector<PlaneData> planes;
   arena_.execute([&] {
-    for (const Plane plane : film_planes(own.job())) planes.push_back(own.resolve(plane));
+    u32 groups = 0;
+    for (const Plane plane : film_planes(own.job()))
+      planes.push_back(own.resolve(plane, plane == Plane::BEAUTY_GROUP ? groups++ : 0));
   });
   return planes;
 }

@@ -78,15 +78,27 @@ void* EmbreeFilm::zeroed(u64 bytes) {
   return memory_.back().get();
 }
 
+void EmbreeFilm::set_groups() {
+  const std::vector<std::string>& wanted = job().groups;
+  for (const std::string& group : scene_->lights().groups) {
+    const auto found = std::ranges::find(wanted, group);
+    rank_of_group_.push_back(found == wanted.end() ? kNone : u32(found - wanted.begin()));
+  }
+  view_.rank_of_group = rank_of_group_.data();
+  view_.groups = u32(wanted.size());
+}
+
 bool EmbreeFilm::allocate() {
   view_.width = image_camera_.width;
   view_.height = image_camera_.height;
   view_.wanted = wanted_planes(job());
+  set_groups();
   const u64 pixels = u64(view_.width) * view_.height;
   for (u32 i = 0; i < kernels::kPlanes; ++i) {
     const PlaneInfo& info = plane_info(Plane(i));
     if (!(view_.wanted & plane_bit(Plane(i))) || info.fold == Fold::kFilm) continue;
-    const u64 bytes = pixels * info.channels * size_of(info.dtype);
+    const u64 images = Plane(i) == Plane::BEAUTY_GROUP ? view_.groups : 1;
+    const u64 bytes = images * pixels * info.channels * size_of(info.dtype);
     view_.planes[i] = zeroed(bytes);
     if (info.fold == Fold::kMean) view_.partial[i] = static_cast<float*>(zeroed(bytes));
   }
@@ -132,7 +144,7 @@ void EmbreeFilm::for_each_tile(F&& visit) const {
   });
 }
 
-PlaneData EmbreeFilm::resolve(Plane plane) const {
+PlaneData EmbreeFilm::resolve(Plane plane, u32 rank) const {
   const PlaneInfo& info = plane_info(plane);
   const u64 pixels = u64(view_.width) * view_.height;
   PlaneData data{plane, std::vector<std::byte>(pixels * info.channels * size_of(info.dtype))};
@@ -142,6 +154,7 @@ PlaneData EmbreeFilm::resolve(Plane plane) const {
   }
   auto* counts = reinterpret_cast<u32*>(data.pixels.data());
   auto* out = reinterpret_cast<float*>(data.pixels.data());
+  const u64 first = rank * pixels * info.channels;
   for_each_tile([&](u32 index) {
     const PixelRect rect = tile(index);
     const u32 samples = tile_samples_[index];
@@ -153,7 +166,7 @@ PlaneData EmbreeFilm::resolve(Plane plane) const {
           counts[i] = samples;
         else
           out[i] = plane == Plane::VARIANCE ? kernels::pixel_statistics(view_, i, samples).variance
-                                            : kernels::mean_value(view_, plane, i, samples);
+                                            : kernels::mean_value(view_, plane, first + i, samples);
       }
     }
   });

@@ -48,7 +48,8 @@ class EmbreeFilm final : public Film {
   [[nodiscard]] const ImageCamera& image_camera() const { return image_camera_; }
   [[nodiscard]] RenderTask render_task() const;
   [[nodiscard]] ProbeTask probe_task() const;
-  [[nodiscard]] PlaneData resolve(Plane plane) const;
+  /// rank: which of the planes of this kind, in the order of the job.
+  [[nodiscard]] PlaneData resolve(Plane plane, u32 rank) const;
   [[nodiscard]] Noise noise() const;
 
  private:
@@ -59,6 +60,7 @@ class EmbreeFilm final : public Film {
   [[nodiscard]] void* zeroed(u64 bytes);
   template <class F>
   void for_each_tile(F&& visit) const;
+  void set_groups();
 
   Shot shot_;
   std::shared_ptr<const EmbreeScene> scene_;
@@ -68,6 +70,7 @@ class EmbreeFilm final : public Film {
   FlowEnd forward_, backward_;
   kernels::FilmView view_{};
   std::vector<ZeroedMemory> memory_;
+  std::vector<u32> rank_of_group_;
   u32 tiles_x_, tiles_y_;
   std::vector<u32> tile_samples_;
   std::atomic<u64> rays_{0};

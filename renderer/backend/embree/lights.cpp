@@ -4,6 +4,7 @@
 #include "kernels/light_triangle.h"
 
 #include <cmath>
+#include <unordered_map>
 
 namespace heliograph::embree {
 namespace {
@@ -123,6 +124,7 @@ class Lighter {
     made_->part_lights.assign(placement_.structure->part_materials.size(), kNone);
     made_->part_trees.resize(placement_.meshes.size());
     for (u32 i = 0; i < placement_.structure->slots.size(); ++i) add(i);
+    group_slots();
     for (const u32 entity : placement_.structure->suns) add_sun(entity);
     const double dome = add_dome();
     distribute(dome);
@@ -142,6 +144,8 @@ class Lighter {
     return *entry;
   }
   vec3 emission_of(u32 row);
+  void group_slots();
+  u32 group_of(const std::string* name);
 
   const Snapshot& snapshot_;
   const Placement& placement_;
@@ -151,6 +155,7 @@ class Lighter {
   std::shared_ptr<Lights> made_ = std::make_shared<Lights>();
   std::vector<std::optional<vec3>> emissions_;  // by material row
   std::vector<kernels::LightBounds> bounds_;    // by light
+  std::unordered_map<std::string, u32> groups_;
 };
 
 vec3 Lighter::emission_of(u32 row) {
@@ -159,6 +164,18 @@ vec3 Lighter::emission_of(u32 row) {
   auto& known = emissions_[row];
   if (!known) known = material_emission(snapshot_, *snapshot_.materials.at(row).value, cache_);
   return *known;
+}
+
+u32 Lighter::group_of(const std::string* name) {
+  if (!name || name->empty()) return 0;
+  const auto [entry, is_new] = groups_.try_emplace(*name, u32(made_->groups.size()));
+  if (is_new) made_->groups.push_back(*name);
+  return entry->second;
+}
+
+void Lighter::group_slots() {
+  for (const Slot& slot : placement_.structure->slots)
+    made_->group_of_slot.push_back(group_of(snapshot_.entities.at(slot.entity).light_group.get()));
 }
 
 void Lighter::add(u32 index) {
@@ -228,6 +245,7 @@ void Lighter::add_sun(u32 index) {
   sun.depth = float(disc_depth(double(light.sun_angle)));
   sun.radiance = light_radiance(light, 0);
   sun.visibility = entity.visibility;
+  sun.light_group = group_of(entity.light_group.get());
   made_->suns.push_back(sun);
 }
 
@@ -242,6 +260,7 @@ double Lighter::add_dome() {
   view.world_from_dome = dome.world_from_dome;
   view.dome_from_world = glm::transpose(dome.world_from_dome);
   view.camera_visible = dome.camera_visible;
+  view.light_group = group_of(&dome.light_group);
   if (black(view.radiance)) return 0;
   vec3 integral(float(4 * M_PI));
   if (texture) {

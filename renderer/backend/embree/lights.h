@@ -33,6 +33,8 @@ struct Lights {
   std::vector<u32> part_lights;
   std::vector<std::shared_ptr<const PartTrees>> part_trees;  // by mesh of the placement, or null
   std::vector<kernels::SunView> suns;
+  std::vector<std::string> groups{""};  // names of the light groups by their index
+  std::vector<u32> group_of_slot;
   float surface_probability = 0;  // of the lights together
   kernels::DomeView dome{};
   std::shared_ptr<const DomeTables> dome_tables;  // null: constant
