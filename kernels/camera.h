@@ -1,38 +1,99 @@
 // Rays of a camera, and where it sees a point. Called by path.h and probe.h.
 #pragma once
 
-#include "kernels/math.h"
+#include "kernels/distortion.h"
 #include "kernels/ray.h"
+#include "kernels/warp.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// The unbounded ray through a raster position (pixel (x, y) covers [x, x + 1) x [y, y + 1)).
-KERNEL Ray camera_ray(const CameraView& camera, vec2 raster, HoleKey holes) {
-  const vec2 k((raster.x - camera.cx) / camera.fx, (camera.cy - raster.y) / camera.fy);
-  if (camera.projection == Projection::kOrthographic) {
-    return {transform_point(camera.world_from_camera, vec3(k, 0)),
+/// From the camera's OpenGL frame to its OpenCV frame (x right, y down, z forward), and back.
+KERNEL vec3 cv_from_gl(vec3 v) { return vec3(v.x, -v.y, -v.z); }
+
+/// What turns metres of clipping into metres along a ray.
+KERNEL float clip_scale(const CameraView& camera, vec3 direction) {
+  const Projection projection = camera.lens.projection;
+  if (projection == Projection::kFisheye || projection == Projection::kEquirectangular) return 1;
+  return 1 / dot(direction, normalize(-camera.world_from_camera[2]));
+}
+
+/// How far along a ray from the camera its near plane lies, metres.
+KERNEL float near_of(const CameraView& camera, vec3 direction) {
+  return camera.near > 0 ? camera.near * clip_scale(camera, direction) : 0;
+}
+
+/// The part of a ray that lies between the clipping planes: t_max <= 0 where there is none.
+KERNEL Ray clipped(const CameraView& camera, Ray ray) {
+  if (!(camera.near > 0) && !(camera.far > 0)) return ray;
+  const float scale = clip_scale(camera, ray.direction);
+  if (camera.far > 0) ray.t_max = min2(ray.t_max, camera.far * scale);
+  ray.origin += ray.direction * (camera.near * scale);
+  ray.t_max -= camera.near * scale;
+  return ray;
+}
+
+/// The ray through a raster position (pixel (x, y) covers [x, x + 1) x [y, y + 1)), neither blurred
+/// nor clipped; t_max is 0 where the camera sees nothing.
+KERNEL Ray pinhole_ray(const CameraView& camera, vec2 raster, HoleKey holes) {
+  const vec2 m((raster.x - camera.cx) / camera.fx, (raster.y - camera.cy) / camera.fy);
+  if (camera.lens.projection == Projection::kOrthographic) {
+    return {transform_point(camera.world_from_camera, vec3(m.x, -m.y, 0)),
             normalize(-camera.world_from_camera[2]), INFINITY, camera.time, holes};
   }
+  vec3 d(m, 1);
+  const bool seen = is_rectilinear(camera.lens) || unproject(camera.lens, m, d);
   return {camera.world_from_camera[3],
-          normalize(transform_vector(camera.world_from_camera, vec3(k, -1))), INFINITY, camera.time,
-          holes};
+          normalize(transform_vector(camera.world_from_camera, cv_from_gl(d))), seen ? INFINITY : 0,
+          camera.time, holes};
+}
+
+/// The ray through a raster position between the clipping planes, without blur.
+KERNEL Ray camera_ray(const CameraView& camera, vec2 raster, HoleKey holes) {
+  return clipped(camera, pinhole_ray(camera, raster, holes));
+}
+
+/// A point of the aperture, uniform in its area; in units of its radius, x right and y up.
+KERNEL vec2 sample_aperture(const ApertureView& aperture, vec2 u) {
+  if (aperture.blades == 0) return sample_disk(u);
+  const float place = u.x * float(aperture.blades);
+  const float blade = min2(std::floor(place), float(aperture.blades - 1));
+  const vec2 w = sample_triangle(vec2(place - blade, u.y));
+  const SinCos a = sincos_turns(aperture.turn + blade / float(aperture.blades));
+  const SinCos b = sincos_turns(aperture.turn + (blade + 1) / float(aperture.blades));
+  return vec2(a.cos * w.x + b.cos * w.y, a.sin * w.x + b.sin * w.y);
+}
+
+/// A ray through a raster position by a thin lens: through a point of the aperture, and through the
+/// point of the plane of focus that the pinhole's ray meets. Perspective and orthographic cameras.
+///
+/// Source: Potmesil and Chakravarty 1981, "A Lens and Aperture Camera Model for Synthetic Image
+/// Generation"; Cook, Porter and Carpenter 1984, "Distributed Ray Tracing".
+KERNEL Ray thin_lens_ray(const CameraView& camera, vec2 raster, vec2 u, HoleKey holes) {
+  Ray ray = pinhole_ray(camera, raster, holes);
+  const vec3 sharp =
+      ray.origin + ray.direction * (camera.aperture.focus * clip_scale(camera, ray.direction));
+  const vec2 lens = sample_aperture(camera.aperture, u) * camera.aperture.radius;
+  ray.origin += camera.world_from_camera[0] * lens.x + camera.world_from_camera[1] * lens.y;
+  ray.direction = normalize(sharp - ray.origin);
+  return clipped(camera, ray);
 }
 
 /// Where a camera sees something.
 struct Projected {
   vec2 raster;
-  bool in_front;  // otherwise raster means nothing
+  bool seen;  // otherwise raster means nothing
 };
 
 KERNEL Projected project_cv(const CameraView& camera, vec3 p_cv) {
-  const bool in_front = p_cv.z > 0;
-  const float scale = camera.projection == Projection::kOrthographic ? 1 : 1 / p_cv.z;
-  return {vec2(camera.fx * p_cv.x * scale + camera.cx, camera.fy * p_cv.y * scale + camera.cy),
-          in_front};
+  if (is_rectilinear(camera.lens)) {
+    const float scale = camera.lens.projection == Projection::kOrthographic ? 1 : 1 / p_cv.z;
+    return {vec2(camera.fx * p_cv.x * scale + camera.cx, camera.fy * p_cv.y * scale + camera.cy),
+            p_cv.z > 0};
+  }
+  vec2 m(0);
+  const bool seen = project(camera.lens, p_cv, m);
+  return {vec2(camera.fx * m.x + camera.cx, camera.fy * m.y + camera.cy), seen};
 }
-
-/// From the camera's OpenGL frame to its OpenCV frame (x right, y down, z forward), and back.
-KERNEL vec3 cv_from_gl(vec3 v) { return vec3(v.x, -v.y, -v.z); }
 
 KERNEL Projected project(const CameraView& camera, vec3 p_world) {
   return project_cv(camera, cv_from_gl(transform_point(camera.camera_from_world, p_world)));
@@ -42,14 +103,14 @@ KERNEL Projected project(const CameraView& camera, vec3 p_world) {
 /// straight ahead; there `otherwise` is returned.
 KERNEL Projected project_direction(const CameraView& camera, vec3 direction, vec2 otherwise) {
   const vec3 d = cv_from_gl(transform_vector(camera.camera_from_world, direction));
-  if (camera.projection == Projection::kPerspective) return project_cv(camera, d);
+  if (camera.lens.projection != Projection::kOrthographic) return project_cv(camera, d);
   return {otherwise, d.z > 0 && sqr(d.x) + sqr(d.y) < 1e-10f * sqr(d.z)};
 }
 
-/// The camera's ray that ends at a point in front of it.
+/// The camera's ray that ends at a point that it sees; not clipped.
 KERNEL Ray camera_ray_to(const CameraView& camera, vec3 p_world, HoleKey holes) {
   vec3 direction;
-  if (camera.projection == Projection::kOrthographic) {
+  if (camera.lens.projection == Projection::kOrthographic) {
     direction = normalize(-camera.world_from_camera[2]);
     const float distance = dot(p_world - camera.world_from_camera[3], direction);
     return {p_world - direction * distance, direction, distance, camera.time, holes};
@@ -57,6 +118,14 @@ KERNEL Ray camera_ray_to(const CameraView& camera, vec3 p_world, HoleKey holes) 
   direction = p_world - camera.world_from_camera[3];
   const float distance = length(direction);
   return {camera.world_from_camera[3], direction / distance, distance, camera.time, holes};
+}
+
+/// Whether a point lies between the clipping planes.
+KERNEL bool within_clip(const CameraView& camera, vec3 p_world) {
+  if (!(camera.near > 0) && !(camera.far > 0)) return true;
+  const Ray ray = camera_ray_to(camera, p_world, {0, true});
+  const float place = ray.t_max / clip_scale(camera, ray.direction);
+  return place >= camera.near && (!(camera.far > 0) || place <= camera.far);
 }
 
 KERNEL bool inside_image(const CameraView& camera, vec2 raster) {

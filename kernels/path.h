@@ -10,8 +10,14 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// Pairs of random numbers that a path takes: the filter, the time, then these at every vertex.
-enum Dimension : u32 { kFilterPair = 0, kFirstVertexPair = 1, kTimePair = 1u << 24 };
+/// Pairs of random numbers that a path takes: the filter, the time, the lens, then these at every
+/// vertex.
+enum Dimension : u32 {
+  kFilterPair = 0,
+  kFirstVertexPair = 1,
+  kTimePair = 1u << 24,
+  kLensPair = kTimePair + 1,
+};
 enum VertexDimension : u32 { kLightPair, kScatterPair, kLightChoice, kLobeChoice, kVertexPairs };
 /// Numbers of unstratified random choices.
 enum Hashed : u32 {
@@ -82,9 +88,12 @@ KERNEL void collect(const PathContext<T>& c, SampleValues& sample, Contribution 
 template <Tracer T>
 KERNEL Path begin_path(const PathContext<T>& c, u32 x, u32 y) {
   const vec2 offset = sample_filter(c.settings.filter, c.sampler.get2(kFilterPair));
+  const vec2 raster = vec2(float(x) + 0.5f, float(y) + 0.5f) + offset;
+  const HoleKey holes = hole_key(c, kHoleHash);
   Path path;
-  path.ray =
-      camera_ray(c.camera, vec2(float(x) + 0.5f, float(y) + 0.5f) + offset, hole_key(c, kHoleHash));
+  path.ray = c.camera.aperture.radius > 0
+                 ? thin_lens_ray(c.camera, raster, c.sampler.get2(kLensPair), holes)
+                 : camera_ray(c.camera, raster, holes);
   path.mask = kCameraRay;
   path.throughput = vec3(1);
   path.pdf = 0;
@@ -289,7 +298,7 @@ KERNEL SampleValues trace_path(const PathContext<T>& c, u32 x, u32 y) {
   }
   const bool lights = has_lights(c.scene);
   Path path = begin_path(c, x, y);
-  for (;;) {
+  while (path.ray.t_max > 0) {  // not even once where the camera sees nothing
     const Hit hit = c.tracer.closest(path.ray, path.mask);
     ++sample.rays;
     if (hit.instance == kNone) {

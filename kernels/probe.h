@@ -64,10 +64,13 @@ KERNEL Hit probe_closest(const SceneView& scene, CountedTracer<T> counted, Ray r
 template <Tracer T>
 KERNEL bool camera_sees(const ProbeScene& at, CountedTracer<T> counted, const Surface& s,
                         bool through_transmission) {
+  if (!within_clip(*at.camera, s.p)) return false;
   const vec3 towards = camera_ray_to(*at.camera, s.p, {0, true}).direction;
   Ray ray = camera_ray_to(*at.camera, offset_point(s, -towards), {0, true});
   ray.t_max *= kJustBefore;
-  return probe_closest(*at.scene, counted, ray, through_transmission).instance == kNone;
+  ray = clipped(*at.camera, ray);
+  return !(ray.t_max > 0) ||
+         probe_closest(*at.scene, counted, ray, through_transmission).instance == kNone;
 }
 
 struct Flow {
@@ -88,7 +91,7 @@ KERNEL Flow flow_to(const ProbeContext& context, const ProbeScene& other, Counte
   flow.metres = there.p - p_world;
   if (other.camera_jumped) return flow;
   const Projected to = project(*other.camera, there.p);
-  if (!to.in_front) return flow;
+  if (!to.seen) return flow;
   flow.pixels = to.raster - project(*context.now.camera, p_world).raster;
   flow.valid = 1;
   flow.visible = inside_image(*other.camera, to.raster) &&
@@ -103,7 +106,7 @@ KERNEL Flow background_flow(const ProbeContext& context, const ProbeScene& other
   if (other.camera_jumped) return flow;
   const Projected from = project_direction(*context.now.camera, ray.direction, raster);
   const Projected to = project_direction(*other.camera, ray.direction, raster);
-  if (!to.in_front) return flow;
+  if (!to.seen) return flow;
   flow.pixels = to.raster - from.raster;
   flow.valid = 1;
   return flow;
@@ -142,7 +145,7 @@ inline constexpr PlaneSet kDisparityPlanes =
     plane_bit(Plane::DISPARITY) | plane_bit(Plane::DISPARITY_VISIBLE);
 
 KERNEL void probe_geometry(Probe& p, const Surface& s, const CameraView& camera, const Ray& ray) {
-  p.distance = dot(s.p - ray.origin, ray.direction);
+  p.distance = dot(s.p - ray.origin, ray.direction) + near_of(camera, ray.direction);
   p.p_world = s.p;
   p.p_camera = cv_from_gl(transform_point(camera.camera_from_world, s.p));
   p.geometric_normal = dot(s.ng, ray.direction) > 0 ? -s.ng : s.ng;
@@ -201,7 +204,7 @@ KERNEL void probe_disparity(Probe& p, const ProbeContext& context, CountedTracer
                             const Surface& s) {
   const CameraView& camera = *context.disparity;
   const Projected to = project(camera, s.p);
-  if (!to.in_front) return;
+  if (!to.seen) return;
   p.disparity = project(*context.now.camera, s.p).raster.x - to.raster.x;
   p.disparity_visible =
       inside_image(camera, to.raster) &&
@@ -220,6 +223,7 @@ KERNEL Probe make_probe(const ProbeContext& context, const T* const (&tracers)[3
   const bool forward = context.forward.scene && (wanted & kForwardPlanes);
   const bool backward = context.backward.scene && (wanted & kBackwardPlanes);
   Probe p = empty_probe();
+  if (!(ray.t_max > 0)) return p;
   if (hit.instance == kNone) {
     if (forward) put_flow(p, background_flow(context, context.forward, ray, raster), true);
     if (backward) put_flow(p, background_flow(context, context.backward, ray, raster), false);

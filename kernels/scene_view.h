@@ -217,7 +217,26 @@ struct SunView {
 
 // ---------------------------------------------------------------- camera
 
-enum class Projection : u8 { kPerspective, kOrthographic };
+enum class Projection : u8 { kPerspective, kOrthographic, kFisheye, kEquirectangular };
+
+/// How directions become places in the image; distortion.h has the formulas. Perspective: k1 k2 p1
+/// p2 k3 k4 k5 k6 of Brown and Conrady; fisheye: k1 k2 k3 k4 of Kannala and Brandt.
+template <class F>
+struct LensModel {
+  Projection projection;
+  bool distorted;  // perspective: some coefficient is not 0
+  F k[8];
+  F limit;  // beyond it nothing is seen. Perspective: radius at z = 1; fisheye: radians off the
+            // axis
+};
+
+/// The opening of a thin lens, and the plane that it sees sharply.
+struct ApertureView {
+  float radius;  // metres; 0: a pinhole
+  float focus;   // metres along the optical axis
+  u32 blades;    // 0: round; otherwise corners, which lie on the circle
+  float turn;    // of the first corner from the camera's +X towards its +Y, whole turns
+};
 
 /// When a camera sees, on the scene's time axis: 0 is the start and 1 the end of its motion.
 struct ShutterView {
@@ -226,8 +245,8 @@ struct ShutterView {
   float row;     // how much later than the row above a row opens
 };
 
-/// raster.x = fx * x / z + cx (perspective), in the OpenCV frame; cx, cy are raster coordinates
-/// here.
+/// raster = (fx, fy) * (place on the lens model's image plane) + (cx, cy): cx, cy are raster
+/// coordinates here.
 struct CameraView {
   mat4x3 world_from_camera;  // OpenGL frame: looks down -Z
   mat4x3 camera_from_world;
@@ -238,7 +257,11 @@ struct CameraView {
   float fx, fy, cx, cy;
   u32 width;
   u32 height;
-  Projection projection;
+  LensModel<float> lens;
+  ApertureView aperture;
+  // Metres along the optical axis (fisheye, equirectangular: along the ray) where rays start and
+  // end. far 0: they do not end.
+  float near, far;
 };
 
 // ---------------------------------------------------------------- scene

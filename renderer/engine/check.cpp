@@ -5,6 +5,8 @@
 
 #include <algorithm>
 
+#include "kernels/distortion.h"
+#include "renderer/engine/image_camera.h"
 #include "renderer/engine/post.h"
 #include "renderer/scene/labels.h"
 #include "renderer/scene/motion.h"
@@ -108,12 +110,46 @@ Status check_labels(const RenderJob& job, const JobLimits& limits) {
   return {};
 }
 
+/// Whether a camera and the second camera of disparity show a point in the same row: the same way
+/// of looking to 1e-4 radians, side by side, the same rows.
+Status check_rectified(const RenderJob& job, EntityId first) {
+  const auto image_of = [&](EntityId id) {
+    const uvec2 size = rendered_size(job, id);
+    return image_camera(*job.snapshot->find(id)->camera,
+                        world_pose(*job.snapshot, id.index(), job.time), size.x, size.y);
+  };
+  const ImageCamera a = image_of(first), b = image_of(job.disparity_camera);
+  const auto refuse = [&](const char* what) {
+    return fail(Code::kFailedPrecondition, "planes.camera",
+                fmt::format("'{}' and '{}' are no rectified rig: {}", job.snapshot->name_of(first),
+                            job.snapshot->name_of(job.disparity_camera), what));
+  };
+  if (!kernels::is_rectilinear(a.lens) || !kernels::is_rectilinear(b.lens) ||
+      a.lens.projection != b.lens.projection)
+    return refuse("give both the same projection, perspective or orthographic, and no distortion");
+  const double rows =
+      std::abs(a.k[1][1] / b.k[1][1] - 1) * a.height + std::abs(a.k[2][1] - b.k[2][1]);
+  if (a.width != b.width || a.height != b.height) return refuse("give both the same size");
+  if (rows > 0.01 || std::abs(a.k[0][0] / b.k[0][0] - 1) > 1e-6)
+    return refuse("give both the same fx, fy and cy");
+  const glm::dmat4 b_from_a = b.camera_from_world_cv * glm::inverse(a.camera_from_world_cv);
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      if (std::abs(b_from_a[i][j] - (i == j)) > 1e-4) return refuse("turn both the same way");
+  const glm::dvec3 offset(b_from_a[3]);
+  if (std::hypot(offset.y, offset.z) > 1e-4 * std::abs(offset.x) + 1e-6)
+    return refuse("place one beside the other along the image's x axis");
+  return {};
+}
+
 Status check_disparity(const RenderJob& job) {
   if (!has(job, {Plane::DISPARITY, Plane::DISPARITY_VISIBLE})) return {};
   if (!job.disparity_camera)
     return fail(Code::kInvalidArgument, "planes.camera",
                 "disparity needs a second camera: set PlaneRequest.camera");
-  return check_camera(job, job.disparity_camera, "planes.camera");
+  HELIO_TRY(check_camera(job, job.disparity_camera, "planes.camera"));
+  for (const EntityId camera : job.cameras) HELIO_TRY(check_rectified(job, camera));
+  return {};
 }
 
 Status check_groups(const RenderJob& job) {

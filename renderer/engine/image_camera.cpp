@@ -1,8 +1,14 @@
 #include "renderer/engine/image_camera.h"
 
+#include <algorithm>
 #include <limits>
+#include <numbers>
+
+#include "kernels/distortion.h"
 
 namespace heliograph {
+
+static_assert(int(Projection::kEquirectangular) == int(kernels::Projection::kEquirectangular));
 
 namespace {
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
@@ -14,16 +20,43 @@ glm::dmat4 cv_from_gl() {
 }
 
 mat4x3 affine(const glm::dmat4& m) { return {vec3(m[0]), vec3(m[1]), vec3(m[2]), vec3(m[3])}; }
+
+kernels::LensModel<float> single(const kernels::LensModel<double>& lens) {
+  kernels::LensModel<float> out{.projection = lens.projection, .distorted = lens.distorted};
+  std::ranges::transform(lens.k, out.k, [](double k) { return float(k); });
+  out.limit = float(lens.limit);
+  return out;
+}
+
+kernels::LensModel<double> lens_of(const Camera& camera) {
+  kernels::LensModel<double> lens{.projection = kernels::Projection(camera.projection)};
+  std::ranges::copy(camera.distortion, lens.k);
+  lens.distorted = std::ranges::any_of(camera.distortion, [](double k) { return k != 0; });
+  lens.limit = kernels::lens_limit(lens);
+  return lens;
+}
+
+kernels::ApertureView aperture_of(const Camera& camera) {
+  return {.radius = float(camera.aperture / 2),
+          .focus = float(camera.focus_distance),
+          .blades = camera.blades,
+          .turn = float(camera.blade_rotation / (2 * std::numbers::pi))};
+}
 }  // namespace
 
 ImageCamera image_camera(const Camera& camera, const mat4x3& world_from_camera, u32 width,
                          u32 height) {
   const double sx = double(width) / camera.width, sy = double(height) / camera.height;
-  ImageCamera out{.projection = camera.projection, .width = width, .height = height};
+  ImageCamera out{.lens = lens_of(camera),
+                  .aperture = aperture_of(camera),
+                  .near = camera.near,
+                  .far = camera.far,
+                  .width = width,
+                  .height = height};
   out.k = glm::dmat3(0);
   out.k[0][0] = camera.fx * sx;
   out.k[1][1] = camera.fy * sy;
-  out.k[2] = {(camera.cx + 0.5) * sx - 0.5, (camera.cy + 0.5) * sy - 0.5, 1};
+  out.k[2] = {camera.cx * sx + 0.5 * (sx - 1), camera.cy * sy + 0.5 * (sy - 1), 1};
   glm::dmat4 world(1);
   for (int i = 0; i < 3; ++i)
     world[i] = glm::dvec4(glm::normalize(glm::dvec3(world_from_camera[i])), 0);
@@ -33,10 +66,9 @@ ImageCamera image_camera(const Camera& camera, const mat4x3& world_from_camera, 
 }
 
 glm::dvec2 project(const ImageCamera& camera, const glm::dvec3& p_camera) {
-  if (!(p_camera.z > 0)) return {kNaN, kNaN};
-  const double z = camera.projection == Projection::kPerspective ? p_camera.z : 1;
-  return {camera.k[0][0] * p_camera.x / z + camera.k[2][0],
-          camera.k[1][1] * p_camera.y / z + camera.k[2][1]};
+  glm::dvec2 m;
+  if (!kernels::project(camera.lens, p_camera, m)) return {kNaN, kNaN};
+  return {camera.k[0][0] * m.x + camera.k[2][0], camera.k[1][1] * m.y + camera.k[2][1]};
 }
 
 kernels::CameraView camera_view(const ImageCamera& camera) {
@@ -50,9 +82,10 @@ kernels::CameraView camera_view(const ImageCamera& camera) {
   view.cy = float(camera.k[2][1] + 0.5);
   view.width = camera.width;
   view.height = camera.height;
-  view.projection = camera.projection == Projection::kPerspective
-                        ? kernels::Projection::kPerspective
-                        : kernels::Projection::kOrthographic;
+  view.lens = single(camera.lens);
+  view.aperture = camera.aperture;
+  view.near = float(camera.near);
+  view.far = float(camera.far);
   return view;
 }
 

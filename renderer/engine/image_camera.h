@@ -11,13 +11,15 @@ namespace heliograph {
 struct ImageCamera {
   glm::dmat3 k{1};  // OpenCV intrinsics at the rendered size
   glm::dmat4 camera_from_world_cv{1};
-  Projection projection = Projection::kPerspective;
+  kernels::LensModel<double> lens{};
+  kernels::ApertureView aperture{};
+  double near = 0, far = 0;
   u32 width = 0;
   u32 height = 0;
 };
 [[nodiscard]] ImageCamera image_camera(const Camera& camera, const mat4x3& world_from_camera,
                                        u32 width, u32 height);
-/// K coordinates of a point in the OpenCV camera frame; NaN unless it is in front.
+/// K coordinates of a point in the OpenCV camera frame; NaN where the camera does not see it.
 [[nodiscard]] glm::dvec2 project(const ImageCamera& camera, const glm::dvec3& p_camera);
 /// The same for kernels, whose cx and cy are raster coordinates.
 [[nodiscard]] kernels::CameraView camera_view(const ImageCamera& camera);

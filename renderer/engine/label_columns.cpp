@@ -128,8 +128,9 @@ void add_boxes(const LabelInputs& in, std::vector<Column>& columns) {
     for (const vec3& corner : corners(box)) {
       const glm::dvec3 p(camera_from_object * glm::dvec4(glm::dvec3(corner), 1));
       corners_camera.add_vector(p);
-      corners_image.add_vector(project(in.camera, p));
-      behind += p.z <= 0;
+      const glm::dvec2 seen = project(in.camera, p);
+      corners_image.add_vector(seen);
+      behind += std::isnan(seen.x);
     }
     crosses.add(behind > 0 && behind < 8);
   }

@@ -163,7 +163,7 @@ struct Light {
   TextureUse texture;
 };
 
-enum class Projection : u8 { kPerspective, kOrthographic };
+enum class Projection : u8 { kPerspective, kOrthographic, kFisheye, kEquirectangular };
 
 /// OpenCV intrinsics at the calibrated size: integers are pixel centres.
 struct Camera {
@@ -171,6 +171,12 @@ struct Camera {
   u32 height = 0;
   Projection projection = Projection::kPerspective;
   double fx = 0, fy = 0, cx = 0, cy = 0;
+  std::array<double, 8> distortion{};  // OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6; fisheye: k1..k4
+  double aperture = 0;                 // metres, diameter; 0: a pinhole
+  double focus_distance = 0;           // metres along the optical axis
+  u32 blades = 0;                      // 0: round
+  double blade_rotation = 0;           // radians
+  double near = 0, far = 0;            // metres, where rays start and end; far 0: they do not end
 };
 
 /// Which kinds of rays meet an entity. Bits of Entity::visibility and of a ray's mask.

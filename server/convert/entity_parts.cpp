@@ -1,4 +1,4 @@
-// What an entity carries itself: label, camera, light, skin.
+// What an entity carries itself: label, light, skin.
 #include <fmt/format.h>
 
 #include "server/convert/fields.h"
@@ -12,23 +12,11 @@ constexpr std::array kUnits{
     LightUnit::kLumen,    LightUnit::kIrradiance, LightUnit::kIlluminance,
 };
 static_assert(kUnits.size() == v1::Light::Unit_ARRAYSIZE);
-constexpr std::array kProjections{Projection::kPerspective, Projection::kPerspective,
-                                  Projection::kOrthographic};
-static_assert(kProjections.size() == v1::Camera::Projection_ARRAYSIZE);
-
-constexpr Range kImageSide{1, 16384};
-constexpr Range kFocalLength{1e-6, 1e9};
-constexpr Range kPrincipalPoint{-1e9, 1e9};
 constexpr Range kBrightness{0, 1e15};
 constexpr Range kExposure{-64, 64};
 constexpr Range kKelvin{1000, 40000};
 constexpr Range kSunAngle{1e-4, 3.14};
 constexpr u32 kLargestLabel = 0xfffffffeu;
-
-Status require(bool present, const char* field, const char* remedy) {
-  if (present) return {};
-  return fail(Code::kInvalidArgument, field, std::string("is missing; ") + remedy);
-}
 
 /// Whether a use of a texture names one; id 0 is nothing.
 bool binds(const v1::TextureUse& use) {
@@ -80,37 +68,6 @@ v1::Label to_proto(const LabelPatch& patch) {
   message.set_group(patch.group);
   if (patch.category) message.set_category(*patch.category);
   message.set_part(patch.part);
-  return message;
-}
-
-Expected<Camera> to_camera(const v1::Camera& message) {
-  HELIO_TRY(require(message.has_width(), "width", "give the calibrated size in pixels"));
-  HELIO_TRY(require(message.has_height(), "height", "give the calibrated size in pixels"));
-  HELIO_TRY(require(message.has_fx(), "fx", "give the focal length in pixels"));
-  HELIO_TRY(
-      require(message.has_fy(), "fy", "give the focal length in pixels (fx for square ones)"));
-  HELIO_TRY(require(message.has_cx(), "cx", "the image's centre is (width - 1) / 2"));
-  HELIO_TRY(require(message.has_cy(), "cy", "the image's centre is (height - 1) / 2"));
-  Camera camera;
-  HELIO_TAKE(camera.width, in_range(message.width(), kImageSide), "width");
-  HELIO_TAKE(camera.height, in_range(message.height(), kImageSide), "height");
-  camera.projection = from_enum(kProjections, message.projection());
-  HELIO_TAKE(camera.fx, in_range(message.fx(), kFocalLength), "fx");
-  HELIO_TAKE(camera.fy, in_range(message.fy(), kFocalLength), "fy");
-  HELIO_TAKE(camera.cx, in_range(message.cx(), kPrincipalPoint), "cx");
-  HELIO_TAKE(camera.cy, in_range(message.cy(), kPrincipalPoint), "cy");
-  return camera;
-}
-
-v1::Camera to_proto(const Camera& camera) {
-  v1::Camera message;
-  message.set_width(camera.width);
-  message.set_height(camera.height);
-  message.set_projection(to_enum<v1::Camera::Projection>(kProjections, camera.projection));
-  message.set_fx(camera.fx);
-  message.set_fy(camera.fy);
-  message.set_cx(camera.cx);
-  message.set_cy(camera.cy);
   return message;
 }
 

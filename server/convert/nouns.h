@@ -43,7 +43,7 @@ void add_topology(const MeshTopology& topology, const ArraySink& sink, v1::Mesh&
 [[nodiscard]] Expected<PutVolume> to_volume(const v1::Volume& message, ArraySource& source);
 [[nodiscard]] v1::Volume to_proto(const PutVolume& patch, const ArraySink& sink);
 
-// entity.cpp, entity_parts.cpp
+// entity.cpp, entity_parts.cpp, camera.cpp
 [[nodiscard]] Expected<PutEntity> to_entity(const v1::Entity& message, ArraySource& source);
 [[nodiscard]] v1::Entity to_proto(const PutEntity& patch, const ArraySink& sink);
 [[nodiscard]] Expected<LabelPatch> to_label(const v1::Label& message);

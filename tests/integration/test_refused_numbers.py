@@ -105,7 +105,36 @@ NUMBERS = {
         for name in ("width", "height", "fx", "fy", "cx", "cy")
     },
     "Camera.from_fov": ("fov", lambda x: lambda scene: hg.Camera.from_fov(x, 32, 24)),
-    "Camera.from_focal": ("focal", lambda x: lambda scene: hg.Camera.from_focal(x, 32, 24)),
+    **{
+        f"Camera.{name}": (
+            f"camera.{name}",
+            lambda x, name=name: entity(
+                camera=camera(**{name: -1 if name == "far" and x == INF else x})
+            ),
+        )
+        for name in ("aperture", "focus_distance", "blades", "blade_rotation", "near", "far")
+    },
+    "Camera.distortion": (
+        "camera.distortion",
+        lambda x: entity(camera=camera(distortion=(0, 0, 0, x))),
+    ),
+    "Camera.from_focal_length": (
+        "focal_length",
+        lambda x: lambda scene: hg.Camera.from_focal_length(x, 32, 24),
+    ),
+    "Camera.sensor_width": (
+        "sensor_width",
+        lambda x: lambda scene: hg.Camera.from_focal_length(50, 32, 24, sensor_width=x),
+    ),
+    "Camera.f_number": (
+        "f_number",
+        lambda x: lambda scene: hg.Camera.from_focal_length(50, 32, 24, f_number=x),
+    ),
+    "Camera.fisheye": ("fov", lambda x: lambda scene: hg.Camera.fisheye(x, 32, 24)),
+    "Camera.equirectangular": (
+        "fov",
+        lambda x: lambda scene: hg.Camera.equirectangular(32, 24, fov=(1, x)),
+    ),
     "Camera.from_intrinsics": (
         "K",
         lambda x: lambda scene: hg.Camera.from_intrinsics(put(np.eye(3), x), 32, 24),

@@ -203,7 +203,21 @@ def test_cameras():
     assert np.array_equal(hg.Camera.from_intrinsics(k, 640, 480).K, k)
     assert hg.Camera.from_fov(90, 640, 480, degrees=True).fx == pytest.approx(320)
     assert hg.Camera.from_fov(90, 640, 480, axis="y", degrees=True).fy == pytest.approx(240)
-    assert hg.Camera.from_focal(0.036, 640, 480).fx == pytest.approx(640)
+    assert hg.Camera.from_focal_length(36, 640, 480).fx == pytest.approx(640)
+    lens = hg.Camera.from_focal_length(50, 640, 480, f_number=2, focus_distance=3)
+    assert lens.aperture == pytest.approx(0.025) and lens.focus_distance == 3
+    assert hg.Camera.fisheye(180, 314, 200, degrees=True).fx == pytest.approx(314 / np.pi)
+    panorama = hg.Camera.equirectangular(400, 200)
+    assert panorama.fx == panorama.fy == pytest.approx(200 / np.pi)
+    assert (panorama.cx, panorama.cy) == (199.5, 99.5)
+    full = hg.Camera.from_intrinsics(
+        *(k, 640, 480),
+        **{"distortion": (0.1, 0.2, 0.3, 0.4, 0.5), "aperture": 0.02, "focus_distance": 2.0},
+        **{"blades": 6, "blade_rotation": 0.3, "near": 0.1, "far": 9.0},
+    )
+    assert hg.Camera.from_message(full.to_message()) == full
+    plain = hg.Camera.from_intrinsics(k, 640, 480)
+    assert hg.Camera.from_message(plain.to_message()) == plain
 
 
 def test_shapes_face_outside_and_are_closed():

@@ -61,7 +61,8 @@ v1::Entity full_entity() {
     light { color { x: 1 y: 2 z: 3 } intensity: 4
             unit: UNIT_POWER exposure: -1 temperature: 6500 two_sided: true }
     camera { width: 640 height: 480 projection: PROJECTION_ORTHOGRAPHIC
-             fx: 500 fy: 501 cx: 319.5 cy: 239.5 }
+             fx: 500 fy: 501 cx: 319.5 cy: 239.5 aperture: 0.025 focus_distance: 2
+             blades: 6 blade_rotation: 0.5 near: 0.1 far: 50 }
     volume { id: 0 } skin { joints { name: 'a' } joints { name: 'b' } }
     label { value: 7 group: true category: 'bolt' part: 2 } visible: false
     visibility { camera: false diffuse: true glossy: false transmission: true shadow: false volume: false }
@@ -159,7 +160,7 @@ TEST_CASE("convert: every field of every noun survives the round trip") {
   *add("e")->mutable_entity() = full_entity();
   CHECK(unset(message.edits(0).entity(), {"clear"}).empty());
   CHECK(unset(message.edits(0).entity().light(), {"sun_angle"}).empty());
-  CHECK(unset(message.edits(0).entity().camera(), {}).empty());
+  CHECK(unset(message.edits(0).entity().camera(), {"distortion"}).empty());
   CHECK(unset(message.edits(0).entity().label(), {"auto"}).empty());
   CHECK(unset(message.edits(0).entity().visibility(), {}).empty());
   CHECK(unset(message.edits(0).entity().skin(), {}).empty());
@@ -179,6 +180,17 @@ TEST_CASE("convert: every field of every noun survives the round trip") {
   *add("sun")->mutable_entity()->mutable_light() = parse<v1::Light>(
       "color { x: 1 y: 2 z: 3 } intensity: 4 unit: UNIT_ILLUMINANCE exposure: 1 temperature: 5800 "
       "two_sided: false sun_angle: 0.01");
+  for (const char* lens :
+       {"projection: PROJECTION_PERSPECTIVE distortion: [0.1, 0, 0, 0]",
+        "projection: PROJECTION_PERSPECTIVE distortion: [1, 2, 3, 4, 5]",
+        "projection: PROJECTION_PERSPECTIVE distortion: [1, 2, 3, 4, 5, 6, 7, 8]",
+        "projection: PROJECTION_FISHEYE distortion: [0, 0, 3, 4]",
+        "projection: PROJECTION_EQUIRECTANGULAR"}) {
+    *add(lens)->mutable_entity()->mutable_camera() = parse<v1::Camera>(
+        "width: 64 height: 48 fx: 50 fy: 51 cx: 31 cy: 23 aperture: 0 "
+        "focus_distance: 0 blades: 0 blade_rotation: 0 near: 0 far: 0 " +
+        std::string(lens));
+  }
   check_round_trip(message, source);
 }
 

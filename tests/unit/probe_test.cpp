@@ -89,7 +89,7 @@ TEST_CASE("probe: geometry, labels and material of a plane and a sphere") {
   const World world(center);
   for (const Projection projection : {Projection::kPerspective, Projection::kOrthographic}) {
     CameraView camera = look_at({5, -4, 3.5f}, {0.2f, 0, 0.5f}, kSize, 1.1f);
-    camera.projection = projection;
+    camera.lens.projection = projection;
     if (projection == Projection::kOrthographic) camera.fx = camera.fy = 5;
     const TestFilm film(kSize, all_centre());
     probe_all({{world.view, &camera}, {}, {}, nullptr, &kSettings}, film);

@@ -62,12 +62,40 @@ def whole_of(value: Any, field: str, low: int = 0, high: int = 2**32 - 1) -> int
     return whole
 
 
+_PROJECTIONS = ("perspective", "orthographic", "fisheye", "equirectangular")
+_NUMBERS = (
+    *("fx", "fy", "cx", "cy"),
+    *("aperture", "focus_distance", "blade_rotation", "near"),
+)
+
+
+def _middle(width: int, height: int) -> tuple[float, float]:
+    """cx and cy of the image's centre."""
+    return 0.5 * width - 0.5, 0.5 * height - 0.5
+
+
+def _positive(value: Any, field: str) -> float:
+    number = number_of(value, field)
+    if not number > 0:
+        raise InvalidArgument(f"{field}: {number} is not above 0", field=field)
+    return number
+
+
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole or orthographic camera: OpenCV intrinsics at the calibrated size.
+    """A camera: OpenCV intrinsics at the calibrated size, lens, clipping. docs/cameras.md.
 
-    width, height: pixels. fx, fy: pixels (orthographic: pixels a metre). cx, cy: principal point,
-    where integers are pixel centres. The camera looks down its -Z axis, +Y is up in the image.
+    width, height: pixels. fx, fy: pixels (orthographic: pixels a metre; equirectangular: pixels a
+    radian). cx, cy: principal point, where integers are pixel centres. The camera looks down its -Z
+    axis, +Y is up in the image.
+    projection: "perspective", "orthographic", "fisheye" or "equirectangular".
+    distortion: OpenCV's coefficients: k1 k2 p1 p2 [k3 [k4 k5 k6]] of a perspective camera, k1 k2 k3
+    k4 of a fisheye.
+    aperture: diameter of a thin lens, metres; 0: a pinhole. focus_distance: metres along the
+    optical axis. blades: corners of the aperture, 0 for a round one; blade_rotation: radians, of a
+    corner from +X towards +Y. Planes of fold `centre` have no blur.
+    near, far: where rays start and end, metres along the optical axis (fisheye, equirectangular:
+    along the ray).
     """
 
     width: int
@@ -77,23 +105,38 @@ class Camera:
     cx: float
     cy: float
     projection: str = "perspective"
+    distortion: Any = ()
+    aperture: float = 0.0
+    focus_distance: float = 0.0
+    blades: int = 0
+    blade_rotation: float = 0.0
+    near: float = 0.0
+    far: float = math.inf
 
     @classmethod
-    def from_intrinsics(cls, K: Any, width: int, height: int) -> Camera:
-        """From a (3, 3) matrix of OpenCV; K read back equals K."""
+    def from_intrinsics(cls, K: Any, width: int, height: int, **fields: Any) -> Camera:
+        """From a (3, 3) matrix of OpenCV; K read back equals K. fields: any others of a Camera."""
         k = checked(K, "K", "f8", (3, 3))
         if k[0, 1] or k[1, 0] or (k[2] != (0, 0, 1)).any():
             raise InvalidArgument(
                 "K: needs [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]; skew is not modelled", field="K"
             )
-        return cls(width, height, float(k[0, 0]), float(k[1, 1]), float(k[0, 2]), float(k[1, 2]))
+        fx, fy, cx, cy = (float(x) for x in (k[0, 0], k[1, 1], k[0, 2], k[1, 2]))
+        return cls(width, height, fx, fy, cx, cy, **fields)
 
     @classmethod
     def from_fov(
-        cls, fov: float, width: int, height: int, *, axis: str = "x", degrees: bool = False
+        cls,
+        fov: float,
+        width: int,
+        height: int,
+        *,
+        axis: str = "x",
+        degrees: bool = False,
+        **fields: Any,
     ) -> Camera:
         """From the full angle of view along the image's width (`axis="x"`) or height ("y");
-        radians unless `degrees`."""
+        radians unless `degrees`. fields: any others of a Camera."""
         angle = math.radians(fov) if degrees else float(fov)
         if not 0 < angle < math.pi:
             raise InvalidArgument(
@@ -103,23 +146,60 @@ class Camera:
         if axis not in ("x", "y"):
             raise InvalidArgument(f'axis: "x" or "y", not {axis!r}', field="axis")
         focal = 0.5 * (width if axis == "x" else height) / math.tan(0.5 * angle)
-        return cls(width, height, focal, focal, 0.5 * width - 0.5, 0.5 * height - 0.5)
+        return cls(width, height, focal, focal, *_middle(width, height), **fields)
 
     @classmethod
-    def from_focal(
-        cls, focal: float, width: int, height: int, *, sensor_width: float = 0.036
+    def from_focal_length(
+        cls,
+        focal_length: float,
+        width: int,
+        height: int,
+        *,
+        sensor_width: float = 36.0,
+        f_number: float | None = None,
+        **fields: Any,
     ) -> Camera:
-        """From a focal length and the sensor's width, both in metres (0.050 on 0.036)."""
-        pixels = number_of(focal, "focal") / number_of(sensor_width, "sensor_width") * width
-        if not pixels > 0:
-            raise InvalidArgument("focal, sensor_width: need metres > 0", field="focal")
-        return cls(width, height, pixels, pixels, 0.5 * width - 0.5, 0.5 * height - 0.5)
+        """From a lens as photographers name it: focal length and the sensor's width, both in
+        millimetres (50 on 36). f_number: makes it a thin lens of aperture focal_length / f_number
+        and needs focus_distance=, metres. fields: any others of a Camera."""
+        focal = _positive(focal_length, "focal_length")
+        pixels = focal / _positive(sensor_width, "sensor_width") * width
+        if f_number is not None:
+            fields["aperture"] = 1e-3 * focal / _positive(f_number, "f_number")
+        return cls(width, height, pixels, pixels, *_middle(width, height), **fields)
 
     @classmethod
-    def orthographic(cls, pixels_per_metre: float, width: int, height: int) -> Camera:
+    def orthographic(
+        cls, pixels_per_metre: float, width: int, height: int, **fields: Any
+    ) -> Camera:
         """Parallel rays; one metre is `pixels_per_metre` pixels at any distance."""
-        cx, cy = 0.5 * width - 0.5, 0.5 * height - 0.5
-        return cls(width, height, pixels_per_metre, pixels_per_metre, cx, cy, "orthographic")
+        scale = (pixels_per_metre, pixels_per_metre)
+        return cls(width, height, *scale, *_middle(width, height), "orthographic", **fields)
+
+    @classmethod
+    def fisheye(
+        cls, fov: float, width: int, height: int, *, degrees: bool = False, **fields: Any
+    ) -> Camera:
+        """An equidistant lens, `distortion` aside: the full angle of view along the image's width,
+        up to 360 degrees; radians unless `degrees`."""
+        angle = _positive(math.radians(fov) if degrees else fov, "fov")
+        scale = (width / angle, width / angle)
+        return cls(width, height, *scale, *_middle(width, height), "fisheye", **fields)
+
+    @classmethod
+    def equirectangular(
+        cls,
+        width: int,
+        height: int,
+        *,
+        fov: tuple[float, float] = (2 * math.pi, math.pi),
+        **fields: Any,
+    ) -> Camera:
+        """Longitude along x, latitude along y; what lies ahead is in the middle. fov: radians seen
+        along the width and the height."""
+        wide, high = (_positive(angle, "fov") for angle in fov)
+        scale = (width / wide, height / high)
+        return cls(width, height, *scale, *_middle(width, height), "equirectangular", **fields)
 
     @property
     def K(self) -> NdArray:
@@ -127,27 +207,33 @@ class Camera:
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
 
     def to_message(self) -> scene.Camera:
-        if self.projection not in ("perspective", "orthographic"):
-            raise InvalidArgument("projection: perspective or orthographic", field="projection")
+        if self.projection not in _PROJECTIONS:
+            raise InvalidArgument(
+                f"projection: one of {', '.join(_PROJECTIONS)}", field="projection"
+            )
         projection: Any = scene.Camera.Projection.Value(f"PROJECTION_{self.projection.upper()}")
+        far = {} if self.far == math.inf else {"far": number_of(self.far, "camera.far")}
         return scene.Camera(
             width=whole_of(self.width, "camera.width", 1),
             height=whole_of(self.height, "camera.height", 1),
             projection=projection,
-            **{n: number_of(getattr(self, n), f"camera.{n}") for n in ("fx", "fy", "cx", "cy")},
+            blades=whole_of(self.blades, "camera.blades"),
+            distortion=checked(self.distortion, "camera.distortion", "f8", (None,)),
+            **{name: number_of(getattr(self, name), f"camera.{name}") for name in _NUMBERS},
+            **far,
         )
 
     @classmethod
     def from_message(cls, message: scene.Camera) -> Camera:
-        ortho = message.projection == scene.Camera.PROJECTION_ORTHOGRAPHIC
+        name = scene.Camera.Projection.Name(message.projection or 1)
         return cls(
-            message.width,
-            message.height,
-            message.fx,
-            message.fy,
-            message.cx,
-            message.cy,
-            "orthographic" if ortho else "perspective",
+            width=message.width,
+            height=message.height,
+            projection=name[len("PROJECTION_") :].lower(),
+            blades=message.blades,
+            distortion=tuple(message.distortion),
+            far=message.far or math.inf,
+            **{name: getattr(message, name) for name in _NUMBERS},
         )
 
 

@@ -10,8 +10,8 @@
 
 #include "kernels/camera.h"
 #include "kernels/surface.h"
+#include "renderer/backend/embree/canvas.h"
 #include "renderer/backend/embree/overlap.h"
-#include "renderer/backend/embree/silhouettes.h"
 #include "renderer/engine/image_camera.h"
 
 namespace heliograph::embree {
@@ -155,7 +155,9 @@ Expected<QueryResult> pick(const QueryScene& scene, const Pick& query, const Int
   HitColumns columns(result, query.pixels.size());
   for_each_row(query.pixels.size(), interrupt, [&](std::size_t i) {
     const kernels::Ray ray = kernels::camera_ray(*camera, query.pixels[i] + 0.5f, kProbe);
-    columns.set(i, scene, tracer.closest(ray, kernels::kCameraRay), ray.direction);
+    kernels::Hit hit = tracer.closest(ray, kernels::kCameraRay);
+    hit.t += kernels::near_of(*camera, ray.direction);
+    columns.set(i, scene, hit, ray.direction);
   });
   return result;
 }
@@ -179,7 +181,7 @@ Expected<QueryResult> visible(const QueryScene& scene, const Visible& query,
       for (i32 x = box.x0; x < box.x1; ++x) {
         const vec2 raster(float(x) + 0.5f, float(y) + 0.5f);
         const kernels::Ray ray = kernels::camera_ray(*camera, raster, kProbe);
-        if (tracer.closest_in(slot, ray).instance == kNone) continue;
+        if (!(ray.t_max > 0) || tracer.closest_in(slot, ray).instance == kNone) continue;
         ++alone;
         seen += tracer.closest(ray, kernels::kCameraRay).instance == slot;
       }

@@ -7,6 +7,7 @@
 #include <bit>
 
 #include "kernels/camera.h"
+#include "renderer/backend/embree/canvas.h"
 
 namespace heliograph::embree {
 
@@ -28,12 +29,6 @@ struct Reach {  // where a slot may be seen
   u32 slot;
   PixelBox box;
 };
-
-PixelBox canvas_of(const kernels::CameraView& camera, float extend) {
-  const auto x = i32(std::lround(extend * float(camera.width)));
-  const auto y = i32(std::lround(extend * float(camera.height)));
-  return {-x, -y, i32(camera.width) + x, i32(camera.height) + y};
-}
 
 /// The slots of each row that reach the canvas.
 std::vector<std::vector<Reach>> reaches(const Placement& placement,
@@ -67,29 +62,42 @@ std::vector<Task> make_tasks(const std::vector<std::vector<Reach>>& reaches) {
   return tasks;
 }
 
-/// The camera's rays in the space of one object: affine in the pixel, and not normalised.
+/// The camera's rays through pixel centres in the space of one object, not normalised. Those of a
+/// camera that sees straight lines straight are affine in the pixel.
 class ObjectRays {
  public:
-  ObjectRays(const kernels::CameraView& camera, const kernels::InstanceView& instance) {
-    const mat4x3 object_from_camera =
-        multiply(instance.object_from_world, camera.world_from_camera);
+  ObjectRays(const kernels::CameraView& camera, const kernels::InstanceView& instance)
+      : camera_(&camera),
+        object_from_world_(instance.object_from_world),
+        straight_(kernels::is_rectilinear(camera.lens)) {
+    const mat4x3 object_from_camera = multiply(object_from_world_, camera.world_from_camera);
     const mat3 linear(object_from_camera);
     const vec3 along_x = linear[0] / camera.fx, along_y = -linear[1] / camera.fy;
     const vec3 corner = along_x * (0.5f - camera.cx) + along_y * (0.5f - camera.cy);
-    const bool perspective = camera.projection == kernels::Projection::kPerspective;
+    const bool perspective = camera.lens.projection == kernels::Projection::kPerspective;
     direction_ = -linear[2] + (perspective ? corner : vec3(0));
     origin_ = object_from_camera[3] + (perspective ? vec3(0) : corner);
     (perspective ? direction_x_ : origin_x_) = along_x;
     (perspective ? direction_y_ : origin_y_) = along_y;
+    if (camera.far > 0) t_max_ = camera.far - camera.near;
   }
+  /// t_max is 0 where the camera sees nothing.
   [[nodiscard]] kernels::Ray through(float x, float y) const {
-    return {origin_ + origin_x_ * x + origin_y_ * y,
-            direction_ + direction_x_ * x + direction_y_ * y, INFINITY, 0, kProbe};
+    if (!straight_) {
+      kernels::Ray ray = kernels::camera_ray(*camera_, vec2(x, y) + 0.5f, kProbe);
+      ray.origin = kernels::transform_point(object_from_world_, ray.origin);
+      ray.direction = kernels::transform_vector(object_from_world_, ray.direction);
+      return ray;
+    }
+    const vec3 direction = direction_ + direction_x_ * x + direction_y_ * y;
+    return {origin_ + origin_x_ * x + origin_y_ * y + direction * camera_->near, direction, t_max_,
+            0, kProbe};
   }
-  /// The rays through (x, y) ... (x + 7, y).
-  void through(float x, float y, RTCRay8& rays) const {
+  /// The rays through (x, y) ... (x + 7, y); clears `valid` where the camera sees nothing.
+  void through(float x, float y, RTCRay8& rays, int* valid) const {
     for (int i = 0; i < 8; ++i) {
       const kernels::Ray ray = through(x + float(i), y);
+      if (!(ray.t_max > 0)) valid[i] = 0;
       rays.org_x[i] = ray.origin.x;
       rays.org_y[i] = ray.origin.y;
       rays.org_z[i] = ray.origin.z;
@@ -97,13 +105,17 @@ class ObjectRays {
       rays.dir_y[i] = ray.direction.y;
       rays.dir_z[i] = ray.direction.z;
       rays.tnear[i] = rays.time[i] = 0;
-      rays.tfar[i] = INFINITY;
+      rays.tfar[i] = ray.t_max;
       rays.mask[i] = kNone;
       rays.id[i] = rays.flags[i] = 0;
     }
   }
 
  private:
+  const kernels::CameraView* camera_;
+  mat4x3 object_from_world_;
+  bool straight_;
+  float t_max_ = INFINITY;
   vec3 origin_, origin_x_{0}, origin_y_{0};
   vec3 direction_, direction_x_{0}, direction_y_{0};
 };
@@ -176,13 +188,14 @@ class SilhouetteTracer {
     if (wanted == 0) return 0;
     if (!(instances_[reach.slot].flags & kernels::kMayBeHole)) {
       RTCRay8 packet;
-      rays.through(float(first.x), float(first.y), packet);
+      rays.through(float(first.x), float(first.y), packet, valid);
       return tracer_.meets(reach.slot, packet, valid);
     }
     u32 met = 0;
-    for (i32 i = 0; i < kLanes; ++i)
-      if (valid[i] && tracer_.meets(reach.slot, rays.through(float(first.x + i), float(first.y))))
-        met |= 1u << i;
+    for (i32 i = 0; i < kLanes; ++i) {
+      const kernels::Ray ray = rays.through(float(first.x + i), float(first.y));
+      if (valid[i] && ray.t_max > 0 && tracer_.meets(reach.slot, ray)) met |= 1u << i;
+    }
     return met;
   }
 
@@ -204,35 +217,6 @@ float diameter(const DeviceMesh& mesh) {
 }
 
 }  // namespace
-
-PixelBox bounds_on_canvas(const Placement& placement, u32 slot, const kernels::CameraView& camera,
-                          const PixelBox& canvas) {
-  RTCBounds bounds;
-  rtcGetSceneBounds(placement.instance_scenes[slot], &bounds);
-  if (!(bounds.lower_x <= bounds.upper_x)) return {};
-  const mat4x3& world = placement.instances[slot].world_from_object;
-  vec2 low(INFINITY), high(-INFINITY);
-  u32 behind = 0;
-  for (u32 i = 0; i < 8; ++i) {
-    const vec3 corner(i & 1 ? bounds.upper_x : bounds.lower_x,
-                      i & 2 ? bounds.upper_y : bounds.lower_y,
-                      i & 4 ? bounds.upper_z : bounds.lower_z);
-    const kernels::Projected p = kernels::project(camera, world * vec4(corner, 1));
-    behind += !p.in_front;
-    low = glm::min(low, p.raster);
-    high = glm::max(high, p.raster);
-  }
-  if (behind == 8) return {};
-  if (behind > 0) return canvas;
-  const auto clip = [](float v, i32 from, i32 to) {
-    return i32(std::clamp(v, float(from), float(to)));
-  };
-  const PixelBox box{clip(std::floor(low.x) - 1, canvas.x0, canvas.x1),
-                     clip(std::floor(low.y) - 1, canvas.y0, canvas.y1),
-                     clip(std::ceil(high.x) + 1, canvas.x0, canvas.x1),
-                     clip(std::ceil(high.y) + 1, canvas.y0, canvas.y1)};
-  return box.x0 < box.x1 && box.y0 < box.y1 ? box : PixelBox{};
-}
 
 std::vector<Silhouette> trace_silhouettes(const Placement& placement, const TracedScene& scene,
                                           const SilhouetteInputs& in, const Interrupt& interrupt) {
@@ -283,8 +267,8 @@ std::vector<KeypointLabel> trace_keypoints(const Placement& placement, const Tra
       const glm::dvec2 image = project(camera, p_camera);
       KeypointLabel label{instance.label, keypoint.name, vec3(p_camera), vec2(image),
                           State::kOutside};
-      if (p_camera.z > 0 && kernels::inside_image(view, vec2(image) + 0.5f)) {
-        kernels::Ray ray = kernels::camera_ray_to(view, p_world, kProbe);
+      if (kernels::inside_image(view, vec2(image) + 0.5f) && kernels::within_clip(view, p_world)) {
+        kernels::Ray ray = kernels::clipped(view, kernels::camera_ray_to(view, p_world, kProbe));
         ray.t_max = std::max(0.0f, ray.t_max - radius);
         const kernels::Hit hit = tracer.closest(ray, kernels::kCameraRay);
         label.state = hit.instance == kNone ? State::kVisible

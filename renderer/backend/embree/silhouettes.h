@@ -32,8 +32,4 @@ struct SilhouetteInputs {
                                                          const ImageCamera& camera,
                                                          const LabelOptions& options);
 
-/// Pixels [x0, x1) x [y0, y1) that a slot's surface may cover, within `canvas`.
-[[nodiscard]] PixelBox bounds_on_canvas(const Placement& placement, u32 slot,
-                                        const kernels::CameraView& camera, const PixelBox& canvas);
-
 }  // namespace heliograph::embree

@@ -1,0 +1,139 @@
+#include "renderer/backend/embree/canvas.h"
+
+#include <array>
+#include <numbers>
+
+#include "kernels/camera.h"
+
+namespace heliograph::embree {
+namespace {
+
+/// Raster positions, with a pixel to spare on each side.
+struct Extent {
+  vec2 low{INFINITY}, high{-INFINITY};
+
+  void add(vec2 raster) {
+    low = glm::min(low, raster);
+    high = glm::max(high, raster);
+  }
+  [[nodiscard]] PixelBox within(const PixelBox& canvas) const {
+    const auto clip = [](float v, i32 from, i32 to) {
+      return i32(std::clamp(v, float(from), float(to)));
+    };
+    const PixelBox box{clip(std::floor(low.x) - 1, canvas.x0, canvas.x1),
+                       clip(std::floor(low.y) - 1, canvas.y0, canvas.y1),
+                       clip(std::ceil(high.x) + 1, canvas.x0, canvas.x1),
+                       clip(std::ceil(high.y) + 1, canvas.y0, canvas.y1)};
+    return box.x0 < box.x1 && box.y0 < box.y1 ? box : PixelBox{};
+  }
+};
+
+using Corners = std::array<vec3, 8>;  // OpenCV camera frame
+
+PixelBox straight_bounds(const Corners& corners, const kernels::CameraView& camera,
+                         const PixelBox& canvas) {
+  Extent extent;
+  u32 behind = 0;
+  for (const vec3& corner : corners) {
+    const kernels::Projected p = kernels::project_cv(camera, corner);
+    behind += !p.seen;
+    extent.add(p.raster);
+  }
+  if (behind == 8) return {};
+  if (behind > 0) return canvas;
+  return extent.within(canvas);
+}
+
+/// Directions within an angle below 90 degrees of an axis: a convex set, so that one that holds a
+/// box's corners holds the box.
+struct Cone {
+  vec3 axis{0};
+  float cosine = -1;
+};
+
+Cone cone_of(const Corners& corners) {
+  Cone cone;
+  for (const vec3& corner : corners) cone.axis += kernels::normalize_or(corner, vec3(0));
+  cone.axis = kernels::normalize_or(cone.axis, vec3(0));
+  cone.cosine = 1;
+  for (const vec3& corner : corners)
+    cone.cosine =
+        std::min(cone.cosine, glm::dot(cone.axis, kernels::normalize_or(corner, vec3(0))) - 1e-6f);
+  return cone;
+}
+
+/// The cone in longitude and latitude; rows alone where it crosses the seam.
+PixelBox panorama_bounds(const Cone& cone, const kernels::CameraView& camera,
+                         const PixelBox& canvas) {
+  constexpr float kHalfTurn = std::numbers::pi_v<float>;
+  const float half = std::acos(cone.cosine), latitude = std::asin(cone.axis.y);
+  if (std::fabs(latitude) + half > 0.5f * kHalfTurn - 1e-3f) return canvas;
+  const float longitude = std::atan2(cone.axis.x, cone.axis.z);
+  const float wide = std::asin(std::sin(half) / std::cos(latitude)) + 1e-5f;
+  const bool whole = std::fabs(longitude) + wide > kHalfTurn;
+  const auto raster = [&](float x, float y) {
+    return vec2(camera.fx * x + camera.cx, camera.fy * y + camera.cy);
+  };
+  Extent extent;
+  extent.add(raster(whole ? -kHalfTurn : longitude - wide, latitude - half));
+  extent.add(raster(whole ? kHalfTurn : longitude + wide, latitude + half));
+  return extent.within(canvas);
+}
+
+/// Bounds of what a lens makes of the cone's rim, which bounds what it makes of the cone: it is
+/// continuous there and meets no place twice. Between the rim's samples it strays from their box by
+/// less than the margin.
+PixelBox curved_bounds(const Cone& cone, const kernels::CameraView& camera,
+                       const PixelBox& canvas) {
+  constexpr int kSamples = 64;
+  constexpr float kMargin = 0.02f;
+  if (-cone.axis.z >= cone.cosine) return canvas;  // it surrounds what no lens sees
+  const kernels::Frame frame = kernels::make_frame(cone.axis);
+  const float sine = std::sqrt(1 - cone.cosine * cone.cosine);
+  Extent extent;
+  for (int i = 0; i < kSamples; ++i) {
+    const float angle = 2 * std::numbers::pi_v<float> * float(i) / kSamples;
+    const vec3 d =
+        kernels::to_world(frame, vec3(std::cos(angle) * sine, std::sin(angle) * sine, cone.cosine));
+    const kernels::Projected p = kernels::project_cv(camera, d);
+    if (!p.seen) return canvas;
+    extent.add(p.raster);
+  }
+  const vec2 margin = (extent.high - extent.low) * kMargin + 1.0f;
+  extent.low -= margin;
+  extent.high += margin;
+  return extent.within(canvas);
+}
+
+}  // namespace
+
+PixelBox canvas_of(const kernels::CameraView& camera, float extend) {
+  if (camera.lens.projection == kernels::Projection::kEquirectangular) extend = 0;
+  const auto x = i32(std::lround(extend * float(camera.width)));
+  const auto y = i32(std::lround(extend * float(camera.height)));
+  return {-x, -y, i32(camera.width) + x, i32(camera.height) + y};
+}
+
+PixelBox bounds_on_canvas(const Placement& placement, u32 slot, const kernels::CameraView& camera,
+                          const PixelBox& canvas) {
+  RTCBounds bounds;
+  rtcGetSceneBounds(placement.instance_scenes[slot], &bounds);
+  if (!(bounds.lower_x <= bounds.upper_x)) return {};
+  const mat4x3& world = placement.instances[slot].world_from_object;
+  Corners corners;
+  for (u32 i = 0; i < 8; ++i) {
+    const vec3 corner(i & 1 ? bounds.upper_x : bounds.lower_x,
+                      i & 2 ? bounds.upper_y : bounds.lower_y,
+                      i & 4 ? bounds.upper_z : bounds.lower_z);
+    corners[i] = kernels::cv_from_gl(
+        kernels::transform_point(camera.camera_from_world, world * vec4(corner, 1)));
+  }
+  if (kernels::is_rectilinear(camera.lens)) return straight_bounds(corners, camera, canvas);
+  const Cone cone = cone_of(corners);
+  if (!(cone.cosine > 0.02f)) return canvas;
+  return camera.lens.projection == kernels::Projection::kEquirectangular
+             ? panorama_bounds(cone, camera, canvas)
+             : curved_bounds(cone, camera, canvas);
+}
+
+}  // namespace heliograph::embree

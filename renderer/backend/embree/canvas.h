@@ -1,0 +1,16 @@
+// Where on the canvas of a camera something may be seen. Called by silhouettes.cpp and queries.cpp.
+#pragma once
+
+#include "renderer/backend/embree/placement.h"
+
+namespace heliograph::embree {
+
+/// The image extended on each side by `extend` times its size; an equirectangular camera sees all
+/// there is already, and its canvas is its image.
+[[nodiscard]] PixelBox canvas_of(const kernels::CameraView& camera, float extend);
+
+/// Pixels [x0, x1) x [y0, y1) that a slot's surface may cover, within `canvas`.
+[[nodiscard]] PixelBox bounds_on_canvas(const Placement& placement, u32 slot,
+                                        const kernels::CameraView& camera, const PixelBox& canvas);
+
+}  // namespace heliograph::embree
