@@ -21,6 +21,8 @@ struct FilmView {
   u32 groups;                // how many are wanted
   float* moment;             // the same two for the squared luminance of beauty; null unless
   float* moment_partial;     // VARIANCE or a noise stop rule is wanted (then BEAUTY is there too)
+  float* catcher;            // (2) of each pixel: light on shadow catchers, with other entities and
+  float* catcher_partial;    // without; null unless SHADOW_CATCHER is wanted
   PlaneSet wanted;
   u32 width;
   u32 height;
@@ -70,6 +72,14 @@ KERNEL void end_group_block(const FilmView& film, u64 pixel) {
 KERNEL float mean_value(const FilmView& film, Plane plane, u64 i, u32 samples) {
   const float* sum = static_cast<const float*>(film.planes[u32(plane)]);
   return (sum[i] + film.partial[u32(plane)][i]) / float(samples);
+}
+
+/// Share of the light on a pixel's shadow catchers that the other entities let through.
+KERNEL float catcher_share(const FilmView& film, u64 pixel) {
+  const float* sum = film.catcher + pixel * 2;
+  const float* partial = film.catcher_partial + pixel * 2;
+  const float without = sum[1] + partial[1];
+  return without > 0 ? (sum[0] + partial[0]) / without : 1;
 }
 
 /// Luminance of a pixel's beauty after `samples` samples, and the variance of that mean (infinite

@@ -1,7 +1,7 @@
 // What surfaces and the sky emit, and how directions to them are chosen. Called by path.h.
 #pragma once
 
-#include "kernels/light_triangle.h"
+#include "kernels/light_shape.h"
 #include "kernels/sun.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
@@ -20,17 +20,17 @@ struct LightSample {
   u32 light;       // index into SceneView::lights; kNone: the dome or a sun
   u32 sun;         // where there is no light: index into SceneView::suns; kNone: the dome
   u32 primitive = 0;
-  float time = 0;     // of the ray
-  vec2 place;         // barycentric; for the dome in its picture, row 0 at v = 0
-  bool front = true;  // the light shows its front
-  u32 visibility;     // ray mask bits of the emitting instance
+  float time = 0;  // of the ray
+  vec2 place;      // barycentric; for the dome in its picture, row 0 at v = 0
+  u32 visibility;  // ray mask bits of the emitting instance
 };
 
 // ---------------------------------------------------------------- surfaces
 
-/// Radiance that a point of a surface emits towards the side `front`, and that sample_light()
-/// counts where the surface belongs to a light.
-KERNEL vec3 emitted(const SceneView& scene, const Surface& s, const MaterialValues& m, bool front) {
+/// Radiance that a point of a surface emits in a direction, and that sample_light() counts where
+/// the surface belongs to a light. wo: unit, world, leaves the surface.
+KERNEL vec3 emitted(const SceneView& scene, const Surface& s, const MaterialValues& m, vec3 wo) {
+  const bool front = dot(wo, s.ng) >= 0;
   vec3 radiance(0);
   const MaterialView& material = *s.material;
   if (!material.unlit && (front || material.two_sided_emission)) {
@@ -43,7 +43,7 @@ KERNEL vec3 emitted(const SceneView& scene, const Surface& s, const MaterialValu
   if (light.texture.texture != kNone) {
     added *= glm::max(vec3(sample_use<true>(scene, light.texture, uvs_at(s))), vec3(0));
   }
-  return radiance + added;
+  return radiance + added * cone_share(light, s.pose.world_from_object, wo);
 }
 
 /// What a surface shows of itself besides: the colour of unlit materials, which is light to whoever
@@ -59,6 +59,9 @@ KERNEL float light_pdf(const SceneView& scene, const Receiver& from, const Hit& 
   const LightPlace at = light_place(scene, index, from.time);
   const TriangleTree& tree = at.light.tree;
   const float chosen = leaf_probability(scene.light_nodes, at.light.leaf, from, false);
+  if (at.mesh.shape != Shape::kTriangles) {
+    return scene.surface_probability * chosen * shape_pdf(at, from.p, direction, hit.t);
+  }
   const u32 entry = tree.entry_of_triangle[hit.primitive];
   float within = 1;
   if (tree.nodes[tree.root].count == 0) {
@@ -70,11 +73,38 @@ KERNEL float light_pdf(const SceneView& scene, const Receiver& from, const Hit& 
   return pdf > 0 ? pdf : 0;
 }
 
+/// The rest of a sample of a disc or a sphere: its light is chosen, with `probability`.
+KERNEL bool sample_shape_light(const LightPlace& at, const Receiver& from, float probability,
+                               vec2 u2, LightSample& out) {
+  ShapePoint point;
+  if (!sample_shape(at, from.p, u2, point)) return false;
+  const mat4x3& world = at.pose.world_from_object;
+  const vec3 p = transform_point(world, point.p);
+  out.direction = normalize(p - from.p);
+  if (at.light.cone_scale != 0 && cone_share(at.light, world, -out.direction) == 0) return false;
+  out.pdf = probability * point.pdf;
+  if (!(out.pdf > 0)) return false;
+  const bool disc = at.mesh.shape == Shape::kDisc;
+  const vec3 n =
+      normalize(transform_normal(at.pose.object_from_world, disc ? vec3(0, 0, -1) : point.p));
+  const bool front = dot(out.direction, n) < 0;
+  const float offset = plane_error(world, {vec3(0), vec3(1), vec3(1)}, n);
+  out.target = p + n * (front ? offset : -offset);
+  out.primitive = 0;
+  out.place = disc ? disc_place(point.p) : sphere_place(point.p);
+  return true;
+}
+
 /// choice: a leaf of the scene's tree.
 KERNEL bool sample_surface_light(const SceneView& scene, const Receiver& from, LeafChoice choice,
                                  vec2 u2, LightSample& out) {
   out.light = scene.light_nodes[choice.node].first;
   const LightPlace at = light_place(scene, out.light, from.time);
+  out.time = from.time;
+  out.visibility = at.instance.visibility;
+  if (at.mesh.shape != Shape::kTriangles) {
+    return sample_shape_light(at, from, choice.probability, u2, out);
+  }
   const TriangleTree& tree = at.light.tree;
   choice.node = tree.root;
   if (tree.nodes[tree.root].count == 0) {
@@ -84,18 +114,16 @@ KERNEL bool sample_surface_light(const SceneView& scene, const Receiver& from, L
   point.entry = choice.node;
   if (!sample_leaf(at, from.p, vec3(choice.rest, u2.x, u2.y), point)) return false;
   const vec3 normal = point.triangle.normal;
-  out.front = dot(point.direction, normal) < 0;
-  if (!out.front && !emits_back(at.light)) return false;
+  const bool front = dot(point.direction, normal) < 0;
+  if (!front && !emits_back(at.light)) return false;
   out.direction = point.direction;
   out.pdf = choice.probability * point.pdf;
   if (!(out.pdf > 0)) return false;
   const vec3 n = normalize(normal);
   const float offset = plane_error(at.pose.world_from_object, point.triangle.corners, n);
-  out.target = point.p + n * (out.front ? offset : -offset);
+  out.target = point.p + n * (front ? offset : -offset);
   out.primitive = tree.entries[point.entry].triangle;
   out.place = point.place;
-  out.time = from.time;
-  out.visibility = at.instance.visibility;
   return true;
 }
 
@@ -103,9 +131,10 @@ KERNEL bool sample_surface_light(const SceneView& scene, const Receiver& from, L
 KERNEL vec3 surface_radiance(const SceneView& scene, const LightSample& sample) {
   const LightView& light = scene.lights[sample.light];
   const bool holes = scene.instances[light.instance].flags & kMayBeHole;
-  if (!light.material_emits && light.texture.texture == kNone && !holes) return light.radiance;
+  const bool plain = !light.material_emits && light.texture.texture == kNone && !holes;
+  if (plain && light.cone_scale == 0) return light.radiance;
   const Surface s = locate(scene, light.instance, sample.primitive, sample.place, sample.time);
-  const vec3 radiance = emitted(scene, s, material_at(scene, s, kEmissionBits), sample.front);
+  const vec3 radiance = emitted(scene, s, material_at(scene, s, kEmissionBits), -sample.direction);
   if (!holes) return radiance;
   return radiance * opacity_at(scene, light.instance, sample.primitive, sample.place);
 }

@@ -98,7 +98,8 @@ struct Probe {
   X(AMBIENT_OCCLUSION, float, 1, kMean, "1", 0)                          \
   X(COST, float, 1, kMean, "rays", 0)                                    \
   X(DENOISED, float, 4, kPost, "W sr^-1 m^-2", 0)                        \
-  X(BEAUTY_GROUP, float, 3, kMean, "W sr^-1 m^-2", 0)
+  X(BEAUTY_GROUP, float, 3, kMean, "W sr^-1 m^-2", 0)                    \
+  X(SHADOW_CATCHER, float, 1, kFilm, "1", 0)
 
 enum class Plane : u32 {
 #define HELIO_PLANE(NAME, ...) NAME,

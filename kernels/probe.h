@@ -190,8 +190,7 @@ KERNEL void probe_surface(Probe& p, const ProbeScene& now, const Hit& hit, const
   if (wanted & plane_bit(Plane::UV)) p.uv = uvs_at(s).set[0];
   if (wanted & kMaterialPlanes) {
     p.material = material_at(scene, s, ~kAlphaBit);
-    const bool front = dot(s.ng, ray.direction) <= 0;
-    p.emission = emitted(scene, s, p.material, front) + shown(s, p.material);
+    p.emission = emitted(scene, s, p.material, -ray.direction) + shown(s, p.material);
   }
   if (wanted & plane_bit(Plane::OPACITY)) {
     p.material.alpha = opacity_at(scene, hit.instance, hit.primitive, s.barycentric);

@@ -16,6 +16,9 @@ enum RayMask : u32 {
   kShadowRay = 16,
   kVolumeRay = 32,
   kAllRays = 63,
+  // Of what a backend adds to the bits of the scene:
+  kCatcherRay = 64,   // meets the shadow catchers that shadow rays meet
+  kThroughRay = 128,  // meets what camera rays do, and shadow catchers
 };
 
 /// What accepts() needs to decide on a hole. A probe ray takes a surface with opacity >= 0.5; any

@@ -24,6 +24,7 @@ struct SampleValues {
   float alpha = 0;
   bool hit = false;  // the camera ray met something
   float open = 1;    // of the hemisphere, for ambient occlusion
+  vec2 caught{0};    // light on a shadow catcher, with and without other entities
   u32 rays = 0;
   vec3 albedo{0};  // guides
   vec3 normal{0};
@@ -61,6 +62,12 @@ KERNEL void write_sample(const FilmView& film, u64 pixel, const SampleValues& s,
     add_to_sum(film.moment[pixel], film.moment_partial[pixel], y * y, whole);
   }
   if (whole && wants(film, Plane::BEAUTY_GROUP)) end_group_block(film, pixel);
+  if (film.catcher) {
+    for (u64 i = 0; i < 2; ++i) {
+      const u64 at = pixel * 2 + i;
+      add_to_sum(film.catcher[at], film.catcher_partial[at], s.caught[int(i)], whole);
+    }
+  }
   constexpr PlaneSet kScalars =
       plane_bit(Plane::COVERAGE) | plane_bit(Plane::AMBIENT_OCCLUSION) | plane_bit(Plane::COST);
   if ((film.wanted & (kGuidePlaneSet | kLightPlaneSet | kScalars)) == 0) return;

@@ -82,6 +82,9 @@ struct MaterialView {
 
 // ---------------------------------------------------------------- geometry
 
+/// What rays meet of a mesh: its triangles, or the shape that it stands for (shape.h).
+enum class Shape : u8 { kTriangles, kDisc, kSphere };
+
 /// A mesh as it is at this instant, in object space. Null: there is none. One that deforms while
 /// the shutter is open has positions and normals at segments + 1 equidistant times, one after the
 /// other.
@@ -99,12 +102,14 @@ struct MeshView {
   u32 vertex_count;
   u32 part_count;
   u32 segments;  // 0: it does not deform
+  Shape shape;
 };
 
 enum InstanceFlag : u32 {
   kFlipped = 1,      // world_from_object mirrors: front and back change places
   kMayBeHole = 2,    // some material of it is not opaque: accepts() decides
   kFlowInvalid = 4,  // created or teleported within the flow interval
+  kCatcher = 8,      // a shadow catcher
 };
 
 /// Where something is at one of the equidistant times that it has keys at: world = translate *
@@ -177,6 +182,8 @@ struct LightView {
   u32 part;
   u32 leaf;  // index into SceneView::light_nodes
   TriangleTree tree;
+  float cone_cos;           // cosine of the half angle at which a spot light's cone ends
+  float cone_scale;         // of the fall-off within; 0: no cone
   bool light_two_sided;     // of the entity's light
   bool material_two_sided;  // of the material's emission
   bool material_emits;      // the material's emission is not black

@@ -5,6 +5,7 @@
 #include "kernels/material.h"
 #include "kernels/motion.h"
 #include "kernels/ray.h"
+#include "kernels/shape.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
@@ -185,11 +186,18 @@ KERNEL Surface locate(const SceneView& scene, u32 instance_index, u32 primitive,
   s.light = scene.light_count > 0 ? scene.part_lights[s.instance->first_part + s.part] : kNone;
 
   s.pose = pose_at(scene, *s.instance, time);
-  const Corners c = corners_at(*s.mesh, s.triangle, time);
-  s.p =
-      transform_point(s.pose.world_from_object, c.a + c.ab * barycentric.x + c.ac * barycentric.y);
-  const vec3 n = transform_normal(s.pose.object_from_world, cross(c.ab, c.ac));
-  s.ng = normalize_or(n, vec3(0, 0, 1));
+  Corners c;
+  vec3 p, n;  // object space
+  if (s.mesh->shape == Shape::kSphere) {
+    p = n = sphere_point(barycentric);
+    c = {vec3(0), vec3(1), vec3(1)};
+  } else {
+    c = corners_at(*s.mesh, s.triangle, time);
+    p = c.a + c.ab * barycentric.x + c.ac * barycentric.y;
+    n = cross(c.ab, c.ac);
+  }
+  s.p = transform_point(s.pose.world_from_object, p);
+  s.ng = normalize_or(transform_normal(s.pose.object_from_world, n), vec3(0, 0, 1));
   s.offset = plane_error(s.pose.world_from_object, c, s.ng);
   s.ns = s.ng;
   return s;

@@ -25,7 +25,7 @@ class Measure {
     for (const Edit& edit : asset_.entities) {
       const auto& put = std::get<PutEntity>(edit.action);
       root_from_.push_back(pose_of(put));
-      const bool shown = put.visible.value_or(true) && !put.light;
+      const bool shown = put.visible.value_or(true);
       if (!shown || !put.mesh || std::holds_alternative<std::monostate>(*put.mesh)) continue;
       const auto& mesh =
           std::get<PutMesh>(asset_.library[std::get<CreatedByEdit>(*put.mesh).edit].action);

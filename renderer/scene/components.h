@@ -95,6 +95,9 @@ struct Symmetry {
   vec3 offset{0};
 };
 
+/// What a light's radiance leaves from, where it is not the entity's mesh.
+enum class LightShape : u8 { kMesh, kSphere, kDisc, kRectangle };
+
 /// What does not change when vertices move. Arrays are per vertex unless they say otherwise.
 struct MeshTopology {
   u32 vertex_count = 0;
@@ -114,6 +117,7 @@ struct MeshTopology {
   std::vector<Keypoint> keypoints;
   ArrayOf<uvec2> skeleton;
   std::vector<Symmetry> symmetries;
+  LightShape shape = LightShape::kMesh;  // that its triangles stand for (light_shapes.h)
 };
 
 /// Positions and normals at one or more times, in mesh coordinates.
@@ -150,6 +154,8 @@ enum class LightUnit : u8 {
   kLumen,
   kIrradiance,   // suns only
   kIlluminance,  // suns only
+  kIntensity,    // shapes only
+  kCandela,      // shapes only
 };
 
 struct Light {
@@ -159,7 +165,13 @@ struct Light {
   float exposure = 0;
   float temperature = 0;  // 0: none
   bool two_sided = false;
-  float sun_angle = 0;  // radians, diameter; 0: the light of the entity's mesh
+  float sun_angle = 0;  // radians, diameter; 0: no sun
+  LightShape shape = LightShape::kMesh;
+  float radius = 1;             // metres, of spheres and discs
+  float width = 1, height = 1;  // metres, of rectangles along x and y
+  // Half angles of a spot light's cone about the entity's -Z axis, radians: full up to the inner
+  // one, none from the outer one on. 0: no cone.
+  float inner_cone_angle = 0, outer_cone_angle = 0;
   TextureUse texture;
 };
 
@@ -234,6 +246,7 @@ struct Entity {
   u8 visibility = kAllRays;
   bool visible = true;
   bool is_static = false;  // may be traced as one mesh with the other static ones
+  bool shadow_catcher = false;
 
   /// The same fields; what they point to is compared by address.
   friend bool operator==(const Entity&, const Entity&) = default;

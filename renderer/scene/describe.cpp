@@ -154,6 +154,7 @@ class Description {
     if (!e.visible) patch.visible = false;
     if (e.visibility != kAllRays) patch.visibility = e.visibility;
     if (e.is_static) patch.is_static = true;
+    if (e.shadow_catcher) patch.shadow_catcher = true;
     if (e.attributes) patch.attributes = *e.attributes;
     if (e.light_group) patch.light_group = *e.light_group;
     return patch;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "renderer/scene/light_shapes.h"
 #include "renderer/scene/parents_first.h"
 
 namespace heliograph {
@@ -111,9 +112,9 @@ Labelling label_entities(const Snapshot& snapshot) {
     if (mine.row == kNone) return;
     Instance& instance = out.instances[mine.row];
     label = {instance.label, instance.category, 0, instance.root};
-    const auto* mesh = snapshot.find(entity.mesh);
+    const Mesh* mesh = shown_mesh(snapshot, entity);
     if (!mesh) return;
-    meshes.push_back({index, mine.row, mesh->value->topology->part_count, entity.label.part});
+    meshes.push_back({index, mine.row, mesh->topology->part_count, entity.label.part});
     if (mine.visible) instance.entities.push_back(index);
   });
   number_parts(meshes, out);

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "renderer/scene/draft.h"
+#include "renderer/scene/light_shapes.h"
 #include "renderer/scene/motion.h"
 
 namespace heliograph {
@@ -118,6 +119,7 @@ void set_values(const PutEntity& patch, Entity& entity) {
   if (patch.visible) entity.visible = *patch.visible;
   if (patch.visibility) entity.visibility = *patch.visibility;
   if (patch.is_static) entity.is_static = *patch.is_static;
+  if (patch.shadow_catcher) entity.shadow_catcher = *patch.shadow_catcher;
   if (patch.attributes)
     entity.attributes =
         patch.attributes->empty() ? nullptr : std::make_shared<const Attributes>(*patch.attributes);
@@ -128,6 +130,12 @@ Status check(const Snapshot& scene, const PutEntity& patch, const Entity& entity
   if (entity.mesh && entity.volume)
     return fail(Code::kInvalidArgument, patch.volume ? "volume" : "mesh",
                 "an entity has a mesh or a volume, not both; use two entities");
+  if (has_light_shape(entity) && entity.mesh)
+    return fail(Code::kInvalidArgument, patch.mesh ? "mesh" : "light.shape",
+                "an entity has a mesh or a light's shape, not both; use two entities");
+  if (has_light_shape(entity) && entity.materials)
+    return fail(Code::kInvalidArgument, patch.materials ? "materials" : "light.shape",
+                "a light's shape has no materials; use a mesh that emits, or clear them");
   if (!entity.mesh || !(patch.mesh || patch.skin || patch.morph_weights)) return {};
   return check_deformation(entity, *scene.find(entity.mesh)->value->topology);
 }

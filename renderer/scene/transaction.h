@@ -66,6 +66,7 @@ struct PutEntity {
   std::optional<bool> visible;
   std::optional<u8> visibility;  // RayMask bits
   std::optional<bool> is_static;
+  std::optional<bool> shadow_catcher;
   bool teleport = false;
   std::optional<Attributes> attributes;
   std::optional<std::string> light_group;

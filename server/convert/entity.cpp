@@ -5,7 +5,7 @@
 namespace heliograph::server {
 namespace {
 
-constexpr std::array<Clear<PutEntity>, 15> kClear{{
+constexpr std::array<Clear<PutEntity>, 16> kClear{{
     {"parent", [](PutEntity& p) { p.parent = Ref{}; }},
     {"pose", [](PutEntity& p) { p.pose = PosePatch{{}, {mat4x3(1)}}; }},
     {"mesh", [](PutEntity& p) { p.mesh = Ref{}; }},
@@ -21,6 +21,7 @@ constexpr std::array<Clear<PutEntity>, 15> kClear{{
     {"static", [](PutEntity& p) { p.is_static = false; }},
     {"attributes", [](PutEntity& p) { p.attributes.emplace(); }},
     {"light_group", [](PutEntity& p) { p.light_group.emplace(); }},
+    {"shadow_catcher", [](PutEntity& p) { p.shadow_catcher = false; }},
 }};
 
 u8 to_visibility(const v1::Visibility& m) {
@@ -80,6 +81,7 @@ Expected<PutEntity> to_entity(const v1::Entity& message, ArraySource& source) {
   if (message.has_visible()) patch.visible = message.visible();
   if (message.has_visibility()) patch.visibility = to_visibility(message.visibility());
   if (message.has_static_()) patch.is_static = message.static_();
+  if (message.has_shadow_catcher()) patch.shadow_catcher = message.shadow_catcher();
   patch.teleport = message.teleport();
   if (message.has_attributes())
     patch.attributes.emplace(message.attributes().values().begin(),
@@ -113,6 +115,7 @@ v1::Entity to_proto(const PutEntity& patch, const ArraySink& sink) {
   if (patch.visible) message.set_visible(*patch.visible);
   if (patch.visibility) *message.mutable_visibility() = visibility_to_proto(*patch.visibility);
   if (patch.is_static) message.set_static_(*patch.is_static);
+  if (patch.shadow_catcher) message.set_shadow_catcher(*patch.shadow_catcher);
   if (patch.teleport) message.set_teleport(true);
   if (patch.attributes)
     message.mutable_attributes()->mutable_values()->insert(patch.attributes->begin(),

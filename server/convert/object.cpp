@@ -43,7 +43,8 @@ PutEntity entity_of(const Snapshot& snapshot, u32 index, const Entity& entity) {
                   .label = label_of(snapshot, entity.label),
                   .visible = entity.visible,
                   .visibility = entity.visibility,
-                  .is_static = entity.is_static};
+                  .is_static = entity.is_static,
+                  .shadow_catcher = entity.shadow_catcher};
   patch.materials.emplace();
   if (entity.materials)
     for (const MaterialId id : *entity.materials) patch.materials->push_back(ref(id));

@@ -14,7 +14,6 @@ Expected<Plane> to_plane(v1::Plane plane) {
     HELIO_PLANES(HELIO_PLANE)
 #undef HELIO_PLANE
     case v1::PLANE_BEAUTY_STILL:
-    case v1::PLANE_SHADOW_CATCHER:
     case v1::PLANE_DIRECT_SUBSURFACE:
     case v1::PLANE_INDIRECT_SUBSURFACE:
     case v1::PLANE_DIRECT_VOLUME:

@@ -277,15 +277,6 @@ STATES = {
     "picking without a camera": (INVALID, "camera", "'ball'", lambda s: s.pick("ball", [[0, 0]])),
     "seeing without a camera": (INVALID, "camera", "'ball'", lambda s: s.visible("ball", ["ball"])),
     "a group for depth": (INVALID, "planes[0]", "", render(planes=["depth:key"])),
-    "light groups": (
-        INVALID,
-        "light_group",
-        "256",
-        entity(light_group="x" * 257),
-    ),
-    "light group 7": (INVALID, "light_group", "str", entity(light_group=7)),
-    "dome group": (INVALID, "light_group", "256", dome(light_group="x" * 257)),
-    "dome power": (INVALID, "power", "no 'power'", dome(power=3)),
     "stereo without a camera": (INVALID, "camera", "", render(planes=["disparity"])),
     "flow forward": (STATE, "frame_interval", "interval", render(planes=["flow_forward"])),
     "flow backward": (

@@ -59,14 +59,15 @@ v1::Entity full_entity() {
     parent { name: 'p' } mesh { id: 144115188075855873 }
     materials { parts { name: 'm' } parts { created_by_edit: 3 } }
     light { color { x: 1 y: 2 z: 3 } intensity: 4
-            unit: UNIT_POWER exposure: -1 temperature: 6500 two_sided: true }
+            unit: UNIT_POWER exposure: -1 temperature: 6500 two_sided: true shape: SHAPE_DISC
+            radius: 2 inner_cone_angle: 0.25 outer_cone_angle: 0.5 }
     camera { width: 640 height: 480 projection: PROJECTION_ORTHOGRAPHIC
              fx: 500 fy: 501 cx: 319.5 cy: 239.5 aperture: 0.025 focus_distance: 2
              blades: 6 blade_rotation: 0.5 near: 0.1 far: 50 }
     volume { id: 0 } skin { joints { name: 'a' } joints { name: 'b' } }
     label { value: 7 group: true category: 'bolt' part: 2 } visible: false
     visibility { camera: false diffuse: true glossy: false transmission: true shadow: false volume: false }
-    static: true teleport: true attributes { values { key: 'a' value: 'b' } } light_group: 'key')");
+    static: true teleport: true shadow_catcher: true attributes { values { key: 'a' value: 'b' } } light_group: 'key')");
   *entity.mutable_pose()->mutable_matrices() = f32({2, 4, 4}, translations({1, 2}));
   *entity.mutable_pose()->mutable_times() = f64({2}, {0, 1});
   *entity.mutable_light()->mutable_texture() = texture_use(false);
@@ -159,7 +160,7 @@ TEST_CASE("convert: every field of every noun survives the round trip") {
   };
   *add("e")->mutable_entity() = full_entity();
   CHECK(unset(message.edits(0).entity(), {"clear"}).empty());
-  CHECK(unset(message.edits(0).entity().light(), {"sun_angle"}).empty());
+  CHECK(unset(message.edits(0).entity().light(), {"sun_angle", "width", "height"}).empty());
   CHECK(unset(message.edits(0).entity().camera(), {"distortion"}).empty());
   CHECK(unset(message.edits(0).entity().label(), {"auto"}).empty());
   CHECK(unset(message.edits(0).entity().visibility(), {}).empty());
@@ -191,6 +192,9 @@ TEST_CASE("convert: every field of every noun survives the round trip") {
         "focus_distance: 0 blades: 0 blade_rotation: 0 near: 0 far: 0 " +
         std::string(lens));
   }
+  *add("window")->mutable_entity()->mutable_light() = parse<v1::Light>(
+      "color { x: 1 y: 2 z: 3 } intensity: 4 unit: UNIT_CANDELA exposure: 1 temperature: 5800 "
+      "two_sided: true shape: SHAPE_RECTANGLE width: 2 height: 3");
   check_round_trip(message, source);
 }
 

@@ -53,6 +53,7 @@ TEST_CASE("describe: everything a scene can hold") {
                  .visible = false,
                  .visibility = u8(kCameraRay),
                  .is_static = true,
+                 .shadow_catcher = true,
                  .attributes = Attributes{{"k", "v"}},
                  .light_group = "key"};
   body.light = LightPatch{.light = {.intensity = 3, .unit = LightUnit::kLumen},

@@ -65,6 +65,7 @@ inline std::string text(const PutEntity& p) {
   if (p.label) out += " " + text(*p.label);
   if (p.visible) out += fmt::format(" visible={}", *p.visible);
   if (p.visibility) out += fmt::format(" rays={}", *p.visibility);
+  if (p.shadow_catcher) out += fmt::format(" catcher={}", *p.shadow_catcher);
   if (p.light_group) out += " light_group=" + *p.light_group;
   if (p.is_static) out += fmt::format(" static={}", *p.is_static);
   if (p.teleport) out += " teleport";

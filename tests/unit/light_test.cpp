@@ -77,6 +77,39 @@ TEST_CASE("light: directions to a stretched, mirrored mesh follow their density 
   CHECK(square_p_value({12, 64, 20000}, sample, density) > kLevel);
 }
 
+TEST_CASE("light: brighter triangles are sampled more, and the density knows (1e-6)") {
+  for (const float z : {0.45f, 0.9f}) {
+    TestScene scene;
+    scene.triangle_radiosity = [](u32 triangle) { return triangle % 3 == 0 ? 5.0f : 0.5f; };
+    const u32 i = scene.add_instance(scene.add(sphere(4, false)), scene.add(emitter(vec3(1))),
+                                     pose(rotation({1, 2, 3}, 1) * 0.3f, {0.2f, 0.1f, z}));
+    scene.add_light(i);
+    const SceneView& view = scene.finish();
+    const TestTracer tracer(view);
+    const Receiver receiver{vec3(0), vec3(0, 0, 1), Facing::kFront, 0};
+    const auto density = [&](double x, double y) {
+      const double r = std::sqrt(1 - y * y), phi = 2 * M_PI * x;
+      const vec3 d(r * std::cos(phi), r * std::sin(phi), y);
+      const Hit hit = tracer.closest({vec3(0), d, INFINITY, 0, {}}, kAllRays);
+      return hit.instance == kNone ? 0.0 : 2 * M_PI * double(light_pdf(view, receiver, hit, d, 0));
+    };
+    Random random;
+    const auto sample = [&](double& x, double& y) {
+      LightSample s;
+      const float u = random.next();
+      if (!sample_light(view, receiver, u, random.next2(), s)) return false;
+      // The far side may be sampled too: only what is seen compares.
+      const Hit hit = tracer.closest({vec3(0), s.direction, INFINITY, 0, {}}, kAllRays);
+      if (hit.instance == kNone || hit.primitive != s.primitive) return false;
+      x = std::atan2(double(s.direction.y), double(s.direction.x)) / (2 * M_PI);
+      if (x < 0) x += 1;
+      y = s.direction.z;
+      return true;
+    };
+    CHECK(square_p_value({20, 64, 50000}, sample, density) > kLevel);
+  }
+}
+
 TEST_CASE("light: a near rectangle is sampled by solid angle (1e-6)") {
   TestScene scene;
   const u32 i = scene.add_instance(scene.add(rectangle(1, 0.6f)), scene.add(emitter(vec3(1))),

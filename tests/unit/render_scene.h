@@ -135,7 +135,10 @@ class Edits {
   Edits& dome(vec3 color) {
     PutSettings settings;
     settings.dome = PutDome{.color = color};
-    transaction_.edits.push_back({Mode::kUpsert, {}, settings});
+    return put(settings);
+  }
+  Edits& put(PutSettings settings) {
+    transaction_.edits.push_back({Mode::kUpsert, {}, std::move(settings)});
     return *this;
   }
   [[nodiscard]] std::shared_ptr<const Snapshot> apply(const Snapshot& base = {}) const {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstring>
 #include <deque>
+#include <functional>
 #include <numeric>
 #include <vector>
 
@@ -21,7 +22,18 @@ struct TestMesh {
   std::vector<vec4> colors, tangents;
   std::vector<uvec3> triangles;
   std::vector<u32> parts;
+  Shape shape = Shape::kTriangles;
 };
+
+/// A unit disc or sphere.
+inline TestMesh unit_shape(Shape shape) {
+  TestMesh m;
+  m.shape = shape;
+  m.positions = {{1, -1, 0}, {-1, -1, 0}, {1, 1, 0}};
+  m.uvs = {{0, 0}, {1, 0}, {0, 1}};
+  m.triangles = {{0, 1, 2}};
+  return m;
+}
 
 /// A rectangle in the plane z = 0 that faces +z; uv (0, 0) at (-x, -y).
 inline TestMesh rectangle(float half_x, float half_y) {
@@ -218,6 +230,7 @@ class TestScene {
   std::vector<SunView> suns;
   std::vector<LightBounds> light_bounds;  // in the world; made by finish()
   mat3 dome_rotation{1};
+  std::function<float(u32)> triangle_radiosity;  // relative, by triangle; unset: 1
 
  private:
   struct Tree {
@@ -253,10 +266,22 @@ class TestScene {
     build(build, 0, 0, u32(elements.size()));
     return nodes;
   }
+  /// Bounds of a disc or a sphere in the world.
+  static LightBounds shape_bounds(const LightView& light, const InstanceView& instance, Shape s) {
+    const mat4x3& m = instance.world_from_object;
+    const vec3 extent = abs3(m[0]) + abs3(m[1]) + (s == Shape::kSphere ? abs3(m[2]) : vec3(0));
+    LightBounds world{.lower = m[3] - extent, .upper = m[3] + extent};
+    world.axis = -normalize(transform_normal(instance.object_from_world, vec3(0, 0, 1)));
+    world.cos_spread = s == Shape::kDisc || light.cone_scale > 0 ? 1 : -1;
+    world.power = length(cross(m[0], m[1]));
+    world.two_sided = emits_back(light);
+    return world;
+  }
   /// The light's tree over its triangles; returns its bounds in the world.
   LightBounds add_tree(LightView& light) {
     const InstanceView& instance = instances[light.instance];
     const MeshView& mesh = mesh_views_[instance.mesh];
+    if (mesh.shape != Shape::kTriangles) return shape_bounds(light, instance, mesh.shape);
     Tree& tree = trees_.emplace_back();
     tree.entry_of_triangle.resize(mesh.triangle_count);
     std::vector<LightBounds> elements;
@@ -270,7 +295,9 @@ class TestScene {
       elements.push_back(
           triangle_bounds(mesh.positions[t.x], mesh.positions[t.y], mesh.positions[t.z]));
       tree.entry_of_triangle[i] = u32(tree.entries.size());
-      tree.entries.push_back({i, 1, elements.back().power, 0});
+      const float radiosity = triangle_radiosity ? triangle_radiosity(i) : 1;
+      elements.back().power *= radiosity;
+      tree.entries.push_back({i, radiosity, elements.back().power, 0});
       LightBounds own = triangle_bounds(corner(t.x), corner(t.y), corner(t.z));
       if (instance.flags & kFlipped) own.axis = -own.axis;
       world = elements.size() == 1 ? own : merge(world, own);
@@ -294,6 +321,7 @@ class TestScene {
     v.parts = data(m.parts);
     v.triangle_count = u32(m.triangles.size());
     v.vertex_count = u32(m.positions.size());
+    v.shape = m.shape;
     v.part_count = m.parts.empty() ? 1 : *std::max_element(m.parts.begin(), m.parts.end()) + 1;
     return v;
   }

@@ -1,5 +1,5 @@
-// A plain tracer over the triangles of a TestScene, and a film for it. Included by the kernels'
-// unit tests.
+// A plain tracer over the triangles and shapes of a TestScene, and a film for it. Included by the
+// kernels' unit tests.
 #pragma once
 
 #include <algorithm>
@@ -22,6 +22,10 @@ class TestTracer {
     for (u32 i = 0; i < scene.instance_count; ++i) {
       const InstanceView& instance = scene.instances[i];
       const MeshView& mesh = scene.meshes[instance.mesh];
+      if (mesh.shape != Shape::kTriangles) {
+        shapes_.push_back(i);
+        continue;
+      }
       for (u32 p = 0; p < mesh.triangle_count; ++p) {
         const uvec3 t = mesh.triangles[p];
         const auto world = [&](u32 v) {
@@ -77,8 +81,19 @@ class TestTracer {
     return index;
   }
 
-  Hit trace(const Ray& ray, u32 mask, u32 only, bool any) const {
+  Hit trace(Ray ray, u32 mask, u32 only, bool any) const {
     Hit best{INFINITY, kNone, 0, 0, 0};
+    for (const u32 i : shapes_) {
+      const InstanceView& instance = scene_->instances[i];
+      if ((only != kNone && i != only) || !(instance.visibility & mask)) continue;
+      const mat4x3& to_object = instance.object_from_world;
+      const ShapeRay local{transform_point(to_object, ray.origin),
+                           transform_vector(to_object, ray.direction), ray.t_max};
+      ShapeHit hit;
+      if (!meet_shape(scene_->meshes[instance.mesh].shape, local, hit)) continue;
+      best = {hit.t, i, 0, hit.place.x, hit.place.y};
+      ray.t_max = hit.t;
+    }
     if (nodes_.empty()) return best;
     float t_max = ray.t_max;
     const vec3 inverse = vec3(1) / ray.direction;
@@ -135,6 +150,7 @@ class TestTracer {
   const SceneView* scene_;
   std::vector<Triangle> triangles_;
   std::vector<Node> nodes_;
+  std::vector<u32> shapes_;  // instances
 };
 
 /// A film in host memory, with the planes asked for.

@@ -31,10 +31,11 @@ if TYPE_CHECKING:
     from . import materials, shapes
     from ._progress import Progress
     from .client import Client
-    from .components import Camera, Light, Tex, Visibility
+    from .components import Camera, Tex, Visibility
     from .edit import Edits
     from .frame import Frame
     from .handles import Asset, Entity, Group, Handle, Material, Mesh, Texture
+    from .lights import Light
     from .pose import Pose, look_at
     from .scene import Scene
 
@@ -49,7 +50,7 @@ _LAZY = {
     "Frame": "frame",
     "Group": "handles",
     "Handle": "handles",
-    "Light": "components",
+    "Light": "lights",
     "Material": "handles",
     "Mesh": "handles",
     "Pose": "pose",

@@ -12,7 +12,6 @@ from ._proto import scene_pb2 as pb
 from ._proto import types_pb2 as types
 from .components import (
     Camera,
-    Light,
     Tex,
     Visibility,
     color_of,
@@ -23,6 +22,7 @@ from .components import (
 )
 from .errors import InvalidArgument
 from .handles import Named, Texture
+from .lights import Light
 from .pose import matrices_of, matrix_of
 
 if TYPE_CHECKING:
@@ -52,6 +52,7 @@ class Components(TypedDict, total=False):
     visible: bool
     visibility: Visibility | None
     static: bool
+    shadow_catcher: bool
     teleport: bool
     attributes: Mapping[str, str] | None
     light_group: str | None  # of all its light

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _DEFAULT_SPP = 64
 _LABELS = ("boxes", "amodal", "amodal_masks", "keypoints")
-_FILM = {"variance", "samples"}
+_FILM = {"variance", "samples", "shadow_catcher"}
 _MEAN = {
     *("beauty", "denoised", "albedo_mean", "normal_mean", "coverage", "ambient_occlusion", "cost"),
     *("emission_light", "environment_light"),

@@ -173,6 +173,7 @@ class Edits:
         visible=False removes it from every ray and label; visibility=hg.Visibility(camera=False)
         keeps its light. attributes={str: str} travel to the labels. teleport: the pose is a jump.
         light_group: the name that all its light counts under in planes "beauty:NAME".
+        shadow_catcher=True: it shows in the plane "shadow_catcher" alone.
         static=True: it does not move, and is traced faster; moving it rebuilds all that is static.
         """
         message = _patches.entity_message(self, _patches.labelled(components))

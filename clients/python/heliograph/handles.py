@@ -10,8 +10,9 @@ import numpy as np
 from ._arrays import NdArray, from_message
 from ._proto import scene_pb2 as pb
 from ._proto import types_pb2 as types
-from .components import Camera, Light
+from .components import Camera
 from .errors import FailedPrecondition, InvalidArgument, NotFound
+from .lights import Light
 
 if TYPE_CHECKING:
     from .edit import Edits

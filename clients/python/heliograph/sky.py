@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypedDict
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple, TypedDict
 
 import numpy as np
 
 from ._arrays import NdArray
-from .components import Light
 from .errors import InvalidArgument
+from .lights import Light
 from .pose import look_at
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ _GROUND, _TOP = 6.360e6, 6.460e6
 _SUN_OUTSIDE = 128e3 / 683 * np.array([1.1023, 0.9795, 0.9035])
 SUN_ANGLE = 0.0093
 _STEPS = 24
+_AZIMUTHS = 64  # at which the integrals are made; the phase functions know every column
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,7 @@ class _Air:
     """Tables over (height, cosine of the sun's zenith angle), as of Hillaire 2020, sections 5.2
     and 5.5."""
 
-    def __init__(self, aerosol: float, albedo: float):
+    def __init__(self, aerosol: float, albedo: float) -> None:
         self.aerosol, self.albedo = aerosol, albedo
         heights = np.linspace(0, 1, 24) ** 2 * (_TOP - _GROUND - 1)
         cosines = np.sinh(np.linspace(-3, 3, 64)) / math.sinh(3)
@@ -95,74 +97,78 @@ class _Air:
         return passed
 
     def look_up(self, table: NdArray, height: NdArray, cosine: NdArray) -> NdArray:
+        """height: (...,). cosine: (..., K) at each height. Returns (..., K, 3)."""
         y = np.interp(height, self.heights, np.arange(len(self.heights)))
+        i = np.minimum(y.astype(int), len(self.heights) - 2)
+        v = (y - i)[..., None, None]
+        rows = (table[i] * (1 - v) + table[i + 1] * v).reshape(-1, 3)
         x = np.interp(cosine, self.cosines, np.arange(len(self.cosines)))
-        i = np.minimum(y.astype(int), table.shape[0] - 2)
-        j = np.minimum(x.astype(int), table.shape[1] - 2)
-        v, u = (y - i)[..., None], (x - j)[..., None]
-        low = table[i, j] * (1 - u) + table[i, j + 1] * u
-        high = table[i + 1, j] * (1 - u) + table[i + 1, j + 1] * u
-        value: NdArray = low * (1 - v) + high * v
+        j = np.minimum(x.astype(int), len(self.cosines) - 2)
+        u = (x - j)[..., None]
+        j += np.arange(height.size).reshape(*height.shape, 1) * len(self.cosines)
+        value: NdArray = rows[j] * (1 - u) + rows[j + 1] * u
         return value
 
-    def march(
-        self, origin: NdArray, view: NdArray, sun: NdArray, isotropic: bool
-    ) -> tuple[NdArray, NdArray]:
-        """Radiance for a sun of irradiance 1, and the share of it that scatters once on the way.
-
-        origin, view, sun: (..., 3). isotropic: the phase function is 1 / 4 pi and nothing has
-        scattered before.
-        """
-        radius = np.linalg.norm(origin, axis=-1)
-        cosine = (origin * view).sum(-1) / radius
-        grounded = _meets_ground(radius, cosine)
+    def rays(self, radius: float, cosine: NdArray) -> _Rays:
+        """Rays from a distance to the earth's middle, at cosines to the zenith (N,)."""
+        grounded = _meets_ground(radius + 0 * cosine, cosine)
         near = -radius * cosine - np.sqrt(np.maximum(radius**2 * (cosine**2 - 1) + _GROUND**2, 0))
-        length = np.where(grounded, near, _to_sphere(radius, cosine, _TOP))
+        length = np.where(grounded, near, _to_sphere(radius + 0 * cosine, cosine, _TOP))
         t, dt = _steps(np.maximum(length, 0))
-        points = origin[..., None, :] + view[..., None, :] * t[..., None]
-        r = np.linalg.norm(points, axis=-1)
+        r = np.sqrt(radius**2 + t**2 + 2 * radius * cosine[:, None] * t)
         height = np.maximum(r - _GROUND, 0)
-        up = (points * sun[..., None, :]).sum(-1) / r
         extinction = _extinction(height, self.aerosol)
-        depth = np.cumsum(extinction * dt[..., None], axis=-2)
-        before = np.exp(-(depth - extinction * dt[..., None]))
-        weight = before * (1 - np.exp(-extinction * dt[..., None])) / extinction
+        each = extinction * dt[..., None]
+        depth = np.cumsum(each, axis=-2)
+        weight = np.exp(each - depth) * (1 - np.exp(-each)) / extinction
         rayleigh, mie, _ = _densities(height)
-        by_rayleigh = rayleigh[..., None] * _RAYLEIGH
-        by_mie = np.broadcast_to((mie * self.aerosol * _MIE_SCATTERING)[..., None], weight.shape)
-        sunlight = self.look_up(self.transmittance, height, up)
-        if isotropic:
-            source = (by_rayleigh + by_mie) * sunlight / (4 * np.pi)
-        else:
-            angle = (view * sun).sum(-1)[..., None, None]
-            source = sunlight * (by_rayleigh * _rayleigh_phase(angle) + by_mie * _mie_phase(angle))
-            source = source + self.look_up(self.multiple, height, up) * (by_rayleigh + by_mie)
-        radiance = (weight * source).sum(-2)
-        if isotropic:
-            lit = self.look_up(self.transmittance, 0 * radius, up[..., -1])
-            bounced = lit * np.maximum(up[..., -1], 0)[..., None] * self.albedo / np.pi
-            radiance = radiance + np.exp(-depth[..., -1, :]) * bounced * grounded[..., None]
-        return radiance, (weight * (by_rayleigh + by_mie)).sum(-2)
+        return _Rays(
+            t,
+            r,
+            weight * rayleigh[..., None] * _RAYLEIGH,
+            weight * (mie * self.aerosol * _MIE_SCATTERING)[..., None],
+            np.exp(-depth[:, -1]) * grounded[:, None],
+        )
 
     def _multiple(self) -> NdArray:
         """Radiance of light that has scattered twice or more, the same in all directions: the
         second order's mean, times the geometric series of all further ones."""
         views = _sphere_of_directions(24)
+        suns = np.stack([np.sqrt(1 - self.cosines**2), 0 * self.cosines, self.cosines], axis=-1)
         table = np.zeros((len(self.heights), len(self.cosines), 3))
         for i, height in enumerate(self.heights):
-            sun = np.stack([np.sqrt(1 - self.cosines**2), 0 * self.cosines, self.cosines], axis=-1)[
-                :, None, :
-            ]
-            origin = np.array([0, 0, _GROUND + height + 1.0])
-            shape = (len(self.cosines), len(views), 3)
-            second, passed = self.march(
-                np.broadcast_to(origin, shape),
-                np.broadcast_to(views, shape),
-                np.broadcast_to(sun, shape),
-                True,
-            )
-            table[i] = second.mean(1) / (1 - passed.mean(1))
+            radius = _GROUND + height + 1.0
+            rays = self.rays(radius, views[:, 2])
+            up = rays.cosines_to_sun(radius, suns[:, 2], views @ suns.T)
+            scattered = rays.by_rayleigh + rays.by_mie
+            sunlight = self.look_up(self.transmittance, rays.heights, up)
+            second = np.einsum("nsc,nskc->nkc", scattered, sunlight) / (4 * np.pi)
+            ground = up[:, -1]
+            lit = self.look_up(self.transmittance, np.zeros(len(views)), ground)
+            bounced = lit * np.maximum(ground, 0)[..., None] * self.albedo / np.pi
+            second += rays.to_ground[:, None] * bounced
+            table[i] = second.mean(0) / (1 - scattered.sum(1).mean(0))
         return table
+
+
+class _Rays(NamedTuple):
+    """N rays in steps (S): all that does not depend on the sun."""
+
+    t: NdArray  # (N, S) distances of the steps' middles
+    r: NdArray  # (N, S) their distances to the earth's middle
+    by_rayleigh: NdArray  # (N, S, 3) light that scatters there for a phase function of 1
+    by_mie: NdArray
+    to_ground: NdArray  # (N, 3) share of light from the ground; 0 where the ray misses it
+
+    @property
+    def heights(self) -> NdArray:
+        return np.maximum(self.r - _GROUND, 0)
+
+    def cosines_to_sun(self, radius: float, zenith: NdArray, view: NdArray) -> NdArray:
+        """(N, S, K) cosines of the sun's zenith angle along the rays. zenith: (K,) at their origin.
+        view: (N, K) cosines between rays and sun."""
+        up: NdArray = (radius * zenith + self.t[..., None] * view[:, None]) / self.r[..., None]
+        return up
 
 
 def _rayleigh_phase(cosine: NdArray) -> NdArray:
@@ -217,19 +223,15 @@ def sky(
     Single scattering is integrated along each direction, all further ones are isotropic.
     """
     _check(elevation, aerosol, albedo, width, height)
-    air = _Air(aerosol, albedo)
+    air = _air(float(aerosol), float(albedo))
     sun = np.array([math.cos(elevation), 0.0, math.sin(elevation)])
     # The picture is symmetric about the sun's azimuth: half of it, the sun at its first column.
     rows = columns = width // 2
     theta = np.pi * (np.arange(rows) + 0.5) / rows
     above = rows // 2
-    view = _view(theta[:above], np.pi * (np.arange(columns) + 0.5) / columns)
-    origin = np.array([0, 0, _GROUND + height + 1.0])
     radiance = np.zeros((rows, columns, 3))
-    radiance[:above] = air.march(
-        np.broadcast_to(origin, view.shape), view, np.broadcast_to(sun, view.shape), False
-    )[0]
-    direct = air.look_up(air.transmittance, np.array(height + 1.0), np.array(sun[2]))
+    radiance[:above] = _half_sky(air, _GROUND + height + 1.0, theta[:above], sun)
+    direct = air.look_up(air.transmittance, np.array(height + 1.0), sun[2:])[0]
     weights = np.cos(theta[:above]) * np.sin(theta[:above]) * 2 * np.pi**2 / (rows * columns)
     diffuse = (radiance[:above] * weights[:, None, None]).sum((0, 1))
     radiance[above:] = albedo / np.pi * (diffuse + direct * max(sun[2], 0.0))
@@ -259,8 +261,40 @@ def _check(elevation: float, aerosol: float, albedo: float, width: int, height: 
         raise InvalidArgument(f"width: {width} is not a multiple of 4 from 8 on", field="width")
 
 
-def _view(theta: NdArray, phi: NdArray) -> NdArray:
-    sine = np.sin(theta)[:, None]
-    return np.stack(
-        [sine * np.cos(phi), sine * np.sin(phi), np.cos(theta)[:, None] + 0 * phi], axis=-1
+@lru_cache(maxsize=8)
+def _air(aerosol: float, albedo: float) -> _Air:
+    return _Air(aerosol, albedo)
+
+
+def _half_sky(air: _Air, radius: float, theta: NdArray, sun: NdArray) -> NdArray:
+    """(N, 2 N, 3) radiance for a sun of irradiance 1 at zenith angles (N,) and azimuths from
+    the sun's to the opposite one."""
+    columns = 2 * len(theta)
+    phi = np.pi * (np.arange(columns) + 0.5) / columns
+    coarse = np.linspace(0, np.pi, min(columns, _AZIMUTHS) + 1)
+    rays = air.rays(radius, np.cos(theta))
+    view = _cosines_between(theta, coarse, sun)
+    up = rays.cosines_to_sun(radius, np.full(len(coarse), sun[2]), view)
+    sunlight = air.look_up(air.transmittance, rays.heights, up)
+    multiple = air.look_up(air.multiple, rays.heights, up)
+    x = phi / np.pi * (len(coarse) - 1)
+    j = x.astype(int)
+    u = (x - j)[:, None]
+
+    def summed(scattered: NdArray, light: NdArray) -> NdArray:
+        sums = np.einsum("nsc,nskc->nkc", scattered, light)
+        fine: NdArray = sums[:, j] * (1 - u) + sums[:, j + 1] * u
+        return fine
+
+    angle = _cosines_between(theta, phi, sun)[..., None]
+    radiance = summed(rays.by_rayleigh, sunlight) * _rayleigh_phase(angle)
+    radiance += summed(rays.by_mie, sunlight) * _mie_phase(angle)
+    return radiance + summed(rays.by_rayleigh + rays.by_mie, multiple)
+
+
+def _cosines_between(theta: NdArray, phi: NdArray, sun: NdArray) -> NdArray:
+    """(N, M) cosines between directions and a sun of azimuth 0."""
+    cosines: NdArray = (
+        np.sin(theta)[:, None] * np.cos(phi) * sun[0] + np.cos(theta)[:, None] * sun[2]
     )
+    return cosines

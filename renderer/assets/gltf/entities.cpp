@@ -18,7 +18,6 @@ class Maker {
   }
 
   Entities make() {
-    const LightShapes shapes = add_light_shapes(document_, builder_);
     const u32 root = builder_.entity("", PutEntity{});
     PutEntity turned;
     turned.parent = builder_.entity_ref(root);
@@ -29,7 +28,7 @@ class Maker {
     for (std::size_t i = 0; i < order.size(); ++i) {
       const Node& node = nodes_[order[i]];
       if (has_skin(node)) skinned.push_back(order[i]);
-      add_node(order[i], z_up, shapes);
+      add_node(order[i], z_up);
       order.insert(order.end(), node.children.begin(), node.children.end());
     }
     for (const u32 index : skinned) add_skinned(nodes_[index], index, z_up);
@@ -95,12 +94,12 @@ class Maker {
     put.morph_weights = weights;
   }
 
-  void add_attachments(u32 index, const LightShapes& shapes) {
+  void add_attachments(u32 index) {
     const auto light = nodes_[index].value.extension("KHR_lights_punctual");
-    if (light) add_light(document_, builder_, light->at("light"), *entities_.node[index], shapes);
+    if (light) add_light(document_, builder_, light->at("light"), *entities_.node[index]);
   }
 
-  void add_node(u32 index, u32 z_up, const LightShapes& shapes) {
+  void add_node(u32 index, u32 z_up) {
     const Node& node = nodes_[index];
     PutEntity put = placed(index, z_up);
     const bool has_mesh = node.value.find("mesh") && !has_skin(node);
@@ -114,7 +113,7 @@ class Maker {
     entities_.node[index] = builder_.entity(node.name, std::move(put));
     if (plain) entities_.mesh[index] = entities_.node[index];
     if (has_mesh && instancing) add_instances(node, *instancing, *entities_.node[index]);
-    add_attachments(index, shapes);
+    add_attachments(index);
   }
 
   /// Source: EXT_mesh_gpu_instancing.

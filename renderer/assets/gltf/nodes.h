@@ -44,14 +44,8 @@ struct SkinData {
 [[nodiscard]] bool is_flat(const mat4x3& matrix);
 
 // lights.cpp
-/// Meshes and material that light entities share; empty when the file has no lights.
-struct LightShapes {
-  Ref sphere, disc, black;
-};
-[[nodiscard]] LightShapes add_light_shapes(const Document& document, Builder& builder);
 /// Adds the entity of a node's KHR_lights_punctual light below that node.
-void add_light(const Document& document, Builder& builder, const Value& reference, u32 node_entity,
-               const LightShapes& shapes);
+void add_light(const Document& document, Builder& builder, const Value& reference, u32 node_entity);
 [[nodiscard]] Camera read_camera(const Value& camera);
 
 }  // namespace heliograph::assets::gltf

@@ -13,12 +13,12 @@
 
 namespace heliograph::embree {
 
-enum class Derived : u64 { kBlas, kBounds, kParts, kDome, kTextureMean, kVertices };
+enum class Derived : u64 { kBlas, kBounds, kParts, kMappedParts, kDome, kTextureMean, kVertices };
 
 /// What a piece of derived data is a pure function of.
 struct DerivedKey {
   Derived kind;
-  std::array<u64, 3> from{};
+  std::array<u64, 4> from{};
   friend auto operator<=>(const DerivedKey&, const DerivedKey&) = default;
 };
 

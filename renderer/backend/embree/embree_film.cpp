@@ -106,6 +106,10 @@ bool EmbreeFilm::allocate() {
     view_.moment = static_cast<float*>(zeroed(pixels * sizeof(float)));
     view_.moment_partial = static_cast<float*>(zeroed(pixels * sizeof(float)));
   }
+  if (view_.wanted & plane_bit(Plane::SHADOW_CATCHER)) {
+    view_.catcher = static_cast<float*>(zeroed(pixels * 2 * sizeof(float)));
+    view_.catcher_partial = static_cast<float*>(zeroed(pixels * 2 * sizeof(float)));
+  }
   return std::ranges::all_of(memory_, [](const ZeroedMemory& m) { return m != nullptr; });
 }
 
@@ -144,6 +148,12 @@ void EmbreeFilm::for_each_tile(F&& visit) const {
   });
 }
 
+float EmbreeFilm::value(Plane plane, u64 i, u32 samples) const {
+  if (plane == Plane::VARIANCE) return kernels::pixel_statistics(view_, i, samples).variance;
+  if (plane == Plane::SHADOW_CATCHER) return kernels::catcher_share(view_, i);
+  return kernels::mean_value(view_, plane, i, samples);
+}
+
 PlaneData EmbreeFilm::resolve(Plane plane, u32 rank) const {
   const PlaneInfo& info = plane_info(plane);
   const u64 pixels = u64(view_.width) * view_.height;
@@ -165,8 +175,7 @@ PlaneData EmbreeFilm::resolve(Plane plane, u32 rank) const {
         if (plane == Plane::SAMPLES)
           counts[i] = samples;
         else
-          out[i] = plane == Plane::VARIANCE ? kernels::pixel_statistics(view_, i, samples).variance
-                                            : kernels::mean_value(view_, plane, first + i, samples);
+          out[i] = value(plane, first + i, samples);
       }
     }
   });

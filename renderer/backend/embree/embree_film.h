@@ -60,6 +60,8 @@ class EmbreeFilm final : public Film {
   [[nodiscard]] void* zeroed(u64 bytes);
   template <class F>
   void for_each_tile(F&& visit) const;
+  /// Channel i, counted over pixels, of a plane that is averaged or read from the film.
+  [[nodiscard]] float value(Plane plane, u64 i, u32 samples) const;
   void set_groups();
 
   Shot shot_;

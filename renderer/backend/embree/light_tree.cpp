@@ -31,13 +31,6 @@ struct Group {
   vec3 axes{0};
   float power = 0;
   u32 count = 0;
-  void add(const LightBounds& b) {
-    lower = glm::min(lower, b.lower);
-    upper = glm::max(upper, b.upper);
-    if (b.cos_spread > -1 && !b.two_sided) axes += b.axis * (0.5f + 0.5f * b.cos_spread);
-    power += b.power;
-    ++count;
-  }
   void add(const Group& g) {
     lower = glm::min(lower, g.lower);
     upper = glm::max(upper, g.upper);
@@ -54,79 +47,32 @@ struct Group {
   }
 };
 
-class TreeBuilder {
- public:
-  TreeBuilder(std::span<const LightBounds> elements, u32 leaf_size) : leaf_size_(leaf_size) {
-    items_.reserve(elements.size());
-    for (const LightBounds& b : elements) items_.push_back({b, center_of(b), u32(items_.size())});
-    tree_.nodes.resize(2 * elements.size() - 1);
-  }
-
-  LightTree build() {
-    tree_.bounds = build({0, kernels::kNone, 1, 0, u32(items_.size())});
-    for (const Item& item : items_) tree_.order.push_back(item.element);
-    if (leaf_size_ > 1) compact();
-    return std::move(tree_);
-  }
-
- private:
-  struct Item {
-    LightBounds bounds;
-    vec3 center;
-    u32 element;
-  };
-  /// Items [begin, end) make `node`; what is beneath it lies at `free` and after.
-  struct Task {
-    u32 node, parent, free, begin, end;
-  };
-  LightBounds build(const Task& task);
-  [[nodiscard]] u32 split(u32 begin, u32 end);
-  static float best_plane(std::span<const Item> items, int axis, vec3 lower, vec3 upper);
-  void compact();
-
-  const u32 leaf_size_;
-  std::vector<Item> items_;
-  LightTree tree_;
+/// An element by its centre, and as a group of one.
+struct Key {
+  vec3 center;
+  u32 element;
+};
+struct Item {
+  Key key;
+  Group group;
 };
 
-LightBounds TreeBuilder::build(const Task& task) {
-  const u32 count = task.end - task.begin;
-  LightBounds bounds;
-  u32 first = task.begin;
-  if (count <= leaf_size_) {
-    bounds = items_[task.begin].bounds;
-    for (u32 i = task.begin + 1; i < task.end; ++i)
-      bounds = kernels::merge(bounds, items_[i].bounds);
-  } else {
-    const u32 middle = split(task.begin, task.end);
-    first = task.free;
-    const Task left{first, task.node, first + 2, task.begin, middle};
-    const Task right{first + 1, task.node, first + 2 + 2 * (middle - task.begin - 1), middle,
-                     task.end};
-    LightBounds a, b;
-    if (count >= kParallel) {
-      tbb::parallel_invoke([&] { a = build(left); }, [&] { b = build(right); });
-    } else {
-      a = build(left);
-      b = build(right);
-    }
-    bounds = kernels::merge(a, b);
-  }
-  LightNode& node = tree_.nodes[task.node];
-  node = kernels::node_of(bounds);
-  node.first = first;
-  node.parent = task.parent;
-  node.count = count <= leaf_size_ ? kernels::u16(count) : kernels::u16(0);
-  return bounds;
+Item item_of(const Key& key, const LightBounds& b) {
+  Item item{key, {b.lower, b.upper, vec3(0), b.power, 1}};
+  if (b.cos_spread > -1 && !b.two_sided) item.group.axes = b.axis * (0.5f + 0.5f * b.cos_spread);
+  return item;
 }
 
+const Key& key_of(const Key& key) { return key; }
+const Key& key_of(const Item& item) { return item.key; }
+
 /// Where along an axis the two sides cost least.
-float TreeBuilder::best_plane(std::span<const Item> items, int axis, vec3 lower, vec3 upper) {
+float best_plane(std::span<const Item> items, int axis, vec3 lower, vec3 upper) {
   const float size = upper[axis] - lower[axis], scale = float(kBins) / size;
   std::array<Group, kBins> bins;
   for (const Item& item : items) {
-    const u32 bin = u32((item.center[axis] - lower[axis]) * scale);
-    bins[std::min(bin, kBins - 1)].add(item.bounds);
+    const u32 bin = u32((item.key.center[axis] - lower[axis]) * scale);
+    bins[std::min(bin, kBins - 1)].add(item.group);
   }
   std::array<float, kBins> above{};
   const float smallest = 1e-3f * size;
@@ -149,30 +95,115 @@ float TreeBuilder::best_plane(std::span<const Item> items, int axis, vec3 lower,
   return lower[axis] + float(best) / scale;
 }
 
-/// Parts items [begin, end) in two; returns where the second one begins.
-u32 TreeBuilder::split(u32 begin, u32 end) {
-  const auto items = std::span(items_).subspan(begin, end - begin);
+float plane_of(std::span<const Key>, int axis, vec3 lower, vec3 upper) {
+  return 0.5f * (lower[axis] + upper[axis]);
+}
+float plane_of(std::span<const Item> items, int axis, vec3 lower, vec3 upper) {
+  return best_plane(items, axis, lower, upper);
+}
+
+/// Parts keys or items in two; returns how many are in the first.
+template <class T>
+u32 split(std::span<T> items) {
   vec3 lower(INFINITY), upper(-INFINITY);
-  for (const Item& item : items) {
-    lower = glm::min(lower, item.center);
-    upper = glm::max(upper, item.center);
+  for (const T& item : items) {
+    lower = glm::min(lower, key_of(item).center);
+    upper = glm::max(upper, key_of(item).center);
   }
   const vec3 size = upper - lower;
   const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
-  const auto by_center = [axis](const Item& a, const Item& b) {
-    return a.center[axis] < b.center[axis];
-  };
   const u32 half = u32(items.size() / 2);
   if (items.size() > kFew && size[axis] > 0) {
-    const float plane = items.size() > kMany ? 0.5f * (lower[axis] + upper[axis])
-                                             : best_plane(items, axis, lower, upper);
-    const auto middle = std::partition(items.begin(), items.end(),
-                                       [&](const Item& item) { return item.center[axis] < plane; });
-    if (middle != items.begin() && middle != items.end())
-      return begin + u32(middle - items.begin());
+    const float plane = plane_of(std::span<const T>(items), axis, lower, upper);
+    const auto middle = std::partition(items.begin(), items.end(), [&](const T& item) {
+      return key_of(item).center[axis] < plane;
+    });
+    if (middle != items.begin() && middle != items.end()) return u32(middle - items.begin());
   }
-  std::nth_element(items.begin(), items.begin() + half, items.end(), by_center);
-  return begin + half;
+  std::nth_element(
+      items.begin(), items.begin() + half, items.end(),
+      [axis](const T& a, const T& b) { return key_of(a).center[axis] < key_of(b).center[axis]; });
+  return half;
+}
+
+class TreeBuilder {
+ public:
+  TreeBuilder(std::span<const LightBounds> elements, u32 leaf_size)
+      : elements_(elements), leaf_size_(leaf_size), items_(elements.size()) {
+    keys_.reserve(elements.size());
+    for (const LightBounds& b : elements) keys_.push_back({center_of(b), u32(keys_.size())});
+    tree_.nodes.resize(2 * elements.size() - 1);
+  }
+
+  LightTree build() {
+    const Task all{0, kernels::kNone, 1, 0, u32(keys_.size())};
+    if (keys_.size() <= kMany) gather(all);
+    tree_.bounds = build(all);
+    tree_.order.reserve(items_.size());
+    for (const Item& item : items_) tree_.order.push_back(item.key.element);
+    if (leaf_size_ > 1) compact();
+    return std::move(tree_);
+  }
+
+ private:
+  /// Elements [begin, end) make `node`; what is beneath it lies at `free` and after. They are items
+  /// where they are no more than kMany, else keys alone.
+  struct Task {
+    u32 node, parent, free, begin, end;
+  };
+  LightBounds build(const Task& task);
+  [[nodiscard]] u32 parted(const Task& task);
+  void gather(const Task& task) {
+    for (u32 i = task.begin; i < task.end; ++i)
+      items_[i] = item_of(keys_[i], elements_[keys_[i].element]);
+  }
+  void compact();
+
+  const std::span<const LightBounds> elements_;
+  const u32 leaf_size_;
+  std::vector<Key> keys_;
+  std::vector<Item> items_;
+  LightTree tree_;
+};
+
+/// Parts the elements of a task; returns where the second half begins.
+u32 TreeBuilder::parted(const Task& task) {
+  const u32 count = task.end - task.begin;
+  if (count <= kMany) return task.begin + split(std::span(items_).subspan(task.begin, count));
+  return task.begin + split(std::span(keys_).subspan(task.begin, count));
+}
+
+LightBounds TreeBuilder::build(const Task& task) {
+  const u32 count = task.end - task.begin;
+  LightBounds bounds;
+  u32 first = task.begin;
+  if (count <= leaf_size_) {
+    bounds = elements_[items_[task.begin].key.element];
+    for (u32 i = task.begin + 1; i < task.end; ++i)
+      bounds = kernels::merge(bounds, elements_[items_[i].key.element]);
+  } else {
+    const u32 middle = parted(task);
+    first = task.free;
+    const Task left{first, task.node, first + 2, task.begin, middle};
+    const Task right{first + 1, task.node, first + 2 + 2 * (middle - task.begin - 1), middle,
+                     task.end};
+    for (const Task& half : {left, right})
+      if (count > kMany && half.end - half.begin <= kMany) gather(half);
+    LightBounds a, b;
+    if (count >= kParallel) {
+      tbb::parallel_invoke([&] { a = build(left); }, [&] { b = build(right); });
+    } else {
+      a = build(left);
+      b = build(right);
+    }
+    bounds = kernels::merge(a, b);
+  }
+  LightNode& node = tree_.nodes[task.node];
+  node = kernels::node_of(bounds);
+  node.first = first;
+  node.parent = task.parent;
+  node.count = count <= leaf_size_ ? kernels::u16(count) : kernels::u16(0);
+  return bounds;
 }
 
 void TreeBuilder::compact() {

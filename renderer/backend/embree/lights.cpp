@@ -1,15 +1,15 @@
 // Emission to lights.
 #include "renderer/backend/embree/lights.h"
 
-#include "kernels/light_triangle.h"
-
 #include <cmath>
 #include <unordered_map>
+
+#include "kernels/light_triangle.h"
+#include "renderer/scene/light_shapes.h"
 
 namespace heliograph::embree {
 namespace {
 
-constexpr double kLumensPerWatt = 683;
 // A light far dimmer than the others still gets this share of the mean: it may be the only one that
 // a corner of the scene sees.
 constexpr double kSmallestShare = 1e-3;
@@ -17,36 +17,6 @@ constexpr double kSmallestShare = 1e-3;
 constexpr double kSmallestGroupShare = 0.1;
 
 float luminance(vec3 c) { return glm::dot(c, vec3(0.2126f, 0.7152f, 0.0722f)); }
-
-/// Gaussian with different widths on the two sides.
-double lobe(double x, double mean, double below, double above) {
-  const double t = (x - mean) / (x < mean ? below : above);
-  return std::exp(-0.5 * t * t);
-}
-
-/// Area factor of a linear map where it is the same for every direction; nullopt otherwise.
-std::optional<double> area_scale(const mat4x3& m) {
-  const vec3 x = m[0], y = m[1], z = m[2];
-  const float s = glm::dot(x, x), tolerance = 1e-4f * s;
-  const bool similar = std::abs(glm::dot(y, y) - s) < tolerance &&
-                       std::abs(glm::dot(z, z) - s) < tolerance &&
-                       std::abs(glm::dot(x, y)) < tolerance &&
-                       std::abs(glm::dot(x, z)) < tolerance && std::abs(glm::dot(y, z)) < tolerance;
-  return similar ? std::optional<double>(s) : std::nullopt;
-}
-
-double part_area(const DeviceMesh& mesh, const PartTrees& trees, const mat4x3& world, u32 part) {
-  if (const auto scale = area_scale(world)) return *scale * double(trees.bounds[part].power);
-  double area = 0;
-  const mat3 linear(world);
-  for (u32 i = trees.offsets[part]; i < trees.offsets[part + 1]; ++i) {
-    const uvec3 t = mesh.topology->triangles[trees.entries[i].triangle];
-    const vec3 a = mesh.positions[t.x];
-    area += 0.5 * glm::length(glm::cross(linear * (mesh.positions[t.y] - a),
-                                         linear * (mesh.positions[t.z] - a)));
-  }
-  return area;
-}
 
 /// Bounds in the world of what has `bounds` in an instance's object space, but for the power.
 kernels::LightBounds world_bounds(const kernels::LightBounds& bounds,
@@ -109,6 +79,18 @@ std::shared_ptr<const TopTree> make_top_tree(std::vector<kernels::LightBounds> b
   return top;
 }
 
+/// Bounds of a light in object space, given those of its triangles.
+kernels::LightBounds light_bounds(kernels::LightBounds bounds, kernels::Shape shape,
+                                  const kernels::LightView& light) {
+  if (shape != kernels::Shape::kTriangles) {
+    const float depth = shape == kernels::Shape::kSphere ? 1 : 0;
+    bounds = {.lower = {-1, -1, -depth}, .upper = {1, 1, depth}, .axis = {0, 0, -1}};
+    bounds.cos_spread = depth == 0 ? 1 : -1;
+  }
+  if (light.cone_scale > 0) bounds.cos_spread = 1;  // nothing goes behind the plane of its axis
+  return bounds;
+}
+
 /// Makes Lights step by step.
 class Lighter {
  public:
@@ -133,14 +115,17 @@ class Lighter {
 
  private:
   void add(u32 index);
-  void add_part(u32 index, u32 part, const kernels::LightView& base, double sides);
+  void add_part(u32 index, u32 part, const kernels::LightView& base, double radiosity);
+  void add_shape(u32 index, const Light& light);
+  void add_light(const kernels::LightView& base, u32 part, double power);
+  [[nodiscard]] EmissionMap emission_map(u32 index, u32 part) const;
   void add_sun(u32 entity);
   double add_dome();
   [[nodiscard]] double scene_section() const;
   void distribute(double dome_power);
   const PartTrees& trees(u32 mesh) {
     auto& entry = made_->part_trees[mesh];
-    if (!entry) entry = part_trees(*placement_.meshes[mesh], cache_);
+    if (!entry) entry = part_trees(*placement_.meshes[mesh], {}, cache_);
     return *entry;
   }
   vec3 emission_of(u32 row);
@@ -181,6 +166,7 @@ void Lighter::group_slots() {
 void Lighter::add(u32 index) {
   const Slot& slot = placement_.structure->slots[index];
   const Entity& entity = snapshot_.entities.at(slot.entity);
+  if (has_light_shape(entity)) return add_shape(index, *entity.light);
   const u32 mesh_index = placement_.mesh_of_slot[index];
   const DeviceMesh& mesh = *placement_.meshes[mesh_index];
   const u32 parts = mesh.topology->part_count;
@@ -194,7 +180,7 @@ void Lighter::add(u32 index) {
     double area = 0;
     for (u32 p = 0; p < parts; ++p)
       area += part_area(mesh, trees(mesh_index), placement_.world[slot.entity], p);
-    base.radiance = light_radiance(light, area * (light.two_sided ? 2 : 1));
+    base.radiance = light_radiance(light, mesh_extent(area, light.two_sided));
     base.texture = view_of(snapshot_, light.texture);
     base.light_two_sided = light.two_sided;
     mean = base.radiance * mean_factor(snapshot_, light.texture, cache_).color;
@@ -217,15 +203,57 @@ void Lighter::add_part(u32 index, u32 part, const kernels::LightView& base, doub
   const u32 mesh = placement_.mesh_of_slot[index];
   const double area =
       part_area(*placement_.meshes[mesh], trees(mesh), placement_.world[slot.entity], part);
-  if (!(area > 0) || !std::isfinite(radiosity)) return;
-  made_->part_lights[slot.first_part + part] = u32(made_->lights.size());
+  if (!(area > 0)) return;
+  add_light(base, part, M_PI * area * radiosity);
+}
+
+void Lighter::add_shape(u32 index, const Light& light) {
+  const mat4x3 pose = placement_.mesh_pose(index);
+  const LightExtent extent = shape_extent(light, pose);
+  if (!emits(light) || !(extent.flux > 0)) return;
+  const LightCone cone = cone_of(light);
+  kernels::LightView base{};
+  base.instance = index;
+  base.radiance = light_radiance(light, extent);
+  base.texture = view_of(snapshot_, light.texture);
+  base.light_two_sided = light.two_sided;
+  base.cone_cos = cone.cosine;
+  base.cone_scale = cone.scale;
+  const vec3 mean = base.radiance * mean_factor(snapshot_, light.texture, cache_).color;
+  if (!black(mean)) add_light(base, 0, extent.flux * double(luminance(mean)));
+}
+
+void Lighter::add_light(const kernels::LightView& base, u32 part, double power) {
+  if (!std::isfinite(power)) return;
+  const u32 mesh = placement_.mesh_of_slot[base.instance];
+  const u32 first_part = placement_.structure->slots[base.instance].first_part;
+  made_->part_lights[first_part + part] = u32(made_->lights.size());
   made_->lights.push_back(base);
   kernels::LightView& light = made_->lights.back();
   light.part = part;
-  light.tree = trees(mesh).view(part);
-  bounds_.push_back(world_bounds(trees(mesh).bounds[part], placement_.instances[index]));
-  bounds_.back().power = float(M_PI * area * radiosity);
+  const EmissionMap map = emission_map(base.instance, part);
+  if (map.texture) made_->mapped_trees.push_back(part_trees(*placement_.meshes[mesh], map, cache_));
+  const PartTrees& chosen = map.texture ? *made_->mapped_trees.back() : trees(mesh);
+  light.tree = chosen.view(part);
+  const kernels::LightBounds own =
+      light_bounds(chosen.bounds[part], placement_.meshes[mesh]->shape(), light);
+  bounds_.push_back(world_bounds(own, placement_.instances[base.instance]));
+  bounds_.back().power = float(power);
   bounds_.back().two_sided = kernels::emits_back(light);
+  if (light.cone_scale > 0)
+    bounds_.back().axis = -glm::normalize(placement_.instances[base.instance].world_from_object[2]);
+}
+
+/// The texture that a part's emission varies with: its light's, or else its material's.
+EmissionMap Lighter::emission_map(u32 index, u32 part) const {
+  const Slot& slot = placement_.structure->slots[index];
+  const Entity& entity = snapshot_.entities.at(slot.entity);
+  const TextureUse* use = entity.light && emits(*entity.light) ? &entity.light->texture : nullptr;
+  const u32 row = placement_.structure->part_materials[slot.first_part + part];
+  if ((!use || !use->texture) && row < snapshot_.materials.capacity())
+    use = &(*snapshot_.materials.at(row).value)[MaterialParameter::emission].texture;
+  const Shared<Texture>* texture = use ? snapshot_.find(use->texture) : nullptr;
+  return texture ? EmissionMap{texture->value.get(), *use} : EmissionMap{};
 }
 
 /// Area of a disc that hides the scene from a direction, m^2.
@@ -243,7 +271,7 @@ void Lighter::add_sun(u32 index) {
   kernels::SunView sun{};
   sun.direction = axis;
   sun.depth = float(disc_depth(double(light.sun_angle)));
-  sun.radiance = light_radiance(light, 0);
+  sun.radiance = light_radiance(light, {});
   sun.visibility = entity.visibility;
   sun.light_group = group_of(entity.light_group.get());
   made_->suns.push_back(sun);
@@ -311,38 +339,6 @@ void Lighter::distribute(double dome_power) {
 }
 
 }  // namespace
-
-vec3 planckian_color(double kelvin) {
-  // CIE 1931 colour matching functions as sums of lobes.
-  // Source: Wyman, Sloan & Shirley 2013, "Simple Analytic Approximations to the CIE XYZ Color
-  // Matching Functions", JCGT 2(2), equation 4.
-  glm::dvec3 xyz(0);
-  for (double nm = 360; nm <= 830; nm += 5) {
-    const double power = std::pow(nm * 1e-3, -5) / std::expm1(1.438776877e7 / (nm * kelvin));
-    xyz.x += power * (1.056 * lobe(nm, 599.8, 37.9, 31.0) + 0.362 * lobe(nm, 442.0, 16.0, 26.7) -
-                      0.065 * lobe(nm, 501.1, 20.4, 26.2));
-    xyz.y += power * (0.821 * lobe(nm, 568.8, 46.9, 40.5) + 0.286 * lobe(nm, 530.9, 16.3, 31.1));
-    xyz.z += power * (1.217 * lobe(nm, 437.0, 11.8, 36.0) + 0.681 * lobe(nm, 459.0, 26.0, 13.8));
-  }
-  const glm::dvec3 red(3.2404542, -1.5371385, -0.4985314), green(-0.9692660, 1.8760108, 0.0415560),
-      blue(0.0556434, -0.2040259, 1.0572252);
-  const vec3 rgb = glm::max(
-      vec3(glm::dot(red, xyz), glm::dot(green, xyz), glm::dot(blue, xyz)) / float(xyz.y), vec3(0));
-  return rgb / luminance(rgb);
-}
-
-vec3 light_radiance(const Light& light, double area) {
-  double scale = double(light.intensity) * std::exp2(double(light.exposure));
-  if (light.unit == LightUnit::kLuminance || light.unit == LightUnit::kLumen ||
-      light.unit == LightUnit::kIlluminance)
-    scale /= kLumensPerWatt;
-  if (light.unit == LightUnit::kIrradiance || light.unit == LightUnit::kIlluminance)
-    scale /= M_PI * std::pow(std::sin(0.5 * double(light.sun_angle)), 2);
-  if (light.unit == LightUnit::kPower || light.unit == LightUnit::kLumen)
-    scale = area > 0 ? scale / (M_PI * area) : 0;
-  const vec3 tint = light.temperature > 0 ? planckian_color(double(light.temperature)) : vec3(1);
-  return light.color * tint * float(scale);
-}
 
 std::shared_ptr<const Lights> make_lights(const Snapshot& snapshot, const Placement& placement,
                                           const Materials& materials, const Lights* before,

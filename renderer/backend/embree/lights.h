@@ -1,6 +1,7 @@
 // What emits: the entities' lights, emissive materials and the dome, and how often each is sampled.
 #pragma once
 
+#include "renderer/backend/embree/light_strength.h"
 #include "renderer/backend/embree/materials.h"
 #include "renderer/backend/embree/part_trees.h"
 #include "renderer/backend/embree/placement.h"
@@ -31,7 +32,8 @@ struct Lights {
   std::vector<kernels::LightView> lights;
   std::shared_ptr<const TopTree> tree;
   std::vector<u32> part_lights;
-  std::vector<std::shared_ptr<const PartTrees>> part_trees;  // by mesh of the placement, or null
+  std::vector<std::shared_ptr<const PartTrees>> part_trees;    // by mesh of the placement, or null
+  std::vector<std::shared_ptr<const PartTrees>> mapped_trees;  // those of emission maps
   std::vector<kernels::SunView> suns;
   std::vector<std::string> groups{""};  // names of the light groups by their index
   std::vector<u32> group_of_slot;
@@ -45,12 +47,5 @@ struct Lights {
                                                         const Placement& placement,
                                                         const Materials& materials,
                                                         const Lights* before, DerivedCache& cache);
-
-/// Radiance of a light in each channel, before its texture, for an emitting area in m^2 (all
-/// sides); suns need none.
-[[nodiscard]] vec3 light_radiance(const Light& light, double area);
-/// Linear Rec.709 colour of the Planckian locus at unit luminance; kelvin in [1000, 40000].
-/// Channels outside the gamut are 0, which keeps the luminance by rescaling the others.
-[[nodiscard]] vec3 planckian_color(double kelvin);
 
 }  // namespace heliograph::embree

@@ -4,7 +4,6 @@
 #include "kernels/texture.h"
 
 namespace heliograph::embree {
-namespace {
 
 kernels::TextureView view_of(const Texture& texture) {
   return {.texels = texture.image->texels->bytes().data(),
@@ -17,6 +16,8 @@ kernels::TextureView view_of(const Texture& texture) {
           .wrap_u = kernels::Wrap(texture.wrap_u),
           .wrap_v = kernels::Wrap(texture.wrap_v)};
 }
+
+namespace {
 
 void set(float& out, vec3 value) { out = value.x; }
 void set(vec3& out, vec3 value) { out = value; }
@@ -68,11 +69,14 @@ std::shared_ptr<const Materials> make_materials(const Snapshot& snapshot) {
   auto made = std::make_shared<Materials>();
   const u32 capacity = snapshot.materials.capacity();
   const Material standard = make_material();
-  made->materials.resize(capacity + 1);
+  Material black = standard;
+  black[MaterialParameter::base_color].value = black[MaterialParameter::specular].value = vec3(0);
+  made->materials.resize(capacity + 2);
   snapshot.materials.for_each([&](u32 index, const Shared<Material>& row) {
     made->materials[index] = view_of(snapshot, *row.value, index, made->uses);
   });
   made->materials[capacity] = view_of(snapshot, standard, kernels::kNone, made->uses);
+  made->materials[capacity + 1] = view_of(snapshot, black, kernels::kNone, made->uses);
   made->textures.resize(snapshot.textures.capacity());
   snapshot.textures.for_each([&](u32 index, const Shared<Texture>& row) {
     made->textures[index] = view_of(*row.value);

@@ -7,7 +7,7 @@
 
 namespace heliograph::embree {
 
-/// By row of the snapshot's tables; the last material is the default one.
+/// By row of the snapshot's tables; then the default material, and one that absorbs all light.
 struct Materials {
   std::vector<kernels::MaterialView> materials;
   std::vector<kernels::TextureUseView> uses;
@@ -17,6 +17,7 @@ struct Materials {
 
 [[nodiscard]] std::shared_ptr<const Materials> make_materials(const Snapshot& snapshot);
 [[nodiscard]] kernels::TextureUseView view_of(const Snapshot& snapshot, const TextureUse& use);
+[[nodiscard]] kernels::TextureView view_of(const Texture& texture);
 
 /// Mean of the decoded texels, grey in all colours.
 [[nodiscard]] vec4 texture_mean(const Texture& texture, DerivedCache& cache);

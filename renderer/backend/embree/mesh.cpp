@@ -4,6 +4,8 @@
 #include <cstring>
 #include <string_view>
 
+#include "renderer/backend/embree/shape_geometry.h"
+
 namespace heliograph::embree {
 namespace {
 
@@ -40,6 +42,40 @@ std::span<const vec3> first_key(const ArrayOf<vec3>& keys, u32 vertex_count) {
   return keys.span().first(std::min<std::size_t>(keys.size(), vertex_count));
 }
 
+kernels::Shape shape_of(const MeshTopology& topology) {
+  switch (topology.shape) {
+    case LightShape::kSphere:
+      return kernels::Shape::kSphere;
+    case LightShape::kDisc:
+      return kernels::Shape::kDisc;
+    case LightShape::kMesh:
+    case LightShape::kRectangle:
+      break;
+  }
+  return kernels::Shape::kTriangles;
+}
+
+GeometryHandle triangle_geometry(const DeviceMesh& mesh, RTCDevice device) {
+  const ArrayOf<uvec3>& triangles = mesh.topology->triangles;
+  GeometryHandle geometry(rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE));
+  set_vertices(geometry.get(), mesh.positions.data(), mesh.topology->vertex_count);
+  rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                             triangles.data(), 0, sizeof(uvec3), triangles.size());
+  rtcSetGeometryMask(geometry.get(), ~0u);
+  rtcCommitGeometry(geometry.get());
+  return geometry;
+}
+
+/// Bounds of the unit disc or sphere under a linear map.
+Box shape_bounds(kernels::Shape shape, const mat3& map) {
+  vec3 half2 = map[0] * map[0] + map[1] * map[1];
+  if (shape == kernels::Shape::kSphere) half2 += map[2] * map[2];
+  Box box;
+  box.upper = glm::sqrt(half2);
+  box.lower = -box.upper;
+  return box;
+}
+
 }  // namespace
 
 kernels::MeshView DeviceMesh::view() const {
@@ -56,23 +92,24 @@ kernels::MeshView DeviceMesh::view() const {
   view.triangle_count = u32(topology->triangles.size());
   view.vertex_count = topology->vertex_count;
   view.part_count = topology->part_count;
+  view.shape = shape();
   return view;
 }
 
-Expected<std::shared_ptr<const Blas>> MeshBuilder::blas(const ArrayOf<uvec3>& triangles,
-                                                        const ArrayOf<vec3>& positions,
-                                                        u32 vertex_count) const {
-  const DerivedKey key{Derived::kBlas, {positions.serial(), triangles.serial(), vertex_count}};
+kernels::Shape DeviceMesh::shape() const { return shape_of(*topology); }
+
+Expected<std::shared_ptr<const Blas>> MeshBuilder::blas(const DeviceMesh& mesh) const {
+  const ArrayOf<uvec3>& triangles = mesh.topology->triangles;
+  const ArrayOf<vec3>& positions = mesh.positions;
+  const DerivedKey key{Derived::kBlas,
+                       {positions.serial(), triangles.serial(), mesh.topology->vertex_count}};
   const Sources sources{positions.buffer(), triangles.buffer()};
   auto made = cache_.get<Blas>(key, sources, [&] {
     auto blas = std::make_shared<Blas>();
     blas->scene = new_scene(device_);
-    const GeometryHandle geometry(rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_TRIANGLE));
-    set_vertices(geometry.get(), positions.data(), vertex_count);
-    rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
-                               triangles.data(), 0, sizeof(uvec3), triangles.size());
-    rtcSetGeometryMask(geometry.get(), ~0u);
-    rtcCommitGeometry(geometry.get());
+    const GeometryHandle geometry = mesh.shape() == kernels::Shape::kTriangles
+                                        ? triangle_geometry(mesh, device_)
+                                        : shape_geometry(mesh.shape(), device_);
     rtcAttachGeometryByID(blas->scene.get(), geometry.get(), 0);
     rtcCommitScene(blas->scene.get());
     blas->bytes_ = triangles.size() * kBlasBytesPerTriangle;
@@ -91,7 +128,7 @@ Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::build(const Mesh& mesh) const
   made->vertices = mesh.vertices;
   made->positions = mesh.vertices->positions;
   made->normals = mesh.vertices->normals;
-  auto structure = blas(mesh.topology->triangles, made->positions, mesh.topology->vertex_count);
+  auto structure = blas(*made);
   if (!structure) return std::unexpected(std::move(structure).error());
   made->blas = *std::move(structure);
   made->rest = rest_bounds(*made, mat3(1));
@@ -118,7 +155,7 @@ Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::build(const Mesh& mesh,
   made->vertices = mesh.vertices;
   made->positions = kept->positions;
   made->normals = kept->normals;
-  auto structure = blas(mesh.topology->triangles, made->positions, mesh.topology->vertex_count);
+  auto structure = blas(*made);
   if (!structure) return std::unexpected(std::move(structure).error());
   made->blas = *std::move(structure);
   made->rest = rest_bounds(*made, mat3(1));
@@ -132,6 +169,7 @@ bool MeshBuilder::ready(const Mesh& mesh) const {
 }
 
 Box MeshBuilder::rest_bounds(const DeviceMesh& mesh, const mat3& map) const {
+  if (mesh.shape() != kernels::Shape::kTriangles) return shape_bounds(mesh.shape(), map);
   const auto rest = first_key(mesh.vertices->positions, mesh.topology->vertex_count);
   const DerivedKey key{Derived::kBounds,
                        {mesh.vertices->positions.serial(), mesh.topology->triangles.serial(),

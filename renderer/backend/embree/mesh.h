@@ -44,6 +44,7 @@ struct DeviceMesh {
   std::shared_ptr<const Blas> blas;
   Box rest;  // of the first key's triangles
   [[nodiscard]] kernels::MeshView view() const;
+  [[nodiscard]] kernels::Shape shape() const;
 };
 
 /// Makes DeviceMeshes. Thread: any.
@@ -62,9 +63,7 @@ class MeshBuilder {
   [[nodiscard]] Box rest_bounds(const DeviceMesh& mesh, const mat3& map) const;
 
  private:
-  [[nodiscard]] Expected<std::shared_ptr<const Blas>> blas(const ArrayOf<uvec3>& triangles,
-                                                           const ArrayOf<vec3>& positions,
-                                                           u32 vertex_count) const;
+  [[nodiscard]] Expected<std::shared_ptr<const Blas>> blas(const DeviceMesh& mesh) const;
   RTCDevice device_;
   DerivedCache& cache_;
 };

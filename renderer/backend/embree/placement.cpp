@@ -16,9 +16,22 @@ constexpr u32 kFewestStatic = 32;
 
 bool same(const mat4x3& a, const mat4x3& b) { return std::memcmp(&a, &b, sizeof a) == 0; }
 
+mat4x3 scaled(const mat4x3& m, vec3 scale) {
+  return {m[0] * scale.x, m[1] * scale.y, m[2] * scale.z, m[3]};
+}
+
 bool invertible(const mat4x3& m) {
   const float det = glm::determinant(mat3(m));
   return std::isfinite(det) && det != 0 && std::isfinite(m[3].x + m[3].y + m[3].z);
+}
+
+/// The rays that meet an entity: those it says, and those that the kernels ask about.
+u32 ray_mask(const Entity& entity) {
+  u32 mask = entity.visibility;
+  if (mask & kernels::kCameraRay) mask |= kernels::kThroughRay;
+  if (!entity.shadow_catcher) return mask;
+  if (mask & kernels::kShadowRay) mask |= kernels::kCatcherRay;
+  return mask & ~u32(kernels::kCameraRay);
 }
 
 /// Makes a Placement step by step.
@@ -101,22 +114,25 @@ bool Placer::takes_over(u32 slot, u32 old) const {
   if (old == kNone) return false;
   const u32 entity = made_->structure->slots[slot].entity;
   return same(made_->world[entity], before_->world[entity]) &&
+         made_->structure->slots[slot].scale == before_->structure->slots[old].scale &&
          grouped_[slot] == !before_->geometries[old] &&
          made_->meshes[made_->mesh_of_slot[slot]]->blas ==
              before_->meshes[before_->mesh_of_slot[old]]->blas &&
-         u32(snapshot_.entities.at(entity).visibility) == before_->instances[old].visibility;
+         ray_mask(snapshot_.entities.at(entity)) == before_->instances[old].visibility;
 }
 
 void Placer::place(u32 index) {
   const Slot& slot = made_->structure->slots[index];
   kernels::InstanceView& view = made_->instances[index];
-  const mat4x3& world = made_->world[slot.entity];
+  const mat4x3 world = made_->mesh_pose(index);
   const bool usable = invertible(world);
   view.world_from_object = usable ? world : mat4x3(1);
   view.object_from_world = usable ? inverse(world) : mat4x3(1);
-  view.visibility = snapshot_.entities.at(slot.entity).visibility;
+  const Entity& entity = snapshot_.entities.at(slot.entity);
+  view.visibility = ray_mask(entity);
   const bool flipped = glm::determinant(mat3(view.world_from_object)) < 0;
-  view.flags = flipped ? u32(kernels::kFlipped) : 0;
+  view.flags =
+      (flipped ? u32(kernels::kFlipped) : 0) | (entity.shadow_catcher ? u32(kernels::kCatcher) : 0);
 
   made_->geometries[index] = {};
   if (grouped_[index]) return;
@@ -138,7 +154,9 @@ void Placer::choose_static() {
     const Slot& slot = structure.slots[i];
     if (!snapshot_.entities.at(slot.entity).is_static || slot.deforms) continue;
     if (!invertible(made_->world[slot.entity])) continue;
-    const u64 more = made_->meshes[made_->mesh_of_slot[i]]->topology->triangles.size();
+    const DeviceMesh& mesh = *made_->meshes[made_->mesh_of_slot[i]];
+    if (mesh.shape() != kernels::Shape::kTriangles) continue;
+    const u64 more = mesh.topology->triangles.size();
     if (triangles + more > static_triangles_) continue;
     triangles += more;
     ++members;
@@ -177,7 +195,7 @@ Status Placer::instances() {
     kernels::InstanceView& view = made_->instances[i];
     if (takes_over(i, old)) {
       view = before_->instances[old];
-      view.flags &= kernels::kFlipped;
+      view.flags &= u32(kernels::kFlipped) | u32(kernels::kCatcher);
       made_->geometries[i] = before_->geometries[old];
       changed_ |= old != i;
     } else {
@@ -251,7 +269,8 @@ Status Placer::label_frames() {
     for (const u32 entity : instance.entities) {
       const u32 slot = structure.slot_of_entity[entity];
       made_->root_from_entity[slot] =
-          moved ? from_root(entity, instance.root) : before_->root_from_entity[slot];
+          moved ? scaled(from_root(entity, instance.root), structure.slots[slot].scale)
+                : before_->root_from_entity[slot];
       moved_[slot] |= u8(moved);
     }
     if (moved) {
@@ -318,6 +337,11 @@ Status Placer::top_level() {
 }
 
 }  // namespace
+
+mat4x3 Placement::mesh_pose(u32 slot) const {
+  const Slot& s = structure->slots[slot];
+  return scaled(world[s.entity], s.scale);
+}
 
 Expected<std::shared_ptr<const Placement>> make_placement(
     const Snapshot& snapshot, Time time, std::shared_ptr<const Structure> structure,

@@ -16,11 +16,13 @@ struct Placement {
   std::vector<GeometryHandle> geometries;                 // by slot; null: in the group
   std::shared_ptr<const StaticGroup> group;               // its number in the top level: slots
   std::vector<RTCScene> instance_scenes;                  // by slot
-  std::vector<mat4x3> root_from_entity;                   // by slot
+  std::vector<mat4x3> root_from_entity;                   // by slot, of its mesh's coordinates
   std::vector<ObjectFrame> frames;                        // by row of the labelling
   std::vector<RestBox> boxes;                             // by row, in those frames
   SceneHandle top;                                        // null: no instance
   Box bounds;
+  /// What takes the coordinates of a slot's mesh to the world.
+  [[nodiscard]] mat4x3 mesh_pose(u32 slot) const;
 };
 
 /// What a placement is made with.

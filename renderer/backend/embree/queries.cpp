@@ -65,6 +65,22 @@ Expected<std::vector<u32>> slots_of(const QueryScene& scene, const std::vector<E
   return slots;
 }
 
+/// The slots of entities whose triangles a query looks at.
+Expected<std::vector<u32>> mesh_slots_of(const QueryScene& scene, const std::vector<EntityId>& ids,
+                                         const char* where) {
+  auto slots = slots_of(scene, ids, where);
+  if (!slots) return slots;
+  for (std::size_t i = 0; i < slots->size(); ++i) {
+    const Placement& placement = scene.placement;
+    const DeviceMesh& mesh = *placement.meshes[placement.mesh_of_slot[(*slots)[i]]];
+    if (mesh.shape() != kernels::Shape::kTriangles)
+      return fail(Code::kInvalidArgument, fmt::format("{}[{}]", where, i),
+                  fmt::format("'{}' is a light's disc or sphere; this query takes meshes",
+                              scene.snapshot.name_of(ids[i])));
+  }
+  return slots;
+}
+
 Expected<kernels::CameraView> camera_of(const QueryScene& scene, EntityId id) {
   const Entity* entity = scene.snapshot.find(id);
   if (!entity) return fail(Code::kNotFound, "camera", "there is no such entity");
@@ -193,9 +209,9 @@ Expected<QueryResult> visible(const QueryScene& scene, const Visible& query,
 
 Expected<QueryResult> overlaps(const QueryScene& scene, const Overlaps& query,
                                const Interrupt& interrupt) {
-  const auto a = slots_of(scene, query.a, "overlaps.a");
+  const auto a = mesh_slots_of(scene, query.a, "overlaps.a");
   if (!a) return std::unexpected(a.error());
-  const auto b = slots_of(scene, query.b, "overlaps.b");
+  const auto b = mesh_slots_of(scene, query.b, "overlaps.b");
   if (!b) return std::unexpected(b.error());
   QueryResult result;
   const Out<u8> out(result, "overlaps", DType::kU8, a->size(), b->size());
@@ -240,7 +256,7 @@ AreaTable area_table(const QueryScene& scene, const std::vector<u32>& slots,
 
 Expected<QueryResult> sample_surface(const QueryScene& scene, const SampleSurface& query,
                                      const Interrupt& interrupt) {
-  const auto slots = slots_of(scene, query.entities, "sample_surface.entities");
+  const auto slots = mesh_slots_of(scene, query.entities, "sample_surface.entities");
   if (!slots) return std::unexpected(slots.error());
   const AreaTable table = area_table(scene, *slots, interrupt);
   HELIO_TRY(interrupt.status());

@@ -3,6 +3,8 @@
 
 #include <tbb/parallel_for.h>
 
+#include "renderer/scene/light_shapes.h"
+
 namespace heliograph::embree {
 namespace {
 
@@ -48,19 +50,20 @@ template <class F>
 void for_each_shown(const Snapshot& snapshot, F&& f) {
   const std::vector<u8> shown = visibility_of_all(snapshot);
   snapshot.entities.for_each([&](u32 index, const Entity& entity) {
-    if (!shown[index] || !entity.mesh) return;
-    const Shared<Mesh>* row = snapshot.find(entity.mesh);
-    if (row && !row->value->topology->triangles.empty()) f(index, entity, *row->value);
+    if (!shown[index]) return;
+    const Mesh* mesh = shown_mesh(snapshot, entity);
+    if (mesh && !mesh->topology->triangles.empty()) f(index, entity, *mesh);
   });
 }
 
 bool deforms(const Entity& entity, const Mesh& mesh) {
+  if (has_light_shape(entity)) return false;
   return mesh.vertices->times.size() > 1 || entity.skin || mesh.topology->morph_count > 0;
 }
 
 void add_materials(const Snapshot& snapshot, const Entity& entity, u32 parts,
                    std::vector<u32>& out) {
-  const u32 fallback = snapshot.materials.capacity();
+  const u32 fallback = snapshot.materials.capacity() + (has_light_shape(entity) ? 1 : 0);
   for (u32 part = 0; part < parts; ++part) {
     if (!entity.materials || entity.materials->empty()) {
       out.push_back(fallback);
@@ -72,33 +75,45 @@ void add_materials(const Snapshot& snapshot, const Entity& entity, u32 parts,
   }
 }
 
-}  // namespace
+/// Numbers the meshes that entities may show: rows of the scene's table, then light shapes.
+u32 mesh_number(const Snapshot& snapshot, const Entity& entity) {
+  if (!has_light_shape(entity)) return entity.mesh.index();
+  return snapshot.meshes.capacity() + u32(entity.light->shape) - 1;
+}
 
-std::vector<u32> shown_meshes(const Snapshot& snapshot) {
-  std::vector<u32> order;
-  std::vector<bool> seen(snapshot.meshes.capacity());
-  for_each_shown(snapshot, [&](u32, const Entity& entity, const Mesh&) {
-    if (seen[entity.mesh.index()]) return;
-    seen[entity.mesh.index()] = true;
-    order.push_back(entity.mesh.index());
+struct ShownMesh {
+  const Mesh* mesh;
+  u32 number;
+};
+
+/// The meshes that visible entities show, each once, in order of first use.
+std::vector<ShownMesh> shown_meshes(const Snapshot& snapshot) {
+  std::vector<ShownMesh> order;
+  std::vector<bool> seen(snapshot.meshes.capacity() + kLightShapes);
+  for_each_shown(snapshot, [&](u32, const Entity& entity, const Mesh& mesh) {
+    const u32 number = mesh_number(snapshot, entity);
+    if (seen[number]) return;
+    seen[number] = true;
+    order.push_back({&mesh, number});
   });
   return order;
 }
 
+}  // namespace
+
 Expected<std::shared_ptr<const Structure>> make_structure(const Snapshot& snapshot,
                                                           const MeshBuilder& builder) {
   auto structure = std::make_shared<Structure>();
-  const std::vector<u32> rows = shown_meshes(snapshot);
-  std::vector<Expected<std::shared_ptr<DeviceMesh>>> built(rows.size());
-  tbb::parallel_for(std::size_t(0), rows.size(), [&](std::size_t i) {
-    built[i] = builder.build(*snapshot.meshes.at(rows[i]).value);
-  });
-  std::vector<u32> position(snapshot.meshes.capacity(), kNone);
-  for (std::size_t i = 0; i < rows.size(); ++i) {
+  const std::vector<ShownMesh> shown = shown_meshes(snapshot);
+  std::vector<Expected<std::shared_ptr<DeviceMesh>>> built(shown.size());
+  tbb::parallel_for(std::size_t(0), shown.size(),
+                    [&](std::size_t i) { built[i] = builder.build(*shown[i].mesh); });
+  std::vector<u32> position(snapshot.meshes.capacity() + kLightShapes, kNone);
+  for (std::size_t i = 0; i < shown.size(); ++i) {
     if (!built[i])
       return std::unexpected(
-          std::move(built[i]).error().at("meshes[" + std::to_string(rows[i]) + "]"));
-    position[rows[i]] = u32(i);
+          std::move(built[i]).error().at("meshes[" + std::to_string(shown[i].number) + "]"));
+    position[shown[i].number] = u32(i);
     structure->meshes.push_back(*std::move(built[i]));
   }
 
@@ -112,9 +127,12 @@ Expected<std::shared_ptr<const Structure>> make_structure(const Snapshot& snapsh
   structure->slot_of_entity.assign(snapshot.entities.capacity(), kNone);
   for_each_shown(snapshot, [&](u32 index, const Entity& entity, const Mesh& mesh) {
     structure->slot_of_entity[index] = u32(structure->slots.size());
-    structure->slots.push_back({index, position[entity.mesh.index()],
-                                u32(structure->part_materials.size()), row_of_entity[index],
-                                deforms(entity, mesh)});
+    structure->slots.push_back({.entity = index,
+                                .mesh = position[mesh_number(snapshot, entity)],
+                                .first_part = u32(structure->part_materials.size()),
+                                .row = row_of_entity[index],
+                                .scale = shown_scale(entity),
+                                .deforms = deforms(entity, mesh)});
     add_materials(snapshot, entity, mesh.topology->part_count, structure->part_materials);
   });
   return structure;

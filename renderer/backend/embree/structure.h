@@ -14,6 +14,7 @@ struct Slot {
   u32 mesh;        // index into Structure::meshes
   u32 first_part;  // index into Structure::part_materials
   u32 row;         // index into Labelling::instances, or kNone
+  vec3 scale;      // of the mesh, before the entity's pose: a light's shape has a size
   bool deforms;    // keys, morph targets or a skin: deform() may have other vertices
 };
 
@@ -21,13 +22,11 @@ struct Structure {
   std::vector<Slot> slots;
   std::vector<u32> slot_of_entity;  // kNone: shows nothing
   std::vector<std::shared_ptr<const DeviceMesh>> meshes;
-  std::vector<u32> part_materials;  // row of the material table; its capacity: the default material
-  std::vector<u32> suns;            // entities that are shown and have a sun
+  // Row of the material table; its capacity: the default material; one more: absorbs all light.
+  std::vector<u32> part_materials;
+  std::vector<u32> suns;  // entities that are shown and have a sun
   Labelling labelling;
 };
-
-/// The meshes that visible entities show, each row once, in order of first use.
-[[nodiscard]] std::vector<u32> shown_meshes(const Snapshot& snapshot);
 
 /// Builds the structure, missing acceleration structures in parallel.
 [[nodiscard]] Expected<std::shared_ptr<const Structure>> make_structure(const Snapshot& snapshot,

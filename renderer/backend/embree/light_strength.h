@@ -1,0 +1,40 @@
+// From a light's strength to its radiance. Called by lights.cpp.
+#pragma once
+
+#include <optional>
+
+#include "renderer/backend/embree/part_trees.h"
+
+namespace heliograph::embree {
+
+/// What a light's strength is spread over.
+struct LightExtent {
+  double flux = 0;       // W over all emitting sides, for a radiance of 1
+  double intensity = 0;  // W/sr along the axis (spheres: in the mean over directions), for the same
+};
+
+/// A mesh's area in m^2, one side of it.
+[[nodiscard]] LightExtent mesh_extent(double area, bool two_sided);
+/// A light's shape, whose unit shape has this pose.
+[[nodiscard]] LightExtent shape_extent(const Light& light, const mat4x3& world_from_shape);
+
+/// Radiance of a light in each channel, before its texture and its cone; suns need no extent.
+[[nodiscard]] vec3 light_radiance(const Light& light, const LightExtent& extent);
+/// Linear Rec.709 colour of the Planckian locus at unit luminance; kelvin in [1000, 40000].
+/// Channels outside the gamut are 0, which keeps the luminance by rescaling the others.
+[[nodiscard]] vec3 planckian_color(double kelvin);
+
+/// The fall-off of a spot light, as kernels::LightView has it.
+struct LightCone {
+  float cosine = 0;  // where it ends
+  float scale = 0;   // 0: no cone
+};
+[[nodiscard]] LightCone cone_of(const Light& light);
+
+/// Area factor of a linear map where it is the same for every direction; nullopt otherwise.
+[[nodiscard]] std::optional<double> area_scale(const mat4x3& m);
+/// Area of a part of a mesh in the world, m^2.
+[[nodiscard]] double part_area(const DeviceMesh& mesh, const PartTrees& trees, const mat4x3& world,
+                               u32 part);
+
+}  // namespace heliograph::embree
