@@ -5,9 +5,14 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
+inline constexpr u32 kEmissionBits =
+    1u << u32(ParameterBit::emission) | 1u << u32(ParameterBit::emission_strength);
+inline constexpr u32 kAlphaBit = 1u << u32(ParameterBit::alpha);
+
 /// Texture coordinates of a point: both sets, zero where the mesh has none.
 struct Uvs {
   vec2 set[2];
+  float width[2] = {0, 0};  // of what is looked at, in each set; 0: a point
 };
 
 KERNEL vec2 interpolate(const vec2* values, uvec3 triangle, vec2 barycentric) {
@@ -35,6 +40,15 @@ KERNEL vec2 transform_uv(const TextureUseView& use, const Uvs& uvs) {
   return turn_uv(use, uvs.set[use.uv_set & 1]) + use.uv_offset;
 }
 
+/// A texture's value over the width of what is looked at.
+KERNEL vec4 filter_use(const SceneView& scene, const TextureUseView& use, const Uvs& uvs) {
+  const TextureView& texture = scene.textures[use.texture];
+  const float scale = std::sqrt(std::fabs(use.uv_x.x * use.uv_y.y - use.uv_x.y * use.uv_y.x));
+  const float texels =
+      uvs.width[use.uv_set & 1] * scale * float(min2(texture.width, texture.height));
+  return sample_texture(level_of(texture, texels), transform_uv(use, uvs)) * use.scale + use.offset;
+}
+
 template <bool kRadiance = false>
 KERNEL vec4 sample_use(const SceneView& scene, const TextureUseView& use, const Uvs& uvs) {
   const vec4 texel = sample_texture<kRadiance>(scene.textures[use.texture], transform_uv(use, uvs));
@@ -54,7 +68,8 @@ KERNEL vec3 clamp_to(vec3 v, float smallest, float largest) {
 }
 
 /// The parameters named by the bits of `wanted`, textures applied and clamped to their ranges; the
-/// others keep their constants.
+/// others keep their constants. Emission and alpha are those of the point: lights and holes are
+/// sampled so.
 KERNEL MaterialValues evaluate_material(const SceneView& scene, const MaterialView& material,
                                         const Uvs& uvs, u32 wanted) {
   MaterialValues values = material.constant;
@@ -64,7 +79,8 @@ KERNEL MaterialValues evaluate_material(const SceneView& scene, const MaterialVi
     if (!(material.textured >> i & 1)) continue;
     const TextureUseView& view = scene.texture_uses[use++];
     if (!(wanted >> i & 1)) continue;
-    const vec4 texel = sample_use(scene, view, uvs);
+    const bool at_point = (kEmissionBits | kAlphaBit) >> i & 1;
+    const vec4 texel = at_point ? sample_use(scene, view, uvs) : filter_use(scene, view, uvs);
     switch (ParameterBit(i)) {
 #define HELIO_PARAMETER(name, components, standard, smallest, largest) \
   case ParameterBit::name:                                             \
@@ -79,10 +95,6 @@ KERNEL MaterialValues evaluate_material(const SceneView& scene, const MaterialVi
   }
   return values;
 }
-
-inline constexpr u32 kEmissionBits =
-    1u << u32(ParameterBit::emission) | 1u << u32(ParameterBit::emission_strength);
-inline constexpr u32 kAlphaBit = 1u << u32(ParameterBit::alpha);
 
 KERNEL const MaterialView& material_of(const SceneView& scene, const InstanceView& instance,
                                        u32 mesh_part) {

@@ -19,6 +19,8 @@ enum Dimension : u32 {
   kLensPair = kTimePair + 1,
 };
 enum VertexDimension : u32 { kLightPair, kScatterPair, kLightChoice, kLobeChoice, kVertexPairs };
+/// The width of a scattered ray's cone over that of a lobe.
+inline constexpr float kLobeShare = 0.2f;
 /// Numbers of unstratified random choices.
 enum Hashed : u32 {
   kHoleHash = 0,
@@ -40,6 +42,13 @@ struct PathContext {
   u64 pixel;
 };
 
+/// What a ray stands for: its neighbourhood, `width` metres across at its origin, which grows by
+/// `spread` each metre. Textures are filtered over it.
+struct Cone {
+  float width;
+  float spread;
+};
+
 /// A path on its way from the camera.
 struct Path {
   Ray ray;
@@ -50,6 +59,7 @@ struct Path {
   float radiance_scale;  // product of eta^2 of refractions: throughput without them, for roulette
   u32 edges;             // of the path, the ray included
   bool guided;           // the guides are recorded
+  Cone cone;             // of the ray
   bool blurred;          // it has scattered, and not by a perfect mirror or window alone
   Route route;
 };
@@ -85,6 +95,18 @@ KERNEL void collect(const PathContext<T>& c, SampleValues& sample, Contribution 
   if (c.film.wanted & kLightPlaneSet) add_light(sample, light, route);
 }
 
+/// The cone of a pixel.
+KERNEL Cone pixel_cone(const CameraView& camera) {
+  const float size = 1 / max2(camera.fx, camera.fy);
+  return camera.lens.projection == Projection::kOrthographic ? Cone{size, 0} : Cone{0, size};
+}
+
+/// The spread of a ray that a lobe has chosen: a part of the solid angle that the lobe covers.
+///
+/// After Bekaert, Slusallek, Cools, Havran and Seidel 2003, "A custom designed density estimation
+/// method for light transport", which takes footprints from sampling densities.
+KERNEL float lobe_spread(float pdf) { return pdf > 0 ? kLobeShare / std::sqrt(pdf) : 0; }
+
 template <Tracer T>
 KERNEL Path begin_path(const PathContext<T>& c, u32 x, u32 y) {
   const vec2 offset = sample_filter(c.settings.filter, c.sampler.get2(kFilterPair));
@@ -101,6 +123,7 @@ KERNEL Path begin_path(const PathContext<T>& c, u32 x, u32 y) {
   path.edges = 1;
   path.guided = (c.film.wanted & kGuidePlaneSet) == 0;
   path.blurred = false;
+  path.cone = pixel_cone(c.camera);
   path.route = {vec3(0), false};
   return path;
 }
@@ -162,11 +185,12 @@ KERNEL void regularize(MaterialValues& material) {
 
 /// The path meets a surface: counts what it emits; false when the path ends there.
 template <Tracer T>
-KERNEL bool hit_surface(const PathContext<T>& c, const Path& path, const Hit& hit, Vertex& v,
+KERNEL bool hit_surface(const PathContext<T>& c, Path& path, const Hit& hit, Vertex& v,
                         SampleValues& sample) {
   v.surface = surface_at(c.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), c.time);
   const Surface& s = v.surface;
-  v.material = material_at(c.scene, s, ~kAlphaBit);
+  path.cone.width += path.cone.spread * hit.t;
+  v.material = material_at(c.scene, s, ~kAlphaBit, path.cone.width);
   if (path.blurred && c.settings.regularize) regularize(v.material);
   const vec3 wo = -path.ray.direction;
   const vec3 emission = emitted(c.scene, s, v.material, wo);
@@ -267,6 +291,7 @@ KERNEL bool scatter(const PathContext<T>& c, Path& path, const Vertex& v, Sample
   path.radiance_scale *= sqr(s.eta);
   path.pdf = s.pdf;
   path.blurred = path.blurred || s.pdf > 0;
+  path.cone.spread = max2(path.cone.spread, lobe_spread(s.pdf));
   path.from = receiver_of(v, c.time);
   path.mask = s.lobe == Lobe::kDiffuse  ? kDiffuseRay
               : s.lobe == Lobe::kGlossy ? kGlossyRay

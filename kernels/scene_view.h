@@ -14,6 +14,7 @@ enum class Wrap : u8 { kRepeat, kClamp, kMirror };
 /// Texels in their source's bit depth, row 0 at the top (v = 1).
 struct TextureView {
   const void* texels;
+  const void* mips;  // the same at half the size, at a quarter, ... one after the other; or null
   u32 width;
   u32 height;
   u8 channels;  // 1..4

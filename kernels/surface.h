@@ -93,6 +93,32 @@ KERNEL vec3 offset_point(const Surface& s, vec3 direction) {
 
 KERNEL Uvs uvs_at(const Surface& s) { return uvs_at(*s.mesh, s.triangle, s.barycentric); }
 
+/// Texture coordinates with the width of a ray cone there. A slanted surface is blurred by the
+/// narrow side of the cone's ellipse, so never too much.
+///
+/// width   metres
+/// Source: Akenine-Möller et al. 2019, "Texture Level of Detail Strategies for Real-Time Ray
+/// Tracing", Ray Tracing Gems chapter 20.
+KERNEL Uvs uvs_at(const Surface& s, float width) {
+  Uvs uvs = uvs_at(s);
+  if (!(width > 0)) return uvs;
+  const Corners c = corners_at(*s.mesh, s.triangle, s.time);
+  const vec3 ab = transform_vector(s.pose.world_from_object, c.ab);
+  const vec3 ac = transform_vector(s.pose.world_from_object, c.ac);
+  const vec3 n = cross(ab, ac);
+  const float area2 = dot(n, n);
+  if (!(area2 > 0)) return uvs;
+  const vec2* sets[2] = {s.mesh->uvs, s.mesh->uvs1};
+  for (int i = 0; i < 2; ++i) {
+    if (!sets[i]) continue;
+    const vec2 a = sets[i][s.triangle.x];
+    const vec2 u = sets[i][s.triangle.y] - a;
+    const vec2 v = sets[i][s.triangle.z] - a;
+    uvs.width[i] = width * std::sqrt(std::fabs(u.x * v.y - u.y * v.x) / std::sqrt(area2));
+  }
+  return uvs;
+}
+
 struct Tangents {
   vec3 t, b;  // object space; t zero when there are none
 };
@@ -249,10 +275,11 @@ KERNEL Surface surface_at(const SceneView& scene, u32 instance_index, u32 primit
   return s;
 }
 
-/// Material parameters there, with the vertex colours.
-KERNEL MaterialValues material_at(const SceneView& scene, const Surface& s, u32 wanted) {
+/// Material parameters there, with the vertex colours. width: metres of the ray cone, 0: a point.
+KERNEL MaterialValues material_at(const SceneView& scene, const Surface& s, u32 wanted,
+                                  float width = 0) {
   MaterialValues values = s.material->textured & wanted
-                              ? evaluate_material(scene, *s.material, uvs_at(s), wanted)
+                              ? evaluate_material(scene, *s.material, uvs_at(s, width), wanted)
                               : s.material->constant;
   if (s.mesh->colors) {
     const vec4 color = color_at(*s.mesh, s.triangle, s.barycentric);

@@ -7,6 +7,44 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
+KERNEL u32 half_size(u32 size) { return size > 1 ? size / 2 : 1; }
+KERNEL bool has_coarser(const TextureView& texture) {
+  return texture.width > 1 && texture.height > 1;
+}
+
+KERNEL u64 texture_bytes(const TextureView& texture) {
+  const u32 size = texture.type == TexelType::kU8 ? 1 : texture.type == TexelType::kF32 ? 4 : 2;
+  return u64(texture.width) * texture.height * texture.channels * size;
+}
+
+/// The level of a texture whose texels are at least half as wide as a footprint, if there is one:
+/// never blurred more than the footprint.
+///
+/// width   of the footprint, in texels of the texture itself
+KERNEL TextureView level_of(const TextureView& texture, float width) {
+  TextureView level = texture;
+  if (!texture.mips || width < 2) return level;
+  level.texels = texture.mips;
+  for (;;) {
+    level.width = half_size(level.width);
+    level.height = half_size(level.height);
+    width *= 0.5f;
+    if (width < 2 || !has_coarser(level)) return level;
+    level.texels = static_cast<const u8*>(level.texels) + texture_bytes(level);
+  }
+}
+
+/// Bytes of all levels but the first.
+KERNEL u64 mip_bytes(TextureView texture) {
+  u64 bytes = 0;
+  while (has_coarser(texture)) {
+    texture.width = half_size(texture.width);
+    texture.height = half_size(texture.height);
+    bytes += texture_bytes(texture);
+  }
+  return bytes;
+}
+
 /// IEC 61966-2-1, for texels of more than 8 bits.
 KERNEL float srgb_to_linear(float x) {
   return x <= 0.04045f ? x * (1 / 12.92f) : std::pow((x + 0.055f) * (1 / 1.055f), 2.4f);

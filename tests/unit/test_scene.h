@@ -141,8 +141,13 @@ class TestScene {
     auto& bytes = texels_.emplace_back(texels.size() * sizeof(Texel));
     std::memcpy(bytes.data(), texels.data(), bytes.size());
     const u32 channels = u32(texels.size() / (size_t(size.x) * size.y));
-    textures.push_back({bytes.data(), size.x, size.y, u8(channels), type, false, false,
-                        Wrap::kRepeat, Wrap::kRepeat});
+    textures.push_back({.texels = bytes.data(),
+                        .width = size.x,
+                        .height = size.y,
+                        .channels = u8(channels),
+                        .type = type,
+                        .wrap_u = Wrap::kRepeat,
+                        .wrap_v = Wrap::kRepeat});
     return u32(textures.size() - 1);
   }
   /// Binds `material` to every part. Returns the instance.

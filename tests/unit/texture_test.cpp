@@ -4,15 +4,23 @@
 #include <cstring>
 #include <vector>
 
-#include "kernels/material.h"
+#include "kernels/path.h"
 #include "tests/unit/catch.h"
+#include "tests/unit/test_tracer.h"
 
 using namespace heliograph::kernels;
+using namespace heliograph::test;
 
 namespace {
 
 TextureView view_of(const void* texels, uvec2 size, u8 channels, TexelType type) {
-  return {texels, size.x, size.y, channels, type, false, false, Wrap::kRepeat, Wrap::kRepeat};
+  return {.texels = texels,
+          .width = size.x,
+          .height = size.y,
+          .channels = channels,
+          .type = type,
+          .wrap_u = Wrap::kRepeat,
+          .wrap_v = Wrap::kRepeat};
 }
 
 }  // namespace
@@ -128,4 +136,31 @@ TEST_CASE(
   v = evaluate_material(scene, m, uvs, kAlphaBit);
   CHECK(v.roughness == 0.5f);
   CHECK(v.alpha == 1);
+}
+
+TEST_CASE("texture: seen from afar it keeps its mean and loses its noise") {
+  PixelStatistics seen[2];
+  for (const bool filtered : {false, true}) {
+    TestScene scene;
+    std::vector<float> checker(size_t(256) * 256);
+    for (u32 i = 0; i < checker.size(); ++i) checker[i] = (i / 256 + i) % 2 ? 1 : 0;
+    const u32 texture = scene.add_texture(std::move(checker), {256, 256}, TexelType::kF32);
+    const std::vector<float> grey(size_t(128) * 128 * 2, 0.5f);
+    if (filtered) scene.textures[texture].mips = grey.data();
+    MaterialView m = lambert(vec3(1));
+    m.unlit = true;
+    m.textured = 1u << u32(ParameterBit::base_color);
+    scene.texture_uses = {{texture, 0, 0, 1, 0, {1, 0}, {0, 1}, {0, 0}}};
+    scene.add_instance(scene.add(rectangle(1, 1)), scene.add(m));
+    const SceneView& view = scene.finish();
+    const CameraView camera = look_at({0, 0, 5}, {0, 0, 0}, {1, 1}, 0.05f);
+    const TestTracer tracer(view);
+    const TestFilm film({1, 1}, kBeauty);
+    render_pixel(view, camera, standard_settings(1), tracer, film.view, 0, 0, 0, 256);
+    seen[filtered] = pixel_statistics(film.view, 0, 256);
+  }
+  CHECK(seen[1].mean == 0.5f);
+  CHECK(seen[0].mean == Approx(0.5f).margin(0.1));
+  CHECK(seen[0].variance > 1e-4f);
+  CHECK(seen[1].variance == 0);
 }

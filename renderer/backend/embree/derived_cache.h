@@ -13,7 +13,16 @@
 
 namespace heliograph::embree {
 
-enum class Derived : u64 { kBlas, kBounds, kParts, kMappedParts, kDome, kTextureMean, kVertices };
+enum class Derived : u64 {
+  kBlas,
+  kBounds,
+  kParts,
+  kMappedParts,
+  kDome,
+  kTextureMean,
+  kVertices,
+  kMips
+};
 
 /// What a piece of derived data is a pure function of.
 struct DerivedKey {

@@ -123,7 +123,7 @@ Expected<std::shared_ptr<const EmbreeScene>> SceneStore::prepare(
   if (placement_kept && materials_kept && before->snapshot().dome == snapshot->dome &&
       before->snapshot().revision == snapshot->revision)
     return before;
-  auto materials = materials_kept ? before->materials_ptr() : make_materials(*snapshot);
+  auto materials = materials_kept ? before->materials_ptr() : make_materials(*snapshot, cache_);
   auto lights = placement_kept && materials_kept && before->snapshot().dome == snapshot->dome
                     ? before->lights_ptr()
                     : make_lights(*snapshot, *placement, *materials,

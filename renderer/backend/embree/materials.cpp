@@ -1,7 +1,8 @@
 // Material and texture rows to views.
 #include "renderer/backend/embree/materials.h"
 
-#include "kernels/texture.h"
+#include "kernels/material.h"
+#include "renderer/backend/embree/mips.h"
 
 namespace heliograph::embree {
 
@@ -47,6 +48,19 @@ kernels::MaterialView view_of(const Snapshot& snapshot, const Material& material
   return view;
 }
 
+/// Whether a material looks at a texture with a cone: for emission and alpha it does not.
+std::vector<bool> filtered_textures(const Snapshot& snapshot) {
+  std::vector<bool> filtered(snapshot.textures.capacity());
+  snapshot.materials.for_each([&](u32, const Shared<Material>& row) {
+    for (u32 p = 0; p < kMaterialParameters; ++p) {
+      const TextureId texture = row.value->parameters[p].texture.texture;
+      if (!((kernels::kEmissionBits | kernels::kAlphaBit) >> p & 1) && snapshot.find(texture))
+        filtered[texture.index()] = true;
+    }
+  });
+  return filtered;
+}
+
 struct TextureMean {
   vec4 value;
   [[nodiscard]] u64 bytes() const { return sizeof(*this); }
@@ -65,7 +79,7 @@ kernels::TextureUseView view_of(const Snapshot& snapshot, const TextureUse& use)
           .uv_offset = use.uv_transform[2]};
 }
 
-std::shared_ptr<const Materials> make_materials(const Snapshot& snapshot) {
+std::shared_ptr<const Materials> make_materials(const Snapshot& snapshot, DerivedCache& cache) {
   auto made = std::make_shared<Materials>();
   const u32 capacity = snapshot.materials.capacity();
   const Material standard = make_material();
@@ -77,10 +91,16 @@ std::shared_ptr<const Materials> make_materials(const Snapshot& snapshot) {
   });
   made->materials[capacity] = view_of(snapshot, standard, kernels::kNone, made->uses);
   made->materials[capacity + 1] = view_of(snapshot, black, kernels::kNone, made->uses);
+  const std::vector<bool> filtered = filtered_textures(snapshot);
   made->textures.resize(snapshot.textures.capacity());
   snapshot.textures.for_each([&](u32 index, const Shared<Texture>& row) {
-    made->textures[index] = view_of(*row.value);
-    made->images.push_back(row.value->image);
+    kernels::TextureView& view = made->textures[index] = view_of(*row.value);
+    made->kept.push_back(row.value->image);
+    if (!filtered[index]) return;
+    const auto mips = mips_of(*row.value, view, cache);
+    if (!mips) return;
+    view.mips = mips->texels.data();
+    made->kept.push_back(mips);
   });
   return made;
 }

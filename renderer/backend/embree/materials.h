@@ -12,10 +12,11 @@ struct Materials {
   std::vector<kernels::MaterialView> materials;
   std::vector<kernels::TextureUseView> uses;
   std::vector<kernels::TextureView> textures;
-  std::vector<std::shared_ptr<const ImageData>> images;  // keeps the texels alive
+  std::vector<std::shared_ptr<const void>> kept;  // texels and their mips
 };
 
-[[nodiscard]] std::shared_ptr<const Materials> make_materials(const Snapshot& snapshot);
+[[nodiscard]] std::shared_ptr<const Materials> make_materials(const Snapshot& snapshot,
+                                                              DerivedCache& cache);
 [[nodiscard]] kernels::TextureUseView view_of(const Snapshot& snapshot, const TextureUse& use);
 [[nodiscard]] kernels::TextureView view_of(const Texture& texture);
 
