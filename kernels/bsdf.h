@@ -90,6 +90,9 @@ KERNEL bool sample_bsdf(const Bsdf& b, float u_lobe, vec2 u, BsdfSample& s) {
                    : finish_sample(b, choose_base(b, u_lobe, u, s), s);
 }
 
+/// Whether sample_bsdf() looks at u_lobe.
+KERNEL bool chooses_lobe(const Bsdf& b) { return b.layered || b.diffuse_probability < 1; }
+
 /// Whether the surface sends on any light at all.
 KERNEL bool scatters(const Bsdf& b) {
   return b.glass > 0 || b.f90 > 0 || !is_black(b.diffuse) || !is_black(b.f0) || b.layered;

@@ -131,7 +131,7 @@ KERNEL Path begin_path(const PathContext<T>& c, u32 x, u32 y) {
 /// Radiance of the dome where the path leaves the scene, weighted.
 KERNEL vec3 met_dome(const SceneView& scene, const Path& path) {
   const DomeView& dome = scene.dome;
-  if (path.edges == 1 && !dome.camera_visible) return vec3(0);
+  if (is_black(dome.radiance) || (path.edges == 1 && !dome.camera_visible)) return vec3(0);
   float weight = 1;
   vec2 place(0);
   if (dome.texture != kNone || path.pdf > 0) {
@@ -277,7 +277,7 @@ KERNEL bool survives(const PathContext<T>& c, Path& path) {
 /// The path goes on in a direction of the surface's choice; false when it ends.
 template <Tracer T>
 KERNEL bool scatter(const PathContext<T>& c, Path& path, const Vertex& v, SampleValues& sample) {
-  const float choice = c.sampler.get1(vertex_pair(path, kLobeChoice));
+  const float choice = chooses_lobe(v.bsdf) ? c.sampler.get1(vertex_pair(path, kLobeChoice)) : 0;
   const vec2 u = c.sampler.get2(vertex_pair(path, kScatterPair));
   BsdfSample s;
   const bool goes_on = sample_bsdf(v.bsdf, choice, u, s);
