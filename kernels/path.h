@@ -2,6 +2,7 @@
 // sampling. render_pixel() is the entry point of every backend; the steps below it are its whole.
 #pragma once
 
+#include "kernels/blur.h"
 #include "kernels/camera.h"
 #include "kernels/filter.h"
 #include "kernels/light.h"
@@ -19,8 +20,6 @@ enum Dimension : u32 {
   kLensPair = kTimePair + 1,
 };
 enum VertexDimension : u32 { kLightPair, kScatterPair, kLightChoice, kLobeChoice, kVertexPairs };
-/// The width of a scattered ray's cone over that of a lobe.
-inline constexpr float kLobeShare = 0.2f;
 /// Numbers of unstratified random choices.
 enum Hashed : u32 {
   kHoleHash = 0,
@@ -40,13 +39,6 @@ struct PathContext {
   Sampler sampler;
   float time;  // of the path, with all that it meets
   u64 pixel;
-};
-
-/// What a ray stands for: its neighbourhood, `width` metres across at its origin, which grows by
-/// `spread` each metre. Textures are filtered over it.
-struct Cone {
-  float width;
-  float spread;
 };
 
 /// A path on its way from the camera.
@@ -94,18 +86,6 @@ KERNEL void collect(const PathContext<T>& c, SampleValues& sample, Contribution 
   }
   if (c.film.wanted & kLightPlaneSet) add_light(sample, light, route);
 }
-
-/// The cone of a pixel.
-KERNEL Cone pixel_cone(const CameraView& camera) {
-  const float size = 1 / max2(camera.fx, camera.fy);
-  return camera.lens.projection == Projection::kOrthographic ? Cone{size, 0} : Cone{0, size};
-}
-
-/// The spread of a ray that a lobe has chosen: a part of the solid angle that the lobe covers.
-///
-/// After Bekaert, Slusallek, Cools, Havran and Seidel 2003, "A custom designed density estimation
-/// method for light transport", which takes footprints from sampling densities.
-KERNEL float lobe_spread(float pdf) { return pdf > 0 ? kLobeShare / std::sqrt(pdf) : 0; }
 
 template <Tracer T>
 KERNEL Path begin_path(const PathContext<T>& c, u32 x, u32 y) {
@@ -168,19 +148,6 @@ KERNEL float emission_weight(const SceneView& scene, const Path& path, const Hit
   if (path.pdf <= 0 || light == kNone) return 1;
   if (!shows_to_all(scene.instances[hit.instance].visibility)) return 0;
   return mis_weight(path.pdf, light_pdf(scene, path.from, hit, path.ray.direction, light));
-}
-
-/// Makes glossy lobes rougher, so that paths which light sampling cannot find are not fireflies.
-///
-/// Source: Kaplanyan and Dachsbacher 2013, "Path Space Regularization for Holistic and Robust Light
-/// Transport"; the rule is pbrt-v4's: alpha below 0.3 becomes 2 alpha, within [0.1, 0.3].
-KERNEL void regularize(float& roughness) {
-  const float alpha = sqr(roughness);
-  if (alpha < 0.3f) roughness = std::sqrt(min2(max2(2 * alpha, 0.1f), 0.3f));
-}
-KERNEL void regularize(MaterialValues& material) {
-  regularize(material.roughness);
-  regularize(material.clearcoat_roughness);
 }
 
 /// The path meets a surface: counts what it emits; false when the path ends there.
