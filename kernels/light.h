@@ -232,6 +232,17 @@ KERNEL bool shows_to_all(u32 visibility) {
   return (visibility & kScattered) == kScattered;
 }
 
+/// The ray from a surface to a sampled light; false where they are at the same place.
+KERNEL bool shadow_ray(const Surface& s, const LightSample& light, HoleKey holes, Ray& ray) {
+  ray = {offset_point(s, light.direction), light.direction, INFINITY, s.time, holes};
+  if (light.light == kNone) return true;
+  const vec3 d = light.target - ray.origin;
+  const float distance = length(d);
+  ray.direction = d / distance;
+  ray.t_max = distance * kJustBefore;
+  return distance > 0;
+}
+
 KERNEL bool has_lights(const SceneView& scene) {
   return scene.light_count > 0 || scene.sun_count > 0 || scene.dome.probability > 0;
 }

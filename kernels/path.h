@@ -4,6 +4,7 @@
 
 #include "kernels/blur.h"
 #include "kernels/camera.h"
+#include "kernels/catcher.h"
 #include "kernels/filter.h"
 #include "kernels/light.h"
 #include "kernels/sample.h"
@@ -186,17 +187,6 @@ KERNEL Receiver receiver_of(const Vertex& v, float time) {
           time};
 }
 
-/// The ray from a surface to a sampled light; false where they are at the same place.
-KERNEL bool shadow_ray(const Surface& s, const LightSample& light, HoleKey holes, Ray& ray) {
-  ray = {offset_point(s, light.direction), light.direction, INFINITY, s.time, holes};
-  if (light.light == kNone) return true;
-  const vec3 d = light.target - ray.origin;
-  const float distance = length(d);
-  ray.direction = d / distance;
-  ray.t_max = distance * kJustBefore;
-  return distance > 0;
-}
-
 /// Light that comes to the vertex straight from one light (next event estimation).
 template <Tracer T>
 KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Vertex& v,
@@ -284,46 +274,11 @@ KERNEL float open_hemisphere(const PathContext<T>& c, const Vertex& v, const Pat
   return c.tracer.occluded(ray, kShadowRay) ? 0 : 1;
 }
 
-/// Adds light that comes along a ray to a shadow catcher, with other entities in its way and
-/// without.
 template <Tracer T>
-KERNEL void catch_light(const PathContext<T>& c, const Ray& ray, float irradiance,
-                        SampleValues& sample) {
-  if (!(irradiance > 0)) return;
-  sample.rays += 2;
-  if (c.tracer.occluded(ray, kCatcherRay)) return;
-  sample.caught += vec2(c.tracer.occluded(ray, kShadowRay) ? 0 : irradiance, irradiance);
-}
-
-/// Direct irradiance of the shadow catcher that the camera ray would see first, if it is one: of
-/// the side it sees. The dome is found by its texels and by cosine.
-template <Tracer T>
-KERNEL void see_catcher(const PathContext<T>& c, const Path& path, SampleValues& sample) {
-  const Hit hit = c.tracer.closest(path.ray, kThroughRay);
-  ++sample.rays;
-  if (hit.instance == kNone || !(c.scene.instances[hit.instance].flags & kCatcher)) return;
-  const Surface s = surface_at(c.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), c.time);
-  const vec3 n = dot(path.ray.direction, s.ng) < 0 ? s.ns : -s.ns;
-  const HoleKey holes = hole_key(c, kShadowHoleHash);
-  LightSample light;
-  const float choice = c.sampler.get1(vertex_pair(path, kLightChoice));
-  const vec2 u = c.sampler.get2(vertex_pair(path, kLightPair));
-  Ray ray;
-  if (sample_light(c.scene, {s.p, n, Facing::kFront, c.time}, choice, u, light) &&
-      (light.visibility & kDiffuseRay) && shadow_ray(s, light, holes, ray)) {
-    const float cosine = max2(dot(n, light.direction), 0.0f);
-    const bool dome = light.light == kNone && light.sun == kNone;
-    const float weight = dome ? mis_weight(light.pdf, cosine * kInvPi) : 1;
-    catch_light(c, ray, luminance(light_radiance(c.scene, light)) * cosine * weight / light.pdf,
-                sample);
-  }
-  if (!(c.scene.dome.probability > 0)) return;
-  const vec3 local = sample_cosine(c.sampler.get2(vertex_pair(path, kScatterPair)));
-  const vec3 d = to_world(make_frame(n), local);
-  const DomePlace place = dome_place(c.scene.dome, d);
-  const float weight = mis_weight(local.z * kInvPi, dome_pdf(c.scene.dome, place));
-  catch_light(c, {offset_point(s, d), d, INFINITY, c.time, holes},
-              luminance(dome_radiance(c.scene, place.uv)) * kPi * weight, sample);
+KERNEL CatcherNumbers catcher_numbers(const PathContext<T>& c, const Path& path) {
+  return {hole_key(c, kShadowHoleHash), c.sampler.get1(vertex_pair(path, kLightChoice)),
+          c.sampler.get2(vertex_pair(path, kLightPair)),
+          c.sampler.get2(vertex_pair(path, kScatterPair))};
 }
 
 /// Traces one path and all the light it meets.
@@ -335,7 +290,10 @@ KERNEL SampleValues trace_path(const PathContext<T>& c, u32 x, u32 y) {
   }
   const bool lights = has_lights(c.scene);
   Path path = begin_path(c, x, y);
-  if (c.film.catcher && lights && path.ray.t_max > 0) see_catcher(c, path, sample);
+  if (c.film.catcher && lights) {
+    sample.caught = see_catcher(CatcherScene<T>{c.scene, c.tracer, sample.rays}, path.ray,
+                                catcher_numbers(c, path));
+  }
   while (path.ray.t_max > 0) {  // not even once where the camera sees nothing
     const Hit hit = c.tracer.closest(path.ray, path.mask);
     ++sample.rays;
