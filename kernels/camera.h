@@ -42,6 +42,7 @@ KERNEL Ray pinhole_ray(const CameraView& camera, vec2 raster, HoleKey holes) {
   }
   vec3 d(m, 1);
   const bool seen = is_rectilinear(camera.lens) || unproject(camera.lens, m, d);
+  if (!seen) d = vec3(0, 0, 1);  // Newton's method may have left the numbers
   return {camera.world_from_camera[3],
           normalize(transform_vector(camera.world_from_camera, cv_from_gl(d))), seen ? INFINITY : 0,
           camera.time, holes};
