@@ -22,6 +22,8 @@ find_package(PNG REQUIRED)
 find_package(JPEG REQUIRED)
 find_package(TIFF 4.5 REQUIRED)
 find_package(OpenEXR 3 CONFIG REQUIRED)
+find_package(ZLIB REQUIRED)
+find_library(BLOSC_LIBRARY blosc REQUIRED)
 
 if(HELIOGRAPH_TESTS)
   find_package(Catch2 REQUIRED)

@@ -232,15 +232,23 @@ KERNEL bool shows_to_all(u32 visibility) {
   return (visibility & kScattered) == kScattered;
 }
 
-/// The ray from a surface to a sampled light; false where they are at the same place.
-KERNEL bool shadow_ray(const Surface& s, const LightSample& light, HoleKey holes, Ray& ray) {
-  ray = {offset_point(s, light.direction), light.direction, INFINITY, s.time, holes};
+/// Sets the ray from a point to a sampled light; false where they are at the same place.
+KERNEL bool shadow_ray(vec3 origin, const LightSample& light, Ray& ray) {
+  ray.origin = origin;
+  ray.direction = light.direction;
+  ray.t_max = INFINITY;
   if (light.light == kNone) return true;
-  const vec3 d = light.target - ray.origin;
+  const vec3 d = light.target - origin;
   const float distance = length(d);
   ray.direction = d / distance;
   ray.t_max = distance * kJustBefore;
   return distance > 0;
+}
+
+/// The same from a surface.
+KERNEL bool shadow_ray(const Surface& s, const LightSample& light, HoleKey holes, Ray& ray) {
+  ray = {vec3(0), vec3(0), 0, s.time, holes};
+  return shadow_ray(offset_point(s, light.direction), light, ray);
 }
 
 KERNEL bool has_lights(const SceneView& scene) {

@@ -6,56 +6,9 @@
 #include "kernels/camera.h"
 #include "kernels/catcher.h"
 #include "kernels/filter.h"
-#include "kernels/light.h"
-#include "kernels/sample.h"
-#include "kernels/sampler.h"
+#include "kernels/path_volume.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
-
-/// Pairs of random numbers that a path takes: the filter, the time, the lens, then these at every
-/// vertex.
-enum Dimension : u32 {
-  kFilterPair = 0,
-  kFirstVertexPair = 1,
-  kTimePair = 1u << 24,
-  kLensPair = kTimePair + 1,
-};
-enum VertexDimension : u32 { kLightPair, kScatterPair, kLightChoice, kLobeChoice, kVertexPairs };
-/// Numbers of unstratified random choices.
-enum Hashed : u32 {
-  kHoleHash = 0,
-  kShadowHoleHash = 64,
-  kRouletteHash = 128,
-  kOcclusionHash = 192
-};
-
-/// What every step needs and none changes.
-template <Tracer T>
-struct PathContext {
-  const SceneView& scene;
-  const CameraView& camera;  // at that time
-  const Settings& settings;
-  const T& tracer;
-  const FilmView& film;
-  Sampler sampler;
-  float time;  // of the path, with all that it meets
-  u64 pixel;
-};
-
-/// A path on its way from the camera.
-struct Path {
-  Ray ray;
-  u32 mask;  // kind of the ray
-  vec3 throughput;
-  float pdf;      // 1/sr, with which the ray's direction was chosen; 0: no light sampling competes
-  Receiver from;  // where it was chosen; unset for camera rays
-  float radiance_scale;  // product of eta^2 of refractions: throughput without them, for roulette
-  u32 edges;             // of the path, the ray included
-  bool guided;           // the guides are recorded
-  Cone cone;             // of the ray
-  bool blurred;          // it has scattered, and not by a perfect mirror or window alone
-  Route route;
-};
 
 /// The surface at the end of the path's ray.
 struct Vertex {
@@ -63,30 +16,6 @@ struct Vertex {
   MaterialValues material;
   Bsdf bsdf;
 };
-
-template <Tracer T>
-KERNEL HoleKey hole_key(const PathContext<T>& c, u32 number) {
-  return {c.scene.any_holes ? c.sampler.hash_of(number) : 0, false};
-}
-
-KERNEL u32 vertex_pair(const Path& path, u32 dimension) {
-  return kFirstVertexPair + (path.edges - 1) * kVertexPairs + dimension;
-}
-
-/// Counts light that has reached the camera.
-template <Tracer T>
-KERNEL void collect(const PathContext<T>& c, SampleValues& sample, Contribution light,
-                    const Route& route) {
-  const float largest = max_component(light.radiance);
-  if (!(largest > 0)) return;
-  const float most = light.edges > 2 ? c.settings.clamp_indirect : c.settings.clamp;
-  if (largest > most) light.radiance *= most / largest;
-  sample.radiance += light.radiance;
-  if (wants(c.film, Plane::BEAUTY_GROUP)) {
-    add_to_group(c.film, light.group, c.pixel, light.radiance);
-  }
-  if (c.film.wanted & kLightPlaneSet) add_light(sample, light, route);
-}
 
 template <Tracer T>
 KERNEL Path begin_path(const PathContext<T>& c, u32 x, u32 y) {
@@ -105,7 +34,7 @@ KERNEL Path begin_path(const PathContext<T>& c, u32 x, u32 y) {
   path.guided = (c.film.wanted & kGuidePlaneSet) == 0;
   path.blurred = false;
   path.cone = pixel_cone(c.camera);
-  path.route = {vec3(0), false};
+  path.route = {vec3(0), FirstVertex::kReflects};
   return path;
 }
 
@@ -192,43 +121,23 @@ template <Tracer T>
 KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Vertex& v,
                          SampleValues& sample) {
   LightSample light;
-  const float choice = c.sampler.get1(vertex_pair(path, kLightChoice));
-  const vec2 u = c.sampler.get2(vertex_pair(path, kLightPair));
-  if (!sample_light(c.scene, receiver_of(v, c.time), choice, u, light)) return;
+  if (!choose_light(c, path, receiver_of(v, c.time), light)) return;
   BsdfValue f = evaluate_bsdf(v.bsdf, light.direction);
   const bool transmitted = dot(v.bsdf.ng, light.direction) < 0;
   if (!(light.visibility & kDiffuseRay)) f.diffuse = vec3(0);
   if (!(light.visibility & (transmitted ? kTransmissionRay : kGlossyRay))) f.glossy = vec3(0);
   const vec3 total = f.diffuse + f.glossy;
   if (!(max_component(total) > 0)) return;
-
-  Ray ray;
-  if (!shadow_ray(v.surface, light, hole_key(c, kShadowHoleHash + path.edges), ray)) return;
-  ++sample.rays;
-  if (c.tracer.occluded(ray, kShadowRay)) return;
-  const float weight = shows_to_all(light.visibility) ? mis_weight(light.pdf, f.pdf) : 1;
-  const vec3 radiance =
-      path.throughput * total * light_radiance(c.scene, light) * (weight / light.pdf);
-  const Route route = path.edges == 1 ? Route{share_of(f.diffuse, total), transmitted} : path.route;
-  const u32 group = light_group(c.scene, light);
-  collect(c, sample, {radiance, path.edges + 1, light.light == kNone, group}, route);
+  const Route route{share_of(f.diffuse, total),
+                    transmitted ? FirstVertex::kTransmits : FirstVertex::kReflects};
+  receive_light(c, path, light, offset_point(v.surface, light.direction), {total, f.pdf, route},
+                sample);
 }
 
 /// Denoising guides, at the first vertex that is not a perfect mirror.
 KERNEL void record_guides(const Path& path, const Bsdf& bsdf, vec3 weight, SampleValues& sample) {
   sample.albedo = glm::min(path.throughput * weight * path.radiance_scale, vec3(1));
   sample.normal = bsdf.frame.n;
-}
-
-/// Ends the path by chance where it carries little; unbiased.
-template <Tracer T>
-KERNEL bool survives(const PathContext<T>& c, Path& path) {
-  if (!c.settings.roulette || path.edges <= 4) return true;
-  const float chance = max_component(path.throughput) * path.radiance_scale;
-  if (chance >= 1) return true;
-  if (unit_float(c.sampler.hash_of(kRouletteHash + path.edges)) >= chance) return false;
-  path.throughput *= 1 / chance;
-  return true;
 }
 
 /// The path goes on in a direction of the surface's choice; false when it ends.
@@ -243,7 +152,10 @@ KERNEL bool scatter(const PathContext<T>& c, Path& path, const Vertex& v, Sample
     path.guided = true;
   }
   if (!goes_on) return false;
-  if (path.edges == 1) path.route = {s.diffuse_share, s.lobe == Lobe::kTransmission};
+  if (path.edges == 1) {
+    path.route = {s.diffuse_share,
+                  s.lobe == Lobe::kTransmission ? FirstVertex::kTransmits : FirstVertex::kReflects};
+  }
   path.throughput *= s.weight;
   path.radiance_scale *= sqr(s.eta);
   path.pdf = s.pdf;
@@ -297,6 +209,11 @@ KERNEL SampleValues trace_path(const PathContext<T>& c, u32 x, u32 y) {
   while (path.ray.t_max > 0) {  // not even once where the camera sees nothing
     const Hit hit = c.tracer.closest(path.ray, path.mask);
     ++sample.rays;
+    if (Collision at; meets_volume(c, path, hit.t, at)) {
+      sample.hit = true;
+      if (hit_volume(c, path, at, sample)) continue;
+      break;
+    }
     if (hit.instance == kNone) {
       miss(c, path, sample);
       break;

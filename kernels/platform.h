@@ -35,6 +35,7 @@ using u64 = std::uint64_t;
 using i32 = std::int32_t;
 
 using glm::ivec2;
+using glm::ivec3;
 using glm::mat3;
 using glm::mat4x3;
 using glm::uvec2;

@@ -6,6 +6,7 @@
 #include "kernels/film.h"
 #include "kernels/light.h"
 #include "kernels/settings.h"
+#include "kernels/volume_march.h"
 
 namespace heliograph::kernels {
 
@@ -198,6 +199,95 @@ KERNEL void probe_surface(Probe& p, const ProbeScene& now, const Hit& hit, const
   if (wanted & kRestPlanes) probe_rest(p, s);
 }
 
+/// Whether a camera sees a point of a volume: no surface lies before it.
+template <Tracer T>
+KERNEL bool camera_sees(const ProbeScene& at, CountedTracer<T> counted, vec3 p_world,
+                        bool through_transmission) {
+  if (!within_clip(*at.camera, p_world)) return false;
+  const Ray ray = clipped(*at.camera, camera_ray_to(*at.camera, p_world, {0, true}));
+  return !(ray.t_max > 0) ||
+         probe_closest(*at.scene, counted, ray, through_transmission).instance == kNone;
+}
+
+/// What the planes say of the point where a volume's transmittance is one half. It has no normal
+/// and no material.
+KERNEL void probe_volume(Probe& p, const ProbeScene& now, const Collision& at, const Ray& ray) {
+  const InstanceView& instance = now.scene->volumes[at.volume].instance;
+  p.hit = true;
+  p.distance = at.t + near_of(*now.camera, ray.direction);
+  p.p_world = ray.origin + ray.direction * at.t;
+  p.p_camera = cv_from_gl(transform_point(now.camera->camera_from_world, p.p_world));
+  p.instance_label = instance.label;
+  p.category = instance.category;
+  p.part = instance.label != 0 ? instance.part : 0;
+  const mat4x3 object_from_world = pose_at(*now.scene, instance, ray.time).object_from_world;
+  p.object_coordinates =
+      transform_point(instance.box_from_object, transform_point(object_from_world, p.p_world));
+  p.nocs = vec3(0.5f) + (p.object_coordinates - vec3(0.5f)) * instance.nocs_scale;
+}
+
+/// Where that point, which moves with its entity, is at another instant. It is visible there where
+/// no surface hides it.
+template <Tracer T>
+KERNEL Flow volume_flow(const ProbeContext& context, const ProbeScene& other,
+                        CountedTracer<T> counted, u32 volume, vec3 p_world) {
+  Flow flow{vec2(0), 0, 0, vec3(0)};
+  const InstanceView& then = other.scene->volumes[volume].instance;
+  if (then.flags & kFlowInvalid) return flow;
+  const InstanceView& instance = context.now.scene->volumes[volume].instance;
+  const mat4x3 object_from_world =
+      pose_at(*context.now.scene, instance, context.now.camera->time).object_from_world;
+  const vec3 there =
+      transform_point(pose_at(*other.scene, then, other.camera->time).world_from_object,
+                      transform_point(object_from_world, p_world));
+  flow.metres = there - p_world;
+  if (other.camera_jumped) return flow;
+  const Projected to = project(*other.camera, there);
+  if (!to.seen) return flow;
+  flow.pixels = to.raster - project(*context.now.camera, p_world).raster;
+  flow.valid = 1;
+  flow.visible = inside_image(*other.camera, to.raster) &&
+                 camera_sees(other, counted, there, context.settings->through_transmission);
+  return flow;
+}
+
+/// The volume that owns a pixel whose centre ray meets a surface or nothing; kNone: none does.
+KERNEL Collision probed_volume(const SceneView& scene, const Ray& ray, const Hit& hit) {
+  if (scene.volume_count == 0) return {kNone, INFINITY};
+  float t_max = ray.t_max;
+  if (hit.instance != kNone) {
+    const Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), ray.time);
+    t_max = dot(s.p - ray.origin, ray.direction);
+  }
+  return half_way(scene, ray, t_max);
+}
+
+template <Tracer T>
+KERNEL Probe probe_in_volume(const ProbeContext& context, const T* const (&tracers)[3],
+                             const Collision& at, const Ray& ray, u32& rays) {
+  Probe p = empty_probe();
+  probe_volume(p, context.now, at, ray);
+  if (context.forward.scene) {
+    const CountedTracer<T> counted{*tracers[1], rays};
+    put_flow(p, volume_flow(context, context.forward, counted, at.volume, p.p_world), true);
+  }
+  if (context.backward.scene) {
+    const CountedTracer<T> counted{*tracers[2], rays};
+    put_flow(p, volume_flow(context, context.backward, counted, at.volume, p.p_world), false);
+  }
+  if (context.disparity) {
+    const CameraView& camera = *context.disparity;
+    const Projected to = project(camera, p.p_world);
+    if (!to.seen) return p;
+    p.disparity = project(*context.now.camera, p.p_world).raster.x - to.raster.x;
+    p.disparity_visible =
+        inside_image(camera, to.raster) &&
+        camera_sees({context.now.scene, &camera}, CountedTracer<T>{*tracers[0], rays}, p.p_world,
+                    context.settings->through_transmission);
+  }
+  return p;
+}
+
 template <Tracer T>
 KERNEL void probe_disparity(Probe& p, const ProbeContext& context, CountedTracer<T> counted,
                             const Surface& s) {
@@ -219,6 +309,9 @@ KERNEL Probe make_probe(const ProbeContext& context, const T* const (&tracers)[3
   const bool through = context.settings->through_transmission;
   const Ray ray = camera_ray(camera, raster, {0, true});
   const Hit hit = probe_closest(scene, CountedTracer<T>{*tracers[0], rays}, ray, through);
+  if (const Collision at = probed_volume(scene, ray, hit); at.volume != kNone) {
+    return probe_in_volume(context, tracers, at, ray, rays);
+  }
   const bool forward = context.forward.scene && (wanted & kForwardPlanes);
   const bool backward = context.backward.scene && (wanted & kBackwardPlanes);
   Probe p = empty_probe();

@@ -6,17 +6,20 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-inline constexpr u32 kLightPlanes = 8;
+inline constexpr u32 kLightPlanes = 10;
 static_assert(u32(Plane::ENVIRONMENT_LIGHT) - u32(Plane::DIRECT_DIFFUSE) == kLightPlanes - 1);
 inline constexpr PlaneSet kLightPlaneSet = ((PlaneSet(1) << kLightPlanes) - 1)
                                            << u32(Plane::DIRECT_DIFFUSE);
 inline constexpr PlaneSet kGuidePlaneSet =
     PlaneSet(1) << u32(Plane::ALBEDO_MEAN) | PlaneSet(1) << u32(Plane::NORMAL_MEAN);
 
+/// What a path's first vertex does with light.
+enum class FirstVertex : u8 { kReflects, kTransmits, kInVolume };
+
 /// Which planes a path's light belongs to: decided where it scatters first.
 struct Route {
   vec3 diffuse_share;  // of what is reflected there; the rest is glossy
-  bool transmitted;
+  FirstVertex vertex;
 };
 
 struct SampleValues {
@@ -44,8 +47,10 @@ KERNEL void add_light(SampleValues& sample, const Contribution& c, const Route& 
   if (c.edges == 1) {
     const Plane plane = c.environment ? Plane::ENVIRONMENT_LIGHT : Plane::EMISSION_LIGHT;
     sample.light[u32(plane) - first] += c.radiance;
-  } else if (route.transmitted) {
+  } else if (route.vertex == FirstVertex::kTransmits) {
     sample.light[u32(Plane::DIRECT_TRANSMISSION) - first + direct] += c.radiance;
+  } else if (route.vertex == FirstVertex::kInVolume) {
+    sample.light[u32(Plane::DIRECT_VOLUME) - first + direct] += c.radiance;
   } else {
     const vec3 diffuse = c.radiance * route.diffuse_share;
     sample.light[u32(Plane::DIRECT_DIFFUSE) - first + direct] += diffuse;

@@ -140,6 +140,43 @@ struct InstanceView {
   vec3 nocs_scale;         // box size / box diagonal
 };
 
+// ---------------------------------------------------------------- volumes
+
+inline constexpr i32 kBrickSide = 8;
+inline constexpr u32 kBrickVoxels = 512;
+
+/// A field of one number or three over the voxels of a box, in bricks of kBrickSide^3 voxels.
+/// Voxel v covers [v, v + 1) in voxel coordinates.
+struct GridView {
+  const float* values;  // kBrickVoxels * channels a brick, z fastest of the voxels; null: no grid
+  const u32* bricks;    // brick of every cell of the table, kNone: all 0
+  const float* majorants;  // no less than the first channel anywhere in the cell
+  ivec3 first_cell;        // the table covers [first_cell, first_cell + cells), z fastest
+  ivec3 cells;
+  ivec3 lower;  // the box: its first voxel, and
+  ivec3 upper;  // one past its last
+  mat4x3 voxel_from_object;
+};
+
+/// Radiance of a black body: entry i is of 1 / kelvin = i * kBlackBodyStep, in Rec.709 at unit
+/// luminance, and the natural logarithm of the luminance / (W sr^-1 m^-2).
+inline constexpr u32 kBlackBodyEntries = 256;
+inline constexpr float kColdestBlackBody = 400;  // kelvin; what is colder does not glow
+inline constexpr float kBlackBodyStep = 1 / (kColdestBlackBody * float(kBlackBodyEntries - 1));
+
+/// One entity that shows a volume.
+struct VolumeView {
+  InstanceView instance;  // its pose and labels; it has no mesh
+  GridView density;
+  GridView temperature;
+  GridView color;
+  float density_scale;  // 1/m of density 1
+  vec3 albedo;
+  float anisotropy;
+  float temperature_scale;  // kelvin
+  float emission_scale;     // 0 where nothing glows
+};
+
 // ---------------------------------------------------------------- lights
 
 /// A subtree of a light tree: bounds of what emits there, and how strongly.
@@ -291,13 +328,17 @@ struct SceneView {
   float surface_probability;  // of choosing a light of the tree among all
   u32 instance_count;
   u32 light_count;
-  bool any_holes;  // some instance has kMayBeHole
-  float radius;    // of a sphere about the scene's bounds, metres
+  const VolumeView* volumes;
+  u32 volume_count;
+  const vec4* black_body;  // kBlackBodyEntries
+  bool any_holes;          // some instance has kMayBeHole
+  float radius;            // of a sphere about the scene's bounds, metres
   vec3 center;
 };
 
 static_assert(std::is_trivially_copyable_v<SceneView>);
 static_assert(std::is_trivially_copyable_v<InstanceView>);
+static_assert(std::is_trivially_copyable_v<VolumeView>);
 static_assert(std::is_trivially_copyable_v<MaterialView>);
 static_assert(std::is_trivially_copyable_v<CameraView>);
 

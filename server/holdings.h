@@ -37,7 +37,7 @@ class Holdings final : public ArraySource {
 
   [[nodiscard]] Expected<BufferPtr> bytes(const v1::Array& array) override;
   [[nodiscard]] Expected<std::shared_ptr<const Asset>> asset(std::string_view hash) override;
-  [[nodiscard]] Expected<BufferPtr> blob(std::string_view hash) override;
+  [[nodiscard]] Expected<BufferPtr> blob(std::string_view hash);
 
  private:
   [[nodiscard]] Expected<BufferPtr> take_upload(const std::string& request_id);

@@ -5,6 +5,7 @@
 #include <cstdio>
 // jpeglib.h expects the two before it.
 #include <OpenEXRConfig.h>
+#include <blosc.h>
 #include <jpeglib.h>
 #include <png.h>
 #include <tiffvers.h>
@@ -94,8 +95,9 @@ Expected<Loaded> load_asset(std::span<const BundleFile> bundle, const LoadOption
 }
 
 std::string decoder_versions() {
-  return fmt::format("libpng {}, libjpeg {}, OpenEXR {}, libtiff of {}", PNG_LIBPNG_VER_STRING,
-                     JPEG_LIB_VERSION, OPENEXR_VERSION_STRING, TIFFLIB_VERSION);
+  return fmt::format("libpng {}, libjpeg {}, OpenEXR {}, libtiff of {}, blosc {}",
+                     PNG_LIBPNG_VER_STRING, JPEG_LIB_VERSION, OPENEXR_VERSION_STRING,
+                     TIFFLIB_VERSION, BLOSC_VERSION_STRING);
 }
 
 }  // namespace heliograph

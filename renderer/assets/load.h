@@ -36,7 +36,7 @@ struct LoadOptions {
   LoadLimits limits{};
 };
 
-/// A model (`asset`), or a lone picture (`image`). A volume's bytes are the bundle's own.
+/// A model (`asset`), or a lone picture (`image`).
 struct Loaded {
   Asset asset;
   std::optional<ImageData> image;

@@ -2,6 +2,7 @@
 #include <array>
 
 #include "renderer/assets/builder.h"
+#include "renderer/scene/grid.h"
 
 namespace heliograph::assets {
 namespace {
@@ -25,6 +26,12 @@ class Measure {
     for (const Edit& edit : asset_.entities) {
       const auto& put = std::get<PutEntity>(edit.action);
       root_from_.push_back(pose_of(put));
+      if (put.volume) {
+        const auto& ref = std::get<CreatedByEdit>(*put.volume);
+        const auto& volume = std::get<PutVolume>(asset_.library[ref.edit].action);
+        for (const vec3& corner : box_corners(*volume.density))
+          box_.add(root_from_.back() * vec4(corner, 1));
+      }
       const bool shown = put.visible.value_or(true);
       if (!shown || !put.mesh || std::holds_alternative<std::monostate>(*put.mesh)) continue;
       const auto& mesh =

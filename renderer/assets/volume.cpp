@@ -1,110 +1,57 @@
-// Volumes: .nvdb and .vdb are kept as they are; only the names of their grids are read here, from
-// the header, by hand. Chosen by load.cpp.
-// Source: NanoVDB 32, util/IO.h (FileHeader, FileMetaData); OpenVDB 10, io/Archive.cc.
-#include <cstring>
+// Volumes: .nvdb and .vdb to a Volume and the entity that shows it. Chosen by load.cpp.
+#include <algorithm>
+#include <cmath>
 
 #include "renderer/assets/builder.h"
 #include "renderer/assets/mesh_data.h"
+#include "renderer/assets/volume_bricks.h"
 
 namespace heliograph::assets {
 namespace {
 
-constexpr u32 kMostGrids = 4096;
-
-class Cursor {
- public:
-  explicit Cursor(std::span<const std::byte> bytes) : bytes_(bytes) {}
-
-  template <class T>
-  T take() {
-    T value;
-    std::memcpy(&value, skip(sizeof(T)), sizeof(T));
-    return value;
-  }
-  const std::byte* skip(u64 count) {
-    if (count > bytes_.size() - at_) refuse("header", "the file is truncated");
-    at_ += count;
-    return bytes_.data() + at_ - count;
-  }
-  void seek(u64 to) {
-    if (to < at_ || to > bytes_.size()) refuse("header", "a grid leaves the file");
-    at_ = to;
-  }
-  std::string text(u64 length) {
-    constexpr u64 kLongest = 1 << 16;
-    if (length > kLongest) refuse("header", "a name is too long");
-    return {reinterpret_cast<const char*>(skip(length)), length};
-  }
-  /// 32 bits of length, then the characters.
-  std::string text() { return text(take<u32>()); }
-
- private:
-  std::span<const std::byte> bytes_;
-  u64 at_ = 0;
-};
-
-constexpr u64 kNanoMagic = 0x304244566f6e614eull;      // "NanoVDB0"
-constexpr u64 kNanoFileMagic = 0x324244566f6e614eull;  // "NanoVDB2"
-constexpr i64 kVdbMagic = 0x56444220;
-
-std::vector<std::string> nanovdb_grids(Cursor cursor) {
-  const u64 magic = cursor.take<u64>();
-  if (magic != kNanoMagic && magic != kNanoFileMagic) refuse("header", "is not a NanoVDB file");
-  const u32 version = cursor.take<u32>();
-  if (version >> 21 != 32) {
-    refuse_unimplemented("header", fmt::format("NanoVDB version {}; 32 is read", version >> 21));
-  }
-  const u16 count = cursor.take<u16>();
-  (void)cursor.take<u16>();  // codec
-  struct Meta {
-    u64 grid_bytes, file_bytes, name_key, voxels;
-    u32 type, grid_class;
-    double world_box[6];
-    i32 index_box[6];
-    double voxel_size[3];
-    u32 name_bytes, nodes[4], tiles[3];
-    u16 codec, padding;
-    u32 version;
-  };
-  static_assert(sizeof(Meta) == 176);
-  std::vector<std::string> names;
-  std::vector<u64> sizes;
-  for (u32 i = 0; i < count; ++i) {
-    const Meta meta = cursor.take<Meta>();
-    std::string name = cursor.text(meta.name_bytes);
-    names.push_back(name.substr(0, name.find('\0')));
-    sizes.push_back(meta.file_bytes);
-  }
-  for (const u64 size : sizes) (void)cursor.skip(size);
-  return names;
+/// The first grid of a file that has so many channels and one of these names.
+FileGrid* named(VolumeFile& file, u32 channels, std::initializer_list<std::string_view> names) {
+  for (const std::string_view name : names)
+    for (FileGrid& grid : file.grids)
+      if (grid.channels() == channels && grid.name() == name) return &grid;
+  return nullptr;
 }
 
-std::vector<std::string> vdb_grids(Cursor cursor) {
-  constexpr u32 kOldest = 222;  // grid offsets and a UUID as text
-  if (cursor.take<i64>() != kVdbMagic) refuse("header", "is not a VDB file");
-  const u32 version = cursor.take<u32>();
-  if (version < kOldest) refuse_unimplemented("header", fmt::format("VDB version {}", version));
-  (void)cursor.skip(8);  // the library's version
-  const bool has_offsets = cursor.take<u8>() != 0;
-  (void)cursor.text(36);  // UUID
-  for (u32 left = cursor.take<u32>(); left > 0; --left) {
-    (void)cursor.text();  // name
-    (void)cursor.text();  // type
-    (void)cursor.skip(cursor.take<u32>());
-  }
-  const u32 count = cursor.take<u32>();
-  if (count > kMostGrids) refuse("header", fmt::format("claims {} grids", count));
-  if (!has_offsets) refuse_unimplemented("header", "a VDB stream without grid offsets");
-  std::vector<std::string> names;
-  for (u32 i = 0; i < count; ++i) {
-    std::string name = cursor.text();
-    names.push_back(name.substr(0, name.find('\x1e')));  // a suffix keeps equal names apart
-    (void)cursor.text();                                 // type
-    (void)cursor.text();                                 // instance parent
-    (void)cursor.skip(16);                               // offsets of the grid and its blocks
-    cursor.seek(cursor.take<u64>());                     // its end
-  }
-  return names;
+FileGrid& density_of(VolumeFile& file, const FileGrid* temperature) {
+  if (FileGrid* grid = named(file, 1, {"density", "Density"})) return *grid;
+  for (FileGrid& grid : file.grids)
+    if (grid.channels() == 1 && &grid != temperature) return grid;
+  std::string names;
+  for (const FileGrid& grid : file.grids) names += " " + grid.name();
+  for (const std::string& name : file.skipped) names += " " + name;
+  refuse("grids", "no grid of floats could be the density; there are:" + names);
+}
+
+std::shared_ptr<const Grid> take(Builder& builder, FileGrid* grid, float most) {
+  if (!grid) return nullptr;
+  if (grid->level_set)
+    builder.warn(fmt::format("grid '{}' is a level set: shown as fog", grid->name()));
+  else if (grid->background != 0)
+    builder.warn(fmt::format("grid '{}': its background is not 0, but nothing is outside of it",
+                             grid->name()));
+  if (grid->make_fog(most))
+    builder.warn(fmt::format("grid '{}': values outside [0, {}] are clamped", grid->name(), most));
+  return std::make_shared<const Grid>(grid->finish());
+}
+
+PutVolume to_volume(Builder& builder, VolumeFile& file) {
+  constexpr float kMost = 1e9f;
+  FileGrid* temperature = named(file, 1, {"temperature", "Temperature"});
+  FileGrid* color = named(file, 3, {"color", "Cd", "albedo"});
+  FileGrid* density = &density_of(file, temperature);
+  for (const FileGrid& grid : file.grids)
+    if (&grid != density && &grid != temperature && &grid != color)
+      builder.warn(fmt::format("grid '{}' is not used", clean_name(grid.name(), "grid")));
+  for (const std::string& name : file.skipped) builder.warn("not read: grid " + name);
+  PutVolume put{.density = take(builder, density, kMost)};
+  if (auto grid = take(builder, temperature, kMost)) put.temperature = grid;
+  if (auto grid = take(builder, color, 1)) put.color = grid;
+  return put;
 }
 
 }  // namespace
@@ -113,14 +60,10 @@ void load_volume(Builder& builder) {
   const BundleFile& file = builder.bundle.model();
   const std::string format =
       builder.options.format.empty() ? extension_of(file.path) : builder.options.format;
-  const Cursor cursor(file.bytes);
-  auto volume = std::make_shared<Volume>();
-  std::vector<std::string> names = format == "nvdb" ? nanovdb_grids(cursor) : vdb_grids(cursor);
-  if (names.empty()) refuse("header", "the file has no grids");
-  for (const std::string& name : names) volume->grids.push_back(clean_name(name, "grid"));
-  volume->bytes = std::make_shared<const Buffer>(nullptr, file.bytes);
+  VolumeFile read = format == "nvdb" ? read_nvdb(file.bytes, builder.budget)
+                                     : read_vdb(file.bytes, builder.budget);
   const std::string stem = stem_of(file.path);
-  const Ref ref = builder.library(builder.claim_name(stem, "volume"), PutVolume{std::move(volume)});
+  const Ref ref = builder.library(builder.claim_name(stem, "volume"), to_volume(builder, read));
   PutEntity root;
   const float metres = builder.options.units > 0 ? float(builder.options.units) : 1.0f;
   const mat3 turned = z_up_from(builder.options.up) * metres;

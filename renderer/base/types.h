@@ -14,6 +14,7 @@ using u64 = std::uint64_t;
 using i32 = std::int32_t;
 using i64 = std::int64_t;
 
+using glm::ivec3;
 using glm::mat3;
 using glm::mat4;
 using glm::mat4x3;  // affine: four columns of three; p_to = m * vec4(p_from, 1)

@@ -132,10 +132,32 @@ struct Mesh {
   std::shared_ptr<const VertexKeys> vertices;
 };
 
-/// Bytes of a .nvdb or .vdb file, kept for a backend that renders volumes.
+// ---------------------------------------------------------------- volumes
+
+inline constexpr i32 kBrickSide = 8;
+inline constexpr u32 kBrickVoxels = 512;
+
+/// A sparse field: voxels in bricks, 0 where there is no brick. Made by dense_grid() or from
+/// bricks.
+struct Grid {
+  u32 channels = 1;       // 1 or 3
+  ivec3 lower{0};         // the first voxel of its box, and
+  ivec3 upper{0};         // one past the last
+  ArrayOf<ivec3> bricks;  // increasing in (x, y, z); the first voxel of a brick is 8 times this
+  ArrayOf<float> values;  // kBrickVoxels * channels a brick, z fastest of the voxels
+  mat4x3 object_from_voxel{1};
+};
+
+/// A participating medium; null: no such grid.
 struct Volume {
-  BufferPtr bytes;
-  std::vector<std::string> grids;
+  std::shared_ptr<const Grid> density;      // one channel, >= 0
+  std::shared_ptr<const Grid> temperature;  // one channel, >= 0
+  std::shared_ptr<const Grid> color;        // three channels
+  float density_scale = 1;                  // 1/m
+  vec3 albedo{0.8f};
+  float anisotropy = 0;
+  float temperature_scale = 1;  // kelvin
+  float emission_scale = 1;
 };
 
 // ---------------------------------------------------------------- entities

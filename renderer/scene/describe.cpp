@@ -12,7 +12,7 @@ namespace {
 
 /// Owns: the edits so far. Objects are created in the order of their indices, kind by kind, so
 /// that they get the same order again. An entity whose ancestors come later gets its parent and its
-/// mesh in a second edit, when they are there: the default of its label depends on them.
+/// mesh or volume in a second edit, when they are there: the default of its label depends on them.
 class Description {
  public:
   explicit Description(const Snapshot& snapshot) : scene_(snapshot) {}
@@ -29,7 +29,7 @@ class Description {
           PutMesh{.topology = row.value->topology, .vertices = row.value->vertices});
     });
     scene_.volumes.for_each([&](u32 i, const Shared<Volume>& row) {
-      add(Id::make(Kind::kVolume, scene_.volumes.version(i), i), PutVolume{.volume = row.value});
+      add(Id::make(Kind::kVolume, scene_.volumes.version(i), i), describe(*row.value));
     });
     settings();
     entities();
@@ -135,13 +135,13 @@ class Description {
   void bind_tree(const Entity& e, PutEntity& patch) const {
     if (e.parent) patch.parent = ref(e.parent);
     if (e.mesh) patch.mesh = ref(e.mesh);
+    if (e.volume) patch.volume = ref(e.volume);
   }
 
-  /// Everything but parent, mesh and skin.
+  /// Everything but parent, mesh, volume and skin.
   [[nodiscard]] PutEntity entity(u32 index, const Entity& e) const {
     PutEntity patch;
     patch.pose = pose(index, e);
-    if (e.volume) patch.volume = ref(e.volume);
     if (e.materials) {
       patch.materials.emplace();
       for (const MaterialId id : *e.materials) patch.materials->push_back(ref(id));
@@ -182,10 +182,10 @@ class Description {
     for (const EntityId joint : value.joints) patch.joints.push_back(ref(joint));
     return patch;
   }
-  /// An entity that lost its labelled ancestor since it got its mesh opts out, which shows the
-  /// same.
+  /// An entity that lost its labelled ancestor since it got its mesh or volume opts out, which
+  /// shows the same.
   [[nodiscard]] std::optional<LabelPatch> label(const Entity& e) const {
-    const bool says = e.label.set || (e.mesh && !labelled_above(e));
+    const bool says = e.label.set || ((e.mesh || e.volume) && !labelled_above(e));
     if (!says && e.label.category == 0 && e.label.part == 0) return std::nullopt;
     LabelPatch patch{.kind = says ? LabelPatch::Kind::kValue : LabelPatch::Kind::kInherit,
                      .value = e.label.value,

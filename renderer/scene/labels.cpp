@@ -67,7 +67,7 @@ class PartNumbers {
   u32 free_ = 1;
 };
 
-/// A labelled entity's mesh, and the number its first part was given; 0: automatic.
+/// A labelled entity's mesh or volume, and the number its first part was given; 0: automatic.
 struct MeshParts {
   u32 index = 0;
   u32 row = 0;
@@ -113,8 +113,9 @@ Labelling label_entities(const Snapshot& snapshot) {
     Instance& instance = out.instances[mine.row];
     label = {instance.label, instance.category, 0, instance.root};
     const Mesh* mesh = shown_mesh(snapshot, entity);
-    if (!mesh) return;
-    meshes.push_back({index, mine.row, mesh->topology->part_count, entity.label.part});
+    if (!mesh && !entity.volume) return;
+    const u32 parts = mesh ? mesh->topology->part_count : 1;
+    meshes.push_back({index, mine.row, parts, entity.label.part});
     if (mine.visible) instance.entities.push_back(index);
   });
   number_parts(meshes, out);

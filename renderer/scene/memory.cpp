@@ -24,7 +24,11 @@ void for_each_array(const Texture& texture, F&& f) {
 }
 template <class F>
 void for_each_array(const Volume& volume, F&& f) {
-  if (volume.bytes) f(*volume.bytes);
+  for (const auto& grid : {volume.density, volume.temperature, volume.color}) {
+    if (!grid) continue;
+    for (const BufferPtr& buffer : {grid->bricks.buffer(), grid->values.buffer()})
+      if (buffer) f(*buffer);
+  }
 }
 
 template <class T>

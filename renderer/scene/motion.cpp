@@ -285,7 +285,8 @@ Status flow_defined(const Snapshot& snapshot, Time time, Time other,
   for (const EntityId camera : cameras)
     if (!is_keyed(snapshot, camera.index())) return refuse(camera.index());
   for (u32 i = 0; i < snapshot.entities.capacity(); ++i)
-    if (snapshot.entities.alive(i) && snapshot.entities.at(i).mesh && visible(snapshot, i) &&
+    if (snapshot.entities.alive(i) &&
+        (snapshot.entities.at(i).mesh || snapshot.entities.at(i).volume) && visible(snapshot, i) &&
         !is_keyed(snapshot, i))
       return refuse(i);
   return {};

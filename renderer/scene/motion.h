@@ -62,8 +62,8 @@ struct DeformedVertices {
                                                      const std::vector<mat4x3>& world_poses);
 
 /// Whether flow between `time` and `other` is defined for the whole scene and these cameras: every
-/// visible entity with a mesh, and every camera, has keys (its own or an ancestor's, or vertex
-/// keys, or a skin), or both times lie within [previous->time, snapshot.time]. Otherwise
+/// visible entity with a mesh or a volume, and every camera, has keys (its own or an ancestor's, or
+/// vertex keys, or a skin), or both times lie within [previous->time, snapshot.time]. Otherwise
 /// FAILED_PRECONDITION names an entity that has none and the remedy (keys=, advance(), hold=True).
 [[nodiscard]] Status flow_defined(const Snapshot& snapshot, Time time, Time other,
                                   const std::vector<EntityId>& cameras);

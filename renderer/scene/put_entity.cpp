@@ -130,6 +130,9 @@ Status check(const Snapshot& scene, const PutEntity& patch, const Entity& entity
   if (entity.mesh && entity.volume)
     return fail(Code::kInvalidArgument, patch.volume ? "volume" : "mesh",
                 "an entity has a mesh or a volume, not both; use two entities");
+  if (has_light_shape(entity) && entity.volume)
+    return fail(Code::kInvalidArgument, patch.volume ? "volume" : "light.shape",
+                "an entity has a light's shape or a volume, not both; use two entities");
   if (has_light_shape(entity) && entity.mesh)
     return fail(Code::kInvalidArgument, patch.mesh ? "mesh" : "light.shape",
                 "an entity has a mesh or a light's shape, not both; use two entities");
@@ -142,7 +145,7 @@ Status check(const Snapshot& scene, const PutEntity& patch, const Entity& entity
 
 void label(Draft& draft, const PutEntity& patch, Entity& entity) {
   if (patch.label) set_label(draft, entity, *patch.label);
-  const bool asks = entity.mesh && (patch.mesh || patch.label);
+  const bool asks = (entity.mesh || entity.volume) && (patch.mesh || patch.volume || patch.label);
   if (asks && !entity.label.set && !labelled_above(draft.next, entity.parent))
     set_auto_label(draft, entity);
 }

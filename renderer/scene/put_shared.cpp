@@ -143,9 +143,18 @@ Expected<Id> put(Draft& draft, const Scope&, const Target& target, const PutText
 }
 
 Expected<Id> put(Draft& draft, const Scope&, const Target& target, const PutVolume& patch) {
-  if (patch.volume) return store(draft, draft.next.volumes, target, patch.volume);
-  if (!target.id) return fail(Code::kInvalidArgument, "blob", "a new volume needs its file");
-  return target.id;
+  const Volume* before = present(draft.next.volumes, target);
+  Volume volume = before ? *before : Volume{};
+  if (patch.density) volume.density = patch.density;
+  if (!volume.density) return fail(Code::kInvalidArgument, "density", "a new volume needs density");
+  if (patch.temperature) volume.temperature = *patch.temperature;
+  if (patch.color) volume.color = *patch.color;
+  if (patch.density_scale) volume.density_scale = *patch.density_scale;
+  if (patch.albedo) volume.albedo = *patch.albedo;
+  if (patch.anisotropy) volume.anisotropy = *patch.anisotropy;
+  if (patch.temperature_scale) volume.temperature_scale = *patch.temperature_scale;
+  if (patch.emission_scale) volume.emission_scale = *patch.emission_scale;
+  return store(draft, draft.next.volumes, target, std::make_shared<const Volume>(volume));
 }
 
 }  // namespace heliograph

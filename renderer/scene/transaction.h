@@ -42,8 +42,9 @@ struct SkinPatch {
 };
 /// kAuto keeps a value that the entity has for itself alone. kInherit with a category changes the
 /// category (and a part that is not 0) and leaves the rest; without one it resets the label.
-/// An entity that has a mesh, no label of its own and no labelled ancestor gets kAuto at the end of
-/// an edit that carries its mesh or its label; the root of an Instantiate always does.
+/// An entity that has a mesh or a volume, no label of its own and no labelled ancestor gets kAuto
+/// at the end of an edit that carries its mesh, its volume or its label; the root of an Instantiate
+/// always does.
 struct LabelPatch {
   enum class Kind : u8 { kInherit, kValue, kAuto } kind = Kind::kInherit;
   u32 value = 0;
@@ -103,8 +104,17 @@ struct PutTexture {
 };
 
 struct PutVolume {
-  std::shared_ptr<const Volume> volume;
+  std::shared_ptr<const Grid> density;                     // null: stays
+  std::optional<std::shared_ptr<const Grid>> temperature;  // inner null: removed
+  std::optional<std::shared_ptr<const Grid>> color;
+  std::optional<float> density_scale;
+  std::optional<vec3> albedo;
+  std::optional<float> anisotropy;
+  std::optional<float> temperature_scale;
+  std::optional<float> emission_scale;
 };
+/// The patch that makes this volume.
+[[nodiscard]] PutVolume describe(const Volume& volume);
 
 struct PutDome {
   std::optional<Ref> texture;

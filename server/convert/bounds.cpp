@@ -1,6 +1,9 @@
 // Bounds vertex by vertex: exact for any pose.
 #include "server/convert/bounds.h"
 
+#include <algorithm>
+
+#include "renderer/scene/grid.h"
 #include "renderer/scene/motion.h"
 
 namespace heliograph::server {
@@ -16,17 +19,20 @@ WorldBoxes::WorldBoxes(const Snapshot& snapshot)
 
 void WorldBoxes::add(u32 entity, std::optional<Box>& box) const {
   const Entity& row = snapshot_.entities.at(entity);
+  const auto extend = [&](const vec3& p) {
+    const vec3 p_world = poses_[entity] * vec4(p, 1);
+    if (!box) box = Box{p_world, p_world};
+    box->min = glm::min(box->min, p_world);
+    box->max = glm::max(box->max, p_world);
+  };
+  if (const auto* volume = snapshot_.find(row.volume))
+    std::ranges::for_each(box_corners(*volume->value->density), extend);
   const Shared<Mesh>* mesh = snapshot_.find(row.mesh);
   if (!mesh) return;
   const auto moved = deform(snapshot_, entity, snapshot_.time, poses_);
   const std::span<const vec3> positions =
       moved ? std::span<const vec3>(moved->positions) : mesh->value->vertices->positions.span();
-  for (const vec3& p : positions) {
-    const vec3 p_world = poses_[entity] * vec4(p, 1);
-    if (!box) box = Box{p_world, p_world};
-    box->min = glm::min(box->min, p_world);
-    box->max = glm::max(box->max, p_world);
-  }
+  std::ranges::for_each(positions, extend);
 }
 
 std::optional<Box> WorldBoxes::of(u32 entity) const {

@@ -10,7 +10,7 @@ SceneExport::SceneExport(const Snapshot& snapshot) {
   header_.set_format(kSceneFormat);
   const SceneDescription description = describe(snapshot);
   const auto sink = [this](const BufferPtr& bytes, v1::Array& array) {
-    if (array.dtype() != v1::D_TYPE_UNSPECIFIED && bytes->bytes().size() <= kLargestInline)
+    if (bytes->bytes().size() <= kLargestInline)
       array.set_inline_(bytes->bytes().data(), bytes->bytes().size());
     else
       add_blob(bytes, array);

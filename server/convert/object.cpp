@@ -99,7 +99,7 @@ Action describe_object(const Snapshot& snapshot, Id id) {
     return PutMesh{mesh->value->topology, mesh->value->vertices};
   if (const auto* material = snapshot.find(MaterialId(id))) return material_of(*material->value);
   if (const auto* texture = snapshot.find(TextureId(id))) return texture_of(*texture->value);
-  return PutVolume{snapshot.find(VolumeId(id))->value};
+  return describe(*snapshot.find(VolumeId(id))->value);
 }
 
 PutDome describe_dome(const Snapshot& snapshot) {

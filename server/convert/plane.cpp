@@ -16,8 +16,6 @@ Expected<Plane> to_plane(v1::Plane plane) {
     case v1::PLANE_BEAUTY_STILL:
     case v1::PLANE_DIRECT_SUBSURFACE:
     case v1::PLANE_INDIRECT_SUBSURFACE:
-    case v1::PLANE_DIRECT_VOLUME:
-    case v1::PLANE_INDIRECT_VOLUME:
       return fail(
           Code::kUnimplemented, "",
           fmt::format("{} is not built in this version; leave it out", v1::Plane_Name(plane)));

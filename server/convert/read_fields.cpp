@@ -31,8 +31,7 @@ constexpr std::array<Noun, 5> kNouns{{{"entity", Kind::kEntity},
 
 void object_sink(const BufferPtr& bytes, v1::Array& array) {
   const auto span = bytes->bytes();
-  if (array.dtype() != v1::D_TYPE_UNSPECIFIED && span.size() <= kLargestInline)
-    array.set_inline_(span.data(), span.size());
+  if (span.size() <= kLargestInline) array.set_inline_(span.data(), span.size());
 }
 
 /// The names of a noun's arrays, "mesh.positions" and so on.

@@ -26,12 +26,10 @@ class ArraySource {
   [[nodiscard]] virtual Expected<BufferPtr> bytes(const v1::Array& array) = 0;
   /// The asset of this hash (32 bytes), or NOT_FOUND.
   [[nodiscard]] virtual Expected<std::shared_ptr<const Asset>> asset(std::string_view hash) = 0;
-  /// A blob as it is (volumes), or NOT_FOUND.
-  [[nodiscard]] virtual Expected<BufferPtr> blob(std::string_view hash) = 0;
 };
 
 /// Where arrays go on their way out: fills `array.source` for the given bytes. dtype and shape are
-/// set, but for the bytes of a volume: these have none and must become a `blob`.
+/// set.
 using ArraySink = std::function<void(const BufferPtr& bytes, v1::Array& array)>;
 
 /// Parses and checks a transaction. INVALID_ARGUMENT names the field ("edits[3].mesh.indices[17]"),

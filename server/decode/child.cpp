@@ -13,10 +13,6 @@ class Arrays {
  public:
   void place(const BufferPtr& buffer, v1::Array& array) {
     const Bytes bytes = buffer->bytes();
-    if (array.dtype() == v1::D_TYPE_UNSPECIFIED) {  // a volume: the job's first file, as it is
-      array.set_blob(std::string(32, '\0'));
-      return;
-    }
     const auto [at, is_new] = offsets_.try_emplace(buffer->serial(), aligned(end_));
     if (is_new) {
       end_ = at->second + bytes.size();

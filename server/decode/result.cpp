@@ -14,8 +14,7 @@ namespace {
 /// Arrays of the region; the same range is the same buffer.
 class RegionSource : public ArraySource {
  public:
-  RegionSource(std::shared_ptr<const Region> region, const DecodeJob& job)
-      : region_(std::move(region)), job_(job) {}
+  explicit RegionSource(std::shared_ptr<const Region> region) : region_(std::move(region)) {}
 
   Expected<BufferPtr> bytes(const v1::Array& array) override {
     const v1::BufferRef& range = array.buffer();
@@ -30,14 +29,9 @@ class RegionSource : public ArraySource {
   Expected<std::shared_ptr<const Asset>> asset(std::string_view) override {
     return fail(Code::kNotFound, "", "an asset does not refer to others");
   }
-  Expected<BufferPtr> blob(std::string_view hash) override {
-    if (hash != std::string(32, '\0')) return fail(Code::kNotFound, "", "is no file of the job");
-    return job_.files.front().bytes;
-  }
 
  private:
   std::shared_ptr<const Region> region_;
-  const DecodeJob& job_;
   std::map<std::pair<u64, u64>, BufferPtr> buffers_;
 };
 
@@ -182,7 +176,7 @@ Expected<Decoded> read_result(const std::shared_ptr<const Region>& region, const
     if (!std::isfinite(result.bounds(i))) return broken("bounds");
     (i < 3 ? decoded.bounds_min : decoded.bounds_max)[i % 3] = result.bounds(i);
   }
-  RegionSource source(region, job);
+  RegionSource source(region);
   if (result.has_texels()) {
     auto image = to_image(result.texels(), source);
     if (!image) return broken(image.error().where + " " + image.error().message);

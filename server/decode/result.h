@@ -8,7 +8,7 @@
 namespace heliograph::server {
 
 /// region  what the child sent; its arrays are used in place
-/// job     for its hash and, for volumes, its first file
+/// job     for its hash
 /// Fails with the child's own refusal, or with INTERNAL when the result breaks a rule.
 [[nodiscard]] Expected<Decoded> read_result(const std::shared_ptr<const Region>& region,
                                             const DecodeJob& job);

@@ -135,7 +135,7 @@ TEST_CASE("apply: what makes no sense together") {
   refuses(named("m", PutMesh{.vertices = triangle().vertices}), "edits[0].mesh.indices");
   refuses(named("m", PutMesh{.topology = triangle().topology}), "edits[0].mesh.positions");
   refuses(named("t", PutTexture{}), "edits[0].texture.texels");
-  refuses(named("v", PutVolume{}), "edits[0].volume.blob");
+  refuses(named("v", PutVolume{}), "edits[0].volume.density");
   refuses(anonymous(Advance{.dt = 0}), "edits[0].advance.dt");
   refuses(named("x", Advance{.dt = 1}), "edits[0].target");
   refuses(named("a", PutEntity{.pose = PosePatch{.times = {1, 1}, .matrices = {at(0), at(1)}}}),

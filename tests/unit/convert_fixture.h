@@ -29,7 +29,7 @@ class InlineSource final : public ArraySource {
     if (found == assets.end()) return fail(Code::kNotFound, "", "no such asset");
     return found->second;
   }
-  Expected<BufferPtr> blob(std::string_view hash) override {
+  Expected<BufferPtr> blob(std::string_view hash) {
     const auto found = blobs.find(std::string(hash));
     if (found == blobs.end()) return fail(Code::kNotFound, "", "no such blob; upload it");
     return found->second;
@@ -39,14 +39,11 @@ class InlineSource final : public ArraySource {
   std::map<std::string, BufferPtr> blobs;
 };
 
-/// Leaves arrays inline; the bytes of a volume become the blob "bbb...".
+/// Leaves arrays inline.
 inline void inline_sink(const BufferPtr& bytes, v1::Array& array) {
   const std::string_view text(reinterpret_cast<const char*>(bytes->bytes().data()),
                               bytes->bytes().size());
-  if (array.dtype() == v1::D_TYPE_UNSPECIFIED)
-    array.set_blob(std::string(32, 'b'));
-  else
-    array.set_inline_(std::string(text));
+  array.set_inline_(std::string(text));
 }
 
 template <class T>

@@ -204,7 +204,8 @@ TEST_CASE("refusals: parameters, cameras, references and lists of fields") {
   check(refusal("remove { }"), kInvalid, "edits[3].target", "say what to remove");
   check(refusal("target { name: 'a' } advance { dt: 1 }"), kInvalid, "edits[3].target", "leave it");
   check(refusal("mode: MODE_CREATE"), kInvalid, "edits[3]", "set one of its actions");
-  check(refusal("volume { blob: 'abc' }"), kInvalid, "edits[3].volume.blob", "SHA-256 has 32");
+  check(refusal("volume { density {} }"), kInvalid, "edits[3].volume.density.values.dtype",
+        "send f32");
   check(refusal("instances { prototype { pose { } } }"), kInvalid,
         "edits[3].instances.prototype.pose", "matrices");
 }

@@ -146,11 +146,31 @@ v1::Settings full_settings() {
   return settings;
 }
 
+v1::Grid full_grid(u64 channels, float value) {
+  v1::Grid grid;
+  std::vector<u64> shape{1, 8, 8, 8};
+  if (channels > 1) shape.push_back(channels);
+  *grid.mutable_values() = f32(shape, std::vector<float>(512 * channels, value));
+  *grid.mutable_bricks() = array_of<i32>(v1::D_TYPE_I32, {1, 3}, {-1, 0, 0});
+  *grid.mutable_box() = array_of<i32>(v1::D_TYPE_I32, {2, 3}, {-8, 0, 0, 0, 7, 8});
+  *grid.mutable_transform() = f32({4, 4}, translations({1}));
+  return grid;
+}
+
+v1::Volume full_volume() {
+  auto volume = parse<v1::Volume>(
+      "density_scale: 2 albedo { x: 0.5 y: 0.6 z: 0.7 } anisotropy: -0.5 temperature_scale: 1500 "
+      "emission_scale: 3");
+  *volume.mutable_density() = full_grid(1, 2);
+  *volume.mutable_temperature() = full_grid(1, 3);
+  *volume.mutable_color() = full_grid(3, 0.5f);
+  return volume;
+}
+
 }  // namespace
 
 TEST_CASE("convert: every field of every noun survives the round trip") {
   InlineSource source;
-  source.blobs[std::string(32, 'b')] = copy_bytes("volume");
   v1::Transaction message;
   const auto add = [&](const char* name) {
     v1::Edit* edit = message.add_edits();
@@ -172,9 +192,9 @@ TEST_CASE("convert: every field of every noun survives the round trip") {
   CHECK(unset(message.edits(2).material().ior().texture(), {}).empty());
   *add("tex")->mutable_texture() = full_texture();
   CHECK(unset(message.edits(3).texture(), {"clear"}).empty());
-  add("vol")->mutable_volume()->set_blob(std::string(32, 'b'));
-  message.mutable_edits(4)->mutable_volume()->add_grids("density");
+  *add("vol")->mutable_volume() = full_volume();
   CHECK(unset(message.edits(4).volume(), {"clear"}).empty());
+  CHECK(unset(message.edits(4).volume().color(), {}).empty());
   *message.add_edits()->mutable_settings() = full_settings();
   CHECK(unset(message.edits(5).settings(), {}).empty());
   CHECK(unset(message.edits(5).settings().dome(), {"clear"}).empty());
@@ -248,6 +268,8 @@ TEST_CASE("convert: what is cleared holds its default and survives the round tri
     *texture->mutable_texels() = array_of<u8>(v1::D_TYPE_U8, {1, 1}, {7});
     texture->add_clear(name);
   }
+  for (const auto& name : names(v1::Volume::descriptor()))
+    if (name != "density") message.add_edits()->mutable_volume()->add_clear(name);
   const auto transaction = to_transaction(message, source);
   REQUIRE(transaction);
   const v1::Transaction once = to_proto(*transaction, inline_sink);
@@ -255,7 +277,8 @@ TEST_CASE("convert: what is cleared holds its default and survives the round tri
     INFO(message.edits(i).ShortDebugString());
     const v1::Edit& edit = once.edits(i);
     CHECK((edit.entity().ByteSizeLong() || edit.material().ByteSizeLong() ||
-           edit.settings().dome().ByteSizeLong() || edit.texture().ByteSizeLong()));
+           edit.settings().dome().ByteSizeLong() || edit.texture().ByteSizeLong() ||
+           edit.volume().ByteSizeLong()));
   }
   check_round_trip(once, source);
   const auto& ior =

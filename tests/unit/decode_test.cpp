@@ -139,7 +139,7 @@ TEST_CASE("decode: pictures, volumes, missing files, refusals") {
   INFO(said(volume));
   REQUIRE(volume);
   const auto& put = std::get<PutVolume>(volume->asset->library.at(0).action);
-  CHECK(put.volume->bytes == volume_job.files[0].bytes);  // not a copy
+  CHECK(put.density->bricks.size() > 0);
   DecodeJob alone = job_of("gltf/03_skinned_cylinder/03_skinned_cylinder.gltf");
   alone.files.resize(1);
   CHECK(decode_now(*decoder, alone)->missing.size() == 1);

@@ -96,7 +96,12 @@ inline std::string text(const PutTexture& p) {
                      int(*p.wrap_u), int(*p.wrap_v));
 }
 inline std::string text(const PutVolume& p) {
-  return fmt::format("volume {}", p.volume->bytes->serial());
+  const auto grid = [](const std::shared_ptr<const Grid>& g) { return g ? g->values.serial() : 0; };
+  return fmt::format("volume {} {} {} {} {} {} {} {}", grid(p.density),
+                     grid(p.temperature.value_or(nullptr)), grid(p.color.value_or(nullptr)),
+                     p.density_scale.value_or(-1), text(p.albedo.value_or(vec3(-1))),
+                     p.anisotropy.value_or(-1), p.temperature_scale.value_or(-1),
+                     p.emission_scale.value_or(-1));
 }
 inline std::string text(const PutSettings& p) {
   std::string out = fmt::format("settings {}", p.time.value_or(-1)) +

@@ -1,6 +1,7 @@
 // A scene that is edited step by step, and short ways to write edits. For the tests of apply().
 #pragma once
 
+#include "renderer/scene/grid.h"
 #include "renderer/scene/scene.h"
 #include "tests/unit/catch.h"
 
@@ -32,8 +33,8 @@ inline PutMaterial textured(Ref texture) {
   return material;
 }
 inline PutVolume volume() {
-  const auto bytes = ArrayOf<u8>(std::vector<u8>(8, 1));
-  return {.volume = std::make_shared<const Volume>(Volume{.bytes = bytes.buffer(), .grids = {}})};
+  const std::vector<float> values(8, 1);
+  return {.density = std::make_shared<const Grid>(dense_grid(values, ivec3(2), 1))};
 }
 inline PutEntity showing(Ref mesh) { return {.mesh = std::move(mesh)}; }
 inline PutEntity beneath(Ref parent) { return {.parent = std::move(parent)}; }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypedDict, TypeVar
 
@@ -20,8 +21,8 @@ from .components import (
     text_of,
     whole_of,
 )
-from .errors import InvalidArgument
-from .handles import Named, Texture
+from .errors import HeliographError, InvalidArgument
+from .handles import Entity, Handle, Named, Texture, flatten
 from .lights import Light
 from .pose import matrices_of, matrix_of
 
@@ -125,6 +126,28 @@ def labelled(given: Components) -> Components:
     if "label" in given or given.get("category") is None:
         return given
     return {**given, "label": "auto"}
+
+
+def explained(error: HeliographError, transaction: pb.Transaction) -> HeliographError:
+    """Adds which object edits[i] is about."""
+    found = re.match(r"edits\[(\d+)\]", error.field)
+    if found and int(found[1]) < len(transaction.edits):
+        edit = transaction.edits[int(found[1])]
+        name = edit.target.name
+        error.args = (f"{error} [{edit.WhichOneof('action')} {name!r}]",) if name else error.args
+    return error
+
+
+def placed(edits: Edits, entities: Any, transforms: Any) -> tuple[list[Handle], NdArray]:
+    """Handles of some entities, and a matrix for each: (N, 4, 4)."""
+    listed = flatten(entities, "entities")
+    matrices = matrices_of(transforms)
+    if len(listed) != len(matrices):
+        raise InvalidArgument(
+            f"transforms: {len(matrices)} matrices for {len(listed)} entities; give as many",
+            field="transforms",
+        )
+    return [e if isinstance(e, Handle) else Entity(edits.scene, e) for e in listed], matrices
 
 
 def _put_component(edits: Edits, out: pb.Entity, name: str, value: Any) -> None:

@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import functools
 import os
-import re
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from . import _images, _patches, assets, studio
+from . import _images, _patches, _volumes, assets, studio
 from ._arrays import NdArray
 from ._connection import packed_ids
 from ._proto import scene_pb2 as pb
@@ -31,6 +30,7 @@ from .handles import (
     Mesh,
     Named,
     Texture,
+    Volume,
     flatten,
     give_ids,
 )
@@ -80,7 +80,7 @@ class Edits:
         try:
             reply = self.scene.apply(self.transaction, self._expected)
         except HeliographError as error:
-            raise self._explained(error) from None
+            raise _patches.explained(error, self.transaction) from None
         self.revision = reply.revision
         self._resolve(reply)
 
@@ -96,17 +96,6 @@ class Edits:
             if index in self._further:
                 self._further[index](ids[further : further + count])
             further += count
-
-    def _explained(self, error: HeliographError) -> HeliographError:
-        """Adds which object edits[i] is about."""
-        found = re.match(r"edits\[(\d+)\]", error.field)
-        if found and int(found[1]) < len(self.transaction.edits):
-            edit = self.transaction.edits[int(found[1])]
-            name = edit.target.name
-            error.args = (
-                (f"{error} [{edit.WhichOneof('action')} {name!r}]",) if name else error.args
-            )
-        return error
 
     # ------------------------------------------------------------ references and arrays
 
@@ -207,14 +196,7 @@ class Edits:
 
     def set_transforms(self, entities: Any, transforms: Any, *, teleport: bool = False) -> None:
         """Sets the poses of N entities: a group, an asset, or a sequence; (N, 4, 4)."""
-        listed = flatten(entities, "entities")
-        matrices = matrices_of(transforms)
-        if len(listed) != len(matrices):
-            raise InvalidArgument(
-                f"transforms: {len(matrices)} matrices for {len(listed)} entities; give as many",
-                field="transforms",
-            )
-        handles = [e if isinstance(e, Handle) else Entity(self.scene, e) for e in listed]
+        handles, matrices = _patches.placed(self, entities, transforms)
         if any(handle._edits is self for handle in handles):
             for handle, matrix in zip(handles, matrices):
                 self.update(handle, transform=matrix, teleport=teleport)
@@ -278,6 +260,22 @@ class Edits:
         out = _images.texture_message(self.scene.client, image, sampler)
         self._add(name, exist_ok).texture.CopyFrom(out)
         return self._handle(Texture, name)
+
+    def volume(
+        self,
+        name: Named | None = None,
+        *,
+        exist_ok: bool = True,
+        **medium: Unpack[_volumes.Medium],
+    ) -> Volume:
+        """Creates a volume (density), or changes one: a medium that absorbs, scatters and glows.
+
+        density, temperature: (X, Y, Z) arrays, >= 0; color: (X, Y, Z, 3) in [0, 1]. They fill one
+        box, which begins at origin (3,) metres and has the density's voxels of voxel_size metres.
+        """
+        message = _volumes.volume_message(self, medium)
+        self._add(name, exist_ok).volume.CopyFrom(message)
+        return self._handle(Volume, name)
 
     def dome(self, image: Any = _UNSET, **light: Unpack[_images.DomeOptions]) -> None:
         """Changes the light from infinitely far.

@@ -231,9 +231,21 @@ class Texture(Handle):
 
 
 class Volume(Handle):
-    """A sparse volume: stored, not rendered in this version."""
+    """A medium that entities share: smoke, clouds, fire."""
 
     kind = "volume"
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Name to number or (r, g, b), but for the grids."""
+        message = self._read("volume")[0].volume
+        out: dict[str, Any] = {}
+        for field, value in message.ListFields():
+            if field.name == "albedo":
+                out[field.name] = (value.x, value.y, value.z)
+            elif isinstance(value, float):
+                out[field.name] = value
+        return out
 
 
 KINDS: dict[int, type[Handle]] = {1: Entity, 2: Mesh, 3: Material, 4: Texture, 5: Volume}

@@ -1,6 +1,5 @@
 #include "renderer/backend/embree/canvas.h"
 
-#include <array>
 #include <numbers>
 
 #include "kernels/camera.h"
@@ -120,14 +119,22 @@ PixelBox bounds_on_canvas(const Placement& placement, u32 slot, const kernels::C
   rtcGetSceneBounds(placement.instance_scenes[slot], &bounds);
   if (!(bounds.lower_x <= bounds.upper_x)) return {};
   const mat4x3& world = placement.instances[slot].world_from_object;
-  Corners corners;
+  std::array<vec3, 8> corners;
   for (u32 i = 0; i < 8; ++i) {
     const vec3 corner(i & 1 ? bounds.upper_x : bounds.lower_x,
                       i & 2 ? bounds.upper_y : bounds.lower_y,
                       i & 4 ? bounds.upper_z : bounds.lower_z);
-    corners[i] = kernels::cv_from_gl(
-        kernels::transform_point(camera.camera_from_world, world * vec4(corner, 1)));
+    corners[i] = world * vec4(corner, 1);
   }
+  return bounds_on_canvas(corners, camera, canvas);
+}
+
+PixelBox bounds_on_canvas(const std::array<vec3, 8>& corners_world,
+                          const kernels::CameraView& camera, const PixelBox& canvas) {
+  Corners corners;
+  for (u32 i = 0; i < 8; ++i)
+    corners[i] =
+        kernels::cv_from_gl(kernels::transform_point(camera.camera_from_world, corners_world[i]));
   if (kernels::is_rectilinear(camera.lens)) return straight_bounds(corners, camera, canvas);
   const Cone cone = cone_of(corners);
   if (!(cone.cosine > 0.02f)) return canvas;

@@ -1,6 +1,8 @@
 // Where on the canvas of a camera something may be seen. Called by silhouettes.cpp and queries.cpp.
 #pragma once
 
+#include <array>
+
 #include "renderer/backend/embree/placement.h"
 
 namespace heliograph::embree {
@@ -9,7 +11,10 @@ namespace heliograph::embree {
 /// there is already, and its canvas is its image.
 [[nodiscard]] PixelBox canvas_of(const kernels::CameraView& camera, float extend);
 
-/// Pixels [x0, x1) x [y0, y1) that a slot's surface may cover, within `canvas`.
+/// Pixels [x0, x1) x [y0, y1) that a box may cover, within `canvas`. corners: of the box, world.
+[[nodiscard]] PixelBox bounds_on_canvas(const std::array<vec3, 8>& corners,
+                                        const kernels::CameraView& camera, const PixelBox& canvas);
+/// The same of a slot's surface.
 [[nodiscard]] PixelBox bounds_on_canvas(const Placement& placement, u32 slot,
                                         const kernels::CameraView& camera, const PixelBox& canvas);
 

@@ -21,13 +21,14 @@ enum class Derived : u64 {
   kDome,
   kTextureMean,
   kVertices,
-  kMips
+  kMips,
+  kGrid
 };
 
 /// What a piece of derived data is a pure function of.
 struct DerivedKey {
   Derived kind;
-  std::array<u64, 4> from{};
+  std::array<u64, 5> from{};
   friend auto operator<=>(const DerivedKey&, const DerivedKey&) = default;
 };
 

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 
+#include "renderer/backend/embree/black_body.h"
+
 namespace heliograph::embree {
 namespace {
 
@@ -24,7 +26,7 @@ bool same_poses(const EmbreeScene& scene, const Snapshot& snapshot, Time time) {
 }
 
 bool same_structure(const Snapshot& a, const Snapshot& b) {
-  return a.entities.same(b.entities) && a.meshes.same(b.meshes) &&
+  return a.entities.same(b.entities) && a.meshes.same(b.meshes) && a.volumes.same(b.volumes) &&
          a.materials.capacity() == b.materials.capacity() && a.categories == b.categories;
 }
 
@@ -32,57 +34,66 @@ bool same_materials(const Snapshot& a, const Snapshot& b) {
   return a.materials.same(b.materials) && a.textures.same(b.textures);
 }
 
+/// The grids of the volumes in use.
+template <class F>
+void for_each_grid(const Snapshot& snapshot, F&& f) {
+  snapshot.volumes.for_each([&](u32, const Shared<Volume>& row) {
+    if (row.uses == 0) return;
+    for (const Grid* grid : grids_of(*row.value)) f(*grid);
+  });
+}
+
 }  // namespace
 
-EmbreeScene::EmbreeScene(std::shared_ptr<const Snapshot> snapshot, Time time,
-                         std::shared_ptr<const Placement> placement,
-                         std::shared_ptr<const Materials> materials,
-                         std::shared_ptr<const Lights> lights)
-    : snapshot_(std::move(snapshot)),
-      time_(time),
-      placement_(std::move(placement)),
-      materials_(std::move(materials)),
-      lights_(std::move(lights)) {
-  const Structure& structure = *placement_->structure;
-  for (std::size_t i = 0; i < placement_->meshes.size(); ++i) {
-    meshes_.push_back(placement_->meshes[i]->view());
+EmbreeScene::EmbreeScene(std::shared_ptr<const Snapshot> snapshot, Time time, ScenePieces pieces)
+    : snapshot_(std::move(snapshot)), time_(time), pieces_(std::move(pieces)) {
+  const auto& [placement, volumes, materials, lights] = pieces_;
+  const Structure& structure = *placement->structure;
+  for (std::size_t i = 0; i < placement->meshes.size(); ++i) {
+    meshes_.push_back(placement->meshes[i]->view());
   }
-  instances_ = placement_->instances;
+  instances_ = placement->instances;
   for (std::size_t i = 0; i < instances_.size(); ++i) {
-    instances_[i].light_group = lights_->group_of_slot[i];
+    instances_[i].light_group = lights->group_of_slot[i];
     const u32 first = structure.slots[i].first_part;
     const u32 parts = meshes_[instances_[i].mesh].part_count;
     for (u32 p = first; p < first + parts; ++p)
-      if (may_be_hole(materials_->materials[structure.part_materials[p]]))
+      if (may_be_hole(materials->materials[structure.part_materials[p]]))
         instances_[i].flags |= kernels::kMayBeHole;
     view_.any_holes |= (instances_[i].flags & kernels::kMayBeHole) != 0;
   }
   view_.instances = instances_.data();
   view_.meshes = meshes_.data();
-  view_.materials = materials_->materials.data();
-  view_.textures = materials_->textures.data();
-  view_.texture_uses = materials_->uses.data();
+  view_.materials = materials->materials.data();
+  view_.textures = materials->textures.data();
+  view_.texture_uses = materials->uses.data();
   view_.part_materials = structure.part_materials.data();
-  view_.part_lights = lights_->part_lights.data();
-  view_.lights = lights_->lights.data();
-  view_.light_nodes = lights_->tree->nodes.data();
-  view_.dome = lights_->dome;
-  view_.suns = lights_->suns.data();
-  view_.sun_count = u32(lights_->suns.size());
-  view_.surface_probability = lights_->surface_probability;
+  view_.part_lights = lights->part_lights.data();
+  view_.lights = lights->lights.data();
+  view_.light_nodes = lights->tree->nodes.data();
+  volumes_ = volumes->views;
+  for (std::size_t i = 0; i < volumes_.size(); ++i)
+    volumes_[i].instance.light_group = lights->group_of_volume[i];
+  view_.volumes = volumes_.data();
+  view_.volume_count = u32(volumes_.size());
+  view_.black_body = black_body_table().data();
+  view_.dome = lights->dome;
+  view_.suns = lights->suns.data();
+  view_.sun_count = u32(lights->suns.size());
+  view_.surface_probability = lights->surface_probability;
   view_.instance_count = u32(instances_.size());
-  view_.light_count = u32(lights_->lights.size());
-  const Box& bounds = placement_->bounds;
+  view_.light_count = u32(lights->lights.size());
+  const Box& bounds = placement->bounds;
   view_.center = bounds.empty() ? vec3(0) : 0.5f * (bounds.lower + bounds.upper);
   view_.radius = bounds.empty() ? 1 : 0.5f * glm::length(bounds.upper - bounds.lower);
 }
 
 TracedScene EmbreeScene::traced_of(const kernels::SceneView& view) const {
-  TracedScene traced{.top = placement_->top.get(),
-                     .instance_scenes = placement_->instance_scenes.data(),
+  TracedScene traced{.top = placement().top.get(),
+                     .instance_scenes = placement().instance_scenes.data(),
                      .view = &view};
-  if (const StaticGroup* group = placement_->group.get()) {
-    traced.group = u32(placement_->instances.size());
+  if (const StaticGroup* group = placement().group.get()) {
+    traced.group = u32(placement().instances.size());
     traced.group_instances = group->slots.data();
   }
   return traced;
@@ -91,8 +102,8 @@ TracedScene EmbreeScene::traced_of(const kernels::SceneView& view) const {
 u64 EmbreeScene::bytes() const {
   constexpr u64 kTopBytesPerInstance = 256;  // Embree's nodes and instance
   return instances_.size() * (2 * sizeof(kernels::InstanceView) + kTopBytesPerInstance) +
-         placement_->world.size() * sizeof(mat4x3) + meshes_.size() * sizeof(kernels::MeshView) +
-         materials_->materials.size() * sizeof(kernels::MaterialView);
+         placement().world.size() * sizeof(mat4x3) + meshes_.size() * sizeof(kernels::MeshView) +
+         pieces_.materials->materials.size() * sizeof(kernels::MaterialView);
 }
 
 Expected<std::shared_ptr<const EmbreeScene>> SceneStore::prepare(
@@ -102,7 +113,7 @@ Expected<std::shared_ptr<const EmbreeScene>> SceneStore::prepare(
   std::shared_ptr<const Placement> placement;
   if (before && same_structure(before->snapshot(), *snapshot) &&
       same_poses(*before, *snapshot, time)) {
-    placement = before->placement_ptr();
+    placement = before->pieces().placement;
   } else {
     std::shared_ptr<const Structure> structure;
     if (before && same_structure(before->snapshot(), *snapshot)) {
@@ -119,17 +130,20 @@ Expected<std::shared_ptr<const EmbreeScene>> SceneStore::prepare(
     placement = *std::move(made);
   }
   HELIO_TRY(interrupt.status());
-  const bool placement_kept = before && placement == before->placement_ptr();
+  const bool placement_kept = before && placement == before->pieces().placement;
   if (placement_kept && materials_kept && before->snapshot().dome == snapshot->dome &&
       before->snapshot().revision == snapshot->revision)
     return before;
-  auto materials = materials_kept ? before->materials_ptr() : make_materials(*snapshot, cache_);
-  auto lights = placement_kept && materials_kept && before->snapshot().dome == snapshot->dome
-                    ? before->lights_ptr()
-                    : make_lights(*snapshot, *placement, *materials,
-                                  before ? before->lights_ptr().get() : nullptr, cache_);
-  auto scene = std::make_shared<const EmbreeScene>(snapshot, time, std::move(placement),
-                                                   std::move(materials), std::move(lights));
+  ScenePieces pieces{.placement = std::move(placement)};
+  pieces.volumes = placement_kept ? before->pieces().volumes
+                                  : make_volumes(*snapshot, *pieces.placement, cache_);
+  pieces.materials =
+      materials_kept ? before->pieces().materials : make_materials(*snapshot, cache_);
+  pieces.lights = placement_kept && materials_kept && before->snapshot().dome == snapshot->dome
+                      ? before->pieces().lights
+                      : make_lights(*snapshot, *pieces.placement, *pieces.materials,
+                                    before ? before->pieces().lights.get() : nullptr, cache_);
+  auto scene = std::make_shared<const EmbreeScene>(snapshot, time, std::move(pieces));
   keep(scene);
   return scene;
 }
@@ -154,6 +168,7 @@ Status SceneStore::warm(const Snapshot& snapshot) const {
       results[i] = std::unexpected(std::move(made).error());
   });
   for (Status& result : results) HELIO_TRY(std::move(result));
+  for_each_grid(snapshot, [&](const Grid& grid) { (void)grid_table(grid, cache_); });
   if (snapshot.dome)
     if (const auto* texture = snapshot.find(snapshot.dome->texture))
       (void)dome_tables(*texture->value, cache_);

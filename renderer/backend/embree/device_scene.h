@@ -5,17 +5,22 @@
 
 #include "renderer/backend/embree/lights.h"
 #include "renderer/backend/embree/tracer.h"
+#include "renderer/backend/embree/volumes.h"
 #include "renderer/engine/backend.h"
 
 namespace heliograph::embree {
 
 /// Immutable. Each piece is a pure function of parts of the snapshot and is shared with the scenes
 /// that have the same parts.
+struct ScenePieces {
+  std::shared_ptr<const Placement> placement;
+  std::shared_ptr<const Volumes> volumes;
+  std::shared_ptr<const Materials> materials;
+  std::shared_ptr<const Lights> lights;
+};
 class EmbreeScene final : public DeviceScene {
  public:
-  EmbreeScene(std::shared_ptr<const Snapshot> snapshot, Time time,
-              std::shared_ptr<const Placement> placement,
-              std::shared_ptr<const Materials> materials, std::shared_ptr<const Lights> lights);
+  EmbreeScene(std::shared_ptr<const Snapshot> snapshot, Time time, ScenePieces pieces);
 
   [[nodiscard]] const kernels::SceneView& view() const { return view_; }
   [[nodiscard]] TracedScene traced() const { return traced_of(view_); }
@@ -23,23 +28,20 @@ class EmbreeScene final : public DeviceScene {
   [[nodiscard]] TracedScene traced_of(const kernels::SceneView& view) const;
   [[nodiscard]] const Snapshot& snapshot() const { return *snapshot_; }
   [[nodiscard]] Time time() const { return time_; }
-  [[nodiscard]] const Placement& placement() const { return *placement_; }
-  [[nodiscard]] const Structure& structure() const { return *placement_->structure; }
-  [[nodiscard]] const Lights& lights() const { return *lights_; }
+  [[nodiscard]] const Placement& placement() const { return *pieces_.placement; }
+  [[nodiscard]] const Structure& structure() const { return *pieces_.placement->structure; }
+  [[nodiscard]] const Lights& lights() const { return *pieces_.lights; }
   [[nodiscard]] u64 bytes() const;  // of its own, what it shares not counted
 
-  const std::shared_ptr<const Placement>& placement_ptr() const { return placement_; }
-  const std::shared_ptr<const Materials>& materials_ptr() const { return materials_; }
-  const std::shared_ptr<const Lights>& lights_ptr() const { return lights_; }
+  [[nodiscard]] const ScenePieces& pieces() const { return pieces_; }
 
  private:
   std::shared_ptr<const Snapshot> snapshot_;
   Time time_;
-  std::shared_ptr<const Placement> placement_;
-  std::shared_ptr<const Materials> materials_;
-  std::shared_ptr<const Lights> lights_;
+  ScenePieces pieces_;
   std::vector<kernels::InstanceView> instances_;  // the placement's, with flags of the materials
   std::vector<kernels::MeshView> meshes_;
+  std::vector<kernels::VolumeView> volumes_;  // the pieces', with their light groups
   kernels::SceneView view_{};
 };
 

@@ -63,10 +63,15 @@ void EmbreeFilm::set_end(FlowEnd& end, const std::shared_ptr<const DeviceScene>&
   end.scene = std::static_pointer_cast<const EmbreeScene>(scene);
   end.view = end.scene->view();
   end.instances.assign(end.view.instances, end.view.instances + end.view.instance_count);
-  for (kernels::InstanceView& instance : end.instances)
+  end.volumes.assign(end.view.volumes, end.view.volumes + end.view.volume_count);
+  const auto mark = [&](kernels::InstanceView& instance) {
     if (!flow_valid(scene_->snapshot(), instance.entity, scene_->time(), end.scene->time()))
       instance.flags |= kernels::kFlowInvalid;
+  };
+  for (kernels::InstanceView& instance : end.instances) mark(instance);
+  for (kernels::VolumeView& volume : end.volumes) mark(volume.instance);
   end.view.instances = end.instances.data();
+  end.view.volumes = end.volumes.data();
   const EntityId camera = job().cameras[shot_.camera];
   end.camera = camera_view(camera_at(camera, *end.scene));
   end.camera_jumped =

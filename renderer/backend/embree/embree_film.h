@@ -22,6 +22,7 @@ using ZeroedMemory = std::unique_ptr<void, Free>;
 struct FlowEnd {
   std::shared_ptr<const EmbreeScene> scene;  // null: not wanted
   std::vector<kernels::InstanceView> instances;
+  std::vector<kernels::VolumeView> volumes;
   kernels::SceneView view{};
   kernels::CameraView camera{};
   bool camera_jumped = false;  // or was not there: it has no flow

@@ -3,19 +3,13 @@
 
 #include <cmath>
 
+#include "renderer/backend/embree/black_body.h"
+
 namespace heliograph::embree {
 namespace {
 
 constexpr double kLumensPerWatt = 683;
 constexpr double kSharpestCone = 1e-3;  // difference of cosines; KHR_lights_punctual
-
-float luminance(vec3 c) { return glm::dot(c, vec3(0.2126f, 0.7152f, 0.0722f)); }
-
-/// Gaussian with different widths on the two sides.
-double lobe(double x, double mean, double below, double above) {
-  const double t = (x - mean) / (x < mean ? below : above);
-  return std::exp(-0.5 * t * t);
-}
 
 /// Area of the unit sphere under a linear map that is not similar: the mean of |cof(M) n| over 4
 /// pi.
@@ -116,25 +110,6 @@ LightExtent shape_extent(const Light& light, const mat4x3& world_from_shape) {
       unit * double(glm::length(glm::cross(world_from_shape[0], world_from_shape[1])));
   if (cone.scale > 0) return {area * integrals.y, area};
   return mesh_extent(area, light.two_sided);
-}
-
-vec3 planckian_color(double kelvin) {
-  // CIE 1931 colour matching functions as sums of lobes.
-  // Source: Wyman, Sloan & Shirley 2013, "Simple Analytic Approximations to the CIE XYZ Color
-  // Matching Functions", JCGT 2(2), equation 4.
-  glm::dvec3 xyz(0);
-  for (double nm = 360; nm <= 830; nm += 5) {
-    const double power = std::pow(nm * 1e-3, -5) / std::expm1(1.438776877e7 / (nm * kelvin));
-    xyz.x += power * (1.056 * lobe(nm, 599.8, 37.9, 31.0) + 0.362 * lobe(nm, 442.0, 16.0, 26.7) -
-                      0.065 * lobe(nm, 501.1, 20.4, 26.2));
-    xyz.y += power * (0.821 * lobe(nm, 568.8, 46.9, 40.5) + 0.286 * lobe(nm, 530.9, 16.3, 31.1));
-    xyz.z += power * (1.217 * lobe(nm, 437.0, 11.8, 36.0) + 0.681 * lobe(nm, 459.0, 26.0, 13.8));
-  }
-  const glm::dvec3 red(3.2404542, -1.5371385, -0.4985314), green(-0.9692660, 1.8760108, 0.0415560),
-      blue(0.0556434, -0.2040259, 1.0572252);
-  const vec3 rgb = glm::max(
-      vec3(glm::dot(red, xyz), glm::dot(green, xyz), glm::dot(blue, xyz)) / float(xyz.y), vec3(0));
-  return rgb / luminance(rgb);
 }
 
 vec3 light_radiance(const Light& light, const LightExtent& extent) {

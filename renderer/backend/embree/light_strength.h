@@ -20,10 +20,6 @@ struct LightExtent {
 
 /// Radiance of a light in each channel, before its texture and its cone; suns need no extent.
 [[nodiscard]] vec3 light_radiance(const Light& light, const LightExtent& extent);
-/// Linear Rec.709 colour of the Planckian locus at unit luminance; kelvin in [1000, 40000].
-/// Channels outside the gamut are 0, which keeps the luminance by rescaling the others.
-[[nodiscard]] vec3 planckian_color(double kelvin);
-
 /// The fall-off of a spot light, as kernels::LightView has it.
 struct LightCone {
   float cosine = 0;  // where it ends

@@ -159,8 +159,13 @@ u32 Lighter::group_of(const std::string* name) {
 }
 
 void Lighter::group_slots() {
+  const auto group = [&](u32 entity) {
+    return group_of(snapshot_.entities.at(entity).light_group.get());
+  };
   for (const Slot& slot : placement_.structure->slots)
-    made_->group_of_slot.push_back(group_of(snapshot_.entities.at(slot.entity).light_group.get()));
+    made_->group_of_slot.push_back(group(slot.entity));
+  for (const VolumeSlot& volume : placement_.structure->volumes)
+    made_->group_of_volume.push_back(group(volume.entity));
 }
 
 void Lighter::add(u32 index) {

@@ -37,7 +37,8 @@ struct Lights {
   std::vector<kernels::SunView> suns;
   std::vector<std::string> groups{""};  // names of the light groups by their index
   std::vector<u32> group_of_slot;
-  float surface_probability = 0;  // of the lights together
+  std::vector<u32> group_of_volume;  // the same of Structure::volumes
+  float surface_probability = 0;     // of the lights together
   kernels::DomeView dome{};
   std::shared_ptr<const DomeTables> dome_tables;  // null: constant
 };

@@ -7,6 +7,8 @@
 #include <cstring>
 
 #include "renderer/backend/embree/commit.h"
+#include "renderer/backend/embree/rest_box.h"
+#include "renderer/scene/grid.h"
 
 namespace heliograph::embree {
 namespace {
@@ -56,7 +58,9 @@ class Placer {
   Status group();
   Status label_frames();
   void boxes();
+  void volumes();
   Status top_level();
+  void measure();
   std::shared_ptr<Placement> take() { return std::move(made_); }
 
  private:
@@ -70,6 +74,11 @@ class Placer {
   }
   [[nodiscard]] mat4x3 from_root(u32 entity, u32 root) const;
   [[nodiscard]] RestBox rest_box(const Instance& row, const ObjectFrame& frame) const;
+  [[nodiscard]] const Grid& density(u32 entity) const {
+    return *snapshot_.find(snapshot_.entities.at(entity).volume)->value->density;
+  }
+  void set_rest_box(RestBox own, u32 row, const mat4x3& root_from_entity,
+                    kernels::InstanceView& view) const;
 
   const Snapshot& snapshot_;
   const Time time_;
@@ -227,26 +236,28 @@ mat4x3 Placer::from_root(u32 entity, u32 root) const {
   return result;
 }
 
-/// Root entity's coordinates to the object frame: its scale, and its shear if there is any.
-mat3 object_from_root(const ObjectFrame& frame, const mat4x3& world_from_root) {
-  if (frame.rigid) return mat3(frame.scale.x, 0, 0, 0, frame.scale.y, 0, 0, 0, frame.scale.z);
-  return mat3(glm::transpose(glm::dmat3(frame.world_from_object)) *
-              glm::dmat3(glm::mat3(world_from_root)));
-}
-
 RestBox Placer::rest_box(const Instance& row, const ObjectFrame& frame) const {
   // A rigid frame's scale keeps the sides of a box: bounds are then those of the root's frame,
   // which do not change when the root moves.
-  const mat3 from_root = frame.rigid ? mat3(1) : object_from_root(frame, made_->world[row.root]);
+  const mat3 from_root_map =
+      frame.rigid ? mat3(1) : object_from_root(frame, made_->world[row.root]);
   const vec3 scale = frame.rigid ? frame.scale : vec3(1);
   RestBox box;
   for (const u32 entity : row.entities) {
     const u32 slot = made_->structure->slot_of_entity[entity];
-    if (slot == kNone) continue;
+    if (slot == kNone) {  // a volume
+      const mat4x3 to_root = from_root(entity, row.root);
+      for (const vec3& corner : box_corners(density(entity))) {
+        const vec3 p = from_root_map * (to_root * vec4(corner, 1)) * scale;
+        box.lower = glm::min(box.lower, p);
+        box.upper = glm::max(box.upper, p);
+      }
+      continue;
+    }
     const mat4x3& to_root = made_->root_from_entity[slot];
-    const Box part =
-        builder_.rest_bounds(*made_->meshes[made_->mesh_of_slot[slot]], from_root * mat3(to_root));
-    const vec3 offset = from_root * to_root[3];
+    const Box part = builder_.rest_bounds(*made_->meshes[made_->mesh_of_slot[slot]],
+                                          from_root_map * mat3(to_root));
+    const vec3 offset = from_root_map * to_root[3];
     box.lower = glm::min(box.lower, (part.lower + offset) * scale);
     box.upper = glm::max(box.upper, (part.upper + offset) * scale);
   }
@@ -264,10 +275,13 @@ Status Placer::label_frames() {
     const Instance& instance = structure.labelling.instances[row];
     bool moved =
         !same_structure || !same(made_->world[instance.root], before_->world[instance.root]);
-    for (const u32 entity : instance.entities)
-      moved |= moved_[structure.slot_of_entity[entity]] != 0;
     for (const u32 entity : instance.entities) {
       const u32 slot = structure.slot_of_entity[entity];
+      moved |= slot == kNone || moved_[slot] != 0;  // volumes have no slot
+    }
+    for (const u32 entity : instance.entities) {
+      const u32 slot = structure.slot_of_entity[entity];
+      if (slot == kNone) continue;
       made_->root_from_entity[slot] =
           moved ? scaled(from_root(entity, instance.root), structure.slots[slot].scale)
                 : before_->root_from_entity[slot];
@@ -291,36 +305,57 @@ void Placer::boxes() {
     const bool kept = !moved_[i] && before_ && before_->structure == made_->structure;
     if (kept) continue;
     const Box& own = made_->meshes[made_->mesh_of_slot[i]]->rest;
-    RestBox box{own.lower, own.upper};
-    mat4x3 to_object(1);
-    if (slot.row != kNone) {
-      const mat3 scale = object_from_root(
-          made_->frames[slot.row], made_->world[structure.labelling.instances[slot.row].root]);
-      box = made_->boxes[slot.row];
-      to_object =
-          multiply(mat4x3(scale[0], scale[1], scale[2], vec3(0)), made_->root_from_entity[i]);
+    set_rest_box({own.lower, own.upper}, slot.row, made_->root_from_entity[i], made_->instances[i]);
+  }
+}
+
+/// box   of the rest vertices, which serves an entity that has no row
+void Placer::set_rest_box(RestBox box, u32 row, const mat4x3& root_from_entity,
+                          kernels::InstanceView& view) const {
+  mat4x3 to_object(1);
+  if (row != kNone) {
+    const mat3 scale = object_from_root(
+        made_->frames[row], made_->world[made_->structure->labelling.instances[row].root]);
+    box = made_->boxes[row];
+    to_object = multiply(mat4x3(scale[0], scale[1], scale[2], vec3(0)), root_from_entity);
+  }
+  show_rest_box(box, to_object, view);
+}
+
+/// Volumes are instances that rays do not find.
+void Placer::volumes() {
+  const Structure& structure = *made_->structure;
+  for (const auto& [entity, row] : structure.volumes) {
+    kernels::InstanceView& view = made_->volumes.emplace_back();
+    const mat4x3& world = made_->world[entity];
+    const bool usable = invertible(world);
+    view.world_from_object = usable ? world : mat4x3(1);
+    view.object_from_world = usable ? inverse(world) : mat4x3(1);
+    view.visibility = usable ? snapshot_.entities.at(entity).visibility : 0;
+    view.mesh = kNone;
+    view.entity = entity;
+    const EntityLabel& label = structure.labelling.entities[entity];
+    view.label = label.instance;
+    view.category = label.category;
+    view.part = label.part;
+    RestBox own;
+    for (const vec3& corner : box_corners(density(entity))) {
+      own.lower = glm::min(own.lower, corner);
+      own.upper = glm::max(own.upper, corner);
+      made_->bounds.extend(view.world_from_object * vec4(corner, 1));
     }
-    const vec3 size = box.upper - box.lower;
-    const float diagonal = glm::length(size);
-    kernels::InstanceView& view = made_->instances[i];
-    view.nocs_scale = diagonal > 0 ? size / diagonal : vec3(0);
-    mat4x3 normalise(1);
-    for (int axis = 0; axis < 3; ++axis) {
-      const bool flat = !(size[axis] > 0);
-      normalise[axis][axis] = flat ? 0 : 1 / size[axis];
-      normalise[3][axis] = flat ? 0.5f : -box.lower[axis] / size[axis];
-    }
-    view.box_from_object = multiply(normalise, to_object);
+    const u32 root = row == kNone ? entity : structure.labelling.instances[row].root;
+    set_rest_box(own, row, from_root(entity, root), view);
   }
 }
 
 Status Placer::top_level() {
+  if (made_->geometries.empty()) return {};
   if (!changed_) {
     made_->top = before_->top;
-    made_->bounds = before_->bounds;
+    measure();
     return {};
   }
-  if (made_->geometries.empty()) return {};
   made_->top = new_scene(device_);
   for (u32 i = 0; i < made_->geometries.size(); ++i)
     if (made_->geometries[i])
@@ -329,11 +364,15 @@ Status Placer::top_level() {
     rtcAttachGeometryByID(made_->top.get(), made_->group->instance.get(),
                           u32(made_->geometries.size()));
   HELIO_TRY(commit(made_->top.get(), device_, interrupt_));
+  measure();
+  return {};
+}
+
+void Placer::measure() {
   RTCBounds bounds;
   rtcGetSceneBounds(made_->top.get(), &bounds);
   made_->bounds.lower = {bounds.lower_x, bounds.lower_y, bounds.lower_z};
   made_->bounds.upper = {bounds.upper_x, bounds.upper_y, bounds.upper_z};
-  return {};
 }
 
 }  // namespace
@@ -354,6 +393,7 @@ Expected<std::shared_ptr<const Placement>> make_placement(
   HELIO_TRY(placer.label_frames());
   placer.boxes();
   HELIO_TRY(placer.top_level());
+  placer.volumes();
   return placer.take();
 }
 

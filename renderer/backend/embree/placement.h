@@ -11,6 +11,7 @@ struct Placement {
   std::shared_ptr<const Structure> structure;
   std::vector<mat4x3> world;                              // by entity index
   std::vector<kernels::InstanceView> instances;           // by slot
+  std::vector<kernels::InstanceView> volumes;             // of Structure::volumes; without meshes
   std::vector<std::shared_ptr<const DeviceMesh>> meshes;  // the structure's, then deformed ones
   std::vector<u32> mesh_of_slot;                          // index into meshes
   std::vector<GeometryHandle> geometries;                 // by slot; null: in the group

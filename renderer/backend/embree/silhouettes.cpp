@@ -7,6 +7,7 @@
 #include <bit>
 
 #include "kernels/camera.h"
+#include "kernels/volume_march.h"
 #include "renderer/backend/embree/canvas.h"
 
 namespace heliograph::embree {
@@ -25,13 +26,28 @@ struct Task {
   PixelBox box_inside, box_canvas;
 };
 
-struct Reach {  // where a slot may be seen
-  u32 slot;
+struct Reach {  // where a slot or a volume may be seen
+  u32 label;
   PixelBox box;
+  u32 slot = kNone;
+  u32 volume = kNone;  // index into SceneView::volumes
 };
 
-/// The slots of each row that reach the canvas.
-std::vector<std::vector<Reach>> reaches(const Placement& placement,
+std::array<vec3, 8> world_corners(const kernels::VolumeView& volume) {
+  const kernels::GridView& grid = volume.density;
+  const mat4x3 world_from_voxel =
+      multiply(volume.instance.world_from_object, kernels::inverse_of(grid.voxel_from_object));
+  std::array<vec3, 8> corners;
+  for (u32 i = 0; i < 8; ++i) {
+    const ivec3 voxel(i & 1 ? grid.upper.x : grid.lower.x, i & 2 ? grid.upper.y : grid.lower.y,
+                      i & 4 ? grid.upper.z : grid.lower.z);
+    corners[i] = world_from_voxel * vec4(vec3(voxel), 1);
+  }
+  return corners;
+}
+
+/// The slots and volumes of each row that reach the canvas.
+std::vector<std::vector<Reach>> reaches(const Placement& placement, const TracedScene& scene,
                                         const kernels::CameraView& camera, const PixelBox& canvas) {
   const Structure& structure = *placement.structure;
   std::vector<std::vector<Reach>> out(structure.labelling.instances.size());
@@ -39,7 +55,16 @@ std::vector<std::vector<Reach>> reaches(const Placement& placement,
     const u32 row = structure.slots[slot].row;
     if (row == kNone || !(placement.instances[slot].visibility & kernels::kCameraRay)) continue;
     const PixelBox box = bounds_on_canvas(placement, slot, camera, canvas);
-    if (box.x1 > box.x0) out[row].push_back({slot, box});
+    if (box.x1 > box.x0)
+      out[row].push_back({.label = placement.instances[slot].label, .box = box, .slot = slot});
+  }
+  for (u32 i = 0; i < structure.volumes.size(); ++i) {
+    const u32 row = structure.volumes[i].row;
+    const kernels::VolumeView& volume = scene.view->volumes[i];
+    if (row == kNone || !(volume.instance.visibility & kernels::kCameraRay)) continue;
+    const PixelBox box = bounds_on_canvas(world_corners(volume), camera, canvas);
+    if (box.x1 > box.x0)
+      out[row].push_back({.label = volume.instance.label, .box = box, .volume = i});
   }
   return out;
 }
@@ -66,9 +91,9 @@ std::vector<Task> make_tasks(const std::vector<std::vector<Reach>>& reaches) {
 /// camera that sees straight lines straight are affine in the pixel.
 class ObjectRays {
  public:
-  ObjectRays(const kernels::CameraView& camera, const kernels::InstanceView& instance)
+  ObjectRays(const kernels::CameraView& camera, const mat4x3& object_from_world)
       : camera_(&camera),
-        object_from_world_(instance.object_from_world),
+        object_from_world_(object_from_world),
         straight_(kernels::is_rectilinear(camera.lens)) {
     const mat4x3 object_from_camera = multiply(object_from_world_, camera.world_from_camera);
     const mat3 linear(object_from_camera);
@@ -124,6 +149,7 @@ class SilhouetteTracer {
  public:
   SilhouetteTracer(const TracedScene& scene, const SilhouetteInputs& in)
       : tracer_(scene),
+        scene_(*scene.view),
         instances_(scene.view->instances),
         camera_(in.camera),
         plane_(in.instance_plane) {}
@@ -132,7 +158,9 @@ class SilhouetteTracer {
   /// ray met the instance belongs to it without another ray.
   void trace(Task& task, const std::vector<Reach>& reaches, u8* mask) const {
     std::vector<ObjectRays> rays;
-    for (const Reach& reach : reaches) rays.emplace_back(camera_, instances_[reach.slot]);
+    for (const Reach& reach : reaches)
+      rays.emplace_back(camera_, reach.slot == kNone ? mat4x3(1)  // volumes take the world's rays
+                                                     : instances_[reach.slot].object_from_world);
     for (i32 y = task.y0; y < task.y1; ++y) {
       i32 x0 = INT32_MAX, x1 = INT32_MIN;
       for (const Reach& reach : reaches)
@@ -142,7 +170,7 @@ class SilhouetteTracer {
         }
       for (i32 x = x0; x < x1; x += kLanes) {
         const u32 lanes = (1u << std::min(kLanes, x1 - x)) - 1;
-        u32 met = seen(instances_[reaches[0].slot].label, x, y) & lanes;
+        u32 met = seen(reaches[0].label, x, y) & lanes;
         for (std::size_t i = 0; i < reaches.size() && met != lanes; ++i)
           met |= meets(reaches[i], rays[i], {x, y}, lanes & ~met);
         for (; met; met &= met - 1) add(task, x + std::countr_zero(met), y, mask);
@@ -173,7 +201,16 @@ class SilhouetteTracer {
     const u64 bit = u64(y) * camera_.width + u64(x);
     if (mask) mask[bit / 8] = u8(mask[bit / 8] | (0x80u >> (bit % 8)));
   }
-  /// Which of the lanes from `first` on meet one slot.
+  /// Whether a volume alone brings the transmittance of a world's ray of any length to one half.
+  [[nodiscard]] bool meets(u32 volume, kernels::Ray ray) const {
+    const float length = glm::length(ray.direction);
+    ray.direction /= length;
+    ray.t_max *= length;
+    kernels::MarchedSet set;
+    set.add(kernels::make_marched(scene_, volume, ray, ray.t_max));
+    return kernels::march(scene_, set).volume != kNone;
+  }
+  /// Which of the lanes from `first` on meet one slot or volume.
   [[nodiscard]] u32 meets(const Reach& reach, const ObjectRays& rays, glm::ivec2 first,
                           u32 lanes) const {
     alignas(32) int valid[kLanes];
@@ -186,7 +223,8 @@ class SilhouetteTracer {
       wanted |= u32(want) << i;
     }
     if (wanted == 0) return 0;
-    if (!(instances_[reach.slot].flags & kernels::kMayBeHole)) {
+    const bool is_volume = reach.slot == kNone;
+    if (!is_volume && !(instances_[reach.slot].flags & kernels::kMayBeHole)) {
       RTCRay8 packet;
       rays.through(float(first.x), float(first.y), packet, valid);
       return tracer_.meets(reach.slot, packet, valid);
@@ -194,12 +232,14 @@ class SilhouetteTracer {
     u32 met = 0;
     for (i32 i = 0; i < kLanes; ++i) {
       const kernels::Ray ray = rays.through(float(first.x + i), float(first.y));
-      if (valid[i] && ray.t_max > 0 && tracer_.meets(reach.slot, ray)) met |= 1u << i;
+      if (!valid[i] || !(ray.t_max > 0)) continue;
+      if (is_volume ? meets(reach.volume, ray) : tracer_.meets(reach.slot, ray)) met |= 1u << i;
     }
     return met;
   }
 
   EmbreeTracer tracer_;
+  const kernels::SceneView& scene_;
   const kernels::InstanceView* instances_;
   const kernels::CameraView& camera_;
   std::span<const u32> plane_;
@@ -222,7 +262,7 @@ std::vector<Silhouette> trace_silhouettes(const Placement& placement, const Trac
                                           const SilhouetteInputs& in, const Interrupt& interrupt) {
   const kernels::CameraView& camera = in.camera;
   const LabelOptions& options = in.options;
-  const auto reach = reaches(placement, camera, canvas_of(camera, options.canvas));
+  const auto reach = reaches(placement, scene, camera, canvas_of(camera, options.canvas));
   std::vector<Silhouette> out(reach.size());
   if (options.amodal_masks)
     for (Silhouette& silhouette : out)

@@ -35,15 +35,17 @@ std::vector<u8> visibility_of_all(const Snapshot& snapshot) {
 
 bool is_sun(const Entity& entity) { return entity.light && entity.light->sun_angle > 0; }
 
-std::vector<u32> shown_suns(const Snapshot& snapshot) {
-  std::vector<u32> suns;
+/// The entities that are shown, among those that `chosen` takes.
+template <class F>
+std::vector<u32> shown_among(const Snapshot& snapshot, F&& chosen) {
+  std::vector<u32> entities;
   snapshot.entities.for_each([&](u32 index, const Entity& entity) {
-    if (is_sun(entity)) suns.push_back(index);
+    if (chosen(entity)) entities.push_back(index);
   });
-  if (suns.empty()) return suns;
+  if (entities.empty()) return entities;
   const std::vector<u8> shown = visibility_of_all(snapshot);
-  std::erase_if(suns, [&](u32 index) { return !shown[index]; });
-  return suns;
+  std::erase_if(entities, [&](u32 index) { return !shown[index]; });
+  return entities;
 }
 
 template <class F>
@@ -117,12 +119,15 @@ Expected<std::shared_ptr<const Structure>> make_structure(const Snapshot& snapsh
     structure->meshes.push_back(*std::move(built[i]));
   }
 
-  structure->suns = shown_suns(snapshot);
+  structure->suns = shown_among(snapshot, is_sun);
   structure->labelling = label_entities(snapshot);
   std::vector<u32> row_of_entity(snapshot.entities.capacity(), kNone);
   for (u32 row = 0; row < structure->labelling.instances.size(); ++row)
     for (const u32 entity : structure->labelling.instances[row].entities)
       row_of_entity[entity] = row;
+  for (const u32 entity :
+       shown_among(snapshot, [](const Entity& entity) { return bool(entity.volume); }))
+    structure->volumes.push_back({entity, row_of_entity[entity]});
 
   structure->slot_of_entity.assign(snapshot.entities.capacity(), kNone);
   for_each_shown(snapshot, [&](u32 index, const Entity& entity, const Mesh& mesh) {

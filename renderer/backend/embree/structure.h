@@ -18,13 +18,19 @@ struct Slot {
   bool deforms;    // keys, morph targets or a skin: deform() may have other vertices
 };
 
+struct VolumeSlot {
+  u32 entity;
+  u32 row;  // index into Labelling::instances, or kNone
+};
+
 struct Structure {
   std::vector<Slot> slots;
   std::vector<u32> slot_of_entity;  // kNone: shows nothing
   std::vector<std::shared_ptr<const DeviceMesh>> meshes;
   // Row of the material table; its capacity: the default material; one more: absorbs all light.
   std::vector<u32> part_materials;
-  std::vector<u32> suns;  // entities that are shown and have a sun
+  std::vector<u32> suns;            // entities that are shown and have a sun
+  std::vector<VolumeSlot> volumes;  // entities that are shown and have a volume
   Labelling labelling;
 };
 
