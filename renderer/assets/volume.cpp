@@ -23,7 +23,7 @@ FileGrid& density_of(VolumeFile& file, const FileGrid* temperature) {
     if (grid.channels() == 1 && &grid != temperature) return grid;
   std::string names;
   for (const FileGrid& grid : file.grids) names += " " + grid.name();
-  for (const std::string& name : file.skipped) names += " " + name;
+  for (const std::string& name : file.skipped) names += " " + clean_text(name, 200);
   refuse("grids", "no grid of floats could be the density; there are:" + names);
 }
 
@@ -46,8 +46,9 @@ PutVolume to_volume(Builder& builder, VolumeFile& file) {
   FileGrid* density = &density_of(file, temperature);
   for (const FileGrid& grid : file.grids)
     if (&grid != density && &grid != temperature && &grid != color)
-      builder.warn(fmt::format("grid '{}' is not used", clean_name(grid.name(), "grid")));
-  for (const std::string& name : file.skipped) builder.warn("not read: grid " + name);
+      builder.warn(fmt::format("grid '{}' is not used", grid.name()));
+  for (const std::string& name : file.skipped)
+    builder.warn("not read: grid " + clean_text(name, 200));
   PutVolume put{.density = take(builder, density, kMost)};
   if (auto grid = take(builder, temperature, kMost)) put.temperature = grid;
   if (auto grid = take(builder, color, 1)) put.color = grid;

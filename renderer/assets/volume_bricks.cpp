@@ -8,6 +8,19 @@
 
 namespace heliograph::assets {
 
+namespace {
+
+/// As the daemon asks of every pose.
+bool invertible(const mat4x3& m) {
+  const glm::dvec3 x(m[0]), y(m[1]), z(m[2]);
+  const double determinant = std::abs(glm::dot(x, glm::cross(y, z)));
+  const double box = glm::length(x) * glm::length(y) * glm::length(z);
+  return determinant >= 1e-30 && determinant <= 1e30 && determinant >= 1e-6 * box &&
+         std::isfinite(m[3].x + m[3].y + m[3].z);
+}
+
+}  // namespace
+
 float* FileGrid::add_brick(ivec3 origin) {
   for (int i = 0; i < 3; ++i)
     if (origin[i] < -kLargestVoxel || origin[i] >= kLargestVoxel)
@@ -50,6 +63,7 @@ bool FileGrid::make_fog(float most) {
 }
 
 Grid FileGrid::finish() {
+  if (!invertible(object_from_index)) refuse(name_, "has a transform that is not invertible");
   std::vector<u32> order(bricks_.size());
   std::iota(order.begin(), order.end(), 0u);
   std::erase_if(order, [&](u32 i) {

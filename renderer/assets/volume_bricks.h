@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "renderer/assets/budget.h"
+#include "renderer/assets/bundle.h"
 #include "renderer/scene/components.h"
 
 namespace heliograph::assets {
@@ -13,8 +14,8 @@ namespace heliograph::assets {
 /// Owns: the bricks so far, in any order.
 class FileGrid {
  public:
-  FileGrid(std::string name, u32 channels, Budget& budget)
-      : name_(std::move(name)), channels_(channels), budget_(&budget) {}
+  FileGrid(const std::string& name, u32 channels, Budget& budget)
+      : name_(clean_name(name, "grid")), channels_(channels), budget_(&budget) {}
 
   bool level_set = false;
   float background = 0;  // first channel

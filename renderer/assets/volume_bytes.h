@@ -46,13 +46,17 @@ class Cursor {
   u64 at_ = 0;
 };
 
+/// A range of the bytes.
+inline std::span<const std::byte> part_of(std::span<const std::byte> bytes, u64 offset, u64 size) {
+  if (offset > bytes.size() || size > bytes.size() - offset)
+    refuse("nodes", "a node leaves the file");
+  return bytes.subspan(offset, size);
+}
 /// The T at an offset.
 template <class T>
 T read_at(std::span<const std::byte> bytes, u64 offset) {
-  if (offset > bytes.size() || sizeof(T) > bytes.size() - offset)
-    refuse("nodes", "a node leaves the file");
   T value;
-  std::memcpy(&value, bytes.data() + offset, sizeof(T));
+  std::memcpy(&value, part_of(bytes, offset, sizeof(T)).data(), sizeof(T));
   return value;
 }
 

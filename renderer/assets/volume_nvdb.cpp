@@ -91,9 +91,8 @@ class NanoReader {
     constexpr u32 count = Side * Side * Side;
     constexpr i32 child_side = Side == 32 ? 128 : kBrickSide;
     const u64 table = node + layout_.internal_header(Side);
-    (void)read_at<u8>(bytes_, table + count * layout_.entry() - 1);
-    const Bytes active = bytes_.subspan(node + 32, count / 8);
-    const Bytes children = bytes_.subspan(node + 32 + count / 8, count / 8);
+    const Bytes active = part_of(bytes_, node + 32, count / 8);
+    const Bytes children = part_of(bytes_, node + 32 + count / 8, count / 8);
     for (u32 i = 0; i < count; ++i) {
       const ivec3 at(i / (Side * Side), i / Side % Side, i % Side);
       const ivec3 first = origin + at * child_side;
@@ -115,8 +114,7 @@ class NanoReader {
     const u64 values = node + layout_.leaf_header();
     if (layout_.type == kFloat || layout_.type == kVec3f) {
       const u64 size = u64(kBrickVoxels) * layout_.channels * sizeof(float);
-      (void)read_at<u8>(bytes_, values + size - 1);
-      std::memcpy(out, bytes_.data() + values, size);
+      std::memcpy(out, part_of(bytes_, values, size).data(), size);
       return;
     }
     const auto minimum = read_at<float>(bytes_, node + 80);
@@ -173,7 +171,7 @@ void read_grid(const FileMeta& meta, std::string name, Bytes bytes, VolumeFile& 
   }
   if (const u64 magic = read_at<u64>(bytes, 0); magic != kMagic && magic >> 8 != kMagic >> 8)
     refuse(name, "is not a NanoVDB grid");
-  FileGrid& grid = file.grids.emplace_back(std::move(name), layout->channels, budget);
+  FileGrid& grid = file.grids.emplace_back(name, layout->channels, budget);
   grid.level_set = meta.grid_class == kLevelSet;
   grid.object_from_index = transform_of(bytes);
   NanoReader(bytes, *layout, grid).read();

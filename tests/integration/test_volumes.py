@@ -150,7 +150,7 @@ def test_a_volume_moves_with_its_entity(client, brick):
     """Backward flow of its pixels is the motion of the point that they show."""
     with client.create_scene() as scene:
         with scene.edit() as edit:
-            lens = hg.Camera(64, 64, fx=64, fy=64, cx=31.5, cy=31.5)
+            lens = hg.Camera(width=64, height=64, fx=64, fy=64, cx=31.5, cy=31.5)
             edit.entity("cam", camera=lens, transform=hg.look_at((0, -4, 0), (0, 0, 0)))
             of_array(brick, density_scale=4.0)(edit)
         with scene.edit() as edit:
@@ -169,7 +169,7 @@ def test_amodal_labels_see_a_volume_behind_a_surface(client, brick):
     labels = ["boxes", "amodal", "amodal_masks"]
     with client.create_scene() as scene:
         with scene.edit() as edit:
-            lens = hg.Camera(64, 64, fx=64, fy=64, cx=31.5, cy=31.5)
+            lens = hg.Camera(width=64, height=64, fx=64, fy=64, cx=31.5, cy=31.5)
             edit.entity("cam", camera=lens, transform=hg.look_at((0, -4, 0), (0, 0, 0)))
             of_array(brick, density_scale=4.0)(edit)
         alone = scene.render("cam", planes=["instance"], labels=labels)
