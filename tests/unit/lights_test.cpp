@@ -39,6 +39,14 @@ double mean_of(const Frame& frame, std::size_t plane, u32 channel) {
   return sum / (double(values.size()) / 4);
 }
 
+/// A matt floor of 10 m and albedo 0.5.
+void add_floor(Edits& edits) {
+  PutMaterial matt;
+  matt.parameters[std::size_t(MaterialParameter::specular)].value = vec3(0);
+  edits.mesh("quad", quad()).material("grey", vec3(0.5f)).put("grey", matt);
+  edits.object("floor", "quad", scaled(vec3(10), vec3(0)), "grey");
+}
+
 /// A floor under 63 small boxes and a lamp, all of them static or none.
 Edits shelf(bool is_static) {
   Edits edits = still_life();
@@ -104,6 +112,31 @@ TEST_CASE("lights: emitters in the static group light as they do outside") {
         render(*engine, job_of(shelf(is_static).apply(), {Plane::BEAUTY, Plane::EMISSION}, 64));
   CHECK(mean_of(*frames[1], 0, 1) == Approx(mean_of(*frames[0], 0, 1)).epsilon(1e-3));
   CHECK(frames[1]->planes[1].pixels == frames[0]->planes[1].pixels);
+}
+
+TEST_CASE("lights: irradiance below each shape has its closed form, through Embree (0.5 %)") {
+  // Disc: r^2 / (r^2 + d^2); sphere: (r / d)^2; rectangle: four times Howell's C-11. All for d = 1.
+  const auto corner = [](double a, double b) {
+    const double x = std::sqrt(1 + a * a), y = std::sqrt(1 + b * b);
+    return (a / x * std::atan(b / x) + b / y * std::atan(a / y)) / (2 * kPi);
+  };
+  const std::pair<LightShape, double> cases[] = {{LightShape::kSphere, 0.16},
+                                                 {LightShape::kDisc, 0.16 / 1.16},
+                                                 {LightShape::kRectangle, 4 * corner(0.4, 0.3)}};
+  const auto engine = make_engine();
+  for (const auto& [kind, form] : cases) {
+    Light light = shape(kind, LightUnit::kRadiance, 2);
+    light.radius = 0.4f;
+    light.width = 0.8f;
+    light.height = 0.6f;
+    Edits edits;
+    add_floor(edits);
+    edits.light("lamp", light).pose("lamp", translation({0, 0, 1}));
+    edits.camera("camera", look_at({0.1f, 0, 0.3f}, {0, 0, 0}), 16, 16, 4000);
+    const auto frame = render(*engine, job_of(edits.apply(), {Plane::BEAUTY}, 256));
+    INFO("shape " << int(kind));
+    CHECK(mean_of(*frame, 0, 1) == Approx(0.5 * 2 * form).epsilon(0.005));
+  }
 }
 
 TEST_CASE("lights: a shape shows its radiance, its outline and its label; it absorbs the rest") {
@@ -207,10 +240,8 @@ TEST_CASE("lights: a dome is sampled where it exceeds its mean, and lights all t
   image->type = TexelType::kF32;
   sky.image = image;
   Edits edits;
-  edits.put("sky", sky).mesh("quad", quad()).material("grey", vec3(0.5f));
-  PutMaterial matt;
-  matt.parameters[std::size_t(MaterialParameter::specular)].value = vec3(0);
-  edits.put("grey", matt).object("floor", "quad", scaled(vec3(10), vec3(0)), "grey");
+  edits.put("sky", sky);
+  add_floor(edits);
   edits.camera("camera", look_at({0, 0, 3}, {0, 0, 0}), 16, 16, 32);
   PutSettings settings;
   settings.dome = PutDome{.texture = Ref("sky")};
