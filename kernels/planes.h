@@ -101,7 +101,9 @@ struct Probe {
   X(COST, float, 1, kMean, "rays", 0)                                    \
   X(DENOISED, float, 4, kPost, "W sr^-1 m^-2", 0)                        \
   X(BEAUTY_GROUP, float, 3, kMean, "W sr^-1 m^-2", 0)                    \
-  X(SHADOW_CATCHER, float, 1, kFilm, "1", 0)
+  X(SHADOW_CATCHER, float, 1, kFilm, "1", 0)                             \
+  X(SENSOR_RGB, float, 3, kPost, "1", 0)                                 \
+  X(SENSOR_DEPTH, float, 1, kPost, "m", 0)
 
 enum class Plane : u32 {
 #define HELIO_PLANE(NAME, ...) NAME,

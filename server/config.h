@@ -45,6 +45,7 @@ enum ExitCode : int {
   X(derived_bytes, 4ull << 30, "bytes of derived data that nobody uses, kept as cache") \
   X(static_triangles, 4'000'000, "triangles of static entities traced as one mesh")     \
   X(query_items, 1u << 20, "rays, pixels, points or pairs of one query")                \
+  X(track_times, 256, "times of one call of Tracks")                                    \
   X(decode_bytes, 2ull << 30, "address space of a decoder process")                     \
   X(decode_result_bytes, 1ull << 30, "bytes a decoder may hand back")                   \
   X(decode_texels, 1ull << 27, "texels of one decoded picture")                         \

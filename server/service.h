@@ -43,6 +43,7 @@ class Service final : public v1::Renderer::CallbackService {
   Writer<v1::SceneChunk>* ExportScene(Context*, const v1::ExportSceneRequest*) override;
   Reader<v1::SceneChunk>* ImportScene(Context*, v1::SceneInfo*) override;
   Unary* Query(Context*, const v1::QueryRequest*, v1::QueryReply*) override;
+  Unary* Tracks(Context*, const v1::TracksRequest*, v1::TracksReply*) override;
 
   Writer<v1::FramePart>* Render(Context*, const v1::RenderRequest*) override;
 

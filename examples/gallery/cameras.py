@@ -36,16 +36,18 @@ def checkers(edit: hg.Edits) -> None:
     squares = np.indices((2, 2)).sum(0) % 2
     edit.texture("checkers", (0.12 + 0.5 * squares[..., None]).astype("f4"), filter="nearest")
     use = hg.Tex("checkers", uv=[[12, 0, 0], [0, 12, 0]])
-    edit.material("floor", base_color=use, roughness=0.5)
-    edit.entity("floor", mesh=edit.mesh("floor/mesh", **hg.shapes.plane(12)), material="floor")
+    edit.material("floor/material", base_color=use, roughness=0.5)
+    edit.entity(
+        "floor", mesh=edit.mesh("floor/mesh", **hg.shapes.plane(12)), material="floor/material"
+    )
 
 
 def build(edit: hg.Edits) -> None:
     edit.dome(studio.dome())
     checkers(edit)
-    ball = edit.mesh("ball", **hg.shapes.sphere(0.5, 96))
-    cube = edit.mesh("cube", **hg.shapes.cube(1.0))
-    lamp = edit.mesh("lamp", **hg.shapes.sphere(0.03, 24))
+    ball = edit.mesh("ball/mesh", **hg.shapes.sphere(0.5, 96))
+    cube = edit.mesh("cube/mesh", **hg.shapes.cube(1.0))
+    lamp = edit.mesh("lamp/mesh", **hg.shapes.sphere(0.03, 24))
     edit.material("gold", **hg.materials.gold)
     for i, color in enumerate([(0.6, 0.05, 0.03), (0.04, 0.25, 0.5), (0.1, 0.4, 0.08)]):
         material = edit.material(f"paint {i}", base_color=color, roughness=0.3)

@@ -142,6 +142,21 @@ Status check_rectified(const RenderJob& job, EntityId first) {
   return {};
 }
 
+/// The planes of sensors need cameras that have them.
+Status check_sensors(const RenderJob& job) {
+  for (const EntityId id : job.cameras) {
+    const Camera& camera = *job.snapshot->find(id)->camera;
+    for (const auto& [plane, has_it, name] :
+         {std::tuple{Plane::SENSOR_RGB, camera.rgb_sensor.has_value(), "rgb_sensor"},
+          {Plane::SENSOR_DEPTH, camera.depth_sensor.has_value(), "depth_sensor"}})
+      if (has(job, {plane}) && !has_it)
+        return fail(Code::kFailedPrecondition, "planes",
+                    fmt::format("the camera '{}' has no {}; put one with camera=",
+                                job.snapshot->name_of(id), name));
+  }
+  return {};
+}
+
 Status check_disparity(const RenderJob& job) {
   if (!has(job, {Plane::DISPARITY, Plane::DISPARITY_VISIBLE})) return {};
   if (!job.disparity_camera)
@@ -213,6 +228,7 @@ Status check_job(const RenderJob& job, const JobLimits& limits) {
   HELIO_TRY(check_stop_rule(job, limits));
   HELIO_TRY(check_disparity(job));
   HELIO_TRY(check_groups(job));
+  HELIO_TRY(check_sensors(job));
   HELIO_TRY(check_labels(job, limits));
   return check_flow(job);
 }

@@ -5,6 +5,9 @@
 #include <array>
 #include <span>
 
+#include "kernels/hash.h"
+#include "renderer/engine/sensor.h"
+
 namespace heliograph {
 namespace {
 
@@ -12,9 +15,16 @@ using kernels::Fold;
 
 constexpr std::array kDenoiserInputs{Plane::BEAUTY, Plane::ALBEDO_MEAN, Plane::NORMAL_MEAN};
 
+constexpr std::array kRgbSensorInputs{Plane::BEAUTY};
+constexpr std::array kDepthSensorInputs{Plane::DEPTH,      Plane::NORMAL_CAMERA,
+                                        Plane::BASE_COLOR, Plane::ROUGHNESS,
+                                        Plane::METALLIC,   Plane::TRANSMISSION};
+
 /// What a post plane is computed from.
 std::span<const Plane> inputs_of(Plane plane) {
   if (plane == Plane::DENOISED) return kDenoiserInputs;
+  if (plane == Plane::SENSOR_RGB) return kRgbSensorInputs;
+  if (plane == Plane::SENSOR_DEPTH) return kDepthSensorInputs;
   return {};
 }
 
@@ -22,22 +32,39 @@ PlaneData& find(std::vector<PlaneData>& planes, Plane plane) {
   return *std::ranges::find(planes, plane, &PlaneData::plane);
 }
 
-Expected<PlaneData> denoised(std::vector<PlaneData>& made, const PostContext& context) {
-  const auto floats = [&](Plane plane) {
-    return reinterpret_cast<const float*>(find(made, plane).pixels.data());
+/// Fills a post plane from those that are made.
+Status fill(Plane plane, std::vector<PlaneData>& made, const PostContext& context, float* out) {
+  const auto floats = [&](Plane input) {
+    return reinterpret_cast<const float*>(find(made, input).pixels.data());
   };
-  PlaneData out{Plane::DENOISED, std::vector<std::byte>(find(made, Plane::BEAUTY).pixels.size())};
-  HELIO_TRY(context.denoiser.denoise({.width = context.width,
-                                      .height = context.height,
-                                      .beauty = floats(Plane::BEAUTY),
-                                      .albedo = floats(Plane::ALBEDO_MEAN),
-                                      .normal = floats(Plane::NORMAL_MEAN),
-                                      .out = reinterpret_cast<float*>(out.pixels.data())},
-                                     context.interrupt));
-  return out;
+  const SensorContext sensor{context.camera, context.sensor_seed, context.interrupt};
+  if (plane == Plane::SENSOR_RGB)
+    return sense_rgb(*context.model.rgb_sensor, {floats(Plane::BEAUTY)}, sensor, out);
+  if (plane == Plane::SENSOR_DEPTH)
+    return sense_depth(*context.model.depth_sensor,
+                       {.depth = floats(Plane::DEPTH),
+                        .normal_camera = floats(Plane::NORMAL_CAMERA),
+                        .base_color = floats(Plane::BASE_COLOR),
+                        .roughness = floats(Plane::ROUGHNESS),
+                        .metallic = floats(Plane::METALLIC),
+                        .transmission = floats(Plane::TRANSMISSION)},
+                       sensor, out);
+  return context.denoiser.denoise({.width = context.camera.width,
+                                   .height = context.camera.height,
+                                   .beauty = floats(Plane::BEAUTY),
+                                   .albedo = floats(Plane::ALBEDO_MEAN),
+                                   .normal = floats(Plane::NORMAL_MEAN),
+                                   .out = out},
+                                  context.interrupt);
 }
 
 }  // namespace
+
+u64 sensor_seed(const RenderJob& job, EntityId camera) {
+  u64 seed = kernels::hash64(job.settings.seed);
+  for (const char c : job.snapshot->name_of(camera)) seed = kernels::hash64(seed + u8(c));
+  return seed;
+}
 
 std::vector<Plane> film_planes(const RenderJob& job) {
   std::vector<Plane> planes;
@@ -52,10 +79,12 @@ std::vector<Plane> film_planes(const RenderJob& job) {
 Expected<std::vector<PlaneData>> finish_planes(const RenderJob& job, std::vector<PlaneData> made,
                                                const PostContext& context) {
   for (const Plane plane : job.planes) {
-    if (plane != Plane::DENOISED) continue;
-    auto out = denoised(made, context);
-    if (!out) return std::unexpected(std::move(out).error());
-    made.push_back(*std::move(out));
+    const PlaneInfo& info = plane_info(plane);
+    if (info.fold != Fold::kPost) continue;
+    const u64 pixels = u64(context.camera.width) * context.camera.height;
+    PlaneData out{plane, std::vector<std::byte>(pixels * info.channels * size_of(info.dtype))};
+    HELIO_TRY(fill(plane, made, context, reinterpret_cast<float*>(out.pixels.data())));
+    made.push_back(std::move(out));
   }
   std::vector<PlaneData> planes;
   for (const Plane plane : job.planes) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "renderer/engine/denoiser.h"
+#include "renderer/engine/image_camera.h"
 
 namespace heliograph {
 
@@ -13,8 +14,12 @@ namespace heliograph {
 struct PostContext {
   Denoiser& denoiser;
   const Interrupt& interrupt;
-  u32 width, height;
+  const Camera& model;  // whose sensors the job asks for
+  const ImageCamera& camera;
+  u64 sensor_seed;
 };
+/// Of the noise of a camera's sensors: another one for each name.
+[[nodiscard]] u64 sensor_seed(const RenderJob& job, EntityId camera);
 
 /// A job's planes in its order, from those that the backend made (film_planes).
 [[nodiscard]] Expected<std::vector<PlaneData>> finish_planes(const RenderJob& job,

@@ -1,4 +1,4 @@
-// Spatial questions about a scene: rays, picks, visibility, overlap, surface samples.
+// Spatial questions about a scene: rays, picks, visibility, overlap, surface samples, tracks.
 #pragma once
 
 #include <variant>
@@ -30,11 +30,24 @@ struct SampleSurface {
   u32 count = 0;
   u64 seed = 0;
 };
+/// A point of a triangle of an entity's mesh.
+struct TrackPoint {
+  EntityId entity;
+  u32 primitive = 0;
+  vec2 barycentric{0};  // weights of vertices 1 and 2
+};
+/// Points followed over time, as a camera sees them.
+struct Tracks {
+  EntityId camera;
+  std::vector<TrackPoint> points;
+  std::vector<Time> times;
+  bool through_transmission = false;
+};
 
 struct QueryJob {
   std::shared_ptr<const Snapshot> snapshot;
-  Time time = 0;
-  std::variant<CastRays, Pick, Visible, Overlaps, SampleSurface> query;
+  Time time = 0;  // Tracks have their own
+  std::variant<CastRays, Pick, Visible, Overlaps, SampleSurface, Tracks> query;
 };
 
 /// Columns as service.proto names them.

@@ -224,21 +224,25 @@ void Runner::report(const Film& film, double done_in_camera, bool force) {
   context_.sink.progress(progress);
 }
 
+ImageCamera Runner::seen_by(EntityId camera) const {
+  const Snapshot& snapshot = *job_->snapshot;
+  const uvec2 size = rendered_size(*job_, camera);
+  return image_camera(*snapshot.find(camera)->camera,
+                      world_pose(snapshot, camera.index(), job_->time), size.x, size.y);
+}
+
 Frame Runner::header(u32 index) const {
   const Snapshot& snapshot = *job_->snapshot;
   const EntityId camera = job_->cameras[index];
-  const uvec2 size = rendered_size(*job_, camera);
-  const ImageCamera image =
-      image_camera(*snapshot.find(camera)->camera, world_pose(snapshot, camera.index(), job_->time),
-                   size.x, size.y);
+  const ImageCamera image = seen_by(camera);
   Frame frame;
   frame.index = index;
   frame.scene = job_->scene;
   frame.revision = snapshot.revision;
   frame.overlay = job_->overlay;
   frame.camera = snapshot.name_of(camera);
-  frame.width = size.x;
-  frame.height = size.y;
+  frame.width = image.width;
+  frame.height = image.height;
   frame.time = job_->time;
   frame.seed = job_->settings.seed;
   frame.k = image.k;
@@ -250,8 +254,14 @@ Frame Runner::header(u32 index) const {
 Status Runner::emit(Film& film, Frame frame, bool final) {
   auto made = context_.backend.resolve(film);
   if (!made) return std::unexpected(std::move(made).error());
+  const EntityId camera = job_->cameras[frame.index];
+  const ImageCamera image = seen_by(camera);
   auto planes = finish_planes(*job_, *std::move(made),
-                              {context_.denoiser, context_.interrupt, frame.width, frame.height});
+                              {.denoiser = context_.denoiser,
+                               .interrupt = context_.interrupt,
+                               .model = *job_->snapshot->find(camera)->camera,
+                               .camera = image,
+                               .sensor_seed = sensor_seed(*job_, camera)});
   if (!planes) return std::unexpected(std::move(planes).error());
   frame.planes = *std::move(planes);
   for (u32 tile = 0; tile < film.tiles(); ++tile)

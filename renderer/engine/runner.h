@@ -40,6 +40,7 @@ class Runner {
   [[nodiscard]] bool out_of_time() const;
   [[nodiscard]] bool finished(Film& film, u32 done);
   [[nodiscard]] Status emit(Film& film, Frame frame, bool final);
+  [[nodiscard]] ImageCamera seen_by(EntityId camera) const;
   [[nodiscard]] Frame header(u32 camera) const;
   [[nodiscard]] Status pause();
   void report(const Film& film, double done_in_camera, bool force);

@@ -197,6 +197,31 @@ struct Light {
   TextureUse texture;
 };
 
+/// A linear colour sensor; a signal of 1 fills its wells.
+struct RgbSensor {
+  double exposure = 0;    // stops
+  double full_well = 0;   // electrons; 0: no photon noise
+  double read_noise = 0;  // electrons
+  double black_level = 0;
+  u32 bits = 0;           // 0: not quantised
+  double vignetting = 0;  // share of the cosine fourth law
+};
+
+/// A depth camera. Lengths in metres, widths and disparities in pixels.
+struct DepthSensor {
+  enum class Kind : u8 { kActiveStereo, kTimeOfFlight };
+  Kind kind = Kind::kActiveStereo;
+  double baseline = 0;  // to the projector at +x
+  double disparity_noise = 0;
+  double disparity_step = 0;  // 0: not quantised
+  double lateral_noise = 0;
+  double range_noise = 0;  // at a signal of 1
+  u32 window = 1;
+  double min_signal = 0;
+  double max_angle = 0.5 * 3.14159265358979323846;
+  double min_depth = 0, max_depth = 0;  // max 0: none
+};
+
 enum class Projection : u8 { kPerspective, kOrthographic, kFisheye, kEquirectangular };
 
 /// OpenCV intrinsics at the calibrated size: integers are pixel centres.
@@ -211,6 +236,8 @@ struct Camera {
   u32 blades = 0;                      // 0: round
   double blade_rotation = 0;           // radians
   double near = 0, far = 0;            // metres, where rays start and end; far 0: they do not end
+  std::optional<RgbSensor> rgb_sensor;
+  std::optional<DepthSensor> depth_sensor;
 };
 
 /// Which kinds of rays meet an entity. Bits of Entity::visibility and of a ray's mask.

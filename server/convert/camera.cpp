@@ -1,4 +1,4 @@
-// Cameras of entities: intrinsics, lens, clipping.
+// Cameras of entities: intrinsics, lens, clipping, sensors.
 #include <fmt/format.h>
 
 #include "server/convert/fields.h"
@@ -112,6 +112,11 @@ Expected<Camera> to_camera(const v1::Camera& message) {
   HELIO_TRY(read_aperture(message, camera));
   HELIO_TRY(read_clip(message, camera));
   HELIO_TRY(read_distortion(message, camera));
+  if (message.has_rgb_sensor())
+    HELIO_TAKE(camera.rgb_sensor, to_rgb_sensor(message.rgb_sensor()), "rgb_sensor");
+  if (message.has_depth_sensor())
+    HELIO_TAKE(camera.depth_sensor, to_depth_sensor(message.depth_sensor(), camera),
+               "depth_sensor");
   return camera;
 }
 
@@ -132,6 +137,8 @@ v1::Camera to_proto(const Camera& camera) {
   message.set_far(camera.far);
   for (std::size_t i = 0; i < coefficients_of(camera); ++i)
     message.add_distortion(camera.distortion[i]);
+  if (camera.rgb_sensor) *message.mutable_rgb_sensor() = to_proto(*camera.rgb_sensor);
+  if (camera.depth_sensor) *message.mutable_depth_sensor() = to_proto(*camera.depth_sensor);
   return message;
 }
 

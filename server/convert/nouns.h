@@ -43,6 +43,14 @@ void add_topology(const MeshTopology& topology, const ArraySink& sink, v1::Mesh&
 [[nodiscard]] Expected<PutVolume> to_volume(const v1::Volume& message, ArraySource& source);
 [[nodiscard]] v1::Volume to_proto(const PutVolume& patch, const ArraySink& sink);
 
+// sensor.cpp
+[[nodiscard]] Expected<RgbSensor> to_rgb_sensor(const v1::RgbSensor& message);
+/// camera: what it is a part of.
+[[nodiscard]] Expected<DepthSensor> to_depth_sensor(const v1::DepthSensor& message,
+                                                    const Camera& camera);
+[[nodiscard]] v1::RgbSensor to_proto(const RgbSensor& sensor);
+[[nodiscard]] v1::DepthSensor to_proto(const DepthSensor& sensor);
+
 // entity.cpp, entity_parts.cpp, camera.cpp
 [[nodiscard]] Expected<PutEntity> to_entity(const v1::Entity& message, ArraySource& source);
 [[nodiscard]] v1::Entity to_proto(const PutEntity& patch, const ArraySink& sink);

@@ -86,7 +86,7 @@ LENSES = {
     "pincushion": lens("perspective", 0.21, -0.05, 0.001, 0.002),
     "rational": lens("perspective", 0.8, -0.3, 0.0005, -0.001, 0.04, 1.1, -0.2, 0.03),
     "fisheye": lens("fisheye", -0.03, 0.006, -0.004, 0.0006, scale=0.33),
-    "wide fisheye": lens("fisheye", scale=0.22),
+    "wide fisheye": lens("fisheye", scale=0.28),
     "panorama": hg.Camera.equirectangular(WIDTH, WIDTH // 2),
     "part of a panorama": hg.Camera.equirectangular(WIDTH, HEIGHT, fov=(2.0, 1.4)),
 }

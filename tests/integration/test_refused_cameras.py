@@ -1,9 +1,9 @@
-"""Cameras that make no sense, through the Python client: one row each."""
+"""Cameras and tracks that make no sense, through the Python client: one row each."""
 
 import heliograph as hg
 import numpy as np
 import pytest
-from refusals import camera, check, entity
+from refusals import camera, check, edited, entity
 
 INVALID = hg.InvalidArgument
 
@@ -67,7 +67,48 @@ CAMERAS = {
 }
 
 
-@pytest.mark.parametrize("row", CAMERAS)
-def test_a_camera_is_refused(world, row):
-    kind, field, says, call = CAMERAS[row]
+def tracked(points, times=(0.0,), camera="cam"):
+    return lambda scene: scene.tracks(camera, points, times)
+
+
+TRACKS = {
+    "points": (INVALID, "points", "entity, vertices", tracked(([0], [0], [0], [0]))),
+    "columns": (INVALID, "points", "barycentric", tracked({"entity": [1], "primitive": [1]})),
+    "lengths": (INVALID, "points", "different lengths", tracked(("ball", [0, 0], [[0, 0]]))),
+    "weights": (INVALID, "points.barycentric", r"\(N, 2\)", tracked(("ball", [0], [[0] * 3]))),
+    "nan": (INVALID, "points.barycentric", "finite", tracked(("ball", [0], [[0, np.nan]]))),
+    "a miss": (
+        INVALID,
+        "points",
+        "nothing was hit",
+        tracked({"entity": [0], "primitive": [0], "barycentric": [[0, 0]]}),
+    ),
+    "times": (INVALID, "times", r"\(N\)", tracked(("ball", [0]), np.zeros((2, 2)))),
+    "no times": (INVALID, "times", "at least one", tracked(("ball", [0]), [])),
+    "nan time": (INVALID, "times", "finite", tracked(("ball", [0]), [np.nan])),
+    "late": (INVALID, "times[1]", "1e+09", tracked(("ball", [0]), [0, 1e10])),
+    "camera": (hg.NotFound, "camera", "cam", tracked(("ball", [0]), camera="came")),
+    "no camera": (INVALID, "camera", "'ball'", tracked(("ball", [0]), camera="ball")),
+    "entity": (hg.NotFound, "entities[0]", "ball", tracked(("balls", [0]))),
+    "no mesh": (INVALID, "entities", "no mesh", tracked(("bone", [0]))),
+    "triangle": (INVALID, "primitive[1]", "1 triangles", tracked(("ball", [0, 1], [[0, 0]] * 2))),
+    "outside": (INVALID, "barycentric[0]", "outside", tracked(("ball", [0], [[0.7, 0.7]]))),
+    "vertex": (INVALID, "vertices[1]", "3 vertices", tracked(("ball", [2, 3]))),
+    "baseline": (
+        INVALID,
+        "baseline",
+        "above 0",
+        edited(lambda e: hg.stereo(e, "rig", camera=camera(), baseline=0)),
+    ),
+}
+TABLES = {
+    f"{kind}: {name}": row
+    for kind, rows in {"camera": CAMERAS, "track": TRACKS}.items()
+    for name, row in rows.items()
+}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_a_camera_is_refused(world, name):
+    kind, field, says, call = TABLES[name]
     check(world, call, (kind, field), says)

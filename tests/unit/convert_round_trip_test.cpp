@@ -61,9 +61,13 @@ v1::Entity full_entity() {
     light { color { x: 1 y: 2 z: 3 } intensity: 4
             unit: UNIT_POWER exposure: -1 temperature: 6500 two_sided: true shape: SHAPE_DISC
             radius: 2 inner_cone_angle: 0.25 outer_cone_angle: 0.5 }
-    camera { width: 640 height: 480 projection: PROJECTION_ORTHOGRAPHIC
+    camera { width: 640 height: 480 projection: PROJECTION_PERSPECTIVE
              fx: 500 fy: 501 cx: 319.5 cy: 239.5 aperture: 0.025 focus_distance: 2
-             blades: 6 blade_rotation: 0.5 near: 0.1 far: 50 }
+             blades: 6 blade_rotation: 0.5 near: 0.1 far: 50
+             rgb_sensor { exposure: 1 full_well: 8000 read_noise: 3 black_level: 0.05 bits: 12
+                          vignetting: 0.5 }
+             depth_sensor { kind: KIND_TIME_OF_FLIGHT range_noise: 0.01 window: 3 min_signal: 0.1
+                            max_angle: 1.25 min_depth: 0.25 max_depth: 5 } }
     volume { id: 0 } skin { joints { name: 'a' } joints { name: 'b' } }
     label { value: 7 group: true category: 'bolt' part: 2 } visible: false
     visibility { camera: false diffuse: true glossy: false transmission: true shadow: false volume: false }
@@ -181,7 +185,12 @@ TEST_CASE("convert: every field of every noun survives the round trip") {
   *add("e")->mutable_entity() = full_entity();
   CHECK(unset(message.edits(0).entity(), {"clear"}).empty());
   CHECK(unset(message.edits(0).entity().light(), {"sun_angle", "width", "height"}).empty());
-  CHECK(unset(message.edits(0).entity().camera(), {"distortion"}).empty());
+  const v1::Camera& camera = message.edits(0).entity().camera();
+  CHECK(unset(camera, {"distortion"}).empty());
+  CHECK(unset(camera.rgb_sensor(), {}).empty());
+  CHECK(unset(camera.depth_sensor(),
+              {"baseline", "disparity_noise", "disparity_step", "lateral_noise"})
+            .empty());
   CHECK(unset(message.edits(0).entity().label(), {"auto"}).empty());
   CHECK(unset(message.edits(0).entity().visibility(), {}).empty());
   CHECK(unset(message.edits(0).entity().skin(), {}).empty());
@@ -206,7 +215,10 @@ TEST_CASE("convert: every field of every noun survives the round trip") {
         "projection: PROJECTION_PERSPECTIVE distortion: [1, 2, 3, 4, 5]",
         "projection: PROJECTION_PERSPECTIVE distortion: [1, 2, 3, 4, 5, 6, 7, 8]",
         "projection: PROJECTION_FISHEYE distortion: [0, 0, 3, 4]",
-        "projection: PROJECTION_EQUIRECTANGULAR"}) {
+        "projection: PROJECTION_EQUIRECTANGULAR", "projection: PROJECTION_ORTHOGRAPHIC",
+        "projection: PROJECTION_PERSPECTIVE depth_sensor { kind: KIND_ACTIVE_STEREO baseline: 0.075 "
+        "disparity_noise: 0.5 disparity_step: 0.125 lateral_noise: 0.5 window: 5 min_signal: 0 "
+        "max_angle: 1 min_depth: 0 max_depth: 0 }"}) {
     *add(lens)->mutable_entity()->mutable_camera() = parse<v1::Camera>(
         "width: 64 height: 48 fx: 50 fy: 51 cx: 31 cy: 23 aperture: 0 "
         "focus_distance: 0 blades: 0 blade_rotation: 0 near: 0 far: 0 " +

@@ -233,7 +233,24 @@ def faults(message):
                 )
 
 
-REQUESTS = {"Apply": [transaction()], "Render": [rendering()], "Query": queries()}
+def tracks() -> list[service.TracksRequest]:
+    def integers(*values: int) -> types_pb2.Array:
+        return array(types_pb2.D_TYPE_U32, (len(values),), "I", *values)
+
+    common = {"camera": named("cam"), "entities": [named("thing")], "times": f64((2,), 1, 0)}
+    on_triangles = {"primitive": integers(0, 0), "barycentric": f32((2, 2), 0, 1, 0.5, 0.5)}
+    return [
+        service.TracksRequest(**common, **on_triangles, entity=integers(0, 0)),
+        service.TracksRequest(**common, vertices=integers(0, 2)),
+    ]
+
+
+REQUESTS = {
+    "Apply": [transaction()],
+    "Render": [rendering()],
+    "Query": queries(),
+    "Tracks": tracks(),
+}
 ROWS = {
     f"{method} {path} {what}": (method, message, path, code, spoil, steps)
     for method, messages in REQUESTS.items()

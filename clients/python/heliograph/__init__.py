@@ -37,7 +37,9 @@ if TYPE_CHECKING:
     from .handles import Asset, Entity, Group, Handle, Material, Mesh, Texture
     from .lights import Light
     from .pose import Pose, look_at
+    from .rigs import stereo
     from .scene import Scene
+    from .sensors import DepthSensor, RgbSensor
 
 __version__ = "0.1.0"
 
@@ -45,6 +47,7 @@ _LAZY = {
     "Asset": "handles",
     "Camera": "components",
     "Client": "client",
+    "DepthSensor": "sensors",
     "Edits": "edit",
     "Entity": "handles",
     "Frame": "frame",
@@ -55,6 +58,7 @@ _LAZY = {
     "Mesh": "handles",
     "Pose": "pose",
     "Progress": "_progress",
+    "RgbSensor": "sensors",
     "Scene": "scene",
     "Tex": "components",
     "Texture": "handles",
@@ -64,6 +68,7 @@ _LAZY = {
     "datasets": "",
     "materials": "",
     "shapes": "",
+    "stereo": "rigs",
 }
 
 __all__ = [
@@ -74,6 +79,7 @@ __all__ = [
     "Cancelled",
     "Client",
     "DeadlineExceeded",
+    "DepthSensor",
     "Edits",
     "Entity",
     "FailedPrecondition",
@@ -92,6 +98,7 @@ __all__ = [
     "Pose",
     "Progress",
     "ResourceExhausted",
+    "RgbSensor",
     "Scene",
     "Tex",
     "Texture",
@@ -103,6 +110,7 @@ __all__ = [
     "look_at",
     "materials",
     "shapes",
+    "stereo",
 ]
 
 

@@ -115,7 +115,7 @@ class Scene(_Twin):
     _awaited = frozenset(
         {
             *("describe", "resolve", "handle", "find", "tree", "memory", "transforms", "read"),
-            *("cast_rays", "pick", "visible", "overlaps", "sample_surface"),
+            *("cast_rays", "pick", "visible", "overlaps", "sample_surface", "tracks"),
             *("save", "delete", "rerender"),
         }
     )

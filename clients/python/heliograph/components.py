@@ -7,7 +7,7 @@ import math
 import operator
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from ._arrays import NdArray, checked
 from ._proto import scene_pb2 as scene
 from ._proto import types_pb2 as types
 from .errors import InvalidArgument
+
+if TYPE_CHECKING:
+    from .sensors import DepthSensor, RgbSensor
 
 
 def refuse_unknown(given: Mapping[str, Any], known: type, what: str) -> None:
@@ -96,6 +99,8 @@ class Camera:
     corner from +X towards +Y. Planes of fold `centre` have no blur.
     near, far: where rays start and end, metres along the optical axis (fisheye, equirectangular:
     along the ray).
+    rgb_sensor, depth_sensor: hg.RgbSensor and hg.DepthSensor, for the planes sensor_rgb and
+    sensor_depth.
     """
 
     width: int
@@ -112,6 +117,8 @@ class Camera:
     blade_rotation: float = 0.0
     near: float = 0.0
     far: float = math.inf
+    rgb_sensor: RgbSensor | None = None
+    depth_sensor: DepthSensor | None = None
 
     @classmethod
     def from_intrinsics(cls, K: Any, width: int, height: int, **fields: Any) -> Camera:
@@ -212,20 +219,33 @@ class Camera:
                 f"projection: one of {', '.join(_PROJECTIONS)}", field="projection"
             )
         projection: Any = scene.Camera.Projection.Value(f"PROJECTION_{self.projection.upper()}")
-        far = {} if self.far == math.inf else {"far": number_of(self.far, "camera.far")}
-        return scene.Camera(
+        message = scene.Camera(
             width=whole_of(self.width, "camera.width", 1),
             height=whole_of(self.height, "camera.height", 1),
             projection=projection,
             blades=whole_of(self.blades, "camera.blades"),
             distortion=checked(self.distortion, "camera.distortion", "f8", (None,)),
-            **{name: number_of(getattr(self, name), f"camera.{name}") for name in _NUMBERS},
-            **far,
         )
+        for name in _NUMBERS:
+            setattr(message, name, number_of(getattr(self, name), f"camera.{name}"))
+        if self.far != math.inf:
+            message.far = number_of(self.far, "camera.far")
+        if self.rgb_sensor is not None:
+            message.rgb_sensor.CopyFrom(self.rgb_sensor.to_message())
+        if self.depth_sensor is not None:
+            message.depth_sensor.CopyFrom(self.depth_sensor.to_message())
+        return message
 
     @classmethod
     def from_message(cls, message: scene.Camera) -> Camera:
+        from .sensors import DepthSensor, RgbSensor
+
         name = scene.Camera.Projection.Name(message.projection or 1)
+        fields: dict[str, Any] = {name: getattr(message, name) for name in _NUMBERS}
+        if message.HasField("rgb_sensor"):
+            fields["rgb_sensor"] = RgbSensor.from_message(message.rgb_sensor)
+        if message.HasField("depth_sensor"):
+            fields["depth_sensor"] = DepthSensor.from_message(message.depth_sensor)
         return cls(
             width=message.width,
             height=message.height,
@@ -233,7 +253,7 @@ class Camera:
             blades=message.blades,
             distortion=tuple(message.distortion),
             far=message.far or math.inf,
-            **{name: getattr(message, name) for name in _NUMBERS},
+            **fields,
         )
 
 

@@ -167,6 +167,8 @@ class Frame:
         if unit.startswith("W "):
             stops = self._stops(exposure) if "beauty" in self or exposure != "auto" else 0.0
             return tonemap.to_srgb8(data[..., :3], stops, view)
+        if plane == "sensor_depth":  # what is not measured, as what is infinitely far
+            data = np.where(data > 0, data, np.inf)
         if data.ndim == 2:
             if unit in ("m", "px", "rays") or plane == "variance":
                 return tonemap.grey_of(data)
@@ -272,7 +274,7 @@ def _picture_of_vectors(plane: str, data: NdArray, unit: str) -> NdArray:
         hit = np.any(data != 0, axis=2, keepdims=True)
         return np.asarray(np.where(hit, data * 127.5 + 128, 0).clip(0, 255).astype(np.uint8))
     if unit == "1":
-        if plane == "base_color":
+        if plane in ("base_color", "sensor_rgb"):
             return tonemap.to_srgb8(data, 0.0, "standard")
         return np.asarray((np.clip(data, 0, 1) * 255 + 0.5).astype(np.uint8))
     reach = float(np.abs(data).max()) or 1.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import grpc
@@ -116,3 +117,77 @@ def sample_surface(scene: Scene, entities: Any, count: int, seed: int) -> Column
         seed=whole_of(seed, "seed", 0, 2**64 - 1),
     )
     return _joined(_ask(scene, [service.QueryRequest(scene=scene.id, sample_surface=question)]))
+
+
+_TRACK_ITEMS, _TRACK_TIMES = 65536, 64  # points times times, and times, of a message
+
+
+def tracks(
+    scene: Scene, camera: Named, points: Any, times: Any, through_transmission: bool
+) -> Columns:
+    """See Scene.tracks."""
+    common = service.TracksRequest(
+        scene=scene.id, camera=_ref(camera), through_transmission=through_transmission
+    )
+    arrays = _track_points(points, common)
+    instants = checked(np.atleast_1d(np.asarray(times)), "times", "<f8", (None,))
+    count = len(next(iter(arrays.values())))
+    across = max(1, _TRACK_ITEMS // min(_TRACK_TIMES, max(1, len(instants))))
+    rows = []
+    for start in range(0, max(1, count), across):
+        part = {name: array[start : start + across] for name, array in arrays.items()}
+        replies = []
+        for first in range(0, max(1, len(instants)), _TRACK_TIMES):
+            request = service.TracksRequest()
+            request.CopyFrom(common)
+            for name, array in part.items():
+                getattr(request, name).CopyFrom(inline(array))
+            request.times.CopyFrom(inline(instants[first : first + _TRACK_TIMES]))
+            reply = scene.client.connection.call("Tracks", request)
+            common.revision = reply.revision  # the rest of one revision
+            replies.append(Columns.of(reply.columns))
+        rows.append({n: np.concatenate([r[n] for r in replies], axis=1) for n in replies[0]})
+    out = {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
+    return Columns({**out, "visible": out["visible"].astype(bool)})
+
+
+def _track_points(points: Any, request: service.TracksRequest) -> dict[str, NdArray]:
+    """The arrays that place points; puts the entities into the request."""
+    if isinstance(points, Mapping):
+        missing = [name for name in ("entity", "primitive", "barycentric") if name not in points]
+        if missing:
+            raise InvalidArgument(f"points: no column {missing[0]!r}", field="points")
+        ids = checked(points["entity"], "points.entity", "<u8", (None,))
+        if not ids.all():
+            where = int(np.flatnonzero(ids == 0)[0])
+            raise InvalidArgument(
+                f"points.entity[{where}]: nothing was hit there; leave such rows out",
+                field="points",
+            )
+        known, index = np.unique(ids, return_inverse=True)
+        request.entities.extend(types.Ref(id=int(i)) for i in known)
+        arrays = {
+            "entity": index.astype("<u4"),
+            "primitive": checked(points["primitive"], "points.primitive", "<u4", (None,)),
+            "barycentric": checked(points["barycentric"], "points.barycentric", "<f4", (None, 2)),
+        }
+    else:
+        if not isinstance(points, tuple) or len(points) not in (2, 3):
+            raise InvalidArgument(
+                "points: columns of pick() or sample_surface(), (entity, vertices), or (entity, "
+                "primitive, barycentric)",
+                field="points",
+            )
+        request.entities.append(_ref(points[0]))
+        number = np.atleast_1d(np.asarray(points[1]))
+        if len(points) == 2:
+            return {"vertices": checked(number, "points.vertices", "<u4", (None,))}
+        weights = np.atleast_2d(np.asarray(points[2]))
+        arrays = {
+            "primitive": checked(number, "points.primitive", "<u4", (None,)),
+            "barycentric": checked(weights, "points.barycentric", "<f4", (None, 2)),
+        }
+    lengths = {name: len(array) for name, array in arrays.items()}
+    if len(set(lengths.values())) > 1:
+        raise InvalidArgument(f"points: columns of different lengths, {lengths}", field="points")
+    return arrays

@@ -279,6 +279,20 @@ class Scene:
         """Points uniform over the world area of all: position, normal (N, 3), uv, entity."""
         return query.sample_surface(self, entities, count, seed)
 
+    def tracks(
+        self, camera: Named, points: Any, times: Any, *, through_transmission: bool = False
+    ) -> Columns:
+        """Where N points of surfaces are at T times (seconds, any order), as a camera sees them.
+
+        points: columns entity, primitive, barycentric, as pick(), cast_rays() and sample_surface()
+        give them; or (entity, vertices (N,)); or (entity, primitive (N,), barycentric (N, 2)).
+        Columns: image (N, T, 2) K coordinates, nan where the camera does not see that way;
+        depth (N, T) metres along the optical axis; position (N, T, 3) world; visible (N, T) bool:
+        inside the image, between the clipping planes, and nothing before it. Poses are those at
+        that time: shutters play no part.
+        """
+        return query.tracks(self, camera, points, times, through_transmission)
+
     # ------------------------------------------------------------ life
 
     def branch(self, name: str = "", *, revision: int | None = None, shared: bool = False) -> Scene:

@@ -198,7 +198,8 @@ Expected<QueryResult> EmbreeBackend::query(const QueryJob& job, const Interrupt&
   const auto& scene = static_cast<const EmbreeScene&>(**prepared);
   return arena_.execute([&] {
     const FlushDenormals flush;
-    return answer({scene.snapshot(), scene.placement(), scene.traced()}, job, interrupt);
+    const auto scene_at = [&](Time time) { return store_.prepare(job.snapshot, time, interrupt); };
+    return answer({scene.snapshot(), scene.placement(), scene.traced()}, job, scene_at, interrupt);
   });
 }
 

@@ -99,6 +99,7 @@ class HitColumns {
         entity_(result, "entity", DType::kU64, rows, 1),
         instance_(result, "instance", DType::kU32, rows, 1),
         primitive_(result, "primitive", DType::kU32, rows, 1),
+        barycentric_(result, "barycentric", DType::kF32, rows, 2),
         position_(result, "position", DType::kF32, rows, 3),
         normal_(result, "normal", DType::kF32, rows, 3),
         uv_(result, "uv", DType::kF32, rows, 2) {}
@@ -116,6 +117,7 @@ class HitColumns {
     *entity_.row(i) = scene.snapshot.entity_id(instance.entity).value;
     *instance_.row(i) = instance.label;
     *primitive_.row(i) = hit.primitive;
+    put(barycentric_.row(i), vec2(hit.u, hit.v));
     put(position_.row(i), surface.p);
     put(normal_.row(i), glm::dot(surface.ng, direction) > 0 ? -surface.ng : surface.ng);
     put(uv_.row(i), kernels::uvs_at(surface).set[0]);
@@ -125,7 +127,7 @@ class HitColumns {
   Out<float> t_;
   Out<u64> entity_;
   Out<u32> instance_, primitive_;
-  Out<float> position_, normal_, uv_;
+  Out<float> barycentric_, position_, normal_, uv_;
 };
 
 template <class F>
@@ -267,6 +269,8 @@ Expected<QueryResult> sample_surface(const QueryScene& scene, const SampleSurfac
   const Out<float> normal(result, "normal", DType::kF32, query.count, 3);
   const Out<float> uv(result, "uv", DType::kF32, query.count, 2);
   const Out<u64> entity(result, "entity", DType::kU64, query.count, 1);
+  const Out<u32> primitive(result, "primitive", DType::kU32, query.count, 1);
+  const Out<float> barycentric(result, "barycentric", DType::kF32, query.count, 2);
   std::mt19937_64 random(query.seed);
   const auto uniform = [&] { return double(random() >> 11) * 0x1p-53; };
   for (u32 i = 0; i < query.count; ++i) {
@@ -285,16 +289,19 @@ Expected<QueryResult> sample_surface(const QueryScene& scene, const SampleSurfac
     put(normal.row(i), surface.ng);
     put(uv.row(i), kernels::uvs_at(surface).set[0]);
     *entity.row(i) = scene.snapshot.entity_id(scene.placement.structure->slots[slot].entity).value;
+    *primitive.row(i) = triangle;
+    put(barycentric.row(i), vec2(float(u), float(v)));
   }
   return result;
 }
 
 }  // namespace
 
-Expected<QueryResult> answer(const QueryScene& scene, const QueryJob& job,
+Expected<QueryResult> answer(const QueryScene& scene, const QueryJob& job, const SceneAt& scene_at,
                              const Interrupt& interrupt) {
   struct Visitor {
     const QueryScene& scene;
+    const SceneAt& scene_at;
     const Interrupt& interrupt;
     Expected<QueryResult> operator()(const CastRays& q) const {
       return cast_rays(scene, q, interrupt);
@@ -309,8 +316,11 @@ Expected<QueryResult> answer(const QueryScene& scene, const QueryJob& job,
     Expected<QueryResult> operator()(const SampleSurface& q) const {
       return sample_surface(scene, q, interrupt);
     }
+    Expected<QueryResult> operator()(const Tracks& q) const {
+      return follow(q, scene_at, interrupt);
+    }
   };
-  auto result = std::visit(Visitor{scene, interrupt}, job.query);
+  auto result = std::visit(Visitor{scene, scene_at, interrupt}, job.query);
   if (interrupt.requested()) return fail(Code::kCancelled, "", "the query was cancelled");
   return result;
 }

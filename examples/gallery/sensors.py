@@ -1,0 +1,62 @@
+"""The picture of docs/cameras.md, section Sensors: what a camera and two depth cameras report.
+
+usage: sensors.py OUT.png [SPP]
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import heliograph as hg
+import numpy as np
+from cameras import EYE, TARGET, build
+
+SIZE = (320, 240)
+NEAR, FAR = 1.5, 7.0
+
+RGB = hg.RgbSensor(
+    exposure=-3, full_well=900, read_noise=4, black_level=0.02, bits=10, vignetting=1
+)
+STEREO = hg.DepthSensor(
+    baseline=0.09,
+    **{"disparity_noise": 0.17, "disparity_step": 0.125, "lateral_noise": 0.5, "window": 5},
+    min_signal=2e-4,
+    max_angle=1.5,
+)
+FLIGHT = hg.DepthSensor("time_of_flight", range_noise=0.002, window=3, min_signal=2e-4)
+
+
+def shade(depth: np.ndarray) -> np.ndarray:
+    """(H, W, 3) uint8: near bright, far dark, no measurement blue."""
+    seen = np.isfinite(depth) & (depth > 0)
+    grey = 255 * (1 - np.clip((np.where(seen, depth, FAR) - NEAR) / (FAR - NEAR), 0, 1))
+    out = np.repeat(grey[..., None], 3, axis=2)
+    out[~seen] = (20, 40, 110)
+    return out.astype("u1")
+
+
+def main(out: Path, spp: int) -> None:
+    from heliograph import tonemap
+    from PIL import Image
+
+    pose = hg.look_at(EYE, TARGET, (0, 0, 1))
+    with hg.connect() as client, client.create_scene("sensors") as scene:
+        with scene.edit() as edit:
+            build(edit)
+            for name, depth in (("stereo", STEREO), ("flight", FLIGHT)):
+                lens = hg.Camera.from_fov(
+                    *(55, *SIZE), degrees=True, rgb_sensor=RGB, depth_sensor=depth
+                )
+                edit.entity(name, camera=lens, transform=pose)
+        frame = scene.render("stereo", planes=["sensor_rgb", "sensor_depth", "depth"], spp=spp)
+        flight = scene.render("flight", planes=["sensor_depth"])
+    rgb = tonemap.to_srgb8(4 * (frame["sensor_rgb"] - RGB.black_level).clip(0), 0.0, "standard")
+    depths = [shade(d) for d in (frame["depth"], frame["sensor_depth"], flight["sensor_depth"])]
+    rows = [np.concatenate([rgb, depths[0]], axis=1), np.concatenate(depths[1:], axis=1)]
+    picture = Image.fromarray(np.concatenate(rows))
+    picture.convert("RGB").quantize(128, dither=Image.Dither.NONE).save(out, optimize=True)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 128)

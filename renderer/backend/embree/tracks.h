@@ -1,0 +1,18 @@
+// Points of surfaces followed over time. Called by queries.cpp.
+#pragma once
+
+#include <functional>
+
+#include "renderer/backend/embree/device_scene.h"
+
+namespace heliograph::embree {
+
+/// The scene at a time, as SceneStore::prepare() makes it.
+using SceneAt = std::function<Expected<std::shared_ptr<const DeviceScene>>(Time)>;
+
+/// Answers with the columns of service.proto's TracksReply. Fails as the scenes do, with
+/// INVALID_ARGUMENT for an entity that shows no mesh, and as the interrupt says.
+[[nodiscard]] Expected<QueryResult> follow(const Tracks& tracks, const SceneAt& scene_at,
+                                           const Interrupt& interrupt);
+
+}  // namespace heliograph::embree

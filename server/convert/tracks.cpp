@@ -1,0 +1,191 @@
+// Checks of a TracksRequest: every point lies on a triangle of its entity's mesh.
+#include "server/convert/tracks.h"
+
+#include <fmt/format.h>
+
+#include <unordered_map>
+
+#include "server/convert/array.h"
+#include "server/convert/fields.h"
+#include "server/convert/frame.h"
+#include "server/convert/resolve.h"
+
+namespace heliograph::server {
+namespace {
+
+constexpr Range kSeconds{-1e9, 1e9};
+constexpr float kRounding = 1e-5f;  // of barycentric weights
+
+struct Reader {
+  const v1::TracksRequest& request;
+  const Snapshot& snapshot;
+  ArraySource& source;
+};
+
+std::unexpected<Error> missing(const char* field, const char* remedy) {
+  return fail(Code::kInvalidArgument, field, std::string("is missing; ") + remedy);
+}
+
+Expected<const MeshTopology*> topology_of(const Snapshot& snapshot, EntityId id) {
+  const Entity& entity = *snapshot.find(id);
+  if (const auto* mesh = snapshot.find(entity.mesh)) return mesh->value->topology.get();
+  return fail(Code::kInvalidArgument, "",
+              fmt::format("{} shows no mesh; name an entity that does", object_text(id, snapshot)));
+}
+
+Expected<std::vector<double>> read_instants(const Reader& in, const TrackLimits& limits) {
+  if (!in.request.has_times()) return missing("", "give the seconds to follow the points at");
+  auto times = read_f64(in.request.times(), in.source, {{"T", {}}}, 1);
+  if (!times) return times;
+  if (times->empty()) return fail(Code::kInvalidArgument, "", "is empty; give at least one time");
+  if (times->size() > limits.times) {
+    auto error = fail(
+        Code::kResourceExhausted, "",
+        fmt::format("has {} times, {} are allowed; ask in parts", times->size(), limits.times));
+    error.error().needed = times->size();
+    error.error().available = limits.times;
+    return error;
+  }
+  for (u64 i = 0; i < times->size(); ++i)
+    HELIO_CHECK(in_range((*times)[i], kSeconds), fmt::format("[{}]", i));
+  return times;
+}
+
+struct Place {
+  u32 primitive = kernels::kNone;
+  vec2 barycentric{0};
+};
+
+/// For each vertex of a mesh the first triangle that has it, and its corner there.
+std::vector<Place> vertex_places(const MeshTopology& topology) {
+  static constexpr vec2 kCorners[3] = {vec2(0, 0), vec2(1, 0), vec2(0, 1)};
+  std::vector<Place> places(topology.vertex_count);
+  const auto triangles = topology.triangles.span();
+  for (u32 t = u32(triangles.size()); t-- > 0;)
+    for (int corner = 0; corner < 3; ++corner) places[triangles[t][corner]] = {t, kCorners[corner]};
+  return places;
+}
+
+Status place_on_vertices(const Reader& in, std::vector<TrackPoint>& points,
+                         std::span<const u32> vertices) {
+  std::unordered_map<const MeshTopology*, std::vector<Place>> known;
+  for (u64 i = 0; i < points.size(); ++i) {
+    const auto topology = topology_of(in.snapshot, points[i].entity);
+    if (!topology) return std::unexpected(topology.error());
+    auto& places = known[*topology];
+    if (places.empty()) places = vertex_places(**topology);
+    if (vertices[i] >= places.size())
+      return fail(Code::kInvalidArgument, indexed("vertices", i),
+                  fmt::format("is {}; the mesh has {} vertices", vertices[i], places.size()));
+    const Place& place = places[vertices[i]];
+    if (place.primitive == kernels::kNone)
+      return fail(Code::kInvalidArgument, indexed("vertices", i),
+                  fmt::format("{} is a vertex of no triangle", vertices[i]));
+    points[i].primitive = place.primitive;
+    points[i].barycentric = place.barycentric;
+  }
+  return {};
+}
+
+Status place_on_triangles(const Reader& in, std::vector<TrackPoint>& points,
+                          std::span<const u32> primitives, std::span<const vec2> weights) {
+  for (u64 i = 0; i < points.size(); ++i) {
+    const auto topology = topology_of(in.snapshot, points[i].entity);
+    if (!topology) return std::unexpected(topology.error());
+    if (primitives[i] >= (*topology)->triangles.size())
+      return fail(Code::kInvalidArgument, indexed("primitive", i),
+                  fmt::format("is {}; the mesh has {} triangles", primitives[i],
+                              (*topology)->triangles.size()));
+    const vec2 w = weights[i];
+    if (w.x < -kRounding || w.y < -kRounding || w.x + w.y > 1 + kRounding)
+      return fail(Code::kInvalidArgument, indexed("barycentric", i),
+                  fmt::format("({}, {}) lies outside the triangle; give weights of its vertices 1 "
+                              "and 2 that are at least 0 and sum to at most 1",
+                              w.x, w.y));
+    points[i].primitive = primitives[i];
+    points[i].barycentric = w;
+  }
+  return {};
+}
+
+/// Which entity each point is on; the number of points is that of vertices or primitive.
+Expected<std::vector<TrackPoint>> read_entities(const Reader& in, u64 count) {
+  if (in.request.entities().empty())
+    return fail(Code::kInvalidArgument, "entities", "is empty; name at least one entity");
+  std::vector<EntityId> entities;
+  HELIO_TAKE(entities, resolve_entities(in.request.entities(), in.snapshot), "entities");
+  std::vector<TrackPoint> points(count, TrackPoint{.entity = entities[0]});
+  if (!in.request.has_entity()) return points;
+  ArrayOf<u32> index;
+  HELIO_TAKE(index,
+             (read_integers<u32>(in.request.entity(), in.source, {{"N", count}}, v1::D_TYPE_U32)),
+             "entity");
+  HELIO_CHECK(check_below(index.span(), u32(entities.size()), 1, "entities"), "entity");
+  for (u64 i = 0; i < count; ++i) points[i].entity = entities[index.span()[i]];
+  return points;
+}
+
+Expected<std::vector<TrackPoint>> read_points(const Reader& in) {
+  const v1::TracksRequest& request = in.request;
+  const bool by_vertex = request.has_vertices();
+  if (by_vertex && (request.has_primitive() || request.has_barycentric()))
+    return fail(Code::kInvalidArgument, "vertices",
+                "excludes primitive and barycentric; give one or the other");
+  if (!by_vertex && !request.has_primitive())
+    return missing("primitive", "give triangles with barycentric, or vertices");
+  ArrayOf<u32> number;
+  HELIO_TAKE(number,
+             (read_integers<u32>(by_vertex ? request.vertices() : request.primitive(), in.source,
+                                 {{"N", {}}}, v1::D_TYPE_U32)),
+             by_vertex ? "vertices" : "primitive");
+  auto points = read_entities(in, number.size());
+  if (!points) return points;
+  if (by_vertex) {
+    HELIO_TRY(place_on_vertices(in, *points, number.span()));
+    return points;
+  }
+  if (!request.has_barycentric())
+    return missing("barycentric", "give the weights of vertices 1 and 2");
+  ArrayOf<vec2> weights;
+  HELIO_TAKE(weights,
+             read_floats<vec2>(request.barycentric(), in.source, {{"N", number.size()}, kTwo}),
+             "barycentric");
+  HELIO_TRY(place_on_triangles(in, *points, number.span(), weights.span()));
+  return points;
+}
+
+}  // namespace
+
+Expected<QueryJob> to_tracks(const v1::TracksRequest& request,
+                             std::shared_ptr<const Snapshot> snapshot, ArraySource& source,
+                             const TrackLimits& limits) {
+  HELIO_TRY(check_known(request));
+  QueryJob job{.snapshot = std::move(snapshot)};
+  job.time = job.snapshot->time;
+  const Reader in{request, *job.snapshot, source};
+  Tracks tracks{.through_transmission = request.through_transmission()};
+  HELIO_TAKE(tracks.camera, resolve_camera(request.camera(), *job.snapshot), "camera");
+  HELIO_TAKE(tracks.times, read_instants(in, limits), "times");
+  auto points = read_points(in);
+  if (!points) return std::unexpected(std::move(points).error());
+  tracks.points = *std::move(points);
+  if (const u64 items = tracks.points.size() * tracks.times.size(); items > limits.items) {
+    auto error = fail(Code::kResourceExhausted, "times",
+                      fmt::format("{} points at {} times, {} in all are allowed; ask in parts",
+                                  tracks.points.size(), tracks.times.size(), limits.items));
+    error.error().needed = items;
+    error.error().available = limits.items;
+    return error;
+  }
+  job.query = std::move(tracks);
+  return job;
+}
+
+v1::TracksReply to_tracks_reply(const QueryResult& result, Revision revision) {
+  v1::TracksReply reply;
+  reply.set_revision(revision);
+  for (const Column& column : result) *reply.add_columns() = to_proto(column);
+  return reply;
+}
+
+}  // namespace heliograph::server

@@ -1,0 +1,20 @@
+// Point tracks: requests to jobs, columns to replies. Called by Tracks.
+#pragma once
+
+#include "server/convert/query.h"
+
+namespace heliograph::server {
+
+struct TrackLimits {
+  u64 items = 1u << 20;  // points times times of one call
+  u64 times = 256;
+};
+
+/// The job of a request on a snapshot. INVALID_ARGUMENT, NOT_FOUND, UNIMPLEMENTED,
+/// RESOURCE_EXHAUSTED, with the path in the request.
+[[nodiscard]] Expected<QueryJob> to_tracks(const v1::TracksRequest& request,
+                                           std::shared_ptr<const Snapshot> snapshot,
+                                           ArraySource& source, const TrackLimits& limits);
+[[nodiscard]] v1::TracksReply to_tracks_reply(const QueryResult& result, Revision revision);
+
+}  // namespace heliograph::server
