@@ -216,7 +216,8 @@ TEST_CASE("convert: every field of every noun survives the round trip") {
         "projection: PROJECTION_PERSPECTIVE distortion: [1, 2, 3, 4, 5, 6, 7, 8]",
         "projection: PROJECTION_FISHEYE distortion: [0, 0, 3, 4]",
         "projection: PROJECTION_EQUIRECTANGULAR", "projection: PROJECTION_ORTHOGRAPHIC",
-        "projection: PROJECTION_PERSPECTIVE depth_sensor { kind: KIND_ACTIVE_STEREO baseline: 0.075 "
+        "projection: PROJECTION_PERSPECTIVE depth_sensor { kind: KIND_ACTIVE_STEREO baseline: "
+        "0.075 "
         "disparity_noise: 0.5 disparity_step: 0.125 lateral_noise: 0.5 window: 5 min_signal: 0 "
         "max_angle: 1 min_depth: 0 max_depth: 0 }"}) {
     *add(lens)->mutable_entity()->mutable_camera() = parse<v1::Camera>(
