@@ -22,8 +22,8 @@ FileGrid& density_of(VolumeFile& file, const FileGrid* temperature) {
   for (FileGrid& grid : file.grids)
     if (grid.channels() == 1 && &grid != temperature) return grid;
   std::string names;
-  for (const FileGrid& grid : file.grids) names += " " + grid.name();
-  for (const std::string& name : file.skipped) names += " " + clean_text(name, 200);
+  for (const FileGrid& grid : file.grids) names += fmt::format(" {}", grid.name());
+  for (const std::string& name : file.skipped) names += fmt::format(" {}", clean_text(name, 200));
   refuse("grids", "no grid of floats could be the density; there are:" + names);
 }
 
