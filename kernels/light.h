@@ -255,12 +255,12 @@ KERNEL bool has_lights(const SceneView& scene) {
   return scene.light_count > 0 || scene.sun_count > 0 || scene.dome.probability > 0;
 }
 
-/// Chooses a sun or the dome. u: uniform in [0, 1 - surface_probability).
+/// Chooses a sun or the dome at out.time. u: uniform in [0, 1 - surface_probability).
 KERNEL bool sample_sky(const SceneView& scene, float u, vec2 u2, LightSample& out) {
   for (u32 i = 0; i < scene.sun_count; ++i) {
     const SunView& sun = scene.suns[i];
     if (u < sun.probability) {
-      out.direction = sample_sun(sun, u2);
+      out.direction = sample_sun(sun, out.time, u2);
       out.pdf = sun_pdf(sun);
       out.light = kNone;
       out.sun = i;
@@ -278,6 +278,7 @@ KERNEL bool sample_sky(const SceneView& scene, float u, vec2 u2, LightSample& ou
 KERNEL bool sample_light(const SceneView& scene, const Receiver& from, float u, vec2 u2,
                          LightSample& out) {
   const float surfaces = scene.surface_probability;
+  out.time = from.time;
   if (u >= surfaces) return sample_sky(scene, u - surfaces, u2, out);
   LeafChoice choice{0, surfaces, u / surfaces};
   choose_leaf(scene.light_nodes, from, false, choice);

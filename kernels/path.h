@@ -54,7 +54,8 @@ KERNEL vec3 met_dome(const SceneView& scene, const Path& path) {
 
 /// Radiance of a sun where the path leaves the scene, weighted; 0 unless it meets the sun.
 KERNEL vec3 met_sun(const SunView& sun, const Path& path) {
-  if (!(sun.visibility & path.mask) || !in_sun(sun, path.ray.direction)) return vec3(0);
+  if (!(sun.visibility & path.mask) || !in_sun(sun, path.ray.direction, path.ray.time))
+    return vec3(0);
   if (path.pdf <= 0) return sun.radiance;
   if (!shows_to_all(sun.visibility)) return vec3(0);
   return sun.radiance * mis_weight(path.pdf, sun_pdf(sun));

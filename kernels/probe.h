@@ -2,15 +2,15 @@
 // the entry point of every backend.
 #pragma once
 
-#include "kernels/camera.h"
 #include "kernels/film.h"
 #include "kernels/light.h"
+#include "kernels/rolling.h"
 #include "kernels/settings.h"
 #include "kernels/volume_march.h"
 
 namespace heliograph::kernels {
 
-/// A scene and the camera in it, at one instant.
+/// A scene and the camera in it, over the times of the image's rows.
 struct ProbeScene {
   const SceneView* scene;
   const CameraView* camera;
@@ -81,22 +81,29 @@ struct Flow {
   vec3 metres;
 };
 
-/// Where the probed surface point is at another instant.
+/// Where the probed surface point is in another frame. In space that is a frame_interval from the
+/// probe; in pixels, when the other frame's row sees it.
 template <Tracer T>
 KERNEL Flow flow_to(const ProbeContext& context, const ProbeScene& other, CountedTracer<T> counted,
                     const Hit& hit, vec3 p_world) {
   Flow flow{vec2(0), 0, 0, vec3(0)};
   if (other.scene->instances[hit.instance].flags & kFlowInvalid) return flow;
-  const Surface there =
-      locate(*other.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), other.camera->time);
-  flow.metres = there.p - p_world;
+  const auto surface_at = [&](float time) {
+    return locate(*other.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), time);
+  };
+  flow.metres = surface_at(context.now.camera->time).p - p_world;
   if (other.camera_jumped) return flow;
-  const Projected to = project(*other.camera, there.p);
-  if (!to.seen) return flow;
-  flow.pixels = to.raster - project(*context.now.camera, p_world).raster;
+  const vec2 from = project(*context.now.camera, p_world).raster;
+  const Sighting to = find_row(*other.camera, from.y, [&](const CameraView& camera) {
+    return project(camera, surface_at(camera.time).p);
+  });
+  if (!to.found || !to.at.seen) return flow;
+  flow.pixels = to.at.raster - from;
   flow.valid = 1;
-  flow.visible = inside_image(*other.camera, to.raster) &&
-                 camera_sees(other, counted, there, context.settings->through_transmission);
+  const CameraAt camera(*other.camera, to.time);
+  flow.visible = inside_image(*other.camera, to.at.raster) &&
+                 camera_sees({other.scene, &camera.camera()}, counted, surface_at(to.time),
+                             context.settings->through_transmission);
   return flow;
 }
 
@@ -106,9 +113,11 @@ KERNEL Flow background_flow(const ProbeContext& context, const ProbeScene& other
   Flow flow{vec2(0), 0, 0, vec3(0)};
   if (other.camera_jumped) return flow;
   const Projected from = project_direction(*context.now.camera, ray.direction, raster);
-  const Projected to = project_direction(*other.camera, ray.direction, raster);
-  if (!to.seen) return flow;
-  flow.pixels = to.raster - from.raster;
+  const Sighting to = find_row(*other.camera, raster.y, [&](const CameraView& camera) {
+    return project_direction(camera, ray.direction, raster);
+  });
+  if (!to.found || !to.at.seen) return flow;
+  flow.pixels = to.at.raster - from.raster;
   flow.valid = 1;
   return flow;
 }
@@ -237,17 +246,23 @@ KERNEL Flow volume_flow(const ProbeContext& context, const ProbeScene& other,
   const InstanceView& instance = context.now.scene->volumes[volume].instance;
   const mat4x3 object_from_world =
       pose_at(*context.now.scene, instance, context.now.camera->time).object_from_world;
-  const vec3 there =
-      transform_point(pose_at(*other.scene, then, other.camera->time).world_from_object,
-                      transform_point(object_from_world, p_world));
-  flow.metres = there - p_world;
+  const vec3 p_object = transform_point(object_from_world, p_world);
+  const auto point_at = [&](float time) {
+    return transform_point(pose_at(*other.scene, then, time).world_from_object, p_object);
+  };
+  flow.metres = point_at(context.now.camera->time) - p_world;
   if (other.camera_jumped) return flow;
-  const Projected to = project(*other.camera, there);
-  if (!to.seen) return flow;
-  flow.pixels = to.raster - project(*context.now.camera, p_world).raster;
+  const vec2 from = project(*context.now.camera, p_world).raster;
+  const Sighting to = find_row(*other.camera, from.y, [&](const CameraView& camera) {
+    return project(camera, point_at(camera.time));
+  });
+  if (!to.found || !to.at.seen) return flow;
+  flow.pixels = to.at.raster - from;
   flow.valid = 1;
-  flow.visible = inside_image(*other.camera, to.raster) &&
-                 camera_sees(other, counted, there, context.settings->through_transmission);
+  const CameraAt camera(*other.camera, to.time);
+  flow.visible = inside_image(*other.camera, to.at.raster) &&
+                 camera_sees({other.scene, &camera.camera()}, counted, point_at(to.time),
+                             context.settings->through_transmission);
   return flow;
 }
 
@@ -291,7 +306,8 @@ KERNEL Probe probe_in_volume(const ProbeContext& context, const T* const (&trace
 template <Tracer T>
 KERNEL void probe_disparity(Probe& p, const ProbeContext& context, CountedTracer<T> counted,
                             const Surface& s) {
-  const CameraView& camera = *context.disparity;
+  const CameraAt second(*context.disparity, s.time);
+  const CameraView& camera = second.camera();
   const Projected to = project(camera, s.p);
   if (!to.seen) return;
   p.disparity = project(*context.now.camera, s.p).raster.x - to.raster.x;
@@ -356,7 +372,10 @@ KERNEL u32 probe_pixel(const ProbeContext& context, const T& tracer, const T* fo
   const u64 pixel = u64(y) * film.width + x;
   const vec2 raster(float(x) + 0.5f, float(y) + 0.5f);
   const T* const tracers[3] = {&tracer, forward_tracer, backward_tracer};
-  const Probe p = make_probe<T>(context, tracers, film.wanted, raster, rays);
+  const CameraAt camera(*context.now.camera, row_time(*context.now.camera, raster.y));
+  ProbeContext at_row = context;
+  at_row.now.camera = &camera.camera();
+  const Probe p = make_probe<T>(at_row, tracers, film.wanted, raster, rays);
 #define HELIO_PUT_kMean(...)
 #define HELIO_PUT_kFilm(...)
 #define HELIO_PUT_kPost(...)

@@ -252,8 +252,10 @@ struct DomeView {
 
 /// A disc of light infinitely far away.
 struct SunView {
-  vec3 direction;  // unit, to its middle
-  float depth;     // 1 - cosine of its angular radius: its solid angle over 2 pi
+  vec3 direction;                // unit, to its middle; use sun_direction()
+  const MotionKey* motion_keys;  // segments + 1 poses, whose z axes point there
+  u32 segments;                  // 0: it stands still
+  float depth;                   // 1 - cosine of its angular radius: its solid angle over 2 pi
   vec3 radiance;
   float probability;  // of choosing it among all lights
   u32 visibility;     // ray mask bits

@@ -1,14 +1,22 @@
 // Suns: discs of light infinitely far away. Called by light.h and path.h.
 #pragma once
 
-#include "kernels/scene_view.h"
+#include "kernels/motion.h"
 #include "kernels/warp.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// Whether a unit direction meets the sun.
-KERNEL bool in_sun(const SunView& sun, vec3 direction) {
-  const vec3 d = direction - sun.direction;
+/// To the middle of the sun at a time.
+KERNEL vec3 sun_direction(const SunView& sun, float time) {
+  if (sun.segments == 0) return sun.direction;
+  const Segment s = segment_at(sun.segments, time);
+  const MotionKey* key = sun.motion_keys + s.index;
+  return normalize(interpolate(key[0], key[1], s.u)[2]);
+}
+
+/// Whether a unit direction meets the sun at a time.
+KERNEL bool in_sun(const SunView& sun, vec3 direction, float time) {
+  const vec3 d = direction - sun_direction(sun, time);
   return dot(d, d) <= 2 * sun.depth;
 }
 
@@ -16,11 +24,12 @@ KERNEL bool in_sun(const SunView& sun, vec3 direction) {
 KERNEL float sun_pdf(const SunView& sun) { return sun.probability / (2 * kPi * sun.depth); }
 
 /// Uniform in the sun's solid angle.
-KERNEL vec3 sample_sun(const SunView& sun, vec2 u) {
+KERNEL vec3 sample_sun(const SunView& sun, float time, vec2 u) {
   const float drop = u.x * sun.depth;
   const float r = safe_sqrt(drop * (2 - drop));
   const SinCos phi = sincos_turns(u.y);
-  return normalize(to_world(make_frame(sun.direction), vec3(r * phi.cos, r * phi.sin, 1 - drop)));
+  const Frame frame = make_frame(sun_direction(sun, time));
+  return normalize(to_world(frame, vec3(r * phi.cos, r * phi.sin, 1 - drop)));
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -11,23 +11,24 @@
 #include "renderer/base/error.h"
 #include "renderer/engine/frame.h"
 #include "renderer/engine/query.h"
+#include "renderer/scene/motion.h"
 
 namespace heliograph {
 
-/// A snapshot at one instant, resident on the device. Immutable while anybody holds it.
+/// A snapshot in a span of time, resident on the device. Immutable while anybody holds it.
 class DeviceScene {
  public:
   virtual ~DeviceScene() = default;
 };
 
-/// One camera's share of a job.
+/// One camera's share of a job. Scenes that no plane needs are null.
 struct Shot {
   std::shared_ptr<const RenderJob> job;
-  u32 camera = 0;                            // index into job->cameras
-  std::shared_ptr<const DeviceScene> scene;  // at the job's time
-  std::shared_ptr<const DeviceScene>
-      forward;  // at time + frame_interval; null unless a plane needs it
-  std::shared_ptr<const DeviceScene> backward;  // at time - frame_interval
+  u32 camera = 0;                               // index into job->cameras
+  std::shared_ptr<const DeviceScene> open;      // while the shutter is open: what samples see
+  std::shared_ptr<const DeviceScene> still;     // at the label time: labels, and beauty_still
+  std::shared_ptr<const DeviceScene> forward;   // a frame_interval later than `still`
+  std::shared_ptr<const DeviceScene> backward;  // a frame_interval earlier
 };
 
 /// A part of a shot's work. Pixels are in row-major order of 16x16 tiles.
@@ -86,7 +87,8 @@ class Backend {
   /// Uploads what changed against the nearest resident scene; derived data is cached by buffer
   /// serial.
   [[nodiscard]] virtual Expected<std::shared_ptr<const DeviceScene>> prepare(
-      const std::shared_ptr<const Snapshot>& snapshot, Time time, const Interrupt& interrupt) = 0;
+      const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
+      const Interrupt& interrupt) = 0;
   [[nodiscard]] virtual Expected<std::unique_ptr<Film>> begin(const Shot& shot) = 0;
   /// Traces the mean planes' samples of a range. The result does not depend on how work is split.
   [[nodiscard]] virtual Status render(Film& film, const WorkRange& range,

@@ -72,10 +72,14 @@ Status check_flow(const RenderJob& job) {
     return fail(Code::kFailedPrecondition, "frame_interval",
                 "flow needs another end: set frame_interval, or move the scene with advance()");
   if (job.hold) return {};
-  for (const double sign : {1.0, -1.0}) {
-    if (!(sign > 0 ? wants_forward(job) : wants_backward(job))) continue;
-    HELIO_TRY(flow_defined(*job.snapshot, job.time, job.time + sign * interval, job.cameras));
-  }
+  double rolling = 0;
+  for (const EntityId camera : job.cameras)
+    rolling = std::max(rolling, job.snapshot->find(camera)->camera->shutter.rolling);
+  const Time first = label_time(job), last = first + rolling;
+  if (wants_forward(job))
+    HELIO_TRY(flow_defined(*job.snapshot, first, last + interval, job.cameras));
+  if (wants_backward(job))
+    HELIO_TRY(flow_defined(*job.snapshot, last, first - interval, job.cameras));
   return {};
 }
 
@@ -116,9 +120,10 @@ Status check_rectified(const RenderJob& job, EntityId first) {
   const auto image_of = [&](EntityId id) {
     const uvec2 size = rendered_size(job, id);
     return image_camera(*job.snapshot->find(id)->camera,
-                        world_pose(*job.snapshot, id.index(), job.time), size.x, size.y);
+                        world_pose(*job.snapshot, id.index(), label_time(job)), size.x, size.y);
   };
   const ImageCamera a = image_of(first), b = image_of(job.disparity_camera);
+  const auto rolling = [&](EntityId id) { return job.snapshot->find(id)->camera->shutter.rolling; };
   const auto refuse = [&](const char* what) {
     return fail(Code::kFailedPrecondition, "planes.camera",
                 fmt::format("'{}' and '{}' are no rectified rig: {}", job.snapshot->name_of(first),
@@ -127,6 +132,7 @@ Status check_rectified(const RenderJob& job, EntityId first) {
   if (!kernels::is_rectilinear(a.lens) || !kernels::is_rectilinear(b.lens) ||
       a.lens.projection != b.lens.projection)
     return refuse("give both the same projection, perspective or orthographic, and no distortion");
+  if (rolling(first) != rolling(job.disparity_camera)) return refuse("give both the same rolling");
   const double rows =
       std::abs(a.k[1][1] / b.k[1][1] - 1) * a.height + std::abs(a.k[2][1] - b.k[2][1]);
   if (a.width != b.width || a.height != b.height) return refuse("give both the same size");
@@ -186,6 +192,13 @@ bool wants_samples(const RenderJob& job) {
                              [](Plane plane) { return plane_info(plane).fold != Fold::kCentre; });
 }
 
+bool wants_open_shutter(const RenderJob& job) {
+  return job.stop.noise > 0 || job.stop.adaptive ||
+         std::ranges::any_of(film_planes(job), [](Plane plane) {
+           return plane_info(plane).fold != Fold::kCentre && plane != Plane::BEAUTY_STILL;
+         });
+}
+
 bool wants_label_columns(const RenderJob& job) {
   const LabelOptions& l = job.labels;
   return l.boxes || l.amodal || l.amodal_masks || l.keypoints;
@@ -197,6 +210,10 @@ bool wants_probe(const RenderJob& job) {
          });
 }
 
+bool wants_still(const RenderJob& job) {
+  return wants_probe(job) || has(job, {Plane::BEAUTY_STILL});
+}
+
 bool wants_forward(const RenderJob& job) {
   return has(job, {Plane::FLOW_FORWARD, Plane::FLOW_FORWARD_VALID, Plane::FLOW_FORWARD_VISIBLE,
                    Plane::SCENE_FLOW});
@@ -205,6 +222,8 @@ bool wants_forward(const RenderJob& job) {
 bool wants_backward(const RenderJob& job) {
   return has(job, {Plane::FLOW_BACKWARD, Plane::FLOW_BACKWARD_VALID, Plane::FLOW_BACKWARD_VISIBLE});
 }
+
+Time label_time(const RenderJob& job) { return job.label_time.value_or(job.time); }
 
 double flow_interval(const RenderJob& job) {
   if (job.frame_interval != 0) return job.frame_interval;

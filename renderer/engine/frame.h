@@ -47,6 +47,8 @@ struct Frame {
   std::string camera;
   u32 width = 0, height = 0;
   Time time = 0;
+  Time label_time = 0;  // of row 0; row y is shutter.rolling * y / (height - 1) later
+  Shutter shutter;
   u64 seed = 0;
   u32 samples = 0;
   bool final = true;

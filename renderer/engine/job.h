@@ -44,7 +44,8 @@ struct RenderJob {
   std::vector<std::string> groups;  // light groups of its BEAUTY_GROUP planes, in their order
   u32 width = 0, height = 0;        // 0: the camera's own
   Time time = 0;
-  double frame_interval = 0;  // 0: not set
+  std::optional<Time> label_time;  // of labels and centre planes; absent: `time`
+  double frame_interval = 0;       // 0: not set
   bool hold = false;
   StopRule stop;
   bool progressive = false;

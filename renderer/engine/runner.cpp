@@ -8,6 +8,7 @@
 #include "renderer/engine/adaptive.h"
 #include "renderer/engine/check.h"
 #include "renderer/engine/image_camera.h"
+#include "renderer/engine/shutter.h"
 #include "renderer/scene/motion.h"
 
 namespace heliograph {
@@ -65,15 +66,19 @@ Status Runner::run_camera(u32 camera) {
 Expected<Shot> Runner::make_shot(u32 camera) {
   Shot shot{.job = job_, .camera = camera};
   const double interval = flow_interval(*job_);
-  const auto prepare = [&](Time time, std::shared_ptr<const DeviceScene>& out) -> Status {
-    auto scene = context_.backend.prepare(job_->snapshot, time, context_.interrupt);
+  const Shutter& shutter = job_->snapshot->find(job_->cameras[camera])->camera->shutter;
+  const auto prepare = [&](const TimeSpan& span,
+                           std::shared_ptr<const DeviceScene>& out) -> Status {
+    auto scene = context_.backend.prepare(job_->snapshot, span, context_.interrupt);
     if (!scene) return std::unexpected(std::move(scene).error());
     out = *std::move(scene);
     return pause();
   };
-  HELIO_TRY(prepare(job_->time, shot.scene));
-  if (wants_forward(*job_)) HELIO_TRY(prepare(job_->time + interval, shot.forward));
-  if (wants_backward(*job_)) HELIO_TRY(prepare(job_->time - interval, shot.backward));
+  const auto labels = [&](double later) { return label_span(shutter, label_time(*job_) + later); };
+  if (wants_open_shutter(*job_)) HELIO_TRY(prepare(shutter_span(shutter, job_->time), shot.open));
+  if (wants_still(*job_)) HELIO_TRY(prepare(labels(0), shot.still));
+  if (wants_forward(*job_)) HELIO_TRY(prepare(labels(interval), shot.forward));
+  if (wants_backward(*job_)) HELIO_TRY(prepare(labels(-interval), shot.backward));
   return shot;
 }
 
@@ -227,8 +232,9 @@ void Runner::report(const Film& film, double done_in_camera, bool force) {
 ImageCamera Runner::seen_by(EntityId camera) const {
   const Snapshot& snapshot = *job_->snapshot;
   const uvec2 size = rendered_size(*job_, camera);
-  return image_camera(*snapshot.find(camera)->camera,
-                      world_pose(snapshot, camera.index(), job_->time), size.x, size.y);
+  const Camera& model = *snapshot.find(camera)->camera;
+  const Time middle = label_span(model.shutter, label_time(*job_)).middle();
+  return image_camera(model, world_pose(snapshot, camera.index(), middle), size.x, size.y);
 }
 
 Frame Runner::header(u32 index) const {
@@ -244,6 +250,8 @@ Frame Runner::header(u32 index) const {
   frame.width = image.width;
   frame.height = image.height;
   frame.time = job_->time;
+  frame.label_time = label_time(*job_);
+  frame.shutter = snapshot.find(camera)->camera->shutter;
   frame.seed = job_->settings.seed;
   frame.k = image.k;
   frame.camera_from_world_cv = image.camera_from_world_cv;

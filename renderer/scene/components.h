@@ -224,6 +224,16 @@ struct DepthSensor {
 
 enum class Projection : u8 { kPerspective, kOrthographic, kFisheye, kEquirectangular };
 
+/// When a camera sees, in seconds relative to the frame's time. Rows are read from the top to the
+/// bottom; each is open from `open` to `close`, the last one `rolling` later than the first.
+struct Shutter {
+  double open = 0;
+  double close = 0;
+  double rolling = 0;
+
+  friend bool operator==(const Shutter&, const Shutter&) = default;
+};
+
 /// OpenCV intrinsics at the calibrated size: integers are pixel centres.
 struct Camera {
   u32 width = 0;
@@ -238,6 +248,7 @@ struct Camera {
   double near = 0, far = 0;            // metres, where rays start and end; far 0: they do not end
   std::optional<RgbSensor> rgb_sensor;
   std::optional<DepthSensor> depth_sensor;
+  Shutter shutter;
 };
 
 /// Which kinds of rays meet an entity. Bits of Entity::visibility and of a ray's mask.

@@ -8,6 +8,16 @@
 
 namespace heliograph {
 
+/// Seconds from `begin` to `end`; an instant where they are the same.
+struct TimeSpan {
+  Time begin = 0;
+  Time end = 0;
+  [[nodiscard]] bool instant() const { return begin == end; }
+  [[nodiscard]] Time at(double u) const { return begin + u * (end - begin); }
+  [[nodiscard]] Time middle() const { return at(0.5); }
+  friend bool operator==(const TimeSpan&, const TimeSpan&) = default;
+};
+
 /// Translation, rotation, symmetric stretch: matrix = translate * rotate * stretch. A reflection
 /// (negative determinant) stays in the stretch.
 struct Decomposed {
@@ -41,6 +51,14 @@ struct Decomposed {
 [[nodiscard]] std::vector<mat4x3> world_poses(const Snapshot& snapshot, Time time);
 /// World pose of one entity: walks up its parents.
 [[nodiscard]] mat4x3 world_pose(const Snapshot& snapshot, u32 entity, Time time);
+
+/// Whether the world pose of an entity may change within a span. The times in it at which keys say
+/// so are appended to `bends`: in between it moves smoothly.
+[[nodiscard]] bool moves_within(const Snapshot& snapshot, u32 entity, const TimeSpan& span,
+                                std::vector<Time>& bends);
+/// The same of what deform() makes of its mesh.
+[[nodiscard]] bool deforms_within(const Snapshot& snapshot, u32 entity, const TimeSpan& span,
+                                  std::vector<Time>& bends);
 
 /// Whether entity and all its ancestors are `visible`.
 [[nodiscard]] bool visible(const Snapshot& snapshot, u32 entity);

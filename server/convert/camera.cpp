@@ -21,6 +21,7 @@ constexpr Range kBlades{3, 64};
 constexpr Range kAngle{-1e3, 1e3};
 constexpr Range kClip{0, 1e9};
 constexpr Range kCoefficient{-1e6, 1e6};
+constexpr Range kShutter{-1000, 1000};
 
 Status require(bool present, const char* field, const char* remedy) {
   if (present) return {};
@@ -104,6 +105,18 @@ std::size_t coefficients_of(const Camera& camera) {
   return std::ranges::all_of(k, zero) ? 0 : 4;
 }
 
+Expected<Shutter> to_shutter(const v1::Shutter& message) {
+  Shutter shutter;
+  HELIO_TAKE(shutter.open, in_range(message.open(), kShutter), "open");
+  HELIO_TAKE(shutter.close, in_range(message.close(), kShutter), "close");
+  HELIO_TAKE(shutter.rolling, in_range(message.rolling(), {0, kShutter.high}), "rolling");
+  if (shutter.close < shutter.open)
+    return fail(Code::kInvalidArgument, "close",
+                fmt::format("is {:g} s, before open, {:g} s; give close >= open", shutter.close,
+                            shutter.open));
+  return shutter;
+}
+
 }  // namespace
 
 Expected<Camera> to_camera(const v1::Camera& message) {
@@ -117,7 +130,16 @@ Expected<Camera> to_camera(const v1::Camera& message) {
   if (message.has_depth_sensor())
     HELIO_TAKE(camera.depth_sensor, to_depth_sensor(message.depth_sensor(), camera),
                "depth_sensor");
+  if (message.has_shutter()) HELIO_TAKE(camera.shutter, to_shutter(message.shutter()), "shutter");
   return camera;
+}
+
+v1::Shutter to_proto(const Shutter& shutter) {
+  v1::Shutter message;
+  message.set_open(shutter.open);
+  message.set_close(shutter.close);
+  message.set_rolling(shutter.rolling);
+  return message;
 }
 
 v1::Camera to_proto(const Camera& camera) {
@@ -139,6 +161,7 @@ v1::Camera to_proto(const Camera& camera) {
     message.add_distortion(camera.distortion[i]);
   if (camera.rgb_sensor) *message.mutable_rgb_sensor() = to_proto(*camera.rgb_sensor);
   if (camera.depth_sensor) *message.mutable_depth_sensor() = to_proto(*camera.depth_sensor);
+  if (camera.shutter != Shutter{}) *message.mutable_shutter() = to_proto(camera.shutter);
   return message;
 }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 
+#include "server/convert/nouns.h"
 #include "server/convert/render.h"
 
 namespace heliograph::server {
@@ -117,6 +118,8 @@ v1::FrameHeader to_header(const Frame& frame, const FrameContext& context) {
   message.set_rays(frame.rays);
   message.set_noise(frame.noise);
   message.set_tile_rounds(frame.tile_rounds);
+  *message.mutable_shutter() = to_proto(frame.shutter);
+  message.set_label_time(frame.label_time);
   return message;
 }
 

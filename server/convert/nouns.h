@@ -58,6 +58,7 @@ void add_topology(const MeshTopology& topology, const ArraySink& sink, v1::Mesh&
 [[nodiscard]] v1::Label to_proto(const LabelPatch& patch);
 [[nodiscard]] Expected<Camera> to_camera(const v1::Camera& message);
 [[nodiscard]] v1::Camera to_proto(const Camera& camera);
+[[nodiscard]] v1::Shutter to_proto(const Shutter& shutter);
 [[nodiscard]] Expected<LightPatch> to_light(const v1::Light& message, ArraySource& source);
 [[nodiscard]] v1::Light to_proto(const LightPatch& patch, const ArraySink& sink);
 [[nodiscard]] Expected<SkinPatch> to_skin(const v1::Skin& message, ArraySource& source);

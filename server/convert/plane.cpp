@@ -13,7 +13,6 @@ Expected<Plane> to_plane(v1::Plane plane) {
     return Plane::NAME;
     HELIO_PLANES(HELIO_PLANE)
 #undef HELIO_PLANE
-    case v1::PLANE_BEAUTY_STILL:
     case v1::PLANE_DIRECT_SUBSURFACE:
     case v1::PLANE_INDIRECT_SUBSURFACE:
       return fail(

@@ -106,6 +106,8 @@ Status read_times(const v1::RenderRequest& request, RenderJob& job) {
   const Snapshot& snapshot = *job.snapshot;
   job.time = snapshot.time;
   if (request.has_time()) HELIO_TAKE(job.time, in_range(request.time(), kSeconds), "time");
+  if (request.has_label_time())
+    HELIO_TAKE(job.label_time, in_range(request.label_time(), kSeconds), "label_time");
   job.hold = request.hold();
   if (!request.has_frame_interval()) {
     job.frame_interval = snapshot.previous ? snapshot.time - snapshot.previous->time : 0;

@@ -102,8 +102,9 @@ NUMBERS = {
             f"camera.{name}",
             lambda x, name=name: entity(camera=camera(**{name: x})),
         )
-        for name in ("width", "height", "fx", "fy", "cx", "cy")
+        for name in ("width", "height", "fx", "fy", "cx", "cy", "rolling")
     },
+    "Camera.shutter": ("camera.shutter", lambda x: entity(camera=camera(shutter=(0.0, x)))),
     "Camera.from_fov": ("fov", lambda x: lambda scene: hg.Camera.from_fov(x, 32, 24)),
     **{
         f"Camera.{name}": (

@@ -188,6 +188,16 @@ TEST_CASE("refusals: parameters, cameras, references and lists of fields") {
         "edits[3].entity.camera.width", "give a number in [1, 16384]");
   check(refusal("entity { camera { width: 10 height: 1 fx: 1 fy: 1 cx: 0 } }"), kInvalid,
         "edits[3].entity.camera.cy", "(height - 1) / 2");
+  const auto shutter = [](const std::string& fields) {
+    return "entity { camera { width: 9 height: 9 fx: 1 fy: 1 cx: 4 cy: 4 shutter { " + fields +
+           " } } }";
+  };
+  check(refusal(shutter("open: 2 close: 1")), kInvalid, "edits[3].entity.camera.shutter.close",
+        "before open");
+  check(refusal(shutter("close: 2000")), kInvalid, "edits[3].entity.camera.shutter.close",
+        "[-1000, 1000]");
+  check(refusal(shutter("rolling: -1")), kInvalid, "edits[3].entity.camera.shutter.rolling",
+        "[0, 1000]");
   check(refusal("entity { materials { parts { name: 'a' } parts { } } }"), kInvalid,
         "edits[3].entity.materials.parts[1]", "set id (0 for nothing), name");
   check(refusal("entity { light { temperature: 100 } }"), kInvalid,

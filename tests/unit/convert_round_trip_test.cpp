@@ -67,7 +67,8 @@ v1::Entity full_entity() {
              rgb_sensor { exposure: 1 full_well: 8000 read_noise: 3 black_level: 0.05 bits: 12
                           vignetting: 0.5 }
              depth_sensor { kind: KIND_TIME_OF_FLIGHT range_noise: 0.01 window: 3 min_signal: 0.1
-                            max_angle: 1.25 min_depth: 0.25 max_depth: 5 } }
+                            max_angle: 1.25 min_depth: 0.25 max_depth: 5 }
+             shutter { open: -0.01 close: 0.02 rolling: 0.03 } }
     volume { id: 0 } skin { joints { name: 'a' } joints { name: 'b' } }
     label { value: 7 group: true category: 'bolt' part: 2 } visible: false
     visibility { camera: false diffuse: true glossy: false transmission: true shadow: false volume: false }
@@ -187,6 +188,7 @@ TEST_CASE("convert: every field of every noun survives the round trip") {
   CHECK(unset(message.edits(0).entity().light(), {"sun_angle", "width", "height"}).empty());
   const v1::Camera& camera = message.edits(0).entity().camera();
   CHECK(unset(camera, {"distortion"}).empty());
+  CHECK(unset(camera.shutter(), {}).empty());
   CHECK(unset(camera.rgb_sensor(), {}).empty());
   CHECK(unset(camera.depth_sensor(),
               {"baseline", "disparity_noise", "disparity_step", "lateral_noise"})

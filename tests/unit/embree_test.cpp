@@ -82,9 +82,9 @@ namespace {
 std::vector<PlaneData> planes_by_ranges(Backend& backend, const RenderJob& job, u32 probe,
                                         const std::vector<WorkRange>& ranges) {
   Shot shot{.job = std::make_shared<const RenderJob>(job)};
-  auto scene = backend.prepare(job.snapshot, job.time, {});
+  auto scene = backend.prepare(job.snapshot, {job.time, job.time}, {});
   REQUIRE(scene.has_value());
-  shot.scene = *scene;
+  shot.open = shot.still = *scene;
   auto film = backend.begin(shot);
   REQUIRE(film.has_value());
   const u32 tiles = (*film)->tiles();

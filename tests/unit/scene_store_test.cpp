@@ -53,7 +53,7 @@ struct Device {
 
   std::shared_ptr<const EmbreeScene> operator()(const std::shared_ptr<const Snapshot>& snapshot,
                                                 Time time) {
-    auto scene = store.prepare(snapshot, time, Interrupt{});
+    auto scene = store.prepare(snapshot, {time, time}, Interrupt{});
     REQUIRE(scene);
     return *scene;
   }

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from .frame import Frame
     from .handles import Asset, Entity, Group, Handle, Material, Mesh, Texture
     from .lights import Light
-    from .pose import Pose, look_at
+    from .pose import Pose, look_at, moving
     from .rigs import stereo
     from .scene import Scene
     from .sensors import DepthSensor, RgbSensor
@@ -64,6 +64,7 @@ _LAZY = {
     "Texture": "handles",
     "Visibility": "components",
     "look_at": "pose",
+    "moving": "pose",
     "aio": "",
     "datasets": "",
     "materials": "",
@@ -109,6 +110,7 @@ __all__ = [
     "connect",
     "look_at",
     "materials",
+    "moving",
     "shapes",
     "stereo",
 ]

@@ -39,6 +39,7 @@ class Options(TypedDict, total=False):
     noise: float
     size: tuple[int, int]
     time: float
+    label_time: float
     frame_interval: float
     hold: bool
     seed: int
@@ -130,7 +131,7 @@ def make_request(
     _put_stop_rule(out, options, planes)
     if "size" in options:
         out.width, out.height = _size(options["size"])
-    for name in ("time", "frame_interval", "clamp", "clamp_indirect"):
+    for name in ("time", "label_time", "frame_interval", "clamp", "clamp_indirect"):
         if options.get(name) is not None:
             setattr(out, name, number_of(options[name], name))
     if "max_depth" in options:

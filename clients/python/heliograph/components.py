@@ -99,6 +99,8 @@ class Camera:
     corner from +X towards +Y. Planes of fold `centre` have no blur.
     near, far: where rays start and end, metres along the optical axis (fisheye, equirectangular:
     along the ray).
+    shutter: (open, close) seconds relative to the frame's time, within [-1000, 1000]; both 0: no
+    motion blur. rolling: seconds from the first row's opening to the last one's. docs/motion.md.
     rgb_sensor, depth_sensor: hg.RgbSensor and hg.DepthSensor, for the planes sensor_rgb and
     sensor_depth.
     """
@@ -117,6 +119,8 @@ class Camera:
     blade_rotation: float = 0.0
     near: float = 0.0
     far: float = math.inf
+    shutter: tuple[float, float] = (0.0, 0.0)
+    rolling: float = 0.0
     rgb_sensor: RgbSensor | None = None
     depth_sensor: DepthSensor | None = None
 
@@ -234,6 +238,10 @@ class Camera:
             message.rgb_sensor.CopyFrom(self.rgb_sensor.to_message())
         if self.depth_sensor is not None:
             message.depth_sensor.CopyFrom(self.depth_sensor.to_message())
+        opens, closes = checked(self.shutter, "camera.shutter", "f8", (2,))
+        rolling = number_of(self.rolling, "camera.rolling")
+        if opens or closes or rolling:
+            message.shutter.CopyFrom(scene.Shutter(open=opens, close=closes, rolling=rolling))
         return message
 
     @classmethod
@@ -253,6 +261,8 @@ class Camera:
             blades=message.blades,
             distortion=tuple(message.distortion),
             far=message.far or math.inf,
+            shutter=(message.shutter.open, message.shutter.close),
+            rolling=message.shutter.rolling,
             **fields,
         )
 

@@ -26,6 +26,8 @@ class Frame:
     frame["depth"]: (H, W) or (H, W, C), read-only, valid as long as anybody refers to it.
     K: (3, 3) float64 at the rendered size. camera_from_world_cv: (4, 4), OpenCV camera (x right,
     y down, z forward); camera_from_world_gl: OpenGL camera (y up, looks down -z).
+    time, label_time: seconds; shutter: (open, close) relative to time. With a rolling shutter row y
+    is seen rolling * y / (H - 1) later, and poses are those of the middle (see row_times).
     """
 
     def __init__(self, header: pb.FrameHeader, arrays: Sequence[NdArray]) -> None:
@@ -44,6 +46,9 @@ class Frame:
         self.camera = str(header.camera)
         self.width, self.height = int(header.width), int(header.height)
         self.time = float(header.time)
+        self.label_time = float(header.label_time)
+        self.shutter = (float(header.shutter.open), float(header.shutter.close))
+        self.rolling = float(header.shutter.rolling)
         self.seed, self.samples = int(header.seed), int(header.samples)
         self.noise = float(header.noise)
         self.is_final = bool(header.final)
@@ -83,6 +88,12 @@ class Frame:
     @cached_property
     def camera_from_world_cv(self) -> NdArray:
         return from_message(self._header.camera_from_world_cv)
+
+    @property
+    def row_times(self) -> NdArray:
+        """(H,) seconds: when each row's labels were taken. Poses are those of their mean."""
+        steps = np.arange(self.height) / max(1, self.height - 1)
+        return np.asarray(self.label_time + self.rolling * steps)
 
     @property
     def camera_from_world_gl(self) -> NdArray:

@@ -1,7 +1,9 @@
-"""Poses: where things are and which way they look. Used by edits."""
+"""Poses: where things are, which way they look and how they move. Used by edits."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -92,6 +94,51 @@ def look_at(eye: Any, at: Any, up: Any = (0.0, 0.0, 1.0)) -> NdArray:
     out[:3, 0], out[:3, 1], out[:3, 2] = right, np.cross(right, forward), -forward
     out[:3, 3] = eye
     return out
+
+
+def moving(
+    pose: Any,
+    times: Sequence[float],
+    *,
+    velocity: Any = (0.0, 0.0, 0.0),
+    angular_velocity: Any = (0.0, 0.0, 0.0),
+    time: float | None = None,
+) -> dict[float, NdArray]:
+    """Keys {time: (4, 4)} of uniform motion over times[0] .. times[-1], seconds, for `keys=`.
+
+    pose: a 4x4 or Pose, at `time`, by default times[0]. velocity: (3,) metres a second in the
+    parent's frame. angular_velocity: (3,) radians a second about that axis of the parent's frame,
+    through the pose's own position. Keys come at `times`, and in between where the rotation exceeds
+    60 degrees.
+    """
+    at = checked(list(times), "times", "f8", (None,))
+    if len(at) < 2 or (np.diff(at) <= 0).any():
+        raise InvalidArgument("times: needs at least two, increasing", field="times")
+    start = np.asarray(matrix_of(pose, "pose"), dtype="f8")
+    linear = checked(velocity, "velocity", "f8", (3,))
+    angular = checked(angular_velocity, "angular_velocity", "f8", (3,))
+    speed = float(np.linalg.norm(angular))
+    origin = float(at[0]) if time is None else float(time)
+    out = {}
+    for begin, end in zip(at[:-1], at[1:]):
+        parts = max(1, math.ceil((end - begin) * speed / (math.pi / 3) - 1e-9))
+        for t in np.linspace(begin, end, parts + 1):
+            elapsed = float(t) - origin
+            matrix = start.copy()
+            matrix[:3, :3] = _rotation_about(angular, speed * elapsed) @ start[:3, :3]
+            matrix[:3, 3] += linear * elapsed
+            out[float(t)] = matrix
+    return out
+
+
+def _rotation_about(axis: NdArray, angle: float) -> NdArray:
+    """(3, 3) rotation by radians about an axis of any length; Rodrigues' formula."""
+    length = float(np.linalg.norm(axis))
+    if length == 0:
+        return np.eye(3)
+    x, y, z = axis / length
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross)
 
 
 def matrix_of(pose: Any, field: str = "transform") -> NdArray:

@@ -3,6 +3,7 @@
 #include <numbers>
 
 #include "kernels/camera.h"
+#include "kernels/motion.h"
 
 namespace heliograph::embree {
 namespace {
@@ -104,6 +105,41 @@ PixelBox curved_bounds(const Cone& cone, const kernels::CameraView& camera,
   return extent.within(canvas);
 }
 
+/// Bounds of what lies between corners in the world, seen by a camera that stands still.
+PixelBox bounds_at(const std::array<vec3, 8>& corners_world, const kernels::CameraView& camera,
+                   const PixelBox& canvas) {
+  Corners corners;
+  for (u32 i = 0; i < 8; ++i)
+    corners[i] =
+        kernels::cv_from_gl(kernels::transform_point(camera.camera_from_world, corners_world[i]));
+  if (kernels::is_rectilinear(camera.lens)) return straight_bounds(corners, camera, canvas);
+  const Cone cone = cone_of(corners);
+  if (!(cone.cosine > 0.02f)) return canvas;
+  return camera.lens.projection == kernels::Projection::kEquirectangular
+             ? panorama_bounds(cone, camera, canvas)
+             : curved_bounds(cone, camera, canvas);
+}
+
+bool is_empty(const PixelBox& box) { return box.x1 == box.x0; }
+
+/// Bounds over a motion from boxes at steps so short that in between nothing goes beyond two
+/// neighbours by more than they differ.
+PixelBox sweep(const std::vector<PixelBox>& steps, const PixelBox& canvas) {
+  PixelBox all = steps[0];
+  i32 x = 0, y = 0;
+  for (std::size_t i = 1; i < steps.size(); ++i) {
+    const PixelBox &a = steps[i - 1], &b = steps[i];
+    if (is_empty(a) != is_empty(b)) return canvas;  // it comes or goes
+    x = std::max({x, std::abs(a.x0 - b.x0), std::abs(a.x1 - b.x1)});
+    y = std::max({y, std::abs(a.y0 - b.y0), std::abs(a.y1 - b.y1)});
+    all = {std::min(all.x0, b.x0), std::min(all.y0, b.y0), std::max(all.x1, b.x1),
+           std::max(all.y1, b.y1)};
+  }
+  if (is_empty(all)) return all;
+  return {std::max(all.x0 - x, canvas.x0), std::max(all.y0 - y, canvas.y0),
+          std::min(all.x1 + x, canvas.x1), std::min(all.y1 + y, canvas.y1)};
+}
+
 }  // namespace
 
 PixelBox canvas_of(const kernels::CameraView& camera, float extend) {
@@ -118,29 +154,36 @@ PixelBox bounds_on_canvas(const Placement& placement, u32 slot, const kernels::C
   RTCBounds bounds;
   rtcGetSceneBounds(placement.instance_scenes[slot], &bounds);
   if (!(bounds.lower_x <= bounds.upper_x)) return {};
-  const mat4x3& world = placement.instances[slot].world_from_object;
-  std::array<vec3, 8> corners;
-  for (u32 i = 0; i < 8; ++i) {
-    const vec3 corner(i & 1 ? bounds.upper_x : bounds.lower_x,
-                      i & 2 ? bounds.upper_y : bounds.lower_y,
-                      i & 4 ? bounds.upper_z : bounds.lower_z);
-    corners[i] = world * vec4(corner, 1);
+  const kernels::InstanceView& instance = placement.instances[slot];
+  kernels::SceneView motion{};
+  motion.motion_keys = placement.motion_keys.data();
+  const u32 steps = 4 * std::max(instance.segments, camera.segments);
+  std::vector<PixelBox> boxes;
+  for (u32 step = 0; step <= steps; ++step) {
+    const float time = steps > 0 ? float(step) / float(steps) : 0;
+    const mat4x3 world = kernels::pose_at(motion, instance, time).world_from_object;
+    std::array<vec3, 8> corners;
+    for (u32 i = 0; i < 8; ++i) {
+      const vec3 corner(i & 1 ? bounds.upper_x : bounds.lower_x,
+                        i & 2 ? bounds.upper_y : bounds.lower_y,
+                        i & 4 ? bounds.upper_z : bounds.lower_z);
+      corners[i] = world * vec4(corner, 1);
+    }
+    const kernels::CameraAt now(camera, time);
+    boxes.push_back(bounds_at(corners, now.camera(), canvas));
   }
-  return bounds_on_canvas(corners, camera, canvas);
+  return sweep(boxes, canvas);
 }
 
 PixelBox bounds_on_canvas(const std::array<vec3, 8>& corners_world,
                           const kernels::CameraView& camera, const PixelBox& canvas) {
-  Corners corners;
-  for (u32 i = 0; i < 8; ++i)
-    corners[i] =
-        kernels::cv_from_gl(kernels::transform_point(camera.camera_from_world, corners_world[i]));
-  if (kernels::is_rectilinear(camera.lens)) return straight_bounds(corners, camera, canvas);
-  const Cone cone = cone_of(corners);
-  if (!(cone.cosine > 0.02f)) return canvas;
-  return camera.lens.projection == kernels::Projection::kEquirectangular
-             ? panorama_bounds(cone, camera, canvas)
-             : curved_bounds(cone, camera, canvas);
+  const u32 steps = 4 * camera.segments;
+  std::vector<PixelBox> boxes;
+  for (u32 step = 0; step <= steps; ++step) {
+    const kernels::CameraAt now(camera, steps > 0 ? float(step) / float(steps) : 0);
+    boxes.push_back(bounds_at(corners_world, now.camera(), canvas));
+  }
+  return sweep(boxes, canvas);
 }
 
 }  // namespace heliograph::embree

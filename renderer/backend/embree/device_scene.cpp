@@ -16,13 +16,13 @@ bool may_be_hole(const kernels::MaterialView& material) {
   return material.alpha_mode != kernels::AlphaMode::kOpaque;
 }
 
-/// Whether nothing that decides on poses at `time` differs between a scene and a snapshot.
-bool same_poses(const EmbreeScene& scene, const Snapshot& snapshot, Time time) {
+/// Whether nothing that decides on poses in a span differs between a scene and a snapshot.
+bool same_poses(const EmbreeScene& scene, const Snapshot& snapshot, const TimeSpan& span) {
   const Snapshot& before = scene.snapshot();
-  return scene.time() == time && before.time == snapshot.time &&
+  return scene.span() == span && before.time == snapshot.time &&
          before.entities.same(snapshot.entities) && before.meshes.same(snapshot.meshes) &&
          before.poses.same(snapshot.poses) &&
-         (time == snapshot.time || before.previous == snapshot.previous);
+         (span == TimeSpan{snapshot.time, snapshot.time} || before.previous == snapshot.previous);
 }
 
 bool same_structure(const Snapshot& a, const Snapshot& b) {
@@ -45,8 +45,9 @@ void for_each_grid(const Snapshot& snapshot, F&& f) {
 
 }  // namespace
 
-EmbreeScene::EmbreeScene(std::shared_ptr<const Snapshot> snapshot, Time time, ScenePieces pieces)
-    : snapshot_(std::move(snapshot)), time_(time), pieces_(std::move(pieces)) {
+EmbreeScene::EmbreeScene(std::shared_ptr<const Snapshot> snapshot, const TimeSpan& span,
+                         ScenePieces pieces)
+    : snapshot_(std::move(snapshot)), span_(span), pieces_(std::move(pieces)) {
   const auto& [placement, volumes, materials, lights] = pieces_;
   const Structure& structure = *placement->structure;
   for (std::size_t i = 0; i < placement->meshes.size(); ++i) {
@@ -70,6 +71,7 @@ EmbreeScene::EmbreeScene(std::shared_ptr<const Snapshot> snapshot, Time time, Sc
   view_.part_materials = structure.part_materials.data();
   view_.part_lights = lights->part_lights.data();
   view_.lights = lights->lights.data();
+  view_.motion_keys = placement->motion_keys.data();
   view_.light_nodes = lights->tree->nodes.data();
   volumes_ = volumes->views;
   for (std::size_t i = 0; i < volumes_.size(); ++i)
@@ -101,18 +103,22 @@ TracedScene EmbreeScene::traced_of(const kernels::SceneView& view) const {
 
 u64 EmbreeScene::bytes() const {
   constexpr u64 kTopBytesPerInstance = 256;  // Embree's nodes and instance
+  constexpr u64 kTopBytesPerKey = 128;       // the same of a time step
   return instances_.size() * (2 * sizeof(kernels::InstanceView) + kTopBytesPerInstance) +
-         placement().world.size() * sizeof(mat4x3) + meshes_.size() * sizeof(kernels::MeshView) +
+         placement().world.size() * sizeof(mat4x3) +
+         placement().motion_keys.size() * (sizeof(kernels::MotionKey) + kTopBytesPerKey) +
+         meshes_.size() * sizeof(kernels::MeshView) +
          pieces_.materials->materials.size() * sizeof(kernels::MaterialView);
 }
 
 Expected<std::shared_ptr<const EmbreeScene>> SceneStore::prepare(
-    const std::shared_ptr<const Snapshot>& snapshot, Time time, const Interrupt& interrupt) {
-  const std::shared_ptr<const EmbreeScene> before = nearest(*snapshot, time);
+    const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
+    const Interrupt& interrupt) {
+  const std::shared_ptr<const EmbreeScene> before = nearest(*snapshot, span);
   const bool materials_kept = before && same_materials(before->snapshot(), *snapshot);
   std::shared_ptr<const Placement> placement;
   if (before && same_structure(before->snapshot(), *snapshot) &&
-      same_poses(*before, *snapshot, time)) {
+      same_poses(*before, *snapshot, span)) {
     placement = before->pieces().placement;
   } else {
     std::shared_ptr<const Structure> structure;
@@ -123,7 +129,7 @@ Expected<std::shared_ptr<const EmbreeScene>> SceneStore::prepare(
       if (!made) return std::unexpected(std::move(made).error());
       structure = *std::move(made);
     }
-    auto made = make_placement(*snapshot, time, std::move(structure),
+    auto made = make_placement(*snapshot, span, std::move(structure),
                                before ? &before->placement() : nullptr,
                                {builder_, device_, static_triangles_, interrupt});
     if (!made) return std::unexpected(std::move(made).error());
@@ -143,7 +149,7 @@ Expected<std::shared_ptr<const EmbreeScene>> SceneStore::prepare(
                       ? before->pieces().lights
                       : make_lights(*snapshot, *pieces.placement, *pieces.materials,
                                     before ? before->pieces().lights.get() : nullptr, cache_);
-  auto scene = std::make_shared<const EmbreeScene>(snapshot, time, std::move(pieces));
+  auto scene = std::make_shared<const EmbreeScene>(snapshot, span, std::move(pieces));
   keep(scene);
   return scene;
 }
@@ -175,13 +181,14 @@ Status SceneStore::warm(const Snapshot& snapshot) const {
   return {};
 }
 
-std::shared_ptr<const EmbreeScene> SceneStore::nearest(const Snapshot& snapshot, Time time) const {
+std::shared_ptr<const EmbreeScene> SceneStore::nearest(const Snapshot& snapshot,
+                                                       const TimeSpan& span) const {
   std::shared_ptr<const EmbreeScene> best;
   int best_score = -1;
   for (const auto& scene : recent_) {
     const Snapshot& before = scene->snapshot();
     const int score = 8 * int(same_structure(before, snapshot)) +
-                      4 * int(same_poses(*scene, snapshot, time)) +
+                      4 * int(same_poses(*scene, snapshot, span)) +
                       2 * int(same_materials(before, snapshot)) + int(before.dome == snapshot.dome);
     if (score >= best_score) {
       best_score = score;

@@ -1,4 +1,4 @@
-// A snapshot at one instant, resident: pieces that scenes share, and the view kernels read.
+// A snapshot in a span of time, resident: pieces that scenes share, and the view kernels read.
 #pragma once
 
 #include <atomic>
@@ -20,14 +20,14 @@ struct ScenePieces {
 };
 class EmbreeScene final : public DeviceScene {
  public:
-  EmbreeScene(std::shared_ptr<const Snapshot> snapshot, Time time, ScenePieces pieces);
+  EmbreeScene(std::shared_ptr<const Snapshot> snapshot, const TimeSpan& span, ScenePieces pieces);
 
   [[nodiscard]] const kernels::SceneView& view() const { return view_; }
   [[nodiscard]] TracedScene traced() const { return traced_of(view_); }
   /// The same with another view of the same instances.
   [[nodiscard]] TracedScene traced_of(const kernels::SceneView& view) const;
   [[nodiscard]] const Snapshot& snapshot() const { return *snapshot_; }
-  [[nodiscard]] Time time() const { return time_; }
+  [[nodiscard]] const TimeSpan& span() const { return span_; }
   [[nodiscard]] const Placement& placement() const { return *pieces_.placement; }
   [[nodiscard]] const Structure& structure() const { return *pieces_.placement->structure; }
   [[nodiscard]] const Lights& lights() const { return *pieces_.lights; }
@@ -37,7 +37,7 @@ class EmbreeScene final : public DeviceScene {
 
  private:
   std::shared_ptr<const Snapshot> snapshot_;
-  Time time_;
+  TimeSpan span_;
   ScenePieces pieces_;
   std::vector<kernels::InstanceView> instances_;  // the placement's, with flags of the materials
   std::vector<kernels::MeshView> meshes_;
@@ -56,7 +56,8 @@ class SceneStore {
         static_triangles_(options.static_triangles) {}
 
   [[nodiscard]] Expected<std::shared_ptr<const EmbreeScene>> prepare(
-      const std::shared_ptr<const Snapshot>& snapshot, Time time, const Interrupt& interrupt);
+      const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
+      const Interrupt& interrupt);
   /// Whether prepare() would find the derived data of meshes and dome made.
   [[nodiscard]] bool ready(const Snapshot& snapshot) const;
   /// Makes that data.
@@ -66,7 +67,7 @@ class SceneStore {
 
  private:
   [[nodiscard]] std::shared_ptr<const EmbreeScene> nearest(const Snapshot& snapshot,
-                                                           Time time) const;
+                                                           const TimeSpan& span) const;
   void keep(std::shared_ptr<const EmbreeScene> scene);
 
   RTCDevice device_;

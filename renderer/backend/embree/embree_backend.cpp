@@ -57,9 +57,9 @@ class EmbreeBackend final : public Backend {
   }
   [[nodiscard]] Status warm(const Snapshot& snapshot) override { return store_.warm(snapshot); }
   [[nodiscard]] Expected<std::shared_ptr<const DeviceScene>> prepare(
-      const std::shared_ptr<const Snapshot>& snapshot, Time time,
+      const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
       const Interrupt& interrupt) override {
-    return arena_.execute([&] { return store_.prepare(snapshot, time, interrupt); });
+    return arena_.execute([&] { return store_.prepare(snapshot, span, interrupt); });
   }
   [[nodiscard]] Expected<std::unique_ptr<Film>> begin(const Shot& shot) override {
     return EmbreeFilm::create(shot);
@@ -119,10 +119,13 @@ Status EmbreeBackend::for_each_band(EmbreeFilm& film, u32 first_tile, u32 tile_c
 
 Status EmbreeBackend::render(Film& film, const WorkRange& range, const Interrupt& interrupt) {
   auto& own = static_cast<EmbreeFilm&>(film);
-  const RenderTask task = own.render_task();
+  const std::vector<RenderTask> tasks = own.render_tasks();
   HELIO_TRY(
       for_each_band(own, range.first_tile, range.tile_count, interrupt, [&](const auto& rect) {
-        return loops_.render(task, rect, range.first_sample, range.sample_count);
+        u64 rays = 0;
+        for (const RenderTask& task : tasks)
+          rays += loops_.render(task, rect, range.first_sample, range.sample_count);
+        return rays;
       }));
   for (u32 i = 0; i < range.tile_count; ++i)
     own.set_samples(range.first_tile + i, range.first_sample + range.sample_count);
@@ -139,7 +142,8 @@ Status EmbreeBackend::probe(Film& film, u32 first_tile, u32 tile_count,
 
 Expected<std::vector<Column>> EmbreeBackend::labels(Film& film, const Interrupt& interrupt) {
   auto& own = static_cast<EmbreeFilm&>(film);
-  const EmbreeScene& scene = own.scene();
+  const Sight& sight = own.labels();
+  const EmbreeScene& scene = *sight.scene;
   const LabelOptions& options = own.job().labels;
   const Placement& placement = scene.placement();
   const Labelling& labelling = scene.structure().labelling;
@@ -159,11 +163,11 @@ Expected<std::vector<Column>> EmbreeBackend::labels(Film& film, const Interrupt&
     std::vector<KeypointLabel> keypoints;
     if (options.amodal || options.amodal_masks)
       silhouettes = trace_silhouettes(placement, scene.traced(),
-                                      {own.camera(), options, {plane, pixels}}, interrupt);
+                                      {sight.camera, options, {plane, pixels}}, interrupt);
     HELIO_TRY(interrupt.status());
     if (options.keypoints)
       keypoints =
-          trace_keypoints(placement, scene.traced(), own.camera(), own.image_camera(), options);
+          trace_keypoints(placement, scene.traced(), sight.camera, own.image_camera(), options);
     return label_columns({.snapshot = scene.snapshot(),
                           .labelling = labelling,
                           .camera = own.image_camera(),
@@ -193,12 +197,14 @@ Noise EmbreeBackend::noise(const Film& film) {
 }
 
 Expected<QueryResult> EmbreeBackend::query(const QueryJob& job, const Interrupt& interrupt) {
-  auto prepared = prepare(job.snapshot, job.time, interrupt);
+  auto prepared = prepare(job.snapshot, {job.time, job.time}, interrupt);
   if (!prepared) return std::unexpected(std::move(prepared).error());
   const auto& scene = static_cast<const EmbreeScene&>(**prepared);
   return arena_.execute([&] {
     const FlushDenormals flush;
-    const auto scene_at = [&](Time time) { return store_.prepare(job.snapshot, time, interrupt); };
+    const auto scene_at = [&](Time time) {
+      return store_.prepare(job.snapshot, {time, time}, interrupt);
+    };
     return answer({scene.snapshot(), scene.placement(), scene.traced()}, job, scene_at, interrupt);
   });
 }

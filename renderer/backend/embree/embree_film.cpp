@@ -9,7 +9,9 @@
 
 #include "kernels/film.h"
 #include "renderer/engine/check.h"
+#include "renderer/engine/motion_keys.h"
 #include "renderer/engine/post.h"
+#include "renderer/engine/shutter.h"
 
 namespace heliograph::embree {
 namespace {
@@ -39,11 +41,14 @@ Expected<std::unique_ptr<EmbreeFilm>> EmbreeFilm::create(const Shot& shot) {
   return film;
 }
 
-EmbreeFilm::EmbreeFilm(const Shot& shot)
-    : shot_(shot), scene_(std::static_pointer_cast<const EmbreeScene>(shot.scene)) {
-  image_camera_ = camera_at(job().cameras[shot.camera], *scene_);
-  camera_ = camera_view(image_camera_);
-  if (job().disparity_camera) disparity_ = camera_view(camera_at(job().disparity_camera, *scene_));
+EmbreeFilm::EmbreeFilm(const Shot& shot) : shot_(shot) {
+  const EntityId camera = job().cameras[shot.camera];
+  const Shutter& shutter = job().snapshot->find(camera)->camera->shutter;
+  image_camera_ = camera_at(camera, label_span(shutter, label_time(job())).middle());
+  look(open_, camera, shot.open);
+  open_.camera.shutter = shutter_view(shutter, image_camera_.height);
+  look(still_, camera, shot.still);
+  if (job().disparity_camera) look(disparity_, job().disparity_camera, shot.still);
   set_end(forward_, shot.forward);
   set_end(backward_, shot.backward);
   tiles_x_ = (image_camera_.width + kTileSize - 1) / kTileSize;
@@ -51,31 +56,45 @@ EmbreeFilm::EmbreeFilm(const Shot& shot)
   tile_samples_.resize(tiles());
 }
 
-ImageCamera EmbreeFilm::camera_at(EntityId camera, const EmbreeScene& scene) const {
-  const Camera& model = *scene.snapshot().find(camera)->camera;
-  const u32 width = job().width ? job().width : model.width;
-  const u32 height = job().height ? job().height : model.height;
-  return heliograph::image_camera(model, scene.placement().world[camera.index()], width, height);
+ImageCamera EmbreeFilm::camera_at(EntityId camera, Time time) const {
+  const Snapshot& snapshot = *job().snapshot;
+  const uvec2 size = rendered_size(job(), camera);
+  return heliograph::image_camera(*snapshot.find(camera)->camera,
+                                  world_pose(snapshot, camera.index(), time), size.x, size.y);
+}
+
+void EmbreeFilm::look(Sight& sight, EntityId camera,
+                      const std::shared_ptr<const DeviceScene>& scene) const {
+  if (!scene) return;
+  sight.scene = std::static_pointer_cast<const EmbreeScene>(scene);
+  const TimeSpan& span = sight.scene->span();
+  sight.camera = camera_view(camera_at(camera, span.middle()));
+  sight.camera.shutter =
+      label_view(job().snapshot->find(camera)->camera->shutter, sight.camera.height);
+  sight.keys = pointing_keys(*job().snapshot, camera.index(), span,
+                             std::max(sight.camera.fx, sight.camera.fy));
+  if (sight.keys.empty()) return;
+  sight.camera.motion_keys = sight.keys.data();
+  sight.camera.segments = u32(sight.keys.size() - 1);
 }
 
 void EmbreeFilm::set_end(FlowEnd& end, const std::shared_ptr<const DeviceScene>& scene) {
   if (!scene) return;
-  end.scene = std::static_pointer_cast<const EmbreeScene>(scene);
-  end.view = end.scene->view();
+  const EntityId camera = job().cameras[shot_.camera];
+  look(end.sight, camera, scene);
+  end.view = end.sight.scene->view();
+  const Time here = still_.scene->span().begin, there = end.sight.scene->span().begin;
   end.instances.assign(end.view.instances, end.view.instances + end.view.instance_count);
   end.volumes.assign(end.view.volumes, end.view.volumes + end.view.volume_count);
   const auto mark = [&](kernels::InstanceView& instance) {
-    if (!flow_valid(scene_->snapshot(), instance.entity, scene_->time(), end.scene->time()))
+    if (!flow_valid(*job().snapshot, instance.entity, here, there))
       instance.flags |= kernels::kFlowInvalid;
   };
   for (kernels::InstanceView& instance : end.instances) mark(instance);
   for (kernels::VolumeView& volume : end.volumes) mark(volume.instance);
   end.view.instances = end.instances.data();
   end.view.volumes = end.volumes.data();
-  const EntityId camera = job().cameras[shot_.camera];
-  end.camera = camera_view(camera_at(camera, *end.scene));
-  end.camera_jumped =
-      !flow_valid(scene_->snapshot(), camera.index(), scene_->time(), end.scene->time());
+  end.camera_jumped = !flow_valid(*job().snapshot, camera.index(), here, there);
 }
 
 void* EmbreeFilm::zeroed(u64 bytes) {
@@ -84,8 +103,9 @@ void* EmbreeFilm::zeroed(u64 bytes) {
 }
 
 void EmbreeFilm::set_groups() {
+  if (!open_.scene) return;
   const std::vector<std::string>& wanted = job().groups;
-  for (const std::string& group : scene_->lights().groups) {
+  for (const std::string& group : open_.scene->lights().groups) {
     const auto found = std::ranges::find(wanted, group);
     rank_of_group_.push_back(found == wanted.end() ? kNone : u32(found - wanted.begin()));
   }
@@ -115,7 +135,18 @@ bool EmbreeFilm::allocate() {
     view_.catcher = static_cast<float*>(zeroed(pixels * 2 * sizeof(float)));
     view_.catcher_partial = static_cast<float*>(zeroed(pixels * 2 * sizeof(float)));
   }
+  set_still_view();
   return std::ranges::all_of(memory_, [](const ZeroedMemory& m) { return m != nullptr; });
+}
+
+void EmbreeFilm::set_still_view() {
+  constexpr u32 kFrom = u32(Plane::BEAUTY_STILL), kTo = u32(Plane::BEAUTY);
+  if (!(view_.wanted & plane_bit(Plane::BEAUTY_STILL))) return;
+  still_view_.width = view_.width;
+  still_view_.height = view_.height;
+  still_view_.wanted = plane_bit(Plane::BEAUTY);
+  still_view_.planes[kTo] = view_.planes[kFrom];
+  still_view_.partial[kTo] = view_.partial[kFrom];
 }
 
 PixelRect EmbreeFilm::tile(u32 index) const {
@@ -123,24 +154,29 @@ PixelRect EmbreeFilm::tile(u32 index) const {
   return {x, y, std::min(x + kTileSize, view_.width), std::min(y + kTileSize, view_.height)};
 }
 
-RenderTask EmbreeFilm::render_task() const {
-  return {scene_->traced(), &camera_, &job().settings, &view_};
+std::vector<RenderTask> EmbreeFilm::render_tasks() const {
+  std::vector<RenderTask> tasks;
+  if (view_.wanted & kernels::planes_of(Fold::kMean) & ~plane_bit(Plane::BEAUTY_STILL))
+    tasks.push_back({open_.scene->traced(), &open_.camera, &job().settings, &view_});
+  if (still_view_.wanted)
+    tasks.push_back({still_.scene->traced(), &still_.camera, &job().settings, &still_view_});
+  return tasks;
 }
 
 ProbeTask EmbreeFilm::probe_task() const {
   const auto end = [](const FlowEnd& e) {
-    return e.scene ? kernels::ProbeScene{&e.view, &e.camera, e.camera_jumped}
-                   : kernels::ProbeScene{};
+    return e.sight.scene ? kernels::ProbeScene{&e.view, &e.sight.camera, e.camera_jumped}
+                         : kernels::ProbeScene{};
   };
   const auto traced = [](const FlowEnd& e) {
-    return e.scene ? e.scene->traced_of(e.view) : TracedScene{};
+    return e.sight.scene ? e.sight.scene->traced_of(e.view) : TracedScene{};
   };
-  return {.context = {.now = {&scene_->view(), &camera_},
+  return {.context = {.now = {&still_.scene->view(), &still_.camera},
                       .forward = end(forward_),
                       .backward = end(backward_),
-                      .disparity = job().disparity_camera ? &disparity_ : nullptr,
+                      .disparity = job().disparity_camera ? &disparity_.camera : nullptr,
                       .settings = &job().settings},
-          .now = scene_->traced(),
+          .now = still_.scene->traced(),
           .forward = traced(forward_),
           .backward = traced(backward_),
           .film = &view_};

@@ -18,13 +18,19 @@ struct Free {
 };
 using ZeroedMemory = std::unique_ptr<void, Free>;
 
-/// A flow end: the scene there, its camera, and the instances with kFlowInvalid set.
-struct FlowEnd {
+/// A scene and a camera in it, over the same span of time.
+struct Sight {
   std::shared_ptr<const EmbreeScene> scene;  // null: not wanted
+  kernels::CameraView camera{};
+  std::vector<kernels::MotionKey> keys;  // of the camera
+};
+
+/// A flow end: what is seen there, and the instances with kFlowInvalid set.
+struct FlowEnd {
+  Sight sight;
   std::vector<kernels::InstanceView> instances;
   std::vector<kernels::VolumeView> volumes;
   kernels::SceneView view{};
-  kernels::CameraView camera{};
   bool camera_jumped = false;  // or was not there: it has no flow
 };
 
@@ -43,11 +49,12 @@ class EmbreeFilm final : public Film {
   [[nodiscard]] PixelRect tile(u32 index) const;
 
   [[nodiscard]] const RenderJob& job() const { return *shot_.job; }
-  [[nodiscard]] const EmbreeScene& scene() const { return *scene_; }
   [[nodiscard]] const kernels::FilmView& view() const { return view_; }
-  [[nodiscard]] const kernels::CameraView& camera() const { return camera_; }
+  /// What labels see.
+  [[nodiscard]] const Sight& labels() const { return still_; }
   [[nodiscard]] const ImageCamera& image_camera() const { return image_camera_; }
-  [[nodiscard]] RenderTask render_task() const;
+  /// Beauty and the other mean planes; beauty_still.
+  [[nodiscard]] std::vector<RenderTask> render_tasks() const;
   [[nodiscard]] ProbeTask probe_task() const;
   /// rank: which of the planes of this kind, in the order of the job.
   [[nodiscard]] PlaneData resolve(Plane plane, u32 rank) const;
@@ -55,9 +62,12 @@ class EmbreeFilm final : public Film {
 
  private:
   explicit EmbreeFilm(const Shot& shot);
-  [[nodiscard]] ImageCamera camera_at(EntityId camera, const EmbreeScene& scene) const;
+  [[nodiscard]] ImageCamera camera_at(EntityId camera, Time time) const;
+  /// Sets what a camera sees, but for its shutter.
+  void look(Sight& sight, EntityId camera, const std::shared_ptr<const DeviceScene>& scene) const;
   void set_end(FlowEnd& end, const std::shared_ptr<const DeviceScene>& scene);
   [[nodiscard]] bool allocate();
+  void set_still_view();
   [[nodiscard]] void* zeroed(u64 bytes);
   template <class F>
   void for_each_tile(F&& visit) const;
@@ -66,12 +76,11 @@ class EmbreeFilm final : public Film {
   void set_groups();
 
   Shot shot_;
-  std::shared_ptr<const EmbreeScene> scene_;
-  ImageCamera image_camera_;
-  kernels::CameraView camera_{};
-  kernels::CameraView disparity_{};
+  ImageCamera image_camera_;  // at the label time, of the middle row
+  Sight open_, still_, disparity_;
   FlowEnd forward_, backward_;
   kernels::FilmView view_{};
+  kernels::FilmView still_view_{};  // the plane beauty_still in the place of beauty
   std::vector<ZeroedMemory> memory_;
   std::vector<u32> rank_of_group_;
   u32 tiles_x_, tiles_y_;

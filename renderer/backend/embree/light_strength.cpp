@@ -75,11 +75,12 @@ double part_area(const DeviceMesh& mesh, const PartTrees& trees, const mat4x3& w
   if (const auto scale = area_scale(world)) return *scale * double(trees.bounds[part].power);
   double area = 0;
   const mat3 linear(world);
+  const vec3* positions = mesh.middle();
   for (u32 i = trees.offsets[part]; i < trees.offsets[part + 1]; ++i) {
     const uvec3 t = mesh.topology->triangles[trees.entries[i].triangle];
-    const vec3 a = mesh.positions[t.x];
-    area += 0.5 * glm::length(glm::cross(linear * (mesh.positions[t.y] - a),
-                                         linear * (mesh.positions[t.z] - a)));
+    const vec3 a = positions[t.x];
+    area +=
+        0.5 * glm::length(glm::cross(linear * (positions[t.y] - a), linear * (positions[t.z] - a)));
   }
   return area;
 }

@@ -5,6 +5,7 @@
 #include <unordered_map>
 
 #include "kernels/light_triangle.h"
+#include "renderer/backend/embree/light_bounds.h"
 #include "renderer/scene/light_shapes.h"
 
 namespace heliograph::embree {
@@ -17,23 +18,6 @@ constexpr double kSmallestShare = 1e-3;
 constexpr double kSmallestGroupShare = 0.1;
 
 float luminance(vec3 c) { return glm::dot(c, vec3(0.2126f, 0.7152f, 0.0722f)); }
-
-/// Bounds in the world of what has `bounds` in an instance's object space, but for the power.
-kernels::LightBounds world_bounds(const kernels::LightBounds& bounds,
-                                  const kernels::InstanceView& instance) {
-  const mat4x3& m = instance.world_from_object;
-  const vec3 center = kernels::transform_point(m, 0.5f * (bounds.lower + bounds.upper));
-  const vec3 half = 0.5f * (bounds.upper - bounds.lower);
-  const vec3 extent = glm::abs(m[0]) * half.x + glm::abs(m[1]) * half.y + glm::abs(m[2]) * half.z;
-  kernels::LightBounds world = bounds;
-  world.lower = center - extent;
-  world.upper = center + extent;
-  world.axis = kernels::normalize_or(
-      kernels::transform_normal(instance.object_from_world, bounds.axis), vec3(0, 0, 1));
-  // Only similar maps keep the angles of a cone; a single normal has none.
-  if (bounds.cos_spread < 1 && !area_scale(m)) world.cos_spread = -1;
-  return world;
-}
 
 /// Mean of what a texture use multiplies by, in its channel and as a colour; positive wherever the
 /// texture may be.
@@ -240,9 +224,10 @@ void Lighter::add_light(const kernels::LightView& base, u32 part, double power) 
   if (map.texture) made_->mapped_trees.push_back(part_trees(*placement_.meshes[mesh], map, cache_));
   const PartTrees& chosen = map.texture ? *made_->mapped_trees.back() : trees(mesh);
   light.tree = chosen.view(part);
+  const kernels::InstanceView& instance = placement_.instances[base.instance];
   const kernels::LightBounds own =
       light_bounds(chosen.bounds[part], placement_.meshes[mesh]->shape(), light);
-  bounds_.push_back(world_bounds(own, placement_.instances[base.instance]));
+  bounds_.push_back(world_bounds(own, instance, placement_.keys_of(base.instance)));
   bounds_.back().power = float(power);
   bounds_.back().two_sided = kernels::emits_back(light);
   if (light.cone_scale > 0)
@@ -279,6 +264,11 @@ void Lighter::add_sun(u32 index) {
   sun.radiance = light_radiance(light, {});
   sun.visibility = entity.visibility;
   sun.light_group = group_of(entity.light_group.get());
+  made_->sun_keys.push_back(pointing_keys(snapshot_, index, placement_.span, 0));
+  if (const auto& keys = made_->sun_keys.back(); !keys.empty()) {
+    sun.motion_keys = keys.data();
+    sun.segments = u32(keys.size() - 1);
+  }
   made_->suns.push_back(sun);
 }
 

@@ -35,7 +35,8 @@ struct Lights {
   std::vector<std::shared_ptr<const PartTrees>> part_trees;    // by mesh of the placement, or null
   std::vector<std::shared_ptr<const PartTrees>> mapped_trees;  // those of emission maps
   std::vector<kernels::SunView> suns;
-  std::vector<std::string> groups{""};  // names of the light groups by their index
+  std::vector<std::vector<kernels::MotionKey>> sun_keys;  // by sun; empty: it stands still
+  std::vector<std::string> groups{""};                    // names of the light groups by index
   std::vector<u32> group_of_slot;
   std::vector<u32> group_of_volume;  // the same of Structure::volumes
   float surface_probability = 0;     // of the lights together

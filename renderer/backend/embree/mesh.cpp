@@ -27,13 +27,13 @@ u64 hash_words(std::span<const std::byte> bytes) {
 /// a page ends there.
 bool readable_past_end(const vec3* end) { return reinterpret_cast<std::uintptr_t>(end) % 4096; }
 
-void set_vertices(RTCGeometry geometry, const vec3* positions, u32 count) {
+void set_vertices(RTCGeometry geometry, u32 step, const vec3* positions, u32 count) {
   if (readable_past_end(positions + count)) {
-    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, positions, 0,
-                               sizeof(vec3), count);
+    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, step, RTC_FORMAT_FLOAT3, positions,
+                               0, sizeof(vec3), count);
     return;
   }
-  void* copy = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+  void* copy = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, step, RTC_FORMAT_FLOAT3,
                                        sizeof(vec3), count);
   if (copy) std::memcpy(copy, positions, count * sizeof(vec3));
 }
@@ -58,7 +58,10 @@ kernels::Shape shape_of(const MeshTopology& topology) {
 GeometryHandle triangle_geometry(const DeviceMesh& mesh, RTCDevice device) {
   const ArrayOf<uvec3>& triangles = mesh.topology->triangles;
   GeometryHandle geometry(rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE));
-  set_vertices(geometry.get(), mesh.positions.data(), mesh.topology->vertex_count);
+  const u32 count = mesh.topology->vertex_count;
+  rtcSetGeometryTimeStepCount(geometry.get(), mesh.segments + 1);
+  for (u32 step = 0; step <= mesh.segments; ++step)
+    set_vertices(geometry.get(), step, mesh.positions.data() + u64(step) * count, count);
   rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                              triangles.data(), 0, sizeof(uvec3), triangles.size());
   rtcSetGeometryMask(geometry.get(), ~0u);
@@ -92,6 +95,7 @@ kernels::MeshView DeviceMesh::view() const {
   view.triangle_count = u32(topology->triangles.size());
   view.vertex_count = topology->vertex_count;
   view.part_count = topology->part_count;
+  view.segments = segments;
   view.shape = shape();
   return view;
 }
@@ -112,7 +116,7 @@ Expected<std::shared_ptr<const Blas>> MeshBuilder::blas(const DeviceMesh& mesh) 
                                         : shape_geometry(mesh.shape(), device_);
     rtcAttachGeometryByID(blas->scene.get(), geometry.get(), 0);
     rtcCommitScene(blas->scene.get());
-    blas->bytes_ = triangles.size() * kBlasBytesPerTriangle;
+    blas->bytes_ = triangles.size() * kBlasBytesPerTriangle * (mesh.segments > 0 ? 2 : 1);
     return blas;
   });
   if (const RTCError error = rtcGetDeviceError(device_); error != RTC_ERROR_NONE)
@@ -136,18 +140,19 @@ Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::build(const Mesh& mesh) const
 }
 
 Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::build(const Mesh& mesh,
-                                                         DeformedVertices deformed) const {
+                                                         DeformedKeys deformed) const {
   struct Vertices {
     ArrayOf<vec3> positions, normals;
     [[nodiscard]] u64 bytes() const { return (positions.size() + normals.size()) * sizeof(vec3); }
   };
-  const u64 hash = hash_words(std::as_bytes(std::span(deformed.positions)));
-  const u64 normals_hash = hash_words(std::as_bytes(std::span(deformed.normals)));
+  auto& [positions, normals] = deformed.vertices;
+  const u64 hash = hash_words(std::as_bytes(std::span(positions)));
+  const u64 normals_hash = hash_words(std::as_bytes(std::span(normals)));
   const DerivedKey key{Derived::kVertices, {hash, normals_hash, mesh.topology->triangles.serial()}};
   const auto kept = cache_.get<Vertices>(key, {}, [&] {
     auto vertices = std::make_shared<Vertices>();
-    vertices->positions = ArrayOf(std::move(deformed.positions));
-    vertices->normals = ArrayOf(std::move(deformed.normals));
+    vertices->positions = ArrayOf(std::move(positions));
+    vertices->normals = ArrayOf(std::move(normals));
     return vertices;
   });
   auto made = std::make_shared<DeviceMesh>();
@@ -155,6 +160,7 @@ Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::build(const Mesh& mesh,
   made->vertices = mesh.vertices;
   made->positions = kept->positions;
   made->normals = kept->normals;
+  made->segments = deformed.segments;
   auto structure = blas(*made);
   if (!structure) return std::unexpected(std::move(structure).error());
   made->blas = *std::move(structure);

@@ -8,8 +8,8 @@
 #include "renderer/backend/embree/derived_cache.h"
 #include "renderer/backend/embree/embree.h"
 #include "renderer/base/error.h"
+#include "renderer/engine/motion_keys.h"
 #include "renderer/scene/components.h"
-#include "renderer/scene/motion.h"
 
 namespace heliograph::embree {
 
@@ -39,10 +39,15 @@ struct Blas {
 struct DeviceMesh {
   std::shared_ptr<const MeshTopology> topology;
   std::shared_ptr<const VertexKeys> vertices;
-  ArrayOf<vec3> positions;  // vertex_count, at the instant
+  ArrayOf<vec3> positions;  // (segments + 1) * vertex_count, over the scene's span of time
   ArrayOf<vec3> normals;    // or empty
+  u32 segments = 0;         // 0: it does not deform
   std::shared_ptr<const Blas> blas;
   Box rest;  // of the first key's triangles
+  /// Positions at the middle of the span.
+  [[nodiscard]] const vec3* middle() const {
+    return positions.data() + u64(segments / 2) * topology->vertex_count;
+  }
   [[nodiscard]] kernels::MeshView view() const;
   [[nodiscard]] kernels::Shape shape() const;
 };
@@ -56,7 +61,7 @@ class MeshBuilder {
   [[nodiscard]] Expected<std::shared_ptr<DeviceMesh>> build(const Mesh& mesh) const;
   /// The same with other vertices.
   [[nodiscard]] Expected<std::shared_ptr<DeviceMesh>> build(const Mesh& mesh,
-                                                            DeformedVertices deformed) const;
+                                                            DeformedKeys deformed) const;
   /// Whether build(mesh) would find everything made.
   [[nodiscard]] bool ready(const Mesh& mesh) const;
   /// Bounds of the rest vertices of the triangles under a linear map.

@@ -13,6 +13,20 @@ namespace {
 using kernels::LightBounds;
 using kernels::LightNode;
 
+/// Bounds of a triangle at all its times; the area is that of the middle.
+LightBounds bounds_of(const DeviceMesh& mesh, uvec3 t) {
+  const vec3* middle = mesh.middle();
+  LightBounds all = kernels::triangle_bounds(middle[t.x], middle[t.y], middle[t.z]);
+  if (mesh.segments == 0) return all;
+  all.cos_spread = -1;
+  for (u32 step = 0; step <= mesh.segments; ++step)
+    for (const u32 vertex : {t.x, t.y, t.z}) {
+      const vec3 p = mesh.positions[u64(step) * mesh.topology->vertex_count + vertex];
+      all.lower = glm::min(all.lower, p);
+      all.upper = glm::max(all.upper, p);
+    }
+  return all;
+}
 /// The mean luminance of a map over a triangle.
 class MapMean {
  public:
@@ -59,9 +73,7 @@ void add_part(PartTrees& trees, const DeviceMesh& mesh, const MapMean& mean,
   elements.reserve(triangles.size());
   double area = 0, power = 0;
   for (std::size_t k = 0; k < triangles.size(); ++k) {
-    const uvec3 t = mesh.topology->triangles[triangles[k]];
-    elements.push_back(
-        kernels::triangle_bounds(mesh.positions[t.x], mesh.positions[t.y], mesh.positions[t.z]));
+    elements.push_back(bounds_of(mesh, mesh.topology->triangles[triangles[k]]));
     radiosity[k] = mean(triangles[k]);
     area += double(elements.back().power);
     power += double(elements.back().power * radiosity[k]);

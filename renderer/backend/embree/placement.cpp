@@ -4,10 +4,13 @@
 
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <cstring>
+#include <map>
 
 #include "renderer/backend/embree/commit.h"
-#include "renderer/backend/embree/rest_box.h"
+#include "renderer/backend/embree/instance_motion.h"
+#include "renderer/backend/embree/placer.h"
 #include "renderer/scene/grid.h"
 
 namespace heliograph::embree {
@@ -15,17 +18,6 @@ namespace {
 
 // A few large objects are found sooner through a top level of their boxes (9 of W1: by 15 %).
 constexpr u32 kFewestStatic = 32;
-
-bool same(const mat4x3& a, const mat4x3& b) { return std::memcmp(&a, &b, sizeof a) == 0; }
-
-mat4x3 scaled(const mat4x3& m, vec3 scale) {
-  return {m[0] * scale.x, m[1] * scale.y, m[2] * scale.z, m[3]};
-}
-
-bool invertible(const mat4x3& m) {
-  const float det = glm::determinant(mat3(m));
-  return std::isfinite(det) && det != 0 && std::isfinite(m[3].x + m[3].y + m[3].z);
-}
 
 /// The rays that meet an entity: those it says, and those that the kernels ask about.
 u32 ray_mask(const Entity& entity) {
@@ -36,73 +28,25 @@ u32 ray_mask(const Entity& entity) {
   return mask & ~u32(kernels::kCameraRay);
 }
 
-/// Makes a Placement step by step.
-class Placer {
- public:
-  Placer(const Snapshot& snapshot, Time time, std::shared_ptr<const Structure> structure,
-         const Placement* before, const PlacementContext& context)
-      : snapshot_(snapshot),
-        time_(time),
-        before_(before),
-        builder_(context.builder),
-        device_(context.device),
-        static_triangles_(context.static_triangles),
-        interrupt_(context.interrupt) {
-    made_->structure = std::move(structure);
-    made_->world = world_poses(snapshot, time);
-  }
-
-  Status meshes();
-  void choose_static();
-  Status instances();
-  Status group();
-  Status label_frames();
-  void boxes();
-  void volumes();
-  Status top_level();
-  void measure();
-  std::shared_ptr<Placement> take() { return std::move(made_); }
-
- private:
-  [[nodiscard]] u32 slot_before(const Slot& slot) const;
-  [[nodiscard]] bool takes_over(u32 slot, u32 old) const;
-  void place(u32 slot);
-  /// Looks at the interrupt in every so many of a long loop's turns.
-  [[nodiscard]] Status pause(u32 turn) const {
-    constexpr u32 kTurns = 1024;
-    return turn % kTurns == 0 ? interrupt_.status() : Status{};
-  }
-  [[nodiscard]] mat4x3 from_root(u32 entity, u32 root) const;
-  [[nodiscard]] RestBox rest_box(const Instance& row, const ObjectFrame& frame) const;
-  [[nodiscard]] const Grid& density(u32 entity) const {
-    return *snapshot_.find(snapshot_.entities.at(entity).volume)->value->density;
-  }
-  void set_rest_box(RestBox own, u32 row, const mat4x3& root_from_entity,
-                    kernels::InstanceView& view) const;
-
-  const Snapshot& snapshot_;
-  const Time time_;
-  const Placement* before_;
-  const MeshBuilder& builder_;
-  const RTCDevice device_;
-  const u64 static_triangles_;
-  const Interrupt& interrupt_;
-  std::shared_ptr<Placement> made_ = std::make_shared<Placement>();
-  std::vector<u8> moved_;    // by slot
-  std::vector<u8> grouped_;  // by slot
-  bool changed_ = false;     // the top level differs from the one before
-};
+}  // namespace
 
 Status Placer::meshes() {
   const Structure& structure = *made_->structure;
   made_->meshes = structure.meshes;
   made_->mesh_of_slot.reserve(structure.slots.size());
-  const bool between = snapshot_.previous && time_ != snapshot_.time;
+  const bool between = snapshot_.previous && span_ != TimeSpan{snapshot_.time, snapshot_.time};
+  std::map<Time, std::vector<mat4x3>> worlds;
+  const WorldAt world_at = [&](Time time) -> const std::vector<mat4x3>& {
+    if (time == span_.middle()) return made_->world;
+    auto& world = worlds[time];
+    if (world.empty()) world = world_poses(snapshot_, time);
+    return world;
+  };
   for (const Slot& slot : structure.slots) {
     made_->mesh_of_slot.push_back(slot.mesh);
     if (!slot.deforms && !between) continue;
     HELIO_TRY(interrupt_.status());
-    auto deformed = deform(snapshot_, slot.entity, time_, made_->world);
+    auto deformed = deform_within(snapshot_, slot.entity, span_, world_at);
     if (!deformed) continue;
     const Entity& entity = snapshot_.entities.at(slot.entity);
     auto mesh =
@@ -114,6 +58,23 @@ Status Placer::meshes() {
   return {};
 }
 
+void Placer::motion() {
+  const auto& slots = made_->structure->slots;
+  keys_.resize(slots.size());
+  if (span_.instant()) return;
+  tbb::parallel_for(std::size_t(0), slots.size(), [&](std::size_t i) {
+    const Box& rest = made_->meshes[made_->mesh_of_slot[i]]->rest;
+    keys_[i] = instance_keys(snapshot_, slots[i].entity, span_,
+                             {.scale = slots[i].scale, .lower = rest.lower, .upper = rest.upper});
+  });
+}
+
+void Placer::add_keys(kernels::InstanceView& view, const std::vector<kernels::MotionKey>& keys) {
+  view.segments = keys.empty() ? 0 : u32(keys.size() - 1);
+  view.first_key = u32(made_->motion_keys.size());
+  made_->motion_keys.insert(made_->motion_keys.end(), keys.begin(), keys.end());
+}
+
 u32 Placer::slot_before(const Slot& slot) const {
   if (!before_ || slot.entity >= before_->structure->slot_of_entity.size()) return kNone;
   return before_->structure->slot_of_entity[slot.entity];
@@ -123,6 +84,7 @@ bool Placer::takes_over(u32 slot, u32 old) const {
   if (old == kNone) return false;
   const u32 entity = made_->structure->slots[slot].entity;
   return same(made_->world[entity], before_->world[entity]) &&
+         same_keys(keys_[slot], before_->keys_of(old)) &&
          made_->structure->slots[slot].scale == before_->structure->slots[old].scale &&
          grouped_[slot] == !before_->geometries[old] &&
          made_->meshes[made_->mesh_of_slot[slot]]->blas ==
@@ -134,7 +96,7 @@ void Placer::place(u32 index) {
   const Slot& slot = made_->structure->slots[index];
   kernels::InstanceView& view = made_->instances[index];
   const mat4x3 world = made_->mesh_pose(index);
-  const bool usable = invertible(world);
+  const bool usable = invertible(world) && std::ranges::all_of(keys_[index], usable_key);
   view.world_from_object = usable ? world : mat4x3(1);
   view.object_from_world = usable ? inverse(world) : mat4x3(1);
   const Entity& entity = snapshot_.entities.at(slot.entity);
@@ -149,11 +111,15 @@ void Placer::place(u32 index) {
   const RTCGeometry geometry = made_->geometries[index].get();
   rtcSetGeometryInstancedScene(geometry, made_->instance_scenes[index]);
   rtcSetGeometryMask(geometry, usable ? view.visibility : 0);
-  rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, &view.world_from_object);
+  if (keys_[index].empty())
+    rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, &view.world_from_object);
+  else
+    set_motion(geometry, keys_[index]);
   rtcCommitGeometry(geometry);
 }
 
-/// Static entities join the group in the order of their slots as long as there is room.
+/// Static entities join the group in the order of their slots as long as there is room; those that
+/// move in the span stay outside.
 void Placer::choose_static() {
   const Structure& structure = *made_->structure;
   grouped_.assign(structure.slots.size(), 0);
@@ -162,6 +128,7 @@ void Placer::choose_static() {
   for (u32 i = 0; i < structure.slots.size(); ++i) {
     const Slot& slot = structure.slots[i];
     if (!snapshot_.entities.at(slot.entity).is_static || slot.deforms) continue;
+    if (!keys_[i].empty() || made_->meshes[made_->mesh_of_slot[i]]->segments > 0) continue;
     if (!invertible(made_->world[slot.entity])) continue;
     const DeviceMesh& mesh = *made_->meshes[made_->mesh_of_slot[i]];
     if (mesh.shape() != kernels::Shape::kTriangles) continue;
@@ -219,107 +186,11 @@ Status Placer::instances() {
     view.label = label.instance;
     view.category = label.category;
     view.part = label.part;
+    add_keys(view, keys_[i]);
   }
   if (const RTCError error = rtcGetDeviceError(device_); error != RTC_ERROR_NONE)
     return fail(Code::kResourceExhausted, "", "Embree could not place the scene's instances");
   return {};
-}
-
-mat4x3 Placer::from_root(u32 entity, u32 root) const {
-  mat4x3 result(1);
-  for (u32 i = entity; i != root;) {
-    const EntityId parent = snapshot_.entities.at(i).parent;
-    if (!parent) return multiply(inverse(made_->world[root]), made_->world[entity]);
-    result = multiply(local_pose(snapshot_, i, time_), result);
-    i = parent.index();
-  }
-  return result;
-}
-
-RestBox Placer::rest_box(const Instance& row, const ObjectFrame& frame) const {
-  // A rigid frame's scale keeps the sides of a box: bounds are then those of the root's frame,
-  // which do not change when the root moves.
-  const mat3 from_root_map =
-      frame.rigid ? mat3(1) : object_from_root(frame, made_->world[row.root]);
-  const vec3 scale = frame.rigid ? frame.scale : vec3(1);
-  RestBox box;
-  for (const u32 entity : row.entities) {
-    const u32 slot = made_->structure->slot_of_entity[entity];
-    if (slot == kNone) {  // a volume
-      const mat4x3 to_root = from_root(entity, row.root);
-      for (const vec3& corner : box_corners(density(entity))) {
-        const vec3 p = from_root_map * (to_root * vec4(corner, 1)) * scale;
-        box.lower = glm::min(box.lower, p);
-        box.upper = glm::max(box.upper, p);
-      }
-      continue;
-    }
-    const mat4x3& to_root = made_->root_from_entity[slot];
-    const Box part = builder_.rest_bounds(*made_->meshes[made_->mesh_of_slot[slot]],
-                                          from_root_map * mat3(to_root));
-    const vec3 offset = from_root_map * to_root[3];
-    box.lower = glm::min(box.lower, (part.lower + offset) * scale);
-    box.upper = glm::max(box.upper, (part.upper + offset) * scale);
-  }
-  return box;
-}
-
-Status Placer::label_frames() {
-  const Structure& structure = *made_->structure;
-  made_->root_from_entity.resize(structure.slots.size());
-  made_->frames.resize(structure.labelling.instances.size());
-  made_->boxes.resize(made_->frames.size());
-  const bool same_structure = before_ && before_->structure == made_->structure;
-  for (u32 row = 0; row < made_->frames.size(); ++row) {
-    HELIO_TRY(pause(row));
-    const Instance& instance = structure.labelling.instances[row];
-    bool moved =
-        !same_structure || !same(made_->world[instance.root], before_->world[instance.root]);
-    for (const u32 entity : instance.entities) {
-      const u32 slot = structure.slot_of_entity[entity];
-      moved |= slot == kNone || moved_[slot] != 0;  // volumes have no slot
-    }
-    for (const u32 entity : instance.entities) {
-      const u32 slot = structure.slot_of_entity[entity];
-      if (slot == kNone) continue;
-      made_->root_from_entity[slot] =
-          moved ? scaled(from_root(entity, instance.root), structure.slots[slot].scale)
-                : before_->root_from_entity[slot];
-      moved_[slot] |= u8(moved);
-    }
-    if (moved) {
-      made_->frames[row] = object_frame(made_->world[instance.root]);
-      made_->boxes[row] = rest_box(instance, made_->frames[row]);
-    } else {
-      made_->frames[row] = before_->frames[row];
-      made_->boxes[row] = before_->boxes[row];
-    }
-  }
-  return {};
-}
-
-void Placer::boxes() {
-  const Structure& structure = *made_->structure;
-  for (u32 i = 0; i < structure.slots.size(); ++i) {
-    const Slot& slot = structure.slots[i];
-    const bool kept = !moved_[i] && before_ && before_->structure == made_->structure;
-    if (kept) continue;
-    const Box& own = made_->meshes[made_->mesh_of_slot[i]]->rest;
-    set_rest_box({own.lower, own.upper}, slot.row, made_->root_from_entity[i], made_->instances[i]);
-  }
-}
-
-/// box   of the rest vertices, which serves an entity that has no row
-void Placer::set_rest_box(RestBox box, u32 row, const mat4x3& root_from_entity,
-                          kernels::InstanceView& view) const {
-  mat4x3 to_object(1);
-  if (row != kNone) {
-    const mat3 scale = object_from_root(
-        made_->frames[row], made_->world[made_->structure->labelling.instances[row].root]);
-    box = made_->boxes[row];
-    to_object = multiply(mat4x3(scale[0], scale[1], scale[2], vec3(0)), root_from_entity);
-  }
-  show_rest_box(box, to_object, view);
 }
 
 /// Volumes are instances that rays do not find.
@@ -344,6 +215,8 @@ void Placer::volumes() {
       own.upper = glm::max(own.upper, corner);
       made_->bounds.extend(view.world_from_object * vec4(corner, 1));
     }
+    add_keys(view, instance_keys(snapshot_, entity, span_,
+                                 {.scale = vec3(1), .lower = own.lower, .upper = own.upper}));
     const u32 root = row == kNone ? entity : structure.labelling.instances[row].root;
     set_rest_box(own, row, from_root(entity, root), view);
   }
@@ -375,7 +248,10 @@ void Placer::measure() {
   made_->bounds.upper = {bounds.upper_x, bounds.upper_y, bounds.upper_z};
 }
 
-}  // namespace
+std::span<const kernels::MotionKey> Placement::keys_of(u32 slot) const {
+  const kernels::InstanceView& view = instances[slot];
+  return std::span(motion_keys).subspan(view.first_key, view.segments > 0 ? view.segments + 1 : 0);
+}
 
 mat4x3 Placement::mesh_pose(u32 slot) const {
   const Slot& s = structure->slots[slot];
@@ -383,10 +259,11 @@ mat4x3 Placement::mesh_pose(u32 slot) const {
 }
 
 Expected<std::shared_ptr<const Placement>> make_placement(
-    const Snapshot& snapshot, Time time, std::shared_ptr<const Structure> structure,
+    const Snapshot& snapshot, const TimeSpan& span, std::shared_ptr<const Structure> structure,
     const Placement* before, const PlacementContext& context) {
-  Placer placer(snapshot, time, std::move(structure), before, context);
+  Placer placer(snapshot, span, std::move(structure), before, context);
   HELIO_TRY(placer.meshes());
+  placer.motion();
   placer.choose_static();
   HELIO_TRY(placer.instances());
   HELIO_TRY(placer.group());

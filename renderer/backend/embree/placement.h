@@ -1,4 +1,4 @@
-// Where the slots of a structure are at one instant: instances, the top level, frames of labels.
+// Where the slots of a structure are in a span of time: instances, the top level, frames of labels.
 #pragma once
 
 #include "renderer/backend/embree/static_group.h"
@@ -8,22 +8,26 @@
 namespace heliograph::embree {
 
 struct Placement {
+  TimeSpan span;
   std::shared_ptr<const Structure> structure;
-  std::vector<mat4x3> world;                              // by entity index
+  std::vector<mat4x3> world;                              // by entity index, in the middle
   std::vector<kernels::InstanceView> instances;           // by slot
   std::vector<kernels::InstanceView> volumes;             // of Structure::volumes; without meshes
   std::vector<std::shared_ptr<const DeviceMesh>> meshes;  // the structure's, then deformed ones
   std::vector<u32> mesh_of_slot;                          // index into meshes
+  std::vector<kernels::MotionKey> motion_keys;            // of the instances
   std::vector<GeometryHandle> geometries;                 // by slot; null: in the group
   std::shared_ptr<const StaticGroup> group;               // its number in the top level: slots
   std::vector<RTCScene> instance_scenes;                  // by slot
   std::vector<mat4x3> root_from_entity;                   // by slot, of its mesh's coordinates
-  std::vector<ObjectFrame> frames;                        // by row of the labelling
+  std::vector<ObjectFrame> frames;                        // by row of the labelling, in the middle
   std::vector<RestBox> boxes;                             // by row, in those frames
   SceneHandle top;                                        // null: no instance
   Box bounds;
   /// What takes the coordinates of a slot's mesh to the world.
   [[nodiscard]] mat4x3 mesh_pose(u32 slot) const;
+  /// Motion keys of a slot; empty: it stands still.
+  [[nodiscard]] std::span<const kernels::MotionKey> keys_of(u32 slot) const;
 };
 
 /// What a placement is made with.
@@ -34,10 +38,11 @@ struct PlacementContext {
   const Interrupt& interrupt;
 };
 
-/// Places every slot at `time`. What `before` has in the same place is taken over; the result does
-/// not depend on it. Fails with RESOURCE_EXHAUSTED, and as the interrupt says.
+/// Places every slot over `span`; an instant, or what does not move in it, has no keys. What
+/// `before` has in the same place is taken over; the result does not depend on it. Fails with
+/// RESOURCE_EXHAUSTED, and as the interrupt says.
 [[nodiscard]] Expected<std::shared_ptr<const Placement>> make_placement(
-    const Snapshot& snapshot, Time time, std::shared_ptr<const Structure> structure,
+    const Snapshot& snapshot, const TimeSpan& span, std::shared_ptr<const Structure> structure,
     const Placement* before, const PlacementContext& context);
 
 }  // namespace heliograph::embree

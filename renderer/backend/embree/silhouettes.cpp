@@ -5,8 +5,9 @@
 
 #include <algorithm>
 #include <bit>
+#include <optional>
 
-#include "kernels/camera.h"
+#include "kernels/rolling.h"
 #include "kernels/volume_march.h"
 #include "renderer/backend/embree/canvas.h"
 
@@ -62,7 +63,9 @@ std::vector<std::vector<Reach>> reaches(const Placement& placement, const Traced
     const u32 row = structure.volumes[i].row;
     const kernels::VolumeView& volume = scene.view->volumes[i];
     if (row == kNone || !(volume.instance.visibility & kernels::kCameraRay)) continue;
-    const PixelBox box = bounds_on_canvas(world_corners(volume), camera, canvas);
+    const PixelBox box = volume.instance.segments > 0
+                             ? canvas
+                             : bounds_on_canvas(world_corners(volume), camera, canvas);
     if (box.x1 > box.x0)
       out[row].push_back({.label = volume.instance.label, .box = box, .volume = i});
   }
@@ -87,8 +90,8 @@ std::vector<Task> make_tasks(const std::vector<std::vector<Reach>>& reaches) {
   return tasks;
 }
 
-/// The camera's rays through pixel centres in the space of one object, not normalised. Those of a
-/// camera that sees straight lines straight are affine in the pixel.
+/// A camera's rays through pixel centres in the space of one object, not normalised. Those of a
+/// camera that sees straight lines straight are affine in the pixel. The camera stands still.
 class ObjectRays {
  public:
   ObjectRays(const kernels::CameraView& camera, const mat4x3& object_from_world)
@@ -116,7 +119,7 @@ class ObjectRays {
     }
     const vec3 direction = direction_ + direction_x_ * x + direction_y_ * y;
     return {origin_ + origin_x_ * x + origin_y_ * y + direction * camera_->near, direction, t_max_,
-            0, kProbe};
+            camera_->time, kProbe};
   }
   /// The rays through (x, y) ... (x + 7, y); clears `valid` where the camera sees nothing.
   void through(float x, float y, RTCRay8& rays, int* valid) const {
@@ -129,7 +132,8 @@ class ObjectRays {
       rays.dir_x[i] = ray.direction.x;
       rays.dir_y[i] = ray.direction.y;
       rays.dir_z[i] = ray.direction.z;
-      rays.tnear[i] = rays.time[i] = 0;
+      rays.tnear[i] = 0;
+      rays.time[i] = ray.time;
       rays.tfar[i] = ray.t_max;
       rays.mask[i] = kNone;
       rays.id[i] = rays.flags[i] = 0;
@@ -157,11 +161,13 @@ class SilhouetteTracer {
   /// Traces the task's pixels; sets their bits in `mask` unless it is null. A pixel whose centre
   /// ray met the instance belongs to it without another ray.
   void trace(Task& task, const std::vector<Reach>& reaches, u8* mask) const {
+    std::optional<kernels::CameraAt> now;
     std::vector<ObjectRays> rays;
-    for (const Reach& reach : reaches)
-      rays.emplace_back(camera_, reach.slot == kNone ? mat4x3(1)  // volumes take the world's rays
-                                                     : instances_[reach.slot].object_from_world);
     for (i32 y = task.y0; y < task.y1; ++y) {
+      if (!now || camera_.shutter.row != 0) {
+        now.emplace(camera_, kernels::row_time(camera_, float(y) + 0.5f));
+        rays = rays_of(reaches, now->camera());
+      }
       i32 x0 = INT32_MAX, x1 = INT32_MIN;
       for (const Reach& reach : reaches)
         if (y >= reach.box.y0 && y < reach.box.y1) {
@@ -181,6 +187,18 @@ class SilhouetteTracer {
  private:
   static constexpr i32 kLanes = 8;
 
+  /// The rays of a camera that stands still to each slot.
+  [[nodiscard]] std::vector<ObjectRays> rays_of(const std::vector<Reach>& reaches,
+                                                const kernels::CameraView& camera) const {
+    std::vector<ObjectRays> rays;
+    for (const Reach& reach : reaches)
+      rays.emplace_back(
+          camera,
+          reach.slot == kNone  // volumes take the world's rays
+              ? mat4x3(1)
+              : kernels::pose_at(scene_, instances_[reach.slot], camera.time).object_from_world);
+    return rays;
+  }
   [[nodiscard]] bool in_image(i32 x, i32 y) const {
     return x >= 0 && y >= 0 && x < i32(camera_.width) && y < i32(camera_.height);
   }
@@ -256,6 +274,56 @@ float diameter(const DeviceMesh& mesh) {
   return mesh.rest.empty() ? 0 : glm::length(mesh.rest.upper - mesh.rest.lower);
 }
 
+/// A keypoint at the time of the row that sees it.
+struct KeypointSight {
+  kernels::Sighting seen;
+  vec3 p_world;
+
+  /// OpenCV camera frame; in double where the camera stands still.
+  [[nodiscard]] glm::dvec3 p_camera(const kernels::CameraView& view,
+                                    const ImageCamera& camera) const {
+    if (view.segments == 0)
+      return {camera.camera_from_world_cv * glm::dvec4(glm::dvec3(p_world), 1)};
+    const kernels::CameraAt now(view, seen.time);
+    return kernels::cv_from_gl(kernels::transform_point(now.camera().camera_from_world, p_world));
+  }
+  [[nodiscard]] kernels::Ray ray(const kernels::CameraView& view) const {
+    const kernels::CameraAt now(view, seen.time);
+    return kernels::clipped(now.camera(), kernels::camera_ray_to(now.camera(), p_world, kProbe));
+  }
+  [[nodiscard]] bool in_clip(const kernels::CameraView& view) const {
+    return kernels::within_clip(kernels::CameraAt(view, seen.time).camera(), p_world);
+  }
+};
+
+KeypointSight see_keypoint(const kernels::SceneView& scene, const kernels::InstanceView& instance,
+                           const kernels::CameraView& view, vec3 p_object) {
+  const auto point_at = [&](float time) {
+    return kernels::transform_point(kernels::pose_at(scene, instance, time).world_from_object,
+                                    p_object);
+  };
+  KeypointSight sight;
+  sight.seen = kernels::find_row(
+      view, 0.5f * float(view.height),
+      [&](const kernels::CameraView& now) { return kernels::project(now, point_at(now.time)); });
+  sight.p_world = point_at(sight.seen.time);
+  return sight;
+}
+
+/// A ray to a point, and how near to it a surface does not hide it.
+struct RayToPoint {
+  kernels::Ray ray;
+  float radius;
+};
+KeypointLabel::State state_of(const EmbreeTracer& tracer, const kernels::SceneView& scene,
+                              u32 label, RayToPoint to) {
+  using State = KeypointLabel::State;
+  to.ray.t_max = std::max(0.0f, to.ray.t_max - to.radius);
+  const kernels::Hit hit = tracer.closest(to.ray, kernels::kCameraRay);
+  if (hit.instance == kNone) return State::kVisible;
+  return scene.instances[hit.instance].label == label ? State::kSelfOccluded : State::kOccluded;
+}
+
 }  // namespace
 
 std::vector<Silhouette> trace_silhouettes(const Placement& placement, const TracedScene& scene,
@@ -290,7 +358,6 @@ std::vector<Silhouette> trace_silhouettes(const Placement& placement, const Trac
 std::vector<KeypointLabel> trace_keypoints(const Placement& placement, const TracedScene& scene,
                                            const kernels::CameraView& view,
                                            const ImageCamera& camera, const LabelOptions& options) {
-  using State = KeypointLabel::State;
   const Structure& structure = *placement.structure;
   const EmbreeTracer tracer(scene);
   std::vector<std::vector<KeypointLabel>> rows(structure.labelling.instances.size());
@@ -302,20 +369,13 @@ std::vector<KeypointLabel> trace_keypoints(const Placement& placement, const Tra
     const float radius = options.keypoint_radius.value_or(
         0.005f * diameter(mesh) * glm::length(instance.world_from_object[0]));
     for (const Keypoint& keypoint : mesh.topology->keypoints) {
-      const vec3 p_world = instance.world_from_object * vec4(keypoint.position, 1);
-      const glm::dvec3 p_camera(camera.camera_from_world_cv * glm::dvec4(glm::dvec3(p_world), 1));
-      const glm::dvec2 image = project(camera, p_camera);
-      KeypointLabel label{instance.label, keypoint.name, vec3(p_camera), vec2(image),
-                          State::kOutside};
-      if (kernels::inside_image(view, vec2(image) + 0.5f) && kernels::within_clip(view, p_world)) {
-        kernels::Ray ray = kernels::clipped(view, kernels::camera_ray_to(view, p_world, kProbe));
-        ray.t_max = std::max(0.0f, ray.t_max - radius);
-        const kernels::Hit hit = tracer.closest(ray, kernels::kCameraRay);
-        label.state = hit.instance == kNone ? State::kVisible
-                      : scene.view->instances[hit.instance].label == instance.label
-                          ? State::kSelfOccluded
-                          : State::kOccluded;
-      }
+      const KeypointSight sight = see_keypoint(*scene.view, instance, view, keypoint.position);
+      const glm::dvec3 p_camera = sight.p_camera(view, camera);
+      KeypointLabel label{instance.label, keypoint.name, vec3(p_camera), vec2(NAN),
+                          KeypointLabel::State::kOutside};
+      if (sight.seen.found) label.p_image = vec2(project(camera, p_camera));
+      if (kernels::inside_image(view, label.p_image + 0.5f) && sight.in_clip(view))
+        label.state = state_of(tracer, *scene.view, instance.label, {sight.ray(view), radius});
       rows[row].push_back(std::move(label));
     }
   }
