@@ -29,7 +29,7 @@ std::unexpected<Error> missing(const char* field, const char* remedy) {
 Expected<const MeshTopology*> topology_of(const Snapshot& snapshot, EntityId id) {
   const Entity& entity = *snapshot.find(id);
   if (const auto* mesh = snapshot.find(entity.mesh)) return mesh->value->topology.get();
-  return fail(Code::kInvalidArgument, "",
+  return fail(Code::kInvalidArgument, "entities",
               fmt::format("{} shows no mesh; name an entity that does", object_text(id, snapshot)));
 }
 

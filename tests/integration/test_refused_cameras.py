@@ -18,7 +18,7 @@ CAMERAS = {
         entity(camera=camera(projection="fisheye", aperture=0.01, focus_distance=1)),
     ),
     "two blades": (INVALID, "camera.blades", "3, 64", entity(camera=camera(blades=2))),
-    "near": (INVALID, "camera.near", "0, 1e", entity(camera=camera(near=-1))),
+    "near": (INVALID, "camera.near", "1000000000", entity(camera=camera(near=-1))),
     "near beyond far": (INVALID, "camera.far", "beyond near", entity(camera=camera(near=2, far=1))),
     "3 coefficients": (
         INVALID,
@@ -47,7 +47,7 @@ CAMERAS = {
     "coefficient": (
         INVALID,
         "camera.distortion[1]",
-        "-1e+06",
+        "-1000000",
         entity(camera=camera(distortion=(0, 1e7, 0, 0))),
     ),
     "fov": (INVALID, "fov", "180", lambda s: hg.Camera.from_fov(0, 32, 24)),
@@ -86,7 +86,7 @@ TRACKS = {
     "times": (INVALID, "times", r"\(N\)", tracked(("ball", [0]), np.zeros((2, 2)))),
     "no times": (INVALID, "times", "at least one", tracked(("ball", [0]), [])),
     "nan time": (INVALID, "times", "finite", tracked(("ball", [0]), [np.nan])),
-    "late": (INVALID, "times[1]", "1e+09", tracked(("ball", [0]), [0, 1e10])),
+    "late": (INVALID, "times[1]", "1000000000", tracked(("ball", [0]), [0, 1e10])),
     "camera": (hg.NotFound, "camera", "cam", tracked(("ball", [0]), camera="came")),
     "no camera": (INVALID, "camera", "'ball'", tracked(("ball", [0]), camera="ball")),
     "entity": (hg.NotFound, "entities[0]", "ball", tracked(("balls", [0]))),
