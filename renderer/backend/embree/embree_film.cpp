@@ -156,7 +156,9 @@ PixelRect EmbreeFilm::tile(u32 index) const {
 
 std::vector<RenderTask> EmbreeFilm::render_tasks() const {
   std::vector<RenderTask> tasks;
-  if (view_.wanted & kernels::planes_of(Fold::kMean) & ~plane_bit(Plane::BEAUTY_STILL))
+  constexpr kernels::PlaneSet kSampled =
+      kernels::planes_of(Fold::kMean) | kernels::planes_of(Fold::kFilm);
+  if (view_.wanted & kSampled & ~plane_bit(Plane::BEAUTY_STILL))
     tasks.push_back({open_.scene->traced(), &open_.camera, &job().settings, &view_});
   if (still_view_.wanted)
     tasks.push_back({still_.scene->traced(), &still_.camera, &job().settings, &still_view_});
