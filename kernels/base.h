@@ -20,6 +20,7 @@ enum class Interface : u8 {
 
 /// A sum of
 ///   diffuse   Lambert under the coat, scaled by what the coat lets in and out
+///   inside    what enters the coat, travels inside the body and leaves elsewhere (subsurface.h)
 ///   facets    GGX reflection of coat, metal and glass, Fresnel after Schlick or exact, and the
 ///             light that microfacets scatter more than once
 ///   through   what passes to the other side
@@ -33,7 +34,7 @@ struct Base {
   vec3 f0;        // Schlick's Fresnel of coat and metal together
   float f90;
   float coat_f0, coat_f90, coat_multiple;  // of the coat alone, in full
-  float average_entering;                  // average over wi of 1 - coat albedo
+  float average_entering;                  // average over wi of 1 - coat albedo, layers included
   AlbedoRow albedo;
   AnisotropicRow anisotropic;  // instead, where the aspect is not 1
   vec3 glass_tint;             // of light that passes
@@ -44,9 +45,11 @@ struct Base {
   float through_scale;         // the same of what passes by itself
   float eta;                   // index of the far side over that of wo's side
   Ggx facets, through;
-  float diffuse_probability;  // of sampling by cosine
-  float facet_probability;    // of sampling a microfacet; what is left: `through` on its own
-  float reflectance;          // about the share of light that all of it gives off
+  float diffuse_probability;     // of sampling by cosine
+  float facet_probability;       // of sampling a microfacet; what is left: `through` on its own
+  float subsurface_probability;  // of light that travels inside the body
+  float subsurface;              // share of light that does
+  float reflectance;             // about the share of light that all of it gives off
   Interface interface;
   bool coated;         // what is sampled by cosine depends on the albedo of wi
   bool delta;          // the microfacets are perfect mirrors
@@ -116,8 +119,23 @@ KERNEL vec3 dielectric_f0(const MaterialValues& m) {
   return glm::min(color, vec3(1)) * m.specular;
 }
 
+/// What lies under the coat: a share of its light travels inside, the rest is Lambert's. Where
+/// there is no inside to travel in, all of it is.
+struct Body {
+  vec3 color;
+  float inside;
+};
+KERNEL Body body_of(const MaterialValues& m, bool has_inside) {
+  if (!(m.subsurface > 0)) return {m.base_color, 0};
+  const vec3 color = m.base_color * (1 - m.subsurface);
+  if (!has_inside || is_black(m.subsurface_radius)) {
+    return {color + m.subsurface_color * m.subsurface, 0};
+  }
+  return {color, m.subsurface};
+}
+
 /// The lobes that reflect. Returns the albedo of those sampled by cosine and by microfacets.
-KERNEL vec2 set_reflection(Base& b, const MaterialValues& m) {
+KERNEL vec2 set_reflection(Base& b, const MaterialValues& m, const Body& body) {
   const float plastic = (1 - m.metallic) * (1 - m.transmission);
   const vec3 coat_f0 = dielectric_f0(m);
   const float f_steps = 1 / 21.0f;  // the average of Schlick's weight
@@ -143,7 +161,8 @@ KERNEL vec2 set_reflection(Base& b, const MaterialValues& m) {
   }
   const float entering = 1 - coat_albedo(b, out);
   b.average_entering = max2(1 - coat_albedo(b, average), 1e-4f);
-  const vec3 diffuse = m.base_color * (plastic * entering);
+  const vec3 diffuse = body.color * (plastic * entering);
+  b.subsurface = body.inside * plastic * entering;
 
   const vec2 share(luminance(diffuse) + luminance(b.multiple) * lost,
                    luminance(b.f0) * (out.total - out.schlick) + b.f90 * out.schlick);
@@ -232,28 +251,34 @@ KERNEL void set_base(Base& b, const MaterialValues& m, const ShadingPoint& at, v
   b.glass = (1 - m.metallic) * m.transmission;
   b.interface = Interface::kNone;
   b.facet_probability = 0;
+  const Body body = body_of(m, !at.thin_walled && dot(at.wo, at.ng) >= 0);
   if (!facets) {
-    b.diffuse = m.base_color * kInvPi;
+    b.diffuse = body.color * kInvPi;
     b.multiple = b.f0 = vec3(0);
     b.f90 = 0;
     b.coated = false;
     b.average_entering = 1;
-    b.diffuse_probability = 1;
-    b.reflectance = luminance(m.base_color);
+    b.subsurface = body.inside;
+    const float inside = body.inside * luminance(m.subsurface_color);
+    b.reflectance = luminance(body.color) + inside;
+    b.subsurface_probability = inside > 0 ? inside / b.reflectance : 0;
+    b.diffuse_probability = 1 - b.subsurface_probability;
     return;
   }
   b.coated = true;
   if (!b.delta) b.albedo = albedo_row(kReflectionAlbedo, 2 * kAlbedoCosines, m.roughness);
-  vec2 share = set_reflection(b, m);
+  vec2 share = set_reflection(b, m, body);
   float through = 0;
   if (b.glass > 0) {
     const vec2 passing = set_interface(b, m, dot(at.wo, at.ng) >= 0, at.thin_walled);
     share.y += passing.x;
     through = passing.y;
   }
-  b.reflectance = share.x + share.y + through;
+  const float inside = b.subsurface * luminance(m.subsurface_color);
+  b.reflectance = share.x + share.y + through + inside;
   b.diffuse_probability = share.x > 0 ? share.x / b.reflectance : 0;
-  b.facet_probability = 1 - b.diffuse_probability;
+  b.subsurface_probability = inside > 0 ? inside / b.reflectance : 0;
+  b.facet_probability = 1 - b.diffuse_probability - b.subsurface_probability;
   if (through > 0) b.facet_probability *= share.y / (share.y + through);
 }
 

@@ -13,13 +13,13 @@ struct BsdfValue {
   float pdf = 0;
 };
 
-enum class Lobe : u8 { kDiffuse, kGlossy, kTransmission };
+enum class Lobe : u8 { kDiffuse, kGlossy, kTransmission, kSubsurface };
 
 struct BsdfSample {
-  vec3 wi;             // unit, world
-  vec3 weight{0};      // f |cos| / pdf
+  vec3 wi;             // unit, world; unset for kSubsurface
+  vec3 weight{0};      // f |cos| / pdf; for kSubsurface that of light that enters
   vec3 diffuse_share;  // of the weight
-  float pdf;           // 1/sr; 0: a delta lobe
+  float pdf;           // 1/sr; 0: a delta lobe, or light that travels inside
   float eta;           // index of the far side over the near side when refracted, else 1
   Lobe lobe;
 };
@@ -27,7 +27,7 @@ struct BsdfSample {
 /// Whether what passes is a lobe of its own, and the probability of choosing it.
 KERNEL bool passes_apart(const Base& b) { return b.interface > Interface::kJoint; }
 KERNEL float through_probability(const Base& b) {
-  return max2(1 - b.diffuse_probability - b.facet_probability, 0.0f);
+  return max2(1 - b.diffuse_probability - b.facet_probability - b.subsurface_probability, 0.0f);
 }
 
 /// Its colour.
@@ -134,7 +134,8 @@ KERNEL BsdfValue evaluate_base(const Base& b, vec3 wi, float side) {
   return out;
 }
 
-/// A direction that has been chosen, before its weight is known unless it is that of a mirror.
+/// A direction that has been chosen, before its weight is known unless it is that of a mirror or
+/// of light that travels inside.
 struct Chosen {
   bool valid;
   bool delta;
@@ -188,7 +189,16 @@ KERNEL Chosen choose_base(const Base& b, float u_lobe, vec2 u, BsdfSample& s) {
     s.eta = 1;
     return {true, false};
   }
-  const float rest = u_lobe - b.diffuse_probability;
+  float rest = u_lobe - b.diffuse_probability;
+  // Where there are no facets, rounding must not choose them.
+  const bool last = b.subsurface_probability > 0 && b.facet_probability <= 0 && !passes_apart(b);
+  if (rest < b.subsurface_probability || last) {
+    s.weight = vec3(b.subsurface / b.subsurface_probability);
+    s.lobe = Lobe::kSubsurface;
+    s.eta = 1;
+    return {true, true};
+  }
+  rest -= b.subsurface_probability;
   if (passes_apart(b) && rest >= b.facet_probability) return choose_through(b, u, s);
   return choose_facet(b, rest / b.facet_probability,
                       b.delta ? vec3(0, 0, 1) : sample_ggx(b.wo, b.facets, u), s);

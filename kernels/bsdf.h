@@ -93,9 +93,22 @@ KERNEL bool sample_bsdf(const Bsdf& b, float u_lobe, vec2 u, BsdfSample& s) {
 /// Whether sample_bsdf() looks at u_lobe.
 KERNEL bool chooses_lobe(const Bsdf& b) { return b.layered || b.diffuse_probability < 1; }
 
+/// Light from inside the body leaves towards wi (unit, world) with this times the cosine / pi.
+KERNEL float leaving_body(const Bsdf& b, vec3 wi_world) {
+  const vec3 wi = to_local(b.frame, wi_world);
+  if (wi.z <= 0 || dot(b.ng, wi_world) <= 0) return 0;
+  float leaving = b.coated ? 1 - coat_albedo(b, base_albedo(b, wi)) : 1;
+  if (b.layered) {
+    const float coat_cosine = b.layers.clearcoat > 0 ? dot(b.layers.coat.n, wi_world) : 0;
+    leaving *= layers_transmit(b.layers, coat_cosine, wi.z);
+  }
+  return leaving / b.average_entering;
+}
+
 /// Whether the surface sends on any light at all.
 KERNEL bool scatters(const Bsdf& b) {
-  return b.glass > 0 || b.f90 > 0 || !is_black(b.diffuse) || !is_black(b.f0) || b.layered;
+  return b.glass > 0 || b.f90 > 0 || b.subsurface > 0 || !is_black(b.diffuse) || !is_black(b.f0) ||
+         b.layered;
 }
 
 /// Whether lights are worth sampling: something is not a perfect mirror.

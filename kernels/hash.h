@@ -30,4 +30,10 @@ KERNEL u64 hash64(u64 x) {
 /// The word's upper 24 bits as a number in [0, 1).
 KERNEL float unit_float(u32 x) { return float(x >> 8) * 0x1p-24f; }
 
+/// Independent numbers in [0, 1), as many as it takes.
+struct HashStream {
+  u32 state;
+  KERNEL float next() { return unit_float(hash32(state += 0x9e3779b9u)); }
+};
+
 }  // namespace heliograph::kernels::inline HELIO_ISA

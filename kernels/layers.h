@@ -87,7 +87,9 @@ KERNEL void set_layers(Layers& l, Base& b, const MaterialValues& m, vec3 wo, vec
   const float clearcoat = clearcoat_albedo(l, l.coat_wo.z);
   l.below_clearcoat = 1 - clearcoat;
   l.below = layers_transmit(l, l.coat_wo.z, b.wo.z);
-  b.diffuse *= l.below * b.average_entering / average_entering(l, b);
+  const float average = average_entering(l, b);
+  b.diffuse *= l.below * b.average_entering / average;
+  b.average_entering = average;
 
   const float sheen = l.sheen_weight > 0 ? l.below_clearcoat * luminance(l.sheen_color) *
                                                sheen_albedo(l.sheen, b.wo.z)

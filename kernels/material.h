@@ -96,6 +96,25 @@ KERNEL MaterialValues evaluate_material(const SceneView& scene, const MaterialVi
   return values;
 }
 
+/// Whether there may be a medium inside surfaces of a material.
+KERNEL bool may_fill(const MaterialView& material) {
+  const MaterialValues& m = material.constant;
+  return !material.thin_walled && m.transmission > 0 &&
+         (m.attenuation_distance > 0 || !is_black(m.medium_density));
+}
+
+/// Whether a material is the boundary of a medium and nothing else: of index 1, smooth and clear.
+/// Light passes it straight on, also on its way from a light.
+KERNEL bool is_passable(const MaterialView& material) {
+  constexpr u32 kDecisive = 1u << u32(ParameterBit::ior) | 1u << u32(ParameterBit::roughness) |
+                            1u << u32(ParameterBit::transmission) |
+                            1u << u32(ParameterBit::transmission_roughness);
+  const MaterialValues& m = material.constant;
+  return !material.thin_walled && !material.unlit && (material.textured & kDecisive) == 0 &&
+         m.ior == 1 && m.roughness == 0 && m.transmission == 1 && m.transmission_roughness == 0 &&
+         m.metallic == 0 && m.sheen == 0 && m.clearcoat == 0;
+}
+
 KERNEL const MaterialView& material_of(const SceneView& scene, const InstanceView& instance,
                                        u32 mesh_part) {
   return scene.materials[scene.part_materials[instance.first_part + mesh_part]];

@@ -27,7 +27,10 @@
   X(sheen_roughness, 1, 0.5f, 0, 1)       \
   X(sheen_tint, 1, 0, 0, 1)               \
   X(clearcoat, 1, 0, 0, 1)                \
-  X(clearcoat_roughness, 1, 0.03f, 0, 1)
+  X(clearcoat_roughness, 1, 0.03f, 0, 1)  \
+  X(medium_density, 3, 0, 0, 1e6f)        \
+  X(medium_albedo, 3, 1, 0, 1)            \
+  X(medium_anisotropy, 1, 0, -0.99f, 0.99f)
 
 #define HELIO_NORMAL_MAPS(X) \
   X(normal_map)              \

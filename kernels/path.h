@@ -2,23 +2,16 @@
 // sampling. render_pixel() is the entry point of every backend; the steps below it are its whole.
 #pragma once
 
-#include "kernels/blur.h"
 #include "kernels/camera.h"
 #include "kernels/catcher.h"
 #include "kernels/filter.h"
 #include "kernels/path_volume.h"
+#include "kernels/subsurface.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// The surface at the end of the path's ray.
-struct Vertex {
-  Surface surface;
-  MaterialValues material;
-  Bsdf bsdf;
-};
-
 template <Tracer T>
-KERNEL Path begin_path(const PathContext<T>& c, u32 x, u32 y) {
+KERNEL Path begin_path(const PathContext<T>& c, u32 x, u32 y, SampleValues& sample) {
   const vec2 offset = sample_filter(c.settings.filter, c.sampler.get2(kFilterPair));
   const vec2 raster = vec2(float(x) + 0.5f, float(y) + 0.5f) + offset;
   const HoleKey holes = hole_key(c, kHoleHash);
@@ -35,6 +28,9 @@ KERNEL Path begin_path(const PathContext<T>& c, u32 x, u32 y) {
   path.blurred = false;
   path.cone = pixel_cone(c.camera);
   path.route = {vec3(0), FirstVertex::kReflects};
+  path.passed = 0;
+  path.boundaries = 0;
+  if (c.scene.any_media) path.inside = inside_at(c.scene, c.tracer, path.ray, sample.rays);
   return path;
 }
 
@@ -64,7 +60,11 @@ KERNEL vec3 met_sun(const SunView& sun, const Path& path) {
 /// The path leaves the scene.
 template <Tracer T>
 KERNEL void miss(const PathContext<T>& c, const Path& path, SampleValues& sample) {
-  if (path.edges == 1 && c.settings.transparent_background) return;
+  if (path.edges == 1 && c.settings.transparent_background) {
+    const vec3 t = path.throughput;  // what media on the way left
+    sample.alpha = 1 - (t.x + t.y + t.z) / 3;
+    return;
+  }
   const auto add = [&](vec3 radiance, u32 group) {
     collect(c, sample, {path.throughput * radiance, path.edges, true, group}, path.route);
   };
@@ -78,7 +78,9 @@ KERNEL void miss(const PathContext<T>& c, const Path& path, SampleValues& sample
 KERNEL float emission_weight(const SceneView& scene, const Path& path, const Hit& hit, u32 light) {
   if (path.pdf <= 0 || light == kNone) return 1;
   if (!shows_to_all(scene.instances[hit.instance].visibility)) return 0;
-  return mis_weight(path.pdf, light_pdf(scene, path.from, hit, path.ray.direction, light));
+  Hit from_vertex = hit;
+  from_vertex.t += path.passed;
+  return mis_weight(path.pdf, light_pdf(scene, path.from, from_vertex, path.ray.direction, light));
 }
 
 /// The path meets a surface: counts what it emits; false when the path ends there.
@@ -109,66 +111,40 @@ KERNEL bool hit_surface(const PathContext<T>& c, Path& path, const Hit& hit, Ver
   return false;
 }
 
-/// The vertex as a light tree sees it. A clearcoat may have a normal of its own, but no light from
-/// below the surface.
-KERNEL Receiver receiver_of(const Vertex& v, float time) {
-  const Bsdf& b = v.bsdf;
-  return {v.surface.p, b.layered ? b.ng : b.frame.n, b.glass > 0 ? Facing::kBoth : Facing::kFront,
-          time};
-}
-
-/// Light that comes to the vertex straight from one light (next event estimation).
-template <Tracer T>
-KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Vertex& v,
-                         SampleValues& sample) {
-  LightSample light;
-  if (!choose_light(c, path, receiver_of(v, c.time), light)) return;
-  BsdfValue f = evaluate_bsdf(v.bsdf, light.direction);
-  const bool transmitted = dot(v.bsdf.ng, light.direction) < 0;
-  if (!(light.visibility & kDiffuseRay)) f.diffuse = vec3(0);
-  if (!(light.visibility & (transmitted ? kTransmissionRay : kGlossyRay))) f.glossy = vec3(0);
-  const vec3 total = f.diffuse + f.glossy;
-  if (!(max_component(total) > 0)) return;
-  const Route route{share_of(f.diffuse, total),
-                    transmitted ? FirstVertex::kTransmits : FirstVertex::kReflects};
-  receive_light(c, path, light, offset_point(v.surface, light.direction), {total, f.pdf, route},
-                sample);
-}
-
 /// Denoising guides, at the first vertex that is not a perfect mirror.
 KERNEL void record_guides(const Path& path, const Bsdf& bsdf, vec3 weight, SampleValues& sample) {
   sample.albedo = glm::min(path.throughput * weight * path.radiance_scale, vec3(1));
   sample.normal = bsdf.frame.n;
 }
 
-/// The path goes on in a direction of the surface's choice; false when it ends.
+/// The path goes on in a direction of the surface's choice; false when it ends. The vertex becomes
+/// the one that it goes on from.
 template <Tracer T>
-KERNEL bool scatter(const PathContext<T>& c, Path& path, const Vertex& v, SampleValues& sample) {
+KERNEL bool scatter(const PathContext<T>& c, Path& path, Vertex& v, SampleValues& sample) {
   const float choice = chooses_lobe(v.bsdf) ? c.sampler.get1(vertex_pair(path, kLobeChoice)) : 0;
   const vec2 u = c.sampler.get2(vertex_pair(path, kScatterPair));
   BsdfSample s;
   const bool goes_on = sample_bsdf(v.bsdf, choice, u, s);
-  if (!path.guided && (!goes_on || s.pdf > 0)) {
-    record_guides(path, v.bsdf, goes_on ? s.weight * sqr(s.eta) : vec3(0), sample);
+  const bool enters = goes_on && s.lobe == Lobe::kSubsurface;
+  if (!path.guided && (!goes_on || enters || s.pdf > 0)) {
+    vec3 weight(0);
+    if (goes_on) weight = s.weight * (enters ? v.material.subsurface_color : vec3(sqr(s.eta)));
+    record_guides(path, v.bsdf, weight, sample);
     path.guided = true;
   }
   if (!goes_on) return false;
-  if (path.edges == 1) {
-    path.route = {s.diffuse_share,
-                  s.lobe == Lobe::kTransmission ? FirstVertex::kTransmits : FirstVertex::kReflects};
-  }
   path.throughput *= s.weight;
+  if (enters) return scatter_inside(c, path, v, sample);
+  const bool transmitted = s.lobe == Lobe::kTransmission;
+  if (path.edges == 1) {
+    path.route = {s.diffuse_share, transmitted ? FirstVertex::kTransmits : FirstVertex::kReflects};
+  }
   path.radiance_scale *= sqr(s.eta);
-  path.pdf = s.pdf;
-  path.blurred = path.blurred || s.pdf > 0;
-  path.cone.spread = max2(path.cone.spread, lobe_spread(s.pdf));
-  path.from = receiver_of(v, c.time);
-  path.mask = s.lobe == Lobe::kDiffuse  ? kDiffuseRay
-              : s.lobe == Lobe::kGlossy ? kGlossyRay
-                                        : kTransmissionRay;
-  path.ray = {offset_point(v.surface, s.wi), s.wi, INFINITY, c.time,
-              hole_key(c, kHoleHash + path.edges)};
-  ++path.edges;
+  if (transmitted && c.scene.any_media) cross_surface(path.inside, v.surface, v.material, s.wi);
+  const u32 mask = s.lobe == Lobe::kDiffuse ? kDiffuseRay
+                   : transmitted            ? kTransmissionRay
+                                            : kGlossyRay;
+  go_on(c, path, {offset_point(v.surface, s.wi), s.wi, s.pdf, mask, receiver_of(v, c.time)});
   return survives(c, path);
 }
 
@@ -202,16 +178,31 @@ KERNEL SampleValues trace_path(const PathContext<T>& c, u32 x, u32 y) {
     for (vec3& light : sample.light) light = vec3(0);
   }
   const bool lights = has_lights(c.scene);
-  Path path = begin_path(c, x, y);
+  Path path = begin_path(c, x, y, sample);
+  sample.alpha = path.ray.t_max > 0 || !c.settings.transparent_background ? 1 : 0;
   if (c.film.catcher && lights) {
     sample.caught = see_catcher(CatcherScene<T>{c.scene, c.tracer, sample.rays}, path.ray,
                                 catcher_numbers(c, path));
   }
   while (path.ray.t_max > 0) {  // not even once where the camera sees nothing
+    const bool in_medium = path.inside.depth > 0;
+    Flight flight{INFINITY, vec3(0)};
+    const float end = path.ray.t_max;
+    if (in_medium) {
+      flight = begin_flight(c, path);
+      path.ray.t_max = min2(end, flight.distance);
+    }
     const Hit hit = c.tracer.closest(path.ray, path.mask);
     ++sample.rays;
-    if (Collision at; meets_volume(c, path, hit.t, at)) {
-      sample.hit = true;
+    Collision at{};
+    const bool collides = meets_volume(c, path, hit.t, at);
+    if (in_medium) {
+      path.ray.t_max = end;
+      const Flown flown = end_flight(c, path, flight, collides ? at.t : hit.t, sample);
+      if (flown == Flown::kScattered) continue;
+      if (flown == Flown::kEnded) break;
+    }
+    if (collides) {
       if (hit_volume(c, path, at, sample)) continue;
       break;
     }
@@ -222,6 +213,10 @@ KERNEL SampleValues trace_path(const PathContext<T>& c, u32 x, u32 y) {
     Vertex v;
     sample.hit = true;
     const bool ends = !hit_surface(c, path, hit, v, sample);
+    if (v.surface.material->passable) {
+      if (!pass_surface(path, v)) break;
+      continue;
+    }
     if (path.edges == 1 && wants(c.film, Plane::AMBIENT_OCCLUSION)) {
       sample.open = open_hemisphere(c, v, path, sample);
     }
@@ -231,7 +226,6 @@ KERNEL SampleValues trace_path(const PathContext<T>& c, u32 x, u32 y) {
     if (!last && lights && has_smooth_lobe(v.bsdf)) sample_light(c, path, v, sample);
     if (!scatter(c, path, v, sample) || path.edges > c.settings.max_depth) break;
   }
-  sample.alpha = sample.hit || !c.settings.transparent_background ? 1 : 0;
   return sample;
 }
 

@@ -1,22 +1,25 @@
-// A path under way, and the steps that vertices on surfaces and in media share. Called by path.h
-// and path_volume.h.
+// A path on its way: what its steps share, its random numbers and what it brings home. Called by
+// the steps in path.h, direct_light.h and medium_path.h.
 #pragma once
 
 #include "kernels/blur.h"
+#include "kernels/inside.h"
 #include "kernels/light.h"
 #include "kernels/sample.h"
 #include "kernels/sampler.h"
+#include "kernels/settings.h"
 #include "kernels/volume.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
 /// Pairs of random numbers that a path takes: the filter, the time, the lens, then these at every
-/// vertex.
+/// vertex; and those of flights through media.
 enum Dimension : u32 {
   kFilterPair = 0,
   kFirstVertexPair = 1,
   kTimePair = 1u << 24,
   kLensPair = kTimePair + 1,
+  kFirstFlightPair = 1u << 25
 };
 enum VertexDimension : u32 { kLightPair, kScatterPair, kLightChoice, kLobeChoice, kVertexPairs };
 /// Numbers of unstratified random choices.
@@ -26,7 +29,8 @@ enum Hashed : u32 {
   kRouletteHash = 128,
   kOcclusionHash = 192,
   kCollisionHash = 4096,
-  kShadowCollisionHash = 8192
+  kShadowCollisionHash = 8192,
+  kWalkHash = 12288
 };
 
 /// What every step needs and none changes.
@@ -51,10 +55,13 @@ struct Path {
   Receiver from;  // where it was chosen; unset for camera rays
   float radiance_scale;  // product of eta^2 of refractions: throughput without them, for roulette
   u32 edges;             // of the path, the ray included
+  float passed;          // metres, from the last vertex to the ray's origin
+  u32 boundaries;        // passable ones on that way
   bool guided;           // the guides are recorded
   Cone cone;             // of the ray
   bool blurred;          // it has scattered, and not by a perfect mirror or window alone
   Route route;
+  Inside inside;  // of which closed surfaces the ray starts
 };
 
 template <Tracer T>
@@ -64,6 +71,11 @@ KERNEL HoleKey hole_key(const PathContext<T>& c, u32 number) {
 
 KERNEL u32 vertex_pair(const Path& path, u32 dimension) {
   return kFirstVertexPair + (path.edges - 1) * kVertexPairs + dimension;
+}
+
+/// The pair of a flight through the medium that the ray starts in.
+KERNEL u32 flight_pair(const Path& path) {
+  return kFirstFlightPair + path.edges * (kMostPassed + 1) + path.boundaries;
 }
 
 /// Counts light that has reached the camera.
@@ -81,40 +93,26 @@ KERNEL void collect(const PathContext<T>& c, SampleValues& sample, Contribution 
   if (c.film.wanted & kLightPlaneSet) add_light(sample, light, route);
 }
 
-/// Chooses a light for the path's vertex; false when none sends light there.
-template <Tracer T>
-KERNEL bool choose_light(const PathContext<T>& c, const Path& path, const Receiver& at,
-                         LightSample& light) {
-  const float choice = c.sampler.get1(vertex_pair(path, kLightChoice));
-  const vec2 u = c.sampler.get2(vertex_pair(path, kLightPair));
-  return sample_light(c.scene, at, choice, u, light);
-}
-
-/// What a vertex makes of a sampled light's radiance.
-struct Scattered {
-  vec3 value;  // 1/sr, BSDF times cosine, or phase function times albedo
-  float pdf;   // 1/sr, with which the vertex would have taken that direction
-  Route route;
+/// The path goes on from a vertex: where to, by what density and kind of ray.
+struct Onward {
+  vec3 origin;
+  vec3 direction;  // unit, world
+  float pdf;       // 1/sr; 0: no light sampling competes
+  u32 mask;
+  Receiver from;
 };
-
-/// Counts light that comes to a vertex straight from one light, if nothing stands in the way.
 template <Tracer T>
-KERNEL void receive_light(const PathContext<T>& c, const Path& path, const LightSample& light,
-                          vec3 origin, const Scattered& f, SampleValues& sample) {
-  Ray ray{vec3(0), vec3(0), 0, c.time, hole_key(c, kShadowHoleHash + path.edges)};
-  if (!shadow_ray(origin, light, ray)) return;
-  ++sample.rays;
-  if (c.tracer.occluded(ray, kShadowRay)) return;
-  float weight = shows_to_all(light.visibility) ? mis_weight(light.pdf, f.pdf) : 1;
-  if (c.scene.volume_count > 0) {
-    weight *= transmittance(c.scene, ray, c.sampler.hash_of(kShadowCollisionHash + path.edges));
-    if (!(weight > 0)) return;
-  }
-  const vec3 radiance =
-      path.throughput * f.value * light_radiance(c.scene, light) * (weight / light.pdf);
-  const Route& route = path.edges == 1 ? f.route : path.route;
-  const u32 group = light_group(c.scene, light);
-  collect(c, sample, {radiance, path.edges + 1, light.light == kNone, group}, route);
+KERNEL void go_on(const PathContext<T>& c, Path& path, const Onward& onward) {
+  path.pdf = onward.pdf;
+  path.blurred = path.blurred || onward.pdf > 0;
+  path.cone.spread = max2(path.cone.spread, lobe_spread(onward.pdf));
+  path.from = onward.from;
+  path.mask = onward.mask;
+  path.ray = {onward.origin, onward.direction, INFINITY, c.time,
+              hole_key(c, kHoleHash + path.edges)};
+  path.passed = 0;
+  path.boundaries = 0;
+  ++path.edges;
 }
 
 /// Ends the path by chance where it carries little; unbiased.

@@ -93,6 +93,8 @@ struct Probe {
   X(INDIRECT_GLOSSY, float, 3, kMean, "W sr^-1 m^-2", 0)                 \
   X(DIRECT_TRANSMISSION, float, 3, kMean, "W sr^-1 m^-2", 0)             \
   X(INDIRECT_TRANSMISSION, float, 3, kMean, "W sr^-1 m^-2", 0)           \
+  X(DIRECT_SUBSURFACE, float, 3, kMean, "W sr^-1 m^-2", 0)               \
+  X(INDIRECT_SUBSURFACE, float, 3, kMean, "W sr^-1 m^-2", 0)             \
   X(DIRECT_VOLUME, float, 3, kMean, "W sr^-1 m^-2", 0)                   \
   X(INDIRECT_VOLUME, float, 3, kMean, "W sr^-1 m^-2", 0)                 \
   X(EMISSION_LIGHT, float, 3, kMean, "W sr^-1 m^-2", 0)                  \

@@ -19,6 +19,9 @@
 #define HELIO_ISA baseline
 #endif
 
+// A step that few paths take: it stays out of the pixel loop, into which all others are inlined.
+#define HELIO_RARE __attribute__((noinline))
+
 // A constant table that kernels index at run time.
 #if defined(__CUDA_ARCH__)
 #define HELIO_TABLE static __device__ const

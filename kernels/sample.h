@@ -6,7 +6,7 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-inline constexpr u32 kLightPlanes = 10;
+inline constexpr u32 kLightPlanes = 12;
 static_assert(u32(Plane::ENVIRONMENT_LIGHT) - u32(Plane::DIRECT_DIFFUSE) == kLightPlanes - 1);
 inline constexpr PlaneSet kLightPlaneSet = ((PlaneSet(1) << kLightPlanes) - 1)
                                            << u32(Plane::DIRECT_DIFFUSE);
@@ -14,7 +14,7 @@ inline constexpr PlaneSet kGuidePlaneSet =
     PlaneSet(1) << u32(Plane::ALBEDO_MEAN) | PlaneSet(1) << u32(Plane::NORMAL_MEAN);
 
 /// What a path's first vertex does with light.
-enum class FirstVertex : u8 { kReflects, kTransmits, kInVolume };
+enum class FirstVertex : u8 { kReflects, kTransmits, kWalksInside, kInVolume };
 
 /// Which planes a path's light belongs to: decided where it scatters first.
 struct Route {
@@ -49,6 +49,8 @@ KERNEL void add_light(SampleValues& sample, const Contribution& c, const Route& 
     sample.light[u32(plane) - first] += c.radiance;
   } else if (route.vertex == FirstVertex::kTransmits) {
     sample.light[u32(Plane::DIRECT_TRANSMISSION) - first + direct] += c.radiance;
+  } else if (route.vertex == FirstVertex::kWalksInside) {
+    sample.light[u32(Plane::DIRECT_SUBSURFACE) - first + direct] += c.radiance;
   } else if (route.vertex == FirstVertex::kInVolume) {
     sample.light[u32(Plane::DIRECT_VOLUME) - first + direct] += c.radiance;
   } else {

@@ -78,7 +78,8 @@ struct MaterialView {
   bool two_sided_emission;
   bool unlit;
   bool thin_walled;
-  u32 id;  // the plane "material": index of the material object in the scene
+  bool passable;  // is_passable()
+  u32 id;         // the plane "material": index of the material object in the scene
 };
 
 // ---------------------------------------------------------------- geometry
@@ -334,6 +335,8 @@ struct SceneView {
   u32 volume_count;
   const vec4* black_body;  // kBlackBodyEntries
   bool any_holes;          // some instance has kMayBeHole
+  bool any_media;          // some instance has a material that may_fill(), or is passable
+  bool any_passable;       // some instance has a passable material
   float radius;            // of a sphere about the scene's bounds, metres
   vec3 center;
 };

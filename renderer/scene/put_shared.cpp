@@ -71,18 +71,6 @@ constexpr std::string_view kParameterNames[] = {
 #undef HELIO_NAME
 };
 
-/// Light that travels inside an object is not rendered.
-Status check_rendered(const Material& material) {
-  using enum MaterialParameter;
-  for (const auto& [parameter, name] :
-       {std::pair{subsurface, "subsurface"}, {attenuation_distance, "attenuation_distance"}}) {
-    if (material[parameter].value.x > 0)
-      return fail(Code::kUnimplemented, name,
-                  "media inside objects are not in this version; leave it at 0");
-  }
-  return {};
-}
-
 }  // namespace
 
 Expected<Id> put(Draft& draft, const Scope&, const Target& target, const PutMesh& patch) {
@@ -124,7 +112,6 @@ Expected<Id> put(Draft& draft, const Scope& scope, const Target& target, const P
   if (patch.two_sided_emission) material.two_sided_emission = *patch.two_sided_emission;
   if (patch.unlit) material.unlit = *patch.unlit;
   if (patch.thin_walled) material.thin_walled = *patch.thin_walled;
-  HELIO_TRY(check_rendered(material));
   count(draft, before, material);
   return store(draft, draft.next.materials, target, std::make_shared<const Material>(material));
 }

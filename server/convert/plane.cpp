@@ -1,7 +1,5 @@
 // Planes of the wire and of the kernels: a plane that one list has and the other lacks does not
 // compile.
-#include <fmt/format.h>
-
 #include "server/convert/render.h"
 
 namespace heliograph::server {
@@ -13,11 +11,6 @@ Expected<Plane> to_plane(v1::Plane plane) {
     return Plane::NAME;
     HELIO_PLANES(HELIO_PLANE)
 #undef HELIO_PLANE
-    case v1::PLANE_DIRECT_SUBSURFACE:
-    case v1::PLANE_INDIRECT_SUBSURFACE:
-      return fail(
-          Code::kUnimplemented, "",
-          fmt::format("{} is not built in this version; leave it out", v1::Plane_Name(plane)));
     case v1::PLANE_UNSPECIFIED:
     case v1::Plane_INT_MIN_SENTINEL_DO_NOT_USE_:
     case v1::Plane_INT_MAX_SENTINEL_DO_NOT_USE_:

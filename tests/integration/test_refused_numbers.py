@@ -66,6 +66,16 @@ NUMBERS = {
     "specular_color": ("specular_color", lambda x: material(specular_color=(0, 0, x))),
     "emission": ("emission", lambda x: material(emission=(0, 0, x))),
     **{
+        name: (name, lambda x, name=name: material(**{name: (0, 0, x)}))
+        for name in (
+            "subsurface_radius",
+            "subsurface_color",
+            "attenuation_color",
+            "medium_density",
+            "medium_albedo",
+        )
+    },
+    **{
         name: (name, lambda x, name=name: material(**{name: x}))
         for name in (
             "metallic",
@@ -76,6 +86,9 @@ NUMBERS = {
             "alpha",
             "emission_strength",
             "alpha_cutoff",
+            "subsurface",
+            "attenuation_distance",
+            "medium_anisotropy",
         )
     },
     "Tex.factor": ("roughness", lambda x: material(roughness=hg.Tex("dots", factor=x))),

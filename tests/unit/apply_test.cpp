@@ -343,17 +343,3 @@ TEST_CASE("apply: an untouched chunk is shared, and a branch is its own") {
   CHECK(idle.now->poses.same(branch.now->poses));
   CHECK(idle.now->entities.same(branch.now->entities));
 }
-
-TEST_CASE("apply: parameters of media are refused by name until they are rendered") {
-  Stage scene;
-  PutMaterial material;
-  for (const auto& [parameter, name] :
-       {std::pair{MaterialParameter::subsurface, "subsurface"},
-        {MaterialParameter::attenuation_distance, "attenuation_distance"}}) {
-    material = {};
-    material.parameters[std::size_t(parameter)].value = vec3(0.5f, 0, 0);
-    const Error error = scene.refuses({named("m", material)});
-    CHECK(error.code == Code::kUnimplemented);
-    CHECK_THAT(error.where, Catch::Matchers::Contains(name));
-  }
-}

@@ -153,6 +153,13 @@ TEST_CASE("gltf: clearcoat, sheen, anisotropy and thickness") {
       material_of(R"("extensions":{"KHR_materials_transmission":{"transmissionFactor":1},)"
                   R"("KHR_materials_volume":{"thicknessFactor":0.1}})");
   CHECK_FALSE(*solid.thin_walled);
+  CHECK_FALSE(parameter(solid, attenuation_distance).value);
+  const PutMaterial wine =
+      material_of(R"("extensions":{"KHR_materials_transmission":{"transmissionFactor":1},)"
+                  R"("KHR_materials_volume":{"thicknessFactor":0.1,"attenuationDistance":0.02,)"
+                  R"("attenuationColor":[0.9,0.2,0.1]}})");
+  CHECK(parameter(wine, attenuation_distance).value->x == 0.02f);
+  CHECK(parameter(wine, attenuation_color).value == vec3(0.9f, 0.2f, 0.1f));
 }
 
 TEST_CASE("gltf: specular-glossiness becomes a dielectric of that reflection") {

@@ -128,6 +128,7 @@ v1::Material full_material() {
       *color->mutable_texture() = texture_use(false);
     }
   }
+  material.mutable_medium_anisotropy()->set_value(0.5f);
   *material.mutable_normal_map() = texture_use(false);
   *material.mutable_clearcoat_normal_map() = texture_use(false);
   *material.mutable_bump_map() = texture_use(true);

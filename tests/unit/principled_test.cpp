@@ -118,7 +118,9 @@ Furnace furnace(const Bsdf& b, int n) {
       const vec3 w = s.weight * (s.eta * s.eta);
       f.albedo += w / float(n * n);
       f.largest = std::max(f.largest, max_component(w));
-      f.finite &= std::isfinite(w.x + w.y + w.z + s.pdf) && std::fabs(length(s.wi) - 1) < 1e-4f;
+      // Of light that travels inside there is no direction, and all of it counts.
+      const bool unit = s.lobe == Lobe::kSubsurface || std::fabs(length(s.wi) - 1) < 1e-4f;
+      f.finite &= std::isfinite(w.x + w.y + w.z + s.pdf) && unit;
       sum += double(max_component(w));
       square += double(max_component(w)) * double(max_component(w));
     }

@@ -129,6 +129,7 @@ class TestScene {
  public:
   u32 add(MaterialView material) {
     material.id = u32(materials.size());
+    material.passable = is_passable(material);
     materials.push_back(material);
     return material.id;
   }
@@ -223,6 +224,10 @@ class TestScene {
     view.instance_count = u32(instances.size());
     view.light_count = u32(lights.size());
     for (const InstanceView& i : instances) view.any_holes |= (i.flags & kMayBeHole) != 0;
+    for (const u32 m : part_materials_) {
+      view.any_passable |= materials[m].passable;
+      view.any_media |= materials[m].passable || may_fill(materials[m]);
+    }
     return view;
   }
 

@@ -84,6 +84,9 @@ class Parameters(TypedDict, total=False):
     subsurface_color: Any
     attenuation_color: Any
     attenuation_distance: Any  # metres; 0: clear
+    medium_density: Any  # 1/m, by colour
+    medium_albedo: Any
+    medium_anisotropy: Any
     specular_tint: Any
     transmission_roughness: Any
     anisotropic: Any

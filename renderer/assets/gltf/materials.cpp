@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace heliograph::assets::gltf {
 namespace {
@@ -146,14 +147,20 @@ class Reader {
     }
   }
 
-  /// Without a thickness a transmitting surface is a thin sheet.
+  /// Without a thickness a transmitting surface is a thin sheet. With one the mesh itself says how
+  /// far light travels inside.
   void volume() {
     const auto inside = value_.extension("KHR_materials_volume");
     put_.thin_walled = !inside || !(inside->number("thicknessFactor", 0) > 0);
-    if (inside && inside->find("attenuationDistance")) {
-      builder_.warn(fmt::format("{}: attenuation inside is left out", value_.where()));
-    }
+    if (*put_.thin_walled) return;
+    const double infinite = std::numeric_limits<double>::infinity();
+    const double distance = inside->number("attenuationDistance", infinite);
+    if (!(distance > 0 && distance < kFarthest)) return;
+    const auto color = inside->numbers<3>("attenuationColor", {1, 1, 1});
+    set(attenuation_color, {color[0], color[1], color[2]});
+    set(attenuation_distance, vec3(float(distance)));
   }
+  static constexpr double kFarthest = 1e9;  // of attenuation_distance, metres
 
   void clearcoating(const Value& coat) {
     set(clearcoat, vec3(float(coat.number("clearcoatFactor", 0))));

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "kernels/material.h"
 #include "renderer/backend/embree/black_body.h"
 
 namespace heliograph::embree {
@@ -58,9 +59,12 @@ EmbreeScene::EmbreeScene(std::shared_ptr<const Snapshot> snapshot, const TimeSpa
     instances_[i].light_group = lights->group_of_slot[i];
     const u32 first = structure.slots[i].first_part;
     const u32 parts = meshes_[instances_[i].mesh].part_count;
-    for (u32 p = first; p < first + parts; ++p)
-      if (may_be_hole(materials->materials[structure.part_materials[p]]))
-        instances_[i].flags |= kernels::kMayBeHole;
+    for (u32 p = first; p < first + parts; ++p) {
+      const kernels::MaterialView& material = materials->materials[structure.part_materials[p]];
+      if (may_be_hole(material)) instances_[i].flags |= kernels::kMayBeHole;
+      view_.any_passable |= material.passable;
+      view_.any_media |= material.passable || kernels::may_fill(material);
+    }
     view_.any_holes |= (instances_[i].flags & kernels::kMayBeHole) != 0;
   }
   view_.instances = instances_.data();

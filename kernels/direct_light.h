@@ -1,0 +1,110 @@
+// Light that comes to a point straight from one light (next event estimation). Called by path.h and
+// medium_path.h.
+#pragma once
+
+#include "kernels/bsdf.h"
+#include "kernels/path_state.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+/// The surface at the end of the path's ray.
+struct Vertex {
+  Surface surface;
+  MaterialValues material;
+  Bsdf bsdf;
+};
+
+// What scatters light, at any point, is to say:
+//   receiver_of    the point as a light tree sees it
+//   scattered      how much of the light from a direction it sends on along the path
+//   leave_towards  where a ray in that direction starts, and what it starts inside of
+//   route_of       the planes that its light belongs to where it is the path's first
+
+/// A clearcoat may have a normal of its own, but no light from below the surface.
+KERNEL Receiver receiver_of(const Vertex& v, float time) {
+  const Bsdf& b = v.bsdf;
+  return {v.surface.p, b.layered ? b.ng : b.frame.n, b.glass > 0 ? Facing::kBoth : Facing::kFront,
+          time};
+}
+/// visibility: of the light.
+KERNEL BsdfValue scattered(const Vertex& v, vec3 wi, u32 visibility) {
+  BsdfValue f = evaluate_bsdf(v.bsdf, wi);
+  const bool transmitted = dot(v.bsdf.ng, wi) < 0;
+  if (!(visibility & kDiffuseRay)) f.diffuse = vec3(0);
+  if (!(visibility & (transmitted ? kTransmissionRay : kGlossyRay))) f.glossy = vec3(0);
+  return f;
+}
+KERNEL vec3 leave_towards(const Vertex& v, vec3 wi, Inside& inside) {
+  if (dot(v.bsdf.ng, wi) < 0) cross_surface(inside, v.surface, v.material, wi);
+  return offset_point(v.surface, wi);
+}
+KERNEL Route route_of(const Vertex& v, vec3 wi, const BsdfValue& f) {
+  return {share_of(f.diffuse, f.diffuse + f.glossy),
+          dot(v.bsdf.ng, wi) < 0 ? FirstVertex::kTransmits : FirstVertex::kReflects};
+}
+
+/// unshadowed() where there may be passable surfaces: they tint light.
+template <Tracer T>
+HELIO_RARE KERNEL vec3 passing_surfaces(const PathContext<T>& c, Ray ray, Inside& inside,
+                                        SampleValues& sample) {
+  vec3 share(1);
+  for (u32 i = 0; i <= kMostPassed; ++i) {
+    const Hit hit = c.tracer.closest(ray, kShadowRay);
+    ++sample.rays;
+    if (hit.instance == kNone) return share * transmittance(inside, ray.t_max);
+    const Surface s = locate(c.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), c.time);
+    if (!s.material->passable) return vec3(0);
+    const MaterialValues m = material_at(c.scene, s, ~kAlphaBit);
+    share *= transmittance(inside, hit.t) * tint_of_crossing(m);
+    if (!(max_component(share) > 0)) return vec3(0);
+    cross_surface(inside, s, m, ray.direction);
+    const vec3 origin = offset_point(s, ray.direction);
+    ray.t_max -= dot(origin - ray.origin, ray.direction);
+    ray.origin = origin;
+  }
+  return vec3(0);
+}
+
+/// Share of the light at the end of a shadow ray that comes to its origin. Media on its way weaken
+/// it, surfaces hold it up.
+template <Tracer T>
+KERNEL vec3 unshadowed(const PathContext<T>& c, const Ray& ray, Inside& inside,
+                       SampleValues& sample) {
+  if (c.scene.any_passable) return passing_surfaces(c, ray, inside, sample);
+  ++sample.rays;
+  if (c.tracer.occluded(ray, kShadowRay)) return vec3(0);
+  return inside.depth > 0 ? transmittance(interior_in(inside), ray.t_max) : vec3(1);
+}
+
+/// Light that comes to a point straight from one light.
+template <Tracer T, class Point>
+KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Point& at,
+                         SampleValues& sample) {
+  LightSample light;
+  const float choice = c.sampler.get1(vertex_pair(path, kLightChoice));
+  const vec2 u = c.sampler.get2(vertex_pair(path, kLightPair));
+  if (!sample_light(c.scene, receiver_of(at, c.time), choice, u, light)) return;
+  const BsdfValue f = scattered(at, light.direction, light.visibility);
+  const vec3 total = f.diffuse + f.glossy;
+  if (!(max_component(total) > 0)) return;
+
+  Inside inside;
+  if (c.scene.any_media) inside = path.inside;
+  const vec3 origin = leave_towards(at, light.direction, inside);
+  Ray ray{origin, light.direction, INFINITY, c.time, hole_key(c, kShadowHoleHash + path.edges)};
+  if (!shadow_ray(origin, light, ray)) return;
+  const vec3 share = unshadowed(c, ray, inside, sample);
+  if (is_black(share)) return;
+  float weight = shows_to_all(light.visibility) ? mis_weight(light.pdf, f.pdf) : 1;
+  if (c.scene.volume_count > 0) {
+    weight *= transmittance(c.scene, ray, c.sampler.hash_of(kShadowCollisionHash + path.edges));
+    if (!(weight > 0)) return;
+  }
+  const vec3 radiance =
+      path.throughput * total * light_radiance(c.scene, light) * (weight / light.pdf);
+  const Route route = path.edges == 1 ? route_of(at, light.direction, f) : path.route;
+  const u32 group = light_group(c.scene, light);
+  collect(c, sample, {radiance * share, path.edges + 1, light.light == kNone, group}, route);
+}
+
+}  // namespace heliograph::kernels::inline HELIO_ISA

@@ -1,0 +1,157 @@
+// What fills closed surfaces, and which of them a path is inside of. Called by the steps of path.h.
+#pragma once
+
+#include "kernels/surface.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+// ---------------------------------------------------------------- media
+
+/// What fills a closed surface, alike everywhere. By colour, 1/m.
+struct Interior {
+  vec3 extinction;
+  vec3 scattering;  // at most the extinction
+  float g;          // of the phase function
+};
+
+/// The medium behind a surface of these values.
+KERNEL Interior interior_of(const MaterialValues& m) {
+  Interior medium{m.medium_density, m.medium_density * m.medium_albedo, m.medium_anisotropy};
+  if (m.attenuation_distance > 0) {
+    const vec3 color = glm::max(m.attenuation_color, vec3(1e-6f));
+    medium.extinction -= vec3(std::log(color.x), std::log(color.y), std::log(color.z)) *
+                         (1 / m.attenuation_distance);
+  }
+  return medium;
+}
+
+/// Share of light that passes a distance [m], which may be infinite.
+///
+/// Source: Beer 1852; Lambert 1760.
+KERNEL vec3 transmittance(const Interior& m, float distance) {
+  const auto channel = [distance](float extinction) {
+    return extinction > 0 ? std::exp(-extinction * distance) : 1.0f;
+  };
+  return vec3(channel(m.extinction.x), channel(m.extinction.y), channel(m.extinction.z));
+}
+
+/// How far light flies before the medium meets it. Colours fly alike: one of them chooses, by what
+/// it carries, and the weights are those of the balance heuristic over all three, so that no
+/// colour's weight times what it carries exceeds the sum of what all carry.
+///
+/// Source: Veach and Guibas 1995 (one-sample model); Wilkie et al. 2014, "Hero Wavelength Spectral
+/// Sampling".
+struct Flight {
+  float distance;  // metres, or infinite
+  vec3 chance;     // of each colour to have chosen
+};
+/// u   uniform in [0, 1)
+KERNEL Flight choose_flight(const Interior& m, vec3 carried, vec2 u) {
+  const vec3 p = carried * (1 / (carried.x + carried.y + carried.z));
+  const float extinction = u.x < p.x         ? m.extinction.x
+                           : u.x < p.x + p.y ? m.extinction.y
+                                             : m.extinction.z;
+  return {extinction > 0 ? -std::log(1 - u.y) / extinction : INFINITY, p};
+}
+/// Weight of light that flies past a distance, which is less than the flight's.
+KERNEL vec3 weight_of_passing(const Interior& m, const Flight& flight, float distance) {
+  const vec3 passing = transmittance(m, distance);
+  return passing * (1 / dot(flight.chance, passing));
+}
+/// Weight of light that the medium scatters at the flight's distance.
+KERNEL vec3 weight_of_scattering(const Interior& m, const Flight& flight) {
+  const vec3 passing = transmittance(m, flight.distance);
+  return m.scattering * passing * (1 / dot(flight.chance, m.extinction * passing));
+}
+
+// ---------------------------------------------------------------- inside
+
+/// The most closed surfaces within each other that a path keeps track of. It is not inside of what
+/// it enters beyond.
+inline constexpr u32 kMostInside = 4;
+/// The most passable surfaces that a ray goes through between two vertices of a path.
+inline constexpr u32 kMostPassed = 64;
+
+/// The closed surfaces about a point, the innermost last.
+struct Inside {
+  struct Layer {
+    const InstanceView* instance;
+    const MaterialView* material;
+    Interior medium;
+  };
+  Layer layers[kMostInside];
+  u32 depth = 0;
+};
+
+/// What fills the innermost. inside.depth > 0
+KERNEL const Interior& interior_in(const Inside& inside) {
+  return inside.layers[inside.depth - 1].medium;
+}
+
+/// Share of light that passes a distance [m].
+KERNEL vec3 transmittance(const Inside& inside, float distance) {
+  return inside.depth > 0 ? transmittance(interior_in(inside), distance) : vec3(1);
+}
+
+/// Takes away the innermost layer with the surface's instance, if it can be one that was entered by
+/// the same material; whether there was one.
+KERNEL bool leave(Inside& inside, const Surface& s) {
+  u32 found = kNone;
+  for (u32 i = inside.depth; i-- > 0;) {
+    const Inside::Layer& layer = inside.layers[i];
+    if (layer.instance != s.instance) continue;
+    if (found == kNone) found = i;
+    if (layer.material != s.material) continue;
+    found = i;
+    break;
+  }
+  if (found == kNone) return false;
+  --inside.depth;
+  for (u32 i = found; i < inside.depth; ++i) inside.layers[i] = inside.layers[i + 1];
+  return true;
+}
+
+/// Light crosses a surface in a direction.
+KERNEL void cross_surface(Inside& inside, const Surface& s, const MaterialValues& m,
+                          vec3 direction) {
+  if (s.material->thin_walled) return;
+  if (dot(direction, s.ng) >= 0) {
+    leave(inside, s);
+  } else if (inside.depth < kMostInside) {
+    inside.layers[inside.depth++] = {s.instance, s.material, interior_of(m)};
+  }
+}
+
+/// Colour that glass of a base colour gives to light at each crossing, as in set_interface().
+KERNEL vec3 tint_of_crossing(const MaterialValues& m) {
+  return vec3(std::sqrt(m.base_color.x), std::sqrt(m.base_color.y), std::sqrt(m.base_color.z));
+}
+
+/// What a point is inside of: the surfaces that a ray from it leaves without having entered them.
+/// Adds the rays that it takes.
+template <Tracer T>
+HELIO_RARE KERNEL Inside inside_at(const SceneView& scene, const T& tracer, Ray ray, u32& rays) {
+  Inside found, entered;
+  ray.direction = vec3(0.2139f, 0.4587f, 0.86248f);  // any: this one meets no mesh along an edge
+  ray.t_max = INFINITY;
+  for (u32 i = 0; i < kMostPassed; ++i) {
+    const Hit hit = tracer.closest(ray, kAllRays);
+    ++rays;
+    if (hit.instance == kNone) break;
+    const Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), ray.time);
+    ray.origin = offset_point(s, ray.direction);
+    if (!(s.material->constant.transmission > 0)) continue;
+    const MaterialValues m = material_at(scene, s, ~kAlphaBit);
+    if (dot(ray.direction, s.ng) < 0) {
+      cross_surface(entered, s, m, ray.direction);
+    } else if (!s.material->thin_walled && !leave(entered, s) && found.depth < kMostInside) {
+      // What is left first is the innermost.
+      for (u32 k = found.depth; k > 0; --k) found.layers[k] = found.layers[k - 1];
+      found.layers[0] = {s.instance, s.material, interior_of(m)};
+      ++found.depth;
+    }
+  }
+  return found;
+}
+
+}  // namespace heliograph::kernels::inline HELIO_ISA
