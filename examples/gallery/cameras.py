@@ -73,7 +73,7 @@ def main(out: Path, spp: int) -> None:
         with scene.edit() as edit:
             build(edit)
         frames = scene.render(list(CAMERAS), spp=spp, max_depth=6)
-    images = [frame.image(view="filmic") for frame in frames]
+    images = [frame.image(exposure=-0.7, view="filmic") for frame in frames]
     rows = [np.concatenate(images[i : i + 3], axis=1) for i in range(0, len(images), 3)]
     picture = Image.fromarray(np.concatenate(rows))
     picture.convert("RGB").quantize(160, dither=Image.Dither.NONE).save(out, optimize=True)

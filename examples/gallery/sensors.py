@@ -13,7 +13,7 @@ import numpy as np
 from cameras import EYE, TARGET, build
 
 SIZE = (320, 240)
-NEAR, FAR = 1.5, 7.0
+NEAR, FAR = 1.5, 11.0
 
 RGB = hg.RgbSensor(
     exposure=-3, full_well=900, read_noise=4, black_level=0.02, bits=10, vignetting=1

@@ -57,6 +57,7 @@ class DisparityMap {
     const double scale = camera.k[0][0] * sensor.baseline;
     for (u64 i = 0; i < echoes.size(); ++i)
       if (echoes[i].depth > 0) values_[i] = scale / echoes[i].depth;
+    surfaces_ = values_;
     drop_shadows();
     for (u64 i = 0; i < echoes.size(); ++i)
       if (!(echoes[i].signal > 0)) values_[i] = 0;
@@ -66,12 +67,12 @@ class DisparityMap {
   [[nodiscard]] double matched(i32 x, i32 y, i32 reach) const {
     x = std::clamp(x, 0, width_ - 1);
     y = std::clamp(y, 0, height_ - 1);
-    const double own = at(x, y);
-    double nearest = own;
+    const double surface = surfaces_[u64(y) * u64(width_) + u64(x)];
+    double nearest = 0;
     for (i32 v = std::max(0, y - reach); v <= std::min(height_ - 1, y + reach); ++v)
       for (i32 u = std::max(0, x - reach); u <= std::min(width_ - 1, x + reach); ++u)
         nearest = std::max(nearest, at(u, v));
-    return nearest > own + kEdge ? nearest : own;
+    return nearest > surface + kEdge ? nearest : at(x, y);
   }
 
  private:
@@ -98,6 +99,7 @@ class DisparityMap {
 
   i32 width_, height_;
   std::vector<double> values_;
+  std::vector<double> surfaces_;  // whether they are measured or not
 };
 
 /// Handa et al. 2014, section III (after Barron and Malik 2013): pixels shift sideways at random,
