@@ -31,7 +31,11 @@ struct Studio {
     const u32 board = scene.add_instance(square, scene.add(sign), pose(mat3(1), {0, 1, 0.4f}));
     scene.add_light(lamp);
     scene.add_light(sheet);
-    scene.suns.push_back({normalize(vec3(1, 2, 3)), 0.02f, vec3(30, 20, 10), 0, kAllRays, 3});
+    scene.suns.push_back({.direction = normalize(vec3(1, 2, 3)),
+                          .depth = 0.02f,
+                          .radiance = vec3(30, 20, 10),
+                          .visibility = kAllRays,
+                          .light_group = 3});
     scene.set_dome(vec3(0.2f, 0.3f, 0.5f));
     scene.view.dome.light_group = 4;
     scene.instances[floor].light_group = 0;
