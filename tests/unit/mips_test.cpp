@@ -62,7 +62,6 @@ TEST_CASE("mips: every level has the mean of the texture, of any size") {
     const vec4 mean = mean_of(chain.view());
     for (int number = 1; number < 8; ++number) {
       const TextureView level = chain.level(number);
-      CHECK(level.width <= std::max(size.x >> number, 1u));
       for (int c = 0; c < 3; ++c) CHECK(mean_of(level)[c] == Approx(mean[c]).epsilon(1e-5));
     }
   }

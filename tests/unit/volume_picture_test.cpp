@@ -145,7 +145,7 @@ TEST_CASE("volume: shadows on surfaces thin out with the transmittance") {
         .put("fog/e", fog)
         .put("sun", PutEntity{.light = LightPatch{sun, {}}});
     parallel_camera(edits);
-    means[foggy] = mean_beauty(*engine, edits, 1024, 2).g;
+    means[foggy] = mean_beauty(*engine, edits, 16384, 2).g;
   }
   CHECK(means[1] / means[0] == Approx(std::exp(-1.0)).epsilon(0.01));
 }
