@@ -89,7 +89,7 @@ Expected<std::vector<PlaneData>> finish_planes(const RenderJob& job, std::vector
   std::vector<PlaneData> planes;
   for (const Plane plane : job.planes) {
     PlaneData& next = find(made, plane);
-    planes.push_back(std::move(next));
+    planes.push_back({plane, std::move(next.pixels)});
     next.plane = Plane::kCount;  // taken: light groups have a plane each
   }
   return planes;

@@ -26,8 +26,9 @@ Echo echo_at(const DepthSensor& sensor, const DepthImage& image, const ImageCame
              u64 pixel) {
   Echo echo{.depth = double(image.depth[pixel])};
   if (!std::isfinite(echo.depth) || image.transmission[pixel] >= 0.5f) return {};
-  const double x = double(pixel % camera.width), y = double(pixel / camera.width);
-  const glm::dvec2 m((x - camera.k[2][0]) / camera.k[0][0], (y - camera.k[2][1]) / camera.k[1][1]);
+  const u64 column = pixel % camera.width, row = pixel / camera.width;
+  const glm::dvec2 m((double(column) - camera.k[2][0]) / camera.k[0][0],
+                     (double(row) - camera.k[2][1]) / camera.k[1][1]);
   glm::dvec3 d;
   if (!kernels::unproject(camera.lens, m, d)) return {};
   const double length = glm::length(d);
