@@ -26,6 +26,10 @@ KERNEL bool hit_volume(const PathContext<T>& c, Path& path, const Collision& at,
     collect(c, sample, {path.throughput * medium.emission, path.edges, false, group}, path.route);
   }
   path.throughput *= medium.albedo;
+  if (is_black(path.throughput)) {
+    sample.hit = true;
+    return false;
+  }
   path.cone.width += path.cone.spread * at.t;
   const vec3 forward = path.ray.direction;
   const vec3 p = path.ray.origin + forward * at.t;
