@@ -12,7 +12,7 @@ import heliograph as hg
 import numpy as np
 
 SIDE = 64
-SIZE = (960, 330)
+SIZE = (960, 300)
 SPACING = 1.15
 
 
@@ -47,8 +47,8 @@ def plume() -> np.ndarray:
     """Smoke that widens and thins out as it rises."""
     x, y, z = axes()
     height = (z + 1) / 2
-    bend = 0.2 * np.sin(3 * height) * height
-    radius = np.hypot(x - bend, y + 0.6 * bend) / (0.12 + 0.45 * height)
+    bend = 0.12 * np.sin(3 * height) * height
+    radius = np.hypot(x - bend, y + 0.6 * bend) / (0.1 + 0.32 * height)
     shape = 1.05 - radius + 0.65 * noise(1) * (0.4 + height)
     return np.clip(3 * shape, 0, 1) * (1 - 0.75 * height) * np.clip(8 * (1 - height), 0, 1)
 
@@ -101,11 +101,11 @@ def fill(edit: hg.Edits) -> None:
 def build(edit: hg.Edits) -> hg.Entity:
     edit.sky(elevation=0.6, azimuth=2.4)
     edit.material("floor", base_color=0.25, roughness=0.8)
-    edit.mesh("floor/mesh", **hg.shapes.plane(40))
+    edit.mesh("floor/mesh", **hg.shapes.plane(400))
     edit.entity("floor/entity", mesh="floor/mesh", material="floor")
     fill(edit)
-    lens = hg.Camera.from_fov(62, *SIZE, degrees=True)
-    return edit.entity("camera", camera=lens, transform=hg.look_at((0, -5.2, 1.5), (0, 0, 0.5)))
+    lens = hg.Camera.from_fov(48, *SIZE, degrees=True)
+    return edit.entity("camera", camera=lens, transform=hg.look_at((0, -6.2, 1.8), (0, 0, 0.4)))
 
 
 def main(out: Path, spp: int) -> None:
@@ -116,8 +116,10 @@ def main(out: Path, spp: int) -> None:
             camera = build(edit)
         frame = scene.render(camera, spp=spp, max_depth=48)
         image = Image.fromarray(frame.image(exposure="auto", view="filmic"))
-        image.convert("RGB").quantize(192, dither=Image.Dither.NONE).save(out, optimize=True)
+        image.convert("RGB").quantize(256, dither=Image.Dither.FLOYDSTEINBERG).save(
+            out, optimize=True
+        )
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 96)
+    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 64)
