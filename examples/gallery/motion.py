@@ -116,9 +116,9 @@ def lamps(edit: hg.Edits) -> None:
     edit.material("floor/paint", base_color=0.3, roughness=0.25)
     edit.entity("floor", mesh="floor/mesh", material="floor/paint")
     edit.mesh("ball/mesh", **hg.shapes.sphere(0.35))
-    edit.material("ball/paint", **hg.materials.gold)
+    edit.material("ball/paint", **{**hg.materials.gold, "roughness": 0.4})
     edit.entity("ball", mesh="ball/mesh", material="ball/paint", transform=hg.Pose((0, 0, 0.35)))
-    edit.mesh("lamp/mesh", **hg.shapes.sphere(0.03, 16))
+    edit.mesh("lamp/mesh", **hg.shapes.sphere(0.05, 16))
     for i, color in enumerate(((1, 0.25, 0.1), (0.2, 1, 0.4), (0.25, 0.45, 1))):
         arm = edit.entity(
             f"arm/{i}",
@@ -140,7 +140,7 @@ def lamps(edit: hg.Edits) -> None:
     edit.entity("cam", camera=camera, transform=hg.look_at((0, -3.6, 1.7), (0, 0, 0.4)))
 
 
-PANELS = ((wheels, 0.0, "auto"), (fox, 0.25, "auto"), (propeller, 0.0, "auto"), (lamps, 0.0, 1.5))
+PANELS = ((wheels, 0.0, "auto"), (fox, 0.25, "auto"), (propeller, 0.0, "auto"), (lamps, 0.0, 0.0))
 
 
 def main(out: Path, spp: int) -> None:
