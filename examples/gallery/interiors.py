@@ -15,7 +15,7 @@ import numpy as np
 from heliograph import studio
 
 COLUMNS = 5
-SIZE = (400, 400)
+SIZE = (320, 320)
 
 FOG = {"base_color": 1.0, "transmission": 1.0, "roughness": 0.0, "ior": 1.0}
 
@@ -103,4 +103,4 @@ def main(out: Path, spp: int) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 256)
+    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 96)
