@@ -32,8 +32,8 @@ MIXES = ({"key": 1, "fill": 1}, {"key": 0.1, "fill": 3}, {"key": (1, 0.5, 0.2), 
 ELEVATIONS = (0.03, 0.25, 1.0)
 
 
-def still_life(edit: hg.Edits, floor: bool = True) -> None:
-    """A ball, a box and a ring on a floor before a wall."""
+def still_life(edit: hg.Edits, floor: float = 9.0) -> None:
+    """A ball, a box and a ring on a floor of so many metres before a wall; 0: neither."""
     edit.material("white", base_color=0.7, roughness=0.6)
     edit.material("red", base_color=(0.6, 0.06, 0.04), roughness=0.25)
     edit.material("gold", **hg.materials.gold)
@@ -45,8 +45,9 @@ def still_life(edit: hg.Edits, floor: bool = True) -> None:
     edit.update("box", transform=hg.Pose((0.1, 0.45, 0.3), euler=(0, 0, 0.5)))
     edit.entity("ring", mesh=ring, material="gold", transform=hg.Pose((0.8, -0.1, 0.1)))
     if floor:
+        ground = edit.mesh("ground", **hg.shapes.plane(floor))
+        edit.entity("floor", mesh=ground, material="white")
         plane = edit.mesh("plane", **hg.shapes.plane(9))
-        edit.entity("floor", mesh=plane, material="white")
         wall = hg.Pose((0, 2, 0), euler=(np.pi / 2, 0, 0))
         edit.entity("wall", mesh=plane, material="white", transform=wall)
     pose = hg.look_at((0, -4.6, 1.5), (0, 0, 0.75))
@@ -57,11 +58,12 @@ def lamps(client: hg.Client, spp: int, lights: tuple[hg.Light, ...]) -> list[np.
     with client.create_scene() as scene:
         with scene.edit() as edit:
             still_life(edit)
+            edit.dome(color=0.02)
         out = []
         for light in lights:
             with scene.overlay() as lit:
                 lit.entity("lamp", light=light, transform=DOWN)
-            frame = scene.render("camera", spp=spp, overlay=lit)
+            frame = scene.render("camera", spp=spp, overlay=lit, clamp_indirect=2)
             out.append(frame.image(view="filmic"))
         return out
 
@@ -77,7 +79,9 @@ def groups(client: hg.Client, spp: int) -> list[np.ndarray]:
             right = hg.look_at((2.5, -1.5, 1.2), (0, 0, 0.3))
             edit.entity("key", light=key, transform=left, light_group="key")
             edit.entity("fill", light=fill, transform=right, light_group="fill")
-        frame = scene.render("camera", planes=["beauty", "beauty:key", "beauty:fill"], spp=spp)
+        frame = scene.render(
+            "camera", planes=["beauty", "beauty:key", "beauty:fill"], spp=spp, clamp_indirect=2
+        )
         return [tonemap.to_srgb8(frame.relight(mix)[..., :3], 0.0, "filmic") for mix in MIXES]
 
 
@@ -95,7 +99,7 @@ def catcher(client: hg.Client, spp: int) -> list[np.ndarray]:
     """The objects alone, the plane shadow_catcher, and both over a photograph."""
     with client.create_scene() as scene:
         with scene.edit() as edit:
-            still_life(edit, floor=False)
+            still_life(edit, floor=0)
             plane = edit.mesh("plane", **hg.shapes.plane(60))
             edit.entity("table", mesh=plane, material="white", shadow_catcher=True)
             edit.dome(color=(0.5, 0.55, 0.6))
@@ -119,7 +123,7 @@ def skies(client: hg.Client, spp: int) -> list[np.ndarray]:
     for elevation in ELEVATIONS:
         with client.create_scene() as scene:
             with scene.edit() as edit:
-                still_life(edit)
+                still_life(edit, floor=2000)
                 edit.update("wall", visible=False)
                 edit.sky(elevation, 2.2)
             frame = scene.render("camera", spp=spp)
@@ -135,8 +139,9 @@ def main(out: Path, spp: int) -> None:
         rows += [groups(client, spp), catcher(client, spp), skies(client, spp)]
     tiles = np.concatenate([np.concatenate(row, axis=1) for row in rows])
     image = Image.fromarray(np.ascontiguousarray(tiles))
-    image.convert("RGB").quantize(192, dither=Image.Dither.NONE).save(out, optimize=True)
+    palette = image.quantize(256)
+    image.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG).save(out, optimize=True)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 256)
+    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 128)
