@@ -1,6 +1,5 @@
 // glTF nodes, cameras, lights, instances, skins and animations against arithmetic.
 #include <cmath>
-#include <numbers>
 
 #include "renderer/assets/load.h"
 #include "tests/unit/asset_fixture.h"
@@ -10,8 +9,6 @@ using namespace heliograph;
 using Catch::Matchers::Contains;
 
 namespace {
-
-constexpr double kPi = std::numbers::pi;
 
 std::string with_triangle(const std::string& nodes, const std::string& more = "") {
   return R"("meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"nodes":[)" + nodes + "]" +

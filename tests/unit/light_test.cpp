@@ -94,7 +94,8 @@ TEST_CASE(
     const int steps = 500;
     double solid_angle = 0;
     for (int j = 0; j < steps * steps; ++j) {
-      const double y = (j / steps + 0.5) / steps, phi = 2 * M_PI * (j % steps + 0.5) / steps;
+      const int row = j / steps;
+      const double y = (row + 0.5) / steps, phi = 2 * M_PI * (j % steps + 0.5) / steps;
       const double r = std::sqrt(1 - y * y);
       if (met(vec3(r * std::cos(phi), r * std::sin(phi), y)).instance != kNone)
         solid_angle += 2 * M_PI / (double(steps) * steps);

@@ -52,8 +52,8 @@ Edits shelf(bool is_static) {
   Edits edits = still_life();
   for (int i = 0; i < 63; ++i) {
     const std::string name = "box" + std::to_string(i);
-    edits.object(name, "cube",
-                 scaled(vec3(0.1f), {0.4f * float(i % 9) - 2, 0.4f * float(i / 9), 0}));
+    const int row = i / 9;
+    edits.object(name, "cube", scaled(vec3(0.1f), {0.4f * float(i % 9) - 2, 0.4f * float(row), 0}));
     PutEntity flag;
     flag.is_static = is_static;
     edits.put(name, flag);

@@ -46,7 +46,8 @@ glm::dvec4 mean_of(const Frame& frame, std::size_t plane = 0, u32 channels = 4) 
   glm::dvec4 sum(0);
   const auto values = pixels<float>(frame, plane);
   for (std::size_t i = 0; i < values.size(); ++i) sum[i32(i % channels)] += double(values[i]);
-  return sum / double(values.size() / channels);
+  const std::size_t count = values.size() / channels;
+  return sum / double(count);
 }
 glm::dvec4 mean_beauty(Engine& engine, const Edits& edits, u32 spp, u32 max_depth = 64) {
   RenderJob job = job_of(edits.apply(), {Plane::BEAUTY}, spp);
@@ -87,7 +88,7 @@ TEST_CASE("volume: a white medium vanishes before a uniform sky") {
     edits.dome(vec3(1));
     RenderJob job = job_of(edits.apply(), {Plane::BEAUTY}, 1024);
     job.settings.max_depth = 256;
-    CHECK(mean_of(*render(*engine, std::move(job))).g == Approx(1).epsilon(0.01));
+    CHECK(mean_of(*render(*engine, job)).g == Approx(1).epsilon(0.01));
   }
 }
 
