@@ -196,8 +196,8 @@ TEST_CASE("sensor depth: time of flight mixes surfaces at edges and follows its 
     const auto seen = measure(noisy, [](u32) { return 2.0f; }, white);
     double square = 0, expected = 0;
     for (u64 i = 0; i < kPixels; ++i) {
-      const auto row = i / kWidth;
-      const double x = (double(i % kWidth) - 199.5) / 300, y = (double(row) - 124.5) / 300;
+      const auto line = i / kWidth;
+      const double x = (double(i % kWidth) - 199.5) / 300, y = (double(line) - 124.5) / 300;
       const double slant = std::sqrt(1 + x * x + y * y);
       const double signal = double(white) / slant / (4 * slant * slant);
       square += std::pow(double(seen[i]) - 2, 2);
