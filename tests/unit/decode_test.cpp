@@ -73,7 +73,8 @@ std::vector<pid_t> children_of(pid_t parent) {
     const std::string name = entry.path().filename();
     if (name.find_first_not_of("0123456789") != name.npos) continue;
     std::ifstream file(entry.path() / "stat");
-    std::string text{std::istreambuf_iterator<char>(file), {}};
+    std::string text;
+    std::getline(file, text);  // nothing of a process that has just ended
     const std::size_t end = text.rfind(')');
     if (end == text.npos || std::atoi(text.c_str() + end + 4) != parent) continue;
     result.push_back(std::atoi(name.c_str()));
