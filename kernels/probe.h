@@ -74,6 +74,16 @@ KERNEL bool camera_sees(const ProbeScene& at, CountedTracer<T> counted, const Su
          probe_closest(*at.scene, counted, ray, through_transmission).instance == kNone;
 }
 
+/// Whether a camera sees a point of a volume: no surface lies before it.
+template <Tracer T>
+KERNEL bool camera_sees(const ProbeScene& at, CountedTracer<T> counted, vec3 p_world,
+                        bool through_transmission) {
+  if (!within_clip(*at.camera, p_world)) return false;
+  const Ray ray = clipped(*at.camera, camera_ray_to(*at.camera, p_world, {0, true}));
+  return !(ray.t_max > 0) ||
+         probe_closest(*at.scene, counted, ray, through_transmission).instance == kNone;
+}
+
 struct Flow {
   vec2 pixels;
   u8 valid;
@@ -81,30 +91,40 @@ struct Flow {
   vec3 metres;
 };
 
-/// Where the probed surface point is in another frame. In space that is a frame_interval from the
-/// probe; in pixels, when the other frame's row sees it.
-template <Tracer T>
-KERNEL Flow flow_to(const ProbeContext& context, const ProbeScene& other, CountedTracer<T> counted,
-                    const Hit& hit, vec3 p_world) {
-  Flow flow{vec2(0), 0, 0, vec3(0)};
-  if (other.scene->instances[hit.instance].flags & kFlowInvalid) return flow;
-  const auto surface_at = [&](float time) {
-    return locate(*other.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), time);
-  };
-  flow.metres = surface_at(context.now.camera->time).p - p_world;
+KERNEL vec3 point_of(const Surface& s) { return s.p; }
+KERNEL vec3 point_of(vec3 p) { return p; }
+
+/// Where the probed point is in another frame. In space that is a frame_interval from the probe; in
+/// pixels, when the other frame's row sees it.
+///
+/// at    (time) -> the point there, of a surface or of a volume
+template <Tracer T, class At>
+KERNEL Flow flow_of(const ProbeContext& context, const ProbeScene& other, CountedTracer<T> counted,
+                    vec3 p_world, const At& at) {
+  Flow flow{vec2(0), 0, 0, point_of(at(context.now.camera->time)) - p_world};
   if (other.camera_jumped) return flow;
   const vec2 from = project(*context.now.camera, p_world).raster;
   const Sighting to = find_row(*other.camera, from.y, [&](const CameraView& camera) {
-    return project(camera, surface_at(camera.time).p);
+    return project(camera, point_of(at(camera.time)));
   });
   if (!to.found || !to.at.seen) return flow;
   flow.pixels = to.at.raster - from;
   flow.valid = 1;
   const CameraAt camera(*other.camera, to.time);
   flow.visible = inside_image(*other.camera, to.at.raster) &&
-                 camera_sees({other.scene, &camera.camera()}, counted, surface_at(to.time),
+                 camera_sees({other.scene, &camera.camera()}, counted, at(to.time),
                              context.settings->through_transmission);
   return flow;
+}
+
+/// Flow of a point of a surface.
+template <Tracer T>
+KERNEL Flow flow_to(const ProbeContext& context, const ProbeScene& other, CountedTracer<T> counted,
+                    const Hit& hit, vec3 p_world) {
+  if (other.scene->instances[hit.instance].flags & kFlowInvalid) return {vec2(0), 0, 0, vec3(0)};
+  return flow_of(context, other, counted, p_world, [&](float time) {
+    return locate(*other.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), time);
+  });
 }
 
 /// Flow of a point infinitely far away: the camera's rotation alone.
@@ -208,16 +228,6 @@ KERNEL void probe_surface(Probe& p, const ProbeScene& now, const Hit& hit, const
   if (wanted & kRestPlanes) probe_rest(p, s);
 }
 
-/// Whether a camera sees a point of a volume: no surface lies before it.
-template <Tracer T>
-KERNEL bool camera_sees(const ProbeScene& at, CountedTracer<T> counted, vec3 p_world,
-                        bool through_transmission) {
-  if (!within_clip(*at.camera, p_world)) return false;
-  const Ray ray = clipped(*at.camera, camera_ray_to(*at.camera, p_world, {0, true}));
-  return !(ray.t_max > 0) ||
-         probe_closest(*at.scene, counted, ray, through_transmission).instance == kNone;
-}
-
 /// What the planes say of the point where a volume's transmittance is one half. It has no normal
 /// and no material.
 KERNEL void probe_volume(Probe& p, const ProbeScene& now, const Collision& at, const Ray& ray) {
@@ -235,35 +245,19 @@ KERNEL void probe_volume(Probe& p, const ProbeScene& now, const Collision& at, c
   p.nocs = vec3(0.5f) + (p.object_coordinates - vec3(0.5f)) * instance.nocs_scale;
 }
 
-/// Where that point, which moves with its entity, is at another instant. It is visible there where
-/// no surface hides it.
+/// Flow of that point, which moves with its entity. It is visible where no surface hides it.
 template <Tracer T>
 KERNEL Flow volume_flow(const ProbeContext& context, const ProbeScene& other,
                         CountedTracer<T> counted, u32 volume, vec3 p_world) {
-  Flow flow{vec2(0), 0, 0, vec3(0)};
   const InstanceView& then = other.scene->volumes[volume].instance;
-  if (then.flags & kFlowInvalid) return flow;
+  if (then.flags & kFlowInvalid) return {vec2(0), 0, 0, vec3(0)};
   const InstanceView& instance = context.now.scene->volumes[volume].instance;
   const mat4x3 object_from_world =
       pose_at(*context.now.scene, instance, context.now.camera->time).object_from_world;
   const vec3 p_object = transform_point(object_from_world, p_world);
-  const auto point_at = [&](float time) {
+  return flow_of(context, other, counted, p_world, [&](float time) {
     return transform_point(pose_at(*other.scene, then, time).world_from_object, p_object);
-  };
-  flow.metres = point_at(context.now.camera->time) - p_world;
-  if (other.camera_jumped) return flow;
-  const vec2 from = project(*context.now.camera, p_world).raster;
-  const Sighting to = find_row(*other.camera, from.y, [&](const CameraView& camera) {
-    return project(camera, point_at(camera.time));
   });
-  if (!to.found || !to.at.seen) return flow;
-  flow.pixels = to.at.raster - from;
-  flow.valid = 1;
-  const CameraAt camera(*other.camera, to.time);
-  flow.visible = inside_image(*other.camera, to.at.raster) &&
-                 camera_sees({other.scene, &camera.camera()}, counted, point_at(to.time),
-                             context.settings->through_transmission);
-  return flow;
 }
 
 /// The volume that owns a pixel whose centre ray meets a surface or nothing; kNone: none does.

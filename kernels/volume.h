@@ -43,13 +43,14 @@ KERNEL float extinction_at(const VolumeView& volume, const GridRay& ray, float t
 /// Steps of a walk are at least this share of a cell, so that no majorant makes them without end.
 inline constexpr float kLeastStep = 0x1p-14f;
 
-/// Distance to the first collision before t_max; t_max when there is none.
+/// Visits the tentative collisions of a ray before t_max, by the majorant of each cell, until
+/// visit(t, majorant) is true. The true ones among them have the share extinction / majorant.
 ///
 /// Source: Woodcock et al. 1965 (delta tracking), with the majorant of each cell: Szirmay-Kalos et
 /// al. 2011, "Free Path Sampling in High Resolution Inhomogeneous Participating Media".
-KERNEL float collide(const SceneView& scene, const VolumeView& volume, const Ray& world,
-                     float t_max, HashSequence random) {
-  const GridRay ray = to_grid(volume.density.voxel_from_object, to_volume(scene, volume, world));
+template <class Visit>
+KERNEL void visit_collisions(const VolumeView& volume, const GridRay& ray, float t_max,
+                             HashSequence& random, const Visit& visit) {
   CellWalk walk(volume.density, ray, span_in_box(volume.density, ray, t_max));
   float depth = random.next_exponential();
   Span span;
@@ -64,11 +65,23 @@ KERNEL float collide(const SceneView& scene, const VolumeView& volume, const Ray
         break;
       }
       t += step;
-      if (random.next() * majorant < extinction_at(volume, ray, t)) return t;
+      if (visit(t, majorant)) return;
       depth = random.next_exponential();
     }
   }
-  return t_max;
+}
+
+/// Distance to the first collision before t_max; t_max when there is none.
+KERNEL float collide(const SceneView& scene, const VolumeView& volume, const Ray& world,
+                     float t_max, HashSequence random) {
+  const GridRay ray = to_grid(volume.density.voxel_from_object, to_volume(scene, volume, world));
+  float first = t_max;
+  visit_collisions(volume, ray, t_max, random, [&](float t, float majorant) {
+    const bool collides = random.next() * majorant < extinction_at(volume, ray, t);
+    if (collides) first = t;
+    return collides;
+  });
+  return first;
 }
 
 /// An unbiased estimate of exp(- optical depth) up to t_max.
@@ -79,29 +92,12 @@ KERNEL float transmittance(const SceneView& scene, const VolumeView& volume, con
                            HashSequence random) {
   constexpr float kFaint = 0.1f;
   const GridRay ray = to_grid(volume.density.voxel_from_object, to_volume(scene, volume, world));
-  CellWalk walk(volume.density, ray, span_in_box(volume.density, ray, world.t_max));
   float result = 1;
-  float depth = random.next_exponential();
-  Span span;
-  for (u64 row; walk.next(span, row);) {
-    const float majorant = volume.density.majorants[row] * volume.density_scale;
-    if (!(majorant > 0)) continue;
-    const float least = (span.end - span.begin) * kLeastStep;
-    for (float t = span.begin;;) {
-      const float step = max2(depth / majorant, least);
-      if (!(t + step < span.end)) {
-        depth -= majorant * (span.end - t);
-        break;
-      }
-      t += step;
-      result *= max2(1 - extinction_at(volume, ray, t) / majorant, 0.0f);
-      if (result < kFaint) {
-        if (random.next() * kFaint >= result) return 0;
-        result = kFaint;
-      }
-      depth = random.next_exponential();
-    }
-  }
+  visit_collisions(volume, ray, world.t_max, random, [&](float t, float majorant) {
+    result *= max2(1 - extinction_at(volume, ray, t) / majorant, 0.0f);
+    if (result < kFaint) result = random.next() * kFaint < result ? kFaint : 0;
+    return result == 0;
+  });
   return result;
 }
 

@@ -101,7 +101,7 @@ class Backend {
                                                              const Interrupt& interrupt) = 0;
   /// The planes of film_planes() after the samples that each tile has.
   [[nodiscard]] virtual Expected<std::vector<PlaneData>> resolve(Film& film) = 0;
-  /// From the film's variance, which the job asked for (measures_noise); NaN below 2 samples.
+  /// From the film's variance, which the job asked for (measures_noise); needs 2 samples a pixel.
   [[nodiscard]] virtual Noise noise(const Film& film) = 0;
 
   [[nodiscard]] virtual Expected<QueryResult> query(const QueryJob& job,

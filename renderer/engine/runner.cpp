@@ -173,9 +173,10 @@ bool Runner::finished(Film& film, u32 done) {
     const double budget = stop.seconds / double(job_->cameras.size());
     if (seconds_in_camera() * (1 + 0.5 / done) >= budget) return true;
   }
-  if (stop.noise > 0 && done >= kernels::kBlock && (power_of_two(done) || done % 64 == 0)) {
+  if (stop.noise > 0 && !stop.adaptive && done >= kernels::kBlock &&
+      (power_of_two(done) || done % 64 == 0)) {
     noise_ = context_.backend.noise(film).mean;
-    if (!stop.adaptive && noise_ <= stop.noise) return true;
+    if (noise_ <= stop.noise) return true;
   }
   return false;
 }
