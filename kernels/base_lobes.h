@@ -1,7 +1,7 @@
 // The lobes of the base: values, densities and sampling. Called by bsdf.h.
 #pragma once
 
-#include "kernels/base.h"
+#include "kernels/base_weights.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
@@ -44,6 +44,11 @@ struct Facet {
 };
 KERNEL Facet facet_of(const Base& b, float c) {
   Facet f{b.f0 + (vec3(b.f90) - b.f0) * schlick_weight(c), vec3(0), 0, 1};
+  if (b.film.weight > 0 && b.f90 > 0) {
+    const Reflectances film = film_at(b, c);
+    const vec3 covered = film.coat * b.plastic + film.metal * b.metallic;
+    f.reflected += (covered - f.reflected) * b.film.weight;
+  }
   if (b.glass <= 0) return f;
   const float glass = b.glass * b.glass_scale;
   if (passes_apart(b)) {
@@ -51,7 +56,7 @@ KERNEL Facet facet_of(const Base& b, float c) {
     return f;
   }
   const Fresnel exact = fresnel_dielectric(c, b.eta);
-  const vec3 r = b.glass_specular * exact.reflectance;
+  const vec3 r = b.glass_specular * glass_at(b, c, exact.reflectance);
   f.cos_t = exact.cos_t;
   if (exact.cos_t > 0) {
     f.reflected += r * glass;

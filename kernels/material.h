@@ -112,7 +112,7 @@ KERNEL bool is_passable(const MaterialView& material) {
   const MaterialValues& m = material.constant;
   return !material.thin_walled && !material.unlit && (material.textured & kDecisive) == 0 &&
          m.ior == 1 && m.roughness == 0 && m.transmission == 1 && m.transmission_roughness == 0 &&
-         m.metallic == 0 && m.sheen == 0 && m.clearcoat == 0;
+         m.metallic == 0 && m.sheen == 0 && m.clearcoat == 0 && m.iridescence == 0;
 }
 
 KERNEL const MaterialView& material_of(const SceneView& scene, const InstanceView& instance,

@@ -17,6 +17,7 @@ KERNEL T max2(T a, T b) {
   return a > b ? a : b;
 }
 KERNEL float max_component(vec3 v) { return max2(v.x, max2(v.y, v.z)); }
+KERNEL float min_component(vec3 v) { return min2(v.x, min2(v.y, v.z)); }
 KERNEL bool is_black(vec3 v) { return v.x == 0 && v.y == 0 && v.z == 0; }
 KERNEL vec3 abs3(vec3 v) { return vec3(std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)); }
 KERNEL vec3 max3(vec3 a, vec3 b) { return vec3(max2(a.x, b.x), max2(a.y, b.y), max2(a.z, b.z)); }

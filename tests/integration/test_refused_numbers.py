@@ -89,6 +89,9 @@ NUMBERS = {
             "subsurface",
             "attenuation_distance",
             "medium_anisotropy",
+            "iridescence",
+            "iridescence_ior",
+            "iridescence_thickness",
         )
     },
     "Tex.factor": ("roughness", lambda x: material(roughness=hg.Tex("dots", factor=x))),

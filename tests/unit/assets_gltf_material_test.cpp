@@ -1,4 +1,6 @@
 // glTF materials and textures: parameters, channels, encodings, samplers and texture transforms.
+#include <fmt/format.h>
+
 #include <cmath>
 
 #include "renderer/assets/load.h"
@@ -162,6 +164,33 @@ TEST_CASE("gltf: clearcoat, sheen, anisotropy and thickness") {
   CHECK(parameter(wine, attenuation_color).value == vec3(0.9f, 0.2f, 0.1f));
 }
 
+TEST_CASE("gltf: a thin film, its texture mixes the two thicknesses") {
+  const PutMaterial plain =
+      material_of(R"("extensions":{"KHR_materials_iridescence":{"iridescenceFactor":0.7,)"
+                  R"("iridescenceIor":1.8,"iridescenceThicknessMaximum":550}})");
+  CHECK(parameter(plain, iridescence).value->x == 0.7f);
+  CHECK(parameter(plain, iridescence_ior).value->x == 1.8f);
+  CHECK(parameter(plain, iridescence_thickness).value->x == 550);
+  const PutMaterial standard = material_of(R"("extensions":{"KHR_materials_iridescence":{}})");
+  CHECK(parameter(standard, iridescence).value->x == 0);
+  CHECK(parameter(standard, iridescence_ior).value->x == 1.3f);
+  CHECK(parameter(standard, iridescence_thickness).value->x == 400);
+  for (const auto& [minimum, maximum] : {std::pair(200, 500), std::pair(500, 200)}) {
+    const PutMaterial textured = material_of(fmt::format(
+        R"("extensions":{{"KHR_materials_iridescence":{{"iridescenceFactor":1,)"
+        R"("iridescenceTexture":{{"index":0}},"iridescenceThicknessTexture":{{"index":0}},)"
+        R"("iridescenceThicknessMinimum":{},"iridescenceThicknessMaximum":{}}}}})",
+        minimum, maximum));
+    CHECK(parameter(textured, iridescence).texture->use.channel == 0);
+    const ParameterPatch& thickness = parameter(textured, iridescence_thickness);
+    const TextureUse& use = thickness.texture->use;
+    CHECK(use.channel == 1);
+    for (const float texel : {0.0f, 0.25f, 1.0f})
+      CHECK(thickness.value->x * (texel * use.scale + use.offset) ==
+            Approx(float(minimum) + texel * float(maximum - minimum)).margin(1e-3));
+  }
+}
+
 TEST_CASE("gltf: specular-glossiness becomes a dielectric of that reflection") {
   const PutMaterial material = material_of(
       R"("extensions":{"KHR_materials_pbrSpecularGlossiness":{"diffuseFactor":[0.2,0.3,0.4,1],)"
@@ -179,7 +208,7 @@ TEST_CASE("gltf: specular-glossiness becomes a dielectric of that reflection") {
 TEST_CASE("gltf: what is left out or clamped says so") {
   const auto loaded =
       load_material(R"("pbrMetallicRoughness":{"roughnessFactor":3})",
-                    R"(,"extensionsUsed":["KHR_materials_iridescence","KHR_materials_variants"])");
+                    R"(,"extensionsUsed":["KHR_materials_dispersion","KHR_materials_variants"])");
   REQUIRE(loaded);
   CHECK(parameter(library_item<PutMaterial>(*loaded), roughness).value->x == 1);
   CHECK(loaded->warnings.size() == 3);

@@ -178,6 +178,10 @@ TEST_CASE("refusals: skins and morph targets") {
 TEST_CASE("refusals: parameters, cameras, references and lists of fields") {
   check(refusal("material { roughness { value: 1.5 } }"), kInvalid,
         "edits[3].material.roughness.value", "is 1.5; give a number in [0, 1]");
+  check(refusal("material { iridescence_ior { value: 0.75 } }"), kInvalid,
+        "edits[3].material.iridescence_ior.value", "is 0.75; give a number in [1, 4]");
+  check(refusal("material { iridescence_thickness { value: -1 } }"), kInvalid,
+        "edits[3].material.iridescence_thickness.value", "in [0, 10000]");
   check(refusal("material { base_color { texture { texture { name: 't' } channel: 1 } } }"),
         kInvalid, "edits[3].material.base_color.texture.channel", "scalar parameters only");
   check(refusal("material { clear: 'colour' }"), kInvalid, "edits[3].material.clear[0]",

@@ -46,6 +46,9 @@ PutMaterial everything() {
   set(medium_density, {2, 3, 2.5f});
   set(medium_albedo, {0.9f, 0.8f, 0.7f});
   set(medium_anisotropy, vec3(0.6f));
+  set(iridescence, vec3(0.8f));
+  set(iridescence_ior, vec3(1.8f));
+  set(iridescence_thickness, vec3(300));
   m.alpha_mode = AlphaMode::kBlend;
   return m;
 }
@@ -94,8 +97,10 @@ TEST_CASE("material: each parameter changes the picture") {
     PutMaterial m = everything();
     const vec3 value = m.parameters[std::size_t(row.parameter)].value.value_or(
         make_material()[row.parameter].value);
-    m.parameters[std::size_t(row.parameter)].value =
-        row.parameter == ior ? vec3(1.8f) : value * 0.5f;
+    m.parameters[std::size_t(row.parameter)].value = row.parameter == ior ? vec3(1.8f)
+                                                     : row.parameter == iridescence_ior
+                                                         ? vec3(1.4f)
+                                                         : value * 0.5f;
     INFO(row.name);
     CHECK(difference(before, picture(m)) > 1e-5f);
   }

@@ -97,6 +97,9 @@ class Parameters(TypedDict, total=False):
     sheen_tint: Any
     clearcoat: Any
     clearcoat_roughness: Any
+    iridescence: Any
+    iridescence_ior: Any
+    iridescence_thickness: Any  # nm; 0: no film
     thin_walled: bool
 
 

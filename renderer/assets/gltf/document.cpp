@@ -9,16 +9,16 @@ namespace heliograph::assets::gltf {
 namespace {
 
 // Extensions that are honoured, and those whose effect is left out with a warning.
-constexpr std::array<std::string_view, 14> kHonoured = {
-    "KHR_texture_transform",   "KHR_lights_punctual",
-    "KHR_materials_unlit",     "KHR_materials_emissive_strength",
-    "KHR_materials_ior",       "KHR_materials_transmission",
-    "KHR_materials_specular",  "KHR_materials_pbrSpecularGlossiness",
-    "KHR_materials_clearcoat", "KHR_materials_sheen",
-    "KHR_materials_volume",    "KHR_materials_anisotropy",
-    "EXT_mesh_gpu_instancing", "KHR_mesh_quantization"};
-constexpr std::array<std::string_view, 4> kLeftOut = {"KHR_materials_iridescence",
-                                                      "KHR_materials_dispersion",
+constexpr std::array<std::string_view, 15> kHonoured = {
+    "KHR_texture_transform",     "KHR_lights_punctual",
+    "KHR_materials_unlit",       "KHR_materials_emissive_strength",
+    "KHR_materials_ior",         "KHR_materials_transmission",
+    "KHR_materials_specular",    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_clearcoat",   "KHR_materials_sheen",
+    "KHR_materials_volume",      "KHR_materials_anisotropy",
+    "KHR_materials_iridescence", "EXT_mesh_gpu_instancing",
+    "KHR_mesh_quantization"};
+constexpr std::array<std::string_view, 3> kLeftOut = {"KHR_materials_dispersion",
                                                       "KHR_materials_variants", "KHR_xmp_json_ld"};
 
 constexpr u32 kJsonChunk = 0x4E4F534A;

@@ -135,6 +135,7 @@ class Reader {
     if (const auto coat = value_.extension("KHR_materials_clearcoat")) clearcoating(*coat);
     if (const auto cloth = value_.extension("KHR_materials_sheen")) sheen_of(*cloth);
     if (const auto brushed = value_.extension("KHR_materials_anisotropy")) anisotropy(*brushed);
+    if (const auto film = value_.extension("KHR_materials_iridescence")) thin_film(*film);
     if (const auto index = value_.extension("KHR_materials_ior")) {
       set(ior, vec3(float(index->number("ior", 1.5))));
     }
@@ -198,6 +199,22 @@ class Reader {
                       "scales ours",
                       value_.where()));
     }
+  }
+
+  /// A texture mixes two thicknesses [nm]; without one the film has the maximum.
+  void thin_film(const Value& film) {
+    set(iridescence, vec3(float(film.number("iridescenceFactor", 0))));
+    set_texture(iridescence, film, "iridescenceTexture", false, 0);
+    set(iridescence_ior, vec3(float(film.number("iridescenceIor", 1.3))));
+    const auto minimum = float(film.number("iridescenceThicknessMinimum", 100));
+    const auto maximum = float(film.number("iridescenceThicknessMaximum", 400));
+    set_texture(iridescence_thickness, film, "iridescenceThicknessTexture", false, 1);
+    ParameterPatch& thickness = put_.parameters[std::size_t(iridescence_thickness)];
+    const float largest = thickness.texture ? std::max(minimum, maximum) : maximum;
+    set(iridescence_thickness, vec3(largest));
+    if (!thickness.texture || !(largest > 0)) return;
+    thickness.texture->use.scale = (maximum - minimum) / largest;
+    thickness.texture->use.offset = minimum / largest;
   }
 
   const Value& value_;

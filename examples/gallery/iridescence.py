@@ -1,0 +1,105 @@
+"""The picture of docs/materials.md on thin films: rows of balls that vary one parameter.
+
+usage: iridescence.py OUT.png [SPP]
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import heliograph as hg
+import numpy as np
+from heliograph import studio
+
+COLUMNS = 7
+SIZE = (420, 300)
+
+STEEL = {"base_color": 0.55, "metallic": 1.0, "roughness": 0.25, "iridescence": 1.0}
+BUBBLE = {
+    **hg.materials.glass,
+    "thin_walled": True,
+    "ior": 1.0,
+    "iridescence": 1.0,
+    "iridescence_ior": 1.33,
+}
+
+Row = Callable[[float], dict[str, Any]]
+ROWS: tuple[tuple[str, Row], ...] = (
+    (
+        "thickness",
+        lambda t: {**STEEL, "iridescence_ior": 2.2, "iridescence_thickness": 15 + 285 * t},
+    ),
+    (
+        "ior",
+        lambda t: {**STEEL, "iridescence_ior": 1 + 1.5 * t, "iridescence_thickness": 350},
+    ),
+    (
+        "roughness",
+        lambda t: {
+            **STEEL,
+            "base_color": 0.7,
+            "iridescence_ior": 1.8,
+            "iridescence_thickness": 450,
+            "roughness": 0.9 * t,
+        },
+    ),
+    (
+        "iridescence",
+        lambda t: {
+            "base_color": 0.02,
+            "roughness": 0.15,
+            "iridescence": t,
+            "iridescence_ior": 2.0,
+            "iridescence_thickness": 330,
+        },
+    ),
+    (
+        "bubble",
+        lambda t: {
+            **BUBBLE,
+            "iridescence_thickness": hg.Tex("drained", factor=150 + 750 * t, scale=0.6, offset=0.7),
+        },
+    ),
+)
+
+
+def drained(size: int = 256) -> np.ndarray:
+    """(size, size) float32: a film that gets thicker downwards and has swirls."""
+    y, x = np.mgrid[0:size, 0:size] / size
+    swirl = np.sin(2 * np.pi * (3 * x + 0.7 * np.sin(2 * np.pi * (2 * x + 3 * y))) + 9 * y)
+    return (y + 0.08 * swirl).astype("f4")
+
+
+def build(edit: hg.Edits) -> hg.Entity:
+    edit.dome(studio.dome())
+    edit.texture("drained", drained())
+    ball = edit.mesh("ball", **hg.shapes.sphere(0.44, 96))
+    edit.material("wall/material", base_color=0.15, roughness=0.8)
+    wall = edit.mesh("wall/mesh", **hg.shapes.plane(9))
+    turn = np.array([[1, 0, 0, 0], [0, 0, -1, 1], [0, 1, 0, 0], [0, 0, 0, 1.0]])
+    edit.entity("wall", mesh=wall, material="wall/material", transform=turn)
+    for i, (name, row) in enumerate(ROWS):
+        for j in range(COLUMNS):
+            material = edit.material(f"{name}/{j}/material", **row(j / (COLUMNS - 1)))
+            at = (j - (COLUMNS - 1) / 2, 0, (len(ROWS) - 1) / 2 - i)
+            edit.entity(f"{name}/{j}", mesh=ball, material=material, transform=hg.Pose(at))
+    lens = hg.Camera.orthographic(SIZE[0] / COLUMNS, *SIZE)
+    pose = hg.look_at((0, -8, 0), (0, 0, 0), (0, 0, 1))
+    return edit.entity("camera", camera=lens, transform=pose)
+
+
+def main(out: Path, spp: int) -> None:
+    from PIL import Image
+
+    with hg.connect() as client, client.create_scene("iridescence") as scene:
+        with scene.edit() as edit:
+            camera = build(edit)
+        frame = scene.render(camera, spp=spp, max_depth=8)
+        Image.fromarray(frame.image(view="filmic")).convert("RGB").save(out, optimize=True)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 256)

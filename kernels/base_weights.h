@@ -1,0 +1,223 @@
+// How much of which lobe the base of a material has, seen from a direction. Called by bsdf.h.
+#pragma once
+
+#include "kernels/base_film.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+/// The hue of a colour at luminance 1; white of black.
+KERNEL vec3 tint_of(vec3 color) {
+  const float light = luminance(color);
+  return light > 0 ? color / light : vec3(1);
+}
+
+/// Reflectance of a dielectric at normal incidence, coloured, in full.
+KERNEL vec3 dielectric_f0(const MaterialValues& m) {
+  vec3 color = m.specular_color * sqr((m.ior - 1) / (m.ior + 1));
+  if (m.specular_tint > 0) {
+    color *= vec3(1) + (tint_of(m.base_color) - vec3(1)) * m.specular_tint;
+  }
+  return glm::min(color, vec3(1));
+}
+
+KERNEL ThinFilm film_of(const MaterialValues& m) {
+  const float nanometre = 1e-9f;
+  return {m.iridescence_thickness > 0 ? m.iridescence : 0, m.iridescence_ior,
+          2 * nanometre * m.iridescence_thickness * m.iridescence_ior};
+}
+
+/// What lies under the coat: a share of its light travels inside, the rest is Lambert's. Where
+/// there is no inside to travel in, all of it is.
+struct Body {
+  vec3 color;
+  float inside;
+};
+KERNEL Body body_of(const MaterialValues& m, bool has_inside) {
+  if (!(m.subsurface > 0)) return {m.base_color, 0};
+  const vec3 color = m.base_color * (1 - m.subsurface);
+  if (!has_inside || is_black(m.subsurface_radius)) {
+    return {color + m.subsurface_color * m.subsurface, 0};
+  }
+  return {color, m.subsurface};
+}
+
+/// The lobes that reflect. Returns the albedo of those sampled by cosine and by microfacets.
+KERNEL vec2 set_reflection(Base& b, const MaterialValues& m, const Body& body) {
+  b.plastic = (1 - m.metallic) * (1 - m.transmission);
+  b.metallic = m.metallic;
+  const vec3 full_f0 = dielectric_f0(m);
+  const vec3 coat_f0 = full_f0 * m.specular;
+  const float f_steps = 1 / 21.0f;  // the average of Schlick's weight
+  const Albedo average = b.delta                    ? Albedo{1, f_steps}
+                         : b.anisotropic.aspect < 1 ? albedo_average(b.anisotropic)
+                                                    : albedo_average(m.roughness);
+  const Albedo out = base_albedo(b, b.wo);
+
+  b.f0 = coat_f0 * b.plastic + m.base_color * m.metallic;
+  b.f90 = m.specular * b.plastic + m.metallic;
+  b.coat_f0 = max_component(coat_f0);
+  b.coat_f90 = m.specular;
+  b.multiple = vec3(0);
+  b.coat_multiple = 0;
+  Reflectances mean{coat_f0 + (vec3(m.specular) - coat_f0) * f_steps,
+                    m.base_color + (vec3(1) - m.base_color) * f_steps};
+  const bool covered = b.film.weight > 0 && b.f90 > 0;
+  if (covered) {
+    b.film_coat = amplitude_below(b.film, full_f0);
+    b.film_metal = amplitude_below(b.film, m.base_color);
+    cover(mean, b, average_film(b));
+  }
+  float lost = 0;
+  vec3 multiple(0);  // of the coat
+  if (!b.delta) {
+    multiple = multiple_scattering(mean.coat, average.total);
+    b.coat_multiple = max_component(multiple);
+    lost = max2(1 - out.total, 0.0f);
+    b.multiple = multiple_scattering(mean.metal, average.total) * m.metallic + multiple * b.plastic;
+  }
+  vec3 coat(coat_albedo(b, out));
+  float facets = luminance(b.f0) * (out.total - out.schlick) + b.f90 * out.schlick;
+  if (covered) {
+    const Reflectances film = seen_film(b);
+    coat += (film.coat * out.total + multiple * lost - coat) * b.film.weight;
+    facets +=
+        (max_component(film.coat * b.plastic + film.metal * m.metallic) * out.total - facets) *
+        b.film.weight;
+    // Towards wi, the coat of Schlick's that reflects as much on average.
+    b.coat_f0 = max2(max_component(mean.coat) - m.specular * f_steps, 0.0f) / (1 - f_steps);
+  }
+  const vec3 entering = vec3(1) - coat;
+  b.average_entering = max2(1 - coat_albedo(b, average), 1e-4f);
+  const vec3 diffuse = body.color * (entering * b.plastic);
+  b.subsurface = body.inside * b.plastic * min_component(entering);
+
+  const vec2 share(luminance(diffuse) + luminance(b.multiple) * lost, facets);
+  b.diffuse = diffuse * (kInvPi / b.average_entering);
+  b.multiple *= kInvPi * lost / max2(1 - average.total, 1e-4f);
+  return share;
+}
+
+/// Share of light that a face of glass without a film reflects, of all that it gives off.
+KERNEL float face_reflectance(const Base& b, float roughness) {
+  if (b.delta) return fresnel_dielectric(b.wo.z, b.eta).reflectance;
+  const GlassAlbedo share = glass_albedo(b.wo.z, roughness, b.eta);
+  return share.reflected / (share.reflected + share.refracted);
+}
+
+/// Bounds the weight of light that refracts by itself.
+inline constexpr float kMostThrough = 1.25f;
+
+/// Reflection and what passes as lobes of their own: each is scaled to give off its share whatever
+/// its roughness. Returns as set_interface().
+KERNEL vec2 set_apart(Base& b, const MaterialValues& m, float through) {
+  vec3 reflected(face_reflectance(b, m.roughness));
+  if (b.glass_film.weight > 0)
+    reflected = glm::clamp(reflected + film_on_face(b), vec3(0), vec3(1));
+  float smallest = 0;
+  b.through_scale = 1;
+  if (b.interface == Interface::kSheet) {
+    // Both faces, and the bounces between them.
+    reflected = 2.0f * reflected / (vec3(1) + reflected);
+    const float aspect = b.anisotropic.aspect;
+    b.through = {sqr(through) / aspect, sqr(through) * aspect};
+    const AlbedoRow round = albedo_row(kReflectionAlbedo, 2 * kAlbedoCosines, through);
+    if (!b.through_delta) {
+      b.through_scale =
+          1 / (aspect < 1 ? albedo_at({through, aspect}, b.wo) : albedo_at(round, b.wo.z)).total;
+    }
+  } else {
+    b.through = {sqr(through), sqr(through)};
+    const float refracted = max2(glass_albedo(b.wo.z, through, b.eta).refracted, 1e-6f);
+    b.through_scale = 1 / refracted;
+    // Near total reflection few facets refract: they need not carry more than this.
+    smallest = 1 - kMostThrough * refracted;
+  }
+  b.glass_reflectance = glm::max(b.glass_specular * reflected, vec3(smallest));
+  b.glass_scale = 1 / base_albedo(b, b.wo).total;
+  const vec3 passing = b.glass_tint * (vec3(1) - b.glass_reflectance);
+  // Refraction is chosen by its largest weight, not its albedo: few of its samples may succeed.
+  return vec2(luminance(b.glass_reflectance), luminance(passing) * b.through_scale) * b.glass;
+}
+
+/// The interface of glass. Returns shares of sampling for its microfacets and for what passes
+/// apart.
+KERNEL vec2 set_interface(Base& b, const MaterialValues& m, bool front, bool thin_walled) {
+  const float through = 1 - (1 - m.roughness) * (1 - m.transmission_roughness);
+  b.through_delta = sqr(through) < kDeltaAlpha;
+  const bool apart = m.transmission_roughness > 0 || b.anisotropic.aspect < 1;
+  b.interface = thin_walled                 ? Interface::kSheet
+                : apart && !b.through_delta ? Interface::kSplit
+                                            : Interface::kJoint;
+  // A rough interface of index 1 has no half vector: the smallest step that still has one.
+  const float ior = b.through_delta ? m.ior : max2(m.ior, 1.01f);
+  b.eta = front || thin_walled ? ior : 1 / ior;
+  const float near = front || thin_walled ? 1 : ior;
+  b.glass_film = {b.film.weight, b.film.ior / near, b.film.way};
+  const vec3 color = m.base_color;
+  b.glass_tint =
+      thin_walled ? color : vec3(std::sqrt(color.x), std::sqrt(color.y), std::sqrt(color.z));
+  b.glass_specular = glm::min(m.specular_color * m.specular, vec3(1));
+  if (b.interface != Interface::kJoint) return set_apart(b, m, through);
+  b.through = b.facets;
+  b.glass_scale = 1;
+  if (!b.delta) {
+    const GlassAlbedo share = glass_albedo(b.wo.z, m.roughness, b.eta);
+    float albedo = share.reflected + share.refracted;
+    if (b.glass_film.weight > 0) {
+      // What the film adds to the reflection is held up as that is, not as what refracts.
+      const vec3 added = film_on_face(b) * (base_albedo(b, b.wo).total - albedo);
+      albedo += max_component(added);
+    }
+    b.glass_scale = 1 / albedo;
+  }
+  return vec2(b.glass, 0);
+}
+
+/// A material at a point, seen from wo (world). n, ng: on wo's side. facets: not only Lambert.
+KERNEL void set_base(Base& b, const MaterialValues& m, const ShadingPoint& at, vec3 n) {
+  const bool facets = m.specular > 0 || m.metallic > 0 || m.transmission > 0;
+  if (facets) n = bend_normal(b.ng, at.wo, n);
+  b.frame = m.anisotropic > 0 ? make_frame(n, at.tangent) : make_frame(n);
+  b.wo = to_local(b.frame, at.wo);
+  b.wo.z = max2(b.wo.z, 1e-4f);
+  const float alpha = sqr(m.roughness);
+  const float aspect = m.anisotropic > 0 ? std::sqrt(1 - 0.9f * m.anisotropic) : 1;
+  b.facets = {alpha / aspect, alpha * aspect};
+  b.anisotropic = {m.roughness, aspect};
+  b.delta = alpha < kDeltaAlpha;
+  b.glass = (1 - m.metallic) * m.transmission;
+  b.film = film_of(m);
+  b.interface = Interface::kNone;
+  b.facet_probability = 0;
+  const Body body = body_of(m, !at.thin_walled && dot(at.wo, at.ng) >= 0);
+  if (!facets) {
+    b.diffuse = body.color * kInvPi;
+    b.multiple = b.f0 = vec3(0);
+    b.f90 = 0;
+    b.coated = false;
+    b.average_entering = 1;
+    b.subsurface = body.inside;
+    const float inside = body.inside * luminance(m.subsurface_color);
+    b.reflectance = luminance(body.color) + inside;
+    b.subsurface_probability = inside > 0 ? inside / b.reflectance : 0;
+    b.diffuse_probability = 1 - b.subsurface_probability;
+    return;
+  }
+  b.coated = true;
+  if (!b.delta) b.albedo = albedo_row(kReflectionAlbedo, 2 * kAlbedoCosines, m.roughness);
+  vec2 share = set_reflection(b, m, body);
+  float through = 0;
+  if (b.glass > 0) {
+    const vec2 passing = set_interface(b, m, dot(at.wo, at.ng) >= 0, at.thin_walled);
+    share.y += passing.x;
+    through = passing.y;
+  }
+  const float inside = b.subsurface * luminance(m.subsurface_color);
+  b.reflectance = share.x + share.y + through + inside;
+  b.diffuse_probability = share.x > 0 ? share.x / b.reflectance : 0;
+  b.subsurface_probability = inside > 0 ? inside / b.reflectance : 0;
+  b.facet_probability = 1 - b.diffuse_probability - b.subsurface_probability;
+  if (through > 0) b.facet_probability *= share.y / (share.y + through);
+}
+
+}  // namespace heliograph::kernels::inline HELIO_ISA
