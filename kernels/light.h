@@ -1,6 +1,7 @@
 // What surfaces and the sky emit, and how directions to them are chosen. Called by path.h.
 #pragma once
 
+#include "kernels/light_profile.h"
 #include "kernels/light_shape.h"
 #include "kernels/sun.h"
 
@@ -43,6 +44,7 @@ KERNEL vec3 emitted(const SceneView& scene, const Surface& s, const MaterialValu
   if (light.texture.texture != kNone) {
     added *= glm::max(vec3(sample_use<true>(scene, light.texture, uvs_at(s))), vec3(0));
   }
+  if (light.profile != kNone) added *= profile_share(scene, light.profile, s, wo);
   return radiance + added * cone_share(light, s.pose.world_from_object, wo);
 }
 
@@ -132,7 +134,7 @@ KERNEL vec3 surface_radiance(const SceneView& scene, const LightSample& sample) 
   const LightView& light = scene.lights[sample.light];
   const bool holes = scene.instances[light.instance].flags & kMayBeHole;
   const bool plain = !light.material_emits && light.texture.texture == kNone && !holes;
-  if (plain && light.cone_scale == 0) return light.radiance;
+  if (plain && light.cone_scale == 0 && light.profile == kNone) return light.radiance;
   const Surface s = locate(scene, light.instance, sample.primitive, sample.place, sample.time);
   const vec3 radiance = emitted(scene, s, material_at(scene, s, kEmissionBits), -sample.direction);
   if (!holes) return radiance;

@@ -223,6 +223,7 @@ struct LightView {
   TriangleTree tree;
   float cone_cos;           // cosine of the half angle at which a spot light's cone ends
   float cone_scale;         // of the fall-off within; 0: no cone
+  u32 profile = kNone;      // texture of its intensities by direction (light_profile.h)
   bool light_two_sided;     // of the entity's light
   bool material_two_sided;  // of the material's emission
   bool material_emits;      // the material's emission is not black

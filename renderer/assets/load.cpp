@@ -36,10 +36,11 @@ void load(Builder& builder) {
   if (format == "ply") return load_ply(builder);
   if (format == "stl") return load_stl(builder);
   if (format == "nvdb" || format == "vdb") return load_volume(builder);
+  if (format == "ies") return load_ies(builder);
   if (picture_format(format) != PictureFormat::kNone) return load_picture(builder);
   refuse_unimplemented(
       "format", fmt::format("'{}' is not one of gltf, glb, obj, ply, stl, exr, hdr, png, jpeg, "
-                            "tiff, nvdb, vdb",
+                            "tiff, nvdb, vdb, ies",
                             clean_name(format, "")));
 }
 

@@ -1,5 +1,6 @@
-// Files to assets: glTF, OBJ, PLY, STL, images, volumes. Linked only by heliograph-decode, which
-// runs it inside the sandbox; what comes out is checked again by the daemon.
+// Files to assets: glTF, OBJ, PLY, STL, images, IES profiles, volumes. Linked only by
+// heliograph-decode, which runs it inside the sandbox; what comes out is checked again by the
+// daemon.
 #pragma once
 
 #include <optional>

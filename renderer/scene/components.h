@@ -174,10 +174,11 @@ enum class LightUnit : u8 {
   kPower,
   kLuminance,
   kLumen,
-  kIrradiance,   // suns only
-  kIlluminance,  // suns only
-  kIntensity,    // shapes only
-  kCandela,      // shapes only
+  kIrradiance,    // suns only
+  kIlluminance,   // suns only
+  kIntensity,     // shapes only
+  kCandela,       // shapes only
+  kProfileScale,  // of the profile's candela
 };
 
 struct Light {
@@ -195,6 +196,7 @@ struct Light {
   // one, none from the outer one on. 0: no cone.
   float inner_cone_angle = 0, outer_cone_angle = 0;
   TextureUse texture;
+  TextureId profile;  // intensities by direction; null: none
 };
 
 /// A linear colour sensor; a signal of 1 fills its wells.

@@ -173,8 +173,9 @@ class Description {
     return patch;
   }
   [[nodiscard]] LightPatch light(const Light& value) const {
-    LightPatch patch{.light = value, .texture = use(value.texture)};
+    LightPatch patch{.light = value, .texture = use(value.texture), .profile = ref(value.profile)};
     patch.light.texture = patch.texture.use;
+    patch.light.profile = {};
     return patch;
   }
   [[nodiscard]] SkinPatch skin(const Skin& value) const {

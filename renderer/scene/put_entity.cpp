@@ -41,6 +41,7 @@ Status set_light(const Scope& scope, const std::optional<LightPatch>& patch, Ent
   }
   Light light = patch->light;
   HELIO_TRY(bind(scope, patch->texture, "light.texture", light.texture));
+  HELIO_TRY(scope.bind(patch->profile, "light.profile", light.profile));
   entity.light = std::make_shared<const Light>(light);
   return {};
 }

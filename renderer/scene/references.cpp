@@ -164,6 +164,9 @@ void add_skins(Snapshot& scene, const Entity& entity, u32 change) {
 TextureId texture_of(const Entity& entity) {
   return entity.light ? entity.light->texture.texture : TextureId();
 }
+TextureId profile_of(const Entity& entity) {
+  return entity.light ? entity.light->profile : TextureId();
+}
 
 u32 own_label(const Entity& entity) { return entity.label.set ? entity.label.value : 0; }
 
@@ -204,6 +207,7 @@ void count(Draft& draft, const Entity& before, const Entity& after) {
   move_use(scene, before.mesh, after.mesh);
   move_use(scene, before.volume, after.volume);
   move_use(scene, texture_of(before), texture_of(after));
+  move_use(scene, profile_of(before), profile_of(after));
   if (before.materials != after.materials) {
     add_uses_of_all(scene, before, -1u);
     add_uses_of_all(scene, after, 1);

@@ -15,6 +15,8 @@ constexpr std::size_t kUsersNamed = 16;
 
 bool uses(const TextureUse& use, Id id) { return use.texture == id; }
 
+bool uses(const Light& light, Id id) { return uses(light.texture, id) || light.profile == id; }
+
 bool uses(const Material& material, Id id) {
 #define HELIO_MAP(name) \
   if (uses(material.name, id)) return true;
@@ -26,7 +28,7 @@ bool uses(const Material& material, Id id) {
 
 bool uses(const Entity& entity, Id id) {
   return entity.parent == id || entity.mesh == id || entity.volume == id ||
-         (entity.light && uses(entity.light->texture, id)) ||
+         (entity.light && uses(*entity.light, id)) ||
          (entity.materials &&
           std::ranges::find(*entity.materials, id) != entity.materials->end()) ||
          (entity.skin && std::ranges::find(entity.skin->joints, id) != entity.skin->joints.end());
@@ -78,9 +80,10 @@ Entity without(Entity entity, Id id) {
     std::ranges::replace(left, MaterialId(id), MaterialId());
     entity.materials = std::make_shared<const std::vector<MaterialId>>(std::move(left));
   }
-  if (entity.light && uses(entity.light->texture, id)) {
+  if (entity.light && uses(*entity.light, id)) {
     Light light = *entity.light;
     unbind(light.texture, id);
+    if (light.profile == id) light.profile = {};
     entity.light = std::make_shared<const Light>(light);
   }
   if (entity.skin && std::ranges::find(entity.skin->joints, id) != entity.skin->joints.end())

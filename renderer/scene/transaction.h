@@ -35,6 +35,7 @@ struct PosePatch {
 struct LightPatch {
   Light light;
   TextureUsePatch texture;
+  Ref profile{};
 };
 struct SkinPatch {
   std::vector<Ref> joints;

@@ -8,9 +8,9 @@ namespace heliograph::server {
 namespace {
 
 constexpr std::array kUnits{
-    LightUnit::kRadiance,    LightUnit::kRadiance,  LightUnit::kPower,
-    LightUnit::kLuminance,   LightUnit::kLumen,     LightUnit::kIrradiance,
-    LightUnit::kIlluminance, LightUnit::kIntensity, LightUnit::kCandela,
+    LightUnit::kRadiance, LightUnit::kRadiance,     LightUnit::kPower,       LightUnit::kLuminance,
+    LightUnit::kLumen,    LightUnit::kIrradiance,   LightUnit::kIlluminance, LightUnit::kIntensity,
+    LightUnit::kCandela,  LightUnit::kProfileScale,
 };
 static_assert(kUnits.size() == v1::Light::Unit_ARRAYSIZE);
 constexpr std::array kShapes{LightShape::kMesh, LightShape::kMesh, LightShape::kSphere,
@@ -24,10 +24,9 @@ constexpr Range kSunAngle{1e-4, 3.14};
 constexpr Range kSize{1e-6, 1e6};
 constexpr Range kOuterAngle{1e-3, 1.5708};
 
-/// Whether a use of a texture names one; id 0 is nothing.
-bool binds(const v1::TextureUse& use) {
-  const v1::Ref& texture = use.texture();
-  return texture.has_name() || texture.has_created_by_edit() || texture.id() != 0;
+/// Whether a reference names an object; id 0 is nothing.
+bool binds(const v1::Ref& ref) {
+  return ref.has_name() || ref.has_created_by_edit() || ref.id() != 0;
 }
 
 /// Refuses a field that is set where it has no meaning.
@@ -48,7 +47,7 @@ Status check_sun(const v1::Light& message, LightUnit unit) {
                  "illuminance"));
   const char* remedy = "is for meshes and shapes; leave it out for a sun";
   HELIO_TRY(only(!sun, message.two_sided(), "two_sided", remedy));
-  HELIO_TRY(only(!sun, binds(message.texture()), "texture", remedy));
+  HELIO_TRY(only(!sun, binds(message.texture().texture()), "texture", remedy));
   return only(!sun, from_enum(kShapes, message.shape()) != LightShape::kMesh, "shape",
               "is infinitely far away as a sun; leave out sun_angle or shape");
 }
@@ -66,6 +65,21 @@ Status check_shape(const v1::Light& message, LightUnit unit) {
                  "is for shapes; give the light a shape, such as a small sphere"));
   return only(message.outer_cone_angle() != 0, message.inner_cone_angle() != 0, "inner_cone_angle",
               "is within a cone; give its outer_cone_angle");
+}
+
+/// What profiles and other lights do not share.
+Status check_profile(const v1::Light& message, LightUnit unit) {
+  const bool profile = binds(message.profile());
+  HELIO_TRY(only(profile, unit == LightUnit::kProfileScale, "unit",
+                 "is for lights with a profile; give one, or the candela"));
+  const bool shape = from_enum(kShapes, message.shape()) != LightShape::kMesh;
+  HELIO_TRY(only(shape, profile, "profile",
+                 "is for shapes; give the light a shape, such as a small sphere"));
+  HELIO_TRY(only(!profile, unit == LightUnit::kRadiance || unit == LightUnit::kLuminance, "unit",
+                 "differs by direction with a profile; give the profile_scale, candela, lumen, "
+                 "intensity or power"));
+  return only(!profile, message.outer_cone_angle() != 0, "outer_cone_angle",
+              "is for lights without a profile; leave one of them out");
 }
 
 Status read_shape(const v1::Light& message, Light& light) {
@@ -113,11 +127,13 @@ Expected<LightPatch> to_light(const v1::Light& message, ArraySource& source) {
     HELIO_TAKE(light.sun_angle, in_range(message.sun_angle(), kSunAngle), "sun_angle");
   HELIO_TRY(check_sun(message, light.unit));
   HELIO_TRY(check_shape(message, light.unit));
+  HELIO_TRY(check_profile(message, light.unit));
   HELIO_TRY(read_shape(message, light));
   const double peak = std::max({light.color.x, light.color.y, light.color.z});
   HELIO_CHECK(in_range(peak * light.intensity * std::exp2(light.exposure), {0, 1e30}), "intensity");
   if (message.has_texture())
     HELIO_TAKE(patch.texture, to_texture_use(message.texture(), source, false), "texture");
+  if (message.has_profile()) HELIO_TAKE(patch.profile, to_ref(message.profile()), "profile");
   return patch;
 }
 
@@ -135,6 +151,8 @@ v1::Light to_proto(const LightPatch& patch, const ArraySink& sink) {
     *message.mutable_texture() = to_proto(patch.texture, sink);
     message.mutable_texture()->clear_channel();
   }
+  if (!std::holds_alternative<std::monostate>(patch.profile))
+    *message.mutable_profile() = to_proto(patch.profile);
   return message;
 }
 

@@ -49,8 +49,10 @@ PutEntity entity_of(const Snapshot& snapshot, u32 index, const Entity& entity) {
   if (entity.materials)
     for (const MaterialId id : *entity.materials) patch.materials->push_back(ref(id));
   if (entity.light) {
-    patch.light = LightPatch{*entity.light, use_of(entity.light->texture)};
+    const Light& light = *entity.light;
+    patch.light = LightPatch{light, use_of(light.texture), ref(light.profile)};
     (*patch.light)->light.texture = {};
+    (*patch.light)->light.profile = {};
   }
   if (entity.camera) patch.camera = *entity.camera;
   if (entity.skin) {

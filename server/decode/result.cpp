@@ -54,7 +54,10 @@ struct RefsWithin {
     if (put.materials) {
       for (const Ref& ref : *put.materials) all = all && within(ref, limit);
     }
-    if (put.light && *put.light) all = all && within((*put.light)->texture.texture, limit);
+    if (put.light && *put.light) {
+      const LightPatch& light = **put.light;
+      all = all && within(light.texture.texture, limit) && within(light.profile, limit);
+    }
     if (put.skin && *put.skin) {
       for (const Ref& ref : (*put.skin)->joints) all = all && within(ref, limit);
     }

@@ -25,8 +25,9 @@ SAMPLES = {
     "png": ASSETS / "picture/cube_depth.png",
     "jpg": ASSETS / "picture/gradient.jpg",
     "tif": ASSETS / "picture/gradient_tiled.tif",
+    "ies": ASSETS / "profile/batwing.ies",
 }
-PICTURES = {"exr", "hdr", "png", "jpg", "tif"}
+PICTURES = {"exr", "hdr", "png", "jpg", "tif", "ies"}
 REFUSALS = (hg.InvalidArgument, hg.NotFound, hg.Unimplemented, hg.ResourceExhausted)
 
 
@@ -175,6 +176,10 @@ BOMBS = {
     "wide.hdr": (
         b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 100000 +X 100000\n",
         hg.ResourceExhausted,
+    ),
+    "many.ies": (
+        b"IESNA91\nTILT=NONE\n1 -1 1 65000 65000 1 2 0 0 0\n1 1 0\n0 90",
+        hg.InvalidArgument,
     ),
     "wide.tif": (tiff(1_000_000, 1_000_000), hg.ResourceExhausted),
     "wide.jpg": (jpeg(65_000, 65_000), hg.ResourceExhausted),

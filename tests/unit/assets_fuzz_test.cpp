@@ -89,6 +89,10 @@ TEST_CASE("fuzz: models") {
   CHECK(loaded > 100);  // the mutants are not all nonsense
 }
 
+TEST_CASE("fuzz: profiles of luminaires") {
+  CHECK(fuzz(test_assets() / "profile/batwing.ies", 4000) > 100);
+}
+
 TEST_CASE("fuzz: pictures") {
   const std::filesystem::path folder = test_assets() / "picture";
   for (const char* name : {"gradient16.png", "gradient.jpg", "gradient_tiled.tif",

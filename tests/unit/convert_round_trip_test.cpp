@@ -186,7 +186,8 @@ TEST_CASE("convert: every field of every noun survives the round trip") {
   };
   *add("e")->mutable_entity() = full_entity();
   CHECK(unset(message.edits(0).entity(), {"clear"}).empty());
-  CHECK(unset(message.edits(0).entity().light(), {"sun_angle", "width", "height"}).empty());
+  CHECK(unset(message.edits(0).entity().light(), {"sun_angle", "width", "height", "profile"})
+            .empty());
   const v1::Camera& camera = message.edits(0).entity().camera();
   CHECK(unset(camera, {"distortion"}).empty());
   CHECK(unset(camera.shutter(), {}).empty());
@@ -231,6 +232,9 @@ TEST_CASE("convert: every field of every noun survives the round trip") {
   *add("window")->mutable_entity()->mutable_light() = parse<v1::Light>(
       "color { x: 1 y: 2 z: 3 } intensity: 4 unit: UNIT_CANDELA exposure: 1 temperature: 5800 "
       "two_sided: true shape: SHAPE_RECTANGLE width: 2 height: 3");
+  *add("trough")->mutable_entity()->mutable_light() = parse<v1::Light>(
+      "color { x: 1 y: 2 z: 3 } intensity: 4 unit: UNIT_PROFILE_SCALE exposure: 1 temperature: 0 "
+      "two_sided: true shape: SHAPE_DISC radius: 2 profile { name: 'p' }");
   check_round_trip(message, source);
 }
 

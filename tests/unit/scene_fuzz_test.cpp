@@ -158,9 +158,12 @@ class Fuzz {
               (thing.parent.empty() || fresh || !model.beneath(thing.parent, target));
     }
     if (below(2)) patch.mesh = take(thing.mesh, "mesh", model.meshes);
-    if (below(3) == 0)
-      patch.light =
-          LightPatch{.light = {}, .texture = {take(thing.light, "texture", model.textures), {}}};
+    if (below(3) == 0) {
+      LightPatch light;
+      (below(2) ? light.profile : light.texture.texture) =
+          take(thing.light, "texture", model.textures);
+      patch.light = light;
+    }
     if (below(2)) {
       thing.materials.assign(below(3), "");
       patch.materials.emplace();
@@ -195,11 +198,13 @@ class Fuzz {
 
 void check_entity(const Snapshot& scene, const Model& model, const std::string& name) {
   const Entity& e = *scene.find(EntityId(scene.find(name).value()));
-  Model::Thing found{.parent = scene.name_of(e.parent),
-                     .mesh = scene.name_of(e.mesh),
-                     .light = e.light ? scene.name_of(e.light->texture.texture) : "",
-                     .materials = {},
-                     .joints = {}};
+  Model::Thing found{
+      .parent = scene.name_of(e.parent),
+      .mesh = scene.name_of(e.mesh),
+      .light =
+          e.light ? scene.name_of(e.light->texture.texture) + scene.name_of(e.light->profile) : "",
+      .materials = {},
+      .joints = {}};
   if (e.materials)
     for (const Id id : *e.materials) found.materials.push_back(scene.name_of(id));
   if (e.skin)

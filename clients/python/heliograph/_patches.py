@@ -172,6 +172,8 @@ def _put_component(edits: Edits, out: pb.Entity, name: str, value: Any) -> None:
         out.light.CopyFrom(_of(Light, value, name).to_message())
         if value.texture is not None:
             out.light.texture.CopyFrom(texture_use(edits, value.texture, "light.texture"))
+        if value.profile is not None:
+            out.light.profile.CopyFrom(edits.ref(value.profile, "light.profile"))
     elif name == "camera":
         out.camera.CopyFrom(_of(Camera, value, name).to_message())
     elif name == "visibility":

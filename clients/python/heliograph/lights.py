@@ -11,7 +11,7 @@ from .errors import InvalidArgument
 
 _UNITS = (
     *("radiance", "power", "luminance", "lumen", "irradiance", "illuminance"),
-    *("intensity", "candela"),
+    *("intensity", "candela", "profile_scale"),
 )
 _SHAPES = ("mesh", "sphere", "disc", "rectangle")
 
@@ -23,12 +23,16 @@ class Light:
     Strength, exactly one of: `radiance` (W sr^-1 m^-2), `power` (W over all emitting sides, each
     channel), `luminance` (cd m^-2), `lumen` (lm over all emitting sides); for suns also
     `irradiance` (W m^-2) and `illuminance` (lx) of a surface that faces the sun; for shapes also
-    `intensity` (W/sr) and `candela` (cd) along the axis.
+    `intensity` (W/sr) and `candela` (cd) along the axis, or in the strongest direction of a profile;
+    for a `profile` also `profile_scale`, a factor of its own candela (1 where no strength is given).
     color: number or (3,), linear. exposure: stops. temperature: kelvin, 0 for none.
     two_sided: the back emits too. texture: a texture or Tex that multiplies the radiance.
     shape: "mesh", the entity's own; or, without a mesh, "sphere", "disc" or "rectangle" about the
     entity's origin, which shine along its -Z axis. radius: of a sphere or disc, metres (1).
     width, height: of a rectangle along x and y, metres (1). The entity's scale multiplies them.
+    profile: a texture of intensities by direction, for shapes without a cone: that of an .ies file,
+    edit.texture(name, "lamp.ies"); or an array, rows by the angle to -Z (0 .. pi), columns by that
+    about +Z from +X towards +Y (0 .. 2 pi, the end left out). docs/lights.md.
     outer_cone_angle: makes a shape a spot light; half angle about -Z at which its cone ends,
     radians, up to pi / 2. inner_cone_angle: up to which it has its whole strength.
     sun_angle: makes it a sun, a disc infinitely far away that shines along the entity's -Z axis and
@@ -43,6 +47,7 @@ class Light:
     illuminance: float | None = None
     intensity: float | None = None
     candela: float | None = None
+    profile_scale: float | None = None
     color: Any = 1.0
     exposure: float = 0.0
     temperature: float = 0.0
@@ -55,16 +60,20 @@ class Light:
     height: float | None = None
     inner_cone_angle: float = 0.0
     outer_cone_angle: float = 0.0
+    profile: Any = None
 
     def to_message(self) -> scene.Light:
-        given = [name for name in _UNITS if getattr(self, name) is not None]
+        strengths = {name: getattr(self, name) for name in _UNITS}
+        given = [name for name, value in strengths.items() if value is not None]
+        if not given and self.profile is not None:
+            given, strengths["profile_scale"] = ["profile_scale"], 1.0
         if len(given) != 1:
             units = "=, ".join(_UNITS)
             raise InvalidArgument(f"light: give exactly one of {units}=", field="light")
         unit: Any = scene.Light.Unit.Value("UNIT_" + given[0].upper())
         message = scene.Light(
             color=color_of(self.color, "light.color"),
-            intensity=number_of(getattr(self, given[0]), f"light.{given[0]}"),
+            intensity=number_of(strengths[given[0]], f"light.{given[0]}"),
             unit=unit,
             exposure=number_of(self.exposure, "light.exposure"),
             temperature=number_of(self.temperature, "light.temperature"),

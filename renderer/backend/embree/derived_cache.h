@@ -22,7 +22,8 @@ enum class Derived : u64 {
   kTextureMean,
   kVertices,
   kMips,
-  kGrid
+  kGrid,
+  kProfile
 };
 
 /// What a piece of derived data is a pure function of.

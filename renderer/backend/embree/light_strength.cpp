@@ -47,6 +47,8 @@ double unit_per_radiance(const Light& light, const LightExtent& extent) {
     case LightUnit::kIntensity:
     case LightUnit::kCandela:
       return extent.intensity;
+    case LightUnit::kProfileScale:
+      return extent.area;
     case LightUnit::kIrradiance:
     case LightUnit::kIlluminance:
       return M_PI * std::pow(std::sin(0.5 * double(light.sun_angle)), 2);
@@ -56,7 +58,8 @@ double unit_per_radiance(const Light& light, const LightExtent& extent) {
 
 bool is_photometric(LightUnit unit) {
   return unit == LightUnit::kLuminance || unit == LightUnit::kLumen ||
-         unit == LightUnit::kIlluminance || unit == LightUnit::kCandela;
+         unit == LightUnit::kIlluminance || unit == LightUnit::kCandela ||
+         unit == LightUnit::kProfileScale;
 }
 
 }  // namespace
@@ -93,23 +96,31 @@ LightCone cone_of(const Light& light) {
 }
 
 LightExtent mesh_extent(double area, bool two_sided) {
-  return {.flux = M_PI * area * (two_sided ? 2 : 1), .intensity = area};
+  return {.flux = M_PI * area * (two_sided ? 2 : 1), .intensity = area, .area = area};
 }
 
-LightExtent shape_extent(const Light& light, const mat4x3& world_from_shape) {
+/// Of the profile's intensities times an area, all of them or those to the front.
+LightExtent profile_extent(const ProfileSums& profile, double area, bool all) {
+  const double sum = profile.front + (all ? profile.back : 0);
+  return {.flux = area * sum, .intensity = area * profile.peak, .area = area};
+}
+
+LightExtent shape_extent(const Light& light, const mat4x3& world_from_shape,
+                         const ProfileSums* profile) {
   const LightCone cone = cone_of(light);
   const glm::dvec2 integrals = cone.scale > 0 ? cone_integrals(cone) : glm::dvec2(0);
   if (light.shape == LightShape::kSphere) {
     const auto similar = area_scale(world_from_shape);
     const double area = similar ? 4 * M_PI * *similar : ellipsoid_area(mat3(world_from_shape));
     // A convex body shows a quarter of its area in the mean (Cauchy).
-    if (cone.scale > 0) return {area / 4 * integrals.x, area / 4};
-    return {M_PI * area, area / 4};
+    if (profile) return profile_extent(*profile, area / 4, true);
+    return {cone.scale > 0 ? area / 4 * integrals.x : M_PI * area, area / 4, area / 4};
   }
   const double unit = light.shape == LightShape::kDisc ? M_PI : 1;
   const double area =
       unit * double(glm::length(glm::cross(world_from_shape[0], world_from_shape[1])));
-  if (cone.scale > 0) return {area * integrals.y, area};
+  if (profile) return profile_extent(*profile, area, light.two_sided);
+  if (cone.scale > 0) return {area * integrals.y, area, area};
   return mesh_extent(area, light.two_sided);
 }
 

@@ -17,6 +17,9 @@ constexpr double kSmallestShare = 1e-3;
 // Of the lights of the tree, of the suns and of the dome, where others exist.
 constexpr double kSmallestGroupShare = 0.1;
 
+// A profile that sends less to the back counts as one that sends nothing there.
+constexpr double kNoBack = 1e-9;
+
 float luminance(vec3 c) { return glm::dot(c, vec3(0.2126f, 0.7152f, 0.0722f)); }
 
 /// Mean of what a texture use multiplies by, in its channel and as a colour; positive wherever the
@@ -63,15 +66,15 @@ std::shared_ptr<const TopTree> make_top_tree(std::vector<kernels::LightBounds> b
   return top;
 }
 
-/// Bounds of a light in object space, given those of its triangles.
-kernels::LightBounds light_bounds(kernels::LightBounds bounds, kernels::Shape shape,
-                                  const kernels::LightView& light) {
+/// Bounds of a light in object space, given those of its triangles. forward: nothing goes behind
+/// the plane of its axis.
+kernels::LightBounds light_bounds(kernels::LightBounds bounds, kernels::Shape shape, bool forward) {
   if (shape != kernels::Shape::kTriangles) {
     const float depth = shape == kernels::Shape::kSphere ? 1 : 0;
     bounds = {.lower = {-1, -1, -depth}, .upper = {1, 1, depth}, .axis = {0, 0, -1}};
     bounds.cos_spread = depth == 0 ? 1 : -1;
   }
-  if (light.cone_scale > 0) bounds.cos_spread = 1;  // nothing goes behind the plane of its axis
+  if (forward) bounds.cos_spread = 1;
   return bounds;
 }
 
@@ -101,7 +104,7 @@ class Lighter {
   void add(u32 index);
   void add_part(u32 index, u32 part, const kernels::LightView& base, double radiosity);
   void add_shape(u32 index, const Light& light);
-  void add_light(const kernels::LightView& base, u32 part, double power);
+  void add_light(const kernels::LightView& base, u32 part, double power, bool forward);
   [[nodiscard]] EmissionMap emission_map(u32 index, u32 part) const;
   void add_sun(u32 entity);
   double add_dome();
@@ -193,12 +196,14 @@ void Lighter::add_part(u32 index, u32 part, const kernels::LightView& base, doub
   const double area =
       part_area(*placement_.meshes[mesh], trees(mesh), placement_.world[slot.entity], part);
   if (!(area > 0)) return;
-  add_light(base, part, M_PI * area * radiosity);
+  add_light(base, part, M_PI * area * radiosity, false);
 }
 
 void Lighter::add_shape(u32 index, const Light& light) {
   const mat4x3 pose = placement_.mesh_pose(index);
-  const LightExtent extent = shape_extent(light, pose);
+  const Shared<Texture>* picture = snapshot_.find(light.profile);
+  const auto profile = picture ? profile_sums(*picture->value, cache_) : nullptr;
+  const LightExtent extent = shape_extent(light, pose, profile.get());
   if (!emits(light) || !(extent.flux > 0)) return;
   const LightCone cone = cone_of(light);
   kernels::LightView base{};
@@ -208,11 +213,13 @@ void Lighter::add_shape(u32 index, const Light& light) {
   base.light_two_sided = light.two_sided;
   base.cone_cos = cone.cosine;
   base.cone_scale = cone.scale;
+  if (profile) base.profile = light.profile.index();
+  const bool forward = cone.scale > 0 || (profile && profile->back <= kNoBack * profile->front);
   const vec3 mean = base.radiance * mean_factor(snapshot_, light.texture, cache_).color;
-  if (!black(mean)) add_light(base, 0, extent.flux * double(luminance(mean)));
+  if (!black(mean)) add_light(base, 0, extent.flux * double(luminance(mean)), forward);
 }
 
-void Lighter::add_light(const kernels::LightView& base, u32 part, double power) {
+void Lighter::add_light(const kernels::LightView& base, u32 part, double power, bool forward) {
   if (!std::isfinite(power)) return;
   const u32 mesh = placement_.mesh_of_slot[base.instance];
   const u32 first_part = placement_.structure->slots[base.instance].first_part;
@@ -226,11 +233,11 @@ void Lighter::add_light(const kernels::LightView& base, u32 part, double power) 
   light.tree = chosen.view(part);
   const kernels::InstanceView& instance = placement_.instances[base.instance];
   const kernels::LightBounds own =
-      light_bounds(chosen.bounds[part], placement_.meshes[mesh]->shape(), light);
+      light_bounds(chosen.bounds[part], placement_.meshes[mesh]->shape(), forward);
   bounds_.push_back(world_bounds(own, instance, placement_.keys_of(base.instance)));
   bounds_.back().power = float(power);
   bounds_.back().two_sided = kernels::emits_back(light);
-  if (light.cone_scale > 0)
+  if (forward)
     bounds_.back().axis = -glm::normalize(placement_.instances[base.instance].world_from_object[2]);
 }
 
