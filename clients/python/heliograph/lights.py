@@ -23,8 +23,9 @@ class Light:
     Strength, exactly one of: `radiance` (W sr^-1 m^-2), `power` (W over all emitting sides, each
     channel), `luminance` (cd m^-2), `lumen` (lm over all emitting sides); for suns also
     `irradiance` (W m^-2) and `illuminance` (lx) of a surface that faces the sun; for shapes also
-    `intensity` (W/sr) and `candela` (cd) along the axis, or in the strongest direction of a profile;
-    for a `profile` also `profile_scale`, a factor of its own candela (1 where no strength is given).
+    `intensity` (W/sr) and `candela` (cd) along the axis, with a `profile` in its strongest
+    direction, and `profile_scale`, a factor of the profile's own candela, which is 1 where there is
+    a profile and no strength.
     color: number or (3,), linear. exposure: stops. temperature: kelvin, 0 for none.
     two_sided: the back emits too. texture: a texture or Tex that multiplies the radiance.
     shape: "mesh", the entity's own; or, without a mesh, "sphere", "disc" or "rectangle" about the
