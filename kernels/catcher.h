@@ -57,7 +57,7 @@ KERNEL vec2 see_catcher(const CatcherScene<T>& c, const Ray& seen, const Catcher
   const vec3 local = sample_cosine(u.open);
   const vec3 d = to_world(make_frame(n), local);
   const DomePlace place = dome_place(scene.dome, d);
-  const float weight = mis_weight(local.z * kInvPi, dome_pdf(scene.dome, place));
+  const float weight = mis_weight(local.z * kInvPi, dome_pdf(scene.dome, s.p, d, place));
   const Ray open{offset_point(s, d), d, INFINITY, seen.time, u.holes};
   return caught + caught_along(c, open, luminance(dome_radiance(scene, place.uv)) * kPi * weight);
 }

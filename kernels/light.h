@@ -3,6 +3,7 @@
 
 #include "kernels/light_profile.h"
 #include "kernels/light_shape.h"
+#include "kernels/portal.h"
 #include "kernels/sun.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
@@ -170,8 +171,8 @@ KERNEL float dome_density(const DomeView& dome, float probability, float sine) {
          (2 * kPi * kPi * max2(sine, 1e-6f));
 }
 
-/// Density [1/sr] with which sample_light() takes a direction to the dome.
-KERNEL float dome_pdf(const DomeView& dome, const DomePlace& place) {
+/// Density [1/sr] with which sample_light() takes a direction to the dome, by its texels.
+KERNEL float texel_pdf(const DomeView& dome, const DomePlace& place) {
   if (!dome.row_cdf) return dome.probability * (0.25f * kInvPi);
   const u32 x = min2(u32(max2(place.uv.x, 0.0f) * float(dome.width)), dome.width - 1);
   const u32 y = min2(u32(place.uv.y * float(dome.height)), dome.height - 1);
@@ -179,6 +180,16 @@ KERNEL float dome_pdf(const DomeView& dome, const DomePlace& place) {
   const float row = dome.row_cdf[y] - (y > 0 ? dome.row_cdf[y - 1] : 0);
   const float column = columns[x] - (x > 0 ? columns[x - 1] : 0);
   return dome_density(dome, row * column, place.sine);
+}
+
+/// Density [1/sr] with which sample_light() takes a direction to the dome at a point. place: of
+/// that direction.
+KERNEL float dome_pdf(const DomeView& dome, vec3 p, vec3 direction, const DomePlace& place) {
+  if (dome.portal_count > 0) {
+    const double light = portal_light(dome, p);
+    if (light > 0) return dome.probability * portal_pdf(dome, {p, light}, direction);
+  }
+  return texel_pdf(dome, place);
 }
 
 /// The column that u falls into, within a row. The guide narrows the search to a few neighbours.
@@ -191,10 +202,19 @@ KERNEL Choice choose_column(const DomeView& dome, u32 row, float u) {
   return choose(cdf, guide[i], last + 1 - guide[i], u);
 }
 
-KERNEL bool sample_dome(const SceneView& scene, vec2 u, LightSample& out) {
+KERNEL bool sample_dome(const SceneView& scene, vec3 p, vec2 u, LightSample& out) {
   const DomeView& dome = scene.dome;
   out.light = out.sun = kNone;
   out.visibility = kAllRays;
+  if (dome.portal_count > 0) {
+    const double light = portal_light(dome, p);
+    if (light > 0) {
+      out.direction = sample_portals(dome, {p, light}, u);
+      out.place = dome_place(dome, out.direction).uv;
+      out.pdf = dome.probability * portal_pdf(dome, {p, light}, out.direction);
+      return out.pdf > 0;
+    }
+  }
   if (!dome.row_cdf) {
     out.direction = sample_sphere(u);
     out.place = dome.texture == kNone ? vec2(0) : dome_place(dome, out.direction).uv;
@@ -257,21 +277,23 @@ KERNEL bool has_lights(const SceneView& scene) {
   return scene.light_count > 0 || scene.sun_count > 0 || scene.dome.probability > 0;
 }
 
-/// Chooses a sun or the dome at out.time. u: uniform in [0, 1 - surface_probability).
-KERNEL bool sample_sky(const SceneView& scene, float u, vec2 u2, LightSample& out) {
+/// Chooses a sun or the dome for the point p at out.time.
+///
+/// u   x uniform in [0, 1 - surface_probability), y and z in [0, 1)
+KERNEL bool sample_sky(const SceneView& scene, vec3 p, vec3 u, LightSample& out) {
   for (u32 i = 0; i < scene.sun_count; ++i) {
     const SunView& sun = scene.suns[i];
-    if (u < sun.probability) {
-      out.direction = sample_sun(sun, out.time, u2);
+    if (u.x < sun.probability) {
+      out.direction = sample_sun(sun, out.time, vec2(u.y, u.z));
       out.pdf = sun_pdf(sun);
       out.light = kNone;
       out.sun = i;
       out.visibility = sun.visibility;
       return true;
     }
-    u -= sun.probability;
+    u.x -= sun.probability;
   }
-  return scene.dome.probability > 0 && sample_dome(scene, u2, out);
+  return scene.dome.probability > 0 && sample_dome(scene, p, vec2(u.y, u.z), out);
 }
 
 /// Chooses a light and a direction to it; false when no light comes from there.
@@ -281,7 +303,7 @@ KERNEL bool sample_light(const SceneView& scene, const Receiver& from, float u, 
                          LightSample& out) {
   const float surfaces = scene.surface_probability;
   out.time = from.time;
-  if (u >= surfaces) return sample_sky(scene, u - surfaces, u2, out);
+  if (u >= surfaces) return sample_sky(scene, from.p, vec3(u - surfaces, u2), out);
   LeafChoice choice{0, surfaces, u / surfaces};
   choose_leaf(scene.light_nodes, from, false, choice);
   return sample_surface_light(scene, from, choice, u2, out);

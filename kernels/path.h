@@ -43,7 +43,9 @@ KERNEL vec3 met_dome(const SceneView& scene, const Path& path) {
   if (dome.texture != kNone || path.pdf > 0) {
     const DomePlace at = dome_place(dome, path.ray.direction);
     place = at.uv;
-    if (path.pdf > 0 && dome.probability > 0) weight = mis_weight(path.pdf, dome_pdf(dome, at));
+    if (path.pdf > 0 && dome.probability > 0) {
+      weight = mis_weight(path.pdf, dome_pdf(dome, path.from.p, path.ray.direction, at));
+    }
   }
   return dome_radiance(scene, place) * weight;
 }

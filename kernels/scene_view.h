@@ -230,6 +230,15 @@ struct LightView {
 };
 
 inline constexpr u32 kDomeGuide = 128;
+inline constexpr u32 kPortalSide = 512;  // texels of a portal's map
+
+/// A rectangle that the dome shines through (portal.h).
+struct PortalView {
+  vec3 center;
+  vec3 x, y, z;        // unit, world: its sides, and out to the dome
+  vec2 half;           // of its sides, metres
+  const double* sums;  // (kPortalSide + 1)^2: of the map's texels below and to the left
+};
 
 /// Light from infinity. Direction d in the dome's frame: u = 0.5 - atan2(d.y, d.x) / 2 pi, v =
 /// acos(d.z) / pi.
@@ -250,6 +259,8 @@ struct DomeView {
   // height * kDomeGuide: for each row the column that u = i / kDomeGuide falls into, i. e. the
   // first one whose sum exceeds it. Null: columns are searched for as a whole.
   const u16* column_guide;
+  const PortalView* portals;
+  u32 portal_count;
 };
 
 /// A disc of light infinitely far away.

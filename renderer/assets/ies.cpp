@@ -55,7 +55,7 @@ class Numbers {
     const float number = next(what);
     if (!(number >= 1) || number != std::floor(number))
       refuse(where(), fmt::format("{} is {}, not a whole number from 1 on", what, number));
-    if (number > float(rest_.size() / 2 + 1))
+    if (2 * number > float(rest_.size() + 2))
       refuse(where(), fmt::format("{} is {}, more than the rest of the file holds", what, number));
     return u32(number);
   }
@@ -103,14 +103,14 @@ void skip_tilt(Numbers& file, Builder& builder) {
 
 /// Up to and including the TILT line and what it announces. Returns what read_version() does.
 bool read_head(Numbers& file, Builder& builder) {
-  bool first = true, factor = true;
+  std::optional<std::string_view> first;
   for (;;) {
     const std::string where = file.where();
     const auto line = file.line();
     if (!line) refuse("", "is no IES file: no line begins with TILT=");
-    if (first) factor = read_version(*line);
-    first = false;
+    if (!first) first = line;
     if (!line->starts_with("TILT=")) continue;
+    const bool factor = read_version(*first);
     const std::string_view tilt = trimmed(line->substr(5));
     if (tilt == "INCLUDE") {
       skip_tilt(file, builder);

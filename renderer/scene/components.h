@@ -199,6 +199,11 @@ struct Light {
   TextureId profile;  // intensities by direction; null: none
 };
 
+/// A rectangle that the dome shines through along the entity's -Z axis; metres.
+struct Portal {
+  float width = 1, height = 1;
+};
+
 /// A linear colour sensor; a signal of 1 fills its wells.
 struct RgbSensor {
   double exposure = 0;    // stops
@@ -296,6 +301,7 @@ struct Entity {
   std::shared_ptr<const std::vector<MaterialId>> materials;
   std::shared_ptr<const PoseKeys> keys;  // null: the pose is constant
   std::shared_ptr<const Light> light;
+  std::shared_ptr<const Portal> portal;
   std::shared_ptr<const Camera> camera;
   std::shared_ptr<const Skin> skin;
   std::shared_ptr<const MorphWeights> morph_weights;

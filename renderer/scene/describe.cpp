@@ -147,6 +147,7 @@ class Description {
       for (const MaterialId id : *e.materials) patch.materials->push_back(ref(id));
     }
     if (e.light) patch.light = light(*e.light);
+    if (e.portal) patch.portal = *e.portal;
     if (e.camera) patch.camera = *e.camera;
     if (e.morph_weights) patch.morph_weights = *e.morph_weights;
     patch.label = label(e);

@@ -115,6 +115,8 @@ void set_light_group(const std::string& name, Entity& entity) {
 }
 
 void set_values(const PutEntity& patch, Entity& entity) {
+  if (patch.portal)
+    entity.portal = *patch.portal ? std::make_shared<const Portal>(**patch.portal) : nullptr;
   if (patch.camera)
     entity.camera = *patch.camera ? std::make_shared<const Camera>(**patch.camera) : nullptr;
   if (patch.visible) entity.visible = *patch.visible;

@@ -60,6 +60,7 @@ struct PutEntity {
   std::optional<Ref> mesh;
   std::optional<std::vector<Ref>> materials;
   std::optional<std::optional<LightPatch>> light;  // inner nullopt: removed
+  std::optional<std::optional<Portal>> portal;
   std::optional<std::optional<Camera>> camera;
   std::optional<Ref> volume;
   std::optional<std::optional<SkinPatch>> skin;

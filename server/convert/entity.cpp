@@ -5,12 +5,13 @@
 namespace heliograph::server {
 namespace {
 
-constexpr std::array<Clear<PutEntity>, 16> kClear{{
+constexpr std::array<Clear<PutEntity>, 17> kClear{{
     {"parent", [](PutEntity& p) { p.parent = Ref{}; }},
     {"pose", [](PutEntity& p) { p.pose = PosePatch{{}, {mat4x3(1)}}; }},
     {"mesh", [](PutEntity& p) { p.mesh = Ref{}; }},
     {"materials", [](PutEntity& p) { p.materials.emplace(); }},
     {"light", [](PutEntity& p) { p.light.emplace(std::nullopt); }},
+    {"portal", [](PutEntity& p) { p.portal.emplace(std::nullopt); }},
     {"camera", [](PutEntity& p) { p.camera.emplace(std::nullopt); }},
     {"volume", [](PutEntity& p) { p.volume = Ref{}; }},
     {"skin", [](PutEntity& p) { p.skin.emplace(std::nullopt); }},
@@ -73,6 +74,7 @@ Expected<PutEntity> to_entity(const v1::Entity& message, ArraySource& source) {
   HELIO_TRY(read_bindings(message, source, patch));
   if (message.has_pose()) HELIO_TAKE(patch.pose, to_pose(message.pose(), source), "pose");
   if (message.has_light()) HELIO_TAKE(patch.light, to_light(message.light(), source), "light");
+  if (message.has_portal()) HELIO_TAKE(patch.portal, to_portal(message.portal()), "portal");
   if (message.has_camera()) HELIO_TAKE(patch.camera, to_camera(message.camera()), "camera");
   if (message.has_morph_weights())
     HELIO_TAKE(patch.morph_weights, to_morph_weights(message.morph_weights(), source),
@@ -103,6 +105,8 @@ v1::Entity to_proto(const PutEntity& patch, const ArraySink& sink) {
   }
   write_component(patch.light, "light", message,
                   [&](const LightPatch& p) { *message.mutable_light() = to_proto(p, sink); });
+  write_component(patch.portal, "portal", message,
+                  [&](const Portal& p) { *message.mutable_portal() = to_proto(p); });
   write_component(patch.camera, "camera", message,
                   [&](const Camera& c) { *message.mutable_camera() = to_proto(c); });
   if (patch.volume) *message.mutable_volume() = to_proto(*patch.volume);

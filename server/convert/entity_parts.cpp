@@ -1,4 +1,4 @@
-// What an entity carries itself: label, skin.
+// What an entity carries itself: label, skin, portal.
 #include <fmt/format.h>
 
 #include "server/convert/fields.h"
@@ -8,6 +8,7 @@ namespace heliograph::server {
 namespace {
 
 constexpr u32 kLargestLabel = 0xfffffffeu;
+constexpr Range kPortalSize{1e-6, 1e6};
 
 }  // namespace
 
@@ -36,6 +37,22 @@ v1::Label to_proto(const LabelPatch& patch) {
   message.set_group(patch.group);
   if (patch.category) message.set_category(*patch.category);
   message.set_part(patch.part);
+  return message;
+}
+
+Expected<Portal> to_portal(const v1::Portal& message) {
+  Portal portal;
+  if (message.has_width())
+    HELIO_TAKE(portal.width, in_range(message.width(), kPortalSize), "width");
+  if (message.has_height())
+    HELIO_TAKE(portal.height, in_range(message.height(), kPortalSize), "height");
+  return portal;
+}
+
+v1::Portal to_proto(const Portal& portal) {
+  v1::Portal message;
+  message.set_width(portal.width);
+  message.set_height(portal.height);
   return message;
 }
 

@@ -61,6 +61,8 @@ void add_topology(const MeshTopology& topology, const ArraySink& sink, v1::Mesh&
 [[nodiscard]] v1::Shutter to_proto(const Shutter& shutter);
 [[nodiscard]] Expected<LightPatch> to_light(const v1::Light& message, ArraySource& source);
 [[nodiscard]] v1::Light to_proto(const LightPatch& patch, const ArraySink& sink);
+[[nodiscard]] Expected<Portal> to_portal(const v1::Portal& message);
+[[nodiscard]] v1::Portal to_proto(const Portal& portal);
 [[nodiscard]] Expected<SkinPatch> to_skin(const v1::Skin& message, ArraySource& source);
 [[nodiscard]] v1::Skin to_proto(const SkinPatch& patch, const ArraySink& sink);
 

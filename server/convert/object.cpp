@@ -54,6 +54,7 @@ PutEntity entity_of(const Snapshot& snapshot, u32 index, const Entity& entity) {
     (*patch.light)->light.texture = {};
     (*patch.light)->light.profile = {};
   }
+  if (entity.portal) patch.portal = *entity.portal;
   if (entity.camera) patch.camera = *entity.camera;
   if (entity.skin) {
     SkinPatch skin{.inverse_binds = entity.skin->inverse_binds};

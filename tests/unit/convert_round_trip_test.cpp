@@ -69,7 +69,7 @@ v1::Entity full_entity() {
              depth_sensor { kind: KIND_TIME_OF_FLIGHT range_noise: 0.01 window: 3 min_signal: 0.1
                             max_angle: 1.25 min_depth: 0.25 max_depth: 5 }
              shutter { open: -0.01 close: 0.02 rolling: 0.03 } }
-    volume { id: 0 } skin { joints { name: 'a' } joints { name: 'b' } }
+    portal { width: 2 height: 3 } volume { id: 0 } skin { joints { name: 'a' } joints { name: 'b' } }
     label { value: 7 group: true category: 'bolt' part: 2 } visible: false
     visibility { camera: false diffuse: true glossy: false transmission: true shadow: false volume: false }
     static: true teleport: true shadow_catcher: true attributes { values { key: 'a' value: 'b' } } light_group: 'key')");

@@ -59,6 +59,7 @@ TEST_CASE("describe: everything a scene can hold") {
   body.light = LightPatch{.light = {.intensity = 3, .unit = LightUnit::kLumen},
                           .texture = {.texture = "image", .use = {.offset = 1}},
                           .profile = "image"};
+  body.portal = Portal{.width = 2, .height = 3};
   body.skin = SkinPatch{.joints = {"hip", "knee"}, .inverse_binds = {at(1), at(2)}};
   body.morph_weights = MorphWeights{{0, 1}, {0.25f, 0.5f}};
   body.label = LabelPatch{.kind = LabelPatch::Kind::kAuto, .category = "person", .part = 4};

@@ -194,7 +194,7 @@ TEST_CASE("dome: directions follow their density, which is the one looked up (1e
     // At the poles u is anything: differences count by their length on the sphere.
     REQUIRE(length((place.uv - s.place) * vec2(place.sine, 1)) < 1e-5f);
     // Rounding may move a direction on the border of two texels into the other one.
-    if (std::fabs(dome_pdf(view.dome, place) / s.pdf - 1) < 1e-2f) ++same;
+    if (std::fabs(texel_pdf(view.dome, place) / s.pdf - 1) < 1e-2f) ++same;
     x = std::atan2(double(s.direction.y), double(s.direction.x)) / (2 * M_PI) + 0.5;
     y = 0.5 + 0.5 * double(s.direction.z);
     return true;
@@ -202,8 +202,8 @@ TEST_CASE("dome: directions follow their density, which is the one looked up (1e
   const auto density = [&](double x, double y) {
     const double z = 2 * y - 1, r = std::sqrt(1 - z * z), phi = 2 * M_PI * (x - 0.5);
     return 4 * M_PI *
-           double(dome_pdf(view.dome,
-                           dome_place(view.dome, vec3(r * std::cos(phi), r * std::sin(phi), z))));
+           double(texel_pdf(view.dome,
+                            dome_place(view.dome, vec3(r * std::cos(phi), r * std::sin(phi), z))));
   };
   CHECK(square_p_value({20, 32, 100000}, sample, density) > kLevel);
   CHECK(same > 99900);

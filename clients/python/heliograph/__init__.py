@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from .edit import Edits
     from .frame import Frame
     from .handles import Asset, Entity, Group, Handle, Material, Mesh, Texture
-    from .lights import Light
+    from .lights import Light, Portal
     from .pose import Pose, look_at, moving
     from .rigs import stereo
     from .scene import Scene
@@ -54,6 +54,7 @@ _LAZY = {
     "Group": "handles",
     "Handle": "handles",
     "Light": "lights",
+    "Portal": "lights",
     "Material": "handles",
     "Mesh": "handles",
     "Pose": "pose",
@@ -96,6 +97,7 @@ __all__ = [
     "NotFound",
     "OutOfRange",
     "PermissionDenied",
+    "Portal",
     "Pose",
     "Progress",
     "ResourceExhausted",

@@ -23,7 +23,7 @@ from .components import (
 )
 from .errors import HeliographError, InvalidArgument
 from .handles import Entity, Handle, Named, Texture, flatten
-from .lights import Light
+from .lights import Light, Portal
 from .pose import matrices_of, matrix_of
 
 if TYPE_CHECKING:
@@ -40,6 +40,7 @@ class Components(TypedDict, total=False):
     material: Named | None  # for all parts
     materials: Sequence[Named] | None  # one a part
     light: Light | None
+    portal: Portal | None  # where the dome shines in
     camera: Camera | None
     volume: Named | None
     skin: tuple[Sequence[Named], Any] | None  # joints, (J, 4, 4) inverse binds
@@ -174,6 +175,8 @@ def _put_component(edits: Edits, out: pb.Entity, name: str, value: Any) -> None:
             out.light.texture.CopyFrom(texture_use(edits, value.texture, "light.texture"))
         if value.profile is not None:
             out.light.profile.CopyFrom(edits.ref(value.profile, "light.profile"))
+    elif name == "portal":
+        out.portal.CopyFrom(_of(Portal, value, name).to_message())
     elif name == "camera":
         out.camera.CopyFrom(_of(Camera, value, name).to_message())
     elif name == "visibility":

@@ -157,7 +157,7 @@ class Edits:
 
         transform: 4x4 or hg.Pose, relative to the parent; or keys={seconds: pose}.
         parent, mesh, volume: handles or names. material: one for all parts, or materials=[...].
-        camera: hg.Camera. light: hg.Light, given off by its mesh.
+        camera: hg.Camera. light: hg.Light, given off by its mesh. portal: hg.Portal, a window.
         label: "auto", a number, or 0 for none; category, group, part belong to it.
         visible=False removes it from every ray and label; visibility=hg.Visibility(camera=False)
         keeps its light. attributes={str: str} travel to the labels. teleport: the pose is a jump.

@@ -12,7 +12,7 @@ from ._proto import scene_pb2 as pb
 from ._proto import types_pb2 as types
 from .components import Camera
 from .errors import FailedPrecondition, InvalidArgument, NotFound
-from .lights import Light
+from .lights import Light, Portal
 
 if TYPE_CHECKING:
     from .edit import Edits
@@ -165,6 +165,11 @@ class Entity(Handle):
     def light(self) -> Light | None:
         message = self._message()
         return Light.from_message(message.light) if message.HasField("light") else None
+
+    @property
+    def portal(self) -> Portal | None:
+        message = self._message()
+        return Portal.from_message(message.portal) if message.HasField("portal") else None
 
     @property
     def light_group(self) -> str:

@@ -23,7 +23,8 @@ enum class Derived : u64 {
   kVertices,
   kMips,
   kGrid,
-  kProfile
+  kProfile,
+  kPortal
 };
 
 /// What a piece of derived data is a pure function of.

@@ -108,6 +108,7 @@ class Lighter {
   [[nodiscard]] EmissionMap emission_map(u32 index, u32 part) const;
   void add_sun(u32 entity);
   double add_dome();
+  void add_portals(const Texture* texture);
   [[nodiscard]] double scene_section() const;
   void distribute(double dome_power);
   const PartTrees& trees(u32 mesh) {
@@ -304,7 +305,22 @@ double Lighter::add_dome() {
     if (!tables.column_guide.empty()) view.column_guide = tables.column_guide.data();
     integral = tables.integral;
   }
+  add_portals(texture ? texture->value.get() : nullptr);
   return scene_section() * double(luminance(integral * view.radiance));
+}
+
+void Lighter::add_portals(const Texture* texture) {
+  kernels::DomeView& dome = made_->dome;
+  for (const u32 index : placement_.structure->portals) {
+    kernels::PortalView view{};
+    const Portal& portal = *snapshot_.entities.at(index).portal;
+    if (!place_portal(portal, placement_.world[index], view)) continue;
+    made_->portal_maps.push_back(portal_map(texture, dome, view, cache_));
+    view.sums = made_->portal_maps.back()->sums.data();
+    made_->portals.push_back(view);
+  }
+  dome.portals = made_->portals.data();
+  dome.portal_count = u32(made_->portals.size());
 }
 
 /// Shares of the lights, of the suns and of the dome in proportion to their power, none too small.

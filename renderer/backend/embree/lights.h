@@ -5,6 +5,7 @@
 #include "renderer/backend/embree/materials.h"
 #include "renderer/backend/embree/part_trees.h"
 #include "renderer/backend/embree/placement.h"
+#include "renderer/backend/embree/portals.h"
 
 namespace heliograph::embree {
 
@@ -42,6 +43,8 @@ struct Lights {
   float surface_probability = 0;     // of the lights together
   kernels::DomeView dome{};
   std::shared_ptr<const DomeTables> dome_tables;  // null: constant
+  std::vector<kernels::PortalView> portals;
+  std::vector<std::shared_ptr<const PortalMap>> portal_maps;
 };
 
 /// A tree that `before` has for the same bounds is taken over; the result does not depend on it.

@@ -120,6 +120,8 @@ Expected<std::shared_ptr<const Structure>> make_structure(const Snapshot& snapsh
   }
 
   structure->suns = shown_among(snapshot, is_sun);
+  structure->portals =
+      shown_among(snapshot, [](const Entity& entity) { return bool(entity.portal); });
   structure->labelling = label_entities(snapshot);
   std::vector<u32> row_of_entity(snapshot.entities.capacity(), kNone);
   for (u32 row = 0; row < structure->labelling.instances.size(); ++row)

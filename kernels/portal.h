@@ -1,0 +1,153 @@
+// The dome through windows: directions in proportion to the light that a rectangle lets through to
+// a point. Called by light.h; who fills a PortalView makes its map with the functions here.
+//
+// A map holds the dome over a portal's half space, by the two angles whose tangents are the slopes
+// of a direction along the portal's sides. There every point sees the portal as an upright
+// rectangle, over which sums of the map are differences of its running sums.
+//
+// Source: Bitterli, Novák and Jarosz 2015, "Portal-Masked Environment Map Sampling", sections 3 and
+// 4.
+#pragma once
+
+#include "kernels/math.h"
+#include "kernels/scene_view.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+/// Rounding between a direction and its place.
+inline constexpr float kPortalSlack = 1e-6f;
+
+/// Place of a local direction in [0, 1]^2. d.z > 0.
+KERNEL vec2 portal_place(vec3 d) {
+  return vec2(clamp01(2 * atan2_turns(d.x, d.z) + 0.5f), clamp01(2 * atan2_turns(d.y, d.z) + 0.5f));
+}
+/// The unit direction at a place.
+KERNEL vec3 portal_direction(vec2 place) {
+  const SinCos a = sincos_turns(0.5f * place.x - 0.25f);
+  const SinCos b = sincos_turns(0.5f * place.y - 0.25f);
+  return normalize_or(vec3(a.sin * b.cos, b.sin * a.cos, a.cos * b.cos), vec3(0, 0, 1));
+}
+/// Solid angle of a unit of the map's area about a unit direction.
+KERNEL float portal_stretch(vec3 d) {
+  return kPi * kPi * (1 - d.x * d.x) * (1 - d.y * d.y) / max2(d.z, 1e-6f);
+}
+
+/// The part of a map, in texels, that a portal shows to a point; empty where the point is behind
+/// it.
+struct PortalWindow {
+  vec2 low{0}, high{0};
+};
+KERNEL PortalWindow portal_window(const PortalView& portal, vec3 p) {
+  const vec3 d = portal.center - p;
+  const float depth = dot(d, portal.z);
+  if (!(depth > 0)) return {};
+  const vec2 middle(dot(d, portal.x), dot(d, portal.y));
+  const vec2 low = middle - portal.half, high = middle + portal.half;
+  return {portal_place(vec3(low, depth)) * float(kPortalSide),
+          portal_place(vec3(high, depth)) * float(kPortalSide)};
+}
+
+/// The running sum at a column and a place between rows.
+KERNEL double portal_sum(const double* sums, u32 x, double y) {
+  const u32 row = min2(u32(y), kPortalSide - 1);
+  const double* at = sums + u64(row) * (kPortalSide + 1) + x;
+  return at[0] + (at[kPortalSide + 1] - at[0]) * (y - row);
+}
+/// What is left of x between two rows.
+KERNEL double portal_band(const double* sums, u32 x, double low, double high) {
+  return portal_sum(sums, x, high) - portal_sum(sums, x, low);
+}
+KERNEL double portal_band(const double* sums, double x, double low, double high) {
+  const u32 column = min2(u32(x), kPortalSide - 1);
+  const double left = portal_band(sums, column, low, high);
+  return left + (portal_band(sums, column + 1, low, high) - left) * (x - column);
+}
+KERNEL double window_light(const PortalView& portal, const PortalWindow& w) {
+  const double* sums = portal.sums;
+  return max2(portal_band(sums, double(w.high.x), w.low.y, w.high.y) -
+                  portal_band(sums, double(w.low.x), w.low.y, w.high.y),
+              0.0);
+}
+
+/// Light that comes to a point through all portals, up to a factor of the dome; 0 where there is
+/// none in front of it, and the dome is sampled otherwise.
+KERNEL double portal_light(const DomeView& dome, vec3 p) {
+  double light = 0;
+  for (u32 i = 0; i < dome.portal_count; ++i) {
+    light += window_light(dome.portals[i], portal_window(dome.portals[i], p));
+  }
+  return light;
+}
+
+/// A point, and what portal_light() says of it; above 0.
+struct PortalReceiver {
+  vec3 p;
+  double light;
+};
+
+/// Density [1/sr] with which sample_portals() takes a direction.
+KERNEL float portal_pdf(const DomeView& dome, const PortalReceiver& from, vec3 direction) {
+  double density = 0;
+  for (u32 i = 0; i < dome.portal_count; ++i) {
+    const PortalView& portal = dome.portals[i];
+    const vec3 d(dot(direction, portal.x), dot(direction, portal.y), dot(direction, portal.z));
+    if (!(d.z > 0)) continue;
+    const vec2 at = portal_place(d) * float(kPortalSide);
+    const PortalWindow w = portal_window(portal, from.p);
+    constexpr float kSlack = kPortalSlack * kPortalSide;
+    if (!(at.x >= w.low.x - kSlack && at.x <= w.high.x + kSlack)) continue;
+    if (!(at.y >= w.low.y - kSlack && at.y <= w.high.y + kSlack)) continue;
+    const u32 x = min2(u32(at.x), kPortalSide - 1), y = min2(u32(at.y), kPortalSide - 1);
+    const double texel =
+        portal_band(portal.sums, x + 1, y, y + 1.0) - portal_band(portal.sums, x, y, y + 1.0);
+    density += texel * (double(kPortalSide) * kPortalSide) / portal_stretch(d);
+  }
+  return float(density / from.light);
+}
+
+/// The place in [low, high] where a function that is linear between whole numbers takes a value.
+template <class F>
+KERNEL float find_between(float low, float high, double value, const F& sum) {
+  u32 first = min2(u32(low), kPortalSide - 1);
+  u32 count = min2(u32(high), kPortalSide - 1) + 1 - first;
+  while (count > 1) {
+    const u32 half = count / 2;
+    first = sum(first + half) <= value ? first + half : first;
+    count -= half;
+  }
+  const double before = sum(first), width = sum(first + 1) - before;
+  const double rest = width > 0 ? (value - before) / width : 0;
+  return min2(max2(float(first + rest), low), high);
+}
+
+/// A direction to the dome through some portal, by the light that comes there.
+KERNEL vec3 sample_portals(const DomeView& dome, const PortalReceiver& from, vec2 u) {
+  double rest = double(u.x) * from.light, light = 0;
+  PortalWindow w;
+  u32 chosen = 0;
+  for (u32 i = 0; i < dome.portal_count; ++i) {
+    const PortalWindow window = portal_window(dome.portals[i], from.p);
+    const double here = window_light(dome.portals[i], window);
+    if (!(here > 0)) continue;
+    rest = max2(rest - light, 0.0);
+    light = here;
+    w = window;
+    chosen = i;
+    if (rest < light) break;
+  }
+  const PortalView& portal = dome.portals[chosen];
+  const double start = portal_band(portal.sums, double(w.low.x), w.low.y, w.high.y);
+  const auto columns = [&](u32 x) { return portal_band(portal.sums, x, w.low.y, w.high.y); };
+  vec2 at;
+  at.x = find_between(w.low.x, w.high.x, start + min2(rest, light), columns);
+  const u32 x = min2(u32(at.x), kPortalSide - 1);
+  const auto rows = [&](double y) {
+    return portal_sum(portal.sums, x + 1, y) - portal_sum(portal.sums, x, y);
+  };
+  const double low = rows(w.low.y);
+  at.y = find_between(w.low.y, w.high.y, low + (rows(w.high.y) - low) * u.y, rows);
+  const vec3 d = portal_direction(at / float(kPortalSide));
+  return portal.x * d.x + portal.y * d.y + portal.z * d.z;
+}
+
+}  // namespace heliograph::kernels::inline HELIO_ISA
