@@ -105,6 +105,7 @@ struct Probe {
   X(BEAUTY_GROUP, float, 3, kMean, "W sr^-1 m^-2", 0)                    \
   X(SHADOW_CATCHER, float, 1, kFilm, "1", 0)                             \
   X(SENSOR_RGB, float, 3, kPost, "1", 0)                                 \
+  X(SENSOR_MOSAIC, float, 1, kPost, "1", 0)                              \
   X(SENSOR_DEPTH, float, 1, kPost, "m", 0)                               \
   X(BEAUTY_STILL, float, 4, kMean, "W sr^-1 m^-2", 0)
 

@@ -63,7 +63,10 @@ def render(client: hg.Client, lamp: Path, spp: int) -> np.ndarray:
             ball = edit.mesh("ball/mesh", **hg.shapes.sphere(0.3))
             edit.entity("ball", mesh=ball, material="paint", transform=hg.Pose((0.9, 0.2, 0.3)))
             light = hg.Light(
-                profile=edit.texture("lamp/candela", lamp), temperature=3500, shape="disc", radius=0.04
+                profile=edit.texture("lamp/candela", lamp),
+                temperature=3500,
+                shape="disc",
+                radius=0.04,
             )
             edit.entity("lamp", light=light, transform=hg.Pose((0, 0.3, 2.6)))
             camera = hg.Camera.from_fov(52, *TILE, degrees=True)

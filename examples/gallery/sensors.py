@@ -1,4 +1,5 @@
-"""The picture of docs/cameras.md, section Sensors: what a camera and two depth cameras report.
+"""The picture of docs/cameras.md, section Sensors: what a camera and two depth cameras report,
+and a mosaic.
 
 usage: sensors.py OUT.png [SPP]
 """
@@ -24,6 +25,8 @@ STEREO = hg.DepthSensor(
     min_signal=2e-4,
     max_angle=1.5,
 )
+MOSAIC = hg.RgbSensor(full_well=2000, read_noise=3, bits=12, pattern="rggb")
+PART = (slice(80, 140), slice(120, 200))  # of the mosaic, rows and columns
 FLIGHT = hg.DepthSensor("time_of_flight", range_noise=0.002, window=3, min_signal=2e-4)
 
 
@@ -34,6 +37,14 @@ def shade(depth: np.ndarray) -> np.ndarray:
     out = np.repeat(grey[..., None], 3, axis=2)
     out[~seen] = (20, 40, 110)
     return out.astype("u1")
+
+
+def colored(mosaic: np.ndarray) -> np.ndarray:
+    """(H, W, 3): each photosite of an RGGB mosaic in its own colour."""
+    out = np.zeros((*mosaic.shape, 3), mosaic.dtype)
+    for channel, y, x in ((0, 0, 0), (1, 0, 1), (1, 1, 0), (2, 1, 1)):
+        out[y::2, x::2, channel] = mosaic[y::2, x::2]
+    return out
 
 
 def main(out: Path, spp: int) -> None:
@@ -51,9 +62,15 @@ def main(out: Path, spp: int) -> None:
                 edit.entity(name, camera=lens, transform=pose)
         frame = scene.render("stereo", planes=["sensor_rgb", "sensor_depth", "depth"], spp=spp)
         flight = scene.render("flight", planes=["sensor_depth"])
+        with scene.edit() as edit:
+            lens = hg.Camera.from_fov(55, *SIZE, degrees=True, rgb_sensor=MOSAIC)
+            edit.entity("mosaic", camera=lens, transform=pose)
+        raw = scene.render("mosaic", planes=["sensor_mosaic", "sensor_rgb"], spp=spp)
     rgb = tonemap.to_srgb8(4 * (frame["sensor_rgb"] - RGB.black_level).clip(0), 0.0, "standard")
     depths = [shade(d) for d in (frame["depth"], frame["sensor_depth"], flight["sensor_depth"])]
-    rows = [np.concatenate([rgb, depths[0]], axis=1), np.concatenate(depths[1:], axis=1)]
+    parts = [colored(raw["sensor_mosaic"])[PART], raw["sensor_rgb"][PART]]
+    parts = [tonemap.to_srgb8(part.repeat(4, 0).repeat(4, 1), 0.0, "standard") for part in parts]
+    rows = [np.concatenate(row, axis=1) for row in ([rgb, depths[0]], depths[1:], parts)]
     picture = Image.fromarray(np.concatenate(rows))
     picture.convert("RGB").quantize(128, dither=Image.Dither.NONE).save(out, optimize=True)
 

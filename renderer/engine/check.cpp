@@ -152,8 +152,11 @@ Status check_rectified(const RenderJob& job, EntityId first) {
 Status check_sensors(const RenderJob& job) {
   for (const EntityId id : job.cameras) {
     const Camera& camera = *job.snapshot->find(id)->camera;
+    const bool mosaic =
+        camera.rgb_sensor && camera.rgb_sensor->pattern != RgbSensor::Pattern::kNone;
     for (const auto& [plane, has_it, name] :
          {std::tuple{Plane::SENSOR_RGB, camera.rgb_sensor.has_value(), "rgb_sensor"},
+          {Plane::SENSOR_MOSAIC, mosaic, "rgb_sensor with a pattern"},
           {Plane::SENSOR_DEPTH, camera.depth_sensor.has_value(), "depth_sensor"}})
       if (has(job, {plane}) && !has_it)
         return fail(Code::kFailedPrecondition, "planes",

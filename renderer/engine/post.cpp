@@ -23,7 +23,7 @@ constexpr std::array kDepthSensorInputs{Plane::DEPTH,      Plane::NORMAL_CAMERA,
 /// What a post plane is computed from.
 std::span<const Plane> inputs_of(Plane plane) {
   if (plane == Plane::DENOISED) return kDenoiserInputs;
-  if (plane == Plane::SENSOR_RGB) return kRgbSensorInputs;
+  if (plane == Plane::SENSOR_RGB || plane == Plane::SENSOR_MOSAIC) return kRgbSensorInputs;
   if (plane == Plane::SENSOR_DEPTH) return kDepthSensorInputs;
   return {};
 }
@@ -40,6 +40,8 @@ Status fill(Plane plane, std::vector<PlaneData>& made, const PostContext& contex
   const SensorContext sensor{context.camera, context.sensor_seed, context.interrupt};
   if (plane == Plane::SENSOR_RGB)
     return sense_rgb(*context.model.rgb_sensor, {floats(Plane::BEAUTY)}, sensor, out);
+  if (plane == Plane::SENSOR_MOSAIC)
+    return sense_mosaic(*context.model.rgb_sensor, {floats(Plane::BEAUTY)}, sensor, out);
   if (plane == Plane::SENSOR_DEPTH)
     return sense_depth(*context.model.depth_sensor,
                        {.depth = floats(Plane::DEPTH),

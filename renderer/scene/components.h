@@ -206,12 +206,15 @@ struct Portal {
 
 /// A linear colour sensor; a signal of 1 fills its wells.
 struct RgbSensor {
+  /// Colours of the photosites, two by two, row by row.
+  enum class Pattern : u8 { kNone, kRggb, kBggr, kGrbg, kGbrg };
   double exposure = 0;    // stops
   double full_well = 0;   // electrons; 0: no photon noise
   double read_noise = 0;  // electrons
   double black_level = 0;
   u32 bits = 0;           // 0: not quantised
   double vignetting = 0;  // share of the cosine fourth law
+  Pattern pattern = Pattern::kNone;
 };
 
 /// A depth camera. Lengths in metres, widths and disparities in pixels.

@@ -10,7 +10,11 @@ namespace heliograph::server {
 namespace {
 
 using Kind = DepthSensor::Kind;
+using Pattern = RgbSensor::Pattern;
 
+constexpr std::array kPatterns{Pattern::kNone, Pattern::kNone, Pattern::kRggb,
+                               Pattern::kBggr, Pattern::kGrbg, Pattern::kGbrg};
+static_assert(kPatterns.size() == v1::RgbSensor::Pattern_ARRAYSIZE);
 constexpr std::array kKinds{Kind::kActiveStereo, Kind::kActiveStereo, Kind::kTimeOfFlight};
 static_assert(kKinds.size() == v1::DepthSensor::Kind_ARRAYSIZE);
 
@@ -74,6 +78,7 @@ Expected<RgbSensor> to_rgb_sensor(const v1::RgbSensor& message) {
   HELIO_TAKE(sensor.black_level, in_range(message.black_level(), kBlackLevel), "black_level");
   if (message.bits() != 0) HELIO_TAKE(sensor.bits, in_range(message.bits(), kBits), "bits");
   HELIO_TAKE(sensor.vignetting, in_range(message.vignetting(), kShare), "vignetting");
+  sensor.pattern = from_enum(kPatterns, message.pattern());
   return sensor;
 }
 
@@ -85,6 +90,7 @@ v1::RgbSensor to_proto(const RgbSensor& sensor) {
   message.set_black_level(sensor.black_level);
   message.set_bits(sensor.bits);
   message.set_vignetting(sensor.vignetting);
+  message.set_pattern(to_enum<v1::RgbSensor::Pattern>(kPatterns, sensor.pattern));
   return message;
 }
 

@@ -55,6 +55,23 @@ def test_colour_noise_has_the_moments_of_its_formula(client):
     assert (np.abs(pixels.var(0) - variance) < 5 * variance * np.sqrt(2 / count)).all()
 
 
+def test_a_mosaic_and_its_picture_come_from_the_same_photosites(wall):
+    with wall.branch() as scene:
+        with scene.edit() as edit:
+            bayer = hg.RgbSensor(full_well=900, bits=10, pattern="gbrg")
+            edit.update("cam", camera=eye(rgb_sensor=bayer))
+        assert scene["cam"].camera.rgb_sensor == bayer
+        frame = scene.render("cam", planes=["sensor_mosaic", "sensor_rgb", "beauty"], spp=4)
+    mosaic, rgb = frame["sensor_mosaic"], frame["sensor_rgb"]
+    assert mosaic.shape == SIZE[::-1] and rgb.shape == (*mosaic.shape, 3)
+    np.testing.assert_array_equal(mosaic * 1023, np.round(mosaic * 1023))
+    for channel, y, x in ((1, 0, 0), (2, 0, 1), (0, 1, 0), (1, 1, 1)):
+        np.testing.assert_array_equal(rgb[y::2, x::2, channel], mosaic[y::2, x::2])
+        exact = frame["beauty"][y::2, x::2, channel].astype(float)
+        score = (mosaic[y::2, x::2] - exact) / np.sqrt(exact / 900 + 1 / 12 / 1023**2)
+        assert abs(score.std() - 1) < 5 / np.sqrt(2 * score.size)
+
+
 def test_depth_noise_and_holes(wall):
     planes = ["sensor_depth", "depth", "transmission"]
     frame = wall.render("cam", planes=planes)
@@ -84,6 +101,12 @@ def sensed(**fields):
 
 REFUSED = {
     "rgb plane": ("planes", "rgb_sensor", render(planes=["sensor_rgb"])),
+    "mosaic plane": ("planes", "pattern", render(planes=["sensor_mosaic"])),
+    "pattern": (
+        "rgb_sensor.pattern",
+        "rggb",
+        sensed(rgb_sensor=hg.RgbSensor(pattern="bayer")),
+    ),
     "depth plane": ("planes", "depth_sensor", render(planes=["sensor_depth"])),
     **{
         f"rgb {name}": (

@@ -65,7 +65,7 @@ v1::Entity full_entity() {
              fx: 500 fy: 501 cx: 319.5 cy: 239.5 aperture: 0.025 focus_distance: 2
              blades: 6 blade_rotation: 0.5 near: 0.1 far: 50
              rgb_sensor { exposure: 1 full_well: 8000 read_noise: 3 black_level: 0.05 bits: 12
-                          vignetting: 0.5 }
+                          vignetting: 0.5 pattern: PATTERN_GRBG }
              depth_sensor { kind: KIND_TIME_OF_FLIGHT range_noise: 0.01 window: 3 min_signal: 0.1
                             max_angle: 1.25 min_depth: 0.25 max_depth: 5 }
              shutter { open: -0.01 close: 0.02 rolling: 0.03 } }

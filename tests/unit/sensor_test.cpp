@@ -134,6 +134,93 @@ TEST_CASE("sensor rgb: exposure, saturation, quantisation and lens shading") {
         Approx(0.5 + 0.5 * std::pow(1 + x * x + y * y, -2)));
 }
 
+TEST_CASE("sensor mosaic: each photosite reads its colour, demosaicing keeps what is linear") {
+  using enum RgbSensor::Pattern;
+  const ImageCamera seen_by = camera();
+  const Interrupt interrupt;
+  const SensorContext context{seen_by, 1, interrupt};
+  std::vector<float> beauty(4 * kPixels), mosaic(kPixels), rgb(3 * kPixels);
+  const auto truth = [](u64 pixel, int channel) {
+    const float x = float(pixel % kWidth), y = float(pixel / kWidth);
+    return channel == 0   ? 0.1f + 0.001f * x
+           : channel == 1 ? 0.9f - 0.0005f * x - 0.001f * y
+                          : 0.2f + 0.002f * y;
+  };
+  for (u64 i = 0; i < kPixels; ++i)
+    for (int c = 0; c < 3; ++c) beauty[4 * i + u64(c)] = truth(i, c);
+  const std::pair<RgbSensor::Pattern, const char*> patterns[] = {
+      {kRggb, "RGGB"}, {kBggr, "BGGR"}, {kGrbg, "GRBG"}, {kGbrg, "GBRG"}};
+  for (const auto& [pattern, name] : patterns) {
+    const RgbSensor sensor{.pattern = pattern};
+    REQUIRE(sense_mosaic(sensor, {beauty.data()}, context, mosaic.data()));
+    REQUIRE(sense_rgb(sensor, {beauty.data()}, context, rgb.data()));
+    double worst = 0;
+    for (u64 i = 0; i < kPixels; ++i) {
+      const u64 x = i % kWidth, y = i / kWidth;
+      const int own = int(std::string_view("RGB").find(name[2 * (y % 2) + x % 2]));
+      REQUIRE(mosaic[i] == truth(i, own));
+      REQUIRE(rgb[3 * i + u64(own)] == mosaic[i]);
+      if (x < 2 || y < 2 || x + 2 >= kWidth || y + 2 >= kHeight) continue;
+      for (int c = 0; c < 3; ++c)
+        worst = std::max(worst, std::abs(double(rgb[3 * i + u64(c)]) - double(truth(i, c))));
+    }
+    CHECK(worst < 1e-6);
+  }
+}
+
+TEST_CASE("sensor mosaic: the weights of Malvar, He and Cutler, figure 2, in eighths") {
+  const ImageCamera seen_by = camera();
+  const Interrupt interrupt;
+  std::vector<float> beauty(4 * kPixels, 0.5f), rgb(3 * kPixels);
+  const auto pixel = [](u64 x, u64 y) { return y * kWidth + x; };
+  beauty[4 * pixel(20, 20)] = 0.75f;  // red at a red photosite
+  REQUIRE(sense_rgb({.pattern = RgbSensor::Pattern::kRggb}, {beauty.data()},
+                    {seen_by, 1, interrupt}, rgb.data()));
+  const auto eighths = [&](u64 x, u64 y) {
+    const float* at = rgb.data() + 3 * pixel(x, y);
+    return vec3(at[0] - 0.5f, at[1] - 0.5f, at[2] - 0.5f) * 32.0f;
+  };
+  CHECK(eighths(20, 20) == vec3(8, 4, 6));
+  CHECK(eighths(21, 20) == vec3(4, 0, 0));       // green beside red
+  CHECK(eighths(20, 19) == vec3(4, 0, 0));       // green above red
+  CHECK(eighths(21, 21) == vec3(2, 0, 0));       // blue
+  CHECK(eighths(22, 20) == vec3(0, -1, -1.5f));  // red, two on
+  CHECK(eighths(20, 18) == vec3(0, -1, -1.5f));
+  CHECK(eighths(22, 21) == vec3(0));
+  // Green: beside its own kind it counts for red and blue.
+  std::ranges::fill(beauty, 0.5f);
+  beauty[4 * pixel(21, 20) + 1] = 0.75f;
+  REQUIRE(sense_rgb({.pattern = RgbSensor::Pattern::kRggb}, {beauty.data()},
+                    {seen_by, 1, interrupt}, rgb.data()));
+  CHECK(eighths(21, 20) == vec3(5, 8, 5));
+  CHECK(eighths(20, 20) == vec3(0, 2, 0));
+  CHECK(eighths(22, 21) == vec3(-1, 0, -1));
+  CHECK(eighths(23, 20) == vec3(-1, 0, 0.5f));
+  CHECK(eighths(21, 22) == vec3(0.5f, 0, -1));
+}
+
+TEST_CASE("sensor mosaic: photosites have noise of their own, which demosaicing mixes") {
+  const RgbSensor sensor{.full_well = 2000, .read_noise = 6, .pattern = RgbSensor::Pattern::kGrbg};
+  const ImageCamera seen_by = camera();
+  const Interrupt interrupt;
+  std::vector<float> beauty(4 * kPixels, 0.4f), mosaic(kPixels);
+  REQUIRE(sense_mosaic(sensor, {beauty.data()}, {seen_by, 1, interrupt}, mosaic.data()));
+  const double variance = (0.4 * 2000 + 36) / 4e6;
+  const Moments seen = moments(mosaic);
+  CHECK(seen.mean == Approx(0.4).margin(bound_of_mean(variance)));
+  CHECK(seen.variance == Approx(variance).margin(bound_of_variance(variance)));
+  // Red at blue photosites: the sum of the squares of its weights.
+  std::vector<float> rgb(3 * kPixels);
+  REQUIRE(sense_rgb(sensor, {beauty.data()}, {seen_by, 1, interrupt}, rgb.data()));
+  double square = 0;
+  u64 count = 0;
+  for (u64 y = 3; y + 2 < kHeight; y += 2)
+    for (u64 x = 2; x + 2 < kWidth; x += 2, ++count)
+      square += std::pow(double(rgb[3 * (y * kWidth + x)]) - 0.4, 2);
+  const double weights = (36 + 4 * 4 + 4 * 2.25) / 64;
+  CHECK(square / double(count) == Approx(weights * variance).epsilon(0.05));
+}
+
 TEST_CASE("sensor depth: the noise of stereo grows with the square of the depth") {
   const DepthSensor sensor{.baseline = 0.075, .disparity_noise = 0.2};
   for (const double z : {0.5, 1.0, 4.0}) {

@@ -26,7 +26,7 @@ _LABELS = ("boxes", "amodal", "amodal_masks", "keypoints")
 _FILM = {"variance", "samples", "shadow_catcher"}
 _MEAN = {
     *("beauty", "denoised", "albedo_mean", "normal_mean", "coverage", "ambient_occlusion", "cost"),
-    *("emission_light", "environment_light", "sensor_rgb"),
+    *("emission_light", "environment_light", "sensor_rgb", "sensor_mosaic"),
 }
 
 

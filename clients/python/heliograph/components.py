@@ -101,8 +101,8 @@ class Camera:
     along the ray).
     shutter: (open, close) seconds relative to the frame's time, within [-1000, 1000]; both 0: no
     motion blur. rolling: seconds from the first row's opening to the last one's. docs/motion.md.
-    rgb_sensor, depth_sensor: hg.RgbSensor and hg.DepthSensor, for the planes sensor_rgb and
-    sensor_depth.
+    rgb_sensor, depth_sensor: hg.RgbSensor and hg.DepthSensor, for the planes sensor_rgb,
+    sensor_mosaic and sensor_depth.
     """
 
     width: int

@@ -1,4 +1,4 @@
-"""Sensors of a camera: what the planes sensor_rgb and sensor_depth report. docs/cameras.md."""
+"""Sensors of a camera: the planes sensor_rgb, sensor_mosaic and sensor_depth. docs/cameras.md."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from .components import number_of, whole_of
 from .errors import InvalidArgument
 
 _RGB = ("exposure", "full_well", "read_noise", "black_level", "vignetting")
+_PATTERNS = ("none", "rggb", "bggr", "grbg", "gbrg")
 _KINDS = {
     "active_stereo": ("baseline", "disparity_noise", "disparity_step", "lateral_noise"),
     "time_of_flight": ("range_noise",),
@@ -26,6 +27,9 @@ class RgbSensor:
     make photon noise; 0: none. read_noise: electrons, standard deviation. black_level: share of the
     output that black reads. bits: of the output, 0 for not quantised. vignetting: share of the
     cosine fourth law, 0 to 1.
+    pattern: "rggb", "bggr", "grbg" or "gbrg", the colours of the photosites from the upper left
+    corner on: the plane sensor_mosaic is what each reads, sensor_rgb is demosaiced from it. "none":
+    each pixel measures all three.
     """
 
     exposure: float = 0.0
@@ -34,16 +38,27 @@ class RgbSensor:
     black_level: float = 0.0
     bits: int = 0
     vignetting: float = 0.0
+    pattern: str = "none"
 
     def to_message(self) -> scene.RgbSensor:
-        message = scene.RgbSensor(bits=whole_of(self.bits, "camera.rgb_sensor.bits"))
+        if self.pattern not in _PATTERNS:
+            raise InvalidArgument(
+                f"camera.rgb_sensor.pattern: one of {', '.join(_PATTERNS)}",
+                field="camera.rgb_sensor.pattern",
+            )
+        pattern: Any = scene.RgbSensor.Pattern.Value(f"PATTERN_{self.pattern.upper()}")
+        message = scene.RgbSensor(
+            bits=whole_of(self.bits, "camera.rgb_sensor.bits"), pattern=pattern
+        )
         for name in _RGB:
             setattr(message, name, number_of(getattr(self, name), f"camera.rgb_sensor.{name}"))
         return message
 
     @classmethod
     def from_message(cls, message: scene.RgbSensor) -> RgbSensor:
-        return cls(bits=message.bits, **{name: getattr(message, name) for name in _RGB})
+        pattern = scene.RgbSensor.Pattern.Name(message.pattern or 1)[len("PATTERN_") :].lower()
+        numbers = {name: getattr(message, name) for name in _RGB}
+        return cls(bits=message.bits, pattern=pattern, **numbers)
 
 
 @dataclass(frozen=True)
