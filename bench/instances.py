@@ -38,7 +38,8 @@ def main(count):
             lens = hg.Camera.from_fov(60, 640, 480, degrees=True)
             edit.entity("eye", camera=lens, transform=hg.look_at((0, 0, 0), (1, 0, 0)))
         edited = time.perf_counter()
-        frame = scene.render("eye", spp=1, planes=["beauty", "instance"], progress=False)
+        options = {"planes": ["beauty", "instance"], "labels": {"boxes": True, "max_rows": count}}
+        frame = scene.render("eye", spp=1, progress=False, **options)
         rendered = time.perf_counter()
         seen = len(np.unique(frame["instance"]))
         print(f"{count} instances, {count * MESH_TRIANGLES / 1e6:.0f} M triangles, {seen} seen")
