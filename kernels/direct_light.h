@@ -3,6 +3,7 @@
 #pragma once
 
 #include "kernels/bsdf.h"
+#include "kernels/caster.h"
 #include "kernels/path_state.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
@@ -12,6 +13,7 @@ struct Vertex {
   Surface surface;
   MaterialValues material;
   Bsdf bsdf;
+  CasterCones casters;
 };
 
 // What scatters light, at any point, is to say:
@@ -26,9 +28,18 @@ KERNEL Receiver receiver_of(const Vertex& v, float time) {
   return {v.surface.p, b.layered ? b.ng : b.frame.n, b.glass > 0 ? Facing::kBoth : Facing::kFront,
           time};
 }
+/// Density [1/sr] with which scatter() takes a direction whose density among the surface's own is
+/// `pdf`. Casters are looked for on the near side only.
+KERNEL float scatter_pdf(const Vertex& v, vec3 wi, float pdf) {
+  if (v.casters.count == 0) return pdf;
+  const float own = (1 - v.casters.probability) * pdf;
+  if (!(pdf > 0) || dot(v.bsdf.ng, wi) <= 0) return own;
+  return own + v.casters.probability * casters_pdf(v.casters, wi);
+}
 /// visibility: of the light.
 KERNEL BsdfValue scattered(const Vertex& v, vec3 wi, u32 visibility) {
   BsdfValue f = evaluate_bsdf(v.bsdf, wi);
+  f.pdf = scatter_pdf(v, wi, f.pdf);
   const bool transmitted = dot(v.bsdf.ng, wi) < 0;
   if (!(visibility & kDiffuseRay)) f.diffuse = vec3(0);
   if (!(visibility & (transmitted ? kTransmissionRay : kGlossyRay))) f.glossy = vec3(0);

@@ -104,7 +104,13 @@ KERNEL bool hit_surface(const PathContext<T>& c, Path& path, const Hit& hit, Ver
   }
   if (!s.material->unlit) {
     set_bsdf(v.bsdf, v.material, shading_point(c.scene, s, v.material, wo));
-    if (scatters(v.bsdf)) return true;
+    if (scatters(v.bsdf)) {
+      if (path.edges <= kCasterEdges && v.bsdf.diffuse_probability > 0 &&
+          c.scene.caster_count > 0) {
+        see_casters(v.casters, c.scene, s.p, v.bsdf.frame.n);
+      }
+      return true;
+    }
   }
   if (!path.guided) {
     sample.albedo = path.throughput * path.radiance_scale * glm::min(emission + own, vec3(1));
@@ -114,29 +120,64 @@ KERNEL bool hit_surface(const PathContext<T>& c, Path& path, const Hit& hit, Ver
 }
 
 /// Denoising guides, at the first vertex that is not a perfect mirror.
-KERNEL void record_guides(const Path& path, const Bsdf& bsdf, vec3 weight, SampleValues& sample) {
+KERNEL void record_guides(const Path& path, const Vertex& v, const BsdfSample* s,
+                          SampleValues& sample) {
+  vec3 weight(0);
+  if (s) {
+    const bool enters = s->lobe == Lobe::kSubsurface;
+    weight = s->weight * (enters ? v.material.subsurface_color : vec3(sqr(s->eta)));
+  }
   sample.albedo = glm::min(path.throughput * weight * path.radiance_scale, vec3(1));
-  sample.normal = bsdf.frame.n;
+  sample.normal = v.bsdf.frame.n;
 }
 
-/// The path goes on in a direction of the surface's choice; false when it ends. The vertex becomes
-/// the one that it goes on from.
+/// Turns a sample of the surface's own into one of directions towards casters, too.
+///
+/// aimed, choice   whether it is to go to a caster, and uniform in [0, 1) which
+KERNEL bool mix_casters(const Vertex& v, bool aimed, float choice, vec2 u, BsdfSample& s) {
+  if (aimed) {
+    const CasterDirection to = sample_casters(v.casters, choice, u);
+    const BsdfValue f = evaluate_bsdf(v.bsdf, to.wi);
+    if (!(f.pdf > 0) || dot(v.bsdf.ng, to.wi) <= 0) return false;
+    const float diffuse = v.bsdf.diffuse_probability * dot(v.bsdf.frame.n, to.wi) * kInvPi;
+    const vec3 total = f.diffuse + f.glossy;
+    s = {to.wi,
+         total / f.pdf,
+         share_of(f.diffuse, total),
+         f.pdf,
+         1,
+         to.rest * f.pdf < diffuse ? Lobe::kDiffuse : Lobe::kGlossy};
+  }
+  if (!(s.pdf > 0)) {
+    s.weight *= 1 / (1 - v.casters.probability);
+    return true;
+  }
+  const float pdf = scatter_pdf(v, s.wi, s.pdf);
+  s.weight *= s.pdf / pdf;
+  s.pdf = pdf;
+  return true;
+}
+
+/// The path goes on in a direction of the surface's choice, or towards a caster; false when it
+/// ends. The vertex becomes the one that it goes on from.
 template <Tracer T>
 KERNEL bool scatter(const PathContext<T>& c, Path& path, Vertex& v, SampleValues& sample) {
-  const float choice = chooses_lobe(v.bsdf) ? c.sampler.get1(vertex_pair(path, kLobeChoice)) : 0;
+  const float share = v.casters.probability;
+  const bool chooses = share > 0 || chooses_lobe(v.bsdf);
+  float choice = chooses ? c.sampler.get1(vertex_pair(path, kLobeChoice)) : 0;
+  const bool aimed = choice < share;
+  choice = aimed ? choice / share : (choice - share) / (1 - share);
   const vec2 u = c.sampler.get2(vertex_pair(path, kScatterPair));
   BsdfSample s;
-  const bool goes_on = sample_bsdf(v.bsdf, choice, u, s);
-  const bool enters = goes_on && s.lobe == Lobe::kSubsurface;
-  if (!path.guided && (!goes_on || enters || s.pdf > 0)) {
-    vec3 weight(0);
-    if (goes_on) weight = s.weight * (enters ? v.material.subsurface_color : vec3(sqr(s.eta)));
-    record_guides(path, v.bsdf, weight, sample);
+  bool goes_on = sample_bsdf(v.bsdf, choice, u, s);
+  if (!path.guided && (!goes_on || aimed || s.lobe == Lobe::kSubsurface || s.pdf > 0)) {
+    record_guides(path, v, goes_on ? &s : nullptr, sample);
     path.guided = true;
   }
+  if (share > 0 && (goes_on || aimed)) goes_on = mix_casters(v, aimed, choice, u, s);
   if (!goes_on) return false;
   path.throughput *= s.weight;
-  if (enters) return scatter_inside(c, path, v, sample);
+  if (s.lobe == Lobe::kSubsurface) return scatter_inside(c, path, v, sample);
   const bool transmitted = s.lobe == Lobe::kTransmission;
   if (path.edges == 1) {
     path.route = {s.diffuse_share, transmitted ? FirstVertex::kTransmits : FirstVertex::kReflects};

@@ -275,6 +275,15 @@ struct SunView {
   u32 light_group;
 };
 
+/// The most entities of a scene that paths look for; where there are more, they look for none.
+inline constexpr u32 kMostCasters = 8;
+
+/// A sphere about an entity that reflects or refracts light sharply.
+struct CasterView {
+  vec3 center;  // world
+  float radius;
+};
+
 // ---------------------------------------------------------------- camera
 
 enum class Projection : u8 { kPerspective, kOrthographic, kFisheye, kEquirectangular };
@@ -341,6 +350,9 @@ struct SceneView {
   const SunView* suns;
   u32 sun_count;
   float surface_probability;  // of choosing a light of the tree among all
+  const CasterView* casters;
+  u32 caster_count;
+  float caster_probability;  // of a direction towards them
   u32 instance_count;
   u32 light_count;
   const VolumeView* volumes;

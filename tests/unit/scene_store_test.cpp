@@ -101,3 +101,25 @@ TEST_CASE("scene store: shapes of the past are forgotten, those in use are kept"
   }
   CHECK(device.cache.bytes() <= settled);
 }
+
+TEST_CASE("scene store: mirrors and lenses are casters, as long as they are few") {
+  const auto surface = [](float metallic, float roughness) {
+    PutMaterial material;
+    material.parameters[std::size_t(MaterialParameter::metallic)].value = vec3(metallic);
+    material.parameters[std::size_t(MaterialParameter::roughness)].value = vec3(roughness);
+    return material;
+  };
+  Edits edits;
+  edits.mesh("cube", cube()).put("mirror", surface(1, 0.1f)).put("brushed", surface(1, 0.6f));
+  edits.object("a", "cube", scaled({1, 4, 2}, {5, 6, 7}), "mirror");
+  edits.object("b", "cube", mat4x3(1), "brushed").object("c", "cube", mat4x3(1));
+  const auto few = edits.apply();
+  for (u32 i = 0; i < kernels::kMostCasters; ++i)
+    edits.object("more" + std::to_string(i), "cube", mat4x3(1), "mirror");
+  Device device;
+  const auto scene = device(few, 0);
+  REQUIRE(scene->view().caster_count == 1);
+  CHECK(scene->view().casters[0].center == vec3(5, 6, 7));
+  CHECK(scene->view().casters[0].radius == 2);
+  CHECK(device(edits.apply(), 0)->view().caster_count == 0);
+}

@@ -7,6 +7,7 @@
 
 #include "kernels/material.h"
 #include "renderer/backend/embree/black_body.h"
+#include "renderer/backend/embree/casters.h"
 
 namespace heliograph::embree {
 namespace {
@@ -87,6 +88,10 @@ EmbreeScene::EmbreeScene(std::shared_ptr<const Snapshot> snapshot, const TimeSpa
   view_.suns = lights->suns.data();
   view_.sun_count = u32(lights->suns.size());
   view_.surface_probability = lights->surface_probability;
+  casters_ = find_casters(*placement, *materials);
+  view_.casters = casters_.data();
+  view_.caster_count = u32(casters_.size());
+  view_.caster_probability = caster_probability(*lights);
   view_.instance_count = u32(instances_.size());
   view_.light_count = u32(lights->lights.size());
   const Box& bounds = placement->bounds;

@@ -42,6 +42,7 @@ class EmbreeScene final : public DeviceScene {
   std::vector<kernels::InstanceView> instances_;  // the placement's, with flags of the materials
   std::vector<kernels::MeshView> meshes_;
   std::vector<kernels::VolumeView> volumes_;  // the pieces', with their light groups
+  std::vector<kernels::CasterView> casters_;
   kernels::SceneView view_{};
 };
 

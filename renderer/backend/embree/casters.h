@@ -1,0 +1,16 @@
+// Which entities focus light, so that paths look for them (kernels/caster.h).
+#pragma once
+
+#include "renderer/backend/embree/lights.h"
+
+namespace heliograph::embree {
+
+/// Spheres about the entities whose material is a mirror or a lens; none where there are more than
+/// kMostCasters.
+[[nodiscard]] std::vector<kernels::CasterView> find_casters(const Placement& placement,
+                                                            const Materials& materials);
+/// How often a path looks for them: less the more light comes from the dome, which rough surfaces
+/// find through a mirror in any case.
+[[nodiscard]] float caster_probability(const Lights& lights);
+
+}  // namespace heliograph::embree
