@@ -57,7 +57,7 @@ def full_material() -> scene_pb2.Material:
     )
     for field in material.DESCRIPTOR.fields:
         if field.message_type is scene_pb2.ScalarParameter.DESCRIPTOR:
-            getattr(material, field.name).value = 1 if field.name == "ior" else 0
+            getattr(material, field.name).value = 1 if field.name.endswith("ior") else 0
             getattr(material, field.name).texture.CopyFrom(use("dots"))
         elif field.message_type is scene_pb2.ColorParameter.DESCRIPTOR:
             getattr(material, field.name).value.CopyFrom(vec3(1, 1, 1))
