@@ -11,18 +11,19 @@ KERNEL vec3 tint_of(vec3 color) {
   return light > 0 ? color / light : vec3(1);
 }
 
-/// Reflectance of a dielectric at normal incidence, coloured, in full.
-KERNEL vec3 dielectric_f0(const MaterialValues& m) {
-  vec3 color = m.specular_color * sqr((m.ior - 1) / (m.ior + 1));
+/// Reflectance of a dielectric in something of index `outside` at normal incidence, coloured, in
+/// full.
+KERNEL vec3 dielectric_f0(const MaterialValues& m, float outside) {
+  vec3 color = m.specular_color * sqr((m.ior - outside) / (m.ior + outside));
   if (m.specular_tint > 0) {
     color *= vec3(1) + (tint_of(m.base_color) - vec3(1)) * m.specular_tint;
   }
   return glm::min(color, vec3(1));
 }
 
-KERNEL ThinFilm film_of(const MaterialValues& m) {
+KERNEL ThinFilm film_of(const MaterialValues& m, float outside) {
   const float nanometre = 1e-9f;
-  return {m.iridescence_thickness > 0 ? m.iridescence : 0, m.iridescence_ior,
+  return {m.iridescence_thickness > 0 ? m.iridescence : 0, m.iridescence_ior / outside,
           2 * nanometre * m.iridescence_thickness * m.iridescence_ior};
 }
 
@@ -32,8 +33,9 @@ struct Body {
   vec3 color;
   float inside;
 };
-KERNEL Body body_of(const MaterialValues& m, bool has_inside) {
+KERNEL Body body_of(const MaterialValues& m, const ShadingPoint& at) {
   if (!(m.subsurface > 0)) return {m.base_color, 0};
+  const bool has_inside = !at.thin_walled && dot(at.wo, at.ng) >= 0;
   const vec3 color = m.base_color * (1 - m.subsurface);
   if (!has_inside || is_black(m.subsurface_radius)) {
     return {color + m.subsurface_color * m.subsurface, 0};
@@ -42,10 +44,11 @@ KERNEL Body body_of(const MaterialValues& m, bool has_inside) {
 }
 
 /// The lobes that reflect. Returns the albedo of those sampled by cosine and by microfacets.
-KERNEL vec2 set_reflection(Base& b, const MaterialValues& m, const Body& body) {
+KERNEL vec2 set_reflection(Base& b, const MaterialValues& m, const ShadingPoint& at) {
+  const Body body = body_of(m, at);
   b.plastic = (1 - m.metallic) * (1 - m.transmission);
   b.metallic = m.metallic;
-  const vec3 full_f0 = dielectric_f0(m);
+  const vec3 full_f0 = dielectric_f0(m, at.outside);
   const vec3 coat_f0 = full_f0 * m.specular;
   const float f_steps = 1 / 21.0f;  // the average of Schlick's weight
   const Albedo average = b.delta                    ? Albedo{1, f_steps}
@@ -141,21 +144,22 @@ KERNEL vec2 set_apart(Base& b, const MaterialValues& m, float through) {
 
 /// The interface of glass. Returns shares of sampling for its microfacets and for what passes
 /// apart.
-KERNEL vec2 set_interface(Base& b, const MaterialValues& m, bool front, bool thin_walled) {
+KERNEL vec2 set_interface(Base& b, const MaterialValues& m, const ShadingPoint& at) {
+  const bool enters = at.thin_walled || dot(at.wo, at.ng) >= 0;
   const float through = 1 - (1 - m.roughness) * (1 - m.transmission_roughness);
   b.through_delta = sqr(through) < kDeltaAlpha;
   const bool apart = m.transmission_roughness > 0 || b.anisotropic.aspect < 1;
-  b.interface = thin_walled                 ? Interface::kSheet
+  b.interface = at.thin_walled              ? Interface::kSheet
                 : apart && !b.through_delta ? Interface::kSplit
                                             : Interface::kJoint;
+  float ior = m.ior / at.outside;
   // A rough interface of index 1 has no half vector: the smallest step that still has one.
-  const float ior = b.through_delta ? m.ior : max2(m.ior, 1.01f);
-  b.eta = front || thin_walled ? ior : 1 / ior;
-  const float near = front || thin_walled ? 1 : ior;
-  b.glass_film = {b.film.weight, b.film.ior / near, b.film.way};
+  if (!b.through_delta) ior = ior < 1 ? min2(ior, 1 / 1.01f) : max2(ior, 1.01f);
+  b.eta = enters ? ior : 1 / ior;
+  b.glass_film = {b.film.weight, b.film.ior / (enters ? 1 : ior), b.film.way};
   const vec3 color = m.base_color;
   b.glass_tint =
-      thin_walled ? color : vec3(std::sqrt(color.x), std::sqrt(color.y), std::sqrt(color.z));
+      at.thin_walled ? color : vec3(std::sqrt(color.x), std::sqrt(color.y), std::sqrt(color.z));
   b.glass_specular = glm::min(m.specular_color * m.specular, vec3(1));
   if (b.interface != Interface::kJoint) return set_apart(b, m, through);
   b.through = b.facets;
@@ -186,11 +190,11 @@ KERNEL void set_base(Base& b, const MaterialValues& m, const ShadingPoint& at, v
   b.anisotropic = {m.roughness, aspect};
   b.delta = alpha < kDeltaAlpha;
   b.glass = (1 - m.metallic) * m.transmission;
-  b.film = film_of(m);
+  b.film = film_of(m, at.outside);
   b.interface = Interface::kNone;
   b.facet_probability = 0;
-  const Body body = body_of(m, !at.thin_walled && dot(at.wo, at.ng) >= 0);
   if (!facets) {
+    const Body body = body_of(m, at);
     b.diffuse = body.color * kInvPi;
     b.multiple = b.f0 = vec3(0);
     b.f90 = 0;
@@ -205,10 +209,10 @@ KERNEL void set_base(Base& b, const MaterialValues& m, const ShadingPoint& at, v
   }
   b.coated = true;
   if (!b.delta) b.albedo = albedo_row(kReflectionAlbedo, 2 * kAlbedoCosines, m.roughness);
-  vec2 share = set_reflection(b, m, body);
+  vec2 share = set_reflection(b, m, at);
   float through = 0;
   if (b.glass > 0) {
-    const vec2 passing = set_interface(b, m, dot(at.wo, at.ng) >= 0, at.thin_walled);
+    const vec2 passing = set_interface(b, m, at);
     share.y += passing.x;
     through = passing.y;
   }

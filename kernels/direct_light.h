@@ -11,6 +11,7 @@ namespace heliograph::kernels::inline HELIO_ISA {
 /// The surface at the end of the path's ray.
 struct Vertex {
   Surface surface;
+  Boundary boundary;
   MaterialValues material;
   Bsdf bsdf;
   CasterCones casters;
@@ -54,7 +55,7 @@ KERNEL Route route_of(const Vertex& v, vec3 wi, const BsdfValue& f) {
           dot(v.bsdf.ng, wi) < 0 ? FirstVertex::kTransmits : FirstVertex::kReflects};
 }
 
-/// unshadowed() where there may be passable surfaces: they tint light.
+/// unshadowed() where light may pass surfaces: those that are there tint it.
 template <Tracer T>
 HELIO_RARE KERNEL vec3 passing_surfaces(const PathContext<T>& c, Ray ray, Inside& inside,
                                         SampleValues& sample) {
@@ -64,9 +65,11 @@ HELIO_RARE KERNEL vec3 passing_surfaces(const PathContext<T>& c, Ray ray, Inside
     ++sample.rays;
     if (hit.instance == kNone) return share * transmittance(inside, ray.t_max);
     const Surface s = locate(c.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), c.time);
-    if (!s.material->passable) return vec3(0);
+    const Boundary boundary = boundary_at(c.scene, inside, s, ray.direction);
+    if (boundary.meeting == Meeting::kScatters) return vec3(0);
     const MaterialValues m = material_at(c.scene, s, ~kAlphaBit);
-    share *= transmittance(inside, hit.t) * tint_of_crossing(m);
+    share *= transmittance(inside, hit.t);
+    if (boundary.meeting == Meeting::kPasses) share *= tint_of_crossing(m);
     if (!(max_component(share) > 0)) return vec3(0);
     cross_surface(inside, s, m, ray.direction);
     const vec3 origin = offset_point(s, ray.direction);
@@ -81,7 +84,8 @@ HELIO_RARE KERNEL vec3 passing_surfaces(const PathContext<T>& c, Ray ray, Inside
 template <Tracer T>
 KERNEL vec3 unshadowed(const PathContext<T>& c, const Ray& ray, Inside& inside,
                        SampleValues& sample) {
-  if (c.scene.any_passable) return passing_surfaces(c, ray, inside, sample);
+  if (c.scene.any_passable || (c.scene.any_priority && inside.depth > 0))
+    return passing_surfaces(c, ray, inside, sample);
   ++sample.rays;
   if (c.tracer.occluded(ray, kShadowRay)) return vec3(0);
   return inside.depth > 0 ? transmittance(interior_in(inside), ray.t_max) : vec3(1);

@@ -66,24 +66,26 @@ KERNEL vec3 weight_of_scattering(const Interior& m, const Flight& flight) {
 
 // ---------------------------------------------------------------- inside
 
-/// The most closed surfaces within each other that a path keeps track of. It is not inside of what
-/// it enters beyond.
+/// The most closed surfaces about a point that a path keeps track of. It is not inside of what it
+/// enters beyond.
 inline constexpr u32 kMostInside = 4;
 /// The most passable surfaces that a ray goes through between two vertices of a path.
 inline constexpr u32 kMostPassed = 64;
 
-/// The closed surfaces about a point, the innermost last.
+/// The closed surfaces about a point, by priority; of equal ones the innermost last. The last one
+/// is what fills the place.
 struct Inside {
   struct Layer {
     const InstanceView* instance;
     const MaterialView* material;
     Interior medium;
+    float ior;
   };
   Layer layers[kMostInside];
   u32 depth = 0;
 };
 
-/// What fills the innermost. inside.depth > 0
+/// What fills the place. inside.depth > 0
 KERNEL const Interior& interior_in(const Inside& inside) {
   return inside.layers[inside.depth - 1].medium;
 }
@@ -93,22 +95,41 @@ KERNEL vec3 transmittance(const Inside& inside, float distance) {
   return inside.depth > 0 ? transmittance(interior_in(inside), distance) : vec3(1);
 }
 
-/// Takes away the innermost layer with the surface's instance, if it can be one that was entered by
-/// the same material; whether there was one.
-KERNEL bool leave(Inside& inside, const Surface& s) {
+/// The innermost layer with the surface's instance, if it can be one that was entered by the same
+/// material; kNone: there is none.
+KERNEL u32 layer_of(const Inside& inside, const Surface& s) {
   u32 found = kNone;
   for (u32 i = inside.depth; i-- > 0;) {
     const Inside::Layer& layer = inside.layers[i];
     if (layer.instance != s.instance) continue;
     if (found == kNone) found = i;
     if (layer.material != s.material) continue;
-    found = i;
-    break;
+    return i;
   }
+  return found;
+}
+
+/// Takes it away; whether there was one.
+KERNEL bool leave(Inside& inside, const Surface& s) {
+  const u32 found = layer_of(inside, s);
   if (found == kNone) return false;
   --inside.depth;
   for (u32 i = found; i < inside.depth; ++i) inside.layers[i] = inside.layers[i + 1];
   return true;
+}
+
+/// Puts in what a surface surrounds, as the innermost or the outermost of its priority.
+KERNEL void enter(Inside& inside, const Surface& s, const MaterialValues& m, bool innermost) {
+  if (inside.depth == kMostInside) return;
+  u32 at = inside.depth++;
+  const i32 priority = s.material->priority;
+  for (; at > 0; --at) {
+    const Inside::Layer& below = inside.layers[at - 1];
+    const i32 other = below.material->priority;
+    if (innermost ? other <= priority : other < priority) break;
+    inside.layers[at] = below;
+  }
+  inside.layers[at] = {s.instance, s.material, interior_of(m), m.ior};
 }
 
 /// Light crosses a surface in a direction.
@@ -117,9 +138,40 @@ KERNEL void cross_surface(Inside& inside, const Surface& s, const MaterialValues
   if (s.material->thin_walled) return;
   if (dot(direction, s.ng) >= 0) {
     leave(inside, s);
-  } else if (inside.depth < kMostInside) {
-    inside.layers[inside.depth++] = {s.instance, s.material, interior_of(m)};
+  } else {
+    enter(inside, s, m, true);
   }
+}
+
+/// What light does at a surface: scatters, or goes straight on through the boundary of a medium or
+/// as if nothing were there.
+enum class Meeting : u8 { kScatters, kPasses, kAbsent };
+struct Boundary {
+  Meeting meeting;
+  float outside;  // index of what is on the side that is not the surface's own inside
+};
+
+/// A ray that starts inside of something meets a surface. One is absent where a body of higher
+/// priority, or of the same but further in, fills both of its sides.
+///
+/// Source: Schmidt and Budge 2002, "Simple Nested Dielectrics in Ray Traced Images", journal of
+/// graphics tools 7(2).
+KERNEL Boundary boundary_at(const SceneView& scene, const Inside& inside, const Surface& s,
+                            vec3 direction) {
+  const Meeting alone = s.material->passable ? Meeting::kPasses : Meeting::kScatters;
+  if (!scene.any_priority || inside.depth == 0) return {alone, 1};
+  const bool body = is_body(*s.material);
+  const bool leaves = body && dot(direction, s.ng) >= 0;
+  const u32 own = leaves ? layer_of(inside, s) : kNone;
+  const u32 others = own == inside.depth - 1 ? own : inside.depth;
+  if (others == 0) return {alone, 1};
+  const Inside::Layer& other = inside.layers[others - 1];
+  if (body) {
+    const bool hidden =
+        own == kNone ? other.material->priority > s.material->priority : own < others;
+    if (hidden) return {Meeting::kAbsent, 1};
+  }
+  return {other.ior == 1 ? alone : Meeting::kScatters, other.ior};
 }
 
 /// Colour that glass of a base colour gives to light at each crossing, as in set_interface().
@@ -144,11 +196,8 @@ HELIO_RARE KERNEL Inside inside_at(const SceneView& scene, const T& tracer, Ray 
     const MaterialValues m = material_at(scene, s, ~kAlphaBit);
     if (dot(ray.direction, s.ng) < 0) {
       cross_surface(entered, s, m, ray.direction);
-    } else if (!s.material->thin_walled && !leave(entered, s) && found.depth < kMostInside) {
-      // What is left first is the innermost.
-      for (u32 k = found.depth; k > 0; --k) found.layers[k] = found.layers[k - 1];
-      found.layers[0] = {s.instance, s.material, interior_of(m)};
-      ++found.depth;
+    } else if (!s.material->thin_walled && !leave(entered, s)) {
+      enter(found, s, m, false);  // what is left first is the innermost
     }
   }
   return found;

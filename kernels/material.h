@@ -115,6 +115,18 @@ KERNEL bool is_passable(const MaterialView& material) {
          m.metallic == 0 && m.sheen == 0 && m.clearcoat == 0 && m.iridescence == 0;
 }
 
+/// Whether there is a body behind surfaces of a material, which light can enter.
+KERNEL bool is_body(const MaterialView& material) {
+  return !material.thin_walled && !material.unlit && material.constant.transmission > 0;
+}
+
+/// Counts the material of an instance in what SceneView says of all.
+KERNEL void note_interior(SceneView& scene, const MaterialView& material) {
+  scene.any_priority |= material.priority != 0;
+  scene.any_passable |= material.passable;
+  scene.any_media |= material.priority != 0 || material.passable || may_fill(material);
+}
+
 KERNEL const MaterialView& material_of(const SceneView& scene, const InstanceView& instance,
                                        u32 mesh_part) {
   return scene.materials[scene.part_materials[instance.first_part + mesh_part]];

@@ -75,10 +75,10 @@ HELIO_RARE KERNEL Flown end_flight(const PathContext<T>& c, Path& path, const Fl
   return scatter_in_medium(c, path, at, sample) ? Flown::kScattered : Flown::kEnded;
 }
 
-/// The path goes on through a passable surface as if it were not there; false when it ends.
+/// The path goes straight on through a surface that does not scatter; false when it ends.
 HELIO_RARE KERNEL bool pass_surface(Path& path, const Vertex& v) {
   if (path.boundaries++ >= kMostPassed) return false;
-  path.throughput *= tint_of_crossing(v.material);
+  if (v.boundary.meeting == Meeting::kPasses) path.throughput *= tint_of_crossing(v.material);
   cross_surface(path.inside, v.surface, v.material, path.ray.direction);
   const vec3 origin = offset_point(v.surface, path.ray.direction);
   const float distance = dot(origin - path.ray.origin, path.ray.direction);

@@ -94,6 +94,8 @@ KERNEL bool hit_surface(const PathContext<T>& c, Path& path, const Hit& hit, Ver
   path.cone.width += path.cone.spread * hit.t;
   v.material = material_at(c.scene, s, ~kAlphaBit, path.cone.width);
   if (path.blurred && c.settings.regularize) regularize(v.material);
+  v.boundary = boundary_at(c.scene, path.inside, s, path.ray.direction);
+  if (v.boundary.meeting == Meeting::kAbsent) return false;
   const vec3 wo = -path.ray.direction;
   const vec3 emission = emitted(c.scene, s, v.material, wo);
   const vec3 own = shown(s, v.material);
@@ -103,7 +105,9 @@ KERNEL bool hit_surface(const PathContext<T>& c, Path& path, const Hit& hit, Ver
     collect(c, sample, {path.throughput * light, path.edges, false, group}, path.route);
   }
   if (!s.material->unlit) {
-    set_bsdf(v.bsdf, v.material, shading_point(c.scene, s, v.material, wo));
+    ShadingPoint at = shading_point(c.scene, s, v.material, wo);
+    at.outside = v.boundary.outside;
+    set_bsdf(v.bsdf, v.material, at);
     if (scatters(v.bsdf)) {
       if (path.edges <= kCasterEdges && v.bsdf.diffuse_probability > 0 &&
           c.scene.caster_count > 0) {
@@ -256,7 +260,7 @@ KERNEL SampleValues trace_path(const PathContext<T>& c, u32 x, u32 y) {
     Vertex v;
     sample.hit = true;
     const bool ends = !hit_surface(c, path, hit, v, sample);
-    if (v.surface.material->passable) {
+    if (v.boundary.meeting != Meeting::kScatters) {
       if (!pass_surface(path, v)) break;
       continue;
     }

@@ -79,6 +79,7 @@ struct MaterialView {
   bool unlit;
   bool thin_walled;
   bool passable;  // is_passable()
+  i32 priority;   // of the body inside, where others overlap it
   u32 id;         // the plane "material": index of the material object in the scene
 };
 
@@ -359,8 +360,9 @@ struct SceneView {
   u32 volume_count;
   const vec4* black_body;  // kBlackBodyEntries
   bool any_holes;          // some instance has kMayBeHole
-  bool any_media;          // some instance has a material that may_fill(), or is passable
+  bool any_media;          // paths keep track of what they are inside of
   bool any_passable;       // some instance has a passable material
+  bool any_priority;       // some instance has a material with a priority
   float radius;            // of a sphere about the scene's bounds, metres
   vec3 center;
 };

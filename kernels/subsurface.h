@@ -118,7 +118,9 @@ KERNEL bool cross_body(const PathContext<T>& c, Path& path, Vertex& v, SampleVal
       surface_at(c.scene, instance, walk.hit.primitive, vec2(walk.hit.u, walk.hit.v), c.time);
   v.material = material_at(c.scene, v.surface, ~kAlphaBit);
   const float side = dot(walk.end, v.surface.ng) < 0 ? -1.0f : 1.0f;
-  set_bsdf(v.bsdf, v.material, shading_point(c.scene, v.surface, v.material, v.surface.ns * side));
+  ShadingPoint at = shading_point(c.scene, v.surface, v.material, v.surface.ns * side);
+  at.outside = v.boundary.outside;
+  set_bsdf(v.bsdf, v.material, at);
   return true;
 }
 

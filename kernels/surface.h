@@ -16,6 +16,7 @@ struct ShadingPoint {
   vec3 tangent{0};           // along which anisotropic highlights stretch; zero: anywhere
   vec3 clearcoat_normal{0};  // used where there is clearcoat
   bool thin_walled = false;
+  float outside = 1;  // index of refraction of what is on the side that is not the inside
 };
 
 /// A point of a surface, seen from its front (counter-clockwise) side. World space.

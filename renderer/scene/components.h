@@ -73,6 +73,7 @@ struct Material {
   bool two_sided_emission = false;
   bool unlit = false;
   bool thin_walled = false;
+  i32 priority = 0;  // of the body inside, where others overlap it
 
   [[nodiscard]] Parameter& operator[](MaterialParameter p) { return parameters[std::size_t(p)]; }
   [[nodiscard]] const Parameter& operator[](MaterialParameter p) const {

@@ -79,6 +79,7 @@ class Description {
     if (m.two_sided_emission) patch.two_sided_emission = true;
     if (m.unlit) patch.unlit = true;
     if (m.thin_walled) patch.thin_walled = true;
+    if (m.priority != 0) patch.priority = m.priority;
     return patch;
   }
 

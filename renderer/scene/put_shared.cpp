@@ -112,6 +112,7 @@ Expected<Id> put(Draft& draft, const Scope& scope, const Target& target, const P
   if (patch.two_sided_emission) material.two_sided_emission = *patch.two_sided_emission;
   if (patch.unlit) material.unlit = *patch.unlit;
   if (patch.thin_walled) material.thin_walled = *patch.thin_walled;
+  if (patch.priority) material.priority = *patch.priority;
   count(draft, before, material);
   return store(draft, draft.next.materials, target, std::make_shared<const Material>(material));
 }

@@ -95,6 +95,7 @@ struct PutMaterial {
   std::optional<bool> two_sided_emission;
   std::optional<bool> unlit;
   std::optional<bool> thin_walled;
+  std::optional<i32> priority;
 };
 
 struct PutTexture {

@@ -62,7 +62,7 @@ void reset(PutMaterial& patch, vec3 value) {
   patch.parameters[std::size_t(P)] = {value, TextureUsePatch{}};
 }
 
-constexpr std::array<Clear<PutMaterial>, kMaterialParameters + 5 + kNormalMaps> kClear{{
+constexpr std::array<Clear<PutMaterial>, kMaterialParameters + 6 + kNormalMaps> kClear{{
 #define HELIO_CLEAR(name, components, value, low, high)                          \
   {#name, [](PutMaterial& p) {                                                   \
      reset<MaterialParameter::name>(p, default_value(components, float(value))); \
@@ -77,6 +77,7 @@ constexpr std::array<Clear<PutMaterial>, kMaterialParameters + 5 + kNormalMaps> 
         {"two_sided_emission", [](PutMaterial& p) { p.two_sided_emission = false; }},
     {"unlit", [](PutMaterial& p) { p.unlit = false; }},
     {"thin_walled", [](PutMaterial& p) { p.thin_walled = false; }},
+    {"priority", [](PutMaterial& p) { p.priority = 0; }},
 }};
 
 }  // namespace
@@ -102,6 +103,7 @@ Expected<PutMaterial> to_material(const v1::Material& message, ArraySource& sour
   if (message.has_two_sided_emission()) patch.two_sided_emission = message.two_sided_emission();
   if (message.has_unlit()) patch.unlit = message.unlit();
   if (message.has_thin_walled()) patch.thin_walled = message.thin_walled();
+  if (message.has_priority()) patch.priority = message.priority();
   return patch;
 }
 
@@ -126,6 +128,7 @@ v1::Material to_proto(const PutMaterial& patch, const ArraySink& sink) {
   if (patch.two_sided_emission) message.set_two_sided_emission(*patch.two_sided_emission);
   if (patch.unlit) message.set_unlit(*patch.unlit);
   if (patch.thin_walled) message.set_thin_walled(*patch.thin_walled);
+  if (patch.priority) message.set_priority(*patch.priority);
   return message;
 }
 

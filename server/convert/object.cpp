@@ -72,7 +72,8 @@ PutMaterial material_of(const Material& material) {
                     .alpha_cutoff = material.alpha_cutoff,
                     .two_sided_emission = material.two_sided_emission,
                     .unlit = material.unlit,
-                    .thin_walled = material.thin_walled};
+                    .thin_walled = material.thin_walled,
+                    .priority = material.priority};
   for (std::size_t i = 0; i < kMaterialParameters; ++i) {
     patch.parameters[i].value = material.parameters[i].value;
     if (material.parameters[i].texture.texture)

@@ -92,6 +92,7 @@ NUMBERS = {
             "iridescence",
             "iridescence_ior",
             "iridescence_thickness",
+            "priority",
         )
     },
     "Tex.factor": ("roughness", lambda x: material(roughness=hg.Tex("dots", factor=x))),

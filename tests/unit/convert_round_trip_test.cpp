@@ -114,7 +114,7 @@ v1::Mesh full_mesh() {
 v1::Material full_material() {
   auto material = parse<v1::Material>(R"(
     alpha_mode: ALPHA_MODE_BLEND alpha_cutoff: 0.25 two_sided_emission: true unlit: true
-    thin_walled: true)");
+    thin_walled: true priority: -3)");
   const auto* descriptor = material.GetDescriptor();
   for (int i = 0; i < descriptor->field_count(); ++i) {
     const auto* field = descriptor->field(i);

@@ -87,9 +87,10 @@ inline std::string text(const PutMaterial& p) {
   if (p.name) out += " " #name "=" + text(*p.name);
   HELIO_NORMAL_MAPS(HELIO_MAP)
 #undef HELIO_MAP
-  return out + fmt::format(" {} {} {} {} {}", int(p.alpha_mode.value_or(AlphaMode::kOpaque)),
+  return out + fmt::format(" {} {} {} {} {} {}", int(p.alpha_mode.value_or(AlphaMode::kOpaque)),
                            p.alpha_cutoff.value_or(-1), p.two_sided_emission.value_or(false),
-                           p.unlit.value_or(false), p.thin_walled.value_or(false));
+                           p.unlit.value_or(false), p.thin_walled.value_or(false),
+                           p.priority.value_or(0));
 }
 inline std::string text(const PutTexture& p) {
   return fmt::format("texture {} {} {} {} {}", p.image->texels->serial(), *p.srgb, *p.nearest,

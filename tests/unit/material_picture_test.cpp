@@ -53,7 +53,9 @@ PutMaterial everything() {
   return m;
 }
 
-std::vector<float> picture(const PutMaterial& material, const PutTexture* texture = nullptr) {
+/// A ball of a material; inner: of a smaller ball within.
+std::vector<float> picture(const PutMaterial& material, const PutTexture* texture = nullptr,
+                           const PutMaterial* inner = nullptr) {
   auto engine = make_engine();
   Light light;
   light.intensity = 20;
@@ -62,8 +64,11 @@ std::vector<float> picture(const PutMaterial& material, const PutTexture* textur
   edits.mesh("sphere", sphere(16))
       .mesh("quad", quad())
       .put("material", material)
-      .object("ball", "sphere", mat4x3(1), "material")
-      .object("lamp", "quad", mat4x3(1, 0, 0, 0, -1, 0, 0, 0, -1, 0.5f, 0, 3))
+      .object("ball", "sphere", mat4x3(1), "material");
+  if (inner)
+    edits.put("inner", *inner)
+        .object("core", "sphere", mat4x3(0.5f, 0, 0, 0, 0.5f, 0, 0, 0, 0.5f, 0, 0, 0), "inner");
+  edits.object("lamp", "quad", mat4x3(1, 0, 0, 0, -1, 0, 0, 0, -1, 0.5f, 0, 3))
       .light("lamp", light)
       .dome(vec3(0.3f, 0.4f, 0.5f))
       .camera("camera", look_at({3, -3, 2}, vec3(0)), 16, 16, 24);
@@ -136,6 +141,23 @@ TEST_CASE("material: a channel, a scale and an offset") {
   parameter.texture->use.offset = 0.1f;
   const PutTexture texture = texel({0.9f, 0.8f, 0.3f});
   CHECK(difference(picture(constant), picture(textured, &texture)) < 1e-6f);
+}
+
+TEST_CASE("material: of bodies that overlap the one of the highest priority is there") {
+  const auto glass = [](float index, i32 priority) {
+    PutMaterial m;
+    m.parameters[std::size_t(base_color)].value = vec3(1);
+    m.parameters[std::size_t(roughness)].value = vec3(0);
+    m.parameters[std::size_t(transmission)].value = vec3(1);
+    m.parameters[std::size_t(ior)].value = vec3(index);
+    m.priority = priority;
+    return m;
+  };
+  const PutMaterial outer = glass(1.5f, 1), below = glass(1.8f, 0), above = glass(1.8f, 2);
+  const auto alone = picture(outer);
+  CHECK(difference(alone, picture(glass(1.5f, 0))) < 1e-6f);
+  CHECK(difference(alone, picture(outer, nullptr, &below)) < 1e-3f);
+  CHECK(difference(alone, picture(outer, nullptr, &above)) > 2e-3f);
 }
 
 TEST_CASE("material: maps that shape the normal change the picture, flat ones do not") {

@@ -102,6 +102,7 @@ class Parameters(TypedDict, total=False):
     iridescence_ior: Any
     iridescence_thickness: Any  # nm; 0: no film
     thin_walled: bool
+    priority: int | None  # of a body where transmitting ones overlap; higher wins
 
 
 _Component = TypeVar("_Component")
@@ -276,6 +277,8 @@ def material_message(edits: Edits, given: Mapping[str, Any]) -> pb.Material:
             getattr(out, name).CopyFrom(texture_use(edits, value, name))
         elif name in ("two_sided_emission", "unlit", "thin_walled"):
             setattr(out, name, bool(value))
+        elif name == "priority":
+            out.priority = whole_of(value, name, -(2**31), 2**31 - 1)
         else:
             _put_parameter(edits, getattr(out, name), name, value)
     return out

@@ -63,8 +63,7 @@ EmbreeScene::EmbreeScene(std::shared_ptr<const Snapshot> snapshot, const TimeSpa
     for (u32 p = first; p < first + parts; ++p) {
       const kernels::MaterialView& material = materials->materials[structure.part_materials[p]];
       if (may_be_hole(material)) instances_[i].flags |= kernels::kMayBeHole;
-      view_.any_passable |= material.passable;
-      view_.any_media |= material.passable || kernels::may_fill(material);
+      kernels::note_interior(view_, material);
     }
     view_.any_holes |= (instances_[i].flags & kernels::kMayBeHole) != 0;
   }

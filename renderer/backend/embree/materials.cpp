@@ -44,6 +44,7 @@ kernels::MaterialView view_of(const Snapshot& snapshot, const Material& material
   view.two_sided_emission = material.two_sided_emission;
   view.unlit = material.unlit;
   view.thin_walled = material.thin_walled;
+  view.priority = material.priority;
   view.passable = kernels::is_passable(view);
   view.id = id;
   return view;
