@@ -141,7 +141,8 @@ TEST_CASE("sensor mosaic: each photosite reads its colour, demosaicing keeps wha
   const SensorContext context{seen_by, 1, interrupt};
   std::vector<float> beauty(4 * kPixels), mosaic(kPixels), rgb(3 * kPixels);
   const auto truth = [](u64 pixel, int channel) {
-    const float x = float(pixel % kWidth), y = float(pixel / kWidth);
+    const u64 row = pixel / kWidth, column = pixel % kWidth;
+    const float x = float(column), y = float(row);
     return channel == 0   ? 0.1f + 0.001f * x
            : channel == 1 ? 0.9f - 0.0005f * x - 0.001f * y
                           : 0.2f + 0.002f * y;
