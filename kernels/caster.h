@@ -63,11 +63,7 @@ struct CasterDirection {
 };
 KERNEL CasterDirection sample_casters(const CasterCones& cones, float choice, vec2 u) {
   const Choice caster = choose(cones.sum, cones.count, choice * cones.sum[cones.count - 1]);
-  const float depth = u.x * cones.depth[caster.index];
-  const float sine = safe_sqrt(depth * (2 - depth));
-  const SinCos phi = sincos_turns(u.y);
-  const Frame frame = make_frame(cones.axis[caster.index]);
-  return {to_world(frame, vec3(sine * phi.cos, sine * phi.sin, 1 - depth)), caster.rest};
+  return {sample_cone(cones.axis[caster.index], cones.depth[caster.index], u), caster.rest};
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

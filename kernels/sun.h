@@ -25,11 +25,7 @@ KERNEL float sun_pdf(const SunView& sun) { return sun.probability / (2 * kPi * s
 
 /// Uniform in the sun's solid angle.
 KERNEL vec3 sample_sun(const SunView& sun, float time, vec2 u) {
-  const float drop = u.x * sun.depth;
-  const float r = safe_sqrt(drop * (2 - drop));
-  const SinCos phi = sincos_turns(u.y);
-  const Frame frame = make_frame(sun_direction(sun, time));
-  return normalize(to_world(frame, vec3(r * phi.cos, r * phi.sin, 1 - drop)));
+  return normalize(sample_cone(sun_direction(sun, time), sun.depth, u));
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -32,6 +32,14 @@ KERNEL vec3 sample_sphere(vec2 u) {
   return vec3(r * phi.cos, r * phi.sin, z);
 }
 
+/// Uniform in a cone about a unit axis. depth: 1 - cosine of its half angle
+KERNEL vec3 sample_cone(vec3 axis, float depth, vec2 u) {
+  const float drop = u.x * depth;
+  const float r = safe_sqrt(drop * (2 - drop));
+  const SinCos phi = sincos_turns(u.y);
+  return to_world(make_frame(axis), vec3(r * phi.cos, r * phi.sin, 1 - drop));
+}
+
 /// Weights of a triangle's vertices 1 and 2, uniform in area.
 ///
 /// Source: Heitz 2019, "A Low-Distortion Map Between Triangle and Square".

@@ -6,13 +6,11 @@ usage: iridescence.py OUT.png [SPP]
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import heliograph as hg
 import numpy as np
-from heliograph import studio
+from materials import Row, show
 
 COLUMNS = 7
 SIZE = (420, 300)
@@ -26,7 +24,6 @@ BUBBLE = {
     "iridescence_ior": 1.33,
 }
 
-Row = Callable[[float], dict[str, Any]]
 ROWS: tuple[tuple[str, Row], ...] = (
     (
         "thickness",
@@ -74,21 +71,9 @@ def drained(size: int = 256) -> np.ndarray:
 
 
 def build(edit: hg.Edits) -> hg.Entity:
-    edit.dome(studio.dome())
     edit.texture("drained", drained())
-    ball = edit.mesh("ball", **hg.shapes.sphere(0.44, 96))
     edit.material("wall/material", base_color=0.15, roughness=0.8)
-    wall = edit.mesh("wall/mesh", **hg.shapes.plane(9))
-    turn = np.array([[1, 0, 0, 0], [0, 0, -1, 1], [0, 1, 0, 0], [0, 0, 0, 1.0]])
-    edit.entity("wall", mesh=wall, material="wall/material", transform=turn)
-    for i, (name, row) in enumerate(ROWS):
-        for j in range(COLUMNS):
-            material = edit.material(f"{name}/{j}/material", **row(j / (COLUMNS - 1)))
-            at = (j - (COLUMNS - 1) / 2, 0, (len(ROWS) - 1) / 2 - i)
-            edit.entity(f"{name}/{j}", mesh=ball, material=material, transform=hg.Pose(at))
-    lens = hg.Camera.orthographic(SIZE[0] / COLUMNS, *SIZE)
-    pose = hg.look_at((0, -8, 0), (0, 0, 0), (0, 0, 1))
-    return edit.entity("camera", camera=lens, transform=pose)
+    return show(edit, ROWS, COLUMNS, SIZE)
 
 
 def main(out: Path, spp: int) -> None:

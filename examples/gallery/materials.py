@@ -6,7 +6,7 @@ usage: materials.py OUT.png [SPP]
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -62,24 +62,31 @@ def dimples(size: int = 512, count: int = 16) -> np.ndarray:
     return (0.5 - 0.5 * np.cos(2 * np.pi * x) * np.cos(2 * np.pi * y)).astype("f4")
 
 
-def build(edit: hg.Edits) -> hg.Entity:
+def show(
+    edit: hg.Edits, rows: Sequence[tuple[str, Row]], columns: int, size: tuple[int, int]
+) -> hg.Entity:
+    """Balls of each row's materials before "wall/material", under studio lights; the camera."""
     edit.dome(studio.dome())
-    edit.texture("dimples", dimples())
     ball = edit.mesh("ball", **hg.shapes.sphere(0.44, 96))
-    stripes = np.where(np.arange(16)[None, :, None] % 2 == 0, 0.75, 0.08)
-    edit.texture("stripes", np.broadcast_to(stripes, (1, 16, 3)).astype("f4"), filter="nearest")
-    edit.material("wall/material", base_color="stripes", roughness=0.8)
     wall = edit.mesh("wall/mesh", **hg.shapes.plane(9))
     turn = np.array([[1, 0, 0, 0], [0, 0, -1, 1], [0, 1, 0, 0], [0, 0, 0, 1.0]])
     edit.entity("wall", mesh=wall, material="wall/material", transform=turn)
-    for i, (name, row) in enumerate(ROWS):
-        for j in range(COLUMNS):
-            material = edit.material(f"{name}/{j}/material", **row(j / (COLUMNS - 1)))
-            at = (j - (COLUMNS - 1) / 2, 0, (len(ROWS) - 1) / 2 - i)
+    for i, (name, row) in enumerate(rows):
+        for j in range(columns):
+            material = edit.material(f"{name}/{j}/material", **row(j / (columns - 1)))
+            at = (j - (columns - 1) / 2, 0, (len(rows) - 1) / 2 - i)
             edit.entity(f"{name}/{j}", mesh=ball, material=material, transform=hg.Pose(at))
-    lens = hg.Camera.orthographic(SIZE[0] / COLUMNS, *SIZE)
+    lens = hg.Camera.orthographic(size[0] / columns, *size)
     pose = hg.look_at((0, -8, 0), (0, 0, 0), (0, 0, 1))
     return edit.entity("camera", camera=lens, transform=pose)
+
+
+def build(edit: hg.Edits) -> hg.Entity:
+    edit.texture("dimples", dimples())
+    stripes = np.where(np.arange(16)[None, :, None] % 2 == 0, 0.75, 0.08)
+    edit.texture("stripes", np.broadcast_to(stripes, (1, 16, 3)).astype("f4"), filter="nearest")
+    edit.material("wall/material", base_color="stripes", roughness=0.8)
+    return show(edit, ROWS, COLUMNS, SIZE)
 
 
 def main(out: Path, spp: int) -> None:

@@ -8,26 +8,6 @@ using namespace heliograph::test;
 
 namespace {
 
-/// A closed box about the origin.
-TestMesh block(vec3 half) {
-  TestMesh m;
-  for (int axis = 0; axis < 3; ++axis) {
-    for (const float side : {-1.0f, 1.0f}) {
-      vec3 n(0), t(0);
-      n[axis] = side;
-      t[(axis + 1) % 3] = side;
-      const vec3 b = cross(n, t);
-      const u32 first = u32(m.positions.size());
-      for (const vec2 c : {vec2(-1, -1), vec2(1, -1), vec2(1, 1), vec2(-1, 1)}) {
-        m.positions.push_back((n + t * c.x + b * c.y) * half);
-      }
-      m.triangles.push_back({first, first + 1, first + 2});
-      m.triangles.push_back({first, first + 2, first + 3});
-    }
-  }
-  return m;
-}
-
 /// The boundary of a medium: glass of some index.
 MaterialView clear(float ior = 1) {
   MaterialView m = standard_material();

@@ -45,6 +45,29 @@ inline TestMesh rectangle(float half_x, float half_y) {
   return m;
 }
 
+/// A closed box from one corner to another.
+inline TestMesh block(vec3 lower, vec3 upper) {
+  TestMesh m;
+  for (int axis = 0; axis < 3; ++axis) {
+    for (const float side : {-1.0f, 1.0f}) {
+      vec3 n(0), t(0);
+      n[axis] = side;
+      t[(axis + 1) % 3] = side;
+      const vec3 b = cross(n, t);
+      const u32 first = u32(m.positions.size());
+      for (const vec2 c : {vec2(-1, -1), vec2(1, -1), vec2(1, 1), vec2(-1, 1)}) {
+        const vec3 p = (n + t * c.x + b * c.y) * 0.5f + 0.5f;
+        m.positions.push_back(lower + (upper - lower) * p);
+      }
+      m.triangles.push_back({first, first + 1, first + 2});
+      m.triangles.push_back({first, first + 2, first + 3});
+    }
+  }
+  return m;
+}
+/// One about the origin.
+inline TestMesh block(vec3 half) { return block(-half, half); }
+
 /// A unit sphere of 2 * rings^2 * 2 triangles with smooth normals, facing outwards.
 inline TestMesh sphere(u32 rings, bool smooth = true) {
   TestMesh m;

@@ -31,7 +31,7 @@ std::vector<kernels::CasterView> find_casters(const Placement& placement,
     const kernels::InstanceView& instance = placement.instances[i];
     const DeviceMesh& mesh = *placement.meshes[instance.mesh];
     const auto parts =
-        std::span(structure.part_materials).subspan(instance.first_part, mesh.view().part_count);
+        std::span(structure.part_materials).subspan(instance.first_part, mesh.topology->part_count);
     const bool caster = std::ranges::any_of(
         parts, [&](u32 material) { return focuses(materials.materials[material]); });
     if (!caster || !(instance.visibility & kernels::kDiffuseRay) || mesh.rest.empty()) continue;
