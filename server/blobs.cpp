@@ -15,41 +15,6 @@ constexpr u64 kOverhead = 256;
 
 }  // namespace
 
-Status Budget::take(u64 bytes) {
-  u64 used = used_;
-  do {
-    const u64 available = limit_ - std::min(used, limit_);
-    if (bytes <= available) continue;
-    auto error = fail(Code::kResourceExhausted, "",
-                      fmt::format("needs {} bytes, {} are available; remove what is not used any "
-                                  "more, close other sessions, or raise the daemon's limit "
-                                  "blob_store_bytes",
-                                  bytes, available));
-    error.error().needed = bytes;
-    error.error().available = available;
-    return error;
-  } while (!used_.compare_exchange_weak(used, used + bytes));
-  return {};
-}
-
-Expected<Charge> Charge::take(std::shared_ptr<Budget> budget, u64 bytes) {
-  HELIO_TRY(budget->take(bytes));
-  Charge charge;
-  charge.budget_ = std::move(budget);
-  charge.bytes_ = bytes;
-  return charge;
-}
-
-Charge& Charge::operator=(Charge&& other) noexcept {
-  std::swap(budget_, other.budget_);
-  std::swap(bytes_, other.bytes_);
-  return *this;
-}
-
-Charge::~Charge() {
-  if (budget_) budget_->give_back(bytes_);
-}
-
 struct Incoming::Storage {
   std::unique_ptr<std::byte[]> bytes;
   u64 size = 0;
@@ -80,7 +45,8 @@ Expected<BufferPtr> Incoming::finish() {
       storage_, std::span<const std::byte>(storage_->bytes.get(), storage_->size));
 }
 
-Expected<Incoming> BlobStore::begin(std::string hash, u64 size) const {
+Expected<Incoming> BlobStore::begin(std::string hash, u64 size,
+                                    std::shared_ptr<Budget> budget) const {
   if (!hash.empty() && hash.size() != 32)
     return fail(Code::kInvalidArgument, "sha256",
                 fmt::format("has {} bytes; a SHA-256 has 32", hash.size()));
@@ -93,7 +59,7 @@ Expected<Incoming> BlobStore::begin(std::string hash, u64 size) const {
     error.error().available = limits_.blob_bytes;
     return error;
   }
-  auto charge = Charge::take(budget_, size + kOverhead);
+  auto charge = Charge::take(std::move(budget), size + kOverhead);
   if (!charge) return std::unexpected(std::move(charge).error().at("size"));
   auto storage = std::make_shared<Incoming::Storage>();
   storage->bytes.reset(new (std::nothrow) std::byte[std::max<u64>(size, 1)]);

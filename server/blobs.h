@@ -1,7 +1,6 @@
 // Uploaded bytes, found by their SHA-256 and stored once. Used by sessions (holdings.h).
 #pragma once
 
-#include <atomic>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -10,37 +9,10 @@
 
 #include "renderer/base/array.h"
 #include "renderer/base/error.h"
+#include "server/budget.h"
 #include "server/hash.h"
 
 namespace heliograph::server {
-
-/// Bytes that may be in use, and how many are. Thread: any.
-class Budget {
- public:
-  explicit Budget(u64 limit) : limit_(limit) {}
-  /// RESOURCE_EXHAUSTED with what is needed and what there is; nothing is taken then.
-  [[nodiscard]] Status take(u64 bytes);
-  void give_back(u64 bytes) { used_ -= bytes; }
-  [[nodiscard]] u64 used() const { return used_; }
-
- private:
-  const u64 limit_;
-  std::atomic<u64> used_ = 0;
-};
-
-/// A share of a budget, given back with its end.
-class Charge {
- public:
-  [[nodiscard]] static Expected<Charge> take(std::shared_ptr<Budget> budget, u64 bytes);
-  Charge() = default;
-  Charge(Charge&& other) noexcept = default;
-  Charge& operator=(Charge&& other) noexcept;
-  ~Charge();
-
- private:
-  std::shared_ptr<Budget> budget_;
-  u64 bytes_ = 0;
-};
 
 struct BlobLimits {
   u64 bytes = 8ull << 30;  // of all blobs and uploads alive, those that scenes refer to included
@@ -75,17 +47,23 @@ class Incoming {
 class BlobStore {
  public:
   explicit BlobStore(BlobLimits limits)
-      : limits_(limits), budget_(std::make_shared<Budget>(limits.bytes)) {}
+      : limits_(limits),
+        budget_(std::make_shared<Budget>(
+            limits.bytes,
+            Budget::Words{"bytes", "remove what is not used any more, close other sessions",
+                          "blob_store_bytes"})) {}
 
-  /// Room for `size` bytes. `hash` is what they must hash to; "": anything.
+  /// Room for `size` bytes, taken from `budget`. `hash` is what they must hash to; "": anything.
   /// Fails with INVALID_ARGUMENT, RESOURCE_EXHAUSTED.
-  [[nodiscard]] Expected<Incoming> begin(std::string hash, u64 size) const;
+  [[nodiscard]] Expected<Incoming> begin(std::string hash, u64 size,
+                                         std::shared_ptr<Budget> budget) const;
   /// The blob of this hash, or null.
   [[nodiscard]] BufferPtr find(std::string_view hash) const;
   /// The Buffer that stands for this content from now on: `buffer`, or one that was there before.
   [[nodiscard]] BufferPtr put(const std::string& hash, BufferPtr buffer);
 
   [[nodiscard]] const BlobLimits& limits() const { return limits_; }
+  /// Of all blobs; a tenant's is a part of it.
   [[nodiscard]] const std::shared_ptr<Budget>& budget() const { return budget_; }
 
  private:

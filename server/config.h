@@ -36,7 +36,16 @@ enum ExitCode : int {
   X(blob_bytes, 4ull << 30, "bytes of one uploaded blob")                               \
   X(blob_store_bytes, 16ull << 30, "bytes of all blobs and assets")                     \
   X(frame_bytes, 4ull << 30, "bytes of all frames of one request")                      \
+  X(credits, 64, "frames or items of one call in work or on their way")                 \
+  X(waiting_bytes, 64ull << 20, "bytes of one call's requests that wait")               \
+  X(stall_seconds, 30, "seconds a reader may take nothing of what waits for it")        \
   X(samples, 1ull << 20, "samples a pixel")                                             \
+  X(tenant_bytes, 16ull << 30, "bytes of a tenant's uploads, blobs, assets and arrays") \
+  X(tenant_entities, 64'000'000, "entities of all scenes of a tenant")                  \
+  X(tenant_streams, 256, "open Streams and RenderBatches of a tenant")                  \
+  X(tenant_jobs, 256, "render jobs of a tenant that wait or run")                       \
+  X(tenant_edits_per_second, 1'000'000, "edits a second, on average over 10 s")         \
+  X(tenant_samples_per_second, 100'000'000'000, "samples of all pixels a second, same") \
   X(groups, 64, "light groups of one request")                                          \
   X(edits, 1'000'000, "edits of one transaction")                                       \
   X(replies, 1024, "replies kept for each session and scene, to answer retries")        \

@@ -43,6 +43,7 @@ Daemon::Daemon(Config settings, std::string token, std::unique_ptr<EventLoop> ev
       pool(std::clamp(std::thread::hardware_concurrency(), 2u, 16u), u32(config.limits.pool_queue)),
       scenes(pool, scene_options(config.limits)),
       blobs({.bytes = config.limits.blob_store_bytes, .blob_bytes = config.limits.blob_bytes}),
+      tenants(config.limits, blobs.budget()),
       sessions(*loop, session_options(config), {blobs, assets},
                [this](const Session& session) {
                  log.info("session ended", {{"client", session.client()}});

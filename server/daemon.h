@@ -7,6 +7,7 @@
 #include "server/asset_root.h"
 #include "server/assets.h"
 #include "server/blobs.h"
+#include "server/call_watch.h"
 #include "server/config.h"
 #include "server/decode/decoder.h"
 #include "server/engine_slot.h"
@@ -28,9 +29,11 @@ struct Daemon {
   WorkPool pool;
   Scenes scenes;
   BlobStore blobs;
+  Tenants tenants;
   AssetStore assets;
   Sessions sessions;
   Gate gate;
+  CallWatch watch;
   std::unique_ptr<Lifelines> lifelines;
   std::unique_ptr<EngineSlot> engine;
   AssetRoot asset_root;

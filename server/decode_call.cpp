@@ -108,7 +108,7 @@ DecodeCall::Result DecodeCall::store(const Decoded& decoded) {
     stored->texels = decoded.image->texels;
     stored->info = to_info(*decoded.image, decoded.image_srgb, *blob);
   } else {
-    auto charge = Charge::take(daemon_.blobs.budget(), decoded.bytes);
+    auto charge = Charge::take(call_.session()->tenant()->bytes, decoded.bytes);
     if (!charge) return std::unexpected(charge.error());
     stored->charge = std::move(*charge);
     stored->asset = decoded.asset;

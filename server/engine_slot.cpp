@@ -1,17 +1,21 @@
 // Starting the engine and rendering its first pixel. Called by main.
 #include "server/engine_slot.h"
 
+#include <algorithm>
+
 #include "renderer/scene/scene.h"
 
 namespace heliograph::server {
 namespace {
+
+constexpr double kSoonest = 0.01;  // seconds: nobody is asked to retry faster
 
 class ProbeSink final : public JobSink {
  public:
   explicit ProbeSink(std::function<void(Status)> done) : done_(std::move(done)) {}
   void progress(const Progress&) override {}
   void frame(std::shared_ptr<const Frame> frame) override { frames_ += frame ? 1u : 0u; }
-  void done(Status status) override {
+  void done(Status status, const Spent&) override {
     if (status && frames_ == 0) status = fail(Code::kInternal, "", "the engine gave no frame");
     done_(status);
   }
@@ -90,10 +94,20 @@ Expected<Engine*> EngineSlot::wait() const {
               "the render engine could not be started: " + engine.error().message);
 }
 
+double retry_seconds(const Engine& engine) {
+  return std::max(engine.load().seconds_a_job, kSoonest);
+}
+
 Status check_queue(const Engine& engine, u64 limit) {
-  if (engine.queued() < limit) return {};
-  return fail(Code::kResourceExhausted, "",
-              fmt::format("{} jobs wait already; retry later (limit jobs)", limit));
+  const Load load = engine.load();
+  if (load.jobs < limit) return {};
+  Error error{.code = Code::kResourceExhausted,
+              .message = fmt::format("{} jobs wait already; retry later (limit jobs)", limit),
+              .where = ""};
+  error.needed = load.jobs + 1;
+  error.available = limit;
+  error.retry_seconds = retry_seconds(engine);
+  return std::unexpected(std::move(error));
 }
 
 }  // namespace heliograph::server

@@ -42,6 +42,8 @@ class EngineSlot {
   std::thread thread_;
 };
 
+/// When a job that runs will have made room: the seconds a job takes.
+[[nodiscard]] double retry_seconds(const Engine& engine);
 /// RESOURCE_EXHAUSTED when as many jobs wait as `limit` allows.
 [[nodiscard]] Status check_queue(const Engine& engine, u64 limit);
 

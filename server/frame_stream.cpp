@@ -8,18 +8,19 @@
 
 namespace heliograph::server {
 
-std::shared_ptr<FrameStream> FrameStream::start(grpc::CallbackServerContext& context, Call call,
-                                                const Limits& limits) {
+std::shared_ptr<FrameStream> FrameStream::start(Daemon& daemon,
+                                                grpc::CallbackServerContext& context, Call call) {
   std::shared_ptr<FrameStream> stream(
-      new FrameStream(context, std::move(call), limits.chunk_bytes));
+      new FrameStream(context, std::move(call), daemon.config.limits));
   stream->self_ = stream;
+  daemon.watch.add(stream);
   return stream;
 }
 
-FrameStream::FrameStream(grpc::CallbackServerContext& context, Call call, u64 chunk_bytes)
-    : context_(context), call_(std::move(call)), chunk_bytes_(chunk_bytes) {
-  on_session_end_.emplace(call_.session()->ended(), [this] { stop_.request_stop(); });
-}
+FrameStream::FrameStream(grpc::CallbackServerContext& context, Call call, const Limits& limits)
+    : scope_(context, std::move(call)),
+      stall_seconds_(double(limits.stall_seconds)),
+      cutter_(limits.chunk_bytes) {}
 
 void FrameStream::progress(const Progress& progress) {
   {
@@ -40,7 +41,7 @@ void FrameStream::frame(std::shared_ptr<const Frame> frame) {
   pump();
 }
 
-void FrameStream::done(Status status) {
+void FrameStream::done(Status status, const Spent&) {
   {
     const std::lock_guard lock(mutex_);
     result_ = std::move(status);
@@ -53,13 +54,17 @@ void FrameStream::OnWriteDone(bool ok) {
     const std::lock_guard lock(mutex_);
     is_writing_ = false;
   }
-  if (!ok) stop_.request_stop();  // the job's done() finishes the call
+  if (!ok) scope_.request_stop();  // the job's done() finishes the call
   pump();
 }
 
-void FrameStream::OnDone() {
-  on_session_end_.reset();
-  self_.reset();
+void FrameStream::look(EventLoop::Clock::time_point now) {
+  bool is_stuck;
+  {
+    const std::lock_guard lock(mutex_);
+    is_stuck = is_writing_ && standstill_.is_longer_than(stall_seconds_, now);
+  }
+  if (is_stuck) scope_.context().TryCancel();
 }
 
 /// Starts the next write, or finishes. The one place that does either.
@@ -68,10 +73,10 @@ void FrameStream::pump() {
   {
     const std::lock_guard lock(mutex_);
     if (is_writing_ || is_finished_) return;
-    const bool is_stopped = stop_.stop_requested();
-    if (is_stopped) frames_.clear(), sending_.reset(), progress_.reset();
+    if (scope_.is_stopped()) frames_.clear(), cutter_.drop(), progress_.reset();
     if (next_part()) {
       is_writing_ = true;
+      standstill_.moved();
     } else if (result_) {
       result = result_;
       is_finished_ = true;
@@ -80,16 +85,13 @@ void FrameStream::pump() {
     }
   }
   if (!result) return StartWrite(&part_);
-  Finish(to_status(*result, context_));
+  Finish(to_status(*result, scope_.context()));
 }
 
 bool FrameStream::next_part() {
-  if (sending_) {
-    cut_chunk();
-    return true;
-  }
+  if (cutter_.next(part_)) return true;
   if (!frames_.empty()) {
-    begin_frame(std::move(frames_.front()));
+    cutter_.begin({std::move(frames_.front()), make_header_}, part_);
     frames_.pop_front();
     return true;
   }
@@ -97,21 +99,6 @@ bool FrameStream::next_part() {
   *part_.mutable_progress() = to_proto(*progress_);
   progress_.reset();
   return true;
-}
-
-void FrameStream::begin_frame(std::shared_ptr<const Frame> frame) {
-  *part_.mutable_header() = make_header_(*frame);
-  plane_ = 0;
-  offset_ = 0;
-  if (!frame->planes.empty()) sending_ = std::move(frame);
-}
-
-void FrameStream::cut_chunk() {
-  *part_.mutable_chunk() = to_chunk(*sending_, plane_, offset_, chunk_bytes_);
-  offset_ += part_.chunk().chunk().size();
-  if (offset_ < sending_->planes[plane_].pixels.size()) return;
-  offset_ = 0;
-  if (++plane_ == sending_->planes.size()) sending_.reset();
 }
 
 }  // namespace heliograph::server

@@ -3,16 +3,15 @@
 #pragma once
 
 #include <deque>
-#include <functional>
-#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
 
-#include "heliograph/v1/render.pb.h"
 #include "renderer/engine/engine.h"
-#include "server/config.h"
-#include "server/rpc.h"
+#include "server/call_scope.h"
+#include "server/call_watch.h"
+#include "server/daemon.h"
+#include "server/frame_cutter.h"
 
 namespace heliograph::server {
 
@@ -23,53 +22,47 @@ namespace heliograph::server {
 /// the frames of its own job and stalls nobody.
 /// Thread: any; sink calls come from the device thread and do not block.
 /// Lifetime: holds itself until gRPC is done; the engine holds it as its sink.
-class FrameStream final : public grpc::ServerWriteReactor<v1::FramePart>, public JobSink {
+class FrameStream final : public grpc::ServerWriteReactor<v1::FramePart>,
+                          public JobSink,
+                          public Watched {
  public:
-  using MakeHeader = std::function<v1::FrameHeader(const Frame&)>;
+  using MakeHeader = decltype(OutgoingFrame::make_header);
 
-  [[nodiscard]] static std::shared_ptr<FrameStream> start(grpc::CallbackServerContext& context,
-                                                          Call call, const Limits& limits);
+  [[nodiscard]] static std::shared_ptr<FrameStream> start(Daemon& daemon,
+                                                          grpc::CallbackServerContext& context,
+                                                          Call call);
 
   /// How headers are made; set once, before the engine has the sink.
   void set_header(MakeHeader make_header) { make_header_ = std::move(make_header); }
-  [[nodiscard]] const std::shared_ptr<Session>& session() const { return call_.session(); }
-  /// When the client gives up.
-  [[nodiscard]] std::optional<std::chrono::steady_clock::time_point> deadline() const {
-    return deadline_of(context_);
-  }
-  /// Stops when the client cancels, its deadline passes, or the session ends.
-  [[nodiscard]] std::stop_token stop() const { return stop_.get_token(); }
+  [[nodiscard]] const CallScope& scope() const { return scope_; }
 
   void progress(const Progress& progress) override;
   void frame(std::shared_ptr<const Frame> frame) override;
-  void done(Status status) override;
+  void done(Status status, const Spent& spent) override;
+  /// Ends the call before the engine has it.
+  void refuse(const Status& status) { done(status, {}); }
 
   void OnWriteDone(bool ok) override;
-  void OnCancel() override { stop_.request_stop(); }
-  void OnDone() override;
+  void OnCancel() override { scope_.request_stop(); }
+  void OnDone() override { self_.reset(); }
+  void look(EventLoop::Clock::time_point now) override;
 
  private:
-  FrameStream(grpc::CallbackServerContext& context, Call call, u64 chunk_bytes);
+  FrameStream(grpc::CallbackServerContext& context, Call call, const Limits& limits);
   void pump();
   [[nodiscard]] bool next_part();  // fills part_; under mutex_
-  void begin_frame(std::shared_ptr<const Frame> frame);
-  void cut_chunk();
 
-  grpc::CallbackServerContext& context_;
-  Call call_;
-  const u64 chunk_bytes_;
+  CallScope scope_;
+  const double stall_seconds_;
   MakeHeader make_header_;
-  std::stop_source stop_;
-  std::optional<std::stop_callback<std::function<void()>>> on_session_end_;
   std::shared_ptr<FrameStream> self_;  // until OnDone
 
   std::mutex mutex_;
   std::optional<Progress> progress_;
   std::deque<std::shared_ptr<const Frame>> frames_;
   std::optional<Status> result_;
-  std::shared_ptr<const Frame> sending_;
-  u32 plane_ = 0;   // of sending_
-  u64 offset_ = 0;  // bytes into that plane
+  FrameCutter cutter_;
+  Standstill standstill_;
   bool is_writing_ = false;
   bool is_finished_ = false;
   v1::FramePart part_;

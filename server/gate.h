@@ -53,6 +53,7 @@ class Gate {
 
   /// From now on new work is refused.
   void close() { is_closed_ = true; }
+  [[nodiscard]] bool is_closed() const { return is_closed_; }
   /// Calls in flight, without KeepSession.
   [[nodiscard]] u32 active() const { return *active_; }
 

@@ -10,12 +10,6 @@
 namespace heliograph::server {
 namespace {
 
-BufferPtr copy(std::string_view bytes) {
-  auto owner = std::make_shared<std::vector<std::byte>>(bytes.size());
-  if (!bytes.empty()) std::memcpy(owner->data(), bytes.data(), bytes.size());
-  return std::make_shared<const Buffer>(owner, std::span<const std::byte>(*owner));
-}
-
 /// The blob that an array names.
 Expected<BufferPtr> find_blob(Holdings& holdings, const std::string& hash) {
   BufferPtr buffer;
@@ -24,7 +18,23 @@ Expected<BufferPtr> find_blob(Holdings& holdings, const std::string& hash) {
   return buffer;
 }
 
+/// Bytes of a message, and their share of the owner's budget.
+struct Copied {
+  std::vector<std::byte> bytes;
+  Charge charge;
+};
+
 }  // namespace
+
+Expected<BufferPtr> Holdings::copy(std::string_view bytes) const {
+  auto charge = Charge::take(budget_, bytes.size());
+  if (!charge) return std::unexpected(std::move(charge).error());
+  auto owner = std::make_shared<Copied>();
+  owner->charge = std::move(*charge);
+  owner->bytes.resize(bytes.size());
+  if (!bytes.empty()) std::memcpy(owner->bytes.data(), bytes.data(), bytes.size());
+  return std::make_shared<const Buffer>(owner, std::span<const std::byte>(owner->bytes));
+}
 
 Expected<std::optional<Incoming>> Holdings::begin(const v1::UploadBlobRequest& first) {
   const std::string& hash = first.sha256();
@@ -41,7 +51,7 @@ Expected<std::optional<Incoming>> Holdings::begin(const v1::UploadBlobRequest& f
     const std::lock_guard lock(mutex_);
     if (uploads_.contains(first.request_id())) return std::nullopt;
   }
-  auto incoming = blobs_.begin(hash, first.size());
+  auto incoming = blobs_.begin(hash, first.size(), budget_);
   if (!incoming) return std::unexpected(std::move(incoming).error());
   return std::optional(std::move(*incoming));
 }
@@ -60,7 +70,7 @@ Status Holdings::finish(const v1::UploadBlobRequest& first, Incoming incoming) {
 }
 
 Expected<std::string> Holdings::hold(BufferPtr bytes) {
-  auto charge = Charge::take(blobs_.budget(), bytes->bytes().size());
+  auto charge = Charge::take(budget_, bytes->bytes().size());
   if (!charge) return std::unexpected(std::move(charge).error());
   std::string hash = sha256(bytes->bytes());
   BufferPtr present = blobs_.put(hash, std::move(bytes));

@@ -21,7 +21,10 @@ namespace heliograph::server {
 /// Thread: any; one mutex, held for a look-up. The stores outlive it.
 class Holdings final : public ArraySource {
  public:
-  Holdings(BlobStore& blobs, AssetStore& assets) : blobs_(blobs), assets_(assets) {}
+  /// `budget`: of the owner's bytes.
+  Holdings(BlobStore& blobs, AssetStore& assets, std::shared_ptr<Budget> budget)
+      : blobs_(blobs), assets_(assets), budget_(std::move(budget)) {}
+  Holdings(BlobStore& blobs, AssetStore& assets) : Holdings(blobs, assets, blobs.budget()) {}
 
   /// Begins an upload by its first message. nullopt: the bytes are here already, and are held from
   /// now on.
@@ -40,10 +43,12 @@ class Holdings final : public ArraySource {
   [[nodiscard]] Expected<BufferPtr> blob(std::string_view hash);
 
  private:
+  [[nodiscard]] Expected<BufferPtr> copy(std::string_view bytes) const;
   [[nodiscard]] Expected<BufferPtr> take_upload(const std::string& request_id);
 
   BlobStore& blobs_;
   AssetStore& assets_;
+  const std::shared_ptr<Budget> budget_;
   std::mutex mutex_;
   std::map<std::string, BufferPtr, std::less<>> held_;                             // by hash
   std::map<std::string, Charge, std::less<>> charges_;                             // of hold()

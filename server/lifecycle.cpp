@@ -138,6 +138,7 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
   auto grpc = GrpcServer::start(service_, config);
   if (!grpc) return std::unexpected(grpc.error());
   grpc_ = std::move(*grpc);
+  daemon_.watch.start(*daemon_.loop);
   HELIO_TRY(start_listening(std::move(sockets)));
   HELIO_TRY(watch_signals(std::move(signals)));
   return watch_owner();

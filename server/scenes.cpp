@@ -19,16 +19,45 @@ std::unexpected<Error> not_found(u64 id) {
 
 Expected<Prepared> SceneEntry::commit(const Transaction& transaction,
                                       std::optional<Revision> expected) {
-  const std::lock_guard lock(commit_mutex_);
-  auto prepared = scene.prepare(transaction, expected);
-  if (prepared) scene.publish(*prepared);
+  Expected<Prepared> prepared;
+  {
+    const std::lock_guard lock(commit_mutex_);
+    prepared = scene.prepare(transaction, expected);
+    if (!prepared) return prepared;
+    if (auto room = entities_.resize(prepared->snapshot->entities.count()); !room) {
+      scene.drop_pending();
+      return std::unexpected(std::move(room).error().at("edits"));
+    }
+    scene.publish(*prepared);
+  }
+  tell(prepared->snapshot->revision);
   return prepared;
+}
+
+SceneEntry::Watch SceneEntry::watch(std::function<void(Revision)> told) {
+  auto watch = std::make_shared<const std::function<void(Revision)>>(std::move(told));
+  const std::lock_guard lock(mutex_);
+  watches_.push_back(watch);
+  return watch;
+}
+
+void SceneEntry::tell(Revision revision) {
+  std::vector<Watch> told;
+  {
+    const std::lock_guard lock(mutex_);
+    std::erase_if(watches_, [](const auto& watch) { return watch.expired(); });
+    for (const auto& watch : watches_)
+      if (auto found = watch.lock()) told.push_back(std::move(found));
+  }
+  for (const Watch& watch : told) (*watch)(revision);
 }
 
 Expected<ScenePtr> Scenes::create(NewScene scene, u64 session) {
   if (scene.name.size() > kNameBytes)
     return fail(Code::kInvalidArgument, "name", fmt::format("is longer than {} bytes", kNameBytes));
   const u64 owner = scene.is_shared ? 0 : session;
+  auto entities = Charge::take(std::move(scene.entities), scene.first->entities.count());
+  if (!entities) return std::unexpected(std::move(entities).error());
   const std::lock_guard lock(mutex_);
   if (!scene.name.empty() && named(scene.name, session))
     return fail(Code::kAlreadyExists, "name",
@@ -36,8 +65,9 @@ Expected<ScenePtr> Scenes::create(NewScene scene, u64 session) {
   if (scenes_.size() >= options_.limit)
     return fail(Code::kResourceExhausted, "",
                 fmt::format("{} scenes exist; delete one (limit scenes)", scenes_.size()));
-  auto entry = std::make_shared<SceneEntry>(++last_id_, std::move(scene.name), owner,
-                                            std::move(scene.first), options_.scene);
+  auto entry =
+      std::make_shared<SceneEntry>(SceneEntry::Identity{++last_id_, std::move(scene.name), owner},
+                                   std::move(*entities), std::move(scene.first), options_.scene);
   scenes_.emplace(entry->id, entry);
   return entry;
 }

@@ -17,17 +17,28 @@ namespace heliograph::server {
 /// A scene and who may see it. Thread: any.
 class SceneEntry {
  public:
-  SceneEntry(u64 scene_id, std::string scene_name, u64 scene_owner,
-             std::shared_ptr<const Snapshot> first, const SceneLimits& limits)
-      : id(scene_id),
-        name(std::move(scene_name)),
-        owner(scene_owner),
-        scene(std::move(first), limits) {}
+  struct Identity {
+    u64 id = 0;
+    std::string name;
+    u64 owner = 0;
+  };
+  SceneEntry(Identity identity, Charge entities, std::shared_ptr<const Snapshot> first,
+             const SceneLimits& limits)
+      : id(identity.id),
+        name(std::move(identity.name)),
+        owner(identity.owner),
+        scene(std::move(first), limits),
+        entities_(std::move(entities)) {}
 
   const u64 id;
   const std::string name;  // "": anonymous
   const u64 owner;         // the session that a private scene dies with; 0: shared
   Scene scene;
+
+  /// A token of interest: while it is held, `told` is called with each new revision, from the
+  /// thread that published it; it must be quick.
+  using Watch = std::shared_ptr<const std::function<void(Revision)>>;
+  [[nodiscard]] Watch watch(std::function<void(Revision)> told);
 
   /// Prepares and publishes. Sessions that edit one shared scene wait for each other here.
   [[nodiscard]] Expected<Prepared> commit(const Transaction& transaction,
@@ -38,9 +49,13 @@ class SceneEntry {
 
  private:
   friend class Scenes;
+  void tell(Revision revision);
+
   std::mutex commit_mutex_;
+  Charge entities_;  // guarded by commit_mutex_
   std::mutex mutex_;
   std::unordered_map<u64, std::shared_ptr<EditLog>> edits_;  // by session
+  std::vector<std::weak_ptr<const std::function<void(Revision)>>> watches_;
 };
 using ScenePtr = std::shared_ptr<SceneEntry>;
 
@@ -48,6 +63,7 @@ struct NewScene {
   std::string name;
   bool is_shared = false;
   std::shared_ptr<const Snapshot> first;
+  std::shared_ptr<Budget> entities;  // of the tenant that makes it
 };
 
 /// Thread: any. A name is unique among the scenes that a session sees.

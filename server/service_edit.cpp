@@ -24,6 +24,9 @@ v1::ApplyReply to_reply(u64 number, const Prepared& prepared) {
 Expected<v1::ApplyReply> apply_now(Session& session, SceneEntry& entry,
                                    const v1::ApplyRequest& request) {
   HELIO_TRY(check_own_fields(request));  // those of the transaction are checked by it
+  Rate& edits = session.tenant()->edits;
+  HELIO_TRY(edits.admit());
+  edits.charge(u64(request.transaction().edits_size()));
   const auto transaction = to_transaction(request.transaction(), session.holdings());
   if (!transaction) return std::unexpected(transaction.error());
   const auto expected = request.has_expected_revision()

@@ -43,7 +43,8 @@ class ImportCall final : public Reader<v1::SceneChunk> {
     auto made = rebuild(scene.description, daemon_.scenes.scene_limits());
     if (!made) return std::unexpected(std::move(made).error().at("header"));
     const u64 session = call_.session()->id();
-    auto entry = daemon_.scenes.create({scene.name, scene.shared, *std::move(made)}, session);
+    auto entry = daemon_.scenes.create(
+        {scene.name, scene.shared, *std::move(made), call_.session()->tenant()->entities}, session);
     if (!entry) return std::unexpected(entry.error());
     return scene_info(daemon_.scenes, **entry, session);
   }

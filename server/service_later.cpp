@@ -18,15 +18,4 @@ Writer<v1::WatchReply>* Service::Watch(Context* context, const v1::WatchRequest*
       *context, missing("Watch", "poll DescribeScene for the revision"));
 }
 
-grpc::ServerBidiReactor<v1::StreamRequest, v1::FramePart>* Service::Stream(Context* context) {
-  return new Refusal<grpc::ServerBidiReactor<v1::StreamRequest, v1::FramePart>>(
-      *context, missing("Stream", "call Render for each frame, or with `progressive`"));
-}
-
-grpc::ServerBidiReactor<v1::RenderBatchRequest, v1::RenderBatchReply>* Service::RenderBatch(
-    Context* context) {
-  return new Refusal<grpc::ServerBidiReactor<v1::RenderBatchRequest, v1::RenderBatchReply>>(
-      *context, missing("RenderBatch", "call Render with an `overlay` for each item"));
-}
-
 }  // namespace heliograph::server

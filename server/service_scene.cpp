@@ -20,6 +20,7 @@ Status check_durability(const std::string& durability) {
 }
 
 Expected<v1::SceneInfo> create(Daemon& daemon, const Session& session, NewScene scene) {
+  scene.entities = session.tenant()->entities;
   auto entry = daemon.scenes.create(std::move(scene), session.id());
   if (!entry) return std::unexpected(entry.error());
   return scene_info(daemon.scenes, **entry, session.id());
@@ -29,7 +30,7 @@ Expected<v1::SceneInfo> create_scene(Daemon& daemon, const Session& session,
                                      const v1::CreateSceneRequest& request) {
   HELIO_TRY(check_durability(request.durability()));
   return create(daemon, session,
-                {request.name(), request.shared(), std::make_shared<const Snapshot>()});
+                {request.name(), request.shared(), std::make_shared<const Snapshot>(), {}});
 }
 
 Expected<v1::SceneInfo> branch_scene(Daemon& daemon, const Session& session,
@@ -39,7 +40,7 @@ Expected<v1::SceneInfo> branch_scene(Daemon& daemon, const Session& session,
   auto snapshot = snapshot_at(
       **parent, request.has_revision() ? std::optional(request.revision()) : std::nullopt);
   if (!snapshot) return std::unexpected(std::move(snapshot).error().at("revision"));
-  return create(daemon, session, {request.name(), request.shared(), std::move(*snapshot)});
+  return create(daemon, session, {request.name(), request.shared(), std::move(*snapshot), {}});
 }
 
 Expected<v1::DeleteSceneReply> delete_scene(Daemon& daemon, const Session& session,

@@ -28,6 +28,8 @@ void describe_server(const Daemon& daemon, v1::GetServerInfoReply& reply) {
                                                : std::thread::hardware_concurrency());
   for (const auto& [name, value] : list_limits(daemon.config.limits))
     (*reply.mutable_limits())[name] = value;
+  for (const auto& [name, amount] : daemon.tenants.of_caller()->used())
+    (*reply.mutable_used())[name] = amount;
   reply.set_ready(daemon.engine->is_ready());
   if (daemon.decoder)
     describe_decoder(**daemon.decoder, reply);
@@ -62,7 +64,7 @@ class KeepSessionStream final : public Writer<v1::KeepSessionReply> {
 
 Expected<std::shared_ptr<Session>> open_session(Daemon& daemon,
                                                 const v1::OpenSessionRequest& request) {
-  auto session = daemon.sessions.open(request.client());
+  auto session = daemon.sessions.open({request.client(), daemon.tenants.of_caller()});
   if (!session || request.ticket().empty()) return session;
   const u64 id = (*session)->id();
   daemon.sessions.attach(id);

@@ -24,12 +24,12 @@ Status Session::begin_call() {
   return std::unexpected(std::move(error));
 }
 
-Expected<std::shared_ptr<Session>> Sessions::open(std::string client) {
+Expected<std::shared_ptr<Session>> Sessions::open(SessionOwner owner) {
   u64 id = 0;
   while (id == 0)
     if (::getrandom(&id, sizeof id, 0) != sizeof id)
       return fail(Code::kInternal, "", "no random numbers");
-  auto session = std::make_shared<Session>(id, std::move(client), options_.session, stores_);
+  auto session = std::make_shared<Session>(id, std::move(owner), options_.session, stores_);
   {
     const std::lock_guard lock(mutex_);
     if (open_.size() >= options_.limit)

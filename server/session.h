@@ -12,6 +12,7 @@
 #include "server/event_loop.h"
 #include "server/holdings.h"
 #include "server/request_log.h"
+#include "server/tenant.h"
 
 namespace heliograph::server {
 
@@ -21,6 +22,12 @@ struct Stores {
   AssetStore& assets;
 };
 
+/// Who opens a session.
+struct SessionOwner {
+  std::string client;  // free text, for logs
+  TenantPtr tenant;
+};
+
 /// Thread: any. Lives as long as a call of it runs, even after it was closed.
 class Session {
  public:
@@ -28,15 +35,17 @@ class Session {
     u32 calls = 64;
     ReplyLimits replies;
   };
-  Session(u64 id, std::string client, Limits limits, Stores stores)
+  Session(u64 id, SessionOwner owner, Limits limits, Stores stores)
       : id_(id),
-        client_(std::move(client)),
+        client_(std::move(owner.client)),
+        tenant_(std::move(owner.tenant)),
         limits_(limits),
         requests_(limits.replies),
-        holdings_(stores.blobs, stores.assets) {}
+        holdings_(stores.blobs, stores.assets, tenant_->bytes) {}
 
   [[nodiscard]] u64 id() const { return id_; }
   [[nodiscard]] const std::string& client() const { return client_; }
+  [[nodiscard]] const TenantPtr& tenant() const { return tenant_; }
   /// Stops when the session ends; its jobs stop with it.
   [[nodiscard]] std::stop_token ended() const { return stop_.get_token(); }
   [[nodiscard]] RequestLog& requests() { return requests_; }
@@ -51,6 +60,7 @@ class Session {
   friend class Sessions;
   const u64 id_;
   const std::string client_;
+  const TenantPtr tenant_;
   const Limits limits_;
   RequestLog requests_;
   Holdings holdings_;
@@ -75,7 +85,7 @@ class Sessions {
       : loop_(loop), options_(options), stores_(stores), ended_(std::move(ended)) {}
 
   /// Opens a session that nothing carries yet: its grace time starts.
-  [[nodiscard]] Expected<std::shared_ptr<Session>> open(std::string client);
+  [[nodiscard]] Expected<std::shared_ptr<Session>> open(SessionOwner owner);
   /// Null when it is not open.
   [[nodiscard]] std::shared_ptr<Session> find(u64 id) const;
   void attach(u64 id);

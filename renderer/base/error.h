@@ -37,6 +37,7 @@ struct Error {
   u64 needed = 0;
   u64 available = 0;
   u64 expected = 0;
+  double retry_seconds = 0;  // when it may work; 0: not known
 
   /// Prefixes the path: at("edits[3]") turns "mesh.indices" into "edits[3].mesh.indices", and
   /// at("ids") turns "[7]" into "ids[7]".

@@ -9,15 +9,27 @@
 #include <thread>
 
 #include "renderer/engine/check.h"
+#include "renderer/engine/fair_queue.h"
 #include "renderer/engine/runner.h"
 
 namespace heliograph {
 namespace {
 
+using Clock = std::chrono::steady_clock;
+
+/// How much a job counts in the mean of their seconds.
+constexpr double kNewest = 0.1;
 /// How often the device thread looks after jobs that wait for derived data, when it has no work.
 constexpr auto kIdleCheck = std::chrono::milliseconds(10);
 
-/// Something queued: a job or a query. Its owner calls exactly one of run() and refuse().
+/// The device as a job sees it.
+struct Device {
+  Backend& backend;
+  Denoiser& denoiser;
+  std::chrono::milliseconds slice;
+};
+
+/// A job or a query. Its owner calls step() until that says that it is done, or refuse() once.
 class Work {
  public:
   Work(std::shared_ptr<const Snapshot> snapshot, Interrupt interrupt)
@@ -25,11 +37,17 @@ class Work {
   virtual ~Work() = default;
   Work(const Work&) = delete;
   Work& operator=(const Work&) = delete;
-  virtual void run(Backend& backend, Denoiser& denoiser, std::chrono::milliseconds slice,
-                   const std::function<Status()>& between) = 0;
+  /// Runs for a slice; true when it is done. Its result is told by the next call, finish().
+  [[nodiscard]] virtual bool step(const Device& device) = 0;
+  virtual void finish() = 0;
   virtual void refuse(Error error) = 0;
+  [[nodiscard]] virtual const Origin& origin() const = 0;
+  /// Whether it goes in the lane of labels and queries.
+  [[nodiscard]] virtual bool is_short() const = 0;
   [[nodiscard]] const std::shared_ptr<const Snapshot>& snapshot() const { return snapshot_; }
   [[nodiscard]] const Interrupt& interrupt() const { return interrupt_; }
+
+  double seconds = 0;  // of the device, so far
 
  private:
   std::shared_ptr<const Snapshot> snapshot_;
@@ -53,17 +71,32 @@ class RenderWork final : public Work {
       : Work(job->snapshot, {std::move(stop), job->deadline}),
         job_(std::move(job)),
         sink_(std::move(sink)) {}
-  void run(Backend& backend, Denoiser& denoiser, std::chrono::milliseconds slice,
-           const std::function<Status()>& between) override {
-    sink_->done(guard([&] {
-      return Runner(job_, {backend, denoiser, *sink_, interrupt(), slice, between}).run();
-    }));
+  bool step(const Device& device) override {
+    result_ = guard([&]() -> Status {
+      if (!runner_)
+        runner_.emplace(job_, RunnerContext{device.backend, device.denoiser, *sink_, interrupt(),
+                                            device.slice});
+      is_done_ = runner_->step();
+      return is_done_ ? runner_->result() : Status{};
+    });
+    return is_done_ || !result_;
   }
-  void refuse(Error error) override { sink_->done(std::unexpected(std::move(error))); }
+  void finish() override { sink_->done(result_, spent()); }
+  void refuse(Error error) override { sink_->done(std::unexpected(std::move(error)), spent()); }
+  [[nodiscard]] const Origin& origin() const override { return job_->origin; }
+  [[nodiscard]] bool is_short() const override { return !wants_samples(*job_); }
 
  private:
+  [[nodiscard]] Spent spent() const {
+    if (!runner_) return {};
+    return {.samples = runner_->samples(), .rays = runner_->rays(), .seconds = seconds};
+  }
+
   std::shared_ptr<const RenderJob> job_;
   std::shared_ptr<JobSink> sink_;
+  std::optional<Runner> runner_;
+  Status result_;
+  bool is_done_ = false;
 };
 
 class QueryWork final : public Work {
@@ -73,15 +106,19 @@ class QueryWork final : public Work {
       : Work(query->snapshot, {std::move(stop), std::nullopt}),
         query_(std::move(query)),
         done_(std::move(done)) {}
-  void run(Backend& backend, Denoiser&, std::chrono::milliseconds,
-           const std::function<Status()>&) override {
-    done_(guard([&] { return backend.query(*query_, interrupt()); }));
+  bool step(const Device& device) override {
+    result_ = guard([&] { return device.backend.query(*query_, interrupt()); });
+    return true;
   }
+  void finish() override { done_(std::move(result_)); }
   void refuse(Error error) override { done_(std::unexpected(std::move(error))); }
+  [[nodiscard]] const Origin& origin() const override { return query_->origin; }
+  [[nodiscard]] bool is_short() const override { return true; }
 
  private:
   std::shared_ptr<const QueryJob> query_;
   Done done_;
+  Expected<QueryResult> result_;
 };
 
 }  // namespace
@@ -110,7 +147,10 @@ class Engine::Impl {
     const bool ready = backend_->ready(*work->snapshot());
     {
       const std::scoped_lock lock(mutex_);
-      (ready ? ready_ : cold_).push_back(std::move(work));
+      if (ready)
+        push(std::move(work));
+      else
+        cold_.push_back(std::move(work));
     }
     changed_.notify_all();
   }
@@ -118,89 +158,98 @@ class Engine::Impl {
   [[nodiscard]] const Backend& backend() const { return *backend_; }
   [[nodiscard]] const JobLimits& limits() const { return options_.limits; }
   [[nodiscard]] Denoiser& denoiser() { return denoiser_; }
-  [[nodiscard]] u32 queued() const {
+  [[nodiscard]] Load load() const {
     const std::scoped_lock lock(mutex_);
-    return u32(ready_.size() + cold_.size()) + running_;
+    return {.jobs = u32(ready_.size() + cold_.size()), .seconds_a_job = seconds_a_job_};
   }
 
  private:
-  using Queue = std::deque<std::unique_ptr<Work>>;
-
   void device_loop();
   void warm_loop();
-  Status between();
+  void push(std::unique_ptr<Work> work);  // under mutex_
+  [[nodiscard]] Work* next();
+  std::unique_ptr<Work> account(Work& work, double cost, bool is_done);
   void refuse_interrupted();
+  void refuse_all();
 
   const std::unique_ptr<Backend> backend_;
   const EngineOptions options_;
   Denoiser denoiser_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;
-  Queue ready_;  // derived data made
-  Queue cold_;   // waiting for it
-  u32 running_ = 0;
+  FairQueue<std::unique_ptr<Work>> ready_{options_.credit};  // derived data made
+  std::deque<std::unique_ptr<Work>> cold_;                   // waiting for it
+  double seconds_a_job_ = 0;
   bool closing_ = false;
   std::thread device_, warmer_;
 };
 
+void Engine::Impl::push(std::unique_ptr<Work> work) {
+  const Origin origin = work->origin();
+  const bool is_short = work->is_short();
+  ready_.push(origin, is_short, std::move(work));
+}
+
 void Engine::Impl::device_loop() {
-  for (;;) {
-    std::unique_ptr<Work> work;
-    {
-      std::unique_lock lock(mutex_);
-      const auto something = [&] { return closing_ || !ready_.empty(); };
-      if (cold_.empty())
-        changed_.wait(lock, [&] { return something() || !cold_.empty(); });
-      else
-        changed_.wait_for(lock, kIdleCheck, something);
-      if (closing_) break;
-      if (!ready_.empty()) {
-        work = std::move(ready_.front());
-        ready_.pop_front();
-        running_ = 1;
-      }
-    }
-    refuse_interrupted();
-    if (!work) continue;
-    if (auto status = work->interrupt().status(); !status)
-      work->refuse(std::move(status).error());
-    else
-      work->run(*backend_, denoiser_, options_.slice, [this] { return between(); });
-    work.reset();
-    const std::scoped_lock lock(mutex_);
-    running_ = 0;
+  const Device device{*backend_, denoiser_, options_.slice};
+  while (Work* work = next()) {
+    const auto start = Clock::now();
+    const bool is_done = work->step(device);
+    const double cost = std::chrono::duration<double>(Clock::now() - start).count();
+    if (const auto done = account(*work, cost, is_done)) done->finish();
   }
-  Queue left;
+  refuse_all();
+}
+
+/// Waits for work; null when the engine closes. It stays in the queue while it runs.
+Work* Engine::Impl::next() {
+  for (;;) {
+    refuse_interrupted();
+    std::unique_lock lock(mutex_);
+    const auto something = [&] { return closing_ || !ready_.empty(); };
+    if (cold_.empty())
+      changed_.wait(lock, [&] { return something() || !cold_.empty(); });
+    else
+      changed_.wait_for(lock, kIdleCheck, something);
+    if (closing_) return nullptr;
+    if (ready_.empty()) continue;
+    Work* work = ready_.front().get();
+    if (!work->interrupt().requested()) return work;
+  }
+}
+
+std::unique_ptr<Work> Engine::Impl::account(Work& work, double cost, bool is_done) {
+  const std::scoped_lock lock(mutex_);
+  ready_.charge(cost);
+  work.seconds += cost;
+  if (!is_done) return nullptr;
+  seconds_a_job_ += kNewest * (work.seconds - seconds_a_job_);
+  return ready_.pop();
+}
+
+void Engine::Impl::refuse_all() {
+  std::vector<std::unique_ptr<Work>> left;
   {
     const std::scoped_lock lock(mutex_);
-    left.swap(ready_);
-    for (auto& work : cold_) left.push_back(std::move(work));
+    left = ready_.take_if([](const auto&) { return true; });
+    std::ranges::move(cold_, std::back_inserter(left));
     cold_.clear();
   }
   for (auto& work : left)
     work->refuse({.code = Code::kUnavailable, .message = "the renderer is shutting down"});
 }
 
-Status Engine::Impl::between() {
-  refuse_interrupted();
-  const std::scoped_lock lock(mutex_);
-  if (closing_) return fail(Code::kUnavailable, "", "the renderer is shutting down");
-  return {};
-}
-
 void Engine::Impl::refuse_interrupted() {
-  Queue interrupted;
+  const auto is_interrupted = [](const auto& work) { return work->interrupt().requested(); };
+  std::vector<std::unique_ptr<Work>> interrupted;
   {
     const std::scoped_lock lock(mutex_);
-    for (Queue* queue : {&ready_, &cold_})
-      for (auto work = queue->begin(); work != queue->end();) {
-        if (!(*work)->interrupt().requested()) {
-          ++work;
-          continue;
-        }
-        interrupted.push_back(std::move(*work));
-        work = queue->erase(work);
-      }
+    interrupted = ready_.take_if(is_interrupted);
+    std::erase_if(cold_, [&](auto& work) {
+      if (!is_interrupted(work)) return false;
+      interrupted.push_back(std::move(work));
+      return true;
+    });
   }
   for (auto& work : interrupted) work->refuse(work->interrupt().status().error());
 }
@@ -222,7 +271,7 @@ void Engine::Impl::warm_loop() {
       const std::scoped_lock lock(mutex_);
       // It may have been refused meanwhile; then another one is first.
       if (!cold_.empty() && cold_.front().get() == first) {
-        ready_.push_back(std::move(cold_.front()));
+        push(std::move(cold_.front()));
         cold_.pop_front();
       }
     }
@@ -255,6 +304,6 @@ void Engine::submit(std::shared_ptr<const QueryJob> query,
 std::string_view Engine::backend_name() const { return impl_->backend().name(); }
 std::string Engine::cpu_features() const { return impl_->backend().cpu_features(); }
 u64 Engine::derived_bytes() const { return impl_->backend().derived_bytes(); }
-u32 Engine::queued() const { return impl_->queued(); }
+Load Engine::load() const { return impl_->load(); }
 
 }  // namespace heliograph

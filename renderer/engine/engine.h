@@ -11,6 +11,13 @@
 
 namespace heliograph {
 
+/// What a job took.
+struct Spent {
+  u64 samples = 0;     // of all pixels; a centre plane's ray counts as one
+  u64 rays = 0;        // of the cameras that were done
+  double seconds = 0;  // of the device
+};
+
 /// Who receives a job's results. Calls come from the device thread, in order, and must not block.
 class JobSink {
  public:
@@ -18,7 +25,7 @@ class JobSink {
   virtual void progress(const Progress& progress) = 0;
   virtual void frame(std::shared_ptr<const Frame> frame) = 0;  // several a camera when progressive
   /// The last call. CANCELLED, DEADLINE_EXCEEDED, or what went wrong.
-  virtual void done(Status status) = 0;
+  virtual void done(Status status, const Spent& spent) = 0;
 };
 
 struct EngineOptions {
@@ -26,13 +33,22 @@ struct EngineOptions {
   BackendOptions device;
   std::string denoiser = "libOpenImageDenoise.so.2";  // or a path, or "off"
   JobLimits limits;
-  std::chrono::milliseconds slice{
-      10};  // the longest the device runs without asking whether to stop
+  std::chrono::milliseconds slice{10};  // the longest a job has the device at a time
+  double credit = 0.1;  // seconds of the device that one may be served ahead of the others
 };
 
-/// Owns: a backend, its device thread, and one that makes derived data. Thread: any. Jobs run one
-/// at a time in the order in which their derived data is ready, in slices; a cancelled or expired
-/// job, queued or running, ends within a slice.
+/// What waits and runs.
+struct Load {
+  u32 jobs = 0;
+  double seconds_a_job = 0;  // of the device, a moving mean
+};
+
+/// Owns: a backend, its device thread, and one that makes derived data. Thread: any. Jobs whose
+/// derived data is ready share the device by their origins, slice by slice (fair_queue.h); a
+/// cancelled or expired job, waiting or running, ends within a slice.
+///
+/// What cannot be left half way is one slice, however long: a top level, label columns, the last
+/// steps of a frame, a query.
 class Engine {
  public:
   [[nodiscard]] static Expected<std::unique_ptr<Engine>> create(const EngineOptions& options);
@@ -49,7 +65,7 @@ class Engine {
   [[nodiscard]] std::string_view backend_name() const;
   [[nodiscard]] std::string cpu_features() const;
   [[nodiscard]] u64 derived_bytes() const;
-  [[nodiscard]] u32 queued() const;
+  [[nodiscard]] Load load() const;
 
  private:
   class Impl;

@@ -34,6 +34,14 @@ struct StopRule {
   u64 tile_rounds = 0;  // adaptive; 0: not set
 };
 
+/// Who asks, and how urgently: decides when work runs, never what it gives.
+struct Origin {
+  u64 tenant = 0;
+  double weight = 1;  // of the tenant
+  u64 session = 0;
+  i32 priority = 0;  // among the tenant's work a higher one goes first
+};
+
 struct RenderJob {
   std::shared_ptr<const Snapshot> snapshot;
   u64 scene = 0;    // for the frame's header
@@ -52,6 +60,7 @@ struct RenderJob {
   kernels::Settings settings{};
   LabelOptions labels;
   std::optional<std::chrono::steady_clock::time_point> deadline;
+  Origin origin;
 };
 
 }  // namespace heliograph

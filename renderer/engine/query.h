@@ -48,6 +48,7 @@ struct QueryJob {
   std::shared_ptr<const Snapshot> snapshot;
   Time time = 0;  // Tracks have their own
   std::variant<CastRays, Pick, Visible, Overlaps, SampleSurface, Tracks> query;
+  Origin origin;
 };
 
 /// Columns as service.proto names them.

@@ -14,6 +14,7 @@
 namespace heliograph {
 namespace {
 
+constexpr u64 kTilePixels = 16 * 16;
 constexpr auto kReportEvery = std::chrono::milliseconds(100);
 
 double seconds(std::chrono::steady_clock::duration d) {
@@ -30,90 +31,110 @@ Runner::Runner(std::shared_ptr<const RenderJob> job, const RunnerContext& contex
       start_(Clock::now()),
       camera_start_(start_),
       reported_(start_),
-      noise_(NAN) {}
-
-Status Runner::run() {
-  for (camera_ = 0; camera_ < job_->cameras.size(); ++camera_) HELIO_TRY(run_camera(camera_));
-  return {};
+      noise_(NAN),
+      resumed_(start_),
+      steps_(run()) {
+  paused_ = steps_.handle();
 }
 
-Status Runner::run_camera(u32 camera) {
+bool Runner::step() {
+  resumed_ = Clock::now();
+  paused_.resume();
+  return steps_.is_done();
+}
+
+bool Runner::Pause::await_ready() const {
+  return runner.slice_left() > runner.context_.slice.count() / 4 ||
+         runner.context_.interrupt.requested();
+}
+
+double Runner::slice_left() const {
+  return context_.slice.count() - seconds(Clock::now() - resumed_);
+}
+
+Steps Runner::run() {
+  for (camera_ = 0; camera_ < job_->cameras.size(); ++camera_)
+    HELIO_CO_TRY(co_await run_camera(camera_));
+  co_return Status{};
+}
+
+Steps Runner::run_camera(u32 camera) {
   camera_start_ = Clock::now();
   noise_ = NAN;
   tile_samples_ = tile_rounds_ = 0;
-  HELIO_TRY(pause());
-  auto shot = make_shot(camera);
-  if (!shot) return std::unexpected(std::move(shot).error());
-  auto film = context_.backend.begin(*shot);
-  if (!film) return std::unexpected(std::move(film).error());
+  HELIO_CO_TRY(co_await pause());
+  Shot shot{.job = job_, .camera = camera};
+  HELIO_CO_TRY(co_await make_shot(camera, shot));
+  auto film = context_.backend.begin(shot);
+  if (!film) co_return std::unexpected(std::move(film).error());
   Frame frame = header(camera);
-  if (wants_probe(*job_)) HELIO_TRY(probe(**film));
-  if (wants_label_columns(*job_)) {
-    HELIO_TRY(pause());
-    auto labels = context_.backend.labels(**film, context_.interrupt);
-    if (!labels) return std::unexpected(std::move(labels).error());
-    frame.labels = *std::move(labels);
-  }
+  if (wants_probe(*job_)) HELIO_CO_TRY(co_await probe(**film));
+  if (wants_label_columns(*job_)) HELIO_CO_TRY(co_await label(**film, frame));
   if (wants_samples(*job_))
-    HELIO_TRY(sample(**film, frame));
+    HELIO_CO_TRY(co_await sample(**film, frame));
   else
-    HELIO_TRY(emit(**film, std::move(frame), true));
+    HELIO_CO_TRY(emit(**film, std::move(frame), true));
   report(**film, 1, camera + 1 == job_->cameras.size());
   rays_before_ += (*film)->rays();
-  return {};
+  co_return Status{};
 }
 
-Expected<Shot> Runner::make_shot(u32 camera) {
-  Shot shot{.job = job_, .camera = camera};
+Steps Runner::make_shot(u32 camera, Shot& shot) {
   const double interval = flow_interval(*job_);
   const Shutter& shutter = job_->snapshot->find(job_->cameras[camera])->camera->shutter;
-  const auto prepare = [&](const TimeSpan& span,
-                           std::shared_ptr<const DeviceScene>& out) -> Status {
-    auto scene = context_.backend.prepare(job_->snapshot, span, context_.interrupt);
-    if (!scene) return std::unexpected(std::move(scene).error());
-    out = *std::move(scene);
-    return pause();
-  };
   const auto labels = [&](double later) { return label_span(shutter, label_time(*job_) + later); };
-  if (wants_open_shutter(*job_)) HELIO_TRY(prepare(shutter_span(shutter, job_->time), shot.open));
-  if (wants_still(*job_)) HELIO_TRY(prepare(labels(0), shot.still));
-  if (wants_forward(*job_)) HELIO_TRY(prepare(labels(interval), shot.forward));
-  if (wants_backward(*job_)) HELIO_TRY(prepare(labels(-interval), shot.backward));
-  return shot;
+  if (wants_open_shutter(*job_))
+    HELIO_CO_TRY(co_await prepare(shutter_span(shutter, job_->time), shot.open));
+  if (wants_still(*job_)) HELIO_CO_TRY(co_await prepare(labels(0), shot.still));
+  if (wants_forward(*job_)) HELIO_CO_TRY(co_await prepare(labels(interval), shot.forward));
+  if (wants_backward(*job_)) HELIO_CO_TRY(co_await prepare(labels(-interval), shot.backward));
+  co_return Status{};
 }
 
-Status Runner::pause() {
-  HELIO_TRY(context_.interrupt.status());
-  return context_.between();
+Steps Runner::prepare(TimeSpan span, std::shared_ptr<const DeviceScene>& out) {
+  auto scene = context_.backend.prepare(job_->snapshot, span, context_.interrupt);
+  if (!scene) co_return std::unexpected(std::move(scene).error());
+  out = *std::move(scene);
+  co_return co_await pause();
 }
 
-Status Runner::probe(Film& film) {
+Steps Runner::label(Film& film, Frame& frame) {
+  HELIO_CO_TRY(co_await pause());
+  auto labels = context_.backend.labels(film, context_.interrupt);
+  if (!labels) co_return std::unexpected(std::move(labels).error());
+  frame.labels = *std::move(labels);
+  co_return Status{};
+}
+
+Steps Runner::probe(Film& film) {
   for (u32 tile = 0; tile < film.tiles();) {
-    const double wanted = seconds_per_probe_ > 0 ? context_.slice.count() / seconds_per_probe_ : 4;
+    const double wanted = seconds_per_probe_ > 0 ? slice_left() / seconds_per_probe_ : 4;
     const u32 count = u32(std::clamp(wanted, 1.0, double(film.tiles() - tile)));
     const auto start = Clock::now();
-    HELIO_TRY(context_.backend.probe(film, tile, count, context_.interrupt));
+    HELIO_CO_TRY(context_.backend.probe(film, tile, count, context_.interrupt));
     seconds_per_probe_ = seconds(Clock::now() - start) / count;
     tile += count;
-    HELIO_TRY(pause());
+    samples_ += u64(count) * kTilePixels;
+    HELIO_CO_TRY(co_await pause());
     report(film, 0, false);
   }
-  return {};
+  co_return Status{};
 }
 
-Status Runner::sample(Film& film, const Frame& frame) {
+Steps Runner::sample(Film& film, const Frame& frame) {
   for (u32 done = 0;;) {
     const u32 count = next_pass(done);
-    HELIO_TRY(pass(film, {0, film.tiles()}, done, count));
+    HELIO_CO_TRY(co_await pass(film, {0, film.tiles()}, done, count));
     done += count;
     const bool last = finished(film, done);
-    if (!last && job_->stop.adaptive && done == kernels::kBlock) return sample_noisy(film, frame);
-    if (last || (job_->progressive && power_of_two(done))) HELIO_TRY(emit(film, frame, last));
-    if (last) return {};
+    if (!last && job_->stop.adaptive && done == kernels::kBlock)
+      co_return co_await sample_noisy(film, frame);
+    if (last || (job_->progressive && power_of_two(done))) HELIO_CO_TRY(emit(film, frame, last));
+    if (last) co_return Status{};
   }
 }
 
-Status Runner::sample_noisy(Film& film, const Frame& frame) {
+Steps Runner::sample_noisy(Film& film, const Frame& frame) {
   const StopRule& stop = job_->stop;
   const u64 most_rounds = stop.tile_rounds > 0 ? stop.tile_rounds : ~u64(0);
   for (u32 rounds = 1;; ++rounds) {
@@ -123,14 +144,14 @@ Status Runner::sample_noisy(Film& film, const Frame& frame) {
     std::erase_if(tiles, [&](u32 tile) { return film.samples(tile) >= most_samples(); });
     tiles.resize(std::min(tiles.size(), most_rounds - tile_rounds_));
     const bool last = tiles.empty() || out_of_time();
-    if (last || (job_->progressive && power_of_two(rounds))) HELIO_TRY(emit(film, frame, last));
-    if (last) return {};
-    HELIO_TRY(round(film, tiles));
+    if (last || (job_->progressive && power_of_two(rounds))) HELIO_CO_TRY(emit(film, frame, last));
+    if (last) co_return Status{};
+    HELIO_CO_TRY(co_await round(film, tiles));
   }
 }
 
 /// A block of samples for each of the tiles, or for the first ones when time runs out.
-Status Runner::round(Film& film, const std::vector<u32>& tiles) {
+Steps Runner::round(Film& film, const std::vector<u32>& tiles) {
   for (std::size_t i = 0; i < tiles.size() && !out_of_time();) {
     const u32 first = film.samples(tiles[i]);
     const u32 count = std::min(kernels::kBlock, most_samples() - first);
@@ -139,10 +160,10 @@ Status Runner::round(Film& film, const std::vector<u32>& tiles) {
     while (++i < tiles.size() && tiles[i] == run.end && film.samples(run.end) == first &&
            run.end - run.begin < fits)
       ++run.end;
-    HELIO_TRY(pass(film, run, first, count));
+    HELIO_CO_TRY(co_await pass(film, run, first, count));
     tile_rounds_ += run.end - run.begin;
   }
-  return {};
+  co_return Status{};
 }
 
 u32 Runner::most_samples() const { return job_->stop.spp > 0 ? job_->stop.spp : JobLimits{}.spp; }
@@ -181,27 +202,27 @@ bool Runner::finished(Film& film, u32 done) {
   return false;
 }
 
-Status Runner::pass(Film& film, Tiles tiles, u32 first, u32 count) {
-  const double slice = context_.slice.count();
+Steps Runner::pass(Film& film, Tiles tiles, u32 first, u32 count) {
   for (u32 tile = tiles.begin; tile < tiles.end;) {
     // A slice is some tiles with all samples of the pass, or one tile with some of them.
-    double fits = seconds_per_sample_ > 0 ? slice / seconds_per_sample_ : 1;
+    double fits = seconds_per_sample_ > 0 ? slice_left() / seconds_per_sample_ : 1;
     const u32 wide = u32(std::clamp(fits / count, 1.0, double(tiles.end - tile)));
     for (u32 taken = 0; taken < count;) {
-      fits = seconds_per_sample_ > 0 ? slice / seconds_per_sample_ : 1;
+      fits = seconds_per_sample_ > 0 ? slice_left() / seconds_per_sample_ : 1;
       const u32 samples = u32(std::clamp(fits / wide, 1.0, double(count - taken)));
       const auto start = Clock::now();
-      HELIO_TRY(
+      HELIO_CO_TRY(
           context_.backend.render(film, {tile, wide, first + taken, samples}, context_.interrupt));
       seconds_per_sample_ = seconds(Clock::now() - start) / (double(wide) * samples);
       taken += samples;
       tile_samples_ += u64(wide) * samples;
-      HELIO_TRY(pause());
+      samples_ += u64(wide) * samples * kTilePixels;
+      HELIO_CO_TRY(co_await pause());
     }
     tile += wide;
     report(film, share_done(film), false);
   }
-  return {};
+  co_return Status{};
 }
 
 double Runner::seconds_in_camera() const { return seconds(Clock::now() - camera_start_); }

@@ -1,10 +1,9 @@
 // One job from its snapshot to its last frame, in slices. Called by the engine's device thread.
 #pragma once
 
-#include <functional>
-
 #include "renderer/engine/engine.h"
 #include "renderer/engine/post.h"
+#include "renderer/engine/steps.h"
 
 namespace heliograph {
 
@@ -14,27 +13,37 @@ struct RunnerContext {
   Denoiser& denoiser;
   JobSink& sink;
   const Interrupt& interrupt;
-  std::chrono::duration<double> slice;  // the longest time without a call of `between`
-  std::function<Status()> between;      // an error ends the job with it
+  std::chrono::duration<double> slice;  // the longest time between two pauses
 };
 
 class Runner {
  public:
   Runner(std::shared_ptr<const RenderJob> job, const RunnerContext& context);
-  [[nodiscard]] Status run();
+  Runner(const Runner&) = delete;
+  Runner& operator=(const Runner&) = delete;
+
+  /// Runs on for a slice. True when the job is done; then result() has its status.
+  [[nodiscard]] bool step();
+  [[nodiscard]] const Status& result() const { return steps_.result(); }
+  [[nodiscard]] u64 rays() const { return rays_before_; }
+  /// Of all pixels; a centre plane's ray counts as one.
+  [[nodiscard]] u64 samples() const { return samples_; }
 
  private:
   using Clock = std::chrono::steady_clock;
-  [[nodiscard]] Status run_camera(u32 camera);
-  [[nodiscard]] Expected<Shot> make_shot(u32 camera);
-  [[nodiscard]] Status probe(Film& film);
+  [[nodiscard]] Steps run();
+  [[nodiscard]] Steps run_camera(u32 camera);
+  [[nodiscard]] Steps make_shot(u32 camera, Shot& shot);
+  [[nodiscard]] Steps prepare(TimeSpan span, std::shared_ptr<const DeviceScene>& out);
+  [[nodiscard]] Steps label(Film& film, Frame& frame);
+  [[nodiscard]] Steps probe(Film& film);
   struct Tiles {
     u32 begin, end;
   };
-  [[nodiscard]] Status sample(Film& film, const Frame& frame);
-  [[nodiscard]] Status sample_noisy(Film& film, const Frame& frame);
-  [[nodiscard]] Status round(Film& film, const std::vector<u32>& tiles);
-  [[nodiscard]] Status pass(Film& film, Tiles tiles, u32 first, u32 count);
+  [[nodiscard]] Steps sample(Film& film, const Frame& frame);
+  [[nodiscard]] Steps sample_noisy(Film& film, const Frame& frame);
+  [[nodiscard]] Steps round(Film& film, const std::vector<u32>& tiles);
+  [[nodiscard]] Steps pass(Film& film, Tiles tiles, u32 first, u32 count);
   [[nodiscard]] u32 most_samples() const;
   [[nodiscard]] u32 next_pass(u32 done) const;
   [[nodiscard]] bool out_of_time() const;
@@ -42,7 +51,15 @@ class Runner {
   [[nodiscard]] Status emit(Film& film, Frame frame, bool final);
   [[nodiscard]] ImageCamera seen_by(EntityId camera) const;
   [[nodiscard]] Frame header(u32 camera) const;
-  [[nodiscard]] Status pause();
+  /// Where the job may be left until the next step(), once the slice is used up or nearly so.
+  struct Pause {
+    Runner& runner;
+    [[nodiscard]] bool await_ready() const;
+    void await_suspend(std::coroutine_handle<> here) const { runner.paused_ = here; }
+    [[nodiscard]] Status await_resume() const { return runner.context_.interrupt.status(); }
+  };
+  [[nodiscard]] Pause pause() { return {*this}; }
+  [[nodiscard]] double slice_left() const;  // seconds
   void report(const Film& film, double done_in_camera, bool force);
   [[nodiscard]] double share_done(const Film& film) const;
   [[nodiscard]] double seconds_in_camera() const;
@@ -51,12 +68,16 @@ class Runner {
   RunnerContext context_;
   Clock::time_point start_, camera_start_, reported_;
   u32 camera_ = 0;
-  u64 rays_before_ = 0;            // of the cameras that are done
+  u64 rays_before_ = 0;  // of the cameras that are done
+  u64 samples_ = 0;
   double noise_;                   // the latest estimate
   u64 tile_samples_ = 0;           // of this camera, summed over its tiles
   u64 tile_rounds_ = 0;            // of this camera, adaptive
   double seconds_per_sample_ = 0;  // of one sample of a whole tile
   double seconds_per_probe_ = 0;   // of one tile
+  Clock::time_point resumed_;
+  std::coroutine_handle<> paused_;
+  Steps steps_;
 };
 
 }  // namespace heliograph

@@ -50,6 +50,7 @@ v1::ErrorDetail to_proto(const Error& error) {
   detail.set_needed(error.needed);
   detail.set_available(error.available);
   detail.set_expected(error.expected);
+  detail.set_retry_seconds(error.retry_seconds);
   std::size_t room = kLongestLists;
   add(error.users, room, detail.mutable_users());
   add(error.nearest, room, detail.mutable_nearest());

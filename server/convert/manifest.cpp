@@ -48,6 +48,7 @@ v1::RenderRequest resolved(const Frame& frame, const FrameContext& context) {
     request.clear_noise();
   }
   request.clear_progressive();
+  request.clear_priority();
   request.set_max_depth(job.settings.max_depth);
   request.set_roulette(job.settings.roulette);
   if (request.overlay().ByteSizeLong() > kLargestOverlay) request.clear_overlay();

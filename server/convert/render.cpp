@@ -21,6 +21,7 @@ constexpr u32 kDefaultDepth = 12;
 constexpr u32 kDefaultRows = 65536;
 constexpr Range kCanvas{0, 4};
 constexpr Range kClamp{1e-6, 1e30};
+constexpr Range kPriority{-100, 100};
 
 constexpr std::array kFilters{PixelFilter::kBlackmanHarris, PixelFilter::kBox, PixelFilter::kTent,
                               PixelFilter::kGaussian, PixelFilter::kBlackmanHarris};
@@ -194,6 +195,7 @@ Expected<RenderJob> to_job(const v1::RenderRequest& request,
   HELIO_TRY(read_stop_rule(request, limits, job));
   HELIO_TRY(read_settings(request, limits, job.settings));
   HELIO_CHECK(read_labels(request.labels(), limits, job.labels), "labels");
+  HELIO_TAKE(job.origin.priority, in_range(request.priority(), kPriority), "priority");
   const LabelOptions& labels = job.labels;
   if (job.planes.empty() && !labels.boxes && !labels.amodal && !labels.keypoints)
     return fail(Code::kInvalidArgument, "planes",

@@ -127,6 +127,7 @@ RANGES = {
     "spp 10^12": (INVALID, "spp", "outside", render(spp=10**12)),
     "depth 0": (INVALID, "max_depth", "outside", render(max_depth=0)),
     "depth 10^9": (INVALID, "max_depth", "", render(max_depth=10**9)),
+    "priority 101": (INVALID, "priority", "outside", render(priority=101)),
     "seconds": (INVALID, "seconds", "", render(seconds=-1)),
     "noise": (INVALID, "noise", "", render(noise=-1)),
     "clamp": (INVALID, "clamp", "", render(clamp=-1)),

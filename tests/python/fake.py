@@ -229,6 +229,26 @@ class FakeDaemon(service_pb2_grpc.RendererServicer):
             yield self._progress(0.5)
             yield from self._frame(request, frame)
 
+    def RenderBatch(self, requests, context):
+        for request in requests:
+            self.requests.append(request)
+            if request.job.seed == 13:
+                detail = types_pb2.ErrorDetail(field="job.seed", retry_seconds=2.5)
+                yield U.RenderBatchReply(
+                    tag=request.tag, code=8, message="unlucky", detail=detail, done=True
+                )
+                continue
+            for frame in range(len(request.job.cameras)):
+                for part in self._frame(request.job, frame):
+                    yield U.RenderBatchReply(tag=request.tag, part=part)
+            yield U.RenderBatchReply(tag=request.tag, done=True)
+
+    def Stream(self, requests, context):
+        for request in requests:
+            self.requests.append(request)
+            if request.HasField("settings"):
+                yield from self._frame(request.settings, 0)
+
     def _progress(self, done):
         progress = render_pb2.Progress(done=done, rays_per_second=1e6, noise=0.1)
         return render_pb2.FramePart(progress=progress)

@@ -130,6 +130,7 @@ TEST_CASE("render: refusals") {
   refused(kGood + "time: inf", kInvalid, "time", "finite");
   refused(kGood + "frame_interval: 0", kInvalid, "frame_interval", "seconds to the next frame");
   refused(kGood + "max_depth: 0", kInvalid, "max_depth", "[1, 1024]");
+  refused(kGood + "priority: -101", kInvalid, "priority", "[-100, 100]");
   refused(kGood + "clamp: -1", kInvalid, "clamp", "");
   refused(kGood + "labels { canvas: nan }", kInvalid, "labels.canvas", "finite");
   v1::RenderRequest unknown = parse<v1::RenderRequest>(kGood);

@@ -145,7 +145,7 @@ TEST_CASE("engine: a cancelled job ends soon, running or queued") {
   REQUIRE(engine->submit(endless, running, stop_running.get_token()).has_value());
   REQUIRE(engine->submit(endless, queued, stop_queued.get_token()).has_value());
   std::this_thread::sleep_for(100ms);
-  CHECK(engine->queued() == 2);
+  CHECK(engine->load().jobs == 2);
 
   auto start = std::chrono::steady_clock::now();
   stop_queued.request_stop();
@@ -169,6 +169,51 @@ TEST_CASE("engine: a job past its deadline ends, and one that is too late does n
   REQUIRE(engine->submit(std::make_shared<const RenderJob>(late), second, {}).has_value());
   CHECK(second->wait().error().code == Code::kDeadlineExceeded);
   CHECK(second->frames.empty());
+  CHECK(second->spent.seconds == 0);
+}
+
+TEST_CASE("engine: jobs of two sessions run side by side, and give what they give alone") {
+  const auto scene = still_life().apply();
+  auto job = job_of(scene, {Plane::BEAUTY, Plane::DEPTH, Plane::VARIANCE}, 200);
+  auto other = job;
+  other.settings.seed = 8;
+  other.origin.session = 2;
+  auto engine = make_engine();
+  const auto alone = render(*engine, job), other_alone = render(*engine, other);
+
+  auto first = std::make_shared<Collect>(), second = std::make_shared<Collect>();
+  REQUIRE(engine->submit(std::make_shared<const RenderJob>(job), first, {}).has_value());
+  REQUIRE(engine->submit(std::make_shared<const RenderJob>(other), second, {}).has_value());
+  REQUIRE(first->wait().has_value());
+  REQUIRE(second->wait().has_value());
+  CHECK(same_planes(*first->frames.back(), *alone));
+  CHECK(same_planes(*second->frames.back(), *other_alone));
+  CHECK(first->spent.samples == 200 * 64 * 48 + 64 * 48);
+  CHECK(first->spent.rays == alone->rays);
+  CHECK(engine->load().jobs == 0);
+  CHECK(engine->load().seconds_a_job > 0);
+}
+
+TEST_CASE("engine: a job waits for no other session's, and labels for no beauty") {
+  auto engine = make_engine();
+  auto endless = job_of(still_life().apply(), {Plane::BEAUTY}, 1u << 20);
+  endless.width = 640;
+  endless.height = 480;
+  std::stop_source stop;
+  auto running = std::make_shared<Collect>();
+  REQUIRE(engine->submit(std::make_shared<const RenderJob>(endless), running, stop.get_token())
+              .has_value());
+  render(*engine, job_of(endless.snapshot, {Plane::DEPTH}));  // of the same session
+  auto beauty = job_of(endless.snapshot, {Plane::BEAUTY}, 4);
+  beauty.origin.session = 2;
+  render(*engine, beauty);
+  beauty.origin = {.priority = 1};
+  render(*engine, beauty);
+  CHECK(engine->load().jobs == 1);
+  stop.request_stop();
+  CHECK(running->wait().error().code == Code::kCancelled);
+  CHECK(running->frames.empty());
+  CHECK(running->spent.samples > 0);
 }
 
 TEST_CASE("engine: what waits when it closes is answered") {

@@ -198,11 +198,15 @@ class Collect final : public JobSink {
  public:
   void progress(const Progress& p) override { last_progress = p; }
   void frame(std::shared_ptr<const Frame> frame) override { frames.push_back(std::move(frame)); }
-  void done(Status status) override { status_.set_value(std::move(status)); }
+  void done(Status status, const Spent& took) override {
+    spent = took;
+    status_.set_value(std::move(status));
+  }
   Status wait() { return status_.get_future().get(); }
 
   std::vector<std::shared_ptr<const Frame>> frames;
   Progress last_progress;
+  Spent spent;
 
  private:
   std::promise<Status> status_;

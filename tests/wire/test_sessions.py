@@ -150,8 +150,3 @@ def test_later_calls_say_what_is_missing(client):
     with pytest.raises(grpc.RpcError) as error:
         list(client.call("Watch"))
     assert error.value.code() == grpc.StatusCode.UNIMPLEMENTED
-    for method in ("Stream", "RenderBatch"):
-        with pytest.raises(grpc.RpcError) as error:
-            list(getattr(client.stub, method)(iter(()), metadata=client.metadata, timeout=5))
-        assert error.value.code() == grpc.StatusCode.UNIMPLEMENTED
-        assert method in error.value.details()

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from . import materials, shapes
+    from ._batch import Job
     from ._progress import Progress
     from .client import Client
     from .components import Camera, Tex, Visibility
@@ -53,6 +54,7 @@ _LAZY = {
     "Frame": "frame",
     "Group": "handles",
     "Handle": "handles",
+    "Job": "_batch",
     "Light": "lights",
     "Portal": "lights",
     "Material": "handles",
@@ -91,6 +93,7 @@ __all__ = [
     "HeliographError",
     "Internal",
     "InvalidArgument",
+    "Job",
     "Light",
     "Material",
     "Mesh",

@@ -36,6 +36,7 @@ _OPTIONS = (
     ("grpc.max_reconnect_backoff_ms", 1000),
 )
 _METHODS = service.DESCRIPTOR.services_by_name["Renderer"].methods_by_name
+_CODES = {code.value[0]: code.name for code in grpc.StatusCode}
 _TICKET_BYTES = 16
 _TOO_LONG = re.compile(r"(Received|Sent) message larger than max \((\d+) vs\. (\d+)\)")
 
@@ -60,8 +61,17 @@ def to_error(error: grpc.RpcError) -> HeliographError:
             else f"message: the answer has {detail.needed} bytes, {detail.available} may travel at "
             "once; ask for less (amodal_masks of many instances are large)"
         )
+    return _typed(name, text, detail)
+
+
+def status_error(code: int, text: str, detail: types.ErrorDetail) -> HeliographError:
+    """The typed error of a status that travels in a message; `code`: gRPC's number."""
+    return _typed(_CODES.get(code, "UNKNOWN"), text, detail)
+
+
+def _typed(name: str, text: str, detail: types.ErrorDetail) -> HeliographError:
     if name == "UNAVAILABLE":
-        return Unavailable(text, field=detail.field)
+        return Unavailable(text, field=detail.field, retry_seconds=detail.retry_seconds)
     if name in BY_CODE:
         return BY_CODE[name](text, **detail_fields(detail))
     return Internal(f"{name}: {text}", **detail_fields(detail))
@@ -76,6 +86,7 @@ def detail_fields(detail: types.ErrorDetail) -> dict[str, Any]:
         "users": list(detail.users),
         "nearest": list(detail.nearest),
         "expected": detail.expected,
+        "retry_seconds": detail.retry_seconds,
     }
 
 
@@ -284,7 +295,7 @@ class Connection:
     def stream(
         self, name: str, request: Any, raw: bool = False, timeout: float | None = None
     ) -> Stream:
-        """A server stream."""
+        """The replies to a request, or to an iterator of requests."""
         link = self.link
         found = link.method(name, raw)(request, timeout=timeout, metadata=link.metadata)
         return Stream(self, found)

@@ -59,6 +59,7 @@ class Options(TypedDict, total=False):
     on_pass: Callable[[Frame], Any] | None  # called with a frame after each doubling of samples
     timeout: float | None
     on_start: Callable[[Callable[[], None]], Any]  # gets a function that cancels the call
+    priority: int  # -100..100, among the jobs of this tenant: higher ones go first, always
 
 
 def render(scene: Scene, cameras: Sequence[Named], options: Options) -> list[Frame]:
@@ -149,6 +150,7 @@ def make_request(
     out.progressive = options.get("on_pass") is not None
     if "filter" in options:
         out.filter = _filter(options["filter"])
+    out.priority = whole_of(options.get("priority", 0), "priority", -100, 100)
     if options.get("revision"):
         out.revision = whole_of(options["revision"], "revision", 0, 2**64 - 1)
     overlay = options.get("overlay")
@@ -252,7 +254,8 @@ class Assembly:
     """Puts frames together as their parts arrive. Pixels are copied once, into their array."""
 
     def __init__(self, count: int) -> None:
-        self._final: list[Frame | None] = [None] * count
+        self._count = count
+        self._final: dict[int, Frame] = {}
         self._header: render_pb.FrameHeader | None = None
         self._arrays: list[NdArray] = []
         self._bytes: list[memoryview] = []
@@ -266,16 +269,22 @@ class Assembly:
             self._bytes[plane][offset : offset + size] = memoryview(data)[start : start + size]
             self._left -= size
             return self._complete()
-        part = render_pb.FramePart.FromString(data)
+        return self.add_part(render_pb.FramePart.FromString(data))
+
+    def add_part(self, part: render_pb.FramePart) -> render_pb.Progress | Frame | None:
+        """The same with a message."""
         kind = part.WhichOneof("part")
         if kind == "progress":
             return part.progress
         if kind == "header":
             self._begin(part.header)
-            return self._complete()
-        if kind == "chunk":
-            raise Internal("the daemon sent a shared buffer, which was not asked for")
-        return None
+        elif kind == "chunk":
+            if part.chunk.HasField("buffer"):
+                raise Internal("the daemon sent a shared buffer, which was not asked for")
+            chunk = part.chunk
+            self._bytes[chunk.plane][chunk.offset : chunk.offset + len(chunk.chunk)] = chunk.chunk
+            self._left -= len(chunk.chunk)
+        return self._complete()
 
     def _begin(self, header: render_pb.FrameHeader) -> None:
         self._header = header
@@ -300,10 +309,10 @@ class Assembly:
         return frame
 
     def frames(self) -> list[Frame]:
-        frames = [frame for frame in self._final if frame is not None]
-        if len(frames) != len(self._final):
-            raise Internal(f"{len(frames)} of {len(self._final)} frames arrived")
-        return frames
+        """The final ones, in the order of the cameras."""
+        if len(self._final) != self._count:
+            raise Internal(f"{len(self._final)} of {self._count} frames arrived")
+        return [self._final[i] for i in range(self._count)]
 
 
 def chunk_span(data: bytes) -> tuple[int, int, int, int] | None:

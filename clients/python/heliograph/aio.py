@@ -21,8 +21,10 @@ from typing import Any
 import numpy as np
 
 from . import connect as _connect
+from ._live import Live as _Live
 from .client import Client as _Client
 from .edit import Edits
+from .frame import Frame
 from .handles import Handle
 from .scene import Overlay
 from .scene import Scene as _Scene
@@ -161,11 +163,49 @@ class Scene(_Twin):
         for t in np.asarray(times, dtype="f8").ravel():
             yield await self.render(camera, time=float(t), revision=revision, **options)
 
+    async def render_batch(self, jobs: Any, **options: Any) -> AsyncIterator[Any]:
+        """See heliograph.Scene.render_batch."""
+        results = self.sync.render_batch(jobs, **options)
+        try:
+            while (result := await self._pool.call(next, results, None)) is not None:
+                yield result
+        finally:
+            results.close()
+
+    def stream(self, cameras: Any, **options: Any) -> Live:
+        """`async with scene.stream(cam) as live: async for frame in live:`, as in
+        heliograph.Scene.stream."""
+        return Live(self.sync.stream(cameras, **options), self._pool)
+
     async def __aenter__(self) -> Scene:
         return self
 
     async def __aexit__(self, *_: Any) -> None:
         await self._pool.call(self.sync.__exit__, None, None, None)
+
+
+class Live:
+    """The twin of the stream of heliograph.Scene.stream; update() and finish() do not wait."""
+
+    def __init__(self, sync: _Live, pool: _Pool) -> None:
+        self.sync = sync
+        self._pool = pool
+        self.update, self.finish, self.close = sync.update, sync.finish, sync.close
+
+    def __aiter__(self) -> Live:
+        return self
+
+    async def __anext__(self) -> Frame:
+        frame = await self._pool.call(next, self.sync, None)
+        if frame is None:
+            raise StopAsyncIteration
+        return frame  # type: ignore[no-any-return]
+
+    async def __aenter__(self) -> Live:
+        return self
+
+    async def __aexit__(self, *_: Any) -> None:
+        self.close()
 
 
 class _Edit:

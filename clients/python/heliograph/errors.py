@@ -10,6 +10,7 @@ class HeliographError(Exception):
 
     field: path of the offending value, e.g. "edits[3].mesh.indices", or "".
     code: the gRPC code's name, e.g. "NOT_FOUND".
+    retry_seconds: when the same call may work; 0.0: not known.
     """
 
     code = "UNKNOWN"
@@ -24,6 +25,7 @@ class HeliographError(Exception):
         users: Sequence[str] = (),
         nearest: Sequence[str] = (),
         expected: int = 0,
+        retry_seconds: float = 0.0,
     ) -> None:
         super().__init__(message)
         self.field = field
@@ -32,6 +34,7 @@ class HeliographError(Exception):
         self.users = list(users)
         self.nearest = list(nearest)
         self.expected = expected
+        self.retry_seconds = retry_seconds
 
     def __str__(self) -> str:
         return str(self.args[0]) if self.args else ""
@@ -80,7 +83,8 @@ class Unauthenticated(HeliographError):
 
 
 class ResourceExhausted(HeliographError):
-    """Over a limit: `.needed` against `.available`, in the unit the message names."""
+    """Over a limit: `.needed` against `.available`, in the unit the message names, and
+    `.retry_seconds` when waiting helps."""
 
     code = "RESOURCE_EXHAUSTED"
 
@@ -130,8 +134,9 @@ class Unavailable(HeliographError, ConnectionError):
         exit_code: int | None = None,
         log: Sequence[str] = (),
         field: str = "",
+        retry_seconds: float = 0.0,
     ) -> None:
-        super().__init__(message, field=field)
+        super().__init__(message, field=field, retry_seconds=retry_seconds)
         self.exit_code = exit_code
         self.log = list(log)
 

@@ -164,8 +164,7 @@ class Entity(Handle):
     @property
     def light(self) -> Light | None:
         message = self._message()
-        found = message.HasField("light")
-        return Light.from_message(message.light, self._handle) if found else None
+        return Light.from_message(message.light) if message.HasField("light") else None
 
     @property
     def portal(self) -> Portal | None:

@@ -6,18 +6,18 @@ import difflib
 import os
 import threading
 import uuid
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _render, query
+from . import _batch, _live, _render, query
 from ._arrays import Columns, NdArray, dtype_of
 from ._proto import scene_pb2 as pb
 from ._proto import service_pb2 as service
 from ._proto import types_pb2 as types
 from .edit import Edits
-from .errors import Aborted, HeliographError, InvalidArgument, NotFound, Unimplemented
+from .errors import Aborted, HeliographError, InvalidArgument, NotFound
 from .frame import Frame
 from .handles import KINDS, Handle, Named, flatten
 
@@ -135,18 +135,34 @@ class Scene:
         request = _render.request_of_manifest(self, manifest)
         return _render.run(self, request, options)[0]
 
-    def render_batch(self, jobs: Any) -> Iterator[Any]:
-        """Not in this version."""
-        raise Unimplemented(
-            "render_batch arrives with the issue Many clients; until then call render(overlay=) "
-            "for each job"
-        )
+    def render_batch(
+        self, jobs: Iterable[_batch.Job], *, credits: int = 4, timeout: float | None = None
+    ) -> _batch.Results:
+        """Renders independent hg.Jobs; gives a Result for each, in the order they are done.
 
-    def stream(self, **options: Any) -> Iterator[Frame]:
-        """Not in this version."""
-        raise Unimplemented(
-            "stream arrives with the issue Many clients; until then call render() in a loop"
-        )
+        A Result has the job's `.tag`, and `.frames` or `.error`: one job's error does not end the
+        others. At most `credits` jobs are under way; the next one is taken from `jobs` when the
+        last Result was. Nothing is published; `.close()` cancels the rest. timeout: seconds, of the
+        whole batch.
+        """
+        return _batch.Results(self, jobs, credits, timeout)
+
+    def stream(
+        self,
+        cameras: Any,
+        *,
+        policy: str = "latest",
+        credits: int = 2,
+        **options: Unpack[_render.Options],
+    ) -> _live.Live:
+        """`with scene.stream(cam, spp=256) as live:` frames of the scene as it changes.
+
+        Rendered again at each new revision of the scene and each live.update(). policy "latest":
+        frames are refined (1, 2, 4, ... samples) until something changes, old ones are dropped.
+        "lossless": each update gives its final frames, in order, none is dropped. credits: frames
+        that may be under way or in your hands. options: those of render(); timeout ends the stream.
+        """
+        return _live.Live(self, cameras, policy, credits, options)
 
     # ------------------------------------------------------------ reading
 

@@ -37,7 +37,8 @@ def run(arguments: argparse.Namespace) -> int:
     ]
     for name, value in rows:
         print(f"{name:<14}{value}")
-    print("limits")
+    print("limits, and what is used of them")
     for name in sorted(info.limits):
-        print(f"  {name:<28}{info.limits[name]:>16,}")
+        used = f"{info.used[name]:>16,}" if name in info.used else ""
+        print(f"  {name:<28}{info.limits[name]:>16,}{used}")
     return 0

@@ -1,0 +1,139 @@
+"""RenderBatch: many independent jobs on one call. Called by Scene.render_batch."""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from . import _render
+from ._connection import Stream, status_error
+from ._proto import service_pb2 as service
+from .components import whole_of
+from .errors import HeliographError, InvalidArgument
+from .frame import Frame
+from .handles import Handle, Named, flatten
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from .scene import Scene
+
+
+class Job:
+    """One item of Scene.render_batch: cameras (one or several), any `tag`, and the options of
+    Scene.render but progress, on_pass, on_start and timeout."""
+
+    def __init__(
+        self, cameras: Any, *, tag: Any = None, **options: Unpack[_render.Options]
+    ) -> None:
+        self.cameras: Sequence[Named] = (
+            [cameras] if isinstance(cameras, (str, Handle)) else flatten(cameras, "cameras")
+        )
+        self.tag = tag
+        self.options = options
+        for name in ("progress", "on_pass", "on_start", "timeout"):
+            if name in options:
+                raise InvalidArgument(f"{name}: is of the whole batch, not of a Job", field=name)
+
+
+@dataclass
+class Result:
+    """What became of a Job: its tag, and its frames in the order of its cameras, or its error."""
+
+    tag: Any
+    frames: list[Frame] = field(default_factory=list)
+    error: HeliographError | None = None
+
+    @property
+    def frame(self) -> Frame:
+        """The first camera's frame; raises the error when there is one."""
+        if self.error is not None:
+            raise self.error
+        return self.frames[0]
+
+
+class _Batch:
+    """Sends the next job when an item was answered, so that `credits` of them are under way."""
+
+    def __init__(self, scene: Scene, jobs: Iterable[Job], credits: int) -> None:
+        self.outbox: queue.SimpleQueue[service.RenderBatchRequest | None] = queue.SimpleQueue()
+        self.refused: list[Result] = []
+        self._scene = scene
+        self._jobs = iter(jobs)
+        self._open: dict[int, tuple[Job, _render.Assembly]] = {}
+        self._sent = 0
+        for _ in range(credits):
+            self.send_next(credits if self._sent == 0 else 0)
+
+    def send_next(self, credits: int) -> None:
+        """Sends the next job that can be sent, or else the end."""
+        for job in self._jobs:
+            try:
+                request = _render.make_request(self._scene, job.cameras, job.options)
+            except HeliographError as error:
+                self.refused.append(Result(job.tag, error=error))
+                continue
+            self._sent += 1
+            self._open[self._sent] = job, _render.Assembly(len(job.cameras))
+            self.outbox.put(
+                service.RenderBatchRequest(tag=self._sent, job=request, credits=credits)
+            )
+            return
+        self.outbox.put(None)
+
+    def take(self, reply: service.RenderBatchReply) -> Result | None:
+        """The result of the item that this reply ends."""
+        job, assembly = self._open[reply.tag]
+        if not reply.done:
+            assembly.add_part(reply.part)
+            return None
+        del self._open[reply.tag]
+        if reply.code:
+            error = status_error(reply.code, reply.message, reply.detail)
+            return Result(job.tag, error=error)
+        return Result(job.tag, assembly.frames())
+
+
+class Results:
+    """Iterates over Results as they are done. close(), from any thread, cancels what is under way;
+    so does letting go of it."""
+
+    def __init__(
+        self, scene: Scene, jobs: Iterable[Job], credits: int, timeout: float | None
+    ) -> None:
+        batch = _Batch(scene, jobs, whole_of(credits, "credits", 1))
+        requests = iter(batch.outbox.get, None)
+        self._outbox = batch.outbox
+        self._stream = scene.client.connection.stream("RenderBatch", requests, timeout=timeout)
+        self._results = _read(self._stream, batch)
+
+    def close(self) -> None:
+        self._stream.cancel()
+        self._outbox.put(None)
+
+    def __del__(self) -> None:
+        if hasattr(self, "_stream"):
+            self.close()
+
+    def __iter__(self) -> Iterator[Result]:
+        return self
+
+    def __next__(self) -> Result:
+        return next(self._results)
+
+
+def _read(stream: Stream, batch: _Batch) -> Iterator[Result]:
+    try:
+        for reply in stream:
+            result = batch.take(reply)
+            if result is None:
+                continue
+            batch.send_next(1)
+            yield result
+            yield from batch.refused
+            batch.refused.clear()
+        yield from batch.refused
+    finally:
+        batch.outbox.put(None)

@@ -1,0 +1,106 @@
+"""Stream: a live picture of a scene. Made by Scene.stream."""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from . import _render
+from ._connection import Stream
+from ._proto import service_pb2 as service
+from .components import whole_of
+from .errors import InvalidArgument
+from .frame import Frame
+from .handles import Handle, flatten
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from .scene import Scene
+
+POLICIES = ("latest", "lossless")
+
+
+class Live:
+    """Frames of a scene as it changes: `with scene.stream(cam) as live: for frame in live: ...`
+
+    Iterating gives the next Frame, and blocks until there is one; `.revision` says what it shows,
+    `.is_final` whether its refinement is over. Asking for the next frame returns the credit of the
+    last one. Thread: one iterates, any may call update(), finish() and close().
+    """
+
+    def __init__(
+        self, scene: Scene, cameras: Any, policy: str, credits: int, options: _render.Options
+    ) -> None:
+        if policy not in POLICIES:
+            raise InvalidArgument(
+                f"policy: one of {', '.join(POLICIES)}, not {policy!r}", field="policy"
+            )
+        for name in ("progress", "on_pass", "on_start"):
+            if name in options:
+                raise InvalidArgument(f"{name}: is not for a stream, leave it out", field=name)
+        self._scene = scene
+        self._cameras = cameras
+        self._options = options
+        self._progressive = policy == "latest"
+        self._outbox: queue.SimpleQueue[service.StreamRequest | None] = queue.SimpleQueue()
+        self._outbox.put(
+            service.StreamRequest(
+                settings=self._settings(), credits=whole_of(credits, "credits", 1), policy=policy
+            )
+        )
+        self._stream = scene.client.connection.stream(
+            "Stream", iter(self._outbox.get, None), raw=True, timeout=options.get("timeout")
+        )
+        self._frames = _read(self._stream, self._outbox)
+
+    def _settings(self) -> Any:
+        cameras = self._cameras
+        listed = [cameras] if isinstance(cameras, (str, Handle)) else flatten(cameras, "cameras")
+        request = _render.make_request(self._scene, listed, self._options)
+        request.progressive = self._progressive
+        return request
+
+    def update(self, cameras: Any = None, **options: Unpack[_render.Options]) -> None:
+        """Changes what is rendered from now on: other cameras, another overlay (None: none), any
+        option of Scene.render. What is not given stays."""
+        if cameras is not None:
+            self._cameras = cameras
+        self._options = {**self._options, **options}
+        self._outbox.put(service.StreamRequest(settings=self._settings()))
+
+    def finish(self) -> None:
+        """No more updates: the iteration ends with the last frame of what was asked for."""
+        self._outbox.put(None)
+
+    def close(self) -> None:
+        """Ends the stream at once."""
+        self._stream.cancel()
+        self._outbox.put(None)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return self
+
+    def __next__(self) -> Frame:
+        return next(self._frames)
+
+    def __enter__(self) -> Live:
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()
+
+
+def _read(
+    stream: Stream, outbox: queue.SimpleQueue[service.StreamRequest | None]
+) -> Iterator[Frame]:
+    assembly = _render.Assembly(0)
+    try:
+        for data in stream:
+            frame = assembly.add(data)
+            if isinstance(frame, Frame):
+                yield frame
+                outbox.put(service.StreamRequest(credits=1))
+    finally:
+        outbox.put(None)

@@ -1,0 +1,140 @@
+// Who runs next on a device: weighted fair queuing. The order only; the engine has the lock and the
+// clock.
+#pragma once
+
+#include <algorithm>
+#include <deque>
+#include <iterator>
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "renderer/engine/job.h"
+
+namespace heliograph {
+
+/// Work that waits or runs, in a tree of shares: tenants, in each its lanes, in each its sessions,
+/// in each a line. Start-time fair queuing (Goyal, Vin and Cheng 1996) at each level: the child
+/// that used least for its weight goes first, and one that comes back after it had nothing to do
+/// starts where the others are, less `credit`. So who asks for less than its share is served at
+/// once, and nobody saves up more than the credit.
+///
+/// A lane is a priority, and whether the work is short (labels, queries): a higher priority goes
+/// first always; short work shares evenly with long work, whatever the number of long jobs.
+///
+/// T is movable. Thread: one at a time.
+template <class T>
+class FairQueue {
+ public:
+  /// credit: seconds of the device.
+  explicit FairQueue(double credit) : credit_(credit) {}
+
+  void push(const Origin& origin, bool is_short, T item) {
+    Share* tenant = child(root_, origin.tenant);
+    tenant->weight = origin.weight;
+    Share* lane = child(*tenant, lane_key(origin.priority, is_short));
+    lane->rank = origin.priority;
+    Share* line = child(*lane, origin.session);
+    for (Share* share : {tenant, lane, line}) {
+      if (share->count == 0) share->used = std::max(share->used, share->parent->reached - credit_);
+      ++share->count;
+    }
+    line->items.push_back(std::move(item));
+    ++root_.count;
+  }
+
+  [[nodiscard]] bool empty() const { return root_.count == 0; }
+  [[nodiscard]] std::size_t size() const { return root_.count; }
+
+  /// Whose turn it is; stays in the queue until pop(). Not empty.
+  [[nodiscard]] T& front() {
+    Share* share = &root_;
+    while (!share->children.empty()) {
+      Share* best = nullptr;
+      for (auto& [key, each] : share->children)
+        if (each.count > 0 && (best == nullptr || goes_before(each, *best))) best = &each;
+      share->reached = std::max(share->reached, best->used);
+      share = best;
+    }
+    served_ = share;
+    return share->items.front();
+  }
+
+  /// What the last front() cost, in seconds of the device.
+  void charge(double cost) {
+    for (Share* share = served_; share != &root_; share = share->parent)
+      share->used += cost / share->weight;
+  }
+
+  /// Takes the last front() out.
+  T pop() {
+    T item = std::move(served_->items.front());
+    served_->items.pop_front();
+    left(served_, 1);
+    forget(root_);
+    return item;
+  }
+
+  /// Takes out everything that `wanted(item)` says.
+  template <class Wanted>
+  [[nodiscard]] std::vector<T> take_if(const Wanted& wanted) {
+    std::vector<T> taken;
+    take_from(root_, wanted, taken);
+    if (!taken.empty()) forget(root_);
+    return taken;
+  }
+
+ private:
+  struct Share {
+    Share* parent = nullptr;
+    i32 rank = 0;
+    double weight = 1;
+    double used = 0;     // cost over weight: its virtual time
+    double reached = 0;  // the virtual time of its children
+    std::size_t count = 0;
+    std::map<u64, Share> children;
+    std::deque<T> items;  // of a line
+  };
+
+  static u64 lane_key(i32 priority, bool is_short) {
+    return 2 * u64(i64(priority) + (i64(1) << 31)) + (is_short ? 1 : 0);
+  }
+  static Share* child(Share& parent, u64 key) {
+    Share& found = parent.children[key];
+    found.parent = &parent;
+    return &found;
+  }
+  static bool goes_before(const Share& a, const Share& b) {
+    return a.rank != b.rank ? a.rank > b.rank : a.used < b.used;
+  }
+  static void left(Share* line, std::size_t count) {
+    for (Share* share = line; share != nullptr; share = share->parent) share->count -= count;
+  }
+  template <class Wanted>
+  static void take_from(Share& share, const Wanted& wanted, std::vector<T>& taken) {
+    for (auto& [key, each] : share.children) take_from(each, wanted, taken);
+    const std::size_t before = share.items.size();
+    std::erase_if(share.items, [&](T& item) {
+      if (!wanted(item)) return false;
+      taken.push_back(std::move(item));
+      return true;
+    });
+    left(&share, before - share.items.size());
+  }
+  /// Drops shares that would start like new ones: beneath one that has nothing to do all are equal.
+  void forget(Share& share) {
+    if (share.count == 0) return share.children.clear();
+    for (auto each = share.children.begin(); each != share.children.end();) {
+      Share& one = each->second;
+      forget(one);
+      const bool is_new = one.count == 0 && one.used <= share.reached - credit_;
+      each = is_new ? share.children.erase(each) : std::next(each);
+    }
+  }
+
+  const double credit_;
+  Share root_;
+  Share* served_ = nullptr;
+};
+
+}  // namespace heliograph

@@ -1,0 +1,80 @@
+// Limits that are shared: how much may be in use, and how much a second.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "renderer/base/error.h"
+
+namespace heliograph::server {
+
+/// What may be in use, and how much is. Thread: any.
+class Budget {
+ public:
+  /// How its refusals are worded: what it counts, how the user makes room, the limit's name.
+  struct Words {
+    std::string unit;
+    std::string remedy;
+    std::string limit;
+  };
+  /// What is taken is taken from `parent` too, if there is one.
+  Budget(u64 limit, Words words, std::shared_ptr<Budget> parent = nullptr)
+      : limit_(limit), words_(std::move(words)), parent_(std::move(parent)) {}
+
+  /// RESOURCE_EXHAUSTED with what is needed and what there is; nothing is taken then.
+  [[nodiscard]] Status take(u64 amount);
+  void give_back(u64 amount);
+  [[nodiscard]] u64 used() const { return used_; }
+  [[nodiscard]] const std::string& name() const { return words_.limit; }
+
+ private:
+  const u64 limit_;
+  const Words words_;
+  const std::shared_ptr<Budget> parent_;
+  std::atomic<u64> used_ = 0;
+};
+
+/// A share of a budget, given back with its end.
+class Charge {
+ public:
+  [[nodiscard]] static Expected<Charge> take(std::shared_ptr<Budget> budget, u64 amount);
+  Charge() = default;
+  Charge(Charge&& other) noexcept = default;
+  Charge& operator=(Charge&& other) noexcept;
+  ~Charge();
+
+  /// Takes more, or gives some back. When that fails it stays as it was.
+  [[nodiscard]] Status resize(u64 amount);
+
+ private:
+  std::shared_ptr<Budget> budget_;
+  u64 amount_ = 0;
+};
+
+/// How much a second, on average: a bucket that holds some seconds' worth and may go into debt.
+/// Work is let in while the bucket is not empty, and charged when it is known what it took.
+/// Thread: any.
+class Rate {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  Rate(u64 per_second, std::string name) : per_second_(per_second), name_(std::move(name)) {}
+
+  /// RESOURCE_EXHAUSTED with the time until the debt is paid.
+  [[nodiscard]] Status admit(Clock::time_point now = Clock::now());
+  void charge(u64 amount, Clock::time_point now = Clock::now());
+
+ private:
+  void refill(Clock::time_point now);  // under mutex_
+
+  const u64 per_second_;
+  const std::string name_;
+  std::mutex mutex_;
+  double missing_ = 0;  // from the full bucket
+  Clock::time_point filled_ = Clock::now();
+};
+
+}  // namespace heliograph::server

@@ -1,0 +1,29 @@
+// A RenderRequest from the wire to the engine. Called by Render, RenderBatch and Stream.
+#pragma once
+
+#include <stop_token>
+
+#include "server/daemon.h"
+#include "server/frame_cutter.h"
+
+namespace heliograph::server {
+
+/// A request that was checked.
+struct RenderTask {
+  std::shared_ptr<RenderJob> job;
+  std::shared_ptr<const std::function<v1::FrameHeader(const Frame&)>> make_header;
+  Engine* engine = nullptr;
+  TenantPtr tenant;
+};
+
+/// Resolves the revision, applies the overlay, checks every field. Waits for the engine to start,
+/// so call it on the work pool.
+[[nodiscard]] Expected<RenderTask> to_task(Daemon& daemon, Session& session,
+                                           const v1::RenderRequest& request);
+
+/// Queues it and counts it for its tenant; RESOURCE_EXHAUSTED with a retry time when too much waits
+/// or runs.
+[[nodiscard]] Status submit(const Daemon& daemon, const RenderTask& task,
+                            std::shared_ptr<JobSink> sink, std::stop_token stop);
+
+}  // namespace heliograph::server

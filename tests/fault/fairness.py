@@ -1,0 +1,85 @@
+"""Fairness: 16 clients together do at least 95 % of what one does, each within 1.5 times its fair
+share's time; and R17: beside a tenant that asks for ten times its share, another one's p99 is at
+most 1.5 times what it is alone. (Of sessions: this version has one tenant a daemon.)"""
+
+import concurrent.futures
+import contextlib
+import threading
+import time
+
+import common
+import heliograph as hg
+
+SPP = 16
+CLIENTS = 16
+
+
+def work(scene, until):
+    """Seconds of each job until a time."""
+    took = []
+    while time.perf_counter() < until:
+        start = time.perf_counter()
+        scene.render("cam", spp=SPP)
+        took.append(time.perf_counter() - start)
+    return took
+
+
+def together(scenes, seconds):
+    """(jobs a second, seconds of each job) of all at once."""
+    start = time.perf_counter()
+    with concurrent.futures.ThreadPoolExecutor(len(scenes)) as pool:
+        found = list(pool.map(lambda scene: work(scene, start + seconds), scenes))
+    took = [seconds for each in found for seconds in each]
+    return len(took) / (time.perf_counter() - start), took
+
+
+def now_and_then(scene, seconds, every):
+    """Seconds of a small job every now and then."""
+    took, until = [], time.perf_counter() + seconds
+    while time.perf_counter() < until:
+        start = time.perf_counter()
+        scene.render("cam", spp=4)
+        took.append(time.perf_counter() - start)
+        time.sleep(max(0.0, every - took[-1]))
+    return took
+
+
+def noise(scene):
+    """Ten jobs at a time, until it is closed."""
+    return scene.render_batch((hg.Job("cam", spp=256) for _ in range(1_000_000)), credits=10)
+
+
+def drain(results):
+    with contextlib.suppress(hg.Cancelled):
+        for _ in results:
+            pass
+
+
+def main():
+    seconds = common.size(30, 2)
+    with common.Report("fairness") as report, common.daemon() as client:
+        clients = [hg.connect(client.address) for _ in range(CLIENTS)]
+        scenes = [common.stage(each) for each in clients]
+        one, alone = together(scenes[:1], seconds)
+        rate, took = together(scenes, seconds)
+        fair = CLIENTS * common.percentile(alone, 0.5)
+        report.figure("throughput lost by 16 clients", 100 * (1 - rate / one), 5, "%")
+        report.figure(
+            "their p99 over their fair share's time", common.percentile(took, 0.99) / fair, 1.5
+        )
+
+        quiet = common.percentile(now_and_then(scenes[0], seconds, 0.2), 0.99)
+        results = noise(scenes[1])
+        thread = threading.Thread(target=drain, args=(results,))
+        thread.start()
+        time.sleep(1)
+        loud = common.percentile(now_and_then(scenes[0], seconds, 0.2), 0.99)
+        results.close()
+        thread.join()
+        report.figure("R17: p99 beside noise over p99 alone", loud / quiet, 1.5)
+        for each in clients:
+            each.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,193 @@
+"""RenderBatch and Stream on the wire: credits, statuses, and what ends them."""
+
+import queue
+import threading
+import time
+
+import grpc
+import pytest
+from conftest import Client, eventually
+from heliograph.v1 import service_pb2 as service
+from test_edits import entity, pose
+from test_render import request, setup
+
+
+class Conversation:
+    """A bidirectional call: send(), and what has come in `replies`; `error` when it ended so."""
+
+    def __init__(self, client: Client, method: str):
+        self.requests = queue.SimpleQueue()
+        self.replies, self.error, self.is_over = [], None, False
+        self.call = getattr(client.stub, method)(
+            iter(self.requests.get, None), metadata=client.metadata, timeout=30)
+        self.thread = threading.Thread(target=self._read)
+        self.thread.start()
+
+    def _read(self):
+        try:
+            for reply in self.call:
+                self.replies.append(reply)
+        except grpc.RpcError as error:
+            self.error = error
+        self.is_over = True
+
+    def send(self, message):
+        self.requests.put(message)
+
+    def half_close(self):
+        self.requests.put(None)
+
+    def close(self):
+        self.call.cancel()
+        self.half_close()
+        self.thread.join()
+
+
+@pytest.fixture
+def scene(client) -> int:
+    return setup(client)
+
+
+@pytest.fixture
+def converse(client):
+    opened = []
+
+    def make(method: str) -> Conversation:
+        opened.append(Conversation(client, method))
+        return opened[-1]
+
+    yield make
+    for each in opened:
+        each.close()
+
+
+def item(scene: int, tag: int, **fields) -> service.RenderBatchRequest:
+    return service.RenderBatchRequest(tag=tag, job=request(scene, "DEPTH"), **fields)
+
+
+def done(batch: Conversation) -> list[int]:
+    return [reply.tag for reply in batch.replies if reply.done]
+
+
+def headers(stream: Conversation) -> list:
+    return [part.header for part in stream.replies if part.HasField("header")]
+
+
+def test_an_item_waits_for_its_credit(converse, scene):
+    batch = converse("RenderBatch")
+    batch.send(item(scene, 1, credits=1))
+    for tag in (2, 3):
+        batch.send(item(scene, tag))
+    eventually(lambda: done(batch))
+    time.sleep(0.3)
+    assert done(batch) == [1]
+    batch.send(service.RenderBatchRequest(credits=1))
+    eventually(lambda: done(batch) == [1, 2])
+    batch.half_close()
+    eventually(lambda: batch.is_over)
+    assert done(batch) == [1, 2, 3] and batch.error is None
+
+
+def test_the_parts_of_an_item_come_before_its_status(converse, scene):
+    batch = converse("RenderBatch")
+    for tag in range(6):
+        batch.send(item(scene, tag, credits=1))
+    batch.half_close()
+    eventually(lambda: batch.is_over)
+    assert sorted(done(batch)) == list(range(6))
+    for tag in range(6):
+        mine = [reply for reply in batch.replies if reply.tag == tag]
+        assert mine[0].part.HasField("header") and mine[-1].done and mine[-1].code == 0
+        assert len([reply for reply in mine if reply.done]) == 1
+
+
+def test_an_item_has_a_status_of_its_own(converse, scene):
+    batch = converse("RenderBatch")
+    batch.send(item(scene + 10**6, 1, credits=2))
+    wrong = item(scene, 2)
+    wrong.job.progressive = True
+    batch.send(wrong)
+    batch.send(item(scene, 3))
+    batch.half_close()
+    eventually(lambda: batch.is_over)
+    ends = {reply.tag: reply for reply in batch.replies if reply.done}
+    assert ends[1].code == grpc.StatusCode.NOT_FOUND.value[0]
+    assert ends[1].detail.field == "job.scene" and "no scene" in ends[1].message
+    assert ends[2].code == grpc.StatusCode.INVALID_ARGUMENT.value[0]
+    assert ends[2].detail.field == "job.progressive"
+    assert ends[3].code == 0
+
+
+@pytest.mark.parametrize("method", ["RenderBatch", "Stream"])
+def test_too_many_credits_end_the_call(converse, scene, method):
+    call = converse(method)
+    if method == "Stream":
+        call.send(service.StreamRequest(settings=request(scene, "DEPTH"), credits=65))
+    else:
+        call.send(item(scene, 1, credits=65))
+    eventually(lambda: call.is_over)
+    assert call.error.code() == grpc.StatusCode.INVALID_ARGUMENT
+    assert "limit credits" in call.error.details()
+
+
+def test_more_than_may_wait_ends_the_call(start):
+    client = Client(start(limits={"waiting_bytes": 10_000}))
+    scene = setup(client)
+    batch = Conversation(client, "RenderBatch")
+    for tag in range(20):
+        batch.send(item(scene, tag))
+    eventually(lambda: batch.is_over)
+    assert batch.error.code() == grpc.StatusCode.RESOURCE_EXHAUSTED
+    assert "waiting_bytes" in batch.error.details()
+    batch.close()
+    client.close()
+
+
+def test_a_frame_waits_for_its_credit(client, converse, scene):
+    stream = converse("Stream")
+    stream.send(service.StreamRequest(settings=request(scene, "DEPTH"), credits=1))
+    eventually(lambda: headers(stream))
+    for distance in (3, 4, 5):
+        revision = client.apply(scene, entity("thing", pose=pose(0, 0, -distance))).revision
+    time.sleep(0.3)
+    assert len(headers(stream)) == 1
+    stream.send(service.StreamRequest(credits=1))
+    eventually(lambda: len(headers(stream)) == 2)
+    assert headers(stream)[1].revision == revision  # the newest, not the next
+
+
+@pytest.mark.parametrize("first,field", [
+    (service.StreamRequest(credits=1), "settings"),
+    (service.StreamRequest(settings={"scene": 1}, policy="some"), "policy"),
+    (service.StreamRequest(settings={"progressive": True}, policy="lossless"),
+     "settings.progressive"),
+    (service.StreamRequest(settings={"scene": 10**9}), "settings.scene"),
+])
+def test_a_wrong_first_message_ends_the_stream(converse, first, field):
+    stream = converse("Stream")
+    stream.send(first)
+    eventually(lambda: stream.is_over)
+    assert stream.error is not None and stream.error.details().startswith(field + ":")
+
+
+def test_half_closing_ends_a_stream_after_its_last_frame(client, converse, scene):
+    stream = converse("Stream")
+    stream.send(service.StreamRequest(settings=request(scene, "DEPTH"), credits=1))
+    for seed in range(1, 4):
+        stream.send(service.StreamRequest(settings=request(scene, "DEPTH", seed=seed)))
+    stream.half_close()
+    eventually(lambda: stream.is_over)
+    assert stream.error is None and headers(stream)[-1].seed == 3
+
+
+def test_a_stream_ends_when_the_daemon_drains(start):
+    daemon = start()
+    client = Client(daemon)
+    stream = Conversation(client, "Stream")
+    stream.send(service.StreamRequest(settings=request(setup(client), "DEPTH")))
+    eventually(lambda: headers(stream))
+    assert daemon.stop(timeout=5) == 0
+    eventually(lambda: stream.is_over)
+    assert stream.error.code() == grpc.StatusCode.UNAVAILABLE
+    stream.close()
+    client.close()
