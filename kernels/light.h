@@ -185,9 +185,8 @@ KERNEL float texel_pdf(const DomeView& dome, const DomePlace& place) {
 /// Density [1/sr] with which sample_light() takes a direction to the dome at a point. place: of
 /// that direction.
 KERNEL float dome_pdf(const DomeView& dome, vec3 p, vec3 direction, const DomePlace& place) {
-  if (dome.portal_count > 0) {
-    const double light = portal_light(dome, p);
-    if (light > 0) return dome.probability * portal_pdf(dome, {p, light}, direction);
+  if (dome.portal_count > 0 && portal_faces(dome, p)) {
+    return dome.probability * portal_pdf(dome, p, direction);
   }
   return texel_pdf(dome, place);
 }
@@ -206,14 +205,11 @@ KERNEL bool sample_dome(const SceneView& scene, vec3 p, vec2 u, LightSample& out
   const DomeView& dome = scene.dome;
   out.light = out.sun = kNone;
   out.visibility = kAllRays;
-  if (dome.portal_count > 0) {
-    const double light = portal_light(dome, p);
-    if (light > 0) {
-      out.direction = sample_portals(dome, {p, light}, u);
-      out.place = dome_place(dome, out.direction).uv;
-      out.pdf = dome.probability * portal_pdf(dome, {p, light}, out.direction);
-      return out.pdf > 0;
-    }
+  if (dome.portal_count > 0 && portal_faces(dome, p)) {
+    if (!sample_portals(dome, p, u, out.direction, out.pdf)) return false;
+    out.place = dome_place(dome, out.direction).uv;
+    out.pdf *= dome.probability;
+    return true;
   }
   if (!dome.row_cdf) {
     out.direction = sample_sphere(u);

@@ -19,7 +19,7 @@
 #define HELIO_ISA baseline
 #endif
 
-// A step that few paths take: it stays out of the pixel loop, into which all others are inlined.
+// A step that few paths take: it stays out of those that call it.
 #define HELIO_RARE __attribute__((noinline))
 
 // A constant table that kernels index at run time.
@@ -46,6 +46,13 @@ using glm::uvec3;
 using glm::vec2;
 using glm::vec3;
 using glm::vec4;
+
+/// Asks for memory that is read soon.
+KERNEL void prefetch(const void* at) {
+#if !defined(__CUDA_ARCH__)
+  __builtin_prefetch(at);
+#endif
+}
 
 inline constexpr float kPi = 3.14159265358979323846f;
 inline constexpr float kInvPi = 0.31830988618379067154f;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "kernels/film.h"
+#include "kernels/inside.h"
 #include "kernels/light.h"
 #include "kernels/rolling.h"
 #include "kernels/settings.h"
@@ -44,16 +45,23 @@ struct CountedTracer {
 };
 
 /// The nearest surface that a probe takes, within ray.t_max. Layers of clear glass are looked
-/// through in a straight line, so that the pixel sees what lies behind it in projection.
+/// through in a straight line, so that the pixel sees what lies behind it in projection. What a
+/// body of higher priority displaces is not there.
 template <Tracer T>
 KERNEL Hit probe_closest(const SceneView& scene, CountedTracer<T> counted, Ray ray,
                          bool through_transmission) {
+  Inside inside;
+  if (scene.any_priority) inside = inside_at(scene, counted.tracer, ray, counted.rays);
   for (u32 layer = 0;; ++layer) {
     const Hit hit = counted.tracer.closest(ray, kCameraRay);
     ++counted.rays;
-    if (hit.instance == kNone || !through_transmission || layer == 1024) return hit;
+    const bool takes_all = !through_transmission && inside.depth == 0;
+    if (hit.instance == kNone || takes_all || layer == 1024) return hit;
     const Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), ray.time);
-    if (!is_clear(material_at(scene, s, ~0u))) return hit;
+    const MaterialValues m = material_at(scene, s, ~0u);
+    const Meeting meeting = boundary_at(scene, inside, s, ray.direction).meeting;
+    if (meeting != Meeting::kAbsent && !(through_transmission && is_clear(m))) return hit;
+    if (scene.any_priority) cross_surface(inside, s, m, ray.direction);
     const vec3 next = offset_point(s, ray.direction);
     ray.t_max -= dot(next - ray.origin, ray.direction);
     ray.origin = next;

@@ -231,7 +231,7 @@ struct LightView {
 };
 
 inline constexpr u32 kDomeGuide = 128;
-inline constexpr u32 kPortalSide = 512;  // texels of a portal's map
+inline constexpr u32 kPortalSide = 128;  // texels of a portal's map
 
 /// A rectangle that the dome shines through (portal.h).
 struct PortalView {

@@ -207,6 +207,11 @@ KERNEL Surface locate(const SceneView& scene, u32 instance_index, u32 primitive,
   s.instance = &scene.instances[instance_index];
   s.mesh = &scene.meshes[s.instance->mesh];
   s.triangle = s.mesh->triangles[primitive];
+  if (s.mesh->normals) {  // shading_normal() wants them next
+    prefetch(s.mesh->normals + s.triangle.x);
+    prefetch(s.mesh->normals + s.triangle.y);
+    prefetch(s.mesh->normals + s.triangle.z);
+  }
   s.barycentric = barycentric;
   s.part = part_of(*s.mesh, primitive);
   s.material = &material_of(scene, *s.instance, s.part);

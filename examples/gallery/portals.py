@@ -61,7 +61,7 @@ def main(out: Path, spp: int) -> None:
         tiles = []
         for overlay in (None, lit):
             frame = scene.render("camera", spp=spp, overlay=overlay, max_depth=12)
-            tiles.append(frame.image(exposure="auto", view="filmic"))
+            tiles.append(frame.image(exposure=1, view="filmic"))
     image = Image.fromarray(np.ascontiguousarray(np.concatenate(tiles, axis=1)))
     image.quantize(256).save(out, optimize=True)
 

@@ -23,6 +23,12 @@ def lobe(vertical: np.ndarray, centre: float, width: float) -> np.ndarray:
     return np.exp(-0.5 * ((vertical - centre) / width) ** 2)
 
 
+def even(vertical: np.ndarray) -> np.ndarray:
+    """What lights a wall alike from 14 degrees off its foot to 60: E = I sin^3 / distance^2."""
+    sine = np.sin(np.radians(np.maximum(vertical, 1)))
+    return np.minimum(1, (0.24 / sine) ** 3) * (vertical < 60)
+
+
 # Name, range of the horizontal angles, candela.
 LAMPS: tuple[tuple[str, np.ndarray, Candela], ...] = (
     (
@@ -33,7 +39,7 @@ LAMPS: tuple[tuple[str, np.ndarray, Candela], ...] = (
     (
         "wall washer",  # towards 90 degrees
         np.arange(90, 271, 15.0),
-        lambda v, h: 900 * lobe(v, 52, 16) * lobe(h, 90, 35) + 60 * lobe(v, 0, 30),
+        lambda v, h: 900 * even(v) * lobe(h, 90, 60) + 60 * lobe(v, 0, 30),
     ),
     (
         "trough",

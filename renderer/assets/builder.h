@@ -64,6 +64,5 @@ void load_ply(Builder& builder);
 void load_stl(Builder& builder);
 void load_volume(Builder& builder);
 void load_picture(Builder& builder);
-void load_ies(Builder& builder);
 
 }  // namespace heliograph::assets

@@ -1,4 +1,5 @@
-// Photometric files of luminaires to pictures of their intensities. Chosen by load.cpp.
+// Photometric files of luminaires to pictures of their intensities. Chosen by load.cpp and by the
+// lights of glTF.
 //
 // Source: ANSI/IES LM-63-19 and its versions of 1986, 1991, 1995 and 2002. The picture is what
 // kernels/light_profile.h reads: rows by the vertical angle from 0 to 180 degrees, columns by the
@@ -6,7 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "renderer/assets/builder.h"
+#include "renderer/assets/bundle.h"
 #include "renderer/assets/picture.h"
 #include "renderer/assets/text_scan.h"
 
@@ -19,7 +20,8 @@ constexpr float kSameAngle = 1e-3f;
 /// The numbers of a file, whatever separates them, and the line that each is in.
 class Numbers {
  public:
-  explicit Numbers(std::string_view text) : rest_(text) {
+  /// where: of the file in the document that holds it; empty: it is the document.
+  Numbers(std::string_view text, const std::string& where) : rest_(text), file_(where) {
     constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
     if (text.starts_with(kByteOrderMark)) rest_.remove_prefix(kByteOrderMark.size());
   }
@@ -63,7 +65,9 @@ class Numbers {
     skip();
     if (!rest_.empty()) refuse(where(), "numbers follow the last candela value; remove them");
   }
-  [[nodiscard]] std::string where() const { return fmt::format("line {}", line_ + 1); }
+  [[nodiscard]] std::string where() const {
+    return fmt::format("{}{}line {}", file_, file_.empty() ? "" : ": ", line_ + 1);
+  }
 
  private:
   static bool separates(char c) { return c == ',' || trimmed({&c, 1}).empty(); }
@@ -73,6 +77,7 @@ class Numbers {
     rest_.remove_prefix(i);
   }
   std::string_view rest_;
+  const std::string& file_;
   u64 line_ = 0;  // lines that ended
 };
 
@@ -80,40 +85,45 @@ class Numbers {
 struct Profile {
   std::vector<float> vertical, horizontal;  // degrees, increasing
   std::vector<float> candela;               // vertical.size() for each horizontal angle
+  std::vector<std::string> warnings;
 };
 
 /// Whether the number after the ballast factor is a factor, too; later versions use it otherwise.
-bool read_version(std::string_view line) {
+bool read_version(std::string_view line, const std::string& where) {
   if (line == "IESNA:LM-63-2002" || line == "IES:LM-63-2019") return false;
   if (line.starts_with("IES:") || line.starts_with("IESNA:")) {
     if (line != "IESNA:LM-63-1995")
-      refuse_unimplemented("line 1", fmt::format("'{}': LM-63 of 1986, 1991, 1995, 2002 and 2019 "
-                                                 "are read",
-                                                 clean_name(line, "")));
+      refuse_unimplemented(where, fmt::format("'{}': LM-63 of 1986, 1991, 1995, 2002 and 2019 "
+                                              "are read",
+                                              clean_name(line, "")));
   }
   return true;
 }
 
-void skip_tilt(Numbers& file, Builder& builder) {
+/// Factors by the luminaire's tilt against the plumb line, which only who hangs it knows.
+void skip_tilt(Numbers& file, Profile& out) {
   (void)file.next("the lamp-to-luminaire geometry");
   const u32 pairs = file.count("the number of tilt angles");
   for (u32 i = 0; i < 2 * pairs; ++i) (void)file.next("a tilt angle or factor");
-  builder.warn("TILT=INCLUDE: its factors are not applied, the luminaire counts as upright");
+  out.warnings.emplace_back(
+      "TILT=INCLUDE: its factors are not applied; multiply profile_scale by that of the "
+      "luminaire's tilt");
 }
 
 /// Up to and including the TILT line and what it announces. Returns what read_version() does.
-bool read_head(Numbers& file, Builder& builder) {
+bool read_head(Numbers& file, Profile& out) {
+  const std::string first_where = file.where();
   std::optional<std::string_view> first;
   for (;;) {
     const std::string where = file.where();
     const auto line = file.line();
-    if (!line) refuse("", "is no IES file: no line begins with TILT=");
+    if (!line) refuse(first_where, "is no IES file: no line begins with TILT=");
     if (!first) first = line;
     if (!line->starts_with("TILT=")) continue;
-    const bool factor = read_version(*first);
+    const bool factor = read_version(*first, first_where);
     const std::string_view tilt = trimmed(line->substr(5));
     if (tilt == "INCLUDE") {
-      skip_tilt(file, builder);
+      skip_tilt(file, out);
     } else if (tilt != "NONE") {
       refuse_unimplemented(
           where, fmt::format("TILT={}, a file of its own; write TILT=NONE", clean_name(tilt, "")));
@@ -147,9 +157,10 @@ void check_range(const Numbers& file, const Profile& p) {
                                      from, to));
 }
 
-Profile read_profile(std::string_view text, Builder& builder) {
-  Numbers file(text);
-  const bool second_factor = read_head(file, builder);
+Profile read_profile(const PictureSource& source) {
+  Numbers file(as_text(source.bytes), source.where);
+  Profile profile;
+  const bool second_factor = read_head(file, profile);
   (void)file.next("the number of lamps", 1);
   (void)file.next("the lumens of a lamp");  // -1: absolute photometry
   float factor = file.next("the candela multiplier", 0);
@@ -166,7 +177,7 @@ Profile read_profile(std::string_view text, Builder& builder) {
   const float second = file.next("the ballast-lamp photometric factor", 0);
   if (second_factor) factor *= second;
   (void)file.next("the input watts");
-  Profile profile{.vertical = read_angles(file, rows, "the vertical angle")};
+  profile.vertical = read_angles(file, rows, "the vertical angle");
   profile.horizontal = read_angles(file, columns, "the horizontal angle");
   check_range(file, profile);
   for (u64 i = 0; i < u64(rows) * columns; ++i) {
@@ -247,15 +258,13 @@ class Sampled {
 
 }  // namespace
 
-void load_ies(Builder& builder) {
-  const BundleFile& file = builder.bundle.model();
-  const Profile profile = read_profile(as_text(file.bytes), builder);
+Picture decode_ies(const PictureSource& source) {
+  const Profile profile = read_profile(source);
   const u32 rows = steps_of(profile.vertical, 180) + 1;
   const u32 columns = profile.horizontal.size() == 1 ? 1 : steps_of(profile.horizontal, 360);
-  const std::string where;
   Canvas canvas(
       {.texels = nullptr, .width = columns, .height = rows, .channels = 1, .type = TexelType::kF32},
-      {file.bytes, where, builder.budget});
+      source);
   const Sampled sampled(profile);
   for (u32 y = 0; y < rows; ++y) {
     auto* row = reinterpret_cast<float*>(canvas.row(y));
@@ -263,7 +272,9 @@ void load_ies(Builder& builder) {
     for (u32 x = 0; x < columns; ++x)
       row[x] = sampled.at(vertical, 360 * float(x) / float(columns));
   }
-  builder.loaded.image = std::move(canvas).finish(false).image;
+  Picture picture = std::move(canvas).finish(false);
+  picture.warnings = profile.warnings;
+  return picture;
 }
 
 }  // namespace heliograph::assets

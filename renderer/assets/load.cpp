@@ -36,8 +36,8 @@ void load(Builder& builder) {
   if (format == "ply") return load_ply(builder);
   if (format == "stl") return load_stl(builder);
   if (format == "nvdb" || format == "vdb") return load_volume(builder);
-  if (format == "ies") return load_ies(builder);
-  if (picture_format(format) != PictureFormat::kNone) return load_picture(builder);
+  if (format == "ies" || picture_format(format) != PictureFormat::kNone)
+    return load_picture(builder);
   refuse_unimplemented(
       "format", fmt::format("'{}' is not one of gltf, glb, obj, ply, stl, exr, hdr, png, jpeg, "
                             "tiff, nvdb, vdb, ies",
@@ -75,7 +75,9 @@ void load_picture(Builder& builder) {
   const BundleFile& file = builder.bundle.model();
   const std::string format =
       builder.options.format.empty() ? extension_of(file.path) : builder.options.format;
-  Picture picture = decode_picture(file.bytes, format, "", builder.budget);
+  const std::string where;
+  Picture picture = format == "ies" ? decode_ies({file.bytes, where, builder.budget})
+                                    : decode_picture(file.bytes, format, where, builder.budget);
   for (const std::string& warning : picture.warnings) builder.warn(warning);
   builder.loaded.image = std::move(picture.image);
   builder.loaded.image_srgb = picture.srgb;

@@ -47,6 +47,8 @@ struct PictureSource {
 [[nodiscard]] Picture decode_exr(const PictureSource& source);
 [[nodiscard]] Picture decode_hdr(const PictureSource& source);
 [[nodiscard]] Picture decode_tiff(const PictureSource& source);
+/// Of an LM-63 file, for a light's profile.
+[[nodiscard]] Picture decode_ies(const PictureSource& source);
 
 /// A picture being filled: storage for width * height * channels texels, zeroed, after the limits
 /// were asked.

@@ -1,5 +1,6 @@
 """Luminaires with an .ies file through the daemon: illuminance = I(direction) cos / d^2."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import heliograph as hg
@@ -97,13 +98,29 @@ def test_an_array_is_a_profile_and_is_read_back(hall):
             up = edit.texture("up", np.array([[0.0], [0], [1]], "f4"))
             lamp = hg.Light(power=2, shape="sphere", profile=up)
             edit.entity("lamp", light=lamp, transform=hg.Pose((0, 0, 3)))
-        assert scene["lamp"].light.power == 2
+        assert scene["lamp"].light == replace(lamp, color=(1, 1, 1), radius=1)
         assert scene.render("cam0", spp=4)["beauty"][..., 1].max() == 0
         with scene.edit() as edit:
             edit.update("lamp", transform=hg.Pose((0, 0, 3), euler=(np.pi, 0, 0)))
         assert scene.render("cam0", spp=4)["beauty"][..., 1].min() > 0
         with pytest.raises(hg.FailedPrecondition, match="lamp"), scene.edit() as edit:
             edit.remove("up")
+
+
+def test_the_texture_of_a_light_is_read_back(hall):
+    with hall.branch() as scene:
+        with scene.edit() as edit:
+            dots = edit.texture("dots", np.eye(2, dtype="f4"))
+            use = hg.Tex(dots, scale=2, offset=0.5, uv=((0, 1, 0.5), (1, 0, 0)), uv_set=1)
+            sheet = edit.mesh(**hg.shapes.plane(1))
+            for name, texture in (("sheet", use), ("plain", dots)):
+                edit.entity(name, mesh=sheet, light=hg.Light(power=2, texture=texture))
+        assert scene["sheet"].light.texture == use
+        assert scene["plain"].light.texture == hg.Tex(dots)
+        again = scene["sheet"].light
+        with scene.edit() as edit:
+            edit.update("sheet", light=again)
+        assert scene["sheet"].light == again
 
 
 def test_a_scene_file_keeps_it(hall, client, tmp_path):

@@ -127,6 +127,45 @@ TEST_CASE("gltf: punctual lights carry their intensity over") {
   CHECK(loaded->bounds_max == vec3(0));
 }
 
+TEST_CASE("gltf: EXT_lights_ies makes luminaires, whose files are linked or in the buffer") {
+  const std::string ies = "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 2 1 1 2 0 0 0\n1 1 0\n0 90 0 8 {}\n";
+  const auto profile = [&](const char* last) { return fmt::format(fmt::runtime(ies), last); };
+  const std::string nodes =
+      R"({"extensions":{"EXT_lights_ies":{"light":1,"multiplier":0.5,"color":[1,0.5,0]}}},)"
+      R"({"extensions":{"EXT_lights_ies":{"light":0}}})";
+  const std::string lights = R"(,"extensions":{"EXT_lights_ies":{"lights":[)"
+                             R"({"uri":"lamps/a%20b.ies","name":"trough"},)"
+                             R"({"bufferView":1,"mimeType":"application/x-ies-lm-63"}]}})";
+  const auto bundle = [&](const std::string& embedded) {
+    GltfFile file = triangle();
+    file.view(std::as_bytes(std::span(embedded)));
+    return file.bundle(with_triangle(nodes, lights));
+  };
+  TestBundle files = bundle(profile("4"));
+  CHECK(files.load()->missing == std::vector<std::string>{"lamps/a b.ies"});
+  const auto loaded = files.add("lamps/a b.ies", profile("2")).load();
+  INFO(refusal(loaded));
+  REQUIRE(loaded);
+  const LightPatch& lamp = **entity_named(*loaded, "luminaire").light;
+  CHECK(lamp.light.unit == LightUnit::kProfileScale);
+  CHECK(lamp.light.intensity == 0.5f);
+  CHECK(lamp.light.color == vec3(1, 0.5f, 0));
+  CHECK(lamp.light.shape == LightShape::kSphere);
+  const LightPatch& trough = **entity_named(*loaded, "luminaire_2").light;
+  CHECK(trough.light.intensity == 1);
+  const auto last_candela = [&](const LightPatch& light) {
+    const u32 k = std::get<CreatedByEdit>(light.profile).edit;
+    const auto& image = *std::get<PutTexture>(loaded->asset.library[k].action).image;
+    float value;
+    std::memcpy(&value, image.texels->bytes().data() + sizeof(float), sizeof(float));
+    return value;
+  };
+  CHECK(last_candela(lamp) == 4);
+  CHECK(last_candela(trough) == 2);
+  CHECK_THAT(refusal(bundle(profile("-4")).add("lamps/a b.ies", profile("2")).load()),
+             Contains("EXT_lights_ies.lights[1]: line 5") && Contains("-4, below 0"));
+}
+
 TEST_CASE("gltf: EXT_mesh_gpu_instancing makes an entity each") {
   GltfFile file = triangle();
   file.floats("VEC3", {1, 0, 0, 2, 0, 0});

@@ -82,7 +82,7 @@ TEST_CASE("portals: places and directions are inverse, and the stretch is their 
   CHECK(sum == Approx(2 * M_PI).epsilon(1e-3));
   for (int i = 0; i < 1000; ++i) {
     const vec2 place = random.next2();
-    CHECK(length(portal_place(portal_direction(place)) - place) < kPortalSlack);
+    CHECK(length(portal_place(portal_direction(place)) - place) < 1e-6f);
   }
 }
 
@@ -97,12 +97,13 @@ TEST_CASE("portals: directions follow the density (1e-6), which integrates to 1"
       windows.add({.width = 3}, mat4x3(vec3(1, 0, 0), vec3(0, 1, 0), vec3(0, 0, 1), {0, 0, 2}));
       windows.add({}, upright({0, -5, 0}));  // p is behind it
       const DomeView& dome = windows.dome;
-      const double light = portal_light(dome, p);
-      REQUIRE(light > 0);
+      REQUIRE(portal_faces(dome, p));
       Random random;
       const auto sample = [&](double& x, double& y) {
-        const vec3 d = sample_portals(dome, {p, light}, random.next2());
-        REQUIRE(portal_pdf(dome, {p, light}, d) > 0);
+        vec3 d;
+        float pdf = 0;
+        if (!sample_portals(dome, p, random.next2(), d, pdf)) return false;
+        REQUIRE(portal_pdf(dome, p, d) == Approx(pdf).epsilon(1e-5));
         x = std::atan2(double(d.y), double(d.x)) / (2 * M_PI);
         if (x < 0) x += 1;
         y = 0.5 + 0.5 * double(d.z);
@@ -110,13 +111,13 @@ TEST_CASE("portals: directions follow the density (1e-6), which integrates to 1"
       };
       double integral = 0;
       const auto density = [&](double x, double y) {
-        return 4 * M_PI * double(portal_pdf(dome, {p, light}, direction(x, y)));
+        return 4 * M_PI * double(portal_pdf(dome, p, direction(x, y)));
       };
-      const int n = 1500;
+      const int n = 1500;  // its cells are cut by the windows' edges
       for (int i = 0; i < n; ++i)
         for (int j = 0; j < n; ++j) integral += density((i + 0.5) / n, (j + 0.5) / n) / (n * n);
       INFO("p " << p.x << " textured " << (image != nullptr));
-      CHECK(integral == Approx(1).epsilon(2e-3));
+      CHECK(integral == Approx(1).epsilon(5e-3));
       CHECK(square_p_value({24, 120, 30000}, sample, density) > kLevel);
     }
 }
@@ -124,10 +125,11 @@ TEST_CASE("portals: directions follow the density (1e-6), which integrates to 1"
 TEST_CASE("portals: what is behind all of them samples the dome as without any") {
   Windows windows(nullptr);
   windows.add({}, upright({0, 2, 0}));
-  CHECK(portal_light(windows.dome, {0, 3, 0}) == 0);
-  CHECK(portal_light(windows.dome, {0, 2, 0}) == 0);
+  CHECK_FALSE(portal_faces(windows.dome, {0, 3, 0}));
+  CHECK_FALSE(portal_faces(windows.dome, {0, 2, 0}));
   CHECK(dome_pdf(windows.dome, {0, 3, 0}, {0, 1, 0}, {}) == Approx(0.25 / M_PI));
   CHECK(dome_pdf(windows.dome, {0, 1, 0}, {0, -1, 0}, {}) == 0);
-  // A square window of 1 m, 100 m away, under a constant sky: 1 / its solid angle.
-  CHECK(dome_pdf(windows.dome, {0, -98, 0}, {0, 1, 0}, {}) == Approx(1e4).epsilon(0.01));
+  // A square window of 1 m, 100 m away, under a constant sky: 1 / its solid angle. Within a texel
+  // of the map the density follows the stretch.
+  CHECK(dome_pdf(windows.dome, {0, -98, 0}, {0, 1, 0}, {}) == Approx(1e4).epsilon(0.02));
 }

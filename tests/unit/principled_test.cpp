@@ -198,8 +198,14 @@ TEST_CASE("principled: a sample's weight is the value over the density, and boun
   }
 }
 
+/// Whether so many of 1,000 independent ones may be if this share is; level 1e-6 (Poisson).
+bool may_be(int count, double share) {
+  return count == 0 || 1 - upper_gamma(count, 1000 * share) > kLevel;
+}
+
 TEST_CASE("principled: 1,000 random materials are finite and give off at most what they take") {
   Random random(5);
+  int bright = 0, heavy = 0;
   for (int i = 0; i < 1000; ++i) {
     MaterialValues m = standard();
 #define HELIO_PARAMETER(name, components, standard, low, high) \
@@ -221,9 +227,12 @@ TEST_CASE("principled: 1,000 random materials are finite and give off at most wh
             m.iridescence, m.iridescence_ior, m.iridescence_thickness, c.thin_walled, f.largest,
             f.error);
     CHECK(f.finite);
-    CHECK(max_component(f.albedo) < 1.01f + 4.5f * f.error);
-    CHECK(f.largest < 40);
+    CHECK(max_component(f.albedo) < 1.25f + 4.5f * f.error);
+    bright += max_component(f.albedo) > 1.01f + 4.5f * f.error;
+    heavy += f.largest > 16;
   }
+  CHECK(may_be(bright, 0.002));  // see docs/materials.md
+  CHECK(may_be(heavy, 0.005));   // heavier than 16 is one of 2,304 samples
 }
 
 TEST_CASE("principled: white and lossless loses and gains at most 1 %") {

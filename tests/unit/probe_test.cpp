@@ -301,6 +301,43 @@ TEST_CASE(
   CHECK(label(-5, false) == 3);
 }
 
+TEST_CASE("probe: what a body of higher priority displaces is not there") {
+  const auto seen = [](i32 priority_of_glass, float eye, bool through) {
+    TestScene scene;
+    scene.add_instance(scene.add(rectangle(4, 4)), scene.add(painted()));
+    MaterialView glass = standard_material();
+    glass.constant.transmission = 1;
+    glass.constant.roughness = 0;
+    glass.priority = priority_of_glass;
+    scene.add_instance(scene.add(block({-4, -4, 1}, {4, 4, 2})), scene.add(glass));
+    MaterialView frosted = glass;
+    frosted.constant.roughness = 0.6f;
+    frosted.priority = 1;
+    scene.add_instance(scene.add(block({-3, -3, 1.2f}, {3, 3, 1.8f})), scene.add(frosted));
+    const SceneView& view = scene.finish();
+    Settings settings = kSettings;
+    settings.through_transmission = through;
+    const CameraView camera = look_at({0.3f, 0.1f, eye}, {0.3f, 0.2f, 0}, {1, 1}, 0.1f);
+    const TestFilm film({1, 1}, all_centre());
+    probe_all({{&view, &camera}, {}, {}, nullptr, &settings}, film);
+    return std::pair(film.centre<u32>(Plane::INSTANCE, 0), film.centre(Plane::POSITION, 2));
+  };
+  const auto is = [](u32 label, float z) {
+    return [=](const std::pair<u32, float>& at) {
+      return at.first == label && std::fabs(at.second - z) < 1e-5f;
+    };
+  };
+  CHECK(is(1, 0)(seen(2, 5, true)));
+  CHECK(is(3, 1.8f)(seen(0, 5, true)));
+  CHECK(is(2, 2)(seen(2, 5, false)));
+  CHECK(is(2, 2)(seen(0, 5, false)));
+  // From within.
+  CHECK(is(2, 1)(seen(2, 1.9f, false)));
+  CHECK(is(3, 1.8f)(seen(0, 1.9f, false)));
+  CHECK(is(2, 1)(seen(2, 1.5f, false)));
+  CHECK(is(1, 0)(seen(2, 1.5f, true)));
+}
+
 TEST_CASE("probe: glass before a point hides it from the other camera unless looked through") {
   TestScene scene;
   scene.add_instance(scene.add(rectangle(4, 4)), scene.add(painted()));

@@ -6,9 +6,10 @@ import grpc
 import numpy as np
 import pytest
 from conftest import Client, detail
+from heliograph.v1 import scene_pb2, types_pb2
 from heliograph.v1 import service_pb2 as service
-from heliograph.v1 import types_pb2
 from test_edits import entity, f32, named, pose, refused
+from test_refused_messages import dots, full_lights
 from test_render import render, request, setup
 
 NUMPY = {types_pb2.D_TYPE_F32: np.float32, types_pb2.D_TYPE_F64: np.float64,
@@ -39,6 +40,27 @@ def test_a_pose_and_an_array_are_read_back(client, scene):
     assert matrix.shape[-2:] == (4, 4) and matrix.reshape(4, 4)[2, 3] == -2
     positions = read(client, scene, "mesh", "mesh.positions")
     assert positions.reshape(-1, 3)[2].tolist() == [0, 9, 0]
+
+
+def test_lights_and_portals_are_read_back_whole(client, scene):
+    lights = full_lights()
+    client.apply(scene, dots(), *(
+        scene_pb2.Edit(target=named(name), entity=made) for name, made in lights.items()))
+    tree = client.call("DescribeScene", scene=scene, tree=True)
+    texture = next(o.id for o in tree.objects if o.name == "dots")
+    message = service.ReadRequest(scene=scene, refs=[named(n) for n in lights], fields=["entity"])
+    replies = list(client.call("Read", message))
+    assert [r.ref for r in replies] == list(range(len(lights)))
+    for reply, made in zip(replies, lights.values(), strict=True):
+        for ref in (made.light.profile, made.light.texture.texture):
+            if ref.name:
+                ref.id = texture
+        for part in ("light", "portal"):
+            for field, value in getattr(made, part).ListFields():
+                found = getattr(getattr(reply.object.entity, part), field.name)
+                if field.name == "texture":
+                    value.uv_set = 0
+                assert found == value, (part, field.name)
 
 
 def test_an_unknown_field_or_object_is_refused(client, scene):

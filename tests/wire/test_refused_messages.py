@@ -102,8 +102,38 @@ def full_entity() -> scene_pb2.Entity:
     return out
 
 
-def edits() -> list[scene_pb2.Edit]:
-    """One of each action that carries numbers."""
+def light(**fields) -> scene_pb2.Entity:
+    return scene_pb2.Entity(light=scene_pb2.Light(color=vec3(1, 1, 1), intensity=1, **fields))
+
+
+def full_lights() -> dict[str, scene_pb2.Entity]:
+    """Of each kind one with all that it may have, and a window."""
+    kinds = scene_pb2.Light
+    return {
+        "luminaire": light(
+            unit=kinds.UNIT_PROFILE_SCALE,
+            exposure=0,
+            temperature=0,
+            two_sided=True,
+            texture=use("dots"),
+            shape=kinds.SHAPE_DISC,
+            radius=1,
+            profile=named("dots"),
+        ),
+        "spot": light(
+            unit=kinds.UNIT_CANDELA,
+            shape=kinds.SHAPE_RECTANGLE,
+            width=1,
+            height=1,
+            inner_cone_angle=0.25,
+            outer_cone_angle=0.5,
+        ),
+        "sun": light(unit=kinds.UNIT_ILLUMINANCE, sun_angle=0.01),
+        "window": scene_pb2.Entity(portal=scene_pb2.Portal(width=1, height=1)),
+    }
+
+
+def dots() -> scene_pb2.Edit:
     texels = f32((2, 2, 3), *[0] * 12)
     sampler = dict(
         encoding=scene_pb2.Texture.ENCODING_LINEAR,
@@ -111,17 +141,26 @@ def edits() -> list[scene_pb2.Edit]:
         wrap_u=scene_pb2.Texture.WRAP_CLAMP,
         wrap_v=scene_pb2.Texture.WRAP_CLAMP,
     )
+    return scene_pb2.Edit(target=named("dots"), texture=scene_pb2.Texture(texels=texels, **sampler))
+
+
+def edits() -> list[scene_pb2.Edit]:
+    """One of each action that carries numbers."""
     dome = scene_pb2.Dome(
-        color=vec3(1, 1, 1), intensity=1, rotation=f32((3, 3), 1, 0, 0, 0, 1, 0, 0, 0, 1)
+        texture=named("dots"),
+        color=vec3(1, 1, 1),
+        intensity=1,
+        rotation=f32((3, 3), 1, 0, 0, 0, 1, 0, 0, 0, 1),
     )
     instances = scene_pb2.Instances(
         prototype=scene_pb2.Entity(mesh=named("mesh")), matrices=f32((1, 4, 4), *EYE)
     )
     return [
-        scene_pb2.Edit(target=named("dots"), texture=scene_pb2.Texture(texels=texels, **sampler)),
+        dots(),
         scene_pb2.Edit(target=named("full"), mesh=full_mesh()),
         scene_pb2.Edit(target=named("matter"), material=full_material()),
         scene_pb2.Edit(target=named("whole"), entity=full_entity()),
+        *(scene_pb2.Edit(target=named(n), entity=e) for n, e in full_lights().items()),
         scene_pb2.Edit(target=named("many"), instances=instances),
         scene_pb2.Edit(settings=scene_pb2.Settings(time=0, dome=dome)),
         scene_pb2.Edit(advance=scene_pb2.Advance(dt=1)),

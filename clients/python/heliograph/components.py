@@ -5,13 +5,13 @@ from __future__ import annotations
 import difflib
 import math
 import operator
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ._arrays import NdArray, checked
+from ._arrays import NdArray, checked, from_message
 from ._proto import scene_pb2 as scene
 from ._proto import types_pb2 as types
 from .errors import InvalidArgument
@@ -304,3 +304,21 @@ class Tex:
     offset: float = 0.0
     uv: Any = None
     uv_set: int = 0
+
+    @classmethod
+    def from_message(
+        cls, message: scene.TextureUse, handle: Callable[[types.Ref], Any]
+    ) -> Tex | None:
+        """As the daemon has it, uv in tuples; None without a texture."""
+        texture = handle(message.texture)
+        if texture is None:
+            return None
+        uv = tuple(tuple(row) for row in from_message(message.uv_transform).tolist())
+        return cls(
+            texture,
+            channel=message.channel,
+            scale=message.scale,
+            offset=message.offset,
+            uv=None if uv == ((1, 0, 0), (0, 1, 0)) else uv,
+            uv_set=message.uv_set,
+        )

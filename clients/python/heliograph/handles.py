@@ -164,7 +164,8 @@ class Entity(Handle):
     @property
     def light(self) -> Light | None:
         message = self._message()
-        return Light.from_message(message.light) if message.HasField("light") else None
+        found = message.HasField("light")
+        return Light.from_message(message.light, self._handle) if found else None
 
     @property
     def portal(self) -> Portal | None:

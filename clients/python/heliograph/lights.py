@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from ._proto import scene_pb2 as scene
-from .components import color_of, number_of
+from ._proto import types_pb2 as types
+from .components import Tex, color_of, number_of
 from .errors import InvalidArgument
 
 _UNITS = (
@@ -94,7 +96,8 @@ class Light:
         return message
 
     @classmethod
-    def from_message(cls, message: scene.Light) -> Light:
+    def from_message(cls, message: scene.Light, handle: Callable[[types.Ref], Any]) -> Light:
+        """As the daemon has it. handle: of the object that a Ref names; None for none."""
         name = scene.Light.Unit.Name(message.unit or 1)[len("UNIT_") :].lower()
         color = message.color
         sizes = {
@@ -107,10 +110,12 @@ class Light:
             exposure=message.exposure,
             temperature=message.temperature,
             two_sided=message.two_sided,
+            texture=Tex.from_message(message.texture, handle),
             sun_angle=message.sun_angle,
             shape=scene.Light.Shape.Name(message.shape or 1)[len("SHAPE_") :].lower(),
             inner_cone_angle=message.inner_cone_angle,
             outer_cone_angle=message.outer_cone_angle,
+            profile=handle(message.profile),
         )
 
 

@@ -9,7 +9,7 @@ namespace heliograph::assets::gltf {
 namespace {
 
 // Extensions that are honoured, and those whose effect is left out with a warning.
-constexpr std::array<std::string_view, 15> kHonoured = {
+constexpr std::array<std::string_view, 16> kHonoured = {
     "KHR_texture_transform",     "KHR_lights_punctual",
     "KHR_materials_unlit",       "KHR_materials_emissive_strength",
     "KHR_materials_ior",         "KHR_materials_transmission",
@@ -17,7 +17,7 @@ constexpr std::array<std::string_view, 15> kHonoured = {
     "KHR_materials_clearcoat",   "KHR_materials_sheen",
     "KHR_materials_volume",      "KHR_materials_anisotropy",
     "KHR_materials_iridescence", "EXT_mesh_gpu_instancing",
-    "KHR_mesh_quantization"};
+    "KHR_mesh_quantization",     "EXT_lights_ies"};
 constexpr std::array<std::string_view, 3> kLeftOut = {"KHR_materials_dispersion",
                                                       "KHR_materials_variants", "KHR_xmp_json_ld"};
 
@@ -127,12 +127,12 @@ void Document::load_buffers() {
   }
 }
 
-std::optional<Document::ImageBytes> Document::uri_bytes(const Value& uri) {
+std::optional<Document::LinkedBytes> Document::uri_bytes(const Value& uri) {
   const std::string text = uri.text();
   if (text.starts_with("data:")) {
     DataUri data = decode_data_uri(text, uri.where());
     owned_.push_back(std::move(data.bytes));
-    return ImageBytes{.bytes = owned_.back(), .name = data.media_type};
+    return LinkedBytes{.bytes = owned_.back(), .name = data.media_type};
   }
   const std::string path =
       Bundle::resolve(builder_.bundle.model().path, percent_decode(text, uri.where()), uri.where());
@@ -141,7 +141,7 @@ std::optional<Document::ImageBytes> Document::uri_bytes(const Value& uri) {
     builder_.missing(path);
     return std::nullopt;
   }
-  return ImageBytes{.bytes = file->bytes, .name = extension_of(path)};
+  return LinkedBytes{.bytes = file->bytes, .name = extension_of(path)};
 }
 
 std::size_t Document::count(const std::string& key) const {
@@ -182,16 +182,15 @@ Bytes Document::whole_view(const Value& view) const {
   return bytes.subspan(offset, size);
 }
 
-std::optional<Document::ImageBytes> Document::image_bytes(u32 image) {
-  const Value value = item("images", image);
+std::optional<Document::LinkedBytes> Document::linked_bytes(const Value& value) {
   if (const auto uri = value.find("uri")) {
     auto found = uri_bytes(*uri);
     if (found && found->name.empty()) found->name = value.text("mimeType", "");
     return found;
   }
   if (!builder_.complete()) return std::nullopt;  // its buffer may be what is missing
-  return ImageBytes{.bytes = whole_view(value.at("bufferView")),
-                    .name = value.at("mimeType").text()};
+  return LinkedBytes{.bytes = whole_view(value.at("bufferView")),
+                     .name = value.at("mimeType").text()};
 }
 
 }  // namespace heliograph::assets::gltf

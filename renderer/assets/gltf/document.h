@@ -29,20 +29,21 @@ class Document {
   [[nodiscard]] u64 view_stride(const Value& view) const;  // 0: tightly packed
   [[nodiscard]] Bytes whole_view(const Value& view) const;
 
-  /// The bytes of an image and the media type or file name that says what they are; nullopt when
-  /// the bundle lacks its file (reported as missing).
-  struct ImageBytes {
+  /// The bytes of an image or a light profile, whose `uri` or `bufferView` says where they are, and
+  /// the media type or file name that says what they are; nullopt when the bundle lacks the file
+  /// (reported as missing).
+  struct LinkedBytes {
     Bytes bytes;
     std::string name;
   };
-  [[nodiscard]] std::optional<ImageBytes> image_bytes(u32 image);
+  [[nodiscard]] std::optional<LinkedBytes> linked_bytes(const Value& value);
 
  private:
   void parse_container(Bytes file);
   void check_extensions() const;
   void load_buffers();
   /// The bytes a uri names: a data URI or a file of the bundle; nullopt: missing, reported.
-  [[nodiscard]] std::optional<ImageBytes> uri_bytes(const Value& uri);
+  [[nodiscard]] std::optional<LinkedBytes> uri_bytes(const Value& uri);
 
   Builder& builder_;
   nlohmann::json json_;

@@ -11,8 +11,8 @@ namespace {
 class Maker {
  public:
   Maker(const Document& document, Builder& builder, const std::vector<Node>& nodes,
-        const std::vector<Mesh>& meshes)
-      : document_(document), builder_(builder), nodes_(nodes), meshes_(meshes) {
+        const Library& library)
+      : document_(document), builder_(builder), nodes_(nodes), library_(library) {
     entities_.node.resize(nodes.size());
     entities_.mesh.resize(nodes.size());
   }
@@ -76,9 +76,13 @@ class Maker {
     return put;
   }
 
+  const Mesh& mesh_of(const Node& node) const {
+    return library_.meshes[node.value.at("mesh").index(library_.meshes.size())];
+  }
+
   /// Binds the node's mesh, its materials and its morph weights.
   void bind_mesh(const Node& node, PutEntity& put) const {
-    const Mesh& mesh = meshes_[node.value.at("mesh").index(meshes_.size())];
+    const Mesh& mesh = mesh_of(node);
     if (std::holds_alternative<std::monostate>(mesh.ref)) return;
     put.mesh = mesh.ref;
     put.materials = mesh.materials;
@@ -92,11 +96,6 @@ class Maker {
       for (u32 i = 0; i < mesh.morph_count; ++i) weights.weights[i] = (*own)[i].single();
     }
     put.morph_weights = weights;
-  }
-
-  void add_attachments(u32 index) {
-    const auto light = nodes_[index].value.extension("KHR_lights_punctual");
-    if (light) add_light(document_, builder_, light->at("light"), *entities_.node[index]);
   }
 
   void add_node(u32 index, u32 z_up) {
@@ -113,7 +112,7 @@ class Maker {
     entities_.node[index] = builder_.entity(node.name, std::move(put));
     if (plain) entities_.mesh[index] = entities_.node[index];
     if (has_mesh && instancing) add_instances(node, *instancing, *entities_.node[index]);
-    add_attachments(index);
+    add_lights(document_, builder_, library_.profiles, node.value, *entities_.node[index]);
   }
 
   /// Source: EXT_mesh_gpu_instancing.
@@ -187,7 +186,7 @@ class Maker {
   SkinPatch read_skin_patch(const Node& node) const {
     const Value skin = skin_of(node);
     SkinData data = read_skin(document_, skin, nodes_.size(), builder_.budget);
-    const Mesh& mesh = meshes_[node.value.at("mesh").index(meshes_.size())];
+    const Mesh& mesh = mesh_of(node);
     if (mesh.joint_count == 0)
       refuse(node.value.where(), "has a skin, but its mesh has no JOINTS_0");
     if (mesh.joint_count > data.joints.size()) {
@@ -207,15 +206,15 @@ class Maker {
   const Document& document_;
   Builder& builder_;
   const std::vector<Node>& nodes_;
-  const std::vector<Mesh>& meshes_;
+  const Library& library_;
   Entities entities_;
 };
 
 }  // namespace
 
 Entities make_entities(const Document& document, Builder& builder, const std::vector<Node>& nodes,
-                       const std::vector<Mesh>& meshes) {
-  return Maker(document, builder, nodes, meshes).make();
+                       const Library& library) {
+  return Maker(document, builder, nodes, library).make();
 }
 
 }  // namespace heliograph::assets::gltf

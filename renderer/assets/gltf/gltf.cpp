@@ -13,11 +13,13 @@ void load_gltf(Builder& builder) {
   }
   Document document(builder);
   const Materials materials = load_materials(document, builder, any_without_material(document));
+  Library library{.meshes = {}, .profiles = load_profiles(document, builder)};
   if (!builder.complete()) return;
   const std::vector<Node> nodes = read_nodes(document, builder);
-  const std::vector<Mesh> meshes = load_meshes(document, builder, materials);
-  const Entities entities = make_entities(document, builder, nodes, meshes);
-  builder.loaded.asset.animations = load_animations(document, builder, nodes, entities, meshes);
+  library.meshes = load_meshes(document, builder, materials);
+  const Entities entities = make_entities(document, builder, nodes, library);
+  builder.loaded.asset.animations =
+      load_animations(document, builder, nodes, entities, library.meshes);
 }
 
 }  // namespace heliograph::assets

@@ -1,13 +1,14 @@
-// Punctual lights as small shapes of light, and cameras. Source: KHR_lights_punctual;
-// glTF 2.0, 3.10.
+// Punctual lights and luminaires as small shapes of light, and cameras. Source:
+// KHR_lights_punctual; EXT_lights_ies; glTF 2.0, 3.10.
 //
-// A point light is a sphere of its candela, a spot light one with its cone, a directional light a
-// sun.
+// A point light is a sphere of its candela, a spot light one with its cone, a luminaire one with
+// its profile, a directional light a sun.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
 #include "renderer/assets/gltf/nodes.h"
+#include "renderer/assets/picture.h"
 
 namespace heliograph::assets::gltf {
 namespace {
@@ -15,6 +16,8 @@ namespace {
 constexpr float kRadius = 0.01f;      // metres, of point and spot lights
 constexpr float kSunAngle = 0.0093f;  // radians, our sun's angular diameter
 constexpr double kPi = std::numbers::pi;
+constexpr const char* kPunctual = "KHR_lights_punctual";
+constexpr const char* kProfiles = "EXT_lights_ies";
 
 /// The cone of a spot light.
 void read_cone(const Value& value, Light& light) {
@@ -27,38 +30,84 @@ void read_cone(const Value& value, Light& light) {
   light.inner_cone_angle = std::min(float(inner), light.outer_cone_angle);
 }
 
-}  // namespace
+Light small_sphere() { return {.shape = LightShape::kSphere, .radius = kRadius}; }
 
-void add_light(const Document& document, Builder& builder, const Value& reference,
-               u32 node_entity) {
-  const auto extension = document.root().extension("KHR_lights_punctual");
-  if (!extension) refuse(reference.where(), "the document defines no KHR_lights_punctual lights");
-  const Value list = extension->at("lights");
-  const Value value = list[reference.index(list.size())];
-  const std::string type = value.at("type").text();
+/// The object that an index names in a list of the document's own extension.
+Value listed_light(const Document& document, const std::string& extension, const Value& index) {
+  const auto found = document.root().extension(extension);
+  if (!found) refuse(index.where(), fmt::format("the document defines no {} lights", extension));
+  const Value list = found->at("lights");
+  return list[index.index(list.size())];
+}
+
+void read_color(const Value& value, Light& light, const std::string& strength) {
   const auto color = value.numbers<3>("color", {1, 1, 1});
-  const double intensity = value.number("intensity", 1);
-  if (intensity < 0 || *std::ranges::min_element(color) < 0) {
-    refuse(value.where(), "intensity and color must be 0 or more");
-  }
-  Light light{.color = {color[0], color[1], color[2]}, .intensity = float(intensity)};
+  const double intensity = value.number(strength, 1);
+  if (intensity < 0 || *std::ranges::min_element(color) < 0)
+    refuse(value.where(), fmt::format("{} and color must be 0 or more", strength));
+  light.color = {color[0], color[1], color[2]};
+  light.intensity = float(intensity);
+}
+
+void add_light(Builder& builder, LightPatch light, const std::string& name, u32 node_entity) {
+  PutEntity put;
+  put.parent = builder.entity_ref(node_entity);
+  put.light = std::move(light);
+  put.label = LabelPatch{.kind = LabelPatch::Kind::kValue, .value = 0, .category = {}};
+  put.visibility = u8(kAllRays & ~kCameraRay & ~kShadowRay);
+  builder.entity(name, std::move(put));
+}
+
+void add_punctual(Builder& builder, const Value& value, u32 node_entity) {
+  const std::string type = value.at("type").text();
+  Light light;
   if (type == "directional") {
     light.unit = LightUnit::kIlluminance;
     light.sun_angle = kSunAngle;
   } else if (type == "point" || type == "spot") {
+    light = small_sphere();
     light.unit = LightUnit::kCandela;
-    light.shape = LightShape::kSphere;
-    light.radius = kRadius;
     if (type == "spot") read_cone(value.at("spot"), light);
   } else {
     refuse(value.key_where("type"), "must be point, spot or directional");
   }
-  PutEntity put;
-  put.parent = builder.entity_ref(node_entity);
-  put.light = LightPatch{.light = light, .texture = {}};
-  put.label = LabelPatch{.kind = LabelPatch::Kind::kValue, .value = 0, .category = {}};
-  put.visibility = u8(kAllRays & ~kCameraRay & ~kShadowRay);
-  builder.entity(builder.claim_name(value.text("name", ""), type + "_light"), std::move(put));
+  read_color(value, light, "intensity");
+  const std::string name = builder.claim_name(value.text("name", ""), type + "_light");
+  add_light(builder, {.light = light, .texture = {}}, name, node_entity);
+}
+
+}  // namespace
+
+std::vector<Ref> load_profiles(Document& document, Builder& builder) {
+  std::vector<Ref> profiles;
+  const auto extension = document.root().extension(kProfiles);
+  if (!extension) return profiles;
+  const Value lights = extension->at("lights");
+  for (std::size_t i = 0; i < lights.size(); ++i) {
+    const Value value = lights[i];
+    const auto file = document.linked_bytes(value);
+    if (!builder.complete()) continue;
+    Picture picture = decode_ies({file->bytes, value.where(), builder.budget});
+    for (const std::string& warning : picture.warnings) builder.warn(warning);
+    PutTexture put{.image = std::make_shared<const ImageData>(std::move(picture.image))};
+    profiles.push_back(builder.library(
+        builder.claim_name(value.text("name", ""), fmt::format("profile_{}", i)), std::move(put)));
+  }
+  return profiles;
+}
+
+void add_lights(const Document& document, Builder& builder, const std::vector<Ref>& profiles,
+                const Value& node, u32 node_entity) {
+  if (const auto punctual = node.extension(kPunctual))
+    add_punctual(builder, listed_light(document, kPunctual, punctual->at("light")), node_entity);
+  if (const auto luminaire = node.extension(kProfiles)) {
+    Light light = small_sphere();
+    light.unit = LightUnit::kProfileScale;
+    read_color(*luminaire, light, "multiplier");
+    const Ref& profile = profiles[luminaire->at("light").index(profiles.size())];
+    add_light(builder, {.light = light, .texture = {}, .profile = profile},
+              builder.claim_name("luminaire", "luminaire"), node_entity);
+  }
 }
 
 Camera read_camera(const Value& value) {

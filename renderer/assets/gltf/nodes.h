@@ -26,10 +26,14 @@ struct Entities {
   std::vector<std::optional<u32>> node;  // entity of each node; nullopt: not in the scene
   std::vector<std::optional<u32>> mesh;  // entity that shows its mesh; may be another
 };
+/// What entities name.
+struct Library {
+  std::vector<Mesh> meshes;
+  std::vector<Ref> profiles;  // of lights
+};
 /// Adds the root, the turn to +Z up below it, and every node of the scene.
 [[nodiscard]] Entities make_entities(const Document& document, Builder& builder,
-                                     const std::vector<Node>& nodes,
-                                     const std::vector<Mesh>& meshes);
+                                     const std::vector<Node>& nodes, const Library& library);
 
 /// The joints of a skin as node indices, and its inverse bind matrices.
 struct SkinData {
@@ -44,8 +48,11 @@ struct SkinData {
 [[nodiscard]] bool is_flat(const mat4x3& matrix);
 
 // lights.cpp
-/// Adds the entity of a node's KHR_lights_punctual light below that node.
-void add_light(const Document& document, Builder& builder, const Value& reference, u32 node_entity);
+/// Adds the profiles of EXT_lights_ies to the library, unless a file is missing; by their index.
+[[nodiscard]] std::vector<Ref> load_profiles(Document& document, Builder& builder);
+/// Adds the entities of a node's lights below it.
+void add_lights(const Document& document, Builder& builder, const std::vector<Ref>& profiles,
+                const Value& node, u32 node_entity);
 [[nodiscard]] Camera read_camera(const Value& camera);
 
 }  // namespace heliograph::assets::gltf

@@ -103,13 +103,14 @@ void Textures::decode_images() {
   for (const Slot& slot : slots_) used.insert(slot.image);
   struct Job {
     u32 image;
-    Document::ImageBytes source;
+    Document::LinkedBytes source;
     Picture picture{};
     std::optional<Error> error{};
   };
   std::vector<Job> jobs;
   for (u32 image : used) {
-    if (auto bytes = document_.image_bytes(image)) jobs.push_back({image, std::move(*bytes)});
+    if (auto bytes = document_.linked_bytes(document_.item("images", image)))
+      jobs.push_back({image, std::move(*bytes)});
   }
   if (!builder_.complete()) return;
   std::atomic<std::size_t> next{0};

@@ -15,7 +15,7 @@ namespace {
 using kernels::kPortalSide;
 
 // Samples of the dome along a texel of the map: as close as the dome's texels, within these.
-constexpr u32 kFewestSamples = 2, kMostSamples = 8;
+constexpr u32 kFewestSamples = 4, kMostSamples = 16;
 
 u64 bits(float a, float b) { return u64(std::bit_cast<u32>(a)) << 32 | std::bit_cast<u32>(b); }
 
