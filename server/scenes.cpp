@@ -37,6 +37,7 @@ Expected<Prepared> SceneEntry::commit(const Transaction& transaction,
 SceneEntry::Watch SceneEntry::watch(std::function<void(Revision)> told) {
   auto watch = std::make_shared<const std::function<void(Revision)>>(std::move(told));
   const std::lock_guard lock(mutex_);
+  std::erase_if(watches_, [](const auto& other) { return other.expired(); });
   watches_.push_back(watch);
   return watch;
 }

@@ -1,6 +1,7 @@
 // Settings, revisions, credits and frames. See stream_call.h.
 #include "server/stream_call.h"
 
+#include <atomic>
 #include <set>
 #include <utility>
 
@@ -10,6 +11,13 @@ namespace heliograph::server {
 namespace {
 
 constexpr u32 kDefaultCredits = 2;
+
+/// A stream waits in a line of its own, so that its endless refinement leaves room for the other
+/// jobs of its session.
+u64 next_line() {
+  static std::atomic<u64> last = 0;
+  return ++last;
+}
 
 }  // namespace
 
@@ -47,6 +55,7 @@ class StreamCall::Job final : public JobSink, public std::enable_shared_from_thi
     auto task = to_task(call_->daemon_, *call_->scope_.session(), *settings_);
     if (!task) return std::unexpected(std::move(task).error().at("settings"));
     make_header_ = task->make_header;
+    task->job->origin.session ^= call_->line_;
     {
       const std::lock_guard lock(call_->mutex_);
       call_->shown_ = task->job->snapshot->revision;
@@ -77,6 +86,7 @@ StreamCall* StreamCall::start(Daemon& daemon, grpc::CallbackServerContext& conte
 StreamCall::StreamCall(Daemon& daemon, grpc::CallbackServerContext& context, Call call)
     : daemon_(daemon),
       scope_(context, std::move(call)),
+      line_(next_line()),
       cutter_(daemon.config.limits.chunk_bytes) {}
 
 // ---------------------------------------------------------------- what the client sends
@@ -180,11 +190,15 @@ std::shared_ptr<StreamCall::Job> StreamCall::next_job() {
 Status StreamCall::follow(u64 scene) {
   const auto entry = daemon_.scenes.find(scene, scope_.session()->id());
   if (!entry) return std::unexpected(Error(entry.error()).at("settings"));
+  {
+    const std::lock_guard lock(mutex_);
+    if (scene == scene_) return {};
+  }
   auto watch = (*entry)->watch([weak = weak_from_this()](Revision revision) {
     if (const auto call = weak.lock()) call->on_revision(revision);
   });
   const std::lock_guard lock(mutex_);
-  if (scene != scene_) head_ = 0;
+  head_ = 0;
   scene_ = scene;
   watch_.swap(watch);
   return {};

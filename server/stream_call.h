@@ -56,6 +56,7 @@ class StreamCall final : public grpc::ServerBidiReactor<v1::StreamRequest, v1::F
   Daemon& daemon_;
   CallScope scope_;
   Charge counted_;
+  const u64 line_;
   std::shared_ptr<StreamCall> self_;  // until OnDone
   v1::StreamRequest request_;
   v1::FramePart part_;

@@ -62,7 +62,7 @@ def main():
             report.figure("rate lost by others", 100 * (1 - beside / alone), 10, "%")
             common.seconds_until(lambda: common.used(client, "tenant_streams") == 0, STALL + 30)
             closed = time.perf_counter() - begin
-            report.figure("closed after", closed, STALL + 5, "s", slack=False)
+            report.figure("closed after", closed, STALL + 5, "s")
             over.set()
             for stream in streams:
                 stream.cancel()

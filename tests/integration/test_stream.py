@@ -120,6 +120,13 @@ def test_latest_drops_what_nobody_waited_for(stage):
     assert seeds[-1] == 199 and len(seeds) < 200 and seeds == sorted(seeds)
 
 
+def test_endless_streams_leave_room_for_each_other_and_for_renders(stage):
+    with stage.stream("cam", spp=1 << 20) as a, stage.stream("cam", spp=1 << 20) as b:
+        assert next(a).samples == next(b).samples == 1
+        stage.render("cam", spp=1)
+        assert not next(a).is_final and not next(b).is_final
+
+
 def test_each_camera_is_shown(stage):
     with stage.edit() as edit:
         lens = hg.Camera.from_fov(50, 16, 16, degrees=True)
