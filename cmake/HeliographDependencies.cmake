@@ -1,12 +1,17 @@
 # Third-party libraries. Minimum versions are those of Debian 12.
 find_package(Threads REQUIRED)
+find_package(OpenSSL REQUIRED)
+find_package(Protobuf REQUIRED)
+find_package(gRPC 1.51 CONFIG REQUIRED)
+if(NOT HELIOGRAPH_DAEMON)
+  set(HELIOGRAPH_TESTS OFF)  # they need a daemon
+  return()
+endif()
+
 find_package(glm REQUIRED)
 find_package(fmt REQUIRED)
 find_package(spdlog REQUIRED)
 find_package(TBB REQUIRED)
-find_package(OpenSSL REQUIRED)
-find_package(Protobuf REQUIRED)
-find_package(gRPC 1.51 CONFIG REQUIRED)
 find_package(CLI11 REQUIRED)
 
 find_package(embree 4 QUIET)

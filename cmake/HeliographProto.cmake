@@ -26,5 +26,6 @@ endfunction()
 heliograph_generate(proto_sources ${PROJECT_SOURCE_DIR}/proto
   heliograph/v1/types.proto heliograph/v1/scene.proto heliograph/v1/render.proto heliograph/v1/service.proto)
 add_library(heliograph_proto STATIC ${proto_sources})
-target_include_directories(heliograph_proto SYSTEM PUBLIC ${PROJECT_BINARY_DIR}/generated)
+target_include_directories(heliograph_proto SYSTEM PUBLIC
+  $<BUILD_INTERFACE:${PROJECT_BINARY_DIR}/generated>)
 target_link_libraries(heliograph_proto PUBLIC protobuf::libprotobuf gRPC::grpc++)

@@ -1,0 +1,76 @@
+// connect(), launch() and the scenes of a client.
+#include "heliograph/client.h"
+
+#include <utility>
+
+#include "wire/draft.h"
+#include "wire/scene_file.h"
+#include "wire/session.h"
+
+namespace heliograph {
+namespace {
+
+Scene scene_of(const std::shared_ptr<wire::Session>& session, const v1::SceneInfo& info,
+               bool owned) {
+  return Scene(std::make_shared<wire::SceneCore>(session, info, owned));
+}
+
+}  // namespace
+
+Scene Client::create_scene(const std::string& name, bool shared) {
+  v1::CreateSceneRequest request;
+  request.set_request_id(wire::make_request_id());
+  request.set_name(name);
+  request.set_shared(shared);
+  request.set_durability("none");
+  return scene_of(session_, session_->call(&wire::Session::Stub::CreateScene, request), !shared);
+}
+
+Scene Client::open_scene(const std::string& name) {
+  v1::OpenSceneRequest request;
+  request.set_name(name);
+  return scene_of(session_, session_->call(&wire::Session::Stub::OpenScene, request), false);
+}
+
+Scene Client::load_scene(const std::string& path, const std::string& name, bool shared) {
+  return scene_of(session_, wire::load_scene(*session_, path, {name, shared}), !shared);
+}
+
+std::vector<Scene> Client::scenes() {
+  const auto reply = session_->call(&wire::Session::Stub::ListScenes, v1::ListScenesRequest());
+  std::vector<Scene> out;
+  for (const v1::SceneInfo& info : reply.scenes()) out.push_back(scene_of(session_, info, false));
+  return out;
+}
+
+ServerInfo Client::info() const {
+  const auto reply =
+      session_->call(&wire::Session::Stub::GetServerInfo, v1::GetServerInfoRequest());
+  ServerInfo out;
+  out.version = reply.version();
+  out.api = reply.api();
+  out.backend = reply.backend();
+  out.cpu_features = reply.cpu_features();
+  out.threads = reply.threads();
+  out.capabilities.assign(reply.capabilities().begin(), reply.capabilities().end());
+  out.refused.assign(reply.refused().begin(), reply.refused().end());
+  for (const auto& [name, limit] : reply.limits()) out.limits[name] = limit;
+  out.ready = reply.ready();
+  return out;
+}
+
+const std::string& Client::address() const { return session_->address(); }
+
+void Client::close() { session_->close(); }
+
+Client connect(const std::string& address, const std::string& token) {
+  return Client(std::make_shared<wire::Session>(address, token, nullptr));
+}
+
+Client launch(const LaunchOptions& options) {
+  auto daemon = std::make_unique<wire::PrivateDaemon>(options);
+  const std::string address = daemon->address();
+  return Client(std::make_shared<wire::Session>(address, "", std::move(daemon)));
+}
+
+}  // namespace heliograph

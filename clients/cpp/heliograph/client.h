@@ -1,0 +1,72 @@
+// connect(), launch() and Client: a session with a daemon, and its scenes.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "heliograph/scene.h"
+
+namespace heliograph {
+
+namespace wire {
+class Session;
+}
+
+struct ServerInfo {
+  std::string version;
+  std::string api;
+  std::string backend;
+  std::string cpu_features;
+  std::uint32_t threads = 0;
+  std::vector<std::string> capabilities{};
+  std::vector<std::string> refused{};  // what the kernel did not allow, and what follows
+  std::map<std::string, std::uint64_t> limits{};
+  bool ready = false;  // a pixel was rendered
+};
+
+/// A session with a daemon. Copies are the same session; it ends, with its private scenes and a
+/// private daemon, when the last of them and the last scene are gone, or by close(). Thread: any.
+/// Do not fork() without exec(): the child has no session.
+class Client {
+ public:
+  explicit Client(std::shared_ptr<wire::Session> session) : session_(std::move(session)) {}
+
+  /// An empty scene. Private ones die with this session, shared ones live until they are deleted.
+  Scene create_scene(const std::string& name = "", bool shared = false);
+  /// A scene by its name; kNotFound lists the nearest.
+  Scene open_scene(const std::string& name);
+  /// A new scene from a file that Scene::save, of any client, wrote.
+  Scene load_scene(const std::string& path, const std::string& name = "", bool shared = false);
+  /// Every scene that this client may open.
+  std::vector<Scene> scenes();
+  [[nodiscard]] ServerInfo info() const;
+
+  [[nodiscard]] const std::string& address() const;  // "unix:///path" or "host:port"
+  /// Ends the session and a private daemon now. Safe to call twice.
+  void close();
+
+ private:
+  std::shared_ptr<wire::Session> session_;
+};
+
+/// A daemon that runs: "unix:///run/heliograph.sock" (Linux), or "127.0.0.1:7443" with its token.
+Client connect(const std::string& address, const std::string& token = "");
+
+struct LaunchOptions {
+  std::vector<std::string> arguments{};  // more flags of heliographd
+  std::string program{};                 // default: $HELIOGRAPHD, then heliographd on PATH
+  double timeout = 30;                   // seconds until it listens
+  std::function<void(const std::string&)>
+      log{};  // gets each line of its log, in a thread of its own
+};
+
+/// Starts a private daemon, which ends with this client, or with this process however that ends.
+/// Linux 5.3 and later.
+Client launch(const LaunchOptions& options = {});
+
+}  // namespace heliograph

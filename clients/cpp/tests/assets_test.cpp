@@ -1,0 +1,119 @@
+// Files: models, pictures, and what is refused about them.
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include "fixture.h"
+
+using namespace heliograph;
+
+namespace {
+
+const std::string kAssets = HELIOGRAPH_SOURCE_DIR "/tests/assets/";
+
+}  // namespace
+
+TEST_CASE("a model is decoded once and placed several times") {
+  Scene scene = client().create_scene();
+  Transaction edit = scene.edit();
+  Placement placement;
+  placement.category = "fox";
+  ImportOptions twice;
+  twice.count = 2;
+  const Asset fox = edit.import_file(kAssets + "gltf/Fox.glb", placement, twice);
+  placement.transform = Vec3{3, 0, 0};
+  placement.animation = fox.animations().front();
+  const Entity third = edit.instance(fox, "third", placement);
+  edit.commit();
+  CHECK(fox.roots().size() == 3);
+  CHECK(fox.root().name() == "Fox/0");
+  CHECK(third.transform()(0, 3) == 3);
+  CHECK(fox.entities().size() > 20);
+  const Material fur = fox.material(fox.materials().front());
+  CHECK(fur.parameters().count("roughness") == 1);
+  CHECK(scene.categories().at(1) == "fox");
+  REQUIRE(fox.bounds());
+  CHECK((*fox.bounds())[1].z > (*fox.bounds())[0].z);
+  CHECK(fox.entities().back().id() >> 56 == std::uint64_t(Kind::kEntity));
+}
+
+TEST_CASE("companions beneath the model's folder are uploaded, names in the file are known") {
+  Scene scene = client().create_scene();
+  Transaction edit = scene.edit();
+  const Asset cube = edit.import_file(kAssets + "gltf/01_morphed_cube/01_morphed_cube.gltf");
+  const ClientError error = error_of([&] { (void)cube.material("Leather"); });
+  CHECK(error.code() == Code::kNotFound);
+  CHECK(error.details().nearest == cube.materials());
+  Placement wrong;
+  wrong.animation = "no such clip";
+  CHECK(error_of([&] { edit.instance(cube, "x", wrong); }).field() == "animation");
+  edit.commit();
+  CHECK_FALSE(scene.contains("x"));
+}
+
+TEST_CASE("pictures become textures and domes") {
+  Ball world;
+  Transaction edit = world.scene.edit();
+  Image picture;
+  picture.path = kAssets + "picture/gradient16.png";
+  picture.wrap_u = Image::Wrap::kMirror;
+  const Texture texture = edit.texture("gradient", picture);
+  edit.material("paint", Parameters().base_color(texture));
+  Dome dome;
+  dome.image.path = kAssets + "picture/gradient.hdr";
+  dome.rotation = Mat3::identity();
+  edit.dome(dome);
+  edit.commit();
+  const auto texels = world.scene.read({texture}, "texture.texels");
+  CHECK(texels.front().shape().size() >= 2);
+  const Frame frame = world.scene.render(
+      world.camera, RenderOptions().spp(1).planes({"base_color", "environment_light"}));
+  CHECK(frame.plane<std::array<float, 3>>("base_color")(24, 32)[0] != Approx(0.8));
+  Transaction wrong = world.scene.edit();
+  CHECK(error_of([&] { wrong.import_file(kAssets + "picture/gradient.hdr"); }).field() == "path");
+  Image model;
+  model.path = kAssets + "gltf/Fox.glb";
+  CHECK(error_of([&] { wrong.texture("fox", model); }).field() == "image");
+}
+
+TEST_CASE("a model that names files outside its folder is refused") {
+  const auto folder = std::filesystem::temp_directory_path() /
+                      ("heliograph-model-" + std::to_string(client().create_scene().id()));
+  std::filesystem::create_directories(folder / "model");
+  std::ofstream(folder / "secret.bin") << "secret";
+  for (const char* uri : {"../secret.bin", "/etc/hostname", "missing.bin"}) {
+    INFO(uri);
+    std::ofstream(folder / "model/m.gltf")
+        << R"({"asset": {"version": "2.0"}, "buffers": [{"byteLength": 6, "uri": ")" << uri
+        << R"("}]})";
+    Scene scene = client().create_scene();
+    Transaction edit = scene.edit();
+    const ClientError error =
+        error_of([&] { edit.import_file((folder / "model/m.gltf").string()); });
+    CHECK((error.code() == Code::kInvalidArgument || error.code() == Code::kNotFound));
+  }
+  std::filesystem::remove_all(folder);
+  Scene scene = client().create_scene();
+  Transaction edit = scene.edit();
+  CHECK(error_of([&] { edit.import_file("/no/such/model.glb"); }).code() == Code::kNotFound);
+}
+
+TEST_CASE("volumes fill the box of their density") {
+  Scene scene = client().create_scene();
+  Transaction edit = scene.edit();
+  Medium smoke;
+  smoke.density = Array(std::vector<float>(8 * 4 * 2, 1.0f), {8, 4, 2});
+  smoke.temperature = Array(std::vector<float>(4 * 2 * 1, 1000.0f), {4, 2, 1});
+  smoke.voxel_size = {0.5, 0.5, 0.5};
+  smoke.origin = {-2, 0, 0};
+  smoke.albedo = 0.5;
+  const Volume volume = edit.volume("smoke", smoke);
+  edit.entity("cloud", Components().volume(volume));
+  Medium wrong;
+  wrong.color = Array(std::vector<float>(3), {1, 1, 1, 3});
+  CHECK(error_of([&] { edit.volume("wrong", wrong); }).field() == "density");
+  edit.commit();
+  CHECK(scene.volume("smoke").id() == volume.id());
+  const auto uses = scene.read({volume}, "uses").front().view<std::uint32_t>();
+  CHECK(uses[0] == 1);
+}

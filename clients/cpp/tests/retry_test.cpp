@@ -1,0 +1,140 @@
+// Numbered edits are applied exactly once, whatever happens to the connection.
+#include <atomic>
+#include <chrono>
+#include <csignal>
+#include <cstring>
+#include <thread>
+
+#include "fixture.h"
+#include "flaky_proxy.h"
+
+using namespace heliograph;
+using namespace std::chrono_literals;
+
+namespace {
+
+Receipt advance(Scene& scene, double dt) {
+  Transaction edit = scene.edit();
+  edit.advance(dt);  // twice would show
+  return edit.commit_later();
+}
+
+/// The process that listens at "unix:///path".
+pid_t listener_of(const std::string& address) {
+  sockaddr_un path{};
+  path.sun_family = AF_UNIX;
+  address.copy(path.sun_path, sizeof(path.sun_path) - 1, std::strlen("unix://"));
+  const int probe = ::socket(AF_UNIX, SOCK_STREAM, 0);
+  REQUIRE(::connect(probe, reinterpret_cast<const sockaddr*>(&path), sizeof(path)) == 0);
+  ucred peer{};
+  socklen_t size = sizeof(peer);
+  REQUIRE(::getsockopt(probe, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0);
+  ::close(probe);
+  return peer.pid;
+}
+
+}  // namespace
+
+TEST_CASE("edits whose replies were lost are answered, not applied again") {
+  FlakyProxy proxy(client().address());
+  Client flaky = connect(proxy.address());
+  Scene scene = flaky.create_scene("lost replies", true);
+  const Scene seen = client().open_scene("lost replies");
+  advance(scene, 1).wait();
+  proxy.lose_replies(true);
+  std::vector<Receipt> receipts;
+  for (int i = 0; i < 50; ++i) receipts.push_back(advance(scene, 1));
+  for (int i = 0; i < 500 && seen.time() < 51; ++i) std::this_thread::sleep_for(10ms);
+  REQUIRE(seen.time() == 51);  // all were applied, and the client does not know
+  proxy.cut();
+  proxy.lose_replies(false);
+  const auto first = receipts.front().wait();
+  for (std::size_t i = 0; i < receipts.size(); ++i) CHECK(receipts[i].wait() == first + i);
+  CHECK(seen.time() == 51);
+  scene.remove();
+}
+
+TEST_CASE("a refusal that was lost is refused again, once") {
+  FlakyProxy proxy(client().address());
+  Client flaky = connect(proxy.address());
+  Scene scene = flaky.create_scene();
+  advance(scene, 1).wait();
+  proxy.lose_replies(true);
+  Transaction wrong = scene.edit();
+  wrong.update("nobody", Components());
+  Receipt refused = wrong.commit_later();
+  Receipt good = advance(scene, 1);
+  std::this_thread::sleep_for(100ms);
+  proxy.cut();
+  proxy.lose_replies(false);
+  CHECK(error_of([&] { refused.wait(); }).code() == Code::kNotFound);
+  good.wait();
+  CHECK(scene.time() == 2);
+}
+
+TEST_CASE("connections that break all the time lose and double nothing") {
+  FlakyProxy proxy(client().address());
+  Client flaky = connect(proxy.address());
+  Scene scene = flaky.create_scene();
+  std::atomic<bool> is_over{false};
+  std::thread saboteur([&] {
+    while (!is_over) {
+      std::this_thread::sleep_for(15ms);
+      proxy.cut();
+    }
+  });
+  constexpr int kEdits = 3000;
+  std::vector<Receipt> receipts;
+  for (int i = 0; i < kEdits; ++i) {
+    receipts.push_back(advance(scene, 1));
+    if (i % 8 == 0) receipts.back().wait();
+  }
+  std::uint64_t last = 0;
+  for (Receipt& receipt : receipts) last = receipt.wait();
+  is_over = true;
+  saboteur.join();
+  CHECK(last == kEdits);
+  CHECK(scene.revision() == kEdits);
+  CHECK(scene.time() == kEdits);
+}
+
+TEST_CASE("creations are repeated too, and done once") {
+  FlakyProxy proxy(client().address());
+  Client flaky = connect(proxy.address());
+  const std::size_t before = flaky.scenes().size();
+  proxy.lose_replies(true);
+  std::thread repair([&] {
+    std::this_thread::sleep_for(100ms);
+    proxy.cut();
+    proxy.lose_replies(false);
+  });
+  const Scene scene = flaky.create_scene();
+  repair.join();
+  CHECK(flaky.scenes().size() == before + 1);
+}
+
+TEST_CASE("several threads edit several scenes of one client") {
+  std::vector<Scene> scenes;
+  for (int i = 0; i < 6; ++i) scenes.push_back(client().create_scene());
+  std::vector<std::thread> threads;
+  for (int t = 0; t < 6; ++t)
+    threads.emplace_back([&, t] {
+      for (int i = 0; i < 100; ++i) {
+        Receipt mine = advance(scenes[std::size_t(t)], 1);
+        advance(scenes[std::size_t(t + 1) % 6], 1).wait();
+        mine.wait();
+      }
+    });
+  for (std::thread& thread : threads) thread.join();
+  for (const Scene& scene : scenes) CHECK(scene.time() == 200);
+}
+
+TEST_CASE("a private daemon that is killed says how it ended") {
+  Client own = launch();
+  Scene scene = own.create_scene();
+  REQUIRE(::kill(listener_of(own.address()), SIGKILL) == 0);
+  const ClientError error = error_of([&] { advance(scene, 1).wait(); });
+  CHECK(error.code() == Code::kUnavailable);
+  REQUIRE(error.details().exit_code);
+  CHECK(*error.details().exit_code == -9);
+}

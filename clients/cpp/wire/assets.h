@@ -1,0 +1,31 @@
+// Files to assets: uploads a model and its companions, has them decoded. Called by edits.
+#pragma once
+
+#include <string>
+
+#include "heliograph/v1/service.pb.h"
+#include "wire/draft.h"
+#include "wire/session.h"
+
+namespace heliograph::wire {
+
+/// What to decode.
+struct Source {
+  std::string path{};
+  std::string server_path{};
+  std::string up{};
+  double units = 0;
+};
+
+/// DecodeAsset, uploading what the daemon says is missing until nothing is.
+v1::AssetInfo decode_bundle(Session& session, const Source& source);
+
+/// Index of a name that a file has; kNotFound lists those that it has.
+std::size_t known(const std::vector<std::string>& names, const std::string& name,
+                  const std::string& field);
+/// Handles of the meshes, materials and textures that all placements share.
+void list_library(AssetState& asset, const std::string& stem);
+void put_placement(const AssetState& asset, const Placement& placement, Draft& draft,
+                   v1::Instantiate* out);
+
+}  // namespace heliograph::wire

@@ -1,0 +1,28 @@
+// What only Linux has, refused elsewhere: Unix sockets with tickets, and private daemons.
+#include "heliograph/error.h"
+#include "wire/launch.h"
+#include "wire/lifeline.h"
+
+namespace heliograph::wire {
+namespace {
+
+[[noreturn]] void refuse() {
+  throw ClientError(Code::kUnimplemented,
+                    "Unix sockets and private daemons are for Linux; connect to \"host:port\" with "
+                    "the daemon's token");
+}
+
+}  // namespace
+
+Lifeline::Lifeline(const std::string&, double) { refuse(); }
+Lifeline::~Lifeline() = default;
+
+struct PrivateDaemon::Process {};
+PrivateDaemon::PrivateDaemon(const LaunchOptions&) { refuse(); }
+PrivateDaemon::~PrivateDaemon() = default;
+const std::string& PrivateDaemon::address() const { refuse(); }
+bool PrivateDaemon::is_dead() { refuse(); }
+ClientError PrivateDaemon::death(const std::string&) { refuse(); }
+void PrivateDaemon::stop() {}
+
+}  // namespace heliograph::wire

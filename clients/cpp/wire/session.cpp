@@ -1,0 +1,191 @@
+// Opening, keeping and closing a session; statuses to errors.
+#include "wire/session.h"
+
+#include <array>
+#include <cstdint>
+#include <random>
+#include <utility>
+
+#include "wire/apply_lane.h"
+#include "wire/uploads.h"
+
+namespace heliograph::wire {
+namespace {
+
+constexpr std::size_t kLanes = 4;
+const char* const kClient = "c++ heliograph " HELIOGRAPH_VERSION;
+
+struct Target {
+  std::string channel;  // of gRPC
+  std::string socket;   // path of the Unix socket, or ""
+};
+
+Target target_of(const std::string& address) {
+  if (address.rfind("unix:", 0) == 0) {
+    std::string path = address.substr(5);
+    if (path.rfind("//", 0) == 0) path = path.substr(2);
+    if (!path.empty() && path[0] == '/') return {"unix://" + path, path};
+  } else {
+    const std::size_t colon = address.rfind(':');
+    const std::string port = colon == std::string::npos ? "" : address.substr(colon + 1);
+    if (colon != 0 && !port.empty() && port.find_first_not_of("0123456789") == std::string::npos)
+      return {address, ""};
+  }
+  throw ClientError(Code::kInvalidArgument,
+                    "address: \"" + address + "\" is none; write unix:///path or host:port",
+                    {"address"});
+}
+
+std::shared_ptr<grpc::Channel> open_channel(const std::string& target) {
+  grpc::ChannelArguments arguments;
+  arguments.SetMaxReceiveMessageSize(-1);
+  arguments.SetMaxSendMessageSize(-1);
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
+  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 50);
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 50);
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 1000);
+  return grpc::CreateCustomChannel(target, grpc::InsecureChannelCredentials(), arguments);
+}
+
+std::chrono::system_clock::time_point in_seconds(double seconds) {
+  return std::chrono::system_clock::now() + std::chrono::milliseconds(std::int64_t(1000 * seconds));
+}
+
+}  // namespace
+
+std::string make_request_id() {
+  std::random_device random;
+  std::string out;
+  for (int i = 0; i < 16; ++i) {
+    const auto byte = random() & 0xff;
+    out += "0123456789abcdef"[byte >> 4];
+    out += "0123456789abcdef"[byte & 15];
+  }
+  return out;
+}
+
+Session::Session(std::string address, const std::string& token,
+                 std::unique_ptr<PrivateDaemon> daemon)
+    : address_(std::move(address)), token_(token), daemon_(std::move(daemon)) {
+  const Target target = target_of(address_);
+  if (!target.socket.empty())
+    lifeline_ = std::make_unique<Lifeline>(target.socket + ".fd.sock", kRetrySeconds);
+  channel_ = open_channel(target.channel);
+  stub_ = v1::Renderer::NewStub(channel_);
+  open(lifeline_ ? lifeline_->ticket() : "");
+  if (!lifeline_) keep();
+  uploads_ = std::make_unique<Uploads>(*this);
+  for (std::size_t i = 0; i < kLanes; ++i) lanes_.push_back(std::make_unique<ApplyLane>(*this));
+}
+
+Session::~Session() { close(); }
+
+void Session::open(const std::string& ticket) {
+  v1::OpenSessionRequest request;
+  request.set_client(kClient);
+  request.set_ticket(ticket);
+  v1::OpenSessionReply reply;
+  grpc::ClientContext context;
+  context.set_wait_for_ready(true);
+  context.set_deadline(in_seconds(kRetrySeconds));
+  if (!token_.empty()) context.AddMetadata("authorization", "Bearer " + token_);
+  const grpc::Status status = stub_->OpenSession(&context, request, &reply);
+  if (status.error_code() == grpc::DEADLINE_EXCEEDED)
+    throw ClientError(Code::kUnavailable, "no daemon answers at " + address_ +
+                                              "; start heliographd, or correct the address");
+  check(status, context);
+  session_ = std::to_string(reply.session());
+  server_ = reply.server();
+}
+
+void Session::keep() {
+  keep_context_ = std::make_unique<grpc::ClientContext>();
+  prepare(*keep_context_);
+  keep_ = stub_->KeepSession(keep_context_.get(), v1::KeepSessionRequest());
+  keep_->WaitForInitialMetadata();
+}
+
+void Session::check_open() const {
+  if (closed_) throw ClientError(Code::kUnavailable, "this client is closed; connect() again");
+}
+
+void Session::prepare(grpc::ClientContext& context) const {
+  check_open();
+  authorize(context);
+}
+
+void Session::authorize(grpc::ClientContext& context) const {
+  context.AddMetadata("heliograph-session", session_);
+  if (!token_.empty()) context.AddMetadata("authorization", "Bearer " + token_);
+}
+
+void Session::retry(const std::function<grpc::Status(grpc::ClientContext&)>& attempt) {
+  for (Patience patience;;) {
+    grpc::ClientContext context;
+    prepare(context);
+    const grpc::Status status = attempt(context);
+    if (status.ok()) return;
+    ClientError error = error_of(status, context);
+    if (error.code() != Code::kUnavailable || error.details().exit_code || !patience.wait())
+      throw error;
+  }
+}
+
+void Session::check(const grpc::Status& status, const grpc::ClientContext& context) {
+  if (!status.ok()) throw error_of(status, context);
+}
+
+bool Session::is_daemon_dead() { return daemon_ && daemon_->is_dead(); }
+
+ClientError Session::error_of(const grpc::Status& status, const grpc::ClientContext& context) {
+  if (status.error_code() == grpc::UNAVAILABLE && is_daemon_dead())
+    return daemon_->death("heliographd died");
+  v1::ErrorDetail detail;
+  const auto& trailers = context.GetServerTrailingMetadata();
+  const auto found = trailers.find("heliograph-error-bin");
+  if (found != trailers.end())
+    detail.ParseFromArray(found->second.data(), int(found->second.size()));
+  return to_error(int(status.error_code()), status.error_message(), detail);
+}
+
+ApplyLane& Session::lane_of(std::uint64_t scene) const { return *lanes_[scene % kLanes]; }
+
+void Session::close() {
+  if (closed_.exchange(true)) return;
+  for (const auto& lane : lanes_) lane->close();
+  if (!session_.empty()) {
+    // Should it fail: the end of the lifeline frees the same things.
+    grpc::ClientContext context;
+    context.set_deadline(in_seconds(2));
+    authorize(context);
+    v1::CloseSessionReply reply;
+    stub_->CloseSession(&context, v1::CloseSessionRequest(), &reply);
+  }
+  if (keep_) {
+    keep_context_->TryCancel();
+    keep_->Finish();
+    keep_.reset();
+  }
+  lifeline_.reset();
+  if (daemon_) daemon_->stop();
+}
+
+ClientError to_error(int code, const std::string& message, const v1::ErrorDetail& detail) {
+  ErrorDetails details;
+  details.field = detail.field();
+  details.needed = detail.needed();
+  details.available = detail.available();
+  details.expected = detail.expected();
+  details.users.assign(detail.users().begin(), detail.users().end());
+  details.nearest.assign(detail.nearest().begin(), detail.nearest().end());
+  std::string text = message.empty() ? name_of(Code(code)) : message;
+  if (text.find("message larger than max") != std::string::npos) {  // gRPC's own words
+    details.field = "message";
+    text =
+        "message: " + text + "; split it into several, or raise the daemon's limit message_bytes";
+  }
+  return {Code(code), text, std::move(details)};
+}
+
+}  // namespace heliograph::wire

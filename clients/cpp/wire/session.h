@@ -1,0 +1,122 @@
+// One session with a daemon: channel, lifeline, typed errors, retries. Used by all that calls.
+#pragma once
+
+#include <grpcpp/grpcpp.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "heliograph/error.h"
+#include "heliograph/v1/service.grpc.pb.h"
+#include "wire/launch.h"
+#include "wire/lifeline.h"
+
+namespace heliograph::wire {
+
+class ApplyLane;
+class Uploads;
+
+/// The error of a status, or of a reply that holds one.
+ClientError to_error(int code, const std::string& message, const v1::ErrorDetail& detail);
+
+constexpr double kRetrySeconds = 10;  // how long a daemon that is unavailable is tried again
+
+/// A random name for what is to be done once.
+std::string make_request_id();
+
+/// The waits between repeated calls: 20 ms, doubling up to 1 s, 10 s in all.
+class Patience {
+ public:
+  /// Sleeps, or says that there is no more time.
+  bool wait() {
+    const auto now = std::chrono::steady_clock::now();
+    if (now > end_) return false;
+    std::this_thread::sleep_for(delay_);
+    delay_ = std::min(2 * delay_, std::chrono::milliseconds(1000));
+    return true;
+  }
+
+ private:
+  std::chrono::steady_clock::time_point end_ =
+      std::chrono::steady_clock::now() +
+      std::chrono::milliseconds(std::int64_t(1000 * kRetrySeconds));
+  std::chrono::milliseconds delay_{20};
+};
+
+/// Owns: channel, lifeline, private daemon. Thread: any. Every call throws ClientError.
+class Session : public std::enable_shared_from_this<Session> {
+ public:
+  using Stub = v1::Renderer::Stub;
+
+  Session(std::string address, const std::string& token, std::unique_ptr<PrivateDaemon> daemon);
+  ~Session();
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
+
+  /// A unary call, repeated while the daemon is unavailable: what may not be done twice carries a
+  /// number or a request id.
+  template <class Request, class Reply>
+  Reply call(grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Reply*),
+             const Request& request) {
+    Reply reply;
+    retry([&](grpc::ClientContext& context) {
+      reply.Clear();
+      return (stub_.get()->*method)(&context, request, &reply);
+    });
+    return reply;
+  }
+
+  /// Throws kUnavailable once it is closed.
+  void check_open() const;
+  /// Puts the session into a call. Throws kUnavailable once it is closed.
+  void prepare(grpc::ClientContext& context) const;
+  /// The same for a session that may be closed.
+  void authorize(grpc::ClientContext& context) const;
+  /// Throws the error of a call that failed.
+  void check(const grpc::Status& status, const grpc::ClientContext& context);
+  /// The same error, with how a private daemon died where that is why.
+  ClientError error_of(const grpc::Status& status, const grpc::ClientContext& context);
+  [[nodiscard]] bool is_daemon_dead();
+
+  [[nodiscard]] Stub& stub() const { return *stub_; }
+  [[nodiscard]] const std::shared_ptr<grpc::Channel>& channel() const { return channel_; }
+  [[nodiscard]] const std::string& address() const { return address_; }
+  [[nodiscard]] const v1::GetServerInfoReply& server() const { return server_; }
+  [[nodiscard]] Uploads& uploads() const { return *uploads_; }
+  /// The lane that carries the edits of a scene.
+  [[nodiscard]] ApplyLane& lane_of(std::uint64_t scene) const;
+  [[nodiscard]] bool is_closed() const { return closed_; }
+  void close();
+
+ private:
+  void open(const std::string& ticket);
+  void keep();
+  void retry(const std::function<grpc::Status(grpc::ClientContext&)>& attempt);
+
+  std::string address_;
+  std::string token_;
+  std::unique_ptr<PrivateDaemon> daemon_;
+  std::unique_ptr<Lifeline> lifeline_;
+  std::shared_ptr<grpc::Channel> channel_;
+  std::unique_ptr<Stub> stub_;
+  std::string session_;
+  v1::GetServerInfoReply server_;
+  // Over TCP a stream carries the session; nothing ever arrives on it.
+  std::unique_ptr<grpc::ClientContext> keep_context_;
+  std::unique_ptr<grpc::ClientReader<v1::KeepSessionReply>> keep_;
+  std::unique_ptr<Uploads> uploads_;
+  std::vector<std::unique_ptr<ApplyLane>> lanes_;
+  std::atomic<bool> closed_{false};
+};
+
+}  // namespace heliograph::wire
