@@ -25,17 +25,17 @@ _EDGE_DEGREES = 2.5
 def dome(width: int = 512) -> NdArray:
     """(width / 2, width, 3) float16 radiance, lat-long, row 0 at +Z: a room with soft boxes."""
     height = width // 2
-    elevation = 90.0 - (np.arange(height, dtype="f4")[:, None] + 0.5) * (180.0 / height)
-    azimuth = 180.0 - (np.arange(width, dtype="f4")[None, :] + 0.5) * (360.0 / width)
+    elevation = 90.0 - (np.arange(height)[:, None] + 0.5) * (180.0 / height)
+    azimuth = 180.0 - (np.arange(width)[None, :] + 0.5) * (360.0 / width)
     up = np.sin(np.radians(elevation))
     room = np.where(up > 0, 0.42 + 0.30 * up, 0.42 - 0.26 * np.minimum(1, -3 * up))
-    image = room[..., None] * np.array([1.0, 0.995, 0.985], dtype="f4")
+    image = room[..., None] * np.array([1.0, 0.995, 0.985])
     image = np.broadcast_to(image, (height, width, 3)).copy()
     for center, middle, half_width, half_height, radiance in _BOXES:
         across = np.abs((azimuth - center + 180.0) % 360.0 - 180.0)
         across = across * np.cos(np.radians(elevation))
         shape = _edge(half_width - across) * _edge(half_height - np.abs(elevation - middle))
-        image += shape[..., None] * np.array(radiance, dtype="f4")
+        image += shape[..., None] * np.array(radiance)
     return image.astype("<f2")
 
 
