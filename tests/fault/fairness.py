@@ -55,28 +55,42 @@ def drain(results):
             pass
 
 
-def main():
-    seconds = common.size(30, 2)
-    with common.Report("fairness") as report, common.daemon() as client:
-        clients = [hg.connect(client.address) for _ in range(CLIENTS)]
-        scenes = [common.stage(each) for each in clients]
+def sixteen(scenes, seconds, report):
+    """In turns, because other work of the machine comes and goes."""
+    lost, late = [], []
+    for _ in range(3):
         one, alone = together(scenes[:1], seconds)
         rate, took = together(scenes, seconds)
+        lost.append(100 * (1 - rate / one))
         fair = CLIENTS * common.percentile(alone, 0.5)
-        report.figure("throughput lost by 16 clients", 100 * (1 - rate / one), 5, "%")
-        report.figure(
-            "their p99 over their fair share's time", common.percentile(took, 0.99) / fair, 1.5
-        )
+        late.append(common.percentile(took, 0.99) / fair)
+    report.figure("throughput lost by 16 clients", common.percentile(lost, 0.5), 5, "%")
+    report.figure("p99 over fair share's time", common.percentile(late, 0.5), 1.5)
 
-        quiet = common.percentile(now_and_then(scenes[0], seconds, 0.2), 0.99)
+
+def noisy(scenes, seconds, report):
+    quiet, loud = [], []
+    for _ in range(3):
+        quiet += now_and_then(scenes[0], seconds, 0.2)
         results = noise(scenes[1])
         thread = threading.Thread(target=drain, args=(results,))
         thread.start()
         time.sleep(1)
-        loud = common.percentile(now_and_then(scenes[0], seconds, 0.2), 0.99)
+        loud += now_and_then(scenes[0], seconds, 0.2)
         results.close()
         thread.join()
-        report.figure("R17: p99 beside noise over p99 alone", loud / quiet, 1.5)
+    for share in (0.5, 0.99):
+        ratio = common.percentile(loud, share) / common.percentile(quiet, share)
+        report.figure(f"R17: {100 * share:g} % beside noise over alone", ratio, 1.5)
+
+
+def main():
+    seconds = common.size(10, 1)
+    with common.Report("fairness") as report, common.daemon() as client:
+        clients = [hg.connect(client.address) for _ in range(CLIENTS)]
+        scenes = [common.stage(each) for each in clients]
+        sixteen(scenes, seconds, report)
+        noisy(scenes, seconds, report)
         for each in clients:
             each.close()
 
