@@ -16,9 +16,11 @@ constexpr int kRows = 10;
 std::vector<hg::Mat4f> poses_at(double time) {
   std::vector<hg::Mat4f> out;
   for (int i = 0; i < kSide * kRows; ++i) {
+    const int column = i % kSide;
+    const int row = i / kSide;
     hg::Mat4f pose = hg::Mat4f::identity();
-    pose(0, 3) = 0.2f * float(i % kSide - kSide / 2);
-    pose(1, 3) = 0.2f * float(i / kSide - kRows / 2);
+    pose(0, 3) = 0.2f * float(column) - 2;
+    pose(1, 3) = 0.2f * float(row) - 1;
     pose(2, 3) = float(0.3 + 0.1 * std::sin(4 * time + 0.5 * i));
     out.push_back(pose);
   }

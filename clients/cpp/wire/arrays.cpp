@@ -71,9 +71,9 @@ Array as_f32(const Array& array, const std::string& field) {
 void check_rows(const Array& array, const Shape& inner, const std::string& field) {
   const Shape& shape = array.shape();
   if (!shape.empty() && Shape(shape.begin() + 1, shape.end()) == inner) return;
-  Shape wanted = inner;
-  std::string text = to_string(wanted);
-  text = inner.empty() ? "(N,)" : "(N, " + text.substr(1);
+  std::string text = "(N";
+  for (const std::size_t n : inner) text += ", " + std::to_string(n);
+  text += inner.empty() ? ",)" : ")";
   throw ClientError(Code::kInvalidArgument,
                     field + ": needs shape " + text + ", has " + to_string(shape) + "; reshape it",
                     {field});
