@@ -166,10 +166,13 @@ KERNEL vec2 set_interface(Base& b, const MaterialValues& m, const ShadingPoint& 
   b.glass_scale = 1;
   if (!b.delta) {
     const GlassAlbedo share = glass_albedo(b.wo.z, m.roughness, b.eta);
-    float albedo = share.reflected + share.refracted;
+    // What a low `specular` takes from the reflection refracts: all but that if nothing is held up.
+    const float least = min_component(b.glass_specular);
+    const float whole = share.reflected + share.refracted;
+    float albedo = glm::mix(1 - share.refracted, share.reflected, least) + share.refracted;
     if (b.glass_film.weight > 0) {
       // What the film adds to the reflection is held up as that is, not as what refracts.
-      const vec3 added = film_on_face(b) * (base_albedo(b, b.wo).total - albedo);
+      const vec3 added = film_on_face(b) * (base_albedo(b, b.wo).total - whole);
       albedo += max_component(added);
     }
     b.glass_scale = 1 / albedo;

@@ -122,7 +122,9 @@ TEST_CASE("bsdf: nothing gives off more than it takes, white loses at most 1 %")
           }
           INFO(c.name << " cos " << cosine << " front " << front << " white " << white);
           CHECK(sum / (n * n) < 1.015);
-          if (white) CHECK(sum / (n * n) > (c.transmission > 0 ? 0.98 : 0.985));
+          // What a low specular loses is not made up for: docs/materials.md.
+          const double least = c.transmission == 0 ? 0.985 : c.specular < 1 ? 0.97 : 0.98;
+          if (white) CHECK(sum / (n * n) > least);
         }
       }
     }

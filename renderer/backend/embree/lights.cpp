@@ -37,14 +37,15 @@ Factor mean_factor(const Snapshot& snapshot, const TextureUse& use, DerivedCache
   return {positive[int(std::min(use.channel, 3u))], vec3(positive)};
 }
 
+bool black(vec3 c) { return !(c.x > 0 || c.y > 0 || c.z > 0); }
+
 vec3 material_emission(const Snapshot& snapshot, const Material& material, DerivedCache& cache) {
   const Parameter& color = material[MaterialParameter::emission];
   const Parameter& strength = material[MaterialParameter::emission_strength];
+  if (black(color.value) || !(strength.value.x > 0)) return vec3(0);
   return color.value * mean_factor(snapshot, color.texture, cache).color * strength.value.x *
          mean_factor(snapshot, strength.texture, cache).channel;
 }
-
-bool black(vec3 c) { return !(c.x > 0 || c.y > 0 || c.z > 0); }
 
 bool emits(const Light& light) { return !black(light.color) && light.intensity > 0; }
 

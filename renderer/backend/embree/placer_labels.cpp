@@ -1,4 +1,6 @@
 // Frames and boxes of labels.
+#include <tbb/parallel_for.h>
+
 #include "renderer/backend/embree/placer.h"
 #include "renderer/backend/embree/rest_box.h"
 
@@ -49,6 +51,7 @@ Status Placer::label_frames() {
   made_->frames.resize(structure.labelling.instances.size());
   made_->boxes.resize(made_->frames.size());
   const bool same_structure = before_ && before_->structure == made_->structure;
+  std::vector<u32> moved_rows;
   for (u32 row = 0; row < made_->frames.size(); ++row) {
     HELIO_TRY(pause(row));
     const Instance& instance = structure.labelling.instances[row];
@@ -67,13 +70,18 @@ Status Placer::label_frames() {
       moved_[slot] |= u8(moved);
     }
     if (moved) {
-      made_->frames[row] = object_frame(made_->world[instance.root]);
-      made_->boxes[row] = rest_box(instance, made_->frames[row]);
+      moved_rows.push_back(row);
     } else {
       made_->frames[row] = before_->frames[row];
       made_->boxes[row] = before_->boxes[row];
     }
   }
+  tbb::parallel_for(std::size_t(0), moved_rows.size(), [&](std::size_t i) {
+    const u32 row = moved_rows[i];
+    const Instance& instance = structure.labelling.instances[row];
+    made_->frames[row] = object_frame(made_->world[instance.root]);
+    made_->boxes[row] = rest_box(instance, made_->frames[row]);
+  });
   return {};
 }
 
