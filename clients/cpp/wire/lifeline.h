@@ -19,7 +19,7 @@ class Lifeline {
   [[nodiscard]] const std::string& ticket() const { return ticket_; }
 
  private:
-  int socket_ = -1;
+  [[maybe_unused]] int socket_ = -1;  // on platforms that have such sockets
   std::string ticket_;
 };
 
