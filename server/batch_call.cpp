@@ -4,11 +4,11 @@
 #include <utility>
 
 #include "server/convert/error.h"
+#include "server/credits.h"
 
 namespace heliograph::server {
 namespace {
 
-constexpr u32 kDefaultCredits = 2;
 constexpr u64 kItemBytes = 1024;  // what an item costs besides its message
 
 }  // namespace
@@ -95,25 +95,15 @@ Status BatchCall::take(v1::RenderBatchRequest request) {
   const std::lock_guard lock(mutex_);
   u64 credits = request.credits();
   if (window_ == 0 && credits == 0) credits = kDefaultCredits;
-  if (credits + credits_ + outstanding() > limits.credits)
-    return fail(Code::kInvalidArgument, "credits",
-                fmt::format("a call may have {} credits in all (limit credits)", limits.credits));
+  HELIO_TRY(check_credits(credits + credits_ + outstanding(), limits));
   if (window_ == 0) window_ = u32(credits);
   credits_ += u32(credits);
   standstill_.moved();
   if (!request.has_job()) return {};
   auto item = std::make_shared<Item>(shared_from_this(), std::move(request));
   waiting_bytes_ += item->bytes();
-  if (waiting_bytes_ > limits.waiting_bytes) {
-    Error error{.code = Code::kResourceExhausted,
-                .message =
-                    "more items wait than the daemon keeps; send the next one when an item "
-                    "was answered (limit waiting_bytes)",
-                .where = ""};
-    error.needed = waiting_bytes_;
-    error.available = limits.waiting_bytes;
-    return std::unexpected(std::move(error));
-  }
+  HELIO_TRY(check_waiting(waiting_bytes_, limits,
+                          {"", "more items", "send the next one when an item was answered"}));
   waiting_.push_back(std::move(item));
   return {};
 }

@@ -6,11 +6,10 @@
 #include <utility>
 
 #include "server/convert/error.h"
+#include "server/credits.h"
 
 namespace heliograph::server {
 namespace {
-
-constexpr u32 kDefaultCredits = 2;
 
 /// A stream waits in a line of its own, so that its endless refinement leaves room for the other
 /// jobs of its session.
@@ -108,10 +107,7 @@ Status StreamCall::take(v1::StreamRequest request) {
   HELIO_TRY(check_own_fields(request));
   const std::lock_guard lock(mutex_);
   if (!has_begun_) HELIO_TRY(begin(request));
-  const u64 most = daemon_.config.limits.credits;
-  if (request.credits() + u64(credits_) > most)
-    return fail(Code::kInvalidArgument, "credits",
-                fmt::format("a call may have {} credits in all (limit credits)", most));
+  HELIO_TRY(check_credits(request.credits() + u64(credits_), daemon_.config.limits));
   credits_ += request.credits();
   standstill_.moved();
   if (!request.has_settings()) return {};
@@ -136,16 +132,8 @@ Status StreamCall::add(v1::RenderRequest settings) {
                 "a lossless stream sends final frames; leave it out, or use the policy latest");
   if (!is_lossless_) pending_.clear(), pending_bytes_ = 0;
   pending_bytes_ += settings.ByteSizeLong();
-  if (const u64 most = daemon_.config.limits.waiting_bytes; pending_bytes_ > most) {
-    Error error{.code = Code::kResourceExhausted,
-                .message =
-                    "more settings wait than the daemon keeps; send the next ones when a "
-                    "frame came (limit waiting_bytes)",
-                .where = "settings"};
-    error.needed = pending_bytes_;
-    error.available = most;
-    return std::unexpected(std::move(error));
-  }
+  HELIO_TRY(check_waiting(pending_bytes_, daemon_.config.limits,
+                          {"settings", "more settings", "send the next ones when a frame came"}));
   pending_.push_back(std::make_shared<const v1::RenderRequest>(std::move(settings)));
   return {};
 }

@@ -13,7 +13,7 @@ from ._proto import service_pb2 as service
 from .components import whole_of
 from .errors import HeliographError, InvalidArgument
 from .frame import Frame
-from .handles import Handle, Named, flatten
+from .handles import Named, flatten
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -28,9 +28,7 @@ class Job:
     def __init__(
         self, cameras: Any, *, tag: Any = None, **options: Unpack[_render.Options]
     ) -> None:
-        self.cameras: Sequence[Named] = (
-            [cameras] if isinstance(cameras, (str, Handle)) else flatten(cameras, "cameras")
-        )
+        self.cameras: Sequence[Named] = flatten(cameras, "cameras")
         self.tag = tag
         self.options = options
         for name in ("progress", "on_pass", "on_start", "timeout"):

@@ -12,7 +12,7 @@ from ._proto import service_pb2 as service
 from .components import whole_of
 from .errors import InvalidArgument
 from .frame import Frame
-from .handles import Handle, flatten
+from .handles import flatten
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -56,8 +56,7 @@ class Live:
         self._frames = _read(self._stream, self._outbox)
 
     def _settings(self) -> Any:
-        cameras = self._cameras
-        listed = [cameras] if isinstance(cameras, (str, Handle)) else flatten(cameras, "cameras")
+        listed = flatten(self._cameras, "cameras")
         request = _render.make_request(self._scene, listed, self._options)
         request.progressive = self._progressive
         return request
