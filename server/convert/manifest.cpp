@@ -34,7 +34,8 @@ v1::RenderRequest resolved(const Frame& frame, const FrameContext& context) {
   request.set_width(frame.width);
   request.set_height(frame.height);
   request.set_time(frame.time);
-  request.set_label_time(frame.label_time);
+  request.clear_label_time();  // an older client, which made the request without it, reads this too
+  if (frame.label_time != frame.time) request.set_label_time(frame.label_time);
   if (job.frame_interval > 0) request.set_frame_interval(job.frame_interval);
   request.set_seed(frame.seed);
   request.clear_spp();

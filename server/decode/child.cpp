@@ -72,12 +72,17 @@ decode::Result to_result(const Loaded& loaded, const ArraySink& sink) {
   return result;
 }
 
-void send_result(int socket, const decode::Result& result, std::span<const Bytes> arrays) {
-  Expected<Fd> region = write_region(result, arrays);
-  if (!region) region = write_region(refusal(region.error()), {});
-  if (!region) return;  // the daemon sees a child that ended without a result
-  const int fds[] = {region->get()};
-  (void)send_packet(socket, PacketKind::kResult, "", fds);
+/// Where a result goes.
+struct Out {
+  int socket;
+  int region;
+};
+
+void send_result(const Out& out, const decode::Result& result, std::span<const Bytes> arrays) {
+  Status written = fill_region(out.region, result, arrays);
+  if (!written) written = fill_region(out.region, refusal(written.error()), {});
+  if (!written) return;  // the daemon sees a child that ended without a result
+  (void)send_packet(out.socket, PacketKind::kResult, "", {});
 }
 
 LoadLimits limits_of(const decode::Limits& message) {
@@ -122,10 +127,11 @@ Expected<decode::Job> read_job(const Region& region, std::vector<Bytes>& files) 
   return job;
 }
 
-void run_job(const Region& job, int socket) {
+void run_job(const Region& job, int socket, int result_region) {
+  const Out out{socket, result_region};
   u64 result_bytes = 0;
   const Expected<Loaded> loaded = load(job, result_bytes);
-  if (!loaded) return send_result(socket, refusal(loaded.error()), {});
+  if (!loaded) return send_result(out, refusal(loaded.error()), {});
   Arrays arrays;
   const decode::Result result = to_result(
       *loaded, [&](const BufferPtr& buffer, v1::Array& array) { arrays.place(buffer, array); });
@@ -135,9 +141,9 @@ void run_job(const Region& job, int socket) {
                 .where = ""};
     error.needed = arrays.size();
     error.available = result_bytes;
-    return send_result(socket, refusal(error), {});
+    return send_result(out, refusal(error), {});
   }
-  send_result(socket, result, arrays.spans());
+  send_result(out, result, arrays.spans());
 }
 
 }  // namespace heliograph::server

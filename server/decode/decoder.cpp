@@ -121,9 +121,7 @@ Outcome wait_for_child(int socket, int stop_event, Clock::time_point deadline) {
     if (!packet || !*packet) return {Outcome::Kind::kZygoteLost};
     auto& [kind, bytes, fds] = **packet;
     if (kind == PacketKind::kStarted && fds.size() == 1) process = std::move(fds[0]);
-    if (kind == PacketKind::kResult && fds.size() == 1) {
-      return {Outcome::Kind::kResult, std::move(fds[0])};
-    }
+    if (kind == PacketKind::kResult) return {Outcome::Kind::kResult};
     if (kind == PacketKind::kExited && bytes.size() == sizeof(int)) {
       Outcome outcome{Outcome::Kind::kDied};
       std::memcpy(&outcome.status, bytes.data(), sizeof(int));
@@ -201,18 +199,25 @@ class Decoder::Impl {
     auto sockets = socket_pair();
     if (!sockets) return std::unexpected(std::move(sockets).error());
     auto& [mine, theirs] = *sockets;
-    if (!process.launch(theirs.get(), region)) return Outcome{Outcome::Kind::kZygoteLost};
+    auto result = make_region();
+    if (!result) return std::unexpected(std::move(result).error());
+    if (!process.launch(theirs.get(), region, result->get()))
+      return Outcome{Outcome::Kind::kZygoteLost};
     theirs = Fd();  // so that the end of the stream is seen
     const auto deadline =
         Clock::now() + std::chrono::duration_cast<Clock::duration>(
                            std::chrono::duration<double>(options_.deadline_seconds));
-    return wait_for_child(mine.get(), stop_event, deadline);
+    Outcome outcome = wait_for_child(mine.get(), stop_event, deadline);
+    outcome.region = std::move(*result);
+    return outcome;
   }
 
   Expected<Decoded> conclude(const Outcome& outcome, const DecodeJob& job) const {
     const std::string& path = job.files.front().path;
     switch (outcome.kind) {
       case Outcome::Kind::kResult: {
+        if (const Status sealed = seal_region(outcome.region.get()); !sealed)
+          return fail(Code::kInternal, path, sealed.error().message);
         auto region = Region::map(outcome.region.get(), options_.limits.bytes + kMessageBytes);
         if (!region) return fail(Code::kInternal, path, region.error().message);
         return read_result(*region, job);

@@ -23,20 +23,24 @@ namespace {
 
 constexpr int kControl = 3;
 constexpr int kJobSocket = 4;
+constexpr int kResultRegion = 5;
 
-/// Keeps descriptors 0 to 2 as /dev/null and closes all others but `socket`, which becomes 4.
-void keep_only(int socket) {
-  if (socket != kJobSocket) dup2(socket, kJobSocket);
+/// Keeps descriptors 0 to 2 as /dev/null and closes all others but these two.
+void keep_only(int socket, int result) {
+  const int moved_socket = fcntl(socket, F_DUPFD, kResultRegion + 1);  // either may be 4 or 5 now
+  const int moved_result = fcntl(result, F_DUPFD, kResultRegion + 1);
+  dup2(moved_socket, kJobSocket);
+  dup2(moved_result, kResultRegion);
   close(kControl);
-  close_range(kJobSocket + 1, ~0u, 0);
+  close_range(kResultRegion + 1, ~0u, 0);
 }
 
 /// Runs in a new child; does not return.
 [[noreturn]] void decode_in_child(const Sandbox& sandbox, const Packet& launch) {
   const auto job = Region::map(launch.fds[1].get(), ~0ull);
-  keep_only(launch.fds[0].get());
+  keep_only(launch.fds[0].get(), launch.fds[2].get());
   (void)sandbox.enter();
-  if (job) run_job(**job, kJobSocket);
+  if (job) run_job(**job, kJobSocket, kResultRegion);
   _exit(0);
 }
 
@@ -71,7 +75,7 @@ class Zygote {
       if (!events[0].revents) continue;
       auto packet = receive_packet(kControl);
       if (!packet || !*packet) return 0;
-      if ((*packet)->fds.size() == 2) launch(**packet);
+      if ((*packet)->fds.size() == 3) launch(**packet);
     }
   }
 

@@ -13,7 +13,7 @@
 namespace heliograph::server {
 namespace {
 
-constexpr std::size_t kMostFds = 2;
+constexpr std::size_t kMostFds = 3;
 constexpr std::size_t kLongestPacket = 64 << 10;
 constexpr int kSeals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_WRITE;
 
@@ -106,10 +106,14 @@ Expected<std::pair<Fd, Fd>> socket_pair() {
   return std::pair(Fd(fds[0]), Fd(fds[1]));
 }
 
-Expected<Fd> write_region(const google::protobuf::MessageLite& message,
-                          std::span<const Bytes> arrays) {
+Expected<Fd> make_region() {
   Fd fd(memfd_create("heliograph-decode", MFD_CLOEXEC | MFD_ALLOW_SEALING));
   if (!fd) return fail(Code::kResourceExhausted, "", system_message("memfd_create"));
+  return fd;
+}
+
+Status fill_region(int fd, const google::protobuf::MessageLite& message,
+                   std::span<const Bytes> arrays) {
   std::string head(8, '\0');
   if (!message.AppendToString(&head)) return fail(Code::kInternal, "", "a message over 2 GiB");
   const std::uint64_t size = head.size() - 8;
@@ -117,18 +121,29 @@ Expected<Fd> write_region(const google::protobuf::MessageLite& message,
   const std::uint64_t base = aligned(head.size());
   std::uint64_t end = 0;
   for (const Bytes array : arrays) end = aligned(end) + array.size();
-  if (ftruncate(fd.get(), off_t(base + end)) != 0) {
+  if (ftruncate(fd, off_t(base + end)) != 0) {
     return fail(Code::kResourceExhausted, "", system_message("ftruncate"));
   }
-  HELIO_TRY(write_all(fd.get(), std::as_bytes(std::span(head)), 0));
+  HELIO_TRY(write_all(fd, std::as_bytes(std::span(head)), 0));
   end = 0;
   for (const Bytes array : arrays) {
-    HELIO_TRY(write_all(fd.get(), array, base + aligned(end)));
+    HELIO_TRY(write_all(fd, array, base + aligned(end)));
     end = aligned(end) + array.size();
   }
-  if (fcntl(fd.get(), F_ADD_SEALS, kSeals | F_SEAL_SEAL) != 0) {
-    return fail(Code::kInternal, "", system_message("F_ADD_SEALS"));
-  }
+  return {};
+}
+
+Status seal_region(int fd) {
+  if (fcntl(fd, F_ADD_SEALS, kSeals | F_SEAL_SEAL) == 0) return {};
+  return fail(Code::kInternal, "", system_message("F_ADD_SEALS"));
+}
+
+Expected<Fd> write_region(const google::protobuf::MessageLite& message,
+                          std::span<const Bytes> arrays) {
+  auto fd = make_region();
+  if (!fd) return fd;
+  HELIO_TRY(fill_region(fd->get(), message, arrays));
+  HELIO_TRY(seal_region(fd->get()));
   return fd;
 }
 

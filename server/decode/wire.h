@@ -37,9 +37,9 @@ class Fd {
 /// The first byte of every packet.
 enum class PacketKind : char {
   kHello = 'H',    // zygote to daemon: a Hello message
-  kLaunch = 'L',   // daemon to zygote: job socket and job memfd
+  kLaunch = 'L',   // daemon to zygote: job socket, job memfd, memfd for the result
   kStarted = 'P',  // zygote, on the job socket: a pidfd of the child
-  kResult = 'R',   // child, on the job socket: the result memfd
+  kResult = 'R',   // child, on the job socket: the result is written
   kExited = 'X',   // zygote, on the job socket: the child's wait status (4 bytes)
 };
 struct Packet {
@@ -64,7 +64,14 @@ using Bytes = std::span<const std::byte>;
   return (offset + 63) / 64 * 64;
 }
 
-/// A sealed memfd of a message and arrays, each array at aligned(end of the one before).
+/// An empty memfd that can be sealed.
+[[nodiscard]] Expected<Fd> make_region();
+/// Writes a message and arrays, each array at aligned(end of the one before).
+[[nodiscard]] Status fill_region(int fd, const google::protobuf::MessageLite& message,
+                                 std::span<const Bytes> arrays);
+/// From now on nobody can write to it. Fails while anybody maps it writable.
+[[nodiscard]] Status seal_region(int fd);
+/// All three.
 [[nodiscard]] Expected<Fd> write_region(const google::protobuf::MessageLite& message,
                                         std::span<const Bytes> arrays);
 

@@ -78,8 +78,8 @@ ZygoteProcess::~ZygoteProcess() {
   }
 }
 
-Status ZygoteProcess::launch(int job_socket, int job_region) const {
-  const int fds[] = {job_socket, job_region};
+Status ZygoteProcess::launch(int job_socket, int job_region, int result_region) const {
+  const int fds[] = {job_socket, job_region, result_region};
   return send_packet(control_.get(), PacketKind::kLaunch, "", fds);
 }
 

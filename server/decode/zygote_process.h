@@ -24,7 +24,7 @@ class ZygoteProcess {
   ZygoteProcess(const ZygoteProcess&) = delete;
 
   /// Fails with UNAVAILABLE when the zygote is gone. Thread: any.
-  [[nodiscard]] Status launch(int job_socket, int job_region) const;
+  [[nodiscard]] Status launch(int job_socket, int job_region, int result_region) const;
 
   /// What it said of itself; waits for that at most `seconds`. Thread: any.
   [[nodiscard]] decode::Hello hello(double seconds) const;

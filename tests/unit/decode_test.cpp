@@ -129,6 +129,22 @@ TEST_CASE("decode: a model arrives as it was loaded, array by array") {
   }
 }
 
+// A descriptor on its way between any two processes counts against what its user's processes may
+// send (unix(7), ETOOMANYREFS), and a decoder may have 16 open.
+TEST_CASE("decode: descriptors that others of this user left on their way do not matter") {
+  const auto decoder = start();
+  const auto sockets = socket_pair();
+  const auto something = make_region();
+  REQUIRE(sockets);
+  REQUIRE(something);
+  const int fds[] = {something->get()};
+  for (int i = 0; i < 100; ++i)
+    REQUIRE(send_packet(sockets->first.get(), PacketKind::kHello, "", fds));
+  const auto decoded = decode_now(*decoder, job_of("picture/gradient16.png"));
+  INFO(said(decoded));
+  CHECK(decoded);
+}
+
 TEST_CASE("decode: pictures, volumes, missing files, refusals") {
   const auto decoder = start();
   const auto picture = decode_now(*decoder, job_of("picture/AllHalfValues.exr"));
