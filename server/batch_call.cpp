@@ -73,7 +73,7 @@ BatchCall* BatchCall::start(Daemon& daemon, grpc::CallbackServerContext& context
 BatchCall::BatchCall(Daemon& daemon, grpc::CallbackServerContext& context, Call call)
     : daemon_(daemon),
       scope_(context, std::move(call)),
-      cutter_(daemon.config.limits.chunk_bytes) {}
+      cutter_(daemon.config.limits.chunk_bytes, scope_.session()) {}
 
 void BatchCall::OnReadDone(bool ok) {
   if (ok) {
@@ -207,6 +207,11 @@ void BatchCall::close(Status status) {
 void BatchCall::OnCancel() {
   scope_.request_stop();
   pump();
+}
+
+void BatchCall::OnDone() {
+  if (scope_.is_stopped()) cutter_.abandon();
+  self_.reset();
 }
 
 void BatchCall::look(EventLoop::Clock::time_point now) {

@@ -36,6 +36,7 @@ enum ExitCode : int {
   X(blob_bytes, 4ull << 30, "bytes of one uploaded blob")                               \
   X(blob_store_bytes, 16ull << 30, "bytes of all blobs and assets")                     \
   X(frame_bytes, 4ull << 30, "bytes of all frames of one request")                      \
+  X(shared_bytes, 1ull << 30, "bytes of a session's shared buffers")                    \
   X(credits, 64, "frames or items of one call in work or on their way")                 \
   X(waiting_bytes, 64ull << 20, "bytes of one call's requests that wait")               \
   X(stall_seconds, 30, "seconds a reader may take nothing of what waits for it")        \

@@ -30,6 +30,7 @@ Sessions::Options session_options(const Config& config) {
   return {.limit = u32(config.limits.sessions),
           .grace_seconds = config.grace_seconds,
           .session = {.calls = u32(config.limits.calls_per_session),
+                      .shared_bytes = config.limits.shared_bytes,
                       .replies = reply_limits(config.limits)}};
 }
 

@@ -20,7 +20,7 @@ std::shared_ptr<FrameStream> FrameStream::start(Daemon& daemon,
 FrameStream::FrameStream(grpc::CallbackServerContext& context, Call call, const Limits& limits)
     : scope_(context, std::move(call)),
       stall_seconds_(double(limits.stall_seconds)),
-      cutter_(limits.chunk_bytes) {}
+      cutter_(limits.chunk_bytes, scope_.session()) {}
 
 void FrameStream::progress(const Progress& progress) {
   {
@@ -56,6 +56,11 @@ void FrameStream::OnWriteDone(bool ok) {
   }
   if (!ok) scope_.request_stop();  // the job's done() finishes the call
   pump();
+}
+
+void FrameStream::OnDone() {
+  if (scope_.is_stopped()) cutter_.abandon();
+  self_.reset();
 }
 
 void FrameStream::look(EventLoop::Clock::time_point now) {

@@ -44,7 +44,7 @@ class FrameStream final : public grpc::ServerWriteReactor<v1::FramePart>,
 
   void OnWriteDone(bool ok) override;
   void OnCancel() override { scope_.request_stop(); }
-  void OnDone() override { self_.reset(); }
+  void OnDone() override;
   void look(EventLoop::Clock::time_point now) override;
 
  private:

@@ -104,6 +104,7 @@ class Life {
 
  private:
   [[nodiscard]] Status start_listening(Sockets sockets);
+  void on_word(u64 session, const BufferWord& word);
   [[nodiscard]] Status watch_signals(UniqueFd signals);
   [[nodiscard]] Status watch_owner();
   void on_signal();
@@ -144,11 +145,32 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
   return watch_owner();
 }
 
+void Life::on_word(u64 id, const BufferWord& word) {
+  const auto session = daemon_.sessions.find(id);
+  if (!session) return;
+  if (word.buffer == 0) {
+    Lifelines* lines = daemon_.lifelines.get();
+    session->share_frames([lines, id](u64 buffer, u64 bytes, int fd) {
+      return lines->tell(id, {buffer, bytes}, fd);
+    });
+    (void)lines->tell(id, {}, -1);
+    return;
+  }
+  const auto frames = session->shared_frames();
+  if (!frames) return;
+  if (word.number == 0)
+    frames->abandon(word.buffer);
+  else
+    frames->give_back(word.buffer, word.number);
+}
+
 Status Life::start_listening(Sockets sockets) {
   const Limits& limits = daemon_.config.limits;
   const u32 limit = connection_limit(limits);
-  auto lifelines = Lifelines::start(*daemon_.loop, daemon_.log, std::move(sockets.lifeline), limit,
-                                    [this](u64 session) { daemon_.sessions.detach(session); });
+  auto lifelines =
+      Lifelines::start(*daemon_.loop, daemon_.log, std::move(sockets.lifeline), limit,
+                       {[this](u64 session) { daemon_.sessions.detach(session); },
+                        [this](u64 session, const BufferWord& word) { on_word(session, word); }});
   if (!lifelines) return std::unexpected(lifelines.error());
   daemon_.lifelines = std::move(*lifelines);
   connections_ = std::make_unique<ConnectionCount>(

@@ -1,4 +1,4 @@
-// Tickets and hang-ups of the second socket. Called by main and OpenSession.
+// Tickets, words and hang-ups of the second socket. Called by main and OpenSession.
 #include "server/lifeline.h"
 
 #include <sys/epoll.h>
@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 
 namespace heliograph::server {
 namespace {
@@ -17,8 +18,8 @@ constexpr std::size_t kTicketBytes = 16;
 
 Expected<std::unique_ptr<Lifelines>> Lifelines::start(EventLoop& loop, const Log& log,
                                                       UniqueFd listener, u32 limit,
-                                                      std::function<void(u64)> lost) {
-  std::unique_ptr<Lifelines> lifelines(new Lifelines(loop, limit, std::move(lost)));
+                                                      Handlers handlers) {
+  std::unique_ptr<Lifelines> lifelines(new Lifelines(loop, limit, std::move(handlers)));
   auto started = Listener::start(
       loop, log, std::move(listener),
       [self = lifelines.get()](UniqueFd connection, pid_t) { self->take(std::move(connection)); });
@@ -27,8 +28,8 @@ Expected<std::unique_ptr<Lifelines>> Lifelines::start(EventLoop& loop, const Log
   return lifelines;
 }
 
-Lifelines::Lifelines(EventLoop& loop, u32 limit, std::function<void(u64)> lost)
-    : loop_(loop), limit_(limit), lost_(std::move(lost)) {}
+Lifelines::Lifelines(EventLoop& loop, u32 limit, Handlers handlers)
+    : loop_(loop), limit_(limit), handlers_(std::move(handlers)) {}
 
 Lifelines::~Lifelines() {
   for (const auto& [fd, line] : lines_) loop_.forget(fd);
@@ -50,11 +51,7 @@ void Lifelines::take(UniqueFd connection) {
 }
 
 void Lifelines::on_event(int fd, u32 events) {
-  if ((events & (EPOLLHUP | EPOLLRDHUP | EPOLLERR)) == 0) {
-    std::array<char, 256> ignored;
-    [[maybe_unused]] const auto read = ::recv(fd, ignored.data(), ignored.size(), MSG_DONTWAIT);
-    return;
-  }
+  if ((events & (EPOLLHUP | EPOLLRDHUP | EPOLLERR)) == 0) return listen_to(fd);
   loop_.forget(fd);
   u64 session = 0;
   {
@@ -63,7 +60,44 @@ void Lifelines::on_event(int fd, u32 events) {
     session = found->second.session;
     lines_.erase(found);
   }
-  if (session != 0) lost_(session);
+  if (session != 0) handlers_.lost(session);
+}
+
+void Lifelines::listen_to(int fd) {
+  constexpr int kWordsAtOnce = 64;  // then it is others' turn
+  u64 session = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    session = lines_.at(fd).session;
+  }
+  for (int i = 0; i < kWordsAtOnce; ++i) {
+    BufferWord word;
+    const ssize_t size = ::recv(fd, &word, sizeof word, MSG_DONTWAIT | MSG_TRUNC);
+    if (size <= 0) return;
+    if (size == sizeof word && session != 0) handlers_.said(session, word);
+  }
+}
+
+bool Lifelines::tell(u64 session, const BufferWord& word, int fd) {
+  const std::lock_guard lock(mutex_);
+  const auto line = std::ranges::find_if(
+      lines_, [&](const auto& entry) { return entry.second.session == session; });
+  if (line == lines_.end()) return false;
+  iovec data{const_cast<BufferWord*>(&word), sizeof word};
+  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof fd)> control{};
+  msghdr message{};
+  message.msg_iov = &data;
+  message.msg_iovlen = 1;
+  if (fd >= 0) {
+    message.msg_control = control.data();
+    message.msg_controllen = control.size();
+    cmsghdr* header = CMSG_FIRSTHDR(&message);
+    header->cmsg_level = SOL_SOCKET;
+    header->cmsg_type = SCM_RIGHTS;
+    header->cmsg_len = CMSG_LEN(sizeof fd);
+    std::memcpy(CMSG_DATA(header), &fd, sizeof fd);
+  }
+  return ::sendmsg(line->first, &message, MSG_DONTWAIT | MSG_NOSIGNAL) == sizeof word;
 }
 
 Status Lifelines::bind(const std::string& ticket, u64 session) {

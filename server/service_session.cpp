@@ -18,6 +18,13 @@ void describe_decoder(const Decoder& decoder, v1::GetServerInfoReply& reply) {
   reply.set_decoder(decoder.versions());
 }
 
+void describe_sharing(v1::GetServerInfoReply& reply) {
+  if (SharedMemory::create(1))
+    reply.add_capabilities("shared_memory");
+  else
+    reply.add_refused("shared_memory: no sealed memfd; frames travel as bytes");
+}
+
 void describe_server(const Daemon& daemon, v1::GetServerInfoReply& reply) {
   reply.set_version(kVersion);
   reply.set_api("v1");
@@ -31,6 +38,7 @@ void describe_server(const Daemon& daemon, v1::GetServerInfoReply& reply) {
   for (const auto& [name, amount] : daemon.tenants.of_caller()->used())
     (*reply.mutable_used())[name] = amount;
   reply.set_ready(daemon.engine->is_ready());
+  describe_sharing(reply);
   if (daemon.decoder)
     describe_decoder(**daemon.decoder, reply);
   else

@@ -24,6 +24,12 @@ Status Session::begin_call() {
   return std::unexpected(std::move(error));
 }
 
+void Session::share_frames(SharedFrames::Tell tell) {
+  if (!shared_frames_.load())
+    shared_frames_ =
+        std::make_shared<SharedFrames>(limits_.shared_bytes, tenant_->bytes, std::move(tell));
+}
+
 Expected<std::shared_ptr<Session>> Sessions::open(SessionOwner owner) {
   u64 id = 0;
   while (id == 0)

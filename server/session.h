@@ -12,6 +12,7 @@
 #include "server/event_loop.h"
 #include "server/holdings.h"
 #include "server/request_log.h"
+#include "server/shared_frames.h"
 #include "server/tenant.h"
 
 namespace heliograph::server {
@@ -33,6 +34,7 @@ class Session {
  public:
   struct Limits {
     u32 calls = 64;
+    u64 shared_bytes = 1ull << 30;
     ReplyLimits replies;
   };
   Session(u64 id, SessionOwner owner, Limits limits, Stores stores)
@@ -52,6 +54,13 @@ class Session {
   /// Its blobs, uploads and assets.
   [[nodiscard]] Holdings& holdings() { return holdings_; }
 
+  /// Where its frames go; null: they travel as bytes.
+  [[nodiscard]] std::shared_ptr<SharedFrames> shared_frames() const {
+    return shared_frames_.load();
+  }
+  /// Its client maps buffers, which `tell` hands over. Once.
+  void share_frames(SharedFrames::Tell tell);
+
   /// RESOURCE_EXHAUSTED when too many calls run. end_call() must follow.
   [[nodiscard]] Status begin_call();
   void end_call() { --calls_; }
@@ -66,6 +75,7 @@ class Session {
   Holdings holdings_;
   std::stop_source stop_;
   std::atomic<u32> calls_ = 0;
+  std::atomic<std::shared_ptr<SharedFrames>> shared_frames_;
   u32 carriers_ = 0;  // lifelines and KeepSession streams; guarded by Sessions::mutex_
   u64 losses_ = 0;    // how often the last carrier ended
 };

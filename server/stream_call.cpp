@@ -86,7 +86,7 @@ StreamCall::StreamCall(Daemon& daemon, grpc::CallbackServerContext& context, Cal
     : daemon_(daemon),
       scope_(context, std::move(call)),
       line_(next_line()),
-      cutter_(daemon.config.limits.chunk_bytes) {}
+      cutter_(daemon.config.limits.chunk_bytes, scope_.session()) {}
 
 // ---------------------------------------------------------------- what the client sends
 
@@ -279,6 +279,11 @@ void StreamCall::OnCancel() {
 void StreamCall::close(Status status) {
   if (!result_) result_ = std::move(status);
   scope_.request_stop();
+}
+
+void StreamCall::OnDone() {
+  if (scope_.is_stopped()) cutter_.abandon();
+  self_.reset();
 }
 
 void StreamCall::look(EventLoop::Clock::time_point now) {

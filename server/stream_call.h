@@ -29,7 +29,7 @@ class StreamCall final : public grpc::ServerBidiReactor<v1::StreamRequest, v1::F
   void OnReadDone(bool ok) override;
   void OnWriteDone(bool ok) override;
   void OnCancel() override;
-  void OnDone() override { self_.reset(); }
+  void OnDone() override;
   void look(EventLoop::Clock::time_point now) override;
 
  private:

@@ -74,7 +74,8 @@ class _Batch:
                 self.refused.append(Result(job.tag, error=error))
                 continue
             self._sent += 1
-            self._open[self._sent] = job, _render.Assembly(len(job.cameras))
+            shared = self._scene.client.connection.link.shared
+            self._open[self._sent] = job, _render.Assembly(len(job.cameras), shared)
             self.outbox.put(
                 service.RenderBatchRequest(tag=self._sent, job=request, credits=credits)
             )

@@ -20,6 +20,7 @@ from google.protobuf import message_factory
 
 from ._proto import service_pb2 as service
 from ._proto import types_pb2 as types
+from ._shared import share_frames
 from .errors import BY_CODE, HeliographError, Internal, InvalidArgument, Unavailable
 
 if TYPE_CHECKING:
@@ -128,6 +129,7 @@ class Link:
         except BaseException:
             self.close()
             raise
+        self.shared = share_frames(self._lifeline, self.server.capabilities)
         if not path:
             self.keep_session()
 
@@ -169,6 +171,8 @@ class Link:
 
     def pause_for_fork(self) -> None:
         """No stream may be open at os.fork; the grace time bridges the gap."""
+        if self.shared is not None:
+            self.shared.keep_leases()
         if self._keep is not None:
             self._keep.cancel()
             if self._keeper:
@@ -216,11 +220,9 @@ def _serialize(message: Any) -> bytes:
 
 
 def _drain(stream: Any) -> None:
-    try:
+    with contextlib.suppress(grpc.RpcError):
         for _ in stream:
             pass
-    except grpc.RpcError:
-        pass
 
 
 class Connection:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from . import _render
 from ._connection import Stream
 from ._proto import service_pb2 as service
+from ._shared import SharedFrames
 from .components import whole_of
 from .errors import InvalidArgument
 from .frame import Frame
@@ -53,7 +54,7 @@ class Live:
         self._stream = scene.client.connection.stream(
             "Stream", iter(self._outbox.get, None), raw=True, timeout=options.get("timeout")
         )
-        self._frames = _read(self._stream, self._outbox)
+        self._frames = _read(self._stream, self._outbox, scene.client.connection.link.shared)
 
     def _settings(self) -> Any:
         listed = flatten(self._cameras, "cameras")
@@ -92,9 +93,11 @@ class Live:
 
 
 def _read(
-    stream: Stream, outbox: queue.SimpleQueue[service.StreamRequest | None]
+    stream: Stream,
+    outbox: queue.SimpleQueue[service.StreamRequest | None],
+    shared: SharedFrames | None,
 ) -> Iterator[Frame]:
-    assembly = _render.Assembly(0)
+    assembly = _render.Assembly(0, shared)
     try:
         for data in stream:
             frame = assembly.add(data)

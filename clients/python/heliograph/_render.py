@@ -12,6 +12,7 @@ from ._arrays import NdArray, bytes_of, dtype_of
 from ._progress import Meter, Progress
 from ._proto import render_pb2 as render_pb
 from ._proto import types_pb2 as types
+from ._shared import SharedFrames
 from .components import number_of, refuse_unknown, whole_of
 from .errors import Internal, InvalidArgument
 from .frame import Frame
@@ -73,7 +74,7 @@ def run(scene: Scene, request: render_pb.RenderRequest, options: Options) -> lis
     stream = connection.stream("Render", request, raw=True, timeout=options.get("timeout"))
     if "on_start" in options:
         options["on_start"](stream.cancel)
-    assembly = Assembly(len(request.cameras))
+    assembly = Assembly(len(request.cameras), connection.link.shared)
     on_pass = options.get("on_pass")
     with Meter(options.get("progress")) as meter:
         for data in stream:
@@ -251,10 +252,12 @@ def _put_labels(out: render_pb.RenderRequest, labels: Any) -> None:
 
 
 class Assembly:
-    """Puts frames together as their parts arrive. Pixels are copied once, into their array."""
+    """Puts frames together as their parts arrive. Pixels are copied once, into their array, or stay
+    in a shared buffer. Arrays are read-only."""
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, shared: SharedFrames | None) -> None:
         self._count = count
+        self._shared = shared
         self._final: dict[int, Frame] = {}
         self._header: render_pb.FrameHeader | None = None
         self._arrays: list[NdArray] = []
@@ -279,11 +282,13 @@ class Assembly:
         if kind == "header":
             self._begin(part.header)
         elif kind == "chunk":
-            if part.chunk.HasField("buffer"):
-                raise Internal("the daemon sent a shared buffer, which was not asked for")
             chunk = part.chunk
-            self._bytes[chunk.plane][chunk.offset : chunk.offset + len(chunk.chunk)] = chunk.chunk
-            self._left -= len(chunk.chunk)
+            if chunk.HasField("buffer"):
+                self._take_shared(chunk)
+            else:
+                end = chunk.offset + len(chunk.chunk)
+                self._bytes[chunk.plane][chunk.offset : end] = chunk.chunk
+                self._left -= len(chunk.chunk)
         return self._complete()
 
     def _begin(self, header: render_pb.FrameHeader) -> None:
@@ -299,9 +304,21 @@ class Assembly:
         self._bytes = [bytes_of(a) for a in self._arrays]
         self._left = sum(a.nbytes for a in self._arrays)
 
+    def _take_shared(self, chunk: render_pb.PlaneChunk) -> None:
+        if self._shared is None:
+            raise Internal("the daemon sent a shared buffer, which was not asked for")
+        old = self._arrays[chunk.plane]
+        data = self._shared.plane(chunk.buffer)
+        if data.nbytes != old.nbytes:
+            raise Internal(f"plane {chunk.plane}: {data.nbytes} bytes do not fill {old.shape}")
+        self._arrays[chunk.plane] = data.view(old.dtype).reshape(old.shape)
+        self._left -= old.nbytes
+
     def _complete(self) -> Frame | None:
         if self._left or self._header is None:
             return None
+        for array in self._arrays:
+            array.flags.writeable = False
         frame = Frame(self._header, self._arrays)
         if self._header.final:
             self._final[self._header.frame] = frame

@@ -1,0 +1,107 @@
+"""Frames in memory that the daemon shares: sealed memfds that this process maps for reading.
+
+The arrays of a frame are views of a buffer. When the last of them is gone the buffer goes back to
+the daemon, which never writes into one before that. Used by _connection.py.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import socket
+import struct
+import threading
+import weakref
+from collections import deque
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ._proto import types_pb2 as types
+from .errors import Internal
+
+if TYPE_CHECKING:
+    from ._arrays import NdArray
+
+CAPABILITY = "shared_memory"
+_WORD = struct.Struct("=QQ")
+_WISH = _WORD.pack(0, 0)
+_NEVER = 0  # the generation that says: nobody can tell when it is free
+
+
+def share_frames(
+    lifeline: socket.socket | None, capabilities: Iterable[str]
+) -> SharedFrames | None:
+    """Where a session's frames are mapped; None: they come as bytes."""
+    if lifeline is None or CAPABILITY not in capabilities:
+        return None
+    return SharedFrames(lifeline)
+
+
+class SharedFrames:
+    """The mapped buffers of one session. Thread: any."""
+
+    def __init__(self, lifeline: socket.socket) -> None:
+        self._lifeline = lifeline
+        self._pid = os.getpid()
+        self._lock = threading.Lock()  # of _maps and of reading the socket
+        self._maps: dict[int, mmap.mmap] = {}
+        self._leases: dict[tuple[int, int], weakref.ref[NdArray]] = {}
+        self._unsent: deque[bytes] = deque()
+        lifeline.send(_WISH)
+        if lifeline.recv(_WORD.size) != _WISH:  # said back: from now on
+            raise Internal("the daemon's second socket does not answer")
+
+    def plane(self, place: types.BufferRef) -> NdArray:
+        """The bytes that a chunk names, (size,) u8, read-only. They are leased while they live."""
+        key = (place.buffer, place.generation)
+        known = self._leases.get(key)
+        lease = known() if known is not None else None
+        if lease is None:
+            lease = np.frombuffer(self._map(place.buffer), dtype=np.uint8)
+            self._leases[key] = weakref.ref(lease)
+            weakref.finalize(lease, self._give_back, key).atexit = False
+        if place.offset + place.size > lease.nbytes:
+            raise Internal(f"the daemon named bytes beyond its buffer of {lease.nbytes}")
+        return lease[place.offset : place.offset + place.size]
+
+    def _map(self, buffer: int) -> mmap.mmap:
+        with self._lock:
+            while buffer not in self._maps:
+                self._hear()
+            return self._maps[buffer]
+
+    def _hear(self) -> None:
+        """One word of the daemon: a new buffer, or one to forget."""
+        word, fds, _, _ = socket.recv_fds(self._lifeline, _WORD.size, 1)
+        if len(word) != _WORD.size:
+            raise Internal("the daemon's second socket ended")
+        buffer, size = _WORD.unpack(word)
+        if not fds:
+            self._maps.pop(buffer, None)
+            return
+        try:
+            self._maps[buffer] = mmap.mmap(fds[0], size, mmap.MAP_SHARED, mmap.PROT_READ)
+        finally:
+            os.close(fds[0])
+
+    def _give_back(self, key: tuple[int, int]) -> None:
+        """The last array of a lease is gone. Runs in any thread, at any time: takes no lock."""
+        if os.getpid() == self._pid and self._leases.pop(key, None) is not None:
+            self._send(_WORD.pack(*key))
+
+    def _send(self, word: bytes) -> None:
+        self._unsent.append(word)
+        try:
+            while self._unsent:
+                self._lifeline.send(self._unsent[0], socket.MSG_DONTWAIT)
+                self._unsent.popleft()
+        except (OSError, IndexError):
+            pass  # full: with the next one; closed: the daemon knows
+
+    def keep_leases(self) -> None:
+        """Before os.fork: a child may look at these arrays longer than this process."""
+        for key in list(self._leases):
+            if self._leases.pop(key, None) is not None:
+                self._send(_WORD.pack(key[0], _NEVER))

@@ -1,0 +1,107 @@
+// Making, leasing and taking back buffers. Called by FrameCutter and the lifelines.
+#include "server/shared_frames.h"
+
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <bit>
+#include <vector>
+
+namespace heliograph::server {
+
+std::unique_ptr<SharedMemory> SharedMemory::create(u64 bytes) {
+  UniqueFd fd(::memfd_create("heliograph-frame", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+  if (fd.get() < 0 || ::ftruncate(fd.get(), off_t(bytes)) != 0) return nullptr;
+  void* start = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, fd.get(), 0);
+  if (start == MAP_FAILED) return nullptr;
+  std::unique_ptr<SharedMemory> made(
+      new SharedMemory(std::move(fd), {static_cast<std::byte*>(start), bytes}));
+  constexpr int kSeals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_FUTURE_WRITE | F_SEAL_SEAL;
+  return ::fcntl(made->fd(), F_ADD_SEALS, kSeals) == 0 ? std::move(made) : nullptr;
+}
+
+SharedMemory::~SharedMemory() { ::munmap(bytes_.data(), bytes_.size()); }
+
+/// The free buffer that wastes least, and at most half of itself.
+SharedFrames::Buffers::iterator SharedFrames::smallest_free(u64 bytes) {
+  auto best = buffers_.end();
+  for (auto it = buffers_.begin(); it != buffers_.end(); ++it) {
+    const u64 size = it->second.memory->bytes().size();
+    if (it->second.call != 0 || size < bytes || size / 2 > std::bit_ceil(bytes)) continue;
+    if (best == buffers_.end() || size < best->second.memory->bytes().size()) best = it;
+  }
+  return best;
+}
+
+SharedFrames::Buffers::iterator SharedFrames::make(u64 bytes) {
+  constexpr u64 kSteps = 8;  // sizes between two powers of two
+  const u64 step = std::max<u64>(std::bit_floor(bytes) / kSteps, 4096);
+  const u64 size = (bytes + step - 1) / step * step;
+  forget_free_ones(size);
+  if (bytes_ + size > limit_) return buffers_.end();
+  auto charge = Charge::take(budget_, size);
+  if (!charge) return buffers_.end();
+  auto memory = SharedMemory::create(size);
+  if (!memory || !tell_(last_buffer_ + 1, size, memory->fd())) return buffers_.end();
+  bytes_ += size;
+  return buffers_.emplace(++last_buffer_, Buffer{std::move(memory), *std::move(charge)}).first;
+}
+
+void SharedFrames::forget(Buffers::iterator which) {
+  bytes_ -= which->second.memory->bytes().size();
+  (void)tell_(which->first, 0, -1);  // unsaid, the client maps it until its session ends
+  buffers_.erase(which);
+}
+
+/// Makes room for a new buffer, if that is what it takes.
+void SharedFrames::forget_free_ones(u64 bytes_needed) {
+  while (bytes_ + bytes_needed > limit_) {
+    const auto unused = std::ranges::find_if(buffers_, [](auto& b) { return b.second.call == 0; });
+    if (unused == buffers_.end()) return;
+    forget(unused);
+  }
+}
+
+u64 SharedFrames::new_call() {
+  const std::lock_guard lock(mutex_);
+  return ++last_call_;
+}
+
+std::optional<Lease> SharedFrames::lease(u64 bytes, u64 call) {
+  const std::lock_guard lock(mutex_);
+  auto found = smallest_free(bytes);
+  if (found == buffers_.end()) found = make(bytes);
+  if (found == buffers_.end()) return std::nullopt;
+  Buffer& buffer = found->second;
+  buffer.call = call;
+  buffer.generation = ++last_generation_;
+  return Lease{found->first, buffer.generation, buffer.memory->bytes()};
+}
+
+void SharedFrames::give_back(u64 buffer, u64 generation) {
+  const std::lock_guard lock(mutex_);
+  const auto found = buffers_.find(buffer);
+  if (found != buffers_.end() && found->second.generation == generation) found->second.call = 0;
+}
+
+void SharedFrames::abandon(u64 buffer) {
+  const std::lock_guard lock(mutex_);
+  if (const auto found = buffers_.find(buffer); found != buffers_.end()) forget(found);
+}
+
+void SharedFrames::abandon_all(u64 call) {
+  const std::lock_guard lock(mutex_);
+  for (auto it = buffers_.begin(); it != buffers_.end();) {
+    const auto here = it++;
+    if (here->second.call == call) forget(here);
+  }
+}
+
+std::pair<u64, u32> SharedFrames::used() const {
+  const std::lock_guard lock(mutex_);
+  return {bytes_, u32(std::ranges::count_if(buffers_, [](auto& b) { return b.second.call != 0; }))};
+}
+
+}  // namespace heliograph::server

@@ -1,0 +1,96 @@
+// Frames in memory that a local client maps: sealed memfds, handed over on the second socket,
+// pooled for each session.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <unordered_map>
+
+#include "server/budget.h"
+#include "server/unique_fd.h"
+
+namespace heliograph::server {
+
+/// Pages of a memfd that this process writes and its peer only reads.
+class SharedMemory {
+ public:
+  /// Null when the kernel has no more.
+  [[nodiscard]] static std::unique_ptr<SharedMemory> create(u64 bytes);
+  SharedMemory(const SharedMemory&) = delete;
+  SharedMemory& operator=(const SharedMemory&) = delete;
+  ~SharedMemory();
+
+  /// Sealed: its size is final, and nobody else can map it for writing.
+  [[nodiscard]] int fd() const { return fd_.get(); }
+  [[nodiscard]] std::span<std::byte> bytes() const { return bytes_; }
+
+ private:
+  SharedMemory(UniqueFd fd, std::span<std::byte> bytes) : fd_(std::move(fd)), bytes_(bytes) {}
+
+  const UniqueFd fd_;
+  const std::span<std::byte> bytes_;
+};
+
+/// One use of a buffer, until the client returns it.
+struct Lease {
+  u64 buffer = 0;
+  u64 generation = 0;
+  std::span<std::byte> bytes;
+};
+
+/// The buffers of one session. A leased one is never rewritten: it comes back when the client says
+/// so, and is abandoned (the client's mapping lives on) when nobody can tell whether it still
+/// looks. Thread: any.
+class SharedFrames {
+ public:
+  /// Tells the client about a buffer before its first use; fd -1: about one to be forgotten. False
+  /// when the socket takes nothing.
+  using Tell = std::function<bool(u64 buffer, u64 bytes, int fd)>;
+
+  /// limit: bytes of all its buffers
+  SharedFrames(u64 limit, std::shared_ptr<Budget> budget, Tell tell)
+      : limit_(limit), budget_(std::move(budget)), tell_(std::move(tell)) {}
+
+  /// A number that no other call of the session has.
+  [[nodiscard]] u64 new_call();
+  /// Room for a frame that `call` sends; none where limit, budget, kernel or socket have none: the
+  /// frame then travels as bytes.
+  [[nodiscard]] std::optional<Lease> lease(u64 bytes, u64 call);
+  /// The client is done with a use of a buffer; what names another use is ignored.
+  void give_back(u64 buffer, u64 generation);
+  /// It will never say so: the buffer is not used again.
+  void abandon(u64 buffer);
+  /// The same of all that a call has sent and the client has not returned.
+  void abandon_all(u64 call);
+  /// Bytes of all buffers, and how many are leased.
+  [[nodiscard]] std::pair<u64, u32> used() const;
+
+ private:
+  struct Buffer {
+    std::unique_ptr<SharedMemory> memory;
+    Charge charge;
+    u64 generation = 0;
+    u64 call = 0;  // 0: free
+  };
+  using Buffers = std::unordered_map<u64, Buffer>;
+
+  [[nodiscard]] Buffers::iterator smallest_free(u64 bytes);
+  [[nodiscard]] Buffers::iterator make(u64 bytes);
+  void forget(Buffers::iterator which);
+  void forget_free_ones(u64 bytes_needed);
+
+  const u64 limit_;
+  const std::shared_ptr<Budget> budget_;
+  const Tell tell_;
+  mutable std::mutex mutex_;
+  Buffers buffers_;
+  u64 bytes_ = 0;
+  u64 last_buffer_ = 0;
+  u64 last_generation_ = 0;
+  u64 last_call_ = 0;
+};
+
+}  // namespace heliograph::server

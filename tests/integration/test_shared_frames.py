@@ -1,0 +1,192 @@
+"""Frames that stay in the daemon's memory: right, never stale, never written by a client, and given
+back."""
+
+import gc
+import mmap
+import os
+import socket
+import struct
+
+import heliograph as hg
+import numpy as np
+import pytest
+from heliograph import _render, _shared
+
+SIZE = (320, 240)
+PLANES = ["depth", "normal", "position"]
+WORD = struct.Struct("=QQ")
+
+
+def build(client):
+    scene = client.create_scene()
+    with scene.edit() as edit:
+        mesh = edit.mesh("mesh", **hg.shapes.sphere(0.5))
+        edit.entity("ball", mesh=mesh)
+        lens = hg.Camera.from_fov(50, *SIZE, degrees=True)
+        edit.entity("cam", camera=lens, transform=hg.look_at((0, -3, 1), (0, 0, 0)))
+    return scene
+
+
+def look(scene, k=0, **options):
+    """The frame with the ball at place k."""
+    with scene.overlay() as overlay:
+        overlay.entity("ball", transform=hg.Pose((0.01 * k, 0, 0)))
+    return scene.render("cam", planes=PLANES, overlay=overlay, progress=False, **options)
+
+
+def content(frame):
+    return b"".join(frame[name].tobytes() for name in PLANES)
+
+
+def maps(client):
+    return client.connection.link.shared._maps
+
+
+@pytest.fixture
+def stage():
+    with hg.connect() as client:
+        yield build(client)
+
+
+def test_shared_frames_have_the_bytes_of_those_that_travel(stage, monkeypatch):
+    monkeypatch.setattr(_shared, "CAPABILITY", "none of these")
+    with hg.connect() as other:
+        assert other.connection.link.shared is None
+        travelled = look(build(other), 3)
+    assert stage.client.connection.link.shared is not None
+    shared = look(stage, 3)
+    assert content(shared) == content(travelled)
+    assert len(maps(stage.client)) == 1
+    for frame in (shared, travelled):
+        assert not any(frame[name].flags.writeable for name in PLANES)
+    with pytest.raises(ValueError):
+        shared["depth"].setflags(write=True)
+
+
+def test_what_is_held_never_changes_and_what_is_not_is_used_again(stage):
+    held = [look(stage, k) for k in range(4)]
+    before = [content(frame) for frame in held]
+    corner = look(stage, 9)["depth"][110:130, 150:170:2]  # a slice alone keeps its frame
+    kept = corner.copy()
+    for k in range(30):
+        look(stage, 40 + k)
+    assert [content(frame) for frame in held] == before
+    assert np.isfinite(kept).all() and np.array_equal(corner, kept)
+    buffers = len(maps(stage.client))
+    assert 5 <= buffers <= 7
+    del held, corner
+    gc.collect()
+    for k in range(30):
+        look(stage, k)
+    assert len(maps(stage.client)) == buffers  # none was made
+
+
+def test_streams_and_batches_share_too(stage):
+    single = content(look(stage))
+    with stage.stream("cam", planes=PLANES) as live:
+        assert content(next(live)) == single
+    jobs = [hg.Job("cam", tag=k, planes=PLANES) for k in range(6)]
+    results = list(stage.render_batch(jobs))
+    assert [content(result.frames[0]) for result in results] == [single] * 6
+    assert len(maps(stage.client)) >= 6
+
+
+def test_frames_outlive_their_client_and_daemon():
+    with hg.connect() as client:
+        frame = look(build(client), 1)
+        before = content(frame)
+    assert content(frame) == before
+
+
+def test_a_forked_child_keeps_what_it_has(stage):
+    frame = look(stage, 1)
+    expected = content(frame)
+    wait, go = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.read(wait, 1)
+        same = content(frame) == expected
+        os._exit(0 if same else 1)
+    del frame
+    gc.collect()
+    for k in range(20):
+        look(stage, 20 + k)
+    os.write(go, b"x")
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    os.close(wait)
+    os.close(go)
+
+
+def test_cancelled_calls_leave_no_buffers(stage):
+    def cancelled():
+        with stage.stream("cam", planes=PLANES) as live:
+            next(live)
+
+    for _ in range(40):
+        cancelled()
+    gc.collect()
+    look(stage)
+    assert len(maps(stage.client)) <= 4
+
+
+def test_without_room_frames_travel():
+    with hg.connect(arguments=["--limit", "shared_bytes=2000000"]) as client:
+        scene = build(client)
+        held = [look(scene, k) for k in range(4)]  # of 2.2 MB each
+        assert not maps(client)
+        assert len({content(frame) for frame in held}) == 4
+
+
+def wish(path):
+    """A second socket that has asked for buffers, with its session open."""
+    import grpc
+    from heliograph._proto import service_pb2 as service
+    from heliograph._proto import service_pb2_grpc as stubs
+
+    line = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    line.settimeout(10)
+    line.connect(path + ".fd.sock")
+    channel = grpc.insecure_channel("unix://" + path)
+    stub = stubs.RendererStub(channel)
+    session = stub.OpenSession(service.OpenSessionRequest(ticket=line.recv(64))).session
+    line.send(WORD.pack(0, 0))
+    assert WORD.unpack(line.recv(64)) == (0, 0)
+    return line, channel, stub, (("heliograph-session", str(session)),)
+
+
+def test_words_that_mean_nothing_harm_nothing(stage):
+    path = stage.client.address.removeprefix("unix://")
+    line, channel, _, _ = wish(path)
+    before = content(look(stage))
+    for word in (b"", b"x", b"y" * 200, WORD.pack(7, 9), WORD.pack(2**64 - 1, 0), WORD.pack(0, 0)):
+        line.send(word)
+    for k in range(500):
+        line.send(WORD.pack(k, k))
+    assert content(look(stage)) == before
+    line.close()
+    channel.close()
+    assert content(look(stage)) == before
+
+
+def test_a_client_can_only_read(stage):
+    line, channel, stub, metadata = wish(stage.client.address.removeprefix("unix://"))
+    request = _render.make_request(stage, ["cam"], {"planes": PLANES})
+    parts = list(stub.Render(request, metadata=metadata))
+    places = [part.chunk.buffer for part in parts if part.WhichOneof("part") == "chunk"]
+    assert len(places) == len(PLANES)
+    word, (fd,), _, _ = socket.recv_fds(line, WORD.size, 4)
+    buffer, size = WORD.unpack(word)
+    assert {place.buffer for place in places} == {buffer}
+    assert all(place.offset + place.size <= size == os.fstat(fd).st_size for place in places)
+    with pytest.raises(PermissionError):
+        mmap.mmap(fd, size, mmap.MAP_SHARED, mmap.PROT_WRITE)
+    for attack in (
+        lambda: os.ftruncate(fd, 0),
+        lambda: os.ftruncate(fd, 2 * size),
+        lambda: os.pwrite(fd, b"x", 0),
+    ):
+        with pytest.raises(PermissionError):
+            attack()
+    os.close(fd)
+    line.close()
+    channel.close()
