@@ -160,7 +160,8 @@ def test_it_ends_with_its_scene(stage):
 
 
 def test_a_reader_that_takes_nothing_is_closed():
-    with hg.connect(arguments=["--limit", "stall_seconds=1"]) as client, client.create_scene() as s:
+    limits = ["--limit", "stall_seconds=1", "--limit", "shared_bytes=1"]
+    with hg.connect(arguments=limits) as client, client.create_scene() as s:
         with s.edit() as edit:
             edit.dome(color=(1, 1, 1))
             edit.entity("cam", camera=hg.Camera.from_fov(50, 64, 48, degrees=True))
