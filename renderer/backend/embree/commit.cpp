@@ -1,7 +1,14 @@
-// One build with Embree's progress monitor.
+// Builds apart from other tasks, with Embree's progress monitor.
 #include "renderer/backend/embree/commit.h"
 
+#include <tbb/task_arena.h>
+
 namespace heliograph::embree {
+
+void commit(RTCScene scene) {
+  tbb::task_arena here(tbb::task_arena::attach{});  // tasks begin anew in it, below no other
+  here.execute([&] { rtcCommitScene(scene); });
+}
 
 Status commit(RTCScene scene, RTCDevice device, const Interrupt& interrupt) {
   HELIO_TRY(interrupt.status());
@@ -9,7 +16,7 @@ Status commit(RTCScene scene, RTCDevice device, const Interrupt& interrupt) {
     return !static_cast<const Interrupt*>(asked)->requested();
   };
   rtcSetSceneProgressMonitorFunction(scene, go_on, const_cast<Interrupt*>(&interrupt));
-  rtcCommitScene(scene);
+  commit(scene);
   rtcSetSceneProgressMonitorFunction(scene, nullptr, nullptr);
   const RTCError error = rtcGetDeviceError(device);
   HELIO_TRY(interrupt.status());

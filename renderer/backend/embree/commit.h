@@ -1,4 +1,4 @@
-// Builds of Embree scenes that can be given up. Called by placement.cpp and static_group.cpp.
+// Builds of Embree scenes. Called by mesh.cpp, placement.cpp and static_group.cpp.
 #pragma once
 
 #include "renderer/backend/embree/embree.h"
@@ -6,7 +6,12 @@
 
 namespace heliograph::embree {
 
-/// Builds the acceleration structure of a scene. Fails as the interrupt says, or with
+/// Builds the acceleration structure of a scene; the caller asks the device for errors. Apart from
+/// the TBB task that calls it: Embree's task group lives as long as the scene, and below that task
+/// it would keep a pointer to its context, which TBB follows when any other build is given up.
+void commit(RTCScene scene);
+
+/// The same, until the interrupt says that it is given up. Fails as the interrupt says, or with
 /// RESOURCE_EXHAUSTED.
 [[nodiscard]] Status commit(RTCScene scene, RTCDevice device, const Interrupt& interrupt);
 

@@ -4,6 +4,7 @@
 #include <cstring>
 #include <string_view>
 
+#include "renderer/backend/embree/commit.h"
 #include "renderer/backend/embree/shape_geometry.h"
 
 namespace heliograph::embree {
@@ -115,7 +116,7 @@ Expected<std::shared_ptr<const Blas>> MeshBuilder::blas(const DeviceMesh& mesh) 
                                         ? triangle_geometry(mesh, device_)
                                         : shape_geometry(mesh.shape(), device_);
     rtcAttachGeometryByID(blas->scene.get(), geometry.get(), 0);
-    rtcCommitScene(blas->scene.get());
+    commit(blas->scene.get());
     blas->bytes_ = triangles.size() * kBlasBytesPerTriangle * (mesh.segments > 0 ? 2 : 1);
     return blas;
   });
