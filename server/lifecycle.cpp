@@ -1,6 +1,7 @@
 // The life of the daemon, in order. See lifecycle.h.
 #include "server/lifecycle.h"
 
+#include <malloc.h>
 #include <sys/epoll.h>
 #include <sys/resource.h>
 #include <sys/signalfd.h>
@@ -20,6 +21,8 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr auto kDrainPoll = milliseconds(10);
+constexpr auto kTrimEvery = std::chrono::seconds(1);
+constexpr std::size_t kSpareBytes = 64 << 20;  // kept at the heap's end
 constexpr auto kLastCalls = milliseconds(500);
 constexpr u64 kOwnDescriptors = 64;     // of gRPC, the decoder, logs
 constexpr u64 kDescriptorsAClient = 3;  // its connection, our duplicate, its lifeline
@@ -107,6 +110,7 @@ class Life {
   void on_word(u64 session, const BufferWord& word);
   [[nodiscard]] Status watch_signals(UniqueFd signals);
   [[nodiscard]] Status watch_owner();
+  void trim_heap();
   void on_signal();
   void drain();
   void await_quiet(EventLoop::Clock::time_point deadline);
@@ -140,6 +144,7 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
   if (!grpc) return std::unexpected(grpc.error());
   grpc_ = std::move(*grpc);
   daemon_.watch.start(*daemon_.loop);
+  trim_heap();
   HELIO_TRY(start_listening(std::move(sockets)));
   HELIO_TRY(watch_signals(std::move(signals)));
   return watch_owner();
@@ -201,6 +206,13 @@ Status Life::watch_owner() {
     daemon_.loop->forget(daemon_.config.owner_pidfd);
     daemon_.loop->quit();
   });
+}
+
+/// Freed frames leave holes in the heap, which only it could use again: the system gets their
+/// pages.
+void Life::trim_heap() {
+  (void)daemon_.pool.post([] { ::malloc_trim(kSpareBytes); });
+  daemon_.loop->after(kTrimEvery, [this] { trim_heap(); });
 }
 
 void Life::on_signal() {
