@@ -34,7 +34,7 @@ struct EngineOptions {
   std::string denoiser = "libOpenImageDenoise.so.2";  // or a path, or "off"
   JobLimits limits;
   std::chrono::milliseconds slice{10};  // the longest a job has the device at a time
-  double credit = 0.1;  // seconds of the device that one may be served ahead of the others
+  double credit = 0.5;  // seconds of the device that one may be served ahead of the others
 };
 
 /// What waits and runs.
