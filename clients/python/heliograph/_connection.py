@@ -135,6 +135,8 @@ class Link:
 
     def _connect_lifeline(self, path: str) -> bytes:
         """The second socket: the session lives as long as it does. Returns the one-time ticket."""
+        if not hasattr(socket, "AF_UNIX"):
+            raise Unavailable("unix: addresses are for Linux; connect to host:port")
         lifeline = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         try:
             lifeline.settimeout(RETRY_SECONDS)
