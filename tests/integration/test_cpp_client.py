@@ -113,6 +113,18 @@ def test_the_labels(client):
     assert out.count(", 0 strays") == 4
 
 
+def test_the_batch(client):
+    lines = run(PROGRAMS / "example_batch", client.address, 6).splitlines()
+    assert sorted(line.split(":")[0] for line in lines) == [f"job {i}" for i in range(6)]
+
+
+def test_the_live_picture(client):
+    lines = run(PROGRAMS / "example_live", client.address, 3).splitlines()
+    assert [line for line in lines if line.endswith(": 64 samples")] == [
+        f"move {i}: 64 samples" for i in range(3)
+    ]
+
+
 @pytest.fixture(scope="module")
 def package(tmp_path_factory):
     prefix = tmp_path_factory.mktemp("prefix")

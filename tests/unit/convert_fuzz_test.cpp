@@ -1,98 +1,21 @@
-// Structured mutations of valid transactions: whatever comes, an answer or a typed error with a
-// path, and an accepted transaction survives the round trip.
-#include <google/protobuf/util/message_differencer.h>
-
-#include <cmath>
-#include <random>
+// Structured mutations of valid requests: whatever comes, an answer or a typed error with a path,
+// and an accepted transaction survives the round trip. tests/fuzz/run does the same for longer.
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 
 #include "server/convert/transaction.h"
+#include "tests/fuzz/attempt.h"
+#include "tests/fuzz/mutate.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/convert_fixture.h"
 
 using namespace heliograph;
 using namespace heliograph::server;
+using fuzz::mutate;
+using fuzz::Random;
 
 namespace {
-
-using google::protobuf::FieldDescriptor;
-using google::protobuf::Message;
-using Random = std::mt19937_64;
-
-constexpr std::array<double, 12> kNumbers{0,
-                                          -0.0,
-                                          1,
-                                          -1,
-                                          0.5,
-                                          2,
-                                          1e-30,
-                                          1e30,
-                                          1e300,
-                                          -1e300,
-                                          std::numeric_limits<double>::infinity(),
-                                          std::numeric_limits<double>::quiet_NaN()};
-constexpr std::array<u64, 8> kIntegers{0, 1, 2, 3, 255, 65536, 0xffffffffu, ~0ull};
-
-double number(Random& random) { return kNumbers[random() % kNumbers.size()]; }
-u64 integer(Random& random) { return kIntegers[random() % kIntegers.size()]; }
-
-std::string bytes(Random& random) {
-  std::string out(random() % 65, '\0');
-  for (char& c : out) c = char(random() % 4 ? 0 : random());
-  return out;
-}
-
-void mutate(Message& message, Random& random);
-
-/// Gives a field that is no message a new value, appended where it repeats.
-void set_scalar(Message& message, const FieldDescriptor* field, Random& random) {
-  const auto* r = message.GetReflection();
-  const bool many = field->is_repeated();
-  switch (field->cpp_type()) {
-#define HELIO_SET(TYPE, Name, value)                                                    \
-  case FieldDescriptor::CPPTYPE_##TYPE:                                                 \
-    many ? r->Add##Name(&message, field, value) : r->Set##Name(&message, field, value); \
-    return;
-    HELIO_SET(INT32, Int32, i32(integer(random)))
-    HELIO_SET(INT64, Int64, i64(integer(random)))
-    HELIO_SET(UINT32, UInt32, u32(integer(random)))
-    HELIO_SET(UINT64, UInt64, integer(random))
-    HELIO_SET(DOUBLE, Double, number(random))
-    HELIO_SET(FLOAT, Float, float(number(random)))
-    HELIO_SET(BOOL, Bool, bool(random() % 2))
-    HELIO_SET(ENUM, EnumValue, int(random() % 9))
-    HELIO_SET(STRING, String,
-              field->type() == FieldDescriptor::TYPE_BYTES ? bytes(random) : std::string("name"))
-#undef HELIO_SET
-    case FieldDescriptor::CPPTYPE_MESSAGE:
-      return;
-  }
-}
-
-/// Changes, adds or takes away one field somewhere beneath `message`.
-void mutate(Message& message, Random& random) {
-  const auto* descriptor = message.GetDescriptor();
-  const auto* r = message.GetReflection();
-  if (descriptor->field_count() == 0) return;
-  const auto* field = descriptor->field(int(random() % u64(descriptor->field_count())));
-  std::vector<const FieldDescriptor*> set;
-  r->ListFields(message, &set);
-  if (!set.empty() && random() % 4) field = set[random() % set.size()];
-  const u64 dice = random() % 16;
-  if (dice == 0) return r->ClearField(&message, field);
-  if (dice == 1) {
-    r->MutableUnknownFields(&message)->AddVarint(int(1 + random() % 200), random());
-    return;
-  }
-  if (field->is_map()) return;
-  if (field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE)
-    return set_scalar(message, field, random);
-  if (!field->is_repeated()) return mutate(*r->MutableMessage(&message, field), random);
-  const int count = r->FieldSize(message, field);
-  Message* element = count == 0 || dice < 4
-                         ? r->AddMessage(&message, field)
-                         : r->MutableRepeatedMessage(&message, field, int(random() % u64(count)));
-  mutate(*element, random);
-}
 
 v1::Transaction seed() {
   v1::Transaction message;
@@ -156,4 +79,27 @@ TEST_CASE("fuzz: mutated transactions are taken whole or refused with a path") {
   }
   CHECK(taken > 500);
   CHECK(refused > 500);
+}
+
+TEST_CASE("fuzz: the corpus and its mutants are taken or refused with a path") {
+  int inputs = 0;
+  const std::filesystem::path corpus = HELIOGRAPH_SOURCE_DIR "/tests/fuzz/corpus";
+  for (const auto& entry : std::filesystem::directory_iterator(corpus)) {
+    std::ifstream file(entry.path(), std::ios::binary);
+    const std::string data(std::istreambuf_iterator<char>(file), {});
+    INFO(entry.path());
+    const auto message = fuzz::parse(data);
+    REQUIRE(message);
+    CHECK(fuzz::attempt(*message) == "");
+    Random random(++inputs);
+    for (int i = 0; i < 30; ++i) {
+      const std::unique_ptr<google::protobuf::Message> mutant(message->New());
+      mutant->CopyFrom(*message);
+      for (u64 n = 1 + random() % 4; n > 0; --n) mutate(*mutant, random);
+      const std::string fault = fuzz::attempt(*mutant);
+      INFO(mutant->ShortDebugString());
+      REQUIRE(fault == "");
+    }
+  }
+  CHECK(inputs > 20);
 }

@@ -11,6 +11,7 @@
 #include "heliograph/geometry.h"
 #include "heliograph/handles.h"
 #include "heliograph/light.h"
+#include "heliograph/live.h"
 #include "heliograph/material.h"
 #include "heliograph/pose.h"
 #include "heliograph/ref.h"

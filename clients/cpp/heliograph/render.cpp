@@ -2,7 +2,7 @@
 #include "heliograph/render.h"
 
 #include "heliograph/edit.h"
-#include "wire/frame_receiver.h"
+#include "wire/raw_stream.h"
 
 namespace heliograph {
 

@@ -11,6 +11,7 @@
 #include "wire/arrays.h"
 #include "wire/convert.h"
 #include "wire/frame_receiver.h"
+#include "wire/live.h"
 #include "wire/read.h"
 #include "wire/scene_file.h"
 #include "wire/session.h"
@@ -87,14 +88,33 @@ Frame Scene::render(const Ref& camera, const RenderOptions& options) const {
 std::vector<Frame> Scene::render(const std::vector<Ref>& cameras,
                                  const RenderOptions& options) const {
   const v1::RenderRequest request = wire::to_request(core_->id, cameras, options);
-  return wire::render(*core_->session, request, options.fields());
+  return wire::render(core_->session, request, options.fields());
+}
+
+Results Scene::render_batch(Jobs jobs, const BatchOptions& options) const {
+  return Results(std::make_shared<wire::BatchCall>(core_, std::move(jobs), options));
+}
+
+Results Scene::render_batch(std::vector<Job> jobs, const BatchOptions& options) const {
+  const auto listed = std::make_shared<const std::vector<Job>>(std::move(jobs));
+  return render_batch(
+      [listed, next = std::size_t(0)]() mutable -> std::optional<Job> {
+        if (next == listed->size()) return std::nullopt;
+        return (*listed)[next++];
+      },
+      options);
+}
+
+Live Scene::stream(const std::vector<Ref>& cameras, const RenderOptions& options, Policy policy,
+                   std::uint32_t credits) const {
+  return Live(std::make_shared<wire::LiveCall>(core_, cameras, options, policy, credits));
 }
 
 Frame Scene::rerender(const std::string& manifest) const {
   v1::RenderRequest request = request_of(manifest);
   request.set_scene(core_->id);
   request.clear_at();
-  return wire::render(*core_->session, request, {}).front();
+  return wire::render(core_->session, request, {}).front();
 }
 
 // ---------------------------------------------------------------- reading

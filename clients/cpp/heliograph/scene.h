@@ -12,6 +12,7 @@
 #include "heliograph/edit.h"
 #include "heliograph/frame.h"
 #include "heliograph/handles.h"
+#include "heliograph/live.h"
 #include "heliograph/render.h"
 
 namespace heliograph {
@@ -50,6 +51,16 @@ class Scene {
   /// One job, one frame a camera.
   [[nodiscard]] std::vector<Frame> render(const std::vector<Ref>& cameras,
                                           const RenderOptions& options = {}) const;
+  /// Independent jobs; a Result for each in the order they are done. One job's error does not end
+  /// the others. Nothing is published. At most `credits` jobs are under way; the next one is asked
+  /// for when the last Result was taken.
+  [[nodiscard]] Results render_batch(Jobs jobs, const BatchOptions& options = {}) const;
+  [[nodiscard]] Results render_batch(std::vector<Job> jobs, const BatchOptions& options = {}) const;
+  /// Frames of the scene as it changes: rendered again at each new revision and each update().
+  /// credits: frames that may be under way or in your hands. A stream whose frames nobody takes for
+  /// 30 s is closed. Its timeout and cancellation are those of the options.
+  [[nodiscard]] Live stream(const std::vector<Ref>& cameras, const RenderOptions& options = {},
+                            Policy policy = Policy::kLatest, std::uint32_t credits = 2) const;
   /// A frame again from its manifest, at this scene's latest revision: the same bytes for the same
   /// content, daemon version and CPU features.
   [[nodiscard]] Frame rerender(const std::string& manifest) const;
