@@ -97,9 +97,7 @@ def target_of(address: str) -> tuple[str, str]:
         path = address[len("unix:") :]
         path = path[2:] if path.startswith("//") else path
         if not path.startswith("/"):
-            raise InvalidArgument(
-                f"address {address!r}: write unix:///absolute/path", field="address"
-            )
+            raise InvalidArgument(f"address {address!r}: write unix:///path", field="address")
         return "unix://" + path, path
     host, colon, port = address.rpartition(":")
     if not (colon and host and port.isdigit()):
