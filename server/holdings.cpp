@@ -104,13 +104,11 @@ Expected<BufferPtr> Holdings::bytes(const v1::Array& array) {
     case v1::Array::kUpload:
       return take_upload(array.upload());
     case v1::Array::kBuffer:
-      return fail(Code::kUnimplemented, "buffer",
-                  "the daemon does not offer the capability \"shared_memory\"; send the bytes "
-                  "inline, or upload them");
+      return shared_.use(array.buffer());
     case v1::Array::SOURCE_NOT_SET:
       break;
   }
-  return fail(Code::kInvalidArgument, "", "has no bytes; set inline, blob or upload");
+  return fail(Code::kInvalidArgument, "", "has no bytes; set inline, blob, upload or buffer");
 }
 
 Expected<BufferPtr> Holdings::take_upload(const std::string& request_id) {

@@ -10,6 +10,7 @@
 #include "server/assets.h"
 #include "server/blobs.h"
 #include "server/convert/transaction.h"
+#include "server/shared_uploads.h"
 
 namespace heliograph::server {
 
@@ -17,13 +18,13 @@ namespace heliograph::server {
 /// so says where the bytes of its arrays come from.
 ///
 /// Arrays fail with INVALID_ARGUMENT (nothing set, too long inline), NOT_FOUND (no such blob,
-/// upload or asset), UNIMPLEMENTED (shared buffers).
+/// upload, buffer or asset).
 /// Thread: any; one mutex, held for a look-up. The stores outlive it.
 class Holdings final : public ArraySource {
  public:
   /// `budget`: of the owner's bytes.
   Holdings(BlobStore& blobs, AssetStore& assets, std::shared_ptr<Budget> budget)
-      : blobs_(blobs), assets_(assets), budget_(std::move(budget)) {}
+      : blobs_(blobs), assets_(assets), budget_(std::move(budget)), shared_(budget_) {}
   Holdings(BlobStore& blobs, AssetStore& assets) : Holdings(blobs, assets, blobs.budget()) {}
 
   /// Begins an upload by its first message. nullopt: the bytes are here already, and are held from
@@ -38,6 +39,9 @@ class Holdings final : public ArraySource {
   /// The asset of this hash, held from now on; null when it is not alive.
   [[nodiscard]] std::shared_ptr<const StoredAsset> find_asset(std::string_view hash);
 
+  /// Buffers that its client handed over.
+  [[nodiscard]] SharedUploads& shared() { return shared_; }
+
   [[nodiscard]] Expected<BufferPtr> bytes(const v1::Array& array) override;
   [[nodiscard]] Expected<std::shared_ptr<const Asset>> asset(std::string_view hash) override;
   [[nodiscard]] Expected<BufferPtr> blob(std::string_view hash);
@@ -49,6 +53,7 @@ class Holdings final : public ArraySource {
   BlobStore& blobs_;
   AssetStore& assets_;
   const std::shared_ptr<Budget> budget_;
+  SharedUploads shared_;
   std::mutex mutex_;
   std::map<std::string, BufferPtr, std::less<>> held_;                             // by hash
   std::map<std::string, Charge, std::less<>> charges_;                             // of hold()

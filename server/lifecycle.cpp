@@ -107,7 +107,7 @@ class Life {
 
  private:
   [[nodiscard]] Status start_listening(Sockets sockets);
-  void on_word(u64 session, const BufferWord& word);
+  void on_word(u64 session, const BufferWord& word, const UniqueFd& fd);
   [[nodiscard]] Status watch_signals(UniqueFd signals);
   [[nodiscard]] Status watch_owner();
   void trim_heap();
@@ -150,13 +150,14 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
   return watch_owner();
 }
 
-void Life::on_word(u64 id, const BufferWord& word) {
+void Life::on_word(u64 id, const BufferWord& word, const UniqueFd& fd) {
   const auto session = daemon_.sessions.find(id);
   if (!session) return;
+  if (fd) return session->holdings().shared().take(word.buffer, word.number, fd);
   if (word.buffer == 0) {
     Lifelines* lines = daemon_.lifelines.get();
-    session->share_frames([lines, id](u64 buffer, u64 bytes, int fd) {
-      return lines->tell(id, {buffer, bytes}, fd);
+    session->share_frames([lines, id](u64 buffer, u64 bytes, int memory) {
+      return lines->tell(id, {buffer, bytes}, memory);
     });
     (void)lines->tell(id, {}, -1);
     return;
@@ -172,10 +173,10 @@ void Life::on_word(u64 id, const BufferWord& word) {
 Status Life::start_listening(Sockets sockets) {
   const Limits& limits = daemon_.config.limits;
   const u32 limit = connection_limit(limits);
-  auto lifelines =
-      Lifelines::start(*daemon_.loop, daemon_.log, std::move(sockets.lifeline), limit,
-                       {[this](u64 session) { daemon_.sessions.detach(session); },
-                        [this](u64 session, const BufferWord& word) { on_word(session, word); }});
+  auto lifelines = Lifelines::start(*daemon_.loop, daemon_.log, std::move(sockets.lifeline), limit,
+                                    {[this](u64 session) { daemon_.sessions.detach(session); },
+                                     [this](u64 session, const BufferWord& word,
+                                            const UniqueFd& fd) { on_word(session, word, fd); }});
   if (!lifelines) return std::unexpected(lifelines.error());
   daemon_.lifelines = std::move(*lifelines);
   connections_ = std::make_unique<ConnectionCount>(

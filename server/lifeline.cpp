@@ -14,6 +14,20 @@ namespace {
 
 constexpr std::size_t kTicketBytes = 16;
 
+/// The descriptor that came with a packet; of more than one the last, the others are closed.
+UniqueFd descriptor_of(msghdr& message) {
+  UniqueFd found;
+  for (cmsghdr* each = CMSG_FIRSTHDR(&message); each; each = CMSG_NXTHDR(&message, each)) {
+    if (each->cmsg_level != SOL_SOCKET || each->cmsg_type != SCM_RIGHTS) continue;
+    for (std::size_t i = 0; CMSG_LEN((i + 1) * sizeof(int)) <= each->cmsg_len; ++i) {
+      int fd = -1;
+      std::memcpy(&fd, CMSG_DATA(each) + i * sizeof fd, sizeof fd);
+      found.reset(fd);
+    }
+  }
+  return found;
+}
+
 }  // namespace
 
 Expected<std::unique_ptr<Lifelines>> Lifelines::start(EventLoop& loop, const Log& log,
@@ -63,25 +77,56 @@ void Lifelines::on_event(int fd, u32 events) {
   if (session != 0) handlers_.lost(session);
 }
 
+std::optional<Lifelines::Heard> Lifelines::receive(int fd) {
+  Heard heard;
+  iovec data{&heard.word, sizeof heard.word};
+  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof fd)> control{};
+  msghdr message{};
+  message.msg_iov = &data;
+  message.msg_iovlen = 1;
+  message.msg_control = control.data();
+  message.msg_controllen = control.size();
+  const std::lock_guard lock(mutex_);
+  const auto line = lines_.find(fd);
+  if (line == lines_.end()) return std::nullopt;
+  const ssize_t size = ::recvmsg(fd, &message, MSG_DONTWAIT | MSG_TRUNC | MSG_CMSG_CLOEXEC);
+  if (size <= 0) return std::nullopt;
+  heard.session = line->second.session;
+  heard.fd = descriptor_of(message);
+  heard.is_word = size == sizeof heard.word;
+  return heard;
+}
+
 void Lifelines::listen_to(int fd) {
   constexpr int kWordsAtOnce = 64;  // then it is others' turn
-  u64 session = 0;
+  for (int i = 0; i < kWordsAtOnce; ++i) {
+    const std::lock_guard lock(hearing_);
+    const auto heard = receive(fd);
+    if (!heard) return;
+    if (heard->is_word && heard->session != 0)
+      handlers_.said(heard->session, heard->word, heard->fd);
+  }
+}
+
+void Lifelines::hear(u64 session) {
+  int fd = -1;
   {
     const std::lock_guard lock(mutex_);
-    session = lines_.at(fd).session;
+    const auto line = find(session);
+    if (line == lines_.end()) return;
+    fd = line->first;
   }
-  for (int i = 0; i < kWordsAtOnce; ++i) {
-    BufferWord word;
-    const ssize_t size = ::recv(fd, &word, sizeof word, MSG_DONTWAIT | MSG_TRUNC);
-    if (size <= 0) return;
-    if (size == sizeof word && session != 0) handlers_.said(session, word);
-  }
+  listen_to(fd);
+}
+
+Lifelines::Lines::iterator Lifelines::find(u64 session) {
+  return std::ranges::find_if(lines_,
+                              [&](const auto& entry) { return entry.second.session == session; });
 }
 
 bool Lifelines::tell(u64 session, const BufferWord& word, int fd) {
   const std::lock_guard lock(mutex_);
-  const auto line = std::ranges::find_if(
-      lines_, [&](const auto& entry) { return entry.second.session == session; });
+  const auto line = find(session);
   if (line == lines_.end()) return false;
   iovec data{const_cast<BufferWord*>(&word), sizeof word};
   alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof fd)> control{};
@@ -119,8 +164,7 @@ void Lifelines::release(u64 session) {
     int fd = -1;
     {
       const std::lock_guard lock(mutex_);
-      const auto found = std::ranges::find_if(
-          lines_, [&](const auto& entry) { return entry.second.session == session; });
+      const auto found = find(session);
       if (found == lines_.end()) return;
       found->second.session = 0;
       fd = found->first;

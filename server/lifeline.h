@@ -7,6 +7,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <unordered_map>
 
@@ -17,19 +18,19 @@ namespace heliograph::server {
 /// What is said about a buffer, in the machine's byte order.
 struct BufferWord {
   u64 buffer = 0;  // 0: the client wants frames in shared buffers; the daemon agrees
-  // From the daemon: bytes of the buffer, whose descriptor comes with it; 0: forget it.
-  // From the client: the generation that it is done with; 0: it can never tell.
+  // With a descriptor: bytes of a new buffer. Without one, from the daemon, 0: forget it; from the
+  // client: the generation that it is done with, 0: it can never tell.
   u64 number = 0;
 };
 
-/// Owns: the listener and its connections. Thread: the loop's, but for bind(), tell() and
+/// Owns: the listener and its connections. Thread: the loop's, but for bind(), tell(), hear() and
 /// release(), which any thread may call.
 class Lifelines {
  public:
-  /// Called in the loop's thread, for sessions that are bound.
+  /// Called for sessions that are bound.
   struct Handlers {
-    std::function<void(u64 session)> lost;  // its connection ended
-    std::function<void(u64 session, const BufferWord& word)> said;
+    std::function<void(u64 session)> lost;  // its connection ended; in the loop's thread
+    std::function<void(u64 session, const BufferWord& word, const UniqueFd& fd)> said;
   };
   [[nodiscard]] static Expected<std::unique_ptr<Lifelines>> start(EventLoop& loop, const Log& log,
                                                                   UniqueFd listener, u32 limit,
@@ -41,6 +42,8 @@ class Lifelines {
   /// Sends a session a word, with a descriptor unless that is -1; false when its socket takes
   /// nothing.
   [[nodiscard]] bool tell(u64 session, const BufferWord& word, int fd);
+  /// Reads what a session's client has said until now.
+  void hear(u64 session);
   /// The session was closed: its connection is closed too.
   void release(u64 session);
   void stop_listening() { listener_.reset(); }
@@ -51,18 +54,29 @@ class Lifelines {
     std::string ticket;
     u64 session = 0;  // 0: not bound
   };
+  using Lines = std::unordered_map<int, Line>;
 
   Lifelines(EventLoop& loop, u32 limit, Handlers handlers);
+  [[nodiscard]] Lines::iterator find(u64 session);  // under mutex_
   void take(UniqueFd connection);
   void on_event(int fd, u32 events);
+  /// A packet of a connection, if one waits there.
+  struct Heard {
+    u64 session = 0;
+    BufferWord word;
+    UniqueFd fd;
+    bool is_word = false;
+  };
+  [[nodiscard]] std::optional<Heard> receive(int fd);
   void listen_to(int fd);
 
   EventLoop& loop_;
   const u32 limit_;
   const Handlers handlers_;
   std::unique_ptr<Listener> listener_;
+  std::mutex hearing_;  // held until what was received was said; before mutex_
   std::mutex mutex_;
-  std::unordered_map<int, Line> lines_;
+  Lines lines_;
 };
 
 }  // namespace heliograph::server

@@ -80,6 +80,7 @@ Expected<std::shared_ptr<Session>> open_session(Daemon& daemon,
     daemon.sessions.close(id);
     return std::unexpected(bound.error());
   }
+  (*session)->holdings().shared().listen([lines = daemon.lifelines.get(), id] { lines->hear(id); });
   return session;
 }
 

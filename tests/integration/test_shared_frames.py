@@ -190,3 +190,32 @@ def test_a_client_can_only_read(stage):
     os.close(fd)
     line.close()
     channel.close()
+
+
+def test_arrays_travel_in_memory_too(stage, monkeypatch):
+    """Those of a mesh that moves, of over 1 MiB: without an upload, and with the same bytes."""
+    sphere = hg.shapes.sphere(0.5, segments=512)
+    assert sphere["positions"].nbytes > 1 << 20
+    links = []
+
+    def frame(client):
+        scene = build(client)
+        pushed = []
+        push = client.connection.push
+        monkeypatch.setattr(
+            client.connection, "push", lambda *a: (pushed.append(a[0]), push(*a))[1]
+        )
+        with scene.edit() as edit:
+            edit.mesh("mesh", **sphere)
+        pushed.clear()
+        for k in (1, 2):
+            with scene.edit() as edit:
+                edit.mesh("mesh", positions=sphere["positions"] * (1 + 0.1 * k))
+        links.append(pushed)
+        return content(scene.render("cam", planes=PLANES, progress=False))
+
+    shared = frame(stage.client)
+    monkeypatch.setattr(_shared, "CAPABILITY", "none of these")
+    with hg.connect() as other:
+        assert frame(other) == shared
+    assert links == [[], ["UploadBlob", "UploadBlob"]]

@@ -141,15 +141,15 @@ TEST_CASE("stores: refusals of arrays") {
   AssetStore assets;
   Holdings a(blobs, assets);
   v1::Array array;
-  refused(a.bytes(array), Code::kInvalidArgument, "", "set inline, blob or upload");
+  refused(a.bytes(array), Code::kInvalidArgument, "", "set inline, blob, upload or buffer");
   array.set_inline_(std::string(17, 'x'));
   refused(a.bytes(array), Code::kInvalidArgument, "inline", "upload arrays of more than 16");
   array.set_blob("abc");
   refused(a.bytes(array), Code::kInvalidArgument, "blob", "SHA-256 has 32");
   array.set_blob(std::string(32, '\x01'));
   refused(a.bytes(array), Code::kNotFound, "blob", "no blob 0101");
-  array.mutable_buffer();
-  refused(a.bytes(array), Code::kUnimplemented, "buffer", "shared_memory");
+  array.mutable_buffer()->set_buffer(7);
+  refused(a.bytes(array), Code::kNotFound, "buffer.buffer", "no buffer 7");
   refused(a.asset(std::string(32, 'a')), Code::kNotFound, "", "DecodeAsset");
 }
 

@@ -109,7 +109,8 @@ def from_message(message: types.Array) -> NdArray:
 
 
 class Store:
-    """Uploads of one client: inline up to 1 MiB, then by hash or anonymously.
+    """Uploads of one client: inline up to 1 MiB, then by hash; what changes by shared memory, or
+    anonymously.
 
     Remembers the hashes the session has, so that the same bytes travel once. Thread: any.
     """
@@ -133,6 +134,10 @@ class Store:
         if data.nbytes <= INLINE_BYTES:
             return inline(data)
         message = describe(data)
+        shared = self._connection.link.shared
+        if shared is not None:
+            message.buffer.CopyFrom(shared.hand_over(bytes_of(data)))
+            return message
         message.upload = uuid.uuid4().hex
         request = service.UploadBlobRequest(request_id=message.upload)
         self._push(bytes_of(data), request)

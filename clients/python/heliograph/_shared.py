@@ -1,11 +1,13 @@
-"""Frames in memory that the daemon shares: sealed memfds that this process maps for reading.
+"""Memory that this process and the daemon share: frames, and arrays on their way to a scene.
 
-The arrays of a frame are views of a buffer. When the last of them is gone the buffer goes back to
-the daemon, which never writes into one before that. Used by _connection.py.
+The arrays of a frame are views of a buffer of the daemon's. When the last of them is gone the
+buffer goes back to the daemon, which never writes into one before that. Arrays travel in sealed
+memfds of this process's. Used by _connection.py and _arrays.py.
 """
 
 from __future__ import annotations
 
+import itertools
 import mmap
 import os
 import socket
@@ -19,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ._proto import types_pb2 as types
-from .errors import Internal
+from .errors import Internal, Unavailable
 
 if TYPE_CHECKING:
     from ._arrays import NdArray
@@ -49,6 +51,7 @@ class SharedFrames:
         self._maps: dict[int, mmap.mmap] = {}
         self._leases: dict[tuple[int, int], weakref.ref[NdArray]] = {}
         self._unsent: deque[bytes] = deque()
+        self._numbers = itertools.count(1)  # of buffers handed over
         lifeline.send(_WISH)
         if lifeline.recv(_WORD.size) != _WISH:  # said back: from now on
             raise Internal("the daemon's second socket does not answer")
@@ -65,6 +68,19 @@ class SharedFrames:
         if place.offset + place.size > lease.nbytes:
             raise Internal(f"the daemon named bytes beyond its buffer of {lease.nbytes}")
         return lease[place.offset : place.offset + place.size]
+
+    def hand_over(self, data: memoryview) -> types.BufferRef:
+        """Copies bytes, (size,) u8, into a buffer that one array of this session may name."""
+        with self._lock:
+            number = next(self._numbers)
+        fd = _sealed_copy(data)
+        try:
+            socket.send_fds(self._lifeline, [_WORD.pack(number, data.nbytes)], [fd])
+        except OSError as error:
+            raise Unavailable(f"the daemon's second socket ended: {error}") from None
+        finally:
+            os.close(fd)
+        return types.BufferRef(buffer=number, size=data.nbytes)
 
     def _map(self, buffer: int) -> mmap.mmap:
         with self._lock:
@@ -105,3 +121,20 @@ class SharedFrames:
         for key in list(self._leases):
             if self._leases.pop(key, None) is not None:
                 self._send(_WORD.pack(key[0], _NEVER))
+
+
+def _sealed_copy(data: memoryview) -> int:
+    """A memfd with these bytes that nobody can change."""
+    import fcntl  # of Linux, as is all that needs it
+
+    fd = os.memfd_create("heliograph-array", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+    try:
+        left = data
+        while left.nbytes:
+            left = left[os.write(fd, left) :]
+        seals = fcntl.F_SEAL_WRITE | fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL
+        fcntl.fcntl(fd, fcntl.F_ADD_SEALS, seals)
+    except BaseException:
+        os.close(fd)
+        raise
+    return fd

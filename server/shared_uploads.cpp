@@ -1,0 +1,90 @@
+// Mapping, checking and using up buffers. Called by the lifelines and Holdings.
+#include "server/shared_uploads.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+
+namespace heliograph::server {
+namespace {
+
+constexpr std::size_t kMost = 1024;  // buffers that wait; more are forgotten
+constexpr u64 kAlignment = 64;
+
+bool is_sealed(int fd) {
+  constexpr int kNeeded = F_SEAL_WRITE | F_SEAL_SHRINK | F_SEAL_GROW;
+  const int seals = ::fcntl(fd, F_GET_SEALS);
+  return seals >= 0 && (seals & kNeeded) == kNeeded;
+}
+
+}  // namespace
+
+struct SharedUploads::Mapping {
+  explicit Mapping(Charge room) : charge(std::move(room)) {}
+  Mapping(const Mapping&) = delete;
+  Mapping& operator=(const Mapping&) = delete;
+  ~Mapping() {
+    if (!bytes.empty()) ::munmap(const_cast<std::byte*>(bytes.data()), bytes.size());
+  }
+  Charge charge;
+  std::span<const std::byte> bytes;
+};
+
+SharedUploads::Taken SharedUploads::map(u64 bytes, const UniqueFd& fd) const {
+  struct stat file{};
+  if (!is_sealed(fd.get()) || ::fstat(fd.get(), &file) != 0)
+    return fail(Code::kInvalidArgument, "buffer.buffer",
+                "is no memfd sealed with F_SEAL_WRITE, F_SEAL_SHRINK and F_SEAL_GROW");
+  if (bytes == 0 || u64(file.st_size) != bytes)
+    return fail(Code::kInvalidArgument, "buffer.buffer",
+                fmt::format("was announced with {} bytes and has {}", bytes, file.st_size));
+  auto charge = Charge::take(budget_, bytes);
+  if (!charge) return std::unexpected(std::move(charge).error());
+  auto mapping = std::make_shared<Mapping>(std::move(*charge));
+  void* start = ::mmap(nullptr, bytes, PROT_READ, MAP_SHARED, fd.get(), 0);
+  if (start == MAP_FAILED)
+    return fail(Code::kResourceExhausted, "buffer.buffer",
+                fmt::format("{} bytes could not be mapped; upload the array", bytes));
+  mapping->bytes = {static_cast<const std::byte*>(start), bytes};
+  return mapping;
+}
+
+void SharedUploads::take(u64 buffer, u64 bytes, const UniqueFd& fd) {
+  auto taken = std::make_shared<const Taken>(map(bytes, fd));
+  const std::lock_guard lock(mutex_);
+  if (taken_.size() < kMost) taken_.emplace(buffer, std::move(taken));
+}
+
+std::shared_ptr<const SharedUploads::Taken> SharedUploads::extract(u64 buffer) {
+  const std::lock_guard lock(mutex_);
+  auto node = taken_.extract(buffer);
+  return node ? std::move(node.mapped()) : nullptr;
+}
+
+Expected<BufferPtr> SharedUploads::use(const v1::BufferRef& ref) {
+  auto taken = extract(ref.buffer());
+  if (!taken && hear_) {
+    hear_();
+    taken = extract(ref.buffer());
+  }
+  if (!taken)
+    return fail(Code::kNotFound, "buffer.buffer",
+                fmt::format("this session has no buffer {}; hand it over on the second socket "
+                            "again: a use consumes it",
+                            ref.buffer()));
+  if (!*taken) return std::unexpected(taken->error());
+  const auto bytes = (**taken)->bytes;
+  if (ref.generation() != 0)
+    return fail(Code::kInvalidArgument, "buffer.generation", "is of frames; leave it out");
+  if (ref.offset() % kAlignment != 0)
+    return fail(Code::kInvalidArgument, "buffer.offset",
+                fmt::format("is {}; it must be a multiple of {}", ref.offset(), kAlignment));
+  if (ref.offset() > bytes.size() || ref.size() > bytes.size() - ref.offset())
+    return fail(Code::kInvalidArgument, "buffer.size",
+                fmt::format("{} bytes from {} do not lie within the buffer's {}", ref.size(),
+                            ref.offset(), bytes.size()));
+  return std::make_shared<const Buffer>(**taken, bytes.subspan(ref.offset(), ref.size()));
+}
+
+}  // namespace heliograph::server

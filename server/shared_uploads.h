@@ -1,0 +1,47 @@
+// Arrays that a local client wrote into memory of its own and handed over on the second socket.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+
+#include "heliograph/v1/types.pb.h"
+#include "renderer/base/array.h"
+#include "renderer/base/error.h"
+#include "server/budget.h"
+#include "server/unique_fd.h"
+
+namespace heliograph::server {
+
+/// The buffers that one session handed over and did not use yet. They are mapped, not copied: their
+/// seals keep the client from changing what was checked. Thread: any.
+class SharedUploads {
+ public:
+  /// `budget`: of the owner's bytes.
+  explicit SharedUploads(std::shared_ptr<Budget> budget) : budget_(std::move(budget)) {}
+
+  /// What the client sent before a request may still wait in the second socket: `hear` reads it.
+  /// Called before the session is known to its client.
+  void listen(std::function<void()> hear) { hear_ = std::move(hear); }
+
+  /// A memfd that is sealed against writing and changes of its size. What is wrong with it is told
+  /// to the request that names it.
+  void take(u64 buffer, u64 bytes, const UniqueFd& fd);
+  /// The bytes that an array names; used up. INVALID_ARGUMENT, NOT_FOUND, RESOURCE_EXHAUSTED.
+  [[nodiscard]] Expected<BufferPtr> use(const v1::BufferRef& ref);
+
+ private:
+  struct Mapping;
+  using Taken = Expected<std::shared_ptr<const Mapping>>;
+
+  [[nodiscard]] Taken map(u64 bytes, const UniqueFd& fd) const;
+  [[nodiscard]] std::shared_ptr<const Taken> extract(u64 buffer);
+
+  const std::shared_ptr<Budget> budget_;
+  std::function<void()> hear_;
+  std::mutex mutex_;
+  std::map<u64, std::shared_ptr<const Taken>> taken_;
+};
+
+}  // namespace heliograph::server

@@ -1,0 +1,83 @@
+// Arrays in a client's own memory: mapped, not copied, and never changed after the check.
+#include <fcntl.h>
+#include <sys/mman.h>
+
+#include "server/shared_uploads.h"
+#include "tests/unit/catch.h"
+
+using namespace heliograph;
+using namespace heliograph::server;
+
+namespace {
+
+constexpr int kSeals = F_SEAL_WRITE | F_SEAL_SHRINK | F_SEAL_GROW;
+const std::string kText(200, 'a');
+
+UniqueFd memory(int seals) {
+  UniqueFd fd(::memfd_create("test", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+  REQUIRE(::write(fd.get(), kText.data(), kText.size()) == ssize_t(kText.size()));
+  REQUIRE(::fcntl(fd.get(), F_ADD_SEALS, seals) == 0);
+  return fd;
+}
+
+std::shared_ptr<Budget> room(u64 bytes) {
+  return std::make_shared<Budget>(bytes, Budget::Words{"bytes", "remove some", "tenant_bytes"});
+}
+
+v1::BufferRef ref(u64 buffer, u64 size, u64 offset = 0) {
+  v1::BufferRef made;
+  made.set_buffer(buffer);
+  made.set_size(size);
+  made.set_offset(offset);
+  return made;
+}
+
+void refused(const Expected<BufferPtr>& used, Code code, const std::string& where) {
+  REQUIRE(!used);
+  INFO(used.error().where << ": " << used.error().message);
+  CHECK(int(used.error().code) == int(code));
+  CHECK(used.error().where == where);
+}
+
+}  // namespace
+
+TEST_CASE("shared uploads: the bytes are those of the memory, and count until nobody has them") {
+  const auto budget = room(1000);
+  SharedUploads uploads(budget);
+  uploads.take(5, kText.size(), memory(kSeals));
+  CHECK(budget->used() == kText.size());
+  auto used = uploads.use(ref(5, 100, 64));
+  REQUIRE(used);
+  CHECK((*used)->bytes().size() == 100);
+  CHECK((*used)->bytes()[99] == std::byte('a'));
+  refused(uploads.use(ref(5, 100)), Code::kNotFound, "buffer.buffer");
+  used = nullptr;
+  CHECK(budget->used() == 0);
+}
+
+TEST_CASE("shared uploads: what waits in the socket is heard first") {
+  SharedUploads uploads(room(1000));
+  uploads.listen([&] { uploads.take(8, kText.size(), memory(kSeals)); });
+  CHECK(uploads.use(ref(8, kText.size())));
+}
+
+TEST_CASE("shared uploads: what is wrong is told to the request that names it") {
+  SharedUploads uploads(room(300));
+  for (const int missing : {F_SEAL_WRITE, F_SEAL_SHRINK, F_SEAL_GROW}) {
+    uploads.take(1, kText.size(), memory(kSeals & ~missing));
+    refused(uploads.use(ref(1, 8)), Code::kInvalidArgument, "buffer.buffer");
+  }
+  uploads.take(1, 4096, memory(kSeals));
+  refused(uploads.use(ref(1, 8)), Code::kInvalidArgument, "buffer.buffer");
+  uploads.take(1, 0, UniqueFd(::open("/dev/null", O_RDONLY)));
+  refused(uploads.use(ref(1, 8)), Code::kInvalidArgument, "buffer.buffer");
+  for (const auto& [offset, size] : {std::pair{0ul, 201ul}, {64, 137}, {256, 0}, {~63ul, 64}}) {
+    uploads.take(1, kText.size(), memory(kSeals));
+    refused(uploads.use(ref(1, size, offset)), Code::kInvalidArgument, "buffer.size");
+  }
+  uploads.take(1, kText.size(), memory(kSeals));
+  refused(uploads.use(ref(1, 8, 8)), Code::kInvalidArgument, "buffer.offset");
+  uploads.take(1, kText.size(), memory(kSeals));
+  uploads.take(2, kText.size(), memory(kSeals));
+  refused(uploads.use(ref(2, 8)), Code::kResourceExhausted, "");
+}
