@@ -318,3 +318,25 @@ def test_handles_pickle(daemon, scene):
             pickle.dumps(a)
     twin = pickle.loads(pickle.dumps(a))
     assert twin == a and twin.scene.client is scene.client
+
+
+def test_many_poses_by_names_ask_once_and_a_group_never_again(scene, daemon):
+    with scene.edit() as edit:
+        group = edit.instances("many", transforms=np.tile(np.eye(4), (20, 1, 1)))
+    asked = []
+    describe = type(scene).describe
+    scene_of = lambda self, **options: asked.append(options) or describe(self, **options)  # noqa: E731
+    type(scene).describe = scene_of
+    try:
+        for entities in (group, group, [f"many/{i}" for i in range(20)]):
+            with scene.edit() as edit:
+                edit.set_transforms(entities, np.tile(np.eye(4), (20, 1, 1)))
+    finally:
+        type(scene).describe = describe
+    sent = [np.frombuffer(t.edits[0].poses.ids.inline, "<u8") for t in daemon.transactions[1:]]
+    assert all(ids.tolist() == [e.id for e in group] for ids in sent) and len(sent) == 3
+    assert len(asked) == 1
+    with pytest.raises(hg.InvalidArgument, match="20 entities"), scene.edit() as edit:
+        edit.set_transforms(group, np.eye(4)[None])
+    with pytest.raises(hg.NotFound, match="none/0"), scene.edit() as edit:
+        edit.set_transforms([f"none/{i}" for i in range(9)], np.tile(np.eye(4), (9, 1, 1)))

@@ -22,7 +22,7 @@ from .components import (
     whole_of,
 )
 from .errors import HeliographError, InvalidArgument
-from .handles import Entity, Handle, Named, Texture, flatten
+from .handles import Named, Texture
 from .lights import Light, Portal
 from .pose import matrices_of, matrix_of
 
@@ -144,18 +144,6 @@ def explained(error: HeliographError, transaction: pb.Transaction) -> Heliograph
         name = edit.target.name
         error.args = (f"{error} [{edit.WhichOneof('action')} {name!r}]",) if name else error.args
     return error
-
-
-def placed(edits: Edits, entities: Any, transforms: Any) -> tuple[list[Handle], NdArray]:
-    """Handles of some entities, and a matrix for each: (N, 4, 4)."""
-    listed = flatten(entities, "entities")
-    matrices = matrices_of(transforms)
-    if len(listed) != len(matrices):
-        raise InvalidArgument(
-            f"transforms: {len(matrices)} matrices for {len(listed)} entities; give as many",
-            field="transforms",
-        )
-    return [e if isinstance(e, Handle) else Entity(edits.scene, e) for e in listed], matrices
 
 
 def _put_component(edits: Edits, out: pb.Entity, name: str, value: Any) -> None:

@@ -10,9 +10,7 @@ import os
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import numpy as np
-
-from . import _images, _patches, _volumes, assets, studio
+from . import _images, _patches, _poses, _volumes, assets, studio
 from ._arrays import NdArray
 from ._connection import packed_ids
 from ._proto import scene_pb2 as pb
@@ -196,12 +194,11 @@ class Edits:
 
     def set_transforms(self, entities: Any, transforms: Any, *, teleport: bool = False) -> None:
         """Sets the poses of N entities: a group, an asset, or a sequence; (N, 4, 4)."""
-        handles, matrices = _patches.placed(self, entities, transforms)
-        if any(handle._edits is self for handle in handles):
-            for handle, matrix in zip(handles, matrices):
+        made_here, ids, matrices = _poses.placed(self, entities, transforms)
+        if made_here:
+            for handle, matrix in zip(made_here, matrices):
                 self.update(handle, transform=matrix, teleport=teleport)
             return
-        ids = np.array([handle.id for handle in handles], dtype="<u8")
         action = self._add(None).poses
         action.ids.CopyFrom(self.edited(ids))
         action.matrices.CopyFrom(self.edited(matrices))

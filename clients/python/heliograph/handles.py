@@ -264,6 +264,7 @@ class Group(Sequence[Entity]):
     def __init__(self, entities: Sequence[Entity], name: str = "") -> None:
         self.name = name
         self._entities = list(entities)
+        self._ids: NdArray | None = None  # packed, once they were needed
 
     @overload
     def __getitem__(self, index: int) -> Entity: ...
