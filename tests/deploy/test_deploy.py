@@ -1,0 +1,176 @@
+"""What lies in deploy/ says what it means: settings that the daemon takes, images and pods that are
+locked in, package lists that are those of scripts/setup."""
+
+import configparser
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import tomllib
+
+import pytest
+import yaml
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+DEPLOY = ROOT / "deploy"
+DAEMON = pathlib.Path(os.environ.get("HELIOGRAPHD", ROOT / "build/cpu/bin/heliographd"))
+DOCKERFILES = sorted(DEPLOY.glob("Dockerfile.*"))
+NOT_IN_AN_IMAGE = {"catch2", "ccache", "git", "ca-certificates", "python3", "python3-venv",
+                   "clang-format-19", "clang-tidy-19"}
+
+
+@pytest.mark.parametrize("path", sorted(DEPLOY.rglob("*.toml")), ids=lambda p: str(p.parent.name))
+def test_the_daemon_takes_the_settings(path):
+    settings = tomllib.loads(path.read_text())  # stricter than the daemon about what is TOML
+    assert settings["drain"] == 20
+    result = subprocess.run([DAEMON, "--config", path, "--socket-group", "0", "--probe", "live"],
+                            capture_output=True, text=True, timeout=20)
+    assert result.returncode == 1, result.stderr  # it read them, and nobody answers there
+
+
+# ---------------------------------------------------------------- systemd
+
+
+def unit() -> configparser.ConfigParser:
+    parser = configparser.ConfigParser(strict=True, interpolation=None)
+    parser.optionxform = str
+    parser.read_string((DEPLOY / "heliographd.service").read_text())
+    return parser
+
+
+def test_the_unit_stops_after_the_drain():
+    service = unit()["Service"]
+    assert int(service["TimeoutStopSec"]) >= 20 + 10
+    assert service["RestartPreventExitStatus"] == "64"
+    assert "/etc/heliograph/heliographd.toml" in service["ExecStart"]
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd here")
+def test_systemd_finds_the_unit_good_and_safe(tmp_path):
+    path = tmp_path / "heliographd.service"
+    text = (DEPLOY / "heliographd.service").read_text()
+    path.write_text(text.replace("/usr/bin/heliographd", str(DAEMON)))
+    verified = subprocess.run(["systemd-analyze", "verify", "--man=no", path], capture_output=True,
+                              text=True, timeout=60)
+    complaints = [line for line in verified.stderr.splitlines() if "heliographd.service" in line]
+    assert not complaints
+    secure = subprocess.run(
+        ["systemd-analyze", "security", "--offline=true", "--threshold=25", path],
+        capture_output=True, text=True, timeout=60)
+    assert secure.returncode == 0, secure.stdout[-300:]  # exposure at most 2.5 of 10
+
+
+# ---------------------------------------------------------------- images
+
+
+def instructions(path: pathlib.Path) -> list[tuple[str, str]]:
+    """(instruction, rest), with continued lines joined."""
+    text = re.sub(r"\\\n", " ", path.read_text())
+    lines = [line for line in text.splitlines() if line and not line.startswith("#")]
+    return [tuple(line.split(None, 1)) for line in lines]
+
+
+def packages(rest: str) -> set[str]:
+    found = re.search(r"--no-install-recommends (.*?)&&", rest)
+    return set(found[1].split()) if found else set()
+
+
+@pytest.mark.parametrize("path", DOCKERFILES, ids=lambda p: p.name)
+def test_images_are_locked_in(path):
+    stages, stage = {}, ""
+    for name, rest in instructions(path):
+        assert name in ("FROM", "RUN", "WORKDIR", "COPY", "USER", "STOPSIGNAL", "HEALTHCHECK",
+                        "CMD", "ENTRYPOINT", "ENV"), name
+        if name == "FROM":
+            stage = rest.split(" AS ")[1]
+            assert ":latest" not in rest and ":" in rest
+        if name == "RUN" and "apt-get install" in rest:
+            assert "rm -rf /var/lib/apt/lists/*" in rest and packages(rest)
+        if name == "COPY" and not rest.startswith("--from"):
+            for source in rest.split()[:-1]:
+                assert (ROOT / source).exists(), source
+        stages.setdefault(stage, {})[name] = rest
+    for name in set(stages) - {"build"}:
+        user, group = stages[name]["USER"].split(":")
+        assert int(user) > 10000 and int(group) > 10000
+    assert "--probe" in stages["daemon"]["HEALTHCHECK"]
+    assert stages["daemon"]["STOPSIGNAL"] == "SIGTERM"
+
+
+@pytest.mark.parametrize("path", DOCKERFILES, ids=lambda p: p.name)
+def test_images_are_built_with_what_setup_installs(path):
+    listed = re.search(r"packages=\((.*?)\n\)", (ROOT / "scripts/setup").read_text(), re.S)
+    first = next(rest for name, rest in instructions(path) if name == "RUN")
+    assert packages(first) == set(listed[1].split()) - NOT_IN_AN_IMAGE
+
+
+# ---------------------------------------------------------------- compose and Kubernetes
+
+
+def test_composed_services_share_a_socket_and_nothing_else():
+    services = yaml.safe_load((DEPLOY / "compose.yaml").read_text())["services"]
+    assert set(services) == {"heliographd", "trainer"}
+    groups = set()
+    for service in services.values():
+        assert service["read_only"] and service["network_mode"] == "none"
+        assert service["cap_drop"] == ["ALL"] and "ports" not in service
+        assert service["security_opt"] == ["no-new-privileges:true"]
+        user, group = service["user"].split(":")
+        assert int(user) > 10000
+        groups.add(group)
+        dockerfile = (DEPLOY / "compose.yaml").parent / service["build"]["context"]
+        target = f" AS {service['build']['target']}\n"
+        assert target in (dockerfile / service["build"]["dockerfile"]).read_text()
+    assert len(groups) == 1
+    assert services["heliographd"]["stop_grace_period"] == "35s"
+
+
+def check_pod(spec: dict) -> None:
+    assert spec["automountServiceAccountToken"] is False
+    assert spec["securityContext"]["runAsNonRoot"] is True
+    assert spec["securityContext"]["seccompProfile"] == {"type": "RuntimeDefault"}
+    assert spec["terminationGracePeriodSeconds"] >= 30
+    volumes = {volume["name"] for volume in spec["volumes"]}
+    for container in spec["initContainers"] + spec["containers"]:
+        context = container["securityContext"]
+        assert context["runAsUser"] > 10000
+        assert context["allowPrivilegeEscalation"] is False
+        assert context["readOnlyRootFilesystem"] is True
+        assert context["capabilities"] == {"drop": ["ALL"]}
+        assert "memory" in container["resources"]["limits"]
+        assert {mount["name"] for mount in container["volumeMounts"]} <= volumes
+
+
+def test_the_pod_is_locked_in():
+    base = DEPLOY / "kubernetes/base"
+    listed = yaml.safe_load((base / "kustomization.yaml").read_text())["resources"]
+    assert {path.name for path in base.glob("*.yaml")} == {*listed, "kustomization.yaml"}
+    deployment = yaml.safe_load((base / "worker.yaml").read_text())
+    check_pod(deployment["spec"]["template"]["spec"])
+    daemon = deployment["spec"]["template"]["spec"]["initContainers"][0]
+    assert daemon["readinessProbe"]["exec"]["command"][-1] == "ready"
+    assert daemon["livenessProbe"]["exec"]["command"][-1] == "live"
+
+
+@pytest.mark.skipif(shutil.which("kubectl") is None, reason="no kubectl here")
+@pytest.mark.parametrize(("overlay", "image"), [("base", "heliograph:cpu"),
+                                                ("gpu", "heliograph:cuda")])
+def test_overlays_build(overlay, image):
+    built = subprocess.run(["kubectl", "kustomize", DEPLOY / "kubernetes" / overlay],
+                           capture_output=True, text=True, timeout=60, check=True)
+    objects = {each["kind"]: each for each in yaml.safe_load_all(built.stdout)}
+    assert set(objects) == {"Namespace", "ConfigMap", "Deployment", "NetworkPolicy",
+                            "PodDisruptionBudget"}
+    deployment = objects["Deployment"]
+    pod = deployment["spec"]["template"]
+    for kind in ("NetworkPolicy", "PodDisruptionBudget"):
+        spec = objects[kind]["spec"]
+        labels = spec.get("podSelector", spec.get("selector"))["matchLabels"]
+        assert labels.items() <= pod["metadata"]["labels"].items()
+    check_pod(pod["spec"])
+    daemon = pod["spec"]["initContainers"][0]
+    assert daemon["image"] == image
+    assert ("nvidia.com/gpu" in daemon["resources"]["limits"]) == (overlay == "gpu")
+    settings = next(v for v in pod["spec"]["volumes"] if v["name"] == "settings")
+    assert settings["configMap"]["name"] == objects["ConfigMap"]["metadata"]["name"]
