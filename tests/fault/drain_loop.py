@@ -1,0 +1,112 @@
+"""R11: on SIGTERM, at any moment, readiness is gone within 100 ms while liveness stays, frames in
+flight come or end with UNAVAILABLE and a retry time, and the daemon ends with 0 within 30 s; a
+second SIGTERM ends it at once."""
+
+import random
+import signal
+import subprocess
+import threading
+import time
+
+import common
+import grpc
+import heliograph as hg
+from health import Health, Served
+
+MOMENTS = ("starting", "loading", "rendering", "rendering for ever")
+
+
+def main():
+    random.seed(11)
+    found = {"ready": [], "end": [], "codes": [], "wrong": 0, "dead": 0, "frames": 0, "cut": 0}
+    with common.Report("R11 drain") as report:
+        for trial in range(common.size(50, 4)):
+            drain(MOMENTS[trial % len(MOMENTS)], found)
+        report.figure("not ready after SIGTERM", 1e3 * max(found["ready"]), 100, "ms")
+        report.figure("liveness lost before the end", found["dead"], 0, slack=False)
+        report.figure("ended after", max(found["end"]), 30, "s", slack=False)
+        report.figure("exit codes other than 0", sum(map(bool, found["codes"])), 0, slack=False)
+        report.figure("frames that ended in another way", found["wrong"], 0, slack=False)
+        print(f"  {found['frames']} frames came, {found['cut']} were cut off")
+        report.figure("second SIGTERM: ended after", twice(), 2, "s")
+
+
+def drain(moment, found):
+    limit = "2" if moment == "rendering for ever" else "20"
+    with Served("--drain", limit) as served:
+        work = [threading.Thread(target=load, args=(served, moment, found)) for _ in range(2)]
+        health = Health(served.address)
+        watch = health.watch()
+        if moment != "starting":
+            health.wait(True)
+            for thread in work:
+                thread.start()
+            time.sleep(random.uniform(0.2, 1.5))
+        start = time.perf_counter()
+        served.process.send_signal(signal.SIGTERM)
+        if moment != "starting":  # it is not ready anyway, and nothing keeps it
+            found["ready"].append(watch.first(False, after=start) - start)
+            found["dead"] += not alive_until_the_end(served, health)
+        found["codes"].append(served.process.wait(60))
+        found["end"].append(time.perf_counter() - start)
+        for thread in work:
+            if thread.ident:
+                thread.join()
+
+
+def alive_until_the_end(served, health):
+    try:
+        return health.check("")
+    except grpc.RpcError:
+        return served.process.wait(5) == 0  # it had no work left
+
+
+def load(served, moment, found):
+    """Frames until the daemon ends; "loading" makes it build a large mesh for each of them."""
+    with hg.connect(served.address) as client:
+        try:
+            scene = common.stage(client)
+            for frame in range(1_000_000):
+                if moment == "loading":
+                    with scene.edit() as edit:
+                        ball = hg.shapes.sphere(0.5 + 0.001 * frame, segments=1000)
+                        edit.entity("ball", mesh=edit.mesh("mesh", **ball))
+                scene.render("cam", spp=1 << 20 if moment == "rendering for ever" else 8)
+                found["frames"] += 1
+        except hg.Unavailable as error:
+            found["cut"] += 1
+            found["wrong"] += not (error.retry_seconds > 0 or is_gone(served))
+        except hg.HeliographError as error:
+            print(f"  {moment}: {type(error).__name__}: {error}")
+            found["wrong"] += 1
+
+
+def is_gone(served):
+    """Nobody is left who could have told a retry time."""
+    try:
+        served.process.wait(5)
+    except subprocess.TimeoutExpired:
+        return False
+    return True
+
+
+def twice():
+    with Served("--drain", "60") as served:
+        health = Health(served.address)
+        health.wait(True)
+        found = {"frames": 0, "cut": 0, "wrong": 0}
+        thread = threading.Thread(target=load, args=(served, "rendering for ever", found))
+        thread.start()
+        time.sleep(1)
+        served.process.terminate()
+        health.wait(False)
+        start = time.perf_counter()
+        served.process.terminate()
+        assert served.process.wait(30) == 0
+        seconds = time.perf_counter() - start
+        thread.join()
+        return seconds
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,103 @@
+// heliographd with a device that fails when it is told to, for tests/fault/device_lost.py. It
+// differs from the real one in make_backend() alone.
+//
+// SIGUSR1: the device is lost, once the backend is next called. SIGUSR2: it hangs there, until the
+// next SIGUSR2.
+#include <signal.h>
+
+#include <atomic>
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <thread>
+
+#include "renderer/backend/embree/embree_backend.h"
+#include "renderer/engine/backend.h"
+#include "server/lifecycle.h"
+#include "server/probe.h"
+
+namespace heliograph {
+namespace {
+
+std::atomic<bool> lose_device = false;
+std::atomic<bool> hang = false;
+
+class FaultyBackend final : public Backend {
+ public:
+  explicit FaultyBackend(std::unique_ptr<Backend> inner) : inner_(std::move(inner)) {}
+
+  [[nodiscard]] std::string_view name() const override { return inner_->name(); }
+  [[nodiscard]] std::string cpu_features() const override { return inner_->cpu_features(); }
+  [[nodiscard]] bool ready(const Snapshot& snapshot) const override {
+    return inner_->ready(snapshot);
+  }
+  [[nodiscard]] Status warm(const Snapshot& snapshot) override { return inner_->warm(snapshot); }
+  [[nodiscard]] Expected<std::shared_ptr<const DeviceScene>> prepare(
+      const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
+      const Interrupt& interrupt) override {
+    HELIO_TRY(fault());
+    return inner_->prepare(snapshot, span, interrupt);
+  }
+  [[nodiscard]] Expected<std::unique_ptr<Film>> begin(const Shot& shot) override {
+    return inner_->begin(shot);
+  }
+  [[nodiscard]] Status render(Film& film, const WorkRange& range,
+                              const Interrupt& interrupt) override {
+    HELIO_TRY(fault());
+    return inner_->render(film, range, interrupt);
+  }
+  [[nodiscard]] Status probe(Film& film, u32 first_tile, u32 tile_count,
+                             const Interrupt& interrupt) override {
+    HELIO_TRY(fault());
+    return inner_->probe(film, first_tile, tile_count, interrupt);
+  }
+  [[nodiscard]] Expected<std::vector<Column>> labels(Film& film,
+                                                     const Interrupt& interrupt) override {
+    return inner_->labels(film, interrupt);
+  }
+  [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film& film) override {
+    return inner_->resolve(film);
+  }
+  [[nodiscard]] Noise noise(const Film& film) override { return inner_->noise(film); }
+  [[nodiscard]] Expected<QueryResult> query(const QueryJob& job,
+                                            const Interrupt& interrupt) override {
+    HELIO_TRY(fault());
+    return inner_->query(job, interrupt);
+  }
+  [[nodiscard]] u64 derived_bytes() const override { return inner_->derived_bytes(); }
+  [[nodiscard]] bool is_lost() const override { return is_lost_; }
+
+ private:
+  Status fault() {
+    while (hang) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    if (lose_device.exchange(false)) is_lost_ = true;
+    if (is_lost_) return fail(Code::kInternal, "", "injected: the device is lost");
+    return {};
+  }
+
+  std::unique_ptr<Backend> inner_;
+  std::atomic<bool> is_lost_ = false;
+};
+
+}  // namespace
+
+Expected<std::unique_ptr<Backend>> make_backend(std::string_view, const BackendOptions& options) {
+  auto inner = embree::make_embree_backend(options);
+  if (!inner) return inner;
+  return std::make_unique<FaultyBackend>(*std::move(inner));
+}
+
+std::vector<std::string_view> backend_names() { return {"embree"}; }
+
+}  // namespace heliograph
+
+int main(int argc, char** argv) {
+  using namespace heliograph::server;
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGUSR1, [](int) { heliograph::lose_device = true; });
+  std::signal(SIGUSR2, [](int) { heliograph::hang = !heliograph::hang; });
+  auto config = parse_config(argc, argv);
+  if (!config) return config.error();
+  if (!config->probe.empty()) return probe(*config);
+  std::_Exit(run(std::move(*config)));
+}

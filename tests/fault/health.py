@@ -1,0 +1,132 @@
+"""A daemon as an operator has it, and its health: readiness and liveness, asked and watched."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import tempfile
+import threading
+import time
+
+import grpc
+from heliograph._launch import find_program
+
+RENDERER = "heliograph.v1.Renderer"
+
+
+def _request(name):
+    """HealthCheckRequest; its one field is the name."""
+    return b"\x0a" + bytes([len(name)]) + name.encode() if name else b""
+
+
+def _serves(reply):
+    """HealthCheckResponse; 1 is SERVING."""
+    return reply == b"\x08\x01"
+
+
+class Health:
+    """Of the daemon behind a client, or of one by its gRPC target, over a channel of its own."""
+
+    def __init__(self, client):
+        target = client if isinstance(client, str) else client.connection.address
+        options = [("grpc.use_local_subchannel_pool", 1)]
+        self.channel = grpc.insecure_channel(target, options=options)
+
+    def check(self, name=RENDERER, timeout=5.0):
+        call = self.channel.unary_unary("/grpc.health.v1.Health/Check")
+        return _serves(call(_request(name), timeout=timeout, wait_for_ready=True))
+
+    def wait(self, ready, limit=30.0):
+        """Until it is ready, or is not."""
+        end = time.perf_counter() + limit
+        while self.check() != ready:
+            if time.perf_counter() > end:
+                raise TimeoutError(f"never {'ready' if ready else 'not ready'}")
+            time.sleep(0.02)
+
+    def watch(self):
+        return Watch(self.channel)
+
+
+class Watch:
+    """Notes when readiness changes."""
+
+    def __init__(self, channel):
+        self.seen = []  # (seconds of time.perf_counter(), ready)
+        self._changed = threading.Condition()
+        self._stream = channel.unary_stream("/grpc.health.v1.Health/Watch")(_request(RENDERER))
+        threading.Thread(target=self._read, daemon=True).start()
+        self.first(None)
+
+    def _read(self):
+        try:
+            for reply in self._stream:
+                with self._changed:
+                    self.seen.append((time.perf_counter(), _serves(reply)))
+                    self._changed.notify_all()
+        except grpc.RpcError:
+            pass  # the daemon ended, or close()
+
+    def first(self, ready, after=0.0, limit=60.0):
+        """When it was first so (None: either) after a time."""
+
+        def found():
+            return next((t for t, r in self.seen if t >= after and ready in (None, r)), None)
+
+        with self._changed:
+            if not self._changed.wait_for(lambda: found() is not None, limit):
+                raise TimeoutError(f"never {ready}; saw {self.seen}")
+            return found()
+
+    def close(self):
+        self._stream.cancel()
+
+class Served:
+    """A daemon as an operator runs it: a process of its own with a socket, which clients name."""
+
+    def __init__(self, *flags, **popen):
+        self._folder = tempfile.TemporaryDirectory(prefix="hg-")
+        self.socket = f"{self._folder.name}/run/heliograph.sock"
+        read, write = os.pipe()
+        self.process = subprocess.Popen(
+            [find_program(), "--socket", self.socket, "--ready-fd", str(write), *flags],
+            pass_fds=(write,),
+            stderr=subprocess.PIPE,
+            text=True,
+            **popen,
+        )
+        os.close(write)
+        with os.fdopen(read) as ready:
+            self.ready = json.loads(ready.readline())
+        self.address = f"unix://{self.socket}"
+
+    @property
+    def pid(self):
+        return self.process.pid
+
+    def descriptors(self):
+        return len(os.listdir(f"/proc/{self.pid}/fd"))
+
+    def cpu_seconds(self):
+        """Of all threads, user and system."""
+        with open(f"/proc/{self.pid}/stat") as file:
+            fields = file.read().rsplit(")", 1)[1].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+    def token(self):
+        with open(f"{os.path.dirname(self.socket)}/token") as file:
+            return file.read()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        if self.process.poll() is None:
+            self.process.terminate()
+            try:
+                self.process.wait(30)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+        self.process.stderr.close()
+        self._folder.cleanup()
