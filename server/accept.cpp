@@ -3,6 +3,7 @@
 
 #include <arpa/inet.h>
 #include <fcntl.h>
+#include <grp.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <sys/epoll.h>
@@ -11,10 +12,12 @@
 #include <sys/stat.h>
 #include <sys/un.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <charconv>
 #include <cstring>
 #include <filesystem>
+#include <vector>
 
 namespace heliograph::server {
 namespace {
@@ -27,10 +30,21 @@ std::unexpected<Error> system_error(const std::string& what) {
   return fail(Code::kUnavailable, "", what + ": " + std::strerror(errno));
 }
 
-/// Opens the folder of a socket; makes it, private, when it is not there.
-Expected<UniqueFd> open_folder(const std::filesystem::path& folder) {
-  if (::mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST)
+Status give_to_group(const std::string& path, gid_t group, mode_t mode) {
+  if (::chown(path.c_str(), uid_t(-1), group) == 0 && ::chmod(path.c_str(), mode) == 0) return {};
+  return fail(
+      Code::kPermissionDenied, "--socket-group",
+      fmt::format("cannot give {} to group {}: {}; the daemon's user must be a member of it", path,
+                  group, std::strerror(errno)));
+}
+
+/// Opens the folder of a socket; makes it, private or for the group, when it is not there.
+Expected<UniqueFd> open_folder(const std::filesystem::path& folder, std::optional<gid_t> group) {
+  if (::mkdir(folder.c_str(), 0700) == 0) {
+    if (group) HELIO_TRY(give_to_group(folder.string(), *group, 0750));
+  } else if (errno != EEXIST) {
     return system_error("cannot make the socket's folder " + folder.string());
+  }
   UniqueFd fd(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   struct stat info{};
   if (!fd || ::fstat(fd.get(), &info) != 0)
@@ -43,6 +57,21 @@ Expected<UniqueFd> open_folder(const std::filesystem::path& folder) {
                     " belongs to or is writable by other users; choose one of yours or run "
                     "`chmod go-w` on it");
   return fd;
+}
+
+/// Whether the other end of a Unix socket is in the group, as its first group or a further one.
+bool is_member(int connection, gid_t first, gid_t group) {
+  if (first == group) return true;
+  std::vector<gid_t> groups(64);
+  socklen_t size = socklen_t(groups.size() * sizeof(gid_t));
+  if (::getsockopt(connection, SOL_SOCKET, SO_PEERGROUPS, groups.data(), &size) != 0) {
+    if (errno != ERANGE) return false;
+    groups.resize(size / sizeof(gid_t));
+    if (::getsockopt(connection, SOL_SOCKET, SO_PEERGROUPS, groups.data(), &size) != 0)
+      return false;
+  }
+  groups.resize(size / sizeof(gid_t));
+  return std::ranges::find(groups, group) != groups.end();
 }
 
 bool answers(const sockaddr_un& address, int type) {
@@ -90,7 +119,18 @@ Expected<sockaddr_storage> parse_loopback(const std::string& address, socklen_t&
 
 }  // namespace
 
-Expected<UniqueFd> listen_unix(const std::string& path, int type) {
+Expected<gid_t> find_group(const std::string& group) {
+  gid_t number = 0;
+  const char* end = group.data() + group.size();
+  const auto parsed = std::from_chars(group.data(), end, number);
+  if (parsed.ec == std::errc() && parsed.ptr == end) return number;
+  if (const struct group* found = ::getgrnam(group.c_str())) return found->gr_gid;
+  return fail(Code::kInvalidArgument, "--socket-group",
+              "there is no group '" + group + "'; name one of /etc/group, or its number");
+}
+
+Expected<ListeningSocket> listen_unix(const std::string& path, int type,
+                                      std::optional<gid_t> group) {
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   if (path.empty() || path.size() >= sizeof address.sun_path)
@@ -98,7 +138,7 @@ Expected<UniqueFd> listen_unix(const std::string& path, int type) {
                 fmt::format("'{}' has {} bytes; a socket's path may have {}. Choose a shorter one",
                             path, path.size(), sizeof address.sun_path - 1));
   path.copy(address.sun_path, sizeof address.sun_path - 1);
-  auto folder = open_folder(std::filesystem::absolute(path).parent_path());
+  auto folder = open_folder(std::filesystem::absolute(path).parent_path(), group);
   if (!folder) return std::unexpected(folder.error());
   ::flock(folder->get(), LOCK_EX);  // until the folder is closed: one daemon at a time decides
   if (answers(address, type))
@@ -112,9 +152,10 @@ Expected<UniqueFd> listen_unix(const std::string& path, int type) {
   const mode_t old_mask = ::umask(0177);
   const int bound = ::bind(fd.get(), reinterpret_cast<sockaddr*>(&address), sizeof address);
   ::umask(old_mask);
-  if (bound != 0 || ::listen(fd.get(), kBacklog) != 0)
-    return system_error("cannot listen on " + path);
-  return fd;
+  if (bound != 0) return system_error("cannot bind " + path);
+  if (group) HELIO_TRY(give_to_group(path, *group, 0660));
+  if (::listen(fd.get(), kBacklog) != 0) return system_error("cannot listen on " + path);
+  return ListeningSocket{.fd = std::move(fd), .group = group};
 }
 
 Status check_loopback(const std::string& address) {
@@ -123,7 +164,7 @@ Status check_loopback(const std::string& address) {
   return {};
 }
 
-Expected<UniqueFd> listen_loopback(const std::string& address) {
+Expected<ListeningSocket> listen_loopback(const std::string& address) {
   socklen_t size = 0;
   auto storage = parse_loopback(address, size);
   if (!storage) return std::unexpected(storage.error());
@@ -133,7 +174,7 @@ Expected<UniqueFd> listen_loopback(const std::string& address) {
   if (::bind(fd.get(), reinterpret_cast<sockaddr*>(&*storage), size) != 0 ||
       ::listen(fd.get(), kBacklog) != 0)
     return system_error("cannot listen on " + address);
-  return fd;
+  return ListeningSocket{.fd = std::move(fd)};
 }
 
 std::string local_address(int fd) {
@@ -153,29 +194,29 @@ std::string local_address(int fd) {
 
 // ---------------------------------------------------------------- Listener
 
-Expected<std::unique_ptr<Listener>> Listener::start(EventLoop& loop, const Log& log, UniqueFd fd,
-                                                    Take take) {
-  std::unique_ptr<Listener> listener(new Listener(loop, log, std::move(fd), std::move(take)));
+Expected<std::unique_ptr<Listener>> Listener::start(EventLoop& loop, const Log& log,
+                                                    ListeningSocket socket, Take take) {
+  std::unique_ptr<Listener> listener(new Listener(loop, log, std::move(socket), std::move(take)));
   HELIO_TRY(listener->resume());
   return listener;
 }
 
-Listener::Listener(EventLoop& loop, const Log& log, UniqueFd fd, Take take)
-    : loop_(loop), log_(log), fd_(std::move(fd)), take_(std::move(take)) {
+Listener::Listener(EventLoop& loop, const Log& log, ListeningSocket socket, Take take)
+    : loop_(loop), log_(log), socket_(std::move(socket)), take_(std::move(take)) {
   int domain = 0;
   socklen_t size = sizeof domain;
-  ::getsockopt(fd_.get(), SOL_SOCKET, SO_DOMAIN, &domain, &size);
+  ::getsockopt(socket_.fd.get(), SOL_SOCKET, SO_DOMAIN, &domain, &size);
   is_unix_ = domain == AF_UNIX;
 }
 
-Listener::~Listener() { loop_.forget(fd_.get()); }
+Listener::~Listener() { loop_.forget(socket_.fd.get()); }
 
 Status Listener::resume() {
-  return loop_.watch(fd_.get(), EPOLLIN, [this](u32) { accept_some(); });
+  return loop_.watch(socket_.fd.get(), EPOLLIN, [this](u32) { accept_some(); });
 }
 
 void Listener::pause() {
-  loop_.forget(fd_.get());
+  loop_.forget(socket_.fd.get());
   loop_.after(kAcceptPause, [this, alive = std::weak_ptr(alive_)] {
     if (alive.expired()) return;
     if (auto status = resume(); !status) pause();
@@ -184,7 +225,8 @@ void Listener::pause() {
 
 void Listener::accept_some() {
   for (int i = 0; i < kAcceptsPerRound; ++i) {
-    UniqueFd connection(::accept4(fd_.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+    UniqueFd connection(
+        ::accept4(socket_.fd.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
     if (!connection) {
       if (errno == EAGAIN || errno == EINTR || errno == ECONNABORTED) return;
       log_.warning("accepting connections pauses", {{"reason", std::strerror(errno)}});
@@ -206,6 +248,7 @@ bool Listener::admit(int connection, pid_t& peer) const {
   if (::getsockopt(connection, SOL_SOCKET, SO_PEERCRED, &credentials, &size) != 0) return false;
   peer = credentials.pid;
   if (credentials.uid == ::geteuid()) return true;
+  if (socket_.group && is_member(connection, credentials.gid, *socket_.group)) return true;
   log_.warning("connection of another user refused", {{"uid", credentials.uid}});
   return false;
 }

@@ -6,6 +6,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <unordered_map>
 
@@ -14,34 +15,46 @@
 
 namespace heliograph::server {
 
-/// Binds a Unix socket with mode 0600 and listens. The folder is made with mode 0700 when it does
-/// not exist; a stale socket of a dead daemon is replaced.
+/// A listening socket. Over a Unix socket our own user may connect, and `group`'s members if there
+/// is a group.
+struct ListeningSocket {
+  UniqueFd fd;
+  std::optional<gid_t> group = std::nullopt;
+};
+
+/// Binds a Unix socket with mode 0600, or 0660 and owned by `group`, and listens. The folder is
+/// made with mode 0700, or 0750 and the group, when it does not exist; a stale socket of a dead
+/// daemon is replaced.
 ///
 /// type: SOCK_STREAM or SOCK_SEQPACKET. Fails with ALREADY_EXISTS when a daemon answers there,
-/// PERMISSION_DENIED when the folder belongs to or is writable by others, INVALID_ARGUMENT when the
-/// path is too long for a socket.
-[[nodiscard]] Expected<UniqueFd> listen_unix(const std::string& path, int type);
+/// PERMISSION_DENIED when the folder belongs to or is writable by others or the group is not ours
+/// to give, INVALID_ARGUMENT when the path is too long for a socket.
+[[nodiscard]] Expected<ListeningSocket> listen_unix(const std::string& path, int type,
+                                                    std::optional<gid_t> group);
+
+/// The number of a group that is named by name or number. INVALID_ARGUMENT when there is none.
+[[nodiscard]] Expected<gid_t> find_group(const std::string& group);
 
 /// Listens on a loopback address "127.0.0.1:PORT" or "[::1]:PORT"; port 0 takes a free one.
 /// INVALID_ARGUMENT for anything routable, with the reason.
-[[nodiscard]] Expected<UniqueFd> listen_loopback(const std::string& address);
+[[nodiscard]] Expected<ListeningSocket> listen_loopback(const std::string& address);
 /// Whether listen_loopback would take it, without binding.
 [[nodiscard]] Status check_loopback(const std::string& address);
 /// The address a TCP listener is bound to, as "127.0.0.1:PORT".
 [[nodiscard]] std::string local_address(int fd);
 
 /// Accepts connections of one listening socket and gives them away. Owns: the listener. Thread: the
-/// loop's. Unix peers of another user are closed; out of descriptors it pauses instead of spinning.
+/// loop's. Unix peers who may not connect are closed; out of descriptors it pauses, not spins.
 class Listener {
  public:
   using Take = std::function<void(UniqueFd connection, pid_t peer)>;  // peer: 0 over TCP
 
   [[nodiscard]] static Expected<std::unique_ptr<Listener>> start(EventLoop& loop, const Log& log,
-                                                                 UniqueFd fd, Take take);
+                                                                 ListeningSocket socket, Take take);
   ~Listener();
 
  private:
-  Listener(EventLoop& loop, const Log& log, UniqueFd fd, Take take);
+  Listener(EventLoop& loop, const Log& log, ListeningSocket socket, Take take);
   [[nodiscard]] Status resume();
   void accept_some();
   void pause();
@@ -49,7 +62,7 @@ class Listener {
 
   EventLoop& loop_;
   const Log& log_;
-  UniqueFd fd_;
+  ListeningSocket socket_;
   Take take_;
   bool is_unix_ = false;
   std::shared_ptr<int> alive_ = std::make_shared<int>(0);  // timers check it

@@ -160,7 +160,7 @@ void BatchCall::pump() {
     if (result_) result = *result_;
   }
   if (is_reply) return StartWrite(&reply_);
-  Finish(to_status(result, scope_.context()));
+  Finish(to_status(scope_.session()->told(result), scope_.context()));
 }
 
 bool BatchCall::next_reply() {

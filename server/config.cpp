@@ -1,4 +1,4 @@
-// Flags to Config. Called by main.
+// Flags and settings file to Config. Called by main.
 #include "server/config.h"
 
 #include <fmt/ranges.h>
@@ -11,6 +11,7 @@
 
 #include "renderer/engine/backend.h"
 #include "server/accept.h"
+#include "server/config_file.h"
 #include "server/version.h"
 
 namespace heliograph::server {
@@ -53,8 +54,8 @@ std::string limits_help() {
   HELIO_LIMITS(HELIO_LIMIT)
 #undef HELIO_LIMIT
   return text +
-         "Exit status: 0 drained or the owner ended, 64 a wrong or unsafe flag, 69 cannot listen, "
-         "70 internal error, 75 device lost.";
+         "Exit status: 0 drained or the owner ended, 1 --probe found it not healthy, 64 a wrong or "
+         "unsafe flag or setting, 69 cannot listen, 70 internal error, 75 device lost.";
 }
 
 Status check(const Config& config) {
@@ -68,6 +69,8 @@ Status check(const Config& config) {
     return fail(Code::kInvalidArgument, "--grace, --drain", "must not be negative");
   if (config.is_private && !config.listen.empty())
     return fail(Code::kInvalidArgument, "--listen", "a private daemon listens on its socket only");
+  if (config.is_private && config.socket_group)
+    return fail(Code::kInvalidArgument, "--socket-group", "a private daemon serves its owner only");
   if (config.owner_pidfd >= 0 && !config.is_private)
     return fail(Code::kInvalidArgument, "--owner-pidfd", "needs --private");
   return {};
@@ -101,33 +104,64 @@ void add_flags(CLI::App& app, Config& config) {
       ->check(CLI::IsMember({"debug", "info", "warning", "error", "off"}))
       ->capture_default_str();
   app.add_flag("--log-json", config.log_json, "Log JSON lines");
+  app.add_option("--metrics", config.metrics,
+                 "Address of a port for Prometheus, e.g. 127.0.0.1:9464; off by default");
+  app.add_flag("--reflection", config.reflection, "Tell callers the protocol's descriptors");
+  app.add_option("--probe", config.probe,
+                 "Ask the daemon at --socket whether it is live or ready, and exit with 0 or 1")
+      ->check(CLI::IsMember({"live", "ready"}))
+      ->configurable(false);
+}
+
+/// What is not a Config's member as it stands.
+struct Extra {
+  std::string socket_dir;
+  std::string socket_group;
+  std::vector<std::string> file_limits, limits;
+};
+
+void add_extra_flags(CLI::App& app, Extra& extra) {
+  app.add_option("--socket-dir", extra.socket_dir, "Folder of the sockets, instead of --socket");
+  app.add_option("--socket-group", extra.socket_group,
+                 "Group whose members may connect too (then mode 0660): a name or a number");
+  app.add_option("--limit", extra.limits, "NAME=VALUE, see below")->configurable(false);
+  app.set_config("--config", "", "Settings file (TOML); flags go before it", false);
+  app.config_formatter(std::make_shared<ConfigFile>(app, extra.file_limits));
+}
+
+Status complete(const CLI::App& app, const Extra& extra, Config& config) {
+  if (config.socket.empty())
+    config.socket =
+        extra.socket_dir.empty() ? default_socket() : extra.socket_dir + "/heliograph.sock";
+  if (config.token_file.empty())
+    config.token_file = config.socket.substr(0, config.socket.rfind('/') + 1) + "token";
+  if (config.is_private && app.count("--grace") == 0) config.grace_seconds = 0;
+  if (!extra.socket_group.empty()) {
+    const auto group = find_group(extra.socket_group);
+    if (!group) return std::unexpected(group.error());
+    config.socket_group = *group;
+  }
+  for (const auto* limits : {&extra.file_limits, &extra.limits})  // flags win
+    for (const std::string& limit : *limits) HELIO_TRY(set_limit(config.limits, limit));
+  return check(config);
 }
 
 }  // namespace
 
 std::expected<Config, int> parse_config(int argc, char** argv) {
   Config config;
-  std::string socket_dir;
-  std::vector<std::string> limits;
+  Extra extra;
   CLI::App app("heliographd: the render daemon of Heliograph", "heliographd");
   app.set_version_flag("--version", kVersion);
   app.footer(limits_help());
   add_flags(app, config);
-  app.add_option("--socket-dir", socket_dir, "Folder of the sockets, instead of --socket");
-  app.add_option("--limit", limits, "NAME=VALUE, see below");
+  add_extra_flags(app, extra);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return std::unexpected(app.exit(error) == 0 ? kExitOk : kExitUsage);
   }
-  if (config.socket.empty())
-    config.socket = socket_dir.empty() ? default_socket() : socket_dir + "/heliograph.sock";
-  if (config.token_file.empty())
-    config.token_file = config.socket.substr(0, config.socket.rfind('/') + 1) + "token";
-  if (config.is_private && app.count("--grace") == 0) config.grace_seconds = 0;
-  Status status = check(config);
-  for (const std::string& limit : limits)
-    if (status) status = set_limit(config.limits, limit);
+  const Status status = complete(app, extra, config);
   if (status) return config;
   fmt::print(stderr, "heliographd: {}: {}\n", status.error().where, status.error().message);
   return std::unexpected(kExitUsage);

@@ -1,6 +1,8 @@
 // What the flags say. Parsed once by main; everybody else sees it const.
 #pragma once
 
+#include <sys/types.h>
+
 #include <optional>
 #include <string>
 #include <vector>
@@ -12,7 +14,8 @@ namespace heliograph::server {
 /// How the process ends.
 enum ExitCode : int {
   kExitOk = 0,            // drained, or the owner ended
-  kExitUsage = 64,        // a flag is wrong, or would not be safe
+  kExitNotHealthy = 1,    // --probe: it does not serve
+  kExitUsage = 64,        // a flag or setting is wrong, or would not be safe
   kExitUnavailable = 69,  // cannot listen, or another daemon does
   kExitSoftware = 70,     // a bug, or a library failed
   kExitDevice = 75,       // the device was lost
@@ -40,6 +43,8 @@ enum ExitCode : int {
   X(credits, 64, "frames or items of one call in work or on their way")                 \
   X(waiting_bytes, 64ull << 20, "bytes of one call's requests that wait")               \
   X(stall_seconds, 30, "seconds a reader may take nothing of what waits for it")        \
+  X(hang_seconds, 4, "seconds in which nothing moves before it is not ready")           \
+  X(probe_seconds, 5, "seconds between two pixels that are rendered as a probe")        \
   X(samples, 1ull << 20, "samples a pixel")                                             \
   X(tenant_bytes, 16ull << 30, "bytes of a tenant's uploads, blobs, assets and arrays") \
   X(tenant_entities, 64'000'000, "entities of all scenes of a tenant")                  \
@@ -73,9 +78,10 @@ struct Limits {
 };
 
 struct Config {
-  std::string socket;               // path of the Unix socket; the second one is `socket`.fd.sock
-  std::vector<std::string> listen;  // loopback TCP addresses
-  std::string token_file;           // used with `listen`
+  std::string socket;                 // path of the Unix socket; the second one is `socket`.fd.sock
+  std::optional<gid_t> socket_group;  // its members may connect too
+  std::vector<std::string> listen;    // loopback TCP addresses
+  std::string token_file;             // used with `listen`
   bool is_private = false;
   int owner_pidfd = -1;
   int ready_fd = -1;
@@ -86,13 +92,16 @@ struct Config {
   std::string decode_program;  // "": beside this program
   double grace_seconds = 10;   // a session outlives its connection by this
   double drain_seconds = 20;   // in-flight work may take this long after SIGTERM
+  std::string metrics;         // address of the metrics' port; "": none
+  bool reflection = false;
+  std::string probe;  // "live" or "ready": ask the daemon at `socket` and exit
   std::string log_level = "warning";
   bool log_json = false;
   Limits limits;
 };
 
-/// Parses the command line. An int is an exit status: --help and --version were printed, or the
-/// usage error was.
+/// Parses the command line and the settings file it names. An int is an exit status: --help and
+/// --version were printed, or the usage error was.
 [[nodiscard]] std::expected<Config, int> parse_config(int argc, char** argv);
 
 /// The limits by name, as GetServerInfo tells them.

@@ -50,6 +50,9 @@ Daemon::Daemon(Config settings, std::string token, std::unique_ptr<EventLoop> ev
                  log.info("session ended", {{"client", session.client()}});
                  scenes.end_session(session.id());
                }),
-      gate(sessions, std::move(token)) {}
+      gate(sessions, std::move(token)),
+      health(*loop, log,
+             {.hang_seconds = double(config.limits.hang_seconds),
+              .probe_seconds = double(config.limits.probe_seconds)}) {}
 
 }  // namespace heliograph::server

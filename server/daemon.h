@@ -13,8 +13,10 @@
 #include "server/engine_slot.h"
 #include "server/event_loop.h"
 #include "server/gate.h"
+#include "server/health.h"
 #include "server/lifeline.h"
 #include "server/log.h"
+#include "server/metrics.h"
 #include "server/scenes.h"
 #include "server/session.h"
 #include "server/work_pool.h"
@@ -25,6 +27,7 @@ struct Daemon {
   const Config config;
   const u64 instance;  // random; changes when the daemon restarts
   const Log log;
+  Metrics metrics;
   std::unique_ptr<EventLoop> loop;
   WorkPool pool;
   Scenes scenes;
@@ -34,6 +37,7 @@ struct Daemon {
   Sessions sessions;
   Gate gate;
   CallWatch watch;
+  Health health;
   std::unique_ptr<Lifelines> lifelines;
   std::unique_ptr<EngineSlot> engine;
   AssetRoot asset_root;

@@ -77,6 +77,7 @@ void DecodeCall::submit() {
 }
 
 void DecodeCall::on_decoded(Expected<Decoded> decoded) {
+  daemon_.metrics.decode(decoded ? Status() : std::unexpected(decoded.error()));
   if (!decoded) return finish(std::unexpected(decoded.error()));
   if (!request_.server_path().empty() && gather_missing(decoded->missing)) return submit();
   finish(store(*decoded));

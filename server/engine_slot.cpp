@@ -8,7 +8,8 @@
 namespace heliograph::server {
 namespace {
 
-constexpr double kSoonest = 0.01;  // seconds: nobody is asked to retry faster
+constexpr u64 kProbeTenant = ~u64(0);  // its share is its own, so that no queue delays it
+constexpr double kSoonest = 0.01;      // seconds: nobody is asked to retry faster
 
 class ProbeSink final : public JobSink {
  public:
@@ -47,13 +48,14 @@ Expected<std::shared_ptr<const RenderJob>> probe_job() {
   job->cameras = {EntityId(prepared->ids.at(2))};
   job->planes = {Plane::BEAUTY, Plane::DEPTH};
   job->stop.spp = 1;
+  job->origin.tenant = kProbeTenant;
   return job;
 }
 
 }  // namespace
 
-EngineSlot::EngineSlot(EngineOptions options, const Log& log, std::function<void(Status)> ready)
-    : log_(log), ready_(std::move(ready)), future_(promise_.get_future().share()) {
+EngineSlot::EngineSlot(EngineOptions options, const Log& log, std::function<void(Status)> first)
+    : log_(log), first_(std::move(first)), future_(promise_.get_future().share()) {
   thread_ = std::thread([this, options = std::move(options)] { start(options); });
 }
 
@@ -71,20 +73,19 @@ void EngineSlot::start(const EngineOptions& options) {
   engine_ = std::move(*engine);
   engine_now_ = engine_.get();
   promise_.set_value(engine_.get());
-  probe(*engine_);
+  probe([this](const Status& status) { finish(status); });
 }
 
-void EngineSlot::probe(Engine& engine) {
+void EngineSlot::probe(std::function<void(Status)> done) {
   const auto job = probe_job();
-  if (!job) return finish(std::unexpected(job.error()));
-  auto sink = std::make_shared<ProbeSink>([this](const Status& status) { finish(status); });
-  if (auto submitted = engine.submit(*job, sink, {}); !submitted) finish(submitted);
+  if (!job) return done(std::unexpected(job.error()));
+  auto sink = std::make_shared<ProbeSink>(done);
+  if (auto submitted = engine_now_.load()->submit(*job, sink, {}); !submitted) done(submitted);
 }
 
 void EngineSlot::finish(const Status& status) {
-  is_ready_ = status.has_value();
-  if (!status) log_.error("the engine is not ready", {{"reason", status.error().message}});
-  ready_(status);
+  if (!status) log_.error("the engine does not start", {{"reason", status.error().message}});
+  first_(status);
 }
 
 Expected<Engine*> EngineSlot::wait() const {

@@ -1,4 +1,4 @@
-// The engine while it starts, and whether it is ready: a pixel was rendered.
+// The engine while it starts, and the pixel that shows that it renders.
 #pragma once
 
 #include <atomic>
@@ -16,29 +16,29 @@ namespace heliograph::server {
 /// Thread: any.
 class EngineSlot {
  public:
-  /// `ready` is called once, from the starting or the device thread, when the first pixel is there
+  /// `first` is called once, from the starting or the device thread, when the first pixel is there
   /// or is known not to come.
-  EngineSlot(EngineOptions options, const Log& log, std::function<void(Status)> ready);
+  EngineSlot(EngineOptions options, const Log& log, std::function<void(Status)> first);
   ~EngineSlot();
 
   /// Waits for the engine, so call it on the work pool. UNAVAILABLE when it could not be made.
   [[nodiscard]] Expected<Engine*> wait() const;
   /// Null while it starts.
   [[nodiscard]] const Engine* get() const { return engine_now_; }
-  [[nodiscard]] bool is_ready() const { return is_ready_; }
+  /// Renders one pixel, as a tenant of its own; `done` is called once, from the device thread or
+  /// from here. Only when get() gives an engine.
+  void probe(std::function<void(Status)> done);
 
  private:
   void start(const EngineOptions& options);
-  void probe(Engine& engine);
   void finish(const Status& status);
 
   const Log& log_;
-  const std::function<void(Status)> ready_;
+  const std::function<void(Status)> first_;
   std::unique_ptr<Engine> engine_;
-  std::atomic<const Engine*> engine_now_ = nullptr;
+  std::atomic<Engine*> engine_now_ = nullptr;
   std::promise<Expected<Engine*>> promise_;
   std::shared_future<Expected<Engine*>> future_;
-  std::atomic<bool> is_ready_ = false;
   std::thread thread_;
 };
 

@@ -90,7 +90,7 @@ void FrameStream::pump() {
     }
   }
   if (!result) return StartWrite(&part_);
-  Finish(to_status(*result, scope_.context()));
+  Finish(to_status(scope_.session()->told(*result), scope_.context()));
 }
 
 bool FrameStream::next_part() {

@@ -23,9 +23,7 @@ std::string_view metadata(const grpc::CallbackServerContext& context, const char
 Expected<Call> Gate::admit(const grpc::CallbackServerContext& context, Needs needs) {
   HELIO_TRY(check_token(context));
   const bool is_work = needs == Needs::kSession;
-  if (is_closed_ && (is_work || needs == Needs::kNewSession))
-    return fail(Code::kUnavailable, "",
-                "this daemon is shutting down; connect to another, or retry when it is back");
+  if (is_closed_ && (is_work || needs == Needs::kNewSession)) return shutting_down();
   if (needs == Needs::kNothing || needs == Needs::kNewSession) return Call();
   auto session = find_session(context);
   if (!session) return std::unexpected(session.error());

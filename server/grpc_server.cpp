@@ -1,15 +1,18 @@
 // Channel arguments, limits and the health service. Called by main.
 #include "server/grpc_server.h"
 
+#include <grpc/grpc.h>
+#include <grpc/support/time.h>
 #include <grpcpp/health_check_service_interface.h>
 #include <grpcpp/resource_quota.h>
+
+#include "server/call_log.h"
 
 namespace heliograph::server {
 namespace {
 
 constexpr int kSendBytes = 64 << 20;
 constexpr int kMaxThreads = 64;
-constexpr const char* kRendererName = "heliograph.v1.Renderer";
 
 void add_arguments(grpc::ServerBuilder& builder, const Limits& limits) {
   builder.SetMaxReceiveMessageSize(int(limits.message_bytes));
@@ -29,12 +32,21 @@ void add_arguments(grpc::ServerBuilder& builder, const Limits& limits) {
 
 }  // namespace
 
-Expected<std::unique_ptr<GrpcServer>> GrpcServer::start(Service& service, const Config& config) {
+Expected<std::unique_ptr<GrpcServer>> GrpcServer::start(Service& service, Daemon& daemon) {
+  // Never undone: gRPC's own end waits for a thread that polls for up to 10 s.
+  ::grpc_init();
   grpc::EnableDefaultHealthCheckService(true);
   grpc::ServerBuilder builder;
-  add_arguments(builder, config.limits);
+  add_arguments(builder, daemon.config.limits);
   builder.RegisterService(&service);
   std::unique_ptr<GrpcServer> made(new GrpcServer());
+  if (daemon.config.reflection) {
+    made->reflection_ = std::make_unique<Reflection>(daemon.gate);
+    builder.RegisterService(made->reflection_.get());
+  }
+  std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> observers;
+  observers.push_back(std::make_unique<CallLog>(daemon.log, daemon.metrics));
+  builder.experimental().SetInterceptorCreators(std::move(observers));
   using Type = grpc::ServerBuilder::experimental_type::ExternalConnectionType;
   made->acceptor_ = builder.experimental().AddExternalConnectionAcceptor(
       Type::FROM_FD, grpc::InsecureServerCredentials());
@@ -55,7 +67,8 @@ void GrpcServer::set_ready(bool is_ready) {
 }
 
 void GrpcServer::shutdown(std::chrono::milliseconds grace) {
-  server_->Shutdown(std::chrono::system_clock::now() + grace);
+  server_->Shutdown(gpr_time_add(gpr_now(GPR_CLOCK_MONOTONIC),
+                                 gpr_time_from_millis(grace.count(), GPR_TIMESPAN)));
   server_->Wait();
 }
 

@@ -8,16 +8,20 @@
 
 #include "server/accept.h"
 #include "server/config.h"
+#include "server/reflection.h"
 #include "server/service.h"
 
 namespace heliograph::server {
+
+/// The name under which the health service tells readiness; "" is liveness.
+inline constexpr const char* kRendererName = "heliograph.v1.Renderer";
 
 /// Owns: gRPC's server and its threads. Thread: the loop's.
 class GrpcServer {
  public:
   /// INTERNAL when gRPC does not start.
   [[nodiscard]] static Expected<std::unique_ptr<GrpcServer>> start(Service& service,
-                                                                   const Config& config);
+                                                                   Daemon& daemon);
 
   void serve(UniqueFd connection);
   /// What the health service says of "heliograph.v1.Renderer"; "" stays SERVING.
@@ -27,6 +31,7 @@ class GrpcServer {
 
  private:
   GrpcServer() = default;
+  std::unique_ptr<Reflection> reflection_;
   // The acceptor must outlive the server.
   std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> acceptor_;
   std::unique_ptr<grpc::Server> server_;

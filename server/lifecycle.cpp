@@ -12,6 +12,9 @@
 
 #include "server/daemon.h"
 #include "server/grpc_server.h"
+#include "server/metric_values.h"
+#include "server/metrics_port.h"
+#include "server/notify.h"
 #include "server/socket_files.h"
 #include "server/token.h"
 
@@ -24,32 +27,39 @@ constexpr auto kDrainPoll = milliseconds(10);
 constexpr auto kTrimEvery = std::chrono::seconds(1);
 constexpr std::size_t kSpareBytes = 64 << 20;  // kept at the heap's end
 constexpr auto kLastCalls = milliseconds(500);
+constexpr unsigned kLastSeconds = 8;    // for the device and whatever else has to end
 constexpr u64 kOwnDescriptors = 64;     // of gRPC, the decoder, logs
 constexpr u64 kDescriptorsAClient = 3;  // its connection, our duplicate, its lifeline
 
 /// Listening sockets, taken before anything slow starts.
 struct Sockets {
-  UniqueFd main;
-  UniqueFd lifeline;
-  std::vector<UniqueFd> tcp;
+  ListeningSocket main;
+  ListeningSocket lifeline;
+  std::vector<ListeningSocket> tcp;
   std::vector<std::string> tcp_addresses;
+  std::optional<ListeningSocket> metrics;
 };
 
 Expected<Sockets> open_sockets(const Config& config, SocketFiles& files) {
   Sockets sockets;
-  auto main = listen_unix(config.socket, SOCK_STREAM);
+  auto main = listen_unix(config.socket, SOCK_STREAM, config.socket_group);
   if (!main) return std::unexpected(main.error());
   files.add(config.socket);
-  auto lifeline = listen_unix(lifeline_path(config.socket), SOCK_SEQPACKET);
+  auto lifeline = listen_unix(lifeline_path(config.socket), SOCK_SEQPACKET, config.socket_group);
   if (!lifeline) return std::unexpected(lifeline.error());
   files.add(lifeline_path(config.socket));
   sockets.main = std::move(*main);
   sockets.lifeline = std::move(*lifeline);
   for (const std::string& address : config.listen) {
-    auto fd = listen_loopback(address);
-    if (!fd) return std::unexpected(fd.error());
-    sockets.tcp_addresses.push_back(local_address(fd->get()));
-    sockets.tcp.push_back(std::move(*fd));
+    auto socket = listen_loopback(address);
+    if (!socket) return std::unexpected(socket.error());
+    sockets.tcp_addresses.push_back(local_address(socket->fd.get()));
+    sockets.tcp.push_back(std::move(*socket));
+  }
+  if (!config.metrics.empty()) {
+    auto metrics = listen_for_metrics(config.metrics);
+    if (!metrics) return std::unexpected(metrics.error());
+    sockets.metrics = std::move(*metrics);
   }
   if (config.is_private)
     files.remove_folder(std::filesystem::path(config.socket).parent_path().string());
@@ -61,9 +71,10 @@ void announce(const Config& config, const Sockets& sockets) {
   std::string tcp;
   for (const std::string& address : sockets.tcp_addresses)
     tcp += fmt::format("{}\"{}\"", tcp.empty() ? "" : ",", address);
-  const std::string line =
-      fmt::format("{{\"socket\":\"{}\",\"lifeline\":\"{}\",\"listen\":[{}],\"pid\":{}}}\n",
-                  config.socket, lifeline_path(config.socket), tcp, ::getpid());
+  const std::string metrics = sockets.metrics ? local_address(sockets.metrics->fd.get()) : "";
+  const std::string line = fmt::format(
+      "{{\"socket\":\"{}\",\"lifeline\":\"{}\",\"listen\":[{}],\"metrics\":\"{}\",\"pid\":{}}}\n",
+      config.socket, lifeline_path(config.socket), tcp, metrics, ::getpid());
   if (config.ready_fd < 0) return;
   const UniqueFd fd(config.ready_fd);
   [[maybe_unused]] const auto written = ::write(fd.get(), line.data(), line.size());
@@ -108,6 +119,7 @@ class Life {
  private:
   [[nodiscard]] Status start_listening(Sockets sockets);
   void on_word(u64 session, const BufferWord& word, const UniqueFd& fd);
+  [[nodiscard]] Status start_metrics(ListeningSocket socket);
   [[nodiscard]] Status watch_signals(UniqueFd signals);
   [[nodiscard]] Status watch_owner();
   void trim_heap();
@@ -115,6 +127,8 @@ class Life {
   void drain();
   void await_quiet(EventLoop::Clock::time_point deadline);
   void on_engine(const Status& status);
+  void on_lost();
+  void on_ready(bool is_ready);
   void end();
 
   Daemon& daemon_;
@@ -123,6 +137,7 @@ class Life {
   std::unique_ptr<GrpcServer> grpc_;
   std::unique_ptr<ConnectionCount> connections_;
   std::vector<std::unique_ptr<Listener>> listeners_;
+  std::unique_ptr<MetricsPort> metrics_;
   bool is_draining_ = false;
   int exit_code_ = kExitOk;
 };
@@ -140,11 +155,13 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
   daemon_.decoder = Decoder::create(decoder_options(config));
   if (!daemon_.decoder)
     daemon_.log.error("no decoder", {{"reason", daemon_.decoder.error().message}});
-  auto grpc = GrpcServer::start(service_, config);
+  auto grpc = GrpcServer::start(service_, daemon_);
   if (!grpc) return std::unexpected(grpc.error());
   grpc_ = std::move(*grpc);
   daemon_.watch.start(*daemon_.loop);
   trim_heap();
+  daemon_.health.start(*daemon_.engine, {.ready = [this](bool is_ready) { on_ready(is_ready); },
+                                         .lost = [this] { on_lost(); }});
   HELIO_TRY(start_listening(std::move(sockets)));
   HELIO_TRY(watch_signals(std::move(signals)));
   return watch_owner();
@@ -181,17 +198,29 @@ Status Life::start_listening(Sockets sockets) {
   daemon_.lifelines = std::move(*lifelines);
   connections_ = std::make_unique<ConnectionCount>(
       *daemon_.loop, ConnectionCount::Limits{limit, u32(limits.connections_per_peer)});
-  std::vector<UniqueFd> all = std::move(sockets.tcp);
+  std::vector<ListeningSocket> all = std::move(sockets.tcp);
   all.push_back(std::move(sockets.main));
-  for (UniqueFd& fd : all) {
-    auto listener = Listener::start(*daemon_.loop, daemon_.log, std::move(fd),
+  for (ListeningSocket& socket : all) {
+    auto listener = Listener::start(*daemon_.loop, daemon_.log, std::move(socket),
                                     [this](UniqueFd connection, pid_t peer) {
                                       if (connections_->add(connection.get(), peer))
-                                        grpc_->serve(std::move(connection));
+                                        return grpc_->serve(std::move(connection));
+                                      daemon_.metrics.connection_refused();
                                     });
     if (!listener) return std::unexpected(listener.error());
     listeners_.push_back(std::move(*listener));
   }
+  return sockets.metrics ? start_metrics(std::move(*sockets.metrics)) : Status();
+}
+
+Status Life::start_metrics(ListeningSocket socket) {
+  if (!is_loopback(socket.fd.get()))
+    daemon_.log.warning("whoever reaches the metrics' port may read it", {});
+  auto port = MetricsPort::start(*daemon_.loop, daemon_.log, std::move(socket), [this] {
+    return daemon_.metrics.text(metric_values(daemon_, connections_->open()));
+  });
+  if (!port) return std::unexpected(port.error());
+  metrics_ = std::move(*port);
   return {};
 }
 
@@ -227,7 +256,8 @@ void Life::on_signal() {
 
 void Life::drain() {
   is_draining_ = true;
-  grpc_->set_ready(false);
+  daemon_.health.drain();
+  notify_supervisor("STOPPING=1");
   daemon_.gate.close();
   const auto limit = std::chrono::duration<double>(daemon_.config.drain_seconds);
   await_quiet(EventLoop::Clock::now() +
@@ -241,7 +271,17 @@ void Life::await_quiet(EventLoop::Clock::time_point deadline) {
 }
 
 void Life::on_engine(const Status& status) {
-  if (status) return grpc_->set_ready(!is_draining_);
+  if (status) return daemon_.health.first_pixel();
+  on_lost();
+}
+
+void Life::on_ready(bool is_ready) {
+  grpc_->set_ready(is_ready);
+  if (is_ready) notify_supervisor("READY=1");
+}
+
+void Life::on_lost() {
+  daemon_.log.error("the device is lost for good");
   exit_code_ = kExitDevice;
   daemon_.loop->quit();
 }
@@ -252,10 +292,14 @@ int Life::run() {
   return exit_code_;
 }
 
-/// Jobs are cancelled first, so that every call can end before gRPC does.
+/// Jobs are cancelled first, so that every call can end before gRPC does. A device that hangs
+/// cannot be waited for.
 void Life::end() {
+  std::signal(SIGALRM, [](int) { ::_exit(kExitDevice); });
+  ::alarm(kLastSeconds);
   daemon_.gate.close();
   listeners_.clear();
+  metrics_.reset();
   daemon_.lifelines->stop_listening();
   daemon_.sessions.close_all();
   grpc_->shutdown(kLastCalls);

@@ -31,7 +31,7 @@ UniqueFd descriptor_of(msghdr& message) {
 }  // namespace
 
 Expected<std::unique_ptr<Lifelines>> Lifelines::start(EventLoop& loop, const Log& log,
-                                                      UniqueFd listener, u32 limit,
+                                                      ListeningSocket listener, u32 limit,
                                                       Handlers handlers) {
   std::unique_ptr<Lifelines> lifelines(new Lifelines(loop, limit, std::move(handlers)));
   auto started = Listener::start(

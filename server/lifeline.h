@@ -33,8 +33,8 @@ class Lifelines {
     std::function<void(u64 session, const BufferWord& word, const UniqueFd& fd)> said;
   };
   [[nodiscard]] static Expected<std::unique_ptr<Lifelines>> start(EventLoop& loop, const Log& log,
-                                                                  UniqueFd listener, u32 limit,
-                                                                  Handlers handlers);
+                                                                  ListeningSocket listener,
+                                                                  u32 limit, Handlers handlers);
   ~Lifelines();
 
   /// UNAUTHENTICATED when the ticket was never given out, was used, or its connection ended.

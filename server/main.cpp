@@ -1,11 +1,15 @@
 // heliographd: flags in, exit status out.
 #include <csignal>
+#include <cstdlib>
 
 #include "server/lifecycle.h"
+#include "server/probe.h"
 
 int main(int argc, char** argv) {
   using namespace heliograph::server;
   std::signal(SIGPIPE, SIG_IGN);
   auto config = parse_config(argc, argv);
-  return config ? run(std::move(*config)) : config.error();
+  if (!config) return config.error();
+  if (!config->probe.empty()) return probe(*config);
+  std::_Exit(run(std::move(*config)));  // threads of gRPC may still run, see grpc_server.cpp
 }

@@ -80,18 +80,23 @@ Expected<std::shared_ptr<RenderJob>> make_job(Daemon& daemon, Session& session,
 /// Counts a job while it waits and runs, and charges what it took.
 class Metered final : public JobSink {
  public:
-  Metered(std::shared_ptr<JobSink> sink, TenantPtr tenant, Charge running)
-      : sink_(std::move(sink)), tenant_(std::move(tenant)), running_(std::move(running)) {}
+  Metered(std::shared_ptr<JobSink> sink, Metrics& metrics, TenantPtr tenant, Charge running)
+      : sink_(std::move(sink)),
+        metrics_(metrics),
+        tenant_(std::move(tenant)),
+        running_(std::move(running)) {}
   void progress(const Progress& progress) override { sink_->progress(progress); }
   void frame(std::shared_ptr<const Frame> frame) override { sink_->frame(std::move(frame)); }
   void done(Status status, const Spent& spent) override {
     tenant_->samples.charge(spent.samples);
+    metrics_.job(std::to_string(tenant_->id), status, spent);
     [[maybe_unused]] const auto given_back = running_.resize(0);
     sink_->done(std::move(status), spent);
   }
 
  private:
   std::shared_ptr<JobSink> sink_;
+  Metrics& metrics_;
   TenantPtr tenant_;
   Charge running_;
 };
@@ -117,7 +122,7 @@ Expected<RenderTask> to_task(Daemon& daemon, Session& session, const v1::RenderR
       session.tenant()};
 }
 
-Status submit(const Daemon& daemon, const RenderTask& task, std::shared_ptr<JobSink> sink,
+Status submit(Daemon& daemon, const RenderTask& task, std::shared_ptr<JobSink> sink,
               std::stop_token stop) {
   HELIO_TRY(check_queue(*task.engine, daemon.config.limits.jobs));
   HELIO_TRY(task.tenant->samples.admit());
@@ -126,7 +131,8 @@ Status submit(const Daemon& daemon, const RenderTask& task, std::shared_ptr<JobS
     running.error().retry_seconds = retry_seconds(*task.engine);
     return std::unexpected(std::move(running).error());
   }
-  auto metered = std::make_shared<Metered>(std::move(sink), task.tenant, std::move(*running));
+  auto metered =
+      std::make_shared<Metered>(std::move(sink), daemon.metrics, task.tenant, std::move(*running));
   return task.engine->submit(task.job, std::move(metered), std::move(stop));
 }
 

@@ -23,7 +23,7 @@ struct RenderTask {
 
 /// Queues it and counts it for its tenant; RESOURCE_EXHAUSTED with a retry time when too much waits
 /// or runs.
-[[nodiscard]] Status submit(const Daemon& daemon, const RenderTask& task,
-                            std::shared_ptr<JobSink> sink, std::stop_token stop);
+[[nodiscard]] Status submit(Daemon& daemon, const RenderTask& task, std::shared_ptr<JobSink> sink,
+                            std::stop_token stop);
 
 }  // namespace heliograph::server

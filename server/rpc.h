@@ -3,6 +3,8 @@
 // way.
 #pragma once
 
+#include <grpc/support/time.h>
+
 #include <chrono>
 #include <functional>
 #include <optional>
@@ -18,9 +20,11 @@ namespace heliograph::server {
 /// When the client gives up, on the clock that jobs use; nothing when it never does.
 [[nodiscard]] inline std::optional<std::chrono::steady_clock::time_point> deadline_of(
     const grpc::CallbackServerContext& context) {
-  const auto deadline = context.deadline();
-  if (deadline == std::chrono::system_clock::time_point::max()) return std::nullopt;
-  return std::chrono::steady_clock::now() + (deadline - std::chrono::system_clock::now());
+  const gpr_timespec deadline = context.raw_deadline();
+  if (gpr_time_cmp(deadline, gpr_inf_future(deadline.clock_type)) == 0) return std::nullopt;
+  const gpr_timespec left = gpr_time_sub(deadline, gpr_now(deadline.clock_type));
+  return std::chrono::steady_clock::now() + std::chrono::seconds(left.tv_sec) +
+         std::chrono::nanoseconds(left.tv_nsec);
 }
 
 /// Ends a call of any shape at once.

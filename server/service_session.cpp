@@ -1,8 +1,10 @@
 // GetServerInfo, OpenSession, KeepSession, CloseSession.
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <optional>
 #include <stop_token>
+#include <unordered_map>
 
 #include "server/rpc.h"
 #include "server/service.h"
@@ -37,12 +39,31 @@ void describe_server(const Daemon& daemon, v1::GetServerInfoReply& reply) {
     (*reply.mutable_limits())[name] = value;
   for (const auto& [name, amount] : daemon.tenants.of_caller()->used())
     (*reply.mutable_used())[name] = amount;
-  reply.set_ready(daemon.engine->is_ready());
+  reply.set_not_ready(daemon.health.not_ready());
+  reply.set_ready(reply.not_ready().empty());
   describe_sharing(reply);
   if (daemon.decoder)
     describe_decoder(**daemon.decoder, reply);
   else
     reply.add_refused("decoder: " + daemon.decoder.error().message);
+}
+
+/// The sessions of the caller's tenant, the oldest first. Their numbers are secrets.
+void describe_sessions(const Daemon& daemon, v1::GetServerInfoReply& reply) {
+  const TenantPtr& tenant = daemon.tenants.of_caller();
+  auto sessions = daemon.sessions.list();
+  std::erase_if(sessions, [&](const auto& session) { return session->tenant() != tenant; });
+  std::ranges::sort(sessions, std::ranges::greater{},
+                    [](const auto& session) { return session->open_seconds(); });
+  std::unordered_map<u64, u32> scenes;
+  for (const ScenePtr& scene : daemon.scenes.list(0)) ++scenes[scene->owner];
+  for (const auto& session : sessions) {
+    v1::SessionUse* use = reply.add_sessions();
+    use->set_client(session->client());
+    use->set_open_seconds(session->open_seconds());
+    use->set_calls(session->calls());
+    use->set_scenes(scenes[session->id()]);
+  }
 }
 
 /// A TCP session's carrier: stays open until either side ends it.
@@ -91,6 +112,7 @@ grpc::ServerUnaryReactor* Service::GetServerInfo(Context* context,
                                                  v1::GetServerInfoReply* reply) {
   return unary(daemon_.gate, context, *request, Needs::kNothing, [&](UnaryCall& call) {
     describe_server(daemon_, *reply);
+    describe_sessions(daemon_, *reply);
     call.finish({});
   });
 }

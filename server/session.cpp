@@ -8,8 +8,22 @@ namespace heliograph::server {
 namespace {
 
 constexpr double kFirstCarrierSeconds = 5;  // between OpenSession and KeepSession
+constexpr double kRestartSeconds = 1;       // until another daemon may be there
 
 }  // namespace
+
+std::unexpected<Error> shutting_down() {
+  return std::unexpected(
+      Error{.code = Code::kUnavailable,
+            .message = "this daemon is shutting down; connect to another, or retry when it is back",
+            .where = "",
+            .retry_seconds = kRestartSeconds});
+}
+
+Status Session::told(Status status) const {
+  if (!status && status.error().code == Code::kCancelled && is_shut_down_) return shutting_down();
+  return status;
+}
 
 Status Session::begin_call() {
   if (++calls_ <= limits_.calls) return {};
@@ -108,9 +122,17 @@ void Sessions::close_all() {
       const std::lock_guard lock(mutex_);
       if (open_.empty()) return;
       id = open_.begin()->first;
+      open_.begin()->second->is_shut_down_ = true;
     }
     close(id);
   }
+}
+
+std::vector<std::shared_ptr<Session>> Sessions::list() const {
+  std::vector<std::shared_ptr<Session>> all;
+  const std::lock_guard lock(mutex_);
+  for (const auto& [id, session] : open_) all.push_back(session);
+  return all;
 }
 
 u32 Sessions::count() const {

@@ -8,6 +8,7 @@
 #include <stop_token>
 #include <string>
 #include <unordered_map>
+#include <vector>
 
 #include "server/event_loop.h"
 #include "server/holdings.h"
@@ -16,6 +17,9 @@
 #include "server/tenant.h"
 
 namespace heliograph::server {
+
+/// What a caller is told while the daemon ends.
+[[nodiscard]] std::unexpected<Error> shutting_down();
 
 /// What all sessions share. Outlives them.
 struct Stores {
@@ -64,6 +68,12 @@ class Session {
   /// RESOURCE_EXHAUSTED when too many calls run. end_call() must follow.
   [[nodiscard]] Status begin_call();
   void end_call() { --calls_; }
+  [[nodiscard]] u32 calls() const { return calls_; }
+  [[nodiscard]] double open_seconds() const {
+    return std::chrono::duration<double>(EventLoop::Clock::now() - opened_).count();
+  }
+  /// `status`, but a call that was cancelled because the daemon ends is UNAVAILABLE and says so.
+  [[nodiscard]] Status told(Status status) const;
 
  private:
   friend class Sessions;
@@ -74,8 +84,10 @@ class Session {
   RequestLog requests_;
   Holdings holdings_;
   std::stop_source stop_;
+  const EventLoop::Clock::time_point opened_ = EventLoop::Clock::now();
   std::atomic<u32> calls_ = 0;
   std::atomic<std::shared_ptr<SharedFrames>> shared_frames_;
+  std::atomic<bool> is_shut_down_ = false;  // the daemon ended it
   u32 carriers_ = 0;  // lifelines and KeepSession streams; guarded by Sessions::mutex_
   u64 losses_ = 0;    // how often the last carrier ended
 };
@@ -102,8 +114,10 @@ class Sessions {
   /// The end of a carrier; of the last one starts the grace time.
   void detach(u64 id);
   void close(u64 id);
+  /// The daemon ends.
   void close_all();
   [[nodiscard]] u32 count() const;
+  [[nodiscard]] std::vector<std::shared_ptr<Session>> list() const;
 
  private:
   void start_grace(u64 id, u64 loss);

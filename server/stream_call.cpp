@@ -248,7 +248,7 @@ void StreamCall::pump() {
     if (result_) result = *result_;
   }
   if (is_part) return StartWrite(&part_);
-  Finish(to_status(result, scope_.context()));
+  Finish(to_status(scope_.session()->told(result), scope_.context()));
 }
 
 bool StreamCall::next_part() {
@@ -296,7 +296,7 @@ void StreamCall::look(EventLoop::Clock::time_point now) {
     is_stuck = is_stalled && is_writing_;
     scene = scene_;
     if (daemon_.gate.is_closed())
-      close(fail(Code::kUnavailable, "", "this daemon is shutting down; connect to another"));
+      close(shutting_down());
     else if (is_stalled)
       close(fail(Code::kResourceExhausted, "credits",
                  fmt::format("the reader took nothing for {} s; read faster, return credits, or "

@@ -108,6 +108,9 @@ class Backend {
                                                     const Interrupt& interrupt) = 0;
   /// Bytes of derived data resident now.
   [[nodiscard]] virtual u64 derived_bytes() const = 0;
+  /// Whether the device is gone for good, so that every call fails. What it made may then only be
+  /// destroyed.
+  [[nodiscard]] virtual bool is_lost() const { return false; }
 };
 
 struct BackendOptions {

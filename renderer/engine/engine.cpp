@@ -6,6 +6,7 @@
 #include <deque>
 #include <mutex>
 #include <new>
+#include <optional>
 #include <thread>
 
 #include "renderer/engine/check.h"
@@ -19,6 +20,8 @@ using Clock = std::chrono::steady_clock;
 
 /// How much a job counts in the mean of their seconds.
 constexpr double kNewest = 0.1;
+/// Between two attempts to make a backend in the place of a lost one.
+constexpr auto kRemake = std::chrono::milliseconds(500);
 /// How often the device thread looks after jobs that wait for derived data, when it has no work.
 constexpr auto kIdleCheck = std::chrono::milliseconds(10);
 
@@ -46,10 +49,15 @@ class Work {
   [[nodiscard]] virtual bool is_short() const = 0;
   [[nodiscard]] const std::shared_ptr<const Snapshot>& snapshot() const { return snapshot_; }
   [[nodiscard]] const Interrupt& interrupt() const { return interrupt_; }
+  [[nodiscard]] double waited_seconds() const {
+    return std::chrono::duration<double>(begun.value_or(Clock::now()) - queued_).count();
+  }
 
-  double seconds = 0;  // of the device, so far
+  double seconds = 0;                        // of the device, so far
+  std::optional<Clock::time_point> begun{};  // when the device first had it
 
  private:
+  const Clock::time_point queued_ = Clock::now();
   std::shared_ptr<const Snapshot> snapshot_;
   Interrupt interrupt_;
 };
@@ -88,8 +96,9 @@ class RenderWork final : public Work {
 
  private:
   [[nodiscard]] Spent spent() const {
-    if (!runner_) return {};
-    return {.samples = runner_->samples(), .rays = runner_->rays(), .seconds = seconds};
+    Spent spent{.seconds = seconds, .waited_seconds = waited_seconds()};
+    if (runner_) spent.samples = runner_->samples(), spent.rays = runner_->rays();
+    return spent;
   }
 
   std::shared_ptr<const RenderJob> job_;
@@ -144,10 +153,11 @@ class Engine::Impl {
   }
 
   void submit(std::unique_ptr<Work> work) {
-    const bool ready = backend_->ready(*work->snapshot());
+    const auto backend = this->backend();
+    const bool ready = backend->ready(*work->snapshot());
     {
       const std::scoped_lock lock(mutex_);
-      if (ready)
+      if (ready && backend == backend_)
         push(std::move(work));
       else
         cold_.push_back(std::move(work));
@@ -155,12 +165,20 @@ class Engine::Impl {
     changed_.notify_all();
   }
 
-  [[nodiscard]] const Backend& backend() const { return *backend_; }
-  [[nodiscard]] const JobLimits& limits() const { return options_.limits; }
+  [[nodiscard]] std::shared_ptr<Backend> backend() const {
+    const std::scoped_lock lock(mutex_);
+    return backend_;
+  }
+  [[nodiscard]] const EngineOptions& options() const { return options_; }
   [[nodiscard]] Denoiser& denoiser() { return denoiser_; }
   [[nodiscard]] Load load() const {
     const std::scoped_lock lock(mutex_);
-    return {.jobs = u32(ready_.size() + cold_.size()), .seconds_a_job = seconds_a_job_};
+    const auto still = step_began_ ? Clock::now() - *step_began_ : Clock::duration(0);
+    return {.jobs = u32(ready_.size() + cold_.size()),
+            .seconds_a_job = seconds_a_job_,
+            .still_seconds = std::chrono::duration<double>(still).count(),
+            .is_lost = is_lost_,
+            .losses = losses_};
   }
 
  private:
@@ -171,8 +189,10 @@ class Engine::Impl {
   std::unique_ptr<Work> account(Work& work, double cost, bool is_done);
   void refuse_interrupted();
   void refuse_all();
+  void replace_backend();
+  [[nodiscard]] std::shared_ptr<Backend> remake();
 
-  const std::unique_ptr<Backend> backend_;
+  std::shared_ptr<Backend> backend_;  // replaced by the device thread
   const EngineOptions options_;
   Denoiser denoiser_;
   mutable std::mutex mutex_;
@@ -180,6 +200,9 @@ class Engine::Impl {
   FairQueue<std::unique_ptr<Work>> ready_{options_.credit};  // derived data made
   std::deque<std::unique_ptr<Work>> cold_;                   // waiting for it
   double seconds_a_job_ = 0;
+  std::optional<Clock::time_point> step_began_;
+  bool is_lost_ = false;
+  u32 losses_ = 0;
   bool closing_ = false;
   std::thread device_, warmer_;
 };
@@ -191,12 +214,13 @@ void Engine::Impl::push(std::unique_ptr<Work> work) {
 }
 
 void Engine::Impl::device_loop() {
-  const Device device{*backend_, denoiser_, options_.slice};
   while (Work* work = next()) {
     const auto start = Clock::now();
-    const bool is_done = work->step(device);
+    const bool is_done = work->step({*backend_, denoiser_, options_.slice});
     const double cost = std::chrono::duration<double>(Clock::now() - start).count();
-    if (const auto done = account(*work, cost, is_done)) done->finish();
+    const bool is_lost = backend_->is_lost();
+    if (const auto done = account(*work, cost, is_done && !is_lost)) done->finish();
+    if (is_lost) replace_backend();
   }
   refuse_all();
 }
@@ -214,12 +238,16 @@ Work* Engine::Impl::next() {
     if (closing_) return nullptr;
     if (ready_.empty()) continue;
     Work* work = ready_.front().get();
-    if (!work->interrupt().requested()) return work;
+    if (work->interrupt().requested()) continue;
+    step_began_ = Clock::now();
+    if (!work->begun) work->begun = step_began_;
+    return work;
   }
 }
 
 std::unique_ptr<Work> Engine::Impl::account(Work& work, double cost, bool is_done) {
   const std::scoped_lock lock(mutex_);
+  step_began_.reset();
   ready_.charge(cost);
   work.seconds += cost;
   if (!is_done) return nullptr;
@@ -237,6 +265,44 @@ void Engine::Impl::refuse_all() {
   }
   for (auto& work : left)
     work->refuse({.code = Code::kUnavailable, .message = "the renderer is shutting down"});
+}
+
+/// What has begun holds memory of the lost device; what has not, and derived data, starts again.
+void Engine::Impl::replace_backend() {
+  std::vector<std::unique_ptr<Work>> begun;
+  {
+    const std::scoped_lock lock(mutex_);
+    is_lost_ = true;
+    ++losses_;
+    begun = ready_.take_if([](const auto& work) { return work->begun.has_value(); });
+    std::ranges::move(ready_.take_if([](const auto&) { return true; }), std::back_inserter(cold_));
+  }
+  for (auto& work : begun)
+    work->refuse({.code = Code::kUnavailable,
+                  .message = "the device was lost while it rendered this, and is started again; "
+                             "ask again",
+                  .where = "",
+                  .retry_seconds = 1});
+  begun.clear();
+  auto backend = remake();
+  if (!backend) return;
+  {
+    const std::scoped_lock lock(mutex_);
+    backend_.swap(backend);
+    is_lost_ = false;
+  }
+  changed_.notify_all();
+}
+
+/// Null when the engine closes.
+std::shared_ptr<Backend> Engine::Impl::remake() {
+  for (;;) {
+    auto made = make_backend(options_.backend, options_.device);
+    if (made) return *std::move(made);
+    refuse_interrupted();
+    std::unique_lock lock(mutex_);
+    if (changed_.wait_for(lock, kRemake, [&] { return closing_; })) return nullptr;
+  }
 }
 
 void Engine::Impl::refuse_interrupted() {
@@ -258,19 +324,21 @@ void Engine::Impl::warm_loop() {
   for (;;) {
     const Work* first = nullptr;
     std::shared_ptr<const Snapshot> snapshot;
+    std::shared_ptr<Backend> backend;
     {
       std::unique_lock lock(mutex_);
-      changed_.wait(lock, [&] { return closing_ || !cold_.empty(); });
+      changed_.wait(lock, [&] { return closing_ || (!cold_.empty() && !is_lost_); });
       if (closing_) return;
       first = cold_.front().get();
       snapshot = first->snapshot();
+      backend = backend_;
     }
     // What fails here fails again, and is told, when the job prepares its scene.
-    (void)guard([&] { return backend_->warm(*snapshot); });
+    (void)guard([&] { return backend->warm(*snapshot); });
     {
       const std::scoped_lock lock(mutex_);
-      // It may have been refused meanwhile; then another one is first.
-      if (!cold_.empty() && cold_.front().get() == first) {
+      // It may have been refused meanwhile, or the backend replaced; then it begins again.
+      if (backend == backend_ && !cold_.empty() && cold_.front().get() == first) {
         push(std::move(cold_.front()));
         cold_.pop_front();
       }
@@ -290,7 +358,7 @@ Engine::~Engine() = default;
 
 Status Engine::submit(std::shared_ptr<const RenderJob> job, std::shared_ptr<JobSink> sink,
                       std::stop_token stop) {
-  HELIO_TRY(check_job(*job, impl_->limits()));
+  HELIO_TRY(check_job(*job, impl_->options().limits));
   if (std::ranges::count(job->planes, Plane::DENOISED) > 0) HELIO_TRY(impl_->denoiser().ready());
   impl_->submit(std::make_unique<RenderWork>(std::move(job), std::move(sink), std::move(stop)));
   return {};
@@ -301,9 +369,9 @@ void Engine::submit(std::shared_ptr<const QueryJob> query,
   impl_->submit(std::make_unique<QueryWork>(std::move(query), std::move(done), std::move(stop)));
 }
 
-std::string_view Engine::backend_name() const { return impl_->backend().name(); }
-std::string Engine::cpu_features() const { return impl_->backend().cpu_features(); }
-u64 Engine::derived_bytes() const { return impl_->backend().derived_bytes(); }
+std::string_view Engine::backend_name() const { return impl_->backend()->name(); }
+std::string Engine::cpu_features() const { return impl_->backend()->cpu_features(); }
+u64 Engine::derived_bytes() const { return impl_->backend()->derived_bytes(); }
 Load Engine::load() const { return impl_->load(); }
 
 }  // namespace heliograph

@@ -16,6 +16,8 @@ struct Spent {
   u64 samples = 0;     // of all pixels; a centre plane's ray counts as one
   u64 rays = 0;        // of the cameras that were done
   double seconds = 0;  // of the device
+  double waited_seconds =
+      0;  // from submit() until the device first had it, or until it was refused
 };
 
 /// Who receives a job's results. Calls come from the device thread, in order, and must not block.
@@ -41,6 +43,9 @@ struct EngineOptions {
 struct Load {
   u32 jobs = 0;
   double seconds_a_job = 0;  // of the device, a moving mean
+  double still_seconds = 0;  // how long the slice that runs now has taken; 0: none runs
+  bool is_lost = false;      // the device was lost and is not back yet
+  u32 losses = 0;            // of the device, since the engine was made
 };
 
 /// Owns: a backend, its device thread, and one that makes derived data. Thread: any. Jobs whose
@@ -49,6 +54,9 @@ struct Load {
 ///
 /// What cannot be left half way is one slice, however long: a top level, label columns, the last
 /// steps of a frame, a query.
+///
+/// When the backend says that its device is lost, work that had begun ends with UNAVAILABLE, a new
+/// backend is made, as often as it takes, and what waits goes on: all of it is in its snapshots.
 class Engine {
  public:
   [[nodiscard]] static Expected<std::unique_ptr<Engine>> create(const EngineOptions& options);

@@ -66,6 +66,8 @@ std::string message_of(const Error& error) {
 
 grpc::Status to_status(const Error& error, grpc::ServerContextBase& context) {
   context.AddTrailingMetadata("heliograph-error-bin", to_proto(error).SerializeAsString());
+  if (error.code == Code::kInternal || error.code == Code::kUnknown)
+    context.AddTrailingMetadata(kHiddenMessage, error.message);
   return {grpc::StatusCode(error.code), message_of(error)};
 }
 

@@ -60,6 +60,18 @@ def test_info():
     assert run.returncode == 0 and "limits" in run.stdout, run.stderr
 
 
+def test_info_tells_who_uses_what(client):
+    with client.create_scene("farm", shared=True), client.create_scene():
+        run = heliograph("info", "--address", client.connection.address)
+        assert run.returncode == 0, run.stderr
+        lines = [line.split() for line in run.stdout.splitlines()]
+        mine = [line for line in lines if line[:1] == ["python"]]
+        assert [line[-1] for line in mine] == ["1", "0"]  # private scenes; the command has none
+        assert ["farm", "shared,", "revision", "0"] in lines
+        assert any(line[:1] == ["tenant_bytes"] and len(line) == 3 for line in lines)
+        assert str(client.connection.link.session) not in run.stdout
+
+
 @pytest.mark.parametrize("name", ["hello", "randomize", "labels", "import_model"])
 def test_examples(name, tmp_path):
     command = [sys.executable, str(ROOT / f"examples/{name}.py"), str(tmp_path)]

@@ -87,6 +87,9 @@ class FakeDaemon(service_pb2_grpc.RendererServicer):
     def GetServerInfo(self, request, context):
         return U.GetServerInfoReply(version="fake", api="v1")
 
+    def ListScenes(self, request, context):
+        return U.ListScenesReply()
+
     def CreateScene(self, request, context):
         self.requests.append(request)
         return U.SceneInfo(scene=7, name=request.name, next_edit=1)

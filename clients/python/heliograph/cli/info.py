@@ -1,16 +1,22 @@
-"""heliograph info: what a daemon is and can do."""
+"""heliograph info: what a daemon is and can do, whether it is ready, and who uses what of it."""
 
 from __future__ import annotations
 
 import argparse
 from typing import Any
 
+from .._proto import service_pb2 as service
 from . import add_connection, connect
+
+_LONG_SECONDS = 5400.0  # from here on hours
 
 
 def add(commands: Any) -> None:
     parser = commands.add_parser(
-        "info", help="version, backend, limits and sandbox of a daemon", description=__doc__
+        "info",
+        help="version, backend, readiness of a daemon, its limits and who uses what",
+        description="What a daemon is and can do, whether it is ready, and who uses what of it. "
+        "Sessions and scenes are those of the caller's tenant.",
     )
     parser.add_argument("--json", action="store_true", help="one JSON object")
     add_connection(parser)
@@ -21,24 +27,50 @@ def run(arguments: argparse.Namespace) -> int:
     client: Any = connect(arguments)
     with client:
         info = client.info()
+        scenes = client.connection.call("ListScenes", service.ListScenesRequest()).scenes
     if arguments.json:
         from google.protobuf.json_format import MessageToJson
 
         print(MessageToJson(info, preserving_proto_field_name=True))
         return 0
+    _print_server(info)
+    _print_sessions(info.sessions)
+    _print_scenes(scenes)
+    print("limits, and what is used of them")
+    for name in sorted(info.limits):
+        used = f"{info.used[name]:>16,}" if name in info.used else ""
+        print(f"  {name:<28}{info.limits[name]:>16,}{used}")
+    return 0
+
+
+def _print_server(info: Any) -> None:
     rows = [
         ("version", f"{info.version} (api {info.api})"),
         ("backend", f"{info.backend}, {info.cpu_features or 'features not known yet'}"),
         ("threads", str(info.threads)),
-        ("ready", "yes" if info.ready else "not yet: no pixel was rendered"),
+        ("ready", "yes" if info.ready else f"no: {info.not_ready}"),
         ("decoder", info.decoder),
         ("capabilities", ", ".join(info.capabilities) or "none"),
         ("refused", ", ".join(info.refused) or "nothing"),
     ]
     for name, value in rows:
         print(f"{name:<14}{value}")
-    print("limits, and what is used of them")
-    for name in sorted(info.limits):
-        used = f"{info.used[name]:>16,}" if name in info.used else ""
-        print(f"  {name:<28}{info.limits[name]:>16,}{used}")
-    return 0
+
+
+def _print_sessions(sessions: Any) -> None:
+    print(f"sessions: {len(sessions)}, this command's among them")
+    print(f"  {'client':<44}{'open':>10}{'calls':>8}{'scenes':>8}")
+    for session in sessions:
+        row = f"{_duration(session.open_seconds):>10}{session.calls:>8}{session.scenes:>8}"
+        print(f"  {session.client:<44.44}{row}")
+
+
+def _print_scenes(scenes: Any) -> None:
+    print(f"scenes: {len(scenes)}")
+    for scene in scenes:
+        kind = "shared" if scene.shared else "private"
+        print(f"  {scene.name or '(no name)':<44.44} {kind}, revision {scene.revision:,}")
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:,.0f} s" if seconds < _LONG_SECONDS else f"{seconds / 3600:,.1f} h"

@@ -1,0 +1,26 @@
+// What every call leaves behind, whatever its service: a request id, a line in the log, metrics.
+#pragma once
+
+#include <grpcpp/support/server_interceptor.h>
+
+#include "server/log.h"
+#include "server/metrics.h"
+
+namespace heliograph::server {
+
+/// gRPC asks it at the start of each call. Thread: any. The log and the metrics outlive the server.
+///
+/// A call that ended well, or was cancelled, is logged at level debug; one that was refused at
+/// info; an error of the daemon's own at error, with what the client is not told.
+class CallLog final : public grpc::experimental::ServerInterceptorFactoryInterface {
+ public:
+  CallLog(const Log& log, Metrics& metrics) : log_(log), metrics_(metrics) {}
+  grpc::experimental::Interceptor* CreateServerInterceptor(
+      grpc::experimental::ServerRpcInfo* info) override;
+
+ private:
+  const Log& log_;
+  Metrics& metrics_;
+};
+
+}  // namespace heliograph::server
