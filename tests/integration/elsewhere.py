@@ -110,7 +110,7 @@ def main(address, token, ca=""):
 
     options = {"token": token}
     if ca:
-        options["tls"] = hg.TLS(ca)
+        options["tls"] = hg.TLS(ca=ca)
     with tempfile.TemporaryDirectory() as folder, hg.connect(address, **options) as client:
         work(hg, client, pathlib.Path(folder))
     loop.run_until_complete(work_async(hg, address, options))

@@ -16,4 +16,5 @@
 #include "heliograph/pose.h"
 #include "heliograph/ref.h"
 #include "heliograph/render.h"
+#include "heliograph/rigs.h"
 #include "heliograph/scene.h"

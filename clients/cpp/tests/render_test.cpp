@@ -55,6 +55,23 @@ TEST_CASE("several cameras are one job, planes may name a second camera or a gro
   CHECK(frame["beauty:"].shape() == Shape{48, 64, 3});
 }
 
+TEST_CASE("a stereo rig is rectified: disparity is fx times baseline over depth") {
+  Ball world;
+  Transaction edit = world.scene.edit();
+  const Camera lens = Camera::from_fov(degrees(50), 64, 48);
+  const Rig rig =
+      stereo(edit, "eyes", lens, 0.1, Components().transform(look_at({0, -3, 0}, {0, 0, 0})));
+  CHECK(error_of([&] { stereo(edit, "wrong", lens, 0, Components()); }).field() == "baseline");
+  edit.commit();
+  const Frame frame = world.scene.render(
+      rig.left, RenderOptions().planes({"disparity:eyes/right", "depth", "instance"}));
+  const auto depth = frame.plane<float>("depth");
+  const auto disparity = frame.plane<float>("disparity");
+  const double scale = frame.info().K(0, 0) * 0.1;
+  CHECK(disparity(24, 32) == Approx(scale / depth(24, 32)).epsilon(1e-4));
+  CHECK(rig.right.world_transform()(0, 3) == Approx(0.05));
+}
+
 TEST_CASE("a frame outlives its scene and its client") {
   View<float> depth = Array(std::vector<float>()).view<float>();
   {
