@@ -81,7 +81,7 @@ bool answers(const sockaddr_un& address, int type) {
   return errno == EAGAIN || errno == EINPROGRESS;  // a full backlog: somebody listens
 }
 
-Expected<sockaddr_storage> parse_loopback(const std::string& address, socklen_t& size) {
+Expected<sockaddr_storage> parse_address(const std::string& address, socklen_t& size) {
   const auto colon = address.rfind(':');
   const std::string host = address.substr(0, colon);
   u16 port = 0;
@@ -95,26 +95,23 @@ Expected<sockaddr_storage> parse_loopback(const std::string& address, socklen_t&
   sockaddr_storage storage{};
   auto* v4 = reinterpret_cast<sockaddr_in*>(&storage);
   auto* v6 = reinterpret_cast<sockaddr_in6*>(&storage);
-  if (::inet_pton(AF_INET, host.c_str(), &v4->sin_addr) == 1 &&
-      (ntohl(v4->sin_addr.s_addr) >> 24) == 127) {
+  if (::inet_pton(AF_INET, host.c_str(), &v4->sin_addr) == 1) {
     v4->sin_family = AF_INET;
     v4->sin_port = htons(port);
     size = sizeof *v4;
     return storage;
   }
   storage = {};
-  if (host == "[::1]") {
+  const bool is_bracketed = host.starts_with('[') && host.ends_with(']');
+  if (is_bracketed &&
+      ::inet_pton(AF_INET6, host.substr(1, host.size() - 2).c_str(), &v6->sin6_addr) == 1) {
     v6->sin6_family = AF_INET6;
-    v6->sin6_addr = in6addr_loopback;
     v6->sin6_port = htons(port);
     size = sizeof *v6;
     return storage;
   }
   return fail(Code::kInvalidArgument, "--listen",
-              "'" + address +
-                  "' is not a loopback address. Without TLS anybody on the network could use or "
-                  "stall this daemon, so only 127.0.0.1:PORT and [::1]:PORT are accepted; reach it "
-                  "from elsewhere through `ssh -L`");
+              "'" + address + "' has no numerical address; write 127.0.0.1:7443 or [::1]:7443");
 }
 
 }  // namespace
@@ -158,15 +155,21 @@ Expected<ListeningSocket> listen_unix(const std::string& path, int type,
   return ListeningSocket{.fd = std::move(fd), .group = group};
 }
 
-Status check_loopback(const std::string& address) {
+Expected<bool> is_loopback(const std::string& address) {
   socklen_t size = 0;
-  HELIO_TRY(parse_loopback(address, size));
-  return {};
+  const auto storage = parse_address(address, size);
+  if (!storage) return std::unexpected(storage.error());
+  if (storage->ss_family == AF_INET) {
+    const auto* v4 = reinterpret_cast<const sockaddr_in*>(&*storage);
+    return (ntohl(v4->sin_addr.s_addr) >> 24) == 127;
+  }
+  const auto* v6 = reinterpret_cast<const sockaddr_in6*>(&*storage);
+  return IN6_IS_ADDR_LOOPBACK(&v6->sin6_addr) != 0;
 }
 
-Expected<ListeningSocket> listen_loopback(const std::string& address) {
+Expected<ListeningSocket> listen_tcp(const std::string& address) {
   socklen_t size = 0;
-  auto storage = parse_loopback(address, size);
+  auto storage = parse_address(address, size);
   if (!storage) return std::unexpected(storage.error());
   UniqueFd fd(::socket(storage->ss_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   const int one = 1;

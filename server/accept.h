@@ -35,11 +35,10 @@ struct ListeningSocket {
 /// The number of a group that is named by name or number. INVALID_ARGUMENT when there is none.
 [[nodiscard]] Expected<gid_t> find_group(const std::string& group);
 
-/// Listens on a loopback address "127.0.0.1:PORT" or "[::1]:PORT"; port 0 takes a free one.
-/// INVALID_ARGUMENT for anything routable, with the reason.
-[[nodiscard]] Expected<ListeningSocket> listen_loopback(const std::string& address);
-/// Whether listen_loopback would take it, without binding.
-[[nodiscard]] Status check_loopback(const std::string& address);
+/// Listens on a numerical address "127.0.0.1:PORT" or "[::1]:PORT"; port 0 takes a free one.
+[[nodiscard]] Expected<ListeningSocket> listen_tcp(const std::string& address);
+/// Whether only this machine reaches such an address. INVALID_ARGUMENT when it is none.
+[[nodiscard]] Expected<bool> is_loopback(const std::string& address);
 /// The address a TCP listener is bound to, as "127.0.0.1:PORT".
 [[nodiscard]] std::string local_address(int fd);
 

@@ -1,4 +1,5 @@
-// Decoded assets, found by the hash of their bundle. Used by DecodeAsset and by sessions.
+// Decoded assets of a tenant, found by the hash of their bundle. Used by DecodeAsset and by
+// sessions.
 #pragma once
 
 #include <map>

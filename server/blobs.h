@@ -1,4 +1,5 @@
-// Uploaded bytes, found by their SHA-256 and stored once. Used by sessions (holdings.h).
+// Uploaded bytes of a tenant, found by their SHA-256 and stored once. Used by sessions
+// (holdings.h).
 #pragma once
 
 #include <map>
@@ -46,12 +47,16 @@ class Incoming {
 /// Thread: any; one mutex, held for a look-up.
 class BlobStore {
  public:
-  explicit BlobStore(BlobLimits limits)
-      : limits_(limits),
-        budget_(std::make_shared<Budget>(
-            limits.bytes,
-            Budget::Words{"bytes", "remove what is not used any more, close other sessions",
-                          "blob_store_bytes"})) {}
+  /// `budget`: of all blobs, other stores' too.
+  BlobStore(BlobLimits limits, std::shared_ptr<Budget> budget)
+      : limits_(limits), budget_(std::move(budget)) {}
+  explicit BlobStore(BlobLimits limits) : BlobStore(limits, make_budget(limits.bytes)) {}
+
+  [[nodiscard]] static std::shared_ptr<Budget> make_budget(u64 bytes) {
+    return std::make_shared<Budget>(
+        bytes, Budget::Words{"bytes", "remove what is not used any more, close other sessions",
+                             "blob_store_bytes"});
+  }
 
   /// Room for `size` bytes, taken from `budget`. `hash` is what they must hash to; "": anything.
   /// Fails with INVALID_ARGUMENT, RESOURCE_EXHAUSTED.

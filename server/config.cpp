@@ -58,8 +58,31 @@ std::string limits_help() {
          "unsafe flag or setting, 69 cannot listen, 70 internal error, 75 device lost.";
 }
 
+/// Keys, identities and addresses that go together.
+Status check_security(const Config& config) {
+  for (const std::string& address : config.listen)
+    if (auto checked = is_loopback(address); !checked) return std::unexpected(checked.error());
+  if (!config.tenants_file.empty() && !config.token_file.empty())
+    return fail(Code::kInvalidArgument, "--token-file", "goes without --tenants, which lists them");
+  if (config.is_private && !(config.listen.empty() && config.tenants_file.empty()))
+    return fail(Code::kInvalidArgument, "--private",
+                "goes without --listen and --tenants: it serves one process on its socket");
+  if (config.tls_cert.empty() != config.tls_key.empty())
+    return fail(Code::kInvalidArgument, "--tls-cert, --tls-key", "go together");
+  if (!config.tls_cert.empty() && config.listen.empty())
+    return fail(Code::kInvalidArgument, "--tls-cert", "is for TCP; say where with --listen");
+  if (!config.tls_client_ca.empty() && (config.tls_cert.empty() || config.tenants_file.empty()))
+    return fail(Code::kInvalidArgument, "--tls-client-ca",
+                "needs --tls-cert and --tls-key, and --tenants, which says whose certificate is "
+                "whose");
+  if (!config.is_exposed() || config.insecure) return {};
+  return fail(Code::kInvalidArgument, "--listen",
+              "others reach this address, so it needs --tls-cert and --tls-key; or listen on "
+              "127.0.0.1 and go through `ssh -L`. --insecure-i-know does without: anybody on the "
+              "network can then read tokens, scenes and pictures, and stall the daemon");
+}
+
 Status check(const Config& config) {
-  for (const std::string& address : config.listen) HELIO_TRY(check_loopback(address));
   const auto backends = backend_names();
   if (std::ranges::find(backends, config.backend) == backends.end())
     return fail(Code::kInvalidArgument, "--backend",
@@ -67,8 +90,6 @@ Status check(const Config& config) {
                             fmt::join(backends, ", ")));
   if (config.grace_seconds < 0 || config.drain_seconds < 0)
     return fail(Code::kInvalidArgument, "--grace, --drain", "must not be negative");
-  if (config.is_private && !config.listen.empty())
-    return fail(Code::kInvalidArgument, "--listen", "a private daemon listens on its socket only");
   if (config.is_private && config.socket_group)
     return fail(Code::kInvalidArgument, "--socket-group", "a private daemon serves its owner only");
   if (config.owner_pidfd >= 0 && !config.is_private)
@@ -78,9 +99,17 @@ Status check(const Config& config) {
 
 void add_flags(CLI::App& app, Config& config) {
   app.add_option("--socket", config.socket, "Path of the Unix socket (mode 0600)");
-  app.add_option("--listen", config.listen, "Loopback TCP address too, e.g. 127.0.0.1:7443");
+  app.add_option("--listen", config.listen, "TCP address too, e.g. 127.0.0.1:7443");
   app.add_option("--token-file", config.token_file,
                  "Token that TCP clients send; made with mode 0600 when it is not there");
+  app.add_option("--tenants", config.tenants_file,
+                 "File of tenants with their tokens and certificates (docs/operations.md); instead "
+                 "of --token-file");
+  app.add_option("--tls-cert", config.tls_cert, "Certificate chain of TCP, PEM");
+  app.add_option("--tls-key", config.tls_key, "Its private key, PEM, mode 0600");
+  app.add_option("--tls-client-ca", config.tls_client_ca,
+                 "PEM of those who sign clients' certificates, which are demanded then");
+  app.add_flag("--insecure-i-know", config.insecure, "Listen where others reach it without TLS");
   app.add_flag("--private", config.is_private, "Serve one owner process and end with it");
   app.add_option("--owner-pidfd", config.owner_pidfd, "Inherited pidfd of the owner");
   app.add_option("--ready-fd", config.ready_fd,
@@ -133,6 +162,7 @@ Status complete(const CLI::App& app, const Extra& extra, Config& config) {
   if (config.socket.empty())
     config.socket =
         extra.socket_dir.empty() ? default_socket() : extra.socket_dir + "/heliograph.sock";
+  HELIO_TRY(check_security(config));
   if (config.token_file.empty())
     config.token_file = config.socket.substr(0, config.socket.rfind('/') + 1) + "token";
   if (config.is_private && app.count("--grace") == 0) config.grace_seconds = 0;
@@ -165,6 +195,12 @@ std::expected<Config, int> parse_config(int argc, char** argv) {
   if (status) return config;
   fmt::print(stderr, "heliographd: {}: {}\n", status.error().where, status.error().message);
   return std::unexpected(kExitUsage);
+}
+
+bool Config::is_exposed() const {
+  return tls_cert.empty() && std::ranges::any_of(listen, [](const std::string& address) {
+           return !is_loopback(address).value_or(false);
+         });
 }
 
 std::vector<std::pair<std::string, u64>> list_limits(const Limits& limits) {

@@ -80,8 +80,13 @@ struct Limits {
 struct Config {
   std::string socket;                 // path of the Unix socket; the second one is `socket`.fd.sock
   std::optional<gid_t> socket_group;  // its members may connect too
-  std::vector<std::string> listen;    // loopback TCP addresses
-  std::string token_file;             // used with `listen`
+  std::vector<std::string> listen;    // TCP addresses
+  std::string token_file;             // used with `listen` where there is no tenants_file
+  std::string tenants_file;           // "": one tenant
+  std::string tls_cert;               // PEM; "": TCP without TLS
+  std::string tls_key;
+  std::string tls_client_ca;  // "": clients need no certificate
+  bool insecure = false;      // the operator knows
   bool is_private = false;
   int owner_pidfd = -1;
   int ready_fd = -1;
@@ -98,7 +103,15 @@ struct Config {
   std::string log_level = "warning";
   bool log_json = false;
   Limits limits;
+
+  /// Whether others than this machine's users can read and use what travels.
+  [[nodiscard]] bool is_exposed() const;
 };
+
+/// What is_exposed() means to a client.
+inline constexpr const char* kExposed =
+    "TLS: off at an address that others reach (--insecure-i-know); they can read tokens and "
+    "pictures, and stall the daemon";
 
 /// Parses the command line and the settings file it names. An int is an exit status: --help and
 /// --version were printed, or the usage error was.

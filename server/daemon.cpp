@@ -36,21 +36,21 @@ Sessions::Options session_options(const Config& config) {
 
 }  // namespace
 
-Daemon::Daemon(Config settings, std::string token, std::unique_ptr<EventLoop> event_loop)
+Daemon::Daemon(Config settings, Identities identities, std::unique_ptr<EventLoop> event_loop)
     : config(std::move(settings)),
       instance(random_number()),
       log(config.log_level, config.log_json),
       loop(std::move(event_loop)),
       pool(std::clamp(std::thread::hardware_concurrency(), 2u, 16u), u32(config.limits.pool_queue)),
       scenes(pool, scene_options(config.limits)),
-      blobs({.bytes = config.limits.blob_store_bytes, .blob_bytes = config.limits.blob_bytes}),
-      tenants(config.limits, blobs.budget()),
-      sessions(*loop, session_options(config), {blobs, assets},
+      tenants(config.limits, std::move(identities)),
+      sessions(*loop, session_options(config),
                [this](const Session& session) {
-                 log.info("session ended", {{"client", session.client()}});
+                 log.info("session ended",
+                          {{"client", session.client()}, {"tenant", session.tenant()->name}});
                  scenes.end_session(session.id());
                }),
-      gate(sessions, std::move(token)),
+      gate(tenants, sessions),
       health(*loop, log,
              {.hang_seconds = double(config.limits.hang_seconds),
               .probe_seconds = double(config.limits.probe_seconds)}) {}

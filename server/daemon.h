@@ -5,8 +5,6 @@
 #include <string>
 
 #include "server/asset_root.h"
-#include "server/assets.h"
-#include "server/blobs.h"
 #include "server/call_watch.h"
 #include "server/config.h"
 #include "server/decode/decoder.h"
@@ -31,9 +29,7 @@ struct Daemon {
   std::unique_ptr<EventLoop> loop;
   WorkPool pool;
   Scenes scenes;
-  BlobStore blobs;
   Tenants tenants;
-  AssetStore assets;
   Sessions sessions;
   Gate gate;
   CallWatch watch;
@@ -43,7 +39,7 @@ struct Daemon {
   AssetRoot asset_root;
   Expected<std::unique_ptr<Decoder>> decoder;
 
-  Daemon(Config settings, std::string token, std::unique_ptr<EventLoop> event_loop);
+  Daemon(Config settings, Identities identities, std::unique_ptr<EventLoop> event_loop);
 };
 
 }  // namespace heliograph::server

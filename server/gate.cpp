@@ -3,9 +3,6 @@
 
 #include <charconv>
 #include <string_view>
-
-#include "server/token.h"
-
 namespace heliograph::server {
 namespace {
 
@@ -18,39 +15,41 @@ std::string_view metadata(const grpc::CallbackServerContext& context, const char
                             : std::string_view(found->second.data(), found->second.size());
 }
 
+/// The views live as long as the context. Of a certificate: its subject's alternative names, or its
+/// common name where it has none.
+Caller caller_of(const grpc::CallbackServerContext& context) {
+  Caller caller{.is_local = context.peer().starts_with("unix:")};
+  const std::string_view header = metadata(context, "authorization");
+  if (header.starts_with(kBearer)) caller.token = header.substr(kBearer.size());
+  if (caller.is_local) return caller;
+  for (const grpc::string_ref& name : context.auth_context()->GetPeerIdentity())
+    caller.names.emplace_back(name.data(), name.size());
+  return caller;
+}
+
 }  // namespace
 
 Expected<Call> Gate::admit(const grpc::CallbackServerContext& context, Needs needs) {
-  HELIO_TRY(check_token(context));
+  auto tenant = tenants_.of(caller_of(context));
+  if (!tenant) return std::unexpected(std::move(tenant).error());
   const bool is_work = needs == Needs::kSession;
   if (is_closed_ && (is_work || needs == Needs::kNewSession)) return shutting_down();
-  if (needs == Needs::kNothing || needs == Needs::kNewSession) return Call();
-  auto session = find_session(context);
+  if (needs == Needs::kNothing || needs == Needs::kNewSession) return Call(std::move(*tenant));
+  auto session = find_session(context, **tenant);
   if (!session) return std::unexpected(session.error());
   HELIO_TRY((*session)->begin_call());
   return Call(std::move(*session), is_work ? active_ : nullptr);
 }
 
-Status Gate::check_token(const grpc::CallbackServerContext& context) const {
-  if (context.peer().starts_with("unix:")) return {};
-  const std::string_view header = metadata(context, "authorization");
-  if (!token_.empty() && header.starts_with(kBearer) &&
-      same_token(header.substr(kBearer.size()), token_))
-    return {};
-  return fail(Code::kUnauthenticated, "",
-              "over TCP each call carries the daemon's token as metadata 'authorization: Bearer "
-              "TOKEN'; read it from the file that --token-file names");
-}
-
-Expected<std::shared_ptr<Session>> Gate::find_session(
-    const grpc::CallbackServerContext& context) const {
+Expected<std::shared_ptr<Session>> Gate::find_session(const grpc::CallbackServerContext& context,
+                                                      const Tenant& tenant) const {
   const std::string_view text = metadata(context, "heliograph-session");
   u64 id = 0;
   const auto parsed = std::from_chars(text.data(), text.data() + text.size(), id);
   auto session = parsed.ec == std::errc() && parsed.ptr == text.data() + text.size()
                      ? sessions_.find(id)
                      : nullptr;
-  if (session) return session;
+  if (session && session->tenant().get() == &tenant) return session;
   return fail(Code::kUnauthenticated, "",
               text.empty() ? "the call carries no session; call OpenSession and send its id as "
                              "metadata 'heliograph-session'"

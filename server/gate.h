@@ -1,4 +1,4 @@
-// What every call passes first: token, session, known fields, limits, drain. Called by rpc.h only.
+// What every call passes first: identity, session, limits, drain. Called by rpc.h only.
 #pragma once
 
 #include <grpcpp/server_context.h>
@@ -12,14 +12,10 @@
 
 namespace heliograph::server {
 
-/// A call that was let in; counted until it is destroyed.
+/// A call that was let in; counted until it is destroyed. The gate alone makes one, and without one
+/// there is no session, and so no scene.
 class Call {
  public:
-  Call() = default;
-  Call(std::shared_ptr<Session> session, std::shared_ptr<std::atomic<u32>> active)
-      : session_(std::move(session)), active_(std::move(active)) {
-    if (active_) ++*active_;
-  }
   Call(Call&&) = default;
   Call& operator=(Call&&) = delete;
   ~Call() {
@@ -27,17 +23,27 @@ class Call {
     if (active_) --*active_;
   }
 
-  /// Never null where the call needs a session.
+  /// Who makes it.
+  [[nodiscard]] const TenantPtr& tenant() const { return tenant_; }
+  /// Never null where the call needs a session; one of the tenant's.
   [[nodiscard]] const std::shared_ptr<Session>& session() const { return session_; }
 
  private:
+  friend class Gate;
+  explicit Call(TenantPtr tenant) : tenant_(std::move(tenant)) {}
+  Call(std::shared_ptr<Session> session, std::shared_ptr<std::atomic<u32>> active)
+      : tenant_(session->tenant()), session_(std::move(session)), active_(std::move(active)) {
+    if (active_) ++*active_;
+  }
+
+  TenantPtr tenant_;
   std::shared_ptr<Session> session_;
   std::shared_ptr<std::atomic<u32>> active_;
 };
 
 /// What a call needs to be let in.
 enum class Needs {
-  kNothing,     // but the token over TCP
+  kNothing,     // but an identity
   kNewSession,  // it opens one: not while the daemon drains
   kSession,
   kSessionAlways,  // also while the daemon drains; not counted as work
@@ -46,9 +52,10 @@ enum class Needs {
 /// Thread: any.
 class Gate {
  public:
-  Gate(Sessions& sessions, std::string token) : sessions_(sessions), token_(std::move(token)) {}
+  Gate(const Tenants& tenants, Sessions& sessions) : tenants_(tenants), sessions_(sessions) {}
 
-  /// UNAUTHENTICATED (token, session), UNAVAILABLE (draining), RESOURCE_EXHAUSTED (too many calls).
+  /// UNAUTHENTICATED (identity, or no session of this tenant), UNAVAILABLE (draining),
+  /// RESOURCE_EXHAUSTED (too many calls).
   [[nodiscard]] Expected<Call> admit(const grpc::CallbackServerContext& context, Needs needs);
 
   /// From now on new work is refused.
@@ -58,12 +65,11 @@ class Gate {
   [[nodiscard]] u32 active() const { return *active_; }
 
  private:
-  [[nodiscard]] Status check_token(const grpc::CallbackServerContext& context) const;
   [[nodiscard]] Expected<std::shared_ptr<Session>> find_session(
-      const grpc::CallbackServerContext& context) const;
+      const grpc::CallbackServerContext& context, const Tenant& tenant) const;
 
+  const Tenants& tenants_;
   Sessions& sessions_;
-  const std::string token_;
   std::atomic<bool> is_closed_ = false;
   std::shared_ptr<std::atomic<u32>> active_ = std::make_shared<std::atomic<u32>>(0);
 };

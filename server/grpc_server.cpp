@@ -13,13 +13,14 @@ namespace {
 
 constexpr int kSendBytes = 64 << 20;
 constexpr int kMaxThreads = 64;
+constexpr int kHandshakeMs = 4'000;  // of TLS and HTTP/2
 
 void add_arguments(grpc::ServerBuilder& builder, const Limits& limits) {
   builder.SetMaxReceiveMessageSize(int(limits.message_bytes));
   builder.SetMaxSendMessageSize(kSendBytes);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, int(limits.streams_per_connection));
   builder.AddChannelArgument(GRPC_ARG_MAX_METADATA_SIZE, 8 << 10);
-  builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, 5'000);
+  builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, kHandshakeMs);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, 20'000);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 5'000);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
@@ -32,7 +33,8 @@ void add_arguments(grpc::ServerBuilder& builder, const Limits& limits) {
 
 }  // namespace
 
-Expected<std::unique_ptr<GrpcServer>> GrpcServer::start(Service& service, Daemon& daemon) {
+Expected<std::unique_ptr<GrpcServer>> GrpcServer::start(Service& service, Daemon& daemon,
+                                                        const Credentials& tcp) {
   // Never undone: gRPC's own end waits for a thread that polls for up to 10 s.
   ::grpc_init();
   grpc::EnableDefaultHealthCheckService(true);
@@ -48,18 +50,19 @@ Expected<std::unique_ptr<GrpcServer>> GrpcServer::start(Service& service, Daemon
   observers.push_back(std::make_unique<CallLog>(daemon.log, daemon.metrics));
   builder.experimental().SetInterceptorCreators(std::move(observers));
   using Type = grpc::ServerBuilder::experimental_type::ExternalConnectionType;
-  made->acceptor_ = builder.experimental().AddExternalConnectionAcceptor(
+  made->local_ = builder.experimental().AddExternalConnectionAcceptor(
       Type::FROM_FD, grpc::InsecureServerCredentials());
+  made->tcp_ = builder.experimental().AddExternalConnectionAcceptor(Type::FROM_FD, tcp);
   made->server_ = builder.BuildAndStart();
   if (!made->server_) return fail(Code::kInternal, "", "gRPC did not start");
   made->set_ready(false);
   return made;
 }
 
-void GrpcServer::serve(UniqueFd connection) {
-  grpc::experimental::ExternalConnectionAcceptor::NewConnectionParameters parameters;
+void GrpcServer::serve(Acceptor& acceptor, UniqueFd connection) {
+  Acceptor::NewConnectionParameters parameters;
   parameters.fd = connection.release();
-  acceptor_->HandleNewConnection(&parameters);
+  acceptor.HandleNewConnection(&parameters);
 }
 
 void GrpcServer::set_ready(bool is_ready) {

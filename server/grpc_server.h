@@ -19,21 +19,29 @@ inline constexpr const char* kRendererName = "heliograph.v1.Renderer";
 /// Owns: gRPC's server and its threads. Thread: the loop's.
 class GrpcServer {
  public:
-  /// INTERNAL when gRPC does not start.
-  [[nodiscard]] static Expected<std::unique_ptr<GrpcServer>> start(Service& service,
-                                                                   Daemon& daemon);
+  using Credentials = std::shared_ptr<grpc::ServerCredentials>;
 
-  void serve(UniqueFd connection);
+  /// `tcp`: what connections over TCP pass first. INTERNAL when gRPC does not start.
+  [[nodiscard]] static Expected<std::unique_ptr<GrpcServer>> start(Service& service, Daemon& daemon,
+                                                                   const Credentials& tcp);
+
+  void serve_local(UniqueFd connection) { serve(*local_, std::move(connection)); }
+  void serve_tcp(UniqueFd connection) { serve(*tcp_, std::move(connection)); }
   /// What the health service says of "heliograph.v1.Renderer"; "" stays SERVING.
   void set_ready(bool is_ready);
   /// Ends the calls that are left after `grace`.
   void shutdown(std::chrono::milliseconds grace);
 
  private:
+  using Acceptor = grpc::experimental::ExternalConnectionAcceptor;
+
   GrpcServer() = default;
+  static void serve(Acceptor& acceptor, UniqueFd connection);
+
   std::unique_ptr<Reflection> reflection_;
-  // The acceptor must outlive the server.
-  std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> acceptor_;
+  // The acceptors must outlive the server.
+  std::unique_ptr<Acceptor> local_;
+  std::unique_ptr<Acceptor> tcp_;
   std::unique_ptr<grpc::Server> server_;
 };
 

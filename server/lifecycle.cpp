@@ -15,8 +15,8 @@
 #include "server/metric_values.h"
 #include "server/metrics_port.h"
 #include "server/notify.h"
+#include "server/reload.h"
 #include "server/socket_files.h"
-#include "server/token.h"
 
 namespace heliograph::server {
 namespace {
@@ -27,7 +27,8 @@ constexpr auto kDrainPoll = milliseconds(10);
 constexpr auto kTrimEvery = std::chrono::seconds(1);
 constexpr std::size_t kSpareBytes = 64 << 20;  // kept at the heap's end
 constexpr auto kLastCalls = milliseconds(500);
-constexpr unsigned kLastSeconds = 8;    // for the device and whatever else has to end
+constexpr unsigned kLastSeconds = 8;  // for the device and whatever else has to end
+constexpr auto kWarnEvery = std::chrono::hours(1);
 constexpr u64 kOwnDescriptors = 64;     // of gRPC, the decoder, logs
 constexpr u64 kDescriptorsAClient = 3;  // its connection, our duplicate, its lifeline
 
@@ -51,7 +52,7 @@ Expected<Sockets> open_sockets(const Config& config, SocketFiles& files) {
   sockets.main = std::move(*main);
   sockets.lifeline = std::move(*lifeline);
   for (const std::string& address : config.listen) {
-    auto socket = listen_loopback(address);
+    auto socket = listen_tcp(address);
     if (!socket) return std::unexpected(socket.error());
     sockets.tcp_addresses.push_back(local_address(socket->fd.get()));
     sockets.tcp.push_back(std::move(*socket));
@@ -111,7 +112,9 @@ DecoderOptions decoder_options(const Config& config) {
 /// Everything that runs, once the sockets listen.
 class Life {
  public:
-  explicit Life(Daemon& daemon) : daemon_(daemon), service_(daemon) {}
+  /// `tls`: null without TLS.
+  Life(Daemon& daemon, std::unique_ptr<Tls> tls)
+      : daemon_(daemon), tls_(std::move(tls)), service_(daemon) {}
 
   [[nodiscard]] Status start(Sockets sockets, UniqueFd signals);
   [[nodiscard]] int run();
@@ -120,6 +123,7 @@ class Life {
   [[nodiscard]] Status start_listening(Sockets sockets);
   void on_word(u64 session, const BufferWord& word, const UniqueFd& fd);
   [[nodiscard]] Status start_metrics(ListeningSocket socket);
+  [[nodiscard]] Status listen(ListeningSocket socket, void (GrpcServer::*serve)(UniqueFd));
   [[nodiscard]] Status watch_signals(UniqueFd signals);
   [[nodiscard]] Status watch_owner();
   void trim_heap();
@@ -129,9 +133,11 @@ class Life {
   void on_engine(const Status& status);
   void on_lost();
   void on_ready(bool is_ready);
+  void warn_exposed();
   void end();
 
   Daemon& daemon_;
+  std::unique_ptr<Tls> tls_;
   Service service_;
   UniqueFd signals_;
   std::unique_ptr<GrpcServer> grpc_;
@@ -155,7 +161,9 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
   daemon_.decoder = Decoder::create(decoder_options(config));
   if (!daemon_.decoder)
     daemon_.log.error("no decoder", {{"reason", daemon_.decoder.error().message}});
-  auto grpc = GrpcServer::start(service_, daemon_);
+  auto grpc = GrpcServer::start(
+      service_, daemon_,
+      tls_ ? tls_->credentials(daemon_.tenants) : grpc::InsecureServerCredentials());
   if (!grpc) return std::unexpected(grpc.error());
   grpc_ = std::move(*grpc);
   daemon_.watch.start(*daemon_.loop);
@@ -163,6 +171,7 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
   daemon_.health.start(*daemon_.engine, {.ready = [this](bool is_ready) { on_ready(is_ready); },
                                          .lost = [this] { on_lost(); }});
   HELIO_TRY(start_listening(std::move(sockets)));
+  if (config.is_exposed()) warn_exposed();
   HELIO_TRY(watch_signals(std::move(signals)));
   return watch_owner();
 }
@@ -198,19 +207,22 @@ Status Life::start_listening(Sockets sockets) {
   daemon_.lifelines = std::move(*lifelines);
   connections_ = std::make_unique<ConnectionCount>(
       *daemon_.loop, ConnectionCount::Limits{limit, u32(limits.connections_per_peer)});
-  std::vector<ListeningSocket> all = std::move(sockets.tcp);
-  all.push_back(std::move(sockets.main));
-  for (ListeningSocket& socket : all) {
-    auto listener = Listener::start(*daemon_.loop, daemon_.log, std::move(socket),
-                                    [this](UniqueFd connection, pid_t peer) {
-                                      if (connections_->add(connection.get(), peer))
-                                        return grpc_->serve(std::move(connection));
-                                      daemon_.metrics.connection_refused();
-                                    });
-    if (!listener) return std::unexpected(listener.error());
-    listeners_.push_back(std::move(*listener));
-  }
+  for (ListeningSocket& socket : sockets.tcp)
+    HELIO_TRY(listen(std::move(socket), &GrpcServer::serve_tcp));
+  HELIO_TRY(listen(std::move(sockets.main), &GrpcServer::serve_local));
   return sockets.metrics ? start_metrics(std::move(*sockets.metrics)) : Status();
+}
+
+Status Life::listen(ListeningSocket socket, void (GrpcServer::*serve)(UniqueFd)) {
+  auto listener = Listener::start(*daemon_.loop, daemon_.log, std::move(socket),
+                                  [this, serve](UniqueFd connection, pid_t peer) {
+                                    if (connections_->add(connection.get(), peer))
+                                      return (grpc_.get()->*serve)(std::move(connection));
+                                    daemon_.metrics.connection_refused();
+                                  });
+  if (!listener) return std::unexpected(listener.error());
+  listeners_.push_back(std::move(*listener));
+  return {};
 }
 
 Status Life::start_metrics(ListeningSocket socket) {
@@ -243,6 +255,11 @@ Status Life::watch_owner() {
 void Life::trim_heap() {
   (void)daemon_.pool.post([] { ::malloc_trim(kSpareBytes); });
   daemon_.loop->after(kTrimEvery, [this] { trim_heap(); });
+}
+
+void Life::warn_exposed() {
+  daemon_.log.warning(kExposed);
+  daemon_.loop->after(kWarnEvery, [this] { warn_exposed(); });
 }
 
 void Life::on_signal() {
@@ -337,15 +354,19 @@ int refuse(const Error& error) {
 }  // namespace
 
 int run(Config config) {
+  if (!config.listen.empty() || !config.tenants_file.empty()) hide_memory();
   UniqueFd signals = block_signals();
   SocketFiles files;
   auto sockets = open_sockets(config, files);
   if (!sockets) return refuse(sockets.error());
-  std::string token;
-  if (!config.listen.empty()) {
-    auto loaded = load_token(config.token_file);
+  Reload reload(config);
+  auto identities = load_identities(config);
+  if (!identities) return refuse(identities.error());
+  std::unique_ptr<Tls> tls;
+  if (!config.tls_cert.empty()) {
+    auto loaded = Tls::load(config);
     if (!loaded) return refuse(loaded.error());
-    token = std::move(*loaded);
+    tls = std::move(*loaded);
   }
   announce(config, *sockets);
   auto loop = EventLoop::create();
@@ -356,9 +377,10 @@ int run(Config config) {
     if (!opened) return refuse(opened.error());
     root = std::move(*opened);
   }
-  Daemon daemon(std::move(config), std::move(token), std::move(*loop));
+  Daemon daemon(std::move(config), std::move(*identities), std::move(*loop));
   daemon.asset_root = std::move(root);
-  Life life(daemon);
+  reload.start(daemon, tls.get());
+  Life life(daemon, std::move(tls));
   if (auto started = life.start(std::move(*sockets), std::move(signals)); !started)
     return refuse(started.error());
   return life.run();

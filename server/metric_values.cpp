@@ -49,19 +49,18 @@ void add_engine(const Engine& engine, std::vector<MetricValue>& all) {
 }
 
 void add_tenant(const Tenant& tenant, const Limits& limits, std::vector<MetricValue>& all) {
-  const std::string name = std::to_string(tenant.id);
   const auto allowed = list_limits(limits);
   for (const auto& [limit, used] : tenant.used()) {
     all.push_back({"heliograph_tenant_used",
                    "What a tenant uses of a limit",
                    double(used),
-                   {{"tenant", name}, {"limit", limit}}});
+                   {{"tenant", tenant.name}, {"limit", limit}}});
     const auto found =
         std::ranges::find_if(allowed, [&](const auto& each) { return each.first == limit; });
     all.push_back({"heliograph_tenant_limit",
                    "What a tenant may use",
                    double(found->second),
-                   {{"tenant", name}, {"limit", limit}}});
+                   {{"tenant", tenant.name}, {"limit", limit}}});
   }
 }
 
@@ -84,11 +83,12 @@ std::vector<MetricValue> metric_values(const Daemon& daemon, u32 connections) {
                  daemon.health.is_ready() ? 1.0 : 0.0});
   all.push_back({"heliograph_connections", "Open connections", double(connections)});
   all.push_back({"heliograph_sessions", "Open sessions", double(daemon.sessions.count())});
-  all.push_back({"heliograph_scenes", "Scenes", double(daemon.scenes.list(0).size())});
+  all.push_back({"heliograph_scenes", "Scenes", double(daemon.scenes.all().size())});
   all.push_back({"heliograph_blob_bytes", "Bytes of all blobs, uploads and assets",
-                 double(daemon.blobs.budget()->used())});
+                 double(daemon.tenants.store().used())});
   if (const Engine* engine = daemon.engine->get()) add_engine(*engine, all);
-  add_tenant(*daemon.tenants.of_caller(), daemon.config.limits, all);
+  for (const TenantPtr& tenant : daemon.tenants.all())
+    add_tenant(*tenant, daemon.config.limits, all);
   add_process(all);
   return all;
 }

@@ -62,7 +62,7 @@ Status check_size(const RenderJob& job, u64 limit) {
 
 Expected<std::shared_ptr<RenderJob>> make_job(Daemon& daemon, Session& session,
                                               const v1::RenderRequest& request) {
-  const auto entry = daemon.scenes.find(request.scene(), session.id());
+  const auto entry = daemon.scenes.find(request.scene(), session);
   if (!entry) return std::unexpected(entry.error());
   auto snapshot = base_of(**entry, request);
   if (snapshot && request.has_overlay())
@@ -89,7 +89,7 @@ class Metered final : public JobSink {
   void frame(std::shared_ptr<const Frame> frame) override { sink_->frame(std::move(frame)); }
   void done(Status status, const Spent& spent) override {
     tenant_->samples.charge(spent.samples);
-    metrics_.job(std::to_string(tenant_->id), status, spent);
+    metrics_.job(tenant_->name, status, spent);
     [[maybe_unused]] const auto given_back = running_.resize(0);
     sink_->done(std::move(status), spent);
   }

@@ -37,6 +37,26 @@ class Refusal final : public Reactor {
   void OnDone() override { delete this; }
 };
 
+/// Lets a call in and starts it with `start(Call) -> Reactor*`, or refuses it: the one way from a
+/// handler of Service to a session.
+template <class Reactor, class Start>
+Reactor* let_in(Gate& gate, grpc::CallbackServerContext* context, Needs needs, const Start& start) {
+  auto admitted = gate.admit(*context, needs);
+  if (!admitted) return new Refusal<Reactor>(*context, admitted.error());
+  return start(std::move(*admitted));
+}
+
+/// The same for a call whose request is here; UNIMPLEMENTED when it has a field we do not know.
+template <class Reactor, class Start>
+Reactor* let_in(Gate& gate, grpc::CallbackServerContext* context,
+                const google::protobuf::Message& request, Needs needs, const Start& start) {
+  return let_in<Reactor>(gate, context, needs, [&](Call call) -> Reactor* {
+    if (auto known = check_known(request); !known)
+      return new Refusal<Reactor>(*context, known.error());
+    return start(std::move(call));
+  });
+}
+
 /// A unary call in flight. The handler calls finish() once, from any thread; until then request and
 /// reply live.
 class UnaryCall final : public grpc::ServerUnaryReactor {
@@ -44,6 +64,7 @@ class UnaryCall final : public grpc::ServerUnaryReactor {
   UnaryCall(grpc::CallbackServerContext& context, Call call)
       : context_(context), call_(std::move(call)) {}
 
+  [[nodiscard]] const TenantPtr& tenant() const { return call_.tenant(); }
   [[nodiscard]] const std::shared_ptr<Session>& session() const { return call_.session(); }
   [[nodiscard]] grpc::CallbackServerContext& context() const { return context_; }
   /// Stops when the client cancels, its deadline passes or its connection ends.
@@ -68,13 +89,12 @@ template <class Handler>
 grpc::ServerUnaryReactor* unary(Gate& gate, grpc::CallbackServerContext* context,
                                 const google::protobuf::Message& request, Needs needs,
                                 const Handler& handler) {
-  using Refused = Refusal<grpc::ServerUnaryReactor>;
-  auto admitted = gate.admit(*context, needs);
-  if (!admitted) return new Refused(*context, admitted.error());
-  if (auto known = check_known(request); !known) return new Refused(*context, known.error());
-  auto* call = new UnaryCall(*context, std::move(*admitted));
-  handler(*call);
-  return call;
+  using Reactor = grpc::ServerUnaryReactor;
+  return let_in<Reactor>(gate, context, request, needs, [&](Call admitted) {
+    auto* call = new UnaryCall(*context, std::move(admitted));
+    handler(*call);
+    return call;
+  });
 }
 
 /// A server stream whose messages are made one at a time, on the pool, when the last one was
@@ -123,12 +143,11 @@ grpc::ServerWriteReactor<Reply>* pull(Gate& gate, WorkPool& pool,
                                       grpc::CallbackServerContext* context,
                                       const google::protobuf::Message& request,
                                       const Prepare& prepare) {
-  using Refused = Refusal<grpc::ServerWriteReactor<Reply>>;
-  auto admitted = gate.admit(*context, Needs::kSession);
-  if (!admitted) return new Refused(*context, admitted.error());
-  if (auto known = check_known(request); !known) return new Refused(*context, known.error());
-  auto next = prepare(admitted->session());
-  return new PullStream<Reply>(*context, std::move(*admitted), pool, std::move(next));
+  using Reactor = grpc::ServerWriteReactor<Reply>;
+  return let_in<Reactor>(gate, context, request, Needs::kSession, [&](Call call) {
+    auto next = prepare(call.session());
+    return new PullStream<Reply>(*context, std::move(call), pool, std::move(next));
+  });
 }
 
 }  // namespace heliograph::server

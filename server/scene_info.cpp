@@ -3,7 +3,7 @@
 
 namespace heliograph::server {
 
-v1::SceneInfo scene_info(Scenes& scenes, SceneEntry& scene, u64 session) {
+v1::SceneInfo scene_info(Scenes& scenes, SceneEntry& scene, const Session& session) {
   const auto head = scene.scene.head();
   v1::SceneInfo info;
   info.set_scene(scene.id);
@@ -12,7 +12,7 @@ v1::SceneInfo scene_info(Scenes& scenes, SceneEntry& scene, u64 session) {
   info.set_shared(scene.owner == 0);
   info.set_durability("none");
   info.set_time(head->time);
-  info.set_next_edit(scenes.next_edit(scene, session));
+  info.set_next_edit(scenes.next_edit(scene, session.id()));
   return info;
 }
 

@@ -6,6 +6,6 @@
 
 namespace heliograph::server {
 
-[[nodiscard]] v1::SceneInfo scene_info(Scenes& scenes, SceneEntry& scene, u64 session);
+[[nodiscard]] v1::SceneInfo scene_info(Scenes& scenes, SceneEntry& scene, const Session& session);
 
 }  // namespace heliograph::server

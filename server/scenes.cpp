@@ -53,11 +53,11 @@ void SceneEntry::tell(Revision revision) {
   for (const Watch& watch : told) (*watch)(revision);
 }
 
-Expected<ScenePtr> Scenes::create(NewScene scene, u64 session) {
+Expected<ScenePtr> Scenes::create(NewScene scene, const Session& session) {
   if (scene.name.size() > kNameBytes)
     return fail(Code::kInvalidArgument, "name", fmt::format("is longer than {} bytes", kNameBytes));
-  const u64 owner = scene.is_shared ? 0 : session;
-  auto entities = Charge::take(std::move(scene.entities), scene.first->entities.count());
+  const u64 owner = scene.is_shared ? 0 : session.id();
+  auto entities = Charge::take(session.tenant()->entities, scene.first->entities.count());
   if (!entities) return std::unexpected(std::move(entities).error());
   const std::lock_guard lock(mutex_);
   if (!scene.name.empty() && named(scene.name, session))
@@ -66,28 +66,28 @@ Expected<ScenePtr> Scenes::create(NewScene scene, u64 session) {
   if (scenes_.size() >= options_.limit)
     return fail(Code::kResourceExhausted, "",
                 fmt::format("{} scenes exist; delete one (limit scenes)", scenes_.size()));
-  auto entry =
-      std::make_shared<SceneEntry>(SceneEntry::Identity{++last_id_, std::move(scene.name), owner},
-                                   std::move(*entities), std::move(scene.first), options_.scene);
+  auto entry = std::make_shared<SceneEntry>(
+      SceneEntry::Identity{++last_id_, std::move(scene.name), owner, session.tenant()},
+      std::move(*entities), std::move(scene.first), options_.scene);
   scenes_.emplace(entry->id, entry);
   return entry;
 }
 
-ScenePtr Scenes::named(const std::string& name, u64 session) const {
+ScenePtr Scenes::named(const std::string& name, const Session& session) const {
   const auto found = std::ranges::find_if(scenes_, [&](const auto& entry) {
     return entry.second->name == name && entry.second->seen_by(session);
   });
   return found == scenes_.end() ? nullptr : found->second;
 }
 
-Expected<ScenePtr> Scenes::find(u64 id, u64 session) const {
+Expected<ScenePtr> Scenes::find(u64 id, const Session& session) const {
   const std::lock_guard lock(mutex_);
   const auto found = scenes_.find(id);
   if (found == scenes_.end() || !found->second->seen_by(session)) return not_found(id);
   return found->second;
 }
 
-Expected<ScenePtr> Scenes::open(const std::string& name, u64 session) const {
+Expected<ScenePtr> Scenes::open(const std::string& name, const Session& session) const {
   const std::lock_guard lock(mutex_);
   if (auto scene = name.empty() ? nullptr : named(name, session)) return scene;
   Error error{.code = Code::kNotFound,
@@ -99,7 +99,7 @@ Expected<ScenePtr> Scenes::open(const std::string& name, u64 session) const {
   return std::unexpected(std::move(error));
 }
 
-std::vector<ScenePtr> Scenes::list(u64 session) const {
+std::vector<ScenePtr> Scenes::list(const Session& session) const {
   std::vector<ScenePtr> seen;
   const std::lock_guard lock(mutex_);
   for (const auto& [id, scene] : scenes_)
@@ -107,7 +107,14 @@ std::vector<ScenePtr> Scenes::list(u64 session) const {
   return seen;
 }
 
-Status Scenes::remove(u64 id, u64 session) {
+std::vector<ScenePtr> Scenes::all() const {
+  std::vector<ScenePtr> all;
+  const std::lock_guard lock(mutex_);
+  for (const auto& [id, scene] : scenes_) all.push_back(scene);
+  return all;
+}
+
+Status Scenes::remove(u64 id, const Session& session) {
   ScenePtr removed;
   {
     const std::lock_guard lock(mutex_);

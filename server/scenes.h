@@ -21,18 +21,21 @@ class SceneEntry {
     u64 id = 0;
     std::string name;
     u64 owner = 0;
+    TenantPtr tenant;
   };
   SceneEntry(Identity identity, Charge entities, std::shared_ptr<const Snapshot> first,
              const SceneLimits& limits)
       : id(identity.id),
         name(std::move(identity.name)),
         owner(identity.owner),
+        tenant(std::move(identity.tenant)),
         scene(std::move(first), limits),
         entities_(std::move(entities)) {}
 
   const u64 id;
   const std::string name;  // "": anonymous
   const u64 owner;         // the session that a private scene dies with; 0: shared
+  const TenantPtr tenant;
   Scene scene;
 
   /// A token of interest: while it is held, `told` is called with each new revision, from the
@@ -43,9 +46,9 @@ class SceneEntry {
   /// Prepares and publishes. Sessions that edit one shared scene wait for each other here.
   [[nodiscard]] Expected<Prepared> commit(const Transaction& transaction,
                                           std::optional<Revision> expected);
-  /// Access is by tenant, not by session, and this version has one tenant: forked and unpickled
-  /// clients work on their parent's scenes.
-  [[nodiscard]] bool seen_by(u64 /*session*/) const { return true; }
+  /// Access is by tenant, not by session: forked and unpickled clients work on their parent's
+  /// scenes.
+  [[nodiscard]] bool seen_by(const Session& session) const { return session.tenant() == tenant; }
 
  private:
   friend class Scenes;
@@ -63,10 +66,10 @@ struct NewScene {
   std::string name;
   bool is_shared = false;
   std::shared_ptr<const Snapshot> first;
-  std::shared_ptr<Budget> entities;  // of the tenant that makes it
 };
 
-/// Thread: any. A name is unique among the scenes that a session sees.
+/// Thread: any. A name is unique among the scenes that a session sees; what it does not see is
+/// answered like what is not there.
 class Scenes {
  public:
   struct Options {
@@ -77,11 +80,13 @@ class Scenes {
   };
   Scenes(WorkPool& pool, Options options) : pool_(pool), options_(options) {}
 
-  [[nodiscard]] Expected<ScenePtr> create(NewScene scene, u64 session);
-  [[nodiscard]] Expected<ScenePtr> find(u64 id, u64 session) const;
-  [[nodiscard]] Expected<ScenePtr> open(const std::string& name, u64 session) const;
-  [[nodiscard]] std::vector<ScenePtr> list(u64 session) const;
-  [[nodiscard]] Status remove(u64 id, u64 session);
+  [[nodiscard]] Expected<ScenePtr> create(NewScene scene, const Session& session);
+  [[nodiscard]] Expected<ScenePtr> find(u64 id, const Session& session) const;
+  [[nodiscard]] Expected<ScenePtr> open(const std::string& name, const Session& session) const;
+  [[nodiscard]] std::vector<ScenePtr> list(const Session& session) const;
+  /// Every tenant's.
+  [[nodiscard]] std::vector<ScenePtr> all() const;
+  [[nodiscard]] Status remove(u64 id, const Session& session);
   /// Frees the session's private scenes and edit logs; the memory goes on the work pool.
   void end_session(u64 session);
   [[nodiscard]] std::shared_ptr<EditLog> edits(SceneEntry& scene, u64 session);
@@ -90,7 +95,7 @@ class Scenes {
   [[nodiscard]] const SceneLimits& scene_limits() const { return options_.scene; }
 
  private:
-  [[nodiscard]] ScenePtr named(const std::string& name, u64 session) const;
+  [[nodiscard]] ScenePtr named(const std::string& name, const Session& session) const;
   void free_later(std::vector<ScenePtr> scenes);
 
   WorkPool& pool_;

@@ -51,7 +51,7 @@ bool is_short(const v1::ApplyRequest& request) {
 void apply_numbered(Daemon& daemon, const std::shared_ptr<Session>& session,
                     const v1::ApplyRequest& request,
                     const std::function<void(EditLog::Reply)>& done) {
-  const auto entry = daemon.scenes.find(request.scene(), session->id());
+  const auto entry = daemon.scenes.find(request.scene(), *session);
   if (!entry) return done(refuse(entry.error()));
   const auto log = daemon.scenes.edits(**entry, session->id());
   auto task = [&request, session, entry = *entry, log, done] {
@@ -63,23 +63,22 @@ void apply_numbered(Daemon& daemon, const std::shared_ptr<Session>& session,
 
 grpc::ServerUnaryReactor* Service::Apply(Context* context, const v1::ApplyRequest* request,
                                          v1::ApplyReply* reply) {
-  using Refused = Refusal<grpc::ServerUnaryReactor>;
-  auto admitted = daemon_.gate.admit(*context, Needs::kSession);
-  if (!admitted) return new Refused(*context, admitted.error());
-  auto* call = new UnaryCall(*context, std::move(*admitted));
-  apply_numbered(daemon_, call->session(), *request, [call, reply](const EditLog::Reply& answer) {
-    if (!*answer) return call->finish(std::unexpected(answer->error()));
-    *reply = **answer;
-    call->finish({});
+  using Reactor = grpc::ServerUnaryReactor;
+  return let_in<Reactor>(daemon_.gate, context, Needs::kSession, [&](Call admitted) {
+    auto* call = new UnaryCall(*context, std::move(admitted));
+    apply_numbered(daemon_, call->session(), *request, [call, reply](const EditLog::Reply& answer) {
+      if (!*answer) return call->finish(std::unexpected(answer->error()));
+      *reply = **answer;
+      call->finish({});
+    });
+    return call;
   });
-  return call;
 }
 
 grpc::ServerBidiReactor<v1::ApplyRequest, v1::ApplyReply>* Service::ApplyStream(Context* context) {
-  using Refused = Refusal<grpc::ServerBidiReactor<v1::ApplyRequest, v1::ApplyReply>>;
-  auto admitted = daemon_.gate.admit(*context, Needs::kSession);
-  if (!admitted) return new Refused(*context, admitted.error());
-  return new ApplyStreamCall(daemon_, std::move(*admitted));
+  using Reactor = grpc::ServerBidiReactor<v1::ApplyRequest, v1::ApplyReply>;
+  return let_in<Reactor>(daemon_.gate, context, Needs::kSession,
+                         [&](Call call) { return new ApplyStreamCall(daemon_, std::move(call)); });
 }
 
 // ---------------------------------------------------------------- ApplyStreamCall

@@ -42,9 +42,8 @@ class ImportCall final : public Reader<v1::SceneChunk> {
   Expected<v1::SceneInfo> create(const ImportedScene& scene) {
     auto made = rebuild(scene.description, daemon_.scenes.scene_limits());
     if (!made) return std::unexpected(std::move(made).error().at("header"));
-    const u64 session = call_.session()->id();
-    auto entry = daemon_.scenes.create(
-        {scene.name, scene.shared, *std::move(made), call_.session()->tenant()->entities}, session);
+    const Session& session = *call_.session();
+    auto entry = daemon_.scenes.create({scene.name, scene.shared, *std::move(made)}, session);
     if (!entry) return std::unexpected(entry.error());
     return scene_info(daemon_.scenes, **entry, session);
   }
@@ -61,10 +60,10 @@ class ImportCall final : public Reader<v1::SceneChunk> {
 }  // namespace
 
 Reader<v1::SceneChunk>* Service::ImportScene(Context* context, v1::SceneInfo* reply) {
-  using Refused = Refusal<Reader<v1::SceneChunk>>;
-  auto admitted = daemon_.gate.admit(*context, Needs::kSession);
-  if (!admitted) return new Refused(*context, admitted.error());
-  return new ImportCall(daemon_, *context, std::move(*admitted), *reply);
+  using Reactor = Reader<v1::SceneChunk>;
+  return let_in<Reactor>(daemon_.gate, context, Needs::kSession, [&](Call call) {
+    return new ImportCall(daemon_, *context, std::move(call), *reply);
+  });
 }
 
 }  // namespace heliograph::server

@@ -14,8 +14,10 @@ Error missing(const char* call, const char* instead) {
 }  // namespace
 
 Writer<v1::WatchReply>* Service::Watch(Context* context, const v1::WatchRequest*) {
-  return new Refusal<Writer<v1::WatchReply>>(
-      *context, missing("Watch", "poll DescribeScene for the revision"));
+  using Reactor = Writer<v1::WatchReply>;
+  return let_in<Reactor>(daemon_.gate, context, Needs::kSession, [&](const Call&) {
+    return new Refusal<Reactor>(*context, missing("Watch", "poll DescribeScene for the revision"));
+  });
 }
 
 }  // namespace heliograph::server

@@ -13,7 +13,7 @@ template <class Request, class Reply, class ToJob, class ToReply>
 void start_query(Daemon& daemon, UnaryCall& call, const Request& request, Reply& reply,
                  const ToJob& to_job, ToReply to_reply) {
   Session& session = *call.session();
-  const auto entry = daemon.scenes.find(request.scene(), session.id());
+  const auto entry = daemon.scenes.find(request.scene(), session);
   if (!entry) return call.finish(std::unexpected(entry.error()));
   const auto snapshot = snapshot_at(
       **entry, request.has_revision() ? std::optional(request.revision()) : std::nullopt);

@@ -11,7 +11,7 @@ using SnapshotPtr = std::shared_ptr<const Snapshot>;
 
 Expected<SnapshotPtr> find_snapshot(Daemon& daemon, const Session& session, u64 scene,
                                     std::optional<Revision> revision) {
-  const auto entry = daemon.scenes.find(scene, session.id());
+  const auto entry = daemon.scenes.find(scene, session);
   if (!entry) return std::unexpected(entry.error());
   return snapshot_at(**entry, revision);
 }

@@ -19,17 +19,17 @@ Status start_render(Daemon& daemon, const v1::RenderRequest& request,
 }  // namespace
 
 Writer<v1::FramePart>* Service::Render(Context* context, const v1::RenderRequest* request) {
-  using Refused = Refusal<Writer<v1::FramePart>>;
-  auto admitted = daemon_.gate.admit(*context, Needs::kSession);
-  if (!admitted) return new Refused(*context, admitted.error());
-  auto stream = FrameStream::start(daemon_, *context, std::move(*admitted));
-  auto task = [this, request, stream] {
-    if (stream->scope().is_stopped())
-      return stream->refuse(fail(Code::kCancelled, "", "cancelled"));
-    if (auto started = start_render(daemon_, *request, stream); !started) stream->refuse(started);
-  };
-  if (auto posted = daemon_.pool.post(std::move(task)); !posted) stream->refuse(posted);
-  return stream.get();
+  using Reactor = Writer<v1::FramePart>;
+  return let_in<Reactor>(daemon_.gate, context, Needs::kSession, [&](Call call) {
+    auto stream = FrameStream::start(daemon_, *context, std::move(call));
+    auto task = [this, request, stream] {
+      if (stream->scope().is_stopped())
+        return stream->refuse(fail(Code::kCancelled, "", "cancelled"));
+      if (auto started = start_render(daemon_, *request, stream); !started) stream->refuse(started);
+    };
+    if (auto posted = daemon_.pool.post(std::move(task)); !posted) stream->refuse(posted);
+    return stream.get();
+  });
 }
 
 }  // namespace heliograph::server

@@ -20,40 +20,39 @@ Status check_durability(const std::string& durability) {
 }
 
 Expected<v1::SceneInfo> create(Daemon& daemon, const Session& session, NewScene scene) {
-  scene.entities = session.tenant()->entities;
-  auto entry = daemon.scenes.create(std::move(scene), session.id());
+  auto entry = daemon.scenes.create(std::move(scene), session);
   if (!entry) return std::unexpected(entry.error());
-  return scene_info(daemon.scenes, **entry, session.id());
+  return scene_info(daemon.scenes, **entry, session);
 }
 
 Expected<v1::SceneInfo> create_scene(Daemon& daemon, const Session& session,
                                      const v1::CreateSceneRequest& request) {
   HELIO_TRY(check_durability(request.durability()));
   return create(daemon, session,
-                {request.name(), request.shared(), std::make_shared<const Snapshot>(), {}});
+                {request.name(), request.shared(), std::make_shared<const Snapshot>()});
 }
 
 Expected<v1::SceneInfo> branch_scene(Daemon& daemon, const Session& session,
                                      const v1::BranchSceneRequest& request) {
-  auto parent = daemon.scenes.find(request.scene(), session.id());
+  auto parent = daemon.scenes.find(request.scene(), session);
   if (!parent) return std::unexpected(parent.error());
   auto snapshot = snapshot_at(
       **parent, request.has_revision() ? std::optional(request.revision()) : std::nullopt);
   if (!snapshot) return std::unexpected(std::move(snapshot).error().at("revision"));
-  return create(daemon, session, {request.name(), request.shared(), std::move(*snapshot), {}});
+  return create(daemon, session, {request.name(), request.shared(), std::move(*snapshot)});
 }
 
 Expected<v1::DeleteSceneReply> delete_scene(Daemon& daemon, const Session& session,
                                             const v1::DeleteSceneRequest& request) {
-  HELIO_TRY(daemon.scenes.remove(request.scene(), session.id()));
+  HELIO_TRY(daemon.scenes.remove(request.scene(), session));
   return v1::DeleteSceneReply();
 }
 
 Status describe_scene(Daemon& daemon, const Session& session,
                       const v1::DescribeSceneRequest& request, v1::DescribeSceneReply& reply) {
-  const auto entry = daemon.scenes.find(request.scene(), session.id());
+  const auto entry = daemon.scenes.find(request.scene(), session);
   if (!entry) return std::unexpected(entry.error());
-  *reply.mutable_scene() = scene_info(daemon.scenes, **entry, session.id());
+  *reply.mutable_scene() = scene_info(daemon.scenes, **entry, session);
   const auto snapshot = (*entry)->scene.head();
   describe_counts(*snapshot, reply);
   if (request.tree()) describe_objects(*snapshot, request.pattern(), reply);
@@ -61,7 +60,9 @@ Status describe_scene(Daemon& daemon, const Session& session,
   auto& memory = *reply.mutable_memory();
   memory["arrays"] = array_bytes(*snapshot);
   memory["rows"] = row_bytes(*snapshot);
-  if (const Engine* engine = daemon.engine->get()) memory["derived"] = engine->derived_bytes();
+  const Engine* engine = daemon.engine->get();
+  if (engine != nullptr && !daemon.tenants.are_several())  // it counts everybody's
+    memory["derived"] = engine->derived_bytes();
   return {};
 }
 
@@ -80,7 +81,7 @@ grpc::ServerUnaryReactor* Service::CreateScene(Context* context,
 grpc::ServerUnaryReactor* Service::OpenScene(Context* context, const v1::OpenSceneRequest* request,
                                              v1::SceneInfo* reply) {
   return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
-    const u64 session = call.session()->id();
+    const Session& session = *call.session();
     const auto entry = daemon_.scenes.open(request->name(), session);
     if (!entry) return call.finish(std::unexpected(entry.error()));
     *reply = scene_info(daemon_.scenes, **entry, session);
@@ -112,7 +113,7 @@ grpc::ServerUnaryReactor* Service::ListScenes(Context* context,
                                               const v1::ListScenesRequest* request,
                                               v1::ListScenesReply* reply) {
   return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
-    const u64 session = call.session()->id();
+    const Session& session = *call.session();
     for (const ScenePtr& scene : daemon_.scenes.list(session))
       *reply->add_scenes() = scene_info(daemon_.scenes, *scene, session);
     call.finish({});

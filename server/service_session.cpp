@@ -27,7 +27,7 @@ void describe_sharing(v1::GetServerInfoReply& reply) {
     reply.add_refused("shared_memory: no sealed memfd; frames travel as bytes");
 }
 
-void describe_server(const Daemon& daemon, v1::GetServerInfoReply& reply) {
+void describe_server(const Daemon& daemon, const Tenant& tenant, v1::GetServerInfoReply& reply) {
   reply.set_version(kVersion);
   reply.set_api("v1");
   reply.set_instance(daemon.instance);
@@ -37,26 +37,26 @@ void describe_server(const Daemon& daemon, v1::GetServerInfoReply& reply) {
                                                : std::thread::hardware_concurrency());
   for (const auto& [name, value] : list_limits(daemon.config.limits))
     (*reply.mutable_limits())[name] = value;
-  for (const auto& [name, amount] : daemon.tenants.of_caller()->used())
-    (*reply.mutable_used())[name] = amount;
+  for (const auto& [name, amount] : tenant.used()) (*reply.mutable_used())[name] = amount;
   reply.set_not_ready(daemon.health.not_ready());
   reply.set_ready(reply.not_ready().empty());
   describe_sharing(reply);
+  if (daemon.config.is_exposed()) reply.add_refused(kExposed);
   if (daemon.decoder)
     describe_decoder(**daemon.decoder, reply);
   else
     reply.add_refused("decoder: " + daemon.decoder.error().message);
 }
 
-/// The sessions of the caller's tenant, the oldest first. Their numbers are secrets.
-void describe_sessions(const Daemon& daemon, v1::GetServerInfoReply& reply) {
-  const TenantPtr& tenant = daemon.tenants.of_caller();
+/// The sessions of a tenant, the oldest first. Their numbers are secrets.
+void describe_sessions(const Daemon& daemon, const TenantPtr& tenant,
+                       v1::GetServerInfoReply& reply) {
   auto sessions = daemon.sessions.list();
   std::erase_if(sessions, [&](const auto& session) { return session->tenant() != tenant; });
   std::ranges::sort(sessions, std::ranges::greater{},
                     [](const auto& session) { return session->open_seconds(); });
   std::unordered_map<u64, u32> scenes;
-  for (const ScenePtr& scene : daemon.scenes.list(0)) ++scenes[scene->owner];
+  for (const ScenePtr& scene : daemon.scenes.all()) ++scenes[scene->owner];
   for (const auto& session : sessions) {
     v1::SessionUse* use = reply.add_sessions();
     use->set_client(session->client());
@@ -91,9 +91,9 @@ class KeepSessionStream final : public Writer<v1::KeepSessionReply> {
   std::optional<std::stop_callback<std::function<void()>>> on_end_;
 };
 
-Expected<std::shared_ptr<Session>> open_session(Daemon& daemon,
+Expected<std::shared_ptr<Session>> open_session(Daemon& daemon, const TenantPtr& tenant,
                                                 const v1::OpenSessionRequest& request) {
-  auto session = daemon.sessions.open({request.client(), daemon.tenants.of_caller()});
+  auto session = daemon.sessions.open({request.client(), tenant});
   if (!session || request.ticket().empty()) return session;
   const u64 id = (*session)->id();
   daemon.sessions.attach(id);
@@ -111,8 +111,8 @@ grpc::ServerUnaryReactor* Service::GetServerInfo(Context* context,
                                                  const v1::GetServerInfoRequest* request,
                                                  v1::GetServerInfoReply* reply) {
   return unary(daemon_.gate, context, *request, Needs::kNothing, [&](UnaryCall& call) {
-    describe_server(daemon_, *reply);
-    describe_sessions(daemon_, *reply);
+    describe_server(daemon_, *call.tenant(), *reply);
+    describe_sessions(daemon_, call.tenant(), *reply);
     call.finish({});
   });
 }
@@ -121,24 +121,24 @@ grpc::ServerUnaryReactor* Service::OpenSession(Context* context,
                                                const v1::OpenSessionRequest* request,
                                                v1::OpenSessionReply* reply) {
   return unary(daemon_.gate, context, *request, Needs::kNewSession, [&](UnaryCall& call) {
-    const auto session = open_session(daemon_, *request);
+    const auto session = open_session(daemon_, call.tenant(), *request);
     if (!session) return call.finish(std::unexpected(session.error()));
-    daemon_.log.info("session opened", {{"client", request->client()}});
+    daemon_.log.info("session opened",
+                     {{"client", request->client()}, {"tenant", call.tenant()->name}});
     reply->set_session((*session)->id());
     reply->set_instance(daemon_.instance);
     reply->set_grace_seconds(daemon_.config.grace_seconds);
-    describe_server(daemon_, *reply->mutable_server());
+    describe_server(daemon_, *call.tenant(), *reply->mutable_server());
     call.finish({});
   });
 }
 
 Writer<v1::KeepSessionReply>* Service::KeepSession(Context* context,
                                                    const v1::KeepSessionRequest* request) {
-  using Refused = Refusal<Writer<v1::KeepSessionReply>>;
-  auto admitted = daemon_.gate.admit(*context, Needs::kSessionAlways);
-  if (!admitted) return new Refused(*context, admitted.error());
-  if (auto known = check_known(*request); !known) return new Refused(*context, known.error());
-  return new KeepSessionStream(daemon_.sessions, std::move(*admitted));
+  using Reactor = Writer<v1::KeepSessionReply>;
+  return let_in<Reactor>(daemon_.gate, context, *request, Needs::kSessionAlways, [&](Call call) {
+    return new KeepSessionStream(daemon_.sessions, std::move(call));
+  });
 }
 
 grpc::ServerUnaryReactor* Service::CloseSession(Context* context,

@@ -60,10 +60,10 @@ class UploadCall final : public Reader<v1::UploadBlobRequest> {
 }  // namespace
 
 Reader<v1::UploadBlobRequest>* Service::UploadBlob(Context* context, v1::UploadBlobReply* reply) {
-  using Refused = Refusal<Reader<v1::UploadBlobRequest>>;
-  auto admitted = daemon_.gate.admit(*context, Needs::kSession);
-  if (!admitted) return new Refused(*context, admitted.error());
-  return new UploadCall(*context, std::move(*admitted), *reply, daemon_.config.limits.chunk_bytes);
+  using Reactor = Reader<v1::UploadBlobRequest>;
+  return let_in<Reactor>(daemon_.gate, context, Needs::kSession, [&](Call call) {
+    return new UploadCall(*context, std::move(call), *reply, daemon_.config.limits.chunk_bytes);
+  });
 }
 
 }  // namespace heliograph::server

@@ -49,7 +49,7 @@ Expected<std::shared_ptr<Session>> Sessions::open(SessionOwner owner) {
   while (id == 0)
     if (::getrandom(&id, sizeof id, 0) != sizeof id)
       return fail(Code::kInternal, "", "no random numbers");
-  auto session = std::make_shared<Session>(id, std::move(owner), options_.session, stores_);
+  auto session = std::make_shared<Session>(id, std::move(owner), options_.session);
   {
     const std::lock_guard lock(mutex_);
     if (open_.size() >= options_.limit)
@@ -113,6 +113,11 @@ void Sessions::close(u64 id) {
   }
   session->stop_.request_stop();
   ended_(*session);
+}
+
+void Sessions::close_of(const Tenant& tenant) {
+  for (const auto& session : list())
+    if (session->tenant().get() == &tenant) close(session->id());
 }
 
 void Sessions::close_all() {

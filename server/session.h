@@ -21,12 +21,6 @@ namespace heliograph::server {
 /// What a caller is told while the daemon ends.
 [[nodiscard]] std::unexpected<Error> shutting_down();
 
-/// What all sessions share. Outlives them.
-struct Stores {
-  BlobStore& blobs;
-  AssetStore& assets;
-};
-
 /// Who opens a session.
 struct SessionOwner {
   std::string client;  // free text, for logs
@@ -41,13 +35,13 @@ class Session {
     u64 shared_bytes = 1ull << 30;
     ReplyLimits replies;
   };
-  Session(u64 id, SessionOwner owner, Limits limits, Stores stores)
+  Session(u64 id, SessionOwner owner, Limits limits)
       : id_(id),
         client_(std::move(owner.client)),
         tenant_(std::move(owner.tenant)),
         limits_(limits),
         requests_(limits.replies),
-        holdings_(stores.blobs, stores.assets, tenant_->bytes) {}
+        holdings_(tenant_->blobs, tenant_->assets, tenant_->bytes) {}
 
   [[nodiscard]] u64 id() const { return id_; }
   [[nodiscard]] const std::string& client() const { return client_; }
@@ -102,9 +96,8 @@ class Sessions {
     Session::Limits session;
   };
   /// `ended` is called once for each session, from any thread, after its jobs were told to stop.
-  Sessions(EventLoop& loop, Options options, Stores stores,
-           std::function<void(const Session&)> ended)
-      : loop_(loop), options_(options), stores_(stores), ended_(std::move(ended)) {}
+  Sessions(EventLoop& loop, Options options, std::function<void(const Session&)> ended)
+      : loop_(loop), options_(options), ended_(std::move(ended)) {}
 
   /// Opens a session that nothing carries yet: its grace time starts.
   [[nodiscard]] Expected<std::shared_ptr<Session>> open(SessionOwner owner);
@@ -114,6 +107,8 @@ class Sessions {
   /// The end of a carrier; of the last one starts the grace time.
   void detach(u64 id);
   void close(u64 id);
+  /// All of a tenant's.
+  void close_of(const Tenant& tenant);
   /// The daemon ends.
   void close_all();
   [[nodiscard]] u32 count() const;
@@ -124,7 +119,6 @@ class Sessions {
 
   EventLoop& loop_;
   const Options options_;
-  const Stores stores_;
   const std::function<void(const Session&)> ended_;
   mutable std::mutex mutex_;
   std::unordered_map<u64, std::shared_ptr<Session>> open_;

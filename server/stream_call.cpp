@@ -176,7 +176,7 @@ std::shared_ptr<StreamCall::Job> StreamCall::next_job() {
 
 /// From now on it is told of the scene's revisions.
 Status StreamCall::follow(u64 scene) {
-  const auto entry = daemon_.scenes.find(scene, scope_.session()->id());
+  const auto entry = daemon_.scenes.find(scene, *scope_.session());
   if (!entry) return std::unexpected(Error(entry.error()).at("settings"));
   {
     const std::lock_guard lock(mutex_);
@@ -304,7 +304,7 @@ void StreamCall::look(EventLoop::Clock::time_point now) {
                              limit)));
   }
   if (scene != 0)
-    if (const auto found = daemon_.scenes.find(scene, scope_.session()->id()); !found) {
+    if (const auto found = daemon_.scenes.find(scene, *scope_.session()); !found) {
       const std::lock_guard lock(mutex_);
       close(std::unexpected(found.error()));
     }

@@ -1,9 +1,8 @@
-// Making, reading and comparing the TCP token. Called by main and the gate.
+// Making and reading the TCP token. Called by identity.cpp.
 #include "server/token.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
-#include <openssl/crypto.h>
 #include <sys/random.h>
 #include <sys/stat.h>
 
@@ -49,10 +48,6 @@ Expected<std::string> load_token(const std::string& path) {
     return fail(Code::kInvalidArgument, "--token-file",
                 path + " holds fewer than 16 characters; delete it to have one made");
   return token;
-}
-
-bool same_token(std::string_view a, std::string_view b) {
-  return a.size() == b.size() && CRYPTO_memcmp(a.data(), b.data(), a.size()) == 0;
 }
 
 }  // namespace heliograph::server

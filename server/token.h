@@ -2,7 +2,6 @@
 #pragma once
 
 #include <string>
-#include <string_view>
 
 #include "renderer/base/error.h"
 
@@ -11,8 +10,5 @@ namespace heliograph::server {
 /// Reads the token file, or makes it (mode 0600, 32 random bytes in hexadecimal).
 /// PERMISSION_DENIED when others may read it.
 [[nodiscard]] Expected<std::string> load_token(const std::string& path);
-
-/// Compares in a time that does not depend on the content.
-[[nodiscard]] bool same_token(std::string_view a, std::string_view b);
 
 }  // namespace heliograph::server

@@ -39,8 +39,18 @@ def test_what_is_not_built_says_when():
 
     with pytest.raises(NotImplementedError, match="Training data"):
         hd.Compose()
-    with pytest.raises(hg.Unimplemented, match="tls"):
-        hg.connect("node7:7443", tls=object())
+
+
+@pytest.mark.parametrize("address", [None, "unix:///run/heliograph.sock"])
+def test_tls_is_for_tcp(address):
+    with pytest.raises(hg.InvalidArgument, match="host:port") as error:
+        hg.connect(address, tls=hg.TLS())
+    assert error.value.field == "tls"
+
+
+def test_a_certificate_needs_its_key():
+    with pytest.raises(hg.InvalidArgument, match="go together"):
+        hg.TLS(cert="client.pem")
 
 
 def test_typed_errors(client):

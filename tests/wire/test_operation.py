@@ -136,13 +136,13 @@ def test_metrics_count_what_happens(start):
         'heliograph_calls_total{code="OK",method="Render"}') else None)(scrape(daemon)))
     assert after["heliograph_sessions"] == 1
     assert after["heliograph_scenes"] == before["heliograph_scenes"] + 1
-    assert after['heliograph_samples_total{tenant="0"}'] == 64 * 64 * 4
-    assert after['heliograph_rays_total{tenant="0"}'] > 0
-    assert after['heliograph_job_queue_seconds_count{tenant="0"}'] == 1
-    assert after['heliograph_job_device_seconds_sum{tenant="0"}'] > 0
-    assert after['heliograph_jobs_total{code="OK",tenant="0"}'] == 1
+    assert after['heliograph_samples_total{tenant="local"}'] == 64 * 64 * 4
+    assert after['heliograph_rays_total{tenant="local"}'] > 0
+    assert after['heliograph_job_queue_seconds_count{tenant="local"}'] == 1
+    assert after['heliograph_job_device_seconds_sum{tenant="local"}'] > 0
+    assert after['heliograph_jobs_total{code="OK",tenant="local"}'] == 1
     assert after['heliograph_sent_bytes_total{method="Render"}'] > 64 * 64 * 12
-    assert after['heliograph_tenant_used{limit="tenant_entities",tenant="0"}'] == 1
+    assert after['heliograph_tenant_used{limit="tenant_entities",tenant="local"}'] == 1
     assert after["heliograph_connections"] >= 1
     assert 1e7 < after["process_resident_memory_bytes"] < 1e10
     client.close()

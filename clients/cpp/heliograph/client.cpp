@@ -63,14 +63,18 @@ const std::string& Client::address() const { return session_->address(); }
 
 void Client::close() { session_->close(); }
 
+Client connect(const std::string& address, const ConnectOptions& options) {
+  return Client(std::make_shared<wire::Session>(address, options, nullptr));
+}
+
 Client connect(const std::string& address, const std::string& token) {
-  return Client(std::make_shared<wire::Session>(address, token, nullptr));
+  return connect(address, ConnectOptions{token, {}});
 }
 
 Client launch(const LaunchOptions& options) {
   auto daemon = std::make_unique<wire::PrivateDaemon>(options);
   const std::string address = daemon->address();
-  return Client(std::make_shared<wire::Session>(address, "", std::move(daemon)));
+  return Client(std::make_shared<wire::Session>(address, ConnectOptions(), std::move(daemon)));
 }
 
 }  // namespace heliograph

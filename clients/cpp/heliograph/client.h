@@ -5,6 +5,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -54,8 +55,22 @@ class Client {
   std::shared_ptr<wire::Session> session_;
 };
 
-/// A daemon that runs: "unix:///run/heliograph.sock" (Linux), or "127.0.0.1:7443" with its token.
-Client connect(const std::string& address, const std::string& token = "");
+/// Encryption and certificates of TCP: paths of PEM files, read when the client connects.
+struct Tls {
+  std::string ca{};    // who signed the daemon's certificate; "": whom the system trusts
+  std::string cert{};  // this client's own, with its key, for a daemon that demands one
+  std::string key{};
+  std::string server_name{};  // the name in the daemon's certificate, where the address has another
+};
+
+struct ConnectOptions {
+  std::string token{};  // who this client is
+  std::optional<Tls> tls{};
+};
+
+/// A daemon that runs: "unix:///run/heliograph.sock" (Linux), or "node7:7443".
+Client connect(const std::string& address, const ConnectOptions& options = {});
+Client connect(const std::string& address, const std::string& token);
 
 struct LaunchOptions {
   std::vector<std::string> arguments{};  // more flags of heliographd

@@ -3,6 +3,8 @@
 
 #include <array>
 #include <cstdint>
+#include <fstream>
+#include <iterator>
 #include <random>
 #include <utility>
 
@@ -36,8 +38,29 @@ Target target_of(const std::string& address) {
                     {"address"});
 }
 
-std::shared_ptr<grpc::Channel> open_channel(const std::string& target) {
+std::string read_pem(const std::string& path) {
+  if (path.empty()) return "";
+  std::ifstream file(path, std::ios::binary);
+  std::string pem{std::istreambuf_iterator<char>(file), {}};
+  if (!pem.empty()) return pem;
+  throw ClientError(Code::kInvalidArgument, "tls: cannot read " + path, {"tls"});
+}
+
+std::shared_ptr<grpc::ChannelCredentials> credentials_of(const Tls& tls) {
+  if (tls.cert.empty() != tls.key.empty())
+    throw ClientError(Code::kInvalidArgument, "tls: cert and key go together", {"tls"});
+  grpc::SslCredentialsOptions options;
+  options.pem_root_certs = read_pem(tls.ca);
+  options.pem_cert_chain = read_pem(tls.cert);
+  options.pem_private_key = read_pem(tls.key);
+  return grpc::SslCredentials(options);
+}
+
+std::shared_ptr<grpc::Channel> open_channel(const Target& target, const std::optional<Tls>& tls) {
+  if (tls && !target.socket.empty())
+    throw ClientError(Code::kInvalidArgument, "tls: is for host:port", {"tls"});
   grpc::ChannelArguments arguments;
+  if (tls && !tls->server_name.empty()) arguments.SetSslTargetNameOverride(tls->server_name);
   arguments.SetMaxReceiveMessageSize(-1);
   arguments.SetMaxSendMessageSize(-1);
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
@@ -45,7 +68,8 @@ std::shared_ptr<grpc::Channel> open_channel(const std::string& target) {
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 50);
   arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 50);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 1000);
-  return grpc::CreateCustomChannel(target, grpc::InsecureChannelCredentials(), arguments);
+  return grpc::CreateCustomChannel(
+      target.channel, tls ? credentials_of(*tls) : grpc::InsecureChannelCredentials(), arguments);
 }
 
 std::chrono::system_clock::time_point in_seconds(double seconds) {
@@ -65,13 +89,13 @@ std::string make_request_id() {
   return out;
 }
 
-Session::Session(std::string address, const std::string& token,
+Session::Session(std::string address, const ConnectOptions& options,
                  std::unique_ptr<PrivateDaemon> daemon)
-    : address_(std::move(address)), token_(token), daemon_(std::move(daemon)) {
+    : address_(std::move(address)), token_(options.token), daemon_(std::move(daemon)) {
   const Target target = target_of(address_);
   if (!target.socket.empty())
     lifeline_ = std::make_unique<Lifeline>(target.socket + ".fd.sock", kRetrySeconds);
-  channel_ = open_channel(target.channel);
+  channel_ = open_channel(target, options.tls);
   stub_ = v1::Renderer::NewStub(channel_);
   open(lifeline_ ? lifeline_->ticket() : "");
   if (!lifeline_) keep();

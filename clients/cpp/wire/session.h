@@ -16,6 +16,7 @@
 #include <thread>
 #include <vector>
 
+#include "heliograph/client.h"
 #include "heliograph/error.h"
 #include "heliograph/v1/service.grpc.pb.h"
 #include "wire/launch.h"
@@ -58,7 +59,8 @@ class Session : public std::enable_shared_from_this<Session> {
  public:
   using Stub = v1::Renderer::Stub;
 
-  Session(std::string address, const std::string& token, std::unique_ptr<PrivateDaemon> daemon);
+  Session(std::string address, const ConnectOptions& options,
+          std::unique_ptr<PrivateDaemon> daemon);
   ~Session();
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;

@@ -26,11 +26,13 @@ from .errors import (
 )
 
 if TYPE_CHECKING:
+    import os
     from collections.abc import Sequence
 
     from . import materials, shapes
     from ._batch import Job
     from ._progress import Progress
+    from .access import TLS
     from .client import Client
     from .components import Camera, Tex, Visibility
     from .edit import Edits
@@ -63,6 +65,7 @@ _LAZY = {
     "Progress": "_progress",
     "RgbSensor": "sensors",
     "Scene": "scene",
+    "TLS": "access",
     "Tex": "components",
     "Texture": "handles",
     "Visibility": "components",
@@ -76,6 +79,7 @@ _LAZY = {
 }
 
 __all__ = [
+    "TLS",
     "Aborted",
     "AlreadyExists",
     "Asset",
@@ -140,16 +144,17 @@ def __dir__() -> list[str]:
 def connect(
     address: str | None = None,
     *,
-    token: str | None = None,
-    tls: Any = None,
+    token: str | os.PathLike[str] | None = None,
+    tls: TLS | None = None,
     arguments: Sequence[str] = (),
     timeout: float = 30.0,
 ) -> Client:
     """A client of a daemon.
 
     Without an address: a private heliographd, which ends with this process; `arguments` are more
-    of its flags (`--threads 4`). Otherwise "unix:///path/heliograph.sock", or "host:port" with the
-    daemon's `token`. `timeout`: seconds a private daemon may take to start.
+    of its flags (`--threads 4`). Otherwise "unix:///path/heliograph.sock" or "host:port".
+    `token`: who this client is, or a path to a file with it, which may change while the client
+    runs. `tls`: of "host:port", see TLS. `timeout`: seconds a private daemon may take to start.
     The daemon's log goes to logging.getLogger("heliograph").
     """
     daemon = None
@@ -158,13 +163,14 @@ def connect(
 
         daemon = PrivateDaemon(arguments)
     try:
+        from .access import Access
         from .client import check_arguments, open_client
 
         check_arguments(address, tls, arguments)
         if daemon is not None:
             address = daemon.address(timeout)
         assert address is not None
-        return open_client(address, token, daemon)
+        return open_client(Access(address, token, tls), daemon)
     except BaseException:
         if daemon is not None:
             daemon.stop()

@@ -21,21 +21,13 @@ from google.protobuf import message_factory
 from ._proto import service_pb2 as service
 from ._proto import types_pb2 as types
 from ._shared import share_frames
-from .errors import BY_CODE, HeliographError, Internal, InvalidArgument, Unavailable
+from .access import Access
+from .errors import BY_CODE, HeliographError, Internal, Unavailable
 
 if TYPE_CHECKING:
     from ._launch import PrivateDaemon
 
 RETRY_SECONDS = 10.0  # how long an unreachable daemon is tried again
-_OPTIONS = (
-    ("grpc.max_receive_message_length", -1),
-    ("grpc.max_send_message_length", -1),
-    ("grpc.use_local_subchannel_pool", 1),  # a forked child must not meet its parent's connection
-    ("grpc.enable_http_proxy", 0),
-    ("grpc.initial_reconnect_backoff_ms", 50),
-    ("grpc.min_reconnect_backoff_ms", 50),
-    ("grpc.max_reconnect_backoff_ms", 1000),
-)
 _METHODS = service.DESCRIPTOR.services_by_name["Renderer"].methods_by_name
 _CODES = {code.value[0]: code.name for code in grpc.StatusCode}
 _TICKET_BYTES = 16
@@ -91,37 +83,20 @@ def detail_fields(detail: types.ErrorDetail) -> dict[str, Any]:
     }
 
 
-def target_of(address: str) -> tuple[str, str]:
-    """(gRPC target, path of the Unix socket or ""). Refuses what is neither."""
-    if address.startswith("unix:"):
-        path = address[len("unix:") :]
-        path = path[2:] if path.startswith("//") else path
-        if not path.startswith("/"):
-            raise InvalidArgument(f"address {address!r}: write unix:///path", field="address")
-        return "unix://" + path, path
-    host, colon, port = address.rpartition(":")
-    if not (colon and host and port.isdigit()):
-        raise InvalidArgument(
-            f'address {address!r}: write "unix:///path" or "host:port"', field="address"
-        )
-    return address, ""
-
-
 class Link:
     """A channel and the session opened over it. Belongs to the process that opened it."""
 
-    def __init__(self, address: str, token: str | None) -> None:
-        target, path = target_of(address)
+    def __init__(self, access: Access) -> None:
+        path = access.socket
         self.pid = os.getpid()
+        self._access = access
         self._calls: dict[tuple[str, bool], Any] = {}
-        self.metadata: tuple[tuple[str, str], ...] = ()
-        if token:
-            self.metadata = (("authorization", f"Bearer {token}"),)
+        self._session: tuple[tuple[str, str], ...] = ()
         self._lifeline: socket.socket | None = None
         self._keep: Any = None
         self._keeper: threading.Thread | None = None
         ticket = self._connect_lifeline(path + ".fd.sock") if path else b""
-        self.channel = grpc.insecure_channel(target, options=_OPTIONS)
+        self.channel = access.channel()
         try:
             self._open_session(ticket)
         except BaseException:
@@ -154,12 +129,21 @@ class Link:
 
         client = f"python {platform.python_version()} heliograph {__version__}"
         request = service.OpenSessionRequest(client=client, ticket=ticket)
-        reply = self.method("OpenSession")(
-            request, timeout=RETRY_SECONDS, metadata=self.metadata, wait_for_ready=True
-        )
+        call, metadata = self.method("OpenSession"), self.metadata
+        try:
+            reply = call(request, timeout=RETRY_SECONDS, metadata=metadata, wait_for_ready=True)
+        except grpc.RpcError as error:
+            if error.code() != grpc.StatusCode.DEADLINE_EXCEEDED:
+                raise
+            reply = call(request, timeout=1, metadata=metadata)  # its error names the cause
         self.session = int(reply.session)
         self.server: service.GetServerInfoReply = reply.server
-        self.metadata += (("heliograph-session", str(self.session)),)
+        self._session = (("heliograph-session", str(self.session)),)
+
+    @property
+    def metadata(self) -> tuple[tuple[str, str], ...]:
+        """What each call carries."""
+        return self._access.metadata() + self._session
 
     def keep_session(self) -> None:
         """Over TCP a stream carries the session; a thread reads it."""
@@ -231,9 +215,8 @@ class Connection:
     Thread: any.
     """
 
-    def __init__(self, address: str, token: str | None, daemon: PrivateDaemon | None) -> None:
-        self.address = address
-        self.token = token
+    def __init__(self, access: Access, daemon: PrivateDaemon | None) -> None:
+        self.access = access
         self.daemon = daemon
         self.closed = False
         self._lock = threading.Lock()
@@ -259,7 +242,7 @@ class Connection:
 
     def _open_link(self) -> Link:
         try:
-            return Link(self.address, self.token)
+            return Link(self.access)
         except grpc.RpcError as error:
             raise self._lost(to_error(error)) from None
         except Unavailable as error:

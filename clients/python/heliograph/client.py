@@ -12,19 +12,20 @@ from typing import TYPE_CHECKING, Any
 from ._arrays import Store
 from ._connection import Connection
 from ._proto import service_pb2 as service
-from .errors import InvalidArgument, Unimplemented
+from .access import TLS, Access
+from .errors import InvalidArgument
 from .scene import Scene, SceneState
 
 if TYPE_CHECKING:
     from ._launch import PrivateDaemon
 
-_clients: weakref.WeakValueDictionary[tuple[int, str], Client] = weakref.WeakValueDictionary()
+_clients: weakref.WeakValueDictionary[tuple[int, Access], Client] = weakref.WeakValueDictionary()
 
 
 class Client:
     """A session with a daemon. Use it in a `with`, or close() it. Thread: any.
 
-    Pickles as its address; a forked child opens a session of its own.
+    Pickles as its address and access; a forked child opens a session of its own.
     """
 
     def __init__(self, connection: Connection) -> None:
@@ -32,12 +33,12 @@ class Client:
         self.store = Store(connection)
         self._states: dict[int, SceneState] = {}
         self._lock = threading.Lock()
-        _clients[(os.getpid(), self.address)] = self
+        _clients[(os.getpid(), connection.access)] = self
 
     @property
     def address(self) -> str:
         """ "unix:///path" or "host:port"."""
-        return self.connection.address
+        return self.connection.access.address
 
     def create_scene(
         self, name: str = "", *, durability: str = "none", shared: bool = False
@@ -97,37 +98,33 @@ class Client:
         return f"<Client {self.address}>"
 
     def __reduce__(self) -> Any:
-        return _reconnect, (self.address, self.connection.token)
+        return _reconnect, (self.connection.access,)
 
 
-def _reconnect(address: str, token: str | None) -> Client:
-    """Unpickling: this process's client of that address, or a new one."""
-    found = _clients.get((os.getpid(), address))
+def _reconnect(access: Access) -> Client:
+    """Unpickling: this process's client of that daemon, or a new one."""
+    found = _clients.get((os.getpid(), access))
     if found is None or found.connection.closed:
-        return open_client(address, token, None)
+        return open_client(access, None)
     return found
 
 
-def open_client(address: str, token: str | None, daemon: PrivateDaemon | None) -> Client:
+def open_client(access: Access, daemon: PrivateDaemon | None) -> Client:
     """A client whose session is open."""
-    connection = Connection(address, token, daemon)
+    connection = Connection(access, daemon)
     try:
         connection.open()
     except BaseException:
         connection.close()
         raise
-    client = Client(connection)
-    _clients[(os.getpid(), address)] = client
-    return client
+    return Client(connection)
 
 
-def check_arguments(address: str | None, tls: Any, arguments: Sequence[str]) -> None:
-    """What connect() refuses before it starts anything."""
-    if tls is not None:
-        raise Unimplemented(
-            "tls= arrives with the issue Many clients: use a Unix socket, or loopback TCP with "
-            "token=",
-            field="tls",
-        )
+def check_arguments(address: str | None, tls: TLS | None, arguments: Sequence[str]) -> None:
+    """What connect() refuses."""
+    if tls is not None and (address is None or address.startswith("unix:")):
+        raise InvalidArgument('tls= is for "host:port"', field="tls")
+    if tls is not None and not isinstance(tls, TLS):
+        raise InvalidArgument("tls= is a heliograph.TLS(...)", field="tls")
     if address is not None and arguments:
         raise InvalidArgument("arguments= are for the private daemon", field="arguments")

@@ -1,12 +1,26 @@
-// usage: robot ADDRESS [TOKEN]; prints the depth in the middle of a picture.
+// usage: robot ADDRESS [TOKEN [CA [CERT KEY]]]; prints the depth in the middle of a picture.
 #include <heliograph/heliograph.h>
 
 #include <iostream>
 
 namespace hg = heliograph;
 
+/// The arguments after the address; files of certificates mean TLS.
+hg::ConnectOptions options_of(int argc, char** argv) {
+  hg::ConnectOptions options;
+  if (argc > 2) options.token = argv[2];
+  if (argc < 4) return options;
+  options.tls.emplace();
+  options.tls->ca = argv[3];
+  if (argc > 5) {
+    options.tls->cert = argv[4];
+    options.tls->key = argv[5];
+  }
+  return options;
+}
+
 int main(int argc, char** argv) try {
-  hg::Client client = hg::connect(argv[1], argc > 2 ? argv[2] : "");
+  hg::Client client = hg::connect(argv[1], options_of(argc, argv));
   hg::Scene scene = client.create_scene();
   hg::Transaction edit = scene.edit();
   edit.entity("wall", hg::Components().mesh(edit.mesh("", hg::shapes::plane(4))));

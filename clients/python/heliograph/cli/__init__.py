@@ -36,7 +36,12 @@ def add_connection(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--address", metavar="ADDRESS", help="unix:///path or host:port; default: a private daemon"
     )
-    group.add_argument("--token", help="token of a daemon reached over TCP")
+    group.add_argument("--token", help="who you are; other users of this machine see it: better")
+    group.add_argument("--token-file", metavar="FILE", help="the file that the token is in")
+    group.add_argument("--tls", action="store_true", help="encrypt; implied by the next ones")
+    group.add_argument("--tls-ca", metavar="FILE", help="who signed the daemon's certificate, PEM")
+    group.add_argument("--tls-cert", metavar="FILE", help="your certificate, PEM")
+    group.add_argument("--tls-key", metavar="FILE", help="its key, PEM")
     group.add_argument(
         "--threads", type=int, metavar="N", help="render threads of a private daemon; default all"
     )
@@ -44,12 +49,17 @@ def add_connection(parser: argparse.ArgumentParser) -> None:
 
 def connect(arguments: argparse.Namespace) -> object:
     """The client those flags name."""
+    from pathlib import Path
+
     import heliograph
 
+    files = {name: getattr(arguments, f"tls_{name}") for name in ("ca", "cert", "key")}
+    tls = heliograph.TLS(**files) if arguments.tls or any(files.values()) else None
+    token = Path(arguments.token_file) if arguments.token_file else arguments.token
     flags: Sequence[str] = ()
     if arguments.threads is not None:
         flags = ("--threads", str(arguments.threads))
-    return heliograph.connect(arguments.address, token=arguments.token, arguments=flags)
+    return heliograph.connect(arguments.address, token=token, tls=tls, arguments=flags)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -1,0 +1,53 @@
+// Who a caller is: what the tenants file says of tokens, certificates and the Unix socket. Read by
+// main, at start and when the file changes; asked by Tenants.
+#pragma once
+
+#include <map>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "renderer/base/error.h"
+#include "server/config.h"
+
+namespace heliograph::server {
+
+/// What is known of who makes a call. Views live as long as the call.
+struct Caller {
+  bool is_local = false;                  // over the Unix socket
+  std::string_view token;                 // "": none was sent
+  std::vector<std::string_view> names{};  // of its certificate
+};
+
+/// Tokens, certificate names and the Unix socket, each with the name of its tenant. Tokens are held
+/// as their SHA-256.
+class Identities {
+ public:
+  /// Lines `TENANT token sha256:HEX`, `TENANT certificate NAME`, `TENANT socket`; `#` starts a
+  /// comment. INVALID_ARGUMENT with the line's number, never with what is in it.
+  [[nodiscard]] static Expected<Identities> parse(std::string_view text);
+
+  /// `hash`: SHA-256 of the token, 32 bytes. ALREADY_EXISTS when another tenant has it.
+  [[nodiscard]] Status add_token(const std::string& hash, const std::string& tenant);
+  [[nodiscard]] Status add_certificate(const std::string& name, const std::string& tenant);
+  [[nodiscard]] Status set_socket(const std::string& tenant);
+
+  /// The tenant's name: by the token if one was sent; else by the certificate; else by the socket.
+  /// Null: nobody's, or of names of several tenants.
+  [[nodiscard]] const std::string* tenant_of(const Caller& caller) const;
+  [[nodiscard]] std::set<std::string> tenants() const;
+
+ private:
+  [[nodiscard]] Status add_line(std::string_view line);
+
+  std::map<std::string, std::string> tokens_;
+  std::map<std::string, std::string, std::less<>> certificates_;
+  std::string socket_;
+};
+
+/// What the tenants file says; without one, all who may use the socket or know the token of
+/// --token-file are one tenant, "local".
+[[nodiscard]] Expected<Identities> load_identities(const Config& config);
+
+}  // namespace heliograph::server

@@ -1,0 +1,150 @@
+// The tenants file: what it says, what is refused, and who a caller is then.
+#include "server/identity.h"
+
+#include <fmt/format.h>
+#include <sys/stat.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "server/hash.h"
+#include "server/holdings.h"
+#include "server/secret_file.h"
+#include "server/tenant.h"
+#include "tests/unit/catch.h"
+
+using namespace heliograph;
+using namespace heliograph::server;
+
+namespace {
+
+const std::string kToken = "a-token-that-is-long-enough";
+
+std::string hex_hash(const std::string& token) {
+  std::string text = "sha256:";
+  for (const unsigned char byte : sha256(token)) text += fmt::format("{:02x}", byte);
+  return text;
+}
+
+const std::string kFile =
+    "# who may\n"
+    "robots  token " +
+    hex_hash(kToken) +
+    "\n"
+    "\n"
+    "robots\tcertificate node7.example.org  # the seventh\n"
+    "vision certificate spiffe://cluster/vision\r\n"
+    "ops socket\n";
+
+/// "" for nobody.
+std::string name_of(const Identities& identities, const Caller& caller) {
+  const std::string* found = identities.tenant_of(caller);
+  return found != nullptr ? *found : "";
+}
+
+}  // namespace
+
+TEST_CASE("identities: a token says who, then a certificate, then the socket") {
+  const auto file = Identities::parse(kFile);
+  REQUIRE(file);
+  CHECK(file->tenants() == std::set<std::string>{"ops", "robots", "vision"});
+  CHECK(name_of(*file, {.token = kToken}) == "robots");
+  CHECK(name_of(*file, {.is_local = true, .token = kToken}) == "robots");
+  CHECK(name_of(*file, {.is_local = true}) == "ops");
+  CHECK(name_of(*file, {.names = {"x", "node7.example.org"}}) == "robots");
+  CHECK(name_of(*file, {.names = {"spiffe://cluster/vision"}}) == "vision");
+  CHECK(name_of(*file, {.token = kToken, .names = {"spiffe://cluster/vision"}}) == "robots");
+}
+
+TEST_CASE("identities: what is wrong is nobody's, whatever else is right") {
+  const auto file = Identities::parse(kFile);
+  REQUIRE(file);
+  CHECK(name_of(*file, {}).empty());
+  CHECK(name_of(*file, {.is_local = true, .token = "another-long-enough-token"}).empty());
+  CHECK(name_of(*file, {.token = "x", .names = {"node7.example.org"}}).empty());
+  CHECK(name_of(*file, {.names = {"node7.example.org", "spiffe://cluster/vision"}}).empty());
+  CHECK(name_of(*file, {.names = {"NODE7.example.org"}}).empty());
+  const auto other = Identities::parse("robots token " + hex_hash("short") + "\n");
+  REQUIRE(other);
+  CHECK(name_of(*other, {.token = "short"}).empty());
+  CHECK(name_of(*other, {.is_local = true}).empty());
+}
+
+TEST_CASE("identities: a wrong file is refused by its line, without what is in it") {
+  const std::string secret = "secret-secret-secret";
+  const std::vector<std::string> lines{"robots token " + secret,
+                                       "robots token sha256:" + secret,
+                                       "robots token sha256:" + std::string(64, 'g'),
+                                       "robots " + secret,
+                                       "robots certificate",
+                                       "robots socket " + secret,
+                                       "robots certificate " + secret + " " + secret,
+                                       "../robots certificate x",
+                                       std::string(65, 'x') + " certificate x",
+                                       "vision certificate node7.example.org",
+                                       "vision token " + hex_hash(kToken),
+                                       "robots socket"};
+  for (const std::string& line : lines) {
+    INFO(line);
+    const auto parsed = Identities::parse(kFile + line + "\n");
+    REQUIRE(!parsed);
+    CHECK(parsed.error().where == "--tenants");
+    CHECK(parsed.error().message.starts_with("line 7: "));
+    CHECK(parsed.error().message.find(secret) == std::string::npos);
+  }
+  CHECK(Identities::parse(kFile + "robots certificate node7.example.org\n"));
+  for (const std::string& text : {std::string(), std::string("# nobody\n"), kFile + "ops socket"})
+    CHECK(!Identities::parse(text));
+}
+
+TEST_CASE("tenants: an identity that is taken away is nobody's at once, its tenant is told") {
+  Tenants tenants(Limits{}, *Identities::parse(kFile));
+  const auto robots = tenants.of({.token = kToken});
+  REQUIRE(robots);
+  CHECK((*robots)->name == "robots");
+  CHECK((*robots)->id != (*tenants.of({.is_local = true}))->id);
+  CHECK(tenants.are_several());
+
+  const auto gone = tenants.replace(*Identities::parse("robots token " + hex_hash(kToken) + "\n"));
+  CHECK(gone.size() == 2);
+  CHECK(*tenants.of({.token = kToken}) == *robots);
+  CHECK(tenants.of({.is_local = true}).error().code == Code::kUnauthenticated);
+  CHECK(tenants.replace(*Identities::parse("ops socket\n")).front() == *robots);
+  CHECK(tenants.of({.token = kToken}).error().message == tenants.of({}).error().message);
+}
+
+TEST_CASE("tenants: the same bytes of two tenants are two blobs") {
+  Tenants tenants(Limits{}, *Identities::parse(kFile));
+  const TenantPtr a = *tenants.of({.token = kToken}), b = *tenants.of({.is_local = true});
+  const std::string hash = sha256("the same bytes");
+  Holdings first(a->blobs, a->assets, a->bytes), second(b->blobs, b->assets, b->bytes);
+  v1::UploadBlobRequest request;
+  request.set_sha256(hash);
+  request.set_size(14);
+  auto incoming = first.begin(request);
+  REQUIRE((incoming && *incoming));
+  REQUIRE((*incoming)->append("the same bytes"));
+  REQUIRE(first.finish(request, std::move(**incoming)));
+  CHECK(first.blob(hash));
+  CHECK(second.blob(hash).error().code == Code::kNotFound);
+  CHECK(second.begin(request)->has_value());
+}
+
+TEST_CASE("secret files: only those that few may read") {
+  namespace fs = std::filesystem;
+  const fs::path path = fs::temp_directory_path() / ("hg-secret-" + std::to_string(::getpid()));
+  std::ofstream(path) << "secret";
+  for (const auto& [mode, secret, trusted] :
+       {std::tuple(0600, true, true), std::tuple(0400, true, true), std::tuple(0644, false, true),
+        std::tuple(0604, false, true), std::tuple(0620, false, false),
+        std::tuple(0602, false, false)}) {
+    INFO(mode);
+    REQUIRE(::chmod(path.c_str(), mode_t(mode)) == 0);
+    CHECK(read_secret(path, "--flag").has_value() == secret);
+    CHECK(read_trusted(path, "--flag").has_value() == trusted);
+    if (!secret) CHECK(read_secret(path, "--flag").error().code == Code::kPermissionDenied);
+  }
+  fs::remove(path);
+  CHECK(read_secret(path, "--flag").error().where == "--flag");
+  CHECK(!read_secret("/dev/null", "--flag"));
+}
