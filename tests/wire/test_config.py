@@ -92,7 +92,7 @@ def test_every_flag_and_limit_can_stand_in_the_file(tmp_path):
     values = {"threads": "1", "grace": "1", "drain": "1", "owner-pidfd": "-1", "ready-fd": "-1",
               "listen": '["127.0.0.1:0"]', "log-level": '"error"', "backend": '"embree"',
               "socket-group": '"0"', "log-json": "true", "reflection": "true", "private": "false",
-              "insecure-i-know": "false"}
+              "insecure-i-know": "false", "tenants": '""', "tls-client-ca": '""'}
     lines = []
     for line in flags.splitlines():
         name = line.strip().split(" ")[0].split(",")[-1].removeprefix("--")
