@@ -62,7 +62,7 @@ def test_info():
 
 def test_info_tells_who_uses_what(client):
     with client.create_scene("farm", shared=True), client.create_scene():
-        run = heliograph("info", "--address", client.connection.address)
+        run = heliograph("info", "--address", client.address)
         assert run.returncode == 0, run.stderr
         lines = [line.split() for line in run.stdout.splitlines()]
         mine = [line for line in lines if line[:1] == ["python"]]
