@@ -29,7 +29,7 @@ class Health:
     """Of the daemon behind a client, or of one by its gRPC target, over a channel of its own."""
 
     def __init__(self, client):
-        target = client if isinstance(client, str) else client.connection.address
+        target = client if isinstance(client, str) else client.address
         options = [("grpc.use_local_subchannel_pool", 1)]
         self.channel = grpc.insecure_channel(target, options=options)
 
