@@ -2,6 +2,7 @@
 moment. Used by churn.py and soak.py."""
 
 import contextlib
+import faulthandler
 import itertools
 import multiprocessing
 import os
@@ -14,6 +15,7 @@ import common
 import heliograph as hg
 import numpy as np
 
+LONGEST = 60  # seconds that a piece of work may take beyond its visit, on a busy machine
 ROOM = {"threads": 8}  # that may be left: gRPC keeps those of a busy moment
 MODEL = pathlib.Path(__file__).parents[1] / "assets/gltf/simple-instancing.glb"
 
@@ -61,8 +63,7 @@ def batches(scene, dice):
 def streams(scene, dice):
     with scene.stream("cam", spp=64) as live:
         for _ in range(dice.randrange(1, 20)):
-            next(live)
-            if dice.random() < 0.3:
+            if next(live).is_final or dice.random() < 0.3:  # none follows a final one by itself
                 live.update(seed=dice.randrange(1000))
 
 
@@ -112,6 +113,12 @@ def visit(address, seed, seconds, killed):
     client.close()
 
 
+def visit_alone(*words):
+    """A visit that shows where it is, and fails, if it hangs."""
+    faulthandler.dump_traceback_later(words[2] + LONGEST, exit=True)
+    visit(*words)
+
+
 class Crowd:
     """Starts visits in processes that were warmed up once, and counts those that failed."""
 
@@ -127,7 +134,7 @@ class Crowd:
     def start(self, seconds, killed):
         self._seed += 1
         words = (self.address, self._seed, seconds, killed)
-        process = self._context.Process(target=visit, args=words, daemon=True)
+        process = self._context.Process(target=visit_alone, args=words, daemon=True)
         process.start()
         self._visits[process] = killed
 

@@ -3,6 +3,7 @@
 #include <chrono>
 #include <csignal>
 #include <cstring>
+#include <functional>
 #include <thread>
 
 #include "fixture.h"
@@ -18,6 +19,24 @@ Receipt advance(Scene& scene, double dt) {
   edit.advance(dt);  // twice would show
   return edit.commit_later();
 }
+
+/// Work beside the test, until the end of the block.
+class Beside {
+ public:
+  explicit Beside(
+      std::function<void()> work, std::function<void()> end = [] {})
+      : end_(std::move(end)), thread_(std::move(work)) {}
+  Beside(const Beside&) = delete;
+  Beside& operator=(const Beside&) = delete;
+  ~Beside() {
+    end_();
+    thread_.join();
+  }
+
+ private:
+  const std::function<void()> end_;
+  std::thread thread_;
+};
 
 /// The process that listens at "unix:///path".
 pid_t listener_of(const std::string& address) {
@@ -46,8 +65,8 @@ TEST_CASE("edits whose replies were lost are answered, not applied again") {
   for (int i = 0; i < 50; ++i) receipts.push_back(advance(scene, 1));
   for (int i = 0; i < 500 && seen.time() < 51; ++i) std::this_thread::sleep_for(10ms);
   REQUIRE(seen.time() == 51);  // all were applied, and the client does not know
-  proxy.cut();
   proxy.lose_replies(false);
+  proxy.cut();
   const auto first = receipts.front().wait();
   for (std::size_t i = 0; i < receipts.size(); ++i) CHECK(receipts[i].wait() == first + i);
   CHECK(seen.time() == 51);
@@ -65,8 +84,8 @@ TEST_CASE("a refusal that was lost is refused again, once") {
   Receipt refused = wrong.commit_later();
   Receipt good = advance(scene, 1);
   std::this_thread::sleep_for(100ms);
-  proxy.cut();
   proxy.lose_replies(false);
+  proxy.cut();
   CHECK(error_of([&] { refused.wait(); }).code() == Code::kNotFound);
   good.wait();
   CHECK(scene.time() == 2);
@@ -76,23 +95,30 @@ TEST_CASE("connections that break all the time lose and double nothing") {
   FlakyProxy proxy(client().address());
   Client flaky = connect(proxy.address());
   Scene scene = flaky.create_scene();
+  std::atomic<int> acknowledged{0};
   std::atomic<bool> is_over{false};
-  std::thread saboteur([&] {
-    while (!is_over) {
-      std::this_thread::sleep_for(15ms);
-      proxy.cut();
-    }
-  });
+  // Cuts every 15 ms, and half as often each time that nothing came through.
+  const Beside saboteur(
+      [&] {
+        auto pause = 15ms;
+        for (int seen = 0; !is_over; seen = acknowledged) {
+          std::this_thread::sleep_for(pause);
+          pause = acknowledged > seen ? 15ms : 2 * pause;
+          proxy.cut();
+        }
+      },
+      [&] { is_over = true; });
   constexpr int kEdits = 3000;
   std::vector<Receipt> receipts;
   for (int i = 0; i < kEdits; ++i) {
     receipts.push_back(advance(scene, 1));
-    if (i % 8 == 0) receipts.back().wait();
+    if (i % 8 == 0) {
+      receipts.back().wait();
+      acknowledged = i;
+    }
   }
   std::uint64_t last = 0;
   for (Receipt& receipt : receipts) last = receipt.wait();
-  is_over = true;
-  saboteur.join();
   CHECK(last == kEdits);
   CHECK(scene.revision() == kEdits);
   CHECK(scene.time() == kEdits);
@@ -103,13 +129,12 @@ TEST_CASE("creations are repeated too, and done once") {
   Client flaky = connect(proxy.address());
   const std::size_t before = flaky.scenes().size();
   proxy.lose_replies(true);
-  std::thread repair([&] {
+  const Beside repair([&] {
     std::this_thread::sleep_for(100ms);
-    proxy.cut();
     proxy.lose_replies(false);
+    proxy.cut();
   });
   const Scene scene = flaky.create_scene();
-  repair.join();
   CHECK(flaky.scenes().size() == before + 1);
 }
 

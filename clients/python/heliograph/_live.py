@@ -27,8 +27,9 @@ class Live:
     """Frames of a scene as it changes: `with scene.stream(cam) as live: for frame in live: ...`
 
     Iterating gives the next Frame, and blocks until there is one; `.revision` says what it shows,
-    `.is_final` whether its refinement is over. Asking for the next frame returns the credit of the
-    last one. Thread: one iterates, any may call update(), finish() and close().
+    `.is_final` whether its refinement is over: the next one then comes with an update() or an edit.
+    Asking for the next frame returns the credit of the last one. Thread: one iterates, any may call
+    update(), finish() and close().
     """
 
     def __init__(
