@@ -1,4 +1,4 @@
-// A snapshot as the edits that rebuild it, and the rebuilding. Called by ExportScene, ImportScene.
+// A snapshot as the edits that rebuild it (restore.cpp). Called by ExportScene and the journal.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -260,67 +260,8 @@ class Description {
   std::unordered_map<Id, u32> edit_of_;
 };
 
-/// `previous` with the objects that the edits of the scene made as its targets.
-Expected<Transaction> resolved(Transaction previous, const std::vector<Id>& ids) {
-  for (std::size_t i = 0; i < previous.edits.size(); ++i) {
-    Ref& target = previous.edits[i].target;
-    const auto* created = std::get_if<CreatedByEdit>(&target);
-    if (!created) continue;
-    if (created->edit >= ids.size())
-      return fail(Code::kInvalidArgument, fmt::format("previous.edits[{}].target", i),
-                  "is no edit of the scene; the file is damaged");
-    target = ids[created->edit];
-  }
-  return previous;
-}
-
-Status add_previous(Snapshot& scene, const SceneDescription& description,
-                    const std::vector<Id>& ids, const SceneLimits& limits) {
-  auto edits = resolved(description.previous, ids);
-  if (!edits) return std::unexpected(std::move(edits).error());
-  auto made = apply(scene, *edits, limits);
-  if (!made) return std::unexpected(std::move(made).error().at("previous"));
-  Snapshot previous = *made->snapshot;
-  if (!(previous.time < scene.time))
-    return fail(Code::kInvalidArgument, "previous",
-                fmt::format("is at {} s, not before the scene's {} s; the file is damaged",
-                            previous.time, scene.time));
-  previous.previous = nullptr;
-  scene.previous = std::make_shared<const Snapshot>(std::move(previous));
-  return {};
-}
-
-Status add_libraries(Snapshot& scene, const SceneDescription& description,
-                     const std::vector<Id>& ids) {
-  for (std::size_t i = 0; i < description.libraries.size(); ++i) {
-    const auto& kept = description.libraries[i];
-    auto library = std::make_shared<Library>();
-    for (std::size_t k = 0; k < kept.edits.size(); ++k) {
-      if (kept.edits[k] && *kept.edits[k] >= description.scene.edits.size())
-        return fail(Code::kInvalidArgument, fmt::format("libraries[{}].objects[{}]", i, k),
-                    "is no edit of the scene; the file is damaged");
-      library->push_back(kept.edits[k] ? ids[*kept.edits[k]] : Id{});
-    }
-    scene.libraries.set(kept.asset, std::move(library));
-  }
-  return {};
-}
-
 }  // namespace
 
 SceneDescription describe(const Snapshot& snapshot) { return Description(snapshot).make(); }
-
-Expected<std::shared_ptr<const Snapshot>> rebuild(const SceneDescription& description,
-                                                  const SceneLimits& limits) {
-  Snapshot empty;
-  const bool advanced = !description.previous.edits.empty();
-  empty.advances = advanced ? 1 : 0;
-  auto made = apply(empty, description.scene, limits);
-  if (!made) return std::unexpected(std::move(made).error().at("transaction"));
-  auto scene = std::make_shared<Snapshot>(*made->snapshot);
-  if (advanced) HELIO_TRY(add_previous(*scene, description, made->ids, limits));
-  HELIO_TRY(add_libraries(*scene, description, made->ids));
-  return scene;
-}
 
 }  // namespace heliograph

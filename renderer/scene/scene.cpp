@@ -9,7 +9,11 @@
 namespace heliograph {
 
 Scene::Scene(std::shared_ptr<const Snapshot> first, SceneLimits limits)
-    : limits_(limits), pending_(first), recent_{std::move(first)} {}
+    : limits_(limits), recent_{std::move(first)} {}
+
+const std::shared_ptr<const Snapshot>& Scene::last() const {
+  return pending_.empty() ? recent_.back() : pending_.back();
+}
 
 Expected<Prepared> Scene::prepare(const Transaction& transaction,
                                   std::optional<Revision> expected) {
@@ -17,7 +21,7 @@ Expected<Prepared> Scene::prepare(const Transaction& transaction,
     std::shared_ptr<const Snapshot> base;
     {
       const std::lock_guard lock(mutex_);
-      base = pending_;
+      base = last();
     }
     if (expected && *expected != base->revision) {
       Error error{.code = Code::kAborted,
@@ -29,8 +33,8 @@ Expected<Prepared> Scene::prepare(const Transaction& transaction,
     }
     auto prepared = apply(*base, transaction, limits_);
     const std::lock_guard lock(mutex_);
-    if (pending_ != base) continue;  // somebody else was faster
-    if (prepared) pending_ = prepared->snapshot;
+    if (last() != base) continue;  // somebody else was faster
+    if (prepared) pending_.push_back(prepared->snapshot);
     return prepared;
   }
 }
@@ -38,7 +42,8 @@ Expected<Prepared> Scene::prepare(const Transaction& transaction,
 void Scene::publish(const Prepared& prepared) {
   std::deque<std::shared_ptr<const Snapshot>> forgotten;  // freed after the mutex
   const std::lock_guard lock(mutex_);
-  assert(prepared.snapshot->revision == recent_.back()->revision + 1);
+  assert(!pending_.empty() && prepared.snapshot == pending_.front());
+  pending_.pop_front();
   recent_.push_back(prepared.snapshot);
   while (recent_.size() > std::max(1u, limits_.revisions)) {
     forgotten.push_back(std::move(recent_.front()));
@@ -46,9 +51,13 @@ void Scene::publish(const Prepared& prepared) {
   }
 }
 
-void Scene::drop_pending() {
+void Scene::drop_pending(Revision first) {
+  std::vector<std::shared_ptr<const Snapshot>> dropped;  // freed after the mutex
   const std::lock_guard lock(mutex_);
-  pending_ = recent_.back();
+  while (!pending_.empty() && pending_.back()->revision >= first) {
+    dropped.push_back(std::move(pending_.back()));
+    pending_.pop_back();
+  }
 }
 
 std::shared_ptr<const Snapshot> Scene::head() const {

@@ -50,18 +50,20 @@ class Scene {
                                            std::optional<Revision> expected);
   /// Makes the oldest prepared transaction the head.
   void publish(const Prepared& prepared);
-  /// Drops everything prepared and not published (a journal failed).
-  void drop_pending();
+  /// Drops what was prepared and not published (a journal failed), from `first` on.
+  void drop_pending(Revision first = 0);
 
   [[nodiscard]] std::shared_ptr<const Snapshot> head() const;
   /// OUT_OF_RANGE when it is no longer kept, or does not exist yet.
   [[nodiscard]] Expected<std::shared_ptr<const Snapshot>> at(Revision revision) const;
 
  private:
+  [[nodiscard]] const std::shared_ptr<const Snapshot>& last() const;  // under mutex_
+
   const SceneLimits limits_;
   mutable std::mutex mutex_;
-  std::shared_ptr<const Snapshot> pending_;
-  std::deque<std::shared_ptr<const Snapshot>> recent_;  // the last is the head
+  std::deque<std::shared_ptr<const Snapshot>> pending_;  // prepared, oldest first
+  std::deque<std::shared_ptr<const Snapshot>> recent_;   // the last is the head
 };
 
 /// What a scene file holds: all that rebuild() needs to make a snapshot again.

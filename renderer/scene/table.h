@@ -61,10 +61,34 @@ class ChunkedArray {
   u32 size_ = 0;
 };
 
+/// Which ids a table gave out and will give: what makes another table give the same ones.
+struct TableIds {
+  std::vector<u32> versions;  // by index
+  std::vector<u32> order;     // of insertion: the indices alive, ascending, then the free ones
+};
+
 /// Rows with versions: an index is used again only under a new version, so stale ids are detected.
 template <class T>
 class Table {
  public:
+  /// A table without rows, whose insertions take these ids. Every index in `order` is below the
+  /// number of versions, and there once.
+  [[nodiscard]] static Table reserved(const TableIds& ids) {
+    Table table;
+    for (const u32 version : ids.versions) table.slots_.push_back({.version = version});
+    for (auto index = ids.order.rbegin(); index != ids.order.rend(); ++index)
+      table.slots_.write(*index).next_free = std::exchange(table.free_, *index);
+    return table;
+  }
+  [[nodiscard]] TableIds ids() const {
+    TableIds ids;
+    for (u32 i = 0; i < slots_.size(); ++i) {
+      ids.versions.push_back(slots_[i].version);
+      if (slots_[i].alive) ids.order.push_back(i);
+    }
+    for (u32 i = free_; i != kNone; i = slots_[i].next_free) ids.order.push_back(i);
+    return ids;
+  }
   /// The row, or nullptr when the id is stale or unknown.
   [[nodiscard]] const T* find(u32 version, u32 index) const {
     if (index >= slots_.size()) return nullptr;
