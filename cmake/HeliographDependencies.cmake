@@ -14,6 +14,7 @@ find_package(spdlog REQUIRED)
 find_package(TBB REQUIRED)
 find_package(CLI11 REQUIRED)
 find_package(prometheus-cpp CONFIG REQUIRED)
+find_package(SQLite3 3.40 REQUIRED)
 
 find_package(embree 4 QUIET)
 if(NOT embree_FOUND)

@@ -55,7 +55,8 @@ std::string limits_help() {
 #undef HELIO_LIMIT
   return text +
          "Exit status: 0 drained or the owner ended, 1 --probe found it not healthy, 64 a wrong or "
-         "unsafe flag or setting, 69 cannot listen, 70 internal error, 75 device lost.";
+         "unsafe flag or setting, 65 a damaged state directory, 69 cannot listen, 70 internal "
+         "error, 75 device lost.";
 }
 
 /// Keys, identities and addresses that go together.
@@ -124,6 +125,8 @@ void add_flags(CLI::App& app, Config& config) {
                  "Folder beneath which DecodeAsset may read server_path; off by default");
   app.add_option("--decode-program", config.decode_program,
                  "heliograph-decode; default: beside this program");
+  app.add_option("--state-dir", config.state_dir,
+                 "Folder of durable scenes, made if need be; without it no scene is durable");
   app.add_option("--grace", config.grace_seconds,
                  "Seconds a session outlives its connection (private daemon: 0)")
       ->capture_default_str();

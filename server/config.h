@@ -16,6 +16,7 @@ enum ExitCode : int {
   kExitOk = 0,            // drained, or the owner ended
   kExitNotHealthy = 1,    // --probe: it does not serve
   kExitUsage = 64,        // a flag or setting is wrong, or would not be safe
+  kExitData = 65,         // the state directory is damaged
   kExitUnavailable = 69,  // cannot listen, or another daemon does
   kExitSoftware = 70,     // a bug, or a library failed
   kExitDevice = 75,       // the device was lost
@@ -55,6 +56,8 @@ enum ExitCode : int {
   X(groups, 64, "light groups of one request")                                          \
   X(edits, 1'000'000, "edits of one transaction")                                       \
   X(replies, 1024, "replies kept for each session and scene, to answer retries")        \
+  X(resume_seconds, 600, "seconds after its start in which sessions are resumed")       \
+  X(snapshot_edits, 100'000, "edits of durable scenes between two snapshots")           \
   X(reply_bytes, 16ull << 20, "bytes of those replies, and of a session's others")      \
   X(quota_bytes, 256ull << 20, "bytes gRPC may buffer")                                 \
   X(derived_bytes, 4ull << 30, "bytes of derived data that nobody uses, kept as cache") \
@@ -95,6 +98,7 @@ struct Config {
   std::string denoiser = "libOpenImageDenoise.so.2";
   std::string asset_root;      // "": server_path is refused
   std::string decode_program;  // "": beside this program
+  std::string state_dir;       // "": no scene is durable
   double grace_seconds = 10;   // a session outlives its connection by this
   double drain_seconds = 20;   // in-flight work may take this long after SIGTERM
   std::string metrics;         // address of the metrics' port; "": none

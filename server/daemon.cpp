@@ -6,6 +6,9 @@
 #include <algorithm>
 #include <thread>
 
+#include "server/journal/recovery.h"
+#include "server/scene_info.h"
+
 namespace heliograph::server {
 namespace {
 
@@ -45,14 +48,40 @@ Daemon::Daemon(Config settings, Identities identities, std::unique_ptr<EventLoop
       scenes(pool, scene_options(config.limits)),
       tenants(config.limits, std::move(identities)),
       sessions(*loop, session_options(config),
-               [this](const Session& session) {
+               [this](const EndedSession& session) {
                  log.info("session ended",
-                          {{"client", session.client()}, {"tenant", session.tenant()->name}});
-                 scenes.end_session(session.id());
+                          {{"client", session.client}, {"tenant", session.tenant->name}});
+                 scenes.end_session(session.id);
                }),
       gate(tenants, sessions),
       health(*loop, log,
              {.hang_seconds = double(config.limits.hang_seconds),
               .probe_seconds = double(config.limits.probe_seconds)}) {}
+
+Status Daemon::open_journal() {
+  auto opened = Journal::open(
+      {.folder = config.state_dir, .snapshot_records = config.limits.snapshot_edits}, pool, log);
+  if (!opened) return std::unexpected(std::move(opened).error());
+  auto recovered = recover(**opened, {.scenes = scenes, .tenants = tenants});
+  if (!recovered) return std::unexpected(std::move(recovered).error());
+  journal = std::move(*opened);
+  log.info("recovered", {{"scenes", recovered->scenes}, {"edits", recovered->records}});
+  sessions.resume_for(double(config.limits.resume_seconds), std::move(recovered->sessions));
+  return journal->start([this](const std::set<u64>& changed) { return scenes.capture(changed); },
+                        [this](const Status& status) {
+                          if (status)
+                            log.warning("the journal is written again");
+                          else
+                            log.error("durable scenes are read-only",
+                                      {{"reason", status.error().message}});
+                        });
+}
+
+void Daemon::restore_requests(Session& session) {
+  for (const ScenePtr& scene : scenes.list(session))
+    if (scene->made_by.session == session.id())
+      session.requests().restore(scene->made_by.request_id, scene->made_by.method,
+                                 scene_info(scenes, *scene, session).SerializeAsString());
+}
 
 }  // namespace heliograph::server

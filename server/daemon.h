@@ -12,6 +12,7 @@
 #include "server/event_loop.h"
 #include "server/gate.h"
 #include "server/health.h"
+#include "server/journal/journal.h"
 #include "server/lifeline.h"
 #include "server/log.h"
 #include "server/metrics.h"
@@ -38,8 +39,13 @@ struct Daemon {
   std::unique_ptr<EngineSlot> engine;
   AssetRoot asset_root;
   Expected<std::unique_ptr<Decoder>> decoder;
+  std::unique_ptr<Journal> journal;  // null without a state directory
 
   Daemon(Config settings, Identities identities, std::unique_ptr<EventLoop> event_loop);
+  /// Recovers what the state directory holds. INTERNAL: it is damaged.
+  [[nodiscard]] Status open_journal();
+  /// So that a session that was resumed may repeat the calls that made its scenes.
+  void restore_requests(Session& session);
 };
 
 }  // namespace heliograph::server

@@ -312,6 +312,7 @@ int Life::run() {
 /// Jobs are cancelled first, so that every call can end before gRPC does. A device that hangs
 /// cannot be waited for.
 void Life::end() {
+  if (daemon_.journal) daemon_.journal->stop();  // while the sessions still have their edits
   std::signal(SIGALRM, [](int) { ::_exit(kExitDevice); });
   ::alarm(kLastSeconds);
   daemon_.gate.close();
@@ -347,7 +348,7 @@ int refuse(const Error& error) {
     case Code::kUnavailable:
       return kExitUnavailable;
     default:
-      return kExitSoftware;
+      return error.where == "--state-dir" ? kExitData : kExitSoftware;
   }
 }
 
@@ -379,6 +380,8 @@ int run(Config config) {
   }
   Daemon daemon(std::move(config), std::move(*identities), std::move(*loop));
   daemon.asset_root = std::move(root);
+  if (!daemon.config.state_dir.empty())
+    if (auto opened = daemon.open_journal(); !opened) return refuse(opened.error());
   reload.start(daemon, tls.get());
   Life life(daemon, std::move(tls));
   if (auto started = life.start(std::move(*sockets), std::move(signals)); !started)

@@ -3,6 +3,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
+#include "server/mutant.h"
+
 namespace heliograph::server {
 namespace {
 
@@ -60,21 +64,86 @@ void RequestLog::finish(const std::string& id, std::optional<std::string> reply)
   }
 }
 
-EditLog::Reply EditLog::answer(u64 number, const std::function<Expected<v1::ApplyReply>()>& apply) {
-  const u64 last = last_;
-  if (number != last + 1) {
-    if (number > last || number + kept_.size() <= last) return gap(number, last + 1);
-    return kept_[kept_.size() - 1 - (last - number)];
+void RequestLog::restore(const std::string& id, const std::string& method, std::string reply) {
+  const auto known = begin(id, method);
+  if (known && !*known) finish(id, std::move(reply));
+}
+
+u64 EditLog::next() const {
+  const std::lock_guard lock(mutex_);
+  return last_ + 1;
+}
+
+void EditLog::answer(u64 number, const std::function<void(Finish)>& apply, const Done& done) {
+  EditPtr edit;
+  Reply known;
+  {
+    const std::lock_guard lock(mutex_);
+    if (number == last_ + 1 || (has_bug("apply_twice") && number <= last_)) {
+      edit = std::make_shared<Edit>();
+      edit->waiting.push_back(done);
+      kept_.push_back(edit);
+      last_ = number;
+    } else if (number > last_ || number + kept_.size() <= last_) {
+      known = gap(number, last_ + 1);
+    } else {
+      const EditPtr& old = kept_[kept_.size() - 1 - (last_ - number)];
+      known = old->reply;
+      if (!known) old->waiting.push_back(done);
+    }
   }
-  auto reply = std::make_shared<const Expected<v1::ApplyReply>>(apply());
-  last_ = number;
+  if (known) done(known);
+  if (!edit) return;
+  apply([self = shared_from_this(), edit](Outcome outcome) {
+    self->finish(edit, std::move(outcome));
+  });
+}
+
+void EditLog::finish(const EditPtr& edit, Outcome outcome) {
+  const auto reply = std::make_shared<const Expected<v1::ApplyReply>>(std::move(outcome.reply));
+  std::vector<Done> waiting;
+  {
+    const std::lock_guard lock(mutex_);
+    waiting.swap(edit->waiting);
+    if (outcome.is_kept) {
+      edit->reply = reply;
+      keep(reply);
+    } else if (const auto at = std::ranges::find(kept_, edit); at != kept_.end()) {
+      last_ -= u64(kept_.end() - at);
+      kept_.erase(at, kept_.end());
+    }
+  }
+  for (const Done& done : waiting) done(reply);
+}
+
+void EditLog::keep(const Reply& reply) {
   bytes_ += bytes_of(*reply);
-  kept_.push_back(reply);
-  while (kept_.size() > 1 && (kept_.size() > limits_.replies || bytes_ > limits_.bytes)) {
-    bytes_ -= bytes_of(*kept_.front());
+  while (kept_.size() > 1 && kept_.front()->reply &&
+         (kept_.size() > limits_.replies || bytes_ > limits_.bytes)) {
+    bytes_ -= bytes_of(*kept_.front()->reply);
     kept_.pop_front();
   }
-  return reply;
+}
+
+EditLog::State EditLog::state() const {
+  const std::lock_guard lock(mutex_);
+  State state{.last = last_, .kept = {}};
+  for (const EditPtr& edit : kept_) {
+    if (!edit->reply) break;
+    if (has_bug("lose_reply") && state.kept.size() > 10) continue;
+    state.kept.push_back(edit->reply);
+  }
+  state.last -= kept_.size() - state.kept.size();
+  return state;
+}
+
+void EditLog::restore(State state) {
+  const std::lock_guard lock(mutex_);
+  last_ = state.last;
+  for (Reply& reply : state.kept) {
+    kept_.push_back(std::make_shared<Edit>(std::move(reply), std::vector<Done>()));
+    keep(kept_.back()->reply);
+  }
 }
 
 }  // namespace heliograph::server

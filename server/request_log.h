@@ -1,7 +1,6 @@
 // Replies kept to answer retries: a call that was done is answered again, never done twice.
 #pragma once
 
-#include <atomic>
 #include <deque>
 #include <functional>
 #include <map>
@@ -9,6 +8,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "heliograph/v1/service.pb.h"
 #include "renderer/base/error.h"
@@ -34,6 +34,8 @@ class RequestLog {
                                                            const std::string& method);
   /// nullopt: the call failed.
   void finish(const std::string& id, std::optional<std::string> reply);
+  /// A call that was done by a daemon before this one.
+  void restore(const std::string& id, const std::string& method, std::string reply);
 
  private:
   struct Entry {
@@ -47,26 +49,53 @@ class RequestLog {
   u64 bytes_ = 0;
 };
 
-/// The numbered edits of one session in one scene. Thread: tasks of its strand, but for next().
-class EditLog {
+/// The numbered edits of one session in one scene. Thread: any; edits are begun in its strand.
+class EditLog : public std::enable_shared_from_this<EditLog> {
  public:
   using Reply = std::shared_ptr<const Expected<v1::ApplyReply>>;
+  using Done = std::function<void(const Reply&)>;
+  /// Ends an edit with its reply, from any thread. One that is not kept did nothing: its number is
+  /// free again, and so are those after it, which end the same way.
+  struct Outcome {
+    Expected<v1::ApplyReply> reply;
+    bool is_kept = true;
+  };
+  using Finish = std::function<void(Outcome)>;
+  /// What survives the daemon: the replies that are kept.
+  struct State {
+    u64 last = 0;  // the number of the last reply
+    std::vector<Reply> kept;
+  };
 
   EditLog(WorkPool& pool, ReplyLimits limits, u32 queue)
       : strand_(std::make_shared<Strand>(pool, queue)), limits_(limits) {}
 
   [[nodiscard]] Strand& strand() { return *strand_; }
   /// The number the next edit must carry.
-  [[nodiscard]] u64 next() const { return last_ + 1; }
-  /// Does number last + 1 and keeps its reply, refusals included; answers an older number with its
-  /// reply. ABORTED with `expected` for a gap, or for a number that is no longer kept.
-  [[nodiscard]] Reply answer(u64 number, const std::function<Expected<v1::ApplyReply>()>& apply);
+  [[nodiscard]] u64 next() const;
+  /// Calls apply(finish) for number last + 1, and `done` with the reply when it is there; refusals
+  /// are kept too. Answers an older number with its reply. ABORTED with `expected` for a gap, or
+  /// for a number that is no longer kept.
+  void answer(u64 number, const std::function<void(Finish)>& apply, const Done& done);
+
+  /// Edits that are not done yet are left out.
+  [[nodiscard]] State state() const;
+  void restore(State state);
 
  private:
+  struct Edit {
+    Reply reply;  // null: not done
+    std::vector<Done> waiting;
+  };
+  using EditPtr = std::shared_ptr<Edit>;
+  void finish(const EditPtr& edit, Outcome outcome);
+  void keep(const Reply& reply);  // under mutex_
+
   std::shared_ptr<Strand> strand_;
   const ReplyLimits limits_;
-  std::atomic<u64> last_ = 0;
-  std::deque<Reply> kept_;  // the last is number last_
+  mutable std::mutex mutex_;
+  u64 last_ = 0;
+  std::deque<EditPtr> kept_;  // the last is number last_
   u64 bytes_ = 0;
 };
 

@@ -10,10 +10,20 @@ v1::SceneInfo scene_info(Scenes& scenes, SceneEntry& scene, const Session& sessi
   info.set_name(scene.name);
   info.set_revision(head->revision);
   info.set_shared(scene.owner == 0);
-  info.set_durability("none");
+  info.set_durability(scene.durability.empty() ? "none" : scene.durability);
   info.set_time(head->time);
   info.set_next_edit(scenes.next_edit(scene, session.id()));
   return info;
+}
+
+v1::ApplyReply apply_reply(u64 number, const Prepared& prepared, const std::string& durability) {
+  v1::ApplyReply reply;
+  reply.set_number(number);
+  reply.set_revision(prepared.snapshot->revision);
+  reply.set_ids(prepared.ids.data(), prepared.ids.size() * sizeof(Id));
+  reply.mutable_counts()->Add(prepared.counts.begin(), prepared.counts.end());
+  reply.set_durability(durability);
+  return reply;
 }
 
 }  // namespace heliograph::server

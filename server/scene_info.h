@@ -7,5 +7,8 @@
 namespace heliograph::server {
 
 [[nodiscard]] v1::SceneInfo scene_info(Scenes& scenes, SceneEntry& scene, const Session& session);
+/// The acknowledgement of an edit; `durability` "": none.
+[[nodiscard]] v1::ApplyReply apply_reply(u64 number, const Prepared& prepared,
+                                         const std::string& durability);
 
 }  // namespace heliograph::server

@@ -5,6 +5,8 @@
 
 #include <algorithm>
 
+#include "server/mutant.h"
+
 namespace heliograph::server {
 namespace {
 
@@ -17,17 +19,24 @@ std::unexpected<Error> not_found(u64 id) {
 
 }  // namespace
 
+Expected<Prepared> SceneEntry::prepare(const Transaction& transaction,
+                                       std::optional<Revision> expected) {
+  auto prepared = scene.prepare(transaction, expected);
+  if (!prepared) return prepared;
+  if (auto room = entities_.resize(prepared->snapshot->entities.count()); !room) {
+    scene.drop_pending(prepared->snapshot->revision);
+    return std::unexpected(std::move(room).error().at("edits"));
+  }
+  return prepared;
+}
+
 Expected<Prepared> SceneEntry::commit(const Transaction& transaction,
                                       std::optional<Revision> expected) {
   Expected<Prepared> prepared;
   {
     const std::lock_guard lock(commit_mutex_);
-    prepared = scene.prepare(transaction, expected);
+    prepared = prepare(transaction, expected);
     if (!prepared) return prepared;
-    if (auto room = entities_.resize(prepared->snapshot->entities.count()); !room) {
-      scene.drop_pending();
-      return std::unexpected(std::move(room).error().at("edits"));
-    }
     scene.publish(*prepared);
   }
   tell(prepared->snapshot->revision);
@@ -43,6 +52,7 @@ SceneEntry::Watch SceneEntry::watch(std::function<void(Revision)> told) {
 }
 
 void SceneEntry::tell(Revision revision) {
+  if (has_bug("drop_watch_event") && revision % 8 == 0) return;
   std::vector<Watch> told;
   {
     const std::lock_guard lock(mutex_);
@@ -53,29 +63,115 @@ void SceneEntry::tell(Revision revision) {
   for (const Watch& watch : told) (*watch)(revision);
 }
 
-Expected<ScenePtr> Scenes::create(NewScene scene, const Session& session) {
-  if (scene.name.size() > kNameBytes)
-    return fail(Code::kInvalidArgument, "name", fmt::format("is longer than {} bytes", kNameBytes));
-  const u64 owner = scene.is_shared ? 0 : session.id();
-  auto entities = Charge::take(session.tenant()->entities, scene.first->entities.count());
+void Scenes::use(Journal& journal) {
+  journal_ = &journal;
+  last_id_ = journal.first_scene();
+}
+
+Status Scenes::check_durability(const NewScene& scene) const {
+  if (scene.durability.empty() || scene.durability == "none") return {};
+  if (scene.durability != "os" && scene.durability != "fsync")
+    return fail(Code::kInvalidArgument, "durability",
+                "'" + scene.durability + "' is not one of none, os, fsync");
+  if (!scene.is_shared)
+    return fail(Code::kInvalidArgument, "durability",
+                "a private scene dies with its session; set shared too");
+  if (!journal_)
+    return fail(Code::kFailedPrecondition, "durability",
+                "this daemon has no state directory; start it with --state-dir DIR");
+  return {};
+}
+
+Expected<ScenePtr> Scenes::add(SceneEntry::Identity identity,
+                               std::shared_ptr<const Snapshot> first) {
+  auto entities = Charge::take(identity.tenant->entities, first->entities.count());
   if (!entities) return std::unexpected(std::move(entities).error());
   const std::lock_guard lock(mutex_);
-  if (!scene.name.empty() && named(scene.name, session))
+  if (!identity.name.empty() && named(identity.name, *identity.tenant))
     return fail(Code::kAlreadyExists, "name",
-                "a scene '" + scene.name + "' exists; open it, or choose another name");
+                "a scene '" + identity.name + "' exists; open it, or choose another name");
   if (scenes_.size() >= options_.limit)
     return fail(Code::kResourceExhausted, "",
                 fmt::format("{} scenes exist; delete one (limit scenes)", scenes_.size()));
-  auto entry = std::make_shared<SceneEntry>(
-      SceneEntry::Identity{++last_id_, std::move(scene.name), owner, session.tenant()},
-      std::move(*entities), std::move(scene.first), options_.scene);
+  if (identity.id == 0) identity.id = ++last_id_;
+  auto entry = std::make_shared<SceneEntry>(std::move(identity), std::move(*entities),
+                                            std::move(first), options_.scene);
   scenes_.emplace(entry->id, entry);
   return entry;
 }
 
-ScenePtr Scenes::named(const std::string& name, const Session& session) const {
+Expected<ScenePtr> Scenes::create(NewScene scene, const Session& session) {
+  if (scene.name.size() > kNameBytes)
+    return fail(Code::kInvalidArgument, "name", fmt::format("is longer than {} bytes", kNameBytes));
+  HELIO_TRY(check_durability(scene));
+  const bool is_durable = !scene.durability.empty() && scene.durability != "none";
+  SceneEntry::Identity identity{.name = std::move(scene.name),
+                                .owner = scene.is_shared ? 0 : session.id(),
+                                .tenant = session.tenant()};
+  if (is_durable) {
+    identity.durability = scene.durability;
+    identity.journal = journal_;
+  }
+  auto entry = add(std::move(identity), scene.first);
+  if (!entry) return entry;
+  if (is_durable) {
+    SceneState state{.row = {}, .head = std::move(scene.first), .logs = {}};
+    state.row.set_scene((*entry)->id);
+    state.row.set_tenant(session.tenant()->name);
+    state.row.set_name((*entry)->name);
+    state.row.set_durability(scene.durability);
+    state.row.set_session(session.id());
+    state.row.set_request_id(scene.request_id);
+    state.row.set_method(scene.method);
+    if (auto added = journal_->add(std::move(state)); !added) {
+      const std::lock_guard lock(mutex_);
+      scenes_.erase((*entry)->id);
+      return std::unexpected(std::move(added).error());
+    }
+  }
+  (*entry)->is_there_ = true;
+  return entry;
+}
+
+Status Scenes::restore(SceneState state, const TenantPtr& tenant) {
+  auto entry = add({.id = state.row.scene(),
+                    .name = state.row.name(),
+                    .owner = 0,
+                    .tenant = tenant,
+                    .durability = state.row.durability(),
+                    .journal = journal_,
+                    .made_by = {.session = state.row.session(),
+                                .request_id = state.row.request_id(),
+                                .method = state.row.method()}},
+                   std::move(state.head));
+  if (!entry) return std::unexpected(std::move(entry).error());
+  for (LogState& log : state.logs) edits(**entry, log.session)->restore(std::move(log.edits));
+  (*entry)->is_there_ = true;
+  return {};
+}
+
+std::vector<SceneState> Scenes::capture(const std::set<u64>& scenes) const {
+  std::vector<SceneState> states;
+  for (const u64 id : scenes) {
+    ScenePtr entry;
+    {
+      const std::lock_guard lock(mutex_);
+      if (const auto found = scenes_.find(id); found != scenes_.end()) entry = found->second;
+    }
+    if (!entry) continue;
+    SceneState& state = states.emplace_back();
+    state.row.set_scene(id);
+    state.head = entry->scene.head();
+    const std::lock_guard lock(entry->mutex_);
+    for (const auto& [session, log] : entry->edits_)
+      state.logs.push_back({.session = session, .edits = log->state()});
+  }
+  return states;
+}
+
+ScenePtr Scenes::named(const std::string& name, const Tenant& tenant) const {
   const auto found = std::ranges::find_if(scenes_, [&](const auto& entry) {
-    return entry.second->name == name && entry.second->seen_by(session);
+    return entry.second->name == name && entry.second->tenant.get() == &tenant;
   });
   return found == scenes_.end() ? nullptr : found->second;
 }
@@ -83,18 +179,22 @@ ScenePtr Scenes::named(const std::string& name, const Session& session) const {
 Expected<ScenePtr> Scenes::find(u64 id, const Session& session) const {
   const std::lock_guard lock(mutex_);
   const auto found = scenes_.find(id);
-  if (found == scenes_.end() || !found->second->seen_by(session)) return not_found(id);
+  if (found == scenes_.end() || !found->second->is_there_ || !found->second->seen_by(session))
+    return not_found(id);
   return found->second;
 }
 
 Expected<ScenePtr> Scenes::open(const std::string& name, const Session& session) const {
   const std::lock_guard lock(mutex_);
-  if (auto scene = name.empty() ? nullptr : named(name, session)) return scene;
+  if (auto scene = name.empty() ? nullptr : named(name, *session.tenant());
+      scene && scene->is_there_)
+    return scene;
   Error error{.code = Code::kNotFound,
               .message = "there is no scene '" + name + "'; create_scene makes it",
               .where = "name"};
   for (const auto& [id, scene] : scenes_)
-    if (!scene->name.empty() && scene->seen_by(session) && error.nearest.size() < 8)
+    if (!scene->name.empty() && scene->is_there_ && scene->seen_by(session) &&
+        error.nearest.size() < 8)
       error.nearest.push_back(scene->name);
   return std::unexpected(std::move(error));
 }
@@ -103,7 +203,7 @@ std::vector<ScenePtr> Scenes::list(const Session& session) const {
   std::vector<ScenePtr> seen;
   const std::lock_guard lock(mutex_);
   for (const auto& [id, scene] : scenes_)
-    if (scene->seen_by(session)) seen.push_back(scene);
+    if (scene->is_there_ && scene->seen_by(session)) seen.push_back(scene);
   return seen;
 }
 
@@ -115,15 +215,14 @@ std::vector<ScenePtr> Scenes::all() const {
 }
 
 Status Scenes::remove(u64 id, const Session& session) {
-  ScenePtr removed;
+  auto removed = find(id, session);
+  if (!removed) return std::unexpected(removed.error());
+  if ((*removed)->journal) HELIO_TRY((*removed)->journal->remove(id));
   {
     const std::lock_guard lock(mutex_);
-    const auto found = scenes_.find(id);
-    if (found == scenes_.end() || !found->second->seen_by(session)) return not_found(id);
-    removed = std::move(found->second);
-    scenes_.erase(found);
+    if (scenes_.erase(id) == 0) return not_found(id);
   }
-  free_later({std::move(removed)});
+  free_later({std::move(*removed)});
   return {};
 }
 
@@ -146,6 +245,7 @@ void Scenes::end_session(u64 session) {
 
 void Scenes::free_later(std::vector<ScenePtr> scenes) {
   if (scenes.empty()) return;
+  if (has_bug("leak_scene")) new std::vector<ScenePtr>(scenes);
   auto held = std::make_shared<std::vector<ScenePtr>>(std::move(scenes));
   // When the pool is full they are freed here, at the end of this function.
   [[maybe_unused]] const auto posted = pool_.post([held] { held->clear(); });

@@ -1,27 +1,47 @@
 // The directory of scenes: names, private and shared ones, branches, and each session's edits.
 #pragma once
 
+#include <atomic>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <string>
 #include <unordered_map>
 #include <vector>
 
 #include "renderer/scene/scene.h"
+#include "server/journal/journal.h"
 #include "server/request_log.h"
 #include "server/session.h"
 
 namespace heliograph::server {
 
+/// An edit of a durable scene on its way into the journal.
+struct DurableEdit {
+  Expected<Transaction> transaction;  // or why it was refused before it was applied
+  std::optional<Revision> expected;
+  journal::Record record;  // session, number, and the transaction
+  std::vector<BlobFilePtr> files;
+};
+
 /// A scene and who may see it. Thread: any.
-class SceneEntry {
+class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
  public:
+  /// The call that made a durable scene.
+  struct Origin {
+    u64 session = 0;
+    std::string request_id;
+    std::string method;
+  };
   struct Identity {
     u64 id = 0;
     std::string name;
     u64 owner = 0;
     TenantPtr tenant;
+    std::string durability;
+    Journal* journal = nullptr;
+    Origin made_by = {};
   };
   SceneEntry(Identity identity, Charge entities, std::shared_ptr<const Snapshot> first,
              const SceneLimits& limits)
@@ -29,6 +49,9 @@ class SceneEntry {
         name(std::move(identity.name)),
         owner(identity.owner),
         tenant(std::move(identity.tenant)),
+        durability(std::move(identity.durability)),
+        journal(identity.journal),
+        made_by(std::move(identity.made_by)),
         scene(std::move(first), limits),
         entities_(std::move(entities)) {}
 
@@ -36,6 +59,9 @@ class SceneEntry {
   const std::string name;  // "": anonymous
   const u64 owner;         // the session that a private scene dies with; 0: shared
   const TenantPtr tenant;
+  const std::string durability;  // "": none
+  Journal* const journal;        // of a durable scene
+  const Origin made_by;
   Scene scene;
 
   /// A token of interest: while it is held, `told` is called with each new revision, from the
@@ -46,6 +72,9 @@ class SceneEntry {
   /// Prepares and publishes. Sessions that edit one shared scene wait for each other here.
   [[nodiscard]] Expected<Prepared> commit(const Transaction& transaction,
                                           std::optional<Revision> expected);
+  /// The same for a durable scene: journals what became of the transaction (or why it was refused
+  /// before), and publishes once that is committed. `finish` is called once, from any thread.
+  void commit(DurableEdit edit, const EditLog::Finish& finish);
   /// Access is by tenant, not by session: forked and unpickled clients work on their parent's
   /// scenes.
   [[nodiscard]] bool seen_by(const Session& session) const { return session.tenant() == tenant; }
@@ -53,9 +82,14 @@ class SceneEntry {
  private:
   friend class Scenes;
   void tell(Revision revision);
+  [[nodiscard]] Expected<Prepared> prepare(const Transaction& transaction,
+                                           std::optional<Revision> expected);
+  void drop_pending(Revision first);
+  void end(const Expected<Prepared>& prepared, const Status& committed);
 
   std::mutex commit_mutex_;
-  Charge entities_;  // guarded by commit_mutex_
+  Charge entities_;                     // guarded by commit_mutex_
+  std::atomic<bool> is_there_ = false;  // found by its id and its name
   std::mutex mutex_;
   std::unordered_map<u64, std::shared_ptr<EditLog>> edits_;  // by session
   std::vector<std::weak_ptr<const std::function<void(Revision)>>> watches_;
@@ -65,7 +99,10 @@ using ScenePtr = std::shared_ptr<SceneEntry>;
 struct NewScene {
   std::string name;
   bool is_shared = false;
+  std::string durability;  // "none" or "": none
   std::shared_ptr<const Snapshot> first;
+  std::string request_id = {};  // by which call, for a durable one
+  std::string method = {};
 };
 
 /// Thread: any. A name is unique among the scenes that a session sees; what it does not see is
@@ -79,8 +116,13 @@ class Scenes {
     u32 queue = 64;  // edits of one session and scene that may wait
   };
   Scenes(WorkPool& pool, Options options) : pool_(pool), options_(options) {}
+  /// From now on scenes may be durable, and ids come after `journal`'s.
+  void use(Journal& journal);
 
+  /// A durable scene is there once it is journaled, which takes milliseconds.
   [[nodiscard]] Expected<ScenePtr> create(NewScene scene, const Session& session);
+  /// A durable scene as it was, with the edit logs of its sessions.
+  [[nodiscard]] Status restore(SceneState state, const TenantPtr& tenant);
   [[nodiscard]] Expected<ScenePtr> find(u64 id, const Session& session) const;
   [[nodiscard]] Expected<ScenePtr> open(const std::string& name, const Session& session) const;
   [[nodiscard]] std::vector<ScenePtr> list(const Session& session) const;
@@ -92,14 +134,22 @@ class Scenes {
   [[nodiscard]] std::shared_ptr<EditLog> edits(SceneEntry& scene, u64 session);
   /// The number this session's next edit must carry.
   [[nodiscard]] u64 next_edit(SceneEntry& scene, u64 session) const;
+  /// What the journal keeps of these scenes.
+  [[nodiscard]] std::vector<SceneState> capture(const std::set<u64>& scenes) const;
+  /// How many of a session's replies are kept.
+  [[nodiscard]] u64 replies() const { return options_.replies.replies; }
   [[nodiscard]] const SceneLimits& scene_limits() const { return options_.scene; }
 
  private:
-  [[nodiscard]] ScenePtr named(const std::string& name, const Session& session) const;
+  [[nodiscard]] ScenePtr named(const std::string& name, const Tenant& tenant) const;
+  [[nodiscard]] Expected<ScenePtr> add(SceneEntry::Identity identity,
+                                       std::shared_ptr<const Snapshot> first);
+  [[nodiscard]] Status check_durability(const NewScene& scene) const;
   void free_later(std::vector<ScenePtr> scenes);
 
   WorkPool& pool_;
   const Options options_;
+  Journal* journal_ = nullptr;  // set before calls come
   mutable std::mutex mutex_;
   std::map<u64, ScenePtr> scenes_;
   u64 last_id_ = 0;

@@ -1,7 +1,9 @@
 // Apply and ApplyStream.
 #include "server/apply_stream.h"
 #include "server/edit_calls.h"
+#include "server/journal/sources.h"
 #include "server/rpc.h"
+#include "server/scene_info.h"
 
 namespace heliograph::server {
 namespace {
@@ -12,29 +14,44 @@ EditLog::Reply refuse(Error error) {
   return std::make_shared<const Expected<v1::ApplyReply>>(std::unexpected(std::move(error)));
 }
 
-v1::ApplyReply to_reply(u64 number, const Prepared& prepared) {
-  v1::ApplyReply reply;
-  reply.set_number(number);
-  reply.set_revision(prepared.snapshot->revision);
-  reply.set_ids(prepared.ids.data(), prepared.ids.size() * sizeof(Id));
-  reply.mutable_counts()->Add(prepared.counts.begin(), prepared.counts.end());
-  return reply;
-}
-
-Expected<v1::ApplyReply> apply_now(Session& session, SceneEntry& entry,
-                                   const v1::ApplyRequest& request) {
+/// The transaction of a request that its session may still make.
+Expected<Transaction> read(Session& session, const v1::ApplyRequest& request, ArraySource& source) {
   HELIO_TRY(check_own_fields(request));  // those of the transaction are checked by it
   Rate& edits = session.tenant()->edits;
   HELIO_TRY(edits.admit());
   edits.charge(u64(request.transaction().edits_size()));
-  const auto transaction = to_transaction(request.transaction(), session.holdings());
+  return to_transaction(request.transaction(), source);
+}
+
+std::optional<Revision> expected_of(const v1::ApplyRequest& request) {
+  return request.has_expected_revision() ? std::optional(request.expected_revision())
+                                         : std::nullopt;
+}
+
+Expected<v1::ApplyReply> apply_now(Session& session, SceneEntry& entry,
+                                   const v1::ApplyRequest& request) {
+  const auto transaction = read(session, request, session.holdings());
   if (!transaction) return std::unexpected(transaction.error());
-  const auto expected = request.has_expected_revision()
-                            ? std::optional<Revision>(request.expected_revision())
-                            : std::nullopt;
-  const auto prepared = entry.commit(*transaction, expected);
+  const auto prepared = entry.commit(*transaction, expected_of(request));
   if (!prepared) return std::unexpected(prepared.error());
-  return to_reply(request.number(), *prepared);
+  return apply_reply(request.number(), *prepared, "");
+}
+
+void apply_durably(Session& session, SceneEntry& entry, const v1::ApplyRequest& request,
+                   const EditLog::Finish& finish) {
+  if (auto writing = entry.journal->status(); !writing)
+    return finish({std::unexpected(writing.error()), false});
+  RecordingSource source(session.holdings(), entry.journal->files(entry.tenant->name));
+  DurableEdit edit{.transaction = read(session, request, source),
+                   .expected = expected_of(request),
+                   .record = {},
+                   .files = {}};
+  if (!source.status()) return finish({std::unexpected(source.status().error()), false});
+  edit.record.set_session(session.id());
+  edit.record.set_number(request.number());
+  if (edit.transaction) source.fill(request.transaction(), edit.record);
+  edit.files = source.take_files();
+  entry.commit(std::move(edit), finish);
 }
 
 /// Whether checking takes microseconds: small, and no arrays outside the message.
@@ -55,7 +72,11 @@ void apply_numbered(Daemon& daemon, const std::shared_ptr<Session>& session,
   if (!entry) return done(refuse(entry.error()));
   const auto log = daemon.scenes.edits(**entry, session->id());
   auto task = [&request, session, entry = *entry, log, done] {
-    done(log->answer(request.number(), [&] { return apply_now(*session, *entry, request); }));
+    const auto apply = [&](const EditLog::Finish& finish) {
+      if (entry->journal) return apply_durably(*session, *entry, request, finish);
+      finish({apply_now(*session, *entry, request)});
+    };
+    log->answer(request.number(), apply, done);
   };
   if (auto queued = log->strand().run(std::move(task), is_short(request)); !queued)
     done(refuse(queued.error()));

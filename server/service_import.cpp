@@ -43,7 +43,13 @@ class ImportCall final : public Reader<v1::SceneChunk> {
     auto made = rebuild(scene.description, daemon_.scenes.scene_limits());
     if (!made) return std::unexpected(std::move(made).error().at("header"));
     const Session& session = *call_.session();
-    auto entry = daemon_.scenes.create({scene.name, scene.shared, *std::move(made)}, session);
+    auto entry = daemon_.scenes.create({.name = scene.name,
+                                        .is_shared = scene.shared,
+                                        .durability = scene.durability,
+                                        .first = *std::move(made),
+                                        .request_id = scene.request_id,
+                                        .method = "ImportScene"},
+                                       session);
     if (!entry) return std::unexpected(entry.error());
     return scene_info(daemon_.scenes, **entry, session);
   }

@@ -8,28 +8,27 @@
 namespace heliograph::server {
 namespace {
 
-Status check_durability(const std::string& durability) {
-  if (durability.empty() || durability == "none") return {};
-  if (durability == "os" || durability == "fsync")
-    return fail(Code::kUnimplemented, "durability",
-                "durability '" + durability +
-                    "' needs the journal, which this version lacks; use \"none\" and keep copies "
-                    "with ExportScene");
-  return fail(Code::kInvalidArgument, "durability",
-              "'" + durability + "' is not one of none, os, fsync");
-}
-
 Expected<v1::SceneInfo> create(Daemon& daemon, const Session& session, NewScene scene) {
   auto entry = daemon.scenes.create(std::move(scene), session);
   if (!entry) return std::unexpected(entry.error());
   return scene_info(daemon.scenes, **entry, session);
 }
 
+/// What changes durable scenes waits for the disk.
+void run(Daemon& daemon, UnaryCall& call, WorkPool::Task task) {
+  if (daemon.journal) return call.post(daemon.pool, std::move(task));
+  task();
+}
+
 Expected<v1::SceneInfo> create_scene(Daemon& daemon, const Session& session,
                                      const v1::CreateSceneRequest& request) {
-  HELIO_TRY(check_durability(request.durability()));
   return create(daemon, session,
-                {request.name(), request.shared(), std::make_shared<const Snapshot>()});
+                {.name = request.name(),
+                 .is_shared = request.shared(),
+                 .durability = request.durability(),
+                 .first = std::make_shared<const Snapshot>(),
+                 .request_id = request.request_id(),
+                 .method = "CreateScene"});
 }
 
 Expected<v1::SceneInfo> branch_scene(Daemon& daemon, const Session& session,
@@ -39,7 +38,13 @@ Expected<v1::SceneInfo> branch_scene(Daemon& daemon, const Session& session,
   auto snapshot = snapshot_at(
       **parent, request.has_revision() ? std::optional(request.revision()) : std::nullopt);
   if (!snapshot) return std::unexpected(std::move(snapshot).error().at("revision"));
-  return create(daemon, session, {request.name(), request.shared(), std::move(*snapshot)});
+  return create(daemon, session,
+                {.name = request.name(),
+                 .is_shared = request.shared(),
+                 .durability = request.durability(),
+                 .first = std::move(*snapshot),
+                 .request_id = request.request_id(),
+                 .method = "BranchScene"});
 }
 
 Expected<v1::DeleteSceneReply> delete_scene(Daemon& daemon, const Session& session,
@@ -72,9 +77,11 @@ grpc::ServerUnaryReactor* Service::CreateScene(Context* context,
                                                const v1::CreateSceneRequest* request,
                                                v1::SceneInfo* reply) {
   return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
-    const OnceKey key{call.session()->requests(), request->request_id(), "CreateScene"};
-    call.finish(
-        once(key, *reply, [&] { return create_scene(daemon_, *call.session(), *request); }));
+    run(daemon_, call, [this, &call, request, reply] {
+      const OnceKey key{call.session()->requests(), request->request_id(), "CreateScene"};
+      call.finish(
+          once(key, *reply, [&] { return create_scene(daemon_, *call.session(), *request); }));
+    });
   });
 }
 
@@ -93,9 +100,11 @@ grpc::ServerUnaryReactor* Service::BranchScene(Context* context,
                                                const v1::BranchSceneRequest* request,
                                                v1::SceneInfo* reply) {
   return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
-    const OnceKey key{call.session()->requests(), request->request_id(), "BranchScene"};
-    call.finish(
-        once(key, *reply, [&] { return branch_scene(daemon_, *call.session(), *request); }));
+    run(daemon_, call, [this, &call, request, reply] {
+      const OnceKey key{call.session()->requests(), request->request_id(), "BranchScene"};
+      call.finish(
+          once(key, *reply, [&] { return branch_scene(daemon_, *call.session(), *request); }));
+    });
   });
 }
 
@@ -103,9 +112,11 @@ grpc::ServerUnaryReactor* Service::DeleteScene(Context* context,
                                                const v1::DeleteSceneRequest* request,
                                                v1::DeleteSceneReply* reply) {
   return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
-    const OnceKey key{call.session()->requests(), request->request_id(), "DeleteScene"};
-    call.finish(
-        once(key, *reply, [&] { return delete_scene(daemon_, *call.session(), *request); }));
+    run(daemon_, call, [this, &call, request, reply] {
+      const OnceKey key{call.session()->requests(), request->request_id(), "DeleteScene"};
+      call.finish(
+          once(key, *reply, [&] { return delete_scene(daemon_, *call.session(), *request); }));
+    });
   });
 }
 

@@ -38,6 +38,10 @@ void describe_server(const Daemon& daemon, const Tenant& tenant, v1::GetServerIn
   for (const auto& [name, value] : list_limits(daemon.config.limits))
     (*reply.mutable_limits())[name] = value;
   for (const auto& [name, amount] : tenant.used()) (*reply.mutable_used())[name] = amount;
+  if (daemon.journal) {
+    const Status writing = daemon.journal->status();
+    reply.set_journal(writing ? "writing" : "read-only: " + writing.error().message);
+  }
   reply.set_not_ready(daemon.health.not_ready());
   reply.set_ready(reply.not_ready().empty());
   describe_sharing(reply);
@@ -93,7 +97,8 @@ class KeepSessionStream final : public Writer<v1::KeepSessionReply> {
 
 Expected<std::shared_ptr<Session>> open_session(Daemon& daemon, const TenantPtr& tenant,
                                                 const v1::OpenSessionRequest& request) {
-  auto session = daemon.sessions.open({request.client(), tenant});
+  auto session = daemon.sessions.open({request.client(), tenant, request.resume()});
+  if (session && request.resume() != 0) daemon.restore_requests(**session);
   if (!session || request.ticket().empty()) return session;
   const u64 id = (*session)->id();
   daemon.sessions.attach(id);

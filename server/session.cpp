@@ -44,18 +44,58 @@ void Session::share_frames(SharedFrames::Tell tell) {
         std::make_shared<SharedFrames>(limits_.shared_bytes, tenant_->bytes, std::move(tell));
 }
 
-Expected<std::shared_ptr<Session>> Sessions::open(SessionOwner owner) {
+void Sessions::resume_for(double seconds, std::map<u64, TenantPtr> kept) {
+  {
+    const std::lock_guard lock(mutex_);
+    is_resuming_ = true;
+    kept_ = std::move(kept);
+  }
+  const auto delay = std::chrono::duration_cast<EventLoop::Clock::duration>(
+      std::chrono::duration<double>(seconds));
+  loop_.after(delay, [this] { end_resuming(); });
+}
+
+void Sessions::end_resuming() {
+  std::map<u64, TenantPtr> lost;
+  {
+    const std::lock_guard lock(mutex_);
+    is_resuming_ = false;
+    lost.swap(kept_);
+  }
+  for (const auto& [id, tenant] : lost) ended_({.id = id, .client = "", .tenant = tenant});
+}
+
+Expected<u64> Sessions::new_id(const SessionOwner& owner) {
   u64 id = 0;
-  while (id == 0)
-    if (::getrandom(&id, sizeof id, 0) != sizeof id)
-      return fail(Code::kInternal, "", "no random numbers");
+  if (owner.resume == 0) {
+    while (id == 0)
+      if (::getrandom(&id, sizeof id, 0) != sizeof id)
+        return fail(Code::kInternal, "", "no random numbers");
+    return id;
+  }
+  const std::lock_guard lock(mutex_);
+  const auto kept = kept_.find(owner.resume);
+  const bool is_another = kept != kept_.end() && kept->second != owner.tenant;
+  if (!is_resuming_ || is_another || open_.contains(owner.resume))
+    return fail(Code::kNotFound, "resume",
+                "this session is not resumed: it is open, or the daemon keeps nothing of it; open "
+                "a new one, and read what became of the last edits");
+  if (kept != kept_.end()) kept_.erase(kept);
+  return owner.resume;
+}
+
+Expected<std::shared_ptr<Session>> Sessions::open(SessionOwner owner) {
+  const auto made = new_id(owner);
+  if (!made) return std::unexpected(made.error());
+  const u64 id = *made;
   auto session = std::make_shared<Session>(id, std::move(owner), options_.session);
   {
     const std::lock_guard lock(mutex_);
     if (open_.size() >= options_.limit)
       return fail(Code::kResourceExhausted, "",
                   fmt::format("{} sessions are open; close one (limit sessions)", open_.size()));
-    open_.emplace(id, session);
+    if (!open_.emplace(id, session).second)
+      return fail(Code::kNotFound, "resume", "this session is open already; use it");
   }
   start_grace(id, 0);
   return session;
@@ -112,7 +152,7 @@ void Sessions::close(u64 id) {
     open_.erase(found);
   }
   session->stop_.request_stop();
-  ended_(*session);
+  ended_({.id = id, .client = session->client(), .tenant = session->tenant()});
 }
 
 void Sessions::close_of(const Tenant& tenant) {

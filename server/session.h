@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <stop_token>
@@ -25,6 +26,7 @@ namespace heliograph::server {
 struct SessionOwner {
   std::string client;  // free text, for logs
   TenantPtr tenant;
+  u64 resume = 0;  // the session of before the daemon was restarted; 0: none
 };
 
 /// Thread: any. Lives as long as a call of it runs, even after it was closed.
@@ -86,6 +88,12 @@ class Session {
   u64 losses_ = 0;    // how often the last carrier ended
 };
 
+struct EndedSession {
+  u64 id = 0;
+  std::string client;  // "": it was not resumed
+  TenantPtr tenant;
+};
+
 /// The open sessions. A session lives while something carries it (its second socket, or a
 /// KeepSession stream) and for the grace time after that. Thread: any.
 class Sessions {
@@ -95,11 +103,16 @@ class Sessions {
     double grace_seconds = 10;
     Session::Limits session;
   };
+  using Ended = std::function<void(const EndedSession&)>;
   /// `ended` is called once for each session, from any thread, after its jobs were told to stop.
-  Sessions(EventLoop& loop, Options options, std::function<void(const Session&)> ended)
+  Sessions(EventLoop& loop, Options options, Ended ended)
       : loop_(loop), options_(options), ended_(std::move(ended)) {}
 
-  /// Opens a session that nothing carries yet: its grace time starts.
+  /// For that long sessions are resumed; then those kept for it that were not are ended.
+  /// kept: sessions with edits that survived, and their tenants.
+  void resume_for(double seconds, std::map<u64, TenantPtr> kept);
+  /// Opens a session that nothing carries yet: its grace time starts. NOT_FOUND when it is to be
+  /// resumed and is nothing that may be.
   [[nodiscard]] Expected<std::shared_ptr<Session>> open(SessionOwner owner);
   /// Null when it is not open.
   [[nodiscard]] std::shared_ptr<Session> find(u64 id) const;
@@ -116,12 +129,16 @@ class Sessions {
 
  private:
   void start_grace(u64 id, u64 loss);
+  [[nodiscard]] Expected<u64> new_id(const SessionOwner& owner);
+  void end_resuming();
 
   EventLoop& loop_;
   const Options options_;
-  const std::function<void(const Session&)> ended_;
+  const Ended ended_;
   mutable std::mutex mutex_;
   std::unordered_map<u64, std::shared_ptr<Session>> open_;
+  bool is_resuming_ = false;
+  std::map<u64, TenantPtr> kept_;  // sessions that may be resumed -> tenants
 };
 
 }  // namespace heliograph::server

@@ -52,6 +52,13 @@ Expected<TenantPtr> Tenants::of(const Caller& caller) const {
               "operator has it (--tenants, or the file that --token-file names)");
 }
 
+TenantPtr Tenants::named(const std::string& name) {
+  const std::lock_guard lock(mutex_);
+  auto& tenant = tenants_[name];
+  if (!tenant) tenant = std::make_shared<Tenant>(tenants_.size(), name, limits_, store_);
+  return tenant;
+}
+
 std::vector<TenantPtr> Tenants::replace(Identities identities) {
   const std::lock_guard lock(mutex_);
   const auto before = identities_.tenants();

@@ -50,6 +50,8 @@ class Tenants {
 
   /// UNAUTHENTICATED, in the same words whatever is missing or wrong.
   [[nodiscard]] Expected<TenantPtr> of(const Caller& caller) const;
+  /// The tenant of that name, who may have no identity now: its durable scenes are there.
+  [[nodiscard]] TenantPtr named(const std::string& name);
   /// From now on these identities hold. Returns the tenants that have none any more.
   [[nodiscard]] std::vector<TenantPtr> replace(Identities identities);
   /// Whether there is more than one.

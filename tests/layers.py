@@ -23,6 +23,14 @@ ALLOWED = {
         "server/convert",
         "heliograph/v1",
     },
+    "server/journal": {
+        "renderer/base",
+        "renderer/scene",
+        "heliograph/v1",
+        "server",
+        "server/convert",
+        "server/decode",
+    },
     "server": {
         "renderer/base",
         "renderer/scene",
@@ -31,6 +39,7 @@ ALLOWED = {
         "heliograph/v1",
         "server/convert",
         "server/decode",
+        "server/journal",
     },
     "server/convert": {
         "renderer/base",
@@ -50,8 +59,9 @@ LIBRARIES = {
     "openvdb": {"renderer/assets"},
     "nanovdb": {"renderer/assets", "kernels"},
     "tiny_gltf.h": {"renderer/assets"},
+    "sqlite3.h": {"server/journal"},
     "grpcpp": {"server", "server/convert"},
-    "google": {"server", "server/convert", "server/decode"},
+    "google": {"server", "server/convert", "server/decode", "server/journal"},
 }
 INCLUDE = re.compile(r'^\s*#\s*include\s+(?:"([^"]+)"|<([^>]+)>)')
 

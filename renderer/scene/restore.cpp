@@ -56,7 +56,6 @@ Status add_libraries(Snapshot& scene, const SceneDescription& description,
   return {};
 }
 
-
 bool fits(const TableIds& ids) {
   std::vector<bool> seen(ids.versions.size(), false);
   return std::ranges::all_of(ids.order, [&](u32 index) {

@@ -18,11 +18,7 @@ const std::shared_ptr<const Snapshot>& Scene::last() const {
 Expected<Prepared> Scene::prepare(const Transaction& transaction,
                                   std::optional<Revision> expected) {
   for (;;) {
-    std::shared_ptr<const Snapshot> base;
-    {
-      const std::lock_guard lock(mutex_);
-      base = last();
-    }
+    const std::shared_ptr<const Snapshot> base = pending();
     if (expected && *expected != base->revision) {
       Error error{.code = Code::kAborted,
                   .message = fmt::format("the scene is at revision {}, not {}; read and try again",
@@ -63,6 +59,11 @@ void Scene::drop_pending(Revision first) {
 std::shared_ptr<const Snapshot> Scene::head() const {
   const std::lock_guard lock(mutex_);
   return recent_.back();
+}
+
+std::shared_ptr<const Snapshot> Scene::pending() const {
+  const std::lock_guard lock(mutex_);
+  return last();
 }
 
 Expected<std::shared_ptr<const Snapshot>> Scene::at(Revision revision) const {

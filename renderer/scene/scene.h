@@ -54,6 +54,8 @@ class Scene {
   void drop_pending(Revision first = 0);
 
   [[nodiscard]] std::shared_ptr<const Snapshot> head() const;
+  /// The last one prepared, or the head: what the next transaction is applied to.
+  [[nodiscard]] std::shared_ptr<const Snapshot> pending() const;
   /// OUT_OF_RANGE when it is no longer kept, or does not exist yet.
   [[nodiscard]] Expected<std::shared_ptr<const Snapshot>> at(Revision revision) const;
 

@@ -6,26 +6,31 @@
 
 namespace heliograph::server {
 
-SceneExport::SceneExport(const Snapshot& snapshot) {
-  header_.set_format(kSceneFormat);
+v1::SceneChunk::Header scene_header(const Snapshot& snapshot, const ArraySink& sink) {
+  v1::SceneChunk::Header header;
+  header.set_format(kSceneFormat);
   const SceneDescription description = describe(snapshot);
-  const auto sink = [this](const BufferPtr& bytes, v1::Array& array) {
-    if (bytes->bytes().size() <= kLargestInline)
-      array.set_inline_(bytes->bytes().data(), bytes->bytes().size());
-    else
-      add_blob(bytes, array);
-  };
-  *header_.mutable_transaction() = to_proto(description.scene, sink);
+  *header.mutable_transaction() = to_proto(description.scene, sink);
   if (!description.previous.edits.empty())
-    *header_.mutable_previous() = to_proto(description.previous, sink);
+    *header.mutable_previous() = to_proto(description.previous, sink);
   for (const auto& kept : description.libraries) {
-    v1::SceneChunk::Library* library = header_.add_libraries();
+    v1::SceneChunk::Library* library = header.add_libraries();
     library->set_asset(kept.asset);
     for (const auto& edit : kept.edits) {
       v1::Ref* object = library->add_objects();
       if (edit) object->set_created_by_edit(*edit);
     }
   }
+  return header;
+}
+
+SceneExport::SceneExport(const Snapshot& snapshot) {
+  header_ = scene_header(snapshot, [this](const BufferPtr& bytes, v1::Array& array) {
+    if (bytes->bytes().size() <= kLargestInline)
+      array.set_inline_(bytes->bytes().data(), bytes->bytes().size());
+    else
+      add_blob(bytes, array);
+  });
   for (const BufferPtr& blob : blobs_) {
     header_.add_blobs(hashes_.at(blob->serial()));
     header_.add_sizes(blob->bytes().size());

@@ -13,6 +13,11 @@
 
 namespace heliograph::server {
 
+/// The header of a scene file without its blobs: the edits that make the scene. And back.
+[[nodiscard]] v1::SceneChunk::Header scene_header(const Snapshot& snapshot, const ArraySink& sink);
+[[nodiscard]] Expected<SceneDescription> to_description(const v1::SceneChunk::Header& header,
+                                                        ArraySource& source);
+
 /// A snapshot as a self-contained sequence of chunks, made one at a time: the header with the edits
 /// that build it, then each array of more than 4 KiB once, by its hash. Thread: one at a time.
 class SceneExport {
@@ -38,6 +43,7 @@ struct ImportedScene {
   SceneDescription description;
   std::string request_id;
   std::string name;
+  std::string durability;
   bool shared = false;
 };
 

@@ -114,17 +114,24 @@ Expected<ImportedScene> SceneImport::finish() {
   if (left_ > 0)
     return fail(Code::kInvalidArgument, "chunk",
                 fmt::format("blob {} lacks {} bytes; the file is cut short", blob_ - 1, left_));
-  ImportedScene scene{
-      .request_id = header_->request_id(), .name = header_->name(), .shared = header_->shared()};
-  SceneDescription& description = scene.description;
-  HELIO_TAKE(description.scene, to_transaction(header_->transaction(), holdings_),
-             "header.transaction");
-  HELIO_TAKE(description.previous, to_transaction(header_->previous(), holdings_),
-             "header.previous");
-  for (int i = 0; i < header_->libraries_size(); ++i)
-    HELIO_TAKE(description.libraries.emplace_back(), to_library(header_->libraries(i)),
-               indexed("header.libraries", u64(i)));
-  return scene;
+  auto description = to_description(*header_, holdings_);
+  if (!description) return std::unexpected(std::move(description).error().at("header"));
+  return ImportedScene{.description = std::move(*description),
+                       .request_id = header_->request_id(),
+                       .name = header_->name(),
+                       .durability = header_->durability(),
+                       .shared = header_->shared()};
+}
+
+Expected<SceneDescription> to_description(const v1::SceneChunk::Header& header,
+                                          ArraySource& source) {
+  SceneDescription description;
+  HELIO_TAKE(description.scene, to_transaction(header.transaction(), source), "transaction");
+  HELIO_TAKE(description.previous, to_transaction(header.previous(), source), "previous");
+  for (int i = 0; i < header.libraries_size(); ++i)
+    HELIO_TAKE(description.libraries.emplace_back(), to_library(header.libraries(i)),
+               indexed("libraries", u64(i)));
+  return description;
 }
 
 }  // namespace heliograph::server

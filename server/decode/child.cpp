@@ -4,6 +4,7 @@
 
 #include "renderer/assets/load.h"
 #include "server/convert/transaction.h"
+#include "server/decode/asset.h"
 
 namespace heliograph::server {
 namespace {
@@ -44,7 +45,6 @@ decode::Result refusal(const Error& error) {
 
 decode::Result to_result(const Loaded& loaded, const ArraySink& sink) {
   decode::Result result;
-  result.set_name(loaded.asset.name);
   for (const std::string& path : loaded.missing) result.add_missing(path);
   for (const std::string& warning : loaded.warnings) result.add_warnings(warning);
   for (const vec3& corner : {loaded.bounds_min, loaded.bounds_max}) {
@@ -54,21 +54,7 @@ decode::Result to_result(const Loaded& loaded, const ArraySink& sink) {
     *result.mutable_texels() = to_proto(*loaded.image, sink);
     result.set_srgb(loaded.image_srgb);
   }
-  *result.mutable_library() = to_proto(Transaction{loaded.asset.library}, sink);
-  *result.mutable_entities() = to_proto(Transaction{loaded.asset.entities}, sink);
-  for (const Asset::Animation& animation : loaded.asset.animations) {
-    decode::Animation* out = result.add_animations();
-    out->set_name(animation.name);
-    for (const Asset::Channel& channel : animation.channels) {
-      decode::Channel* track = out->add_channels();
-      track->set_entity(channel.entity);
-      if (const auto* pose = std::get_if<PosePatch>(&channel.keys)) {
-        *track->mutable_pose() = to_proto(*pose, sink);
-      } else {
-        *track->mutable_morph_weights() = to_proto(std::get<MorphWeights>(channel.keys), sink);
-      }
-    }
-  }
+  write_asset(loaded.asset, result, sink);
   return result;
 }
 

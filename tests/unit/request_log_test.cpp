@@ -13,60 +13,130 @@ Expected<v1::ApplyReply> reply(u64 revision) {
   return made;
 }
 
+/// An edit that is done at once.
+template <class Apply>
+EditLog::Reply reply_of(EditLog& log, u64 number, const Apply& apply) {
+  EditLog::Reply got;
+  log.answer(
+      number, [&](const EditLog::Finish& finish) { finish({apply()}); },
+      [&](const EditLog::Reply& reply) { got = reply; });
+  REQUIRE(got);
+  return got;
+}
+
+std::shared_ptr<EditLog> make_log(WorkPool& pool, ReplyLimits limits = {}) {
+  return std::make_shared<EditLog>(pool, limits, 4);
+}
+
 }  // namespace
 
 TEST_CASE("edit log: the next number runs once, an old one is answered again") {
   WorkPool pool(1, 4);
-  EditLog log(pool, {}, 4);
+  const auto log = make_log(pool);
   int runs = 0;
   const auto apply = [&] { return reply(u64(++runs)); };
-  CHECK(log.next() == 1);
-  CHECK((*log.answer(1, apply))->revision() == 1);
-  CHECK((*log.answer(2, apply))->revision() == 2);
-  CHECK((*log.answer(1, apply))->revision() == 1);
+  CHECK(log->next() == 1);
+  CHECK((*reply_of(*log, 1, apply))->revision() == 1);
+  CHECK((*reply_of(*log, 2, apply))->revision() == 2);
+  CHECK((*reply_of(*log, 1, apply))->revision() == 1);
   CHECK(runs == 2);
-  CHECK(log.next() == 3);
+  CHECK(log->next() == 3);
 }
 
 TEST_CASE("edit log: a refusal is kept too, and uses its number up") {
   WorkPool pool(1, 4);
-  EditLog log(pool, {}, 4);
+  const auto log = make_log(pool);
   int runs = 0;
   const auto refuse = [&]() -> Expected<v1::ApplyReply> {
     ++runs;
     return fail(Code::kNotFound, "edits[0]", "no");
   };
-  CHECK(log.answer(1, refuse)->error().code == Code::kNotFound);
-  CHECK(log.answer(1, refuse)->error().code == Code::kNotFound);
+  CHECK(reply_of(*log, 1, refuse)->error().code == Code::kNotFound);
+  CHECK(reply_of(*log, 1, refuse)->error().code == Code::kNotFound);
   CHECK(runs == 1);
-  CHECK(log.next() == 2);
+  CHECK(log->next() == 2);
 }
 
 TEST_CASE("edit log: a gap and a forgotten number name the number expected") {
   WorkPool pool(1, 4);
-  EditLog log(pool, {.replies = 3, .bytes = 1 << 20}, 4);
-  for (u64 i = 1; i <= 5; ++i) REQUIRE(*log.answer(i, [&] { return reply(i); }));
+  const auto log = make_log(pool, {.replies = 3, .bytes = 1 << 20});
+  for (u64 i = 1; i <= 5; ++i) REQUIRE(*reply_of(*log, i, [&] { return reply(i); }));
   for (const u64 number : {0ull, 1ull, 2ull, 7ull}) {
-    const auto answer = log.answer(number, [&] { return reply(0); });
+    const auto answer = reply_of(*log, number, [&] { return reply(0); });
     REQUIRE(!*answer);
     CHECK(answer->error().code == Code::kAborted);
     CHECK(answer->error().expected == 6);
   }
-  CHECK((*log.answer(3, [&] { return reply(0); }))->revision() == 3);
+  CHECK((*reply_of(*log, 3, [&] { return reply(0); }))->revision() == 3);
 }
 
 TEST_CASE("edit log: kept replies are bounded by bytes") {
   WorkPool pool(1, 4);
-  EditLog log(pool, {.replies = 1000, .bytes = 10'000}, 4);
+  const auto log = make_log(pool, {.replies = 1000, .bytes = 10'000});
   const auto large = [] {
     v1::ApplyReply made;
     made.set_ids(std::string(4000, 'x'));
     return Expected<v1::ApplyReply>(made);
   };
-  for (u64 i = 1; i <= 9; ++i) REQUIRE(*log.answer(i, large));
-  CHECK(*log.answer(9, large));
-  CHECK(*log.answer(8, large));
-  CHECK(!*log.answer(7, large));
+  for (u64 i = 1; i <= 9; ++i) REQUIRE(*reply_of(*log, i, large));
+  CHECK(*reply_of(*log, 9, large));
+  CHECK(*reply_of(*log, 8, large));
+  CHECK(!*reply_of(*log, 7, large));
+}
+
+TEST_CASE("edit log: edits that end later are answered once, in any order of asking") {
+  WorkPool pool(1, 4);
+  const auto log = make_log(pool);
+  std::vector<EditLog::Finish> running;
+  std::vector<u64> told;
+  const auto apply = [&](EditLog::Finish finish) { running.push_back(std::move(finish)); };
+  const auto done = [&](const EditLog::Reply& got) {
+    told.push_back(*got ? (*got)->revision() : 0);
+  };
+  for (const u64 number : {1, 2, 1}) log->answer(number, apply, done);
+  REQUIRE(running.size() == 2);
+  CHECK(told.empty());
+  CHECK(log->next() == 3);
+  CHECK(log->state().last == 0);
+  running[0]({reply(7)});
+  CHECK(told == std::vector<u64>{7, 7});
+  CHECK(log->state().last == 1);
+  running[1]({reply(8)});
+  CHECK(told == std::vector<u64>{7, 7, 8});
+  CHECK(log->state().kept.size() == 2);
+}
+
+TEST_CASE("edit log: what was not kept frees its number, and those after it") {
+  WorkPool pool(1, 4);
+  const auto log = make_log(pool);
+  std::vector<EditLog::Finish> running;
+  std::vector<Code> told;
+  const auto apply = [&](EditLog::Finish finish) { running.push_back(std::move(finish)); };
+  const auto done = [&](const EditLog::Reply& got) {
+    told.push_back(*got ? Code() : got->error().code);
+  };
+  const auto lost = [] {
+    return EditLog::Outcome{.reply = fail(Code::kUnavailable, "", "disk"), .is_kept = false};
+  };
+  reply_of(*log, 1, [] { return reply(1); });
+  log->answer(2, apply, done);
+  log->answer(3, apply, done);
+  running[0](lost());
+  CHECK(log->next() == 2);
+  running[1](lost());
+  CHECK(told == std::vector<Code>{Code::kUnavailable, Code::kUnavailable});
+  CHECK(log->next() == 2);
+  CHECK((*reply_of(*log, 1, [] { return reply(0); }))->revision() == 1);
+  CHECK((*reply_of(*log, 2, [] { return reply(5); }))->revision() == 5);
+}
+
+TEST_CASE("edit log: restored, it goes on where it was") {
+  WorkPool pool(1, 4);
+  const auto log = make_log(pool), next = make_log(pool);
+  for (u64 i = 1; i <= 5; ++i) reply_of(*log, i, [&] { return reply(10 + i); });
+  next->restore(log->state());
+  CHECK(next->next() == 6);
+  CHECK((*reply_of(*next, 4, [] { return reply(0); }))->revision() == 14);
 }
 
 TEST_CASE("request log: done once, failures not kept, oldest forgotten") {

@@ -25,13 +25,12 @@ std::string ids_of(const TableIds& ids) {
 /// Everything a scene holds, its ids, and what it gives out next.
 std::string all_of(const Snapshot& snapshot) {
   const SceneNumbers n = numbers(snapshot);
-  std::string out = dump::text(snapshot) + fmt::format("{} {} {}\n", n.revision, n.next_label,
-                                                       n.advances);
+  std::string out =
+      dump::text(snapshot) + fmt::format("{} {} {}\n", n.revision, n.next_label, n.advances);
   for (const TableIds* ids : {&n.entities, &n.meshes, &n.materials, &n.textures, &n.volumes})
     out += ids_of(*ids) + "\n";
-  snapshot.names.for_each([&](const std::string& name, Id id) {
-    out += fmt::format("{}={:x} ", name, id.value);
-  });
+  snapshot.names.for_each(
+      [&](const std::string& name, Id id) { out += fmt::format("{}={:x} ", name, id.value); });
   return out + dump::list(n.without_label, [](u32 i) { return fmt::format("{}", i); });
 }
 

@@ -86,11 +86,12 @@ def test_a_failed_call_may_be_tried_again_under_its_request_id(client):
     assert client.call("CreateScene", name="busy", request_id="c").scene != scene
 
 
-@pytest.mark.parametrize("durability,code", [("os", "UNIMPLEMENTED"), ("fsync", "UNIMPLEMENTED"),
+@pytest.mark.parametrize("durability,code", [("os", "FAILED_PRECONDITION"),
+                                             ("fsync", "FAILED_PRECONDITION"),
                                              ("never", "INVALID_ARGUMENT")])
 def test_durability_is_none_or_refused(client, durability, code):
     with pytest.raises(grpc.RpcError) as error:
-        client.call("CreateScene", durability=durability)
+        client.call("CreateScene", shared=True, durability=durability)
     assert error.value.code().name == code
     assert detail(error.value).field == "durability"
 

@@ -119,7 +119,7 @@ class Store:
         self._connection = connection
         self._lock = threading.Lock()
         self._known: set[bytes] = set()
-        self._session = 0
+        self._link: Any = None
 
     def asset(self, data: NdArray) -> types.Array:
         """An array that stays as it is (topology, texels): by SHA-256 when it is large."""
@@ -146,10 +146,10 @@ class Store:
     def blob(self, data: memoryview | bytes) -> bytes:
         """Uploads bytes unless the session has them; their SHA-256."""
         digest = hashlib.sha256(data).digest()
-        session = self._connection.link.session
+        link = self._connection.link
         with self._lock:
-            if session != self._session:
-                self._session = session
+            if link is not self._link:  # another session, or a daemon that was restarted
+                self._link = link
                 self._known.clear()
             if digest in self._known:
                 return digest

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from . import _render
-from ._connection import Stream, status_error
+from ._connection import Stream
 from ._proto import service_pb2 as service
+from ._status import status_error
 from .components import whole_of
 from .errors import HeliographError, InvalidArgument
 from .frame import Frame

@@ -7,7 +7,6 @@ import contextlib
 import ctypes
 import os
 import platform
-import re
 import socket
 import threading
 import time
@@ -19,77 +18,27 @@ import grpc
 from google.protobuf import message_factory
 
 from ._proto import service_pb2 as service
-from ._proto import types_pb2 as types
 from ._shared import share_frames
+from ._status import to_error
 from .access import Access
-from .errors import BY_CODE, HeliographError, Internal, Unavailable
+from .errors import HeliographError, NotFound, Unauthenticated, Unavailable
 
 if TYPE_CHECKING:
     from ._launch import PrivateDaemon
 
 RETRY_SECONDS = 10.0  # how long an unreachable daemon is tried again
 _METHODS = service.DESCRIPTOR.services_by_name["Renderer"].methods_by_name
-_CODES = {code.value[0]: code.name for code in grpc.StatusCode}
 _TICKET_BYTES = 16
-_TOO_LONG = re.compile(r"(Received|Sent) message larger than max \((\d+) vs\. (\d+)\)")
-
-
-def to_error(error: grpc.RpcError) -> HeliographError:
-    """The typed error of a failed call, with the fields of its ErrorDetail."""
-    detail = types.ErrorDetail()
-    for key, value in error.trailing_metadata() or ():
-        if key == "heliograph-error-bin":
-            detail.ParseFromString(value)
-    name = error.code().name
-    text = error.details() or name
-    too_long = _TOO_LONG.search(text)  # gRPC's own words, before the daemon sees the request
-    if too_long:
-        detail.field = "message"
-        detail.needed, detail.available = int(too_long[2]), int(too_long[3])
-        text = (
-            f"message: the request has {detail.needed} bytes, the daemon takes {detail.available}; "
-            "split it into several (transactions, queries), or raise the daemon's limit "
-            "message_bytes"
-            if too_long[1] == "Received"
-            else f"message: the answer has {detail.needed} bytes, {detail.available} may travel at "
-            "once; ask for less (amodal_masks of many instances are large)"
-        )
-    return _typed(name, text, detail)
-
-
-def status_error(code: int, text: str, detail: types.ErrorDetail) -> HeliographError:
-    """The typed error of a status that travels in a message; `code`: gRPC's number."""
-    return _typed(_CODES.get(code, "UNKNOWN"), text, detail)
-
-
-def _typed(name: str, text: str, detail: types.ErrorDetail) -> HeliographError:
-    if name == "UNAVAILABLE":
-        return Unavailable(text, field=detail.field, retry_seconds=detail.retry_seconds)
-    if name in BY_CODE:
-        return BY_CODE[name](text, **detail_fields(detail))
-    return Internal(f"{name}: {text}", **detail_fields(detail))
-
-
-def detail_fields(detail: types.ErrorDetail) -> dict[str, Any]:
-    """Keyword arguments of HeliographError."""
-    return {
-        "field": detail.field,
-        "needed": detail.needed,
-        "available": detail.available,
-        "users": list(detail.users),
-        "nearest": list(detail.nearest),
-        "expected": detail.expected,
-        "retry_seconds": detail.retry_seconds,
-    }
 
 
 class Link:
     """A channel and the session opened over it. Belongs to the process that opened it."""
 
-    def __init__(self, access: Access) -> None:
+    def __init__(self, access: Access, resume: int = 0) -> None:
         path = access.socket
         self.pid = os.getpid()
         self._access = access
+        self._resume = resume  # the session of before the daemon was restarted
         self._calls: dict[tuple[str, bool], Any] = {}
         self._session: tuple[tuple[str, str], ...] = ()
         self._lifeline: socket.socket | None = None
@@ -128,7 +77,7 @@ class Link:
         from . import __version__
 
         client = f"python {platform.python_version()} heliograph {__version__}"
-        request = service.OpenSessionRequest(client=client, ticket=ticket)
+        request = service.OpenSessionRequest(client=client, ticket=ticket, resume=self._resume)
         call, metadata = self.method("OpenSession"), self.metadata
         try:
             reply = call(request, timeout=RETRY_SECONDS, metadata=metadata, wait_for_ready=True)
@@ -248,6 +197,24 @@ class Connection:
         except Unavailable as error:
             raise self._lost(error) from None
 
+    def resume(self, link: Link, failure: HeliographError) -> bool:
+        """Whether the daemon was restarted and opened the session again: with the numbering of the
+        edits of durable scenes, without anything else."""
+        if not isinstance(failure, Unauthenticated) or not link.server.journal:
+            return False
+        with self._lock:
+            if self._link is not link:
+                return self._link is not None  # another thread was here
+            try:
+                self._link = Link(self.access, link.session)
+            except (grpc.RpcError, Unavailable) as error:
+                again = error if isinstance(error, HeliographError) else to_error(error)
+                if isinstance(again, NotFound):
+                    self._link = None  # the next call opens a new session
+                return isinstance(again, Unavailable)
+        link.close()
+        return True
+
     def _lost(self, error: HeliographError) -> HeliographError:
         """How the private daemon died, when that is why."""
         if isinstance(error, Unavailable) and self.daemon is not None:
@@ -269,7 +236,7 @@ class Connection:
                 return link.method(name)(request, timeout=timeout, metadata=link.metadata)
             except grpc.RpcError as error:
                 failure = to_error(error)
-            if not isinstance(failure, Unavailable):
+            if not (isinstance(failure, Unavailable) or self.resume(link, failure)):
                 raise failure
             failure = self._lost(failure)
             if (self.daemon and self.daemon.exit_code() is not None) or time.monotonic() > until:
@@ -283,7 +250,7 @@ class Connection:
         """The replies to a request, or to an iterator of requests."""
         link = self.link
         found = link.method(name, raw)(request, timeout=timeout, metadata=link.metadata)
-        return Stream(self, found)
+        return Stream(self, link, found)
 
     def push(self, name: str, requests: Iterable[Any]) -> Any:
         """A client stream; its reply. What `requests` raises is raised here."""
@@ -302,7 +269,17 @@ class Connection:
         except grpc.RpcError as error:
             if faults:
                 raise faults[0] from None
-            raise self._lost(to_error(error)) from None
+            raise self.failure(link, error) from None
+
+    def failure(self, link: Link, error: grpc.RpcError) -> HeliographError:
+        """What to raise for a call that cannot be repeated here."""
+        failed = to_error(error)
+        if self.resume(link, failed):
+            return Unavailable(
+                "the daemon was restarted, and the session goes on: ask again; what was not "
+                "durable is gone"
+            )
+        return self._lost(failed)
 
     def close(self) -> None:
         """Ends the session, and a private daemon. Safe to call twice."""
@@ -337,8 +314,9 @@ class Connection:
 class Stream:
     """Messages of a server stream; cancels it when left early."""
 
-    def __init__(self, connection: Connection, call: Any) -> None:
+    def __init__(self, connection: Connection, link: Link, call: Any) -> None:
         self._connection = connection
+        self._link = link
         self._call = call
 
     def cancel(self) -> None:
@@ -349,7 +327,7 @@ class Stream:
         try:
             yield from self._call
         except grpc.RpcError as error:
-            raise self._connection._lost(to_error(error)) from None
+            raise self._connection.failure(self._link, error) from None
         finally:
             self._call.cancel()
 

@@ -43,7 +43,11 @@ class Client:
     def create_scene(
         self, name: str = "", *, durability: str = "none", shared: bool = False
     ) -> Scene:
-        """An empty scene. Private ones die with this session; shared ones live until deleted."""
+        """An empty scene. Private ones die with this session; shared ones live until deleted.
+
+        durability: what an acknowledged edit survives. "none"; "os": the end of the daemon, kill -9
+        too; "fsync": a loss of power too. Durable scenes are shared; the daemon has --state-dir.
+        """
         request = service.CreateSceneRequest(
             request_id=uuid.uuid4().hex, name=name, shared=shared, durability=durability
         )
@@ -54,13 +58,24 @@ class Client:
         return self.scene_of(self.connection.call("OpenScene", service.OpenSceneRequest(name=name)))
 
     def load_scene(
-        self, path: str | os.PathLike[str], *, name: str = "", shared: bool = False
+        self,
+        path: str | os.PathLike[str],
+        *,
+        name: str = "",
+        durability: str = "none",
+        shared: bool = False,
     ) -> Scene:
-        """A new scene from a file that Scene.save wrote."""
+        """A new scene from a file that Scene.save wrote. durability: see create_scene."""
         from . import scene_file
 
-        header = (uuid.uuid4().hex, name, shared)
-        info = self.connection.push("ImportScene", scene_file.read(path, *header))
+        chunks = scene_file.read(
+            path,
+            request_id=uuid.uuid4().hex,
+            name=name,
+            durability=durability,
+            shared=shared,
+        )
+        info = self.connection.push("ImportScene", chunks)
         return self.scene_of(info, owned=not shared)
 
     def scenes(self) -> list[Scene]:

@@ -9,9 +9,9 @@ import grpc
 import numpy as np
 
 from ._arrays import Columns, NdArray, checked, inline
-from ._connection import to_error
 from ._proto import service_pb2 as service
 from ._proto import types_pb2 as types
+from ._status import to_error
 from .components import whole_of
 from .errors import InvalidArgument
 from .handles import Handle, Named, flatten

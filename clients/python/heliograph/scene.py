@@ -181,6 +181,11 @@ class Scene:
         return self._info().revision
 
     @property
+    def durability(self) -> str:
+        """What an acknowledged edit survives: "none", "os" or "fsync"; see Client.create_scene."""
+        return self._info().durability
+
+    @property
     def time(self) -> float:
         """The scene's time, seconds."""
         return self._info().time
@@ -311,10 +316,23 @@ class Scene:
 
     # ------------------------------------------------------------ life
 
-    def branch(self, name: str = "", *, revision: int | None = None, shared: bool = False) -> Scene:
-        """A copy-on-write branch; handles of this scene serve it too, by their ids."""
+    def branch(
+        self,
+        name: str = "",
+        *,
+        revision: int | None = None,
+        durability: str = "none",
+        shared: bool = False,
+    ) -> Scene:
+        """A copy-on-write branch; handles of this scene serve it too, by their ids. durability: of
+        the branch, see Client.create_scene."""
         request = service.BranchSceneRequest(
-            request_id=uuid.uuid4().hex, scene=self.id, name=name, shared=shared, revision=revision
+            request_id=uuid.uuid4().hex,
+            scene=self.id,
+            name=name,
+            durability=durability,
+            shared=shared,
+            revision=revision,
         )
         info = self.client.connection.call("BranchScene", request)
         return self.client.scene_of(info, owned=not shared)

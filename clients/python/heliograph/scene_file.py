@@ -9,6 +9,7 @@ import os
 import struct
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 from ._proto import service_pb2 as service
 from .errors import InvalidArgument
@@ -35,10 +36,8 @@ def write(path: str | os.PathLike[str], chunks: Iterable[service.SceneChunk]) ->
         partial.unlink(missing_ok=True)
 
 
-def read(
-    path: str | os.PathLike[str], request_id: str, name: str, shared: bool
-) -> Iterator[service.SceneChunk]:
-    """The chunks for ImportScene, with the header completed."""
+def read(path: str | os.PathLike[str], **fields: Any) -> Iterator[service.SceneChunk]:
+    """The chunks for ImportScene, with these fields of the header set."""
     chunks = _read_chunks(path)
     pieces = b""
     for chunk in chunks:
@@ -52,7 +51,7 @@ def read(
             header = chunk.header
         else:
             raise InvalidArgument(f"{path}: has no header; it is not a scene file", field="path")
-        header.request_id, header.name, header.shared = request_id, name, shared
+        header.MergeFrom(service.SceneChunk.Header(**fields))
         yield from _header_chunks(header)
         if pieces:
             yield chunk
@@ -61,7 +60,7 @@ def read(
     if not pieces:
         raise InvalidArgument(f"{path}: ends before its header", field="path")
     header = service.SceneChunk.Header.FromString(pieces)
-    header.request_id, header.name, header.shared = request_id, name, shared
+    header.MergeFrom(service.SceneChunk.Header(**fields))
     yield from _header_chunks(header)
 
 

@@ -1,0 +1,160 @@
+// The journal of durable scenes: what was acknowledged survives the daemon. Called by the scenes
+// (scenes.cpp) and by the daemon's start and end.
+#pragma once
+
+#include <condition_variable>
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "server/journal/blob_files.h"
+#include "server/journal/database.h"
+#include "server/journal/record.pb.h"
+#include "server/journal/state.h"
+#include "server/log.h"
+#include "server/unique_fd.h"
+#include "server/work_pool.h"
+
+namespace heliograph::server {
+
+/// What of a record is written: serialised, with the files it names.
+struct Entry {
+  u64 scene = 0;
+  std::string record;
+  bool sync = false;  // survives a loss of power
+  std::vector<BlobFilePtr> files;
+  /// Called once, from the writer's thread, in the order of append(): committed, or an error and
+  /// then nothing of it will be there after a restart.
+  std::function<void(const Status&)> done;
+};
+
+/// Owns: the state directory, the database, and the thread that writes it. Thread: any.
+///
+/// Entries that wait are committed together. After an error nothing is acknowledged: all that waits
+/// fails, the database is closed, and once a second it is opened again, brought to what was
+/// acknowledged, and moved out of its log; when that works, writing goes on.
+class Journal {
+ public:
+  struct Options {
+    std::string folder;
+    u64 snapshot_records = 100'000;  // between two snapshots
+    u32 queue = 65'536;              // entries that may wait
+  };
+  /// Called when writing stops (an error) and when it goes on (OK).
+  using Changed = std::function<void(const Status&)>;
+  /// The states of these scenes, as far as their entries were done; of `row` only the id is read.
+  /// Called by the writer's thread.
+  using Capture = std::function<std::vector<SceneState>(const std::set<u64>& scenes)>;
+
+  /// Takes the folder. ALREADY_EXISTS: another daemon has it; INTERNAL: it is damaged.
+  [[nodiscard]] static Expected<std::unique_ptr<Journal>> open(Options options, WorkPool& pool,
+                                                               const Log& log);
+  ~Journal();
+
+  /// What there is to recover: rows of scenes, then the records that are not in all snapshots, in
+  /// order; the sum of each is checked. INTERNAL names the first row that is damaged.
+  [[nodiscard]] Status read(const std::function<Status(const journal::SceneRow&)>& scene,
+                            const std::function<Status(u64, journal::Record)>& record);
+  /// Files that recovery found a scene to need; `record` 0: by its snapshot.
+  void hold(u64 scene, u64 record, std::vector<BlobFilePtr> files);
+  /// Begins to write; files that nothing holds are removed.
+  [[nodiscard]] Status start(Capture capture, Changed changed);
+
+  /// UNAVAILABLE or RESOURCE_EXHAUSTED while it does not write; nothing is called then.
+  [[nodiscard]] Status append(Entry entry);
+  /// Adds or removes a scene; returns when that is committed.
+  [[nodiscard]] Status add(SceneState state);
+  [[nodiscard]] Status remove(u64 scene);
+  /// OK while it writes, else why not.
+  [[nodiscard]] Status status() const;
+  /// What was wrong with the log at the start, and what that means; "": nothing.
+  [[nodiscard]] const std::string& damage() const { return damage_; }
+  /// Refuses what comes, commits what waits, writes snapshots, ends the thread.
+  void stop();
+
+  [[nodiscard]] BlobFiles& files(const std::string& tenant);
+  /// The first id of a scene that this run may give.
+  [[nodiscard]] u64 first_scene() const { return head_.run() << 32; }
+
+ private:
+  /// A change of the rows of scenes.
+  struct Control {
+    std::vector<journal::SceneRow> added;  // or replaced, by a snapshot
+    std::map<u64, std::vector<BlobFilePtr>> files;
+    std::optional<u64> removed;
+    bool is_snapshot = false;
+    u64 record = 0;  // of a snapshot: the last one that is in it
+    u64 sum = 0;     // of that record
+  };
+  struct Item {
+    Entry entry;
+    std::shared_ptr<Control> control;  // null: a record
+    u64 record = 0;
+  };
+  Journal(Options options, WorkPool& pool, const Log& log)
+      : options_(std::move(options)), pool_(pool), log_(log) {}
+  [[nodiscard]] std::string path() const { return options_.folder + "/journal.db"; }
+  [[nodiscard]] Status take_folder();
+  [[nodiscard]] Status read_head();
+  [[nodiscard]] Status read_rows(const std::function<Status(const journal::SceneRow&)>& scene,
+                                 const std::function<Status(u64, journal::Record)>& record);
+  // journal.cpp: the writer
+  [[nodiscard]] Status push(Item item, bool is_ours);
+  [[nodiscard]] Status run(std::shared_ptr<Control> control);
+  void work();
+  [[nodiscard]] bool wait(std::vector<Item>& group);
+  void commit(std::vector<Item> group);
+  [[nodiscard]] Status write(std::vector<Item>& group, journal::Head& next);
+  [[nodiscard]] Status write(Control& control, journal::Head& next);
+  void adopt(Item& item);
+  void stall(std::vector<Item> group, const Error& why);
+  [[nodiscard]] Status reopen();
+  // snapshots.cpp
+  void snapshot_if_due();
+  [[nodiscard]] std::vector<SceneState> capture(const std::set<u64>& scenes);
+  [[nodiscard]] Expected<std::shared_ptr<Control>> encode(std::vector<SceneState> states,
+                                                          u64 record, u64 sum);
+  [[nodiscard]] Status last_snapshot();
+  void sweep();
+
+  const Options options_;
+  WorkPool& pool_;
+  const Log& log_;
+  UniqueFd lock_;
+  std::unique_ptr<Database> database_;                       // writer's; null while it is broken
+  std::map<std::string, std::unique_ptr<BlobFiles>> files_;  // by tenant
+  std::mutex files_mutex_;
+  Capture capture_;
+  Changed changed_;
+
+  std::string damage_;  // what was wrong with the log when it was opened
+
+  // The writer's alone, once it runs.
+  using Files = std::vector<BlobFilePtr>;
+  journal::Head head_;                     // as committed
+  std::map<u64, journal::SceneRow> rows_;  // as committed
+  std::map<u64, journal::SceneRow> next_rows_;
+  std::map<u64, Files> state_files_;                               // of each scene's snapshot
+  std::map<u64, std::deque<std::pair<u64, Files>>> record_files_;  // of its records since
+  u64 oldest_ = 1;       // record that may still be in the database
+  u64 snapshot_at_ = 0;  // record of the last snapshot
+
+  mutable std::mutex mutex_;
+  std::condition_variable ready_;
+  std::deque<Item> queue_;
+  Status status_;
+  std::set<u64> changed_scenes_;  // since their snapshot
+  bool is_encoding_ = false;      // a snapshot is being made
+  bool is_refusing_ = false;
+  bool is_stopping_ = false;
+  std::thread thread_;
+};
+
+}  // namespace heliograph::server

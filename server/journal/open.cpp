@@ -1,0 +1,136 @@
+// Opening the state directory and reading what it holds. See journal.h.
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+
+#include <algorithm>
+#include <iterator>
+
+#include "server/journal/journal.h"
+#include "server/journal/log_check.h"
+
+namespace heliograph::server {
+namespace {
+
+constexpr const char* kFormat = "heliograph.journal.1";
+
+std::unexpected<Error> damaged(const std::string& what) {
+  return fail(Code::kInternal, "--state-dir",
+              what + "; restore the directory from a backup, or move it away");
+}
+
+}  // namespace
+
+Expected<std::unique_ptr<Journal>> Journal::open(Options options, WorkPool& pool, const Log& log) {
+  std::unique_ptr<Journal> made(new Journal(std::move(options), pool, log));
+  HELIO_TRY(made->take_folder());
+  made->damage_ = check_log(made->path() + "-wal");
+  auto database = Database::open(made->path(), true);
+  if (!database && database.error().code == Code::kInternal)
+    return damaged(database.error().message);
+  if (!database) return std::unexpected(std::move(database).error().at("--state-dir"));
+  made->database_ = std::move(*database);
+  HELIO_TRY(made->read_head());
+  return made;
+}
+
+Journal::~Journal() { stop(); }
+
+Status Journal::take_folder() {
+  const std::string& folder = options_.folder;
+  for (const std::string& each : {folder, folder + "/blobs"})
+    if (auto made = make_folder(each); !made)
+      return std::unexpected(std::move(made).error().at("--state-dir"));
+  lock_ = UniqueFd(::open((folder + "/lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
+  if (!lock_ || ::flock(lock_.get(), LOCK_EX | LOCK_NB) != 0)
+    return fail(Code::kAlreadyExists, "--state-dir",
+                folder + " is another daemon's, or is not writable; give each its own");
+  return {};
+}
+
+Status Journal::read_head() {
+  const auto read = [this](const Database::Row& row) -> Status {
+    if (sum_of(0, row.id, row.body) != row.sum ||
+        !head_.ParseFromArray(row.body.data(), int(row.body.size())))
+      return damaged("the head of the journal is damaged");
+    if (head_.format() == kFormat) return {};
+    return fail(Code::kUnimplemented, "--state-dir",
+                "holds '" + head_.format() + "'; this version reads '" + kFormat + "'");
+  };
+  HELIO_TRY(database_->each(Rows::kHead, 0, read));
+  const auto record = database_->first(Rows::kRecords), scene = database_->first(Rows::kScenes);
+  if (!record) return std::unexpected(record.error());
+  if (!scene) return std::unexpected(scene.error());
+  if (head_.format().empty() && (*record != 0 || *scene != 0))
+    return damaged("the head of the journal is missing");
+  if (head_.format().empty()) {
+    head_.set_format(kFormat);
+    head_.set_first(1);
+  }
+  oldest_ = *record != 0 ? *record : head_.first();
+  snapshot_at_ = head_.first() - 1;
+  return {};
+}
+
+Status Journal::read(const std::function<Status(const journal::SceneRow&)>& scene,
+                     const std::function<Status(u64, journal::Record)>& record) {
+  const Status read = read_rows(scene, record);
+  if (read || read.error().where == "--state-dir") return read;
+  return damaged(read.error().where + ": " + read.error().message);
+}
+
+Status Journal::read_rows(const std::function<Status(const journal::SceneRow&)>& scene,
+                          const std::function<Status(u64, journal::Record)>& record) {
+  HELIO_TRY(database_->each(Rows::kScenes, 0, [&](const Database::Row& row) -> Status {
+    journal::SceneRow& read = rows_[row.id];
+    if (sum_of(0, row.id, row.body) != row.sum ||
+        !read.ParseFromArray(row.body.data(), int(row.body.size())))
+      return damaged(fmt::format("the row of scene {} is damaged", row.id));
+    return scene(read);
+  }));
+  if (rows_.size() != head_.scenes())
+    return damaged(fmt::format("{} rows of scenes are missing", head_.scenes() - rows_.size()));
+  u64 last = head_.first() - 1, sum = head_.first_sum();
+  HELIO_TRY(database_->each(Rows::kRecords, head_.first(), [&](const Database::Row& row) -> Status {
+    journal::Record read;
+    if (row.id != last + 1) return damaged(fmt::format("record {} is missing", last + 1));
+    if (sum_of(sum, row.id, row.body) != row.sum ||
+        !read.ParseFromArray(row.body.data(), int(row.body.size())))
+      return damaged(fmt::format("record {} is damaged", row.id));
+    last = row.id;
+    sum = row.sum;
+    changed_scenes_.insert(read.scene());
+    if (Status status = record(row.id, std::move(read)); !status)
+      return std::unexpected(std::move(status).error().at(fmt::format("record {}", row.id)));
+    return {};
+  }));
+  if (last != head_.last() || sum != head_.last_sum())
+    return damaged(fmt::format("the records from {} to {} are missing", last + 1, head_.last()));
+  return {};
+}
+
+void Journal::hold(u64 scene, u64 record, std::vector<BlobFilePtr> files) {
+  auto& state = state_files_[scene];
+  if (record == 0)
+    std::ranges::move(files, std::back_inserter(state));
+  else
+    record_files_[scene].emplace_back(record, std::move(files));
+}
+
+Status Journal::start(Capture capture, Changed changed) {
+  capture_ = std::move(capture);
+  changed_ = std::move(changed);
+  if (!damage_.empty())
+    log_.warning("the end of the journal is lost: edits acknowledged last may be missing",
+                 {{"damage", damage_}});
+  head_.set_run(head_.run() + 1);
+  HELIO_TRY(database_->begin(true));
+  const std::string body = head_.SerializeAsString();
+  HELIO_TRY(database_->put(Rows::kHead, 0, body, sum_of(0, 0, body)));
+  HELIO_TRY(database_->commit());
+  for (const auto& [tenant, store] : files_) store->sweep(true);
+  thread_ = std::thread([this] { work(); });
+  return {};
+}
+
+}  // namespace heliograph::server

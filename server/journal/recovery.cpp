@@ -1,0 +1,155 @@
+// Snapshots are decoded, the records after them applied. See recovery.h.
+#include "server/journal/recovery.h"
+
+#include <fmt/format.h>
+
+#include <limits>
+
+#include "server/journal/sources.h"
+#include "server/scene_info.h"
+
+namespace heliograph::server {
+namespace {
+
+/// A transaction that was accepted once is accepted again, whatever the limits are now.
+constexpr SceneLimits kNoLimits{.entities = std::numeric_limits<u32>::max(),
+                                .array_bytes = std::numeric_limits<u64>::max(),
+                                .revisions = 1};
+
+std::unexpected<Error> broken(std::string what) {
+  return fail(Code::kInternal, "", std::move(what));
+}
+
+class Recovery {
+ public:
+  Recovery(Journal& journal, const RecoveryTarget& target) : journal_(journal), target_(target) {}
+
+  [[nodiscard]] Status add_scene(const journal::SceneRow& row);
+  [[nodiscard]] Status add_record(u64 id, journal::Record record);
+  [[nodiscard]] Expected<Recovered> finish();
+
+ private:
+  /// A session's edits; replies are made when it is known which are kept.
+  struct Log {
+    u64 last = 0;
+    std::deque<EditLog::Reply> kept;
+  };
+  struct Scene {
+    journal::SceneRow row;
+    std::shared_ptr<const Snapshot> head;
+    std::map<u64, Log> logs;
+  };
+  /// What one tenant's arrays are read from and counted against.
+  struct Owner {
+    TenantPtr tenant;
+    std::unique_ptr<Holdings> holdings;
+    std::unique_ptr<RecoveringSource> source;
+  };
+  [[nodiscard]] Owner& owner(const std::string& tenant);
+  [[nodiscard]] Status apply_record(u64 id, Scene& scene, const journal::Record& record, Log& log);
+
+  Journal& journal_;
+  const RecoveryTarget& target_;
+  std::map<std::string, Owner> owners_;
+  std::map<u64, Scene> scenes_;
+  Recovered recovered_;
+};
+
+Recovery::Owner& Recovery::owner(const std::string& tenant) {
+  Owner& owner = owners_[tenant];
+  if (owner.source) return owner;
+  owner.tenant = target_.tenants.named(tenant);
+  owner.holdings =
+      std::make_unique<Holdings>(owner.tenant->blobs, owner.tenant->assets, owner.tenant->bytes);
+  owner.source = std::make_unique<RecoveringSource>(*owner.holdings, journal_.files(tenant));
+  return owner;
+}
+
+Status Recovery::add_scene(const journal::SceneRow& row) {
+  RecoveringSource& source = *owner(row.tenant()).source;
+  auto bytes = source.read(row.state());
+  if (!bytes) return std::unexpected(std::move(bytes).error());
+  journal::State state;
+  if (!state.ParseFromString(*bytes)) return broken("the snapshot cannot be read");
+  auto head = decode_scene(state, source, kNoLimits);
+  if (!head) return std::unexpected(std::move(head).error());
+  Scene& scene = scenes_[row.scene()];
+  scene = {.row = row, .head = std::move(*head), .logs = {}};
+  for (const journal::Log& each : state.logs()) {
+    LogState log = decode_log(each);
+    scene.logs[log.session] = {.last = log.edits.last,
+                               .kept = {std::make_move_iterator(log.edits.kept.begin()),
+                                        std::make_move_iterator(log.edits.kept.end())}};
+  }
+  journal_.hold(row.scene(), 0, source.take_files());
+  return {};
+}
+
+Status Recovery::add_record(u64 id, journal::Record record) {
+  const auto found = scenes_.find(record.scene());
+  if (found == scenes_.end()) return {};  // deleted since
+  Scene& scene = found->second;
+  if (id <= scene.row.record()) return {};
+  Log& log = scene.logs[record.session()];
+  if (record.number() != log.last + 1)
+    return broken(fmt::format("holds edit {} after edit {}", record.number(), log.last));
+  log.last = record.number();
+  ++recovered_.records;
+  if (record.revision() != 0) return apply_record(id, scene, record, log);
+  log.kept.push_back(std::make_shared<const Expected<v1::ApplyReply>>(
+      std::unexpected(decode_refusal(record.refusal()))));
+  return {};
+}
+
+Status Recovery::apply_record(u64 id, Scene& scene, const journal::Record& record, Log& log) {
+  RecoveringSource& source = *owner(scene.row.tenant()).source;
+  source.expect(record);
+  auto transaction = to_transaction(record.transaction(), source);
+  if (!transaction) return std::unexpected(std::move(transaction).error());
+  auto prepared = apply(*scene.head, *transaction, kNoLimits);
+  if (!prepared) return std::unexpected(std::move(prepared).error());
+  if (prepared->snapshot->revision != record.revision())
+    return broken(
+        fmt::format("makes revision {}, not {}", prepared->snapshot->revision, record.revision()));
+  scene.head = prepared->snapshot;
+  log.kept.push_back(std::make_shared<const Expected<v1::ApplyReply>>(
+      apply_reply(record.number(), *prepared, scene.row.durability())));
+  if (log.kept.size() > target_.scenes.replies()) log.kept.pop_front();
+  if (auto files = source.take_files(); !files.empty())
+    journal_.hold(record.scene(), id, std::move(files));
+  return {};
+}
+
+Expected<Recovered> Recovery::finish() {
+  target_.scenes.use(journal_);
+  for (auto& [id, scene] : scenes_) {
+    const TenantPtr& tenant = owner(scene.row.tenant()).tenant;
+    SceneState state{.row = scene.row, .head = std::move(scene.head), .logs = {}};
+    for (auto& [session, log] : scene.logs) {
+      state.logs.push_back({.session = session,
+                            .edits = {.last = log.last,
+                                      .kept = {std::make_move_iterator(log.kept.begin()),
+                                               std::make_move_iterator(log.kept.end())}}});
+      recovered_.sessions[session] = tenant;
+    }
+    HELIO_TRY(target_.scenes.restore(std::move(state), tenant));
+    ++recovered_.scenes;
+  }
+  return recovered_;
+}
+
+}  // namespace
+
+Expected<Recovered> recover(Journal& journal, const RecoveryTarget& target) {
+  Recovery recovery(journal, target);
+  HELIO_TRY(journal.read(
+      [&](const journal::SceneRow& row) -> Status {
+        if (auto added = recovery.add_scene(row); !added)
+          return std::unexpected(std::move(added).error().at(fmt::format("scene {}", row.scene())));
+        return {};
+      },
+      [&](u64 id, journal::Record record) { return recovery.add_record(id, std::move(record)); }));
+  return recovery.finish();
+}
+
+}  // namespace heliograph::server

@@ -1,0 +1,160 @@
+// See sources.h.
+#include "server/journal/sources.h"
+
+#include <algorithm>
+#include <iterator>
+
+#include "server/convert/scene_file.h"
+#include "server/decode/asset.h"
+#include "server/hash.h"
+
+namespace heliograph::server {
+namespace {
+
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
+
+/// Names the uploads of a message, and of those in it, by the hashes of their bytes.
+void name_by_hash(Message& message, const std::map<std::string, std::string>& uploads) {
+  if (message.GetDescriptor() == v1::Array::descriptor()) {
+    auto& array = static_cast<v1::Array&>(message);
+    if (array.has_upload()) array.set_blob(std::string(uploads.at(array.upload())));
+    return;
+  }
+  const auto& reflection = *message.GetReflection();
+  std::vector<const FieldDescriptor*> fields;
+  reflection.ListFields(message, &fields);
+  for (const FieldDescriptor* field : fields) {
+    if (field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE || field->is_map()) continue;
+    if (!field->is_repeated()) {
+      name_by_hash(*reflection.MutableMessage(&message, field), uploads);
+      continue;
+    }
+    for (int i = 0; i < reflection.FieldSize(message, field); ++i)
+      name_by_hash(*reflection.MutableRepeatedMessage(&message, field, i), uploads);
+  }
+}
+
+std::span<const std::byte> bytes_of(const std::string& text) {
+  return std::as_bytes(std::span(text));
+}
+
+}  // namespace
+
+// ---------------------------------------------------------------- RecordingSource
+
+Status RecordingSource::store(const std::string& hash, std::span<const std::byte> bytes) {
+  auto file = files_.put(hash, bytes);
+  if (!file) {
+    status_ = std::unexpected(file.error());
+    return status_;
+  }
+  held_.push_back(std::move(*file));
+  return {};
+}
+
+Expected<BufferPtr> RecordingSource::bytes(const v1::Array& array) {
+  auto buffer = inner_.bytes(array);
+  if (!buffer || array.has_inline_()) return buffer;
+  const std::string hash = array.has_blob() ? array.blob() : files_.hash_of(*buffer);
+  if (array.has_upload()) uploads_[array.upload()] = hash;
+  HELIO_TRY(store(hash, (*buffer)->bytes()));
+  return buffer;
+}
+
+Expected<std::string> RecordingSource::store(const Asset& asset) {
+  decode::Result message;
+  Status status;
+  write_asset(asset, message, [&](const BufferPtr& bytes, v1::Array& array) {
+    if (bytes->bytes().size() <= kLargestInline)
+      return array.set_inline_(bytes->bytes().data(), bytes->bytes().size());
+    array.set_blob(files_.hash_of(bytes));
+    if (status) status = store(array.blob(), bytes->bytes());
+  });
+  HELIO_TRY(status);
+  const std::string bytes = serialize(message), hash = sha256(bytes);
+  HELIO_TRY(store(hash, bytes_of(bytes)));
+  return hash;
+}
+
+Expected<std::shared_ptr<const Asset>> RecordingSource::asset(std::string_view hash) {
+  auto asset = inner_.asset(hash);
+  if (!asset || assets_.contains(std::string(hash))) return asset;
+  auto file = store(**asset);
+  if (!file) return std::unexpected(std::move(file).error());
+  assets_.emplace(hash, std::move(*file));
+  return asset;
+}
+
+void RecordingSource::fill(const v1::Transaction& transaction, journal::Record& record) const {
+  *record.mutable_transaction() = transaction;
+  if (!uploads_.empty()) name_by_hash(*record.mutable_transaction(), uploads_);
+  for (const auto& [asset, file] : assets_) {
+    journal::AssetFile* added = record.add_assets();
+    added->set_asset(asset);
+    added->set_file(file);
+  }
+}
+
+// ---------------------------------------------------------------- RecoveringSource
+
+void RecoveringSource::expect(const journal::Record& record) {
+  expected_.clear();
+  for (const journal::AssetFile& each : record.assets()) expected_[each.asset()] = each.file();
+}
+
+Expected<std::string> RecoveringSource::read(const std::string& hash) {
+  auto file = files_.read(hash);
+  if (!file) return std::unexpected(std::move(file).error());
+  held_.push_back(std::move(file->first));
+  return std::move(file->second);
+}
+
+Expected<BufferPtr> RecoveringSource::load(const std::string& hash) {
+  auto& [file, buffer] = loaded_[hash];
+  if (!buffer) {
+    auto bytes = read(hash);
+    if (!bytes) return std::unexpected(std::move(bytes).error());
+    v1::UploadBlobRequest upload;
+    upload.set_sha256(hash);
+    upload.set_size(bytes->size());
+    auto incoming = holdings_.begin(upload);
+    if (!incoming) return std::unexpected(std::move(incoming).error());
+    if (*incoming) {
+      HELIO_TRY((*incoming)->append(*bytes));
+      HELIO_TRY(holdings_.finish(upload, std::move(**incoming)));
+    }
+    auto found = holdings_.blob(hash);
+    if (!found) return std::unexpected(std::move(found).error());
+    buffer = std::move(*found);
+    file = held_.back();
+  } else {
+    held_.push_back(file);
+  }
+  return buffer;
+}
+
+Expected<BufferPtr> RecoveringSource::bytes(const v1::Array& array) {
+  return array.has_blob() ? load(array.blob()) : holdings_.bytes(array);
+}
+
+Expected<std::shared_ptr<const Asset>> RecoveringSource::asset(std::string_view hash) {
+  Loaded& loaded = assets_[std::string(hash)];
+  if (!loaded.asset) {
+    const auto file = expected_.find(hash);
+    if (file == expected_.end()) return fail(Code::kInternal, "", "the record names no such asset");
+    std::vector<BlobFilePtr> before = take_files();
+    auto bytes = read(file->second);
+    if (!bytes) return std::unexpected(std::move(bytes).error());
+    decode::Result message;
+    if (!message.ParseFromString(*bytes)) return fail(Code::kInternal, "", "is no asset");
+    auto asset = read_asset(message, std::string(hash), *this);
+    if (!asset) return std::unexpected(std::move(asset).error());
+    loaded = {.asset = std::move(*asset), .files = take_files()};
+    held_ = std::move(before);
+  }
+  std::ranges::copy(loaded.files, std::back_inserter(held_));
+  return loaded.asset;
+}
+
+}  // namespace heliograph::server

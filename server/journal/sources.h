@@ -1,0 +1,72 @@
+// Where arrays and assets of durable edits come from, on their way into the journal and out of it.
+// Used by service_edit.cpp and recovery.cpp.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "server/convert/transaction.h"
+#include "server/holdings.h"
+#include "server/journal/blob_files.h"
+#include "server/journal/record.pb.h"
+
+namespace heliograph::server {
+
+/// Gives what `inner` gives, and stores all of it but inline arrays as files. Thread: one at a
+/// time.
+class RecordingSource final : public ArraySource {
+ public:
+  RecordingSource(ArraySource& inner, BlobFiles& files) : inner_(inner), files_(files) {}
+
+  [[nodiscard]] Expected<BufferPtr> bytes(const v1::Array& array) override;
+  [[nodiscard]] Expected<std::shared_ptr<const Asset>> asset(std::string_view hash) override;
+
+  /// An error when something could not be stored: what came of the transaction is not to be used.
+  [[nodiscard]] const Status& status() const { return status_; }
+  /// The transaction as it was read through this, uploads named by their hashes.
+  void fill(const v1::Transaction& transaction, journal::Record& record) const;
+  [[nodiscard]] std::vector<BlobFilePtr> take_files() { return std::move(held_); }
+
+ private:
+  [[nodiscard]] Status store(const std::string& hash, std::span<const std::byte> bytes);
+  [[nodiscard]] Expected<std::string> store(const Asset& asset);
+
+  ArraySource& inner_;
+  BlobFiles& files_;
+  Status status_;
+  std::map<std::string, std::string> uploads_;  // request_id -> hash
+  std::map<std::string, std::string> assets_;   // hash -> file
+  std::vector<BlobFilePtr> held_;
+};
+
+/// Gives what the files hold, counted against the owner's budget like uploads. Thread: one.
+class RecoveringSource final : public ArraySource {
+ public:
+  RecoveringSource(Holdings& holdings, BlobFiles& files) : holdings_(holdings), files_(files) {}
+
+  /// The assets of the transaction that is read next.
+  void expect(const journal::Record& record);
+  [[nodiscard]] Expected<BufferPtr> bytes(const v1::Array& array) override;
+  [[nodiscard]] Expected<std::shared_ptr<const Asset>> asset(std::string_view hash) override;
+  /// The bytes of a file that is no array.
+  [[nodiscard]] Expected<std::string> read(const std::string& hash);
+  /// The files that were asked for since the last call.
+  [[nodiscard]] std::vector<BlobFilePtr> take_files() { return std::exchange(held_, {}); }
+
+ private:
+  [[nodiscard]] Expected<BufferPtr> load(const std::string& hash);
+
+  Holdings& holdings_;
+  BlobFiles& files_;
+  std::map<std::string, std::string, std::less<>> expected_;  // asset -> file
+  std::map<std::string, std::pair<BlobFilePtr, BufferPtr>> loaded_;
+  struct Loaded {
+    std::shared_ptr<const Asset> asset;
+    std::vector<BlobFilePtr> files;
+  };
+  std::map<std::string, Loaded, std::less<>> assets_;
+  std::vector<BlobFilePtr> held_;
+};
+
+}  // namespace heliograph::server

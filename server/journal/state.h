@@ -1,0 +1,38 @@
+// A scene and its replies, to and from what a snapshot of the journal holds. Used by the journal
+// and its recovery.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "renderer/scene/restore.h"
+#include "server/convert/transaction.h"
+#include "server/journal/blob_files.h"
+#include "server/journal/record.pb.h"
+#include "server/request_log.h"
+
+namespace heliograph::server {
+
+/// A session's edits of a scene: the replies that are kept.
+struct LogState {
+  u64 session = 0;
+  EditLog::State edits;
+};
+struct SceneState {
+  journal::SceneRow row;
+  std::shared_ptr<const Snapshot> head;
+  std::vector<LogState> logs;
+};
+
+/// Stores a state and its arrays; names it in its row. Returns all files that it needs.
+[[nodiscard]] Expected<std::vector<BlobFilePtr>> store_state(SceneState& state, BlobFiles& files);
+/// Fails as rebuild() does.
+[[nodiscard]] Expected<std::shared_ptr<const Snapshot>> decode_scene(const journal::State& state,
+                                                                     ArraySource& source,
+                                                                     const SceneLimits& limits);
+[[nodiscard]] LogState decode_log(const journal::Log& log);
+
+[[nodiscard]] journal::Refusal encode_refusal(const Error& error);
+[[nodiscard]] Error decode_refusal(const journal::Refusal& refusal);
+
+}  // namespace heliograph::server

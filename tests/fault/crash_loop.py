@@ -1,0 +1,140 @@
+"""kill -9 while clients edit durable scenes: nothing acknowledged is lost, half there, or there
+twice, and the scenes are what a model says."""
+
+import pathlib
+import tempfile
+import threading
+import time
+
+import heliograph as hg
+import numpy as np
+from common import Report, size
+from heliograph._arrays import inline
+from heliograph._proto import scene_pb2 as pb
+from served import Served
+
+STREAMS = 8
+KILLS = size(200, 6)
+ALIVE_SECONDS = size(0.7, 0.4)
+
+
+class Editor:
+    """One client, which counts: each edit moves two entities of its own and makes one more."""
+
+    def __init__(self, address, number):
+        self.client = hg.connect(address)
+        self.scene = self.client.open_scene(f"room {number % 2}")
+        self.number = number
+        self.acknowledged = []  # (revision, transaction, id of the entity that it made)
+        self.failed = None
+        self.stopping = threading.Event()
+        self.thread = threading.Thread(target=self._run)
+        self.thread.start()
+
+    def _run(self):
+        try:
+            while not self.stopping.is_set():
+                transaction = self._next()
+                reply = self.scene.apply(transaction)
+                ids = [int.from_bytes(reply.ids[k : k + 8], "little") for k in (0, 8, 16)]
+                self.acknowledged.append((reply.revision, transaction, ids[2]))
+        except Exception as error:
+            self.failed = error
+
+    def _next(self):
+        count = len(self.acknowledged) + 1
+        transaction = pb.Transaction()
+        for name in (f"{self.number}.a", f"{self.number}.b", ""):
+            edit = transaction.edits.add()
+            if name:
+                edit.target.name = name
+            edit.entity.pose.matrices.CopyFrom(at(count))
+        return transaction
+
+    def stop(self):
+        self.stopping.set()
+        self.thread.join(60)
+        if self.failed:
+            raise self.failed
+
+
+def at(x):
+    """A pose as a message."""
+    matrix = np.eye(4, dtype="<f4")
+    matrix[0, 3] = x
+    return inline(matrix)
+
+
+def check(editors):
+    """(lost, torn, twice, differing scenes)"""
+    lost = torn = twice = differing = 0
+    for room in (0, 1):
+        mine = [e for e in editors if e.number % 2 == room]
+        scene = mine[0].scene
+        made = sum(len(e.acknowledged) for e in mine)
+        entities = scene.describe().counts["entities"]
+        twice += max(0, entities - made - 2 * len(mine))
+        lost += max(0, made + 2 * len(mine) - entities)
+        for editor in mine:
+            count = len(editor.acknowledged)
+            a, b = (m[0, 3] for m in scene.transforms([f"{editor.number}.{n}" for n in "ab"]))
+            torn += a != b
+            lost += a < count
+            twice += a > count
+            ids = [id for _, _, id in editor.acknowledged]
+            poses = scene.transforms([scene.handle(id) for id in ids])
+            lost += int((poses[:, 0, 3] != range(1, count + 1)).sum())
+        differing += saved(scene) != saved(replayed(mine))
+    return lost, torn, twice, differing
+
+
+def replayed(editors):
+    """A plain scene, made by what was acknowledged, in the order of its revisions."""
+    model = editors[0].client.create_scene()
+    every = [(revision, t) for e in editors for revision, t, _ in e.acknowledged]
+    for _, transaction in sorted(every, key=lambda item: item[0]):
+        model.apply(transaction)
+    return model
+
+
+def saved(scene):
+    """The scene file's bytes."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = pathlib.Path(folder) / "scene"
+        scene.save(path)
+        return path.read_bytes()
+
+
+def main():
+    with Report("crash loop") as report, tempfile.TemporaryDirectory() as folder:
+        flags = ("--state-dir", f"{folder}/state", "--limit", "snapshot_edits=2000")
+        daemon = Served(folder, *flags)
+        with hg.connect(daemon.socket) as client:
+            for room, durability in enumerate(("os", "fsync")):
+                client.create_scene(f"room {room}", durability=durability, shared=True)
+        editors = [Editor(daemon.socket, number) for number in range(STREAMS)]
+        alive = 0.0
+        for _ in range(KILLS):
+            start = time.perf_counter()
+            time.sleep(ALIVE_SECONDS)
+            daemon.process.kill()
+            daemon.process.wait()
+            alive += time.perf_counter() - start
+            daemon = Served(folder, *flags)
+        for editor in editors:
+            editor.stop()
+        edits = sum(len(e.acknowledged) for e in editors)
+        rate = edits / STREAMS / alive
+        print(f"  {KILLS} kills, {STREAMS} streams, {edits} edits, {rate:.0f}/s each")
+        lost, torn, twice, differing = check(editors)
+        report.figure("edits lost", lost, 0)
+        report.figure("edits half there", torn, 0)
+        report.figure("edits twice", twice, 0)
+        report.figure("scenes that are not what a model says", differing, 0)
+        for editor in editors:
+            editor.client.close()
+        daemon.stop()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,100 @@
+"""The state directory's disk is full: durable edits are refused, nothing else is; they go on when
+there is room again, without a restart, and nothing acknowledged is lost."""
+
+import contextlib
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import time
+
+import heliograph as hg
+import numpy as np
+from common import Report, seconds_until, size
+from heliograph.errors import ResourceExhausted, Unavailable
+from served import Served
+
+MEBIBYTES = size(64, 8)
+
+
+@contextlib.contextmanager
+def small_disk(folder):
+    """A folder on a file system of its own."""
+    path = pathlib.Path(folder) / "disk"
+    path.mkdir()
+    options = f"size={MEBIBYTES}m"
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", options, "tmpfs", path], capture_output=True
+    )
+    if mounted.returncode != 0:
+        print("enospc: a tmpfs cannot be mounted here:", mounted.stderr.decode().strip())
+        sys.exit(0 if os.geteuid() != 0 else 1)
+    try:
+        yield path
+    finally:
+        subprocess.run(["umount", path], check=True)
+
+
+def fill(scene, number):
+    """One edit with 300 kB of vertices."""
+    with scene.edit() as edit:
+        edit.entity("counter", transform=hg.Pose((number, 0, 0)))
+        positions = np.full((25_000, 3), number, dtype="<f4")
+        edit.mesh("mesh", positions=positions, indices=[[0, 1, 2]])
+
+
+def main():
+    with contextlib.ExitStack() as stack:
+        report = stack.enter_context(Report("disk full"))
+        folder = stack.enter_context(tempfile.TemporaryDirectory())
+        disk = stack.enter_context(small_disk(folder))
+        state = disk / "state"
+        daemon = Served(folder, "--state-dir", state)
+        client = hg.connect(daemon.socket)
+        scene = client.create_scene("room", durability="os", shared=True)
+        ballast = disk / "ballast"
+        ballast.write_bytes(bytes(MEBIBYTES << 19))
+        acknowledged, refused = 0, None
+        while refused is None and acknowledged < 10_000:
+            try:
+                fill(scene, acknowledged + 1)
+                acknowledged += 1
+            except (ResourceExhausted, Unavailable) as error:
+                refused = error
+        print(f"  {acknowledged} edits, then {type(refused).__name__}: {refused}")
+        revision = scene.revision
+        report.figure("revisions beyond what was acknowledged", revision - acknowledged, 0)
+        with client.create_scene() as plain, plain.edit() as edit:
+            edit.entity("cam", camera=hg.Camera.from_fov(50, 16, 16, degrees=True))
+        start = time.perf_counter()
+        with client.create_scene() as plain:
+            with plain.edit() as edit:
+                edit.entity("cam", camera=hg.Camera.from_fov(50, 16, 16, degrees=True))
+            plain.render("cam", planes=["depth"], labels=False)
+        report.figure("a frame meanwhile", time.perf_counter() - start, 5, "s")
+        ballast.unlink()
+        last = acknowledged + 1
+
+        def writes_again():
+            try:
+                fill(scene, last)
+            except (ResourceExhausted, Unavailable):
+                time.sleep(0.1)
+                return False
+            return True
+
+        report.figure("until edits go on", seconds_until(writes_again), 5, "s")
+        report.figure("journal is not writing", client.info().journal != "writing", 0)
+        daemon.process.kill()
+        daemon.process.wait()
+        client.connection.close()
+        daemon = Served(folder, "--state-dir", state)
+        with hg.connect(daemon.socket) as client:
+            x = client.open_scene("room").transforms(["counter"])[0, 0, 3]
+            report.figure("edits lost", last - x, 0)
+        daemon.stop()
+
+
+if __name__ == "__main__":
+    main()

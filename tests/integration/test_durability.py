@@ -1,0 +1,139 @@
+"""Durable scenes against a real daemon: what a client sees of a restart."""
+
+import pathlib
+import sys
+import time
+
+import heliograph as hg
+import pytest
+
+sys.path.append(str(pathlib.Path(__file__).parents[1] / "fault"))
+from served import Served  # noqa: E402
+
+
+@pytest.fixture
+def daemons(tmp_path):
+    """Starts daemons on one state directory, one at a time."""
+    running = []
+
+    def start(kill=True, flags=()):
+        if running:
+            last = running.pop()
+            last.process.kill() if kill else last.process.terminate()
+            last.process.wait(30)
+        running.append(Served(tmp_path, "--state-dir", tmp_path / "state", *flags))
+        return running[0].socket
+
+    yield start
+    for daemon in running:
+        daemon.stop()
+
+
+def place(scene, name, x):
+    with scene.edit() as edit:
+        return edit.entity(name, transform=hg.Pose((x, 0, 0)))
+
+
+@pytest.mark.parametrize("kill", [True, False], ids=["kill", "drain"])
+@pytest.mark.parametrize("durability", ["os", "fsync"])
+def test_a_client_goes_on_after_a_restart(daemons, kill, durability):
+    with hg.connect(daemons()) as client:
+        scene = client.create_scene("room", durability=durability, shared=True)
+        assert scene.durability == durability
+        thing = place(scene, "thing", 1)
+        session = client.connection.link.session
+        daemons(kill)
+        assert place(scene, "thing", 2).id == thing.id
+        assert client.connection.link.session == session
+        assert scene.revision == 2
+        assert scene.transforms([thing])[0, 0, 3] == 2
+
+
+def test_a_retry_after_a_restart_is_answered_not_applied(daemons):
+    with hg.connect(daemons()) as client:
+        scene = client.create_scene("room", durability="os", shared=True)
+        place(scene, "thing", 1)
+        state = client.state_of(scene.id)
+        state.next -= 1  # as if the reply had been lost
+        daemons()
+        thing = place(scene, "thing", 1)
+        assert scene.revision == 1
+        assert scene["thing"].id == thing.id
+
+
+def test_what_was_not_durable_is_gone(daemons):
+    with hg.connect(daemons()) as client:
+        client.create_scene("kept", durability="os", shared=True)
+        plain = client.create_scene("plain")
+        daemons()
+        with pytest.raises(hg.NotFound):
+            place(plain, "thing", 1)
+        assert [scene.name for scene in client.scenes()] == ["kept"]
+        fresh = client.create_scene("plain")
+        assert fresh.id not in (plain.id, client.open_scene("kept").id)
+
+
+def test_pictures_are_the_same_after_a_restart(daemons):
+    with hg.connect(daemons()) as client:
+        scene = client.create_scene("room", durability="os", shared=True)
+        with scene.edit() as edit:
+            edit.sample_studio()
+            mesh = edit.mesh("mesh", **hg.shapes.sphere(0.5))
+            ball = edit.entity("ball", mesh=mesh, transform=hg.Pose((0, 0, 0.5)), label="auto")
+            lens = hg.Camera.from_fov(50, 32, 32, degrees=True)
+            edit.entity("cam", camera=lens, transform=hg.look_at((0, -3, 1), (0, 0, 0.5)))
+        with scene.edit() as edit:
+            edit.advance(0.1)
+            edit.entity("ball", transform=hg.Pose((0.1, 0, 0.5)))
+        planes = ["beauty", "depth", "instance", "flow_backward"]
+        before = scene.render("cam", planes=planes, spp=4)
+        boxes = scene.read([ball], ["aabb"])[0][0]
+        for kill in (True, False):
+            daemons(kill)
+            assert scene.revision == 2
+            after = scene.render("cam", planes=planes, spp=4)
+            for plane in planes:
+                assert before[plane].tobytes() == after[plane].tobytes()
+            assert scene.read([ball], ["aabb"])[0][0].tobytes() == boxes.tobytes()
+
+
+def test_branches_are_durable_when_asked(daemons):
+    with hg.connect(daemons()) as client:
+        scene = client.create_scene("room", durability="os", shared=True)
+        place(scene, "thing", 1)
+        assert scene.branch("not", shared=True).durability == "none"
+        branch = scene.branch("too", durability="fsync", shared=True)
+        place(branch, "thing", 2)
+        scene.delete()
+        daemons()
+        assert [s.name for s in client.scenes()] == ["too"]
+        assert branch.transforms(["thing"])[0, 0, 3] == 2
+
+
+def test_a_session_is_not_resumed_for_ever(daemons):
+    with hg.connect(daemons()) as client:
+        scene = client.create_scene("room", durability="os", shared=True)
+        place(scene, "thing", 1)
+        daemons(flags=("--limit", "resume_seconds=1"))
+        time.sleep(2)
+        with pytest.raises(hg.Unauthenticated):
+            place(scene, "thing", 2)
+        place(scene, "thing", 3)  # in a new session
+        assert scene.revision == 2
+
+
+def test_durability_without_a_state_directory(client):
+    with pytest.raises(hg.FailedPrecondition, match="--state-dir"):
+        client.create_scene("room", durability="os", shared=True)
+    with pytest.raises(hg.InvalidArgument, match="shared"):
+        client.create_scene("room", durability="os")
+    with pytest.raises(hg.InvalidArgument, match="one of none, os, fsync"):
+        client.create_scene("room", durability="maybe", shared=True)
+
+
+def test_two_daemons_do_not_share_a_state_directory(daemons, tmp_path):
+    daemons()
+    (tmp_path / "other").mkdir()
+    second = Served(tmp_path / "other", "--state-dir", tmp_path / "state")
+    assert second.process.wait(10) == 69
+    assert "another daemon's" in second.log()

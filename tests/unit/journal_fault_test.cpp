@@ -1,0 +1,109 @@
+// The journal on disks that fail, lie, fill up or lose power: nothing acknowledged is lost, nothing
+// is acknowledged that is not kept.
+#include "server/journal/journal.h"
+#include "tests/unit/fault_vfs.h"
+#include "tests/unit/journal_fixture.h"
+
+using namespace heliograph;
+using namespace heliograph::server;
+
+namespace {
+
+FaultVfs& vfs() { return FaultVfs::instance(); }
+
+/// Waits until the journal is written again; seconds.
+double seconds_until_written(Server& server) {
+  const auto start = std::chrono::steady_clock::now();
+  while (!server.daemon.journal->status())
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+void write(const std::string& path, const std::string& bytes) {
+  std::ofstream(path, std::ios::binary) << bytes;
+}
+
+/// The state directory after a loss of power.
+void lose_power(const Folder& from, const Folder& to, std::mt19937& random) {
+  std::filesystem::create_directories(to / "blobs");
+  std::filesystem::copy(
+      from / "blobs", to / "blobs",
+      std::filesystem::copy_options::recursive | std::filesystem::copy_options::overwrite_existing);
+  for (const char* name : {"journal.db", "journal.db-wal"})
+    write(to / name, vfs().after_power_loss(from / name, random));
+}
+
+}  // namespace
+
+TEST_CASE("journal: a write or an fsync fails; edits go on when it works again") {
+  vfs();
+  const auto [code, error] = GENERATE(table<Code, int>({{Code::kUnavailable, SQLITE_IOERR_WRITE},
+                                                        {Code::kResourceExhausted, SQLITE_FULL},
+                                                        {Code::kUnavailable, SQLITE_IOERR_FSYNC}}));
+  const Folder folder, crashed;
+  Server server(folder.path());
+  REQUIRE(server.opened);
+  const auto session = server.session();
+  const ScenePtr scene = server.create(*session, "room", "fsync");
+  for (u64 number = 1; number <= 20; ++number)
+    REQUIRE(*apply(server, session, placed(scene->id, number, "a", float(number))));
+  const std::string before = fingerprint(*scene->scene.head());
+  auto& fault = error == SQLITE_IOERR_FSYNC ? vfs().sync_error : vfs().write_error;
+  fault = error;
+  for (int attempt = 0; attempt < 3; ++attempt) {
+    const auto refused = apply(server, session, placed(scene->id, 21, "a", -1));
+    REQUIRE(!*refused);
+    CHECK(refused->error().code == code);
+    CHECK(refused->error().retry_seconds > 0);
+    CHECK(server.daemon.journal->status().error().message.find("read-only") != std::string::npos);
+  }
+  CHECK(fingerprint(*scene->scene.head()) == before);
+  CHECK(scene->scene.pending()->revision == 20);
+  CHECK(server.daemon.scenes.next_edit(*scene, session->id()) == 21);
+  std::this_thread::sleep_for(std::chrono::milliseconds(1500));  // a second failure, to open it
+  CHECK(!server.daemon.journal->status());
+  fault = SQLITE_OK;
+  CHECK(seconds_until_written(server) < 3);
+  REQUIRE((*apply(server, session, placed(scene->id, 21, "a", 21)))->revision() == 21);
+  crashed.copy(folder.path());
+  Server next(crashed.path());
+  INFO((next.opened ? "" : next.opened.error().where + ": " + next.opened.error().message));
+  REQUIRE(next.opened);
+  const ScenePtr found = next.daemon.scenes.open("room", *next.session()).value();
+  CHECK(fingerprint(*found->scene.head()) == fingerprint(*scene->scene.head()));
+}
+
+TEST_CASE("journal: after a loss of power every edit acknowledged as fsync is there") {
+  vfs();
+  std::mt19937 random(11);
+  const Folder folder;
+  Server server(folder.path(), 60);
+  REQUIRE(server.opened);
+  const auto session = server.session();
+  const ScenePtr scene = server.create(*session, "room", "fsync");
+  std::map<u64, std::string> states{{0, fingerprint(*scene->scene.head())}};
+  u32 lost = 0, wrong = 0, refused = 0;
+  constexpr u64 kEdits = 200;
+  for (u64 number = 1; number <= kEdits; ++number) {
+    REQUIRE(*apply(server, session, placed(scene->id, number, "a", float(number))));
+    states[number] = fingerprint(*scene->scene.head());
+    if (number % 4 != 0) continue;
+    const Folder after;
+    lose_power(folder, after, random);
+    Server next(after.path());
+    if (!next.opened) {
+      UNSCOPED_INFO(next.opened.error().message);
+      ++refused;
+      continue;
+    }
+    const auto found = next.daemon.scenes.open("room", *next.session());
+    const auto head = found ? (*found)->scene.head() : std::make_shared<const Snapshot>();
+    lost += head->revision < number ? 1 : 0;
+    wrong += fingerprint(*head) != states[head->revision] ? 1 : 0;
+  }
+  fmt::print("loss of power: {} cuts, {} lost, {} wrong, {} refused\n", kEdits / 4, lost, wrong,
+             refused);
+  CHECK(lost == 0);
+  CHECK(wrong == 0);
+  CHECK(refused == 0);
+}

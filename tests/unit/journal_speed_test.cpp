@@ -1,0 +1,116 @@
+// How long an acknowledgement takes, how many there are a second, and how long recovery takes.
+// Times may be ten times over, because other work shares the machine; HELIOGRAPH_LONG allows
+// nothing.
+#include <algorithm>
+
+#include "server/journal/journal.h"
+#include "tests/unit/journal_fixture.h"
+
+using namespace heliograph;
+using namespace heliograph::server;
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+bool is_long() { return std::getenv("HELIOGRAPH_LONG") != nullptr; }
+double slack() { return is_long() ? 1 : 10; }
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+/// A session that sends its next edit when the last one is acknowledged.
+class Stream {
+ public:
+  Stream(Server& server, ScenePtr scene, u64 edits)
+      : server_(server), session_(server.session()), scene_(std::move(scene)), left_(edits) {}
+
+  void next() {
+    ++number_;
+    request_ = placed(scene_->id, number_, "a", float(number_));
+    sent_ = Clock::now();
+    apply_numbered(server_.daemon, session_, request_,
+                   [this](const EditLog::Reply& reply) { on_reply(*reply); });
+  }
+  void wait() { done_.get_future().wait(); }
+
+  std::vector<double> seconds;
+  u32 refused = 0;
+
+ private:
+  void on_reply(const Expected<v1::ApplyReply>& reply) {
+    seconds.push_back(seconds_since(sent_));
+    refused += reply ? 0 : 1;
+    if (--left_ == 0) return done_.set_value();
+    // The journal's thread has no time for the client's part.
+    REQUIRE(server_.daemon.pool.post([this] { next(); }));
+  }
+
+  Server& server_;
+  std::shared_ptr<Session> session_;
+  ScenePtr scene_;
+  v1::ApplyRequest request_;
+  u64 number_ = 0;
+  u64 left_;
+  Clock::time_point sent_;
+  std::promise<void> done_;
+};
+
+struct Latency {
+  double median = 0, p99 = 0, rate = 0;
+  u32 refused = 0;
+};
+
+Latency measure(Server& server, const std::string& durability, u64 edits) {
+  constexpr int kStreams = 64;
+  std::vector<std::unique_ptr<Stream>> streams;
+  const auto session = server.session();
+  for (int k = 0; k < kStreams; ++k)
+    streams.push_back(std::make_unique<Stream>(server, server.create(*session, "", durability),
+                                               edits / kStreams));
+  const auto start = Clock::now();
+  for (const auto& stream : streams) stream->next();
+  std::vector<double> all;
+  Latency latency;
+  for (const auto& stream : streams) {
+    stream->wait();
+    all.insert(all.end(), stream->seconds.begin(), stream->seconds.end());
+    latency.refused += stream->refused;
+  }
+  latency.rate = double(all.size()) / seconds_since(start);
+  std::ranges::sort(all);
+  latency.median = all[all.size() / 2];
+  latency.p99 = all[all.size() * 99 / 100];
+  return latency;
+}
+
+}  // namespace
+
+TEST_CASE("journal: acknowledgements of 64 streams") {
+  const std::string durability = GENERATE("os", "fsync");
+  const Folder folder(false);
+  Server server(folder.path());
+  REQUIRE(server.opened);
+  const Latency seen = measure(server, durability, is_long() ? 400'000 : 12'800);
+  fmt::print("{}: median {:.2f} ms (<= 1), p99 {:.2f} ms (<= 20), {:.0f} edits/s (>= 20000)\n",
+             durability, seen.median * 1e3, seen.p99 * 1e3, seen.rate);
+  CHECK(seen.refused == 0);
+  CHECK(seen.median <= 0.001 * slack());
+  CHECK(seen.p99 <= 0.02 * slack());
+  CHECK(seen.rate >= 20'000 / slack());
+}
+
+TEST_CASE("journal: recovery of many edits") {
+  const u64 edits = is_long() ? 1'000'000 : 100'000;
+  const Folder folder, crashed;
+  Server server(folder.path(), 10'000'000);
+  REQUIRE(server.opened);
+  measure(server, "os", edits);
+  crashed.copy(folder.path());
+  const auto start = Clock::now();
+  const Server next(crashed.path());
+  const double seconds = seconds_since(start);
+  REQUIRE(next.opened);
+  fmt::print("recovery of {} edits: {:.2f} s (<= {})\n", edits, seconds, is_long() ? 5 : 1);
+  CHECK(seconds <= (is_long() ? 5 : 1) * slack());
+}

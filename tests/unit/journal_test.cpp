@@ -1,0 +1,236 @@
+// Durable scenes: what was acknowledged is there after the daemon, once, under the same ids.
+#include "server/journal/journal.h"
+
+#include "server/convert/fields.h"
+#include "tests/unit/journal_fixture.h"
+
+using namespace heliograph;
+using namespace heliograph::server;
+
+namespace {
+
+v1::Edit* add(v1::ApplyRequest& request, const std::string& name) {
+  v1::Edit* edit = request.mutable_transaction()->add_edits();
+  edit->mutable_target()->set_name(name);
+  return edit;
+}
+
+/// A random edit among a few names; about a fourth of them is refused.
+v1::ApplyRequest random_edit(u64 scene, u64 number, std::mt19937& random) {
+  const std::string name = fmt::format("e{}", random() % 20);
+  v1::ApplyRequest request;
+  request.set_scene(scene);
+  request.set_number(number);
+  v1::Edit* edit = add(request, name);
+  switch (random() % 6) {
+    case 0:
+      edit->mutable_remove();
+      break;
+    case 1:
+      edit->set_mode(v1::Edit::MODE_CREATE);
+      edit->mutable_entity();
+      break;
+    case 2:
+      edit->mutable_target()->set_name(fmt::format("m{}", random() % 4));
+      *edit->mutable_mesh() = triangle();
+      break;
+    case 3:
+      edit->mutable_entity()->mutable_mesh()->set_name(fmt::format("m{}", random() % 4));
+      break;
+    case 4:
+      request.mutable_transaction()->clear_edits();
+      request.mutable_transaction()->add_edits()->mutable_advance()->set_dt(0.25);
+      break;
+    default:
+      request = placed(scene, number, name, float(random() % 100));
+  }
+  return request;
+}
+
+std::string bytes_of(const Expected<v1::ApplyReply>& reply) {
+  return reply ? serialize(*reply)
+               : fmt::format("{} {} {}", int(reply.error().code), reply.error().where,
+                             reply.error().message);
+}
+
+ScenePtr scene_of(Server& server, u64 id) {
+  return server.daemon.scenes.find(id, *server.session()).value();
+}
+
+}  // namespace
+
+TEST_CASE("journal: after a crash the scene, its ids and its replies are the same") {
+  const std::string durability = GENERATE("os", "fsync");
+  const u64 snapshot_edits = GENERATE(100'000, 40);
+  const Folder folder, crashed;
+  Server server(folder.path(), snapshot_edits);
+  REQUIRE(server.opened);
+  const auto session = server.session();
+  const ScenePtr scene = server.create(*session, "room", durability);
+  std::mt19937 random(3);
+  std::vector<std::string> replies;
+  u32 refused = 0;
+  for (u64 number = 1; number <= 300; ++number) {
+    const auto reply = apply(server, session, random_edit(scene->id, number, random));
+    refused += *reply ? 0 : 1;
+    if (*reply) CHECK((*reply)->durability() == durability);
+    replies.push_back(bytes_of(*reply));
+  }
+  CHECK(refused > 30);
+  CHECK(refused < 200);
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));  // a snapshot may be under way
+  crashed.copy(folder.path());
+  Server next(crashed.path());
+  INFO((next.opened ? "" : next.opened.error().where + ": " + next.opened.error().message));
+  REQUIRE(next.opened);
+  const auto resumed = next.session(session->id());
+  const ScenePtr found = next.daemon.scenes.open("room", *resumed).value();
+  CHECK(found->id == scene->id);
+  CHECK(found->durability == durability);
+  CHECK(fingerprint(*found->scene.head()) == fingerprint(*scene->scene.head()));
+  for (const u64 number : {1ull, 150ull, 300ull})
+    CHECK(bytes_of(*apply(next, resumed, placed(scene->id, number, "other", 1))) ==
+          replies[number - 1]);
+  CHECK(next.daemon.scenes.next_edit(*found, resumed->id()) == 301);
+  const auto mine = apply(server, session, placed(scene->id, 301, "new", 1));
+  const auto theirs = apply(next, resumed, placed(scene->id, 301, "new", 1));
+  CHECK(bytes_of(*mine) == bytes_of(*theirs));
+  CHECK(fingerprint(*found->scene.head()) == fingerprint(*scene->scene.head()));
+}
+
+TEST_CASE("journal: a snapshot at the end, and nothing to replay after it") {
+  const Folder folder;
+  std::string before;
+  {
+    Server server(folder.path());
+    const auto session = server.session();
+    const ScenePtr scene = server.create(*session, "room", "os");
+    for (u64 number = 1; number <= 50; ++number)
+      REQUIRE(*apply(server, session, placed(scene->id, number, "a", float(number))));
+    before = fingerprint(*scene->scene.head());
+    server.daemon.journal->stop();
+    CHECK(!*apply(server, session, placed(scene->id, 51, "a", 0)));
+    CHECK(fingerprint(*scene->scene.head()) == before);
+  }
+  CHECK(std::filesystem::file_size(folder / "journal.db") < 40'000);
+  Server next(folder.path());
+  REQUIRE(next.opened);
+  const ScenePtr found = next.daemon.scenes.open("room", *next.session()).value();
+  CHECK(fingerprint(*found->scene.head()) == before);
+}
+
+TEST_CASE("journal: arrays are files, and go when nothing needs them") {
+  const Folder folder;
+  Server server(folder.path(), 10);
+  const auto session = server.session();
+  const ScenePtr scene = server.create(*session, "room", "os");
+  v1::ApplyRequest request;
+  request.set_scene(scene->id);
+  request.set_number(1);
+  v1::Mesh* mesh = add(request, "mesh")->mutable_mesh();
+  *mesh = triangle();
+  const std::string upload(3 * 4 * 1000, '\0');
+  v1::UploadBlobRequest first;
+  first.set_request_id("up");
+  first.set_size(upload.size());
+  auto incoming = session->holdings().begin(first).value();
+  REQUIRE(incoming->append(upload));
+  REQUIRE(session->holdings().finish(first, std::move(*incoming)));
+  mesh->mutable_positions()->clear_source();
+  mesh->mutable_positions()->set_upload("up");
+  mesh->mutable_positions()->set_shape(0, 1000);
+  REQUIRE(*apply(server, session, request));
+  const std::string file = folder / ("blobs/tester/" + hex(sha256(upload)));
+  CHECK(std::filesystem::file_size(file) == upload.size());
+
+  const Folder crashed;
+  crashed.copy(folder.path());
+  Server next(crashed.path());
+  INFO((next.opened ? "" : next.opened.error().where + ": " + next.opened.error().message));
+  REQUIRE(next.opened);
+  CHECK(fingerprint(*scene_of(next, scene->id)->scene.head()) == fingerprint(*scene->scene.head()));
+
+  v1::ApplyRequest removal;
+  removal.set_scene(scene->id);
+  removal.set_number(2);
+  add(removal, "mesh")->mutable_remove();
+  REQUIRE(*apply(server, session, removal));
+  for (u64 number = 3; number <= 40; ++number)
+    REQUIRE(*apply(server, session, placed(scene->id, number, "a", 1)));
+  server.daemon.journal->stop();
+  CHECK(!std::filesystem::exists(file));
+}
+
+TEST_CASE("journal: a damaged file, a second daemon, a scene that was deleted") {
+  const Folder folder;
+  std::string state;
+  {
+    Server server(folder.path());
+    const auto session = server.session();
+    const ScenePtr scene = server.create(*session, "room", "os");
+    CHECK(Server(folder.path()).opened.error().code == Code::kAlreadyExists);
+    ScenePtr gone = server.create(*session, "gone", "fsync");
+    REQUIRE(*apply(server, session, placed(gone->id, 1, "a", 1)));
+    REQUIRE(server.daemon.scenes.remove(gone->id, *session));
+    gone.reset();
+    for (int k = 0; k < 200 && server.tenant->entities->used() > 0; ++k)
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    CHECK(server.tenant->entities->used() == 0);
+    REQUIRE(*apply(server, session, placed(scene->id, 1, "a", 1)));
+  }
+  {
+    Server server(folder.path());
+    REQUIRE(server.opened);
+    CHECK(server.daemon.scenes.list(*server.session()).size() == 1);
+  }
+  for (const auto& entry : std::filesystem::directory_iterator(folder / "blobs/tester"))
+    state = entry.path().string();
+  std::fstream(state, std::ios::in | std::ios::out).write("broken", 6);
+  const Server server(folder.path());
+  REQUIRE(!server.opened);
+  CHECK(server.opened.error().where == "--state-dir");
+  CHECK(server.opened.error().message.find("is damaged") != std::string::npos);
+}
+
+TEST_CASE("journal: who watches is told of each revision, once it is there") {
+  const Folder folder;
+  Server server(folder.path());
+  const auto session = server.session();
+  const ScenePtr scene = server.create(*session, "room", "os");
+  std::vector<Revision> told;
+  const auto watch = scene->watch([&](Revision revision) {
+    if (scene->scene.head()->revision == revision) told.push_back(revision);
+  });
+  std::vector<Revision> all;
+  for (u64 number = 1; number <= 20; ++number) {
+    REQUIRE(*apply(server, session, placed(scene->id, number, "a", float(number))));
+    all.push_back(number);
+  }
+  CHECK(told == all);
+}
+
+TEST_CASE("journal: who may be durable") {
+  const Folder folder;
+  Server server(folder.path());
+  const auto session = server.session();
+  const auto code = [&](bool is_shared, const std::string& durability) {
+    return server.daemon.scenes
+        .create({.name = "",
+                 .is_shared = is_shared,
+                 .durability = durability,
+                 .first = std::make_shared<const Snapshot>()},
+                *session)
+        .error()
+        .code;
+  };
+  CHECK(code(false, "os") == Code::kInvalidArgument);
+  CHECK(code(true, "always") == Code::kInvalidArgument);
+  Scenes plain(server.daemon.pool, {});
+  const auto refused = plain.create({.name = "",
+                                     .is_shared = true,
+                                     .durability = "os",
+                                     .first = std::make_shared<const Snapshot>()},
+                                    *session);
+  CHECK(refused.error().code == Code::kFailedPrecondition);
+  CHECK(refused.error().message.find("--state-dir") != std::string::npos);
+}
