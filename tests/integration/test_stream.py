@@ -165,8 +165,8 @@ def test_a_reader_that_takes_nothing_is_closed():
         with s.edit() as edit:
             edit.dome(color=(1, 1, 1))
             edit.entity("cam", camera=hg.Camera.from_fov(50, 64, 48, degrees=True))
-        with s.stream("cam", spp=4, credits=1) as live:
-            next(live)  # the next one waits for its credit
+        with s.stream("cam", spp=1 << 14, credits=1) as live:
+            assert not next(live).is_final  # the next one waits for its credit
             time.sleep(3)
             with pytest.raises(hg.ResourceExhausted, match="stall_seconds"):
                 list(live)
