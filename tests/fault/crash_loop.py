@@ -28,7 +28,7 @@ class Editor:
         self.acknowledged = []  # (revision, transaction, id of the entity that it made)
         self.failed = None
         self.stopping = threading.Event()
-        self.thread = threading.Thread(target=self._run)
+        self.thread = threading.Thread(target=self._run, daemon=True)
         self.thread.start()
 
     def _run(self):
