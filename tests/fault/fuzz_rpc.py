@@ -16,7 +16,8 @@ import grpc
 import heliograph as hg
 import mutants
 from google.protobuf import message_factory
-from heliograph import _connection
+from heliograph import _status
+from heliograph._proto import service_pb2
 
 MODEL = pathlib.Path(__file__).parents[1] / "assets/gltf/simple-instancing.glb"
 LIMITS = {
@@ -80,8 +81,8 @@ def refusals(kind, data):
     reply = message_factory.GetMessageClass(kind).FromString(data)
     if not reply.code:
         return []
-    error = _connection.status_error(reply.code, reply.message, reply.detail)
-    return [(_connection._CODES[reply.code], error)]
+    error = _status.status_error(reply.code, reply.message, reply.detail)
+    return [(_status._CODES[reply.code], error)]
 
 
 class Worker:
@@ -136,25 +137,25 @@ class Worker:
         try:
             reply = stub(given, metadata=self.link.metadata, timeout=seconds)
             if method.output_type.name == "SceneInfo":
-                self.delete(_connection.service.SceneInfo.FromString(reply).scene)
+                self.delete(service_pb2.SceneInfo.FromString(reply).scene)
             if method.server_streaming:
                 for one in itertools.islice(reply, 2000):
                     answers += refusals(method.output_type, one)
                 reply.cancel()
         except grpc.RpcError as error:
-            return [*answers, (error.code().name, _connection.to_error(error))]
+            return [*answers, (error.code().name, _status.to_error(error))]
         return [*answers, ("OK", None)]
 
     def delete(self, scene):
         """What a mutant made; OpenScene gives what others need."""
         if scene != self.tour:
-            request = _connection.service.DeleteSceneRequest(scene=scene)
+            request = service_pb2.DeleteSceneRequest(scene=scene)
             self.session.connection.call("DeleteScene", request)
 
     def renew(self):
         """Another session when a mutant has closed it, another scene when one has deleted it."""
         try:
-            request = _connection.service.DescribeSceneRequest(scene=self.scene)
+            request = service_pb2.DescribeSceneRequest(scene=self.scene)
             described = self.session.connection.call("DescribeScene", request)
             self.number = described.scene.next_edit - 1
         except (hg.Unauthenticated, hg.PermissionDenied, hg.NotFound):
@@ -209,7 +210,7 @@ def show(seen, faults):
 
 def main():
     count, start = common.size(100_000, 2_000), time.time()
-    service = _connection.service.DESCRIPTOR.services_by_name["Renderer"]
+    service = service_pb2.DESCRIPTOR.services_by_name["Renderer"]
     methods = [m for m in service.methods for _ in range(weight(m))]
     seeds = mutants.record()
     with common.Report("S4 malformed requests") as report, common.daemon(**LIMITS) as client:
