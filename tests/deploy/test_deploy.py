@@ -1,5 +1,5 @@
 """What lies in deploy/ says what it means: settings that the daemon takes, images and pods that are
-locked in, package lists that are those of scripts/setup."""
+locked in, package lists that are those of scripts/setup. deploy/build_image runs the images."""
 
 import configparser
 import os
@@ -15,6 +15,7 @@ import yaml
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 DEPLOY = ROOT / "deploy"
 DAEMON = pathlib.Path(os.environ.get("HELIOGRAPHD", ROOT / "build/cpu/bin/heliographd"))
+VENV = ROOT / ".venv/bin"
 DOCKERFILES = sorted(DEPLOY.glob("Dockerfile.*"))
 NOT_IN_AN_IMAGE = {"catch2", "ccache", "git", "ca-certificates", "python3", "python3-venv",
                    "clang-format-19", "clang-tidy-19"}
@@ -42,7 +43,7 @@ def unit() -> configparser.ConfigParser:
 def test_the_unit_stops_after_the_drain():
     service = unit()["Service"]
     assert int(service["TimeoutStopSec"]) >= 20 + 10
-    assert service["RestartPreventExitStatus"] == "64"
+    assert service["RestartPreventExitStatus"] == "64 65"
     assert "/etc/heliograph/heliographd.toml" in service["ExecStart"]
 
 
@@ -91,11 +92,29 @@ def test_images_are_locked_in(path):
             for source in rest.split()[:-1]:
                 assert (ROOT / source).exists(), source
         stages.setdefault(stage, {})[name] = rest
-    for name in set(stages) - {"build"}:
+    for name in set(stages) - {"built", "wheels"}:
         user, group = stages[name]["USER"].split(":")
         assert int(user) > 10000 and int(group) > 10000
     assert "--probe" in stages["daemon"]["HEALTHCHECK"]
     assert stages["daemon"]["STOPSIGNAL"] == "SIGTERM"
+
+
+@pytest.mark.parametrize("path", DOCKERFILES, ids=lambda p: p.name)
+def test_hadolint_finds_images_good(path):
+    found = subprocess.run([VENV / "hadolint", path], capture_output=True, text=True, timeout=60)
+    assert found.returncode == 0, found.stdout
+
+
+def test_what_images_copy_is_in_their_context():
+    lines = (ROOT / ".dockerignore").read_text().splitlines()
+    assert "*" in lines
+    allowed = {line[1:] for line in lines if line.startswith("!")}
+    for path in DOCKERFILES:
+        for name, rest in instructions(path):
+            if name == "COPY" and not rest.startswith("--from"):
+                for source in rest.split()[:-1]:
+                    parents = {str(each) for each in pathlib.PurePath(source).parents}
+                    assert allowed & {source, *parents}, source
 
 
 @pytest.mark.parametrize("path", DOCKERFILES, ids=lambda p: p.name)
@@ -116,6 +135,7 @@ def test_composed_services_share_a_socket_and_nothing_else():
         assert service["read_only"] and service["network_mode"] == "none"
         assert service["cap_drop"] == ["ALL"] and "ports" not in service
         assert service["security_opt"] == ["no-new-privileges:true"]
+        assert "sockets:/run/heliograph" in service["volumes"]
         user, group = service["user"].split(":")
         assert int(user) > 10000
         groups.add(group)
@@ -156,9 +176,14 @@ def test_the_pod_is_locked_in():
 @pytest.mark.skipif(shutil.which("kubectl") is None, reason="no kubectl here")
 @pytest.mark.parametrize(("overlay", "image"), [("base", "heliograph:cpu"),
                                                 ("gpu", "heliograph:cuda")])
-def test_overlays_build(overlay, image):
+def test_overlays_build(overlay, image, tmp_path):
     built = subprocess.run(["kubectl", "kustomize", DEPLOY / "kubernetes" / overlay],
                            capture_output=True, text=True, timeout=60, check=True)
+    path = tmp_path / "objects.yaml"
+    path.write_text(built.stdout)
+    valid = subprocess.run([VENV / "kubernetes-validate", "--strict", path], capture_output=True,
+                           text=True, timeout=60)
+    assert valid.returncode == 0, valid.stdout + valid.stderr
     objects = {each["kind"]: each for each in yaml.safe_load_all(built.stdout)}
     assert set(objects) == {"Namespace", "ConfigMap", "Deployment", "NetworkPolicy",
                             "PodDisruptionBudget"}
