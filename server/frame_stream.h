@@ -35,6 +35,7 @@ class FrameStream final : public grpc::ServerWriteReactor<v1::FramePart>,
   /// How headers are made; set once, before the engine has the sink.
   void set_header(MakeHeader make_header) { make_header_ = std::move(make_header); }
   [[nodiscard]] const CallScope& scope() const { return scope_; }
+  [[nodiscard]] PixelAllocator memory() { return cutter_.memory(); }
 
   void progress(const Progress& progress) override;
   void frame(std::shared_ptr<const Frame> frame) override;

@@ -1,4 +1,4 @@
-// Making, leasing and taking back buffers. Called by FrameCutter and the lifelines.
+// Making, leasing and taking back buffers. Called by FrameCutter, the engine and the lifelines.
 #include "server/shared_frames.h"
 
 #include <fcntl.h>
@@ -77,7 +77,7 @@ std::optional<Lease> SharedFrames::lease(u64 bytes, u64 call) {
   Buffer& buffer = found->second;
   buffer.call = call;
   buffer.generation = ++last_generation_;
-  return Lease{found->first, buffer.generation, buffer.memory->bytes()};
+  return Lease{found->first, buffer.generation, buffer.memory};
 }
 
 void SharedFrames::give_back(u64 buffer, u64 generation) {
@@ -86,12 +86,7 @@ void SharedFrames::give_back(u64 buffer, u64 generation) {
   if (found != buffers_.end() && found->second.generation == generation) found->second.call = 0;
 }
 
-void SharedFrames::abandon(u64 buffer) {
-  const std::lock_guard lock(mutex_);
-  if (const auto found = buffers_.find(buffer); found != buffers_.end()) forget(found);
-}
-
-void SharedFrames::abandon_all(u64 call) {
+void SharedFrames::abandon(u64 call) {
   const std::lock_guard lock(mutex_);
   for (auto it = buffers_.begin(); it != buffers_.end();) {
     const auto here = it++;

@@ -2,6 +2,7 @@
 // pooled for each session.
 #pragma once
 
+#include <atomic>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -9,6 +10,7 @@
 #include <span>
 #include <unordered_map>
 
+#include "renderer/engine/pixels.h"
 #include "server/budget.h"
 #include "server/unique_fd.h"
 
@@ -38,11 +40,11 @@ class SharedMemory {
 struct Lease {
   u64 buffer = 0;
   u64 generation = 0;
-  std::span<std::byte> bytes;
+  std::shared_ptr<SharedMemory> memory;
 };
 
-/// The buffers of one session. A leased one is never rewritten: it comes back when the client says
-/// so, and is abandoned (the client's mapping lives on) when nobody can tell whether it still
+/// The buffers of one session. One that was sent is never rewritten: it comes back when the client
+/// says so, and is abandoned (the client's mapping lives on) when nobody can tell whether it still
 /// looks. Thread: any.
 class SharedFrames {
  public:
@@ -56,21 +58,19 @@ class SharedFrames {
 
   /// A number that no other call of the session has.
   [[nodiscard]] u64 new_call();
-  /// Room for a frame that `call` sends; none where limit, budget, kernel or socket have none: the
-  /// frame then travels as bytes.
+  /// Room for a plane that `call` sends; none where limit, budget, kernel or socket have none: it
+  /// then travels as bytes.
   [[nodiscard]] std::optional<Lease> lease(u64 bytes, u64 call);
-  /// The client is done with a use of a buffer; what names another use is ignored.
+  /// A use of a buffer is over; what names another use is ignored.
   void give_back(u64 buffer, u64 generation);
-  /// It will never say so: the buffer is not used again.
-  void abandon(u64 buffer);
-  /// The same of all that a call has sent and the client has not returned.
-  void abandon_all(u64 call);
+  /// Nobody will say so for those of a call: they are not used again.
+  void abandon(u64 call);
   /// Bytes of all buffers, and how many are leased.
   [[nodiscard]] std::pair<u64, u32> used() const;
 
  private:
   struct Buffer {
-    std::unique_ptr<SharedMemory> memory;
+    std::shared_ptr<SharedMemory> memory;
     Charge charge;
     u64 generation = 0;
     u64 call = 0;  // 0: free
@@ -91,6 +91,30 @@ class SharedFrames {
   u64 last_buffer_ = 0;
   u64 last_generation_ = 0;
   u64 last_call_ = 0;
+};
+
+/// Pixels in a lease, which ends with them unless it was sent.
+class LeasedPixels final : public PixelMemory {
+ public:
+  LeasedPixels(std::shared_ptr<SharedFrames> frames, Lease lease)
+      : frames_(std::move(frames)), lease_(std::move(lease)) {}
+  LeasedPixels(const LeasedPixels&) = delete;
+  LeasedPixels& operator=(const LeasedPixels&) = delete;
+  ~LeasedPixels() override {
+    if (!is_sent_) frames_->give_back(lease_.buffer, lease_.generation);
+  }
+
+  [[nodiscard]] std::span<std::byte> bytes() override { return lease_.memory->bytes(); }
+  /// From now on the client ends it.
+  [[nodiscard]] const Lease& send() {
+    is_sent_ = true;
+    return lease_;
+  }
+
+ private:
+  const std::shared_ptr<SharedFrames> frames_;
+  const Lease lease_;
+  std::atomic<bool> is_sent_ = false;
 };
 
 }  // namespace heliograph::server

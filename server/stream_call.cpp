@@ -55,6 +55,7 @@ class StreamCall::Job final : public JobSink, public std::enable_shared_from_thi
     if (!task) return std::unexpected(std::move(task).error().at("settings"));
     make_header_ = task->make_header;
     task->job->origin.session ^= call_->line_;
+    task->job->memory = call_->cutter_.memory();
     {
       const std::lock_guard lock(call_->mutex_);
       call_->shown_ = task->job->snapshot->revision;

@@ -1,6 +1,7 @@
 // What is known of planes and types, derived from HELIO_PLANES.
 #include "renderer/engine/frame.h"
 
+#include <algorithm>
 #include <array>
 
 namespace heliograph {
@@ -35,6 +36,13 @@ constexpr std::array kPlaneInfos{
 };
 
 }  // namespace
+
+PlaneData new_plane(const RenderJob& job, Plane plane, u64 pixels) {
+  const PlaneInfo& info = plane_info(plane);
+  const bool is_asked_for = std::ranges::count(job.planes, plane) > 0;
+  return {plane, Pixels(pixels * info.channels * size_of(info.dtype),
+                        is_asked_for ? job.memory : PixelAllocator())};
+}
 
 std::size_t size_of(DType type) {
   switch (type) {

@@ -36,8 +36,11 @@ struct Column {
 
 struct PlaneData {
   Plane plane{};
-  std::vector<std::byte> pixels;  // row-major, row 0 at the top
+  Pixels pixels;
 };
+/// Of a job's plane of so many pixels; not initialised. What the job asked for goes where its
+/// reader has it.
+[[nodiscard]] PlaneData new_plane(const RenderJob& job, Plane plane, u64 pixels);
 
 struct Frame {
   u32 index = 0;  // over the job's cameras

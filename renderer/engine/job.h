@@ -9,6 +9,7 @@
 
 #include "kernels/planes.h"
 #include "kernels/settings.h"
+#include "renderer/engine/pixels.h"
 #include "renderer/scene/snapshot.h"
 
 namespace heliograph {
@@ -61,6 +62,7 @@ struct RenderJob {
   LabelOptions labels;
   std::optional<std::chrono::steady_clock::time_point> deadline;
   Origin origin;
+  PixelAllocator memory;  // of the planes it asks for; absent: the heap
 };
 
 }  // namespace heliograph

@@ -81,10 +81,9 @@ std::vector<Plane> film_planes(const RenderJob& job) {
 Expected<std::vector<PlaneData>> finish_planes(const RenderJob& job, std::vector<PlaneData> made,
                                                const PostContext& context) {
   for (const Plane plane : job.planes) {
-    const PlaneInfo& info = plane_info(plane);
-    if (info.fold != Fold::kPost) continue;
+    if (plane_info(plane).fold != Fold::kPost) continue;
     const u64 pixels = u64(context.camera.width) * context.camera.height;
-    PlaneData out{plane, std::vector<std::byte>(pixels * info.channels * size_of(info.dtype))};
+    PlaneData out = new_plane(job, plane, pixels);
     HELIO_TRY(fill(plane, made, context, reinterpret_cast<float*>(out.pixels.data())));
     made.push_back(std::move(out));
   }

@@ -200,7 +200,7 @@ float EmbreeFilm::value(Plane plane, u64 i, u32 samples) const {
 PlaneData EmbreeFilm::resolve(Plane plane, u32 rank) const {
   const PlaneInfo& info = plane_info(plane);
   const u64 pixels = u64(view_.width) * view_.height;
-  PlaneData data{plane, std::vector<std::byte>(pixels * info.channels * size_of(info.dtype))};
+  PlaneData data = new_plane(job(), plane, pixels);
   if (info.fold == Fold::kCentre) {
     std::memcpy(data.pixels.data(), view_.planes[u32(plane)], data.pixels.size());
     return data;
@@ -211,12 +211,13 @@ PlaneData EmbreeFilm::resolve(Plane plane, u32 rank) const {
   for_each_tile([&](u32 index) {
     const PixelRect rect = tile(index);
     const u32 samples = tile_samples_[index];
-    if (samples == 0) return;
     for (u32 y = rect.y0; y < rect.y1; ++y) {
       const u64 row = u64(y) * view_.width;
       for (u64 i = (row + rect.x0) * info.channels; i < (row + rect.x1) * info.channels; ++i) {
         if (plane == Plane::SAMPLES)
           counts[i] = samples;
+        else if (samples == 0)
+          out[i] = 0;
         else
           out[i] = value(plane, first + i, samples);
       }

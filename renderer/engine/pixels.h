@@ -1,0 +1,45 @@
+// Memory of a frame's planes: the heap's, or its reader's.
+#pragma once
+
+#include <cstring>
+#include <functional>
+#include <memory>
+#include <span>
+
+#include "renderer/base/types.h"
+
+namespace heliograph {
+
+/// Memory of one plane, aligned for any use of it. Goes back to where it came from when nobody
+/// holds it.
+class PixelMemory {
+ public:
+  virtual ~PixelMemory() = default;
+  [[nodiscard]] virtual std::span<std::byte> bytes() = 0;
+};
+
+/// Makes at least so many bytes, not initialised; null when there are none. Thread: any.
+using PixelAllocator = std::function<std::shared_ptr<PixelMemory>(u64 bytes)>;
+
+/// The pixels of a plane, row-major, row 0 at the top.
+class Pixels {
+ public:
+  Pixels() = default;
+  /// Not initialised. From `allocator`, or from the heap when that is absent or has none.
+  Pixels(u64 bytes, const PixelAllocator& allocator);
+
+  [[nodiscard]] std::byte* data() { return bytes_.data(); }
+  [[nodiscard]] const std::byte* data() const { return bytes_.data(); }
+  [[nodiscard]] std::size_t size() const { return bytes_.size(); }
+  [[nodiscard]] PixelMemory* memory() const { return memory_.get(); }
+
+  friend bool operator==(const Pixels& a, const Pixels& b) {
+    return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size()) == 0;
+  }
+
+ private:
+  std::shared_ptr<PixelMemory> memory_;
+  std::span<std::byte> bytes_;
+};
+
+}  // namespace heliograph
