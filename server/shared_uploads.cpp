@@ -1,15 +1,17 @@
-// Mapping, checking and using up buffers. Called by the lifelines and Holdings.
+// Checking, taking and using up buffers. Called by the lifelines and Holdings.
 #include "server/shared_uploads.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 namespace heliograph::server {
 namespace {
 
-constexpr std::size_t kMost = 1024;  // buffers that wait; more are forgotten
+constexpr std::size_t kMost = 16'384;   // buffers that wait; more are forgotten
+constexpr u64 kFewestMapped = 1 << 20;  // bytes; a process has few mappings, so less is copied
 constexpr u64 kAlignment = 64;
 
 bool is_sealed(int fd) {
@@ -20,18 +22,31 @@ bool is_sealed(int fd) {
 
 }  // namespace
 
-struct SharedUploads::Mapping {
-  explicit Mapping(Charge room) : charge(std::move(room)) {}
-  Mapping(const Mapping&) = delete;
-  Mapping& operator=(const Mapping&) = delete;
-  ~Mapping() {
-    if (!bytes.empty()) ::munmap(const_cast<std::byte*>(bytes.data()), bytes.size());
+struct SharedUploads::Memory {
+  explicit Memory(Charge room) : charge(std::move(room)) {}
+  Memory(const Memory&) = delete;
+  Memory& operator=(const Memory&) = delete;
+  ~Memory() {
+    if (!copy && !bytes.empty()) ::munmap(const_cast<std::byte*>(bytes.data()), bytes.size());
+  }
+  /// False when the kernel refuses.
+  [[nodiscard]] bool fill(int fd, u64 size) {
+    if (size < kFewestMapped) {
+      copy = std::make_unique_for_overwrite<std::byte[]>(size);
+      bytes = {copy.get(), size};
+      return ::pread(fd, copy.get(), size, 0) == ssize_t(size);
+    }
+    void* start = ::mmap(nullptr, size, PROT_READ, MAP_SHARED, fd, 0);
+    if (start == MAP_FAILED) return false;
+    bytes = {static_cast<const std::byte*>(start), size};
+    return true;
   }
   Charge charge;
+  std::unique_ptr<std::byte[]> copy;  // null: mapped
   std::span<const std::byte> bytes;
 };
 
-SharedUploads::Taken SharedUploads::map(u64 bytes, const UniqueFd& fd) const {
+SharedUploads::Taken SharedUploads::read(u64 bytes, const UniqueFd& fd) const {
   struct stat file{};
   if (!is_sealed(fd.get()) || ::fstat(fd.get(), &file) != 0)
     return fail(Code::kInvalidArgument, "buffer.buffer",
@@ -41,17 +56,15 @@ SharedUploads::Taken SharedUploads::map(u64 bytes, const UniqueFd& fd) const {
                 fmt::format("was announced with {} bytes and has {}", bytes, file.st_size));
   auto charge = Charge::take(budget_, bytes);
   if (!charge) return std::unexpected(std::move(charge).error());
-  auto mapping = std::make_shared<Mapping>(std::move(*charge));
-  void* start = ::mmap(nullptr, bytes, PROT_READ, MAP_SHARED, fd.get(), 0);
-  if (start == MAP_FAILED)
+  auto memory = std::make_shared<Memory>(std::move(*charge));
+  if (!memory->fill(fd.get(), bytes))
     return fail(Code::kResourceExhausted, "buffer.buffer",
                 fmt::format("{} bytes could not be mapped; upload the array", bytes));
-  mapping->bytes = {static_cast<const std::byte*>(start), bytes};
-  return mapping;
+  return memory;
 }
 
 void SharedUploads::take(u64 buffer, u64 bytes, const UniqueFd& fd) {
-  auto taken = std::make_shared<const Taken>(map(bytes, fd));
+  auto taken = std::make_shared<const Taken>(read(bytes, fd));
   const std::lock_guard lock(mutex_);
   if (taken_.size() < kMost) taken_.emplace(buffer, std::move(taken));
 }

@@ -14,8 +14,8 @@
 
 namespace heliograph::server {
 
-/// The buffers that one session handed over and did not use yet. They are mapped, not copied: their
-/// seals keep the client from changing what was checked. Thread: any.
+/// The buffers that one session handed over and did not use yet. Large ones are mapped, not
+/// copied: their seals keep the client from changing what was checked. Thread: any.
 class SharedUploads {
  public:
   /// `budget`: of the owner's bytes.
@@ -32,10 +32,10 @@ class SharedUploads {
   [[nodiscard]] Expected<BufferPtr> use(const v1::BufferRef& ref);
 
  private:
-  struct Mapping;
-  using Taken = Expected<std::shared_ptr<const Mapping>>;
+  struct Memory;
+  using Taken = Expected<std::shared_ptr<const Memory>>;
 
-  [[nodiscard]] Taken map(u64 bytes, const UniqueFd& fd) const;
+  [[nodiscard]] Taken read(u64 bytes, const UniqueFd& fd) const;
   [[nodiscard]] std::shared_ptr<const Taken> extract(u64 buffer);
 
   const std::shared_ptr<Budget> budget_;

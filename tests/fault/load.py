@@ -43,7 +43,7 @@ def edits(scene, dice):
             poses[:, 0, 3] = i * 0.01
             edit.set_transforms(many, poses)
     with scene.edit() as edit:
-        positions = hg.shapes.sphere(0.5 + 0.1 * dice.random(), 128)  # over 1 MiB: uploaded
+        positions = hg.shapes.sphere(0.5 + 0.1 * dice.random(), 128)  # over 1 MiB: mapped
         edit.mesh("large", **positions)
 
 

@@ -197,10 +197,12 @@ def check_read_only(fd, size):
     os.close(fd)
 
 
-def test_arrays_travel_in_memory_too(stage, monkeypatch):
-    """Those of a mesh that moves, of over 1 MiB: without an upload, and with the same bytes."""
-    sphere = hg.shapes.sphere(0.5, segments=512)
-    assert sphere["positions"].nbytes > 1 << 20
+@pytest.mark.parametrize("segments, uploads", [(128, 0), (512, 2)], ids=["copied", "mapped"])
+def test_arrays_travel_in_memory_too(stage, monkeypatch, segments, uploads):
+    """Those of a mesh that moves: without an upload, and with the same bytes."""
+    sphere = hg.shapes.sphere(0.5, segments=segments)
+    assert 1 << 16 < sphere["positions"].nbytes
+    assert (sphere["positions"].nbytes > 1 << 20) == (uploads > 0)
     links = []
 
     def frame(client):
@@ -223,4 +225,4 @@ def test_arrays_travel_in_memory_too(stage, monkeypatch):
     monkeypatch.setattr(_shared, "CAPABILITY", "none of these")
     with hg.connect() as other:
         assert frame(other) == shared
-    assert links == [[], ["UploadBlob", "UploadBlob"]]
+    assert links == [[], ["UploadBlob"] * uploads]

@@ -17,6 +17,7 @@ from ._proto import types_pb2 as types
 from .errors import InvalidArgument
 
 INLINE_BYTES = 1 << 20
+SHARED_BYTES = 1 << 16  # from here on shared memory is faster than the message
 CHUNK_BYTES = 1 << 20
 NdArray = np.ndarray[Any, np.dtype[Any]]
 
@@ -109,8 +110,8 @@ def from_message(message: types.Array) -> NdArray:
 
 
 class Store:
-    """Uploads of one client: inline up to 1 MiB, then by hash; what changes by shared memory, or
-    anonymously.
+    """Uploads of one client: inline up to 1 MiB, then by hash; what changes by shared memory from
+    64 KiB on, or anonymously.
 
     Remembers the hashes the session has, so that the same bytes travel once. Thread: any.
     """
@@ -131,10 +132,10 @@ class Store:
 
     def edited(self, data: NdArray) -> types.Array:
         """An array that changes often (vertices, matrices): not hashed, used up by one edit."""
-        if data.nbytes <= INLINE_BYTES:
+        shared = self._connection.link.shared if data.nbytes >= SHARED_BYTES else None
+        if shared is None and data.nbytes <= INLINE_BYTES:
             return inline(data)
         message = describe(data)
-        shared = self._connection.link.shared
         if shared is not None:
             message.buffer.CopyFrom(shared.hand_over(bytes_of(data)))
             return message
