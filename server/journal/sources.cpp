@@ -1,6 +1,8 @@
 // See sources.h.
 #include "server/journal/sources.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <iterator>
 
@@ -14,11 +16,18 @@ namespace {
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
-/// Names the uploads of a message, and of those in it, by the hashes of their bytes.
-void name_by_hash(Message& message, const std::map<std::string, std::string>& uploads) {
+/// Where the bytes of an array are that its edit consumes; "": elsewhere.
+std::string consumed_by(const v1::Array& array) {
+  if (array.has_buffer()) return fmt::format("buffer {}", array.buffer().buffer());
+  return array.has_upload() ? "upload " + array.upload() : "";
+}
+
+/// Names what a message's arrays consume, and those of messages in it, by the hashes of the bytes.
+void name_by_hash(Message& message, const std::map<std::string, std::string>& consumed) {
   if (message.GetDescriptor() == v1::Array::descriptor()) {
     auto& array = static_cast<v1::Array&>(message);
-    if (array.has_upload()) array.set_blob(std::string(uploads.at(array.upload())));
+    if (const std::string place = consumed_by(array); !place.empty())
+      array.set_blob(consumed.at(place));
     return;
   }
   const auto& reflection = *message.GetReflection();
@@ -27,11 +36,11 @@ void name_by_hash(Message& message, const std::map<std::string, std::string>& up
   for (const FieldDescriptor* field : fields) {
     if (field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE || field->is_map()) continue;
     if (!field->is_repeated()) {
-      name_by_hash(*reflection.MutableMessage(&message, field), uploads);
+      name_by_hash(*reflection.MutableMessage(&message, field), consumed);
       continue;
     }
     for (int i = 0; i < reflection.FieldSize(message, field); ++i)
-      name_by_hash(*reflection.MutableRepeatedMessage(&message, field, i), uploads);
+      name_by_hash(*reflection.MutableRepeatedMessage(&message, field, i), consumed);
   }
 }
 
@@ -57,7 +66,7 @@ Expected<BufferPtr> RecordingSource::bytes(const v1::Array& array) {
   auto buffer = inner_.bytes(array);
   if (!buffer || array.has_inline_()) return buffer;
   const std::string hash = array.has_blob() ? array.blob() : files_.hash_of(*buffer);
-  if (array.has_upload()) uploads_[array.upload()] = hash;
+  if (const std::string place = consumed_by(array); !place.empty()) consumed_[place] = hash;
   HELIO_TRY(store(hash, (*buffer)->bytes()));
   return buffer;
 }
@@ -88,7 +97,7 @@ Expected<std::shared_ptr<const Asset>> RecordingSource::asset(std::string_view h
 
 void RecordingSource::fill(const v1::Transaction& transaction, journal::Record& record) const {
   *record.mutable_transaction() = transaction;
-  if (!uploads_.empty()) name_by_hash(*record.mutable_transaction(), uploads_);
+  if (!consumed_.empty()) name_by_hash(*record.mutable_transaction(), consumed_);
   for (const auto& [asset, file] : assets_) {
     journal::AssetFile* added = record.add_assets();
     added->set_asset(asset);

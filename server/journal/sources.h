@@ -24,7 +24,7 @@ class RecordingSource final : public ArraySource {
 
   /// An error when something could not be stored: what came of the transaction is not to be used.
   [[nodiscard]] const Status& status() const { return status_; }
-  /// The transaction as it was read through this, uploads named by their hashes.
+  /// The transaction as it was read through this, uploads and buffers named by their hashes.
   void fill(const v1::Transaction& transaction, journal::Record& record) const;
   [[nodiscard]] std::vector<BlobFilePtr> take_files() { return std::move(held_); }
 
@@ -35,8 +35,8 @@ class RecordingSource final : public ArraySource {
   ArraySource& inner_;
   BlobFiles& files_;
   Status status_;
-  std::map<std::string, std::string> uploads_;  // request_id -> hash
-  std::map<std::string, std::string> assets_;   // hash -> file
+  std::map<std::string, std::string> consumed_;  // upload or buffer -> hash
+  std::map<std::string, std::string> assets_;    // hash -> file
   std::vector<BlobFilePtr> held_;
 };
 

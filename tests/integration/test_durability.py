@@ -5,6 +5,7 @@ import sys
 import time
 
 import heliograph as hg
+import numpy as np
 import pytest
 
 sys.path.append(str(pathlib.Path(__file__).parents[1] / "fault"))
@@ -95,6 +96,19 @@ def test_pictures_are_the_same_after_a_restart(daemons):
             for plane in planes:
                 assert before[plane].tobytes() == after[plane].tobytes()
             assert scene.read([ball], ["aabb"])[0][0].tobytes() == boxes.tobytes()
+
+
+def test_large_arrays_are_there_after_a_restart(daemons):
+    positions = np.random.default_rng(1).random((200_000, 3), dtype="f4")
+    faces = np.arange(199_998, dtype="u4").reshape(-1, 3)
+    with hg.connect(daemons()) as client:
+        assert client.connection.link.shared is not None  # they are handed over, not sent
+        scene = client.create_scene("room", durability="os", shared=True)
+        with scene.edit() as edit:
+            edit.mesh("large", positions=positions, indices=faces)
+        daemons()
+        assert scene["large"].positions.tobytes() == positions.tobytes()
+        assert scene["large"].indices.tobytes() == faces.tobytes()
 
 
 def test_branches_are_durable_when_asked(daemons):
