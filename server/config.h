@@ -49,7 +49,7 @@ enum ExitCode : int {
   X(samples, 1ull << 20, "samples a pixel")                                             \
   X(tenant_bytes, 16ull << 30, "bytes of a tenant's uploads, blobs, assets and arrays") \
   X(tenant_entities, 64'000'000, "entities of all scenes of a tenant")                  \
-  X(tenant_streams, 256, "open Streams and RenderBatches of a tenant")                  \
+  X(tenant_streams, 256, "open Streams, RenderBatches and Watches of a tenant")         \
   X(tenant_jobs, 256, "render jobs of a tenant that wait or run")                       \
   X(tenant_edits_per_second, 1'000'000, "edits a second, on average over 10 s")         \
   X(tenant_samples_per_second, 100'000'000'000, "samples of all pixels a second, same") \
@@ -59,6 +59,8 @@ enum ExitCode : int {
   X(resume_seconds, 600, "seconds after its start in which sessions are resumed")       \
   X(snapshot_edits, 100'000, "edits of durable scenes between two snapshots")           \
   X(reply_bytes, 16ull << 20, "bytes of those replies, and of a session's others")      \
+  X(watch_events, 16'384, "newest transactions that a scene keeps for Watch")           \
+  X(watch_bytes, 16ull << 20, "bytes of these")                                         \
   X(quota_bytes, 256ull << 20, "bytes gRPC may buffer")                                 \
   X(derived_bytes, 4ull << 30, "bytes of derived data that nobody uses, kept as cache") \
   X(static_triangles, 4'000'000, "triangles of static entities traced as one mesh")     \

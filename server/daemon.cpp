@@ -26,7 +26,8 @@ Scenes::Options scene_options(const Limits& limits) {
                     .array_bytes = limits.array_bytes,
                     .revisions = u32(limits.revisions)},
           .replies = reply_limits(limits),
-          .queue = u32(limits.calls_per_session)};
+          .queue = u32(limits.calls_per_session),
+          .events = {.events = limits.watch_events, .bytes = limits.watch_bytes}};
 }
 
 Sessions::Options session_options(const Config& config) {

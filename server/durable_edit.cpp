@@ -25,9 +25,11 @@ void SceneEntry::commit(DurableEdit edit, const EditLog::Finish& finish) {
     }
     edit.record.set_scene(id);
     entry.record = edit.record.SerializeAsString();
-    entry.done = [self = shared_from_this(), number = edit.record.number(), prepared,
+    SceneEvents::Event event;
+    if (prepared) event = event_of(std::move(*edit.record.mutable_transaction()), *prepared);
+    entry.done = [self = shared_from_this(), number = edit.record.number(), prepared, event,
                   finish](const Status& committed) {
-      self->end(prepared, committed);
+      self->end(prepared, event, committed);
       if (!committed) return finish({std::unexpected(committed.error()), false});
       if (!prepared) return finish({std::unexpected(prepared.error())});
       finish({apply_reply(number, *prepared, self->durability)});
@@ -41,12 +43,13 @@ void SceneEntry::commit(DurableEdit edit, const EditLog::Finish& finish) {
   if (!appended) finish({std::unexpected(appended.error()), false});
 }
 
-void SceneEntry::end(const Expected<Prepared>& prepared, const Status& committed) {
+void SceneEntry::end(const Expected<Prepared>& prepared, SceneEvents::Event event,
+                     const Status& committed) {
   if (!prepared) return;
   {
     const std::lock_guard lock(commit_mutex_);
     if (!committed) return drop_pending(0);
-    if (!has_bug("publish_before_commit")) scene.publish(*prepared);
+    if (!has_bug("publish_before_commit")) publish(*prepared, std::move(event));
   }
   tell(prepared->snapshot->revision);
 }

@@ -26,4 +26,13 @@ v1::ApplyReply apply_reply(u64 number, const Prepared& prepared, const std::stri
   return reply;
 }
 
+SceneEvents::Event event_of(v1::Transaction sent, const Prepared& prepared) {
+  v1::WatchReply reply;
+  reply.set_revision(prepared.snapshot->revision);
+  reply.mutable_transaction()->Swap(&sent);
+  reply.set_ids(prepared.ids.data(), prepared.ids.size() * sizeof(Id));
+  reply.mutable_counts()->Add(prepared.counts.begin(), prepared.counts.end());
+  return std::make_shared<const std::string>(reply.SerializeAsString());
+}
+
 }  // namespace heliograph::server

@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "server/mutant.h"
+#include "server/scene_info.h"
 
 namespace heliograph::server {
 namespace {
@@ -31,16 +32,30 @@ Expected<Prepared> SceneEntry::prepare(const Transaction& transaction,
 }
 
 Expected<Prepared> SceneEntry::commit(const Transaction& transaction,
-                                      std::optional<Revision> expected) {
+                                      std::optional<Revision> expected,
+                                      const v1::Transaction& sent) {
   Expected<Prepared> prepared;
   {
     const std::lock_guard lock(commit_mutex_);
     prepared = prepare(transaction, expected);
     if (!prepared) return prepared;
-    scene.publish(*prepared);
+    publish(*prepared, events->is_kept() ? event_of(sent, *prepared) : nullptr);
   }
   tell(prepared->snapshot->revision);
   return prepared;
+}
+
+void SceneEntry::publish(const Prepared& prepared, SceneEvents::Event event) {
+  scene.publish(prepared);
+  events->add(prepared.snapshot->revision, std::move(event));
+}
+
+std::shared_ptr<SceneEvents> SceneEntry::watched() {
+  if (!events->is_kept()) {
+    const std::lock_guard lock(commit_mutex_);  // no commit is half done
+    events->keep();
+  }
+  return events;
 }
 
 SceneEntry::Watch SceneEntry::watch(std::function<void(Revision)> told) {
@@ -86,6 +101,8 @@ Expected<ScenePtr> Scenes::add(SceneEntry::Identity identity,
                                std::shared_ptr<const Snapshot> first) {
   auto entities = Charge::take(identity.tenant->entities, first->entities.count());
   if (!entities) return std::unexpected(std::move(entities).error());
+  if (!identity.events) identity.events = make_events(*identity.tenant, first->revision);
+  if (identity.owner == 0) identity.events->keep();
   const std::lock_guard lock(mutex_);
   if (!identity.name.empty() && named(identity.name, *identity.tenant))
     return fail(Code::kAlreadyExists, "name",
@@ -142,12 +159,17 @@ Status Scenes::restore(SceneState state, const TenantPtr& tenant) {
                     .journal = journal_,
                     .made_by = {.session = state.row.session(),
                                 .request_id = state.row.request_id(),
-                                .method = state.row.method()}},
+                                .method = state.row.method()},
+                    .events = std::move(state.events)},
                    std::move(state.head));
   if (!entry) return std::unexpected(std::move(entry).error());
   for (LogState& log : state.logs) edits(**entry, log.session)->restore(std::move(log.edits));
   (*entry)->is_there_ = true;
   return {};
+}
+
+std::shared_ptr<SceneEvents> Scenes::make_events(const Tenant& tenant, Revision head) const {
+  return std::make_shared<SceneEvents>(options_.events, tenant.bytes, head);
 }
 
 std::vector<SceneState> Scenes::capture(const std::set<u64>& scenes) const {
@@ -162,6 +184,7 @@ std::vector<SceneState> Scenes::capture(const std::set<u64>& scenes) const {
     SceneState& state = states.emplace_back();
     state.row.set_scene(id);
     state.head = entry->scene.head();
+    state.events = entry->events;
     const std::lock_guard lock(entry->mutex_);
     for (const auto& [session, log] : entry->edits_)
       state.logs.push_back({.session = session, .edits = log->state()});

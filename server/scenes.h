@@ -13,6 +13,7 @@
 #include "renderer/scene/scene.h"
 #include "server/journal/journal.h"
 #include "server/request_log.h"
+#include "server/scene_events.h"
 #include "server/session.h"
 
 namespace heliograph::server {
@@ -42,6 +43,7 @@ class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
     std::string durability;
     Journal* journal = nullptr;
     Origin made_by = {};
+    std::shared_ptr<SceneEvents> events = {};  // null: none so far
   };
   SceneEntry(Identity identity, Charge entities, std::shared_ptr<const Snapshot> first,
              const SceneLimits& limits)
@@ -52,6 +54,7 @@ class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
         durability(std::move(identity.durability)),
         journal(identity.journal),
         made_by(std::move(identity.made_by)),
+        events(std::move(identity.events)),
         scene(std::move(first), limits),
         entities_(std::move(entities)) {}
 
@@ -62,6 +65,7 @@ class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
   const std::string durability;  // "": none
   Journal* const journal;        // of a durable scene
   const Origin made_by;
+  const std::shared_ptr<SceneEvents> events;
   Scene scene;
 
   /// A token of interest: while it is held, `told` is called with each new revision, from the
@@ -69,9 +73,14 @@ class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
   using Watch = std::shared_ptr<const std::function<void(Revision)>>;
   [[nodiscard]] Watch watch(std::function<void(Revision)> told);
 
+  /// Its events, which are kept from now on at the latest.
+  [[nodiscard]] std::shared_ptr<SceneEvents> watched();
+
   /// Prepares and publishes. Sessions that edit one shared scene wait for each other here.
+  /// sent: the transaction as it came.
   [[nodiscard]] Expected<Prepared> commit(const Transaction& transaction,
-                                          std::optional<Revision> expected);
+                                          std::optional<Revision> expected,
+                                          const v1::Transaction& sent);
   /// The same for a durable scene: journals what became of the transaction (or why it was refused
   /// before), and publishes once that is committed. `finish` is called once, from any thread.
   void commit(DurableEdit edit, const EditLog::Finish& finish);
@@ -85,7 +94,8 @@ class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
   [[nodiscard]] Expected<Prepared> prepare(const Transaction& transaction,
                                            std::optional<Revision> expected);
   void drop_pending(Revision first);
-  void end(const Expected<Prepared>& prepared, const Status& committed);
+  void end(const Expected<Prepared>& prepared, SceneEvents::Event event, const Status& committed);
+  void publish(const Prepared& prepared, SceneEvents::Event event);
 
   std::mutex commit_mutex_;
   Charge entities_;                     // guarded by commit_mutex_
@@ -114,6 +124,7 @@ class Scenes {
     SceneLimits scene;
     ReplyLimits replies;
     u32 queue = 64;  // edits of one session and scene that may wait
+    EventLimits events;
   };
   Scenes(WorkPool& pool, Options options) : pool_(pool), options_(options) {}
   /// From now on scenes may be durable, and ids come after `journal`'s.
@@ -123,6 +134,8 @@ class Scenes {
   [[nodiscard]] Expected<ScenePtr> create(NewScene scene, const Session& session);
   /// A durable scene as it was, with the edit logs of its sessions.
   [[nodiscard]] Status restore(SceneState state, const TenantPtr& tenant);
+  /// Of a scene of this owner that is at `head`, none kept so far.
+  [[nodiscard]] std::shared_ptr<SceneEvents> make_events(const Tenant& tenant, Revision head) const;
   [[nodiscard]] Expected<ScenePtr> find(u64 id, const Session& session) const;
   [[nodiscard]] Expected<ScenePtr> open(const std::string& name, const Session& session) const;
   [[nodiscard]] std::vector<ScenePtr> list(const Session& session) const;

@@ -1,6 +1,5 @@
 // The service of service.proto: every call, in the order of that file. The handlers, by area, are
-// in service_session.cpp, service_scene.cpp, service_edit.cpp, service_asset.cpp, service_read.cpp
-// and service_render.cpp; each converts, calls, converts back.
+// in service_*.cpp; each converts, calls, converts back.
 #pragma once
 
 #include "heliograph/v1/service.grpc.pb.h"

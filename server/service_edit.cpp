@@ -32,7 +32,7 @@ Expected<v1::ApplyReply> apply_now(Session& session, SceneEntry& entry,
                                    const v1::ApplyRequest& request) {
   const auto transaction = read(session, request, session.holdings());
   if (!transaction) return std::unexpected(transaction.error());
-  const auto prepared = entry.commit(*transaction, expected_of(request));
+  const auto prepared = entry.commit(*transaction, expected_of(request), request.transaction());
   if (!prepared) return std::unexpected(prepared.error());
   return apply_reply(request.number(), *prepared, "");
 }

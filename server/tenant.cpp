@@ -17,7 +17,7 @@ Tenant::Tenant(u64 number, std::string called, const Limits& limits,
           Budget::Words{"entities", "remove entities or scenes", "tenant_entities"})),
       streams(std::make_shared<Budget>(
           limits.tenant_streams,
-          Budget::Words{"streams", "close a stream or a batch", "tenant_streams"})),
+          Budget::Words{"streams", "close a stream, a batch or a watch", "tenant_streams"})),
       jobs(std::make_shared<Budget>(limits.tenant_jobs,
                                     Budget::Words{"jobs", "wait for some to end", "tenant_jobs"})),
       edits(limits.tenant_edits_per_second, "tenant_edits_per_second"),

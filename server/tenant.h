@@ -25,9 +25,9 @@ class Tenant {
   const u64 id;  // of this daemon's life
   const std::string name;
   const double weight = 1;                 // its share of the device against other tenants'
-  const std::shared_ptr<Budget> bytes;     // of uploads, blobs, assets and inline arrays
+  const std::shared_ptr<Budget> bytes;     // of uploads, blobs, assets, inline arrays, events
   const std::shared_ptr<Budget> entities;  // of all its scenes
-  const std::shared_ptr<Budget> streams;   // calls of Stream and RenderBatch
+  const std::shared_ptr<Budget> streams;   // calls of Stream, RenderBatch and Watch
   const std::shared_ptr<Budget> jobs;      // that wait or run
   Rate edits;
   Rate samples;  // of all pixels

@@ -38,6 +38,7 @@ class Recovery {
     journal::SceneRow row;
     std::shared_ptr<const Snapshot> head;
     std::map<u64, Log> logs;
+    std::shared_ptr<SceneEvents> events;
   };
   /// What one tenant's arrays are read from and counted against.
   struct Owner {
@@ -46,7 +47,10 @@ class Recovery {
     std::unique_ptr<RecoveringSource> source;
   };
   [[nodiscard]] Owner& owner(const std::string& tenant);
-  [[nodiscard]] Status apply_record(u64 id, Scene& scene, const journal::Record& record, Log& log);
+  [[nodiscard]] std::shared_ptr<SceneEvents> restore_events(const Tenant& tenant,
+                                                            const Snapshot& head,
+                                                            const journal::State& state) const;
+  [[nodiscard]] Status apply_record(u64 id, Scene& scene, journal::Record record, Log& log);
 
   Journal& journal_;
   const RecoveryTarget& target_;
@@ -65,6 +69,16 @@ Recovery::Owner& Recovery::owner(const std::string& tenant) {
   return owner;
 }
 
+std::shared_ptr<SceneEvents> Recovery::restore_events(const Tenant& tenant, const Snapshot& head,
+                                                      const journal::State& state) const {
+  Revision revision = head.revision - u64(state.events_size());
+  auto events = target_.scenes.make_events(tenant, revision);
+  events->keep();
+  for (const std::string& event : state.events())
+    events->add(++revision, std::make_shared<const std::string>(event));
+  return events;
+}
+
 Status Recovery::add_scene(const journal::SceneRow& row) {
   RecoveringSource& source = *owner(row.tenant()).source;
   auto bytes = source.read(row.state());
@@ -74,7 +88,8 @@ Status Recovery::add_scene(const journal::SceneRow& row) {
   auto head = decode_scene(state, source, kNoLimits);
   if (!head) return std::unexpected(std::move(head).error());
   Scene& scene = scenes_[row.scene()];
-  scene = {.row = row, .head = std::move(*head), .logs = {}};
+  scene = {.row = row, .head = std::move(*head), .logs = {}, .events = {}};
+  scene.events = restore_events(*owner(row.tenant()).tenant, *scene.head, state);
   for (const journal::Log& each : state.logs()) {
     LogState log = decode_log(each);
     scene.logs[log.session] = {.last = log.edits.last,
@@ -95,13 +110,13 @@ Status Recovery::add_record(u64 id, journal::Record record) {
     return broken(fmt::format("holds edit {} after edit {}", record.number(), log.last));
   log.last = record.number();
   ++recovered_.records;
-  if (record.revision() != 0) return apply_record(id, scene, record, log);
+  if (record.revision() != 0) return apply_record(id, scene, std::move(record), log);
   log.kept.push_back(std::make_shared<const Expected<v1::ApplyReply>>(
       std::unexpected(decode_refusal(record.refusal()))));
   return {};
 }
 
-Status Recovery::apply_record(u64 id, Scene& scene, const journal::Record& record, Log& log) {
+Status Recovery::apply_record(u64 id, Scene& scene, journal::Record record, Log& log) {
   RecoveringSource& source = *owner(scene.row.tenant()).source;
   source.expect(record);
   auto transaction = to_transaction(record.transaction(), source);
@@ -115,6 +130,8 @@ Status Recovery::apply_record(u64 id, Scene& scene, const journal::Record& recor
   log.kept.push_back(std::make_shared<const Expected<v1::ApplyReply>>(
       apply_reply(record.number(), *prepared, scene.row.durability())));
   if (log.kept.size() > target_.scenes.replies()) log.kept.pop_front();
+  scene.events->add(record.revision(),
+                    event_of(std::move(*record.mutable_transaction()), *prepared));
   if (auto files = source.take_files(); !files.empty())
     journal_.hold(record.scene(), id, std::move(files));
   return {};
@@ -124,7 +141,10 @@ Expected<Recovered> Recovery::finish() {
   target_.scenes.use(journal_);
   for (auto& [id, scene] : scenes_) {
     const TenantPtr& tenant = owner(scene.row.tenant()).tenant;
-    SceneState state{.row = scene.row, .head = std::move(scene.head), .logs = {}};
+    SceneState state{.row = scene.row,
+                     .head = std::move(scene.head),
+                     .logs = {},
+                     .events = std::move(scene.events)};
     for (auto& [session, log] : scene.logs) {
       state.logs.push_back({.session = session,
                             .edits = {.last = log.last,

@@ -79,6 +79,8 @@ Expected<std::vector<BlobFilePtr>> store_state(SceneState& state, BlobFiles& fil
   *message.mutable_scene() = scene_header(*state.head, sink);
   *message.mutable_numbers() = to_proto(numbers(*state.head));
   for (const LogState& log : state.logs) *message.add_logs() = to_proto(log);
+  if (state.events)
+    for (const auto& event : state.events->list(state.head->revision)) message.add_events(*event);
   std::string bytes;
   if (!message.SerializeToString(&bytes))
     return fail(Code::kResourceExhausted, "", "the scene's description is over 2 GiB");

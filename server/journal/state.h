@@ -10,6 +10,7 @@
 #include "server/journal/blob_files.h"
 #include "server/journal/record.pb.h"
 #include "server/request_log.h"
+#include "server/scene_events.h"
 
 namespace heliograph::server {
 
@@ -22,6 +23,7 @@ struct SceneState {
   journal::SceneRow row;
   std::shared_ptr<const Snapshot> head;
   std::vector<LogState> logs;
+  std::shared_ptr<SceneEvents> events = {};  // those up to the head
 };
 
 /// Stores a state and its arrays; names it in its row. Returns all files that it needs.

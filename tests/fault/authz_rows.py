@@ -170,10 +170,8 @@ ROWS: dict[str, list[Row]] = {
     "Watch": [
         Row(
             "scene",
-            lambda me, id: [service.WatchRequest(scene=id)],
-            own="ANY",
-            cross="ANY",
-            none="ANY",
+            lambda me, id: [service.WatchRequest(scene=id, from_revision=1 << 40)],
+            own="OUT_OF_RANGE",
         )
     ],
     "Stream": [Row("scene", lambda me, id: [service.StreamRequest(settings=render(id))])],

@@ -132,7 +132,8 @@ class Worker:
         path = f"/{method.containing_service.full_name}/{method.name}"
         stub = getattr(self.link.channel, kind)(path)
         given = iter(data) if method.client_streaming else data[0]
-        seconds = 0.05 if method.name == "KeepSession" else SECONDS  # it never ends
+        is_endless = method.name in ("KeepSession", "Watch")
+        seconds = 0.05 if is_endless else SECONDS
         answers = []
         try:
             reply = stub(given, metadata=self.link.metadata, timeout=seconds)

@@ -241,6 +241,8 @@ def tour(client, model, folder):
     with scene.stream("cam", spp=1, policy="lossless") as live:
         next(live)
         live.update(overlay=overlay)
+    with scene.watch(1, bookmark_seconds=1) as watch:
+        next(watch)
     hits = scene.cast_rays([[0.05, 0.02, 1.5]], [[0, 0.01, -1]])
     scene.pick("cam", [[16, 12]])
     scene.visible("cam", ["ball"])

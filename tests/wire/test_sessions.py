@@ -144,9 +144,3 @@ def test_an_unknown_field_is_refused_with_its_path(client):
         client.call("CreateScene", message)
     assert error.value.code() == grpc.StatusCode.UNIMPLEMENTED
     assert "127" in error.value.details()
-
-
-def test_later_calls_say_what_is_missing(client):
-    with pytest.raises(grpc.RpcError) as error:
-        list(client.call("Watch"))
-    assert error.value.code() == grpc.StatusCode.UNIMPLEMENTED

@@ -37,7 +37,8 @@ struct ErrorDetails {
   std::string field;                   // path of the offending value: "edits[3].mesh.indices"
   std::uint64_t needed = 0;            // kResourceExhausted: what is needed, and
   std::uint64_t available = 0;         // what there is, in the unit that the message names
-  std::uint64_t expected = 0;          // kAborted: the edit number or the revision expected
+  std::uint64_t expected = 0;          // kAborted: the edit number or revision expected;
+                                       // kOutOfRange: the nearest revision that there is
   std::vector<std::string> users{};    // kFailedPrecondition: who still refers to the object
   std::vector<std::string> nearest{};  // kNotFound: the nearest names
   std::optional<int> exit_code{};      // of a private daemon that died; negative: the signal

@@ -18,3 +18,4 @@
 #include "heliograph/render.h"
 #include "heliograph/rigs.h"
 #include "heliograph/scene.h"
+#include "heliograph/watch.h"

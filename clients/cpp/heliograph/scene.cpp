@@ -15,6 +15,7 @@
 #include "wire/read.h"
 #include "wire/scene_file.h"
 #include "wire/session.h"
+#include "wire/watch.h"
 
 namespace heliograph {
 namespace {
@@ -108,6 +109,10 @@ Results Scene::render_batch(std::vector<Job> jobs, const BatchOptions& options) 
 Live Scene::stream(const std::vector<Ref>& cameras, const RenderOptions& options, Policy policy,
                    std::uint32_t credits) const {
   return Live(std::make_shared<wire::LiveCall>(core_, cameras, options, policy, credits));
+}
+
+Watch Scene::watch(const WatchOptions& options) const {
+  return Watch(std::make_shared<wire::WatchCall>(core_, options));
 }
 
 Frame Scene::rerender(const std::string& manifest) const {

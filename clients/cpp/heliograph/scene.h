@@ -14,6 +14,7 @@
 #include "heliograph/handles.h"
 #include "heliograph/live.h"
 #include "heliograph/render.h"
+#include "heliograph/watch.h"
 
 namespace heliograph {
 
@@ -61,6 +62,8 @@ class Scene {
   /// 30 s is closed. Its timeout and cancellation are those of the options.
   [[nodiscard]] Live stream(const std::vector<Ref>& cameras, const RenderOptions& options = {},
                             Policy policy = Policy::kLatest, std::uint32_t credits = 2) const;
+  /// Each transaction of the scene, by any client. Returns once the daemon watches.
+  [[nodiscard]] Watch watch(const WatchOptions& options = {}) const;
   /// A frame again from its manifest, at this scene's latest revision: the same bytes for the same
   /// content, daemon version and CPU features.
   [[nodiscard]] Frame rerender(const std::string& manifest) const;

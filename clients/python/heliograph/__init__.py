@@ -49,6 +49,7 @@ __version__ = "0.1.0"
 _LAZY = {
     "Asset": "handles",
     "Camera": "components",
+    "Change": "_watch",
     "Client": "client",
     "DepthSensor": "sensors",
     "Edits": "edit",
@@ -85,6 +86,7 @@ __all__ = [
     "Asset",
     "Camera",
     "Cancelled",
+    "Change",
     "Client",
     "DeadlineExceeded",
     "DepthSensor",

@@ -22,6 +22,8 @@ import numpy as np
 
 from . import connect as _connect
 from ._live import Live as _Live
+from ._watch import Change
+from ._watch import Watch as _Watch
 from .client import Client as _Client
 from .edit import Edits
 from .frame import Frame
@@ -177,6 +179,11 @@ class Scene(_Twin):
         heliograph.Scene.stream."""
         return Live(self.sync.stream(cameras, **options), self._pool)
 
+    def watch(self, from_revision: int | None = None, **options: Any) -> Watch:
+        """`async with scene.watch() as watch: async for change in watch:`, as in
+        heliograph.Scene.watch."""
+        return Watch(functools.partial(self.sync.watch, from_revision, **options))
+
     async def __aenter__(self) -> Scene:
         return self
 
@@ -206,6 +213,43 @@ class Live:
 
     async def __aexit__(self, *_: Any) -> None:
         self.close()
+
+
+class Watch:
+    """The twin of heliograph.Scene.watch's. It waits in a thread of its own."""
+
+    sync: _Watch
+
+    def __init__(self, begin: Callable[[], _Watch]) -> None:
+        self._begin = begin
+        self._thread = ThreadPoolExecutor(1, "heliograph-watch")
+
+    @property
+    def revision(self) -> int:
+        """All up to it was given."""
+        return self.sync.revision
+
+    async def __aenter__(self) -> Watch:
+        self.sync = await asyncio.get_running_loop().run_in_executor(self._thread, self._begin)
+        return self
+
+    def __aiter__(self) -> Watch:
+        return self
+
+    async def __anext__(self) -> Change:
+        loop = asyncio.get_running_loop()
+        change = await loop.run_in_executor(self._thread, next, self.sync, None)
+        if change is None:
+            raise StopAsyncIteration
+        return change
+
+    def close(self) -> None:
+        """Ends it: the iteration stops."""
+        self.sync.close()
+
+    async def __aexit__(self, *_: Any) -> None:
+        self.close()
+        self._thread.shutdown(wait=False)
 
 
 class _Edit:

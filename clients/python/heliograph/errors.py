@@ -102,7 +102,7 @@ class Aborted(HeliographError):
 
 
 class OutOfRange(HeliographError):
-    """A revision that is no longer kept."""
+    """A revision that is no longer kept, or not there yet. `.expected`: the nearest that is."""
 
     code = "OUT_OF_RANGE"
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _batch, _live, _render, query
+from . import _batch, _live, _render, _watch, query
 from ._arrays import Columns, NdArray, dtype_of
 from ._proto import scene_pb2 as pb
 from ._proto import service_pb2 as service
@@ -163,6 +163,17 @@ class Scene:
         that may be under way or in your hands. options: those of render(); timeout ends the stream.
         """
         return _live.Live(self, cameras, policy, credits, options)
+
+    def watch(
+        self, from_revision: int | None = None, *, bookmark_seconds: float | None = None
+    ) -> _watch.Watch:
+        """`with scene.watch() as watch:` each transaction of the scene, by any client, as a Change.
+
+        from_revision: the first one, as far back as the daemon keeps them (OutOfRange tells the
+        oldest as `.expected`); default: those after this call. bookmark_seconds, [0.5, 3600]: after
+        so long without a change comes a bookmark; default: none is shown.
+        """
+        return _watch.Watch(self, from_revision, bookmark_seconds)
 
     # ------------------------------------------------------------ reading
 
