@@ -278,9 +278,17 @@ struct SunView {
 
 /// The most entities of a scene that paths look for; where there are more, they look for none.
 inline constexpr u32 kMostCasters = 8;
+inline constexpr u32 kMostCastLights = 4;
 
 /// A sphere about an entity that reflects or refracts light sharply.
 struct CasterView {
+  vec3 center;  // world
+  float radius;
+  float mirror = 0;  // how often it is looked at for the images of lights, against all of it
+  float spread = 0;  // that its roughness adds to the half angle of an image, rad
+};
+/// A sphere about a light whose images casters show.
+struct CastLightView {
   vec3 center;  // world
   float radius;
 };
@@ -353,6 +361,8 @@ struct SceneView {
   float surface_probability;  // of choosing a light of the tree among all
   const CasterView* casters;
   u32 caster_count;
+  const CastLightView* cast_lights;
+  u32 cast_light_count;
   float caster_probability;  // of a direction towards them
   u32 instance_count;
   u32 light_count;

@@ -10,8 +10,10 @@ using namespace heliograph::test;
 
 namespace {
 
-constexpr CasterView kCasters[] = {
-    {{1, 0, 0.5f}, 0.6f}, {{0.4f, 0.3f, 2}, 0.9f}, {{-2, 1, 0.1f}, 0.5f}};
+constexpr CasterView kCasters[] = {{{1, 0, 0.5f}, 0.6f},
+                                   {.center = {0.4f, 0.3f, 2}, .radius = 0.9f, .mirror = 1},
+                                   {{-2, 1, 0.1f}, 0.5f}};
+constexpr CastLightView kLamp{{3, 0, 3}, 0.4f};
 
 /// A floor, a sphere of some material and a small lamp above.
 SceneView furnished(TestScene& scene, const MaterialView& floor, const MaterialView& ball) {
@@ -56,8 +58,10 @@ TEST_CASE("casters: directions to them follow their density, level 1e-6") {
   scene.caster_count = 3;
   scene.caster_probability = 0.2f;
   CasterCones cones;
+  scene.cast_lights = &kLamp;
+  scene.cast_light_count = 1;
   see_casters(cones, scene, vec3(0), vec3(0, 0, 1));
-  REQUIRE(cones.count == 3);
+  REQUIRE(cones.count == 4);
   Random random;
   const auto sample = [&](double& x, double& y) {
     const float choice = random.next();
@@ -81,10 +85,32 @@ TEST_CASE("casters: a point sees none that it is within, or that lies below its 
   CHECK(cones.count == 1);  // the last one, which reaches below
 }
 
+TEST_CASE("casters: the image of a lamp in a mirror ball is where its light is reflected") {
+  Random random;
+  for (int i = 0; i < 100; ++i) {
+    const auto place = [&] { return 4.0f * (vec3(random.next2(), random.next()) - 0.5f); };
+    const CasterView ball{.center = place(), .radius = 0.5f, .mirror = 1};
+    const CastLightView lamp{.center = ball.center + 3.0f * glm::normalize(place()),
+                             .radius = 0.05f};
+    const vec3 p = ball.center + 2.0f * glm::normalize(place());
+    CasterCones cones;
+    add_image(cones, ball, lamp, p, 1, 1);
+    if (cones.count == 0) continue;
+    // The ray to the image's middle, reflected by the ball, passes through the lamp or near it.
+    const vec3 d = cones.axis[0], to = p - ball.center;
+    const float b = dot(to, d), root = b * b - dot(to, to) + sqr(ball.radius);
+    if (root < 0.05f * sqr(ball.radius)) continue;  // grazing: the two steps are not enough
+    const vec3 q = p - (b + std::sqrt(root)) * d;
+    const vec3 n = (q - ball.center) / ball.radius;
+    const vec3 out = d - 2 * dot(d, n) * n;
+    CHECK(glm::dot(out, glm::normalize(lamp.center - q)) > std::cos(0.1f));
+  }
+}
+
 TEST_CASE("casters: the picture is the same, at less than a quarter of its variance") {
   MaterialView plastic = standard_material();
   plastic.constant.base_color = vec3(0.6f);
-  const CasterView ball{{0, 0, 1.2f}, 0.5f};
+  const CasterView ball{.center = {0, 0, 1.2f}, .radius = 0.5f, .mirror = 1};
   for (const MaterialView& floor : {lambert(vec3(0.6f)), plastic}) {
     for (const MaterialView& material : {shiny(1, 0), shiny(0, 1)}) {
       const vec3 target(material.constant.metallic > 0 ? 1.2f : -2.0f, 0,
@@ -95,6 +121,8 @@ TEST_CASE("casters: the picture is the same, at less than a quarter of its varia
       scene.casters = &ball;
       scene.caster_count = 1;
       scene.caster_probability = 0.2f;
+      scene.cast_lights = &kLamp;
+      scene.cast_light_count = 1;
       const Estimate with = estimate(scene, target, 100);
       const double error = std::sqrt((with.variance + without.variance) / 100);
       CHECK(std::abs(with.mean - without.mean) < 5 * error);

@@ -9,6 +9,9 @@ namespace heliograph::embree {
 /// kMostCasters.
 [[nodiscard]] std::vector<kernels::CasterView> find_casters(const Placement& placement,
                                                             const Materials& materials);
+/// Spheres about the lights and suns of a scene; none where there are more than kMostCastLights.
+[[nodiscard]] std::vector<kernels::CastLightView> find_cast_lights(const Lights& lights,
+                                                                   const Box& scene);
 /// How often a path looks for them: less the more light comes from the dome, which rough surfaces
 /// find through a mirror in any case.
 [[nodiscard]] float caster_probability(const Lights& lights);

@@ -90,6 +90,9 @@ EmbreeScene::EmbreeScene(std::shared_ptr<const Snapshot> snapshot, const TimeSpa
   casters_ = find_casters(*placement, *materials);
   view_.casters = casters_.data();
   view_.caster_count = u32(casters_.size());
+  if (!casters_.empty()) cast_lights_ = find_cast_lights(*lights, placement->bounds);
+  view_.cast_lights = cast_lights_.data();
+  view_.cast_light_count = u32(cast_lights_.size());
   view_.caster_probability = caster_probability(*lights);
   view_.instance_count = u32(instances_.size());
   view_.light_count = u32(lights->lights.size());

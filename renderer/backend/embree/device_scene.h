@@ -43,6 +43,7 @@ class EmbreeScene final : public DeviceScene {
   std::vector<kernels::MeshView> meshes_;
   std::vector<kernels::VolumeView> volumes_;  // the pieces', with their light groups
   std::vector<kernels::CasterView> casters_;
+  std::vector<kernels::CastLightView> cast_lights_;
   kernels::SceneView view_{};
 };
 
