@@ -1,4 +1,6 @@
 // The libFuzzer target of the code between the wire and the engine. Built by tests/fuzz/run.
+#include <google/protobuf/stubs/logging.h>
+
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -9,6 +11,12 @@
 using namespace heliograph;
 
 extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t* data, std::size_t size, std::size_t most);
+
+/// Protocol Buffers says of each input that is none why; nobody reads that.
+extern "C" int LLVMFuzzerInitialize(int* /*argc*/, char*** /*argv*/) {
+  google::protobuf::SetLogHandler(nullptr);
+  return 0;
+}
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const auto message = fuzz::parse({reinterpret_cast<const char*>(data), size});
