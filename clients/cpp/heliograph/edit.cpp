@@ -262,6 +262,20 @@ void Edits::remove(const std::vector<Ref>& things, bool cascade) {
   }
 }
 
+void Edits::sky(double elevation, double azimuth, const Air& air, const std::string& sun) {
+  const Sky made = heliograph::sky(elevation, azimuth, air);
+  Dome whole;
+  whole.image.texels = made.radiance;
+  whole.color = Color(1);
+  whole.intensity = 1;
+  whole.rotation = Mat3::identity();
+  dome(whole);
+  Light light = Light::of(1, Light::Unit::kIrradiance);
+  light.color = made.sun_irradiance;
+  light.sun_angle = kSunAngle;
+  entity(sun, Components().light(light).transform(look_at(made.sun_direction, {})));
+}
+
 void Edits::prune() { add_edit(*draft_)->mutable_prune(); }
 
 void Edits::advance(double dt) { add_edit(*draft_)->mutable_advance()->set_dt(dt); }

@@ -15,6 +15,7 @@
 #include "heliograph/geometry.h"
 #include "heliograph/handles.h"
 #include "heliograph/material.h"
+#include "heliograph/sky.h"
 
 namespace heliograph {
 
@@ -71,6 +72,10 @@ class Edits {
   Texture texture(const std::string& name, const Image& image, Mode mode = Mode::kUpsert);
   Volume volume(const std::string& name, const Medium& medium, Mode mode = Mode::kUpsert);
   void dome(const Dome& dome);
+  /// A clear sky as the dome, and its sun as the entity `sun`. elevation, azimuth: of the sun,
+  /// radians.
+  void sky(double elevation, double azimuth = 0, const Air& air = {},
+           const std::string& sun = "sun");
   /// The bundled dome, and a floor of `floor` metres called "floor" at z = 0; the floor.
   Entity sample_studio(double floor = 40);
 

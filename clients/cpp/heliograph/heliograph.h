@@ -18,4 +18,5 @@
 #include "heliograph/render.h"
 #include "heliograph/rigs.h"
 #include "heliograph/scene.h"
+#include "heliograph/sky.h"
 #include "heliograph/watch.h"
