@@ -1,5 +1,5 @@
-"""The Python client works over TCP where Linux's modules and calls are missing, as on Windows and
-macOS."""
+"""The Python client works over TCP, with TLS and without, where Linux's modules and calls are
+missing, as on Windows and macOS."""
 
 import json
 import os
@@ -10,6 +10,9 @@ import sys
 import pytest
 
 HERE = pathlib.Path(__file__).parent
+sys.path.append(str(HERE.parent / "fault"))
+import served  # noqa: E402
+
 DAEMON = os.environ.get("HELIOGRAPHD", HERE.parents[1] / "build/cpu/bin/heliographd")
 
 
@@ -48,3 +51,9 @@ def run(*words):
 
 def test_over_loopback_tcp(start):
     run(*start())
+
+
+def test_over_tls(start, tmp_path):
+    authority = served.Authority(tmp_path)
+    cert, key = authority.sign("server")
+    run(*start("--tls-cert", cert, "--tls-key", key), str(authority.pem))
