@@ -74,7 +74,7 @@ BatchCall* BatchCall::start(Daemon& daemon, grpc::CallbackServerContext& context
 BatchCall::BatchCall(Daemon& daemon, grpc::CallbackServerContext& context, Call call)
     : daemon_(daemon),
       scope_(context, std::move(call)),
-      cutter_(daemon.config.limits.chunk_bytes, scope_.session()) {}
+      cutter_(daemon.config.limits.chunk_bytes, scope_.session(), note_frames(daemon, context)) {}
 
 void BatchCall::OnReadDone(bool ok) {
   if (ok) {

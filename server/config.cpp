@@ -138,6 +138,9 @@ void add_flags(CLI::App& app, Config& config) {
   app.add_flag("--log-json", config.log_json, "Log JSON lines");
   app.add_option("--metrics", config.metrics,
                  "Address of a port for Prometheus, e.g. 127.0.0.1:9464; off by default");
+  app.add_option(
+      "--record", config.record,
+      "Record what clients ask in a new file, or in a folder; heliograph replay plays it");
   app.add_flag("--reflection", config.reflection, "Tell callers the protocol's descriptors");
   app.add_option("--probe", config.probe,
                  "Ask the daemon at --socket whether it is live or ready, and exit with 0 or 1")

@@ -66,6 +66,7 @@ enum ExitCode : int {
   X(static_triangles, 4'000'000, "triangles of static entities traced as one mesh")     \
   X(query_items, 1u << 20, "rays, pixels, points or pairs of one query")                \
   X(track_times, 256, "times of one call of Tracks")                                    \
+  X(record_bytes, 1ull << 30, "bytes of a recording, or of all in its folder")          \
   X(decode_bytes, 2ull << 30, "address space of a decoder process")                     \
   X(decode_result_bytes, 1ull << 30, "bytes a decoder may hand back")                   \
   X(decode_texels, 1ull << 27, "texels of one decoded picture")                         \
@@ -103,6 +104,7 @@ struct Config {
   std::string state_dir;       // "": no scene is durable
   double grace_seconds = 10;   // a session outlives its connection by this
   double drain_seconds = 20;   // in-flight work may take this long after SIGTERM
+  std::string record;          // file or folder of a recording; "": none
   std::string metrics;         // address of the metrics' port; "": none
   bool reflection = false;
   std::string probe;  // "live" or "ready": ask the daemon at `socket` and exit

@@ -8,6 +8,7 @@
 
 #include "server/journal/recovery.h"
 #include "server/scene_info.h"
+#include "server/version.h"
 
 namespace heliograph::server {
 namespace {
@@ -52,6 +53,7 @@ Daemon::Daemon(Config settings, Identities identities, std::unique_ptr<EventLoop
                [this](const EndedSession& session) {
                  log.info("session ended",
                           {{"client", session.client}, {"tenant", session.tenant->name}});
+                 if (recorder) recorder->end_session(session.id);
                  scenes.end_session(session.id);
                }),
       gate(tenants, sessions),
@@ -76,6 +78,22 @@ Status Daemon::open_journal() {
                             log.error("durable scenes are read-only",
                                       {{"reason", status.error().message}});
                         });
+}
+
+Status Daemon::open_recorder() {
+  v1::RecordHeader header;
+  header.set_daemon(kVersion);
+  header.set_backend(config.backend);
+  const auto defaults = list_limits({});
+  for (const auto& limit : list_limits(config.limits))
+    if (std::ranges::find(defaults, limit) == defaults.end())
+      (*header.mutable_limits())[limit.first] = limit.second;
+  auto opened = Recorder::open(
+      {.path = config.record, .bytes = config.limits.record_bytes, .header = std::move(header)},
+      log);
+  if (!opened) return std::unexpected(std::move(opened).error());
+  recorder = std::move(*opened);
+  return {};
 }
 
 void Daemon::restore_requests(Session& session) {

@@ -16,6 +16,7 @@
 #include "server/lifeline.h"
 #include "server/log.h"
 #include "server/metrics.h"
+#include "server/recorder.h"
 #include "server/scenes.h"
 #include "server/session.h"
 #include "server/work_pool.h"
@@ -31,6 +32,7 @@ struct Daemon {
   WorkPool pool;
   Scenes scenes;
   Tenants tenants;
+  std::unique_ptr<Recorder> recorder;  // null unless it records
   Sessions sessions;
   Gate gate;
   CallWatch watch;
@@ -44,6 +46,8 @@ struct Daemon {
   Daemon(Config settings, Identities identities, std::unique_ptr<EventLoop> event_loop);
   /// Recovers what the state directory holds. INTERNAL: it is damaged.
   [[nodiscard]] Status open_journal();
+  /// Begins to record. INVALID_ARGUMENT: there is no place for it.
+  [[nodiscard]] Status open_recorder();
   /// So that a session that was resumed may repeat the calls that made its scenes.
   void restore_requests(Session& session);
 };

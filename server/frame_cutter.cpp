@@ -35,6 +35,7 @@ PixelAllocator FrameCutter::memory() {
 
 void FrameCutter::begin(OutgoingFrame outgoing, v1::FramePart& part) {
   *part.mutable_header() = (*outgoing.make_header)(*outgoing.frame);
+  if (begun_) begun_(outgoing.frame);
   plane_ = 0;
   offset_ = 0;
   if (!outgoing.frame->planes.empty()) frame_ = std::move(outgoing.frame);

@@ -21,8 +21,11 @@ struct OutgoingFrame {
 /// Thread: one at a time, but for memory().
 class FrameCutter {
  public:
-  FrameCutter(u64 chunk_bytes, std::shared_ptr<Session> session)
-      : chunk_bytes_(chunk_bytes), session_(std::move(session)) {}
+  /// Called with each frame before its first part is sent.
+  using Begun = std::function<void(const std::shared_ptr<const Frame>&)>;
+
+  FrameCutter(u64 chunk_bytes, std::shared_ptr<Session> session, Begun begun)
+      : chunk_bytes_(chunk_bytes), session_(std::move(session)), begun_(std::move(begun)) {}
 
   /// Where the frames are written that it will cut; empty: on the heap, for a client that is sent
   /// bytes.
@@ -39,6 +42,7 @@ class FrameCutter {
  private:
   const u64 chunk_bytes_;
   const std::shared_ptr<Session> session_;
+  const Begun begun_;  // empty: nobody asks
   std::mutex mutex_;
   std::shared_ptr<SharedFrames> shared_;  // once it was asked for memory; guarded by mutex_
   u64 call_ = 0;                          // number of this call there; guarded by mutex_

@@ -5,22 +5,22 @@
 
 #include "server/convert/error.h"
 #include "server/convert/frame.h"
+#include "server/render_task.h"
 
 namespace heliograph::server {
 
 std::shared_ptr<FrameStream> FrameStream::start(Daemon& daemon,
                                                 grpc::CallbackServerContext& context, Call call) {
-  std::shared_ptr<FrameStream> stream(
-      new FrameStream(context, std::move(call), daemon.config.limits));
+  std::shared_ptr<FrameStream> stream(new FrameStream(daemon, context, std::move(call)));
   stream->self_ = stream;
   daemon.watch.add(stream);
   return stream;
 }
 
-FrameStream::FrameStream(grpc::CallbackServerContext& context, Call call, const Limits& limits)
+FrameStream::FrameStream(Daemon& daemon, grpc::CallbackServerContext& context, Call call)
     : scope_(context, std::move(call)),
-      stall_seconds_(double(limits.stall_seconds)),
-      cutter_(limits.chunk_bytes, scope_.session()) {}
+      stall_seconds_(double(daemon.config.limits.stall_seconds)),
+      cutter_(daemon.config.limits.chunk_bytes, scope_.session(), note_frames(daemon, context)) {}
 
 void FrameStream::progress(const Progress& progress) {
   {

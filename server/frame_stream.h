@@ -49,7 +49,7 @@ class FrameStream final : public grpc::ServerWriteReactor<v1::FramePart>,
   void look(EventLoop::Clock::time_point now) override;
 
  private:
-  FrameStream(grpc::CallbackServerContext& context, Call call, const Limits& limits);
+  FrameStream(Daemon& daemon, grpc::CallbackServerContext& context, Call call);
   void pump();
   [[nodiscard]] bool next_part();  // fills part_; under mutex_
 

@@ -7,6 +7,7 @@
 #include <grpcpp/resource_quota.h>
 
 #include "server/call_log.h"
+#include "server/record_calls.h"
 
 namespace heliograph::server {
 namespace {
@@ -47,6 +48,7 @@ Expected<std::unique_ptr<GrpcServer>> GrpcServer::start(Service& service, Daemon
     builder.RegisterService(made->reflection_.get());
   }
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> observers;
+  if (daemon.recorder) observers.push_back(std::make_unique<RecordCalls>(*daemon.recorder));
   observers.push_back(std::make_unique<CallLog>(daemon.log, daemon.metrics));
   builder.experimental().SetInterceptorCreators(std::move(observers));
   using Type = grpc::ServerBuilder::experimental_type::ExternalConnectionType;

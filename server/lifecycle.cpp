@@ -179,6 +179,7 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
 void Life::on_word(u64 id, const BufferWord& word, const UniqueFd& fd) {
   const auto session = daemon_.sessions.find(id);
   if (!session) return;
+  if (fd && daemon_.recorder) daemon_.recorder->buffer(id, word.buffer, fd);
   if (fd) return session->holdings().shared().take(word.buffer, word.number, fd);
   if (word.buffer == 0) {
     Lifelines* lines = daemon_.lifelines.get();
@@ -382,6 +383,8 @@ int run(Config config) {
   daemon.asset_root = std::move(root);
   if (!daemon.config.state_dir.empty())
     if (auto opened = daemon.open_journal(); !opened) return refuse(opened.error());
+  if (!daemon.config.record.empty())
+    if (auto opened = daemon.open_recorder(); !opened) return refuse(opened.error());
   reload.start(daemon, tls.get());
   Life life(daemon, std::move(tls));
   if (auto started = life.start(std::move(*sockets), std::move(signals)); !started)

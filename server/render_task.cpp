@@ -122,6 +122,13 @@ Expected<RenderTask> to_task(Daemon& daemon, Session& session, const v1::RenderR
       session.tenant()};
 }
 
+FrameCutter::Begun note_frames(const Daemon& daemon, const grpc::ServerContextBase& context) {
+  if (!daemon.recorder) return {};
+  return [recorder = daemon.recorder.get(), &context](const std::shared_ptr<const Frame>& frame) {
+    recorder->frame(&context, frame);
+  };
+}
+
 Status submit(Daemon& daemon, const RenderTask& task, std::shared_ptr<JobSink> sink,
               std::stop_token stop) {
   HELIO_TRY(check_queue(*task.engine, daemon.config.limits.jobs));

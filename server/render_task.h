@@ -26,4 +26,8 @@ struct RenderTask {
 [[nodiscard]] Status submit(Daemon& daemon, const RenderTask& task, std::shared_ptr<JobSink> sink,
                             std::stop_token stop);
 
+/// What a call tells the recorder of its frames; empty when nothing is recorded.
+[[nodiscard]] FrameCutter::Begun note_frames(const Daemon& daemon,
+                                             const grpc::ServerContextBase& context);
+
 }  // namespace heliograph::server

@@ -128,6 +128,13 @@ grpc::ServerUnaryReactor* Service::OpenSession(Context* context,
   return unary(daemon_.gate, context, *request, Needs::kNewSession, [&](UnaryCall& call) {
     const auto session = open_session(daemon_, call.tenant(), *request);
     if (!session) return call.finish(std::unexpected(session.error()));
+    if (daemon_.recorder) {
+      v1::RecordSession opened;
+      opened.set_tenant(call.tenant()->name);
+      opened.set_client(request->client());
+      opened.set_resumed(request->resume() != 0);
+      daemon_.recorder->open_session((*session)->id(), std::move(opened));
+    }
     daemon_.log.info("session opened",
                      {{"client", request->client()}, {"tenant", call.tenant()->name}});
     reply->set_session((*session)->id());

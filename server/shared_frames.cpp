@@ -24,12 +24,14 @@ std::unique_ptr<SharedMemory> SharedMemory::create(u64 bytes) {
 
 SharedMemory::~SharedMemory() { ::munmap(bytes_.data(), bytes_.size()); }
 
-/// The free buffer that wastes least, and at most half of itself.
+/// The free buffer that wastes least, and at most half of itself. One that came back may still be
+/// read by the recorder.
 SharedFrames::Buffers::iterator SharedFrames::smallest_free(u64 bytes) {
   auto best = buffers_.end();
   for (auto it = buffers_.begin(); it != buffers_.end(); ++it) {
     const u64 size = it->second.memory->bytes().size();
-    if (it->second.call != 0 || size < bytes || size / 2 > std::bit_ceil(bytes)) continue;
+    const bool is_free = it->second.call == 0 && it->second.memory.use_count() == 1;
+    if (!is_free || size < bytes || size / 2 > std::bit_ceil(bytes)) continue;
     if (best == buffers_.end() || size < best->second.memory->bytes().size()) best = it;
   }
   return best;

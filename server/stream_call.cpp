@@ -87,7 +87,7 @@ StreamCall::StreamCall(Daemon& daemon, grpc::CallbackServerContext& context, Cal
     : daemon_(daemon),
       scope_(context, std::move(call)),
       line_(next_line()),
-      cutter_(daemon.config.limits.chunk_bytes, scope_.session()) {}
+      cutter_(daemon.config.limits.chunk_bytes, scope_.session(), note_frames(daemon, context)) {}
 
 // ---------------------------------------------------------------- what the client sends
 

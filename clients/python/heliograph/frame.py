@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from . import tonemap
-from ._arrays import Columns, NdArray, from_message
+from ._arrays import Columns, NdArray, bytes_of, from_message
 from ._proto import render_pb2 as pb
 from .components import color_of
 from .errors import InvalidArgument
@@ -41,6 +42,7 @@ class Frame:
             array.setflags(write=False)
             self._planes[name] = array
             self.units[name] = info.unit
+        self.index = int(header.frame)  # over the request's cameras
         self.scene = int(header.scene)
         self.revision = int(header.revision)
         self.camera = str(header.camera)
@@ -75,6 +77,20 @@ class Frame:
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._planes)
+
+    @cached_property
+    def sha256(self) -> bytes:
+        """(32 bytes) of its pixels and labels: of the planes in order, then of each label column's
+        name, data and strings. Recordings have it."""
+        digest = hashlib.sha256()
+        for plane in self._planes.values():
+            digest.update(bytes_of(plane))
+        for column in self._header.labels:
+            digest.update(column.name.encode())
+            digest.update(column.data)
+            for text in column.strings:
+                digest.update(text.encode())
+        return digest.digest()
 
     @property
     def planes(self) -> list[str]:

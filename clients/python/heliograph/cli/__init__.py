@@ -16,7 +16,7 @@ EXIT_INTERRUPTED = 130
 
 def make_parser() -> argparse.ArgumentParser:
     """All subcommands."""
-    from . import info, render, rerender, serve
+    from . import info, render, replay, rerender, serve
 
     parser = argparse.ArgumentParser(
         prog="heliograph",
@@ -25,7 +25,7 @@ def make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"heliograph {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for module in (render, info, serve, rerender):
+    for module in (render, info, serve, rerender, replay):
         module.add(commands)
     return parser
 
@@ -47,8 +47,8 @@ def add_connection(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def connect(arguments: argparse.Namespace) -> object:
-    """The client those flags name."""
+def connect(arguments: argparse.Namespace, flags: Sequence[str] = ()) -> object:
+    """The client those flags name; `flags`: more of a private daemon's."""
     from pathlib import Path
 
     import heliograph
@@ -56,9 +56,8 @@ def connect(arguments: argparse.Namespace) -> object:
     files = {name: getattr(arguments, f"tls_{name}") for name in ("ca", "cert", "key")}
     tls = heliograph.TLS(**files) if arguments.tls or any(files.values()) else None
     token = Path(arguments.token_file) if arguments.token_file else arguments.token
-    flags: Sequence[str] = ()
     if arguments.threads is not None:
-        flags = ("--threads", str(arguments.threads))
+        flags = (*flags, "--threads", str(arguments.threads))
     return heliograph.connect(arguments.address, token=token, tls=tls, arguments=flags)
 
 

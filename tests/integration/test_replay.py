@@ -1,0 +1,316 @@
+"""A session is recorded, and played again: every call is answered the same, to the byte."""
+
+import os
+import pathlib
+import re
+import stat
+import subprocess
+import sys
+import time
+
+import heliograph as hg
+import numpy as np
+import pytest
+from google.protobuf.internal.encoder import _VarintBytes
+from heliograph._proto import recording_pb2 as pb
+from heliograph._proto import service_pb2 as service
+from heliograph.recording import Recording
+from heliograph.replay import DIFFERS, NOT_PLAYED, SAME, replay
+
+sys.path.append(str(pathlib.Path(__file__).parents[1] / "fault"))
+from served import DAEMON, Served  # noqa: E402
+
+PLANES = ["beauty", "depth", "instance"]
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    """Starts a daemon that records; `.recording` is its file."""
+    running = []
+
+    def start(*flags):
+        daemon = Served(tmp_path, "--record", tmp_path / "session.recording", *flags)
+        daemon.recording = tmp_path / "session.recording"
+        running.append(daemon)
+        return daemon
+
+    yield start
+    for daemon in running:
+        daemon.process.kill()
+        daemon.process.wait(30)
+
+
+def played(path, *flags):
+    """What became of each call at a private daemon, by verdict."""
+    found = {SAME: [], DIFFERS: [], NOT_PLAYED: []}
+    with hg.connect(arguments=flags) as client:
+        for outcome in replay(Recording(path), client):
+            found[outcome.verdict].append(f"{outcome.what}: {outcome.text}")
+    return found
+
+
+def methods(lines):
+    """The methods of these calls."""
+    return {re.match(r"call \d+ (\w+)", line)[1] for line in lines}
+
+
+def furnish(scene, size=48):
+    with scene.edit() as edit:
+        edit.sample_studio()
+        mesh = edit.mesh("mesh", **hg.shapes.sphere(0.5))
+        edit.entity("ball", mesh=mesh, transform=hg.Pose((0, 0, 0.5)), label="auto")
+        lens = hg.Camera.from_fov(50, size, size, degrees=True)
+        edit.entity("cam", camera=lens, transform=hg.look_at((0, -3, 1), (0, 0, 0.5)))
+
+
+def place(scene, x):
+    with scene.edit() as edit:
+        edit.entity("ball", transform=hg.Pose((x, 0, 0.5)))
+
+
+def grid(size):
+    """(size^2, 3) vertices and their triangles: over 1 MiB where size is 300."""
+    y, x = np.mgrid[0:size, 0:size].astype(np.float32) / size
+    corner = (np.arange(size - 1)[:, None] * size + np.arange(size - 1)).ravel()
+    faces = np.concatenate(
+        [corner + np.array([[a], [b], [c]]) for a, b, c in ((0, 1, size), (1, size + 1, size))],
+        axis=1,
+    ).T
+    return np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3), faces.astype(np.uint32)
+
+
+def upload(scene):
+    """Arrays over 1 MiB: by hash, and in shared memory or as an anonymous upload."""
+    vertices, faces = grid(320)
+    with scene.edit() as edit:
+        mesh = edit.mesh("cloth", vertices=vertices, indices=faces)
+        edit.entity("cloth", mesh=mesh, label="auto")
+    with scene.edit() as edit:
+        edit.mesh("cloth", vertices=vertices + np.float32(0.1))
+
+
+def import_model(client, scene, folder):
+    model = folder / "model.obj"
+    model.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 3 4\n")
+    with scene.edit() as edit:
+        edit.load(model)
+
+
+def show(scene):
+    """Frames by every call that has them."""
+    scene.render("cam", planes=PLANES, spp=4)
+    scene.render("cam", planes=PLANES, spp=8, on_pass=lambda _: None)
+    scene.render("cam", planes=PLANES, seconds=0.02)
+    jobs = [hg.Job("cam", planes=PLANES, spp=2, seed=seed) for seed in (1, 2)]
+    jobs.append(hg.Job("no camera", planes=PLANES, spp=2))
+    results = list(scene.render_batch(jobs))
+    assert [result.error is None for result in results] == [True, True, False]
+    with scene.stream("cam", planes=PLANES, spp=2) as stream:
+        for x in (0.2, 0.4):
+            next(iter(stream))
+            place(scene, x)
+        next(iter(stream))
+
+
+def work(client, folder):
+    """A bit of everything."""
+    with client.create_scene("room") as scene:
+        furnish(scene)
+        upload(scene)
+        import_model(client, scene, folder)
+        show(scene)
+        with pytest.raises(hg.NotFound):
+            scene.render("nobody", planes=["depth"])
+        with pytest.raises(hg.InvalidArgument), scene.edit() as edit:
+            edit.transforms(["ball"], np.full((1, 4, 4), np.nan, np.float32))
+        branch = scene.branch("other")
+        place(branch, 1)
+        branch.render("cam", planes=PLANES, spp=2)
+        scene.save(folder / "scene.hgs")
+        with client.load_scene(folder / "scene.hgs", name="again") as again:
+            again.render("cam", planes=PLANES, spp=2)
+        branch.delete()
+
+
+EVERY_METHOD = {
+    *("CreateScene", "BranchScene", "DeleteScene", "ImportScene", "Apply", "UploadBlob"),
+    *("DecodeAsset", "Render", "RenderBatch", "Stream"),
+}
+
+
+def test_a_session_played_again_is_answered_the_same(recorded, tmp_path):
+    daemon = recorded()
+    with hg.connect(daemon.socket) as client:
+        session = client.connection.link.session
+        work(client, tmp_path)
+    assert daemon.stop() == 0
+    found = played(daemon.recording)
+    assert not found[DIFFERS] and not found[NOT_PLAYED]
+    assert methods(found[SAME]) == EVERY_METHOD
+    assert stat.S_IMODE(os.stat(daemon.recording).st_mode) == 0o600
+    recording = Recording(daemon.recording)
+    assert recording.reason == "the daemon ended" and recording.buffers
+    assert str(session).encode() not in daemon.recording.read_bytes()
+
+
+def test_over_tcp_no_token_is_recorded(recorded, tmp_path):
+    daemon = recorded("--listen", "127.0.0.1:0")
+    token = (tmp_path / "run/token").read_text().strip()
+    with hg.connect(daemon.tcp, token=token) as client:
+        work(client, tmp_path)
+    daemon.stop()
+    assert token.encode() not in daemon.recording.read_bytes()
+    found = played(daemon.recording)
+    assert not found[DIFFERS] and not found[NOT_PLAYED]
+    assert not Recording(daemon.recording).buffers
+
+
+def items_of(path):
+    """The items of a recording."""
+    data, at, items = path.read_bytes(), 0, []
+    while at < len(data):
+        size = shift = 0
+        while True:
+            byte = data[at]
+            at, size, shift = at + 1, size | (byte & 0x7F) << shift, shift + 7
+            if byte < 0x80:
+                break
+        items.append(pb.RecordItem.FromString(data[at : at + size]))
+        at += size
+    return items
+
+
+def write_items(path, items):
+    path.write_bytes(b"".join(_VarintBytes(i.ByteSize()) + i.SerializeToString() for i in items))
+
+
+def replay_command(path, *arguments):
+    command = [sys.executable, "-m", "heliograph", "replay", str(path), *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+
+@pytest.fixture
+def short(recorded):
+    """The recording of a scene that is moved twice and rendered each time."""
+    daemon = recorded()
+    with hg.connect(daemon.socket) as client, client.create_scene("room") as scene:
+        furnish(scene)
+        for x in (0.1, 0.2):
+            place(scene, x)
+            scene.render("cam", planes=PLANES, spp=2)
+    daemon.stop()
+    return daemon.recording
+
+
+def test_the_command_tells_of_each_call(short):
+    run = replay_command(short, "--each")
+    assert run.returncode == 0, run.stderr + run.stdout
+    for line in (r"call 1 CreateScene: same", r"Apply +3 +0 +0", r"Render +2 +0 +0"):
+        assert re.search(line, run.stdout), run.stdout
+
+
+def test_a_changed_byte_is_found_and_its_call_named(short):
+    items = items_of(short)
+    edits = [i for i in items if i.HasField("request") and b"ball" in i.request.message]
+    request = service.ApplyRequest.FromString(edits[-1].request.message)
+    matrix = bytearray(request.transaction.edits[0].entity.transform.pose.matrices.inline)
+    matrix[12:16] = np.float32(0.25).tobytes()  # x of a (4, 4) f32
+    request.transaction.edits[0].entity.transform.pose.matrices.inline = bytes(matrix)
+    edits[-1].request.message = request.SerializeToString()
+    write_items(short, items)
+    run = replay_command(short)
+    assert run.returncode == 1
+    assert re.findall(r"(call \d+ \w+): differs", run.stdout) == ["call 6 Render"]
+    assert "frame 0 of revision 3 has other pixels or labels" in run.stdout
+
+
+def test_a_changed_answer_is_found_and_its_call_named(short):
+    items = items_of(short)
+    reply = [i.reply for i in items if i.HasField("reply") and i.reply.call == 3][0]
+    answer = service.ApplyReply.FromString(reply.message)
+    answer.revision += 7
+    reply.message = answer.SerializeToString()
+    write_items(short, items)
+    run = replay_command(short)
+    assert run.returncode == 1
+    assert "call 3 Apply: differs: revision is 2; it was 9" in run.stdout
+
+
+def test_damaged_bytes_are_named(short):
+    data = bytearray(short.read_bytes())
+    first = next(i for i in items_of(short) if i.HasField("status"))
+    at = bytes(data).index(first.SerializeToString())
+    data[at] = 0x07  # no such wire type
+    short.write_bytes(data)
+    run = replay_command(short)
+    assert run.returncode == 2
+    assert re.search(r"damaged at byte \d+, after call 1 CreateScene", run.stderr), run.stderr
+
+
+def test_a_daemon_that_was_killed_leaves_what_it_had(recorded):
+    daemon = recorded()
+    with hg.connect(daemon.socket) as client:
+        scene = client.create_scene("room", shared=True)
+        furnish(scene)
+        for x in range(20):
+            place(scene, x)
+        scene.render("cam", planes=PLANES, spp=2)
+        time.sleep(0.5)  # it writes twenty times a second
+        daemon.process.kill()
+        daemon.process.wait(30)
+    found = played(daemon.recording)
+    assert not found[DIFFERS] and len(found[SAME]) >= 23
+    whole = daemon.recording.read_bytes()
+    for cut in (1, 7, 300, len(whole) // 2):
+        daemon.recording.write_bytes(whole[:-cut])
+        assert Recording(daemon.recording).reason == ""
+        assert not played(daemon.recording)[DIFFERS]
+
+
+def test_its_size_is_limited(recorded, tmp_path):
+    daemon = recorded("--limit", "record_bytes=200000")
+    with hg.connect(daemon.socket) as client, client.create_scene("room") as scene:
+        furnish(scene)
+        for x in range(2000):
+            place(scene, x)
+            if "the recording ends" in daemon.log():
+                break
+        scene.render("cam", planes=["depth"])
+    daemon.stop()
+    assert daemon.recording.stat().st_size <= 200_000
+    assert "record_bytes" in daemon.log() and "record_bytes" in Recording(daemon.recording).reason
+    found = played(daemon.recording)
+    assert not found[DIFFERS] and len(found[SAME]) > 100
+
+
+def test_two_sessions_that_share_a_scene(recorded):
+    daemon = recorded()
+    with hg.connect(daemon.socket) as one, hg.connect(daemon.socket) as two:
+        mine = one.create_scene("room", shared=True)
+        furnish(mine)
+        yours = two.open_scene("room")
+        with two.connection.stream("Stream", iter(())):
+            pass
+        for x in range(10):
+            place((mine, yours)[x % 2], x)
+            (yours, mine)[x % 2].render("cam", planes=PLANES, spp=2)
+    daemon.stop()
+    found = played(daemon.recording)
+    assert not found[DIFFERS]
+    assert {"OpenScene", "Apply", "Render"} <= methods(found[SAME])
+
+
+def test_where_it_may_not_be(tmp_path):
+    there = tmp_path / "there"
+    there.write_text("")
+    run = subprocess.run(
+        [DAEMON, "--socket", tmp_path / "run/s", "--record", there], capture_output=True, text=True
+    )
+    assert run.returncode == 64 and "--record" in run.stderr and "folder" in run.stderr
+
+
+def test_a_folder_gets_a_file_a_run(tmp_path):
+    for run in range(2):
+        with hg.connect(arguments=("--record", str(tmp_path))) as client:
+            client.create_scene()
+        assert len(list(tmp_path.glob("heliograph-*.recording"))) == run + 1
