@@ -83,17 +83,17 @@ def upload(scene):
     """Arrays over 1 MiB: by hash, and in shared memory or as an anonymous upload."""
     vertices, faces = grid(320)
     with scene.edit() as edit:
-        mesh = edit.mesh("cloth", vertices=vertices, indices=faces)
-        edit.entity("cloth", mesh=mesh, label="auto")
+        mesh = edit.mesh("cloth", positions=vertices, indices=faces)
+        edit.entity("sheet", mesh=mesh, label="auto")
     with scene.edit() as edit:
-        edit.mesh("cloth", vertices=vertices + np.float32(0.1))
+        edit.mesh("cloth", positions=vertices + np.float32(0.1))
 
 
 def import_model(client, scene, folder):
     model = folder / "model.obj"
     model.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 3 4\n")
     with scene.edit() as edit:
-        edit.load(model)
+        edit.import_file(model)
 
 
 def show(scene):
@@ -104,7 +104,7 @@ def show(scene):
     jobs = [hg.Job("cam", planes=PLANES, spp=2, seed=seed) for seed in (1, 2)]
     jobs.append(hg.Job("no camera", planes=PLANES, spp=2))
     results = list(scene.render_batch(jobs))
-    assert [result.error is None for result in results] == [True, True, False]
+    assert sorted(result.error is None for result in results) == [False, True, True]
     with scene.stream("cam", planes=PLANES, spp=2) as stream:
         for x in (0.2, 0.4):
             next(iter(stream))
@@ -122,7 +122,7 @@ def work(client, folder):
         with pytest.raises(hg.NotFound):
             scene.render("nobody", planes=["depth"])
         with pytest.raises(hg.InvalidArgument), scene.edit() as edit:
-            edit.transforms(["ball"], np.full((1, 4, 4), np.nan, np.float32))
+            edit.set_transforms(["ball"], np.full((1, 4, 4), np.nan, np.float32))
         branch = scene.branch("other")
         place(branch, 1)
         branch.render("cam", planes=PLANES, spp=2)
@@ -213,9 +213,11 @@ def test_a_changed_byte_is_found_and_its_call_named(short):
     items = items_of(short)
     edits = [i for i in items if i.HasField("request") and b"ball" in i.request.message]
     request = service.ApplyRequest.FromString(edits[-1].request.message)
-    matrix = bytearray(request.transaction.edits[0].entity.transform.pose.matrices.inline)
-    matrix[12:16] = np.float32(0.25).tobytes()  # x of a (4, 4) f32
-    request.transaction.edits[0].entity.transform.pose.matrices.inline = bytes(matrix)
+    matrices = request.transaction.edits[0].entity.pose.matrices
+    moved = np.frombuffer(matrices.inline, dtype="<f8" if len(matrices.inline) == 128 else "<f4")
+    moved = moved.copy()
+    moved[3] = 0.25  # x of a (4, 4) matrix
+    matrices.inline = moved.tobytes()
     edits[-1].request.message = request.SerializeToString()
     write_items(short, items)
     run = replay_command(short)
@@ -267,20 +269,20 @@ def test_a_daemon_that_was_killed_leaves_what_it_had(recorded):
         assert not played(daemon.recording)[DIFFERS]
 
 
-def test_its_size_is_limited(recorded, tmp_path):
-    daemon = recorded("--limit", "record_bytes=200000")
+def test_its_size_is_limited(recorded):
+    daemon = recorded("--limit", "record_bytes=50000")
     with hg.connect(daemon.socket) as client, client.create_scene("room") as scene:
-        furnish(scene)
-        for x in range(2000):
+        for x in range(400):
             place(scene, x)
-            if "the recording ends" in daemon.log():
-                break
-        scene.render("cam", planes=["depth"])
+        time.sleep(0.2)
+        assert "record_bytes" in daemon.log()
+        place(scene, 400)  # everything else goes on
+        assert scene.revision == 401
     daemon.stop()
-    assert daemon.recording.stat().st_size <= 200_000
-    assert "record_bytes" in daemon.log() and "record_bytes" in Recording(daemon.recording).reason
+    assert daemon.recording.stat().st_size <= 50_000
+    assert "record_bytes" in Recording(daemon.recording).reason
     found = played(daemon.recording)
-    assert not found[DIFFERS] and len(found[SAME]) > 100
+    assert not found[DIFFERS] and len(found[SAME]) > 50
 
 
 def test_two_sessions_that_share_a_scene(recorded):
@@ -289,8 +291,6 @@ def test_two_sessions_that_share_a_scene(recorded):
         mine = one.create_scene("room", shared=True)
         furnish(mine)
         yours = two.open_scene("room")
-        with two.connection.stream("Stream", iter(())):
-            pass
         for x in range(10):
             place((mine, yours)[x % 2], x)
             (yours, mine)[x % 2].render("cam", planes=PLANES, spp=2)

@@ -9,6 +9,7 @@ from typing import Any
 
 import grpc
 from google.protobuf.json_format import ParseDict, ParseError
+from google.protobuf.message import Message
 
 from ._proto import recording_pb2 as pb
 from ._proto import render_pb2
@@ -267,7 +268,7 @@ def _arrays_of(message: Any) -> Iterator[types.Array]:
     for field, value in message.ListFields():
         if field.message_type is None or field.message_type.GetOptions().map_entry:
             continue
-        for inner in value if field.label == field.LABEL_REPEATED else [value]:
+        for inner in [value] if isinstance(value, Message) else value:
             yield from _arrays_of(inner)
 
 
