@@ -1,4 +1,4 @@
-"""What recording (--record) costs: edits and frames with it against those without, and its bytes."""
+"""What recording (--record) costs: edits and frames with it and without, and its bytes."""
 
 import pathlib
 import tempfile
@@ -32,8 +32,8 @@ def measure(scenes, act, count):
     """The median over all rounds, for each scene."""
     taken = [[], []]
     for _ in range(ROUNDS):
-        for scene, into in zip(scenes, taken):
-            into += seconds_of(lambda x, scene=scene: act(scene, x), count)
+        for index, scene in enumerate(scenes):
+            taken[index] += seconds_of(lambda x, scene=scene: act(scene, x), count)
     return [float(np.median(each)) for each in taken]
 
 
