@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
+#include <span>
 #include <unordered_map>
 
 #include "renderer/scene/motion.h"
@@ -44,8 +45,8 @@ class Rows {
   void finish(u64 rows, std::vector<Column>& columns) const {
     Column column{.name = name_, .dtype = dtype_of<T>(), .shape = {rows}};
     column.shape.insert(column.shape.end(), shape_.begin(), shape_.end());
-    column.data.resize(values_.size() * sizeof(T));
-    std::memcpy(column.data.data(), values_.data(), column.data.size());
+    const auto bytes = std::as_bytes(std::span(values_));
+    column.data.assign(bytes.begin(), bytes.end());
     columns.push_back(std::move(column));
   }
 

@@ -1,7 +1,7 @@
 // Memory of a frame's planes: the heap's, or its reader's.
 #pragma once
 
-#include <cstring>
+#include <algorithm>
 #include <functional>
 #include <memory>
 #include <span>
@@ -34,7 +34,7 @@ class Pixels {
   [[nodiscard]] PixelMemory* memory() const { return memory_.get(); }
 
   friend bool operator==(const Pixels& a, const Pixels& b) {
-    return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size()) == 0;
+    return std::ranges::equal(a.bytes_, b.bytes_);
   }
 
  private:

@@ -194,7 +194,8 @@ TEST_CASE("render: a frame's header and chunks carry it whole") {
   Frame frame{.width = 2, .height = 1, .categories = {"bolt"}};
   frame.k = glm::dmat3(0);
   frame.k[2][0] = 31.5;
-  frame.planes.push_back({Plane::DISPARITY, std::vector<std::byte>(8, std::byte{7})});
+  frame.planes.push_back({Plane::DISPARITY, Pixels(8, {})});
+  std::memset(frame.planes[0].pixels.data(), 7, 8);
   const FrameContext context{request, std::make_shared<const RenderJob>(*made), "1", "embree",
                              "v3"};
   const v1::FrameHeader header = to_header(frame, context);
