@@ -93,8 +93,9 @@ inline std::string text(const PutMaterial& p) {
                            p.priority.value_or(0));
 }
 inline std::string text(const PutTexture& p) {
-  return fmt::format("texture {} {} {} {} {}", p.image->texels->serial(), *p.srgb, *p.nearest,
-                     int(*p.wrap_u), int(*p.wrap_v));
+  return fmt::format("texture {} {} {} {} {}", p.image->texels->serial(), p.srgb.value_or(false),
+                     p.nearest.value_or(false), int(p.wrap_u.value_or(Wrap::kRepeat)),
+                     int(p.wrap_v.value_or(Wrap::kRepeat)));
 }
 inline std::string text(const PutVolume& p) {
   const auto grid = [](const std::shared_ptr<const Grid>& g) { return g ? g->values.serial() : 0; };
