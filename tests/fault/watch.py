@@ -160,7 +160,7 @@ def run(folder, seconds, kept, counts):
         time.sleep(1.0)  # bookmarks
         for editor in editors:
             editor.stop()
-        time.sleep(0.8)  # an idle scene gives bookmarks
+        common.seconds_until(lambda: any(w.bookmarks for w in watchers))  # the scene is idle
         last.append(scene.revision)
         with scene.edit() as edit:  # wakes those who wait
             edit.entity("end")
