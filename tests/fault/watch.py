@@ -35,7 +35,7 @@ class Worker:
         self.scene = self.client.open_scene("room")
         self.failed = None
         self.stopping = threading.Event()
-        self.thread = threading.Thread(target=self._guarded)
+        self.thread = threading.Thread(target=self._guarded, daemon=True)
         self.thread.start()
 
     def _guarded(self):

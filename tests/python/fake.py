@@ -28,6 +28,7 @@ class FakeDaemon(service_pb2_grpc.RendererServicer):
         self.objects = {}
         self.replies = {}
         self.fail_applies = 0  # how many Apply calls get lost after they were done
+        self.loss = grpc.StatusCode.UNAVAILABLE  # how
         self.refusal = None  # (code, text, ErrorDetail)
         self.last = {}
         self.cancelled = threading.Event()
@@ -135,7 +136,7 @@ class FakeDaemon(service_pb2_grpc.RendererServicer):
             self.replies[(session, request.number)] = self._apply(request)
         if self.fail_applies:
             self.fail_applies -= 1
-            context.abort(grpc.StatusCode.UNAVAILABLE, "lost on the way back")
+            context.abort(self.loss, "lost on the way back")
         return self.replies[(session, request.number)]
 
     def _abort(self, context, code, text, detail):

@@ -188,8 +188,9 @@ def test_instances_and_their_transforms(daemon, scene):
     assert from_message(poses.poses.ids).tolist() == [b.id for b in bolts]
 
 
-def test_a_lost_reply_is_not_applied_twice(daemon, scene):
-    daemon.fail_applies = 2
+@pytest.mark.parametrize("loss", ["UNAVAILABLE", "CANCELLED"])  # the latter by one that drains
+def test_a_lost_reply_is_not_applied_twice(daemon, scene, loss):
+    daemon.fail_applies, daemon.loss = 2, grpc.StatusCode[loss]
     with scene.edit() as edit:
         a = edit.entity("a")
     assert len(daemon.transactions) == 1 and a.id == daemon.objects["a"]

@@ -21,7 +21,7 @@ from ._proto import service_pb2 as service
 from ._shared import share_frames
 from ._status import to_error
 from .access import Access
-from .errors import HeliographError, NotFound, Unauthenticated, Unavailable
+from .errors import Cancelled, HeliographError, NotFound, Unauthenticated, Unavailable
 
 if TYPE_CHECKING:
     from ._launch import PrivateDaemon
@@ -236,6 +236,8 @@ class Connection:
                 return link.method(name)(request, timeout=timeout, metadata=link.metadata)
             except grpc.RpcError as error:
                 failure = to_error(error)
+            if isinstance(failure, Cancelled) and not self.closed:
+                failure = Unavailable(f"the daemon ended in the middle of the call: {failure}")
             if not (isinstance(failure, Unavailable) or self.resume(link, failure)):
                 raise failure
             failure = self._lost(failure)
