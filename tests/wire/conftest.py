@@ -11,6 +11,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 
 import pytest
@@ -115,6 +116,32 @@ class Client:
         self.channel.close()
         if self.lifeline:
             self.lifeline.close()
+
+
+class Replies:
+    """What comes of a call, in `replies`; `is_over` when it ended, `error` when it ended so."""
+
+    def __init__(self, call):
+        self.call = call
+        self.replies, self.error, self.is_over = [], None, False
+        self.thread = threading.Thread(target=self._read)
+        self.thread.start()
+
+    def _read(self):
+        try:
+            for reply in self.call:
+                self.replies.append(reply)
+        except grpc.RpcError as error:
+            self.error = error
+        self.is_over = True
+
+    def wait(self, count: int):
+        eventually(lambda: len(self.replies) >= count)
+        return self.replies
+
+    def close(self):
+        self.call.cancel()
+        self.thread.join()
 
 
 def detail(error: grpc.RpcError) -> types_pb2.ErrorDetail:

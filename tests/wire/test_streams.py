@@ -1,35 +1,22 @@
 """RenderBatch and Stream on the wire: credits, statuses, and what ends them."""
 
 import queue
-import threading
 import time
 
 import grpc
 import pytest
-from conftest import Client, eventually
+from conftest import Client, Replies, eventually
 from heliograph.v1 import service_pb2 as service
 from test_edits import entity, pose
 from test_render import request, setup
 
 
-class Conversation:
-    """A bidirectional call: send(), and what has come in `replies`; `error` when it ended so."""
+class Conversation(Replies):
+    """A bidirectional call: send(), and what has come."""
 
     def __init__(self, client: Client, method: str):
         self.requests = queue.SimpleQueue()
-        self.replies, self.error, self.is_over = [], None, False
-        self.call = getattr(client.stub, method)(
-            iter(self.requests.get, None), metadata=client.metadata, timeout=30)
-        self.thread = threading.Thread(target=self._read)
-        self.thread.start()
-
-    def _read(self):
-        try:
-            for reply in self.call:
-                self.replies.append(reply)
-        except grpc.RpcError as error:
-            self.error = error
-        self.is_over = True
+        super().__init__(client.call(method, iter(self.requests.get, None), timeout=30))
 
     def send(self, message):
         self.requests.put(message)
@@ -38,9 +25,8 @@ class Conversation:
         self.requests.put(None)
 
     def close(self):
-        self.call.cancel()
         self.half_close()
-        self.thread.join()
+        super().close()
 
 
 @pytest.fixture

@@ -5,42 +5,21 @@ import time
 
 import grpc
 import pytest
-from conftest import Client, detail, eventually
+from conftest import Client, Replies, detail, eventually
 from heliograph.v1 import service_pb2 as service
 from test_edits import entity, pose
 
 
-class Watching:
-    """A Watch: the replies that came, and the error that ended it."""
-
-    def __init__(self, client: Client, scene: int, **fields):
-        self.replies, self.error = [], None
-        self.call = client.call("Watch", timeout=60, scene=scene, **fields)
-        self.thread = threading.Thread(target=self._read)
-        self.thread.start()
-
-    def _read(self):
-        try:
-            for reply in self.call:
-                self.replies.append(reply)
-        except grpc.RpcError as error:
-            self.error = error
-
-    def wait(self, count: int):
-        eventually(lambda: len(self.replies) >= count)
-        return self.replies
-
-    def close(self):
-        self.call.cancel()
-        self.thread.join()
+def watching(client: Client, scene: int, **fields) -> Replies:
+    return Replies(client.call("Watch", timeout=60, scene=scene, **fields))
 
 
 @pytest.fixture
 def watch(client):
     opened = []
 
-    def make(scene: int, of: Client = client, **fields) -> Watching:
-        opened.append(Watching(of, scene, **fields))
+    def make(scene: int, of: Client = client, **fields) -> Replies:
+        opened.append(watching(of, scene, **fields))
         return opened[-1]
 
     yield make
@@ -175,7 +154,7 @@ def test_the_daemon_drains_after_the_last_event(start):
     daemon = start()
     client = Client(daemon)
     scene = client.create(shared=True)
-    found = Watching(client, scene)
+    found = watching(client, scene)
     for x in range(100):
         edit(client, scene, x)
     assert daemon.stop(timeout=8) == 0
@@ -189,7 +168,7 @@ def test_the_daemon_drains_after_the_last_event(start):
 def test_a_watch_counts_among_the_streams(start):
     client = Client(start(limits={"tenant_streams": 1}))
     scene = client.create()
-    first = Watching(client, scene)
+    first = watching(client, scene)
     first.wait(1)
     error = refused(client, scene=scene)
     assert error.code() == grpc.StatusCode.RESOURCE_EXHAUSTED
@@ -217,7 +196,7 @@ def test_a_reader_that_takes_nothing_is_cancelled(start):
 
 def test_the_session_ends_its_watches(daemon):
     client = Client(daemon)
-    found = Watching(client, client.create())
+    found = watching(client, client.create())
     found.wait(1)
     client.call("CloseSession")
     eventually(lambda: found.error)
