@@ -142,9 +142,11 @@ void add_flags(CLI::App& app, Config& config) {
       "--record", config.record,
       "Record what clients ask in a new file, or in a folder; heliograph replay plays it");
   app.add_flag("--reflection", config.reflection, "Tell callers the protocol's descriptors");
-  app.add_option("--probe", config.probe,
-                 "Ask the daemon at --socket whether it is live or ready, and exit with 0 or 1")
-      ->check(CLI::IsMember({"live", "ready"}))
+  app.add_option(
+         "--probe", config.probe,
+         "Ask the daemon at --socket whether it is live, is ready, or takes edits of durable "
+         "scenes, and exit with 0 or 1")
+      ->check(CLI::IsMember({"live", "ready", "durable"}))
       ->configurable(false);
 }
 

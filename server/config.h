@@ -107,7 +107,7 @@ struct Config {
   std::string record;          // file or folder of a recording; "": none
   std::string metrics;         // address of the metrics' port; "": none
   bool reflection = false;
-  std::string probe;  // "live" or "ready": ask the daemon at `socket` and exit
+  std::string probe;  // "live", "ready" or "durable": ask the daemon at `socket` and exit
   std::string log_level = "warning";
   bool log_json = false;
   Limits limits;

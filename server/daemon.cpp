@@ -72,6 +72,9 @@ Status Daemon::open_journal() {
   sessions.resume_for(double(config.limits.resume_seconds), std::move(recovered->sessions));
   return journal->start([this](const std::set<u64>& changed) { return scenes.capture(changed); },
                         [this](const Status& status) {
+                          loop->post([this, is_writing = bool(status)] {
+                            if (journal_changed) journal_changed(is_writing);
+                          });
                           if (status)
                             log.warning("the journal is written again");
                           else

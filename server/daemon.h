@@ -1,6 +1,7 @@
 // What the handlers share. Built once by main, passed by reference; destroyed in reverse order.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -42,6 +43,9 @@ struct Daemon {
   AssetRoot asset_root;
   Expected<std::unique_ptr<Decoder>> decoder;
   std::unique_ptr<Journal> journal;  // null without a state directory
+  /// Called by the loop when durable scenes become read-only, and when they are written again. Set
+  /// before the loop runs.
+  std::function<void(bool is_writing)> journal_changed;
 
   Daemon(Config settings, Identities identities, std::unique_ptr<EventLoop> event_loop);
   /// Recovers what the state directory holds. INTERNAL: it is damaged.

@@ -58,6 +58,12 @@ Expected<std::unique_ptr<GrpcServer>> GrpcServer::start(Service& service, Daemon
   made->server_ = builder.BuildAndStart();
   if (!made->server_) return fail(Code::kInternal, "", "gRPC did not start");
   made->set_ready(false);
+  if (daemon.journal) {
+    daemon.journal_changed = [health = made->server_->GetHealthCheckService()](bool is_writing) {
+      health->SetServingStatus(kDurableName, is_writing);
+    };
+    daemon.journal_changed(bool(daemon.journal->status()));
+  }
   return made;
 }
 

@@ -16,6 +16,9 @@ namespace heliograph::server {
 /// The name under which the health service tells readiness; "" is liveness.
 inline constexpr const char* kRendererName = "heliograph.v1.Renderer";
 
+/// Whether durable scenes take edits; unknown to the health service where there can be none.
+inline constexpr const char* kDurableName = "heliograph.v1.Durable";
+
 /// Owns: gRPC's server and its threads. Thread: the loop's.
 class GrpcServer {
  public:

@@ -120,6 +120,17 @@ Expected<BufferPtr> Holdings::take_upload(const std::string& request_id) {
                           request_id));
 }
 
+void Holdings::give_back(const std::vector<UsedUpload>& uploads) {
+  for (const UsedUpload& used : uploads) {
+    if (used.array.has_buffer()) {
+      shared_.give_back(used.array.buffer(), used.bytes);
+      continue;
+    }
+    const std::lock_guard lock(mutex_);
+    uploads_.emplace(used.array.upload(), used.bytes);
+  }
+}
+
 Expected<BufferPtr> Holdings::blob(std::string_view hash) {
   if (BufferPtr found = blobs_.find(hash)) return found;
   return fail(Code::kNotFound, "",

@@ -5,6 +5,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "heliograph/v1/service.pb.h"
 #include "server/assets.h"
@@ -13,6 +14,12 @@
 #include "server/shared_uploads.h"
 
 namespace heliograph::server {
+
+/// An anonymous upload or a shared buffer that an array used up.
+struct UsedUpload {
+  v1::Array array;
+  BufferPtr bytes;
+};
 
 /// Keeps blobs and assets alive for a session, and its anonymous uploads until they are used; and
 /// so says where the bytes of its arrays come from.
@@ -38,6 +45,9 @@ class Holdings final : public ArraySource {
   [[nodiscard]] std::shared_ptr<const StoredAsset> hold(std::shared_ptr<const StoredAsset> asset);
   /// The asset of this hash, held from now on; null when it is not alive.
   [[nodiscard]] std::shared_ptr<const StoredAsset> find_asset(std::string_view hash);
+
+  /// What used them up did not happen: they may be used again, by the same arrays.
+  void give_back(const std::vector<UsedUpload>& uploads);
 
   /// Buffers that its client handed over.
   [[nodiscard]] SharedUploads& shared() { return shared_; }

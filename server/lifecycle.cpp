@@ -179,8 +179,11 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
 void Life::on_word(u64 id, const BufferWord& word, const UniqueFd& fd) {
   const auto session = daemon_.sessions.find(id);
   if (!session) return;
-  if (fd && daemon_.recorder) daemon_.recorder->buffer(id, word.buffer, fd);
-  if (fd) return session->holdings().shared().take(word.buffer, word.number, fd);
+  if (fd) {
+    const bool is_good = session->holdings().shared().take(word.buffer, word.number, fd);
+    if (is_good && daemon_.recorder) daemon_.recorder->buffer(id, word.buffer, fd);
+    return;
+  }
   if (word.buffer == 0) {
     Lifelines* lines = daemon_.lifelines.get();
     session->share_frames([lines, id](u64 buffer, u64 bytes, int memory) {

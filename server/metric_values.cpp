@@ -81,6 +81,9 @@ std::vector<MetricValue> metric_values(const Daemon& daemon, u32 connections) {
                  {{"version", kVersion}, {"backend", daemon.config.backend}}});
   all.push_back({"heliograph_ready", "1 when the health service says that it is ready",
                  daemon.health.is_ready() ? 1.0 : 0.0});
+  if (daemon.journal)
+    all.push_back({"heliograph_durable_writing", "0 while durable scenes are read-only",
+                   daemon.journal->status() ? 1.0 : 0.0});
   all.push_back({"heliograph_connections", "Open connections", double(connections)});
   all.push_back({"heliograph_sessions", "Open sessions", double(daemon.sessions.count())});
   all.push_back({"heliograph_scenes", "Scenes", double(daemon.scenes.all().size())});

@@ -38,7 +38,9 @@ int probe(const Config& config) {
   grpc::GenericStub stub(grpc::CreateChannel("unix://" + path, grpc::InsecureChannelCredentials()));
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + kPatience);
-  const grpc::ByteBuffer request = check_request(config.probe == "ready" ? kRendererName : "");
+  const grpc::ByteBuffer request = check_request(config.probe == "ready"     ? kRendererName
+                                                 : config.probe == "durable" ? kDurableName
+                                                                             : "");
   grpc::ByteBuffer reply;
   std::promise<grpc::Status> done;
   stub.UnaryCall(&context, "/grpc.health.v1.Health/Check", grpc::StubOptions(), &request, &reply,

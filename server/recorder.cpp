@@ -22,6 +22,7 @@ constexpr u64 kMostWaiting = 256 << 20;  // bytes
 constexpr u64 kLastBytes = 512;          // kept for the end
 constexpr std::size_t kPiece = 1 << 20;
 constexpr std::size_t kWorthNaming = 4 << 10;  // bytes; what is shorter may stand there twice
+constexpr const char* kLate = "the disk is too slow";
 constexpr const char* kSuffix = ".recording";
 
 u64 cost_of(const Note& note) {
@@ -101,7 +102,7 @@ void Recorder::note(Note note) {
   const u64 cost = cost_of(note);
   const std::lock_guard lock(mutex_);
   if (is_late_) return;
-  is_late_ = waiting_bytes_ + cost > kMostWaiting;
+  is_late_ = waiting_bytes_ > 0 && waiting_bytes_ + cost > kMostWaiting;
   if (is_late_) return wake_.notify_all();
   waiting_bytes_ += cost;
   notes_.push_back(std::move(note));
@@ -177,9 +178,9 @@ void Recorder::work() {
                      [&] { return waiting_bytes_ > kWakeBytes || is_late_ || !reason_.empty(); });
       notes.swap(notes_);
       waiting_bytes_ = 0;
-      reason = reason_;
-      if (is_late_) warn(reason = "the disk is too slow");
+      reason = is_late_ ? kLate : reason_;
     }
+    if (reason == kLate) warn(reason);
     write(std::move(notes));
     if (!reason.empty()) end(reason);
   }
@@ -213,7 +214,6 @@ std::string Recorder::store(std::string bytes) {
   return hash;
 }
 
-/// Reads it rather than maps it: its client may shrink what it did not seal.
 void Recorder::store_memory(const UniqueFd& memory, v1::RecordBuffer& buffer) {
   off_t offset = 0;
   while (is_on_) {

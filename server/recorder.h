@@ -54,7 +54,7 @@ class Recorder {
   /// A frame that the call of this context sends next, and which frame that was.
   void frame(const void* context, std::shared_ptr<const Frame> frame);
   [[nodiscard]] std::shared_ptr<const Frame> take_frame(const void* context);
-  /// Memory that a session's client handed over.
+  /// Sealed memory that a session's client handed over.
   void buffer(u64 session, u64 buffer, const UniqueFd& memory);
 
   /// Writes what waits, and why this is the end.

@@ -37,21 +37,26 @@ Expected<v1::ApplyReply> apply_now(Session& session, SceneEntry& entry,
   return apply_reply(request.number(), *prepared, "");
 }
 
-void apply_durably(Session& session, SceneEntry& entry, const v1::ApplyRequest& request,
-                   const EditLog::Finish& finish) {
+void apply_durably(const std::shared_ptr<Session>& session, SceneEntry& entry,
+                   const v1::ApplyRequest& request, const EditLog::Finish& finish) {
   if (auto writing = entry.journal->status(); !writing)
     return finish({std::unexpected(writing.error()), false});
-  RecordingSource source(session.holdings(), entry.journal->files(entry.tenant->name));
-  DurableEdit edit{.transaction = read(session, request, source),
+  RecordingSource source(session->holdings(), entry.journal->files(entry.tenant->name));
+  DurableEdit edit{.transaction = read(*session, request, source),
                    .expected = expected_of(request),
                    .record = {},
                    .files = {}};
-  if (!source.status()) return finish({std::unexpected(source.status().error()), false});
-  edit.record.set_session(session.id());
+  // An edit that did not happen is sent again, and finds its uploads.
+  const auto end = [session, finish, used = source.take_used()](EditLog::Outcome outcome) {
+    if (!outcome.is_kept) session->holdings().give_back(used);
+    finish(std::move(outcome));
+  };
+  if (!source.status()) return end({std::unexpected(source.status().error()), false});
+  edit.record.set_session(session->id());
   edit.record.set_number(request.number());
   if (edit.transaction) source.fill(request.transaction(), edit.record);
   edit.files = source.take_files();
-  entry.commit(std::move(edit), finish);
+  entry.commit(std::move(edit), end);
 }
 
 /// Whether checking takes microseconds: small, and no arrays outside the message.
@@ -73,7 +78,7 @@ void apply_numbered(Daemon& daemon, const std::shared_ptr<Session>& session,
   const auto log = daemon.scenes.edits(**entry, session->id());
   auto task = [&request, session, entry = *entry, log, done] {
     const auto apply = [&](const EditLog::Finish& finish) {
-      if (entry->journal) return apply_durably(*session, *entry, request, finish);
+      if (entry->journal) return apply_durably(session, *entry, request, finish);
       finish({apply_now(*session, *entry, request)});
     };
     log->answer(request.number(), apply, done);

@@ -63,10 +63,12 @@ SharedUploads::Taken SharedUploads::read(u64 bytes, const UniqueFd& fd) const {
   return memory;
 }
 
-void SharedUploads::take(u64 buffer, u64 bytes, const UniqueFd& fd) {
+bool SharedUploads::take(u64 buffer, u64 bytes, const UniqueFd& fd) {
   auto taken = std::make_shared<const Taken>(read(bytes, fd));
   const std::lock_guard lock(mutex_);
+  const bool is_good = bool(*taken) && taken_.size() < kMost;
   if (taken_.size() < kMost) taken_.emplace(buffer, std::move(taken));
+  return is_good;
 }
 
 std::shared_ptr<const SharedUploads::Taken> SharedUploads::extract(u64 buffer) {
@@ -75,7 +77,24 @@ std::shared_ptr<const SharedUploads::Taken> SharedUploads::extract(u64 buffer) {
   return node ? std::move(node.mapped()) : nullptr;
 }
 
+BufferPtr SharedUploads::extract(const v1::BufferRef& ref) {
+  const std::lock_guard lock(mutex_);
+  const auto found = returned_.find(ref.buffer());
+  if (found == returned_.end()) return nullptr;
+  const v1::BufferRef& before = found->second.ref;
+  if (ref.offset() != before.offset() || ref.size() != before.size()) return nullptr;
+  BufferPtr bytes = std::move(found->second.bytes);
+  returned_.erase(found);
+  return bytes;
+}
+
+void SharedUploads::give_back(const v1::BufferRef& ref, BufferPtr bytes) {
+  const std::lock_guard lock(mutex_);
+  returned_.insert_or_assign(ref.buffer(), Returned{ref, std::move(bytes)});
+}
+
 Expected<BufferPtr> SharedUploads::use(const v1::BufferRef& ref) {
+  if (BufferPtr returned = extract(ref)) return returned;
   auto taken = extract(ref.buffer());
   if (!taken && hear_) {
     hear_();

@@ -26,22 +26,30 @@ class SharedUploads {
   void listen(std::function<void()> hear) { hear_ = std::move(hear); }
 
   /// A memfd that is sealed against writing and changes of its size. What is wrong with it is told
-  /// to the request that names it.
-  void take(u64 buffer, u64 bytes, const UniqueFd& fd);
+  /// to the request that names it; false: something is.
+  bool take(u64 buffer, u64 bytes, const UniqueFd& fd);
   /// The bytes that an array names; used up. INVALID_ARGUMENT, NOT_FOUND, RESOURCE_EXHAUSTED.
   [[nodiscard]] Expected<BufferPtr> use(const v1::BufferRef& ref);
+  /// The use of these bytes did not happen: the same reference names them again.
+  void give_back(const v1::BufferRef& ref, BufferPtr bytes);
 
  private:
   struct Memory;
+  struct Returned {
+    v1::BufferRef ref;
+    BufferPtr bytes;
+  };
   using Taken = Expected<std::shared_ptr<const Memory>>;
 
   [[nodiscard]] Taken read(u64 bytes, const UniqueFd& fd) const;
   [[nodiscard]] std::shared_ptr<const Taken> extract(u64 buffer);
+  [[nodiscard]] BufferPtr extract(const v1::BufferRef& ref);
 
   const std::shared_ptr<Budget> budget_;
   std::function<void()> hear_;
   std::mutex mutex_;
   std::map<u64, std::shared_ptr<const Taken>> taken_;
+  std::map<u64, Returned> returned_;
 };
 
 }  // namespace heliograph::server

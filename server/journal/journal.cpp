@@ -17,6 +17,7 @@ namespace {
 constexpr int kLogPages = 2'000;     // 8 MB: then they are moved into the database
 constexpr u64 kErasedAtLeast = 256;  // old records, with each commit
 constexpr double kReopenSeconds = 1;
+constexpr auto kGather = std::chrono::milliseconds(1);
 constexpr u64 kLastId = std::numeric_limits<i64>::max();
 
 }  // namespace
@@ -31,6 +32,7 @@ Status Journal::push(Item item, bool is_ours) {
     if (queue_.size() >= options_.queue)
       return fail(Code::kResourceExhausted, "", "too many edits wait for the disk; retry later");
     queue_.push_back(std::move(item));
+    if (queue_.size() < wanted_) return {};
   }
   ready_.notify_all();
   return {};
@@ -83,9 +85,17 @@ bool Journal::wait(std::vector<Item>& group) {
   std::unique_lock lock(mutex_);
   const bool has_old = oldest_ < head_.first();
   ready_.wait(lock, [&] { return !queue_.empty() || is_stopping_ || has_old; });
+  gather(lock);
   group.assign(std::make_move_iterator(queue_.begin()), std::make_move_iterator(queue_.end()));
   queue_.clear();
   return !group.empty() || !is_stopping_;
+}
+
+void Journal::gather(std::unique_lock<std::mutex>& lock) {
+  const auto moment = std::min<std::chrono::steady_clock::duration>(last_sync_ / 2, kGather);
+  wanted_ = last_group_;
+  ready_.wait_for(lock, moment, [&] { return queue_.size() >= wanted_ || is_stopping_; });
+  wanted_ = 1;
 }
 
 void Journal::work() {
@@ -154,8 +164,12 @@ void Journal::commit(std::vector<Item> group) {
   const bool has_control =
       std::ranges::any_of(group, [](const Item& item) { return item.control != nullptr; });
   if (has_control) next_rows_ = rows_;
+  const bool has_synced = std::ranges::any_of(group, [](const Item& i) { return i.entry.sync; });
+  const auto start = std::chrono::steady_clock::now();
   if (auto written = write(group, next); !written && !has_bug("ignore_error"))
     return stall(std::move(group), written.error());
+  last_group_ = group.size();
+  last_sync_ = (std::chrono::steady_clock::now() - start) * has_synced;
   oldest_ = std::min(head_.first(), oldest_ + kErasedAtLeast + group.size() + 1);
   head_ = next;
   if (has_control) rows_ = std::move(next_rows_);

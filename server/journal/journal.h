@@ -2,6 +2,7 @@
 // (scenes.cpp) and by the daemon's start and end.
 #pragma once
 
+#include <chrono>
 #include <condition_variable>
 #include <deque>
 #include <functional>
@@ -37,9 +38,12 @@ struct Entry {
 
 /// Owns: the state directory, the database, and the thread that writes it. Thread: any.
 ///
-/// Entries that wait are committed together. After an error nothing is acknowledged: all that waits
-/// fails, the database is closed, and once a second it is opened again, brought to what was
-/// acknowledged, and moved out of its log; when that works, writing goes on.
+/// Entries that wait are committed together. After a commit that waited for the disk, those who
+/// were answered are given a moment to send their next ones, so that all share the next wait: as
+/// many entries as before, or half the time that the disk took, 1 ms at most. After an error
+/// nothing is acknowledged: all that waits fails, the database is closed, and once a second it is
+/// opened again, brought to what was acknowledged, and moved out of its log; when that works,
+/// writing goes on.
 class Journal {
  public:
   struct Options {
@@ -110,6 +114,7 @@ class Journal {
   [[nodiscard]] Status run(std::shared_ptr<Control> control);
   void work();
   [[nodiscard]] bool wait(std::vector<Item>& group);
+  void gather(std::unique_lock<std::mutex>& lock);
   void commit(std::vector<Item> group);
   [[nodiscard]] Status write(std::vector<Item>& group, journal::Head& next);
   [[nodiscard]] Status write(Control& control, journal::Head& next);
@@ -143,12 +148,15 @@ class Journal {
   std::map<u64, journal::SceneRow> next_rows_;
   std::map<u64, Files> state_files_;                               // of each scene's snapshot
   std::map<u64, std::deque<std::pair<u64, Files>>> record_files_;  // of its records since
-  u64 oldest_ = 1;       // record that may still be in the database
-  u64 snapshot_at_ = 0;  // record of the last snapshot
+  u64 oldest_ = 1;                                    // record that may still be in the database
+  u64 snapshot_at_ = 0;                               // record of the last snapshot
+  std::size_t last_group_ = 0;                        // entries of the last commit
+  std::chrono::steady_clock::duration last_sync_{0};  // how long it took, where it synced
 
   mutable std::mutex mutex_;
   std::condition_variable ready_;
   std::deque<Item> queue_;
+  std::size_t wanted_ = 1;  // so many entries wake the writer
   Status status_;
   std::set<u64> changed_scenes_;  // since their snapshot
   bool is_encoding_ = false;      // a snapshot is being made

@@ -27,6 +27,8 @@ class RecordingSource final : public ArraySource {
   /// The transaction as it was read through this, uploads and buffers named by their hashes.
   void fill(const v1::Transaction& transaction, journal::Record& record) const;
   [[nodiscard]] std::vector<BlobFilePtr> take_files() { return std::move(held_); }
+  /// The uploads that were used up.
+  [[nodiscard]] std::vector<UsedUpload> take_used() { return std::move(used_); }
 
  private:
   [[nodiscard]] Status store(const std::string& hash, std::span<const std::byte> bytes);
@@ -38,6 +40,7 @@ class RecordingSource final : public ArraySource {
   std::map<std::string, std::string> consumed_;  // upload or buffer -> hash
   std::map<std::string, std::string> assets_;    // hash -> file
   std::vector<BlobFilePtr> held_;
+  std::vector<UsedUpload> used_;
 };
 
 /// Gives what the files hold, counted against the owner's budget like uploads. Thread: one.

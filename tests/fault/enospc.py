@@ -12,6 +12,7 @@ import time
 import heliograph as hg
 import numpy as np
 from common import Report, seconds_until, size
+from health import DURABLE, Health
 from heliograph.errors import ResourceExhausted, Unavailable
 from served import Served
 
@@ -63,6 +64,11 @@ def main():
             except (ResourceExhausted, Unavailable) as error:
                 refused = error
         print(f"  {acknowledged} edits, then {type(refused).__name__}: {refused}")
+        health = Health(client)
+        said = seconds_until(lambda: not health.check(DURABLE))
+        report.figure("until health says read-only", said, 1, "s")
+        report.figure("not said by name", "read-only: " not in client.info().journal, 0)
+        report.figure("not ready", not health.check(), 0)
         revision = scene.revision
         report.figure("revisions beyond what was acknowledged", revision - acknowledged, 0)
         with client.create_scene() as plain, plain.edit() as edit:
@@ -85,6 +91,8 @@ def main():
             return True
 
         report.figure("until edits go on", seconds_until(writes_again), 5, "s")
+        said = seconds_until(lambda: health.check(DURABLE))
+        report.figure("until health says so", said, 1, "s")
         report.figure("journal is not writing", client.info().journal != "writing", 0)
         daemon.process.kill()
         daemon.process.wait()

@@ -13,6 +13,7 @@ import grpc
 from heliograph._launch import find_program
 
 RENDERER = "heliograph.v1.Renderer"
+DURABLE = "heliograph.v1.Durable"
 
 
 def _request(name):

@@ -98,17 +98,22 @@ def test_pictures_are_the_same_after_a_restart(daemons):
             assert scene.read([ball], ["aabb"])[0][0].tobytes() == boxes.tobytes()
 
 
-def test_large_arrays_are_there_after_a_restart(daemons):
-    positions = np.random.default_rng(1).random((200_000, 3), dtype="f4")
-    faces = np.arange(199_998, dtype="u4").reshape(-1, 3)
+@pytest.mark.parametrize("where", ["shared memory", "upload"])
+def test_large_arrays_are_there_after_a_restart(daemons, where):
+    vertices = np.random.default_rng(1).random((120_000, 3), dtype=np.float32)  # over 1 MiB
     with hg.connect(daemons()) as client:
-        assert client.connection.link.shared is not None  # they are handed over, not sent
+        if where == "upload":
+            client.connection.link.shared = None
         scene = client.create_scene("room", durability="os", shared=True)
         with scene.edit() as edit:
-            edit.mesh("large", positions=positions, indices=faces)
-        daemons()
-        assert scene["large"].positions.tobytes() == positions.tobytes()
-        assert scene["large"].indices.tobytes() == faces.tobytes()
+            faces = np.arange(len(vertices), dtype=np.uint32).reshape(-1, 3)
+            mesh = edit.mesh("mesh", positions=vertices, indices=faces)
+        with scene.edit() as edit:
+            edit.mesh(mesh, positions=vertices + 1)
+        for kill in (True, False):
+            daemons(kill)
+            assert scene.revision == 2
+            assert (scene.read([mesh], ["mesh.positions"])[0][0] == vertices + 1).all()
 
 
 def test_branches_are_durable_when_asked(daemons):

@@ -73,6 +73,37 @@ TEST_CASE("journal: a write or an fsync fails; edits go on when it works again")
   CHECK(fingerprint(*found->scene.head()) == fingerprint(*scene->scene.head()));
 }
 
+TEST_CASE("journal: an edit that was not committed finds its upload when it is sent again") {
+  vfs();
+  const Folder folder;
+  Server server(folder.path());
+  REQUIRE(server.opened);
+  const auto session = server.session();
+  const ScenePtr scene = server.create(*session, "room", "fsync");
+  v1::UploadBlobRequest upload;
+  upload.set_request_id("positions");
+  upload.set_size(9 * sizeof(float));
+  auto incoming = session->holdings().begin(upload);
+  REQUIRE((*incoming)->append(std::string(upload.size(), '\0')));
+  REQUIRE(session->holdings().finish(upload, std::move(**incoming)));
+  v1::ApplyRequest request;
+  request.set_scene(scene->id);
+  request.set_number(1);
+  v1::Mesh& mesh = *request.mutable_transaction()->add_edits()->mutable_mesh();
+  *mesh.mutable_positions() = f32({3, 3}, {});
+  mesh.mutable_positions()->set_upload("positions");
+  *mesh.mutable_indices() = u32s({1, 3}, {0, 1, 2});
+  vfs().write_error = SQLITE_FULL;
+  for (int attempt = 0; attempt < 2; ++attempt) REQUIRE(!*apply(server, session, request));
+  vfs().write_error = SQLITE_OK;
+  CHECK(seconds_until_written(server) < 3);
+  const auto reply = apply(server, session, request);
+  INFO((*reply ? "" : reply->error().message));
+  REQUIRE(*reply);
+  request.set_number(2);
+  CHECK(apply(server, session, request)->error().code == Code::kNotFound);  // used up
+}
+
 TEST_CASE("journal: after a loss of power every edit acknowledged as fsync is there") {
   vfs();
   std::mt19937 random(11);

@@ -55,6 +55,22 @@ TEST_CASE("shared uploads: the bytes are those of the memory, and count until no
   CHECK(budget->used() == 0);
 }
 
+TEST_CASE("shared uploads: what was not used after all is there for the same reference") {
+  const auto budget = room(1000);
+  SharedUploads uploads(budget);
+  uploads.take(5, kText.size(), memory(kSeals));
+  {
+    auto used = uploads.use(ref(5, 100, 64));
+    REQUIRE(used);
+    uploads.give_back(ref(5, 100, 64), *used);
+  }
+  CHECK(budget->used() == kText.size());
+  refused(uploads.use(ref(5, 100)), Code::kNotFound, "buffer.buffer");
+  CHECK((*uploads.use(ref(5, 100, 64)))->bytes().size() == 100);
+  refused(uploads.use(ref(5, 100, 64)), Code::kNotFound, "buffer.buffer");
+  CHECK(budget->used() == 0);
+}
+
 TEST_CASE("shared uploads: what waits in the socket is heard first") {
   SharedUploads uploads(room(1000));
   uploads.listen([&] { uploads.take(8, kText.size(), memory(kSeals)); });

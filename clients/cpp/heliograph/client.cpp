@@ -17,12 +17,12 @@ Scene scene_of(const std::shared_ptr<wire::Session>& session, const v1::SceneInf
 
 }  // namespace
 
-Scene Client::create_scene(const std::string& name, bool shared) {
+Scene Client::create_scene(const std::string& name, bool shared, Durability durability) {
   v1::CreateSceneRequest request;
   request.set_request_id(wire::make_request_id());
   request.set_name(name);
   request.set_shared(shared);
-  request.set_durability("none");
+  request.set_durability(wire::text_of(durability));
   return scene_of(session_, session_->call(&wire::Session::Stub::CreateScene, request), !shared);
 }
 
@@ -32,8 +32,9 @@ Scene Client::open_scene(const std::string& name) {
   return scene_of(session_, session_->call(&wire::Session::Stub::OpenScene, request), false);
 }
 
-Scene Client::load_scene(const std::string& path, const std::string& name, bool shared) {
-  return scene_of(session_, wire::load_scene(*session_, path, {name, shared}), !shared);
+Scene Client::load_scene(const std::string& path, const std::string& name, bool shared,
+                         Durability durability) {
+  return scene_of(session_, wire::load_scene(*session_, path, {name, shared, durability}), !shared);
 }
 
 std::vector<Scene> Client::scenes() {
@@ -56,6 +57,7 @@ ServerInfo Client::info() const {
   out.refused.assign(reply.refused().begin(), reply.refused().end());
   for (const auto& [name, limit] : reply.limits()) out.limits[name] = limit;
   out.ready = reply.ready();
+  out.journal = reply.journal();
   return out;
 }
 

@@ -27,7 +27,8 @@ struct ServerInfo {
   std::vector<std::string> capabilities{};
   std::vector<std::string> refused{};  // what the kernel did not allow, and what follows
   std::map<std::string, std::uint64_t> limits{};
-  bool ready = false;  // a pixel was rendered
+  bool ready = false;     // a pixel was rendered
+  std::string journal{};  // of durable scenes: "" (none), "writing" or "read-only: REASON"
 };
 
 /// A session with a daemon. Copies are the same session; it ends, with its private scenes and a
@@ -38,11 +39,13 @@ class Client {
   explicit Client(std::shared_ptr<wire::Session> session) : session_(std::move(session)) {}
 
   /// An empty scene. Private ones die with this session, shared ones live until they are deleted.
-  Scene create_scene(const std::string& name = "", bool shared = false);
+  Scene create_scene(const std::string& name = "", bool shared = false,
+                     Durability durability = Durability::kNone);
   /// A scene by its name; kNotFound lists the nearest.
   Scene open_scene(const std::string& name);
   /// A new scene from a file that Scene::save, of any client, wrote.
-  Scene load_scene(const std::string& path, const std::string& name = "", bool shared = false);
+  Scene load_scene(const std::string& path, const std::string& name = "", bool shared = false,
+                   Durability durability = Durability::kNone);
   /// Every scene that this client may open.
   std::vector<Scene> scenes();
   [[nodiscard]] ServerInfo info() const;

@@ -127,6 +127,12 @@ Frame Scene::rerender(const std::string& manifest) const {
 std::uint64_t Scene::revision() const {
   return core_->describe([](auto&) {}).scene().revision();
 }
+Durability Scene::durability() const {
+  const std::string text = core_->describe([](auto&) {}).scene().durability();
+  for (const Durability each : {Durability::kOs, Durability::kFsync})
+    if (text == wire::text_of(each)) return each;
+  return Durability::kNone;
+}
 double Scene::time() const {
   return core_->describe([](auto&) {}).scene().time();
 }
@@ -190,13 +196,14 @@ Array Scene::transforms(const Group& entities) const {
 
 // ---------------------------------------------------------------- life
 
-Scene Scene::branch(const std::string& name, std::optional<std::uint64_t> revision,
-                    bool shared) const {
+Scene Scene::branch(const std::string& name, std::optional<std::uint64_t> revision, bool shared,
+                    Durability durability) const {
   v1::BranchSceneRequest request;
   request.set_request_id(wire::make_request_id());
   request.set_scene(core_->id);
   request.set_name(name);
   request.set_shared(shared);
+  request.set_durability(wire::text_of(durability));
   if (revision) request.set_revision(*revision);
   const auto info = core_->session->call(&wire::Session::Stub::BranchScene, request);
   return Scene(std::make_shared<wire::SceneCore>(core_->session, info, !shared));

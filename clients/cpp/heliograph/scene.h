@@ -31,6 +31,11 @@ struct SurfacePoints {
   Array vertices{};     // (N,) u32, instead of these
 };
 
+/// What an acknowledged edit survives: nothing; the end of the daemon, kill -9 too; a loss of power
+/// too. Durable scenes are shared, and need a daemon with --state-dir. When it is restarted,
+/// clients go on: their edits are answered or applied, once.
+enum class Durability : int { kNone, kOs, kFsync };
+
 /// A scene of a daemon. Copies are the same scene; a private one that this client made is deleted
 /// when the last copy and the last handle are gone. Thread: any; edits go out in one order.
 class Scene {
@@ -71,6 +76,7 @@ class Scene {
   // ---------------------------------------------------------------- reading
 
   [[nodiscard]] std::uint64_t revision() const;
+  [[nodiscard]] Durability durability() const;
   [[nodiscard]] double time() const;                                      // seconds
   [[nodiscard]] std::map<std::uint32_t, std::string> categories() const;  // class id to name
   [[nodiscard]] std::map<std::string, std::uint64_t> counts() const;      // objects by kind
@@ -120,7 +126,8 @@ class Scene {
 
   /// A copy-on-write branch; handles of this scene serve it too, by their ids.
   [[nodiscard]] Scene branch(const std::string& name = "",
-                             std::optional<std::uint64_t> revision = {}, bool shared = false) const;
+                             std::optional<std::uint64_t> revision = {}, bool shared = false,
+                             Durability durability = Durability::kNone) const;
   /// Writes the whole scene, arrays and textures included, to one file: all or nothing.
   void save(const std::string& path, std::optional<std::uint64_t> revision = {}) const;
   /// Deletes the scene in the daemon.

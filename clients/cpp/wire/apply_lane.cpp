@@ -63,6 +63,7 @@ struct ApplyLane::Stream {
   std::unique_ptr<grpc::ClientAsyncReaderWriter<v1::ApplyRequest, v1::ApplyReply>> calls;
   v1::ApplyReply reply;
   grpc::Status status;
+  std::uint64_t openings = 0;  // of the session, when it began
   bool is_started = false;
   bool is_writing = false;
   bool is_finished = false;
@@ -129,6 +130,7 @@ void ApplyLane::close() {
 
 void ApplyLane::open() {
   auto stream = std::make_unique<Stream>();
+  stream->openings = session_.openings();
   session_.authorize(stream->context);
   stream->calls = session_.stub().PrepareAsyncApplyStream(&stream->context, &stream->queue);
   stream->calls->StartCall(tag_of(kStart));
@@ -220,10 +222,13 @@ void ApplyLane::end_stream(Lock& lock) {
   sent_ = 0;
   if (waiting_.empty()) return;
   if (!patience_) patience_.emplace();
-  bool again = is_lost(stream->status);
+  const bool is_lost_session = stream->status.error_code() == grpc::UNAUTHENTICATED;
+  bool again = is_lost(stream->status) || is_lost_session;
   if (again) {
     lock.unlock();
-    again = !session_.is_daemon_dead() && patience_->wait();
+    if (is_lost_session)
+      again = session_.resume(stream->openings, session_.error_of(stream->status, stream->context));
+    again = again && !session_.is_daemon_dead() && patience_->wait();
     lock.lock();
   }
   if (again && !session_.is_closed()) return open();

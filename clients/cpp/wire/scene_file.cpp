@@ -119,6 +119,7 @@ v1::SceneInfo load_scene(Session& session, const std::string& path, const Import
   header.set_request_id(make_request_id());
   header.set_name(as.name);
   header.set_shared(as.shared);
+  header.set_durability(text_of(as.durability));
   grpc::ClientContext context;
   session.prepare(context);
   v1::SceneInfo info;

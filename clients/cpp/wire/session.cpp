@@ -93,22 +93,33 @@ Session::Session(std::string address, const ConnectOptions& options,
                  std::unique_ptr<PrivateDaemon> daemon)
     : address_(std::move(address)), token_(options.token), daemon_(std::move(daemon)) {
   const Target target = target_of(address_);
-  if (!target.socket.empty())
-    lifeline_ = std::make_unique<Lifeline>(target.socket + ".fd.sock", kRetrySeconds);
+  socket_ = target.socket;
   channel_ = open_channel(target, options.tls);
   stub_ = v1::Renderer::NewStub(channel_);
-  open(lifeline_ ? lifeline_->ticket() : "");
-  if (!lifeline_) keep();
+  start(0);
   uploads_ = std::make_unique<Uploads>(*this);
   for (std::size_t i = 0; i < kLanes; ++i) lanes_.push_back(std::make_unique<ApplyLane>(*this));
 }
 
 Session::~Session() { close(); }
 
-void Session::open(const std::string& ticket) {
+/// `resumed`: the session of before the daemon was restarted, or 0.
+void Session::start(std::uint64_t resumed) {
+  if (!socket_.empty()) lifeline_ = std::make_unique<Lifeline>(socket_ + ".fd.sock", kRetrySeconds);
+  const auto reply = open(lifeline_ ? lifeline_->ticket() : "", resumed);
+  if (resumed == 0) {
+    session_ = std::to_string(reply.session());
+    server_ = reply.server();
+  }
+  ++openings_;
+  if (!lifeline_) keep();
+}
+
+v1::OpenSessionReply Session::open(const std::string& ticket, std::uint64_t resumed) {
   v1::OpenSessionRequest request;
   request.set_client(kClient);
   request.set_ticket(ticket);
+  request.set_resume(resumed);
   v1::OpenSessionReply reply;
   grpc::ClientContext context;
   context.set_wait_for_ready(true);
@@ -118,9 +129,22 @@ void Session::open(const std::string& ticket) {
   if (status.error_code() == grpc::DEADLINE_EXCEEDED)
     throw ClientError(Code::kUnavailable, "no daemon answers at " + address_ +
                                               "; start heliographd, or correct the address");
-  check(status, context);
-  session_ = std::to_string(reply.session());
-  server_ = reply.server();
+  if (!status.ok()) throw error_of(status, context);
+  return reply;
+}
+
+bool Session::resume(std::uint64_t openings, const ClientError& failure) {
+  if (failure.code() != Code::kUnauthenticated || server_.journal().empty()) return false;
+  const std::lock_guard lock(opening_);
+  if (closed_ || openings_ != openings) return !closed_;  // another thread was here
+  try {
+    stop_keeping();
+    start(std::stoull(session_));
+    uploads_->forget();
+    return true;
+  } catch (const ClientError& error) {
+    return error.code() == Code::kUnavailable;  // it is not up yet
+  }
 }
 
 void Session::keep() {
@@ -128,6 +152,13 @@ void Session::keep() {
   prepare(*keep_context_);
   keep_ = stub_->KeepSession(keep_context_.get(), v1::KeepSessionRequest());
   keep_->WaitForInitialMetadata();
+}
+
+void Session::stop_keeping() {
+  if (!keep_) return;
+  keep_context_->TryCancel();
+  keep_->Finish();
+  keep_.reset();
 }
 
 void Session::check_open() const {
@@ -146,18 +177,25 @@ void Session::authorize(grpc::ClientContext& context) const {
 
 void Session::retry(const std::function<grpc::Status(grpc::ClientContext&)>& attempt) {
   for (Patience patience;;) {
+    const std::uint64_t openings = openings_;
     grpc::ClientContext context;
     prepare(context);
     const grpc::Status status = attempt(context);
     if (status.ok()) return;
     ClientError error = error_of(status, context);
-    if (error.code() != Code::kUnavailable || error.details().exit_code || !patience.wait())
-      throw error;
+    const bool is_back = error.code() == Code::kUnavailable || resume(openings, error);
+    if (!is_back || error.details().exit_code || !patience.wait()) throw error;
   }
 }
 
 void Session::check(const grpc::Status& status, const grpc::ClientContext& context) {
-  if (!status.ok()) throw error_of(status, context);
+  if (status.ok()) return;
+  const ClientError error = error_of(status, context);
+  if (error.code() != Code::kUnauthenticated || server_.journal().empty()) throw error;
+  call(&Stub::ListScenes, v1::ListScenesRequest());  // resumes the session, or throws
+  throw ClientError(Code::kUnavailable,
+                    "the daemon was restarted, and the session goes on: ask again; what was not "
+                    "durable is gone");
 }
 
 bool Session::is_daemon_dead() { return daemon_ && daemon_->is_dead(); }
@@ -186,12 +224,11 @@ void Session::close() {
     v1::CloseSessionReply reply;
     stub_->CloseSession(&context, v1::CloseSessionRequest(), &reply);
   }
-  if (keep_) {
-    keep_context_->TryCancel();
-    keep_->Finish();
-    keep_.reset();
+  {
+    const std::lock_guard lock(opening_);
+    stop_keeping();
+    lifeline_.reset();
   }
-  lifeline_.reset();
   if (daemon_) daemon_->stop();
 }
 

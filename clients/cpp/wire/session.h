@@ -84,7 +84,12 @@ class Session : public std::enable_shared_from_this<Session> {
   void prepare(grpc::ClientContext& context) const;
   /// The same for a session that may be closed.
   void authorize(grpc::ClientContext& context) const;
-  /// Throws the error of a call that failed.
+  /// How often it was opened: more than once where the daemon was restarted.
+  [[nodiscard]] std::uint64_t openings() const { return openings_; }
+  /// Whether a call that began after so many openings failed because the daemon was restarted, and
+  /// the session goes on: with the numbering of the edits of durable scenes, without anything else.
+  bool resume(std::uint64_t openings, const ClientError& failure);
+  /// Throws the error of a call that failed; kUnavailable where the session was resumed.
   void check(const grpc::Status& status, const grpc::ClientContext& context);
   /// The same error, with how a private daemon died where that is why.
   ClientError error_of(const grpc::Status& status, const grpc::ClientContext& context);
@@ -101,18 +106,23 @@ class Session : public std::enable_shared_from_this<Session> {
   void close();
 
  private:
-  void open(const std::string& ticket);
+  void start(std::uint64_t resumed);
+  v1::OpenSessionReply open(const std::string& ticket, std::uint64_t resumed);
   void keep();
+  void stop_keeping();
   void retry(const std::function<grpc::Status(grpc::ClientContext&)>& attempt);
 
   std::string address_;
   std::string token_;
   std::unique_ptr<PrivateDaemon> daemon_;
-  std::unique_ptr<Lifeline> lifeline_;
+  std::string socket_;  // path of the Unix socket, or ""
   std::shared_ptr<grpc::Channel> channel_;
   std::unique_ptr<Stub> stub_;
-  std::string session_;
+  std::string session_;  // the same for all its life
   v1::GetServerInfoReply server_;
+  std::atomic<std::uint64_t> openings_{0};
+  std::mutex opening_;  // of what follows, up to keep_
+  std::unique_ptr<Lifeline> lifeline_;
   // Over TCP a stream carries the session; nothing ever arrives on it.
   std::unique_ptr<grpc::ClientContext> keep_context_;
   std::unique_ptr<grpc::ClientReader<v1::KeepSessionReply>> keep_;

@@ -65,6 +65,11 @@ std::string Uploads::blob(std::string_view bytes) {
   return digest;
 }
 
+void Uploads::forget() {
+  const std::lock_guard lock(mutex_);
+  known_.clear();
+}
+
 void Uploads::push(std::string_view bytes, v1::UploadBlobRequest first) {
   grpc::ClientContext context;
   session_.prepare(context);

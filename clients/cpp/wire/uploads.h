@@ -26,6 +26,8 @@ class Uploads {
   void put_edited(const Array& array, v1::Array* out);
   /// Uploads bytes unless the session has them; their SHA-256.
   std::string blob(std::string_view bytes);
+  /// The session has nothing any more.
+  void forget();
 
  private:
   void push(std::string_view bytes, v1::UploadBlobRequest first);

@@ -49,6 +49,7 @@ def _print_server(info: Any) -> None:
         ("backend", f"{info.backend}, {info.cpu_features or 'features not known yet'}"),
         ("threads", str(info.threads)),
         ("ready", "yes" if info.ready else f"no: {info.not_ready}"),
+        ("durable", info.journal or "no scenes: it has no --state-dir"),
         ("decoder", info.decoder),
         ("capabilities", ", ".join(info.capabilities) or "none"),
         ("refused", ", ".join(info.refused) or "nothing"),
