@@ -1,8 +1,6 @@
 // Headers, chunks and leases. See frame_cutter.h.
 #include "server/frame_cutter.h"
 
-#include "server/convert/frame.h"
-
 namespace heliograph::server {
 namespace {
 
@@ -34,22 +32,33 @@ PixelAllocator FrameCutter::memory() {
 }
 
 void FrameCutter::begin(OutgoingFrame outgoing, v1::FramePart& part) {
-  *part.mutable_header() = (*outgoing.make_header)(*outgoing.frame);
+  v1::FrameHeader& header = *part.mutable_header();
+  header = (*outgoing.make_header)(*outgoing.frame);
   if (begun_) begun_(outgoing.frame);
   plane_ = 0;
   offset_ = 0;
-  if (!outgoing.frame->planes.empty()) frame_ = std::move(outgoing.frame);
+  if (outgoing.frame->planes.empty()) return;
+  frame_ = std::move(outgoing.frame);
+  planes_.clear();
+  for (std::size_t i = 0; i < frame_->planes.size(); ++i)
+    planes_.emplace_back(frame_->planes[i], header.planes(int(i)).dtype() == v1::D_TYPE_F16);
 }
 
 bool FrameCutter::next(v1::FramePart& part) {
   if (!frame_) return false;
-  const Pixels& pixels = frame_->planes[plane_].pixels;
-  if (auto* leased = dynamic_cast<LeasedPixels*>(pixels.memory())) {
+  const WirePlane& plane = planes_[plane_];
+  auto* leased = dynamic_cast<LeasedPixels*>(frame_->planes[plane_].pixels.memory());
+  if (leased && !plane.is_half()) {
     *part.mutable_chunk() = place_of(*frame_, plane_, leased->send());
   } else {
-    *part.mutable_chunk() = to_chunk(*frame_, plane_, offset_, chunk_bytes_);
-    offset_ += part.chunk().chunk().size();
-    if (offset_ < pixels.size()) return true;
+    v1::PlaneChunk& chunk = *part.mutable_chunk();
+    chunk.Clear();
+    chunk.set_frame(frame_->index);
+    chunk.set_plane(plane_);
+    chunk.set_offset(offset_);
+    chunk.set_chunk(plane.chunk(offset_, chunk_bytes_));
+    offset_ += chunk.chunk().size();
+    if (offset_ < plane.size()) return true;
     offset_ = 0;
   }
   if (++plane_ == frame_->planes.size()) frame_.reset();

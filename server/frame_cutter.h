@@ -7,7 +7,7 @@
 #include <mutex>
 
 #include "heliograph/v1/render.pb.h"
-#include "renderer/engine/frame.h"
+#include "server/convert/frame.h"
 #include "server/session.h"
 
 namespace heliograph::server {
@@ -47,6 +47,7 @@ class FrameCutter {
   std::shared_ptr<SharedFrames> shared_;  // once it was asked for memory; guarded by mutex_
   u64 call_ = 0;                          // number of this call there; guarded by mutex_
   std::shared_ptr<const Frame> frame_;
+  std::vector<WirePlane> planes_;  // of frame_
   u32 plane_ = 0;
   u64 offset_ = 0;  // bytes into that plane
 };

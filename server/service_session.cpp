@@ -30,6 +30,8 @@ void describe_sharing(v1::GetServerInfoReply& reply) {
 void describe_server(const Daemon& daemon, const Tenant& tenant, v1::GetServerInfoReply& reply) {
   reply.set_version(kVersion);
   reply.set_api("v1");
+  reply.set_min_api(1);
+  reply.set_max_api(1);
   reply.set_instance(daemon.instance);
   reply.set_backend(daemon.config.backend);
   if (const Engine* engine = daemon.engine->get()) reply.set_cpu_features(engine->cpu_features());

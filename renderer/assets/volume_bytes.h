@@ -1,7 +1,6 @@
 // Bounds-checked reading of volume files. Used by the readers of .nvdb and .vdb.
 #pragma once
 
-#include <bit>
 #include <cstring>
 #include <span>
 #include <string>
@@ -62,19 +61,6 @@ T read_at(std::span<const std::byte> bytes, u64 offset) {
 
 inline bool bit_at(std::span<const std::byte> mask, u32 bit) {
   return ((std::to_integer<u32>(mask[bit / 8]) >> (bit % 8)) & 1) != 0;
-}
-
-/// IEEE binary16.
-inline float float_of_half(u16 half) {
-  const u32 sign = u32(half & 0x8000u) << 16;
-  const u32 exponent = (half >> 10) & 31u, fraction = half & 1023u;
-  if (exponent == 0) {
-    const float value = float(fraction) * 0x1p-24f;
-    return sign ? -value : value;
-  }
-  const u32 bits =
-      exponent == 31 ? 0x7f800000u | (fraction << 13) : ((exponent + 112) << 23) | (fraction << 13);
-  return std::bit_cast<float>(sign | bits);
 }
 
 /// zlib data of so many bytes when it is unpacked. Refuses anything else.

@@ -9,6 +9,7 @@
 #include "renderer/assets/bundle.h"
 #include "renderer/assets/volume_bricks.h"
 #include "renderer/assets/volume_bytes.h"
+#include "renderer/base/half.h"
 
 namespace heliograph::assets {
 namespace {

@@ -1,9 +1,11 @@
-// Frame to FrameHeader and PlaneChunk.
+// Frame to FrameHeader and bytes.
 #include "server/convert/frame.h"
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 
+#include "renderer/base/half.h"
 #include "server/convert/nouns.h"
 #include "server/convert/render.h"
 
@@ -50,11 +52,11 @@ v1::PlaneInfo to_proto(const PlaneData& data, const v1::PlaneRequest& request) {
   v1::PlaneInfo message;
   message.set_plane(server::to_proto(data.plane));
   message.set_name(info.name);
-  message.set_dtype(server::to_proto(info.dtype));
+  message.set_dtype(request.half() ? v1::D_TYPE_F16 : server::to_proto(info.dtype));
   message.set_channels(info.channels);
   message.set_unit(info.unit);
   message.set_fold(fold_text(info.fold));
-  message.set_size(data.pixels.size());
+  message.set_size(WirePlane(data, request.half()).size());
   message.set_argument(argument_text(request));
   return message;
 }
@@ -123,14 +125,28 @@ v1::FrameHeader to_header(const Frame& frame, const FrameContext& context) {
   return message;
 }
 
-v1::PlaneChunk to_chunk(const Frame& frame, u32 plane, u64 offset, u64 limit) {
-  const auto& pixels = frame.planes[plane].pixels;
-  v1::PlaneChunk chunk;
-  chunk.set_frame(frame.index);
-  chunk.set_plane(plane);
-  chunk.set_offset(offset);
-  chunk.set_chunk(pixels.data() + offset, std::min<u64>(limit, pixels.size() - offset));
-  return chunk;
+void WirePlane::round_to_half(u64 offset, std::span<std::byte> out) const {
+  const std::byte* from = plane_.pixels.data() + 2 * offset;
+  for (std::size_t i = 0; i < out.size() / sizeof(u16); ++i) {
+    float value;
+    std::memcpy(&value, from + i * sizeof value, sizeof value);
+    const u16 half = half_of_float(value);
+    std::memcpy(out.data() + i * sizeof half, &half, sizeof half);
+  }
+}
+
+std::string WirePlane::chunk(u64 offset, u64 limit) const {
+  if (!half_) {
+    const auto* from = reinterpret_cast<const char*>(plane_.pixels.data() + offset);
+    return {from, std::min(limit, size() - offset)};
+  }
+  const u64 count = std::min(std::max<u64>(limit / 2 * 2, 2), size() - offset);
+  std::string bytes;
+  bytes.resize_and_overwrite(count, [&](char* out, std::size_t n) {
+    round_to_half(offset, std::as_writable_bytes(std::span(out, n)));
+    return n;
+  });
+  return bytes;
 }
 
 }  // namespace heliograph::server

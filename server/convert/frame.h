@@ -1,6 +1,8 @@
 // Frames, columns and progress on their way to the wire. Called by Render and Query.
 #pragma once
 
+#include <span>
+
 #include "heliograph/v1/render.pb.h"
 #include "renderer/engine/frame.h"
 #include "renderer/engine/job.h"
@@ -26,7 +28,22 @@ struct FrameContext {
 [[nodiscard]] v1::DType to_proto(DType type);
 [[nodiscard]] v1::LabelColumn to_proto(const Column& column);
 [[nodiscard]] v1::Progress to_proto(const Progress& progress);
-/// At most `limit` bytes of a plane from `offset` on.
-[[nodiscard]] v1::PlaneChunk to_chunk(const Frame& frame, u32 plane, u64 offset, u64 limit);
+
+/// A plane as it travels: f32 as f16 where the request wants that.
+class WirePlane {
+ public:
+  WirePlane(const PlaneData& plane, bool half) : plane_(plane), half_(half) {}
+
+  [[nodiscard]] bool is_half() const { return half_; }
+  [[nodiscard]] u64 size() const { return half_ ? plane_.pixels.size() / 2 : plane_.pixels.size(); }
+  /// At most `limit` bytes from `offset` on, at least one pixel's number.
+  [[nodiscard]] std::string chunk(u64 offset, u64 limit) const;
+
+ private:
+  void round_to_half(u64 offset, std::span<std::byte> out) const;
+
+  const PlaneData& plane_;
+  const bool half_;
+};
 
 }  // namespace heliograph::server

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "renderer/engine/check.h"
+#include "renderer/engine/frame.h"
 #include "server/convert/fields.h"
 #include "server/convert/resolve.h"
 #include "server/convert/transaction.h"
@@ -82,6 +83,10 @@ Status read_planes(const v1::RenderRequest& request, const RenderLimits& limits,
       return fail(Code::kInvalidArgument, where,
                   fmt::format("{} is asked for twice; leave one out",
                               v1::Plane_Name(request.planes(i).plane())));
+    if (request.planes(i).half() && plane_info(plane).dtype != DType::kF32)
+      return fail(Code::kInvalidArgument, where + ".half",
+                  fmt::format("is for planes of f32, which {} is not; leave it out",
+                              plane_info(plane).name));
     HELIO_CHECK(read_argument(request.planes(i), plane, job), where);
     job.planes.push_back(plane);
   }

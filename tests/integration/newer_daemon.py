@@ -28,7 +28,8 @@ def extend(message) -> None:
 class Proxy(grpc.GenericRpcHandler):
     """Hands every call on, as bytes."""
 
-    def __init__(self, target: str):
+    def __init__(self, target: str, min_api: int):
+        self.min_api = min_api
         self.channel = grpc.insecure_channel(
             target, options=[("grpc.max_receive_message_length", -1)]
         )
@@ -49,6 +50,8 @@ class Proxy(grpc.GenericRpcHandler):
                     message = reply.FromString(data)
                     if method != "ExportScene":  # that is a file, which comes back as a request
                         extend(message)
+                    if method == "OpenSession":
+                        message.server.min_api, message.server.max_api = self.min_api, 3
                     yield message.SerializeToString()
             except grpc.RpcError as error:
                 context.set_trailing_metadata(error.trailing_metadata() or ())
@@ -58,13 +61,13 @@ class Proxy(grpc.GenericRpcHandler):
 
 
 @contextlib.contextmanager
-def before(address: str):
-    """(address of a proxy, Proxy) before the daemon at unix:///path; the second socket is the
-    daemon's own."""
+def before(address: str, min_api: int = 1):
+    """(address of a proxy, Proxy) before the daemon at unix:///path, which speaks versions min_api
+    to 3; the second socket is the daemon's own."""
     path = address.removeprefix("unix://")
     with tempfile.TemporaryDirectory(prefix="hg-") as folder:
         os.symlink(path + ".fd.sock", f"{folder}/h.sock.fd.sock")
-        proxy = Proxy(address)
+        proxy = Proxy(address, min_api)
         server = grpc.server(futures.ThreadPoolExecutor(32), handlers=[proxy])
         server.add_insecure_port(f"unix://{folder}/h.sock")
         server.start()

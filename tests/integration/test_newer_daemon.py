@@ -75,3 +75,12 @@ def test_the_cpp_client_ignores_what_it_does_not_know(client, newer, program):
     assert run[0].returncode == 0, run[0].stderr
     if not words:  # the other one prints times
         assert run[0].stdout == run[1].stdout
+
+
+def test_clients_tell_that_the_daemon_no_longer_speaks_their_version(client):
+    says = "speaks versions 2 to 3 of the protocol and this client 1"
+    with newer_daemon.before(client.address, min_api=2) as (address, _):
+        with pytest.raises(hg.FailedPrecondition, match=says):
+            hg.connect(address)
+        run = subprocess.run([PROGRAMS / "example_labels", address], capture_output=True, text=True)
+        assert run.returncode != 0 and says in run.stderr

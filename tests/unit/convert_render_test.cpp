@@ -5,6 +5,9 @@
 #include <google/protobuf/text_format.h>
 #include <google/protobuf/util/json_util.h>
 
+#include <array>
+#include <cmath>
+#include <cstring>
 #include <set>
 
 #include "renderer/scene/scene.h"
@@ -209,7 +212,23 @@ TEST_CASE("render: a frame's header and chunks carry it whole") {
   REQUIRE(header.k().inline_().size() == sizeof k);
   std::memcpy(k, header.k().inline_().data(), sizeof k);
   CHECK(k[2] == 31.5);
+  const WirePlane plane(frame.planes[0], false);
   std::string bytes;
-  for (u64 offset = 0; offset < 8; offset += 3) bytes += to_chunk(frame, 0, offset, 3).chunk();
+  while (bytes.size() < plane.size()) bytes += plane.chunk(bytes.size(), 3);
   CHECK(bytes == std::string(8, 7));
+}
+
+TEST_CASE("convert frame: an f32 plane travels as half floats, in chunks of any size") {
+  constexpr std::array<float, 4> kValues{1, -0.5f, 1e9f, INFINITY};
+  constexpr std::array<u16, 4> kHalves{0x3c00, 0xb800, 0x7bff, 0x7c00};
+  PlaneData data{Plane::DEPTH, Pixels(sizeof kValues, {})};
+  std::memcpy(data.pixels.data(), kValues.data(), sizeof kValues);
+  const WirePlane plane(data, true);
+  CHECK(plane.size() == sizeof kHalves);
+  for (u64 limit = 1; limit < 10; ++limit) {
+    std::string bytes;
+    while (bytes.size() < plane.size()) bytes += plane.chunk(bytes.size(), limit);
+    REQUIRE(bytes.size() == sizeof kHalves);
+    CHECK(std::memcmp(bytes.data(), kHalves.data(), sizeof kHalves) == 0);
+  }
 }

@@ -65,6 +65,8 @@ def test_the_handshake_names_version_and_api(tours):
     for found in tours.values():
         info = found["info"]
         assert info.api == "v1" and info.version and info.instance and info.limits
+    for version in ("N", "N+1"):
+        assert tours[version]["info"].min_api == tours[version]["info"].max_api == 1
 
 
 # ---------------------------------------------------------------- requests of the next version

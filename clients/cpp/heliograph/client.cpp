@@ -50,6 +50,7 @@ ServerInfo Client::info() const {
   ServerInfo out;
   out.version = reply.version();
   out.api = reply.api();
+  if (reply.max_api() > 0) out.min_api = reply.min_api(), out.max_api = reply.max_api();
   out.backend = reply.backend();
   out.cpu_features = reply.cpu_features();
   out.threads = reply.threads();

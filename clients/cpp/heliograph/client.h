@@ -21,6 +21,8 @@ class Session;
 struct ServerInfo {
   std::string version;
   std::string api;
+  std::uint32_t min_api = 1;  // the versions of the contract, heliograph.vN, that it speaks
+  std::uint32_t max_api = 1;
   std::string backend;
   std::string cpu_features;
   std::uint32_t threads = 0;

@@ -72,12 +72,18 @@ Array Frame::amodal_mask(std::uint32_t label) const {
 }
 
 Array Frame::image(double exposure) const {
-  const auto beauty = plane<std::array<float, 4>>("beauty");
+  const Array& beauty = (*this)["beauty"];
   const double factor = std::exp2(exposure);
   std::vector<std::uint8_t> out;
-  out.reserve(beauty.size() * 3);
-  for (const auto& [r, g, b, a] : beauty)
-    for (const float value : {r, g, b}) out.push_back(to_srgb(factor * value));
+  out.reserve(std::size_t(width()) * height() * 3);
+  const auto put = [&](const auto& pixels, auto number) {
+    for (const auto& pixel : pixels)
+      for (std::size_t c = 0; c < 3; ++c) out.push_back(to_srgb(factor * number(pixel[c])));
+  };
+  if (beauty.dtype() == DType::kF16)
+    put(beauty.view<std::array<Half, 4>>(), [](Half value) { return value.value(); });
+  else
+    put(beauty.view<std::array<float, 4>>(), [](float value) { return value; });
   return {std::move(out), {height(), width(), 3}};
 }
 

@@ -57,6 +57,8 @@ class RenderOptions {
  public:
   /// Names; "disparity:CAMERA" names its second camera, "beauty:GROUP" a light group. {"beauty"}.
   RenderOptions& planes(std::vector<std::string> v) { return set(&Fields::planes, std::move(v)); }
+  /// Those of the planes that come as half floats: frame.plane<Half>("depth"). None.
+  RenderOptions& half(std::vector<std::string> v) { return set(&Fields::half, std::move(v)); }
   /// The stop rule of averaged planes, any of the three: samples a pixel, seconds, relative noise.
   /// Without one, 64 samples.
   RenderOptions& spp(std::uint32_t v) { return set(&Fields::spp, v); }
@@ -101,6 +103,7 @@ class RenderOptions {
 
   struct Fields {
     std::vector<std::string> planes{"beauty"};
+    std::vector<std::string> half{};
     std::optional<std::uint32_t> spp{};
     std::optional<double> seconds{};
     std::optional<double> noise{};

@@ -38,6 +38,23 @@ TEST_CASE("planes have their dtypes and shapes, labels match pixels") {
   CHECK(error_of([&] { (void)frame.plane<double>("depth"); }).code() == Code::kInvalidArgument);
 }
 
+TEST_CASE("planes come as half floats where that is asked for") {
+  Ball world;
+  const auto options = RenderOptions().spp(2).planes({"beauty", "depth"});
+  const Frame whole = world.scene.render(world.camera, options);
+  const Frame frame =
+      world.scene.render(world.camera, RenderOptions(options).half({"beauty", "depth"}));
+  const auto floats = whole.plane<float>("depth");
+  const auto halves = frame.plane<Half>("depth");
+  CHECK(std::isinf(halves(0, 0).value()));
+  for (std::size_t i = 0; i < floats.size(); ++i)
+    REQUIRE(halves[i].bits == Half::of(floats[i]).bits);
+  const auto seen = frame.image().view<std::uint8_t>(), wanted = whole.image().view<std::uint8_t>();
+  for (std::size_t i = 0; i < wanted.size(); ++i) REQUIRE(std::abs(seen[i] - wanted[i]) <= 1);
+  const auto wrong = [&] { (void)world.scene.render(world.camera, RenderOptions().half({"uv"})); };
+  CHECK(error_of(wrong).details().field == "half");
+}
+
 TEST_CASE("several cameras are one job, planes may name a second camera or a group") {
   Ball world;
   Transaction edit = world.scene.edit();

@@ -3,6 +3,7 @@
 #include <cctype>
 #include <set>
 
+#include "heliograph/error.h"
 #include "wire/convert.h"
 
 namespace heliograph::wire {
@@ -102,6 +103,16 @@ void put_view(const RenderOptions::Fields& given, v1::RenderRequest* out) {
   if (given.overlay) *out->mutable_overlay() = given.overlay->transaction;
 }
 
+void put_half(const RenderOptions::Fields& given, v1::RenderRequest* out) {
+  for (const std::string& plane : given.half) {
+    const auto found = std::find(given.planes.begin(), given.planes.end(), plane);
+    if (found == given.planes.end())
+      throw ClientError(Code::kInvalidArgument, "half: \"" + plane + "\" is not among planes",
+                        {"half"});
+    out->mutable_planes(int(found - given.planes.begin()))->set_half(true);
+  }
+}
+
 }  // namespace
 
 v1::RenderRequest to_request(std::uint64_t scene, const std::vector<Ref>& cameras,
@@ -112,6 +123,7 @@ v1::RenderRequest to_request(std::uint64_t scene, const std::vector<Ref>& camera
   out.set_seed(given.seed);
   for (const Ref& camera : cameras) put_ref(camera, nullptr, "cameras", out.add_cameras());
   for (const std::string& plane : given.planes) put_plane(plane, out.add_planes());
+  put_half(given, &out);
   put_stop_rule(given, &out);
   put_view(given, &out);
   put_labels(given, &out);

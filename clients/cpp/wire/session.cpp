@@ -15,7 +15,17 @@ namespace heliograph::wire {
 namespace {
 
 constexpr std::size_t kLanes = 4;
+constexpr std::uint32_t kApi = 1;  // the version of the contract, heliograph.vN, that we speak
 const char* const kClient = "c++ heliograph " HELIOGRAPH_VERSION;
+
+void check_api(const v1::GetServerInfoReply& server) {
+  if (server.max_api() == 0 || (server.min_api() <= kApi && kApi <= server.max_api())) return;
+  throw ClientError(Code::kFailedPrecondition,
+                    "this daemon (" + server.version() + ") speaks versions " +
+                        std::to_string(server.min_api()) + " to " +
+                        std::to_string(server.max_api()) + " of the protocol and this client " +
+                        std::to_string(kApi) + "; install the client of the daemon's version");
+}
 
 struct Target {
   std::string channel;  // of gRPC
@@ -130,6 +140,7 @@ v1::OpenSessionReply Session::open(const std::string& ticket, std::uint64_t resu
     throw ClientError(Code::kUnavailable, "no daemon answers at " + address_ +
                                               "; start heliographd, or correct the address");
   if (!status.ok()) throw error_of(status, context);
+  check_api(reply.server());
   return reply;
 }
 

@@ -21,14 +21,30 @@ from ._proto import service_pb2 as service
 from ._shared import share_frames
 from ._status import to_error
 from .access import Access
-from .errors import Cancelled, HeliographError, NotFound, Unauthenticated, Unavailable
+from .errors import (
+    Cancelled,
+    FailedPrecondition,
+    HeliographError,
+    NotFound,
+    Unauthenticated,
+    Unavailable,
+)
 
 if TYPE_CHECKING:
     from ._launch import PrivateDaemon
 
+API = 1  # the version of the contract, heliograph.vN, that this client speaks
 RETRY_SECONDS = 10.0  # how long an unreachable daemon is tried again
 _METHODS = service.DESCRIPTOR.services_by_name["Renderer"].methods_by_name
 _TICKET_BYTES = 16
+
+
+def _check_api(server: service.GetServerInfoReply) -> None:
+    if server.max_api and not server.min_api <= API <= server.max_api:
+        raise FailedPrecondition(
+            f"this daemon ({server.version}) speaks versions {server.min_api} to {server.max_api} "
+            f"of the protocol and this client {API}; install the client of the daemon's version"
+        )
 
 
 class Link:
@@ -87,6 +103,7 @@ class Link:
             reply = call(request, timeout=1, metadata=metadata)  # its error names the cause
         self.session = int(reply.session)
         self.server: service.GetServerInfoReply = reply.server
+        _check_api(self.server)
         self._session = (("heliograph-session", str(self.session)),)
 
     @property

@@ -35,6 +35,7 @@ class Options(TypedDict, total=False):
     """Keyword arguments of Scene.render."""
 
     planes: Sequence[str | tuple[str, Named]]
+    half: Sequence[str | tuple[str, Named]]  # those of `planes` that come as float16
     spp: int
     seconds: float
     noise: float
@@ -130,6 +131,7 @@ def make_request(
     if isinstance(planes, str):
         planes = [planes]
     out.planes.extend(_plane(plane) for plane in planes)
+    _put_half(out, list(planes), options.get("half", ()))
     _put_stop_rule(out, options, planes)
     if "size" in options:
         out.width, out.height = _size(options["size"])
@@ -197,6 +199,13 @@ def _plane(plane: str | tuple[str, Named]) -> render_pb.PlaneRequest:
     elif argument:
         out.camera.CopyFrom(_ref(argument))
     return out
+
+
+def _put_half(out: render_pb.RenderRequest, planes: list[Any], half: Any) -> None:
+    for plane in [half] if isinstance(half, str) else half:
+        if plane not in planes:
+            raise InvalidArgument(f"half: {plane!r} is not among planes", field="half")
+        out.planes[planes.index(plane)].half = True
 
 
 def _put_stop_rule(

@@ -19,7 +19,7 @@ def auto_exposure(rgb: NdArray, weight: NdArray) -> float:
     The geometric mean goes to 0.18 (Reinhard et al. 2002, eq. 1), but no more than 2 % of the
     counted pixels may be brighter than 1.6 afterwards.
     """
-    luminance = rgb @ np.array([0.2126, 0.7152, 0.0722], dtype=rgb.dtype)
+    luminance = rgb.astype("f4") @ np.array([0.2126, 0.7152, 0.0722], dtype="f4")
     counted = luminance[(weight > 0.5) & np.isfinite(luminance) & (luminance > 1e-6)]
     if counted.size == 0:
         return 0.0

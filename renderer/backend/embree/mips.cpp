@@ -3,11 +3,11 @@
 
 #include <tbb/parallel_for.h>
 
-#include <bit>
 #include <cmath>
 #include <cstring>
 
 #include "kernels/texture.h"
+#include "renderer/base/half.h"
 
 namespace heliograph::embree {
 namespace {
@@ -35,17 +35,6 @@ float linear_to_srgb(float x) {
   return x <= 0.0031308f ? 12.92f * x : 1.055f * std::pow(x, 1 / 2.4f) - 0.055f;
 }
 
-/// IEEE 754 binary16, rounded to the nearest; beyond its range the largest.
-u16 float_to_half(float x) {
-  const u32 bits = std::bit_cast<u32>(x);
-  const u32 sign = bits >> 16 & 0x8000u;
-  const float magnitude = std::min(std::fabs(x), 65504.0f);
-  if (magnitude < 0x1p-14f) return u16(sign | u32(std::lrint(magnitude * 0x1p24f)));
-  const u32 rounded =
-      std::bit_cast<u32>(magnitude) + 0xfffu + (std::bit_cast<u32>(magnitude) >> 13 & 1);
-  return u16(sign | ((rounded - (112u << 23)) >> 13));
-}
-
 /// Writes a channel of a texel.
 void store(const TextureView& to, u64 i, float value, bool srgb) {
   auto* bytes = static_cast<std::byte*>(const_cast<void*>(to.texels));
@@ -58,7 +47,7 @@ void store(const TextureView& to, u64 i, float value, bool srgb) {
     case TexelType::kU16:
       return put(u16(integer(65535)));
     case TexelType::kF16:
-      return put(float_to_half(value));
+      return put(half_of_float(value));
     case TexelType::kF32:
       return put(value);
   }

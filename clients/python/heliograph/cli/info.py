@@ -43,9 +43,14 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _apis(info: Any) -> str:
+    """ "v1", or "v1 to v2"."""
+    return info.api if info.max_api <= 1 else f"v{info.min_api} to v{info.max_api}"
+
+
 def _print_server(info: Any) -> None:
     rows = [
-        ("version", f"{info.version} (api {info.api})"),
+        ("version", f"{info.version} (api {_apis(info)})"),
         ("backend", f"{info.backend}, {info.cpu_features or 'features not known yet'}"),
         ("threads", str(info.threads)),
         ("ready", "yes" if info.ready else f"no: {info.not_ready}"),
