@@ -71,7 +71,7 @@ class Durable {
 
 Entity place(Scene& scene, const std::string& name, double x) {
   Transaction edit = scene.edit();
-  Entity entity = edit.entity(name, Components().transform(Pose({x, 0, 0})));
+  Entity entity = edit.entity(name, Components().transform(Pose(Vec3{x, 0, 0})));
   edit.commit();
   return entity;
 }
@@ -118,7 +118,7 @@ TEST_CASE("durable: what was not is gone, branches are when they are asked to be
   CHECK(plain.durability() == Durability::kNone);
   place(plain, "thing", 1);
   const Scene branch = plain.branch("kept", {}, true, Durability::kOs);
-  plain.branch("lost", {}, true);
+  const Scene lost = plain.branch("lost", {}, true);
   const std::string file = daemon.address().substr(7) + ".scene";
   plain.save(file);
   const Scene loaded = own.load_scene(file, "loaded", true, Durability::kFsync);
