@@ -37,12 +37,25 @@ def small_disk(folder):
         subprocess.run(["umount", path], check=True)
 
 
-def fill(scene, number):
-    """One edit with 300 kB of vertices."""
+def count(scene, number, vertices=0):
+    """One edit, with 12 bytes of array a vertex."""
     with scene.edit() as edit:
         edit.entity("counter", transform=hg.Pose((number, 0, 0)))
-        positions = np.full((25_000, 3), number, dtype="<f4")
-        edit.mesh("mesh", positions=positions, indices=[[0, 1, 2]])
+        if vertices:
+            positions = np.full((vertices, 3), number, dtype="<f4")
+            edit.mesh("mesh", positions=positions, indices=[[0, 1, 2]])
+
+
+def count_until_refused(scene, number, vertices):
+    """The last number that was acknowledged."""
+    for each in range(number + 1, number + 10_000):
+        try:
+            count(scene, each, vertices)
+        except (ResourceExhausted, Unavailable) as error:
+            print(f"  {each - number - 1} edits of {vertices} vertices, then", end=" ")
+            print(f"{type(error).__name__}: {error}")
+            return each - 1
+    raise AssertionError("the disk never fills")
 
 
 def main():
@@ -56,14 +69,8 @@ def main():
         scene = client.create_scene("room", durability="os", shared=True)
         ballast = disk / "ballast"
         ballast.write_bytes(bytes(MEBIBYTES << 19))
-        acknowledged, refused = 0, None
-        while refused is None and acknowledged < 10_000:
-            try:
-                fill(scene, acknowledged + 1)
-                acknowledged += 1
-            except (ResourceExhausted, Unavailable) as error:
-                refused = error
-        print(f"  {acknowledged} edits, then {type(refused).__name__}: {refused}")
+        acknowledged = count_until_refused(scene, 0, vertices=25_000)
+        acknowledged = count_until_refused(scene, acknowledged, vertices=0)
         health = Health(client)
         said = seconds_until(lambda: not health.check(DURABLE))
         report.figure("until health says read-only", said, 1, "s")
@@ -84,7 +91,7 @@ def main():
 
         def writes_again():
             try:
-                fill(scene, last)
+                count(scene, last, vertices=25_000)
             except (ResourceExhausted, Unavailable):
                 time.sleep(0.1)
                 return False
