@@ -25,8 +25,8 @@ Status set_parent(const Snapshot& scene, EntityId self, EntityId parent, Entity&
 Status set_materials(const Scope& scope, const std::vector<Ref>& refs, Entity& entity) {
   std::vector<MaterialId> materials(refs.size());
   for (std::size_t k = 0; k < refs.size(); ++k)
-    if (auto status = scope.bind(refs[k], "", materials[k]); !status)
-      return std::unexpected(std::move(status).error().at(fmt::format("materials.parts[{}]", k)));
+    if (!scope.bind(refs[k], "materials.parts", materials[k]))
+      return scope.bind(refs[k], fmt::format("materials.parts[{}]", k), materials[k]);
   if (entity.materials && *entity.materials == materials) return {};
   entity.materials = materials.empty()
                          ? nullptr

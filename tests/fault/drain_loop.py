@@ -73,7 +73,7 @@ def load(served, moment, found):
                         edit.entity("ball", mesh=edit.mesh("mesh", **ball))
                 scene.render("cam", spp=1 << 20 if moment == "rendering for ever" else 8)
                 found["frames"] += 1
-        except (hg.Unavailable, hg.Cancelled) as error:  # the latter: as gRPC shut down
+        except hg.Unavailable as error:
             found["cut"] += 1
             found["wrong"] += not (error.retry_seconds > 0 or is_gone(served))
         except hg.HeliographError as error:

@@ -151,8 +151,8 @@ def test_durability_without_a_state_directory(client):
 
 
 def test_two_daemons_do_not_share_a_state_directory(daemons, tmp_path):
-    daemons()
-    (tmp_path / "other").mkdir()
-    second = Served(tmp_path / "other", "--state-dir", tmp_path / "state")
-    assert second.process.wait(10) == 69
+    with hg.connect(daemons()):  # by now it has taken the directory
+        (tmp_path / "other").mkdir()
+        second = Served(tmp_path / "other", "--state-dir", tmp_path / "state")
+        assert second.process.wait(10) == 69
     assert "another daemon's" in second.log()

@@ -94,6 +94,8 @@ TEST_CASE("apply: references of the wrong kind, stale ones, and later edits") {
   CHECK(code_of(beneath(CreatedByEdit{0}), "edits[0].entity.parent.created_by_edit") ==
         Code::kInvalidArgument);
   CHECK(code_of(PutEntity{.volume = "mat"}, "edits[0].entity.volume") == Code::kInvalidArgument);
+  CHECK(code_of(PutEntity{.materials = {{"mat", CreatedByEdit{0}}}},
+                "edits[0].entity.materials.parts[1].created_by_edit") == Code::kInvalidArgument);
   CHECK(code_of(PutEntity{.materials = {{"mat", "new"}}}, "edits[0].entity.materials.parts[1]") ==
         Code::kInvalidArgument);
   CHECK(code_of(PutEntity{.light = {LightPatch{.texture = {.texture = "mat", .use = {}}}}},

@@ -23,12 +23,24 @@ void write(const std::string& path, const std::string& bytes) {
   std::ofstream(path, std::ios::binary) << bytes;
 }
 
+/// Changes whenever the state directory does.
+std::string contents(const Folder& folder) {
+  std::string text;
+  for (const char* name : {"journal.db", "journal.db-wal"}) {
+    std::ifstream file(folder / name, std::ios::binary);
+    text += sha256(std::string(std::istreambuf_iterator<char>(file), {}));
+  }
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder / "blobs"))
+    text += entry.path().filename();
+  return text;
+}
+
 /// The state directory after a loss of power.
 void lose_power(const Folder& from, const Folder& to, std::mt19937& random) {
   std::filesystem::create_directories(to / "blobs");
-  std::filesystem::copy(
-      from / "blobs", to / "blobs",
-      std::filesystem::copy_options::recursive | std::filesystem::copy_options::overwrite_existing);
+  std::error_code gone;  // a file, in between
+  std::filesystem::copy(from / "blobs", to / "blobs", std::filesystem::copy_options::recursive,
+                        gone);
   for (const char* name : {"journal.db", "journal.db-wal"})
     write(to / name, vfs().after_power_loss(from / name, random));
 }
@@ -119,9 +131,15 @@ TEST_CASE("journal: after a loss of power every edit acknowledged as fsync is th
     REQUIRE(*apply(server, session, placed(scene->id, number, "a", float(number))));
     states[number] = fingerprint(*scene->scene.head());
     if (number % 4 != 0) continue;
-    const Folder after;
-    lose_power(folder, after, random);
-    Server next(after.path());
+    // The files are of one moment: a snapshot that is made meanwhile comes whole or not at all.
+    std::string before;
+    std::unique_ptr<Folder> after;
+    while (before.empty() || before != contents(folder)) {
+      before = contents(folder);
+      after = std::make_unique<Folder>();
+      lose_power(folder, *after, random);
+    }
+    Server next(after->path());
     if (!next.opened) {
       UNSCOPED_INFO(next.opened.error().message);
       ++refused;

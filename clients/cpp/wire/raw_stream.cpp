@@ -11,6 +11,11 @@ void Cancelling::cancel() {
   for (grpc::ClientContext* context : contexts_) context->TryCancel();
 }
 
+bool Cancelling::is_cancelled() {
+  const std::lock_guard lock(mutex_);
+  return is_cancelled_;
+}
+
 void Cancelling::add(grpc::ClientContext* context) {
   const std::lock_guard lock(mutex_);
   contexts_.insert(context);
@@ -79,11 +84,22 @@ void RawStream::write_next() {
   }
 }
 
+void RawStream::cancel() {
+  is_cancelled_ = true;
+  context_.TryCancel();
+}
+
+bool RawStream::is_cancelled() {
+  return is_cancelled_ || (cancellation_ && cancellation_->state()->is_cancelled());
+}
+
 bool RawStream::read(grpc::ByteBuffer* out) {
   if (is_finished_) return false;
   call_->Read(out, out);
   if (await(out)) return true;
   const grpc::Status status = finish();
+  if (status.error_code() == grpc::CANCELLED && is_cancelled())
+    throw ClientError(Code::kCancelled, "the call was cancelled");
   session_->check(status, context_);
   return false;
 }

@@ -3,6 +3,7 @@
 
 #include <grpcpp/generic/generic_stub.h>
 
+#include <atomic>
 #include <deque>
 #include <memory>
 #include <mutex>
@@ -19,6 +20,7 @@ namespace heliograph::wire {
 class Cancelling {
  public:
   void cancel();
+  [[nodiscard]] bool is_cancelled();
   void add(grpc::ClientContext* context);
   void remove(grpc::ClientContext* context);
 
@@ -48,7 +50,7 @@ class RawStream {
   void send(const google::protobuf::Message& message, bool is_last = false);
   /// Nothing follows.
   void finish_sending();
-  void cancel() { context_.TryCancel(); }
+  void cancel();
   /// The next reply; false at the end, which throws unless it is a good one.
   bool read(grpc::ByteBuffer* out);
 
@@ -56,6 +58,7 @@ class RawStream {
   bool await(void* wanted);
   void write_next();  // mutex_ is held
   grpc::Status finish();
+  bool is_cancelled();
 
   const std::shared_ptr<Session> session_;
   const std::optional<Cancellation> cancellation_;
@@ -63,6 +66,7 @@ class RawStream {
   grpc::CompletionQueue queue_;
   std::unique_ptr<grpc::GenericClientAsyncReaderWriter> call_;
   bool is_finished_ = false;  // the reader's
+  std::atomic<bool> is_cancelled_ = false;
   std::mutex mutex_;
   std::deque<grpc::ByteBuffer> outbox_;
   bool is_writing_ = false;

@@ -212,8 +212,12 @@ void Session::check(const grpc::Status& status, const grpc::ClientContext& conte
 bool Session::is_daemon_dead() { return daemon_ && daemon_->is_dead(); }
 
 ClientError Session::error_of(const grpc::Status& status, const grpc::ClientContext& context) {
-  if (status.error_code() == grpc::UNAVAILABLE && is_daemon_dead())
+  const bool is_cut = status.error_code() == grpc::CANCELLED;  // not by us
+  if ((is_cut || status.error_code() == grpc::UNAVAILABLE) && is_daemon_dead())
     return daemon_->death("heliographd died");
+  if (is_cut)
+    return {Code::kUnavailable,
+            "the daemon cut the call off, because it ends or what it sent was not read"};
   v1::ErrorDetail detail;
   const auto& trailers = context.GetServerTrailingMetadata();
   const auto found = trailers.find("heliograph-error-bin");

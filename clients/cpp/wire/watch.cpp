@@ -85,8 +85,8 @@ v1::WatchReply WatchCall::read() {
 }
 
 bool WatchCall::may_retry(const ClientError& error) const {
-  const bool is_lost = error.code() == Code::kUnavailable || error.code() == Code::kCancelled;
-  return is_lost && !error.details().exit_code && !scene_->session->is_closed();
+  const bool is_lost = error.code() == Code::kUnavailable && !error.details().exit_code;
+  return is_lost && !scene_->session->is_closed();
 }
 
 void WatchCall::resume(std::uint64_t first) {

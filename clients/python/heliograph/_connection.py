@@ -21,14 +21,7 @@ from ._proto import service_pb2 as service
 from ._shared import share_frames
 from ._status import to_error
 from .access import Access
-from .errors import (
-    Cancelled,
-    FailedPrecondition,
-    HeliographError,
-    NotFound,
-    Unauthenticated,
-    Unavailable,
-)
+from .errors import FailedPrecondition, HeliographError, NotFound, Unauthenticated, Unavailable
 
 if TYPE_CHECKING:
     from ._launch import PrivateDaemon
@@ -253,8 +246,6 @@ class Connection:
                 return link.method(name)(request, timeout=timeout, metadata=link.metadata)
             except grpc.RpcError as error:
                 failure = to_error(error)
-            if isinstance(failure, Cancelled) and not self.closed:
-                failure = Unavailable(f"the daemon ended in the middle of the call: {failure}")
             if not (isinstance(failure, Unavailable) or self.resume(link, failure)):
                 raise failure
             failure = self._lost(failure)
@@ -293,6 +284,8 @@ class Connection:
     def failure(self, link: Link, error: grpc.RpcError) -> HeliographError:
         """What to raise for a call that cannot be repeated here."""
         failed = to_error(error)
+        if self.closed and isinstance(failed, Unavailable):
+            return Unavailable("this client was closed in the middle of the call")
         if self.resume(link, failed):
             return Unavailable(
                 "the daemon was restarted, and the session goes on: ask again; what was not "

@@ -22,6 +22,9 @@ def to_error(error: grpc.RpcError) -> HeliographError:
             detail.ParseFromString(value)
     name = error.code().name
     text = error.details() or name
+    if name == "CANCELLED" and not error.cancelled():
+        name = "UNAVAILABLE"
+        text = f"the daemon cut the call off, because it ends or what it sent was not read: {text}"
     too_long = _TOO_LONG.search(text)  # gRPC's own words, before the daemon sees the request
     if too_long:
         detail.field = "message"
