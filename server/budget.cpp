@@ -16,11 +16,12 @@ constexpr double kBucketSeconds = 10;  // what a bucket holds
 Status Budget::take(u64 amount) {
   u64 used = used_;
   do {
-    const u64 available = limit_ - std::min(used, limit_);
+    const u64 limit = limit_;
+    const u64 available = limit - std::min(used, limit);
     if (amount <= available) continue;
     Error error{.code = Code::kResourceExhausted,
-                .message = fmt::format("needs {} {}, {} are available; {}, or raise the daemon's "
-                                       "limit {}",
+                .message = fmt::format("needs {} {}, {} are available; {}, or raise "
+                                       "the limit {}",
                                        amount, words_.unit, available, words_.remedy, words_.limit),
                 .where = ""};
     error.needed = amount;
@@ -67,22 +68,23 @@ Status Charge::resize(u64 amount) {
 
 void Rate::refill(Clock::time_point now) {
   const double seconds = std::chrono::duration<double>(now - filled_).count();
-  missing_ = std::max(0.0, missing_ - seconds * double(per_second_));
+  missing_ = std::max(0.0, missing_ - seconds);
   filled_ = now;
 }
 
 Status Rate::admit(Clock::time_point now) {
   const std::lock_guard lock(mutex_);
   refill(now);
-  const double debt = missing_ - kBucketSeconds * double(per_second_);
+  const double debt = missing_ - kBucketSeconds;
   if (debt < 0) return {};
-  const double seconds = (debt + 1) / double(per_second_);
+  const u64 limit = per_second_;
+  const double seconds = debt + 1 / double(limit);
   Error error{.code = Code::kResourceExhausted,
               .message = fmt::format("more than {} a second; retry in {:.2g} s, or raise the "
-                                     "daemon's limit {}",
-                                     per_second_, seconds, name_),
+                                     "limit {}",
+                                     limit, seconds, name_),
               .where = ""};
-  error.needed = u64(debt) + 1;
+  error.needed = u64(debt * double(limit)) + 1;
   error.retry_seconds = seconds;
   return std::unexpected(std::move(error));
 }
@@ -90,7 +92,7 @@ Status Rate::admit(Clock::time_point now) {
 void Rate::charge(u64 amount, Clock::time_point now) {
   const std::lock_guard lock(mutex_);
   refill(now);
-  missing_ += double(amount);
+  missing_ += double(amount) / double(per_second_);
 }
 
 }  // namespace heliograph::server

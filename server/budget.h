@@ -28,10 +28,13 @@ class Budget {
   [[nodiscard]] Status take(u64 amount);
   void give_back(u64 amount);
   [[nodiscard]] u64 used() const { return used_; }
+  [[nodiscard]] u64 limit() const { return limit_; }
+  /// What is used stays used, more than the limit too.
+  void set_limit(u64 limit) { limit_ = limit; }
   [[nodiscard]] const std::string& name() const { return words_.limit; }
 
  private:
-  const u64 limit_;
+  std::atomic<u64> limit_;
   const Words words_;
   const std::shared_ptr<Budget> parent_;
   std::atomic<u64> used_ = 0;
@@ -63,6 +66,11 @@ class Rate {
 
   Rate(u64 per_second, std::string name) : per_second_(per_second), name_(std::move(name)) {}
 
+  [[nodiscard]] u64 limit() const { return per_second_; }
+  /// Takes as long to fill the bucket as before.
+  void set_limit(u64 per_second) { per_second_ = per_second; }
+  [[nodiscard]] const std::string& name() const { return name_; }
+
   /// RESOURCE_EXHAUSTED with the time until the debt is paid.
   [[nodiscard]] Status admit(Clock::time_point now = Clock::now());
   void charge(u64 amount, Clock::time_point now = Clock::now());
@@ -70,10 +78,10 @@ class Rate {
  private:
   void refill(Clock::time_point now);  // under mutex_
 
-  const u64 per_second_;
+  std::atomic<u64> per_second_;
   const std::string name_;
   std::mutex mutex_;
-  double missing_ = 0;  // from the full bucket
+  double missing_ = 0;  // seconds' worth, from the full bucket
   Clock::time_point filled_ = Clock::now();
 };
 

@@ -27,24 +27,13 @@ std::string default_socket() {
 
 Status set_limit(Limits& limits, const std::string& setting) {
   const auto equals = setting.find('=');
-  u64 value = 0;
-  const char* end = setting.data() + setting.size();
-  const auto parsed = equals == std::string::npos
-                          ? std::from_chars_result{nullptr, std::errc::invalid_argument}
-                          : std::from_chars(setting.data() + equals + 1, end, value);
-  if (parsed.ec != std::errc() || parsed.ptr != end || value == 0)
-    return fail(Code::kInvalidArgument, "--limit",
-                "'" + setting + "' is not NAME=NUMBER with a number above 0");
-  const std::string name = setting.substr(0, equals);
-#define HELIO_LIMIT(field, ...) \
-  if (name == #field) {         \
-    limits.field = value;       \
-    return {};                  \
-  }
-  HELIO_LIMITS(HELIO_LIMIT)
-#undef HELIO_LIMIT
-  return fail(Code::kInvalidArgument, "--limit",
-              "there is no limit '" + name + "'; --help lists them");
+  if (equals == std::string::npos)
+    return fail(Code::kInvalidArgument, "--limit", "'" + setting + "' is not NAME=NUMBER");
+  const std::string_view view = setting;
+  const auto parsed = parse_limit(view.substr(0, equals), view.substr(equals + 1));
+  if (!parsed) return std::unexpected(parsed.error());
+  limits.*parsed->limit = parsed->value;
+  return {};
 }
 
 std::string limits_help() {
@@ -209,6 +198,22 @@ bool Config::is_exposed() const {
   return tls_cert.empty() && std::ranges::any_of(listen, [](const std::string& address) {
            return !is_loopback(address).value_or(false);
          });
+}
+
+Expected<LimitSetting> parse_limit(std::string_view name, std::string_view value) {
+  LimitSetting setting{.limit = nullptr, .value = 0};
+#define HELIO_LIMIT(field, ...) \
+  if (name == #field) setting.limit = &Limits::field;
+  HELIO_LIMITS(HELIO_LIMIT)
+#undef HELIO_LIMIT
+  if (setting.limit == nullptr)
+    return fail(Code::kInvalidArgument, "--limit",
+                fmt::format("there is no limit '{}'; --help lists them", name));
+  const char* end = value.data() + value.size();
+  const auto parsed = std::from_chars(value.data(), end, setting.value);
+  if (parsed.ec == std::errc() && parsed.ptr == end && setting.value > 0) return setting;
+  return fail(Code::kInvalidArgument, "--limit",
+              fmt::format("{} needs a number above 0, not '{}'", name, value));
 }
 
 std::vector<std::pair<std::string, u64>> list_limits(const Limits& limits) {

@@ -5,6 +5,7 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "renderer/base/error.h"
@@ -115,6 +116,15 @@ struct Config {
   /// Whether others than this machine's users can read and use what travels.
   [[nodiscard]] bool is_exposed() const;
 };
+
+/// What a setting of a limit says.
+struct LimitSetting {
+  u64 Limits::* limit;
+  u64 value;
+};
+
+/// INVALID_ARGUMENT, at --limit: there is no such limit, or the value is no number above 0.
+[[nodiscard]] Expected<LimitSetting> parse_limit(std::string_view name, std::string_view value);
 
 /// What is_exposed() means to a client.
 inline constexpr const char* kExposed =

@@ -17,6 +17,8 @@ constexpr const char* kFlag = "--tenants";
 constexpr std::string_view kHash = "sha256:";
 constexpr std::size_t kNameBytes = 64;
 constexpr std::size_t kTokenBytes = 16;  // shorter ones can be guessed
+constexpr std::string_view kTenantLimit = "tenant_";
+constexpr double kLightest = 0.01, kHeaviest = 100;  // weights
 constexpr const char* kOnlyTenant = "local";
 
 std::vector<std::string_view> words_of(std::string_view line) {
@@ -81,6 +83,33 @@ Status Identities::set_socket(const std::string& tenant) {
   return {};
 }
 
+Status Identities::set_weight(std::string_view number, const std::string& tenant) {
+  double weight = 0;
+  const char* end = number.data() + number.size();
+  const auto parsed = std::from_chars(number.data(), end, weight);
+  if (parsed.ec != std::errc() || parsed.ptr != end ||
+      !(weight >= kLightest && weight <= kHeaviest))
+    return refuse(fmt::format("a weight is a number from {} to {}", kLightest, kHeaviest));
+  if (lines_[tenant].weight)
+    return fail(Code::kAlreadyExists, kFlag, "the tenant has a weight already; leave one");
+  lines_[tenant].weight = weight;
+  return {};
+}
+
+Status Identities::set_limit(std::string_view name, std::string_view number,
+                             const std::string& tenant) {
+  const auto setting = parse_limit(name, number);
+  if (!setting || !name.starts_with(kTenantLimit))
+    return refuse(
+        "a tenant's limit is one of those of heliographd --help that begin with tenant_, and a "
+        "number above 0");
+  auto& limits = lines_[tenant].limits;
+  if (std::ranges::find(limits, setting->limit, &LimitSetting::limit) != limits.end())
+    return fail(Code::kAlreadyExists, kFlag, "the tenant has this limit already; leave one");
+  limits.push_back(*setting);
+  return {};
+}
+
 Status Identities::add_line(std::string_view line) {
   const auto words = words_of(line);
   if (words.empty()) return {};
@@ -91,8 +120,12 @@ Status Identities::add_line(std::string_view line) {
   if (kind == "socket" && words.size() == 2) return set_socket(tenant);
   if (kind == "certificate" && words.size() == 3)
     return add_certificate(std::string(words[2]), tenant);
+  if (kind == "weight" && words.size() == 3) return set_weight(words[2], tenant);
+  if (kind == "limit" && words.size() == 4) return set_limit(words[2], words[3], tenant);
   if (kind != "token" || words.size() != 3)
-    return refuse("write TENANT token sha256:HEX, TENANT certificate NAME, or TENANT socket");
+    return refuse(
+        "write TENANT token sha256:HEX, TENANT certificate NAME, TENANT socket, TENANT weight "
+        "NUMBER, or TENANT limit NAME NUMBER");
   const std::string hash = hash_of(words[2]);
   if (hash.empty())
     return refuse(
@@ -140,6 +173,15 @@ std::set<std::string> Identities::tenants() const {
   for (const auto& [name, tenant] : certificates_) all.insert(tenant);
   if (!socket_.empty()) all.insert(socket_);
   return all;
+}
+
+Grant Identities::grant_of(const std::string& tenant, const Limits& limits) const {
+  Grant grant{.limits = limits};
+  const auto found = lines_.find(tenant);
+  if (found == lines_.end()) return grant;
+  grant.weight = found->second.weight.value_or(grant.weight);
+  for (const auto& [limit, value] : found->second.limits) grant.limits.*limit = value;
+  return grant;
 }
 
 Expected<Identities> load_identities(const Config& config) {

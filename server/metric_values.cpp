@@ -48,20 +48,21 @@ void add_engine(const Engine& engine, std::vector<MetricValue>& all) {
                  true});
 }
 
-void add_tenant(const Tenant& tenant, const Limits& limits, std::vector<MetricValue>& all) {
-  const auto allowed = list_limits(limits);
-  for (const auto& [limit, used] : tenant.used()) {
+void add_tenant(const Tenant& tenant, std::vector<MetricValue>& all) {
+  for (const auto& [limit, used] : tenant.used())
     all.push_back({"heliograph_tenant_used",
                    "What a tenant uses of a limit",
                    double(used),
                    {{"tenant", tenant.name}, {"limit", limit}}});
-    const auto found =
-        std::ranges::find_if(allowed, [&](const auto& each) { return each.first == limit; });
+  for (const auto& [limit, value] : tenant.limits())
     all.push_back({"heliograph_tenant_limit",
                    "What a tenant may use",
-                   double(found->second),
+                   double(value),
                    {{"tenant", tenant.name}, {"limit", limit}}});
-  }
+  all.push_back({"heliograph_tenant_weight",
+                 "A tenant's share of the device against other tenants'",
+                 tenant.weight(),
+                 {{"tenant", tenant.name}}});
 }
 
 void add_process(std::vector<MetricValue>& all) {
@@ -90,8 +91,7 @@ std::vector<MetricValue> metric_values(const Daemon& daemon, u32 connections) {
   all.push_back({"heliograph_blob_bytes", "Bytes of all blobs, uploads and assets",
                  double(daemon.tenants.store().used())});
   if (const Engine* engine = daemon.engine->get()) add_engine(*engine, all);
-  for (const TenantPtr& tenant : daemon.tenants.all())
-    add_tenant(*tenant, daemon.config.limits, all);
+  for (const TenantPtr& tenant : daemon.tenants.all()) add_tenant(*tenant, all);
   add_process(all);
   return all;
 }

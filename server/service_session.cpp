@@ -39,6 +39,7 @@ void describe_server(const Daemon& daemon, const Tenant& tenant, v1::GetServerIn
                                                : std::thread::hardware_concurrency());
   for (const auto& [name, value] : list_limits(daemon.config.limits))
     (*reply.mutable_limits())[name] = value;
+  for (const auto& [name, value] : tenant.limits()) (*reply.mutable_limits())[name] = value;
   for (const auto& [name, amount] : tenant.used()) (*reply.mutable_used())[name] = amount;
   if (daemon.journal) {
     const Status writing = daemon.journal->status();

@@ -24,6 +24,23 @@ Tenant::Tenant(u64 number, std::string called, const Limits& limits,
       samples(limits.tenant_samples_per_second, "tenant_samples_per_second"),
       blobs({.bytes = limits.blob_store_bytes, .blob_bytes = limits.blob_bytes}, store) {}
 
+void Tenant::give(const Grant& grant) {
+  weight_ = grant.weight;
+  bytes->set_limit(grant.limits.tenant_bytes);
+  entities->set_limit(grant.limits.tenant_entities);
+  streams->set_limit(grant.limits.tenant_streams);
+  jobs->set_limit(grant.limits.tenant_jobs);
+  edits.set_limit(grant.limits.tenant_edits_per_second);
+  samples.set_limit(grant.limits.tenant_samples_per_second);
+}
+
+std::map<std::string, u64> Tenant::limits() const {
+  std::map<std::string, u64> all;
+  for (const auto& budget : {bytes, entities, streams, jobs}) all[budget->name()] = budget->limit();
+  for (const Rate* rate : {&edits, &samples}) all[rate->name()] = rate->limit();
+  return all;
+}
+
 std::map<std::string, u64> Tenant::used() const {
   std::map<std::string, u64> all;
   for (const auto& budget : {bytes, entities, streams, jobs}) all[budget->name()] = budget->used();
@@ -34,13 +51,20 @@ Tenants::Tenants(const Limits& limits, Identities identities)
     : limits_(limits),
       store_(BlobStore::make_budget(limits.blob_store_bytes)),
       identities_(std::move(identities)) {
-  add_tenants();
+  give_all();
 }
 
-void Tenants::add_tenants() {
-  for (const std::string& name : identities_.tenants())
-    if (auto& tenant = tenants_[name]; !tenant)
-      tenant = std::make_shared<Tenant>(tenants_.size(), name, limits_, store_);
+TenantPtr& Tenants::give(const std::string& name) {
+  auto& tenant = tenants_[name];
+  if (!tenant) tenant = std::make_shared<Tenant>(tenants_.size(), name, limits_, store_);
+  tenant->give(identities_.grant_of(name, limits_));
+  return tenant;
+}
+
+void Tenants::give_all() {
+  auto names = identities_.tenants();
+  for (const auto& [name, tenant] : tenants_) names.insert(name);
+  for (const std::string& name : names) give(name);
 }
 
 Expected<TenantPtr> Tenants::of(const Caller& caller) const {
@@ -54,16 +78,14 @@ Expected<TenantPtr> Tenants::of(const Caller& caller) const {
 
 TenantPtr Tenants::named(const std::string& name) {
   const std::lock_guard lock(mutex_);
-  auto& tenant = tenants_[name];
-  if (!tenant) tenant = std::make_shared<Tenant>(tenants_.size(), name, limits_, store_);
-  return tenant;
+  return give(name);
 }
 
 std::vector<TenantPtr> Tenants::replace(Identities identities) {
   const std::lock_guard lock(mutex_);
   const auto before = identities_.tenants();
   identities_ = std::move(identities);
-  add_tenants();
+  give_all();
   const auto now = identities_.tenants();
   std::vector<TenantPtr> gone;
   for (const std::string& name : before)

@@ -1,6 +1,7 @@
 // Who owns sessions, scenes and work, and what it may use. Asked by the gate.
 #pragma once
 
+#include <atomic>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -22,9 +23,11 @@ class Tenant {
   /// `store`: the budget of all blobs, of which its own is a part.
   Tenant(u64 id, std::string name, const Limits& limits, const std::shared_ptr<Budget>& store);
 
+  /// From now on this holds. What is used stays used; the weight counts for next jobs.
+  void give(const Grant& grant);
+
   const u64 id;  // of this daemon's life
   const std::string name;
-  const double weight = 1;                 // its share of the device against other tenants'
   const std::shared_ptr<Budget> bytes;     // of uploads, blobs, assets, inline arrays, events
   const std::shared_ptr<Budget> entities;  // of all its scenes
   const std::shared_ptr<Budget> streams;   // calls of Stream, RenderBatch and Watch
@@ -36,10 +39,17 @@ class Tenant {
   AssetStore assets;
 
   [[nodiscard]] Origin origin(u64 session, i32 priority = 0) const {
-    return {.tenant = id, .weight = weight, .session = session, .priority = priority};
+    return {.tenant = id, .weight = weight_, .session = session, .priority = priority};
   }
+  /// Its share of the device against other tenants'.
+  [[nodiscard]] double weight() const { return weight_; }
+  /// By their names.
+  [[nodiscard]] std::map<std::string, u64> limits() const;
   /// What is used, by the limits' names.
   [[nodiscard]] std::map<std::string, u64> used() const;
+
+ private:
+  std::atomic<double> weight_ = 1;
 };
 using TenantPtr = std::shared_ptr<Tenant>;
 
@@ -50,9 +60,10 @@ class Tenants {
 
   /// UNAUTHENTICATED, in the same words whatever is missing or wrong.
   [[nodiscard]] Expected<TenantPtr> of(const Caller& caller) const;
-  /// The tenant of that name, who may have no identity now: its durable scenes are there.
+  /// The tenant of that name, who has what it is given from now on; it may have no identity, only
+  /// durable scenes.
   [[nodiscard]] TenantPtr named(const std::string& name);
-  /// From now on these identities hold. Returns the tenants that have none any more.
+  /// From now on these identities and grants hold. Returns the tenants that have none any more.
   [[nodiscard]] std::vector<TenantPtr> replace(Identities identities);
   /// Whether there is more than one.
   [[nodiscard]] bool are_several() const;
@@ -61,7 +72,9 @@ class Tenants {
   [[nodiscard]] const Budget& store() const { return *store_; }
 
  private:
-  void add_tenants();  // those that identities_ names; under mutex_
+  // Both under mutex_.
+  TenantPtr& give(const std::string& name);  // the tenant, made if need be, has its grant
+  void give_all();                           // those that identities_ names, and that were there
 
   const Limits limits_;
   const std::shared_ptr<Budget> store_;

@@ -16,6 +16,13 @@ constexpr SceneLimits kNoLimits{.entities = std::numeric_limits<u32>::max(),
                                 .array_bytes = std::numeric_limits<u64>::max(),
                                 .revisions = 1};
 
+/// The same of what tenants are given, until all is there.
+Limits no_limits() {
+  Limits limits;
+  limits.tenant_bytes = limits.tenant_entities = std::numeric_limits<u64>::max();
+  return limits;
+}
+
 std::unexpected<Error> broken(std::string what) {
   return fail(Code::kInternal, "", std::move(what));
 }
@@ -63,6 +70,7 @@ Recovery::Owner& Recovery::owner(const std::string& tenant) {
   Owner& owner = owners_[tenant];
   if (owner.source) return owner;
   owner.tenant = target_.tenants.named(tenant);
+  owner.tenant->give({.limits = no_limits()});
   owner.holdings =
       std::make_unique<Holdings>(owner.tenant->blobs, owner.tenant->assets, owner.tenant->bytes);
   owner.source = std::make_unique<RecoveringSource>(*owner.holdings, journal_.files(tenant));
@@ -155,6 +163,7 @@ Expected<Recovered> Recovery::finish() {
     HELIO_TRY(target_.scenes.restore(std::move(state), tenant));
     ++recovered_.scenes;
   }
+  for (const auto& [name, owner] : owners_) (void)target_.tenants.named(name);  // has its limits
   return recovered_;
 }
 

@@ -11,6 +11,7 @@ import pathlib
 import ssl
 import subprocess
 import tempfile
+import urllib.request
 
 import grpc
 import heliograph as hg
@@ -71,7 +72,8 @@ class Authority:
 
 
 class Served:
-    """A heliographd with these flags; `.tcp` is its address when it listens on TCP."""
+    """A heliographd with these flags; `.tcp` is its address when it listens on TCP, `.metrics` that
+    of its metrics."""
 
     def __init__(self, folder, *flags):
         self.folder = pathlib.Path(folder)
@@ -90,10 +92,18 @@ class Served:
             said = line.readline()
         if not said:
             raise RuntimeError(f"heliographd did not start: {self.log()}")
-        self.tcp = next(iter(json.loads(said)["listen"]), "")
+        told = json.loads(said)
+        self.tcp, self.metrics = next(iter(told["listen"]), ""), told["metrics"]
 
     def log(self):
         return self._log.read_text()
+
+    def scrape(self, name):
+        """The values of a metric by their labels, as they are written."""
+        with urllib.request.urlopen(f"http://{self.metrics}/metrics", timeout=5) as reply:
+            lines = reply.read().decode().splitlines()
+        found = (line[len(name) + 1 :].split("} ") for line in lines if line.startswith(name + "{"))
+        return {labels: float(value) for labels, value in found}
 
     def stop(self):
         self.process.terminate()

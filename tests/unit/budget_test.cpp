@@ -25,7 +25,7 @@ TEST_CASE("budget: says what is needed, what there is, and which limit") {
   CHECK(refused.error().needed == 4);
   CHECK(refused.error().available == 3);
   CHECK(refused.error().message ==
-        "needs 4 things, 3 are available; remove some, or raise the daemon's limit tenant_things");
+        "needs 4 things, 3 are available; remove some, or raise the limit tenant_things");
   CHECK(things.used() == 7);
   things.give_back(7);
   CHECK(things.take(10).has_value());
@@ -41,6 +41,20 @@ TEST_CASE("budget: a part of another one takes from both or from none") {
   part->give_back(8);
   CHECK(part->used() == 0);
   CHECK(whole->used() == 0);
+}
+
+TEST_CASE("budget: a lower limit refuses new work only, a higher one lets it in") {
+  const auto things = budget(10);
+  auto held = Charge::take(things, 8);
+  REQUIRE(held);
+  things->set_limit(5);
+  CHECK(things->limit() == 5);
+  CHECK(things->used() == 8);
+  CHECK(things->take(1).error().available == 0);
+  CHECK(held->resize(6));  // giving back is no new work
+  CHECK(!held->resize(7));
+  things->set_limit(12);
+  CHECK(held->resize(12));
 }
 
 TEST_CASE("charge: goes back with its end, and changes its size") {
@@ -86,4 +100,18 @@ TEST_CASE("rate: a debt is told, and over when it says") {
   CHECK(refused.error().message.find("things_per_second") != std::string::npos);
   CHECK(!rate.admit(start + 4900ms).has_value());
   CHECK(rate.admit(start + 5050ms).has_value());
+}
+
+TEST_CASE("rate: a new limit holds at once, and a debt takes the time that it took before") {
+  const auto start = Rate::Clock::now() + 1s;
+  Rate rate(100, "things_per_second");
+  rate.charge(1500, start);
+  for (const u64 limit : {1, 1000}) {
+    rate.set_limit(limit);
+    CHECK(rate.limit() == limit);
+    CHECK(rate.admit(start).error().retry_seconds == Approx(5 + 1 / double(limit)).margin(0.05));
+  }
+  REQUIRE(rate.admit(start + 5100ms));
+  rate.charge(2000, start + 5100ms);
+  CHECK(rate.admit(start + 5100ms).error().retry_seconds == Approx(1.9).margin(0.05));
 }

@@ -83,13 +83,30 @@ TEST_CASE("identities: a wrong file is refused by its line, without what is in i
                                        std::string(65, 'x') + " certificate x",
                                        "vision certificate node7.example.org",
                                        "vision token " + hex_hash(kToken),
-                                       "robots socket"};
+                                       "robots socket",
+                                       "robots weight",
+                                       "robots weight 1 1",
+                                       "robots weight " + secret,
+                                       "robots weight 2x",
+                                       "robots weight 0",
+                                       "robots weight -1",
+                                       "robots weight nan",
+                                       "robots weight 101",
+                                       "vision weight 2",
+                                       "robots limit tenant_bytes",
+                                       "robots limit tenant_bytes " + secret,
+                                       "robots limit tenant_bytes 0",
+                                       "robots limit tenant_bytes 1 2",
+                                       "robots limit " + secret + " 1",
+                                       "robots limit jobs 1",
+                                       "vision limit tenant_jobs 7"};
+  const std::string file = kFile + "vision weight 1\nvision limit tenant_jobs 7\n";
   for (const std::string& line : lines) {
     INFO(line);
-    const auto parsed = Identities::parse(kFile + line + "\n");
+    const auto parsed = Identities::parse(file + line + "\n");
     REQUIRE(!parsed);
     CHECK(parsed.error().where == "--tenants");
-    CHECK(parsed.error().message.starts_with("line 7: "));
+    CHECK(parsed.error().message.starts_with("line 9: "));
     CHECK(parsed.error().message.find(secret) == std::string::npos);
   }
   CHECK(Identities::parse(kFile + "robots certificate node7.example.org\n"));
@@ -111,6 +128,44 @@ TEST_CASE("tenants: an identity that is taken away is nobody's at once, its tena
   CHECK(tenants.of({.is_local = true}).error().code == Code::kUnauthenticated);
   CHECK(tenants.replace(*Identities::parse("ops socket\n")).front() == *robots);
   CHECK(tenants.of({.token = kToken}).error().message == tenants.of({}).error().message);
+}
+
+TEST_CASE("tenants: lines give a weight and limits, others have the daemon's") {
+  Limits limits;
+  limits.tenant_jobs = 5;
+  Tenants tenants(limits, *Identities::parse(kFile + "robots weight 2.5  # more\n"
+                                                     "robots limit tenant_jobs 7\n"
+                                                     "robots limit tenant_edits_per_second 9\n"));
+  const TenantPtr robots = *tenants.of({.token = kToken}), ops = *tenants.of({.is_local = true});
+  CHECK(robots->weight() == 2.5);
+  CHECK(robots->origin(3).weight == 2.5);
+  CHECK(robots->limits().at("tenant_jobs") == 7);
+  CHECK(robots->limits().at("tenant_edits_per_second") == 9);
+  CHECK(robots->limits().at("tenant_bytes") == limits.tenant_bytes);
+  CHECK(robots->limits().size() == 6);
+  CHECK(ops->weight() == 1);
+  CHECK(ops->limits().at("tenant_jobs") == 5);
+}
+
+TEST_CASE("tenants: a grant that is replaced holds at once, what is used stays used") {
+  const std::string more = "robots weight 4\nrobots limit tenant_jobs 300\n";
+  const std::string less = "robots limit tenant_jobs 2\n";
+  Tenants tenants(Limits{}, *Identities::parse(kFile + more));
+  const TenantPtr robots = *tenants.of({.token = kToken});
+  REQUIRE(robots->jobs->take(300));
+  CHECK(tenants.replace(*Identities::parse(kFile + less)).empty());
+  CHECK(robots->weight() == 1);
+  CHECK(robots->used().at("tenant_jobs") == 300);
+  CHECK(robots->jobs->take(1).error().available == 0);
+  robots->jobs->give_back(299);
+  CHECK(robots->jobs->take(1));
+  CHECK(!robots->jobs->take(1));
+  CHECK(tenants.replace(*Identities::parse(kFile)).empty());
+  CHECK(robots->jobs->limit() == Limits{}.tenant_jobs);
+  // Without an identity it keeps what its other lines say: its durable scenes are there.
+  CHECK(tenants.replace(*Identities::parse("ops socket\n" + more)).size() == 2);
+  CHECK(robots->jobs->limit() == 300);
+  CHECK(tenants.named("robots") == robots);
 }
 
 TEST_CASE("tenants: the same bytes of two tenants are two blobs") {

@@ -161,6 +161,26 @@ TEST_CASE("journal: arrays are files, and go when nothing needs them") {
   CHECK(!std::filesystem::exists(file));
 }
 
+TEST_CASE("journal: scenes come back whatever a tenant's limits are now, which bind it then") {
+  const Folder folder;
+  u64 scene = 0;
+  {
+    Server server(folder.path());
+    const auto session = server.session();
+    scene = server.create(*session, "room", "os")->id;
+    REQUIRE(*apply(server, session, placed(scene, 1, "a", 1)));
+    REQUIRE(*apply(server, session, placed(scene, 2, "b", 1)));
+  }
+  Config config = state_config(folder.path(), 100'000);
+  config.limits.tenant_entities = config.limits.tenant_bytes = 1;
+  Daemon daemon(std::move(config), Identities(), EventLoop::create().value());
+  REQUIRE(daemon.open_journal());
+  const TenantPtr tenant = daemon.tenants.named("tester");
+  CHECK(tenant->entities->used() == 2);
+  CHECK(tenant->entities->limit() == 1);
+  CHECK(tenant->bytes->limit() == 1);
+}
+
 TEST_CASE("journal: a damaged file, a second daemon, a scene that was deleted") {
   const Folder folder;
   std::string state;
