@@ -52,6 +52,10 @@ struct Daemon {
   [[nodiscard]] Status open_journal();
   /// Begins to record. INVALID_ARGUMENT: there is no place for it.
   [[nodiscard]] Status open_recorder();
+  /// A question is answered from this revision, which a recording keeps.
+  void note_revision(const grpc::ServerContextBase& context, Revision revision) const {
+    if (recorder) recorder->revision(&context, revision);
+  }
   /// So that a session that was resumed may repeat the calls that made its scenes.
   void restore_requests(Session& session);
 };

@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "heliograph/v1/service.pb.h"
+#include "server/hash.h"
 
 namespace heliograph::server {
 namespace {
@@ -16,6 +17,9 @@ namespace {
 using grpc::experimental::InterceptionHookPoints;
 using grpc::experimental::InterceptorBatchMethods;
 using grpc::experimental::ServerRpcInfo;
+
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
 
 // ---------------------------------------------------------------- requests
 
@@ -37,7 +41,7 @@ void take_request(void* data, Note& note) {
   if (bulk != nullptr) bulk->swap(chunk);
   message.SerializeToString(note.item.mutable_request()->mutable_message());
   if (bulk == nullptr) return;
-  note.chunk = chunk;
+  note.bulk = chunk;
   bulk->swap(chunk);
 }
 
@@ -84,6 +88,38 @@ bool take_reply(const v1::RenderBatchReply& message, const FramePtr& frame, Note
   return true;
 }
 
+// ---------------------------------------------------------------- questions
+
+/// Puts the SHA-256 of each long field of bytes in its place.
+void shorten(Message& message) {
+  const auto& reflection = *message.GetReflection();
+  std::vector<const FieldDescriptor*> fields;
+  reflection.ListFields(message, &fields);
+  for (const FieldDescriptor* field : fields) {
+    const bool is_message = field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE;
+    if (is_message && field->is_repeated()) {
+      for (int i = 0; i < reflection.FieldSize(message, field); ++i)
+        shorten(*reflection.MutableRepeatedMessage(&message, field, i));
+    } else if (is_message) {
+      shorten(*reflection.MutableMessage(&message, field));
+    } else if (field->type() == FieldDescriptor::TYPE_BYTES && !field->is_repeated()) {
+      std::string bytes = reflection.GetString(message, field);
+      if (bytes.size() > kWorthNaming) reflection.SetString(&message, field, sha256(bytes));
+    }
+  }
+}
+
+/// Hashing is the call's: who reads much is slowed, and the writer never has too much.
+template <class Reply>
+bool take_answer(const void* message, const FramePtr&, Note& note) {
+  Reply reply = *static_cast<const Reply*>(message);
+  shorten(reply);
+  std::string bytes = serialize(reply);
+  v1::RecordReply& item = *note.item.mutable_reply();
+  (bytes.size() < kWorthNaming ? *item.mutable_message() : note.bulk) = std::move(bytes);
+  return true;
+}
+
 // ---------------------------------------------------------------- methods
 
 struct Method {
@@ -99,7 +135,12 @@ constexpr Method method(std::string_view name) {
           }};
 }
 
-/// Those that change scenes, or what edits refer to, or ask for frames.
+template <class Request, class Reply>
+constexpr Method question(std::string_view name) {
+  return {name, take_request<Request>, take_answer<Reply>};
+}
+
+/// Those that change scenes, or what edits refer to, or ask for frames, or for what there is.
 constexpr std::array kMethods = {
     method<v1::CreateSceneRequest, v1::SceneInfo>("CreateScene"),
     method<v1::OpenSceneRequest, v1::SceneInfo>("OpenScene"),
@@ -113,6 +154,12 @@ constexpr std::array kMethods = {
     method<v1::RenderRequest, v1::FramePart>("Render"),
     method<v1::RenderBatchRequest, v1::RenderBatchReply>("RenderBatch"),
     method<v1::StreamRequest, v1::FramePart>("Stream"),
+    question<v1::ReadRequest, v1::ReadReply>("Read"),
+    question<v1::QueryRequest, v1::QueryReply>("Query"),
+    question<v1::TracksRequest, v1::TracksReply>("Tracks"),
+    question<v1::DescribeSceneRequest, v1::DescribeSceneReply>("DescribeScene"),
+    question<v1::ExportSceneRequest, v1::SceneChunk>("ExportScene"),
+    question<v1::WatchRequest, v1::WatchReply>("Watch"),
 };
 
 const Method* find_method(std::string_view path) {
@@ -131,7 +178,10 @@ class Tap final : public grpc::experimental::Interceptor {
       : recorder_(recorder), method_(method), context_(context) {}
   Tap(const Tap&) = delete;
   Tap& operator=(const Tap&) = delete;
-  ~Tap() override { (void)recorder_.take_frame(context_); }
+  ~Tap() override {
+    (void)recorder_.take_frame(context_);
+    (void)recorder_.take_revision(context_);
+  }
 
   void Intercept(InterceptorBatchMethods* methods) override {
     const auto is = [&](InterceptionHookPoints point) {
@@ -194,6 +244,7 @@ class Tap final : public grpc::experimental::Interceptor {
     const auto& metadata = *methods.GetSendTrailingMetadata();
     if (const auto detail = metadata.find("heliograph-error-bin"); detail != metadata.end())
       item.mutable_detail()->ParseFromString(detail->second);
+    if (const auto revision = recorder_.take_revision(context_)) item.set_revision(*revision);
     recorder_.note(std::move(note));
   }
 

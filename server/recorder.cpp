@@ -5,6 +5,7 @@
 #include <google/protobuf/io/coded_stream.h>
 #include <sys/stat.h>
 
+#include <array>
 #include <chrono>
 #include <ctime>
 #include <filesystem>
@@ -21,12 +22,11 @@ constexpr u64 kWakeBytes = 4 << 20;      // then it does not pause
 constexpr u64 kMostWaiting = 256 << 20;  // bytes
 constexpr u64 kLastBytes = 512;          // kept for the end
 constexpr std::size_t kPiece = 1 << 20;
-constexpr std::size_t kWorthNaming = 4 << 10;  // bytes; what is shorter may stand there twice
 constexpr const char* kLate = "the disk is too slow";
 constexpr const char* kSuffix = ".recording";
 
 u64 cost_of(const Note& note) {
-  u64 bytes = sizeof(Note) + note.chunk.size();
+  u64 bytes = sizeof(Note) + note.bulk.size();
   if (note.item.has_request()) bytes += note.item.request().message().size();
   if (note.item.has_reply()) bytes += note.item.reply().message().size();
   if (note.frame)
@@ -149,6 +149,18 @@ std::shared_ptr<const Frame> Recorder::take_frame(const void* context) {
   return node ? std::move(node.mapped()) : nullptr;
 }
 
+void Recorder::revision(const void* context, u64 revision) {
+  if (!is_on_) return;
+  const std::lock_guard lock(mutex_);
+  revisions_[context] = revision;
+}
+
+std::optional<u64> Recorder::take_revision(const void* context) {
+  const std::lock_guard lock(mutex_);
+  const auto node = revisions_.extract(context);
+  return node ? std::optional(node.mapped()) : std::nullopt;
+}
+
 void Recorder::buffer(u64 session, u64 buffer, const UniqueFd& memory) {
   Note shared;
   shared.item.mutable_buffer()->set_session(this->session(session));
@@ -200,7 +212,13 @@ void Recorder::write(std::vector<Note> notes) {
 
 void Recorder::complete(Note& note) {
   if (note.frame) note.item.mutable_frame()->set_sha256(hash_of(*note.frame));
-  if (!note.chunk.empty()) note.item.mutable_request()->set_sha256(store(std::move(note.chunk)));
+  if (!note.bulk.empty()) {
+    const std::string hash = store(std::move(note.bulk));
+    if (note.item.has_request())
+      note.item.mutable_request()->set_sha256(hash);
+    else
+      note.item.mutable_reply()->set_sha256(hash);
+  }
   if (note.memory) store_memory(note.memory, *note.item.mutable_buffer());
 }
 
@@ -236,10 +254,9 @@ void Recorder::put(const v1::RecordItem& item) {
     return end(reason);
   }
   room_ -= needed;
-  google::protobuf::io::StringOutputStream stream(&out_);
-  CodedOutputStream out(&stream);
-  out.WriteVarint64(size);
-  item.SerializeWithCachedSizes(&out);
+  std::array<u8, 10> length{};
+  out_.append(length.data(), CodedOutputStream::WriteVarint64ToArray(size, length.data()));
+  item.AppendToString(&out_);  // a StringOutputStream would clear all of the string's room
 }
 
 void Recorder::flush() {

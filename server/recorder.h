@@ -7,6 +7,7 @@
 #include <condition_variable>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <unordered_map>
@@ -20,10 +21,12 @@
 
 namespace heliograph::server {
 
+constexpr std::size_t kWorthNaming = 4 << 10;  // bytes; what is shorter may stand there twice
+
 /// An item, and what the writer completes it with.
 struct Note {
   v1::RecordItem item;
-  std::string chunk = {};                        // of a request; stored by its hash
+  std::string bulk = {};                         // of a request or reply; stored by its hash
   std::shared_ptr<const Frame> frame = nullptr;  // of a frame; hashed
   UniqueFd memory = {};                          // of a buffer; its bytes are stored
 };
@@ -54,6 +57,9 @@ class Recorder {
   /// A frame that the call of this context sends next, and which frame that was.
   void frame(const void* context, std::shared_ptr<const Frame> frame);
   [[nodiscard]] std::shared_ptr<const Frame> take_frame(const void* context);
+  /// The revision that the call of this context, a question, looks at.
+  void revision(const void* context, u64 revision);
+  [[nodiscard]] std::optional<u64> take_revision(const void* context);
   /// Sealed memory that a session's client handed over.
   void buffer(u64 session, u64 buffer, const UniqueFd& memory);
 
@@ -92,6 +98,7 @@ class Recorder {
   std::unordered_map<u64, u64> sessions_;
   u64 last_session_ = 0;
   std::unordered_map<const void*, std::shared_ptr<const Frame>> frames_;  // by context
+  std::unordered_map<const void*, u64> revisions_;                        // by context
   std::thread thread_;
 };
 

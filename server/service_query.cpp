@@ -18,6 +18,7 @@ void start_query(Daemon& daemon, UnaryCall& call, const Request& request, Reply&
   const auto snapshot = snapshot_at(
       **entry, request.has_revision() ? std::optional(request.revision()) : std::nullopt);
   if (!snapshot) return call.finish(std::unexpected(snapshot.error()));
+  daemon.note_revision(call.context(), (*snapshot)->revision);
   auto job = to_job(*snapshot, session.holdings());
   if (!job) return call.finish(std::unexpected(job.error()));
   job->origin = session.tenant()->origin(session.id());

@@ -53,12 +53,17 @@ Expected<v1::DeleteSceneReply> delete_scene(Daemon& daemon, const Session& sessi
   return v1::DeleteSceneReply();
 }
 
-Status describe_scene(Daemon& daemon, const Session& session,
+Status describe_scene(Daemon& daemon, const UnaryCall& call,
                       const v1::DescribeSceneRequest& request, v1::DescribeSceneReply& reply) {
+  const Session& session = *call.session();
   const auto entry = daemon.scenes.find(request.scene(), session);
   if (!entry) return std::unexpected(entry.error());
-  *reply.mutable_scene() = scene_info(daemon.scenes, **entry, session);
   const auto snapshot = (*entry)->scene.head();
+  daemon.note_revision(call.context(), snapshot->revision);
+  v1::SceneInfo& info = *reply.mutable_scene();
+  info = scene_info(daemon.scenes, **entry, session);
+  info.set_revision(snapshot->revision);  // all of the answer is of one revision
+  info.set_time(snapshot->time);
   describe_counts(*snapshot, reply);
   if (request.tree()) describe_objects(*snapshot, request.pattern(), reply);
   if (!request.memory()) return {};
@@ -136,7 +141,7 @@ grpc::ServerUnaryReactor* Service::DescribeScene(Context* context,
                                                  v1::DescribeSceneReply* reply) {
   return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
     call.post(daemon_.pool, [this, request, reply, &call] {
-      call.finish(describe_scene(daemon_, *call.session(), *request, *reply));
+      call.finish(describe_scene(daemon_, call, *request, *reply));
     });
   });
 }

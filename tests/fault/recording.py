@@ -1,4 +1,4 @@
-"""What recording (--record) costs: edits and frames with it and without, and its bytes."""
+"""What recording (--record) costs: edits, frames and questions, with and without; its bytes."""
 
 import pathlib
 import tempfile
@@ -11,6 +11,8 @@ from common import Report, daemon, size, stage
 ROUNDS = size(10, 3)  # with and without in turn, so that both meet the same load
 EDITS = size(500, 50)  # a round
 FRAMES = size(50, 5)
+QUESTIONS = size(100, 10)
+VERTICES = 1_000_000
 
 
 def seconds_of(act, count):
@@ -41,19 +43,43 @@ def show(scene, _):
     scene.render("cam", planes=["depth", "normal", "instance"], labels=False)
 
 
+def ask(scene, x):
+    scene.pick("cam", np.full((100, 2), x % 256))
+
+
+def read(scene, _):
+    scene.read(["cloth"], ["mesh.positions"])
+
+
+def furnished(client):
+    scene = stage(client)
+    positions = np.random.default_rng(1).random((VERTICES, 3), np.float32)
+    with scene.edit() as edit:
+        edit.mesh("cloth", positions=positions, indices=[(0, 1, 2)])
+    return scene
+
+
+COSTS = (
+    ("edit", move, EDITS, 0.25),
+    ("frame, 1.3 MB", show, FRAMES, 0.25),
+    ("query, 100 pixels", ask, QUESTIONS, 0.25),
+    ("read, 12 MB", read, FRAMES, 1),
+)
+
+
 def main():
     with Report("recording") as report, tempfile.TemporaryDirectory(prefix="hg-") as folder:
         path = pathlib.Path(folder) / "cost.recording"
         with daemon() as plain, daemon("--record", str(path)) as recorded:
-            scenes = stage(plain), stage(recorded)
-            for name, act, count in (("edit", move, EDITS), ("frame, 1.3 MB", show, FRAMES)):
+            scenes = furnished(plain), furnished(recorded)
+            for name, act, count, more in COSTS:
                 time.sleep(0.3)  # the writer has caught up
                 before = path.stat().st_size
                 without, with_it = measure(scenes, act, count)
                 time.sleep(0.3)
                 each = (path.stat().st_size - before) / (ROUNDS * count)
                 report.figure(f"{name}: without", without * 1e3, 1000, "ms")
-                report.figure(f"{name}: share more when recorded", with_it / without - 1, 0.25)
+                report.figure(f"{name}: share more when recorded", with_it / without - 1, more)
                 report.figure(f"{name}: bytes of the recording", each, 4096, "B", slack=False)
 
 

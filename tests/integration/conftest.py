@@ -2,9 +2,10 @@
 
 import heliograph as hg
 import pytest
+from recordings import recorded, short
 from refusals import furnished, world
 
-__all__ = ["furnished", "world"]
+__all__ = ["furnished", "recorded", "short", "world"]
 
 
 @pytest.fixture(scope="module")

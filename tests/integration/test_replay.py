@@ -1,71 +1,28 @@
 """A session is recorded, and played again: every call is answered the same, to the byte."""
 
 import os
-import pathlib
 import re
 import stat
 import subprocess
-import sys
 import time
 
 import heliograph as hg
 import numpy as np
 import pytest
-from google.protobuf.internal.encoder import _VarintBytes
-from heliograph._proto import recording_pb2 as pb
 from heliograph._proto import service_pb2 as service
 from heliograph.recording import Recording
-from heliograph.replay import DIFFERS, NOT_PLAYED, SAME, replay
-
-sys.path.append(str(pathlib.Path(__file__).parents[1] / "fault"))
-from served import DAEMON, Served  # noqa: E402
-
-PLANES = ["beauty", "depth", "instance"]
-
-
-@pytest.fixture
-def recorded(tmp_path):
-    """Starts a daemon that records; `.recording` is its file."""
-    running = []
-
-    def start(*flags):
-        daemon = Served(tmp_path, "--record", tmp_path / "session.recording", *flags)
-        daemon.recording = tmp_path / "session.recording"
-        running.append(daemon)
-        return daemon
-
-    yield start
-    for daemon in running:
-        daemon.process.kill()
-        daemon.process.wait(30)
-
-
-def played(path, *flags):
-    """What became of each call at a private daemon, by verdict."""
-    found = {SAME: [], DIFFERS: [], NOT_PLAYED: []}
-    with hg.connect(arguments=flags) as client:
-        for outcome in replay(Recording(path), client):
-            found[outcome.verdict].append(f"{outcome.what}: {outcome.text}")
-    return found
-
-
-def methods(lines):
-    """The methods of these calls."""
-    return {re.match(r"call \d+ (\w+)", line)[1] for line in lines}
-
-
-def furnish(scene, size=48):
-    with scene.edit() as edit:
-        edit.sample_studio()
-        mesh = edit.mesh("mesh", **hg.shapes.sphere(0.5))
-        edit.entity("ball", mesh=mesh, transform=hg.Pose((0, 0, 0.5)), label="auto")
-        lens = hg.Camera.from_fov(50, size, size, degrees=True)
-        edit.entity("cam", camera=lens, transform=hg.look_at((0, -3, 1), (0, 0, 0.5)))
-
-
-def place(scene, x):
-    with scene.edit() as edit:
-        edit.entity("ball", transform=hg.Pose((x, 0, 0.5)))
+from heliograph.replay import DIFFERS, NOT_PLAYED, SAME
+from recordings import (
+    PLANES,
+    furnish,
+    items_of,
+    methods,
+    place,
+    played,
+    replay_command,
+    write_items,
+)
+from served import DAEMON
 
 
 def grid(size):
@@ -112,6 +69,24 @@ def show(scene):
         next(iter(stream))
 
 
+def ask(scene):
+    """Every question, and a refusal of each."""
+    ball = scene["ball"]
+    scene.read(["ball", "sheet"], ["pose", "aabb", "mesh.positions", "mesh.indices", "entity"])
+    scene.cast_rays(np.tile([0, -3, 0.5], (500, 1)), np.tile([0, 1, 0], (500, 1)))
+    scene.pick("cam", [(24, 24)])
+    scene.visible("cam", ["ball"])
+    scene.overlaps(["ball"], ["ball"])
+    points = scene.sample_surface(["ball"], 20, seed=3)
+    scene.tracks("cam", points, [0.0, 0.5])
+    assert ball in scene.find("b*")
+    assert scene.describe(tree=True, memory=True).memory["arrays"] > 0
+    with pytest.raises(hg.NotFound):
+        scene.read(["nobody"], ["pose"])
+    with pytest.raises(hg.NotFound):
+        scene.pick("nobody", [(1, 1)])
+
+
 def work(client, folder):
     """A bit of everything."""
     with client.create_scene("room") as scene:
@@ -119,6 +94,12 @@ def work(client, folder):
         upload(scene)
         import_model(client, scene, folder)
         show(scene)
+        with scene.watch() as watch:
+            place(scene, 0.6)
+            next(iter(watch))
+            upload(scene)
+            ask(scene)
+            next(iter(watch))
         with pytest.raises(hg.NotFound):
             scene.render("nobody", planes=["depth"])
         with pytest.raises(hg.InvalidArgument), scene.edit() as edit:
@@ -135,6 +116,7 @@ def work(client, folder):
 EVERY_METHOD = {
     *("CreateScene", "BranchScene", "DeleteScene", "ImportScene", "Apply", "UploadBlob"),
     *("DecodeAsset", "Render", "RenderBatch", "Stream"),
+    *("Read", "Query", "Tracks", "DescribeScene", "ExportScene", "Watch"),
 }
 
 
@@ -165,43 +147,6 @@ def test_over_tcp_no_token_is_recorded(recorded, tmp_path):
     assert not Recording(daemon.recording).buffers
 
 
-def items_of(path):
-    """The items of a recording."""
-    data, at, items = path.read_bytes(), 0, []
-    while at < len(data):
-        size = shift = 0
-        while True:
-            byte = data[at]
-            at, size, shift = at + 1, size | (byte & 0x7F) << shift, shift + 7
-            if byte < 0x80:
-                break
-        items.append(pb.RecordItem.FromString(data[at : at + size]))
-        at += size
-    return items
-
-
-def write_items(path, items):
-    path.write_bytes(b"".join(_VarintBytes(i.ByteSize()) + i.SerializeToString() for i in items))
-
-
-def replay_command(path, *arguments):
-    command = [sys.executable, "-m", "heliograph", "replay", str(path), *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120)
-
-
-@pytest.fixture
-def short(recorded):
-    """The recording of a scene that is moved twice and rendered each time."""
-    daemon = recorded()
-    with hg.connect(daemon.socket) as client, client.create_scene("room") as scene:
-        furnish(scene)
-        for x in (0.1, 0.2):
-            place(scene, x)
-            scene.render("cam", planes=PLANES, spp=2)
-    daemon.stop()
-    return daemon.recording
-
-
 def test_the_command_tells_of_each_call(short):
     run = replay_command(short, "--each")
     assert run.returncode == 0, run.stderr + run.stdout
@@ -222,20 +167,20 @@ def test_a_changed_byte_is_found_and_its_call_named(short):
     write_items(short, items)
     run = replay_command(short)
     assert run.returncode == 1
-    assert re.findall(r"(call \d+ \w+): differs", run.stdout) == ["call 6 Render"]
+    assert re.findall(r"(call \d+ \w+): differs", run.stdout) == ["call 7 Render"]
     assert "frame 0 of revision 3 has other pixels or labels" in run.stdout
 
 
 def test_a_changed_answer_is_found_and_its_call_named(short):
     items = items_of(short)
-    reply = [i.reply for i in items if i.HasField("reply") and i.reply.call == 3][0]
+    reply = [i.reply for i in items if i.HasField("reply") and i.reply.call == 4][0]
     answer = service.ApplyReply.FromString(reply.message)
     answer.revision += 7
     reply.message = answer.SerializeToString()
     write_items(short, items)
     run = replay_command(short)
     assert run.returncode == 1
-    assert "call 3 Apply: differs: revision is 2; it was 9" in run.stdout
+    assert "call 4 Apply: differs: revision is 2; it was 9" in run.stdout
 
 
 def test_damaged_bytes_are_named(short):
@@ -267,6 +212,21 @@ def test_a_daemon_that_was_killed_leaves_what_it_had(recorded):
         daemon.recording.write_bytes(whole[:-cut])
         assert Recording(daemon.recording).reason == ""
         assert not played(daemon.recording)[DIFFERS]
+
+
+def test_it_keeps_up_after_much_came_at_once(recorded):
+    daemon = recorded()
+    with hg.connect(daemon.socket) as client:
+        scene = client.create_scene("room", shared=True)
+        with scene.edit() as edit:
+            edit.mesh("cloth", positions=np.zeros((1_000_000, 3), "f4"), indices=[(0, 1, 2)])
+        for x in range(1000):
+            place(scene, x)
+        time.sleep(0.5)
+        daemon.process.kill()
+        daemon.process.wait(30)
+    calls = Recording(daemon.recording).calls.values()
+    assert sum(call.status is not None for call in calls) > 1000
 
 
 def test_its_size_is_limited(recorded):

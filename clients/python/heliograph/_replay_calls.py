@@ -24,7 +24,11 @@ from .recording import Call, Damaged, Part, Recording
 
 _METHODS = service.DESCRIPTOR.services_by_name["Renderer"].methods_by_name
 _NO_SCENE = 2**64 - 1
-_COMPARED = {  # fields of replies
+_BEFORE = (
+    "its scene was there before the recording began, which does not hold it; to have it played, "
+    "save it, and load it while the daemon records"
+)
+COMPARED = {  # fields of replies
     "CreateScene": ("revision", "shared", "durability", "name"),
     "BranchScene": ("revision", "shared", "durability", "name"),
     "ImportScene": ("revision", "shared", "durability", "name"),
@@ -52,6 +56,7 @@ class Calls:
         self._client = client
         self._sessions: dict[int, Client] = {}
         self._scenes: dict[int, int] = {}  # recorded number: the daemon's
+        self._names: dict[int, str] = {}  # by recorded number
         self._blobs = dict(self._find_blobs())
 
     def close(self) -> None:
@@ -76,7 +81,7 @@ class Calls:
 
     # ------------------------------------------------------------ asking
 
-    def _link(self, call: Call) -> Any:
+    def link(self, call: Call) -> Any:
         if call.session not in self._sessions:
             access = self._client.connection.access
             self._sessions[call.session] = open_client(access, None)
@@ -84,7 +89,7 @@ class Calls:
 
     def _ask(self, call: Call, method: str, requests: Iterable[Any]) -> Any:
         """The last reply, or the HeliographError that came instead."""
-        link = self._link(call)
+        link = self.link(call)
         kind = _METHODS[method]
         argument = iter(requests) if kind.client_streaming else next(iter(requests))
         try:
@@ -93,14 +98,20 @@ class Calls:
         except grpc.RpcError as error:
             return to_error(error)
 
-    def _for_here(self, call: Call, request: Any, is_accepted: bool) -> Any:
-        """A request with the scene's number at this daemon and without shared buffers."""
+    def name_of(self, scene: int) -> str:
+        """A recorded scene, for people."""
+        return f"scene {self._names.get(scene, '') or scene!r}"
+
+    def for_here(self, call: Call, request: Any, was: Any) -> Any:
+        """A request with the scene's number at this daemon and without shared buffers. was: the
+        reply, or its HeliographError.
+        """
         if "scene" in request.DESCRIPTOR.fields_by_name:
-            if is_accepted and request.scene not in self._scenes:
-                raise NotPlayed("its scene was there before the recording began")
+            if request.scene not in self._scenes and key_of(was) != ("NOT_FOUND", "scene"):
+                raise NotPlayed(_BEFORE)
             request.scene = self._scenes.get(request.scene, _NO_SCENE)
         if any(session == call.session for session, _ in self._recording.buffers):
-            for array in _arrays_of(request):
+            for array in arrays_of(request):
                 if array.HasField("buffer"):
                     self._upload_buffer(call, array)
         return request
@@ -123,7 +134,7 @@ class Calls:
         array.upload = name
 
     def _chunk_bytes(self, call: Call) -> int:
-        return int(self._link(call).server.limits["chunk_bytes"])
+        return int(self.link(call).server.limits["chunk_bytes"])
 
     # ------------------------------------------------------------ planning
 
@@ -158,7 +169,11 @@ class Calls:
         status = call.status.item
         was: Any = status_error(status.code, status.message, status.detail)
         if status.code == 0:
+            if not call.replies:
+                raise Damaged("its reply is not in the recording")
             was = self._recording.reply(call, call.replies[-1])
+        if call.method == "OpenScene" and status.code == 0 and was.scene not in self._scenes:
+            raise NotPlayed(_BEFORE)
         self._compare(call, was, list(self._requests(call, was)))
 
     def branch(self, call: Call, revision: int) -> None:
@@ -166,29 +181,29 @@ class Calls:
         was = self._recording.reply(call, call.replies[-1])
         request = self._recording.request(call, call.requests[0])
         request.revision = revision
-        self._compare(call, was, [self._for_here(call, request, True)])
+        self._compare(call, was, [self.for_here(call, request, was)])
 
     def edit(self, call: Call, part: Part, was: Any) -> None:
         """One edit, by Apply."""
         request = self._recording.request(call, part)
-        request = self._for_here(call, request, not isinstance(was, HeliographError))
+        request = self.for_here(call, request, was)
         _compare("Apply", was, self._ask(call, "Apply", [request]))
 
     def _requests(self, call: Call, was: Any) -> Iterator[Any]:
-        is_accepted = not isinstance(was, HeliographError)
-        if call.method == "UploadBlob" and is_accepted and was.existed:
+        if isinstance(was, service.UploadBlobReply) and was.existed:
             first = self._recording.request(call, call.requests[0])
             if first.sha256 not in self._blobs:
                 raise NotPlayed("its bytes were there before the recording began")
             call = self._blobs[first.sha256]
         for part in call.requests:
-            yield self._for_here(call, self._recording.request(call, part), is_accepted)
+            yield self.for_here(call, self._recording.request(call, part), was)
 
     def _compare(self, call: Call, was: Any, requests: list[Any]) -> None:
         found = self._ask(call, call.method, requests)
         is_scene = isinstance(was, service.SceneInfo) and isinstance(found, service.SceneInfo)
         if is_scene:
             here = self._scenes.setdefault(was.scene, found.scene)
+            self._names[was.scene] = was.name
             if here != found.scene:
                 raise Differs("another scene has this name")
         _compare(call.method, was, found)
@@ -209,7 +224,7 @@ class Calls:
     def again(self, call: Call, frame: pb.RecordFrame) -> None:
         """A frame from its manifest."""
         request = _request_of(frame.manifest)
-        found = self._frames(call, self._for_here(call, request, True))
+        found = self._frames(call, self.for_here(call, request, None))
         if isinstance(found, HeliographError):
             raise found
         _compare_frame(frame, found.get(0))
@@ -221,7 +236,7 @@ class Calls:
             for frame in was:
                 self.again(call, frame)
             return
-        self._for_here(call, job, is_accepted)
+        self.for_here(call, job, was)
         if is_accepted:
             if not any(frame.final for frame in was):
                 raise NotPlayed("it sent no final frame")
@@ -237,7 +252,7 @@ class Calls:
 
     def _frames(self, call: Call, request: Any) -> dict[int, Frame] | HeliographError:
         """The final frames, by camera."""
-        link = self._link(call)
+        link = self.link(call)
         is_item = isinstance(request, service.RenderBatchRequest)
         assembly = Assembly(0, link.shared)
         found: dict[int, Frame] = {}
@@ -260,7 +275,7 @@ class Calls:
 # ---------------------------------------------------------------- parts of messages
 
 
-def _arrays_of(message: Any) -> Iterator[types.Array]:
+def arrays_of(message: Any) -> Iterator[types.Array]:
     """Every Array in a message."""
     if isinstance(message, types.Array):
         yield message
@@ -269,7 +284,7 @@ def _arrays_of(message: Any) -> Iterator[types.Array]:
         if field.message_type is None or field.message_type.GetOptions().map_entry:
             continue
         for inner in [value] if isinstance(value, Message) else value:
-            yield from _arrays_of(inner)
+            yield from arrays_of(inner)
 
 
 def _pieces(
@@ -297,26 +312,26 @@ def _request_of(manifest: str) -> render_pb2.RenderRequest:
 # ---------------------------------------------------------------- comparing
 
 
-def _told(answer: Any) -> str:
+def told(answer: Any) -> str:
     if isinstance(answer, HeliographError):
         return f"{answer.code} ({answer})"
     return "accepted"
 
 
 def _compare(method: str, was: Any, found: Any) -> None:
-    """Raises Differs. Of errors the code and the field are compared, of replies _COMPARED."""
+    """Raises Differs. Of errors the code and the field are compared, of replies COMPARED."""
     if isinstance(was, HeliographError) or isinstance(found, HeliographError):
-        if _key(was) != _key(found):
-            raise Differs(f"{_told(found)}; it was {_told(was)}")
+        if key_of(was) != key_of(found):
+            raise Differs(f"{told(found)}; it was {told(was)}")
         return
-    for name in _COMPARED[method]:
+    for name in COMPARED[method]:
         old, new = getattr(was, name), getattr(found, name)
         if old != new:
             short = isinstance(old, (int, str, bool))
             raise Differs(f"{name} is {new!r}; it was {old!r}" if short else f"another {name}")
 
 
-def _key(answer: Any) -> tuple[str, str]:
+def key_of(answer: Any) -> tuple[str, str]:
     return (answer.code, answer.field) if isinstance(answer, HeliographError) else ("", "")
 
 

@@ -133,6 +133,7 @@ class Recording:
         elif kind == "buffer":
             self.buffers[item.session, item.buffer] = list(item.sha256)
         elif kind == "call":
+            _ = self.sessions[item.session]
             self.calls[item.call] = Call(item.call, item.session, item.method, at)
         elif kind == "request":
             self.calls[item.call].requests.append(Part(at, place))
@@ -155,8 +156,9 @@ class Recording:
         return message
 
     def reply(self, call: Call, part: Part) -> Any:
-        """A reply message."""
-        return _message(_METHODS[call.method].output_type, part.item.message)
+        """A reply message; of a question with hashes in the place of long bytes."""
+        data = self.bytes(part.item.sha256) if part.item.sha256 else part.item.message
+        return _message(_METHODS[call.method].output_type, data)
 
     def bytes(self, sha256: bytes) -> bytes:
         """The bytes that an item names."""

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from ._replay_calls import Calls, Differs, NotPlayed
+from ._replay_calls import COMPARED, Calls, Differs, NotPlayed
+from ._replay_questions import QUESTIONS, Questions
 from ._status import status_error
 from .client import Client
 from .errors import HeliographError, InvalidArgument
@@ -41,6 +42,7 @@ class _Step:
     play: Callable[[], None]
     scene: int = 0
     revision: int = 0  # that it makes, or needs
+    at_head: bool = False  # it is to be played before the next revision
     is_done: bool = False
 
 
@@ -53,20 +55,25 @@ def replay(recording: Recording, client: Client, tenant: str | None = None) -> I
         names = ", ".join(tenants) or "none"
         raise InvalidArgument(f"tenant: no {tenant!r} is recorded, only {names}", field="tenant")
     calls = Calls(recording, client)
+    questions = Questions(recording, calls)
     try:
-        yield from _Player(recording, calls, tenant).play()
+        yield from _Player(recording, (calls, questions), tenant).play()
     finally:
+        questions.close()
         calls.close()
 
 
 class _Player:
     """The order in which steps are played."""
 
-    def __init__(self, recording: Recording, calls: Calls, tenant: str | None) -> None:
+    def __init__(
+        self, recording: Recording, ways: tuple[Calls, Questions], tenant: str | None
+    ) -> None:
         self._recording = recording
-        self._calls = calls
+        self._calls, self._questions = ways
         self._steps: list[_Step] = []
-        self._edits: dict[int, deque[_Step]] = defaultdict(deque)  # that were accepted, by scene
+        # By scene: its accepted edits, after each the questions that came before the next.
+        self._in_order: dict[int, deque[_Step]] = defaultdict(deque)
         self._made_at: dict[tuple[int, int], int] = {}  # (scene, revision): place of its edit
         self._plan(
             [
@@ -79,12 +86,13 @@ class _Player:
     def _plan(self, calls: list[Call]) -> None:
         for call in calls:
             if call.method in ("Apply", "ApplyStream"):
-                self._add_edits(call)
-        for step in sorted(self._steps, key=lambda step: (step.revision, step.at)):
-            if step.revision:
-                self._edits[step.scene].append(step)
-                self._made_at.setdefault((step.scene, step.revision), step.at)
+                self._add_call(call, self._add_edits)
+        edits = [step for step in self._steps if step.revision]
+        for step in sorted(edits, key=lambda step: (step.revision, step.at)):
+            self._made_at.setdefault((step.scene, step.revision), step.at)
         others = {
+            **dict.fromkeys(QUESTIONS, self._add_question),
+            "Watch": self._add_watch,
             "BranchScene": self._add_branch,
             "Render": self._add_render,
             "RenderBatch": self._add_items,
@@ -92,8 +100,17 @@ class _Player:
         }
         for call in calls:
             if call.method not in ("Apply", "ApplyStream"):
-                others.get(call.method, self._add_whole)(call)
+                self._add_call(call, others.get(call.method, self._add_whole))
+        edits += [step for step in self._steps if step.at_head]
+        for step in sorted(edits, key=lambda step: (step.revision, step.at_head, step.at)):
+            self._in_order[step.scene].append(step)
         self._steps.sort(key=lambda step: step.at)
+
+    def _add_call(self, call: Call, add: Callable[[Call], None]) -> None:
+        try:
+            add(call)
+        except Damaged as damage:
+            self._add(call, call.end, partial(_damaged, str(damage)))
 
     def play(self) -> Iterator[Outcome]:
         """Each step, and the ends of sessions between them."""
@@ -104,13 +121,13 @@ class _Player:
             yield from self._run(step)
 
     def _run(self, step: _Step) -> Iterator[Outcome]:
-        """The step, after the edits that its revision needs."""
+        """The step, after the edits that its revision needs and the questions between them."""
         if step.is_done:
             return
         step.is_done = True
-        edits = self._edits[step.scene]
-        while edits and edits[0].revision <= step.revision:
-            yield from self._run(edits.popleft())
+        others = self._in_order[step.scene]
+        while others and (others[0].revision, others[0].at_head) <= (step.revision, False):
+            yield from self._run(others.popleft())
         yield Outcome(step.call, step.what, *_judge(step))
 
     # ------------------------------------------------------------ steps
@@ -123,9 +140,10 @@ class _Player:
         *,
         part: str = "",
         shows: tuple[int, int] = (0, 0),
+        at_head: bool = False,
     ) -> None:
         what = f"{call}, {part}" if part else str(call)
-        self._steps.append(_Step(call, what, at, play, *shows))
+        self._steps.append(_Step(call, what, at, play, *shows, at_head))
 
     def _refusal(self, call: Call) -> HeliographError | None:
         if call.status is None or call.status.item.code == 0:
@@ -143,7 +161,8 @@ class _Player:
         return _by_time(refused)
 
     def _add_whole(self, call: Call) -> None:
-        reason = self._reason(call)
+        is_known = call.method in COMPARED
+        reason = self._reason(call) if is_known else "this client does not know such calls"
         play = partial(_skip, reason) if reason else partial(self._calls.whole, call)
         self._add(call, call.end, play)
 
@@ -229,6 +248,38 @@ class _Player:
         play = partial(self._calls.item, call, part, frames)
         return self._add(call, self._shown_at(part.at, shows), play, part=name, shows=shows)
 
+    def _add_question(self, call: Call) -> None:
+        """At the revision that it was answered from, the newest one unless it named one."""
+        if reason := self._reason(call):
+            return self._add(call, call.end, partial(_skip, reason))
+        assert call.status is not None
+        status, play = call.status.item, partial(self._questions.ask, call)
+        if not status.HasField("revision"):  # it was refused before
+            return self._add(call, call.end, play)
+        request = self._recording.request(call, call.requests[0])
+        shows = int(request.scene), int(status.revision)
+        names_one = "revision" in request.DESCRIPTOR.fields_by_name and request.HasField("revision")
+        at = self._shown_at(call.at, shows)
+        return self._add(call, at, play, shows=shows, at_head=not names_one)
+
+    def _add_watch(self, call: Call) -> None:
+        """Where it began, and where it told its last transaction."""
+        if not call.replies:
+            return self._add_question(call)
+        scene = self._calls.scene_of(call, call.requests[0])
+        told = [self._recording.reply(call, part) for part in call.replies]
+        at_head = self._recording.request(call, call.requests[0]).from_revision == 0
+        begins = scene, int(told[0].revision)
+        at = self._shown_at(call.at, begins)
+        play = partial(self._questions.begin, call)
+        self._add(call, at, play, part="its beginning", shows=begins, at_head=at_head)
+        if changes := [each.revision for each in told if each.HasField("transaction")]:
+            shows = scene, int(changes[-1])
+            play = partial(self._questions.compare_changes, call)
+            part = f"revisions {changes[0]} to {changes[-1]}"
+            self._add(call, max(at, call.replies[-1].at), play, part=part, shows=shows)
+        return None
+
     def _add_frames(self, call: Call) -> None:
         """Each frame of a Stream alone: which ones are shown depends on time."""
         for index, part in enumerate(call.frames):
@@ -259,3 +310,7 @@ def _by_time(refused: HeliographError | None) -> str:
 
 def _skip(reason: str) -> None:
     raise NotPlayed(reason)
+
+
+def _damaged(what: str) -> None:
+    raise Damaged(what)
