@@ -8,21 +8,11 @@ import heliograph as hg
 import numpy as np
 from common import Report, daemon, size, stage
 
-ROUNDS = size(10, 3)  # with and without in turn, so that both meet the same load
-EDITS = size(500, 50)  # a round
-FRAMES = size(50, 5)
-QUESTIONS = size(100, 10)
+EDITS = size(5000, 150)
+FRAMES = size(500, 15)
+READS = size(100, 10)
+QUESTIONS = size(2000, 100)
 VERTICES = 1_000_000
-
-
-def seconds_of(act, count):
-    """How long each of `count` acts took."""
-    taken = []
-    for x in range(count):
-        start = time.perf_counter()
-        act(x)
-        taken.append(time.perf_counter() - start)
-    return taken
 
 
 def move(scene, x):
@@ -31,11 +21,13 @@ def move(scene, x):
 
 
 def measure(scenes, act, count):
-    """The median over all rounds, for each scene."""
+    """The median of `count` acts, for each scene; in turn, so that both meet the same load."""
     taken = [[], []]
-    for _ in range(ROUNDS):
-        for index, scene in enumerate(scenes):
-            taken[index] += seconds_of(lambda x, scene=scene: act(scene, x), count)
+    for x in range(count):
+        for index in (0, 1) if x % 2 else (1, 0):
+            start = time.perf_counter()
+            act(scenes[index], x)
+            taken[index].append(time.perf_counter() - start)
     return [float(np.median(each)) for each in taken]
 
 
@@ -63,7 +55,7 @@ COSTS = (
     ("edit", move, EDITS, 0.25),
     ("frame, 1.3 MB", show, FRAMES, 0.25),
     ("query, 100 pixels", ask, QUESTIONS, 0.25),
-    ("read, 12 MB", read, FRAMES, 1),
+    ("read, 12 MB", read, READS, 0.25),
 )
 
 
@@ -77,7 +69,7 @@ def main():
                 before = path.stat().st_size
                 without, with_it = measure(scenes, act, count)
                 time.sleep(0.3)
-                each = (path.stat().st_size - before) / (ROUNDS * count)
+                each = (path.stat().st_size - before) / count
                 report.figure(f"{name}: without", without * 1e3, 1000, "ms")
                 report.figure(f"{name}: share more when recorded", with_it / without - 1, more)
                 report.figure(f"{name}: bytes of the recording", each, 4096, "B", slack=False)

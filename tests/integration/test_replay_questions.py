@@ -1,16 +1,17 @@
 """What clients asked of a scene is recorded, and answered the same when it is played again."""
 
+import contextlib
 import pathlib
 import threading
 
 import heliograph as hg
 import numpy as np
 import pytest
-from google.protobuf.message import Message
+from google.protobuf.message import DecodeError, Message
 from heliograph._proto import recording_pb2 as pb
 from heliograph._proto import service_pb2 as service
 from heliograph.recording import Recording
-from heliograph.replay import DIFFERS, NOT_PLAYED, SAME
+from heliograph.replay import DIFFERS, NOT_PLAYED, SAME, replay
 from recordings import furnish, items_of, methods, place, played, replay_command, write_items
 from served import Served
 
@@ -269,6 +270,34 @@ def test_calls_of_nobody_and_of_no_kind(asked):
     write_items(asked, [*items, pb.RecordItem(call=of_nobody)])
     run = replay_command(asked)
     assert run.returncode == 2 and "damaged at byte" in run.stderr, run.stderr
+
+
+def spoil(items, seed):
+    """Items lost, repeated, exchanged, and with a bit that is another."""
+    random = np.random.default_rng(seed)
+    for _ in range(random.integers(1, 6)):
+        at, other = random.integers(1, len(items), 2)
+        data = bytearray(items[at].SerializeToString())
+        data[random.integers(len(data))] ^= 1 << random.integers(8)
+        with contextlib.suppress(DecodeError):
+            changes = ([], [items[at]] * 2, [items[other]], [pb.RecordItem.FromString(bytes(data))])
+            items[at : at + 1] = changes[random.integers(4)]
+
+
+def test_hostile_recordings_end_in_verdicts_or_in_a_word(asked):
+    """Whatever is in the file, replay says what is wrong with it, and goes on where it can."""
+    whole, ends = items_of(asked), set()
+    with hg.connect() as client:
+        for seed in range(25):
+            items = list(whole)
+            spoil(items, seed)
+            write_items(asked, items)
+            try:
+                ends |= {outcome.verdict for outcome in replay(Recording(asked), client)}
+            except hg.InvalidArgument as error:
+                assert "damaged at byte" in str(error)
+                ends.add("refused")
+    assert ends == {SAME, DIFFERS, NOT_PLAYED, "refused"}
 
 
 def test_a_recording_that_ends_in_a_watch(asked):

@@ -72,12 +72,13 @@ class Calls:
     def _find_blobs(self) -> Iterator[tuple[bytes, Call]]:
         """The uploads that brought a blob whole, by its hash."""
         for call in self._recording.calls.values():
-            if call.method != "UploadBlob" or not call.replies or call.status is None:
+            if call.method != "UploadBlob" or call.status is None or call.status.item.code:
                 continue
-            if call.status.item.code or self._recording.reply(call, call.replies[0]).existed:
+            if not call.replies or not call.requests:
                 continue
             with contextlib.suppress(Damaged):  # told when it is played
-                yield self._recording.request(call, call.requests[0]).sha256, call
+                if not self._recording.reply(call, call.replies[0]).existed:
+                    yield self._recording.request(call, call.requests[0]).sha256, call
 
     # ------------------------------------------------------------ asking
 

@@ -20,7 +20,8 @@ from ._status import status_error, to_error
 from .recording import Call, Recording
 
 QUESTIONS = ("Read", "Query", "Tracks", "DescribeScene", "ExportScene")  # and Watch
-_PATIENCE = 60.0  # seconds for the next message of a Watch
+_PATIENCE = 10.0  # seconds for the next message of a Watch
+_BOOKMARK = 0.5  # seconds, the shortest: after these it is known that a change is missing
 _METHODS = service.DESCRIPTOR.services_by_name["Renderer"].methods_by_name
 
 
@@ -60,6 +61,7 @@ class Questions:
         first = self._recording.reply(call, call.replies[0])
         request = self._for_here(call, None)
         request.from_revision = first.revision + 1
+        request.bookmark_seconds = _BOOKMARK
         watch = _Watch(_Answers(self._calls.link(call), call.method, request))
         self._watches[call.number] = watch
         self._compare_told(call, first, watch.next())
@@ -135,11 +137,15 @@ class _Watch:
             return None
 
     def next_change(self) -> Any:
-        """The next one that is no bookmark."""
-        while True:
+        """The next one that is no bookmark; None: there is none."""
+        idle = 0  # bookmarks since all was read; one may have been on its way
+        while idle < 2:
+            is_all_read = self._read.empty()
             answer = self.next()
             if not isinstance(answer, service.WatchReply) or answer.HasField("transaction"):
                 return answer
+            idle += is_all_read
+        return None
 
     def close(self) -> None:
         self._answers.close()

@@ -205,6 +205,8 @@ class _Player:
     def _add_render(self, call: Call) -> None:
         refused, reason = self._refusal(call), self._reason(call)
         frames = [part.item for part in call.frames]
+        if not (reason or refused or frames):
+            reason = "its frames are not in the recording"
         if reason or refused or not frames:
             play = partial(_skip, reason) if reason else partial(self._calls.render, call, refused)
             return self._add(call, call.end, play)
@@ -264,7 +266,7 @@ class _Player:
 
     def _add_watch(self, call: Call) -> None:
         """Where it began, and where it told its last transaction."""
-        if not call.replies:
+        if not call.replies or not call.requests:
             return self._add_question(call)
         scene = self._calls.scene_of(call, call.requests[0])
         told = [self._recording.reply(call, part) for part in call.replies]
