@@ -15,6 +15,10 @@ namespace heliograph {
 namespace {
 
 constexpr u64 kTilePixels = 16 * 16;
+/// How much of what a sample took counts when the next ones take less: dear tiles come back after
+/// cheap ones, and a slice that was sized by cheap ones would be many times too long. What took
+/// more than kDearest times as long was a disturbance.
+constexpr double kRemembered = 0.98, kDearest = 8;
 constexpr auto kReportEvery = std::chrono::milliseconds(100);
 
 double seconds(std::chrono::steady_clock::duration d) {
@@ -213,7 +217,9 @@ Steps Runner::pass(Film& film, Tiles tiles, u32 first, u32 count) {
       const auto start = Clock::now();
       HELIO_CO_TRY(
           context_.backend.render(film, {tile, wide, first + taken, samples}, context_.interrupt));
-      seconds_per_sample_ = seconds(Clock::now() - start) / (double(wide) * samples);
+      const double took = seconds(Clock::now() - start) / (double(wide) * samples);
+      seconds_per_sample_ =
+          std::max(took, std::min(kRemembered * seconds_per_sample_, kDearest * took));
       taken += samples;
       tile_samples_ += u64(wide) * samples;
       samples_ += u64(wide) * samples * kTilePixels;

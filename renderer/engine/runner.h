@@ -73,7 +73,7 @@ class Runner {
   double noise_;                   // the latest estimate
   u64 tile_samples_ = 0;           // of this camera, summed over its tiles
   u64 tile_rounds_ = 0;            // of this camera, adaptive
-  double seconds_per_sample_ = 0;  // of one sample of a whole tile
+  double seconds_per_sample_ = 0;  // of one sample of a whole tile, of the dearest lately
   double seconds_per_probe_ = 0;   // of one tile
   Clock::time_point resumed_;
   std::coroutine_handle<> paused_;

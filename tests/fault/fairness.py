@@ -1,6 +1,6 @@
 """Fairness: 16 clients together do at least 95 % of what one does, each within 1.5 times its fair
 share's time; and R17: beside a tenant that asks for ten times its share, another one's p99 is at
-most 1.5 times what it is alone. (Of sessions: this version has one tenant a daemon.)"""
+most 1.5 times what it is alone."""
 
 import concurrent.futures
 import contextlib
@@ -9,6 +9,7 @@ import time
 
 import common
 import heliograph as hg
+import served
 
 SPP = 16
 CLIENTS = 16
@@ -68,17 +69,17 @@ def sixteen(scenes, seconds, report):
     report.figure("p99 over fair share's time", common.percentile(late, 0.5), 1.5)
 
 
-def noisy(scenes, seconds, report):
-    """One asks for a quarter of the device: less than its half."""
+def noisy(scene, neighbour, seconds, report):
+    """One asks for a quarter of the device: less than its half. The scenes are two tenants'."""
     quiet, loud = [], []
-    every = 4 * common.percentile(now_and_then(scenes[0], 1, 0), 0.5)
+    every = 4 * common.percentile(now_and_then(scene, 1, 0), 0.5)
     for _ in range(3):
-        quiet += now_and_then(scenes[0], seconds, every)
-        results = noise(scenes[1])
+        quiet += now_and_then(scene, seconds, every)
+        results = noise(neighbour)
         thread = threading.Thread(target=drain, args=(results,))
         thread.start()
         time.sleep(1)
-        loud += now_and_then(scenes[0], seconds, every)
+        loud += now_and_then(scene, seconds, every)
         results.close()
         thread.join()
     for share in (0.5, 0.99):
@@ -88,13 +89,19 @@ def noisy(scenes, seconds, report):
 
 def main():
     seconds = common.size(10, 1)
-    with common.Report("fairness") as report, common.daemon() as client:
-        clients = [hg.connect(client.address) for _ in range(CLIENTS)]
-        scenes = [common.stage(each) for each in clients]
-        sixteen(scenes, seconds, report)
-        noisy(scenes, seconds, report)
-        for each in clients:
-            each.close()
+    with common.Report("fairness") as report:
+        with common.daemon() as client:
+            clients = [hg.connect(client.address) for _ in range(CLIENTS)]
+            sixteen([common.stage(each) for each in clients], seconds, report)
+            for each in clients:
+                each.close()
+        with served.folder() as place, contextlib.ExitStack() as stack:
+            daemon = stack.enter_context(served.served("--tenants", served.tenants_file(place)))
+            scenes = [
+                common.stage(stack.enter_context(hg.connect(daemon.socket, token=token)))
+                for token in served.TOKENS.values()
+            ]
+            noisy(*scenes, seconds, report)
 
 
 if __name__ == "__main__":

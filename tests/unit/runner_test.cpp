@@ -1,0 +1,93 @@
+// How long the slices of a job are, on a device whose tiles do not take the same time.
+#include "renderer/engine/runner.h"
+
+#include <thread>
+
+#include "tests/unit/render_scene.h"
+
+using namespace heliograph;
+using namespace heliograph::test;
+
+namespace {
+
+using Seconds = std::chrono::duration<double>;
+
+constexpr Seconds kSlice{4e-3};
+constexpr Seconds kCheap{3e-5};  // of one sample of a tile
+constexpr double kDear = 8;      // times that, in the middle of the image
+
+Error not_there() {
+  return {.code = Code::kUnimplemented, .message = "it only takes time", .where = ""};
+}
+
+class SlowFilm final : public Film {
+ public:
+  [[nodiscard]] u32 tiles() const override { return 16 * 16; }
+  [[nodiscard]] u32 tiles_across() const override { return 16; }
+  [[nodiscard]] u32 samples(u32) const override { return 0; }
+  [[nodiscard]] u64 rays() const override { return 0; }
+};
+
+/// Sleeps for as long as an uneven image takes.
+class SlowBackend final : public Backend {
+ public:
+  [[nodiscard]] std::string_view name() const override { return "slow"; }
+  [[nodiscard]] std::string cpu_features() const override { return ""; }
+  [[nodiscard]] bool ready(const Snapshot&) const override { return true; }
+  [[nodiscard]] Status warm(const Snapshot&) override { return {}; }
+  [[nodiscard]] Expected<std::shared_ptr<const DeviceScene>> prepare(
+      const std::shared_ptr<const Snapshot>&, const TimeSpan&, const Interrupt&) override {
+    return std::make_shared<const DeviceScene>();
+  }
+  [[nodiscard]] Expected<std::unique_ptr<Film>> begin(const Shot&) override {
+    return std::make_unique<SlowFilm>();
+  }
+  [[nodiscard]] Status render(Film& film, const WorkRange& range, const Interrupt&) override {
+    double tiles = 0;  // cheap ones
+    for (u32 tile = range.first_tile; tile < range.first_tile + range.tile_count; ++tile) {
+      const u32 x = tile % film.tiles_across(), y = tile / film.tiles_across();
+      tiles += x >= 4 && x < 12 && y >= 4 && y < 12 ? kDear : 1;
+    }
+    const Seconds time = tiles * range.sample_count * kCheap;
+    std::this_thread::sleep_for(time);
+    taken += time;
+    return {};
+  }
+  [[nodiscard]] Status probe(Film&, u32, u32, const Interrupt&) override { return {}; }
+  [[nodiscard]] Expected<std::vector<Column>> labels(Film&, const Interrupt&) override {
+    return std::unexpected(not_there());
+  }
+  [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film&) override {
+    return std::unexpected(not_there());
+  }
+  [[nodiscard]] Noise noise(const Film&) override { return {}; }
+  [[nodiscard]] Expected<QueryResult> query(const QueryJob&, const Interrupt&) override {
+    return std::unexpected(not_there());
+  }
+  [[nodiscard]] u64 derived_bytes() const override { return 0; }
+
+  Seconds taken{0};  // as it should, whatever else the machine does
+};
+
+}  // namespace
+
+TEST_CASE("runner: who comes while a job runs waits for less than a slice, cheap tiles or dear") {
+  SlowBackend backend;
+  Denoiser denoiser("off", 1);
+  Collect sink;
+  const Interrupt interrupt;
+  const auto scene = Edits().camera("camera", mat4x3(1), 256, 256, 200).apply();
+  Runner runner(std::make_shared<const RenderJob>(job_of(scene, {Plane::BEAUTY}, 64)),
+                {backend, denoiser, sink, interrupt, kSlice});
+  double squares = 0;
+  for (bool is_done = false; !is_done;) {
+    const Seconds before = backend.taken;
+    is_done = runner.step();
+    squares += std::pow((backend.taken - before).count(), 2);
+  }
+  CHECK(runner.samples() == 64 * 256 * 256);
+  // Who comes at any time comes in a slice of length s with a probability that grows with s, and
+  // waits for half of it.
+  const double wait = squares / 2 / backend.taken.count();
+  CHECK(wait <= kSlice.count());
+}
