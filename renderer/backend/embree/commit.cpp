@@ -1,13 +1,13 @@
 // Builds apart from other tasks, with Embree's progress monitor.
 #include "renderer/backend/embree/commit.h"
 
-#include <tbb/task_arena.h>
+#include "renderer/backend/embree/parallel.h"
 
 namespace heliograph::embree {
 
 void commit(RTCScene scene) {
   tbb::task_arena here(tbb::task_arena::attach{});  // tasks begin anew in it, below no other
-  here.execute([&] { rtcCommitScene(scene); });
+  run_in(here, [&] { rtcCommitScene(scene); });
 }
 
 Status commit(RTCScene scene, RTCDevice device, const Interrupt& interrupt) {

@@ -1,13 +1,12 @@
 // Snapshots to scenes, by difference from the nearest one kept.
 #include "renderer/backend/embree/device_scene.h"
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 
 #include "kernels/material.h"
 #include "renderer/backend/embree/black_body.h"
 #include "renderer/backend/embree/casters.h"
+#include "renderer/backend/embree/parallel.h"
 
 namespace heliograph::embree {
 namespace {
@@ -180,7 +179,7 @@ Status SceneStore::warm(const Snapshot& snapshot) const {
     if (row.uses > 0 && !row.value->topology->triangles.empty()) meshes.push_back(row.value.get());
   });
   std::vector<Status> results(meshes.size());
-  tbb::parallel_for(std::size_t(0), meshes.size(), [&](std::size_t i) {
+  parallel_for(meshes.size(), [&](std::size_t i) {
     if (auto made = builder_.build(*meshes[i]); !made)
       results[i] = std::unexpected(std::move(made).error());
   });

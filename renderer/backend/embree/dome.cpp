@@ -1,9 +1,9 @@
 // Sampling tables of environment pictures.
-#include <tbb/parallel_for.h>
 
 #include "kernels/texture.h"
 #include "kernels/warp.h"
 #include "renderer/backend/embree/lights.h"
+#include "renderer/backend/embree/parallel.h"
 
 namespace heliograph::embree {
 namespace {
@@ -90,7 +90,7 @@ std::shared_ptr<const DomeTables> dome_tables(const Texture& texture, DerivedCac
       return (std::cos(M_PI * y / h) - std::cos(M_PI * (y + 1) / h)) * 2 * M_PI / w;
     };
     std::vector<glm::dvec3> integrals(h);
-    tbb::parallel_for(0u, h, [&](u32 y) {
+    parallel_for(h, [&](u32 y) {
       integrals[y] = luminances(view, y, texture.nearest, row(y)) * solid_angle(y);
     });
     glm::dvec3 integral(0);
@@ -102,7 +102,7 @@ std::shared_ptr<const DomeTables> dome_tables(const Texture& texture, DerivedCac
         excess += std::max(0.0, double(row(y)[x]) - mean) * solid_angle(y);
     const double floor = excess > kLeastExcess * 4 * M_PI * mean ? mean : 0;
     std::vector<double> rows(h);
-    tbb::parallel_for(0u, h, [&](u32 y) {
+    parallel_for(h, [&](u32 y) {
       rows[y] = accumulate({row(y), w}, floor) * solid_angle(y);
       if (!tables->column_guide.empty())
         guide_row(row(y), w, tables->column_guide.data() + std::size_t(y) * kernels::kDomeGuide);

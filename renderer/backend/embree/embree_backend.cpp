@@ -3,12 +3,10 @@
 
 #include <fmt/format.h>
 #include <immintrin.h>
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
 
 #include "kernels/film.h"
 #include "renderer/backend/embree/embree_film.h"
+#include "renderer/backend/embree/parallel.h"
 #include "renderer/backend/embree/queries.h"
 #include "renderer/backend/embree/silhouettes.h"
 #include "renderer/engine/post.h"
@@ -59,7 +57,7 @@ class EmbreeBackend final : public Backend {
   [[nodiscard]] Expected<std::shared_ptr<const DeviceScene>> prepare(
       const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
       const Interrupt& interrupt) override {
-    return arena_.execute([&] { return store_.prepare(snapshot, span, interrupt); });
+    return run_in(arena_, [&] { return store_.prepare(snapshot, span, interrupt); });
   }
   [[nodiscard]] Expected<std::unique_ptr<Film>> begin(const Shot& shot) override {
     return EmbreeFilm::create(shot);
@@ -98,16 +96,15 @@ template <class F>
 Status EmbreeBackend::for_each_band(EmbreeFilm& film, u32 first_tile, u32 tile_count,
                                     const Interrupt& interrupt, F&& trace) {
   std::atomic<bool> skipped{false};
-  arena_.execute([&] {
-    const u32 first = first_tile * kBands, last = (first_tile + tile_count) * kBands;
-    tbb::parallel_for(tbb::blocked_range<u32>(first, last, 1), [&](const auto& bands) {
+  run_in(arena_, [&] {
+    parallel_ranges(tile_count * kBands, 1u, [&](u32 begin, u32 end) {
       const FlushDenormals flush;
-      for (u32 band = bands.begin(); band < bands.end(); ++band) {
+      for (u32 band = begin; band < end; ++band) {
         if (interrupt.requested()) {
           skipped = true;
           return;
         }
-        PixelRect rect = film.tile(band / kBands);
+        PixelRect rect = film.tile(first_tile + band / kBands);
         rect.y0 += band % kBands * kBandRows;
         rect.y1 = std::min(rect.y1, rect.y0 + kBandRows);
         film.add_rays(trace(rect));
@@ -155,7 +152,7 @@ Expected<std::vector<Column>> EmbreeBackend::labels(Film& film, const Interrupt&
     error.error().available = options.max_rows;
     return error;
   }
-  return arena_.execute([&]() -> Expected<std::vector<Column>> {
+  return run_in(arena_, [&]() -> Expected<std::vector<Column>> {
     const FlushDenormals flush;
     const auto* plane = static_cast<const u32*>(own.view().planes[u32(Plane::INSTANCE)]);
     const u64 pixels = plane ? u64(own.view().width) * own.view().height : 0;
@@ -183,7 +180,7 @@ Expected<std::vector<Column>> EmbreeBackend::labels(Film& film, const Interrupt&
 Expected<std::vector<PlaneData>> EmbreeBackend::resolve(Film& film) {
   const auto& own = static_cast<const EmbreeFilm&>(film);
   std::vector<PlaneData> planes;
-  arena_.execute([&] {
+  run_in(arena_, [&] {
     u32 groups = 0;
     for (const Plane plane : film_planes(own.job()))
       planes.push_back(own.resolve(plane, plane == Plane::BEAUTY_GROUP ? groups++ : 0));
@@ -193,14 +190,14 @@ Expected<std::vector<PlaneData>> EmbreeBackend::resolve(Film& film) {
 
 Noise EmbreeBackend::noise(const Film& film) {
   const auto& own = static_cast<const EmbreeFilm&>(film);
-  return arena_.execute([&] { return own.noise(); });
+  return run_in(arena_, [&] { return own.noise(); });
 }
 
 Expected<QueryResult> EmbreeBackend::query(const QueryJob& job, const Interrupt& interrupt) {
   auto prepared = prepare(job.snapshot, {job.time, job.time}, interrupt);
   if (!prepared) return std::unexpected(std::move(prepared).error());
   const auto& scene = static_cast<const EmbreeScene&>(**prepared);
-  return arena_.execute([&] {
+  return run_in(arena_, [&] {
     const FlushDenormals flush;
     const auto scene_at = [&](Time time) {
       return store_.prepare(job.snapshot, {time, time}, interrupt);

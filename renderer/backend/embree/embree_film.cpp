@@ -1,13 +1,11 @@
 // Planes of a shot in host memory.
 #include "renderer/backend/embree/embree_film.h"
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cstring>
 
 #include "kernels/film.h"
+#include "renderer/backend/embree/parallel.h"
 #include "renderer/engine/check.h"
 #include "renderer/engine/motion_keys.h"
 #include "renderer/engine/post.h"
@@ -186,9 +184,7 @@ ProbeTask EmbreeFilm::probe_task() const {
 
 template <class F>
 void EmbreeFilm::for_each_tile(F&& visit) const {
-  tbb::parallel_for(tbb::blocked_range<u32>(0, tiles()), [&](const auto& range) {
-    for (u32 i = range.begin(); i < range.end(); ++i) visit(i);
-  });
+  parallel_for(tiles(), visit);
 }
 
 float EmbreeFilm::value(Plane plane, u64 i, u32 samples) const {

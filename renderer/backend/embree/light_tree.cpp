@@ -2,7 +2,7 @@
 // by halves of their extent, which is quicker.
 #include "renderer/backend/embree/light_tree.h"
 
-#include <tbb/parallel_invoke.h>
+#include "renderer/backend/embree/parallel.h"
 
 #include <algorithm>
 #include <array>
@@ -191,7 +191,7 @@ LightBounds TreeBuilder::build(const Task& task) {
       if (count > kMany && half.end - half.begin <= kMany) gather(half);
     LightBounds a, b;
     if (count >= kParallel) {
-      tbb::parallel_invoke([&] { a = build(left); }, [&] { b = build(right); });
+      parallel_invoke([&] { a = build(left); }, [&] { b = build(right); });
     } else {
       a = build(left);
       b = build(right);

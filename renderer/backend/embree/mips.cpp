@@ -1,12 +1,11 @@
 // Box-filtered levels, encoded like their source.
 #include "renderer/backend/embree/mips.h"
 
-#include <tbb/parallel_for.h>
-
 #include <cmath>
 #include <cstring>
 
 #include "kernels/texture.h"
+#include "renderer/backend/embree/parallel.h"
 #include "renderer/base/half.h"
 
 namespace heliograph::embree {
@@ -81,7 +80,7 @@ std::shared_ptr<Mips> make_mips(TextureView from) {
     to.width = kernels::half_size(from.width);
     to.height = kernels::half_size(from.height);
     to.texels = next;
-    tbb::parallel_for(0u, to.height, [&](u32 y) { shrink_row(from, to, y); });
+    parallel_for(to.height, [&](u32 y) { shrink_row(from, to, y); });
     next += kernels::texture_bytes(to);
     from = to;
   }

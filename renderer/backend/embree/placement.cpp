@@ -2,14 +2,13 @@
 // that it is a function of its instances alone.
 #include "renderer/backend/embree/placement.h"
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cstring>
 #include <map>
 
 #include "renderer/backend/embree/commit.h"
 #include "renderer/backend/embree/instance_motion.h"
+#include "renderer/backend/embree/parallel.h"
 #include "renderer/backend/embree/placer.h"
 #include "renderer/scene/grid.h"
 
@@ -62,7 +61,7 @@ void Placer::motion() {
   const auto& slots = made_->structure->slots;
   keys_.resize(slots.size());
   if (span_.instant()) return;
-  tbb::parallel_for(std::size_t(0), slots.size(), [&](std::size_t i) {
+  parallel_for(slots.size(), [&](std::size_t i) {
     const Box& rest = made_->meshes[made_->mesh_of_slot[i]]->rest;
     keys_[i] = instance_keys(snapshot_, slots[i].entity, span_,
                              {.scale = slots[i].scale, .lower = rest.lower, .upper = rest.upper});

@@ -1,6 +1,6 @@
 // Frames and boxes of labels.
-#include <tbb/parallel_for.h>
 
+#include "renderer/backend/embree/parallel.h"
 #include "renderer/backend/embree/placer.h"
 #include "renderer/backend/embree/rest_box.h"
 
@@ -76,7 +76,7 @@ Status Placer::label_frames() {
       made_->boxes[row] = before_->boxes[row];
     }
   }
-  tbb::parallel_for(std::size_t(0), moved_rows.size(), [&](std::size_t i) {
+  parallel_for(moved_rows.size(), [&](std::size_t i) {
     const u32 row = moved_rows[i];
     const Instance& instance = structure.labelling.instances[row];
     made_->frames[row] = object_frame(made_->world[instance.root]);

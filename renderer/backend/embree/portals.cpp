@@ -1,13 +1,12 @@
 // Where portals are, and what of the dome their planes see.
 #include "renderer/backend/embree/portals.h"
 
-#include <tbb/parallel_for.h>
-
 #include <bit>
 #include <glm/gtc/quaternion.hpp>
 
 #include "kernels/light.h"
 #include "renderer/backend/embree/materials.h"
+#include "renderer/backend/embree/parallel.h"
 
 namespace heliograph::embree {
 namespace {
@@ -89,7 +88,7 @@ std::shared_ptr<const PortalMap> portal_map(const Texture* texture, const kernel
     };
     const u32 texels = texture ? texture->image->width / (2 * kPortalSide) : 0;
     const u32 samples = std::clamp(texels, kFewestSamples, kMostSamples);
-    tbb::parallel_for(0u, kPortalSide, [&](u32 y) {
+    parallel_for(kPortalSide, [&](u32 y) {
       fill_row(y, samples, map->sums.data() + std::size_t(y + 1) * (kPortalSide + 1) + 1, radiance);
     });
     accumulate(map->sums);

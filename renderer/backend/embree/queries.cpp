@@ -1,8 +1,6 @@
 #include "renderer/backend/embree/queries.h"
 
 #include <fmt/format.h>
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cstring>
@@ -12,6 +10,7 @@
 #include "kernels/surface.h"
 #include "renderer/backend/embree/canvas.h"
 #include "renderer/backend/embree/overlap.h"
+#include "renderer/backend/embree/parallel.h"
 #include "renderer/engine/image_camera.h"
 
 namespace heliograph::embree {
@@ -132,9 +131,9 @@ class HitColumns {
 
 template <class F>
 void for_each_row(std::size_t rows, const Interrupt& interrupt, F&& f) {
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, rows, 1024), [&](const auto& range) {
+  parallel_ranges(rows, std::size_t(1024), [&](std::size_t begin, std::size_t end) {
     if (interrupt.requested()) return;
-    for (std::size_t i = range.begin(); i < range.end(); ++i) f(i);
+    for (std::size_t i = begin; i < end; ++i) f(i);
   });
 }
 
@@ -191,7 +190,7 @@ Expected<QueryResult> visible(const QueryScene& scene, const Visible& query,
   QueryResult result;
   const Out<u8> visible(result, "visible", DType::kU8, slots->size(), 1);
   const Out<float> share(result, "share", DType::kF32, slots->size(), 1);
-  tbb::parallel_for(std::size_t(0), slots->size(), [&](std::size_t i) {
+  parallel_for(slots->size(), [&](std::size_t i) {
     const u32 slot = (*slots)[i];
     const PixelBox box = bounds_on_canvas(scene.placement, slot, *camera, image);
     u32 alone = 0, seen = 0;
@@ -218,7 +217,7 @@ Expected<QueryResult> overlaps(const QueryScene& scene, const Overlaps& query,
   QueryResult result;
   const Out<u8> out(result, "overlaps", DType::kU8, a->size(), b->size());
   result[0].shape = {a->size(), b->size()};
-  tbb::parallel_for(std::size_t(0), a->size() * b->size(), [&](std::size_t i) {
+  parallel_for(a->size() * b->size(), [&](std::size_t i) {
     if (interrupt.requested()) return;
     const u32 slot_a = (*a)[i / b->size()], slot_b = (*b)[i % b->size()];
     out.row(0)[i] = slot_a == slot_b || overlap(scene.placement, scene.traced, slot_a, slot_b);

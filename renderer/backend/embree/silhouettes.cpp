@@ -1,8 +1,5 @@
 #include "renderer/backend/embree/silhouettes.h"
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <bit>
 #include <optional>
@@ -10,6 +7,7 @@
 #include "kernels/rolling.h"
 #include "kernels/volume_march.h"
 #include "renderer/backend/embree/canvas.h"
+#include "renderer/backend/embree/parallel.h"
 
 namespace heliograph::embree {
 
@@ -338,8 +336,8 @@ std::vector<Silhouette> trace_silhouettes(const Placement& placement, const Trac
 
   std::vector<Task> tasks = make_tasks(reach);
   const SilhouetteTracer tracer(scene, in);
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, tasks.size(), 4), [&](const auto& range) {
-    for (std::size_t i = range.begin(); i < range.end() && !interrupt.requested(); ++i) {
+  parallel_ranges(tasks.size(), std::size_t(4), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end && !interrupt.requested(); ++i) {
       Task& task = tasks[i];
       tracer.trace(task, reach[task.row],
                    options.amodal_masks ? out[task.row].mask.data() : nullptr);

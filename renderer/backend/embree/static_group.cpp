@@ -1,12 +1,11 @@
 // Many meshes to one scene of triangles.
 #include "renderer/backend/embree/static_group.h"
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cstring>
 
 #include "renderer/backend/embree/commit.h"
+#include "renderer/backend/embree/parallel.h"
 
 namespace heliograph::embree {
 namespace {
@@ -34,9 +33,8 @@ GeometryHandle world_triangles(const StaticMember& member, RTCDevice device) {
 
 Status build(StaticGroup& group, RTCDevice device, const Interrupt& interrupt) {
   std::vector<GeometryHandle> geometries(group.members.size());
-  tbb::parallel_for(std::size_t(0), geometries.size(), [&](std::size_t i) {
-    geometries[i] = world_triangles(group.members[i], device);
-  });
+  parallel_for(geometries.size(),
+               [&](std::size_t i) { geometries[i] = world_triangles(group.members[i], device); });
   group.scene = new_scene(device);
   for (u32 i = 0; i < geometries.size(); ++i)
     rtcAttachGeometryByID(group.scene.get(), geometries[i].get(), i);

@@ -1,8 +1,7 @@
 // Entities to slots.
 #include "renderer/backend/embree/structure.h"
 
-#include <tbb/parallel_for.h>
-
+#include "renderer/backend/embree/parallel.h"
 #include "renderer/scene/light_shapes.h"
 
 namespace heliograph::embree {
@@ -108,8 +107,7 @@ Expected<std::shared_ptr<const Structure>> make_structure(const Snapshot& snapsh
   auto structure = std::make_shared<Structure>();
   const std::vector<ShownMesh> shown = shown_meshes(snapshot);
   std::vector<Expected<std::shared_ptr<DeviceMesh>>> built(shown.size());
-  tbb::parallel_for(std::size_t(0), shown.size(),
-                    [&](std::size_t i) { built[i] = builder.build(*shown[i].mesh); });
+  parallel_for(shown.size(), [&](std::size_t i) { built[i] = builder.build(*shown[i].mesh); });
   std::vector<u32> position(snapshot.meshes.capacity() + kLightShapes, kNone);
   for (std::size_t i = 0; i < shown.size(); ++i) {
     if (!built[i])

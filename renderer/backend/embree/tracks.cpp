@@ -1,10 +1,9 @@
 #include "renderer/backend/embree/tracks.h"
 
 #include <fmt/format.h>
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
 
 #include "kernels/probe.h"
+#include "renderer/backend/embree/parallel.h"
 #include "renderer/backend/embree/tracer.h"
 #include "renderer/engine/image_camera.h"
 #include "renderer/scene/motion.h"
@@ -70,10 +69,10 @@ Status fill(const TrackColumns& columns, const Tracks& tracks, u64 t, const Embr
       return fail(Code::kInvalidArgument, "entities",
                   fmt::format("'{}' shows no mesh; give it one, or make it visible",
                               scene.snapshot().name_of(id)));
-  tbb::parallel_for(tbb::blocked_range<u64>(0, tracks.points.size(), 256), [&](const auto& range) {
+  parallel_ranges(u64(tracks.points.size()), u64(256), [&](u64 begin, u64 end) {
     u32 rays = 0;
     const kernels::CountedTracer<EmbreeTracer> counted{tracer, rays};
-    for (u64 i = range.begin(); i < range.end(); ++i) {
+    for (u64 i = begin; i < end; ++i) {
       const TrackPoint& point = tracks.points[i];
       const kernels::Surface s = kernels::locate(scene.view(), slots[point.entity.index()],
                                                  point.primitive, point.barycentric, 0);
