@@ -31,3 +31,6 @@ add_library(heliograph_proto STATIC ${proto_sources})
 target_include_directories(heliograph_proto SYSTEM PUBLIC
   $<BUILD_INTERFACE:${PROJECT_BINARY_DIR}/generated>)
 target_link_libraries(heliograph_proto PUBLIC protobuf::libprotobuf gRPC::grpc++)
+if(HELIOGRAPH_SANITIZE MATCHES thread)
+  target_compile_options(heliograph_proto PUBLIC -include ${PROJECT_SOURCE_DIR}/cmake/tsan_protobuf.h)
+endif()
