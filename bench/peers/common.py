@@ -26,14 +26,12 @@ def load_scene(folder, lambert=False):
 def read_ply(path):
     """Only the layout make_scenes.py writes: x y z nx ny nz u v float32, uchar + 3 int32 faces."""
     with open(path, "rb") as file:
-        data = file.read()
-    end = data.index(b"end_header\n") + 11
-    header = data[:end].decode().splitlines()
-    vertices, faces = (int(line.split()[2]) for line in header if line.startswith("element"))
-    v = np.frombuffer(data, "<f4", vertices * 8, end).reshape(-1, 8)
-    face = np.dtype([("n", "u1"), ("i", "<i4", 3)])
-    f = np.frombuffer(data, face, faces, end + vertices * 32)["i"]
-    return v[:, :3], v[:, 3:6], v[:, 6:], np.ascontiguousarray(f)
+        header = list(iter(file.readline, b"end_header\n"))
+        vertices, faces = (int(line.split()[2]) for line in header if line.startswith(b"element"))
+        v = np.fromfile(file, "<f4", vertices * 8).reshape(-1, 8)
+        v = [np.ascontiguousarray(v[:, part]) for part in (slice(3), slice(3, 6), slice(6, 8))]
+        face = np.dtype([("n", "u1"), ("i", "<i4", 3)])
+        return *v, np.ascontiguousarray(np.fromfile(file, face, faces)["i"])
 
 
 def edited_matrix(doc, k):
