@@ -106,7 +106,10 @@ Expected<std::shared_ptr<Session>> open_session(Daemon& daemon, const TenantPtr&
   const u64 id = (*session)->id();
   daemon.sessions.attach(id);
   if (auto bound = daemon.lifelines->bind(request.ticket(), id); !bound) {
-    daemon.sessions.close(id);
+    if (request.resume() != 0)
+      daemon.sessions.detach(id);  // it is resumed with a good ticket
+    else
+      daemon.sessions.close(id);
     return std::unexpected(bound.error());
   }
   (*session)->holdings().shared().listen([lines = daemon.lifelines.get(), id] { lines->hear(id); });

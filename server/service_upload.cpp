@@ -44,7 +44,8 @@ class UploadCall final : public Reader<v1::UploadBlobRequest> {
   Status end() {
     if (context_.IsCancelled()) return fail(Code::kCancelled, "", "the upload was cancelled");
     if (!first_)
-      return fail(Code::kInvalidArgument, "", "the stream is empty; send the first message");
+      return fail(Code::kInvalidArgument, "size",
+                  "is missing: no message came, or none that can be read; the first one has it");
     return call_.session()->holdings().finish(*first_, std::move(*incoming_));
   }
 

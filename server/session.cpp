@@ -9,6 +9,21 @@ namespace {
 
 constexpr double kFirstCarrierSeconds = 5;  // between OpenSession and KeepSession
 constexpr double kRestartSeconds = 1;       // until another daemon may be there
+constexpr double kHangUpSeconds = 0.1;      // until the end of a carrier is seen
+
+std::unexpected<Error> not_resumed() {
+  return fail(Code::kNotFound, "resume",
+              "the daemon keeps nothing of this session; open a new one, and read what became of "
+              "the last edits");
+}
+
+std::unexpected<Error> carried() {
+  return std::unexpected(Error{.code = Code::kUnavailable,
+                               .message = "this session is open and something carries it; use it, "
+                                          "or retry when that connection has ended",
+                               .where = "resume",
+                               .retry_seconds = kHangUpSeconds});
+}
 
 }  // namespace
 
@@ -76,15 +91,28 @@ Expected<u64> Sessions::new_id(const SessionOwner& owner) {
   const std::lock_guard lock(mutex_);
   const auto kept = kept_.find(owner.resume);
   const bool is_another = kept != kept_.end() && kept->second != owner.tenant;
-  if (!is_resuming_ || is_another || open_.contains(owner.resume))
-    return fail(Code::kNotFound, "resume",
-                "this session is not resumed: it is open, or the daemon keeps nothing of it; open "
-                "a new one, and read what became of the last edits");
+  if (!is_resuming_ || is_another || open_.contains(owner.resume)) return not_resumed();
   if (kept != kept_.end()) kept_.erase(kept);
   return owner.resume;
 }
 
+Expected<std::shared_ptr<Session>> Sessions::take_up(const SessionOwner& owner) {
+  std::shared_ptr<Session> session;
+  u64 loss = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto found = open_.find(owner.resume);
+    if (found == open_.end() || found->second->tenant() != owner.tenant) return not_resumed();
+    session = found->second;
+    if (session->carriers_ > 0) return carried();
+    loss = ++session->losses_;
+  }
+  start_grace(owner.resume, loss);
+  return session;
+}
+
 Expected<std::shared_ptr<Session>> Sessions::open(SessionOwner owner) {
+  if (find(owner.resume)) return take_up(owner);
   const auto made = new_id(owner);
   if (!made) return std::unexpected(made.error());
   const u64 id = *made;
@@ -95,7 +123,7 @@ Expected<std::shared_ptr<Session>> Sessions::open(SessionOwner owner) {
       return fail(Code::kResourceExhausted, "",
                   fmt::format("{} sessions are open; close one (limit sessions)", open_.size()));
     if (!open_.emplace(id, session).second)
-      return fail(Code::kNotFound, "resume", "this session is open already; use it");
+      return not_resumed();
   }
   start_grace(id, 0);
   return session;

@@ -111,8 +111,9 @@ class Sessions {
   /// For that long sessions are resumed; then those kept for it that were not are ended.
   /// kept: sessions with edits that survived, and their tenants.
   void resume_for(double seconds, std::map<u64, TenantPtr> kept);
-  /// Opens a session that nothing carries yet: its grace time starts. NOT_FOUND when it is to be
-  /// resumed and is nothing that may be.
+  /// Opens a session that nothing carries yet: its grace time starts. One that is to be resumed may
+  /// be open while nothing carries it, because the reply to its opening was lost. NOT_FOUND when it
+  /// is nothing that may be resumed, UNAVAILABLE while something carries it.
   [[nodiscard]] Expected<std::shared_ptr<Session>> open(SessionOwner owner);
   /// Null when it is not open.
   [[nodiscard]] std::shared_ptr<Session> find(u64 id) const;
@@ -130,6 +131,7 @@ class Sessions {
  private:
   void start_grace(u64 id, u64 loss);
   [[nodiscard]] Expected<u64> new_id(const SessionOwner& owner);
+  [[nodiscard]] Expected<std::shared_ptr<Session>> take_up(const SessionOwner& owner);
   void end_resuming();
 
   EventLoop& loop_;

@@ -4,9 +4,12 @@ import pathlib
 import sys
 import time
 
+import grpc
 import heliograph as hg
 import numpy as np
 import pytest
+from heliograph._connection import Link
+from heliograph._proto import service_pb2 as service
 
 sys.path.append(str(pathlib.Path(__file__).parents[1] / "fault"))
 from served import Served  # noqa: E402
@@ -148,6 +151,39 @@ def test_durability_without_a_state_directory(client):
         client.create_scene("room", durability="os")
     with pytest.raises(hg.InvalidArgument, match="one of none, os, fsync"):
         client.create_scene("room", durability="maybe", shared=True)
+
+
+def test_a_ticket_of_the_daemon_before_costs_nothing(daemons):
+    with hg.connect(daemons()) as client:
+        scene = client.create_scene("room", durability="os", shared=True)
+        place(scene, "thing", 1)
+        session = client.connection.link.session
+        address = daemons()
+        with hg.connect(address) as other:
+            request = service.OpenSessionRequest(client="late", ticket=b"x" * 16, resume=session)
+            with pytest.raises(grpc.RpcError, match="ticket"):
+                other.connection.link.method("OpenSession")(request)
+        place(scene, "thing", 2)
+        assert client.connection.link.session == session
+        assert scene.revision == 2
+
+
+def test_a_session_is_resumed_again_when_the_reply_was_lost(daemons):
+    with hg.connect(daemons()) as client:
+        scene = client.create_scene("room", durability="os", shared=True)
+        place(scene, "thing", 1)
+        old = client.connection.link
+        access = client.connection.access
+        daemons()
+        lost = Link(access, old.session)
+        with pytest.raises(grpc.RpcError, match="carries it"):
+            Link(access, old.session)
+        lost.close()
+        assert client.connection.resume(old, hg.Unauthenticated("the daemon restarted"))
+        assert client.connection.link is not old
+        assert client.connection.link.session == old.session
+        place(scene, "thing", 2)
+        assert scene.revision == 2
 
 
 def test_two_daemons_do_not_share_a_state_directory(daemons, tmp_path):

@@ -148,13 +148,17 @@ bool Session::resume(std::uint64_t openings, const ClientError& failure) {
   if (failure.code() != Code::kUnauthenticated || server_.journal().empty()) return false;
   const std::lock_guard lock(opening_);
   if (closed_ || openings_ != openings) return !closed_;  // another thread was here
-  try {
-    stop_keeping();
-    start(std::stoull(session_));
-    uploads_->forget();
-    return true;
-  } catch (const ClientError& error) {
-    return error.code() == Code::kUnavailable;  // it is not up yet
+  for (Patience patience;;) {
+    try {
+      stop_keeping();
+      start(std::stoull(session_));
+      uploads_->forget();
+      return true;
+    } catch (const ClientError& error) {
+      // A ticket that is not known is of a daemon that ended before it was used.
+      const bool may_come = error.code() == Code::kUnavailable || error.details().field == "ticket";
+      if (!may_come || !patience.wait()) return false;
+    }
   }
 }
 

@@ -215,15 +215,28 @@ class Connection:
         with self._lock:
             if self._link is not link:
                 return self._link is not None  # another thread was here
-            try:
-                self._link = Link(self.access, link.session)
-            except (grpc.RpcError, Unavailable) as error:
-                again = error if isinstance(error, HeliographError) else to_error(error)
-                if isinstance(again, NotFound):
-                    self._link = None  # the next call opens a new session
-                return isinstance(again, Unavailable)
+            self._link = self._resumed(link.session)  # None: the next call opens a new session
         link.close()
-        return True
+        return self._link is not None
+
+    def _resumed(self, session: int) -> Link | None:
+        """The same session, tried again while the daemon is unavailable; None: it is gone. It may
+        be open, because the answer was lost: without a link it would end."""
+        until = time.monotonic() + RETRY_SECONDS
+        delay = 0.02
+        while True:
+            try:
+                return Link(self.access, session)
+            except (grpc.RpcError, Unavailable) as error:
+                failure = error if isinstance(error, HeliographError) else to_error(error)
+            if isinstance(failure, NotFound):
+                return None
+            # A ticket that is not known is of a daemon that ended before it was used.
+            may_come = isinstance(failure, Unavailable) or failure.field == "ticket"
+            if not may_come or self.closed or time.monotonic() > until:
+                raise failure
+            time.sleep(delay)
+            delay = min(2 * delay, 1.0)
 
     def _lost(self, error: HeliographError) -> HeliographError:
         """How the private daemon died, when that is why."""
