@@ -221,14 +221,14 @@ void ApplyLane::end_stream(Lock& lock) {
   const auto stream = std::move(stream_);
   sent_ = 0;
   if (waiting_.empty()) return;
-  if (!patience_) patience_.emplace();
   const bool is_lost_session = stream->status.error_code() == grpc::UNAUTHENTICATED;
   bool again = is_lost(stream->status) || is_lost_session;
+  if (!patience_ || is_lost_session) patience_.emplace();  // the daemon is back, for however long
   if (again) {
     lock.unlock();
-    if (is_lost_session)
-      again = session_.resume(stream->openings, session_.error_of(stream->status, stream->context));
-    again = again && !session_.is_daemon_dead() && patience_->wait();
+    again = is_lost_session ? session_.resume(stream->openings,
+                                              session_.error_of(stream->status, stream->context))
+                            : !session_.is_daemon_dead() && patience_->wait();
     lock.lock();
   }
   if (again && !session_.is_closed()) return open();

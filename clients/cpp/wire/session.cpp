@@ -76,8 +76,8 @@ std::shared_ptr<grpc::Channel> open_channel(const Target& target, const std::opt
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
   arguments.SetInt(GRPC_ARG_ENABLE_HTTP_PROXY, 0);
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 50);
-  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 50);
-  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 1000);
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 5000);  // how long one attempt may take
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 250);
   return grpc::CreateCustomChannel(
       target.channel, tls ? credentials_of(*tls) : grpc::InsecureChannelCredentials(), arguments);
 }
@@ -198,8 +198,12 @@ void Session::retry(const std::function<grpc::Status(grpc::ClientContext&)>& att
     const grpc::Status status = attempt(context);
     if (status.ok()) return;
     ClientError error = error_of(status, context);
-    const bool is_back = error.code() == Code::kUnavailable || resume(openings, error);
-    if (!is_back || error.details().exit_code || !patience.wait()) throw error;
+    if (resume(openings, error)) {
+      patience = Patience();  // the daemon is back, for however long
+      continue;
+    }
+    const bool may_come = error.code() == Code::kUnavailable && !error.details().exit_code;
+    if (!may_come || !patience.wait()) throw error;
   }
 }
 

@@ -35,7 +35,7 @@ constexpr double kRetrySeconds = 10;  // how long a daemon that is unavailable i
 /// A random name for what is to be done once.
 std::string make_request_id();
 
-/// The waits between repeated calls: 20 ms, doubling up to 1 s, 10 s in all.
+/// The waits between repeated calls: 20 ms, doubling up to 250 ms, 10 s in all.
 class Patience {
  public:
   /// Sleeps, or says that there is no more time.
@@ -43,7 +43,7 @@ class Patience {
     const auto now = std::chrono::steady_clock::now();
     if (now > end_) return false;
     std::this_thread::sleep_for(delay_);
-    delay_ = std::min(2 * delay_, std::chrono::milliseconds(1000));
+    delay_ = std::min(2 * delay_, std::chrono::milliseconds(250));
     return true;
   }
 

@@ -32,6 +32,22 @@ _METHODS = service.DESCRIPTOR.services_by_name["Renderer"].methods_by_name
 _TICKET_BYTES = 16
 
 
+class Patience:
+    """The waits between repeated calls: 20 ms, doubling up to 250 ms, RETRY_SECONDS in all."""
+
+    def __init__(self, seconds: float | None = None) -> None:
+        self._until = time.monotonic() + (RETRY_SECONDS if seconds is None else seconds)
+        self._delay = 0.02
+
+    def wait(self) -> bool:
+        """Sleeps; False, at once, when there is no more time."""
+        if time.monotonic() > self._until:
+            return False
+        time.sleep(self._delay)
+        self._delay = min(2 * self._delay, 0.25)
+        return True
+
+
 def _check_api(server: service.GetServerInfoReply) -> None:
     if server.max_api and not server.min_api <= API <= server.max_api:
         raise FailedPrecondition(
@@ -222,8 +238,7 @@ class Connection:
     def _resumed(self, session: int) -> Link | None:
         """The same session, tried again while the daemon is unavailable; None: it is gone. It may
         be open, because the answer was lost: without a link it would end."""
-        until = time.monotonic() + RETRY_SECONDS
-        delay = 0.02
+        patience = Patience()
         while True:
             try:
                 return Link(self.access, session)
@@ -233,10 +248,8 @@ class Connection:
                 return None
             # A ticket that is not known is of a daemon that ended before it was used.
             may_come = isinstance(failure, Unavailable) or failure.field == "ticket"
-            if not may_come or self.closed or time.monotonic() > until:
+            if not may_come or self.closed or not patience.wait():
                 raise failure
-            time.sleep(delay)
-            delay = min(2 * delay, 1.0)
 
     def _lost(self, error: HeliographError) -> HeliographError:
         """How the private daemon died, when that is why."""
@@ -251,21 +264,22 @@ class Connection:
     def call(self, name: str, request: Any, timeout: float | None = None) -> Any:
         """A unary call, repeated while the daemon is unavailable: edits are numbered and creations
         carry a request id, so that a repetition is answered, not done twice."""
-        until = time.monotonic() + (RETRY_SECONDS if timeout is None else timeout)
-        delay = 0.02
+        patience = Patience(timeout)
         while True:
             link = self.link
             try:
                 return link.method(name)(request, timeout=timeout, metadata=link.metadata)
             except grpc.RpcError as error:
                 failure = to_error(error)
-            if not (isinstance(failure, Unavailable) or self.resume(link, failure)):
+            if self.resume(link, failure):
+                patience = Patience(timeout)  # the daemon is back, for however long
+                continue
+            if not isinstance(failure, Unavailable):
                 raise failure
             failure = self._lost(failure)
-            if (self.daemon and self.daemon.exit_code() is not None) or time.monotonic() > until:
+            is_dead = self.daemon is not None and self.daemon.exit_code() is not None
+            if is_dead or not patience.wait():
                 raise failure
-            time.sleep(delay)
-            delay = min(2 * delay, 1.0)
 
     def stream(
         self, name: str, request: Any, raw: bool = False, timeout: float | None = None

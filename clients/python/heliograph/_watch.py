@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -125,17 +124,14 @@ class Watch:
 
     def _resume(self, first: int) -> None:
         """The same, tried again while the daemon cannot be reached."""
-        until = time.monotonic() + _connection.RETRY_SECONDS
-        delay = 0.02
+        patience = _connection.Patience()
         while not self._closed:
             try:
                 self._open(first)
                 return
             except (Unavailable, Cancelled) as error:
-                if is_final(error) or time.monotonic() > until:
+                if is_final(error) or not patience.wait():
                     raise
-            time.sleep(delay)
-            delay = min(2 * delay, 1.0)
 
     def __iter__(self) -> Watch:
         return self

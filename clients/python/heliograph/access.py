@@ -18,8 +18,8 @@ _OPTIONS = (
     ("grpc.use_local_subchannel_pool", 1),  # a forked child must not meet its parent's connection
     ("grpc.enable_http_proxy", 0),
     ("grpc.initial_reconnect_backoff_ms", 50),
-    ("grpc.min_reconnect_backoff_ms", 50),
-    ("grpc.max_reconnect_backoff_ms", 1000),
+    ("grpc.min_reconnect_backoff_ms", 5000),  # how long one attempt may take
+    ("grpc.max_reconnect_backoff_ms", 250),
 )
 Token = Union[str, "os.PathLike[str]", None]
 File = Union[str, "os.PathLike[str]", None]
