@@ -62,7 +62,7 @@ class BlobFile {
 
 Status make_folder(const std::string& path) {
   if (::mkdir(path.c_str(), 0700) == 0)
-    return sync_folder(std::filesystem::path(path).parent_path().string());
+    return sync_folder(std::filesystem::absolute(path).parent_path().string());
   if (errno != EEXIST) return failed(path, "creation");
   return {};
 }

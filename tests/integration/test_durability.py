@@ -192,3 +192,12 @@ def test_two_daemons_do_not_share_a_state_directory(daemons, tmp_path):
         second = Served(tmp_path / "other", "--state-dir", tmp_path / "state")
         assert second.process.wait(10) == 69
     assert "another daemon's" in second.log()
+
+
+def test_a_state_directory_may_be_relative(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    daemon = Served(tmp_path, "--state-dir", "state")
+    with hg.connect(daemon.socket) as client:
+        client.create_scene("room", durability="os", shared=True)
+    daemon.stop()
+    assert (tmp_path / "state" / "journal.db").exists()
