@@ -122,8 +122,7 @@ Expected<std::shared_ptr<Session>> Sessions::open(SessionOwner owner) {
     if (open_.size() >= options_.limit)
       return fail(Code::kResourceExhausted, "",
                   fmt::format("{} sessions are open; close one (limit sessions)", open_.size()));
-    if (!open_.emplace(id, session).second)
-      return not_resumed();
+    if (!open_.emplace(id, session).second) return not_resumed();
   }
   start_grace(id, 0);
   return session;
