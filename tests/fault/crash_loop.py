@@ -8,7 +8,7 @@ import time
 
 import heliograph as hg
 import numpy as np
-from common import Report, size
+from common import Report, seconds_until, size
 from heliograph._arrays import inline
 from heliograph._proto import scene_pb2 as pb
 from served import Served
@@ -56,6 +56,10 @@ class Editor:
         self.thread.join(60)
         if self.failed:
             raise self.failed
+
+
+def acknowledged(editors):
+    return sum(len(editor.acknowledged) for editor in editors)
 
 
 def at(x):
@@ -115,6 +119,8 @@ def main():
         editors = [Editor(daemon.socket, number) for number in range(STREAMS)]
         alive = 0.0
         for _ in range(KILLS):
+            before = acknowledged(editors)
+            seconds_until(lambda before=before: acknowledged(editors) > before)
             start = time.perf_counter()
             time.sleep(ALIVE_SECONDS)
             daemon.process.kill()
@@ -123,7 +129,7 @@ def main():
             daemon = Served(folder, *flags)
         for editor in editors:
             editor.stop()
-        edits = sum(len(e.acknowledged) for e in editors)
+        edits = acknowledged(editors)
         rate = edits / STREAMS / alive
         print(f"  {KILLS} kills, {STREAMS} streams, {edits} edits, {rate:.0f}/s each")
         lost, torn, twice, differing = check(editors)
