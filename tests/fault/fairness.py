@@ -11,7 +11,7 @@ import common
 import heliograph as hg
 import served
 
-SPP = 16
+SPP = common.size(16, 2)
 CLIENTS = 16
 
 
