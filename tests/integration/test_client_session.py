@@ -1,5 +1,6 @@
 """A private daemon from Python: start, death, forks, pickles, TCP, Ctrl-C."""
 
+import gc
 import logging
 import multiprocessing
 import os
@@ -8,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+import tracemalloc
 
 import heliograph as hg
 import numpy as np
@@ -205,3 +207,23 @@ def _wait_for(path):
     while not path.exists() and time.monotonic() < deadline:
         time.sleep(0.02)
     time.sleep(0.2)
+
+
+def test_a_client_grows_with_no_scene_that_is_gone():
+    """A long job makes and deletes a scene for each image."""
+
+    def cycle(count):
+        for _ in range(count):
+            with client.create_scene() as scene, scene.edit() as edit:
+                edit.entity(transform=np.eye(4))
+        gc.collect()
+
+    with hg.connect() as client:
+        cycle(20)
+        tracemalloc.start()
+        cycle(20)
+        before = tracemalloc.get_traced_memory()[0]
+        cycle(200)
+        grown = tracemalloc.get_traced_memory()[0] - before
+        tracemalloc.stop()
+    assert grown < 200 * 50  # bytes: less than anything kept for each of them

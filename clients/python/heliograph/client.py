@@ -99,6 +99,11 @@ class Client:
         with self._lock:
             return self._states.setdefault(scene, SceneState())
 
+    def forget(self, scene: int) -> None:
+        """The scene is deleted."""
+        with self._lock:
+            self._states.pop(scene, None)
+
     def close(self) -> None:
         """Ends the session, its private scenes, and a private daemon."""
         self.connection.close()

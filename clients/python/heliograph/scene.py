@@ -361,6 +361,7 @@ class Scene:
         self._owned = False
         request = service.DeleteSceneRequest(request_id=uuid.uuid4().hex, scene=self.id)
         self.client.connection.call("DeleteScene", request)
+        self.client.forget(self.id)
 
     def __enter__(self) -> Scene:
         return self
