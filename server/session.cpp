@@ -91,7 +91,7 @@ Expected<u64> Sessions::new_id(const SessionOwner& owner) {
   const std::lock_guard lock(mutex_);
   const auto kept = kept_.find(owner.resume);
   const bool is_another = kept != kept_.end() && kept->second != owner.tenant;
-  if (!is_resuming_ || is_another || open_.contains(owner.resume)) return not_resumed();
+  if (!is_resuming_ || is_another) return not_resumed();
   if (kept != kept_.end()) kept_.erase(kept);
   return owner.resume;
 }
@@ -122,7 +122,7 @@ Expected<std::shared_ptr<Session>> Sessions::open(SessionOwner owner) {
     if (open_.size() >= options_.limit)
       return fail(Code::kResourceExhausted, "",
                   fmt::format("{} sessions are open; close one (limit sessions)", open_.size()));
-    if (!open_.emplace(id, session).second) return not_resumed();
+    if (!open_.emplace(id, session).second) return carried();  // resumed meanwhile
   }
   start_grace(id, 0);
   return session;
