@@ -8,9 +8,8 @@
 
 namespace heliograph {
 
-/// Rounded to the nearest, ties to even. What is finite stays finite: beyond the range of halves it
-/// is
-/// +-65504. Infinities and NaN stay what they are.
+/// Rounded to the nearest, ties to even. What is finite stays finite, +-65504 beyond the range of
+/// halves; infinities and NaN stay what they are.
 inline u16 half_of_float(float x) {
   const u32 bits = std::bit_cast<u32>(x), sign = bits >> 16 & 0x8000u,
             magnitude = bits & ~(1u << 31);

@@ -32,15 +32,20 @@ def daemon(*arguments, **limits):
         yield client
 
 
-def stage(client, width=256, height=256, **options):
-    """A ball under the bundled studio, seen by "cam"; its derived data is made."""
-    scene = client.create_scene(**options)
+def furnish(scene, width, height):
+    """A ball under the bundled studio, seen by "cam"."""
     with scene.edit() as edit:
         edit.sample_studio()
         mesh = edit.mesh("mesh", **hg.shapes.sphere(0.5))
         edit.entity("ball", mesh=mesh, transform=hg.Pose((0, 0, 0.5)), label="auto")
         lens = hg.Camera.from_fov(50, width, height, degrees=True)
         edit.entity("cam", camera=lens, transform=hg.look_at((0, -3, 1), (0, 0, 0.5)))
+
+
+def stage(client, width=256, height=256, **options):
+    """A ball under the bundled studio, seen by "cam"; its derived data is made."""
+    scene = client.create_scene(**options)
+    furnish(scene, width, height)
     scene.render("cam", planes=["depth"])
     return scene
 

@@ -1,5 +1,6 @@
 """Recordings for tests: daemons that record, what became of each call, and the items of a file."""
 
+import contextlib
 import pathlib
 import re
 import subprocess
@@ -13,6 +14,7 @@ from heliograph.recording import Recording
 from heliograph.replay import DIFFERS, NOT_PLAYED, SAME, replay
 
 sys.path.append(str(pathlib.Path(__file__).parents[1] / "fault"))
+import common  # noqa: E402
 from served import Served  # noqa: E402
 
 PLANES = ["beauty", "depth", "instance"]
@@ -49,13 +51,17 @@ def methods(lines):
     return {re.match(r"call \d+ (\w+)", line)[1] for line in lines}
 
 
-def furnish(scene, size=48):
-    with scene.edit() as edit:
-        edit.sample_studio()
-        mesh = edit.mesh("mesh", **hg.shapes.sphere(0.5))
-        edit.entity("ball", mesh=mesh, transform=hg.Pose((0, 0, 0.5)), label="auto")
-        lens = hg.Camera.from_fov(50, size, size, degrees=True)
-        edit.entity("cam", camera=lens, transform=hg.look_at((0, -3, 1), (0, 0, 0.5)))
+def furnish(scene):
+    common.furnish(scene, 48, 48)
+
+
+@contextlib.contextmanager
+def shared_room(daemon):
+    """A furnished scene, as the two sessions that share it see it."""
+    with hg.connect(daemon.socket) as one, hg.connect(daemon.socket) as two:
+        mine = one.create_scene("room", shared=True)
+        furnish(mine)
+        yield mine, two.open_scene("room")
 
 
 def place(scene, x):

@@ -20,6 +20,7 @@ from recordings import (
     place,
     played,
     replay_command,
+    shared_room,
     write_items,
 )
 from served import DAEMON
@@ -247,10 +248,7 @@ def test_its_size_is_limited(recorded):
 
 def test_two_sessions_that_share_a_scene(recorded):
     daemon = recorded()
-    with hg.connect(daemon.socket) as one, hg.connect(daemon.socket) as two:
-        mine = one.create_scene("room", shared=True)
-        furnish(mine)
-        yours = two.open_scene("room")
+    with shared_room(daemon) as (mine, yours):
         for x in range(10):
             place((mine, yours)[x % 2], x)
             (yours, mine)[x % 2].render("cam", planes=PLANES, spp=2)

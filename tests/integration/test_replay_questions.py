@@ -12,7 +12,16 @@ from heliograph._proto import recording_pb2 as pb
 from heliograph._proto import service_pb2 as service
 from heliograph.recording import Recording
 from heliograph.replay import DIFFERS, NOT_PLAYED, SAME, replay
-from recordings import furnish, items_of, methods, place, played, replay_command, write_items
+from recordings import (
+    furnish,
+    items_of,
+    methods,
+    place,
+    played,
+    replay_command,
+    shared_room,
+    write_items,
+)
 from served import Served
 
 REPLIES = {
@@ -148,10 +157,7 @@ def test_questions_about_an_altered_scene_differ(asked):
 def test_a_question_is_played_before_the_next_edit(recorded):
     """Two sessions: one moves the ball as fast as it can, the other asks where it is."""
     daemon = recorded()
-    with hg.connect(daemon.socket) as one, hg.connect(daemon.socket) as two:
-        mine = one.create_scene("room", shared=True)
-        furnish(mine)
-        yours = two.open_scene("room")
+    with shared_room(daemon) as (mine, yours):
         done = threading.Event()
 
         def move():

@@ -1,5 +1,4 @@
 // Sampling tables of environment pictures.
-
 #include "kernels/texture.h"
 #include "kernels/warp.h"
 #include "renderer/backend/embree/lights.h"

@@ -2,10 +2,10 @@
 // by halves of their extent, which is quicker.
 #include "renderer/backend/embree/light_tree.h"
 
-#include "renderer/backend/embree/parallel.h"
-
 #include <algorithm>
 #include <array>
+
+#include "renderer/backend/embree/parallel.h"
 
 namespace heliograph::embree {
 namespace {
