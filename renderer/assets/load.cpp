@@ -50,6 +50,7 @@ Loaded load_bundle(std::span<const BundleFile> files, const LoadOptions& options
   const std::string path = builder.bundle.model().path;
   try {
     load(builder);
+    if (builder.complete()) measure(builder.loaded);
   } catch (Refused& refused) {
     constexpr std::size_t kLongestMessage = 2000;
     Error& error = refused.error;
@@ -63,7 +64,6 @@ Loaded load_bundle(std::span<const BundleFile> files, const LoadOptions& options
     return std::move(builder.loaded);
   }
   builder.loaded.asset.name = stem_of(path);
-  measure(builder.loaded);
   return std::move(builder.loaded);
 }
 

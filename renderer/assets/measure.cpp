@@ -1,7 +1,9 @@
 // The rest box of a model, from its edits: the same for every format.
 #include <array>
+#include <cmath>
 
 #include "renderer/assets/builder.h"
+#include "renderer/assets/refuse.h"
 #include "renderer/scene/grid.h"
 
 namespace heliograph::assets {
@@ -10,8 +12,10 @@ namespace {
 struct Box {
   vec3 low{0}, high{0};
   bool any = false;
+  bool finite = true;
 
   void add(const vec3& p) {
+    finite = finite && std::isfinite(p.x + p.y + p.z);
     low = any ? glm::min(low, p) : p;
     high = any ? glm::max(high, p) : p;
     any = true;
@@ -99,6 +103,7 @@ class Measure {
 
 void measure(Loaded& loaded) {
   const Box box = Measure(loaded.asset).box();
+  if (!box.finite) refuse("model", "reaches beyond what f32 can hold; scale it down");
   loaded.bounds_min = box.low;
   loaded.bounds_max = box.high;
 }

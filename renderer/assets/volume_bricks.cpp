@@ -5,21 +5,9 @@
 #include <numeric>
 
 #include "renderer/scene/grid.h"
+#include "renderer/scene/invertible.h"
 
 namespace heliograph::assets {
-
-namespace {
-
-/// As the daemon asks of every pose.
-bool invertible(const mat4x3& m) {
-  const glm::dvec3 x(m[0]), y(m[1]), z(m[2]);
-  const double determinant = std::abs(glm::dot(x, glm::cross(y, z)));
-  const double box = glm::length(x) * glm::length(y) * glm::length(z);
-  return determinant >= 1e-30 && determinant <= 1e30 && determinant >= 1e-6 * box &&
-         std::isfinite(m[3].x + m[3].y + m[3].z);
-}
-
-}  // namespace
 
 float* FileGrid::add_brick(ivec3 origin) {
   for (int i = 0; i < 3; ++i)
@@ -63,7 +51,9 @@ bool FileGrid::make_fog(float most) {
 }
 
 Grid FileGrid::finish() {
-  if (!invertible(object_from_index)) refuse(name_, "has a transform that is not invertible");
+  const vec3 origin = object_from_index[3];
+  if (!invertible(object_from_index) || !std::isfinite(origin.x + origin.y + origin.z))
+    refuse(name_, "has a transform that is not invertible");
   std::vector<u32> order(bricks_.size());
   std::iota(order.begin(), order.end(), 0u);
   std::erase_if(order, [&](u32 i) {

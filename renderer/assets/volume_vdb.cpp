@@ -89,7 +89,8 @@ mat4x3 read_transform(Cursor& cursor, const std::string& grid) {
     m[3] = vector();
   if (type != "TranslationMap") {
     if (type.find("Scale") == std::string::npos)
-      refuse_unimplemented(grid, fmt::format("a transform of type {}", clean_name(type, "map")));
+      refuse_unimplemented(
+          grid, fmt::format("a transform of type {}", clean_name(type.substr(0, 64), "map")));
     const vec3 scale = vector();
     for (int i = 0; i < 3; ++i) m[i][i] = scale[i];
     (void)cursor.skip(12 * sizeof(double));  // voxel size, inverses

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "renderer/scene/invertible.h"
 #include "server/convert/array.h"
 #include "server/convert/fields.h"
 #include "server/convert/nouns.h"
@@ -12,18 +13,6 @@ namespace {
 
 /// Noise that a product or an inverse in f32 leaves in the last row.
 constexpr double kLastRowTolerance = 1e-6;
-/// Smallest volume that the three axes may span, relative to a box of the same lengths.
-constexpr double kSmallestVolume = 1e-6;
-/// Determinants between these have an inverse in f32.
-constexpr double kSmallestDeterminant = 1e-30, kLargestDeterminant = 1e30;
-
-bool invertible(const mat4x3& m) {
-  const glm::dvec3 x(m[0]), y(m[1]), z(m[2]);
-  const double determinant = std::abs(glm::dot(x, glm::cross(y, z)));
-  const double box = glm::length(x) * glm::length(y) * glm::length(z);
-  return determinant >= kSmallestDeterminant && determinant <= kLargestDeterminant &&
-         determinant >= kSmallestVolume * box;
-}
 
 bool is_affine(std::span<const double> m) {
   return std::abs(m[12]) <= kLastRowTolerance && std::abs(m[13]) <= kLastRowTolerance &&

@@ -144,7 +144,12 @@ def take(scene, path):
                 overlay.texture("thing", path)
             else:
                 overlay.import_file(path)
-    except (hg.InvalidArgument, hg.ResourceExhausted, hg.NotFound) as error:
+    except (
+        hg.InvalidArgument,
+        hg.ResourceExhausted,
+        hg.NotFound,
+        hg.Unimplemented,
+    ) as error:
         assert path.name in str(error) or "the model refers to" in str(error), error
         return "refused"
     return "loaded"

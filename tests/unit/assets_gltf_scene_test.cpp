@@ -72,11 +72,21 @@ TEST_CASE("gltf: node graphs that are no trees are refused") {
   CHECK_THAT(refused(R"({"matrix":[1,0,0,1,0,1,0,0,0,0,1,0,0,0,0,1]})"), Contains("last row"));
 }
 
-TEST_CASE("gltf: a node scaled to nothing is hidden, not refused") {
-  const auto loaded = triangle().load(with_triangle(R"({"name":"flat","mesh":0,"scale":[0,0,0]})"));
-  REQUIRE(loaded);
-  CHECK(entity_named(*loaded, "flat").visible == false);
-  CHECK_THAT(loaded->warnings.at(0), Contains("'flat'"));
+TEST_CASE("gltf: a node scaled to nothing, or beyond f32, is hidden, not refused") {
+  for (const char* scale : {"[0,0,0]", "[1e-11,1e-11,1e-11]", "[2e10,1e10,1e10]"}) {
+    CAPTURE(scale);
+    const auto loaded = triangle().load(
+        with_triangle(R"({"name":"flat","mesh":0,"scale":)" + std::string(scale) + "}"));
+    REQUIRE(loaded);
+    CHECK(entity_named(*loaded, "flat").visible == false);
+    CHECK_THAT(loaded->warnings.at(0), Contains("'flat'"));
+  }
+}
+
+TEST_CASE("gltf: a model that f32 cannot hold is refused") {
+  const auto loaded = triangle().load(with_triangle(
+      R"({"children":[1],"translation":[3e38,0,0]},{"mesh":0,"translation":[1e38,0,0]})"));
+  CHECK_THAT(refusal(loaded), Contains("f32"));
 }
 
 TEST_CASE("gltf: cameras keep their field of view") {

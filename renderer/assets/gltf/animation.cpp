@@ -9,6 +9,8 @@
 #include <map>
 #include <set>
 
+#include "renderer/scene/invertible.h"
+
 namespace heliograph::assets::gltf {
 namespace {
 
@@ -203,8 +205,10 @@ class Loader {
       const quat rotation(r[3], r[0], r[1], r[2]);
       const float length = glm::length(rotation);
       if (!(length > 1e-6f)) refuse(node.value.where(), "is animated by a rotation of length 0");
-      patch.matrices.push_back(
-          compose_trs({t[0], t[1], t[2]}, rotation / length, visible_scale(node, s)));
+      const vec3 scale = visible_scale(node, s);
+      patch.matrices.push_back(compose_trs({t[0], t[1], t[2]}, rotation / length, scale));
+      if (!invertible(patch.matrices.back()))
+        refuse(node.value.where(), "is animated by a scale without an inverse");
     }
     if (patch.times.size() == 1) patch.times.clear();  // one key is a constant pose
     return patch;

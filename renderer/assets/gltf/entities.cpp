@@ -4,6 +4,7 @@
 
 #include "renderer/assets/gltf/nodes.h"
 #include "renderer/assets/mesh_data.h"
+#include "renderer/scene/invertible.h"
 
 namespace heliograph::assets::gltf {
 namespace {
@@ -66,8 +67,9 @@ class Maker {
     PutEntity put;
     const auto parent = node.parent ? entities_.node[*node.parent] : std::optional<u32>(z_up);
     put.parent = builder_.entity_ref(*parent);
-    if (node.flat) {
-      builder_.warn(fmt::format("node '{}' is scaled to nothing and is hidden", node.name));
+    if (!invertible(node.local)) {
+      builder_.warn(
+          fmt::format("node '{}' has a scale without an inverse and is hidden", node.name));
       put.visible = false;
       put.pose = constant_pose(mat4x3(vec3(1, 0, 0), vec3(0, 1, 0), vec3(0, 0, 1), node.local[3]));
     } else if (node.local != mat4x3(1)) {
@@ -144,9 +146,9 @@ class Maker {
       PutEntity put;
       put.parent = builder_.entity_ref(parent);
       put.pose = constant_pose(compose_trs(translations[i], rotation, scales[i]));
-      if (is_flat(put.pose->matrices.front())) {
-        builder_.warn(
-            fmt::format("instances of node '{}' scaled to nothing are left out", node.name));
+      if (!invertible(put.pose->matrices.front())) {
+        builder_.warn(fmt::format("instances of node '{}' whose scale has no inverse are left out",
+                                  node.name));
         continue;
       }
       bind_mesh(node, put);
@@ -164,7 +166,7 @@ class Maker {
     put.skin = read_skin_patch(node);
     const mat4x3 bound =
         affine_product(pose_of(first_joint(node)), (*put.skin)->inverse_binds.front());
-    if (!is_flat(bound)) put.pose = constant_pose(bound);
+    if (invertible(bound)) put.pose = constant_pose(bound);
     const std::string name = builder_.claim_name(node.name + ".skin", "skin");
     entities_.mesh[index] = builder_.entity(name, std::move(put));
   }

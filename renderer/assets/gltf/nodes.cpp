@@ -68,12 +68,6 @@ mat4x3 compose_trs(vec3 translation, quat rotation, vec3 scale) {
   return {r[0] * scale.x, r[1] * scale.y, r[2] * scale.z, translation};
 }
 
-bool is_flat(const mat4x3& matrix) {
-  const glm::dmat3 m{mat3(matrix)};
-  const double size = glm::length(m[0]) * glm::length(m[1]) * glm::length(m[2]);
-  return !(std::abs(glm::determinant(m)) > 1e-6 * size) || !(size > 1e-24);
-}
-
 std::vector<Node> read_nodes(const Document& document, Builder& builder) {
   std::vector<Node> nodes;
   Budget::check(document.count("nodes"), builder.options.limits.entities, "entities", "nodes");
@@ -85,7 +79,6 @@ std::vector<Node> read_nodes(const Document& document, Builder& builder) {
     } else {
       read_trs(value, node);
     }
-    node.flat = is_flat(node.local);
     node.name = builder.claim_name(value.text("name", ""), fmt::format("node_{}", i));
     nodes.push_back(std::move(node));
   }

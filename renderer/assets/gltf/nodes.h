@@ -17,7 +17,6 @@ struct Node {
   glm::vec3 translation{0};  // when not has_matrix
   glm::quat rotation{1, 0, 0, 0};
   glm::vec3 scale{1};
-  bool flat = false;  // its matrix cannot be inverted: nothing of it can be seen
 };
 [[nodiscard]] std::vector<Node> read_nodes(const Document& document, Builder& builder);
 
@@ -44,8 +43,6 @@ struct SkinData {
                                  Budget& budget);
 
 [[nodiscard]] mat4x3 compose_trs(vec3 translation, quat rotation, vec3 scale);
-/// Whether a pose with this matrix would be refused.
-[[nodiscard]] bool is_flat(const mat4x3& matrix);
 
 // lights.cpp
 /// Adds the profiles of EXT_lights_ies to the library, unless a file is missing; by their index.
