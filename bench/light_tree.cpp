@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "renderer/backend/embree/light_tree.h"
+#include "renderer/resident/light_tree.h"
 
 using namespace heliograph;
 using heliograph::kernels::u32;
@@ -38,7 +38,7 @@ int main() {
     std::vector<double> times;
     for (int round = 0; round < 21; ++round) {
       const auto start = std::chrono::steady_clock::now();
-      const auto tree = embree::build_light_tree(lights, 1);
+      const auto tree = resident::build_light_tree(lights, 1);
       const std::chrono::duration<double, std::milli> time =
           std::chrono::steady_clock::now() - start;
       if (tree.nodes.size() == 2 * count - 1) times.push_back(time.count());

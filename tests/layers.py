@@ -13,7 +13,14 @@ ALLOWED = {
     "renderer/scene": {"renderer/base", "kernels"},
     "renderer/assets": {"renderer/base", "renderer/scene", "kernels"},
     "renderer/engine": {"renderer/base", "renderer/scene", "kernels"},
-    "renderer/backend/embree": {"renderer/base", "renderer/scene", "renderer/engine", "kernels"},
+    "renderer/resident": {"renderer/base", "renderer/scene", "renderer/engine", "kernels"},
+    "renderer/backend/embree": {
+        "renderer/base",
+        "renderer/scene",
+        "renderer/engine",
+        "renderer/resident",
+        "kernels",
+    },
     "renderer/backend": {"renderer/base", "renderer/engine", "renderer/backend/embree"},
     "server/decode": {
         "renderer/base",

@@ -1,5 +1,5 @@
 // Light trees: what they may leave out, what their probabilities sum to, what they gain.
-#include "renderer/backend/embree/light_tree.h"
+#include "renderer/resident/light_tree.h"
 
 #include <tbb/global_control.h>
 
@@ -10,8 +10,8 @@
 #include "tests/unit/test_scene.h"
 
 using namespace heliograph::test;
-using heliograph::embree::build_light_tree;
-using heliograph::embree::LightTree;
+using heliograph::resident::build_light_tree;
+using heliograph::resident::LightTree;
 
 namespace {
 

@@ -1,14 +1,14 @@
 // Lights of a scene through the engine: strengths of shapes, static emitters, emission maps.
-#include "renderer/backend/embree/lights.h"
+#include "renderer/resident/lights.h"
 
 #include "tests/unit/catch.h"
 #include "tests/unit/render_scene.h"
 
 using namespace heliograph;
 using namespace heliograph::test;
-using embree::cone_of;
-using embree::LightExtent;
-using embree::shape_extent;
+using resident::cone_of;
+using resident::LightExtent;
+using resident::shape_extent;
 
 namespace {
 
@@ -21,7 +21,7 @@ mat4x3 stretched(vec3 s) { return scaled(s, vec3(0)); }
 
 /// W that a light of radiance 1 and half angle `outer` sends, by quadrature over directions.
 double quadrature(const Light& light, bool flat) {
-  const embree::LightCone cone = cone_of(light);
+  const resident::LightCone cone = cone_of(light);
   double sum = 0;
   const int n = 200000;
   for (int i = 0; i < n; ++i) {
@@ -70,7 +70,7 @@ TEST_CASE("lights: what shapes make of their strengths") {
   using enum LightShape;
   using enum LightUnit;
   const auto radiance = [](const Light& light, vec3 size) {
-    return double(embree::light_radiance(light, shape_extent(light, stretched(size))).y);
+    return double(resident::light_radiance(light, shape_extent(light, stretched(size))).y);
   };
   CHECK(radiance(shape(kSphere, kIntensity, 3), vec3(0.5f)) == Approx(3 / (kPi * 0.25)));
   CHECK(radiance(shape(kSphere, kCandela, 683), vec3(0.5f)) == Approx(1 / (kPi * 0.25)));
@@ -212,21 +212,21 @@ TEST_CASE("lights: an emission map weighs the triangles of its mesh") {
     grid.triangles.push_back({first, first + 2, first + 3});
   }
   const auto scene = Edits().mesh("grid", grid).object("sheet", "grid", mat4x3(1)).apply();
-  embree::DeviceMesh mesh;
+  resident::DeviceMesh mesh;
   const Shared<Mesh>& row = *scene->find(scene->find(entity(*scene, "sheet"))->mesh);
   mesh.topology = row.value->topology;
   mesh.vertices = row.value->vertices;
   mesh.positions = mesh.vertices->positions;
-  embree::DerivedCache cache(1 << 20);
-  const auto trees = embree::part_trees(mesh, {texture.get(), {}}, cache);
+  resident::DerivedCache cache(1 << 20);
+  const auto trees = resident::part_trees(mesh, {texture.get(), {}}, cache);
   const float want[] = {0.035f, 2, 4, 1};  // v = 0 is the bottom row; black keeps a little
   for (u32 i = 0; i < 8; ++i) {
     const auto& e = trees->entries[trees->entry_of_triangle[i]];
     CHECK(e.radiosity == Approx(want[i / 2]).epsilon(0.03));
     CHECK(e.power == Approx(0.5f * e.radiosity));
   }
-  CHECK(embree::part_trees(mesh, {texture.get(), {}}, cache) == trees);
-  CHECK(embree::part_trees(mesh, {}, cache)->entries[0].radiosity == 1);
+  CHECK(resident::part_trees(mesh, {texture.get(), {}}, cache) == trees);
+  CHECK(resident::part_trees(mesh, {}, cache)->entries[0].radiosity == 1);
 }
 
 TEST_CASE("lights: a dome is sampled where it exceeds its mean, and lights all the same (0.5 %)") {
@@ -247,8 +247,8 @@ TEST_CASE("lights: a dome is sampled where it exceeds its mean, and lights all t
   settings.dome = PutDome{.texture = Ref("sky")};
   edits.put(settings);
   const auto scene = edits.apply();
-  embree::DerivedCache cache(1 << 20);
-  const auto tables = embree::dome_tables(*scene->find(scene->dome->texture)->value, cache);
+  resident::DerivedCache cache(1 << 20);
+  const auto tables = resident::dome_tables(*scene->find(scene->dome->texture)->value, cache);
   CHECK(tables->row_cdf == std::vector<float>{1, 1});
   CHECK(tables->column_cdf[0] == 1);
   CHECK(tables->integral.y == Approx(2 * kPi * 3.75));

@@ -1,5 +1,5 @@
 // Textures at smaller sizes: what their levels hold, and which level a ray cone sees.
-#include "renderer/backend/embree/mips.h"
+#include "renderer/resident/mips.h"
 
 #include "kernels/texture.h"
 #include "tests/unit/catch.h"
@@ -28,7 +28,7 @@ class Chain {
              .type = kernels::TexelType(type),
              .srgb = srgb};
     texture_ = {.image = image, .srgb = srgb};
-    mips_ = embree::mips_of(texture_, view_, cache_);
+    mips_ = resident::mips_of(texture_, view_, cache_);
     if (mips_) view_.mips = mips_->texels.data();
   }
   [[nodiscard]] const TextureView& view() const { return view_; }
@@ -38,10 +38,10 @@ class Chain {
   }
 
  private:
-  embree::DerivedCache cache_;
+  resident::DerivedCache cache_;
   Texture texture_;
   TextureView view_{};
-  std::shared_ptr<const embree::Mips> mips_;
+  std::shared_ptr<const resident::Mips> mips_;
 };
 
 vec4 mean_of(const TextureView& view) {

@@ -2,16 +2,16 @@
 #include "kernels/portal.h"
 
 #include "kernels/light.h"
-#include "renderer/backend/embree/portals.h"
+#include "renderer/resident/portals.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/chi2.h"
 #include "tests/unit/random.h"
 
 using namespace heliograph::kernels;
 using namespace heliograph::test;
-using heliograph::embree::DerivedCache;
-using heliograph::embree::place_portal;
-using heliograph::embree::portal_map;
+using heliograph::resident::DerivedCache;
+using heliograph::resident::place_portal;
+using heliograph::resident::portal_map;
 
 namespace {
 
@@ -54,7 +54,7 @@ class Windows {
  private:
   const heliograph::Texture* texture_;
   DerivedCache cache_{1 << 28};
-  std::vector<std::shared_ptr<const heliograph::embree::PortalMap>> maps_;
+  std::vector<std::shared_ptr<const heliograph::resident::PortalMap>> maps_;
   std::vector<PortalView> views_;
 };
 

@@ -1,7 +1,7 @@
 // What the CPU backend makes again when surfaces change shape: their own structures, nothing else.
-#include "renderer/backend/embree/device_scene.h"
-
 #include <map>
+
+#include "renderer/backend/embree/top_level.h"
 
 #include "tests/unit/render_scene.h"
 
@@ -11,15 +11,16 @@ using namespace heliograph::test;
 
 namespace {
 
-using Blases = std::map<std::string, const Blas*>;
+using Blases = std::map<std::string, const MeshAccelerator*>;
 
 /// The acceleration structure that each entity shows.
-Blases blases(const EmbreeScene& scene) {
+Blases blases(const ResidentScene& scene) {
   Blases out;
   const Placement& placement = scene.placement();
   for (std::size_t i = 0; i < placement.structure->slots.size(); ++i) {
     const EntityId id = scene.snapshot().entity_id(placement.structure->slots[i].entity);
-    out[scene.snapshot().name_of(id)] = placement.meshes[placement.mesh_of_slot[i]]->blas.get();
+    out[scene.snapshot().name_of(id)] =
+        placement.meshes[placement.mesh_of_slot[i]]->accelerator.get();
   }
   return out;
 }
@@ -49,10 +50,11 @@ PutEntity weights(float w) { return {.morph_weights = MorphWeights{{}, {w}}}; }
 struct Device {
   DeviceHandle device{rtcNewDevice(nullptr)};
   DerivedCache cache{1u << 30};
-  SceneStore store{device.get(), cache, BackendOptions{}};
+  EmbreeAccelerator accelerator{device.get(), BackendOptions{}.static_triangles};
+  SceneStore store{accelerator, cache, BackendOptions{}.cache_bytes};
 
-  std::shared_ptr<const EmbreeScene> operator()(const std::shared_ptr<const Snapshot>& snapshot,
-                                                Time time) {
+  std::shared_ptr<const ResidentScene> operator()(const std::shared_ptr<const Snapshot>& snapshot,
+                                                  Time time) {
     auto scene = store.prepare(snapshot, {time, time}, Interrupt{});
     REQUIRE(scene);
     return *scene;

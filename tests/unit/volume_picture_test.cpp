@@ -1,6 +1,6 @@
 // Pictures of volumes against closed forms and quadrature, their labels against arithmetic.
 #include "kernels/phase.h"
-#include "renderer/backend/embree/black_body.h"
+#include "renderer/resident/black_body.h"
 #include "tests/unit/random_grid.h"
 #include "tests/unit/render_scene.h"
 
@@ -100,7 +100,7 @@ TEST_CASE("volume: a glowing box has the radiance of the integral") {
                               .albedo = albedo,
                               .temperature_scale = 2000,
                               .emission_scale = 0.1f});
-  const vec3 black = embree::planckian_color(2000) * float(embree::black_body_luminance(2000));
+  const vec3 black = resident::planckian_color(2000) * float(resident::black_body_luminance(2000));
   const auto mean = mean_beauty(*engine, edits, 4096, 1);
   for (int c = 0; c < 2; ++c)
     CHECK(mean[c] == Approx(double(black[c]) * 0.1 * 0.75 * (1 - std::exp(-1.0))).epsilon(0.015));

@@ -1,8 +1,8 @@
 // Volumes in kernels: grids against their definition, tracking against integrals. Pictures are in
 // volume_picture_test.cpp.
 #include "kernels/volume_march.h"
-#include "renderer/backend/embree/black_body.h"
-#include "renderer/backend/embree/volumes.h"
+#include "renderer/resident/black_body.h"
+#include "renderer/resident/volumes.h"
 #include "renderer/scene/grid.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/random_grid.h"
@@ -16,9 +16,9 @@ namespace {
 /// The grid and its table, for kernels.
 struct Held {
   Grid grid;
-  embree::DerivedCache cache{1 << 30};
-  std::shared_ptr<const embree::GridTable> table = embree::grid_table(grid, cache);
-  GridView view = embree::grid_view(grid, *table);
+  resident::DerivedCache cache{1 << 30};
+  std::shared_ptr<const resident::GridTable> table = resident::grid_table(grid, cache);
+  GridView view = resident::grid_view(grid, *table);
 };
 
 double voxel_of(const Grid& grid, ivec3 voxel, u32 channel) {
@@ -193,12 +193,12 @@ TEST_CASE("volume: a majorant without bound ends in time") {
 
 TEST_CASE("volume: black bodies have Planck's luminance and the locus' colour") {
   // Freezing platinum, 2041.4 K: 60 cd / cm^2, the former definition of the candela.
-  CHECK(683 * embree::black_body_luminance(2041.4) == Approx(6e5).epsilon(0.02));
+  CHECK(683 * resident::black_body_luminance(2041.4) == Approx(6e5).epsilon(0.02));
   kernels::SceneView scene{};
-  scene.black_body = embree::black_body_table().data();
+  scene.black_body = resident::black_body_table().data();
   for (const double kelvin : {450.0, 900.0, 1500.0, 2700.0, 6500.0, 20000.0}) {
     const vec3 expected =
-        embree::planckian_color(kelvin) * float(embree::black_body_luminance(kelvin));
+        resident::planckian_color(kelvin) * float(resident::black_body_luminance(kelvin));
     const vec3 found = kernels::black_body(scene, float(kelvin));
     const float scale = std::max({expected.x, expected.y, expected.z});
     INFO(kelvin);

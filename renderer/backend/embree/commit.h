@@ -1,4 +1,4 @@
-// Builds of Embree scenes. Called by mesh.cpp, placement.cpp and static_group.cpp.
+// Builds of Embree scenes. Called by mesh.cpp, top_level.cpp and static_group.cpp.
 #pragma once
 
 #include "renderer/backend/embree/embree.h"

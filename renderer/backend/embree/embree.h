@@ -9,7 +9,11 @@
 
 #include <utility>
 
+#include "renderer/resident/box.h"
+
 namespace heliograph::embree {
+
+using namespace resident;
 
 /// Owns one reference of an Embree object. A copy is another reference.
 template <class H, void (*Retain)(H), void (*Release)(H)>
@@ -38,6 +42,15 @@ class Handle {
 using DeviceHandle = Handle<RTCDevice, rtcRetainDevice, rtcReleaseDevice>;
 using SceneHandle = Handle<RTCScene, rtcRetainScene, rtcReleaseScene>;
 using GeometryHandle = Handle<RTCGeometry, rtcRetainGeometry, rtcReleaseGeometry>;
+
+[[nodiscard]] inline Box bounds_of(RTCScene scene) {
+  RTCBounds bounds;
+  rtcGetSceneBounds(scene, &bounds);
+  Box box;
+  box.lower = {bounds.lower_x, bounds.lower_y, bounds.lower_z};
+  box.upper = {bounds.upper_x, bounds.upper_y, bounds.upper_z};
+  return box;
+}
 
 /// A scene whose queries may bring a filter of their own: cut-outs are decided ray by ray.
 inline SceneHandle new_scene(RTCDevice device) {

@@ -6,10 +6,10 @@
 
 #include "kernels/film.h"
 #include "renderer/backend/embree/embree_film.h"
-#include "renderer/backend/embree/parallel.h"
 #include "renderer/backend/embree/queries.h"
 #include "renderer/backend/embree/silhouettes.h"
 #include "renderer/engine/post.h"
+#include "renderer/resident/parallel.h"
 
 namespace heliograph::embree {
 namespace {
@@ -44,7 +44,8 @@ class EmbreeBackend final : public Backend {
   EmbreeBackend(DeviceHandle device, const BackendOptions& options)
       : device_(std::move(device)),
         cache_(options.cache_bytes),
-        store_(device_.get(), cache_, options),
+        accelerator_(device_.get(), options.static_triangles),
+        store_(accelerator_, cache_, options.cache_bytes),
         loops_(best_pixel_loops()),
         arena_(options.threads ? int(options.threads) : tbb::task_arena::automatic) {}
 
@@ -81,6 +82,7 @@ class EmbreeBackend final : public Backend {
 
   DeviceHandle device_;
   DerivedCache cache_;
+  EmbreeAccelerator accelerator_;
   SceneStore store_;
   const PixelLoops& loops_;
   tbb::task_arena arena_;
@@ -140,7 +142,7 @@ Status EmbreeBackend::probe(Film& film, u32 first_tile, u32 tile_count,
 Expected<std::vector<Column>> EmbreeBackend::labels(Film& film, const Interrupt& interrupt) {
   auto& own = static_cast<EmbreeFilm&>(film);
   const Sight& sight = own.labels();
-  const EmbreeScene& scene = *sight.scene;
+  const ResidentScene& scene = *sight.scene;
   const LabelOptions& options = own.job().labels;
   const Placement& placement = scene.placement();
   const Labelling& labelling = scene.structure().labelling;
@@ -159,12 +161,12 @@ Expected<std::vector<Column>> EmbreeBackend::labels(Film& film, const Interrupt&
     std::vector<Silhouette> silhouettes;
     std::vector<KeypointLabel> keypoints;
     if (options.amodal || options.amodal_masks)
-      silhouettes = trace_silhouettes(placement, scene.traced(),
+      silhouettes = trace_silhouettes(placement, traced(scene),
                                       {sight.camera, options, {plane, pixels}}, interrupt);
     HELIO_TRY(interrupt.status());
     if (options.keypoints)
       keypoints =
-          trace_keypoints(placement, scene.traced(), sight.camera, own.image_camera(), options);
+          trace_keypoints(placement, traced(scene), sight.camera, own.image_camera(), options);
     return label_columns({.snapshot = scene.snapshot(),
                           .labelling = labelling,
                           .camera = own.image_camera(),
@@ -196,13 +198,13 @@ Noise EmbreeBackend::noise(const Film& film) {
 Expected<QueryResult> EmbreeBackend::query(const QueryJob& job, const Interrupt& interrupt) {
   auto prepared = prepare(job.snapshot, {job.time, job.time}, interrupt);
   if (!prepared) return std::unexpected(std::move(prepared).error());
-  const auto& scene = static_cast<const EmbreeScene&>(**prepared);
+  const auto& scene = static_cast<const ResidentScene&>(**prepared);
   return run_in(arena_, [&] {
     const FlushDenormals flush;
     const auto scene_at = [&](Time time) {
       return store_.prepare(job.snapshot, {time, time}, interrupt);
     };
-    return answer({scene.snapshot(), scene.placement(), scene.traced()}, job, scene_at, interrupt);
+    return answer({scene.snapshot(), scene.placement(), traced(scene)}, job, scene_at, interrupt);
   });
 }
 

@@ -5,11 +5,11 @@
 #include <cstring>
 
 #include "kernels/film.h"
-#include "renderer/backend/embree/parallel.h"
 #include "renderer/engine/check.h"
 #include "renderer/engine/motion_keys.h"
 #include "renderer/engine/post.h"
 #include "renderer/engine/shutter.h"
+#include "renderer/resident/parallel.h"
 
 namespace heliograph::embree {
 namespace {
@@ -64,7 +64,7 @@ ImageCamera EmbreeFilm::camera_at(EntityId camera, Time time) const {
 void EmbreeFilm::look(Sight& sight, EntityId camera,
                       const std::shared_ptr<const DeviceScene>& scene) const {
   if (!scene) return;
-  sight.scene = std::static_pointer_cast<const EmbreeScene>(scene);
+  sight.scene = std::static_pointer_cast<const ResidentScene>(scene);
   const TimeSpan& span = sight.scene->span();
   sight.camera = camera_view(camera_at(camera, span.middle()));
   sight.camera.shutter =
@@ -157,9 +157,9 @@ std::vector<RenderTask> EmbreeFilm::render_tasks() const {
   constexpr kernels::PlaneSet kSampled =
       kernels::planes_of(Fold::kMean) | kernels::planes_of(Fold::kFilm);
   if (view_.wanted & kSampled & ~plane_bit(Plane::BEAUTY_STILL))
-    tasks.push_back({open_.scene->traced(), &open_.camera, &job().settings, &view_});
+    tasks.push_back({traced(*open_.scene), &open_.camera, &job().settings, &view_});
   if (still_view_.wanted)
-    tasks.push_back({still_.scene->traced(), &still_.camera, &job().settings, &still_view_});
+    tasks.push_back({traced(*still_.scene), &still_.camera, &job().settings, &still_view_});
   return tasks;
 }
 
@@ -168,17 +168,17 @@ ProbeTask EmbreeFilm::probe_task() const {
     return e.sight.scene ? kernels::ProbeScene{&e.view, &e.sight.camera, e.camera_jumped}
                          : kernels::ProbeScene{};
   };
-  const auto traced = [](const FlowEnd& e) {
-    return e.sight.scene ? e.sight.scene->traced_of(e.view) : TracedScene{};
+  const auto traced_end = [](const FlowEnd& e) {
+    return e.sight.scene ? traced(e.sight.scene->placement(), e.view) : TracedScene{};
   };
   return {.context = {.now = {&still_.scene->view(), &still_.camera},
                       .forward = end(forward_),
                       .backward = end(backward_),
                       .disparity = job().disparity_camera ? &disparity_.camera : nullptr,
                       .settings = &job().settings},
-          .now = still_.scene->traced(),
-          .forward = traced(forward_),
-          .backward = traced(backward_),
+          .now = traced(*still_.scene),
+          .forward = traced_end(forward_),
+          .backward = traced_end(backward_),
           .film = &view_};
 }
 

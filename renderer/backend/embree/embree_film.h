@@ -4,8 +4,8 @@
 #include <atomic>
 #include <cstdlib>
 
-#include "renderer/backend/embree/device_scene.h"
 #include "renderer/backend/embree/pixel_loop.h"
+#include "renderer/backend/embree/top_level.h"
 #include "renderer/engine/image_camera.h"
 
 namespace heliograph::embree {
@@ -20,7 +20,7 @@ using ZeroedMemory = std::unique_ptr<void, Free>;
 
 /// A scene and a camera in it, over the same span of time.
 struct Sight {
-  std::shared_ptr<const EmbreeScene> scene;  // null: not wanted
+  std::shared_ptr<const ResidentScene> scene;  // null: not wanted
   kernels::CameraView camera{};
   std::vector<kernels::MotionKey> keys;  // of the camera
 };

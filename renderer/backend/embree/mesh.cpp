@@ -1,8 +1,7 @@
-// Builds what meshes need on the device.
 #include "renderer/backend/embree/mesh.h"
 
 #include <cstring>
-#include <string_view>
+#include <string>
 
 #include "renderer/backend/embree/commit.h"
 #include "renderer/backend/embree/shape_geometry.h"
@@ -10,19 +9,7 @@
 namespace heliograph::embree {
 namespace {
 
-constexpr u64 kBlasBytesPerTriangle = 96;  // measured with Embree's memory monitor
-
-/// 64-bit FNV-1a over words: names deformed vertices, which have no serial of their own.
-u64 hash_words(std::span<const std::byte> bytes) {
-  u64 hash = 0xcbf29ce484222325ull;
-  for (std::size_t i = 0; i + 4 <= bytes.size(); i += 4) {
-    u32 word;
-    std::memcpy(&word, bytes.data() + i, 4);
-    hash = (hash ^ word) * 0x100000001b3ull;
-    hash ^= hash >> 29;
-  }
-  return hash;
-}
+constexpr u64 kBytesPerTriangle = 96;  // measured with Embree's memory monitor
 
 /// Embree reads 16 bytes for each vertex: 4 past the end of the last one, which is harmless unless
 /// a page ends there.
@@ -39,23 +26,6 @@ void set_vertices(RTCGeometry geometry, u32 step, const vec3* positions, u32 cou
   if (copy) std::memcpy(copy, positions, count * sizeof(vec3));
 }
 
-std::span<const vec3> first_key(const ArrayOf<vec3>& keys, u32 vertex_count) {
-  return keys.span().first(std::min<std::size_t>(keys.size(), vertex_count));
-}
-
-kernels::Shape shape_of(const MeshTopology& topology) {
-  switch (topology.shape) {
-    case LightShape::kSphere:
-      return kernels::Shape::kSphere;
-    case LightShape::kDisc:
-      return kernels::Shape::kDisc;
-    case LightShape::kMesh:
-    case LightShape::kRectangle:
-      break;
-  }
-  return kernels::Shape::kTriangles;
-}
-
 GeometryHandle triangle_geometry(const DeviceMesh& mesh, RTCDevice device) {
   const ArrayOf<uvec3>& triangles = mesh.topology->triangles;
   GeometryHandle geometry(rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE));
@@ -70,124 +40,22 @@ GeometryHandle triangle_geometry(const DeviceMesh& mesh, RTCDevice device) {
   return geometry;
 }
 
-/// Bounds of the unit disc or sphere under a linear map.
-Box shape_bounds(kernels::Shape shape, const mat3& map) {
-  vec3 half2 = map[0] * map[0] + map[1] * map[1];
-  if (shape == kernels::Shape::kSphere) half2 += map[2] * map[2];
-  Box box;
-  box.upper = glm::sqrt(half2);
-  box.lower = -box.upper;
-  return box;
-}
-
 }  // namespace
 
-kernels::MeshView DeviceMesh::view() const {
-  kernels::MeshView view{};
-  view.triangles = topology->triangles.data();
-  view.positions = positions.data();
-  view.normals = normals.data();
-  view.rest_positions = vertices->positions.data();
-  view.uvs = topology->uvs.data();
-  view.uvs1 = topology->uvs1.data();
-  view.colors = topology->colors.data();
-  view.tangents = topology->tangents.data();
-  view.parts = topology->parts.data();
-  view.triangle_count = u32(topology->triangles.size());
-  view.vertex_count = topology->vertex_count;
-  view.part_count = topology->part_count;
-  view.segments = segments;
-  view.shape = shape();
-  return view;
-}
-
-kernels::Shape DeviceMesh::shape() const { return shape_of(*topology); }
-
-Expected<std::shared_ptr<const Blas>> MeshBuilder::blas(const DeviceMesh& mesh) const {
-  const ArrayOf<uvec3>& triangles = mesh.topology->triangles;
-  const ArrayOf<vec3>& positions = mesh.positions;
-  const DerivedKey key{Derived::kBlas,
-                       {positions.serial(), triangles.serial(), mesh.topology->vertex_count}};
-  const Sources sources{positions.buffer(), triangles.buffer()};
-  auto made = cache_.get<Blas>(key, sources, [&] {
-    auto blas = std::make_shared<Blas>();
-    blas->scene = new_scene(device_);
-    const GeometryHandle geometry = mesh.shape() == kernels::Shape::kTriangles
-                                        ? triangle_geometry(mesh, device_)
-                                        : shape_geometry(mesh.shape(), device_);
-    rtcAttachGeometryByID(blas->scene.get(), geometry.get(), 0);
-    commit(blas->scene.get());
-    blas->bytes_ = triangles.size() * kBlasBytesPerTriangle * (mesh.segments > 0 ? 2 : 1);
-    return blas;
-  });
-  if (const RTCError error = rtcGetDeviceError(device_); error != RTC_ERROR_NONE)
+Expected<std::shared_ptr<const EmbreeMesh>> build_mesh(const DeviceMesh& mesh, RTCDevice device) {
+  auto made = std::make_shared<EmbreeMesh>();
+  made->scene = new_scene(device);
+  const GeometryHandle geometry = mesh.shape() == kernels::Shape::kTriangles
+                                      ? triangle_geometry(mesh, device)
+                                      : shape_geometry(mesh.shape(), device);
+  rtcAttachGeometryByID(made->scene.get(), geometry.get(), 0);
+  commit(made->scene.get());
+  made->bytes_ = mesh.topology->triangles.size() * kBytesPerTriangle * (mesh.segments > 0 ? 2 : 1);
+  if (const RTCError error = rtcGetDeviceError(device); error != RTC_ERROR_NONE)
     return fail(error == RTC_ERROR_OUT_OF_MEMORY ? Code::kResourceExhausted : Code::kInternal, "",
                 "Embree could not build a mesh's acceleration structure: error " +
                     std::to_string(int(error)));
   return made;
-}
-
-Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::build(const Mesh& mesh) const {
-  auto made = std::make_shared<DeviceMesh>();
-  made->topology = mesh.topology;
-  made->vertices = mesh.vertices;
-  made->positions = mesh.vertices->positions;
-  made->normals = mesh.vertices->normals;
-  auto structure = blas(*made);
-  if (!structure) return std::unexpected(std::move(structure).error());
-  made->blas = *std::move(structure);
-  made->rest = rest_bounds(*made, mat3(1));
-  return made;
-}
-
-Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::build(const Mesh& mesh,
-                                                         DeformedKeys deformed) const {
-  struct Vertices {
-    ArrayOf<vec3> positions, normals;
-    [[nodiscard]] u64 bytes() const { return (positions.size() + normals.size()) * sizeof(vec3); }
-  };
-  auto& [positions, normals] = deformed.vertices;
-  const u64 hash = hash_words(std::as_bytes(std::span(positions)));
-  const u64 normals_hash = hash_words(std::as_bytes(std::span(normals)));
-  const DerivedKey key{Derived::kVertices, {hash, normals_hash, mesh.topology->triangles.serial()}};
-  const auto kept = cache_.get<Vertices>(key, {}, [&] {
-    auto vertices = std::make_shared<Vertices>();
-    vertices->positions = ArrayOf(std::move(positions));
-    vertices->normals = ArrayOf(std::move(normals));
-    return vertices;
-  });
-  auto made = std::make_shared<DeviceMesh>();
-  made->topology = mesh.topology;
-  made->vertices = mesh.vertices;
-  made->positions = kept->positions;
-  made->normals = kept->normals;
-  made->segments = deformed.segments;
-  auto structure = blas(*made);
-  if (!structure) return std::unexpected(std::move(structure).error());
-  made->blas = *std::move(structure);
-  made->rest = rest_bounds(*made, mat3(1));
-  return made;
-}
-
-bool MeshBuilder::ready(const Mesh& mesh) const {
-  return cache_.contains({Derived::kBlas,
-                          {mesh.vertices->positions.serial(), mesh.topology->triangles.serial(),
-                           mesh.topology->vertex_count}});
-}
-
-Box MeshBuilder::rest_bounds(const DeviceMesh& mesh, const mat3& map) const {
-  if (mesh.shape() != kernels::Shape::kTriangles) return shape_bounds(mesh.shape(), map);
-  const auto rest = first_key(mesh.vertices->positions, mesh.topology->vertex_count);
-  const DerivedKey key{Derived::kBounds,
-                       {mesh.vertices->positions.serial(), mesh.topology->triangles.serial(),
-                        map == mat3(1) ? 0 : hash_words(std::as_bytes(std::span(&map, 1)))}};
-  const Sources sources{mesh.vertices->positions.buffer(), mesh.topology->triangles.buffer()};
-  return *cache_.get<Box>(key, sources, [&] {
-    auto box = std::make_shared<Box>();
-    for (const uvec3 t : mesh.topology->triangles)
-      for (const u32 v : {t.x, t.y, t.z}) box->extend(map * rest[v]);
-    return box;
-  });
 }
 
 }  // namespace heliograph::embree

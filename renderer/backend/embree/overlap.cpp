@@ -11,12 +11,7 @@ namespace {
 constexpr kernels::HoleKey kProbe{0, true};
 
 Box object_bounds(const Placement& placement, u32 slot) {
-  RTCBounds b;
-  rtcGetSceneBounds(placement.instance_scenes[slot], &b);
-  Box box;
-  box.lower = {b.lower_x, b.lower_y, b.lower_z};
-  box.upper = {b.upper_x, b.upper_y, b.upper_z};
-  return box;
+  return placement.meshes[placement.mesh_of_slot[slot]]->accelerator->bounds();
 }
 
 /// A box as seen through an affine map: the bounds of its corners.

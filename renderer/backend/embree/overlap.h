@@ -1,8 +1,8 @@
 // Whether two meshes meet. Called by queries.cpp.
 #pragma once
 
-#include "renderer/backend/embree/placement.h"
 #include "renderer/backend/embree/tracer.h"
+#include "renderer/resident/placement.h"
 
 namespace heliograph::embree {
 

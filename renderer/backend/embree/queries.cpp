@@ -8,10 +8,10 @@
 
 #include "kernels/camera.h"
 #include "kernels/surface.h"
-#include "renderer/backend/embree/canvas.h"
 #include "renderer/backend/embree/overlap.h"
-#include "renderer/backend/embree/parallel.h"
 #include "renderer/engine/image_camera.h"
+#include "renderer/resident/canvas.h"
+#include "renderer/resident/parallel.h"
 
 namespace heliograph::embree {
 

@@ -1,10 +1,10 @@
 // Spatial questions on Embree: rays, picks, visibility, overlap, surface samples, tracks.
 #pragma once
 
-#include "renderer/backend/embree/placement.h"
 #include "renderer/backend/embree/tracer.h"
 #include "renderer/backend/embree/tracks.h"
 #include "renderer/engine/backend.h"
+#include "renderer/resident/placement.h"
 
 namespace heliograph::embree {
 

@@ -6,8 +6,8 @@
 
 #include "kernels/rolling.h"
 #include "kernels/volume_march.h"
-#include "renderer/backend/embree/canvas.h"
-#include "renderer/backend/embree/parallel.h"
+#include "renderer/resident/canvas.h"
+#include "renderer/resident/parallel.h"
 
 namespace heliograph::embree {
 

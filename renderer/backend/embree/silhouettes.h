@@ -3,10 +3,10 @@
 
 #include <vector>
 
-#include "renderer/backend/embree/placement.h"
 #include "renderer/backend/embree/tracer.h"
 #include "renderer/engine/backend.h"
 #include "renderer/engine/label_columns.h"
+#include "renderer/resident/placement.h"
 
 namespace heliograph::embree {
 

@@ -5,13 +5,13 @@
 #include <cstring>
 
 #include "renderer/backend/embree/commit.h"
-#include "renderer/backend/embree/parallel.h"
+#include "renderer/resident/parallel.h"
 
 namespace heliograph::embree {
 namespace {
 
 bool same(const StaticMember& a, const StaticMember& b) {
-  return a.visibility == b.visibility && a.mesh->blas == b.mesh->blas &&
+  return a.visibility == b.visibility && a.mesh->accelerator == b.mesh->accelerator &&
          std::memcmp(&a.world, &b.world, sizeof a.world) == 0;
 }
 

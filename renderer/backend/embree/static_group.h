@@ -1,9 +1,10 @@
 // Entities that say they are static, in one acceleration structure in world space: rays meet them
-// without a change of coordinates, and their boxes do not overlap. Called by placement.cpp.
+// without a change of coordinates, and their boxes do not overlap. Called by top_level.cpp.
 #pragma once
 
-#include "renderer/backend/embree/structure.h"
+#include "renderer/backend/embree/embree.h"
 #include "renderer/engine/backend.h"
+#include "renderer/resident/mesh.h"
 
 namespace heliograph::embree {
 

@@ -3,9 +3,9 @@
 #include <fmt/format.h>
 
 #include "kernels/probe.h"
-#include "renderer/backend/embree/parallel.h"
-#include "renderer/backend/embree/tracer.h"
+#include "renderer/backend/embree/top_level.h"
 #include "renderer/engine/image_camera.h"
+#include "renderer/resident/parallel.h"
 #include "renderer/scene/motion.h"
 
 namespace heliograph::embree {
@@ -55,14 +55,14 @@ class TrackColumns {
 };
 
 /// All points at one time.
-Status fill(const TrackColumns& columns, const Tracks& tracks, u64 t, const EmbreeScene& scene) {
+Status fill(const TrackColumns& columns, const Tracks& tracks, u64 t, const ResidentScene& scene) {
   const Entity* entity = scene.snapshot().find(tracks.camera);
   const ImageCamera image = image_camera(
       *entity->camera, world_pose(scene.snapshot(), tracks.camera.index(), tracks.times[t]),
       entity->camera->width, entity->camera->height);
   const kernels::CameraView camera = camera_view(image);
   const kernels::ProbeScene at{&scene.view(), &camera};
-  const EmbreeTracer tracer(scene.traced());
+  const EmbreeTracer tracer(traced(scene));
   const auto& slots = scene.structure().slot_of_entity;
   for (u64 i = 0; i < tracks.points.size(); ++i)
     if (const EntityId id = tracks.points[i].entity; slots[id.index()] == kNone)
@@ -99,7 +99,7 @@ Expected<QueryResult> follow(const Tracks& tracks, const SceneAt& scene_at,
     HELIO_TRY(interrupt.status());
     const auto scene = scene_at(tracks.times[t]);
     if (!scene) return std::unexpected(scene.error());
-    HELIO_TRY(fill(columns, tracks, t, static_cast<const EmbreeScene&>(**scene)));
+    HELIO_TRY(fill(columns, tracks, t, static_cast<const ResidentScene&>(**scene)));
   }
   return result;
 }

@@ -3,7 +3,7 @@
 
 #include <functional>
 
-#include "renderer/backend/embree/device_scene.h"
+#include "renderer/resident/scene.h"
 
 namespace heliograph::embree {
 

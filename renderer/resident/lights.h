@@ -1,0 +1,56 @@
+// What emits: the entities' lights, emissive materials and the dome, and how often each is sampled.
+#pragma once
+
+#include "renderer/resident/light_strength.h"
+#include "renderer/resident/materials.h"
+#include "renderer/resident/part_trees.h"
+#include "renderer/resident/placement.h"
+#include "renderer/resident/portals.h"
+
+namespace heliograph::resident {
+
+/// Density of a dome's texture over directions and its integrals.
+struct DomeTables {
+  std::vector<float> row_cdf;
+  std::vector<float> column_cdf;
+  std::vector<kernels::u16> column_guide;  // empty for pictures wider than its numbers reach
+  vec3 integral{0};                        // of the texture over the sphere
+  [[nodiscard]] u64 bytes() const {
+    return (row_cdf.size() + column_cdf.size()) * sizeof(float) + column_guide.size() * 2;
+  }
+};
+[[nodiscard]] std::shared_ptr<const DomeTables> dome_tables(const Texture& texture,
+                                                            DerivedCache& cache);
+
+/// The tree over the lights of a scene: a function of their bounds.
+struct TopTree {
+  std::vector<kernels::LightBounds> bounds;  // by light
+  std::vector<kernels::LightNode> nodes;     // a leaf's entry is a light
+  std::vector<u32> leaves;                   // by light
+};
+
+struct Lights {
+  std::vector<kernels::LightView> lights;
+  std::shared_ptr<const TopTree> tree;
+  std::vector<u32> part_lights;
+  std::vector<std::shared_ptr<const PartTrees>> part_trees;    // by mesh of the placement, or null
+  std::vector<std::shared_ptr<const PartTrees>> mapped_trees;  // those of emission maps
+  std::vector<kernels::SunView> suns;
+  std::vector<std::vector<kernels::MotionKey>> sun_keys;  // by sun; empty: it stands still
+  std::vector<std::string> groups{""};                    // names of the light groups by index
+  std::vector<u32> group_of_slot;
+  std::vector<u32> group_of_volume;  // the same of Structure::volumes
+  float surface_probability = 0;     // of the lights together
+  kernels::DomeView dome{};
+  std::shared_ptr<const DomeTables> dome_tables;  // null: constant
+  std::vector<kernels::PortalView> portals;
+  std::vector<std::shared_ptr<const PortalMap>> portal_maps;
+};
+
+/// A tree that `before` has for the same bounds is taken over; the result does not depend on it.
+[[nodiscard]] std::shared_ptr<const Lights> make_lights(const Snapshot& snapshot,
+                                                        const Placement& placement,
+                                                        const Materials& materials,
+                                                        const Lights* before, DerivedCache& cache);
+
+}  // namespace heliograph::resident

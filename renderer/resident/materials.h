@@ -1,0 +1,26 @@
+// Materials and textures as kernels see them.
+#pragma once
+
+#include "kernels/scene_view.h"
+#include "renderer/resident/derived_cache.h"
+#include "renderer/scene/snapshot.h"
+
+namespace heliograph::resident {
+
+/// By row of the snapshot's tables; then the default material, and one that absorbs all light.
+struct Materials {
+  std::vector<kernels::MaterialView> materials;
+  std::vector<kernels::TextureUseView> uses;
+  std::vector<kernels::TextureView> textures;
+  std::vector<std::shared_ptr<const void>> kept;  // texels and their mips
+};
+
+[[nodiscard]] std::shared_ptr<const Materials> make_materials(const Snapshot& snapshot,
+                                                              DerivedCache& cache);
+[[nodiscard]] kernels::TextureUseView view_of(const Snapshot& snapshot, const TextureUse& use);
+[[nodiscard]] kernels::TextureView view_of(const Texture& texture);
+
+/// Mean of the decoded texels, grey in all colours.
+[[nodiscard]] vec4 texture_mean(const Texture& texture, DerivedCache& cache);
+
+}  // namespace heliograph::resident

@@ -1,0 +1,112 @@
+// Frames and boxes of labels.
+
+#include "renderer/resident/parallel.h"
+#include "renderer/resident/placer.h"
+#include "renderer/resident/rest_box.h"
+
+namespace heliograph::resident {
+
+mat4x3 Placer::from_root(u32 entity, u32 root) const {
+  mat4x3 result(1);
+  for (u32 i = entity; i != root;) {
+    const EntityId parent = snapshot_.entities.at(i).parent;
+    if (!parent) return multiply(inverse(made_->world[root]), made_->world[entity]);
+    result = multiply(local_pose(snapshot_, i, span_.middle()), result);
+    i = parent.index();
+  }
+  return result;
+}
+
+RestBox Placer::rest_box(const Instance& row, const ObjectFrame& frame) const {
+  // A rigid frame's scale keeps the sides of a box: bounds are then those of the root's frame,
+  // which do not change when the root moves.
+  const mat3 from_root_map =
+      frame.rigid ? mat3(1) : object_from_root(frame, made_->world[row.root]);
+  const vec3 scale = frame.rigid ? frame.scale : vec3(1);
+  RestBox box;
+  for (const u32 entity : row.entities) {
+    const u32 slot = made_->structure->slot_of_entity[entity];
+    if (slot == kNone) {  // a volume
+      const mat4x3 to_root = from_root(entity, row.root);
+      for (const vec3& corner : box_corners(density(entity))) {
+        const vec3 p = from_root_map * (to_root * vec4(corner, 1)) * scale;
+        box.lower = glm::min(box.lower, p);
+        box.upper = glm::max(box.upper, p);
+      }
+      continue;
+    }
+    const mat4x3& to_root = made_->root_from_entity[slot];
+    const Box part = builder_.rest_bounds(*made_->meshes[made_->mesh_of_slot[slot]],
+                                          from_root_map * mat3(to_root));
+    const vec3 offset = from_root_map * to_root[3];
+    box.lower = glm::min(box.lower, (part.lower + offset) * scale);
+    box.upper = glm::max(box.upper, (part.upper + offset) * scale);
+  }
+  return box;
+}
+
+Status Placer::label_frames() {
+  const Structure& structure = *made_->structure;
+  made_->root_from_entity.resize(structure.slots.size());
+  made_->frames.resize(structure.labelling.instances.size());
+  made_->boxes.resize(made_->frames.size());
+  const bool same_structure = before_ && before_->structure == made_->structure;
+  std::vector<u32> moved_rows;
+  for (u32 row = 0; row < made_->frames.size(); ++row) {
+    HELIO_TRY(pause(row));
+    const Instance& instance = structure.labelling.instances[row];
+    bool moved =
+        !same_structure || !same(made_->world[instance.root], before_->world[instance.root]);
+    for (const u32 entity : instance.entities) {
+      const u32 slot = structure.slot_of_entity[entity];
+      moved |= slot == kNone || moved_[slot] != 0;  // volumes have no slot
+    }
+    for (const u32 entity : instance.entities) {
+      const u32 slot = structure.slot_of_entity[entity];
+      if (slot == kNone) continue;
+      made_->root_from_entity[slot] =
+          moved ? scaled(from_root(entity, instance.root), structure.slots[slot].scale)
+                : before_->root_from_entity[slot];
+      moved_[slot] |= u8(moved);
+    }
+    if (moved) {
+      moved_rows.push_back(row);
+    } else {
+      made_->frames[row] = before_->frames[row];
+      made_->boxes[row] = before_->boxes[row];
+    }
+  }
+  parallel_for(moved_rows.size(), [&](std::size_t i) {
+    const u32 row = moved_rows[i];
+    const Instance& instance = structure.labelling.instances[row];
+    made_->frames[row] = object_frame(made_->world[instance.root]);
+    made_->boxes[row] = rest_box(instance, made_->frames[row]);
+  });
+  return {};
+}
+
+void Placer::boxes() {
+  const Structure& structure = *made_->structure;
+  for (u32 i = 0; i < structure.slots.size(); ++i) {
+    const Slot& slot = structure.slots[i];
+    const bool kept = !moved_[i] && before_ && before_->structure == made_->structure;
+    if (kept) continue;
+    const Box& own = made_->meshes[made_->mesh_of_slot[i]]->rest;
+    set_rest_box({own.lower, own.upper}, slot.row, made_->root_from_entity[i], made_->instances[i]);
+  }
+}
+
+/// box   of the rest vertices, which serves an entity that has no row
+void Placer::set_rest_box(RestBox box, u32 row, const mat4x3& root_from_entity,
+                          kernels::InstanceView& view) const {
+  mat4x3 to_object(1);
+  if (row != kNone) {
+    const mat3 scale = object_from_root(
+        made_->frames[row], made_->world[made_->structure->labelling.instances[row].root]);
+    box = made_->boxes[row];
+    to_object = multiply(mat4x3(scale[0], scale[1], scale[2], vec3(0)), root_from_entity);
+  }
+  show_rest_box(box, to_object, view);
+}
+
+}  // namespace heliograph::resident
