@@ -26,7 +26,7 @@ void SceneEntry::commit(DurableEdit edit, const EditLog::Finish& finish) {
     edit.record.set_scene(id);
     entry.record = edit.record.SerializeAsString();
     SceneEvents::Event event;
-    if (prepared) event = event_of(std::move(*edit.record.mutable_transaction()), *prepared);
+    if (prepared) event = event_of(edit.record.transaction(), *prepared);
     entry.done = [self = shared_from_this(), number = edit.record.number(), prepared, event,
                   finish](const Status& committed) {
       self->end(prepared, event, committed);

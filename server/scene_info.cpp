@@ -1,7 +1,14 @@
 // See scene_info.h.
 #include "server/scene_info.h"
 
+#include <google/protobuf/wire_format_lite.h>
+
+#include <array>
+
 namespace heliograph::server {
+
+using google::protobuf::internal::WireFormatLite;
+using google::protobuf::io::CodedOutputStream;
 
 v1::SceneInfo scene_info(Scenes& scenes, SceneEntry& scene, const Session& session) {
   const auto head = scene.scene.head();
@@ -26,13 +33,20 @@ v1::ApplyReply apply_reply(u64 number, const Prepared& prepared, const std::stri
   return reply;
 }
 
-SceneEvents::Event event_of(v1::Transaction sent, const Prepared& prepared) {
+SceneEvents::Event event_of(std::string_view sent, const Prepared& prepared) {
   v1::WatchReply reply;
   reply.set_revision(prepared.snapshot->revision);
-  reply.mutable_transaction()->Swap(&sent);
   reply.set_ids(prepared.ids.data(), prepared.ids.size() * sizeof(Id));
   reply.mutable_counts()->Add(prepared.counts.begin(), prepared.counts.end());
-  return std::make_shared<const std::string>(reply.SerializeAsString());
+  std::array<u8, 16> head{};
+  u8* end = WireFormatLite::WriteTagToArray(v1::WatchReply::kTransactionFieldNumber,
+                                            WireFormatLite::WIRETYPE_LENGTH_DELIMITED, head.data());
+  end = CodedOutputStream::WriteVarint64ToArray(sent.size(), end);
+  std::string event;
+  event.reserve(reply.ByteSizeLong() + head.size() + sent.size());
+  reply.AppendToString(&event);
+  event.append(head.data(), end).append(sent);
+  return std::make_shared<const std::string>(std::move(event));
 }
 
 }  // namespace heliograph::server

@@ -10,7 +10,7 @@ namespace heliograph::server {
 /// The acknowledgement of an edit; `durability` "": none.
 [[nodiscard]] v1::ApplyReply apply_reply(u64 number, const Prepared& prepared,
                                          const std::string& durability);
-/// What Watch tells of it. `sent`: the transaction.
-[[nodiscard]] SceneEvents::Event event_of(v1::Transaction sent, const Prepared& prepared);
+/// What Watch tells of it. `sent`: the transaction, serialised.
+[[nodiscard]] SceneEvents::Event event_of(std::string_view sent, const Prepared& prepared);
 
 }  // namespace heliograph::server

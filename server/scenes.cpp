@@ -39,7 +39,7 @@ Expected<Prepared> SceneEntry::commit(const Transaction& transaction,
     const std::lock_guard lock(commit_mutex_);
     prepared = prepare(transaction, expected);
     if (!prepared) return prepared;
-    publish(*prepared, events->is_kept() ? event_of(sent, *prepared) : nullptr);
+    publish(*prepared, events->is_kept() ? event_of(sent.SerializeAsString(), *prepared) : nullptr);
   }
   tell(prepared->snapshot->revision);
   return prepared;

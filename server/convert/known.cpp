@@ -2,12 +2,15 @@
 #include <fmt/format.h>
 #include <google/protobuf/unknown_field_set.h>
 
+#include <unordered_map>
+
 #include "server/convert/fields.h"
 #include "server/convert/transaction.h"
 
 namespace heliograph::server {
 namespace {
 
+using google::protobuf::Descriptor;
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 using google::protobuf::Reflection;
@@ -32,6 +35,19 @@ Status check_repeated(const Message& message, const FieldDescriptor& field) {
   return {};
 }
 
+/// The fields of a message that hold messages and enums.
+const std::vector<const FieldDescriptor*>& fields_to_check(const Message& message) {
+  static thread_local std::unordered_map<const Descriptor*, std::vector<const FieldDescriptor*>>
+      known;
+  const Descriptor* type = message.GetDescriptor();
+  const auto [found, is_new] = known.try_emplace(type);
+  for (int i = 0; is_new && i < type->field_count(); ++i)
+    if (const auto holds = type->field(i)->cpp_type();
+        holds == FieldDescriptor::CPPTYPE_ENUM || holds == FieldDescriptor::CPPTYPE_MESSAGE)
+      found->second.push_back(type->field(i));
+  return found->second;
+}
+
 }  // namespace
 
 Status check_own_fields(const Message& message) {
@@ -46,14 +62,13 @@ Status check_own_fields(const Message& message) {
 Status check_known(const Message& message) {
   HELIO_TRY(check_own_fields(message));
   const Reflection& reflection = *message.GetReflection();
-  std::vector<const FieldDescriptor*> fields;
-  reflection.ListFields(message, &fields);
-  for (const FieldDescriptor* field : fields) {
-    const bool is_enum = field->cpp_type() == FieldDescriptor::CPPTYPE_ENUM;
-    if (!is_enum && field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE) continue;
-    if (field->is_repeated())
+  for (const FieldDescriptor* field : fields_to_check(message)) {
+    if (field->is_repeated()) {
       HELIO_TRY(check_repeated(message, *field));
-    else if (is_enum)
+      continue;
+    }
+    if (!reflection.HasField(message, field)) continue;
+    if (field->cpp_type() == FieldDescriptor::CPPTYPE_ENUM)
       HELIO_CHECK(check_enum(*field, reflection.GetEnumValue(message, field)), field->name());
     else
       HELIO_CHECK(check_known(reflection.GetMessage(message, field)), field->name());

@@ -91,7 +91,7 @@ Status Database::prepare() {
     const std::pair<sqlite3_stmt**, const char*> all[] = {
         {&statements_[i].put, "INSERT OR REPLACE INTO {} VALUES (?1, ?2, ?3)"},
         {&statements_[i].erase, "DELETE FROM {} WHERE id BETWEEN ?1 AND ?2"},
-        {&statements_[i].read, "SELECT id, body, sum FROM {} WHERE id >= ?1 ORDER BY id"}};
+        {&statements_[i].read, "SELECT id, body, sum FROM {} WHERE id >= ?1 ORDER BY id LIMIT ?2"}};
     for (const auto& [statement, sql] : all) {
       const std::string text = fmt::format(fmt::runtime(sql), kTables[i]);
       const int code =
@@ -135,9 +135,11 @@ Status Database::erase(Rows rows, u64 first, u64 last) {
   return step(erase);
 }
 
-Status Database::each(Rows rows, u64 first, const std::function<Status(const Row&)>& read) {
+Status Database::each(Rows rows, u64 first, u64 most,
+                      const std::function<Status(const Row&)>& read) {
   sqlite3_stmt* select = statements_[std::size_t(rows)].read;
   sqlite3_bind_int64(select, 1, i64(first));
+  sqlite3_bind_int64(select, 2, i64(most));
   Status status;
   int code = SQLITE_DONE;
   while (status && (code = sqlite3_step(select)) == SQLITE_ROW) {
@@ -155,6 +157,7 @@ Status Database::each(Rows rows, u64 first, const std::function<Status(const Row
 Expected<u64> Database::first(Rows rows) {
   sqlite3_stmt* select = statements_[std::size_t(rows)].read;
   sqlite3_bind_int64(select, 1, 0);
+  sqlite3_bind_int64(select, 2, 1);
   const int code = sqlite3_step(select);
   const u64 id = code == SQLITE_ROW ? u64(sqlite3_column_int64(select, 0)) : 0;
   sqlite3_reset(select);

@@ -42,8 +42,9 @@ class Database {
     std::string_view body;
     u64 sum = 0;
   };
-  /// In the order of ids, from `first` on; an error of `read` ends it.
-  [[nodiscard]] Status each(Rows rows, u64 first, const std::function<Status(const Row&)>& read);
+  /// In the order of ids, from `first` on, `most` at most; an error of `read` ends it.
+  [[nodiscard]] Status each(Rows rows, u64 first, u64 most,
+                            const std::function<Status(const Row&)>& read);
   /// The smallest id, 0 when there is none.
   [[nodiscard]] Expected<u64> first(Rows rows);
 

@@ -62,10 +62,13 @@ class Journal {
                                                                const Log& log);
   ~Journal();
 
+  using ReadScene = std::function<Status(const journal::SceneRow&)>;
+  /// A record, its number, and its transaction.
+  using ReadRecord = std::function<Status(u64, const journal::Record&, const v1::Transaction&)>;
   /// What there is to recover: rows of scenes, then the records that are not in all snapshots, in
-  /// order; the sum of each is checked. INTERNAL names the first row that is damaged.
-  [[nodiscard]] Status read(const std::function<Status(const journal::SceneRow&)>& scene,
-                            const std::function<Status(u64, journal::Record)>& record);
+  /// order; the sum of each is checked. INTERNAL names the first row that is damaged. Another
+  /// thread reads ahead.
+  [[nodiscard]] Status read(const ReadScene& scene, const ReadRecord& record);
   /// Files that recovery found a scene to need; `record` 0: by its snapshot.
   void hold(u64 scene, u64 record, std::vector<BlobFilePtr> files);
   /// Begins to write; files that nothing holds are removed.
@@ -107,8 +110,8 @@ class Journal {
   [[nodiscard]] std::string path() const { return options_.folder + "/journal.db"; }
   [[nodiscard]] Status take_folder();
   [[nodiscard]] Status read_head();
-  [[nodiscard]] Status read_rows(const std::function<Status(const journal::SceneRow&)>& scene,
-                                 const std::function<Status(u64, journal::Record)>& record);
+  [[nodiscard]] Status read_rows(const ReadScene& scene, const ReadRecord& record);
+  [[nodiscard]] Status read_records(const ReadRecord& record);
   // journal.cpp: the writer
   [[nodiscard]] Status push(Item item, bool is_ours);
   [[nodiscard]] Status run(std::shared_ptr<Control> control);

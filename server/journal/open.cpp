@@ -3,8 +3,12 @@
 #include <fmt/format.h>
 #include <sys/file.h>
 
+#include <google/protobuf/arena.h>
+
 #include <algorithm>
+#include <future>
 #include <iterator>
+#include <limits>
 
 #include "server/journal/journal.h"
 #include "server/journal/log_check.h"
@@ -13,10 +17,50 @@ namespace heliograph::server {
 namespace {
 
 constexpr const char* kFormat = "heliograph.journal.1";
+constexpr u64 kAll = std::numeric_limits<i64>::max();
+constexpr u64 kBatch = 1024;  // records that are read while those before them are applied
 
 std::unexpected<Error> damaged(const std::string& what) {
   return fail(Code::kInternal, "--state-dir",
               what + "; restore the directory from a backup, or move it away");
+}
+
+/// Records and their transactions, parsed, which live as long as this does.
+struct Batch {
+  struct Each {
+    u64 id = 0;
+    const journal::Record* record = nullptr;
+    const v1::Transaction* transaction = nullptr;
+  };
+  google::protobuf::Arena arena;
+  std::vector<Each> records;
+  u64 last = 0;  // number and checksum of the last one, or of the one before the batch
+  u64 sum = 0;
+  Status status;  // why there are no more
+};
+
+Status read_row(const Database::Row& row, Batch& batch) {
+  auto* record = google::protobuf::Arena::CreateMessage<journal::Record>(&batch.arena);
+  auto* transaction = google::protobuf::Arena::CreateMessage<v1::Transaction>(&batch.arena);
+  if (row.id != batch.last + 1) return damaged(fmt::format("record {} is missing", batch.last + 1));
+  if (sum_of(batch.sum, row.id, row.body) != row.sum ||
+      !record->ParseFromArray(row.body.data(), int(row.body.size())) ||
+      !transaction->ParseFromString(record->transaction()))
+    return damaged(fmt::format("record {} is damaged", row.id));
+  batch.records.push_back({.id = row.id, .record = record, .transaction = transaction});
+  batch.last = row.id;
+  batch.sum = row.sum;
+  return {};
+}
+
+/// Those after record `last`, whose checksum is `sum`; none: there are no more.
+std::unique_ptr<Batch> read_batch(Database& database, u64 last, u64 sum) {
+  auto batch = std::make_unique<Batch>();
+  batch->last = last;
+  batch->sum = sum;
+  batch->status = database.each(Rows::kRecords, last + 1, kBatch,
+                                [&](const Database::Row& row) { return read_row(row, *batch); });
+  return batch;
 }
 
 }  // namespace
@@ -57,7 +101,7 @@ Status Journal::read_head() {
     return fail(Code::kUnimplemented, "--state-dir",
                 "holds '" + head_.format() + "'; this version reads '" + kFormat + "'");
   };
-  HELIO_TRY(database_->each(Rows::kHead, 0, read));
+  HELIO_TRY(database_->each(Rows::kHead, 0, 1, read));
   const auto record = database_->first(Rows::kRecords), scene = database_->first(Rows::kScenes);
   if (!record) return std::unexpected(record.error());
   if (!scene) return std::unexpected(scene.error());
@@ -72,16 +116,14 @@ Status Journal::read_head() {
   return {};
 }
 
-Status Journal::read(const std::function<Status(const journal::SceneRow&)>& scene,
-                     const std::function<Status(u64, journal::Record)>& record) {
+Status Journal::read(const ReadScene& scene, const ReadRecord& record) {
   const Status read = read_rows(scene, record);
   if (read || read.error().where == "--state-dir") return read;
   return damaged(read.error().where + ": " + read.error().message);
 }
 
-Status Journal::read_rows(const std::function<Status(const journal::SceneRow&)>& scene,
-                          const std::function<Status(u64, journal::Record)>& record) {
-  HELIO_TRY(database_->each(Rows::kScenes, 0, [&](const Database::Row& row) -> Status {
+Status Journal::read_rows(const ReadScene& scene, const ReadRecord& record) {
+  HELIO_TRY(database_->each(Rows::kScenes, 0, kAll, [&](const Database::Row& row) -> Status {
     journal::SceneRow& read = rows_[row.id];
     if (sum_of(0, row.id, row.body) != row.sum ||
         !read.ParseFromArray(row.body.data(), int(row.body.size())))
@@ -90,22 +132,27 @@ Status Journal::read_rows(const std::function<Status(const journal::SceneRow&)>&
   }));
   if (rows_.size() != head_.scenes())
     return damaged(fmt::format("{} rows of scenes are missing", head_.scenes() - rows_.size()));
-  u64 last = head_.first() - 1, sum = head_.first_sum();
-  HELIO_TRY(database_->each(Rows::kRecords, head_.first(), [&](const Database::Row& row) -> Status {
-    journal::Record read;
-    if (row.id != last + 1) return damaged(fmt::format("record {} is missing", last + 1));
-    if (sum_of(sum, row.id, row.body) != row.sum ||
-        !read.ParseFromArray(row.body.data(), int(row.body.size())))
-      return damaged(fmt::format("record {} is damaged", row.id));
-    last = row.id;
-    sum = row.sum;
-    changed_scenes_.insert(read.scene());
-    if (Status status = record(row.id, std::move(read)); !status)
-      return std::unexpected(std::move(status).error().at(fmt::format("record {}", row.id)));
-    return {};
-  }));
-  if (last != head_.last() || sum != head_.last_sum())
-    return damaged(fmt::format("the records from {} to {} are missing", last + 1, head_.last()));
+  return read_records(record);
+}
+
+Status Journal::read_records(const ReadRecord& record) {
+  auto batch = read_batch(*database_, head_.first() - 1, head_.first_sum());
+  while (!batch->records.empty()) {
+    auto next = std::async(std::launch::async, [this, last = batch->last, sum = batch->sum] {
+      return read_batch(*database_, last, sum);
+    });
+    for (const auto& [id, each, transaction] : batch->records) {
+      changed_scenes_.insert(each->scene());
+      if (Status status = record(id, *each, *transaction); !status)
+        return std::unexpected(std::move(status).error().at(fmt::format("record {}", id)));
+    }
+    HELIO_TRY(batch->status);
+    batch = next.get();
+  }
+  HELIO_TRY(batch->status);
+  if (batch->last != head_.last() || batch->sum != head_.last_sum())
+    return damaged(
+        fmt::format("the records from {} to {} are missing", batch->last + 1, head_.last()));
   return {};
 }
 

@@ -32,7 +32,8 @@ class Recovery {
   Recovery(Journal& journal, const RecoveryTarget& target) : journal_(journal), target_(target) {}
 
   [[nodiscard]] Status add_scene(const journal::SceneRow& row);
-  [[nodiscard]] Status add_record(u64 id, journal::Record record);
+  [[nodiscard]] Status add_record(u64 id, const journal::Record& record,
+                                  const v1::Transaction& transaction);
   [[nodiscard]] Expected<Recovered> finish();
 
  private:
@@ -57,7 +58,8 @@ class Recovery {
   [[nodiscard]] std::shared_ptr<SceneEvents> restore_events(const Tenant& tenant,
                                                             const Snapshot& head,
                                                             const journal::State& state) const;
-  [[nodiscard]] Status apply_record(u64 id, Scene& scene, journal::Record record, Log& log);
+  [[nodiscard]] Expected<EditLog::Reply> apply_record(u64 id, const journal::Record& record,
+                                                      const v1::Transaction& message, Scene& scene);
 
   Journal& journal_;
   const RecoveryTarget& target_;
@@ -108,7 +110,8 @@ Status Recovery::add_scene(const journal::SceneRow& row) {
   return {};
 }
 
-Status Recovery::add_record(u64 id, journal::Record record) {
+Status Recovery::add_record(u64 id, const journal::Record& record,
+                            const v1::Transaction& transaction) {
   const auto found = scenes_.find(record.scene());
   if (found == scenes_.end()) return {};  // deleted since
   Scene& scene = found->second;
@@ -118,16 +121,20 @@ Status Recovery::add_record(u64 id, journal::Record record) {
     return broken(fmt::format("holds edit {} after edit {}", record.number(), log.last));
   log.last = record.number();
   ++recovered_.records;
-  if (record.revision() != 0) return apply_record(id, scene, std::move(record), log);
-  log.kept.push_back(std::make_shared<const Expected<v1::ApplyReply>>(
-      std::unexpected(decode_refusal(record.refusal()))));
+  auto reply = record.revision() != 0 ? apply_record(id, record, transaction, scene)
+                                      : std::make_shared<const Expected<v1::ApplyReply>>(
+                                            std::unexpected(decode_refusal(record.refusal())));
+  if (!reply) return std::unexpected(std::move(reply).error());
+  log.kept.push_back(std::move(*reply));
+  if (log.kept.size() > target_.scenes.replies()) log.kept.pop_front();
   return {};
 }
 
-Status Recovery::apply_record(u64 id, Scene& scene, journal::Record record, Log& log) {
+Expected<EditLog::Reply> Recovery::apply_record(u64 id, const journal::Record& record,
+                                                const v1::Transaction& message, Scene& scene) {
   RecoveringSource& source = *owner(scene.row.tenant()).source;
   source.expect(record);
-  auto transaction = to_transaction(record.transaction(), source);
+  auto transaction = to_transaction(message, source);
   if (!transaction) return std::unexpected(std::move(transaction).error());
   auto prepared = apply(*scene.head, *transaction, kNoLimits);
   if (!prepared) return std::unexpected(std::move(prepared).error());
@@ -135,14 +142,11 @@ Status Recovery::apply_record(u64 id, Scene& scene, journal::Record record, Log&
     return broken(
         fmt::format("makes revision {}, not {}", prepared->snapshot->revision, record.revision()));
   scene.head = prepared->snapshot;
-  log.kept.push_back(std::make_shared<const Expected<v1::ApplyReply>>(
-      apply_reply(record.number(), *prepared, scene.row.durability())));
-  if (log.kept.size() > target_.scenes.replies()) log.kept.pop_front();
-  scene.events->add(record.revision(),
-                    event_of(std::move(*record.mutable_transaction()), *prepared));
+  scene.events->add(record.revision(), event_of(record.transaction(), *prepared));
   if (auto files = source.take_files(); !files.empty())
     journal_.hold(record.scene(), id, std::move(files));
-  return {};
+  return std::make_shared<const Expected<v1::ApplyReply>>(
+      apply_reply(record.number(), *prepared, scene.row.durability()));
 }
 
 Expected<Recovered> Recovery::finish() {
@@ -177,7 +181,9 @@ Expected<Recovered> recover(Journal& journal, const RecoveryTarget& target) {
           return std::unexpected(std::move(added).error().at(fmt::format("scene {}", row.scene())));
         return {};
       },
-      [&](u64 id, journal::Record record) { return recovery.add_record(id, std::move(record)); }));
+      [&](u64 id, const journal::Record& record, const v1::Transaction& transaction) {
+        return recovery.add_record(id, record, transaction);
+      }));
   return recovery.finish();
 }
 

@@ -99,8 +99,13 @@ Expected<std::shared_ptr<const Asset>> RecordingSource::asset(std::string_view h
 }
 
 void RecordingSource::fill(const v1::Transaction& transaction, journal::Record& record) const {
-  *record.mutable_transaction() = transaction;
-  if (!consumed_.empty()) name_by_hash(*record.mutable_transaction(), consumed_);
+  if (consumed_.empty()) {
+    transaction.SerializeToString(record.mutable_transaction());
+  } else {
+    v1::Transaction named = transaction;
+    name_by_hash(named, consumed_);
+    named.SerializeToString(record.mutable_transaction());
+  }
   for (const auto& [asset, file] : assets_) {
     journal::AssetFile* added = record.add_assets();
     added->set_asset(asset);
