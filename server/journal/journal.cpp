@@ -17,7 +17,7 @@ namespace {
 constexpr int kLogPages = 2'000;     // 8 MB: then they are moved into the database
 constexpr u64 kErasedAtLeast = 256;  // old records, with each commit
 constexpr double kReopenSeconds = 1;
-constexpr auto kGather = std::chrono::milliseconds(1);
+constexpr auto kGather = std::chrono::microseconds(100);
 constexpr u64 kLastId = std::numeric_limits<i64>::max();
 
 }  // namespace

@@ -40,7 +40,7 @@ struct Entry {
 ///
 /// Entries that wait are committed together. After a commit that waited for the disk, those who
 /// were answered are given a moment to send their next ones, so that all share the next wait: as
-/// many entries as before, or half the time that the disk took, 1 ms at most. After an error
+/// many entries as before, or half the time that the disk took, 0.1 ms at most. After an error
 /// nothing is acknowledged: all that waits fails, the database is closed, and once a second it is
 /// opened again, brought to what was acknowledged, and moved out of its log; when that works,
 /// writing goes on.
