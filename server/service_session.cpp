@@ -33,6 +33,8 @@ void describe_server(const Daemon& daemon, const Tenant& tenant, v1::GetServerIn
   reply.set_min_api(1);
   reply.set_max_api(1);
   reply.set_instance(daemon.instance);
+  reply.set_tenant(tenant.name);
+  reply.set_weight(tenant.weight());
   reply.set_backend(daemon.config.backend);
   if (const Engine* engine = daemon.engine->get()) reply.set_cpu_features(engine->cpu_features());
   reply.set_threads(daemon.config.threads != 0 ? daemon.config.threads

@@ -25,11 +25,11 @@ struct PlaneInfo {
 };
 [[nodiscard]] const PlaneInfo& plane_info(Plane plane);
 
-/// A dense array with its shape; or text, one string a row.
+/// A dense array with its shape; or, without one, text, one string a row.
 struct Column {
   std::string name;
-  DType dtype = DType::kF32;
-  std::vector<u64> shape;  // the first dimension is one row an instance
+  DType dtype = DType::kF32;  // of data
+  std::vector<u64> shape;     // the first dimension is one row an instance
   std::vector<std::byte> data;
   std::vector<std::string> strings;
 };

@@ -73,7 +73,7 @@ v1::DType to_proto(DType type) {
 v1::LabelColumn to_proto(const Column& column) {
   v1::LabelColumn message;
   message.set_name(column.name);
-  message.set_dtype(to_proto(column.dtype));
+  if (!column.shape.empty()) message.set_dtype(to_proto(column.dtype));
   message.mutable_shape()->Add(column.shape.begin(), column.shape.end());
   message.set_data(column.data.data(), column.data.size());
   message.mutable_strings()->Add(column.strings.begin(), column.strings.end());
