@@ -14,15 +14,20 @@ u64 bytes_of(const Expected<v1::ApplyReply>& reply) {
   return reply ? reply->ByteSizeLong() : reply.error().message.size();
 }
 
-EditLog::Reply gap(u64 number, u64 next) {
-  Error error{
-      .code = Code::kAborted,
-      .message = number < next
-                     ? fmt::format("the reply to edit {} is no longer kept; read the scene and go "
-                                   "on with number {}",
-                                   number, next)
-                     : fmt::format("edit {} leaves a gap: number {} is expected", number, next),
-      .where = "number"};
+std::string why_not(u64 number, u64 next) {
+  if (number == 0) return fmt::format("is 0; edits are numbered from 1: give {}", next);
+  if (number > next)
+    return fmt::format("edit {} leaves a gap: number {} is expected", number, next);
+  return fmt::format(
+      "the reply to edit {} is no longer kept; read the scene and go on with number {}", number,
+      next);
+}
+
+/// To a number that is neither the next one nor one whose reply is kept.
+EditLog::Reply refused(u64 number, u64 next) {
+  Error error{.code = number == 0 ? Code::kInvalidArgument : Code::kAborted,
+              .message = why_not(number, next),
+              .where = "number"};
   error.expected = next;
   return std::make_shared<const Expected<v1::ApplyReply>>(std::unexpected(std::move(error)));
 }
@@ -85,7 +90,7 @@ void EditLog::answer(u64 number, const std::function<void(Finish)>& apply, const
       kept_.push_back(edit);
       last_ = number;
     } else if (number > last_ || number + kept_.size() <= last_) {
-      known = gap(number, last_ + 1);
+      known = refused(number, last_ + 1);
     } else {
       const EditPtr& old = kept_[kept_.size() - 1 - (last_ - number)];
       known = old->reply;

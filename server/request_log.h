@@ -75,7 +75,7 @@ class EditLog : public std::enable_shared_from_this<EditLog> {
   [[nodiscard]] u64 next() const;
   /// Calls apply(finish) for number last + 1, and `done` with the reply when it is there; refusals
   /// are kept too. Answers an older number with its reply. ABORTED with `expected` for a gap, or
-  /// for a number that is no longer kept.
+  /// for a number that is no longer kept; INVALID_ARGUMENT for 0.
   void answer(u64 number, const std::function<void(Finish)>& apply, const Done& done);
 
   /// Edits that are not done yet are left out.

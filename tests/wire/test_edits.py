@@ -79,6 +79,17 @@ def test_a_gap_names_the_number_expected(client, scene):
     assert client.revision(scene) == 2
 
 
+def test_there_is_no_edit_0(client, scene):
+    for next_number in (1, 2):
+        error = refused(lambda: client.apply(scene, entity("z"), number=0))
+        assert error.code() == grpc.StatusCode.INVALID_ARGUMENT
+        assert detail(error).field == "number"
+        assert detail(error).expected == next_number
+        assert f"numbered from 1: give {next_number}" in error.details()
+        client.apply(scene, entity("a"), number=next_number)
+    assert client.revision(scene) == 2
+
+
 def test_a_refusal_uses_its_number_up_and_is_answered_again(client, scene):
     for _ in range(2):
         error = refused(lambda: client.apply(
