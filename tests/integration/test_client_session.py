@@ -15,6 +15,7 @@ import heliograph as hg
 import numpy as np
 import pytest
 from heliograph import _launch
+from heliograph._link import Link
 
 
 def simple(scene):
@@ -66,6 +67,18 @@ def _seconds(code):
     start = time.perf_counter()
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
     return time.perf_counter() - start
+
+
+def test_a_ticket_of_a_daemon_that_ended_is_asked_for_again(client, monkeypatch):
+    stale = [b"x" * 16]
+    connect = Link._connect_lifeline
+
+    def first_stale(self, path):
+        return stale.pop() if (ticket := connect(self, path)) and stale else ticket
+
+    monkeypatch.setattr(Link, "_connect_lifeline", first_stale)
+    with hg.connect(client.address) as late:
+        assert not stale and late.scenes() is not None
 
 
 def test_close_ends_the_daemon_and_removes_its_folder():

@@ -8,7 +8,7 @@ import grpc
 import heliograph as hg
 import numpy as np
 import pytest
-from heliograph._connection import Link
+from heliograph._link import Link
 from heliograph._proto import service_pb2 as service
 
 sys.path.append(str(pathlib.Path(__file__).parents[1] / "fault"))

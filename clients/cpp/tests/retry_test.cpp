@@ -52,7 +52,57 @@ pid_t listener_of(const std::string& address) {
   return peer.pid;
 }
 
+/// An address whose second socket gives a ticket that no daemon knows, once; then it is the
+/// daemon's.
+class StaleTicket {
+ public:
+  explicit StaleTicket(const std::string& daemon)
+      : daemon_(daemon.substr(std::strlen("unix://"))), folder_("/tmp/heliograph-stale-XXXXXX") {
+    REQUIRE(::mkdtemp(folder_.data()) != nullptr);
+    std::filesystem::create_symlink(daemon_, folder_ + "/socket");
+    sockaddr_un path{};
+    path.sun_family = AF_UNIX;
+    second().copy(path.sun_path, sizeof(path.sun_path) - 1);
+    listener_ = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
+    REQUIRE(::bind(listener_, reinterpret_cast<const sockaddr*>(&path), sizeof(path)) == 0);
+    REQUIRE(::listen(listener_, 1) == 0);
+    thread_ = std::thread([this] { give(); });
+  }
+  StaleTicket(const StaleTicket&) = delete;
+  StaleTicket& operator=(const StaleTicket&) = delete;
+  ~StaleTicket() {
+    ::shutdown(listener_, SHUT_RDWR);
+    thread_.join();
+    ::close(listener_);
+    std::filesystem::remove_all(folder_);
+  }
+  [[nodiscard]] std::string address() const { return "unix://" + folder_ + "/socket"; }
+
+ private:
+  [[nodiscard]] std::string second() const { return folder_ + "/socket.fd.sock"; }
+  void give() const {
+    const int client = ::accept4(listener_, nullptr, nullptr, SOCK_CLOEXEC);
+    std::filesystem::remove(second());
+    std::filesystem::create_symlink(daemon_ + ".fd.sock", second());
+    const std::string ticket(16, 'x');
+    ::send(client, ticket.data(), ticket.size(), MSG_NOSIGNAL);
+    ::close(client);
+  }
+
+  std::string daemon_, folder_;
+  int listener_ = -1;
+  std::thread thread_;
+};
+
 }  // namespace
+
+TEST_CASE("a ticket of a daemon that ended is asked for again") {
+  const StaleTicket stale(client().address());
+  Client late = connect(stale.address());
+  CHECK(late.info().tenant == client().info().tenant);
+  CHECK_FALSE(late.info().tenant.empty());
+  CHECK(late.info().weight == 1);
+}
 
 TEST_CASE("edits whose replies were lost are answered, not applied again") {
   FlakyProxy proxy(client().address());

@@ -115,14 +115,26 @@ Session::~Session() { close(); }
 
 /// `resumed`: the session of before the daemon was restarted, or 0.
 void Session::start(std::uint64_t resumed) {
-  if (!socket_.empty()) lifeline_ = std::make_unique<Lifeline>(socket_ + ".fd.sock", kRetrySeconds);
-  const auto reply = open(lifeline_ ? lifeline_->ticket() : "", resumed);
+  const auto reply = begin(resumed);
   if (resumed == 0) {
     session_ = std::to_string(reply.session());
     server_ = reply.server();
   }
   ++openings_;
   if (!lifeline_) keep();
+}
+
+v1::OpenSessionReply Session::begin(std::uint64_t resumed) {
+  if (socket_.empty()) return open("", resumed);
+  for (Patience patience;;) {
+    lifeline_ = std::make_unique<Lifeline>(socket_ + ".fd.sock", kRetrySeconds);
+    try {
+      return open(lifeline_->ticket(), resumed);
+    } catch (const ClientError& error) {
+      // A ticket that is not known is of a daemon that ended before it was used.
+      if (error.details().field != "ticket" || !patience.wait()) throw;
+    }
+  }
 }
 
 v1::OpenSessionReply Session::open(const std::string& ticket, std::uint64_t resumed) {
@@ -155,9 +167,7 @@ bool Session::resume(std::uint64_t openings, const ClientError& failure) {
       uploads_->forget();
       return true;
     } catch (const ClientError& error) {
-      // A ticket that is not known is of a daemon that ended before it was used.
-      const bool may_come = error.code() == Code::kUnavailable || error.details().field == "ticket";
-      if (!may_come || !patience.wait()) return false;
+      if (error.code() != Code::kUnavailable || !patience.wait()) return false;
     }
   }
 }

@@ -107,6 +107,7 @@ class Session : public std::enable_shared_from_this<Session> {
 
  private:
   void start(std::uint64_t resumed);
+  v1::OpenSessionReply begin(std::uint64_t resumed);
   v1::OpenSessionReply open(const std::string& ticket, std::uint64_t resumed);
   void keep();
   void stop_keeping();

@@ -2,7 +2,7 @@
 
 The arrays of a frame are views of a buffer of the daemon's. When the last of them is gone the
 buffer goes back to the daemon, which never writes into one before that. Arrays travel in sealed
-memfds of this process's. Used by _connection.py and _arrays.py.
+memfds of this process's. Used by _link.py and _arrays.py.
 """
 
 from __future__ import annotations

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _connection
 from ._arrays import NdArray
+from ._connection import Stream
+from ._link import Patience
 from ._proto import scene_pb2 as pb
 from ._proto import service_pb2 as service
 from .components import whole_of
@@ -105,7 +106,7 @@ class Watch:
         self._scene = scene
         self._bookmark_seconds = bookmark_seconds
         self._closed = False
-        self._stream: _connection.Stream | None = None
+        self._stream: Stream | None = None
         self._replies: Iterator[Any] = iter(())
         self._resume(first)
 
@@ -124,7 +125,7 @@ class Watch:
 
     def _resume(self, first: int) -> None:
         """The same, tried again while the daemon cannot be reached."""
-        patience = _connection.Patience()
+        patience = Patience()
         while not self._closed:
             try:
                 self._open(first)

@@ -1,5 +1,5 @@
 """Where a daemon is, how it is trusted, and how this client says who it is. Used by
-_connection.py."""
+_link.py."""
 
 from __future__ import annotations
 

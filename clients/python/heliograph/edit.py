@@ -10,9 +10,10 @@ import os
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
+
 from . import _images, _patches, _poses, _volumes, assets, studio
 from ._arrays import NdArray
-from ._connection import packed_ids
 from ._proto import scene_pb2 as pb
 from ._proto import service_pb2 as service
 from ._proto import types_pb2 as types
@@ -84,7 +85,7 @@ class Edits:
 
     def _resolve(self, reply: service.ApplyReply) -> None:
         """Gives the handles their ids."""
-        ids = packed_ids(reply.ids)
+        ids = np.frombuffer(reply.ids, "<u8").tolist()
         further = len(self.transaction.edits)
         for index in range(len(self.transaction.edits)):
             handle = self._made.get(index)

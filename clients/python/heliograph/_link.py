@@ -1,0 +1,191 @@
+"""One session with a daemon over one channel, and its lifeline. Used by _connection.py."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import platform
+import socket
+import threading
+import time
+from typing import Any
+
+import grpc
+from google.protobuf import message_factory
+
+from ._proto import service_pb2 as service
+from ._shared import share_frames
+from ._status import to_error
+from .access import Access
+from .errors import FailedPrecondition, Unavailable
+
+API = 1  # the version of the contract, heliograph.vN, that this client speaks
+RETRY_SECONDS = 10.0  # how long an unreachable daemon is tried again
+_METHODS = service.DESCRIPTOR.services_by_name["Renderer"].methods_by_name
+_TICKET_BYTES = 16
+
+
+class Patience:
+    """The waits between repeated calls: 20 ms, doubling up to 250 ms, RETRY_SECONDS in all."""
+
+    def __init__(self, seconds: float | None = None) -> None:
+        self._until = time.monotonic() + (RETRY_SECONDS if seconds is None else seconds)
+        self._delay = 0.02
+
+    def wait(self) -> bool:
+        """Sleeps; False, at once, when there is no more time."""
+        if time.monotonic() > self._until:
+            return False
+        time.sleep(self._delay)
+        self._delay = min(2 * self._delay, 0.25)
+        return True
+
+
+def _check_api(server: service.GetServerInfoReply) -> None:
+    if server.max_api and not server.min_api <= API <= server.max_api:
+        raise FailedPrecondition(
+            f"this daemon ({server.version}) speaks versions {server.min_api} to {server.max_api} "
+            f"of the protocol and this client {API}; install the client of the daemon's version"
+        )
+
+
+class Link:
+    """A channel and the session opened over it. Belongs to the process that opened it."""
+
+    def __init__(self, access: Access, resume: int = 0) -> None:
+        path = access.socket
+        self.pid = os.getpid()
+        self._access = access
+        self._resume = resume  # the session of before the daemon was restarted
+        self._calls: dict[tuple[str, bool], Any] = {}
+        self._session: tuple[tuple[str, str], ...] = ()
+        self._lifeline: socket.socket | None = None
+        self._keep: Any = None
+        self._keeper: threading.Thread | None = None
+        self.channel = access.channel()
+        try:
+            self._begin(path)
+        except BaseException:
+            self.close()
+            raise
+        self.shared = share_frames(self._lifeline, self.server.capabilities)
+        if not path:
+            self.keep_session()
+
+    def _begin(self, path: str) -> None:
+        """A ticket that is not known is of a daemon that ended before it was used: the next one has
+        another."""
+        patience = Patience()
+        while True:
+            ticket = self._connect_lifeline(path + ".fd.sock") if path else b""
+            try:
+                return self._open_session(ticket)
+            except grpc.RpcError as error:
+                if to_error(error).field != "ticket" or not patience.wait():
+                    raise
+
+    def _connect_lifeline(self, path: str) -> bytes:
+        """The second socket: the session lives as long as it does. Returns the one-time ticket."""
+        if not hasattr(socket, "AF_UNIX"):
+            raise Unavailable("unix: addresses are for Linux; connect to host:port")
+        lifeline = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        try:
+            lifeline.settimeout(RETRY_SECONDS)
+            lifeline.connect(path)
+            ticket = lifeline.recv(4096)
+        except OSError as error:
+            lifeline.close()
+            raise Unavailable(f"no daemon listens at {path}: {error}") from None
+        if len(ticket) != _TICKET_BYTES:
+            lifeline.close()
+            raise Unavailable(f"{path} gave no ticket; is it a heliographd socket of this version?")
+        if self._lifeline:
+            self._lifeline.close()
+        self._lifeline = lifeline
+        return ticket
+
+    def _open_session(self, ticket: bytes) -> None:
+        from . import __version__
+
+        client = f"python {platform.python_version()} heliograph {__version__}"
+        request = service.OpenSessionRequest(client=client, ticket=ticket, resume=self._resume)
+        call, metadata = self.method("OpenSession"), self.metadata
+        try:
+            reply = call(request, timeout=RETRY_SECONDS, metadata=metadata, wait_for_ready=True)
+        except grpc.RpcError as error:
+            if error.code() != grpc.StatusCode.DEADLINE_EXCEEDED:
+                raise
+            reply = call(request, timeout=1, metadata=metadata)  # its error names the cause
+        self.session = int(reply.session)
+        self.server: service.GetServerInfoReply = reply.server
+        _check_api(self.server)
+        self._session = (("heliograph-session", str(self.session)),)
+
+    @property
+    def metadata(self) -> tuple[tuple[str, str], ...]:
+        """What each call carries."""
+        return self._access.metadata() + self._session
+
+    def keep_session(self) -> None:
+        """Over TCP a stream carries the session; a thread reads it."""
+        self._keep = self.method("KeepSession")(
+            service.KeepSessionRequest(), metadata=self.metadata
+        )
+        self._keeper = threading.Thread(target=_drain, args=(self._keep,), daemon=True)
+        self._keeper.start()
+
+    def pause_for_fork(self) -> None:
+        """No stream may be open at os.fork; the grace time bridges the gap."""
+        if self.shared is not None:
+            self.shared.keep_leases()
+        if self._keep is not None:
+            self._keep.cancel()
+            if self._keeper:
+                self._keeper.join(1)
+            time.sleep(0.02)
+
+    def resume_after_fork(self) -> None:
+        if self._keep is not None:
+            self.keep_session()
+
+    def method(self, name: str, raw: bool = False) -> Any:
+        """The callable of an RPC; `raw`: replies stay bytes."""
+        key = (name, raw)
+        if key not in self._calls:
+            found = _METHODS[name]
+            kind = ("stream" if found.client_streaming else "unary") + (
+                "_stream" if found.server_streaming else "_unary"
+            )
+            reply = message_factory.GetMessageClass(found.output_type)
+            self._calls[key] = getattr(self.channel, kind)(
+                f"/{found.containing_service.full_name}/{name}",
+                request_serializer=_serialize,
+                response_deserializer=None if raw else reply.FromString,
+            )
+        return self._calls[key]
+
+    def abandon(self) -> None:
+        """In a forked child: leaves the parent's channel alone for ever, closes our copy of the
+        lifeline. Closing or freeing the channel here would hang, so it is made immortal."""
+        for thing in (self.channel, self._calls, self._keep):
+            ctypes.pythonapi.Py_IncRef(ctypes.py_object(thing))
+        if self._lifeline:
+            self._lifeline.close()
+
+    def close(self) -> None:
+        if self._keep is not None:
+            self._keep.cancel()
+        if self._lifeline:
+            self._lifeline.close()
+        self.channel.close()
+
+
+def _serialize(message: Any) -> bytes:
+    return bytes(message.SerializeToString())
+
+
+def _drain(stream: Any) -> None:
+    with contextlib.suppress(grpc.RpcError):
+        for _ in stream:
+            pass
