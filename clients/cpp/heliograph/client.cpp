@@ -57,6 +57,9 @@ ServerInfo Client::info() const {
   out.capabilities.assign(reply.capabilities().begin(), reply.capabilities().end());
   out.refused.assign(reply.refused().begin(), reply.refused().end());
   for (const auto& [name, limit] : reply.limits()) out.limits[name] = limit;
+  for (const auto& [name, amount] : reply.used()) out.used[name] = amount;
+  out.tenant = reply.tenant();
+  out.weight = reply.weight();
   out.ready = reply.ready();
   out.journal = reply.journal();
   return out;

@@ -43,6 +43,11 @@ def add_connection(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--tls-cert", metavar="FILE", help="your certificate, PEM")
     group.add_argument("--tls-key", metavar="FILE", help="its key, PEM")
     group.add_argument(
+        "--tls-server-name",
+        metavar="NAME",
+        help="the name in the daemon's certificate, where the address has another",
+    )
+    group.add_argument(
         "--threads", type=int, metavar="N", help="render threads of a private daemon; default all"
     )
 
@@ -53,8 +58,10 @@ def connect(arguments: argparse.Namespace, flags: Sequence[str] = ()) -> object:
 
     import heliograph
 
-    files = {name: getattr(arguments, f"tls_{name}") for name in ("ca", "cert", "key")}
-    tls = heliograph.TLS(**files) if arguments.tls or any(files.values()) else None
+    given = {
+        name: getattr(arguments, f"tls_{name}") for name in ("ca", "cert", "key", "server_name")
+    }
+    tls = heliograph.TLS(**given) if arguments.tls or any(given.values()) else None
     token = Path(arguments.token_file) if arguments.token_file else arguments.token
     if arguments.threads is not None:
         flags = (*flags, "--threads", str(arguments.threads))

@@ -36,7 +36,7 @@ def run(arguments: argparse.Namespace) -> int:
     _print_server(info)
     _print_sessions(info.sessions)
     _print_scenes(scenes)
-    print("limits, and what is used of them")
+    print("limits of this tenant, and what it uses of them")
     for name in sorted(info.limits):
         used = f"{info.used[name]:>16,}" if name in info.used else ""
         print(f"  {name:<28}{info.limits[name]:>16,}{used}")
@@ -48,11 +48,16 @@ def _apis(info: Any) -> str:
     return info.api if info.max_api <= 1 else f"v{info.min_api} to v{info.max_api}"
 
 
+def _tenant(info: Any) -> str:
+    return f"{info.tenant}, weight {info.weight:g}" if info.tenant else "an older daemon: not told"
+
+
 def _print_server(info: Any) -> None:
     rows = [
         ("version", f"{info.version} (api {_apis(info)})"),
         ("backend", f"{info.backend}, {info.cpu_features or 'features not known yet'}"),
         ("threads", str(info.threads)),
+        ("tenant", _tenant(info)),
         ("ready", "yes" if info.ready else f"no: {info.not_ready}"),
         ("durable", info.journal or "no scenes: it has no --state-dir"),
         ("decoder", info.decoder),
