@@ -14,8 +14,9 @@ import time
 
 import common
 import heliograph as hg
-from health import Health, Served
+from health import Health
 from heliograph._launch import find_program
+from served import served
 
 YEARS = int(10 * 365.25 * 86400)
 GRACE = 1.0
@@ -44,19 +45,18 @@ def main():
     ):
         clock = Clock(folder)
         with (
-            Served(*flags, env=clock.environment) as served,
-            hg.connect(served.address) as client,
-            hg.connect(served.ready["listen"][0], token=served.token()) as remote,
+            served(*flags, env=clock.environment) as daemon,
+            hg.connect(daemon.socket) as client,
+            hg.connect(daemon.tcp, token=daemon.token()) as remote,
         ):
-            lines = Lines(served)
-            watch = Health(served.address)
+            watch = Health(daemon.socket)
             watch.wait(True)
             changes = watch.watch()
             scene, far = common.stage(client), common.stage(remote)
             sessions = {client.connection.link.session, remote.connection.link.session}
             late, graces, edits = [], [], 0
             for step in (YEARS, -YEARS, 0, -YEARS, YEARS, 0) * common.size(10, 1):
-                graces.append(abandon(served, client, lambda s=step: clock.set(s)) - GRACE)
+                graces.append(abandon(daemon, client, lambda s=step: clock.set(s)) - GRACE)
                 late.append(deadline(scene, lambda s=step: clock.set(-s)))
                 edits += edit(scene, far)
             time.sleep(common.size(40, 0))  # longer than keepalive's 20 s and 5 s
@@ -68,29 +68,19 @@ def main():
             report.figure("edits lost or out of order", edits, 0, slack=False)
             report.figure("sessions lost", len(sessions - now), 0, slack=False)
             report.figure("times it was not ready", len(changes.seen) - 1, 0, slack=False)
-            report.figure("years the log did not see", 2 - lines.years(), 0, slack=False)
+            report.figure("years the log did not see", 2 - years(daemon.log()), 0, slack=False)
 
 
-class Lines:
-    """The log, whose times are the wall clock's: the positive control."""
-
-    def __init__(self, served):
-        self.text = ""
-        threading.Thread(target=self._read, args=(served.process.stderr,), daemon=True).start()
-
-    def _read(self, stream):
-        for line in stream:
-            self.text += line
-
-    def years(self):
-        """How many kinds of wrong year it saw."""
-        here = time.gmtime().tm_year
-        return sum(f'"time":"{here + years}' in self.text for years in (-10, 10))
+def years(log):
+    """How many kinds of wrong year a log saw, whose times are the wall clock's: the positive
+    control."""
+    here = time.gmtime().tm_year
+    return sum(f'"time":"{here + years}' in log for years in (-10, 10))
 
 
-def abandon(served, client, step):
+def abandon(daemon, client, step):
     """Seconds that a session lives after its client is gone, the clock stepping meanwhile."""
-    lost = hg.connect(served.address)
+    lost = hg.connect(daemon.socket)
     with lost.create_scene().edit() as edits:
         edits.entity("leftover")
     before = common.used(client, "tenant_entities")

@@ -11,7 +11,8 @@ import time
 import common
 import grpc
 import heliograph as hg
-from health import Health, Served
+from health import Health
+from served import served
 
 MOMENTS = ("starting", "loading", "rendering", "rendering for ever")
 
@@ -33,9 +34,9 @@ def main():
 
 def drain(moment, found):
     limit = "2" if moment == "rendering for ever" else "20"
-    with Served("--drain", limit) as served:
-        work = [threading.Thread(target=load, args=(served, moment, found)) for _ in range(2)]
-        health = Health(served.address)
+    with served("--drain", limit) as daemon:
+        work = [threading.Thread(target=load, args=(daemon, moment, found)) for _ in range(2)]
+        health = Health(daemon.socket)
         watch = health.watch()
         if moment != "starting":
             health.wait(True)
@@ -43,27 +44,27 @@ def drain(moment, found):
                 thread.start()
             time.sleep(random.uniform(0.2, 1.5))
         start = time.perf_counter()
-        served.process.send_signal(signal.SIGTERM)
+        daemon.process.send_signal(signal.SIGTERM)
         if moment != "starting":  # it is not ready anyway, and nothing keeps it
             found["ready"].append(watch.first(False, after=start) - start)
-            found["dead"] += not alive_until_the_end(served, health)
-        found["codes"].append(served.process.wait(60))
+            found["dead"] += not alive_until_the_end(daemon, health)
+        found["codes"].append(daemon.process.wait(60))
         found["end"].append(time.perf_counter() - start)
         for thread in work:
             if thread.ident:
                 thread.join()
 
 
-def alive_until_the_end(served, health):
+def alive_until_the_end(daemon, health):
     try:
         return health.check("")
     except grpc.RpcError:
-        return served.process.wait(5) == 0  # it had no work left
+        return daemon.process.wait(5) == 0  # it had no work left
 
 
-def load(served, moment, found):
+def load(daemon, moment, found):
     """Frames until the daemon ends; "loading" makes it build a large mesh for each of them."""
-    with hg.connect(served.address) as client:
+    with hg.connect(daemon.socket) as client:
         try:
             scene = common.stage(client)
             for frame in range(1_000_000):
@@ -75,34 +76,34 @@ def load(served, moment, found):
                 found["frames"] += 1
         except hg.Unavailable as error:
             found["cut"] += 1
-            found["wrong"] += not (error.retry_seconds > 0 or is_gone(served))
+            found["wrong"] += not (error.retry_seconds > 0 or is_gone(daemon))
         except hg.HeliographError as error:
             print(f"  {moment}: {type(error).__name__}: {error}")
             found["wrong"] += 1
 
 
-def is_gone(served):
+def is_gone(daemon):
     """Nobody is left who could have told a retry time."""
     try:
-        served.process.wait(5)
+        daemon.process.wait(5)
     except subprocess.TimeoutExpired:
         return False
     return True
 
 
 def twice():
-    with Served("--drain", "60") as served:
-        health = Health(served.address)
+    with served("--drain", "60") as daemon:
+        health = Health(daemon.socket)
         health.wait(True)
         found = {"frames": 0, "cut": 0, "wrong": 0}
-        thread = threading.Thread(target=load, args=(served, "rendering for ever", found))
+        thread = threading.Thread(target=load, args=(daemon, "rendering for ever", found))
         thread.start()
         time.sleep(1)
-        served.process.terminate()
+        daemon.process.terminate()
         health.wait(False)
         start = time.perf_counter()
-        served.process.terminate()
-        assert served.process.wait(30) == 0
+        daemon.process.terminate()
+        assert daemon.process.wait(30) == 0
         seconds = time.perf_counter() - start
         thread.join()
         return seconds

@@ -8,22 +8,22 @@ import time
 
 import common
 import heliograph as hg
-from health import Served
+from served import served
 
 DESCRIPTORS = 256
 
 
-def flood(served, kind):
+def flood(daemon, kind):
     """Connections that send nothing."""
     found = []
     for _ in range(4 * DESCRIPTORS):
         if kind == "tcp":
             connection = socket.socket()
-            host, port = served.ready["listen"][0].rsplit(":", 1)
+            host, port = daemon.tcp.rsplit(":", 1)
             address = (host, int(port))
         else:
             connection = socket.socket(socket.AF_UNIX)
-            address = served.socket
+            address = daemon.path
         connection.setblocking(False)
         with contextlib.suppress(BlockingIOError, ConnectionError):
             connection.connect(address)
@@ -38,26 +38,26 @@ def main():
     resource.setrlimit(resource.RLIMIT_NOFILE, (8192, 8192))
     with (
         common.Report("S2 floods of connections") as report,
-        Served("--listen", "127.0.0.1:0", preexec_fn=limit) as served,
+        served("--listen", "127.0.0.1:0", preexec_fn=limit) as daemon,
     ):
-        with hg.connect(served.address) as client:
+        with hg.connect(daemon.socket) as client:
             common.stage(client)
-        baseline = served.descriptors()
+        baseline = daemon.descriptors()
         slowest, most = 0.0, 0
         for trial in range(common.size(20, 2)):
-            connections = flood(served, ("unix", "tcp")[trial % 2])
+            connections = flood(daemon, ("unix", "tcp")[trial % 2])
             time.sleep(0.3)
-            most = max(most, served.descriptors())
+            most = max(most, daemon.descriptors())
             for connection in connections:
                 connection.close()
             start = time.perf_counter()
-            with hg.connect(served.address) as client:
+            with hg.connect(daemon.socket) as client:
                 client.create_scene().delete()
             slowest = max(slowest, time.perf_counter() - start)
         report.figure("descriptors in use at most", most, DESCRIPTORS, slack=False)
         report.figure("after the flood: a call answered after", slowest, 2, "s", slack=False)
-        common.seconds_until(lambda: served.descriptors() <= baseline + 3)
-        report.figure("descriptors kept", max(0, served.descriptors() - baseline), 3, slack=False)
+        common.seconds_until(lambda: daemon.descriptors() <= baseline + 3)
+        report.figure("descriptors kept", max(0, daemon.descriptors() - baseline), 3, slack=False)
 
 
 if __name__ == "__main__":

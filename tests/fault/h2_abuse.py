@@ -13,7 +13,7 @@ import time
 
 import common
 import heliograph as hg
-from health import Served
+from served import served
 
 PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"
 DATA, HEADERS, RST_STREAM, SETTINGS, PING, CONTINUATION = 0, 1, 3, 4, 6, 9
@@ -41,14 +41,14 @@ CALL = (
 )
 
 
-def connect(served, over):
+def connect(daemon, over):
     if over == "tcp":
-        host, port = served.ready["listen"][0].rsplit(":", 1)
+        host, port = daemon.tcp.rsplit(":", 1)
         connection = socket.create_connection((host, int(port)), timeout=10)
     else:
         connection = socket.socket(socket.AF_UNIX)
         connection.settimeout(10)
-        connection.connect(served.socket)
+        connection.connect(daemon.path)
     connection.sendall(PREFACE + frame(SETTINGS))
     threading.Thread(target=swallow, args=(connection,), daemon=True).start()
     return connection
@@ -95,28 +95,28 @@ def settings(connection, count):
 class Attack:
     """What something costs the daemon."""
 
-    def __init__(self, served, client):
-        self.served, self.client = served, client
+    def __init__(self, daemon, client):
+        self.daemon, self.client = daemon, client
 
     def __call__(self, attack, over, size):
         """Processor seconds, MiB kept, and the slowest call of somebody else meanwhile."""
-        cpu, memory = self.served.cpu_seconds(), common.resident(self.served.pid)
+        cpu, memory = self.daemon.cpu_seconds(), common.resident(self.daemon.pid)
         slowest, done = [0.0], threading.Event()
         other = threading.Thread(target=self._call, args=(slowest, done))
         other.start()
-        with contextlib.suppress(OSError), connect(self.served, over) as connection:
+        with contextlib.suppress(OSError), connect(self.daemon, over) as connection:
             attack(connection, size)
             time.sleep(0.3)
         self._settle()
         done.set()
         other.join()
-        return self.served.cpu_seconds() - cpu, self._kept(memory), slowest[0]
+        return self.daemon.cpu_seconds() - cpu, self._kept(memory), slowest[0]
 
     def _kept(self, before, limit=30.0):
         """MiB that stay; the daemon hands freed pages back from time to time."""
         end = time.perf_counter() + limit
         while True:
-            kept = (common.resident(self.served.pid) - before) / 2**20
+            kept = (common.resident(self.daemon.pid) - before) / 2**20
             if kept <= KEPT or time.perf_counter() > end:
                 return kept
             time.sleep(0.2)
@@ -132,17 +132,17 @@ class Attack:
         """Until the daemon has worked off what it was sent."""
         end = time.perf_counter() + limit
         while time.perf_counter() < end:
-            before = self.served.cpu_seconds()
+            before = self.daemon.cpu_seconds()
             time.sleep(0.3)
-            if self.served.cpu_seconds() - before < 0.1:
+            if self.daemon.cpu_seconds() - before < 0.1:
                 return
 
 
-def refused(served, count):
+def refused(daemon, count):
     """Processor seconds a connection of another user costs; None where there is no other user."""
     if os.geteuid() != 0:
         return None
-    cpu = served.cpu_seconds()
+    cpu = daemon.cpu_seconds()
     child = os.fork()
     if child == 0:
         os.setgroups([])
@@ -150,23 +150,23 @@ def refused(served, count):
         os.setresuid(OTHER_USER, OTHER_USER, OTHER_USER)
         for _ in range(count):
             with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX) as connection:
-                connection.connect(served.socket)
+                connection.connect(daemon.path)
                 connection.sendall(PREFACE + bytes(100_000))
         os._exit(0)
     os.waitpid(child, 0)
     time.sleep(0.2)
-    return (served.cpu_seconds() - cpu) / count
+    return (daemon.cpu_seconds() - cpu) / count
 
 
 def main():
     with (
         common.Report("S3 abuse of HTTP/2") as report,
-        Served("--listen", "127.0.0.1:0") as served,
-        hg.connect(served.address) as client,
+        served("--listen", "127.0.0.1:0") as daemon,
+        hg.connect(daemon.socket) as client,
     ):
         common.stage(client)
-        attack = Attack(served, client)
-        cost = refused(served, common.size(1000, 200))
+        attack = Attack(daemon, client)
+        cost = refused(daemon, common.size(1000, 200))
         if cost is not None:
             report.figure("another user on the socket: CPU a connection", cost, 0.1, "s")
         for over in ("unix", "tcp"):
@@ -186,7 +186,7 @@ def main():
             each = cpu / (size >> 20)
             print(f"  {over}: endless headers: {each:.2f} s of CPU a MiB (no promise)")
             report.figure(f"{over}: endless headers: others' slowest call", slowest, 1, "s")
-        report.figure("crashes", int(served.process.poll() is not None), 0, slack=False)
+        report.figure("crashes", int(daemon.process.poll() is not None), 0, slack=False)
 
 
 if __name__ == "__main__":

@@ -1,16 +1,11 @@
-"""A daemon as an operator has it, and its health: readiness and liveness, asked and watched."""
+"""The health of a daemon: readiness and liveness, asked and watched."""
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import tempfile
 import threading
 import time
 
 import grpc
-from heliograph._launch import find_program
 
 RENDERER = "heliograph.v1.Renderer"
 DURABLE = "heliograph.v1.Durable"
@@ -82,52 +77,3 @@ class Watch:
 
     def close(self):
         self._stream.cancel()
-
-class Served:
-    """A daemon as an operator runs it: a process of its own with a socket, which clients name."""
-
-    def __init__(self, *flags, **popen):
-        self._folder = tempfile.TemporaryDirectory(prefix="hg-")
-        self.socket = f"{self._folder.name}/run/heliograph.sock"
-        read, write = os.pipe()
-        self.process = subprocess.Popen(
-            [find_program(), "--socket", self.socket, "--ready-fd", str(write), *flags],
-            pass_fds=(write,),
-            stderr=subprocess.PIPE,
-            text=True,
-            **popen,
-        )
-        os.close(write)
-        with os.fdopen(read) as ready:
-            self.ready = json.loads(ready.readline())
-        self.address = f"unix://{self.socket}"
-
-    @property
-    def pid(self):
-        return self.process.pid
-
-    def descriptors(self):
-        return len(os.listdir(f"/proc/{self.pid}/fd"))
-
-    def cpu_seconds(self):
-        """Of all threads, user and system."""
-        with open(f"/proc/{self.pid}/stat") as file:
-            fields = file.read().rsplit(")", 1)[1].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-    def token(self):
-        with open(f"{os.path.dirname(self.socket)}/token") as file:
-            return file.read()
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        if self.process.poll() is None:
-            self.process.terminate()
-            try:
-                self.process.wait(30)
-            except subprocess.TimeoutExpired:
-                self.process.kill()
-        self.process.stderr.close()
-        self._folder.cleanup()

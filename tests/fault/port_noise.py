@@ -7,7 +7,7 @@ import time
 
 import common
 import heliograph as hg
-from health import Served
+from served import served
 
 PREFACE = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"
 HELLO = bytes.fromhex("16030100f8010000f40303") + bytes(240)  # of TLS, as far as the length says
@@ -40,7 +40,7 @@ def half_a_preface():
 NOISE = (random_bytes, http1, lambda: HELLO, random_frames, half_a_preface)
 
 
-def ports(served):
+def ports(daemon):
     """A function that connects, for each."""
 
     def tcp(address):
@@ -57,10 +57,10 @@ def ports(served):
         return connect
 
     return (
-        unix(served.socket, socket.SOCK_STREAM),
-        unix(served.socket + ".fd.sock", socket.SOCK_SEQPACKET),
-        tcp(served.ready["listen"][0]),
-        tcp(served.ready["metrics"]),
+        unix(daemon.path, socket.SOCK_STREAM),
+        unix(daemon.path + ".fd.sock", socket.SOCK_SEQPACKET),
+        tcp(daemon.tcp),
+        tcp(daemon.metrics),
     )
 
 
@@ -76,25 +76,25 @@ def main():
     random.seed(1)
     with (
         common.Report("S1 noise on the ports") as report,
-        Served("--listen", "127.0.0.1:0", "--metrics", "127.0.0.1:0") as served,
-        hg.connect(served.address) as client,
+        served("--listen", "127.0.0.1:0", "--metrics", "127.0.0.1:0") as daemon,
+        hg.connect(daemon.socket) as client,
     ):
         scene = common.stage(client)
         before = scene.render("cam", spp=4)
-        connects = ports(served)
+        connects = ports(daemon)
         for connect in connects * 20:
             disturb(connect)
         time.sleep(0.5)
-        descriptors, memory = served.descriptors(), common.resident(served.pid)
+        descriptors, memory = daemon.descriptors(), common.resident(daemon.pid)
         for i in range(common.size(10_000, 800)):
             disturb(connects[i % len(connects)])
         start = time.perf_counter()
         after = scene.render("cam", spp=4)
         report.figure("next call answered after", time.perf_counter() - start, 2, "s")
-        common.seconds_until(lambda: served.descriptors() <= descriptors + 2)
-        grown = (common.resident(served.pid) - memory) / 2**20
-        report.figure("crashes", int(served.process.poll() is not None), 0, slack=False)
-        kept = max(0, served.descriptors() - descriptors)
+        common.seconds_until(lambda: daemon.descriptors() <= descriptors + 2)
+        grown = (common.resident(daemon.pid) - memory) / 2**20
+        report.figure("crashes", int(daemon.process.poll() is not None), 0, slack=False)
+        kept = max(0, daemon.descriptors() - descriptors)
         report.figure("descriptors kept", kept, 2, slack=False)
         report.figure("memory kept", grown, 20, "MiB", slack=False)
         differ = (before["beauty"] != after["beauty"]).any()

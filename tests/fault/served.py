@@ -1,5 +1,5 @@
-"""A daemon for several tenants, over a Unix socket and TCP, with certificates made here. Used by
-the scripts about security."""
+"""A daemon as an operator runs it: a process of its own with a socket, which clients name; for
+several tenants, over TCP, with certificates made here."""
 
 from __future__ import annotations
 
@@ -72,10 +72,10 @@ class Authority:
 
 
 class Served:
-    """A heliographd with these flags; `.tcp` is its address when it listens on TCP, `.metrics` that
-    of its metrics."""
+    """A heliographd with these flags; `.socket` is its address and `.path` the socket's, `.tcp` the
+    address when it listens on TCP, `.metrics` that of its metrics. `popen`: of its process."""
 
-    def __init__(self, folder, *flags):
+    def __init__(self, folder, *flags, **popen):
         self.folder = pathlib.Path(folder)
         self.path = f"{folder}/run/heliograph.sock"
         self.socket = f"unix://{self.path}"
@@ -86,6 +86,7 @@ class Served:
                 [DAEMON, "--socket", self.path, "--ready-fd", str(ready), *map(str, flags)],
                 pass_fds=(ready,),
                 stderr=log,
+                **popen,
             )
         os.close(ready)
         with os.fdopen(read) as line:
@@ -97,6 +98,22 @@ class Served:
 
     def log(self):
         return self._log.read_text()
+
+    def token(self):
+        return (self.folder / "run/token").read_text()
+
+    @property
+    def pid(self):
+        return self.process.pid
+
+    def descriptors(self):
+        return len(os.listdir(f"/proc/{self.pid}/fd"))
+
+    def cpu_seconds(self):
+        """Of all threads, user and system."""
+        with open(f"/proc/{self.pid}/stat") as file:
+            fields = file.read().rsplit(")", 1)[1].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def scrape(self, name):
         """The values of a metric by their labels, as they are written."""
@@ -111,11 +128,11 @@ class Served:
 
 
 @contextlib.contextmanager
-def served(*flags, folder=None):
+def served(*flags, folder=None, **popen):
     """Served, in a folder of its own, stopped at the end."""
     with contextlib.ExitStack() as stack:
         place = folder or stack.enter_context(tempfile.TemporaryDirectory(prefix="hg-"))
-        daemon = Served(place, *flags)
+        daemon = Served(place, *flags, **popen)
         stack.callback(daemon.stop)
         yield daemon
 

@@ -9,7 +9,7 @@ import sys
 
 import heliograph as hg
 import pytest
-from heliograph import _connection
+from heliograph import _link
 
 ROOT = pathlib.Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests/fault"))
@@ -81,7 +81,7 @@ def test_a_token_in_a_file_is_read_again(daemon, tls, place):
 
 
 def test_a_daemon_that_is_not_trusted_is_named(daemon, monkeypatch):
-    monkeypatch.setattr(_connection, "RETRY_SECONDS", 0.5)
+    monkeypatch.setattr(_link, "RETRY_SECONDS", 0.5)
     with pytest.raises(hg.Unavailable, match="CERTIFICATE_VERIFY_FAILED"):
         hg.connect(daemon.tcp, tls=hg.TLS(), token=served.TOKENS["robots"])
 
@@ -106,6 +106,10 @@ def test_the_command_line_speaks_tls(daemon, tls, place):
     )
     assert done.returncode == 0, done.stderr
     assert "api v1" in done.stdout
+    assert "vision, weight 1" in done.stdout
+    named = [*command, "--tls-key", tls.key, "--tls-server-name", "elsewhere"]
+    done = subprocess.run([*named, "--json"], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1 and "elsewhere" in done.stderr
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2 and "go together" in done.stderr
 
