@@ -69,7 +69,7 @@ def _seconds(code):
     return time.perf_counter() - start
 
 
-def test_a_ticket_of_a_daemon_that_ended_is_asked_for_again(client, monkeypatch):
+def test_a_ticket_of_a_daemon_that_ended_is_asked_for_again(monkeypatch):
     stale = [b"x" * 16]
     connect = Link._connect_lifeline
 
@@ -77,7 +77,7 @@ def test_a_ticket_of_a_daemon_that_ended_is_asked_for_again(client, monkeypatch)
         return stale.pop() if (ticket := connect(self, path)) and stale else ticket
 
     monkeypatch.setattr(Link, "_connect_lifeline", first_stale)
-    with hg.connect(client.address) as late:
+    with hg.connect() as late:
         assert not stale and late.scenes() is not None
 
 

@@ -61,13 +61,17 @@ TEST_CASE("edit log: a gap and a forgotten number name the number expected") {
   WorkPool pool(1, 4);
   const auto log = make_log(pool, {.replies = 3, .bytes = 1 << 20});
   for (u64 i = 1; i <= 5; ++i) REQUIRE(*reply_of(*log, i, [&] { return reply(i); }));
-  for (const u64 number : {0ull, 1ull, 2ull, 7ull}) {
+  for (const u64 number : {1ull, 2ull, 7ull}) {
     const auto answer = reply_of(*log, number, [&] { return reply(0); });
     REQUIRE(!*answer);
     CHECK(answer->error().code == Code::kAborted);
     CHECK(answer->error().expected == 6);
   }
   CHECK((*reply_of(*log, 3, [&] { return reply(0); }))->revision() == 3);
+  const auto none = reply_of(*log, 0, [&] { return reply(0); });
+  REQUIRE(!*none);
+  CHECK(none->error().code == Code::kInvalidArgument);
+  CHECK(none->error().where == "number");
 }
 
 TEST_CASE("edit log: kept replies are bounded by bytes") {

@@ -103,7 +103,7 @@ class Client:
         return self.call("CreateScene", name=name, **fields).scene
 
     def apply(self, scene: int, *edits, number: int | None = None, **fields):
-        number = number or self.numbers.get(scene, 0) + 1
+        number = self.numbers.get(scene, 0) + 1 if number is None else number
         self.numbers[scene] = number
         request = service.ApplyRequest(scene=scene, number=number, **fields)
         request.transaction.edits.extend(edits)

@@ -16,7 +16,8 @@ import urllib.request
 import grpc
 import pytest
 from conftest import DAEMON, ROOT, STUBS, Client, detail, eventually
-from google.protobuf import descriptor_pb2, descriptor_pool
+from contracts import Contract
+from google.protobuf import descriptor_pb2
 from heliograph.v1 import scene_pb2, service_pb2
 from test_edits import entity
 from test_render import request
@@ -220,11 +221,13 @@ def test_reflection_gives_the_contract(start):
             {"file_by_filename": "heliograph/v1/types.proto"},
             {"file_containing_symbol": "heliograph.decode.Hello"})
     assert [s.name for s in services.list_services_response.service] == [RENDERER]
-    pool = descriptor_pool.DescriptorPool()
-    for data in reversed(files.file_descriptor_response.file_descriptor_proto):
-        pool.Add(descriptor_pb2.FileDescriptorProto.FromString(data))
+    told = [
+        descriptor_pb2.FileDescriptorProto.FromString(data)
+        for data in files.file_descriptor_response.file_descriptor_proto
+    ]
     known = service_pb2.DESCRIPTOR.services_by_name["Renderer"].methods_by_name
-    assert set(pool.FindServiceByName(RENDERER).methods_by_name) == set(known)
+    contract = Contract(descriptor_pb2.FileDescriptorSet(file=told))
+    assert set(contract.methods) == set(known)
     assert len(by_name.file_descriptor_response.file_descriptor_proto) == 1
     assert none.error_response.error_code == grpc.StatusCode.NOT_FOUND.value[0]
 

@@ -69,6 +69,18 @@ def scene(client) -> int:
     return setup(client)
 
 
+def test_text_columns_have_rows_and_neither_shape_nor_dtype(client, scene):
+    (header, _), = render(client, request(scene, "INSTANCE"))
+    columns = {column.name: column for column in header.labels}
+    assert columns["name"].strings == ["thing"]
+    assert columns["attributes"].strings == ["{}"]
+    assert columns["visible"].dtype == types_pb2.D_TYPE_U32
+    for column in header.labels:
+        is_text = column.name in ("name", "attributes")
+        assert is_text == (not column.shape) == (column.dtype == types_pb2.D_TYPE_UNSPECIFIED)
+        assert not (column.data if is_text else column.strings)
+
+
 def test_a_frame_has_its_planes_and_says_what_it_shows(client, scene):
     (header, planes), = render(client, request(scene, "BEAUTY", "DEPTH", "INSTANCE", spp=4, seed=7))
     assert (header.width, header.height, header.revision) == (32, 24, 1)

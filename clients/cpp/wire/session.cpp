@@ -239,9 +239,12 @@ ClientError Session::error_of(const grpc::Status& status, const grpc::ClientCont
   v1::ErrorDetail detail;
   const auto& trailers = context.GetServerTrailingMetadata();
   const auto found = trailers.find("heliograph-error-bin");
+  std::string text = status.error_message();
   if (found != trailers.end())
     detail.ParseFromArray(found->second.data(), int(found->second.size()));
-  return to_error(int(status.error_code()), status.error_message(), detail);
+  else if (status.error_code() == grpc::UNAVAILABLE)  // gRPC's own words
+    text = "there is no connection to the daemon, or it was lost in the middle: " + text;
+  return to_error(int(status.error_code()), text, detail);
 }
 
 ApplyLane& Session::lane_of(std::uint64_t scene) const { return *lanes_[scene % kLanes]; }

@@ -17,11 +17,12 @@ _TOO_LONG = re.compile(r"(Received|Sent) message larger than max \((\d+) vs\. (\
 def to_error(error: grpc.RpcError) -> HeliographError:
     """The typed error of a failed call, with the fields of its ErrorDetail."""
     detail = types.ErrorDetail()
-    for key, value in error.trailing_metadata() or ():
-        if key == "heliograph-error-bin":
-            detail.ParseFromString(value)
+    trailers = dict(error.trailing_metadata() or ())
+    detail.ParseFromString(trailers.get("heliograph-error-bin", b""))
     name = error.code().name
     text = error.details() or name
+    if name == "UNAVAILABLE" and "heliograph-error-bin" not in trailers:  # gRPC's own words
+        text = f"there is no connection to the daemon, or it was lost in the middle: {text}"
     if name == "CANCELLED" and not error.cancelled():
         name = "UNAVAILABLE"
         text = f"the daemon cut the call off, because it ends or what it sent was not read: {text}"
