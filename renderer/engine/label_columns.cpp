@@ -103,7 +103,6 @@ void add_identity(const LabelInputs& in, std::vector<Column>& columns) {
   label.finish(instances.size(), columns);
   category.finish(instances.size(), columns);
   entity.finish(instances.size(), columns);
-  name.shape = attributes.shape = {instances.size()};
   columns.push_back(std::move(name));
   columns.push_back(std::move(attributes));
 }
@@ -218,7 +217,7 @@ void add_keypoints(const LabelInputs& in, std::vector<Column>& columns) {
   Rows<u32> instance("keypoint_instance", {});
   Rows<float> camera("keypoint_position_camera", {3}), image("keypoint_image", {2});
   Rows<u8> state("keypoint_state", {});
-  Column name{.name = "keypoint_name", .shape = {in.keypoints.size()}};
+  Column name{.name = "keypoint_name"};
   for (const KeypointLabel& keypoint : in.keypoints) {
     instance.add(keypoint.instance);
     name.strings.push_back(keypoint.name);

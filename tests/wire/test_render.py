@@ -70,7 +70,9 @@ def scene(client) -> int:
 
 
 def test_text_columns_have_rows_and_neither_shape_nor_dtype(client, scene):
-    (header, _), = render(client, request(scene, "INSTANCE"))
+    wanted = request(scene, "INSTANCE")
+    wanted.labels.boxes = True
+    (header, _), = render(client, wanted)
     columns = {column.name: column for column in header.labels}
     assert columns["name"].strings == ["thing"]
     assert columns["attributes"].strings == ["{}"]
