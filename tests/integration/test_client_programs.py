@@ -60,6 +60,12 @@ def test_info():
     assert run.returncode == 0 and "limits" in run.stdout, run.stderr
 
 
+def test_a_reader_that_has_seen_enough_is_no_error():
+    command = f"'{sys.executable}' -m heliograph info | true"
+    run = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=60)
+    assert run.stderr == ""
+
+
 def test_info_tells_who_uses_what(client):
     with client.create_scene("farm", shared=True), client.create_scene():
         run = heliograph("info", "--address", client.address)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 
@@ -77,6 +78,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"heliograph: {error}", file=sys.stderr)
         usage = (InvalidArgument, NotFound, Unimplemented)
         return EXIT_USAGE if isinstance(error, usage) else EXIT_FAILED
+    except BrokenPipeError:  # who read the output has seen enough, as head does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_FAILED
     except OSError as error:
         print(f"heliograph: {error}", file=sys.stderr)
         return EXIT_FAILED
