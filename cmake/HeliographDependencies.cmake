@@ -22,6 +22,7 @@ if(NOT embree_FOUND)
 endif()
 
 find_library(SECCOMP_LIBRARY seccomp REQUIRED)
+find_library(JEMALLOC_LIBRARY jemalloc REQUIRED)
 
 # The codecs of heliograph-decode.
 find_package(nlohmann_json REQUIRED)

@@ -1,7 +1,6 @@
 // The life of the daemon, in order. See lifecycle.h.
 #include "server/lifecycle.h"
 
-#include <malloc.h>
 #include <sys/epoll.h>
 #include <sys/resource.h>
 #include <sys/signalfd.h>
@@ -18,14 +17,18 @@
 #include "server/reload.h"
 #include "server/socket_files.h"
 
+extern "C" {
+// jemalloc's, which reads it before main(): freed pages go back to the system after a second.
+extern const char* const malloc_conf;
+const char* const malloc_conf = "background_thread:true,dirty_decay_ms:1000,muzzy_decay_ms:0";
+}
+
 namespace heliograph::server {
 namespace {
 
 using std::chrono::milliseconds;
 
 constexpr auto kDrainPoll = milliseconds(10);
-constexpr auto kTrimEvery = std::chrono::seconds(1);
-constexpr std::size_t kSpareBytes = 64 << 20;  // kept at the heap's end
 constexpr auto kLastCalls = milliseconds(500);
 constexpr unsigned kLastSeconds = 8;  // for the device and whatever else has to end
 constexpr auto kWarnEvery = std::chrono::hours(1);
@@ -126,7 +129,6 @@ class Life {
   [[nodiscard]] Status listen(ListeningSocket socket, void (GrpcServer::*serve)(UniqueFd));
   [[nodiscard]] Status watch_signals(UniqueFd signals);
   [[nodiscard]] Status watch_owner();
-  void trim_heap();
   void on_signal();
   void drain();
   void await_quiet(EventLoop::Clock::time_point deadline);
@@ -167,7 +169,6 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
   if (!grpc) return std::unexpected(grpc.error());
   grpc_ = std::move(*grpc);
   daemon_.watch.start(*daemon_.loop);
-  trim_heap();
   daemon_.health.start(*daemon_.engine, {.ready = [this](bool is_ready) { on_ready(is_ready); },
                                          .lost = [this] { on_lost(); }});
   HELIO_TRY(start_listening(std::move(sockets)));
@@ -252,13 +253,6 @@ Status Life::watch_owner() {
     daemon_.loop->forget(daemon_.config.owner_pidfd);
     daemon_.loop->quit();
   });
-}
-
-/// Freed frames leave holes in the heap, which only it could use again: the system gets their
-/// pages.
-void Life::trim_heap() {
-  (void)daemon_.pool.post([] { ::malloc_trim(kSpareBytes); });
-  daemon_.loop->after(kTrimEvery, [this] { trim_heap(); });
 }
 
 void Life::warn_exposed() {

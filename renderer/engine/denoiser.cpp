@@ -120,6 +120,9 @@ Expected<std::unique_ptr<Denoiser::Library>> Denoiser::Library::open(const std::
                 fmt::format("DENOISED needs Open Image Denoise 2, which is not there ({}); {}", why,
                             kRemedy));
   };
+  // TBB would load it with RTLD_DEEPBIND: it would free with the C library what the daemon's own
+  // heap allocated. What is loaded already stays as it is.
+  (void)::dlopen("libhwloc.so.15", RTLD_NOW | RTLD_LOCAL);
   std::unique_ptr<Library> library(new Library);
   library->handle_ = ::dlopen(name.c_str(), RTLD_NOW | RTLD_LOCAL);
   if (!library->handle_) return missing(::dlerror());
