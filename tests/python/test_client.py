@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import pickle
+import socket
 import subprocess
 import sys
 import time
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 from heliograph import _launch, cli, framing
 from heliograph._proto import service_pb2
+from heliograph._shared import share_frames
 
 
 def test_a_session_lives_on_the_second_socket(daemon):
@@ -263,3 +265,15 @@ def test_command_line_refusals(tmp_path, capsys):
 def test_command_line_against_a_daemon(daemon, capsys):
     assert cli.main(["info", "--address", daemon.address]) == 0
     assert "fake" in capsys.readouterr().out
+
+
+@pytest.mark.skipif(not hasattr(socket, "AF_UNIX"), reason="there is no second socket")
+def test_a_daemon_that_ends_while_a_session_is_opened_is_unavailable():
+    near, far = socket.socketpair()
+    far.close()
+    with near, pytest.raises(hg.Unavailable, match="ended"):
+        share_frames(near, ["shared_memory"])
+    near, far = socket.socketpair()
+    far.send(b"no such word")
+    with near, far, pytest.raises(hg.Internal):
+        share_frames(near, ["shared_memory"])

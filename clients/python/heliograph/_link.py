@@ -66,10 +66,10 @@ class Link:
         self.channel = access.channel()
         try:
             self._begin(path)
+            self.shared = share_frames(self._lifeline, self.server.capabilities)
         except BaseException:
             self.close()
             raise
-        self.shared = share_frames(self._lifeline, self.server.capabilities)
         if not path:
             self.keep_session()
 

@@ -52,8 +52,14 @@ class SharedFrames:
         self._leases: dict[tuple[int, int], weakref.ref[NdArray]] = {}
         self._unsent: deque[bytes] = deque()
         self._numbers = itertools.count(1)  # of buffers handed over
-        lifeline.send(_WISH)
-        if lifeline.recv(_WORD.size) != _WISH:  # said back: from now on
+        try:
+            lifeline.send(_WISH)
+            answer = lifeline.recv(_WORD.size)  # the same: from now on
+        except OSError:
+            answer = b""
+        if not answer:
+            raise Unavailable("the daemon ended while a session was opened")
+        if answer != _WISH:
             raise Internal("the daemon's second socket does not answer")
 
     def plane(self, place: types.BufferRef) -> NdArray:
