@@ -1,0 +1,109 @@
+"""A bundle starts in a root that has the C library and nothing else, and shows there what the build
+tree's programs show here, to the bit. It is made without the Python client, which pip fetches."""
+
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import time
+
+import heliograph as hg
+import pytest
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+DAEMON = pathlib.Path(os.environ.get("HELIOGRAPHD", ROOT / "build/cpu/bin/heliographd"))
+ASSETS = ROOT / "tests/assets"
+PICTURES = "gradient.hdr", "gradient.jpg", "gradient16.png", "gradient_float.tif", "t08.exr"
+ENTER = 'mount --rbind /proc "$0/proc" && exec chroot "$0" "$@"'
+PROGRAM = "/opt/heliograph/bin/heliographd"
+
+
+def bundle(archive, *flags):
+    command = [ROOT / "scripts/bundle", "--build", DAEMON.parents[1], "--without-python"]
+    return subprocess.run([*command, "--output", archive, *flags], capture_output=True, text=True)
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory):
+    """A root with the libraries of libc6 and a bundle in /opt/heliograph."""
+    root = tmp_path_factory.mktemp("root")
+    listed = subprocess.run(["dpkg", "-L", "libc6"], capture_output=True, text=True, check=True)
+    for path in re.findall(r"^(?:/usr)?(/lib(?:64|/[^/]+)/[^/]+\.so\S*)$", listed.stdout, re.M):
+        (root / path[1:]).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(path, root / path[1:])
+    (root / "proc").mkdir()
+    (root / "opt/heliograph").mkdir(parents=True)
+    archive = tmp_path_factory.mktemp("archive") / "bundle.tar"
+    done = bundle(archive, "--glibc", os.confstr("CS_GNU_LIBC_VERSION").split()[1])
+    assert done.returncode == 0, done.stderr
+    subprocess.run(["tar", "-C", root / "opt/heliograph", "--strip-components=1", "-xf", archive],
+                   check=True)
+    return root
+
+
+@pytest.fixture(scope="module")
+def enter(root):
+    """The command that runs a program of the root in it."""
+    said = ""
+    for user in ([], ["--map-root-user"]):
+        command = ["unshare", *user, "--mount", "sh", "-c", ENTER, root]
+        done = subprocess.run([*command, "/lib64/ld-linux-x86-64.so.2", "--version"],
+                              capture_output=True, text=True)
+        if done.returncode == 0:
+            return command
+        said += done.stderr
+    pytest.skip(f"no root of one's own can be entered here: {said}")
+
+
+def pixels(client):
+    """A scene of files of every decoder's library, rendered."""
+    with client.create_scene() as scene:
+        with scene.edit() as edit:
+            edit.dome(ASSETS / "picture/gradient_rec2020.exr")
+            edit.import_file(ASSETS / "gltf/Fox.glb", name="fox", transform=hg.Pose((0, 1, 0)))
+            edit.import_file(ASSETS / "volume/smoke.vdb", name="smoke")
+            ball = edit.mesh("ball", **hg.shapes.sphere(0.4))
+            for x, name in enumerate(PICTURES):
+                texture = edit.texture(None, ASSETS / "picture" / name)
+                paint = edit.material(None, base_color=texture)
+                edit.entity(None, mesh=ball, material=paint, transform=hg.Pose((x - 2, -1, 0.4)))
+            lens = hg.Camera.from_fov(60, 64, 48, degrees=True)
+            edit.entity("cam", camera=lens, transform=hg.look_at((0, -5, 2), (0, 0, 0.5)))
+        frame = scene.render("cam", spp=4, planes=["beauty", "instance"])
+        assert len(set(frame["instance"].ravel())) > len(PICTURES)
+        return frame["beauty"].tobytes()
+
+
+def test_it_renders_in_a_bare_root(root, enter):
+    (root / "run").mkdir()
+    socket = ["--socket", "/run/heliograph.sock"]
+    daemon = subprocess.Popen([*enter, PROGRAM, *socket], stderr=subprocess.PIPE, text=True)
+    probe = [*enter, PROGRAM, *socket, "--probe", "ready"]
+    try:
+        deadline = time.monotonic() + 30
+        while subprocess.run(probe, stderr=subprocess.DEVNULL).returncode:
+            assert daemon.poll() is None, daemon.stderr.read()
+            assert time.monotonic() < deadline, "not ready in 30 s"
+            time.sleep(0.1)
+        with hg.connect(f"unix://{root}/run/heliograph.sock") as bundled, hg.connect() as built:
+            is_same = pixels(bundled) == pixels(built)
+    finally:
+        daemon.terminate()
+        said = daemon.communicate(timeout=30)[1]
+    assert daemon.returncode == 0, said
+    assert is_same
+
+
+def test_it_carries_a_licence_for_each_library(root):
+    licences = root / "opt/heliograph/licences"
+    packages = (licences / "PACKAGES").read_text().splitlines()
+    assert all((licences / line.split()[0]).stat().st_size for line in packages)
+    assert {"libgcc-s1", "libstdc++6", "libtbb12"} <= {line.split()[0] for line in packages}
+    assert not list(root.glob("opt/heliograph/lib/libc.so*"))
+
+
+def test_it_names_what_would_not_start_on_an_older_system(tmp_path):
+    done = bundle(tmp_path / "bundle.tar", "--glibc", "2.17")
+    assert done.returncode == 1 and not (tmp_path / "bundle.tar").exists()
+    assert re.search(r"(bin|lib)/\S+ needs glibc 2\.\d\d, newer than 2.17", done.stderr)
