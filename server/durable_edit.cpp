@@ -30,17 +30,17 @@ void SceneEntry::commit(DurableEdit edit, const EditLog::Finish& finish) {
     entry.done = [self = shared_from_this(), number = edit.record.number(), prepared, event,
                   finish](const Status& committed) {
       self->end(prepared, event, committed);
-      if (!committed) return finish({std::unexpected(committed.error()), false});
-      if (!prepared) return finish({std::unexpected(prepared.error())});
-      finish({apply_reply(number, *prepared, self->durability)});
+      if (!committed) return finish(std::unexpected(committed.error()));
+      if (!prepared) return finish(std::unexpected(prepared.error()));
+      finish(apply_reply(number, *prepared, self->durability));
     };
     if (has_bug("publish_before_commit") && prepared) scene.publish(*prepared);
     if (has_bug("ack_before_append") && prepared)
-      finish({apply_reply(edit.record.number(), *prepared, "")});
+      finish(apply_reply(edit.record.number(), *prepared, ""));
     appended = journal->append(std::move(entry));
     if (!appended && prepared) drop_pending(prepared->snapshot->revision);
   }
-  if (!appended) finish({std::unexpected(appended.error()), false});
+  if (!appended) finish(std::unexpected(appended.error()));
 }
 
 void SceneEntry::end(const Expected<Prepared>& prepared, SceneEvents::Event event,

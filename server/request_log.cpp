@@ -74,6 +74,10 @@ void RequestLog::restore(const std::string& id, const std::string& method, std::
   if (known && !*known) finish(id, std::move(reply));
 }
 
+bool is_kept(const Expected<v1::ApplyReply>& reply) {
+  return reply || reply.error().retry_seconds == 0;
+}
+
 u64 EditLog::next() const {
   const std::lock_guard lock(mutex_);
   return last_ + 1;
@@ -99,18 +103,18 @@ void EditLog::answer(u64 number, const std::function<void(Finish)>& apply, const
   }
   if (known) done(known);
   if (!edit) return;
-  apply([self = shared_from_this(), edit](Outcome outcome) {
-    self->finish(edit, std::move(outcome));
+  apply([self = shared_from_this(), edit](Expected<v1::ApplyReply> reply) {
+    self->finish(edit, std::move(reply));
   });
 }
 
-void EditLog::finish(const EditPtr& edit, Outcome outcome) {
-  const auto reply = std::make_shared<const Expected<v1::ApplyReply>>(std::move(outcome.reply));
+void EditLog::finish(const EditPtr& edit, Expected<v1::ApplyReply> made) {
+  const auto reply = std::make_shared<const Expected<v1::ApplyReply>>(std::move(made));
   std::vector<Done> waiting;
   {
     const std::lock_guard lock(mutex_);
     waiting.swap(edit->waiting);
-    if (outcome.is_kept) {
+    if (is_kept(*reply)) {
       edit->reply = reply;
       keep(reply);
     } else if (const auto at = std::ranges::find(kept_, edit); at != kept_.end()) {

@@ -49,18 +49,17 @@ class RequestLog {
   u64 bytes_ = 0;
 };
 
+/// Whether a reply settles what became of an edit; one with retry_seconds says that nothing did.
+[[nodiscard]] bool is_kept(const Expected<v1::ApplyReply>& reply);
+
 /// The numbered edits of one session in one scene. Thread: any; edits are begun in its strand.
 class EditLog : public std::enable_shared_from_this<EditLog> {
  public:
   using Reply = std::shared_ptr<const Expected<v1::ApplyReply>>;
   using Done = std::function<void(const Reply&)>;
-  /// Ends an edit with its reply, from any thread. One that is not kept did nothing: its number is
-  /// free again, and so are those after it, which end the same way.
-  struct Outcome {
-    Expected<v1::ApplyReply> reply;
-    bool is_kept = true;
-  };
-  using Finish = std::function<void(Outcome)>;
+  /// Ends an edit with its reply, from any thread. After one that is not kept the number is free
+  /// again, and so are those after it, which end the same way.
+  using Finish = std::function<void(Expected<v1::ApplyReply>)>;
   /// What survives the daemon: the replies that are kept.
   struct State {
     u64 last = 0;  // the number of the last reply
@@ -88,7 +87,7 @@ class EditLog : public std::enable_shared_from_this<EditLog> {
     std::vector<Done> waiting;
   };
   using EditPtr = std::shared_ptr<Edit>;
-  void finish(const EditPtr& edit, Outcome outcome);
+  void finish(const EditPtr& edit, Expected<v1::ApplyReply> reply);
   void keep(const Reply& reply);  // under mutex_
 
   std::shared_ptr<Strand> strand_;

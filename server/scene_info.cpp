@@ -23,6 +23,11 @@ v1::SceneInfo scene_info(Scenes& scenes, SceneEntry& scene, const Session& sessi
   return info;
 }
 
+void bring_up_to_date(Scenes& scenes, const Session& session, v1::SceneInfo& info) {
+  if (const auto scene = scenes.find(info.scene(), session))
+    info = scene_info(scenes, **scene, session);
+}
+
 v1::ApplyReply apply_reply(u64 number, const Prepared& prepared, const std::string& durability) {
   v1::ApplyReply reply;
   reply.set_number(number);

@@ -40,18 +40,20 @@ Expected<v1::ApplyReply> apply_now(Session& session, SceneEntry& entry,
 void apply_durably(const std::shared_ptr<Session>& session, SceneEntry& entry,
                    const v1::ApplyRequest& request, const EditLog::Finish& finish) {
   if (auto writing = entry.journal->status(); !writing)
-    return finish({std::unexpected(writing.error()), false});
+    return finish(std::unexpected(writing.error()));
   RecordingSource source(session->holdings(), entry.journal->files(entry.tenant->name));
   DurableEdit edit{.transaction = read(*session, request, source),
                    .expected = expected_of(request),
                    .record = {},
                    .files = {}};
   // An edit that did not happen is sent again, and finds its uploads.
-  const auto end = [session, finish, used = source.take_used()](EditLog::Outcome outcome) {
-    if (!outcome.is_kept) session->holdings().give_back(used);
-    finish(std::move(outcome));
+  const auto end = [session, finish, used = source.take_used()](Expected<v1::ApplyReply> reply) {
+    if (!is_kept(reply)) session->holdings().give_back(used);
+    finish(std::move(reply));
   };
-  if (!source.status()) return end({std::unexpected(source.status().error()), false});
+  if (!source.status()) return end(std::unexpected(source.status().error()));
+  if (!edit.transaction && edit.transaction.error().retry_seconds > 0)
+    return end(std::unexpected(std::move(edit.transaction).error()));
   edit.record.set_session(session->id());
   edit.record.set_number(request.number());
   if (edit.transaction) source.fill(request.transaction(), edit.record);
@@ -79,7 +81,7 @@ void apply_numbered(Daemon& daemon, const std::shared_ptr<Session>& session,
   auto task = [&request, session, entry = *entry, log, done] {
     const auto apply = [&](const EditLog::Finish& finish) {
       if (entry->journal) return apply_durably(session, *entry, request, finish);
-      finish({apply_now(*session, *entry, request)});
+      finish(apply_now(*session, *entry, request));
     };
     log->answer(request.number(), apply, done);
   };

@@ -37,7 +37,9 @@ class ImportCall final : public Reader<v1::SceneChunk> {
     const auto scene = file_.finish();
     if (!scene) return std::unexpected(scene.error());
     const OnceKey key{call_.session()->requests(), scene->request_id, "ImportScene"};
-    return once(key, reply_, [&] { return create(*scene); });
+    HELIO_TRY(once(key, reply_, [&] { return create(*scene); }));
+    bring_up_to_date(daemon_.scenes, *call_.session(), reply_);
+    return {};
   }
   Expected<v1::SceneInfo> create(const ImportedScene& scene) {
     auto made = rebuild(scene.description, daemon_.scenes.scene_limits());

@@ -84,8 +84,10 @@ grpc::ServerUnaryReactor* Service::CreateScene(Context* context,
   return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
     run(daemon_, call, [this, &call, request, reply] {
       const OnceKey key{call.session()->requests(), request->request_id(), "CreateScene"};
-      call.finish(
-          once(key, *reply, [&] { return create_scene(daemon_, *call.session(), *request); }));
+      const Status made =
+          once(key, *reply, [&] { return create_scene(daemon_, *call.session(), *request); });
+      if (made) bring_up_to_date(daemon_.scenes, *call.session(), *reply);
+      call.finish(made);
     });
   });
 }
@@ -107,8 +109,10 @@ grpc::ServerUnaryReactor* Service::BranchScene(Context* context,
   return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
     run(daemon_, call, [this, &call, request, reply] {
       const OnceKey key{call.session()->requests(), request->request_id(), "BranchScene"};
-      call.finish(
-          once(key, *reply, [&] { return branch_scene(daemon_, *call.session(), *request); }));
+      const Status made =
+          once(key, *reply, [&] { return branch_scene(daemon_, *call.session(), *request); });
+      if (made) bring_up_to_date(daemon_.scenes, *call.session(), *reply);
+      call.finish(made);
     });
   });
 }

@@ -48,6 +48,7 @@ Status Session::begin_call() {
                                      "(limit calls_per_session)",
                                      limits_.calls),
               .where = ""};
+  error.retry_seconds = kBusySeconds;
   error.needed = limits_.calls + 1;
   error.available = limits_.calls;
   return std::unexpected(std::move(error));

@@ -5,6 +5,12 @@
 
 namespace heliograph::server {
 
+std::unexpected<Error> busy(std::string message) {
+  Error error{.code = Code::kResourceExhausted, .message = std::move(message), .where = ""};
+  error.retry_seconds = kBusySeconds;
+  return std::unexpected(std::move(error));
+}
+
 WorkPool::WorkPool(u32 threads, u32 capacity) : capacity_(capacity) {
   for (u32 i = 0; i < threads; ++i) threads_.emplace_back([this] { work(); });
 }
@@ -23,8 +29,7 @@ Status WorkPool::post(Task task) {
   {
     const std::lock_guard lock(mutex_);
     if (tasks_.size() >= capacity_)
-      return fail(
-          Code::kResourceExhausted, "",
+      return busy(
           fmt::format("{} requests wait already; retry later (limit pool_queue)", tasks_.size()));
     tasks_.push_back(std::move(task));
   }
@@ -59,10 +64,10 @@ Status Strand::run(WorkPool::Task task, bool is_short) {
   {
     const std::lock_guard lock(mutex_);
     if (tasks_.size() >= capacity_)
-      return fail(Code::kResourceExhausted, "",
-                  fmt::format("{} requests of this session and scene wait already; wait for their "
-                              "replies (limit calls_per_session)",
-                              tasks_.size()));
+      return busy(
+          fmt::format("{} requests of this session and scene wait already; wait for their "
+                      "replies (limit calls_per_session)",
+                      tasks_.size()));
     if (!busy_ && is_short)
       now = std::move(task);
     else

@@ -13,6 +13,11 @@
 
 namespace heliograph::server {
 
+constexpr double kBusySeconds = 0.1;  // after which a call that was one too many may come again
+
+/// RESOURCE_EXHAUSTED, with that.
+[[nodiscard]] std::unexpected<Error> busy(std::string message);
+
 /// Owns: its threads. Thread: any. The queue is bounded; what does not fit is refused.
 class WorkPool {
  public:

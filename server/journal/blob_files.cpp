@@ -20,17 +20,22 @@ namespace {
 
 constexpr const char* kTemporary = ".new";
 
+constexpr double kRetrySeconds = 1;
+
 std::unexpected<Error> failed(const std::string& path, const char* what) {
   const int why = errno;
   const std::string name = std::filesystem::path(path).filename().string();
-  if (why == ENOSPC || why == EDQUOT || why == EFBIG)
-    return fail(Code::kResourceExhausted, "",
-                fmt::format("the disk of the state directory is full ({} of {}); make room, or "
-                            "retry later",
-                            what, name));
-  return fail(
-      Code::kUnavailable, "",
-      fmt::format("the state directory failed: {} of {}: {}", what, name, std::strerror(why)));
+  const bool is_full = why == ENOSPC || why == EDQUOT || why == EFBIG;
+  Error error{.code = is_full ? Code::kResourceExhausted : Code::kUnavailable,
+              .message = is_full
+                             ? fmt::format("the disk of the state directory is full ({} of {}); "
+                                           "make room, or retry later",
+                                           what, name)
+                             : fmt::format("the state directory failed: {} of {}: {}", what, name,
+                                           std::strerror(why)),
+              .where = ""};
+  error.retry_seconds = kRetrySeconds;
+  return std::unexpected(std::move(error));
 }
 
 Status sync_folder(const std::string& path) {

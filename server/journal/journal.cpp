@@ -30,7 +30,7 @@ Status Journal::push(Item item, bool is_ours) {
     if (!status_) return status_;
     if (is_refusing_ && !is_ours) return shutting_down();
     if (queue_.size() >= options_.queue)
-      return fail(Code::kResourceExhausted, "", "too many edits wait for the disk; retry later");
+      return busy("too many edits wait for the disk; retry later");
     queue_.push_back(std::move(item));
     if (queue_.size() < wanted_) return {};
   }

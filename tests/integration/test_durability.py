@@ -65,6 +65,49 @@ def test_a_retry_after_a_restart_is_answered_not_applied(daemons):
         assert scene["thing"].id == thing.id
 
 
+def test_a_repeated_creation_is_answered_with_the_scene_as_it_is(daemons):
+    with hg.connect(daemons()) as client:
+        request = service.CreateSceneRequest(
+            name="room", shared=True, durability="os", request_id="once"
+        )
+        scene = client.open_scene(client.connection.call("CreateScene", request).name)
+        place(scene, "thing", 1)
+        for revision in (1, 2):
+            again = client.connection.call("CreateScene", request)
+            assert (again.scene, again.revision) == (scene.id, revision)
+            assert again.next_edit == revision + 1
+            daemons()
+            client.connection.call("CreateScene", request)  # by which the session is resumed
+            place(scene, "thing", 2)
+
+
+@pytest.mark.parametrize("durability", ["none", "os"])
+def test_an_edit_refused_for_now_leaves_its_number_free(daemons, durability):
+    rate = ("--limit", "tenant_edits_per_second=10")
+    with hg.connect(daemons(flags=rate)) as client:
+        scene = client.create_scene("room", durability=durability, shared=True)
+        for number in range(1, 1000):
+            request = service.ApplyRequest(scene=scene.id, number=number)
+            request.transaction.edits.add().advance.dt = 1
+            try:
+                client.connection.call("Apply", request)
+            except hg.ResourceExhausted as error:
+                refused = error
+                break
+        assert 0 < refused.retry_seconds < 60
+        assert scene._info().next_edit == number
+        time.sleep(refused.retry_seconds)
+        assert client.connection.call("Apply", request).revision == number
+        time.sleep(1)
+        scene.apply(request.transaction)  # numbered by the client
+        with pytest.raises(hg.ResourceExhausted):
+            for _ in range(1000):
+                scene.apply(request.transaction)
+        applied = scene.revision
+        time.sleep(1)
+        assert scene.apply(request.transaction).revision == applied + 1
+
+
 def test_what_was_not_durable_is_gone(daemons):
     with hg.connect(daemons()) as client:
         client.create_scene("kept", durability="os", shared=True)

@@ -28,7 +28,8 @@ class FakeDaemon(service_pb2_grpc.RendererServicer):
         self.objects = {}
         self.replies = {}
         self.fail_applies = 0  # how many Apply calls get lost after they were done
-        self.loss = grpc.StatusCode.UNAVAILABLE  # how
+        self.loss = grpc.StatusCode.UNAVAILABLE  # how, and
+        self.loss_detail = types_pb2.ErrorDetail()
         self.refusal = None  # (code, text, ErrorDetail)
         self.last = {}
         self.cancelled = threading.Event()
@@ -136,7 +137,7 @@ class FakeDaemon(service_pb2_grpc.RendererServicer):
             self.replies[(session, request.number)] = self._apply(request)
         if self.fail_applies:
             self.fail_applies -= 1
-            context.abort(self.loss, "lost on the way back")
+            self._abort(context, self.loss, "lost on the way back", self.loss_detail)
         return self.replies[(session, request.number)]
 
     def _abort(self, context, code, text, detail):

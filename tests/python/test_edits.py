@@ -196,6 +196,16 @@ def test_a_lost_reply_is_not_applied_twice(daemon, scene, loss):
     assert len(daemon.transactions) == 1 and a.id == daemon.objects["a"]
 
 
+def test_a_refusal_for_now_does_not_say_that_nothing_was_done_before(daemon, scene):
+    daemon.fail_applies, daemon.loss = 1, grpc.StatusCode.RESOURCE_EXHAUSTED
+    daemon.loss_detail.retry_seconds = 1  # a full daemon, to the second sending
+    with pytest.raises(hg.ResourceExhausted), scene.edit() as edit:
+        edit.entity("a")
+    with scene.edit() as edit:
+        b = edit.entity("b")
+    assert len(daemon.transactions) == 2 and b.id == daemon.objects["b"]
+
+
 def test_numbers_recover_from_a_gap(daemon, scene):
     with scene.edit() as edit:
         edit.entity("a")

@@ -119,8 +119,10 @@ TEST_CASE("edit log: what was not kept frees its number, and those after it") {
   const auto done = [&](const EditLog::Reply& got) {
     told.push_back(*got ? Code() : got->error().code);
   };
-  const auto lost = [] {
-    return EditLog::Outcome{.reply = fail(Code::kUnavailable, "", "disk"), .is_kept = false};
+  const auto lost = []() -> Expected<v1::ApplyReply> {
+    Error error{.code = Code::kUnavailable, .message = "disk", .where = ""};
+    error.retry_seconds = 1;
+    return std::unexpected(std::move(error));
   };
   reply_of(*log, 1, [] { return reply(1); });
   log->answer(2, apply, done);

@@ -135,7 +135,8 @@ class Transaction final : public Edits {
   /// expected revision.
   std::uint64_t commit();
   /// Sends it and goes on; up to 256 may be on their way. They are applied in the order of these
-  /// calls, each by itself: what comes after a refused one is still applied.
+  /// calls, each by itself: what comes after a refused one is still applied, unless that one may be
+  /// sent again later (details().retry_seconds > 0). Then those behind it are kAborted.
   Receipt commit_later();
 };
 

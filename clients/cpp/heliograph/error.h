@@ -39,6 +39,7 @@ struct ErrorDetails {
   std::uint64_t available = 0;         // what there is, in the unit that the message names
   std::uint64_t expected = 0;          // kAborted: the edit number or revision expected;
                                        // kOutOfRange: the nearest revision that there is
+  double retry_seconds = 0;            // when the same call may work; 0: not known
   std::vector<std::string> users{};    // kFailedPrecondition: who still refers to the object
   std::vector<std::string> nearest{};  // kNotFound: the nearest names
   std::optional<int> exit_code{};      // of a private daemon that died; negative: the signal

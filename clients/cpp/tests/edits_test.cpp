@@ -1,4 +1,7 @@
 // Transactions: atomic, pipelined, conditional; handles and ids.
+#include <chrono>
+#include <thread>
+
 #include "fixture.h"
 
 using namespace heliograph;
@@ -173,4 +176,40 @@ TEST_CASE("every parameter of a material is known to the daemon by its name") {
   CHECK(error_of([&] { reset.material("full", Parameters().reset("shine")); }).field() == "shine");
   reset.commit();
   CHECK(full.parameters().at("iridescence_thickness").r == 400);
+}
+
+TEST_CASE("edits that are refused for now leave no gap") {
+  LaunchOptions options;
+  options.arguments = {"--limit", "tenant_edits_per_second=10"};
+  Client own = launch(options);
+  Scene scene = own.create_scene();
+  for (std::uint64_t round = 0, accepted = 0; round < 2; ++round) {
+    std::vector<Receipt> receipts;
+    for (int i = 0; i < 200; ++i) {
+      Transaction edit = scene.edit();
+      edit.advance(1);
+      receipts.push_back(edit.commit_later());
+    }
+    const std::uint64_t before = accepted;
+    std::size_t exhausted = 0;
+    for (Receipt& receipt : receipts) {
+      try {
+        const std::uint64_t revision = receipt.wait();  // CHECK would catch what it throws
+        CHECK(revision == ++accepted);
+      } catch (const ClientError& error) {
+        if (error.code() == Code::kResourceExhausted) {
+          ++exhausted;
+          CHECK(error.details().retry_seconds > 0);
+        } else {  // it was on its way behind one of those
+          CHECK(error.code() == Code::kAborted);
+          CHECK(error.field() == "number");
+        }
+      }
+    }
+    CHECK(accepted > before);
+    CHECK(exhausted > 0);
+    CHECK(scene.revision() == accepted);
+    CHECK(scene.time() == double(accepted));
+    std::this_thread::sleep_for(std::chrono::seconds(1));
+  }
 }

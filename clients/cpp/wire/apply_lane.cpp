@@ -89,6 +89,13 @@ void ApplyLane::forget(std::uint64_t scene) {
   next_.erase(scene);
 }
 
+/// Whether edits of this scene are on their way: what number comes next is not known before they
+/// are answered.
+bool ApplyLane::is_waiting(std::uint64_t scene) const {
+  return std::any_of(waiting_.begin(), waiting_.end(),
+                     [&](const auto& edit) { return edit->request.scene() == scene; });
+}
+
 std::uint64_t ApplyLane::number_of(std::uint64_t scene) {
   const auto found = next_.find(scene);
   if (found != next_.end()) return found->second++;
@@ -103,6 +110,7 @@ void ApplyLane::submit(const std::shared_ptr<PendingEdit>& edit) {
   Lock lock(mutex_);
   session_.check_open();
   while (waiting_.size() >= kAhead) step(lock);
+  while (next_.count(edit->request.scene()) == 0 && is_waiting(edit->request.scene())) step(lock);
   edit->request.set_number(number_of(edit->request.scene()));
   waiting_.push_back(edit);
   if (!stream_ && !is_polled_) open();
@@ -207,7 +215,8 @@ void ApplyLane::take_reply() {
   patience_.reset();
   if (reply.code() != 0) {
     edit->error = to_error(int(reply.code()), reply.message(), reply.detail());
-    if (reply.detail().field() == "number") next_.erase(edit->request.scene());
+    if (reply.detail().field() == "number" || reply.detail().retry_seconds() > 0)
+      next_.erase(edit->request.scene());  // the number is still free, and all after it
   } else {
     edit->revision = reply.revision();
     for (const IdTarget& target : edit->targets)

@@ -43,6 +43,7 @@ class ApplyLane {
   using Time = std::chrono::system_clock::time_point;
   struct Stream;
 
+  bool is_waiting(std::uint64_t scene) const;
   std::uint64_t number_of(std::uint64_t scene);
   void open();
   void pump();

@@ -274,6 +274,7 @@ ClientError to_error(int code, const std::string& message, const v1::ErrorDetail
   details.needed = detail.needed();
   details.available = detail.available();
   details.expected = detail.expected();
+  details.retry_seconds = detail.retry_seconds();
   details.users.assign(detail.users().begin(), detail.users().end());
   details.nearest.assign(detail.nearest().begin(), detail.nearest().end());
   std::string text = message.empty() ? name_of(Code(code)) : message;

@@ -88,6 +88,9 @@ class Scene:
                     raise
                 state.next = request.number = error.expected  # nothing of ours has that number
                 return self._send(request)
+            except HeliographError:
+                state.session = 0  # its number may be free, or a reply was lost before: ask
+                raise
             finally:
                 state.next = request.number + 1
 
