@@ -129,7 +129,8 @@ void add_flags(CLI::App& app, Config& config) {
                  "Address of a port for Prometheus, e.g. 127.0.0.1:9464; off by default");
   app.add_option(
       "--record", config.record,
-      "Record what clients ask in a new file, or in a folder; heliograph replay plays it");
+      "Record what clients ask in a file, or in a folder, a new file each start; heliograph replay "
+      "plays it");
   app.add_flag("--reflection", config.reflection, "Tell callers the protocol's descriptors");
   app.add_option(
          "--probe", config.probe,

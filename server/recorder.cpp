@@ -49,40 +49,68 @@ std::string hash_of(const Frame& frame) {
   return digest.finish();
 }
 
-/// Bytes of the recordings in a folder.
-u64 bytes_in(const std::string& folder) {
+namespace fs = std::filesystem;
+
+/// Where the recordings of one setting are, one a run.
+struct Place {
+  fs::path folder;
+  std::string name;  // that they begin with
+  std::string suffix;
+  bool is_folder = false;  // it was named as one
+};
+
+Place place_of(const fs::path& path) {
+  std::error_code ignored;
+  if (fs::is_directory(path, ignored))
+    return {.folder = path, .name = "heliograph", .suffix = kSuffix, .is_folder = true};
+  return {.folder = path.has_parent_path() ? path.parent_path() : ".",
+          .name = path.stem(),
+          .suffix = path.extension()};
+}
+
+u64 bytes_in(const Place& place) {
   u64 bytes = 0;
   std::error_code error;
-  for (const auto& entry : std::filesystem::directory_iterator(folder, error))
-    if (entry.path().extension() == kSuffix) bytes += entry.file_size(error);
+  for (const auto& entry : fs::directory_iterator(place.folder, error)) {
+    const fs::path& path = entry.path();
+    const std::string stem = path.stem();
+    const bool is_ours =
+        place.is_folder || stem == place.name || stem.starts_with(place.name + "-");
+    if (is_ours && path.extension() == place.suffix) bytes += entry.file_size(error);
+  }
   return bytes;
 }
 
-std::string new_name(const std::string& folder) {
+fs::path dated(const Place& place) {
   const std::time_t now = std::time(nullptr);
   std::tm utc{};
   ::gmtime_r(&now, &utc);
   char text[32];
   std::strftime(text, sizeof text, "%Y%m%dT%H%M%SZ", &utc);
-  return fmt::format("{}/heliograph-{}-{}{}", folder, text, ::getpid(), kSuffix);
+  return place.folder / fmt::format("{}-{}-{}{}", place.name, text, ::getpid(), place.suffix);
+}
+
+UniqueFd make_file(const fs::path& path) {
+  return UniqueFd(::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC,
+                         S_IRUSR | S_IWUSR));
 }
 
 }  // namespace
 
 Expected<std::unique_ptr<Recorder>> Recorder::open(Options options, const Log& log) {
-  std::error_code ignored;
-  u64 room = options.bytes;
-  if (std::filesystem::is_directory(options.path, ignored)) {
-    room -= std::min(room, bytes_in(options.path));
-    options.path = new_name(options.path);
+  const Place place = place_of(options.path);
+  const u64 room = options.bytes - std::min(options.bytes, bytes_in(place));
+  fs::path path = place.is_folder ? dated(place) : fs::path(options.path);
+  UniqueFd file = make_file(path);
+  if (!file && errno == EEXIST && !place.is_folder) {
+    path = dated(place);
+    file = make_file(path);
   }
-  UniqueFd file(::open(options.path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC,
-                       S_IRUSR | S_IWUSR));
   if (!file)
     return fail(Code::kInvalidArgument, "--record",
-                fmt::format("{}: {}; name a new file, or a folder for one file a run", options.path,
-                            std::generic_category().message(errno)));
-  log.info("recording", {{"file", options.path}});
+                fmt::format("{}: {}; name a file or a folder that the daemon may write",
+                            path.string(), std::generic_category().message(errno)));
+  log.info("recording", {{"file", path.string()}});
   std::unique_ptr<Recorder> made(
       new Recorder(std::move(file), room - std::min(room, kLastBytes), log));
   options.header.set_format("heliograph.recording");

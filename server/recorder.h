@@ -37,11 +37,13 @@ struct Note {
 class Recorder {
  public:
   struct Options {
-    std::string path;        // a new file, or a folder that it is made in
-    u64 bytes = 1ull << 30;  // of the file; of all recordings in the folder
+    /// A file, or a folder that one is made in. Where the file is there already, the new one stands
+    /// beside it, with the time in its name.
+    std::string path;
+    u64 bytes = 1ull << 30;  // of all its recordings
     v1::RecordHeader header;
   };
-  /// INVALID_ARGUMENT: no file can be made there, or it is there already.
+  /// INVALID_ARGUMENT: no file can be made there.
   [[nodiscard]] static Expected<std::unique_ptr<Recorder>> open(Options options, const Log& log);
   ~Recorder() { stop("the daemon ended"); }
 

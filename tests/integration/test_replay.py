@@ -258,13 +258,47 @@ def test_two_sessions_that_share_a_scene(recorded):
     assert {"OpenScene", "Apply", "Render"} <= methods(found[SAME])
 
 
+def test_edits_that_were_refused_for_now_are_left_out(recorded):
+    daemon = recorded("--limit", "tenant_edits_per_second=10")
+    with hg.connect(daemon.socket) as client, client.create_scene() as scene:
+        for _ in range(2):
+            first = scene._info().next_edit
+            edits = [service.ApplyRequest(scene=scene.id, number=first + n) for n in range(200)]
+            for each in edits:
+                each.transaction.edits.add().advance.dt = 1
+            replies = list(client.connection.stream("ApplyStream", iter(edits)))
+            codes = [reply.code for reply in replies]
+            assert 0 < codes.index(8) and codes[-1] in (8, 10)
+            time.sleep(1)
+    daemon.stop()
+    found = played(daemon.recording)
+    assert not found[DIFFERS]
+    assert any("it depended on time: RESOURCE_EXHAUSTED" in line for line in found[NOT_PLAYED])
+
+
 def test_where_it_may_not_be(tmp_path):
-    there = tmp_path / "there"
-    there.write_text("")
+    there = tmp_path / "no/such/folder"
     run = subprocess.run(
         [DAEMON, "--socket", tmp_path / "run/s", "--record", there], capture_output=True, text=True
     )
     assert run.returncode == 64 and "--record" in run.stderr and "folder" in run.stderr
+
+
+def test_a_file_that_is_there_is_kept(tmp_path):
+    settings = tmp_path / "heliographd.toml"
+    settings.write_text(f'record = "{tmp_path}/session.recording"\n[limits]\nrecord_bytes = 2000\n')
+    other = tmp_path / "sessions.recording"  # of something else: it counts for no limit
+    other.write_bytes(bytes(4000))
+    for run in range(3):
+        with hg.connect(arguments=("--config", str(settings))) as client:
+            for _ in range(4):
+                client.create_scene()
+        found = sorted(tmp_path.glob("session[.-]*recording"), key=lambda path: path.stat().st_ino)
+        assert len(found) == run + 1
+        if run == 0:
+            first = found[0].read_bytes()
+    assert (tmp_path / "session.recording").read_bytes() == first
+    assert sum(path.stat().st_size for path in found) <= 2000 + 512
 
 
 def test_a_folder_gets_a_file_a_run(tmp_path):

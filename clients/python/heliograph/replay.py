@@ -188,13 +188,14 @@ class _Player:
             was: Any = self._recording.reply(call, answer) if answer else refused
             if answer and was.code:
                 was = status_error(was.code, was.message, was.detail)
-            revision = 0 if isinstance(was, HeliographError) else int(was.revision)
+            is_refused = isinstance(was, HeliographError)
+            reason = _by_time(was) if is_refused else ""
             self._add(
                 call,
                 answer.at if answer else call.end,
-                partial(self._calls.edit, call, part, was),
+                partial(_skip, reason) if reason else partial(self._calls.edit, call, part, was),
                 part=name,
-                shows=(self._calls.scene_of(call, part), revision),
+                shows=(self._calls.scene_of(call, part), 0 if is_refused else int(was.revision)),
             )
         return None
 
