@@ -197,8 +197,8 @@ class Engine::Impl {
   Denoiser denoiser_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;
-  FairQueue<std::unique_ptr<Work>> ready_{options_.credit};  // derived data made
-  std::deque<std::unique_ptr<Work>> cold_;                   // waiting for it
+  FairQueue<std::unique_ptr<Work>> ready_{options_.credit, options_.turn};  // warm
+  std::deque<std::unique_ptr<Work>> cold_;                                  // waiting for it
   double seconds_a_job_ = 0;
   std::optional<Clock::time_point> step_began_;
   bool is_lost_ = false;

@@ -37,6 +37,7 @@ struct EngineOptions {
   JobLimits limits;
   std::chrono::milliseconds slice{10};  // the longest a job has the device at a time
   double credit = 0.5;  // seconds of the device that one may be served ahead of the others
+  double turn = 0.05;   // seconds of the device that one goes on for among equals
 };
 
 /// What waits and runs.

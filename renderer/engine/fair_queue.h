@@ -17,7 +17,8 @@ namespace heliograph {
 /// in each a line. Start-time fair queuing (Goyal, Vin and Cheng 1996) at each level: the child
 /// that used least for its weight goes first, and one that comes back after it had nothing to do
 /// starts where the others are, less `credit`. So who asks for less than its share is served at
-/// once, and nobody saves up more than the credit.
+/// once, and nobody saves up more than the credit. Among equals the one that was served goes on
+/// until it is a `turn` ahead: what it works on is in the caches.
 ///
 /// A lane is a priority, and whether the work is short (labels, queries): a higher priority goes
 /// first always; short work shares evenly with long work, whatever the number of long jobs.
@@ -26,8 +27,8 @@ namespace heliograph {
 template <class T>
 class FairQueue {
  public:
-  /// credit: seconds of the device.
-  explicit FairQueue(double credit) : credit_(credit) {}
+  /// Seconds of the device.
+  FairQueue(double credit, double turn) : credit_(credit), turn_(turn) {}
 
   void push(const Origin& origin, bool is_short, T item) {
     Share* tenant = child(root_, origin.tenant);
@@ -54,6 +55,7 @@ class FairQueue {
       for (auto& [key, each] : share->children)
         if (each.count > 0 && (best == nullptr || goes_before(each, *best))) best = &each;
       share->reached = std::max(share->reached, best->used);
+      for (auto& [key, each] : share->children) each.is_served = &each == best;
       share = best;
     }
     served_ = share;
@@ -92,6 +94,7 @@ class FairQueue {
     double used = 0;     // cost over weight: its virtual time
     double reached = 0;  // the virtual time of its children
     std::size_t count = 0;
+    bool is_served = false;  // the last of its parent's children to be
     std::map<u64, Share> children;
     std::deque<T> items;  // of a line
   };
@@ -104,8 +107,12 @@ class FairQueue {
     found.parent = &parent;
     return &found;
   }
-  static bool goes_before(const Share& a, const Share& b) {
-    return a.rank != b.rank ? a.rank > b.rank : a.used < b.used;
+  /// What it used, less the turn that it may finish.
+  [[nodiscard]] double place(const Share& share) const {
+    return share.used - (share.is_served ? turn_ / share.weight : 0);
+  }
+  [[nodiscard]] bool goes_before(const Share& a, const Share& b) const {
+    return a.rank != b.rank ? a.rank > b.rank : place(a) < place(b);
   }
   static void left(Share* line, std::size_t count) {
     for (Share* share = line; share != nullptr; share = share->parent) share->count -= count;
@@ -132,7 +139,7 @@ class FairQueue {
     }
   }
 
-  const double credit_;
+  const double credit_, turn_;
   Share root_;
   Share* served_ = nullptr;
 };

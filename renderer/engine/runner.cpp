@@ -19,6 +19,7 @@ constexpr u64 kTilePixels = 16 * 16;
 /// cheap ones, and a slice that was sized by cheap ones would be many times too long. What took
 /// more than kDearest times as long was a disturbance.
 constexpr double kRemembered = 0.98, kDearest = 8;
+/// Of the device: many jobs that take turns report no more than one alone would.
 constexpr auto kReportEvery = std::chrono::milliseconds(100);
 
 double seconds(std::chrono::steady_clock::duration d) {
@@ -34,7 +35,6 @@ Runner::Runner(std::shared_ptr<const RenderJob> job, const RunnerContext& contex
       context_(context),
       start_(Clock::now()),
       camera_start_(start_),
-      reported_(start_),
       noise_(NAN),
       resumed_(start_),
       steps_(run()) {
@@ -44,6 +44,7 @@ Runner::Runner(std::shared_ptr<const RenderJob> job, const RunnerContext& contex
 bool Runner::step() {
   resumed_ = Clock::now();
   paused_.resume();
+  used_before_ += in_slice();
   return steps_.is_done();
 }
 
@@ -52,9 +53,9 @@ bool Runner::Pause::await_ready() const {
          runner.context_.interrupt.requested();
 }
 
-double Runner::slice_left() const {
-  return context_.slice.count() - seconds(Clock::now() - resumed_);
-}
+double Runner::in_slice() const { return seconds(Clock::now() - resumed_); }
+
+double Runner::slice_left() const { return context_.slice.count() - in_slice(); }
 
 Steps Runner::run() {
   for (camera_ = 0; camera_ < job_->cameras.size(); ++camera_)
@@ -245,10 +246,10 @@ double Runner::share_done(const Film& film) const {
 }
 
 void Runner::report(const Film& film, double done_in_camera, bool force) {
-  const auto now = Clock::now();
-  if (!force && now - reported_ < kReportEvery) return;
-  reported_ = now;
-  const double elapsed = seconds(now - start_);
+  const double used = used_before_ + in_slice();
+  if (!force && used - reported_ < seconds(kReportEvery)) return;
+  reported_ = used;
+  const double elapsed = seconds(Clock::now() - start_);
   Progress progress;
   progress.done = (camera_ + done_in_camera) / double(job_->cameras.size());
   progress.rays_per_second = elapsed > 0 ? double(rays_before_ + film.rays()) / elapsed : 0;

@@ -59,6 +59,7 @@ class Runner {
     [[nodiscard]] Status await_resume() const { return runner.context_.interrupt.status(); }
   };
   [[nodiscard]] Pause pause() { return {*this}; }
+  [[nodiscard]] double in_slice() const;    // seconds, so far
   [[nodiscard]] double slice_left() const;  // seconds
   void report(const Film& film, double done_in_camera, bool force);
   [[nodiscard]] double share_done(const Film& film) const;
@@ -66,7 +67,7 @@ class Runner {
 
   std::shared_ptr<const RenderJob> job_;
   RunnerContext context_;
-  Clock::time_point start_, camera_start_, reported_;
+  Clock::time_point start_, camera_start_;
   u32 camera_ = 0;
   u64 rays_before_ = 0;  // of the cameras that are done
   u64 samples_ = 0;
@@ -76,6 +77,8 @@ class Runner {
   double seconds_per_sample_ = 0;  // of one sample of a whole tile, of the dearest lately
   double seconds_per_probe_ = 0;   // of one tile
   Clock::time_point resumed_;
+  double used_before_ = 0;  // seconds of the device, in the slices before this one
+  double reported_ = 0;     // of them, when the last progress was told
   std::coroutine_handle<> paused_;
   Steps steps_;
 };

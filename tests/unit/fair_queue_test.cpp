@@ -23,6 +23,8 @@ struct Item {
 /// A device that runs slices of what the queue says. Seconds.
 class Device {
  public:
+  explicit Device(double turn = 0) : queue(kCredit, turn) {}
+
   void push(const Origin& origin, double seconds, bool is_short = false) {
     queue.push(origin, is_short, {origin.session, seconds, now});
   }
@@ -41,7 +43,7 @@ class Device {
     for (const double end = now + seconds; now < end - 1e-9 && !queue.empty();) slice();
   }
 
-  FairQueue<Item> queue{kCredit};
+  FairQueue<Item> queue;
   double now = 0;
   std::map<u64, double> used;  // by session
 };
@@ -58,6 +60,27 @@ TEST_CASE("fair queue: equals get equal shares, slice by slice") {
   device.run(4);
   for (const u64 session : {1, 2, 3, 4})
     CHECK(device.used[session] == Approx(1).margin(1.01 * kSlice));
+}
+
+TEST_CASE("fair queue: equals go on for a turn, and who used less does not wait for its end") {
+  constexpr double kTurn = 0.05;
+  Device device(kTurn);
+  for (const u64 session : {1, 2, 3, 4}) device.push(of(0, session), 10);
+  u32 changes = 0;
+  u64 last = 0;
+  while (device.now < 4) {
+    const u64 owner = device.queue.front().owner;
+    changes += owner != last ? 1 : 0;
+    last = owner;
+    device.slice();
+  }
+  CHECK(changes <= 4 / kTurn + 4);
+  for (const u64 session : {1, 2, 3, 4})
+    CHECK(device.used[session] == Approx(1).margin(kTurn + kSlice));
+
+  device.push(of(0, 5), 0.03);
+  device.run(0.03);
+  CHECK(device.used[5] == Approx(0.03));
 }
 
 TEST_CASE("fair queue: one line is served in order") {
@@ -165,7 +188,7 @@ TEST_CASE("fair queue: what is taken out is gone, the others go on") {
 }
 
 TEST_CASE("fair queue: items may own things") {
-  FairQueue<std::unique_ptr<int>> queue(kCredit);
+  FairQueue<std::unique_ptr<int>> queue(kCredit, 0);
   queue.push({}, false, std::make_unique<int>(7));
   CHECK(*queue.front() == 7);
   queue.charge(1);

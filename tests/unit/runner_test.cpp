@@ -69,6 +69,15 @@ class SlowBackend final : public Backend {
   Seconds taken{0};  // as it should, whatever else the machine does
 };
 
+class Told final : public JobSink {
+ public:
+  void progress(const Progress&) override { ++times; }
+  void frame(std::shared_ptr<const Frame>) override {}
+  void done(Status, const Spent&) override {}
+
+  u32 times = 0;
+};
+
 }  // namespace
 
 TEST_CASE("runner: who comes while a job runs waits for less than a slice, cheap tiles or dear") {
@@ -90,4 +99,23 @@ TEST_CASE("runner: who comes while a job runs waits for less than a slice, cheap
   // waits for half of it.
   const double wait = squares / 2 / backend.taken.count();
   CHECK(wait <= kSlice.count());
+}
+
+TEST_CASE("runner: jobs that take turns tell their progress no more often than one alone") {
+  SlowBackend backend;
+  Denoiser denoiser("off", 1);
+  Told sink;
+  const Interrupt interrupt;
+  const auto scene = Edits().camera("camera", mat4x3(1), 256, 256, 200).apply();
+  Runner runner(std::make_shared<const RenderJob>(job_of(scene, {Plane::BEAUTY}, 16)),
+                {backend, denoiser, sink, interrupt, kSlice});
+  Seconds used{0};
+  for (bool is_done = false; !is_done;) {
+    const auto start = std::chrono::steady_clock::now();
+    is_done = runner.step();
+    used += std::chrono::steady_clock::now() - start;
+    std::this_thread::sleep_for(2 * kSlice);  // others have the device
+  }
+  CHECK(sink.times > 0);
+  CHECK(sink.times <= used.count() / 0.1);
 }
