@@ -1,0 +1,223 @@
+// Where a ray meets the children of a node and a triangle. Called by bvh_tracer.h.
+#pragma once
+
+#include <cstring>
+
+#include "kernels/bvh.h"
+#include "kernels/math.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+struct alignas(16) Words4 {
+  u32 x, y, z, w;
+};
+
+/// 16 aligned bytes that nobody writes.
+KERNEL Words4 load_words(const void* at) {
+#if defined(__CUDA_ARCH__)
+  const uint4 words = __ldg(static_cast<const uint4*>(at));
+  return {words.x, words.y, words.z, words.w};
+#else
+  Words4 words;
+  std::memcpy(&words, __builtin_assume_aligned(at, 16), sizeof(words));
+  return words;
+#endif
+}
+
+KERNEL float float_of_bits(u32 bits) {
+#if defined(__CUDA_ARCH__)
+  return __uint_as_float(bits);
+#else
+  float value;
+  std::memcpy(&value, &bits, sizeof(value));
+  return value;
+#endif
+}
+KERNEL u32 bits_of_float(float value) {
+#if defined(__CUDA_ARCH__)
+  return __float_as_uint(value);
+#else
+  u32 bits;
+  std::memcpy(&bits, &value, sizeof(bits));
+  return bits;
+#endif
+}
+KERNEL vec3 vec3_of_bits(const Words4& w) {
+  return {float_of_bits(w.x), float_of_bits(w.y), float_of_bits(w.z)};
+}
+
+KERNEL u32 count_bits(u32 bits) {
+#if defined(__CUDA_ARCH__)
+  return u32(__popc(i32(bits)));
+#else
+  return u32(__builtin_popcount(bits));
+#endif
+}
+/// Of a word that is not 0.
+KERNEL u32 highest_bit(u32 bits) {
+#if defined(__CUDA_ARCH__)
+  return 31 - u32(__clz(i32(bits)));
+#else
+  return 31 - u32(__builtin_clz(bits));
+#endif
+}
+
+/// A NaN among the two is dropped where it comes first.
+KERNEL float fewer(float a, float b) {
+#if defined(__CUDA_ARCH__)
+  return fminf(a, b);
+#else
+  return a < b ? a : b;
+#endif
+}
+KERNEL float greater(float a, float b) {
+#if defined(__CUDA_ARCH__)
+  return fmaxf(a, b);
+#else
+  return a > b ? a : b;
+#endif
+}
+
+/// A ray as boxes are met: where it starts and how far it goes by unit of each axis.
+struct BoxRay {
+  vec3 origin;
+  vec3 inverse;  // of the direction; of one that has nearly no part along an axis, a large number
+  u32 octant;    // bit 4: it goes up along x, bit 2: y, bit 1: z
+};
+KERNEL float inverse_component(float d) {
+  constexpr float kLeast = 0x1p-80f;
+  return 1 / (std::fabs(d) < kLeast ? std::copysign(kLeast, d) : d);
+}
+KERNEL BoxRay box_ray(vec3 origin, vec3 direction) {
+  const vec3 inverse(inverse_component(direction.x), inverse_component(direction.y),
+                     inverse_component(direction.z));
+  return {origin, inverse,
+          (inverse.x > 0 ? 4u : 0u) | (inverse.y > 0 ? 2u : 0u) | (inverse.z > 0 ? 1u : 0u)};
+}
+
+/// Some nodes or items: those of `bits` after `base`.
+///
+/// Nodes have bits 24 to 31, the nearest first from the highest, and in the lower 8 bits their
+/// parent's BvhNode::inner. Items have bits 0 to 23.
+struct alignas(8) BvhGroup {
+  u32 base;
+  u32 bits;
+};
+inline constexpr u32 kItemBits = 0xffffff;
+KERNEL bool has_nodes(const BvhGroup& group) { return group.bits > kItemBits; }
+
+/// Takes the nearest node out of a group that has nodes. Returns its number.
+KERNEL u32 take_node(BvhGroup& nodes, u32 octant) {
+  const u32 bit = highest_bit(nodes.bits);
+  const u32 slot = (bit - 24) ^ octant;
+  const u32 number = nodes.base + count_bits(nodes.bits & ((1u << slot) - 1));
+  nodes.bits &= ~(1u << bit);
+  return number;
+}
+
+/// Boxes of 4 children, a byte each, by axis; planes in the order in which the ray meets them.
+struct FourBoxes {
+  u32 near[3], far[3];
+  u32 meta;
+};
+
+/// Rounding of planes moves their distances by less.
+/// Source: Ize 2013, "Robust BVH Ray Traversal", JCGT 2(2).
+inline constexpr float kBeyond = 1 + 0x1p-21f;
+
+/// A bit for each item and each node of 4 children that the ray meets before t_max.
+///
+/// scale, offset   distance of a plane = byte * scale + offset
+KERNEL u32 meet_four(const FourBoxes& boxes, u32 octant, vec3 scale, vec3 offset, float t_max) {
+  const u32 inner = (boxes.meta & (boxes.meta << 1)) & 0x10101010u;
+  const u32 shifts = (boxes.meta ^ ((inner >> 4) * octant)) & 0x1f1f1f1fu;
+  const u32 bits = (boxes.meta >> 5) & 0x07070707u;
+  u32 met = 0;
+#if defined(__CUDA_ARCH__)
+#pragma unroll
+#endif
+  for (u32 shift = 0; shift < 32; shift += 8) {
+    float near = 0, far = t_max;
+#if defined(__CUDA_ARCH__)
+#pragma unroll
+#endif
+    for (int k = 0; k < 3; ++k) {
+      near = greater(float(boxes.near[k] >> shift & 0xff) * scale[k] + offset[k], near);
+      far = fewer(float(boxes.far[k] >> shift & 0xff) * scale[k] + offset[k], far);
+    }
+    if (near <= far * kBeyond) met |= (bits >> shift & 0xff) << (shifts >> shift & 0xff);
+  }
+  return met;
+}
+
+struct NodeChildren {
+  BvhGroup nodes, items;
+};
+
+/// The children of a node that a ray meets before t_max.
+KERNEL NodeChildren meet_children(const BvhNode* node, const BoxRay& ray, float t_max) {
+  const auto* words = reinterpret_cast<const Words4*>(node);
+  const Words4 n0 = load_words(words), n1 = load_words(words + 1), n2 = load_words(words + 2);
+  const Words4 n3 = load_words(words + 3), n4 = load_words(words + 4);
+  const vec3 scale = ray.inverse * vec3(float_of_bits((n0.w & 0xff) << 23),
+                                        float_of_bits((n0.w >> 8 & 0xff) << 23),
+                                        float_of_bits((n0.w >> 16 & 0xff) << 23));
+  const vec3 offset = (vec3_of_bits(n0) - ray.origin) * ray.inverse;
+  const u32 low[2][3] = {{n2.x, n2.z, n3.x}, {n2.y, n2.w, n3.y}};
+  const u32 high[2][3] = {{n3.z, n4.x, n4.z}, {n3.w, n4.y, n4.w}};
+  const u32 meta[2] = {n1.z, n1.w};
+  u32 met = 0;
+#if defined(__CUDA_ARCH__)
+#pragma unroll
+#endif
+  for (int half = 0; half < 2; ++half) {
+    FourBoxes boxes;
+    boxes.meta = meta[half];
+#if defined(__CUDA_ARCH__)
+#pragma unroll
+#endif
+    for (int k = 0; k < 3; ++k) {
+      const bool up = (ray.octant >> (2 - k) & 1) != 0;
+      boxes.near[k] = up ? low[half][k] : high[half][k];
+      boxes.far[k] = up ? high[half][k] : low[half][k];
+    }
+    met |= meet_four(boxes, ray.octant, scale, offset, t_max);
+  }
+  return {{n1.x, (met & ~kItemBits) | n0.w >> 24}, {n1.y, met & kItemBits}};
+}
+
+/// Where a ray meets a triangle; u, v: weights of vertices 1 and 2.
+struct TriangleHit {
+  float t;
+  float u, v;
+};
+
+/// Whether a ray meets a triangle, from either side, at t in (0, t_max].
+///
+/// The signs and the order of operations are those of Embree's default intersector, which the CPU
+/// backend uses.
+/// Source: Möller and Trumbore 1997, "Fast, Minimum Storage Ray-Triangle Intersection", JGT 2(1).
+KERNEL bool meet_triangle(const BvhTriangle& triangle, vec3 origin, vec3 direction, float t_max,
+                          TriangleHit& hit) {
+  const vec3 normal = cross(triangle.ab, triangle.ac);
+  const vec3 to_a = triangle.a - origin;
+  const vec3 r = cross(to_a, direction);
+  const float signed_den = dot(normal, direction);
+  const float den = std::fabs(signed_den);
+  const float u = std::copysign(1.0f, signed_den) * dot(r, triangle.ac);
+  const float v = std::copysign(1.0f, signed_den) * -dot(r, triangle.ab);
+  if (!(den != 0 && u >= 0 && v >= 0 && u + v <= den)) return false;
+  const float t = std::copysign(1.0f, signed_den) * dot(normal, to_a);
+  if (!(t > 0 && t <= den * t_max)) return false;
+  hit = {t / den, u / den, v / den};
+  return true;
+}
+
+/// Item i of a mesh that does not deform.
+KERNEL BvhTriangle load_triangle(const BvhTriangle* triangles, u32 i) {
+  const auto* words = reinterpret_cast<const Words4*>(triangles + i);
+  const Words4 a = load_words(words), ab = load_words(words + 1), ac = load_words(words + 2);
+  return {vec3_of_bits(a), a.w, vec3_of_bits(ab), 0, vec3_of_bits(ac), 0};
+}
+
+}  // namespace heliograph::kernels::inline HELIO_ISA
