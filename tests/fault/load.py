@@ -15,7 +15,7 @@ import common
 import heliograph as hg
 import numpy as np
 
-LONGEST = 60  # seconds that a piece of work may take beyond its visit, on a busy machine
+LONGEST = 60  # seconds that a piece of work may take on a busy machine
 ROOM = {"threads": 8}  # that may be left: gRPC keeps those of a busy moment
 MODEL = pathlib.Path(__file__).parents[1] / "assets/gltf/simple-instancing.glb"
 
@@ -97,26 +97,29 @@ def cancels(scene, dice):
 WORK = (edits, renders, batches, streams, branches, questions, assets, cancels)
 
 
+def watched():
+    """From here on, a process that takes LONGEST shows where it is, and fails."""
+    faulthandler.dump_traceback_later(LONGEST, exit=True)
+
+
 def visit(address, seed, seconds, killed):
     """One client from its connection to its end; of 0 seconds it renders once. Runs in a process of
     its own."""
     dice = random.Random(seed)
     until = time.monotonic() + seconds
+    watched()
     client = hg.connect(address)
     scene = furnish(client, dice)
     while True:
+        watched()
         (dice.choice(WORK) if seconds else renders)(scene, dice)
         if time.monotonic() > until:
             break
     if killed:
         os.kill(os.getpid(), signal.SIGKILL)
+    watched()
     client.close()
-
-
-def visit_alone(*words):
-    """A visit that shows where it is, and fails, if it hangs."""
-    faulthandler.dump_traceback_later(words[2] + LONGEST, exit=True)
-    visit(*words)
+    faulthandler.cancel_dump_traceback_later()
 
 
 class Crowd:
@@ -134,7 +137,7 @@ class Crowd:
     def start(self, seconds, killed):
         self._seed += 1
         words = (self.address, self._seed, seconds, killed)
-        process = self._context.Process(target=visit_alone, args=words, daemon=True)
+        process = self._context.Process(target=visit, args=words, daemon=True)
         process.start()
         self._visits[process] = killed
 
