@@ -4,18 +4,18 @@
 #include <fmt/format.h>
 #include <immintrin.h>
 
-#include "kernels/film.h"
-#include "renderer/backend/embree/embree_film.h"
+#include "renderer/backend/embree/pixel_loop.h"
 #include "renderer/backend/embree/queries.h"
 #include "renderer/backend/embree/silhouettes.h"
-#include "renderer/engine/post.h"
+#include "renderer/backend/embree/top_level.h"
+#include "renderer/host/film.h"
 #include "renderer/resident/parallel.h"
 
 namespace heliograph::embree {
 namespace {
 
 constexpr u32 kBandRows = 4;  // a task: so many lines of a tile
-constexpr u32 kBands = kTileSize / kBandRows;
+constexpr u32 kBands = host::kTileSize / kBandRows;
 
 /// Denormals are zero while it lives: Embree asks for it on every thread that traces.
 class FlushDenormals {
@@ -37,6 +37,21 @@ const char* widest_isa() {
   if (__builtin_cpu_supports("avx2")) return "AVX2";
   if (__builtin_cpu_supports("avx")) return "AVX";
   return "SSE4.2";
+}
+
+RenderTask for_embree(const host::RenderTask& task) {
+  return {traced(*task.scene), task.camera, task.settings, task.film};
+}
+
+ProbeTask for_embree(const host::ProbeTask& task) {
+  const auto end = [](const ResidentScene* scene, const kernels::ProbeScene& probed) {
+    return scene ? traced(scene->placement(), *probed.scene) : TracedScene{};
+  };
+  return {.context = task.context,
+          .now = end(task.now, task.context.now),
+          .forward = end(task.forward, task.context.forward),
+          .backward = end(task.backward, task.context.backward),
+          .film = task.film};
 }
 
 class EmbreeBackend final : public Backend {
@@ -61,7 +76,7 @@ class EmbreeBackend final : public Backend {
     return run_in(arena_, [&] { return store_.prepare(snapshot, span, interrupt); });
   }
   [[nodiscard]] Expected<std::unique_ptr<Film>> begin(const Shot& shot) override {
-    return EmbreeFilm::create(shot);
+    return host::HostFilm::create(shot);
   }
   [[nodiscard]] Status render(Film& film, const WorkRange& range,
                               const Interrupt& interrupt) override;
@@ -77,8 +92,8 @@ class EmbreeBackend final : public Backend {
 
  private:
   template <class F>
-  Status for_each_band(EmbreeFilm& film, u32 first_tile, u32 tile_count, const Interrupt& interrupt,
-                       F&& trace);
+  Status for_each_band(host::HostFilm& film, u32 first_tile, u32 tile_count,
+                       const Interrupt& interrupt, F&& trace);
 
   DeviceHandle device_;
   DerivedCache cache_;
@@ -95,7 +110,7 @@ std::string EmbreeBackend::cpu_features() const {
 }
 
 template <class F>
-Status EmbreeBackend::for_each_band(EmbreeFilm& film, u32 first_tile, u32 tile_count,
+Status EmbreeBackend::for_each_band(host::HostFilm& film, u32 first_tile, u32 tile_count,
                                     const Interrupt& interrupt, F&& trace) {
   std::atomic<bool> skipped{false};
   run_in(arena_, [&] {
@@ -117,8 +132,9 @@ Status EmbreeBackend::for_each_band(EmbreeFilm& film, u32 first_tile, u32 tile_c
 }
 
 Status EmbreeBackend::render(Film& film, const WorkRange& range, const Interrupt& interrupt) {
-  auto& own = static_cast<EmbreeFilm&>(film);
-  const std::vector<RenderTask> tasks = own.render_tasks();
+  auto& own = static_cast<host::HostFilm&>(film);
+  std::vector<RenderTask> tasks;
+  for (const host::RenderTask& task : own.render_tasks()) tasks.push_back(for_embree(task));
   HELIO_TRY(
       for_each_band(own, range.first_tile, range.tile_count, interrupt, [&](const auto& rect) {
         u64 rays = 0;
@@ -133,15 +149,15 @@ Status EmbreeBackend::render(Film& film, const WorkRange& range, const Interrupt
 
 Status EmbreeBackend::probe(Film& film, u32 first_tile, u32 tile_count,
                             const Interrupt& interrupt) {
-  auto& own = static_cast<EmbreeFilm&>(film);
-  const ProbeTask task = own.probe_task();
+  auto& own = static_cast<host::HostFilm&>(film);
+  const ProbeTask task = for_embree(own.probe_task());
   return for_each_band(own, first_tile, tile_count, interrupt,
                        [&](const auto& rect) { return loops_.probe(task, rect); });
 }
 
 Expected<std::vector<Column>> EmbreeBackend::labels(Film& film, const Interrupt& interrupt) {
-  auto& own = static_cast<EmbreeFilm&>(film);
-  const Sight& sight = own.labels();
+  auto& own = static_cast<host::HostFilm&>(film);
+  const host::Sight& sight = own.still();
   const ResidentScene& scene = *sight.scene;
   const LabelOptions& options = own.job().labels;
   const Placement& placement = scene.placement();
@@ -180,18 +196,12 @@ Expected<std::vector<Column>> EmbreeBackend::labels(Film& film, const Interrupt&
 }
 
 Expected<std::vector<PlaneData>> EmbreeBackend::resolve(Film& film) {
-  const auto& own = static_cast<const EmbreeFilm&>(film);
-  std::vector<PlaneData> planes;
-  run_in(arena_, [&] {
-    u32 groups = 0;
-    for (const Plane plane : film_planes(own.job()))
-      planes.push_back(own.resolve(plane, plane == Plane::BEAUTY_GROUP ? groups++ : 0));
-  });
-  return planes;
+  const auto& own = static_cast<const host::HostFilm&>(film);
+  return run_in(arena_, [&] { return own.resolve(); });
 }
 
 Noise EmbreeBackend::noise(const Film& film) {
-  const auto& own = static_cast<const EmbreeFilm&>(film);
+  const auto& own = static_cast<const host::HostFilm&>(film);
   return run_in(arena_, [&] { return own.noise(); });
 }
 

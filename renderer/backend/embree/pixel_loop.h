@@ -3,14 +3,13 @@
 
 #include "kernels/probe.h"
 #include "renderer/backend/embree/tracer.h"
+#include "renderer/host/tasks.h"
 
 namespace heliograph::embree {
 
-/// Pixels [x0, x1) x [y0, y1).
-struct PixelRect {
-  kernels::u32 x0, y0, x1, y1;
-};
+using host::PixelRect;
 
+/// host::RenderTask, and host::ProbeTask below, for an EmbreeTracer.
 struct RenderTask {
   TracedScene scene;
   const kernels::CameraView* camera;

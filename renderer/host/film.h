@@ -1,22 +1,17 @@
-// The accumulating image of one shot, and the work on it.
+// The accumulating image of one shot in the host's memory, and the work on it. Kept by backends,
+// whose devices write its pixels there or have them copied there.
 #pragma once
 
 #include <atomic>
 #include <cstdlib>
 
-#include "renderer/backend/embree/pixel_loop.h"
-#include "renderer/backend/embree/top_level.h"
 #include "renderer/engine/image_camera.h"
+#include "renderer/host/tasks.h"
+#include "renderer/resident/scene.h"
 
-namespace heliograph::embree {
+namespace heliograph::host {
 
 inline constexpr u32 kTileSize = 16;
-
-/// Zeroed memory that costs nothing until it is touched.
-struct Free {
-  void operator()(void* memory) const { std::free(memory); }
-};
-using ZeroedMemory = std::unique_ptr<void, Free>;
 
 /// A scene and a camera in it, over the same span of time.
 struct Sight {
@@ -34,10 +29,25 @@ struct FlowEnd {
   bool camera_jumped = false;  // or was not there: it has no flow
 };
 
-class EmbreeFilm final : public Film {
+/// Zeroed memory that costs nothing until it is touched.
+struct Free {
+  void operator()(void* memory) const { std::free(memory); }
+};
+using ZeroedMemory = std::unique_ptr<std::byte, Free>;
+
+/// The memory of a film's arrays, one after another: a device with memory of its own allocates and
+/// copies as many bytes, and leaves out what did not change. Zero at the start.
+struct FilmMemory {
+  std::span<std::byte> sums;     // written by samples: planes of the folds kMean and kFilm
+  std::span<std::byte> centres;  // written by probes: planes of the fold kCentre
+};
+
+/// Thread: the device's, but for rays() and add_rays(). Pixels are read by resolve() and noise()
+/// alone, and may be written by anyone before.
+class HostFilm : public Film {
  public:
   /// Fails with RESOURCE_EXHAUSTED when there is no memory for the planes.
-  [[nodiscard]] static Expected<std::unique_ptr<EmbreeFilm>> create(const Shot& shot);
+  [[nodiscard]] static Expected<std::unique_ptr<HostFilm>> create(const Shot& shot);
 
   [[nodiscard]] u32 tiles() const override { return tiles_x_ * tiles_y_; }
   [[nodiscard]] u32 tiles_across() const override { return tiles_x_; }
@@ -49,30 +59,40 @@ class EmbreeFilm final : public Film {
   [[nodiscard]] PixelRect tile(u32 index) const;
 
   [[nodiscard]] const RenderJob& job() const { return *shot_.job; }
-  [[nodiscard]] const kernels::FilmView& view() const { return view_; }
   /// What labels see.
-  [[nodiscard]] const Sight& labels() const { return still_; }
+  [[nodiscard]] const Sight& still() const { return still_; }
   [[nodiscard]] const ImageCamera& image_camera() const { return image_camera_; }
-  /// Beauty and the other mean planes; beauty_still.
+  /// Beauty and the other mean planes; beauty_still. Of views that the film keeps.
   [[nodiscard]] std::vector<RenderTask> render_tasks() const;
   [[nodiscard]] ProbeTask probe_task() const;
-  /// rank: which of the planes of this kind, in the order of the job.
-  [[nodiscard]] PlaneData resolve(Plane plane, u32 rank) const;
+
+  [[nodiscard]] const kernels::FilmView& view() const { return view_; }
+  [[nodiscard]] FilmMemory memory() const;
+  /// A task's view of the same arrays in other memory, as large. rank_of_group stays: it points at
+  /// as many u32 of the host as the scene has light groups.
+  [[nodiscard]] kernels::FilmView moved(kernels::FilmView view, const FilmMemory& to) const;
+
+  /// The planes of film_planes() after the samples that each tile has.
+  [[nodiscard]] std::vector<PlaneData> resolve() const;
   [[nodiscard]] Noise noise() const;
 
+ protected:
+  explicit HostFilm(const Shot& shot);
+  /// Makes the views and their memory; to be called once.
+  [[nodiscard]] Status allocate();
+
  private:
-  explicit EmbreeFilm(const Shot& shot);
   [[nodiscard]] ImageCamera camera_at(EntityId camera, Time time) const;
   /// Sets what a camera sees, but for its shutter.
   void look(Sight& sight, EntityId camera, const std::shared_ptr<const DeviceScene>& scene) const;
   void set_end(FlowEnd& end, const std::shared_ptr<const DeviceScene>& scene);
-  [[nodiscard]] bool allocate();
-  void set_still_view();
-  [[nodiscard]] void* zeroed(u64 bytes);
   template <class F>
-  void for_each_tile(F&& visit) const;
+  void for_each_array(F&& visit);
+  void set_still_view();
   /// Channel i, counted over pixels, of a plane that is averaged or read from the film.
   [[nodiscard]] float value(Plane plane, u64 i, u32 samples) const;
+  /// rank: which of the planes of this kind, in the order of the job.
+  [[nodiscard]] PlaneData resolve(Plane plane, u32 rank) const;
   void set_groups();
 
   Shot shot_;
@@ -81,11 +101,12 @@ class EmbreeFilm final : public Film {
   FlowEnd forward_, backward_;
   kernels::FilmView view_{};
   kernels::FilmView still_view_{};  // the plane beauty_still in the place of beauty
-  std::vector<ZeroedMemory> memory_;
+  u64 sum_bytes_ = 0, centre_bytes_ = 0;
+  ZeroedMemory sums_, centres_;
   std::vector<u32> rank_of_group_;
   u32 tiles_x_, tiles_y_;
   std::vector<u32> tile_samples_;
   std::atomic<u64> rays_{0};
 };
 
-}  // namespace heliograph::embree
+}  // namespace heliograph::host

@@ -1,5 +1,4 @@
-// Planes of a shot in host memory.
-#include "renderer/backend/embree/embree_film.h"
+#include "renderer/host/film.h"
 
 #include <algorithm>
 #include <cstring>
@@ -11,7 +10,7 @@
 #include "renderer/engine/shutter.h"
 #include "renderer/resident/parallel.h"
 
-namespace heliograph::embree {
+namespace heliograph::host {
 namespace {
 
 using kernels::Fold;
@@ -29,17 +28,21 @@ kernels::PlaneSet wanted_planes(const RenderJob& job) {
   return wanted;
 }
 
+u64 round_up(u64 bytes, u64 to) { return (bytes + to - 1) / to * to; }
+
+ZeroedMemory zeroed(u64 bytes) {
+  return ZeroedMemory(static_cast<std::byte*>(std::calloc(std::max<u64>(bytes, 1), 1)));
+}
+
 }  // namespace
 
-Expected<std::unique_ptr<EmbreeFilm>> EmbreeFilm::create(const Shot& shot) {
-  std::unique_ptr<EmbreeFilm> film(new EmbreeFilm(shot));
-  if (!film->allocate())
-    return fail(Code::kResourceExhausted, "planes",
-                "no memory for these planes; ask for a smaller image or fewer planes");
+Expected<std::unique_ptr<HostFilm>> HostFilm::create(const Shot& shot) {
+  std::unique_ptr<HostFilm> film(new HostFilm(shot));
+  HELIO_TRY(film->allocate());
   return film;
 }
 
-EmbreeFilm::EmbreeFilm(const Shot& shot) : shot_(shot) {
+HostFilm::HostFilm(const Shot& shot) : shot_(shot) {
   const EntityId camera = job().cameras[shot.camera];
   const Shutter& shutter = job().snapshot->find(camera)->camera->shutter;
   image_camera_ = camera_at(camera, label_span(shutter, label_time(job())).middle());
@@ -54,15 +57,15 @@ EmbreeFilm::EmbreeFilm(const Shot& shot) : shot_(shot) {
   tile_samples_.resize(tiles());
 }
 
-ImageCamera EmbreeFilm::camera_at(EntityId camera, Time time) const {
+ImageCamera HostFilm::camera_at(EntityId camera, Time time) const {
   const Snapshot& snapshot = *job().snapshot;
   const uvec2 size = rendered_size(job(), camera);
   return heliograph::image_camera(*snapshot.find(camera)->camera,
                                   world_pose(snapshot, camera.index(), time), size.x, size.y);
 }
 
-void EmbreeFilm::look(Sight& sight, EntityId camera,
-                      const std::shared_ptr<const DeviceScene>& scene) const {
+void HostFilm::look(Sight& sight, EntityId camera,
+                    const std::shared_ptr<const DeviceScene>& scene) const {
   if (!scene) return;
   sight.scene = std::static_pointer_cast<const ResidentScene>(scene);
   const TimeSpan& span = sight.scene->span();
@@ -76,7 +79,7 @@ void EmbreeFilm::look(Sight& sight, EntityId camera,
   sight.camera.segments = u32(sight.keys.size() - 1);
 }
 
-void EmbreeFilm::set_end(FlowEnd& end, const std::shared_ptr<const DeviceScene>& scene) {
+void HostFilm::set_end(FlowEnd& end, const std::shared_ptr<const DeviceScene>& scene) {
   if (!scene) return;
   const EntityId camera = job().cameras[shot_.camera];
   look(end.sight, camera, scene);
@@ -95,12 +98,7 @@ void EmbreeFilm::set_end(FlowEnd& end, const std::shared_ptr<const DeviceScene>&
   end.camera_jumped = !flow_valid(*job().snapshot, camera.index(), here, there);
 }
 
-void* EmbreeFilm::zeroed(u64 bytes) {
-  memory_.emplace_back(std::calloc(std::max<u64>(bytes, 1), 1));
-  return memory_.back().get();
-}
-
-void EmbreeFilm::set_groups() {
+void HostFilm::set_groups() {
   if (!open_.scene) return;
   const std::vector<std::string>& wanted = job().groups;
   for (const std::string& group : open_.scene->lights().groups) {
@@ -111,33 +109,53 @@ void EmbreeFilm::set_groups() {
   view_.groups = u32(wanted.size());
 }
 
-bool EmbreeFilm::allocate() {
-  view_.width = image_camera_.width;
-  view_.height = image_camera_.height;
-  view_.wanted = wanted_planes(job());
-  set_groups();
+/// Calls visit(pointer, bytes, fold) for each array that the film wants.
+template <class F>
+void HostFilm::for_each_array(F&& visit) {
   const u64 pixels = u64(view_.width) * view_.height;
   for (u32 i = 0; i < kernels::kPlanes; ++i) {
     const PlaneInfo& info = plane_info(Plane(i));
     if (!(view_.wanted & plane_bit(Plane(i))) || info.fold == Fold::kFilm) continue;
     const u64 images = Plane(i) == Plane::BEAUTY_GROUP ? view_.groups : 1;
     const u64 bytes = images * pixels * info.channels * size_of(info.dtype);
-    view_.planes[i] = zeroed(bytes);
-    if (info.fold == Fold::kMean) view_.partial[i] = static_cast<float*>(zeroed(bytes));
+    visit(view_.planes[i], bytes, info.fold);
+    if (info.fold == Fold::kMean) visit(view_.partial[i], bytes, info.fold);
   }
   if (measures_noise(job())) {
-    view_.moment = static_cast<float*>(zeroed(pixels * sizeof(float)));
-    view_.moment_partial = static_cast<float*>(zeroed(pixels * sizeof(float)));
+    visit(view_.moment, pixels * sizeof(float), Fold::kFilm);
+    visit(view_.moment_partial, pixels * sizeof(float), Fold::kFilm);
   }
   if (view_.wanted & plane_bit(Plane::SHADOW_CATCHER)) {
-    view_.catcher = static_cast<float*>(zeroed(pixels * 2 * sizeof(float)));
-    view_.catcher_partial = static_cast<float*>(zeroed(pixels * 2 * sizeof(float)));
+    visit(view_.catcher, pixels * 2 * sizeof(float), Fold::kFilm);
+    visit(view_.catcher_partial, pixels * 2 * sizeof(float), Fold::kFilm);
   }
-  set_still_view();
-  return std::ranges::all_of(memory_, [](const ZeroedMemory& m) { return m != nullptr; });
 }
 
-void EmbreeFilm::set_still_view() {
+Status HostFilm::allocate() {
+  constexpr u64 kAligned = 256;  // so that devices read and write whole lines
+  view_.width = image_camera_.width;
+  view_.height = image_camera_.height;
+  view_.wanted = wanted_planes(job());
+  set_groups();
+  for_each_array([&](auto*, u64 bytes, Fold fold) {
+    (fold == Fold::kCentre ? centre_bytes_ : sum_bytes_) += round_up(bytes, kAligned);
+  });
+  sums_ = zeroed(sum_bytes_);
+  centres_ = zeroed(centre_bytes_);
+  if (!sums_ || !centres_)
+    return fail(Code::kResourceExhausted, "planes",
+                "no memory for these planes; ask for a smaller image or fewer planes");
+  std::byte *sum = sums_.get(), *centre = centres_.get();
+  for_each_array([&]<class T>(T*& array, u64 bytes, Fold fold) {
+    std::byte*& next = fold == Fold::kCentre ? centre : sum;
+    array = static_cast<T*>(static_cast<void*>(next));
+    next += round_up(bytes, kAligned);
+  });
+  set_still_view();
+  return {};
+}
+
+void HostFilm::set_still_view() {
   constexpr u32 kFrom = u32(Plane::BEAUTY_STILL), kTo = u32(Plane::BEAUTY);
   if (!(view_.wanted & plane_bit(Plane::BEAUTY_STILL))) return;
   still_view_.width = view_.width;
@@ -147,53 +165,73 @@ void EmbreeFilm::set_still_view() {
   still_view_.partial[kTo] = view_.partial[kFrom];
 }
 
-PixelRect EmbreeFilm::tile(u32 index) const {
+FilmMemory HostFilm::memory() const {
+  return {{sums_.get(), sum_bytes_}, {centres_.get(), centre_bytes_}};
+}
+
+kernels::FilmView HostFilm::moved(kernels::FilmView view, const FilmMemory& to) const {
+  const auto move = [&]<class T>(T*& array) {
+    if (!array) return;
+    const auto* at = static_cast<const std::byte*>(static_cast<const void*>(array));
+    const bool is_sum = at >= sums_.get() && at < sums_.get() + sum_bytes_;
+    std::byte* there =
+        is_sum ? to.sums.data() + (at - sums_.get()) : to.centres.data() + (at - centres_.get());
+    array = static_cast<T*>(static_cast<void*>(there));
+  };
+  for (void*& plane : view.planes) move(plane);
+  for (float*& partial : view.partial) move(partial);
+  for (float** array : {&view.moment, &view.moment_partial, &view.catcher, &view.catcher_partial})
+    move(*array);
+  return view;
+}
+
+PixelRect HostFilm::tile(u32 index) const {
   const u32 x = index % tiles_x_ * kTileSize, y = index / tiles_x_ * kTileSize;
   return {x, y, std::min(x + kTileSize, view_.width), std::min(y + kTileSize, view_.height)};
 }
 
-std::vector<RenderTask> EmbreeFilm::render_tasks() const {
+std::vector<RenderTask> HostFilm::render_tasks() const {
   std::vector<RenderTask> tasks;
   constexpr kernels::PlaneSet kSampled =
       kernels::planes_of(Fold::kMean) | kernels::planes_of(Fold::kFilm);
   if (view_.wanted & kSampled & ~plane_bit(Plane::BEAUTY_STILL))
-    tasks.push_back({traced(*open_.scene), &open_.camera, &job().settings, &view_});
+    tasks.push_back({open_.scene.get(), &open_.camera, &job().settings, &view_});
   if (still_view_.wanted)
-    tasks.push_back({traced(*still_.scene), &still_.camera, &job().settings, &still_view_});
+    tasks.push_back({still_.scene.get(), &still_.camera, &job().settings, &still_view_});
   return tasks;
 }
 
-ProbeTask EmbreeFilm::probe_task() const {
+ProbeTask HostFilm::probe_task() const {
   const auto end = [](const FlowEnd& e) {
     return e.sight.scene ? kernels::ProbeScene{&e.view, &e.sight.camera, e.camera_jumped}
                          : kernels::ProbeScene{};
-  };
-  const auto traced_end = [](const FlowEnd& e) {
-    return e.sight.scene ? traced(e.sight.scene->placement(), e.view) : TracedScene{};
   };
   return {.context = {.now = {&still_.scene->view(), &still_.camera},
                       .forward = end(forward_),
                       .backward = end(backward_),
                       .disparity = job().disparity_camera ? &disparity_.camera : nullptr,
                       .settings = &job().settings},
-          .now = traced(*still_.scene),
-          .forward = traced_end(forward_),
-          .backward = traced_end(backward_),
+          .now = still_.scene.get(),
+          .forward = forward_.sight.scene.get(),
+          .backward = backward_.sight.scene.get(),
           .film = &view_};
 }
 
-template <class F>
-void EmbreeFilm::for_each_tile(F&& visit) const {
-  parallel_for(tiles(), visit);
-}
-
-float EmbreeFilm::value(Plane plane, u64 i, u32 samples) const {
+float HostFilm::value(Plane plane, u64 i, u32 samples) const {
   if (plane == Plane::VARIANCE) return kernels::pixel_statistics(view_, i, samples).variance;
   if (plane == Plane::SHADOW_CATCHER) return kernels::catcher_share(view_, i);
   return kernels::mean_value(view_, plane, i, samples);
 }
 
-PlaneData EmbreeFilm::resolve(Plane plane, u32 rank) const {
+std::vector<PlaneData> HostFilm::resolve() const {
+  std::vector<PlaneData> planes;
+  u32 groups = 0;
+  for (const Plane plane : film_planes(job()))
+    planes.push_back(resolve(plane, plane == Plane::BEAUTY_GROUP ? groups++ : 0));
+  return planes;
+}
+
+PlaneData HostFilm::resolve(Plane plane, u32 rank) const {
   const PlaneInfo& info = plane_info(plane);
   const u64 pixels = u64(view_.width) * view_.height;
   PlaneData data = new_plane(job(), plane, pixels);
@@ -204,7 +242,7 @@ PlaneData EmbreeFilm::resolve(Plane plane, u32 rank) const {
   auto* counts = reinterpret_cast<u32*>(data.pixels.data());
   auto* out = reinterpret_cast<float*>(data.pixels.data());
   const u64 first = rank * pixels * info.channels;
-  for_each_tile([&](u32 index) {
+  parallel_for(tiles(), [&](u32 index) {
     const PixelRect rect = tile(index);
     const u32 samples = tile_samples_[index];
     for (u32 y = rect.y0; y < rect.y1; ++y) {
@@ -222,9 +260,9 @@ PlaneData EmbreeFilm::resolve(Plane plane, u32 rank) const {
   return data;
 }
 
-Noise EmbreeFilm::noise() const {
+Noise HostFilm::noise() const {
   std::vector<double> sums(tiles());
-  for_each_tile([&](u32 index) {
+  parallel_for(tiles(), [&](u32 index) {
     const PixelRect rect = tile(index);
     for (u32 y = rect.y0; y < rect.y1; ++y)
       for (u32 x = rect.x0; x < rect.x1; ++x)
@@ -241,4 +279,4 @@ Noise EmbreeFilm::noise() const {
   return noise;
 }
 
-}  // namespace heliograph::embree
+}  // namespace heliograph::host

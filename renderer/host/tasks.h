@@ -1,0 +1,35 @@
+// What is to be traced for a film, told without a tracer. Made by film.h, carried out by backends.
+#pragma once
+
+#include "kernels/probe.h"
+
+namespace heliograph::resident {
+class ResidentScene;
+}
+
+namespace heliograph::host {
+
+using namespace resident;
+
+/// Pixels [x0, x1) x [y0, y1).
+struct PixelRect {
+  kernels::u32 x0, y0, x1, y1;
+};
+
+/// Samples of one scene. The views lie in the host's memory, and so do their arrays.
+struct RenderTask {
+  const ResidentScene* scene;
+  const kernels::CameraView* camera;
+  const kernels::Settings* settings;
+  const kernels::FilmView* film;
+};
+
+/// Centre planes. A flow end's view in the context has instances and volumes of its own, marked
+/// kFlowInvalid; all else is as in its scene.
+struct ProbeTask {
+  kernels::ProbeContext context;
+  const ResidentScene *now, *forward, *backward;  // the latter two null where the context has none
+  const kernels::FilmView* film;
+};
+
+}  // namespace heliograph::host
