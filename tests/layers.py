@@ -14,6 +14,13 @@ ALLOWED = {
     "renderer/assets": {"renderer/base", "renderer/scene", "kernels"},
     "renderer/engine": {"renderer/base", "renderer/scene", "kernels"},
     "renderer/resident": {"renderer/base", "renderer/scene", "renderer/engine", "kernels"},
+    "renderer/bvh": {
+        "renderer/base",
+        "renderer/scene",
+        "renderer/engine",
+        "renderer/resident",
+        "kernels",
+    },
     "renderer/host": {
         "renderer/base",
         "renderer/scene",
