@@ -4,11 +4,11 @@
 #include <fmt/format.h>
 #include <immintrin.h>
 
+#include "renderer/backend/embree/host_tracer.h"
 #include "renderer/backend/embree/pixel_loop.h"
-#include "renderer/backend/embree/queries.h"
-#include "renderer/backend/embree/silhouettes.h"
 #include "renderer/backend/embree/top_level.h"
-#include "renderer/host/film.h"
+#include "renderer/host/labels.h"
+#include "renderer/host/queries.h"
 #include "renderer/resident/parallel.h"
 
 namespace heliograph::embree {
@@ -52,6 +52,11 @@ ProbeTask for_embree(const host::ProbeTask& task) {
           .forward = end(task.forward, task.context.forward),
           .backward = end(task.backward, task.context.backward),
           .film = task.film};
+}
+
+host::SceneRays rays_of(std::shared_ptr<const ResidentScene> scene) {
+  auto tracer = std::make_unique<const EmbreeHostTracer>(traced(*scene));
+  return {std::move(scene), std::move(tracer)};
 }
 
 class EmbreeBackend final : public Backend {
@@ -156,42 +161,10 @@ Status EmbreeBackend::probe(Film& film, u32 first_tile, u32 tile_count,
 }
 
 Expected<std::vector<Column>> EmbreeBackend::labels(Film& film, const Interrupt& interrupt) {
-  auto& own = static_cast<host::HostFilm&>(film);
-  const host::Sight& sight = own.still();
-  const ResidentScene& scene = *sight.scene;
-  const LabelOptions& options = own.job().labels;
-  const Placement& placement = scene.placement();
-  const Labelling& labelling = scene.structure().labelling;
-  if (labelling.instances.size() > options.max_rows) {
-    auto error = fail(Code::kResourceExhausted, "labels.max_rows",
-                      fmt::format("{} labelled instances; raise max_rows, now {}",
-                                  labelling.instances.size(), options.max_rows));
-    error.error().needed = labelling.instances.size();
-    error.error().available = options.max_rows;
-    return error;
-  }
-  return run_in(arena_, [&]() -> Expected<std::vector<Column>> {
+  const auto& own = static_cast<const host::HostFilm&>(film);
+  return run_in(arena_, [&] {
     const FlushDenormals flush;
-    const auto* plane = static_cast<const u32*>(own.view().planes[u32(Plane::INSTANCE)]);
-    const u64 pixels = plane ? u64(own.view().width) * own.view().height : 0;
-    std::vector<Silhouette> silhouettes;
-    std::vector<KeypointLabel> keypoints;
-    if (options.amodal || options.amodal_masks)
-      silhouettes = trace_silhouettes(placement, traced(scene),
-                                      {sight.camera, options, {plane, pixels}}, interrupt);
-    HELIO_TRY(interrupt.status());
-    if (options.keypoints)
-      keypoints =
-          trace_keypoints(placement, traced(scene), sight.camera, own.image_camera(), options);
-    return label_columns({.snapshot = scene.snapshot(),
-                          .labelling = labelling,
-                          .camera = own.image_camera(),
-                          .frames = placement.frames,
-                          .boxes = placement.boxes,
-                          .instance_plane = {plane, pixels},
-                          .silhouettes = silhouettes,
-                          .keypoints = keypoints,
-                          .options = options});
+    return host::labels(own, rays_of(own.still().scene), interrupt);
   });
 }
 
@@ -206,15 +179,16 @@ Noise EmbreeBackend::noise(const Film& film) {
 }
 
 Expected<QueryResult> EmbreeBackend::query(const QueryJob& job, const Interrupt& interrupt) {
-  auto prepared = prepare(job.snapshot, {job.time, job.time}, interrupt);
-  if (!prepared) return std::unexpected(std::move(prepared).error());
-  const auto& scene = static_cast<const ResidentScene&>(**prepared);
-  return run_in(arena_, [&] {
+  const auto scene_at = [&](Time time) -> Expected<host::SceneRays> {
+    auto scene = store_.prepare(job.snapshot, {time, time}, interrupt);
+    if (!scene) return std::unexpected(std::move(scene).error());
+    return rays_of(*std::move(scene));
+  };
+  return run_in(arena_, [&]() -> Expected<QueryResult> {
+    const auto scene = scene_at(job.time);
+    if (!scene) return std::unexpected(scene.error());
     const FlushDenormals flush;
-    const auto scene_at = [&](Time time) {
-      return store_.prepare(job.snapshot, {time, time}, interrupt);
-    };
-    return answer({scene.snapshot(), scene.placement(), traced(scene)}, job, scene_at, interrupt);
+    return host::answer(*scene, job, scene_at, interrupt);
   });
 }
 

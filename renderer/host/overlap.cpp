@@ -1,10 +1,10 @@
-#include "renderer/backend/embree/overlap.h"
+#include "renderer/host/overlap.h"
 
 #include <array>
 
 #include "renderer/scene/motion.h"
 
-namespace heliograph::embree {
+namespace heliograph::host {
 
 namespace {
 
@@ -32,8 +32,8 @@ bool apart(const Box& a, const Box& b) {
 /// Casts features of one slot, given in its object space, against another slot alone.
 class Caster {
  public:
-  Caster(const Placement& placement, const TracedScene& scene, u32 from, u32 against)
-      : tracer_(scene),
+  Caster(const Placement& placement, const HostTracer& tracer, u32 from, u32 against)
+      : tracer_(tracer),
         placement_(placement),
         against_(against),
         world_from_object_(placement.instances[from].world_from_object),
@@ -67,7 +67,7 @@ class Caster {
   }
 
  private:
-  EmbreeTracer tracer_;
+  const HostTracer& tracer_;
   const Placement& placement_;
   u32 against_;
   mat4x3 world_from_object_;
@@ -94,17 +94,17 @@ bool first_vertex_inside(const Placement& placement, const Caster& caster, u32 f
 
 }  // namespace
 
-bool overlap(const Placement& placement, const TracedScene& scene, u32 a, u32 b) {
+bool overlap(const Placement& placement, const HostTracer& tracer, u32 a, u32 b) {
   const auto world = [&](u32 slot) {
     return transformed(placement.instances[slot].world_from_object, object_bounds(placement, slot));
   };
   if (apart(world(a), world(b))) return false;
   for (const auto& [from, against] : {std::array{a, b}, std::array{b, a}}) {
-    const Caster caster(placement, scene, from, against);
+    const Caster caster(placement, tracer, from, against);
     if (some_edge_crosses(placement, caster, from) || first_vertex_inside(placement, caster, from))
       return true;
   }
   return false;
 }
 
-}  // namespace heliograph::embree
+}  // namespace heliograph::host

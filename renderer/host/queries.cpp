@@ -1,4 +1,4 @@
-#include "renderer/backend/embree/queries.h"
+#include "renderer/host/queries.h"
 
 #include <fmt/format.h>
 
@@ -8,16 +8,24 @@
 
 #include "kernels/camera.h"
 #include "kernels/surface.h"
-#include "renderer/backend/embree/overlap.h"
 #include "renderer/engine/image_camera.h"
+#include "renderer/host/overlap.h"
 #include "renderer/resident/canvas.h"
 #include "renderer/resident/parallel.h"
 
-namespace heliograph::embree {
+namespace heliograph::host {
 
 namespace {
 
 constexpr kernels::HoleKey kProbe{0, true};
+
+/// A scene at an instant.
+struct QueryScene {
+  const Snapshot& snapshot;
+  const Placement& placement;
+  const kernels::SceneView& view;
+  const HostTracer& tracer;
+};
 
 /// A column of n rows of `width` values, written in place.
 template <class T>
@@ -110,9 +118,9 @@ class HitColumns {
       put(position_.row(i), vec3(NAN));
       return;
     }
-    const kernels::InstanceView& instance = scene.traced.view->instances[hit.instance];
+    const kernels::InstanceView& instance = scene.view.instances[hit.instance];
     const kernels::Surface surface =
-        kernels::surface_at(*scene.traced.view, hit.instance, hit.primitive, vec2(hit.u, hit.v), 0);
+        kernels::surface_at(scene.view, hit.instance, hit.primitive, vec2(hit.u, hit.v), 0);
     *entity_.row(i) = scene.snapshot.entity_id(instance.entity).value;
     *instance_.row(i) = instance.label;
     *primitive_.row(i) = hit.primitive;
@@ -144,7 +152,6 @@ Expected<QueryResult> cast_rays(const QueryScene& scene, const CastRays& query,
     if (!(glm::dot(query.directions[i], query.directions[i]) > 0))
       return fail(Code::kInvalidArgument, fmt::format("cast_rays.directions[{}]", i),
                   "a direction must have a length above 0");
-  const EmbreeTracer tracer(scene.traced);
   const float t_max = query.t_max > 0 ? query.t_max : INFINITY;
   QueryResult result;
   if (query.any_hit) {
@@ -152,14 +159,14 @@ Expected<QueryResult> cast_rays(const QueryScene& scene, const CastRays& query,
     for_each_row(rows, interrupt, [&](std::size_t i) {
       const kernels::Ray ray{query.origins[i], glm::normalize(query.directions[i]), t_max, 0,
                              kProbe};
-      *t.row(i) = tracer.occluded(ray, kernels::kAllRays) ? 0 : INFINITY;
+      *t.row(i) = scene.tracer.occluded(ray, kernels::kAllRays) ? 0 : INFINITY;
     });
     return result;
   }
   HitColumns columns(result, rows);
   for_each_row(rows, interrupt, [&](std::size_t i) {
     const kernels::Ray ray{query.origins[i], glm::normalize(query.directions[i]), t_max, 0, kProbe};
-    columns.set(i, scene, tracer.closest(ray, kernels::kAllRays), ray.direction);
+    columns.set(i, scene, scene.tracer.closest(ray, kernels::kAllRays), ray.direction);
   });
   return result;
 }
@@ -167,12 +174,11 @@ Expected<QueryResult> cast_rays(const QueryScene& scene, const CastRays& query,
 Expected<QueryResult> pick(const QueryScene& scene, const Pick& query, const Interrupt& interrupt) {
   const auto camera = camera_of(scene, query.camera);
   if (!camera) return std::unexpected(camera.error());
-  const EmbreeTracer tracer(scene.traced);
   QueryResult result;
   HitColumns columns(result, query.pixels.size());
   for_each_row(query.pixels.size(), interrupt, [&](std::size_t i) {
     const kernels::Ray ray = kernels::camera_ray(*camera, query.pixels[i] + 0.5f, kProbe);
-    kernels::Hit hit = tracer.closest(ray, kernels::kCameraRay);
+    kernels::Hit hit = scene.tracer.closest(ray, kernels::kCameraRay);
     hit.t += kernels::near_of(*camera, ray.direction);
     columns.set(i, scene, hit, ray.direction);
   });
@@ -185,7 +191,6 @@ Expected<QueryResult> visible(const QueryScene& scene, const Visible& query,
   if (!camera) return std::unexpected(camera.error());
   const auto slots = slots_of(scene, query.entities, "visible.entities");
   if (!slots) return std::unexpected(slots.error());
-  const EmbreeTracer tracer(scene.traced);
   const PixelBox image{0, 0, i32(camera->width), i32(camera->height)};
   QueryResult result;
   const Out<u8> visible(result, "visible", DType::kU8, slots->size(), 1);
@@ -198,9 +203,9 @@ Expected<QueryResult> visible(const QueryScene& scene, const Visible& query,
       for (i32 x = box.x0; x < box.x1; ++x) {
         const vec2 raster(float(x) + 0.5f, float(y) + 0.5f);
         const kernels::Ray ray = kernels::camera_ray(*camera, raster, kProbe);
-        if (!(ray.t_max > 0) || tracer.closest_in(slot, ray).instance == kNone) continue;
+        if (!(ray.t_max > 0) || scene.tracer.closest_in(slot, ray).instance == kNone) continue;
         ++alone;
-        seen += tracer.closest(ray, kernels::kCameraRay).instance == slot;
+        seen += scene.tracer.closest(ray, kernels::kCameraRay).instance == slot;
       }
     *visible.row(i) = seen > 0;
     *share.row(i) = alone ? float(double(seen) / alone) : 0;
@@ -220,7 +225,7 @@ Expected<QueryResult> overlaps(const QueryScene& scene, const Overlaps& query,
   parallel_for(a->size() * b->size(), [&](std::size_t i) {
     if (interrupt.requested()) return;
     const u32 slot_a = (*a)[i / b->size()], slot_b = (*b)[i % b->size()];
-    out.row(0)[i] = slot_a == slot_b || overlap(scene.placement, scene.traced, slot_a, slot_b);
+    out.row(0)[i] = slot_a == slot_b || overlap(scene.placement, scene.tracer, slot_a, slot_b);
   });
   return result;
 }
@@ -283,7 +288,7 @@ Expected<QueryResult> sample_surface(const QueryScene& scene, const SampleSurfac
     }
     const auto [slot, triangle] = table.entries[at];
     const kernels::Surface surface =
-        kernels::surface_at(*scene.traced.view, slot, triangle, vec2(float(u), float(v)), 0);
+        kernels::surface_at(scene.view, slot, triangle, vec2(float(u), float(v)), 0);
     put(position.row(i), surface.p);
     put(normal.row(i), surface.ng);
     put(uv.row(i), kernels::uvs_at(surface).set[0]);
@@ -296,7 +301,7 @@ Expected<QueryResult> sample_surface(const QueryScene& scene, const SampleSurfac
 
 }  // namespace
 
-Expected<QueryResult> answer(const QueryScene& scene, const QueryJob& job, const SceneAt& scene_at,
+Expected<QueryResult> answer(const SceneRays& scene, const QueryJob& job, const SceneAt& scene_at,
                              const Interrupt& interrupt) {
   struct Visitor {
     const QueryScene& scene;
@@ -319,9 +324,11 @@ Expected<QueryResult> answer(const QueryScene& scene, const QueryJob& job, const
       return follow(q, scene_at, interrupt);
     }
   };
-  auto result = std::visit(Visitor{scene, scene_at, interrupt}, job.query);
+  const QueryScene seen{scene.scene->snapshot(), scene.scene->placement(), scene.scene->view(),
+                        *scene.tracer};
+  auto result = std::visit(Visitor{seen, scene_at, interrupt}, job.query);
   if (interrupt.requested()) return fail(Code::kCancelled, "", "the query was cancelled");
   return result;
 }
 
-}  // namespace heliograph::embree
+}  // namespace heliograph::host

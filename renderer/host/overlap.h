@@ -1,10 +1,9 @@
 // Whether two meshes meet. Called by queries.cpp.
 #pragma once
 
-#include "renderer/backend/embree/tracer.h"
-#include "renderer/resident/placement.h"
+#include "renderer/host/tracer.h"
 
-namespace heliograph::embree {
+namespace heliograph::host {
 
 /// Whether the surfaces of two slots intersect, or one lies inside the other.
 ///
@@ -12,6 +11,6 @@ namespace heliograph::embree {
 /// every edge of each mesh is cast as a segment against the other. Containment: the first surface
 /// of the other that a ray from a vertex meets shows its back (surfaces are closed,
 /// counter-clockwise seen from outside). Coplanar faces that only touch do not count.
-[[nodiscard]] bool overlap(const Placement& placement, const TracedScene& scene, u32 a, u32 b);
+[[nodiscard]] bool overlap(const Placement& placement, const HostTracer& tracer, u32 a, u32 b);
 
-}  // namespace heliograph::embree
+}  // namespace heliograph::host

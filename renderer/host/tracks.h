@@ -3,16 +3,16 @@
 
 #include <functional>
 
-#include "renderer/resident/scene.h"
+#include "renderer/host/tracer.h"
 
-namespace heliograph::embree {
+namespace heliograph::host {
 
-/// The scene at a time, as SceneStore::prepare() makes it.
-using SceneAt = std::function<Expected<std::shared_ptr<const DeviceScene>>(Time)>;
+/// The scene at a time.
+using SceneAt = std::function<Expected<SceneRays>(Time)>;
 
 /// Answers with the columns of service.proto's TracksReply. Fails as the scenes do, with
 /// INVALID_ARGUMENT for an entity that shows no mesh, and as the interrupt says.
 [[nodiscard]] Expected<QueryResult> follow(const Tracks& tracks, const SceneAt& scene_at,
                                            const Interrupt& interrupt);
 
-}  // namespace heliograph::embree
+}  // namespace heliograph::host

@@ -1,4 +1,4 @@
-#include "renderer/backend/embree/silhouettes.h"
+#include "renderer/host/silhouettes.h"
 
 #include <algorithm>
 #include <bit>
@@ -9,7 +9,7 @@
 #include "renderer/resident/canvas.h"
 #include "renderer/resident/parallel.h"
 
-namespace heliograph::embree {
+namespace heliograph::host {
 
 namespace {
 
@@ -46,9 +46,10 @@ std::array<vec3, 8> world_corners(const kernels::VolumeView& volume) {
 }
 
 /// The slots and volumes of each row that reach the canvas.
-std::vector<std::vector<Reach>> reaches(const Placement& placement, const TracedScene& scene,
+std::vector<std::vector<Reach>> reaches(const ResidentScene& scene,
                                         const kernels::CameraView& camera, const PixelBox& canvas) {
-  const Structure& structure = *placement.structure;
+  const Placement& placement = scene.placement();
+  const Structure& structure = scene.structure();
   std::vector<std::vector<Reach>> out(structure.labelling.instances.size());
   for (u32 slot = 0; slot < structure.slots.size(); ++slot) {
     const u32 row = structure.slots[slot].row;
@@ -59,7 +60,7 @@ std::vector<std::vector<Reach>> reaches(const Placement& placement, const Traced
   }
   for (u32 i = 0; i < structure.volumes.size(); ++i) {
     const u32 row = structure.volumes[i].row;
-    const kernels::VolumeView& volume = scene.view->volumes[i];
+    const kernels::VolumeView& volume = scene.view().volumes[i];
     if (row == kNone || !(volume.instance.visibility & kernels::kCameraRay)) continue;
     const PixelBox box = volume.instance.segments > 0
                              ? canvas
@@ -119,23 +120,22 @@ class ObjectRays {
     return {origin_ + origin_x_ * x + origin_y_ * y + direction * camera_->near, direction, t_max_,
             camera_->time, kProbe};
   }
-  /// The rays through (x, y) ... (x + 7, y); clears `valid` where the camera sees nothing.
-  void through(float x, float y, RTCRay8& rays, int* valid) const {
-    for (int i = 0; i < 8; ++i) {
+  /// The rays through (x, y) ... (x + 7, y). Returns a bit for each where the camera sees.
+  u32 through(float x, float y, RayPacket& rays) const {
+    u32 lanes = 0;
+    for (u32 i = 0; i < RayPacket::kRays; ++i) {
       const kernels::Ray ray = through(x + float(i), y);
-      if (!(ray.t_max > 0)) valid[i] = 0;
-      rays.org_x[i] = ray.origin.x;
-      rays.org_y[i] = ray.origin.y;
-      rays.org_z[i] = ray.origin.z;
-      rays.dir_x[i] = ray.direction.x;
-      rays.dir_y[i] = ray.direction.y;
-      rays.dir_z[i] = ray.direction.z;
-      rays.tnear[i] = 0;
-      rays.time[i] = ray.time;
-      rays.tfar[i] = ray.t_max;
-      rays.mask[i] = kNone;
-      rays.id[i] = rays.flags[i] = 0;
+      lanes |= u32(ray.t_max > 0) << i;
+      rays.origin_x[i] = ray.origin.x;
+      rays.origin_y[i] = ray.origin.y;
+      rays.origin_z[i] = ray.origin.z;
+      rays.direction_x[i] = ray.direction.x;
+      rays.direction_y[i] = ray.direction.y;
+      rays.direction_z[i] = ray.direction.z;
+      rays.t_max[i] = ray.t_max;
     }
+    rays.time = camera_->time;
+    return lanes;
   }
 
  private:
@@ -149,10 +149,10 @@ class ObjectRays {
 
 class SilhouetteTracer {
  public:
-  SilhouetteTracer(const TracedScene& scene, const SilhouetteInputs& in)
-      : tracer_(scene),
-        scene_(*scene.view),
-        instances_(scene.view->instances),
+  SilhouetteTracer(const SceneRays& scene, const SilhouetteInputs& in)
+      : tracer_(*scene.tracer),
+        scene_(scene.scene->view()),
+        instances_(scene_.instances),
         camera_(in.camera),
         plane_(in.instance_plane) {}
 
@@ -183,7 +183,7 @@ class SilhouetteTracer {
   }
 
  private:
-  static constexpr i32 kLanes = 8;
+  static constexpr i32 kLanes = RayPacket::kRays;
 
   /// The rays of a camera that stands still to each slot.
   [[nodiscard]] std::vector<ObjectRays> rays_of(const std::vector<Reach>& reaches,
@@ -229,32 +229,30 @@ class SilhouetteTracer {
   /// Which of the lanes from `first` on meet one slot or volume.
   [[nodiscard]] u32 meets(const Reach& reach, const ObjectRays& rays, glm::ivec2 first,
                           u32 lanes) const {
-    alignas(32) int valid[kLanes];
     u32 wanted = 0;
     for (i32 i = 0; i < kLanes; ++i) {
       const i32 x = first.x + i;
       const bool want = (lanes >> i & 1) && first.y >= reach.box.y0 && first.y < reach.box.y1 &&
                         x >= reach.box.x0 && x < reach.box.x1;
-      valid[i] = want ? -1 : 0;
       wanted |= u32(want) << i;
     }
     if (wanted == 0) return 0;
     const bool is_volume = reach.slot == kNone;
     if (!is_volume && !(instances_[reach.slot].flags & kernels::kMayBeHole)) {
-      RTCRay8 packet;
-      rays.through(float(first.x), float(first.y), packet, valid);
-      return tracer_.meets(reach.slot, packet, valid);
+      RayPacket packet;
+      wanted &= rays.through(float(first.x), float(first.y), packet);
+      return tracer_.meets_of(reach.slot, packet, wanted);
     }
     u32 met = 0;
     for (i32 i = 0; i < kLanes; ++i) {
       const kernels::Ray ray = rays.through(float(first.x + i), float(first.y));
-      if (!valid[i] || !(ray.t_max > 0)) continue;
+      if (!(wanted >> i & 1) || !(ray.t_max > 0)) continue;
       if (is_volume ? meets(reach.volume, ray) : tracer_.meets(reach.slot, ray)) met |= 1u << i;
     }
     return met;
   }
 
-  EmbreeTracer tracer_;
+  const HostTracer& tracer_;
   const kernels::SceneView& scene_;
   const kernels::InstanceView* instances_;
   const kernels::CameraView& camera_;
@@ -313,8 +311,8 @@ struct RayToPoint {
   kernels::Ray ray;
   float radius;
 };
-KeypointLabel::State state_of(const EmbreeTracer& tracer, const kernels::SceneView& scene,
-                              u32 label, RayToPoint to) {
+KeypointLabel::State state_of(const HostTracer& tracer, const kernels::SceneView& scene, u32 label,
+                              RayToPoint to) {
   using State = KeypointLabel::State;
   to.ray.t_max = std::max(0.0f, to.ray.t_max - to.radius);
   const kernels::Hit hit = tracer.closest(to.ray, kernels::kCameraRay);
@@ -324,11 +322,11 @@ KeypointLabel::State state_of(const EmbreeTracer& tracer, const kernels::SceneVi
 
 }  // namespace
 
-std::vector<Silhouette> trace_silhouettes(const Placement& placement, const TracedScene& scene,
-                                          const SilhouetteInputs& in, const Interrupt& interrupt) {
+std::vector<Silhouette> trace_silhouettes(const SceneRays& scene, const SilhouetteInputs& in,
+                                          const Interrupt& interrupt) {
   const kernels::CameraView& camera = in.camera;
   const LabelOptions& options = in.options;
-  const auto reach = reaches(placement, scene, camera, canvas_of(camera, options.canvas));
+  const auto reach = reaches(*scene.scene, camera, canvas_of(camera, options.canvas));
   std::vector<Silhouette> out(reach.size());
   if (options.amodal_masks)
     for (Silhouette& silhouette : out)
@@ -353,11 +351,11 @@ std::vector<Silhouette> trace_silhouettes(const Placement& placement, const Trac
   return out;
 }
 
-std::vector<KeypointLabel> trace_keypoints(const Placement& placement, const TracedScene& scene,
-                                           const kernels::CameraView& view,
+std::vector<KeypointLabel> trace_keypoints(const SceneRays& scene, const kernels::CameraView& view,
                                            const ImageCamera& camera, const LabelOptions& options) {
-  const Structure& structure = *placement.structure;
-  const EmbreeTracer tracer(scene);
+  const Structure& structure = scene.scene->structure();
+  const Placement& placement = scene.scene->placement();
+  const kernels::SceneView& seen = scene.scene->view();
   std::vector<std::vector<KeypointLabel>> rows(structure.labelling.instances.size());
   for (u32 slot = 0; slot < structure.slots.size(); ++slot) {
     const u32 row = structure.slots[slot].row;
@@ -367,13 +365,13 @@ std::vector<KeypointLabel> trace_keypoints(const Placement& placement, const Tra
     const float radius = options.keypoint_radius.value_or(
         0.005f * diameter(mesh) * glm::length(instance.world_from_object[0]));
     for (const Keypoint& keypoint : mesh.topology->keypoints) {
-      const KeypointSight sight = see_keypoint(*scene.view, instance, view, keypoint.position);
+      const KeypointSight sight = see_keypoint(seen, instance, view, keypoint.position);
       const glm::dvec3 p_camera = sight.p_camera(view, camera);
       KeypointLabel label{instance.label, keypoint.name, vec3(p_camera), vec2(NAN),
                           KeypointLabel::State::kOutside};
       if (sight.seen.found) label.p_image = vec2(project(camera, p_camera));
       if (kernels::inside_image(view, label.p_image + 0.5f) && sight.in_clip(view))
-        label.state = state_of(tracer, *scene.view, instance.label, {sight.ray(view), radius});
+        label.state = state_of(*scene.tracer, seen, instance.label, {sight.ray(view), radius});
       rows[row].push_back(std::move(label));
     }
   }
@@ -382,4 +380,4 @@ std::vector<KeypointLabel> trace_keypoints(const Placement& placement, const Tra
   return out;
 }
 
-}  // namespace heliograph::embree
+}  // namespace heliograph::host

@@ -1,14 +1,13 @@
-#include "renderer/backend/embree/tracks.h"
+#include "renderer/host/tracks.h"
 
 #include <fmt/format.h>
 
 #include "kernels/probe.h"
-#include "renderer/backend/embree/top_level.h"
 #include "renderer/engine/image_camera.h"
 #include "renderer/resident/parallel.h"
 #include "renderer/scene/motion.h"
 
-namespace heliograph::embree {
+namespace heliograph::host {
 namespace {
 
 /// The columns, by point and time.
@@ -55,14 +54,14 @@ class TrackColumns {
 };
 
 /// All points at one time.
-Status fill(const TrackColumns& columns, const Tracks& tracks, u64 t, const ResidentScene& scene) {
+Status fill(const TrackColumns& columns, const Tracks& tracks, u64 t, const SceneRays& rays) {
+  const ResidentScene& scene = *rays.scene;
   const Entity* entity = scene.snapshot().find(tracks.camera);
   const ImageCamera image = image_camera(
       *entity->camera, world_pose(scene.snapshot(), tracks.camera.index(), tracks.times[t]),
       entity->camera->width, entity->camera->height);
   const kernels::CameraView camera = camera_view(image);
   const kernels::ProbeScene at{&scene.view(), &camera};
-  const EmbreeTracer tracer(traced(scene));
   const auto& slots = scene.structure().slot_of_entity;
   for (u64 i = 0; i < tracks.points.size(); ++i)
     if (const EntityId id = tracks.points[i].entity; slots[id.index()] == kNone)
@@ -70,8 +69,8 @@ Status fill(const TrackColumns& columns, const Tracks& tracks, u64 t, const Resi
                   fmt::format("'{}' shows no mesh; give it one, or make it visible",
                               scene.snapshot().name_of(id)));
   parallel_ranges(u64(tracks.points.size()), u64(256), [&](u64 begin, u64 end) {
-    u32 rays = 0;
-    const kernels::CountedTracer<EmbreeTracer> counted{tracer, rays};
+    u32 traced = 0;
+    const kernels::CountedTracer<HostTracer> counted{*rays.tracer, traced};
     for (u64 i = begin; i < end; ++i) {
       const TrackPoint& point = tracks.points[i];
       const kernels::Surface s = kernels::locate(scene.view(), slots[point.entity.index()],
@@ -99,9 +98,9 @@ Expected<QueryResult> follow(const Tracks& tracks, const SceneAt& scene_at,
     HELIO_TRY(interrupt.status());
     const auto scene = scene_at(tracks.times[t]);
     if (!scene) return std::unexpected(scene.error());
-    HELIO_TRY(fill(columns, tracks, t, static_cast<const ResidentScene&>(**scene)));
+    HELIO_TRY(fill(columns, tracks, t, *scene));
   }
   return result;
 }
 
-}  // namespace heliograph::embree
+}  // namespace heliograph::host

@@ -3,12 +3,10 @@
 
 #include <vector>
 
-#include "renderer/backend/embree/tracer.h"
-#include "renderer/engine/backend.h"
 #include "renderer/engine/label_columns.h"
-#include "renderer/resident/placement.h"
+#include "renderer/host/tracer.h"
 
-namespace heliograph::embree {
+namespace heliograph::host {
 
 struct SilhouetteInputs {
   const kernels::CameraView& camera;
@@ -19,17 +17,15 @@ struct SilhouetteInputs {
 /// Traces every labelled instance over its bounds on the canvas, one ray through each pixel's
 /// centre. The result has one entry for each row of the labelling. Partial when the interrupt was
 /// requested.
-[[nodiscard]] std::vector<Silhouette> trace_silhouettes(const Placement& placement,
-                                                        const TracedScene& scene,
+[[nodiscard]] std::vector<Silhouette> trace_silhouettes(const SceneRays& scene,
                                                         const SilhouetteInputs& in,
                                                         const Interrupt& interrupt);
 
 /// The keypoints of every labelled instance, ordered by row. A keypoint is visible when the segment
 /// from the camera to it meets no surface but within the keypoint radius of it.
-[[nodiscard]] std::vector<KeypointLabel> trace_keypoints(const Placement& placement,
-                                                         const TracedScene& scene,
+[[nodiscard]] std::vector<KeypointLabel> trace_keypoints(const SceneRays& scene,
                                                          const kernels::CameraView& view,
                                                          const ImageCamera& camera,
                                                          const LabelOptions& options);
 
-}  // namespace heliograph::embree
+}  // namespace heliograph::host
