@@ -19,6 +19,7 @@ ALLOWED = {
         "renderer/scene",
         "renderer/engine",
         "renderer/resident",
+        "renderer/host",
         "kernels",
     },
     "renderer/host": {

@@ -1,0 +1,27 @@
+// Single rays of the host through the kernels' BVH, for labels and questions. Used by backends
+// whose device walks the same trees.
+#pragma once
+
+#include "kernels/bvh_tracer.h"
+#include "renderer/host/tracer.h"
+
+namespace heliograph::bvh {
+
+/// Lifetime: of the scene, which was prepared with a BvhAccelerator.
+class BvhHostTracer final : public host::HostTracer {
+ public:
+  explicit BvhHostTracer(const resident::ResidentScene& scene);
+  BvhHostTracer(const BvhHostTracer&) = delete;
+  BvhHostTracer& operator=(const BvhHostTracer&) = delete;
+
+  [[nodiscard]] kernels::Hit closest(const kernels::Ray& ray, u32 mask) const override;
+  [[nodiscard]] bool occluded(const kernels::Ray& ray, u32 mask) const override;
+  [[nodiscard]] kernels::Hit closest_in(u32 instance, const kernels::Ray& ray) const override;
+  [[nodiscard]] bool meets(u32 instance, const kernels::Ray& ray_object) const override;
+
+ private:
+  kernels::BvhView bvh_;
+  kernels::BvhTracer tracer_;  // of bvh_
+};
+
+}  // namespace heliograph::bvh
