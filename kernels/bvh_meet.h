@@ -208,9 +208,9 @@ KERNEL bool meet_triangle(const BvhTriangle& triangle, vec3 origin, vec3 directi
   const float v = std::copysign(1.0f, signed_den) * -dot(r, triangle.ab);
   if (!(den != 0 && u >= 0 && v >= 0 && u + v <= den)) return false;
   const float t = std::copysign(1.0f, signed_den) * dot(normal, to_a);
-  if (!(t > 0 && t <= den * t_max)) return false;
+  if (!(t > 0)) return false;
   hit = {t / den, u / den, v / den};
-  return true;
+  return hit.t <= t_max;  // equals are equal whichever comes first
 }
 
 /// Item i of a mesh that does not deform.

@@ -280,7 +280,7 @@ void Builder::plan(u32 number) {
   node.leaf = leaf_cost <= inner_cost;
   node.cost[0] = std::min(leaf_cost, inner_cost);
   for (u32 roots = 2; roots <= kMostRoots; ++roots) {
-    if (!(distributed[roots] < node.cost[roots - 2])) node.left_roots[roots - 1] = 0;
+    if (!(distributed[roots] <= node.cost[roots - 2])) node.left_roots[roots - 1] = 0;
     node.cost[roots - 1] = std::min(distributed[roots], node.cost[roots - 2]);
   }
 }

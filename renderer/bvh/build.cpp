@@ -31,8 +31,9 @@ struct Grid {
   Grid(float lower, float upper) {
     const double extent = double(upper) - double(lower);
     margin = extent * 0x1p-20;
-    origin = float(double(lower) - margin);
-    if (double(origin) > double(lower) - margin) origin = std::nextafter(origin, -FLT_MAX);
+    const double start = std::max(double(lower) - margin, -double(FLT_MAX));
+    origin = float(start);
+    if (double(origin) > start) origin = std::nextafter(origin, -FLT_MAX);
     const double reach = double(upper) + margin - double(origin);
     if (!(reach > 0)) return;
     exponent = std::max(-126, std::ilogb(reach / 255));
