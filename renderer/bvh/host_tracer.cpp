@@ -5,19 +5,25 @@
 namespace heliograph::bvh {
 
 BvhHostTracer::BvhHostTracer(const resident::ResidentScene& scene)
-    : bvh_(view(scene.placement())), tracer_(scene.view(), bvh_) {}
+    : BvhHostTracer(scene, best_rays()) {}
+
+BvhHostTracer::BvhHostTracer(const resident::ResidentScene& scene, const RayFunctions& functions)
+    : functions_(functions), bvh_(view(scene.placement())), views_{&scene.view(), &bvh_} {}
 
 kernels::Hit BvhHostTracer::closest(const kernels::Ray& ray, u32 mask) const {
-  return tracer_.closest(ray, mask);
+  return functions_.closest(views_, ray, mask);
 }
 bool BvhHostTracer::occluded(const kernels::Ray& ray, u32 mask) const {
-  return tracer_.occluded(ray, mask);
+  return functions_.occluded(views_, ray, mask);
 }
 kernels::Hit BvhHostTracer::closest_in(u32 instance, const kernels::Ray& ray) const {
-  return tracer_.closest_in(instance, ray);
+  return functions_.closest_in(views_, instance, ray);
 }
 bool BvhHostTracer::meets(u32 instance, const kernels::Ray& ray_object) const {
-  return tracer_.meets(instance, ray_object);
+  return functions_.meets(views_, instance, ray_object);
+}
+u32 BvhHostTracer::meets_of(u32 instance, const host::RayPacket& rays, u32 lanes) const {
+  return functions_.meets_of(views_, instance, rays, lanes);
 }
 
 }  // namespace heliograph::bvh

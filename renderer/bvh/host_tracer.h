@@ -2,7 +2,7 @@
 // whose device walks the same trees.
 #pragma once
 
-#include "kernels/bvh_tracer.h"
+#include "renderer/bvh/rays.h"
 #include "renderer/host/tracer.h"
 
 namespace heliograph::bvh {
@@ -11,6 +11,8 @@ namespace heliograph::bvh {
 class BvhHostTracer final : public host::HostTracer {
  public:
   explicit BvhHostTracer(const resident::ResidentScene& scene);
+  /// With the functions of a level that this processor has.
+  BvhHostTracer(const resident::ResidentScene& scene, const RayFunctions& functions);
   BvhHostTracer(const BvhHostTracer&) = delete;
   BvhHostTracer& operator=(const BvhHostTracer&) = delete;
 
@@ -18,10 +20,13 @@ class BvhHostTracer final : public host::HostTracer {
   [[nodiscard]] bool occluded(const kernels::Ray& ray, u32 mask) const override;
   [[nodiscard]] kernels::Hit closest_in(u32 instance, const kernels::Ray& ray) const override;
   [[nodiscard]] bool meets(u32 instance, const kernels::Ray& ray_object) const override;
+  [[nodiscard]] u32 meets_of(u32 instance, const host::RayPacket& rays_object,
+                             u32 lanes) const override;
 
  private:
+  const RayFunctions& functions_;
   kernels::BvhView bvh_;
-  kernels::BvhTracer tracer_;  // of bvh_
+  TracedViews views_;  // of the scene and bvh_
 };
 
 }  // namespace heliograph::bvh

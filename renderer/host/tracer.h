@@ -2,20 +2,12 @@
 // implemented by backends.
 #pragma once
 
+#include "renderer/host/ray_packet.h"
 #include "renderer/resident/scene.h"
 
 namespace heliograph::host {
 
 using namespace resident;
-
-/// Rays of one time that start and go nearly alike.
-struct alignas(32) RayPacket {
-  static constexpr u32 kRays = 8;
-  float origin_x[kRays], origin_y[kRays], origin_z[kRays];
-  float direction_x[kRays], direction_y[kRays], direction_z[kRays];
-  float t_max[kRays];
-  float time;
-};
 
 /// A kernels::Tracer whose scene is chosen at run time; it borrows the scene. Thread: any.
 class HostTracer {

@@ -1,0 +1,26 @@
+// Rays that are traced together. Seen by tracers that are compiled for several instruction sets.
+#pragma once
+
+#include "kernels/ray.h"
+
+namespace heliograph::host {
+
+/// Rays of one time that start and go nearly alike.
+struct alignas(32) RayPacket {
+  static constexpr kernels::u32 kRays = 8;
+  float origin_x[kRays], origin_y[kRays], origin_z[kRays];
+  float direction_x[kRays], direction_y[kRays], direction_z[kRays];
+  float t_max[kRays];
+  float time;
+
+  /// It takes whatever opacity of one half and more does.
+  [[nodiscard]] kernels::Ray ray(kernels::u32 i) const {
+    return {{origin_x[i], origin_y[i], origin_z[i]},
+            {direction_x[i], direction_y[i], direction_z[i]},
+            t_max[i],
+            time,
+            {.key = 0, .probe = true}};
+  }
+};
+
+}  // namespace heliograph::host
