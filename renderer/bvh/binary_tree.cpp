@@ -43,40 +43,57 @@ struct Bounds {
   }
 };
 
-/// Which bin a box's centre falls into, by axis.
+/// Which bin a box's centre falls into, by axis; fewer than kBins where there are few boxes.
 struct Binning {
   Lanes origin, scale;
-  explicit Binning(const LaneBox& centers) : origin(centers.lower) {
+  u32 used;
+  Binning(const LaneBox& centers, u32 count)
+      : origin(centers.lower), used(std::clamp(count, 2u, kBins)) {
     const Lanes extent = centers.upper - centers.lower;
-    for (int k = 0; k < 4; ++k)
-      scale[k] = k < 3 && extent[k] > 0 && std::isfinite(kBins / extent[k]) ? kBins / extent[k] : 0;
+    for (int k = 0; k < 4; ++k) {
+      const float bins = float(used) / extent[k];
+      scale[k] = k < 3 && extent[k] > 0 && std::isfinite(bins) ? bins : 0;
+    }
   }
   [[nodiscard]] Lanes places(Lanes center) const { return (center - origin) * scale; }
-  static u32 bin(float place) {  // NaN: 0
-    return place > 0 ? u32(std::min(place, float(kBins - 1))) : 0;
+  [[nodiscard]] u32 bin(float place) const {  // NaN: 0
+    return place > 0 ? std::min(used - 1, u32(std::min(place, float(kBins)))) : 0;
   }
 };
 
+/// What falls into each bin; those not in use have no values.
 struct Bins {
-  std::array<std::array<LaneBox, kBins>, 3> boxes;
-  std::array<std::array<u32, kBins>, 3> counts{};
+  explicit Bins(u32 count) : used(count) {
+    const LaneBox none;
+    for (int k = 0; k < 3; ++k)
+      for (u32 b = 0; b < used; ++b) {
+        lower[k][b] = none.lower;
+        upper[k][b] = none.upper;
+        counts[k][b] = 0;
+      }
+  }
   void add(const Item& item, const Binning& binning) {
     const Lanes places = binning.places(item.center());
     for (int k = 0; k < 3; ++k) {
-      const u32 b = Binning::bin(places[k]);
-      LaneBox& box = boxes[k][b];
-      box.lower = least(box.lower, item.lower);
-      box.upper = most(box.upper, item.upper);
+      const u32 b = binning.bin(places[k]);
+      lower[k][b] = least(lower[k][b], item.lower);
+      upper[k][b] = most(upper[k][b], item.upper);
       ++counts[k][b];
     }
   }
   void add(const Bins& other) {
     for (int k = 0; k < 3; ++k)
-      for (u32 b = 0; b < kBins; ++b) {
-        boxes[k][b].extend(other.boxes[k][b]);
+      for (u32 b = 0; b < used; ++b) {
+        lower[k][b] = least(lower[k][b], other.lower[k][b]);
+        upper[k][b] = most(upper[k][b], other.upper[k][b]);
         counts[k][b] += other.counts[k][b];
       }
   }
+  [[nodiscard]] LaneBox box(int axis, u32 b) const { return {lower[axis][b], upper[axis][b]}; }
+
+  u32 used;
+  Lanes lower[3][kBins], upper[3][kBins];
+  u32 counts[3][kBins];
 };
 
 struct Split {
@@ -148,11 +165,11 @@ Bounds Builder::bounds() const {
 /// Counts and boxes do not depend on the order in which they are added.
 Bins Builder::bins(const Range& range, const Binning& binning) const {
   if (range.count <= kChunk) {
-    Bins all;
+    Bins all(binning.used);
     for (u32 i = range.first; i < range.end(); ++i) all.add(items_[i], binning);
     return all;
   }
-  std::vector<Bins> chunks((range.count + kChunk - 1) / kChunk);
+  std::vector<Bins> chunks((range.count + kChunk - 1) / kChunk, Bins(binning.used));
   resident::parallel_for(u32(chunks.size()), [&](u32 c) {
     const u32 first = range.first + c * kChunk;
     for (u32 i = first; i < std::min(first + kChunk, range.end()); ++i)
@@ -165,20 +182,19 @@ Bins Builder::bins(const Range& range, const Binning& binning) const {
 Split Builder::best(const Bins& bins) const {
   Split best;
   for (int k = 0; k < 3; ++k) {
-    const auto& boxes = bins.boxes[k];
     const auto& counts = bins.counts[k];
     float right_cost[kBins];
     LaneBox box;
     u32 count = 0;
-    for (u32 b = kBins - 1; b > 0; --b) {
-      box.extend(boxes[b]);
+    for (u32 b = bins.used - 1; b > 0; --b) {
+      box.extend(bins.box(k, b));
       count += counts[b];
       right_cost[b] = count ? box.area(scale_) * float(count) : INFINITY;
     }
     box = {};
     count = 0;
-    for (u32 b = 1; b < kBins; ++b) {
-      box.extend(boxes[b - 1]);
+    for (u32 b = 1; b < bins.used; ++b) {
+      box.extend(bins.box(k, b - 1));
       count += counts[b - 1];
       const float cost = count ? box.area(scale_) * float(count) + right_cost[b] : INFINITY;
       if (cost < best.cost) best = {.axis = k, .bin = b, .cost = cost};
@@ -191,11 +207,11 @@ Split Builder::best(const Bins& bins) const {
 u32 Builder::part(const Range& range, const Bounds& bounds, Bounds (&sides)[2]) {
   const u32 levels_left = kMostHeight - range.depth;
   const bool balances = u32(std::bit_width(range.count - 1)) >= levels_left;
-  const Binning binning(bounds.centers);
+  const Binning binning(bounds.centers, range.count);
   const Split split = balances ? Split{} : best(bins(range, binning));
   if (split.axis < 0) return halve(range, bounds, sides);
   const auto is_left = [&](const Item& item) {
-    return Binning::bin(binning.places(item.center())[split.axis]) < split.bin;
+    return binning.bin(binning.places(item.center())[split.axis]) < split.bin;
   };
   u32 left = range.first, right = range.end();
   while (true) {
