@@ -197,7 +197,9 @@ class BvhWalk {
   /// are put off.
   KERNEL void meet_instances(BvhGroup items) {
     while (items.bits != 0) {
-      const u32 bit = highest_bit(items.bits);
+      // Items lie in the order of slots: along x the nearer ones come first.
+      const u32 lowest = items.bits & (0u - items.bits);
+      const u32 bit = highest_bit(space_.octant & 4 ? lowest : items.bits);
       items.bits ^= 1u << bit;
       const u32 item = items.base + bit;
       const BvhInstance& met = bvh_->items[item];
