@@ -47,8 +47,7 @@ inline Floats greater(const Floats& a, const Floats& b) {
 /// Eight bytes.
 inline Floats floats_at(const kernels::u8* bytes) {
 #ifdef __AVX2__
-  const __m128i eight = _mm_loadl_epi64(reinterpret_cast<const __m128i*>(bytes));
-  return Floats(_mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(eight)));
+  return Floats(kernels::load_bytes(bytes));
 #else
   const __m128i eight = _mm_loadl_epi64(reinterpret_cast<const __m128i*>(bytes));
   const __m128 half[2]{_mm_cvtepi32_ps(_mm_cvtepu8_epi32(eight)),

@@ -1,4 +1,5 @@
-// Eight rays at once through the BVH meet what each of them meets alone, on every instruction set.
+// Rays of the host through the BVH: eight at once meet what each of them meets alone, and every
+// instruction set has the same answers.
 #include <bit>
 
 #include "renderer/bvh/host_tracer.h"
@@ -44,14 +45,18 @@ RayPacket random_packet(Random& random) {
   return packet;
 }
 
+std::vector<const bvh::RayFunctions*> levels() {
+  std::vector<const bvh::RayFunctions*> levels{&bvh::kRaysV2};
+  if (__builtin_cpu_supports("x86-64-v3")) levels.push_back(&bvh::kRaysV3);
+  return levels;
+}
+
 }  // namespace
 
 TEST_CASE("bvh packets: eight rays at once meet what each meets alone") {
   Random random(6);
   const BothScenes scenes(random_scene(random, {.count = 30, .holes = false}), {0, 1});
-  std::vector<const bvh::RayFunctions*> levels{&bvh::kRaysV2};
-  if (__builtin_cpu_supports("x86-64-v3")) levels.push_back(&bvh::kRaysV3);
-  for (const bvh::RayFunctions* level : levels) {
+  for (const bvh::RayFunctions* level : levels()) {
     const bvh::BvhHostTracer tracer(scenes.own(), *level);
     constexpr u32 kPackets = 50'000;
     u32 wrong = 0, asked = 0, met = 0;
@@ -67,5 +72,30 @@ TEST_CASE("bvh packets: eight rays at once meet what each meets alone") {
     CHECK(wrong == 0);
     INFO(met << " of " << asked);
     CHECK((met > asked / 10 && met < asked / 10 * 9));
+  }
+}
+
+TEST_CASE("bvh rays: the same bits for every instruction set") {
+  Random random(7);
+  const BothScenes scenes(random_scene(random, {.count = 30}), {0, 1});
+  const kernels::BvhTracer kernel = scenes.bvh();
+  for (const bvh::RayFunctions* level : levels()) {
+    const bvh::BvhHostTracer tracer(scenes.own(), *level);
+    u32 wrong = 0, met = 0;
+    for (u32 i = 0; i < 100'000; ++i) {
+      const kernels::Ray ray = random_ray(random, 12);
+      const u32 instance = i % scenes.view().instance_count;
+      const auto same = [](const kernels::Hit& a, const kernels::Hit& b) {
+        return a.t == b.t && a.instance == b.instance && a.primitive == b.primitive && a.u == b.u &&
+               a.v == b.v;
+      };
+      const kernels::Hit hit = kernel.closest(ray, kernels::kAllRays);
+      wrong += !same(hit, tracer.closest(ray, kernels::kAllRays));
+      wrong += kernel.occluded(ray, kernels::kAllRays) != tracer.occluded(ray, kernels::kAllRays);
+      wrong += !same(kernel.closest_in(instance, ray), tracer.closest_in(instance, ray));
+      met += hit.instance != kNone;
+    }
+    CHECK(wrong == 0);
+    CHECK(met > 10'000);
   }
 }
