@@ -16,7 +16,7 @@ struct Bsdf : Base {
 };
 
 /// In place: a Bsdf is large, and most of it stays unset where there are no layers.
-KERNEL void set_bsdf(Bsdf& b, const MaterialValues& m, const ShadingPoint& at) {
+HELIO_CALL KERNEL void set_bsdf(Bsdf& b, const MaterialValues& m, const ShadingPoint& at) {
   const bool front = dot(at.wo, at.ng) >= 0;
   b.ng = front ? at.ng : -at.ng;
   set_base(b, m, at, front ? at.ns : -at.ns);
@@ -32,7 +32,7 @@ KERNEL Bsdf make_bsdf(const MaterialValues& m, const ShadingPoint& at) {
 }
 
 /// wi   unit, world
-KERNEL BsdfValue evaluate_bsdf(const Bsdf& b, vec3 wi_world) {
+HELIO_CALL KERNEL BsdfValue evaluate_bsdf(const Bsdf& b, vec3 wi_world) {
   const vec3 wi = to_local(b.frame, wi_world);
   const float side = dot(b.ng, wi_world);
   BsdfValue out = evaluate_base(b, wi, side);
@@ -85,7 +85,7 @@ KERNEL bool sample_layered(const Bsdf& b, float u_lobe, vec2 u, BsdfSample& s) {
 /// Chooses a direction; false when light from there counts for nothing.
 ///
 /// u_lobe, u   uniform in [0, 1)
-KERNEL bool sample_bsdf(const Bsdf& b, float u_lobe, vec2 u, BsdfSample& s) {
+HELIO_CALL KERNEL bool sample_bsdf(const Bsdf& b, float u_lobe, vec2 u, BsdfSample& s) {
   return b.layered ? sample_layered(b, u_lobe, u, s)
                    : finish_sample(b, choose_base(b, u_lobe, u, s), s);
 }

@@ -31,7 +31,8 @@ struct LightSample {
 
 /// Radiance that a point of a surface emits in a direction, and that sample_light() counts where
 /// the surface belongs to a light. wo: unit, world, leaves the surface.
-KERNEL vec3 emitted(const SceneView& scene, const Surface& s, const MaterialValues& m, vec3 wo) {
+HELIO_CALL KERNEL vec3 emitted(const SceneView& scene, const Surface& s, const MaterialValues& m,
+                               vec3 wo) {
   const bool front = dot(wo, s.ng) >= 0;
   vec3 radiance(0);
   const MaterialView& material = *s.material;
@@ -57,8 +58,8 @@ KERNEL vec3 shown(const Surface& s, const MaterialValues& m) {
 
 /// Density [1/sr] with which sample_light() would have taken the direction in which a ray from the
 /// receiver met a light.
-KERNEL float light_pdf(const SceneView& scene, const Receiver& from, const Hit& hit, vec3 direction,
-                       u32 index) {
+HELIO_CALL KERNEL float light_pdf(const SceneView& scene, const Receiver& from, const Hit& hit,
+                                  vec3 direction, u32 index) {
   const LightPlace at = light_place(scene, index, from.time);
   const TriangleTree& tree = at.light.tree;
   const float chosen = leaf_probability(scene.light_nodes, at.light.leaf, from, false);
@@ -99,8 +100,8 @@ KERNEL bool sample_shape_light(const LightPlace& at, const Receiver& from, float
 }
 
 /// choice: a leaf of the scene's tree.
-KERNEL bool sample_surface_light(const SceneView& scene, const Receiver& from, LeafChoice choice,
-                                 vec2 u2, LightSample& out) {
+HELIO_CALL KERNEL bool sample_surface_light(const SceneView& scene, const Receiver& from,
+                                            LeafChoice choice, vec2 u2, LightSample& out) {
   out.light = scene.light_nodes[choice.node].first;
   const LightPlace at = light_place(scene, out.light, from.time);
   out.time = from.time;
@@ -131,7 +132,7 @@ KERNEL bool sample_surface_light(const SceneView& scene, const Receiver& from, L
 }
 
 /// Radiance of a sampled point of a surface.
-KERNEL vec3 surface_radiance(const SceneView& scene, const LightSample& sample) {
+HELIO_CALL KERNEL vec3 surface_radiance(const SceneView& scene, const LightSample& sample) {
   const LightView& light = scene.lights[sample.light];
   const bool holes = scene.instances[light.instance].flags & kMayBeHole;
   const bool plain = !light.material_emits && light.texture.texture == kNone && !holes;
@@ -145,7 +146,7 @@ KERNEL vec3 surface_radiance(const SceneView& scene, const LightSample& sample) 
 // ---------------------------------------------------------------- dome
 
 /// place: row 0 at v = 0.
-KERNEL vec3 dome_radiance(const SceneView& scene, vec2 place) {
+HELIO_CALL KERNEL vec3 dome_radiance(const SceneView& scene, vec2 place) {
   const DomeView& dome = scene.dome;
   if (dome.texture == kNone) return dome.radiance;
   TextureView texture = scene.textures[dome.texture];
@@ -184,7 +185,8 @@ KERNEL float texel_pdf(const DomeView& dome, const DomePlace& place) {
 
 /// Density [1/sr] with which sample_light() takes a direction to the dome at a point. place: of
 /// that direction.
-KERNEL float dome_pdf(const DomeView& dome, vec3 p, vec3 direction, const DomePlace& place) {
+HELIO_CALL KERNEL float dome_pdf(const DomeView& dome, vec3 p, vec3 direction,
+                                 const DomePlace& place) {
   if (dome.portal_count > 0 && portal_faces(dome, p)) {
     return dome.probability * portal_pdf(dome, p, direction);
   }
@@ -201,7 +203,7 @@ KERNEL Choice choose_column(const DomeView& dome, u32 row, float u) {
   return choose(cdf, guide[i], last + 1 - guide[i], u);
 }
 
-KERNEL bool sample_dome(const SceneView& scene, vec3 p, vec2 u, LightSample& out) {
+HELIO_CALL KERNEL bool sample_dome(const SceneView& scene, vec3 p, vec2 u, LightSample& out) {
   const DomeView& dome = scene.dome;
   out.light = out.sun = kNone;
   out.visibility = kAllRays;
@@ -295,8 +297,8 @@ KERNEL bool sample_sky(const SceneView& scene, vec3 p, vec3 u, LightSample& out)
 /// Chooses a light and a direction to it; false when no light comes from there.
 ///
 /// u, u2   uniform in [0, 1)
-KERNEL bool sample_light(const SceneView& scene, const Receiver& from, float u, vec2 u2,
-                         LightSample& out) {
+HELIO_CALL KERNEL bool sample_light(const SceneView& scene, const Receiver& from, float u, vec2 u2,
+                                    LightSample& out) {
   const float surfaces = scene.surface_probability;
   out.time = from.time;
   if (u >= surfaces) return sample_sky(scene, from.p, vec3(u - surfaces, u2), out);

@@ -121,13 +121,13 @@ KERNEL bool sample_disc_light(const LightPlace& at, vec3 from, vec2 u, ShapePoin
 
 // ---------------------------------------------------------------- both
 
-KERNEL bool sample_shape(const LightPlace& at, vec3 from, vec2 u, ShapePoint& out) {
+HELIO_CALL KERNEL bool sample_shape(const LightPlace& at, vec3 from, vec2 u, ShapePoint& out) {
   return at.mesh.shape == Shape::kDisc ? sample_disc_light(at, from, u, out)
                                        : sample_sphere_light(at, from, u, out);
 }
 
 /// Density [1/sr] with which sample_shape() takes the direction to a point at a distance.
-KERNEL float shape_pdf(const LightPlace& at, vec3 from, vec3 direction, float distance) {
+HELIO_CALL KERNEL float shape_pdf(const LightPlace& at, vec3 from, vec3 direction, float distance) {
   const mat4x3& world = at.pose.world_from_object;
   const vec3 origin = transform_point(at.pose.object_from_world, from);
   if (at.mesh.shape == Shape::kSphere) {

@@ -165,7 +165,7 @@ KERNEL bool sample_near_leaf(const LightPlace& at, vec3 p, vec3 u, TrianglePoint
 
 /// Chooses a point of a leaf's triangles. io.entry: the leaf, then the chosen entry; u.x for the
 /// triangle.
-KERNEL bool sample_leaf(const LightPlace& at, vec3 p, vec3 u, TrianglePoint& io) {
+HELIO_CALL KERNEL bool sample_leaf(const LightPlace& at, vec3 p, vec3 u, TrianglePoint& io) {
   const LightNode& leaf = at.light.tree.nodes[io.entry];
   if (is_near(leaf, transform_point(at.pose.object_from_world, p))) {
     return sample_near_leaf(at, p, u, io);
@@ -185,7 +185,8 @@ KERNEL bool sample_leaf(const LightPlace& at, vec3 p, vec3 u, TrianglePoint& io)
 }
 
 /// Density [1/sr] with which sample_leaf() takes the direction to a point of an entry.
-KERNEL float leaf_pdf(const LightPlace& at, u32 entry, vec3 p, vec3 direction, float distance) {
+HELIO_CALL KERNEL float leaf_pdf(const LightPlace& at, u32 entry, vec3 p, vec3 direction,
+                                 float distance) {
   const TriangleEntry& e = at.light.tree.entries[entry];
   const LightNode& leaf = at.light.tree.nodes[e.leaf];
   if (!is_near(leaf, transform_point(at.pose.object_from_world, p))) {

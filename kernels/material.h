@@ -41,7 +41,8 @@ KERNEL vec2 transform_uv(const TextureUseView& use, const Uvs& uvs) {
 }
 
 /// A texture's value over the width of what is looked at.
-KERNEL vec4 filter_use(const SceneView& scene, const TextureUseView& use, const Uvs& uvs) {
+HELIO_CALL KERNEL vec4 filter_use(const SceneView& scene, const TextureUseView& use,
+                                  const Uvs& uvs) {
   const TextureView& texture = scene.textures[use.texture];
   const float scale = std::sqrt(std::fabs(use.uv_x.x * use.uv_y.y - use.uv_x.y * use.uv_y.x));
   const float texels =
@@ -50,7 +51,8 @@ KERNEL vec4 filter_use(const SceneView& scene, const TextureUseView& use, const 
 }
 
 template <bool kRadiance = false>
-KERNEL vec4 sample_use(const SceneView& scene, const TextureUseView& use, const Uvs& uvs) {
+HELIO_CALL KERNEL vec4 sample_use(const SceneView& scene, const TextureUseView& use,
+                                  const Uvs& uvs) {
   const vec4 texel = sample_texture<kRadiance>(scene.textures[use.texture], transform_uv(use, uvs));
   return texel * use.scale + use.offset;
 }
@@ -137,8 +139,8 @@ KERNEL u32 part_of(const MeshView& mesh, u32 primitive) {
 }
 
 /// Share of rays that meet the surface at a point: 0 or 1 unless the material blends.
-KERNEL float opacity_at(const SceneView& scene, u32 instance_index, u32 primitive,
-                        vec2 barycentric) {
+HELIO_CALL KERNEL float opacity_at(const SceneView& scene, u32 instance_index, u32 primitive,
+                                   vec2 barycentric) {
   const InstanceView& instance = scene.instances[instance_index];
   const MeshView& mesh = scene.meshes[instance.mesh];
   const MaterialView& material = material_of(scene, instance, part_of(mesh, primitive));

@@ -217,61 +217,79 @@ KERNEL CatcherNumbers catcher_numbers(const PathContext<T>& c, const Path& path)
           c.sampler.get2(vertex_pair(path, kScatterPair))};
 }
 
+/// Begins a sample: its path, and what does not need one.
+template <Tracer T>
+HELIO_ONCE KERNEL Path begin_sample(const PathContext<T>& c, u32 x, u32 y, SampleValues& sample) {
+  if (c.film.wanted & kLightPlaneSet) {
+    for (vec3& light : sample.light) light = vec3(0);
+  }
+  const Path path = begin_path(c, x, y, sample);
+  sample.alpha = path.ray.t_max > 0 || !c.settings.transparent_background ? 1 : 0;
+  if (c.film.catcher && has_lights(c.scene)) {
+    sample.caught = see_catcher(CatcherScene<T>{c.scene, c.tracer, sample.rays}, path.ray,
+                                catcher_numbers(c, path));
+  }
+  return path;
+}
+
+/// How far a path's ray may go.
+struct Reach {
+  float end;      // its own t_max
+  Flight flight;  // through the medium that it starts in
+};
+/// Ends the path's ray where the medium that it starts in scatters its light.
+template <Tracer T>
+HELIO_ONCE KERNEL Reach set_out(const PathContext<T>& c, Path& path) {
+  const float end = path.ray.t_max;
+  if (path.inside.depth == 0) return {end, {INFINITY, vec3(0)}};
+  const Flight flight = begin_flight(c, path);
+  path.ray.t_max = min2(end, flight.distance);
+  return {end, flight};
+}
+
+/// The path has set out and its ray has met something, or nothing. Returns whether it goes on.
+///
+/// light   (path, vertex): takes light at the vertex straight from one light
+template <Tracer T, class Light>
+HELIO_ONCE KERNEL bool arrive(const PathContext<T>& c, Path& path, const Reach& reach,
+                              const Hit& hit, SampleValues& sample, const Light& light) {
+  ++sample.rays;
+  Collision at{};
+  const bool collides = meets_volume(c, path, hit.t, at);
+  if (path.inside.depth > 0) {
+    path.ray.t_max = reach.end;
+    const Flown flown = end_flight(c, path, reach.flight, collides ? at.t : hit.t, sample);
+    if (flown != Flown::kPassed) return flown == Flown::kScattered;
+  }
+  if (collides) return hit_volume(c, path, at, sample);
+  if (hit.instance == kNone) {
+    miss(c, path, sample);
+    return false;
+  }
+  Vertex v;
+  sample.hit = true;
+  const bool ends = !hit_surface(c, path, hit, v, sample);
+  if (v.boundary.meeting != Meeting::kScatters) return pass_surface(path, v);
+  if (path.edges == 1 && wants(c.film, Plane::AMBIENT_OCCLUSION)) {
+    sample.open = open_hemisphere(c, v, path, sample);
+  }
+  if (ends) return false;
+  const bool last = path.edges >= c.settings.max_depth;
+  if (last && path.guided) return false;
+  if (!last && has_lights(c.scene) && has_smooth_lobe(v.bsdf)) light(path, v);
+  return scatter(c, path, v, sample) && path.edges <= c.settings.max_depth;
+}
+
 /// Traces one path and all the light it meets.
 template <Tracer T>
 KERNEL SampleValues trace_path(const PathContext<T>& c, u32 x, u32 y) {
   SampleValues sample;
-  if (c.film.wanted & kLightPlaneSet) {
-    for (vec3& light : sample.light) light = vec3(0);
-  }
-  const bool lights = has_lights(c.scene);
-  Path path = begin_path(c, x, y, sample);
-  sample.alpha = path.ray.t_max > 0 || !c.settings.transparent_background ? 1 : 0;
-  if (c.film.catcher && lights) {
-    sample.caught = see_catcher(CatcherScene<T>{c.scene, c.tracer, sample.rays}, path.ray,
-                                catcher_numbers(c, path));
-  }
+  const auto light = [&](const Path& path, const Vertex& v) { sample_light(c, path, v, sample); };
+  Path path = begin_sample(c, x, y, sample);
   while (path.ray.t_max > 0) {  // not even once where the camera sees nothing
-    const bool in_medium = path.inside.depth > 0;
-    Flight flight{INFINITY, vec3(0)};
-    const float end = path.ray.t_max;
-    if (in_medium) {
-      flight = begin_flight(c, path);
-      path.ray.t_max = min2(end, flight.distance);
-    }
+    const Reach reach = set_out(c, path);
     const Hit hit = c.tracer.closest(path.ray, path.mask);
-    ++sample.rays;
-    Collision at{};
-    const bool collides = meets_volume(c, path, hit.t, at);
-    if (in_medium) {
-      path.ray.t_max = end;
-      const Flown flown = end_flight(c, path, flight, collides ? at.t : hit.t, sample);
-      if (flown == Flown::kScattered) continue;
-      if (flown == Flown::kEnded) break;
-    }
-    if (collides) {
-      if (hit_volume(c, path, at, sample)) continue;
-      break;
-    }
-    if (hit.instance == kNone) {
-      miss(c, path, sample);
-      break;
-    }
-    Vertex v;
-    sample.hit = true;
-    const bool ends = !hit_surface(c, path, hit, v, sample);
-    if (v.boundary.meeting != Meeting::kScatters) {
-      if (!pass_surface(path, v)) break;
-      continue;
-    }
-    if (path.edges == 1 && wants(c.film, Plane::AMBIENT_OCCLUSION)) {
-      sample.open = open_hemisphere(c, v, path, sample);
-    }
-    if (ends) break;
-    const bool last = path.edges >= c.settings.max_depth;
-    if (last && path.guided) break;
-    if (!last && lights && has_smooth_lobe(v.bsdf)) sample_light(c, path, v, sample);
-    if (!scatter(c, path, v, sample) || path.edges > c.settings.max_depth) break;
+    if (!arrive(c, path, reach, hit, sample, light)) break;
   }
   return sample;
 }

@@ -22,6 +22,17 @@
 // A step that few paths take: it stays out of those that call it.
 #define HELIO_RARE __attribute__((noinline))
 
+// A step of the path's loop, which is its only caller.
+#define HELIO_ONCE __attribute__((always_inline))
+
+// A piece that many steps call: on a GPU it is there once. Inlined everywhere, a program would be
+// several times as long and slower.
+#if defined(__CUDA_ARCH__)
+#define HELIO_CALL __attribute__((noinline))
+#else
+#define HELIO_CALL
+#endif
+
 // A constant table that kernels index at run time.
 #if defined(__CUDA_ARCH__)
 #define HELIO_TABLE static __device__ const

@@ -22,7 +22,7 @@ struct Route {
   FirstVertex vertex;
 };
 
-struct SampleValues {
+struct SampleHead {
   vec3 radiance{0};
   float alpha = 0;
   bool hit = false;  // the camera ray met something
@@ -31,6 +31,8 @@ struct SampleValues {
   u32 rays = 0;
   vec3 albedo{0};  // guides
   vec3 normal{0};
+};
+struct SampleValues : SampleHead {
   vec3 light[kLightPlanes];  // in the order of the planes; set only when wanted
 };
 

@@ -167,7 +167,7 @@ KERNEL vec4 bilinear(const TextureView& texture, Taps x, Taps y) {
 
 /// Bilinear lookup (or the nearest texel). uv: v = 0 is the bottom row.
 template <bool kRadiance = false>
-KERNEL vec4 sample_texture(const TextureView& texture, vec2 uv) {
+HELIO_CALL KERNEL vec4 sample_texture(const TextureView& texture, vec2 uv) {
   if (texture.nearest) {
     const u32 x = nearest_tap(uv.x, texture.width, texture.wrap_u);
     const u32 y = nearest_tap(1 - uv.y, texture.height, texture.wrap_v);

@@ -108,7 +108,8 @@ struct Collision {
 };
 
 /// The nearest collision of a ray of these kinds before t_max.
-KERNEL Collision collide(const SceneView& scene, const Ray& ray, u32 mask, float t_max, u32 seed) {
+HELIO_CALL KERNEL Collision collide(const SceneView& scene, const Ray& ray, u32 mask, float t_max,
+                                    u32 seed) {
   Collision nearest{kNone, t_max};
   for (u32 i = 0; i < scene.volume_count; ++i) {
     const VolumeView& volume = scene.volumes[i];
@@ -120,7 +121,7 @@ KERNEL Collision collide(const SceneView& scene, const Ray& ray, u32 mask, float
 }
 
 /// The share of light that passes all volumes on a shadow ray.
-KERNEL float transmittance(const SceneView& scene, const Ray& ray, u32 seed) {
+HELIO_CALL KERNEL float transmittance(const SceneView& scene, const Ray& ray, u32 seed) {
   float result = 1;
   for (u32 i = 0; i < scene.volume_count && result > 0; ++i) {
     const VolumeView& volume = scene.volumes[i];
@@ -149,8 +150,8 @@ struct Medium {
   vec3 emission;  // radiance that a collision there gives off, W sr^-1 m^-2
 };
 
-KERNEL Medium medium_at(const SceneView& scene, const VolumeView& volume, const Ray& world,
-                        float t) {
+HELIO_CALL KERNEL Medium medium_at(const SceneView& scene, const VolumeView& volume,
+                                   const Ray& world, float t) {
   const GridRay ray = to_volume(scene, volume, world);
   Medium medium{volume.albedo, vec3(0)};
   if (volume.color.values) {

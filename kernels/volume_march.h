@@ -103,7 +103,7 @@ KERNEL Collision march(const SceneView& scene, const MarchedSet& set) {
 
 /// Where the volumes that camera rays meet bring the transmittance of a ray to one half before
 /// t_max.
-KERNEL Collision half_way(const SceneView& scene, const Ray& ray, float t_max) {
+HELIO_CALL KERNEL Collision half_way(const SceneView& scene, const Ray& ray, float t_max) {
   MarchedSet set;
   for (u32 i = 0; i < scene.volume_count; ++i) {
     if (!(scene.volumes[i].instance.visibility & kCameraRay)) continue;

@@ -1,0 +1,246 @@
+// Many samples side by side, a step at a time: how a GPU runs the path tracer. Every step of every
+// path is that of path.h; here are the items that wait between two steps, and what reads them.
+//
+// An item is one sample of one pixel. A slot holds one path on its way. Who runs a wave begins an
+// item in each free slot, traces all rays, lets all paths arrive, traces the light rays, and again;
+// when all items are done it folds them into the film, in the order of the samples.
+//
+// Source: Laine, Karras and Aila 2013, "Megakernels Considered Harmful: Wavefront Path Tracing on
+// GPUs". Tested: tests/unit/wave_test.cpp, against render_pixel().
+#pragma once
+
+#include "kernels/path.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+/// What is rendered.
+struct ShotView {
+  SceneView scene;
+  CameraView camera;
+  Settings settings;
+  FilmView film;
+};
+
+/// The side of a tile of pixels.
+inline constexpr u32 kTileSide = 16;
+inline constexpr u32 kTilePixels = kTileSide * kTileSide;
+
+/// A batch of items: samples [first_sample, first_sample + samples) of the pixels of some tiles.
+/// Items of one sample follow each other, tile by tile.
+struct WaveWork {
+  u32 first_tile;
+  u32 tiles;
+  u32 first_sample;
+  u32 samples;
+};
+KERNEL u32 pixels_of(const WaveWork& work) { return work.tiles * kTilePixels; }
+KERNEL u32 items_of(const WaveWork& work) { return pixels_of(work) * work.samples; }
+
+struct alignas(16) WavePath {
+  PathHead head;
+  u32 item;
+};
+struct alignas(16) WaveRay {
+  Ray ray;
+  u32 mask;
+};
+/// Light that comes along its ray if nothing is in the way.
+struct alignas(16) WaveLight {
+  Ray ray;
+  Contribution light;
+  Route route;
+};
+
+/// Memory of a wave.
+struct WaveView {
+  u32* items;           // by slot: what it works on; kNone: it is free
+  WavePath* paths;      // by slot
+  WaveRay* rays;        // by slot
+  Hit* hits;            // by slot
+  WaveLight* lights;    // by slot
+  Inside* insides;      // by slot; null where the scene has no media
+  Reach* reaches;       // by slot; null where the scene has no media
+  SampleHead* samples;  // by item
+  vec3* light_planes;   // (kLightPlanes) of each item; null unless wanted
+  FilmView film;        // items in the place of pixels: light groups add up there
+};
+
+/// Where an item is.
+struct ItemPlace {
+  u32 x, y;
+  u32 sample;
+  bool in_image;
+};
+KERNEL ItemPlace place_of(const FilmView& image, const WaveWork& work, u32 item) {
+  const u32 pixels = pixels_of(work);
+  const u32 in_tiles = item % pixels;
+  const u32 tile = work.first_tile + in_tiles / kTilePixels, in_tile = in_tiles % kTilePixels;
+  const u32 across = (image.width + kTileSide - 1) / kTileSide;
+  const u32 x = tile % across * kTileSide + in_tile % kTileSide;
+  const u32 y = tile / across * kTileSide + in_tile / kTileSide;
+  return {x, y, work.first_sample + item / pixels, x < image.width && y < image.height};
+}
+
+/// Answers of a tracer, but for whether light is occluded: that is asked later.
+template <Tracer T>
+struct LaterTracer {
+  const T& tracer;
+  Ray& asked;        // t_max 0: nothing was
+  WaveLight& light;  // that comes along this ray
+  KERNEL Hit closest(const Ray& ray, u32 mask) const { return tracer.closest(ray, mask); }
+  KERNEL bool occluded(const Ray& ray, u32) const {
+    asked = ray;
+    return false;
+  }
+  KERNEL Hit closest_in(u32 instance, const Ray& ray) const {
+    return tracer.closest_in(instance, ray);
+  }
+};
+
+/// Keeps light until its ray is traced; what has no ray left counts at once.
+template <Tracer T>
+KERNEL void collect(const PathContext<LaterTracer<T>>& c, SampleValues& sample, Contribution light,
+                    const Route& route) {
+  const LaterTracer<T>& later = c.tracer;
+  if (later.asked.t_max > 0) {
+    later.light = {later.asked, light, route};
+    return;
+  }
+  const PathContext<T> now{c.scene, c.camera,  c.settings, later.tracer,
+                           c.film,  c.sampler, c.time,     c.pixel};
+  collect(now, sample, light, route);
+}
+
+/// What became of a path that arrived.
+struct Arrival {
+  bool goes_on;      // it has set out again
+  bool takes_light;  // if the ray of WaveView::lights is free
+};
+
+/// The steps of a wave. No two at a time are of one slot.
+template <Tracer T>
+class Wave {
+ public:
+  KERNEL Wave(const ShotView& shot, const WaveWork& work, const WaveView& view, const T& tracer)
+      : shot_(shot), work_(work), view_(view), tracer_(tracer) {}
+
+  /// Begins an item in a free slot; false where it is done at once.
+  KERNEL bool begin(u32 slot, u32 item) const {
+    const ItemPlace at = place_of(shot_.film, work_, item);
+    if (!at.in_image) return false;
+    const Sampler sampler = sampler_of(at);
+    const float time = path_time(shot_.camera.shutter, sampler, at.y);
+    const CameraAt now(shot_.camera, time);
+    const PathContext<T> c{shot_.scene, now.camera(), shot_.settings, tracer_,
+                           view_.film,  sampler,      time,           item};
+    SampleValues sample;
+    Path path = begin_sample(c, at.x, at.y, sample);
+    put(sample, item);
+    if (!(path.ray.t_max > 0)) return false;
+    set_out_in(c, slot, item, path);
+    return true;
+  }
+  /// The ray of a slot has met hits[slot].
+  KERNEL Arrival arrive(u32 slot) const {
+    const WavePath kept = view_.paths[slot];
+    Path path;
+    static_cast<PathHead&>(path) = kept.head;
+    Reach reach{path.ray.t_max, {INFINITY, vec3(0)}};
+    if (view_.insides) {
+      path.inside = view_.insides[slot];
+      reach = view_.reaches[slot];
+    }
+    const ItemPlace at = place_of(shot_.film, work_, kept.item);
+    const PathContext<T> c = context(kept.item, sampler_of(at), path.ray.time);
+    SampleValues sample;
+    get(sample, kept.item);
+    WaveLight light;
+    light.ray.t_max = 0;
+    const auto take_light = [&](const Path& from, const Vertex& v) {
+      Ray asked;
+      asked.t_max = 0;
+      const LaterTracer<T> later{tracer_, asked, light};
+      sample_light(PathContext<LaterTracer<T>>{c.scene, c.camera, c.settings, later, c.film,
+                                               c.sampler, c.time, c.pixel},
+                   from, v, sample);
+    };
+    const bool goes_on =
+        kernels::arrive(c, path, reach, view_.hits[slot], sample, take_light) && path.ray.t_max > 0;
+    put(sample, kept.item);
+    if (light.ray.t_max > 0) view_.lights[slot] = light;
+    if (goes_on) set_out_in(c, slot, kept.item, path);
+    return {goes_on, light.ray.t_max > 0};
+  }
+  /// Nothing is in the way of the light of a slot.
+  KERNEL void shine(u32 slot) const {
+    const WaveLight& kept = view_.lights[slot];
+    const u32 item = view_.paths[slot].item;
+    SampleValues sample;
+    get(sample, item);
+    collect(context(item, Sampler(0, 0), 0), sample, kept.light, kept.route);
+    put(sample, item);
+  }
+  /// Adds all items of pixel `index` of the work to the film. Returns the rays traced for them.
+  KERNEL u32 fold(u32 index) const {
+    const u32 pixels = pixels_of(work_);
+    u32 rays = 0;
+    for (u32 i = 0; i < work_.samples; ++i) {
+      const u32 item = i * pixels + index;
+      const ItemPlace at = place_of(shot_.film, work_, item);
+      if (!at.in_image) return 0;
+      const u64 pixel = u64(at.y) * shot_.film.width + at.x;
+      SampleValues sample;
+      get(sample, item);
+      if (wants(shot_.film, Plane::BEAUTY_GROUP)) fold_groups(item, pixel);
+      write_sample(shot_.film, pixel, sample, (at.sample + 1) % kBlock == 0);
+      rays += sample.rays;
+    }
+    return rays;
+  }
+
+ private:
+  KERNEL Sampler sampler_of(const ItemPlace& at) const {
+    return {pixel_key(shot_.settings.seed, at.x, at.y), at.sample};
+  }
+  /// Of a path on its way, for which the camera means nothing.
+  KERNEL PathContext<T> context(u32 item, const Sampler& sampler, float time) const {
+    return {shot_.scene, shot_.camera, shot_.settings, tracer_, view_.film, sampler, time, item};
+  }
+  KERNEL void set_out_in(const PathContext<T>& c, u32 slot, u32 item, Path& path) const {
+    const Reach reach = set_out(c, path);
+    if (view_.insides) {
+      view_.insides[slot] = path.inside;
+      view_.reaches[slot] = reach;
+    }
+    view_.paths[slot] = {path, item};
+    view_.rays[slot] = {path.ray, path.mask};
+  }
+  KERNEL void put(const SampleValues& sample, u32 item) const {
+    view_.samples[item] = sample;
+    if (!view_.light_planes) return;
+    for (u32 i = 0; i < kLightPlanes; ++i)
+      view_.light_planes[u64(item) * kLightPlanes + i] = sample.light[i];
+  }
+  KERNEL void get(SampleValues& sample, u32 item) const {
+    static_cast<SampleHead&>(sample) = view_.samples[item];
+    if (!view_.light_planes) return;
+    for (u32 i = 0; i < kLightPlanes; ++i)
+      sample.light[i] = view_.light_planes[u64(item) * kLightPlanes + i];
+  }
+  KERNEL void fold_groups(u32 item, u64 pixel) const {
+    const float* from = view_.film.partial[u32(Plane::BEAUTY_GROUP)] + u64(item) * 3;
+    float* to = shot_.film.partial[u32(Plane::BEAUTY_GROUP)] + pixel * 3;
+    for (u32 group = 0; group < shot_.film.groups; ++group) {
+      for (u32 i = 0; i < 3; ++i) to[i] += from[i];
+      from += u64(view_.film.width) * view_.film.height * 3;
+      to += u64(shot_.film.width) * shot_.film.height * 3;
+    }
+  }
+
+  const ShotView& shot_;
+  const WaveWork& work_;
+  const WaveView& view_;
+  const T& tracer_;
+};
+
+}  // namespace heliograph::kernels::inline HELIO_ISA

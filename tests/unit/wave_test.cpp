@@ -1,0 +1,174 @@
+// A wave of paths against the loop over pixels: the same samples, whoever takes the steps.
+#include "kernels/wave.h"
+
+#include <numeric>
+#include <random>
+
+#include "tests/unit/catch.h"
+#include "tests/unit/random.h"
+#include "tests/unit/test_tracer.h"
+
+using namespace heliograph::test;
+
+namespace {
+
+constexpr uvec2 kSize{20, 18};  // the last tiles are cut
+constexpr u32 kSamples = 20;    // more than a block
+constexpr u32 kSlots = 700;     // fewer than there are items
+
+MaterialView plastic(float roughness, float transmission = 0) {
+  MaterialView m = standard_material();
+  m.constant.base_color = vec3(0.7f, 0.5f, 0.3f);
+  m.constant.roughness = roughness;
+  m.constant.transmission = transmission;
+  return m;
+}
+
+/// A room with a lamp, a glossy floor, two spheres and a dome; the second sphere may hold a medium.
+const SceneView& furnish(TestScene& scene, bool fog) {
+  scene.add_instance(scene.add(rectangle(4, 4)), scene.add(plastic(0.3f)),
+                     pose(mat3(1), {0, 0, -1}));
+  scene.add_instance(scene.add(sphere(16)), scene.add(plastic(0.1f)));
+  MaterialView glass = plastic(0.05f, 1);
+  if (fog) {
+    glass.constant.medium_density = vec3(1);
+    glass.constant.medium_albedo = vec3(0.8f, 0.6f, 0.9f);
+  }
+  scene.add_instance(scene.add(sphere(16)), scene.add(glass), pose(mat3(1), {1.5f, -1, 0}));
+  scene.add_light(scene.add_instance(scene.add(rectangle(1.5f, 1.5f)),
+                                     scene.add(emitter(vec3(4, 5, 6))),
+                                     pose(rotation({1, 0, 0}, kPi), {0.5f, 0.3f, 3})));
+  std::vector<float> texels(size_t(16) * 8 * 3, 0.3f);
+  texels[40] = 20;
+  scene.set_dome(vec3(1), scene.add_texture(texels, {16, 8}, TexelType::kF32));
+  return scene.finish();
+}
+
+/// Runs a wave as its reader does, its slots in random order.
+class HostWave {
+ public:
+  HostWave(const ShotView& shot, const WaveWork& work, const TestTracer& tracer)
+      : tracer_(tracer), wave_(shot, work, view_, tracer), items_(items_of(work)) {
+    item_.assign(kSlots, kNone);
+    paths_.resize(kSlots);
+    rays_.resize(kSlots);
+    hits_.resize(kSlots);
+    lights_.resize(kSlots);
+    insides_.resize(kSlots);
+    reaches_.resize(kSlots);
+    samples_.resize(items_);
+    light_planes_.resize(size_t(items_) * kLightPlanes);
+    groups_.assign(size_t(items_) * 3 * std::max(shot.film.groups, 1u), 0);
+    view_ = {item_.data(), paths_.data(), rays_.data(),    hits_.data(), lights_.data(),
+             nullptr,      nullptr,       samples_.data(), nullptr,      shot.film};
+    if (shot.scene.any_media) {
+      view_.insides = insides_.data();
+      view_.reaches = reaches_.data();
+    }
+    if (shot.film.wanted & kLightPlaneSet) view_.light_planes = light_planes_.data();
+    view_.film.width = items_;
+    view_.film.height = 1;
+    view_.film.partial[u32(Plane::BEAUTY_GROUP)] = groups_.data();
+  }
+  void run() {
+    std::vector<u32> order(kSlots);
+    std::iota(order.begin(), order.end(), 0);
+    std::mt19937 dice(1);
+    for (u32 next = 0, active = 1; active > 0 || next < items_;) {
+      std::shuffle(order.begin(), order.end(), dice);
+      active = 0;
+      for (const u32 slot : order) {
+        while (item_[slot] == kNone && next < items_) {
+          if (wave_.begin(slot, next)) item_[slot] = next;
+          ++next;
+        }
+        if (item_[slot] == kNone) continue;
+        ++active;
+        hits_[slot] = tracer_.closest(rays_[slot].ray, rays_[slot].mask);
+      }
+      for (const u32 slot : order) step(slot);
+    }
+  }
+  u64 fold(u32 pixels) {
+    u64 rays = 0;
+    for (u32 i = 0; i < pixels; ++i) rays += wave_.fold(i);
+    return rays;
+  }
+
+ private:
+  void step(u32 slot) {
+    if (item_[slot] == kNone) return;
+    const Arrival arrival = wave_.arrive(slot);
+    if (arrival.takes_light && !tracer_.occluded(lights_[slot].ray, kShadowRay)) wave_.shine(slot);
+    if (!arrival.goes_on) item_[slot] = kNone;
+  }
+
+  const TestTracer& tracer_;
+  WaveView view_{};
+  Wave<TestTracer> wave_;
+  u32 items_;
+  std::vector<u32> item_;
+  std::vector<WavePath> paths_;
+  std::vector<WaveRay> rays_;
+  std::vector<Hit> hits_;
+  std::vector<WaveLight> lights_;
+  std::vector<Inside> insides_;
+  std::vector<Reach> reaches_;
+  std::vector<SampleHead> samples_;
+  std::vector<vec3> light_planes_;
+  std::vector<float> groups_;
+};
+
+void check_same(const SceneView& scene, PlaneSet wanted) {
+  const CameraView camera = look_at({3, -3, 2}, {0, 0, -0.2f}, kSize, 0.8f);
+  Settings settings = standard_settings(7);
+  settings.roulette = true;
+  settings.clamp_indirect = 3;
+  const TestTracer tracer(scene);
+  const TestFilm loop(kSize, wanted), wave(kSize, wanted);
+  u64 rays = 0;
+  for (u32 y = 0; y < kSize.y; ++y)
+    for (u32 x = 0; x < kSize.x; ++x)
+      rays += render_pixel(scene, camera, settings, tracer, loop.view, x, y, 0, kSamples);
+  // In two batches of samples, for all tiles.
+  for (const auto& [first, count] : {std::pair{0u, 7u}, std::pair{7u, kSamples - 7}}) {
+    const ShotView shot{scene, camera, settings, wave.view};
+    const WaveWork work{0, 4, first, count};
+    HostWave host(shot, work, tracer);
+    host.run();
+    rays -= host.fold(pixels_of(work));
+  }
+  CHECK(rays == 0);
+  for (u32 plane = 0; plane < kPlanes; ++plane) {
+    if (!(wanted >> plane & 1)) continue;
+    INFO(plane);
+    const bool sums_differ = Plane(plane) == Plane::BEAUTY_GROUP;  // of a sample, then of samples
+    u64 different = 0;
+    for (u64 i = 0; i < u64(kSize.x) * kSize.y; ++i) {
+      const float a = loop.mean(Plane(plane), i, kSamples),
+                  b = wave.mean(Plane(plane), i, kSamples);
+      different += sums_differ ? std::abs(a - b) > 1e-5f * std::abs(a) : a != b;
+    }
+    CHECK(different == 0);
+  }
+}
+
+constexpr PlaneSet kEverything = kBeauty | kLightPlaneSet | kGuidePlaneSet |
+                                 plane_bit(Plane::BEAUTY_GROUP) | plane_bit(Plane::COVERAGE) |
+                                 plane_bit(Plane::AMBIENT_OCCLUSION) | plane_bit(Plane::COST);
+
+}  // namespace
+
+TEST_CASE("wave: its film is that of the loop over pixels") {
+  TestScene scene;
+  const SceneView& view = furnish(scene, false);
+  check_same(view, kBeauty);
+  check_same(view, kEverything);
+}
+
+TEST_CASE("wave: media keep to their paths") {
+  TestScene scene;
+  const SceneView& view = furnish(scene, true);
+  REQUIRE(view.any_media);
+  check_same(view, kEverything);
+}
