@@ -15,6 +15,8 @@
 
 namespace heliograph {
 
+using TimePoint = std::chrono::steady_clock::time_point;
+
 /// A snapshot in a span of time, resident on the device. Immutable while anybody holds it.
 class DeviceScene {
  public:
@@ -42,7 +44,7 @@ struct WorkRange {
 /// When to give up. Checked between pieces of work of at most some milliseconds.
 struct Interrupt {
   std::stop_token stop;
-  std::optional<std::chrono::steady_clock::time_point> deadline;
+  std::optional<TimePoint> deadline;
 
   [[nodiscard]] bool requested() const {
     return stop.stop_requested() || (deadline && std::chrono::steady_clock::now() >= *deadline);
@@ -90,9 +92,15 @@ class Backend {
       const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
       const Interrupt& interrupt) = 0;
   [[nodiscard]] virtual Expected<std::unique_ptr<Film>> begin(const Shot& shot) = 0;
-  /// Traces the mean planes' samples of a range. The result does not depend on how work is split.
-  [[nodiscard]] virtual Status render(Film& film, const WorkRange& range,
-                                      const Interrupt& interrupt) = 0;
+  /// Whether render() may return before its range is done. Then ranges need not fit into a slice.
+  [[nodiscard]] virtual bool pauses() const { return false; }
+  /// Traces the mean planes' samples of a range. Returns whether it is done; where it is not, the
+  /// next call for the film is the same again and goes on. The result does not depend on how work
+  /// is split.
+  ///
+  /// until   when a backend that pauses is to return
+  [[nodiscard]] virtual Expected<bool> render(Film& film, const WorkRange& range, TimePoint until,
+                                              const Interrupt& interrupt) = 0;
   /// Traces the centre planes of a range of tiles.
   [[nodiscard]] virtual Status probe(Film& film, u32 first_tile, u32 tile_count,
                                      const Interrupt& interrupt) = 0;

@@ -55,6 +55,10 @@ bool Runner::Pause::await_ready() const {
 
 double Runner::in_slice() const { return seconds(Clock::now() - resumed_); }
 
+TimePoint Runner::slice_end() const {
+  return resumed_ + std::chrono::duration_cast<Clock::duration>(context_.slice);
+}
+
 double Runner::slice_left() const { return context_.slice.count() - in_slice(); }
 
 Steps Runner::run() {
@@ -114,7 +118,8 @@ Steps Runner::label(Film& film, Frame& frame) {
 Steps Runner::probe(Film& film) {
   for (u32 tile = 0; tile < film.tiles();) {
     const double wanted = seconds_per_probe_ > 0 ? slice_left() / seconds_per_probe_ : 4;
-    const u32 count = u32(std::clamp(wanted, 1.0, double(film.tiles() - tile)));
+    const u32 left = film.tiles() - tile;
+    const u32 count = context_.backend.pauses() ? left : u32(std::clamp(wanted, 1.0, double(left)));
     const auto start = Clock::now();
     HELIO_CO_TRY(context_.backend.probe(film, tile, count, context_.interrupt));
     seconds_per_probe_ = seconds(Clock::now() - start) / count;
@@ -207,7 +212,24 @@ bool Runner::finished(Film& film, u32 done) {
   return false;
 }
 
+/// A pass of a backend that pauses by itself.
+Steps Runner::long_pass(Film& film, WorkRange range) {
+  for (;;) {
+    const auto done = context_.backend.render(film, range, slice_end(), context_.interrupt);
+    if (!done) co_return std::unexpected(done.error());
+    if (*done) break;
+    HELIO_CO_TRY(co_await pause());
+  }
+  const u64 taken = u64(range.tile_count) * range.sample_count;
+  tile_samples_ += taken;
+  samples_ += taken * kTilePixels;
+  report(film, share_done(film), false);
+  co_return co_await pause();
+}
+
 Steps Runner::pass(Film& film, Tiles tiles, u32 first, u32 count) {
+  if (context_.backend.pauses())
+    co_return co_await long_pass(film, {tiles.begin, tiles.end - tiles.begin, first, count});
   for (u32 tile = tiles.begin; tile < tiles.end;) {
     // A slice is some tiles with all samples of the pass, or one tile with some of them.
     double fits = seconds_per_sample_ > 0 ? slice_left() / seconds_per_sample_ : 1;
@@ -216,8 +238,8 @@ Steps Runner::pass(Film& film, Tiles tiles, u32 first, u32 count) {
       fits = seconds_per_sample_ > 0 ? slice_left() / seconds_per_sample_ : 1;
       const u32 samples = u32(std::clamp(fits / wide, 1.0, double(count - taken)));
       const auto start = Clock::now();
-      HELIO_CO_TRY(
-          context_.backend.render(film, {tile, wide, first + taken, samples}, context_.interrupt));
+      HELIO_CO_TRY(context_.backend.render(film, {tile, wide, first + taken, samples}, slice_end(),
+                                           context_.interrupt));
       const double took = seconds(Clock::now() - start) / (double(wide) * samples);
       seconds_per_sample_ =
           std::max(took, std::min(kRemembered * seconds_per_sample_, kDearest * took));

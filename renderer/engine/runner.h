@@ -44,6 +44,7 @@ class Runner {
   [[nodiscard]] Steps sample_noisy(Film& film, const Frame& frame);
   [[nodiscard]] Steps round(Film& film, const std::vector<u32>& tiles);
   [[nodiscard]] Steps pass(Film& film, Tiles tiles, u32 first, u32 count);
+  [[nodiscard]] Steps long_pass(Film& film, WorkRange range);
   [[nodiscard]] u32 most_samples() const;
   [[nodiscard]] u32 next_pass(u32 done) const;
   [[nodiscard]] bool out_of_time() const;
@@ -59,7 +60,8 @@ class Runner {
     [[nodiscard]] Status await_resume() const { return runner.context_.interrupt.status(); }
   };
   [[nodiscard]] Pause pause() { return {*this}; }
-  [[nodiscard]] double in_slice() const;    // seconds, so far
+  [[nodiscard]] double in_slice() const;  // seconds, so far
+  [[nodiscard]] TimePoint slice_end() const;
   [[nodiscard]] double slice_left() const;  // seconds
   void report(const Film& film, double done_in_camera, bool force);
   [[nodiscard]] double share_done(const Film& film) const;

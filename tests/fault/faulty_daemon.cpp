@@ -41,10 +41,10 @@ class FaultyBackend final : public Backend {
   [[nodiscard]] Expected<std::unique_ptr<Film>> begin(const Shot& shot) override {
     return inner_->begin(shot);
   }
-  [[nodiscard]] Status render(Film& film, const WorkRange& range,
-                              const Interrupt& interrupt) override {
+  [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, TimePoint until,
+                                      const Interrupt& interrupt) override {
     HELIO_TRY(fault());
-    return inner_->render(film, range, interrupt);
+    return inner_->render(film, range, until, interrupt);
   }
   [[nodiscard]] Status probe(Film& film, u32 first_tile, u32 tile_count,
                              const Interrupt& interrupt) override {

@@ -90,7 +90,7 @@ std::vector<PlaneData> planes_by_ranges(Backend& backend, const RenderJob& job, 
   const u32 tiles = (*film)->tiles();
   for (u32 tile = 0; tile < tiles; tile += probe)
     REQUIRE(backend.probe(**film, tile, std::min(probe, tiles - tile), {}).has_value());
-  for (const WorkRange& range : ranges) REQUIRE(backend.render(**film, range, {}).has_value());
+  for (const WorkRange& range : ranges) REQUIRE(backend.render(**film, range, {}, {}).value());
   auto planes = backend.resolve(**film);
   REQUIRE(planes.has_value());
   return *std::move(planes);

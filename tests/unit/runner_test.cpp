@@ -42,7 +42,8 @@ class SlowBackend final : public Backend {
   [[nodiscard]] Expected<std::unique_ptr<Film>> begin(const Shot&) override {
     return std::make_unique<SlowFilm>();
   }
-  [[nodiscard]] Status render(Film& film, const WorkRange& range, const Interrupt&) override {
+  [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, TimePoint,
+                                      const Interrupt&) override {
     double tiles = 0;  // cheap ones
     for (u32 tile = range.first_tile; tile < range.first_tile + range.tile_count; ++tile) {
       const u32 x = tile % film.tiles_across(), y = tile / film.tiles_across();
@@ -51,7 +52,7 @@ class SlowBackend final : public Backend {
     const Seconds time = tiles * range.sample_count * kCheap;
     std::this_thread::sleep_for(time);
     taken += time;
-    return {};
+    return true;
   }
   [[nodiscard]] Status probe(Film&, u32, u32, const Interrupt&) override { return {}; }
   [[nodiscard]] Expected<std::vector<Column>> labels(Film&, const Interrupt&) override {

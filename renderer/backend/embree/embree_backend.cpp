@@ -83,8 +83,8 @@ class EmbreeBackend final : public Backend {
   [[nodiscard]] Expected<std::unique_ptr<Film>> begin(const Shot& shot) override {
     return host::HostFilm::create(shot);
   }
-  [[nodiscard]] Status render(Film& film, const WorkRange& range,
-                              const Interrupt& interrupt) override;
+  [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, TimePoint until,
+                                      const Interrupt& interrupt) override;
   [[nodiscard]] Status probe(Film& film, u32 first_tile, u32 tile_count,
                              const Interrupt& interrupt) override;
   [[nodiscard]] Expected<std::vector<Column>> labels(Film& film,
@@ -136,7 +136,8 @@ Status EmbreeBackend::for_each_band(host::HostFilm& film, u32 first_tile, u32 ti
   return skipped ? interrupt.status() : Status{};
 }
 
-Status EmbreeBackend::render(Film& film, const WorkRange& range, const Interrupt& interrupt) {
+Expected<bool> EmbreeBackend::render(Film& film, const WorkRange& range, TimePoint,
+                                     const Interrupt& interrupt) {
   auto& own = static_cast<host::HostFilm&>(film);
   std::vector<RenderTask> tasks;
   for (const host::RenderTask& task : own.render_tasks()) tasks.push_back(for_embree(task));
@@ -149,7 +150,7 @@ Status EmbreeBackend::render(Film& film, const WorkRange& range, const Interrupt
       }));
   for (u32 i = 0; i < range.tile_count; ++i)
     own.set_samples(range.first_tile + i, range.first_sample + range.sample_count);
-  return {};
+  return true;
 }
 
 Status EmbreeBackend::probe(Film& film, u32 first_tile, u32 tile_count,
