@@ -37,7 +37,21 @@ ALLOWED = {
         "renderer/host",
         "kernels",
     },
-    "renderer/backend": {"renderer/base", "renderer/engine", "renderer/backend/embree"},
+    "renderer/backend/cuda": {
+        "renderer/base",
+        "renderer/scene",
+        "renderer/engine",
+        "renderer/resident",
+        "renderer/host",
+        "renderer/bvh",
+        "kernels",
+    },
+    "renderer/backend": {
+        "renderer/base",
+        "renderer/engine",
+        "renderer/backend/embree",
+        "renderer/backend/cuda",
+    },
     "server/decode": {
         "renderer/base",
         "renderer/scene",

@@ -1,0 +1,142 @@
+#include "renderer/backend/cuda/context.h"
+
+#include <fmt/format.h>
+
+#include <limits>
+
+#include "renderer/backend/cuda/programs.h"
+
+namespace heliograph::cuda {
+namespace {
+
+constexpr Result kOutOfMemory = 2;
+constexpr int kReleaseThreshold = 4;   // CU_MEMPOOL_ATTR_RELEASE_THRESHOLD
+constexpr unsigned kNonBlocking = 1;   // CU_STREAM_NON_BLOCKING
+constexpr unsigned kBlockingWait = 4;  // CU_CTX_SCHED_BLOCKING_SYNC
+
+}  // namespace
+
+DeviceMemory::~DeviceMemory() {
+  if (at_) context_->release(at_);
+}
+
+Expected<std::shared_ptr<Context>> Context::create(int index) {
+  auto driver = load_driver();
+  if (!driver) return std::unexpected(std::move(driver).error());
+  std::shared_ptr<Context> context(new Context(*std::move(driver)));
+  HELIO_TRY(context->open(index));
+  return context;
+}
+
+Status Context::open(int index) {
+  int devices = 0;
+  HELIO_TRY(check(driver_.device_count(&devices), "counting GPUs"));
+  if (index >= devices)
+    return fail(Code::kUnavailable, "backend",
+                fmt::format("there is no GPU {}; the driver shows {}", index, devices));
+  Device device = 0;
+  HELIO_TRY(check(driver_.device_at(&device, index), "opening the GPU"));
+  char name[256] = {};
+  HELIO_TRY(check(driver_.device_name(name, sizeof name, device), "asking for the GPU's name"));
+  const auto attribute = [&](Attribute which) {
+    int value = 0;
+    (void)driver_.device_attribute(&value, int(which), device);
+    return value;
+  };
+  name_ =
+      fmt::format("{} sm_{}{}", name, attribute(Attribute::kMajor), attribute(Attribute::kMinor));
+  processors_ = u32(attribute(Attribute::kProcessors));
+  HELIO_TRY(check(driver_.create_context(&context_, kBlockingWait, device), "making a context"));
+  std::size_t free = 0, total = 0;
+  HELIO_TRY(check(driver_.memory_info(&free, &total), "asking for the GPU's memory"));
+  memory_bytes_ = total;
+  HELIO_TRY(check(driver_.create_stream(&stream_, kNonBlocking), "making a stream"));
+  HELIO_TRY(check(driver_.default_pool(&pool_, device), "opening the memory pool"));
+  u64 keep = std::numeric_limits<u64>::max();
+  HELIO_TRY(check(driver_.set_pool(pool_, kReleaseThreshold, &keep), "setting the memory pool"));
+  return check(driver_.load_module(&module_, programs().data()), "loading the GPU programs");
+}
+
+Context::~Context() {
+  if (!context_) return;
+  (void)driver_.set_context(context_);
+  if (stream_) (void)driver_.wait_for_stream(stream_);
+  if (module_) (void)driver_.unload_module(module_);
+  if (stream_) (void)driver_.destroy_stream(stream_);
+  (void)driver_.destroy_context(context_);
+}
+
+Status Context::check(Result result, const char* what) const {
+  if (result == 0) return {};
+  if (result == kOutOfMemory)
+    return fail(
+        Code::kResourceExhausted, "",
+        fmt::format("the GPU has no memory left for {}; render smaller images or scenes", what));
+  lost_ = true;
+  return fail(Code::kUnavailable, "", fmt::format("{} failed: {}", what, driver_.describe(result)));
+}
+
+Status Context::enter() const { return check(driver_.set_context(context_), "entering the GPU"); }
+
+Expected<DeviceMemory> Context::allocate(u64 bytes) {
+  DevicePointer at = 0;
+  if (bytes == 0) return DeviceMemory();
+  Result result = driver_.allocate(&at, bytes, stream_);
+  if (result == kOutOfMemory) {
+    HELIO_TRY(wait());
+    (void)driver_.trim_pool(pool_, 0);
+    result = driver_.allocate(&at, bytes, stream_);
+  }
+  HELIO_TRY(check(result, "a buffer"));
+  return DeviceMemory(shared_from_this(), at, bytes);
+}
+
+Expected<DeviceMemory> Context::zeroed(u64 bytes) {
+  auto memory = allocate(bytes);
+  if (memory && bytes > 0) HELIO_TRY(fill(memory->at(), 0, bytes));
+  return memory;
+}
+
+void Context::release(DevicePointer at) {
+  if (is_lost()) return;  // its memory goes with the context
+  (void)driver_.set_context(context_);
+  (void)driver_.release(at, stream_);
+}
+
+Status Context::upload(DevicePointer to, std::span<const std::byte> from) {
+  if (from.empty()) return {};
+  return check(driver_.upload(to, from.data(), from.size(), stream_), "an upload");
+}
+
+Status Context::fill(DevicePointer at, u8 byte, u64 bytes) {
+  return check(driver_.fill(at, byte, bytes, stream_), "filling memory");
+}
+
+Status Context::download(std::span<std::byte> to, DevicePointer from) {
+  if (!to.empty())
+    HELIO_TRY(check(driver_.download(to.data(), from, to.size(), stream_), "a download"));
+  return wait();
+}
+
+Status Context::wait() { return check(driver_.wait_for_stream(stream_), "work on the GPU"); }
+
+Expected<FunctionHandle> Context::function(const char* name) const {
+  FunctionHandle function = nullptr;
+  HELIO_TRY(check(driver_.function_in(&function, module_, name), "finding a GPU program"));
+  return function;
+}
+
+Status Context::launch(FunctionHandle program, LaunchSize size, std::span<void*> arguments) {
+  if (size.blocks == 0) return {};
+  return check(driver_.launch(program, size.blocks, 1, 1, size.threads, 1, 1, 0, stream_,
+                              arguments.data(), nullptr),
+               "starting work on the GPU");
+}
+
+u32 Context::resident_blocks(FunctionHandle program, u32 threads) const {
+  int blocks = 0;
+  (void)driver_.blocks_per_processor(&blocks, program, int(threads), 0);
+  return u32(std::max(blocks, 1));
+}
+
+}  // namespace heliograph::cuda

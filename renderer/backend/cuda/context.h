@@ -1,0 +1,102 @@
+// A GPU as this backend uses it: one context, one stream, the programs, memory by the driver's
+// pool.
+#pragma once
+
+#include <atomic>
+#include <span>
+#include <string_view>
+
+#include "renderer/backend/cuda/driver.h"
+
+namespace heliograph::cuda {
+
+class Context;
+
+/// Owns: a piece of device memory. Freeing is ordered after the work that is on its way. Thread:
+/// any, one at a time.
+class DeviceMemory {
+ public:
+  DeviceMemory() = default;
+  DeviceMemory(std::shared_ptr<Context> context, DevicePointer at, u64 bytes)
+      : context_(std::move(context)), at_(at), bytes_(bytes) {}
+  DeviceMemory(DeviceMemory&& other) noexcept { swap(other); }
+  DeviceMemory& operator=(DeviceMemory&& other) noexcept {
+    swap(other);
+    return *this;
+  }
+  ~DeviceMemory();
+  [[nodiscard]] DevicePointer at() const { return at_; }
+  [[nodiscard]] u64 bytes() const { return bytes_; }
+  template <class T>
+  [[nodiscard]] T* as() const {
+    return reinterpret_cast<T*>(at_);
+  }
+
+ private:
+  void swap(DeviceMemory& other) noexcept {
+    std::swap(context_, other.context_);
+    std::swap(at_, other.at_);
+    std::swap(bytes_, other.bytes_);
+  }
+  std::shared_ptr<Context> context_;
+  DevicePointer at_ = 0;
+  u64 bytes_ = 0;
+};
+
+/// Blocks of threads.
+struct LaunchSize {
+  u32 blocks;
+  u32 threads;
+};
+
+/// Work goes to the device in the order of the calls; those that say so wait for it. Errors:
+/// RESOURCE_EXHAUSTED without memory; everything else is UNAVAILABLE, and the context is lost.
+/// Thread: that of the device, but for DeviceMemory.
+class Context : public std::enable_shared_from_this<Context> {
+ public:
+  /// index   of the device, as the driver counts. Fails with UNAVAILABLE.
+  [[nodiscard]] static Expected<std::shared_ptr<Context>> create(int index);
+  ~Context();
+  Context(const Context&) = delete;
+  Context& operator=(const Context&) = delete;
+
+  /// Makes this the calling thread's context.
+  [[nodiscard]] Status enter() const;
+  [[nodiscard]] Expected<DeviceMemory> allocate(u64 bytes);
+  [[nodiscard]] Expected<DeviceMemory> zeroed(u64 bytes);
+  /// The bytes may change as soon as it returns.
+  [[nodiscard]] Status upload(DevicePointer to, std::span<const std::byte> from);
+  [[nodiscard]] Status fill(DevicePointer at, u8 byte, u64 bytes);
+  /// Waits.
+  [[nodiscard]] Status download(std::span<std::byte> to, DevicePointer from);
+  [[nodiscard]] Status wait();
+  [[nodiscard]] Expected<FunctionHandle> function(const char* name) const;
+  /// arguments   of the program, one after the other
+  [[nodiscard]] Status launch(FunctionHandle program, LaunchSize size, std::span<void*> arguments);
+
+  [[nodiscard]] const std::string& name() const { return name_; }
+  [[nodiscard]] u32 processors() const { return processors_; }
+  [[nodiscard]] u64 memory_bytes() const { return memory_bytes_; }
+  [[nodiscard]] bool is_lost() const { return lost_.load(std::memory_order_relaxed); }
+  /// Blocks of so many threads that one processor runs at once.
+  [[nodiscard]] u32 resident_blocks(FunctionHandle program, u32 threads) const;
+
+ private:
+  friend class DeviceMemory;
+  explicit Context(Driver driver) : driver_(std::move(driver)) {}
+  [[nodiscard]] Status open(int index);
+  [[nodiscard]] Status check(Result result, const char* what) const;
+  void release(DevicePointer at);
+
+  const Driver driver_;
+  ContextHandle context_ = nullptr;
+  StreamHandle stream_ = nullptr;
+  ModuleHandle module_ = nullptr;
+  PoolHandle pool_ = nullptr;
+  std::string name_;
+  u32 processors_ = 0;
+  u64 memory_bytes_ = 0;
+  mutable std::atomic<bool> lost_{false};
+};
+
+}  // namespace heliograph::cuda

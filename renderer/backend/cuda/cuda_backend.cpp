@@ -1,0 +1,159 @@
+// The GPU backend: scenes and trees are made on the host, samples and centre planes on the device,
+// labels and questions on the host again.
+#include "renderer/backend/cuda/cuda_backend.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "renderer/backend/cuda/film.h"
+#include "renderer/backend/cuda/programs.h"
+#include "renderer/bvh/accelerator.h"
+#include "renderer/bvh/host_tracer.h"
+#include "renderer/host/labels.h"
+#include "renderer/host/queries.h"
+#include "renderer/resident/parallel.h"
+
+namespace heliograph::cuda {
+namespace {
+
+/// Scenes whose copies stay, so that the next one finds what it has in common with them.
+constexpr std::size_t kScenesKept = 8;
+
+host::SceneRays rays_of(std::shared_ptr<const ResidentScene> scene) {
+  auto tracer = std::make_unique<const bvh::BvhHostTracer>(*scene);
+  return {std::move(scene), std::move(tracer)};
+}
+
+class CudaBackend final : public Backend {
+ public:
+  CudaBackend(std::shared_ptr<Context> context, const Programs& programs,
+              const BackendOptions& options)
+      : context_(std::move(context)),
+        programs_(programs),
+        mirror_(context_),
+        cache_(options.cache_bytes),
+        store_(accelerator_, cache_, options.cache_bytes),
+        arena_(options.threads ? int(options.threads) : tbb::task_arena::automatic) {}
+
+  [[nodiscard]] std::string_view name() const override { return "cuda"; }
+  [[nodiscard]] std::string cpu_features() const override { return context_->name(); }
+  [[nodiscard]] bool ready(const Snapshot& snapshot) const override {
+    return store_.ready(snapshot);
+  }
+  [[nodiscard]] Status warm(const Snapshot& snapshot) override { return store_.warm(snapshot); }
+  [[nodiscard]] Expected<std::shared_ptr<const DeviceScene>> prepare(
+      const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
+      const Interrupt& interrupt) override {
+    return run_in(arena_, [&] { return store_.prepare(snapshot, span, interrupt); });
+  }
+  [[nodiscard]] Expected<std::unique_ptr<Film>> begin(const Shot& shot) override;
+  [[nodiscard]] bool pauses() const override { return true; }
+  [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, TimePoint until,
+                                      const Interrupt& interrupt) override;
+  [[nodiscard]] Status probe(Film& film, u32 first_tile, u32 tile_count,
+                             const Interrupt& interrupt) override;
+  [[nodiscard]] Expected<std::vector<Column>> labels(Film& film,
+                                                     const Interrupt& interrupt) override;
+  [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film& film) override;
+  [[nodiscard]] Noise noise(const Film& film) override;
+  [[nodiscard]] Expected<QueryResult> query(const QueryJob& job,
+                                            const Interrupt& interrupt) override;
+  [[nodiscard]] u64 derived_bytes() const override { return cache_.bytes() + store_.bytes(); }
+  [[nodiscard]] bool is_lost() const override { return context_->is_lost(); }
+
+ private:
+  [[nodiscard]] Expected<std::shared_ptr<const CudaScene>> copy_of(
+      const std::shared_ptr<const ResidentScene>& scene);
+
+  std::shared_ptr<Context> context_;
+  const Programs programs_;
+  Mirror mirror_;
+  DerivedCache cache_;
+  const bvh::BvhAccelerator accelerator_;
+  SceneStore store_;
+  tbb::task_arena arena_;
+  std::vector<std::shared_ptr<const CudaScene>> recent_;  // the last is the latest
+};
+
+Expected<std::shared_ptr<const CudaScene>> CudaBackend::copy_of(
+    const std::shared_ptr<const ResidentScene>& scene) {
+  const auto known =
+      std::ranges::find_if(recent_, [&](const auto& copy) { return copy->host() == scene; });
+  if (known != recent_.end()) {
+    std::rotate(known, known + 1, recent_.end());
+    return recent_.back();
+  }
+  auto made = CudaScene::create(scene, mirror_);
+  if (!made) return made;
+  if (recent_.size() == kScenesKept) recent_.erase(recent_.begin());
+  recent_.push_back(*made);
+  return made;
+}
+
+Expected<std::unique_ptr<Film>> CudaBackend::begin(const Shot& shot) {
+  HELIO_TRY(context_->enter());
+  return CudaFilm::create(shot, mirror_, [&](const auto& scene) { return copy_of(scene); });
+}
+
+Expected<bool> CudaBackend::render(Film& film, const WorkRange& range, TimePoint until,
+                                   const Interrupt& interrupt) {
+  HELIO_TRY(context_->enter());
+  return static_cast<CudaFilm&>(film).render(programs_, range, until, interrupt);
+}
+
+Status CudaBackend::probe(Film& film, u32 first_tile, u32 tile_count, const Interrupt& interrupt) {
+  HELIO_TRY(interrupt.status());
+  HELIO_TRY(context_->enter());
+  return static_cast<CudaFilm&>(film).probe(programs_, first_tile, tile_count);
+}
+
+Expected<std::vector<Column>> CudaBackend::labels(Film& film, const Interrupt& interrupt) {
+  const auto& own = static_cast<const CudaFilm&>(film);
+  HELIO_TRY(context_->enter());
+  HELIO_TRY(own.fetch());
+  return run_in(arena_, [&] { return host::labels(own, rays_of(own.still().scene), interrupt); });
+}
+
+Expected<std::vector<PlaneData>> CudaBackend::resolve(Film& film) {
+  const auto& own = static_cast<const CudaFilm&>(film);
+  HELIO_TRY(context_->enter());
+  HELIO_TRY(own.fetch());
+  return run_in(arena_, [&] { return own.resolve(); });
+}
+
+Noise CudaBackend::noise(const Film& film) {
+  const auto& own = static_cast<const CudaFilm&>(film);
+  if (!context_->enter() || !own.fetch()) return {};  // lost: the next call says so
+  return run_in(arena_, [&] { return own.noise(); });
+}
+
+Expected<QueryResult> CudaBackend::query(const QueryJob& job, const Interrupt& interrupt) {
+  const auto scene_at = [&](Time time) -> Expected<host::SceneRays> {
+    auto scene = store_.prepare(job.snapshot, {time, time}, interrupt);
+    if (!scene) return std::unexpected(std::move(scene).error());
+    return rays_of(*std::move(scene));
+  };
+  return run_in(arena_, [&]() -> Expected<QueryResult> {
+    const auto scene = scene_at(job.time);
+    if (!scene) return std::unexpected(scene.error());
+    return host::answer(*scene, job, scene_at, interrupt);
+  });
+}
+
+}  // namespace
+
+Expected<std::unique_ptr<Backend>> make_cuda_backend(const BackendOptions& options) {
+  if (programs().empty())
+    return fail(
+        Code::kUnavailable, "backend",
+        "this daemon was built without the GPU programs; build it where nvcc is found, with "
+        "the preset cuda");
+  auto context = Context::create(0);
+  if (!context) return std::unexpected(std::move(context).error());
+  const auto programs = Programs::find(**context);
+  if (!programs) return std::unexpected(programs.error());
+  return std::make_unique<CudaBackend>(*std::move(context), *programs, options);
+}
+
+}  // namespace heliograph::cuda

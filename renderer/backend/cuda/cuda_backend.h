@@ -1,0 +1,11 @@
+// The GPU backend.
+#pragma once
+
+#include "renderer/engine/backend.h"
+
+namespace heliograph::cuda {
+
+/// Fails with UNAVAILABLE where there is no driver or no GPU.
+[[nodiscard]] Expected<std::unique_ptr<Backend>> make_cuda_backend(const BackendOptions& options);
+
+}  // namespace heliograph::cuda

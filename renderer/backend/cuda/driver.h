@@ -1,0 +1,78 @@
+// The CUDA driver, found at run time: one binary starts with and without a GPU. Declared by hand,
+// as it is versioned by its symbols and needs no header.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "renderer/base/error.h"
+#include "renderer/base/types.h"
+
+namespace heliograph::cuda {
+
+using Result = int;  // 0: success
+using Device = int;
+using DevicePointer = u64;
+using ContextHandle = struct ContextTag*;
+using StreamHandle = struct StreamTag*;
+using ModuleHandle = struct ModuleTag*;
+using FunctionHandle = struct FunctionTag*;
+using PoolHandle = struct PoolTag*;
+
+// name of the member, symbol, arguments
+#define HELIO_CUDA_FUNCTIONS(F)                                                                   \
+  F(init, cuInit, unsigned)                                                                       \
+  F(driver_version, cuDriverGetVersion, int*)                                                     \
+  F(error_name, cuGetErrorName, Result, const char**)                                             \
+  F(error_text, cuGetErrorString, Result, const char**)                                           \
+  F(device_count, cuDeviceGetCount, int*)                                                         \
+  F(device_at, cuDeviceGet, Device*, int)                                                         \
+  F(device_name, cuDeviceGetName, char*, int, Device)                                             \
+  F(device_attribute, cuDeviceGetAttribute, int*, int, Device)                                    \
+  F(create_context, cuCtxCreate_v2, ContextHandle*, unsigned, Device)                             \
+  F(destroy_context, cuCtxDestroy_v2, ContextHandle)                                              \
+  F(set_context, cuCtxSetCurrent, ContextHandle)                                                  \
+  F(memory_info, cuMemGetInfo_v2, std::size_t*, std::size_t*)                                     \
+  F(default_pool, cuDeviceGetDefaultMemPool, PoolHandle*, Device)                                 \
+  F(set_pool, cuMemPoolSetAttribute, PoolHandle, int, void*)                                      \
+  F(trim_pool, cuMemPoolTrimTo, PoolHandle, std::size_t)                                          \
+  F(allocate, cuMemAllocAsync, DevicePointer*, std::size_t, StreamHandle)                         \
+  F(release, cuMemFreeAsync, DevicePointer, StreamHandle)                                         \
+  F(allocate_pinned, cuMemHostAlloc, void**, std::size_t, unsigned)                               \
+  F(release_pinned, cuMemFreeHost, void*)                                                         \
+  F(upload, cuMemcpyHtoDAsync_v2, DevicePointer, const void*, std::size_t, StreamHandle)          \
+  F(download, cuMemcpyDtoHAsync_v2, void*, DevicePointer, std::size_t, StreamHandle)              \
+  F(fill, cuMemsetD8Async, DevicePointer, unsigned char, std::size_t, StreamHandle)               \
+  F(create_stream, cuStreamCreate, StreamHandle*, unsigned)                                       \
+  F(destroy_stream, cuStreamDestroy_v2, StreamHandle)                                             \
+  F(wait_for_stream, cuStreamSynchronize, StreamHandle)                                           \
+  F(load_module, cuModuleLoadFatBinary, ModuleHandle*, const void*)                               \
+  F(unload_module, cuModuleUnload, ModuleHandle)                                                  \
+  F(function_in, cuModuleGetFunction, FunctionHandle*, ModuleHandle, const char*)                 \
+  F(blocks_per_processor, cuOccupancyMaxActiveBlocksPerMultiprocessor, int*, FunctionHandle, int, \
+    std::size_t)                                                                                  \
+  F(launch, cuLaunchKernel, FunctionHandle, unsigned, unsigned, unsigned, unsigned, unsigned,     \
+    unsigned, unsigned, StreamHandle, void**, void**)
+
+/// Owns: the library. Thread: any.
+struct Driver {
+#define HELIO_MEMBER(name, symbol, ...) Result (*name)(__VA_ARGS__) = nullptr;
+  HELIO_CUDA_FUNCTIONS(HELIO_MEMBER)
+#undef HELIO_MEMBER
+  std::shared_ptr<void> library;
+
+  /// "CUDA_ERROR_OUT_OF_MEMORY: out of memory".
+  [[nodiscard]] std::string describe(Result result) const;
+};
+
+/// Fails with UNAVAILABLE where there is no driver, or one that lacks a function.
+[[nodiscard]] Expected<Driver> load_driver();
+
+/// cuDeviceGetAttribute's numbers.
+enum class Attribute : int {
+  kProcessors = 16,
+  kMajor = 75,
+  kMinor = 76,
+};
+
+}  // namespace heliograph::cuda

@@ -1,0 +1,51 @@
+// A film whose pixels the GPU writes.
+#pragma once
+
+#include <functional>
+
+#include "renderer/backend/cuda/scene.h"
+#include "renderer/backend/cuda/wave.h"
+#include "renderer/host/film.h"
+
+namespace heliograph::cuda {
+
+/// Finds the device's copy of a scene.
+using SceneOf = std::function<Expected<std::shared_ptr<const CudaScene>>(
+    const std::shared_ptr<const ResidentScene>&)>;
+
+/// Owns: its arrays in device memory, and the wave that a range is left with. Thread: the device's.
+class CudaFilm final : public host::HostFilm {
+ public:
+  [[nodiscard]] static Expected<std::unique_ptr<CudaFilm>> create(const Shot& shot, Mirror& mirror,
+                                                                  const SceneOf& scene_of);
+
+  /// Goes on with a range, or begins with it; returns whether it is done.
+  [[nodiscard]] Expected<bool> render(const Programs& programs, const WorkRange& range,
+                                      TimePoint until, const Interrupt& interrupt);
+  [[nodiscard]] Status probe(const Programs& programs, u32 first_tile, u32 tile_count);
+  /// Brings what the device has written to the host.
+  [[nodiscard]] Status fetch() const;
+
+ private:
+  CudaFilm(const Shot& shot, Mirror& mirror)
+      : HostFilm(shot), context_(mirror.context()), copies_(mirror) {}
+  [[nodiscard]] Status open(const Shot& shot, const SceneOf& scene_of);
+  void set_tasks();
+  void set_probe();
+  [[nodiscard]] const CudaScene* copy_of(const ResidentScene* scene) const;
+  [[nodiscard]] kernels::CameraView copy(const kernels::CameraView& camera);
+  [[nodiscard]] kernels::FilmView copy(const kernels::FilmView& film);
+  [[nodiscard]] ProbeEnd end_of(const ResidentScene* scene, const kernels::ProbeScene& seen);
+
+  Context& context_;
+  std::vector<std::shared_ptr<const CudaScene>> scenes_;
+  Copies copies_;
+  DeviceMemory sums_, centres_, probe_rays_;
+  std::vector<WaveShot> shots_;
+  const ProbeLaunch* probe_ = nullptr;  // on the device; null: it has no centre planes
+  std::unique_ptr<Wave> wave_;          // of a range that is not done
+  u32 task_ = 0;                        // that it works on
+  mutable bool sums_changed_ = false, centres_changed_ = false;
+};
+
+}  // namespace heliograph::cuda

@@ -1,0 +1,63 @@
+// Copies of the host's immutable arrays in device memory, made once for all scenes that have them.
+#pragma once
+
+#include <unordered_map>
+#include <vector>
+
+#include "renderer/backend/cuda/context.h"
+
+namespace heliograph::cuda {
+
+/// Knows the copies that are in use. Thread: the device's.
+class Mirror {
+ public:
+  explicit Mirror(std::shared_ptr<Context> context) : context_(std::move(context)) {}
+
+  /// A copy of an array that stays where it is, and what it is, for as long as the copy is held.
+  [[nodiscard]] Expected<std::shared_ptr<const DeviceMemory>> copy(std::span<const std::byte> host);
+  [[nodiscard]] Context& context() const { return *context_; }
+  /// Of all copies made so far.
+  [[nodiscard]] u64 uploaded_bytes() const { return uploaded_bytes_; }
+
+ private:
+  struct Known {
+    std::size_t bytes;
+    std::weak_ptr<const DeviceMemory> memory;
+  };
+  void forget_expired();
+
+  std::shared_ptr<Context> context_;
+  std::unordered_multimap<const void*, Known> known_;  // by where the array lies
+  std::size_t next_sweep_ = 1024;
+  u64 uploaded_bytes_ = 0;
+};
+
+/// Makes the copies of one scene and holds them. After a failure the pointers mean nothing.
+class Copies {
+ public:
+  explicit Copies(Mirror& mirror) : mirror_(&mirror) {}
+
+  /// Where the copy of an array lies that lives as long as these copies.
+  template <class T>
+  [[nodiscard]] const T* of(const T* host, u64 count) {
+    return static_cast<const T*>(shared(std::as_bytes(std::span(host, host ? count : 0))));
+  }
+  /// The same of an array that does not.
+  template <class T>
+  [[nodiscard]] const T* of_own(std::span<const T> host) {
+    return static_cast<const T*>(own(std::as_bytes(host)));
+  }
+  [[nodiscard]] const Status& status() const { return status_; }
+  [[nodiscard]] u64 bytes() const { return bytes_; }
+
+ private:
+  const void* shared(std::span<const std::byte> host);
+  const void* own(std::span<const std::byte> host);
+
+  Mirror* mirror_;
+  std::vector<std::shared_ptr<const DeviceMemory>> held_;
+  u64 bytes_ = 0;
+  Status status_;
+};
+
+}  // namespace heliograph::cuda

@@ -1,0 +1,150 @@
+#include "renderer/backend/cuda/wave.h"
+
+#include <algorithm>
+
+namespace heliograph::cuda {
+namespace {
+
+using kernels::Plane;
+
+constexpr u32 kMostSlots = 1 << 20;
+constexpr u32 kMostItems = 1 << 22;
+constexpr u64 kMemoryShare = 32;  // a wave takes one in so many bytes of the device
+constexpr u64 kSlotBytes = sizeof(kernels::WavePath) + sizeof(kernels::WaveRay) +
+                           sizeof(kernels::Hit) + sizeof(kernels::WaveLight) + 3 * sizeof(u32);
+/// Rounds between looks at the counters, which wait for the device.
+constexpr u32 kRoundsAtOnce = 4;
+
+}  // namespace
+
+Expected<Programs> Programs::find(const Context& context) {
+  Programs programs;
+  for (const auto& [name, program] :
+       {std::pair{"wave_begin", &programs.begin}, std::pair{"wave_trace", &programs.trace},
+        std::pair{"wave_arrive", &programs.arrive}, std::pair{"wave_light", &programs.light},
+        std::pair{"wave_fold", &programs.fold}, std::pair{"probe", &programs.probe}}) {
+    auto function = context.function(name);
+    if (!function) return std::unexpected(std::move(function).error());
+    *program = {*function, context.processors() * context.resident_blocks(*function, kThreads)};
+  }
+  return programs;
+}
+
+LaunchSize Programs::size(const Program& program, u64 threads) {
+  return {u32(std::min<u64>((threads + kThreads - 1) / kThreads, program.most_blocks)), kThreads};
+}
+
+Wave::Wave(Context& context, const Programs& programs, const WaveShot& shot, const WorkRange& range)
+    : context_(context), programs_(programs), range_(range) {
+  launch_.shot = shot.view;
+  launch_.bvh = shot.bvh;
+}
+
+template <class T>
+Status Wave::add(T*& to, u64 count) {
+  auto memory = context_.allocate(count * sizeof(T));
+  if (!memory) return std::unexpected(std::move(memory).error());
+  to = memory->as<T>();
+  memory_.push_back(*std::move(memory));
+  return {};
+}
+
+Status Wave::allocate() {
+  const kernels::FilmView& film = launch_.shot.film;
+  const bool media = launch_.shot.scene.any_media;
+  const bool light_planes = (film.wanted & kernels::kLightPlaneSet) != 0;
+  const bool groups = kernels::wants(film, Plane::BEAUTY_GROUP);
+  const u64 item_bytes = sizeof(kernels::SampleHead) +
+                         (light_planes ? kernels::kLightPlanes * sizeof(vec3) : 0) +
+                         (groups ? film.groups * sizeof(vec3) : 0);
+  const u64 slot_bytes =
+      kSlotBytes + (media ? sizeof(kernels::Inside) + sizeof(kernels::Reach) : 0);
+  const u64 memory = context_.memory_bytes() / kMemoryShare;
+  const u64 fits = std::max<u64>(memory / 2 / item_bytes, kernels::kTilePixels);
+  const u64 most = std::min<u64>(kMostItems, fits);
+  batch_tiles_ = u32(std::min<u64>(range_.tile_count, most / kernels::kTilePixels));
+  batch_samples_ = u32(
+      std::clamp<u64>(most / (u64(batch_tiles_) * kernels::kTilePixels), 1, range_.sample_count));
+  const u64 items = u64(batch_tiles_) * kernels::kTilePixels * batch_samples_;
+  const u64 slots = std::min({items, u64(kMostSlots), memory / 2 / slot_bytes});
+
+  kernels::WaveView& wave = launch_.wave;
+  wave.film = film;
+  wave.film.width = u32(items);
+  wave.film.height = 1;
+  launch_.slots = u32(slots);
+  HELIO_TRY(add(wave.items, slots));
+  HELIO_TRY(add(wave.paths, slots));
+  HELIO_TRY(add(wave.rays, slots));
+  HELIO_TRY(add(wave.hits, slots));
+  HELIO_TRY(add(wave.lights, slots));
+  if (media) HELIO_TRY(add(wave.insides, slots));
+  if (media) HELIO_TRY(add(wave.reaches, slots));
+  HELIO_TRY(add(wave.samples, items));
+  if (light_planes) HELIO_TRY(add(wave.light_planes, items * kernels::kLightPlanes));
+  if (groups) HELIO_TRY(add(wave.film.partial[u32(Plane::BEAUTY_GROUP)], items * 3 * film.groups));
+  HELIO_TRY(add(launch_.queue, slots));
+  HELIO_TRY(add(launch_.light_queue, slots));
+  HELIO_TRY(add(launch_.counters, 1));
+  static_assert(kernels::kNone == 0xffffffff);
+  return context_.fill(DevicePointer(wave.items), 0xff, slots * sizeof(u32));
+}
+
+Status Wave::launch(const Programs::Program& program, u64 threads) {
+  void* arguments[] = {&launch_};
+  return context_.launch(program.function, Programs::size(program, threads), arguments);
+}
+
+Status Wave::begin_batch() {
+  launch_.work = {range_.first_tile + next_tile_,
+                  std::min(batch_tiles_, range_.tile_count - next_tile_),
+                  range_.first_sample + next_sample_,
+                  std::min(batch_samples_, range_.sample_count - next_sample_)};
+  in_batch_ = true;
+  const kernels::FilmView& items = launch_.wave.film;
+  if (kernels::wants(items, Plane::BEAUTY_GROUP)) {
+    const auto at = DevicePointer(items.partial[u32(Plane::BEAUTY_GROUP)]);
+    HELIO_TRY(context_.fill(at, 0, u64(items.width) * items.groups * sizeof(vec3)));
+  }
+  return context_.fill(DevicePointer(launch_.counters), 0, sizeof(WaveCounters));
+}
+
+Status Wave::round() {
+  constexpr u64 kFrom = offsetof(WaveCounters, active), kTo = offsetof(WaveCounters, rays);
+  HELIO_TRY(context_.fill(DevicePointer(launch_.counters) + kFrom, 0, kTo - kFrom));
+  for (const auto* program :
+       {&programs_.begin, &programs_.trace, &programs_.arrive, &programs_.light})
+    HELIO_TRY(launch(*program, launch_.slots));
+  return {};
+}
+
+Status Wave::read_counters() {
+  return context_.download(std::as_writable_bytes(std::span(&seen_, 1)),
+                           DevicePointer(launch_.counters));
+}
+
+Status Wave::fold() {
+  HELIO_TRY(launch(programs_.fold, kernels::pixels_of(launch_.work)));
+  HELIO_TRY(read_counters());
+  rays_ += seen_.rays;
+  in_batch_ = false;
+  next_sample_ += launch_.work.samples;
+  if (next_sample_ < range_.sample_count) return {};
+  next_sample_ = 0;
+  next_tile_ += launch_.work.tiles;
+  return {};
+}
+
+Expected<bool> Wave::advance(TimePoint until, const Interrupt& interrupt) {
+  while (next_tile_ < range_.tile_count) {
+    if (!in_batch_) HELIO_TRY(begin_batch());
+    HELIO_TRY(interrupt.status());
+    for (u32 i = 0; i < kRoundsAtOnce; ++i) HELIO_TRY(round());
+    HELIO_TRY(read_counters());
+    if (seen_.active == 0) HELIO_TRY(fold());
+    if (std::chrono::steady_clock::now() >= until) break;
+  }
+  return next_tile_ >= range_.tile_count;
+}
+
+}  // namespace heliograph::cuda

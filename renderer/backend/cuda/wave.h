@@ -1,0 +1,60 @@
+// A range of a film's samples as the GPU works on it: batches of items, rounds of programs.
+#pragma once
+
+#include <vector>
+
+#include "renderer/backend/cuda/context.h"
+#include "renderer/backend/cuda/launch.h"
+#include "renderer/engine/backend.h"
+
+namespace heliograph::cuda {
+
+/// The programs, with grids that fill the device.
+struct Programs {
+  struct Program {
+    FunctionHandle function = nullptr;
+    u32 most_blocks = 0;
+  };
+  Program begin, trace, arrive, light, fold, probe;
+  [[nodiscard]] static Expected<Programs> find(const Context& context);
+  /// So many threads as there are, or as the device runs at once.
+  [[nodiscard]] static LaunchSize size(const Program& program, u64 threads);
+};
+
+/// What samples are taken of; everything lies in device memory.
+struct WaveShot {
+  kernels::ShotView view;
+  kernels::BvhView bvh;
+};
+
+/// Owns: the memory of the paths on their way. Thread: the device's.
+class Wave {
+ public:
+  Wave(Context& context, const Programs& programs, const WaveShot& shot, const WorkRange& range);
+  [[nodiscard]] Status allocate();
+  /// Works until the range is done, `until`, or the interrupt. Returns whether it is done.
+  [[nodiscard]] Expected<bool> advance(TimePoint until, const Interrupt& interrupt);
+  [[nodiscard]] u64 rays() const { return rays_; }
+
+ private:
+  [[nodiscard]] Status begin_batch();
+  [[nodiscard]] Status round();
+  [[nodiscard]] Status fold();
+  [[nodiscard]] Status read_counters();
+  [[nodiscard]] Status launch(const Programs::Program& program, u64 threads);
+  template <class T>
+  [[nodiscard]] Status add(T*& to, u64 count);
+
+  Context& context_;
+  const Programs& programs_;
+  const WorkRange range_;
+  std::vector<DeviceMemory> memory_;
+  WaveLaunch launch_{};
+  WaveCounters seen_{};
+  u32 batch_tiles_ = 0, batch_samples_ = 0;  // of a whole batch
+  u32 next_tile_ = 0, next_sample_ = 0;      // of the range
+  bool in_batch_ = false;
+  u64 rays_ = 0;
+};
+
+}  // namespace heliograph::cuda

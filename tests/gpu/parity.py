@@ -1,0 +1,126 @@
+"""Every plane of the golden scenes and some harder ones, on the GPU and on the CPU.
+
+usage: .venv/bin/python tests/gpu/parity.py [SCENE...]   (needs an NVIDIA GPU)
+Centre planes may differ in 1 pixel of 20,000 (edges), means by 0.1 %; where paths part, each
+pixel's difference is held against both variances. A picture must repeat bit for bit. Cameras stand
+a little aside: no edge of these regular scenes goes through a row of pixels' centres, where it is
+anybody's. Prints a line for each scene; ends with 1 if one fails.
+"""
+
+import math
+import pathlib
+import sys
+
+import heliograph as hg
+import numpy as np
+
+sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "image"))
+import scenes
+
+SIZE, SPP = (320, 240), 64
+ASIDE = np.array([0.0137, 0.0071, 0.0043])  # metres
+MEANS = ["beauty", "variance", "albedo_mean", "normal_mean", "coverage", "ambient_occlusion"]
+MEANS += ["direct_diffuse", "indirect_diffuse", "direct_glossy", "indirect_glossy"]
+MEANS += ["direct_transmission", "indirect_transmission", "environment_light", "emission_light"]
+CENTRES = ["depth", "distance", "normal", "normal_camera", "tangent", "position", "uv"]
+CENTRES += ["instance", "semantic", "part", "material", "primitive", "barycentric"]
+CENTRES += ["base_color", "roughness", "metallic", "emission", "opacity", "object_coordinates"]
+CENTRES += ["flow_forward", "flow_forward_valid", "flow_forward_visible", "flow_backward"]
+EDGES = 1 / 20000
+LEVEL = 1e-3  # of the test that all pixels' differences are noise
+
+
+def fog(edit):
+    """A glass ball full of fog, and a cloud."""
+    scenes.materials(edit)
+    edit.material("fog", transmission=1, roughness=0, ior=1.3, medium_density=2, medium_albedo=0.9)
+    edit.entity("fog_ball", mesh="ball", material="fog", transform=hg.Pose((0, -1.2, 0.45)))
+    field = np.random.default_rng(1).random((16, 16, 16)).astype("f4")
+    edit.volume("cloud", density=field, density_scale=4, voxel_size=1 / 16)
+    edit.entity("shown_cloud", volume="cloud", transform=hg.Pose((0, 0, 1.5)))
+    return {"max_depth": 8}
+
+
+def motion(edit):
+    """Things that move while the shutter is open, through a thin lens."""
+    options = scenes.materials(edit)
+    spin = {2 * x: hg.Pose((x, -1.5, 0.4 + x)) for x in (0.0, 0.2, 0.5)}
+    edit.entity("mover", mesh="ball", keys=spin)
+    camera = hg.Camera.from_fov(
+        40, *SIZE, degrees=True, aperture=0.05, focus_distance=4, shutter=(0, 1)
+    )
+    edit.entity("camera", camera=camera)
+    return options
+
+
+SCENES = {**scenes.SCENES, "fog": fog, "motion": motion}
+
+
+def render(client, build, planes, spp):
+    with client.create_scene() as scene:
+        with scene.edit() as edit:
+            options = build(edit)
+        pose = scene.transforms(["camera"])[0]
+        pose[:3, 3] += ASIDE
+        with scene.edit() as edit:
+            edit.entity("camera", transform=pose)
+        options |= {"size": SIZE, "seed": 7, "spp": spp, "progress": False}
+        if any(plane.startswith("flow") for plane in planes):
+            options |= {"frame_interval": 0.1, "hold": True}
+        return scene.render("camera", planes=planes, **options)
+
+
+def centre_faults(gpu, cpu):
+    """Pixels where a centre plane differs by more than rounding, plane by plane."""
+    faults = {}
+    for plane in CENTRES:
+        a, b = (np.asarray(f[plane], "f8").reshape(SIZE[1], SIZE[0], -1) for f in (gpu, cpu))
+        same = np.isclose(a, b, rtol=1e-3, atol=2e-4, equal_nan=True).all(-1)
+        if (~same).any():
+            faults[plane] = int((~same).sum())
+    return faults
+
+
+def chance_of(gpu, cpu):
+    """P-value of all pixels' differences in luminance being noise, by Kolmogorov's largest one."""
+    weights = np.array([0.2126, 0.7152, 0.0722])
+    difference = (gpu["beauty"][..., :3] - cpu["beauty"][..., :3]) @ weights
+    total = np.asarray(gpu["variance"]) + np.asarray(cpu["variance"])
+    z = np.abs(difference.reshape(-1)) / np.sqrt(np.maximum(total.reshape(-1), 1e-12))
+    return min(1.0, z.size * math.erfc(np.quantile(z, 0.999) / math.sqrt(2)))
+
+
+def mean_fault(gpu, cpu):
+    """The largest relative difference of a mean plane's mean."""
+    worst = ("none", 0.0)
+    for plane in MEANS:
+        a, b = (float(np.mean(frame[plane], dtype="f8")) for frame in (gpu, cpu))
+        if plane != "variance" and abs(a - b) > worst[1] * max(abs(b), 0.01):
+            worst = (plane, abs(a - b) / max(abs(b), 0.01))
+    return worst
+
+
+def main(names):
+    good = True
+    with hg.connect() as cpu, hg.connect(arguments=["--backend", "cuda"]) as gpu:
+        for name in names or SCENES:
+            build = SCENES[name]
+            faults = centre_faults(*(render(c, build, CENTRES, 1) for c in (gpu, cpu)))
+            frames = [render(c, build, MEANS, SPP) for c in (gpu, cpu)]
+            plane, worst = mean_fault(*frames)
+            same = np.mean((frames[0]["beauty"] == frames[1]["beauty"]).all(-1))
+            again = render(gpu, build, MEANS, SPP)
+            repeats = all((again[p] == frames[0][p]).all() for p in MEANS)
+            chance = chance_of(*frames)
+            edges = max(faults.values(), default=0)
+            ok = edges <= math.ceil(EDGES * SIZE[0] * SIZE[1]) and worst <= 1e-3
+            ok = ok and chance >= LEVEL and repeats
+            good &= ok
+            print(f"{name:10s} {'ok    ' if ok else 'FAILED'} centre planes {faults or 'equal'};"
+                  f" {plane} off by {worst:.1e}; {same:.1%} of pixels the same bytes;"
+                  f" repeats {repeats}; p {chance:.2g}", flush=True)
+    sys.exit(not good)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
