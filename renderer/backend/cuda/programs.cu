@@ -24,6 +24,12 @@ struct CalledTracer {
 __device__ u32 thread() { return blockIdx.x * blockDim.x + threadIdx.x; }
 __device__ u32 threads() { return gridDim.x * blockDim.x; }
 
+/// Adds what all threads of a warp have.
+__device__ void add_up(u32 own, u64& sum) {
+  for (u32 step = 16; step > 0; step /= 2) own += __shfl_down_sync(0xffffffff, own, step);
+  if (threadIdx.x % 32 == 0) atomicAdd(reinterpret_cast<unsigned long long*>(&sum), own);
+}
+
 }  // namespace
 
 // Fills free slots with items, and lists all slots that have one.
@@ -84,11 +90,9 @@ extern "C" __global__ void __launch_bounds__(kThreads)
   const BvhTracer tracer(l.shot.scene, l.bvh);
   const Wave wave(l.shot, l.work, l.wave, tracer);
   const u32 pixels = pixels_of(l.work);
-  for (u32 i = thread(); i < pixels; i += threads()) {
-    const u32 rays = __reduce_add_sync(__activemask(), wave.fold(i));
-    if (rays > 0 && (threadIdx.x & 31) == 0)
-      atomicAdd(reinterpret_cast<unsigned long long*>(&l.counters->rays), rays);
-  }
+  u32 rays = 0;
+  for (u32 i = thread(); i < pixels; i += threads()) rays += wave.fold(i);
+  add_up(rays, l.counters->rays);
 }
 
 // The centre planes of the pixels of some tiles.
@@ -102,10 +106,10 @@ extern "C" __global__ void __launch_bounds__(kThreads)
                      backward = tracer_of(l->backward);
   const ProbeContext context{scene_of(l->now), scene_of(l->forward), scene_of(l->backward),
                              l->wants_disparity ? &l->disparity : nullptr, &l->settings};
+  u32 traced = 0;
   for (u32 i = thread(); i < pixels_of(work); i += threads()) {
     const ItemPlace at = place_of(l->film, work, i);
-    if (!at.in_image) continue;
-    atomicAdd(reinterpret_cast<unsigned long long*>(rays),
-              probe_pixel(context, now, &forward, &backward, l->film, at.x, at.y));
+    if (at.in_image) traced += probe_pixel(context, now, &forward, &backward, l->film, at.x, at.y);
   }
+  add_up(traced, *rays);
 }
