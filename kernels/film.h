@@ -11,6 +11,10 @@ namespace heliograph::kernels {
 /// so that the sum does not depend on who traced which block.
 inline constexpr u32 kBlock = 16;
 
+/// The side of a tile of pixels. Tiles are in row-major order; the last of a row or column are cut.
+inline constexpr u32 kTileSide = 16;
+inline constexpr u32 kTilePixels = kTileSide * kTileSide;
+
 /// Where a film's pixels lie: one typed, row-major array a plane; null for planes not wanted.
 /// Memory is zero at the start.
 struct FilmView {

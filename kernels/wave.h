@@ -21,10 +21,6 @@ struct ShotView {
   FilmView film;
 };
 
-/// The side of a tile of pixels.
-inline constexpr u32 kTileSide = 16;
-inline constexpr u32 kTilePixels = kTileSide * kTileSide;
-
 /// A batch of items: samples [first_sample, first_sample + samples) of the pixels of some tiles.
 /// Items of one sample follow each other, tile by tile.
 struct WaveWork {

@@ -14,7 +14,6 @@
 namespace heliograph {
 namespace {
 
-constexpr u64 kTilePixels = 16 * 16;
 /// How much of what a sample took counts when the next ones take less: dear tiles come back after
 /// cheap ones, and a slice that was sized by cheap ones would be many times too long. What took
 /// more than kDearest times as long was a disturbance.
@@ -124,7 +123,7 @@ Steps Runner::probe(Film& film) {
     HELIO_CO_TRY(context_.backend.probe(film, tile, count, context_.interrupt));
     seconds_per_probe_ = seconds(Clock::now() - start) / count;
     tile += count;
-    samples_ += u64(count) * kTilePixels;
+    samples_ += u64(count) * kernels::kTilePixels;
     HELIO_CO_TRY(co_await pause());
     report(film, 0, false);
   }
@@ -222,7 +221,7 @@ Steps Runner::long_pass(Film& film, WorkRange range) {
   }
   const u64 taken = u64(range.tile_count) * range.sample_count;
   tile_samples_ += taken;
-  samples_ += taken * kTilePixels;
+  samples_ += taken * kernels::kTilePixels;
   report(film, share_done(film), false);
   co_return co_await pause();
 }
@@ -245,7 +244,7 @@ Steps Runner::pass(Film& film, Tiles tiles, u32 first, u32 count) {
           std::max(took, std::min(kRemembered * seconds_per_sample_, kDearest * took));
       taken += samples;
       tile_samples_ += u64(wide) * samples;
-      samples_ += u64(wide) * samples * kTilePixels;
+      samples_ += u64(wide) * samples * kernels::kTilePixels;
       HELIO_CO_TRY(co_await pause());
     }
     tile += wide;

@@ -52,8 +52,8 @@ HostFilm::HostFilm(const Shot& shot) : shot_(shot) {
   if (job().disparity_camera) look(disparity_, job().disparity_camera, shot.still);
   set_end(forward_, shot.forward);
   set_end(backward_, shot.backward);
-  tiles_x_ = (image_camera_.width + kTileSize - 1) / kTileSize;
-  tiles_y_ = (image_camera_.height + kTileSize - 1) / kTileSize;
+  tiles_x_ = (image_camera_.width + kernels::kTileSide - 1) / kernels::kTileSide;
+  tiles_y_ = (image_camera_.height + kernels::kTileSide - 1) / kernels::kTileSide;
   tile_samples_.resize(tiles());
 }
 
@@ -186,8 +186,9 @@ kernels::FilmView HostFilm::moved(kernels::FilmView view, const FilmMemory& to) 
 }
 
 PixelRect HostFilm::tile(u32 index) const {
-  const u32 x = index % tiles_x_ * kTileSize, y = index / tiles_x_ * kTileSize;
-  return {x, y, std::min(x + kTileSize, view_.width), std::min(y + kTileSize, view_.height)};
+  const u32 x = index % tiles_x_ * kernels::kTileSide, y = index / tiles_x_ * kernels::kTileSide;
+  return {x, y, std::min(x + kernels::kTileSide, view_.width),
+          std::min(y + kernels::kTileSide, view_.height)};
 }
 
 std::vector<RenderTask> HostFilm::render_tasks() const {

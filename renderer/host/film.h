@@ -11,8 +11,6 @@
 
 namespace heliograph::host {
 
-inline constexpr u32 kTileSize = 16;
-
 /// A scene and a camera in it, over the same span of time.
 struct Sight {
   std::shared_ptr<const ResidentScene> scene;  // null: not wanted

@@ -22,7 +22,6 @@ using PoolHandle = struct PoolTag*;
 // name of the member, symbol, arguments
 #define HELIO_CUDA_FUNCTIONS(F)                                                                   \
   F(init, cuInit, unsigned)                                                                       \
-  F(driver_version, cuDriverGetVersion, int*)                                                     \
   F(error_name, cuGetErrorName, Result, const char**)                                             \
   F(error_text, cuGetErrorString, Result, const char**)                                           \
   F(device_count, cuDeviceGetCount, int*)                                                         \

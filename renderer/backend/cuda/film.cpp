@@ -44,10 +44,9 @@ kernels::CameraView CudaFilm::copy(const kernels::CameraView& camera) {
   return view;
 }
 
-kernels::FilmView CudaFilm::copy(const kernels::FilmView& film) {
-  kernels::FilmView view = moved(
+kernels::FilmView CudaFilm::copy(const kernels::FilmView& film) const {
+  return moved(
       film, {{sums_.as<std::byte>(), sums_.bytes()}, {centres_.as<std::byte>(), centres_.bytes()}});
-  return view;
 }
 
 void CudaFilm::set_tasks() {

@@ -34,7 +34,7 @@ class CudaFilm final : public host::HostFilm {
   void set_probe();
   [[nodiscard]] const CudaScene* copy_of(const ResidentScene* scene) const;
   [[nodiscard]] kernels::CameraView copy(const kernels::CameraView& camera);
-  [[nodiscard]] kernels::FilmView copy(const kernels::FilmView& film);
+  [[nodiscard]] kernels::FilmView copy(const kernels::FilmView& film) const;
   [[nodiscard]] ProbeEnd end_of(const ResidentScene* scene, const kernels::ProbeScene& seen);
 
   Context& context_;

@@ -18,10 +18,7 @@ struct WaveCounters {
   u32 next_item;  // of the work
   u32 active;     // entries of WaveLaunch::queue in this round
   u32 lights;     // and of WaveLaunch::light_queue
-  u32 traced;     // how many of the queue a thread has taken
-  u32 lit;        // the same of the lights
-  u32 unused;
-  u64 rays;  // of the samples that were folded
+  u64 rays;       // of the samples that were folded
 };
 
 struct WaveLaunch {

@@ -10,7 +10,6 @@ Expected<std::shared_ptr<const DeviceMemory>> Mirror::copy(std::span<const std::
   auto memory = context_->allocate(host.size());
   if (!memory) return std::unexpected(std::move(memory).error());
   HELIO_TRY(context_->upload(memory->at(), host));
-  uploaded_bytes_ += host.size();
   auto kept = std::make_shared<const DeviceMemory>(*std::move(memory));
   if (known_.size() >= next_sweep_) forget_expired();
   known_.emplace(host.data(), Known{host.size(), kept});
@@ -29,7 +28,6 @@ const void* Copies::shared(std::span<const std::byte> host) {
     status_ = std::unexpected(std::move(made).error());
     return nullptr;
   }
-  bytes_ += host.size();
   held_.push_back(*std::move(made));
   return held_.back()->as<const void>();
 }
@@ -43,7 +41,6 @@ const void* Copies::own(std::span<const std::byte> host) {
   }
   held_.push_back(std::make_shared<const DeviceMemory>(*std::move(made)));
   status_ = mirror_->context().upload(held_.back()->at(), host);
-  bytes_ += host.size();
   return held_.back()->as<const void>();
 }
 

@@ -16,8 +16,6 @@ class Mirror {
   /// A copy of an array that stays where it is, and what it is, for as long as the copy is held.
   [[nodiscard]] Expected<std::shared_ptr<const DeviceMemory>> copy(std::span<const std::byte> host);
   [[nodiscard]] Context& context() const { return *context_; }
-  /// Of all copies made so far.
-  [[nodiscard]] u64 uploaded_bytes() const { return uploaded_bytes_; }
 
  private:
   struct Known {
@@ -29,7 +27,6 @@ class Mirror {
   std::shared_ptr<Context> context_;
   std::unordered_multimap<const void*, Known> known_;  // by where the array lies
   std::size_t next_sweep_ = 1024;
-  u64 uploaded_bytes_ = 0;
 };
 
 /// Makes the copies of one scene and holds them. After a failure the pointers mean nothing.
@@ -48,7 +45,6 @@ class Copies {
     return static_cast<const T*>(own(std::as_bytes(host)));
   }
   [[nodiscard]] const Status& status() const { return status_; }
-  [[nodiscard]] u64 bytes() const { return bytes_; }
 
  private:
   const void* shared(std::span<const std::byte> host);
@@ -56,7 +52,6 @@ class Copies {
 
   Mirror* mirror_;
   std::vector<std::shared_ptr<const DeviceMemory>> held_;
-  u64 bytes_ = 0;
   Status status_;
 };
 

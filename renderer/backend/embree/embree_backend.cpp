@@ -15,7 +15,7 @@ namespace heliograph::embree {
 namespace {
 
 constexpr u32 kBandRows = 4;  // a task: so many lines of a tile
-constexpr u32 kBands = host::kTileSize / kBandRows;
+constexpr u32 kBands = kernels::kTileSide / kBandRows;
 
 /// Denormals are zero while it lives: Embree asks for it on every thread that traces.
 class FlushDenormals {
