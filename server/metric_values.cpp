@@ -39,6 +39,11 @@ void add_engine(const Engine& engine, std::vector<MetricValue>& all) {
   all.push_back({"heliograph_jobs", "Render jobs and queries that wait or run", double(load.jobs)});
   all.push_back({"heliograph_derived_bytes", "Bytes of derived data on the device",
                  double(engine.derived_bytes())});
+  all.push_back({"heliograph_uploaded_bytes_total",
+                 "Bytes copied to the device's own memory",
+                 double(engine.uploaded_bytes()),
+                 {},
+                 true});
   all.push_back({"heliograph_device_still_seconds", "How long the present slice has taken",
                  load.still_seconds});
   all.push_back({"heliograph_device_losses_total",

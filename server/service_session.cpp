@@ -36,7 +36,10 @@ void describe_server(const Daemon& daemon, const Tenant& tenant, v1::GetServerIn
   reply.set_tenant(tenant.name);
   reply.set_weight(tenant.weight());
   reply.set_backend(daemon.config.backend);
-  if (const Engine* engine = daemon.engine->get()) reply.set_cpu_features(engine->cpu_features());
+  if (const Engine* engine = daemon.engine->get()) {
+    reply.set_cpu_features(engine->cpu_features());
+    if (!daemon.tenants.are_several()) reply.set_uploaded_bytes(engine->uploaded_bytes());
+  }
   reply.set_threads(daemon.config.threads != 0 ? daemon.config.threads
                                                : std::thread::hardware_concurrency());
   for (const auto& [name, value] : list_limits(daemon.config.limits))

@@ -116,6 +116,9 @@ class Backend {
                                                     const Interrupt& interrupt) = 0;
   /// Bytes of derived data resident now.
   [[nodiscard]] virtual u64 derived_bytes() const = 0;
+  /// Bytes copied to the device since it was opened; 0: it works in the host's memory.
+  /// Thread: any.
+  [[nodiscard]] virtual u64 uploaded_bytes() const { return 0; }
   /// Whether the device is gone for good, so that every call fails. What it made may then only be
   /// destroyed.
   [[nodiscard]] virtual bool is_lost() const { return false; }

@@ -372,6 +372,7 @@ void Engine::submit(std::shared_ptr<const QueryJob> query,
 std::string_view Engine::backend_name() const { return impl_->backend()->name(); }
 std::string Engine::cpu_features() const { return impl_->backend()->cpu_features(); }
 u64 Engine::derived_bytes() const { return impl_->backend()->derived_bytes(); }
+u64 Engine::uploaded_bytes() const { return impl_->backend()->uploaded_bytes(); }
 Load Engine::load() const { return impl_->load(); }
 
 }  // namespace heliograph

@@ -74,6 +74,7 @@ class Engine {
   [[nodiscard]] std::string_view backend_name() const;
   [[nodiscard]] std::string cpu_features() const;
   [[nodiscard]] u64 derived_bytes() const;
+  [[nodiscard]] u64 uploaded_bytes() const;  // Backend::uploaded_bytes()
   [[nodiscard]] Load load() const;
 
  private:

@@ -65,6 +65,7 @@ class FaultyBackend final : public Backend {
     return inner_->query(job, interrupt);
   }
   [[nodiscard]] u64 derived_bytes() const override { return inner_->derived_bytes(); }
+  [[nodiscard]] u64 uploaded_bytes() const override { return inner_->uploaded_bytes(); }
   [[nodiscard]] bool is_lost() const override { return is_lost_; }
 
  private:

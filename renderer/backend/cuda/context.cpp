@@ -20,10 +20,8 @@ DeviceMemory::~DeviceMemory() {
   if (at_) context_->release(at_);
 }
 
-Expected<std::shared_ptr<Context>> Context::create(int index) {
-  auto driver = load_driver();
-  if (!driver) return std::unexpected(std::move(driver).error());
-  std::shared_ptr<Context> context(new Context(*std::move(driver)));
+Expected<std::shared_ptr<Context>> Context::create(const Driver& driver, int index) {
+  std::shared_ptr<Context> context(new Context(driver));
   HELIO_TRY(context->open(index));
   return context;
 }
@@ -105,6 +103,7 @@ void Context::release(DevicePointer at) {
 
 Status Context::upload(DevicePointer to, std::span<const std::byte> from) {
   if (from.empty()) return {};
+  uploaded_.fetch_add(from.size(), std::memory_order_relaxed);
   return check(driver_.upload(to, from.data(), from.size(), stream_), "an upload");
 }
 

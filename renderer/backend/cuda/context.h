@@ -55,7 +55,7 @@ struct LaunchSize {
 class Context : public std::enable_shared_from_this<Context> {
  public:
   /// index   of the device, as the driver counts. Fails with UNAVAILABLE.
-  [[nodiscard]] static Expected<std::shared_ptr<Context>> create(int index);
+  [[nodiscard]] static Expected<std::shared_ptr<Context>> create(const Driver& driver, int index);
   ~Context();
   Context(const Context&) = delete;
   Context& operator=(const Context&) = delete;
@@ -77,13 +77,15 @@ class Context : public std::enable_shared_from_this<Context> {
   [[nodiscard]] const std::string& name() const { return name_; }
   [[nodiscard]] u32 processors() const { return processors_; }
   [[nodiscard]] u64 memory_bytes() const { return memory_bytes_; }
+  /// Of all uploads so far. Thread: any.
+  [[nodiscard]] u64 uploaded_bytes() const { return uploaded_.load(std::memory_order_relaxed); }
   [[nodiscard]] bool is_lost() const { return lost_.load(std::memory_order_relaxed); }
   /// Blocks of so many threads that one processor runs at once.
   [[nodiscard]] u32 resident_blocks(FunctionHandle program, u32 threads) const;
 
  private:
   friend class DeviceMemory;
-  explicit Context(Driver driver) : driver_(std::move(driver)) {}
+  explicit Context(const Driver& driver) : driver_(driver) {}
   [[nodiscard]] Status open(int index);
   [[nodiscard]] Status check(Result result, const char* what) const;
   void release(DevicePointer at);
@@ -96,6 +98,7 @@ class Context : public std::enable_shared_from_this<Context> {
   std::string name_;
   u32 processors_ = 0;
   u64 memory_bytes_ = 0;
+  std::atomic<u64> uploaded_{0};
   mutable std::atomic<bool> lost_{false};
 };
 

@@ -60,6 +60,7 @@ class CudaBackend final : public Backend {
   [[nodiscard]] Expected<QueryResult> query(const QueryJob& job,
                                             const Interrupt& interrupt) override;
   [[nodiscard]] u64 derived_bytes() const override { return cache_.bytes() + store_.bytes(); }
+  [[nodiscard]] u64 uploaded_bytes() const override { return context_->uploaded_bytes(); }
   [[nodiscard]] bool is_lost() const override { return context_->is_lost(); }
 
  private:
@@ -149,7 +150,9 @@ Expected<std::unique_ptr<Backend>> make_cuda_backend(const BackendOptions& optio
         Code::kUnavailable, "backend",
         "this daemon was built without the GPU programs; build it where nvcc is found, with "
         "the preset cuda");
-  auto context = Context::create(0);
+  const auto driver = load_driver();
+  if (!driver) return std::unexpected(driver.error());
+  auto context = Context::create(*driver, 0);
   if (!context) return std::unexpected(std::move(context).error());
   const auto programs = Programs::find(**context);
   if (!programs) return std::unexpected(programs.error());

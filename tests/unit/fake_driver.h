@@ -1,0 +1,54 @@
+// A CUDA driver whose device is the host's memory, for tests of what the backend asks of it. It
+// runs no programs.
+#pragma once
+
+#include <cstdlib>
+#include <cstring>
+
+#include "renderer/backend/cuda/driver.h"
+
+namespace heliograph::test {
+
+/// Allocations that are not freed yet.
+inline u64 fake_allocations = 0;
+
+inline cuda::Driver fake_driver() {
+  using namespace cuda;
+  Driver d;
+  d.device_count = [](int* count) { return *count = 1, 0; };
+  d.device_at = [](Device* device, int index) { return *device = index, 0; };
+  d.device_name = [](char*, int, Device) { return 0; };
+  d.device_attribute = [](int* value, int, Device) { return *value = 1, 0; };
+  d.create_context = [](ContextHandle*, unsigned, Device) { return 0; };
+  d.destroy_context = [](ContextHandle) { return 0; };
+  d.set_context = [](ContextHandle) { return 0; };
+  d.memory_info = [](std::size_t* free, std::size_t* all) { return *free = *all = 1u << 30, 0; };
+  d.default_pool = [](PoolHandle*, Device) { return 0; };
+  d.set_pool = [](PoolHandle, int, void*) { return 0; };
+  d.trim_pool = [](PoolHandle, std::size_t) { return 0; };
+  d.allocate = [](DevicePointer* at, std::size_t bytes, StreamHandle) {
+    ++fake_allocations;
+    return *at = DevicePointer(std::malloc(bytes)), 0;
+  };
+  d.release = [](DevicePointer at, StreamHandle) {
+    --fake_allocations;
+    return std::free(reinterpret_cast<void*>(at)), 0;
+  };
+  d.upload = [](DevicePointer to, const void* from, std::size_t bytes, StreamHandle) {
+    return std::memcpy(reinterpret_cast<void*>(to), from, bytes), 0;
+  };
+  d.download = [](void* to, DevicePointer from, std::size_t bytes, StreamHandle) {
+    return std::memcpy(to, reinterpret_cast<const void*>(from), bytes), 0;
+  };
+  d.fill = [](DevicePointer at, unsigned char byte, std::size_t bytes, StreamHandle) {
+    return std::memset(reinterpret_cast<void*>(at), byte, bytes), 0;
+  };
+  d.create_stream = [](StreamHandle*, unsigned) { return 0; };
+  d.destroy_stream = [](StreamHandle) { return 0; };
+  d.wait_for_stream = [](StreamHandle) { return 0; };
+  d.load_module = [](ModuleHandle*, const void*) { return 0; };
+  d.unload_module = [](ModuleHandle) { return 0; };
+  return d;
+}
+
+}  // namespace heliograph::test
