@@ -15,6 +15,11 @@ inline constexpr u32 kBlock = 16;
 inline constexpr u32 kTileSide = 16;
 inline constexpr u32 kTilePixels = kTileSide * kTileSide;
 
+/// The pixels [x0, x1) x [y0, y1).
+struct PixelRect {
+  u32 x0, y0, x1, y1;
+};
+
 /// Where a film's pixels lie: one typed, row-major array a plane; null for planes not wanted.
 /// Memory is zero at the start.
 struct FilmView {
@@ -106,6 +111,51 @@ KERNEL PixelStatistics pixel_statistics(const FilmView& film, u64 pixel, u32 sam
 KERNEL float relative_error(const FilmView& film, u64 pixel, u32 samples) {
   const PixelStatistics s = pixel_statistics(film, pixel, samples);
   return s.mean > 0 ? std::sqrt(s.variance) / s.mean : 0;
+}
+
+KERNEL u32 tiles_across(const FilmView& film) { return (film.width + kTileSide - 1) / kTileSide; }
+KERNEL PixelRect tile_rect(const FilmView& film, u32 tile) {
+  const u32 x = tile % tiles_across(film) * kTileSide, y = tile / tiles_across(film) * kTileSide;
+  return {x, y, min2(x + kTileSide, film.width), min2(y + kTileSide, film.height)};
+}
+
+/// Relative errors of a tile's pixels after `samples` samples, summed up.
+KERNEL double tile_noise(const FilmView& film, u32 tile, u32 samples) {
+  const PixelRect rect = tile_rect(film, tile);
+  double sum = 0;
+  for (u32 y = rect.y0; y < rect.y1; ++y)
+    for (u32 x = rect.x0; x < rect.x1; ++x)
+      sum += double(relative_error(film, u64(y) * film.width + x, samples));
+  return sum;
+}
+
+/// A plane that samples made, of the folds kMean and kFilm, and the array that it goes to.
+struct PlaneOut {
+  Plane plane;
+  u32 channels;
+  u32 rank;  // of BEAUTY_GROUP: of its group
+  void* to;  // row-major, float; SAMPLES: u32
+};
+/// Writes a pixel of a plane after `samples` samples; 0 before there are any.
+KERNEL void resolve_pixel(const FilmView& film, const PlaneOut& out, u64 pixel, u32 samples) {
+  if (out.plane == Plane::SAMPLES) {
+    static_cast<u32*>(out.to)[pixel] = samples;
+    return;
+  }
+  const u64 image = u64(film.width) * film.height;
+  for (u32 channel = 0; channel < out.channels; ++channel) {
+    const u64 i = (out.rank * image + pixel) * out.channels + channel;
+    float value = 0;
+    if (samples == 0)
+      value = 0;
+    else if (out.plane == Plane::VARIANCE)
+      value = pixel_statistics(film, pixel, samples).variance;
+    else if (out.plane == Plane::SHADOW_CATCHER)
+      value = catcher_share(film, pixel);
+    else
+      value = mean_value(film, out.plane, i, samples);
+    static_cast<float*>(out.to)[pixel * out.channels + channel] = value;
+  }
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

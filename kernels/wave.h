@@ -49,7 +49,6 @@ struct alignas(16) WaveLight {
 
 /// Memory of a wave.
 struct WaveView {
-  u32* items;           // by slot: what it works on; kNone: it is free
   WavePath* paths;      // by slot
   WaveRay* rays;        // by slot
   Hit* hits;            // by slot

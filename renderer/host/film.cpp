@@ -185,11 +185,7 @@ kernels::FilmView HostFilm::moved(kernels::FilmView view, const FilmMemory& to) 
   return view;
 }
 
-PixelRect HostFilm::tile(u32 index) const {
-  const u32 x = index % tiles_x_ * kernels::kTileSide, y = index / tiles_x_ * kernels::kTileSide;
-  return {x, y, std::min(x + kernels::kTileSide, view_.width),
-          std::min(y + kernels::kTileSide, view_.height)};
-}
+PixelRect HostFilm::tile(u32 index) const { return kernels::tile_rect(view_, index); }
 
 std::vector<RenderTask> HostFilm::render_tasks() const {
   std::vector<RenderTask> tasks;
@@ -218,58 +214,50 @@ ProbeTask HostFilm::probe_task() const {
           .film = &view_};
 }
 
-float HostFilm::value(Plane plane, u64 i, u32 samples) const {
-  if (plane == Plane::VARIANCE) return kernels::pixel_statistics(view_, i, samples).variance;
-  if (plane == Plane::SHADOW_CATCHER) return kernels::catcher_share(view_, i);
-  return kernels::mean_value(view_, plane, i, samples);
-}
-
-std::vector<PlaneData> HostFilm::resolve() const {
+std::vector<PlaneData> HostFilm::new_planes() const {
   std::vector<PlaneData> planes;
-  u32 groups = 0;
   for (const Plane plane : film_planes(job()))
-    planes.push_back(resolve(plane, plane == Plane::BEAUTY_GROUP ? groups++ : 0));
+    planes.push_back(new_plane(job(), plane, u64(view_.width) * view_.height));
   return planes;
 }
 
-PlaneData HostFilm::resolve(Plane plane, u32 rank) const {
-  const PlaneInfo& info = plane_info(plane);
-  const u64 pixels = u64(view_.width) * view_.height;
-  PlaneData data = new_plane(job(), plane, pixels);
-  if (info.fold == Fold::kCentre) {
-    std::memcpy(data.pixels.data(), view_.planes[u32(plane)], data.pixels.size());
-    return data;
+std::vector<kernels::PlaneOut> HostFilm::outs(std::vector<PlaneData>& planes) const {
+  std::vector<kernels::PlaneOut> outs;
+  u32 groups = 0;
+  for (PlaneData& data : planes) {
+    const PlaneInfo& info = plane_info(data.plane);
+    const u32 rank = data.plane == Plane::BEAUTY_GROUP ? groups++ : 0;
+    if (info.fold != Fold::kCentre)
+      outs.push_back({data.plane, info.channels, rank, data.pixels.data()});
   }
-  auto* counts = reinterpret_cast<u32*>(data.pixels.data());
-  auto* out = reinterpret_cast<float*>(data.pixels.data());
-  const u64 first = rank * pixels * info.channels;
-  parallel_for(tiles(), [&](u32 index) {
-    const PixelRect rect = tile(index);
-    const u32 samples = tile_samples_[index];
-    for (u32 y = rect.y0; y < rect.y1; ++y) {
-      const u64 row = u64(y) * view_.width;
-      for (u64 i = (row + rect.x0) * info.channels; i < (row + rect.x1) * info.channels; ++i) {
-        if (plane == Plane::SAMPLES)
-          counts[i] = samples;
-        else if (samples == 0)
-          out[i] = 0;
-        else
-          out[i] = value(plane, first + i, samples);
-      }
-    }
-  });
-  return data;
+  return outs;
+}
+
+std::vector<PlaneData> HostFilm::resolve() const {
+  std::vector<PlaneData> planes = new_planes();
+  for (PlaneData& data : planes)
+    if (plane_info(data.plane).fold == Fold::kCentre)
+      std::memcpy(data.pixels.data(), view_.planes[u32(data.plane)], data.pixels.size());
+  for (const kernels::PlaneOut& out : outs(planes)) {
+    parallel_for(tiles(), [&](u32 index) {
+      const PixelRect rect = tile(index);
+      for (u32 y = rect.y0; y < rect.y1; ++y)
+        for (u32 x = rect.x0; x < rect.x1; ++x)
+          kernels::resolve_pixel(view_, out, u64(y) * view_.width + x, tile_samples_[index]);
+    });
+  }
+  return planes;
 }
 
 Noise HostFilm::noise() const {
   std::vector<double> sums(tiles());
   parallel_for(tiles(), [&](u32 index) {
-    const PixelRect rect = tile(index);
-    for (u32 y = rect.y0; y < rect.y1; ++y)
-      for (u32 x = rect.x0; x < rect.x1; ++x)
-        sums[index] +=
-            double(kernels::relative_error(view_, u64(y) * view_.width + x, tile_samples_[index]));
+    sums[index] = kernels::tile_noise(view_, index, tile_samples_[index]);
   });
+  return noise_of(sums);
+}
+
+Noise HostFilm::noise_of(std::span<const double> sums) const {
   Noise noise{.mean = 0};
   for (u32 i = 0; i < tiles(); ++i) {
     const PixelRect rect = tile(i);

@@ -51,6 +51,7 @@ class HostFilm : public Film {
   [[nodiscard]] u32 tiles_across() const override { return tiles_x_; }
   [[nodiscard]] u32 samples(u32 tile) const override { return tile_samples_[tile]; }
   void set_samples(u32 tile, u32 samples) { tile_samples_[tile] = samples; }
+  [[nodiscard]] std::span<const u32> all_samples() const { return tile_samples_; }
   [[nodiscard]] u64 rays() const override { return rays_.load(std::memory_order_relaxed); }
   void add_rays(u64 rays) { rays_.fetch_add(rays, std::memory_order_relaxed); }
   /// The pixels of a tile.
@@ -75,6 +76,12 @@ class HostFilm : public Film {
   [[nodiscard]] Noise noise() const;
 
  protected:
+  /// Of all planes of film_planes(), not filled in.
+  [[nodiscard]] std::vector<PlaneData> new_planes() const;
+  /// Where planes of the folds kMean and kFilm go, given new_planes().
+  [[nodiscard]] std::vector<kernels::PlaneOut> outs(std::vector<PlaneData>& planes) const;
+  /// Of sums over tiles (kernels::tile_noise).
+  [[nodiscard]] Noise noise_of(std::span<const double> sums) const;
   explicit HostFilm(const Shot& shot);
   /// Makes the views and their memory; to be called once.
   [[nodiscard]] Status allocate();
@@ -87,10 +94,6 @@ class HostFilm : public Film {
   template <class F>
   void for_each_array(F&& visit);
   void set_still_view();
-  /// Channel i, counted over pixels, of a plane that is averaged or read from the film.
-  [[nodiscard]] float value(Plane plane, u64 i, u32 samples) const;
-  /// rank: which of the planes of this kind, in the order of the job.
-  [[nodiscard]] PlaneData resolve(Plane plane, u32 rank) const;
   void set_groups();
 
   Shot shot_;

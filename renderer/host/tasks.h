@@ -11,10 +11,7 @@ namespace heliograph::host {
 
 using namespace resident;
 
-/// Pixels [x0, x1) x [y0, y1).
-struct PixelRect {
-  kernels::u32 x0, y0, x1, y1;
-};
+using kernels::PixelRect;
 
 /// Samples of one scene. The views lie in the host's memory, and so do their arrays.
 struct RenderTask {

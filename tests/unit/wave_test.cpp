@@ -59,8 +59,8 @@ class HostWave {
     samples_.resize(items_);
     light_planes_.resize(size_t(items_) * kLightPlanes);
     groups_.assign(size_t(items_) * 3 * std::max(shot.film.groups, 1u), 0);
-    view_ = {item_.data(), paths_.data(), rays_.data(),    hits_.data(), lights_.data(),
-             nullptr,      nullptr,       samples_.data(), nullptr,      shot.film};
+    view_ = {paths_.data(), rays_.data(),    hits_.data(), lights_.data(), nullptr,
+             nullptr,       samples_.data(), nullptr,      shot.film};
     if (shot.scene.any_media) {
       view_.insides = insides_.data();
       view_.reaches = reaches_.data();

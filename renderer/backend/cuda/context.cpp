@@ -2,9 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cstring>
 #include <limits>
 
 #include "renderer/backend/cuda/programs.h"
+#include "renderer/resident/parallel.h"
 
 namespace heliograph::cuda {
 namespace {
@@ -12,7 +15,10 @@ namespace {
 constexpr Result kOutOfMemory = 2;
 constexpr int kReleaseThreshold = 4;   // CU_MEMPOOL_ATTR_RELEASE_THRESHOLD
 constexpr unsigned kNonBlocking = 1;   // CU_STREAM_NON_BLOCKING
-constexpr unsigned kBlockingWait = 4;  // CU_CTX_SCHED_BLOCKING_SYNC
+constexpr unsigned kScheduleAuto = 0;  // CU_CTX_SCHED_AUTO: waits spin where there are cores
+constexpr unsigned kNoTiming = 2;      // CU_EVENT_DISABLE_TIMING
+constexpr u64 kStageBytes = 4 << 20;
+constexpr u64 kCopyGrain = 256 << 10;  // bytes of a thread's share
 
 }  // namespace
 
@@ -44,22 +50,35 @@ Status Context::open(int index) {
   name_ =
       fmt::format("{} sm_{}{}", name, attribute(Attribute::kMajor), attribute(Attribute::kMinor));
   processors_ = u32(attribute(Attribute::kProcessors));
-  HELIO_TRY(check(driver_.create_context(&context_, kBlockingWait, device), "making a context"));
+  HELIO_TRY(check(driver_.create_context(&context_, kScheduleAuto, device), "making a context"));
   std::size_t free = 0, total = 0;
   HELIO_TRY(check(driver_.memory_info(&free, &total), "asking for the GPU's memory"));
   memory_bytes_ = total;
   HELIO_TRY(check(driver_.create_stream(&stream_, kNonBlocking), "making a stream"));
   HELIO_TRY(check(driver_.default_pool(&pool_, device), "opening the memory pool"));
+  for (Stage& stage : stages_) {
+    HELIO_TRY(check(driver_.allocate_pinned(&stage.memory, kStageBytes, 0), "a copy's memory"));
+    HELIO_TRY(check(driver_.create_event(&stage.written, kNoTiming), "making an event"));
+  }
   u64 keep = std::numeric_limits<u64>::max();
   HELIO_TRY(check(driver_.set_pool(pool_, kReleaseThreshold, &keep), "setting the memory pool"));
-  return check(driver_.load_module(&module_, programs().data()), "loading the GPU programs");
+  for (const std::byte* program : programs()) {
+    ModuleHandle module = nullptr;
+    HELIO_TRY(check(driver_.load_module(&module, program), "loading the GPU programs"));
+    modules_.push_back(module);
+  }
+  return {};
 }
 
 Context::~Context() {
   if (!context_) return;
   (void)driver_.set_context(context_);
   if (stream_) (void)driver_.wait_for_stream(stream_);
-  if (module_) (void)driver_.unload_module(module_);
+  for (Stage& stage : stages_) {
+    if (stage.written) (void)driver_.destroy_event(stage.written);
+    if (stage.memory) (void)driver_.release_pinned(stage.memory);
+  }
+  for (ModuleHandle module : modules_) (void)driver_.unload_module(module);
   if (stream_) (void)driver_.destroy_stream(stream_);
   (void)driver_.destroy_context(context_);
 }
@@ -111,18 +130,47 @@ Status Context::fill(DevicePointer at, u8 byte, u64 bytes) {
   return check(driver_.fill(at, byte, bytes, stream_), "filling memory");
 }
 
+Status Context::download(std::span<const Download> pieces) {
+  u32 next = 0;
+  for (const Download& piece : pieces) {
+    for (u64 begin = 0; begin < piece.to.size(); begin += kStageBytes) {
+      Stage& stage = stages_[next++ % stages_.size()];
+      HELIO_TRY(finish(stage));
+      const u64 bytes = std::min(kStageBytes, piece.to.size() - begin);
+      HELIO_TRY(
+          check(driver_.download(stage.memory, piece.from + begin, bytes, stream_), "a download"));
+      HELIO_TRY(check(driver_.record_event(stage.written, stream_), "a download"));
+      stage.to = piece.to.subspan(begin, bytes);
+    }
+  }
+  for (u32 i = 0; i < stages_.size(); ++i) HELIO_TRY(finish(stages_[next++ % stages_.size()]));
+  return {};
+}
+
 Status Context::download(std::span<std::byte> to, DevicePointer from) {
-  if (!to.empty())
-    HELIO_TRY(check(driver_.download(to.data(), from, to.size(), stream_), "a download"));
-  return wait();
+  const Download piece{to, from};
+  return download(std::span(&piece, 1));
+}
+
+Status Context::finish(Stage& stage) {
+  const auto to = std::exchange(stage.to, {});
+  if (to.empty()) return {};
+  HELIO_TRY(check(driver_.wait_for_event(stage.written), "work on the GPU"));
+  const auto* from = static_cast<const std::byte*>(stage.memory);
+  resident::parallel_ranges(to.size(), kCopyGrain, [&](u64 begin, u64 end) {
+    std::memcpy(to.data() + begin, from + begin, end - begin);
+  });
+  return {};
 }
 
 Status Context::wait() { return check(driver_.wait_for_stream(stream_), "work on the GPU"); }
 
 Expected<FunctionHandle> Context::function(const char* name) const {
   FunctionHandle function = nullptr;
-  HELIO_TRY(check(driver_.function_in(&function, module_, name), "finding a GPU program"));
-  return function;
+  for (ModuleHandle module : modules_)
+    if (driver_.function_in(&function, module, name) == 0) return function;
+  return fail(Code::kUnavailable, "backend",
+              fmt::format("this daemon was built without the GPU program {}", name));
 }
 
 Status Context::launch(FunctionHandle program, LaunchSize size, std::span<void*> arguments) {

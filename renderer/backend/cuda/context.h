@@ -2,9 +2,11 @@
 // pool.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <span>
 #include <string_view>
+#include <vector>
 
 #include "renderer/backend/cuda/driver.h"
 
@@ -43,6 +45,12 @@ class DeviceMemory {
   u64 bytes_ = 0;
 };
 
+/// A copy to the host.
+struct Download {
+  std::span<std::byte> to;
+  DevicePointer from;
+};
+
 /// Blocks of threads.
 struct LaunchSize {
   u32 blocks;
@@ -68,6 +76,7 @@ class Context : public std::enable_shared_from_this<Context> {
   [[nodiscard]] Status upload(DevicePointer to, std::span<const std::byte> from);
   [[nodiscard]] Status fill(DevicePointer at, u8 byte, u64 bytes);
   /// Waits.
+  [[nodiscard]] Status download(std::span<const Download> pieces);
   [[nodiscard]] Status download(std::span<std::byte> to, DevicePointer from);
   [[nodiscard]] Status wait();
   [[nodiscard]] Expected<FunctionHandle> function(const char* name) const;
@@ -90,10 +99,19 @@ class Context : public std::enable_shared_from_this<Context> {
   [[nodiscard]] Status check(Result result, const char* what) const;
   void release(DevicePointer at);
 
+  /// Memory that the device writes by itself, from where downloads are copied on.
+  struct Stage {
+    void* memory = nullptr;
+    EventHandle written = nullptr;
+    std::span<std::byte> to;  // of the copy on its way; empty: none is
+  };
+  [[nodiscard]] Status finish(Stage& stage);
+
   const Driver driver_;
   ContextHandle context_ = nullptr;
   StreamHandle stream_ = nullptr;
-  ModuleHandle module_ = nullptr;
+  std::vector<ModuleHandle> modules_;
+  std::array<Stage, 2> stages_;
   PoolHandle pool_ = nullptr;
   std::string name_;
   u32 processors_ = 0;

@@ -112,21 +112,18 @@ Status CudaBackend::probe(Film& film, u32 first_tile, u32 tile_count, const Inte
 Expected<std::vector<Column>> CudaBackend::labels(Film& film, const Interrupt& interrupt) {
   const auto& own = static_cast<const CudaFilm&>(film);
   HELIO_TRY(context_->enter());
-  HELIO_TRY(own.fetch());
+  HELIO_TRY(own.fetch_instances());
   return run_in(arena_, [&] { return host::labels(own, rays_of(own.still().scene), interrupt); });
 }
 
 Expected<std::vector<PlaneData>> CudaBackend::resolve(Film& film) {
-  const auto& own = static_cast<const CudaFilm&>(film);
   HELIO_TRY(context_->enter());
-  HELIO_TRY(own.fetch());
-  return run_in(arena_, [&] { return own.resolve(); });
+  return run_in(arena_, [&] { return static_cast<CudaFilm&>(film).resolve(programs_); });
 }
 
 Noise CudaBackend::noise(const Film& film) {
-  const auto& own = static_cast<const CudaFilm&>(film);
-  if (!context_->enter() || !own.fetch()) return {};  // lost: the next call says so
-  return run_in(arena_, [&] { return own.noise(); });
+  if (!context_->enter()) return {};  // lost: the next call says so
+  return static_cast<const CudaFilm&>(film).noise(programs_).value_or(Noise{});
 }
 
 Expected<QueryResult> CudaBackend::query(const QueryJob& job, const Interrupt& interrupt) {

@@ -18,6 +18,7 @@ using StreamHandle = struct StreamTag*;
 using ModuleHandle = struct ModuleTag*;
 using FunctionHandle = struct FunctionTag*;
 using PoolHandle = struct PoolTag*;
+using EventHandle = struct EventTag*;
 
 // name of the member, symbol, arguments
 #define HELIO_CUDA_FUNCTIONS(F)                                                                   \
@@ -45,6 +46,10 @@ using PoolHandle = struct PoolTag*;
   F(create_stream, cuStreamCreate, StreamHandle*, unsigned)                                       \
   F(destroy_stream, cuStreamDestroy_v2, StreamHandle)                                             \
   F(wait_for_stream, cuStreamSynchronize, StreamHandle)                                           \
+  F(create_event, cuEventCreate, EventHandle*, unsigned)                                          \
+  F(destroy_event, cuEventDestroy_v2, EventHandle)                                                \
+  F(record_event, cuEventRecord, EventHandle, StreamHandle)                                       \
+  F(wait_for_event, cuEventSynchronize, EventHandle)                                              \
   F(load_module, cuModuleLoadFatBinary, ModuleHandle*, const void*)                               \
   F(unload_module, cuModuleUnload, ModuleHandle)                                                  \
   F(function_in, cuModuleGetFunction, FunctionHandle*, ModuleHandle, const char*)                 \

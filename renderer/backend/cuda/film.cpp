@@ -21,11 +21,13 @@ Status CudaFilm::open(const Shot& shot, const SceneOf& scene_of) {
   }
   for (const auto& [bytes, to] :
        {std::pair{memory().sums.size(), &sums_}, std::pair{memory().centres.size(), &centres_},
-        std::pair{sizeof(u64), &probe_rays_}}) {
+        std::pair{sizeof(u64), &probe_rays_}, std::pair{tiles() * sizeof(u32), &tile_samples_}}) {
     auto made = context_.zeroed(bytes);
     if (!made) return std::unexpected(std::move(made).error());
     *to = *std::move(made);
   }
+  view_ = copy(view());
+  view_.rank_of_group = nullptr;
   set_tasks();
   if (shot.still) set_probe();
   return copies_.status();
@@ -95,7 +97,6 @@ void CudaFilm::set_probe() {
 
 Expected<bool> CudaFilm::render(const Programs& programs, const WorkRange& range, TimePoint until,
                                 const Interrupt& interrupt) {
-  sums_changed_ = true;
   for (; task_ < shots_.size(); ++task_) {
     if (!wave_) {
       wave_ = std::make_unique<Wave>(context_, programs, shots_[task_], range);
@@ -113,7 +114,6 @@ Expected<bool> CudaFilm::render(const Programs& programs, const WorkRange& range
 }
 
 Status CudaFilm::probe(const Programs& programs, u32 first_tile, u32 tile_count) {
-  centres_changed_ = true;
   kernels::WaveWork work{first_tile, tile_count, 0, 1};
   u64 rays = 0;
   u64* counter = probe_rays_.as<u64>();
@@ -126,12 +126,62 @@ Status CudaFilm::probe(const Programs& programs, u32 first_tile, u32 tile_count)
   return {};
 }
 
-Status CudaFilm::fetch() const {
-  const host::FilmMemory host = memory();
-  if (std::exchange(sums_changed_, false)) HELIO_TRY(context_.download(host.sums, sums_.at()));
-  if (std::exchange(centres_changed_, false))
-    HELIO_TRY(context_.download(host.centres, centres_.at()));
-  return {};
+Expected<ResolveLaunch> CudaFilm::resolve_launch() const {
+  HELIO_TRY(context_.upload(tile_samples_.at(), std::as_bytes(all_samples())));
+  return ResolveLaunch{.film = view_, .tile_samples = tile_samples_.as<u32>()};
+}
+
+Expected<std::vector<PlaneData>> CudaFilm::resolve(const Programs& programs) {
+  auto launch = resolve_launch();
+  if (!launch) return std::unexpected(std::move(launch).error());
+  const u64 pixels = u64(view_.width) * view_.height;
+  std::vector<PlaneData> planes = new_planes();
+  std::vector<DeviceMemory> resolved;
+  std::vector<Download> downloads;
+  const auto to_of = [](PlaneData& data) {
+    return std::span(data.pixels.data(), data.pixels.size());
+  };
+  const std::vector<kernels::PlaneOut> made = outs(planes);
+  auto next = made.begin();
+  for (PlaneData& data : planes) {
+    if (plane_info(data.plane).fold == kernels::Fold::kCentre) {
+      downloads.push_back({to_of(data), DevicePointer(view_.planes[u32(data.plane)])});
+      continue;
+    }
+    auto memory = context_.allocate(data.pixels.size());
+    if (!memory) return std::unexpected(std::move(memory).error());
+    launch->out = *next++;
+    launch->out.to = memory->as<void>();
+    void* arguments[] = {&*launch};
+    HELIO_TRY(context_.launch(programs.resolve.function, Programs::size(programs.resolve, pixels),
+                              arguments));
+    downloads.push_back({to_of(data), memory->at()});
+    resolved.push_back(*std::move(memory));
+  }
+  HELIO_TRY(context_.download(downloads));
+  return planes;
+}
+
+Expected<Noise> CudaFilm::noise(const Programs& programs) const {
+  auto launch = resolve_launch();
+  if (!launch) return std::unexpected(std::move(launch).error());
+  std::vector<double> sums(tiles());
+  auto memory = context_.allocate(sums.size() * sizeof(double));
+  if (!memory) return std::unexpected(std::move(memory).error());
+  launch->noise = memory->as<double>();
+  void* arguments[] = {&*launch};
+  HELIO_TRY(
+      context_.launch(programs.noise.function, Programs::size(programs.noise, tiles()), arguments));
+  HELIO_TRY(context_.download(std::as_writable_bytes(std::span(sums)), memory->at()));
+  return noise_of(sums);
+}
+
+Status CudaFilm::fetch_instances() const {
+  constexpr u32 kFrom = u32(kernels::Plane::INSTANCE);
+  auto* to = static_cast<std::byte*>(view().planes[kFrom]);
+  if (!to) return {};
+  const u64 bytes = u64(view_.width) * view_.height * sizeof(u32);
+  return context_.download({to, bytes}, DevicePointer(view_.planes[kFrom]));
 }
 
 }  // namespace heliograph::cuda

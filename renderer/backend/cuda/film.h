@@ -23,8 +23,11 @@ class CudaFilm final : public host::HostFilm {
   [[nodiscard]] Expected<bool> render(const Programs& programs, const WorkRange& range,
                                       TimePoint until, const Interrupt& interrupt);
   [[nodiscard]] Status probe(const Programs& programs, u32 first_tile, u32 tile_count);
-  /// Brings what the device has written to the host.
-  [[nodiscard]] Status fetch() const;
+  /// The planes of film_planes() after the samples that each tile has.
+  [[nodiscard]] Expected<std::vector<PlaneData>> resolve(const Programs& programs);
+  [[nodiscard]] Expected<Noise> noise(const Programs& programs) const;
+  /// Brings the centre plane that labels read to the host.
+  [[nodiscard]] Status fetch_instances() const;
 
  private:
   CudaFilm(const Shot& shot, Mirror& mirror)
@@ -35,17 +38,19 @@ class CudaFilm final : public host::HostFilm {
   [[nodiscard]] const CudaScene* copy_of(const ResidentScene* scene) const;
   [[nodiscard]] kernels::CameraView copy(const kernels::CameraView& camera);
   [[nodiscard]] kernels::FilmView copy(const kernels::FilmView& film) const;
+  /// Of what the samples so far become.
+  [[nodiscard]] Expected<ResolveLaunch> resolve_launch() const;
   [[nodiscard]] ProbeEnd end_of(const ResidentScene* scene, const kernels::ProbeScene& seen);
 
   Context& context_;
   std::vector<std::shared_ptr<const CudaScene>> scenes_;
   Copies copies_;
-  DeviceMemory sums_, centres_, probe_rays_;
+  DeviceMemory sums_, centres_, probe_rays_, tile_samples_;
+  kernels::FilmView view_{};  // on the device
   std::vector<WaveShot> shots_;
   const ProbeLaunch* probe_ = nullptr;  // on the device; null: it has no centre planes
   std::unique_ptr<Wave> wave_;          // of a range that is not done
   u32 task_ = 0;                        // that it works on
-  mutable bool sums_changed_ = false, centres_changed_ = false;
 };
 
 }  // namespace heliograph::cuda

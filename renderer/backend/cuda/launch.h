@@ -1,4 +1,4 @@
-// What the host tells the GPU programs. Read by programs.cu.
+// What the host tells the GPU programs. Read by the .cu files beside it.
 #pragma once
 
 #include "kernels/bvh.h"
@@ -12,13 +12,19 @@ using kernels::u64;
 
 inline constexpr u32 kThreads = 128;  // of a block
 
-/// The state of a wave that its programs change. A round of programs begins, traces, lets arrive
-/// and lights.
+/// What a round of programs has to do, as counted by those before it. A round begins, traces, lets
+/// arrive and lights.
+struct WaveRound {
+  u32 first_item;            // of those that nobody began
+  u32 free;                  // entries of WaveLaunch::free
+  u32 active;                // of WaveLaunch::active
+  u32 hits, misses;          // of WaveLaunch::arrived: from its begin, and back from its end
+  u32 lights;                // of WaveLaunch::lit
+  u32 next_ray, next_light;  // of those: which nobody took
+};
 struct WaveCounters {
-  u32 next_item;  // of the work
-  u32 active;     // entries of WaveLaunch::queue in this round
-  u32 lights;     // and of WaveLaunch::light_queue
-  u64 rays;       // of the samples that were folded
+  WaveRound rounds[2];  // by turns the present and the next one
+  u64 rays;             // of the samples that were folded
 };
 
 struct WaveLaunch {
@@ -27,9 +33,21 @@ struct WaveLaunch {
   kernels::WaveWork work;
   kernels::WaveView wave;
   u32 slots;
-  u32* queue;        // slots
-  u32* light_queue;  // slots
+  bool all_free;   // in the first round
+  u32 round;       // which of WaveCounters::rounds; queues that are there twice go by it
+  u32* free[2];    // slots without a path
+  u32* active[2];  // slots with one
+  u32* arrived;    // those whose ray was traced, what met a surface first
+  u32* lit;        // those whose light's ray is to be traced
   WaveCounters* counters;
+};
+
+/// What a film's sums become. Everything lies in device memory.
+struct ResolveLaunch {
+  kernels::FilmView film;
+  const u32* tile_samples;
+  kernels::PlaneOut out;  // of film_resolve
+  double* noise;          // of film_noise: by tile
 };
 
 /// One end of a probe: a scene and the camera in it.

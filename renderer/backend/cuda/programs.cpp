@@ -1,24 +1,28 @@
 #include "renderer/backend/cuda/programs.h"
 
-#if defined(HELIO_PROGRAMS)  // the path of the compiled programs
+#if defined(HELIO_PROGRAMS_LIST)  // a file of HELIO_PROGRAMS(name, path) for each fat binary
 
-asm(".section .rodata\n"
-    ".balign 16\n"
-    "heliograph_programs_begin:\n"
-    ".incbin \"" HELIO_PROGRAMS
-    "\"\n"
-    "heliograph_programs_end:\n"
-    ".previous\n");
-
-extern "C" {
-extern const std::byte heliograph_programs_begin[];
-extern const std::byte heliograph_programs_end[];
-}
+#define HELIO_PROGRAMS(name, path) \
+  asm(".section .rodata\n"         \
+      ".balign 16\n"               \
+      "heliograph_programs_" #name \
+      ":\n"                        \
+      ".incbin \"" path            \
+      "\"\n"                       \
+      ".previous\n");              \
+  extern "C" const std::byte heliograph_programs_##name[];
+#include HELIO_PROGRAMS_LIST
+#undef HELIO_PROGRAMS
 
 namespace heliograph::cuda {
 
-std::span<const std::byte> programs() {
-  return {heliograph_programs_begin, heliograph_programs_end};
+std::span<const std::byte* const> programs() {
+#define HELIO_PROGRAMS(name, path) heliograph_programs_##name,
+  static const std::byte* const all[] = {
+#include HELIO_PROGRAMS_LIST
+  };
+#undef HELIO_PROGRAMS
+  return all;
 }
 
 }  // namespace heliograph::cuda
@@ -27,7 +31,7 @@ std::span<const std::byte> programs() {
 
 namespace heliograph::cuda {
 
-std::span<const std::byte> programs() { return {}; }
+std::span<const std::byte* const> programs() { return {}; }
 
 }  // namespace heliograph::cuda
 

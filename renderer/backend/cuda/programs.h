@@ -1,4 +1,4 @@
-// The GPU programs, compiled with nvcc: programs.cu.
+// The GPU programs, compiled with nvcc: each .cu beside this file.
 #pragma once
 
 #include <cstddef>
@@ -6,7 +6,7 @@
 
 namespace heliograph::cuda {
 
-/// A fat binary; empty where nvcc was not found when this was built.
-[[nodiscard]] std::span<const std::byte> programs();
+/// Fat binaries; none where nvcc was not found when this was built.
+[[nodiscard]] std::span<const std::byte* const> programs();
 
 }  // namespace heliograph::cuda

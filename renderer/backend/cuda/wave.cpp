@@ -11,9 +11,11 @@ constexpr u32 kMostSlots = 1 << 20;
 constexpr u32 kMostItems = 1 << 22;
 constexpr u64 kMemoryShare = 32;  // a wave takes one in so many bytes of the device
 constexpr u64 kSlotBytes = sizeof(kernels::WavePath) + sizeof(kernels::WaveRay) +
-                           sizeof(kernels::Hit) + sizeof(kernels::WaveLight) + 3 * sizeof(u32);
-/// Rounds between looks at the counters, which wait for the device.
+                           sizeof(kernels::Hit) + sizeof(kernels::WaveLight) + 6 * sizeof(u32);
+/// Rounds between looks at the counters, which wait for the device; the first of a batch whose
+/// paths all begin at once may take longer.
 constexpr u32 kRoundsAtOnce = 4;
+constexpr u32 kRoundsAtFirst = 8;
 
 }  // namespace
 
@@ -22,7 +24,8 @@ Expected<Programs> Programs::find(const Context& context) {
   for (const auto& [name, program] :
        {std::pair{"wave_begin", &programs.begin}, std::pair{"wave_trace", &programs.trace},
         std::pair{"wave_arrive", &programs.arrive}, std::pair{"wave_light", &programs.light},
-        std::pair{"wave_fold", &programs.fold}, std::pair{"probe", &programs.probe}}) {
+        std::pair{"wave_fold", &programs.fold}, std::pair{"probe", &programs.probe},
+        std::pair{"film_resolve", &programs.resolve}, std::pair{"film_noise", &programs.noise}}) {
     auto function = context.function(name);
     if (!function) return std::unexpected(std::move(function).error());
     *program = {*function, context.processors() * context.resident_blocks(*function, kThreads)};
@@ -73,7 +76,6 @@ Status Wave::allocate() {
   wave.film.width = u32(items);
   wave.film.height = 1;
   launch_.slots = u32(slots);
-  HELIO_TRY(add(wave.items, slots));
   HELIO_TRY(add(wave.paths, slots));
   HELIO_TRY(add(wave.rays, slots));
   HELIO_TRY(add(wave.hits, slots));
@@ -83,11 +85,11 @@ Status Wave::allocate() {
   HELIO_TRY(add(wave.samples, items));
   if (light_planes) HELIO_TRY(add(wave.light_planes, items * kernels::kLightPlanes));
   if (groups) HELIO_TRY(add(wave.film.partial[u32(Plane::BEAUTY_GROUP)], items * 3 * film.groups));
-  HELIO_TRY(add(launch_.queue, slots));
-  HELIO_TRY(add(launch_.light_queue, slots));
-  HELIO_TRY(add(launch_.counters, 1));
-  static_assert(kernels::kNone == 0xffffffff);
-  return context_.fill(DevicePointer(wave.items), 0xff, slots * sizeof(u32));
+  for (u32*& queue : launch_.free) HELIO_TRY(add(queue, slots));
+  for (u32*& queue : launch_.active) HELIO_TRY(add(queue, slots));
+  HELIO_TRY(add(launch_.arrived, slots));
+  HELIO_TRY(add(launch_.lit, slots));
+  return add(launch_.counters, 1);
 }
 
 Status Wave::launch(const Programs::Program& program, u64 threads) {
@@ -101,6 +103,7 @@ Status Wave::begin_batch() {
                   range_.first_sample + next_sample_,
                   std::min(batch_samples_, range_.sample_count - next_sample_)};
   in_batch_ = true;
+  launch_.all_free = true;
   const kernels::FilmView& items = launch_.wave.film;
   if (kernels::wants(items, Plane::BEAUTY_GROUP)) {
     const auto at = DevicePointer(items.partial[u32(Plane::BEAUTY_GROUP)]);
@@ -110,12 +113,19 @@ Status Wave::begin_batch() {
 }
 
 Status Wave::round() {
-  constexpr u64 kFrom = offsetof(WaveCounters, active), kTo = offsetof(WaveCounters, rays);
-  HELIO_TRY(context_.fill(DevicePointer(launch_.counters) + kFrom, 0, kTo - kFrom));
+  const u64 next = offsetof(WaveCounters, rounds) + (1 - launch_.round) * sizeof(WaveRound);
+  HELIO_TRY(context_.fill(DevicePointer(launch_.counters) + next, 0, sizeof(WaveRound)));
   for (const auto* program :
        {&programs_.begin, &programs_.trace, &programs_.arrive, &programs_.light})
     HELIO_TRY(launch(*program, launch_.slots));
+  launch_.all_free = false;
+  launch_.round = 1 - launch_.round;
   return {};
+}
+
+bool Wave::is_batch_done() const {
+  const WaveRound& next = seen_.rounds[launch_.round];
+  return next.active == 0 && next.first_item == kernels::items_of(launch_.work);
 }
 
 Status Wave::read_counters() {
@@ -137,11 +147,16 @@ Status Wave::fold() {
 
 Expected<bool> Wave::advance(TimePoint until, const Interrupt& interrupt) {
   while (next_tile_ < range_.tile_count) {
-    if (!in_batch_) HELIO_TRY(begin_batch());
+    u32 rounds = kRoundsAtOnce;
+    if (!in_batch_) {
+      HELIO_TRY(begin_batch());
+      if (kernels::items_of(launch_.work) <= launch_.slots)
+        rounds = std::min(launch_.shot.settings.max_depth + 1, kRoundsAtFirst);
+    }
     HELIO_TRY(interrupt.status());
-    for (u32 i = 0; i < kRoundsAtOnce; ++i) HELIO_TRY(round());
+    for (u32 i = 0; i < rounds; ++i) HELIO_TRY(round());
     HELIO_TRY(read_counters());
-    if (seen_.active == 0) HELIO_TRY(fold());
+    if (is_batch_done()) HELIO_TRY(fold());
     if (std::chrono::steady_clock::now() >= until) break;
   }
   return next_tile_ >= range_.tile_count;

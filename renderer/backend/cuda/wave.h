@@ -15,7 +15,7 @@ struct Programs {
     FunctionHandle function = nullptr;
     u32 most_blocks = 0;
   };
-  Program begin, trace, arrive, light, fold, probe;
+  Program begin, trace, arrive, light, fold, probe, resolve, noise;
   [[nodiscard]] static Expected<Programs> find(const Context& context);
   /// So many threads as there are, or as the device runs at once.
   [[nodiscard]] static LaunchSize size(const Program& program, u64 threads);
@@ -41,6 +41,8 @@ class Wave {
   [[nodiscard]] Status round();
   [[nodiscard]] Status fold();
   [[nodiscard]] Status read_counters();
+  /// As of the last look.
+  [[nodiscard]] bool is_batch_done() const;
   [[nodiscard]] Status launch(const Programs::Program& program, u64 threads);
   template <class T>
   [[nodiscard]] Status add(T*& to, u64 count);

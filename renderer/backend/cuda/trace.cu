@@ -1,0 +1,87 @@
+// Rays of paths, and those of light towards them.
+#include "renderer/backend/cuda/program.h"
+
+using namespace heliograph::kernels;
+using namespace heliograph::cuda;
+
+namespace {
+
+/// Lanes of a warp that still walk before those that are done take new rays.
+constexpr int kLanesKept = 20;
+
+/// Walks the rays [0, count) of a queue. A lane takes the next one when its own is done, once
+/// enough others of its warp are.
+///
+/// next    how many are taken
+/// begin   (walk, i): begins it
+/// end     (walk, i): it is done
+/// Source: Aila and Laine 2009, "Understanding the Efficiency of Ray Traversal on GPUs", HPG,
+/// section 4.
+template <class Begin, class End>
+__device__ void walk_all(const WaveLaunch& l, u32 count, u32& next, const Begin& begin,
+                         const End& end) {
+  constexpr u32 kAll = 0xffffffff;
+  const u32 lane = threadIdx.x % 32;
+  BvhStack stack;
+  BvhWalk walk(l.shot.scene, l.bvh, stack);
+  u32 ray = kNone;
+  bool walks = false, more = true;
+  while (true) {
+    if (ray != kNone && !walks) {
+      end(walk, ray);
+      ray = kNone;
+    }
+    const u32 idle = __ballot_sync(kAll, ray == kNone);
+    if (more && idle) {
+      u32 first = 0;
+      if (lane == 0) first = atomicAdd(&next, u32(__popc(int(idle))));
+      first = __shfl_sync(kAll, first, 0);
+      const u32 own = first + u32(__popc(int(idle & ((1u << lane) - 1))));
+      more = first + u32(__popc(int(idle))) < count;
+      if (ray == kNone && own < count) {
+        ray = own;
+        walks = true;
+        begin(walk, ray);
+      }
+    }
+    if (!__any_sync(kAll, walks)) return;
+    const int least = more ? kLanesKept : 1;
+    do {
+      if (walks) walks = walk.step();
+    } while (__popc(int(__ballot_sync(kAll, walks))) >= least);
+  }
+}
+
+}  // namespace
+
+extern "C" __global__ void __launch_bounds__(kThreads, 6)
+    wave_trace(const __grid_constant__ WaveLaunch l) {
+  WaveRound& now = l.counters->rounds[l.round];
+  const u32* active = l.active[l.round];
+  walk_all(
+      l, now.active, now.next_ray,
+      [&](BvhWalk& walk, u32 i) {
+        const WaveRay& ray = l.wave.rays[active[i]];
+        walk.begin(ray.ray, ray.mask, false);
+      },
+      [&](const BvhWalk& walk, u32 i) {
+        const Hit hit = walk.hit();
+        l.wave.hits[active[i]] = hit;
+        const u32 at = hit.instance != kNone ? atomicAdd(&now.hits, 1)
+                                             : l.slots - 1 - atomicAdd(&now.misses, 1);
+        l.arrived[at] = active[i];
+      });
+}
+
+extern "C" __global__ void __launch_bounds__(kThreads, 6)
+    wave_light(const __grid_constant__ WaveLaunch l) {
+  const BvhTracer tracer(l.shot.scene, l.bvh);
+  const Wave wave(l.shot, l.work, l.wave, tracer);
+  WaveRound& now = l.counters->rounds[l.round];
+  walk_all(
+      l, now.lights, now.next_light,
+      [&](BvhWalk& walk, u32 i) { walk.begin(l.wave.lights[l.lit[i]].ray, kShadowRay, true); },
+      [&](const BvhWalk& walk, u32 i) {
+        if (walk.hit().instance == kNone) wave.shine(l.lit[i]);
+      });
+}
