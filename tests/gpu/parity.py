@@ -116,9 +116,12 @@ def main(names):
             ok = edges <= math.ceil(EDGES * SIZE[0] * SIZE[1]) and worst <= 1e-3
             ok = ok and chance >= LEVEL and repeats
             good &= ok
-            print(f"{name:10s} {'ok    ' if ok else 'FAILED'} centre planes {faults or 'equal'};"
-                  f" {plane} off by {worst:.1e}; {same:.1%} of pixels the same bytes;"
-                  f" repeats {repeats}; p {chance:.2g}", flush=True)
+            print(
+                f"{name:10s} {'ok    ' if ok else 'FAILED'} centre planes {faults or 'equal'};"
+                f" {plane} off by {worst:.1e}; {same:.1%} of pixels the same bytes;"
+                f" repeats {repeats}; p {chance:.2g}",
+                flush=True,
+            )
     sys.exit(not good)
 
 

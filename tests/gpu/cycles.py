@@ -1,0 +1,69 @@
+"""The GPU's memory over edits and renders, and a picture after them.
+
+usage: .venv/bin/python tests/gpu/cycles.py [CYCLES=10000]   (needs an NVIDIA GPU)
+Each cycle moves an object, now and then adds or removes one with a mesh of its own, and renders one
+of three sizes. Memory after the first tenth must be that at the end, within 2 MiB; the first frame
+after an edit must equal its repeat bit for bit, every hundredth cycle.
+"""
+
+import subprocess
+import sys
+import time
+
+import heliograph as hg
+import numpy as np
+
+SIZES = ((64, 64), (320, 180), (128, 96))
+ALLOWED_MIB = 2
+
+
+def used_mib():
+    ask = ["nvidia-smi", "--query-gpu=memory.used", "--format=csv,noheader,nounits"]
+    return sum(int(line) for line in subprocess.check_output(ask, text=True).split())
+
+
+def furnish(scene):
+    with scene.edit() as edit:
+        edit.mesh("ball", **hg.shapes.sphere(0.4, 24))
+        edit.material("paint", base_color=(0.7, 0.3, 0.2), roughness=0.3)
+        for i in range(27):
+            at = np.array([i % 3, i // 3 % 3, i // 9], float) - 1
+            edit.entity(f"ball/{i}", mesh="ball", material="paint", transform=hg.Pose(at))
+        edit.dome(np.random.default_rng(0).random((8, 16, 3)).astype("f4"))
+        lens = hg.Camera.from_fov(50, 64, 64, degrees=True)
+        edit.entity("camera", camera=lens, transform=hg.look_at((0, -6, 1), (0, 0, 0)))
+
+
+def change(scene, cycle):
+    with scene.edit() as edit:
+        edit.entity(f"ball/{cycle % 27}", transform=hg.Pose((0, 0, 0.001 * (cycle % 1000))))
+        if cycle % 20 == 5:
+            edit.mesh("extra", **hg.shapes.sphere(0.3, 8 + cycle % 40))
+            edit.entity("extra", mesh="extra", material="paint", transform=hg.Pose((0, 0, 2)))
+        if cycle % 20 == 15:
+            edit.remove("extra")
+            edit.prune()
+
+
+def main(cycles):
+    with hg.connect(arguments=["--backend", "cuda"]) as client, client.create_scene() as scene:
+        furnish(scene)
+        begin, marks = time.monotonic(), {}
+        for cycle in range(cycles):
+            change(scene, cycle)
+            options = {"size": SIZES[cycle % 3], "spp": 1, "progress": False}
+            frame = scene.render("camera", **options)
+            if cycle % 100 == 0:
+                again = scene.render("camera", **options)
+                assert (frame["beauty"] == again["beauty"]).all(), f"cycle {cycle} differs"
+            if (cycle + 1) % (cycles // 10) == 0:
+                marks[cycle + 1] = used_mib()
+                print(f"{cycle + 1:6d} cycles {marks[cycle + 1]} MiB", flush=True)
+        took = (time.monotonic() - begin) / cycles
+    grown = marks[max(marks)] - marks[min(marks)]
+    print(f"{cycles} cycles, {took * 1e3:.2f} ms each: {grown:+d} MiB, allowed {ALLOWED_MIB}")
+    sys.exit(grown > ALLOWED_MIB)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 10000)

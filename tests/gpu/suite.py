@@ -1,0 +1,72 @@
+"""Everything that needs a GPU, from an unpacked bundle: the tests of the CPU backend against a
+daemon with `--backend cuda`, what tests/gpu checks, and the bench. Prints a line for each part and
+writes them as a table.
+
+usage: suite.py BUNDLE [TABLE]   (BUNDLE: where scripts/bundle's archive was unpacked; Python 3.12
+with pytest; a checkout of the same commit around this file). Ends with 1 if a part fails.
+"""
+
+import os
+import pathlib
+import stat
+import subprocess
+import sys
+import tempfile
+import time
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+# These run programs of the build tree, or say something of the host's backend alone.
+NEEDS_BUILD = ["test_cpp_client.py", "test_client_programs.py", "test_protocol_example.py"]
+PARTS = {
+    "pictures": ["-m", "pytest", "-q", "tests/image"],
+    "integration": ["-m", "pytest", "-q", "tests/integration"]
+    + [f"--ignore=tests/integration/{name}" for name in NEEDS_BUILD],
+    "parity": ["tests/gpu/parity.py"],
+    "cycles": ["tests/gpu/cycles.py"],
+    "sanitized": ["tests/gpu/sanitized.py"],
+    "speed": ["bench/gpu.py"],
+}
+
+
+def environment(bundle, folder):
+    """Where clients find the bundle's daemon, and one of its own that has the GPU."""
+    wrapper = folder / "heliographd"
+    wrapper.write_text(f'#!/bin/sh\nexec {bundle}/bin/heliographd --backend cuda "$@"\n')
+    wrapper.chmod(wrapper.stat().st_mode | stat.S_IXUSR)
+    own = {"HELIOGRAPHD": f"{bundle}/bin/heliographd"}
+    own["HELIOGRAPH_DECODE"] = f"{bundle}/bin/heliograph-decode"
+    own["PYTHONPATH"] = os.pathsep.join([f"{bundle}/python", os.environ.get("PYTHONPATH", "")])
+    return {**os.environ, **own}, {**os.environ, **own, "HELIOGRAPHD": str(wrapper)}
+
+
+def main(bundle, table=None):
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        plain, on_gpu = environment(pathlib.Path(bundle).resolve(), pathlib.Path(folder))
+        for name, arguments in PARTS.items():
+            begin = time.monotonic()
+            env = on_gpu if "pytest" in arguments else plain
+            done = subprocess.run(
+                [sys.executable, *arguments],
+                cwd=ROOT,
+                env=env,
+                text=True,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                check=False,
+            )
+            said = [line for line in done.stdout.splitlines() if line.strip()] or [""]
+            rows.append((name, done.returncode, time.monotonic() - begin, said))
+            print(f"== {name}: {'ok' if done.returncode == 0 else 'FAILED'}, {rows[-1][2]:.0f} s")
+            print("\n".join(said[-40:]), flush=True)
+    lines = ["| part | | seconds | |", "|---|---|---|---|"]
+    for name, code, took, said in rows:
+        lines.append(f"| {name} | {'FAILED' if code else 'ok'} | {took:.0f} | {said[-1]} |")
+    print("\n".join(lines))
+    if table:
+        pathlib.Path(table).write_text("\n".join(lines) + "\n")
+    sys.exit(any(code for _, code, _, _ in rows))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
