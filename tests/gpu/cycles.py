@@ -38,8 +38,8 @@ def change(scene, cycle):
     with scene.edit() as edit:
         edit.entity(f"ball/{cycle % 27}", transform=hg.Pose((0, 0, 0.001 * (cycle % 1000))))
         if cycle % 20 == 5:
-            edit.mesh("extra", **hg.shapes.sphere(0.3, 8 + cycle % 40))
-            edit.entity("extra", mesh="extra", material="paint", transform=hg.Pose((0, 0, 2)))
+            edit.mesh("extra/mesh", **hg.shapes.sphere(0.3, 8 + cycle % 40))
+            edit.entity("extra", mesh="extra/mesh", material="paint", transform=hg.Pose((0, 0, 2)))
         if cycle % 20 == 15:
             edit.remove("extra")
             edit.prune()

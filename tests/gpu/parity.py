@@ -56,7 +56,7 @@ def motion(edit):
 SCENES = {**scenes.SCENES, "fog": fog, "motion": motion}
 
 
-def render(client, build, planes, spp):
+def render(client, build, planes, spp, size=SIZE):
     with client.create_scene() as scene:
         with scene.edit() as edit:
             options = build(edit)
@@ -64,7 +64,7 @@ def render(client, build, planes, spp):
         pose[:3, 3] += ASIDE
         with scene.edit() as edit:
             edit.entity("camera", transform=pose)
-        options |= {"size": SIZE, "seed": 7, "spp": spp, "progress": False}
+        options |= {"size": size, "seed": 7, "spp": spp, "progress": False}
         if any(plane.startswith("flow") for plane in planes):
             options |= {"frame_interval": 0.1, "hold": True}
         return scene.render("camera", planes=planes, **options)

@@ -27,14 +27,10 @@ def sanitizer():
 
 
 def render_all(address):
+    planes = parity.MEANS + parity.CENTRES + ["samples"]
     with hg.connect(address) as client:
         for build in parity.SCENES.values():
-            with client.create_scene() as scene:
-                with scene.edit() as edit:
-                    options = build(edit)
-                planes = parity.MEANS + parity.CENTRES + ["samples"]
-                wanted = {**options, "planes": planes, "spp": 3, "size": (48, 40)}
-                scene.render("camera", progress=False, **wanted)
+            parity.render(client, build, planes, 3, (48, 40))
 
 
 def check(tool):
