@@ -49,7 +49,8 @@ class BatchCall::Item final : public JobSink, public std::enable_shared_from_thi
     auto task = to_task(call_->daemon_, *scope.session(), request_.job());
     if (!task) return std::unexpected(std::move(task).error().at("job"));
     task->job->deadline = scope.deadline();
-    task->job->memory = call_->cutter_.memory();
+    if (auto provided = call_->cutter_.provide(*task->job, *task->engine); !provided)
+      return std::unexpected(std::move(provided).error().at("job"));
     make_header_ = task->make_header;
     return submit(call_->daemon_, *task, shared_from_this(), scope.stop());
   }

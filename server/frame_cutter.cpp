@@ -20,15 +20,26 @@ v1::PlaneChunk place_of(const Frame& frame, u32 plane, const Lease& lease) {
 
 }  // namespace
 
-PixelAllocator FrameCutter::memory() {
+Status FrameCutter::provide(RenderJob& job, const Engine& engine) {
   const std::lock_guard lock(mutex_);
   if (!shared_ && (shared_ = session_->shared_frames())) call_ = shared_->new_call();
+  if (job.on_device && !shared_)
+    return fail(Code::kFailedPrecondition, "memory",
+                "planes stay on the GPU for a client that maps buffers, on the daemon's own "
+                "machine; connect over its Unix socket, or ask for planes on the host");
+  if (job.on_device && begun_)
+    return fail(Code::kFailedPrecondition, "memory",
+                "this daemon records, and recordings have the hashes of frames; ask for planes on "
+                "the host, or start it without --record");
   if (!shared_) return {};
-  return [frames = shared_, call = call_](u64 bytes) -> std::shared_ptr<PixelMemory> {
-    if (bytes < kFewestShared) return nullptr;
-    auto lease = frames->lease(bytes, call);
+  job.memory = [frames = shared_, call = call_, device = job.on_device ? &engine : nullptr](
+                   u64 bytes) -> std::shared_ptr<PixelMemory> {
+    const auto source = device ? device->shared_memory() : nullptr;
+    if (device ? !source : bytes < kFewestShared) return nullptr;
+    auto lease = frames->lease(bytes, call, source);
     return lease ? std::make_shared<LeasedPixels>(frames, *std::move(lease)) : nullptr;
   };
+  return {};
 }
 
 void FrameCutter::begin(OutgoingFrame outgoing, v1::FramePart& part) {

@@ -7,6 +7,7 @@
 #include <mutex>
 
 #include "heliograph/v1/render.pb.h"
+#include "renderer/engine/engine.h"
 #include "server/convert/frame.h"
 #include "server/session.h"
 
@@ -18,7 +19,7 @@ struct OutgoingFrame {
   std::shared_ptr<const std::function<v1::FrameHeader(const Frame&)>> make_header;
 };
 
-/// Thread: one at a time, but for memory().
+/// Thread: one at a time, but for provide().
 class FrameCutter {
  public:
   /// Called with each frame before its first part is sent.
@@ -27,9 +28,10 @@ class FrameCutter {
   FrameCutter(u64 chunk_bytes, std::shared_ptr<Session> session, Begun begun)
       : chunk_bytes_(chunk_bytes), session_(std::move(session)), begun_(std::move(begun)) {}
 
-  /// Where the frames are written that it will cut; empty: on the heap, for a client that is sent
-  /// bytes.
-  [[nodiscard]] PixelAllocator memory();
+  /// Says where a job's frames are written that it will cut: where the client maps them, on the
+  /// heap, for a client that is sent bytes, or on the engine's device, for one that asks for that.
+  /// FAILED_PRECONDITION when it asks and cannot be given it.
+  [[nodiscard]] Status provide(RenderJob& job, const Engine& engine);
   /// Fills the frame's first part. The one before must have been sent whole.
   void begin(OutgoingFrame outgoing, v1::FramePart& part);
   /// Fills its next part; false when there is none.

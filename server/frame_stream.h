@@ -12,6 +12,7 @@
 #include "server/call_watch.h"
 #include "server/daemon.h"
 #include "server/frame_cutter.h"
+#include "server/render_task.h"
 
 namespace heliograph::server {
 
@@ -35,7 +36,9 @@ class FrameStream final : public grpc::ServerWriteReactor<v1::FramePart>,
   /// How headers are made; set once, before the engine has the sink.
   void set_header(MakeHeader make_header) { make_header_ = std::move(make_header); }
   [[nodiscard]] const CallScope& scope() const { return scope_; }
-  [[nodiscard]] PixelAllocator memory() { return cutter_.memory(); }
+  [[nodiscard]] Status provide(const RenderTask& task) {
+    return cutter_.provide(*task.job, *task.engine);
+  }
 
   void progress(const Progress& progress) override;
   void frame(std::shared_ptr<const Frame> frame) override;

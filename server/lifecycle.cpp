@@ -187,10 +187,10 @@ void Life::on_word(u64 id, const BufferWord& word, const UniqueFd& fd) {
   }
   if (word.buffer == 0) {
     Lifelines* lines = daemon_.lifelines.get();
-    session->share_frames([lines, id](u64 buffer, u64 bytes, int memory) {
-      return lines->tell(id, {buffer, bytes}, memory);
+    session->share_frames([lines, id](u64 buffer, const SharedMemory* memory) {
+      return lines->tell(id, {buffer, memory ? memory->bytes().size() : 0}, memory);
     });
-    (void)lines->tell(id, {}, -1);
+    (void)lines->tell(id, {}, nullptr);
     return;
   }
   const auto frames = session->shared_frames();

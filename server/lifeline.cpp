@@ -124,15 +124,18 @@ Lifelines::Lines::iterator Lifelines::find(u64 session) {
                               [&](const auto& entry) { return entry.second.session == session; });
 }
 
-bool Lifelines::tell(u64 session, const BufferWord& word, int fd) {
+bool Lifelines::tell(u64 session, const BufferWord& word, const SharedMemory* memory) {
+  const int fd = memory ? memory->fd() : -1;
+  const DeviceUuid* device = memory ? memory->device() : nullptr;
   const std::lock_guard lock(mutex_);
   const auto line = find(session);
   if (line == lines_.end()) return false;
-  iovec data{const_cast<BufferWord*>(&word), sizeof word};
+  std::array<iovec, 2> data{{{const_cast<BufferWord*>(&word), sizeof word}, {}}};
+  if (device) data[1] = {const_cast<u8*>(device->data()), device->size()};
   alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof fd)> control{};
   msghdr message{};
-  message.msg_iov = &data;
-  message.msg_iovlen = 1;
+  message.msg_iov = data.data();
+  message.msg_iovlen = device ? 2 : 1;
   if (fd >= 0) {
     message.msg_control = control.data();
     message.msg_controllen = control.size();
@@ -142,7 +145,8 @@ bool Lifelines::tell(u64 session, const BufferWord& word, int fd) {
     header->cmsg_len = CMSG_LEN(sizeof fd);
     std::memcpy(CMSG_DATA(header), &fd, sizeof fd);
   }
-  return ::sendmsg(line->first, &message, MSG_DONTWAIT | MSG_NOSIGNAL) == sizeof word;
+  const ssize_t size = ssize_t(data[0].iov_len + data[1].iov_len);
+  return ::sendmsg(line->first, &message, MSG_DONTWAIT | MSG_NOSIGNAL) == size;
 }
 
 Status Lifelines::bind(const std::string& ticket, u64 session) {

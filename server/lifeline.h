@@ -11,11 +11,13 @@
 #include <string>
 #include <unordered_map>
 
+#include "renderer/engine/shared_memory.h"
 #include "server/accept.h"
 
 namespace heliograph::server {
 
-/// What is said about a buffer, in the machine's byte order.
+/// What is said about a buffer, in the machine's byte order. Behind a new one of a device's memory
+/// stands the device's UUID, 16 bytes.
 struct BufferWord {
   u64 buffer = 0;  // 0: the client wants frames in shared buffers; the daemon agrees
   // With a descriptor: bytes of a new buffer. Without one, from the daemon, 0: forget it; from the
@@ -39,9 +41,9 @@ class Lifelines {
 
   /// UNAUTHENTICATED when the ticket was never given out, was used, or its connection ended.
   [[nodiscard]] Status bind(const std::string& ticket, u64 session);
-  /// Sends a session a word, with a descriptor unless that is -1; false when its socket takes
-  /// nothing.
-  [[nodiscard]] bool tell(u64 session, const BufferWord& word, int fd);
+  /// Sends a session a word, with the memory that it is about unless that is null; false when its
+  /// socket takes nothing.
+  [[nodiscard]] bool tell(u64 session, const BufferWord& word, const SharedMemory* memory);
   /// Reads what a session's client has said until now.
   void hear(u64 session);
   /// The session was closed: its connection is closed too.

@@ -12,7 +12,7 @@ Status start_render(Daemon& daemon, const v1::RenderRequest& request,
   auto task = to_task(daemon, *stream->scope().session(), request);
   if (!task) return std::unexpected(task.error());
   task->job->deadline = stream->scope().deadline();
-  task->job->memory = stream->memory();
+  HELIO_TRY(stream->provide(*task));
   stream->set_header(task->make_header);
   return submit(daemon, *task, stream, stream->scope().stop());
 }

@@ -11,49 +11,52 @@
 
 namespace heliograph::server {
 
-std::unique_ptr<SharedMemory> SharedMemory::create(u64 bytes) {
+std::shared_ptr<SealedMemory> SealedMemory::create(u64 bytes) {
   UniqueFd fd(::memfd_create("heliograph-frame", MFD_CLOEXEC | MFD_ALLOW_SEALING));
   if (fd.get() < 0 || ::ftruncate(fd.get(), off_t(bytes)) != 0) return nullptr;
   void* start = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, fd.get(), 0);
   if (start == MAP_FAILED) return nullptr;
-  std::unique_ptr<SharedMemory> made(
-      new SharedMemory(std::move(fd), {static_cast<std::byte*>(start), bytes}));
+  std::shared_ptr<SealedMemory> made(
+      new SealedMemory(std::move(fd), {static_cast<std::byte*>(start), bytes}));
   constexpr int kSeals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_FUTURE_WRITE | F_SEAL_SEAL;
   return ::fcntl(made->fd(), F_ADD_SEALS, kSeals) == 0 ? std::move(made) : nullptr;
 }
 
-SharedMemory::~SharedMemory() { ::munmap(bytes_.data(), bytes_.size()); }
+SealedMemory::~SealedMemory() { ::munmap(bytes_.data(), bytes_.size()); }
 
-/// The free buffer that wastes least, and at most half of itself. One that came back may still be
-/// read by the recorder.
-SharedFrames::Buffers::iterator SharedFrames::smallest_free(u64 bytes) {
+/// The free buffer that wastes least, and at most half of itself, but for the least that there is.
+/// One that came back may still be read by the recorder.
+SharedFrames::Buffers::iterator SharedFrames::smallest_free(u64 bytes, const Source& source) {
+  const u64 most = 2 * std::max(std::bit_ceil(bytes), source->step());
   auto best = buffers_.end();
   for (auto it = buffers_.begin(); it != buffers_.end(); ++it) {
     const u64 size = it->second.memory->bytes().size();
     const bool is_free = it->second.call == 0 && it->second.memory.use_count() == 1;
-    if (!is_free || size < bytes || size / 2 > std::bit_ceil(bytes)) continue;
+    if (!is_free || it->second.source != source || size < bytes || size > most) continue;
     if (best == buffers_.end() || size < best->second.memory->bytes().size()) best = it;
   }
   return best;
 }
 
-SharedFrames::Buffers::iterator SharedFrames::make(u64 bytes) {
+SharedFrames::Buffers::iterator SharedFrames::make(u64 bytes, const Source& source) {
   constexpr u64 kSteps = 8;  // sizes between two powers of two
-  const u64 step = std::max<u64>(std::bit_floor(bytes) / kSteps, 4096);
+  const u64 step = std::max<u64>(std::bit_floor(bytes) / kSteps, source->step());
   const u64 size = (bytes + step - 1) / step * step;
+  forget_lost_ones(source);
   forget_free_ones(size);
   if (bytes_ + size > limit_) return buffers_.end();
   auto charge = Charge::take(budget_, size);
   if (!charge) return buffers_.end();
-  auto memory = SharedMemory::create(size);
-  if (!memory || !tell_(last_buffer_ + 1, size, memory->fd())) return buffers_.end();
+  auto memory = source->make(size);
+  if (!memory || !tell_(last_buffer_ + 1, memory.get())) return buffers_.end();
   bytes_ += size;
-  return buffers_.emplace(++last_buffer_, Buffer{std::move(memory), *std::move(charge)}).first;
+  return buffers_.emplace(++last_buffer_, Buffer{source, std::move(memory), *std::move(charge)})
+      .first;
 }
 
 void SharedFrames::forget(Buffers::iterator which) {
   bytes_ -= which->second.memory->bytes().size();
-  (void)tell_(which->first, 0, -1);  // unsaid, the client maps it until its session ends
+  (void)tell_(which->first, nullptr);  // unsaid, the client maps it until its session ends
   buffers_.erase(which);
 }
 
@@ -66,15 +69,26 @@ void SharedFrames::forget_free_ones(u64 bytes_needed) {
   }
 }
 
+/// Those of a device that another one has replaced are of no use.
+void SharedFrames::forget_lost_ones(const Source& source) {
+  if (!source->device()) return;
+  for (auto it = buffers_.begin(); it != buffers_.end();) {
+    const auto here = it++;
+    const Buffer& buffer = here->second;
+    if (buffer.call == 0 && buffer.source->device() && buffer.source != source) forget(here);
+  }
+}
+
 u64 SharedFrames::new_call() {
   const std::lock_guard lock(mutex_);
   return ++last_call_;
 }
 
-std::optional<Lease> SharedFrames::lease(u64 bytes, u64 call) {
+std::optional<Lease> SharedFrames::lease(u64 bytes, u64 call, Source source) {
+  if (!source) source = host_;
   const std::lock_guard lock(mutex_);
-  auto found = smallest_free(bytes);
-  if (found == buffers_.end()) found = make(bytes);
+  auto found = smallest_free(bytes, source);
+  if (found == buffers_.end()) found = make(bytes, source);
   if (found == buffers_.end()) return std::nullopt;
   Buffer& buffer = found->second;
   buffer.call = call;

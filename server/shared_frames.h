@@ -1,5 +1,5 @@
-// Frames in memory that a local client maps: sealed memfds, handed over on the second socket,
-// pooled for each session.
+// Frames in memory that a local client maps: sealed memfds, or a device's memory, handed over on
+// the second socket and pooled for each session.
 #pragma once
 
 #include <atomic>
@@ -11,29 +11,39 @@
 #include <unordered_map>
 
 #include "renderer/engine/pixels.h"
+#include "renderer/engine/shared_memory.h"
 #include "server/budget.h"
 #include "server/unique_fd.h"
 
 namespace heliograph::server {
 
 /// Pages of a memfd that this process writes and its peer only reads.
-class SharedMemory {
+class SealedMemory final : public SharedMemory {
  public:
   /// Null when the kernel has no more.
-  [[nodiscard]] static std::unique_ptr<SharedMemory> create(u64 bytes);
-  SharedMemory(const SharedMemory&) = delete;
-  SharedMemory& operator=(const SharedMemory&) = delete;
-  ~SharedMemory();
+  [[nodiscard]] static std::shared_ptr<SealedMemory> create(u64 bytes);
+  ~SealedMemory() override;
 
   /// Sealed: its size is final, and nobody else can map it for writing.
-  [[nodiscard]] int fd() const { return fd_.get(); }
-  [[nodiscard]] std::span<std::byte> bytes() const { return bytes_; }
+  [[nodiscard]] int fd() const override { return fd_.get(); }
+  [[nodiscard]] std::span<std::byte> bytes() const override { return bytes_; }
+  [[nodiscard]] const DeviceUuid* device() const override { return nullptr; }
 
  private:
-  SharedMemory(UniqueFd fd, std::span<std::byte> bytes) : fd_(std::move(fd)), bytes_(bytes) {}
+  SealedMemory(UniqueFd fd, std::span<std::byte> bytes) : fd_(std::move(fd)), bytes_(bytes) {}
 
   const UniqueFd fd_;
   const std::span<std::byte> bytes_;
+};
+
+/// Thread: any.
+class SealedMemorySource final : public SharedMemorySource {
+ public:
+  [[nodiscard]] std::shared_ptr<SharedMemory> make(u64 bytes) override {
+    return SealedMemory::create(bytes);
+  }
+  [[nodiscard]] u64 step() const override { return 4096; }
+  [[nodiscard]] const DeviceUuid* device() const override { return nullptr; }
 };
 
 /// One use of a buffer, until the client returns it.
@@ -48,9 +58,10 @@ struct Lease {
 /// looks. Thread: any.
 class SharedFrames {
  public:
-  /// Tells the client about a buffer before its first use; fd -1: about one to be forgotten. False
+  using Source = std::shared_ptr<SharedMemorySource>;
+  /// Tells the client about a buffer before its first use; null: about one to be forgotten. False
   /// when the socket takes nothing.
-  using Tell = std::function<bool(u64 buffer, u64 bytes, int fd)>;
+  using Tell = std::function<bool(u64 buffer, const SharedMemory* memory)>;
 
   /// limit: bytes of all its buffers
   SharedFrames(u64 limit, std::shared_ptr<Budget> budget, Tell tell)
@@ -58,9 +69,11 @@ class SharedFrames {
 
   /// A number that no other call of the session has.
   [[nodiscard]] u64 new_call();
-  /// Room for a plane that `call` sends; none where limit, budget, kernel or socket have none: it
-  /// then travels as bytes.
-  [[nodiscard]] std::optional<Lease> lease(u64 bytes, u64 call);
+  /// Room for a plane that `call` sends; none where limit, budget, source or socket have none: it
+  /// then travels as bytes, if the host can read it.
+  ///
+  /// source   of a device's memory, called from the thread that it says; absent: the host's
+  [[nodiscard]] std::optional<Lease> lease(u64 bytes, u64 call, Source source = nullptr);
   /// A use of a buffer is over; what names another use is ignored.
   void give_back(u64 buffer, u64 generation);
   /// Nobody will say so for those of a call: they are not used again.
@@ -70,6 +83,7 @@ class SharedFrames {
 
  private:
   struct Buffer {
+    Source source;
     std::shared_ptr<SharedMemory> memory;
     Charge charge;
     u64 generation = 0;
@@ -77,14 +91,16 @@ class SharedFrames {
   };
   using Buffers = std::unordered_map<u64, Buffer>;
 
-  [[nodiscard]] Buffers::iterator smallest_free(u64 bytes);
-  [[nodiscard]] Buffers::iterator make(u64 bytes);
+  [[nodiscard]] Buffers::iterator smallest_free(u64 bytes, const Source& source);
+  [[nodiscard]] Buffers::iterator make(u64 bytes, const Source& source);
   void forget(Buffers::iterator which);
   void forget_free_ones(u64 bytes_needed);
+  void forget_lost_ones(const Source& source);
 
   const u64 limit_;
   const std::shared_ptr<Budget> budget_;
   const Tell tell_;
+  const Source host_ = std::make_shared<SealedMemorySource>();
   mutable std::mutex mutex_;
   Buffers buffers_;
   u64 bytes_ = 0;
@@ -105,6 +121,7 @@ class LeasedPixels final : public PixelMemory {
   }
 
   [[nodiscard]] std::span<std::byte> bytes() override { return lease_.memory->bytes(); }
+  [[nodiscard]] bool is_on_device() const override { return lease_.memory->device() != nullptr; }
   /// From now on the client ends it.
   [[nodiscard]] const Lease& send() {
     is_sent_ = true;

@@ -55,7 +55,8 @@ class StreamCall::Job final : public JobSink, public std::enable_shared_from_thi
     if (!task) return std::unexpected(std::move(task).error().at("settings"));
     make_header_ = task->make_header;
     task->job->origin.session ^= call_->line_;
-    task->job->memory = call_->cutter_.memory();
+    if (auto provided = call_->cutter_.provide(*task->job, *task->engine); !provided)
+      return std::unexpected(std::move(provided).error().at("settings"));
     {
       const std::lock_guard lock(call_->mutex_);
       call_->shown_ = task->job->snapshot->revision;

@@ -11,6 +11,7 @@
 #include "renderer/base/error.h"
 #include "renderer/engine/frame.h"
 #include "renderer/engine/query.h"
+#include "renderer/engine/shared_memory.h"
 #include "renderer/scene/motion.h"
 
 namespace heliograph {
@@ -107,8 +108,15 @@ class Backend {
   /// Label columns; the film's centre planes are complete.
   [[nodiscard]] virtual Expected<std::vector<Column>> labels(Film& film,
                                                              const Interrupt& interrupt) = 0;
-  /// The planes of film_planes() after the samples that each tile has.
+  /// The planes of film_planes() after the samples that each tile has. Of a job that is on_device
+  /// those it asks for lie in the device's memory and are complete: nobody need wait for the
+  /// device.
   [[nodiscard]] virtual Expected<std::vector<PlaneData>> resolve(Film& film) = 0;
+  /// Of the device's memory, called from the device's thread; what it made may be destroyed by any.
+  /// Null where the device's memory is the host's, and on_device means nothing.
+  [[nodiscard]] virtual std::shared_ptr<SharedMemorySource> shared_memory() const {
+    return nullptr;
+  }
   /// From the film's variance, which the job asked for (measures_noise); needs 2 samples a pixel.
   [[nodiscard]] virtual Noise noise(const Film& film) = 0;
 

@@ -1,6 +1,8 @@
 // The queue of jobs, the device thread, and the thread that makes derived data beside it.
 #include "renderer/engine/engine.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <condition_variable>
 #include <deque>
@@ -360,6 +362,11 @@ Status Engine::submit(std::shared_ptr<const RenderJob> job, std::shared_ptr<JobS
                       std::stop_token stop) {
   HELIO_TRY(check_job(*job, impl_->options().limits));
   if (std::ranges::count(job->planes, Plane::DENOISED) > 0) HELIO_TRY(impl_->denoiser().ready());
+  if (job->on_device && !shared_memory())
+    return fail(Code::kFailedPrecondition, "memory",
+                fmt::format("this daemon renders with the backend {}, which has no memory of a GPU "
+                            "to share; start it with --backend cuda, or ask for planes on the host",
+                            backend_name()));
   impl_->submit(std::make_unique<RenderWork>(std::move(job), std::move(sink), std::move(stop)));
   return {};
 }
@@ -374,5 +381,8 @@ std::string Engine::cpu_features() const { return impl_->backend()->cpu_features
 u64 Engine::derived_bytes() const { return impl_->backend()->derived_bytes(); }
 u64 Engine::uploaded_bytes() const { return impl_->backend()->uploaded_bytes(); }
 Load Engine::load() const { return impl_->load(); }
+std::shared_ptr<SharedMemorySource> Engine::shared_memory() const {
+  return impl_->backend()->shared_memory();
+}
 
 }  // namespace heliograph

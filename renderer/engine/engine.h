@@ -64,7 +64,7 @@ class Engine {
   ~Engine();  // cancels what runs, answers what waits with UNAVAILABLE
 
   /// Checks the job against its snapshot (cameras, size, flow) and queues it. The sink lives until
-  /// done().
+  /// done(). FAILED_PRECONDITION when it is on_device and the backend has no such memory.
   [[nodiscard]] Status submit(std::shared_ptr<const RenderJob> job, std::shared_ptr<JobSink> sink,
                               std::stop_token stop);
   /// Queues a query; `done` is called once, from the device thread.
@@ -76,6 +76,8 @@ class Engine {
   [[nodiscard]] u64 derived_bytes() const;
   [[nodiscard]] u64 uploaded_bytes() const;  // Backend::uploaded_bytes()
   [[nodiscard]] Load load() const;
+  /// Backend::shared_memory() of the device as it is now: another one after a loss.
+  [[nodiscard]] std::shared_ptr<SharedMemorySource> shared_memory() const;
 
  private:
   class Impl;

@@ -1,6 +1,8 @@
 // What is known of planes and types, derived from HELIO_PLANES.
 #include "renderer/engine/frame.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 
@@ -35,13 +37,29 @@ constexpr std::array kPlaneInfos{
 #undef HELIO_PLANE
 };
 
+u64 plane_bytes(Plane plane, u64 pixels) {
+  const PlaneInfo& info = plane_info(plane);
+  return pixels * info.channels * size_of(info.dtype);
+}
+
 }  // namespace
 
 PlaneData new_plane(const RenderJob& job, Plane plane, u64 pixels) {
-  const PlaneInfo& info = plane_info(plane);
   const bool is_asked_for = std::ranges::count(job.planes, plane) > 0;
-  return {plane, Pixels(pixels * info.channels * size_of(info.dtype),
-                        is_asked_for ? job.memory : PixelAllocator())};
+  return {plane, Pixels(plane_bytes(plane, pixels),
+                        is_asked_for && !job.on_device ? job.memory : PixelAllocator())};
+}
+
+Expected<PlaneData> new_device_plane(const RenderJob& job, Plane plane, u64 pixels) {
+  const u64 bytes = plane_bytes(plane, pixels);
+  auto memory = job.on_device && job.memory ? job.memory(bytes) : nullptr;
+  if (!memory || !memory->is_on_device())
+    return fail(Code::kResourceExhausted, "memory",
+                fmt::format("there is no device memory for the {} bytes of {}; let go of frames "
+                            "that you hold, or ask for smaller ones (limits shared_bytes, "
+                            "tenant_bytes)",
+                            bytes, plane_info(plane).name));
+  return PlaneData{plane, Pixels(bytes, std::move(memory))};
 }
 
 std::size_t size_of(DType type) {

@@ -8,6 +8,7 @@
 #include <variant>
 #include <vector>
 
+#include "renderer/base/error.h"
 #include "renderer/engine/job.h"
 
 namespace heliograph {
@@ -41,6 +42,9 @@ struct PlaneData {
 /// Of a job's plane of so many pixels; not initialised. What the job asked for goes where its
 /// reader has it.
 [[nodiscard]] PlaneData new_plane(const RenderJob& job, Plane plane, u64 pixels);
+/// The same in the device's memory, of a job that wants its planes there. RESOURCE_EXHAUSTED when
+/// there is none.
+[[nodiscard]] Expected<PlaneData> new_device_plane(const RenderJob& job, Plane plane, u64 pixels);
 
 struct Frame {
   u32 index = 0;  // over the job's cameras

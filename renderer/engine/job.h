@@ -62,7 +62,8 @@ struct RenderJob {
   LabelOptions labels;
   std::optional<std::chrono::steady_clock::time_point> deadline;
   Origin origin;
-  PixelAllocator memory;  // of the planes it asks for; absent: the heap
+  PixelAllocator memory;   // of the planes it asks for; absent: the heap
+  bool on_device = false;  // they stay in the device's memory, and `memory` is of it
 };
 
 }  // namespace heliograph

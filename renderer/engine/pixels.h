@@ -1,4 +1,4 @@
-// Memory of a frame's planes: the heap's, or its reader's.
+// Memory of a frame's planes: the heap's, or its reader's, of the host or of a device.
 #pragma once
 
 #include <algorithm>
@@ -16,6 +16,8 @@ class PixelMemory {
  public:
   virtual ~PixelMemory() = default;
   [[nodiscard]] virtual std::span<std::byte> bytes() = 0;
+  /// The addresses are a device's: the host cannot read there.
+  [[nodiscard]] virtual bool is_on_device() const { return false; }
 };
 
 /// Makes at least so many bytes, not initialised; null when there are none. Thread: any.
@@ -27,6 +29,9 @@ class Pixels {
   Pixels() = default;
   /// Not initialised. From `allocator`, or from the heap when that is absent or has none.
   Pixels(u64 bytes, const PixelAllocator& allocator);
+  /// In memory that somebody made.
+  Pixels(u64 bytes, std::shared_ptr<PixelMemory> memory)
+      : memory_(std::move(memory)), bytes_(memory_->bytes().first(bytes)) {}
 
   [[nodiscard]] std::byte* data() { return bytes_.data(); }
   [[nodiscard]] const std::byte* data() const { return bytes_.data(); }

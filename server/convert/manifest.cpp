@@ -50,6 +50,7 @@ v1::RenderRequest resolved(const Frame& frame, const FrameContext& context) {
   }
   request.clear_progressive();
   request.clear_priority();
+  request.clear_memory();
   request.set_max_depth(job.settings.max_depth);
   request.set_roulette(job.settings.roulette);
   if (request.overlay().ByteSizeLong() > kLargestOverlay) request.clear_overlay();

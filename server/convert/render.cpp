@@ -146,6 +146,21 @@ Status read_stop_rule(const v1::RenderRequest& request, const RenderLimits& limi
               "is missing; these planes are averaged over samples: set spp, seconds or noise");
 }
 
+/// Planes that stay on the device are those that are made there.
+Status read_memory(const v1::RenderRequest& request, RenderJob& job) {
+  job.on_device = request.memory() == v1::FRAME_MEMORY_CUDA;
+  for (std::size_t i = 0; job.on_device && i < job.planes.size(); ++i) {
+    const PlaneInfo& info = plane_info(job.planes[i]);
+    const bool half = request.planes(int(i)).half();
+    if (info.fold != kernels::Fold::kPost && !half) continue;
+    return fail(Code::kUnimplemented, indexed("planes", i) + (half ? ".half" : ""),
+                fmt::format("{} is made on the host and cannot stay on the device; ask for it "
+                            "without `memory`",
+                            half ? "a half float" : info.name));
+  }
+  return {};
+}
+
 Status read_settings(const v1::RenderRequest& request, const RenderLimits& limits,
                      kernels::Settings& settings) {
   settings.seed = request.seed();
@@ -199,6 +214,7 @@ Expected<RenderJob> to_job(const v1::RenderRequest& request,
   HELIO_TRY(read_times(request, job));
   HELIO_TRY(read_stop_rule(request, limits, job));
   HELIO_TRY(read_settings(request, limits, job.settings));
+  HELIO_TRY(read_memory(request, job));
   HELIO_CHECK(read_labels(request.labels(), limits, job.labels), "labels");
   HELIO_TAKE(job.origin.priority, in_range(request.priority(), kPriority), "priority");
   const LabelOptions& labels = job.labels;

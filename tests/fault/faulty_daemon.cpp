@@ -1,10 +1,12 @@
-// heliographd with a device that fails when it is told to, for tests/fault/device_lost.py. It
+// heliographd with a device that fails when it is told to, for tests/fault/device_lost.py, and
+// whose memory is memfds that stand for a GPU's, for tests/integration/test_device_frames.py. It
 // differs from the real one in make_backend() alone.
 //
 // SIGUSR1: the device is lost, once the backend is next called. SIGUSR2: it hangs there, until the
 // next SIGUSR2.
 #include <signal.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <csignal>
@@ -13,14 +15,50 @@
 
 #include "renderer/backend/embree/embree_backend.h"
 #include "renderer/engine/backend.h"
+#include "renderer/host/film.h"
 #include "server/lifecycle.h"
 #include "server/probe.h"
+#include "server/shared_frames.h"
 
 namespace heliograph {
 namespace {
 
 std::atomic<bool> lose_device = false;
 std::atomic<bool> hang = false;
+
+/// As tests/python/stub_cuda.c has it.
+constexpr DeviceUuid kUuid{'h', 'e', 'l', 'i', 'o', 'g', 'r', 'a', 'p', 'h', 0, 1, 2, 3, 4, 5};
+
+class DeviceMemory final : public SharedMemory {
+ public:
+  explicit DeviceMemory(std::shared_ptr<SharedMemory> host) : host_(std::move(host)) {}
+  [[nodiscard]] int fd() const override { return host_->fd(); }
+  [[nodiscard]] std::span<std::byte> bytes() const override { return host_->bytes(); }
+  [[nodiscard]] const DeviceUuid* device() const override { return &kUuid; }
+
+ private:
+  const std::shared_ptr<SharedMemory> host_;
+};
+
+class DeviceSource final : public SharedMemorySource {
+ public:
+  [[nodiscard]] std::shared_ptr<SharedMemory> make(u64 bytes) override {
+    return std::make_shared<DeviceMemory>(server::SealedMemory::create(bytes));
+  }
+  [[nodiscard]] u64 step() const override { return 2 << 20; }
+  [[nodiscard]] const DeviceUuid* device() const override { return &kUuid; }
+};
+
+Expected<std::vector<PlaneData>> on_device(const RenderJob& job, std::vector<PlaneData> planes,
+                                           u64 pixels) {
+  for (PlaneData& plane : planes) {
+    auto moved = new_device_plane(job, plane.plane, pixels);
+    if (!moved) return std::unexpected(std::move(moved).error());
+    std::ranges::copy_n(plane.pixels.data(), i64(plane.pixels.size()), moved->pixels.data());
+    plane = *std::move(moved);
+  }
+  return planes;
+}
 
 class FaultyBackend final : public Backend {
  public:
@@ -56,7 +94,13 @@ class FaultyBackend final : public Backend {
     return inner_->labels(film, interrupt);
   }
   [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film& film) override {
-    return inner_->resolve(film);
+    const auto& own = static_cast<const host::HostFilm&>(film);
+    auto planes = inner_->resolve(film);
+    if (!planes || !own.job().on_device) return planes;
+    return on_device(own.job(), *std::move(planes), u64(own.view().width) * own.view().height);
+  }
+  [[nodiscard]] std::shared_ptr<SharedMemorySource> shared_memory() const override {
+    return source_;
   }
   [[nodiscard]] Noise noise(const Film& film) override { return inner_->noise(film); }
   [[nodiscard]] Expected<QueryResult> query(const QueryJob& job,
@@ -77,6 +121,7 @@ class FaultyBackend final : public Backend {
   }
 
   std::unique_ptr<Backend> inner_;
+  const std::shared_ptr<SharedMemorySource> source_ = std::make_shared<DeviceSource>();
   std::atomic<bool> is_lost_ = false;
 };
 

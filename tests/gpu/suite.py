@@ -21,6 +21,7 @@ LEFT_OUT = {
     "test_client_programs.py": "programs of the build tree",
     "test_protocol_example.py": "protoc",
     "test_newer_daemon.py": "programs of the build tree",
+    "test_device_frames.py": "programs of the build tree",
     "test_tls.py::test_the_cpp_client_speaks_tls": "programs of the build tree",
     "test_denoise.py": "a bundle made with --denoiser",
     "test_batch.py::test_items_come_back_as_they_are_done": "a job that is long on a GPU",
@@ -31,6 +32,8 @@ PARTS = {
     + [f"--deselect=tests/integration/{name}" for name in LEFT_OUT],
     "parity": ["tests/gpu/parity.py"],
     "cycles": ["tests/gpu/cycles.py"],
+    "frames": ["tests/gpu/frames.py"],
+    "training": ["examples/train_on_gpu.py"],
     "sanitized": ["tests/gpu/sanitized.py"],
     "speed": ["bench/gpu.py"],
 }

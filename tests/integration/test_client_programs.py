@@ -55,6 +55,15 @@ def test_refusals_have_the_right_exit_status(tmp_path):
     assert heliograph("serve", "--no-such-flag").returncode == 64
 
 
+def test_the_training_loop_says_what_it_lacks():
+    script = ROOT / "examples/train_on_gpu.py"
+    run = subprocess.run([sys.executable, script, "2"], capture_output=True, text=True, timeout=300)
+    if run.returncode == 0:  # here are PyTorch, a GPU and a daemon for it
+        assert "step 1: error of 1 / depth" in run.stdout
+    else:
+        assert run.returncode == 77 and run.stderr.startswith("SKIPPED: this needs"), run.stderr
+
+
 def test_info():
     run = heliograph("info")
     assert run.returncode == 0 and "limits" in run.stdout, run.stderr

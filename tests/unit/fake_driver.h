@@ -40,9 +40,20 @@ inline cuda::Driver fake_driver() {
   d.download = [](void* to, DevicePointer from, std::size_t bytes, StreamHandle) {
     return std::memcpy(to, reinterpret_cast<const void*>(from), bytes), 0;
   };
+  d.copy = [](DevicePointer to, DevicePointer from, std::size_t bytes, StreamHandle) {
+    return std::memcpy(reinterpret_cast<void*>(to), reinterpret_cast<const void*>(from), bytes), 0;
+  };
   d.fill = [](DevicePointer at, unsigned char byte, std::size_t bytes, StreamHandle) {
     return std::memset(reinterpret_cast<void*>(at), byte, bytes), 0;
   };
+  d.allocate_pinned = [](void** at, std::size_t bytes, unsigned) {
+    return *at = std::malloc(bytes), 0;
+  };
+  d.release_pinned = [](void* at) { return std::free(at), 0; };
+  d.create_event = [](EventHandle*, unsigned) { return 0; };
+  d.destroy_event = [](EventHandle) { return 0; };
+  d.record_event = [](EventHandle, StreamHandle) { return 0; };
+  d.wait_for_event = [](EventHandle) { return 0; };
   d.create_stream = [](StreamHandle*, unsigned) { return 0; };
   d.destroy_stream = [](StreamHandle) { return 0; };
   d.wait_for_stream = [](StreamHandle) { return 0; };

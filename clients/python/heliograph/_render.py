@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 
+from . import _cuda
 from ._arrays import NdArray, bytes_of, dtype_of
 from ._progress import Meter, Progress
 from ._proto import render_pb2 as render_pb
 from ._proto import types_pb2 as types
 from ._shared import SharedFrames
 from .components import number_of, refuse_unknown, whole_of
+from .device import DeviceArray
 from .errors import Internal, InvalidArgument
 from .frame import Frame
 from .handles import Handle, Named
@@ -61,6 +63,7 @@ class Options(TypedDict, total=False):
     on_pass: Callable[[Frame], Any] | None  # called with a frame after each doubling of samples
     timeout: float | None
     on_start: Callable[[Callable[[], None]], Any]  # gets a function that cancels the call
+    device: str  # "cuda": planes stay on the GPU that renders (Frame.torch); "cpu"
     priority: int  # -100..100, among the jobs of this tenant: higher ones go first, always
 
 
@@ -153,6 +156,7 @@ def make_request(
     out.progressive = options.get("on_pass") is not None
     if "filter" in options:
         out.filter = _filter(options["filter"])
+    _put_memory(out, options.get("device", "cpu"))
     out.priority = whole_of(options.get("priority", 0), "priority", -100, 100)
     if options.get("revision"):
         out.revision = whole_of(options["revision"], "revision", 0, 2**64 - 1)
@@ -229,6 +233,14 @@ def _filter(name: str) -> Any:
     return render_pb.PixelFilter.Value(f"PIXEL_FILTER_{name.upper()}")
 
 
+def _put_memory(out: render_pb.RenderRequest, device: str) -> None:
+    if device == "cuda":
+        _cuda.driver()
+        out.memory = render_pb.FRAME_MEMORY_CUDA
+    elif device != "cpu":
+        raise InvalidArgument(f'device: "cuda" or "cpu", not {device!r}', field="device")
+
+
 def _put_labels(out: render_pb.RenderRequest, labels: Any) -> None:
     """None: boxes where a plane looks at surfaces anyway. True: everything but masks."""
     if labels is None:
@@ -269,7 +281,7 @@ class Assembly:
         self._shared = shared
         self._final: dict[int, Frame] = {}
         self._header: render_pb.FrameHeader | None = None
-        self._arrays: list[NdArray] = []
+        self._arrays: list[NdArray | DeviceArray] = []
         self._bytes: list[memoryview] = []
         self._left = 0
 
@@ -302,32 +314,32 @@ class Assembly:
 
     def _begin(self, header: render_pb.FrameHeader) -> None:
         self._header = header
-        self._arrays = []
+        arrays: list[NdArray] = []
         for plane in header.planes:
             shape: tuple[int, ...] = (header.height, header.width)
             if plane.channels != 1:
                 shape += (plane.channels,)
-            self._arrays.append(np.empty(shape, dtype=dtype_of(plane.dtype)))
-            if self._arrays[-1].nbytes != plane.size:
+            arrays.append(np.empty(shape, dtype=dtype_of(plane.dtype)))
+            if arrays[-1].nbytes != plane.size:
                 raise Internal(f"plane {plane.name}: {plane.size} bytes do not fill {shape}")
-        self._bytes = [bytes_of(a) for a in self._arrays]
-        self._left = sum(a.nbytes for a in self._arrays)
+        self._bytes = [bytes_of(a) for a in arrays]
+        self._left = sum(a.nbytes for a in arrays)
+        self._arrays = [*arrays]
 
     def _take_shared(self, chunk: render_pb.PlaneChunk) -> None:
         if self._shared is None:
             raise Internal("the daemon sent a shared buffer, which was not asked for")
         old = self._arrays[chunk.plane]
-        data = self._shared.plane(chunk.buffer)
-        if data.nbytes != old.nbytes:
-            raise Internal(f"plane {chunk.plane}: {data.nbytes} bytes do not fill {old.shape}")
-        self._arrays[chunk.plane] = data.view(old.dtype).reshape(old.shape)
+        if chunk.buffer.size != old.nbytes:
+            raise Internal(
+                f"plane {chunk.plane}: {chunk.buffer.size} bytes do not fill {old.shape}"
+            )
+        self._arrays[chunk.plane] = self._shared.plane(chunk.buffer, old.dtype, old.shape)
         self._left -= old.nbytes
 
     def _complete(self) -> Frame | None:
         if self._left or self._header is None:
             return None
-        for array in self._arrays:
-            array.flags.writeable = False
         frame = Frame(self._header, self._arrays)
         if self._header.final:
             self._final[self._header.frame] = frame

@@ -1,8 +1,9 @@
 """Memory that this process and the daemon share: frames, and arrays on their way to a scene.
 
 The arrays of a frame are views of a buffer of the daemon's. When the last of them is gone the
-buffer goes back to the daemon, which never writes into one before that. Arrays travel in sealed
-memfds of this process's. Used by _link.py and _arrays.py.
+buffer goes back to the daemon, which never writes into one before that; of a GPU's memory, when the
+GPU has done what it was given until then. Arrays travel in sealed memfds of this process's. Used by
+_link.py and _arrays.py.
 """
 
 from __future__ import annotations
@@ -15,12 +16,14 @@ import struct
 import threading
 import weakref
 from collections import deque
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from . import _cuda
 from ._proto import types_pb2 as types
+from .device import DeviceArray, DeviceLease
 from .errors import Internal, Unavailable
 
 if TYPE_CHECKING:
@@ -28,6 +31,7 @@ if TYPE_CHECKING:
 
 CAPABILITY = "shared_memory"
 _WORD = struct.Struct("=QQ")
+_UUID_BYTES = 16  # behind the word of a new buffer in a GPU's memory
 _WISH = _WORD.pack(0, 0)
 _NEVER = 0  # the generation that says: nobody can tell when it is free
 
@@ -48,9 +52,10 @@ class SharedFrames:
         self._lifeline = lifeline
         self._pid = os.getpid()
         self._lock = threading.Lock()  # of _maps and of reading the socket
-        self._maps: dict[int, mmap.mmap] = {}
-        self._leases: dict[tuple[int, int], weakref.ref[NdArray]] = {}
+        self._maps: dict[int, mmap.mmap | _cuda.Mapping] = {}
+        self._leases: dict[tuple[int, int], weakref.ref[NdArray | DeviceLease]] = {}
         self._unsent: deque[bytes] = deque()
+        self._in_use: deque[tuple[_cuda.Fence, bytes]] = deque()  # words to be sent after a fence
         self._numbers = itertools.count(1)  # of buffers handed over
         try:
             lifeline.send(_WISH)
@@ -62,18 +67,36 @@ class SharedFrames:
         if answer != _WISH:
             raise Internal("the daemon's second socket does not answer")
 
-    def plane(self, place: types.BufferRef) -> NdArray:
-        """The bytes that a chunk names, (size,) u8, read-only. They are leased while they live."""
+    def plane(
+        self, place: types.BufferRef, dtype: np.dtype[Any], shape: Sequence[int]
+    ) -> NdArray | DeviceArray:
+        """What a chunk names, read-only. It is leased while it lives."""
+        self._give_back_unused()
         key = (place.buffer, place.generation)
         known = self._leases.get(key)
         lease = known() if known is not None else None
         if lease is None:
-            lease = np.frombuffer(self._map(place.buffer), dtype=np.uint8)
-            self._leases[key] = weakref.ref(lease)
-            weakref.finalize(lease, self._give_back, key).atexit = False
-        if place.offset + place.size > lease.nbytes:
-            raise Internal(f"the daemon named bytes beyond its buffer of {lease.nbytes}")
-        return lease[place.offset : place.offset + place.size]
+            lease = self._lease(key)
+        size = lease.nbytes if isinstance(lease, np.ndarray) else lease.mapping.nbytes
+        if place.offset + place.size > size:
+            raise Internal(f"the daemon named bytes beyond its buffer of {size}")
+        if isinstance(lease, DeviceLease):
+            return DeviceArray(lease, place.offset, dtype, shape)
+        data = lease[place.offset : place.offset + place.size]
+        return data.view(dtype).reshape(tuple(shape))
+
+    def _lease(self, key: tuple[int, int]) -> NdArray | DeviceLease:
+        buffer = self._map(key[0])
+        lease: NdArray | DeviceLease
+        if isinstance(buffer, _cuda.Mapping):
+            lease = DeviceLease(buffer)
+            device = buffer.device
+        else:
+            lease = np.frombuffer(buffer, dtype=np.uint8)
+            device = None
+        self._leases[key] = weakref.ref(lease)
+        weakref.finalize(lease, self._give_back, key, device).atexit = False
+        return lease
 
     def hand_over(self, data: memoryview) -> types.BufferRef:
         """Copies bytes, (size,) u8, into a buffer that one array of this session may name."""
@@ -88,7 +111,7 @@ class SharedFrames:
             os.close(fd)
         return types.BufferRef(buffer=number, size=data.nbytes)
 
-    def _map(self, buffer: int) -> mmap.mmap:
+    def _map(self, buffer: int) -> mmap.mmap | _cuda.Mapping:
         with self._lock:
             while buffer not in self._maps:
                 self._hear()
@@ -96,22 +119,44 @@ class SharedFrames:
 
     def _hear(self) -> None:
         """One word of the daemon: a new buffer, or one to forget."""
-        word, fds, _, _ = socket.recv_fds(self._lifeline, _WORD.size, 1)
-        if len(word) != _WORD.size:
+        word, fds, _, _ = socket.recv_fds(self._lifeline, _WORD.size + _UUID_BYTES, 1)
+        if len(word) < _WORD.size:
             raise Internal("the daemon's second socket ended")
-        buffer, size = _WORD.unpack(word)
+        buffer, size = _WORD.unpack_from(word)
         if not fds:
             self._maps.pop(buffer, None)
             return
         try:
-            self._maps[buffer] = mmap.mmap(fds[0], size, mmap.MAP_SHARED, mmap.PROT_READ)
+            uuid = word[_WORD.size :]
+            self._maps[buffer] = (
+                _cuda.Mapping(_cuda.driver().device(uuid), fds[0], size)
+                if uuid
+                else mmap.mmap(fds[0], size, mmap.MAP_SHARED, mmap.PROT_READ)
+            )
         finally:
             os.close(fds[0])
 
-    def _give_back(self, key: tuple[int, int]) -> None:
+    def _give_back(self, key: tuple[int, int], device: _cuda.Device | None) -> None:
         """The last array of a lease is gone. Runs in any thread, at any time: takes no lock."""
-        if os.getpid() == self._pid and self._leases.pop(key, None) is not None:
+        if os.getpid() != self._pid or self._leases.pop(key, None) is None:
+            return
+        if device is None:
             self._send(_WORD.pack(*key))
+        else:
+            self._in_use.append((_cuda.Fence(device), _WORD.pack(*key)))
+            self._give_back_unused()
+
+    def _give_back_unused(self) -> None:
+        """Of those in a GPU's memory the ones that it reads no more."""
+        for _ in range(len(self._in_use)):
+            try:
+                fence, word = self._in_use.popleft()
+            except IndexError:
+                return
+            if fence.is_over():
+                self._send(word)
+            else:
+                self._in_use.append((fence, word))
 
     def _send(self, word: bytes) -> None:
         self._unsent.append(word)

@@ -16,7 +16,8 @@ from . import tonemap
 from ._arrays import Columns, NdArray, bytes_of, from_message
 from ._proto import render_pb2 as pb
 from .components import color_of
-from .errors import InvalidArgument
+from .device import DeviceArray
+from .errors import FailedPrecondition, InvalidArgument
 
 _CV_TO_GL = np.diag([1.0, -1.0, -1.0, 1.0])
 
@@ -24,22 +25,25 @@ _CV_TO_GL = np.diag([1.0, -1.0, -1.0, 1.0])
 class Frame:
     """One camera, one revision, one time: planes and labels of one job.
 
-    frame["depth"]: (H, W) or (H, W, C), read-only, valid as long as anybody refers to it.
+    frame["depth"]: (H, W) or (H, W, C), read-only, valid as long as anybody refers to it;
+    frame.torch("depth"): the same as a tensor. Of a frame with device="cuda", whose planes are in
+    the GPU's memory, there are tensors and on_device(); cpu() copies it.
     K: (3, 3) float64 at the rendered size. camera_from_world_cv: (4, 4), OpenCV camera (x right,
     y down, z forward); camera_from_world_gl: OpenGL camera (y up, looks down -z).
     time, label_time: seconds; shutter: (open, close) relative to time. With a rolling shutter row y
     is seen rolling * y / (H - 1) later, and poses are those of the middle (see row_times).
     """
 
-    def __init__(self, header: pb.FrameHeader, arrays: Sequence[NdArray]) -> None:
+    def __init__(self, header: pb.FrameHeader, arrays: Sequence[NdArray | DeviceArray]) -> None:
         self._header = header
-        self._planes: dict[str, NdArray] = {}
+        self._planes: dict[str, NdArray | DeviceArray] = {}
         self.units: dict[str, str] = {}
         for info, array in zip(header.planes, arrays):
             name = f"{info.name}:{info.argument}" if info.argument else info.name
             if info.plane == pb.PLANE_BEAUTY_GROUP:
                 name = f"beauty:{info.argument}"
-            array.setflags(write=False)
+            if isinstance(array, np.ndarray):
+                array.setflags(write=False)
             self._planes[name] = array
             self.units[name] = info.unit
         self.index = int(header.frame)  # over the request's cameras
@@ -61,6 +65,49 @@ class Frame:
         self.categories = {int(c.id): str(c.name) for c in header.categories}
 
     def __getitem__(self, plane: str) -> NdArray:
+        found = self._find(plane)
+        if isinstance(found, DeviceArray):
+            raise FailedPrecondition(
+                f"{plane}: lies in the GPU's memory; frame.torch({plane!r}) is a tensor there, "
+                f"frame.on_device({plane!r}) what other libraries take, frame.cpu() a frame on the "
+                "host"
+            )
+        return found
+
+    def on_device(self, plane: str) -> DeviceArray:
+        """A plane of a frame with device="cuda", for any library that takes arrays on a GPU."""
+        found = self._find(plane)
+        if isinstance(found, DeviceArray):
+            return found
+        raise FailedPrecondition(f"{plane}: lies on the host; render with device='cuda'")
+
+    def torch(self, plane: str) -> Any:
+        """A plane as a torch.Tensor, without a copy: with device="cuda" on the GPU, else on the
+        CPU.
+
+        The plane stays as it is while the tensor lives, its views included. It is for reading:
+        clone() it before an operation in place, as the memory of a frame on the host may be such
+        that a write ends the process.
+        """
+        import warnings
+
+        import torch
+
+        found = self._find(plane)
+        if isinstance(found, DeviceArray):
+            return found.torch()
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message=".*not writable.*")
+            return torch.from_numpy(found)
+
+    def cpu(self) -> Frame:
+        """This frame on the host: a copy of what is on the GPU, else itself."""
+        if all(isinstance(array, np.ndarray) for array in self._planes.values()):
+            return self
+        arrays = [a.numpy() if isinstance(a, DeviceArray) else a for a in self._planes.values()]
+        return Frame(self._header, arrays)
+
+    def _find(self, plane: str) -> NdArray | DeviceArray:
         found = self._planes.get(plane)
         if found is None:  # "disparity" without its camera, where there is one only
             near = [name for name in self._planes if name.partition(":")[0] == plane]
@@ -83,8 +130,8 @@ class Frame:
         """(32 bytes) of its pixels and labels: of the planes in order, then of each label column's
         name, data and strings. Recordings have it."""
         digest = hashlib.sha256()
-        for plane in self._planes.values():
-            digest.update(bytes_of(plane))
+        for plane in self._planes:
+            digest.update(bytes_of(self[plane]))
         for column in self._header.labels:
             digest.update(column.name.encode())
             digest.update(column.data)
@@ -257,7 +304,7 @@ class Frame:
             return self._save_pictures(target, exposure, view)
         if kind == ".npz":
             columns = {f"labels.{name}": np.asarray(self.labels[name]) for name in self.labels}
-            arrays: Any = {**self._planes, **columns}
+            arrays: Any = {**{name: self[name] for name in self}, **columns}
             np.savez_compressed(target, **arrays)
             return [target]
         if kind == ".json":
@@ -284,7 +331,8 @@ class Frame:
         )
 
     def __reduce__(self) -> Any:
-        arrays = [np.asarray(array) for array in self._planes.values()]
+        host = self.cpu()
+        arrays = [np.asarray(host[name]) for name in host]
         return _unpickled, (self._header.SerializeToString(), arrays)
 
 

@@ -38,24 +38,23 @@ Status Context::open(int index) {
   if (index >= devices)
     return fail(Code::kUnavailable, "backend",
                 fmt::format("there is no GPU {}; the driver shows {}", index, devices));
-  Device device = 0;
-  HELIO_TRY(check(driver_.device_at(&device, index), "opening the GPU"));
+  HELIO_TRY(check(driver_.device_at(&device_, index), "opening the GPU"));
   char name[256] = {};
-  HELIO_TRY(check(driver_.device_name(name, sizeof name, device), "asking for the GPU's name"));
+  HELIO_TRY(check(driver_.device_name(name, sizeof name, device_), "asking for the GPU's name"));
   const auto attribute = [&](Attribute which) {
     int value = 0;
-    (void)driver_.device_attribute(&value, int(which), device);
+    (void)driver_.device_attribute(&value, int(which), device_);
     return value;
   };
   name_ =
       fmt::format("{} sm_{}{}", name, attribute(Attribute::kMajor), attribute(Attribute::kMinor));
   processors_ = u32(attribute(Attribute::kProcessors));
-  HELIO_TRY(check(driver_.create_context(&context_, kScheduleAuto, device), "making a context"));
+  HELIO_TRY(check(driver_.create_context(&context_, kScheduleAuto, device_), "making a context"));
   std::size_t free = 0, total = 0;
   HELIO_TRY(check(driver_.memory_info(&free, &total), "asking for the GPU's memory"));
   memory_bytes_ = total;
   HELIO_TRY(check(driver_.create_stream(&stream_, kNonBlocking), "making a stream"));
-  HELIO_TRY(check(driver_.default_pool(&pool_, device), "opening the memory pool"));
+  HELIO_TRY(check(driver_.default_pool(&pool_, device_), "opening the memory pool"));
   for (Stage& stage : stages_) {
     HELIO_TRY(check(driver_.allocate_pinned(&stage.memory, kStageBytes, 0), "a copy's memory"));
     HELIO_TRY(check(driver_.create_event(&stage.written, kNoTiming), "making an event"));
@@ -124,6 +123,10 @@ Status Context::upload(DevicePointer to, std::span<const std::byte> from) {
   if (from.empty()) return {};
   uploaded_.fetch_add(from.size(), std::memory_order_relaxed);
   return check(driver_.upload(to, from.data(), from.size(), stream_), "an upload");
+}
+
+Status Context::copy(DevicePointer to, DevicePointer from, u64 bytes) {
+  return check(driver_.copy(to, from, bytes, stream_), "a copy");
 }
 
 Status Context::fill(DevicePointer at, u8 byte, u64 bytes) {

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "renderer/backend/cuda/driver.h"
+#include "renderer/backend/cuda/exports.h"
 
 namespace heliograph::cuda {
 
@@ -74,6 +74,8 @@ class Context : public std::enable_shared_from_this<Context> {
   [[nodiscard]] Expected<DeviceMemory> zeroed(u64 bytes);
   /// The bytes may change as soon as it returns.
   [[nodiscard]] Status upload(DevicePointer to, std::span<const std::byte> from);
+  /// On the device.
+  [[nodiscard]] Status copy(DevicePointer to, DevicePointer from, u64 bytes);
   [[nodiscard]] Status fill(DevicePointer at, u8 byte, u64 bytes);
   /// Waits.
   [[nodiscard]] Status download(std::span<const Download> pieces);
@@ -89,6 +91,9 @@ class Context : public std::enable_shared_from_this<Context> {
   /// Of all uploads so far. Thread: any.
   [[nodiscard]] u64 uploaded_bytes() const { return uploaded_.load(std::memory_order_relaxed); }
   [[nodiscard]] bool is_lost() const { return lost_.load(std::memory_order_relaxed); }
+  [[nodiscard]] ExportDevice export_device() const {
+    return {driver_, device_, context_, stream_, pool_};
+  }
   /// Blocks of so many threads that one processor runs at once.
   [[nodiscard]] u32 resident_blocks(FunctionHandle program, u32 threads) const;
 
@@ -108,6 +113,7 @@ class Context : public std::enable_shared_from_this<Context> {
   [[nodiscard]] Status finish(Stage& stage);
 
   const Driver driver_;
+  Device device_ = 0;
   ContextHandle context_ = nullptr;
   StreamHandle stream_ = nullptr;
   std::vector<ModuleHandle> modules_;

@@ -30,6 +30,7 @@ class CudaBackend final : public Backend {
   CudaBackend(std::shared_ptr<Context> context, const Programs& programs,
               const BackendOptions& options)
       : context_(std::move(context)),
+        exports_(ExportSource::create(context_, context_->export_device()).value_or(nullptr)),
         programs_(programs),
         mirror_(context_),
         cache_(options.cache_bytes),
@@ -62,12 +63,16 @@ class CudaBackend final : public Backend {
   [[nodiscard]] u64 derived_bytes() const override { return cache_.bytes() + store_.bytes(); }
   [[nodiscard]] u64 uploaded_bytes() const override { return context_->uploaded_bytes(); }
   [[nodiscard]] bool is_lost() const override { return context_->is_lost(); }
+  [[nodiscard]] std::shared_ptr<SharedMemorySource> shared_memory() const override {
+    return exports_;
+  }
 
  private:
   [[nodiscard]] Expected<std::shared_ptr<const CudaScene>> copy_of(
       const std::shared_ptr<const ResidentScene>& scene);
 
   std::shared_ptr<Context> context_;
+  const std::shared_ptr<ExportSource> exports_;  // null where the driver has none
   const Programs programs_;
   Mirror mirror_;
   DerivedCache cache_;

@@ -19,6 +19,25 @@ using ModuleHandle = struct ModuleTag*;
 using FunctionHandle = struct FunctionTag*;
 using PoolHandle = struct PoolTag*;
 using EventHandle = struct EventTag*;
+using MemoryHandle = u64;  // of physical memory
+
+/// CUmemLocation, CUmemAllocationProp and CUmemAccessDesc.
+struct MemoryLocation {
+  int kind;
+  int id;
+};
+struct AllocationProperties {
+  int kind;
+  int handle_kinds;
+  MemoryLocation location;
+  void* windows = nullptr;
+  u64 flags = 0;
+};
+static_assert(sizeof(AllocationProperties) == 32);
+struct AccessDescription {
+  MemoryLocation location;
+  int access;
+};
 
 // name of the member, symbol, arguments
 #define HELIO_CUDA_FUNCTIONS(F)                                                                   \
@@ -42,6 +61,7 @@ using EventHandle = struct EventTag*;
   F(release_pinned, cuMemFreeHost, void*)                                                         \
   F(upload, cuMemcpyHtoDAsync_v2, DevicePointer, const void*, std::size_t, StreamHandle)          \
   F(download, cuMemcpyDtoHAsync_v2, void*, DevicePointer, std::size_t, StreamHandle)              \
+  F(copy, cuMemcpyDtoDAsync_v2, DevicePointer, DevicePointer, std::size_t, StreamHandle)          \
   F(fill, cuMemsetD8Async, DevicePointer, unsigned char, std::size_t, StreamHandle)               \
   F(create_stream, cuStreamCreate, StreamHandle*, unsigned)                                       \
   F(destroy_stream, cuStreamDestroy_v2, StreamHandle)                                             \
@@ -55,6 +75,16 @@ using EventHandle = struct EventTag*;
   F(function_in, cuModuleGetFunction, FunctionHandle*, ModuleHandle, const char*)                 \
   F(blocks_per_processor, cuOccupancyMaxActiveBlocksPerMultiprocessor, int*, FunctionHandle, int, \
     std::size_t)                                                                                  \
+  F(device_uuid, cuDeviceGetUuid_v2, void*, Device)                                               \
+  F(granularity, cuMemGetAllocationGranularity, std::size_t*, const AllocationProperties*, int)   \
+  F(create_memory, cuMemCreate, MemoryHandle*, std::size_t, const AllocationProperties*, u64)     \
+  F(release_memory, cuMemRelease, MemoryHandle)                                                   \
+  F(export_memory, cuMemExportToShareableHandle, void*, MemoryHandle, int, u64)                   \
+  F(reserve, cuMemAddressReserve, DevicePointer*, std::size_t, std::size_t, DevicePointer, u64)   \
+  F(unreserve, cuMemAddressFree, DevicePointer, std::size_t)                                      \
+  F(map, cuMemMap, DevicePointer, std::size_t, std::size_t, MemoryHandle, u64)                    \
+  F(unmap, cuMemUnmap, DevicePointer, std::size_t)                                                \
+  F(access, cuMemSetAccess, DevicePointer, std::size_t, const AccessDescription*, std::size_t)    \
   F(launch, cuLaunchKernel, FunctionHandle, unsigned, unsigned, unsigned, unsigned, unsigned,     \
     unsigned, unsigned, StreamHandle, void**, void**)
 
@@ -77,6 +107,8 @@ enum class Attribute : int {
   kProcessors = 16,
   kMajor = 75,
   kMinor = 76,
+  kVirtualMemory = 102,
+  kDescriptors = 103,
 };
 
 }  // namespace heliograph::cuda

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "renderer/engine/post.h"
+
 namespace heliograph::cuda {
 
 Expected<std::unique_ptr<CudaFilm>> CudaFilm::create(const Shot& shot, Mirror& mirror,
@@ -134,6 +136,7 @@ Expected<ResolveLaunch> CudaFilm::resolve_launch() const {
 Expected<std::vector<PlaneData>> CudaFilm::resolve(const Programs& programs) {
   auto launch = resolve_launch();
   if (!launch) return std::unexpected(std::move(launch).error());
+  if (job().on_device) return resolve_there(programs, *launch);
   const u64 pixels = u64(view_.width) * view_.height;
   std::vector<PlaneData> planes = new_planes();
   std::vector<DeviceMemory> resolved;
@@ -159,6 +162,29 @@ Expected<std::vector<PlaneData>> CudaFilm::resolve(const Programs& programs) {
     resolved.push_back(*std::move(memory));
   }
   HELIO_TRY(context_.download(downloads));
+  return planes;
+}
+
+Expected<std::vector<PlaneData>> CudaFilm::resolve_there(const Programs& programs,
+                                                         ResolveLaunch& launch) {
+  const u64 pixels = u64(view_.width) * view_.height;
+  std::vector<PlaneData> planes;
+  for (const kernels::Plane plane : film_planes(job())) {
+    auto made = new_device_plane(job(), plane, pixels);
+    if (!made) return std::unexpected(std::move(made).error());
+    planes.push_back(*std::move(made));
+  }
+  for (PlaneData& data : planes)
+    if (plane_info(data.plane).fold == kernels::Fold::kCentre)
+      HELIO_TRY(context_.copy(DevicePointer(data.pixels.data()),
+                              DevicePointer(view_.planes[u32(data.plane)]), data.pixels.size()));
+  for (const kernels::PlaneOut& out : outs(planes)) {
+    launch.out = out;
+    void* arguments[] = {&launch};
+    HELIO_TRY(context_.launch(programs.resolve.function, Programs::size(programs.resolve, pixels),
+                              arguments));
+  }
+  HELIO_TRY(context_.wait());
   return planes;
 }
 

@@ -40,6 +40,9 @@ class CudaFilm final : public host::HostFilm {
   [[nodiscard]] kernels::FilmView copy(const kernels::FilmView& film) const;
   /// Of what the samples so far become.
   [[nodiscard]] Expected<ResolveLaunch> resolve_launch() const;
+  /// Of a job that is on_device: straight to where its reader has the planes.
+  [[nodiscard]] Expected<std::vector<PlaneData>> resolve_there(const Programs& programs,
+                                                               ResolveLaunch& launch);
   [[nodiscard]] ProbeEnd end_of(const ResidentScene* scene, const kernels::ProbeScene& seen);
 
   Context& context_;

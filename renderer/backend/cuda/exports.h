@@ -1,0 +1,43 @@
+// Device memory that other processes map by a descriptor. Given out by the backend.
+#pragma once
+
+#include "renderer/backend/cuda/driver.h"
+#include "renderer/engine/shared_memory.h"
+
+namespace heliograph::cuda {
+
+/// The device as exports use it.
+struct ExportDevice {
+  const Driver& driver;
+  Device device = 0;
+  ContextHandle context = nullptr;
+  StreamHandle stream = nullptr;
+  PoolHandle pool = nullptr;  // trimmed when there is no more memory beside it
+};
+
+/// Allocations of the driver's virtual memory management, each with a POSIX descriptor. A process
+/// that imports one maps the same memory, for as long as it likes.
+/// Thread: that of the device; what it made may be destroyed by any.
+class ExportSource final : public SharedMemorySource {
+ public:
+  /// UNAVAILABLE where the device has no such memory.
+  ///
+  /// owner   keeps the device alive
+  [[nodiscard]] static Expected<std::shared_ptr<ExportSource>> create(
+      std::shared_ptr<const void> owner, const ExportDevice& device);
+
+  [[nodiscard]] std::shared_ptr<SharedMemory> make(u64 bytes) override;
+  [[nodiscard]] u64 step() const override { return step_; }
+  [[nodiscard]] const DeviceUuid* device() const override { return &uuid_; }
+
+ private:
+  ExportSource(std::shared_ptr<const void> owner, const ExportDevice& device)
+      : owner_(std::move(owner)), device_(device) {}
+
+  const std::shared_ptr<const void> owner_;
+  const ExportDevice device_;
+  DeviceUuid uuid_{};
+  u64 step_ = 0;
+};
+
+}  // namespace heliograph::cuda

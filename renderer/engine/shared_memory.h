@@ -1,0 +1,50 @@
+// Memory that another process maps by a descriptor: pages of the host, or a device's.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <memory>
+#include <span>
+
+#include "renderer/base/types.h"
+
+namespace heliograph {
+
+/// Of a GPU, as its driver names it.
+using DeviceUuid = std::array<u8, 16>;
+
+/// Owns: a descriptor and a mapping. What another process has mapped outlives it. Thread: any.
+class SharedMemory {
+ public:
+  SharedMemory() = default;
+  SharedMemory(const SharedMemory&) = delete;
+  SharedMemory& operator=(const SharedMemory&) = delete;
+  virtual ~SharedMemory() = default;
+
+  /// What the other process is given. It stays this object's.
+  [[nodiscard]] virtual int fd() const = 0;
+  /// Where it lies: addresses of the host, or the device's, which the host cannot follow.
+  [[nodiscard]] virtual std::span<std::byte> bytes() const = 0;
+  /// Whose memory it is; null: the host's.
+  [[nodiscard]] virtual const DeviceUuid* device() const = 0;
+};
+
+/// Makes such memory, of one kind. Thread: as whoever gives it out says.
+class SharedMemorySource {
+ public:
+  SharedMemorySource() = default;
+  SharedMemorySource(const SharedMemorySource&) = delete;
+  SharedMemorySource& operator=(const SharedMemorySource&) = delete;
+  virtual ~SharedMemorySource() = default;
+
+  /// Zeroed, so that it shows nothing of who had it before; null when there is no more.
+  ///
+  /// bytes   a multiple of step()
+  [[nodiscard]] virtual std::shared_ptr<SharedMemory> make(u64 bytes) = 0;
+  /// Bytes, a power of two.
+  [[nodiscard]] virtual u64 step() const = 0;
+  /// Whose memory it makes; null: the host's.
+  [[nodiscard]] virtual const DeviceUuid* device() const = 0;
+};
+
+}  // namespace heliograph

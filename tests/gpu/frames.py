@@ -1,0 +1,196 @@
+"""Frames that stay on the GPU, in PyTorch: right, never stale, given back, quick.
+
+usage: .venv/bin/python tests/gpu/frames.py [ROUNDS=200]   (needs an NVIDIA GPU and PyTorch)
+Prints a line for each check; ends with 1 if one fails.
+"""
+
+import gc
+import pathlib
+import statistics
+import subprocess
+import sys
+import time
+
+import heliograph as hg
+import numpy as np
+import torch
+from heliograph._proto import types_pb2 as types
+
+SIZE = (1280, 720)
+PLANES = ["beauty", "depth", "instance"]
+OPTIONS = {"planes": PLANES, "spp": 1, "max_depth": 4, "progress": False, "labels": False}
+results = []
+
+
+def report(name, good, text):
+    results.append(good)
+    print(f"{name:34s} {'ok    ' if good else 'FAILED'} {text}", flush=True)
+
+
+def build(client):
+    scene = client.create_scene()
+    rng = np.random.default_rng(1)
+    with scene.edit() as edit:
+        edit.dome(color=(0.6, 0.7, 1))
+        edit.mesh("ball", **hg.shapes.sphere(0.3, 26))
+        for i in range(100):
+            edit.entity(f"b{i}", mesh="ball", transform=hg.Pose(rng.uniform(-2, 2, 3)))
+        lens = hg.Camera.from_fov(50, *SIZE, degrees=True)
+        edit.entity("cam", camera=lens, transform=hg.look_at((0, -7, 1), (0, 0, 0)))
+    return scene
+
+
+def look(scene, k=0, **options):
+    """The frame with one ball at place k."""
+    with scene.overlay() as overlay:
+        overlay.entity("b0", transform=hg.Pose((0.01 * k - 1, -2, 0)))
+    return scene.render("cam", overlay=overlay, seed=k, **(OPTIONS | options))
+
+
+def same(frame, host):
+    return all(np.array_equal(frame.torch(p).cpu().numpy(), host[p]) for p in PLANES)
+
+
+def used(client):
+    """(bytes of the tenant in the daemon, bytes of the GPU in use by anybody)."""
+    free, total = torch.cuda.mem_get_info()
+    return client.info().used["tenant_bytes"], total - free
+
+
+def round_trips(scene, rounds):
+    wrong = sum(not same(look(scene, k, device="cuda"), look(scene, k)) for k in range(rounds))
+    report("round trips in torch", wrong == 0, f"{wrong} of {rounds} differ from numpy's")
+    tensor = look(scene, device="cuda").torch("beauty")
+    good = tensor.is_cuda and tensor.shape == (SIZE[1], SIZE[0], 4)
+    plane = look(scene, device="cuda").on_device("beauty")
+    good = good and torch.from_dlpack(plane).data_ptr() == plane.pointer
+    good = good and plane.torch().data_ptr() == plane.pointer
+    report("tensors of the same memory", good, f"{tensor.device}, {tuple(tensor.shape)}")
+
+
+def latency(scene):
+    def seconds(**options):
+        def one(k):
+            start = time.perf_counter()
+            frame = look(scene, k, **options)
+            if "device" in options:
+                frame.torch("beauty")
+                torch.cuda.synchronize()
+            return time.perf_counter() - start
+
+        return 1e3 * statistics.median([one(k) for k in range(60)][10:])
+
+    for size in (SIZE, (256, 256), (64, 64)):
+        here, there = seconds(size=size), seconds(size=size, device="cuda")
+        text = f"overlay to a tensor {there:.2f} ms, to numpy {here:.2f} ms"
+        report(f"latency {size[0]}x{size[1]}, 3 planes", True, text)
+
+
+def memory(client, scene, rounds):
+    for k in range(20):
+        look(scene, k, device="cuda")
+    gc.collect()
+    before = used(client)
+    for k in range(rounds):
+        look(scene, k, device="cuda").torch("beauty").sum()
+    gc.collect()
+    torch.cuda.synchronize()
+    after = used(client)
+    text = f"tenant {before[0]} -> {after[0]}, GPU {before[1]} -> {after[1]} bytes"
+    report("memory is constant", after[0] == before[0] and after[1] <= before[1] + (2 << 20), text)
+
+
+def in_flight(scene):
+    """Work that waits on another stream reads the frame it was given, whatever is rendered then."""
+    expected = torch.from_numpy(look(scene, 50)["beauty"].copy())
+    stream = torch.cuda.Stream()
+    wrong = 0
+    for _ in range(10):
+        frame = look(scene, 50, device="cuda")
+        with torch.cuda.stream(stream):
+            torch.cuda._sleep(200_000_000)
+            copy = frame.torch("beauty").clone()
+        del frame
+        gc.collect()
+        for k in range(6):
+            look(scene, 60 + k, device="cuda")
+        stream.synchronize()
+        wrong += not torch.equal(copy.cpu(), expected)
+    report("frames that queued work reads", wrong == 0, f"{wrong} of 10 changed")
+
+
+CHILD = """
+import sys, time
+sys.path.insert(0, {folder!r})
+import heliograph as hg, frames
+client = hg.connect({address!r})
+scene = frames.build(client)
+held = [frames.look(scene, k, device="cuda").torch("beauty") for k in range(10)]
+print("ready", flush=True)
+time.sleep(600)
+"""
+
+
+def killed_client(client):
+    before = used(client)
+    folder = str(pathlib.Path(__file__).resolve().parent)
+    code = CHILD.format(folder=folder, address=client.address)
+    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    child.stdout.readline()
+    held = used(client)
+    child.kill()
+    child.wait()
+    start = time.monotonic()
+    kept = before[0] + (1 << 20)  # what the device keeps of the scenes that it showed last
+    while used(client)[0] > kept and time.monotonic() < start + 30:
+        time.sleep(0.05)
+    took = time.monotonic() - start
+    after = used(client)
+    good = after[0] <= kept < held[0]
+    text = f"{held[0] - before[0]} bytes of leases gone after {took:.1f} s; GPU {before[1]} -> "
+    report("a client that is killed", good, text + f"{held[1]} -> {after[1]} bytes")
+
+
+def others(client, scene):
+    """What another session or an other kind of client gets of this one's buffers: nothing."""
+    held = look(scene, device="cuda")
+    buffer = next(iter(client.connection.link.shared._maps))
+    with hg.connect(client.address) as other:
+        mine = build(other)
+        array = types.Array(dtype=types.D_TYPE_F32, shape=[1, 4, 4])
+        array.buffer.CopyFrom(types.BufferRef(buffer=buffer, size=64))
+        try:
+            with mine.edit() as edit:
+                edit.instances("copies", mesh="ball", transforms=np.eye(4)[None])
+                edit.transaction.edits[-1].instances.matrices.CopyFrom(array)
+            refused = False
+        except hg.NotFound:
+            refused = True
+        theirs = look(mine, 3, device="cuda")
+        alone = theirs.on_device("beauty").pointer != held.on_device("beauty").pointer
+    report("buffers of another session", refused and alone, "cannot be named")
+    with hg.connect() as cpu:
+        try:
+            look(build(cpu), device="cuda")
+            text = "was rendered"
+        except hg.FailedPrecondition as error:
+            text = str(error)
+    report("a daemon without the GPU", "--backend cuda" in text, text[:70])
+
+
+def main(rounds):
+    torch.zeros(1).cuda()
+    arguments = ["--backend", "cuda", "--grace", "1"]
+    with hg.connect(arguments=arguments) as client:
+        scene = build(client)
+        round_trips(scene, rounds)
+        in_flight(scene)
+        latency(scene)
+        memory(client, scene, rounds)
+        killed_client(client)
+        others(client, scene)
+    sys.exit(not all(results))
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 200)

@@ -1,0 +1,115 @@
+// Leases of buffers: whose memory they are of, what ends them, what is never used again.
+#include <map>
+
+#include "server/shared_frames.h"
+#include "tests/unit/catch.h"
+
+using namespace heliograph;
+using namespace heliograph::server;
+
+namespace {
+
+constexpr u64 kStep = 1 << 20;
+constexpr DeviceUuid kUuid{1, 2, 3};
+
+class FakeMemory final : public SharedMemory {
+ public:
+  FakeMemory(u64 bytes, i64& alive) : alive_(alive), bytes_(bytes) { ++alive_; }
+  ~FakeMemory() override { --alive_; }
+  [[nodiscard]] int fd() const override { return -1; }
+  [[nodiscard]] std::span<std::byte> bytes() const override {
+    return {reinterpret_cast<std::byte*>(kStep), bytes_};  // where the host cannot read
+  }
+  [[nodiscard]] const DeviceUuid* device() const override { return &kUuid; }
+
+ private:
+  i64& alive_;
+  const u64 bytes_;
+};
+
+class FakeSource final : public SharedMemorySource {
+ public:
+  [[nodiscard]] std::shared_ptr<SharedMemory> make(u64 bytes) override {
+    if (is_full) return nullptr;
+    CHECK(bytes % kStep == 0);
+    return std::make_shared<FakeMemory>(bytes, alive);
+  }
+  [[nodiscard]] u64 step() const override { return kStep; }
+  [[nodiscard]] const DeviceUuid* device() const override { return &kUuid; }
+  i64 alive = 0;
+  bool is_full = false;
+};
+
+struct Stage {
+  std::map<u64, u64> told;  // buffer -> bytes, of those that were not forgotten
+  std::shared_ptr<Budget> budget =
+      std::make_shared<Budget>(64 * kStep, Budget::Words{"bytes", "remove some", "tenant_bytes"});
+  std::shared_ptr<FakeSource> gpu = std::make_shared<FakeSource>();
+  SharedFrames frames{8 * kStep, budget, [this](u64 buffer, const SharedMemory* memory) {
+                        if (memory)
+                          told[buffer] = memory->bytes().size();
+                        else
+                          told.erase(buffer);
+                        return true;
+                      }};
+};
+
+}  // namespace
+
+TEST_CASE("shared frames: a lease is of the memory that was asked for") {
+  Stage stage;
+  const auto host = stage.frames.lease(100, 1);
+  const auto gpu = stage.frames.lease(100, 1, stage.gpu);
+  REQUIRE((host && gpu));
+  CHECK(host->memory->device() == nullptr);
+  CHECK(host->memory->bytes()[99] == std::byte(0));
+  CHECK(*gpu->memory->device() == kUuid);
+  CHECK((stage.told[host->buffer] == 4096 && stage.told[gpu->buffer] == kStep));
+  const u64 before = gpu->buffer;
+  stage.frames.give_back(host->buffer, host->generation);
+  CHECK(stage.frames.lease(100, 1, stage.gpu)->buffer != before);
+  CHECK(LeasedPixels(nullptr, *gpu).send().buffer == before);
+}
+
+TEST_CASE("shared frames: device memory is used again once its generation came back") {
+  Stage stage;
+  for (int i = 0; i < 20; ++i) {
+    const auto lease = stage.frames.lease(1000 + 70'000 * u64(i % 10), 1, stage.gpu);
+    REQUIRE(lease);
+    CHECK(stage.frames.used() == std::pair<u64, u32>(kStep, 1));
+    stage.frames.give_back(lease->buffer, lease->generation + 1);
+    CHECK(stage.frames.used().second == 1);
+    stage.frames.give_back(lease->buffer, lease->generation);
+  }
+  CHECK(stage.told.size() == 1);
+}
+
+TEST_CASE("shared frames: what a call left is not used again") {
+  Stage stage;
+  (void)stage.frames.lease(kStep, 7, stage.gpu);
+  CHECK(stage.gpu->alive == 1);
+  stage.frames.abandon(7);
+  CHECK((stage.gpu->alive == 0 && stage.told.empty() && stage.budget->used() == 0));
+}
+
+TEST_CASE("shared frames: without room there is no lease, on a device neither") {
+  Stage stage;
+  CHECK_FALSE(stage.frames.lease(9 * kStep, 1, stage.gpu));
+  stage.gpu->is_full = true;
+  CHECK_FALSE(stage.frames.lease(kStep, 1, stage.gpu));
+  CHECK((stage.told.empty() && stage.budget->used() == 0));
+}
+
+TEST_CASE("shared frames: a device's memory ends with what replaces the device") {
+  Stage stage;
+  const auto held = stage.frames.lease(kStep, 1, stage.gpu);
+  const auto free = stage.frames.lease(kStep, 1, stage.gpu);
+  const auto host = stage.frames.lease(kStep, 1);
+  stage.frames.give_back(free->buffer, free->generation);
+  const auto next = std::make_shared<FakeSource>();
+  const auto lease = stage.frames.lease(kStep, 2, next);
+  REQUIRE(lease);
+  CHECK(next->alive == 1);
+  CHECK((stage.told.count(held->buffer) == 1 && stage.told.count(free->buffer) == 0));
+  CHECK(stage.told.count(host->buffer) == 1);
+}
