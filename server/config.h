@@ -55,6 +55,7 @@ enum ExitCode : int {
   X(tenant_edits_per_second, 1'000'000, "edits a second, on average over 10 s")         \
   X(tenant_samples_per_second, 100'000'000'000, "samples of all pixels a second, same") \
   X(groups, 64, "light groups of one request")                                          \
+  X(worlds, 4096, "worlds of one request")                                              \
   X(edits, 1'000'000, "edits of one transaction")                                       \
   X(replies, 1024, "replies kept for each session and scene, to answer retries")        \
   X(resume_seconds, 600, "seconds after its start in which sessions are resumed")       \

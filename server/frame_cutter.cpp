@@ -33,7 +33,7 @@ Status FrameCutter::provide(RenderJob& job, const Engine& engine) {
                 "the host, or start it without --record");
   if (!shared_) return {};
   job.memory = [frames = shared_, call = call_, device = job.on_device ? &engine : nullptr](
-                   u64 bytes) -> std::shared_ptr<PixelMemory> {
+                   Plane, u64 bytes) -> std::shared_ptr<PixelMemory> {
     const auto source = device ? device->shared_memory() : nullptr;
     if (device ? !source : bytes < kFewestShared) return nullptr;
     auto lease = frames->lease(bytes, call, source);

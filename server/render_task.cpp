@@ -5,6 +5,7 @@
 
 #include "server/convert/frame.h"
 #include "server/convert/render.h"
+#include "server/convert/worlds.h"
 #include "server/version.h"
 
 namespace heliograph::server {
@@ -48,11 +49,12 @@ Status check_size(const RenderJob& job, u64 limit) {
     bytes += pixel * (job.width != 0 ? job.width : camera.width) *
              (job.height != 0 ? job.height : camera.height);
   }
+  if (job.worlds) bytes *= job.worlds->rendered.size();
   if (bytes <= limit) return {};
   Error error{
       .code = Code::kResourceExhausted,
       .message = fmt::format("the frames would take {} bytes, {} are allowed; ask for fewer "
-                             "cameras, planes or pixels (limit frame_bytes)",
+                             "worlds, cameras, planes or pixels (limit frame_bytes)",
                              bytes, limit),
       .where = "planes"};
   error.needed = bytes;
@@ -72,6 +74,12 @@ Expected<std::shared_ptr<RenderJob>> make_job(Daemon& daemon, Session& session,
   auto job = to_job(request, std::move(*snapshot),
                     {.spp = u32(limits.samples), .groups = u32(limits.groups)});
   if (!job) return std::unexpected(job.error());
+  if (request.has_worlds()) {
+    auto worlds = to_worlds(request.worlds(), *job->snapshot, session.holdings(), limits.worlds);
+    if (!worlds) return std::unexpected(std::move(worlds).error().at("worlds"));
+    worlds->limits = daemon.scenes.scene_limits();
+    job->worlds = std::make_shared<const Worlds>(*std::move(worlds));
+  }
   HELIO_TRY(check_size(*job, limits.frame_bytes));
   job->origin = session.tenant()->origin(session.id(), job->origin.priority);
   return std::make_shared<RenderJob>(std::move(*job));

@@ -50,6 +50,9 @@ class StreamCall::Job final : public JobSink, public std::enable_shared_from_thi
 
  private:
   Status submit_job() {
+    if (settings_->has_worlds())
+      return fail(Code::kInvalidArgument, "settings.worlds",
+                  "has no place in a Stream, which shows one scene; use Render or RenderBatch");
     HELIO_TRY(call_->follow(settings_->scene()));
     auto task = to_task(call_->daemon_, *call_->scope_.session(), *settings_);
     if (!task) return std::unexpected(std::move(task).error().at("settings"));

@@ -8,6 +8,7 @@
 #include "kernels/distortion.h"
 #include "renderer/engine/image_camera.h"
 #include "renderer/engine/post.h"
+#include "renderer/engine/worlds.h"
 #include "renderer/scene/labels.h"
 #include "renderer/scene/motion.h"
 
@@ -252,7 +253,8 @@ Status check_job(const RenderJob& job, const JobLimits& limits) {
   HELIO_TRY(check_groups(job));
   HELIO_TRY(check_sensors(job));
   HELIO_TRY(check_labels(job, limits));
-  return check_flow(job);
+  HELIO_TRY(check_flow(job));
+  return job.worlds ? check_worlds(job, limits) : Status{};
 }
 
 }  // namespace heliograph

@@ -19,6 +19,7 @@ namespace heliograph {
 namespace {
 
 using Clock = std::chrono::steady_clock;
+using Snapshots = std::vector<std::shared_ptr<const Snapshot>>;
 
 /// How much a job counts in the mean of their seconds.
 constexpr double kNewest = 0.1;
@@ -37,8 +38,9 @@ struct Device {
 /// A job or a query. Its owner calls step() until that says that it is done, or refuse() once.
 class Work {
  public:
-  Work(std::shared_ptr<const Snapshot> snapshot, Interrupt interrupt)
-      : snapshot_(std::move(snapshot)), interrupt_(std::move(interrupt)) {}
+  /// needs   snapshots whose derived data it reads
+  Work(Snapshots needs, Interrupt interrupt)
+      : needs_(std::move(needs)), interrupt_(std::move(interrupt)) {}
   virtual ~Work() = default;
   Work(const Work&) = delete;
   Work& operator=(const Work&) = delete;
@@ -49,7 +51,7 @@ class Work {
   [[nodiscard]] virtual const Origin& origin() const = 0;
   /// Whether it goes in the lane of labels and queries.
   [[nodiscard]] virtual bool is_short() const = 0;
-  [[nodiscard]] const std::shared_ptr<const Snapshot>& snapshot() const { return snapshot_; }
+  [[nodiscard]] const Snapshots& needs() const { return needs_; }
   [[nodiscard]] const Interrupt& interrupt() const { return interrupt_; }
   [[nodiscard]] double waited_seconds() const {
     return std::chrono::duration<double>(begun.value_or(Clock::now()) - queued_).count();
@@ -60,7 +62,7 @@ class Work {
 
  private:
   const Clock::time_point queued_ = Clock::now();
-  std::shared_ptr<const Snapshot> snapshot_;
+  Snapshots needs_;
   Interrupt interrupt_;
 };
 
@@ -78,7 +80,7 @@ class RenderWork final : public Work {
  public:
   RenderWork(std::shared_ptr<const RenderJob> job, std::shared_ptr<JobSink> sink,
              std::stop_token stop)
-      : Work(job->snapshot, {std::move(stop), job->deadline}),
+      : Work(needed_snapshots(*job), {std::move(stop), job->deadline}),
         job_(std::move(job)),
         sink_(std::move(sink)) {}
   bool step(const Device& device) override {
@@ -114,7 +116,7 @@ class QueryWork final : public Work {
  public:
   using Done = std::function<void(Expected<QueryResult>)>;
   QueryWork(std::shared_ptr<const QueryJob> query, Done done, std::stop_token stop)
-      : Work(query->snapshot, {std::move(stop), std::nullopt}),
+      : Work({query->snapshot}, {std::move(stop), std::nullopt}),
         query_(std::move(query)),
         done_(std::move(done)) {}
   bool step(const Device& device) override {
@@ -156,7 +158,8 @@ class Engine::Impl {
 
   void submit(std::unique_ptr<Work> work) {
     const auto backend = this->backend();
-    const bool ready = backend->ready(*work->snapshot());
+    const bool ready =
+        std::ranges::all_of(work->needs(), [&](const auto& s) { return backend->ready(*s); });
     {
       const std::scoped_lock lock(mutex_);
       if (ready && backend == backend_)
@@ -325,18 +328,18 @@ void Engine::Impl::refuse_interrupted() {
 void Engine::Impl::warm_loop() {
   for (;;) {
     const Work* first = nullptr;
-    std::shared_ptr<const Snapshot> snapshot;
+    Snapshots snapshots;
     std::shared_ptr<Backend> backend;
     {
       std::unique_lock lock(mutex_);
       changed_.wait(lock, [&] { return closing_ || (!cold_.empty() && !is_lost_); });
       if (closing_) return;
       first = cold_.front().get();
-      snapshot = first->snapshot();
+      snapshots = first->needs();
       backend = backend_;
     }
     // What fails here fails again, and is told, when the job prepares its scene.
-    (void)guard([&] { return backend->warm(*snapshot); });
+    for (const auto& snapshot : snapshots) (void)guard([&] { return backend->warm(*snapshot); });
     {
       const std::scoped_lock lock(mutex_);
       // It may have been refused meanwhile, or the backend replaced; then it begins again.

@@ -46,13 +46,13 @@ u64 plane_bytes(Plane plane, u64 pixels) {
 
 PlaneData new_plane(const RenderJob& job, Plane plane, u64 pixels) {
   const bool is_asked_for = std::ranges::count(job.planes, plane) > 0;
-  return {plane, Pixels(plane_bytes(plane, pixels),
+  return {plane, Pixels(plane, plane_bytes(plane, pixels),
                         is_asked_for && !job.on_device ? job.memory : PixelAllocator())};
 }
 
 Expected<PlaneData> new_device_plane(const RenderJob& job, Plane plane, u64 pixels) {
   const u64 bytes = plane_bytes(plane, pixels);
-  auto memory = job.on_device && job.memory ? job.memory(bytes) : nullptr;
+  auto memory = job.on_device && job.memory ? job.memory(plane, bytes) : nullptr;
   if (!memory || !memory->is_on_device())
     return fail(Code::kResourceExhausted, "memory",
                 fmt::format("there is no device memory for the {} bytes of {}; let go of frames "

@@ -46,6 +46,16 @@ struct PlaneData {
 /// there is none.
 [[nodiscard]] Expected<PlaneData> new_device_plane(const RenderJob& job, Plane plane, u64 pixels);
 
+/// What the pictures of a frame of worlds differ in; of R worlds and C cameras.
+struct WorldPictures {
+  std::vector<u32> worlds;                       // R, ascending
+  std::vector<u64> seeds;                        // R
+  std::vector<std::string> cameras;              // C
+  std::vector<Shutter> shutters;                 // (R, C)
+  std::vector<glm::dmat3> k;                     // (R, C)
+  std::vector<glm::dmat4> camera_from_world_cv;  // (R, C)
+};
+
 struct Frame {
   u32 index = 0;  // over the job's cameras
   u64 scene = 0;
@@ -69,6 +79,9 @@ struct Frame {
   u64 rays = 0;
   double noise = std::numeric_limits<double>::quiet_NaN();  // mean relative standard error
   u64 tile_rounds = 0;                                      // of an adaptive frame
+  // Null: one picture. Otherwise planes are (R, C, height, width, channels), labels those of all
+  // pictures, and camera, shutter, k and camera_from_world_cv say nothing.
+  std::shared_ptr<const WorldPictures> worlds;
 };
 
 struct Progress {

@@ -11,6 +11,7 @@
 #include "kernels/settings.h"
 #include "renderer/engine/pixels.h"
 #include "renderer/scene/snapshot.h"
+#include "renderer/scene/worlds.h"
 
 namespace heliograph {
 
@@ -62,8 +63,9 @@ struct RenderJob {
   LabelOptions labels;
   std::optional<std::chrono::steady_clock::time_point> deadline;
   Origin origin;
-  PixelAllocator memory;   // of the planes it asks for; absent: the heap
-  bool on_device = false;  // they stay in the device's memory, and `memory` is of it
+  PixelAllocator memory;                 // of the planes it asks for; absent: the heap
+  bool on_device = false;                // they stay in the device's memory, and `memory` is of it
+  std::shared_ptr<const Worlds> worlds;  // of the snapshot; null: one picture a camera
 };
 
 }  // namespace heliograph

@@ -17,8 +17,8 @@ class HeapMemory final : public PixelMemory {
 
 }  // namespace
 
-Pixels::Pixels(u64 bytes, const PixelAllocator& allocator) {
-  if (allocator) memory_ = allocator(bytes);
+Pixels::Pixels(kernels::Plane plane, u64 bytes, const PixelAllocator& allocator) {
+  if (allocator) memory_ = allocator(plane, bytes);
   if (!memory_) memory_ = std::make_shared<HeapMemory>(bytes);
   bytes_ = memory_->bytes().first(bytes);
 }

@@ -6,6 +6,7 @@
 #include <memory>
 #include <span>
 
+#include "kernels/planes.h"
 #include "renderer/base/types.h"
 
 namespace heliograph {
@@ -20,15 +21,16 @@ class PixelMemory {
   [[nodiscard]] virtual bool is_on_device() const { return false; }
 };
 
-/// Makes at least so many bytes, not initialised; null when there are none. Thread: any.
-using PixelAllocator = std::function<std::shared_ptr<PixelMemory>(u64 bytes)>;
+/// Makes at least so many bytes for a plane, not initialised; null when there are none. Thread:
+/// any.
+using PixelAllocator = std::function<std::shared_ptr<PixelMemory>(kernels::Plane plane, u64 bytes)>;
 
 /// The pixels of a plane, row-major, row 0 at the top.
 class Pixels {
  public:
   Pixels() = default;
   /// Not initialised. From `allocator`, or from the heap when that is absent or has none.
-  Pixels(u64 bytes, const PixelAllocator& allocator);
+  Pixels(kernels::Plane plane, u64 bytes, const PixelAllocator& allocator);
   /// In memory that somebody made.
   Pixels(u64 bytes, std::shared_ptr<PixelMemory> memory)
       : memory_(std::move(memory)), bytes_(memory_->bytes().first(bytes)) {}

@@ -30,7 +30,8 @@ bool power_of_two(u32 x) { return (x & (x - 1)) == 0; }
 }  // namespace
 
 Runner::Runner(std::shared_ptr<const RenderJob> job, const RunnerContext& context)
-    : job_(std::move(job)),
+    : whole_(std::move(job)),
+      job_(whole_),
       context_(context),
       start_(Clock::now()),
       camera_start_(start_),
@@ -61,8 +62,28 @@ TimePoint Runner::slice_end() const {
 double Runner::slice_left() const { return context_.slice.count() - in_slice(); }
 
 Steps Runner::run() {
-  for (camera_ = 0; camera_ < job_->cameras.size(); ++camera_)
-    HELIO_CO_TRY(co_await run_camera(camera_));
+  if (whole_->worlds) co_return co_await run_worlds();
+  co_return co_await run_cameras();
+}
+
+/// One world after another: what they share is resident since the first.
+Steps Runner::run_worlds() {
+  packed_.emplace(whole_);
+  HELIO_CO_TRY(packed_->allocate());
+  for (const u32 world : whole_->worlds->rendered) {
+    auto own = job_of_world(*whole_, world);
+    if (!own) co_return std::unexpected(std::move(own).error());
+    (*own)->memory = packed_->memory();
+    job_ = *std::move(own);
+    HELIO_CO_TRY(co_await run_cameras());
+  }
+  context_.sink.frame(packed_->take());
+  co_return Status{};
+}
+
+Steps Runner::run_cameras() {
+  for (u32 camera = 0; camera < job_->cameras.size(); ++camera)
+    HELIO_CO_TRY(co_await run_camera(camera));
   co_return Status{};
 }
 
@@ -82,8 +103,9 @@ Steps Runner::run_camera(u32 camera) {
     HELIO_CO_TRY(co_await sample(**film, frame));
   else
     HELIO_CO_TRY(emit(**film, std::move(frame), true));
-  report(**film, 1, camera + 1 == job_->cameras.size());
+  report(**film, 1, pictures_ + 1 == picture_count(*whole_));
   rays_before_ += (*film)->rays();
+  ++pictures_;
   co_return Status{};
 }
 
@@ -272,7 +294,7 @@ void Runner::report(const Film& film, double done_in_camera, bool force) {
   reported_ = used;
   const double elapsed = seconds(Clock::now() - start_);
   Progress progress;
-  progress.done = (camera_ + done_in_camera) / double(job_->cameras.size());
+  progress.done = (pictures_ + done_in_camera) / picture_count(*whole_);
   progress.rays_per_second = elapsed > 0 ? double(rays_before_ + film.rays()) / elapsed : 0;
   progress.eta_seconds = progress.done > 0 ? elapsed * (1 - progress.done) / progress.done : 0;
   progress.noise = noise_;
@@ -329,7 +351,10 @@ Status Runner::emit(Film& film, Frame frame, bool final) {
   frame.final = final;
   frame.render_seconds = seconds_in_camera();
   frame.rays = film.rays();
-  context_.sink.frame(std::make_shared<const Frame>(std::move(frame)));
+  if (packed_)
+    packed_->add(std::move(frame));
+  else
+    context_.sink.frame(std::make_shared<const Frame>(std::move(frame)));
   return {};
 }
 

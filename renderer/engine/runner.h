@@ -4,6 +4,7 @@
 #include "renderer/engine/engine.h"
 #include "renderer/engine/post.h"
 #include "renderer/engine/steps.h"
+#include "renderer/engine/worlds.h"
 
 namespace heliograph {
 
@@ -32,6 +33,8 @@ class Runner {
  private:
   using Clock = std::chrono::steady_clock;
   [[nodiscard]] Steps run();
+  [[nodiscard]] Steps run_worlds();
+  [[nodiscard]] Steps run_cameras();
   [[nodiscard]] Steps run_camera(u32 camera);
   [[nodiscard]] Steps make_shot(u32 camera, Shot& shot);
   [[nodiscard]] Steps prepare(TimeSpan span, std::shared_ptr<const DeviceScene>& out);
@@ -67,11 +70,13 @@ class Runner {
   [[nodiscard]] double share_done(const Film& film) const;
   [[nodiscard]] double seconds_in_camera() const;
 
-  std::shared_ptr<const RenderJob> job_;
+  const std::shared_ptr<const RenderJob> whole_;
+  std::shared_ptr<const RenderJob> job_;  // of the world that is rendered, or the whole
+  std::optional<PackedFrame> packed_;     // of worlds
   RunnerContext context_;
   Clock::time_point start_, camera_start_;
-  u32 camera_ = 0;
-  u64 rays_before_ = 0;  // of the cameras that are done
+  u32 pictures_ = 0;     // that are done
+  u64 rays_before_ = 0;  // of these
   u64 samples_ = 0;
   double noise_;                   // the latest estimate
   u64 tile_samples_ = 0;           // of this camera, summed over its tiles

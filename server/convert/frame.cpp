@@ -26,19 +26,26 @@ const char* fold_text(kernels::Fold fold) {
   return "";
 }
 
-/// Row-major f64.
+template <class T>
+v1::Array inline_array(v1::DType type, const std::vector<u64>& shape,
+                       const std::vector<T>& values) {
+  v1::Array array;
+  array.set_dtype(type);
+  array.mutable_shape()->Add(shape.begin(), shape.end());
+  array.set_inline_(values.data(), values.size() * sizeof(T));
+  return array;
+}
+
+/// Square ones, row-major f64; `shape` is what comes before their own dimensions.
 template <class Matrix>
-v1::Array matrix_array(const Matrix& m) {
+v1::Array matrix_array(std::span<const Matrix> matrices, std::vector<u64> shape = {}) {
   std::vector<double> numbers;
   constexpr int n = int(Matrix::length());
-  for (int row = 0; row < n; ++row)
-    for (int column = 0; column < n; ++column) numbers.push_back(m[column][row]);
-  v1::Array array;
-  array.set_dtype(v1::D_TYPE_F64);
-  array.add_shape(u64(n));
-  array.add_shape(u64(n));
-  array.set_inline_(numbers.data(), numbers.size() * sizeof(double));
-  return array;
+  for (const Matrix& m : matrices)
+    for (int row = 0; row < n; ++row)
+      for (int column = 0; column < n; ++column) numbers.push_back(m[column][row]);
+  shape.insert(shape.end(), 2, u64(n));
+  return inline_array(v1::D_TYPE_F64, shape, numbers);
 }
 
 std::string argument_text(const v1::PlaneRequest& request) {
@@ -59,6 +66,29 @@ v1::PlaneInfo to_proto(const PlaneData& data, const v1::PlaneRequest& request) {
   message.set_size(WirePlane(data, request.half()).size());
   message.set_argument(argument_text(request));
   return message;
+}
+
+/// Where its pictures are seen from.
+void add_views(const Frame& frame, v1::FrameHeader& message) {
+  if (!frame.worlds) {
+    *message.mutable_k() = matrix_array<glm::dmat3>(std::span(&frame.k, 1));
+    *message.mutable_camera_from_world_cv() =
+        matrix_array<glm::dmat4>(std::span(&frame.camera_from_world_cv, 1));
+    *message.mutable_shutter() = server::to_proto(frame.shutter);
+    return;
+  }
+  const WorldPictures& pictures = *frame.worlds;
+  const std::vector<u64> shape{pictures.worlds.size(), pictures.cameras.size()};
+  *message.mutable_k() = matrix_array<glm::dmat3>(pictures.k, shape);
+  *message.mutable_camera_from_world_cv() =
+      matrix_array<glm::dmat4>(pictures.camera_from_world_cv, shape);
+  v1::FrameWorlds& worlds = *message.mutable_worlds();
+  *worlds.mutable_worlds() = inline_array(v1::D_TYPE_U32, {shape[0]}, pictures.worlds);
+  *worlds.mutable_seeds() = inline_array(v1::D_TYPE_U64, {shape[0]}, pictures.seeds);
+  worlds.mutable_cameras()->Add(pictures.cameras.begin(), pictures.cameras.end());
+  if (std::ranges::any_of(pictures.shutters, [](const Shutter& s) { return s != Shutter{}; }))
+    for (const Shutter& shutter : pictures.shutters)
+      *worlds.add_shutters() = server::to_proto(shutter);
 }
 
 }  // namespace
@@ -104,8 +134,7 @@ v1::FrameHeader to_header(const Frame& frame, const FrameContext& context) {
   message.set_final(frame.final);
   message.set_backend(context.backend);
   message.set_cpu_features(context.cpu_features);
-  *message.mutable_k() = matrix_array(frame.k);
-  *message.mutable_camera_from_world_cv() = matrix_array(frame.camera_from_world_cv);
+  add_views(frame, message);
   for (std::size_t i = 0; i < frame.planes.size(); ++i)
     *message.add_planes() = to_proto(frame.planes[i], context.request.planes(int(i)));
   for (const Column& column : frame.labels) *message.add_labels() = to_proto(column);
@@ -120,7 +149,6 @@ v1::FrameHeader to_header(const Frame& frame, const FrameContext& context) {
   message.set_rays(frame.rays);
   message.set_noise(frame.noise);
   message.set_tile_rounds(frame.tile_rounds);
-  *message.mutable_shutter() = to_proto(frame.shutter);
   message.set_label_time(frame.label_time);
   return message;
 }

@@ -18,16 +18,43 @@ std::string to_json(const google::protobuf::Message& message) {
   return google::protobuf::util::MessageToJsonString(message, &json, options).ok() ? json : "{}";
 }
 
-/// The request with nothing left open, for one camera.
+/// Those of the frame, by name where they have one: ids do not survive a scene file.
+void name_cameras(const Frame& frame, v1::RenderRequest& request) {
+  const auto name = [](v1::Ref& camera, const std::string& text) {
+    if (!text.empty()) camera.set_name(text);
+  };
+  if (frame.worlds) {
+    for (int i = 0; i < request.cameras_size(); ++i)
+      name(*request.mutable_cameras(i), frame.worlds->cameras[std::size_t(i)]);
+    return;
+  }
+  const v1::Ref camera = request.cameras(int(frame.index));
+  request.clear_cameras();
+  *request.add_cameras() = camera;
+  name(*request.mutable_cameras(0), frame.camera);
+}
+
+/// Worlds stay if they are small and all in the message.
+void keep_worlds(const RenderJob& job, v1::RenderRequest& request) {
+  v1::Worlds& worlds = *request.mutable_worlds();
+  const auto is_here = [](const v1::Array& array) { return array.has_inline_(); };
+  if (worlds.ByteSizeLong() > kLargestOverlay ||
+      (worlds.has_poses() && !is_here(worlds.poses().matrices())) ||
+      (worlds.has_mask() && !is_here(worlds.mask())))
+    return request.clear_worlds();
+  for (int i = 0; i < worlds.poses().entities_size(); ++i)
+    if (const auto name = job.snapshot->name_of(job.worlds->entities[std::size_t(i)]);
+        !name.empty())
+      worlds.mutable_poses()->mutable_entities(i)->set_name(name);
+}
+
+/// The request with nothing left open, for the cameras of one frame.
 v1::RenderRequest resolved(const Frame& frame, const FrameContext& context) {
   const RenderJob& job = *context.job;
   v1::RenderRequest request = context.request;
   request.set_scene(frame.scene);
   request.set_revision(frame.revision);
-  request.clear_cameras();
-  v1::Ref* camera = request.add_cameras();
-  *camera = context.request.cameras(int(frame.index));
-  if (!frame.camera.empty()) camera->set_name(frame.camera);  // ids do not survive a scene file
+  name_cameras(frame, request);
   if (const std::string second = job.snapshot->name_of(job.disparity_camera); !second.empty())
     for (v1::PlaneRequest& plane : *request.mutable_planes())
       if (plane.has_camera()) plane.mutable_camera()->set_name(second);
@@ -54,6 +81,7 @@ v1::RenderRequest resolved(const Frame& frame, const FrameContext& context) {
   request.set_max_depth(job.settings.max_depth);
   request.set_roulette(job.settings.roulette);
   if (request.overlay().ByteSizeLong() > kLargestOverlay) request.clear_overlay();
+  if (request.has_worlds()) keep_worlds(job, request);
   return request;
 }
 
@@ -69,6 +97,7 @@ std::string manifest(const Frame& frame, const FrameContext& context) {
   set("backend", context.backend);
   set("cpu_features", context.cpu_features);
   if (frame.overlay) set("overlay", fmt::format("{:016x}", frame.overlay));
+  if (frame.worlds) set("worlds", fmt::format("{}", context.job->worlds->count));
   std::string json = to_json(head);
   json.pop_back();
   return json + ",\"request\":" + to_json(resolved(frame, context)) + "}";

@@ -10,7 +10,7 @@
 namespace heliograph::server {
 
 // pose.cpp
-/// (N, 4, 4) affine matrices; the last row is 0 0 0 1.
+/// (4, 4), (N, 4, 4) or (N, M, 4, 4) affine matrices; the last row is 0 0 0 1.
 [[nodiscard]] Expected<std::vector<mat4x3>> read_affine(const v1::Array& array, ArraySource& source,
                                                         const Dims& dims);
 /// The same, each with an invertible 3x3 part.

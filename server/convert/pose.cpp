@@ -19,8 +19,11 @@ bool is_affine(std::span<const double> m) {
          std::abs(m[14]) <= kLastRowTolerance && std::abs(m[15] - 1) <= kLastRowTolerance;
 }
 
+/// dims: {4, 4}, {N, 4, 4} or {N, M, 4, 4}, M known.
 std::string matrix_path(const Dims& dims, u64 index) {
-  return dims.size() > 2 ? indexed("", index) : "";
+  if (dims.size() == 2) return "";
+  if (dims.size() == 3) return indexed("", index);
+  return fmt::format("[{}][{}]", index / *dims[1].size, index % *dims[1].size);
 }
 
 /// {K, 4, 4} where there are times, else {4, 4}.

@@ -36,6 +36,7 @@ PARTS = {
     "training": ["examples/train_on_gpu.py"],
     "sanitized": ["tests/gpu/sanitized.py"],
     "speed": ["bench/gpu.py"],
+    "worlds": ["bench/worlds.py", "1024", "3", "cuda"],
 }
 
 

@@ -2,6 +2,7 @@
 
 import heliograph as hg
 import pytest
+import replicas
 from recordings import recorded, short
 from refusals import furnished, world
 
@@ -17,4 +18,12 @@ def client():
 @pytest.fixture
 def scene(client):
     with client.create_scene() as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def room(client):
+    """The scene of replicas.py."""
+    with client.create_scene() as made:
+        replicas.furnish(made)
         yield made

@@ -207,7 +207,7 @@ TEST_CASE("render: a frame's header and chunks carry it whole") {
   Frame frame{.width = 2, .height = 1, .categories = {"bolt"}};
   frame.k = glm::dmat3(0);
   frame.k[2][0] = 31.5;
-  frame.planes.push_back({Plane::DISPARITY, Pixels(8, PixelAllocator())});
+  frame.planes.push_back({Plane::DISPARITY, Pixels(Plane::DISPARITY, 8, PixelAllocator())});
   std::memset(frame.planes[0].pixels.data(), 7, 8);
   const FrameContext context{request, std::make_shared<const RenderJob>(*made), "1", "embree",
                              "v3"};
@@ -231,7 +231,7 @@ TEST_CASE("render: a frame's header and chunks carry it whole") {
 TEST_CASE("convert frame: an f32 plane travels as half floats, in chunks of any size") {
   constexpr std::array<float, 4> kValues{1, -0.5f, 1e9f, INFINITY};
   constexpr std::array<u16, 4> kHalves{0x3c00, 0xb800, 0x7bff, 0x7c00};
-  PlaneData data{Plane::DEPTH, Pixels(sizeof kValues, PixelAllocator())};
+  PlaneData data{Plane::DEPTH, Pixels(Plane::DEPTH, sizeof kValues, PixelAllocator())};
   std::memcpy(data.pixels.data(), kValues.data(), sizeof kValues);
   const WirePlane plane(data, true);
   CHECK(plane.size() == sizeof kHalves);

@@ -141,6 +141,7 @@ class Edits {
     transaction_.edits.push_back({Mode::kUpsert, {}, std::move(settings)});
     return *this;
   }
+  [[nodiscard]] const Transaction& transaction() const { return transaction_; }
   [[nodiscard]] std::shared_ptr<const Snapshot> apply(const Snapshot& base = {}) const {
     auto prepared = heliograph::apply(base, transaction_, {});
     if (!prepared) FAIL(prepared.error().where << ": " << prepared.error().message);

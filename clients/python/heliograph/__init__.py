@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from .rigs import stereo
     from .scene import Scene
     from .sensors import DepthSensor, RgbSensor
+    from .worlds import WorldFrame, Worlds
 
 __version__ = "0.1.0"
 
@@ -70,6 +71,8 @@ _LAZY = {
     "Tex": "components",
     "Texture": "handles",
     "Visibility": "components",
+    "WorldFrame": "worlds",
+    "Worlds": "worlds",
     "look_at": "pose",
     "moving": "pose",
     "aio": "",
@@ -118,6 +121,8 @@ __all__ = [
     "Unavailable",
     "Unimplemented",
     "Visibility",
+    "WorldFrame",
+    "Worlds",
     "connect",
     "look_at",
     "materials",

@@ -109,6 +109,15 @@ def from_message(message: types.Array) -> NdArray:
     return flat.reshape(tuple(message.shape))
 
 
+def filled(array: NdArray | None, part: service.ReadReply) -> NdArray:
+    """The array of a reply, which may come in several parts; None: this is the first."""
+    if array is None:
+        array = np.empty(tuple(part.array.shape), dtype=dtype_of(part.array.dtype))
+    data = np.frombuffer(part.array.inline, dtype=np.uint8)
+    array.reshape(-1).view(np.uint8)[part.offset : part.offset + data.size] = data
+    return array
+
+
 class Store:
     """Uploads of one client: inline up to 1 MiB, then by hash; what changes by shared memory from
     64 KiB on, or anonymously.

@@ -13,8 +13,8 @@ from ._proto import service_pb2 as service
 from ._status import status_error
 from .components import whole_of
 from .errors import HeliographError, InvalidArgument
-from .frame import Frame
 from .handles import Named, flatten
+from .worlds import Worlds
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -24,13 +24,21 @@ if TYPE_CHECKING:
 
 class Job:
     """One item of Scene.render_batch: cameras (one or several), any `tag`, and the options of
-    Scene.render but progress, on_pass, on_start and timeout."""
+    Scene.render but progress, on_pass, on_start and timeout; or `worlds` and `mask` of
+    Scene.render_worlds too."""
 
     def __init__(
-        self, cameras: Any, *, tag: Any = None, **options: Unpack[_render.Options]
+        self,
+        cameras: Any,
+        *,
+        tag: Any = None,
+        worlds: Worlds | None = None,
+        mask: Any = None,
+        **options: Unpack[_render.Options],
     ) -> None:
         self.cameras: Sequence[Named] = flatten(cameras, "cameras")
         self.tag = tag
+        self.worlds, self.mask = worlds, mask
         self.options = options
         for name in ("progress", "on_pass", "on_start", "timeout"):
             if name in options:
@@ -39,15 +47,16 @@ class Job:
 
 @dataclass
 class Result:
-    """What became of a Job: its tag, and its frames in the order of its cameras, or its error."""
+    """What became of a Job: its tag, and its frames in the order of its cameras, of worlds one
+    WorldFrame, or its error."""
 
     tag: Any
-    frames: list[Frame] = field(default_factory=list)
+    frames: list[Any] = field(default_factory=list)
     error: HeliographError | None = None
 
     @property
-    def frame(self) -> Frame:
-        """The first camera's frame; raises the error when there is one."""
+    def frame(self) -> Any:
+        """The first camera's Frame, or the WorldFrame; raises the error when there is one."""
         if self.error is not None:
             raise self.error
         return self.frames[0]
@@ -71,12 +80,14 @@ class _Batch:
         for job in self._jobs:
             try:
                 request = _render.make_request(self._scene, job.cameras, job.options)
+                if job.worlds is not None:
+                    job.worlds.put(request.worlds, self._scene.client.store, job.mask)
             except HeliographError as error:
                 self.refused.append(Result(job.tag, error=error))
                 continue
             self._sent += 1
             shared = self._scene.client.connection.link.shared
-            self._open[self._sent] = job, _render.Assembly(len(job.cameras), shared)
+            self._open[self._sent] = job, _render.Assembly(_render.frame_count(request), shared)
             self.outbox.put(
                 service.RenderBatchRequest(tag=self._sent, job=request, credits=credits)
             )

@@ -10,6 +10,7 @@ import numpy as np
 
 from . import _cuda
 from ._arrays import NdArray, bytes_of, dtype_of
+from ._chunk_span import chunk_span
 from ._progress import Meter, Progress
 from ._proto import render_pb2 as render_pb
 from ._proto import types_pb2 as types
@@ -17,8 +18,9 @@ from ._shared import SharedFrames
 from .components import number_of, refuse_unknown, whole_of
 from .device import DeviceArray
 from .errors import Internal, InvalidArgument
-from .frame import Frame
+from .frame import Frame, Rendered
 from .handles import Handle, Named
+from .worlds import WorldFrame, Worlds
 
 if TYPE_CHECKING:
     from .edit import Edits
@@ -72,13 +74,28 @@ def render(scene: Scene, cameras: Sequence[Named], options: Options) -> list[Fra
     return run(scene, make_request(scene, cameras, options), options)
 
 
-def run(scene: Scene, request: render_pb.RenderRequest, options: Options) -> list[Frame]:
-    """Sends a request; its final frames."""
+def render_worlds(
+    scene: Scene, cameras: Sequence[Named], worlds: Worlds, mask: Any, options: Options
+) -> WorldFrame:
+    """One request; its one frame."""
+    request = make_request(scene, cameras, options)
+    worlds.put(request.worlds, scene.client.store, mask)
+    frame: WorldFrame = run(scene, request, options)[0]
+    return frame
+
+
+def frame_count(request: render_pb.RenderRequest) -> int:
+    """How many frames answer it, each one final."""
+    return 1 if request.HasField("worlds") else len(request.cameras)
+
+
+def run(scene: Scene, request: render_pb.RenderRequest, options: Options) -> list[Any]:
+    """Sends a request; its final frames, one WorldFrame if it has worlds."""
     connection = scene.client.connection
     stream = connection.stream("Render", request, raw=True, timeout=options.get("timeout"))
     if "on_start" in options:
         options["on_start"](stream.cancel)
-    assembly = Assembly(len(request.cameras), connection.link.shared)
+    assembly = Assembly(frame_count(request), connection.link.shared)
     on_pass = options.get("on_pass")
     with Meter(options.get("progress")) as meter:
         for data in stream:
@@ -105,6 +122,11 @@ def request_of_manifest(scene: Scene, manifest: str) -> render_pb.RenderRequest:
         raise InvalidArgument(
             "manifest: its frame had an overlay too large to be kept: apply the same edits to the "
             "scene and render as usual",
+            field="manifest",
+        )
+    if fields.get("worlds") and not out.HasField("worlds"):
+        raise InvalidArgument(
+            "manifest: its worlds were too large to be kept: render them as usual",
             field="manifest",
         )
     out.scene = scene.id
@@ -279,13 +301,13 @@ class Assembly:
     def __init__(self, count: int, shared: SharedFrames | None) -> None:
         self._count = count
         self._shared = shared
-        self._final: dict[int, Frame] = {}
+        self._final: dict[int, Rendered] = {}
         self._header: render_pb.FrameHeader | None = None
         self._arrays: list[NdArray | DeviceArray] = []
         self._bytes: list[memoryview] = []
         self._left = 0
 
-    def add(self, data: bytes) -> render_pb.Progress | Frame | None:
+    def add(self, data: bytes) -> render_pb.Progress | Rendered | None:
         """A serialised FramePart; gives back progress, or the frame that this part completed."""
         span = chunk_span(data)
         if span is not None:
@@ -295,7 +317,7 @@ class Assembly:
             return self._complete()
         return self.add_part(render_pb.FramePart.FromString(data))
 
-    def add_part(self, part: render_pb.FramePart) -> render_pb.Progress | Frame | None:
+    def add_part(self, part: render_pb.FramePart) -> render_pb.Progress | Rendered | None:
         """The same with a message."""
         kind = part.WhichOneof("part")
         if kind == "progress":
@@ -317,6 +339,8 @@ class Assembly:
         arrays: list[NdArray] = []
         for plane in header.planes:
             shape: tuple[int, ...] = (header.height, header.width)
+            if header.HasField("worlds"):
+                shape = tuple(header.k.shape[:2]) + shape
             if plane.channels != 1:
                 shape += (plane.channels,)
             arrays.append(np.empty(shape, dtype=dtype_of(plane.dtype)))
@@ -337,52 +361,18 @@ class Assembly:
         self._arrays[chunk.plane] = self._shared.plane(chunk.buffer, old.dtype, old.shape)
         self._left -= old.nbytes
 
-    def _complete(self) -> Frame | None:
+    def _complete(self) -> Rendered | None:
         if self._left or self._header is None:
             return None
-        frame = Frame(self._header, self._arrays)
+        kind = WorldFrame if self._header.HasField("worlds") else Frame
+        frame: Rendered = kind(self._header, self._arrays)
         if self._header.final:
             self._final[self._header.frame] = frame
         self._header = None
         return frame
 
-    def frames(self) -> list[Frame]:
+    def frames(self) -> list[Any]:
         """The final ones, in the order of the cameras."""
         if len(self._final) != self._count:
             raise Internal(f"{len(self._final)} of {self._count} frames arrived")
         return [self._final[i] for i in range(self._count)]
-
-
-def chunk_span(data: bytes) -> tuple[int, int, int, int] | None:
-    """(plane, offset, start, size) of a FramePart whose part is a chunk of bytes, else None.
-
-    The wire format of Protocol Buffers, read by hand so that the pixels are not copied twice:
-    FramePart.chunk is field 2; PlaneChunk has plane 2, offset 3, chunk 4.
-    """
-    if data[:1] != b"\x12":
-        return None
-    _, at = _varint(data, 1)
-    plane = offset = 0
-    while at < len(data):
-        tag, at = _varint(data, at)
-        value, at = _varint(data, at)
-        if tag == 0x22:
-            return plane, offset, at, value
-        if tag == 0x10:
-            plane = value
-        elif tag == 0x18:
-            offset = value
-        elif tag & 7:
-            return None
-    return None
-
-
-def _varint(data: bytes, at: int) -> tuple[int, int]:
-    value = shift = 0
-    while True:
-        byte = data[at]
-        at += 1
-        value |= (byte & 0x7F) << shift
-        if byte < 0x80:
-            return value, at
-        shift += 7

@@ -19,7 +19,7 @@ from ._render import Assembly
 from ._status import status_error, to_error
 from .client import Client, open_client
 from .errors import HeliographError
-from .frame import Frame
+from .frame import Rendered
 from .recording import Call, Damaged, Part, Recording
 
 _METHODS = service.DESCRIPTOR.services_by_name["Renderer"].methods_by_name
@@ -251,12 +251,12 @@ class Calls:
                 _compare_frame(frame, found.get(frame.frame))
         return None
 
-    def _frames(self, call: Call, request: Any) -> dict[int, Frame] | HeliographError:
+    def _frames(self, call: Call, request: Any) -> dict[int, Rendered] | HeliographError:
         """The final frames, by camera."""
         link = self.link(call)
         is_item = isinstance(request, service.RenderBatchRequest)
         assembly = Assembly(0, link.shared)
-        found: dict[int, Frame] = {}
+        found: dict[int, Rendered] = {}
         try:
             if is_item:
                 replies = link.method("RenderBatch")(iter([request]), metadata=link.metadata)
@@ -266,7 +266,7 @@ class Calls:
                 if is_item and reply.code:
                     return status_error(reply.code, reply.message, reply.detail)
                 frame = assembly.add_part(reply.part if is_item else reply)
-                if isinstance(frame, Frame) and frame.is_final:
+                if isinstance(frame, Rendered) and frame.is_final:
                     found[frame.index] = frame
         except grpc.RpcError as error:
             return to_error(error)
@@ -307,6 +307,8 @@ def _request_of(manifest: str) -> render_pb2.RenderRequest:
         raise Damaged("its manifest is damaged") from None
     if fields.get("overlay") and not request.HasField("overlay"):
         raise NotPlayed("its overlay was too large for the manifest")
+    if fields.get("worlds") and not request.HasField("worlds"):
+        raise NotPlayed("its worlds were too large for the manifest")
     return request
 
 
@@ -336,7 +338,7 @@ def key_of(answer: Any) -> tuple[str, str]:
     return (answer.code, answer.field) if isinstance(answer, HeliographError) else ("", "")
 
 
-def _compare_frame(was: pb.RecordFrame, found: Frame | None) -> None:
+def _compare_frame(was: pb.RecordFrame, found: Rendered | None) -> None:
     name = f"frame {was.frame} of revision {was.revision}"
     if found is None:
         raise Differs(f"{name} did not come")

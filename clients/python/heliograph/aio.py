@@ -30,6 +30,7 @@ from .frame import Frame
 from .handles import Handle
 from .scene import Overlay
 from .scene import Scene as _Scene
+from .worlds import WorldFrame, Worlds
 
 _THREADS = 16
 
@@ -150,10 +151,20 @@ class Scene(_Twin):
 
     async def render(self, cameras: str | Handle | Any, **options: Any) -> Any:
         """See heliograph.Scene.render. Cancelling the task cancels the job."""
+        return await self._cancellable(self.sync.render, cameras, **options)
+
+    async def render_worlds(self, cameras: Any, worlds: Worlds, **options: Any) -> WorldFrame:
+        """See heliograph.Scene.render_worlds. Cancelling the task cancels the job."""
+        frame: WorldFrame = await self._cancellable(
+            self.sync.render_worlds, cameras, worlds, **options
+        )
+        return frame
+
+    async def _cancellable(self, render: Callable[..., Any], *args: Any, **options: Any) -> Any:
         cancels: list[Callable[[], None]] = []
         options["on_start"] = cancels.append
         try:
-            return await self._pool.call(self.sync.render, cameras, **options)
+            return await self._pool.call(render, *args, **options)
         except asyncio.CancelledError:
             for cancel in cancels:
                 cancel()

@@ -1,4 +1,5 @@
-"""Frame: the planes and labels of one camera at one time. Made by Scene.render."""
+"""Frame: the planes and labels of one camera at one time; and what frames of many worlds have in
+common with it. Made by Scene.render."""
 
 from __future__ import annotations
 
@@ -8,7 +9,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,20 +20,14 @@ from .components import color_of
 from .device import DeviceArray
 from .errors import FailedPrecondition, InvalidArgument
 
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
 _CV_TO_GL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
-class Frame:
-    """One camera, one revision, one time: planes and labels of one job.
-
-    frame["depth"]: (H, W) or (H, W, C), read-only, valid as long as anybody refers to it;
-    frame.torch("depth"): the same as a tensor. Of a frame with device="cuda", whose planes are in
-    the GPU's memory, there are tensors and on_device(); cpu() copies it.
-    K: (3, 3) float64 at the rendered size. camera_from_world_cv: (4, 4), OpenCV camera (x right,
-    y down, z forward); camera_from_world_gl: OpenGL camera (y up, looks down -z).
-    time, label_time: seconds; shutter: (open, close) relative to time. With a rolling shutter row y
-    is seen rolling * y / (H - 1) later, and poses are those of the middle (see row_times).
-    """
+class Rendered:
+    """Planes and labels of one job: a Frame, or a WorldFrame."""
 
     def __init__(self, header: pb.FrameHeader, arrays: Sequence[NdArray | DeviceArray]) -> None:
         self._header = header
@@ -49,12 +44,9 @@ class Frame:
         self.index = int(header.frame)  # over the request's cameras
         self.scene = int(header.scene)
         self.revision = int(header.revision)
-        self.camera = str(header.camera)
         self.width, self.height = int(header.width), int(header.height)
         self.time = float(header.time)
         self.label_time = float(header.label_time)
-        self.shutter = (float(header.shutter.open), float(header.shutter.close))
-        self.rolling = float(header.shutter.rolling)
         self.seed, self.samples = int(header.seed), int(header.samples)
         self.noise = float(header.noise)
         self.is_final = bool(header.final)
@@ -100,12 +92,12 @@ class Frame:
             warnings.filterwarnings("ignore", message=".*not writable.*")
             return torch.from_numpy(found)
 
-    def cpu(self) -> Frame:
+    def cpu(self) -> Self:
         """This frame on the host: a copy of what is on the GPU, else itself."""
         if all(isinstance(array, np.ndarray) for array in self._planes.values()):
             return self
         arrays = [a.numpy() if isinstance(a, DeviceArray) else a for a in self._planes.values()]
-        return Frame(self._header, arrays)
+        return type(self)(self._header, arrays)
 
     def _find(self, plane: str) -> NdArray | DeviceArray:
         found = self._planes.get(plane)
@@ -153,12 +145,6 @@ class Frame:
         return from_message(self._header.camera_from_world_cv)
 
     @property
-    def row_times(self) -> NdArray:
-        """(H,) seconds: when each row's labels were taken. Poses are those of their mean."""
-        steps = np.arange(self.height) / max(1, self.height - 1)
-        return np.asarray(self.label_time + self.rolling * steps)
-
-    @property
     def camera_from_world_gl(self) -> NdArray:
         return _CV_TO_GL @ self.camera_from_world_cv
 
@@ -167,6 +153,36 @@ class Frame:
         """Columns over the instances, ordered by label; docs/python.md lists them."""
         remedy = "; ask for more with labels=True or labels={'amodal_masks': True}"
         return Columns.of(self._header.labels, remedy)
+
+    def __reduce__(self) -> Any:
+        host = self.cpu()
+        arrays = [np.asarray(host[name]) for name in host]
+        return _unpickled, (type(self), self._header.SerializeToString(), arrays)
+
+
+class Frame(Rendered):
+    """One camera, one revision, one time: planes and labels of one job.
+
+    frame["depth"]: (H, W) or (H, W, C), read-only, valid as long as anybody refers to it;
+    frame.torch("depth"): the same as a tensor. Of a frame with device="cuda", whose planes are in
+    the GPU's memory, there are tensors and on_device(); cpu() copies it.
+    K: (3, 3) float64 at the rendered size. camera_from_world_cv: (4, 4), OpenCV camera (x right,
+    y down, z forward); camera_from_world_gl: OpenGL camera (y up, looks down -z).
+    time, label_time: seconds; shutter: (open, close) relative to time. With a rolling shutter row y
+    is seen rolling * y / (H - 1) later, and poses are those of the middle (see row_times).
+    """
+
+    def __init__(self, header: pb.FrameHeader, arrays: Sequence[NdArray | DeviceArray]) -> None:
+        super().__init__(header, arrays)
+        self.camera = str(header.camera)
+        self.shutter = (float(header.shutter.open), float(header.shutter.close))
+        self.rolling = float(header.shutter.rolling)
+
+    @property
+    def row_times(self) -> NdArray:
+        """(H,) seconds: when each row's labels were taken. Poses are those of their mean."""
+        steps = np.arange(self.height) / max(1, self.height - 1)
+        return np.asarray(self.label_time + self.rolling * steps)
 
     @property
     def instances(self) -> dict[int, str]:
@@ -330,14 +346,9 @@ class Frame:
             f"<Frame {self.width}x{self.height} of {self.camera!r}, {self.samples} spp: {planes}>"
         )
 
-    def __reduce__(self) -> Any:
-        host = self.cpu()
-        arrays = [np.asarray(host[name]) for name in host]
-        return _unpickled, (self._header.SerializeToString(), arrays)
 
-
-def _unpickled(header: bytes, arrays: list[NdArray]) -> Frame:
-    return Frame(pb.FrameHeader.FromString(header), arrays)
+def _unpickled(kind: type[Rendered], header: bytes, arrays: list[NdArray]) -> Rendered:
+    return kind(pb.FrameHeader.FromString(header), arrays)
 
 
 def _picture_of_vectors(plane: str, data: NdArray, unit: str) -> NdArray:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _batch, _live, _render, _watch, query
-from ._arrays import Columns, NdArray, dtype_of
+from ._arrays import Columns, NdArray, filled
 from ._proto import scene_pb2 as pb
 from ._proto import service_pb2 as service
 from ._proto import types_pb2 as types
@@ -20,6 +20,7 @@ from .edit import Edits
 from .errors import Aborted, HeliographError, InvalidArgument, NotFound
 from .frame import Frame
 from .handles import KINDS, Handle, Named, flatten
+from .worlds import WorldFrame, Worlds
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -122,6 +123,15 @@ class Scene:
         frames = _render.render(self, listed, options)
         return frames[0] if single else frames
 
+    def render_worlds(
+        self, cameras: Any, worlds: Worlds, *, mask: Any = None, **options: Unpack[_render.Options]
+    ) -> WorldFrame:
+        """Renders hg.Worlds of this scene in one call, packed: (R, C, H, W, channels) for the R
+        worlds where mask (N,) is not 0, by default all, and C cameras. Options are those of
+        render() but seconds, noise, adaptive and on_pass; world i has a seed of its own."""
+        listed = flatten(cameras, "cameras")
+        return _render.render_worlds(self, listed, worlds, mask, options)
+
     def render_sequence(
         self, camera: Named, times: Any, **options: Unpack[_render.Options]
     ) -> Iterator[Frame]:
@@ -133,9 +143,9 @@ class Scene:
             options["time"], options["revision"] = float(t), revision
             yield self.render(camera, **options)
 
-    def rerender(self, manifest: str, **options: Unpack[_render.Options]) -> Frame:
+    def rerender(self, manifest: str, **options: Unpack[_render.Options]) -> Any:
         """Renders a frame again from its manifest, at this scene's latest revision: the same bytes
-        for the same content, daemon version and CPU features. options: progress and timeout."""
+        for the same content, daemon version and CPU features; of worlds a WorldFrame."""
         request = _render.request_of_manifest(self, manifest)
         return _render.run(self, request, options)[0]
 
@@ -280,7 +290,7 @@ class Scene:
             if part.HasField("object"):
                 row[part.field] = part.object
             elif part.HasField("array"):
-                row[part.field] = _filled(row[part.field], part)
+                row[part.field] = filled(row[part.field], part)
         for row in out:
             for value in row:
                 if isinstance(value, np.ndarray):
@@ -383,16 +393,6 @@ class Scene:
 
     def __reduce__(self) -> Any:
         return Scene, (self.client, self.id, self.name)
-
-
-def _filled(array: Any, part: service.ReadReply) -> NdArray:
-    """The array of a reply, which may come in several parts."""
-    if array is None:
-        array = np.empty(tuple(part.array.shape), dtype=dtype_of(part.array.dtype))
-    data = np.frombuffer(part.array.inline, dtype=np.uint8)
-    out: NdArray = array
-    out.reshape(-1).view(np.uint8)[part.offset : part.offset + data.size] = data
-    return out
 
 
 def _escaped(name: str) -> str:

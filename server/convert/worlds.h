@@ -1,0 +1,18 @@
+// What the worlds of a request do not share, checked. Called by render_task.cpp.
+#pragma once
+
+#include "heliograph/v1/render.pb.h"
+#include "renderer/scene/worlds.h"
+#include "server/convert/transaction.h"
+
+namespace heliograph::server {
+
+/// most    worlds of a request: more is RESOURCE_EXHAUSTED
+/// scene   the request's, with its overlay: poses name its entities
+///
+/// Fails with INVALID_ARGUMENT, NOT_FOUND, RESOURCE_EXHAUSTED, `where` beneath
+/// RenderRequest.worlds. Whether overlays fit the scene is not looked at.
+[[nodiscard]] Expected<Worlds> to_worlds(const v1::Worlds& message, const Snapshot& scene,
+                                         ArraySource& source, u64 most);
+
+}  // namespace heliograph::server

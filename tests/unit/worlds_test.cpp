@@ -1,0 +1,177 @@
+// Worlds: what differs between copies of a scene, and their pictures packed into one frame.
+#include "renderer/engine/worlds.h"
+
+#include "renderer/scene/worlds.h"
+#include "tests/unit/render_scene.h"
+
+using namespace heliograph;
+using namespace heliograph::test;
+
+namespace {
+
+constexpr u32 kWorlds = 5;
+const std::vector<Plane> kPlanes{Plane::DEPTH, Plane::BEAUTY, Plane::BEAUTY_GROUP,
+                                 Plane::BEAUTY_GROUP, Plane::INSTANCE};
+
+Edits recolor(u32 world) { return Edits().material("red", vec3(0.1f * float(world))); }
+
+/// The box and the ball move with the world; worlds from 3 on have a colour of their own.
+Worlds moving(const Snapshot& scene) {
+  Worlds worlds{.count = kWorlds, .entities = {entity(scene, "box"), entity(scene, "ball")}};
+  for (u32 i = 0; i < kWorlds; ++i) {
+    worlds.poses.push_back(translation({0.6f, 0.3f, 0.5f + 0.1f * float(i)}));
+    worlds.poses.push_back(scaled(vec3(0.5f), {-0.6f + 0.1f * float(i), -0.2f, 0.5f}));
+    worlds.overlays.push_back(i < 3 ? Transaction{} : recolor(i).transaction());
+    worlds.rendered.push_back(i);
+  }
+  return worlds;
+}
+
+/// The same edits as an overlay of its own.
+std::shared_ptr<const Snapshot> alone(const Snapshot& scene, const Worlds& worlds, u32 i) {
+  auto made =
+      Edits().pose("box", worlds.poses[2 * i]).pose("ball", worlds.poses[2 * i + 1]).apply(scene);
+  return i < 3 ? made : recolor(i).apply(*made);
+}
+
+RenderJob packed_job(const std::shared_ptr<const Snapshot>& scene, Worlds worlds) {
+  RenderJob job = job_of(scene, kPlanes, 2);
+  job.groups = {"", "lamps"};
+  job.labels.boxes = true;
+  job.worlds = std::make_shared<const Worlds>(std::move(worlds));
+  return job;
+}
+
+Edits stage() {
+  PutEntity grouped;
+  grouped.light_group = "lamps";
+  return still_life()
+      .put("lamp", grouped)
+      .camera("side", look_at({4, 4, 3}, {0, 0, 0}), 64, 48, 60);
+}
+
+Error refusal(const RenderJob& job) {
+  const Status status = check_job(job, {});
+  REQUIRE(!status.has_value());
+  return status.error();
+}
+
+}  // namespace
+
+TEST_CASE("worlds: a world without anything of its own is the scene") {
+  const auto scene = stage().apply();
+  CHECK(world_of(scene, {.count = 3}, 2).value() == scene);
+}
+
+TEST_CASE("worlds: errors name the world, and what all have in common stays") {
+  const auto scene = stage().apply();
+  Worlds worlds{.count = 2};
+  const auto refused = [&](const Edits& edits) {
+    worlds.overlays = {{}, edits.transaction()};
+    CHECK(world_of(scene, worlds, 0).has_value());
+    const auto made = world_of(scene, worlds, 1);
+    REQUIRE(!made.has_value());
+    return made.error();
+  };
+  CHECK(refused(Edits().object("x", "nothing", mat4x3(1))).where ==
+        "overlays[1].edits[0].entity.mesh");
+  CHECK(refused(Edits().put(PutSettings{.time = 3})).where == "overlays[1]");
+  CHECK(refused(Edits().put(PutSettings{.categories = {"bolt"}})).message.find("'bolt'") !=
+        std::string::npos);
+  worlds = {.count = 1, .entities = {EntityId::make(77, 5)}, .poses = {mat4x3(1)}};
+  CHECK(world_of(scene, worlds, 0).error().where == "poses");
+}
+
+TEST_CASE("worlds: every picture has the bytes of a job of its own, in its place") {
+  const auto scene = stage().apply();
+  const Worlds worlds = moving(*scene);
+  const auto engine = make_engine(2);
+  RenderJob job = packed_job(scene, worlds);
+  job.cameras.push_back(entity(*scene, "side"));
+  const u32 cameras = 2;
+  std::vector<std::pair<Plane, u64>> asked;
+  job.memory = [&](Plane plane, u64 bytes) -> std::shared_ptr<PixelMemory> {
+    asked.emplace_back(plane, bytes);
+    return nullptr;
+  };
+  const auto packed = render(*engine, job);
+  REQUIRE(packed->worlds);
+  CHECK(packed->worlds->cameras == std::vector<std::string>{"camera", "side"});
+  REQUIRE(asked.size() == kPlanes.size());
+  for (std::size_t i = 0; i < kPlanes.size(); ++i) CHECK(asked[i].first == kPlanes[i]);
+  for (u32 i = 0; i < kWorlds; ++i)
+    for (u32 camera = 0; camera < cameras; ++camera) {
+      RenderJob own = packed_job(alone(*scene, worlds, i), worlds);
+      own.worlds = nullptr;
+      own.cameras = {job.cameras[camera]};
+      own.settings.seed = world_seed(job.settings.seed, i);
+      const auto single = render(*engine, own);
+      const u32 picture = i * cameras + camera;
+      CHECK(packed->worlds->camera_from_world_cv[picture] == single->camera_from_world_cv);
+      CHECK(packed->worlds->k[picture] == single->k);
+      for (std::size_t plane = 0; plane < kPlanes.size(); ++plane) {
+        const Pixels& all = packed->planes[plane].pixels;
+        const Pixels& one = single->planes[plane].pixels;
+        REQUIRE(all.size() == one.size() * kWorlds * cameras);
+        CHECK(std::memcmp(all.data() + picture * one.size(), one.data(), one.size()) == 0);
+      }
+    }
+}
+
+TEST_CASE("worlds: those that a mask leaves out are neither rendered nor made") {
+  const auto scene = stage().apply();
+  Worlds worlds = moving(*scene);
+  const auto engine = make_engine(2);
+  const auto full = render(*engine, packed_job(scene, worlds));
+  worlds.rendered = {1, 3};
+  worlds.overlays[4] = Edits().object("x", "nothing", mat4x3(1)).transaction();
+  const auto some = render(*engine, packed_job(scene, worlds));
+  CHECK(some->worlds->worlds == worlds.rendered);
+  for (std::size_t plane = 0; plane < kPlanes.size(); ++plane) {
+    const u64 bytes = full->planes[plane].pixels.size() / kWorlds;
+    REQUIRE(some->planes[plane].pixels.size() == 2 * bytes);
+    for (u32 i = 0; i < 2; ++i)
+      CHECK(std::memcmp(some->planes[plane].pixels.data() + i * bytes,
+                        full->planes[plane].pixels.data() + worlds.rendered[i] * bytes,
+                        bytes) == 0);
+  }
+  worlds.rendered = {4};
+  CHECK(refusal(packed_job(scene, worlds)).where == "worlds.overlays[4].edits[0].entity.mesh");
+}
+
+TEST_CASE("worlds: stop rules, sizes and rows that do not fit are refused") {
+  const auto scene = stage().apply();
+  const RenderJob good = packed_job(scene, moving(*scene));
+  REQUIRE(check_job(good, {}).has_value());
+  auto job = good;
+  job.stop.noise = 0.1;
+  CHECK(refusal(job).where == "noise");
+  job = good;
+  job.progressive = true;
+  CHECK(refusal(job).where == "progressive");
+  job = good;
+  job.labels.max_rows = 4 * kWorlds - 1;
+  CHECK(refusal(job).needed == 4 * kWorlds);
+  job.labels.max_rows = 4 * kWorlds;
+  CHECK(check_job(job, {}).has_value());
+
+  Worlds worlds = moving(*scene);
+  worlds.overlays[3] = Edits().camera("camera", mat4x3(1), 32, 48, 60).transaction();
+  CHECK(refusal(packed_job(scene, worlds)).message.starts_with("in world 3: is 32 x 48"));
+  worlds.overlays[3] = Edits().put("camera", Remove{}).transaction();
+  CHECK(refusal(packed_job(scene, worlds)).code == Code::kNotFound);
+}
+
+TEST_CASE("worlds: a world's own meshes are derived before the device has the job") {
+  const auto scene = stage().apply();
+  Worlds worlds = moving(*scene);
+  worlds.overlays[4] =
+      Edits().mesh("own", sphere(8)).object("x", "own", translation({0, 0, 1})).transaction();
+  const RenderJob job = packed_job(scene, worlds);
+  const auto needed = needed_snapshots(job);
+  REQUIRE(needed.size() == 2);
+  CHECK(needed[0] == scene);
+  CHECK(needed[1]->find("own").has_value());
+  const auto engine = make_engine(2);
+  CHECK(render(*engine, job)->worlds->worlds.size() == kWorlds);
+}
