@@ -1,13 +1,15 @@
 #include "renderer/bvh/accelerator.h"
 
+#include <cassert>
+#include <numeric>
+
+#include "kernels/bvh_box.h"
 #include "renderer/bvh/build.h"
-#include "renderer/bvh/instance_box.h"
 #include "renderer/resident/parallel.h"
 
 namespace heliograph::bvh {
 namespace {
 
-using kernels::kNone;
 using resident::DeviceMesh;
 using resident::Placement;
 
@@ -50,27 +52,52 @@ Box shape_box(kernels::Shape shape) {
   return {vec3(-1, -1, -z), vec3(1, 1, z)};
 }
 
-/// Rounding of a ray's way into an instance moves its box by less.
-Box widened(const Box& box) {
-  const vec3 margin = glm::max(glm::abs(box.lower), glm::abs(box.upper)) * 0x1p-21f;
-  return box.empty() ? box : Box{box.lower - margin, box.upper + margin};
+Box of(const kernels::BvhBox& box) { return {box.lower, box.upper}; }
+
+/// The boxes of all slots.
+///
+/// box_of   of a slot's InstanceView, its keys and its mesh's box
+template <class F>
+std::vector<Box> boxes_of(const Placement& placement, F&& box_of) {
+  const u32 count = u32(placement.instances.size());
+  std::vector<Box> boxes(count);
+  resident::parallel_ranges(count, 256u, [&](u32 begin, u32 end) {
+    for (u32 i = begin; i < end; ++i) {
+      const Box mesh = placement.meshes[placement.mesh_of_slot[i]]->accelerator->bounds();
+      boxes[i] = of(box_of(placement.instances[i], placement.motion_keys.data(),
+                           kernels::BvhBox{mesh.lower, mesh.upper}));
+    }
+  });
+  return boxes;
 }
 
-kernels::BvhInstance item_of(const Placement& placement, u32 slot) {
-  const kernels::InstanceView& view = placement.instances[slot];
-  const u32 mesh = placement.mesh_of_slot[slot];
-  const kernels::MeshBvh bvh = bvh_of(*placement.meshes[mesh]).view();
-  kernels::BvhInstance item{};
-  const mat4x3& m = view.object_from_world;
-  for (int k = 0; k < 3; ++k) item.object_from_world[k] = {m[0][k], m[1][k], m[2][k], m[3][k]};
-  item.nodes = bvh.nodes;
-  item.triangles = bvh.triangles;
-  item.instance = slot;
-  item.mesh = mesh;
-  item.visibility = view.visibility;
-  item.flags =
-      (view.segments > 0 ? u32(kernels::kBvhMoves) : 0) | (bvh.nodes ? 0 : u32(kernels::kBvhShape));
-  return item;
+/// order   slots by item
+BvhTop top_of(const Placement& placement, std::span<const kernels::MeshBvh> meshes,
+              std::span<const u32> order) {
+  BvhTop top;
+  const u32 count = u32(order.size());
+  top.items.resize(count);
+  top.item_of_instance.resize(count);
+  resident::parallel_ranges(count, 1024u, [&](u32 begin, u32 end) {
+    for (u32 i = begin; i < end; ++i) {
+      const kernels::InstanceView& instance = placement.instances[order[i]];
+      top.items[i] = kernels::bvh_instance(instance, order[i], meshes[instance.mesh]);
+      top.item_of_instance[order[i]] = i;
+    }
+  });
+  return top;
+}
+
+BvhTop tree_of(const Placement& placement, std::span<const kernels::MeshBvh> meshes) {
+  const std::vector<Box> boxes = boxes_of(placement, kernels::ray_box);
+  auto tree = build_tree(boxes, kOverInstances, {});
+  assert(tree);  // only an interrupt makes it fail
+  const bool is_empty = tree->items.empty();
+  for (u32 i = 0; i < boxes.size(); ++i)
+    if (boxes[i].empty()) tree->items.push_back(i);
+  BvhTop top = top_of(placement, meshes, tree->items);
+  if (!is_empty) top.nodes = std::move(tree->nodes);
+  return top;
 }
 
 }  // namespace
@@ -85,14 +112,38 @@ kernels::MeshBvh BvhMesh::view() const {
           triangle_numbers.empty() ? nullptr : triangle_numbers.data()};
 }
 
-kernels::BvhView BvhScene::view() const {
-  return {top.empty() ? nullptr : top.data(), items.data(), meshes.data(), item_of_instance.data(),
-          u32(items.size())};
+BvhScene::BvhScene(const Placement& placement) {
+  for (const auto& mesh : placement.meshes) meshes_.push_back(bvh_of(*mesh).view());
+  for (const Box& box : boxes_of(placement, kernels::instance_box)) box_.extend(box);
 }
 
-kernels::BvhView view(const Placement& placement) {
+kernels::BvhView BvhScene::view(const BvhTop& top) const {
+  return {top.nodes.empty() ? nullptr : top.nodes.data(), top.items.data(), meshes_.data(),
+          top.item_of_instance.data(), u32(top.items.size())};
+}
+
+const BvhTop& BvhScene::world(const Placement& placement) const {
+  std::call_once(made_world_,
+                 [&] { resident::run_alone([&] { world_ = tree_of(placement, meshes_); }); });
+  return world_;
+}
+
+const BvhTop& BvhScene::objects(const Placement& placement) const {
+  std::call_once(made_objects_, [&] {
+    std::vector<u32> slots(placement.instances.size());
+    std::iota(slots.begin(), slots.end(), 0u);
+    resident::run_alone([&] { objects_ = top_of(placement, meshes_, slots); });
+  });
+  return objects_;
+}
+
+kernels::BvhView world_view(const Placement& placement) {
   const BvhScene* scene = bvh_of(placement);
-  return scene ? scene->view() : kernels::BvhView{};
+  return scene ? scene->view(scene->world(placement)) : kernels::BvhView{};
+}
+kernels::BvhView objects_view(const Placement& placement) {
+  const BvhScene* scene = bvh_of(placement);
+  return scene ? scene->view(scene->objects(placement)) : kernels::BvhView{};
 }
 
 Expected<std::shared_ptr<const resident::MeshAccelerator>> BvhAccelerator::build(
@@ -115,42 +166,8 @@ Expected<std::shared_ptr<const resident::MeshAccelerator>> BvhAccelerator::build
 }
 
 Expected<std::shared_ptr<const resident::SceneAccelerator>> BvhAccelerator::build(
-    const Snapshot&, const Placement& placement, const resident::Kept&,
-    const Interrupt& interrupt) const {
-  auto made = std::make_shared<BvhScene>();
-  for (const auto& mesh : placement.meshes) made->meshes.push_back(bvh_of(*mesh).view());
-  const u32 count = u32(placement.instances.size());
-  std::vector<Box> boxes(count);
-  resident::parallel_ranges(count, 256u, [&](u32 begin, u32 end) {
-    for (u32 i = begin; i < end; ++i) {
-      const Box object = placement.meshes[placement.mesh_of_slot[i]]->accelerator->bounds();
-      // Keys of what rays do not meet may have no pose.
-      boxes[i] = placement.instances[i].segments > 0 && placement.instances[i].visibility
-                     ? moving_box(object, placement.keys_of(i))
-                     : placed_box(object, placement.instances[i].world_from_object);
-    }
-  });
-  HELIO_TRY(interrupt.status());
-  for (u32 i = 0; i < count; ++i) {
-    made->box.extend(boxes[i]);
-    boxes[i] = placement.instances[i].visibility ? widened(boxes[i]) : Box{};
-  }
-  auto tree = build_tree(boxes, kOverInstances, interrupt);
-  if (!tree) return std::unexpected(std::move(tree).error());
-  if (!tree->items.empty()) made->top = std::move(tree->nodes);
-  std::vector<u32>& order = tree->items;
-  made->item_of_instance.assign(count, kNone);
-  for (u32 i = 0; i < order.size(); ++i) made->item_of_instance[order[i]] = i;
-  for (u32 i = 0; i < count; ++i)
-    if (made->item_of_instance[i] == kNone) {
-      made->item_of_instance[i] = u32(order.size());
-      order.push_back(i);
-    }
-  made->items.resize(count);
-  resident::parallel_ranges(count, 1024u, [&](u32 begin, u32 end) {
-    for (u32 i = begin; i < end; ++i) made->items[i] = item_of(placement, order[i]);
-  });
-  return made;
+    const Snapshot&, const Placement& placement, const resident::Kept&, const Interrupt&) const {
+  return std::make_shared<BvhScene>(placement);
 }
 
 }  // namespace heliograph::bvh

@@ -13,7 +13,6 @@ namespace {
 constexpr u32 kBins = 16;
 constexpr u32 kChunk = 1 << 15;  // items that one thread looks at
 constexpr u32 kAlone = 1 << 12;  // at most so many are split by one thread
-constexpr u32 kMostLeafItems = kernels::kBvhLeafItems;
 
 /// A box; the fourth lane of `lower` has its number's bits.
 class Item {
@@ -264,41 +263,19 @@ void Builder::split(const Range& range, const Bounds& bounds) {
   if (!given_up_.load(std::memory_order_relaxed)) plan(range.node);
 }
 
-/// The cheapest way to make a subtree, whose children have theirs, the children of wide nodes.
-///
-/// Source: Ylitie, Karras and Laine 2017, section 4.1.
+/// The plan of a subtree whose children have theirs.
 void Builder::plan(u32 number) {
   BinaryNode& node = tree_.nodes[number];
-  const float area = node.box.area(scale_);
-  const float leaf_cost =
-      node.count <= kMostLeafItems ? area * float(node.count) * options_.item_cost : INFINITY;
-  node.leaf = true;
+  const kernels::PlanCosts costs{node.box.area(scale_), options_.item_cost, node.count};
+  node.height = 0;
   if (!node.splits()) {
-    node.height = 0;
-    std::fill_n(node.cost, kMostRoots, leaf_cost);
+    node.plan = kernels::plan_item(costs);
     return;
   }
   const BinaryNode& left = tree_.nodes[tree_.left(number)];
   const BinaryNode& right = tree_.nodes[tree_.right(number)];
   node.height = u8(1 + std::max(left.height, right.height));
-  float distributed[kMostRoots + 2];
-  for (u32 roots = 2; roots <= kMostRoots + 1; ++roots) {
-    distributed[roots] = INFINITY;
-    node.left_roots[roots - 1] = 1;
-    for (u32 l = 1; l < roots; ++l) {
-      const float cost = left.cost[l - 1] + right.cost[roots - l - 1];
-      if (!(cost < distributed[roots])) continue;
-      distributed[roots] = cost;
-      node.left_roots[roots - 1] = u8(l);
-    }
-  }
-  const float inner_cost = distributed[kMostRoots + 1] + area;
-  node.leaf = leaf_cost <= inner_cost;
-  node.cost[0] = std::min(leaf_cost, inner_cost);
-  for (u32 roots = 2; roots <= kMostRoots; ++roots) {
-    if (!(distributed[roots] <= node.cost[roots - 2])) node.left_roots[roots - 1] = 0;
-    node.cost[roots - 1] = std::min(distributed[roots], node.cost[roots - 2]);
-  }
+  node.plan = kernels::plan_pair(left.plan, right.plan, costs);
 }
 
 }  // namespace

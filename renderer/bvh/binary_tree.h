@@ -4,7 +4,8 @@
 #include <span>
 #include <vector>
 
-#include "kernels/bvh.h"
+#include "kernels/bvh_box.h"
+#include "kernels/bvh_plan.h"
 #include "renderer/bvh/build.h"
 
 namespace heliograph::bvh {
@@ -31,10 +32,10 @@ struct LaneBox {
     const Lanes d = upper * scale - lower * scale;
     return d[0] * d[1] + d[1] * d[2] + d[2] * d[0];
   }
+  [[nodiscard]] kernels::BvhBox box() const {
+    return {{lower[0], lower[1], lower[2]}, {upper[0], upper[1], upper[2]}};
+  }
 };
-
-/// The most children that a node of the binary tree stands for among those of a wide node.
-inline constexpr u32 kMostRoots = kernels::kBvhChildren - 1;
 
 /// Over `count` items. The left child follows; 2 * (items of the left child) further is the right
 /// one.
@@ -42,11 +43,8 @@ struct BinaryNode {
   LaneBox box;
   u32 first;  // of its items
   u32 count;
-  float cost[kMostRoots];         // of the subtree as at most 1, 2, .. children of a wide node
-  u8 left_roots[kMostRoots + 1];  // how many of 2, 3, .. 8 children its left child stands for;
-                                  // [0]: unused
-  bool leaf;                      // as one child it is a leaf, not a wide node
-  u8 height;                      // 0: one item
+  kernels::WidePlan plan;
+  u8 height;  // 0: one item
 
   [[nodiscard]] bool splits() const { return count > 1; }
 };

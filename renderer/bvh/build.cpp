@@ -1,11 +1,7 @@
-// Binary trees to 8-wide ones: which subtrees become children, where they lie among their
-// siblings, and their boxes in bytes.
+// Binary trees to 8-wide ones: which subtrees become children, and where nodes and items lie.
 #include "renderer/bvh/build.h"
 
-#include <algorithm>
-#include <cfloat>
-#include <cmath>
-
+#include "kernels/bvh_pack.h"
 #include "renderer/bvh/binary_tree.h"
 
 namespace heliograph::bvh {
@@ -19,35 +15,6 @@ struct Children {
   u32 nodes[kBvhChildren];
   u32 count = 0;
   void add(u32 node) { nodes[count++] = node; }
-};
-
-/// Bytes along one axis of a node.
-struct Grid {
-  float origin = 0;
-  int exponent = -126;
-  double margin = 0;       // by which boxes grow, so that rounding while they are met loses nothing
-  double cells = 0x1p126;  // a unit of length has so many
-
-  Grid(float lower, float upper) {
-    const double extent = double(upper) - double(lower);
-    margin = extent * 0x1p-20;
-    const double start = std::max(double(lower) - margin, -double(FLT_MAX));
-    origin = float(start);
-    if (double(origin) > start) origin = std::nextafter(origin, -FLT_MAX);
-    const double reach = double(upper) + margin - double(origin);
-    if (!(reach > 0)) return;
-    exponent = std::max(-126, std::ilogb(reach / 255));
-    while (std::ceil(std::ldexp(reach, -exponent)) > 255) ++exponent;
-    cells = std::ldexp(1.0, -exponent);
-  }
-  [[nodiscard]] u8 low(float x) const {
-    const double at = std::floor((double(x) - margin - double(origin)) * cells);
-    return u8(std::clamp(at, 0.0, 255.0));
-  }
-  [[nodiscard]] u8 high(float x) const {
-    const double at = std::ceil((double(x) + margin - double(origin)) * cells);
-    return u8(std::clamp(at, 0.0, 255.0));
-  }
 };
 
 class Widener {
@@ -65,7 +32,6 @@ class Widener {
   [[nodiscard]] Children children_of(const Pending& work) const;
   void gather(u32 node, u32 roots, Children& out) const;
   void open(u32 node, u32 levels, Children& out) const;
-  void place(const LaneBox& box, Children& children) const;
   void emit(const Pending& work);
 
   BinaryTree binary_;
@@ -76,12 +42,12 @@ class Widener {
 /// What the plan makes of a subtree that stands for at most so many children.
 void Widener::gather(u32 node, u32 roots, Children& out) const {
   const BinaryNode& n = binary_.nodes[node];
-  while (roots > 1 && n.splits() && n.left_roots[roots - 1] == 0) --roots;
-  if (roots == 1 || !n.splits()) {
+  roots = n.splits() ? kernels::planned_roots(n.plan, roots) : 1;
+  if (roots == 1) {
     out.add(node);
     return;
   }
-  const u32 left = n.left_roots[roots - 1];
+  const u32 left = n.plan.left_roots[roots - 1];
   gather(binary_.left(node), left, out);
   gather(binary_.right(node), roots - left, out);
 }
@@ -99,7 +65,7 @@ void Widener::open(u32 node, u32 levels, Children& out) const {
 Children Widener::children_of(const Pending& work) const {
   const BinaryNode& node = binary_.nodes[work.from];
   Children out;
-  if (node.leaf)
+  if (node.plan.leaf)
     out.add(work.from);
   else if (node.height <= 3 * (work.levels - 1) + 1)
     gather(work.from, kBvhChildren, out);
@@ -108,69 +74,26 @@ Children Widener::children_of(const Pending& work) const {
   return out;
 }
 
-/// Orders children by their slots: a ray that goes up along all axes meets slot 0 first, one that
-/// goes down along x slot 4, along y slot 2, along z slot 1. An empty slot is kNone.
-///
-/// Source: Ylitie, Karras and Laine 2017, section 3.2, with a greedy choice in place of an auction.
-void Widener::place(const LaneBox& box, Children& children) const {
-  const Lanes center = box.lower * 0.5f + box.upper * 0.5f;
-  float gain[kBvhChildren][kBvhChildren];
-  for (u32 c = 0; c < children.count; ++c) {
-    const LaneBox& own = binary_.nodes[children.nodes[c]].box;
-    const Lanes to = own.lower * 0.5f + own.upper * 0.5f - center;
-    for (u32 s = 0; s < kBvhChildren; ++s)
-      gain[c][s] = (s & 4 ? to[0] : -to[0]) + (s & 2 ? to[1] : -to[1]) + (s & 1 ? to[2] : -to[2]);
-  }
-  u32 slots[kBvhChildren];
-  std::fill_n(slots, kBvhChildren, kernels::kNone);
-  u32 placed = 0;
-  for (u32 round = 0; round < children.count; ++round) {
-    u32 child = kernels::kNone, slot = 0;
-    for (u32 c = 0; c < children.count; ++c) {
-      if (placed >> c & 1) continue;
-      for (u32 s = 0; s < kBvhChildren; ++s) {
-        if (slots[s] != kernels::kNone) continue;
-        if (child != kernels::kNone && !(gain[c][s] > gain[child][slot])) continue;
-        child = c;
-        slot = s;
-      }
-    }
-    slots[slot] = children.nodes[child];
-    placed |= 1u << child;
-  }
-  std::copy_n(slots, kBvhChildren, children.nodes);
-}
-
 void Widener::emit(const Pending& work) {
-  const LaneBox& box = binary_.nodes[work.from].box;
-  Children children = children_of(work);
-  const bool wraps_leaf = children.count == 1;  // a tree of one leaf
-  place(box, children);
-  const Grid grids[3] = {
-      {box.lower[0], box.upper[0]}, {box.lower[1], box.upper[1]}, {box.lower[2], box.upper[2]}};
-  BvhNode node{};
+  const Children from = children_of(work);
+  const bool wraps_leaf = from.count == 1;  // a tree of one leaf
+  kernels::BvhChild slots[kBvhChildren];
+  for (u32 i = 0; i < from.count; ++i) {
+    const BinaryNode& child = binary_.nodes[from.nodes[i]];
+    slots[i] = {child.box.box(), from.nodes[i], child.plan.leaf || wraps_leaf ? child.count : 0};
+  }
+  const kernels::BvhBox box = binary_.nodes[work.from].box.box();
+  kernels::order_children(slots, from.count, box);
+  BvhNode node = kernels::pack_node(slots, box);
   node.first_child = u32(made_.nodes.size());
   node.first_item = u32(made_.items.size());
-  for (int k = 0; k < 3; ++k) {
-    node.origin[k] = grids[k].origin;
-    node.exponent[k] = u8(grids[k].exponent + 127);
-  }
-  for (u32 slot = 0; slot < kBvhChildren; ++slot) {
-    if (children.nodes[slot] == kernels::kNone) continue;
-    const BinaryNode& child = binary_.nodes[children.nodes[slot]];
-    for (int k = 0; k < 3; ++k) {
-      node.low[k][slot] = grids[k].low(child.box.lower[k]);
-      node.high[k][slot] = grids[k].high(child.box.upper[k]);
-    }
-    if (child.leaf || wraps_leaf) {
-      const u32 offset = u32(made_.items.size()) - node.first_item;
-      node.meta[slot] = u8(((1u << child.count) - 1) << 5 | offset);
-      const auto items = binary_.items.begin() + child.first;
-      made_.items.insert(made_.items.end(), items, items + child.count);
+  for (const kernels::BvhChild& slot : slots) {
+    if (slot.source == kernels::kNone) continue;
+    if (slot.items > 0) {
+      const auto items = binary_.items.begin() + binary_.nodes[slot.source].first;
+      made_.items.insert(made_.items.end(), items, items + slot.items);
     } else {
-      node.meta[slot] = u8(1u << 5 | (24 + slot));
-      node.inner |= u8(1u << slot);
-      pending_.push_back({children.nodes[slot], u32(made_.nodes.size()), work.levels - 1});
+      pending_.push_back({slot.source, u32(made_.nodes.size()), work.levels - 1});
       made_.nodes.emplace_back();
     }
   }

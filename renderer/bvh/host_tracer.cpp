@@ -8,22 +8,27 @@ BvhHostTracer::BvhHostTracer(const resident::ResidentScene& scene)
     : BvhHostTracer(scene, best_rays()) {}
 
 BvhHostTracer::BvhHostTracer(const resident::ResidentScene& scene, const RayFunctions& functions)
-    : functions_(functions), bvh_(view(scene.placement())), views_{&scene.view(), &bvh_} {}
+    : functions_(functions), scene_(scene) {}
 
 kernels::Hit BvhHostTracer::closest(const kernels::Ray& ray, u32 mask) const {
-  return functions_.closest(views_, ray, mask);
+  const kernels::BvhView bvh = world_view(scene_.placement());
+  return functions_.closest({&scene_.view(), &bvh}, ray, mask);
 }
 bool BvhHostTracer::occluded(const kernels::Ray& ray, u32 mask) const {
-  return functions_.occluded(views_, ray, mask);
+  const kernels::BvhView bvh = world_view(scene_.placement());
+  return functions_.occluded({&scene_.view(), &bvh}, ray, mask);
 }
 kernels::Hit BvhHostTracer::closest_in(u32 instance, const kernels::Ray& ray) const {
-  return functions_.closest_in(views_, instance, ray);
+  const kernels::BvhView bvh = objects_view(scene_.placement());
+  return functions_.closest_in({&scene_.view(), &bvh}, instance, ray);
 }
 bool BvhHostTracer::meets(u32 instance, const kernels::Ray& ray_object) const {
-  return functions_.meets(views_, instance, ray_object);
+  const kernels::BvhView bvh = objects_view(scene_.placement());
+  return functions_.meets({&scene_.view(), &bvh}, instance, ray_object);
 }
 u32 BvhHostTracer::meets_of(u32 instance, const host::RayPacket& rays, u32 lanes) const {
-  return functions_.meets_of(views_, instance, rays, lanes);
+  const kernels::BvhView bvh = objects_view(scene_.placement());
+  return functions_.meets_of({&scene_.view(), &bvh}, instance, rays, lanes);
 }
 
 }  // namespace heliograph::bvh

@@ -7,15 +7,13 @@
 
 namespace heliograph::bvh {
 
-/// Lifetime: of the scene, which was prepared with a BvhAccelerator.
+/// Its first rays make what they go through, see BvhScene. Lifetime: of the scene, which was
+/// prepared with a BvhAccelerator.
 class BvhHostTracer final : public host::HostTracer {
  public:
   explicit BvhHostTracer(const resident::ResidentScene& scene);
   /// With the functions of a level that this processor has.
   BvhHostTracer(const resident::ResidentScene& scene, const RayFunctions& functions);
-  BvhHostTracer(const BvhHostTracer&) = delete;
-  BvhHostTracer& operator=(const BvhHostTracer&) = delete;
-
   [[nodiscard]] kernels::Hit closest(const kernels::Ray& ray, u32 mask) const override;
   [[nodiscard]] bool occluded(const kernels::Ray& ray, u32 mask) const override;
   [[nodiscard]] kernels::Hit closest_in(u32 instance, const kernels::Ray& ray) const override;
@@ -25,8 +23,7 @@ class BvhHostTracer final : public host::HostTracer {
 
  private:
   const RayFunctions& functions_;
-  kernels::BvhView bvh_;
-  TracedViews views_;  // of the scene and bvh_
+  const resident::ResidentScene& scene_;
 };
 
 }  // namespace heliograph::bvh

@@ -45,6 +45,11 @@ decltype(auto) run_in(tbb::task_arena&, const F& f) {
   return f();
 }
 
+template <class F>
+decltype(auto) run_alone(const F& f) {
+  return f();
+}
+
 #else
 
 /// f(begin, end) for pieces, of `grain` or more, of what is below `count`, in any order.
@@ -64,6 +69,12 @@ void parallel_invoke(const F& f, const G& g) {
 template <class F>
 decltype(auto) run_in(tbb::task_arena& arena, const F& f) {
   return arena.execute(f);
+}
+
+/// f() and its parallel parts, while this thread takes up nothing else: for what holds a lock.
+template <class F>
+decltype(auto) run_alone(const F& f) {
+  return tbb::this_task_arena::isolate(f);
 }
 
 #endif

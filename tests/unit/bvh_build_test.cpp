@@ -5,18 +5,18 @@
 #include <array>
 #include <cfloat>
 
+#include "kernels/bvh_box.h"
 #include "kernels/bvh_tracer.h"
 #include "renderer/backend/embree/top_level.h"
 #include "renderer/bvh/accelerator.h"
 #include "renderer/bvh/build.h"
-#include "renderer/bvh/instance_box.h"
 #include "tests/unit/bvh_scene.h"
+#include "tests/unit/bvh_walker.h"
 
 using namespace heliograph;
 using namespace heliograph::test;
 using bvh::Box;
 using bvh::Tree;
-using kernels::BvhNode;
 using kernels::Hit;
 using kernels::Ray;
 
@@ -28,99 +28,8 @@ Tree tree_of(std::span<const Box> boxes, float item_cost = 0.3f) {
   return *std::move(tree);
 }
 
-std::vector<Box> random_boxes(Random& random, u32 count, float reach, float size) {
-  std::vector<Box> boxes(count);
-  for (Box& box : boxes) {
-    const vec3 at = random_vec3(random, reach);
-    box.extend(at);
-    box.extend(at + random_vec3(random, size));
-  }
-  return boxes;
-}
-
-/// What a tree says of its items.
-struct Walked {
-  std::vector<u32> found;  // how often, by number of the box
-  u32 depth = 0;
-  bool holds = true;  // every item lies in the boxes of all nodes above it
-};
-
-Box child_box(const BvhNode& node, u32 slot) {
-  Box box;
-  for (int k = 0; k < 3; ++k) {
-    const double cell = std::ldexp(1.0, int(node.exponent[k]) - 127);
-    // A float that does not cut off what a double has.
-    const double low = double(node.origin[k]) + cell * node.low[k][slot];
-    const double high = double(node.origin[k]) + cell * node.high[k][slot];
-    box.lower[k] = std::nextafter(float(low), FLT_MAX);
-    box.upper[k] = std::nextafter(float(std::min(high, double(FLT_MAX))), -FLT_MAX);
-    if (double(box.lower[k]) > low) box.lower[k] = std::nextafter(box.lower[k], -FLT_MAX);
-    if (double(box.upper[k]) < high) box.upper[k] = std::nextafter(box.upper[k], FLT_MAX);
-  }
-  return box;
-}
-
-bool within(const Box& inner, const Box& outer) {
-  for (int k = 0; k < 3; ++k)
-    if (inner.lower[k] < outer.lower[k] || inner.upper[k] > outer.upper[k]) return false;
-  return true;
-}
-
-class Walker {
- public:
-  Walker(const Tree& tree, std::span<const Box> boxes) : tree_(tree), boxes_(boxes) {
-    walked_.found.assign(boxes.size(), 0);
-    node(0, 1);
-  }
-  [[nodiscard]] const Walked& walked() const { return walked_; }
-
- private:
-  void node(u32 number, u32 depth) {
-    const BvhNode& n = tree_.nodes.at(number);
-    walked_.depth = std::max(walked_.depth, depth);
-    u32 inner = 0, items = 0;
-    for (u32 slot = 0; slot < kernels::kBvhChildren; ++slot) {
-      if (n.meta[slot] == 0) continue;
-      above_.push_back(child_box(n, slot));
-      if (n.inner >> slot & 1) {
-        CHECK(n.meta[slot] == 32 + 24 + slot);
-        node(n.first_child + inner++, depth + 1);
-      } else {
-        const u32 count = u32(std::popcount(u32(n.meta[slot] >> 5)));
-        CHECK((n.meta[slot] & 31) == items);
-        for (u32 i = 0; i < count; ++i) item(n.first_item + items + i);
-        items += count;
-      }
-      above_.pop_back();
-    }
-  }
-  void item(u32 i) {
-    const u32 number = tree_.items.at(i);
-    ++walked_.found.at(number);
-    for (const Box& box : above_) walked_.holds &= within(boxes_[number], box);
-  }
-
-  const Tree& tree_;
-  std::span<const Box> boxes_;
-  std::vector<Box> above_;
-  Walked walked_;
-};
-
 void check_sound(std::span<const Box> boxes, float item_cost = 0.3f) {
-  const Tree tree = tree_of(boxes, item_cost);
-  const Walker walker(tree, boxes);
-  const Walked& walked = walker.walked();
-  CHECK(walked.holds);
-  CHECK(walked.depth <= kernels::kBvhDepth);
-  u32 wrong = 0;
-  for (std::size_t i = 0; i < boxes.size(); ++i)
-    wrong += walked.found[i] != (boxes[i].empty() ? 0u : 1u);
-  CHECK(wrong == 0);
-}
-
-bool same_trees(const Tree& a, const Tree& b) {
-  return a.items == b.items && a.nodes.size() == b.nodes.size() &&
-         std::memcmp(a.nodes.data(), b.nodes.data(), a.nodes.size() * sizeof(BvhNode)) == 0;
+  test::check_sound(tree_of(boxes, item_cost), boxes);
 }
 
 /// All surfaces one by one, in the same arithmetic and with the same choice among equals.
@@ -348,7 +257,7 @@ TEST_CASE("bvh: a scene without surfaces, or with none that rays meet") {
 
 TEST_CASE("bvh: a box of what moves holds it at all times") {
   Random random(7);
-  const Box object{vec3(-1, -0.5f, 0), vec3(2, 0.5f, 1)};
+  const kernels::BvhBox object{vec3(-1, -0.5f, 0), vec3(2, 0.5f, 1)};
   u32 outside = 0;
   float widest = 0;
   for (u32 i = 0; i < 200; ++i) {
@@ -361,13 +270,14 @@ TEST_CASE("bvh: a box of what moves holds it at all times") {
       key.zz = 0.5f + random.next();
       key.xy = key.xz = key.yz = 0.3f * random.next();
     }
-    const Box box = bvh::moving_box(object, keys);
-    Box seen;
+    const kernels::BvhBox box = kernels::moving_box(object, keys.data(), 2);
+    kernels::BvhBox seen = kernels::no_box();
     for (u32 s = 0; s < 400; ++s) {
       const float u = random.next();
-      seen.extend(bvh::placed_box(object, kernels::interpolate(keys[s % 2], keys[s % 2 + 1], u)));
+      seen.extend(
+          kernels::placed_box(object, kernels::interpolate(keys[s % 2], keys[s % 2 + 1], u)));
     }
-    outside += !within(seen, box);
+    outside += !within({seen.lower, seen.upper}, {box.lower, box.upper});
     widest =
         std::max(widest, glm::length(box.upper - box.lower) / glm::length(seen.upper - seen.lower));
   }

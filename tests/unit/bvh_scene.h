@@ -122,7 +122,7 @@ class BothScenes {
     embree_ = *embree;
     own_ = *own;
     traced_ = embree::traced(*embree_);
-    bvh_ = bvh::view(own_->placement());
+    bvh_ = bvh::world_view(own_->placement());
   }
   [[nodiscard]] embree::EmbreeTracer embree() const { return embree::EmbreeTracer(traced_); }
   [[nodiscard]] kernels::BvhTracer bvh() const { return {own_->view(), bvh_}; }

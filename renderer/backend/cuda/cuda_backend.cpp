@@ -27,11 +27,12 @@ host::SceneRays rays_of(std::shared_ptr<const ResidentScene> scene) {
 
 class CudaBackend final : public Backend {
  public:
-  CudaBackend(std::shared_ptr<Context> context, const Programs& programs,
+  CudaBackend(std::shared_ptr<Context> context, const Programs& programs, TopBuilder builder,
               const BackendOptions& options)
       : context_(std::move(context)),
         exports_(ExportSource::create(context_, context_->export_device()).value_or(nullptr)),
         programs_(programs),
+        builder_(std::move(builder)),
         mirror_(context_),
         cache_(options.cache_bytes),
         store_(accelerator_, cache_, options.cache_bytes),
@@ -74,6 +75,7 @@ class CudaBackend final : public Backend {
   std::shared_ptr<Context> context_;
   const std::shared_ptr<ExportSource> exports_;  // null where the driver has none
   const Programs programs_;
+  const TopBuilder builder_;
   Mirror mirror_;
   DerivedCache cache_;
   const bvh::BvhAccelerator accelerator_;
@@ -90,7 +92,7 @@ Expected<std::shared_ptr<const CudaScene>> CudaBackend::copy_of(
     std::rotate(known, known + 1, recent_.end());
     return recent_.back();
   }
-  auto made = CudaScene::create(scene, mirror_);
+  auto made = CudaScene::create(scene, mirror_, builder_);
   if (!made) return made;
   if (recent_.size() == kScenesKept) recent_.erase(recent_.begin());
   recent_.push_back(*made);
@@ -158,7 +160,10 @@ Expected<std::unique_ptr<Backend>> make_cuda_backend(const BackendOptions& optio
   if (!context) return std::unexpected(std::move(context).error());
   const auto programs = Programs::find(**context);
   if (!programs) return std::unexpected(programs.error());
-  return std::make_unique<CudaBackend>(*std::move(context), *programs, options);
+  auto builder = TopBuilder::create(*context);
+  if (!builder) return std::unexpected(std::move(builder).error());
+  return std::make_unique<CudaBackend>(*std::move(context), *programs, *std::move(builder),
+                                       options);
 }
 
 }  // namespace heliograph::cuda

@@ -2,34 +2,46 @@
 
 namespace heliograph::cuda {
 
-Expected<std::shared_ptr<const DeviceMemory>> Mirror::copy(std::span<const std::byte> host) {
-  const auto [begin, end] = known_.equal_range(host.data());
+std::shared_ptr<const DeviceMemory> Mirror::find(const void* from, std::size_t bytes) const {
+  const auto [begin, end] = known_.equal_range(from);
   for (auto known = begin; known != end; ++known)
-    if (known->second.bytes == host.size())
+    if (known->second.bytes == bytes)
       if (auto memory = known->second.memory.lock()) return memory;
+  return nullptr;
+}
+
+void Mirror::know(const void* from, std::size_t bytes,
+                  const std::shared_ptr<const DeviceMemory>& memory) {
+  if (known_.size() >= next_sweep_) {
+    std::erase_if(known_, [](const auto& known) { return known.second.memory.expired(); });
+    next_sweep_ = std::max<std::size_t>(1024, 2 * known_.size());
+  }
+  known_.emplace(from, Known{bytes, memory});
+}
+
+Expected<std::shared_ptr<const DeviceMemory>> Mirror::copy(std::span<const std::byte> host) {
+  if (auto memory = find(host.data(), host.size())) return memory;
   auto memory = context_->allocate(host.size());
   if (!memory) return std::unexpected(std::move(memory).error());
   HELIO_TRY(context_->upload(memory->at(), host));
   auto kept = std::make_shared<const DeviceMemory>(*std::move(memory));
-  if (known_.size() >= next_sweep_) forget_expired();
-  known_.emplace(host.data(), Known{host.size(), kept});
+  know(host.data(), host.size(), kept);
   return kept;
 }
 
-void Mirror::forget_expired() {
-  std::erase_if(known_, [](const auto& known) { return known.second.memory.expired(); });
-  next_sweep_ = std::max<std::size_t>(1024, 2 * known_.size());
+const DeviceMemory* Copies::hold(Expected<std::shared_ptr<const DeviceMemory>> memory) {
+  if (!memory) {
+    status_ = std::unexpected(std::move(memory).error());
+    return nullptr;
+  }
+  held_.push_back(*std::move(memory));
+  return held_.back().get();
 }
 
 const void* Copies::shared(std::span<const std::byte> host) {
   if (host.empty() || !status_) return nullptr;
-  auto made = mirror_->copy(host);
-  if (!made) {
-    status_ = std::unexpected(std::move(made).error());
-    return nullptr;
-  }
-  held_.push_back(*std::move(made));
-  return held_.back()->as<const void>();
+  const DeviceMemory* copy = hold(mirror_->copy(host));
+  return copy ? copy->as<const void>() : nullptr;
 }
 
 const void* Copies::own(std::span<const std::byte> host) {

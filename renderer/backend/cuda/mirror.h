@@ -15,6 +15,14 @@ class Mirror {
 
   /// A copy of an array that stays where it is, and what it is, for as long as the copy is held.
   [[nodiscard]] Expected<std::shared_ptr<const DeviceMemory>> copy(std::span<const std::byte> host);
+  /// The same of what make() makes on the device from something that stays as an array does.
+  template <class F>
+  [[nodiscard]] Expected<std::shared_ptr<const DeviceMemory>> made(const void* from, F&& make) {
+    if (auto memory = find(from, kMade)) return memory;
+    auto made = make();
+    if (made) know(from, kMade, *made);
+    return made;
+  }
   [[nodiscard]] Context& context() const { return *context_; }
 
  private:
@@ -22,7 +30,9 @@ class Mirror {
     std::size_t bytes;
     std::weak_ptr<const DeviceMemory> memory;
   };
-  void forget_expired();
+  static constexpr std::size_t kMade = 0;  // of no array
+  [[nodiscard]] std::shared_ptr<const DeviceMemory> find(const void* from, std::size_t bytes) const;
+  void know(const void* from, std::size_t bytes, const std::shared_ptr<const DeviceMemory>& memory);
 
   std::shared_ptr<Context> context_;
   std::unordered_multimap<const void*, Known> known_;  // by where the array lies
@@ -44,11 +54,17 @@ class Copies {
   [[nodiscard]] const T* of_own(std::span<const T> host) {
     return static_cast<const T*>(own(std::as_bytes(host)));
   }
+  /// Where Mirror::made() lies.
+  template <class F>
+  [[nodiscard]] const DeviceMemory* made(const void* from, F&& make) {
+    return status_ ? hold(mirror_->made(from, make)) : nullptr;
+  }
   [[nodiscard]] const Status& status() const { return status_; }
 
  private:
   const void* shared(std::span<const std::byte> host);
   const void* own(std::span<const std::byte> host);
+  const DeviceMemory* hold(Expected<std::shared_ptr<const DeviceMemory>> memory);
 
   Mirror* mirror_;
   std::vector<std::shared_ptr<const DeviceMemory>> held_;

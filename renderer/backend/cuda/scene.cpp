@@ -9,13 +9,20 @@
 
 namespace heliograph::cuda {
 
+namespace {
+
+/// Trees over more instances than these are built on the device.
+constexpr u32 kMostHostInstances = 512;
+
+}  // namespace
+
 using kernels::GridView;
 using kernels::LightView;
 using kernels::MeshView;
 using kernels::TextureView;
 
 Expected<std::shared_ptr<const CudaScene>> CudaScene::create(
-    std::shared_ptr<const ResidentScene> host, Mirror& mirror) {
+    std::shared_ptr<const ResidentScene> host, Mirror& mirror, const TopBuilder& builder) {
   std::shared_ptr<CudaScene> scene(new CudaScene(std::move(host), mirror));
   scene->view_ = scene->host_->view();
   scene->copy_meshes();
@@ -23,7 +30,7 @@ Expected<std::shared_ptr<const CudaScene>> CudaScene::create(
   scene->copy_lights();
   scene->copy_dome();
   scene->copy_volumes();
-  scene->copy_bvh();
+  scene->copy_bvh(builder);
   HELIO_TRY(scene->copies_.status());
   return scene;
 }
@@ -129,28 +136,51 @@ void CudaScene::copy_volumes() {
   view_.volumes = copies_.of(volumes_.data(), volumes_.size());
 }
 
-void CudaScene::copy_bvh() {
-  const bvh::BvhScene* scene = bvh::bvh_of(host_->placement());
-  if (!scene) return;
-  std::vector<kernels::MeshBvh> meshes = scene->meshes;
-  const auto& placed = host_->placement().meshes;
-  for (std::size_t i = 0; i < meshes.size(); ++i) {
-    const bvh::BvhMesh& mesh = bvh::bvh_of(*placed[i]);
-    meshes[i] = {copies_.of(mesh.nodes.data(), mesh.nodes.size()),
-                 copies_.of(mesh.triangles.data(), mesh.triangles.size()),
-                 copies_.of(mesh.triangle_numbers.data(), mesh.triangle_numbers.size())};
+void CudaScene::copy_bvh(const TopBuilder& builder) {
+  const Placement& placement = host_->placement();
+  const u32 count = u32(placement.instances.size());
+  if (count == 0) return;
+  std::vector<kernels::MeshBvh> meshes;
+  for (const auto& placed : placement.meshes) {
+    const bvh::BvhMesh& mesh = bvh::bvh_of(*placed);
+    meshes.push_back({copies_.of(mesh.nodes.data(), mesh.nodes.size()),
+                      copies_.of(mesh.triangles.data(), mesh.triangles.size()),
+                      copies_.of(mesh.triangle_numbers.data(), mesh.triangle_numbers.size())});
   }
-  std::vector<kernels::BvhInstance> items = scene->items;
+  const auto* table = copies_.of_own(std::span<const kernels::MeshBvh>(meshes));
+  if (count <= kMostHostInstances) {
+    copy_top(meshes);
+    bvh_.meshes = table;
+    return;
+  }
+  BuildInput input{view_.instances, view_.motion_keys, table, count, {}};
+  std::vector<kernels::BvhBox> boxes;
+  const auto build = [&] {
+    for (const auto& mesh : placement.meshes) {
+      const Box box = mesh->accelerator->bounds();
+      boxes.push_back({box.lower, box.upper});
+    }
+    input.mesh_boxes = boxes;
+    return builder.build(input);
+  };
+  const DeviceMemory* top = copies_.made(placement.accelerator.get(), build);
+  if (top) bvh_ = view_of_top(*top, input);
+}
+
+/// The tree that the host builds.
+///
+/// meshes   as the device has them
+void CudaScene::copy_top(std::span<const kernels::MeshBvh> meshes) {
+  const bvh::BvhTop& top = bvh::bvh_of(host_->placement())->world(host_->placement());
+  std::vector<kernels::BvhInstance> items = top.items;
   for (kernels::BvhInstance& item : items) {
     item.nodes = meshes[item.mesh].nodes;
     item.triangles = meshes[item.mesh].triangles;
   }
-  bvh_ = {.top = copies_.of(scene->top.data(), scene->top.size()),
-          .items = copies_.of_own(std::span<const kernels::BvhInstance>(items)),
-          .meshes = copies_.of_own(std::span<const kernels::MeshBvh>(meshes)),
-          .item_of_instance =
-              copies_.of(scene->item_of_instance.data(), scene->item_of_instance.size()),
-          .instance_count = u32(items.size())};
+  bvh_.top = copies_.of(top.nodes.data(), top.nodes.size());
+  bvh_.items = copies_.of_own(std::span<const kernels::BvhInstance>(items));
+  bvh_.item_of_instance = copies_.of(top.item_of_instance.data(), top.item_of_instance.size());
+  bvh_.instance_count = u32(items.size());
 }
 
 }  // namespace heliograph::cuda

@@ -1,7 +1,7 @@
 // A resident scene in device memory.
 #pragma once
 
-#include "kernels/bvh.h"
+#include "renderer/backend/cuda/build.h"
 #include "renderer/backend/cuda/mirror.h"
 #include "renderer/resident/scene.h"
 
@@ -14,7 +14,7 @@ class CudaScene final : public DeviceScene {
  public:
   /// Uploads what no other scene has yet. Fails with RESOURCE_EXHAUSTED.
   [[nodiscard]] static Expected<std::shared_ptr<const CudaScene>> create(
-      std::shared_ptr<const ResidentScene> host, Mirror& mirror);
+      std::shared_ptr<const ResidentScene> host, Mirror& mirror, const TopBuilder& builder);
 
   [[nodiscard]] const std::shared_ptr<const ResidentScene>& host() const { return host_; }
   /// Pointers are the device's.
@@ -31,7 +31,8 @@ class CudaScene final : public DeviceScene {
   void copy_lights();
   void copy_dome();
   void copy_volumes();
-  void copy_bvh();
+  void copy_bvh(const TopBuilder& builder);
+  void copy_top(std::span<const kernels::MeshBvh> meshes);
 
   std::shared_ptr<const ResidentScene> host_;
   Copies copies_;

@@ -1,0 +1,193 @@
+// Trees over instances that a GPU builds: milliseconds a build, whether they repeat bit for bit,
+// whether they are those of the same steps on this processor, and how many steps rays take in them
+// against the host's trees.
+// usage: bench_gpu_builders   (needs an NVIDIA GPU)
+#include <algorithm>
+#include <chrono>
+#include <cstring>
+#include <random>
+
+#include <fmt/format.h>
+
+#include "kernels/bvh_tracer.h"
+#include "renderer/backend/cuda/build.h"
+#include "renderer/bvh/build.h"
+#include "tests/unit/bvh_loops.h"
+
+using namespace heliograph;
+using cuda::Context;
+using cuda::DeviceMemory;
+using kernels::BvhBox;
+
+namespace {
+
+constexpr u32 kRounds = 21, kRays = 100'000;
+
+[[noreturn]] void stop(const Error& error) {
+  fmt::print(stderr, "bench_gpu_builders: {}\n", error.message);
+  std::exit(1);
+}
+template <class T>
+T sure(Expected<T> value) {
+  if (!value) stop(value.error());
+  return *std::move(value);
+}
+void sure(const Status& status) {
+  if (!status) stop(status.error());
+}
+
+template <class T>
+DeviceMemory on_device(Context& context, const std::vector<T>& values) {
+  auto memory = sure(context.allocate(values.size() * sizeof(T)));
+  sure(context.upload(memory.at(), std::as_bytes(std::span(values))));
+  return memory;
+}
+template <class T>
+std::vector<T> on_host(Context& context, const T* from, u64 count) {
+  std::vector<T> values(count);
+  sure(context.download(std::as_writable_bytes(std::span(values)), cuda::DevicePointer(from)));
+  return values;
+}
+
+/// Balls of several sizes with their centres in a cube, one a cubic metre.
+std::vector<kernels::InstanceView> random_balls(u32 count) {
+  std::mt19937 engine{7};
+  const float half = std::cbrt(float(count)) / 2;
+  std::uniform_real_distribution<float> place(-half, half), size(0.1f, 0.6f);
+  std::vector<kernels::InstanceView> balls(count);
+  for (kernels::InstanceView& ball : balls) {
+    const float r = size(engine), x = place(engine), y = place(engine);
+    ball.world_from_object = mat4x3(r, 0, 0, 0, r, 0, 0, 0, r, x, y, place(engine));
+    ball.object_from_world = kernels::inverse_of(ball.world_from_object);
+    ball.visibility = kernels::kAllRays;
+  }
+  return balls;
+}
+
+/// A tree on the host.
+struct HostTree {
+  std::vector<kernels::BvhNode> nodes;
+  std::vector<kernels::BvhInstance> items;
+};
+
+/// Steps of rays' walks, and a sum of what they meet.
+struct Walks {
+  u64 steps = 0;
+  double met = 0;
+};
+Walks walk(const std::vector<kernels::InstanceView>& balls, const HostTree& tree) {
+  kernels::MeshView mesh{};
+  mesh.shape = kernels::Shape::kSphere;
+  kernels::SceneView scene{};
+  scene.instances = balls.data();
+  scene.instance_count = u32(balls.size());
+  scene.meshes = &mesh;
+  const kernels::BvhView bvh{tree.nodes.data(), tree.items.data(), nullptr, nullptr,
+                             u32(balls.size())};
+  std::mt19937 engine{9};
+  const float half = std::cbrt(float(balls.size())) / 2;
+  std::uniform_real_distribution<float> place(-half, half), turn(-1, 1);
+  Walks walks;
+  for (u32 i = 0; i < kRays; ++i) {
+    const auto random = [&](auto& of) {
+      const float x = of(engine), y = of(engine);
+      return vec3(x, y, of(engine));
+    };
+    kernels::Ray ray{};
+    ray.origin = random(place);
+    ray.direction = glm::normalize(random(turn) + vec3(1e-6f));
+    ray.t_max = INFINITY;
+    kernels::BvhStack stack;
+    kernels::BvhWalk walk(scene, bvh, stack);
+    walk.begin(ray, kernels::kAllRays, false);
+    do ++walks.steps;
+    while (walk.step());
+    const kernels::Hit hit = walk.hit();
+    if (hit.instance != kernels::kNone) walks.met += double(hit.t) + double(hit.instance);
+  }
+  return walks;
+}
+
+HostTree host_tree(const std::vector<kernels::InstanceView>& balls, std::span<const u32> order,
+                   std::vector<kernels::BvhNode> nodes) {
+  HostTree tree{std::move(nodes), {}};
+  for (const u32 i : order) tree.items.push_back(kernels::bvh_instance(balls[i], i, {}));
+  return tree;
+}
+
+template <class T>
+u64 differing(const std::vector<T>& a, const std::vector<T>& b) {
+  u64 count = 0;
+  for (u64 i = 0; i < std::min(a.size(), b.size()); ++i)
+    count += std::memcmp(&a[i], &b[i], sizeof(T)) != 0;
+  return count + std::max(a.size(), b.size()) - std::min(a.size(), b.size());
+}
+
+void measure(const std::shared_ptr<Context>& context, const cuda::TopBuilder& builder, u32 count) {
+  const auto balls = random_balls(count);
+  const std::vector<kernels::MeshBvh> meshes(1);
+  const std::vector<BvhBox> mesh_boxes{{vec3(-1), vec3(1)}};
+  const DeviceMemory instances = on_device(*context, balls), table = on_device(*context, meshes);
+  const cuda::BuildInput input{instances.as<const kernels::InstanceView>(), nullptr,
+                               table.as<const kernels::MeshBvh>(), count, mesh_boxes};
+  std::vector<double> times, waits;
+  for (u32 round = 0; round < kRounds; ++round) {
+    sure(context->wait());
+    const auto start = std::chrono::steady_clock::now();
+    const auto made = sure(builder.build(input));
+    const std::chrono::duration<double, std::milli> launched =
+        std::chrono::steady_clock::now() - start;
+    sure(context->wait());
+    const std::chrono::duration<double, std::milli> done = std::chrono::steady_clock::now() - start;
+    waits.push_back(launched.count());
+    times.push_back(done.count());
+  }
+  std::ranges::sort(times);
+  std::ranges::sort(waits);
+
+  std::vector<BvhBox> boxes;
+  std::vector<bvh::Box> host_boxes;
+  for (const kernels::InstanceView& ball : balls) {
+    boxes.push_back(kernels::ray_box(ball, nullptr, mesh_boxes[0]));
+    host_boxes.push_back({boxes.back().lower, boxes.back().upper});
+  }
+  const test::LoopBuild steps(boxes, 2, test::LoopOrder::kForwards);
+  const auto start = std::chrono::steady_clock::now();
+  const auto sah = sure(bvh::build_tree(host_boxes, {.item_cost = 2}, {}));
+  const std::chrono::duration<double, std::milli> host_time =
+      std::chrono::steady_clock::now() - start;
+
+  std::vector<HostTree> made;
+  for (u32 round = 0; round < 2; ++round) {
+    const auto top = sure(builder.build(input));
+    const kernels::BvhView view = cuda::view_of_top(*top, input);
+    made.push_back(
+        {on_host(*context, view.top, steps.nodes().size()), on_host(*context, view.items, count)});
+  }
+  const u64 repeats =
+      differing(made[0].nodes, made[1].nodes) + differing(made[0].items, made[1].items);
+  std::vector<u32> found(count);
+  for (const kernels::BvhInstance& item : made[0].items) ++found.at(item.instance);
+  const HostTree own = host_tree(balls, steps.items(), steps.nodes());
+  const Walks gpu = walk(balls, made[0]),
+              host = walk(balls, host_tree(balls, sah.items, sah.nodes));
+  fmt::print("{:>8} {:>9.3f} {:>9.3f} {:>9.3f} {:>10.2f} {:>8} {:>8} {:>7.2f} {:>7.2f} {}\n", count,
+             times[kRounds / 2], times.back(), waits[kRounds / 2], host_time.count(), repeats,
+             differing(made[0].nodes, own.nodes), double(host.steps) / kRays,
+             double(gpu.steps) / kRays,
+             gpu.met == host.met && std::ranges::count(found, 1u) == count ? "same hits" : "WRONG");
+}
+
+}  // namespace
+
+int main() {
+  const auto driver = sure(cuda::load_driver());
+  const auto context = sure(Context::create(driver, 0));
+  sure(context->enter());
+  const auto builder = sure(cuda::TopBuilder::create(context));
+  fmt::print("{}\n{:>8} {:>9} {:>9} {:>9} {:>10} {:>8} {:>8} {:>7} {:>7}\n", context->name(),
+             "count", "median ms", "worst ms", "launch ms", "host ms", "repeat", "steps'", "host",
+             "gpu");
+  for (const u32 count : {2u, 100u, 512u, 1'000u, 10'000u, 100'000u, 1'000'000u})
+    measure(context, builder, count);
+}

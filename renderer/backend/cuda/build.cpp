@@ -1,0 +1,162 @@
+// Memory and order of the programs of build.cu.
+#include "renderer/backend/cuda/build.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace heliograph::cuda {
+namespace {
+
+// To enter an instance costs the ray's way into its space and the first node there.
+constexpr float kInstanceCost = 2;
+constexpr u32 kScanThreads = 1024;
+
+/// Lays arrays out one after the other, and knows what they need together.
+class Layout {
+ public:
+  explicit Layout(DevicePointer from) : from_(from) {}
+  template <class T>
+  T* take(u64 count) {
+    bytes_ = (bytes_ + kAlignment - 1) / kAlignment * kAlignment;
+    const DevicePointer at = from_ + bytes_;
+    bytes_ += count * sizeof(T);
+    return reinterpret_cast<T*>(at);
+  }
+  [[nodiscard]] u64 bytes() const { return bytes_; }
+
+ private:
+  static constexpr u64 kAlignment = 128;
+  DevicePointer from_;
+  u64 bytes_ = 0;
+};
+
+struct TopArrays {
+  kernels::BvhNode* nodes;
+  kernels::BvhInstance* items;
+  u32* item_of_instance;
+};
+TopArrays lay_result(Layout& layout, u32 count) {
+  return {layout.take<kernels::BvhNode>(count), layout.take<kernels::BvhInstance>(count),
+          layout.take<u32>(count)};
+}
+
+/// What a build works on besides its input and its result.
+///
+/// boxes   of meshes
+/// returns where those go
+kernels::BvhBox* lay_work(Layout& layout, u64 boxes, BuildLaunch& launch) {
+  kernels::BuildView& tree = launch.tree;
+  const u64 count = tree.count;
+  for (u64*& keys : launch.keys) keys = layout.take<u64>(count);
+  for (u32*& order : launch.order) order = layout.take<u32>(count);
+  launch.digits = layout.take<u32>(u64(launch.sort_blocks) * kSortDigits);
+  launch.boxes = layout.take<kernels::BvhBox>(count);
+  tree.boxes = launch.boxes;
+  tree.keys = launch.keys[0];
+  tree.order = launch.order[0];
+  tree.head = layout.take<kernels::BuildHead>(1);
+  tree.nodes = layout.take<kernels::BuildNode>(2 * count);
+  tree.clusters = layout.take<kernels::BuildCluster>(count);
+  tree.ends = layout.take<u32>(count);
+  tree.tasks = layout.take<kernels::BuildTask>(count);
+  tree.items = layout.take<u32>(count);
+  auto* mesh_boxes = layout.take<kernels::BvhBox>(boxes);
+  launch.mesh_boxes = mesh_boxes;
+  return mesh_boxes;
+}
+
+LaunchSize blocks_of(u64 threads, u32 block) { return {u32((threads + block - 1) / block), block}; }
+
+}  // namespace
+
+kernels::BvhView view_of_top(const DeviceMemory& top, const BuildInput& input) {
+  Layout layout(top.at());
+  const TopArrays made = lay_result(layout, input.count);
+  return {made.nodes, made.items, input.meshes, made.item_of_instance, input.count};
+}
+
+Expected<TopBuilder> TopBuilder::create(std::shared_ptr<Context> context) {
+  TopBuilder builder(std::move(context));
+  for (const auto& [name, program] :
+       {std::pair{"build_boxes", &builder.boxes_}, std::pair{"build_keys", &builder.keys_},
+        std::pair{"build_leaves", &builder.leaves_},
+        std::pair{"build_clusters", &builder.clusters_}, std::pair{"build_level", &builder.level_},
+        std::pair{"build_items", &builder.items_}, std::pair{"sort_count", &builder.count_},
+        std::pair{"sort_scan", &builder.scan_}, std::pair{"sort_move", &builder.move_}}) {
+    const auto function = builder.context_->function(name);
+    if (!function) return std::unexpected(function.error());
+    *program = *function;
+  }
+  return builder;
+}
+
+Status TopBuilder::launch(FunctionHandle program, LaunchSize size, BuildLaunch& launch) const {
+  void* arguments[] = {&launch};
+  return context_->launch(program, size, arguments);
+}
+Status TopBuilder::launch(FunctionHandle program, LaunchSize size, BuildLaunch& launch,
+                          u32 argument) const {
+  void* arguments[] = {&launch, &argument};
+  return context_->launch(program, size, arguments);
+}
+
+Status TopBuilder::sort(BuildLaunch& l) const {
+  const LaunchSize blocks{l.sort_blocks, kSortThreads};
+  for (u32 pass = 0; pass < kSortPasses; ++pass) {
+    HELIO_TRY(launch(count_, blocks, l, pass));
+    HELIO_TRY(launch(scan_, {1, kScanThreads}, l));
+    HELIO_TRY(launch(move_, blocks, l, pass));
+  }
+  return {};
+}
+
+Status TopBuilder::run(BuildLaunch& l) const {
+  const u32 count = l.tree.count;
+  const LaunchSize all = blocks_of(count, kBuildThreads);
+  HELIO_TRY(context_->fill(DevicePointer(l.tree.head), 0xff, sizeof(kernels::BuildHead)));
+  HELIO_TRY(launch(boxes_, all, l));
+  HELIO_TRY(launch(keys_, all, l));
+  HELIO_TRY(sort(l));
+  for (const u32 again : {0u, 1u}) {
+    HELIO_TRY(launch(leaves_, all, l, again));
+    HELIO_TRY(launch(clusters_, all, l, again));
+  }
+  for (u32 level = 0; level < kernels::kBvhDepth; ++level) {
+    // A level has at most 8 times the nodes of the one above.
+    const u64 most = level < 8 ? std::min<u64>(count, 1ull << (3 * level)) : count;
+    HELIO_TRY(launch(level_, blocks_of(most / 2 + 1, kBuildThreads), l, level));
+  }
+  return launch(items_, all, l);
+}
+
+Expected<std::shared_ptr<const DeviceMemory>> TopBuilder::build(const BuildInput& input) const {
+  if (input.count > kernels::kMostBuildBoxes)
+    return fail(Code::kResourceExhausted, "",
+                fmt::format("a GPU's scene has at most {} instances", kernels::kMostBuildBoxes));
+  BuildLaunch l{};
+  l.tree.count = input.count;
+  l.tree.item_cost = kInstanceCost;
+  l.sort_blocks = (input.count + kSortKeys - 1) / kSortKeys;
+  l.instances = input.instances;
+  l.motion_keys = input.motion_keys;
+  l.meshes = input.meshes;
+  Layout result_size(0), work_size(0);
+  (void)lay_result(result_size, input.count);
+  (void)lay_work(work_size, input.mesh_boxes.size(), l);
+  auto made = context_->allocate(result_size.bytes());
+  if (!made) return std::unexpected(std::move(made).error());
+  const auto work = context_->allocate(work_size.bytes());  // freed when the programs have run
+  if (!work) return std::unexpected(work.error());
+  Layout results(made->at()), works(work->at());
+  const TopArrays result = lay_result(results, input.count);
+  kernels::BvhBox* mesh_boxes = lay_work(works, input.mesh_boxes.size(), l);
+  l.tree.wide = result.nodes;
+  l.items = result.items;
+  l.item_of_instance = result.item_of_instance;
+  HELIO_TRY(context_->upload(DevicePointer(mesh_boxes), std::as_bytes(input.mesh_boxes)));
+  HELIO_TRY(run(l));
+  return std::make_shared<const DeviceMemory>(*std::move(made));
+}
+
+}  // namespace heliograph::cuda

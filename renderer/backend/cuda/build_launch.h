@@ -1,0 +1,35 @@
+// What the host tells the programs that build trees. Read by build.cu.
+#pragma once
+
+#include "kernels/bvh_cluster.h"
+
+namespace heliograph::cuda {
+
+using kernels::u32;
+using kernels::u64;
+
+inline constexpr u32 kBuildThreads = 128;  // of a block
+inline constexpr u32 kSortThreads = 256;
+inline constexpr u32 kSortKeys = 2048;  // that one block sorts
+inline constexpr u32 kSortBits = 8;     // of a pass
+inline constexpr u32 kSortDigits = 1u << kSortBits;
+inline constexpr u32 kSortPasses = 64 / kSortBits;
+static_assert(kSortPasses % 2 == 0, "what is sorted ends where it began");
+
+/// A tree over instances. Everything lies in device memory.
+struct BuildLaunch {
+  kernels::BuildView tree;  // its keys and order are the first of these
+  u64* keys[2];
+  u32* order[2];
+  u32* digits;  // kSortDigits for each block
+  u32 sort_blocks;
+  kernels::BvhBox* boxes;
+  const kernels::InstanceView* instances;
+  const kernels::MotionKey* motion_keys;
+  const kernels::MeshBvh* meshes;
+  const kernels::BvhBox* mesh_boxes;
+  kernels::BvhInstance* items;  // the result, with the tree's nodes
+  u32* item_of_instance;
+};
+
+}  // namespace heliograph::cuda

@@ -1,0 +1,112 @@
+"""Trees that the GPU builds: pictures against the CPU's, and what it costs to move everything.
+
+usage: .venv/bin/python tests/gpu/builders.py [COUNT...=1000 10000 100000]   (needs an NVIDIA GPU)
+Balls of 1,280 triangles of several sizes stand in a cube. All are moved, time and again; then the
+centre planes must equal the CPU's but for 1 pixel of 20,000 (edges), mean colours must agree within
+0.1 %, and the picture must repeat bit for bit. Some more move while the shutter is open.
+Prints a line for each count; ends with 1 if one fails.
+"""
+
+import statistics
+import sys
+import time
+
+import heliograph as hg
+import numpy as np
+
+SIZE, SPP, ROUNDS, MOVERS = (640, 480), 16, 7, 200
+CENTRES = ["instance", "primitive", "depth"]
+EDGES, MEAN = 1 / 20000, 1e-3
+
+
+def poses(count, turn):
+    rng = np.random.default_rng(turn)
+    half = count ** (1 / 3) / 2
+    made = np.tile(np.eye(4, dtype="f4"), (count, 1, 1))
+    made[:, :3, :3] *= rng.uniform(0.3, 1.3, (count, 1, 1))
+    made[:, :3, 3] = rng.uniform(-half, half, (count, 3))
+    return made
+
+
+def furnish(scene, count):
+    """Returns the balls."""
+    half = count ** (1 / 3) / 2
+    with scene.edit() as edit:
+        edit.dome(np.random.default_rng(0).random((8, 16, 3)).astype("f4"))
+        mesh = edit.mesh("ball", **hg.shapes.sphere(0.35, 26))
+        edit.material("paint", base_color=(0.7, 0.4, 0.2), roughness=0.4)
+        balls = edit.instances("b", mesh=mesh, material="paint", transforms=poses(count, 0))
+        lens = hg.Camera.from_fov(50, *SIZE, degrees=True, shutter=(0, 0.5))
+        eye = (-3.1 * half, -2.3 * half, 1.7 * half)
+        for i, at in enumerate(poses(MOVERS, ROUNDS + 1)[:, :3, 3]):
+            ways = {0: hg.Pose(at), 0.5: hg.Pose(at + (0.3, 0.1 * (i % 3), 0.2))}
+            edit.entity(f"mover/{i}", mesh=mesh, material="paint", keys=ways)
+        edit.entity("camera", camera=lens, transform=hg.look_at(eye, (0.01, 0.02, 0.03)))
+    return balls
+
+
+def move(scene, balls, turn):
+    with scene.edit() as edit:
+        edit.set_transforms(balls, poses(len(balls), turn), teleport=True)
+
+
+def differing(gpu, cpu):
+    """The largest part of pixels where a centre plane is not the same."""
+    worst = 0.0
+    for plane in CENTRES:
+        a, b = np.asarray(gpu[plane], "f8"), np.asarray(cpu[plane], "f8")
+        same = np.isclose(a, b, rtol=1e-3, equal_nan=True).reshape(SIZE[1], SIZE[0], -1).all(-1)
+        worst = max(worst, float((~same).mean()))
+    return worst
+
+
+def rendered(scene, spp=SPP):
+    planes = ["beauty", *CENTRES]
+    return scene.render("camera", planes=planes, spp=spp, seed=3, max_depth=4, progress=False)
+
+
+def check(gpu, cpu, count):
+    """Whether all is as it should be; prints a line."""
+    took, uploaded, inside = [], [], []
+    with gpu.create_scene() as there, cpu.create_scene() as here:
+        balls, ours = furnish(there, count), furnish(here, count)
+        rendered(there, 1)
+        for turn in range(1, ROUNDS + 1):
+            before = gpu.info().uploaded_bytes
+            start = time.perf_counter()
+            move(there, balls, turn)
+            edited = time.perf_counter()
+            frame = there.render("camera", spp=1, size=(64, 64), progress=False)
+            took.append((edited - start, time.perf_counter() - edited))
+            inside.append(frame.render_seconds)
+            uploaded.append(gpu.info().uploaded_bytes - before)
+        move(here, ours, ROUNDS)
+        first, again, reference = rendered(there), rendered(there), rendered(here)
+    repeats = all((first[p] == again[p]).all() for p in ("beauty", "instance"))
+    edges = differing(first, reference)
+    means = [float(np.mean(f["beauty"])) for f in (first, reference)]
+    mean = abs(means[0] / means[1] - 1)
+    ok = repeats and edges <= EDGES and mean <= MEAN
+    edit, frame = (statistics.median(side) * 1e3 for side in zip(*took, strict=True))
+    print(
+        f"{'ok' if ok else 'FAILED'} {count}: all moved {edit:.1f} ms, then a frame {frame:.1f} ms "
+        f"({statistics.median(inside) * 1e3:.2f} ms in the renderer), "
+        f"{statistics.median(uploaded) / 1e6:.2f} MB uploaded; repeats {repeats}, "
+        f"pixels that differ {edges:.1e}, means {mean:.1e}; "
+        f"{first.render_seconds * 1e3:.1f} ms of {SPP} samples",
+        flush=True,
+    )
+    return ok
+
+
+def main(counts):
+    with (
+        hg.connect(arguments=["--backend", "cuda"]) as gpu,
+        hg.connect(arguments=["--backend", "embree"]) as cpu,
+    ):
+        results = [check(gpu, cpu, count) for count in counts]
+    sys.exit(0 if all(results) else 1)
+
+
+if __name__ == "__main__":
+    main([int(each) for each in sys.argv[1:]] or [1000, 10_000, 100_000])
