@@ -107,6 +107,9 @@ void add_flags(CLI::App& app, Config& config) {
   app.add_option("--threads", config.threads, "Render threads; 0: all cores")
       ->capture_default_str();
   app.add_option("--backend", config.backend, "Render backend")->capture_default_str();
+  app.add_option("--devices", config.devices,
+                 "GPUs to render on, the first ones that the driver shows; 0: all")
+      ->capture_default_str();
   app.add_option("--denoiser", config.denoiser,
                  "Open Image Denoise 2: a path, a name the loader finds, or off")
       ->capture_default_str();

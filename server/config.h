@@ -99,6 +99,7 @@ struct Config {
   int owner_pidfd = -1;
   int ready_fd = -1;
   u32 threads = 0;  // 0: all
+  u32 devices = 0;  // 0: all
   std::string backend = "embree";
   std::string denoiser = "libOpenImageDenoise.so.2";
   std::string asset_root;      // "": server_path is refused

@@ -154,6 +154,7 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
   const Config& config = daemon_.config;
   daemon_.engine = std::make_unique<EngineSlot>(
       EngineOptions{.backend = config.backend,
+                    .devices = config.devices,
                     .device = {.threads = config.threads,
                                .cache_bytes = config.limits.derived_bytes,
                                .static_triangles = config.limits.static_triangles},

@@ -16,6 +16,10 @@ Expected<std::unique_ptr<Backend>> make_backend(std::string_view name,
   return error;
 }
 
+Expected<u32> device_count(std::string_view name) {
+  return name == "cuda" ? cuda::gpu_count() : Expected<u32>(1);
+}
+
 std::vector<std::string_view> backend_names() { return {"embree", "cuda"}; }
 
 }  // namespace heliograph

@@ -133,6 +133,7 @@ class Backend {
 };
 
 struct BackendOptions {
+  u32 index = 0;                     // of the device among those of its kind
   u32 threads = 0;                   // 0: all
   u64 cache_bytes = 4ull << 30;      // of scenes and derived data nobody uses
   u64 static_triangles = 4'000'000;  // of static entities, traced as one mesh
@@ -142,5 +143,7 @@ struct BackendOptions {
 [[nodiscard]] Expected<std::unique_ptr<Backend>> make_backend(std::string_view name,
                                                               const BackendOptions& options);
 [[nodiscard]] std::vector<std::string_view> backend_names();
+/// How many devices a backend finds. Fails like make_backend().
+[[nodiscard]] Expected<u32> device_count(std::string_view name);
 
 }  // namespace heliograph

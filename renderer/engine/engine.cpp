@@ -1,4 +1,4 @@
-// The queue of jobs, the device thread, and the thread that makes derived data beside it.
+// The queue of jobs, the devices' threads, and the thread that makes derived data beside them.
 #include "renderer/engine/engine.h"
 
 #include <fmt/format.h>
@@ -7,143 +7,47 @@
 #include <condition_variable>
 #include <deque>
 #include <mutex>
-#include <new>
 #include <optional>
 #include <thread>
 
 #include "renderer/engine/check.h"
 #include "renderer/engine/fair_queue.h"
-#include "renderer/engine/runner.h"
+#include "renderer/engine/work.h"
 
 namespace heliograph {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-using Snapshots = std::vector<std::shared_ptr<const Snapshot>>;
+using Clock = Work::Clock;
 
 /// How much a job counts in the mean of their seconds.
 constexpr double kNewest = 0.1;
 /// Between two attempts to make a backend in the place of a lost one.
 constexpr auto kRemake = std::chrono::milliseconds(500);
-/// How often the device thread looks after jobs that wait for derived data, when it has no work.
+/// How often a device's thread looks after jobs that wait for derived data, when it has no work.
 constexpr auto kIdleCheck = std::chrono::milliseconds(10);
 
-/// The device as a job sees it.
-struct Device {
-  Backend& backend;
-  Denoiser& denoiser;
-  std::chrono::milliseconds slice;
-};
+using Queue = FairQueue<std::unique_ptr<Work>>;
 
-/// A job or a query. Its owner calls step() until that says that it is done, or refuse() once.
-class Work {
- public:
-  /// needs   snapshots whose derived data it reads
-  Work(Snapshots needs, Interrupt interrupt)
-      : needs_(std::move(needs)), interrupt_(std::move(interrupt)) {}
-  virtual ~Work() = default;
-  Work(const Work&) = delete;
-  Work& operator=(const Work&) = delete;
-  /// Runs for a slice; true when it is done. Its result is told by the next call, finish().
-  [[nodiscard]] virtual bool step(const Device& device) = 0;
-  virtual void finish() = 0;
-  virtual void refuse(Error error) = 0;
-  [[nodiscard]] virtual const Origin& origin() const = 0;
-  /// Whether it goes in the lane of labels and queries.
-  [[nodiscard]] virtual bool is_short() const = 0;
-  [[nodiscard]] const Snapshots& needs() const { return needs_; }
-  [[nodiscard]] const Interrupt& interrupt() const { return interrupt_; }
-  [[nodiscard]] double waited_seconds() const {
-    return std::chrono::duration<double>(begun.value_or(Clock::now()) - queued_).count();
-  }
-
-  double seconds = 0;                        // of the device, so far
-  std::optional<Clock::time_point> begun{};  // when the device first had it
-
- private:
-  const Clock::time_point queued_ = Clock::now();
-  Snapshots needs_;
-  Interrupt interrupt_;
-};
-
-/// Memory is the one thing that may run out anywhere: an error of the job, not of the process.
-template <class F>
-auto guard(F&& f) -> decltype(f()) {
-  try {
-    return f();
-  } catch (const std::bad_alloc&) {
-    return fail(Code::kResourceExhausted, "", "out of memory; ask for less at once");
-  }
-}
-
-class RenderWork final : public Work {
- public:
-  RenderWork(std::shared_ptr<const RenderJob> job, std::shared_ptr<JobSink> sink,
-             std::stop_token stop)
-      : Work(needed_snapshots(*job), {std::move(stop), job->deadline}),
-        job_(std::move(job)),
-        sink_(std::move(sink)) {}
-  bool step(const Device& device) override {
-    result_ = guard([&]() -> Status {
-      if (!runner_)
-        runner_.emplace(job_, RunnerContext{device.backend, device.denoiser, *sink_, interrupt(),
-                                            device.slice});
-      is_done_ = runner_->step();
-      return is_done_ ? runner_->result() : Status{};
-    });
-    return is_done_ || !result_;
-  }
-  void finish() override { sink_->done(result_, spent()); }
-  void refuse(Error error) override { sink_->done(std::unexpected(std::move(error)), spent()); }
-  [[nodiscard]] const Origin& origin() const override { return job_->origin; }
-  [[nodiscard]] bool is_short() const override { return !wants_samples(*job_); }
-
- private:
-  [[nodiscard]] Spent spent() const {
-    Spent spent{.seconds = seconds, .waited_seconds = waited_seconds()};
-    if (runner_) spent.samples = runner_->samples(), spent.rays = runner_->rays();
-    return spent;
-  }
-
-  std::shared_ptr<const RenderJob> job_;
-  std::shared_ptr<JobSink> sink_;
-  std::optional<Runner> runner_;
-  Status result_;
-  bool is_done_ = false;
-};
-
-class QueryWork final : public Work {
- public:
-  using Done = std::function<void(Expected<QueryResult>)>;
-  QueryWork(std::shared_ptr<const QueryJob> query, Done done, std::stop_token stop)
-      : Work({query->snapshot}, {std::move(stop), std::nullopt}),
-        query_(std::move(query)),
-        done_(std::move(done)) {}
-  bool step(const Device& device) override {
-    result_ = guard([&] { return device.backend.query(*query_, interrupt()); });
-    return true;
-  }
-  void finish() override { done_(std::move(result_)); }
-  void refuse(Error error) override { done_(std::unexpected(std::move(error))); }
-  [[nodiscard]] const Origin& origin() const override { return query_->origin; }
-  [[nodiscard]] bool is_short() const override { return true; }
-
- private:
-  std::shared_ptr<const QueryJob> query_;
-  Done done_;
-  Expected<QueryResult> result_;
+/// A device and the thread that owns it.
+struct DeviceThread {
+  std::shared_ptr<Backend> backend;  // replaced by the thread
+  std::optional<Clock::time_point> step_began{};
+  bool is_idle = false;
+  bool is_lost = false;
+  std::thread thread{};
 };
 
 }  // namespace
 
-/// Owns: the backend and two threads. Locks: mutex_, never across a call out.
+/// Owns: the backends, a thread for each and one that warms. Locks: mutex_, never across a call
+/// out.
 class Engine::Impl {
  public:
-  Impl(std::unique_ptr<Backend> backend, const EngineOptions& options)
-      : backend_(std::move(backend)),
-        options_(options),
-        denoiser_(options.denoiser, options.device.threads) {
-    device_ = std::thread([this] { device_loop(); });
+  Impl(std::vector<std::unique_ptr<Backend>> backends, const EngineOptions& options)
+      : options_(options), denoiser_(options.denoiser, options.device.threads) {
+    for (auto& backend : backends) devices_.push_back({.backend = std::move(backend)});
+    for (u32 i = 0; i < devices_.size(); ++i)
+      devices_[i].thread = std::thread([this, i] { device_loop(i); });
     warmer_ = std::thread([this] { warm_loop(); });
   }
   ~Impl() {
@@ -152,17 +56,19 @@ class Engine::Impl {
       closing_ = true;
     }
     changed_.notify_all();
-    device_.join();
+    for (DeviceThread& device : devices_) device.thread.join();
     warmer_.join();
+    refuse_all();
   }
 
   void submit(std::unique_ptr<Work> work) {
-    const auto backend = this->backend();
-    const bool ready =
-        std::ranges::all_of(work->needs(), [&](const auto& s) { return backend->ready(*s); });
+    const auto backends = this->backends();
+    const bool ready = std::ranges::all_of(backends, [&](const auto& backend) {
+      return std::ranges::all_of(work->needs(), [&](const auto& s) { return backend->ready(*s); });
+    });
     {
       const std::scoped_lock lock(mutex_);
-      if (ready && backend == backend_)
+      if (ready && backends == kept_backends())
         push(std::move(work));
       else
         cold_.push_back(std::move(work));
@@ -170,46 +76,58 @@ class Engine::Impl {
     changed_.notify_all();
   }
 
-  [[nodiscard]] std::shared_ptr<Backend> backend() const {
+  /// By device.
+  [[nodiscard]] std::vector<std::shared_ptr<Backend>> backends() const {
     const std::scoped_lock lock(mutex_);
-    return backend_;
+    return kept_backends();
   }
   [[nodiscard]] const EngineOptions& options() const { return options_; }
   [[nodiscard]] Denoiser& denoiser() { return denoiser_; }
   [[nodiscard]] Load load() const {
     const std::scoped_lock lock(mutex_);
-    const auto still = step_began_ ? Clock::now() - *step_began_ : Clock::duration(0);
-    return {.jobs = u32(ready_.size() + cold_.size()),
-            .seconds_a_job = seconds_a_job_,
-            .still_seconds = std::chrono::duration<double>(still).count(),
-            .is_lost = is_lost_,
-            .losses = losses_};
+    Load load{.jobs = u32(ready_.size() + cold_.size()),
+              .seconds_a_job = seconds_a_job_,
+              .is_lost = all_lost(),
+              .losses = losses_};
+    for (const DeviceThread& device : devices_) {
+      if (!device.step_began) continue;
+      const std::chrono::duration<double> still = Clock::now() - *device.step_began;
+      load.still_seconds = std::max(load.still_seconds, still.count());
+    }
+    return load;
   }
 
  private:
-  void device_loop();
+  void device_loop(u32 index);
   void warm_loop();
   void push(std::unique_ptr<Work> work);  // under mutex_
-  [[nodiscard]] Work* next();
-  std::unique_ptr<Work> account(Work& work, double cost, bool is_done);
-  void refuse_interrupted();
+  [[nodiscard]] std::optional<Queue::Turn> next(u32 index);
+  [[nodiscard]] bool may_take(u32 index, const Work& work) const;  // under mutex_
+  std::unique_ptr<Work> account(u32 index, const Queue::Turn& turn, double cost, bool is_done);
+  void refuse_interrupted(u32 index);
   void refuse_all();
-  void replace_backend();
-  [[nodiscard]] std::shared_ptr<Backend> remake();
+  void replace_backend(u32 index);
+  [[nodiscard]] std::shared_ptr<Backend> remake(u32 index);
+  [[nodiscard]] std::vector<std::shared_ptr<Backend>> kept_backends() const {  // under mutex_
+    std::vector<std::shared_ptr<Backend>> backends;
+    for (const DeviceThread& device : devices_) backends.push_back(device.backend);
+    return backends;
+  }
+  [[nodiscard]] bool all_lost() const {  // under mutex_
+    return std::ranges::all_of(devices_, [](const auto& device) { return device.is_lost; });
+  }
 
-  std::shared_ptr<Backend> backend_;  // replaced by the device thread
   const EngineOptions options_;
   Denoiser denoiser_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;
-  FairQueue<std::unique_ptr<Work>> ready_{options_.credit, options_.turn};  // warm
-  std::deque<std::unique_ptr<Work>> cold_;                                  // waiting for it
+  std::vector<DeviceThread> devices_;
+  Queue ready_{options_.credit, options_.turn};  // warm
+  std::deque<std::unique_ptr<Work>> cold_;       // waiting for it
   double seconds_a_job_ = 0;
-  std::optional<Clock::time_point> step_began_;
-  bool is_lost_ = false;
   u32 losses_ = 0;
   bool closing_ = false;
-  std::thread device_, warmer_;
+  std::thread warmer_;
 };
 
 void Engine::Impl::push(std::unique_ptr<Work> work) {
@@ -218,69 +136,91 @@ void Engine::Impl::push(std::unique_ptr<Work> work) {
   ready_.push(origin, is_short, std::move(work));
 }
 
-void Engine::Impl::device_loop() {
-  while (Work* work = next()) {
+void Engine::Impl::device_loop(u32 index) {
+  const DeviceThread& device = devices_[index];
+  while (const auto turn = next(index)) {
     const auto start = Clock::now();
-    const bool is_done = work->step({*backend_, denoiser_, options_.slice});
+    const bool is_done = turn->item()->step({*device.backend, denoiser_, options_.slice});
     const double cost = std::chrono::duration<double>(Clock::now() - start).count();
-    const bool is_lost = backend_->is_lost();
-    if (const auto done = account(*work, cost, is_done && !is_lost)) done->finish();
-    if (is_lost) replace_backend();
+    const bool is_lost = device.backend->is_lost();
+    if (const auto done = account(index, *turn, cost, is_done && !is_lost)) done->finish();
+    if (is_lost) replace_backend(index);
   }
-  refuse_all();
 }
 
-/// Waits for work; null when the engine closes. It stays in the queue while it runs.
-Work* Engine::Impl::next() {
+/// Work stays on the device that began it, or whose memory it is for. Other work goes to the first
+/// idle device: who asks for one thing after the other finds its scene where it was.
+bool Engine::Impl::may_take(u32 index, const Work& work) const {
+  if (work.runs || work.interrupt().requested()) return false;
+  if (work.place != kernels::kNone) return work.place == index;
+  return std::none_of(devices_.begin(), devices_.begin() + index,
+                      [](const DeviceThread& other) { return other.is_idle; });
+}
+
+/// Waits for work; nothing when the engine closes. It stays in the queue while it runs.
+std::optional<Queue::Turn> Engine::Impl::next(u32 index) {
+  DeviceThread& device = devices_[index];
   for (;;) {
-    refuse_interrupted();
+    refuse_interrupted(index);
     std::unique_lock lock(mutex_);
-    const auto something = [&] { return closing_ || !ready_.empty(); };
-    if (cold_.empty())
-      changed_.wait(lock, [&] { return something() || !cold_.empty(); });
-    else
-      changed_.wait_for(lock, kIdleCheck, something);
-    if (closing_) return nullptr;
-    if (ready_.empty()) continue;
-    Work* work = ready_.front().get();
-    if (work->interrupt().requested()) continue;
-    step_began_ = Clock::now();
-    if (!work->begun) work->begun = step_began_;
-    return work;
+    std::optional<Queue::Turn> turn;
+    const auto something = [&] {
+      if (!closing_) turn = ready_.next([&](const auto& w) { return may_take(index, *w); });
+      return closing_ || turn;
+    };
+    if (!something()) {
+      device.is_idle = true;
+      if (cold_.empty() && ready_.empty())
+        changed_.wait(lock, [&] { return something() || !cold_.empty() || !ready_.empty(); });
+      else
+        changed_.wait_for(lock, kIdleCheck, something);
+      device.is_idle = false;
+    }
+    if (closing_) return {};
+    if (!turn) continue;
+    Work& work = *turn->item();
+    device.step_began = Clock::now();
+    if (!work.begun) work.begun = device.step_began;
+    work.place = index;
+    work.runs = true;
+    lock.unlock();
+    if (devices_.size() > 1) changed_.notify_all();  // it is no longer the first idle one
+    return turn;
   }
 }
 
-std::unique_ptr<Work> Engine::Impl::account(Work& work, double cost, bool is_done) {
+std::unique_ptr<Work> Engine::Impl::account(u32 index, const Queue::Turn& turn, double cost,
+                                            bool is_done) {
   const std::scoped_lock lock(mutex_);
-  step_began_.reset();
-  ready_.charge(cost);
+  Work& work = *turn.item();
+  devices_[index].step_began.reset();
+  ready_.charge(turn, cost);
   work.seconds += cost;
+  work.runs = false;
   if (!is_done) return nullptr;
   seconds_a_job_ += kNewest * (work.seconds - seconds_a_job_);
-  return ready_.pop();
+  return ready_.pop(turn);
 }
 
 void Engine::Impl::refuse_all() {
-  std::vector<std::unique_ptr<Work>> left;
-  {
-    const std::scoped_lock lock(mutex_);
-    left = ready_.take_if([](const auto&) { return true; });
-    std::ranges::move(cold_, std::back_inserter(left));
-    cold_.clear();
-  }
+  std::vector<std::unique_ptr<Work>> left = ready_.take_if([](const auto&) { return true; });
+  std::ranges::move(cold_, std::back_inserter(left));
   for (auto& work : left)
     work->refuse({.code = Code::kUnavailable, .message = "the renderer is shutting down"});
 }
 
 /// What has begun holds memory of the lost device; what has not, and derived data, starts again.
-void Engine::Impl::replace_backend() {
+void Engine::Impl::replace_backend(u32 index) {
   std::vector<std::unique_ptr<Work>> begun;
   {
     const std::scoped_lock lock(mutex_);
-    is_lost_ = true;
+    devices_[index].is_lost = true;
     ++losses_;
-    begun = ready_.take_if([](const auto& work) { return work->begun.has_value(); });
-    std::ranges::move(ready_.take_if([](const auto&) { return true; }), std::back_inserter(cold_));
+    begun = ready_.take_if(
+        [&](const auto& work) { return work->begun.has_value() && work->place == index; });
+    if (all_lost())
+      std::ranges::move(ready_.take_if([](const auto& work) { return !work->begun; }),
+                        std::back_inserter(cold_));
   }
   for (auto& work : begun)
     work->refuse({.code = Code::kUnavailable,
@@ -289,29 +229,35 @@ void Engine::Impl::replace_backend() {
                   .where = "",
                   .retry_seconds = 1});
   begun.clear();
-  auto backend = remake();
+  auto backend = remake(index);
   if (!backend) return;
   {
     const std::scoped_lock lock(mutex_);
-    backend_.swap(backend);
-    is_lost_ = false;
+    devices_[index].backend.swap(backend);
+    devices_[index].is_lost = false;
   }
   changed_.notify_all();
 }
 
 /// Null when the engine closes.
-std::shared_ptr<Backend> Engine::Impl::remake() {
+std::shared_ptr<Backend> Engine::Impl::remake(u32 index) {
+  BackendOptions own = options_.device;
+  own.index = index;
+  own.cache_bytes /= devices_.size();
   for (;;) {
-    auto made = make_backend(options_.backend, options_.device);
+    auto made = make_backend(options_.backend, own);
     if (made) return *std::move(made);
-    refuse_interrupted();
+    refuse_interrupted(index);
     std::unique_lock lock(mutex_);
     if (changed_.wait_for(lock, kRemake, [&] { return closing_; })) return nullptr;
   }
 }
 
-void Engine::Impl::refuse_interrupted() {
-  const auto is_interrupted = [](const auto& work) { return work->interrupt().requested(); };
+/// What is interrupted and waits, but for what other devices began: its memory is theirs.
+void Engine::Impl::refuse_interrupted(u32 index) {
+  const auto is_interrupted = [&](const auto& work) {
+    return work->interrupt().requested() && !work->runs && (!work->begun || work->place == index);
+  };
   std::vector<std::unique_ptr<Work>> interrupted;
   {
     const std::scoped_lock lock(mutex_);
@@ -329,21 +275,22 @@ void Engine::Impl::warm_loop() {
   for (;;) {
     const Work* first = nullptr;
     Snapshots snapshots;
-    std::shared_ptr<Backend> backend;
+    std::vector<std::shared_ptr<Backend>> backends;
     {
       std::unique_lock lock(mutex_);
-      changed_.wait(lock, [&] { return closing_ || (!cold_.empty() && !is_lost_); });
+      changed_.wait(lock, [&] { return closing_ || (!cold_.empty() && !all_lost()); });
       if (closing_) return;
       first = cold_.front().get();
       snapshots = first->needs();
-      backend = backend_;
+      backends = kept_backends();
     }
     // What fails here fails again, and is told, when the job prepares its scene.
-    for (const auto& snapshot : snapshots) (void)guard([&] { return backend->warm(*snapshot); });
+    for (const auto& backend : backends)
+      for (const auto& snapshot : snapshots) (void)guard([&] { return backend->warm(*snapshot); });
     {
       const std::scoped_lock lock(mutex_);
-      // It may have been refused meanwhile, or the backend replaced; then it begins again.
-      if (backend == backend_ && !cold_.empty() && cold_.front().get() == first) {
+      // It may have been refused meanwhile, or a backend replaced; then it begins again.
+      if (backends == kept_backends() && !cold_.empty() && cold_.front().get() == first) {
         push(std::move(cold_.front()));
         cold_.pop_front();
       }
@@ -353,9 +300,19 @@ void Engine::Impl::warm_loop() {
 }
 
 Expected<std::unique_ptr<Engine>> Engine::create(const EngineOptions& options) {
-  auto backend = make_backend(options.backend, options.device);
-  if (!backend) return std::unexpected(std::move(backend).error());
-  return std::unique_ptr<Engine>(new Engine(std::make_unique<Impl>(*std::move(backend), options)));
+  const auto there = device_count(options.backend);
+  if (!there) return std::unexpected(there.error());
+  std::vector<std::unique_ptr<Backend>> backends;
+  const u32 count = options.devices > 0 ? options.devices : *there;
+  for (u32 i = 0; i < count; ++i) {
+    BackendOptions own = options.device;
+    own.index = i;
+    own.cache_bytes /= count;
+    auto backend = make_backend(options.backend, own);
+    if (!backend) return std::unexpected(std::move(backend).error());
+    backends.push_back(*std::move(backend));
+  }
+  return std::unique_ptr<Engine>(new Engine(std::make_unique<Impl>(std::move(backends), options)));
 }
 
 Engine::Engine(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -379,13 +336,22 @@ void Engine::submit(std::shared_ptr<const QueryJob> query,
   impl_->submit(std::make_unique<QueryWork>(std::move(query), std::move(done), std::move(stop)));
 }
 
-std::string_view Engine::backend_name() const { return impl_->backend()->name(); }
-std::string Engine::cpu_features() const { return impl_->backend()->cpu_features(); }
-u64 Engine::derived_bytes() const { return impl_->backend()->derived_bytes(); }
-u64 Engine::uploaded_bytes() const { return impl_->backend()->uploaded_bytes(); }
+std::string_view Engine::backend_name() const { return impl_->backends().front()->name(); }
+std::string Engine::cpu_features() const { return impl_->backends().front()->cpu_features(); }
+u32 Engine::devices() const { return u32(impl_->backends().size()); }
+u64 Engine::derived_bytes() const {
+  u64 bytes = 0;
+  for (const auto& backend : impl_->backends()) bytes += backend->derived_bytes();
+  return bytes;
+}
+u64 Engine::uploaded_bytes() const {
+  u64 bytes = 0;
+  for (const auto& backend : impl_->backends()) bytes += backend->uploaded_bytes();
+  return bytes;
+}
 Load Engine::load() const { return impl_->load(); }
 std::shared_ptr<SharedMemorySource> Engine::shared_memory() const {
-  return impl_->backend()->shared_memory();
+  return impl_->backends().front()->shared_memory();
 }
 
 }  // namespace heliograph

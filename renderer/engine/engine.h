@@ -20,7 +20,8 @@ struct Spent {
       0;  // from submit() until the device first had it, or until it was refused
 };
 
-/// Who receives a job's results. Calls come from the device thread, in order, and must not block.
+/// Who receives a job's results. Calls come from the thread of the job's device, in order, and must
+/// not block.
 class JobSink {
  public:
   virtual ~JobSink() = default;
@@ -32,6 +33,7 @@ class JobSink {
 
 struct EngineOptions {
   std::string backend = "embree";
+  u32 devices = 0;  // of its kind, the first ones; 0: all that are there
   BackendOptions device;
   std::string denoiser = "libOpenImageDenoise.so.2";  // or a path, or "off"
   JobLimits limits;
@@ -44,20 +46,23 @@ struct EngineOptions {
 struct Load {
   u32 jobs = 0;
   double seconds_a_job = 0;  // of the device, a moving mean
-  double still_seconds = 0;  // how long the slice that runs now has taken; 0: none runs
-  bool is_lost = false;      // the device was lost and is not back yet
-  u32 losses = 0;            // of the device, since the engine was made
+  double still_seconds = 0;  // how long a slice that runs now has taken; 0: none runs
+  bool is_lost = false;      // every device was lost and is not back yet
+  u32 losses = 0;            // of devices, since the engine was made
 };
 
-/// Owns: a backend, its device thread, and one that makes derived data. Thread: any. Jobs whose
-/// derived data is ready share the device by their origins, slice by slice (fair_queue.h); a
-/// cancelled or expired job, waiting or running, ends within a slice.
+/// Owns: a backend and a thread for each device, and a thread that makes derived data. Thread: any.
+/// Jobs whose derived data is ready share the devices by their origins, slice by slice
+/// (fair_queue.h), each on the device that began it; a cancelled or expired job, waiting or
+/// running, ends within a slice. Jobs of one session may end in another order where there are
+/// several devices. Pictures do not depend on the device.
 ///
 /// What cannot be left half way is one slice, however long: a top level, label columns, the last
 /// steps of a frame, a query.
 ///
-/// When the backend says that its device is lost, work that had begun ends with UNAVAILABLE, a new
-/// backend is made, as often as it takes, and what waits goes on: all of it is in its snapshots.
+/// When a backend says that its device is lost, work that had begun there ends with UNAVAILABLE, a
+/// new backend is made, as often as it takes, and what waits goes on: all of it is in its
+/// snapshots.
 class Engine {
  public:
   [[nodiscard]] static Expected<std::unique_ptr<Engine>> create(const EngineOptions& options);
@@ -67,12 +72,13 @@ class Engine {
   /// done(). FAILED_PRECONDITION when it is on_device and the backend has no such memory.
   [[nodiscard]] Status submit(std::shared_ptr<const RenderJob> job, std::shared_ptr<JobSink> sink,
                               std::stop_token stop);
-  /// Queues a query; `done` is called once, from the device thread.
+  /// Queues a query; `done` is called once, from a device's thread.
   void submit(std::shared_ptr<const QueryJob> query,
               std::function<void(Expected<QueryResult>)> done, std::stop_token stop);
 
   [[nodiscard]] std::string_view backend_name() const;
   [[nodiscard]] std::string cpu_features() const;
+  [[nodiscard]] u32 devices() const;
   [[nodiscard]] u64 derived_bytes() const;
   [[nodiscard]] u64 uploaded_bytes() const;  // Backend::uploaded_bytes()
   [[nodiscard]] Load load() const;

@@ -1,11 +1,12 @@
-// Who runs next on a device: weighted fair queuing. The order only; the engine has the lock and the
-// clock.
+// Who runs next on one of several devices: weighted fair queuing. The order only; the engine has
+// the lock and the clock.
 #pragma once
 
 #include <algorithm>
-#include <deque>
 #include <iterator>
+#include <list>
 #include <map>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -26,7 +27,21 @@ namespace heliograph {
 /// T is movable. Thread: one at a time.
 template <class T>
 class FairQueue {
+  struct Share;
+
  public:
+  /// An item whose turn it is, which stays in the queue. Lifetime: until it is popped or taken.
+  class Turn {
+   public:
+    [[nodiscard]] T& item() const { return *item_; }
+
+   private:
+    friend FairQueue;
+    Turn(Share* line, typename std::list<T>::iterator item) : line_(line), item_(item) {}
+    Share* line_;
+    typename std::list<T>::iterator item_;
+  };
+
   /// Seconds of the device.
   FairQueue(double credit, double turn) : credit_(credit), turn_(turn) {}
 
@@ -47,32 +62,22 @@ class FairQueue {
   [[nodiscard]] bool empty() const { return root_.count == 0; }
   [[nodiscard]] std::size_t size() const { return root_.count; }
 
-  /// Whose turn it is; stays in the queue until pop(). Not empty.
-  [[nodiscard]] T& front() {
-    Share* share = &root_;
-    while (!share->children.empty()) {
-      Share* best = nullptr;
-      for (auto& [key, each] : share->children)
-        if (each.count > 0 && (best == nullptr || goes_before(each, *best))) best = &each;
-      share->reached = std::max(share->reached, best->used);
-      for (auto& [key, each] : share->children) each.is_served = &each == best;
-      share = best;
-    }
-    served_ = share;
-    return share->items.front();
+  /// Whose turn it is among those of which `may(item)` holds, if there is one.
+  template <class May>
+  [[nodiscard]] std::optional<Turn> next(const May& may) {
+    return next_in(root_, may);
   }
 
-  /// What the last front() cost, in seconds of the device.
-  void charge(double cost) {
-    for (Share* share = served_; share != &root_; share = share->parent)
+  /// What a turn cost, in seconds of the device.
+  void charge(const Turn& turn, double cost) {
+    for (Share* share = turn.line_; share != &root_; share = share->parent)
       share->used += cost / share->weight;
   }
 
-  /// Takes the last front() out.
-  T pop() {
-    T item = std::move(served_->items.front());
-    served_->items.pop_front();
-    left(served_, 1);
+  T pop(const Turn& turn) {
+    T item = std::move(*turn.item_);
+    turn.line_->items.erase(turn.item_);
+    left(turn.line_, 1);
     forget(root_);
     return item;
   }
@@ -96,7 +101,7 @@ class FairQueue {
     std::size_t count = 0;
     bool is_served = false;  // the last of its parent's children to be
     std::map<u64, Share> children;
-    std::deque<T> items;  // of a line
+    std::list<T> items;  // of a line
   };
 
   static u64 lane_key(i32 priority, bool is_short) {
@@ -113,6 +118,26 @@ class FairQueue {
   }
   [[nodiscard]] bool goes_before(const Share& a, const Share& b) const {
     return a.rank != b.rank ? a.rank > b.rank : place(a) < place(b);
+  }
+  template <class May>
+  std::optional<Turn> next_in(Share& share, const May& may) {
+    if (share.children.empty()) {
+      const auto found = std::ranges::find_if(share.items, may);
+      return found == share.items.end() ? std::nullopt : std::optional(Turn(&share, found));
+    }
+    std::vector<Share*> waiting;
+    for (auto& [key, each] : share.children)
+      if (each.count > 0) waiting.push_back(&each);
+    std::ranges::stable_sort(waiting,
+                             [&](const Share* a, const Share* b) { return goes_before(*a, *b); });
+    for (Share* each : waiting) {
+      const auto found = next_in(*each, may);
+      if (!found) continue;
+      share.reached = std::max(share.reached, each->used);
+      for (auto& [key, other] : share.children) other.is_served = &other == each;
+      return found;
+    }
+    return std::nullopt;
   }
   static void left(Share* line, std::size_t count) {
     for (Share* share = line; share != nullptr; share = share->parent) share->count -= count;
@@ -141,7 +166,6 @@ class FairQueue {
 
   const double credit_, turn_;
   Share root_;
-  Share* served_ = nullptr;
 };
 
 }  // namespace heliograph

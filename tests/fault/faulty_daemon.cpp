@@ -127,6 +127,8 @@ class FaultyBackend final : public Backend {
 
 }  // namespace
 
+Expected<u32> device_count(std::string_view) { return 1; }
+
 Expected<std::unique_ptr<Backend>> make_backend(std::string_view, const BackendOptions& options) {
   auto inner = embree::make_embree_backend(options);
   if (!inner) return inner;

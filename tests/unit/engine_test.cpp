@@ -1,6 +1,7 @@
 // The engine: what it refuses, how jobs stop, and the order of what it sends.
 #include "renderer/engine/engine.h"
 
+#include <set>
 #include <thread>
 
 #include "renderer/engine/check.h"
@@ -227,4 +228,52 @@ TEST_CASE("engine: what waits when it closes is answered") {
   }
   CHECK(sink->wait().error().code == Code::kUnavailable);
   CHECK(second->wait().error().code == Code::kUnavailable);
+}
+
+namespace {
+
+/// Keeps which thread a job ended on.
+class ThreadOf final : public JobSink {
+ public:
+  void progress(const Progress&) override {}
+  void frame(std::shared_ptr<const Frame> made) override { frame_ = std::move(made); }
+  void done(Status status, const Spent&) override {
+    CHECK(status.has_value());
+    thread = std::this_thread::get_id();
+    done_.set_value();
+  }
+  const Frame& wait() {
+    done_.get_future().wait();
+    return *frame_;
+  }
+  std::thread::id thread;
+
+ private:
+  std::shared_ptr<const Frame> frame_;
+  std::promise<void> done_;
+};
+
+}  // namespace
+
+TEST_CASE("engine: jobs are spread over devices, and make the same bytes on each") {
+  const auto scene = still_life().apply();
+  const auto one = make_engine(1);
+  const auto two = *Engine::create({.devices = 2, .device = {.threads = 1}});
+  CHECK(two->devices() == 2);
+  const auto job = [&](u64 seed) {
+    RenderJob made = job_of(scene, {Plane::BEAUTY, Plane::DEPTH}, 64);
+    made.settings.seed = seed;
+    return made;
+  };
+  std::vector<std::shared_ptr<ThreadOf>> sinks;
+  for (u64 seed = 0; seed < 8; ++seed) {
+    sinks.push_back(std::make_shared<ThreadOf>());
+    REQUIRE(two->submit(std::make_shared<const RenderJob>(job(seed)), sinks.back(), {}));
+  }
+  std::set<std::thread::id> threads;
+  for (u64 seed = 0; seed < 8; ++seed) {
+    CHECK(same_planes(sinks[seed]->wait(), *render(*one, job(seed))));
+    threads.insert(sinks[seed]->thread);
+  }
+  CHECK(threads.size() == 2);
 }

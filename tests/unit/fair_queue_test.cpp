@@ -14,6 +14,8 @@ namespace {
 constexpr double kSlice = 0.01;
 constexpr double kCredit = 0.1;
 
+constexpr auto kAny = [](const auto&) { return true; };
+
 struct Item {
   u64 owner = 0;  // session
   double left = 0;
@@ -30,14 +32,15 @@ class Device {
   }
   /// One slice; the item, when that ended it.
   std::optional<Item> slice() {
-    Item& item = queue.front();
+    const auto turn = *queue.next(kAny);
+    Item& item = turn.item();
     const double cost = std::min(kSlice, item.left);
     item.left -= cost;
     now += cost;
     used[item.owner] += cost;
-    queue.charge(cost);
+    queue.charge(turn, cost);
     if (item.left > 1e-9) return std::nullopt;
-    return queue.pop();
+    return queue.pop(turn);
   }
   void run(double seconds) {
     for (const double end = now + seconds; now < end - 1e-9 && !queue.empty();) slice();
@@ -69,7 +72,7 @@ TEST_CASE("fair queue: equals go on for a turn, and who used less does not wait 
   u32 changes = 0;
   u64 last = 0;
   while (device.now < 4) {
-    const u64 owner = device.queue.front().owner;
+    const u64 owner = device.queue.next(kAny)->item().owner;
     changes += owner != last ? 1 : 0;
     last = owner;
     device.slice();
@@ -190,9 +193,25 @@ TEST_CASE("fair queue: what is taken out is gone, the others go on") {
 TEST_CASE("fair queue: items may own things") {
   FairQueue<std::unique_ptr<int>> queue(kCredit, 0);
   queue.push({}, false, std::make_unique<int>(7));
-  CHECK(*queue.front() == 7);
-  queue.charge(1);
-  CHECK(*queue.pop() == 7);
+  const auto turn = *queue.next(kAny);
+  CHECK(*turn.item() == 7);
+  queue.charge(turn, 1);
+  CHECK(*queue.pop(turn) == 7);
   CHECK(queue.empty());
   CHECK(queue.take_if([](const auto&) { return true; }).empty());
+}
+
+TEST_CASE("fair queue: who may not is passed over, and those behind it are not") {
+  FairQueue<Item> queue(kCredit, 0);
+  for (const u64 session : {1, 1, 2}) queue.push(of(0, session), false, {session, 1, 0});
+  const auto turn = *queue.next(kAny);
+  CHECK(turn.item().owner == 1);
+  const auto another = queue.next([&](const Item& item) { return &item != &turn.item(); });
+  CHECK(another->item().owner == 1);
+  CHECK(queue.next([](const Item& item) { return item.owner == 2; })->item().owner == 2);
+  CHECK_FALSE(queue.next([](const Item&) { return false; }));
+  queue.charge(turn, 1);
+  CHECK(queue.next(kAny)->item().owner == 2);
+  queue.pop(turn);
+  CHECK(queue.size() == 2);
 }

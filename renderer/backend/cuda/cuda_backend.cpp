@@ -156,7 +156,7 @@ Expected<std::unique_ptr<Backend>> make_cuda_backend(const BackendOptions& optio
         "the preset cuda");
   const auto driver = load_driver();
   if (!driver) return std::unexpected(driver.error());
-  auto context = Context::create(*driver, 0);
+  auto context = Context::create(*driver, int(options.index));
   if (!context) return std::unexpected(std::move(context).error());
   const auto programs = Programs::find(**context);
   if (!programs) return std::unexpected(programs.error());
@@ -164,6 +164,16 @@ Expected<std::unique_ptr<Backend>> make_cuda_backend(const BackendOptions& optio
   if (!builder) return std::unexpected(std::move(builder).error());
   return std::make_unique<CudaBackend>(*std::move(context), *programs, *std::move(builder),
                                        options);
+}
+
+Expected<u32> gpu_count() {
+  if (programs().empty()) return 1;  // make_cuda_backend() says why there is none
+  const auto driver = load_driver();
+  if (!driver) return std::unexpected(driver.error());
+  int devices = 0;
+  if (driver->device_count(&devices) != 0 || devices < 1)
+    return fail(Code::kUnavailable, "backend", "the driver shows no GPU; render with embree");
+  return u32(devices);
 }
 
 }  // namespace heliograph::cuda

@@ -8,4 +8,7 @@ namespace heliograph::cuda {
 /// Fails with UNAVAILABLE where there is no driver or no GPU.
 [[nodiscard]] Expected<std::unique_ptr<Backend>> make_cuda_backend(const BackendOptions& options);
 
+/// How many GPUs the driver shows. Fails like make_cuda_backend().
+[[nodiscard]] Expected<u32> gpu_count();
+
 }  // namespace heliograph::cuda

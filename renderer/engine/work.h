@@ -1,0 +1,127 @@
+// What waits for a device: render jobs and queries. Kept by engine.cpp.
+#pragma once
+
+#include <functional>
+#include <new>
+#include <optional>
+
+#include "renderer/engine/engine.h"
+#include "renderer/engine/runner.h"
+
+namespace heliograph {
+
+/// The device as a job sees it.
+struct Device {
+  Backend& backend;
+  Denoiser& denoiser;
+  std::chrono::milliseconds slice;
+};
+
+using Snapshots = std::vector<std::shared_ptr<const Snapshot>>;
+
+/// A job or a query. Its owner calls step() until that says that it is done, or refuse() once.
+class Work {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  /// needs   snapshots whose derived data it reads
+  Work(Snapshots needs, Interrupt interrupt)
+      : needs_(std::move(needs)), interrupt_(std::move(interrupt)) {}
+  virtual ~Work() = default;
+  Work(const Work&) = delete;
+  Work& operator=(const Work&) = delete;
+  /// Runs for a slice; true when it is done. Its result is told by the next call, finish().
+  [[nodiscard]] virtual bool step(const Device& device) = 0;
+  virtual void finish() = 0;
+  virtual void refuse(Error error) = 0;
+  [[nodiscard]] virtual const Origin& origin() const = 0;
+  /// Whether it goes in the lane of labels and queries.
+  [[nodiscard]] virtual bool is_short() const = 0;
+  [[nodiscard]] const Snapshots& needs() const { return needs_; }
+  [[nodiscard]] const Interrupt& interrupt() const { return interrupt_; }
+  [[nodiscard]] double waited_seconds() const {
+    return std::chrono::duration<double>(begun.value_or(Clock::now()) - queued_).count();
+  }
+
+  double seconds = 0;                        // of its device, so far
+  std::optional<Clock::time_point> begun{};  // when a device first had it
+  u32 place = kernels::kNone;                // the index of that device: it stays there
+  bool runs = false;                         // a slice of it
+
+ private:
+  const Clock::time_point queued_ = Clock::now();
+  Snapshots needs_;
+  Interrupt interrupt_;
+};
+
+/// Memory is the one thing that may run out anywhere: an error of the job, not of the process.
+template <class F>
+auto guard(F&& f) -> decltype(f()) {
+  try {
+    return f();
+  } catch (const std::bad_alloc&) {
+    return fail(Code::kResourceExhausted, "", "out of memory; ask for less at once");
+  }
+}
+
+class RenderWork final : public Work {
+ public:
+  RenderWork(std::shared_ptr<const RenderJob> job, std::shared_ptr<JobSink> sink,
+             std::stop_token stop)
+      : Work(needed_snapshots(*job), {std::move(stop), job->deadline}),
+        job_(std::move(job)),
+        sink_(std::move(sink)) {
+    if (job_->on_device) place = 0;  // the one that shares its memory
+  }
+  bool step(const Device& device) override {
+    result_ = guard([&]() -> Status {
+      if (!runner_)
+        runner_.emplace(job_, RunnerContext{device.backend, device.denoiser, *sink_, interrupt(),
+                                            device.slice});
+      is_done_ = runner_->step();
+      return is_done_ ? runner_->result() : Status{};
+    });
+    return is_done_ || !result_;
+  }
+  void finish() override { sink_->done(result_, spent()); }
+  void refuse(Error error) override { sink_->done(std::unexpected(std::move(error)), spent()); }
+  [[nodiscard]] const Origin& origin() const override { return job_->origin; }
+  [[nodiscard]] bool is_short() const override { return !wants_samples(*job_); }
+
+ private:
+  [[nodiscard]] Spent spent() const {
+    Spent spent{.seconds = seconds, .waited_seconds = waited_seconds()};
+    if (runner_) spent.samples = runner_->samples(), spent.rays = runner_->rays();
+    return spent;
+  }
+
+  std::shared_ptr<const RenderJob> job_;
+  std::shared_ptr<JobSink> sink_;
+  std::optional<Runner> runner_;
+  Status result_;
+  bool is_done_ = false;
+};
+
+class QueryWork final : public Work {
+ public:
+  using Done = std::function<void(Expected<QueryResult>)>;
+  QueryWork(std::shared_ptr<const QueryJob> query, Done done, std::stop_token stop)
+      : Work({query->snapshot}, {std::move(stop), std::nullopt}),
+        query_(std::move(query)),
+        done_(std::move(done)) {}
+  bool step(const Device& device) override {
+    result_ = guard([&] { return device.backend.query(*query_, interrupt()); });
+    return true;
+  }
+  void finish() override { done_(std::move(result_)); }
+  void refuse(Error error) override { done_(std::unexpected(std::move(error))); }
+  [[nodiscard]] const Origin& origin() const override { return query_->origin; }
+  [[nodiscard]] bool is_short() const override { return true; }
+
+ private:
+  std::shared_ptr<const QueryJob> query_;
+  Done done_;
+  Expected<QueryResult> result_;
+};
+
+}  // namespace heliograph
