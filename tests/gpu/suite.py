@@ -2,9 +2,10 @@
 daemon with `--backend cuda`, what tests/gpu checks, and the bench. Prints a line for each part and
 writes them as a table.
 
-usage: suite.py BUNDLE [FOLDER]   (BUNDLE: where scripts/bundle's archive was unpacked; FOLDER: gets
-table.md and what each part said; Python 3.12 with pytest, Pillow and tqdm; a checkout of the same
-commit around this file). Ends with 1 if a part fails.
+usage: suite.py BUNDLE [FOLDER [PART...]]
+BUNDLE is where scripts/bundle's archive was unpacked; FOLDER gets table.md and what each part said.
+Needs Python 3.12 with pytest, Pillow and tqdm, and a checkout of the same commit around this file.
+Ends with 1 if a part fails.
 """
 
 import os
@@ -32,12 +33,18 @@ PARTS = {
     + [f"--deselect=tests/integration/{name}" for name in LEFT_OUT],
     "parity": ["tests/gpu/parity.py"],
     "cycles": ["tests/gpu/cycles.py"],
+    "builders": ["tests/gpu/builders.py"],
     "frames": ["tests/gpu/frames.py"],
     "training": ["examples/train_on_gpu.py"],
     "sanitized": ["tests/gpu/sanitized.py"],
     "speed": ["bench/gpu.py"],
     "worlds": ["bench/worlds.py", "1024", "3", "cuda"],
+    "devices": ["bench/devices.py"],
 }
+
+
+def gpus():
+    return len(subprocess.check_output(["nvidia-smi", "-L"], text=True).splitlines())
 
 
 def environment(bundle, folder):
@@ -51,11 +58,16 @@ def environment(bundle, folder):
     return {**os.environ, **own}, {**os.environ, **own, "HELIOGRAPHD": str(wrapper)}
 
 
-def main(bundle, folder=None):
+def main(bundle, folder=None, *parts):
     rows = []
     with tempfile.TemporaryDirectory() as made:
         plain, on_gpu = environment(pathlib.Path(bundle).resolve(), pathlib.Path(made))
         for name, arguments in PARTS.items():
+            if parts and name not in parts:
+                continue
+            if name == "devices" and gpus() < 2:
+                print("== devices: left out, as there is one GPU")
+                continue
             begin = time.monotonic()
             env = on_gpu if "pytest" in arguments else plain
             done = subprocess.run(
