@@ -1,7 +1,6 @@
-// Trees over instances that a GPU builds: milliseconds a build, whether they repeat bit for bit,
-// whether they are those of the same steps on this processor, and how many steps rays take in them
-// against the host's trees.
-// usage: bench_gpu_builders   (needs an NVIDIA GPU)
+// Trees over instances and triangles that a GPU builds: milliseconds a build, whether they repeat
+// bit for bit, whether they are those of the same steps on this processor, and how many steps rays
+// take in them against the host's trees. usage: bench_gpu_builders   (needs an NVIDIA GPU)
 #include <algorithm>
 #include <chrono>
 #include <cstring>
@@ -123,27 +122,36 @@ u64 differing(const std::vector<T>& a, const std::vector<T>& b) {
   return count + std::max(a.size(), b.size()) - std::min(a.size(), b.size());
 }
 
-void measure(const std::shared_ptr<Context>& context, const cuda::TopBuilder& builder, u32 count) {
+/// Milliseconds of builds.
+struct Times {
+  double median, worst;
+  double launch;  // until the host is free; median
+};
+template <class F>
+Times time_of(Context& context, const F& build) {
+  using Clock = std::chrono::steady_clock;
+  std::vector<double> done, launched;
+  for (u32 round = 0; round < kRounds; ++round) {
+    sure(context.wait());
+    const auto start = Clock::now();
+    build();
+    launched.push_back(std::chrono::duration<double, std::milli>(Clock::now() - start).count());
+    sure(context.wait());
+    done.push_back(std::chrono::duration<double, std::milli>(Clock::now() - start).count());
+  }
+  std::ranges::sort(done);
+  std::ranges::sort(launched);
+  return {done[kRounds / 2], done.back(), launched[kRounds / 2]};
+}
+
+void measure(const std::shared_ptr<Context>& context, const cuda::TreeBuilder& builder, u32 count) {
   const auto balls = random_balls(count);
   const std::vector<kernels::MeshBvh> meshes(1);
   const std::vector<BvhBox> mesh_boxes{{vec3(-1), vec3(1)}};
   const DeviceMemory instances = on_device(*context, balls), table = on_device(*context, meshes);
   const cuda::BuildInput input{instances.as<const kernels::InstanceView>(), nullptr,
                                table.as<const kernels::MeshBvh>(), count, mesh_boxes};
-  std::vector<double> times, waits;
-  for (u32 round = 0; round < kRounds; ++round) {
-    sure(context->wait());
-    const auto start = std::chrono::steady_clock::now();
-    const auto made = sure(builder.build(input));
-    const std::chrono::duration<double, std::milli> launched =
-        std::chrono::steady_clock::now() - start;
-    sure(context->wait());
-    const std::chrono::duration<double, std::milli> done = std::chrono::steady_clock::now() - start;
-    waits.push_back(launched.count());
-    times.push_back(done.count());
-  }
-  std::ranges::sort(times);
-  std::ranges::sort(waits);
+  const Times times = time_of(*context, [&] { (void)sure(builder.build(input)); });
 
   std::vector<BvhBox> boxes;
   std::vector<bvh::Box> host_boxes;
@@ -172,10 +180,53 @@ void measure(const std::shared_ptr<Context>& context, const cuda::TopBuilder& bu
   const Walks gpu = walk(balls, made[0]),
               host = walk(balls, host_tree(balls, sah.items, sah.nodes));
   fmt::print("{:>8} {:>9.3f} {:>9.3f} {:>9.3f} {:>10.2f} {:>8} {:>8} {:>7.2f} {:>7.2f} {}\n", count,
-             times[kRounds / 2], times.back(), waits[kRounds / 2], host_time.count(), repeats,
+             times.median, times.worst, times.launch, host_time.count(), repeats,
              differing(made[0].nodes, own.nodes), double(host.steps) / kRays,
              double(gpu.steps) / kRays,
              gpu.met == host.met && std::ranges::count(found, 1u) == count ? "same hits" : "WRONG");
+}
+
+/// A bumpy sheet of 2 * side * side triangles.
+void measure_mesh(const std::shared_ptr<Context>& context, const cuda::TreeBuilder& builder,
+                  u32 side) {
+  std::vector<vec3> positions;
+  std::vector<uvec3> triangles;
+  for (u32 y = 0; y <= side; ++y)
+    for (u32 x = 0; x <= side; ++x) {
+      const float u = float(x) / float(side), v = float(y) / float(side);
+      positions.emplace_back(u, v, 0.05f * std::sin(40 * u) * std::cos(30 * v));
+      if (x == side || y == side) continue;
+      const u32 a = y * (side + 1) + x, b = a + side + 1;
+      triangles.emplace_back(a, a + 1, b);
+      triangles.emplace_back(a + 1, b + 1, b);
+    }
+  kernels::MeshView mesh{};
+  mesh.triangles = triangles.data();
+  mesh.positions = positions.data();
+  mesh.triangle_count = u32(triangles.size());
+  mesh.vertex_count = u32(positions.size());
+  std::vector<BvhBox> boxes;
+  for (u32 i = 0; i < mesh.triangle_count; ++i) boxes.push_back(kernels::triangle_box(mesh, i));
+  const test::LoopBuild steps(boxes, 0.3f, test::LoopOrder::kForwards);
+  const DeviceMemory corners = on_device(*context, triangles);
+  const DeviceMemory places = on_device(*context, positions);
+  mesh.triangles = corners.as<const uvec3>();
+  mesh.positions = places.as<const vec3>();
+  const Times times = time_of(*context, [&] { (void)sure(builder.build(mesh)); });
+  std::vector<std::vector<kernels::BvhNode>> nodes;
+  std::vector<u32> found(mesh.triangle_count);
+  for (u32 round = 0; round < 2; ++round) {
+    const auto tree = sure(builder.build(mesh));
+    const kernels::MeshBvh view = cuda::view_of_mesh(*tree, mesh);
+    nodes.push_back(on_host(*context, view.nodes, steps.nodes().size()));
+    if (round == 0)
+      for (const auto& item : on_host(*context, view.triangles, mesh.triangle_count))
+        ++found.at(item.number);
+  }
+  fmt::print("{:>8} {:>9.3f} {:>9.3f} {:>9.3f} {:>10} {:>8} {:>8} triangles {}\n",
+             mesh.triangle_count, times.median, times.worst, times.launch, "",
+             differing(nodes[0], nodes[1]), differing(nodes[0], steps.nodes()),
+             std::ranges::count(found, 1u) == mesh.triangle_count ? "each once" : "WRONG");
 }
 
 }  // namespace
@@ -184,10 +235,11 @@ int main() {
   const auto driver = sure(cuda::load_driver());
   const auto context = sure(Context::create(driver, 0));
   sure(context->enter());
-  const auto builder = sure(cuda::TopBuilder::create(context));
+  const auto builder = sure(cuda::TreeBuilder::create(context));
   fmt::print("{}\n{:>8} {:>9} {:>9} {:>9} {:>10} {:>8} {:>8} {:>7} {:>7}\n", context->name(),
              "count", "median ms", "worst ms", "launch ms", "host ms", "repeat", "steps'", "host",
              "gpu");
   for (const u32 count : {2u, 100u, 512u, 1'000u, 10'000u, 100'000u, 1'000'000u})
     measure(context, builder, count);
+  for (const u32 side : {71u, 224u, 708u}) measure_mesh(context, builder, side);
 }

@@ -102,6 +102,23 @@ KERNEL BvhBox ray_box(const InstanceView& instance, const MotionKey* motion_keys
   return {box.lower - margin, box.upper + margin};
 }
 
+/// Where a triangle is at any time.
+KERNEL BvhBox triangle_box(const MeshView& mesh, u32 number) {
+  const uvec3 corners = mesh.triangles[number];
+  BvhBox box = no_box();
+  for (u32 key = 0; key <= mesh.segments; ++key)
+    for (int k = 0; k < 3; ++k)
+      box.extend(mesh.positions[u64(key) * mesh.vertex_count + corners[k]]);
+  return box;
+}
+
+/// A triangle of a mesh that does not deform while the shutter is open.
+KERNEL BvhTriangle bvh_triangle(const MeshView& mesh, u32 number) {
+  const uvec3 corners = mesh.triangles[number];
+  const vec3 a = mesh.positions[corners.x];
+  return {a, number, mesh.positions[corners.y] - a, 0, mesh.positions[corners.z] - a, 0};
+}
+
 /// What a ray needs to enter an instance.
 ///
 /// mesh   the tree over its mesh

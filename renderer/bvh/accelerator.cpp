@@ -17,42 +17,63 @@ constexpr TreeOptions kOverTriangles{.item_cost = 0.3f};
 // To enter an instance costs the ray's way into its space and the first node there.
 constexpr TreeOptions kOverInstances{.item_cost = 2};
 
+Box of(const kernels::BvhBox& box) { return {box.lower, box.upper}; }
+
 /// Boxes of triangles, over all times.
 std::vector<Box> triangle_boxes(const DeviceMesh& mesh) {
-  const ArrayOf<uvec3>& triangles = mesh.topology->triangles;
-  std::vector<Box> boxes(triangles.size());
-  resident::parallel_ranges(triangles.size(), std::size_t(4096), [&](auto begin, auto end) {
-    for (u32 step = 0; step <= mesh.segments; ++step) {
-      const vec3* positions = mesh.positions.data() + u64(step) * mesh.topology->vertex_count;
-      for (auto i = begin; i < end; ++i) {
-        const uvec3 t = triangles[i];
-        for (int k = 0; k < 3; ++k) boxes[i].extend(positions[t[k]]);
-      }
-    }
+  const kernels::MeshView view = mesh.view();
+  std::vector<Box> boxes(view.triangle_count);
+  resident::parallel_ranges(view.triangle_count, 4096u, [&](u32 begin, u32 end) {
+    for (u32 i = begin; i < end; ++i) boxes[i] = of(kernels::triangle_box(view, i));
   });
   return boxes;
 }
 
+Box bounds_of(const DeviceMesh& mesh) {
+  constexpr u32 kChunk = 1 << 15;
+  const kernels::MeshView view = mesh.view();
+  std::vector<Box> chunks((view.triangle_count + kChunk - 1) / kChunk);
+  resident::parallel_for(u32(chunks.size()), [&](u32 c) {
+    const u32 end = std::min((c + 1) * kChunk, view.triangle_count);
+    for (u32 i = c * kChunk; i < end; ++i) chunks[c].extend(of(kernels::triangle_box(view, i)));
+  });
+  Box box;
+  for (const Box& chunk : chunks) box.extend(chunk);
+  return box;
+}
+
 std::vector<kernels::BvhTriangle> triangles_of(const DeviceMesh& mesh,
                                                std::span<const u32> numbers) {
+  const kernels::MeshView view = mesh.view();
   std::vector<kernels::BvhTriangle> out(numbers.size());
-  const vec3* positions = mesh.positions.data();
   resident::parallel_ranges(numbers.size(), std::size_t(4096), [&](auto begin, auto end) {
-    for (auto i = begin; i < end; ++i) {
-      const uvec3 t = mesh.topology->triangles[numbers[i]];
-      const vec3 a = positions[t.x];
-      out[i] = {a, numbers[i], positions[t.y] - a, 0, positions[t.z] - a, 0};
-    }
+    for (auto i = begin; i < end; ++i) out[i] = kernels::bvh_triangle(view, numbers[i]);
   });
   return out;
+}
+
+BvhTree make_tree(const DeviceMesh& mesh) {
+  auto made = build_tree(triangle_boxes(mesh), kOverTriangles, {});
+  assert(made);  // only an interrupt makes it fail
+  BvhTree tree;
+  tree.nodes = std::move(made->nodes);
+  if (mesh.segments > 0)
+    tree.triangle_numbers = std::move(made->items);
+  else
+    tree.triangles = triangles_of(mesh, made->items);
+  return tree;
+}
+
+kernels::MeshBvh view_of(const BvhTree& tree) {
+  return {tree.nodes.empty() ? nullptr : tree.nodes.data(),
+          tree.triangles.empty() ? nullptr : tree.triangles.data(),
+          tree.triangle_numbers.empty() ? nullptr : tree.triangle_numbers.data()};
 }
 
 Box shape_box(kernels::Shape shape) {
   const float z = shape == kernels::Shape::kSphere ? 1 : 0;
   return {vec3(-1, -1, -z), vec3(1, 1, z)};
 }
-
-Box of(const kernels::BvhBox& box) { return {box.lower, box.upper}; }
 
 /// The boxes of all slots.
 ///
@@ -88,7 +109,7 @@ BvhTop top_of(const Placement& placement, std::span<const kernels::MeshBvh> mesh
   return top;
 }
 
-BvhTop tree_of(const Placement& placement, std::span<const kernels::MeshBvh> meshes) {
+BvhTop tree_over(const Placement& placement, std::span<const kernels::MeshBvh> meshes) {
   const std::vector<Box> boxes = boxes_of(placement, kernels::ray_box);
   auto tree = build_tree(boxes, kOverInstances, {});
   assert(tree);  // only an interrupt makes it fail
@@ -102,19 +123,39 @@ BvhTop tree_of(const Placement& placement, std::span<const kernels::MeshBvh> mes
 
 }  // namespace
 
-u64 BvhMesh::bytes() const {
-  return nodes.size() * sizeof(kernels::BvhNode) + triangles.size() * sizeof(kernels::BvhTriangle) +
-         triangle_numbers.size() * sizeof(u32);
+BvhMesh::BvhMesh(const DeviceMesh& mesh) {
+  if (mesh.shape() != kernels::Shape::kTriangles) {
+    box_ = shape_box(mesh.shape());
+    return;
+  }
+  box_ = bounds_of(mesh);
+  if (mesh.is_deformed()) {
+    constexpr u64 kNodeBytes = 24;  // a triangle's share
+    bytes_ = mesh.topology->triangles.size() * (sizeof(kernels::BvhTriangle) + kNodeBytes);
+    return;
+  }
+  const BvhTree& made = tree(mesh);
+  bytes_ = made.nodes.size() * sizeof(kernels::BvhNode) +
+           made.triangles.size() * sizeof(kernels::BvhTriangle);
 }
 
-kernels::MeshBvh BvhMesh::view() const {
-  return {nodes.empty() ? nullptr : nodes.data(), triangles.empty() ? nullptr : triangles.data(),
-          triangle_numbers.empty() ? nullptr : triangle_numbers.data()};
+const BvhTree& BvhMesh::tree(const DeviceMesh& mesh) const {
+  std::call_once(made_, [&] {
+    if (mesh.shape() != kernels::Shape::kTriangles) return;
+    resident::run_alone([&] { tree_ = make_tree(mesh); });
+  });
+  return tree_;
 }
 
 BvhScene::BvhScene(const Placement& placement) {
-  for (const auto& mesh : placement.meshes) meshes_.push_back(bvh_of(*mesh).view());
   for (const Box& box : boxes_of(placement, kernels::instance_box)) box_.extend(box);
+}
+
+std::span<const kernels::MeshBvh> BvhScene::meshes(const Placement& placement) const {
+  std::call_once(made_meshes_, [&] {
+    for (const auto& mesh : placement.meshes) meshes_.push_back(view_of(tree_of(*mesh)));
+  });
+  return meshes_;
 }
 
 kernels::BvhView BvhScene::view(const BvhTop& top) const {
@@ -123,8 +164,9 @@ kernels::BvhView BvhScene::view(const BvhTop& top) const {
 }
 
 const BvhTop& BvhScene::world(const Placement& placement) const {
-  std::call_once(made_world_,
-                 [&] { resident::run_alone([&] { world_ = tree_of(placement, meshes_); }); });
+  std::call_once(made_world_, [&] {
+    resident::run_alone([&] { world_ = tree_over(placement, meshes(placement)); });
+  });
   return world_;
 }
 
@@ -132,7 +174,7 @@ const BvhTop& BvhScene::objects(const Placement& placement) const {
   std::call_once(made_objects_, [&] {
     std::vector<u32> slots(placement.instances.size());
     std::iota(slots.begin(), slots.end(), 0u);
-    resident::run_alone([&] { objects_ = top_of(placement, meshes_, slots); });
+    resident::run_alone([&] { objects_ = top_of(placement, meshes(placement), slots); });
   });
   return objects_;
 }
@@ -148,21 +190,7 @@ kernels::BvhView objects_view(const Placement& placement) {
 
 Expected<std::shared_ptr<const resident::MeshAccelerator>> BvhAccelerator::build(
     const DeviceMesh& mesh) const {
-  auto made = std::make_shared<BvhMesh>();
-  if (mesh.shape() != kernels::Shape::kTriangles) {
-    made->box = shape_box(mesh.shape());
-    return made;
-  }
-  const std::vector<Box> boxes = triangle_boxes(mesh);
-  for (const Box& box : boxes) made->box.extend(box);
-  auto tree = build_tree(boxes, kOverTriangles, {});
-  if (!tree) return std::unexpected(std::move(tree).error());
-  made->nodes = std::move(tree->nodes);
-  if (mesh.segments > 0)
-    made->triangle_numbers = std::move(tree->items);
-  else
-    made->triangles = triangles_of(mesh, tree->items);
-  return made;
+  return std::make_shared<BvhMesh>(mesh);
 }
 
 Expected<std::shared_ptr<const resident::SceneAccelerator>> BvhAccelerator::build(

@@ -12,17 +12,28 @@ namespace heliograph::bvh {
 
 using resident::Box;
 
-/// The tree over one mesh. Without nodes: the mesh is a shape.
-struct BvhMesh final : resident::MeshAccelerator {
-  std::vector<kernels::BvhNode> nodes;
-  std::vector<kernels::BvhTriangle> triangles;  // in the order of leaves; empty: it deforms
-  std::vector<u32> triangle_numbers;            // in the order of leaves, of a mesh that deforms
-  Box box;
+/// A tree over triangles.
+struct BvhTree {
+  std::vector<kernels::BvhNode> nodes;          // empty: the mesh is a shape
+  std::vector<kernels::BvhTriangle> triangles;  // in the order of leaves; empty: see the next
+  std::vector<u32> triangle_numbers;  // the same of a mesh that deforms while the shutter is open
+};
 
-  [[nodiscard]] u64 bytes() const override;
-  [[nodiscard]] Box bounds() const override { return box; }
-  /// Lifetime: of this.
-  [[nodiscard]] kernels::MeshBvh view() const;
+/// The tree over one mesh, for rays on the host. Of vertices that are an entity's own it is made
+/// when it is first asked for, as BvhScene is. Thread: any.
+class BvhMesh final : public resident::MeshAccelerator {
+ public:
+  explicit BvhMesh(const resident::DeviceMesh& mesh);
+  [[nodiscard]] u64 bytes() const override { return bytes_; }
+  [[nodiscard]] Box bounds() const override { return box_; }
+  /// mesh   any that has this
+  [[nodiscard]] const BvhTree& tree(const resident::DeviceMesh& mesh) const;
+
+ private:
+  Box box_;
+  u64 bytes_ = 0;  // the tree's, whether it is made or not
+  mutable std::once_flag made_;
+  mutable BvhTree tree_;
 };
 
 /// The instances of a placement as rays enter them.
@@ -48,9 +59,12 @@ class BvhScene final : public resident::SceneAccelerator {
   [[nodiscard]] kernels::BvhView view(const BvhTop& top) const;
 
  private:
+  [[nodiscard]] std::span<const kernels::MeshBvh> meshes(
+      const resident::Placement& placement) const;
+
   Box box_;
-  std::vector<kernels::MeshBvh> meshes_;  // by number in Placement::meshes
-  mutable std::once_flag made_world_, made_objects_;
+  mutable std::once_flag made_meshes_, made_world_, made_objects_;
+  mutable std::vector<kernels::MeshBvh> meshes_;  // by number in Placement::meshes
   mutable BvhTop world_, objects_;
 };
 
@@ -64,9 +78,9 @@ class BvhAccelerator final : public resident::Accelerator {
       const Interrupt& interrupt) const override;
 };
 
-/// The tree that a resident mesh has.
-[[nodiscard]] inline const BvhMesh& bvh_of(const resident::DeviceMesh& mesh) {
-  return static_cast<const BvhMesh&>(*mesh.accelerator);
+/// The tree that a resident mesh has. Lifetime: of its accelerator.
+[[nodiscard]] inline const BvhTree& tree_of(const resident::DeviceMesh& mesh) {
+  return static_cast<const BvhMesh&>(*mesh.accelerator).tree(mesh);
 }
 /// Null: there are no instances.
 [[nodiscard]] inline const BvhScene* bvh_of(const resident::Placement& placement) {

@@ -28,6 +28,10 @@ struct DeviceMesh {
   }
   [[nodiscard]] kernels::MeshView view() const;
   [[nodiscard]] kernels::Shape shape() const;
+  /// Whether its vertices are an entity's own, by morph or skin or while the shutter is open.
+  [[nodiscard]] bool is_deformed() const {
+    return positions.serial() != vertices->positions.serial();
+  }
 };
 
 /// Makes DeviceMeshes. Thread: any.

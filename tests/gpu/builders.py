@@ -4,7 +4,7 @@ usage: .venv/bin/python tests/gpu/builders.py [COUNT...=1000 10000 100000]   (ne
 Balls of 1,280 triangles of several sizes stand in a cube. All are moved, time and again; then the
 centre planes must equal the CPU's but for 1 pixel of 20,000 (edges), mean colours must agree within
 0.1 %, and the picture must repeat bit for bit. Some more move while the shutter is open.
-Prints a line for each count; ends with 1 if one fails.
+The same of sheets that deform by morph targets. Prints a line for each; ends with 1 if one fails.
 """
 
 import statistics
@@ -17,6 +17,20 @@ import numpy as np
 SIZE, SPP, ROUNDS, MOVERS = (640, 480), 16, 7, 200
 CENTRES = ["instance", "primitive", "depth"]
 EDGES, MEAN = 1 / 20000, 1e-3
+
+
+def sheet(side):
+    """2 * side * side triangles with two morph targets."""
+    u, v = np.meshgrid(np.linspace(-0.5, 0.5, side + 1), np.linspace(-0.5, 0.5, side + 1))
+    flat = np.stack([u, v, 0 * u], -1).reshape(-1, 3).astype("f4")
+    waves = [np.sin(20 * u) * np.cos(15 * v), np.cos(30 * u * v) * u]
+    morphs = np.zeros((2, *flat.shape), "f4")
+    for morph, wave in zip(morphs, waves, strict=True):
+        morph[:, 2] = 0.1 * wave.reshape(-1)
+    corner = (np.arange(side)[:, None] * (side + 1) + np.arange(side)).ravel()
+    right, up = corner + 1, corner + side + 1
+    quads = np.stack([corner, right, up, right, up + 1, up], -1)
+    return {"positions": flat, "indices": quads.reshape(-1, 3), "morph_positions": morphs}
 
 
 def poses(count, turn):
@@ -65,6 +79,45 @@ def rendered(scene, spp=SPP):
     return scene.render("camera", planes=planes, spp=spp, seed=3, max_depth=4, progress=False)
 
 
+def hang(scene, side):
+    with scene.edit() as edit:
+        edit.dome(np.random.default_rng(0).random((8, 16, 3)).astype("f4"))
+        edit.mesh("sheet/mesh", **sheet(side))
+        edit.material("cloth", base_color=(0.2, 0.4, 0.7), roughness=0.6)
+        edit.entity("sheet", mesh="sheet/mesh", material="cloth", morph_weights=(0, 0))
+        lens = hg.Camera.from_fov(50, *SIZE, degrees=True)
+        edit.entity("camera", camera=lens, transform=hg.look_at((0.3, -0.8, 0.7), (0, 0, 0)))
+
+
+def bend(scene, turn):
+    with scene.edit() as edit:
+        edit.entity("sheet", morph_weights=(1 - 0.1 * turn, 0.15 * turn))
+
+
+def check_sheet(gpu, cpu, side):
+    """The same of a mesh that deforms."""
+    inside = []
+    with gpu.create_scene() as there, cpu.create_scene() as here:
+        hang(there, side)
+        hang(here, side)
+        for turn in range(1, ROUNDS + 1):
+            bend(there, turn)
+            frame = there.render("camera", spp=1, size=(64, 64), progress=False)
+            inside.append(frame.render_seconds)
+        bend(here, ROUNDS)
+        first, again, reference = rendered(there), rendered(there), rendered(here)
+    repeats = all((first[p] == again[p]).all() for p in ("beauty", "instance"))
+    edges = differing(first, reference)
+    ok = repeats and edges <= EDGES
+    print(
+        f"{'ok' if ok else 'FAILED'} a sheet of {2 * side * side} triangles deformed: "
+        f"{statistics.median(inside) * 1e3:.1f} ms in the renderer; repeats {repeats}, pixels "
+        f"that differ {edges:.1e}; {first.render_seconds * 1e3:.1f} ms of {SPP} samples",
+        flush=True,
+    )
+    return ok
+
+
 def check(gpu, cpu, count):
     """Whether all is as it should be; prints a line."""
     took, uploaded, inside = [], [], []
@@ -105,6 +158,7 @@ def main(counts):
         hg.connect(arguments=["--backend", "embree"]) as cpu,
     ):
         results = [check(gpu, cpu, count) for count in counts]
+        results += [check_sheet(gpu, cpu, side) for side in (20, 100, 708)]
     sys.exit(0 if all(results) else 1)
 
 

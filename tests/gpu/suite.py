@@ -32,6 +32,7 @@ PARTS = {
     "integration": ["-m", "pytest", "-q", "tests/integration"]
     + [f"--deselect=tests/integration/{name}" for name in LEFT_OUT],
     "parity": ["tests/gpu/parity.py"],
+    "builders": ["tests/gpu/builders.py"],
     "cycles": ["tests/gpu/cycles.py"],
     "builders": ["tests/gpu/builders.py"],
     "frames": ["tests/gpu/frames.py"],

@@ -70,6 +70,23 @@ struct BuiltTop {
   kernels::BvhView view;
 };
 
+/// The tree of the steps over a mesh.
+struct BuiltMesh {
+  explicit BuiltMesh(const kernels::MeshView& mesh) {
+    std::vector<BvhBox> boxes;
+    for (u32 i = 0; i < mesh.triangle_count; ++i) boxes.push_back(kernels::triangle_box(mesh, i));
+    const LoopBuild made(boxes, 0.3f, {});
+    nodes = made.nodes();
+    numbers = made.items();
+    for (const u32 i : numbers) triangles.push_back(kernels::bvh_triangle(mesh, i));
+    view = {nodes.data(), mesh.segments > 0 ? nullptr : triangles.data(), numbers.data()};
+  }
+  std::vector<kernels::BvhNode> nodes;
+  std::vector<kernels::BvhTriangle> triangles;
+  std::vector<u32> numbers;
+  kernels::MeshBvh view{};
+};
+
 /// Balls without triangles, so that all nodes are of the top level.
 struct Balls {
   Balls(u32 count, const std::function<void(u32, vec3& at, vec3& size)>& place) {
@@ -222,6 +239,36 @@ TEST_CASE("bvh steps: rays meet what they meet with the host's tree") {
   }
   CHECK((met > kRays / 20 && met < kRays));
   CHECK(differ == 0);
+}
+
+TEST_CASE("bvh steps: rays meet what they meet with the host's trees of meshes") {
+  Random random(6);
+  for (const TimeSpan span : {TimeSpan{0, 1}, TimeSpan{0.7, 0.7}}) {
+    const BothScenes scenes(random_scene(random, {.count = 30, .shapes = false}), span);
+    const kernels::SceneView& scene = scenes.view();
+    std::vector<BuiltMesh> built;
+    for (const auto& mesh : scenes.own().placement().meshes) built.emplace_back(mesh->view());
+    std::vector<kernels::MeshBvh> meshes;
+    for (const BuiltMesh& mesh : built) meshes.push_back(mesh.view);
+    kernels::BvhView view = scenes.bvh_view();
+    std::vector<kernels::BvhInstance> items(view.items, view.items + view.instance_count);
+    for (kernels::BvhInstance& item : items)
+      item =
+          kernels::bvh_instance(scene.instances[item.instance], item.instance, meshes[item.mesh]);
+    view.items = items.data();
+    view.meshes = meshes.data();
+    const kernels::BvhTracer host = scenes.bvh(), own(scene, view);
+    u32 met = 0, differ = 0;
+    for (u32 i = 0; i < 100'000; ++i) {
+      const Ray ray = random_ray(random, 12);
+      const Hit a = host.closest(ray, kernels::kAllRays), b = own.closest(ray, kernels::kAllRays);
+      met += a.instance != kNone;
+      differ += a.t != b.t || a.instance != b.instance || a.primitive != b.primitive ||
+                a.u != b.u || a.v != b.v;
+    }
+    CHECK(met > 5000);
+    CHECK(differ == 0);
+  }
 }
 
 TEST_CASE("bvh steps: rays visit few more nodes than in the host's tree") {

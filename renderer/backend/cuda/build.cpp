@@ -9,7 +9,7 @@ namespace heliograph::cuda {
 namespace {
 
 // To enter an instance costs the ray's way into its space and the first node there.
-constexpr float kInstanceCost = 2;
+constexpr float kInstanceCost = 2, kTriangleCost = 0.3f;
 constexpr u32 kScanThreads = 1024;
 
 /// Lays arrays out one after the other, and knows what they need together.
@@ -41,11 +41,19 @@ TopArrays lay_result(Layout& layout, u32 count) {
           layout.take<u32>(count)};
 }
 
+struct MeshArrays {
+  kernels::BvhNode* nodes;
+  kernels::BvhTriangle* triangles;
+  u32* numbers;  // where there are no triangles
+};
+MeshArrays lay_mesh(Layout& layout, const kernels::MeshView& mesh) {
+  auto* nodes = layout.take<kernels::BvhNode>(mesh.triangle_count);
+  if (mesh.segments > 0) return {nodes, nullptr, layout.take<u32>(mesh.triangle_count)};
+  return {nodes, layout.take<kernels::BvhTriangle>(mesh.triangle_count), nullptr};
+}
+
 /// What a build works on besides its input and its result.
-///
-/// boxes   of meshes
-/// returns where those go
-kernels::BvhBox* lay_work(Layout& layout, u64 boxes, BuildLaunch& launch) {
+void lay_work(Layout& layout, u64 mesh_boxes, BuildLaunch& launch) {
   kernels::BuildView& tree = launch.tree;
   const u64 count = tree.count;
   for (u64*& keys : launch.keys) keys = layout.take<u64>(count);
@@ -61,9 +69,7 @@ kernels::BvhBox* lay_work(Layout& layout, u64 boxes, BuildLaunch& launch) {
   tree.ends = layout.take<u32>(count);
   tree.tasks = layout.take<kernels::BuildTask>(count);
   tree.items = layout.take<u32>(count);
-  auto* mesh_boxes = layout.take<kernels::BvhBox>(boxes);
-  launch.mesh_boxes = mesh_boxes;
-  return mesh_boxes;
+  launch.mesh_boxes = layout.take<kernels::BvhBox>(mesh_boxes);
 }
 
 LaunchSize blocks_of(u64 threads, u32 block) { return {u32((threads + block - 1) / block), block}; }
@@ -76,8 +82,14 @@ kernels::BvhView view_of_top(const DeviceMemory& top, const BuildInput& input) {
   return {made.nodes, made.items, input.meshes, made.item_of_instance, input.count};
 }
 
-Expected<TopBuilder> TopBuilder::create(std::shared_ptr<Context> context) {
-  TopBuilder builder(std::move(context));
+kernels::MeshBvh view_of_mesh(const DeviceMemory& tree, const kernels::MeshView& mesh) {
+  Layout layout(tree.at());
+  const MeshArrays made = lay_mesh(layout, mesh);
+  return {made.nodes, made.triangles, made.numbers};
+}
+
+Expected<TreeBuilder> TreeBuilder::create(std::shared_ptr<Context> context) {
+  TreeBuilder builder(std::move(context));
   for (const auto& [name, program] :
        {std::pair{"build_boxes", &builder.boxes_}, std::pair{"build_keys", &builder.keys_},
         std::pair{"build_leaves", &builder.leaves_},
@@ -91,17 +103,17 @@ Expected<TopBuilder> TopBuilder::create(std::shared_ptr<Context> context) {
   return builder;
 }
 
-Status TopBuilder::launch(FunctionHandle program, LaunchSize size, BuildLaunch& launch) const {
+Status TreeBuilder::launch(FunctionHandle program, LaunchSize size, BuildLaunch& launch) const {
   void* arguments[] = {&launch};
   return context_->launch(program, size, arguments);
 }
-Status TopBuilder::launch(FunctionHandle program, LaunchSize size, BuildLaunch& launch,
-                          u32 argument) const {
+Status TreeBuilder::launch(FunctionHandle program, LaunchSize size, BuildLaunch& launch,
+                           u32 argument) const {
   void* arguments[] = {&launch, &argument};
   return context_->launch(program, size, arguments);
 }
 
-Status TopBuilder::sort(BuildLaunch& l) const {
+Status TreeBuilder::sort(BuildLaunch& l) const {
   const LaunchSize blocks{l.sort_blocks, kSortThreads};
   for (u32 pass = 0; pass < kSortPasses; ++pass) {
     HELIO_TRY(launch(count_, blocks, l, pass));
@@ -111,11 +123,12 @@ Status TopBuilder::sort(BuildLaunch& l) const {
   return {};
 }
 
-Status TopBuilder::run(BuildLaunch& l) const {
+Status TreeBuilder::run(const Kind& kind, BuildLaunch& l) const {
   const u32 count = l.tree.count;
   const LaunchSize all = blocks_of(count, kBuildThreads);
+  l.tree.item_cost = kind.item_cost;
   HELIO_TRY(context_->fill(DevicePointer(l.tree.head), 0xff, sizeof(kernels::BuildHead)));
-  HELIO_TRY(launch(boxes_, all, l));
+  HELIO_TRY(launch(kind.boxes, all, l));
   HELIO_TRY(launch(keys_, all, l));
   HELIO_TRY(sort(l));
   for (const u32 again : {0u, 1u}) {
@@ -127,35 +140,62 @@ Status TopBuilder::run(BuildLaunch& l) const {
     const u64 most = level < 8 ? std::min<u64>(count, 1ull << (3 * level)) : count;
     HELIO_TRY(launch(level_, blocks_of(most / 2 + 1, kBuildThreads), l, level));
   }
-  return launch(items_, all, l);
+  return launch(kind.items, all, l);
 }
 
-Expected<std::shared_ptr<const DeviceMemory>> TopBuilder::build(const BuildInput& input) const {
-  if (input.count > kernels::kMostBuildBoxes)
+Expected<DeviceMemory> TreeBuilder::work(u64 count, u64 mesh_boxes, BuildLaunch& l) const {
+  if (count > kernels::kMostBuildBoxes)
     return fail(Code::kResourceExhausted, "",
-                fmt::format("a GPU's scene has at most {} instances", kernels::kMostBuildBoxes));
+                fmt::format("a GPU's tree is over at most {} instances or triangles",
+                            kernels::kMostBuildBoxes));
+  l.tree.count = u32(count);
+  l.sort_blocks = (l.tree.count + kSortKeys - 1) / kSortKeys;
+  Layout size(0);
+  lay_work(size, mesh_boxes, l);
+  auto memory = context_->allocate(size.bytes());
+  if (!memory) return memory;
+  Layout layout(memory->at());
+  lay_work(layout, mesh_boxes, l);
+  return memory;
+}
+
+Expected<std::shared_ptr<const DeviceMemory>> TreeBuilder::build(const BuildInput& input) const {
   BuildLaunch l{};
-  l.tree.count = input.count;
-  l.tree.item_cost = kInstanceCost;
-  l.sort_blocks = (input.count + kSortKeys - 1) / kSortKeys;
   l.instances = input.instances;
   l.motion_keys = input.motion_keys;
   l.meshes = input.meshes;
-  Layout result_size(0), work_size(0);
-  (void)lay_result(result_size, input.count);
-  (void)lay_work(work_size, input.mesh_boxes.size(), l);
-  auto made = context_->allocate(result_size.bytes());
+  const auto worked = work(input.count, input.mesh_boxes.size(), l);  // freed when it has run
+  if (!worked) return std::unexpected(worked.error());
+  Layout size(0);
+  (void)lay_result(size, input.count);
+  auto made = context_->allocate(size.bytes());
   if (!made) return std::unexpected(std::move(made).error());
-  const auto work = context_->allocate(work_size.bytes());  // freed when the programs have run
-  if (!work) return std::unexpected(work.error());
-  Layout results(made->at()), works(work->at());
-  const TopArrays result = lay_result(results, input.count);
-  kernels::BvhBox* mesh_boxes = lay_work(works, input.mesh_boxes.size(), l);
+  Layout layout(made->at());
+  const TopArrays result = lay_result(layout, input.count);
   l.tree.wide = result.nodes;
   l.items = result.items;
   l.item_of_instance = result.item_of_instance;
-  HELIO_TRY(context_->upload(DevicePointer(mesh_boxes), std::as_bytes(input.mesh_boxes)));
-  HELIO_TRY(run(l));
+  HELIO_TRY(context_->upload(DevicePointer(l.mesh_boxes), std::as_bytes(input.mesh_boxes)));
+  HELIO_TRY(run({boxes_, items_, kInstanceCost}, l));
+  return std::make_shared<const DeviceMemory>(*std::move(made));
+}
+
+Expected<std::shared_ptr<const DeviceMemory>> TreeBuilder::build(
+    const kernels::MeshView& mesh) const {
+  BuildLaunch l{};
+  l.mesh = mesh;
+  const auto worked = work(mesh.triangle_count, 0, l);
+  if (!worked) return std::unexpected(worked.error());
+  Layout size(0);
+  (void)lay_mesh(size, mesh);
+  auto made = context_->allocate(size.bytes());
+  if (!made) return std::unexpected(std::move(made).error());
+  Layout layout(made->at());
+  const MeshArrays result = lay_mesh(layout, mesh);
+  l.tree.wide = result.nodes;
+  l.triangles = result.triangles;
+  l.triangle_numbers = result.numbers;
+  HELIO_TRY(run({triangle_boxes_, triangles_, kTriangleCost}, l));
   return std::make_shared<const DeviceMemory>(*std::move(made));
 }
 

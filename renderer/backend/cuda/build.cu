@@ -44,27 +44,23 @@ __device__ u32 digit_of(u64 key, u32 pass) {
 
 }  // namespace
 
-// The boxes of all instances, and bounds of them.
-extern "C" __global__ void __launch_bounds__(kBuildThreads)
-    build_boxes(const __grid_constant__ BuildLaunch l) {
+namespace {
+
+/// Stores the box of a block's thread, and bounds of all.
+__device__ void note_box(const BuildLaunch& l, const BvhBox& box) {
   __shared__ u32 least[12];
   if (threadIdx.x < 12) least[threadIdx.x] = kAll;
   __syncthreads();
-  const u32 i = thread();
   u32 own[12];
   for (u32& bound : own) bound = kAll;
-  if (i < l.tree.count) {
-    const InstanceView& instance = l.instances[i];
-    const BvhBox box = ray_box(instance, l.motion_keys, l.mesh_boxes[instance.mesh]);
-    l.boxes[i] = box;
-    if (!box.empty())
-      for (u32 k = 0; k < 3; ++k) {
-        own[k] = ordered_bits(box.lower[k]);
-        own[3 + k] = ordered_bits(-box.upper[k]);
-        own[6 + k] = ordered_bits(box.center()[k]);
-        own[9 + k] = ordered_bits(-box.center()[k]);
-      }
-  }
+  if (thread() < l.tree.count) l.boxes[thread()] = box;
+  if (!box.empty())
+    for (u32 k = 0; k < 3; ++k) {
+      own[k] = ordered_bits(box.lower[k]);
+      own[3 + k] = ordered_bits(-box.upper[k]);
+      own[6 + k] = ordered_bits(box.center()[k]);
+      own[9 + k] = ordered_bits(-box.center()[k]);
+    }
   for (u32 b = 0; b < 12; ++b) {
     for (u32 step = kWarp / 2; step > 0; step /= 2)
       own[b] = min(own[b], __shfl_down_sync(kAll, own[b], step));
@@ -73,6 +69,23 @@ extern "C" __global__ void __launch_bounds__(kBuildThreads)
   __syncthreads();
   static_assert(offsetof(BuildHead, center_upper) == 9 * sizeof(u32));
   if (threadIdx.x < 12) atomicMin(&l.tree.head->lower[0] + threadIdx.x, least[threadIdx.x]);
+}
+
+}  // namespace
+
+extern "C" __global__ void __launch_bounds__(kBuildThreads)
+    build_boxes(const __grid_constant__ BuildLaunch l) {
+  BvhBox box = no_box();
+  if (thread() < l.tree.count) {
+    const InstanceView& instance = l.instances[thread()];
+    box = ray_box(instance, l.motion_keys, l.mesh_boxes[instance.mesh]);
+  }
+  note_box(l, box);
+}
+
+extern "C" __global__ void __launch_bounds__(kBuildThreads)
+    build_triangle_boxes(const __grid_constant__ BuildLaunch l) {
+  note_box(l, thread() < l.tree.count ? triangle_box(l.mesh, thread()) : no_box());
 }
 
 extern "C" __global__ void __launch_bounds__(kBuildThreads)
@@ -241,4 +254,15 @@ extern "C" __global__ void __launch_bounds__(kBuildThreads)
   const InstanceView& instance = l.instances[number];
   l.items[i] = bvh_instance(instance, number, l.meshes[instance.mesh]);
   l.item_of_instance[number] = i;
+}
+
+extern "C" __global__ void __launch_bounds__(kBuildThreads)
+    build_triangles(const __grid_constant__ BuildLaunch l) {
+  const u32 i = thread();
+  if (i >= l.tree.count) return;
+  const u32 number = l.tree.items[i];
+  if (l.triangles)
+    l.triangles[i] = bvh_triangle(l.mesh, number);
+  else
+    l.triangle_numbers[i] = number;
 }

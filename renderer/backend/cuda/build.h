@@ -1,4 +1,4 @@
-// Trees over instances, built on the device.
+// Trees over instances and over triangles, built on the device.
 #pragma once
 
 #include "renderer/backend/cuda/build_launch.h"
@@ -18,22 +18,38 @@ struct BuildInput {
 /// A tree over instances as it lies in one piece of device memory.
 [[nodiscard]] kernels::BvhView view_of_top(const DeviceMemory& top, const BuildInput& input);
 
+/// The same of a tree over the triangles of a mesh, whose arrays are the device's.
+[[nodiscard]] kernels::MeshBvh view_of_mesh(const DeviceMemory& tree,
+                                            const kernels::MeshView& mesh);
+
 /// Starts the programs that build. Thread: the device's.
-class TopBuilder {
+class TreeBuilder {
  public:
-  [[nodiscard]] static Expected<TopBuilder> create(std::shared_ptr<Context> context);
+  [[nodiscard]] static Expected<TreeBuilder> create(std::shared_ptr<Context> context);
   /// The tree is there for what the device does next; nothing waits. Fails with RESOURCE_EXHAUSTED.
   [[nodiscard]] Expected<std::shared_ptr<const DeviceMemory>> build(const BuildInput& input) const;
 
+  /// The same over triangles, at least one, of a mesh whose arrays are the device's.
+  [[nodiscard]] Expected<std::shared_ptr<const DeviceMemory>> build(
+      const kernels::MeshView& mesh) const;
+
  private:
-  explicit TopBuilder(std::shared_ptr<Context> context) : context_(std::move(context)) {}
+  /// What a tree is made of, and where it begins and ends.
+  struct Kind {
+    FunctionHandle boxes, items;
+    float item_cost;
+  };
+  explicit TreeBuilder(std::shared_ptr<Context> context) : context_(std::move(context)) {}
   [[nodiscard]] Status launch(FunctionHandle program, LaunchSize size, BuildLaunch& launch) const;
   [[nodiscard]] Status launch(FunctionHandle program, LaunchSize size, BuildLaunch& launch,
                               u32 argument) const;
   [[nodiscard]] Status sort(BuildLaunch& launch) const;
-  [[nodiscard]] Status run(BuildLaunch& launch) const;
+  /// Memory for a build over `count` boxes, and where its parts lie.
+  [[nodiscard]] Expected<DeviceMemory> work(u64 count, u64 mesh_boxes, BuildLaunch& launch) const;
+  [[nodiscard]] Status run(const Kind& kind, BuildLaunch& launch) const;
 
   std::shared_ptr<Context> context_;
+  FunctionHandle triangle_boxes_ = nullptr, triangles_ = nullptr;
   FunctionHandle boxes_ = nullptr, keys_ = nullptr, leaves_ = nullptr, clusters_ = nullptr,
                  level_ = nullptr, items_ = nullptr;
   FunctionHandle count_ = nullptr, scan_ = nullptr, move_ = nullptr;  // of the sort

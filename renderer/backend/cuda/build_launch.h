@@ -16,7 +16,7 @@ inline constexpr u32 kSortDigits = 1u << kSortBits;
 inline constexpr u32 kSortPasses = 64 / kSortBits;
 static_assert(kSortPasses % 2 == 0, "what is sorted ends where it began");
 
-/// A tree over instances. Everything lies in device memory.
+/// A tree over instances, or over the triangles of a mesh. Everything lies in device memory.
 struct BuildLaunch {
   kernels::BuildView tree;  // its keys and order are the first of these
   u64* keys[2];
@@ -24,12 +24,17 @@ struct BuildLaunch {
   u32* digits;  // kSortDigits for each block
   u32 sort_blocks;
   kernels::BvhBox* boxes;
+  // of instances
   const kernels::InstanceView* instances;
   const kernels::MotionKey* motion_keys;
   const kernels::MeshBvh* meshes;
   const kernels::BvhBox* mesh_boxes;
   kernels::BvhInstance* items;  // the result, with the tree's nodes
   u32* item_of_instance;
+  // of triangles
+  kernels::MeshView mesh;
+  kernels::BvhTriangle* triangles;  // the result; null: the mesh deforms while the shutter is open
+  u32* triangle_numbers;            // then this is
 };
 
 }  // namespace heliograph::cuda

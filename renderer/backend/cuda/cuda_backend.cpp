@@ -27,7 +27,7 @@ host::SceneRays rays_of(std::shared_ptr<const ResidentScene> scene) {
 
 class CudaBackend final : public Backend {
  public:
-  CudaBackend(std::shared_ptr<Context> context, const Programs& programs, TopBuilder builder,
+  CudaBackend(std::shared_ptr<Context> context, const Programs& programs, TreeBuilder builder,
               const BackendOptions& options)
       : context_(std::move(context)),
         exports_(ExportSource::create(context_, context_->export_device()).value_or(nullptr)),
@@ -75,7 +75,7 @@ class CudaBackend final : public Backend {
   std::shared_ptr<Context> context_;
   const std::shared_ptr<ExportSource> exports_;  // null where the driver has none
   const Programs programs_;
-  const TopBuilder builder_;
+  const TreeBuilder builder_;
   Mirror mirror_;
   DerivedCache cache_;
   const bvh::BvhAccelerator accelerator_;
@@ -160,7 +160,7 @@ Expected<std::unique_ptr<Backend>> make_cuda_backend(const BackendOptions& optio
   if (!context) return std::unexpected(std::move(context).error());
   const auto programs = Programs::find(**context);
   if (!programs) return std::unexpected(programs.error());
-  auto builder = TopBuilder::create(*context);
+  auto builder = TreeBuilder::create(*context);
   if (!builder) return std::unexpected(std::move(builder).error());
   return std::make_unique<CudaBackend>(*std::move(context), *programs, *std::move(builder),
                                        options);

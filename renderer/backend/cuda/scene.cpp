@@ -1,6 +1,7 @@
 // Views of the host to views of the device: the same, but for where their arrays lie.
 #include "renderer/backend/cuda/scene.h"
 
+#include <algorithm>
 #include <unordered_map>
 
 #include "kernels/texture.h"
@@ -13,6 +14,8 @@ namespace {
 
 /// Trees over more instances than these are built on the device.
 constexpr u32 kMostHostInstances = 512;
+/// The same of triangles of a mesh that deforms.
+constexpr u32 kMostHostTriangles = 512;
 
 }  // namespace
 
@@ -22,7 +25,7 @@ using kernels::MeshView;
 using kernels::TextureView;
 
 Expected<std::shared_ptr<const CudaScene>> CudaScene::create(
-    std::shared_ptr<const ResidentScene> host, Mirror& mirror, const TopBuilder& builder) {
+    std::shared_ptr<const ResidentScene> host, Mirror& mirror, const TreeBuilder& builder) {
   std::shared_ptr<CudaScene> scene(new CudaScene(std::move(host), mirror));
   scene->view_ = scene->host_->view();
   scene->copy_meshes();
@@ -37,8 +40,8 @@ Expected<std::shared_ptr<const CudaScene>> CudaScene::create(
 
 void CudaScene::copy_meshes() {
   const Placement& placement = host_->placement();
-  std::vector<MeshView> meshes(view_.meshes, view_.meshes + placement.meshes.size());
-  for (MeshView& m : meshes) {
+  meshes_.assign(view_.meshes, view_.meshes + placement.meshes.size());
+  for (MeshView& m : meshes_) {
     const u64 triangles = m.triangle_count, vertices = m.vertex_count;
     const u64 keyed = vertices * (m.segments + 1);
     m.triangles = copies_.of(m.triangles, triangles);
@@ -51,7 +54,7 @@ void CudaScene::copy_meshes() {
     m.tangents = copies_.of(m.tangents, vertices);
     m.parts = copies_.of(m.parts, triangles);
   }
-  view_.meshes = copies_.of_own(std::span<const MeshView>(meshes));
+  view_.meshes = copies_.of_own(std::span<const MeshView>(meshes_));
   view_.instances = copies_.of(view_.instances, view_.instance_count);
   view_.motion_keys = copies_.of(view_.motion_keys, placement.motion_keys.size());
   const auto& part_materials = placement.structure->part_materials;
@@ -136,19 +139,35 @@ void CudaScene::copy_volumes() {
   view_.volumes = copies_.of(volumes_.data(), volumes_.size());
 }
 
-void CudaScene::copy_bvh(const TopBuilder& builder) {
+/// The trees over meshes. Those of an entity's own vertices are built on the device.
+std::vector<kernels::MeshBvh> CudaScene::copy_trees(const TreeBuilder& builder) {
+  std::vector<kernels::MeshBvh> trees;
+  for (const auto& placed : host_->placement().meshes) {
+    const MeshView& mesh = meshes_[trees.size()];
+    if (placed->is_deformed() && mesh.triangle_count > kMostHostTriangles) {
+      const auto build = [&] { return builder.build(mesh); };
+      const DeviceMemory* tree = copies_.made(placed->accelerator.get(), build);
+      trees.push_back(tree ? view_of_mesh(*tree, mesh) : kernels::MeshBvh{});
+      continue;
+    }
+    const bvh::BvhTree& tree = bvh::tree_of(*placed);
+    trees.push_back({copies_.of(tree.nodes.data(), tree.nodes.size()),
+                     copies_.of(tree.triangles.data(), tree.triangles.size()),
+                     copies_.of(tree.triangle_numbers.data(), tree.triangle_numbers.size())});
+  }
+  return trees;
+}
+
+void CudaScene::copy_bvh(const TreeBuilder& builder) {
   const Placement& placement = host_->placement();
   const u32 count = u32(placement.instances.size());
   if (count == 0) return;
-  std::vector<kernels::MeshBvh> meshes;
-  for (const auto& placed : placement.meshes) {
-    const bvh::BvhMesh& mesh = bvh::bvh_of(*placed);
-    meshes.push_back({copies_.of(mesh.nodes.data(), mesh.nodes.size()),
-                      copies_.of(mesh.triangles.data(), mesh.triangles.size()),
-                      copies_.of(mesh.triangle_numbers.data(), mesh.triangle_numbers.size())});
-  }
+  const std::vector<kernels::MeshBvh> meshes = copy_trees(builder);
   const auto* table = copies_.of_own(std::span<const kernels::MeshBvh>(meshes));
-  if (count <= kMostHostInstances) {
+  // The host's top level would need its trees of deformed meshes.
+  const bool deforms =
+      std::ranges::any_of(placement.meshes, [](const auto& mesh) { return mesh->is_deformed(); });
+  if (count <= kMostHostInstances && !deforms) {
     copy_top(meshes);
     bvh_.meshes = table;
     return;

@@ -14,7 +14,7 @@ class CudaScene final : public DeviceScene {
  public:
   /// Uploads what no other scene has yet. Fails with RESOURCE_EXHAUSTED.
   [[nodiscard]] static Expected<std::shared_ptr<const CudaScene>> create(
-      std::shared_ptr<const ResidentScene> host, Mirror& mirror, const TopBuilder& builder);
+      std::shared_ptr<const ResidentScene> host, Mirror& mirror, const TreeBuilder& builder);
 
   [[nodiscard]] const std::shared_ptr<const ResidentScene>& host() const { return host_; }
   /// Pointers are the device's.
@@ -31,13 +31,15 @@ class CudaScene final : public DeviceScene {
   void copy_lights();
   void copy_dome();
   void copy_volumes();
-  void copy_bvh(const TopBuilder& builder);
+  [[nodiscard]] std::vector<kernels::MeshBvh> copy_trees(const TreeBuilder& builder);
+  void copy_bvh(const TreeBuilder& builder);
   void copy_top(std::span<const kernels::MeshBvh> meshes);
 
   std::shared_ptr<const ResidentScene> host_;
   Copies copies_;
   kernels::SceneView view_{};
   kernels::BvhView bvh_{};
+  std::vector<kernels::MeshView> meshes_;  // as the device has them
   std::vector<kernels::VolumeView> volumes_;
 };
 
