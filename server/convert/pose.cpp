@@ -12,9 +12,9 @@ namespace heliograph::server {
 namespace {
 
 /// Noise that a product or an inverse in f32 leaves in the last row.
-constexpr double kLastRowTolerance = 1e-6;
+constexpr float kLastRowTolerance = 1e-6f;
 
-bool is_affine(std::span<const double> m) {
+bool is_affine(std::span<const float> m) {
   return std::abs(m[12]) <= kLastRowTolerance && std::abs(m[13]) <= kLastRowTolerance &&
          std::abs(m[14]) <= kLastRowTolerance && std::abs(m[15] - 1) <= kLastRowTolerance;
 }
@@ -37,11 +37,12 @@ Dims keyed(std::size_t times, std::initializer_list<Dim> one) {
 
 Expected<std::vector<mat4x3>> read_affine(const v1::Array& array, ArraySource& source,
                                           const Dims& dims) {
-  auto numbers = read_f64(array, source, dims, 16);
-  if (!numbers) return std::unexpected(std::move(numbers).error());
-  std::vector<mat4x3> matrices(numbers->size() / 16);
+  constexpr std::size_t kNumbers = 16;
+  const auto raw = read_f32(array, source, dims, kNumbers);
+  if (!raw) return std::unexpected(raw.error());
+  std::vector<mat4x3> matrices(raw->count / kNumbers);
   for (std::size_t i = 0; i < matrices.size(); ++i) {
-    const auto m = std::span<const double>(*numbers).subspan(16 * i, 16);
+    const auto m = raw->as<float>().subspan(kNumbers * i, kNumbers);
     if (!is_affine(m))
       return fail(Code::kInvalidArgument, matrix_path(dims, i),
                   fmt::format("has the last row {} {} {} {}; give 0 0 0 1 (matrices are row-major "
@@ -49,7 +50,7 @@ Expected<std::vector<mat4x3>> read_affine(const v1::Array& array, ArraySource& s
                               m[12], m[13], m[14], m[15]));
     for (int row = 0; row < 3; ++row)
       for (int column = 0; column < 4; ++column)
-        matrices[i][column][row] = float(m[std::size_t(4 * row + column)]);
+        matrices[i][column][row] = m[std::size_t(4 * row + column)];
   }
   return matrices;
 }

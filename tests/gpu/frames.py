@@ -68,6 +68,18 @@ def round_trips(scene, rounds):
     report("tensors of the same memory", good, f"{tensor.device}, {tuple(tensor.shape)}")
 
 
+def worlds(scene):
+    poses = np.tile(np.eye(4, dtype="f4"), (50, 1, 1, 1))
+    poses[:, 0, :3, 3] = np.random.default_rng(2).uniform(-2, 2, (50, 3))
+    asked = hg.Worlds(50).set_transforms("b0", poses)
+    options = OPTIONS | {"size": (63, 65)}
+    here = scene.render_worlds("cam", asked, **options)
+    there = scene.render_worlds("cam", asked, device="cuda", **options)
+    shape = tuple(there.torch("beauty").shape)
+    good = same(there, here) and shape == (50, 1, 65, 63, 4)
+    report("worlds in one tensor a plane", good, f"{shape}")
+
+
 def latency(scene):
     def seconds(**options):
         def one(k):
@@ -184,6 +196,7 @@ def main(rounds):
     with hg.connect(arguments=arguments) as client:
         scene = build(client)
         round_trips(scene, rounds)
+        worlds(scene)
         in_flight(scene)
         latency(scene)
         memory(client, scene, rounds)
