@@ -11,7 +11,7 @@ import time
 import heliograph as hg
 from gpu import furnish
 
-FRAMES, SPP, ROUNDS = 48, 32, 5
+FRAMES, SPP, ROUNDS = 32, 16, 3
 
 
 def seconds(scene):

@@ -60,6 +60,7 @@ EngineSlot::EngineSlot(EngineOptions options, const Log& log, std::function<void
 }
 
 EngineSlot::~EngineSlot() {
+  closing_ = true;
   thread_.join();
   engine_.reset();  // its last calls still find the members below it
 }
@@ -84,7 +85,8 @@ void EngineSlot::probe(std::function<void(Status)> done) {
 }
 
 void EngineSlot::finish(const Status& status) {
-  if (!status) log_.error("the engine does not start", {{"reason", status.error().message}});
+  if (!status && !closing_)
+    log_.error("the engine does not start", {{"reason", status.error().message}});
   first_(status);
 }
 

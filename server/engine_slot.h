@@ -39,6 +39,7 @@ class EngineSlot {
   std::atomic<Engine*> engine_now_ = nullptr;
   std::promise<Expected<Engine*>> promise_;
   std::shared_future<Expected<Engine*>> future_;
+  std::atomic<bool> closing_ = false;  // then work that is refused is no fault
   std::thread thread_;
 };
 

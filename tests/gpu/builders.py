@@ -76,7 +76,9 @@ def differing(gpu, cpu):
 
 def rendered(scene, spp=SPP):
     planes = ["beauty", *CENTRES]
-    return scene.render("camera", planes=planes, spp=spp, seed=3, max_depth=4, progress=False)
+    return scene.render(
+        "camera", planes=planes, spp=spp, seed=3, max_depth=4, labels=False, progress=False
+    )
 
 
 def hang(scene, side):
