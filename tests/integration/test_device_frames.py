@@ -81,6 +81,21 @@ def test_planes_on_the_gpu_have_the_bytes_of_those_on_the_host(stage):
     assert capability in stage.client.info().capabilities
 
 
+def test_worlds_stay_on_the_gpu_packed(stage):
+    poses = np.tile(np.eye(4, dtype="f4"), (5, 1, 1, 1))
+    poses[:, 0, 0, 3] = np.arange(5) / 4
+    worlds = hg.Worlds(5).set_transforms("ball", poses)
+    size = (15, 11)  # a picture does not end where a line of memory does
+    there = stage.render_worlds("cam", worlds, device="cuda", size=size, **OPTIONS)
+    here = stage.render_worlds("cam", worlds, size=size, **OPTIONS)
+    assert there.on_device("beauty").shape == (5, 1, 11, 15, 4)
+    assert len(maps(stage.client)) == len(PLANES)
+    assert content(there) == content(here)
+    with pytest.raises(hg.FailedPrecondition, match="torch"):
+        there.frame(3)
+    assert there.cpu().frame(3)["depth"].tobytes() == here.frame(3)["depth"].tobytes()
+
+
 def test_what_is_held_never_changes_and_what_is_not_is_used_again(stage):
     held = [look(stage, k, device="cuda") for k in range(4)]
     before = [content(look(stage, k)) for k in range(4)]
