@@ -122,6 +122,7 @@ Expected<BufferPtr> Holdings::take_upload(const std::string& request_id) {
 
 void Holdings::give_back(const std::vector<UsedUpload>& uploads) {
   for (const UsedUpload& used : uploads) {
+    if (used.array.buffer().generation() != 0) continue;  // lent: it is still there
     if (used.array.has_buffer()) {
       shared_.give_back(used.array.buffer(), used.bytes);
       continue;

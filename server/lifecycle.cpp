@@ -197,7 +197,7 @@ void Life::on_word(u64 id, const BufferWord& word, const UniqueFd& fd) {
   const auto frames = session->shared_frames();
   if (!frames) return;
   if (word.number == 0)
-    frames->abandon(word.buffer);
+    frames->give_up(word.buffer);
   else
     frames->give_back(word.buffer, word.number);
 }

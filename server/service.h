@@ -36,6 +36,7 @@ class Service final : public v1::Renderer::CallbackService {
   grpc::ServerBidiReactor<v1::ApplyRequest, v1::ApplyReply>* ApplyStream(Context*) override;
 
   Reader<v1::UploadBlobRequest>* UploadBlob(Context*, v1::UploadBlobReply*) override;
+  Unary* LendBuffer(Context*, const v1::LendBufferRequest*, v1::BufferRef*) override;
   Writer<v1::DecodeAssetReply>* DecodeAsset(Context*, const v1::DecodeAssetRequest*) override;
 
   Writer<v1::ReadReply>* Read(Context*, const v1::ReadRequest*) override;

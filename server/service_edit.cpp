@@ -65,7 +65,8 @@ void apply_durably(const std::shared_ptr<Session>& session, SceneEntry& entry,
 bool is_short(const v1::ApplyRequest& request) {
   if (request.ByteSizeLong() > kShortBytes) return false;
   for (const v1::Edit& edit : request.transaction().edits())
-    if (edit.has_mesh() || edit.has_texture() || edit.has_instantiate() || edit.has_volume())
+    if (edit.has_mesh() || edit.has_texture() || edit.has_instantiate() || edit.has_volume() ||
+        edit.poses().matrices().buffer().generation() != 0)
       return false;
   return true;
 }

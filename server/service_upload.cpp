@@ -1,4 +1,5 @@
-// UploadBlob: chunks in order, hashed as they come.
+// UploadBlob: chunks in order, hashed as they come. LendBuffer: device memory for a client's
+// arrays.
 #include "server/rpc.h"
 #include "server/service.h"
 
@@ -58,7 +59,45 @@ class UploadCall final : public Reader<v1::UploadBlobRequest> {
   std::optional<Incoming> incoming_;
 };
 
+Expected<Lease> lend(Daemon& daemon, const Session& session, u64 size) {
+  const auto engine = daemon.engine->wait();
+  if (!engine) return std::unexpected(engine.error());
+  const auto source = (*engine)->shared_memory();
+  const auto frames = session.shared_frames();
+  if (!source || !frames)
+    return fail(Code::kFailedPrecondition, "",
+                source ? "this session maps no buffers; connect over the daemon's Unix socket"
+                       : "this daemon has no memory of a GPU to share; start it with --backend "
+                         "cuda, or send the array from the host");
+  if (daemon.recorder)
+    return fail(Code::kFailedPrecondition, "",
+                "this daemon records, and what is written on the GPU it does not see; send the "
+                "array from the host, or start it without --record");
+  if (size == 0) return fail(Code::kInvalidArgument, "size", "is 0; say how many bytes");
+  auto lease = frames->lease(size, frames->new_call(), source);
+  if (lease) return *std::move(lease);
+  return fail(Code::kResourceExhausted, "size",
+              fmt::format("there is no device memory for {} bytes; let go of frames and buffers "
+                          "that you hold (limits shared_bytes, tenant_bytes)",
+                          size));
+}
+
 }  // namespace
+
+grpc::ServerUnaryReactor* Service::LendBuffer(Context* context,
+                                              const v1::LendBufferRequest* request,
+                                              v1::BufferRef* reply) {
+  return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
+    call.post(daemon_.pool, [this, request, reply, &call] {
+      const auto lease = lend(daemon_, *call.session(), request->size());
+      if (!lease) return call.finish(std::unexpected(lease.error()));
+      reply->set_buffer(lease->buffer);
+      reply->set_size(request->size());
+      reply->set_generation(lease->generation);
+      call.finish({});
+    });
+  });
+}
 
 Reader<v1::UploadBlobRequest>* Service::UploadBlob(Context* context, v1::UploadBlobReply* reply) {
   using Reactor = Reader<v1::UploadBlobRequest>;

@@ -54,6 +54,13 @@ Status Session::begin_call() {
   return std::unexpected(std::move(error));
 }
 
+Expected<BufferPtr> Session::read_lent(const v1::BufferRef& ref) const {
+  if (const auto frames = shared_frames())
+    return frames->read(ref.buffer(), ref.generation(), ref.offset(), ref.size());
+  return fail(Code::kNotFound, "buffer.generation",
+              "this session maps no buffers, so it was lent none; leave the generation out");
+}
+
 void Session::share_frames(SharedFrames::Tell tell) {
   if (!shared_frames_.load())
     shared_frames_ =

@@ -43,7 +43,9 @@ class Session {
         tenant_(std::move(owner.tenant)),
         limits_(limits),
         requests_(limits.replies),
-        holdings_(tenant_->blobs, tenant_->assets, tenant_->bytes) {}
+        holdings_(tenant_->blobs, tenant_->assets, tenant_->bytes) {
+    holdings_.shared().lend([this](const v1::BufferRef& ref) { return read_lent(ref); });
+  }
 
   [[nodiscard]] u64 id() const { return id_; }
   [[nodiscard]] const std::string& client() const { return client_; }
@@ -73,6 +75,8 @@ class Session {
 
  private:
   friend class Sessions;
+  [[nodiscard]] Expected<BufferPtr> read_lent(const v1::BufferRef& ref) const;
+
   const u64 id_;
   const std::string client_;
   const TenantPtr tenant_;

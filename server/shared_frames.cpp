@@ -2,12 +2,15 @@
 #include "server/shared_frames.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <bit>
 #include <vector>
+
+#include "renderer/engine/lent_memory.h"
 
 namespace heliograph::server {
 
@@ -100,6 +103,44 @@ void SharedFrames::give_back(u64 buffer, u64 generation) {
   const std::lock_guard lock(mutex_);
   const auto found = buffers_.find(buffer);
   if (found != buffers_.end() && found->second.generation == generation) found->second.call = 0;
+}
+
+void SharedFrames::give_up(u64 buffer) {
+  const std::lock_guard lock(mutex_);
+  const auto found = buffers_.find(buffer);
+  if (found != buffers_.end() && found->second.call != 0) forget(found);
+}
+
+Expected<BufferPtr> SharedFrames::read(u64 buffer, u64 generation, u64 offset, u64 size) const {
+  std::shared_ptr<const LentMemory> memory;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto found = buffers_.find(buffer);
+    if (found != buffers_.end() && found->second.call != 0 &&
+        found->second.generation == generation)
+      memory = std::dynamic_pointer_cast<const LentMemory>(found->second.memory);
+  }
+  if (!memory)
+    return fail(Code::kNotFound, "buffer.generation",
+                fmt::format("this session holds no use {} of a buffer {}; borrow one with "
+                            "LendBuffer",
+                            generation, buffer));
+  const u64 bytes = memory->bytes().size();
+  if (offset > bytes || size > bytes - offset)
+    return fail(
+        Code::kInvalidArgument, "buffer.size",
+        fmt::format("{} bytes from {} do not lie within the buffer's {}", size, offset, bytes));
+  struct Copy {
+    Charge charge;
+    std::unique_ptr<std::byte[]> bytes;
+  };
+  auto charge = Charge::take(budget_, size);
+  if (!charge) return std::unexpected(std::move(charge).error());
+  auto copy =
+      std::make_shared<Copy>(*std::move(charge), std::make_unique_for_overwrite<std::byte[]>(size));
+  const std::span to(copy->bytes.get(), size);
+  HELIO_TRY(memory->read(offset, to));
+  return std::make_shared<const heliograph::Buffer>(std::move(copy), to);
 }
 
 void SharedFrames::abandon(u64 call) {

@@ -10,6 +10,7 @@
 #include <span>
 #include <unordered_map>
 
+#include "renderer/base/array.h"
 #include "renderer/engine/pixels.h"
 #include "renderer/engine/shared_memory.h"
 #include "server/budget.h"
@@ -36,7 +37,6 @@ class SealedMemory final : public SharedMemory {
   const std::span<std::byte> bytes_;
 };
 
-/// Thread: any.
 class SealedMemorySource final : public SharedMemorySource {
  public:
   [[nodiscard]] std::shared_ptr<SharedMemory> make(u64 bytes) override {
@@ -72,10 +72,15 @@ class SharedFrames {
   /// Room for a plane that `call` sends; none where limit, budget, source or socket have none: it
   /// then travels as bytes, if the host can read it.
   ///
-  /// source   of a device's memory, called from the thread that it says; absent: the host's
+  /// source   of a device's memory; absent: the host's
   [[nodiscard]] std::optional<Lease> lease(u64 bytes, u64 call, Source source = nullptr);
+  /// A copy of what the client has written into a buffer that it holds. NOT_FOUND when it does not
+  /// hold that use of it, INVALID_ARGUMENT, RESOURCE_EXHAUSTED.
+  [[nodiscard]] Expected<BufferPtr> read(u64 buffer, u64 generation, u64 offset, u64 size) const;
   /// A use of a buffer is over; what names another use is ignored.
   void give_back(u64 buffer, u64 generation);
+  /// Nobody can tell when it is over: it is not used again.
+  void give_up(u64 buffer);
   /// Nobody will say so for those of a call: they are not used again.
   void abandon(u64 call);
   /// Bytes of all buffers, and how many are leased.

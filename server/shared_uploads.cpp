@@ -94,6 +94,7 @@ void SharedUploads::give_back(const v1::BufferRef& ref, BufferPtr bytes) {
 }
 
 Expected<BufferPtr> SharedUploads::use(const v1::BufferRef& ref) {
+  if (ref.generation() != 0 && lent_) return lent_(ref);
   if (BufferPtr returned = extract(ref)) return returned;
   auto taken = extract(ref.buffer());
   if (!taken && hear_) {
@@ -108,7 +109,8 @@ Expected<BufferPtr> SharedUploads::use(const v1::BufferRef& ref) {
   if (!*taken) return std::unexpected(taken->error());
   const auto bytes = (**taken)->bytes;
   if (ref.generation() != 0)
-    return fail(Code::kInvalidArgument, "buffer.generation", "is of frames; leave it out");
+    return fail(Code::kInvalidArgument, "buffer.generation",
+                "is of buffers that are lent; leave it out");
   if (ref.offset() % kAlignment != 0)
     return fail(Code::kInvalidArgument, "buffer.offset",
                 fmt::format("is {}; it must be a multiple of {}", ref.offset(), kAlignment));

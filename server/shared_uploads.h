@@ -25,6 +25,11 @@ class SharedUploads {
   /// Called before the session is known to its client.
   void listen(std::function<void()> hear) { hear_ = std::move(hear); }
 
+  /// What an array names that lies in a buffer which the client was lent. The same.
+  void lend(std::function<Expected<BufferPtr>(const v1::BufferRef&)> read) {
+    lent_ = std::move(read);
+  }
+
   /// A memfd that is sealed against writing and changes of its size. What is wrong with it is told
   /// to the request that names it; false: something is.
   bool take(u64 buffer, u64 bytes, const UniqueFd& fd);
@@ -47,6 +52,7 @@ class SharedUploads {
 
   const std::shared_ptr<Budget> budget_;
   std::function<void()> hear_;
+  std::function<Expected<BufferPtr>(const v1::BufferRef&)> lent_;
   std::mutex mutex_;
   std::map<u64, std::shared_ptr<const Taken>> taken_;
   std::map<u64, Returned> returned_;

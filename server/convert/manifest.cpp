@@ -5,6 +5,7 @@
 
 #include "server/convert/fields.h"
 #include "server/convert/frame.h"
+#include "server/convert/render.h"
 
 namespace heliograph::server {
 namespace {
@@ -38,7 +39,7 @@ void name_cameras(const Frame& frame, v1::RenderRequest& request) {
 void keep_worlds(const RenderJob& job, v1::RenderRequest& request) {
   v1::Worlds& worlds = *request.mutable_worlds();
   const auto is_here = [](const v1::Array& array) { return array.has_inline_(); };
-  if (worlds.ByteSizeLong() > kLargestOverlay ||
+  if (worlds.ByteSizeLong() > kLargestOverlay || names_lent_buffers(worlds) ||
       (worlds.has_poses() && !is_here(worlds.poses().matrices())) ||
       (worlds.has_mask() && !is_here(worlds.mask())))
     return request.clear_worlds();
@@ -80,7 +81,8 @@ v1::RenderRequest resolved(const Frame& frame, const FrameContext& context) {
   request.clear_memory();
   request.set_max_depth(job.settings.max_depth);
   request.set_roulette(job.settings.roulette);
-  if (request.overlay().ByteSizeLong() > kLargestOverlay) request.clear_overlay();
+  if (request.overlay().ByteSizeLong() > kLargestOverlay || names_lent_buffers(request.overlay()))
+    request.clear_overlay();
   if (request.has_worlds()) keep_worlds(job, request);
   return request;
 }

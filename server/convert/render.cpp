@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <atomic>
 #include <set>
 
 #include "renderer/engine/check.h"
@@ -224,8 +226,27 @@ Expected<RenderJob> to_job(const v1::RenderRequest& request,
   return job;
 }
 
+bool names_lent_buffers(const google::protobuf::Message& message) {
+  using google::protobuf::FieldDescriptor;
+  if (message.GetDescriptor() == v1::Array::descriptor())
+    return static_cast<const v1::Array&>(message).buffer().generation() != 0;
+  const auto& reflection = *message.GetReflection();
+  std::vector<const FieldDescriptor*> fields;
+  reflection.ListFields(message, &fields);
+  return std::ranges::any_of(fields, [&](const FieldDescriptor* field) {
+    if (field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE || field->is_map()) return false;
+    if (!field->is_repeated()) return names_lent_buffers(reflection.GetMessage(message, field));
+    for (int i = 0; i < reflection.FieldSize(message, field); ++i)
+      if (names_lent_buffers(reflection.GetRepeatedMessage(message, field, i))) return true;
+    return false;
+  });
+}
+
 u64 overlay_hash(const v1::Transaction& overlay) {
-  const std::string digest = sha256(serialize(overlay));
+  static std::atomic<u64> lent = 0;
+  std::string content = serialize(overlay);
+  if (names_lent_buffers(overlay)) content += std::to_string(++lent);
+  const std::string digest = sha256(content);
   u64 hash = 0;
   std::memcpy(&hash, digest.data(), sizeof hash);
   return std::max<u64>(hash, 1);

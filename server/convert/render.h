@@ -29,7 +29,10 @@ struct RenderLimits {
 [[nodiscard]] Expected<Plane> to_plane(v1::Plane plane);
 [[nodiscard]] v1::Plane to_proto(Plane plane);
 
-/// Names an overlay by its content; never 0.
+/// Whether an array of a message, or of one in it, lies in a buffer that its client was lent.
+[[nodiscard]] bool names_lent_buffers(const google::protobuf::Message& message);
+/// Names an overlay by its content, but one with lent buffers, which may hold anything by now,
+/// another time by another number; never 0.
 [[nodiscard]] u64 overlay_hash(const v1::Transaction& overlay);
 
 }  // namespace heliograph::server

@@ -18,7 +18,9 @@ using google::protobuf::Message;
 
 /// Where the bytes of an array are that its edit consumes; "": elsewhere.
 std::string consumed_by(const v1::Array& array) {
-  if (array.has_buffer()) return fmt::format("buffer {}", array.buffer().buffer());
+  const v1::BufferRef& buffer = array.buffer();
+  if (array.has_buffer())
+    return fmt::format("buffer {} {} {}", buffer.buffer(), buffer.generation(), buffer.offset());
   return array.has_upload() ? "upload " + array.upload() : "";
 }
 

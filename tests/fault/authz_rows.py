@@ -152,6 +152,13 @@ ROWS: dict[str, list[Row]] = {
         Row("blob", lambda me, id: [me.transaction(me.scene, shaped(blob=id))]),
     ],
     "UploadBlob": [Row("bytes", lambda me, id: [upload_of(id)], cross="OK", none="OK")],
+    "LendBuffer": [
+        Row(
+            "nothing",
+            lambda me, _: [service.LendBufferRequest(size=64)],
+            own="FAILED_PRECONDITION",
+        )
+    ],
     "DecodeAsset": [Row("file", lambda me, id: [decode(id)])],
     "Read": [
         Row(

@@ -5,6 +5,8 @@
 // SIGUSR1: the device is lost, once the backend is next called. SIGUSR2: it hangs there, until the
 // next SIGUSR2.
 #include <signal.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
@@ -15,10 +17,10 @@
 
 #include "renderer/backend/embree/embree_backend.h"
 #include "renderer/engine/backend.h"
+#include "renderer/engine/lent_memory.h"
 #include "renderer/host/film.h"
 #include "server/lifecycle.h"
 #include "server/probe.h"
-#include "server/shared_frames.h"
 
 namespace heliograph {
 namespace {
@@ -29,21 +31,37 @@ std::atomic<bool> hang = false;
 /// As tests/python/stub_cuda.c has it.
 constexpr DeviceUuid kUuid{'h', 'e', 'l', 'i', 'o', 'g', 'r', 'a', 'p', 'h', 0, 1, 2, 3, 4, 5};
 
-class DeviceMemory final : public SharedMemory {
+/// As on a GPU, both sides may write.
+class DeviceMemory final : public LentMemory {
  public:
-  explicit DeviceMemory(std::shared_ptr<SharedMemory> host) : host_(std::move(host)) {}
-  [[nodiscard]] int fd() const override { return host_->fd(); }
-  [[nodiscard]] std::span<std::byte> bytes() const override { return host_->bytes(); }
+  explicit DeviceMemory(u64 bytes) : fd_(::memfd_create("device", MFD_CLOEXEC)), size_(bytes) {
+    if (::ftruncate(fd_, off_t(bytes)) != 0) std::abort();
+    start_ = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, fd_, 0);
+  }
+  ~DeviceMemory() override {
+    ::munmap(start_, size_);
+    ::close(fd_);
+  }
+  [[nodiscard]] int fd() const override { return fd_; }
+  [[nodiscard]] std::span<std::byte> bytes() const override {
+    return {static_cast<std::byte*>(start_), size_};
+  }
   [[nodiscard]] const DeviceUuid* device() const override { return &kUuid; }
+  [[nodiscard]] Status read(u64 offset, std::span<std::byte> to) const override {
+    std::ranges::copy(bytes().subspan(offset, to.size()), to.begin());
+    return {};
+  }
 
  private:
-  const std::shared_ptr<SharedMemory> host_;
+  const int fd_;
+  const u64 size_;
+  void* start_;
 };
 
 class DeviceSource final : public SharedMemorySource {
  public:
   [[nodiscard]] std::shared_ptr<SharedMemory> make(u64 bytes) override {
-    return std::make_shared<DeviceMemory>(server::SealedMemory::create(bytes));
+    return std::make_shared<DeviceMemory>(bytes);
   }
   [[nodiscard]] u64 step() const override { return 2 << 20; }
   [[nodiscard]] const DeviceUuid* device() const override { return &kUuid; }

@@ -143,6 +143,36 @@ time.sleep(600)
 """
 
 
+def poses(client, count=100_000):
+    """Transforms of a tensor, against the same from numpy."""
+    scene = build(client)
+    places = np.tile(np.eye(4, dtype="f4"), (count, 1, 1))
+    with scene.edit() as edit:
+        group = edit.instances("copy", mesh="ball", transforms=places)
+    stream, wrong, took = torch.cuda.Stream(), 0, {"torch": [], "numpy": []}
+    for k in range(12):
+        with torch.cuda.stream(stream):
+            torch.cuda._sleep(20_000_000)
+            tensor = torch.eye(4, device="cuda").repeat(count, 1, 1)
+            tensor[:, :3, 3] = torch.rand(count, 3, device="cuda") * 40 - 20
+            start = time.perf_counter()
+            if k >= 2:
+                stream.synchronize()
+                start = time.perf_counter()
+            with scene.edit() as edit:
+                edit.set_transforms(group, tensor)
+            took["torch"].append(time.perf_counter() - start)
+        host = tensor.cpu().numpy()
+        wrong += not np.array_equal(scene.transforms(group), host)
+        start = time.perf_counter()
+        with scene.edit() as edit:
+            edit.set_transforms(group, host)
+        took["numpy"].append(time.perf_counter() - start)
+    there, here = (1e3 * statistics.median(took[k][2:]) for k in ("torch", "numpy"))
+    text = f"{count} to a published snapshot {there:.2f} ms, from numpy {here:.2f} ms"
+    report("poses of a tensor", wrong == 0, f"{wrong} of 12 wrong; " + text)
+
+
 def killed_client(client):
     before = used(client)
     folder = str(pathlib.Path(__file__).resolve().parent)
@@ -200,6 +230,7 @@ def main(rounds):
         in_flight(scene)
         latency(scene)
         memory(client, scene, rounds)
+        poses(client)
         killed_client(client)
         others(client, scene)
     sys.exit(not all(results))

@@ -16,8 +16,9 @@ int stub_capturing = 0;  // a stream is captured into a graph
 int stub_refuses = 0;    // cuMemMap fails
 int stub_devices = 2;
 int stub_handles = 0, stub_ranges = 0, stub_mapped = 0, stub_events = 0;
-int stub_early = 0;  // unmapped while work was in flight
-int stub_depth = 0;  // contexts pushed and not popped
+int stub_early = 0;   // unmapped while work was in flight
+int stub_stream = 0;  // of the last copy
+int stub_depth = 0;   // contexts pushed and not popped
 
 static const unsigned char kUuid[16] = {'h', 'e', 'l', 'i', 'o', 'g', 'r', 'a',
                                         'p', 'h', 0,   1,   2,   3,   4,   5};
@@ -64,7 +65,8 @@ int cuMemMap(u64 at, size_t bytes, size_t offset, u64 handle, u64 flags) {
   struct stat file;
   if (stub_refuses || offset || flags || fstat((int)handle, &file) != 0) return kInvalid;
   if ((size_t)file.st_size != bytes) return kInvalid;
-  void* start = mmap((void*)at, bytes, PROT_READ, MAP_SHARED | MAP_FIXED, (int)handle, 0);
+  void* start =
+      mmap((void*)at, bytes, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_FIXED, (int)handle, 0);
   return start == MAP_FAILED ? kInvalid : (++stub_mapped, 0);
 }
 int cuMemUnmap(u64 at, size_t bytes) {
@@ -77,6 +79,11 @@ int cuMemSetAccess(u64 at, size_t bytes, const int* access, size_t count) {
   return at && bytes && count == 1 && access[0] == 1 && access[1] == 1 && access[2] == 3 ? 0
                                                                                          : kInvalid;
 }
+int cuMemcpyDtoDAsync_v2(u64 to, u64 from, size_t bytes, void* stream) {
+  stub_stream = (int)(intptr_t)stream;
+  return stub_depth > 0 ? (memcpy((void*)to, (void*)from, bytes), 0) : kInvalid;
+}
+int cuStreamSynchronize(void* stream) { return stub_stream != (int)(intptr_t)stream; }
 int cuMemcpyDtoH_v2(void* to, u64 from, size_t bytes) {
   return stub_depth > 0 ? (memcpy(to, (void*)from, bytes), 0) : kInvalid;
 }

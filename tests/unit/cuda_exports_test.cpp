@@ -3,8 +3,11 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdlib>
+#include <cstring>
 #include <map>
 #include <string>
+#include <vector>
 
 #include "renderer/backend/cuda/exports.h"
 #include "tests/unit/catch.h"
@@ -26,6 +29,7 @@ struct FakeDevice {
   bool is_pending = false;                // work is on its way
   bool was_unmapped_early = false;
   int virtual_memory = 1;
+  int streams = 0;  // and stages
 };
 FakeDevice* device = nullptr;
 
@@ -103,7 +107,10 @@ Result fill(DevicePointer at, unsigned char byte, std::size_t bytes, StreamHandl
 Driver fake_driver() {
   Driver driver;
   driver.set_context = [](ContextHandle) { return 0; };
-  driver.wait_for_stream = [](StreamHandle) { return Result(device->is_pending = false); };
+  driver.wait_for_stream = [](StreamHandle stream) {
+    if (!stream) device->is_pending = false;  // the one that renders
+    return 0;
+  };
   driver.trim_pool = [](PoolHandle, std::size_t) { return Result(device->cached = 0); };
   driver.device_attribute = [](int* value, int which, Device) {
     *value = which == 102 ? device->virtual_memory : 1;
@@ -117,6 +124,23 @@ Driver fake_driver() {
     std::ranges::fill_n(static_cast<u8*>(uuid), 16, u8(which));
     return 0;
   };
+  driver.create_stream = [](StreamHandle* stream, unsigned flags) {
+    *stream = reinterpret_cast<StreamHandle>(7);
+    return Result(flags != 1 || ++device->streams < 0);
+  };
+  driver.destroy_stream = [](StreamHandle) { return Result(--device->streams < 0); };
+  driver.allocate_pinned = [](void** at, std::size_t bytes, unsigned) {
+    ++device->streams;
+    return *at = std::malloc(bytes), 0;
+  };
+  driver.release_pinned = [](void* at) { return --device->streams, std::free(at), 0; };
+  driver.download = [](void* to, DevicePointer from, std::size_t bytes, StreamHandle stream) {
+    if (allowed("download") != 0) return kRefused;
+    REQUIRE(stream == reinterpret_cast<StreamHandle>(7));
+    return std::memcpy(to, reinterpret_cast<const void*>(from), bytes), 0;
+  };
+  driver.error_name = [](Result, const char** name) { return *name = "REFUSED", 0; };
+  driver.error_text = [](Result, const char** text) { return *text = "so be it", 0; };
   driver.create_memory = create_memory;
   driver.release_memory = release_memory;
   driver.export_memory = export_memory;
@@ -190,6 +214,25 @@ TEST_CASE("exports: memory that the pool keeps is had") {
   const auto source = *stage.source();
   stage.fake.cached = 1;
   CHECK(source->make(kStep));
+}
+
+TEST_CASE("exports: what another process has written is read back") {
+  Stage stage;
+  auto source = *stage.source();
+  auto memory = std::dynamic_pointer_cast<LentMemory>(source->make(10 * kStep));
+  REQUIRE(memory);
+  for (u64 i = 0; i < memory->bytes().size(); ++i) memory->bytes()[i] = std::byte(i * 7 % 251);
+  std::vector<std::byte> seen(9 * kStep + 5);  // more than the stage holds
+  REQUIRE(memory->read(3, seen));
+  CHECK(std::ranges::equal(seen, memory->bytes().subspan(3, seen.size())));
+  stage.fake.refuses = "download";
+  const Status refused = memory->read(0, seen);
+  REQUIRE_FALSE(refused);
+  CHECK(refused.error().code == Code::kUnavailable);
+  source.reset();
+  CHECK(stage.fake.streams == 2);
+  memory.reset();  // the last that reads
+  CHECK((stage.fake.streams == 0 && stage.kept() == 0));
 }
 
 TEST_CASE("exports: a device without virtual memory has none") {

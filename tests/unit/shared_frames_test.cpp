@@ -1,6 +1,7 @@
 // Leases of buffers: whose memory they are of, what ends them, what is never used again.
 #include <map>
 
+#include "renderer/engine/lent_memory.h"
 #include "server/shared_frames.h"
 #include "tests/unit/catch.h"
 
@@ -12,7 +13,7 @@ namespace {
 constexpr u64 kStep = 1 << 20;
 constexpr DeviceUuid kUuid{1, 2, 3};
 
-class FakeMemory final : public SharedMemory {
+class FakeMemory final : public LentMemory {
  public:
   FakeMemory(u64 bytes, i64& alive) : alive_(alive), bytes_(bytes) { ++alive_; }
   ~FakeMemory() override { --alive_; }
@@ -21,6 +22,10 @@ class FakeMemory final : public SharedMemory {
     return {reinterpret_cast<std::byte*>(kStep), bytes_};  // where the host cannot read
   }
   [[nodiscard]] const DeviceUuid* device() const override { return &kUuid; }
+  [[nodiscard]] Status read(u64 offset, std::span<std::byte> to) const override {
+    for (std::byte& byte : to) byte = std::byte(offset++);
+    return {};
+  }
 
  private:
   i64& alive_;
@@ -90,6 +95,40 @@ TEST_CASE("shared frames: what a call left is not used again") {
   CHECK(stage.gpu->alive == 1);
   stage.frames.abandon(7);
   CHECK((stage.gpu->alive == 0 && stage.told.empty() && stage.budget->used() == 0));
+}
+
+TEST_CASE("shared frames: what a client has written is read while it holds the buffer") {
+  Stage stage;
+  const auto lease = stage.frames.lease(kStep, 7, stage.gpu);
+  const auto read = [&](u64 generation, u64 offset, u64 size) {
+    return stage.frames.read(lease->buffer, generation, offset, size);
+  };
+  {
+    const auto bytes = read(lease->generation, 64, 3);
+    REQUIRE(bytes);
+    CHECK((*bytes)->bytes()[0] == std::byte(64));
+    CHECK(((*bytes)->bytes().size() == 3 && stage.budget->used() == kStep + 3));
+  }
+  CHECK(stage.budget->used() == kStep);
+  CHECK(read(lease->generation + 1, 0, 1).error().code == Code::kNotFound);
+  CHECK(read(lease->generation, kStep, 1).error().code == Code::kInvalidArgument);
+  CHECK(read(lease->generation, ~u64(0), 64).error().code == Code::kInvalidArgument);
+  CHECK(read(lease->generation, 64, ~u64(0)).error().code == Code::kInvalidArgument);
+  CHECK(stage.frames.read(99, lease->generation, 0, 1).error().code == Code::kNotFound);
+  stage.frames.give_back(lease->buffer, lease->generation);
+  CHECK(read(lease->generation, 0, 1).error().code == Code::kNotFound);
+}
+
+TEST_CASE("shared frames: a buffer that nobody can tell about is not used again") {
+  Stage stage;
+  const auto kept =
+      stage.frames.lease(kStep, 2, stage.gpu);  // its call has another buffer's number
+  const auto lost = stage.frames.lease(kStep, 3, stage.gpu);
+  REQUIRE((kept->buffer == 1 && lost->buffer == 2));
+  stage.frames.give_up(lost->buffer);
+  CHECK((stage.told.count(1) == 1 && stage.told.count(2) == 0));
+  stage.frames.give_up(99);
+  CHECK(stage.frames.used() == std::pair<u64, u32>(kStep, 1));
 }
 
 TEST_CASE("shared frames: without room there is no lease, on a device neither") {

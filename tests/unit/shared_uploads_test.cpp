@@ -97,3 +97,20 @@ TEST_CASE("shared uploads: what is wrong is told to the request that names it") 
   uploads.take(2, kText.size(), memory(kSeals));
   refused(uploads.use(ref(2, 8)), Code::kResourceExhausted, "");
 }
+
+TEST_CASE("shared uploads: what was lent is named again and again") {
+  SharedUploads uploads(room(1 << 20));
+  v1::BufferRef lent = ref(7, 3);
+  lent.set_generation(5);
+  refused(uploads.use(lent), Code::kNotFound, "buffer.buffer");
+  int reads = 0;
+  uploads.lend([&](const v1::BufferRef& named) -> Expected<BufferPtr> {
+    CHECK((named.buffer() == 7 && named.generation() == 5));
+    ++reads;
+    return std::make_shared<const Buffer>(nullptr, std::as_bytes(std::span(kText)).first(3));
+  });
+  CHECK(uploads.use(lent));
+  CHECK(uploads.use(lent));
+  CHECK(reads == 2);
+  refused(uploads.use(ref(7, 3)), Code::kNotFound, "buffer.buffer");  // an upload is no such one
+}

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ._connection import Connection
+from ._lent import GpuArray, Loan, Loans
 from ._proto import render_pb2 as render
 from ._proto import service_pb2 as service
 from ._proto import types_pb2 as types
@@ -129,6 +130,7 @@ class Store:
         self._connection = connection
         self._lock = threading.Lock()
         self._known: set[bytes] = set()
+        self._loans = Loans(connection)
         self._link: Any = None
 
     def asset(self, data: NdArray) -> types.Array:
@@ -152,6 +154,11 @@ class Store:
         request = service.UploadBlobRequest(request_id=message.upload)
         self._push(bytes_of(data), request)
         return message
+
+    def lent(self, data: GpuArray) -> tuple[types.Array, Loan]:
+        """An array on a GPU, which stays there; the message names it while the loan lives."""
+        place, loan = self._loans.put(data)
+        return types.Array(dtype=_WIRE[data.dtype], shape=data.shape, buffer=place), loan
 
     def blob(self, data: memoryview | bytes) -> bytes:
         """Uploads bytes unless the session has them; their SHA-256."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from . import _render
 from ._connection import Stream
+from ._lent import Loan
 from ._proto import service_pb2 as service
 from ._status import status_error
 from .components import whole_of
@@ -70,7 +71,7 @@ class _Batch:
         self.refused: list[Result] = []
         self._scene = scene
         self._jobs = iter(jobs)
-        self._open: dict[int, tuple[Job, _render.Assembly]] = {}
+        self._open: dict[int, tuple[Job, _render.Assembly, Loan | None]] = {}
         self._sent = 0
         for _ in range(credits):
             self.send_next(credits if self._sent == 0 else 0)
@@ -78,16 +79,18 @@ class _Batch:
     def send_next(self, credits: int) -> None:
         """Sends the next job that can be sent, or else the end."""
         for job in self._jobs:
+            loan = None
             try:
                 request = _render.make_request(self._scene, job.cameras, job.options)
                 if job.worlds is not None:
-                    job.worlds.put(request.worlds, self._scene.client.store, job.mask)
+                    loan = job.worlds.put(request.worlds, self._scene.client.store, job.mask)
             except HeliographError as error:
                 self.refused.append(Result(job.tag, error=error))
                 continue
             self._sent += 1
             shared = self._scene.client.connection.link.shared
-            self._open[self._sent] = job, _render.Assembly(_render.frame_count(request), shared)
+            assembly = _render.Assembly(_render.frame_count(request), shared)
+            self._open[self._sent] = job, assembly, loan
             self.outbox.put(
                 service.RenderBatchRequest(tag=self._sent, job=request, credits=credits)
             )
@@ -96,7 +99,7 @@ class _Batch:
 
     def take(self, reply: service.RenderBatchReply) -> Result | None:
         """The result of the item that this reply ends."""
-        job, assembly = self._open[reply.tag]
+        job, assembly, _ = self._open[reply.tag]
         if not reply.done:
             assembly.add_part(reply.part)
             return None

@@ -56,6 +56,8 @@ _FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "cuMemUnmap": (c_ulonglong, c_size_t),
     "cuMemSetAccess": (c_ulonglong, c_size_t, c_void_p, c_size_t),
     "cuMemcpyDtoH_v2": (c_void_p, c_ulonglong, c_size_t),
+    "cuMemcpyDtoDAsync_v2": (c_ulonglong, c_ulonglong, c_size_t, c_void_p),
+    "cuStreamSynchronize": (c_void_p,),
 }
 
 
@@ -152,6 +154,14 @@ class Device:
         to = (c_char * out.nbytes).from_buffer(out)
         with self.current() as driver:
             driver.call("cuMemcpyDtoH_v2", to, address, out.nbytes)
+
+    def copy(self, to: int, source: int, nbytes: int, stream: int | None) -> None:
+        """Copies on the GPU what work in a stream, or with None in any, writes there. Waits."""
+        with self.current() as driver:
+            if stream is None:
+                driver.call("cuCtxSynchronize")
+            driver.call("cuMemcpyDtoDAsync_v2", to, source, nbytes, stream)
+            driver.call("cuStreamSynchronize", stream)
 
 
 class Mapping:

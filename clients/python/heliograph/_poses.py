@@ -10,17 +10,20 @@ import numpy as np
 from ._arrays import NdArray
 from .errors import InvalidArgument
 from .handles import Entity, Group, Handle, flatten
-from .pose import matrices_of
+from .pose import packed_matrices
 
 if TYPE_CHECKING:
+    from ._lent import GpuArray
     from .edit import Edits
     from .scene import Scene
 
 
-def placed(edits: Edits, entities: Any, transforms: Any) -> tuple[list[Handle], NdArray, NdArray]:
+def placed(
+    edits: Edits, entities: Any, transforms: Any
+) -> tuple[list[Handle], NdArray, NdArray | GpuArray]:
     """(handles, ids, matrices): of entities that this transaction makes the handles; of others the
     ids, (N,) u64. A matrix for each, (N, 4, 4)."""
-    matrices = matrices_of(transforms)
+    matrices = packed_matrices(transforms)
     group = entities if isinstance(entities, Group) else None
     if group is not None and group._ids is not None:
         _check(len(group), len(matrices))

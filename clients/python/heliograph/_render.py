@@ -79,8 +79,9 @@ def render_worlds(
 ) -> WorldFrame:
     """One request; its one frame."""
     request = make_request(scene, cameras, options)
-    worlds.put(request.worlds, scene.client.store, mask)
+    loan = worlds.put(request.worlds, scene.client.store, mask)
     frame: WorldFrame = run(scene, request, options)[0]
+    del loan  # the daemon has read what it is of
     return frame
 
 

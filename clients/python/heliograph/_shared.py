@@ -111,6 +111,17 @@ class SharedFrames:
             os.close(fd)
         return types.BufferRef(buffer=number, size=data.nbytes)
 
+    def mapping(self, buffer: int) -> _cuda.Mapping:
+        """Where a buffer that the daemon lent lies here."""
+        found = self._map(buffer)
+        if not isinstance(found, _cuda.Mapping):
+            raise Internal("the daemon lent memory of the host")
+        return found
+
+    def give_back(self, place: types.BufferRef) -> None:
+        """Of a buffer that the daemon lent."""
+        self._send(_WORD.pack(place.buffer, place.generation))
+
     def _map(self, buffer: int) -> mmap.mmap | _cuda.Mapping:
         with self._lock:
             while buffer not in self._maps:

@@ -14,6 +14,7 @@ import numpy as np
 
 from . import _images, _patches, _poses, _volumes, assets, studio
 from ._arrays import NdArray
+from ._lent import GpuArray, Loan
 from ._proto import scene_pb2 as pb
 from ._proto import service_pb2 as service
 from ._proto import types_pb2 as types
@@ -33,7 +34,7 @@ from .handles import (
     flatten,
     give_ids,
 )
-from .pose import matrices_of
+from .pose import packed_matrices
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -61,6 +62,7 @@ class Edits:
         self._expected = expected_revision
         self._made: dict[int, Handle] = {}
         self._further: dict[int, Callable[[Sequence[int]], None]] = {}
+        self._loans: list[Loan] = []  # of its arrays on a GPU, while it may be sent
         self._open = True
 
     def __enter__(self) -> Edits:
@@ -112,9 +114,13 @@ class Edits:
         """An array that stays: large ones travel once, by hash."""
         return self.scene.client.store.asset(data)
 
-    def edited(self, data: NdArray) -> types.Array:
+    def edited(self, data: NdArray | GpuArray) -> types.Array:
         """An array that changes. An overlay is used more than once, an upload only once."""
         store = self.scene.client.store
+        if isinstance(data, GpuArray):
+            message, loan = store.lent(data)
+            self._loans.append(loan)
+            return message
         return store.edited(data) if self._publish else store.asset(data)
 
     def _add(self, target: Named | None, exist_ok: bool = True, update: bool = False) -> pb.Edit:
@@ -179,10 +185,10 @@ class Edits:
     ) -> Group:
         """Creates entities "<name>/0" .. that share everything but the pose.
 
-        transforms: (N, 4, 4), sent as one packed message.
+        transforms: (N, 4, 4), sent as one packed message; see set_transforms.
         """
         prototype = _patches.entity_message(self, _patches.labelled(components))
-        matrices = matrices_of(transforms)
+        matrices = packed_matrices(transforms)
         action = self._add(name).instances
         action.prototype.CopyFrom(prototype)
         action.matrices.CopyFrom(self.edited(matrices))
@@ -194,7 +200,10 @@ class Edits:
         return Group(made, name)
 
     def set_transforms(self, entities: Any, transforms: Any, *, teleport: bool = False) -> None:
-        """Sets the poses of N entities: a group, an asset, or a sequence; (N, 4, 4)."""
+        """Sets the poses of N entities: a group, an asset, or a sequence; (N, 4, 4).
+
+        An array on a GPU (PyTorch, CuPy, JAX) goes to the daemon's GPU without this process's host.
+        """
         made_here, ids, matrices = _poses.placed(self, entities, transforms)
         if made_here:
             for handle, matrix in zip(made_here, matrices):

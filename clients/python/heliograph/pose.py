@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ._arrays import NdArray, checked
+from ._lent import GpuArray, is_on_gpu
 from .errors import InvalidArgument
 
 
@@ -152,6 +153,13 @@ def matrix_of(pose: Any, field: str = "transform") -> NdArray:
             field=field,
         )
     return checked(pose, field, "<f4", (4, 4))
+
+
+def packed_matrices(poses: Any, field: str = "transforms") -> NdArray | GpuArray:
+    """matrices_of(), but an array on a GPU, (N, 4, 4) float32 or float64, stays there."""
+    if is_on_gpu(poses):
+        return GpuArray(poses, field, ("<f4", "<f8"), (None, 4, 4))
+    return matrices_of(poses, field)
 
 
 def matrices_of(poses: Any, field: str = "transforms") -> NdArray:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ._arrays import Columns, NdArray, Store, checked, from_message
+from ._lent import GpuArray, Loan, is_on_gpu
 from ._proto import render_pb2 as pb
 from ._proto import types_pb2 as types
 from .components import whole_of
@@ -34,7 +35,7 @@ class Worlds:
     def __init__(self, count: int, overlays: Sequence[Edits | None] = ()) -> None:
         self.count = whole_of(count, "count", 1)
         self._entities: list[types.Ref] = []
-        self._matrices: NdArray | None = None
+        self._matrices: NdArray | GpuArray | None = None
         self._teleport = False
         self._overlays: dict[int, Edits] = {}
         for i, overlay in enumerate(overlays):
@@ -46,9 +47,15 @@ class Worlds:
 
     def set_transforms(self, entities: Any, transforms: Any, *, teleport: bool = False) -> Worlds:
         """Sets the poses of M entities in each world: a group, an asset or a sequence of handles
-        and names; (N, M, 4, 4), sent as one packed message. A second call replaces the first."""
+        and names; (N, M, 4, 4), sent as one packed message. A second call replaces the first. An
+        array on a GPU goes to the daemon's GPU, as it is at each call, without this host."""
         listed = flatten(entities, "entities")
-        self._matrices = checked(transforms, "transforms", "<f4", (self.count, len(listed), 4, 4))
+        shape = (self.count, len(listed), 4, 4)
+        self._matrices = (
+            GpuArray(transforms, "transforms", ("<f4", "<f8"), shape)
+            if is_on_gpu(transforms)
+            else checked(transforms, "transforms", "<f4", shape)
+        )
         self._entities = [e.ref() if isinstance(e, Handle) else types.Ref(name=e) for e in listed]
         self._teleport = teleport
         return self
@@ -64,12 +71,18 @@ class Worlds:
     def __getitem__(self, world: int) -> Edits:
         return self._overlays[world]
 
-    def put(self, message: pb.Worlds, store: Store, mask: Any) -> None:
-        """Fills the message of one call; large arrays are handed over, each for one use."""
+    def put(self, message: pb.Worlds, store: Store, mask: Any) -> Loan | None:
+        """Fills the message of one call; large arrays are handed over, each for one use. The loan,
+        if there is one, must live until the call is over."""
+        loan = None
         message.count = self.count
         if self._matrices is not None and self._entities:
             message.poses.entities.extend(self._entities)
-            message.poses.matrices.CopyFrom(store.edited(self._matrices))
+            if isinstance(self._matrices, GpuArray):
+                matrices, loan = store.lent(self._matrices)
+            else:
+                matrices = store.edited(self._matrices)
+            message.poses.matrices.CopyFrom(matrices)
             message.poses.teleport = self._teleport
         for world in range(max(self._overlays, default=-1) + 1):
             overlay = message.overlays.add()
@@ -78,6 +91,7 @@ class Worlds:
         if mask is not None:
             given = checked(mask, "mask", "|u1", (self.count,))
             message.mask.CopyFrom(store.edited(given))
+        return loan
 
     def __repr__(self) -> str:
         return f"<Worlds: {self.count}, {len(self._overlays)} with overlays>"

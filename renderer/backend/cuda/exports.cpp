@@ -2,26 +2,29 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <bit>
+#include <cstring>
 
 namespace heliograph::cuda {
 namespace {
 
-constexpr int kPinned = 1;      // CU_MEM_ALLOCATION_TYPE_PINNED
-constexpr int kDescriptor = 1;  // CU_MEM_HANDLE_TYPE_POSIX_FILE_DESCRIPTOR
-constexpr int kOnDevice = 1;    // CU_MEM_LOCATION_TYPE_DEVICE
-constexpr int kReadWrite = 3;   // CU_MEM_ACCESS_FLAGS_PROT_READWRITE
-constexpr int kMinimum = 0;     // CU_MEM_ALLOC_GRANULARITY_MINIMUM
+constexpr int kPinned = 1;            // CU_MEM_ALLOCATION_TYPE_PINNED
+constexpr int kDescriptor = 1;        // CU_MEM_HANDLE_TYPE_POSIX_FILE_DESCRIPTOR
+constexpr int kOnDevice = 1;          // CU_MEM_LOCATION_TYPE_DEVICE
+constexpr int kReadWrite = 3;         // CU_MEM_ACCESS_FLAGS_PROT_READWRITE
+constexpr int kMinimum = 0;           // CU_MEM_ALLOC_GRANULARITY_MINIMUM
+constexpr unsigned kNonBlocking = 1;  // CU_STREAM_NON_BLOCKING
+constexpr u64 kStageBytes = 8 << 20;
 
 AllocationProperties properties_of(Device device) {
   return {.kind = kPinned, .handle_kinds = kDescriptor, .location = {kOnDevice, device}};
 }
 
-class ExportedMemory final : public SharedMemory {
+class ExportedMemory final : public LentMemory {
  public:
-  ExportedMemory(std::shared_ptr<const void> owner, const ExportDevice& device,
-                 const DeviceUuid& uuid)
-      : owner_(std::move(owner)), device_(device), uuid_(uuid) {}
+  explicit ExportedMemory(std::shared_ptr<ExportSource> source)
+      : source_(std::move(source)), device_(source_->parts()) {}
   ~ExportedMemory() override;
 
   /// False when the driver refuses.
@@ -30,15 +33,17 @@ class ExportedMemory final : public SharedMemory {
   [[nodiscard]] std::span<std::byte> bytes() const override {
     return {reinterpret_cast<std::byte*>(at_), bytes_};
   }
-  [[nodiscard]] const DeviceUuid* device() const override { return &uuid_; }
+  [[nodiscard]] const DeviceUuid* device() const override { return source_->device(); }
+  [[nodiscard]] Status read(u64 offset, std::span<std::byte> to) const override {
+    return source_->download(to, at_ + offset);
+  }
 
  private:
   [[nodiscard]] bool create();
   [[nodiscard]] bool map();
 
-  const std::shared_ptr<const void> owner_;
-  const ExportDevice device_;
-  const DeviceUuid uuid_;
+  const std::shared_ptr<ExportSource> source_;
+  const ExportDevice& device_;
   u64 bytes_ = 0;
   MemoryHandle handle_ = 0;
   bool has_handle_ = false, is_mapped_ = false;
@@ -69,9 +74,7 @@ bool ExportedMemory::map() {
   if (driver.export_memory(&fd_, handle_, kDescriptor, 0) != 0) return false;
   if (driver.reserve(&at_, bytes_, 0, 0, 0) != 0) return false;
   is_mapped_ = driver.map(at_, bytes_, 0, handle_, 0) == 0;
-  return is_mapped_ && driver.access(at_, bytes_, &access, 1) == 0 &&
-         driver.fill(at_, 0, bytes_, device_.stream) == 0 &&
-         driver.wait_for_stream(device_.stream) == 0;
+  return is_mapped_ && driver.access(at_, bytes_, &access, 1) == 0 && source_->zero(at_, bytes_);
 }
 
 /// What a job left behind may still write there.
@@ -101,7 +104,9 @@ Expected<std::shared_ptr<ExportSource>> ExportSource::create(std::shared_ptr<con
   const bool is_able = has(Attribute::kVirtualMemory) && has(Attribute::kDescriptors) &&
                        device.driver.granularity(&step, &properties, kMinimum) == 0 &&
                        std::has_single_bit(step) &&
-                       device.driver.device_uuid(source->uuid_.data(), device.device) == 0;
+                       device.driver.device_uuid(source->uuid_.data(), device.device) == 0 &&
+                       device.driver.create_stream(&source->stream_, kNonBlocking) == 0 &&
+                       device.driver.allocate_pinned(&source->stage_, kStageBytes, 0) == 0;
   if (!is_able)
     return fail(Code::kUnavailable, "backend",
                 "this GPU or its driver has no memory that other processes can map");
@@ -110,8 +115,35 @@ Expected<std::shared_ptr<ExportSource>> ExportSource::create(std::shared_ptr<con
 }
 
 std::shared_ptr<SharedMemory> ExportSource::make(u64 bytes) {
-  auto memory = std::make_shared<ExportedMemory>(owner_, device_, uuid_);
+  auto memory = std::make_shared<ExportedMemory>(shared_from_this());
   return memory->open(bytes) ? memory : nullptr;
+}
+
+ExportSource::~ExportSource() {
+  (void)device_.driver.set_context(device_.context);
+  if (stage_) (void)device_.driver.release_pinned(stage_);
+  if (stream_) (void)device_.driver.destroy_stream(stream_);
+}
+
+bool ExportSource::zero(DevicePointer at, u64 bytes) {
+  const std::lock_guard lock(mutex_);
+  return device_.driver.fill(at, 0, bytes, stream_) == 0 &&
+         device_.driver.wait_for_stream(stream_) == 0;
+}
+
+Status ExportSource::download(std::span<std::byte> to, DevicePointer from) {
+  const Driver& driver = device_.driver;
+  const std::lock_guard lock(mutex_);
+  Result result = driver.set_context(device_.context);
+  for (u64 begin = 0; begin < to.size() && result == 0; begin += kStageBytes) {
+    const u64 bytes = std::min(kStageBytes, to.size() - begin);
+    result = driver.download(stage_, from + begin, bytes, stream_);
+    if (result == 0) result = driver.wait_for_stream(stream_);
+    if (result == 0) std::memcpy(to.data() + begin, stage_, bytes);
+  }
+  if (result == 0) return {};
+  return fail(Code::kUnavailable, "",
+              "reading the GPU's memory failed: " + driver.describe(result));
 }
 
 }  // namespace heliograph::cuda

@@ -1,8 +1,10 @@
 // Device memory that other processes map by a descriptor. Given out by the backend.
 #pragma once
 
+#include <mutex>
+
 #include "renderer/backend/cuda/driver.h"
-#include "renderer/engine/shared_memory.h"
+#include "renderer/engine/lent_memory.h"
 
 namespace heliograph::cuda {
 
@@ -17,8 +19,10 @@ struct ExportDevice {
 
 /// Allocations of the driver's virtual memory management, each with a POSIX descriptor. A process
 /// that imports one maps the same memory, for as long as it likes.
-/// Thread: that of the device; what it made may be destroyed by any.
-class ExportSource final : public SharedMemorySource {
+/// Thread: any. Owns: a stream of its own, so that nothing here waits for what renders, and pinned
+/// memory.
+class ExportSource final : public SharedMemorySource,
+                           public std::enable_shared_from_this<ExportSource> {
  public:
   /// UNAVAILABLE where the device has no such memory.
   ///
@@ -26,9 +30,16 @@ class ExportSource final : public SharedMemorySource {
   [[nodiscard]] static Expected<std::shared_ptr<ExportSource>> create(
       std::shared_ptr<const void> owner, const ExportDevice& device);
 
+  ~ExportSource() override;
+
   [[nodiscard]] std::shared_ptr<SharedMemory> make(u64 bytes) override;
   [[nodiscard]] u64 step() const override { return step_; }
   [[nodiscard]] const DeviceUuid* device() const override { return &uuid_; }
+  [[nodiscard]] const ExportDevice& parts() const { return device_; }
+  /// Waits for the copy, not for what renders meanwhile. UNAVAILABLE.
+  [[nodiscard]] Status download(std::span<std::byte> to, DevicePointer from);
+  /// The same of zeros; false when the driver refuses.
+  [[nodiscard]] bool zero(DevicePointer at, u64 bytes);
 
  private:
   ExportSource(std::shared_ptr<const void> owner, const ExportDevice& device)
@@ -38,6 +49,9 @@ class ExportSource final : public SharedMemorySource {
   const ExportDevice device_;
   DeviceUuid uuid_{};
   u64 step_ = 0;
+  std::mutex mutex_;  // of the stream and what it writes to
+  StreamHandle stream_ = nullptr;
+  void* stage_ = nullptr;
 };
 
 }  // namespace heliograph::cuda
