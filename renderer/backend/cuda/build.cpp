@@ -91,7 +91,9 @@ kernels::MeshBvh view_of_mesh(const DeviceMemory& tree, const kernels::MeshView&
 Expected<TreeBuilder> TreeBuilder::create(std::shared_ptr<Context> context) {
   TreeBuilder builder(std::move(context));
   for (const auto& [name, program] :
-       {std::pair{"build_boxes", &builder.boxes_}, std::pair{"build_keys", &builder.keys_},
+       {std::pair{"build_boxes", &builder.boxes_},
+        std::pair{"build_triangle_boxes", &builder.triangle_boxes_},
+        std::pair{"build_triangles", &builder.triangles_}, std::pair{"build_keys", &builder.keys_},
         std::pair{"build_leaves", &builder.leaves_},
         std::pair{"build_clusters", &builder.clusters_}, std::pair{"build_level", &builder.level_},
         std::pair{"build_items", &builder.items_}, std::pair{"sort_count", &builder.count_},
