@@ -16,14 +16,17 @@ def write(folder, text: str) -> str:
 
 
 def refusal(path: str, *flags: str) -> str:
-    result = subprocess.run([DAEMON, "--config", path, *flags], capture_output=True, text=True,
-                            timeout=20)
+    result = subprocess.run(
+        [DAEMON, "--config", path, *flags], capture_output=True, text=True, timeout=20
+    )
     assert result.returncode == 64, result.stderr
     return result.stderr
 
 
 def test_a_file_sets_flags_and_limits(start, tmp_path):
-    path = write(tmp_path, """
+    path = write(
+        tmp_path,
+        """
 # what this daemon is for
 threads = 1
 grace = 0.25
@@ -34,7 +37,8 @@ listen = ["127.0.0.1:0", "127.0.0.1:0"]
 [limits]
 jobs = 7
 scenes = 9
-""")
+""",
+    )
     daemon = start("--config", path)
     client = Client(daemon)
     info = client.call("GetServerInfo")
@@ -58,23 +62,26 @@ def test_flags_go_before_the_file(start, tmp_path):
     client.close()
 
 
-@pytest.mark.parametrize(("text", "named"), [
-    ("treads = 1", "'treads'"),
-    ("[limits]\njbos = 1", "'jbos'"),
-    ("[limts]\njobs = 1", "'limts.jobs'"),
-    ("jobs = 1", "'jobs'"),
-    ("[limits]\njobs = 0", "jobs needs a number above 0, not '0'"),
-    ("[limits]\njobs = \"many\"", "jobs needs a number above 0, not 'many'"),
-    ("threads = \"many\"", "threads"),
-    ("threads = 1\nthreads = 2", "--threads"),
-    ("threads = 1\ngrace = 1\nthreads = 2", "'threads' is set twice"),
-    ("[limits]\njobs = 1\njobs = 2", "'limits.jobs' is set twice"),
-    ("backend = \"nope\"", "--backend"),
-    ("grace = -1", "--grace"),
-    ("limit = \"jobs=1\"", "'limit'"),
-    ("probe = \"live\"", "'probe'"),
-    ("this is no toml", "this is no toml"),
-])
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("treads = 1", "'treads'"),
+        ("[limits]\njbos = 1", "'jbos'"),
+        ("[limts]\njobs = 1", "'limts.jobs'"),
+        ("jobs = 1", "'jobs'"),
+        ("[limits]\njobs = 0", "jobs needs a number above 0, not '0'"),
+        ('[limits]\njobs = "many"', "jobs needs a number above 0, not 'many'"),
+        ('threads = "many"', "threads"),
+        ("threads = 1\nthreads = 2", "--threads"),
+        ("threads = 1\ngrace = 1\nthreads = 2", "'threads' is set twice"),
+        ("[limits]\njobs = 1\njobs = 2", "'limits.jobs' is set twice"),
+        ('backend = "nope"', "--backend"),
+        ("grace = -1", "--grace"),
+        ('limit = "jobs=1"', "'limit'"),
+        ('probe = "live"', "'probe'"),
+        ("this is no toml", "this is no toml"),
+    ],
+)
 def test_a_wrong_file_is_refused_and_the_key_named(tmp_path, text, named):
     assert named in refusal(write(tmp_path, text))
 
@@ -86,13 +93,28 @@ def test_a_file_that_is_not_there_is_refused(tmp_path):
 
 def test_every_flag_and_limit_can_stand_in_the_file(tmp_path):
     """--help's names, each with a value of its kind; the last line is wrong, so that it ends."""
-    help_text = subprocess.run([DAEMON, "--help"], capture_output=True, text=True,
-                               check=True).stdout
+    help_text = subprocess.run(
+        [DAEMON, "--help"], capture_output=True, text=True, check=True
+    ).stdout
     flags, limits = help_text.split("Limits (--limit NAME=VALUE):")
-    values = {"threads": "1", "grace": "1", "drain": "1", "owner-pidfd": "-1", "ready-fd": "-1",
-              "listen": '["127.0.0.1:0"]', "log-level": '"error"', "backend": '"embree"',
-              "socket-group": '"0"', "log-json": "true", "reflection": "true", "private": "false",
-              "insecure-i-know": "false", "tenants": '""', "tls-client-ca": '""'}
+    values = {
+        "threads": "1",
+        "devices": "1",
+        "grace": "1",
+        "drain": "1",
+        "owner-pidfd": "-1",
+        "ready-fd": "-1",
+        "listen": '["127.0.0.1:0"]',
+        "log-level": '"error"',
+        "backend": '"embree"',
+        "socket-group": '"0"',
+        "log-json": "true",
+        "reflection": "true",
+        "private": "false",
+        "insecure-i-know": "false",
+        "tenants": '""',
+        "tls-client-ca": '""',
+    }
     lines = []
     for line in flags.splitlines():
         name = line.strip().split(" ")[0].split(",")[-1].removeprefix("--")
