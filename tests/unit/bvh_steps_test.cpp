@@ -279,7 +279,8 @@ TEST_CASE("bvh steps: rays visit few more nodes than in the host's tree") {
     SECTION(fmt::format("{} on a grid", count)) {
       const Balls balls(count, [&](u32 i, vec3& at, vec3& size) {
         const u32 s = u32(std::ceil(side));
-        at = vec3(float(i % s), float(i / s % s), float(i / (s * s))) - half;
+        const uvec3 cell(i % s, i / s % s, i / (s * s));
+        at = vec3(cell) - half;
         size = vec3(0.35f);
       });
       CHECK(relative_steps(balls, half) < 1.3);
