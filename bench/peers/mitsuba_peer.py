@@ -18,19 +18,15 @@ class Mitsuba:
         import mitsuba as mi
 
         mi.set_variant(a.variant)
-        self.mi, self.jit = mi, "llvm" in a.variant
-        self.version = f"mitsuba {mi.__version__} {a.variant}"
-        if self.jit:
-            import drjit as dr
+        import drjit as dr
 
-            dr.set_thread_count(a.threads)
+        self.mi, self.jit = mi, "scalar" not in a.variant
+        self.version = f"mitsuba {mi.__version__} {a.variant}"
+        dr.set_thread_count(a.threads)
+        if "llvm" in a.variant:
             self.version += (
                 f" LLVM {os.path.basename(os.environ.get('DRJIT_LIBLLVM_PATH', 'default'))}"
             )
-        else:
-            import drjit as dr
-
-            dr.set_thread_count(a.threads)
         self.doc = doc
 
         def path(f):
@@ -144,10 +140,11 @@ class Mitsuba:
         self.params = mi.traverse(self.scene)
         self.frozen = {} if self.jit and not a.no_freeze else None
 
-    def image(self, size, spp, seed):
+    def start(self, size, spp, seed):
+        """A picture that may still be on its way."""
         mi, sensor = self.mi, self.sensor[size]
         if self.frozen is None:
-            return np.array(mi.render(self.scene, sensor=sensor, spp=spp, seed=seed))[..., :3]
+            return mi.render(self.scene, sensor=sensor, spp=spp, seed=seed)
         f = self.frozen.get((size, spp))
         if f is None:  # record once, replay without tracing: its fastest way to redraw
             import drjit as dr
@@ -155,7 +152,10 @@ class Mitsuba:
             f = self.frozen[size, spp] = dr.freeze(
                 lambda scene, seed: mi.render(scene, sensor=sensor, spp=spp, seed=seed)
             )
-        return np.array(f(self.scene, mi.UInt32(seed)))[..., :3]
+        return f(self.scene, mi.UInt32(seed))
+
+    def image(self, size, spp, seed):
+        return np.array(self.start(size, spp, seed))[..., :3]
 
     render = image
 
