@@ -98,8 +98,9 @@ struct Config {
   bool is_private = false;
   int owner_pidfd = -1;
   int ready_fd = -1;
-  u32 threads = 0;  // 0: all
-  u32 devices = 0;  // 0: all
+  u32 threads = 0;        // 0: all
+  u32 devices = 0;        // 0: all
+  u64 device_memory = 0;  // bytes of each; 0: nine tenths of what is free
   std::string backend = "embree";
   std::string denoiser = "libOpenImageDenoise.so.2";
   std::string asset_root;      // "": server_path is refused

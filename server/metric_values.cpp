@@ -44,6 +44,11 @@ void add_engine(const Engine& engine, std::vector<MetricValue>& all) {
                  double(engine.uploaded_bytes()),
                  {},
                  true});
+  const MemoryUse memory = engine.memory();
+  all.push_back(
+      {"heliograph_device_memory_bytes", "Bytes of GPUs' memory in use", double(memory.used)});
+  all.push_back({"heliograph_device_memory_budget_bytes", "Bytes of GPUs' memory that may be",
+                 double(memory.budget)});
   all.push_back({"heliograph_device_still_seconds", "How long the present slice has taken",
                  load.still_seconds});
   all.push_back({"heliograph_device_losses_total",

@@ -64,6 +64,12 @@ struct Noise {
   std::vector<float> tiles;
 };
 
+/// Bytes of a device's own memory. Zeros: it works in the host's.
+struct MemoryUse {
+  u64 used = 0;
+  u64 budget = 0;
+};
+
 /// An accumulating image of one Shot.
 class Film {
  public:
@@ -127,6 +133,8 @@ class Backend {
   /// Bytes copied to the device since it was opened; 0: it works in the host's memory.
   /// Thread: any.
   [[nodiscard]] virtual u64 uploaded_bytes() const { return 0; }
+  /// Thread: any.
+  [[nodiscard]] virtual MemoryUse memory() const { return {}; }
   /// Whether the device is gone for good, so that every call fails. What it made may then only be
   /// destroyed.
   [[nodiscard]] virtual bool is_lost() const { return false; }
@@ -137,6 +145,7 @@ struct BackendOptions {
   u32 threads = 0;                   // 0: all
   u64 cache_bytes = 4ull << 30;      // of scenes and derived data nobody uses
   u64 static_triangles = 4'000'000;  // of static entities, traced as one mesh
+  u64 memory_bytes = 0;              // of a device's own memory; 0: most of what is free there
 };
 
 /// Names: "embree". The only function that knows backends.

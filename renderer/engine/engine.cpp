@@ -349,6 +349,15 @@ u64 Engine::uploaded_bytes() const {
   for (const auto& backend : impl_->backends()) bytes += backend->uploaded_bytes();
   return bytes;
 }
+MemoryUse Engine::memory() const {
+  MemoryUse all;
+  for (const auto& backend : impl_->backends()) {
+    const MemoryUse one = backend->memory();
+    all.used += one.used;
+    all.budget += one.budget;
+  }
+  return all;
+}
 Load Engine::load() const { return impl_->load(); }
 std::shared_ptr<SharedMemorySource> Engine::shared_memory() const {
   return impl_->backends().front()->shared_memory();

@@ -17,7 +17,7 @@ using namespace heliograph::cuda;
 
 namespace {
 
-constexpr Result kOutOfMemory = 2, kRefused = 1;
+constexpr Result kRefused = 1;
 constexpr u64 kStep = 2 << 20;
 
 struct FakeDevice {
@@ -112,6 +112,7 @@ Driver fake_driver() {
     return 0;
   };
   driver.trim_pool = [](PoolHandle, std::size_t) { return Result(device->cached = 0); };
+  driver.pool_value = [](PoolHandle, int, void* value) { return *static_cast<u64*>(value) = 0, 0; };
   driver.device_attribute = [](int* value, int which, Device) {
     *value = which == 102 ? device->virtual_memory : 1;
     return 0;
@@ -157,8 +158,12 @@ struct Stage {
   Stage() { device = &fake; }
   FakeDevice fake;
   Driver driver = fake_driver();
-  [[nodiscard]] auto source() const {
-    return ExportSource::create(nullptr, {.driver = driver, .device = 3});
+  Pool pool{driver};
+  Tenure tenure;
+  [[nodiscard]] auto source(u64 budget = 1 << 30) {
+    pool.budget().set_bytes(budget);
+    return ExportSource::create(
+        nullptr, {.driver = driver, .pool = pool, .tenure = tenure, .device = 3});
   }
   [[nodiscard]] std::size_t kept() const {
     return fake.handles.size() + fake.reserved.size() + fake.mapped.size();
@@ -204,6 +209,7 @@ TEST_CASE("exports: what the driver refuses half way is given back") {
     INFO(name);
     CHECK_FALSE(source->make(kStep));
     CHECK(stage.kept() == 0);
+    CHECK(stage.pool.budget().used() == 0);
   }
   stage.fake.refuses.clear();
   CHECK(source->make(kStep));
@@ -214,6 +220,38 @@ TEST_CASE("exports: memory that the pool keeps is had") {
   const auto source = *stage.source();
   stage.fake.cached = 1;
   CHECK(source->make(kStep));
+}
+
+TEST_CASE("exports: they are of the device's budget, and the driver is not asked beyond it") {
+  Stage stage;
+  const auto source = *stage.source(4 * kStep);
+  bool is_given_up = false;
+  stage.pool.budget().set_give_up([&] { return !std::exchange(is_given_up, true); });
+  const auto first = source->make(3 * kStep);
+  REQUIRE(first);
+  CHECK_FALSE(is_given_up);
+  CHECK(stage.pool.budget().used() == 3 * kStep);
+  CHECK_FALSE(source->make(2 * kStep));
+  CHECK(is_given_up);
+  CHECK(stage.fake.handles.size() == 1);
+  CHECK(source->make(kStep));
+}
+
+TEST_CASE("exports: when the context is gone they are given back without it") {
+  Stage stage;
+  auto source = *stage.source();
+  auto memory = std::dynamic_pointer_cast<LentMemory>(source->make(kStep));
+  REQUIRE(memory);
+  stage.tenure.end();
+  stage.fake.is_pending = true;  // its streams are no more: nobody may wait for one
+  CHECK_FALSE(source->make(kStep));
+  std::vector<std::byte> seen(1);
+  CHECK(memory->read(0, seen).error().code == Code::kUnavailable);
+  memory.reset();
+  CHECK((stage.kept() == 0 && stage.fake.is_pending));
+  CHECK(stage.pool.budget().used() == 0);
+  source.reset();
+  CHECK(stage.fake.streams == 2);  // the context's own
 }
 
 TEST_CASE("exports: what another process has written is read back") {

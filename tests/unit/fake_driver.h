@@ -11,6 +11,11 @@ namespace heliograph::test {
 
 /// Allocations that are not freed yet.
 inline u64 fake_allocations = 0;
+/// What the pool keeps: bytes that were asked for, until it is trimmed.
+inline u64 fake_reserved = 0;
+inline u64 fake_trims = 0;
+/// Allocations that are out of memory from now on.
+inline u64 fake_failures = 0;
 
 inline cuda::Driver fake_driver() {
   using namespace cuda;
@@ -25,9 +30,21 @@ inline cuda::Driver fake_driver() {
   d.memory_info = [](std::size_t* free, std::size_t* all) { return *free = *all = 1u << 30, 0; };
   d.default_pool = [](PoolHandle*, Device) { return 0; };
   d.set_pool = [](PoolHandle, int, void*) { return 0; };
-  d.trim_pool = [](PoolHandle, std::size_t) { return 0; };
+  d.trim_pool = [](PoolHandle, std::size_t) {
+    ++fake_trims;
+    return Result(fake_reserved = 0);
+  };
+  d.pool_value = [](PoolHandle, int which, void* value) {
+    *static_cast<u64*>(value) = fake_reserved;
+    return Result(which != 5);
+  };
   d.allocate = [](DevicePointer* at, std::size_t bytes, StreamHandle) {
+    if (fake_failures > 0) {
+      --fake_failures;
+      return 2;
+    }
     ++fake_allocations;
+    fake_reserved += bytes;
     return *at = DevicePointer(std::malloc(bytes)), 0;
   };
   d.release = [](DevicePointer at, StreamHandle) {

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <limits>
 
 #include "renderer/backend/cuda/programs.h"
 #include "renderer/resident/parallel.h"
@@ -12,8 +11,6 @@
 namespace heliograph::cuda {
 namespace {
 
-constexpr Result kOutOfMemory = 2;
-constexpr int kReleaseThreshold = 4;   // CU_MEMPOOL_ATTR_RELEASE_THRESHOLD
 constexpr unsigned kNonBlocking = 1;   // CU_STREAM_NON_BLOCKING
 constexpr unsigned kScheduleAuto = 0;  // CU_CTX_SCHED_AUTO: waits spin where there are cores
 constexpr unsigned kNoTiming = 2;      // CU_EVENT_DISABLE_TIMING
@@ -23,16 +20,16 @@ constexpr u64 kCopyGrain = 256 << 10;  // bytes of a thread's share
 }  // namespace
 
 DeviceMemory::~DeviceMemory() {
-  if (at_) context_->release(at_);
+  if (at_) context_->release(*this);
 }
 
-Expected<std::shared_ptr<Context>> Context::create(const Driver& driver, int index) {
+Expected<std::shared_ptr<Context>> Context::create(const Driver& driver, int index, u64 budget) {
   std::shared_ptr<Context> context(new Context(driver));
-  HELIO_TRY(context->open(index));
+  HELIO_TRY(context->open(index, budget));
   return context;
 }
 
-Status Context::open(int index) {
+Status Context::open(int index, u64 budget) {
   int devices = 0;
   HELIO_TRY(check(driver_.device_count(&devices), "counting GPUs"));
   if (index >= devices)
@@ -50,17 +47,20 @@ Status Context::open(int index) {
       fmt::format("{} sm_{}{}", name, attribute(Attribute::kMajor), attribute(Attribute::kMinor));
   processors_ = u32(attribute(Attribute::kProcessors));
   HELIO_TRY(check(driver_.create_context(&context_, kScheduleAuto, device_), "making a context"));
-  std::size_t free = 0, total = 0;
-  HELIO_TRY(check(driver_.memory_info(&free, &total), "asking for the GPU's memory"));
-  memory_bytes_ = total;
   HELIO_TRY(check(driver_.create_stream(&stream_, kNonBlocking), "making a stream"));
-  HELIO_TRY(check(driver_.default_pool(&pool_, device_), "opening the memory pool"));
+  HELIO_TRY(check(pool_.open({device_, context_, stream_}), "opening the memory pool"));
   for (Stage& stage : stages_) {
     HELIO_TRY(check(driver_.allocate_pinned(&stage.memory, kStageBytes, 0), "a copy's memory"));
     HELIO_TRY(check(driver_.create_event(&stage.written, kNoTiming), "making an event"));
   }
-  u64 keep = std::numeric_limits<u64>::max();
-  HELIO_TRY(check(driver_.set_pool(pool_, kReleaseThreshold, &keep), "setting the memory pool"));
+  HELIO_TRY(load_programs());
+  std::size_t free = 0, total = 0;
+  HELIO_TRY(check(driver_.memory_info(&free, &total), "asking for the GPU's memory"));
+  pool_.budget().set_bytes(budget > 0 ? budget : free / 10 * 9);
+  return {};
+}
+
+Status Context::load_programs() {
   for (const std::byte* program : programs()) {
     ModuleHandle module = nullptr;
     HELIO_TRY(check(driver_.load_module(&module, program), "loading the GPU programs"));
@@ -95,16 +95,16 @@ Status Context::check(Result result, const char* what) const {
 Status Context::enter() const { return check(driver_.set_context(context_), "entering the GPU"); }
 
 Expected<DeviceMemory> Context::allocate(u64 bytes) {
-  DevicePointer at = 0;
   if (bytes == 0) return DeviceMemory();
-  Result result = driver_.allocate(&at, bytes, stream_);
-  if (result == kOutOfMemory) {
-    HELIO_TRY(wait());
-    (void)driver_.trim_pool(pool_, 0);
-    result = driver_.allocate(&at, bytes, stream_);
-  }
-  HELIO_TRY(check(result, "a buffer"));
-  return DeviceMemory(shared_from_this(), at, bytes);
+  HELIO_TRY(pool_.take(bytes));
+  DevicePointer at = 0;
+  const Result result = pool_.allocate(&at, bytes);
+  if (result == 0) return DeviceMemory(shared_from_this(), at, bytes);
+  pool_.give_back(bytes);
+  std::size_t free = 0, total = 0;
+  if (result == kOutOfMemory && driver_.memory_info(&free, &total) == 0)
+    return std::unexpected(no_device_memory(bytes, free));
+  return std::unexpected(check(result, "a buffer").error());
 }
 
 Expected<DeviceMemory> Context::zeroed(u64 bytes) {
@@ -113,11 +113,7 @@ Expected<DeviceMemory> Context::zeroed(u64 bytes) {
   return memory;
 }
 
-void Context::release(DevicePointer at) {
-  if (is_lost()) return;  // its memory goes with the context
-  (void)driver_.set_context(context_);
-  (void)driver_.release(at, stream_);
-}
+void Context::release(const DeviceMemory& memory) { pool_.release(memory.at(), memory.bytes()); }
 
 Status Context::upload(DevicePointer to, std::span<const std::byte> from) {
   if (from.empty()) return {};

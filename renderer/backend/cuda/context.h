@@ -19,6 +19,7 @@ class Context;
 class DeviceMemory {
  public:
   DeviceMemory() = default;
+  /// bytes   that were taken from the context's pool
   DeviceMemory(std::shared_ptr<Context> context, DevicePointer at, u64 bytes)
       : context_(std::move(context)), at_(at), bytes_(bytes) {}
   DeviceMemory(DeviceMemory&& other) noexcept { swap(other); }
@@ -58,18 +59,24 @@ struct LaunchSize {
 };
 
 /// Work goes to the device in the order of the calls; those that say so wait for it. Errors:
-/// RESOURCE_EXHAUSTED without memory; everything else is UNAVAILABLE, and the context is lost.
+/// RESOURCE_EXHAUSTED without memory, which costs nothing but the call; everything else is
+/// UNAVAILABLE, and the context is lost.
 /// Thread: that of the device, but for DeviceMemory.
 class Context : public std::enable_shared_from_this<Context> {
  public:
-  /// index   of the device, as the driver counts. Fails with UNAVAILABLE.
-  [[nodiscard]] static Expected<std::shared_ptr<Context>> create(const Driver& driver, int index);
+  /// Fails with UNAVAILABLE.
+  ///
+  /// index    of the device, as the driver counts
+  /// budget   bytes of its memory; 0: nine tenths of what is free when the programs are loaded
+  [[nodiscard]] static Expected<std::shared_ptr<Context>> create(const Driver& driver, int index,
+                                                                 u64 budget = 0);
   ~Context();
   Context(const Context&) = delete;
   Context& operator=(const Context&) = delete;
 
   /// Makes this the calling thread's context.
   [[nodiscard]] Status enter() const;
+  /// Within the budget. RESOURCE_EXHAUSTED says what is needed and what there is.
   [[nodiscard]] Expected<DeviceMemory> allocate(u64 bytes);
   [[nodiscard]] Expected<DeviceMemory> zeroed(u64 bytes);
   /// The bytes may change as soon as it returns.
@@ -87,12 +94,13 @@ class Context : public std::enable_shared_from_this<Context> {
 
   [[nodiscard]] const std::string& name() const { return name_; }
   [[nodiscard]] u32 processors() const { return processors_; }
-  [[nodiscard]] u64 memory_bytes() const { return memory_bytes_; }
+  [[nodiscard]] MemoryBudget& budget() { return pool_.budget(); }
+  [[nodiscard]] const MemoryBudget& budget() const { return pool_.budget(); }
   /// Of all uploads so far. Thread: any.
   [[nodiscard]] u64 uploaded_bytes() const { return uploaded_.load(std::memory_order_relaxed); }
   [[nodiscard]] bool is_lost() const { return lost_.load(std::memory_order_relaxed); }
-  [[nodiscard]] ExportDevice export_device() const {
-    return {driver_, device_, context_, stream_, pool_};
+  [[nodiscard]] ExportDevice export_device() {
+    return {driver_, pool_, tenure_, device_, context_, stream_};
   }
   /// Blocks of so many threads that one processor runs at once.
   [[nodiscard]] u32 resident_blocks(FunctionHandle program, u32 threads) const;
@@ -100,9 +108,10 @@ class Context : public std::enable_shared_from_this<Context> {
  private:
   friend class DeviceMemory;
   explicit Context(const Driver& driver) : driver_(driver) {}
-  [[nodiscard]] Status open(int index);
+  [[nodiscard]] Status open(int index, u64 budget);
+  [[nodiscard]] Status load_programs();
   [[nodiscard]] Status check(Result result, const char* what) const;
-  void release(DevicePointer at);
+  void release(const DeviceMemory& memory);
 
   /// Memory that the device writes by itself, from where downloads are copied on.
   struct Stage {
@@ -118,10 +127,10 @@ class Context : public std::enable_shared_from_this<Context> {
   StreamHandle stream_ = nullptr;
   std::vector<ModuleHandle> modules_;
   std::array<Stage, 2> stages_;
-  PoolHandle pool_ = nullptr;
+  Pool pool_{driver_};
+  Tenure tenure_;
   std::string name_;
   u32 processors_ = 0;
-  u64 memory_bytes_ = 0;
   std::atomic<u64> uploaded_{0};
   mutable std::atomic<bool> lost_{false};
 };

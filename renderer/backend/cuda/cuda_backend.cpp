@@ -4,10 +4,9 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-
 #include "renderer/backend/cuda/film.h"
 #include "renderer/backend/cuda/programs.h"
+#include "renderer/backend/cuda/recent.h"
 #include "renderer/bvh/accelerator.h"
 #include "renderer/bvh/host_tracer.h"
 #include "renderer/host/labels.h"
@@ -36,7 +35,12 @@ class CudaBackend final : public Backend {
         mirror_(context_),
         cache_(options.cache_bytes),
         store_(accelerator_, cache_, options.cache_bytes),
-        arena_(options.threads ? int(options.threads) : tbb::task_arena::automatic) {}
+        arena_(options.threads ? int(options.threads) : tbb::task_arena::automatic) {
+    context_->budget().set_give_up([recent = std::weak_ptr(recent_)] {
+      const auto kept = recent.lock();
+      return kept && kept->drop_unused();
+    });
+  }
 
   [[nodiscard]] std::string_view name() const override { return "cuda"; }
   [[nodiscard]] std::string cpu_features() const override { return context_->name(); }
@@ -63,6 +67,9 @@ class CudaBackend final : public Backend {
                                             const Interrupt& interrupt) override;
   [[nodiscard]] u64 derived_bytes() const override { return cache_.bytes() + store_.bytes(); }
   [[nodiscard]] u64 uploaded_bytes() const override { return context_->uploaded_bytes(); }
+  [[nodiscard]] MemoryUse memory() const override {
+    return {context_->budget().used(), context_->budget().bytes()};
+  }
   [[nodiscard]] bool is_lost() const override { return context_->is_lost(); }
   [[nodiscard]] std::shared_ptr<SharedMemorySource> shared_memory() const override {
     return exports_;
@@ -81,21 +88,17 @@ class CudaBackend final : public Backend {
   const bvh::BvhAccelerator accelerator_;
   SceneStore store_;
   tbb::task_arena arena_;
-  std::vector<std::shared_ptr<const CudaScene>> recent_;  // the last is the latest
+  /// Of the budget, too, which outlives this while a client has a frame.
+  const std::shared_ptr<Recent<CudaScene>> recent_ =
+      std::make_shared<Recent<CudaScene>>(kScenesKept);
 };
 
 Expected<std::shared_ptr<const CudaScene>> CudaBackend::copy_of(
     const std::shared_ptr<const ResidentScene>& scene) {
-  const auto known =
-      std::ranges::find_if(recent_, [&](const auto& copy) { return copy->host() == scene; });
-  if (known != recent_.end()) {
-    std::rotate(known, known + 1, recent_.end());
-    return recent_.back();
-  }
+  if (auto known = recent_->find([&](const CudaScene& copy) { return copy.host() == scene; }))
+    return known;
   auto made = CudaScene::create(scene, mirror_, builder_);
-  if (!made) return made;
-  if (recent_.size() == kScenesKept) recent_.erase(recent_.begin());
-  recent_.push_back(*made);
+  if (made) recent_->keep(*made);
   return made;
 }
 
@@ -156,7 +159,7 @@ Expected<std::unique_ptr<Backend>> make_cuda_backend(const BackendOptions& optio
         "the preset cuda");
   const auto driver = load_driver();
   if (!driver) return std::unexpected(driver.error());
-  auto context = Context::create(*driver, int(options.index));
+  auto context = Context::create(*driver, int(options.index), options.memory_bytes);
   if (!context) return std::unexpected(std::move(context).error());
   const auto programs = Programs::find(**context);
   if (!programs) return std::unexpected(programs.error());

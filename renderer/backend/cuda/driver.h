@@ -54,6 +54,7 @@ struct AccessDescription {
   F(memory_info, cuMemGetInfo_v2, std::size_t*, std::size_t*)                                     \
   F(default_pool, cuDeviceGetDefaultMemPool, PoolHandle*, Device)                                 \
   F(set_pool, cuMemPoolSetAttribute, PoolHandle, int, void*)                                      \
+  F(pool_value, cuMemPoolGetAttribute, PoolHandle, int, void*)                                    \
   F(trim_pool, cuMemPoolTrimTo, PoolHandle, std::size_t)                                          \
   F(allocate, cuMemAllocAsync, DevicePointer*, std::size_t, StreamHandle)                         \
   F(release, cuMemFreeAsync, DevicePointer, StreamHandle)                                         \

@@ -46,17 +46,21 @@ class ExportedMemory final : public LentMemory {
   const ExportDevice& device_;
   u64 bytes_ = 0;
   MemoryHandle handle_ = 0;
-  bool has_handle_ = false, is_mapped_ = false;
+  bool is_taken_ = false, has_handle_ = false, is_mapped_ = false;
   int fd_ = -1;
   DevicePointer at_ = 0;
 };
 
 bool ExportedMemory::open(u64 bytes) {
+  const auto held = device_.tenure.hold();
+  if (!held) return false;
   bytes_ = bytes;
   (void)device_.driver.set_context(device_.context);
-  if (!create()) {
-    (void)device_.driver.wait_for_stream(device_.stream);
-    (void)device_.driver.trim_pool(device_.pool, 0);
+  is_taken_ = device_.pool.take(bytes).has_value();
+  if (!is_taken_) return false;
+  if (!create()) {  // others have memory of the device, too
+    device_.pool.budget().give_up();
+    device_.pool.trim();
     if (!create()) return false;
   }
   return map();
@@ -77,17 +81,19 @@ bool ExportedMemory::map() {
   return is_mapped_ && driver.access(at_, bytes_, &access, 1) == 0 && source_->zero(at_, bytes_);
 }
 
-/// What a job left behind may still write there.
+/// What a job left behind may still write there. Mappings and what is mapped belong to no context.
 ExportedMemory::~ExportedMemory() {
   const Driver& driver = device_.driver;
-  (void)driver.set_context(device_.context);
-  if (is_mapped_) {
-    (void)driver.wait_for_stream(device_.stream);
-    (void)driver.unmap(at_, bytes_);
+  {
+    const auto held = device_.tenure.hold();
+    (void)driver.set_context(held ? device_.context : nullptr);
+    if (held && is_mapped_) (void)driver.wait_for_stream(device_.stream);
   }
+  if (is_mapped_) (void)driver.unmap(at_, bytes_);
   if (at_) (void)driver.unreserve(at_, bytes_);
   if (fd_ >= 0) ::close(fd_);
   if (has_handle_) (void)driver.release_memory(handle_);
+  if (is_taken_) device_.pool.give_back(bytes_);
 }
 
 }  // namespace
@@ -120,6 +126,8 @@ std::shared_ptr<SharedMemory> ExportSource::make(u64 bytes) {
 }
 
 ExportSource::~ExportSource() {
+  const auto held = device_.tenure.hold();
+  if (!held) return;  // what it had went with the context
   (void)device_.driver.set_context(device_.context);
   if (stage_) (void)device_.driver.release_pinned(stage_);
   if (stream_) (void)device_.driver.destroy_stream(stream_);
@@ -133,6 +141,8 @@ bool ExportSource::zero(DevicePointer at, u64 bytes) {
 
 Status ExportSource::download(std::span<std::byte> to, DevicePointer from) {
   const Driver& driver = device_.driver;
+  const auto held = device_.tenure.hold();
+  if (!held) return fail(Code::kUnavailable, "", "the GPU was lost with what was written there");
   const std::lock_guard lock(mutex_);
   Result result = driver.set_context(device_.context);
   for (u64 begin = 0; begin < to.size() && result == 0; begin += kStageBytes) {

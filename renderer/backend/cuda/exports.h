@@ -3,7 +3,8 @@
 
 #include <mutex>
 
-#include "renderer/backend/cuda/driver.h"
+#include "renderer/backend/cuda/pool.h"
+#include "renderer/backend/cuda/tenure.h"
 #include "renderer/engine/lent_memory.h"
 
 namespace heliograph::cuda {
@@ -11,10 +12,11 @@ namespace heliograph::cuda {
 /// The device as exports use it.
 struct ExportDevice {
   const Driver& driver;
+  Pool& pool;  // exports lie beside it, in its budget
+  Tenure& tenure;
   Device device = 0;
   ContextHandle context = nullptr;
   StreamHandle stream = nullptr;
-  PoolHandle pool = nullptr;  // trimmed when there is no more memory beside it
 };
 
 /// Allocations of the driver's virtual memory management, each with a POSIX descriptor. A process
@@ -38,7 +40,7 @@ class ExportSource final : public SharedMemorySource,
   [[nodiscard]] const ExportDevice& parts() const { return device_; }
   /// Waits for the copy, not for what renders meanwhile. UNAVAILABLE.
   [[nodiscard]] Status download(std::span<std::byte> to, DevicePointer from);
-  /// The same of zeros; false when the driver refuses.
+  /// The same of zeros; false when the driver refuses. The caller holds the tenure.
   [[nodiscard]] bool zero(DevicePointer at, u64 bytes);
 
  private:

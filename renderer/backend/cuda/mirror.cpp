@@ -31,26 +31,41 @@ Expected<std::shared_ptr<const DeviceMemory>> Mirror::copy(std::span<const std::
 
 const DeviceMemory* Copies::hold(Expected<std::shared_ptr<const DeviceMemory>> memory) {
   if (!memory) {
-    status_ = std::unexpected(std::move(memory).error());
+    refuse(std::move(memory).error());
     return nullptr;
   }
+  if (memory->use_count() == 1) own_ += (*memory)->bytes();
   held_.push_back(*std::move(memory));
   return held_.back().get();
 }
 
+void Copies::refuse(Error error) {
+  if (error.needed > 0) error = no_device_memory(error.needed + own_, error.available + own_);
+  status_ = std::unexpected(std::move(error));
+}
+
+/// After a refusal.
+void Copies::count(std::span<const std::byte> host) {
+  Error& error = status_.error();
+  if (error.needed > 0) error = no_device_memory(error.needed + host.size(), error.available);
+}
+
 const void* Copies::shared(std::span<const std::byte> host) {
-  if (host.empty() || !status_) return nullptr;
+  if (host.empty()) return nullptr;
+  if (!status_) {
+    if (!mirror_->has(host)) count(host);
+    return nullptr;
+  }
   const DeviceMemory* copy = hold(mirror_->copy(host));
   return copy ? copy->as<const void>() : nullptr;
 }
 
 const void* Copies::own(std::span<const std::byte> host) {
-  if (host.empty() || !status_) return nullptr;
+  if (host.empty()) return nullptr;
+  if (!status_) return count(host), nullptr;
   auto made = mirror_->context().allocate(host.size());
-  if (!made) {
-    status_ = std::unexpected(std::move(made).error());
-    return nullptr;
-  }
+  if (!made) return refuse(std::move(made).error()), nullptr;
+  own_ += made->bytes();
   held_.push_back(std::make_shared<const DeviceMemory>(*std::move(made)));
   status_ = mirror_->context().upload(held_.back()->at(), host);
   return held_.back()->as<const void>();

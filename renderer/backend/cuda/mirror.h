@@ -23,6 +23,9 @@ class Mirror {
     if (made) know(from, kMade, *made);
     return made;
   }
+  [[nodiscard]] bool has(std::span<const std::byte> host) const {
+    return find(host.data(), host.size()) != nullptr;
+  }
   [[nodiscard]] Context& context() const { return *context_; }
 
  private:
@@ -59,16 +62,21 @@ class Copies {
   [[nodiscard]] const DeviceMemory* made(const void* from, F&& make) {
     return status_ ? hold(mirror_->made(from, make)) : nullptr;
   }
+  /// A refusal counts what the scene needs beside what was there already, as far as it is known:
+  /// what is built on the device is not.
   [[nodiscard]] const Status& status() const { return status_; }
 
  private:
   const void* shared(std::span<const std::byte> host);
+  void refuse(Error error);
+  void count(std::span<const std::byte> host);
   const void* own(std::span<const std::byte> host);
   const DeviceMemory* hold(Expected<std::shared_ptr<const DeviceMemory>> memory);
 
   Mirror* mirror_;
   std::vector<std::shared_ptr<const DeviceMemory>> held_;
   Status status_;
+  u64 own_ = 0;  // bytes of those that nobody had before
 };
 
 }  // namespace heliograph::cuda

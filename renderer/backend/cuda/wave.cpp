@@ -9,7 +9,8 @@ using kernels::Plane;
 
 constexpr u32 kMostSlots = 1 << 20;
 constexpr u32 kMostItems = 1 << 22;
-constexpr u64 kMemoryShare = 32;  // a wave takes one in so many bytes of the device
+constexpr u64 kMemoryShare = 32;  // a wave takes one in so many bytes of the budget, or less
+constexpr u64 kLeastMemory = 1 << 20;
 constexpr u64 kSlotBytes = sizeof(kernels::WavePath) + sizeof(kernels::WaveRay) +
                            sizeof(kernels::Hit) + sizeof(kernels::WaveLight) + 6 * sizeof(u32);
 /// Rounds between looks at the counters, which wait for the device; the first of a batch whose
@@ -53,6 +54,15 @@ Status Wave::add(T*& to, u64 count) {
 }
 
 Status Wave::allocate() {
+  for (u64 memory = context_.budget().bytes() / kMemoryShare;; memory /= 2) {
+    const Status status = allocate(memory);
+    const bool is_smallest = memory <= kLeastMemory;
+    if (status || status.error().code != Code::kResourceExhausted || is_smallest) return status;
+  }
+}
+
+Status Wave::allocate(u64 memory) {
+  memory_.clear();
   const kernels::FilmView& film = launch_.shot.film;
   const bool media = launch_.shot.scene.any_media;
   const bool light_planes = (film.wanted & kernels::kLightPlaneSet) != 0;
@@ -62,14 +72,14 @@ Status Wave::allocate() {
                          (groups ? film.groups * sizeof(vec3) : 0);
   const u64 slot_bytes =
       kSlotBytes + (media ? sizeof(kernels::Inside) + sizeof(kernels::Reach) : 0);
-  const u64 memory = context_.memory_bytes() / kMemoryShare;
   const u64 fits = std::max<u64>(memory / 2 / item_bytes, kernels::kTilePixels);
   const u64 most = std::min<u64>(kMostItems, fits);
   batch_tiles_ = u32(std::min<u64>(range_.tile_count, most / kernels::kTilePixels));
   batch_samples_ = u32(
       std::clamp<u64>(most / (u64(batch_tiles_) * kernels::kTilePixels), 1, range_.sample_count));
   const u64 items = u64(batch_tiles_) * kernels::kTilePixels * batch_samples_;
-  const u64 slots = std::min({items, u64(kMostSlots), memory / 2 / slot_bytes});
+  const u64 fitting = std::max<u64>(memory / 2 / slot_bytes, kernels::kTilePixels);
+  const u64 slots = std::min({items, u64(kMostSlots), fitting});
 
   kernels::WaveView& wave = launch_.wave;
   wave.film = film;

@@ -31,12 +31,15 @@ struct WaveShot {
 class Wave {
  public:
   Wave(Context& context, const Programs& programs, const WaveShot& shot, const WorkRange& range);
+  /// Less where there is less: the result is the same.
   [[nodiscard]] Status allocate();
   /// Works until the range is done, `until`, or the interrupt. Returns whether it is done.
   [[nodiscard]] Expected<bool> advance(TimePoint until, const Interrupt& interrupt);
   [[nodiscard]] u64 rays() const { return rays_; }
 
  private:
+  /// memory   bytes, about
+  [[nodiscard]] Status allocate(u64 memory);
   [[nodiscard]] Status begin_batch();
   [[nodiscard]] Status round();
   [[nodiscard]] Status fold();
