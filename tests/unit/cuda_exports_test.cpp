@@ -162,8 +162,8 @@ struct Stage {
   Tenure tenure;
   [[nodiscard]] auto source(u64 budget = 1 << 30) {
     pool.budget().set_bytes(budget);
-    return ExportSource::create(
-        nullptr, {.driver = driver, .pool = pool, .tenure = tenure, .device = 3});
+    return ExportSource::create(nullptr,
+                                {.driver = driver, .pool = pool, .tenure = tenure, .device = 3});
   }
   [[nodiscard]] std::size_t kept() const {
     return fake.handles.size() + fake.reserved.size() + fake.mapped.size();

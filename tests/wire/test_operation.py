@@ -145,6 +145,7 @@ def test_metrics_count_what_happens(start):
     assert after['heliograph_sent_bytes_total{method="Render"}'] > 64 * 64 * 12
     assert after['heliograph_tenant_used{limit="tenant_entities",tenant="local"}'] == 1
     assert after["heliograph_uploaded_bytes_total"] == 0  # of a CPU
+    assert after["heliograph_device_memory_bytes"] == 0
     assert client.call("GetServerInfo").uploaded_bytes == 0
     assert after["heliograph_connections"] >= 1
     assert 1e7 < after["process_resident_memory_bytes"] < 1e10
