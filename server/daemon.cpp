@@ -58,7 +58,8 @@ Daemon::Daemon(Config settings, Identities identities, std::unique_ptr<EventLoop
                }),
       gate(tenants, sessions),
       health(*loop, log,
-             {.hang_seconds = double(config.limits.hang_seconds),
+             {.lost_seconds = double(config.limits.lost_seconds),
+              .hang_seconds = double(config.limits.hang_seconds),
               .probe_seconds = double(config.limits.probe_seconds)}) {}
 
 Status Daemon::open_journal() {

@@ -6,7 +6,6 @@ namespace {
 
 constexpr auto kLook = std::chrono::milliseconds(250);
 constexpr double kRetry = 0.5;  // seconds between probes while something is wrong
-constexpr double kGiveUp = 60;  // seconds that a lost device may take to come back
 
 double seconds(EventLoop::Clock::duration duration) {
   return std::chrono::duration<double>(duration).count();
@@ -41,7 +40,7 @@ void Health::look() {
   if (engine != nullptr && !is_draining_) {
     const Load load = engine->load();
     notice_losses(load, now);
-    if (lost_since_ && seconds(now - *lost_since_) > kGiveUp) return told_.lost();
+    if (lost_since_ && seconds(now - *lost_since_) > options_.lost_seconds) return told_.lost();
     set(find_fault(load, now));
     const double wait = probe_fault_.empty() ? options_.probe_seconds : kRetry;
     const bool has_begun = probed_ != Clock::time_point{};  // the first one is the slot's

@@ -15,6 +15,7 @@ namespace heliograph::server {
 class Health {
  public:
   struct Options {
+    double lost_seconds = 10;  // a device was away for this long: it is lost for good
     double hang_seconds = 4;   // nothing moved for this long: not ready
     double probe_seconds = 5;  // between two probes, while all is well
   };

@@ -50,7 +50,11 @@ SharedFrames::Buffers::iterator SharedFrames::make(u64 bytes, const Source& sour
   if (bytes_ + size > limit_) return buffers_.end();
   auto charge = Charge::take(budget_, size);
   if (!charge) return buffers_.end();
+  source->know(weak_from_this());
+  maker_ = std::this_thread::get_id();
   auto memory = source->make(size);
+  if (!memory && forget_free_of(*source)) memory = source->make(size);
+  maker_ = std::thread::id();
   if (!memory || !tell_(last_buffer_ + 1, memory.get())) return buffers_.end();
   bytes_ += size;
   return buffers_.emplace(++last_buffer_, Buffer{source, std::move(memory), *std::move(charge)})
@@ -70,6 +74,22 @@ void SharedFrames::forget_free_ones(u64 bytes_needed) {
     if (unused == buffers_.end()) return;
     forget(unused);
   }
+}
+
+bool SharedFrames::let_go(const SharedMemorySource& source) {
+  if (maker_ == std::this_thread::get_id()) return false;  // it does so itself
+  const std::unique_lock lock(mutex_, std::try_to_lock);
+  return lock && forget_free_of(source);
+}
+
+/// Makes room where the memory is. Returns whether any was free.
+bool SharedFrames::forget_free_of(const SharedMemorySource& source) {
+  const std::size_t before = buffers_.size();
+  for (auto it = buffers_.begin(); it != buffers_.end();) {
+    const auto here = it++;
+    if (here->second.call == 0 && here->second.source.get() == &source) forget(here);
+  }
+  return buffers_.size() < before;
 }
 
 /// Those of a device that another one has replaced are of no use.

@@ -8,6 +8,7 @@
 #include <mutex>
 #include <optional>
 #include <span>
+#include <thread>
 #include <unordered_map>
 
 #include "renderer/base/array.h"
@@ -42,6 +43,7 @@ class SealedMemorySource final : public SharedMemorySource {
   [[nodiscard]] std::shared_ptr<SharedMemory> make(u64 bytes) override {
     return SealedMemory::create(bytes);
   }
+  void know(const std::weak_ptr<SharedMemoryKeeper>&) override {}  // the kernel has its own ways
   [[nodiscard]] u64 step() const override { return 4096; }
   [[nodiscard]] const DeviceUuid* device() const override { return nullptr; }
 };
@@ -56,7 +58,8 @@ struct Lease {
 /// The buffers of one session. One that was sent is never rewritten: it comes back when the client
 /// says so, and is abandoned (the client's mapping lives on) when nobody can tell whether it still
 /// looks. Thread: any.
-class SharedFrames {
+class SharedFrames final : public SharedMemoryKeeper,
+                           public std::enable_shared_from_this<SharedFrames> {
  public:
   using Source = std::shared_ptr<SharedMemorySource>;
   /// Tells the client about a buffer before its first use; null: about one to be forgotten. False
@@ -83,6 +86,7 @@ class SharedFrames {
   void give_up(u64 buffer);
   /// Nobody will say so for those of a call: they are not used again.
   void abandon(u64 call);
+  bool let_go(const SharedMemorySource& source) override;
   /// Bytes of all buffers, and how many are leased.
   [[nodiscard]] std::pair<u64, u32> used() const;
 
@@ -100,6 +104,7 @@ class SharedFrames {
   [[nodiscard]] Buffers::iterator make(u64 bytes, const Source& source);
   void forget(Buffers::iterator which);
   void forget_free_ones(u64 bytes_needed);
+  [[nodiscard]] bool forget_free_of(const SharedMemorySource& source);
   void forget_lost_ones(const Source& source);
 
   const u64 limit_;
@@ -107,6 +112,7 @@ class SharedFrames {
   const Tell tell_;
   const Source host_ = std::make_shared<SealedMemorySource>();
   mutable std::mutex mutex_;
+  std::atomic<std::thread::id> maker_;  // has the mutex while it asks a source for more
   Buffers buffers_;
   u64 bytes_ = 0;
   u64 last_buffer_ = 0;

@@ -138,6 +138,9 @@ class Backend {
   /// Whether the device is gone for good, so that every call fails. What it made may then only be
   /// destroyed.
   [[nodiscard]] virtual bool is_lost() const { return false; }
+  /// Gives up what a lost device has, so that another backend finds it free. The last call from the
+  /// device's thread.
+  virtual void abandon() {}
 };
 
 struct BackendOptions {

@@ -229,6 +229,7 @@ void Engine::Impl::replace_backend(u32 index) {
                   .where = "",
                   .retry_seconds = 1});
   begun.clear();
+  devices_[index].backend->abandon();  // others may hold it for a while
   auto backend = remake(index);
   if (!backend) return;
   {

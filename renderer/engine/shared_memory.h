@@ -29,6 +29,21 @@ class SharedMemory {
   [[nodiscard]] virtual const DeviceUuid* device() const = 0;
 };
 
+class SharedMemorySource;
+
+/// Who keeps some of such memory for later. Thread: any.
+class SharedMemoryKeeper {
+ public:
+  SharedMemoryKeeper() = default;
+  SharedMemoryKeeper(const SharedMemoryKeeper&) = delete;
+  SharedMemoryKeeper& operator=(const SharedMemoryKeeper&) = delete;
+  virtual ~SharedMemoryKeeper() = default;
+
+  /// Lets go of what it keeps of a source and nobody uses. False when there is none, or when it
+  /// cannot tell now: it never waits.
+  virtual bool let_go(const SharedMemorySource& source) = 0;
+};
+
 /// Makes such memory, of one kind. Thread: as whoever gives it out says.
 class SharedMemorySource {
  public:
@@ -41,6 +56,8 @@ class SharedMemorySource {
   ///
   /// bytes   a multiple of step()
   [[nodiscard]] virtual std::shared_ptr<SharedMemory> make(u64 bytes) = 0;
+  /// The keeper is asked to let go when other uses of the same memory find no more.
+  virtual void know(const std::weak_ptr<SharedMemoryKeeper>& keeper) = 0;
   /// Bytes, a power of two.
   [[nodiscard]] virtual u64 step() const = 0;
   /// Whose memory it makes; null: the host's.

@@ -1,9 +1,10 @@
 // heliographd with a device that fails when it is told to, for tests/fault/device_lost.py, and
-// whose memory is memfds that stand for a GPU's, for tests/integration/test_device_frames.py. It
-// differs from the real one in make_backend() alone.
+// whose memory is memfds that stand for a GPU's, for tests/integration/test_device_frames.py. With
+// `--backend cuda` it is a GPU, for tests/gpu/lost.py. It differs from the real one in
+// make_backend() alone.
 //
-// SIGUSR1: the device is lost, once the backend is next called. SIGUSR2: it hangs there, until the
-// next SIGUSR2.
+// SIGUSR1: the device is lost, once the backend is next called; a GPU by a program that reads where
+// there is no memory. SIGUSR2: it hangs there, until the next SIGUSR2.
 #include <signal.h>
 #include <sys/mman.h>
 #include <unistd.h>
@@ -15,6 +16,10 @@
 #include <cstdlib>
 #include <thread>
 
+#include "renderer/backend/cuda/cuda_backend.h"
+#include "renderer/backend/cuda/driver.h"
+#include "renderer/backend/cuda/launch.h"
+#include "renderer/backend/cuda/programs.h"
 #include "renderer/backend/embree/embree_backend.h"
 #include "renderer/engine/backend.h"
 #include "renderer/engine/lent_memory.h"
@@ -27,6 +32,7 @@ namespace {
 
 std::atomic<bool> lose_device = false;
 std::atomic<bool> hang = false;
+std::atomic<bool> is_taken = false;  // by a lost backend, until that is told to give it up
 
 /// As tests/python/stub_cuda.c has it.
 constexpr DeviceUuid kUuid{'h', 'e', 'l', 'i', 'o', 'g', 'r', 'a', 'p', 'h', 0, 1, 2, 3, 4, 5};
@@ -63,6 +69,7 @@ class DeviceSource final : public SharedMemorySource {
   [[nodiscard]] std::shared_ptr<SharedMemory> make(u64 bytes) override {
     return std::make_shared<DeviceMemory>(bytes);
   }
+  void know(const std::weak_ptr<SharedMemoryKeeper>&) override {}  // there is always more
   [[nodiscard]] u64 step() const override { return 2 << 20; }
   [[nodiscard]] const DeviceUuid* device() const override { return &kUuid; }
 };
@@ -78,7 +85,8 @@ Expected<std::vector<PlaneData>> on_device(const RenderJob& job, std::vector<Pla
   return planes;
 }
 
-class FaultyBackend final : public Backend {
+/// One whose memory is the host's is lost when it is told to.
+class FaultyBackend : public Backend {
  public:
   explicit FaultyBackend(std::unique_ptr<Backend> inner) : inner_(std::move(inner)) {}
 
@@ -129,11 +137,16 @@ class FaultyBackend final : public Backend {
   [[nodiscard]] u64 derived_bytes() const override { return inner_->derived_bytes(); }
   [[nodiscard]] u64 uploaded_bytes() const override { return inner_->uploaded_bytes(); }
   [[nodiscard]] bool is_lost() const override { return is_lost_; }
+  void abandon() override { is_taken = false; }
+
+ protected:
+  [[nodiscard]] Backend& inner() const { return *inner_; }
+  virtual void lose() { is_lost_ = is_taken = true; }
 
  private:
   Status fault() {
     while (hang) std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    if (lose_device.exchange(false)) is_lost_ = true;
+    if (lose_device.exchange(false)) lose();
     if (is_lost_) return fail(Code::kInternal, "", "injected: the device is lost");
     return {};
   }
@@ -143,17 +156,56 @@ class FaultyBackend final : public Backend {
   std::atomic<bool> is_lost_ = false;
 };
 
+/// A GPU: what becomes of it is the driver's business.
+class FaultyGpu final : public FaultyBackend {
+ public:
+  using FaultyBackend::FaultyBackend;
+  [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film& film) override {
+    return inner().resolve(film);
+  }
+  [[nodiscard]] std::shared_ptr<SharedMemorySource> shared_memory() const override {
+    return inner().shared_memory();
+  }
+  [[nodiscard]] MemoryUse memory() const override { return inner().memory(); }
+  [[nodiscard]] bool pauses() const override { return inner().pauses(); }
+  [[nodiscard]] bool is_lost() const override { return inner().is_lost(); }
+  void abandon() override { inner().abandon(); }
+
+ protected:
+  /// Reads the number of a film's samples at address 0, in the calling thread's context.
+  void lose() override {
+    const auto driver = cuda::load_driver();
+    if (!driver) std::abort();
+    cuda::ResolveLaunch launch{};
+    launch.film.width = launch.film.height = 1;
+    void* arguments[] = {&launch};
+    for (const std::byte* program : cuda::programs()) {
+      cuda::ModuleHandle module = nullptr;
+      cuda::FunctionHandle resolve = nullptr;
+      if (driver->load_module(&module, program) == 0 &&
+          driver->function_in(&resolve, module, "film_resolve") == 0)
+        (void)driver->launch(resolve, 1, 1, 1, 32, 1, 1, 0, nullptr, arguments, nullptr);
+    }
+  }
+};
+
 }  // namespace
 
-Expected<u32> device_count(std::string_view) { return 1; }
+Expected<u32> device_count(std::string_view name) {
+  return name == "cuda" ? cuda::gpu_count() : Expected<u32>(1);
+}
 
-Expected<std::unique_ptr<Backend>> make_backend(std::string_view, const BackendOptions& options) {
-  auto inner = embree::make_embree_backend(options);
+Expected<std::unique_ptr<Backend>> make_backend(std::string_view name,
+                                                const BackendOptions& options) {
+  const bool is_gpu = name == "cuda";
+  if (is_taken) return fail(Code::kUnavailable, "backend", "injected: the device is still taken");
+  auto inner = is_gpu ? cuda::make_cuda_backend(options) : embree::make_embree_backend(options);
   if (!inner) return inner;
+  if (is_gpu) return std::make_unique<FaultyGpu>(*std::move(inner));
   return std::make_unique<FaultyBackend>(*std::move(inner));
 }
 
-std::vector<std::string_view> backend_names() { return {"embree"}; }
+std::vector<std::string_view> backend_names() { return {"embree", "cuda"}; }
 
 }  // namespace heliograph
 

@@ -5,7 +5,7 @@ writes them as a table.
 usage: suite.py BUNDLE [FOLDER [PART...]]
 BUNDLE is where scripts/bundle's archive was unpacked; FOLDER gets table.md and what each part said.
 Needs Python 3.12 with pytest, Pillow, OpenEXR and tqdm, and a checkout of the same commit around
-this file.
+this file; `lost` also heliographd-faulty of the build tree in BUNDLE/bin.
 Ends with 1 if a part fails.
 """
 
@@ -38,6 +38,8 @@ PARTS = {  # in this order, or in that of the command line
     "builders": ["tests/gpu/builders.py"],
     "cycles": ["tests/gpu/cycles.py"],
     "frames": ["tests/gpu/frames.py"],
+    "memory": ["tests/gpu/memory.py"],
+    "lost": ["tests/gpu/lost.py"],
     "training": ["examples/train_on_gpu.py"],
     "sanitized": ["tests/gpu/sanitized.py"],
     "speed": ["bench/gpu.py"],

@@ -237,6 +237,26 @@ TEST_CASE("exports: they are of the device's budget, and the driver is not asked
   CHECK(source->make(kStep));
 }
 
+TEST_CASE("exports: who keeps some is asked for it") {
+  struct Keeper final : SharedMemoryKeeper {
+    std::shared_ptr<SharedMemory> kept;
+    bool let_go(const SharedMemorySource&) override {
+      return std::exchange(kept, nullptr) != nullptr;
+    }
+  };
+  Stage stage;
+  const auto source = *stage.source(4 * kStep);
+  stage.pool.budget().set_give_up([&] { return source->reclaim(); });
+  const auto busy = std::make_shared<Keeper>(), keeper = std::make_shared<Keeper>();
+  keeper->kept = source->make(3 * kStep);
+  for (const auto& each : {busy, keeper, busy}) source->know(each);
+  const auto memory = source->make(2 * kStep);
+  REQUIRE(memory);
+  CHECK_FALSE(keeper->kept);
+  CHECK(stage.pool.budget().used() == 2 * kStep);
+  CHECK_FALSE(source->make(3 * kStep));
+}
+
 TEST_CASE("exports: when the context is gone they are given back without it") {
   Stage stage;
   auto source = *stage.source();

@@ -35,13 +35,18 @@ class FakeMemory final : public LentMemory {
 class FakeSource final : public SharedMemorySource {
  public:
   [[nodiscard]] std::shared_ptr<SharedMemory> make(u64 bytes) override {
-    if (is_full) return nullptr;
+    if (before) before();
+    if (is_full || alive >= most) return nullptr;
     CHECK(bytes % kStep == 0);
     return std::make_shared<FakeMemory>(bytes, alive);
   }
+  void know(const std::weak_ptr<SharedMemoryKeeper>& each) override { keeper = each; }
   [[nodiscard]] u64 step() const override { return kStep; }
   [[nodiscard]] const DeviceUuid* device() const override { return &kUuid; }
   i64 alive = 0;
+  std::weak_ptr<SharedMemoryKeeper> keeper;
+  std::function<void()> before;  // it makes some
+  i64 most = 100;
   bool is_full = false;
 };
 
@@ -137,6 +142,46 @@ TEST_CASE("shared frames: without room there is no lease, on a device neither") 
   stage.gpu->is_full = true;
   CHECK_FALSE(stage.frames.lease(kStep, 1, stage.gpu));
   CHECK((stage.told.empty() && stage.budget->used() == 0));
+}
+
+TEST_CASE("shared frames: a full device gets back what the session keeps for later") {
+  Stage stage;
+  stage.gpu->most = 3;
+  const auto held = stage.frames.lease(kStep, 1, stage.gpu);
+  const auto host = stage.frames.lease(kStep, 1);
+  for (const u64 count : {1, 2}) {
+    const auto free = stage.frames.lease(kStep * count, 1, stage.gpu);
+    REQUIRE(free);
+    stage.frames.give_back(free->buffer, free->generation);
+  }
+  CHECK(stage.gpu->alive == 3);
+  stage.frames.give_back(host->buffer, host->generation);
+  CHECK(stage.frames.lease(3 * kStep, 2, stage.gpu));
+  CHECK(stage.gpu->alive == 2);
+  CHECK(stage.told.count(held->buffer) == 1);
+  CHECK(stage.told.count(host->buffer) == 1);
+}
+
+TEST_CASE("shared frames: what is kept for later makes room for others") {
+  Stage stage;
+  const auto frames = std::make_shared<SharedFrames>(8 * kStep, stage.budget,
+                                                     [](u64, const SharedMemory*) { return true; });
+  const auto held = frames->lease(kStep, 1, stage.gpu);
+  const auto free = frames->lease(kStep, 1, stage.gpu);
+  const auto host = frames->lease(kStep, 1);
+  const auto keeper = stage.gpu->keeper.lock();
+  REQUIRE(keeper == frames);
+  CHECK_FALSE(keeper->let_go(*stage.gpu));
+  frames->give_back(free->buffer, free->generation);
+  frames->give_back(host->buffer, host->generation);
+  CHECK_FALSE(keeper->let_go(*std::make_shared<FakeSource>()));
+  bool has_let_go = true;
+  stage.gpu->before = [&] { has_let_go = keeper->let_go(*stage.gpu); };  // by who asks for more
+  (void)frames->lease(4 * kStep, 2, stage.gpu);
+  CHECK_FALSE(has_let_go);
+  CHECK(stage.gpu->alive == 3);
+  CHECK(keeper->let_go(*stage.gpu));
+  CHECK(frames->used() == std::pair<u64, u32>(6 * kStep, 2));
 }
 
 TEST_CASE("shared frames: a device's memory ends with what replaces the device") {

@@ -82,6 +82,21 @@ Context::~Context() {
   (void)driver_.destroy_context(context_);
 }
 
+/// The pool is the device's: what it gave a context it keeps when that is gone, and takes back from
+/// another one. Where none can be made, nothing can be rendered either, and the process ends.
+void Context::abandon() {
+  tenure_.end();
+  const std::vector<DevicePointer> left = pool_.close();
+  for (Stage& stage : stages_) (void)driver_.release_pinned(std::exchange(stage.memory, nullptr));
+  (void)driver_.destroy_context(std::exchange(context_, nullptr));
+  ContextHandle other = nullptr;
+  if (driver_.create_context(&other, kScheduleAuto, device_) != 0) return;
+  for (const DevicePointer at : left) (void)driver_.release(at, nullptr);
+  (void)driver_.wait_for_stream(nullptr);
+  (void)driver_.trim_pool(pool_.handle(), 0);
+  (void)driver_.destroy_context(other);
+}
+
 Status Context::check(Result result, const char* what) const {
   if (result == 0) return {};
   if (result == kOutOfMemory)

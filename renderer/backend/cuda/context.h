@@ -74,6 +74,9 @@ class Context : public std::enable_shared_from_this<Context> {
   Context(const Context&) = delete;
   Context& operator=(const Context&) = delete;
 
+  /// Destroys a lost context with all that it had, so that another one finds the device free. After
+  /// it what came from it may only be destroyed.
+  void abandon();
   /// Makes this the calling thread's context.
   [[nodiscard]] Status enter() const;
   /// Within the budget. RESOURCE_EXHAUSTED says what is needed and what there is.

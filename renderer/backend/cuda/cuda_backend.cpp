@@ -36,9 +36,12 @@ class CudaBackend final : public Backend {
         cache_(options.cache_bytes),
         store_(accelerator_, cache_, options.cache_bytes),
         arena_(options.threads ? int(options.threads) : tbb::task_arena::automatic) {
-    context_->budget().set_give_up([recent = std::weak_ptr(recent_)] {
-      const auto kept = recent.lock();
-      return kept && kept->drop_unused();
+    const std::weak_ptr<ExportSource> shared = exports_;
+    context_->budget().set_give_up([recent = std::weak_ptr(recent_), shared] {
+      const auto scenes = recent.lock();
+      if (scenes && scenes->drop_unused()) return true;
+      const auto source = shared.lock();
+      return source && source->reclaim();
     });
   }
 
@@ -71,6 +74,7 @@ class CudaBackend final : public Backend {
     return {context_->budget().used(), context_->budget().bytes()};
   }
   [[nodiscard]] bool is_lost() const override { return context_->is_lost(); }
+  void abandon() override { context_->abandon(); }
   [[nodiscard]] std::shared_ptr<SharedMemorySource> shared_memory() const override {
     return exports_;
   }

@@ -39,7 +39,8 @@ class ExportedMemory final : public LentMemory {
   }
 
  private:
-  [[nodiscard]] bool create();
+  /// room   what makes room beside the pool
+  [[nodiscard]] bool create(void (Pool::*room)());
   [[nodiscard]] bool map();
 
   const std::shared_ptr<ExportSource> source_;
@@ -52,27 +53,30 @@ class ExportedMemory final : public LentMemory {
 };
 
 bool ExportedMemory::open(u64 bytes) {
-  const auto held = device_.tenure.hold();
-  if (!held) return false;
   bytes_ = bytes;
-  (void)device_.driver.set_context(device_.context);
-  is_taken_ = device_.pool.take(bytes).has_value();
+  MemoryBudget& budget = device_.pool.budget();
+  is_taken_ = budget.take(bytes).has_value();
   if (!is_taken_) return false;
-  if (!create()) {  // others have memory of the device, too
-    device_.pool.budget().give_up();
-    device_.pool.trim();
-    if (!create()) return false;
+  if (!create(&Pool::shrink)) {  // others have memory of the device, too
+    budget.give_up();
+    if (!create(&Pool::trim)) return false;
   }
   return map();
 }
 
-bool ExportedMemory::create() {
+bool ExportedMemory::create(void (Pool::*room)()) {
+  const auto held = device_.tenure.hold();
+  if (!held) return false;
+  (void)device_.driver.set_context(device_.context);
+  (device_.pool.*room)();
   const AllocationProperties properties = properties_of(device_.device);
   has_handle_ = device_.driver.create_memory(&handle_, bytes_, &properties, 0) == 0;
   return has_handle_;
 }
 
 bool ExportedMemory::map() {
+  const auto held = device_.tenure.hold();
+  if (!held) return false;
   const Driver& driver = device_.driver;
   const AccessDescription access{{kOnDevice, device_.device}, kReadWrite};
   if (driver.export_memory(&fd_, handle_, kDescriptor, 0) != 0) return false;
@@ -93,7 +97,7 @@ ExportedMemory::~ExportedMemory() {
   if (at_) (void)driver.unreserve(at_, bytes_);
   if (fd_ >= 0) ::close(fd_);
   if (has_handle_) (void)driver.release_memory(handle_);
-  if (is_taken_) device_.pool.give_back(bytes_);
+  if (is_taken_) device_.pool.budget().give_back(bytes_);
 }
 
 }  // namespace
@@ -123,6 +127,25 @@ Expected<std::shared_ptr<ExportSource>> ExportSource::create(std::shared_ptr<con
 std::shared_ptr<SharedMemory> ExportSource::make(u64 bytes) {
   auto memory = std::make_shared<ExportedMemory>(shared_from_this());
   return memory->open(bytes) ? memory : nullptr;
+}
+
+void ExportSource::know(const std::weak_ptr<SharedMemoryKeeper>& keeper) {
+  const std::lock_guard lock(keepers_mutex_);
+  std::erase_if(keepers_, [&](const auto& each) {
+    return each.expired() || (!each.owner_before(keeper) && !keeper.owner_before(each));
+  });
+  keepers_.push_back(keeper);
+}
+
+bool ExportSource::reclaim() {
+  std::vector<std::weak_ptr<SharedMemoryKeeper>> keepers;
+  {
+    const std::lock_guard lock(keepers_mutex_);
+    keepers = keepers_;
+  }
+  for (const auto& each : keepers)
+    if (const auto keeper = each.lock(); keeper && keeper->let_go(*this)) return true;
+  return false;
 }
 
 ExportSource::~ExportSource() {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <mutex>
+#include <vector>
 
 #include "renderer/backend/cuda/pool.h"
 #include "renderer/backend/cuda/tenure.h"
@@ -35,12 +36,15 @@ class ExportSource final : public SharedMemorySource,
   ~ExportSource() override;
 
   [[nodiscard]] std::shared_ptr<SharedMemory> make(u64 bytes) override;
+  void know(const std::weak_ptr<SharedMemoryKeeper>& keeper) override;
+  /// Asks those that know() named; true when one let go of something.
+  bool reclaim();
   [[nodiscard]] u64 step() const override { return step_; }
   [[nodiscard]] const DeviceUuid* device() const override { return &uuid_; }
   [[nodiscard]] const ExportDevice& parts() const { return device_; }
   /// Waits for the copy, not for what renders meanwhile. UNAVAILABLE.
   [[nodiscard]] Status download(std::span<std::byte> to, DevicePointer from);
-  /// The same of zeros; false when the driver refuses. The caller holds the tenure.
+  /// The same of zeros, while the caller holds the tenure; false when the driver refuses.
   [[nodiscard]] bool zero(DevicePointer at, u64 bytes);
 
  private:
@@ -54,6 +58,8 @@ class ExportSource final : public SharedMemorySource,
   std::mutex mutex_;  // of the stream and what it writes to
   StreamHandle stream_ = nullptr;
   void* stage_ = nullptr;
+  std::mutex keepers_mutex_;
+  std::vector<std::weak_ptr<SharedMemoryKeeper>> keepers_;
 };
 
 }  // namespace heliograph::cuda

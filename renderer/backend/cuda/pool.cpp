@@ -28,13 +28,17 @@ u64 Pool::taken() const {
 
 Status Pool::take(u64 bytes) {
   HELIO_TRY(budget_.take(rounded(bytes)));
+  shrink();
+  return {};
+}
+
+void Pool::shrink() {
   u64 reserved = 0;
   const u64 own = taken(), all = std::max(own, budget_.used());
-  // As if nothing that the pool keeps served this: which of it does only the driver knows.
+  // As if nothing that the pool keeps served what was taken last: only the driver knows.
   if (driver_.pool_value(handle_, kReserved, &reserved) == 0 && reserved > own &&
       reserved + (all - own) > budget_.bytes())
     trim();
-  return {};
 }
 
 void Pool::give_back(u64 bytes) { budget_.give_back(rounded(bytes)); }

@@ -29,7 +29,7 @@ class Pool {
 
   [[nodiscard]] Result open(const PoolOwner& owner);
 
-  /// Room in the budget, before anything is asked of the driver. RESOURCE_EXHAUSTED.
+  /// Room in the budget, before anything is allocated. RESOURCE_EXHAUSTED.
   [[nodiscard]] Status take(u64 bytes);
   void give_back(u64 bytes);
   /// What the driver says to it. Gives up what nobody uses before that is out of memory.
@@ -40,6 +40,8 @@ class Pool {
   void release(DevicePointer at, u64 bytes);
   /// Waits for the stream, then what the pool keeps is the device's again.
   void trim();
+  /// The same where the budget has no room for what the pool keeps.
+  void shrink();
   /// From now on nothing is freed. Returns what is left: the pool outlives the context.
   [[nodiscard]] std::vector<DevicePointer> close();
 
