@@ -80,6 +80,12 @@ class BvhWalk {
   KERNEL BvhWalk(const SceneView& scene, const BvhView& bvh, BvhStack& stack)
       : scene_(&scene), bvh_(&bvh), stack_(stack.groups) {}
 
+  /// The next walk is through another scene.
+  KERNEL void go_to(const SceneView& scene, const BvhView& bvh) {
+    scene_ = &scene;
+    bvh_ = &bvh;
+  }
+
   /// Starts towards the nearest surface that `mask` meets, or, with `any`, towards any of them.
   KERNEL void begin(const Ray& ray, u32 mask, bool any) {
     start(ray, mask, any);

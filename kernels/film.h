@@ -114,6 +114,9 @@ KERNEL float relative_error(const FilmView& film, u64 pixel, u32 samples) {
 }
 
 KERNEL u32 tiles_across(const FilmView& film) { return (film.width + kTileSide - 1) / kTileSide; }
+KERNEL u32 tiles_of(const FilmView& film) {
+  return tiles_across(film) * ((film.height + kTileSide - 1) / kTileSide);
+}
 KERNEL PixelRect tile_rect(const FilmView& film, u32 tile) {
   const u32 x = tile % tiles_across(film) * kTileSide, y = tile / tiles_across(film) * kTileSide;
   return {x, y, min2(x + kTileSide, film.width), min2(y + kTileSide, film.height)};

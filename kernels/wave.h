@@ -22,7 +22,8 @@ struct ShotView {
 };
 
 /// A batch of items: samples [first_sample, first_sample + samples) of the pixels of some tiles.
-/// Items of one sample follow each other, tile by tile.
+/// Items of one sample follow each other, tile by tile. Of several pictures of one size, the tiles
+/// of each follow those of the one before.
 struct WaveWork {
   u32 first_tile;
   u32 tiles;
@@ -60,7 +61,12 @@ struct WaveView {
   FilmView film;        // items in the place of pixels: light groups add up there
 };
 
-/// Where an item is.
+/// Which picture an item is of, `image` being any of them.
+KERNEL u32 picture_of(const FilmView& image, const WaveWork& work, u32 item) {
+  return (work.first_tile + item % pixels_of(work) / kTilePixels) / tiles_of(image);
+}
+
+/// Where an item is in its picture.
 struct ItemPlace {
   u32 x, y;
   u32 sample;
@@ -69,8 +75,9 @@ struct ItemPlace {
 KERNEL ItemPlace place_of(const FilmView& image, const WaveWork& work, u32 item) {
   const u32 pixels = pixels_of(work);
   const u32 in_tiles = item % pixels;
-  const u32 tile = work.first_tile + in_tiles / kTilePixels, in_tile = in_tiles % kTilePixels;
-  const u32 across = (image.width + kTileSide - 1) / kTileSide;
+  const u32 in_tile = in_tiles % kTilePixels;
+  const u32 tile = (work.first_tile + in_tiles / kTilePixels) % tiles_of(image);
+  const u32 across = tiles_across(image);
   const u32 x = tile % across * kTileSide + in_tile % kTileSide;
   const u32 y = tile / across * kTileSide + in_tile / kTileSide;
   return {x, y, work.first_sample + item / pixels, x < image.width && y < image.height};
@@ -112,7 +119,8 @@ struct Arrival {
   bool takes_light;  // if the ray of WaveView::lights is free
 };
 
-/// The steps of a wave. No two at a time are of one slot.
+/// The steps of a wave's items, or of those of one picture among several. No two at a time are of
+/// one slot.
 template <Tracer T>
 class Wave {
  public:
@@ -175,7 +183,7 @@ class Wave {
     collect(context(item, Sampler(0, 0), 0), sample, kept.light, kept.route);
     put(sample, item);
   }
-  /// Adds all items of pixel `index` of the work to the film. Returns the rays traced for them.
+  /// Adds all items of pixel `index` of the work to its film. Returns the rays traced for them.
   KERNEL u32 fold(u32 index) const {
     const u32 pixels = pixels_of(work_);
     u32 rays = 0;

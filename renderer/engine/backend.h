@@ -1,9 +1,11 @@
-// What a device must do. Every call comes from the one thread that owns the device, but for warm().
+// What a device must do. Calls come from the one thread that owns the device, unless they say so.
 #pragma once
 
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <stop_token>
 #include <string>
 #include <string_view>
@@ -24,7 +26,14 @@ class DeviceScene {
   virtual ~DeviceScene() = default;
 };
 
-/// One camera's share of a job. Scenes that no plane needs are null.
+/// What is to be resident.
+struct SceneAt {
+  std::shared_ptr<const Snapshot> snapshot;
+  TimeSpan span;
+};
+using DeviceScenes = std::vector<std::shared_ptr<const DeviceScene>>;
+
+/// One picture: a camera of a job. Scenes that no plane needs are null.
 struct Shot {
   std::shared_ptr<const RenderJob> job;
   u32 camera = 0;                               // index into job->cameras
@@ -34,7 +43,8 @@ struct Shot {
   std::shared_ptr<const DeviceScene> backward;  // a frame_interval earlier
 };
 
-/// A part of a shot's work. Pixels are in row-major order of 16x16 tiles.
+/// A part of a film's work. Pixels are in row-major order of 16x16 tiles, and the tiles of a
+/// picture follow those of the one before.
 struct WorkRange {
   u32 first_tile = 0;
   u32 tile_count = 0;
@@ -70,12 +80,12 @@ struct MemoryUse {
   u64 budget = 0;
 };
 
-/// An accumulating image of one Shot.
+/// The accumulating images of one shot or of several.
 class Film {
  public:
   virtual ~Film() = default;
-  [[nodiscard]] virtual u32 tiles() const = 0;
-  [[nodiscard]] virtual u32 tiles_across() const = 0;
+  [[nodiscard]] virtual u32 tiles() const = 0;            // of all pictures
+  [[nodiscard]] virtual u32 tiles_across() const = 0;     // of one
   [[nodiscard]] virtual u32 samples(u32 tile) const = 0;  // taken so far
   [[nodiscard]] virtual u64 rays() const = 0;             // traced so far
 };
@@ -90,7 +100,7 @@ class Backend {
 
   /// Whether the derived data of a snapshot's assets is made, so that prepare() is quick.
   [[nodiscard]] virtual bool ready(const Snapshot& snapshot) const = 0;
-  /// Makes it. The only function called from another thread than the device's, beside it.
+  /// Makes it. Thread: any.
   [[nodiscard]] virtual Status warm(const Snapshot& snapshot) = 0;
 
   /// Uploads what changed against the nearest resident scene; derived data is cached by buffer
@@ -98,7 +108,30 @@ class Backend {
   [[nodiscard]] virtual Expected<std::shared_ptr<const DeviceScene>> prepare(
       const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
       const Interrupt& interrupt) = 0;
-  [[nodiscard]] virtual Expected<std::unique_ptr<Film>> begin(const Shot& shot) = 0;
+  /// The same of several, in their order. Thread: any, where pictures_at_once() is above 1.
+  [[nodiscard]] virtual Expected<DeviceScenes> prepare_all(std::span<const SceneAt> scenes,
+                                                           const Interrupt& interrupt) {
+    DeviceScenes made;
+    for (const SceneAt& scene : scenes) {
+      auto next = prepare(scene.snapshot, scene.span, interrupt);
+      if (!next) return std::unexpected(std::move(next).error());
+      made.push_back(*std::move(next));
+    }
+    return made;
+  }
+  /// f(i) for each i below `count`, in any order, by the threads that the backend has on the host.
+  /// Thread: as prepare_all().
+  virtual void for_each(u32 count, const std::function<void(u32)>& f) {
+    for (u32 i = 0; i < count; ++i) f(i);
+  }
+  /// How many pictures of so many pixels one film may have.
+  [[nodiscard]] virtual u32 pictures_at_once(u64 pixels) const {
+    (void)pixels;
+    return 1;
+  }
+  /// shots   at most pictures_at_once(), whose jobs differ in their snapshots and seeds alone, and
+  ///         whose pictures have one size. Thread: as prepare_all(); a film may be destroyed by any
+  [[nodiscard]] virtual Expected<std::unique_ptr<Film>> begin(std::span<const Shot> shots) = 0;
   /// Whether render() may return before its range is done. Then ranges need not fit into a slice.
   [[nodiscard]] virtual bool pauses() const { return false; }
   /// Traces the mean planes' samples of a range. Returns whether it is done; where it is not, the
@@ -111,10 +144,11 @@ class Backend {
   /// Traces the centre planes of a range of tiles.
   [[nodiscard]] virtual Status probe(Film& film, u32 first_tile, u32 tile_count,
                                      const Interrupt& interrupt) = 0;
-  /// Label columns; the film's centre planes are complete.
-  [[nodiscard]] virtual Expected<std::vector<Column>> labels(Film& film,
-                                                             const Interrupt& interrupt) = 0;
-  /// The planes of film_planes() after the samples that each tile has. Of a job that is on_device
+  /// Label columns of each picture; the film's centre planes are complete.
+  [[nodiscard]] virtual Expected<std::vector<std::vector<Column>>> labels(
+      Film& film, const Interrupt& interrupt) = 0;
+  /// The planes of film_planes() after the samples that each tile has, each those of all pictures
+  /// one after the other, in the memory of the first shot's job. Of a job that is on_device
   /// those it asks for lie in the device's memory and are complete: nobody need wait for the
   /// device.
   [[nodiscard]] virtual Expected<std::vector<PlaneData>> resolve(Film& film) = 0;
@@ -123,7 +157,8 @@ class Backend {
   [[nodiscard]] virtual std::shared_ptr<SharedMemorySource> shared_memory() const {
     return nullptr;
   }
-  /// From the film's variance, which the job asked for (measures_noise); needs 2 samples a pixel.
+  /// From the variance of a film of one picture, which its job asked for (measures_noise); needs 2
+  /// samples a pixel.
   [[nodiscard]] virtual Noise noise(const Film& film) = 0;
 
   [[nodiscard]] virtual Expected<QueryResult> query(const QueryJob& job,

@@ -68,6 +68,11 @@ u64 sensor_seed(const RenderJob& job, EntityId camera) {
   return seed;
 }
 
+bool wants_post(const RenderJob& job) {
+  return std::ranges::any_of(job.planes,
+                             [](Plane plane) { return plane_info(plane).fold == Fold::kPost; });
+}
+
 std::vector<Plane> film_planes(const RenderJob& job) {
   std::vector<Plane> planes;
   for (const Plane plane : job.planes)

@@ -9,6 +9,8 @@ namespace heliograph {
 
 /// The planes that a backend makes for a job: those it asks for that are no post planes, in its
 /// order, then what the post planes are computed from.
+/// Whether a job asks for planes that are made of others.
+[[nodiscard]] bool wants_post(const RenderJob& job);
 [[nodiscard]] std::vector<Plane> film_planes(const RenderJob& job);
 
 struct PostContext {

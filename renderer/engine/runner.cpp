@@ -30,11 +30,10 @@ bool power_of_two(u32 x) { return (x & (x - 1)) == 0; }
 }  // namespace
 
 Runner::Runner(std::shared_ptr<const RenderJob> job, const RunnerContext& context)
-    : whole_(std::move(job)),
-      job_(whole_),
+    : job_(std::move(job)),
       context_(context),
       start_(Clock::now()),
-      camera_start_(start_),
+      film_start_(start_),
       noise_(NAN),
       resumed_(start_),
       steps_(run()) {
@@ -62,77 +61,80 @@ TimePoint Runner::slice_end() const {
 double Runner::slice_left() const { return context_.slice.count() - in_slice(); }
 
 Steps Runner::run() {
-  if (whole_->worlds) co_return co_await run_worlds();
+  if (job_->worlds) co_return co_await run_worlds();
   co_return co_await run_cameras();
 }
 
-/// One world after another: what they share is resident since the first.
+/// As many pictures at a time as the backend takes. The next ones are begun while it works on
+/// these, where it takes several.
 Steps Runner::run_worlds() {
-  packed_.emplace(whole_);
+  packed_.emplace(job_);
   HELIO_CO_TRY(packed_->allocate());
-  for (const u32 world : whole_->worlds->rendered) {
-    auto own = job_of_world(*whole_, world);
-    if (!own) co_return std::unexpected(std::move(own).error());
-    (*own)->memory = packed_->memory();
-    job_ = *std::move(own);
-    HELIO_CO_TRY(co_await run_cameras());
+  auto whole = std::make_shared<RenderJob>(*job_);
+  whole->memory = packed_->memory();
+  const u32 count = picture_count(*job_);
+  u32 most = at_once();
+  auto next = begin_later(whole, {0, std::min(most, count)});
+  while (done_ < count) {
+    film_start_ = Clock::now();
+    auto begun = next.get();
+    if (!begun && begun.error().code == Code::kResourceExhausted && most > 1) {
+      most /= 2;
+      begun_ = {};
+      next = begin_later(whole, {done_, std::min(done_ + most, count)});
+      continue;
+    }
+    if (!begun) co_return std::unexpected(std::move(begun).error());
+    const u32 end = done_ + u32(begun->shots.size());
+    if (end < count) next = begin_later(whole, {end, std::min(end + most, count)});
+    begun_ = *std::move(begun);
+    HELIO_CO_TRY(co_await run_film());
   }
   context_.sink.frame(packed_->take());
   co_return Status{};
 }
 
 Steps Runner::run_cameras() {
-  for (u32 camera = 0; camera < job_->cameras.size(); ++camera)
-    HELIO_CO_TRY(co_await run_camera(camera));
+  for (u32 camera = 0; camera < job_->cameras.size(); ++camera) {
+    HELIO_CO_TRY(co_await pause());
+    begun_ = {};
+    begun_.shots.push_back({.job = job_, .camera = camera});
+    film_start_ = Clock::now();
+    for (const SceneOf kind : wanted_scenes()) {
+      HELIO_CO_TRY(prepare(begun_.shots, kind));
+      HELIO_CO_TRY(co_await pause());
+    }
+    HELIO_CO_TRY(begin(begun_));
+    HELIO_CO_TRY(co_await run_film());
+  }
   co_return Status{};
 }
 
-Steps Runner::run_camera(u32 camera) {
-  camera_start_ = Clock::now();
+/// All of begun_.
+Steps Runner::run_film() {
   noise_ = NAN;
   tile_samples_ = tile_rounds_ = 0;
   HELIO_CO_TRY(co_await pause());
-  Shot shot{.job = job_, .camera = camera};
-  HELIO_CO_TRY(co_await make_shot(camera, shot));
-  auto film = context_.backend.begin(shot);
-  if (!film) co_return std::unexpected(std::move(film).error());
-  Frame frame = header(camera);
-  if (wants_probe(*job_)) HELIO_CO_TRY(co_await probe(**film));
-  if (wants_label_columns(*job_)) HELIO_CO_TRY(co_await label(**film, frame));
+  Film& film = *begun_.film;
+  if (wants_probe(*job_)) HELIO_CO_TRY(co_await probe(film));
+  if (wants_label_columns(*job_)) HELIO_CO_TRY(co_await label(film));
   if (wants_samples(*job_))
-    HELIO_CO_TRY(co_await sample(**film, frame));
+    HELIO_CO_TRY(co_await sample(film));
   else
-    HELIO_CO_TRY(emit(**film, std::move(frame), true));
-  report(**film, 1, pictures_ + 1 == picture_count(*whole_));
-  rays_before_ += (*film)->rays();
-  ++pictures_;
+    HELIO_CO_TRY(emit(film, true));
+  const u32 pictures = u32(begun_.shots.size());
+  report(film, 1, done_ + pictures == picture_count(*job_));
+  rays_before_ += film.rays();
+  done_ += pictures;
   co_return Status{};
 }
 
-Steps Runner::make_shot(u32 camera, Shot& shot) {
-  const double interval = flow_interval(*job_);
-  const Shutter& shutter = job_->snapshot->find(job_->cameras[camera])->camera->shutter;
-  const auto labels = [&](double later) { return label_span(shutter, label_time(*job_) + later); };
-  if (wants_open_shutter(*job_))
-    HELIO_CO_TRY(co_await prepare(shutter_span(shutter, job_->time), shot.open));
-  if (wants_still(*job_)) HELIO_CO_TRY(co_await prepare(labels(0), shot.still));
-  if (wants_forward(*job_)) HELIO_CO_TRY(co_await prepare(labels(interval), shot.forward));
-  if (wants_backward(*job_)) HELIO_CO_TRY(co_await prepare(labels(-interval), shot.backward));
-  co_return Status{};
-}
-
-Steps Runner::prepare(TimeSpan span, std::shared_ptr<const DeviceScene>& out) {
-  auto scene = context_.backend.prepare(job_->snapshot, span, context_.interrupt);
-  if (!scene) co_return std::unexpected(std::move(scene).error());
-  out = *std::move(scene);
-  co_return co_await pause();
-}
-
-Steps Runner::label(Film& film, Frame& frame) {
+Steps Runner::label(Film& film) {
   HELIO_CO_TRY(co_await pause());
   auto labels = context_.backend.labels(film, context_.interrupt);
   if (!labels) co_return std::unexpected(std::move(labels).error());
-  frame.labels = *std::move(labels);
+  for (std::size_t i = 0; i < labels->size(); ++i)
+    begun_.frames[i].labels = std::move((*labels)[i]);
   co_return Status{};
 }
 
@@ -152,20 +154,20 @@ Steps Runner::probe(Film& film) {
   co_return Status{};
 }
 
-Steps Runner::sample(Film& film, const Frame& frame) {
+Steps Runner::sample(Film& film) {
   for (u32 done = 0;;) {
     const u32 count = next_pass(done);
     HELIO_CO_TRY(co_await pass(film, {0, film.tiles()}, done, count));
     done += count;
     const bool last = finished(film, done);
     if (!last && job_->stop.adaptive && done == kernels::kBlock)
-      co_return co_await sample_noisy(film, frame);
-    if (last || (job_->progressive && power_of_two(done))) HELIO_CO_TRY(emit(film, frame, last));
+      co_return co_await sample_noisy(film);
+    if (last || (job_->progressive && power_of_two(done))) HELIO_CO_TRY(emit(film, last));
     if (last) co_return Status{};
   }
 }
 
-Steps Runner::sample_noisy(Film& film, const Frame& frame) {
+Steps Runner::sample_noisy(Film& film) {
   const StopRule& stop = job_->stop;
   const u64 most_rounds = stop.tile_rounds > 0 ? stop.tile_rounds : ~u64(0);
   for (u32 rounds = 1;; ++rounds) {
@@ -175,7 +177,7 @@ Steps Runner::sample_noisy(Film& film, const Frame& frame) {
     std::erase_if(tiles, [&](u32 tile) { return film.samples(tile) >= most_samples(); });
     tiles.resize(std::min(tiles.size(), most_rounds - tile_rounds_));
     const bool last = tiles.empty() || out_of_time();
-    if (last || (job_->progressive && power_of_two(rounds))) HELIO_CO_TRY(emit(film, frame, last));
+    if (last || (job_->progressive && power_of_two(rounds))) HELIO_CO_TRY(emit(film, last));
     if (last) co_return Status{};
     HELIO_CO_TRY(co_await round(film, tiles));
   }
@@ -207,15 +209,15 @@ u32 Runner::next_pass(u32 done) const {
   count = std::min(count, most_samples() - done);
   if (stop.seconds > 0 && done > 0) {
     const double budget = stop.seconds / double(job_->cameras.size());
-    const double each = seconds_in_camera() / done;
-    count = u32(std::clamp((budget - seconds_in_camera()) / each, 1.0, double(count)));
+    const double each = seconds_in_film() / done;
+    count = u32(std::clamp((budget - seconds_in_film()) / each, 1.0, double(count)));
   }
   return count;
 }
 
 bool Runner::out_of_time() const {
   const double seconds = job_->stop.seconds;
-  return seconds > 0 && seconds_in_camera() >= seconds / double(job_->cameras.size());
+  return seconds > 0 && seconds_in_film() >= seconds / double(job_->cameras.size());
 }
 
 bool Runner::finished(Film& film, u32 done) {
@@ -223,7 +225,7 @@ bool Runner::finished(Film& film, u32 done) {
   if (done >= most_samples()) return true;
   if (stop.seconds > 0) {
     const double budget = stop.seconds / double(job_->cameras.size());
-    if (seconds_in_camera() * (1 + 0.5 / done) >= budget) return true;
+    if (seconds_in_film() * (1 + 0.5 / done) >= budget) return true;
   }
   if (stop.noise > 0 && !stop.adaptive && done >= kernels::kBlock &&
       (power_of_two(done) || done % 64 == 0)) {
@@ -275,86 +277,64 @@ Steps Runner::pass(Film& film, Tiles tiles, u32 first, u32 count) {
   co_return Status{};
 }
 
-double Runner::seconds_in_camera() const { return seconds(Clock::now() - camera_start_); }
+double Runner::seconds_in_film() const { return seconds(Clock::now() - film_start_); }
 
 double Runner::share_done(const Film& film) const {
   const StopRule& stop = job_->stop;
   double share = stop.spp > 0 ? double(tile_samples_) / film.tiles() / stop.spp : 0;
   if (stop.seconds > 0)
-    share = std::max(share, seconds_in_camera() * double(job_->cameras.size()) / stop.seconds);
+    share = std::max(share, seconds_in_film() * double(job_->cameras.size()) / stop.seconds);
   if (stop.noise > 0 && noise_ > 0) share = std::max(share, std::pow(stop.noise / noise_, 2));
   if (stop.tile_rounds > 0)
     share = std::max(share, double(tile_rounds_) / double(stop.tile_rounds));
   return std::min(share, 1.0);
 }
 
-void Runner::report(const Film& film, double done_in_camera, bool force) {
+void Runner::report(const Film& film, double done_in_film, bool force) {
   const double used = used_before_ + in_slice();
   if (!force && used - reported_ < seconds(kReportEvery)) return;
   reported_ = used;
   const double elapsed = seconds(Clock::now() - start_);
   Progress progress;
-  progress.done = (pictures_ + done_in_camera) / picture_count(*whole_);
+  progress.done = (done_ + done_in_film * double(begun_.shots.size())) / picture_count(*job_);
   progress.rays_per_second = elapsed > 0 ? double(rays_before_ + film.rays()) / elapsed : 0;
   progress.eta_seconds = progress.done > 0 ? elapsed * (1 - progress.done) / progress.done : 0;
   progress.noise = noise_;
   context_.sink.progress(progress);
 }
 
-ImageCamera Runner::seen_by(EntityId camera) const {
-  const Snapshot& snapshot = *job_->snapshot;
-  const uvec2 size = rendered_size(*job_, camera);
-  const Camera& model = *snapshot.find(camera)->camera;
-  const Time middle = label_span(model.shutter, label_time(*job_)).middle();
-  return image_camera(model, world_pose(snapshot, camera.index(), middle), size.x, size.y);
+Expected<std::vector<PlaneData>> Runner::finish(const Shot& shot, std::vector<PlaneData> made) {
+  const RenderJob& job = *shot.job;
+  const EntityId camera = job.cameras[shot.camera];
+  return finish_planes(job, std::move(made),
+                       {.denoiser = context_.denoiser,
+                        .interrupt = context_.interrupt,
+                        .model = *job.snapshot->find(camera)->camera,
+                        .camera = seen_in(shot),
+                        .sensor_seed = sensor_seed(job, camera)});
 }
 
-Frame Runner::header(u32 index) const {
-  const Snapshot& snapshot = *job_->snapshot;
-  const EntityId camera = job_->cameras[index];
-  const ImageCamera image = seen_by(camera);
-  Frame frame;
-  frame.index = index;
-  frame.scene = job_->scene;
-  frame.revision = snapshot.revision;
-  frame.overlay = job_->overlay;
-  frame.camera = snapshot.name_of(camera);
-  frame.width = image.width;
-  frame.height = image.height;
-  frame.time = job_->time;
-  frame.label_time = label_time(*job_);
-  frame.shutter = snapshot.find(camera)->camera->shutter;
-  frame.seed = job_->settings.seed;
-  frame.k = image.k;
-  frame.camera_from_world_cv = image.camera_from_world_cv;
-  if (snapshot.categories) frame.categories = *snapshot.categories;
-  return frame;
-}
-
-Status Runner::emit(Film& film, Frame frame, bool final) {
+/// What is of the whole film is told of its first picture.
+Status Runner::emit(Film& film, bool final) {
   auto made = context_.backend.resolve(film);
   if (!made) return std::unexpected(std::move(made).error());
-  const EntityId camera = job_->cameras[frame.index];
-  const ImageCamera image = seen_by(camera);
-  auto planes = finish_planes(*job_, *std::move(made),
-                              {.denoiser = context_.denoiser,
-                               .interrupt = context_.interrupt,
-                               .model = *job_->snapshot->find(camera)->camera,
-                               .camera = image,
-                               .sensor_seed = sensor_seed(*job_, camera)});
+  auto planes = finish(begun_.shots.front(), *std::move(made));
   if (!planes) return std::unexpected(std::move(planes).error());
+  std::vector<Frame> frames = begun_.frames;
+  Frame& frame = frames.front();
   frame.planes = *std::move(planes);
   for (u32 tile = 0; tile < film.tiles(); ++tile)
     frame.samples = std::max(frame.samples, film.samples(tile));
   frame.tile_rounds = tile_rounds_;
   if (measures_noise(*job_) && frame.samples > 1) frame.noise = context_.backend.noise(film).mean;
   frame.final = final;
-  frame.render_seconds = seconds_in_camera();
+  frame.render_seconds = seconds_in_film();
   frame.rays = film.rays();
-  if (packed_)
-    packed_->add(std::move(frame));
-  else
+  if (!packed_) {
     context_.sink.frame(std::make_shared<const Frame>(std::move(frame)));
+    return {};
+  }
+  for (Frame& picture : frames) packed_->add(std::move(picture));
   return {};
 }
 

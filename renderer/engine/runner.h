@@ -1,6 +1,8 @@
 // One job from its snapshot to its last frame, in slices. Called by the engine's device thread.
 #pragma once
 
+#include <future>
+
 #include "renderer/engine/engine.h"
 #include "renderer/engine/post.h"
 #include "renderer/engine/steps.h"
@@ -33,18 +35,39 @@ class Runner {
  private:
   using Clock = std::chrono::steady_clock;
   [[nodiscard]] Steps run();
-  [[nodiscard]] Steps run_worlds();
   [[nodiscard]] Steps run_cameras();
-  [[nodiscard]] Steps run_camera(u32 camera);
-  [[nodiscard]] Steps make_shot(u32 camera, Shot& shot);
-  [[nodiscard]] Steps prepare(TimeSpan span, std::shared_ptr<const DeviceScene>& out);
-  [[nodiscard]] Steps label(Film& film, Frame& frame);
+  [[nodiscard]] Steps run_worlds();
+  /// How many pictures of worlds go into one film.
+  [[nodiscard]] u32 at_once() const;
+  /// One film that nothing is rendered of, and its pictures.
+  struct Begun {
+    std::vector<Shot> shots;
+    std::unique_ptr<Film> film;
+    std::vector<Frame> frames;  // without pixels
+  };
+  struct PictureRange {
+    u32 begin, end;
+  };
+  [[nodiscard]] std::future<Expected<Begun>> begin_later(std::shared_ptr<const RenderJob> whole,
+                                                         PictureRange range);
+  [[nodiscard]] Expected<Begun> begin_worlds(const RenderJob& whole, PictureRange range) const;
+  [[nodiscard]] Expected<std::vector<Shot>> shots_of(const RenderJob& whole,
+                                                     PictureRange range) const;
+  [[nodiscard]] Status begin(Begun& begun) const;
+  [[nodiscard]] Steps run_film();
+  using SceneOf = std::shared_ptr<const DeviceScene> Shot::*;
+  [[nodiscard]] std::vector<SceneOf> wanted_scenes() const;
+  [[nodiscard]] Status prepare(std::vector<Shot>& shots, SceneOf kind) const;
+  [[nodiscard]] static std::shared_ptr<const DeviceScene> known_scene(const Shot& shot,
+                                                                      const TimeSpan& span);
+  [[nodiscard]] static TimeSpan span_of(const Shot& shot, SceneOf kind);
+  [[nodiscard]] Steps label(Film& film);
   [[nodiscard]] Steps probe(Film& film);
   struct Tiles {
     u32 begin, end;
   };
-  [[nodiscard]] Steps sample(Film& film, const Frame& frame);
-  [[nodiscard]] Steps sample_noisy(Film& film, const Frame& frame);
+  [[nodiscard]] Steps sample(Film& film);
+  [[nodiscard]] Steps sample_noisy(Film& film);
   [[nodiscard]] Steps round(Film& film, const std::vector<u32>& tiles);
   [[nodiscard]] Steps pass(Film& film, Tiles tiles, u32 first, u32 count);
   [[nodiscard]] Steps long_pass(Film& film, WorkRange range);
@@ -52,9 +75,11 @@ class Runner {
   [[nodiscard]] u32 next_pass(u32 done) const;
   [[nodiscard]] bool out_of_time() const;
   [[nodiscard]] bool finished(Film& film, u32 done);
-  [[nodiscard]] Status emit(Film& film, Frame frame, bool final);
-  [[nodiscard]] ImageCamera seen_by(EntityId camera) const;
-  [[nodiscard]] Frame header(u32 camera) const;
+  [[nodiscard]] Status emit(Film& film, bool final);
+  [[nodiscard]] static ImageCamera seen_in(const Shot& shot);
+  [[nodiscard]] static Frame header(const Shot& shot);
+  [[nodiscard]] Expected<std::vector<PlaneData>> finish(const Shot& shot,
+                                                        std::vector<PlaneData> made);
   /// Where the job may be left until the next step(), once the slice is used up or nearly so.
   struct Pause {
     Runner& runner;
@@ -66,21 +91,21 @@ class Runner {
   [[nodiscard]] double in_slice() const;  // seconds, so far
   [[nodiscard]] TimePoint slice_end() const;
   [[nodiscard]] double slice_left() const;  // seconds
-  void report(const Film& film, double done_in_camera, bool force);
+  void report(const Film& film, double done_in_film, bool force);
   [[nodiscard]] double share_done(const Film& film) const;
-  [[nodiscard]] double seconds_in_camera() const;
+  [[nodiscard]] double seconds_in_film() const;
 
-  const std::shared_ptr<const RenderJob> whole_;
-  std::shared_ptr<const RenderJob> job_;  // of the world that is rendered, or the whole
-  std::optional<PackedFrame> packed_;     // of worlds
+  const std::shared_ptr<const RenderJob> job_;
+  std::optional<PackedFrame> packed_;  // of worlds
   RunnerContext context_;
-  Clock::time_point start_, camera_start_;
-  u32 pictures_ = 0;     // that are done
+  Clock::time_point start_, film_start_;
+  Begun begun_;          // what is worked on
+  u32 done_ = 0;         // pictures
   u64 rays_before_ = 0;  // of these
   u64 samples_ = 0;
   double noise_;                   // the latest estimate
-  u64 tile_samples_ = 0;           // of this camera, summed over its tiles
-  u64 tile_rounds_ = 0;            // of this camera, adaptive
+  u64 tile_samples_ = 0;           // of this film, summed over its tiles
+  u64 tile_rounds_ = 0;            // of this film, adaptive
   double seconds_per_sample_ = 0;  // of one sample of a whole tile, of the dearest lately
   double seconds_per_probe_ = 0;   // of one tile
   Clock::time_point resumed_;

@@ -14,7 +14,7 @@
 namespace heliograph {
 namespace {
 
-/// A picture's part of a plane.
+/// Some pictures' part of a plane.
 class PartOfPlane final : public PixelMemory {
  public:
   PartOfPlane(Pixels whole, u64 offset, u64 bytes)
@@ -182,11 +182,11 @@ Status PackedFrame::allocate() {
     if (!made) return std::unexpected(std::move(made).error());
     frame_.planes.push_back(*std::move(made));
   }
+  placed_.assign(frame_.planes.size(), false);
   return {};
 }
 
 PixelAllocator PackedFrame::memory() {
-  placed_.assign(frame_.planes.size(), false);
   return [this](Plane plane, u64 bytes) { return place(plane, bytes); };
 }
 
@@ -195,7 +195,8 @@ std::shared_ptr<PixelMemory> PackedFrame::place(Plane plane, u64 bytes) {
   std::size_t i = 0;
   while (frame_.planes[i].plane != plane || placed_[i]) ++i;
   placed_[i] = true;
-  return std::make_shared<PartOfPlane>(frame_.planes[i].pixels, count_ * bytes, bytes);
+  const Pixels& whole = frame_.planes[i].pixels;
+  return std::make_shared<PartOfPlane>(whole, whole.size() / picture_count(*job_) * count_, bytes);
 }
 
 void PackedFrame::add_labels(std::vector<Column> labels, u32 world, u32 camera) {

@@ -36,7 +36,7 @@ class PackedFrame {
 
   /// Makes the planes; first. RESOURCE_EXHAUSTED: the device has no room for them.
   [[nodiscard]] Status allocate();
-  /// Where the planes of the next picture go. Lifetime: of this.
+  /// Where the planes of the next pictures go, so many of each as are asked for. Lifetime: of this.
   [[nodiscard]] PixelAllocator memory();
   /// Takes all but the pixels, which are in their place. Pictures come in order.
   void add(Frame picture);

@@ -149,6 +149,7 @@ Status HostFilm::allocate() {
   for_each_array([&]<class T>(T*& array, u64 bytes, Fold fold) {
     std::byte*& next = fold == Fold::kCentre ? centre : sum;
     array = static_cast<T*>(static_cast<void*>(next));
+    array_bytes_[next] = bytes;
     next += round_up(bytes, kAligned);
   });
   set_still_view();
@@ -169,13 +170,15 @@ FilmMemory HostFilm::memory() const {
   return {{sums_.get(), sum_bytes_}, {centres_.get(), centre_bytes_}};
 }
 
-kernels::FilmView HostFilm::moved(kernels::FilmView view, const FilmMemory& to) const {
+kernels::FilmView HostFilm::moved(kernels::FilmView view, const FilmMemory& to,
+                                  PictureOf picture) const {
   const auto move = [&]<class T>(T*& array) {
     if (!array) return;
     const auto* at = static_cast<const std::byte*>(static_cast<const void*>(array));
     const bool is_sum = at >= sums_.get() && at < sums_.get() + sum_bytes_;
-    std::byte* there =
-        is_sum ? to.sums.data() + (at - sums_.get()) : to.centres.data() + (at - centres_.get());
+    const u64 offset = u64(at - (is_sum ? sums_ : centres_).get());
+    std::byte* there = (is_sum ? to.sums : to.centres).data() + offset * picture.count +
+                       array_bytes_.at(at) * picture.number;
     array = static_cast<T*>(static_cast<void*>(there));
   };
   for (void*& plane : view.planes) move(plane);
@@ -214,14 +217,13 @@ ProbeTask HostFilm::probe_task() const {
           .film = &view_};
 }
 
-std::vector<PlaneData> HostFilm::new_planes() const {
+std::vector<PlaneData> new_planes(const RenderJob& job, u64 pixels) {
   std::vector<PlaneData> planes;
-  for (const Plane plane : film_planes(job()))
-    planes.push_back(new_plane(job(), plane, u64(view_.width) * view_.height));
+  for (const Plane plane : film_planes(job)) planes.push_back(new_plane(job, plane, pixels));
   return planes;
 }
 
-std::vector<kernels::PlaneOut> HostFilm::outs(std::vector<PlaneData>& planes) const {
+std::vector<kernels::PlaneOut> outs(std::vector<PlaneData>& planes) {
   std::vector<kernels::PlaneOut> outs;
   u32 groups = 0;
   for (PlaneData& data : planes) {
@@ -234,7 +236,7 @@ std::vector<kernels::PlaneOut> HostFilm::outs(std::vector<PlaneData>& planes) co
 }
 
 std::vector<PlaneData> HostFilm::resolve() const {
-  std::vector<PlaneData> planes = new_planes();
+  std::vector<PlaneData> planes = new_planes(job(), u64(view_.width) * view_.height);
   for (PlaneData& data : planes)
     if (plane_info(data.plane).fold == Fold::kCentre)
       std::memcpy(data.pixels.data(), view_.planes[u32(data.plane)], data.pixels.size());

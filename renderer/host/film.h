@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <cstdlib>
+#include <unordered_map>
 
 #include "renderer/engine/image_camera.h"
 #include "renderer/host/tasks.h"
@@ -40,9 +41,19 @@ struct FilmMemory {
   std::span<std::byte> centres;  // written by probes: planes of the fold kCentre
 };
 
+/// One of the pictures of a film.
+struct PictureOf {
+  u32 number = 0, count = 1;
+};
+
+/// Of all planes of film_planes(), not filled in.
+[[nodiscard]] std::vector<PlaneData> new_planes(const RenderJob& job, u64 pixels);
+/// Where planes of the folds kMean and kFilm go, given new_planes().
+[[nodiscard]] std::vector<kernels::PlaneOut> outs(std::vector<PlaneData>& planes);
+
 /// Thread: the device's, but for rays() and add_rays(). Pixels are read by resolve() and noise()
 /// alone, and may be written by anyone before.
-class HostFilm : public Film {
+class HostFilm final : public Film {
  public:
   /// Fails with RESOURCE_EXHAUSTED when there is no memory for the planes.
   [[nodiscard]] static Expected<std::unique_ptr<HostFilm>> create(const Shot& shot);
@@ -51,7 +62,6 @@ class HostFilm : public Film {
   [[nodiscard]] u32 tiles_across() const override { return tiles_x_; }
   [[nodiscard]] u32 samples(u32 tile) const override { return tile_samples_[tile]; }
   void set_samples(u32 tile, u32 samples) { tile_samples_[tile] = samples; }
-  [[nodiscard]] std::span<const u32> all_samples() const { return tile_samples_; }
   [[nodiscard]] u64 rays() const override { return rays_.load(std::memory_order_relaxed); }
   void add_rays(u64 rays) { rays_.fetch_add(rays, std::memory_order_relaxed); }
   /// The pixels of a tile.
@@ -67,26 +77,22 @@ class HostFilm : public Film {
 
   [[nodiscard]] const kernels::FilmView& view() const { return view_; }
   [[nodiscard]] FilmMemory memory() const;
-  /// A task's view of the same arrays in other memory, as large. rank_of_group stays: it points at
-  /// as many u32 of the host as the scene has light groups.
-  [[nodiscard]] kernels::FilmView moved(kernels::FilmView view, const FilmMemory& to) const;
+  /// A task's view of the same arrays in other memory, which has each of them for all pictures of a
+  /// film, and so is as many times as large. rank_of_group stays: it points at as many u32 of the
+  /// host as the scene has light groups.
+  [[nodiscard]] kernels::FilmView moved(kernels::FilmView view, const FilmMemory& to,
+                                        PictureOf picture = {}) const;
 
   /// The planes of film_planes() after the samples that each tile has.
   [[nodiscard]] std::vector<PlaneData> resolve() const;
   [[nodiscard]] Noise noise() const;
-
- protected:
-  /// Of all planes of film_planes(), not filled in.
-  [[nodiscard]] std::vector<PlaneData> new_planes() const;
-  /// Where planes of the folds kMean and kFilm go, given new_planes().
-  [[nodiscard]] std::vector<kernels::PlaneOut> outs(std::vector<PlaneData>& planes) const;
   /// Of sums over tiles (kernels::tile_noise).
   [[nodiscard]] Noise noise_of(std::span<const double> sums) const;
-  explicit HostFilm(const Shot& shot);
-  /// Makes the views and their memory; to be called once.
-  [[nodiscard]] Status allocate();
 
  private:
+  explicit HostFilm(const Shot& shot);
+  /// Makes the views and their memory.
+  [[nodiscard]] Status allocate();
   [[nodiscard]] ImageCamera camera_at(EntityId camera, Time time) const;
   /// Sets what a camera sees, but for its shutter.
   void look(Sight& sight, EntityId camera, const std::shared_ptr<const DeviceScene>& scene) const;
@@ -104,6 +110,7 @@ class HostFilm : public Film {
   kernels::FilmView still_view_{};  // the plane beauty_still in the place of beauty
   u64 sum_bytes_ = 0, centre_bytes_ = 0;
   ZeroedMemory sums_, centres_;
+  std::unordered_map<const void*, u64> array_bytes_;  // by where an array begins
   std::vector<u32> rank_of_group_;
   u32 tiles_x_, tiles_y_;
   std::vector<u32> tile_samples_;

@@ -53,6 +53,7 @@ class Placer {
   }
   [[nodiscard]] mat4x3 from_root(u32 entity, u32 root) const;
   [[nodiscard]] RestBox rest_box(const Instance& row, const ObjectFrame& frame) const;
+  [[nodiscard]] bool keeps_box(u32 row) const;
   [[nodiscard]] const Grid& density(u32 entity) const {
     return *snapshot_.find(snapshot_.entities.at(entity).volume)->value->density;
   }

@@ -1,5 +1,8 @@
 // Frames and boxes of labels.
 
+#include <algorithm>
+#include <span>
+
 #include "renderer/resident/parallel.h"
 #include "renderer/resident/placer.h"
 #include "renderer/resident/rest_box.h"
@@ -76,13 +79,27 @@ Status Placer::label_frames() {
       made_->boxes[row] = before_->boxes[row];
     }
   }
-  parallel_for(moved_rows.size(), [&](std::size_t i) {
-    const u32 row = moved_rows[i];
-    const Instance& instance = structure.labelling.instances[row];
-    made_->frames[row] = object_frame(made_->world[instance.root]);
-    made_->boxes[row] = rest_box(instance, made_->frames[row]);
+  constexpr std::size_t kGrain = 16;
+  parallel_ranges(moved_rows.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (const u32 row : std::span(moved_rows).subspan(begin, end - begin)) {
+      const Instance& instance = structure.labelling.instances[row];
+      made_->frames[row] = object_frame(made_->world[instance.root]);
+      made_->boxes[row] = same_structure && keeps_box(row) ? before_->boxes[row]
+                                                           : rest_box(instance, made_->frames[row]);
+    }
   });
   return {};
+}
+
+/// Whether an instance of the same structure has moved and nothing else.
+bool Placer::keeps_box(u32 row) const {
+  const ObjectFrame &now = made_->frames[row], &then = before_->frames[row];
+  if (!now.rigid || !then.rigid || now.scale != then.scale) return false;
+  return std::ranges::all_of(made_->structure->labelling.instances[row].entities, [&](u32 entity) {
+    const u32 slot = made_->structure->slot_of_entity[entity];
+    return slot != kNone && same(made_->root_from_entity[slot], before_->root_from_entity[slot]) &&
+           made_->meshes[made_->mesh_of_slot[slot]] == before_->meshes[before_->mesh_of_slot[slot]];
+  });
 }
 
 void Placer::boxes() {

@@ -113,7 +113,31 @@ u64 ResidentScene::bytes() const {
 Expected<std::shared_ptr<const ResidentScene>> SceneStore::prepare(
     const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
     const Interrupt& interrupt) {
-  const std::shared_ptr<const ResidentScene> before = nearest(*snapshot, span);
+  const auto before = nearest(*snapshot, span);
+  auto scene = make({snapshot, span}, before, interrupt);
+  if (scene && *scene != before) keep(*scene);
+  return scene;
+}
+
+Expected<DeviceScenes> SceneStore::prepare_all(std::span<const SceneAt> scenes,
+                                               const Interrupt& interrupt) {
+  if (scenes.empty()) return DeviceScenes();
+  const auto before = nearest(*scenes.front().snapshot, scenes.front().span);
+  std::vector<Expected<std::shared_ptr<const ResidentScene>>> made(scenes.size());
+  parallel_for(scenes.size(), [&](std::size_t i) { made[i] = make(scenes[i], before, interrupt); });
+  DeviceScenes all;
+  for (auto& scene : made) {
+    if (!scene) return std::unexpected(std::move(scene).error());
+    all.push_back(*scene);
+  }
+  if (*made.back() != before) keep(*made.back());
+  return all;
+}
+
+Expected<std::shared_ptr<const ResidentScene>> SceneStore::make(
+    const SceneAt& wanted, const std::shared_ptr<const ResidentScene>& before,
+    const Interrupt& interrupt) const {
+  const auto& [snapshot, span] = wanted;
   const bool materials_kept = before && same_materials(before->snapshot(), *snapshot);
   std::shared_ptr<const Placement> placement;
   if (before && same_structure(before->snapshot(), *snapshot) &&
@@ -148,9 +172,7 @@ Expected<std::shared_ptr<const ResidentScene>> SceneStore::prepare(
                       ? before->pieces().lights
                       : make_lights(*snapshot, *pieces.placement, *pieces.materials,
                                     before ? before->pieces().lights.get() : nullptr, cache_);
-  auto scene = std::make_shared<const ResidentScene>(snapshot, span, std::move(pieces));
-  keep(scene);
-  return scene;
+  return std::make_shared<const ResidentScene>(snapshot, span, std::move(pieces));
 }
 
 bool SceneStore::ready(const Snapshot& snapshot) const {
@@ -182,6 +204,7 @@ Status SceneStore::warm(const Snapshot& snapshot) const {
 
 std::shared_ptr<const ResidentScene> SceneStore::nearest(const Snapshot& snapshot,
                                                          const TimeSpan& span) const {
+  const std::scoped_lock lock(mutex_);
   std::shared_ptr<const ResidentScene> best;
   int best_score = -1;
   for (const auto& scene : recent_) {
@@ -198,14 +221,18 @@ std::shared_ptr<const ResidentScene> SceneStore::nearest(const Snapshot& snapsho
 }
 
 void SceneStore::keep(std::shared_ptr<const ResidentScene> scene) {
+  std::vector<std::shared_ptr<const ResidentScene>> gone;  // without the lock
+  const std::scoped_lock lock(mutex_);
   recent_.push_back(std::move(scene));
   const auto sum = [&] {
     u64 bytes = 0;
     for (const auto& kept : recent_) bytes += kept->bytes();
     return bytes;
   };
-  while (recent_.size() > 1 && (recent_.size() > kScenesKept || sum() > limit_))
+  while (recent_.size() > 1 && (recent_.size() > kScenesKept || sum() > limit_)) {
+    gone.push_back(std::move(recent_.front()));
     recent_.erase(recent_.begin());
+  }
   bytes_ = sum();
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <atomic>
+#include <mutex>
 
 #include "renderer/engine/backend.h"
 #include "renderer/resident/lights.h"
@@ -43,7 +44,7 @@ class ResidentScene final : public DeviceScene {
   kernels::SceneView view_{};
 };
 
-/// Makes scenes, and keeps the last ones to start from. Thread: the device's; `warm` any.
+/// Makes scenes, and keeps the last ones to start from. Thread: any.
 class SceneStore {
  public:
   /// cache_bytes   of the scenes kept
@@ -56,6 +57,9 @@ class SceneStore {
   [[nodiscard]] Expected<std::shared_ptr<const ResidentScene>> prepare(
       const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
       const Interrupt& interrupt);
+  /// The same of several at once, in their order. Only the last is kept to start from.
+  [[nodiscard]] Expected<DeviceScenes> prepare_all(std::span<const SceneAt> scenes,
+                                                   const Interrupt& interrupt);
   /// Whether prepare() would find the derived data of meshes and dome made.
   [[nodiscard]] bool ready(const Snapshot& snapshot) const;
   /// Makes that data.
@@ -66,13 +70,18 @@ class SceneStore {
  private:
   [[nodiscard]] std::shared_ptr<const ResidentScene> nearest(const Snapshot& snapshot,
                                                              const TimeSpan& span) const;
+  /// A scene, from one like it: it may be that one. Thread: any.
+  [[nodiscard]] Expected<std::shared_ptr<const ResidentScene>> make(
+      const SceneAt& scene, const std::shared_ptr<const ResidentScene>& before,
+      const Interrupt& interrupt) const;
   void keep(std::shared_ptr<const ResidentScene> scene);
 
   const Accelerator& accelerator_;
   DerivedCache& cache_;
-  MeshBuilder builder_;
+  const MeshBuilder builder_;
   const u64 limit_;
-  std::vector<std::shared_ptr<const ResidentScene>> recent_;  // the last is the latest
+  mutable std::mutex mutex_;
+  std::vector<std::shared_ptr<const ResidentScene>> recent_;  // the last is the latest; by mutex_
   std::atomic<u64> bytes_{0};
 };
 

@@ -102,8 +102,8 @@ class FaultyBackend : public Backend {
     HELIO_TRY(fault());
     return inner_->prepare(snapshot, span, interrupt);
   }
-  [[nodiscard]] Expected<std::unique_ptr<Film>> begin(const Shot& shot) override {
-    return inner_->begin(shot);
+  [[nodiscard]] Expected<std::unique_ptr<Film>> begin(std::span<const Shot> shots) override {
+    return inner_->begin(shots);
   }
   [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, TimePoint until,
                                       const Interrupt& interrupt) override {
@@ -115,8 +115,8 @@ class FaultyBackend : public Backend {
     HELIO_TRY(fault());
     return inner_->probe(film, first_tile, tile_count, interrupt);
   }
-  [[nodiscard]] Expected<std::vector<Column>> labels(Film& film,
-                                                     const Interrupt& interrupt) override {
+  [[nodiscard]] Expected<std::vector<std::vector<Column>>> labels(
+      Film& film, const Interrupt& interrupt) override {
     return inner_->labels(film, interrupt);
   }
   [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film& film) override {

@@ -43,7 +43,7 @@ PARTS = {  # in this order, or in that of the command line
     "training": ["examples/train_on_gpu.py"],
     "sanitized": ["tests/gpu/sanitized.py"],
     "speed": ["bench/gpu.py"],
-    "worlds": ["bench/worlds.py", "1024", "3", "cuda"],
+    "worlds": ["bench/gpu_worlds.py"],
     "devices": ["bench/devices.py"],
 }
 

@@ -85,7 +85,7 @@ std::vector<PlaneData> planes_by_ranges(Backend& backend, const RenderJob& job, 
   auto scene = backend.prepare(job.snapshot, {job.time, job.time}, {});
   REQUIRE(scene.has_value());
   shot.open = shot.still = *scene;
-  auto film = backend.begin(shot);
+  auto film = backend.begin({&shot, 1});
   REQUIRE(film.has_value());
   const u32 tiles = (*film)->tiles();
   for (u32 tile = 0; tile < tiles; tile += probe)

@@ -24,7 +24,10 @@ inline cuda::Driver fake_driver() {
   d.device_at = [](Device* device, int index) { return *device = index, 0; };
   d.device_name = [](char*, int, Device) { return 0; };
   d.device_attribute = [](int* value, int, Device) { return *value = 1, 0; };
-  d.create_context = [](ContextHandle*, unsigned, Device) { return 0; };
+  d.create_context = [](ContextHandle* context, unsigned, Device) {
+    static int one;
+    return *context = reinterpret_cast<ContextHandle>(&one), 0;
+  };
   d.destroy_context = [](ContextHandle) { return 0; };
   d.set_context = [](ContextHandle) { return 0; };
   d.memory_info = [](std::size_t* free, std::size_t* all) { return *free = *all = 1u << 30, 0; };

@@ -109,3 +109,37 @@ TEST_CASE("host film: arrays moved elsewhere lie apart, within as many bytes") {
   }
   CHECK(view.rank_of_group == film->view().rank_of_group);
 }
+
+TEST_CASE("host film: arrays of several pictures follow each other") {
+  auto backend = make_backend("embree", {.threads = 1});
+  REQUIRE(backend.has_value());
+  const auto film = make_film(**backend);
+  constexpr u32 kCount = 3;
+  std::vector<std::byte> sums(film->memory().sums.size() * kCount),
+      centres(film->memory().centres.size() * kCount);
+  std::vector<std::pair<const std::byte*, u64>> arrays;
+  for (u32 i = 0; i < kCount; ++i) {
+    const kernels::FilmView view = film->moved(film->view(), {sums, centres}, {i, kCount});
+    const auto note = [&](const void* at, Plane plane) {
+      const PlaneInfo& info = plane_info(plane);
+      const u64 bytes = u64(kPixels) * info.channels * size_of(info.dtype);
+      if (at) arrays.emplace_back(static_cast<const std::byte*>(at), bytes);
+    };
+    for (const Plane plane : {Plane::BEAUTY, Plane::BEAUTY_STILL, Plane::DEPTH, Plane::INSTANCE})
+      note(view.planes[u32(plane)], plane);
+    note(view.partial[u32(Plane::BEAUTY)], Plane::BEAUTY);
+  }
+  REQUIRE(arrays.size() == 5 * kCount);
+  for (u32 i = 0; i < 5 * (kCount - 1); ++i)
+    CHECK(arrays[i + 5].first == arrays[i].first + arrays[i].second);
+  std::ranges::sort(arrays);
+  for (std::size_t i = 0; i + 1 < arrays.size(); ++i)
+    CHECK(arrays[i].first + arrays[i].second <= arrays[i + 1].first);
+  CHECK(std::ranges::all_of(arrays, [&](const auto& array) {
+    const auto within = [&](const std::vector<std::byte>& memory) {
+      return array.first >= memory.data() &&
+             array.first + array.second <= memory.data() + memory.size();
+    };
+    return within(sums) || within(centres);
+  }));
+}

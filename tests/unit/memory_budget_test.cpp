@@ -144,26 +144,26 @@ TEST_CASE("device memory: a driver that has none left costs the call, not the de
 }
 
 TEST_CASE("device memory: a refused scene says what it needs in all") {
-  Stage stage(100 * kKiB);
+  Stage stage(1000 * kKiB);
   Mirror mirror(stage.context);
-  static const std::array<std::byte, 90 * kKiB> arrays{};
+  static const std::array<std::byte, 900 * kKiB> arrays{};
   const std::span all(arrays);
   Copies other(mirror);
-  (void)other.of(all.data(), 30 * kKiB);
+  (void)other.of(all.data(), 300 * kKiB);
   {
     Copies copies(mirror);
-    (void)copies.of(all.data(), 30 * kKiB);  // is there already
-    (void)copies.of(all.data(), 20 * kKiB);
-    (void)copies.of_own(all.first(10 * kKiB));
-    REQUIRE(copies.status());
-    (void)copies.of(all.data(), 60 * kKiB);
-    (void)copies.of(all.data(), 30 * kKiB);
-    (void)copies.of_own(all.first(5 * kKiB));
-    (void)copies.of(all.data(), 7 * kKiB);
-    REQUIRE_FALSE(copies.status());
-    CHECK(copies.status().error().needed == (20 + 10 + 60 + 5 + 7) * kKiB);
-    CHECK(copies.status().error().available == 70 * kKiB);
+    (void)copies.of(all.data(), 300 * kKiB);  // is there already
+    (void)copies.of(all.data(), 200 * kKiB);
+    (void)copies.of_own(all.first(100 * kKiB));
+    (void)copies.of(all.data(), 600 * kKiB);
+    (void)copies.of(all.data(), 300 * kKiB);
+    (void)copies.of_own(all.first(50 * kKiB));
+    (void)copies.of(all.data(), 70 * kKiB);
+    const Status refused = copies.finish();
+    REQUIRE_FALSE(refused);
+    CHECK(refused.error().needed == (200 + 100 + 600 + 50 + 70) * kKiB);
+    CHECK(refused.error().available == 700 * kKiB);
   }
-  CHECK(stage.context->budget().used() == 30 * kKiB);
-  CHECK(other.status());
+  CHECK(stage.context->budget().used() == 300 * kKiB);
+  CHECK(other.finish());
 }

@@ -2,6 +2,8 @@
 #include "renderer/backend/cuda/mirror.h"
 
 #include <array>
+#include <numeric>
+#include <vector>
 
 #include "tests/unit/catch.h"
 #include "tests/unit/fake_driver.h"
@@ -22,24 +24,56 @@ TEST_CASE("mirror: an array is uploaded once for all that hold it, and the bytes
     {
       Copies one(mirror), other(mirror);
       const u32* at = one.of(first.data(), 3);
-      REQUIRE(one.status());
+      REQUIRE(one.finish());
       CHECK(std::equal(first.begin(), first.end(), at));
       CHECK((*context)->uploaded_bytes() == 12);
       CHECK(other.of(first.data(), 3) == at);
       CHECK((*context)->uploaded_bytes() == 12);
       (void)other.of(second.data(), 3);
       CHECK((*context)->uploaded_bytes() == 24);
-      (void)other.of_own(std::span<const u32>(second));  // of nobody else
-      CHECK((*context)->uploaded_bytes() == 36);
       CHECK(other.of<u32>(nullptr, 3) == nullptr);
       CHECK(other.of(first.data(), 0) == nullptr);
-      CHECK((*context)->uploaded_bytes() == 36);
-      CHECK(fake_allocations == 3);
+      CHECK((*context)->uploaded_bytes() == 24);
+      CHECK(fake_allocations == 2);
     }
     CHECK(fake_allocations == 0);
     Copies again(mirror);
     (void)again.of(first.data(), 3);
-    CHECK((*context)->uploaded_bytes() == 48);
+    CHECK((*context)->uploaded_bytes() == 36);
+  }
+  CHECK(fake_allocations == 0);
+}
+
+TEST_CASE("mirror: small arrays of nobody else lie together, and are there in the end") {
+  {
+    const auto context = Context::create(fake_driver(), 0);
+    REQUIRE(context);
+    Mirror mirror(*context);
+    Copies copies(mirror);
+    const auto own = [&](const std::vector<u32>& array) {
+      return std::pair(array, copies.of_own(std::span<const u32>(array)));
+    };
+    const auto numbers = [](u32 first, u32 count) {
+      std::vector<u32> array(count);
+      std::iota(array.begin(), array.end(), first);
+      return array;
+    };
+    std::vector<std::pair<std::vector<u32>, const u32*>> made;
+    made.push_back(own(numbers(1, 3)));
+    made.push_back(own(numbers(100, 1000)));
+    CHECK((*context)->uploaded_bytes() == 0);
+    CHECK(fake_allocations == 1);
+    made.push_back(own(numbers(5, 100'000)));  // too large: it goes at once
+    CHECK((*context)->uploaded_bytes() == 400'000);
+    CHECK(fake_allocations == 2);
+    for (u32 i = 0; i < 30; ++i) made.push_back(own(numbers(i, 4000)));
+    CHECK(fake_allocations == 9);  // four in each chunk
+    REQUIRE(copies.finish());
+    CHECK((*context)->uploaded_bytes() > 400'000 + 30 * 16'000);
+    for (const auto& [array, at] : made) {
+      CHECK(std::equal(array.begin(), array.end(), at));
+      CHECK(reinterpret_cast<std::uintptr_t>(at) % 16 == 0);
+    }
   }
   CHECK(fake_allocations == 0);
 }

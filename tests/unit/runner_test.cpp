@@ -39,7 +39,7 @@ class SlowBackend final : public Backend {
       const std::shared_ptr<const Snapshot>&, const TimeSpan&, const Interrupt&) override {
     return std::make_shared<const DeviceScene>();
   }
-  [[nodiscard]] Expected<std::unique_ptr<Film>> begin(const Shot&) override {
+  [[nodiscard]] Expected<std::unique_ptr<Film>> begin(std::span<const Shot>) override {
     return std::make_unique<SlowFilm>();
   }
   [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, TimePoint,
@@ -55,7 +55,8 @@ class SlowBackend final : public Backend {
     return true;
   }
   [[nodiscard]] Status probe(Film&, u32, u32, const Interrupt&) override { return {}; }
-  [[nodiscard]] Expected<std::vector<Column>> labels(Film&, const Interrupt&) override {
+  [[nodiscard]] Expected<std::vector<std::vector<Column>>> labels(Film&,
+                                                                  const Interrupt&) override {
     return std::unexpected(not_there());
   }
   [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film&) override {

@@ -44,11 +44,17 @@ const SceneView& furnish(TestScene& scene, bool fog) {
   return scene.finish();
 }
 
+struct Picture {
+  ShotView shot;
+  const TestTracer& tracer;
+};
+
 /// Runs a wave as its reader does, its slots in random order.
 class HostWave {
  public:
-  HostWave(const ShotView& shot, const WaveWork& work, const TestTracer& tracer)
-      : tracer_(tracer), wave_(shot, work, view_, tracer), items_(items_of(work)) {
+  HostWave(const std::vector<Picture>& pictures, const WaveWork& work)
+      : pictures_(pictures), work_(work), items_(items_of(work)) {
+    const ShotView& shot = pictures[0].shot;
     item_.assign(kSlots, kNone);
     paths_.resize(kSlots);
     rays_.resize(kSlots);
@@ -61,7 +67,7 @@ class HostWave {
     groups_.assign(size_t(items_) * 3 * std::max(shot.film.groups, 1u), 0);
     view_ = {paths_.data(), rays_.data(),    hits_.data(), lights_.data(), nullptr,
              nullptr,       samples_.data(), nullptr,      shot.film};
-    if (shot.scene.any_media) {
+    if (std::ranges::any_of(pictures, [](const auto& p) { return p.shot.scene.any_media; })) {
       view_.insides = insides_.data();
       view_.reaches = reaches_.data();
     }
@@ -79,33 +85,42 @@ class HostWave {
       active = 0;
       for (const u32 slot : order) {
         while (item_[slot] == kNone && next < items_) {
-          if (wave_.begin(slot, next)) item_[slot] = next;
+          if (wave_of(next).begin(slot, next)) item_[slot] = next;
           ++next;
         }
         if (item_[slot] == kNone) continue;
         ++active;
-        hits_[slot] = tracer_.closest(rays_[slot].ray, rays_[slot].mask);
+        hits_[slot] = tracer_of(item_[slot]).closest(rays_[slot].ray, rays_[slot].mask);
       }
       for (const u32 slot : order) step(slot);
     }
   }
   u64 fold(u32 pixels) {
     u64 rays = 0;
-    for (u32 i = 0; i < pixels; ++i) rays += wave_.fold(i);
+    for (u32 i = 0; i < pixels; ++i) rays += wave_of(i).fold(i);
     return rays;
   }
 
  private:
+  const Picture& picture(u32 item) const {
+    return pictures_[picture_of(pictures_[0].shot.film, work_, item)];
+  }
+  const TestTracer& tracer_of(u32 item) const { return picture(item).tracer; }
+  Wave<TestTracer> wave_of(u32 item) const {
+    return {picture(item).shot, work_, view_, tracer_of(item)};
+  }
   void step(u32 slot) {
     if (item_[slot] == kNone) return;
-    const Arrival arrival = wave_.arrive(slot);
-    if (arrival.takes_light && !tracer_.occluded(lights_[slot].ray, kShadowRay)) wave_.shine(slot);
+    const auto wave = wave_of(item_[slot]);
+    const Arrival arrival = wave.arrive(slot);
+    if (arrival.takes_light && !tracer_of(item_[slot]).occluded(lights_[slot].ray, kShadowRay))
+      wave.shine(slot);
     if (!arrival.goes_on) item_[slot] = kNone;
   }
 
-  const TestTracer& tracer_;
+  const std::vector<Picture>& pictures_;
+  const WaveWork work_;
   WaveView view_{};
-  Wave<TestTracer> wave_;
   u32 items_;
   std::vector<u32> item_;
   std::vector<WavePath> paths_;
@@ -119,38 +134,68 @@ class HostWave {
   std::vector<float> groups_;
 };
 
-void check_same(const SceneView& scene, PlaneSet wanted) {
-  const CameraView camera = look_at({3, -3, 2}, {0, 0, -0.2f}, kSize, 0.8f);
-  Settings settings = standard_settings(7);
-  settings.roulette = true;
-  settings.clamp_indirect = 3;
-  const TestTracer tracer(scene);
-  const TestFilm loop(kSize, wanted), wave(kSize, wanted);
+/// A film of the loop over pixels and one of a wave.
+struct Films {
+  explicit Films(PlaneSet planes) : loop(kSize, planes), wave(kSize, planes), wanted(planes) {}
+  TestFilm loop, wave;
+  PlaneSet wanted;
+};
+
+u64 run_loop(const Picture& picture, const TestFilm& film) {
+  const auto& [scene, camera, settings, own] = picture.shot;
   u64 rays = 0;
   for (u32 y = 0; y < kSize.y; ++y)
     for (u32 x = 0; x < kSize.x; ++x)
-      rays += render_pixel(scene, camera, settings, tracer, loop.view, x, y, 0, kSamples);
-  // In two batches of samples, for all tiles.
-  for (const auto& [first, count] : {std::pair{0u, 7u}, std::pair{7u, kSamples - 7}}) {
-    const ShotView shot{scene, camera, settings, wave.view};
-    const WaveWork work{0, 4, first, count};
-    HostWave host(shot, work, tracer);
-    host.run();
-    rays -= host.fold(pixels_of(work));
-  }
-  CHECK(rays == 0);
+      rays += render_pixel(scene, camera, settings, picture.tracer, film.view, x, y, 0, kSamples);
+  return rays;
+}
+
+void check_same(const Films& films) {
   for (u32 plane = 0; plane < kPlanes; ++plane) {
-    if (!(wanted >> plane & 1)) continue;
+    if (!(films.wanted >> plane & 1)) continue;
     INFO(plane);
     const bool sums_differ = Plane(plane) == Plane::BEAUTY_GROUP;  // of a sample, then of samples
     u64 different = 0;
     for (u64 i = 0; i < u64(kSize.x) * kSize.y; ++i) {
-      const float a = loop.mean(Plane(plane), i, kSamples),
-                  b = wave.mean(Plane(plane), i, kSamples);
+      const float a = films.loop.mean(Plane(plane), i, kSamples),
+                  b = films.wave.mean(Plane(plane), i, kSamples);
       different += sums_differ ? std::abs(a - b) > 1e-5f * std::abs(a) : a != b;
     }
     CHECK(different == 0);
   }
+}
+
+ShotView shot_of(const SceneView& scene, u64 seed, const TestFilm& film) {
+  Settings settings = standard_settings(seed);
+  settings.roulette = true;
+  settings.clamp_indirect = 3;
+  const vec3 eye(3, -3 + 0.1f * float(seed), 2);
+  return {scene, look_at(eye, {0, 0, -0.2f}, kSize, 0.8f), settings, film.view};
+}
+
+/// Pictures of scenes, in a wave of all.
+void check_same(const std::vector<const SceneView*>& scenes, PlaneSet wanted) {
+  std::deque<Films> films;
+  std::deque<TestTracer> tracers;
+  std::vector<Picture> pictures;
+  u64 rays = 0;
+  for (const SceneView* scene : scenes) {
+    const Films& own = films.emplace_back(wanted);
+    pictures.push_back(
+        {shot_of(*scene, 7 + pictures.size(), own.wave), tracers.emplace_back(*scene)});
+    rays += run_loop(pictures.back(), own.loop);
+  }
+  // In two batches of samples, for all tiles but the last picture's last two, then for those.
+  const u32 tiles = 4 * u32(scenes.size());
+  for (const auto& [first_tile, count] : {std::pair{0u, tiles - 2}, std::pair{tiles - 2, 2u}})
+    for (const auto& [first, samples] : {std::pair{0u, 7u}, std::pair{7u, kSamples - 7}}) {
+      const WaveWork work{first_tile, count, first, samples};
+      HostWave host(pictures, work);
+      host.run();
+      rays -= host.fold(pixels_of(work));
+    }
+  CHECK(rays == 0);
+  for (const Films& own : films) check_same(own);
 }
 
 constexpr PlaneSet kEverything = kBeauty | kLightPlaneSet | kGuidePlaneSet |
@@ -162,13 +207,19 @@ constexpr PlaneSet kEverything = kBeauty | kLightPlaneSet | kGuidePlaneSet |
 TEST_CASE("wave: its film is that of the loop over pixels") {
   TestScene scene;
   const SceneView& view = furnish(scene, false);
-  check_same(view, kBeauty);
-  check_same(view, kEverything);
+  check_same({&view}, kBeauty);
+  check_same({&view}, kEverything);
 }
 
 TEST_CASE("wave: media keep to their paths") {
   TestScene scene;
   const SceneView& view = furnish(scene, true);
   REQUIRE(view.any_media);
-  check_same(view, kEverything);
+  check_same({&view}, kEverything);
+}
+
+TEST_CASE("wave: pictures of several scenes go side by side") {
+  TestScene clear, fog;
+  const SceneView &one = furnish(clear, false), &other = furnish(fog, true);
+  check_same({&one, &other, &one}, kEverything);
 }

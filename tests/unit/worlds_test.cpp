@@ -1,6 +1,7 @@
 // Worlds: what differs between copies of a scene, and their pictures packed into one frame.
 #include "renderer/engine/worlds.h"
 
+#include "renderer/engine/runner.h"
 #include "renderer/scene/worlds.h"
 #include "tests/unit/render_scene.h"
 
@@ -41,6 +42,115 @@ RenderJob packed_job(const std::shared_ptr<const Snapshot>& scene, Worlds worlds
   job.worlds = std::make_shared<const Worlds>(std::move(worlds));
   return job;
 }
+
+/// Pictures of Embree's, side by side.
+class ManyFilms final : public Film {
+ public:
+  [[nodiscard]] u32 tiles() const override { return u32(films.size()) * films[0]->tiles(); }
+  [[nodiscard]] u32 tiles_across() const override { return films[0]->tiles_across(); }
+  [[nodiscard]] u32 samples(u32 tile) const override {
+    return films[tile / films[0]->tiles()]->samples(tile % films[0]->tiles());
+  }
+  [[nodiscard]] u64 rays() const override {
+    u64 sum = 0;
+    for (const auto& film : films) sum += film->rays();
+    return sum;
+  }
+  std::vector<std::unique_ptr<Film>> films;
+  std::shared_ptr<const RenderJob> job;
+};
+
+/// Renders as Embree does, several pictures in a film.
+class ManyPictures final : public Backend {
+ public:
+  explicit ManyPictures(u32 at_once)
+      : at_once_(at_once), inner_(make_backend("embree", {.threads = 2}).value()) {}
+  [[nodiscard]] std::string_view name() const override { return inner_->name(); }
+  [[nodiscard]] std::string cpu_features() const override { return inner_->cpu_features(); }
+  [[nodiscard]] bool ready(const Snapshot& scene) const override { return inner_->ready(scene); }
+  [[nodiscard]] Status warm(const Snapshot& scene) override { return inner_->warm(scene); }
+  [[nodiscard]] Expected<std::shared_ptr<const DeviceScene>> prepare(
+      const std::shared_ptr<const Snapshot>& scene, const TimeSpan& span,
+      const Interrupt& interrupt) override {
+    return inner_->prepare(scene, span, interrupt);
+  }
+  [[nodiscard]] u32 pictures_at_once(u64) const override { return at_once_; }
+  [[nodiscard]] Expected<std::unique_ptr<Film>> begin(std::span<const Shot> shots) override {
+    auto made = std::make_unique<ManyFilms>();
+    made->job = shots.front().job;
+    for (Shot shot : shots) {
+      auto job = std::make_shared<RenderJob>(*shot.job);
+      job->memory = nullptr;
+      shot.job = job;
+      made->films.push_back(inner_->begin({&shot, 1}).value());
+    }
+    ++films;
+    return made;
+  }
+  [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, TimePoint until,
+                                      const Interrupt& interrupt) override {
+    for_each_part(film, range.first_tile, range.tile_count, [&](Film& own, u32 first, u32 count) {
+      WorkRange part = range;
+      part.first_tile = first;
+      part.tile_count = count;
+      REQUIRE(inner_->render(own, part, until, interrupt).value());
+    });
+    return true;
+  }
+  [[nodiscard]] Status probe(Film& film, u32 first_tile, u32 tile_count,
+                             const Interrupt& interrupt) override {
+    for_each_part(film, first_tile, tile_count, [&](Film& own, u32 first, u32 count) {
+      REQUIRE(inner_->probe(own, first, count, interrupt).has_value());
+    });
+    return {};
+  }
+  [[nodiscard]] Expected<std::vector<std::vector<Column>>> labels(
+      Film& film, const Interrupt& interrupt) override {
+    std::vector<std::vector<Column>> all;
+    for (const auto& own : static_cast<ManyFilms&>(film).films)
+      all.push_back(inner_->labels(*own, interrupt).value().front());
+    return all;
+  }
+  [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film& film) override {
+    auto& own = static_cast<ManyFilms&>(film);
+    std::vector<PlaneData> all;
+    for (u32 i = 0; i < own.films.size(); ++i) {
+      const auto planes = inner_->resolve(*own.films[i]).value();
+      for (std::size_t p = 0; p < planes.size(); ++p) {
+        const Pixels& from = planes[p].pixels;
+        if (i == 0) {
+          const u64 bytes = from.size() * own.films.size();
+          all.push_back({planes[p].plane, Pixels(planes[p].plane, bytes, own.job->memory)});
+        }
+        std::ranges::copy_n(from.data(), i64(from.size()), all[p].pixels.data() + i * from.size());
+      }
+    }
+    return all;
+  }
+  [[nodiscard]] Noise noise(const Film&) override { return {}; }
+  [[nodiscard]] Expected<QueryResult> query(const QueryJob& job,
+                                            const Interrupt& interrupt) override {
+    return inner_->query(job, interrupt);
+  }
+  [[nodiscard]] u64 derived_bytes() const override { return inner_->derived_bytes(); }
+
+  u32 films = 0;  // begun
+
+ private:
+  template <class F>
+  void for_each_part(Film& film, u32 first, u32 count, const F& f) {
+    auto& own = static_cast<ManyFilms&>(film);
+    const u32 each = own.films[0]->tiles();
+    for (u32 tile = first; tile < first + count;) {
+      const u32 taken = std::min(each - tile % each, first + count - tile);
+      f(*own.films[tile / each], tile % each, taken);
+      tile += taken;
+    }
+  }
+
+  const u32 at_once_;
+  const std::unique_ptr<Backend> inner_;
+};
 
 Edits stage() {
   PutEntity grouped;
@@ -116,6 +226,35 @@ TEST_CASE("worlds: every picture has the bytes of a job of its own, in its place
         CHECK(std::memcmp(all.data() + picture * one.size(), one.data(), one.size()) == 0);
       }
     }
+}
+
+TEST_CASE("worlds: a backend may have several pictures in one film") {
+  const auto scene = stage().apply();
+  RenderJob job = packed_job(scene, moving(*scene));
+  job.cameras.push_back(entity(*scene, "side"));
+  job.labels.boxes = true;
+  const auto one_by_one = render(*make_engine(2), job);
+  for (const u32 at_once : {1u, 3u, 4u, 100u}) {
+    INFO(at_once);
+    ManyPictures backend(at_once);
+    Denoiser denoiser("off", 1);
+    Collect sink;
+    Runner runner(std::make_shared<const RenderJob>(job),
+                  {backend, denoiser, sink, Interrupt{}, std::chrono::milliseconds(5)});
+    while (!runner.step()) continue;
+    REQUIRE(runner.result().has_value());
+    REQUIRE(sink.frames.size() == 1);
+    CHECK(backend.films == (2 * kWorlds + at_once - 1) / at_once);
+    const Frame& frame = *sink.frames[0];
+    for (std::size_t plane = 0; plane < kPlanes.size(); ++plane)
+      CHECK(frame.planes[plane].pixels == one_by_one->planes[plane].pixels);
+    CHECK(frame.worlds->camera_from_world_cv == one_by_one->worlds->camera_from_world_cv);
+    CHECK(frame.worlds->seeds == one_by_one->worlds->seeds);
+    CHECK(frame.rays == one_by_one->rays);
+    REQUIRE(frame.labels.size() == one_by_one->labels.size());
+    for (std::size_t i = 0; i < frame.labels.size(); ++i)
+      CHECK(frame.labels[i].data == one_by_one->labels[i].data);
+  }
 }
 
 TEST_CASE("worlds: those that a mask leaves out are neither rendered nor made") {

@@ -61,7 +61,7 @@ struct LaunchSize {
 /// Work goes to the device in the order of the calls; those that say so wait for it. Errors:
 /// RESOURCE_EXHAUSTED without memory, which costs nothing but the call; everything else is
 /// UNAVAILABLE, and the context is lost.
-/// Thread: that of the device, but for DeviceMemory.
+/// Thread: any that entered it; downloads and waits are of the device's.
 class Context : public std::enable_shared_from_this<Context> {
  public:
   /// Fails with UNAVAILABLE.

@@ -4,9 +4,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "renderer/backend/cuda/film.h"
 #include "renderer/backend/cuda/programs.h"
-#include "renderer/backend/cuda/recent.h"
 #include "renderer/bvh/accelerator.h"
 #include "renderer/bvh/host_tracer.h"
 #include "renderer/host/labels.h"
@@ -18,6 +19,8 @@ namespace {
 
 /// Scenes whose copies stay, so that the next one finds what it has in common with them.
 constexpr std::size_t kScenesKept = 8;
+/// Of the pictures of a film: as many as a wave has paths.
+constexpr u64 kFilmPixels = 1 << 20, kMostPictures = 256;
 
 host::SceneRays rays_of(std::shared_ptr<const ResidentScene> scene) {
   auto tracer = std::make_unique<const bvh::BvhHostTracer>(*scene);
@@ -56,14 +59,24 @@ class CudaBackend final : public Backend {
       const Interrupt& interrupt) override {
     return run_in(arena_, [&] { return store_.prepare(snapshot, span, interrupt); });
   }
-  [[nodiscard]] Expected<std::unique_ptr<Film>> begin(const Shot& shot) override;
+  [[nodiscard]] Expected<DeviceScenes> prepare_all(std::span<const SceneAt> scenes,
+                                                   const Interrupt& interrupt) override {
+    return run_in(arena_, [&] { return store_.prepare_all(scenes, interrupt); });
+  }
+  void for_each(u32 count, const std::function<void(u32)>& f) override {
+    run_in(arena_, [&] { parallel_for(count, f); });
+  }
+  [[nodiscard]] u32 pictures_at_once(u64 pixels) const override {
+    return u32(std::clamp<u64>(kFilmPixels / pixels, 1, kMostPictures));
+  }
+  [[nodiscard]] Expected<std::unique_ptr<Film>> begin(std::span<const Shot> shots) override;
   [[nodiscard]] bool pauses() const override { return true; }
   [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, TimePoint until,
                                       const Interrupt& interrupt) override;
   [[nodiscard]] Status probe(Film& film, u32 first_tile, u32 tile_count,
                              const Interrupt& interrupt) override;
-  [[nodiscard]] Expected<std::vector<Column>> labels(Film& film,
-                                                     const Interrupt& interrupt) override;
+  [[nodiscard]] Expected<std::vector<std::vector<Column>>> labels(
+      Film& film, const Interrupt& interrupt) override;
   [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film& film) override;
   [[nodiscard]] Noise noise(const Film& film) override;
   [[nodiscard]] Expected<QueryResult> query(const QueryJob& job,
@@ -101,14 +114,26 @@ Expected<std::shared_ptr<const CudaScene>> CudaBackend::copy_of(
     const std::shared_ptr<const ResidentScene>& scene) {
   if (auto known = recent_->find([&](const CudaScene& copy) { return copy.host() == scene; }))
     return known;
-  auto made = CudaScene::create(scene, mirror_, builder_);
+  auto made = CudaScene::create(scene, {mirror_, builder_, *recent_});
   if (made) recent_->keep(*made);
   return made;
 }
 
-Expected<std::unique_ptr<Film>> CudaBackend::begin(const Shot& shot) {
+Expected<std::unique_ptr<Film>> CudaBackend::begin(std::span<const Shot> shots) {
+  std::vector<Expected<std::unique_ptr<host::HostFilm>>> made(shots.size());
+  for_each(u32(shots.size()), [&](u32 i) {
+    made[i] = host::HostFilm::create(shots[i]);
+    for (const auto& scene : {shots[i].open, shots[i].still, shots[i].forward, shots[i].backward})
+      if (scene) CudaScene::make_host_trees(static_cast<const ResidentScene&>(*scene));
+  });
+  CudaFilm::Pictures pictures;
+  for (auto& picture : made) {
+    if (!picture) return std::unexpected(std::move(picture).error());
+    pictures.push_back(*std::move(picture));
+  }
   HELIO_TRY(context_->enter());
-  return CudaFilm::create(shot, mirror_, [&](const auto& scene) { return copy_of(scene); });
+  return CudaFilm::create(std::move(pictures), shots, mirror_,
+                          [&](const auto& scene) { return copy_of(scene); });
 }
 
 Expected<bool> CudaBackend::render(Film& film, const WorkRange& range, TimePoint until,
@@ -123,11 +148,22 @@ Status CudaBackend::probe(Film& film, u32 first_tile, u32 tile_count, const Inte
   return static_cast<CudaFilm&>(film).probe(programs_, first_tile, tile_count);
 }
 
-Expected<std::vector<Column>> CudaBackend::labels(Film& film, const Interrupt& interrupt) {
-  const auto& own = static_cast<const CudaFilm&>(film);
+Expected<std::vector<std::vector<Column>>> CudaBackend::labels(Film& film,
+                                                               const Interrupt& interrupt) {
+  auto& own = static_cast<CudaFilm&>(film);
   HELIO_TRY(context_->enter());
-  HELIO_TRY(own.fetch_instances());
-  return run_in(arena_, [&] { return host::labels(own, rays_of(own.still().scene), interrupt); });
+  HELIO_TRY(run_in(arena_, [&] { return own.fetch_instances(); }));
+  std::vector<Expected<std::vector<Column>>> made(own.pictures());
+  for_each(own.pictures(), [&](u32 i) {
+    const host::HostFilm& seen = own.picture(i);
+    made[i] = host::labels(seen, rays_of(seen.still().scene), interrupt);
+  });
+  std::vector<std::vector<Column>> all;
+  for (auto& labels : made) {
+    if (!labels) return std::unexpected(std::move(labels).error());
+    all.push_back(*std::move(labels));
+  }
+  return all;
 }
 
 Expected<std::vector<PlaneData>> CudaBackend::resolve(Film& film) {

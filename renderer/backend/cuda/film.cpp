@@ -1,44 +1,63 @@
 #include "renderer/backend/cuda/film.h"
 
 #include <algorithm>
+#include <cstring>
 
 #include "renderer/engine/post.h"
+#include "renderer/resident/parallel.h"
 
 namespace heliograph::cuda {
 
-Expected<std::unique_ptr<CudaFilm>> CudaFilm::create(const Shot& shot, Mirror& mirror,
-                                                     const SceneOf& scene_of) {
-  std::unique_ptr<CudaFilm> film(new CudaFilm(shot, mirror));
-  HELIO_TRY(film->allocate());
-  HELIO_TRY(film->open(shot, scene_of));
+Expected<std::unique_ptr<CudaFilm>> CudaFilm::create(Pictures pictures, std::span<const Shot> shots,
+                                                     Mirror& mirror, const SceneOf& scene_of) {
+  std::unique_ptr<CudaFilm> film(new CudaFilm(std::move(pictures), mirror));
+  HELIO_TRY(film->open(shots, scene_of));
   return film;
 }
 
-Status CudaFilm::open(const Shot& shot, const SceneOf& scene_of) {
-  for (const auto& scene : {shot.open, shot.still, shot.forward, shot.backward}) {
-    if (!scene) continue;
-    auto copied = scene_of(std::static_pointer_cast<const ResidentScene>(scene));
-    if (!copied) return std::unexpected(std::move(copied).error());
-    scenes_.push_back(*std::move(copied));
-  }
+Status CudaFilm::open(std::span<const Shot> shots, const SceneOf& scene_of) {
+  for (const Shot& shot : shots) HELIO_TRY(add_scenes(shot, scene_of));
+  const u32 count = u32(pictures_.size());
+  tile_samples_.resize(u64(count) * pictures_[0]->tiles());
+  const host::FilmMemory one = pictures_[0]->memory();
   for (const auto& [bytes, to] :
-       {std::pair{memory().sums.size(), &sums_}, std::pair{memory().centres.size(), &centres_},
-        std::pair{sizeof(u64), &probe_rays_}, std::pair{tiles() * sizeof(u32), &tile_samples_}}) {
+       {std::pair{one.sums.size() * count, &sums_},
+        std::pair{one.centres.size() * count, &centres_}, std::pair{sizeof(u64), &probe_rays_},
+        std::pair{tile_samples_.size() * sizeof(u32), &samples_}}) {
     auto made = context_.zeroed(bytes);
     if (!made) return std::unexpected(std::move(made).error());
     *to = *std::move(made);
   }
-  view_ = copy(view());
-  view_.rank_of_group = nullptr;
-  set_tasks();
-  if (shot.still) set_probe();
-  return copies_.status();
+  std::vector<kernels::FilmView> views;
+  for (u32 i = 0; i < count; ++i) {
+    views.push_back(copy(pictures_[i]->view(), i));
+    views.back().rank_of_group = nullptr;
+    set_tasks(i);
+  }
+  view_ = views.front();
+  views_ = copies_.of_own(std::span<const kernels::FilmView>(views));
+  for (const auto& task : tasks_)
+    task_copies_.push_back(count > 1 ? copies_.of_own(std::span<const WaveShot>(task)) : nullptr);
+  if (shots.front().still) set_probes();
+  return copies_.finish();
 }
 
+Status CudaFilm::add_scenes(const Shot& shot, const SceneOf& scene_of) {
+  for (const auto& scene : {shot.open, shot.still, shot.forward, shot.backward}) {
+    if (!scene) continue;
+    auto copied = scene_of(std::static_pointer_cast<const ResidentScene>(scene));
+    if (!copied) return std::unexpected(std::move(copied).error());
+    scene_of_.emplace((*copied)->host().get(), copied->get());
+    scenes_.push_back(*std::move(copied));
+  }
+  return {};
+}
+
+u64 CudaFilm::pixels() const { return u64(view_.width) * view_.height; }
+
 const CudaScene* CudaFilm::copy_of(const ResidentScene* scene) const {
-  const auto found =
-      std::ranges::find_if(scenes_, [&](const auto& copy) { return copy->host().get() == scene; });
-  return found == scenes_.end() ? nullptr : found->get();
+  const auto found = scene_of_.find(scene);
+  return found == scene_of_.end() ? nullptr : found->second;
 }
 
 kernels::CameraView CudaFilm::copy(const kernels::CameraView& camera) {
@@ -48,19 +67,23 @@ kernels::CameraView CudaFilm::copy(const kernels::CameraView& camera) {
   return view;
 }
 
-kernels::FilmView CudaFilm::copy(const kernels::FilmView& film) const {
-  return moved(
-      film, {{sums_.as<std::byte>(), sums_.bytes()}, {centres_.as<std::byte>(), centres_.bytes()}});
+kernels::FilmView CudaFilm::copy(const kernels::FilmView& film, u32 picture) const {
+  return pictures_[picture]->moved(
+      film, {{sums_.as<std::byte>(), sums_.bytes()}, {centres_.as<std::byte>(), centres_.bytes()}},
+      {picture, u32(pictures_.size())});
 }
 
-void CudaFilm::set_tasks() {
-  for (const host::RenderTask& task : render_tasks()) {
+void CudaFilm::set_tasks(u32 picture) {
+  u32 next = 0;
+  for (const host::RenderTask& task : pictures_[picture]->render_tasks()) {
     const CudaScene* scene = copy_of(task.scene);
-    kernels::FilmView film = copy(*task.film);
+    kernels::FilmView film = copy(*task.film, picture);
     if (film.rank_of_group)
       film.rank_of_group =
           copies_.of_own(std::span(film.rank_of_group, task.scene->lights().groups.size()));
-    shots_.push_back({{scene->view(), copy(*task.camera), *task.settings, film}, scene->bvh()});
+    if (next == tasks_.size()) tasks_.emplace_back();
+    tasks_[next++].push_back(
+        {{scene->view(), copy(*task.camera), *task.settings, film}, scene->bvh()});
   }
 }
 
@@ -83,35 +106,39 @@ ProbeEnd CudaFilm::end_of(const ResidentScene* scene, const kernels::ProbeScene&
   return end;
 }
 
-void CudaFilm::set_probe() {
-  const host::ProbeTask task = probe_task();
-  ProbeLaunch launch{};
-  launch.now = end_of(task.now, task.context.now);
-  launch.forward = end_of(task.forward, task.context.forward);
-  launch.backward = end_of(task.backward, task.context.backward);
-  launch.wants_disparity = task.context.disparity != nullptr;
-  if (launch.wants_disparity) launch.disparity = copy(*task.context.disparity);
-  launch.settings = *task.context.settings;
-  launch.film = copy(*task.film);
-  launch.film.rank_of_group = nullptr;
-  probe_ = copies_.of_own(std::span<const ProbeLaunch>(&launch, 1));
+void CudaFilm::set_probes() {
+  std::vector<ProbeLaunch> probes;
+  for (u32 i = 0; i < pictures_.size(); ++i) {
+    const host::ProbeTask task = pictures_[i]->probe_task();
+    ProbeLaunch& launch = probes.emplace_back();
+    launch.now = end_of(task.now, task.context.now);
+    launch.forward = end_of(task.forward, task.context.forward);
+    launch.backward = end_of(task.backward, task.context.backward);
+    launch.wants_disparity = task.context.disparity != nullptr;
+    if (launch.wants_disparity) launch.disparity = copy(*task.context.disparity);
+    launch.settings = *task.context.settings;
+    launch.film = copy(*task.film, i);
+    launch.film.rank_of_group = nullptr;
+  }
+  probes_ = copies_.of_own(std::span<const ProbeLaunch>(probes));
 }
 
 Expected<bool> CudaFilm::render(const Programs& programs, const WorkRange& range, TimePoint until,
                                 const Interrupt& interrupt) {
-  for (; task_ < shots_.size(); ++task_) {
+  for (; task_ < tasks_.size(); ++task_) {
     if (!wave_) {
-      wave_ = std::make_unique<Wave>(context_, programs, shots_[task_], range);
+      const WaveShots shots{tasks_[task_], task_copies_[task_]};
+      wave_ = std::make_unique<Wave>(context_, programs, shots, range);
       HELIO_TRY(wave_->allocate());
     }
     const auto done = wave_->advance(until, interrupt);
     if (!done || !*done) return done;
-    add_rays(wave_->rays());
+    rays_ += wave_->rays();
     wave_.reset();
   }
   task_ = 0;
-  for (u32 i = 0; i < range.tile_count; ++i)
-    set_samples(range.first_tile + i, range.first_sample + range.sample_count);
+  std::ranges::fill(std::span(tile_samples_).subspan(range.first_tile, range.tile_count),
+                    range.first_sample + range.sample_count);
   return true;
 }
 
@@ -119,32 +146,42 @@ Status CudaFilm::probe(const Programs& programs, u32 first_tile, u32 tile_count)
   kernels::WaveWork work{first_tile, tile_count, 0, 1};
   u64 rays = 0;
   u64* counter = probe_rays_.as<u64>();
-  void* arguments[] = {&probe_, &work, &counter};
+  void* arguments[] = {&probes_, &work, &counter};
+  fetched_ = false;
   HELIO_TRY(context_.fill(probe_rays_.at(), 0, sizeof rays));
   HELIO_TRY(context_.launch(programs.probe.function,
                             Programs::size(programs.probe, kernels::pixels_of(work)), arguments));
   HELIO_TRY(context_.download(std::as_writable_bytes(std::span(&rays, 1)), probe_rays_.at()));
-  add_rays(rays);
+  rays_ += rays;
   return {};
 }
 
 Expected<ResolveLaunch> CudaFilm::resolve_launch() const {
-  HELIO_TRY(context_.upload(tile_samples_.at(), std::as_bytes(all_samples())));
-  return ResolveLaunch{.film = view_, .tile_samples = tile_samples_.as<u32>()};
+  HELIO_TRY(context_.upload(samples_.at(), std::as_bytes(std::span(tile_samples_))));
+  return ResolveLaunch{
+      .films = views_, .pictures = u32(pictures_.size()), .tile_samples = samples_.as<u32>()};
+}
+
+Status CudaFilm::launch_resolve(const Programs& programs, ResolveLaunch& launch,
+                                const kernels::PlaneOut& out) const {
+  launch.out = out;
+  launch.out_bytes = pixels() * out.channels * size_of(plane_info(out.plane).dtype);
+  void* arguments[] = {&launch};
+  return context_.launch(programs.resolve.function,
+                         Programs::size(programs.resolve, pictures_.size() * pixels()), arguments);
 }
 
 Expected<std::vector<PlaneData>> CudaFilm::resolve(const Programs& programs) {
   auto launch = resolve_launch();
   if (!launch) return std::unexpected(std::move(launch).error());
   if (job().on_device) return resolve_there(programs, *launch);
-  const u64 pixels = u64(view_.width) * view_.height;
-  std::vector<PlaneData> planes = new_planes();
+  std::vector<PlaneData> planes = host::new_planes(job(), pictures_.size() * pixels());
   std::vector<DeviceMemory> resolved;
   std::vector<Download> downloads;
   const auto to_of = [](PlaneData& data) {
     return std::span(data.pixels.data(), data.pixels.size());
   };
-  const std::vector<kernels::PlaneOut> made = outs(planes);
+  std::vector<kernels::PlaneOut> made = host::outs(planes);
   auto next = made.begin();
   for (PlaneData& data : planes) {
     if (plane_info(data.plane).fold == kernels::Fold::kCentre) {
@@ -153,11 +190,8 @@ Expected<std::vector<PlaneData>> CudaFilm::resolve(const Programs& programs) {
     }
     auto memory = context_.allocate(data.pixels.size());
     if (!memory) return std::unexpected(std::move(memory).error());
-    launch->out = *next++;
-    launch->out.to = memory->as<void>();
-    void* arguments[] = {&*launch};
-    HELIO_TRY(context_.launch(programs.resolve.function, Programs::size(programs.resolve, pixels),
-                              arguments));
+    next->to = memory->as<void>();
+    HELIO_TRY(launch_resolve(programs, *launch, *next++));
     downloads.push_back({to_of(data), memory->at()});
     resolved.push_back(*std::move(memory));
   }
@@ -167,10 +201,9 @@ Expected<std::vector<PlaneData>> CudaFilm::resolve(const Programs& programs) {
 
 Expected<std::vector<PlaneData>> CudaFilm::resolve_there(const Programs& programs,
                                                          ResolveLaunch& launch) {
-  const u64 pixels = u64(view_.width) * view_.height;
   std::vector<PlaneData> planes;
   for (const kernels::Plane plane : film_planes(job())) {
-    auto made = new_device_plane(job(), plane, pixels);
+    auto made = new_device_plane(job(), plane, pictures_.size() * pixels());
     if (!made) return std::unexpected(std::move(made).error());
     planes.push_back(*std::move(made));
   }
@@ -178,12 +211,8 @@ Expected<std::vector<PlaneData>> CudaFilm::resolve_there(const Programs& program
     if (plane_info(data.plane).fold == kernels::Fold::kCentre)
       HELIO_TRY(context_.copy(DevicePointer(data.pixels.data()),
                               DevicePointer(view_.planes[u32(data.plane)]), data.pixels.size()));
-  for (const kernels::PlaneOut& out : outs(planes)) {
-    launch.out = out;
-    void* arguments[] = {&launch};
-    HELIO_TRY(context_.launch(programs.resolve.function, Programs::size(programs.resolve, pixels),
-                              arguments));
-  }
+  for (const kernels::PlaneOut& out : host::outs(planes))
+    HELIO_TRY(launch_resolve(programs, launch, out));
   HELIO_TRY(context_.wait());
   return planes;
 }
@@ -191,23 +220,29 @@ Expected<std::vector<PlaneData>> CudaFilm::resolve_there(const Programs& program
 Expected<Noise> CudaFilm::noise(const Programs& programs) const {
   auto launch = resolve_launch();
   if (!launch) return std::unexpected(std::move(launch).error());
-  std::vector<double> sums(tiles());
+  std::vector<double> sums(pictures_[0]->tiles());
   auto memory = context_.allocate(sums.size() * sizeof(double));
   if (!memory) return std::unexpected(std::move(memory).error());
   launch->noise = memory->as<double>();
   void* arguments[] = {&*launch};
-  HELIO_TRY(
-      context_.launch(programs.noise.function, Programs::size(programs.noise, tiles()), arguments));
+  HELIO_TRY(context_.launch(programs.noise.function, Programs::size(programs.noise, sums.size()),
+                            arguments));
   HELIO_TRY(context_.download(std::as_writable_bytes(std::span(sums)), memory->at()));
-  return noise_of(sums);
+  return pictures_[0]->noise_of(sums);
 }
 
-Status CudaFilm::fetch_instances() const {
+Status CudaFilm::fetch_instances() {
   constexpr u32 kFrom = u32(kernels::Plane::INSTANCE);
-  auto* to = static_cast<std::byte*>(view().planes[kFrom]);
-  if (!to) return {};
-  const u64 bytes = u64(view_.width) * view_.height * sizeof(u32);
-  return context_.download({to, bytes}, DevicePointer(view_.planes[kFrom]));
+  if (fetched_ || !view_.planes[kFrom]) return {};
+  const u64 bytes = pixels() * sizeof(u32);
+  const auto all = std::make_unique_for_overwrite<std::byte[]>(pictures_.size() * bytes);
+  HELIO_TRY(
+      context_.download({all.get(), pictures_.size() * bytes}, DevicePointer(view_.planes[kFrom])));
+  parallel_for(pictures_.size(), [&](std::size_t i) {
+    std::memcpy(pictures_[i]->view().planes[kFrom], all.get() + i * bytes, bytes);
+  });
+  fetched_ = true;
+  return {};
 }
 
 }  // namespace heliograph::cuda

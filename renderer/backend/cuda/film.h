@@ -1,4 +1,4 @@
-// A film whose pixels the GPU writes.
+// Films whose pixels the GPU writes.
 #pragma once
 
 #include <functional>
@@ -13,11 +13,24 @@ namespace heliograph::cuda {
 using SceneOf = std::function<Expected<std::shared_ptr<const CudaScene>>(
     const std::shared_ptr<const ResidentScene>&)>;
 
-/// Owns: its arrays in device memory, and the wave that a range is left with. Thread: the device's.
-class CudaFilm final : public host::HostFilm {
+/// The pictures of one film, side by side: each array has those of all pictures one after the
+/// other. Owns: its arrays in device memory, and the wave that a range is left with. Thread: the
+/// device's.
+class CudaFilm final : public Film {
  public:
-  [[nodiscard]] static Expected<std::unique_ptr<CudaFilm>> create(const Shot& shot, Mirror& mirror,
+  using Pictures = std::vector<std::unique_ptr<host::HostFilm>>;
+  /// pictures   at least one, of `shots`
+  [[nodiscard]] static Expected<std::unique_ptr<CudaFilm>> create(Pictures pictures,
+                                                                  std::span<const Shot> shots,
+                                                                  Mirror& mirror,
                                                                   const SceneOf& scene_of);
+
+  [[nodiscard]] u32 tiles() const override { return u32(tile_samples_.size()); }
+  [[nodiscard]] u32 tiles_across() const override { return pictures_[0]->tiles_across(); }
+  [[nodiscard]] u32 samples(u32 tile) const override { return tile_samples_[tile]; }
+  [[nodiscard]] u64 rays() const override { return rays_.load(std::memory_order_relaxed); }
+  [[nodiscard]] u32 pictures() const { return u32(pictures_.size()); }
+  [[nodiscard]] const host::HostFilm& picture(u32 i) const { return *pictures_[i]; }
 
   /// Goes on with a range, or begins with it; returns whether it is done.
   [[nodiscard]] Expected<bool> render(const Programs& programs, const WorkRange& range,
@@ -25,35 +38,49 @@ class CudaFilm final : public host::HostFilm {
   [[nodiscard]] Status probe(const Programs& programs, u32 first_tile, u32 tile_count);
   /// The planes of film_planes() after the samples that each tile has.
   [[nodiscard]] Expected<std::vector<PlaneData>> resolve(const Programs& programs);
+  /// Of the first picture.
   [[nodiscard]] Expected<Noise> noise(const Programs& programs) const;
-  /// Brings the centre plane that labels read to the host.
-  [[nodiscard]] Status fetch_instances() const;
+  /// Brings the centre plane that labels read to the pictures on the host.
+  [[nodiscard]] Status fetch_instances();
 
  private:
-  CudaFilm(const Shot& shot, Mirror& mirror)
-      : HostFilm(shot), context_(mirror.context()), copies_(mirror) {}
-  [[nodiscard]] Status open(const Shot& shot, const SceneOf& scene_of);
-  void set_tasks();
-  void set_probe();
+  CudaFilm(Pictures pictures, Mirror& mirror)
+      : pictures_(std::move(pictures)), context_(mirror.context()), copies_(mirror) {}
+  [[nodiscard]] Status open(std::span<const Shot> shots, const SceneOf& scene_of);
+  [[nodiscard]] Status add_scenes(const Shot& shot, const SceneOf& scene_of);
+  void set_tasks(u32 picture);
+  void set_probes();
+  [[nodiscard]] u64 pixels() const;  // of a picture
+  [[nodiscard]] const RenderJob& job() const { return pictures_[0]->job(); }
   [[nodiscard]] const CudaScene* copy_of(const ResidentScene* scene) const;
   [[nodiscard]] kernels::CameraView copy(const kernels::CameraView& camera);
-  [[nodiscard]] kernels::FilmView copy(const kernels::FilmView& film) const;
+  [[nodiscard]] kernels::FilmView copy(const kernels::FilmView& film, u32 picture) const;
   /// Of what the samples so far become.
   [[nodiscard]] Expected<ResolveLaunch> resolve_launch() const;
+  /// Makes planes that lie in device memory.
+  [[nodiscard]] Status launch_resolve(const Programs& programs, ResolveLaunch& launch,
+                                      const kernels::PlaneOut& out) const;
   /// Of a job that is on_device: straight to where its reader has the planes.
   [[nodiscard]] Expected<std::vector<PlaneData>> resolve_there(const Programs& programs,
                                                                ResolveLaunch& launch);
   [[nodiscard]] ProbeEnd end_of(const ResidentScene* scene, const kernels::ProbeScene& seen);
 
+  const Pictures pictures_;
   Context& context_;
   std::vector<std::shared_ptr<const CudaScene>> scenes_;
+  std::unordered_map<const ResidentScene*, const CudaScene*> scene_of_;
   Copies copies_;
-  DeviceMemory sums_, centres_, probe_rays_, tile_samples_;
-  kernels::FilmView view_{};  // on the device
-  std::vector<WaveShot> shots_;
-  const ProbeLaunch* probe_ = nullptr;  // on the device; null: it has no centre planes
-  std::unique_ptr<Wave> wave_;          // of a range that is not done
-  u32 task_ = 0;                        // that it works on
+  DeviceMemory sums_, centres_, probe_rays_, samples_;
+  std::vector<u32> tile_samples_;
+  const kernels::FilmView* views_ = nullptr;  // of the pictures, on the device
+  kernels::FilmView view_{};                  // of the first one; its arrays are the device's
+  std::vector<std::vector<WaveShot>> tasks_;  // of all pictures
+  std::vector<const WaveShot*> task_copies_;  // null: of one picture
+  const ProbeLaunch* probes_ = nullptr;       // of the pictures, on the device
+  std::unique_ptr<Wave> wave_;                // of a range that is not done
+  u32 task_ = 0;                              // that it works on
+  bool fetched_ = false;
+  std::atomic<u64> rays_{0};
 };
 
 }  // namespace heliograph::cuda

@@ -27,9 +27,15 @@ struct WaveCounters {
   u64 rays;             // of the samples that were folded
 };
 
-struct WaveLaunch {
-  kernels::ShotView shot;
+/// What samples are taken of; everything lies in device memory.
+struct WaveShot {
+  kernels::ShotView view;
   kernels::BvhView bvh;
+};
+
+struct WaveLaunch {
+  WaveShot shot;          // of the picture, or of the first one
+  const WaveShot* shots;  // of programs for many pictures
   kernels::WaveWork work;
   kernels::WaveView wave;
   u32 slots;
@@ -42,12 +48,14 @@ struct WaveLaunch {
   WaveCounters* counters;
 };
 
-/// What a film's sums become. Everything lies in device memory.
+/// What the sums of films become. Everything lies in device memory.
 struct ResolveLaunch {
-  kernels::FilmView film;
-  const u32* tile_samples;
-  kernels::PlaneOut out;  // of film_resolve
-  double* noise;          // of film_noise: by tile
+  const kernels::FilmView* films;  // of one size
+  u32 pictures;
+  const u32* tile_samples;  // of all films
+  kernels::PlaneOut out;  // of film_resolve: of the first picture, whose pixels the others' follow
+  u64 out_bytes;          // of a picture
+  double* noise;          // of film_noise: by tile of the first picture
 };
 
 /// One end of a probe: a scene and the camera in it.
@@ -59,7 +67,7 @@ struct ProbeEnd {
   bool wanted;
 };
 
-/// In device memory.
+/// Of a picture. In device memory.
 struct ProbeLaunch {
   ProbeEnd now, forward, backward;
   kernels::CameraView disparity;

@@ -1,8 +1,16 @@
 #include "renderer/backend/cuda/mirror.h"
 
 namespace heliograph::cuda {
+namespace {
 
-std::shared_ptr<const DeviceMemory> Mirror::find(const void* from, std::size_t bytes) const {
+constexpr u64 kChunkBytes = 64 << 10;
+constexpr u64 kMostInChunk = 16 << 10;
+constexpr u64 kAlignment = 256;
+
+}  // namespace
+
+std::shared_ptr<const DeviceMemory> Mirror::find(const void* from, std::size_t bytes) {
+  const std::scoped_lock lock(mutex_);
   const auto [begin, end] = known_.equal_range(from);
   for (auto known = begin; known != end; ++known)
     if (known->second.bytes == bytes)
@@ -12,6 +20,7 @@ std::shared_ptr<const DeviceMemory> Mirror::find(const void* from, std::size_t b
 
 void Mirror::know(const void* from, std::size_t bytes,
                   const std::shared_ptr<const DeviceMemory>& memory) {
+  const std::scoped_lock lock(mutex_);
   if (known_.size() >= next_sweep_) {
     std::erase_if(known_, [](const auto& known) { return known.second.memory.expired(); });
     next_sweep_ = std::max<std::size_t>(1024, 2 * known_.size());
@@ -63,12 +72,39 @@ const void* Copies::shared(std::span<const std::byte> host) {
 const void* Copies::own(std::span<const std::byte> host) {
   if (host.empty()) return nullptr;
   if (!status_) return count(host), nullptr;
-  auto made = mirror_->context().allocate(host.size());
-  if (!made) return refuse(std::move(made).error()), nullptr;
-  own_ += made->bytes();
-  held_.push_back(std::make_shared<const DeviceMemory>(*std::move(made)));
-  status_ = mirror_->context().upload(held_.back()->at(), host);
-  return held_.back()->as<const void>();
+  if (host.size() > kMostInChunk) {
+    const DeviceMemory* memory = hold(allocate(host.size()));
+    if (memory) status_ = mirror_->context().upload(memory->at(), host);
+    return memory ? memory->as<const void>() : nullptr;
+  }
+  u64 offset = (in_chunk_.size() + kAlignment - 1) / kAlignment * kAlignment;
+  if (!chunk_ || offset + host.size() > kChunkBytes) {
+    flush();
+    const DeviceMemory* memory = hold(allocate(kChunkBytes));
+    if (!memory) return nullptr;
+    chunk_ = memory->at();
+    offset = 0;
+  }
+  in_chunk_.resize(offset);
+  in_chunk_.insert(in_chunk_.end(), host.begin(), host.end());
+  return reinterpret_cast<const void*>(chunk_ + offset);
+}
+
+Expected<std::shared_ptr<const DeviceMemory>> Copies::allocate(u64 bytes) const {
+  auto made = mirror_->context().allocate(bytes);
+  if (!made) return std::unexpected(std::move(made).error());
+  return std::make_shared<const DeviceMemory>(*std::move(made));
+}
+
+void Copies::flush() {
+  if (status_ && !in_chunk_.empty()) status_ = mirror_->context().upload(chunk_, in_chunk_);
+  in_chunk_.clear();
+  chunk_ = 0;
+}
+
+Status Copies::finish() {
+  flush();
+  return status_;
 }
 
 }  // namespace heliograph::cuda

@@ -1,6 +1,7 @@
 // Copies of the host's immutable arrays in device memory, made once for all scenes that have them.
 #pragma once
 
+#include <mutex>
 #include <unordered_map>
 #include <vector>
 
@@ -8,7 +9,7 @@
 
 namespace heliograph::cuda {
 
-/// Knows the copies that are in use. Thread: the device's.
+/// Knows the copies that are in use. Thread: any.
 class Mirror {
  public:
   explicit Mirror(std::shared_ptr<Context> context) : context_(std::move(context)) {}
@@ -23,7 +24,7 @@ class Mirror {
     if (made) know(from, kMade, *made);
     return made;
   }
-  [[nodiscard]] bool has(std::span<const std::byte> host) const {
+  [[nodiscard]] bool has(std::span<const std::byte> host) {
     return find(host.data(), host.size()) != nullptr;
   }
   [[nodiscard]] Context& context() const { return *context_; }
@@ -34,15 +35,17 @@ class Mirror {
     std::weak_ptr<const DeviceMemory> memory;
   };
   static constexpr std::size_t kMade = 0;  // of no array
-  [[nodiscard]] std::shared_ptr<const DeviceMemory> find(const void* from, std::size_t bytes) const;
+  [[nodiscard]] std::shared_ptr<const DeviceMemory> find(const void* from, std::size_t bytes);
   void know(const void* from, std::size_t bytes, const std::shared_ptr<const DeviceMemory>& memory);
 
   std::shared_ptr<Context> context_;
+  std::mutex mutex_;
   std::unordered_multimap<const void*, Known> known_;  // by where the array lies
   std::size_t next_sweep_ = 1024;
 };
 
-/// Makes the copies of one scene and holds them. After a failure the pointers mean nothing.
+/// Makes copies and holds them: small ones that nobody else has lie together. They are there once
+/// finish() was called; after a failure the pointers mean nothing.
 class Copies {
  public:
   explicit Copies(Mirror& mirror) : mirror_(&mirror) {}
@@ -64,17 +67,21 @@ class Copies {
   }
   /// A refusal counts what the scene needs beside what was there already, as far as it is known:
   /// what is built on the device is not.
-  [[nodiscard]] const Status& status() const { return status_; }
+  [[nodiscard]] Status finish();
 
  private:
   const void* shared(std::span<const std::byte> host);
   void refuse(Error error);
   void count(std::span<const std::byte> host);
   const void* own(std::span<const std::byte> host);
+  [[nodiscard]] Expected<std::shared_ptr<const DeviceMemory>> allocate(u64 bytes) const;
+  void flush();
   const DeviceMemory* hold(Expected<std::shared_ptr<const DeviceMemory>> memory);
 
   Mirror* mirror_;
   std::vector<std::shared_ptr<const DeviceMemory>> held_;
+  DevicePointer chunk_ = 0;          // where small copies go
+  std::vector<std::byte> in_chunk_;  // that wait for finish()
   Status status_;
   u64 own_ = 0;  // bytes of those that nobody had before
 };

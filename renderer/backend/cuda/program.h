@@ -21,6 +21,18 @@ struct CalledTracer {
   }
 };
 
+/// What an item of a wave belongs to: a program for one picture has it at hand.
+template <bool kMany>
+__device__ const WaveShot& shot_of(const WaveLaunch& l, u32 item) {
+  if constexpr (kMany) return l.shots[kernels::picture_of(l.shot.view.film, l.work, item)];
+  return l.shot;
+}
+/// The same of a slot's item.
+template <bool kMany>
+__device__ const WaveShot& shot_of_slot(const WaveLaunch& l, u32 slot) {
+  return shot_of<kMany>(l, kMany ? l.wave.paths[slot].item : 0);
+}
+
 __device__ inline u32 thread() { return blockIdx.x * blockDim.x + threadIdx.x; }
 __device__ inline u32 threads() { return gridDim.x * blockDim.x; }
 

@@ -17,61 +17,142 @@ constexpr u32 kMostHostInstances = 512;
 /// The same of triangles of a mesh that deforms.
 constexpr u32 kMostHostTriangles = 512;
 
+bool any_deforms(const Placement& placement) {
+  return std::ranges::any_of(placement.meshes,
+                             [](const auto& mesh) { return mesh->is_deformed(); });
+}
+
+/// The host's top level would need its trees of deformed meshes.
+bool has_host_top(const Placement& placement) {
+  return placement.instances.size() <= kMostHostInstances && !any_deforms(placement);
+}
+
+void copy_mesh(kernels::MeshView& m, Copies& copies) {
+  const u64 triangles = m.triangle_count, vertices = m.vertex_count;
+  const u64 keyed = vertices * (m.segments + 1);
+  m.triangles = copies.of(m.triangles, triangles);
+  m.positions = copies.of(m.positions, keyed);
+  m.normals = copies.of(m.normals, keyed);
+  m.rest_positions = copies.of(m.rest_positions, vertices);
+  m.uvs = copies.of(m.uvs, vertices);
+  m.uvs1 = copies.of(m.uvs1, vertices);
+  m.colors = copies.of(m.colors, vertices);
+  m.tangents = copies.of(m.tangents, vertices);
+  m.parts = copies.of(m.parts, triangles);
+}
+
+/// The tree over a mesh. That of an entity's own vertices is built on the device.
+///
+/// mesh   as the device has it
+kernels::MeshBvh copy_tree(const DeviceMesh& placed, const kernels::MeshView& mesh,
+                           const TreeBuilder& builder, Copies& copies) {
+  if (placed.is_deformed() && mesh.triangle_count > kMostHostTriangles) {
+    const DeviceMemory* tree =
+        copies.made(placed.accelerator.get(), [&] { return builder.build(mesh); });
+    return tree ? view_of_mesh(*tree, mesh) : kernels::MeshBvh{};
+  }
+  const bvh::BvhTree& tree = bvh::tree_of(placed);
+  return {copies.of(tree.nodes.data(), tree.nodes.size()),
+          copies.of(tree.triangles.data(), tree.triangles.size()),
+          copies.of(tree.triangle_numbers.data(), tree.triangle_numbers.size())};
+}
+
+Expected<std::shared_ptr<const MeshCopies>> copy_meshes(const ResidentScene& host, Mirror& mirror,
+                                                        const TreeBuilder& builder) {
+  auto made = std::make_shared<MeshCopies>(mirror);
+  made->of = host.placement().meshes;
+  made->views.assign(host.view().meshes, host.view().meshes + made->of.size());
+  for (std::size_t i = 0; i < made->of.size(); ++i) {
+    copy_mesh(made->views[i], made->copies);
+    made->trees.push_back(copy_tree(*made->of[i], made->views[i], builder, made->copies));
+  }
+  made->view_table = made->copies.of_own(std::span<const kernels::MeshView>(made->views));
+  made->tree_table = made->copies.of_own(std::span<const kernels::MeshBvh>(made->trees));
+  HELIO_TRY(made->copies.finish());
+  return made;
+}
+
+Expected<std::shared_ptr<const MaterialCopies>> copy_materials(
+    const std::shared_ptr<const Materials>& materials, Mirror& mirror) {
+  auto made = std::make_shared<MaterialCopies>(mirror);
+  Copies& copies = made->copies;
+  made->of = materials;
+  std::vector<kernels::TextureView> textures = materials->textures;
+  for (kernels::TextureView& t : textures) {
+    if (!t.texels) continue;
+    t.texels = copies.of(static_cast<const std::byte*>(t.texels), kernels::texture_bytes(t));
+    t.mips = copies.of(static_cast<const std::byte*>(t.mips), kernels::mip_bytes(t));
+  }
+  made->textures = copies.of_own(std::span<const kernels::TextureView>(textures));
+  made->materials = copies.of(materials->materials.data(), materials->materials.size());
+  made->uses = copies.of(materials->uses.data(), materials->uses.size());
+  HELIO_TRY(copies.finish());
+  return made;
+}
+
 }  // namespace
 
 using kernels::GridView;
 using kernels::LightView;
-using kernels::MeshView;
-using kernels::TextureView;
 
 Expected<std::shared_ptr<const CudaScene>> CudaScene::create(
-    std::shared_ptr<const ResidentScene> host, Mirror& mirror, const TreeBuilder& builder) {
-  std::shared_ptr<CudaScene> scene(new CudaScene(std::move(host), mirror));
+    std::shared_ptr<const ResidentScene> host, const CopyContext& context) {
+  std::shared_ptr<CudaScene> scene(new CudaScene(std::move(host), context.mirror));
   scene->view_ = scene->host_->view();
-  scene->copy_meshes();
-  scene->copy_materials();
+  HELIO_TRY(scene->find_meshes(context));
+  HELIO_TRY(scene->find_materials(context));
+  scene->copy_instances();
   scene->copy_lights();
   scene->copy_dome();
   scene->copy_volumes();
-  scene->copy_bvh(builder);
-  HELIO_TRY(scene->copies_.status());
+  scene->copy_bvh(context.builder);
+  HELIO_TRY(scene->copies_.finish());
   return scene;
 }
 
-void CudaScene::copy_meshes() {
-  const Placement& placement = host_->placement();
-  meshes_.assign(view_.meshes, view_.meshes + placement.meshes.size());
-  for (MeshView& m : meshes_) {
-    const u64 triangles = m.triangle_count, vertices = m.vertex_count;
-    const u64 keyed = vertices * (m.segments + 1);
-    m.triangles = copies_.of(m.triangles, triangles);
-    m.positions = copies_.of(m.positions, keyed);
-    m.normals = copies_.of(m.normals, keyed);
-    m.rest_positions = copies_.of(m.rest_positions, vertices);
-    m.uvs = copies_.of(m.uvs, vertices);
-    m.uvs1 = copies_.of(m.uvs1, vertices);
-    m.colors = copies_.of(m.colors, vertices);
-    m.tangents = copies_.of(m.tangents, vertices);
-    m.parts = copies_.of(m.parts, triangles);
+void CudaScene::make_host_trees(const ResidentScene& host) {
+  const Placement& placement = host.placement();
+  if (!placement.instances.empty() && has_host_top(placement))
+    (void)bvh::bvh_of(placement)->world(placement);
+}
+
+Status CudaScene::find_meshes(const CopyContext& context) {
+  const auto other = context.others.find(
+      [&](const CudaScene& scene) { return scene.meshes_->of == host_->placement().meshes; });
+  if (other) {
+    meshes_ = other->meshes_;
+  } else {
+    auto made = copy_meshes(*host_, context.mirror, context.builder);
+    if (!made) return std::unexpected(std::move(made).error());
+    meshes_ = *std::move(made);
   }
-  view_.meshes = copies_.of_own(std::span<const MeshView>(meshes_));
-  view_.instances = copies_.of(view_.instances, view_.instance_count);
+  view_.meshes = meshes_->view_table;
+  return {};
+}
+
+Status CudaScene::find_materials(const CopyContext& context) {
+  const auto& materials = host_->pieces().materials;
+  const auto other = context.others.find(
+      [&](const CudaScene& scene) { return scene.materials_->of == materials; });
+  if (other) {
+    materials_ = other->materials_;
+  } else {
+    auto made = copy_materials(materials, context.mirror);
+    if (!made) return std::unexpected(std::move(made).error());
+    materials_ = *std::move(made);
+  }
+  view_.textures = materials_->textures;
+  view_.materials = materials_->materials;
+  view_.texture_uses = materials_->uses;
+  return {};
+}
+
+void CudaScene::copy_instances() {
+  const Placement& placement = host_->placement();
+  view_.instances = copies_.of_own(std::span(view_.instances, view_.instance_count));
   view_.motion_keys = copies_.of(view_.motion_keys, placement.motion_keys.size());
   const auto& part_materials = placement.structure->part_materials;
   view_.part_materials = copies_.of(part_materials.data(), part_materials.size());
-}
-
-void CudaScene::copy_materials() {
-  const Materials& materials = *host_->pieces().materials;
-  std::vector<TextureView> textures = materials.textures;
-  for (TextureView& t : textures) {
-    if (!t.texels) continue;
-    t.texels = copies_.of(static_cast<const std::byte*>(t.texels), kernels::texture_bytes(t));
-    t.mips = copies_.of(static_cast<const std::byte*>(t.mips), kernels::mip_bytes(t));
-  }
-  view_.textures = copies_.of_own(std::span<const TextureView>(textures));
-  view_.materials = copies_.of(materials.materials.data(), materials.materials.size());
-  view_.texture_uses = copies_.of(materials.uses.data(), materials.uses.size());
 }
 
 void CudaScene::copy_lights() {
@@ -91,14 +172,14 @@ void CudaScene::copy_lights() {
         copies_.of(tree.entry_of_triangle.data(), tree.entry_of_triangle.size());
   }
   view_.lights = copies_.of_own(std::span<const LightView>(views));
-  view_.part_lights = copies_.of(lights.part_lights.data(), lights.part_lights.size());
+  view_.part_lights = copies_.of_own(std::span(lights.part_lights));
   view_.light_nodes = copies_.of(lights.tree->nodes.data(), lights.tree->nodes.size());
   std::vector<kernels::SunView> suns = lights.suns;
   for (kernels::SunView& sun : suns)
     if (sun.segments > 0) sun.motion_keys = copies_.of(sun.motion_keys, sun.segments + 1);
   view_.suns = copies_.of_own(std::span<const kernels::SunView>(suns));
-  view_.casters = copies_.of(view_.casters, view_.caster_count);
-  view_.cast_lights = copies_.of(view_.cast_lights, view_.cast_light_count);
+  view_.casters = copies_.of_own(std::span(view_.casters, view_.caster_count));
+  view_.cast_lights = copies_.of_own(std::span(view_.cast_lights, view_.cast_light_count));
   view_.black_body = copies_.of(view_.black_body, kernels::kBlackBodyEntries);
 }
 
@@ -139,40 +220,12 @@ void CudaScene::copy_volumes() {
   view_.volumes = copies_.of(volumes_.data(), volumes_.size());
 }
 
-/// The trees over meshes. Those of an entity's own vertices are built on the device.
-std::vector<kernels::MeshBvh> CudaScene::copy_trees(const TreeBuilder& builder) {
-  std::vector<kernels::MeshBvh> trees;
-  for (const auto& placed : host_->placement().meshes) {
-    const MeshView& mesh = meshes_[trees.size()];
-    if (placed->is_deformed() && mesh.triangle_count > kMostHostTriangles) {
-      const auto build = [&] { return builder.build(mesh); };
-      const DeviceMemory* tree = copies_.made(placed->accelerator.get(), build);
-      trees.push_back(tree ? view_of_mesh(*tree, mesh) : kernels::MeshBvh{});
-      continue;
-    }
-    const bvh::BvhTree& tree = bvh::tree_of(*placed);
-    trees.push_back({copies_.of(tree.nodes.data(), tree.nodes.size()),
-                     copies_.of(tree.triangles.data(), tree.triangles.size()),
-                     copies_.of(tree.triangle_numbers.data(), tree.triangle_numbers.size())});
-  }
-  return trees;
-}
-
 void CudaScene::copy_bvh(const TreeBuilder& builder) {
   const Placement& placement = host_->placement();
   const u32 count = u32(placement.instances.size());
   if (count == 0) return;
-  const std::vector<kernels::MeshBvh> meshes = copy_trees(builder);
-  const auto* table = copies_.of_own(std::span<const kernels::MeshBvh>(meshes));
-  // The host's top level would need its trees of deformed meshes.
-  const bool deforms =
-      std::ranges::any_of(placement.meshes, [](const auto& mesh) { return mesh->is_deformed(); });
-  if (count <= kMostHostInstances && !deforms) {
-    copy_top(meshes);
-    bvh_.meshes = table;
-    return;
-  }
-  BuildInput input{view_.instances, view_.motion_keys, table, count, {}};
+  if (has_host_top(placement)) return copy_top();
+  BuildInput input{view_.instances, view_.motion_keys, meshes_->tree_table, count, {}};
   std::vector<kernels::BvhBox> boxes;
   const auto build = [&] {
     for (const auto& mesh : placement.meshes) {
@@ -187,18 +240,17 @@ void CudaScene::copy_bvh(const TreeBuilder& builder) {
 }
 
 /// The tree that the host builds.
-///
-/// meshes   as the device has them
-void CudaScene::copy_top(std::span<const kernels::MeshBvh> meshes) {
+void CudaScene::copy_top() {
   const bvh::BvhTop& top = bvh::bvh_of(host_->placement())->world(host_->placement());
   std::vector<kernels::BvhInstance> items = top.items;
   for (kernels::BvhInstance& item : items) {
-    item.nodes = meshes[item.mesh].nodes;
-    item.triangles = meshes[item.mesh].triangles;
+    item.nodes = meshes_->trees[item.mesh].nodes;
+    item.triangles = meshes_->trees[item.mesh].triangles;
   }
-  bvh_.top = copies_.of(top.nodes.data(), top.nodes.size());
+  bvh_.top = copies_.of_own(std::span<const kernels::BvhNode>(top.nodes));
   bvh_.items = copies_.of_own(std::span<const kernels::BvhInstance>(items));
-  bvh_.item_of_instance = copies_.of(top.item_of_instance.data(), top.item_of_instance.size());
+  bvh_.meshes = meshes_->tree_table;
+  bvh_.item_of_instance = copies_.of_own(std::span<const u32>(top.item_of_instance));
   bvh_.instance_count = u32(items.size());
 }
 

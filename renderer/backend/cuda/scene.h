@@ -3,18 +3,51 @@
 
 #include "renderer/backend/cuda/build.h"
 #include "renderer/backend/cuda/mirror.h"
+#include "renderer/backend/cuda/recent.h"
 #include "renderer/resident/scene.h"
 
 namespace heliograph::cuda {
 
 using namespace resident;
 
+/// The meshes of a placement with the trees over them.
+struct MeshCopies {
+  explicit MeshCopies(Mirror& mirror) : copies(mirror) {}
+  std::vector<std::shared_ptr<const DeviceMesh>> of;
+  Copies copies;
+  std::vector<kernels::MeshView> views;  // as the device has them
+  std::vector<kernels::MeshBvh> trees;   // the same
+  const kernels::MeshView* view_table = nullptr;
+  const kernels::MeshBvh* tree_table = nullptr;
+};
+
+/// Materials and textures.
+struct MaterialCopies {
+  explicit MaterialCopies(Mirror& mirror) : copies(mirror) {}
+  std::shared_ptr<const Materials> of;
+  Copies copies;
+  const kernels::TextureView* textures = nullptr;
+  const kernels::MaterialView* materials = nullptr;
+  const kernels::TextureUseView* uses = nullptr;
+};
+
+class CudaScene;
+
+/// What copies are made with.
+struct CopyContext {
+  Mirror& mirror;
+  const TreeBuilder& builder;
+  Recent<CudaScene>& others;  // may have some of them
+};
+
 /// Immutable. Holds the scene on the host, too: what the copies were made from.
 class CudaScene final : public DeviceScene {
  public:
   /// Uploads what no other scene has yet. Fails with RESOURCE_EXHAUSTED.
   [[nodiscard]] static Expected<std::shared_ptr<const CudaScene>> create(
-      std::shared_ptr<const ResidentScene> host, Mirror& mirror, const TreeBuilder& builder);
+      std::shared_ptr<const ResidentScene> host, const CopyContext& context);
+  /// Makes what create() needs of the host alone. Thread: any.
+  static void make_host_trees(const ResidentScene& host);
 
   [[nodiscard]] const std::shared_ptr<const ResidentScene>& host() const { return host_; }
   /// Pointers are the device's.
@@ -26,20 +59,21 @@ class CudaScene final : public DeviceScene {
  private:
   CudaScene(std::shared_ptr<const ResidentScene> host, Mirror& mirror)
       : host_(std::move(host)), copies_(mirror) {}
-  void copy_meshes();
-  void copy_materials();
+  [[nodiscard]] Status find_meshes(const CopyContext& context);
+  [[nodiscard]] Status find_materials(const CopyContext& context);
+  void copy_instances();
   void copy_lights();
   void copy_dome();
   void copy_volumes();
-  [[nodiscard]] std::vector<kernels::MeshBvh> copy_trees(const TreeBuilder& builder);
   void copy_bvh(const TreeBuilder& builder);
-  void copy_top(std::span<const kernels::MeshBvh> meshes);
+  void copy_top();
 
   std::shared_ptr<const ResidentScene> host_;
   Copies copies_;
   kernels::SceneView view_{};
   kernels::BvhView bvh_{};
-  std::vector<kernels::MeshView> meshes_;  // as the device has them
+  std::shared_ptr<const MeshCopies> meshes_;
+  std::shared_ptr<const MaterialCopies> materials_;
   std::vector<kernels::VolumeView> volumes_;
 };
 

@@ -23,7 +23,7 @@ __device__ void walk_all(const WaveLaunch& l, u32 count, u32& next, const Begin&
   constexpr u32 kAll = 0xffffffff;
   const u32 lane = threadIdx.x % 32;
   BvhStack stack;
-  BvhWalk walk(l.shot.scene, l.bvh, stack);
+  BvhWalk walk(l.shot.view.scene, l.shot.bvh, stack);
   u32 ray = kNone;
   bool walks = false, more = true;
   while (true) {
@@ -52,16 +52,24 @@ __device__ void walk_all(const WaveLaunch& l, u32 count, u32& next, const Begin&
   }
 }
 
-}  // namespace
+/// Where the ray of a slot goes.
+template <bool kMany>
+__device__ void go_to_scene(const WaveLaunch& l, BvhWalk& walk, u32 slot) {
+  if constexpr (kMany) {
+    const WaveShot& shot = shot_of_slot<kMany>(l, slot);
+    walk.go_to(shot.view.scene, shot.bvh);
+  }
+}
 
-extern "C" __global__ void __launch_bounds__(kThreads, 6)
-    wave_trace(const __grid_constant__ WaveLaunch l) {
+template <bool kMany>
+__device__ void trace_all(const WaveLaunch& l) {
   WaveRound& now = l.counters->rounds[l.round];
   const u32* active = l.active[l.round];
   walk_all(
       l, now.active, now.next_ray,
       [&](BvhWalk& walk, u32 i) {
         const WaveRay& ray = l.wave.rays[active[i]];
+        go_to_scene<kMany>(l, walk, active[i]);
         walk.begin(ray.ray, ray.mask, false);
       },
       [&](const BvhWalk& walk, u32 i) {
@@ -73,15 +81,38 @@ extern "C" __global__ void __launch_bounds__(kThreads, 6)
       });
 }
 
-extern "C" __global__ void __launch_bounds__(kThreads, 6)
-    wave_light(const __grid_constant__ WaveLaunch l) {
-  const BvhTracer tracer(l.shot.scene, l.bvh);
-  const Wave wave(l.shot, l.work, l.wave, tracer);
+template <bool kMany>
+__device__ void light_all(const WaveLaunch& l) {
   WaveRound& now = l.counters->rounds[l.round];
   walk_all(
       l, now.lights, now.next_light,
-      [&](BvhWalk& walk, u32 i) { walk.begin(l.wave.lights[l.lit[i]].ray, kShadowRay, true); },
+      [&](BvhWalk& walk, u32 i) {
+        go_to_scene<kMany>(l, walk, l.lit[i]);
+        walk.begin(l.wave.lights[l.lit[i]].ray, kShadowRay, true);
+      },
       [&](const BvhWalk& walk, u32 i) {
-        if (walk.hit().instance == kNone) wave.shine(l.lit[i]);
+        if (walk.hit().instance != kNone) return;
+        const WaveShot& shot = shot_of_slot<kMany>(l, l.lit[i]);
+        const BvhTracer tracer(shot.view.scene, shot.bvh);
+        Wave(shot.view, l.work, l.wave, tracer).shine(l.lit[i]);
       });
+}
+
+}  // namespace
+
+extern "C" __global__ void __launch_bounds__(kThreads, 6)
+    wave_trace(const __grid_constant__ WaveLaunch l) {
+  trace_all<false>(l);
+}
+extern "C" __global__ void __launch_bounds__(kThreads, 6)
+    wave_trace_many(const __grid_constant__ WaveLaunch l) {
+  trace_all<true>(l);
+}
+extern "C" __global__ void __launch_bounds__(kThreads, 6)
+    wave_light(const __grid_constant__ WaveLaunch l) {
+  light_all<false>(l);
+}
+extern "C" __global__ void __launch_bounds__(kThreads, 6)
+    wave_light_many(const __grid_constant__ WaveLaunch l) {
+  light_all<true>(l);
 }

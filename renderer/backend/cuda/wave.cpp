@@ -23,9 +23,14 @@ constexpr u32 kRoundsAtFirst = 8;
 Expected<Programs> Programs::find(const Context& context) {
   Programs programs;
   for (const auto& [name, program] :
-       {std::pair{"wave_begin", &programs.begin}, std::pair{"wave_trace", &programs.trace},
-        std::pair{"wave_arrive", &programs.arrive}, std::pair{"wave_light", &programs.light},
-        std::pair{"wave_fold", &programs.fold}, std::pair{"probe", &programs.probe},
+       {std::pair{"wave_begin", &programs.one.begin}, std::pair{"wave_trace", &programs.one.trace},
+        std::pair{"wave_arrive", &programs.one.arrive},
+        std::pair{"wave_light", &programs.one.light}, std::pair{"wave_fold", &programs.one.fold},
+        std::pair{"wave_begin_many", &programs.many.begin},
+        std::pair{"wave_trace_many", &programs.many.trace},
+        std::pair{"wave_arrive_many", &programs.many.arrive},
+        std::pair{"wave_light_many", &programs.many.light},
+        std::pair{"wave_fold_many", &programs.many.fold}, std::pair{"probe", &programs.probe},
         std::pair{"film_resolve", &programs.resolve}, std::pair{"film_noise", &programs.noise}}) {
     auto function = context.function(name);
     if (!function) return std::unexpected(std::move(function).error());
@@ -38,10 +43,12 @@ LaunchSize Programs::size(const Program& program, u64 threads) {
   return {u32(std::min<u64>((threads + kThreads - 1) / kThreads, program.most_blocks)), kThreads};
 }
 
-Wave::Wave(Context& context, const Programs& programs, const WaveShot& shot, const WorkRange& range)
-    : context_(context), programs_(programs), range_(range) {
-  launch_.shot = shot.view;
-  launch_.bvh = shot.bvh;
+Wave::Wave(Context& context, const Programs& programs, const WaveShots& shots,
+           const WorkRange& range)
+    : context_(context), steps_(shots.device ? programs.many : programs.one), range_(range) {
+  launch_.shot = shots.host.front();
+  launch_.shots = shots.device;
+  for (const WaveShot& shot : shots.host) any_media_ |= shot.view.scene.any_media;
 }
 
 template <class T>
@@ -63,15 +70,14 @@ Status Wave::allocate() {
 
 Status Wave::allocate(u64 memory) {
   memory_.clear();
-  const kernels::FilmView& film = launch_.shot.film;
-  const bool media = launch_.shot.scene.any_media;
+  const kernels::FilmView& film = launch_.shot.view.film;
   const bool light_planes = (film.wanted & kernels::kLightPlaneSet) != 0;
   const bool groups = kernels::wants(film, Plane::BEAUTY_GROUP);
   const u64 item_bytes = sizeof(kernels::SampleHead) +
                          (light_planes ? kernels::kLightPlanes * sizeof(vec3) : 0) +
                          (groups ? film.groups * sizeof(vec3) : 0);
   const u64 slot_bytes =
-      kSlotBytes + (media ? sizeof(kernels::Inside) + sizeof(kernels::Reach) : 0);
+      kSlotBytes + (any_media_ ? sizeof(kernels::Inside) + sizeof(kernels::Reach) : 0);
   const u64 fits = std::max<u64>(memory / 2 / item_bytes, kernels::kTilePixels);
   const u64 most = std::min<u64>(kMostItems, fits);
   batch_tiles_ = u32(std::min<u64>(range_.tile_count, most / kernels::kTilePixels));
@@ -90,8 +96,8 @@ Status Wave::allocate(u64 memory) {
   HELIO_TRY(add(wave.rays, slots));
   HELIO_TRY(add(wave.hits, slots));
   HELIO_TRY(add(wave.lights, slots));
-  if (media) HELIO_TRY(add(wave.insides, slots));
-  if (media) HELIO_TRY(add(wave.reaches, slots));
+  if (any_media_) HELIO_TRY(add(wave.insides, slots));
+  if (any_media_) HELIO_TRY(add(wave.reaches, slots));
   HELIO_TRY(add(wave.samples, items));
   if (light_planes) HELIO_TRY(add(wave.light_planes, items * kernels::kLightPlanes));
   if (groups) HELIO_TRY(add(wave.film.partial[u32(Plane::BEAUTY_GROUP)], items * 3 * film.groups));
@@ -125,8 +131,7 @@ Status Wave::begin_batch() {
 Status Wave::round() {
   const u64 next = offsetof(WaveCounters, rounds) + (1 - launch_.round) * sizeof(WaveRound);
   HELIO_TRY(context_.fill(DevicePointer(launch_.counters) + next, 0, sizeof(WaveRound)));
-  for (const auto* program :
-       {&programs_.begin, &programs_.trace, &programs_.arrive, &programs_.light})
+  for (const auto* program : {&steps_.begin, &steps_.trace, &steps_.arrive, &steps_.light})
     HELIO_TRY(launch(*program, launch_.slots));
   launch_.all_free = false;
   launch_.round = 1 - launch_.round;
@@ -144,7 +149,7 @@ Status Wave::read_counters() {
 }
 
 Status Wave::fold() {
-  HELIO_TRY(launch(programs_.fold, kernels::pixels_of(launch_.work)));
+  HELIO_TRY(launch(steps_.fold, kernels::pixels_of(launch_.work)));
   HELIO_TRY(read_counters());
   rays_ += seen_.rays;
   in_batch_ = false;
@@ -161,7 +166,7 @@ Expected<bool> Wave::advance(TimePoint until, const Interrupt& interrupt) {
     if (!in_batch_) {
       HELIO_TRY(begin_batch());
       if (kernels::items_of(launch_.work) <= launch_.slots)
-        rounds = std::min(launch_.shot.settings.max_depth + 1, kRoundsAtFirst);
+        rounds = std::min(launch_.shot.view.settings.max_depth + 1, kRoundsAtFirst);
     }
     HELIO_TRY(interrupt.status());
     for (u32 i = 0; i < rounds; ++i) HELIO_TRY(round());

@@ -15,22 +15,27 @@ struct Programs {
     FunctionHandle function = nullptr;
     u32 most_blocks = 0;
   };
-  Program begin, trace, arrive, light, fold, probe, resolve, noise;
+  /// The steps of a wave.
+  struct Steps {
+    Program begin, trace, arrive, light, fold;
+  };
+  Steps one, many;  // of one picture, of many
+  Program probe, resolve, noise;
   [[nodiscard]] static Expected<Programs> find(const Context& context);
   /// So many threads as there are, or as the device runs at once.
   [[nodiscard]] static LaunchSize size(const Program& program, u64 threads);
 };
 
-/// What samples are taken of; everything lies in device memory.
-struct WaveShot {
-  kernels::ShotView view;
-  kernels::BvhView bvh;
+/// What a wave takes samples of: pictures of one size with the same planes and as many groups.
+struct WaveShots {
+  std::span<const WaveShot> host;    // at least one
+  const WaveShot* device = nullptr;  // the same; null: there is one
 };
 
 /// Owns: the memory of the paths on their way. Thread: the device's.
 class Wave {
  public:
-  Wave(Context& context, const Programs& programs, const WaveShot& shot, const WorkRange& range);
+  Wave(Context& context, const Programs& programs, const WaveShots& shots, const WorkRange& range);
   /// Less where there is less: the result is the same.
   [[nodiscard]] Status allocate();
   /// Works until the range is done, `until`, or the interrupt. Returns whether it is done.
@@ -51,8 +56,9 @@ class Wave {
   [[nodiscard]] Status add(T*& to, u64 count);
 
   Context& context_;
-  const Programs& programs_;
+  const Programs::Steps& steps_;
   const WorkRange range_;
+  bool any_media_ = false;
   std::vector<DeviceMemory> memory_;
   WaveLaunch launch_{};
   WaveCounters seen_{};

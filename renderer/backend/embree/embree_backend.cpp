@@ -80,15 +80,15 @@ class EmbreeBackend final : public Backend {
       const Interrupt& interrupt) override {
     return run_in(arena_, [&] { return store_.prepare(snapshot, span, interrupt); });
   }
-  [[nodiscard]] Expected<std::unique_ptr<Film>> begin(const Shot& shot) override {
-    return host::HostFilm::create(shot);
+  [[nodiscard]] Expected<std::unique_ptr<Film>> begin(std::span<const Shot> shots) override {
+    return host::HostFilm::create(shots.front());
   }
   [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, TimePoint until,
                                       const Interrupt& interrupt) override;
   [[nodiscard]] Status probe(Film& film, u32 first_tile, u32 tile_count,
                              const Interrupt& interrupt) override;
-  [[nodiscard]] Expected<std::vector<Column>> labels(Film& film,
-                                                     const Interrupt& interrupt) override;
+  [[nodiscard]] Expected<std::vector<std::vector<Column>>> labels(
+      Film& film, const Interrupt& interrupt) override;
   [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film& film) override;
   [[nodiscard]] Noise noise(const Film& film) override;
   [[nodiscard]] Expected<QueryResult> query(const QueryJob& job,
@@ -161,12 +161,15 @@ Status EmbreeBackend::probe(Film& film, u32 first_tile, u32 tile_count,
                        [&](const auto& rect) { return loops_.probe(task, rect); });
 }
 
-Expected<std::vector<Column>> EmbreeBackend::labels(Film& film, const Interrupt& interrupt) {
+Expected<std::vector<std::vector<Column>>> EmbreeBackend::labels(Film& film,
+                                                                 const Interrupt& interrupt) {
   const auto& own = static_cast<const host::HostFilm&>(film);
-  return run_in(arena_, [&] {
+  auto labels = run_in(arena_, [&] {
     const FlushDenormals flush;
     return host::labels(own, rays_of(own.still().scene), interrupt);
   });
+  if (!labels) return std::unexpected(std::move(labels).error());
+  return std::vector(1, *std::move(labels));
 }
 
 Expected<std::vector<PlaneData>> EmbreeBackend::resolve(Film& film) {
