@@ -172,12 +172,12 @@ class FaultyGpu final : public FaultyBackend {
   void abandon() override { inner().abandon(); }
 
  protected:
-  /// Reads the number of a film's samples at address 0, in the calling thread's context.
+  /// Reads a film's size at address 0, in the calling thread's context.
   void lose() override {
     const auto driver = cuda::load_driver();
     if (!driver) std::abort();
     cuda::ResolveLaunch launch{};
-    launch.film.width = launch.film.height = 1;
+    launch.pictures = 1;
     void* arguments[] = {&launch};
     for (const std::byte* program : cuda::programs()) {
       cuda::ModuleHandle module = nullptr;
