@@ -158,8 +158,8 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
                     .device = {.threads = config.threads,
                                .cache_bytes = config.limits.derived_bytes,
                                .static_triangles = config.limits.static_triangles,
-                               .memory_bytes = config.device_memory},
-                    .denoiser = config.denoiser},
+                               .memory_bytes = config.device_memory,
+                               .denoiser = config.denoiser}},
       daemon_.log,
       [this](const Status& status) { daemon_.loop->post([this, status] { on_engine(status); }); });
   daemon_.decoder = Decoder::create(decoder_options(config));

@@ -147,11 +147,17 @@ class Backend {
   /// Label columns of each picture; the film's centre planes are complete.
   [[nodiscard]] virtual Expected<std::vector<std::vector<Column>>> labels(
       Film& film, const Interrupt& interrupt) = 0;
-  /// The planes of film_planes() after the samples that each tile has, each those of all pictures
-  /// one after the other, in the memory of the first shot's job. Of a job that is on_device
-  /// those it asks for lie in the device's memory and are complete: nobody need wait for the
-  /// device.
+  /// The planes of film_planes() after the samples that each tile has, and DENOISED where the
+  /// device makes it (denoiser()); then without those that nobody else reads (is_read_beside()).
+  /// Each is that of all pictures one after the other, in the memory of the first shot's job. Of a
+  /// job that is on_device those it asks for lie in the device's memory and are complete: nobody
+  /// need wait for the device.
   [[nodiscard]] virtual Expected<std::vector<PlaneData>> resolve(Film& film) = 0;
+  /// Who makes the plane DENOISED in resolve(), on the device, for the manifest; empty: nobody
+  /// there, so the engine makes it on the host, from the planes that it is computed from. Fails
+  /// with UNIMPLEMENTED and why where the device should and cannot: then the engine does for a job
+  /// that is not on_device.
+  [[nodiscard]] virtual Expected<std::string> denoiser() { return std::string(); }
   /// Of the device's memory, called from the device's thread; what it made may be destroyed by any.
   /// Null where the device's memory is the host's, and on_device means nothing.
   [[nodiscard]] virtual std::shared_ptr<SharedMemorySource> shared_memory() const {
@@ -184,6 +190,7 @@ struct BackendOptions {
   u64 cache_bytes = 4ull << 30;      // of scenes and derived data nobody uses
   u64 static_triangles = 4'000'000;  // of static entities, traced as one mesh
   u64 memory_bytes = 0;              // of a device's own memory; 0: most of what is free there
+  std::string denoiser = "libOpenImageDenoise.so.2";  // or a path, or "off"
 };
 
 /// Names: "embree". The only function that knows backends.

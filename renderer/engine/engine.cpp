@@ -44,7 +44,7 @@ struct DeviceThread {
 class Engine::Impl {
  public:
   Impl(std::vector<std::unique_ptr<Backend>> backends, const EngineOptions& options)
-      : options_(options), denoiser_(options.denoiser, options.device.threads) {
+      : options_(options), denoiser_(options.device.denoiser, options.device.threads) {
     for (auto& backend : backends) devices_.push_back({.backend = std::move(backend)});
     for (u32 i = 0; i < devices_.size(); ++i)
       devices_[i].thread = std::thread([this, i] { device_loop(i); });

@@ -35,7 +35,6 @@ struct EngineOptions {
   std::string backend = "embree";
   u32 devices = 0;  // of its kind, the first ones; 0: all that are there
   BackendOptions device;
-  std::string denoiser = "libOpenImageDenoise.so.2";  // or a path, or "off"
   JobLimits limits;
   std::chrono::milliseconds slice{10};  // the longest a job has the device at a time
   double credit = 0.5;  // seconds of the device that one may be served ahead of the others

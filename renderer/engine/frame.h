@@ -75,6 +75,7 @@ struct Frame {
   std::vector<Column> labels;
   std::vector<std::string> categories;  // class id - 1 -> name
   std::vector<std::string> warnings;
+  std::string denoiser;  // who made DENOISED
   double render_seconds = 0;
   u64 rays = 0;
   double noise = std::numeric_limits<double>::quiet_NaN();  // mean relative standard error

@@ -83,10 +83,21 @@ std::vector<Plane> film_planes(const RenderJob& job) {
   return planes;
 }
 
+bool is_read_beside(const RenderJob& job, Plane film_plane) {
+  if (std::ranges::count(job.planes, film_plane) > 0) return true;
+  return std::ranges::any_of(job.planes, [&](Plane plane) {
+    return plane != Plane::DENOISED && std::ranges::count(inputs_of(plane), film_plane) > 0;
+  });
+}
+
 Expected<std::vector<PlaneData>> finish_planes(const RenderJob& job, std::vector<PlaneData> made,
                                                const PostContext& context) {
   for (const Plane plane : job.planes) {
     if (plane_info(plane).fold != Fold::kPost) continue;
+    if (std::ranges::count(made, plane, &PlaneData::plane) > 0) {  // on the device
+      HELIO_TRY(context.interrupt.status());
+      continue;
+    }
     const u64 pixels = u64(context.camera.width) * context.camera.height;
     PlaneData out = new_plane(job, plane, pixels);
     HELIO_TRY(fill(plane, made, context, reinterpret_cast<float*>(out.pixels.data())));

@@ -13,6 +13,10 @@ namespace heliograph {
 [[nodiscard]] bool wants_post(const RenderJob& job);
 [[nodiscard]] std::vector<Plane> film_planes(const RenderJob& job);
 
+/// Whether anybody but DENOISED reads a plane of film_planes(): the job's reader, or another post
+/// plane.
+[[nodiscard]] bool is_read_beside(const RenderJob& job, Plane film_plane);
+
 struct PostContext {
   Denoiser& denoiser;
   const Interrupt& interrupt;
@@ -23,7 +27,8 @@ struct PostContext {
 /// Of the noise of a camera's sensors: another one for each name.
 [[nodiscard]] u64 sensor_seed(const RenderJob& job, EntityId camera);
 
-/// A job's planes in its order, from those that the backend made (film_planes).
+/// A job's planes in its order, from those that the backend made (Backend::resolve). Post planes
+/// that it left out are made here, in the host's memory.
 [[nodiscard]] Expected<std::vector<PlaneData>> finish_planes(const RenderJob& job,
                                                              std::vector<PlaneData> made,
                                                              const PostContext& context);

@@ -1,6 +1,8 @@
 // Passes, slices, stop rules and frames.
 #include "renderer/engine/runner.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -115,6 +117,7 @@ Steps Runner::run_film() {
   noise_ = NAN;
   tile_samples_ = tile_rounds_ = 0;
   HELIO_CO_TRY(co_await pause());
+  for (Frame& frame : begun_.frames) HELIO_CO_TRY(choose_denoiser(frame));
   Film& film = *begun_.film;
   if (wants_probe(*job_)) HELIO_CO_TRY(co_await probe(film));
   if (wants_label_columns(*job_)) HELIO_CO_TRY(co_await label(film));
@@ -127,6 +130,27 @@ Steps Runner::run_film() {
   rays_before_ += film.rays();
   done_ += pictures;
   co_return Status{};
+}
+
+/// Before anything is rendered: what cannot be denoised where it has to stay is not begun.
+Status Runner::choose_denoiser(Frame& frame) {
+  if (std::ranges::count(job_->planes, Plane::DENOISED) == 0) return {};
+  auto there = context_.backend.denoiser();
+  if (there && !there->empty()) {
+    frame.denoiser = *std::move(there);
+    return {};
+  }
+  if (job_->on_device && there)
+    return fail(Code::kUnimplemented, "planes",
+                "DENOISED is made on the host here; ask for it without `memory`");
+  if (job_->on_device) return std::unexpected(std::move(there).error());
+  auto here = context_.denoiser.name();
+  if (!here) return std::unexpected(std::move(here).error());
+  frame.denoiser = *std::move(here);
+  if (!there)
+    frame.warnings.push_back(fmt::format("denoised by {}, as the GPU cannot: {}", frame.denoiser,
+                                         there.error().message));
+  return {};
 }
 
 Steps Runner::label(Film& film) {

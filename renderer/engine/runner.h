@@ -55,6 +55,7 @@ class Runner {
                                                      PictureRange range) const;
   [[nodiscard]] Status begin(Begun& begun) const;
   [[nodiscard]] Steps run_film();
+  [[nodiscard]] Status choose_denoiser(Frame& frame);
   using SceneOf = std::shared_ptr<const DeviceScene> Shot::*;
   [[nodiscard]] std::vector<SceneOf> wanted_scenes() const;
   [[nodiscard]] Status prepare(std::vector<Shot>& shots, SceneOf kind) const;

@@ -238,6 +238,8 @@ void PackedFrame::add(Frame picture) {
   frame_.label_time = picture.label_time;
   frame_.seed = job_->settings.seed;
   frame_.categories = std::move(picture.categories);
+  frame_.denoiser = std::move(picture.denoiser);
+  frame_.warnings = std::move(picture.warnings);
 }
 
 std::shared_ptr<const Frame> PackedFrame::take() {

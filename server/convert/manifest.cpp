@@ -98,6 +98,7 @@ std::string manifest(const Frame& frame, const FrameContext& context) {
   set("version", context.version);
   set("backend", context.backend);
   set("cpu_features", context.cpu_features);
+  if (!frame.denoiser.empty()) set("denoiser", frame.denoiser);
   if (frame.overlay) set("overlay", fmt::format("{:016x}", frame.overlay));
   if (frame.worlds) set("worlds", fmt::format("{}", context.job->worlds->count));
   std::string json = to_json(head);

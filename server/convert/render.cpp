@@ -154,7 +154,9 @@ Status read_memory(const v1::RenderRequest& request, RenderJob& job) {
   for (std::size_t i = 0; job.on_device && i < job.planes.size(); ++i) {
     const PlaneInfo& info = plane_info(job.planes[i]);
     const bool half = request.planes(int(i)).half();
-    if (info.fold != kernels::Fold::kPost && !half) continue;
+    const bool is_made_there =
+        info.fold != kernels::Fold::kPost || job.planes[i] == Plane::DENOISED;
+    if (is_made_there && !half) continue;
     return fail(Code::kUnimplemented, indexed("planes", i) + (half ? ".half" : ""),
                 fmt::format("{} is made on the host and cannot stay on the device; ask for it "
                             "without `memory`",

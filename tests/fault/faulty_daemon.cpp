@@ -1,7 +1,7 @@
 // heliographd with a device that fails when it is told to, for tests/fault/device_lost.py, and
-// whose memory is memfds that stand for a GPU's, for tests/integration/test_device_frames.py. With
-// `--backend cuda` it is a GPU, for tests/gpu/lost.py. It differs from the real one in
-// make_backend() alone.
+// whose memory is memfds that stand for a GPU's, for tests/integration/test_device_frames.py; it
+// denoises by itself, unless HELIOGRAPH_TEST_DENOISER has the reason why not. With `--backend cuda`
+// it is a GPU, for tests/gpu/lost.py. It differs from the real one in make_backend() alone.
 //
 // SIGUSR1: the device is lost, once the backend is next called; a GPU by a program that reads where
 // there is no memory. SIGUSR2: it hangs there, until the next SIGUSR2.
@@ -22,7 +22,9 @@
 #include "renderer/backend/cuda/programs.h"
 #include "renderer/backend/embree/embree_backend.h"
 #include "renderer/engine/backend.h"
+#include "renderer/engine/denoiser.h"
 #include "renderer/engine/lent_memory.h"
+#include "renderer/engine/post.h"
 #include "renderer/host/film.h"
 #include "server/lifecycle.h"
 #include "server/probe.h"
@@ -76,6 +78,9 @@ class DeviceSource final : public SharedMemorySource {
 
 Expected<std::vector<PlaneData>> on_device(const RenderJob& job, std::vector<PlaneData> planes,
                                            u64 pixels) {
+  std::erase_if(planes, [&](const PlaneData& made) {
+    return std::ranges::count(job.planes, made.plane) == 0;
+  });
   for (PlaneData& plane : planes) {
     auto moved = new_device_plane(job, plane.plane, pixels);
     if (!moved) return std::unexpected(std::move(moved).error());
@@ -88,7 +93,8 @@ Expected<std::vector<PlaneData>> on_device(const RenderJob& job, std::vector<Pla
 /// One whose memory is the host's is lost when it is told to.
 class FaultyBackend : public Backend {
  public:
-  explicit FaultyBackend(std::unique_ptr<Backend> inner) : inner_(std::move(inner)) {}
+  FaultyBackend(std::unique_ptr<Backend> inner, const BackendOptions& options)
+      : inner_(std::move(inner)), denoiser_(options.denoiser, options.threads) {}
 
   [[nodiscard]] std::string_view name() const override { return inner_->name(); }
   [[nodiscard]] std::string cpu_features() const override { return inner_->cpu_features(); }
@@ -122,8 +128,15 @@ class FaultyBackend : public Backend {
   [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film& film) override {
     const auto& own = static_cast<const host::HostFilm&>(film);
     auto planes = inner_->resolve(film);
+    if (planes && denoiser() && std::ranges::count(own.job().planes, Plane::DENOISED) > 0)
+      HELIO_TRY(denoise(own, *planes));
     if (!planes || !own.job().on_device) return planes;
     return on_device(own.job(), *std::move(planes), u64(own.view().width) * own.view().height);
+  }
+  [[nodiscard]] Expected<std::string> denoiser() override {
+    const char* reason = std::getenv("HELIOGRAPH_TEST_DENOISER");
+    if (reason) return fail(Code::kUnimplemented, "planes", reason);
+    return "a test's device";
   }
   [[nodiscard]] std::shared_ptr<SharedMemorySource> shared_memory() const override {
     return source_;
@@ -144,6 +157,25 @@ class FaultyBackend : public Backend {
   virtual void lose() { is_lost_ = is_taken = true; }
 
  private:
+  Status denoise(const host::HostFilm& film, std::vector<PlaneData>& planes) {
+    const auto floats = [&](Plane plane) {
+      return reinterpret_cast<float*>(
+          std::ranges::find(planes, plane, &PlaneData::plane)->pixels.data());
+    };
+    const auto [width, height] = std::pair(film.view().width, film.view().height);
+    planes.push_back(new_plane(film.job(), Plane::DENOISED, u64(width) * height));
+    const DenoiseTask task{.width = width,
+                           .height = height,
+                           .beauty = floats(Plane::BEAUTY),
+                           .albedo = floats(Plane::ALBEDO_MEAN),
+                           .normal = floats(Plane::NORMAL_MEAN),
+                           .out = floats(Plane::DENOISED)};
+    HELIO_TRY(denoiser_.denoise(task, {}));
+    std::erase_if(planes, [&](const PlaneData& made) {
+      return made.plane != Plane::DENOISED && !is_read_beside(film.job(), made.plane);
+    });
+    return {};
+  }
   Status fault() {
     while (hang) std::this_thread::sleep_for(std::chrono::milliseconds(10));
     if (lose_device.exchange(false)) lose();
@@ -152,6 +184,7 @@ class FaultyBackend : public Backend {
   }
 
   std::unique_ptr<Backend> inner_;
+  Denoiser denoiser_;
   const std::shared_ptr<SharedMemorySource> source_ = std::make_shared<DeviceSource>();
   std::atomic<bool> is_lost_ = false;
 };
@@ -166,6 +199,7 @@ class FaultyGpu final : public FaultyBackend {
   [[nodiscard]] std::shared_ptr<SharedMemorySource> shared_memory() const override {
     return inner().shared_memory();
   }
+  [[nodiscard]] Expected<std::string> denoiser() override { return inner().denoiser(); }
   [[nodiscard]] MemoryUse memory() const override { return inner().memory(); }
   [[nodiscard]] bool pauses() const override { return inner().pauses(); }
   [[nodiscard]] bool is_lost() const override { return inner().is_lost(); }
@@ -201,8 +235,8 @@ Expected<std::unique_ptr<Backend>> make_backend(std::string_view name,
   if (is_taken) return fail(Code::kUnavailable, "backend", "injected: the device is still taken");
   auto inner = is_gpu ? cuda::make_cuda_backend(options) : embree::make_embree_backend(options);
   if (!inner) return inner;
-  if (is_gpu) return std::make_unique<FaultyGpu>(*std::move(inner));
-  return std::make_unique<FaultyBackend>(*std::move(inner));
+  if (is_gpu) return std::make_unique<FaultyGpu>(*std::move(inner), options);
+  return std::make_unique<FaultyBackend>(*std::move(inner), options);
 }
 
 std::vector<std::string_view> backend_names() { return {"embree", "cuda"}; }

@@ -9,6 +9,7 @@ this file; `lost` also heliographd-faulty of the build tree in BUNDLE/bin.
 Ends with 1 if a part fails.
 """
 
+import importlib.util
 import os
 import pathlib
 import stat
@@ -40,6 +41,7 @@ PARTS = {  # in this order, or in that of the command line
     "frames": ["tests/gpu/frames.py"],
     "memory": ["tests/gpu/memory.py"],
     "lost": ["tests/gpu/lost.py"],
+    "denoise": ["tests/gpu/denoise.py"],
     "training": ["examples/train_on_gpu.py"],
     "sanitized": ["tests/gpu/sanitized.py"],
     "speed": ["bench/gpu.py"],
@@ -50,6 +52,12 @@ PARTS = {  # in this order, or in that of the command line
 
 def gpus():
     return len(subprocess.check_output(["nvidia-smi", "-L"], text=True).splitlines())
+
+
+def has_denoiser(bundle):
+    """As a part of the bundle, or from the package that the client finds."""
+    beside = pathlib.Path(bundle, "lib/libOpenImageDenoise.so.2")
+    return beside.exists() or importlib.util.find_spec("pyoidn") is not None
 
 
 def environment(bundle, folder):
@@ -71,6 +79,9 @@ def main(bundle, folder=None, *parts):
             arguments = PARTS[name]
             if name == "devices" and gpus() < 2:
                 print("== devices: left out, as there is one GPU")
+                continue
+            if name == "denoise" and not has_denoiser(bundle):
+                print("== denoise: left out, as the bundle has no Open Image Denoise")
                 continue
             begin = time.monotonic()
             env = on_gpu if "pytest" in arguments else plain

@@ -1,5 +1,8 @@
 """The plane `denoised`: Open Image Denoise behind the daemon."""
 
+import json
+import re
+
 import heliograph as hg
 import numpy as np
 import pytest
@@ -46,6 +49,10 @@ def test_denoised_alone_and_again_gives_the_same_bytes(scene):
     first, second = (scene.render("cam", spp=8, planes=["denoised"]) for _ in range(2))
     assert first.planes == ["denoised"]
     assert first["denoised"].tobytes() == second["denoised"].tobytes()
+    assert re.fullmatch(
+        r"Open Image Denoise 2\.\d+\.\d+ on the CPU", json.loads(first.manifest)["denoiser"]
+    )
+    assert "denoiser" not in scene.render("cam", spp=1).manifest and first.warnings == []
     again = scene.rerender(first.manifest)
     assert first["denoised"].tobytes() == again["denoised"].tobytes()
 

@@ -96,6 +96,40 @@ def test_worlds_stay_on_the_gpu_packed(stage):
     assert there.cpu().frame(3)["depth"].tobytes() == here.frame(3)["depth"].tobytes()
 
 
+@pytest.mark.parametrize("planes", [["denoised"], ["normal_mean", "denoised", "depth", "beauty"]])
+def test_denoised_stays_there_too(stage, planes):
+    options = OPTIONS | {"planes": planes}
+    there, here = (stage.render("cam", **options, **to) for to in ({"device": "cuda"}, {}))
+    assert len(maps(stage.client)) == len(planes) and there.planes == here.planes == planes
+    for name in planes:
+        assert there.cpu()[name].tobytes() == here[name].tobytes()
+    for frame in (there, here):
+        assert json.loads(frame.manifest)["denoiser"] == "a test's device"
+        assert frame.warnings == []
+    worlds = hg.Worlds(3)
+    packed = stage.render_worlds("cam", worlds, device="cuda", **options)
+    same = stage.render_worlds("cam", worlds, **options)
+    assert packed.on_device("denoised").shape == (3, 1, 48, 64, 4)
+    assert packed.cpu()["denoised"].tobytes() == same["denoised"].tobytes()
+    assert json.loads(packed.manifest)["denoiser"] == "a test's device"
+
+
+def test_a_device_that_cannot_denoise_says_so(stub, monkeypatch):
+    monkeypatch.setenv("HELIOGRAPHD", str(DAEMON.with_name("heliographd-faulty")))
+    monkeypatch.setenv("HELIOGRAPH_TEST_DENOISER", "the driver is too old")
+    with hg.connect() as client:
+        scene = build(client)
+        options = OPTIONS | {"planes": ["denoised"]}
+        with pytest.raises(hg.Unimplemented, match="the driver is too old") as caught:
+            scene.render("cam", device="cuda", **options)
+        assert caught.value.field == "planes"
+        frame = scene.render("cam", **options)
+        (warning,) = frame.warnings
+        assert "on the CPU, as the GPU cannot: the driver is too old" in warning
+        assert json.loads(frame.manifest)["denoiser"].endswith("on the CPU")
+        assert frame["denoised"].any()
+
+
 def test_what_is_held_never_changes_and_what_is_not_is_used_again(stage):
     held = [look(stage, k, device="cuda") for k in range(4)]
     before = [content(look(stage, k)) for k in range(4)]
@@ -173,7 +207,7 @@ def test_without_room_it_is_refused_never_sent_as_bytes(stub, monkeypatch):
     ("options", "field", "text"),
     [
         ({"half": ["depth"]}, "planes[1].half", "half float"),
-        ({"planes": ["beauty", "denoised"]}, "planes[1]", "denoised is made on the host"),
+        ({"planes": ["beauty", "sensor_rgb"]}, "planes[1]", "sensor_rgb is made on the host"),
     ],
 )
 def test_what_is_made_on_the_host_does_not_pretend(stage, options, field, text):

@@ -148,8 +148,9 @@ TEST_CASE("render: planes that stay on the GPU are those that are made there") {
   const std::string there = "memory: FRAME_MEMORY_CUDA ";
   CHECK(job(kGood + there)->on_device);
   CHECK_FALSE(job(kGood)->on_device);
-  refused(kGood + there + "planes { plane: PLANE_DENOISED }", Code::kUnimplemented, "planes[1]",
-          "denoised is made on the host");
+  CHECK(job(kGood + there + "planes { plane: PLANE_DENOISED }")->on_device);
+  refused(kGood + there + "planes { plane: PLANE_SENSOR_RGB }", Code::kUnimplemented, "planes[1]",
+          "sensor_rgb is made on the host");
   refused(kGood + there + "planes { plane: PLANE_DEPTH half: true }", Code::kUnimplemented,
           "planes[1].half", "a half float is made on the host");
 }

@@ -29,6 +29,11 @@ inline cuda::Driver fake_driver() {
     return *context = reinterpret_cast<ContextHandle>(&one), 0;
   };
   d.destroy_context = [](ContextHandle) { return 0; };
+  d.primary_state = [](Device, unsigned*, int* is_taken) { return *is_taken = 0, 0; };
+  d.retain_primary = [](ContextHandle*, Device) { return 0; };
+  d.release_primary = [](Device) { return 0; };
+  d.reset_primary = [](Device) { return 0; };
+  d.wait_for_context = [] { return 0; };
   d.set_context = [](ContextHandle) { return 0; };
   d.memory_info = [](std::size_t* free, std::size_t* all) { return *free = *all = 1u << 30, 0; };
   d.default_pool = [](PoolHandle*, Device) { return 0; };

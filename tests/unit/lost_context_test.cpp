@@ -18,7 +18,7 @@ constexpr Result kIllegalAddress = 700;
 struct FakeGpu {
   u64 made = 0;  // contexts
   std::set<u64> contexts;
-  u64 current = 0, faulty = 0;
+  u64 current = 0, faulty = 0, primary = 0;
   std::set<DevicePointer> memory;
   bool refuses_contexts = false;
 };
@@ -39,6 +39,16 @@ Driver faulty_driver() {
   d.destroy_context = [](ContextHandle context) {
     return gpu->contexts.erase(u64(context)) == 1 ? 0 : 201;
   };
+  d.primary_state = [](Device, unsigned*, int* taken) {
+    return *taken = gpu->contexts.contains(gpu->primary), 0;
+  };
+  d.retain_primary = [](ContextHandle* context, Device) {
+    if (gpu->refuses_contexts) return kIllegalAddress;
+    gpu->contexts.insert(gpu->primary = ++gpu->made);
+    return *context = reinterpret_cast<ContextHandle>(gpu->primary), 0;
+  };
+  d.release_primary = [](Device) { return gpu->contexts.erase(gpu->primary) == 1 ? 0 : 201; };
+  d.reset_primary = d.release_primary;
   d.set_context = [](ContextHandle context) { return gpu->current = u64(context), 0; };
   d.allocate = [](DevicePointer* at, std::size_t, StreamHandle) {
     static DevicePointer next = 0;

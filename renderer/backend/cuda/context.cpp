@@ -31,6 +31,7 @@ Expected<std::shared_ptr<Context>> Context::create(const Driver& driver, int ind
 
 Status Context::open(int index, u64 budget) {
   int devices = 0;
+  index_ = index;
   HELIO_TRY(check(driver_.device_count(&devices), "counting GPUs"));
   if (index >= devices)
     return fail(Code::kUnavailable, "backend",
@@ -46,7 +47,7 @@ Status Context::open(int index, u64 budget) {
   name_ =
       fmt::format("{} sm_{}{}", name, attribute(Attribute::kMajor), attribute(Attribute::kMinor));
   processors_ = u32(attribute(Attribute::kProcessors));
-  HELIO_TRY(check(driver_.create_context(&context_, kScheduleAuto, device_), "making a context"));
+  HELIO_TRY(open_context());
   HELIO_TRY(check(driver_.create_stream(&stream_, kNonBlocking), "making a stream"));
   HELIO_TRY(check(pool_.open({device_, context_, stream_}), "opening the memory pool"));
   for (Stage& stage : stages_) {
@@ -69,6 +70,18 @@ Status Context::load_programs() {
   return {};
 }
 
+/// The primary context, unless somebody else of this process has it.
+Status Context::open_context() {
+  unsigned flags = 0;
+  int is_taken = 0;
+  HELIO_TRY(check(driver_.primary_state(device_, &flags, &is_taken), "asking for contexts"));
+  if (is_taken)
+    return check(driver_.create_context(&context_, kScheduleAuto, device_), "making a context");
+  HELIO_TRY(check(driver_.retain_primary(&context_, device_), "making a context"));
+  is_primary_ = true;
+  return enter();
+}
+
 Context::~Context() {
   if (!context_) return;
   (void)driver_.set_context(context_);
@@ -79,7 +92,15 @@ Context::~Context() {
   }
   for (ModuleHandle module : modules_) (void)driver_.unload_module(module);
   if (stream_) (void)driver_.destroy_stream(stream_);
-  (void)driver_.destroy_context(context_);
+  destroy();
+}
+
+/// A lost one goes even where a library has it, too: it is of use to nobody.
+void Context::destroy() {
+  if (!is_primary_)
+    (void)driver_.destroy_context(context_);
+  else
+    (void)(is_lost() ? driver_.reset_primary(device_) : driver_.release_primary(device_));
 }
 
 /// The pool is the device's: what it gave a context it keeps when that is gone, and takes back from
@@ -88,7 +109,8 @@ void Context::abandon() {
   tenure_.end();
   const std::vector<DevicePointer> left = pool_.close();
   for (Stage& stage : stages_) (void)driver_.release_pinned(std::exchange(stage.memory, nullptr));
-  (void)driver_.destroy_context(std::exchange(context_, nullptr));
+  destroy();
+  context_ = nullptr;
   ContextHandle other = nullptr;
   if (driver_.create_context(&other, kScheduleAuto, device_) != 0) return;
   for (const DevicePointer at : left) (void)driver_.release(at, nullptr);
@@ -178,6 +200,13 @@ Status Context::finish(Stage& stage) {
 }
 
 Status Context::wait() { return check(driver_.wait_for_stream(stream_), "work on the GPU"); }
+
+Status Context::wait_for_all() { return check(driver_.wait_for_context(), "work on the GPU"); }
+
+void Context::make_room() {
+  pool_.budget().give_up();
+  pool_.trim();
+}
 
 Expected<FunctionHandle> Context::function(const char* name) const {
   FunctionHandle function = nullptr;

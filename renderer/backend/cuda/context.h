@@ -91,11 +91,20 @@ class Context : public std::enable_shared_from_this<Context> {
   [[nodiscard]] Status download(std::span<const Download> pieces);
   [[nodiscard]] Status download(std::span<std::byte> to, DevicePointer from);
   [[nodiscard]] Status wait();
+  /// For the work of every stream.
+  [[nodiscard]] Status wait_for_all();
+  /// For what others ask of the driver: what nobody uses is given back to it.
+  void make_room();
   [[nodiscard]] Expected<FunctionHandle> function(const char* name) const;
   /// arguments   of the program, one after the other
   [[nodiscard]] Status launch(FunctionHandle program, LaunchSize size, std::span<void*> arguments);
 
   [[nodiscard]] const std::string& name() const { return name_; }
+  /// As the driver counts.
+  [[nodiscard]] Device index() const { return index_; }
+  [[nodiscard]] StreamHandle stream() const { return stream_; }
+  /// Whether it is the one context of the process that libraries use by themselves.
+  [[nodiscard]] bool is_primary() const { return is_primary_; }
   [[nodiscard]] u32 processors() const { return processors_; }
   [[nodiscard]] MemoryBudget& budget() { return pool_.budget(); }
   [[nodiscard]] const MemoryBudget& budget() const { return pool_.budget(); }
@@ -113,6 +122,8 @@ class Context : public std::enable_shared_from_this<Context> {
   explicit Context(const Driver& driver) : driver_(driver) {}
   [[nodiscard]] Status open(int index, u64 budget);
   [[nodiscard]] Status load_programs();
+  [[nodiscard]] Status open_context();
+  void destroy();
   [[nodiscard]] Status check(Result result, const char* what) const;
   void release(const DeviceMemory& memory);
 
@@ -125,7 +136,9 @@ class Context : public std::enable_shared_from_this<Context> {
   [[nodiscard]] Status finish(Stage& stage);
 
   const Driver driver_;
+  int index_ = 0;
   Device device_ = 0;
+  bool is_primary_ = false;
   ContextHandle context_ = nullptr;
   StreamHandle stream_ = nullptr;
   std::vector<ModuleHandle> modules_;

@@ -36,6 +36,7 @@ class CudaBackend final : public Backend {
         programs_(programs),
         builder_(std::move(builder)),
         mirror_(context_),
+        denoiser_library_(options.denoiser),
         cache_(options.cache_bytes),
         store_(accelerator_, cache_, options.cache_bytes),
         arena_(options.threads ? int(options.threads) : tbb::task_arena::automatic) {
@@ -78,6 +79,7 @@ class CudaBackend final : public Backend {
   [[nodiscard]] Expected<std::vector<std::vector<Column>>> labels(
       Film& film, const Interrupt& interrupt) override;
   [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film& film) override;
+  [[nodiscard]] Expected<std::string> denoiser() override;
   [[nodiscard]] Noise noise(const Film& film) override;
   [[nodiscard]] Expected<QueryResult> query(const QueryJob& job,
                                             const Interrupt& interrupt) override;
@@ -101,6 +103,9 @@ class CudaBackend final : public Backend {
   const Programs programs_;
   const TreeBuilder builder_;
   Mirror mirror_;
+  const std::string denoiser_library_;
+  std::unique_ptr<CudaDenoiser> denoiser_;  // once it was asked for
+  std::optional<Error> no_denoiser_;        // why there never is one
   DerivedCache cache_;
   const bvh::BvhAccelerator accelerator_;
   SceneStore store_;
@@ -168,7 +173,20 @@ Expected<std::vector<std::vector<Column>>> CudaBackend::labels(Film& film,
 
 Expected<std::vector<PlaneData>> CudaBackend::resolve(Film& film) {
   HELIO_TRY(context_->enter());
-  return run_in(arena_, [&] { return static_cast<CudaFilm&>(film).resolve(programs_); });
+  return run_in(arena_,
+                [&] { return static_cast<CudaFilm&>(film).resolve(programs_, denoiser_.get()); });
+}
+
+Expected<std::string> CudaBackend::denoiser() {
+  HELIO_TRY(context_->enter());
+  if (no_denoiser_) return std::unexpected(*no_denoiser_);
+  if (!denoiser_) {
+    auto made = CudaDenoiser::create(*context_, denoiser_library_);
+    if (!made && made.error().code == Code::kUnimplemented) no_denoiser_ = made.error();
+    if (!made) return std::unexpected(std::move(made).error());
+    denoiser_ = *std::move(made);
+  }
+  return denoiser_->name();
 }
 
 Noise CudaBackend::noise(const Film& film) {

@@ -50,7 +50,12 @@ struct AccessDescription {
   F(device_attribute, cuDeviceGetAttribute, int*, int, Device)                                    \
   F(create_context, cuCtxCreate_v2, ContextHandle*, unsigned, Device)                             \
   F(destroy_context, cuCtxDestroy_v2, ContextHandle)                                              \
+  F(primary_state, cuDevicePrimaryCtxGetState, Device, unsigned*, int*)                           \
+  F(retain_primary, cuDevicePrimaryCtxRetain, ContextHandle*, Device)                             \
+  F(release_primary, cuDevicePrimaryCtxRelease_v2, Device)                                        \
+  F(reset_primary, cuDevicePrimaryCtxReset_v2, Device)                                            \
   F(set_context, cuCtxSetCurrent, ContextHandle)                                                  \
+  F(wait_for_context, cuCtxSynchronize)                                                           \
   F(memory_info, cuMemGetInfo_v2, std::size_t*, std::size_t*)                                     \
   F(default_pool, cuDeviceGetDefaultMemPool, PoolHandle*, Device)                                 \
   F(set_pool, cuMemPoolSetAttribute, PoolHandle, int, void*)                                      \

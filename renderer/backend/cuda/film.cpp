@@ -171,49 +171,92 @@ Status CudaFilm::launch_resolve(const Programs& programs, ResolveLaunch& launch,
                          Programs::size(programs.resolve, pictures_.size() * pixels()), arguments);
 }
 
-Expected<std::vector<PlaneData>> CudaFilm::resolve(const Programs& programs) {
-  auto launch = resolve_launch();
-  if (!launch) return std::unexpected(std::move(launch).error());
-  if (job().on_device) return resolve_there(programs, *launch);
-  std::vector<PlaneData> planes = host::new_planes(job(), pictures_.size() * pixels());
-  std::vector<DeviceMemory> resolved;
-  std::vector<Download> downloads;
-  const auto to_of = [](PlaneData& data) {
-    return std::span(data.pixels.data(), data.pixels.size());
-  };
-  std::vector<kernels::PlaneOut> made = host::outs(planes);
-  auto next = made.begin();
-  for (PlaneData& data : planes) {
-    if (plane_info(data.plane).fold == kernels::Fold::kCentre) {
-      downloads.push_back({to_of(data), DevicePointer(view_.planes[u32(data.plane)])});
-      continue;
-    }
-    auto memory = context_.allocate(data.pixels.size());
-    if (!memory) return std::unexpected(std::move(memory).error());
-    next->to = memory->as<void>();
-    HELIO_TRY(launch_resolve(programs, *launch, *next++));
-    downloads.push_back({to_of(data), memory->at()});
-    resolved.push_back(*std::move(memory));
+/// Where a plane is resolved to: of a job that is on_device straight to where its reader has it.
+Expected<CudaFilm::Resolved> CudaFilm::new_plane_of(Plane plane, bool is_read) {
+  Resolved resolved{.plane = plane};
+  const u64 all = pictures_.size() * pixels();
+  if (is_read && job().on_device) {
+    auto made = new_device_plane(job(), plane, all);
+    if (!made) return std::unexpected(std::move(made).error());
+    resolved.at = DevicePointer(made->pixels.data());
+    resolved.made = *std::move(made);
+    return resolved;
   }
-  HELIO_TRY(context_.download(downloads));
-  return planes;
+  if (is_read) resolved.made = new_plane(job(), plane, all);
+  const PlaneInfo& info = plane_info(plane);
+  if (info.fold == kernels::Fold::kCentre) {
+    resolved.at = DevicePointer(view_.planes[u32(plane)]);
+    return resolved;
+  }
+  auto memory = context_.allocate(all * info.channels * size_of(info.dtype));
+  if (!memory) return std::unexpected(std::move(memory).error());
+  resolved.at = memory->at();
+  resolved.own = *std::move(memory);
+  return resolved;
 }
 
-Expected<std::vector<PlaneData>> CudaFilm::resolve_there(const Programs& programs,
-                                                         ResolveLaunch& launch) {
-  std::vector<PlaneData> planes;
-  for (const kernels::Plane plane : film_planes(job())) {
-    auto made = new_device_plane(job(), plane, pictures_.size() * pixels());
+Expected<std::vector<CudaFilm::Resolved>> CudaFilm::new_resolved(bool denoises) {
+  std::vector<Plane> planes = film_planes(job());
+  if (denoises) planes.push_back(Plane::DENOISED);
+  std::vector<Resolved> all;
+  for (const Plane plane : planes) {
+    const bool is_read = !denoises || plane == Plane::DENOISED || is_read_beside(job(), plane);
+    auto made = new_plane_of(plane, is_read);
     if (!made) return std::unexpected(std::move(made).error());
-    planes.push_back(*std::move(made));
+    all.push_back(*std::move(made));
   }
-  for (PlaneData& data : planes)
-    if (plane_info(data.plane).fold == kernels::Fold::kCentre)
-      HELIO_TRY(context_.copy(DevicePointer(data.pixels.data()),
-                              DevicePointer(view_.planes[u32(data.plane)]), data.pixels.size()));
-  for (const kernels::PlaneOut& out : host::outs(planes))
-    HELIO_TRY(launch_resolve(programs, launch, out));
-  HELIO_TRY(context_.wait());
+  return all;
+}
+
+Status CudaFilm::fill(const Programs& programs, std::span<Resolved> planes) {
+  auto launch = resolve_launch();
+  if (!launch) return std::unexpected(std::move(launch).error());
+  const u64 all = pictures_.size() * pixels();
+  u32 groups = 0;
+  for (const Resolved& to : planes) {
+    const PlaneInfo& info = plane_info(to.plane);
+    const auto from = DevicePointer(view_.planes[u32(to.plane)]);
+    if (info.fold == kernels::Fold::kPost) continue;
+    if (info.fold == kernels::Fold::kCentre) {
+      const u64 bytes = all * info.channels * size_of(info.dtype);
+      if (to.at != from) HELIO_TRY(context_.copy(to.at, from, bytes));
+      continue;
+    }
+    const u32 rank = to.plane == Plane::BEAUTY_GROUP ? groups++ : 0;
+    HELIO_TRY(launch_resolve(programs, *launch,
+                             {to.plane, info.channels, rank, reinterpret_cast<void*>(to.at)}));
+  }
+  return {};
+}
+
+Expected<std::vector<PlaneData>> CudaFilm::resolve(const Programs& programs,
+                                                   CudaDenoiser* denoiser) {
+  const bool denoises = denoiser && std::ranges::count(job().planes, Plane::DENOISED) > 0;
+  auto all = new_resolved(denoises);
+  if (!all) return std::unexpected(std::move(all).error());
+  HELIO_TRY(fill(programs, *all));
+  if (denoises) {
+    const auto at = [&](u32 picture, Plane plane) {
+      return std::ranges::find(*all, plane, &Resolved::plane)->at +
+             picture * pixels() * plane_info(plane).channels * sizeof(float);
+    };
+    for (u32 i = 0; i < pictures_.size(); ++i)
+      HELIO_TRY(denoiser->denoise({.width = view_.width,
+                                   .height = view_.height,
+                                   .beauty = at(i, Plane::BEAUTY),
+                                   .albedo = at(i, Plane::ALBEDO_MEAN),
+                                   .normal = at(i, Plane::NORMAL_MEAN),
+                                   .out = at(i, Plane::DENOISED)}));
+  }
+  std::vector<PlaneData> planes;
+  std::vector<Download> downloads;
+  for (Resolved& one : *all) {
+    if (!one.made) continue;
+    planes.push_back(*std::move(one.made));
+    const std::span to(planes.back().pixels.data(), planes.back().pixels.size());
+    if (!job().on_device) downloads.push_back({to, one.at});
+  }
+  HELIO_TRY(job().on_device ? context_.wait() : context_.download(downloads));
   return planes;
 }
 

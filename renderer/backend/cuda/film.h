@@ -2,7 +2,11 @@
 #pragma once
 
 #include <functional>
+#include <optional>
+#include <span>
+#include <vector>
 
+#include "renderer/backend/cuda/denoiser.h"
 #include "renderer/backend/cuda/scene.h"
 #include "renderer/backend/cuda/wave.h"
 #include "renderer/host/film.h"
@@ -36,8 +40,11 @@ class CudaFilm final : public Film {
   [[nodiscard]] Expected<bool> render(const Programs& programs, const WorkRange& range,
                                       TimePoint until, const Interrupt& interrupt);
   [[nodiscard]] Status probe(const Programs& programs, u32 first_tile, u32 tile_count);
-  /// The planes of film_planes() after the samples that each tile has.
-  [[nodiscard]] Expected<std::vector<PlaneData>> resolve(const Programs& programs);
+  /// What Backend::resolve() says.
+  ///
+  /// denoiser   null: there is none
+  [[nodiscard]] Expected<std::vector<PlaneData>> resolve(const Programs& programs,
+                                                         CudaDenoiser* denoiser);
   /// Of the first picture.
   [[nodiscard]] Expected<Noise> noise(const Programs& programs) const;
   /// Brings the centre plane that labels read to the pictures on the host.
@@ -60,9 +67,18 @@ class CudaFilm final : public Film {
   /// Makes planes that lie in device memory.
   [[nodiscard]] Status launch_resolve(const Programs& programs, ResolveLaunch& launch,
                                       const kernels::PlaneOut& out) const;
-  /// Of a job that is on_device: straight to where its reader has the planes.
-  [[nodiscard]] Expected<std::vector<PlaneData>> resolve_there(const Programs& programs,
-                                                               ResolveLaunch& launch);
+  /// A plane of device memory, and what it becomes in the frame: nothing, if only the denoiser
+  /// reads it.
+  struct Resolved {
+    Plane plane;
+    DevicePointer at;
+    DeviceMemory own;
+    std::optional<PlaneData> made;
+  };
+  [[nodiscard]] Expected<Resolved> new_plane_of(Plane plane, bool is_read);
+  [[nodiscard]] Expected<std::vector<Resolved>> new_resolved(bool denoises);
+  /// Starts what fills film planes.
+  [[nodiscard]] Status fill(const Programs& programs, std::span<Resolved> planes);
   [[nodiscard]] ProbeEnd end_of(const ResidentScene* scene, const kernels::ProbeScene& seen);
 
   const Pictures pictures_;
