@@ -15,6 +15,9 @@ constexpr unsigned kNonBlocking = 1;   // CU_STREAM_NON_BLOCKING
 constexpr unsigned kScheduleAuto = 0;  // CU_CTX_SCHED_AUTO: waits spin where there are cores
 constexpr unsigned kNoTiming = 2;      // CU_EVENT_DISABLE_TIMING
 constexpr u64 kStageBytes = 4 << 20;
+// The driver takes pieces of this size at once; for larger ones it waits until the device gets to
+// them. What has many is copied as fast as that goes.
+constexpr u64 kPiece = 64 << 10, kMostInPieces = 4 << 20;
 constexpr u64 kCopyGrain = 256 << 10;  // bytes of a thread's share
 
 }  // namespace
@@ -155,7 +158,12 @@ void Context::release(const DeviceMemory& memory) { pool_.release(memory.at(), m
 Status Context::upload(DevicePointer to, std::span<const std::byte> from) {
   if (from.empty()) return {};
   uploaded_.fetch_add(from.size(), std::memory_order_relaxed);
-  return check(driver_.upload(to, from.data(), from.size(), stream_), "an upload");
+  const u64 step = from.size() <= kMostInPieces ? kPiece : from.size();
+  for (u64 begin = 0; begin < from.size(); begin += step) {
+    const auto piece = from.subspan(begin, std::min<u64>(step, from.size() - begin));
+    HELIO_TRY(check(driver_.upload(to + begin, piece.data(), piece.size(), stream_), "an upload"));
+  }
+  return {};
 }
 
 Status Context::copy(DevicePointer to, DevicePointer from, u64 bytes) {

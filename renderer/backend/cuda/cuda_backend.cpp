@@ -95,8 +95,7 @@ class CudaBackend final : public Backend {
   }
 
  private:
-  [[nodiscard]] Expected<std::shared_ptr<const CudaScene>> copy_of(
-      const std::shared_ptr<const ResidentScene>& scene);
+  [[nodiscard]] Expected<std::shared_ptr<const CudaScene>> copy_of(const SceneOrder& order);
 
   std::shared_ptr<Context> context_;
   const std::shared_ptr<ExportSource> exports_;  // null where the driver has none
@@ -115,13 +114,11 @@ class CudaBackend final : public Backend {
       std::make_shared<Recent<CudaScene>>(kScenesKept);
 };
 
-Expected<std::shared_ptr<const CudaScene>> CudaBackend::copy_of(
-    const std::shared_ptr<const ResidentScene>& scene) {
-  if (auto known = recent_->find([&](const CudaScene& copy) { return copy.host() == scene; }))
-    return known;
-  auto made = CudaScene::create(scene, {mirror_, builder_, *recent_});
-  if (made) recent_->keep(*made);
-  return made;
+Expected<std::shared_ptr<const CudaScene>> CudaBackend::copy_of(const SceneOrder& order) {
+  if (order.sibling && order.sibling->host() == order.scene) return order.sibling;
+  const auto is_it = [&](const CudaScene& copy) { return copy.host() == order.scene; };
+  if (auto known = recent_->find(is_it)) return known;
+  return CudaScene::create(order.scene, {mirror_, builder_, *recent_, order.sibling, order.own});
 }
 
 Expected<std::unique_ptr<Film>> CudaBackend::begin(std::span<const Shot> shots) {
@@ -137,8 +134,11 @@ Expected<std::unique_ptr<Film>> CudaBackend::begin(std::span<const Shot> shots) 
     pictures.push_back(*std::move(picture));
   }
   HELIO_TRY(context_->enter());
-  return CudaFilm::create(std::move(pictures), shots, mirror_,
-                          [&](const auto& scene) { return copy_of(scene); });
+  auto film = CudaFilm::create(std::move(pictures), shots, mirror_,
+                               [&](const SceneOrder& order) { return copy_of(order); });
+  if (film)
+    for (const auto& scene : (*film)->scenes()) recent_->keep(scene);
+  return film;
 }
 
 Expected<bool> CudaBackend::render(Film& film, const WorkRange& range, TimePoint until,

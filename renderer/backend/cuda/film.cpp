@@ -11,12 +11,14 @@ namespace heliograph::cuda {
 Expected<std::unique_ptr<CudaFilm>> CudaFilm::create(Pictures pictures, std::span<const Shot> shots,
                                                      Mirror& mirror, const SceneOf& scene_of) {
   std::unique_ptr<CudaFilm> film(new CudaFilm(std::move(pictures), mirror));
-  HELIO_TRY(film->open(shots, scene_of));
+  HELIO_TRY(film->open(shots, mirror, scene_of));
   return film;
 }
 
-Status CudaFilm::open(std::span<const Shot> shots, const SceneOf& scene_of) {
-  for (const Shot& shot : shots) HELIO_TRY(add_scenes(shot, scene_of));
+Status CudaFilm::open(std::span<const Shot> shots, Mirror& mirror, const SceneOf& scene_of) {
+  const auto own = std::make_shared<Copies>(mirror);
+  for (const Shot& shot : shots) HELIO_TRY(add_scenes(shot, scene_of, own));
+  HELIO_TRY(own->finish());
   const u32 count = u32(pictures_.size());
   tile_samples_.resize(u64(count) * pictures_[0]->tiles());
   const host::FilmMemory one = pictures_[0]->memory();
@@ -42,10 +44,12 @@ Status CudaFilm::open(std::span<const Shot> shots, const SceneOf& scene_of) {
   return copies_.finish();
 }
 
-Status CudaFilm::add_scenes(const Shot& shot, const SceneOf& scene_of) {
+Status CudaFilm::add_scenes(const Shot& shot, const SceneOf& scene_of,
+                            const std::shared_ptr<Copies>& own) {
   for (const auto& scene : {shot.open, shot.still, shot.forward, shot.backward}) {
     if (!scene) continue;
-    auto copied = scene_of(std::static_pointer_cast<const ResidentScene>(scene));
+    auto copied = scene_of({std::static_pointer_cast<const ResidentScene>(scene),
+                            scenes_.empty() ? nullptr : scenes_.back(), own});
     if (!copied) return std::unexpected(std::move(copied).error());
     scene_of_.emplace((*copied)->host().get(), copied->get());
     scenes_.push_back(*std::move(copied));

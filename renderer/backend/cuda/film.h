@@ -13,9 +13,14 @@
 
 namespace heliograph::cuda {
 
-/// Finds the device's copy of a scene.
-using SceneOf = std::function<Expected<std::shared_ptr<const CudaScene>>(
-    const std::shared_ptr<const ResidentScene>&)>;
+/// A scene that a film needs, see CopyContext.
+struct SceneOrder {
+  std::shared_ptr<const ResidentScene> scene;
+  std::shared_ptr<const CudaScene> sibling;
+  std::shared_ptr<Copies> own;
+};
+/// Finds the device's copy, or makes it.
+using SceneOf = std::function<Expected<std::shared_ptr<const CudaScene>>(const SceneOrder&)>;
 
 /// The pictures of one film, side by side: each array has those of all pictures one after the
 /// other. Owns: its arrays in device memory, and the wave that a range is left with. Thread: the
@@ -34,6 +39,10 @@ class CudaFilm final : public Film {
   [[nodiscard]] u32 samples(u32 tile) const override { return tile_samples_[tile]; }
   [[nodiscard]] u64 rays() const override { return rays_.load(std::memory_order_relaxed); }
   [[nodiscard]] u32 pictures() const { return u32(pictures_.size()); }
+  /// What its pictures show. All copies are there.
+  [[nodiscard]] const std::vector<std::shared_ptr<const CudaScene>>& scenes() const {
+    return scenes_;
+  }
   [[nodiscard]] const host::HostFilm& picture(u32 i) const { return *pictures_[i]; }
 
   /// Goes on with a range, or begins with it; returns whether it is done.
@@ -53,8 +62,9 @@ class CudaFilm final : public Film {
  private:
   CudaFilm(Pictures pictures, Mirror& mirror)
       : pictures_(std::move(pictures)), context_(mirror.context()), copies_(mirror) {}
-  [[nodiscard]] Status open(std::span<const Shot> shots, const SceneOf& scene_of);
-  [[nodiscard]] Status add_scenes(const Shot& shot, const SceneOf& scene_of);
+  [[nodiscard]] Status open(std::span<const Shot> shots, Mirror& mirror, const SceneOf& scene_of);
+  [[nodiscard]] Status add_scenes(const Shot& shot, const SceneOf& scene_of,
+                                  const std::shared_ptr<Copies>& own);
   void set_tasks(u32 picture);
   void set_probes();
   [[nodiscard]] u64 pixels() const;  // of a picture

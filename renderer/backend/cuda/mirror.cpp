@@ -79,7 +79,7 @@ const void* Copies::own(std::span<const std::byte> host) {
   }
   u64 offset = (in_chunk_.size() + kAlignment - 1) / kAlignment * kAlignment;
   if (!chunk_ || offset + host.size() > kChunkBytes) {
-    flush();
+    send();
     const DeviceMemory* memory = hold(allocate(kChunkBytes));
     if (!memory) return nullptr;
     chunk_ = memory->at();
@@ -96,14 +96,14 @@ Expected<std::shared_ptr<const DeviceMemory>> Copies::allocate(u64 bytes) const 
   return std::make_shared<const DeviceMemory>(*std::move(made));
 }
 
-void Copies::flush() {
+void Copies::send() {
   if (status_ && !in_chunk_.empty()) status_ = mirror_->context().upload(chunk_, in_chunk_);
   in_chunk_.clear();
   chunk_ = 0;
 }
 
 Status Copies::finish() {
-  flush();
+  send();
   return status_;
 }
 

@@ -65,6 +65,8 @@ class Copies {
   [[nodiscard]] const DeviceMemory* made(const void* from, F&& make) {
     return status_ ? hold(mirror_->made(from, make)) : nullptr;
   }
+  /// What waits goes to the device, for what it is told next.
+  void send();
   /// A refusal counts what the scene needs beside what was there already, as far as it is known:
   /// what is built on the device is not.
   [[nodiscard]] Status finish();
@@ -75,7 +77,6 @@ class Copies {
   void count(std::span<const std::byte> host);
   const void* own(std::span<const std::byte> host);
   [[nodiscard]] Expected<std::shared_ptr<const DeviceMemory>> allocate(u64 bytes) const;
-  void flush();
   const DeviceMemory* hold(Expected<std::shared_ptr<const DeviceMemory>> memory);
 
   Mirror* mirror_;

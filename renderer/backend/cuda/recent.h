@@ -26,10 +26,11 @@ class Recent {
     return kept_.back();
   }
 
-  /// Where there are too many, the oldest goes.
+  /// As the latest. Where there are too many, the oldest goes.
   void keep(Ptr newest) {
     Ptr dropped;
     const std::lock_guard lock(mutex_);
+    std::erase(kept_, newest);
     if (kept_.size() == most_) {
       dropped = std::move(kept_.front());
       kept_.erase(kept_.begin());

@@ -57,6 +57,12 @@ kernels::MeshBvh copy_tree(const DeviceMesh& placed, const kernels::MeshView& me
           copies.of(tree.triangle_numbers.data(), tree.triangle_numbers.size())};
 }
 
+template <class F>
+std::shared_ptr<const CudaScene> find_in(const CopyContext& context, const F& fits) {
+  if (context.sibling && fits(*context.sibling)) return context.sibling;
+  return context.others.find(fits);
+}
+
 Expected<std::shared_ptr<const MeshCopies>> copy_meshes(const ResidentScene& host, Mirror& mirror,
                                                         const TreeBuilder& builder) {
   auto made = std::make_shared<MeshCopies>(mirror);
@@ -97,7 +103,7 @@ using kernels::LightView;
 
 Expected<std::shared_ptr<const CudaScene>> CudaScene::create(
     std::shared_ptr<const ResidentScene> host, const CopyContext& context) {
-  std::shared_ptr<CudaScene> scene(new CudaScene(std::move(host), context.mirror));
+  std::shared_ptr<CudaScene> scene(new CudaScene(std::move(host), context.own));
   scene->view_ = scene->host_->view();
   HELIO_TRY(scene->find_meshes(context));
   HELIO_TRY(scene->find_materials(context));
@@ -106,7 +112,6 @@ Expected<std::shared_ptr<const CudaScene>> CudaScene::create(
   scene->copy_dome();
   scene->copy_volumes();
   scene->copy_bvh(context.builder);
-  HELIO_TRY(scene->copies_.finish());
   return scene;
 }
 
@@ -117,8 +122,9 @@ void CudaScene::make_host_trees(const ResidentScene& host) {
 }
 
 Status CudaScene::find_meshes(const CopyContext& context) {
-  const auto other = context.others.find(
-      [&](const CudaScene& scene) { return scene.meshes_->of == host_->placement().meshes; });
+  const auto other = find_in(context, [&](const CudaScene& scene) {
+    return scene.meshes_->of == host_->placement().meshes;
+  });
   if (other) {
     meshes_ = other->meshes_;
   } else {
@@ -132,8 +138,8 @@ Status CudaScene::find_meshes(const CopyContext& context) {
 
 Status CudaScene::find_materials(const CopyContext& context) {
   const auto& materials = host_->pieces().materials;
-  const auto other = context.others.find(
-      [&](const CudaScene& scene) { return scene.materials_->of == materials; });
+  const auto other =
+      find_in(context, [&](const CudaScene& scene) { return scene.materials_->of == materials; });
   if (other) {
     materials_ = other->materials_;
   } else {
@@ -233,6 +239,7 @@ void CudaScene::copy_bvh(const TreeBuilder& builder) {
       boxes.push_back({box.lower, box.upper});
     }
     input.mesh_boxes = boxes;
+    copies_.send();  // the instances
     return builder.build(input);
   };
   const DeviceMemory* top = copies_.made(placement.accelerator.get(), build);

@@ -37,7 +37,10 @@ class CudaScene;
 struct CopyContext {
   Mirror& mirror;
   const TreeBuilder& builder;
-  Recent<CudaScene>& others;  // may have some of them
+  Recent<CudaScene>& others;                 // may have some of them
+  std::shared_ptr<const CudaScene> sibling;  // may, too; null: none is there
+  /// Takes what is of one scene alone, and is to be finished before that is used.
+  std::shared_ptr<Copies> own;
 };
 
 /// Immutable. Holds the scene on the host, too: what the copies were made from.
@@ -57,8 +60,8 @@ class CudaScene final : public DeviceScene {
   [[nodiscard]] std::span<const kernels::VolumeView> volumes() const { return volumes_; }
 
  private:
-  CudaScene(std::shared_ptr<const ResidentScene> host, Mirror& mirror)
-      : host_(std::move(host)), copies_(mirror) {}
+  CudaScene(std::shared_ptr<const ResidentScene> host, std::shared_ptr<Copies> own)
+      : host_(std::move(host)), own_(std::move(own)), copies_(*own_) {}
   [[nodiscard]] Status find_meshes(const CopyContext& context);
   [[nodiscard]] Status find_materials(const CopyContext& context);
   void copy_instances();
@@ -69,7 +72,8 @@ class CudaScene final : public DeviceScene {
   void copy_top();
 
   std::shared_ptr<const ResidentScene> host_;
-  Copies copies_;
+  const std::shared_ptr<Copies> own_;
+  Copies& copies_;
   kernels::SceneView view_{};
   kernels::BvhView bvh_{};
   std::shared_ptr<const MeshCopies> meshes_;
