@@ -1,11 +1,14 @@
 // Emission to lights.
 #include "renderer/resident/lights.h"
 
+#include <algorithm>
 #include <cmath>
+#include <span>
 #include <unordered_map>
 
 #include "kernels/light_triangle.h"
 #include "renderer/resident/light_bounds.h"
+#include "renderer/resident/parallel.h"
 #include "renderer/scene/light_shapes.h"
 
 namespace heliograph::resident {
@@ -93,7 +96,7 @@ class Lighter {
   std::shared_ptr<const Lights> make() {
     made_->part_lights.assign(placement_.structure->part_materials.size(), kNone);
     made_->part_trees.resize(placement_.meshes.size());
-    for (u32 i = 0; i < placement_.structure->slots.size(); ++i) add(i);
+    for (const u32 i : slots_that_may_emit()) add(i);
     group_slots();
     for (const u32 entity : placement_.structure->suns) add_sun(entity);
     const double dome = add_dome();
@@ -102,6 +105,7 @@ class Lighter {
   }
 
  private:
+  [[nodiscard]] std::vector<u32> slots_that_may_emit();
   void add(u32 index);
   void add_part(u32 index, u32 part, const kernels::LightView& base, double radiosity);
   void add_shape(u32 index, const Light& light);
@@ -155,6 +159,28 @@ void Lighter::group_slots() {
     made_->group_of_slot.push_back(group(slot.entity));
   for (const VolumeSlot& volume : placement_.structure->volumes)
     made_->group_of_volume.push_back(group(volume.entity));
+}
+
+/// By entity or material, in their order.
+std::vector<u32> Lighter::slots_that_may_emit() {
+  const Structure& structure = *placement_.structure;
+  std::vector<u8> emits_part(structure.part_materials.size());
+  for (std::size_t p = 0; p < emits_part.size(); ++p)
+    emits_part[p] = !black(emission_of(structure.part_materials[p]));
+  std::vector<u8> may(structure.slots.size());
+  constexpr std::size_t kGrain = 1024;
+  parallel_ranges(may.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const Slot& slot = structure.slots[i];
+      const u32 parts = placement_.meshes[placement_.mesh_of_slot[i]]->topology->part_count;
+      const auto own = std::span(emits_part).subspan(slot.first_part, parts);
+      may[i] = snapshot_.entities.at(slot.entity).light || std::ranges::count(own, 1) > 0;
+    }
+  });
+  std::vector<u32> slots;
+  for (u32 i = 0; i < may.size(); ++i)
+    if (may[i]) slots.push_back(i);
+  return slots;
 }
 
 void Lighter::add(u32 index) {

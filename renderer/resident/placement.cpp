@@ -112,32 +112,37 @@ void Placer::place(u32 index) {
 }
 
 void Placer::instances() {
-  const Structure& structure = *made_->structure;
-  const u32 count = u32(structure.slots.size());
+  const u32 count = u32(made_->structure->slots.size());
   made_->instances.resize(count);
   kept_.assign(count, kNone);
   moved_.assign(count, 0);
-  for (u32 i = 0; i < count; ++i) {
-    const Slot& slot = structure.slots[i];
-    const u32 old = slot_before(slot);
-    kernels::InstanceView& view = made_->instances[i];
-    if (takes_over(i, old)) {
-      view = before_->instances[old];
-      view.flags &= u32(kernels::kFlipped) | u32(kernels::kCatcher);
-      kept_[i] = old;
-    } else {
-      place(i);
-      moved_[i] = 1;
-    }
-    const EntityLabel& label = structure.labelling.entities[slot.entity];
-    view.mesh = made_->mesh_of_slot[i];
-    view.first_part = slot.first_part;
-    view.entity = slot.entity;
-    view.label = label.instance;
-    view.category = label.category;
-    view.part = label.part;
-    add_keys(view, keys_[i]);
+  parallel_ranges(count, kSlotGrain, [&](u32 begin, u32 end) {
+    for (u32 i = begin; i < end; ++i) instance(i);
+  });
+  for (u32 i = 0; i < count; ++i) add_keys(made_->instances[i], keys_[i]);
+}
+
+/// All but its keys.
+void Placer::instance(u32 index) {
+  const Structure& structure = *made_->structure;
+  const Slot& slot = structure.slots[index];
+  const u32 old = slot_before(slot);
+  kernels::InstanceView& view = made_->instances[index];
+  if (takes_over(index, old)) {
+    view = before_->instances[old];
+    view.flags &= u32(kernels::kFlipped) | u32(kernels::kCatcher);
+    kept_[index] = old;
+  } else {
+    place(index);
+    moved_[index] = 1;
   }
+  const EntityLabel& label = structure.labelling.entities[slot.entity];
+  view.mesh = made_->mesh_of_slot[index];
+  view.first_part = slot.first_part;
+  view.entity = slot.entity;
+  view.label = label.instance;
+  view.category = label.category;
+  view.part = label.part;
 }
 
 /// Volumes are instances that rays do not find.

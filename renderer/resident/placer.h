@@ -16,6 +16,9 @@ inline mat4x3 scaled(const mat4x3& m, vec3 scale) {
   return {m[0] * scale.x, m[1] * scale.y, m[2] * scale.z, m[3]};
 }
 
+/// Slots that a thread takes at a time.
+inline constexpr u32 kSlotGrain = 256;
+
 /// Makes a Placement step by step.
 class Placer {
  public:
@@ -44,16 +47,14 @@ class Placer {
  private:
   [[nodiscard]] u32 slot_before(const Slot& slot) const;
   [[nodiscard]] bool takes_over(u32 slot, u32 old) const;
+  void instance(u32 slot);
   void place(u32 slot);
   void add_keys(kernels::InstanceView& view, const std::vector<kernels::MotionKey>& keys);
-  /// Looks at the interrupt in every so many of a long loop's turns.
-  [[nodiscard]] Status pause(u32 turn) const {
-    constexpr u32 kTurns = 1024;
-    return turn % kTurns == 0 ? interrupt_.status() : Status{};
-  }
   [[nodiscard]] mat4x3 from_root(u32 entity, u32 root) const;
   [[nodiscard]] RestBox rest_box(const Instance& row, const ObjectFrame& frame) const;
   [[nodiscard]] bool keeps_box(u32 row) const;
+  /// The frame and box of a row, and what its slots have in them.
+  void label_row(u32 row);
   [[nodiscard]] const Grid& density(u32 entity) const {
     return *snapshot_.find(snapshot_.entities.at(entity).volume)->value->density;
   }

@@ -1,7 +1,6 @@
 // Frames and boxes of labels.
 
 #include <algorithm>
-#include <span>
 
 #include "renderer/resident/parallel.h"
 #include "renderer/resident/placer.h"
@@ -53,42 +52,34 @@ Status Placer::label_frames() {
   made_->root_from_entity.resize(structure.slots.size());
   made_->frames.resize(structure.labelling.instances.size());
   made_->boxes.resize(made_->frames.size());
-  const bool same_structure = before_ && before_->structure == made_->structure;
-  std::vector<u32> moved_rows;
-  for (u32 row = 0; row < made_->frames.size(); ++row) {
-    HELIO_TRY(pause(row));
-    const Instance& instance = structure.labelling.instances[row];
-    bool moved =
-        !same_structure || !same(made_->world[instance.root], before_->world[instance.root]);
-    for (const u32 entity : instance.entities) {
-      const u32 slot = structure.slot_of_entity[entity];
-      moved |= slot == kNone || moved_[slot] != 0;  // volumes have no slot
-    }
-    for (const u32 entity : instance.entities) {
-      const u32 slot = structure.slot_of_entity[entity];
-      if (slot == kNone) continue;
-      made_->root_from_entity[slot] =
-          moved ? scaled(from_root(entity, instance.root), structure.slots[slot].scale)
-                : before_->root_from_entity[slot];
-      moved_[slot] |= u8(moved);
-    }
-    if (moved) {
-      moved_rows.push_back(row);
-    } else {
-      made_->frames[row] = before_->frames[row];
-      made_->boxes[row] = before_->boxes[row];
-    }
-  }
-  constexpr std::size_t kGrain = 16;
-  parallel_ranges(moved_rows.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    for (const u32 row : std::span(moved_rows).subspan(begin, end - begin)) {
-      const Instance& instance = structure.labelling.instances[row];
-      made_->frames[row] = object_frame(made_->world[instance.root]);
-      made_->boxes[row] = same_structure && keeps_box(row) ? before_->boxes[row]
-                                                           : rest_box(instance, made_->frames[row]);
-    }
+  constexpr u32 kGrain = 64;
+  parallel_ranges(u32(made_->frames.size()), kGrain, [&](u32 begin, u32 end) {
+    for (u32 row = begin; row < end && !interrupt_.requested(); ++row) label_row(row);
   });
-  return {};
+  return interrupt_.status();
+}
+
+void Placer::label_row(u32 row) {
+  const Structure& structure = *made_->structure;
+  const Instance& instance = structure.labelling.instances[row];
+  const bool same_structure = before_ && before_->structure == made_->structure;
+  bool moved = !same_structure || !same(made_->world[instance.root], before_->world[instance.root]);
+  for (const u32 entity : instance.entities) {
+    const u32 slot = structure.slot_of_entity[entity];
+    moved |= slot == kNone || moved_[slot] != 0;  // volumes have no slot
+  }
+  for (const u32 entity : instance.entities) {
+    const u32 slot = structure.slot_of_entity[entity];
+    if (slot == kNone) continue;
+    made_->root_from_entity[slot] =
+        moved ? scaled(from_root(entity, instance.root), structure.slots[slot].scale)
+              : before_->root_from_entity[slot];
+    moved_[slot] |= u8(moved);
+  }
+  made_->frames[row] = moved ? object_frame(made_->world[instance.root]) : before_->frames[row];
+  made_->boxes[row] = !moved || (same_structure && keeps_box(row))
+                          ? before_->boxes[row]
+                          : rest_box(instance, made_->frames[row]);
 }
 
 /// Whether an instance of the same structure has moved and nothing else.
@@ -104,13 +95,15 @@ bool Placer::keeps_box(u32 row) const {
 
 void Placer::boxes() {
   const Structure& structure = *made_->structure;
-  for (u32 i = 0; i < structure.slots.size(); ++i) {
-    const Slot& slot = structure.slots[i];
-    const bool kept = !moved_[i] && before_ && before_->structure == made_->structure;
-    if (kept) continue;
-    const Box& own = made_->meshes[made_->mesh_of_slot[i]]->rest;
-    set_rest_box({own.lower, own.upper}, slot.row, made_->root_from_entity[i], made_->instances[i]);
-  }
+  const bool same_structure = before_ && before_->structure == made_->structure;
+  parallel_ranges(u32(structure.slots.size()), kSlotGrain, [&](u32 begin, u32 end) {
+    for (u32 i = begin; i < end; ++i) {
+      if (!moved_[i] && same_structure) continue;
+      const Box& own = made_->meshes[made_->mesh_of_slot[i]]->rest;
+      set_rest_box({own.lower, own.upper}, structure.slots[i].row, made_->root_from_entity[i],
+                   made_->instances[i]);
+    }
+  });
 }
 
 /// box   of the rest vertices, which serves an entity that has no row

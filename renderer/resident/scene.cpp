@@ -54,18 +54,26 @@ ResidentScene::ResidentScene(std::shared_ptr<const Snapshot> snapshot, const Tim
   for (std::size_t i = 0; i < placement->meshes.size(); ++i) {
     meshes_.push_back(placement->meshes[i]->view());
   }
-  instances_ = placement->instances;
-  for (std::size_t i = 0; i < instances_.size(); ++i) {
-    instances_[i].light_group = lights->group_of_slot[i];
-    const u32 first = structure.slots[i].first_part;
-    const u32 parts = meshes_[instances_[i].mesh].part_count;
-    for (u32 p = first; p < first + parts; ++p) {
-      const kernels::MaterialView& material = materials->materials[structure.part_materials[p]];
-      if (may_be_hole(material)) instances_[i].flags |= kernels::kMayBeHole;
-      kernels::note_interior(view_, material);
-    }
-    view_.any_holes |= (instances_[i].flags & kernels::kMayBeHole) != 0;
+  for (const u32 row : structure.part_materials) {
+    const kernels::MaterialView& material = materials->materials[row];
+    kernels::note_interior(view_, material);
+    view_.any_holes |= may_be_hole(material);
   }
+  instances_.resize(placement->instances.size());
+  constexpr std::size_t kGrain = 256;
+  parallel_ranges(instances_.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      instances_[i] = placement->instances[i];
+      instances_[i].light_group = lights->group_of_slot[i];
+      if (!view_.any_holes) continue;
+      const auto parts =
+          std::span(structure.part_materials)
+              .subspan(structure.slots[i].first_part, meshes_[instances_[i].mesh].part_count);
+      if (std::ranges::any_of(parts,
+                              [&](u32 row) { return may_be_hole(materials->materials[row]); }))
+        instances_[i].flags |= kernels::kMayBeHole;
+    }
+  });
   view_.instances = instances_.data();
   view_.meshes = meshes_.data();
   view_.materials = materials->materials.data();

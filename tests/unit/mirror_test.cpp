@@ -77,3 +77,26 @@ TEST_CASE("mirror: small arrays of nobody else lie together, and are there in th
   }
   CHECK(fake_allocations == 0);
 }
+
+TEST_CASE("mirror: of an array like one that is there only what differs is sent") {
+  {
+    const auto context = Context::create(fake_driver(), 0);
+    REQUIRE(context);
+    Mirror mirror(*context);
+    Copies copies(mirror);
+    std::vector<u32> before(50'000), now;
+    std::iota(before.begin(), before.end(), 0);
+    const u32* there = copies.of_own(std::span<const u32>(before));
+    const u64 sent = (*context)->uploaded_bytes();
+    CHECK(sent == 200'000);
+    now = before;
+    now[7] = now[20'000] = now[49'999] = 1;
+    const u32* made = copies.of_changed(std::span<const u32>(now), before.data(), there);
+    REQUIRE(copies.finish());
+    CHECK(made != there);
+    CHECK(std::equal(now.begin(), now.end(), made));
+    CHECK(std::equal(before.begin(), before.end(), there));
+    CHECK((*context)->uploaded_bytes() - sent == 2 * 16'384 + 200'000 % 16'384);
+  }
+  CHECK(fake_allocations == 0);
+}

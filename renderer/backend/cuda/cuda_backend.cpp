@@ -96,6 +96,15 @@ class CudaBackend final : public Backend {
 
  private:
   [[nodiscard]] Expected<std::shared_ptr<const CudaScene>> copy_of(const SceneOrder& order);
+  /// f() and its parallel parts, by a thread that has entered the context: where the arena is full
+  /// that is not the caller.
+  template <class F>
+  auto on_device(const F& f) -> decltype(f()) {
+    return run_in(arena_, [&]() -> decltype(f()) {
+      HELIO_TRY(context_->enter());
+      return f();
+    });
+  }
 
   std::shared_ptr<Context> context_;
   const std::shared_ptr<ExportSource> exports_;  // null where the driver has none
@@ -133,9 +142,10 @@ Expected<std::unique_ptr<Film>> CudaBackend::begin(std::span<const Shot> shots) 
     if (!picture) return std::unexpected(std::move(picture).error());
     pictures.push_back(*std::move(picture));
   }
-  HELIO_TRY(context_->enter());
-  auto film = CudaFilm::create(std::move(pictures), shots, mirror_,
-                               [&](const SceneOrder& order) { return copy_of(order); });
+  auto film = on_device([&] {
+    return CudaFilm::create(std::move(pictures), shots, mirror_,
+                            [&](const SceneOrder& order) { return copy_of(order); });
+  });
   if (film)
     for (const auto& scene : (*film)->scenes()) recent_->keep(scene);
   return film;
@@ -156,8 +166,7 @@ Status CudaBackend::probe(Film& film, u32 first_tile, u32 tile_count, const Inte
 Expected<std::vector<std::vector<Column>>> CudaBackend::labels(Film& film,
                                                                const Interrupt& interrupt) {
   auto& own = static_cast<CudaFilm&>(film);
-  HELIO_TRY(context_->enter());
-  HELIO_TRY(run_in(arena_, [&] { return own.fetch_instances(); }));
+  HELIO_TRY(on_device([&] { return own.fetch_instances(); }));
   std::vector<Expected<std::vector<Column>>> made(own.pictures());
   for_each(own.pictures(), [&](u32 i) {
     const host::HostFilm& seen = own.picture(i);
@@ -172,9 +181,8 @@ Expected<std::vector<std::vector<Column>>> CudaBackend::labels(Film& film,
 }
 
 Expected<std::vector<PlaneData>> CudaBackend::resolve(Film& film) {
-  HELIO_TRY(context_->enter());
-  return run_in(arena_,
-                [&] { return static_cast<CudaFilm&>(film).resolve(programs_, denoiser_.get()); });
+  return on_device(
+      [&] { return static_cast<CudaFilm&>(film).resolve(programs_, denoiser_.get()); });
 }
 
 Expected<std::string> CudaBackend::denoiser() {

@@ -1,11 +1,17 @@
 #include "renderer/backend/cuda/mirror.h"
 
+#include <algorithm>
+#include <cstring>
+
+#include "renderer/resident/parallel.h"
+
 namespace heliograph::cuda {
 namespace {
 
 constexpr u64 kChunkBytes = 64 << 10;
 constexpr u64 kMostInChunk = 16 << 10;
 constexpr u64 kAlignment = 256;
+constexpr std::size_t kBlock = 16 << 10, kBlocksAtOnce = 16;  // of what is compared
 
 }  // namespace
 
@@ -88,6 +94,28 @@ const void* Copies::own(std::span<const std::byte> host) {
   in_chunk_.resize(offset);
   in_chunk_.insert(in_chunk_.end(), host.begin(), host.end());
   return reinterpret_cast<const void*>(chunk_ + offset);
+}
+
+const void* Copies::changed(std::span<const std::byte> host, const void* before_host,
+                            DevicePointer before) {
+  if (host.empty()) return nullptr;
+  if (!status_) return count(host), nullptr;
+  const DeviceMemory* memory = hold(allocate(host.size()));
+  if (!memory) return nullptr;
+  status_ = mirror_->context().copy(memory->at(), before, host.size());
+  std::vector<u8> differs((host.size() + kBlock - 1) / kBlock);
+  const auto block = [&](std::size_t i) {
+    return host.subspan(i * kBlock, std::min(kBlock, host.size() - i * kBlock));
+  };
+  resident::parallel_ranges(differs.size(), kBlocksAtOnce, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i)
+      differs[i] =
+          std::memcmp(block(i).data(), static_cast<const std::byte*>(before_host) + i * kBlock,
+                      block(i).size()) != 0;
+  });
+  for (std::size_t i = 0; i < differs.size() && status_; ++i)
+    if (differs[i]) status_ = mirror_->context().upload(memory->at() + i * kBlock, block(i));
+  return memory->as<const void>();
 }
 
 Expected<std::shared_ptr<const DeviceMemory>> Copies::allocate(u64 bytes) const {

@@ -60,6 +60,14 @@ class Copies {
   [[nodiscard]] const T* of_own(std::span<const T> host) {
     return static_cast<const T*>(own(std::as_bytes(host)));
   }
+  /// The same where others have one as long: only what differs from theirs is sent.
+  ///
+  /// before   theirs, on the host and on the device
+  template <class T>
+  [[nodiscard]] const T* of_changed(std::span<const T> host, const T* before_host,
+                                    const T* before) {
+    return static_cast<const T*>(changed(std::as_bytes(host), before_host, DevicePointer(before)));
+  }
   /// Where Mirror::made() lies.
   template <class F>
   [[nodiscard]] const DeviceMemory* made(const void* from, F&& make) {
@@ -76,6 +84,8 @@ class Copies {
   void refuse(Error error);
   void count(std::span<const std::byte> host);
   const void* own(std::span<const std::byte> host);
+  const void* changed(std::span<const std::byte> host, const void* before_host,
+                      DevicePointer before);
   [[nodiscard]] Expected<std::shared_ptr<const DeviceMemory>> allocate(u64 bytes) const;
   const DeviceMemory* hold(Expected<std::shared_ptr<const DeviceMemory>> memory);
 

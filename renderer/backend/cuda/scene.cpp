@@ -107,7 +107,7 @@ Expected<std::shared_ptr<const CudaScene>> CudaScene::create(
   scene->view_ = scene->host_->view();
   HELIO_TRY(scene->find_meshes(context));
   HELIO_TRY(scene->find_materials(context));
-  scene->copy_instances();
+  scene->copy_instances(context);
   scene->copy_lights();
   scene->copy_dome();
   scene->copy_volumes();
@@ -153,9 +153,17 @@ Status CudaScene::find_materials(const CopyContext& context) {
   return {};
 }
 
-void CudaScene::copy_instances() {
+void CudaScene::copy_instances(const CopyContext& context) {
   const Placement& placement = host_->placement();
-  view_.instances = copies_.of_own(std::span(view_.instances, view_.instance_count));
+  const std::span instances(view_.instances, view_.instance_count);
+  const auto like = find_in(context, [&](const CudaScene& scene) {
+    return scene.host_->placement().structure == placement.structure;
+  });
+  // Few may still wait to be sent.
+  view_.instances =
+      like && instances.size() > kMostHostInstances
+          ? copies_.of_changed(instances, like->host_->view().instances, like->view_.instances)
+          : copies_.of_own(instances);
   view_.motion_keys = copies_.of(view_.motion_keys, placement.motion_keys.size());
   const auto& part_materials = placement.structure->part_materials;
   view_.part_materials = copies_.of(part_materials.data(), part_materials.size());

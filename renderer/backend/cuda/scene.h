@@ -64,7 +64,7 @@ class CudaScene final : public DeviceScene {
       : host_(std::move(host)), own_(std::move(own)), copies_(*own_) {}
   [[nodiscard]] Status find_meshes(const CopyContext& context);
   [[nodiscard]] Status find_materials(const CopyContext& context);
-  void copy_instances();
+  void copy_instances(const CopyContext& context);
   void copy_lights();
   void copy_dome();
   void copy_volumes();
