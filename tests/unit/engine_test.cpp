@@ -238,19 +238,18 @@ class ThreadOf final : public JobSink {
   void progress(const Progress&) override {}
   void frame(std::shared_ptr<const Frame> made) override { frame_ = std::move(made); }
   void done(Status status, const Spent&) override {
-    CHECK(status.has_value());
     thread = std::this_thread::get_id();
-    done_.set_value();
+    done_.set_value(std::move(status));
   }
   const Frame& wait() {
-    done_.get_future().wait();
+    REQUIRE(done_.get_future().get().has_value());
     return *frame_;
   }
   std::thread::id thread;
 
  private:
   std::shared_ptr<const Frame> frame_;
-  std::promise<void> done_;
+  std::promise<Status> done_;
 };
 
 }  // namespace
