@@ -46,6 +46,7 @@ PARTS = {  # in this order, or in that of the command line
     "sanitized": ["tests/gpu/sanitized.py"],
     "speed": ["bench/gpu.py"],
     "worlds": ["bench/gpu_worlds.py"],
+    "overlay": ["bench/gpu_overlay.py"],
     "devices": ["bench/devices.py"],
 }
 
