@@ -63,7 +63,9 @@ void Health::notice_losses(const Load& load, Clock::time_point now) {
 
 /// The device's own state first: it is known sooner than a probe ends.
 std::string Health::find_fault(const Load& load, Clock::time_point now) const {
-  if (load.is_lost) return "the device was lost and is started again";
+  if (load.is_lost)
+    return "the device was lost and is started again" +
+           (load.lost_because.empty() ? "" : "; the last attempt: " + load.lost_because);
   if (load.still_seconds > options_.hang_seconds)
     return fmt::format("nothing moved on the device for {:.0f} s", options_.hang_seconds);
   if (probe_began_ && seconds(now - *probe_began_) > options_.hang_seconds)

@@ -298,7 +298,7 @@ void Life::on_ready(bool is_ready) {
 }
 
 void Life::on_lost() {
-  daemon_.log.error("the device is lost for good");
+  daemon_.log.error("the device is lost for good", {{"reason", daemon_.health.not_ready()}});
   exit_code_ = kExitDevice;
   daemon_.loop->quit();
 }

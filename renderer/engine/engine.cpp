@@ -88,7 +88,8 @@ class Engine::Impl {
     Load load{.jobs = u32(ready_.size() + cold_.size()),
               .seconds_a_job = seconds_a_job_,
               .is_lost = all_lost(),
-              .losses = losses_};
+              .losses = losses_,
+              .lost_because = lost_because_};
     for (const DeviceThread& device : devices_) {
       if (!device.step_began) continue;
       const std::chrono::duration<double> still = Clock::now() - *device.step_began;
@@ -126,6 +127,7 @@ class Engine::Impl {
   std::deque<std::unique_ptr<Work>> cold_;       // waiting for it
   double seconds_a_job_ = 0;
   u32 losses_ = 0;
+  std::string lost_because_;
   bool closing_ = false;
   std::thread warmer_;
 };
@@ -250,6 +252,7 @@ std::shared_ptr<Backend> Engine::Impl::remake(u32 index) {
     if (made) return *std::move(made);
     refuse_interrupted(index);
     std::unique_lock lock(mutex_);
+    lost_because_ = made.error().message;
     if (changed_.wait_for(lock, kRemake, [&] { return closing_; })) return nullptr;
   }
 }

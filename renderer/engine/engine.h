@@ -48,6 +48,7 @@ struct Load {
   double still_seconds = 0;  // how long a slice that runs now has taken; 0: none runs
   bool is_lost = false;      // every device was lost and is not back yet
   u32 losses = 0;            // of devices, since the engine was made
+  std::string lost_because;  // what the last attempt to have a lost one again failed with
 };
 
 /// Owns: a backend and a thread for each device, and a thread that makes derived data. Thread: any.
