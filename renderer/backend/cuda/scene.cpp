@@ -103,7 +103,7 @@ using kernels::LightView;
 
 Expected<std::shared_ptr<const CudaScene>> CudaScene::create(
     std::shared_ptr<const ResidentScene> host, const CopyContext& context) {
-  std::shared_ptr<CudaScene> scene(new CudaScene(std::move(host), context.own));
+  std::shared_ptr<CudaScene> scene(new CudaScene(std::move(host), context));
   scene->view_ = scene->host_->view();
   HELIO_TRY(scene->find_meshes(context));
   HELIO_TRY(scene->find_materials(context));
@@ -112,6 +112,7 @@ Expected<std::shared_ptr<const CudaScene>> CudaScene::create(
   scene->copy_dome();
   scene->copy_volumes();
   scene->copy_bvh(context.builder);
+  HELIO_TRY(scene->copies_.finish());
   return scene;
 }
 
@@ -163,7 +164,7 @@ void CudaScene::copy_instances(const CopyContext& context) {
   view_.instances =
       like && instances.size() > kMostHostInstances
           ? copies_.of_changed(instances, like->host_->view().instances, like->view_.instances)
-          : copies_.of_own(instances);
+          : own_->of_own(instances);
   view_.motion_keys = copies_.of(view_.motion_keys, placement.motion_keys.size());
   const auto& part_materials = placement.structure->part_materials;
   view_.part_materials = copies_.of(part_materials.data(), part_materials.size());
@@ -185,15 +186,15 @@ void CudaScene::copy_lights() {
     light.tree.entry_of_triangle =
         copies_.of(tree.entry_of_triangle.data(), tree.entry_of_triangle.size());
   }
-  view_.lights = copies_.of_own(std::span<const LightView>(views));
-  view_.part_lights = copies_.of_own(std::span(lights.part_lights));
+  view_.lights = own_->of_own(std::span<const LightView>(views));
+  view_.part_lights = own_->of_own(std::span(lights.part_lights));
   view_.light_nodes = copies_.of(lights.tree->nodes.data(), lights.tree->nodes.size());
   std::vector<kernels::SunView> suns = lights.suns;
   for (kernels::SunView& sun : suns)
     if (sun.segments > 0) sun.motion_keys = copies_.of(sun.motion_keys, sun.segments + 1);
-  view_.suns = copies_.of_own(std::span<const kernels::SunView>(suns));
-  view_.casters = copies_.of_own(std::span(view_.casters, view_.caster_count));
-  view_.cast_lights = copies_.of_own(std::span(view_.cast_lights, view_.cast_light_count));
+  view_.suns = own_->of_own(std::span<const kernels::SunView>(suns));
+  view_.casters = own_->of_own(std::span(view_.casters, view_.caster_count));
+  view_.cast_lights = own_->of_own(std::span(view_.cast_lights, view_.cast_light_count));
   view_.black_body = copies_.of(view_.black_body, kernels::kBlackBodyEntries);
 }
 
@@ -211,7 +212,7 @@ void CudaScene::copy_dome() {
     const PortalMap& map = *lights.portal_maps[i];
     portals[i].sums = copies_.of(map.sums.data(), map.sums.size());
   }
-  dome.portals = copies_.of_own(std::span<const kernels::PortalView>(portals));
+  dome.portals = own_->of_own(std::span<const kernels::PortalView>(portals));
 }
 
 void CudaScene::copy_volumes() {
@@ -247,7 +248,7 @@ void CudaScene::copy_bvh(const TreeBuilder& builder) {
       boxes.push_back({box.lower, box.upper});
     }
     input.mesh_boxes = boxes;
-    copies_.send();  // the instances
+    own_->send();  // the instances
     return builder.build(input);
   };
   const DeviceMemory* top = copies_.made(placement.accelerator.get(), build);
@@ -262,10 +263,10 @@ void CudaScene::copy_top() {
     item.nodes = meshes_->trees[item.mesh].nodes;
     item.triangles = meshes_->trees[item.mesh].triangles;
   }
-  bvh_.top = copies_.of_own(std::span<const kernels::BvhNode>(top.nodes));
-  bvh_.items = copies_.of_own(std::span<const kernels::BvhInstance>(items));
+  bvh_.top = own_->of_own(std::span<const kernels::BvhNode>(top.nodes));
+  bvh_.items = own_->of_own(std::span<const kernels::BvhInstance>(items));
   bvh_.meshes = meshes_->tree_table;
-  bvh_.item_of_instance = copies_.of_own(std::span<const u32>(top.item_of_instance));
+  bvh_.item_of_instance = own_->of_own(std::span<const u32>(top.item_of_instance));
   bvh_.instance_count = u32(items.size());
 }
 

@@ -39,7 +39,8 @@ struct CopyContext {
   const TreeBuilder& builder;
   Recent<CudaScene>& others;                 // may have some of them
   std::shared_ptr<const CudaScene> sibling;  // may, too; null: none is there
-  /// Takes what is of one scene alone, and is to be finished before that is used.
+  /// Takes what is of one scene alone, and is to be finished before that is used. It may live
+  /// longer than the scene, so no array of the host is known by it.
   std::shared_ptr<Copies> own;
 };
 
@@ -60,8 +61,8 @@ class CudaScene final : public DeviceScene {
   [[nodiscard]] std::span<const kernels::VolumeView> volumes() const { return volumes_; }
 
  private:
-  CudaScene(std::shared_ptr<const ResidentScene> host, std::shared_ptr<Copies> own)
-      : host_(std::move(host)), own_(std::move(own)), copies_(*own_) {}
+  CudaScene(std::shared_ptr<const ResidentScene> host, const CopyContext& context)
+      : host_(std::move(host)), own_(context.own), copies_(context.mirror) {}
   [[nodiscard]] Status find_meshes(const CopyContext& context);
   [[nodiscard]] Status find_materials(const CopyContext& context);
   void copy_instances(const CopyContext& context);
@@ -72,8 +73,8 @@ class CudaScene final : public DeviceScene {
   void copy_top();
 
   std::shared_ptr<const ResidentScene> host_;
-  const std::shared_ptr<Copies> own_;
-  Copies& copies_;
+  const std::shared_ptr<Copies> own_;  // of what nobody else may have
+  Copies copies_;                      // of the host's arrays, which live as long as this does
   kernels::SceneView view_{};
   kernels::BvhView bvh_{};
   std::shared_ptr<const MeshCopies> meshes_;
