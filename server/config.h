@@ -61,6 +61,8 @@ enum ExitCode : int {
   X(replies, 1024, "replies kept for each session and scene, to answer retries")        \
   X(resume_seconds, 600, "seconds after its start in which sessions are resumed")       \
   X(snapshot_edits, 100'000, "edits of durable scenes between two snapshots")           \
+  X(saved_bytes, 16ull << 30, "bytes of other scenes, saved when the device is lost")   \
+  X(save_seconds, 120, "seconds that may take")                                         \
   X(reply_bytes, 16ull << 20, "bytes of those replies, and of a session's others")      \
   X(watch_events, 16'384, "newest transactions that a scene keeps for Watch")           \
   X(watch_bytes, 16ull << 20, "bytes of these")                                         \

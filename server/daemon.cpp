@@ -2,8 +2,10 @@
 #include "server/daemon.h"
 
 #include <sys/random.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <csignal>
 #include <thread>
 
 #include "server/journal/recovery.h"
@@ -69,8 +71,15 @@ Status Daemon::open_journal() {
   auto recovered = recover(**opened, {.scenes = scenes, .tenants = tenants});
   if (!recovered) return std::unexpected(std::move(recovered).error());
   journal = std::move(*opened);
-  log.info("recovered", {{"scenes", recovered->scenes}, {"edits", recovered->records}});
+  log.info(
+      "recovered",
+      {{"scenes", recovered->scenes}, {"edits", recovered->records}, {"saved", recovered->saved}});
+  if (recovered->dropped > 0)
+    log.error("saved scenes are lost", {{"scenes", recovered->dropped},
+                                        {"reason", recovered->because.error().where + ": " +
+                                                       recovered->because.error().message}});
   sessions.resume_for(double(config.limits.resume_seconds), std::move(recovered->sessions));
+  sessions.hold(recovered->owners, [this](u64 session) { scenes.free_private(session); });
   return journal->start([this](const std::set<u64>& changed) { return scenes.capture(changed); },
                         [this](const Status& status) {
                           loop->post([this, is_writing = bool(status)] {
@@ -82,6 +91,30 @@ Status Daemon::open_journal() {
                             log.error("durable scenes are read-only",
                                       {{"reason", status.error().message}});
                         });
+}
+
+void end_within(u32 seconds) {
+  std::signal(SIGALRM, [](int) { ::_exit(kExitDevice); });
+  ::alarm(seconds);
+}
+
+void Daemon::save_scenes() {
+  gate.close();
+  end_within(u32(config.limits.save_seconds));
+  std::vector<SceneState> states = scenes.capture_last();
+  if (states.empty()) return;
+  if (!journal)
+    return log.error("scenes are lost: there is no state directory (--state-dir) to save them in",
+                     {{"scenes", states.size()}});
+  const auto start = EventLoop::Clock::now();
+  const Journal::Saved saved = journal->save(std::move(states), config.limits.saved_bytes);
+  const std::chrono::duration<double> took = EventLoop::Clock::now() - start;
+  if (saved.scenes > 0)
+    log.warning("scenes are saved for the next daemon",
+                {{"scenes", saved.scenes}, {"bytes", saved.bytes}, {"seconds", took.count()}});
+  if (saved.lost > 0)
+    log.error("scenes are lost: they could not be saved",
+              {{"scenes", saved.lost}, {"reason", saved.because.error().message}});
 }
 
 Status Daemon::open_recorder() {

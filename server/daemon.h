@@ -50,6 +50,9 @@ struct Daemon {
   Daemon(Config settings, Identities identities, std::unique_ptr<EventLoop> event_loop);
   /// Recovers what the state directory holds. INTERNAL: it is damaged.
   [[nodiscard]] Status open_journal();
+  /// Saves the scenes that are not durable for the next daemon, and refuses what comes from now on;
+  /// the process ends when that takes longer than it may. The log says what is lost.
+  void save_scenes();
   /// Begins to record. INVALID_ARGUMENT: there is no place for it.
   [[nodiscard]] Status open_recorder();
   /// A question is answered from this revision, which a recording keeps.
@@ -59,5 +62,8 @@ struct Daemon {
   /// So that a session that was resumed may repeat the calls that made its scenes.
   void restore_requests(Session& session);
 };
+
+/// Ends the process then, with kExitDevice, whatever hangs.
+void end_within(u32 seconds);
 
 }  // namespace heliograph::server

@@ -40,8 +40,9 @@ void Health::look() {
   if (engine != nullptr && !is_draining_) {
     const Load load = engine->load();
     notice_losses(load, now);
-    if (lost_since_ && seconds(now - *lost_since_) > options_.lost_seconds) return told_.lost();
     set(find_fault(load, now));
+    if (load.needs_new_process) return told_.lost();
+    if (lost_since_ && seconds(now - *lost_since_) > options_.lost_seconds) return told_.lost();
     const double wait = probe_fault_.empty() ? options_.probe_seconds : kRetry;
     const bool has_begun = probed_ != Clock::time_point{};  // the first one is the slot's
     if (has_begun && !probe_began_ && seconds(now - probed_) > wait) probe(now);
@@ -64,7 +65,8 @@ void Health::notice_losses(const Load& load, Clock::time_point now) {
 /// The device's own state first: it is known sooner than a probe ends.
 std::string Health::find_fault(const Load& load, Clock::time_point now) const {
   if (load.is_lost)
-    return "the device was lost and is started again" +
+    return (load.needs_new_process ? "the device was lost and needs a new process"
+                                   : "the device was lost and is started again") +
            (load.lost_because.empty() ? "" : "; the last attempt: " + load.lost_because);
   if (load.still_seconds > options_.hang_seconds)
     return fmt::format("nothing moved on the device for {:.0f} s", options_.hang_seconds);

@@ -22,7 +22,7 @@ class Health {
   /// What follows from a change.
   struct Told {
     std::function<void(bool)> ready;
-    std::function<void()> lost;  // the device does not come back
+    std::function<void()> lost;  // the device does not come back; once
   };
   Health(EventLoop& loop, const Log& log, Options options);
 

@@ -300,6 +300,7 @@ void Life::on_ready(bool is_ready) {
 void Life::on_lost() {
   daemon_.log.error("the device is lost for good", {{"reason", daemon_.health.not_ready()}});
   exit_code_ = kExitDevice;
+  daemon_.save_scenes();
   daemon_.loop->quit();
 }
 
@@ -313,8 +314,7 @@ int Life::run() {
 /// cannot be waited for.
 void Life::end() {
   if (daemon_.journal) daemon_.journal->stop();  // while the sessions still have their edits
-  std::signal(SIGALRM, [](int) { ::_exit(kExitDevice); });
-  ::alarm(kLastSeconds);
+  end_within(kLastSeconds);
   daemon_.gate.close();
   listeners_.clear();
   metrics_.reset();

@@ -18,6 +18,20 @@ std::unexpected<Error> not_found(u64 id) {
               fmt::format("there is no scene {}; it was deleted, or its session ended", id));
 }
 
+/// Of its own; what a snapshot says of it is not there.
+journal::SceneRow row_of(const SceneEntry& entry) {
+  journal::SceneRow row;
+  row.set_scene(entry.id);
+  row.set_tenant(entry.tenant->name);
+  row.set_name(entry.name);
+  row.set_durability(entry.durability);
+  row.set_session(entry.made_by.session);
+  row.set_request_id(entry.made_by.request_id);
+  row.set_method(entry.made_by.method);
+  row.set_owner(entry.owner);
+  return row;
+}
+
 }  // namespace
 
 Expected<Prepared> SceneEntry::prepare(const Transaction& transaction,
@@ -121,10 +135,15 @@ Expected<ScenePtr> Scenes::create(NewScene scene, const Session& session) {
   if (scene.name.size() > kNameBytes)
     return fail(Code::kInvalidArgument, "name", fmt::format("is longer than {} bytes", kNameBytes));
   HELIO_TRY(check_durability(scene));
+  const auto change = changes_.begin();
+  if (!change) return std::unexpected(change.error());
   const bool is_durable = !scene.durability.empty() && scene.durability != "none";
   SceneEntry::Identity identity{.name = std::move(scene.name),
                                 .owner = scene.is_shared ? 0 : session.id(),
-                                .tenant = session.tenant()};
+                                .tenant = session.tenant(),
+                                .made_by = {.session = session.id(),
+                                            .request_id = std::move(scene.request_id),
+                                            .method = std::move(scene.method)}};
   if (is_durable) {
     identity.durability = scene.durability;
     identity.journal = journal_;
@@ -132,14 +151,7 @@ Expected<ScenePtr> Scenes::create(NewScene scene, const Session& session) {
   auto entry = add(std::move(identity), scene.first);
   if (!entry) return entry;
   if (is_durable) {
-    SceneState state{.row = {}, .head = std::move(scene.first), .logs = {}};
-    state.row.set_scene((*entry)->id);
-    state.row.set_tenant(session.tenant()->name);
-    state.row.set_name((*entry)->name);
-    state.row.set_durability(scene.durability);
-    state.row.set_session(session.id());
-    state.row.set_request_id(scene.request_id);
-    state.row.set_method(scene.method);
+    SceneState state{.row = row_of(**entry), .head = std::move(scene.first), .logs = {}};
     if (auto added = journal_->add(std::move(state)); !added) {
       const std::lock_guard lock(mutex_);
       scenes_.erase((*entry)->id);
@@ -153,10 +165,10 @@ Expected<ScenePtr> Scenes::create(NewScene scene, const Session& session) {
 Status Scenes::restore(SceneState state, const TenantPtr& tenant) {
   auto entry = add({.id = state.row.scene(),
                     .name = state.row.name(),
-                    .owner = 0,
+                    .owner = state.row.owner(),
                     .tenant = tenant,
                     .durability = state.row.durability(),
-                    .journal = journal_,
+                    .journal = state.row.saved() ? nullptr : journal_,
                     .made_by = {.session = state.row.session(),
                                 .request_id = state.row.request_id(),
                                 .method = state.row.method()},
@@ -180,15 +192,25 @@ std::vector<SceneState> Scenes::capture(const std::set<u64>& scenes) const {
       const std::lock_guard lock(mutex_);
       if (const auto found = scenes_.find(id); found != scenes_.end()) entry = found->second;
     }
-    if (!entry) continue;
-    SceneState& state = states.emplace_back();
-    state.row.set_scene(id);
-    state.head = entry->scene.head();
-    state.events = entry->events;
-    const std::lock_guard lock(entry->mutex_);
-    for (const auto& [session, log] : entry->edits_)
-      state.logs.push_back({.session = session, .edits = log->state()});
+    if (entry) states.push_back(state_of(*entry));
   }
+  return states;
+}
+
+SceneState Scenes::state_of(SceneEntry& entry) {
+  SceneState state{
+      .row = row_of(entry), .head = entry.scene.head(), .logs = {}, .events = entry.events};
+  const std::lock_guard lock(entry.mutex_);
+  for (const auto& [session, log] : entry.edits_)
+    state.logs.push_back({.session = session, .edits = log->state()});
+  return state;
+}
+
+std::vector<SceneState> Scenes::capture_last() {
+  changes_.stop();
+  std::vector<SceneState> states;
+  for (const ScenePtr& entry : all())
+    if (!entry->journal && entry->is_there_) states.push_back(state_of(*entry));
   return states;
 }
 
@@ -240,6 +262,8 @@ std::vector<ScenePtr> Scenes::all() const {
 Status Scenes::remove(u64 id, const Session& session) {
   auto removed = find(id, session);
   if (!removed) return std::unexpected(removed.error());
+  const auto change = changes_.begin();
+  if (!change) return std::unexpected(change.error());
   if ((*removed)->journal) HELIO_TRY((*removed)->journal->remove(id));
   {
     const std::lock_guard lock(mutex_);
@@ -250,18 +274,22 @@ Status Scenes::remove(u64 id, const Session& session) {
 }
 
 void Scenes::end_session(u64 session) {
-  std::vector<ScenePtr> mine, shared;
+  free_private(session);
+  for (const ScenePtr& scene : all()) {
+    const std::lock_guard lock(scene->mutex_);
+    scene->edits_.erase(session);
+  }
+}
+
+void Scenes::free_private(u64 session) {
+  std::vector<ScenePtr> mine;
   {
     const std::lock_guard lock(mutex_);
     std::erase_if(scenes_, [&](auto& entry) {
       const bool is_mine = entry.second->owner == session;
-      (is_mine ? mine : shared).push_back(entry.second);
+      if (is_mine) mine.push_back(entry.second);
       return is_mine;
     });
-  }
-  for (const ScenePtr& scene : shared) {
-    const std::lock_guard lock(scene->mutex_);
-    scene->edits_.erase(session);
   }
   free_later(std::move(mine));
 }

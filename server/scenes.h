@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "renderer/scene/scene.h"
+#include "server/changes.h"
 #include "server/journal/journal.h"
 #include "server/request_log.h"
 #include "server/scene_events.h"
@@ -29,7 +30,7 @@ struct DurableEdit {
 /// A scene and who may see it. Thread: any.
 class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
  public:
-  /// The call that made a durable scene.
+  /// The call that made it.
   struct Origin {
     u64 session = 0;
     std::string request_id;
@@ -111,7 +112,7 @@ struct NewScene {
   bool is_shared = false;
   std::string durability;  // "none" or "": none
   std::shared_ptr<const Snapshot> first;
-  std::string request_id = {};  // by which call, for a durable one
+  std::string request_id = {};  // by which call
   std::string method = {};
 };
 
@@ -132,7 +133,7 @@ class Scenes {
 
   /// A durable scene is there once it is journaled, which takes milliseconds.
   [[nodiscard]] Expected<ScenePtr> create(NewScene scene, const Session& session);
-  /// A durable scene as it was, with the edit logs of its sessions.
+  /// A durable scene as it was, or one that was saved, with the edit logs of its sessions.
   [[nodiscard]] Status restore(SceneState state, const TenantPtr& tenant);
   /// Of a scene of this owner that is at `head`, none kept so far.
   [[nodiscard]] std::shared_ptr<SceneEvents> make_events(const Tenant& tenant, Revision head) const;
@@ -144,11 +145,17 @@ class Scenes {
   [[nodiscard]] Status remove(u64 id, const Session& session);
   /// Frees the session's private scenes and edit logs; the memory goes on the work pool.
   void end_session(u64 session);
+  /// Frees the session's private scenes alone.
+  void free_private(u64 session);
   [[nodiscard]] std::shared_ptr<EditLog> edits(SceneEntry& scene, u64 session);
   /// The number this session's next edit must carry.
   [[nodiscard]] u64 next_edit(SceneEntry& scene, u64 session) const;
   /// What the journal keeps of these scenes.
   [[nodiscard]] std::vector<SceneState> capture(const std::set<u64>& scenes) const;
+  /// Of scenes that are not durable, which nothing changes from now on; all that was acknowledged
+  /// is in it.
+  [[nodiscard]] std::vector<SceneState> capture_last();
+  [[nodiscard]] Changes& changes() { return changes_; }
   /// How many of a session's replies are kept.
   [[nodiscard]] u64 replies() const { return options_.replies.replies; }
   [[nodiscard]] const SceneLimits& scene_limits() const { return options_.scene; }
@@ -158,11 +165,13 @@ class Scenes {
   [[nodiscard]] Expected<ScenePtr> add(SceneEntry::Identity identity,
                                        std::shared_ptr<const Snapshot> first);
   [[nodiscard]] Status check_durability(const NewScene& scene) const;
+  [[nodiscard]] static SceneState state_of(SceneEntry& entry);
   void free_later(std::vector<ScenePtr> scenes);
 
   WorkPool& pool_;
   const Options options_;
   Journal* journal_ = nullptr;  // set before calls come
+  Changes changes_;
   mutable std::mutex mutex_;
   std::map<u64, ScenePtr> scenes_;
   u64 last_id_ = 0;

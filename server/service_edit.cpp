@@ -79,9 +79,11 @@ void apply_numbered(Daemon& daemon, const std::shared_ptr<Session>& session,
   const auto entry = daemon.scenes.find(request.scene(), *session);
   if (!entry) return done(refuse(entry.error()));
   const auto log = daemon.scenes.edits(**entry, session->id());
-  auto task = [&request, session, entry = *entry, log, done] {
+  auto task = [&request, session, entry = *entry, log, done, &changes = daemon.scenes.changes()] {
     const auto apply = [&](const EditLog::Finish& finish) {
       if (entry->journal) return apply_durably(session, *entry, request, finish);
+      const auto change = changes.begin();  // up to its reply
+      if (!change) return finish(std::unexpected(change.error()));
       finish(apply_now(*session, *entry, request));
     };
     log->answer(request.number(), apply, done);

@@ -78,6 +78,21 @@ void Sessions::resume_for(double seconds, std::map<u64, TenantPtr> kept) {
   loop_.after(delay, [this] { end_resuming(); });
 }
 
+void Sessions::hold(const std::set<u64>& sessions, std::function<void(u64)> gone) {
+  if (sessions.empty()) return;
+  loop_.after(grace(true), [this, sessions, gone = std::move(gone)] {
+    for (const u64 id : sessions)
+      if (!find(id)) gone(id);
+  });
+}
+
+EventLoop::Clock::duration Sessions::grace(bool is_first) const {
+  const double seconds =
+      is_first ? std::max(kFirstCarrierSeconds, options_.grace_seconds) : options_.grace_seconds;
+  return std::chrono::duration_cast<EventLoop::Clock::duration>(
+      std::chrono::duration<double>(seconds));
+}
+
 void Sessions::end_resuming() {
   std::map<u64, TenantPtr> lost;
   {
@@ -159,11 +174,7 @@ void Sessions::detach(u64 id) {
 }
 
 void Sessions::start_grace(u64 id, u64 loss) {
-  const double seconds =
-      loss == 0 ? std::max(kFirstCarrierSeconds, options_.grace_seconds) : options_.grace_seconds;
-  const auto delay = std::chrono::duration_cast<EventLoop::Clock::duration>(
-      std::chrono::duration<double>(seconds));
-  loop_.post([this, id, loss, delay] {
+  loop_.post([this, id, loss, delay = grace(loss == 0)] {
     loop_.after(delay, [this, id, loss] {
       const auto session = find(id);
       if (!session) return;

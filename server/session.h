@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <set>
 #include <stop_token>
 #include <string>
 #include <unordered_map>
@@ -115,6 +116,9 @@ class Sessions {
   /// For that long sessions are resumed; then those kept for it that were not are ended.
   /// kept: sessions with edits that survived, and their tenants.
   void resume_for(double seconds, std::map<u64, TenantPtr> kept);
+  /// Sessions of the time before that have more than edits: what of them is not open when the grace
+  /// time is over is told to `gone`, from the loop, and may be resumed without that.
+  void hold(const std::set<u64>& sessions, std::function<void(u64)> gone);
   /// Opens a session that nothing carries yet: its grace time starts. One that is to be resumed may
   /// be open while nothing carries it, because the reply to its opening was lost. NOT_FOUND when it
   /// is nothing that may be resumed, UNAVAILABLE while something carries it.
@@ -133,6 +137,8 @@ class Sessions {
   [[nodiscard]] std::vector<std::shared_ptr<Session>> list() const;
 
  private:
+  /// is_first: of a session that nothing carried so far.
+  [[nodiscard]] EventLoop::Clock::duration grace(bool is_first) const;
   void start_grace(u64 id, u64 loss);
   [[nodiscard]] Expected<u64> new_id(const SessionOwner& owner);
   [[nodiscard]] Expected<std::shared_ptr<Session>> take_up(const SessionOwner& owner);

@@ -193,9 +193,15 @@ struct BackendOptions {
   std::string denoiser = "libOpenImageDenoise.so.2";  // or a path, or "off"
 };
 
-/// Names: "embree". The only function that knows backends.
+/// Names: "embree". The only function that knows backends. UNAVAILABLE: there is no device now;
+/// FAILED_PRECONDITION: there is none in this process any more (needs_new_process()).
 [[nodiscard]] Expected<std::unique_ptr<Backend>> make_backend(std::string_view name,
                                                               const BackendOptions& options);
+/// Whether make_backend() fails like this for as long as this process lives, while another one may
+/// have the device at once.
+[[nodiscard]] inline bool needs_new_process(const Error& error) {
+  return error.code == Code::kFailedPrecondition;
+}
 [[nodiscard]] std::vector<std::string_view> backend_names();
 /// How many devices a backend finds. Fails like make_backend().
 [[nodiscard]] Expected<u32> device_count(std::string_view name);

@@ -34,6 +34,7 @@ struct DeviceThread {
   std::optional<Clock::time_point> step_began{};
   bool is_idle = false;
   bool is_lost = false;
+  bool is_beyond_us = false;  // lost, and not to be had again in this process
   std::thread thread{};
 };
 
@@ -89,7 +90,8 @@ class Engine::Impl {
               .seconds_a_job = seconds_a_job_,
               .is_lost = all_lost(),
               .losses = losses_,
-              .lost_because = lost_because_};
+              .lost_because = lost_because_,
+              .needs_new_process = std::ranges::all_of(devices_, &DeviceThread::is_beyond_us)};
     for (const DeviceThread& device : devices_) {
       if (!device.step_began) continue;
       const std::chrono::duration<double> still = Clock::now() - *device.step_began;
@@ -248,11 +250,15 @@ std::shared_ptr<Backend> Engine::Impl::remake(u32 index) {
   own.index = index;
   own.cache_bytes /= devices_.size();
   for (;;) {
-    auto made = make_backend(options_.backend, own);
-    if (made) return *std::move(made);
+    if (!devices_[index].is_beyond_us) {
+      auto made = make_backend(options_.backend, own);
+      if (made) return *std::move(made);
+      const std::scoped_lock lock(mutex_);
+      lost_because_ = made.error().message;
+      devices_[index].is_beyond_us = needs_new_process(made.error());
+    }
     refuse_interrupted(index);
     std::unique_lock lock(mutex_);
-    lost_because_ = made.error().message;
     if (changed_.wait_for(lock, kRemake, [&] { return closing_; })) return nullptr;
   }
 }

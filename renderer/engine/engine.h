@@ -49,6 +49,8 @@ struct Load {
   bool is_lost = false;      // every device was lost and is not back yet
   u32 losses = 0;            // of devices, since the engine was made
   std::string lost_because;  // what the last attempt to have a lost one again failed with
+  /// Every device was lost, and none comes back in this process.
+  bool needs_new_process = false;
 };
 
 /// Owns: a backend and a thread for each device, and a thread that makes derived data. Thread: any.
@@ -62,7 +64,7 @@ struct Load {
 ///
 /// When a backend says that its device is lost, work that had begun there ends with UNAVAILABLE, a
 /// new backend is made, as often as it takes, and what waits goes on: all of it is in its
-/// snapshots.
+/// snapshots. Where that cannot work in this process it is not tried again.
 class Engine {
  public:
   [[nodiscard]] static Expected<std::unique_ptr<Engine>> create(const EngineOptions& options);

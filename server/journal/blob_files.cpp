@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -63,7 +64,10 @@ class BlobFile {
  public:
   std::mutex mutex;
   bool is_there = false;  // guarded by mutex
+  std::atomic<u64> size = 0;
 };
+
+u64 size_of(const BlobFile& file) { return file.size; }
 
 Status make_folder(const std::string& path) {
   if (::mkdir(path.c_str(), 0700) == 0)
@@ -99,6 +103,7 @@ Expected<BlobFilePtr> BlobFiles::put(const std::string& hash, std::span<const st
   const std::lock_guard lock(held->mutex);
   if (!held->is_there) HELIO_TRY(write(hash, bytes));
   held->is_there = true;
+  held->size = bytes.size();
   return held;
 }
 
@@ -113,6 +118,7 @@ Expected<std::pair<BlobFilePtr, std::string>> BlobFiles::read(const std::string&
     return fail(Code::kInternal, "",
                 fmt::format("the file {} is damaged: its bytes have another SHA-256", path(hash)));
   held->is_there = true;
+  held->size = bytes.size();
   return std::pair(std::move(held), std::move(bytes));
 }
 

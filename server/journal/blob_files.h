@@ -16,6 +16,8 @@ namespace heliograph::server {
 /// A file that is on the disk for as long as somebody holds this.
 class BlobFile;
 using BlobFilePtr = std::shared_ptr<BlobFile>;
+/// Bytes, as they were put or read.
+[[nodiscard]] u64 size_of(const BlobFile& file);
 
 /// The files of one tenant, in one folder. A file is whole and synced, its folder too, before put()
 /// returns; files that nobody holds any more are removed by sweep(). Thread: any.

@@ -71,13 +71,24 @@ class Journal {
   [[nodiscard]] Status read(const ReadScene& scene, const ReadRecord& record);
   /// Files that recovery found a scene to need; `record` 0: by its snapshot.
   void hold(u64 scene, u64 record, std::vector<BlobFilePtr> files);
-  /// Begins to write; files that nothing holds are removed.
+  /// Begins to write; files that nothing holds are removed, and what was saved for this daemon:
+  /// it has that now.
   [[nodiscard]] Status start(Capture capture, Changed changed);
 
   /// UNAVAILABLE or RESOURCE_EXHAUSTED while it does not write; nothing is called then.
   [[nodiscard]] Status append(Entry entry);
   /// Adds or removes a scene; returns when that is committed.
   [[nodiscard]] Status add(SceneState state);
+  /// What became of save().
+  struct Saved {
+    u64 scenes = 0;
+    u64 bytes = 0;
+    u64 lost = 0;    // could not be saved
+    Status because;  // why the last of these not
+  };
+  /// Adds scenes that are not durable, so that the next daemon has them: all that fit into `bytes`
+  /// on the disk, what scenes share once, in one commit. Returns when that is done.
+  [[nodiscard]] Saved save(std::vector<SceneState> states, u64 bytes);
   [[nodiscard]] Status remove(u64 scene);
   /// OK while it writes, else why not.
   [[nodiscard]] Status status() const;
@@ -112,6 +123,7 @@ class Journal {
   [[nodiscard]] Status read_head();
   [[nodiscard]] Status read_rows(const ReadScene& scene, const ReadRecord& record);
   [[nodiscard]] Status read_records(const ReadRecord& record);
+  [[nodiscard]] Status forget_saved();
   // journal.cpp: the writer
   [[nodiscard]] Status push(Item item, bool is_ours);
   [[nodiscard]] Status run(std::shared_ptr<Control> control);
@@ -124,6 +136,9 @@ class Journal {
   void adopt(Item& item);
   void stall(std::vector<Item> group, const Error& why);
   [[nodiscard]] Status reopen();
+  // saved.cpp
+  [[nodiscard]] Expected<u64> store_within(SceneState& state, u64 bytes,
+                                           std::set<const BlobFile*>& counted, Control& control);
   // snapshots.cpp
   void snapshot_if_due();
   [[nodiscard]] std::vector<SceneState> capture(const std::set<u64>& scenes);

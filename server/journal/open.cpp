@@ -6,6 +6,7 @@
 #include <google/protobuf/arena.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <future>
 #include <iterator>
 #include <limits>
@@ -172,11 +173,28 @@ Status Journal::start(Capture capture, Changed changed) {
                  {{"damage", damage_}});
   head_.set_run(head_.run() + 1);
   HELIO_TRY(database_->begin(true));
+  HELIO_TRY(forget_saved());
   const std::string body = head_.SerializeAsString();
   HELIO_TRY(database_->put(Rows::kHead, 0, body, sum_of(0, 0, body)));
   HELIO_TRY(database_->commit());
-  for (const auto& [tenant, store] : files_) store->sweep(true);
+  std::error_code ignored;
+  for (const auto& tenant :
+       std::filesystem::directory_iterator(options_.folder + "/blobs", ignored))
+    files(tenant.path().filename().string()).sweep(true);
   thread_ = std::thread([this] { work(); });
+  return {};
+}
+
+/// In the commit that begins this run: a daemon that is killed after it leaves none of them, as
+/// they may have gone on since.
+Status Journal::forget_saved() {
+  for (auto row = rows_.begin(); row != rows_.end();) {
+    const auto each = row++;
+    if (!each->second.saved()) continue;
+    HELIO_TRY(database_->erase(Rows::kScenes, each->first, each->first));
+    rows_.erase(each);
+  }
+  head_.set_scenes(rows_.size());
   return {};
 }
 

@@ -32,6 +32,7 @@ class Recovery {
   Recovery(Journal& journal, const RecoveryTarget& target) : journal_(journal), target_(target) {}
 
   [[nodiscard]] Status add_scene(const journal::SceneRow& row);
+  void drop(u64 scene, Status because);
   [[nodiscard]] Status add_record(u64 id, const journal::Record& record,
                                   const v1::Transaction& transaction);
   [[nodiscard]] Expected<Recovered> finish();
@@ -55,9 +56,9 @@ class Recovery {
     std::unique_ptr<RecoveringSource> source;
   };
   [[nodiscard]] Owner& owner(const std::string& tenant);
-  [[nodiscard]] std::shared_ptr<SceneEvents> restore_events(const Tenant& tenant,
+  [[nodiscard]] std::shared_ptr<SceneEvents> restore_events(const journal::SceneRow& row,
                                                             const Snapshot& head,
-                                                            const journal::State& state) const;
+                                                            const journal::State& state);
   [[nodiscard]] Expected<EditLog::Reply> apply_record(u64 id, const journal::Record& record,
                                                       const v1::Transaction& message, Scene& scene);
 
@@ -79,11 +80,13 @@ Recovery::Owner& Recovery::owner(const std::string& tenant) {
   return owner;
 }
 
-std::shared_ptr<SceneEvents> Recovery::restore_events(const Tenant& tenant, const Snapshot& head,
-                                                      const journal::State& state) const {
+std::shared_ptr<SceneEvents> Recovery::restore_events(const journal::SceneRow& row,
+                                                      const Snapshot& head,
+                                                      const journal::State& state) {
+  const Tenant& tenant = *owner(row.tenant()).tenant;
   Revision revision = head.revision - u64(state.events_size());
   auto events = target_.scenes.make_events(tenant, revision);
-  events->keep();
+  if (row.owner() == 0 || state.events_size() > 0) events->keep();
   for (const std::string& event : state.events())
     events->add(++revision, std::make_shared<const std::string>(event));
   return events;
@@ -99,15 +102,23 @@ Status Recovery::add_scene(const journal::SceneRow& row) {
   if (!head) return std::unexpected(std::move(head).error());
   Scene& scene = scenes_[row.scene()];
   scene = {.row = row, .head = std::move(*head), .logs = {}, .events = {}};
-  scene.events = restore_events(*owner(row.tenant()).tenant, *scene.head, state);
+  scene.events = restore_events(row, *scene.head, state);
   for (const journal::Log& each : state.logs()) {
     LogState log = decode_log(each);
     scene.logs[log.session] = {.last = log.edits.last,
                                .kept = {std::make_move_iterator(log.edits.kept.begin()),
                                         std::make_move_iterator(log.edits.kept.end())}};
   }
-  journal_.hold(row.scene(), 0, source.take_files());
+  auto needed = source.take_files();
+  if (!row.saved()) journal_.hold(row.scene(), 0, std::move(needed));
   return {};
+}
+
+/// Its daemon ended, and so would it have without saving: no reason not to start.
+void Recovery::drop(u64 scene, Status because) {
+  scenes_.erase(scene);
+  ++recovered_.dropped;
+  recovered_.because = std::move(because);
 }
 
 Status Recovery::add_record(u64 id, const journal::Record& record,
@@ -151,7 +162,7 @@ Expected<EditLog::Reply> Recovery::apply_record(u64 id, const journal::Record& r
 
 Expected<Recovered> Recovery::finish() {
   target_.scenes.use(journal_);
-  for (auto& [id, scene] : scenes_) {
+  for (auto& [id, scene] : std::exchange(scenes_, {})) {
     const TenantPtr& tenant = owner(scene.row.tenant()).tenant;
     SceneState state{.row = scene.row,
                      .head = std::move(scene.head),
@@ -164,8 +175,17 @@ Expected<Recovered> Recovery::finish() {
                                                std::make_move_iterator(log.kept.end())}}});
       recovered_.sessions[session] = tenant;
     }
-    HELIO_TRY(target_.scenes.restore(std::move(state), tenant));
-    ++recovered_.scenes;
+    Status restored = target_.scenes.restore(std::move(state), tenant);
+    if (!restored && !scene.row.saved()) return std::unexpected(std::move(restored).error());
+    if (!restored) {
+      drop(id, std::move(restored));
+      continue;
+    }
+    if (const u64 owner = scene.row.owner(); owner != 0) {
+      recovered_.sessions[owner] = tenant;
+      recovered_.owners.insert(owner);
+    }
+    ++(scene.row.saved() ? recovered_.saved : recovered_.scenes);
   }
   for (const auto& [name, owner] : owners_) (void)target_.tenants.named(name);  // has its limits
   return recovered_;
@@ -177,8 +197,11 @@ Expected<Recovered> recover(Journal& journal, const RecoveryTarget& target) {
   Recovery recovery(journal, target);
   HELIO_TRY(journal.read(
       [&](const journal::SceneRow& row) -> Status {
-        if (auto added = recovery.add_scene(row); !added)
-          return std::unexpected(std::move(added).error().at(fmt::format("scene {}", row.scene())));
+        auto added = recovery.add_scene(row);
+        if (added) return {};
+        added.error() = std::move(added).error().at(fmt::format("scene {}", row.scene()));
+        if (!row.saved()) return added;
+        recovery.drop(row.scene(), std::move(added));
         return {};
       },
       [&](u64 id, const journal::Record& record, const v1::Transaction& transaction) {

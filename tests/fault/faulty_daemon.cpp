@@ -4,7 +4,8 @@
 // it is a GPU, for tests/gpu/lost.py. It differs from the real one in make_backend() alone.
 //
 // SIGUSR1: the device is lost, once the backend is next called; a GPU by a program that reads where
-// there is no memory. SIGUSR2: it hangs there, until the next SIGUSR2.
+// there is no memory. It comes back, unless HELIOGRAPH_TEST_LOSS is set: then not in this process,
+// as most GPUs do. SIGUSR2: it hangs there, until the next SIGUSR2.
 #include <signal.h>
 #include <sys/mman.h>
 #include <unistd.h>
@@ -34,6 +35,7 @@ namespace {
 
 std::atomic<bool> lose_device = false;
 std::atomic<bool> hang = false;
+std::atomic<bool> was_lost = false;
 std::atomic<bool> is_taken = false;  // by a lost backend, until that is told to give it up
 
 /// As tests/python/stub_cuda.c has it.
@@ -154,7 +156,7 @@ class FaultyBackend : public Backend {
 
  protected:
   [[nodiscard]] Backend& inner() const { return *inner_; }
-  virtual void lose() { is_lost_ = is_taken = true; }
+  virtual void lose() { is_lost_ = is_taken = was_lost = true; }
 
  private:
   Status denoise(const host::HostFilm& film, std::vector<PlaneData>& planes) {
@@ -233,6 +235,8 @@ Expected<std::unique_ptr<Backend>> make_backend(std::string_view name,
                                                 const BackendOptions& options) {
   const bool is_gpu = name == "cuda";
   if (is_taken) return fail(Code::kUnavailable, "backend", "injected: the device is still taken");
+  if (was_lost && std::getenv("HELIOGRAPH_TEST_LOSS"))
+    return fail(Code::kFailedPrecondition, "backend", "injected: CUDA_ERROR_ILLEGAL_ADDRESS");
   auto inner = is_gpu ? cuda::make_cuda_backend(options) : embree::make_embree_backend(options);
   if (!inner) return inner;
   if (is_gpu) return std::make_unique<FaultyGpu>(*std::move(inner), options);

@@ -7,7 +7,7 @@ import os
 import threading
 import time
 import weakref
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import grpc
@@ -119,9 +119,13 @@ class Connection:
         self, name: str, request: Any, raw: bool = False, timeout: float | None = None
     ) -> Stream:
         """The replies to a request, or to an iterator of requests."""
-        link = self.link
-        found = link.method(name, raw)(request, timeout=timeout, metadata=link.metadata)
-        return Stream(self, link, found)
+
+        def begin() -> tuple[Link, Any]:
+            link = self.link
+            call = link.method(name, raw)(request, timeout=timeout, metadata=link.metadata)
+            return link, call
+
+        return Stream(self, begin, name in _REPEATED)
 
     def push(self, name: str, requests: Iterable[Any]) -> Any:
         """A client stream; its reply. What `requests` raises is raised here."""
@@ -189,25 +193,51 @@ def _typed(error: grpc.RpcError | Unavailable) -> HeliographError:
 
 
 class Stream:
-    """Messages of a server stream; cancels it when left early."""
+    """Messages of a server stream; cancels it when left early. Where the daemon was restarted and
+    refused the call for that, one that `repeats` is asked again."""
 
-    def __init__(self, connection: Connection, link: Link, call: Any) -> None:
+    def __init__(
+        self, connection: Connection, begin: Callable[[], tuple[Link, Any]], repeats: bool
+    ) -> None:
         self._connection = connection
-        self._link = link
-        self._call = call
+        self._begin = begin
+        self._repeats = repeats
+        self._cancelled = False
+        self.link, self._call = begin()
 
     def cancel(self) -> None:
         """From any thread."""
+        self._cancelled = True
         self._call.cancel()
 
     def __iter__(self) -> Iterator[Any]:
         try:
-            yield from self._call
-        except grpc.RpcError as error:
-            raise self._connection.failure(self._link, error) from None
+            try:
+                yield from self._call
+            except grpc.RpcError as error:
+                restarted = self._asked_again(error)
+                try:
+                    yield from self._call
+                except grpc.RpcError as second:
+                    failure = self._connection.failure(self.link, second)
+                    raise (restarted if isinstance(failure, NotFound) else failure) from None
         finally:
             self._call.cancel()
 
+    def _asked_again(self, error: grpc.RpcError) -> HeliographError:
+        """Begins the call again, or raises why not. Returns what to raise where it names what was
+        not durable."""
+        failure = self._connection.failure(self.link, error)
+        refused = error.code() == grpc.StatusCode.UNAUTHENTICATED  # so it had not begun
+        if not (refused and self._repeats and isinstance(failure, Unavailable)):
+            raise failure from None
+        self.link, self._call = self._begin()
+        if self._cancelled:
+            self._call.cancel()
+        return failure
+
+
+_REPEATED = {"Render", "Read", "ExportScene"}  # they change nothing and take nothing up
 
 _connections: weakref.WeakSet[Connection] = weakref.WeakSet()
 

@@ -96,10 +96,11 @@ def run(scene: Scene, request: render_pb.RenderRequest, options: Options) -> lis
     stream = connection.stream("Render", request, raw=True, timeout=options.get("timeout"))
     if "on_start" in options:
         options["on_start"](stream.cancel)
-    assembly = Assembly(frame_count(request), connection.link.shared)
+    assembly = Assembly(frame_count(request), stream.link.shared)
     on_pass = options.get("on_pass")
     with Meter(options.get("progress")) as meter:
         for data in stream:
+            assembly.shared = stream.link.shared  # another one after a restart
             part = assembly.add(data)
             if isinstance(part, render_pb.Progress):
                 meter.update(part)
@@ -301,7 +302,7 @@ class Assembly:
 
     def __init__(self, count: int, shared: SharedFrames | None) -> None:
         self._count = count
-        self._shared = shared
+        self.shared = shared
         self._final: dict[int, Rendered] = {}
         self._header: render_pb.FrameHeader | None = None
         self._arrays: list[NdArray | DeviceArray] = []
@@ -352,14 +353,14 @@ class Assembly:
         self._arrays = [*arrays]
 
     def _take_shared(self, chunk: render_pb.PlaneChunk) -> None:
-        if self._shared is None:
+        if self.shared is None:
             raise Internal("the daemon sent a shared buffer, which was not asked for")
         old = self._arrays[chunk.plane]
         if chunk.buffer.size != old.nbytes:
             raise Internal(
                 f"plane {chunk.plane}: {chunk.buffer.size} bytes do not fill {old.shape}"
             )
-        self._arrays[chunk.plane] = self._shared.plane(chunk.buffer, old.dtype, old.shape)
+        self._arrays[chunk.plane] = self.shared.plane(chunk.buffer, old.dtype, old.shape)
         self._left -= old.nbytes
 
     def _complete(self) -> Rendered | None:

@@ -28,8 +28,10 @@ DeviceMemory::~DeviceMemory() {
 
 Expected<std::shared_ptr<Context>> Context::create(const Driver& driver, int index, u64 budget) {
   std::shared_ptr<Context> context(new Context(driver));
-  HELIO_TRY(context->open(index, budget));
-  return context;
+  Status opened = context->open(index, budget);
+  if (opened) return context;
+  if (context->is_sticky_) opened.error().code = Code::kFailedPrecondition;
+  return std::unexpected(std::move(opened).error());
 }
 
 Status Context::open(int index, u64 budget) {
@@ -129,6 +131,7 @@ Status Context::check(Result result, const char* what) const {
         Code::kResourceExhausted, "",
         fmt::format("the GPU has no memory left for {}; render smaller images or scenes", what));
   lost_ = true;
+  if (is_sticky(result)) is_sticky_ = true;
   return fail(Code::kUnavailable, "", fmt::format("{} failed: {}", what, driver_.describe(result)));
 }
 

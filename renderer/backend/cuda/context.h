@@ -64,7 +64,7 @@ struct LaunchSize {
 /// Thread: any that entered it; downloads and waits are of the device's.
 class Context : public std::enable_shared_from_this<Context> {
  public:
-  /// Fails with UNAVAILABLE.
+  /// Fails with UNAVAILABLE; FAILED_PRECONDITION when no context of this process works any more.
   ///
   /// index    of the device, as the driver counts
   /// budget   bytes of its memory; 0: nine tenths of what is free when the programs are loaded
@@ -149,6 +149,7 @@ class Context : public std::enable_shared_from_this<Context> {
   u32 processors_ = 0;
   std::atomic<u64> uploaded_{0};
   mutable std::atomic<bool> lost_{false};
+  mutable std::atomic<bool> is_sticky_{false};  // lost, and so is what is made after it
 };
 
 }  // namespace heliograph::cuda

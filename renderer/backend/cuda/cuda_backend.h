@@ -5,7 +5,8 @@
 
 namespace heliograph::cuda {
 
-/// Fails with UNAVAILABLE where there is no driver or no GPU.
+/// Fails with UNAVAILABLE where there is no driver or no GPU; FAILED_PRECONDITION as
+/// make_backend().
 [[nodiscard]] Expected<std::unique_ptr<Backend>> make_cuda_backend(const BackendOptions& options);
 
 /// How many GPUs the driver shows. Fails like make_cuda_backend().

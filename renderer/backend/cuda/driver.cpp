@@ -3,6 +3,8 @@
 #include <dlfcn.h>
 #include <fmt/format.h>
 
+#include <algorithm>
+
 namespace heliograph::cuda {
 
 std::string Driver::describe(Result result) const {
@@ -10,6 +12,13 @@ std::string Driver::describe(Result result) const {
   if (error_name(result, &name) != 0 || error_text(result, &text) != 0)
     return fmt::format("CUDA error {}", result);
   return fmt::format("{}: {}", name, text);
+}
+
+bool is_sticky(Result result) {
+  // ECC, NVLink, contained; illegal address, timeout, assert; hardware stack, illegal instruction,
+  // misaligned address, address space, program counter, launch failed; tensor memory.
+  constexpr Result kSticky[] = {214, 220, 226, 700, 702, 710, 714, 715, 716, 717, 718, 719, 721};
+  return std::ranges::count(kSticky, result) > 0;
 }
 
 Expected<Driver> load_driver() {
@@ -35,7 +44,7 @@ Expected<Driver> load_driver() {
     return fail(Code::kUnavailable, "backend",
                 fmt::format("the NVIDIA driver lacks {}; install a newer one", missing));
   if (const Result result = driver.init(0); result != 0)
-    return fail(Code::kUnavailable, "backend",
+    return fail(is_sticky(result) ? Code::kFailedPrecondition : Code::kUnavailable, "backend",
                 fmt::format("the NVIDIA driver does not start ({})", driver.describe(result)));
   return driver;
 }

@@ -105,7 +105,15 @@ struct Driver {
   [[nodiscard]] std::string describe(Result result) const;
 };
 
-/// Fails with UNAVAILABLE where there is no driver, or one that lacks a function.
+/// Whether the driver answers with this for as long as the process lives, in every context, those
+/// that are made after it too.
+///
+/// Source: cuda.h (13.0), CUresult: "leaves the process in an inconsistent state and any further
+/// CUDA work will return the same error"; and what memory and links cannot correct.
+[[nodiscard]] bool is_sticky(Result result);
+
+/// Fails with UNAVAILABLE where there is no driver, or one that lacks a function;
+/// FAILED_PRECONDITION after an error that is_sticky().
 [[nodiscard]] Expected<Driver> load_driver();
 
 /// cuDeviceGetAttribute's numbers.
