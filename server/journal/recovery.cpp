@@ -199,9 +199,9 @@ Expected<Recovered> recover(Journal& journal, const RecoveryTarget& target) {
       [&](const journal::SceneRow& row) -> Status {
         auto added = recovery.add_scene(row);
         if (added) return {};
-        added.error() = std::move(added).error().at(fmt::format("scene {}", row.scene()));
-        if (!row.saved()) return added;
-        recovery.drop(row.scene(), std::move(added));
+        Error why = std::move(added).error().at(fmt::format("scene {}", row.scene()));
+        if (!row.saved()) return std::unexpected(std::move(why));
+        recovery.drop(row.scene(), std::unexpected(std::move(why)));
         return {};
       },
       [&](u64 id, const journal::Record& record, const v1::Transaction& transaction) {

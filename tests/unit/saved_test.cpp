@@ -147,7 +147,8 @@ TEST_CASE("saved: a crash while it saves, and a file that is damaged, leave the 
     CHECK(!next.daemon.scenes.find(plain, *next.session()));
     CHECK(!std::filesystem::exists(crashed / file));
   }
-  REQUIRE(server.daemon.journal->save(std::move(states), 1 << 30).scenes == 1);
+  const auto saved = server.daemon.journal->save(std::move(states), 1 << 30);
+  REQUIRE(saved.scenes == 1);
   crashed.copy(folder.path());
   std::fstream(crashed / file, std::ios::in | std::ios::out).write("broken", 6);
   Server next(crashed.path());
