@@ -22,13 +22,13 @@ KERNEL void cover(Reflectances& r, const Base& b, const Reflectances& film) {
 }
 
 /// Reflectances of the film at cosine c.
-KERNEL Reflectances film_at(const Base& b, float c) {
+HELIO_CALL KERNEL Reflectances film_at(const Base& b, float c) {
   const FilmFace face = film_face(b.film, c);
   return {film_on_schlick(face, b.film_coat) * b.coat_f90, film_on_schlick(face, b.film_metal)};
 }
 
 /// Their averages by cosine.
-KERNEL Reflectances average_film(const Base& b) {
+HELIO_CALL KERNEL Reflectances average_film(const Base& b) {
   // Gauss-Legendre with 4 points.
   const float places[4] = {0.06943184f, 0.33000948f, 0.66999052f, 0.93056816f};
   const float weights[4] = {0.17392742f, 0.32607258f, 0.32607258f, 0.17392742f};
@@ -62,7 +62,7 @@ KERNEL SeenFacets see_facets(const Base& b) {
 }
 
 /// Averages of the film over the light that leaves to wo.
-KERNEL Reflectances seen_film(const Base& b) {
+HELIO_CALL KERNEL Reflectances seen_film(const Base& b) {
   const SeenFacets seen = see_facets(b);
   Reflectances sum;
   float open = 1e-6f;
@@ -81,7 +81,7 @@ KERNEL vec3 glass_at(const Base& b, float c, float bare) {
 }
 
 /// What the film adds to the reflectance of the interface, on average over what wo sees.
-KERNEL vec3 film_on_face(const Base& b) {
+HELIO_CALL KERNEL vec3 film_on_face(const Base& b) {
   const SeenFacets seen = see_facets(b);
   vec3 sum(0);
   for (u32 i = 0; i < seen.count; ++i) {

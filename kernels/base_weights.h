@@ -112,7 +112,7 @@ inline constexpr float kMostThrough = 1.25f;
 
 /// Reflection and what passes as lobes of their own: each is scaled to give off its share whatever
 /// its roughness. Returns as set_interface().
-KERNEL vec2 set_apart(Base& b, const MaterialValues& m, float through) {
+HELIO_CALL KERNEL vec2 set_apart(Base& b, const MaterialValues& m, float through) {
   vec3 reflected(face_reflectance(b, m.roughness));
   if (b.glass_film.weight > 0)
     reflected = glm::clamp(reflected + film_on_face(b), vec3(0), vec3(1));
@@ -144,7 +144,7 @@ KERNEL vec2 set_apart(Base& b, const MaterialValues& m, float through) {
 
 /// The interface of glass. Returns shares of sampling for its microfacets and for what passes
 /// apart.
-KERNEL vec2 set_interface(Base& b, const MaterialValues& m, const ShadingPoint& at) {
+HELIO_CALL KERNEL vec2 set_interface(Base& b, const MaterialValues& m, const ShadingPoint& at) {
   const bool enters = at.thin_walled || dot(at.wo, at.ng) >= 0;
   const float through = 1 - (1 - m.roughness) * (1 - m.transmission_roughness);
   b.through_delta = sqr(through) < kDeltaAlpha;

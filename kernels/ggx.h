@@ -136,7 +136,7 @@ KERNEL Place aspect_place(float aspect) {
 }
 
 /// w: unit, local
-KERNEL Albedo albedo_at(const AnisotropicRow& row, vec3 w) {
+HELIO_CALL KERNEL Albedo albedo_at(const AnisotropicRow& row, vec3 w) {
   const float sine = std::sqrt(w.x * w.x + w.y * w.y);
   const float cos_phi = sine > 0 ? std::fabs(w.x) / sine : 0.5f;
   const Place a = aspect_place(row.aspect);
@@ -161,7 +161,7 @@ KERNEL Albedo albedo_at(const AnisotropicRow& row, vec3 w) {
   }
   return sum;
 }
-KERNEL Albedo albedo_average(const AnisotropicRow& row) {
+HELIO_CALL KERNEL Albedo albedo_average(const AnisotropicRow& row) {
   const Place a = aspect_place(row.aspect);
   const Place r = place_at(row.roughness * (kAnisotropicRoughnesses - 1), kAnisotropicRoughnesses);
   Albedo sum{0, 0};
@@ -182,7 +182,7 @@ struct GlassAlbedo {
   float reflected, refracted;
 };
 /// eta   index of the far side over the near side's
-KERNEL GlassAlbedo glass_albedo(float cosine, float roughness, float eta) {
+HELIO_CALL KERNEL GlassAlbedo glass_albedo(float cosine, float roughness, float eta) {
   const float ior = max2(eta, 1 / eta);
   const Place i =
       place_at(std::sqrt((ior - 1) / (ior + 1)) * (1.29099445f * (kGlassIors - 1)), kGlassIors);

@@ -119,7 +119,8 @@ KERNEL bool leave(Inside& inside, const Surface& s) {
 }
 
 /// Puts in what a surface surrounds, as the innermost or the outermost of its priority.
-KERNEL void enter(Inside& inside, const Surface& s, const MaterialValues& m, bool innermost) {
+HELIO_CALL KERNEL void enter(Inside& inside, const Surface& s, const MaterialValues& m,
+                             bool innermost) {
   if (inside.depth == kMostInside) return;
   u32 at = inside.depth++;
   const i32 priority = s.material->priority;

@@ -61,7 +61,7 @@ KERNEL vec3 met_sun(const SunView& sun, const Path& path) {
 
 /// The path leaves the scene.
 template <Tracer T>
-KERNEL void miss(const PathContext<T>& c, const Path& path, SampleValues& sample) {
+HELIO_CALL KERNEL void miss(const PathContext<T>& c, const Path& path, SampleValues& sample) {
   if (path.edges == 1 && c.settings.transparent_background) {
     const vec3 t = path.throughput;  // what media on the way left
     sample.alpha = 1 - (t.x + t.y + t.z) / 3;
@@ -124,8 +124,8 @@ KERNEL bool hit_surface(const PathContext<T>& c, Path& path, const Hit& hit, Ver
 }
 
 /// Denoising guides, at the first vertex that is not a perfect mirror.
-KERNEL void record_guides(const Path& path, const Vertex& v, const BsdfSample* s,
-                          SampleValues& sample) {
+HELIO_CALL KERNEL void record_guides(const Path& path, const Vertex& v, const BsdfSample* s,
+                                     SampleValues& sample) {
   vec3 weight(0);
   if (s) {
     const bool enters = s->lobe == Lobe::kSubsurface;
@@ -138,7 +138,8 @@ KERNEL void record_guides(const Path& path, const Vertex& v, const BsdfSample* s
 /// Turns a sample of the surface's own into one of directions towards casters, too.
 ///
 /// aimed, choice   whether it is to go to a caster, and uniform in [0, 1) which
-KERNEL bool mix_casters(const Vertex& v, bool aimed, float choice, vec2 u, BsdfSample& s) {
+HELIO_CALL KERNEL bool mix_casters(const Vertex& v, bool aimed, float choice, vec2 u,
+                                   BsdfSample& s) {
   if (aimed) {
     const CasterDirection to = sample_casters(v.casters, choice, u);
     const BsdfValue f = evaluate_bsdf(v.bsdf, to.wi);
@@ -197,8 +198,8 @@ KERNEL bool scatter(const PathContext<T>& c, Path& path, Vertex& v, SampleValues
 
 /// Whether the hemisphere above the vertex is open in a direction chosen by cosine.
 template <Tracer T>
-KERNEL float open_hemisphere(const PathContext<T>& c, const Vertex& v, const Path& path,
-                             SampleValues& sample) {
+HELIO_CALL KERNEL float open_hemisphere(const PathContext<T>& c, const Vertex& v, const Path& path,
+                                        SampleValues& sample) {
   const Surface& s = v.surface;
   const float side = dot(path.ray.direction, s.ng) < 0 ? 1.0f : -1.0f;
   const u32 bits = c.sampler.hash_of(kOcclusionHash);

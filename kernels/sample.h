@@ -43,7 +43,7 @@ struct Contribution {
   bool environment;
   u32 group;  // light group
 };
-KERNEL void add_light(SampleValues& sample, const Contribution& c, const Route& route) {
+HELIO_CALL KERNEL void add_light(SampleValues& sample, const Contribution& c, const Route& route) {
   const u32 direct = c.edges == 2 ? 0 : 1;
   const u32 first = u32(Plane::DIRECT_DIFFUSE);
   if (c.edges == 1) {

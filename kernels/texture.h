@@ -46,7 +46,7 @@ KERNEL u64 mip_bytes(TextureView texture) {
 }
 
 /// IEC 61966-2-1, for texels of more than 8 bits.
-KERNEL float srgb_to_linear(float x) {
+HELIO_CALL KERNEL float srgb_to_linear(float x) {
   return x <= 0.04045f ? x * (1 / 12.92f) : std::pow((x + 0.055f) * (1 / 1.055f), 2.4f);
 }
 

@@ -30,6 +30,8 @@ LEFT_OUT = {
     "test_queries.py::test_a_pick_agrees_with_the_planes": "edges where rays of host and GPU part",
     "test_replay_questions.py::test_a_question_is_played_before_the_next_edit": "slow edits",
     "test_batch.py::test_items_come_back_as_they_are_done": "a job that is long on a GPU",
+    "test_batch.py::test_what_is_not_for_a_batch_is_refused": "the same",
+    "test_device_edits.py": "heliographd-faulty beside the test's daemon",
     "test_worlds.py::test_progress_counts_all_pictures": "the same",
 }
 PARTS = {  # in this order, or in that of the command line

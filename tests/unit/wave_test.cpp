@@ -129,7 +129,7 @@ class HostWave {
   std::vector<WaveLight> lights_;
   std::vector<Inside> insides_;
   std::vector<Reach> reaches_;
-  std::vector<SampleHead> samples_;
+  std::vector<WaveSample> samples_;
   std::vector<vec3> light_planes_;
   std::vector<float> groups_;
 };

@@ -6,12 +6,20 @@ using namespace heliograph::cuda;
 
 namespace {
 
+constexpr int kArriveThreads = 256;
+
+/// A block takes as many paths as it has threads, and then the next ones all at once: so its warps
+/// run about the same instructions at a time. Each for itself they would fetch this program, which
+/// is longer than a processor's cache, from far away again and again.
 template <bool kMany>
 __device__ void arrive_all(const WaveLaunch& l) {
   WaveRound& now = l.counters->rounds[l.round];
   WaveRound& next = l.counters->rounds[1 - l.round];
   const u32 active = now.active, hits = now.hits;
-  for (u32 i = thread(); i < active; i += threads()) {
+  for (u32 first = blockIdx.x * blockDim.x; first < active; first += threads()) {
+    __syncthreads();
+    const u32 i = first + threadIdx.x;
+    if (i >= active) continue;
     const u32 slot = l.arrived[i < hits ? i : l.slots - 1 - (i - hits)];
     const WaveShot& shot = shot_of_slot<kMany>(l, slot);
     const CalledTracer tracer{{shot.view.scene, shot.bvh}};
@@ -26,11 +34,11 @@ __device__ void arrive_all(const WaveLaunch& l) {
 
 }  // namespace
 
-extern "C" __global__ void __launch_bounds__(kThreads, 4)
+extern "C" __global__ void __launch_bounds__(kArriveThreads, 2)
     wave_arrive(const __grid_constant__ WaveLaunch l) {
   arrive_all<false>(l);
 }
-extern "C" __global__ void __launch_bounds__(kThreads, 4)
+extern "C" __global__ void __launch_bounds__(kArriveThreads, 2)
     wave_arrive_many(const __grid_constant__ WaveLaunch l) {
   arrive_all<true>(l);
 }

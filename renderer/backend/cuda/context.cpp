@@ -234,6 +234,13 @@ Status Context::launch(FunctionHandle program, LaunchSize size, std::span<void*>
                "starting work on the GPU");
 }
 
+Expected<u32> Context::block_threads(FunctionHandle program) const {
+  int threads = 0;
+  HELIO_TRY(check(driver_.function_attribute(&threads, kMostThreads, program),
+                  "asking for a program's block"));
+  return u32(threads);
+}
+
 u32 Context::resident_blocks(FunctionHandle program, u32 threads) const {
   int blocks = 0;
   (void)driver_.blocks_per_processor(&blocks, program, int(threads), 0);

@@ -116,6 +116,8 @@ class Context : public std::enable_shared_from_this<Context> {
   }
   /// Blocks of so many threads that one processor runs at once.
   [[nodiscard]] u32 resident_blocks(FunctionHandle program, u32 threads) const;
+  /// Threads of a block, as the program was compiled for.
+  [[nodiscard]] Expected<u32> block_threads(FunctionHandle program) const;
 
  private:
   friend class DeviceMemory;

@@ -79,6 +79,7 @@ struct AccessDescription {
   F(load_module, cuModuleLoadFatBinary, ModuleHandle*, const void*)                               \
   F(unload_module, cuModuleUnload, ModuleHandle)                                                  \
   F(function_in, cuModuleGetFunction, FunctionHandle*, ModuleHandle, const char*)                 \
+  F(function_attribute, cuFuncGetAttribute, int*, int, FunctionHandle)                            \
   F(blocks_per_processor, cuOccupancyMaxActiveBlocksPerMultiprocessor, int*, FunctionHandle, int, \
     std::size_t)                                                                                  \
   F(device_uuid, cuDeviceGetUuid_v2, void*, Device)                                               \
@@ -115,6 +116,9 @@ struct Driver {
 /// Fails with UNAVAILABLE where there is no driver, or one that lacks a function;
 /// FAILED_PRECONDITION after an error that is_sticky().
 [[nodiscard]] Expected<Driver> load_driver();
+
+/// cuFuncGetAttribute's number of the threads that a program's block has at most.
+inline constexpr int kMostThreads = 0;
 
 /// cuDeviceGetAttribute's numbers.
 enum class Attribute : int {

@@ -10,7 +10,7 @@ namespace heliograph::cuda {
 using kernels::u32;
 using kernels::u64;
 
-inline constexpr u32 kThreads = 128;  // of a block
+inline constexpr u32 kThreads = 128;  // of a block, unless a program says otherwise
 
 /// What a round of programs has to do, as counted by those before it. A round begins, traces, lets
 /// arrive and lights.

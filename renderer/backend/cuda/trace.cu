@@ -68,7 +68,7 @@ __device__ void trace_all(const WaveLaunch& l) {
   walk_all(
       l, now.active, now.next_ray,
       [&](BvhWalk& walk, u32 i) {
-        const WaveRay& ray = l.wave.rays[active[i]];
+        const WaveRay ray = load_whole(l.wave.rays[active[i]]);
         go_to_scene<kMany>(l, walk, active[i]);
         walk.begin(ray.ray, ray.mask, false);
       },

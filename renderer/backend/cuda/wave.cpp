@@ -34,13 +34,18 @@ Expected<Programs> Programs::find(const Context& context) {
         std::pair{"film_resolve", &programs.resolve}, std::pair{"film_noise", &programs.noise}}) {
     auto function = context.function(name);
     if (!function) return std::unexpected(std::move(function).error());
-    *program = {*function, context.processors() * context.resident_blocks(*function, kThreads)};
+    const auto threads = context.block_threads(*function);
+    if (!threads) return std::unexpected(threads.error());
+    *program = {*function, *threads,
+                context.processors() * context.resident_blocks(*function, *threads)};
   }
   return programs;
 }
 
 LaunchSize Programs::size(const Program& program, u64 threads) {
-  return {u32(std::min<u64>((threads + kThreads - 1) / kThreads, program.most_blocks)), kThreads};
+  return {
+      u32(std::min<u64>((threads + program.threads - 1) / program.threads, program.most_blocks)),
+      program.threads};
 }
 
 Wave::Wave(Context& context, const Programs& programs, const WaveShots& shots,
@@ -73,7 +78,7 @@ Status Wave::allocate(u64 memory) {
   const kernels::FilmView& film = launch_.shot.view.film;
   const bool light_planes = (film.wanted & kernels::kLightPlaneSet) != 0;
   const bool groups = kernels::wants(film, Plane::BEAUTY_GROUP);
-  const u64 item_bytes = sizeof(kernels::SampleHead) +
+  const u64 item_bytes = sizeof(kernels::WaveSample) +
                          (light_planes ? kernels::kLightPlanes * sizeof(vec3) : 0) +
                          (groups ? film.groups * sizeof(vec3) : 0);
   const u64 slot_bytes =

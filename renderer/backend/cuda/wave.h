@@ -13,6 +13,7 @@ namespace heliograph::cuda {
 struct Programs {
   struct Program {
     FunctionHandle function = nullptr;
+    u32 threads = 0;  // of a block
     u32 most_blocks = 0;
   };
   /// The steps of a wave.
