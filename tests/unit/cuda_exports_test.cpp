@@ -3,9 +3,9 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <cstring>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -29,7 +29,8 @@ struct FakeDevice {
   bool is_pending = false;                // work is on its way
   bool was_unmapped_early = false;
   int virtual_memory = 1;
-  int streams = 0;  // and stages
+  int streams = 0;                                       // and stages
+  std::map<void*, std::unique_ptr<std::byte[]>> pinned;  // goes with the context
 };
 FakeDevice* device = nullptr;
 
@@ -132,9 +133,15 @@ Driver fake_driver() {
   driver.destroy_stream = [](StreamHandle) { return Result(--device->streams < 0); };
   driver.allocate_pinned = [](void** at, std::size_t bytes, unsigned) {
     ++device->streams;
-    return *at = std::malloc(bytes), 0;
+    auto memory = std::make_unique<std::byte[]>(bytes);
+    *at = memory.get();
+    device->pinned.emplace(*at, std::move(memory));
+    return 0;
   };
-  driver.release_pinned = [](void* at) { return --device->streams, std::free(at), 0; };
+  driver.release_pinned = [](void* at) {
+    --device->streams;
+    return Result(device->pinned.erase(at) != 1);
+  };
   driver.download = [](void* to, DevicePointer from, std::size_t bytes, StreamHandle stream) {
     if (allowed("download") != 0) return kRefused;
     REQUIRE(stream == reinterpret_cast<StreamHandle>(7));

@@ -24,13 +24,15 @@ inline cuda::Driver fake_driver() {
   d.device_at = [](Device* device, int index) { return *device = index, 0; };
   d.device_name = [](char*, int, Device) { return 0; };
   d.device_attribute = [](int* value, int, Device) { return *value = 1, 0; };
+  static int one;
   d.create_context = [](ContextHandle* context, unsigned, Device) {
-    static int one;
     return *context = reinterpret_cast<ContextHandle>(&one), 0;
   };
   d.destroy_context = [](ContextHandle) { return 0; };
   d.primary_state = [](Device, unsigned*, int* is_taken) { return *is_taken = 0, 0; };
-  d.retain_primary = [](ContextHandle*, Device) { return 0; };
+  d.retain_primary = [](ContextHandle* context, Device) {
+    return *context = reinterpret_cast<ContextHandle>(&one), 0;
+  };
   d.release_primary = [](Device) { return 0; };
   d.reset_primary = [](Device) { return 0; };
   d.wait_for_context = [] { return 0; };

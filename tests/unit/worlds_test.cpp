@@ -239,8 +239,9 @@ TEST_CASE("worlds: a backend may have several pictures in one film") {
     ManyPictures backend(at_once);
     Denoiser denoiser("off", 1);
     Collect sink;
+    const Interrupt never{};
     Runner runner(std::make_shared<const RenderJob>(job),
-                  {backend, denoiser, sink, Interrupt{}, std::chrono::milliseconds(5)});
+                  {backend, denoiser, sink, never, std::chrono::milliseconds(5)});
     while (!runner.step()) continue;
     REQUIRE(runner.result().has_value());
     REQUIRE(sink.frames.size() == 1);
