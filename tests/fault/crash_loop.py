@@ -3,7 +3,6 @@ twice, and the scenes are what a model says."""
 
 import pathlib
 import tempfile
-import threading
 import time
 
 import heliograph as hg
@@ -12,13 +11,14 @@ from common import Report, seconds_until, size
 from heliograph._arrays import inline
 from heliograph._proto import scene_pb2 as pb
 from served import Served
+from worker import Worker
 
 STREAMS = 8
 KILLS = size(200, 6)
 ALIVE_SECONDS = size(0.7, 0.4)
 
 
-class Editor:
+class Editor(Worker):
     """One client, which counts: each edit moves two entities of its own and makes one more."""
 
     def __init__(self, address, number):
@@ -26,20 +26,14 @@ class Editor:
         self.scene = self.client.open_scene(f"room {number % 2}")
         self.number = number
         self.acknowledged = []  # (revision, transaction, id of the entity that it made)
-        self.failed = None
-        self.stopping = threading.Event()
-        self.thread = threading.Thread(target=self._run, daemon=True)
-        self.thread.start()
+        super().__init__()
 
-    def _run(self):
-        try:
-            while not self.stopping.is_set():
-                transaction = self._next()
-                reply = self.scene.apply(transaction)
-                ids = [int.from_bytes(reply.ids[k : k + 8], "little") for k in (0, 8, 16)]
-                self.acknowledged.append((reply.revision, transaction, ids[2]))
-        except Exception as error:
-            self.failed = error
+    def run(self):
+        while not self.stopping.is_set():
+            transaction = self._next()
+            reply = self.scene.apply(transaction)
+            ids = [int.from_bytes(reply.ids[k : k + 8], "little") for k in (0, 8, 16)]
+            self.acknowledged.append((reply.revision, transaction, ids[2]))
 
     def _next(self):
         count = len(self.acknowledged) + 1
@@ -50,12 +44,6 @@ class Editor:
                 edit.target.name = name
             edit.entity.pose.matrices.CopyFrom(at(count))
         return transaction
-
-    def stop(self):
-        self.stopping.set()
-        self.thread.join(60)
-        if self.failed:
-            raise self.failed
 
 
 def acknowledged(editors):

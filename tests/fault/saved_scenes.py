@@ -18,6 +18,7 @@ import heliograph as hg
 import numpy as np
 import served
 from heliograph._launch import find_program
+from worker import Worker
 
 LOSSES = common.size(20, 3)
 GRACE = 6
@@ -31,32 +32,20 @@ def start(folder, *flags):
     return served.Served(folder, *state, *flags, env=environment)
 
 
-class Editor:
+class Editor(Worker):
     """Makes an entity with each edit, as fast as it is answered, over every loss."""
 
     def __init__(self, scene):
         self.scene = scene
         self.acknowledged = []  # (revision, id of the entity that it made)
-        self.failed = None
-        self.stopping = threading.Event()
-        self.thread = threading.Thread(target=self._run, daemon=True)
-        self.thread.start()
+        super().__init__()
 
-    def _run(self):
-        try:
-            while not self.stopping.is_set():
-                x = len(self.acknowledged) + 1
-                with self.scene.edit() as edit:
-                    made = edit.entity(transform=hg.Pose((x, 0, 0)))
-                self.acknowledged.append((edit.revision, made))
-        except Exception as error:
-            self.failed = error
-
-    def stop(self):
-        self.stopping.set()
-        self.thread.join(60)
-        if self.failed:
-            raise self.failed
+    def run(self):
+        while not self.stopping.is_set():
+            x = len(self.acknowledged) + 1
+            with self.scene.edit() as edit:
+                made = edit.entity(transform=hg.Pose((x, 0, 0)))
+            self.acknowledged.append((edit.revision, made))
 
     def wrong(self):
         """How many edits are lost, twice, or not where they were."""

@@ -17,6 +17,7 @@ from crash_loop import at
 from heliograph._proto import scene_pb2 as pb
 from heliograph._proto import service_pb2 as service
 from served import Served
+from worker import Worker
 
 NUMBERS = [int(a) for a in sys.argv[1:] if a.isdigit()]
 RUNS = (NUMBERS + [common.size(100, 1)])[0]
@@ -27,34 +28,19 @@ KEPT = 64  # events where they are compacted: those of about 200 ms
 EVENT, READERS = 1 << 20, 20  # bytes of an event, watchers that read nothing
 
 
-class Worker:
-    """A client with a thread; what it raises is raised by stop()."""
+class Client(Worker):
+    """A client with a thread."""
 
     def __init__(self, address):
         self.client = hg.connect(address)
         self.scene = self.client.open_scene("room")
-        self.failed = None
-        self.stopping = threading.Event()
-        self.thread = threading.Thread(target=self._guarded, daemon=True)
-        self.thread.start()
-
-    def _guarded(self):
-        try:
-            self.run()
-        except Exception as error:
-            self.failed = error
-
-    def stop(self):
-        self.stopping.set()
-        self.thread.join(60)
-        if self.failed:
-            raise self.failed
+        super().__init__()
 
     def close(self):
         self.client.close()
 
 
-class Editor(Worker):
+class Editor(Client):
     """Puts two entities of its own at the same place, again and again."""
 
     def __init__(self, address, number):
@@ -74,7 +60,7 @@ class Editor(Worker):
             time.sleep(PAUSE)
 
 
-class Watcher(Worker):
+class Watcher(Client):
     """Reads events and checks what can be seen of them here."""
 
     slowness = 0.0  # seconds for each event

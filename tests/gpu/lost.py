@@ -29,19 +29,15 @@ import device_lost
 import saved_scenes
 import served
 from health import Health
+from saved_scenes import PICTURE, differ
 
 LOSSES, CANCELS, DEATHS = 8, 120, 10
-PICTURE = {"planes": ["beauty", "depth", "instance"], "spp": 16, "progress": False}
 GROWN_MIB = 64  # by all losses together: what the driver keeps of a context
 
 
 def gpu_mib():
     ask = ["nvidia-smi", "--query-gpu=memory.used", "--format=csv,noheader,nounits"]
     return sum(int(line) for line in subprocess.check_output(ask, text=True).split())
-
-
-def differ(frame, before):
-    return not all(np.array_equal(frame[plane], before[plane]) for plane in PICTURE["planes"])
 
 
 def lose(daemon, scene, report):
