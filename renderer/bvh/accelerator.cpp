@@ -75,19 +75,23 @@ Box shape_box(kernels::Shape shape) {
   return {vec3(-1, -1, -z), vec3(1, 1, z)};
 }
 
-/// The boxes of all slots.
+/// The box of a slot.
 ///
-/// box_of   of a slot's InstanceView, its keys and its mesh's box
+/// box_of   of its InstanceView, its keys and its mesh's box
+template <class F>
+Box box_in(const Placement& placement, const kernels::InstanceView& instance, F&& box_of) {
+  const Box mesh = placement.meshes[instance.mesh]->accelerator->bounds();
+  return of(
+      box_of(instance, placement.motion_keys.data(), kernels::BvhBox{mesh.lower, mesh.upper}));
+}
+
+/// The boxes of all slots.
 template <class F>
 std::vector<Box> boxes_of(const Placement& placement, F&& box_of) {
   const u32 count = u32(placement.instances.size());
   std::vector<Box> boxes(count);
   resident::parallel_ranges(count, 256u, [&](u32 begin, u32 end) {
-    for (u32 i = begin; i < end; ++i) {
-      const Box mesh = placement.meshes[placement.mesh_of_slot[i]]->accelerator->bounds();
-      boxes[i] = of(box_of(placement.instances[i], placement.motion_keys.data(),
-                           kernels::BvhBox{mesh.lower, mesh.upper}));
-    }
+    for (u32 i = begin; i < end; ++i) boxes[i] = box_in(placement, placement.instances[i], box_of);
   });
   return boxes;
 }
@@ -147,8 +151,21 @@ const BvhTree& BvhMesh::tree(const DeviceMesh& mesh) const {
   return tree_;
 }
 
-BvhScene::BvhScene(const Placement& placement) {
-  for (const Box& box : boxes_of(placement, kernels::instance_box)) box_.extend(box);
+BvhScene::BvhScene(const Placement& placement, const resident::Kept& kept)
+    : chunks_(placement.instances.chunk_count()) {
+  const BvhScene* before = kept.before ? bvh_of(*kept.before) : nullptr;
+  std::vector<u32> changed;
+  for (u32 c = 0; c < chunks_.size(); ++c) {
+    if (before && kept.chunk(placement, c))
+      chunks_[c] = before->chunks_[c];
+    else
+      changed.push_back(c);
+  }
+  resident::parallel_for(changed.size(), [&](std::size_t i) {
+    for (const kernels::InstanceView& instance : placement.instances.chunk(changed[i]))
+      chunks_[changed[i]].extend(box_in(placement, instance, kernels::instance_box));
+  });
+  for (const Box& box : chunks_) box_.extend(box);
 }
 
 std::span<const kernels::MeshBvh> BvhScene::meshes(const Placement& placement) const {
@@ -194,8 +211,9 @@ Expected<std::shared_ptr<const resident::MeshAccelerator>> BvhAccelerator::build
 }
 
 Expected<std::shared_ptr<const resident::SceneAccelerator>> BvhAccelerator::build(
-    const Snapshot&, const Placement& placement, const resident::Kept&, const Interrupt&) const {
-  return std::make_shared<BvhScene>(placement);
+    const Snapshot&, const Placement& placement, const resident::Kept& kept,
+    const Interrupt&) const {
+  return std::make_shared<BvhScene>(placement, kept);
 }
 
 }  // namespace heliograph::bvh

@@ -47,7 +47,7 @@ struct BvhTop {
 /// for: where rays are traced elsewhere, few frames ask. Thread: any.
 class BvhScene final : public resident::SceneAccelerator {
  public:
-  explicit BvhScene(const resident::Placement& placement);
+  BvhScene(const resident::Placement& placement, const resident::Kept& kept);
   [[nodiscard]] Box bounds() const override { return box_; }
   /// For rays of the world.
   ///
@@ -62,6 +62,7 @@ class BvhScene final : public resident::SceneAccelerator {
   [[nodiscard]] std::span<const kernels::MeshBvh> meshes(
       const resident::Placement& placement) const;
 
+  std::vector<Box> chunks_;  // of the chunks of instances
   Box box_;
   mutable std::once_flag made_meshes_, made_world_, made_objects_;
   mutable std::vector<kernels::MeshBvh> meshes_;  // by number in Placement::meshes

@@ -83,10 +83,11 @@ void HostFilm::set_end(FlowEnd& end, const std::shared_ptr<const DeviceScene>& s
   if (!scene) return;
   const EntityId camera = job().cameras[shot_.camera];
   look(end.sight, camera, scene);
-  end.view = end.sight.scene->view();
+  const kernels::SceneView& seen = end.sight.scene->view();
+  end.view = seen;
   const Time here = still_.scene->span().begin, there = end.sight.scene->span().begin;
-  end.instances.assign(end.view.instances, end.view.instances + end.view.instance_count);
-  end.volumes.assign(end.view.volumes, end.view.volumes + end.view.volume_count);
+  end.instances.assign(seen.instances, seen.instances + seen.instance_count);
+  end.volumes.assign(seen.volumes, seen.volumes + seen.volume_count);
   const auto mark = [&](kernels::InstanceView& instance) {
     if (!flow_valid(*job().snapshot, instance.entity, here, there))
       instance.flags |= kernels::kFlowInvalid;
@@ -206,7 +207,7 @@ ProbeTask HostFilm::probe_task() const {
     return e.sight.scene ? kernels::ProbeScene{&e.view, &e.sight.camera, e.camera_jumped}
                          : kernels::ProbeScene{};
   };
-  return {.context = {.now = {&still_.scene->view(), &still_.camera},
+  return {.context = {.now = {&still_.scene->view_elsewhere(), &still_.camera},
                       .forward = end(forward_),
                       .backward = end(backward_),
                       .disparity = job().disparity_camera ? &disparity_.camera : nullptr,

@@ -18,6 +18,15 @@ Status check_rows(std::size_t rows, const LabelOptions& options) {
   return error;
 }
 
+template <class T>
+std::vector<T> flat(const ChunkedArray<T>& rows) {
+  std::vector<T> all;
+  all.reserve(rows.size());
+  for (u32 c = 0; c < rows.chunk_count(); ++c)
+    all.insert(all.end(), rows.chunk(c).begin(), rows.chunk(c).end());
+  return all;
+}
+
 }  // namespace
 
 Expected<std::vector<Column>> labels(const HostFilm& film, const SceneRays& rays,
@@ -39,8 +48,8 @@ Expected<std::vector<Column>> labels(const HostFilm& film, const SceneRays& rays
   return label_columns({.snapshot = scene.snapshot(),
                         .labelling = labelling,
                         .camera = film.image_camera(),
-                        .frames = placement.frames,
-                        .boxes = placement.boxes,
+                        .frames = flat(placement.frames),
+                        .boxes = flat(placement.boxes),
                         .instance_plane = {plane, pixels},
                         .silhouettes = silhouettes,
                         .keypoints = keypoints,

@@ -21,8 +21,8 @@ struct RenderTask {
   const kernels::FilmView* film;
 };
 
-/// Centre planes. A flow end's view in the context has instances and volumes of its own, marked
-/// kFlowInvalid; all else is as in its scene.
+/// Centre planes. The view of `now` is ResidentScene::view_elsewhere(). A flow end's view in the
+/// context has instances and volumes of its own, marked kFlowInvalid; all else is as in its scene.
 struct ProbeTask {
   kernels::ProbeContext context;
   const ResidentScene *now, *forward, *backward;  // the latter two null where the context has none

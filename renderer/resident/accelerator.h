@@ -2,7 +2,6 @@
 #pragma once
 
 #include <memory>
-#include <span>
 
 #include "renderer/engine/backend.h"
 #include "renderer/resident/box.h"
@@ -27,11 +26,13 @@ class SceneAccelerator {
   [[nodiscard]] virtual Box bounds() const = 0;  // world, over the placement's span
 };
 
-/// An earlier placement and what stays of it.
+/// An earlier placement, and what stays of it in a later one.
 struct Kept {
-  const Placement* before;     // null: nothing
-  std::span<const u32> slots;  // by slot: the one of `before` that shows the same mesh in the same
-                               // places to the same rays, or kNone
+  const Placement* before;  // null: nothing
+  /// Whether all slots of a chunk of instances are as they were, under the same numbers.
+  [[nodiscard]] bool chunk(const Placement& now, u32 chunk) const;
+  /// The slot of `before` that shows the same mesh in the same places to the same rays, or kNone.
+  [[nodiscard]] u32 slot(const Placement& now, u32 slot) const;
 };
 
 /// Thread: any.

@@ -12,8 +12,12 @@ constexpr float kProbability = 0.2f;  // measured on W1
 constexpr float kSpread = 0.5f;       // of an image, in slopes alpha; wider is no better (W1)
 constexpr float kDistant = 1e5f;      // radii of the scene that a sun is away
 
-/// Whether most of what a material gives off is reflected or refracted sharply. Textures are not
-/// looked at.
+float mirror_share(const kernels::MaterialValues& material) {
+  return material.metallic > 0.5f ? 1.0f : 0.25f;  // glass reflects less
+}
+
+}  // namespace
+
 bool focuses(const kernels::MaterialView& material) {
   constexpr u32 kDecisive = 1u << u32(MaterialParameter::metallic) |
                             1u << u32(MaterialParameter::transmission) |
@@ -23,26 +27,19 @@ bool focuses(const kernels::MaterialView& material) {
          std::max(m.metallic, m.transmission) > 0.5f && !material.passable && !material.unlit;
 }
 
-float mirror_share(const kernels::MaterialValues& material) {
-  return material.metallic > 0.5f ? 1.0f : 0.25f;  // glass reflects less
-}
-
-}  // namespace
-
 std::vector<kernels::CasterView> find_casters(const Placement& placement,
-                                              const Materials& materials) {
+                                              const Materials& materials,
+                                              std::span<const u32> slots) {
   const Structure& structure = *placement.structure;
   std::vector<kernels::CasterView> casters;
-  for (std::size_t i = 0; i < placement.instances.size(); ++i) {
-    const kernels::InstanceView& instance = placement.instances[i];
+  for (const u32 slot : slots) {
+    const kernels::InstanceView& instance = placement.instances[slot];
     const DeviceMesh& mesh = *placement.meshes[instance.mesh];
     const auto parts =
         std::span(structure.part_materials).subspan(instance.first_part, mesh.topology->part_count);
     const auto material =
         std::ranges::find_if(parts, [&](u32 row) { return focuses(materials.materials[row]); });
-    if (material == parts.end() || !(instance.visibility & kernels::kDiffuseRay) ||
-        mesh.rest.empty())
-      continue;
+    if (!(instance.visibility & kernels::kDiffuseRay) || mesh.rest.empty()) continue;
     if (casters.size() == kernels::kMostCasters) return {};
     const mat4x3& world = instance.world_from_object;
     const vec3 half = 0.5f * (mesh.rest.upper - mesh.rest.lower);

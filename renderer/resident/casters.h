@@ -5,10 +5,17 @@
 
 namespace heliograph::resident {
 
+/// Whether most of what a material gives off is reflected or refracted sharply. Textures are not
+/// looked at.
+[[nodiscard]] bool focuses(const kernels::MaterialView& material);
+
 /// Spheres about the entities whose material is a mirror or a lens; none where there are more than
 /// kMostCasters.
+///
+/// slots   Surfaces::focusing
 [[nodiscard]] std::vector<kernels::CasterView> find_casters(const Placement& placement,
-                                                            const Materials& materials);
+                                                            const Materials& materials,
+                                                            std::span<const u32> slots);
 /// Spheres about the lights and suns of a scene; none where there are more than kMostCastLights.
 [[nodiscard]] std::vector<kernels::CastLightView> find_cast_lights(const Lights& lights,
                                                                    const Box& scene);

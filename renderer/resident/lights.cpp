@@ -9,6 +9,7 @@
 #include "kernels/light_triangle.h"
 #include "renderer/resident/light_bounds.h"
 #include "renderer/resident/parallel.h"
+#include "renderer/resident/same_lights.h"
 #include "renderer/scene/light_shapes.h"
 
 namespace heliograph::resident {
@@ -85,19 +86,22 @@ kernels::LightBounds light_bounds(kernels::LightBounds bounds, kernels::Shape sh
 /// Makes Lights step by step.
 class Lighter {
  public:
-  Lighter(const Snapshot& snapshot, const Placement& placement, const Materials& materials,
-          const Lights* before, DerivedCache& cache)
-      : snapshot_(snapshot),
-        placement_(placement),
-        materials_(materials),
-        before_(before),
+  Lighter(const LightSources& sources, const LightsBefore* before, DerivedCache& cache)
+      : snapshot_(sources.snapshot),
+        placement_(sources.placement),
+        materials_(*sources.materials),
+        before_(before ? before->lights.get() : nullptr),
+        same_slots_(before && has_same_slots(sources, *before)),
         cache_(cache) {}
 
   std::shared_ptr<const Lights> make() {
-    made_->part_lights.assign(placement_.structure->part_materials.size(), kNone);
     made_->part_trees.resize(placement_.meshes.size());
-    for (const u32 i : slots_that_may_emit()) add(i);
-    group_slots();
+    made_->emitters = same_slots_ ? before_->emitters
+                                  : std::make_shared<const std::vector<u32>>(slots_that_may_emit());
+    for (const u32 i : *made_->emitters) add(i);
+    set_part_lights();
+    made_->groups = placement_.structure->groups;
+    for (u32 i = 1; i < made_->groups.size(); ++i) groups_[made_->groups[i]] = i;
     for (const u32 entity : placement_.structure->suns) add_sun(entity);
     const double dome = add_dome();
     distribute(dome);
@@ -122,13 +126,14 @@ class Lighter {
     return *entry;
   }
   vec3 emission_of(u32 row);
-  void group_slots();
+  void set_part_lights();
   u32 group_of(const std::string* name);
 
   const Snapshot& snapshot_;
   const Placement& placement_;
   const Materials& materials_;
   const Lights* before_;
+  const bool same_slots_;  // as those that it was made of
   DerivedCache& cache_;
   std::shared_ptr<Lights> made_ = std::make_shared<Lights>();
   std::vector<std::optional<vec3>> emissions_;  // by material row
@@ -151,14 +156,11 @@ u32 Lighter::group_of(const std::string* name) {
   return entry->second;
 }
 
-void Lighter::group_slots() {
-  const auto group = [&](u32 entity) {
-    return group_of(snapshot_.entities.at(entity).light_group.get());
-  };
-  for (const Slot& slot : placement_.structure->slots)
-    made_->group_of_slot.push_back(group(slot.entity));
-  for (const VolumeSlot& volume : placement_.structure->volumes)
-    made_->group_of_volume.push_back(group(volume.entity));
+void Lighter::set_part_lights() {
+  if (made_->lights.empty()) return;
+  made_->part_lights = same_slots_ && has_same_parts(made_->lights, before_->lights)
+                           ? before_->part_lights
+                           : part_lights_of(*placement_.structure, made_->lights);
 }
 
 /// By entity or material, in their order.
@@ -250,8 +252,6 @@ void Lighter::add_shape(u32 index, const Light& light) {
 void Lighter::add_light(const kernels::LightView& base, u32 part, double power, bool forward) {
   if (!std::isfinite(power)) return;
   const u32 mesh = placement_.mesh_of_slot[base.instance];
-  const u32 first_part = placement_.structure->slots[base.instance].first_part;
-  made_->part_lights[first_part + part] = u32(made_->lights.size());
   made_->lights.push_back(base);
   kernels::LightView& light = made_->lights.back();
   light.part = part;
@@ -385,10 +385,10 @@ void Lighter::distribute(double dome_power) {
 
 }  // namespace
 
-std::shared_ptr<const Lights> make_lights(const Snapshot& snapshot, const Placement& placement,
-                                          const Materials& materials, const Lights* before,
+std::shared_ptr<const Lights> make_lights(const LightSources& sources, const LightsBefore* before,
                                           DerivedCache& cache) {
-  return Lighter(snapshot, placement, materials, before, cache).make();
+  if (before && has_same_sources(sources, *before)) return before->lights;
+  return Lighter(sources, before, cache).make();
 }
 
 }  // namespace heliograph::resident

@@ -32,25 +32,34 @@ struct TopTree {
 struct Lights {
   std::vector<kernels::LightView> lights;
   std::shared_ptr<const TopTree> tree;
-  std::vector<u32> part_lights;
+  std::shared_ptr<const std::vector<u32>> part_lights;         // null: there are no lights
+  std::shared_ptr<const std::vector<u32>> emitters;            // slots that may emit, ascending
   std::vector<std::shared_ptr<const PartTrees>> part_trees;    // by mesh of the placement, or null
   std::vector<std::shared_ptr<const PartTrees>> mapped_trees;  // those of emission maps
   std::vector<kernels::SunView> suns;
   std::vector<std::vector<kernels::MotionKey>> sun_keys;  // by sun; empty: it stands still
-  std::vector<std::string> groups{""};                    // names of the light groups by index
-  std::vector<u32> group_of_slot;
-  std::vector<u32> group_of_volume;  // the same of Structure::volumes
-  float surface_probability = 0;     // of the lights together
+  std::vector<std::string> groups;  // the structure's, then those of suns and the dome
+  float surface_probability = 0;    // of the lights together
   kernels::DomeView dome{};
   std::shared_ptr<const DomeTables> dome_tables;  // null: constant
   std::vector<kernels::PortalView> portals;
   std::vector<std::shared_ptr<const PortalMap>> portal_maps;
 };
 
-/// A tree that `before` has for the same bounds is taken over; the result does not depend on it.
-[[nodiscard]] std::shared_ptr<const Lights> make_lights(const Snapshot& snapshot,
-                                                        const Placement& placement,
-                                                        const Materials& materials,
-                                                        const Lights* before, DerivedCache& cache);
+/// What lights are made of.
+struct LightSources {
+  const Snapshot& snapshot;
+  const Placement& placement;
+  const std::shared_ptr<const Materials>& materials;
+};
+/// Earlier ones.
+struct LightsBefore {
+  LightSources of;
+  std::shared_ptr<const Lights> lights;
+};
+/// What `before`, or null, has of the same sources is taken over; the result does not depend on it.
+[[nodiscard]] std::shared_ptr<const Lights> make_lights(const LightSources& sources,
+                                                        const LightsBefore* before,
+                                                        DerivedCache& cache);
 
 }  // namespace heliograph::resident

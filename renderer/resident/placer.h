@@ -3,58 +3,46 @@
 #pragma once
 
 #include <cmath>
-#include <cstring>
 
 #include "renderer/resident/placement.h"
 #include "renderer/scene/grid.h"
 
 namespace heliograph::resident {
 
-inline bool same(const mat4x3& a, const mat4x3& b) { return std::memcmp(&a, &b, sizeof a) == 0; }
-
 inline mat4x3 scaled(const mat4x3& m, vec3 scale) {
   return {m[0] * scale.x, m[1] * scale.y, m[2] * scale.z, m[3]};
 }
 
-/// Slots that a thread takes at a time.
-inline constexpr u32 kSlotGrain = 256;
-
-/// Makes a Placement step by step.
+/// The steps are called in this order. Of an earlier placement of the same structure only what may
+/// have changed is made anew; without one, everything.
 class Placer {
  public:
-  Placer(const Snapshot& snapshot, const TimeSpan& span, std::shared_ptr<const Structure> structure,
-         const Placement* before, const PlacementContext& context)
-      : snapshot_(snapshot),
-        span_(span),
-        before_(before),
-        builder_(context.builder),
-        accelerator_(context.accelerator),
-        interrupt_(context.interrupt) {
-    made_->span = span;
-    made_->structure = std::move(structure);
-    made_->world = world_poses(snapshot, span.middle());
-  }
+  Placer(const Moment& now, Placeable what, const PlacedBefore* before,
+         const PlacementContext& context);
 
+  void worlds();
   Status meshes();
   void motion();
-  void instances();
+  void find_slots();
   Status label_frames();
-  void boxes();
+  void instances();
+  Status accelerate(const Placement* before);
   void volumes();
-  Status accelerate();
   std::shared_ptr<Placement> take() { return std::move(made_); }
 
  private:
-  [[nodiscard]] u32 slot_before(const Slot& slot) const;
-  [[nodiscard]] bool takes_over(u32 slot, u32 old) const;
-  void instance(u32 slot);
-  void place(u32 slot);
-  void add_keys(kernels::InstanceView& view, const std::vector<kernels::MotionKey>& keys);
+  [[nodiscard]] const Structure& structure() const { return *made_->structure; }
+  [[nodiscard]] bool is_changed(u32 entity) const { return all_ || changed_[entity] != 0; }
+  void write_worlds_downwards();
+  [[nodiscard]] kernels::InstanceView instance(u32 slot) const;
+  void place(kernels::InstanceView& view, u32 slot) const;
+  void find_rows();
+  [[nodiscard]] std::vector<u32> slots_in(std::span<const u32> rows) const;
+  void write_frames();
   [[nodiscard]] mat4x3 from_root(u32 entity, u32 root) const;
   [[nodiscard]] RestBox rest_box(const Instance& row, const ObjectFrame& frame) const;
   [[nodiscard]] bool keeps_box(u32 row) const;
-  /// The frame and box of a row, and what its slots have in them.
-  void label_row(u32 row);
+  [[nodiscard]] RestBox box_of(u32 row) const;
   [[nodiscard]] const Grid& density(u32 entity) const {
     return *snapshot_.find(snapshot_.entities.at(entity).volume)->value->density;
   }
@@ -63,14 +51,18 @@ class Placer {
 
   const Snapshot& snapshot_;
   const TimeSpan span_;
-  const Placement* before_;
+  const Snapshot* then_ = nullptr;     // of before_
+  const Placement* before_ = nullptr;  // of the same structure, or null
+  const bool all_;                     // it is null
   const MeshBuilder& builder_;
   const Accelerator& accelerator_;
   const Interrupt& interrupt_;
   std::shared_ptr<Placement> made_ = std::make_shared<Placement>();
-  std::vector<std::vector<kernels::MotionKey>> keys_;  // by slot; empty: it stands still
-  std::vector<u32> kept_;                              // by slot: Kept::slots
-  std::vector<u8> moved_;                              // by slot
+  std::vector<u32> entities_;    // that changed, or that something above them did; ascending
+  std::vector<u8> changed_;      // by entity: is among them
+  std::vector<u32> slots_;       // to be made; ascending
+  std::vector<u32> rows_;        // of labels, to be made; ascending
+  std::vector<u32> first_keys_;  // of Placement::moving, and where the last ones end
 };
 
 }  // namespace heliograph::resident

@@ -1,12 +1,18 @@
 // Frames and boxes of labels.
 
 #include <algorithm>
+#include <iterator>
+#include <numeric>
 
-#include "renderer/resident/parallel.h"
 #include "renderer/resident/placer.h"
 #include "renderer/resident/rest_box.h"
 
 namespace heliograph::resident {
+namespace {
+
+constexpr u32 kRows = ChunkedArray<u32>::kRows;
+
+}  // namespace
 
 mat4x3 Placer::from_root(u32 entity, u32 root) const {
   mat4x3 result(1);
@@ -27,7 +33,7 @@ RestBox Placer::rest_box(const Instance& row, const ObjectFrame& frame) const {
   const vec3 scale = frame.rigid ? frame.scale : vec3(1);
   RestBox box;
   for (const u32 entity : row.entities) {
-    const u32 slot = made_->structure->slot_of_entity[entity];
+    const u32 slot = structure().slot_of_entity[entity];
     if (slot == kNone) {  // a volume
       const mat4x3 to_root = from_root(entity, row.root);
       for (const vec3& corner : box_corners(density(entity))) {
@@ -47,62 +53,93 @@ RestBox Placer::rest_box(const Instance& row, const ObjectFrame& frame) const {
   return box;
 }
 
+/// Rows with volumes are always made anew, for volumes have no slots.
+void Placer::find_rows() {
+  if (all_) {
+    rows_.resize(structure().labelling.instances.size());
+    std::iota(rows_.begin(), rows_.end(), 0u);
+    return;
+  }
+  for (const u32 slot : slots_) rows_.push_back(structure().slots[slot].row);
+  for (const u32 entity : entities_) rows_.push_back(structure().row_of_root[entity]);
+  for (const VolumeSlot& volume : structure().volumes) rows_.push_back(volume.row);
+  std::erase(rows_, kNone);
+  std::ranges::sort(rows_);
+  rows_.erase(std::ranges::unique(rows_).begin(), rows_.end());
+}
+
+std::vector<u32> Placer::slots_in(std::span<const u32> rows) const {
+  std::vector<u32> slots;
+  for (const u32 row : rows) {
+    const auto more = slots_of(structure(), structure().labelling.instances[row].entities);
+    slots.insert(slots.end(), more.begin(), more.end());
+  }
+  std::ranges::sort(slots);
+  return slots;
+}
+
 Status Placer::label_frames() {
-  const Structure& structure = *made_->structure;
-  made_->root_from_entity.resize(structure.slots.size());
-  made_->frames.resize(structure.labelling.instances.size());
-  made_->boxes.resize(made_->frames.size());
-  constexpr u32 kGrain = 64;
-  parallel_ranges(u32(made_->frames.size()), kGrain, [&](u32 begin, u32 end) {
-    for (u32 row = begin; row < end && !interrupt_.requested(); ++row) label_row(row);
+  find_rows();
+  std::vector<u32> other;  // rows whose frames or boxes change
+  const auto& instances = structure().labelling.instances;
+  if (!all_) {
+    std::ranges::copy_if(rows_, std::back_inserter(other),
+                         [&](u32 row) { return is_changed(instances[row].root); });
+    merge(slots_, slots_in(other));
+  }
+  auto& to_root = made_->root_from_entity;
+  to_root = before_ ? before_->root_from_entity
+                    : ChunkedArray<mat4x3>::unwritten(u32(structure().slots.size()));
+  for_each_chunk(slots_, [&](u32 c, std::span<const u32> slots) {
+    const auto rows = to_root.write_chunk(c);
+    for (const u32 i : slots) {
+      const Slot& slot = structure().slots[i];
+      rows[i % kRows] = slot.row == kNone
+                            ? mat4x3(1)
+                            : scaled(from_root(slot.entity, instances[slot.row].root), slot.scale);
+    }
   });
-  return interrupt_.status();
+  write_frames();
+  HELIO_TRY(interrupt_.status());
+  if (all_) return {};
+  other.clear();
+  std::ranges::copy_if(rows_, std::back_inserter(other), [&](u32 row) {
+    return !same_bytes(made_->boxes[row], before_->boxes[row]);
+  });
+  merge(slots_, slots_in(other));
+  return {};
 }
 
-void Placer::label_row(u32 row) {
-  const Structure& structure = *made_->structure;
-  const Instance& instance = structure.labelling.instances[row];
-  const bool same_structure = before_ && before_->structure == made_->structure;
-  bool moved = !same_structure || !same(made_->world[instance.root], before_->world[instance.root]);
-  for (const u32 entity : instance.entities) {
-    const u32 slot = structure.slot_of_entity[entity];
-    moved |= slot == kNone || moved_[slot] != 0;  // volumes have no slot
-  }
-  for (const u32 entity : instance.entities) {
-    const u32 slot = structure.slot_of_entity[entity];
-    if (slot == kNone) continue;
-    made_->root_from_entity[slot] =
-        moved ? scaled(from_root(entity, instance.root), structure.slots[slot].scale)
-              : before_->root_from_entity[slot];
-    moved_[slot] |= u8(moved);
-  }
-  made_->frames[row] = moved ? object_frame(made_->world[instance.root]) : before_->frames[row];
-  made_->boxes[row] = !moved || (same_structure && keeps_box(row))
-                          ? before_->boxes[row]
-                          : rest_box(instance, made_->frames[row]);
+void Placer::write_frames() {
+  const u32 count = u32(structure().labelling.instances.size());
+  made_->frames = before_ ? before_->frames : ChunkedArray<ObjectFrame>::unwritten(count);
+  made_->boxes = before_ ? before_->boxes : ChunkedArray<RestBox>::unwritten(count);
+  for_each_chunk(rows_, [&](u32 c, std::span<const u32> rows) {
+    const auto boxes = made_->boxes.write_chunk(c);
+    const auto frames = made_->frames.write_chunk(c);
+    for (const u32 row : rows) {
+      if (interrupt_.requested()) return;
+      const u32 root = structure().labelling.instances[row].root;
+      if (is_changed(root)) frames[row % kRows] = object_frame(made_->world[root]);
+      boxes[row % kRows] = box_of(row);
+    }
+  });
 }
 
-/// Whether an instance of the same structure has moved and nothing else.
+RestBox Placer::box_of(u32 row) const {
+  if (before_ && keeps_box(row)) return before_->boxes[row];
+  return rest_box(structure().labelling.instances[row], made_->frames[row]);
+}
+
+/// Whether an instance has moved and nothing else.
 bool Placer::keeps_box(u32 row) const {
   const ObjectFrame &now = made_->frames[row], &then = before_->frames[row];
   if (!now.rigid || !then.rigid || now.scale != then.scale) return false;
-  return std::ranges::all_of(made_->structure->labelling.instances[row].entities, [&](u32 entity) {
-    const u32 slot = made_->structure->slot_of_entity[entity];
-    return slot != kNone && same(made_->root_from_entity[slot], before_->root_from_entity[slot]) &&
+  return std::ranges::all_of(structure().labelling.instances[row].entities, [&](u32 entity) {
+    const u32 slot = structure().slot_of_entity[entity];
+    return slot != kNone &&
+           same_bytes(made_->root_from_entity[slot], before_->root_from_entity[slot]) &&
            made_->meshes[made_->mesh_of_slot[slot]] == before_->meshes[before_->mesh_of_slot[slot]];
-  });
-}
-
-void Placer::boxes() {
-  const Structure& structure = *made_->structure;
-  const bool same_structure = before_ && before_->structure == made_->structure;
-  parallel_ranges(u32(structure.slots.size()), kSlotGrain, [&](u32 begin, u32 end) {
-    for (u32 i = begin; i < end; ++i) {
-      if (!moved_[i] && same_structure) continue;
-      const Box& own = made_->meshes[made_->mesh_of_slot[i]]->rest;
-      set_rest_box({own.lower, own.upper}, structure.slots[i].row, made_->root_from_entity[i],
-                   made_->instances[i]);
-    }
   });
 }
 
@@ -111,8 +148,8 @@ void Placer::set_rest_box(RestBox box, u32 row, const mat4x3& root_from_entity,
                           kernels::InstanceView& view) const {
   mat4x3 to_object(1);
   if (row != kNone) {
-    const mat3 scale = object_from_root(
-        made_->frames[row], made_->world[made_->structure->labelling.instances[row].root]);
+    const mat3 scale = object_from_root(made_->frames[row],
+                                        made_->world[structure().labelling.instances[row].root]);
     box = made_->boxes[row];
     to_object = multiply(mat4x3(scale[0], scale[1], scale[2], vec3(0)), root_from_entity);
   }

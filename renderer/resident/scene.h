@@ -5,6 +5,7 @@
 #include <mutex>
 
 #include "renderer/engine/backend.h"
+#include "renderer/resident/flat_rows.h"
 #include "renderer/resident/lights.h"
 #include "renderer/resident/volumes.h"
 
@@ -16,32 +17,61 @@ struct ScenePieces {
   std::shared_ptr<const Placement> placement;
   std::shared_ptr<const Volumes> volumes;
   std::shared_ptr<const Materials> materials;
+  std::shared_ptr<const Surfaces> surfaces;
   std::shared_ptr<const Lights> lights;
 };
-class ResidentScene final : public DeviceScene {
- public:
-  ResidentScene(std::shared_ptr<const Snapshot> snapshot, const TimeSpan& span, ScenePieces pieces);
 
+/// All of a scene but the array of its instances. Immutable.
+class SceneState {
+ public:
+  SceneState(std::shared_ptr<const Snapshot> snapshot, const TimeSpan& span, ScenePieces pieces);
+
+  /// Its instances are null.
   [[nodiscard]] const kernels::SceneView& view() const { return view_; }
   [[nodiscard]] const Snapshot& snapshot() const { return *snapshot_; }
   [[nodiscard]] const TimeSpan& span() const { return span_; }
-  [[nodiscard]] const Placement& placement() const { return *pieces_.placement; }
-  [[nodiscard]] const Structure& structure() const { return *pieces_.placement->structure; }
-  [[nodiscard]] const Lights& lights() const { return *pieces_.lights; }
-  [[nodiscard]] u64 bytes() const;  // of its own, what it shares not counted
-
   [[nodiscard]] const ScenePieces& pieces() const { return pieces_; }
+  [[nodiscard]] const Placement& placement() const { return *pieces_.placement; }
+  /// What it has and another, or null, does not share.
+  [[nodiscard]] u64 bytes_beside(const SceneState* other) const;
 
  private:
   std::shared_ptr<const Snapshot> snapshot_;
   TimeSpan span_;
   ScenePieces pieces_;
-  std::vector<kernels::InstanceView> instances_;  // the placement's, with flags of the materials
   std::vector<kernels::MeshView> meshes_;
   std::vector<kernels::VolumeView> volumes_;  // the pieces', with their light groups
   std::vector<kernels::CasterView> casters_;
   std::vector<kernels::CastLightView> cast_lights_;
   kernels::SceneView view_{};
+};
+
+/// A scene while it is used. Immutable.
+class ResidentScene final : public DeviceScene {
+ public:
+  /// flat   makes the array of instances
+  ResidentScene(std::shared_ptr<const SceneState> state,
+                const FlatRows<kernels::InstanceView>& flat)
+      : state_(std::move(state)), flat_(flat) {}
+
+  /// What the kernels read on the host: it has the array of instances from when it is first asked
+  /// for. Thread: any.
+  [[nodiscard]] const kernels::SceneView& view() const;
+  /// The same where somebody else has that array: its instances are null.
+  [[nodiscard]] const kernels::SceneView& view_elsewhere() const { return state_->view(); }
+  [[nodiscard]] const Snapshot& snapshot() const { return state_->snapshot(); }
+  [[nodiscard]] const TimeSpan& span() const { return state_->span(); }
+  [[nodiscard]] const ScenePieces& pieces() const { return state_->pieces(); }
+  [[nodiscard]] const Placement& placement() const { return *pieces().placement; }
+  [[nodiscard]] const Structure& structure() const { return *placement().structure; }
+  [[nodiscard]] const Lights& lights() const { return *pieces().lights; }
+
+ private:
+  const std::shared_ptr<const SceneState> state_;
+  const FlatRows<kernels::InstanceView> flat_;
+  mutable std::once_flag made_;
+  mutable std::shared_ptr<const kernels::InstanceView> instances_;
+  mutable kernels::SceneView view_{};
 };
 
 /// Makes scenes, and keeps the last ones to start from. Thread: any.
@@ -65,23 +95,30 @@ class SceneStore {
   /// Makes that data.
   [[nodiscard]] Status warm(const Snapshot& snapshot) const;
   /// Thread: any.
-  [[nodiscard]] u64 bytes() const { return bytes_.load(std::memory_order_relaxed); }
+  [[nodiscard]] u64 bytes() const { return bytes_.load(std::memory_order_relaxed) + flat_.bytes(); }
 
  private:
-  [[nodiscard]] std::shared_ptr<const ResidentScene> nearest(const Snapshot& snapshot,
-                                                             const TimeSpan& span) const;
-  /// A scene, from one like it: it may be that one. Thread: any.
-  [[nodiscard]] Expected<std::shared_ptr<const ResidentScene>> make(
-      const SceneAt& scene, const std::shared_ptr<const ResidentScene>& before,
-      const Interrupt& interrupt) const;
-  void keep(std::shared_ptr<const ResidentScene> scene);
+  using State = std::shared_ptr<const SceneState>;
+  struct Recent {
+    State state;
+    std::weak_ptr<const ResidentScene> scene;  // of it, if it is used
+  };
+  [[nodiscard]] State nearest(const Snapshot& snapshot, const TimeSpan& span) const;
+  /// A state, from one like it or null: it may be that one. Thread: any.
+  [[nodiscard]] Expected<State> make(const SceneAt& wanted, const State& before,
+                                     const Interrupt& interrupt) const;
+  [[nodiscard]] Expected<std::shared_ptr<const Structure>> structure_of(const Snapshot& snapshot,
+                                                                        const State& before) const;
+  /// The scene of a state, which is kept if it is new.
+  [[nodiscard]] std::shared_ptr<const ResidentScene> scene_of(const State& state);
 
   const Accelerator& accelerator_;
   DerivedCache& cache_;
   const MeshBuilder builder_;
   const u64 limit_;
+  FlatRows<kernels::InstanceView> flat_;
   mutable std::mutex mutex_;
-  std::vector<std::shared_ptr<const ResidentScene>> recent_;  // the last is the latest; by mutex_
+  std::vector<Recent> recent_;  // the last is the latest; by mutex_
   std::atomic<u64> bytes_{0};
 };
 

@@ -23,10 +23,26 @@ struct VolumeSlot {
   u32 row;  // index into Labelling::instances, or kNone
 };
 
+/// The children of each entity, alive or not: those of entity i are `of` from first[i] to
+/// first[i + 1]. Empty where no entity has a parent.
+struct Children {
+  std::vector<u32> first;
+  std::vector<u32> of;
+};
+
 struct Structure {
   std::vector<Slot> slots;
   std::vector<u32> slot_of_entity;  // kNone: shows nothing
   std::vector<std::shared_ptr<const DeviceMesh>> meshes;
+  ChunkedArray<u32> mesh_of_slot;  // Slot::mesh
+  std::vector<u32> deforming;      // slots that do
+  std::vector<u32> fixed;          // slots of static entities that do not
+  Children children;
+  std::vector<u32> keyed;           // entities with pose keys
+  std::vector<u32> row_of_root;     // by entity: the row whose root it is, or kNone
+  std::vector<std::string> groups;  // names of the light groups by index; the first is ""
+  std::vector<u32> group_of_slot;
+  std::vector<u32> group_of_volume;  // of `volumes`
   // Row of the material table; its capacity: the default material; one more: absorbs all light.
   std::vector<u32> part_materials;
   std::vector<u32> suns;            // entities that are shown and have a sun
@@ -34,6 +50,13 @@ struct Structure {
   std::vector<VolumeSlot> volumes;  // entities that are shown and have a volume
   Labelling labelling;
 };
+
+/// Whether two snapshots have the same structure, row by row where their tables differ.
+[[nodiscard]] bool same_structure(const Snapshot& a, const Snapshot& b);
+
+/// The entities that are given, with all beneath them: ascending, if they are.
+[[nodiscard]] std::vector<u32> with_descendants(const Structure& structure,
+                                                std::vector<u32> entities);
 
 /// Builds the structure, missing acceleration structures in parallel.
 [[nodiscard]] Expected<std::shared_ptr<const Structure>> make_structure(const Snapshot& snapshot,

@@ -37,11 +37,6 @@ mat4x3 pose_at(const PoseKeys& keys, Time time) {
                      float((time - from.time) / (after->time - from.time)));
 }
 
-/// Whether the pose or vertices at `time` come from between `previous` and the present.
-bool in_history(const Snapshot& snapshot, Time time) {
-  return snapshot.previous && time < snapshot.time;
-}
-
 float history_fraction(const Snapshot& snapshot, Time time) {
   const double from = snapshot.previous->time;
   return float(std::clamp((time - from) / (snapshot.time - from), 0.0, 1.0));

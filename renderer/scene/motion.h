@@ -52,6 +52,12 @@ struct Decomposed {
 /// World pose of one entity: walks up its parents.
 [[nodiscard]] mat4x3 world_pose(const Snapshot& snapshot, u32 entity, Time time);
 
+/// Whether what has no keys is, at this time, between where it was before the last Advance and
+/// where it is.
+[[nodiscard]] inline bool in_history(const Snapshot& snapshot, Time time) {
+  return snapshot.previous && time < snapshot.time;
+}
+
 /// Whether the world pose of an entity may change within a span. The times in it at which keys say
 /// so are appended to `bends`: in between it moves smoothly.
 [[nodiscard]] bool moves_within(const Snapshot& snapshot, u32 entity, const TimeSpan& span,

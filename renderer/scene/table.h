@@ -1,8 +1,10 @@
 // Chunked copy-on-write rows: a copy shares every chunk, a write clones one. Owned by Snapshots.
 #pragma once
 
+#include <algorithm>
 #include <cassert>
 #include <memory>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -53,6 +55,29 @@ class ChunkedArray {
   }
   [[nodiscard]] bool same(const ChunkedArray& other) const {
     return size_ == other.size_ && chunks_ == other.chunks_;
+  }
+
+  /// So many rows, each chunk of which is to be written before it is read.
+  [[nodiscard]] static ChunkedArray unwritten(u32 size) {
+    ChunkedArray array;
+    array.size_ = size;
+    array.chunks_.resize((size + kRows - 1) / kRows);
+    return array;
+  }
+  [[nodiscard]] u32 chunk_count() const { return u32(chunks_.size()); }
+  [[nodiscard]] std::span<const T> chunk(u32 c) const { return *chunks_[c]; }
+  /// Whether both have a chunk, and it is the same one.
+  [[nodiscard]] bool shares(u32 c, const ChunkedArray& other) const {
+    return c < chunks_.size() && c < other.chunks_.size() && chunks_[c] == other.chunks_[c];
+  }
+  /// All rows of a chunk. Thread: several may write chunks, each another.
+  [[nodiscard]] std::span<T> write_chunk(u32 c) {
+    auto& chunk = chunks_[c];
+    if (!chunk)
+      chunk = std::make_shared<Chunk>(std::min(kRows, size_ - c * kRows));
+    else if (chunk.use_count() > 1)
+      chunk = std::make_shared<Chunk>(*chunk);
+    return *chunk;
   }
 
  private:
@@ -141,6 +166,11 @@ class Table {
     slots_.for_each_changed(before.slots_, f);
   }
   [[nodiscard]] bool same(const Table& other) const { return slots_.same(other.slots_); }
+  [[nodiscard]] u32 chunk_count() const { return slots_.chunk_count(); }
+  /// Whether the rows of a chunk, of as many as ChunkedArray has, are the same ones.
+  [[nodiscard]] bool shares(u32 c, const Table& other) const {
+    return slots_.shares(c, other.slots_);
+  }
 
  private:
   static constexpr u32 kNone = ~0u;

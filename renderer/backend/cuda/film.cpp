@@ -100,7 +100,7 @@ ProbeEnd CudaFilm::end_of(const ResidentScene* scene, const kernels::ProbeScene&
   end.bvh = copied->bvh();
   end.camera = copy(*seen.camera);
   end.camera_jumped = seen.camera_jumped;
-  if (seen.scene->instances == scene->view().instances) return end;
+  if (!seen.scene->instances) return end;  // those of the copy
   end.scene.instances =
       copies_.of_own(std::span(seen.scene->instances, seen.scene->instance_count));
   std::vector<kernels::VolumeView> volumes(copied->volumes().begin(), copied->volumes().end());

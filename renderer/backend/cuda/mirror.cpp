@@ -3,15 +3,13 @@
 #include <algorithm>
 #include <cstring>
 
-#include "renderer/resident/parallel.h"
-
 namespace heliograph::cuda {
 namespace {
 
 constexpr u64 kChunkBytes = 64 << 10;
 constexpr u64 kMostInChunk = 16 << 10;
 constexpr u64 kAlignment = 256;
-constexpr std::size_t kBlock = 16 << 10, kBlocksAtOnce = 16;  // of what is compared
+constexpr std::size_t kBlock = 16 << 10;  // of what is compared
 
 }  // namespace
 
@@ -60,15 +58,15 @@ void Copies::refuse(Error error) {
 }
 
 /// After a refusal.
-void Copies::count(std::span<const std::byte> host) {
+void Copies::count(u64 bytes) {
   Error& error = status_.error();
-  if (error.needed > 0) error = no_device_memory(error.needed + host.size(), error.available);
+  if (error.needed > 0) error = no_device_memory(error.needed + bytes, error.available);
 }
 
 const void* Copies::shared(std::span<const std::byte> host) {
   if (host.empty()) return nullptr;
   if (!status_) {
-    if (!mirror_->has(host)) count(host);
+    if (!mirror_->has(host)) count(host.size());
     return nullptr;
   }
   const DeviceMemory* copy = hold(mirror_->copy(host));
@@ -77,7 +75,7 @@ const void* Copies::shared(std::span<const std::byte> host) {
 
 const void* Copies::own(std::span<const std::byte> host) {
   if (host.empty()) return nullptr;
-  if (!status_) return count(host), nullptr;
+  if (!status_) return count(host.size()), nullptr;
   if (host.size() > kMostInChunk) {
     const DeviceMemory* memory = hold(allocate(host.size()));
     if (memory) status_ = mirror_->context().upload(memory->at(), host);
@@ -96,25 +94,19 @@ const void* Copies::own(std::span<const std::byte> host) {
   return reinterpret_cast<const void*>(chunk_ + offset);
 }
 
-const void* Copies::changed(std::span<const std::byte> host, const void* before_host,
-                            DevicePointer before) {
-  if (host.empty()) return nullptr;
-  if (!status_) return count(host), nullptr;
-  const DeviceMemory* memory = hold(allocate(host.size()));
+const void* Copies::pieces(const std::vector<Piece>& all, u64 bytes, DevicePointer before) {
+  if (bytes == 0) return nullptr;
+  if (!status_) return count(bytes), nullptr;
+  const DeviceMemory* memory = hold(allocate(bytes));
   if (!memory) return nullptr;
-  status_ = mirror_->context().copy(memory->at(), before, host.size());
-  std::vector<u8> differs((host.size() + kBlock - 1) / kBlock);
-  const auto block = [&](std::size_t i) {
-    return host.subspan(i * kBlock, std::min(kBlock, host.size() - i * kBlock));
-  };
-  resident::parallel_ranges(differs.size(), kBlocksAtOnce, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin; i < end; ++i)
-      differs[i] =
-          std::memcmp(block(i).data(), static_cast<const std::byte*>(before_host) + i * kBlock,
-                      block(i).size()) != 0;
-  });
-  for (std::size_t i = 0; i < differs.size() && status_; ++i)
-    if (differs[i]) status_ = mirror_->context().upload(memory->at() + i * kBlock, block(i));
+  if (before) status_ = mirror_->context().copy(memory->at(), before, bytes);
+  for (const Piece& piece : all)
+    for (u64 begin = 0; begin < piece.host.size() && status_; begin += kBlock) {
+      const auto block = piece.host.subspan(begin, std::min(kBlock, piece.host.size() - begin));
+      if (piece.before && std::memcmp(block.data(), piece.before + begin, block.size()) == 0)
+        continue;
+      status_ = mirror_->context().upload(memory->at() + piece.offset + begin, block);
+    }
   return memory->as<const void>();
 }
 

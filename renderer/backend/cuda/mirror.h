@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "renderer/backend/cuda/context.h"
+#include "renderer/scene/table.h"
 
 namespace heliograph::cuda {
 
@@ -60,13 +61,20 @@ class Copies {
   [[nodiscard]] const T* of_own(std::span<const T> host) {
     return static_cast<const T*>(own(std::as_bytes(host)));
   }
-  /// The same where others have one as long: only what differs from theirs is sent.
+  /// The same of chunked rows, one after the other.
+  template <class T>
+  [[nodiscard]] const T* of_own(const ChunkedArray<T>& rows) {
+    if (rows.chunk_count() == 1) return of_own(rows.chunk(0));
+    return static_cast<const T*>(pieces(pieces_of<T>(rows, nullptr), rows.size() * sizeof(T), 0));
+  }
+  /// The same where others have as many: of chunks that are not theirs only what differs is sent.
   ///
   /// before   theirs, on the host and on the device
   template <class T>
-  [[nodiscard]] const T* of_changed(std::span<const T> host, const T* before_host,
+  [[nodiscard]] const T* of_changed(const ChunkedArray<T>& rows, const ChunkedArray<T>& before_rows,
                                     const T* before) {
-    return static_cast<const T*>(changed(std::as_bytes(host), before_host, DevicePointer(before)));
+    return static_cast<const T*>(
+        pieces(pieces_of(rows, &before_rows), rows.size() * sizeof(T), DevicePointer(before)));
   }
   /// Where Mirror::made() lies.
   template <class F>
@@ -82,10 +90,27 @@ class Copies {
  private:
   const void* shared(std::span<const std::byte> host);
   void refuse(Error error);
-  void count(std::span<const std::byte> host);
+  void count(u64 bytes);
   const void* own(std::span<const std::byte> host);
-  const void* changed(std::span<const std::byte> host, const void* before_host,
-                      DevicePointer before);
+  /// Rows that go to a place in an array.
+  struct Piece {
+    u64 offset;
+    std::span<const std::byte> host;
+    const std::byte* before;  // what is there, or null
+  };
+  template <class T>
+  static std::vector<Piece> pieces_of(const ChunkedArray<T>& rows, const ChunkedArray<T>* before) {
+    std::vector<Piece> made;
+    for (u32 c = 0; c < rows.chunk_count(); ++c) {
+      if (before && rows.shares(c, *before)) continue;
+      const void* theirs = before ? before->chunk(c).data() : nullptr;
+      made.push_back({u64(c) * ChunkedArray<T>::kRows * sizeof(T), std::as_bytes(rows.chunk(c)),
+                      static_cast<const std::byte*>(theirs)});
+    }
+    return made;
+  }
+  /// before   what the array begins as, on the device; 0: nothing
+  const void* pieces(const std::vector<Piece>& all, u64 bytes, DevicePointer before);
   [[nodiscard]] Expected<std::shared_ptr<const DeviceMemory>> allocate(u64 bytes) const;
   const DeviceMemory* hold(Expected<std::shared_ptr<const DeviceMemory>> memory);
 

@@ -67,7 +67,7 @@ Expected<std::shared_ptr<const MeshCopies>> copy_meshes(const ResidentScene& hos
                                                         const TreeBuilder& builder) {
   auto made = std::make_shared<MeshCopies>(mirror);
   made->of = host.placement().meshes;
-  made->views.assign(host.view().meshes, host.view().meshes + made->of.size());
+  made->views.assign(host.view_elsewhere().meshes, host.view_elsewhere().meshes + made->of.size());
   for (std::size_t i = 0; i < made->of.size(); ++i) {
     copy_mesh(made->views[i], made->copies);
     made->trees.push_back(copy_tree(*made->of[i], made->views[i], builder, made->copies));
@@ -104,7 +104,7 @@ using kernels::LightView;
 Expected<std::shared_ptr<const CudaScene>> CudaScene::create(
     std::shared_ptr<const ResidentScene> host, const CopyContext& context) {
   std::shared_ptr<CudaScene> scene(new CudaScene(std::move(host), context));
-  scene->view_ = scene->host_->view();
+  scene->view_ = scene->host_->view_elsewhere();
   HELIO_TRY(scene->find_meshes(context));
   HELIO_TRY(scene->find_materials(context));
   scene->copy_instances(context);
@@ -118,7 +118,7 @@ Expected<std::shared_ptr<const CudaScene>> CudaScene::create(
 
 void CudaScene::make_host_trees(const ResidentScene& host) {
   const Placement& placement = host.placement();
-  if (!placement.instances.empty() && has_host_top(placement))
+  if (placement.instances.size() > 0 && has_host_top(placement))
     (void)bvh::bvh_of(placement)->world(placement);
 }
 
@@ -156,15 +156,15 @@ Status CudaScene::find_materials(const CopyContext& context) {
 
 void CudaScene::copy_instances(const CopyContext& context) {
   const Placement& placement = host_->placement();
-  const std::span instances(view_.instances, view_.instance_count);
   const auto like = find_in(context, [&](const CudaScene& scene) {
     return scene.host_->placement().structure == placement.structure;
   });
   // Few may still wait to be sent.
   view_.instances =
-      like && instances.size() > kMostHostInstances
-          ? copies_.of_changed(instances, like->host_->view().instances, like->view_.instances)
-          : own_->of_own(instances);
+      like && view_.instance_count > kMostHostInstances
+          ? copies_.of_changed(placement.instances, like->host_->placement().instances,
+                               like->view_.instances)
+          : own_->of_own(placement.instances);
   view_.motion_keys = copies_.of(view_.motion_keys, placement.motion_keys.size());
   const auto& part_materials = placement.structure->part_materials;
   view_.part_materials = copies_.of(part_materials.data(), part_materials.size());
@@ -187,7 +187,8 @@ void CudaScene::copy_lights() {
         copies_.of(tree.entry_of_triangle.data(), tree.entry_of_triangle.size());
   }
   view_.lights = own_->of_own(std::span<const LightView>(views));
-  view_.part_lights = own_->of_own(std::span(lights.part_lights));
+  const std::vector<u32>* part_lights = lights.part_lights.get();
+  view_.part_lights = part_lights ? copies_.of(part_lights->data(), part_lights->size()) : nullptr;
   view_.light_nodes = copies_.of(lights.tree->nodes.data(), lights.tree->nodes.size());
   std::vector<kernels::SunView> suns = lights.suns;
   for (kernels::SunView& sun : suns)

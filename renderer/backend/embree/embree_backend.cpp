@@ -47,8 +47,10 @@ ProbeTask for_embree(const host::ProbeTask& task) {
   const auto end = [](const ResidentScene* scene, const kernels::ProbeScene& probed) {
     return scene ? traced(scene->placement(), *probed.scene) : TracedScene{};
   };
-  return {.context = task.context,
-          .now = end(task.now, task.context.now),
+  kernels::ProbeContext context = task.context;
+  if (task.now) context.now.scene = &task.now->view();
+  return {.context = context,
+          .now = end(task.now, context.now),
           .forward = end(task.forward, task.context.forward),
           .backward = end(task.backward, task.context.backward),
           .film = task.film};

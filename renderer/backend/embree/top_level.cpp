@@ -44,7 +44,7 @@ class Builder {
         device_(device),
         interrupt_(interrupt) {}
 
-  void choose_static(const Snapshot& snapshot, u64 most_triangles);
+  void choose_static(u64 most_triangles);
   Status instances();
   Status group();
   Status scene();
@@ -52,6 +52,9 @@ class Builder {
 
  private:
   [[nodiscard]] GeometryHandle instance(u32 slot) const;
+  [[nodiscard]] bool is_grouped(u32 slot) const { return !grouped_.empty() && grouped_[slot]; }
+  void instance_scenes();
+  void instances_of(u32 chunk);
 
   const Placement& placement_;
   const Kept& kept_;
@@ -59,19 +62,17 @@ class Builder {
   const RTCDevice device_;
   const Interrupt& interrupt_;
   std::shared_ptr<TopLevel> made_ = std::make_shared<TopLevel>();
-  std::vector<u8> grouped_;  // by slot
-  bool changed_ = false;     // the scene differs from the one before
+  std::vector<u32> members_;  // of the group: slots, ascending
+  std::vector<u8> grouped_;   // by slot, whether it is one; empty: there are none
+  bool changed_ = false;      // the scene differs from the one before
 };
 
 /// Static entities join the group in the order of their slots as long as there is room; those that
 /// move in the span stay outside.
-void Builder::choose_static(const Snapshot& snapshot, u64 most_triangles) {
+void Builder::choose_static(u64 most_triangles) {
   const auto& slots = placement_.structure->slots;
-  grouped_.assign(slots.size(), 0);
   u64 triangles = 0;
-  u32 members = 0;
-  for (u32 i = 0; i < slots.size(); ++i) {
-    if (!snapshot.entities.at(slots[i].entity).is_static || slots[i].deforms) continue;
+  for (const u32 i : placement_.structure->fixed) {
     const DeviceMesh& mesh = *placement_.meshes[placement_.mesh_of_slot[i]];
     if (placement_.instances[i].segments > 0 || mesh.segments > 0) continue;
     if (!usable_pose(placement_.world[slots[i].entity])) continue;
@@ -79,17 +80,19 @@ void Builder::choose_static(const Snapshot& snapshot, u64 most_triangles) {
     const u64 more = mesh.topology->triangles.size();
     if (triangles + more > most_triangles) continue;
     triangles += more;
-    ++members;
-    grouped_[i] = 1;
+    members_.push_back(i);
   }
-  if (members < kFewestStatic) grouped_.assign(grouped_.size(), 0);
+  if (members_.size() < kFewestStatic) members_.clear();
+  if (members_.empty()) return;
+  grouped_.assign(slots.size(), 0);
+  for (const u32 i : members_) grouped_[i] = 1;
 }
 
 GeometryHandle Builder::instance(u32 slot) const {
   GeometryHandle handle(rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_INSTANCE));
   const RTCGeometry geometry = handle.get();
   const kernels::InstanceView& view = placement_.instances[slot];
-  rtcSetGeometryInstancedScene(geometry, made_->instance_scenes[slot]);
+  rtcSetGeometryInstancedScene(geometry, (*made_->instance_scenes)[slot]);
   rtcSetGeometryMask(geometry, view.visibility);
   if (view.segments == 0)
     rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, &view.world_from_object);
@@ -99,29 +102,53 @@ GeometryHandle Builder::instance(u32 slot) const {
   return handle;
 }
 
+void Builder::instance_scenes() {
+  const Placement* before = kept_.before;
+  if (before_ && before->mesh_of_slot.same(placement_.mesh_of_slot) &&
+      before->meshes == placement_.meshes) {
+    made_->instance_scenes = before_->instance_scenes;
+    return;
+  }
+  std::vector<RTCScene> scenes(placement_.instances.size());
+  for (u32 i = 0; i < scenes.size(); ++i)
+    scenes[i] = scene_of(*placement_.meshes[placement_.mesh_of_slot[i]]);
+  made_->instance_scenes = std::make_shared<const std::vector<RTCScene>>(std::move(scenes));
+}
+
 Status Builder::instances() {
-  constexpr u32 kTurns = 1024;  // between looks at the interrupt
-  const u32 count = u32(placement_.instances.size());
-  made_->geometries.resize(count);
+  instance_scenes();
+  const u32 count = placement_.instances.size();
   changed_ = !before_ || before_->geometries.size() != count;
-  for (u32 i = 0; i < count; ++i) {
-    if (i % kTurns == 0) HELIO_TRY(interrupt_.status());
-    made_->instance_scenes.push_back(scene_of(*placement_.meshes[placement_.mesh_of_slot[i]]));
-    const u32 old = before_ ? kept_.slots[i] : kNone;
-    changed_ |= old != i || bool(before_->geometries[old]) == bool(grouped_[i]);
-    if (grouped_[i]) continue;
-    const bool reused = old != kNone && before_->geometries[old];
-    made_->geometries[i] = reused ? before_->geometries[old] : instance(i);
+  // Without groups a chunk of the same instances has the same geometries.
+  const bool by_chunks = !changed_ && members_.empty() && !before_->group;
+  made_->geometries =
+      by_chunks ? before_->geometries : ChunkedArray<GeometryHandle>::unwritten(count);
+  for (u32 c = 0; c < made_->geometries.chunk_count(); ++c) {
+    HELIO_TRY(interrupt_.status());
+    if (!by_chunks || !kept_.chunk(placement_, c)) instances_of(c);
   }
   if (const RTCError error = rtcGetDeviceError(device_); error != RTC_ERROR_NONE)
     return fail(Code::kResourceExhausted, "", "Embree could not place the scene's instances");
   return {};
 }
 
+void Builder::instances_of(u32 chunk) {
+  const auto geometries = made_->geometries.write_chunk(chunk);
+  for (u32 k = 0; k < geometries.size(); ++k) {
+    const u32 i = chunk * ChunkedArray<GeometryHandle>::kRows + k;
+    const u32 old = before_ ? kept_.slot(placement_, i) : kNone;
+    changed_ |= old != i || bool(before_->geometries[old]) == is_grouped(i);
+    const bool reused = old != kNone && before_->geometries[old];
+    if (is_grouped(i))
+      geometries[k] = {};
+    else
+      geometries[k] = reused ? before_->geometries[old] : instance(i);
+  }
+}
+
 Status Builder::group() {
   std::vector<StaticMember> members;
-  for (u32 i = 0; i < grouped_.size(); ++i) {
-    if (!grouped_[i]) continue;
+  for (const u32 i : members_) {
     const kernels::InstanceView& view = placement_.instances[i];
     members.push_back({i, view.visibility, placement_.meshes[placement_.mesh_of_slot[i]],
                        view.world_from_object});
@@ -139,9 +166,12 @@ Status Builder::scene() {
     return {};
   }
   made_->scene = new_scene(device_);
-  for (u32 i = 0; i < made_->geometries.size(); ++i)
-    if (made_->geometries[i])
-      rtcAttachGeometryByID(made_->scene.get(), made_->geometries[i].get(), i);
+  u32 number = 0;
+  for (u32 c = 0; c < made_->geometries.chunk_count(); ++c)
+    for (const GeometryHandle& geometry : made_->geometries.chunk(c)) {
+      if (geometry) rtcAttachGeometryByID(made_->scene.get(), geometry.get(), number);
+      ++number;
+    }
   if (made_->group)
     rtcAttachGeometryByID(made_->scene.get(), made_->group->instance.get(),
                           u32(made_->geometries.size()));
@@ -158,10 +188,10 @@ Expected<std::shared_ptr<const MeshAccelerator>> EmbreeAccelerator::build(
 }
 
 Expected<std::shared_ptr<const SceneAccelerator>> EmbreeAccelerator::build(
-    const Snapshot& snapshot, const Placement& placement, const Kept& kept,
+    const Snapshot&, const Placement& placement, const Kept& kept,
     const Interrupt& interrupt) const {
   Builder builder(placement, kept, device_, interrupt);
-  builder.choose_static(snapshot, static_triangles_);
+  builder.choose_static(static_triangles_);
   HELIO_TRY(builder.instances());
   HELIO_TRY(builder.group());
   HELIO_TRY(builder.scene());
@@ -172,7 +202,7 @@ TracedScene traced(const Placement& placement, const kernels::SceneView& view) {
   const TopLevel* top = top_of(&placement);
   if (!top) return {.view = &view};
   TracedScene traced{
-      .top = top->scene.get(), .instance_scenes = top->instance_scenes.data(), .view = &view};
+      .top = top->scene.get(), .instance_scenes = top->instance_scenes->data(), .view = &view};
   if (const StaticGroup* group = top->group.get()) {
     traced.group = u32(placement.instances.size());
     traced.group_instances = group->slots.data();

@@ -9,9 +9,9 @@
 namespace heliograph::embree {
 
 struct TopLevel final : SceneAccelerator {
-  std::vector<RTCScene> instance_scenes;     // by slot
-  std::vector<GeometryHandle> geometries;    // by slot; null: in the group
-  std::shared_ptr<const StaticGroup> group;  // its number in the scene: slots
+  std::shared_ptr<const std::vector<RTCScene>> instance_scenes;  // by slot
+  ChunkedArray<GeometryHandle> geometries;                       // by slot; null: in the group
+  std::shared_ptr<const StaticGroup> group;                      // its number in the scene: slots
   SceneHandle scene;
 
   [[nodiscard]] Box bounds() const override;

@@ -1,0 +1,49 @@
+// Which entities of a structure differ between two snapshots, and which move while the shutter is
+// open: found by the chunks that tables share, so that what did not change is not looked at.
+#pragma once
+
+#include <span>
+
+#include "renderer/engine/motion_keys.h"
+#include "renderer/resident/parallel.h"
+#include "renderer/resident/structure.h"
+
+namespace heliograph::resident {
+
+/// A snapshot in a span of time.
+struct Moment {
+  const Snapshot& snapshot;
+  TimeSpan span;
+};
+
+// All lists are ascending.
+
+/// The entities whose rows differ, or whose local poses in the middle of the spans do.
+[[nodiscard]] std::vector<u32> changed_entities(const Moment& before, const Moment& now,
+                                                const Structure& structure);
+/// The entities that may move within the span, but for those that an ancestor moves.
+[[nodiscard]] std::vector<u32> moving_entities(const Moment& now, const Structure& structure);
+/// The slots for which deform_within() may have vertices.
+[[nodiscard]] std::vector<u32> deforming_slots(const Moment& now, const Structure& structure);
+
+/// The slots that entities have.
+[[nodiscard]] std::vector<u32> slots_of(const Structure& structure, std::span<const u32> entities);
+/// Adds numbers to an ascending list.
+void merge(std::vector<u32>& list, std::vector<u32> more);
+
+/// f(chunk, rows in it) for the chunks of a ChunkedArray that ascending rows lie in, by all
+/// threads.
+template <class F>
+void for_each_chunk(std::span<const u32> rows, const F& f) {
+  constexpr u32 kRows = ChunkedArray<u32>::kRows;
+  std::vector<std::span<const u32>> chunks;
+  for (std::size_t begin = 0; begin < rows.size();) {
+    std::size_t end = begin;
+    while (end < rows.size() && rows[end] / kRows == rows[begin] / kRows) ++end;
+    chunks.push_back(rows.subspan(begin, end - begin));
+    begin = end;
+  }
+  parallel_for(chunks.size(), [&](std::size_t i) { f(chunks[i].front() / kRows, chunks[i]); });
+}
+
+}  // namespace heliograph::resident

@@ -1,0 +1,88 @@
+// Pieces to what the kernels read. Declared in scene.h.
+#include "renderer/resident/black_body.h"
+#include "renderer/resident/casters.h"
+#include "renderer/resident/scene.h"
+
+namespace heliograph::resident {
+namespace {
+
+/// Bytes of the chunks that another array, or null, does not share.
+template <class T>
+u64 bytes_of(const ChunkedArray<T>& rows, const ChunkedArray<T>* other) {
+  u64 bytes = 0;
+  for (u32 c = 0; c < rows.chunk_count(); ++c)
+    if (!other || !rows.shares(c, *other)) bytes += rows.chunk(c).size_bytes();
+  return bytes;
+}
+
+}  // namespace
+
+SceneState::SceneState(std::shared_ptr<const Snapshot> snapshot, const TimeSpan& span,
+                       ScenePieces pieces)
+    : snapshot_(std::move(snapshot)), span_(span), pieces_(std::move(pieces)) {
+  const auto& [placement, volumes, materials, surfaces, lights] = pieces_;
+  const Structure& structure = *placement->structure;
+  for (const auto& mesh : placement->meshes) meshes_.push_back(mesh->view());
+  view_ = surfaces->interior;
+  view_.any_holes = surfaces->holes != nullptr;
+  view_.meshes = meshes_.data();
+  view_.materials = materials->materials.data();
+  view_.textures = materials->textures.data();
+  view_.texture_uses = materials->uses.data();
+  view_.part_materials = structure.part_materials.data();
+  view_.part_lights = lights->part_lights ? lights->part_lights->data() : nullptr;
+  view_.lights = lights->lights.data();
+  view_.motion_keys = placement->motion_keys.data();
+  view_.light_nodes = lights->tree->nodes.data();
+  volumes_ = volumes->views;
+  for (std::size_t i = 0; i < volumes_.size(); ++i)
+    volumes_[i].instance.light_group = structure.group_of_volume[i];
+  view_.volumes = volumes_.data();
+  view_.volume_count = u32(volumes_.size());
+  view_.black_body = black_body_table().data();
+  view_.dome = lights->dome;
+  view_.suns = lights->suns.data();
+  view_.sun_count = u32(lights->suns.size());
+  view_.surface_probability = lights->surface_probability;
+  casters_ = find_casters(*placement, *materials, surfaces->focusing);
+  view_.casters = casters_.data();
+  view_.caster_count = u32(casters_.size());
+  if (!casters_.empty()) cast_lights_ = find_cast_lights(*lights, placement->bounds);
+  view_.cast_lights = cast_lights_.data();
+  view_.cast_light_count = u32(cast_lights_.size());
+  view_.caster_probability = caster_probability(*lights);
+  view_.instance_count = placement->instances.size();
+  view_.light_count = u32(lights->lights.size());
+  const Box& bounds = placement->bounds;
+  view_.center = bounds.empty() ? vec3(0) : 0.5f * (bounds.lower + bounds.upper);
+  view_.radius = bounds.empty() ? 1 : 0.5f * glm::length(bounds.upper - bounds.lower);
+}
+
+u64 SceneState::bytes_beside(const SceneState* other) const {
+  constexpr u64 kTopBytesPerInstance = 256;  // nodes and instance of a top level
+  constexpr u64 kTopBytesPerKey = 128;       // the same of a time step
+  const Placement& own = placement();
+  const Placement* theirs = other ? &other->placement() : nullptr;
+  const auto shared = [&](auto field) { return theirs ? &(theirs->*field) : nullptr; };
+  const bool same_top = theirs && theirs->accelerator == own.accelerator;
+  return bytes_of(own.instances, shared(&Placement::instances)) +
+         bytes_of(own.world, shared(&Placement::world)) +
+         bytes_of(own.root_from_entity, shared(&Placement::root_from_entity)) +
+         bytes_of(own.frames, shared(&Placement::frames)) +
+         bytes_of(own.boxes, shared(&Placement::boxes)) +
+         (same_top ? 0 : own.instances.size() * kTopBytesPerInstance) +
+         own.motion_keys.size() * (sizeof(kernels::MotionKey) + kTopBytesPerKey) +
+         meshes_.size() * sizeof(kernels::MeshView) +
+         pieces_.materials->materials.size() * sizeof(kernels::MaterialView);
+}
+
+const kernels::SceneView& ResidentScene::view() const {
+  std::call_once(made_, [&] {
+    view_ = state_->view();
+    run_alone([&] { instances_ = flat_.copy(placement().instances); });
+    view_.instances = instances_.get();
+  });
+  return view_;
+}
+
+}  // namespace heliograph::resident

@@ -1,0 +1,24 @@
+// What the materials make of a structure's slots, wherever they are.
+#pragma once
+
+#include "renderer/resident/materials.h"
+#include "renderer/resident/structure.h"
+
+namespace heliograph::resident {
+
+/// By slot, whether it has kMayBeHole; null: none has.
+using HoleSlots = std::shared_ptr<const std::vector<u8>>;
+
+struct Surfaces {
+  HoleSlots holes;
+  std::vector<u32> focusing;      // slots that reflect or refract light sharply (casters.h)
+  kernels::SceneView interior{};  // what note_interior() says of all materials in use
+};
+
+/// A function of the materials and the structure. `before`, or null, has the same structure: holes
+/// that are the same are shared with it.
+[[nodiscard]] std::shared_ptr<const Surfaces> make_surfaces(const Structure& structure,
+                                                            const Materials& materials,
+                                                            const Surfaces* before);
+
+}  // namespace heliograph::resident
