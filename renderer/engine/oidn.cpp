@@ -188,7 +188,11 @@ void OidnDevice::forget() {
   library_->filter = nullptr;
 }
 
-void OidnDevice::abandon() { (void)library_.release(); }
+void OidnDevice::abandon() {
+  library_->filter = nullptr;
+  library_->device = nullptr;
+  library_->handle = nullptr;  // the library stays, as the device is its
+}
 
 DenoiserTest::DenoiserTest()
     : beauty_(4ul * kTestSide * kTestSide, 1.0f),
