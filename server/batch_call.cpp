@@ -141,6 +141,9 @@ void BatchCall::on_done(ItemPtr item) {
     const std::lock_guard lock(mutex_);
     if (!is_writing_ && done_.empty()) standstill_.moved();
     --in_work_;
+    const Status& status = item->status();
+    // The deadline is the whole batch's: who waits for it learns so, whoever looked first.
+    if (!status && status.error().code == Code::kDeadlineExceeded) close(status);
     done_.push_back(std::move(item));
   }
   pump();
