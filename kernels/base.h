@@ -96,10 +96,16 @@ KERNEL vec3 multiple_scattering(vec3 f_avg, float e_avg) {
   return f_avg * f_avg * e_avg / (vec3(1) - f_avg * (1 - e_avg));
 }
 
+/// Whether highlights are stretched.
+KERNEL bool is_stretched(const Base& b) { return kRich && b.anisotropic.aspect < 1; }
+/// Whether some light travels inside the body.
+KERNEL bool has_body(const Base& b) { return kRich && b.subsurface_probability > 0; }
+KERNEL bool has_film(const ThinFilm& film) { return kRich && film.weight > 0; }
+
 /// w: local
 KERNEL Albedo base_albedo(const Base& b, vec3 w) {
   if (b.delta) return {1, schlick_weight(w.z)};
-  return b.anisotropic.aspect < 1 ? albedo_at(b.anisotropic, w) : albedo_at(b.albedo, w.z);
+  return is_stretched(b) ? albedo_at(b.anisotropic, w) : albedo_at(b.albedo, w.z);
 }
 
 /// Share of light that the coat reflects.

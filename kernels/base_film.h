@@ -75,7 +75,7 @@ HELIO_CALL KERNEL Reflectances seen_film(const Base& b) {
 
 /// Reflectance of the interface of glass at cosine c, where it is `bare` without the film.
 KERNEL vec3 glass_at(const Base& b, float c, float bare) {
-  if (!(b.glass_film.weight > 0)) return vec3(bare);
+  if (!has_film(b.glass_film)) return vec3(bare);
   const vec3 film = film_on_dielectric(b.glass_film, c, b.eta);
   return vec3(bare) + (film - vec3(bare)) * b.glass_film.weight;
 }

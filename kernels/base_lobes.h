@@ -25,7 +25,7 @@ struct BsdfSample {
 };
 
 /// Whether what passes is a lobe of its own, and the probability of choosing it.
-KERNEL bool passes_apart(const Base& b) { return b.interface > Interface::kJoint; }
+KERNEL bool passes_apart(const Base& b) { return kRich && b.interface > Interface::kJoint; }
 KERNEL float through_probability(const Base& b) {
   return max2(1 - b.diffuse_probability - b.facet_probability - b.subsurface_probability, 0.0f);
 }
@@ -44,7 +44,7 @@ struct Facet {
 };
 KERNEL Facet facet_of(const Base& b, float c) {
   Facet f{b.f0 + (vec3(b.f90) - b.f0) * schlick_weight(c), vec3(0), 0, 1};
-  if (b.film.weight > 0 && b.f90 > 0) {
+  if (has_film(b.film) && b.f90 > 0) {
     const Reflectances film = film_at(b, c);
     const vec3 covered = film.coat * b.plastic + film.metal * b.metallic;
     f.reflected += (covered - f.reflected) * b.film.weight;
@@ -77,7 +77,7 @@ HELIO_CALL KERNEL void add_sheet(const Base& b, vec3 wi, BsdfValue& out) {
   out.pdf = through_probability(b) * 0.25f * ggx_visible_density(b.wo, density, b.through);
 }
 
-HELIO_CALL KERNEL void add_refraction(const Base& b, vec3 wi, BsdfValue& out) {
+HELIO_STEP KERNEL void add_refraction(const Base& b, vec3 wi, BsdfValue& out) {
   vec3 h = b.wo + wi * b.eta;
   h = normalize(h.z < 0 ? -h : h);
   const float wo_h = dot(b.wo, h);
@@ -85,7 +85,7 @@ HELIO_CALL KERNEL void add_refraction(const Base& b, vec3 wi, BsdfValue& out) {
   if (wo_h <= 0 || wi_h >= 0) return;
   vec3 color;
   float probability;
-  if (b.interface == Interface::kSplit) {
+  if (passes_apart(b)) {
     color = through_color(b) * (1 - fresnel_dielectric(wo_h, b.eta).reflectance);
     probability = through_probability(b);
   } else {
@@ -113,8 +113,9 @@ KERNEL void add_reflection(const Base& b, vec3 wi, BsdfValue& out) {
 /// Light that passes the surface to wi, below it (local).
 KERNEL void add_through(const Base& b, vec3 wi, BsdfValue& out) {
   if (b.interface == Interface::kNone) return;
-  if (passes_apart(b) ? b.through_delta : b.delta) return;
-  b.interface == Interface::kSheet ? add_sheet(b, wi, out) : add_refraction(b, wi, out);
+  const bool apart = passes_apart(b);
+  if (apart ? b.through_delta : b.delta) return;
+  apart&& b.interface == Interface::kSheet ? add_sheet(b, wi, out) : add_refraction(b, wi, out);
 }
 
 /// wi     local
@@ -196,8 +197,8 @@ KERNEL Chosen choose_base(const Base& b, float u_lobe, vec2 u, BsdfSample& s) {
   }
   float rest = u_lobe - b.diffuse_probability;
   // Where there are no facets, rounding must not choose them.
-  const bool last = b.subsurface_probability > 0 && b.facet_probability <= 0 && !passes_apart(b);
-  if (rest < b.subsurface_probability || last) {
+  const bool last = b.facet_probability <= 0 && !passes_apart(b);
+  if (has_body(b) && (rest < b.subsurface_probability || last)) {
     s.weight = vec3(b.subsurface / b.subsurface_probability);
     s.lobe = Lobe::kSubsurface;
     s.eta = 1;

@@ -34,7 +34,7 @@ struct Body {
   float inside;
 };
 KERNEL Body body_of(const MaterialValues& m, const ShadingPoint& at) {
-  if (!(m.subsurface > 0)) return {m.base_color, 0};
+  if (!kRich || !(m.subsurface > 0)) return {m.base_color, 0};
   const bool has_inside = !at.thin_walled && dot(at.wo, at.ng) >= 0;
   const vec3 color = m.base_color * (1 - m.subsurface);
   if (!has_inside || is_black(m.subsurface_radius)) {
@@ -51,9 +51,9 @@ KERNEL vec2 set_reflection(Base& b, const MaterialValues& m, const ShadingPoint&
   const vec3 full_f0 = dielectric_f0(m, at.outside);
   const vec3 coat_f0 = full_f0 * m.specular;
   const float f_steps = 1 / 21.0f;  // the average of Schlick's weight
-  const Albedo average = b.delta                    ? Albedo{1, f_steps}
-                         : b.anisotropic.aspect < 1 ? albedo_average(b.anisotropic)
-                                                    : albedo_average(m.roughness);
+  const Albedo average = b.delta           ? Albedo{1, f_steps}
+                         : is_stretched(b) ? albedo_average(b.anisotropic)
+                                           : albedo_average(m.roughness);
   const Albedo out = base_albedo(b, b.wo);
 
   b.f0 = coat_f0 * b.plastic + m.base_color * m.metallic;
@@ -64,7 +64,7 @@ KERNEL vec2 set_reflection(Base& b, const MaterialValues& m, const ShadingPoint&
   b.coat_multiple = 0;
   Reflectances mean{coat_f0 + (vec3(m.specular) - coat_f0) * f_steps,
                     m.base_color + (vec3(1) - m.base_color) * f_steps};
-  const bool covered = b.film.weight > 0 && b.f90 > 0;
+  const bool covered = has_film(b.film) && b.f90 > 0;
   if (covered) {
     b.film_coat = amplitude_below(b.film, full_f0);
     b.film_metal = amplitude_below(b.film, m.base_color);
@@ -114,8 +114,7 @@ inline constexpr float kMostThrough = 1.25f;
 /// its roughness. Returns as set_interface().
 HELIO_CALL KERNEL vec2 set_apart(Base& b, const MaterialValues& m, float through) {
   vec3 reflected(face_reflectance(b, m.roughness));
-  if (b.glass_film.weight > 0)
-    reflected = glm::clamp(reflected + film_on_face(b), vec3(0), vec3(1));
+  if (has_film(b.glass_film)) reflected = glm::clamp(reflected + film_on_face(b), vec3(0), vec3(1));
   float smallest = 0;
   b.through_scale = 1;
   if (b.interface == Interface::kSheet) {
@@ -144,12 +143,12 @@ HELIO_CALL KERNEL vec2 set_apart(Base& b, const MaterialValues& m, float through
 
 /// The interface of glass. Returns shares of sampling for its microfacets and for what passes
 /// apart.
-HELIO_CALL KERNEL vec2 set_interface(Base& b, const MaterialValues& m, const ShadingPoint& at) {
+HELIO_STEP KERNEL vec2 set_interface(Base& b, const MaterialValues& m, const ShadingPoint& at) {
   const bool enters = at.thin_walled || dot(at.wo, at.ng) >= 0;
   const float through = 1 - (1 - m.roughness) * (1 - m.transmission_roughness);
   b.through_delta = sqr(through) < kDeltaAlpha;
-  const bool apart = m.transmission_roughness > 0 || b.anisotropic.aspect < 1;
-  b.interface = at.thin_walled              ? Interface::kSheet
+  const bool apart = kRich && (m.transmission_roughness > 0 || is_stretched(b));
+  b.interface = kRich && at.thin_walled     ? Interface::kSheet
                 : apart && !b.through_delta ? Interface::kSplit
                                             : Interface::kJoint;
   float ior = m.ior / at.outside;
@@ -170,7 +169,7 @@ HELIO_CALL KERNEL vec2 set_interface(Base& b, const MaterialValues& m, const Sha
     const float least = min_component(b.glass_specular);
     const float whole = share.reflected + share.refracted;
     float albedo = glm::mix(1 - share.refracted, share.reflected, least) + share.refracted;
-    if (b.glass_film.weight > 0) {
+    if (has_film(b.glass_film)) {
       // What the film adds to the reflection is held up as that is, not as what refracts.
       const vec3 added = film_on_face(b) * (base_albedo(b, b.wo).total - whole);
       albedo += max_component(added);
@@ -184,11 +183,12 @@ HELIO_CALL KERNEL vec2 set_interface(Base& b, const MaterialValues& m, const Sha
 KERNEL void set_base(Base& b, const MaterialValues& m, const ShadingPoint& at, vec3 n) {
   const bool facets = m.specular > 0 || m.metallic > 0 || m.transmission > 0;
   if (facets) n = bend_normal(b.ng, at.wo, n);
-  b.frame = m.anisotropic > 0 ? make_frame(n, at.tangent) : make_frame(n);
+  const bool stretched = kRich && m.anisotropic > 0;
+  b.frame = stretched ? make_frame(n, at.tangent) : make_frame(n);
   b.wo = to_local(b.frame, at.wo);
   b.wo.z = max2(b.wo.z, 1e-4f);
   const float alpha = sqr(m.roughness);
-  const float aspect = m.anisotropic > 0 ? std::sqrt(1 - 0.9f * m.anisotropic) : 1;
+  const float aspect = stretched ? std::sqrt(1 - 0.9f * m.anisotropic) : 1;
   b.facets = {alpha / aspect, alpha * aspect};
   b.anisotropic = {m.roughness, aspect};
   b.delta = alpha < kDeltaAlpha;

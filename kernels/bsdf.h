@@ -15,13 +15,15 @@ struct Bsdf : Base {
   Layers layers;  // set where there are any
 };
 
+KERNEL bool is_layered(const Bsdf& b) { return kRich && b.layered; }
+
 /// In place: a Bsdf is large, and most of it stays unset where there are no layers.
-HELIO_CALL KERNEL void set_bsdf(Bsdf& b, const MaterialValues& m, const ShadingPoint& at) {
+HELIO_STEP KERNEL void set_bsdf(Bsdf& b, const MaterialValues& m, const ShadingPoint& at) {
   const bool front = dot(at.wo, at.ng) >= 0;
   b.ng = front ? at.ng : -at.ng;
   set_base(b, m, at, front ? at.ns : -at.ns);
   b.layered = has_layers(m);
-  if (b.layered) {
+  if (is_layered(b)) {
     set_layers(b.layers, b, m, at.wo, front ? at.clearcoat_normal : -at.clearcoat_normal);
   }
 }
@@ -32,11 +34,11 @@ KERNEL Bsdf make_bsdf(const MaterialValues& m, const ShadingPoint& at) {
 }
 
 /// wi   unit, world
-HELIO_CALL KERNEL BsdfValue evaluate_bsdf(const Bsdf& b, vec3 wi_world) {
+HELIO_STEP KERNEL BsdfValue evaluate_bsdf(const Bsdf& b, vec3 wi_world) {
   const vec3 wi = to_local(b.frame, wi_world);
   const float side = dot(b.ng, wi_world);
   BsdfValue out = evaluate_base(b, wi, side);
-  if (!b.layered) return out;
+  if (!is_layered(b)) return out;
   const Layers& l = b.layers;
   out.glossy *= l.below;
   out.pdf *= l.base_probability;
@@ -85,20 +87,20 @@ KERNEL bool sample_layered(const Bsdf& b, float u_lobe, vec2 u, BsdfSample& s) {
 /// Chooses a direction; false when light from there counts for nothing.
 ///
 /// u_lobe, u   uniform in [0, 1)
-HELIO_CALL KERNEL bool sample_bsdf(const Bsdf& b, float u_lobe, vec2 u, BsdfSample& s) {
-  return b.layered ? sample_layered(b, u_lobe, u, s)
-                   : finish_sample(b, choose_base(b, u_lobe, u, s), s);
+HELIO_STEP KERNEL bool sample_bsdf(const Bsdf& b, float u_lobe, vec2 u, BsdfSample& s) {
+  return is_layered(b) ? sample_layered(b, u_lobe, u, s)
+                       : finish_sample(b, choose_base(b, u_lobe, u, s), s);
 }
 
 /// Whether sample_bsdf() looks at u_lobe.
-KERNEL bool chooses_lobe(const Bsdf& b) { return b.layered || b.diffuse_probability < 1; }
+KERNEL bool chooses_lobe(const Bsdf& b) { return is_layered(b) || b.diffuse_probability < 1; }
 
 /// Light from inside the body leaves towards wi (unit, world) with this times the cosine / pi.
 KERNEL float leaving_body(const Bsdf& b, vec3 wi_world) {
   const vec3 wi = to_local(b.frame, wi_world);
   if (wi.z <= 0 || dot(b.ng, wi_world) <= 0) return 0;
   float leaving = b.coated ? 1 - coat_albedo(b, base_albedo(b, wi)) : 1;
-  if (b.layered) {
+  if (is_layered(b)) {
     const float coat_cosine = b.layers.clearcoat > 0 ? dot(b.layers.coat.n, wi_world) : 0;
     leaving *= layers_transmit(b.layers, coat_cosine, wi.z);
   }
@@ -108,13 +110,13 @@ KERNEL float leaving_body(const Bsdf& b, vec3 wi_world) {
 /// Whether the surface sends on any light at all.
 KERNEL bool scatters(const Bsdf& b) {
   return b.glass > 0 || b.f90 > 0 || b.subsurface > 0 || !is_black(b.diffuse) || !is_black(b.f0) ||
-         b.layered;
+         is_layered(b);
 }
 
 /// Whether lights are worth sampling: something is not a perfect mirror.
 KERNEL bool has_smooth_lobe(const Bsdf& b) {
   return b.diffuse_probability > 0 || !b.delta || (passes_apart(b) && !b.through_delta) ||
-         (b.layered && (b.layers.sheen_weight > 0 || !b.layers.delta));
+         (is_layered(b) && (b.layers.sheen_weight > 0 || !b.layers.delta));
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -61,7 +61,7 @@ KERNEL void add_image(CasterCones& cones, const CasterView& caster, const CastLi
 }
 
 /// n   unit, at p; world
-HELIO_CALL KERNEL void see_casters(CasterCones& cones, const SceneView& scene, vec3 p, vec3 n) {
+HELIO_STEP KERNEL void see_casters(CasterCones& cones, const SceneView& scene, vec3 p, vec3 n) {
   constexpr float kFlattest = 0.1f;  // cosine that the weight of a low one has
   for (u32 i = 0; i < scene.caster_count; ++i) {
     const CasterView& caster = scene.casters[i];
@@ -83,7 +83,7 @@ HELIO_CALL KERNEL void see_casters(CasterCones& cones, const SceneView& scene, v
 }
 
 /// Density of sample_casters(), 1/sr. wi: unit, world
-HELIO_CALL KERNEL float casters_pdf(const CasterCones& cones, vec3 wi) {
+HELIO_STEP KERNEL float casters_pdf(const CasterCones& cones, vec3 wi) {
   float pdf = 0;
   float before = 0;
   for (u32 i = 0; i < cones.count; ++i) {

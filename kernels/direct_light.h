@@ -14,7 +14,7 @@ struct Vertex {
   Boundary boundary;
   MaterialValues material;
   Bsdf bsdf;
-  CasterCones casters;
+  CasterCones* casters;
 };
 
 // What scatters light, at any point, is to say:
@@ -26,16 +26,16 @@ struct Vertex {
 /// A clearcoat may have a normal of its own, but no light from below the surface.
 KERNEL Receiver receiver_of(const Vertex& v, float time) {
   const Bsdf& b = v.bsdf;
-  return {v.surface.p, b.layered ? b.ng : b.frame.n, b.glass > 0 ? Facing::kBoth : Facing::kFront,
-          time};
+  return {v.surface.p, is_layered(b) ? b.ng : b.frame.n,
+          b.glass > 0 ? Facing::kBoth : Facing::kFront, time};
 }
 /// Density [1/sr] with which scatter() takes a direction whose density among the surface's own is
 /// `pdf`. Casters are looked for on the near side only.
 KERNEL float scatter_pdf(const Vertex& v, vec3 wi, float pdf) {
-  if (v.casters.count == 0) return pdf;
-  const float own = (1 - v.casters.probability) * pdf;
+  if (v.casters->count == 0) return pdf;
+  const float own = (1 - v.casters->probability) * pdf;
   if (!(pdf > 0) || dot(v.bsdf.ng, wi) <= 0) return own;
-  return own + v.casters.probability * casters_pdf(v.casters, wi);
+  return own + v.casters->probability * casters_pdf(*v.casters, wi);
 }
 /// visibility: of the light.
 KERNEL BsdfValue scattered(const Vertex& v, vec3 wi, u32 visibility) {
@@ -47,7 +47,7 @@ KERNEL BsdfValue scattered(const Vertex& v, vec3 wi, u32 visibility) {
   return f;
 }
 KERNEL vec3 leave_towards(const Vertex& v, vec3 wi, Inside& inside) {
-  if (dot(v.bsdf.ng, wi) < 0) cross_surface(inside, v.surface, v.material, wi);
+  if (kRich && dot(v.bsdf.ng, wi) < 0) cross_surface(inside, v.surface, v.material, wi);
   return offset_point(v.surface, wi);
 }
 KERNEL Route route_of(const Vertex& v, vec3 wi, const BsdfValue& f) {
@@ -84,11 +84,11 @@ HELIO_RARE KERNEL vec3 passing_surfaces(const PathContext<T>& c, Ray ray, Inside
 template <Tracer T>
 KERNEL vec3 unshadowed(const PathContext<T>& c, const Ray& ray, Inside& inside,
                        SampleValues& sample) {
-  if (c.scene.any_passable || (c.scene.any_priority && inside.depth > 0))
+  if (kRich && (c.scene.any_passable || (c.scene.any_priority && is_filled(inside))))
     return passing_surfaces(c, ray, inside, sample);
   ++sample.rays;
   if (c.tracer.occluded(ray, kShadowRay)) return vec3(0);
-  return inside.depth > 0 ? transmittance(interior_in(inside), ray.t_max) : vec3(1);
+  return transmittance(inside, ray.t_max);
 }
 
 /// Light that comes to a point straight from one light.
@@ -104,14 +104,14 @@ KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Point&
   if (!(max_component(total) > 0)) return;
 
   Inside inside;
-  if (c.scene.any_media) inside = path.inside;
+  if (has_media(c.scene)) inside = path.inside;
   const vec3 origin = leave_towards(at, light.direction, inside);
   Ray ray{origin, light.direction, INFINITY, c.time, hole_key(c, kShadowHoleHash + path.edges)};
   if (!shadow_ray(origin, light, ray)) return;
   const vec3 share = unshadowed(c, ray, inside, sample);
   if (is_black(share)) return;
   float weight = shows_to_all(light.visibility) ? mis_weight(light.pdf, f.pdf) : 1;
-  if (c.scene.volume_count > 0) {
+  if (kRich && c.scene.volume_count > 0) {
     weight *= transmittance(c.scene, ray, c.sampler.hash_of(kShadowCollisionHash + path.edges));
     if (!(weight > 0)) return;
   }

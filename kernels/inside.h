@@ -85,14 +85,20 @@ struct Inside {
   u32 depth = 0;
 };
 
-/// What fills the place. inside.depth > 0
+/// Whether paths keep track of what they are inside of.
+KERNEL bool has_media(const SceneView& scene) { return kRich && scene.any_media; }
+
+/// Whether something fills the place.
+KERNEL bool is_filled(const Inside& inside) { return kRich && inside.depth > 0; }
+
+/// What fills it, if something does.
 KERNEL const Interior& interior_in(const Inside& inside) {
   return inside.layers[inside.depth - 1].medium;
 }
 
 /// Share of light that passes a distance [m].
 KERNEL vec3 transmittance(const Inside& inside, float distance) {
-  return inside.depth > 0 ? transmittance(interior_in(inside), distance) : vec3(1);
+  return is_filled(inside) ? transmittance(interior_in(inside), distance) : vec3(1);
 }
 
 /// The innermost layer with the surface's instance, if it can be one that was entered by the same
@@ -159,8 +165,8 @@ struct Boundary {
 /// graphics tools 7(2).
 KERNEL Boundary boundary_at(const SceneView& scene, const Inside& inside, const Surface& s,
                             vec3 direction) {
-  const Meeting alone = s.material->passable ? Meeting::kPasses : Meeting::kScatters;
-  if (!scene.any_priority || inside.depth == 0) return {alone, 1};
+  const Meeting alone = kRich && s.material->passable ? Meeting::kPasses : Meeting::kScatters;
+  if (!scene.any_priority || !is_filled(inside)) return {alone, 1};
   const bool body = is_body(*s.material);
   const bool leaves = body && dot(direction, s.ng) >= 0;
   const u32 own = leaves ? layer_of(inside, s) : kNone;

@@ -28,7 +28,7 @@ struct Layers {
 };
 
 KERNEL bool has_layers(const MaterialValues& m) {
-  return m.clearcoat > 0 || (m.sheen > 0 && !is_black(m.sheen_color));
+  return kRich && (m.clearcoat > 0 || (m.sheen > 0 && !is_black(m.sheen_color)));
 }
 
 KERNEL float clearcoat_albedo(const Layers& l, float cosine) {

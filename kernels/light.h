@@ -31,7 +31,7 @@ struct LightSample {
 
 /// Radiance that a point of a surface emits in a direction, and that sample_light() counts where
 /// the surface belongs to a light. wo: unit, world, leaves the surface.
-HELIO_CALL KERNEL vec3 emitted(const SceneView& scene, const Surface& s, const MaterialValues& m,
+HELIO_STEP KERNEL vec3 emitted(const SceneView& scene, const Surface& s, const MaterialValues& m,
                                vec3 wo) {
   const bool front = dot(wo, s.ng) >= 0;
   vec3 radiance(0);
@@ -58,7 +58,7 @@ KERNEL vec3 shown(const Surface& s, const MaterialValues& m) {
 
 /// Density [1/sr] with which sample_light() would have taken the direction in which a ray from the
 /// receiver met a light.
-HELIO_CALL KERNEL float light_pdf(const SceneView& scene, const Receiver& from, const Hit& hit,
+HELIO_CALL KERNEL float light_pdf(const SceneView& scene, Receiver from, const Hit& hit,
                                   vec3 direction, u32 index) {
   const LightPlace at = light_place(scene, index, from.time);
   const TriangleTree& tree = at.light.tree;

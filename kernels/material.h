@@ -72,8 +72,9 @@ KERNEL vec3 clamp_to(vec3 v, float smallest, float largest) {
 /// The parameters named by the bits of `wanted`, textures applied and clamped to their ranges; the
 /// others keep their constants. Emission and alpha are those of the point: lights and holes are
 /// sampled so.
-KERNEL MaterialValues evaluate_material(const SceneView& scene, const MaterialView& material,
-                                        const Uvs& uvs, u32 wanted) {
+HELIO_CALL KERNEL MaterialValues evaluate_material(const SceneView& scene,
+                                                   const MaterialView& material, const Uvs& uvs,
+                                                   u32 wanted) {
   MaterialValues values = material.constant;
   if ((material.textured & wanted) == 0) return values;
   u32 use = material.first_use;
@@ -122,8 +123,18 @@ KERNEL bool is_body(const MaterialView& material) {
   return !material.thin_walled && !material.unlit && material.constant.transmission > 0;
 }
 
+/// Whether surfaces of a material scatter light as plain programs do not, see kRich. Textures scale
+/// what the constants are.
+KERNEL bool is_rich(const MaterialView& material) {
+  const MaterialValues& m = material.constant;
+  const bool apart = material.thin_walled || m.transmission_roughness > 0;
+  return m.subsurface > 0 || m.clearcoat > 0 || m.sheen > 0 || m.iridescence > 0 ||
+         m.anisotropic > 0 || (m.transmission > 0 && apart);
+}
+
 /// Counts the material of an instance in what SceneView says of all.
-KERNEL void note_interior(SceneView& scene, const MaterialView& material) {
+KERNEL void note_material(SceneView& scene, const MaterialView& material) {
+  scene.any_rich |= is_rich(material);
   scene.any_priority |= material.priority != 0;
   scene.any_passable |= material.passable;
   scene.any_media |= material.priority != 0 || material.passable || may_fill(material);

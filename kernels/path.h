@@ -30,7 +30,7 @@ KERNEL Path begin_path(const PathContext<T>& c, u32 x, u32 y, SampleValues& samp
   path.route = {vec3(0), FirstVertex::kReflects};
   path.passed = 0;
   path.boundaries = 0;
-  if (c.scene.any_media) path.inside = inside_at(c.scene, c.tracer, path.ray, sample.rays);
+  if (has_media(c.scene)) path.inside = inside_at(c.scene, c.tracer, path.ray, sample.rays);
   return path;
 }
 
@@ -61,10 +61,10 @@ KERNEL vec3 met_sun(const SunView& sun, const Path& path) {
 
 /// The path leaves the scene.
 template <Tracer T>
-HELIO_CALL KERNEL void miss(const PathContext<T>& c, const Path& path, SampleValues& sample) {
+HELIO_STEP KERNEL void miss(const PathContext<T>& c, const Path& path, SampleValues& sample) {
   if (path.edges == 1 && c.settings.transparent_background) {
-    const vec3 t = path.throughput;  // what media on the way left
-    sample.alpha = 1 - (t.x + t.y + t.z) / 3;
+    const vec3 held = vec3(1) - path.throughput;  // by media on the way; exactly 0 without
+    sample.alpha = (held.x + held.y + held.z) / 3;
     return;
   }
   const auto add = [&](vec3 radiance, u32 group) {
@@ -111,7 +111,7 @@ KERNEL bool hit_surface(const PathContext<T>& c, Path& path, const Hit& hit, Ver
     if (scatters(v.bsdf)) {
       if (path.edges <= kCasterEdges && v.bsdf.diffuse_probability > 0 &&
           c.scene.caster_count > 0) {
-        see_casters(v.casters, c.scene, s.p, v.bsdf.frame.n);
+        see_casters(*v.casters, c.scene, s.p, v.bsdf.frame.n);
       }
       return true;
     }
@@ -124,7 +124,7 @@ KERNEL bool hit_surface(const PathContext<T>& c, Path& path, const Hit& hit, Ver
 }
 
 /// Denoising guides, at the first vertex that is not a perfect mirror.
-HELIO_CALL KERNEL void record_guides(const Path& path, const Vertex& v, const BsdfSample* s,
+HELIO_STEP KERNEL void record_guides(const Path& path, const Vertex& v, const BsdfSample* s,
                                      SampleValues& sample) {
   vec3 weight(0);
   if (s) {
@@ -138,10 +138,10 @@ HELIO_CALL KERNEL void record_guides(const Path& path, const Vertex& v, const Bs
 /// Turns a sample of the surface's own into one of directions towards casters, too.
 ///
 /// aimed, choice   whether it is to go to a caster, and uniform in [0, 1) which
-HELIO_CALL KERNEL bool mix_casters(const Vertex& v, bool aimed, float choice, vec2 u,
+HELIO_STEP KERNEL bool mix_casters(const Vertex& v, bool aimed, float choice, vec2 u,
                                    BsdfSample& s) {
   if (aimed) {
-    const CasterDirection to = sample_casters(v.casters, choice, u);
+    const CasterDirection to = sample_casters(*v.casters, choice, u);
     const BsdfValue f = evaluate_bsdf(v.bsdf, to.wi);
     if (!(f.pdf > 0) || dot(v.bsdf.ng, to.wi) <= 0) return false;
     const float diffuse = v.bsdf.diffuse_probability * dot(v.bsdf.frame.n, to.wi) * kInvPi;
@@ -154,7 +154,7 @@ HELIO_CALL KERNEL bool mix_casters(const Vertex& v, bool aimed, float choice, ve
          to.rest * f.pdf < diffuse ? Lobe::kDiffuse : Lobe::kGlossy};
   }
   if (!(s.pdf > 0)) {
-    s.weight *= 1 / (1 - v.casters.probability);
+    s.weight *= 1 / (1 - v.casters->probability);
     return true;
   }
   const float pdf = scatter_pdf(v, s.wi, s.pdf);
@@ -167,7 +167,7 @@ HELIO_CALL KERNEL bool mix_casters(const Vertex& v, bool aimed, float choice, ve
 /// ends. The vertex becomes the one that it goes on from.
 template <Tracer T>
 KERNEL bool scatter(const PathContext<T>& c, Path& path, Vertex& v, SampleValues& sample) {
-  const float share = v.casters.probability;
+  const float share = v.casters->probability;
   const bool chooses = share > 0 || chooses_lobe(v.bsdf);
   float choice = chooses ? c.sampler.get1(vertex_pair(path, kLobeChoice)) : 0;
   const bool aimed = choice < share;
@@ -182,13 +182,13 @@ KERNEL bool scatter(const PathContext<T>& c, Path& path, Vertex& v, SampleValues
   if (share > 0 && (goes_on || aimed)) goes_on = mix_casters(v, aimed, choice, u, s);
   if (!goes_on) return false;
   path.throughput *= s.weight;
-  if (s.lobe == Lobe::kSubsurface) return scatter_inside(c, path, v, sample);
+  if (kRich && s.lobe == Lobe::kSubsurface) return scatter_inside(c, path, v, sample);
   const bool transmitted = s.lobe == Lobe::kTransmission;
   if (path.edges == 1) {
     path.route = {s.diffuse_share, transmitted ? FirstVertex::kTransmits : FirstVertex::kReflects};
   }
   path.radiance_scale *= sqr(s.eta);
-  if (transmitted && c.scene.any_media) cross_surface(path.inside, v.surface, v.material, s.wi);
+  if (transmitted && has_media(c.scene)) cross_surface(path.inside, v.surface, v.material, s.wi);
   const u32 mask = s.lobe == Lobe::kDiffuse ? kDiffuseRay
                    : transmitted            ? kTransmissionRay
                                             : kGlossyRay;
@@ -221,12 +221,12 @@ KERNEL CatcherNumbers catcher_numbers(const PathContext<T>& c, const Path& path)
 /// Begins a sample: its path, and what does not need one.
 template <Tracer T>
 HELIO_ONCE KERNEL Path begin_sample(const PathContext<T>& c, u32 x, u32 y, SampleValues& sample) {
-  if (c.film.wanted & kLightPlaneSet) {
+  if (wants_rare(c.film, kLightPlaneSet)) {
     for (vec3& light : sample.light) light = vec3(0);
   }
   const Path path = begin_path(c, x, y, sample);
   sample.alpha = path.ray.t_max > 0 || !c.settings.transparent_background ? 1 : 0;
-  if (c.film.catcher && has_lights(c.scene)) {
+  if (kRich && c.film.catcher && has_lights(c.scene)) {
     sample.caught = see_catcher(CatcherScene<T>{c.scene, c.tracer, sample.rays}, path.ray,
                                 catcher_numbers(c, path));
   }
@@ -242,7 +242,7 @@ struct Reach {
 template <Tracer T>
 HELIO_ONCE KERNEL Reach set_out(const PathContext<T>& c, Path& path) {
   const float end = path.ray.t_max;
-  if (path.inside.depth == 0) return {end, {INFINITY, vec3(0)}};
+  if (!is_filled(path.inside)) return {end, {INFINITY, vec3(0)}};
   const Flight flight = begin_flight(c, path);
   path.ray.t_max = min2(end, flight.distance);
   return {end, flight};
@@ -257,21 +257,23 @@ HELIO_ONCE KERNEL bool arrive(const PathContext<T>& c, Path& path, const Reach& 
   ++sample.rays;
   Collision at{};
   const bool collides = meets_volume(c, path, hit.t, at);
-  if (path.inside.depth > 0) {
+  if (is_filled(path.inside)) {
     path.ray.t_max = reach.end;
     const Flown flown = end_flight(c, path, reach.flight, collides ? at.t : hit.t, sample);
     if (flown != Flown::kPassed) return flown == Flown::kScattered;
   }
-  if (collides) return hit_volume(c, path, at, sample);
+  if (kRich && collides) return hit_volume(c, path, at, sample);
   if (hit.instance == kNone) {
     miss(c, path, sample);
     return false;
   }
+  CasterCones casters;
   Vertex v;
+  v.casters = &casters;
   sample.hit = true;
   const bool ends = !hit_surface(c, path, hit, v, sample);
-  if (v.boundary.meeting != Meeting::kScatters) return pass_surface(path, v);
-  if (path.edges == 1 && wants(c.film, Plane::AMBIENT_OCCLUSION)) {
+  if (kRich && v.boundary.meeting != Meeting::kScatters) return pass_surface(path, v);
+  if (path.edges == 1 && wants_rare(c.film, plane_bit(Plane::AMBIENT_OCCLUSION))) {
     sample.open = open_hemisphere(c, v, path, sample);
   }
   if (ends) return false;

@@ -8,7 +8,7 @@ namespace heliograph::kernels::inline HELIO_ISA {
 /// Whether the path collides in a volume before t_max.
 template <Tracer T>
 KERNEL bool meets_volume(const PathContext<T>& c, const Path& path, float t_max, Collision& at) {
-  if (c.scene.volume_count == 0) return false;
+  if (!kRich || c.scene.volume_count == 0) return false;
   const u32 seed = c.sampler.hash_of(kCollisionHash + path.edges) ^ hash32(path.boundaries);
   at = collide(c.scene, path.ray, path.mask, min2(t_max, path.ray.t_max), seed);
   return at.volume != kNone;

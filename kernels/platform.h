@@ -33,6 +33,14 @@
 #define HELIO_CALL
 #endif
 
+// A piece of a path's step that takes its state by reference: called, it keeps that in memory. On a
+// GPU it is there once, like others; in a plain program it is a part of the step.
+#if defined(HELIO_PLAIN) && defined(__CUDA_ARCH__)
+#define HELIO_STEP __attribute__((always_inline))
+#else
+#define HELIO_STEP HELIO_CALL
+#endif
+
 // A constant table that kernels index at run time.
 #if defined(__CUDA_ARCH__)
 #define HELIO_TABLE static __device__ const
@@ -64,6 +72,15 @@ KERNEL void prefetch(const void* at) {
   __builtin_prefetch(at);
 #endif
 }
+
+// What few scenes have and plain programs leave out: media and volumes, light that travels in
+// bodies, layers, films, stretched highlights, sheets of glass; and what few films want beside
+// beauty. A path's state then fits into a GPU's registers. is_plain() says what they render.
+#if defined(HELIO_PLAIN)
+inline constexpr bool kRich = false;
+#else
+inline constexpr bool kRich = true;
+#endif
 
 inline constexpr float kPi = 3.14159265358979323846f;
 inline constexpr float kInvPi = 0.31830988618379067154f;

@@ -13,6 +13,14 @@ inline constexpr PlaneSet kLightPlaneSet = ((PlaneSet(1) << kLightPlanes) - 1)
 inline constexpr PlaneSet kGuidePlaneSet =
     PlaneSet(1) << u32(Plane::ALBEDO_MEAN) | PlaneSet(1) << u32(Plane::NORMAL_MEAN);
 
+/// Those that plain programs do not make.
+inline constexpr PlaneSet kRarePlaneSet =
+    kLightPlaneSet | plane_bit(Plane::AMBIENT_OCCLUSION) | plane_bit(Plane::BEAUTY_GROUP);
+/// Whether some of these, which are rare, are wanted.
+KERNEL bool wants_rare(const FilmView& film, PlaneSet planes) {
+  return kRich && (film.wanted & planes) != 0;
+}
+
 /// What a path's first vertex does with light.
 enum class FirstVertex : u8 { kReflects, kTransmits, kWalksInside, kInVolume };
 

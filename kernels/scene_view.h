@@ -373,6 +373,7 @@ struct SceneView {
   bool any_media;          // paths keep track of what they are inside of
   bool any_passable;       // some instance has a passable material
   bool any_priority;       // some instance has a material with a priority
+  bool any_rich;           // some instance has a material that is_rich()
   float radius;            // of a sphere about the scene's bounds, metres
   vec3 center;
 };

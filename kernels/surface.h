@@ -157,8 +157,8 @@ KERNEL vec3 world_bitangent(const Surface& s, vec3 ns, vec3 t, vec3 b_object) {
 }
 
 /// The normal ns as a normal map tilts it.
-HELIO_CALL KERNEL vec3 mapped_normal(const SceneView& scene, const Surface& s,
-                                     const TextureUseView& use, vec3 ns) {
+HELIO_CALL KERNEL vec3 mapped_normal(const SceneView& scene, Surface s, const TextureUseView& use,
+                                     vec3 ns) {
   const Corners c = corners_at(*s.mesh, s.triangle, s.time);
   const Tangents tangents = tangents_of(s, c, use.uv_set & 1);
   const vec3 t = world_tangent(s, ns, tangents.t);
@@ -173,7 +173,7 @@ HELIO_CALL KERNEL vec3 mapped_normal(const SceneView& scene, const Surface& s,
 ///
 /// Source: Mikkelsen 2010, "Bump Mapping Unparametrized Surfaces on the GPU", section 2, which goes
 /// back to Blinn 1978.
-HELIO_CALL KERNEL vec3 bumped_normal(const SceneView& scene, const Surface& s, vec3 ns) {
+HELIO_CALL KERNEL vec3 bumped_normal(const SceneView& scene, Surface s, vec3 ns) {
   const TextureUseView& use = s.material->bump_map;
   const vec2* uvs = use.uv_set & 1 ? s.mesh->uvs1 : s.mesh->uvs;
   if (!uvs) return ns;
@@ -200,7 +200,7 @@ HELIO_CALL KERNEL vec3 bumped_normal(const SceneView& scene, const Surface& s, v
 }
 
 /// The surface without its shading: ns is the geometric normal.
-HELIO_CALL KERNEL Surface locate(const SceneView& scene, u32 instance_index, u32 primitive,
+HELIO_STEP KERNEL Surface locate(const SceneView& scene, u32 instance_index, u32 primitive,
                                  vec2 barycentric, float time) {
   Surface s;
   s.time = time;
@@ -244,7 +244,7 @@ KERNEL vec3 vertex_normal(const Surface& s) {
 }
 
 /// The shading normal of a located surface: interpolated, then tilted by the material's textures.
-HELIO_CALL KERNEL vec3 shading_normal(const SceneView& scene, const Surface& s) {
+HELIO_STEP KERNEL vec3 shading_normal(const SceneView& scene, const Surface& s) {
   vec3 ns = vertex_normal(s);
   const MaterialView& material = *s.material;
   if (material.bump_map.texture != kNone) ns = bumped_normal(scene, s, ns);
@@ -282,7 +282,7 @@ KERNEL Surface surface_at(const SceneView& scene, u32 instance_index, u32 primit
 }
 
 /// Material parameters there, with the vertex colours. width: metres of the ray cone, 0: a point.
-HELIO_CALL KERNEL MaterialValues material_at(const SceneView& scene, const Surface& s, u32 wanted,
+HELIO_STEP KERNEL MaterialValues material_at(const SceneView& scene, const Surface& s, u32 wanted,
                                              float width = 0) {
   MaterialValues values = s.material->textured & wanted
                               ? evaluate_material(scene, *s.material, uvs_at(s, width), wanted)
@@ -300,8 +300,8 @@ KERNEL ShadingPoint shading_point(const SceneView& scene, const Surface& s, cons
                                   vec3 wo) {
   ShadingPoint at{wo, s.ng, s.ns};
   at.thin_walled = s.material->thin_walled;
-  if (m.anisotropic > 0) at.tangent = anisotropic_tangent(s, m.anisotropic_rotation);
-  if (m.clearcoat > 0) at.clearcoat_normal = clearcoat_normal(scene, s);
+  if (kRich && m.anisotropic > 0) at.tangent = anisotropic_tangent(s, m.anisotropic_rotation);
+  if (kRich && m.clearcoat > 0) at.clearcoat_normal = clearcoat_normal(scene, s);
   return at;
 }
 

@@ -46,6 +46,14 @@ struct ShotView {
   FilmView film;
 };
 
+/// Whether plain programs render it, see kRich.
+KERNEL bool is_plain(const ShotView& shot) {
+  const SceneView& scene = shot.scene;
+  const FilmView& film = shot.film;
+  return !scene.any_rich && !scene.any_media && scene.volume_count == 0 && !film.catcher &&
+         (film.wanted & kRarePlaneSet) == 0;
+}
+
 /// A batch of items: samples [first_sample, first_sample + samples) of the pixels of some tiles.
 /// Items of one sample follow each other, tile by tile. Of several pictures of one size, the tiles
 /// of each follow those of the one before.
@@ -177,7 +185,7 @@ class Wave {
     Path path;
     static_cast<PathHead&>(path) = kept.head;
     Reach reach{path.ray.t_max, {INFINITY, vec3(0)}};
-    if (view_.insides) {
+    if (kRich && view_.insides) {
       path.inside = view_.insides[slot];
       reach = view_.reaches[slot];
     }
@@ -239,7 +247,7 @@ class Wave {
   }
   KERNEL void set_out_in(const PathContext<T>& c, u32 slot, u32 item, Path& path) const {
     const Reach reach = set_out(c, path);
-    if (view_.insides) {
+    if (kRich && view_.insides) {
       view_.insides[slot] = path.inside;
       view_.reaches[slot] = reach;
     }
@@ -248,16 +256,17 @@ class Wave {
   }
   KERNEL void put(const SampleValues& sample, u32 item) const {
     store_whole(view_.samples[item], WaveSample{sample});
-    if (!view_.light_planes) return;
+    if (!has_light_planes()) return;
     for (u32 i = 0; i < kLightPlanes; ++i)
       view_.light_planes[u64(item) * kLightPlanes + i] = sample.light[i];
   }
   KERNEL void get(SampleValues& sample, u32 item) const {
     static_cast<SampleHead&>(sample) = load_whole(view_.samples[item]).head;
-    if (!view_.light_planes) return;
+    if (!has_light_planes()) return;
     for (u32 i = 0; i < kLightPlanes; ++i)
       sample.light[i] = view_.light_planes[u64(item) * kLightPlanes + i];
   }
+  [[nodiscard]] KERNEL bool has_light_planes() const { return kRich && view_.light_planes; }
   KERNEL void fold_groups(u32 item, u64 pixel) const {
     const float* from = view_.film.partial[u32(Plane::BEAUTY_GROUP)] + u64(item) * 3;
     float* to = shot_.film.partial[u32(Plane::BEAUTY_GROUP)] + pixel * 3;

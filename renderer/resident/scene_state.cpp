@@ -23,7 +23,7 @@ SceneState::SceneState(std::shared_ptr<const Snapshot> snapshot, const TimeSpan&
   const auto& [placement, volumes, materials, surfaces, lights] = pieces_;
   const Structure& structure = *placement->structure;
   for (const auto& mesh : placement->meshes) meshes_.push_back(mesh->view());
-  view_ = surfaces->interior;
+  view_ = surfaces->all;
   view_.any_holes = surfaces->holes != nullptr;
   view_.meshes = meshes_.data();
   view_.materials = materials->materials.data();

@@ -11,8 +11,8 @@ using HoleSlots = std::shared_ptr<const std::vector<u8>>;
 
 struct Surfaces {
   HoleSlots holes;
-  std::vector<u32> focusing;      // slots that reflect or refract light sharply (casters.h)
-  kernels::SceneView interior{};  // what note_interior() says of all materials in use
+  std::vector<u32> focusing;  // slots that reflect or refract light sharply (casters.h)
+  kernels::SceneView all{};   // what note_material() says of all materials in use
 };
 
 /// A function of the materials and the structure. `before`, or null, has the same structure: holes

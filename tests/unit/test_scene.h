@@ -247,7 +247,7 @@ class TestScene {
     view.instance_count = u32(instances.size());
     view.light_count = u32(lights.size());
     for (const InstanceView& i : instances) view.any_holes |= (i.flags & kMayBeHole) != 0;
-    for (const u32 m : part_materials_) note_interior(view, materials[m]);
+    for (const u32 m : part_materials_) note_material(view, materials[m]);
     return view;
   }
 

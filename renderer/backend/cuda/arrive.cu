@@ -6,7 +6,9 @@ using namespace heliograph::cuda;
 
 namespace {
 
-constexpr int kArriveThreads = 256;
+// With fewer threads a plain program keeps more of a path in registers.
+constexpr int kArriveThreads = kRich ? 256 : 384;
+constexpr int kArriveBlocks = kRich ? 2 : 1;
 
 /// A block takes as many paths as it has threads, and then the next ones all at once: so its warps
 /// run about the same instructions at a time. Each for itself they would fetch this program, which
@@ -34,11 +36,11 @@ __device__ void arrive_all(const WaveLaunch& l) {
 
 }  // namespace
 
-extern "C" __global__ void __launch_bounds__(kArriveThreads, 2)
-    wave_arrive(const __grid_constant__ WaveLaunch l) {
+extern "C" __global__ void __launch_bounds__(kArriveThreads, kArriveBlocks)
+    HELIO_PROGRAM(wave_arrive)(const __grid_constant__ WaveLaunch l) {
   arrive_all<false>(l);
 }
-extern "C" __global__ void __launch_bounds__(kArriveThreads, 2)
-    wave_arrive_many(const __grid_constant__ WaveLaunch l) {
+extern "C" __global__ void __launch_bounds__(kArriveThreads, kArriveBlocks)
+    HELIO_PROGRAM(wave_arrive_many)(const __grid_constant__ WaveLaunch l) {
   arrive_all<true>(l);
 }

@@ -29,10 +29,10 @@ __device__ void begin_all(const WaveLaunch& l) {
 }  // namespace
 
 extern "C" __global__ void __launch_bounds__(kThreads)
-    wave_begin(const __grid_constant__ WaveLaunch l) {
+    HELIO_PROGRAM(wave_begin)(const __grid_constant__ WaveLaunch l) {
   begin_all<false>(l);
 }
 extern "C" __global__ void __launch_bounds__(kThreads)
-    wave_begin_many(const __grid_constant__ WaveLaunch l) {
+    HELIO_PROGRAM(wave_begin_many)(const __grid_constant__ WaveLaunch l) {
   begin_all<true>(l);
 }

@@ -5,6 +5,13 @@
 #include "kernels/bvh_tracer.h"
 #include "renderer/backend/cuda/launch.h"
 
+// The name of a program: plain ones have one of their own.
+#if defined(HELIO_PLAIN)
+#define HELIO_PROGRAM(name) name##_plain
+#else
+#define HELIO_PROGRAM(name) name
+#endif
+
 namespace heliograph::cuda {
 
 /// A BvhTracer whose walks are there once.

@@ -1,6 +1,8 @@
 #include "renderer/backend/cuda/wave.h"
 
 #include <algorithm>
+#include <string>
+#include <utility>
 
 namespace heliograph::cuda {
 namespace {
@@ -22,17 +24,23 @@ constexpr u32 kRoundsAtFirst = 8;
 
 Expected<Programs> Programs::find(const Context& context) {
   Programs programs;
-  for (const auto& [name, program] :
-       {std::pair{"wave_begin", &programs.one.begin}, std::pair{"wave_trace", &programs.one.trace},
-        std::pair{"wave_arrive", &programs.one.arrive},
-        std::pair{"wave_light", &programs.one.light}, std::pair{"wave_fold", &programs.one.fold},
-        std::pair{"wave_begin_many", &programs.many.begin},
-        std::pair{"wave_trace_many", &programs.many.trace},
-        std::pair{"wave_arrive_many", &programs.many.arrive},
-        std::pair{"wave_light_many", &programs.many.light},
-        std::pair{"wave_fold_many", &programs.many.fold}, std::pair{"probe", &programs.probe},
-        std::pair{"film_resolve", &programs.resolve}, std::pair{"film_noise", &programs.noise}}) {
-    auto function = context.function(name);
+  std::vector<std::pair<std::string, Program*>> all{{"probe", &programs.probe},
+                                                    {"film_resolve", &programs.resolve},
+                                                    {"film_noise", &programs.noise}};
+  for (const bool many : {false, true})
+    for (const bool plain : {false, true}) {
+      Steps& steps = plain  ? many ? programs.many_plain : programs.one_plain
+                     : many ? programs.many
+                            : programs.one;
+      const std::string count = many ? "_many" : "", kind = plain ? "_plain" : "";
+      all.insert(all.end(), {{"wave_begin" + count + kind, &steps.begin},
+                             {"wave_arrive" + count + kind, &steps.arrive},
+                             {"wave_trace" + count, &steps.trace},
+                             {"wave_light" + count, &steps.light},
+                             {"wave_fold" + count, &steps.fold}});
+    }
+  for (const auto& [name, program] : all) {
+    auto function = context.function(name.c_str());
     if (!function) return std::unexpected(std::move(function).error());
     const auto threads = context.block_threads(*function);
     if (!threads) return std::unexpected(threads.error());
@@ -48,9 +56,20 @@ LaunchSize Programs::size(const Program& program, u64 threads) {
       program.threads};
 }
 
+namespace {
+
+const Programs::Steps& steps_of(const Programs& programs, const WaveShots& shots) {
+  const auto is_plain = [](const WaveShot& shot) { return kernels::is_plain(shot.view); };
+  if (std::ranges::all_of(shots.host, is_plain))
+    return shots.device ? programs.many_plain : programs.one_plain;
+  return shots.device ? programs.many : programs.one;
+}
+
+}  // namespace
+
 Wave::Wave(Context& context, const Programs& programs, const WaveShots& shots,
            const WorkRange& range)
-    : context_(context), steps_(shots.device ? programs.many : programs.one), range_(range) {
+    : context_(context), steps_(steps_of(programs, shots)), range_(range) {
   launch_.shot = shots.host.front();
   launch_.shots = shots.device;
   for (const WaveShot& shot : shots.host) any_media_ |= shot.view.scene.any_media;

@@ -20,7 +20,8 @@ struct Programs {
   struct Steps {
     Program begin, trace, arrive, light, fold;
   };
-  Steps one, many;  // of one picture, of many
+  Steps one, many;              // of one picture, of many
+  Steps one_plain, many_plain;  // of shots that is_plain()
   Program probe, resolve, noise;
   [[nodiscard]] static Expected<Programs> find(const Context& context);
   /// So many threads as there are, or as the device runs at once.

@@ -1,0 +1,24 @@
+// The loop over pixels as plain programs have it, see kRich in kernels/platform.h.
+#pragma once
+
+#include <functional>
+
+#include "kernels/film.h"
+#include "kernels/ray.h"
+#include "kernels/scene_view.h"
+#include "kernels/settings.h"
+
+namespace heliograph::test {
+
+/// Who answers rays, as a Tracer does.
+struct RayAnswers {
+  std::function<kernels::Hit(const kernels::Ray&, kernels::u32)> closest;
+  std::function<bool(const kernels::Ray&, kernels::u32)> occluded;
+};
+
+/// The first `samples` samples of all pixels. Returns the rays traced.
+kernels::u64 render_plain(const kernels::SceneView& scene, const kernels::CameraView& camera,
+                          const kernels::Settings& settings, const RayAnswers& rays,
+                          const kernels::FilmView& film, kernels::u32 samples);
+
+}  // namespace heliograph::test
