@@ -8,9 +8,11 @@ namespace {
 
 /// Lanes of a warp that still walk before those that are done take new rays.
 constexpr int kLanesKept = 20;
+/// Lanes that still look for something to meet before those that found it do.
+constexpr int kLanesSearching = 8;
 
 /// Walks the rays [0, count) of a queue. A lane takes the next one when its own is done, once
-/// enough others of its warp are.
+/// enough others of its warp are; and it meets triangles once enough others have some.
 ///
 /// next    how many are taken
 /// begin   (walk, i): begins it
@@ -47,7 +49,10 @@ __device__ void walk_all(const WaveLaunch& l, u32 count, u32& next, const Begin&
     if (!__any_sync(kAll, walks)) return;
     const int least = more ? kLanesKept : 1;
     do {
-      if (walks) walks = walk.step();
+      do {
+        if (walks && !walk.has_items()) walks = walk.search();
+      } while (__popc(int(__ballot_sync(kAll, walks && !walk.has_items()))) >= kLanesSearching);
+      if (walks && walk.has_items()) walks = walk.meet();
     } while (__popc(int(__ballot_sync(kAll, walks))) >= least);
   }
 }
