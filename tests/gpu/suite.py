@@ -77,6 +77,8 @@ def environment(bundle, folder):
 
 def main(bundle, folder=None, *parts):
     rows = []
+    if folder:
+        pathlib.Path(folder).mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as made:
         plain, on_gpu = environment(pathlib.Path(bundle).resolve(), pathlib.Path(made))
         for name in parts or PARTS:

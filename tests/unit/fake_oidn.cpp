@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <cstring>
+#include <list>
 #include <map>
 #include <string>
 
@@ -24,6 +25,10 @@ struct Filter {
 };
 const char* error_without_device = nullptr;
 
+// What was made and not released, also by who abandons it.
+std::list<Device> devices_there;
+std::list<Filter> filters_there;
+
 }  // namespace
 
 // NOLINTBEGIN(readability-identifier-naming): the library's names
@@ -37,7 +42,7 @@ static void must(bool holds, const char* what) {
 Device* oidnNewDevice(int kind) {
   must(kind == 1, "only the CPU is opened by its kind");
   ++fake_oidn_state.devices;
-  return new Device;
+  return &devices_there.emplace_back();
 }
 Device* oidnNewCUDADevice(const int* devices, void* const* streams, int pairs) {
   must(pairs == 1, "one GPU");
@@ -48,11 +53,11 @@ Device* oidnNewCUDADevice(const int* devices, void* const* streams, int pairs) {
   fake_oidn_state.index = devices[0];
   fake_oidn_state.stream = streams[0];
   ++fake_oidn_state.devices;
-  return new Device;
+  return &devices_there.emplace_back();
 }
 void oidnReleaseDevice(Device* device) {
   --fake_oidn_state.devices;
-  delete device;
+  devices_there.remove_if([=](const Device& one) { return &one == device; });
 }
 void oidnSetDeviceInt(Device*, const char*, int) {}
 int oidnGetDeviceInt(Device*, const char* name) {
@@ -70,11 +75,11 @@ Filter* oidnNewFilter(Device* device, const char* kind) {
   must(std::strcmp(kind, "RT") == 0, "the filter for ray tracing");
   ++fake_oidn_state.filters;
   ++fake_oidn_state.made;
-  return new Filter{.device = device, .images = {}};
+  return &filters_there.emplace_back(Filter{.device = device, .images = {}});
 }
 void oidnReleaseFilter(Filter* filter) {
   --fake_oidn_state.filters;
-  delete filter;
+  filters_there.remove_if([=](const Filter& one) { return &one == filter; });
 }
 void oidnSetSharedFilterImage(Filter* filter, const char* name, void* pixels, int format,
                               std::size_t width, std::size_t height, std::size_t offset,
