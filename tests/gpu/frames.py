@@ -9,7 +9,9 @@ import pathlib
 import statistics
 import subprocess
 import sys
+import threading
 import time
+import weakref
 
 import heliograph as hg
 import numpy as np
@@ -66,6 +68,61 @@ def round_trips(scene, rounds):
     good = good and torch.from_dlpack(plane).data_ptr() == plane.pointer
     good = good and plane.torch().data_ptr() == plane.pointer
     report("tensors of the same memory", good, f"{tensor.device}, {tuple(tensor.shape)}")
+
+
+def leased(scene):
+    """A frame's beauty as a tensor, and a weak reference to its use of the buffer."""
+    plane = look(scene, device="cuda").on_device("beauty")
+    return plane.torch(), weakref.ref(plane._lease)
+
+
+def leases_of(client):
+    """How many uses of buffers this process has not given back to the daemon."""
+    torch.cuda.synchronize()
+    shared = client.connection.link.shared
+    shared._give_back_unused()
+    return len(shared._leases) + len(shared._in_use) + len(shared._unsent)
+
+
+def by_dlpack(client, scene):
+    """Tensors are DLPack's, and give their lease back when they die, in whatever thread."""
+    gc.collect()
+    before, array = leases_of(client), hg.device.DeviceArray
+    interface = array.__cuda_array_interface__
+    del array.__cuda_array_interface__  # the other way to a tensor
+    try:
+        tensor, lease = leased(scene)
+    finally:
+        array.__cuda_array_interface__ = interface
+    view = tensor[0, 0]
+    del tensor
+    held, good = leases_of(client) - before, lease() is not None
+    del view
+    good = good and held > 0 and lease() is None and leases_of(client) == before
+    report("tensors through DLPack", good, f"{held} leases while a view lives, none afterwards")
+
+    kept = [leased(scene)]
+    lease = kept[0][1]
+    thread = threading.Thread(target=kept.clear)
+    thread.start()
+    thread.join()
+    good = lease() is None
+    for _ in range(20):  # backward() frees what it saved in a thread that Python did not start
+        tensor, lease = leased(scene)
+        weight = torch.ones_like(tensor).requires_grad_()
+        loss = (weight * tensor).sum()
+        del tensor
+        good = good and lease() is not None
+        loss.backward()
+        good = good and lease() is None
+    good = good and leases_of(client) == before
+    report("leases that end in other threads", good, "a Python thread's, 20 of autograd's")
+
+    folder = str(pathlib.Path(__file__).resolve().parent)
+    code = ENDS.format(folder=folder, address=client.address)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    good = (done.returncode, done.stdout) == (0, "end\n")
+    report("Python ends while a tensor lives", good, f"code {done.returncode} {done.stderr[-300:]}")
 
 
 def worlds(scene):
@@ -140,6 +197,16 @@ scene = frames.build(client)
 held = [frames.look(scene, k, device="cuda").torch("beauty") for k in range(10)]
 print("ready", flush=True)
 time.sleep(600)
+"""
+
+
+ENDS = """
+import sys
+sys.path.insert(0, {folder!r})
+import heliograph as hg, frames
+client = hg.connect({address!r})
+kept = frames.look(frames.build(client), device="cuda").torch("beauty")
+print("end", flush=True)
 """
 
 
@@ -226,6 +293,7 @@ def main(rounds):
     with hg.connect(arguments=arguments) as client:
         scene = build(client)
         round_trips(scene, rounds)
+        by_dlpack(client, scene)
         worlds(scene)
         in_flight(scene)
         latency(scene)

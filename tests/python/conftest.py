@@ -2,6 +2,7 @@
 
 import fake
 import heliograph as hg
+import native_dlpack
 import pytest
 
 
@@ -20,3 +21,15 @@ def client(daemon):
 @pytest.fixture
 def scene(client):
     return client.create_scene("demo")
+
+
+@pytest.fixture(scope="session")
+def dlpack_library(tmp_path_factory):
+    return native_dlpack.compiled(tmp_path_factory.mktemp("dlpack"))
+
+
+@pytest.fixture
+def dlpack(dlpack_library, monkeypatch):
+    """The client finds clients/python/native/dlpack.c, compiled, beside its daemon."""
+    with native_dlpack.found(dlpack_library, monkeypatch):
+        yield native_dlpack

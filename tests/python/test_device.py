@@ -200,39 +200,24 @@ def test_before_a_fork_nobody_can_tell_any_more(daemon):
 
 # ---------------------------------------------------------------- DLPack
 
-_name = ctypes.pythonapi.PyCapsule_GetName
-_name.argtypes, _name.restype = [ctypes.py_object], ctypes.c_char_p
-_get = ctypes.pythonapi.PyCapsule_GetPointer
-_get.argtypes, _get.restype = [ctypes.py_object, ctypes.c_char_p], ctypes.c_void_p
-_rename = ctypes.pythonapi.PyCapsule_SetName
-_rename.argtypes = [ctypes.py_object, ctypes.c_char_p]
-TAKEN = b"used_dltensor"
 
-
-def test_a_capsule_that_is_taken_holds_the_plane_until_its_deleter_is_called(daemon):
-    from heliograph.device import _Tensor
-
+def test_a_capsule_that_is_taken_holds_the_buffer_until_its_deleter_is_called(daemon, dlpack):
     data = numbers(3, 5)
     daemon.offer(1, data)
     plane = daemon.shared.plane(place(1, 5, data.shape), FLOATS, data.shape)
-    capsule = plane.__dlpack__(stream=1)
-    assert _name(capsule) == b"dltensor"
-    where = _get(capsule, b"dltensor")
-    _rename(capsule, TAKEN)
-    tensor = _Tensor.from_address(where)
+    taken = dlpack.take(plane.__dlpack__(stream=1))
+    tensor = taken.tensor
     assert tensor.data == plane.pointer and (tensor.device_type, tensor.device_id) == (2, 1)
     assert (tensor.code, tensor.bits, tensor.lanes, tensor.ndim) == (2, 32, 1, 2)
-    assert list((ctypes.c_int64 * 2).from_address(tensor.shape)) == [3, 5]
-    assert not tensor.strides and tensor.byte_offset == 0
-    del plane, capsule
+    assert tensor.shape[:2] == [3, 5] and not tensor.strides and tensor.byte_offset == 0
+    del plane
     gc.collect()
     assert daemon.returned() == []
-    ctypes.CFUNCTYPE(None, ctypes.c_void_p)(tensor.deleter)(where)
-    gc.collect()
+    dlpack.end(taken)
     assert daemon.returned() == [(1, 5)]
 
 
-def test_a_capsule_that_nobody_takes_ends_by_itself(daemon):
+def test_a_capsule_that_nobody_takes_ends_by_itself(daemon, dlpack):
     daemon.offer(1, numbers(4))
     plane = daemon.shared.plane(place(1, 5, (4,)), FLOATS, (4,))
     for _ in range(100):

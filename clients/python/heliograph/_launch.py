@@ -39,11 +39,7 @@ def find_program() -> str:
         if os.access(named, os.X_OK):
             return named
         raise Unavailable(f"HELIOGRAPHD={named} is not a program; unset it or correct it")
-    package = Path(__file__).resolve().parent
-    for candidate in (
-        package / "_bin" / "heliographd",
-        package.parents[2] / "build" / "cpu" / "bin" / "heliographd",
-    ):
+    for candidate in _near_package():
         if os.access(candidate, os.X_OK):
             return str(candidate)
     on_path = shutil.which("heliographd")
@@ -53,6 +49,22 @@ def find_program() -> str:
         "no heliographd found: build it (cmake --preset cpu && cmake --build --preset cpu), "
         "put it on PATH, or set HELIOGRAPHD to its path"
     )
+
+
+def _near_package() -> tuple[Path, Path]:
+    """Where heliographd may be: beside the package, in the source tree's build."""
+    package = Path(__file__).resolve().parent
+    return (
+        package / "_bin" / "heliographd",
+        package.parents[2] / "build" / "cpu" / "bin" / "heliographd",
+    )
+
+
+def find_beside(name: str) -> Path | None:
+    """A file that is installed with heliographd: in the first of its places that has it."""
+    programs = os.environ.get("HELIOGRAPHD"), *_near_package(), shutil.which("heliographd")
+    files = (Path(program).resolve().with_name(name) for program in programs if program)
+    return next((file for file in files if file.is_file()), None)
 
 
 class PrivateDaemon:

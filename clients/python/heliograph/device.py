@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from . import _dlpack
 from ._cuda import Mapping
 
 _CUDA = 2  # kDLCUDA
@@ -49,14 +50,41 @@ class DeviceArray:
     def __dlpack_device__(self) -> tuple[int, int]:
         return _CUDA, self.device
 
-    def __dlpack__(self, **_: Any) -> Any:
-        """A capsule; whatever stream the consumer names may read at once."""
-        return _export(self)
+    def __dlpack__(
+        self,
+        *,
+        stream: Any = None,
+        max_version: tuple[int, int] | None = None,
+        dl_device: tuple[int, int] | None = None,
+        copy: bool | None = None,
+    ) -> Any:
+        """A capsule of version 0, whatever is the newest that the consumer takes; whatever stream
+        it names may read at once. BufferError: a copy or another device is asked for, or this
+        client has no heliograph-dlpack.so.
+        """
+        here = self.__dlpack_device__()
+        if dl_device is not None and tuple(dl_device) != here:
+            raise BufferError(
+                f"lies on the DLPack device {here} and cannot be exported to {tuple(dl_device)}: "
+                ".numpy() is a copy on the host"
+            )
+        if copy:
+            raise BufferError("is exported without a copy only: copy what the consumer makes of it")
+        tensor = _dlpack.Tensor(
+            self.pointer,
+            *(*here, len(self.shape)),
+            *(_CODES[self.dtype.kind], 8 * self.dtype.itemsize, 1),
+            (ctypes.c_int64 * len(self.shape))(*self.shape),
+        )
+        return _dlpack.capsule(self._lease, tensor)
 
     def torch(self) -> Any:
-        """A torch.Tensor on the GPU, of the same memory."""
+        """A torch.Tensor on the GPU, of the same memory: through DLPack, or in a client without
+        heliograph-dlpack.so through the array interface."""
         import torch
 
+        if _dlpack.is_here():
+            return torch.from_dlpack(self)
         return torch.as_tensor(self, device=f"cuda:{self.device}")
 
     def numpy(self) -> np.ndarray[Any, np.dtype[Any]]:
@@ -75,65 +103,3 @@ class DeviceLease:
 
     def __init__(self, mapping: Mapping) -> None:
         self.mapping = mapping
-
-
-# ---------------------------------------------------------------- DLPack, version 0
-
-
-class _Tensor(ctypes.Structure):
-    _fields_ = (
-        ("data", ctypes.c_void_p),
-        ("device_type", ctypes.c_int32),
-        ("device_id", ctypes.c_int32),
-        ("ndim", ctypes.c_int32),
-        ("code", ctypes.c_uint8),
-        ("bits", ctypes.c_uint8),
-        ("lanes", ctypes.c_uint16),
-        ("shape", ctypes.c_void_p),
-        ("strides", ctypes.c_void_p),
-        ("byte_offset", ctypes.c_uint64),
-        ("manager_ctx", ctypes.c_void_p),
-        ("deleter", ctypes.c_void_p),
-    )
-
-
-_NAME = b"dltensor"
-_exported: dict[int, tuple[DeviceArray, Any, Any]] = {}  # by where the structure lies
-_api = ctypes.pythonapi
-
-
-def _export(array: DeviceArray) -> Any:
-    shape = (ctypes.c_int64 * len(array.shape))(*array.shape)
-    tensor = _Tensor(
-        array.pointer,
-        *(_CUDA, array.device, len(array.shape)),
-        *(_CODES[array.dtype.kind], 8 * array.dtype.itemsize, 1),
-        ctypes.addressof(shape),
-        deleter=ctypes.cast(_forget, ctypes.c_void_p),
-    )
-    where = ctypes.addressof(tensor)
-    _exported[where] = array, tensor, shape
-    return _new_capsule(where, _NAME, ctypes.cast(_end_capsule, ctypes.c_void_p))
-
-
-def _consumer_is_done(where: int) -> None:
-    _exported.pop(where, None)
-
-
-def _capsule_ends(capsule: int) -> None:
-    """Nobody took it: one that was taken has another name."""
-    if _is_valid(capsule, _NAME):
-        _exported.pop(_pointer_of(capsule, _NAME), None)
-
-
-_forget = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(_consumer_is_done)
-_end_capsule = ctypes.PYFUNCTYPE(None, ctypes.c_void_p)(_capsule_ends)
-_new_capsule = ctypes.PYFUNCTYPE(
-    ctypes.py_object, ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p
-)(("PyCapsule_New", _api))
-_is_valid = ctypes.PYFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_char_p)(
-    ("PyCapsule_IsValid", _api)
-)
-_pointer_of = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_char_p)(
-    ("PyCapsule_GetPointer", _api)
-)
