@@ -111,36 +111,36 @@ class BvhWalk {
   /// Does a bounded piece of work: the children of one node with the triangles among them, or the
   /// way into an instance. Returns false when there is nothing left to do.
   KERNEL bool step() {
-    const bool more = search();
-    return has_items() ? meet() : more;
+    const BvhGroup items = take_items();
+    if (items.bits != 0) meet(items);
+    return goes_on();
   }
 
-  // The two halves of a step, for who takes many walks side by side: one half then waits until
-  // enough of them need it.
+  // The parts of a step, for who takes many walks side by side: a part can wait until enough of
+  // them need it.
 
-  /// Looks for items: among the children of one node, or takes those that were put off. To be
-  /// called while there are none. Returns false when there is nothing left to do.
-  KERNEL bool search() {
-    items_ = nodes_;
-    if (has_nodes(nodes_)) {
-      const u32 number = take_node(nodes_, space_.octant);
-      if (has_nodes(nodes_)) push(nodes_);
-      const NodeChildren met = meet_children(tree_ + number, space_, hit_.t);
-      nodes_ = met.nodes;
-      items_ = met.items;
-    } else {
+  /// The items among the children of the next node, or those that were put off. None: bits 0.
+  KERNEL BvhGroup take_items() {
+    const BvhGroup put_off = nodes_;
+    if (!has_nodes(nodes_)) {
       nodes_.bits = 0;
+      return put_off;
     }
-    return has_items() || has_nodes(nodes_) || next();
+    const u32 number = take_node(nodes_, space_.octant);
+    if (has_nodes(nodes_)) push(nodes_);
+    const NodeChildren met = meet_children(tree_ + number, space_, hit_.t);
+    nodes_ = met.nodes;
+    return met.items;
   }
-  [[nodiscard]] KERNEL bool has_items() const { return items_.bits != 0; }
-  /// Meets the triangles found, or enters an instance. The same.
-  KERNEL bool meet() {
+  /// Meets triangles, or enters an instance. Some items.
+  KERNEL void meet(const BvhGroup& items) {
     if (item_ == kNone)
-      meet_instances(items_);
+      meet_instances(items);
     else
-      meet_triangles(items_);
-    items_.bits = 0;
+      meet_triangles(items);
+  }
+  /// Whether there is something left to do.
+  KERNEL bool goes_on() {
     if (any_ && hit_.instance != kNone) return false;
     return has_nodes(nodes_) || next();
   }
@@ -159,7 +159,6 @@ class BvhWalk {
     any_ = any;
     size_ = 0;
     nodes_ = {0, 1u << 31};
-    items_ = {0, 0};
   }
   KERNEL void set_space(vec3 origin, vec3 direction) {
     space_ = box_ray(origin, direction);
@@ -260,7 +259,6 @@ class BvhWalk {
   const BvhNode* tree_;  // of item_, or of the world
   const BvhTriangle* triangles_;
   BvhGroup nodes_;  // what comes next: nodes, or instances that were put off
-  BvhGroup items_;  // found, and not met yet
   BoxRay space_;    // the ray in the space of item_
   vec3 direction_;
   Hit hit_;   // t: how far the ray goes still

@@ -26,6 +26,7 @@ __device__ void walk_all(const WaveLaunch& l, u32 count, u32& next, const Begin&
   const u32 lane = threadIdx.x % 32;
   BvhStack stack;
   BvhWalk walk(l.shot.view.scene, l.shot.bvh, stack);
+  BvhGroup items{0, 0};  // found, and not met yet
   u32 ray = kNone;
   bool walks = false, more = true;
   while (true) {
@@ -50,9 +51,16 @@ __device__ void walk_all(const WaveLaunch& l, u32 count, u32& next, const Begin&
     const int least = more ? kLanesKept : 1;
     do {
       do {
-        if (walks && !walk.has_items()) walks = walk.search();
-      } while (__popc(int(__ballot_sync(kAll, walks && !walk.has_items()))) >= kLanesSearching);
-      if (walks && walk.has_items()) walks = walk.meet();
+        if (walks && items.bits == 0) {
+          items = walk.take_items();
+          if (items.bits == 0) walks = walk.goes_on();
+        }
+      } while (__popc(int(__ballot_sync(kAll, walks && items.bits == 0))) >= kLanesSearching);
+      if (walks && items.bits != 0) {
+        walk.meet(items);
+        items.bits = 0;
+        walks = walk.goes_on();
+      }
     } while (__popc(int(__ballot_sync(kAll, walks))) >= least);
   }
 }
