@@ -115,7 +115,10 @@ KERNEL void add_through(const Base& b, vec3 wi, BsdfValue& out) {
   if (b.interface == Interface::kNone) return;
   const bool apart = passes_apart(b);
   if (apart ? b.through_delta : b.delta) return;
-  apart&& b.interface == Interface::kSheet ? add_sheet(b, wi, out) : add_refraction(b, wi, out);
+  if (apart && b.interface == Interface::kSheet)
+    add_sheet(b, wi, out);
+  else
+    add_refraction(b, wi, out);
 }
 
 /// wi     local
