@@ -1,6 +1,6 @@
 // A tree over boxes in small steps, each of which a GPU takes for all boxes at once: keys along a
-// curve through space, clusters of near boxes (bvh_cluster.h), wide nodes level by level. Called by
-// renderer/backend/cuda/build.cu; the unit tests take the same steps one by one.
+// curve through space, clusters of near boxes (bvh_cluster.h), wide nodes from the root on. Called
+// by renderer/backend/cuda/build.cu; the unit tests take the same steps one by one.
 //
 // Whoever takes which step first, the tree is the same: nodes have their numbers from where their
 // items lie on the curve and from how many nodes their children need.
@@ -30,7 +30,7 @@ struct BuildCluster {
 
 /// A wide node to be made.
 struct BuildTask {
-  u32 node;         // of the binary tree
+  u32 node;         // of the binary tree; kNone: nobody has put the task here yet
   u32 number;       // of the wide node
   u32 first_child;  // what comes below it begins at these
   u32 first_item;
@@ -43,7 +43,8 @@ struct BuildHead {
   u32 count;                             // of boxes that are not empty
   u32 root;                              // of the binary tree
   u32 balances;                          // the first tree was too deep
-  u32 level_nodes[kBvhDepth + 1];        // wide nodes by level
+  u32 tasks;                             // that were put down so far, with that of the root
+  u32 taken;                             // of them
 };
 
 struct BuildView {
@@ -55,8 +56,8 @@ struct BuildView {
   BuildHead* head;
   BuildNode* nodes;        // 2 * count
   BuildCluster* clusters;  // count
-  u32* ends;               // count
-  BuildTask* tasks;        // count
+  u32* ends;               // 2 * count; the balanced tree's come second
+  BuildTask* tasks;        // count; that of the root is root_task()
   BvhNode* wide;           // count; the root is the first: the result
   u32* items;              // count; numbers of boxes, those that are empty last: the result
 };
@@ -130,11 +131,11 @@ KERNEL void build_leaf(const BuildView& view, u32 i) {
     if (!is_there) head.count = 0;
     head.root = 0;  // of a tree of one item
     head.balances = 0;
-    head.level_nodes[0] = 1;
-    for (u32 level = 1; level <= kBvhDepth; ++level) head.level_nodes[level] = 0;
+    head.tasks = 1;
+    head.taken = 0;
   }
-  view.ends[i] = kNone;
-  view.clusters[i] = {i, i};
+  view.ends[i] = view.ends[u64(view.count) + i] = kNone;
+  view.tasks[i].node = kNone;
   if (!is_there) {
     view.items[i] = view.order[i];
     return;
@@ -145,18 +146,6 @@ KERNEL void build_leaf(const BuildView& view, u32 i) {
   node.items = 1;
   node.plan = plan_item({box_area(node.box, area_scale(head)), view.item_cost, 1});
   view.nodes[i] = node;
-}
-
-/// Whether rays' stacks do not suffice for the tree that was made. Then one over the same items,
-/// halved again and again, takes its place.
-KERNEL bool is_too_deep(const BuildView& view) {
-  return view.head->count > 1 && view.nodes[view.head->root].depth[0] > kBvhDepth;
-}
-KERNEL void restart_leaf(const BuildView& view, u32 i) {
-  if (!is_too_deep(view)) return;
-  if (i == 0) view.head->balances = 1;
-  view.ends[i] = kNone;
-  view.clusters[i] = {i, i};
 }
 
 /// The node over two that are done.
@@ -266,16 +255,12 @@ KERNEL void build_wide(const BuildView& view, const BuildTask& task, Push&& push
   view.wide[task.number] = node;
 }
 
-/// Where the tasks of a level begin. Those of the levels above are all known.
-KERNEL u32 first_task(const BuildHead& head, u32 level) {
-  u32 first = 0;
-  for (u32 above = 0; above < level; ++above) first += head.level_nodes[above];
-  return first;
-}
-/// Task i of a level.
-KERNEL BuildTask level_task(const BuildView& view, u32 level, u32 i) {
-  if (level == 0) return {view.head->root, 0, 1, 0};
-  return view.tasks[first_task(*view.head, level) + i];
+KERNEL BuildTask root_task(const BuildView& view) { return {view.head->root, 0, 1, 0}; }
+
+/// How many wide nodes there are to make. Once the binary tree is there.
+KERNEL u32 wide_nodes(const BuildView& view) {
+  if (view.head->count == 0) return 1;
+  return max2(view.nodes[view.head->root].wide[0], 1u);  // the root may be a leaf of few items
 }
 
 static_assert(sizeof(BuildNode) == 112 && std::is_trivially_copyable_v<BuildNode>);

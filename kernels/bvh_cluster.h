@@ -37,6 +37,10 @@ KERNEL u32 parent_place(const BuildView& view, const BuildRange& range, bool& is
             (range.last + 1 < view.head->count && parts_later(view, range.last, range.first - 1));
   return is_left ? range.last : range.first - 1;
 }
+/// Where in BuildView::ends that is.
+KERNEL u32* end_at(const BuildView& view, u32 place) {
+  return view.ends + (view.head->balances != 0 ? u64(view.count) : 0) + place;
+}
 /// The parent of a node whose sibling's other end is known.
 KERNEL BuildRange parent_range(const BuildRange& range, bool is_left, u32 other_end) {
   if (is_left) return {range.first, other_end, range.last + 1};
@@ -44,13 +48,12 @@ KERNEL BuildRange parent_range(const BuildRange& range, bool is_left, u32 other_
 }
 
 /// At most how many clusters a subtree leaves to its parent.
-KERNEL u32 most_left(const BuildView& view, const BuildRange& range) {
-  if (view.head->balances != 0 || range.size() == view.head->count) return 1;
-  return kWindow / 2;
+KERNEL u32 most_left(const BuildView& view, u32 items) {
+  return view.head->balances != 0 || items == view.head->count ? 1 : kWindow / 2;
 }
 /// Whether a range is joined before its parent; if not its clusters are its items.
 KERNEL bool is_joined(const BuildView& view, const BuildRange& range) {
-  return range.size() > most_left(view, range);
+  return range.size() > most_left(view, range.size());
 }
 
 /// Clusters side by side.
@@ -65,8 +68,10 @@ struct ClusterWindow {
 KERNEL BuildCluster child_cluster(const BuildView& view, const BuildRange& range, bool left,
                                   u32 k) {
   const u32 begin = left ? range.first : range.split;
-  const u32 end = left ? range.split : range.last + 1;
-  return begin + k < end && k < kWindow / 2 ? view.clusters[begin + k] : BuildCluster{kNone, kNone};
+  const u32 items = (left ? range.split : range.last + 1) - begin;
+  if (k >= items || k >= kWindow / 2) return {kNone, kNone};
+  if (items <= most_left(view, items)) return {begin + k, begin + k};
+  return view.clusters[begin + k];
 }
 KERNEL void put_cluster(const BuildView& view, ClusterWindow& window, u32 at,
                         const BuildCluster& cluster) {
@@ -113,14 +118,18 @@ KERNEL BuildCluster join_cluster(const BuildView& view, const ClusterWindow& win
   return own;
 }
 
-/// Leaves what a range's window holds to its parent, by place k of the window.
+/// Leaves what a range's window holds to its parent, by place k of the window. Where rays' stacks
+/// do not suffice for the whole tree, one over the same items, halved again and again, takes its
+/// place: all ranges are joined once more.
 KERNEL void leave_cluster(const BuildView& view, const BuildRange& range,
                           const ClusterWindow& window, u32 k) {
   if (k < window.count)
     view.clusters[range.first + k] = window.cluster[k];
   else if (k < kWindow / 2 && k < range.size())
     view.clusters[range.first + k] = {kNone, kNone};
-  if (k == 0 && range.size() == view.head->count) view.head->root = window.cluster[0].node;
+  if (k != 0 || range.size() != view.head->count) return;
+  view.head->root = window.cluster[0].node;
+  if (view.nodes[view.head->root].depth[0] > kBvhDepth) view.head->balances = 1;
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

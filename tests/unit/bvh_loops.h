@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <deque>
 #include <numeric>
 #include <random>
 #include <span>
@@ -26,7 +27,7 @@ class LoopBuild {
     std::memset(&head_, 0xff, sizeof(head_));
     nodes_.resize(2 * count);
     clusters_.resize(count);
-    ends_.resize(count);
+    ends_.resize(2 * count);
     tasks_.resize(count);
     wide_.resize(count);
     items_.assign(count, kernels::kNone);
@@ -45,13 +46,10 @@ class LoopBuild {
              .items = items_.data()};
     for (u32 i = 0; i < count; ++i) kernels::build_leaf(view_, i);
     for (const u32 i : in_order(head_.count, order)) climb(i);
-    for (u32 i = 0; i < count; ++i) kernels::restart_leaf(view_, i);
     if (head_.balances != 0)
       for (const u32 i : in_order(head_.count, order)) climb(i);
-    for (u32 level = 0; level < kernels::kBvhDepth; ++level) make_level(level, order);
-    u32 made = 0;
-    for (const u32 nodes : head_.level_nodes) made += nodes;
-    wide_.resize(made);
+    make_wide(order);
+    wide_.resize(kernels::wide_nodes(view_));
   }
 
   LoopBuild(const LoopBuild&) = delete;
@@ -96,7 +94,8 @@ class LoopBuild {
     while (range.size() < head_.count) {
       bool is_left = false;
       const u32 place = kernels::parent_place(view_, range, is_left);
-      const u32 other = std::exchange(ends_[place], is_left ? range.first : range.last);
+      const u32 other =
+          std::exchange(*kernels::end_at(view_, place), is_left ? range.first : range.last);
       if (other == kernels::kNone) return;
       range = kernels::parent_range(range, is_left, other);
       if (kernels::is_joined(view_, range)) join(range);
@@ -113,7 +112,7 @@ class LoopBuild {
         if (cluster.node == kernels::kNone) break;
         kernels::put_cluster(view_, window, window.count++, cluster);
       }
-    while (window.count > kernels::most_left(view_, range)) {
+    while (window.count > kernels::most_left(view_, range.size())) {
       for (u32 i = 0; i < window.count; ++i) kernels::find_nearest(window, i, scale);
       std::vector<kernels::BuildCluster> left;
       for (u32 i = 0; i < window.count; ++i) {
@@ -126,13 +125,18 @@ class LoopBuild {
     for (u32 k = 0; k < kernels::kWindow; ++k) kernels::leave_cluster(view_, range, window, k);
   }
 
-  void make_level(u32 level, LoopOrder order) {
-    const u32 below = kernels::first_task(head_, level + 1);
-    for (const u32 i : in_order(head_.level_nodes[level], order))
-      kernels::build_wide(view_, kernels::level_task(view_, level, i),
-                          [&](const kernels::BuildTask& task) {
-                            tasks_[below + head_.level_nodes[level + 1]++] = task;
-                          });
+  void make_wide(LoopOrder order) {
+    std::deque<kernels::BuildTask> waiting{kernels::root_task(view_)};
+    std::mt19937 engine(1);
+    while (!waiting.empty()) {
+      if (order == LoopOrder::kShuffled)
+        std::swap(waiting[engine() % waiting.size()], waiting.back());
+      if (order == LoopOrder::kForwards) std::swap(waiting.front(), waiting.back());
+      const kernels::BuildTask task = waiting.back();
+      waiting.pop_back();
+      kernels::build_wide(view_, task,
+                          [&](const kernels::BuildTask& next) { waiting.push_back(next); });
+    }
   }
 
   std::span<const kernels::BvhBox> boxes_;

@@ -10,7 +10,6 @@ namespace {
 
 // To enter an instance costs the ray's way into its space and the first node there.
 constexpr float kInstanceCost = 2, kTriangleCost = 0.3f;
-constexpr u32 kScanThreads = 1024;
 
 /// Lays arrays out one after the other, and knows what they need together.
 class Layout {
@@ -23,6 +22,7 @@ class Layout {
     bytes_ += count * sizeof(T);
     return reinterpret_cast<T*>(at);
   }
+  [[nodiscard]] DevicePointer end() const { return from_ + bytes_; }
   [[nodiscard]] u64 bytes() const { return bytes_; }
 
  private:
@@ -52,21 +52,29 @@ MeshArrays lay_mesh(Layout& layout, const kernels::MeshView& mesh) {
   return {nodes, layout.take<kernels::BvhTriangle>(mesh.triangle_count), nullptr};
 }
 
+/// Whether one block sorts all.
+bool is_few(const BuildLaunch& launch) { return launch.sort_blocks == 1; }
+
 /// What a build works on besides its input and its result.
 void lay_work(Layout& layout, u64 mesh_boxes, BuildLaunch& launch) {
   kernels::BuildView& tree = launch.tree;
   const u64 count = tree.count;
   for (u64*& keys : launch.keys) keys = layout.take<u64>(count);
   for (u32*& order : launch.order) order = layout.take<u32>(count);
-  launch.digits = layout.take<u32>(u64(launch.sort_blocks) * kSortDigits);
   launch.boxes = layout.take<kernels::BvhBox>(count);
   tree.boxes = launch.boxes;
   tree.keys = launch.keys[0];
   tree.order = launch.order[0];
+  // These begin as bytes of 0xff.
   tree.head = layout.take<kernels::BuildHead>(1);
+  if (!is_few(launch)) {
+    launch.counts = layout.take<SortCounts>(1);
+    launch.sums = layout.take<u32>(u64(launch.sort_blocks) * kSortPasses * kSortDigits);
+  }
+  launch.begin_bytes = layout.end() - DevicePointer(tree.head);
   tree.nodes = layout.take<kernels::BuildNode>(2 * count);
   tree.clusters = layout.take<kernels::BuildCluster>(count);
-  tree.ends = layout.take<u32>(count);
+  tree.ends = layout.take<u32>(2 * count);
   tree.tasks = layout.take<kernels::BuildTask>(count);
   tree.items = layout.take<u32>(count);
   launch.mesh_boxes = layout.take<kernels::BvhBox>(mesh_boxes);
@@ -95,13 +103,15 @@ Expected<TreeBuilder> TreeBuilder::create(std::shared_ptr<Context> context) {
         std::pair{"build_triangle_boxes", &builder.triangle_boxes_},
         std::pair{"build_triangles", &builder.triangles_}, std::pair{"build_keys", &builder.keys_},
         std::pair{"build_leaves", &builder.leaves_},
-        std::pair{"build_clusters", &builder.clusters_}, std::pair{"build_level", &builder.level_},
-        std::pair{"build_items", &builder.items_}, std::pair{"sort_count", &builder.count_},
-        std::pair{"sort_scan", &builder.scan_}, std::pair{"sort_move", &builder.move_}}) {
+        std::pair{"build_clusters", &builder.clusters_}, std::pair{"build_nodes", &builder.nodes_},
+        std::pair{"build_items", &builder.items_}, std::pair{"sort_pass", &builder.pass_},
+        std::pair{"sort_few", &builder.few_}}) {
     const auto function = builder.context_->function(name);
     if (!function) return std::unexpected(function.error());
     *program = *function;
   }
+  builder.node_blocks_ = builder.context_->processors() *
+                         builder.context_->resident_blocks(builder.nodes_, kBuildThreads);
   return builder;
 }
 
@@ -115,33 +125,23 @@ Status TreeBuilder::launch(FunctionHandle program, LaunchSize size, BuildLaunch&
   return context_->launch(program, size, arguments);
 }
 
+/// Keys of boxes in their order, and the leaves.
 Status TreeBuilder::sort(BuildLaunch& l) const {
+  if (is_few(l)) return launch(few_, {1, kSortThreads}, l);
   const LaunchSize blocks{l.sort_blocks, kSortThreads};
-  for (u32 pass = 0; pass < kSortPasses; ++pass) {
-    HELIO_TRY(launch(count_, blocks, l, pass));
-    HELIO_TRY(launch(scan_, {1, kScanThreads}, l));
-    HELIO_TRY(launch(move_, blocks, l, pass));
-  }
-  return {};
+  HELIO_TRY(launch(keys_, blocks, l));
+  for (u32 pass = 0; pass < kSortPasses; ++pass) HELIO_TRY(launch(pass_, blocks, l, pass));
+  return launch(leaves_, blocks_of(l.tree.count, kBuildThreads), l);
 }
 
 Status TreeBuilder::run(const Kind& kind, BuildLaunch& l) const {
-  const u32 count = l.tree.count;
-  const LaunchSize all = blocks_of(count, kBuildThreads);
+  const LaunchSize all = blocks_of(l.tree.count, kBuildThreads);
   l.tree.item_cost = kind.item_cost;
-  HELIO_TRY(context_->fill(DevicePointer(l.tree.head), 0xff, sizeof(kernels::BuildHead)));
+  HELIO_TRY(context_->fill(DevicePointer(l.tree.head), 0xff, l.begin_bytes));
   HELIO_TRY(launch(kind.boxes, all, l));
-  HELIO_TRY(launch(keys_, all, l));
   HELIO_TRY(sort(l));
-  for (const u32 again : {0u, 1u}) {
-    HELIO_TRY(launch(leaves_, all, l, again));
-    HELIO_TRY(launch(clusters_, all, l, again));
-  }
-  for (u32 level = 0; level < kernels::kBvhDepth; ++level) {
-    // A level has at most 8 times the nodes of the one above.
-    const u64 most = level < 8 ? std::min<u64>(count, 1ull << (3 * level)) : count;
-    HELIO_TRY(launch(level_, blocks_of(most / 2 + 1, kBuildThreads), l, level));
-  }
+  for (const u32 again : {0u, 1u}) HELIO_TRY(launch(clusters_, all, l, again));
+  HELIO_TRY(launch(nodes_, {std::min(all.blocks, node_blocks_), kBuildThreads}, l));
   return launch(kind.items, all, l);
 }
 

@@ -2,6 +2,12 @@
 // them.
 #include "renderer/backend/cuda/build_launch.h"
 
+#if defined(__CUDACC__)
+#define HELIO_UNROLL _Pragma("unroll")
+#else  // in a test
+#define HELIO_UNROLL
+#endif
+
 using namespace heliograph::kernels;
 using namespace heliograph::cuda;
 
@@ -42,9 +48,7 @@ __device__ u32 digit_of(u64 key, u32 pass) {
   return u32(key >> (pass * kSortBits)) & (kSortDigits - 1);
 }
 
-}  // namespace
-
-namespace {
+// ---------------------------------------------------------------- boxes
 
 /// Stores the box of a block's thread, and bounds of all.
 __device__ void note_box(const BuildLaunch& l, const BvhBox& box) {
@@ -88,103 +92,194 @@ extern "C" __global__ void __launch_bounds__(kBuildThreads)
   note_box(l, thread() < l.tree.count ? triangle_box(l.mesh, thread()) : no_box());
 }
 
-extern "C" __global__ void __launch_bounds__(kBuildThreads)
-    build_keys(const __grid_constant__ BuildLaunch l) {
-  const u32 i = thread();
-  if (i >= l.tree.count) return;
-  l.keys[0][i] = morton_key(*l.tree.head, l.boxes[i]);
-  l.order[0][i] = i;
+// ---------------------------------------------------------------- the sort
+
+namespace {
+
+constexpr u32 kWarps = kSortThreads / kWarp, kRows = kSortKeys / kSortThreads;
+
+/// Keys of one digit by the warps of a block; then where the first of them goes.
+using Places = u32[kWarps][kSortDigits];
+
+/// The keys of a thread, `kWarp` apart.
+struct Rows {
+  u64 keys[kRows];
+  u32 order[kRows];
+  u32 ranks[kRows];  // among those of the same warp and digit
+};
+
+/// What a thread's rows are of what a block sorts.
+__device__ u32 row_place(u32 row) {
+  return threadIdx.x / kWarp * kWarp * kRows + row * kWarp + lane();
 }
 
-// How many keys of each block have which digit.
+/// Ranks keys within their warps, and counts them. All threads of a block.
+///
+/// count   of the block's keys
+__device__ void rank_rows(Rows& rows, Places& places, u32 count, u32 pass) {
+  for (u32 warp = 0; warp < kWarps; ++warp) places[warp][threadIdx.x] = 0;
+  __syncthreads();
+  u32* own = places[threadIdx.x / kWarp];
+  HELIO_UNROLL
+  for (u32 row = 0; row < kRows; ++row) {
+    const bool is_there = row_place(row) < count;
+    const u32 digit = is_there ? digit_of(rows.keys[row], pass) : kSortDigits;
+    const u32 same = __match_any_sync(kAll, digit);
+    rows.ranks[row] = __popc(same & lanes_before());
+    if (is_there) rows.ranks[row] += own[digit];
+    __syncwarp();
+    if (is_there && (same & lanes_before()) == 0) own[digit] += __popc(same);
+    __syncwarp();
+  }
+  __syncthreads();
+}
+
+/// How many keys of the block have the thread's digit.
+__device__ u32 keys_of_digit(const Places& places) {
+  u32 count = 0;
+  for (u32 warp = 0; warp < kWarps; ++warp) count += places[warp][threadIdx.x];
+  return count;
+}
+/// Counts to places, from where the block's first key of the thread's digit goes.
+__device__ void set_places(Places& places, u32 place) {
+  for (u32 warp = 0; warp < kWarps; ++warp) {
+    const u32 count = places[warp][threadIdx.x];
+    places[warp][threadIdx.x] = place;
+    place += count;
+  }
+  __syncthreads();
+}
+__device__ u32 row_target(const Rows& rows, const Places& places, u32 row, u32 pass) {
+  return places[threadIdx.x / kWarp][digit_of(rows.keys[row], pass)] + rows.ranks[row];
+}
+
+// A block's sums of a pass: nothing yet, its own keys of a digit, or with this bit those of all
+// blocks up to it after all keys of lower digits.
+constexpr u32 kNotYet = 0xffffffff, kWhole = 1u << 31;
+static_assert(kMostBuildBoxes < kWhole - 1);
+
+/// Where the block's first key of the thread's digit goes, by what the blocks before it have said.
+/// They have all begun: none of them waits for this one.
+///
+/// Source: Merrill and Garland 2016, "Single-pass Parallel Prefix Scan with Decoupled Look-back";
+/// Adinets and Merrill 2022, "Onesweep: A Faster Least Significant Digit Radix Sort for GPUs".
+__device__ u32 look_back(const BuildLaunch& l, u32 pass, u32 block, u32 own) {
+  volatile u32* sums = l.sums + u64(pass) * l.sort_blocks * kSortDigits + threadIdx.x;
+  u32 before = 0;
+  if (block == 0)
+    before = scan_block<kSortThreads>(l.counts->digits[pass][threadIdx.x] + 1).before;
+  else
+    sums[u64(block) * kSortDigits] = own;
+  for (u32 other = block; other > 0;) {
+    const u32 sum = sums[u64(other - 1) * kSortDigits];
+    if (sum == kNotYet) continue;
+    before += sum & ~kWhole;
+    if (sum & kWhole) break;
+    --other;
+  }
+  sums[u64(block) * kSortDigits] = kWhole | (before + own);
+  return before;
+}
+
+}  // namespace
+
+// Keys of boxes, and how many of all have which digit in which pass.
 extern "C" __global__ void __launch_bounds__(kSortThreads)
-    sort_count(const __grid_constant__ BuildLaunch l, u32 pass) {
-  __shared__ u32 counts[kSortDigits];
-  for (u32 d = threadIdx.x; d < kSortDigits; d += kSortThreads) counts[d] = 0;
+    build_keys(const __grid_constant__ BuildLaunch l) {
+  __shared__ u32 counts[kSortPasses][kSortDigits];
+  for (u32 pass = 0; pass < kSortPasses; ++pass) counts[pass][threadIdx.x] = 0;
   __syncthreads();
   const u32 begin = blockIdx.x * kSortKeys, end = min(begin + kSortKeys, l.tree.count);
-  for (u32 i = begin + threadIdx.x; i < end; i += kSortThreads)
-    atomicAdd(&counts[digit_of(l.keys[pass % 2][i], pass)], 1);
-  __syncthreads();
-  for (u32 d = threadIdx.x; d < kSortDigits; d += kSortThreads)
-    l.digits[d * l.sort_blocks + blockIdx.x] = counts[d];
-}
-
-// Where each block's keys of each digit go. One block.
-extern "C" __global__ void __launch_bounds__(1024)
-    sort_scan(const __grid_constant__ BuildLaunch l) {
-  const u32 count = kSortDigits * l.sort_blocks;
-  u32 before = 0;
-  for (u32 begin = 0; begin < count; begin += 1024) {
-    const u32 i = begin + threadIdx.x;
-    const u32 own = i < count ? l.digits[i] : 0;
-    const Scanned scanned = scan_block<1024>(own);
-    if (i < count) l.digits[i] = before + scanned.before;
-    before += scanned.all;
+  for (u32 i = begin + threadIdx.x; i < end; i += kSortThreads) {
+    const u64 key = morton_key(*l.tree.head, l.boxes[i]);
+    l.keys[0][i] = key;
+    l.order[0][i] = i;
+    for (u32 pass = 0; pass < kSortPasses; ++pass) atomicAdd(&counts[pass][digit_of(key, pass)], 1);
   }
+  __syncthreads();
+  for (u32 pass = 0; pass < kSortPasses; ++pass)
+    if (const u32 count = counts[pass][threadIdx.x]; count > 0)
+      atomicAdd(&l.counts->digits[pass][threadIdx.x], count);
 }
 
 // Moves keys of a digit behind each other in the order in which they are.
 extern "C" __global__ void __launch_bounds__(kSortThreads)
-    sort_move(const __grid_constant__ BuildLaunch l, u32 pass) {
-  constexpr u32 kWarps = kSortThreads / kWarp, kRows = kSortKeys / kSortThreads;
-  __shared__ u32 places[kWarps][kSortDigits];
-  for (u32 i = threadIdx.x; i < kWarps * kSortDigits; i += kSortThreads)
-    places[i / kSortDigits][i % kSortDigits] = 0;
+    sort_pass(const __grid_constant__ BuildLaunch l, u32 pass) {
+  __shared__ Places places;
+  __shared__ u32 block;
+  if (threadIdx.x == 0) block = atomicAdd(&l.counts->blocks[pass], 1) + 1;
   __syncthreads();
-  const u32 warp = threadIdx.x / kWarp;
-  const u32 begin = blockIdx.x * kSortKeys + warp * kWarp * kRows + lane();
-  u64 keys[kRows];
-  u32 ranks[kRows];
-#pragma unroll
+  const u32 begin = block * kSortKeys, count = min(kSortKeys, l.tree.count - begin);
+  Rows rows;
+  HELIO_UNROLL
   for (u32 row = 0; row < kRows; ++row) {
-    const u32 i = begin + row * kWarp;
-    const bool is_there = i < l.tree.count;
-    keys[row] = is_there ? l.keys[pass % 2][i] : 0;
-    const u32 digit = is_there ? digit_of(keys[row], pass) : kSortDigits;
-    const u32 same = __match_any_sync(kAll, digit);
-    ranks[row] = __popc(same & lanes_before());
-    if (is_there) ranks[row] += places[warp][digit];
-    __syncwarp();
-    if (is_there && (same & lanes_before()) == 0) places[warp][digit] += __popc(same);
-    __syncwarp();
+    if (row_place(row) >= count) continue;
+    rows.keys[row] = l.keys[pass % 2][begin + row_place(row)];
+    rows.order[row] = l.order[pass % 2][begin + row_place(row)];
   }
-  __syncthreads();
-  for (u32 d = threadIdx.x; d < kSortDigits; d += kSortThreads) {
-    u32 place = l.digits[d * l.sort_blocks + blockIdx.x];
-    for (u32 w = 0; w < kWarps; ++w) {
-      const u32 count = places[w][d];
-      places[w][d] = place;
-      place += count;
-    }
-  }
-  __syncthreads();
-#pragma unroll
+  rank_rows(rows, places, count, pass);
+  set_places(places, look_back(l, pass, block, keys_of_digit(places)));
+  HELIO_UNROLL
   for (u32 row = 0; row < kRows; ++row) {
-    const u32 i = begin + row * kWarp;
-    if (i >= l.tree.count) continue;
-    const u32 to = places[warp][digit_of(keys[row], pass)] + ranks[row];
-    l.keys[1 - pass % 2][to] = keys[row];
-    l.order[1 - pass % 2][to] = l.order[pass % 2][i];
+    if (row_place(row) >= count) continue;
+    const u32 to = row_target(rows, places, row, pass);
+    l.keys[1 - pass % 2][to] = rows.keys[row];
+    l.order[1 - pass % 2][to] = rows.order[row];
   }
 }
 
-extern "C" __global__ void __launch_bounds__(kBuildThreads)
-    build_leaves(const __grid_constant__ BuildLaunch l, u32 again) {
-  const u32 i = thread();
-  if (i >= l.tree.count) return;
-  if (again)
-    restart_leaf(l.tree, i);
-  else
-    build_leaf(l.tree, i);
+// Keys of few boxes, all passes of their sort, and the leaves. One block.
+extern "C" __global__ void __launch_bounds__(kSortThreads)
+    sort_few(const __grid_constant__ BuildLaunch l) {
+  __shared__ Places places;
+  __shared__ u64 keys[kSortKeys];
+  __shared__ u32 order[kSortKeys];
+  const u32 count = l.tree.count;
+  for (u32 i = threadIdx.x; i < count; i += kSortThreads) {
+    keys[i] = morton_key(*l.tree.head, l.boxes[i]);
+    order[i] = i;
+  }
+  for (u32 pass = 0; pass < kSortPasses; ++pass) {
+    __syncthreads();
+    Rows rows;
+    HELIO_UNROLL
+    for (u32 row = 0; row < kRows; ++row) {
+      if (row_place(row) >= count) continue;
+      rows.keys[row] = keys[row_place(row)];
+      rows.order[row] = order[row_place(row)];
+    }
+    rank_rows(rows, places, count, pass);
+    set_places(places, scan_block<kSortThreads>(keys_of_digit(places)).before);
+    HELIO_UNROLL
+    for (u32 row = 0; row < kRows; ++row) {
+      if (row_place(row) >= count) continue;
+      const u32 to = row_target(rows, places, row, pass);
+      keys[to] = rows.keys[row];
+      order[to] = rows.order[row];
+    }
+  }
+  __syncthreads();
+  for (u32 i = threadIdx.x; i < count; i += kSortThreads) {
+    l.keys[0][i] = keys[i];
+    l.order[0][i] = order[i];
+  }
+  __syncthreads();
+  for (u32 i = threadIdx.x; i < count; i += kSortThreads) build_leaf(l.tree, i);
 }
+
+extern "C" __global__ void __launch_bounds__(kBuildThreads)
+    build_leaves(const __grid_constant__ BuildLaunch l) {
+  if (thread() < l.tree.count) build_leaf(l.tree, thread());
+}
+
+// ---------------------------------------------------------------- the tree
 
 namespace {
 
 /// A warp's work on a node of the radix tree.
 __device__ void join(const BuildView& view, const BuildRange& range, ClusterWindow& window) {
   const float scale = area_scale(*view.head);
-  const u32 most = most_left(view, range);
+  const u32 most = most_left(view, range.size());
   BuildCluster own = child_cluster(view, range, lane() < kWarp / 2, lane() % (kWarp / 2));
   for (;;) {
     const u32 there = __ballot_sync(kAll, own.node != kNone);
@@ -219,7 +314,7 @@ extern "C" __global__ void __launch_bounds__(kBuildThreads)
       bool is_left = false;
       const u32 place = parent_place(view, range, is_left);
       __threadfence();
-      const u32 other = atomicExch(&view.ends[place], is_left ? range.first : range.last);
+      const u32 other = atomicExch(end_at(view, place), is_left ? range.first : range.last);
       __threadfence();
       goes_on = other != kNone;
       if (goes_on) range = parent_range(range, is_left, other);
@@ -236,14 +331,52 @@ extern "C" __global__ void __launch_bounds__(kBuildThreads)
   }
 }
 
+namespace {
+
+/// Leaves a task to whoever takes it.
+__device__ void put_task(const BuildView& view, const BuildTask& task) {
+  BuildTask& to = view.tasks[atomicAdd(&view.head->tasks, 1)];
+  to.number = task.number;
+  to.first_child = task.first_child;
+  to.first_item = task.first_item;
+  __threadfence();
+  *const_cast<volatile u32*>(&to.node) = task.node;
+}
+/// Whether the task is there.
+__device__ bool take_task(const BuildView& view, u32 i, BuildTask& task) {
+  if (i == 0) {
+    task = root_task(view);
+    return true;
+  }
+  const u32 node = *const_cast<volatile const u32*>(&view.tasks[i].node);
+  if (node == kNone) return false;
+  __threadfence();
+  task = view.tasks[i];
+  return true;
+}
+
+}  // namespace
+
+// Each task comes from one with a lower number. As a warp takes the next ones when it is done with
+// what it has, the lowest that is not done is with a warp that runs, and there: nobody waits for
+// ever.
 extern "C" __global__ void __launch_bounds__(kBuildThreads)
-    build_level(const __grid_constant__ BuildLaunch l, u32 level) {
-  BuildHead& head = *l.tree.head;
-  const u32 below = first_task(head, level + 1);
-  for (u32 i = thread(); i < head.level_nodes[level]; i += gridDim.x * blockDim.x)
-    build_wide(l.tree, level_task(l.tree, level, i), [&](const BuildTask& task) {
-      l.tree.tasks[below + atomicAdd(&head.level_nodes[level + 1], 1)] = task;
-    });
+    build_nodes(const __grid_constant__ BuildLaunch l) {
+  const BuildView& view = l.tree;
+  const u32 count = wide_nodes(view);
+  for (;;) {
+    u32 first = 0;
+    if (lane() == 0) first = atomicAdd(&view.head->taken, kWarp);
+    first = __shfl_sync(kAll, first, 0);
+    if (first >= count) break;
+    bool waits = first + lane() < count;
+    while (__any_sync(kAll, waits)) {
+      BuildTask task;
+      if (!waits || !take_task(view, first + lane(), task)) continue;
+      build_wide(view, task, [&](const BuildTask& next) { put_task(view, next); });
+      waits = false;
+    }
+  }
 }
 
 extern "C" __global__ void __launch_bounds__(kBuildThreads)

@@ -51,8 +51,9 @@ class TreeBuilder {
   std::shared_ptr<Context> context_;
   FunctionHandle triangle_boxes_ = nullptr, triangles_ = nullptr;
   FunctionHandle boxes_ = nullptr, keys_ = nullptr, leaves_ = nullptr, clusters_ = nullptr,
-                 level_ = nullptr, items_ = nullptr;
-  FunctionHandle count_ = nullptr, scan_ = nullptr, move_ = nullptr;  // of the sort
+                 nodes_ = nullptr, items_ = nullptr;
+  FunctionHandle pass_ = nullptr, few_ = nullptr;  // of the sort
+  u32 node_blocks_ = 0;                            // of build_nodes that the device runs at once
 };
 
 }  // namespace heliograph::cuda

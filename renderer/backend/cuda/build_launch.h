@@ -15,14 +15,23 @@ inline constexpr u32 kSortBits = 8;     // of a pass
 inline constexpr u32 kSortDigits = 1u << kSortBits;
 inline constexpr u32 kSortPasses = 64 / kSortBits;
 static_assert(kSortPasses % 2 == 0, "what is sorted ends where it began");
+static_assert(kSortThreads == kSortDigits, "a thread counts the keys of a digit");
+
+/// Counters of a sort by several blocks. They begin as bytes of 0xff: one before 0.
+struct SortCounts {
+  u32 digits[kSortPasses][kSortDigits];  // keys that have them
+  u32 blocks[kSortPasses];               // that have begun a pass
+};
 
 /// A tree over instances, or over the triangles of a mesh. Everything lies in device memory.
 struct BuildLaunch {
   kernels::BuildView tree;  // its keys and order are the first of these
   u64* keys[2];
   u32* order[2];
-  u32* digits;  // kSortDigits for each block
+  SortCounts* counts;
+  u32* sums;  // of each pass, of each block, by digit: keys of it, later with all blocks before it
   u32 sort_blocks;
+  u64 begin_bytes;  // from the tree's head on, that begin as 0xff
   kernels::BvhBox* boxes;
   // of instances
   const kernels::InstanceView* instances;

@@ -1,0 +1,151 @@
+// The GPU's programs that build trees, run on the host: what TreeBuilder has them make is what the
+// steps of kernels/bvh_build.h make one after the other.
+#include <map>
+#include <string>
+
+#include "renderer/backend/cuda/build.h"
+#include "renderer/backend/cuda/programs.h"
+#include "tests/unit/bvh_loops.h"
+#include "tests/unit/catch.h"
+#include "tests/unit/fake_driver.h"
+#include "tests/unit/gpu_fibers.h"
+#include "tests/unit/random.h"
+
+#include "renderer/backend/cuda/build.cu"
+
+using namespace heliograph;
+using namespace heliograph::test;
+
+std::span<const std::byte* const> heliograph::cuda::programs() {
+  static const std::byte any{};
+  static const std::byte* const all[] = {&any};
+  return all;
+}
+
+namespace {
+
+using Run = std::function<void(void** arguments)>;
+u32 launches = 0;
+
+Run program(void (*f)(BuildLaunch)) {
+  return [f](void** arguments) { f(*static_cast<BuildLaunch*>(arguments[0])); };
+}
+Run program(void (*f)(BuildLaunch, u32)) {
+  return [f](void** arguments) {
+    f(*static_cast<BuildLaunch*>(arguments[0]), *static_cast<u32*>(arguments[1]));
+  };
+}
+
+const std::map<std::string, Run, std::less<>>& all_programs() {
+  static const std::map<std::string, Run, std::less<>> all{
+#define HELIO_PROGRAM(name) {#name, program(name)}
+      HELIO_PROGRAM(build_boxes),  HELIO_PROGRAM(build_triangle_boxes), HELIO_PROGRAM(build_keys),
+      HELIO_PROGRAM(build_leaves), HELIO_PROGRAM(build_clusters),       HELIO_PROGRAM(build_nodes),
+      HELIO_PROGRAM(build_items),  HELIO_PROGRAM(build_triangles),      HELIO_PROGRAM(sort_pass),
+      HELIO_PROGRAM(sort_few)};
+#undef HELIO_PROGRAM
+  return all;
+}
+
+/// A driver whose programs are those above.
+cuda::Driver running_driver() {
+  cuda::Driver d = fake_driver();
+  d.function_in = [](cuda::FunctionHandle* out, cuda::ModuleHandle, const char* name) {
+    const auto found = all_programs().find(name);
+    if (found == all_programs().end()) return 500;
+    *out = reinterpret_cast<cuda::FunctionHandle>(const_cast<Run*>(&found->second));
+    return 0;
+  };
+  d.blocks_per_processor = [](int* blocks, cuda::FunctionHandle, int, std::size_t) {
+    return *blocks = 2, 0;
+  };
+  d.launch = [](cuda::FunctionHandle f, unsigned blocks, unsigned, unsigned, unsigned threads,
+                unsigned, unsigned, unsigned, cuda::StreamHandle, void** arguments, void**) {
+    ++launches;
+    run_on_fibers(blocks, threads, [&] { (*reinterpret_cast<const Run*>(f))(arguments); });
+    return 0;
+  };
+  return d;
+}
+
+struct Gpu {
+  cuda::Driver driver = running_driver();
+  std::shared_ptr<cuda::Context> context = cuda::Context::create(driver, 0).value();
+  cuda::TreeBuilder builder = cuda::TreeBuilder::create(context).value();
+};
+
+/// Triangles of all sizes without an order; some twice, and some with no corner that is a number.
+struct Soup {
+  Soup(u32 count, float place, float size) {
+    Random random(count);
+    const auto within = [&](float reach) {
+      const vec2 xy = random.next2();
+      return (2.0f * vec3(xy, random.next()) - 1.0f) * reach;
+    };
+    for (u32 i = 0; i < count; ++i) {
+      const bool again = i > 0 && i % 7 == 0;
+      const vec3 at = again ? positions[3 * i - 3] : within(place);
+      for (u32 k = 0; k < 3; ++k) positions.push_back(i % 11 == 5 ? vec3(NAN) : at + within(size));
+      triangles.emplace_back(3 * i, 3 * i + 1, 3 * i + 2);
+    }
+    view.triangles = triangles.data();
+    view.positions = positions.data();
+    view.triangle_count = count;
+    view.vertex_count = 3 * count;
+  }
+  std::vector<vec3> positions;
+  std::vector<uvec3> triangles;
+  kernels::MeshView view{};
+};
+
+LoopBuild steps_over(const kernels::MeshView& mesh, std::vector<BvhBox>& boxes) {
+  for (u32 i = 0; i < mesh.triangle_count; ++i) boxes.push_back(kernels::triangle_box(mesh, i));
+  return {boxes, 0.3f, LoopOrder::kForwards};
+}
+
+}  // namespace
+
+TEST_CASE("build programs: trees over triangles are those of the steps") {
+  Gpu gpu;
+  for (const u32 count : {1u, 2u, 3u, 40u, 700u, 2048u, 2049u, 9000u}) {
+    INFO(count << " triangles");
+    const Soup soup(count, 10, count % 2 ? 0.1f : 3);
+    std::vector<BvhBox> boxes;
+    const LoopBuild steps = steps_over(soup.view, boxes);
+    launches = 0;
+    const auto tree = gpu.builder.build(soup.view);
+    REQUIRE(tree);
+    CHECK(launches == (count <= 2048 ? 6u : 15u));
+    const kernels::MeshBvh made = cuda::view_of_mesh(**tree, soup.view);
+    REQUIRE(std::memcmp(made.nodes, steps.nodes().data(),
+                        steps.nodes().size() * sizeof(kernels::BvhNode)) == 0);
+    for (u32 i = 0; i < count; ++i) REQUIRE(made.triangles[i].number == steps.items()[i]);
+  }
+}
+
+TEST_CASE("build programs: trees over instances are those of the steps, balanced ones too") {
+  Gpu gpu;
+  const std::vector<kernels::MeshBvh> meshes(1);
+  const std::vector<BvhBox> mesh_boxes{{vec3(-1), vec3(1)}};
+  for (const u32 count : {600u, 3000u}) {  // one within the other: so many are too deep
+    std::vector<kernels::InstanceView> instances(count);
+    std::vector<BvhBox> boxes;
+    for (u32 i = 0; i < count; ++i) {
+      instances[i].world_from_object = mat4x3(float(i + 1));
+      instances[i].visibility = i % 50 == 49 ? 0 : 1;
+      boxes.push_back(kernels::ray_box(instances[i], nullptr, mesh_boxes[0]));
+    }
+    const LoopBuild steps(boxes, 2, LoopOrder::kBackwards);
+    CHECK(steps.head().balances == (count == 3000));
+    const cuda::BuildInput input{instances.data(), nullptr, meshes.data(), count, mesh_boxes};
+    const auto top = gpu.builder.build(input);
+    REQUIRE(top);
+    const kernels::BvhView made = cuda::view_of_top(**top, input);
+    REQUIRE(std::memcmp(made.top, steps.nodes().data(),
+                        steps.nodes().size() * sizeof(kernels::BvhNode)) == 0);
+    for (u32 i = 0; i < count; ++i) {
+      REQUIRE(made.items[i].instance == steps.items()[i]);
+      REQUIRE(made.item_of_instance[steps.items()[i]] == i);
+    }
+  }
+}
