@@ -12,6 +12,7 @@
 #include "tests/unit/random.h"
 
 #include "renderer/backend/cuda/build.cu"
+#include "renderer/backend/cuda/sort.cu"
 
 using namespace heliograph;
 using namespace heliograph::test;
