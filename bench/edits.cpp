@@ -82,12 +82,10 @@ void report_edits(std::shared_ptr<const Snapshot> scene, u32 entities) {
   edit("one removal", [&](u32 r) { return std::vector{named(name(r), Remove{})}; });
   edit("advance", [&](u32) { return std::vector{Edit{.action = Advance{.dt = 0.1}}}; });
   edit("advance and 1000 poses", [&](u32 r) {
-    Poses poses;
-    for (u32 k = 0; k < 1000; ++k) {
-      poses.ids.push_back(scene->entity_id((r + k * 97) % entities));
-      poses.matrices.push_back(at(float(r)));
-    }
-    return std::vector{Edit{.action = Advance{.dt = 0.1}}, Edit{.action = std::move(poses)}};
+    std::vector<Id> ids;
+    for (u32 k = 0; k < 1000; ++k) ids.push_back(scene->entity_id((r + k * 97) % entities));
+    const Poses poses{ArrayOf(std::move(ids)), ArrayOf(std::vector(1000, at(float(r))))};
+    return std::vector{Edit{.action = Advance{.dt = 0.1}}, Edit{.action = poses}};
   });
   report("a refused name", 20, [&](u32) { (void)scene->find("p/12x45"); });
   report("a branch", 200, [&](u32) { (void)std::make_shared<const Snapshot>(*scene); });

@@ -1,90 +1,14 @@
-// Loops over the cores: the one place that names TBB. ThreadSanitizer does not see what TBB orders,
-// which is built without it: under it pieces run on threads of their own, and Embree's tasks on
-// one.
+// Loops over the cores, under the name that the layers above know them by.
 #pragma once
 
-#include <tbb/task_arena.h>
-
-#ifdef __SANITIZE_THREAD__
-#include <tbb/global_control.h>
-
-#include <algorithm>
-#include <atomic>
-#include <thread>
-#else
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-#include <tbb/parallel_invoke.h>
-#endif
+#include "renderer/base/parallel.h"
 
 namespace heliograph::resident {
 
-#ifdef __SANITIZE_THREAD__
-
-inline const tbb::global_control kOneThread(tbb::global_control::max_allowed_parallelism, 1);
-
-template <class Index, class F>
-void parallel_ranges(Index count, Index grain, const F& f) {
-  std::atomic<Index> next = 0;
-  const auto work = [&] {
-    for (Index begin; (begin = next.fetch_add(grain)) < count;)
-      f(begin, std::min<Index>(count, begin + grain));
-  };
-  const std::jthread other(work);
-  work();
-}
-
-template <class F, class G>
-void parallel_invoke(const F& f, const G& g) {
-  const std::jthread other(f);
-  g();
-}
-
-template <class F>
-decltype(auto) run_in(tbb::task_arena&, const F& f) {
-  return f();
-}
-
-template <class F>
-decltype(auto) run_alone(const F& f) {
-  return f();
-}
-
-#else
-
-/// f(begin, end) for pieces, of `grain` or more, of what is below `count`, in any order.
-template <class Index, class F>
-void parallel_ranges(Index count, Index grain, const F& f) {
-  tbb::parallel_for(tbb::blocked_range<Index>(0, count, grain),
-                    [&](const auto& range) { f(range.begin(), range.end()); });
-}
-
-/// Both, in any order.
-template <class F, class G>
-void parallel_invoke(const F& f, const G& g) {
-  tbb::parallel_invoke(f, g);
-}
-
-/// f() and its parallel parts by the threads of an arena.
-template <class F>
-decltype(auto) run_in(tbb::task_arena& arena, const F& f) {
-  return arena.execute(f);
-}
-
-/// f() and its parallel parts, while this thread takes up nothing else: for what holds a lock.
-template <class F>
-decltype(auto) run_alone(const F& f) {
-  return tbb::this_task_arena::isolate(f);
-}
-
-#endif
-
-/// f(i) for each i below `count`, in any order.
-template <class Index, class F>
-void parallel_for(Index count, const F& f) {
-  parallel_ranges(count, Index(1), [&](Index begin, Index end) {
-    for (Index i = begin; i < end; ++i) f(i);
-  });
-}
+using heliograph::parallel_for;
+using heliograph::parallel_invoke;
+using heliograph::parallel_ranges;
+using heliograph::run_alone;
+using heliograph::run_in;
 
 }  // namespace heliograph::resident

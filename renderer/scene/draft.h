@@ -120,7 +120,7 @@ void prune(Draft& draft);
 // instantiate.cpp
 [[nodiscard]] Expected<Id> instantiate(Draft& draft, const Scope& scope, const std::string& name,
                                        const Instantiate& action);
-// place.cpp
+// place.cpp, place_many.cpp
 [[nodiscard]] Status place(Draft& draft, const Scope& scope, const std::string& name,
                            const Instances& action);
 [[nodiscard]] Status place(Draft& draft, const Poses& action);

@@ -1,5 +1,4 @@
-// Many entities at once: copies of a prototype, and poses of entities that are there. Called by
-// apply().
+// Copies of a prototype. Called by apply().
 #include <fmt/format.h>
 
 #include "renderer/scene/draft.h"
@@ -47,29 +46,6 @@ Status place(Draft& draft, const Scope& scope, const std::string& name, const In
     }
     set_pose(draft, id, action.matrices[k]);
     draft.further.push_back(id);
-  }
-  return {};
-}
-
-Status place(Draft& draft, const Poses& action) {
-  if (action.ids.size() != action.matrices.size())
-    return fail(Code::kInvalidArgument, "matrices",
-                fmt::format("{} matrices for {} ids", action.matrices.size(), action.ids.size()));
-  for (std::size_t k = 0; k < action.ids.size(); ++k) {
-    const EntityId id(action.ids[k]);
-    const Entity* entity = draft.next.find(id);
-    if (!entity)
-      return fail(id || !action.ids[k] ? Code::kNotFound : Code::kInvalidArgument,
-                  fmt::format("ids[{}]", k),
-                  fmt::format("{} {} is not an entity of the scene",
-                              kind_name(action.ids[k].kind()), action.ids[k].value));
-    if (entity->keys || action.teleport) {
-      Entity row = *entity;
-      row.keys = nullptr;
-      if (action.teleport) row.teleported = draft.next.advances;
-      store(draft, id, row);
-    }
-    set_pose(draft, id, action.matrices[k]);
   }
   return {};
 }

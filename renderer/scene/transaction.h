@@ -152,8 +152,8 @@ struct Instances {
   std::vector<mat4x3> matrices;
 };
 struct Poses {
-  std::vector<Id> ids;
-  std::vector<mat4x3> matrices;
+  ArrayOf<Id> ids;
+  ArrayOf<mat4x3> matrices;
   bool teleport = false;
 };
 struct Advance {

@@ -10,12 +10,19 @@ namespace {
 
 using SnapshotPtr = std::shared_ptr<const Snapshot>;
 
+/// An array for the time of a call.
+template <class T, class U>
+ArrayOf<T> borrowed(std::span<const U> values) {
+  static_assert(sizeof(T) == sizeof(U));
+  return ArrayOf<T>(std::make_shared<const Buffer>(nullptr, std::as_bytes(values)));
+}
+
 Expected<SnapshotPtr> with_poses(const SnapshotPtr& scene, const Worlds& worlds, u32 world) {
   if (worlds.entities.empty()) return scene;
-  Poses poses{.teleport = worlds.teleport};
-  poses.ids.assign(worlds.entities.begin(), worlds.entities.end());
-  const auto* first = worlds.poses.data() + u64(world) * worlds.entities.size();
-  poses.matrices.assign(first, first + worlds.entities.size());
+  const std::size_t count = worlds.entities.size();
+  Poses poses{.ids = borrowed<Id>(std::span(worlds.entities)),
+              .matrices = borrowed<mat4x3>(std::span(worlds.poses).subspan(world * count, count)),
+              .teleport = worlds.teleport};
   Transaction transaction;
   transaction.edits.push_back({.target = {}, .action = std::move(poses)});
   auto made = apply(*scene, transaction, worlds.limits);

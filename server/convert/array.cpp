@@ -64,8 +64,6 @@ u64 first_special(std::span<const Bits> values, Bits exponent) {
   return values.size();
 }
 
-constexpr std::array kFloatTypes{v1::D_TYPE_F32, v1::D_TYPE_F64};
-
 }  // namespace
 
 u64 dtype_size(v1::DType type) { return v1::DType_IsValid(type) ? kSizes[std::size_t(type)] : 0; }
@@ -128,19 +126,23 @@ Status check_finite(const RawArray& raw, u64 element_size) {
   return bad_element(raw, bad, element_size, "is NaN or infinite; every number must be finite");
 }
 
-Expected<RawArray> read_f32(const v1::Array& array, ArraySource& source, const Dims& dims,
-                            u64 element_size) {
-  auto raw = read_raw(array, source, dims, kFloatTypes);
-  if (!raw) return raw;
-  HELIO_TRY(check_finite(*raw, element_size));
-  if (raw->type == v1::D_TYPE_F32) return raw;
-  const auto values = raw->as<double>();
-  RawArray out{.type = v1::D_TYPE_F32, .shape = raw->shape, .count = raw->count};
+Expected<RawArray> to_f32(RawArray raw, u64 element_size) {
+  HELIO_TRY(check_finite(raw, element_size));
+  if (raw.type == v1::D_TYPE_F32) return raw;
+  const auto values = raw.as<double>();
+  RawArray out{.type = v1::D_TYPE_F32, .shape = raw.shape, .count = raw.count};
   auto floats = std::make_shared<std::vector<float>>(values.begin(), values.end());
   out.buffer = std::make_shared<const Buffer>(floats, std::as_bytes(std::span(*floats)));
   if (const u64 bad = first_not_finite(out); bad != out.count)
     return bad_element(out, bad, element_size, fmt::format("{} does not fit f32", values[bad]));
   return out;
+}
+
+Expected<RawArray> read_f32(const v1::Array& array, ArraySource& source, const Dims& dims,
+                            u64 element_size) {
+  auto raw = read_raw(array, source, dims, kFloatTypes);
+  if (!raw) return raw;
+  return to_f32(std::move(*raw), element_size);
 }
 
 Expected<std::vector<double>> read_f64(const v1::Array& array, ArraySource& source,

@@ -2,6 +2,7 @@
 // Called by every noun of server/convert.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <span>
 #include <string>
@@ -36,6 +37,9 @@ struct RawArray {
   }
 };
 
+/// What is read as f32 or f64.
+inline constexpr std::array kFloatTypes{v1::D_TYPE_F32, v1::D_TYPE_F64};
+
 /// Bytes of one number; 0 for an unknown dtype.
 [[nodiscard]] u64 dtype_size(v1::DType type);
 /// "(10, 3)".
@@ -54,6 +58,8 @@ struct RawArray {
 [[nodiscard]] Status check_finite(const RawArray& raw, u64 element_size);
 
 /// f32 as it is, f64 converted; finite.
+[[nodiscard]] Expected<RawArray> to_f32(RawArray raw, u64 element_size);
+/// The same of a message.
 [[nodiscard]] Expected<RawArray> read_f32(const v1::Array& array, ArraySource& source,
                                           const Dims& dims, u64 element_size);
 /// f32 or f64 as f64; finite.

@@ -57,22 +57,19 @@ Expected<Instances> to_instances(const v1::Instances& message, ArraySource& sour
 
 Expected<Poses> to_poses(const v1::Poses& message, ArraySource& source) {
   Poses action{.teleport = message.teleport()};
-  ArrayOf<u64> ids;
-  HELIO_TAKE(ids, read_integers<u64>(message.ids(), source, {{"N", {}}}, v1::D_TYPE_U64), "ids");
-  for (const u64 id : ids) action.ids.push_back(Id{id});
+  HELIO_TAKE(action.ids, read_integers<Id>(message.ids(), source, {{"N", {}}}, v1::D_TYPE_U64),
+             "ids");
   const Dims dims{{"N", action.ids.size()}, kFour, kFour};
-  HELIO_TAKE(action.matrices, read_poses(message.matrices(), source, dims), "matrices");
+  HELIO_TAKE(action.matrices, read_many_poses(message.matrices(), source, dims), "matrices");
   return action;
 }
 
 v1::Poses poses_to_proto(const Poses& action, const ArraySink& sink) {
   v1::Poses message;
-  std::vector<u64> ids;
-  for (const Id id : action.ids) ids.push_back(id.value);
-  const u64 count = ids.size();
+  const u64 count = action.ids.size();
   *message.mutable_ids() =
-      to_array(ArrayOf<u64>(std::move(ids)).buffer(), v1::D_TYPE_U64, std::span(&count, 1), sink);
-  *message.mutable_matrices() = to_array(action.matrices, false, sink);
+      to_array(action.ids.buffer(), v1::D_TYPE_U64, std::span(&count, 1), sink);
+  *message.mutable_matrices() = to_array(action.matrices.span(), false, sink);
   message.set_teleport(action.teleport);
   return message;
 }

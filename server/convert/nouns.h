@@ -16,6 +16,8 @@ namespace heliograph::server {
 /// The same, each with an invertible 3x3 part.
 [[nodiscard]] Expected<std::vector<mat4x3>> read_poses(const v1::Array& array, ArraySource& source,
                                                        const Dims& dims);
+[[nodiscard]] Expected<ArrayOf<mat4x3>> read_many_poses(const v1::Array& array, ArraySource& source,
+                                                        const Dims& dims);
 /// (N, 4, 4) f32; (4, 4) when `single`.
 [[nodiscard]] v1::Array to_array(std::span<const mat4x3> matrices, bool single,
                                  const ArraySink& sink);

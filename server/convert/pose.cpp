@@ -1,8 +1,13 @@
 // Matrices, poses and morph weights over time.
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <bit>
 #include <cmath>
 
+#include "renderer/base/parallel.h"
 #include "renderer/scene/invertible.h"
 #include "server/convert/array.h"
 #include "server/convert/fields.h"
@@ -19,11 +24,74 @@ bool is_affine(std::span<const float> m) {
          std::abs(m[14]) <= kLastRowTolerance && std::abs(m[15] - 1) <= kLastRowTolerance;
 }
 
+enum class Needs : u8 { kAffine, kInvertible };
+
+constexpr std::size_t kNumbers = 16;  // of a matrix
+constexpr std::size_t kGrain = 4096;  // matrices that are worth a thread
+
+/// Writes the first three rows of a row-major matrix as columns. Whether nothing is wrong with it.
+template <class T>
+bool take(const T* m, Needs needs, mat4x3& out) {
+  constexpr u32 kExponent = 0x7f800000;
+  std::array<float, kNumbers> f;
+  for (std::size_t i = 0; i < kNumbers; ++i) f[i] = float(m[i]);
+  u32 special = 0;
+  for (const float x : f) special |= u32((std::bit_cast<u32>(x) & kExponent) == kExponent);
+  out = {f[0], f[4], f[8], f[1], f[5], f[9], f[2], f[6], f[10], f[3], f[7], f[11]};
+  if (special != 0 || !is_affine(f)) return false;
+  return needs == Needs::kAffine || plainly_invertible(out) || invertible(out);
+}
+
+template <class T>
+bool take_all(std::span<const T> numbers, Needs needs, std::span<mat4x3> out) {
+  std::atomic<bool> are_good = true;
+  parallel_ranges(out.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    bool good = true;
+    for (std::size_t i = begin; i < end; ++i)
+      good &= take(numbers.data() + kNumbers * i, needs, out[i]);
+    if (!good) are_good = false;
+  });
+  return are_good;
+}
+
 /// dims: {4, 4}, {N, 4, 4} or {N, M, 4, 4}, M known.
 std::string matrix_path(const Dims& dims, u64 index) {
   if (dims.size() == 2) return "";
   if (dims.size() == 3) return indexed("", index);
   return fmt::format("[{}][{}]", index / *dims[1].size, index % *dims[1].size);
+}
+
+/// Of numbers that take_all() found something wrong with: the first that is not finite, or else the
+/// first matrix that is not affine, or else not invertible.
+Status why_not(const RawArray& numbers, const Dims& dims, std::span<const mat4x3> matrices) {
+  const auto raw = to_f32(numbers, kNumbers);
+  if (!raw) return std::unexpected(raw.error());
+  for (std::size_t i = 0; i < matrices.size(); ++i)
+    if (const auto m = raw->as<float>().subspan(kNumbers * i, kNumbers); !is_affine(m))
+      return fail(Code::kInvalidArgument, matrix_path(dims, i),
+                  fmt::format("has the last row {} {} {} {}; give 0 0 0 1 (matrices are row-major "
+                              "and act on column vectors)",
+                              m[12], m[13], m[14], m[15]));
+  const auto bad = std::ranges::find_if_not(matrices, invertible);
+  return fail(Code::kInvalidArgument, matrix_path(dims, u64(bad - matrices.begin())),
+              "is not invertible; give three independent axes of non-zero length (to hide an "
+              "entity use visible = false)");
+}
+
+/// out   as many as the numbers make
+Status convert(const RawArray& raw, const Dims& dims, Needs needs, std::span<mat4x3> out) {
+  const bool are_good = raw.type == v1::D_TYPE_F32 ? take_all(raw.as<float>(), needs, out)
+                                                   : take_all(raw.as<double>(), needs, out);
+  return are_good ? Status() : why_not(raw, dims, out);
+}
+
+Expected<std::vector<mat4x3>> read_vector(const v1::Array& array, ArraySource& source,
+                                          const Dims& dims, Needs needs) {
+  const auto raw = read_raw(array, source, dims, kFloatTypes);
+  if (!raw) return std::unexpected(raw.error());
+  std::vector<mat4x3> matrices(raw->count / kNumbers);
+  HELIO_TRY(convert(*raw, dims, needs, matrices));
+  return matrices;
 }
 
 /// {K, 4, 4} where there are times, else {4, 4}.
@@ -37,34 +105,23 @@ Dims keyed(std::size_t times, std::initializer_list<Dim> one) {
 
 Expected<std::vector<mat4x3>> read_affine(const v1::Array& array, ArraySource& source,
                                           const Dims& dims) {
-  constexpr std::size_t kNumbers = 16;
-  const auto raw = read_f32(array, source, dims, kNumbers);
-  if (!raw) return std::unexpected(raw.error());
-  std::vector<mat4x3> matrices(raw->count / kNumbers);
-  for (std::size_t i = 0; i < matrices.size(); ++i) {
-    const auto m = raw->as<float>().subspan(kNumbers * i, kNumbers);
-    if (!is_affine(m))
-      return fail(Code::kInvalidArgument, matrix_path(dims, i),
-                  fmt::format("has the last row {} {} {} {}; give 0 0 0 1 (matrices are row-major "
-                              "and act on column vectors)",
-                              m[12], m[13], m[14], m[15]));
-    for (int row = 0; row < 3; ++row)
-      for (int column = 0; column < 4; ++column)
-        matrices[i][column][row] = m[std::size_t(4 * row + column)];
-  }
-  return matrices;
+  return read_vector(array, source, dims, Needs::kAffine);
 }
 
 Expected<std::vector<mat4x3>> read_poses(const v1::Array& array, ArraySource& source,
                                          const Dims& dims) {
-  auto matrices = read_affine(array, source, dims);
-  if (!matrices) return matrices;
-  for (std::size_t i = 0; i < matrices->size(); ++i)
-    if (!invertible((*matrices)[i]))
-      return fail(Code::kInvalidArgument, matrix_path(dims, i),
-                  "is not invertible; give three independent axes of non-zero length (to hide an "
-                  "entity use visible = false)");
-  return matrices;
+  return read_vector(array, source, dims, Needs::kInvertible);
+}
+
+Expected<ArrayOf<mat4x3>> read_many_poses(const v1::Array& array, ArraySource& source,
+                                          const Dims& dims) {
+  const auto raw = read_raw(array, source, dims, kFloatTypes);
+  if (!raw) return std::unexpected(raw.error());
+  const std::size_t count = raw->count / kNumbers;
+  const auto matrices = std::make_shared_for_overwrite<mat4x3[]>(count);
+  const std::span all(matrices.get(), count);
+  HELIO_TRY(convert(*raw, dims, Needs::kInvertible, all));
+  return ArrayOf<mat4x3>(std::make_shared<const Buffer>(matrices, std::as_bytes(all)));
 }
 
 v1::Array to_array(std::span<const mat4x3> matrices, bool single, const ArraySink& sink) {

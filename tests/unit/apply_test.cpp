@@ -290,21 +290,29 @@ TEST_CASE("apply: instances share everything, have names and labels of their own
   CHECK(scene({anonymous(one(labelled(9, true)))}).size() == 3);
 }
 
+namespace {
+
+Poses poses(std::vector<Id> ids, std::vector<mat4x3> matrices) {
+  return {ArrayOf(std::move(ids)), ArrayOf(std::move(matrices))};
+}
+
+}  // namespace
+
 TEST_CASE("apply: poses of many") {
   Stage scene;
   scene({named("a", PutEntity{.pose = PosePatch{.times = {0, 1}, .matrices = {at(0), at(1)}}}),
          named("b", PutEntity{}), named("m", PutMaterial{})});
   const Id a = scene.id("a"), b = scene.id("b");
-  scene({anonymous(Poses{.ids = {a, b}, .matrices = {at(5), at(6)}})});
+  scene({anonymous(poses({a, b}, {at(5), at(6)}))});
   CHECK(scene.pose("a") == at(5));
   CHECK(scene.pose("b") == at(6));
   CHECK_FALSE(scene.entity("a").keys);
-  const Error kind = scene.refuses({anonymous(Poses{{a, scene.id("m")}, {at(0), at(1)}})});
+  const Error kind = scene.refuses({anonymous(poses({a, scene.id("m")}, {at(0), at(1)}))});
   CHECK(kind.code == Code::kInvalidArgument);
   CHECK(kind.where == "edits[0].poses.ids[1]");
-  CHECK(scene.refuses({anonymous(Poses{{a}, {at(0), at(1)}})}).where == "edits[0].poses.matrices");
+  CHECK(scene.refuses({anonymous(poses({a}, {at(0), at(1)}))}).where == "edits[0].poses.matrices");
   scene({named("b", Remove{})});
-  CHECK(scene.refuses({anonymous(Poses{{a, b}, {at(0), at(1)}})}).code == Code::kNotFound);
+  CHECK(scene.refuses({anonymous(poses({a, b}, {at(0), at(1)}))}).code == Code::kNotFound);
 }
 
 TEST_CASE("apply: limits name what is needed and what there is") {
