@@ -81,8 +81,8 @@ Walks walk(const std::vector<kernels::InstanceView>& balls, const HostTree& tree
   scene.instances = balls.data();
   scene.instance_count = u32(balls.size());
   scene.meshes = &mesh;
-  const kernels::BvhView bvh{tree.nodes.data(), tree.items.data(), nullptr, nullptr,
-                             u32(balls.size())};
+  const kernels::BvhView bvh{tree.nodes.data(), tree.items.data(), nullptr,
+                             nullptr,           u32(balls.size()), {}};
   std::mt19937 engine{9};
   const float half = std::cbrt(float(balls.size())) / 2;
   std::uniform_real_distribution<float> place(-half, half), turn(-1, 1);

@@ -158,7 +158,7 @@ int main(int argc, char** argv) {
   if (counts.empty()) counts = {1000, 100'000};
   const embree::DeviceHandle device(rtcNewDevice(nullptr));
   const embree::EmbreeAccelerator on_cpu(device.get(), 0);
-  const bvh::BvhAccelerator for_gpu;
+  const bvh::BvhAccelerator for_gpu(0);
   fmt::print("{:>8} {:<7} {:<26} {:<18} {:<20} {}\n", "objects", "rays", "what", "edit ms",
              "scene ms", "their structure ms");
   for (const u32 objects : counts) {

@@ -31,14 +31,14 @@ struct alignas(16) BvhNode {
   u8 high[3][8];
 };
 
-/// A triangle of a mesh that does not deform, object space.
+/// A triangle of a mesh that does not deform, object space; or of one in StaticBvh, world space.
 struct alignas(16) BvhTriangle {
   vec3 a;
   u32 number;  // in the mesh
   vec3 ab;
-  u32 unused0;
+  u32 visibility;  // ray mask bits; this and the next in StaticBvh alone
   vec3 ac;
-  u32 unused1;
+  u32 member;
 };
 
 /// The tree over one mesh. A leaf's items are numbers of `triangles`, or of `triangle_numbers`
@@ -65,13 +65,22 @@ struct alignas(16) BvhInstance {
   u32 flags;       // BvhInstanceFlag. Holes depend on materials: InstanceView::flags has them
 };
 
+/// One tree over the triangles of static instances, its members: rays of the world meet them
+/// without a change of coordinates, and where members overlap, the boxes of their parts do not.
+struct StaticBvh {
+  const BvhNode* nodes;  // null: there are no members
+  const BvhTriangle* triangles;
+  const u32* instances;  // by member, ascending
+};
+
 /// All that a walk reads besides the SceneView.
 struct BvhView {
-  const BvhNode* top;        // over items; null: nothing can be met
-  const BvhInstance* items;  // of all instances; those that nothing meets come last
+  const BvhNode* top;        // over items but members of `fixed`; null: none can be met
+  const BvhInstance* items;  // of all instances; those that are not in `top` come last
   const MeshBvh* meshes;
   const u32* item_of_instance;
   u32 instance_count;
+  StaticBvh fixed;
 };
 
 static_assert(sizeof(BvhNode) == 80 && std::is_trivially_copyable_v<BvhNode>);

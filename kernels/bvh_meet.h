@@ -257,11 +257,11 @@ KERNEL bool meet_triangle(const BvhTriangle& triangle, vec3 origin, vec3 directi
   return hit.t <= t_max;  // equals are equal whichever comes first
 }
 
-/// Item i of a mesh that does not deform.
+/// Item i of a tree that has triangles.
 KERNEL BvhTriangle load_triangle(const BvhTriangle* triangles, u32 i) {
   const auto* words = reinterpret_cast<const Words4*>(triangles + i);
   const Words4 a = load_words(words), ab = load_words(words + 1), ac = load_words(words + 2);
-  return {vec3_of_bits(a), a.w, vec3_of_bits(ab), 0, vec3_of_bits(ac), 0};
+  return {vec3_of_bits(a), a.w, vec3_of_bits(ab), ab.w, vec3_of_bits(ac), ac.w};
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

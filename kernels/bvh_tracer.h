@@ -90,10 +90,20 @@ class BvhWalk {
   KERNEL void begin(const Ray& ray, u32 mask, bool any) {
     start(ray, mask, any);
     set_space(ray.origin, ray.direction);
-    item_ = instance_ = kNone;
-    tree_ = bvh_->top;
-    triangles_ = nullptr;
-    if (!tree_) nodes_.bits = 0;
+    instance_ = kNone;
+    set_top();
+    const BvhNode* fixed = bvh_->fixed.nodes;
+    triangles_ = bvh_->fixed.triangles;
+    if (!fixed) {
+      if (!tree_) nodes_.bits = 0;
+      return;
+    }
+    if (tree_) {  // comes afterwards, as if the fixed tree were an instance of it
+      push(nodes_);
+      push_space();
+    }
+    item_ = kFixed;
+    tree_ = fixed;
   }
 
   /// The same in one instance alone, whatever rays meet it, by a ray of its object space whose
@@ -171,8 +181,20 @@ class BvhWalk {
     instance_ = bvh_->items[item].instance;
   }
 
+  KERNEL void set_top() {
+    item_ = kNone;
+    tree_ = bvh_->top;
+  }
+
   KERNEL void push(const BvhGroup& group) { stack_[size_++] = group; }
   KERNEL void push(float a, float b) { push({bits_of_float(a), bits_of_float(b)}); }
+  /// What leave() takes.
+  KERNEL void push_space() {
+    push(space_.origin.x, space_.origin.y);
+    push(space_.origin.z, direction_.x);
+    push(direction_.y, direction_.z);
+    push(BvhGroup{0, 0});
+  }
   KERNEL vec2 pop_floats() {
     const BvhGroup group = stack_[--size_];
     return {float_of_bits(group.base), float_of_bits(group.bits)};
@@ -208,7 +230,12 @@ class BvhWalk {
                      : deformed_triangle(*scene_, *bvh_, bvh_->items[item_].mesh, {i, time_});
       TriangleHit met;
       if (!meet_triangle(triangle, space_.origin, direction_, hit_.t, met)) continue;
-      keep({met.t, instance_, triangle.number, met.u, met.v});
+      u32 instance = instance_;
+      if (instance == kNone) {
+        if (!(triangles_[i].visibility & mask_)) continue;
+        instance = bvh_->fixed.instances[triangles_[i].member];
+      }
+      keep({met.t, instance, triangle.number, met.u, met.v});
       if (any_ && hit_.instance != kNone) return;
     }
   }
@@ -235,10 +262,7 @@ class BvhWalk {
       }
       if (has_nodes(nodes_)) push(nodes_);
       if (items.bits != 0) push(items);
-      push(space_.origin.x, space_.origin.y);
-      push(space_.origin.z, direction_.x);
-      push(direction_.y, direction_.z);
-      push(BvhGroup{0, 0});
+      push_space();
       set_item(item);
       set_space(local.origin, local.direction);
       nodes_ = {0, 1u << 31};
@@ -248,21 +272,22 @@ class BvhWalk {
   /// Back to the world.
   KERNEL void leave() {
     const vec2 dyz = pop_floats(), ozdx = pop_floats(), oxy = pop_floats();
-    item_ = kNone;
-    tree_ = bvh_->top;
+    set_top();
     set_space({oxy.x, oxy.y, ozdx.x}, {ozdx.y, dyz.x, dyz.y});
   }
+
+  static constexpr u32 kFixed = kNone - 1;
 
   const SceneView* scene_;
   const BvhView* bvh_;
   BvhGroup* stack_;
-  const BvhNode* tree_;  // of item_, or of the world
+  const BvhNode* tree_;  // of item_
   const BvhTriangle* triangles_;
   BvhGroup nodes_;  // what comes next: nodes, or instances that were put off
   BoxRay space_;    // the ray in the space of item_
   vec3 direction_;
   Hit hit_;   // t: how far the ray goes still
-  u32 item_;  // the instance it is in, a number of BvhView::items; kNone: the world
+  u32 item_;  // the instance it is in, a number of BvhView::items; kNone: top; kFixed: fixed
   u32 instance_;
   u32 mask_;
   u32 size_;

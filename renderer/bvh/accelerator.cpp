@@ -113,8 +113,12 @@ BvhTop top_of(const Placement& placement, std::span<const kernels::MeshBvh> mesh
   return top;
 }
 
-BvhTop tree_over(const Placement& placement, std::span<const kernels::MeshBvh> meshes) {
-  const std::vector<Box> boxes = boxes_of(placement, kernels::ray_box);
+/// fixed   what is left out, or null
+BvhTop tree_over(const Placement& placement, std::span<const kernels::MeshBvh> meshes,
+                 const StaticGroup* fixed) {
+  std::vector<Box> boxes = boxes_of(placement, kernels::ray_box);
+  if (fixed)
+    for (const u32 slot : fixed->slots) boxes[slot] = {};
   auto tree = build_tree(boxes, kOverInstances, {});
   assert(tree);  // only an interrupt makes it fail
   const bool is_empty = tree->items.empty();
@@ -151,8 +155,9 @@ const BvhTree& BvhMesh::tree(const DeviceMesh& mesh) const {
   return tree_;
 }
 
-BvhScene::BvhScene(const Placement& placement, const resident::Kept& kept)
-    : chunks_(placement.instances.chunk_count()) {
+BvhScene::BvhScene(const Placement& placement, const resident::Kept& kept,
+                   std::shared_ptr<const StaticGroup> fixed)
+    : fixed_(std::move(fixed)), chunks_(placement.instances.chunk_count()) {
   const BvhScene* before = kept.before ? bvh_of(*kept.before) : nullptr;
   std::vector<u32> changed;
   for (u32 c = 0; c < chunks_.size(); ++c) {
@@ -168,6 +173,13 @@ BvhScene::BvhScene(const Placement& placement, const resident::Kept& kept)
   for (const Box& box : chunks_) box_.extend(box);
 }
 
+u64 BvhScene::static_bytes_beside(const SceneAccelerator* other) const {
+  if (!fixed_) return 0;
+  const auto* theirs = static_cast<const BvhScene*>(other);
+  if (theirs && theirs->fixed_ && theirs->fixed_->tree == fixed_->tree) return 0;
+  return fixed_->tree->bytes();
+}
+
 std::span<const kernels::MeshBvh> BvhScene::meshes(const Placement& placement) const {
   std::call_once(made_meshes_, [&] {
     for (const auto& mesh : placement.meshes) meshes_.push_back(view_of(tree_of(*mesh)));
@@ -176,13 +188,17 @@ std::span<const kernels::MeshBvh> BvhScene::meshes(const Placement& placement) c
 }
 
 kernels::BvhView BvhScene::view(const BvhTop& top) const {
-  return {top.nodes.empty() ? nullptr : top.nodes.data(), top.items.data(), meshes_.data(),
-          top.item_of_instance.data(), u32(top.items.size())};
+  return {top.nodes.empty() ? nullptr : top.nodes.data(),
+          top.items.data(),
+          meshes_.data(),
+          top.item_of_instance.data(),
+          u32(top.items.size()),
+          fixed_ ? fixed_->view() : kernels::StaticBvh{}};
 }
 
 const BvhTop& BvhScene::world(const Placement& placement) const {
   std::call_once(made_world_, [&] {
-    resident::run_alone([&] { world_ = tree_over(placement, meshes(placement)); });
+    resident::run_alone([&] { world_ = tree_over(placement, meshes(placement), fixed_.get()); });
   });
   return world_;
 }
@@ -212,8 +228,11 @@ Expected<std::shared_ptr<const resident::MeshAccelerator>> BvhAccelerator::build
 
 Expected<std::shared_ptr<const resident::SceneAccelerator>> BvhAccelerator::build(
     const Snapshot&, const Placement& placement, const resident::Kept& kept,
-    const Interrupt&) const {
-  return std::make_shared<BvhScene>(placement, kept);
+    const Interrupt& interrupt) const {
+  const BvhScene* before = kept.before ? bvh_of(*kept.before) : nullptr;
+  auto fixed = static_trees_.group(placement, kept, before ? before->fixed() : nullptr, interrupt);
+  if (!fixed) return std::unexpected(std::move(fixed).error());
+  return std::make_shared<BvhScene>(placement, kept, *std::move(fixed));
 }
 
 }  // namespace heliograph::bvh

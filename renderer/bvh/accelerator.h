@@ -5,6 +5,7 @@
 #include <mutex>
 
 #include "kernels/bvh.h"
+#include "renderer/bvh/static_tree.h"
 #include "renderer/resident/accelerator.h"
 #include "renderer/resident/placement.h"
 
@@ -38,7 +39,8 @@ class BvhMesh final : public resident::MeshAccelerator {
 
 /// The instances of a placement as rays enter them.
 struct BvhTop {
-  std::vector<kernels::BvhNode> nodes;      // empty: there is no tree, or rays meet nothing
+  // Over those that are no members of the static group. Empty: there is no tree, or rays meet none.
+  std::vector<kernels::BvhNode> nodes;
   std::vector<kernels::BvhInstance> items;  // of all slots; their pointers are to host memory
   std::vector<u32> item_of_instance;        // by slot
 };
@@ -47,8 +49,13 @@ struct BvhTop {
 /// for: where rays are traced elsewhere, few frames ask. Thread: any.
 class BvhScene final : public resident::SceneAccelerator {
  public:
-  BvhScene(const resident::Placement& placement, const resident::Kept& kept);
+  /// fixed   the placement's group, or null
+  BvhScene(const resident::Placement& placement, const resident::Kept& kept,
+           std::shared_ptr<const StaticGroup> fixed);
   [[nodiscard]] Box bounds() const override { return box_; }
+  [[nodiscard]] u64 static_bytes_beside(const SceneAccelerator* other) const override;
+  /// Null: there are no members.
+  [[nodiscard]] const std::shared_ptr<const StaticGroup>& fixed() const { return fixed_; }
   /// For rays of the world.
   ///
   /// placement   the one that this is of
@@ -62,6 +69,7 @@ class BvhScene final : public resident::SceneAccelerator {
   [[nodiscard]] std::span<const kernels::MeshBvh> meshes(
       const resident::Placement& placement) const;
 
+  const std::shared_ptr<const StaticGroup> fixed_;
   std::vector<Box> chunks_;  // of the chunks of instances
   Box box_;
   mutable std::once_flag made_meshes_, made_world_, made_objects_;
@@ -72,11 +80,17 @@ class BvhScene final : public resident::SceneAccelerator {
 /// Thread: any. Structures depend neither on threads nor on what was kept.
 class BvhAccelerator final : public resident::Accelerator {
  public:
+  /// static_triangles   at most so many in the static group
+  explicit BvhAccelerator(u64 static_triangles) : static_trees_(static_triangles) {}
+
   [[nodiscard]] Expected<std::shared_ptr<const resident::MeshAccelerator>> build(
       const resident::DeviceMesh& mesh) const override;
   [[nodiscard]] Expected<std::shared_ptr<const resident::SceneAccelerator>> build(
       const Snapshot& snapshot, const resident::Placement& placement, const resident::Kept& kept,
       const Interrupt& interrupt) const override;
+
+ private:
+  StaticTrees static_trees_;
 };
 
 /// The tree that a resident mesh has. Lifetime: of its accelerator.

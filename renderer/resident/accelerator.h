@@ -24,6 +24,9 @@ class SceneAccelerator {
  public:
   virtual ~SceneAccelerator() = default;
   [[nodiscard]] virtual Box bounds() const = 0;  // world, over the placement's span
+  /// Of what static entities have of their own, and another of the same backend, or null, does not
+  /// share.
+  [[nodiscard]] virtual u64 static_bytes_beside(const SceneAccelerator* other) const = 0;
 };
 
 /// An earlier placement, and what stays of it in a later one.

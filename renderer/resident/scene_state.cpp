@@ -65,12 +65,16 @@ u64 SceneState::bytes_beside(const SceneState* other) const {
   const Placement* theirs = other ? &other->placement() : nullptr;
   const auto shared = [&](auto field) { return theirs ? &(theirs->*field) : nullptr; };
   const bool same_top = theirs && theirs->accelerator == own.accelerator;
+  const u64 static_bytes =
+      own.accelerator
+          ? own.accelerator->static_bytes_beside(theirs ? theirs->accelerator.get() : nullptr)
+          : 0;
   return bytes_of(own.instances, shared(&Placement::instances)) +
          bytes_of(own.world, shared(&Placement::world)) +
          bytes_of(own.root_from_entity, shared(&Placement::root_from_entity)) +
          bytes_of(own.frames, shared(&Placement::frames)) +
          bytes_of(own.boxes, shared(&Placement::boxes)) +
-         (same_top ? 0 : own.instances.size() * kTopBytesPerInstance) +
+         (same_top ? 0 : own.instances.size() * kTopBytesPerInstance + static_bytes) +
          own.motion_keys.size() * (sizeof(kernels::MotionKey) + kTopBytesPerKey) +
          meshes_.size() * sizeof(kernels::MeshView) +
          pieces_.materials->materials.size() * sizeof(kernels::MaterialView);

@@ -150,3 +150,45 @@ TEST_CASE("build programs: trees over instances are those of the steps, balanced
     }
   }
 }
+
+TEST_CASE("build programs: instances that are left out are items, and not in the tree") {
+  Gpu gpu;
+  const std::vector<kernels::MeshBvh> meshes(1);
+  const std::vector<BvhBox> mesh_boxes{{vec3(-1), vec3(1)}};
+  constexpr u32 kCount = 700;
+  std::vector<kernels::InstanceView> instances(kCount);
+  for (u32 i = 0; i < kCount; ++i) {
+    instances[i].world_from_object = mat4x3(1);
+    instances[i].world_from_object[3] = vec3(float(i % 20), float(i % 30), float(i % 7));
+    instances[i].visibility = 1;
+  }
+  for (const u32 stays : {3u, 699u, kCount}) {  // one of so many, but for the first
+    std::vector<BvhBox> boxes;
+    std::vector<u32> bits((kCount + 31) / 32);
+    cuda::BuildInput input{instances.data(), nullptr, meshes.data(), kCount, mesh_boxes};
+    for (u32 i = 0; i < kCount; ++i) {
+      const bool is_out = i == 0 || i % stays != 0;
+      boxes.push_back(is_out ? kernels::no_box()
+                             : kernels::ray_box(instances[i], nullptr, mesh_boxes[0]));
+      bits[i / 32] |= is_out ? 1u << (i % 32) : 0u;
+      input.left_out_count += is_out ? 1 : 0;
+    }
+    input.left_out = bits.data();
+    const LoopBuild steps(boxes, 2, LoopOrder::kForwards);
+    launches = 0;
+    const auto top = gpu.builder.build(input);
+    REQUIRE(top);
+    const kernels::BvhView made = cuda::view_of_top(**top, input);
+    REQUIRE((made.top != nullptr) == input.has_tree());
+    CHECK(input.has_tree() == (stays < kCount));
+    if (!input.has_tree()) CHECK(launches == 1);
+    if (input.has_tree())
+      REQUIRE(std::memcmp(made.top, steps.nodes().data(),
+                          steps.nodes().size() * sizeof(kernels::BvhNode)) == 0);
+    for (u32 i = 0; i < kCount; ++i) {
+      const u32 instance = input.has_tree() ? steps.items()[i] : i;
+      REQUIRE(made.items[i].instance == instance);
+      REQUIRE(made.item_of_instance[instance] == i);
+    }
+  }
+}

@@ -64,6 +64,7 @@ inline Shape soup(Random& random, u32 triangles, float reach, float size) {
 struct SceneKinds {
   u32 count = 40;
   bool moving = true, deforming = true, shapes = true, holes = true, masks = true;
+  bool fixed = false;  // what stands still is static, but for every third
 };
 
 /// Random entities within about 10 m of the origin, which move during the first second.
@@ -77,6 +78,8 @@ inline std::shared_ptr<const Snapshot> random_scene(Random& random, const SceneK
   paper.alpha_mode = AlphaMode::kBlend;
   edits.put("paper", paper);
   const auto pose = [&] { return random_pose(random, 8, 0.8f); };
+  PutEntity fixed;
+  fixed.is_static = true;
   for (u32 i = 0; i < kinds.count; ++i) {
     const auto name = [i](const char* kind) { return fmt::format("{} {}", kind, i); };
     const char* mesh = meshes[i % 4];
@@ -85,6 +88,10 @@ inline std::shared_ptr<const Snapshot> random_scene(Random& random, const SceneK
       PutEntity hidden;
       hidden.visibility = u8(u32(random.next() * 64) & kernels::kAllRays);
       edits.object(name("masked"), mesh, pose()).put(name("masked"), hidden);
+    }
+    if (kinds.fixed && i % 3 != 0) {
+      edits.put(name("still"), fixed);
+      if (kinds.masks) edits.put(name("masked"), fixed);
     }
     if (kinds.moving) {
       PutEntity moves;
@@ -115,7 +122,10 @@ inline std::shared_ptr<const Snapshot> random_scene(Random& random, const SceneK
 /// A snapshot over a span of time with both accelerators.
 class BothScenes {
  public:
-  BothScenes(const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span) {
+  /// static_triangles   of the static groups
+  BothScenes(const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
+             u64 static_triangles = 0)
+      : embree_accelerator_(device_.get(), static_triangles), own_accelerator_(static_triangles) {
     auto embree = embree_store_.prepare(snapshot, span, Interrupt{});
     auto own = own_store_.prepare(snapshot, span, Interrupt{});
     REQUIRE((embree && own));
@@ -134,7 +144,7 @@ class BothScenes {
  private:
   embree::DeviceHandle device_{rtcNewDevice(nullptr)};
   resident::DerivedCache embree_cache_{1u << 30}, own_cache_{1u << 30};
-  embree::EmbreeAccelerator embree_accelerator_{device_.get(), 0};
+  embree::EmbreeAccelerator embree_accelerator_;
   bvh::BvhAccelerator own_accelerator_;
   resident::SceneStore embree_store_{embree_accelerator_, embree_cache_, 1u << 30};
   resident::SceneStore own_store_{own_accelerator_, own_cache_, 1u << 30};

@@ -62,7 +62,7 @@ struct BuiltTop {
       item_of_instance[instance] = u32(items.size());
       items.push_back(kernels::bvh_instance(seen, instance, meshes[seen.mesh]));
     }
-    view = {nodes.data(), items.data(), meshes, item_of_instance.data(), u32(items.size())};
+    view = {nodes.data(), items.data(), meshes, item_of_instance.data(), u32(items.size()), {}};
   }
   std::vector<kernels::BvhNode> nodes;
   std::vector<kernels::BvhInstance> items;
@@ -117,7 +117,7 @@ struct Balls {
       item_of_instance[i] = u32(items.size());
       items.push_back(kernels::bvh_instance(instances[i], i, mesh_bvh));
     }
-    view = {nodes.data(), items.data(), &mesh_bvh, item_of_instance.data(), count};
+    view = {nodes.data(), items.data(), &mesh_bvh, item_of_instance.data(), count, {}};
   }
   std::vector<kernels::MeshView> meshes;
   std::vector<kernels::InstanceView> instances;

@@ -102,20 +102,28 @@ TEST_CASE("bvh: meets what Embree meets") {
     kinds = {.count = 100, .moving = false, .deforming = false};
     span = {};
   }
+  SECTION("of static ones among all kinds") { kinds = {.count = 80, .fixed = true}; }
+  SECTION("of static ones alone") {
+    kinds = {.count = 500, .moving = false, .deforming = false, .shapes = false, .fixed = true};
+    span = {};
+  }
   SECTION("of what moves and deforms alone") {
     kinds = {.count = 60, .shapes = false, .holes = false, .masks = false};
   }
-  const BothScenes scenes(random_scene(random, kinds), span);
+  const BothScenes scenes(random_scene(random, kinds), span, kinds.fixed ? 1'000'000 : 0);
+  CHECK((scenes.bvh_view().fixed.nodes != nullptr) == kinds.fixed);
   const auto& ours = scenes.own().placement().bounds;
   const auto& theirs = scenes.other().placement().bounds;
+  // Embree's box of its static group is of the triangles, ours of their meshes' boxes.
+  const float rounding = kinds.fixed ? 0.05f : 0.02f;
   CHECK(glm::length(ours.lower - theirs.lower) + glm::length(ours.upper - theirs.upper) <
-        0.02f * glm::length(theirs.upper - theirs.lower));
+        rounding * glm::length(theirs.upper - theirs.lower));
   compare(scenes, random);
 }
 
 TEST_CASE("bvh: a walk that rests after each step answers as one that does not") {
   Random random(2);
-  const BothScenes scenes(random_scene(random, {.count = 20}), {0, 1});
+  const BothScenes scenes(random_scene(random, {.count = 30, .fixed = true}), {0, 1}, 1'000'000);
   // Many walks at once, a step each in turn; one that ends starts with another ray.
   constexpr u32 kWalks = 32, kAll = 4096;
   std::vector<Ray> rays;

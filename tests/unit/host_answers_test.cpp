@@ -52,7 +52,7 @@ class BvhSide final : public Side {
 
  private:
   resident::SceneStore& store() override { return store_; }
-  bvh::BvhAccelerator accelerator_;
+  bvh::BvhAccelerator accelerator_{0};
   resident::SceneStore store_{accelerator_, cache_, 1u << 30};
 };
 

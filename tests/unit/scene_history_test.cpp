@@ -319,7 +319,7 @@ void check_history(const Accelerator& accelerator, u32 seed, u32 steps) {
 }  // namespace
 
 TEST_CASE("scene history: a scene does not depend on those that were there before") {
-  const bvh::BvhAccelerator accelerator;
+  const bvh::BvhAccelerator accelerator(4'000'000);
   for (const u32 seed : {1u, 2u, 3u}) check_history(accelerator, seed, 120);
 }
 
@@ -335,7 +335,7 @@ TEST_CASE("scene history: a move touches the chunks of what moved, and no others
   for (u32 i = 0; i < 1000; ++i)
     edits.object(fmt::format("e{}", i), "cube", translation({float(i), 0, 0}));
   const auto base = edits.apply();
-  const bvh::BvhAccelerator accelerator;
+  const bvh::BvhAccelerator accelerator(0);
   DerivedCache cache(1u << 30);
   SceneStore store(accelerator, cache, 1u << 30);
   const auto before = made(store, base, {0, 0});

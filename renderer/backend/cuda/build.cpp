@@ -36,9 +36,9 @@ struct TopArrays {
   kernels::BvhInstance* items;
   u32* item_of_instance;
 };
-TopArrays lay_result(Layout& layout, u32 count) {
-  return {layout.take<kernels::BvhNode>(count), layout.take<kernels::BvhInstance>(count),
-          layout.take<u32>(count)};
+TopArrays lay_result(Layout& layout, const BuildInput& input) {
+  auto* nodes = input.has_tree() ? layout.take<kernels::BvhNode>(input.count) : nullptr;
+  return {nodes, layout.take<kernels::BvhInstance>(input.count), layout.take<u32>(input.count)};
 }
 
 struct MeshArrays {
@@ -86,8 +86,8 @@ LaunchSize blocks_of(u64 threads, u32 block) { return {u32((threads + block - 1)
 
 kernels::BvhView view_of_top(const DeviceMemory& top, const BuildInput& input) {
   Layout layout(top.at());
-  const TopArrays made = lay_result(layout, input.count);
-  return {made.nodes, made.items, input.meshes, made.item_of_instance, input.count};
+  const TopArrays made = lay_result(layout, input);
+  return {made.nodes, made.items, input.meshes, made.item_of_instance, input.count, {}};
 }
 
 kernels::MeshBvh view_of_mesh(const DeviceMemory& tree, const kernels::MeshView& mesh) {
@@ -166,17 +166,23 @@ Expected<std::shared_ptr<const DeviceMemory>> TreeBuilder::build(const BuildInpu
   l.instances = input.instances;
   l.motion_keys = input.motion_keys;
   l.meshes = input.meshes;
-  const auto worked = work(input.count, input.mesh_boxes.size(), l);  // freed when it has run
-  if (!worked) return std::unexpected(worked.error());
+  l.left_out = input.left_out;
   Layout size(0);
-  (void)lay_result(size, input.count);
+  (void)lay_result(size, input);
   auto made = context_->allocate(size.bytes());
   if (!made) return std::unexpected(std::move(made).error());
   Layout layout(made->at());
-  const TopArrays result = lay_result(layout, input.count);
-  l.tree.wide = result.nodes;
+  const TopArrays result = lay_result(layout, input);
   l.items = result.items;
   l.item_of_instance = result.item_of_instance;
+  if (!input.has_tree()) {
+    l.tree.count = input.count;
+    HELIO_TRY(launch(items_, blocks_of(input.count, kBuildThreads), l));
+    return std::make_shared<const DeviceMemory>(*std::move(made));
+  }
+  const auto worked = work(input.count, input.mesh_boxes.size(), l);  // freed when it has run
+  if (!worked) return std::unexpected(worked.error());
+  l.tree.wide = result.nodes;
   HELIO_TRY(context_->upload(DevicePointer(l.mesh_boxes), std::as_bytes(input.mesh_boxes)));
   HELIO_TRY(run({boxes_, items_, kInstanceCost}, l));
   return std::make_shared<const DeviceMemory>(*std::move(made));

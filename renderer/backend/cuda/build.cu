@@ -11,6 +11,10 @@ static_assert(kWindow == kWarp);
 
 namespace {
 
+__device__ bool is_left_out(const BuildLaunch& l, u32 instance) {
+  return l.left_out && (l.left_out[instance / 32] >> (instance % 32) & 1) != 0;
+}
+
 /// Stores the box of a block's thread, and bounds of all.
 __device__ void note_box(const BuildLaunch& l, const BvhBox& box) {
   __shared__ u32 least[12];
@@ -41,7 +45,7 @@ __device__ void note_box(const BuildLaunch& l, const BvhBox& box) {
 extern "C" __global__ void __launch_bounds__(kBuildThreads)
     build_boxes(const __grid_constant__ BuildLaunch l) {
   BvhBox box = no_box();
-  if (thread() < l.tree.count) {
+  if (thread() < l.tree.count && !is_left_out(l, thread())) {
     const InstanceView& instance = l.instances[thread()];
     box = ray_box(instance, l.motion_keys, l.mesh_boxes[instance.mesh]);
   }
@@ -169,7 +173,7 @@ extern "C" __global__ void __launch_bounds__(kBuildThreads)
     build_items(const __grid_constant__ BuildLaunch l) {
   const u32 i = thread();
   if (i >= l.tree.count) return;
-  const u32 number = l.tree.items[i];
+  const u32 number = l.tree.items ? l.tree.items[i] : i;  // there may be no tree
   const InstanceView& instance = l.instances[number];
   l.items[i] = bvh_instance(instance, number, l.meshes[instance.mesh]);
   l.item_of_instance[number] = i;

@@ -13,6 +13,10 @@ struct BuildInput {
   const kernels::MeshBvh* meshes;
   u32 count;                                    // of instances, at least 1
   std::span<const kernels::BvhBox> mesh_boxes;  // the host's; object space, at all times
+  const u32* left_out = nullptr;                // a bit for each that the tree is not over; or null
+  u32 left_out_count = 0;
+  /// Whether there is a tree.
+  [[nodiscard]] bool has_tree() const { return left_out_count < count; }
 };
 
 /// A tree over instances as it lies in one piece of device memory.

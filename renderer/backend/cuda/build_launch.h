@@ -38,6 +38,7 @@ struct BuildLaunch {
   const kernels::MotionKey* motion_keys;
   const kernels::MeshBvh* meshes;
   const kernels::BvhBox* mesh_boxes;
+  const u32* left_out;          // a bit for each; or null
   kernels::BvhInstance* items;  // the result, with the tree's nodes
   u32* item_of_instance;
   // of triangles

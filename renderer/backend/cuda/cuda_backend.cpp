@@ -38,6 +38,7 @@ class CudaBackend final : public Backend {
         mirror_(context_),
         denoiser_library_(options.denoiser),
         cache_(options.cache_bytes),
+        accelerator_(options.static_triangles),
         store_(accelerator_, cache_, options.cache_bytes),
         arena_(options.threads ? int(options.threads) : tbb::task_arena::automatic) {
     const std::weak_ptr<ExportSource> shared = exports_;

@@ -238,10 +238,28 @@ void CudaScene::copy_volumes() {
 
 void CudaScene::copy_bvh(const TreeBuilder& builder) {
   const Placement& placement = host_->placement();
-  const u32 count = u32(placement.instances.size());
-  if (count == 0) return;
-  if (has_host_top(placement)) return copy_top();
-  BuildInput input{view_.instances, view_.motion_keys, meshes_->tree_table, count, {}};
+  if (placement.instances.size() == 0) return;
+  bvh_ = has_host_top(placement) ? copy_top() : built_top(builder);
+  const bvh::StaticGroup* fixed = bvh::bvh_of(placement)->fixed().get();
+  if (!fixed) return;
+  const bvh::StaticTree& tree = *fixed->tree;
+  bvh_.fixed = {copies_.of(tree.nodes.data(), tree.nodes.size()),
+                copies_.of(tree.triangles.data(), tree.triangles.size()),
+                copies_.of(fixed->slots.data(), fixed->slots.size())};
+}
+
+/// The top level that the device builds.
+kernels::BvhView CudaScene::built_top(const TreeBuilder& builder) {
+  const Placement& placement = host_->placement();
+  BuildInput input{.instances = view_.instances,
+                   .motion_keys = view_.motion_keys,
+                   .meshes = meshes_->tree_table,
+                   .count = u32(placement.instances.size()),
+                   .mesh_boxes = {}};
+  if (const bvh::StaticGroup* fixed = bvh::bvh_of(placement)->fixed().get()) {
+    input.left_out = copies_.of(fixed->bits.data(), fixed->bits.size());
+    input.left_out_count = u32(fixed->slots.size());
+  }
   std::vector<kernels::BvhBox> boxes;
   const auto build = [&] {
     for (const auto& mesh : placement.meshes) {
@@ -253,22 +271,23 @@ void CudaScene::copy_bvh(const TreeBuilder& builder) {
     return builder.build(input);
   };
   const DeviceMemory* top = copies_.made(placement.accelerator.get(), build);
-  if (top) bvh_ = view_of_top(*top, input);
+  return top ? view_of_top(*top, input) : kernels::BvhView{};
 }
 
-/// The tree that the host builds.
-void CudaScene::copy_top() {
+/// The one that the host builds.
+kernels::BvhView CudaScene::copy_top() {
   const bvh::BvhTop& top = bvh::bvh_of(host_->placement())->world(host_->placement());
   std::vector<kernels::BvhInstance> items = top.items;
   for (kernels::BvhInstance& item : items) {
     item.nodes = meshes_->trees[item.mesh].nodes;
     item.triangles = meshes_->trees[item.mesh].triangles;
   }
-  bvh_.top = own_->of_own(std::span<const kernels::BvhNode>(top.nodes));
-  bvh_.items = own_->of_own(std::span<const kernels::BvhInstance>(items));
-  bvh_.meshes = meshes_->tree_table;
-  bvh_.item_of_instance = own_->of_own(std::span<const u32>(top.item_of_instance));
-  bvh_.instance_count = u32(items.size());
+  return {.top = own_->of_own(std::span<const kernels::BvhNode>(top.nodes)),
+          .items = own_->of_own(std::span<const kernels::BvhInstance>(items)),
+          .meshes = meshes_->tree_table,
+          .item_of_instance = own_->of_own(std::span<const u32>(top.item_of_instance)),
+          .instance_count = u32(items.size()),
+          .fixed = {}};
 }
 
 }  // namespace heliograph::cuda

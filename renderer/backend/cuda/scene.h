@@ -70,7 +70,8 @@ class CudaScene final : public DeviceScene {
   void copy_dome();
   void copy_volumes();
   void copy_bvh(const TreeBuilder& builder);
-  void copy_top();
+  [[nodiscard]] kernels::BvhView built_top(const TreeBuilder& builder);
+  [[nodiscard]] kernels::BvhView copy_top();
 
   std::shared_ptr<const ResidentScene> host_;
   const std::shared_ptr<Copies> own_;  // of what nobody else may have

@@ -1,19 +1,11 @@
 // Many meshes to one scene of triangles.
 #include "renderer/backend/embree/static_group.h"
 
-#include <algorithm>
-#include <cstring>
-
 #include "renderer/backend/embree/commit.h"
 #include "renderer/resident/parallel.h"
 
 namespace heliograph::embree {
 namespace {
-
-bool same(const StaticMember& a, const StaticMember& b) {
-  return a.visibility == b.visibility && a.mesh->accelerator == b.mesh->accelerator &&
-         std::memcmp(&a.world, &b.world, sizeof a.world) == 0;
-}
 
 GeometryHandle world_triangles(const StaticMember& member, RTCDevice device) {
   const DeviceMesh& mesh = *member.mesh;
@@ -48,6 +40,13 @@ Status build(StaticGroup& group, RTCDevice device, const Interrupt& interrupt) {
 
 }  // namespace
 
+u64 StaticGroup::bytes() const {
+  constexpr u64 kBytesPerTriangle = 100;  // with its share of nodes and vertices
+  u64 triangles = 0;
+  for (const StaticMember& member : members) triangles += member.mesh->topology->triangles.size();
+  return triangles * kBytesPerTriangle;
+}
+
 Expected<std::shared_ptr<const StaticGroup>> make_static_group(
     std::vector<StaticMember> members, const std::shared_ptr<const StaticGroup>& before,
     RTCDevice device, const Interrupt& interrupt) {
@@ -55,7 +54,7 @@ Expected<std::shared_ptr<const StaticGroup>> make_static_group(
   auto group = std::make_shared<StaticGroup>();
   group->members = std::move(members);
   for (const StaticMember& member : group->members) group->slots.push_back(member.slot);
-  if (before && std::ranges::equal(before->members, group->members, same)) {
+  if (before && same_members(before->members, group->members)) {
     group->scene = before->scene;
     group->instance = before->instance;
     return group;

@@ -4,23 +4,16 @@
 
 #include "renderer/backend/embree/embree.h"
 #include "renderer/engine/backend.h"
-#include "renderer/resident/mesh.h"
+#include "renderer/resident/static_members.h"
 
 namespace heliograph::embree {
-
-/// An entity as the group holds it.
-struct StaticMember {
-  u32 slot;
-  u32 visibility;
-  std::shared_ptr<const DeviceMesh> mesh;
-  mat4x3 world;
-};
 
 struct StaticGroup {
   std::vector<StaticMember> members;
   std::vector<u32> slots;  // by number of the geometry within the scene
   SceneHandle scene;
   GeometryHandle instance;  // of the scene, for a top level
+  [[nodiscard]] u64 bytes() const;
 };
 
 /// Builds the group, or takes over the acceleration structure of `before` where it is the same.

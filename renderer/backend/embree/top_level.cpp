@@ -9,9 +9,6 @@
 namespace heliograph::embree {
 namespace {
 
-// A few large objects are found sooner through a top level of their boxes (9 of W1: by 15 %).
-constexpr u32 kFewestStatic = 32;
-
 /// Gives an instance its keys as time steps; Embree interpolates them as kernels::interpolate()
 /// does.
 void set_motion(RTCGeometry instance, std::span<const kernels::MotionKey> keys) {
@@ -62,30 +59,16 @@ class Builder {
   const RTCDevice device_;
   const Interrupt& interrupt_;
   std::shared_ptr<TopLevel> made_ = std::make_shared<TopLevel>();
-  std::vector<u32> members_;  // of the group: slots, ascending
-  std::vector<u8> grouped_;   // by slot, whether it is one; empty: there are none
-  bool changed_ = false;      // the scene differs from the one before
+  std::vector<StaticMember> members_;  // of the group, until it is made
+  std::vector<u8> grouped_;            // by slot, whether it is one; empty: there are none
+  bool changed_ = false;               // the scene differs from the one before
 };
 
-/// Static entities join the group in the order of their slots as long as there is room; those that
-/// move in the span stay outside.
 void Builder::choose_static(u64 most_triangles) {
-  const auto& slots = placement_.structure->slots;
-  u64 triangles = 0;
-  for (const u32 i : placement_.structure->fixed) {
-    const DeviceMesh& mesh = *placement_.meshes[placement_.mesh_of_slot[i]];
-    if (placement_.instances[i].segments > 0 || mesh.segments > 0) continue;
-    if (!usable_pose(placement_.world[slots[i].entity])) continue;
-    if (mesh.shape() != kernels::Shape::kTriangles) continue;
-    const u64 more = mesh.topology->triangles.size();
-    if (triangles + more > most_triangles) continue;
-    triangles += more;
-    members_.push_back(i);
-  }
-  if (members_.size() < kFewestStatic) members_.clear();
+  members_ = static_members(placement_, most_triangles);
   if (members_.empty()) return;
-  grouped_.assign(slots.size(), 0);
-  for (const u32 i : members_) grouped_[i] = 1;
+  grouped_.assign(placement_.instances.size(), 0);
+  for (const StaticMember& member : members_) grouped_[member.slot] = 1;
 }
 
 GeometryHandle Builder::instance(u32 slot) const {
@@ -147,13 +130,7 @@ void Builder::instances_of(u32 chunk) {
 }
 
 Status Builder::group() {
-  std::vector<StaticMember> members;
-  for (const u32 i : members_) {
-    const kernels::InstanceView& view = placement_.instances[i];
-    members.push_back({i, view.visibility, placement_.meshes[placement_.mesh_of_slot[i]],
-                       view.world_from_object});
-  }
-  auto made = make_static_group(std::move(members), before_ ? before_->group : nullptr, device_,
+  auto made = make_static_group(std::move(members_), before_ ? before_->group : nullptr, device_,
                                 interrupt_);
   if (!made) return std::unexpected(std::move(made).error());
   made_->group = *std::move(made);
@@ -181,6 +158,14 @@ Status Builder::scene() {
 }  // namespace
 
 Box TopLevel::bounds() const { return bounds_of(scene.get()); }
+
+u64 TopLevel::static_bytes_beside(const SceneAccelerator* other) const {
+  if (!group) return 0;
+  const auto* theirs = static_cast<const TopLevel*>(other);
+  const bool is_shared =
+      theirs && theirs->group && theirs->group->scene.get() == group->scene.get();
+  return is_shared ? 0 : group->bytes();
+}
 
 Expected<std::shared_ptr<const MeshAccelerator>> EmbreeAccelerator::build(
     const DeviceMesh& mesh) const {

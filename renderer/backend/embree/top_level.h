@@ -15,6 +15,7 @@ struct TopLevel final : SceneAccelerator {
   SceneHandle scene;
 
   [[nodiscard]] Box bounds() const override;
+  [[nodiscard]] u64 static_bytes_beside(const SceneAccelerator* other) const override;
 };
 
 /// Meshes and top levels of Embree.
