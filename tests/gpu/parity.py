@@ -54,7 +54,23 @@ def motion(edit):
     return options
 
 
-SCENES = {**scenes.SCENES, "fog": fog, "motion": motion}
+def statics(edit):
+    """Static balls that overlap, some with holes, lamps or unseen by the camera, around movers."""
+    options = motion(edit)
+    rng = np.random.default_rng(5)
+    for i in range(700):
+        more = {"visibility": hg.Visibility(camera=False)} if i % 20 == 0 else {}
+        if i % 50 == 7:
+            more = {"light": hg.Light(radiance=2)}
+        x, y = rng.uniform(-3, 3, 2)
+        place = hg.Pose((x, y, rng.uniform(0, 0.4)), scale=rng.uniform(0.1, 0.6))
+        edit.entity(
+            f"stone{i}", mesh="ball", material=f"look{i % 6}", transform=place, static=True, **more
+        )
+    return options
+
+
+SCENES = {**scenes.SCENES, "fog": fog, "motion": motion, "statics": statics}
 
 
 def render(client, build, planes, spp, size=SIZE):
