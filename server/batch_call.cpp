@@ -28,7 +28,7 @@ class BatchCall::Item final : public JobSink, public std::enable_shared_from_thi
 
   void progress(const Progress&) override {}
   void frame(std::shared_ptr<const Frame> frame) override {
-    frames_.push_back({std::move(frame), make_header_});
+    frames_.push_back({std::move(frame), headers_});
   }
   void done(Status status, const Spent&) override {
     status_ = std::move(status);
@@ -51,13 +51,13 @@ class BatchCall::Item final : public JobSink, public std::enable_shared_from_thi
     task->job->deadline = scope.deadline();
     if (auto provided = call_->cutter_.provide(*task->job, *task->engine); !provided)
       return std::unexpected(std::move(provided).error().at("job"));
-    make_header_ = task->make_header;
+    headers_ = task->headers;
     return submit(call_->daemon_, *task, shared_from_this(), scope.stop());
   }
 
   std::shared_ptr<BatchCall> call_;
   const v1::RenderBatchRequest request_;
-  decltype(OutgoingFrame::make_header) make_header_;
+  std::shared_ptr<FrameHeaders> headers_;
   std::deque<OutgoingFrame> frames_;
   Status status_;
 };

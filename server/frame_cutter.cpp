@@ -6,16 +6,17 @@ namespace {
 
 constexpr u64 kFewestShared = 64 << 10;  // bytes; smaller planes gain nothing
 
-/// The chunk that names where a plane lies.
-v1::PlaneChunk place_of(const Frame& frame, u32 plane, const Lease& lease) {
-  v1::PlaneChunk chunk;
-  chunk.set_frame(frame.index);
-  chunk.set_plane(plane);
-  v1::BufferRef& buffer = *chunk.mutable_buffer();
+/// What a plane travels by; null: as bytes.
+LeasedPixels* lease_of(const PlaneData& plane, const WirePlane& wire) {
+  return wire.is_half() ? nullptr : dynamic_cast<LeasedPixels*>(plane.pixels.memory());
+}
+
+/// Names where a plane lies, which the client may use from then on.
+void name(LeasedPixels& pixels, u64 size, v1::BufferRef& buffer) {
+  const Lease& lease = pixels.send();
   buffer.set_buffer(lease.buffer);
-  buffer.set_size(frame.planes[plane].pixels.size());
+  buffer.set_size(size);
   buffer.set_generation(lease.generation);
-  return chunk;
 }
 
 }  // namespace
@@ -44,35 +45,49 @@ Status FrameCutter::provide(RenderJob& job, const Engine& engine) {
 
 void FrameCutter::begin(OutgoingFrame outgoing, v1::FramePart& part) {
   v1::FrameHeader& header = *part.mutable_header();
-  header = (*outgoing.make_header)(*outgoing.frame);
+  header = outgoing.headers->header(*outgoing.frame);
   if (begun_) begun_(outgoing.frame);
   plane_ = 0;
   offset_ = 0;
   if (outgoing.frame->planes.empty()) return;
   frame_ = std::move(outgoing.frame);
   planes_.clear();
-  for (std::size_t i = 0; i < frame_->planes.size(); ++i)
-    planes_.emplace_back(frame_->planes[i], header.planes(int(i)).dtype() == v1::D_TYPE_F16);
+  is_named_.clear();
+  for (std::size_t i = 0; i < frame_->planes.size(); ++i) {
+    const PlaneData& plane = frame_->planes[i];
+    v1::PlaneInfo& info = *header.mutable_planes(int(i));
+    planes_.emplace_back(plane, info.dtype() == v1::D_TYPE_F16);
+    auto* lease = outgoing.headers->name_buffers() ? lease_of(plane, planes_.back()) : nullptr;
+    is_named_.push_back(lease != nullptr);
+    if (lease) name(*lease, info.size(), *info.mutable_buffer());
+  }
+  skip_named();
+}
+
+/// To the next plane that needs a chunk.
+void FrameCutter::skip_named() {
+  while (plane_ < planes_.size() && is_named_[plane_]) ++plane_;
+  if (plane_ == planes_.size()) frame_.reset();
 }
 
 bool FrameCutter::next(v1::FramePart& part) {
   if (!frame_) return false;
   const WirePlane& plane = planes_[plane_];
-  auto* leased = dynamic_cast<LeasedPixels*>(frame_->planes[plane_].pixels.memory());
-  if (leased && !plane.is_half()) {
-    *part.mutable_chunk() = place_of(*frame_, plane_, leased->send());
+  v1::PlaneChunk& chunk = *part.mutable_chunk();
+  chunk.Clear();
+  chunk.set_frame(frame_->index);
+  chunk.set_plane(plane_);
+  if (auto* lease = lease_of(frame_->planes[plane_], plane)) {
+    name(*lease, plane.size(), *chunk.mutable_buffer());
   } else {
-    v1::PlaneChunk& chunk = *part.mutable_chunk();
-    chunk.Clear();
-    chunk.set_frame(frame_->index);
-    chunk.set_plane(plane_);
     chunk.set_offset(offset_);
     chunk.set_chunk(plane.chunk(offset_, chunk_bytes_));
     offset_ += chunk.chunk().size();
     if (offset_ < plane.size()) return true;
     offset_ = 0;
   }
-  if (++plane_ == frame_->planes.size()) frame_.reset();
+  ++plane_;
+  skip_named();
   return true;
 }
 

@@ -8,15 +8,15 @@
 
 #include "heliograph/v1/render.pb.h"
 #include "renderer/engine/engine.h"
-#include "server/convert/frame.h"
+#include "server/convert/frame_headers.h"
 #include "server/session.h"
 
 namespace heliograph::server {
 
-/// A frame and how its header is made.
+/// A frame and who makes its header.
 struct OutgoingFrame {
   std::shared_ptr<const Frame> frame;
-  std::shared_ptr<const std::function<v1::FrameHeader(const Frame&)>> make_header;
+  std::shared_ptr<FrameHeaders> headers;
 };
 
 /// Thread: one at a time, but for provide().
@@ -36,6 +36,8 @@ class FrameCutter {
   void begin(OutgoingFrame outgoing, v1::FramePart& part);
   /// Fills its next part; false when there is none.
   [[nodiscard]] bool next(v1::FramePart& part);
+  /// Nothing is left to send of it.
+  [[nodiscard]] bool at_end() const { return !frame_; }
   /// Nothing more of it will be sent.
   void drop() { frame_.reset(); }
   /// The client gave up: it may never return what is on its way.
@@ -49,7 +51,10 @@ class FrameCutter {
   std::shared_ptr<SharedFrames> shared_;  // once it was asked for memory; guarded by mutex_
   u64 call_ = 0;                          // number of this call there; guarded by mutex_
   std::shared_ptr<const Frame> frame_;
+  void skip_named();
+
   std::vector<WirePlane> planes_;  // of frame_
+  std::vector<bool> is_named_;     // by plane: the header says where it lies
   u32 plane_ = 0;
   u64 offset_ = 0;  // bytes into that plane
 };

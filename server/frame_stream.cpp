@@ -22,9 +22,18 @@ FrameStream::FrameStream(Daemon& daemon, grpc::CallbackServerContext& context, C
       stall_seconds_(double(daemon.config.limits.stall_seconds)),
       cutter_(daemon.config.limits.chunk_bytes, scope_.session(), note_frames(daemon, context)) {}
 
+void FrameStream::expect(const RenderTask& task) {
+  headers_ = task.headers;
+  finals_left_ = task.job->worlds ? 1 : u32(task.job->cameras.size());
+}
+
 void FrameStream::progress(const Progress& progress) {
   {
     const std::lock_guard lock(mutex_);
+    if (finals_left_ == 0) {  // done() follows at once
+      if (has_told_progress_) progress_ = progress;
+      return;
+    }
     progress_ = progress;
   }
   pump();
@@ -36,7 +45,9 @@ void FrameStream::frame(std::shared_ptr<const Frame> frame) {
     std::erase_if(frames_, [&](const auto& waiting) {
       return !waiting->final && waiting->index == frame->index;
     });
+    if (frame->final) --finals_left_;
     frames_.push_back(std::move(frame));
+    if (finals_left_ == 0) return;  // done() follows at once; the call ends with the last write
   }
   pump();
 }
@@ -74,35 +85,36 @@ void FrameStream::look(EventLoop::Clock::time_point now) {
 
 /// Starts the next write, or finishes. The one place that does either.
 void FrameStream::pump() {
-  std::optional<Status> result;
+  bool writes, ends;
   {
     const std::lock_guard lock(mutex_);
     if (is_writing_ || is_finished_) return;
     if (scope_.is_stopped()) frames_.clear(), cutter_.drop(), progress_.reset();
-    if (next_part()) {
-      is_writing_ = true;
-      standstill_.moved();
-    } else if (result_) {
-      result = result_;
-      is_finished_ = true;
-    } else {
-      return;
-    }
+    writes = is_writing_ = next_part();
+    ends = is_finished_ = result_ && (!writes || is_last_part());
+    if (writes) standstill_.moved();
   }
-  if (!result) return StartWrite(&part_);
-  Finish(to_status(scope_.session()->told(*result), scope_.context()));
+  if (!ends) return writes ? StartWrite(&part_) : void();
+  const grpc::Status status = to_status(scope_.session()->told(*result_), scope_.context());
+  if (writes)
+    StartWriteAndFinish(&part_, {}, status);
+  else
+    Finish(status);
 }
+
+bool FrameStream::is_last_part() const { return cutter_.at_end() && frames_.empty() && !progress_; }
 
 bool FrameStream::next_part() {
   if (cutter_.next(part_)) return true;
   if (!frames_.empty()) {
-    cutter_.begin({std::move(frames_.front()), make_header_}, part_);
+    cutter_.begin({std::move(frames_.front()), headers_}, part_);
     frames_.pop_front();
     return true;
   }
   if (!progress_) return false;
   *part_.mutable_progress() = to_proto(*progress_);
   progress_.reset();
+  has_told_progress_ = true;
   return true;
 }
 

@@ -27,14 +27,12 @@ class FrameStream final : public grpc::ServerWriteReactor<v1::FramePart>,
                           public JobSink,
                           public Watched {
  public:
-  using MakeHeader = decltype(OutgoingFrame::make_header);
-
   [[nodiscard]] static std::shared_ptr<FrameStream> start(Daemon& daemon,
                                                           grpc::CallbackServerContext& context,
                                                           Call call);
 
-  /// How headers are made; set once, before the engine has the sink.
-  void set_header(MakeHeader make_header) { make_header_ = std::move(make_header); }
+  /// What frames will come; once, before the engine has the sink.
+  void expect(const RenderTask& task);
   [[nodiscard]] const CallScope& scope() const { return scope_; }
   [[nodiscard]] Status provide(const RenderTask& task) {
     return cutter_.provide(*task.job, *task.engine);
@@ -54,19 +52,22 @@ class FrameStream final : public grpc::ServerWriteReactor<v1::FramePart>,
  private:
   FrameStream(Daemon& daemon, grpc::CallbackServerContext& context, Call call);
   void pump();
-  [[nodiscard]] bool next_part();  // fills part_; under mutex_
+  [[nodiscard]] bool next_part();           // fills part_; under mutex_
+  [[nodiscard]] bool is_last_part() const;  // the same
 
   CallScope scope_;
   const double stall_seconds_;
-  MakeHeader make_header_;
+  std::shared_ptr<FrameHeaders> headers_;
   std::shared_ptr<FrameStream> self_;  // until OnDone
 
   std::mutex mutex_;
   std::optional<Progress> progress_;
   std::deque<std::shared_ptr<const Frame>> frames_;
+  u32 finals_left_ = 0;  // final frames still to come
   std::optional<Status> result_;
   FrameCutter cutter_;
   Standstill standstill_;
+  bool has_told_progress_ = false;
   bool is_writing_ = false;
   bool is_finished_ = false;
   v1::FramePart part_;

@@ -121,13 +121,8 @@ Expected<RenderTask> to_task(Daemon& daemon, Session& session, const v1::RenderR
                        .version = kVersion,
                        .backend = std::string((*engine)->backend_name()),
                        .cpu_features = (*engine)->cpu_features()};
-  const auto make_header = [context = std::move(context)](const Frame& frame) {
-    return to_header(frame, context);
-  };
-  return RenderTask{
-      *std::move(job),
-      std::make_shared<const std::function<v1::FrameHeader(const Frame&)>>(make_header), *engine,
-      session.tenant()};
+  return RenderTask{*std::move(job), std::make_shared<FrameHeaders>(std::move(context)), *engine,
+                    session.tenant()};
 }
 
 FrameCutter::Begun note_frames(const Daemon& daemon, const grpc::ServerContextBase& context) {
@@ -148,7 +143,9 @@ Status submit(Daemon& daemon, const RenderTask& task, std::shared_ptr<JobSink> s
   }
   auto metered =
       std::make_shared<Metered>(std::move(sink), daemon.metrics, task.tenant, std::move(*running));
-  return task.engine->submit(task.job, std::move(metered), std::move(stop));
+  HELIO_TRY(task.engine->submit(task.job, std::move(metered), std::move(stop)));
+  task.headers->write_ahead();
+  return {};
 }
 
 }  // namespace heliograph::server

@@ -11,7 +11,7 @@ namespace heliograph::server {
 /// A request that was checked.
 struct RenderTask {
   std::shared_ptr<RenderJob> job;
-  std::shared_ptr<const std::function<v1::FrameHeader(const Frame&)>> make_header;
+  std::shared_ptr<FrameHeaders> headers;
   Engine* engine = nullptr;
   TenantPtr tenant;
 };

@@ -13,7 +13,7 @@ Status start_render(Daemon& daemon, const v1::RenderRequest& request,
   if (!task) return std::unexpected(task.error());
   task->job->deadline = stream->scope().deadline();
   HELIO_TRY(stream->provide(*task));
-  stream->set_header(task->make_header);
+  stream->expect(*task);
   return submit(daemon, *task, stream, stream->scope().stop());
 }
 

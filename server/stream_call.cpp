@@ -40,7 +40,7 @@ class StreamCall::Job final : public JobSink, public std::enable_shared_from_thi
   void frame(std::shared_ptr<const Frame> frame) override {
     shown_.insert(frame->index);
     has_shown_all_ = shown_.size() == std::size_t(settings_->cameras_size());
-    call_->on_frame({std::move(frame), make_header_});
+    call_->on_frame({std::move(frame), headers_});
   }
   void done(Status status, const Spent&) override {
     // A job that was stopped for a newer one did not fail.
@@ -56,7 +56,7 @@ class StreamCall::Job final : public JobSink, public std::enable_shared_from_thi
     HELIO_TRY(call_->follow(settings_->scene()));
     auto task = to_task(call_->daemon_, *call_->scope_.session(), *settings_);
     if (!task) return std::unexpected(std::move(task).error().at("settings"));
-    make_header_ = task->make_header;
+    headers_ = task->headers;
     task->job->origin.session ^= call_->line_;
     if (auto provided = call_->cutter_.provide(*task->job, *task->engine); !provided)
       return std::unexpected(std::move(provided).error().at("settings"));
@@ -71,7 +71,7 @@ class StreamCall::Job final : public JobSink, public std::enable_shared_from_thi
   const Settings settings_;
   std::stop_source stop_;
   std::stop_callback<std::function<void()>> on_stop_;
-  decltype(OutgoingFrame::make_header) make_header_;
+  std::shared_ptr<FrameHeaders> headers_;
   std::set<u32> shown_;
   std::atomic<bool> has_shown_all_ = false;
 };

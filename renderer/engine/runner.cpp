@@ -9,7 +9,7 @@
 #include "kernels/film.h"
 #include "renderer/engine/adaptive.h"
 #include "renderer/engine/check.h"
-#include "renderer/engine/image_camera.h"
+#include "renderer/engine/frame_header.h"
 #include "renderer/engine/shutter.h"
 #include "renderer/scene/motion.h"
 
@@ -334,7 +334,7 @@ Expected<std::vector<PlaneData>> Runner::finish(const Shot& shot, std::vector<Pl
                        {.denoiser = context_.denoiser,
                         .interrupt = context_.interrupt,
                         .model = *job.snapshot->find(camera)->camera,
-                        .camera = seen_in(shot),
+                        .camera = image_of(job, shot.camera),
                         .sensor_seed = sensor_seed(job, camera)});
 }
 

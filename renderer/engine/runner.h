@@ -77,8 +77,6 @@ class Runner {
   [[nodiscard]] bool out_of_time() const;
   [[nodiscard]] bool finished(Film& film, u32 done);
   [[nodiscard]] Status emit(Film& film, bool final);
-  [[nodiscard]] static ImageCamera seen_in(const Shot& shot);
-  [[nodiscard]] static Frame header(const Shot& shot);
   [[nodiscard]] Expected<std::vector<PlaneData>> finish(const Shot& shot,
                                                         std::vector<PlaneData> made);
   /// Where the job may be left until the next step(), once the slice is used up or nearly so.

@@ -2,7 +2,7 @@
 #include <algorithm>
 
 #include "renderer/engine/check.h"
-#include "renderer/engine/image_camera.h"
+#include "renderer/engine/frame_header.h"
 #include "renderer/engine/runner.h"
 #include "renderer/engine/shutter.h"
 #include "renderer/scene/motion.h"
@@ -56,7 +56,7 @@ Status Runner::begin(Begun& begun) const {
   auto film = context_.backend.begin(begun.shots);
   if (!film) return std::unexpected(std::move(film).error());
   begun.film = *std::move(film);
-  for (const Shot& shot : begun.shots) begun.frames.push_back(header(shot));
+  for (const Shot& shot : begun.shots) begun.frames.push_back(frame_header(*shot.job, shot.camera));
   return {};
 }
 
@@ -103,38 +103,6 @@ TimeSpan Runner::span_of(const Shot& shot, SceneOf kind) {
   if (kind == &Shot::forward) later = flow_interval(job);
   if (kind == &Shot::backward) later = -flow_interval(job);
   return label_span(shutter, label_time(job) + later);
-}
-
-ImageCamera Runner::seen_in(const Shot& shot) {
-  const RenderJob& job = *shot.job;
-  const EntityId camera = job.cameras[shot.camera];
-  const uvec2 size = rendered_size(job, camera);
-  const Camera& model = *job.snapshot->find(camera)->camera;
-  const Time middle = label_span(model.shutter, label_time(job)).middle();
-  return image_camera(model, world_pose(*job.snapshot, camera.index(), middle), size.x, size.y);
-}
-
-Frame Runner::header(const Shot& shot) {
-  const RenderJob& job = *shot.job;
-  const Snapshot& snapshot = *job.snapshot;
-  const EntityId camera = job.cameras[shot.camera];
-  const ImageCamera image = seen_in(shot);
-  Frame frame;
-  frame.index = shot.camera;
-  frame.scene = job.scene;
-  frame.revision = snapshot.revision;
-  frame.overlay = job.overlay;
-  frame.camera = snapshot.name_of(camera);
-  frame.width = image.width;
-  frame.height = image.height;
-  frame.time = job.time;
-  frame.label_time = label_time(job);
-  frame.shutter = snapshot.find(camera)->camera->shutter;
-  frame.seed = job.settings.seed;
-  frame.k = image.k;
-  frame.camera_from_world_cv = image.camera_from_world_cv;
-  if (snapshot.categories) frame.categories = *snapshot.categories;
-  return frame;
 }
 
 }  // namespace heliograph

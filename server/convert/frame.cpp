@@ -144,7 +144,6 @@ v1::FrameHeader to_header(const Frame& frame, const FrameContext& context) {
     category->set_name(frame.categories[i]);
   }
   message.mutable_warnings()->Add(frame.warnings.begin(), frame.warnings.end());
-  message.set_manifest(manifest(frame, context));
   message.set_render_seconds(frame.render_seconds);
   message.set_rays(frame.rays);
   message.set_noise(frame.noise);

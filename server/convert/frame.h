@@ -18,12 +18,18 @@ struct FrameContext {
   std::string cpu_features;
 };
 
-/// The header of a frame; its planes' bytes follow in chunks.
+/// The header of a frame but for its manifest; its planes' bytes follow in chunks.
 [[nodiscard]] v1::FrameHeader to_header(const Frame& frame, const FrameContext& context);
-/// JSON that renders the frame again to the same bytes: a RenderRequest in which everything that
-/// was left to defaults, to time or to noise is written out, and who rendered it. An overlay of
-/// more than 64 KiB is named by its hash only.
-[[nodiscard]] std::string manifest(const Frame& frame, const FrameContext& context);
+
+/// A request that renders the frame again to the same bytes: everything that was left to defaults,
+/// to time or to noise is written out. An overlay of more than 64 KiB is left out.
+[[nodiscard]] v1::RenderRequest request_again(const Frame& frame, const FrameContext& context);
+[[nodiscard]] std::string json_of(const v1::RenderRequest& request);
+/// JSON of that request, who rendered the frame, and the hash of its overlay.
+///
+/// request_json   json_of(request_again())
+[[nodiscard]] std::string manifest(const Frame& frame, const FrameContext& context,
+                                   const std::string& request_json);
 
 [[nodiscard]] v1::DType to_proto(DType type);
 [[nodiscard]] v1::LabelColumn to_proto(const Column& column);

@@ -1,7 +1,8 @@
 // The manifest of a frame: what renders it again.
 #include <fmt/format.h>
-#include <google/protobuf/struct.pb.h>
 #include <google/protobuf/util/json_util.h>
+
+#include <nlohmann/json.hpp>
 
 #include "server/convert/fields.h"
 #include "server/convert/frame.h"
@@ -11,13 +12,6 @@ namespace heliograph::server {
 namespace {
 
 constexpr std::size_t kLargestOverlay = 64 << 10;
-
-std::string to_json(const google::protobuf::Message& message) {
-  std::string json;
-  google::protobuf::util::JsonPrintOptions options;
-  options.preserve_proto_field_names = true;
-  return google::protobuf::util::MessageToJsonString(message, &json, options).ok() ? json : "{}";
-}
 
 /// Those of the frame, by name where they have one: ids do not survive a scene file.
 void name_cameras(const Frame& frame, v1::RenderRequest& request) {
@@ -49,8 +43,9 @@ void keep_worlds(const RenderJob& job, v1::RenderRequest& request) {
       worlds.mutable_poses()->mutable_entities(i)->set_name(name);
 }
 
-/// The request with nothing left open, for the cameras of one frame.
-v1::RenderRequest resolved(const Frame& frame, const FrameContext& context) {
+}  // namespace
+
+v1::RenderRequest request_again(const Frame& frame, const FrameContext& context) {
   const RenderJob& job = *context.job;
   v1::RenderRequest request = context.request;
   request.set_scene(frame.scene);
@@ -79,6 +74,7 @@ v1::RenderRequest resolved(const Frame& frame, const FrameContext& context) {
   request.clear_progressive();
   request.clear_priority();
   request.clear_memory();
+  request.clear_buffers_in_header();
   request.set_max_depth(job.settings.max_depth);
   request.set_roulette(job.settings.roulette);
   if (request.overlay().ByteSizeLong() > kLargestOverlay || names_lent_buffers(request.overlay()))
@@ -87,23 +83,25 @@ v1::RenderRequest resolved(const Frame& frame, const FrameContext& context) {
   return request;
 }
 
-}  // namespace
+std::string json_of(const v1::RenderRequest& request) {
+  std::string json;
+  google::protobuf::util::JsonPrintOptions options;
+  options.preserve_proto_field_names = true;
+  return google::protobuf::util::MessageToJsonString(request, &json, options).ok() ? json : "{}";
+}
 
-std::string manifest(const Frame& frame, const FrameContext& context) {
-  google::protobuf::Struct head;
-  const auto set = [&](const char* name, const std::string& value) {
-    (*head.mutable_fields())[name].set_string_value(value);
-  };
-  set("format", "heliograph.manifest.v1");
-  set("version", context.version);
-  set("backend", context.backend);
-  set("cpu_features", context.cpu_features);
-  if (!frame.denoiser.empty()) set("denoiser", frame.denoiser);
-  if (frame.overlay) set("overlay", fmt::format("{:016x}", frame.overlay));
-  if (frame.worlds) set("worlds", fmt::format("{}", context.job->worlds->count));
-  std::string json = to_json(head);
+std::string manifest(const Frame& frame, const FrameContext& context,
+                     const std::string& request_json) {
+  nlohmann::json head{{"format", "heliograph.manifest.v1"},
+                      {"version", context.version},
+                      {"backend", context.backend},
+                      {"cpu_features", context.cpu_features}};
+  if (!frame.denoiser.empty()) head["denoiser"] = frame.denoiser;
+  if (frame.overlay) head["overlay"] = fmt::format("{:016x}", frame.overlay);
+  if (frame.worlds) head["worlds"] = fmt::format("{}", context.job->worlds->count);
+  std::string json = head.dump();
   json.pop_back();
-  return json + ",\"request\":" + to_json(resolved(frame, context)) + "}";
+  return json + ",\"request\":" + request_json + "}";
 }
 
 }  // namespace heliograph::server

@@ -168,11 +168,17 @@ def test_words_that_mean_nothing_harm_nothing(stage):
     assert content(look(stage)) == before
 
 
-def test_a_client_can_only_read(stage):
+@pytest.mark.parametrize("in_header", [False, True], ids=["in chunks", "in the header"])
+def test_a_client_can_only_read(stage, in_header):
     line, channel, stub, metadata = wish(stage.client.address.removeprefix("unix://"))
     request = _render.make_request(stage, ["cam"], {"planes": PLANES})
+    request.buffers_in_header = in_header
     parts = list(stub.Render(request, metadata=metadata))
-    places = [part.chunk.buffer for part in parts if part.WhichOneof("part") == "chunk"]
+    chunks = [part.chunk.buffer for part in parts if part.WhichOneof("part") == "chunk"]
+    planes = [plane for part in parts for plane in part.header.planes]
+    assert all(plane.HasField("buffer") == in_header for plane in planes)
+    assert not (in_header and chunks)
+    places = [plane.buffer for plane in planes] if in_header else chunks
     assert len(places) == len(PLANES)
     for place in places:
         word, (fd,), _, _ = socket.recv_fds(line, WORD.size, 4)

@@ -2,6 +2,7 @@
 // remedy; every plane of the contract.
 #include "server/convert/render.h"
 
+#include <fmt/format.h>
 #include <google/protobuf/text_format.h>
 #include <google/protobuf/util/json_util.h>
 
@@ -10,8 +11,9 @@
 #include <cstring>
 #include <set>
 
+#include "renderer/engine/frame_header.h"
 #include "renderer/scene/scene.h"
-#include "server/convert/frame.h"
+#include "server/convert/frame_headers.h"
 #include "server/convert/transaction.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/convert_fixture.h"
@@ -182,7 +184,7 @@ TEST_CASE("render: a manifest asks for the same frame again") {
   frame.samples = 17;
   const FrameContext context{request, std::make_shared<const RenderJob>(*made), "1", "embree",
                              "v3"};
-  const std::string text = manifest(frame, context);
+  const std::string text = manifest(frame, context, json_of(request_again(frame, context)));
   const auto at = text.find("\"request\":") + 10;
   v1::RenderRequest again;
   REQUIRE(google::protobuf::util::JsonStringToMessage(text.substr(at, text.size() - at - 1), &again)
@@ -198,6 +200,26 @@ TEST_CASE("render: a manifest asks for the same frame again") {
   CHECK(again.seed() == 3);
   CHECK(again.planes_size() == 2);
   CHECK(text.find("\"backend\":\"embree\"") != std::string::npos);
+}
+
+TEST_CASE("render: a manifest that was written ahead is that of the frame, or is written again") {
+  const auto request = parse<v1::RenderRequest>(
+      "scene: 5 cameras { name: 'left' } cameras { name: 'right' } spp: 16 "
+      "planes { plane: PLANE_BEAUTY }");
+  const auto made = to_job(request, snapshot(), {});
+  REQUIRE(made);
+  const FrameContext context{request, std::make_shared<const RenderJob>(*made), "1", "embree",
+                             "v3"};
+  FrameHeaders ahead(context), late(context);
+  ahead.write_ahead();
+  for (const u32 samples : {16u, 4u, 16u})
+    for (const u32 camera : {1u, 0u}) {
+      Frame frame = frame_header(*made, camera);
+      frame.samples = samples;
+      const std::string text = ahead.header(frame).manifest();
+      CHECK(text == late.header(frame).manifest());
+      CHECK(text.find(fmt::format("\"spp\":{}", samples)) != std::string::npos);
+    }
 }
 
 TEST_CASE("render: a frame's header and chunks carry it whole") {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypedDict
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from .scene import Scene
 
 _DEFAULT_SPP = 64
+_NO_BYTES = memoryview(b"")
 _LABELS = ("boxes", "amodal", "amodal_masks", "keypoints")
 _FILM = {"variance", "samples", "shadow_catcher"}
 _MEAN = {
@@ -181,6 +183,7 @@ def make_request(
     if "filter" in options:
         out.filter = _filter(options["filter"])
     _put_memory(out, options.get("device", "cpu"))
+    out.buffers_in_header = True
     out.priority = whole_of(options.get("priority", 0), "priority", -100, 100)
     if options.get("revision"):
         out.revision = whole_of(options["revision"], "revision", 0, 2**64 - 1)
@@ -338,30 +341,37 @@ class Assembly:
 
     def _begin(self, header: render_pb.FrameHeader) -> None:
         self._header = header
-        arrays: list[NdArray] = []
+        self._arrays, self._bytes, self._left = [], [], 0
+        picture: tuple[int, ...] = (header.height, header.width)
+        if header.HasField("worlds"):
+            picture = tuple(header.k.shape[:2]) + picture
         for plane in header.planes:
-            shape: tuple[int, ...] = (header.height, header.width)
-            if header.HasField("worlds"):
-                shape = tuple(header.k.shape[:2]) + shape
-            if plane.channels != 1:
-                shape += (plane.channels,)
-            arrays.append(np.empty(shape, dtype=dtype_of(plane.dtype)))
-            if arrays[-1].nbytes != plane.size:
+            shape = picture if plane.channels == 1 else (*picture, plane.channels)
+            dtype = dtype_of(plane.dtype)
+            if math.prod(shape) * dtype.itemsize != plane.size:
                 raise Internal(f"plane {plane.name}: {plane.size} bytes do not fill {shape}")
-        self._bytes = [bytes_of(a) for a in arrays]
-        self._left = sum(a.nbytes for a in arrays)
-        self._arrays = [*arrays]
+            if plane.HasField("buffer"):
+                self._arrays.append(self._in_buffer(plane.buffer, plane.size, dtype, shape))
+                self._bytes.append(_NO_BYTES)
+                continue
+            array = np.empty(shape, dtype=dtype)
+            self._arrays.append(array)
+            self._bytes.append(bytes_of(array))
+            self._left += plane.size
 
     def _take_shared(self, chunk: render_pb.PlaneChunk) -> None:
+        old = self._arrays[chunk.plane]
+        self._arrays[chunk.plane] = self._in_buffer(chunk.buffer, old.nbytes, old.dtype, old.shape)
+        self._left -= old.nbytes
+
+    def _in_buffer(
+        self, place: types.BufferRef, size: int, dtype: np.dtype[Any], shape: tuple[int, ...]
+    ) -> NdArray | DeviceArray:
         if self.shared is None:
             raise Internal("the daemon sent a shared buffer, which was not asked for")
-        old = self._arrays[chunk.plane]
-        if chunk.buffer.size != old.nbytes:
-            raise Internal(
-                f"plane {chunk.plane}: {chunk.buffer.size} bytes do not fill {old.shape}"
-            )
-        self._arrays[chunk.plane] = self.shared.plane(chunk.buffer, old.dtype, old.shape)
-        self._left -= old.nbytes
+        if place.size != size:
+            raise Internal(f"the {place.size} bytes of a shared buffer do not fill {shape}")
+        return self.shared.plane(place, dtype, shape)
 
     def _complete(self) -> Rendered | None:
         if self._left or self._header is None:
