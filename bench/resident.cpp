@@ -84,6 +84,29 @@ std::shared_ptr<const Snapshot> grid(u32 objects) {
                      named("o", std::move(many))});
 }
 
+/// Two triangles by square of a sheet that has two morph targets.
+PutMesh sheet(u32 side) {
+  std::vector<vec3> positions, morphs;
+  std::vector<uvec3> triangles;
+  for (u32 y = 0; y <= side; ++y)
+    for (u32 x = 0; x <= side; ++x) {
+      positions.emplace_back(float(x) / float(side), float(y) / float(side), 0);
+      if (x == side || y == side) continue;
+      const u32 a = y * (side + 1) + x, b = a + side + 1;
+      triangles.emplace_back(a, a + 1, b);
+      triangles.emplace_back(a + 1, b + 1, b);
+    }
+  for (const float turn : {20.0f, 35.0f})
+    for (const vec3 p : positions) morphs.emplace_back(0, 0, 0.1f * std::sin(turn * p.x * p.y));
+  MeshTopology topology{.vertex_count = u32(positions.size())};
+  topology.triangles = ArrayOf(std::move(triangles));
+  topology.morph_count = 2;
+  topology.morph_positions = ArrayOf(std::move(morphs));
+  VertexKeys keys{.times = {0}, .positions = ArrayOf(std::move(positions)), .normals = {}};
+  return {.topology = std::make_shared<const MeshTopology>(std::move(topology)),
+          .vertices = std::make_shared<const VertexKeys>(std::move(keys))};
+}
+
 struct Times {
   std::vector<double> edit, prepare, structure;
   void add(double edited, double prepared, double structured) {
@@ -122,13 +145,20 @@ std::vector<Edit> advanced_and_moved(u32 round, u32 objects) {
   return edits;
 }
 
+std::vector<Edit> bent(u32 round, u32) {
+  const float bend = 0.01f * float(round);
+  return {named("sheet", PutEntity{.mesh = "sheet/mesh",
+                                   .morph_weights = MorphWeights{{}, {1 - bend, 1 + bend}}})};
+}
+
 /// overlay   each change is of the same scene, otherwise of what the one before made
 void measure(u32 objects, const Accelerator& accelerator, const char* who, const char* what,
              Change change, bool overlay, bool flat) {
   const Timed timed(accelerator);
   DerivedCache cache(1ull << 32);
   SceneStore store(timed, cache, 4ull << 30);
-  auto head = grid(objects);
+  const u32 side = u32(std::sqrt(double(objects) / 2));
+  auto head = change == bent ? edited({}, {named("sheet/mesh", sheet(side))}) : grid(objects);
   const double blur = change == advanced_and_moved ? 0.05 : 0;
   Times times;
   const auto prepare = [&](const std::shared_ptr<const Snapshot>& snapshot) {
@@ -168,5 +198,6 @@ int main(int argc, char** argv) {
     measure(objects, for_gpu, "gpu", "advance, blur, one moves", advanced_and_moved, false, false);
     measure(objects, for_gpu, "gpu", "one gets a material", painted, false, false);
     measure(objects, for_gpu, "gpu", "one is added", added, false, false);
+    measure(objects, for_gpu, "gpu", "a sheet of so many bends", bent, false, false);
   }
 }

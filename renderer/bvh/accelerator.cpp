@@ -35,7 +35,13 @@ Box bounds_of(const DeviceMesh& mesh) {
   std::vector<Box> chunks((view.triangle_count + kChunk - 1) / kChunk);
   resident::parallel_for(u32(chunks.size()), [&](u32 c) {
     const u32 end = std::min((c + 1) * kChunk, view.triangle_count);
-    for (u32 i = c * kChunk; i < end; ++i) chunks[c].extend(of(kernels::triangle_box(view, i)));
+    kernels::BvhBox box = kernels::no_box();
+    for (u32 key = 0; key <= view.segments; ++key) {
+      const vec3* positions = view.positions + u64(key) * view.vertex_count;
+      for (u32 i = c * kChunk; i < end; ++i)
+        for (int k = 0; k < 3; ++k) box.extend(positions[view.triangles[i][k]]);
+    }
+    chunks[c] = of(box);
   });
   Box box;
   for (const Box& chunk : chunks) box.extend(chunk);

@@ -124,7 +124,7 @@ class Deformation {
   [[nodiscard]] const DeformedVertices& at(Time time) {
     auto& known = known_[time];
     if (!known) {
-      known = deform(snapshot_, entity_, time, world_at_(time));
+      known = deform(snapshot_, entity_, time, {world_at_.poses(time), world_at_.in_pieces});
       if (!known) {
         const Mesh& mesh = *snapshot_.find(snapshot_.entities.at(entity_).mesh)->value;
         const auto rest = mesh.vertices->positions.span().first(mesh.topology->vertex_count);
@@ -264,7 +264,8 @@ std::optional<DeformedKeys> deform_within(const Snapshot& snapshot, u32 entity,
     }
     return out;
   }
-  auto deformed = deform(snapshot, entity, span.middle(), world_at(span.middle()));
+  auto deformed =
+      deform(snapshot, entity, span.middle(), {world_at.poses(span.middle()), world_at.in_pieces});
   if (!deformed) return std::nullopt;
   out.vertices = *std::move(deformed);
   return out;

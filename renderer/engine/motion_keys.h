@@ -51,7 +51,10 @@ struct DeformedKeys {
   DeformedVertices vertices;
   u32 segments = 0;
 };
-using WorldAt = std::function<const std::vector<mat4x3>&(Time)>;
+struct WorldAt {
+  std::function<const std::vector<mat4x3>&(Time)> poses;
+  Pieces in_pieces = in_one_piece;
+};
 /// nullopt: the mesh's own single key serves all the time.
 [[nodiscard]] std::optional<DeformedKeys> deform_within(const Snapshot& snapshot, u32 entity,
                                                         const TimeSpan& span,

@@ -1,21 +1,46 @@
 #include "renderer/resident/mesh.h"
 
+#include <algorithm>
+#include <array>
+#include <bit>
 #include <cstring>
-#include <string_view>
+#include <vector>
+
+#include "renderer/resident/parallel.h"
 
 namespace heliograph::resident {
 namespace {
 
-/// 64-bit FNV-1a over words: names deformed vertices, which have no serial of their own.
-u64 hash_words(std::span<const std::byte> bytes) {
-  u64 hash = 0xcbf29ce484222325ull;
-  for (std::size_t i = 0; i + 4 <= bytes.size(); i += 4) {
-    u32 word;
-    std::memcpy(&word, bytes.data() + i, 4);
-    hash = (hash ^ word) * 0x100000001b3ull;
-    hash ^= hash >> 29;
+u64 hash_piece(std::span<const std::byte> bytes) {
+  constexpr std::size_t kLanes = 4;  // that do not wait for each other
+  constexpr u64 kPrime = 0x9e3779b97f4a7c15ull;
+  std::array<u64, kLanes> lanes{1, 2, 3, 4};
+  std::array<u64, kLanes> words{};
+  const auto mix = [&] {
+    for (std::size_t k = 0; k < kLanes; ++k)
+      lanes[k] = std::rotl((lanes[k] ^ words[k]) * kPrime, 29);
+  };
+  std::size_t i = 0;
+  for (; i + sizeof words <= bytes.size(); i += sizeof words) {
+    std::memcpy(&words, bytes.data() + i, sizeof words);
+    mix();
   }
-  return hash;
+  words = {};
+  if (i < bytes.size()) std::memcpy(&words, bytes.data() + i, bytes.size() - i);
+  mix();
+  u64 hash = bytes.size();
+  for (const u64 lane : lanes) hash = (std::rotl(hash, 31) ^ lane) * kPrime;
+  return hash ^ hash >> 32;
+}
+
+/// Names deformed vertices, which have no serial of their own.
+u64 hash_words(std::span<const std::byte> bytes) {
+  constexpr std::size_t kPiece = 64 << 10;
+  std::vector<u64> pieces((bytes.size() + kPiece - 1) / kPiece);
+  parallel_for(pieces.size(), [&](std::size_t i) {
+    pieces[i] = hash_piece(bytes.subspan(i * kPiece, std::min(kPiece, bytes.size() - i * kPiece)));
+  });
+  return hash_piece(std::as_bytes(std::span(pieces)));
 }
 
 std::span<const vec3> first_key(const ArrayOf<vec3>& keys, u32 vertex_count) {

@@ -37,6 +37,11 @@ bool same_keys(std::span<const kernels::MotionKey> a, std::span<const kernels::M
 
 constexpr u32 kRows = ChunkedArray<u32>::kRows;
 
+void in_vertex_pieces(std::size_t count, const std::function<void(std::size_t, std::size_t)>& f) {
+  constexpr std::size_t kVertices = 4096;  // of a piece; few at a time stay near
+  parallel_ranges(count, kVertices, f);
+}
+
 }  // namespace
 
 Placer::Placer(const Moment& now, Placeable what, const PlacedBefore* before,
@@ -105,11 +110,12 @@ Status Placer::meshes() {
   made_->meshes = structure().meshes;
   made_->mesh_of_slot = structure().mesh_of_slot;
   std::map<Time, std::vector<mat4x3>> worlds;
-  const WorldAt world_at = [&](Time time) -> const std::vector<mat4x3>& {
+  const auto poses = [&](Time time) -> const std::vector<mat4x3>& {
     auto& world = worlds[time];
     if (world.empty()) world = world_poses(snapshot_, time);
     return world;
   };
+  const WorldAt world_at{.poses = poses, .in_pieces = in_vertex_pieces};
   for (const u32 index : deforming_slots({snapshot_, span_}, structure())) {
     HELIO_TRY(interrupt_.status());
     const Slot& slot = structure().slots[index];

@@ -74,15 +74,24 @@ bool is_keyed(const Snapshot& snapshot, u32 index) {
 // ---------------------------------------------------------------- vertices
 
 /// positions or normals of keys at a time.
-std::vector<vec3> at_time(const VertexKeys& keys, const ArrayOf<vec3>& values, Time time) {
-  const std::size_t count = values.size() / keys.times.size();
-  const auto [i, u] = locate(keys.times, time);
-  const vec3* a = values.data() + i * count;
-  std::vector<vec3> out(a, a + count);
-  if (u > 0)
-    for (std::size_t v = 0; v < count; ++v) out[v] = glm::mix(a[v], a[count + v], u);
-  return out;
-}
+class Keyed {
+ public:
+  Keyed(const VertexKeys& keys, const ArrayOf<vec3>& values, Time time)
+      : count_(values.size() / keys.times.size()) {
+    const auto [i, u] = locate(keys.times, time);
+    first_ = values.data() + i * count_;
+    u_ = u;
+  }
+  [[nodiscard]] std::size_t count() const { return count_; }
+  [[nodiscard]] vec3 operator[](std::size_t v) const {
+    return u_ > 0 ? glm::mix(first_[v], first_[count_ + v], u_) : first_[v];
+  }
+
+ private:
+  std::size_t count_;
+  const vec3* first_;
+  float u_;
+};
 
 bool same(const std::shared_ptr<const Skin>& a, const std::shared_ptr<const Skin>& b) {
   return a == b || (a && b && a->joints == b->joints && a->inverse_binds == b->inverse_binds);
@@ -104,18 +113,25 @@ std::vector<float> weights_at(const Snapshot& snapshot, u32 index, u32 morph_cou
   return weights;
 }
 
-void blend(std::vector<vec3>& values, const std::vector<vec3>& other, float u) {
-  if (values.size() != other.size()) return;  // normals came or went: the present ones serve
-  for (std::size_t v = 0; v < values.size(); ++v) values[v] = glm::mix(other[v], values[v], u);
+/// Vertices from `begin` on, before their skin.
+struct Part {
+  std::size_t begin;
+  std::span<vec3> values;
+};
+void set(const Part& part, const Keyed& keyed) {
+  for (std::size_t v = 0; v < part.values.size(); ++v) part.values[v] = keyed[part.begin + v];
 }
-
-void add_morphs(std::vector<vec3>& values, const ArrayOf<vec3>& targets,
-                const std::vector<float>& weights) {
-  if (targets.empty() || values.empty()) return;
+void blend(const Part& part, const Keyed& other, float u) {
+  for (std::size_t v = 0; v < part.values.size(); ++v)
+    part.values[v] = glm::mix(other[part.begin + v], part.values[v], u);
+}
+void add_morphs(const Part& part, const ArrayOf<vec3>& targets, const std::vector<float>& weights) {
+  if (targets.empty() || weights.empty()) return;
+  const std::size_t count = targets.size() / weights.size();
   for (std::size_t m = 0; m < weights.size(); ++m) {
     if (weights[m] == 0) continue;
-    const vec3* target = targets.data() + m * values.size();
-    for (std::size_t v = 0; v < values.size(); ++v) values[v] += target[v] * weights[m];
+    const vec3* target = targets.data() + m * count + part.begin;
+    for (std::size_t v = 0; v < part.values.size(); ++v) part.values[v] += target[v] * weights[m];
   }
 }
 
@@ -124,24 +140,31 @@ mat4x3 plus(const mat4x3& a, const mat4x3& b) {
   return {a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3]};
 }
 
-/// Linear blend skinning (glTF 2.0, section 3.7.3.3): the joints' poses relative to the entity's.
-void apply_skin(const Skin& skin, const MeshTopology& topology, const mat4x3& entity_world,
-                const std::vector<mat4x3>& world_poses, DeformedVertices& vertices) {
+/// The joints' poses relative to the entity's.
+std::vector<mat4x3> joints_of(const Skin& skin, const mat4x3& entity_world,
+                              const std::vector<mat4x3>& world_poses) {
   const mat4x3 entity_from_world = inverse(entity_world);
   std::vector<mat4x3> joints;
   for (std::size_t j = 0; j < skin.joints.size(); ++j)
     joints.push_back(multiply(multiply(entity_from_world, world_poses[skin.joints[j].index()]),
                               skin.inverse_binds[j]));
-  for (std::size_t v = 0; v < vertices.positions.size(); ++v) {
+  return joints;
+}
+
+/// Linear blend skinning (glTF 2.0, section 3.7.3.3). normals   may be empty
+void apply_skin(std::span<const mat4x3> joints, const MeshTopology& topology, const Part& positions,
+                std::span<vec3> normals) {
+  for (std::size_t i = 0; i < positions.values.size(); ++i) {
+    const std::size_t v = positions.begin + i;
     mat4x3 blended(0);
     for (int k = 0; k < 4; ++k)
       if (const float w = topology.weights[v][k]; w != 0)
         blended = plus(blended, scaled(joints[topology.joints[v][k]], w));
-    vertices.positions[v] = blended * vec4(vertices.positions[v], 1);
-    if (vertices.normals.empty()) continue;
-    const vec3 n = glm::transpose(glm::inverse(mat3(blended))) * vertices.normals[v];
+    positions.values[i] = blended * vec4(positions.values[i], 1);
+    if (normals.empty()) continue;
+    const vec3 n = glm::transpose(glm::inverse(mat3(blended))) * normals[i];
     const float length = glm::length(n);
-    if (length > 0 && std::isfinite(length)) vertices.normals[v] = n / length;
+    if (length > 0 && std::isfinite(length)) normals[i] = n / length;
   }
 }
 
@@ -216,33 +239,46 @@ std::vector<float> morph_weights(const Entity& entity, u32 morph_count, Time tim
 }
 
 std::optional<DeformedVertices> deform(const Snapshot& snapshot, u32 entity, Time time,
-                                       const std::vector<mat4x3>& world_poses) {
+                                       const DeformContext& context) {
   const Entity& e = snapshot.entities.at(entity);
   const auto* shared = snapshot.find(e.mesh);
   if (!shared) return std::nullopt;
-  const Mesh& mesh = *shared->value;
-  const MeshTopology& topology = *mesh.topology;
+  const VertexKeys& keys = *shared->value->vertices;
+  const MeshTopology& topology = *shared->value->topology;
   const std::vector<float> weights = weights_at(snapshot, entity, topology.morph_count, time);
   const bool morphs = std::ranges::any_of(weights, [](float w) { return w != 0; });
-  const bool keyed = mesh.vertices->times.size() > 1;
+  const bool keyed = keys.times.size() > 1;
   const Mesh* old =
       in_history(snapshot, time) && !keyed ? mesh_before_advance(snapshot, entity) : nullptr;
-  if (old && old->vertices == mesh.vertices) old = nullptr;
+  if (old && old->vertices == shared->value->vertices) old = nullptr;
   if (!keyed && !old && !morphs && !e.skin) return std::nullopt;
 
-  DeformedVertices out{at_time(*mesh.vertices, mesh.vertices->positions, time), {}};
-  out.normals = at_time(*mesh.vertices, mesh.vertices->normals, time);
-  if (old) {
-    const VertexKeys& then = *old->vertices;
-    const float u = history_fraction(snapshot, time);
-    blend(out.positions, at_time(then, then.positions, snapshot.previous->time), u);
-    blend(out.normals, at_time(then, then.normals, snapshot.previous->time), u);
-  }
-  add_morphs(out.positions, topology.morph_positions, weights);
-  add_morphs(out.normals, topology.morph_normals, weights);
-  for (vec3& n : out.normals)
-    if (const float length = glm::length(n); length > 0) n /= length;
-  if (e.skin) apply_skin(*e.skin, topology, world_poses[entity], world_poses, out);
+  const auto set_part = [&](const Part& part, ArrayOf<vec3> VertexKeys::* values,
+                            const ArrayOf<vec3>& targets) {
+    const Keyed now(keys, keys.*values, time);
+    set(part, now);
+    if (old) {
+      const Keyed then(*old->vertices, (*old->vertices).*values, snapshot.previous->time);
+      // Normals came or went: the present ones serve.
+      if (then.count() == now.count()) blend(part, then, history_fraction(snapshot, time));
+    }
+    add_morphs(part, targets, weights);
+  };
+  std::vector<mat4x3> joints;
+  if (e.skin) joints = joints_of(*e.skin, context.world_poses[entity], context.world_poses);
+  DeformedVertices out;
+  out.positions.resize(keys.positions.size() / keys.times.size());
+  out.normals.resize(keys.normals.size() / keys.times.size());
+  context.in_pieces(out.positions.size(), [&](std::size_t begin, std::size_t end) {
+    const Part positions{begin, std::span(out.positions).subspan(begin, end - begin)};
+    set_part(positions, &VertexKeys::positions, topology.morph_positions);
+    std::span<vec3> normals;
+    if (!out.normals.empty()) normals = std::span(out.normals).subspan(begin, end - begin);
+    set_part({begin, normals}, &VertexKeys::normals, topology.morph_normals);
+    for (vec3& n : normals)
+      if (const float length = glm::length(n); length > 0) n /= length;
+    if (e.skin) apply_skin(joints, topology, positions, normals);
+  });
   return out;
 }
 

@@ -1,6 +1,7 @@
 // Where things are at a time: interpolation of keys, parents, skins. Used by backends and by Read.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -81,9 +82,21 @@ struct DeformedVertices {
   std::vector<vec3> positions;
   std::vector<vec3> normals;  // empty when the mesh has none
 };
+/// Calls f(begin, end) for pieces of what is below count, which are done in any order.
+using Pieces = void (*)(std::size_t count, const std::function<void(std::size_t, std::size_t)>& f);
+inline void in_one_piece(std::size_t count,
+                         const std::function<void(std::size_t, std::size_t)>& f) {
+  f(0, count);
+}
+/// Where everything is at that time, and how vertices are gone through.
+struct DeformContext {
+  DeformContext(const std::vector<mat4x3>& poses, Pieces pieces = in_one_piece)
+      : world_poses(poses), in_pieces(pieces) {}
+  const std::vector<mat4x3>& world_poses;
+  Pieces in_pieces;
+};
 [[nodiscard]] std::optional<DeformedVertices> deform(const Snapshot& snapshot, u32 entity,
-                                                     Time time,
-                                                     const std::vector<mat4x3>& world_poses);
+                                                     Time time, const DeformContext& context);
 
 /// Whether flow between `time` and `other` is defined for the whole scene and these cameras: every
 /// visible entity with a mesh or a volume, and every camera, has keys (its own or an ancestor's, or
