@@ -5,31 +5,13 @@
 
 #include <algorithm>
 
+#include "renderer/backend/cuda/layout.h"
+
 namespace heliograph::cuda {
 namespace {
 
 // To enter an instance costs the ray's way into its space and the first node there.
 constexpr float kInstanceCost = 2, kTriangleCost = 0.3f;
-
-/// Lays arrays out one after the other, and knows what they need together.
-class Layout {
- public:
-  explicit Layout(DevicePointer from) : from_(from) {}
-  template <class T>
-  T* take(u64 count) {
-    bytes_ = (bytes_ + kAlignment - 1) / kAlignment * kAlignment;
-    const DevicePointer at = from_ + bytes_;
-    bytes_ += count * sizeof(T);
-    return reinterpret_cast<T*>(at);
-  }
-  [[nodiscard]] DevicePointer end() const { return from_ + bytes_; }
-  [[nodiscard]] u64 bytes() const { return bytes_; }
-
- private:
-  static constexpr u64 kAlignment = 128;
-  DevicePointer from_;
-  u64 bytes_ = 0;
-};
 
 struct TopArrays {
   kernels::BvhNode* nodes;

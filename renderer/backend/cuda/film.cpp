@@ -22,10 +22,10 @@ Status CudaFilm::open(std::span<const Shot> shots, Mirror& mirror, const SceneOf
   const u32 count = u32(pictures_.size());
   tile_samples_.resize(u64(count) * pictures_[0]->tiles());
   const host::FilmMemory one = pictures_[0]->memory();
-  for (const auto& [bytes, to] :
-       {std::pair{one.sums.size() * count, &sums_},
-        std::pair{one.centres.size() * count, &centres_}, std::pair{sizeof(u64), &probe_rays_},
-        std::pair{tile_samples_.size() * sizeof(u32), &samples_}}) {
+  for (const auto& [bytes, to] : {std::pair{one.sums.size() * count, &sums_},
+                                  std::pair{one.centres.size() * count, &centres_},
+                                  std::pair{sizeof(WaveCounters), &counters_},
+                                  std::pair{tile_samples_.size() * sizeof(u32), &samples_}}) {
     auto made = context_.zeroed(bytes);
     if (!made) return std::unexpected(std::move(made).error());
     *to = *std::move(made);
@@ -131,13 +131,13 @@ Expected<bool> CudaFilm::render(const Programs& programs, const WorkRange& range
                                 const Interrupt& interrupt) {
   for (; task_ < tasks_.size(); ++task_) {
     if (!wave_) {
-      const WaveShots shots{tasks_[task_], task_copies_[task_]};
+      const WaveShots shots{tasks_[task_], task_copies_[task_], counters_.as<WaveCounters>()};
       wave_ = std::make_unique<Wave>(context_, programs, shots, range);
       HELIO_TRY(wave_->allocate());
     }
     const auto done = wave_->advance(until, interrupt);
+    rays_ = wave_->rays();
     if (!done || !*done) return done;
-    rays_ += wave_->rays();
     wave_.reset();
   }
   task_ = 0;
@@ -148,16 +148,11 @@ Expected<bool> CudaFilm::render(const Programs& programs, const WorkRange& range
 
 Status CudaFilm::probe(const Programs& programs, u32 first_tile, u32 tile_count) {
   kernels::WaveWork work{first_tile, tile_count, 0, 1};
-  u64 rays = 0;
-  u64* counter = probe_rays_.as<u64>();
-  void* arguments[] = {&probes_, &work, &counter};
+  u64* rays = &counters_.as<WaveCounters>()->rays;
+  void* arguments[] = {&probes_, &work, &rays};
   fetched_ = false;
-  HELIO_TRY(context_.fill(probe_rays_.at(), 0, sizeof rays));
-  HELIO_TRY(context_.launch(programs.probe.function,
-                            Programs::size(programs.probe, kernels::pixels_of(work)), arguments));
-  HELIO_TRY(context_.download(std::as_writable_bytes(std::span(&rays, 1)), probe_rays_.at()));
-  rays_ += rays;
-  return {};
+  return context_.launch(programs.probe.function,
+                         Programs::size(programs.probe, kernels::pixels_of(work)), arguments);
 }
 
 Expected<ResolveLaunch> CudaFilm::resolve_launch() const {
@@ -252,15 +247,23 @@ Expected<std::vector<PlaneData>> CudaFilm::resolve(const Programs& programs,
                                    .normal = at(i, Plane::NORMAL_MEAN),
                                    .out = at(i, Plane::DENOISED)}));
   }
+  return finish(*std::move(all));
+}
+
+Expected<std::vector<PlaneData>> CudaFilm::finish(std::vector<Resolved> all) {
   std::vector<PlaneData> planes;
   std::vector<Download> downloads;
-  for (Resolved& one : *all) {
+  for (Resolved& one : all) {
     if (!one.made) continue;
     planes.push_back(*std::move(one.made));
     const std::span to(planes.back().pixels.data(), planes.back().pixels.size());
     if (!job().on_device) downloads.push_back({to, one.at});
   }
-  HELIO_TRY(job().on_device ? context_.wait() : context_.download(downloads));
+  u64 rays = 0;
+  downloads.push_back({std::as_writable_bytes(std::span(&rays, 1)),
+                       DevicePointer(&counters_.as<WaveCounters>()->rays)});
+  HELIO_TRY(context_.download(downloads));
+  rays_ = rays;
   return planes;
 }
 

@@ -37,6 +37,7 @@ class CudaFilm final : public Film {
   [[nodiscard]] u32 tiles() const override { return u32(tile_samples_.size()); }
   [[nodiscard]] u32 tiles_across() const override { return pictures_[0]->tiles_across(); }
   [[nodiscard]] u32 samples(u32 tile) const override { return tile_samples_[tile]; }
+  /// As of the last time that somebody waited for the device.
   [[nodiscard]] u64 rays() const override { return rays_.load(std::memory_order_relaxed); }
   [[nodiscard]] u32 pictures() const { return u32(pictures_.size()); }
   /// What its pictures show. All copies are there.
@@ -87,6 +88,8 @@ class CudaFilm final : public Film {
   };
   [[nodiscard]] Expected<Resolved> new_plane_of(Plane plane, bool is_read);
   [[nodiscard]] Expected<std::vector<Resolved>> new_resolved(bool denoises);
+  /// Waits for all that was started, and brings planes to the host, if they go there.
+  [[nodiscard]] Expected<std::vector<PlaneData>> finish(std::vector<Resolved> planes);
   /// Starts what fills film planes.
   [[nodiscard]] Status fill(const Programs& programs, std::span<Resolved> planes);
   [[nodiscard]] ProbeEnd end_of(const ResidentScene* scene, const kernels::ProbeScene& seen);
@@ -96,7 +99,7 @@ class CudaFilm final : public Film {
   std::vector<std::shared_ptr<const CudaScene>> scenes_;
   std::unordered_map<const ResidentScene*, const CudaScene*> scene_of_;
   Copies copies_;
-  DeviceMemory sums_, centres_, probe_rays_, samples_;
+  DeviceMemory sums_, centres_, counters_, samples_;
   std::vector<u32> tile_samples_;
   const kernels::FilmView* views_ = nullptr;  // of the pictures, on the device
   kernels::FilmView view_{};                  // of the first one; its arrays are the device's

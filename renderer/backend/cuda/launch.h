@@ -24,7 +24,7 @@ struct WaveRound {
 };
 struct WaveCounters {
   WaveRound rounds[2];  // by turns the present and the next one
-  u64 rays;             // of the samples that were folded
+  u64 rays;             // of the film: of samples that were folded, and of centre planes
 };
 
 /// What samples are taken of; everything lies in device memory.

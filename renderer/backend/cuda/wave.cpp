@@ -20,6 +20,10 @@ constexpr u64 kSlotBytes = sizeof(kernels::WavePath) + sizeof(kernels::WaveRay) 
 constexpr u32 kRoundsAtOnce = 4;
 constexpr u32 kRoundsAtFirst = 8;
 
+bool has_light_planes(const kernels::FilmView& film) {
+  return (film.wanted & kernels::kLightPlaneSet) != 0;
+}
+
 }  // namespace
 
 Expected<Programs> Programs::find(const Context& context) {
@@ -72,16 +76,8 @@ Wave::Wave(Context& context, const Programs& programs, const WaveShots& shots,
     : context_(context), steps_(steps_of(programs, shots)), range_(range) {
   launch_.shot = shots.host.front();
   launch_.shots = shots.device;
+  launch_.counters = shots.counters;
   for (const WaveShot& shot : shots.host) any_media_ |= shot.view.scene.any_media;
-}
-
-template <class T>
-Status Wave::add(T*& to, u64 count) {
-  auto memory = context_.allocate(count * sizeof(T));
-  if (!memory) return std::unexpected(std::move(memory).error());
-  to = memory->as<T>();
-  memory_.push_back(*std::move(memory));
-  return {};
 }
 
 Status Wave::allocate() {
@@ -93,12 +89,11 @@ Status Wave::allocate() {
 }
 
 Status Wave::allocate(u64 memory) {
-  memory_.clear();
+  memory_ = {};
   const kernels::FilmView& film = launch_.shot.view.film;
-  const bool light_planes = (film.wanted & kernels::kLightPlaneSet) != 0;
   const bool groups = kernels::wants(film, Plane::BEAUTY_GROUP);
   const u64 item_bytes = sizeof(kernels::WaveSample) +
-                         (light_planes ? kernels::kLightPlanes * sizeof(vec3) : 0) +
+                         (has_light_planes(film) ? kernels::kLightPlanes * sizeof(vec3) : 0) +
                          (groups ? film.groups * sizeof(vec3) : 0);
   const u64 slot_bytes =
       kSlotBytes + (any_media_ ? sizeof(kernels::Inside) + sizeof(kernels::Reach) : 0);
@@ -116,20 +111,33 @@ Status Wave::allocate(u64 memory) {
   wave.film.width = u32(items);
   wave.film.height = 1;
   launch_.slots = u32(slots);
-  HELIO_TRY(add(wave.paths, slots));
-  HELIO_TRY(add(wave.rays, slots));
-  HELIO_TRY(add(wave.hits, slots));
-  HELIO_TRY(add(wave.lights, slots));
-  if (any_media_) HELIO_TRY(add(wave.insides, slots));
-  if (any_media_) HELIO_TRY(add(wave.reaches, slots));
-  HELIO_TRY(add(wave.samples, items));
-  if (light_planes) HELIO_TRY(add(wave.light_planes, items * kernels::kLightPlanes));
-  if (groups) HELIO_TRY(add(wave.film.partial[u32(Plane::BEAUTY_GROUP)], items * 3 * film.groups));
-  for (u32*& queue : launch_.free) HELIO_TRY(add(queue, slots));
-  for (u32*& queue : launch_.active) HELIO_TRY(add(queue, slots));
-  HELIO_TRY(add(launch_.arrived, slots));
-  HELIO_TRY(add(launch_.lit, slots));
-  return add(launch_.counters, 1);
+  Layout size(0);
+  lay(size, slots, items);
+  auto made = context_.allocate(size.bytes());
+  if (!made) return std::unexpected(std::move(made).error());
+  memory_ = *std::move(made);
+  Layout layout(memory_.at());
+  lay(layout, slots, items);
+  return {};
+}
+
+void Wave::lay(Layout& layout, u64 slots, u64 items) {
+  kernels::WaveView& wave = launch_.wave;
+  wave.paths = layout.take<kernels::WavePath>(slots);
+  wave.rays = layout.take<kernels::WaveRay>(slots);
+  wave.hits = layout.take<kernels::Hit>(slots);
+  wave.lights = layout.take<kernels::WaveLight>(slots);
+  if (any_media_) wave.insides = layout.take<kernels::Inside>(slots);
+  if (any_media_) wave.reaches = layout.take<kernels::Reach>(slots);
+  wave.samples = layout.take<kernels::WaveSample>(items);
+  if (has_light_planes(wave.film))
+    wave.light_planes = layout.take<vec3>(items * kernels::kLightPlanes);
+  if (kernels::wants(wave.film, Plane::BEAUTY_GROUP))
+    wave.film.partial[u32(Plane::BEAUTY_GROUP)] = layout.take<float>(items * 3 * wave.film.groups);
+  for (u32*& queue : launch_.free) queue = layout.take<u32>(slots);
+  for (u32*& queue : launch_.active) queue = layout.take<u32>(slots);
+  launch_.arrived = layout.take<u32>(slots);
+  launch_.lit = layout.take<u32>(slots);
 }
 
 Status Wave::launch(const Programs::Program& program, u64 threads) {
@@ -149,7 +157,7 @@ Status Wave::begin_batch() {
     const auto at = DevicePointer(items.partial[u32(Plane::BEAUTY_GROUP)]);
     HELIO_TRY(context_.fill(at, 0, u64(items.width) * items.groups * sizeof(vec3)));
   }
-  return context_.fill(DevicePointer(launch_.counters), 0, sizeof(WaveCounters));
+  return context_.fill(DevicePointer(launch_.counters->rounds), 0, sizeof(WaveCounters::rounds));
 }
 
 Status Wave::round() {
@@ -174,8 +182,6 @@ Status Wave::read_counters() {
 
 Status Wave::fold() {
   HELIO_TRY(launch(steps_.fold, kernels::pixels_of(launch_.work)));
-  HELIO_TRY(read_counters());
-  rays_ += seen_.rays;
   in_batch_ = false;
   next_sample_ += launch_.work.samples;
   if (next_sample_ < range_.sample_count) return {};

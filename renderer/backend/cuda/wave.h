@@ -5,6 +5,7 @@
 
 #include "renderer/backend/cuda/context.h"
 #include "renderer/backend/cuda/launch.h"
+#include "renderer/backend/cuda/layout.h"
 #include "renderer/engine/backend.h"
 
 namespace heliograph::cuda {
@@ -32,6 +33,7 @@ struct Programs {
 struct WaveShots {
   std::span<const WaveShot> host;    // at least one
   const WaveShot* device = nullptr;  // the same; null: there is one
+  WaveCounters* counters = nullptr;  // of their film, on the device
 };
 
 /// Owns: the memory of the paths on their way. Thread: the device's.
@@ -42,11 +44,13 @@ class Wave {
   [[nodiscard]] Status allocate();
   /// Works until the range is done, `until`, or the interrupt. Returns whether it is done.
   [[nodiscard]] Expected<bool> advance(TimePoint until, const Interrupt& interrupt);
-  [[nodiscard]] u64 rays() const { return rays_; }
+  /// Of the film, as of the last look.
+  [[nodiscard]] u64 rays() const { return seen_.rays; }
 
  private:
   /// memory   bytes, about
   [[nodiscard]] Status allocate(u64 memory);
+  void lay(Layout& layout, u64 slots, u64 items);
   [[nodiscard]] Status begin_batch();
   [[nodiscard]] Status round();
   [[nodiscard]] Status fold();
@@ -54,20 +58,17 @@ class Wave {
   /// As of the last look.
   [[nodiscard]] bool is_batch_done() const;
   [[nodiscard]] Status launch(const Programs::Program& program, u64 threads);
-  template <class T>
-  [[nodiscard]] Status add(T*& to, u64 count);
 
   Context& context_;
   const Programs::Steps& steps_;
   const WorkRange range_;
   bool any_media_ = false;
-  std::vector<DeviceMemory> memory_;
+  DeviceMemory memory_;
   WaveLaunch launch_{};
   WaveCounters seen_{};
   u32 batch_tiles_ = 0, batch_samples_ = 0;  // of a whole batch
   u32 next_tile_ = 0, next_sample_ = 0;      // of the range
   bool in_batch_ = false;
-  u64 rays_ = 0;
 };
 
 }  // namespace heliograph::cuda
