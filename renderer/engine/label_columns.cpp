@@ -237,7 +237,6 @@ void add_keypoints(const LabelInputs& in, std::vector<Column>& columns) {
 
 ObjectFrame object_frame(const mat4x3& world_from_root) {
   const mat3 linear(world_from_root[0], world_from_root[1], world_from_root[2]);
-  const Decomposed parts = decompose(world_from_root);
   ObjectFrame frame;
   for (int i = 0; i < 3; ++i) frame.scale[i] = glm::length(linear[i]);
   // Columns at right angles: a rotation times a scale along its own axes.
@@ -246,9 +245,13 @@ ObjectFrame object_frame(const mat4x3& world_from_root) {
     skew = std::max(skew, std::abs(glm::dot(linear[i], linear[(i + 1) % 3])) /
                               (frame.scale[i] * frame.scale[(i + 1) % 3]));
   frame.rigid = skew < 1e-4f && glm::determinant(linear) > 0;
-  glm::dmat3 rotation(glm::mat3_cast(glm::normalize(glm::dquat(parts.rotation))));
-  if (frame.rigid)
+  glm::dmat3 rotation;
+  if (frame.rigid) {
     for (int i = 0; i < 3; ++i) rotation[i] = glm::normalize(glm::dvec3(linear[i]));
+  } else {
+    const glm::dquat nearest(decompose(world_from_root).rotation);
+    rotation = glm::mat3_cast(glm::normalize(nearest));
+  }
   frame.world_from_object = glm::dmat4(rotation);
   frame.world_from_object[3] = glm::dvec4(glm::dvec3(world_from_root[3]), 1);
   return frame;

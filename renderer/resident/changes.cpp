@@ -116,6 +116,20 @@ std::vector<u32> slots_of(const Structure& structure, std::span<const u32> entit
   return slots;
 }
 
+void make_ascending(std::vector<u32>& numbers, u32 end) {
+  constexpr u32 kFew = 32;  // of so many that may be there one: those are sorted
+  if (numbers.size() < end / kFew) {
+    std::ranges::sort(numbers);
+    numbers.erase(std::ranges::unique(numbers).begin(), numbers.end());
+    return;
+  }
+  std::vector<u8> are_there(end);
+  for (const u32 number : numbers) are_there[number] = 1;
+  numbers.clear();
+  for (u32 i = 0; i < end; ++i)
+    if (are_there[i]) numbers.push_back(i);
+}
+
 void merge(std::vector<u32>& list, std::vector<u32> more) {
   if (more.empty()) return;
   if (list.empty()) {

@@ -2,6 +2,7 @@
 // open: found by the chunks that tables share, so that what did not change is not looked at.
 #pragma once
 
+#include <algorithm>
 #include <span>
 
 #include "renderer/engine/motion_keys.h"
@@ -30,18 +31,21 @@ struct Moment {
 [[nodiscard]] std::vector<u32> slots_of(const Structure& structure, std::span<const u32> entities);
 /// Adds numbers to an ascending list.
 void merge(std::vector<u32>& list, std::vector<u32> more);
+/// Sorts numbers below `end`, and drops those that are there already.
+void make_ascending(std::vector<u32>& numbers, u32 end);
 
 /// f(chunk, rows in it) for the chunks of a ChunkedArray that ascending rows lie in, by all
-/// threads.
+/// threads. No row is there twice.
 template <class F>
 void for_each_chunk(std::span<const u32> rows, const F& f) {
   constexpr u32 kRows = ChunkedArray<u32>::kRows;
   std::vector<std::span<const u32>> chunks;
-  for (std::size_t begin = 0; begin < rows.size();) {
-    std::size_t end = begin;
-    while (end < rows.size() && rows[end] / kRows == rows[begin] / kRows) ++end;
-    chunks.push_back(rows.subspan(begin, end - begin));
-    begin = end;
+  while (!rows.empty()) {
+    const auto chunk = rows.first(std::min<std::size_t>(rows.size(), kRows));
+    const auto end = std::ranges::upper_bound(chunk, rows.front() / kRows, {},
+                                              [](u32 row) { return row / kRows; });
+    chunks.push_back(rows.first(std::size_t(end - chunk.begin())));
+    rows = rows.subspan(chunks.back().size());
   }
   parallel_for(chunks.size(), [&](std::size_t i) { f(chunks[i].front() / kRows, chunks[i]); });
 }

@@ -33,6 +33,7 @@ class Placer {
  private:
   [[nodiscard]] const Structure& structure() const { return *made_->structure; }
   [[nodiscard]] bool is_changed(u32 entity) const { return all_ || changed_[entity] != 0; }
+  [[nodiscard]] bool has_all_slots() const { return slots_.size() == structure().slots.size(); }
   void write_worlds_downwards();
   [[nodiscard]] kernels::InstanceView instance(u32 slot) const;
   void place(kernels::InstanceView& view, u32 slot) const;

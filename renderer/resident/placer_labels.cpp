@@ -12,6 +12,27 @@ namespace {
 
 constexpr u32 kRows = ChunkedArray<u32>::kRows;
 
+/// Writes rows of a chunk, which is cloned with the first that differs.
+template <class T>
+class RowWriter {
+ public:
+  /// is_there   the chunk has rows that were written before
+  RowWriter(ChunkedArray<T>& rows, u32 chunk, bool is_there)
+      : rows_(rows), chunk_(chunk), is_there_(is_there) {}
+  void set(u32 row, const T& value) {
+    if (is_there_ && same_bytes(rows_.chunk(chunk_)[row], value)) return;
+    if (!is_mine_) mine_ = rows_.write_chunk(chunk_);
+    is_mine_ = is_there_ = true;
+    mine_[row] = value;
+  }
+
+ private:
+  ChunkedArray<T>& rows_;
+  const u32 chunk_;
+  bool is_there_, is_mine_ = false;
+  std::span<T> mine_;
+};
+
 }  // namespace
 
 mat4x3 Placer::from_root(u32 entity, u32 root) const {
@@ -44,8 +65,9 @@ RestBox Placer::rest_box(const Instance& row, const ObjectFrame& frame) const {
       continue;
     }
     const mat4x3& to_root = made_->root_from_entity[slot];
-    const Box part = builder_.rest_bounds(*made_->meshes[made_->mesh_of_slot[slot]],
-                                          from_root_map * mat3(to_root));
+    const DeviceMesh& mesh = *made_->meshes[made_->mesh_of_slot[slot]];
+    const mat3 map = from_root_map * mat3(to_root);
+    const Box part = map == mat3(1) ? mesh.rest : builder_.rest_bounds(mesh, map);
     const vec3 offset = from_root_map * to_root[3];
     box.lower = glm::min(box.lower, (part.lower + offset) * scale);
     box.upper = glm::max(box.upper, (part.upper + offset) * scale);
@@ -55,8 +77,9 @@ RestBox Placer::rest_box(const Instance& row, const ObjectFrame& frame) const {
 
 /// Rows with volumes are always made anew, for volumes have no slots.
 void Placer::find_rows() {
-  if (all_) {
-    rows_.resize(structure().labelling.instances.size());
+  const u32 count = u32(structure().labelling.instances.size());
+  if (all_ || (has_all_slots() && entities_.size() == snapshot_.entities.count())) {
+    rows_.resize(count);
     std::iota(rows_.begin(), rows_.end(), 0u);
     return;
   }
@@ -64,17 +87,15 @@ void Placer::find_rows() {
   for (const u32 entity : entities_) rows_.push_back(structure().row_of_root[entity]);
   for (const VolumeSlot& volume : structure().volumes) rows_.push_back(volume.row);
   std::erase(rows_, kNone);
-  std::ranges::sort(rows_);
-  rows_.erase(std::ranges::unique(rows_).begin(), rows_.end());
+  make_ascending(rows_, count);
 }
 
 std::vector<u32> Placer::slots_in(std::span<const u32> rows) const {
   std::vector<u32> slots;
-  for (const u32 row : rows) {
-    const auto more = slots_of(structure(), structure().labelling.instances[row].entities);
-    slots.insert(slots.end(), more.begin(), more.end());
-  }
-  std::ranges::sort(slots);
+  for (const u32 row : rows)
+    for (const u32 entity : structure().labelling.instances[row].entities)
+      if (const u32 slot = structure().slot_of_entity[entity]; slot != kNone) slots.push_back(slot);
+  make_ascending(slots, u32(structure().slots.size()));
   return slots;
 }
 
@@ -82,7 +103,7 @@ Status Placer::label_frames() {
   find_rows();
   std::vector<u32> other;  // rows whose frames or boxes change
   const auto& instances = structure().labelling.instances;
-  if (!all_) {
+  if (!has_all_slots()) {
     std::ranges::copy_if(rows_, std::back_inserter(other),
                          [&](u32 row) { return is_changed(instances[row].root); });
     merge(slots_, slots_in(other));
@@ -91,17 +112,18 @@ Status Placer::label_frames() {
   to_root = before_ ? before_->root_from_entity
                     : ChunkedArray<mat4x3>::unwritten(u32(structure().slots.size()));
   for_each_chunk(slots_, [&](u32 c, std::span<const u32> slots) {
-    const auto rows = to_root.write_chunk(c);
+    RowWriter writer(to_root, c, before_ != nullptr);
     for (const u32 i : slots) {
       const Slot& slot = structure().slots[i];
-      rows[i % kRows] = slot.row == kNone
-                            ? mat4x3(1)
-                            : scaled(from_root(slot.entity, instances[slot.row].root), slot.scale);
+      writer.set(i % kRows,
+                 slot.row == kNone
+                     ? mat4x3(1)
+                     : scaled(from_root(slot.entity, instances[slot.row].root), slot.scale));
     }
   });
   write_frames();
   HELIO_TRY(interrupt_.status());
-  if (all_) return {};
+  if (has_all_slots()) return {};
   other.clear();
   std::ranges::copy_if(rows_, std::back_inserter(other), [&](u32 row) {
     return !same_bytes(made_->boxes[row], before_->boxes[row]);
@@ -115,13 +137,13 @@ void Placer::write_frames() {
   made_->frames = before_ ? before_->frames : ChunkedArray<ObjectFrame>::unwritten(count);
   made_->boxes = before_ ? before_->boxes : ChunkedArray<RestBox>::unwritten(count);
   for_each_chunk(rows_, [&](u32 c, std::span<const u32> rows) {
-    const auto boxes = made_->boxes.write_chunk(c);
-    const auto frames = made_->frames.write_chunk(c);
+    RowWriter boxes(made_->boxes, c, before_ != nullptr);
+    RowWriter frames(made_->frames, c, before_ != nullptr);
     for (const u32 row : rows) {
       if (interrupt_.requested()) return;
       const u32 root = structure().labelling.instances[row].root;
-      if (is_changed(root)) frames[row % kRows] = object_frame(made_->world[root]);
-      boxes[row % kRows] = box_of(row);
+      if (is_changed(root)) frames.set(row % kRows, object_frame(made_->world[root]));
+      boxes.set(row % kRows, box_of(row));
     }
   });
 }

@@ -190,8 +190,8 @@ const Mesh* mesh_before_advance(const Snapshot& snapshot, u32 entity) {
 // ---------------------------------------------------------------- poses
 
 mat4x3 local_pose(const Snapshot& snapshot, u32 entity, Time time) {
-  const Entity& e = snapshot.entities.at(entity);
-  if (e.keys) return pose_at(*e.keys, time);
+  if (snapshot.keyed > 0)
+    if (const auto& keys = snapshot.entities.at(entity).keys) return pose_at(*keys, time);
   const mat4x3& now = snapshot.poses[entity];
   if (!in_history(snapshot, time)) return now;
   const Entity* then = before_advance(snapshot, entity);
