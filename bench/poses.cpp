@@ -131,7 +131,7 @@ void measure(u32 objects, const char* what, v1::DType type) {
   const u32 side = u32(std::ceil(std::cbrt(objects)));
   const auto first = grid(objects, side);
   Scene scene(first, {});
-  const bvh::BvhAccelerator accelerator;
+  const bvh::BvhAccelerator accelerator(0);
   resident::DerivedCache cache(1ull << 32);
   resident::SceneStore store(accelerator, cache, 4ull << 30);
   Memory memory;

@@ -46,7 +46,10 @@ void for_each_grid(const Snapshot& snapshot, F&& f) {
 Expected<std::shared_ptr<const ResidentScene>> SceneStore::prepare(
     const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
     const Interrupt& interrupt) {
-  auto state = make({snapshot, span}, nearest(*snapshot, span), interrupt);
+  const State before = nearest(*snapshot, span);
+  Expected<State> state;
+  parallel_invoke([&] { make_room(before); },
+                  [&] { state = make({snapshot, span}, before, interrupt); });
   if (!state) return std::unexpected(std::move(state).error());
   return scene_of(*state);
 }
@@ -153,6 +156,22 @@ SceneStore::State SceneStore::nearest(const Snapshot& snapshot, const TimeSpan& 
   };
   const auto best = std::ranges::max_element(recent_.rbegin(), recent_.rend(), {}, score);
   return best == recent_.rend() ? nullptr : best->state;
+}
+
+void SceneStore::free_later(std::shared_ptr<const ResidentScene> scene) {
+  const std::scoped_lock lock(mutex_);
+  gone_.push_back(std::move(scene));
+}
+
+void SceneStore::make_room(const State& used) {
+  Recent oldest;  // this and the next without the lock
+  std::vector<std::shared_ptr<const ResidentScene>> gone;
+  const std::scoped_lock lock(mutex_);
+  gone.swap(gone_);
+  if (recent_.size() < kScenesKept) return;
+  const auto at = recent_.begin() + (recent_.front().state == used ? 1 : 0);
+  oldest = std::move(*at);
+  recent_.erase(at);
 }
 
 std::shared_ptr<const ResidentScene> SceneStore::scene_of(const State& state) {

@@ -90,6 +90,9 @@ class SceneStore {
   /// The same of several at once, in their order. Only the last is kept to start from.
   [[nodiscard]] Expected<DeviceScenes> prepare_all(std::span<const SceneAt> scenes,
                                                    const Interrupt& interrupt);
+  /// Frees a scene that is used no more, if that is so, while the next one is made: tables of many
+  /// objects take a millisecond.
+  void free_later(std::shared_ptr<const ResidentScene> scene);
   /// Whether prepare() would find the derived data of meshes and dome made.
   [[nodiscard]] bool ready(const Snapshot& snapshot) const;
   /// Makes that data.
@@ -109,6 +112,8 @@ class SceneStore {
                                      const Interrupt& interrupt) const;
   [[nodiscard]] Expected<std::shared_ptr<const Structure>> structure_of(const Snapshot& snapshot,
                                                                         const State& before) const;
+  /// Frees what was left to it. Where no more may be kept, drops the oldest but `used`.
+  void make_room(const State& used);
   /// The scene of a state, which is kept if it is new.
   [[nodiscard]] std::shared_ptr<const ResidentScene> scene_of(const State& state);
 
@@ -118,7 +123,8 @@ class SceneStore {
   const u64 limit_;
   FlatRows<kernels::InstanceView> flat_;
   mutable std::mutex mutex_;
-  std::vector<Recent> recent_;  // the last is the latest; by mutex_
+  std::vector<Recent> recent_;                              // the last is the latest; by mutex_
+  std::vector<std::shared_ptr<const ResidentScene>> gone_;  // by mutex_
   std::atomic<u64> bytes_{0};
 };
 

@@ -107,3 +107,31 @@ TEST_CASE("mirror: of an array like one that is there only what differs is sent"
   }
   CHECK(fake_allocations == 0);
 }
+
+TEST_CASE("mirror: what is much goes through pinned memory, all of it to its place") {
+  {
+    const auto context = Context::create(fake_driver(), 0);
+    REQUIRE(context);
+    Mirror mirror(*context);
+    Copies copies(mirror);
+    using Row = std::array<u32, 50>;
+    constexpr u32 kCount = 70'000;  // 14 MB: stages are used again
+    ChunkedArray<Row> before;
+    for (u32 i = 0; i < kCount; ++i) before.push_back(Row{i, 1});
+    const Row* there = copies.of_own(before);
+    ChunkedArray<Row> now = before;
+    u64 changed = 0;
+    for (u32 i = 0; i < kCount; ++i) {
+      if (i / 256 % 5 == 2) continue;  // a gap
+      now.write(i)[49] = i + 7;
+      ++changed;
+    }
+    const u64 sent = (*context)->uploaded_bytes();
+    const Row* made = copies.of_changed(now, before, there);
+    REQUIRE(copies.finish());
+    CHECK((*context)->uploaded_bytes() - sent == changed * sizeof(Row));
+    for (u32 i = 0; i < kCount; ++i)
+      if (made[i] != now[i] || there[i] != before[i]) FAIL("row " << i);
+  }
+  CHECK(fake_allocations == 0);
+}

@@ -90,6 +90,7 @@ TEST_CASE("motion: keys are exact at their times and held outside") {
   const auto keys = std::make_shared<PoseKeys>(
       PoseKeys{{1, pose({1, 0, 0}, 0)}, {2, pose({3, 0, 0}, 0)}, {4, pose({3, 2, 0}, 0)}});
   s.entities.write(i).keys = keys;
+  s.keyed = 1;
   CHECK(local_pose(s, i, 0)[3] == vec3(1, 0, 0));
   CHECK(local_pose(s, i, 1.5)[3] == vec3(2, 0, 0));
   CHECK(local_pose(s, i, 2)[3] == vec3(3, 0, 0));

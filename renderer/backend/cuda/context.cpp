@@ -18,6 +18,7 @@ constexpr u64 kStageBytes = 4 << 20;
 // The driver takes pieces of this size at once; for larger ones it waits until the device gets to
 // them. What has many is copied as fast as that goes.
 constexpr u64 kPiece = 64 << 10, kMostInPieces = 4 << 20;
+constexpr u64 kFewBytes = 1 << 20;     // less is not worth many threads
 constexpr u64 kCopyGrain = 256 << 10;  // bytes of a thread's share
 
 }  // namespace
@@ -95,6 +96,7 @@ Context::~Context() {
     if (stage.written) (void)driver_.destroy_event(stage.written);
     if (stage.memory) (void)driver_.release_pinned(stage.memory);
   }
+  sender_.close();
   for (ModuleHandle module : modules_) (void)driver_.unload_module(module);
   if (stream_) (void)driver_.destroy_stream(stream_);
   destroy();
@@ -114,6 +116,7 @@ void Context::abandon() {
   tenure_.end();
   const std::vector<DevicePointer> left = pool_.close();
   for (Stage& stage : stages_) (void)driver_.release_pinned(std::exchange(stage.memory, nullptr));
+  sender_.abandon();
   destroy();
   context_ = nullptr;
   ContextHandle other = nullptr;
@@ -167,6 +170,17 @@ Status Context::upload(DevicePointer to, std::span<const std::byte> from) {
     HELIO_TRY(check(driver_.upload(to + begin, piece.data(), piece.size(), stream_), "an upload"));
   }
   return {};
+}
+
+Status Context::upload(std::span<const Upload> pieces) {
+  u64 bytes = 0;
+  for (const Upload& piece : pieces) bytes += piece.from.size();
+  if (bytes < kFewBytes) {
+    for (const Upload& piece : pieces) HELIO_TRY(upload(piece.to, piece.from));
+    return {};
+  }
+  uploaded_.fetch_add(bytes, std::memory_order_relaxed);
+  return check(sender_.send(pieces, stream_), "an upload");
 }
 
 Status Context::copy(DevicePointer to, DevicePointer from, u64 bytes) {

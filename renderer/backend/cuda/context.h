@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "renderer/backend/cuda/exports.h"
+#include "renderer/backend/cuda/sender.h"
 
 namespace heliograph::cuda {
 
@@ -84,6 +85,7 @@ class Context : public std::enable_shared_from_this<Context> {
   [[nodiscard]] Expected<DeviceMemory> zeroed(u64 bytes);
   /// The bytes may change as soon as it returns.
   [[nodiscard]] Status upload(DevicePointer to, std::span<const std::byte> from);
+  [[nodiscard]] Status upload(std::span<const Upload> pieces);
   /// On the device.
   [[nodiscard]] Status copy(DevicePointer to, DevicePointer from, u64 bytes);
   [[nodiscard]] Status fill(DevicePointer at, u8 byte, u64 bytes);
@@ -145,6 +147,7 @@ class Context : public std::enable_shared_from_this<Context> {
   StreamHandle stream_ = nullptr;
   std::vector<ModuleHandle> modules_;
   std::array<Stage, 2> stages_;
+  Sender sender_{driver_};
   Pool pool_{driver_};
   Tenure tenure_;
   std::string name_;

@@ -148,7 +148,8 @@ Expected<std::unique_ptr<Film>> CudaBackend::begin(std::span<const Shot> shots) 
                             [&](const SceneOrder& order) { return copy_of(order); });
   });
   if (film)
-    for (const auto& scene : (*film)->scenes()) recent_->keep(scene);
+    for (const auto& scene : (*film)->scenes())
+      if (const auto dropped = recent_->keep(scene)) store_.free_later(dropped->host());
   return film;
 }
 

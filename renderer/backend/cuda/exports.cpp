@@ -6,6 +6,8 @@
 #include <bit>
 #include <cstring>
 
+#include "renderer/resident/parallel.h"
+
 namespace heliograph::cuda {
 namespace {
 
@@ -16,6 +18,7 @@ constexpr int kReadWrite = 3;         // CU_MEM_ACCESS_FLAGS_PROT_READWRITE
 constexpr int kMinimum = 0;           // CU_MEM_ALLOC_GRANULARITY_MINIMUM
 constexpr unsigned kNonBlocking = 1;  // CU_STREAM_NON_BLOCKING
 constexpr u64 kStageBytes = 8 << 20;
+constexpr u64 kCopyGrain = 256 << 10;  // bytes of a thread's share
 
 AllocationProperties properties_of(Device device) {
   return {.kind = kPinned, .handle_kinds = kDescriptor, .location = {kOnDevice, device}};
@@ -162,6 +165,16 @@ bool ExportSource::zero(DevicePointer at, u64 bytes) {
          device_.driver.wait_for_stream(stream_) == 0;
 }
 
+/// By all threads: pages of `to` that are new cost more than the copy.
+void ExportSource::copy_stage(std::span<std::byte> to) const {
+  const auto* from = static_cast<const std::byte*>(stage_);
+  resident::run_alone([&] {
+    resident::parallel_ranges(to.size(), kCopyGrain, [&](u64 begin, u64 end) {
+      std::memcpy(to.data() + begin, from + begin, end - begin);
+    });
+  });
+}
+
 Status ExportSource::download(std::span<std::byte> to, DevicePointer from) {
   const Driver& driver = device_.driver;
   const auto held = device_.tenure.hold();
@@ -172,7 +185,7 @@ Status ExportSource::download(std::span<std::byte> to, DevicePointer from) {
     const u64 bytes = std::min(kStageBytes, to.size() - begin);
     result = driver.download(stage_, from + begin, bytes, stream_);
     if (result == 0) result = driver.wait_for_stream(stream_);
-    if (result == 0) std::memcpy(to.data() + begin, stage_, bytes);
+    if (result == 0) copy_stage(to.subspan(begin, bytes));
   }
   if (result == 0) return {};
   return fail(Code::kUnavailable, "",

@@ -50,6 +50,7 @@ class ExportSource final : public SharedMemorySource,
  private:
   ExportSource(std::shared_ptr<const void> owner, const ExportDevice& device)
       : owner_(std::move(owner)), device_(device) {}
+  void copy_stage(std::span<std::byte> to) const;  // under mutex_
 
   const std::shared_ptr<const void> owner_;
   const ExportDevice device_;

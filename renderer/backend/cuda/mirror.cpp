@@ -100,13 +100,15 @@ const void* Copies::pieces(const std::vector<Piece>& all, u64 bytes, DevicePoint
   const DeviceMemory* memory = hold(allocate(bytes));
   if (!memory) return nullptr;
   if (before) status_ = mirror_->context().copy(memory->at(), before, bytes);
+  std::vector<Upload> uploads;
   for (const Piece& piece : all)
-    for (u64 begin = 0; begin < piece.host.size() && status_; begin += kBlock) {
+    for (u64 begin = 0; begin < piece.host.size(); begin += kBlock) {
       const auto block = piece.host.subspan(begin, std::min(kBlock, piece.host.size() - begin));
       if (piece.before && std::memcmp(block.data(), piece.before + begin, block.size()) == 0)
         continue;
-      status_ = mirror_->context().upload(memory->at() + piece.offset + begin, block);
+      uploads.push_back({memory->at() + piece.offset + begin, block});
     }
+  if (status_) status_ = mirror_->context().upload(uploads);
   return memory->as<const void>();
 }
 

@@ -26,8 +26,8 @@ class Recent {
     return kept_.back();
   }
 
-  /// As the latest. Where there are too many, the oldest goes.
-  void keep(Ptr newest) {
+  /// As the latest. Where there are too many, the oldest goes to the caller.
+  Ptr keep(Ptr newest) {
     Ptr dropped;
     const std::lock_guard lock(mutex_);
     std::erase(kept_, newest);
@@ -36,6 +36,7 @@ class Recent {
       kept_.erase(kept_.begin());
     }
     kept_.push_back(std::move(newest));
+    return dropped;
   }
 
   /// Drops the oldest that nobody else holds; false: there is none.
