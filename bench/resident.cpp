@@ -84,6 +84,8 @@ std::shared_ptr<const Snapshot> grid(u32 objects) {
                      named("o", std::move(many))});
 }
 
+u32 side_of(u32 triangles) { return u32(std::sqrt(double(triangles) / 2)); }
+
 /// Two triangles by square of a sheet that has two morph targets.
 PutMesh sheet(u32 side) {
   std::vector<vec3> positions, morphs;
@@ -151,14 +153,25 @@ std::vector<Edit> bent(u32 round, u32) {
                                    .morph_weights = MorphWeights{{}, {1 - bend, 1 + bend}}})};
 }
 
+std::vector<Edit> reshaped(u32 round, u32 objects) {
+  VertexKeys keys = *sheet(side_of(objects)).vertices;
+  std::vector<vec3> positions(keys.positions.begin(), keys.positions.end());
+  positions[round].z += 0.1f;
+  keys.positions = ArrayOf(std::move(positions));
+  return {named("sheet/mesh", PutMesh{.topology = nullptr,
+                                      .vertices = std::make_shared<const VertexKeys>(keys)})};
+}
+
 /// overlay   each change is of the same scene, otherwise of what the one before made
 void measure(u32 objects, const Accelerator& accelerator, const char* who, const char* what,
              Change change, bool overlay, bool flat) {
   const Timed timed(accelerator);
   DerivedCache cache(1ull << 32);
   SceneStore store(timed, cache, 4ull << 30);
-  const u32 side = u32(std::sqrt(double(objects) / 2));
-  auto head = change == bent ? edited({}, {named("sheet/mesh", sheet(side))}) : grid(objects);
+  auto head = change != bent && change != reshaped
+                  ? grid(objects)
+                  : edited({}, {named("sheet/mesh", sheet(side_of(objects))),
+                                named("sheet", PutEntity{.mesh = "sheet/mesh"})});
   const double blur = change == advanced_and_moved ? 0.05 : 0;
   Times times;
   const auto prepare = [&](const std::shared_ptr<const Snapshot>& snapshot) {
@@ -168,8 +181,9 @@ void measure(u32 objects, const Accelerator& accelerator, const char* who, const
   };
   prepare(head);
   for (u32 round = 0; round < kWarm + kRounds; ++round) {
+    auto edits = change(round, objects);
     const double start = milliseconds();
-    const auto next = edited(*head, change(round, objects));
+    const auto next = edited(*head, std::move(edits));
     const double applied = milliseconds();
     prepare(next);
     const double ended = milliseconds();
@@ -199,5 +213,6 @@ int main(int argc, char** argv) {
     measure(objects, for_gpu, "gpu", "one gets a material", painted, false, false);
     measure(objects, for_gpu, "gpu", "one is added", added, false, false);
     measure(objects, for_gpu, "gpu", "a sheet of so many bends", bent, false, false);
+    measure(objects, for_gpu, "gpu", "the same with new vertices", reshaped, false, false);
   }
 }

@@ -112,6 +112,7 @@ Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::build(const Mesh& mesh) const
   made->vertices = mesh.vertices;
   made->positions = mesh.vertices->positions;
   made->normals = mesh.vertices->normals;
+  made->reshaped = mesh.reshaped;
   return finish(std::move(made));
 }
 
@@ -154,10 +155,20 @@ Box MeshBuilder::rest_bounds(const DeviceMesh& mesh, const mat3& map) const {
                         map == mat3(1) ? 0 : hash_words(std::as_bytes(std::span(&map, 1)))}};
   const Sources sources{mesh.vertices->positions.buffer(), mesh.topology->triangles.buffer()};
   return *cache_.get<Box>(key, sources, [&] {
-    auto box = std::make_shared<Box>();
-    for (const uvec3 t : mesh.topology->triangles)
-      for (const u32 v : {t.x, t.y, t.z}) box->extend(map * rest[v]);
-    return box;
+    constexpr std::size_t kPiece = 1 << 15;  // triangles
+    const auto triangles = mesh.topology->triangles.span();
+    std::vector<Box> boxes((triangles.size() + kPiece - 1) / kPiece);
+    parallel_for(boxes.size(), [&](std::size_t i) {
+      const auto piece =
+          triangles.subspan(i * kPiece, std::min(kPiece, triangles.size() - i * kPiece));
+      Box box;
+      for (const uvec3 t : piece)
+        for (const u32 v : {t.x, t.y, t.z}) box.extend(map * rest[v]);
+      boxes[i] = box;
+    });
+    auto all = std::make_shared<Box>();
+    for (const Box& box : boxes) all->extend(box);
+    return all;
   });
 }
 

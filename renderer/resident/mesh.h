@@ -20,6 +20,7 @@ struct DeviceMesh {
   ArrayOf<vec3> positions;  // (segments + 1) * vertex_count, over the scene's span of time
   ArrayOf<vec3> normals;    // or empty
   u32 segments = 0;         // 0: it does not deform
+  bool reshaped = false;    // Mesh::reshaped
   std::shared_ptr<const MeshAccelerator> accelerator;
   Box rest;  // of the first key's triangles
   /// Positions at the middle of the span.
@@ -28,9 +29,10 @@ struct DeviceMesh {
   }
   [[nodiscard]] kernels::MeshView view() const;
   [[nodiscard]] kernels::Shape shape() const;
-  /// Whether its vertices are an entity's own, by morph or skin or while the shutter is open.
+  /// Whether its vertices are an entity's own, by morph or skin or while the shutter is open, or
+  /// took the place of others: a tree over them is seldom of use for long.
   [[nodiscard]] bool is_deformed() const {
-    return positions.serial() != vertices->positions.serial();
+    return reshaped || positions.serial() != vertices->positions.serial();
   }
 };
 

@@ -131,6 +131,7 @@ struct VertexKeys {
 struct Mesh {
   std::shared_ptr<const MeshTopology> topology;
   std::shared_ptr<const VertexKeys> vertices;
+  bool reshaped = false;  // these took the place of other vertices: others may soon take theirs
 };
 
 // ---------------------------------------------------------------- volumes

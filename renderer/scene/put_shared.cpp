@@ -78,6 +78,7 @@ Expected<Id> put(Draft& draft, const Scope&, const Target& target, const PutMesh
   Mesh mesh = before ? *before : Mesh{};
   if (patch.topology) mesh.topology = patch.topology;
   if (patch.vertices) mesh.vertices = patch.vertices;
+  mesh.reshaped = !patch.topology && (mesh.reshaped || patch.vertices);
   if (!mesh.topology) return fail(Code::kInvalidArgument, "indices", "a new mesh needs triangles");
   if (!mesh.vertices)
     return fail(Code::kInvalidArgument, "positions", "a new mesh needs positions");

@@ -5,7 +5,8 @@ Balls of 1,280 triangles of several sizes stand in a cube. All are moved, time a
 centre planes must equal the CPU's but for 1 pixel of 20,000 (edges; more of them beyond 1,000
 balls), mean colours must agree within
 0.1 %, and the picture must repeat bit for bit. Some more move while the shutter is open.
-The same of sheets that deform by morph targets. Prints a line for each; ends with 1 if one fails.
+The same of sheets that deform by morph targets, or get new vertices. Prints a line for each; ends
+with 1 if one fails.
 """
 
 import statistics
@@ -82,38 +83,50 @@ def rendered(scene, spp=SPP):
     )
 
 
-def hang(scene, side):
+def hang(scene, shape):
     with scene.edit() as edit:
         edit.dome(np.random.default_rng(0).random((8, 16, 3)).astype("f4"))
-        edit.mesh("sheet/mesh", **sheet(side))
+        edit.mesh("sheet/mesh", **shape)
         edit.material("cloth", base_color=(0.2, 0.4, 0.7), roughness=0.6)
         edit.entity("sheet", mesh="sheet/mesh", material="cloth", morph_weights=(0, 0))
         lens = hg.Camera.from_fov(50, *SIZE, degrees=True)
         edit.entity("camera", camera=lens, transform=hg.look_at((0.3, -0.8, 0.7), (0, 0, 0)))
 
 
-def bend(scene, turn):
+def weights(turn):
+    return 1 - 0.1 * turn, 0.15 * turn
+
+
+def bend(scene, turn, _):
     with scene.edit() as edit:
-        edit.entity("sheet", morph_weights=(1 - 0.1 * turn, 0.15 * turn))
+        edit.entity("sheet", morph_weights=weights(turn))
 
 
-def check_sheet(gpu, cpu, side):
+def reshape(scene, turn, shape):
+    """New vertices for a mesh that keeps its triangles."""
+    morphs = zip(weights(turn), shape["morph_positions"], strict=True)
+    positions = shape["positions"] + sum(np.float32(weight) * morph for weight, morph in morphs)
+    with scene.edit() as edit:
+        edit.mesh("sheet/mesh", positions=positions)
+
+
+def check_sheet(gpu, cpu, side, change=bend):
     """The same of a mesh that deforms."""
-    inside = []
+    inside, shape = [], sheet(side)
     with gpu.create_scene() as there, cpu.create_scene() as here:
-        hang(there, side)
-        hang(here, side)
+        hang(there, shape)
+        hang(here, shape)
         for turn in range(1, ROUNDS + 1):
-            bend(there, turn)
+            change(there, turn, shape)
             frame = there.render("camera", spp=1, size=(64, 64), progress=False)
             inside.append(frame.render_seconds)
-        bend(here, ROUNDS)
+        change(here, ROUNDS, shape)
         first, again, reference = rendered(there), rendered(there), rendered(here)
     repeats = all((first[p] == again[p]).all() for p in ("beauty", "instance"))
     edges = differing(first, reference)
     ok = repeats and edges <= EDGES
     print(
-        f"{'ok' if ok else 'FAILED'} a sheet of {2 * side * side} triangles deformed: "
+        f"{'ok' if ok else 'FAILED'} a sheet of {2 * side * side} triangles, {change.__name__}: "
         f"{statistics.median(inside) * 1e3:.1f} ms in the renderer; repeats {repeats}, pixels "
         f"that differ {edges:.1e}; {first.render_seconds * 1e3:.1f} ms of {SPP} samples",
         flush=True,
@@ -163,6 +176,7 @@ def main(counts):
     ):
         results = [check(gpu, cpu, count) for count in counts]
         results += [check_sheet(gpu, cpu, side) for side in (20, 100, 708)]
+        results += [check_sheet(gpu, cpu, side, reshape) for side in (20, 708)]
     sys.exit(0 if all(results) else 1)
 
 

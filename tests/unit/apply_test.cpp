@@ -315,6 +315,17 @@ TEST_CASE("apply: poses of many") {
   CHECK(scene.refuses({anonymous(poses({a, b}, {at(0), at(1)}))}).code == Code::kNotFound);
 }
 
+TEST_CASE("apply: new vertices alone say that a mesh took another shape") {
+  Stage scene;
+  const auto is_reshaped = [&] { return scene.now->meshes.at(0).value->reshaped; };
+  scene({named("tri", triangle())});
+  CHECK_FALSE(is_reshaped());
+  scene({named("tri", PutMesh{.topology = nullptr, .vertices = triangle().vertices})});
+  CHECK(is_reshaped());
+  scene({named("tri", triangle())});
+  CHECK_FALSE(is_reshaped());
+}
+
 TEST_CASE("apply: limits name what is needed and what there is") {
   Stage scene;
   scene.limits = {.entities = 2, .array_bytes = 100};

@@ -153,6 +153,36 @@ TEST_CASE("bvh build: the same tree for any number of threads") {
   check_sound(boxes);
 }
 
+TEST_CASE("bvh: a mesh that took another shape has the same tree and bounds") {
+  Random random(8);
+  std::vector<vec3> positions;
+  std::vector<uvec3> triangles;
+  for (u32 i = 0; i < 300'000; ++i) positions.push_back(random_vec3(random, 10));
+  for (u32 i = 0; i < 100'000; ++i) triangles.emplace_back(3 * i, 3 * i + 1, 3 * i + 2);
+  positions.emplace_back(1000);  // of no triangle
+  MeshTopology topology{.vertex_count = u32(positions.size())};
+  topology.triangles = ArrayOf(std::move(triangles));
+  VertexKeys keys{.times = {0}, .positions = ArrayOf(std::move(positions)), .normals = {}};
+  Mesh mesh{.topology = std::make_shared<const MeshTopology>(std::move(topology)),
+            .vertices = std::make_shared<const VertexKeys>(std::move(keys))};
+  const bvh::BvhAccelerator accelerator(0);
+  const auto made_of = [&](bool reshaped) {
+    resident::DerivedCache cache(1ull << 30);
+    mesh.reshaped = reshaped;
+    auto made = resident::MeshBuilder(accelerator, cache).build(mesh);
+    REQUIRE(made);
+    CHECK((*made)->is_deformed() == reshaped);
+    return *made;
+  };
+  const auto one = made_of(false), other = made_of(true);
+  CHECK(one->rest.upper == other->rest.upper);
+  CHECK((other->rest.upper.x > 9.9f && other->rest.upper.x <= 10));
+  CHECK(one->accelerator->bounds().lower == other->accelerator->bounds().lower);
+  const bvh::BvhTree &a = bvh::tree_of(*one), &b = bvh::tree_of(*other);
+  REQUIRE(a.nodes.size() == b.nodes.size());
+  CHECK(std::memcmp(a.nodes.data(), b.nodes.data(), a.nodes.size() * sizeof a.nodes[0]) == 0);
+}
+
 TEST_CASE("bvh build: is given up when it is asked to") {
   Random random(4);
   const std::vector<Box> boxes = random_boxes(random, 50'000, 10, 0.1f);

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <numeric>
+#include <thread>
 #include <vector>
 
 #include "tests/unit/catch.h"
@@ -132,6 +133,35 @@ TEST_CASE("mirror: what is much goes through pinned memory, all of it to its pla
     CHECK((*context)->uploaded_bytes() - sent == changed * sizeof(Row));
     for (u32 i = 0; i < kCount; ++i)
       if (made[i] != now[i] || there[i] != before[i]) FAIL("row " << i);
+  }
+  CHECK(fake_allocations == 0);
+}
+
+TEST_CASE("mirror: what is large arrives whole, from several threads at once") {
+  {
+    const auto context = Context::create(fake_driver(), 0);
+    REQUIRE(context);
+    std::vector<std::vector<u32>> arrays;
+    for (const u32 count : {262'145u, 1'048'576u, 2'500'001u, 3'000'000u}) {
+      arrays.emplace_back(count);
+      std::iota(arrays.back().begin(), arrays.back().end(), count);
+    }
+    std::vector<cuda::DeviceMemory> copies;
+    for (const auto& array : arrays)
+      copies.push_back((*context)->allocate(4 * array.size()).value());
+    std::vector<int> sent(arrays.size());
+    {
+      std::vector<std::jthread> threads;
+      for (std::size_t i = 0; i < arrays.size(); ++i)
+        threads.emplace_back([&, i] {
+          sent[i] =
+              (*context)->upload(copies[i].at(), std::as_bytes(std::span(arrays[i]))).has_value();
+        });
+    }
+    for (std::size_t i = 0; i < arrays.size(); ++i) {
+      REQUIRE(sent[i]);
+      CHECK(std::equal(arrays[i].begin(), arrays[i].end(), copies[i].as<const u32>()));
+    }
   }
   CHECK(fake_allocations == 0);
 }

@@ -16,8 +16,8 @@ constexpr unsigned kScheduleAuto = 0;  // CU_CTX_SCHED_AUTO: waits spin where th
 constexpr unsigned kNoTiming = 2;      // CU_EVENT_DISABLE_TIMING
 constexpr u64 kStageBytes = 4 << 20;
 // The driver takes pieces of this size at once; for larger ones it waits until the device gets to
-// them. What has many is copied as fast as that goes.
-constexpr u64 kPiece = 64 << 10, kMostInPieces = 4 << 20;
+// them. What has many goes through pinned memory.
+constexpr u64 kPiece = 64 << 10;
 constexpr u64 kFewBytes = 1 << 20;     // less is not worth many threads
 constexpr u64 kCopyGrain = 256 << 10;  // bytes of a thread's share
 
@@ -162,11 +162,13 @@ Expected<DeviceMemory> Context::zeroed(u64 bytes) {
 void Context::release(const DeviceMemory& memory) { pool_.release(memory.at(), memory.bytes()); }
 
 Status Context::upload(DevicePointer to, std::span<const std::byte> from) {
-  if (from.empty()) return {};
+  if (from.size() >= kFewBytes) {
+    const Upload all{to, from};
+    return upload(std::span(&all, 1));
+  }
   uploaded_.fetch_add(from.size(), std::memory_order_relaxed);
-  const u64 step = from.size() <= kMostInPieces ? kPiece : from.size();
-  for (u64 begin = 0; begin < from.size(); begin += step) {
-    const auto piece = from.subspan(begin, std::min<u64>(step, from.size() - begin));
+  for (u64 begin = 0; begin < from.size(); begin += kPiece) {
+    const auto piece = from.subspan(begin, std::min<u64>(kPiece, from.size() - begin));
     HELIO_TRY(check(driver_.upload(to + begin, piece.data(), piece.size(), stream_), "an upload"));
   }
   return {};
