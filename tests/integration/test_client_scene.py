@@ -96,6 +96,25 @@ def test_large_meshes_travel(scene):
     assert np.array_equal(mesh.indices, indices)
 
 
+def test_ids_of_many_travel_once(scene):
+    count = 9000
+    places = np.tile(np.eye(4, dtype="f4"), (count, 1, 1))
+    with scene.edit() as edit:
+        group = edit.instances("p", transforms=places)
+    sources = []
+    for k in range(4):
+        places[:, 0, 3] = np.arange(count) + k
+        with scene.edit() as edit:
+            edit.set_transforms(group, places)
+            sources.append(edit.transaction.edits[0].poses.ids.WhichOneof("source"))
+        assert np.array_equal(scene.transforms(group[::500]), places[::500])
+    assert sources == ["buffer", "blob", "blob", "blob"]
+    overlay = scene.overlay()
+    with overlay as edit:
+        edit.set_transforms(group, places)
+    assert overlay.transaction.edits[0].poses.ids.WhichOneof("source") == "blob"
+
+
 def test_frames_and_their_labels(scene):
     balls, cam = build(scene)
     planes = ["beauty", "depth", "normal", "instance", "position", "semantic"]

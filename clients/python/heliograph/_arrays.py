@@ -160,9 +160,9 @@ class Store:
         place, loan = self._loans.put(data)
         return types.Array(dtype=_WIRE[data.dtype], shape=data.shape, buffer=place), loan
 
-    def blob(self, data: memoryview | bytes) -> bytes:
-        """Uploads bytes unless the session has them; their SHA-256."""
-        digest = hashlib.sha256(data).digest()
+    def blob(self, data: memoryview | bytes, digest: bytes = b"") -> bytes:
+        """Uploads bytes unless the session has them; their SHA-256, which may be known."""
+        digest = digest or hashlib.sha256(data).digest()
         link = self._connection.link
         with self._lock:
             if link is not self._link:  # another session, or a daemon that was restarted

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ._arrays import NdArray
+from ._arrays import SHARED_BYTES, NdArray, bytes_of, describe
+from ._proto import types_pb2 as types
 from .errors import InvalidArgument
 from .handles import Entity, Group, Handle, flatten
 from .pose import packed_matrices
@@ -20,23 +21,33 @@ if TYPE_CHECKING:
 
 def placed(
     edits: Edits, entities: Any, transforms: Any
-) -> tuple[list[Handle], NdArray, NdArray | GpuArray]:
+) -> tuple[list[Handle], types.Array, NdArray | GpuArray]:
     """(handles, ids, matrices): of entities that this transaction makes the handles; of others the
     ids, (N,) u64. A matrix for each, (N, 4, 4)."""
     matrices = packed_matrices(transforms)
     group = entities if isinstance(entities, Group) else None
     if group is not None and group._ids is not None:
         _check(len(group), len(matrices))
-        return [], group._ids, matrices
+        return [], _again(edits, group, group._ids), matrices
     listed = flatten(entities, "entities")
     _check(len(listed), len(matrices))
     handles = [e if isinstance(e, Handle) else Entity(edits.scene, e) for e in listed]
     if any(handle._edits is edits for handle in handles):
-        return handles, np.empty(0, "<u8"), matrices
+        return handles, types.Array(), matrices
     ids = packed_ids(edits.scene, handles)
     if group is not None:
         group._ids = ids
-    return [], ids, matrices
+    return [], edits.edited(ids), matrices
+
+
+def _again(edits: Edits, group: Group, ids: NdArray) -> types.Array:
+    """Many ids that were sent before travel once more, and from then on by their hash."""
+    if ids.nbytes < SHARED_BYTES:
+        return edits.edited(ids)
+    message = describe(ids)
+    message.blob = edits.scene.client.store.blob(bytes_of(ids), group._digest)
+    group._digest = message.blob
+    return message
 
 
 def _check(entities: int, matrices: int) -> None:

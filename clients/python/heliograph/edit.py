@@ -210,7 +210,7 @@ class Edits:
                 self.update(handle, transform=matrix, teleport=teleport)
             return
         action = self._add(None).poses
-        action.ids.CopyFrom(self.edited(ids))
+        action.ids.CopyFrom(ids)
         action.matrices.CopyFrom(self.edited(matrices))
         action.teleport = teleport
 

@@ -265,6 +265,7 @@ class Group(Sequence[Entity]):
         self.name = name
         self._entities = list(entities)
         self._ids: NdArray | None = None  # packed, once they were needed
+        self._digest = b""  # their SHA-256, once that was
 
     @overload
     def __getitem__(self, index: int) -> Entity: ...
