@@ -28,7 +28,7 @@ def placed(
     group = entities if isinstance(entities, Group) else None
     if group is not None and group._ids is not None:
         _check(len(group), len(matrices))
-        return [], _again(edits, group, group._ids), matrices
+        return [], _again(edits, group), matrices
     listed = flatten(entities, "entities")
     _check(len(listed), len(matrices))
     handles = [e if isinstance(e, Handle) else Entity(edits.scene, e) for e in listed]
@@ -36,17 +36,19 @@ def placed(
         return handles, types.Array(), matrices
     ids = packed_ids(edits.scene, handles)
     if group is not None:
-        group._ids = ids
+        group._ids = ids, b""
     return [], edits.edited(ids), matrices
 
 
-def _again(edits: Edits, group: Group, ids: NdArray) -> types.Array:
+def _again(edits: Edits, group: Group) -> types.Array:
     """Many ids that were sent before travel once more, and from then on by their hash."""
+    assert group._ids is not None
+    ids, digest = group._ids
     if ids.nbytes < SHARED_BYTES:
         return edits.edited(ids)
     message = describe(ids)
-    message.blob = edits.scene.client.store.blob(bytes_of(ids), group._digest)
-    group._digest = message.blob
+    message.blob = edits.scene.client.store.blob(bytes_of(ids), digest)
+    group._ids = ids, message.blob
     return message
 
 

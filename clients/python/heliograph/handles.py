@@ -264,8 +264,7 @@ class Group(Sequence[Entity]):
     def __init__(self, entities: Sequence[Entity], name: str = "") -> None:
         self.name = name
         self._entities = list(entities)
-        self._ids: NdArray | None = None  # packed, once they were needed
-        self._digest = b""  # their SHA-256, once that was
+        self._ids: tuple[NdArray, bytes] | None = None  # packed, and their SHA-256 once it is known
 
     @overload
     def __getitem__(self, index: int) -> Entity: ...
