@@ -35,6 +35,18 @@ bool same_local_pose(const Moment& a, const Moment& b, u32 entity) {
   return std::memcmp(&pose_a, &pose_b, sizeof pose_a) == 0;
 }
 
+/// Whether local poses in a chunk of entities are what Snapshot::poses says.
+bool has_plain_poses(const Moment& moment, u32 chunk) {
+  return moment.snapshot.keyed == 0 && is_present(moment, chunk);
+}
+
+/// Adds the rows of a chunk that differ; of entities that are not alive they are the same.
+void add_moved(const Snapshot& then, const Snapshot& now, u32 chunk, std::vector<u32>& moved) {
+  const auto a = then.poses.chunk(chunk), b = now.poses.chunk(chunk);
+  for (u32 i = 0; i < b.size(); ++i)
+    if (std::memcmp(&a[i], &b[i], sizeof b[i]) != 0) moved.push_back(chunk * kRows + i);
+}
+
 /// Lists of numbers in an order, one after the other.
 std::vector<u32> joined(const std::vector<std::vector<u32>>& lists) {
   std::vector<u32> all;
@@ -55,6 +67,8 @@ std::vector<u32> changed_entities(const Moment& before, const Moment& now,
   std::vector<std::vector<u32>> changed(chunks.size());
   parallel_for(chunks.size(), [&](std::size_t i) {
     const bool same_rows = snapshot.entities.shares(chunks[i], then.entities);
+    if (same_rows && has_plain_poses(before, chunks[i]) && has_plain_poses(now, chunks[i]))
+      return add_moved(then, snapshot, chunks[i], changed[i]);
     for_each_alive(snapshot, chunks[i], [&](u32 entity) {
       if (!same_local_pose(before, now, entity) ||
           (!same_rows && !(snapshot.entities.at(entity) == then.entities.at(entity))))
