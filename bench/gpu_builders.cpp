@@ -1,10 +1,13 @@
-// Trees over instances and triangles that a GPU builds: milliseconds a build, whether they repeat
-// bit for bit, whether they are those of the same steps on this processor, and how many steps rays
-// take in them against the host's trees. usage: bench_gpu_builders   (needs an NVIDIA GPU)
+// Trees over instances and triangles that a GPU builds: milliseconds a build and, in a second line,
+// of each program of it when the host waits for each; whether they repeat bit for bit, whether they
+// are those of the same steps on this processor, and how many steps rays take in them against the
+// host's trees. usage: bench_gpu_builders   (needs an NVIDIA GPU)
 #include <algorithm>
 #include <chrono>
 #include <cstring>
+#include <map>
 #include <random>
+#include <string>
 
 #include <fmt/format.h>
 
@@ -122,6 +125,48 @@ u64 differing(const std::vector<T>& a, const std::vector<T>& b) {
   return count + std::max(a.size(), b.size()) - std::min(a.size(), b.size());
 }
 
+// A driver that waits for each program, when it is told to, and knows what each took.
+
+cuda::Driver plain;
+bool waits = false;
+std::map<cuda::FunctionHandle, std::string> names;
+std::map<std::string, double> spent;  // ms
+
+cuda::Driver watched(const cuda::Driver& driver) {
+  plain = driver;
+  cuda::Driver watch = driver;
+  watch.function_in = [](cuda::FunctionHandle* f, cuda::ModuleHandle in, const char* name) {
+    const cuda::Result result = plain.function_in(f, in, name);
+    if (result == 0) names[*f] = name;
+    return result;
+  };
+  watch.launch = [](cuda::FunctionHandle f, unsigned x, unsigned y, unsigned z, unsigned bx,
+                    unsigned by, unsigned bz, unsigned shared, cuda::StreamHandle stream,
+                    void** arguments, void** extra) {
+    if (waits) (void)plain.wait_for_stream(stream);
+    const auto start = std::chrono::steady_clock::now();
+    const auto result = plain.launch(f, x, y, z, bx, by, bz, shared, stream, arguments, extra);
+    if (!waits) return result;
+    (void)plain.wait_for_stream(stream);
+    spent[names[f]] +=
+        std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+    return result;
+  };
+  return watch;
+}
+
+/// What each program takes of a build, with what a launch and a wait take.
+template <class F>
+void print_programs(const F& build) {
+  spent.clear();
+  waits = true;
+  for (u32 round = 0; round < kRounds; ++round) build();
+  waits = false;
+  fmt::print("        ");
+  for (const auto& [name, all] : spent) fmt::print(" {} {:.3f}", name, all / kRounds);
+  fmt::print("\n");
+}
+
 /// Milliseconds of builds.
 struct Times {
   double median, worst;
@@ -184,6 +229,7 @@ void measure(const std::shared_ptr<Context>& context, const cuda::TreeBuilder& b
              differing(made[0].nodes, own.nodes), double(host.steps) / kRays,
              double(gpu.steps) / kRays,
              gpu.met == host.met && std::ranges::count(found, 1u) == count ? "same hits" : "WRONG");
+  print_programs([&] { (void)sure(builder.build(input)); });
 }
 
 /// A bumpy sheet of 2 * side * side triangles.
@@ -227,12 +273,13 @@ void measure_mesh(const std::shared_ptr<Context>& context, const cuda::TreeBuild
              mesh.triangle_count, times.median, times.worst, times.launch, "",
              differing(nodes[0], nodes[1]), differing(nodes[0], steps.nodes()),
              std::ranges::count(found, 1u) == mesh.triangle_count ? "each once" : "WRONG");
+  print_programs([&] { (void)sure(builder.build(mesh)); });
 }
 
 }  // namespace
 
 int main() {
-  const auto driver = sure(cuda::load_driver());
+  const auto driver = watched(sure(cuda::load_driver()));
   const auto context = sure(Context::create(driver, 0));
   sure(context->enter());
   const auto builder = sure(cuda::TreeBuilder::create(context));

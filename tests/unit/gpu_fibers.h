@@ -149,6 +149,7 @@ inline void run_on_fibers(u32 blocks, u32 threads, const std::function<void()>& 
 
 inline void __syncthreads() { heliograph::test::FiberBlock::running->meet_all(); }
 inline void __syncwarp() { heliograph::test::FiberBlock::running->meet_warp(); }
+inline void __nanosleep(heliograph::u32) {}
 inline void __threadfence() { std::atomic_thread_fence(std::memory_order_seq_cst); }
 inline auto said_by_warp(heliograph::u64 own) {
   heliograph::u32 there = 0;

@@ -162,7 +162,9 @@ extern "C" __global__ void __launch_bounds__(kBuildThreads)
     bool waits = first + lane() < count;
     while (__any_sync(kAll, waits)) {
       BuildTask task;
-      if (!waits || !take_task(view, first + lane(), task)) continue;
+      const bool is_there = waits && take_task(view, first + lane(), task);
+      if (!__any_sync(kAll, is_there)) __nanosleep(100);  // who makes them needs the memory more
+      if (!is_there) continue;
       build_wide(view, task, [&](const BuildTask& next) { put_task(view, next); });
       waits = false;
     }
