@@ -90,7 +90,12 @@ struct BoxRay {
 };
 KERNEL float inverse_component(float d) {
   constexpr float kLeast = 0x1p-80f;
-  return 1 / (std::fabs(d) < kLeast ? std::copysign(kLeast, d) : d);
+  const float large_enough = std::fabs(d) < kLeast ? std::copysign(kLeast, d) : d;
+#if defined(__CUDA_ARCH__)
+  return __fdividef(1, large_enough);  // to a unit in the last place
+#else
+  return 1 / large_enough;
+#endif
 }
 KERNEL BoxRay box_ray(vec3 origin, vec3 direction) {
   const vec3 inverse(inverse_component(direction.x), inverse_component(direction.y),
@@ -119,39 +124,94 @@ KERNEL u32 take_node(BvhGroup& nodes, u32 octant) {
   return number;
 }
 
+/// Rounding of planes moves their distances by less.
+/// Source: Ize 2013, "Robust BVH Ray Traversal", JCGT 2(2).
+inline constexpr float kBeyond = 1 + 0x1p-21f;
+
+// In this float the second lowest byte counts ones: a byte in its place is converted in one
+// operation.
+inline constexpr float kOfByte = 0x1p15f;
+inline constexpr u32 kOfByteBits = 0x47000000;
+
+/// kOfByte + byte i of a word.
+///
+/// bits   kOfByteBits
+KERNEL float of_byte(u32 word, u32 i, u32 bits) {
+#if defined(__CUDA_ARCH__)
+  return __uint_as_float(__byte_perm(word, bits, 0x7604 | i << 4));
+#else
+  return float_of_bits(bits | (word >> 8 * i & 0xff) << 8);
+#endif
+}
+
+KERNEL u32 byte_of(u32 word, u32 i) {
+#if defined(__CUDA_ARCH__)
+  return __byte_perm(word, 0, 0x4440 | i);
+#else
+  return word >> 8 * i & 0xff;
+#endif
+}
+
+/// bits, shifted by the lowest 5 bits of `by`.
+KERNEL u32 shifted(u32 bits, u32 by) {
+#if defined(__CUDA_ARCH__)
+  return __funnelshift_l(0, bits, by);
+#else
+  return bits << (by & 31);
+#endif
+}
+
+/// Distances of planes along each axis: of_byte() * scale + offset.
+struct Planes {
+  vec3 scale, offset;
+};
+
 /// Boxes of 4 children, a byte each, by axis; planes in the order in which the ray meets them.
 struct FourBoxes {
   u32 near[3], far[3];
   u32 meta;
 };
 
-/// Rounding of planes moves their distances by less.
-/// Source: Ize 2013, "Robust BVH Ray Traversal", JCGT 2(2).
-inline constexpr float kBeyond = 1 + 0x1p-21f;
-
 /// A bit for each item and each node of 4 children that the ray meets before t_max.
 ///
-/// scale, offset   distance of a plane = byte * scale + offset
-KERNEL u32 meet_four(const FourBoxes& boxes, u32 octant, vec3 scale, vec3 offset, float t_max) {
+/// far, t_max   beyond by kBeyond
+KERNEL u32 meet_four(const FourBoxes& boxes, u32 octant, const Planes& near, const Planes& far,
+                     float t_max) {
   const u32 inner = (boxes.meta & (boxes.meta << 1)) & 0x10101010u;
-  const u32 shifts = (boxes.meta ^ ((inner >> 4) * octant)) & 0x1f1f1f1fu;
+  const u32 shifts = boxes.meta ^ ((inner >> 4) * octant);
   const u32 bits = (boxes.meta >> 5) & 0x07070707u;
+  // The sign of t_max is 0, which no compiler knows: it would load a constant again for each byte.
+  const u32 of_bits = kOfByteBits | bits_of_float(t_max) >> 31;
   u32 met = 0;
 #if defined(__CUDA_ARCH__)
 #pragma unroll
 #endif
-  for (u32 shift = 0; shift < 32; shift += 8) {
-    float near = 0, far = t_max;
+  for (u32 i = 0; i < 4; ++i) {
+    float begin = 0, end = t_max;
 #if defined(__CUDA_ARCH__)
 #pragma unroll
 #endif
     for (int k = 0; k < 3; ++k) {
-      near = greater(float(boxes.near[k] >> shift & 0xff) * scale[k] + offset[k], near);
-      far = fewer(float(boxes.far[k] >> shift & 0xff) * scale[k] + offset[k], far);
+      begin = greater(of_byte(boxes.near[k], i, of_bits) * near.scale[k] + near.offset[k], begin);
+      end = fewer(of_byte(boxes.far[k], i, of_bits) * far.scale[k] + far.offset[k], end);
     }
-    if (near <= far * kBeyond) met |= (bits >> shift & 0xff) << (shifts >> shift & 0xff);
+    if (begin <= end) met |= shifted(byte_of(bits, i), shifts >> 8 * i);
   }
   return met;
+}
+
+/// Planes of a node's children as of_byte() has them, a little nearer and a little farther than
+/// they are: three roundings of kOfByte * scale lose less than a 128th of the step between two
+/// planes.
+KERNEL void set_planes(vec3 scale, vec3 offset, Planes& near, Planes& far) {
+  constexpr float kMargin = 0x1p-7f;
+  for (int k = 0; k < 3; ++k) {
+    const float margin = std::copysign(kMargin, scale[k]);
+    near.scale[k] = scale[k];
+    near.offset[k] = offset[k] - (kOfByte + margin) * scale[k];
+    far.scale[k] = scale[k] * kBeyond;
+    far.offset[k] = offset[k] * kBeyond - (kOfByte - margin) * far.scale[k];
+  }
 }
 
 struct NodeChildren {
@@ -167,7 +227,7 @@ KERNEL __m256 load_bytes(const u8* bytes) {
 }
 
 /// A bit for each item and each node of 8 children that the ray meets before t_max: meet_four() of
-/// both halves, in the same operations.
+/// both halves, but for its margins.
 KERNEL u32 meet_eight(const BvhNode& node, const BoxRay& ray, float t_max) {
   __m256 near = _mm256_setzero_ps(), far = _mm256_set1_ps(t_max);
   for (int k = 0; k < 3; ++k) {
@@ -209,6 +269,8 @@ KERNEL NodeChildren meet_children(const BvhNode* node, const BoxRay& ray, float 
   const u32 low[2][3] = {{n2.x, n2.z, n3.x}, {n2.y, n2.w, n3.y}};
   const u32 high[2][3] = {{n3.z, n4.x, n4.z}, {n3.w, n4.y, n4.w}};
   const u32 meta[2] = {n1.z, n1.w};
+  Planes near, far;
+  set_planes(scale, offset, near, far);
   u32 met = 0;
 #if defined(__CUDA_ARCH__)
 #pragma unroll
@@ -224,7 +286,7 @@ KERNEL NodeChildren meet_children(const BvhNode* node, const BoxRay& ray, float 
       boxes.near[k] = up ? low[half][k] : high[half][k];
       boxes.far[k] = up ? high[half][k] : low[half][k];
     }
-    met |= meet_four(boxes, ray.octant, scale, offset, t_max);
+    met |= meet_four(boxes, ray.octant, near, far, t_max * kBeyond);
   }
   return {{n1.x, (met & ~kItemBits) | n0.w >> 24}, {n1.y, met & kItemBits}};
 #endif

@@ -14,7 +14,8 @@
 namespace heliograph::kernels::inline HELIO_ISA {
 
 // A GPU's thread moves 16 bytes at a time where it is told to: member by member, it would ask the
-// memory four times as often.
+// memory four times as often. What it moves is of no use to others, or later: the caches are for
+// what threads share and for their stacks.
 template <class T>
 KERNEL T load_whole(const T& from) {
 #if defined(__CUDA_ARCH__)
@@ -22,7 +23,10 @@ KERNEL T load_whole(const T& from) {
     uint4 of[sizeof(T) / sizeof(uint4)];
   };
   static_assert(sizeof(T) == sizeof(Words) && alignof(T) == alignof(uint4));
-  return __builtin_bit_cast(T, reinterpret_cast<const Words&>(from));
+  Words words;
+  for (u32 i = 0; i < sizeof(T) / sizeof(uint4); ++i)
+    words.of[i] = __ldcs(reinterpret_cast<const uint4*>(&from) + i);
+  return __builtin_bit_cast(T, words);
 #else
   return from;
 #endif
@@ -32,7 +36,7 @@ KERNEL void store_whole(T& to, const T& value) {
 #if defined(__CUDA_ARCH__)
   static_assert(sizeof(T) % sizeof(uint4) == 0 && alignof(T) == alignof(uint4));
   for (u32 i = 0; i < sizeof(T) / sizeof(uint4); ++i)
-    reinterpret_cast<uint4*>(&to)[i] = reinterpret_cast<const uint4*>(&value)[i];
+    __stcs(reinterpret_cast<uint4*>(&to) + i, reinterpret_cast<const uint4*>(&value)[i]);
 #else
   to = value;
 #endif
