@@ -1,7 +1,6 @@
 // What the host does with new poses of all objects, from an array in memory to a snapshot that is
 // published and on to a scene that a GPU renders: milliseconds of each stage, median and worst.
 // usage: bench_poses [OBJECTS [THREADS]]
-#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -9,31 +8,18 @@
 #include <fmt/format.h>
 #include <tbb/global_control.h>
 
+#include "bench/objects.h"
 #include "renderer/bvh/accelerator.h"
 #include "renderer/resident/scene.h"
 #include "renderer/scene/scene.h"
 #include "server/convert/array.h"
 
 using namespace heliograph;
+using namespace heliograph::bench;
 
 namespace {
 
 constexpr u32 kWarm = 70, kRounds = 40;  // a scene keeps 64 revisions
-
-double milliseconds() {
-  const auto now = std::chrono::steady_clock::now().time_since_epoch();
-  return std::chrono::duration<double, std::milli>(now).count();
-}
-
-PutMesh tetrahedron() {
-  MeshTopology topology{.vertex_count = 4};
-  topology.triangles =
-      ArrayOf<uvec3>(std::vector<uvec3>{{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}});
-  VertexKeys keys{.times = {0}, .positions = {}, .normals = {}};
-  keys.positions = ArrayOf(std::vector<vec3>{{0, 0, 0}, {0.4f, 0, 0}, {0, 0.4f, 0}, {0, 0, 0.4f}});
-  return {.topology = std::make_shared<const MeshTopology>(std::move(topology)),
-          .vertices = std::make_shared<const VertexKeys>(std::move(keys))};
-}
 
 vec3 place_of(u32 object, u32 side) {
   return {object / side / side, object / side % side, object % side};

@@ -1,27 +1,23 @@
 // What the host does from an edit that moves one object to a scene that can be rendered:
 // milliseconds, median and worst, for the CPU's ray tracer and for what a GPU needs of the host.
 // Embree's own structures are timed apart. usage: bench_resident [OBJECTS...]
-#include <chrono>
 #include <cmath>
 #include <cstdlib>
 
 #include <fmt/format.h>
 
+#include "bench/objects.h"
 #include "renderer/backend/embree/top_level.h"
 #include "renderer/bvh/accelerator.h"
 #include "renderer/scene/scene.h"
 
 using namespace heliograph;
+using namespace heliograph::bench;
 using namespace heliograph::resident;
 
 namespace {
 
 constexpr u32 kWarm = 10, kRounds = 30;
-
-double milliseconds() {
-  const auto now = std::chrono::steady_clock::now().time_since_epoch();
-  return std::chrono::duration<double, std::milli>(now).count();
-}
 
 /// Another accelerator, and how long it took over the last placement.
 class Timed final : public Accelerator {
@@ -45,16 +41,6 @@ class Timed final : public Accelerator {
   const Accelerator& other_;
   mutable double took_ = 0;
 };
-
-PutMesh tetrahedron() {
-  MeshTopology topology{.vertex_count = 4};
-  topology.triangles =
-      ArrayOf<uvec3>(std::vector<uvec3>{{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}});
-  VertexKeys keys{.times = {0}, .positions = {}, .normals = {}};
-  keys.positions = ArrayOf(std::vector<vec3>{{0, 0, 0}, {0.4f, 0, 0}, {0, 0.4f, 0}, {0, 0, 0.4f}});
-  return {.topology = std::make_shared<const MeshTopology>(std::move(topology)),
-          .vertices = std::make_shared<const VertexKeys>(std::move(keys))};
-}
 
 mat4x3 at(vec3 place) {
   mat4x3 pose(1);

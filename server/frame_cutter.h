@@ -44,6 +44,8 @@ class FrameCutter {
   void abandon();
 
  private:
+  void skip_named();
+
   const u64 chunk_bytes_;
   const std::shared_ptr<Session> session_;
   const Begun begun_;  // empty: nobody asks
@@ -51,8 +53,6 @@ class FrameCutter {
   std::shared_ptr<SharedFrames> shared_;  // once it was asked for memory; guarded by mutex_
   u64 call_ = 0;                          // number of this call there; guarded by mutex_
   std::shared_ptr<const Frame> frame_;
-  void skip_named();
-
   std::vector<WirePlane> planes_;  // of frame_
   std::vector<bool> is_named_;     // by plane: the header says where it lies
   u32 plane_ = 0;

@@ -164,4 +164,15 @@ inline kernels::Ray random_ray(Random& random, float reach) {
   return ray;
 }
 
+/// Steps of a walk, all of which look at a node or at items that were put off.
+inline u64 steps_of(const kernels::SceneView& scene, const kernels::BvhView& bvh,
+                    const kernels::Ray& ray) {
+  kernels::BvhStack stack;
+  kernels::BvhWalk walk(scene, bvh, stack);
+  walk.begin(ray, kernels::kAllRays, false);
+  u64 steps = 1;
+  while (walk.step()) ++steps;
+  return steps;
+}
+
 }  // namespace heliograph::test

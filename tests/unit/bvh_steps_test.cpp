@@ -129,16 +129,6 @@ struct Balls {
   kernels::BvhView view{};
 };
 
-/// Steps of a walk, all of which look at a node or at items that were put off.
-u64 steps_of(const kernels::SceneView& scene, const kernels::BvhView& bvh, const Ray& ray) {
-  kernels::BvhStack stack;
-  kernels::BvhWalk walk(scene, bvh, stack);
-  walk.begin(ray, kernels::kAllRays, false);
-  u64 steps = 1;
-  while (walk.step()) ++steps;
-  return steps;
-}
-
 /// How many times as many steps rays take through the tree of the steps as through the host's.
 double relative_steps(const Balls& balls, float reach) {
   const BvhBox unit{vec3(-1), vec3(1)};

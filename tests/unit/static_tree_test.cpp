@@ -78,16 +78,6 @@ u32 differing(const resident::ResidentScene& a, const resident::ResidentScene& b
   return differ;
 }
 
-/// Steps of a walk, all of which look at a node or at items that were put off.
-u64 steps_of(const kernels::SceneView& scene, const kernels::BvhView& bvh, const Ray& ray) {
-  kernels::BvhStack stack;
-  kernels::BvhWalk walk(scene, bvh, stack);
-  walk.begin(ray, kernels::kAllRays, false);
-  u64 steps = 1;
-  while (walk.step()) ++steps;
-  return steps;
-}
-
 }  // namespace
 
 TEST_CASE("static tree: its members are those of Embree's group") {
