@@ -36,13 +36,6 @@ def test_nobody_listens(tmp_path):
         hg.connect(f"unix://{tmp_path}/none.sock")
 
 
-def test_what_is_not_built_says_when():
-    import heliograph.datasets as hd
-
-    with pytest.raises(NotImplementedError, match="Training data"):
-        hd.Compose()
-
-
 @pytest.mark.parametrize("address", [None, "unix:///run/heliograph.sock"])
 def test_tls_is_for_tcp(address):
     with pytest.raises(hg.InvalidArgument, match="host:port") as error:

@@ -1,0 +1,54 @@
+"""Labelled data sets: randomize a scene, render it, write it in a format that trainers read.
+
+`import heliograph.datasets as hd`; docs/datasets.md is its guide.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .coco import Coco
+    from .draw import Compose, Draw
+    from .generate import Summary, generate
+    from .writer import Dataset, Image, Picture, Records, Writer
+
+_HOMES = {
+    "Coco": "coco",
+    "Compose": "draw",
+    "Dataset": "writer",
+    "Draw": "draw",
+    "Image": "writer",
+    "Picture": "writer",
+    "Records": "writer",
+    "Summary": "generate",
+    "Writer": "writer",
+    "generate": "generate",
+}
+
+__all__ = [
+    "Coco",
+    "Compose",
+    "Dataset",
+    "Draw",
+    "Image",
+    "Picture",
+    "Records",
+    "Summary",
+    "Writer",
+    "generate",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'heliograph.datasets' has no attribute {name!r}")
+    import importlib
+
+    home = importlib.import_module(f"{__name__}.{_HOMES[name]}")
+    found = globals()[name] = getattr(home, name)
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOMES])

@@ -1,0 +1,160 @@
+"""Draw: what a randomizer gets, and Compose. Made by generate(), used by every randomizer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .._arrays import NdArray
+from ..errors import InvalidArgument
+from ..handles import Handle, Named, flatten
+from ..pose import matrices_of
+
+if TYPE_CHECKING:
+    from ..edit import Edits
+    from ..scene import Scene
+
+_DRAW, _RENDER = 0, 1  # first number of a key: what the numbers are for
+
+
+class Draw:
+    """One draw from the randomizers: an overlay under way, and the numbers to draw it from.
+
+    scene: for reading and queries; it stays as it is. edit: the overlay, an hg.Edits.
+    rng: a np.random.Generator of this randomizer and draw alone. index: of the draw, from 0: with
+    one camera the image's index. attempt: from 0, how many draws of this index were rejected.
+    cameras: handles; camera: the first one. seed: the data set's.
+    """
+
+    rng: np.random.Generator
+
+    def __init__(
+        self, base: BasePoses, cameras: Sequence[Handle], key: tuple[int, int, int], edit: Edits
+    ) -> None:
+        self.scene: Scene = base.scene
+        self.edit = edit
+        self.cameras = list(cameras)
+        self.seed, self.index, self.attempt = key
+        self.rng = self._rng(())
+        self._path: tuple[int, ...] = ()
+        self._base = base
+        self._placed: dict[Any, NdArray] = {}
+
+    @property
+    def camera(self) -> Handle:
+        return self.cameras[0]
+
+    def _rng(self, path: tuple[int, ...]) -> np.random.Generator:
+        key = (_DRAW, self.index, self.attempt, *path)
+        return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
+
+    @contextmanager
+    def within(self, position: int) -> Iterator[None]:
+        """While it lasts, rng is one of its own, keyed by (seed, index, attempt, position); of a
+        Compose within another by both positions."""
+        path, rng = self._path, self.rng
+        self._path = (*path, position)
+        self.rng = self._rng(self._path)
+        try:
+            yield
+        finally:
+            self._path, self.rng = path, rng
+
+    def pose(self, entity: Named) -> NdArray:
+        """(4, 4) float64 world_from_local as drawn so far: what place() set, else the scene's.
+
+        What other edits of the overlay did to it is not seen.
+        """
+        key = self._key(entity)
+        local, parent = self._base.of(key)
+        local = self._placed.get(key, local)
+        return local.copy() if not parent else self.pose(self._base.handle(parent)) @ local
+
+    def place(self, entities: Any, poses: Any) -> None:
+        """Sets world poses: (N, 4, 4), or a sequence of hg.Pose and 4x4, for as many entities."""
+        listed = flatten(entities, "entities")
+        matrices = np.asarray(matrices_of(poses, "poses"), dtype="f8")
+        if len(listed) != len(matrices):
+            raise InvalidArgument(
+                f"poses: {len(matrices)} for {len(listed)} entities; give as many", field="poses"
+            )
+        keys = [self._key(entity) for entity in listed]
+        self._base.learn(key for key in keys if isinstance(key, int))
+        locals_ = np.stack([self._local(k, m) for k, m in zip(keys, matrices)]) if keys else None
+        if locals_ is not None:
+            self._placed.update(zip(keys, locals_))
+            self.edit.set_transforms(listed, locals_)
+
+    def _local(self, key: Any, world: NdArray) -> NdArray:
+        _, parent = self._base.of(key)
+        if not parent:
+            return world
+        return np.asarray(np.linalg.inv(self.pose(self._base.handle(parent))) @ world)
+
+    def _key(self, entity: Named) -> Any:
+        """The id of an entity of the scene; of one that this draw made, its handle's."""
+        if isinstance(entity, str):
+            return self._base.scene[entity].id
+        made_here = isinstance(entity, Handle) and entity._edits is self.edit
+        return ("made", id(entity)) if made_here else entity.id
+
+
+class BasePoses:
+    """Poses of the scene that all draws start from, asked for once. Thread: one at a time."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self._known: dict[Any, tuple[NdArray, int]] = {}
+
+    def of(self, key: Any) -> tuple[NdArray, int]:
+        """((4, 4) parent_from_local, id of the parent or 0); of what a draw made, the identity."""
+        if not isinstance(key, int):
+            return np.eye(4), 0
+        self.learn([key])
+        return self._known[key]
+
+    def learn(self, keys: Any) -> None:
+        """Asks for those that are not known, in one call."""
+        unknown = [key for key in dict.fromkeys(keys) if key not in self._known]
+        if not unknown:
+            return
+        rows = self.scene.read([self.handle(key) for key in unknown], ["pose", "entity"])
+        for key, (pose, message) in zip(unknown, rows):
+            ref = message.entity.parent
+            parent = self.scene.resolve(ref.name) if ref.name else int(ref.id)
+            self._known[key] = np.asarray(pose, dtype="f8"), parent
+
+    def handle(self, key: int) -> Handle:
+        found: Handle = self.scene.handle(key)
+        return found
+
+
+class Compose:
+    """Runs randomizers in order, each with an rng of its own: what one of them draws does not
+    depend on how many numbers another one took. A randomizer is any callable (draw) -> None."""
+
+    def __init__(self, *randomizers: Callable[[Draw], Any]) -> None:
+        for position, randomizer in enumerate(randomizers):
+            if not callable(randomizer):
+                raise InvalidArgument(
+                    f"randomizers[{position}]: {randomizer!r} is no callable (draw) -> None",
+                    field=f"randomizers[{position}]",
+                )
+        self.randomizers = randomizers
+
+    def __call__(self, draw: Draw) -> None:
+        for position, randomizer in enumerate(self.randomizers):
+            with draw.within(position):
+                randomizer(draw)
+
+    def __repr__(self) -> str:
+        return f"Compose({', '.join(map(repr, self.randomizers))})"
+
+
+def render_seed(seed: int, draw: int) -> int:
+    """The seed of the pictures of a draw, 64 bits. Cameras share it, as they share the scene."""
+    sequence = np.random.SeedSequence(seed, spawn_key=(_RENDER, draw))
+    return int(sequence.generate_state(1, np.uint64)[0])

@@ -1,0 +1,142 @@
+"""What a data set keeps about itself in DIR/.heliograph. Used by generate() and commands."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import hashlib
+import json
+import os
+import shutil
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import FailedPrecondition, NotFound
+
+if TYPE_CHECKING:
+    from ..scene import Scene
+
+NAME = ".heliograph"
+FORMAT = "heliograph.dataset.v1"
+
+
+class Folder:
+    """DIR and its DIR/.heliograph: dataset.json, scene.helio, records/000123.json (what the writer
+    returned, with what is needed to check a picture), manifests/000123.json. Thread: any.
+
+    Each file appears whole or not at all. The record comes last: with it the image is done.
+    """
+
+    def __init__(self, root: str | os.PathLike[str]) -> None:
+        self.root = Path(root)
+        self.own = self.root / NAME
+        self.scene_path = self.own / "scene.helio"
+
+    @contextlib.contextmanager
+    def file(self, name: str | Path) -> Iterator[Path]:
+        """A path to write to, which becomes DIR/name when the block ends without an exception."""
+        final = self.root / name
+        partial = self.own / "partial"
+        partial.mkdir(parents=True, exist_ok=True)
+        path = partial / f"{os.getpid()}-{threading.get_ident()}-{final.name}"
+        try:
+            yield path
+            final.parent.mkdir(parents=True, exist_ok=True)
+            os.replace(path, final)
+        finally:
+            path.unlink(missing_ok=True)
+
+    def put(self, name: str | Path, data: bytes | str) -> None:
+        """Writes DIR/name."""
+        with self.file(name) as path:
+            path.write_bytes(data.encode() if isinstance(data, str) else data)
+
+    # ------------------------------------------------------------ images
+
+    def _record(self, index: int) -> Path:
+        return self.own / "records" / f"{name_of(index)}.json"
+
+    def has(self, index: int) -> bool:
+        return self._record(index).exists()
+
+    def keep(self, index: int, record: dict[str, Any], manifest: str) -> None:
+        """Notes that an image is done."""
+        self.put(f"{NAME}/manifests/{name_of(index)}.json", manifest)
+        text = json.dumps(record, separators=(",", ":"), allow_nan=False)
+        self.put(self._record(index).relative_to(self.root), text)
+
+    def record(self, index: int) -> dict[str, Any]:
+        """What keep() got; NotFound."""
+        return _json(self._record(index))
+
+    def manifest(self, index: int) -> str:
+        """What keep() got; NotFound."""
+        return _text(self.own / "manifests" / f"{name_of(index)}.json")
+
+    # ------------------------------------------------------------ the data set
+
+    @property
+    def description(self) -> dict[str, Any]:
+        """dataset.json; NotFound where there is none."""
+        return _json(self.own / "dataset.json")
+
+    def open(self, description: dict[str, Any], scene: Scene, resume: bool) -> None:
+        """Begins a data set, or goes on with one if it is the same."""
+        self.own.mkdir(parents=True, exist_ok=True)
+        with self.file(self.scene_path.relative_to(self.root)) as path:
+            scene.save(path)
+            digest = hashlib.sha256(path.read_bytes()).hexdigest()
+            description = {"format": FORMAT, **description, "scene_sha256": digest}
+            if not resume:
+                self._forget()
+            elif (self.own / "dataset.json").exists():
+                self._check(description)
+        text = json.dumps(description, indent=1, default=_plain) + "\n"
+        self.put(f"{NAME}/dataset.json", text)
+
+    def _forget(self) -> None:
+        for name in ("records", "manifests"):
+            shutil.rmtree(self.own / name, ignore_errors=True)
+
+    def _check(self, description: dict[str, Any]) -> None:
+        """More or fewer images of the same data set are the same data set."""
+        old = self.description
+        new = json.loads(json.dumps(description, default=_plain))
+        differs = [
+            key
+            for key in sorted({*old, *new} - {"count", "version", "numpy"})
+            if old.get(key) != new.get(key)
+        ]
+        if differs:
+            raise FailedPrecondition(
+                f"{self.root} is a data set with another {', '.join(differs)}: write to another "
+                "directory, or render all of it again with resume=False"
+            )
+
+
+def name_of(index: int) -> str:
+    """ "000123": what the files of an image are called."""
+    return f"{index:06d}"
+
+
+def _plain(value: Any) -> Any:
+    """What JSON has no word for."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return dataclasses.asdict(value)
+    return repr(value)
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text()
+    except FileNotFoundError:
+        raise NotFound(
+            f"{path} is not there: no finished image of a data set that generate() made"
+        ) from None
+
+
+def _json(path: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(_text(path))
+    return found

@@ -1,0 +1,371 @@
+"""generate(): draws, renders and writes images, several at a time.
+
+A worker takes a draw from its overlay to its files; as many workers as jobs under way keep the
+daemon busy while pictures are encoded.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass, field
+from itertools import groupby, islice
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .. import __version__
+from .._progress import Progress, is_watched
+from ..components import whole_of
+from ..errors import FailedPrecondition, HeliographError, InvalidArgument, ResourceExhausted
+from ..handles import Handle, flatten
+from .draw import BasePoses, Draw, render_seed
+from .splits import Splits
+from .writer import Dataset, Image, Records, Writer
+
+if TYPE_CHECKING:
+    from ..frame import Frame
+    from ..scene import Scene
+
+_OWN = ("planes", "overlay", "revision", "progress", "on_pass", "on_start", "timeout", "half")
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What generate() did. images: made by this call; skipped: were there; rejected: draws that
+    `accept` refused; seconds; complete: whether all images of the data set are there."""
+
+    images: int
+    skipped: int
+    rejected: int
+    seconds: float
+    complete: bool
+
+
+def generate(
+    scene: Scene,
+    cameras: Any,
+    randomizer: Callable[[Draw], Any],
+    *,
+    count: int,
+    writer: Writer | Sequence[Writer],
+    spp: int = 64,
+    seed: int = 0,
+    indices: Iterable[int] | None = None,
+    accept: Callable[[Any], Any] | None = None,
+    attempts: int = 100,
+    labels: Any = None,
+    splits: Mapping[str, float] | None = None,
+    credits: int = 4,
+    progress: bool | Callable[[Progress], Any] | None = None,
+    resume: bool = True,
+    **options: Any,
+) -> Summary:
+    """Makes a data set of `count` images.
+
+    cameras: one or several; image i is of draw i // C seen by camera i % C. randomizer: called with
+    a Draw for each draw, and again for each attempt; it writes into draw.edit, an overlay, and
+    draws from draw.rng alone, so that every image is a pure function of (seed, i). writer: one or
+    several, each with a directory of its own.
+    indices: make these only, a shard; the one that makes the last missing image finishes the data
+    set. resume: images that are there are not made again; False: all are.
+    accept: gets the label columns of a draw, which are made before anything is shaded, once a
+    camera; when it says no the draw is rejected and drawn anew, up to `attempts` times. labels: the
+    columns that accept sees, and the frames too; by default all but masks for accept alone.
+    splits: {"train": 0.8, "val": 0.2}: shares, of draws. credits: how many draws are under way.
+    progress: None shows a bar where one is watched; a callable gets hg.Progress of images.
+    options: those of Scene.render: size, max_depth, ...
+
+    The scene is not to be edited meanwhile. Raises what the randomizer, the daemon or a writer
+    raises, with the image's number in front; images that are done stay.
+    """
+    refused = sorted(set(options) & set(_OWN))
+    if refused:
+        raise InvalidArgument(
+            f"{refused[0]}: generate() sets it; writers say which planes they need",
+            field=refused[0],
+        )
+    listed = [scene.handle(c) if isinstance(c, str) else c for c in flatten(cameras, "cameras")]
+    dataset = Dataset(
+        scene,
+        listed,
+        whole_of(count, "count", 1),
+        whole_of(seed, "seed", 0, 2**64 - 1),
+        Splits(splits).names,
+        scene.categories,
+    )
+    plan = _Plan(
+        randomizer,
+        accept,
+        whole_of(attempts, "attempts", 1),
+        labels,
+        {**options, "spp": whole_of(spp, "spp", 1)},
+        Splits(splits),
+    )
+    run = _Run(dataset, plan, [writer] if isinstance(writer, Writer) else list(writer))
+    run.begin(resume)
+    return run.all(indices, whole_of(credits, "credits", 1), _Bar(progress))
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """The arguments of generate() that say how an image is made."""
+
+    randomizer: Callable[[Draw], Any]
+    accept: Callable[[Any], Any] | None
+    attempts: int
+    labels: Any
+    options: dict[str, Any]
+    splits: Splits
+
+
+@dataclass
+class _Run:
+    """One call of generate()."""
+
+    dataset: Dataset
+    plan: _Plan
+    writers: list[Writer]
+    rejected: int = 0
+    _cancels: set[Callable[[], None]] = field(default_factory=set)
+    _stopped: bool = False
+
+    def __post_init__(self) -> None:
+        scene = self.dataset.scene
+        self.revision = scene.revision
+        self.base = BasePoses(scene)
+        self._drawing = threading.Lock()  # randomizers and `accept` are called one at a time
+        planes = [plane for writer in self.writers for plane in writer.planes]
+        self.planes = list(dict.fromkeys(planes))
+        self.labels = merged(
+            [writer.labels for writer in self.writers] + [self.plan.labels or False]
+        )
+
+    # ------------------------------------------------------------ the data set
+
+    def begin(self, resume: bool) -> None:
+        roots = [writer.directory.resolve() for writer in self.writers]
+        if not roots or len(set(roots)) < len(roots):
+            raise InvalidArgument(
+                "writer: needs at least one, each with a directory of its own", field="writer"
+            )
+        for writer in self.writers:
+            writer.folder.open(self._description(writer), self.dataset.scene, resume)
+            writer.begin(self.dataset)
+
+    def _description(self, writer: Writer) -> dict[str, Any]:
+        return {
+            "version": __version__,
+            "numpy": np.__version__,
+            "count": self.dataset.count,
+            "seed": self.dataset.seed,
+            "cameras": [camera.name or camera.id for camera in self.dataset.cameras],
+            "categories": {str(k): v for k, v in self.dataset.categories.items()},
+            "splits": self.plan.splits.shares,
+            "accept": self.plan.accept is not None,
+            "options": self.plan.options,
+            "writer": writer.settings,
+        }
+
+    def all(self, indices: Iterable[int] | None, credits: int, bar: _Bar) -> Summary:
+        start = time.monotonic()
+        wanted = self._checked(indices)
+        skipped = _Count()
+        draws = self._draws(wanted, skipped)
+        made = 0
+        with bar, ThreadPoolExecutor(credits, "heliograph-generate") as pool:
+            running: set[Future[int]] = set()
+            try:
+                while True:
+                    for draw, images in islice(draws, credits - len(running)):
+                        running.add(pool.submit(self._make, draw, images))
+                    bar.show(made, skipped.value, len(wanted))
+                    if not running:
+                        break
+                    done, running = wait(running, return_when=FIRST_COMPLETED)
+                    made += sum(future.result() for future in done)
+            except BaseException:
+                self._stop()
+                raise
+        complete = self._finish()
+        return Summary(made, skipped.value, self.rejected, time.monotonic() - start, complete)
+
+    def _checked(self, indices: Iterable[int] | None) -> Sequence[int]:
+        count = self.dataset.count
+        if indices is None:
+            return range(count)
+        listed = indices if isinstance(indices, range) else [int(i) for i in indices]
+        if listed and (min(listed) < 0 or max(listed) >= count):
+            raise InvalidArgument(f"indices: are within [0, {count})", field="indices")
+        return listed
+
+    def _draws(self, wanted: Sequence[int], skipped: _Count) -> Iterator[tuple[int, list[int]]]:
+        """(draw, its images that are not there)."""
+        cameras = len(self.dataset.cameras)
+        for draw, images in groupby(wanted, lambda i: i // cameras):
+            missing = []
+            for index in images:
+                if all(writer.folder.has(index) for writer in self.writers):
+                    skipped.value += 1
+                else:
+                    missing.append(index)
+            if missing:
+                yield draw, missing
+
+    def _finish(self) -> bool:
+        count = self.dataset.count
+        for writer in self.writers:
+            if not all(writer.folder.has(index) for index in range(count)):
+                return False
+        for writer in self.writers:
+            writer.finish(Records(writer.folder, count))
+        return True
+
+    def _stop(self) -> None:
+        self._stopped = True
+        for cancel in list(self._cancels):
+            cancel()
+
+    # ------------------------------------------------------------ one draw
+
+    def _make(self, draw: int, images: list[int]) -> int:
+        """Draws, renders and writes some images of a draw; how many. In a worker."""
+        try:
+            attempt, edit = self._accepted(draw)
+            cameras = [self.dataset.cameras[i % len(self.dataset.cameras)] for i in images]
+            frames = self._render(
+                cameras,
+                overlay=edit,
+                planes=self.planes,
+                labels=self.labels,
+                seed=render_seed(self.dataset.seed, draw),
+                **self.plan.options,
+            )
+            for index, frame in zip(images, frames):
+                self._write(
+                    Image(index, frame, self.plan.splits.of(self.dataset.seed, draw)), attempt
+                )
+        except HeliographError as error:
+            error.args = (f"image {images[0]}: {error}", *error.args[1:])
+            raise
+        return len(images)
+
+    def _accepted(self, draw: int) -> tuple[int, Any]:
+        """(attempt, overlay) of the first draw that is accepted."""
+        for attempt in range(self.plan.attempts):
+            edit = self.dataset.scene.overlay()
+            with self._drawing, edit:
+                key = (self.dataset.seed, draw, attempt)
+                self.plan.randomizer(Draw(self.base, self.dataset.cameras, key, edit))
+            if self.plan.accept is None or self._is_accepted(edit):
+                return attempt, edit
+            with self._drawing:
+                self.rejected += 1
+        raise ResourceExhausted(
+            f"accept: none of {self.plan.attempts} attempts was accepted; ask for less, or raise "
+            "attempts=",
+            field="attempts",
+            needed=self.plan.attempts + 1,
+            available=self.plan.attempts,
+        )
+
+    def _is_accepted(self, edit: Any) -> bool:
+        assert self.plan.accept is not None
+        wanted = True if self.plan.labels is None else self.plan.labels
+        options = {k: v for k, v in self.plan.options.items() if k != "spp"}
+        frames = self._render(
+            self.dataset.cameras, overlay=edit, planes=[], labels=wanted, **options
+        )
+        with self._drawing:
+            return all(bool(self.plan.accept(frame.labels)) for frame in frames)
+
+    def _render(self, cameras: Sequence[Handle], **options: Any) -> list[Frame]:
+        """Frames of the scene as it was at the beginning; cancelled by _stop()."""
+        mine: list[Callable[[], None]] = []
+
+        def started(cancel: Callable[[], None]) -> None:
+            mine.append(cancel)
+            self._cancels.add(cancel)
+            if self._stopped:
+                cancel()
+
+        try:
+            frames: list[Frame] = self.dataset.scene.render(
+                cameras, revision=self.revision, progress=False, on_start=started, **options
+            )
+            return frames
+        finally:
+            self._cancels.difference_update(mine)
+
+    def _write(self, image: Image, attempt: int) -> None:
+        unknown = dict(image.frame.categories.items() - self.dataset.categories.items())
+        if unknown:
+            raise FailedPrecondition(
+                f"category: {', '.join(unknown.values())} is registered by the randomizer alone, "
+                "so that its id would depend on the draw; register it before generate() with "
+                "edit.categories(...)",
+                field="category",
+            )
+        for writer in self.writers:
+            if writer.folder.has(image.index):
+                continue
+            record = {
+                "record": writer.write(image),
+                "split": image.split,
+                "attempt": attempt,
+                "sha256": image.frame.sha256.hex(),
+            }
+            writer.folder.keep(image.index, record, image.frame.manifest)
+
+
+class _Count:
+    value = 0
+
+
+def merged(requests: Iterable[Any]) -> dict[str, Any]:
+    """One label request that has all of several: each True, False, a mapping or names."""
+    out: dict[str, Any] = {}
+    for request in requests:
+        if request is True:
+            request = ("boxes", "amodal", "keypoints")
+        if not isinstance(request, Mapping):
+            request = dict.fromkeys(request or (), True)
+        for name, value in request.items():
+            if out.setdefault(name, value) != value:
+                raise InvalidArgument(
+                    f"labels: one asks for {name} of {out[name]}, another of {value}; write them "
+                    "in two calls",
+                    field=f"labels.{name}",
+                )
+    return out
+
+
+class _Bar:
+    """Progress over the images."""
+
+    def __init__(self, mode: bool | Callable[[Progress], Any] | None) -> None:
+        self._callback = mode if callable(mode) else None
+        self._wanted = mode is True or (mode is None and is_watched())
+        self._start = time.monotonic()
+        self._bar: Any = None
+
+    def __enter__(self) -> _Bar:
+        return self
+
+    def show(self, made: int, skipped: int, total: int) -> None:
+        if self._callback is not None:
+            passed = time.monotonic() - self._start
+            left = (total - made - skipped) * passed / made if made else float("nan")
+            self._callback(Progress(made + skipped, total, float("nan"), left, float("nan")))
+        elif self._wanted:
+            if self._bar is None:
+                from tqdm.auto import tqdm
+
+                self._bar = tqdm(total=total, desc="generate", unit="image", initial=skipped)
+            self._bar.update(made + skipped - self._bar.n)
+
+    def __exit__(self, *_: Any) -> None:
+        if self._bar is not None:
+            self._bar.close()

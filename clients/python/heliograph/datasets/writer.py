@@ -1,0 +1,179 @@
+"""Writer: what puts images into files; and what it gets. The base of every format."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import InvalidArgument
+from .folder import Folder, name_of
+
+if TYPE_CHECKING:
+    from ..frame import Frame
+    from ..handles import Handle
+    from ..scene import Scene
+
+
+@dataclass(frozen=True)
+class Image:
+    """What Writer.write gets. index: in the data set; frame: its hg.Frame with planes and labels;
+    split: "train", "val", ..., or ""."""
+
+    index: int
+    frame: Frame
+    split: str = ""
+
+    @property
+    def name(self) -> str:
+        """ "000123": what its files are called."""
+        return name_of(self.index)
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """What Writer.begin gets. scene: as it is without randomizers; cameras: handles; count: of
+    images; seed; splits: their names, () without any; categories: class id to name."""
+
+    scene: Scene
+    cameras: Sequence[Handle]
+    count: int
+    seed: int
+    splits: tuple[str, ...] = ()
+    categories: Mapping[int, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Picture:
+    """How the 8-bit sRGB picture of an image is made.
+
+    format: "png" or "jpg". exposure: stops, or "auto", for each picture its own. view: "standard",
+    "filmic" or "agx". plane: "beauty", "denoised" or "sensor_rgb". quality: of "jpg", 1 to 95.
+    """
+
+    format: str = "png"
+    exposure: float | str = "auto"
+    view: str = "standard"
+    plane: str = "beauty"
+    quality: int = 90
+
+    def __post_init__(self) -> None:
+        if self.format not in ("png", "jpg"):
+            raise InvalidArgument(
+                f'picture: format is "png" or "jpg", not {self.format!r}', field="picture"
+            )
+
+    @property
+    def planes(self) -> tuple[str, ...]:
+        """What has to be rendered for it."""
+        return tuple(dict.fromkeys((self.plane, "beauty")))
+
+    def encode(self, frame: Frame) -> bytes:
+        """The file's bytes."""
+        return encode(
+            frame.picture(self.plane, exposure=self.exposure, view=self.view),
+            self.format,
+            self.quality,
+        )
+
+
+def encode(pixels: Any, format: str = "png", quality: int = 90) -> bytes:
+    """A PNG or JPEG of (H, W) or (H, W, 3) uint8, or a PNG of (H, W) uint16."""
+    from PIL import Image as Pillow
+
+    out = io.BytesIO()
+    if format == "jpg":
+        Pillow.fromarray(pixels).save(out, "JPEG", quality=quality, subsampling=0)
+    else:
+        Pillow.fromarray(pixels).save(out, "PNG", compress_level=3)
+    return out.getvalue()
+
+
+class Records:
+    """(index, record) of every image in order, as often as asked for, read from files one by one;
+    so it is as small as one record however many images there are."""
+
+    def __init__(self, folder: Folder, count: int, split: str | None = None) -> None:
+        self._folder, self._count, self._split = folder, count, split
+
+    def __iter__(self) -> Iterator[tuple[int, Any]]:
+        for index in range(self._count):
+            kept = self._folder.record(index)
+            if self._split is None or kept["split"] == self._split:
+                yield index, kept["record"]
+
+    def of_split(self, split: str) -> Records:
+        """Those of one split alone."""
+        return Records(self._folder, self._count, split)
+
+
+class Writer(ABC):
+    """Puts images into files below a directory. Derive from it: docs/datasets.md, "A writer".
+
+    planes, labels: what it needs rendered, as of Scene.render; a class or an instance may set them.
+    Public attributes say which data set this is: one that has others is refused on resuming.
+    """
+
+    planes: tuple[str, ...] = ("beauty",)
+    labels: Mapping[str, Any] | Sequence[str] | bool = False
+
+    def __init__(
+        self, directory: str | os.PathLike[str], *, picture: Picture | str | None = None
+    ) -> None:
+        """picture: a Picture, or "png" or "jpg" for one that is as usual."""
+        self._folder = Folder(directory)
+        self.picture = Picture(picture) if isinstance(picture, str) else picture or Picture()
+
+    @property
+    def directory(self) -> Path:
+        return self._folder.root
+
+    @property
+    def folder(self) -> Folder:
+        """What it keeps in DIR/.heliograph."""
+        return self._folder
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The public attributes, for dataset.json."""
+        own = {name: value for name, value in vars(self).items() if not name.startswith("_")}
+        return {"format": type(self).__name__, **own}
+
+    def begin(self, dataset: Dataset) -> None:
+        """Called before the first image. It may read the scene back."""
+        self._dataset = dataset
+
+    @property
+    def dataset(self) -> Dataset:
+        """What begin() got."""
+        return self._dataset
+
+    @abstractmethod
+    def write(self, image: Image) -> Any:
+        """Writes the files of one image with put() and file(); a record for finish(), of what JSON
+        has. Called by several threads at once, for different images in any order."""
+
+    def finish(self, records: Records) -> None:  # noqa: B027, not every format has such files
+        """Called when all images are there, by whoever made the last one, perhaps again: writes
+        what is of the whole data set, from the records alone."""
+
+    def put(self, name: str | Path, data: bytes | str) -> None:
+        """Writes DIR/name: whole or not at all."""
+        self._folder.put(name, data)
+
+    def file(self, name: str | Path) -> contextlib.AbstractContextManager[Path]:
+        """`with self.file("a.exr") as path:` the same for what is written by others to a path."""
+        return self._folder.file(name)
+
+    def put_picture(self, image: Image, below: str = "images") -> str:
+        """Writes the picture as below/000123.png, or below/SPLIT/000123.png; its name in DIR."""
+        name = "/".join(
+            part for part in (below, image.split, f"{image.name}.{self.picture.format}") if part
+        )
+        self.put(name, self.picture.encode(image.frame))
+        return name

@@ -1,0 +1,247 @@
+"""generate(), draws, resuming, shards and COCO instances against a real daemon."""
+
+import json
+
+import heliograph as hg
+import heliograph.datasets as hd
+import numpy as np
+import pytest
+from PIL import Image
+from pycocotools import mask as oracle
+from pycocotools.coco import COCO
+
+BALLS, SIZE = 3, (80, 60)
+
+
+def furnished(scene):
+    with scene.edit() as edit:
+        edit.sample_studio()
+        mesh = edit.mesh("mesh", **hg.shapes.sphere(0.2))
+        edit.categories("cube", "ball")
+        poses = [hg.Pose((0.4 * i - 0.4, 0, 0.2)) for i in range(BALLS)]
+        balls = edit.instances("ball", mesh=mesh, transforms=poses, category="ball")
+        lens = hg.Camera.from_fov(50, *SIZE, degrees=True)
+        cam = edit.entity("cam", camera=lens, transform=hg.look_at((0, -2, 1), (0, 0, 0.2)))
+        edit.entity("side", camera=lens, transform=hg.look_at((2, 0, 1), (0, 0, 0.2)))
+    return balls, cam
+
+
+@pytest.fixture(scope="module")
+def stage(client):
+    """(scene, balls, camera)"""
+    with client.create_scene() as scene:
+        yield scene, *furnished(scene)
+
+
+def scatter(balls):
+    def randomize(draw):
+        poses = [hg.Pose((*draw.rng.uniform(-0.6, 0.6, 2), 0.2)) for _ in balls]
+        draw.place(balls, poses)
+
+    return randomize
+
+
+def spin(draw):
+    draw.edit.dome(rotation=draw.rng.uniform(0, 6))
+
+
+def make(stage, out, count=3, **options):
+    scene, balls, cam = stage
+    rand = hd.Compose(scatter(balls), spin)
+    writer = options.pop("writer", None) or hd.Coco(out)
+    cameras = options.pop("cameras", cam)
+    return hd.generate(scene, cameras, rand, count=count, writer=writer, **{"spp": 2, **options})
+
+
+def files(root, but=()):
+    """Name to bytes of all that a data set has."""
+    return {
+        str(path.relative_to(root)): path.read_bytes()
+        for path in sorted(root.rglob("*"))
+        if path.is_file() and path.name not in but
+    }
+
+
+def test_coco_instances_are_what_pycocotools_reads(stage, tmp_path):
+    scene, balls, cam = stage
+    frames = {}
+
+    class Kept(hd.Coco):
+        def write(self, image):
+            frames[image.index] = image.frame
+            return super().write(image)
+
+    done = make(stage, tmp_path, writer=Kept(tmp_path))
+    assert (done.images, done.skipped, done.complete) == (3, 0, True)
+    coco = COCO(tmp_path / "annotations/instances.json")
+    assert coco.getImgIds() == [0, 1, 2]
+    assert sorted(coco.anns) == list(range(1, len(coco.anns) + 1))
+    assert [c["name"] for c in coco.loadCats(coco.getCatIds())] == ["cube", "ball"]
+    seen = 0
+    for index, frame in frames.items():
+        entry = coco.loadImgs(index)[0]
+        picture = np.asarray(Image.open(tmp_path / "images" / entry["file_name"]))
+        np.testing.assert_array_equal(picture, frame.image(exposure="auto"))
+        for ann in coco.loadAnns(coco.getAnnIds(index)):
+            mask = frame["instance"] == ann["instance"]
+            np.testing.assert_array_equal(coco.annToMask(ann), mask)
+            assert ann["area"] == oracle.area(ann["segmentation"]) == mask.sum()
+            assert ann["bbox"] == oracle.toBbox(ann["segmentation"]).tolist()
+            assert ann["category_id"] == 2
+            seen += 1
+        visible = frame.labels["visible"] > 0
+        assert len(coco.getAnnIds(index)) == visible.sum()
+    assert seen >= 5
+    poses = [frame.labels["world_from_object"] for frame in frames.values()]
+    assert not np.allclose(poses[0], poses[1])
+
+
+def test_the_same_seed_gives_the_same_bytes_in_shards_too(stage, tmp_path):
+    make(stage, tmp_path / "a", seed=7)
+    shard = make(stage, tmp_path / "b", seed=7, indices=[2])
+    assert not shard.complete
+    assert not (tmp_path / "b/annotations").exists()
+    rest = make(stage, tmp_path / "b", seed=7, indices=range(2), credits=1)
+    assert (rest.images, rest.complete) == (2, True)
+    whole = files(tmp_path / "a")
+    assert whole == files(tmp_path / "b")
+    make(stage, tmp_path / "c", seed=8)
+    assert whole["images/000000.png"] != files(tmp_path / "c")["images/000000.png"]
+
+
+def test_resuming_makes_what_is_missing_alone(stage, tmp_path):
+    make(stage, tmp_path)
+    whole = files(tmp_path)
+    (tmp_path / ".heliograph/records/000001.json").unlink()
+    (tmp_path / "images/000001.png").unlink()
+    again = make(stage, tmp_path)
+    assert (again.images, again.skipped) == (1, 2)
+    assert files(tmp_path) == whole
+    more = make(stage, tmp_path, count=4)
+    assert (more.images, more.skipped) == (1, 3)
+    with pytest.raises(hg.FailedPrecondition, match="another options, seed"):
+        make(stage, tmp_path, seed=1, spp=3)
+    assert make(stage, tmp_path, seed=1, resume=False).images == 3
+
+
+def test_cameras_of_a_draw_see_the_same_and_share_a_split(stage, tmp_path):
+    shares = {"train": 0.6, "val": 0.4}
+    make(stage, tmp_path, count=10, cameras=["cam", "side"], splits=shares, spp=1)
+    split = {}
+    for name in shares:
+        coco = COCO(tmp_path / f"annotations/instances_{name}.json")
+        for entry in coco.loadImgs(coco.getImgIds()):
+            split[entry["id"]] = name
+            assert (tmp_path / "images" / name / entry["file_name"]).exists()
+    assert sorted(split) == list(range(10))
+    assert list(split.values()).count("val") == 4
+    assert all(split[i] == split[i + 1] for i in range(0, 10, 2))
+
+
+def test_labels_are_accepted_before_anything_is_shaded(stage, tmp_path):
+    asked = []
+
+    def accept(labels):
+        asked.append(labels["visibility"].min())
+        return asked[-1] > 0.9
+
+    done = make(stage, tmp_path / "a", accept=accept)
+    assert done.rejected == len(asked) - 3 > 0
+    records = [
+        json.loads(path.read_text())
+        for path in sorted((tmp_path / "a/.heliograph/records").iterdir())
+    ]
+    assert sum(record["attempt"] for record in records) == done.rejected
+    make(stage, tmp_path / "b", accept=accept, credits=1)
+    assert files(tmp_path / "a") == files(tmp_path / "b")
+    with pytest.raises(hg.ResourceExhausted, match="image 0: accept: none of 2 attempts"):
+        make(stage, tmp_path / "c", accept=lambda labels: False, attempts=2)
+
+
+class Poses(hd.Writer):
+    """The shortest writer: keeps where each instance was."""
+
+    planes, labels = (), ("boxes",)
+
+    def write(self, image):
+        labels = image.frame.labels
+        rows = zip(labels["name"], labels["world_from_object"], strict=True)
+        return {name: pose[:3, 3].tolist() for name, pose in rows}
+
+    def finish(self, records):
+        self.put("poses.json", json.dumps(dict(records)))
+
+
+def test_poses_of_a_draw_are_those_of_the_frame(client, tmp_path):
+    seen = []
+
+    def randomize(draw):
+        def at(entity):
+            return draw.pose(entity)[:3, 3].round(5).tolist()
+
+        seen.append(at("child"))
+        draw.place("ball/1", [hg.Pose((5, 0, 0), euler=(np.pi, 0, 0))])
+        seen.append(at("child"))
+        draw.place(["child"], [hg.Pose((1, 2, 3))])
+        seen.append(at("child"))
+        made = draw.edit.entity("new", mesh="mesh")
+        draw.place(made, [hg.Pose((0, 0, 7))])
+        seen.extend([at(made), at("ball/0")])
+
+    with client.create_scene() as scene:
+        furnished(scene)
+        with scene.edit() as edit:
+            edit.entity(
+                "child", parent="ball/1", mesh="mesh", transform=hg.Pose((0, 0, 1)), label="auto"
+            )
+        hd.generate(scene, "cam", randomize, count=1, writer=Poses(tmp_path))
+    expected = [[0, 0, 1.2], [5, 0, -1], [1, 2, 3], [0, 0, 7], [-0.4, 0, 0.2]]
+    np.testing.assert_allclose(seen, expected, atol=1e-5)
+    found = json.loads((tmp_path / "poses.json").read_text())["0"]
+    np.testing.assert_allclose(found["child"], [1, 2, 3], atol=1e-5)
+    np.testing.assert_allclose(found["new"], [0, 0, 7], atol=1e-5)
+
+
+def test_each_randomizer_has_numbers_of_its_own(stage, tmp_path):
+    scene, _, cam = stage
+    drawn = []
+
+    def take(n):
+        return lambda draw: drawn.append(draw.rng.random(n)[-1])
+
+    for first in (1, 5):
+        rand = hd.Compose(take(first), hd.Compose(take(1), take(1)))
+        hd.generate(scene, cam, rand, count=1, writer=Poses(tmp_path / str(first)))
+    assert drawn[0] != drawn[3]
+    assert drawn[1:3] == drawn[4:]
+    assert len(set(drawn)) == 4
+
+
+def test_a_class_of_the_randomizer_alone_is_refused(stage, tmp_path):
+    scene, _, cam = stage
+    with pytest.raises(hg.FailedPrecondition, match="image 0: category: fish is registered"):
+        hd.generate(
+            scene,
+            cam,
+            lambda draw: draw.edit.entity("fish", mesh="mesh", category="fish"),
+            count=1,
+            writer=Poses(tmp_path),
+        )
+
+
+@pytest.mark.parametrize(
+    ("options", "field"),
+    [
+        ({"count": 0}, "count"),
+        ({"indices": [3]}, "indices"),
+        ({"planes": ["depth"]}, "planes"),
+        ({"splits": {"train": 0.5}}, "splits"),
+        ({"splits": {"../x": 1.0}}, "splits"),
+        ({"credits": 0}, "credits"),
+        ({"attempts": 0}, "attempts"),
+    ],
+)
+def test_bad_arguments_are_refused_by_name(stage, tmp_path, options, field):
+    with pytest.raises(hg.InvalidArgument) as error:
+        make(stage, tmp_path, **options)
+    assert error.value.field == field
