@@ -4,10 +4,10 @@ tree's programs show here, to the bit. It is made without the Python client, whi
 import os
 import pathlib
 import re
-import shutil
 import subprocess
 import time
 
+import bare
 import heliograph as hg
 import pytest
 
@@ -15,7 +15,6 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 DAEMON = pathlib.Path(os.environ.get("HELIOGRAPHD", ROOT / "build/cpu/bin/heliographd"))
 ASSETS = ROOT / "tests/assets"
 PICTURES = "gradient.hdr", "gradient.jpg", "gradient16.png", "gradient_float.tif", "t08.exr"
-ENTER = 'mount --rbind /proc "$0/proc" && exec chroot "$0" "$@"'
 PROGRAM = "/opt/heliograph/bin/heliographd"
 
 
@@ -28,11 +27,7 @@ def bundle(archive, *flags):
 def root(tmp_path_factory):
     """A root with the libraries of libc6 and a bundle in /opt/heliograph."""
     root = tmp_path_factory.mktemp("root")
-    listed = subprocess.run(["dpkg", "-L", "libc6"], capture_output=True, text=True, check=True)
-    for path in re.findall(r"^(?:/usr)?(/lib(?:64|/[^/]+)/[^/]+\.so\S*)$", listed.stdout, re.M):
-        (root / path[1:]).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(path, root / path[1:])
-    (root / "proc").mkdir()
+    bare.make_root(root)
     (root / "opt/heliograph").mkdir(parents=True)
     archive = tmp_path_factory.mktemp("archive") / "bundle.tar"
     done = bundle(archive, "--glibc", os.confstr("CS_GNU_LIBC_VERSION").split()[1])
@@ -45,15 +40,7 @@ def root(tmp_path_factory):
 @pytest.fixture(scope="module")
 def enter(root):
     """The command that runs a program of the root in it."""
-    said = ""
-    for user in ([], ["--map-root-user"]):
-        command = ["unshare", *user, "--mount", "sh", "-c", ENTER, root]
-        done = subprocess.run([*command, "/lib64/ld-linux-x86-64.so.2", "--version"],
-                              capture_output=True, text=True)
-        if done.returncode == 0:
-            return command
-        said += done.stderr
-    pytest.skip(f"no root of one's own can be entered here: {said}")
+    return bare.enter(root)
 
 
 def pixels(client):
@@ -76,7 +63,6 @@ def pixels(client):
 
 
 def test_it_renders_in_a_bare_root(root, enter):
-    (root / "run").mkdir()
     socket = ["--socket", "/run/heliograph.sock"]
     daemon = subprocess.Popen([*enter, PROGRAM, *socket], stderr=subprocess.PIPE, text=True)
     probe = [*enter, PROGRAM, *socket, "--probe", "ready"]

@@ -33,7 +33,8 @@ _LOG_LINES = 20
 
 
 def find_program() -> str:
-    """Path of heliographd: $HELIOGRAPHD, beside the package, the source tree's build, PATH."""
+    """Path of heliographd: $HELIOGRAPHD, beside the package, the source tree's build, the package
+    heliograph-server, PATH."""
     named = os.environ.get("HELIOGRAPHD")
     if named:
         if os.access(named, os.X_OK):
@@ -46,18 +47,23 @@ def find_program() -> str:
     if on_path:
         return on_path
     raise Unavailable(
-        "no heliographd found: build it (cmake --preset cpu && cmake --build --preset cpu), "
-        "put it on PATH, or set HELIOGRAPHD to its path"
+        "no heliographd found: pip install heliograph-server, build it (cmake --preset cpu && "
+        "cmake --build --preset cpu), put it on PATH, or set HELIOGRAPHD to its path"
     )
 
 
-def _near_package() -> tuple[Path, Path]:
-    """Where heliographd may be: beside the package, in the source tree's build."""
+def _near_package() -> list[Path]:
+    """Where heliographd may be: beside the package, in the source tree's build, in the packages
+    that scripts/wheel makes, that for GPUs first."""
+    import importlib.util
+
     package = Path(__file__).resolve().parent
-    return (
-        package / "_bin" / "heliographd",
-        package.parents[2] / "build" / "cpu" / "bin" / "heliographd",
-    )
+    folders = [package / "_bin", package.parents[2] / "build" / "cpu" / "bin"]
+    for name in ("heliograph_server_cuda", "heliograph_server"):
+        server = importlib.util.find_spec(name)
+        if server is not None and server.origin is not None:
+            folders.append(Path(server.origin).parent / "bin")
+    return [folder / "heliographd" for folder in folders]
 
 
 def find_beside(name: str) -> Path | None:

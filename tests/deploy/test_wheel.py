@@ -1,0 +1,102 @@
+"""The wheels install in a root that has the C library, Python and the client's dependencies, and
+show a picture there. The dependencies are those of .venv, so that nothing is fetched."""
+
+import importlib.metadata
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import sysconfig
+import time
+import zipfile
+
+import bare
+import pytest
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+DAEMON = pathlib.Path(os.environ.get("HELIOGRAPHD", ROOT / "build/cpu/bin/heliographd"))
+PYTHON = pathlib.Path(sys.executable).resolve()
+STDLIB = pathlib.Path(sysconfig.get_path("stdlib"))
+UNUSED = "test", "tests", "*-packages", "idlelib", "tkinter", "config-*", "EXTERNALLY-MANAGED"
+DEPENDENCIES = "numpy", "grpcio", "protobuf", "pillow", "tqdm", "typing_extensions", "pip"
+PICTURE = """
+import heliograph as hg
+with hg.connect() as client, client.create_scene() as scene:
+    with scene.edit() as edit:
+        edit.sample_studio()
+        lens = hg.Camera.from_fov(60, 64, 48, degrees=True)
+        edit.entity("cam", camera=lens, transform=hg.look_at((0, -5, 2), (0, 0, 0.5)))
+    scene.render("cam", spp=4).save("/tmp/first.png", exposure="auto")
+"""
+
+
+@pytest.fixture(scope="module")
+def wheels(tmp_path_factory):
+    """The folder of the two wheels."""
+    folder = tmp_path_factory.mktemp("wheels")
+    glibc = os.confstr("CS_GNU_LIBC_VERSION").split()[1]
+    command = [sys.executable, ROOT / "scripts/wheel", "--build", DAEMON.parents[1]]
+    subprocess.run([*command, "--output", folder, "--glibc", glibc], check=True)
+    return folder
+
+
+def carry_python(root):
+    """This Python, and the client's dependencies in /deps."""
+    shutil.copytree(STDLIB, root / str(STDLIB)[1:], ignore=shutil.ignore_patterns(*UNUSED))
+    bare.carry(root, PYTHON)
+    for name in DEPENDENCIES:
+        found = importlib.metadata.distribution(name)
+        for file in found.files:
+            if ".." not in file.parts and "__pycache__" not in file.parts:
+                place = root / "deps" / file
+                place.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(found.locate_file(file), place)
+    objects = [PYTHON, *(root / "deps").rglob("*.so"), *(STDLIB / "lib-dynload").glob("*.so")]
+    listed = subprocess.run(["ldd", *objects], capture_output=True, text=True).stdout
+    for path in sorted(set(re.findall(r"=> (/\S+) \(", listed))):
+        if not path.startswith(str(root)):
+            bare.carry(root, pathlib.Path(path))
+
+
+@pytest.fixture(scope="module")
+def python(tmp_path_factory, wheels):
+    """python(*arguments) runs Python in the root, which has the wheels in /wheels."""
+    root = tmp_path_factory.mktemp("root")
+    bare.make_root(root)
+    enter = bare.enter(root)
+    carry_python(root)
+    shutil.copytree(wheels, root / "wheels")
+    variables = {"PYTHONPATH": "/deps", "PATH": os.environ["PATH"], "HOME": "/tmp"}
+    place = re.sub("^(/usr(?=/lib/))?/", "/", str(PYTHON))
+
+    def run(*arguments):
+        start = time.monotonic()
+        done = subprocess.run([*enter, place, *arguments], env=variables, capture_output=True)
+        assert done.returncode == 0, done.stderr.decode()
+        return time.monotonic() - start
+
+    run.root = root
+    return run
+
+
+def test_they_install_and_show_a_picture(python):
+    pip = "-m", "pip", "install", "--no-index", "--find-links", "/wheels"
+    installing = python(*pip, "heliograph[server]")
+    first = python("-c", PICTURE)
+    print(f"installed in {installing:.1f} s, first picture after {first:.2f} s")
+    assert (python.root / "tmp/first.png").stat().st_size > 500
+    assert installing <= 60 and first <= 5
+
+
+def test_what_they_are_and_how_large(wheels):
+    client, server = sorted(wheels.iterdir())
+    assert client.name.endswith("-py3-none-any.whl")
+    assert re.fullmatch(r"heliograph_server-[\d.]+-py3-none-manylinux_\S+\.whl", server.name)
+    assert server.stat().st_size <= 60e6
+    with zipfile.ZipFile(server) as archive:
+        assert archive.testzip() is None
+        names = archive.namelist()
+    assert "heliograph_server/licences/PACKAGES" in names
+    assert any("/_proto/" in name for name in zipfile.ZipFile(client).namelist())
