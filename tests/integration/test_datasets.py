@@ -1,6 +1,8 @@
 """generate(), draws, resuming, shards and COCO instances against a real daemon."""
 
 import json
+import pathlib
+import re
 
 import heliograph as hg
 import heliograph.datasets as hd
@@ -172,6 +174,48 @@ class Poses(hd.Writer):
         self.put("poses.json", json.dumps(dict(records)))
 
 
+def run_command(capsys, *arguments):
+    """(exit status, output) of `heliograph ...`."""
+    from heliograph.cli import main
+
+    status = main([*map(str, arguments)])
+    told = capsys.readouterr()
+    return status, told.out + told.err
+
+
+def test_an_image_is_rendered_again_to_the_same_bytes(stage, tmp_path, capsys):
+    scene, balls, cam = stage
+    noise = np.random.default_rng(0).random((300, 600, 3)).astype("f4")  # above 1 MiB: a blob
+
+    def randomize(draw):
+        scatter(balls)(draw)
+        for _ in range(600):  # above 64 KiB, which the daemon's manifests keep
+            spin(draw)
+        if draw.index == 1:
+            draw.edit.dome(noise)
+
+    hd.generate(scene, cam, randomize, count=2, spp=2, writer=hd.Coco(tmp_path / "set"))
+    assert len(list((tmp_path / "set/.heliograph/blobs").iterdir())) == 1
+    for index in range(2):
+        name = f"{index:06d}"
+        again = tmp_path / f"{name}.png"
+        status, told = run_command(capsys, "rerender", tmp_path / "set" / name, "-o", again)
+        assert (status, told.splitlines()[-1]) == (0, "the same bytes")
+        assert again.read_bytes() == (tmp_path / f"set/images/{name}.png").read_bytes()
+    shown = tmp_path / "shown.png"
+    status, told = run_command(capsys, "open", tmp_path / "set/images/000001.png", "-o", shown)
+    assert status == 0 and told.count("ball/") == BALLS
+    assert Image.open(shown).size == SIZE
+    record = tmp_path / "set/.heliograph/records/000000.json"
+    record.write_text(record.read_text().replace('"sha256":"', '"sha256":"0'))
+    status, told = run_command(capsys, "rerender", tmp_path / "set/000000")
+    assert (status, told.partition(":")[0]) == (1, "other bytes than were written")
+    status, told = run_command(capsys, "rerender", tmp_path / "set/000009")
+    assert status == 2 and "no finished image" in told
+    status, told = run_command(capsys, "open", tmp_path / "000001.png")
+    assert status == 2 and "is no image of a data set" in told
+
+
 def test_poses_of_a_draw_are_those_of_the_frame(client, tmp_path):
     seen = []
 
@@ -227,6 +271,45 @@ def test_a_class_of_the_randomizer_alone_is_refused(stage, tmp_path):
             count=1,
             writer=Poses(tmp_path),
         )
+
+
+def test_an_exception_names_its_image_and_keeps_what_is_done(stage, tmp_path):
+    scene, balls, cam = stage
+
+    def randomize(draw):
+        if draw.index == 5:
+            draw.edit.update("nobody", visible=False)
+
+    with pytest.raises(hg.NotFound, match="image 5: .*nobody"):
+        hd.generate(scene, cam, randomize, count=40, spp=2, writer=hd.Coco(tmp_path), credits=2)
+    done = list((tmp_path / ".heliograph/records").iterdir())
+    assert 3 <= len(done) < 10
+    assert not list((tmp_path / ".heliograph/partial").iterdir())
+    again = hd.generate(scene, cam, spin, count=40, spp=2, writer=hd.Coco(tmp_path))
+    assert again.skipped == len(done) and again.complete
+
+
+def test_progress_is_of_images(stage, tmp_path):
+    told = []
+    make(stage, tmp_path, progress=told.append)
+    assert told[-1].done == told[-1].total == 3
+    assert [p.done for p in told] == sorted(p.done for p in told)
+
+
+def test_the_programs_of_the_guide_run(tmp_path, monkeypatch):
+    guide = (pathlib.Path(__file__).parents[2] / "docs/datasets.md").read_text()
+    programs = re.findall(r"```python\n(.*?)```", guide, re.DOTALL)
+    (first,) = [p for p in programs if "hg.connect()" in p]
+    (writer,) = [p for p in programs if "class Centroids" in p]
+    monkeypatch.chdir(tmp_path)
+    names = {"json": json}
+    exec(compile(first.split("def scatter")[0], "docs/datasets.md", "exec"), names)
+    exec(compile(writer, "docs/datasets.md", "exec"), names)
+    exec(compile(first.replace("hd.Coco", "Centroids"), "docs/datasets.md", "exec"), names)
+    lines = (tmp_path / "out/centroids.jsonl").read_text().splitlines()
+    assert [json.loads(line)["index"] for line in lines] == list(range(10))
+    exec(compile(first.replace('"out"', '"coco"'), "docs/datasets.md", "exec"), names)
+    assert len(COCO(tmp_path / "coco/annotations/instances.json").imgs) == 10
 
 
 @pytest.mark.parametrize(

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import threading
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -130,6 +131,7 @@ class Store:
         self._connection = connection
         self._lock = threading.Lock()
         self._known: set[bytes] = set()
+        self._witness: Callable[[bytes, memoryview], Any] | None = None
         self._loans = Loans(connection)
         self._link: Any = None
 
@@ -163,6 +165,8 @@ class Store:
     def blob(self, data: memoryview | bytes, digest: bytes = b"") -> bytes:
         """Uploads bytes unless the session has them; their SHA-256, which may be known."""
         digest = digest or hashlib.sha256(data).digest()
+        if self._witness is not None:
+            self._witness(digest, memoryview(data))
         link = self._connection.link
         with self._lock:
             if link is not self._link:  # another session, or a daemon that was restarted
@@ -175,6 +179,15 @@ class Store:
         with self._lock:
             self._known.add(digest)
         return digest
+
+    @contextlib.contextmanager
+    def witnessed(self, witness: Callable[[bytes, memoryview], Any]) -> Iterator[None]:
+        """While it lasts, witness(SHA-256, data) is told of each blob that an edit names."""
+        self._witness = witness
+        try:
+            yield
+        finally:
+            self._witness = None
 
     def _push(self, data: memoryview, first: service.UploadBlobRequest) -> None:
         first.size = data.nbytes

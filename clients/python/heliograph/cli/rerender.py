@@ -1,30 +1,46 @@
-"""heliograph rerender: renders a frame again from its manifest, to the same bytes."""
+"""heliograph rerender: renders a frame, or an image of a data set, again, to the same bytes."""
 
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import Any
 
-from . import add_connection, connect
+from ..errors import InvalidArgument
+from . import EXIT_FAILED, add_connection, connect
 
 
 def add(commands: Any) -> None:
     parser = commands.add_parser(
         "rerender",
-        help="render a frame again from its manifest and scene file",
-        description="Renders a frame again from its manifest. The same daemon version and CPU "
-        "feature level give the same bytes.",
+        help="render a frame, or an image of a data set, again",
+        description="Renders a frame again from its manifest and scene file, or an image of a data "
+        "set, DIR/000123, which keeps both. The same daemon version and CPU feature level give the "
+        "same bytes; of an image that is checked: exit status 1 says that they differ.",
     )
-    parser.add_argument("manifest", help="manifest as .json (frame.save), or an .exr that has one")
-    parser.add_argument("scene", help="scene file (scene.save) of the frame's revision")
-    parser.add_argument("-o", "--output", required=True, metavar="FILE")
+    parser.add_argument(
+        "frame", help="DIR/000123; or a manifest as .json (frame.save), or an .exr that has one"
+    )
+    parser.add_argument(
+        "scene", nargs="?", help="scene file (scene.save) of the frame's revision, for a manifest"
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE",
+        help=".png, .jpg, .exr, .npz or .json; the .png of an image is the data set's",
+    )
     add_connection(parser)
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    path = Path(arguments.manifest)
+    if arguments.scene is None:
+        return _run_image(arguments)
+    if arguments.output is None:
+        raise InvalidArgument("output: say with -o FILE where the frame goes", field="output")
+    path = Path(arguments.frame)
     if path.suffix.lower() == ".exr":
         from .. import exr
 
@@ -37,3 +53,26 @@ def run(arguments: argparse.Namespace) -> int:
     for written in frame.save(arguments.output):
         print(written)
     return 0
+
+
+def _run_image(arguments: argparse.Namespace) -> int:
+    from ..datasets import KeptImage
+
+    image = KeptImage.find(arguments.frame)
+    client: Any = connect(arguments)
+    with client:
+        frame = image.render(client)
+    picture = image.picture
+    if arguments.output is not None:
+        target = Path(arguments.output)
+        if picture is not None and target.suffix == f".{picture.format}":
+            target.write_bytes(picture.encode(frame))
+            print(target)
+        else:
+            for written in frame.save(target):
+                print(written)
+    if image.is_same(frame):
+        print("the same bytes")
+        return 0
+    print(f"other bytes than were written: {image.why_not(frame)}", file=sys.stderr)
+    return EXIT_FAILED

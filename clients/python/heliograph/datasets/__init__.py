@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from .coco import Coco
     from .draw import Compose, Draw
     from .generate import Summary, generate
+    from .kept import KeptImage
     from .writer import Dataset, Image, Picture, Records, Writer
 
 _HOMES = {
@@ -19,6 +20,7 @@ _HOMES = {
     "Dataset": "writer",
     "Draw": "draw",
     "Image": "writer",
+    "KeptImage": "kept",
     "Picture": "writer",
     "Records": "writer",
     "Summary": "generate",
@@ -32,6 +34,7 @@ __all__ = [
     "Dataset",
     "Draw",
     "Image",
+    "KeptImage",
     "Picture",
     "Records",
     "Summary",

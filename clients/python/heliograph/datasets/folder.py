@@ -24,7 +24,9 @@ FORMAT = "heliograph.dataset.v1"
 
 class Folder:
     """DIR and its DIR/.heliograph: dataset.json, scene.helio, records/000123.json (what the writer
-    returned, with what is needed to check a picture), manifests/000123.json. Thread: any.
+    returned, with what is needed to check a picture), manifests/000123.json, overlays/000123.bin
+    (a v1.Transaction) where the manifest has not got it, blobs/SHA256 that overlays name.
+    Thread: any.
 
     Each file appears whole or not at all. The record comes last: with it the image is done.
     """
@@ -61,8 +63,10 @@ class Folder:
     def has(self, index: int) -> bool:
         return self._record(index).exists()
 
-    def keep(self, index: int, record: dict[str, Any], manifest: str) -> None:
-        """Notes that an image is done."""
+    def keep(self, index: int, record: dict[str, Any], manifest: str, overlay: bytes) -> None:
+        """Notes that an image is done. Of a large overlay the manifest has a hash alone."""
+        if overlay and '"overlay":{' not in manifest:
+            self.put(f"{NAME}/overlays/{name_of(index)}.bin", overlay)
         self.put(f"{NAME}/manifests/{name_of(index)}.json", manifest)
         text = json.dumps(record, separators=(",", ":"), allow_nan=False)
         self.put(self._record(index).relative_to(self.root), text)
@@ -74,6 +78,21 @@ class Folder:
     def manifest(self, index: int) -> str:
         """What keep() got; NotFound."""
         return _text(self.own / "manifests" / f"{name_of(index)}.json")
+
+    def overlay(self, index: int) -> bytes | None:
+        """What keep() got, where the manifest has not got it."""
+        path = self.own / "overlays" / f"{name_of(index)}.bin"
+        return path.read_bytes() if path.exists() else None
+
+    def keep_blob(self, digest: bytes, data: memoryview) -> None:
+        """Notes bytes that overlays name by their SHA-256; once."""
+        if not (self.own / "blobs" / digest.hex()).exists():
+            self.put(f"{NAME}/blobs/{digest.hex()}", bytes(data))
+
+    def blobs(self) -> Iterator[tuple[bytes, bytes]]:
+        """(SHA-256, data) of what keep_blob() got."""
+        for path in sorted((self.own / "blobs").glob("*")):
+            yield bytes.fromhex(path.name), path.read_bytes()
 
     # ------------------------------------------------------------ the data set
 
@@ -97,7 +116,7 @@ class Folder:
         self.put(f"{NAME}/dataset.json", text)
 
     def _forget(self) -> None:
-        for name in ("records", "manifests"):
+        for name in ("records", "manifests", "overlays", "blobs"):
             shutil.rmtree(self.own / name, ignore_errors=True)
 
     def _check(self, description: dict[str, Any]) -> None:

@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from itertools import groupby, islice
 from typing import TYPE_CHECKING, Any
@@ -26,6 +27,7 @@ from .splits import Splits
 from .writer import Dataset, Image, Records, Writer
 
 if TYPE_CHECKING:
+    from ..edit import Edits
     from ..frame import Frame
     from ..scene import Scene
 
@@ -243,21 +245,20 @@ class _Run:
                 seed=render_seed(self.dataset.seed, draw),
                 **self.plan.options,
             )
+            split = self.plan.splits.of(self.dataset.seed, draw)
             for index, frame in zip(images, frames):
-                self._write(
-                    Image(index, frame, self.plan.splits.of(self.dataset.seed, draw)), attempt
-                )
+                self._write(Image(index, frame, split), attempt, edit)
         except HeliographError as error:
             error.args = (f"image {images[0]}: {error}", *error.args[1:])
             raise
         return len(images)
 
-    def _accepted(self, draw: int) -> tuple[int, Any]:
+    def _accepted(self, draw: int) -> tuple[int, Edits]:
         """(attempt, overlay) of the first draw that is accepted."""
         for attempt in range(self.plan.attempts):
             edit = self.dataset.scene.overlay()
-            with self._drawing, edit:
-                key = (self.dataset.seed, draw, attempt)
+            key = (self.dataset.seed, draw, attempt)
+            with self._drawing, edit, self._kept_blobs():
                 self.plan.randomizer(Draw(self.base, self.dataset.cameras, key, edit))
             if self.plan.accept is None or self._is_accepted(edit):
                 return attempt, edit
@@ -271,7 +272,7 @@ class _Run:
             available=self.plan.attempts,
         )
 
-    def _is_accepted(self, edit: Any) -> bool:
+    def _is_accepted(self, edit: Edits) -> bool:
         assert self.plan.accept is not None
         wanted = True if self.plan.labels is None else self.plan.labels
         options = {k: v for k, v in self.plan.options.items() if k != "spp"}
@@ -299,7 +300,14 @@ class _Run:
         finally:
             self._cancels.difference_update(mine)
 
-    def _write(self, image: Image, attempt: int) -> None:
+    def _kept_blobs(self) -> AbstractContextManager[None]:
+        def keep(digest: bytes, data: memoryview) -> None:
+            for writer in self.writers:
+                writer.folder.keep_blob(digest, data)
+
+        return self.dataset.scene.client.store.witnessed(keep)
+
+    def _write(self, image: Image, attempt: int, edit: Edits) -> None:
         unknown = dict(image.frame.categories.items() - self.dataset.categories.items())
         if unknown:
             raise FailedPrecondition(
@@ -308,6 +316,7 @@ class _Run:
                 "edit.categories(...)",
                 field="category",
             )
+        overlay = edit.transaction.SerializeToString()
         for writer in self.writers:
             if writer.folder.has(image.index):
                 continue
@@ -317,7 +326,7 @@ class _Run:
                 "attempt": attempt,
                 "sha256": image.frame.sha256.hex(),
             }
-            writer.folder.keep(image.index, record, image.frame.manifest)
+            writer.folder.keep(image.index, record, image.frame.manifest, overlay)
 
 
 class _Count:

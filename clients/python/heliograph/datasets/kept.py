@@ -1,0 +1,124 @@
+"""An image of a data set that is there: rendered again from what the data set keeps. Used by
+`heliograph rerender` and `heliograph open`."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .. import _render
+from .._proto import scene_pb2 as pb
+from ..errors import NotFound
+from .folder import NAME, Folder
+from .writer import Picture
+
+if TYPE_CHECKING:
+    from ..client import Client
+    from ..frame import Frame
+    from ..scene import Scene
+
+
+class KeptImage:
+    """Image `index` of the data set in DIR.
+
+    attempt: how many draws were rejected for it. picture: how its picture was made, None where the
+    format has none.
+    """
+
+    def __init__(self, directory: str | os.PathLike[str], index: int) -> None:
+        self.folder, self.index = Folder(directory), index
+        record = self.folder.record(index)
+        self.attempt, self.split = int(record["attempt"]), str(record["split"])
+        self._sha256 = str(record["sha256"])
+
+    @classmethod
+    def find(cls, path: str | os.PathLike[str]) -> KeptImage:
+        """Of "DIR/000123", or of a file of an image, such as DIR/images/000123.png."""
+        whole = Path(path).absolute()
+        number = re.match(r"\d+", whole.name)
+        for directory in whole.parents:
+            if number and (directory / NAME).is_dir():
+                return cls(directory, int(number[0]))
+        raise NotFound(
+            f"path: {os.fspath(path)!r} is no image of a data set that generate() made; name one "
+            "as DIR/000123",
+            field="path",
+        )
+
+    @property
+    def picture(self) -> Picture | None:
+        found = self.folder.description["writer"].get("picture")
+        return Picture(**found) if found else None
+
+    @property
+    def overlay(self) -> pb.Transaction:
+        """What the randomizers did."""
+        kept = self.folder.overlay(self.index)
+        if kept is not None:
+            return pb.Transaction.FromString(kept)
+        from google.protobuf.json_format import ParseDict
+
+        request = json.loads(self.folder.manifest(self.index))["request"]
+        return ParseDict(request.get("overlay", {}), pb.Transaction())
+
+    @contextmanager
+    def opened(self, client: Client) -> Iterator[Scene]:
+        """The scene before the randomizers, in that daemon, with the blobs that the overlay names.
+        It is deleted at the end."""
+        with client.load_scene(self.folder.scene_path) as scene:
+            overlay = self.overlay.SerializeToString()
+            for digest, data in self.folder.blobs():
+                if digest in overlay:
+                    client.store.blob(data, digest)
+            yield scene
+
+    def render(self, client: Client) -> Frame:
+        """The frame again: all its planes and labels."""
+        with self.opened(client) as scene:
+            frame: Frame = _render.run(scene, self._request(scene), {})[0]
+            return frame
+
+    def render_labelled(self, client: Client) -> Frame:
+        """The same view with the planes beauty and instance and all labels, to look at."""
+        with self.opened(client) as scene:
+            request = self._request(scene)
+            wanted = _render.make_request(
+                scene, ["camera"], {"planes": ["beauty", "instance"], "labels": True}
+            )
+            del request.planes[:]
+            request.planes.extend(wanted.planes)
+            request.labels.CopyFrom(wanted.labels)
+            if not request.HasField("spp"):
+                request.spp = wanted.spp
+            frame: Frame = _render.run(scene, request, {})[0]
+            return frame
+
+    def _request(self, scene: Scene) -> Any:
+        from google.protobuf.json_format import MessageToDict
+
+        manifest: dict[str, Any] = json.loads(self.folder.manifest(self.index))
+        if "overlay" in manifest:
+            overlay = MessageToDict(self.overlay, preserving_proto_field_name=True)
+            manifest["request"]["overlay"] = overlay
+        return _render.request_of_manifest(scene, json.dumps(manifest))
+
+    def is_same(self, frame: Frame) -> bool:
+        """Whether a frame has the bytes of the one that was written: planes and labels."""
+        return frame.sha256.hex() == self._sha256
+
+    def why_not(self, frame: Frame) -> str:
+        """What may have made a frame another one."""
+        old = json.loads(self.folder.manifest(self.index))
+        new = json.loads(frame.manifest)
+        names = ("version", "backend", "cpu_features", "denoiser")
+        told = [
+            f"{name} was {old.get(name)}, is {new.get(name)}"
+            for name in names
+            if old.get(name) != new.get(name)
+        ]
+        return "; ".join(told) or "the daemon and the CPU are the same"
