@@ -87,7 +87,10 @@ def test_info_tells_who_uses_what(client):
         assert str(client.connection.link.session) not in run.stdout
 
 
-@pytest.mark.parametrize("name", ["hello", "randomize", "labels", "import_model", "worlds"])
+EXAMPLES = ["hello", "randomize", "labels", "import_model", "worlds", "robot"]
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
 def test_examples(name, tmp_path):
     command = [sys.executable, str(ROOT / f"examples/{name}.py"), str(tmp_path)]
     run = subprocess.run(command, capture_output=True, text=True, timeout=300)

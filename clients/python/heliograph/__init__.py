@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from .lights import Light, Portal
     from .pose import Pose, look_at, moving
     from .rigs import stereo
+    from .robots import Robot
     from .scene import Scene
     from .sensors import DepthSensor, RgbSensor
     from .worlds import WorldFrame, Worlds
@@ -66,6 +67,7 @@ _LAZY = {
     "Pose": "pose",
     "Progress": "_progress",
     "RgbSensor": "sensors",
+    "Robot": "robots",
     "Scene": "scene",
     "TLS": "access",
     "Tex": "components",
@@ -114,6 +116,7 @@ __all__ = [
     "Progress",
     "ResourceExhausted",
     "RgbSensor",
+    "Robot",
     "Scene",
     "Tex",
     "Texture",

@@ -35,6 +35,7 @@ from .handles import (
     give_ids,
 )
 from .pose import packed_matrices
+from .robots import RobotEdits
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -46,7 +47,7 @@ _H = TypeVar("_H", bound=Handle)
 _UNSET: Any = object()
 
 
-class Edits:
+class Edits(RobotEdits):
     """A list of edits; `with` sends them as one transaction, or drops them on an exception.
 
     In every call: what is given changes, what is absent stays, None resets to the default; the

@@ -44,6 +44,12 @@ def encode_srgb(linear: NdArray) -> NdArray:
     return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.power(x, 1 / 2.4) - 0.055)
 
 
+def decode_srgb(encoded: NdArray) -> NdArray:
+    """Linear Rec.709 of sRGB in [0, 1]; IEC 61966-2-1."""
+    x = np.clip(encoded, 0, 1)
+    return np.asarray(np.where(x <= 0.04045, x / 12.92, np.power((x + 0.055) / 1.055, 2.4)))
+
+
 def _filmic(linear: NdArray) -> NdArray:
     """The rational fit of Narkowicz 2016, "ACES Filmic Tone Mapping Curve", times 0.6."""
     x = 0.6 * linear

@@ -18,6 +18,7 @@ from .device import DeviceArray
 from .errors import InvalidArgument
 from .frame import Frame, Rendered
 from .handles import Handle, flatten
+from .robots import Robot, Robots, listed
 
 if TYPE_CHECKING:
     from .edit import Edits
@@ -59,6 +60,17 @@ class Worlds:
         self._entities = [e.ref() if isinstance(e, Handle) else types.Ref(name=e) for e in listed]
         self._teleport = teleport
         return self
+
+    def set_joints(self, robot: Robots, values: Any, *, clamp: bool = False) -> Worlds:
+        """Moves the joints of a robot in each world, (N, C) in the order of robot.joint_names, or
+        of K robots with the same joints, (N, K, C); as set_transforms(), which it replaces."""
+        robots = listed(robot)
+        shape = (self.count,) if isinstance(robot, Robot) else (self.count, len(robots))
+        columns = len(robots[0].joint_names)
+        rows = checked(values, "values", "f8", (*shape, columns)).reshape(-1, columns)
+        local = robots[0].transforms(rows, clamp=clamp)
+        moving = [entity for each in robots for entity in each.moving]
+        return self.set_transforms(moving, local.reshape(self.count, len(moving), 4, 4))
 
     def __setitem__(self, world: int, overlay: Edits) -> None:
         """The edits, of scene.overlay(), that one world has for itself."""

@@ -1,0 +1,209 @@
+"""A robot in a real daemon: poses, parts, keypoints, flow and blur against its kinematics."""
+
+from pathlib import Path
+
+import heliograph as hg
+import numpy as np
+import pytest
+
+ASSETS = Path(__file__).resolve().parents[2] / "examples/assets"
+ARM = ASSETS / "arm/arm.urdf"
+VALUES = np.array([0.3, 0.5, 1.0, -0.4, 0.02])
+ROOT = hg.Pose((0.1, -0.2, 0.05), euler=(0.1, -0.05, 0.4)).matrix
+LABELS = {"boxes": True, "keypoints": True, "keypoint_radius": 0.15}
+
+
+@pytest.fixture
+def stage(scene):
+    """The arm, at VALUES, and a camera."""
+    with scene.edit() as edit:
+        arm = edit.import_urdf(ARM, category="arm", transform=ROOT, label=7)
+        edit.set_joints(arm, VALUES)
+        edit.dome(color=1.0)
+        lens = hg.Camera.from_fov(50, 160, 120, degrees=True)
+        pose = hg.look_at((1.3, -1.6, 0.9), (0.2, 0, 0.45))
+        cam = edit.entity("cam", camera=lens, transform=pose)
+    return arm, cam
+
+
+def world(arm, values):
+    """(L, 4, 4) world_from_link."""
+    return ROOT @ arm.forward(values)
+
+
+def projected(frame, points):
+    at = points @ frame.camera_from_world_cv[:3, :3].T + frame.camera_from_world_cv[:3, 3]
+    image = at @ frame.K.T
+    return image[..., :2] / image[..., 2:]
+
+
+def test_links_are_where_the_kinematics_have_them(scene, stage):
+    arm, _ = stage
+    expected = world(arm, VALUES)
+    for name, matrix in zip(arm.link_names, expected, strict=True):
+        np.testing.assert_allclose(arm.links[name].world_transform, matrix, atol=1e-6)
+    assert [link.name for link in arm.moving] == [
+        f"arm/{name}" for name in "turret upper_arm forearm hand finger_left finger_right".split()
+    ]
+    with scene.edit() as edit:
+        edit.set_joints(arm, {"grip": 0.05})  # the others stay, the mimic follows
+    moved = VALUES * (1, 1, 1, 1, 0) + (0, 0, 0, 0, 0.05)
+    for name, matrix in zip(arm.link_names, world(arm, moved), strict=True):
+        np.testing.assert_allclose(arm.links[name].world_transform, matrix, atol=1e-6)
+
+
+def test_links_are_parts_of_one_instance(scene, stage):
+    arm, cam = stage
+    frame = scene.render(cam, planes=["position", "instance", "part", "semantic"], labels=LABELS)
+    assert frame.labels["label"].tolist() == [7] and frame.labels["name"] == ["arm"]
+    part = frame["part"]
+    seen = sorted({arm.parts[p] for p in np.unique(part) if p})
+    assert seen == sorted(set(arm.link_names) - {"tool"})
+    assert ((part > 0) == (frame["instance"] == 7)).all()
+    assert ((part > 0) == (frame["semantic"] == 1)).all()
+    poses = dict(zip(arm.link_names, world(arm, VALUES), strict=True))
+
+    def within(link):
+        """Points that are seen of a link, in its frame."""
+        number = next(n for n, name in arm.parts.items() if name == link)
+        points = frame["position"][part == number]
+        return (points - poses[link][:3, 3]) @ poses[link][:3, :3]
+
+    x, y, z = within("base").T
+    rim = np.abs(np.hypot(x, y) - 0.14) < 1e-3
+    lid = (np.abs(z - 0.08) < 1e-4) & (np.hypot(x, y) < 0.14)
+    assert (rim | lid).all() and rim.any() and lid.any()
+    for finger, side in (("finger_left", 1), ("finger_right", -1)):
+        face = np.abs((within(finger) - (0, side * 0.01, 0.05)) / (0.015, 0.01, 0.05))
+        np.testing.assert_allclose(face.max(1), 1, atol=1e-4)
+
+
+def test_joints_are_keypoints(scene, stage):
+    arm, cam = stage
+    frame = scene.render(cam, planes=["depth"], labels=LABELS)
+    assert sorted(frame.labels["keypoint_name"]) == sorted(arm.keypoints)
+    assert set(frame.labels["keypoint_instance"]) == {7}
+    origins = dict(zip(arm.link_names, world(arm, VALUES)[:, :3, 3], strict=True))
+    above = {joint.name: joint.child for joint in arm.kinematics.joints}
+    expected = np.array([origins[above[name]] for name in frame.labels["keypoint_name"]])
+    camera = frame.camera_from_world_cv
+    np.testing.assert_allclose(
+        frame.labels["keypoint_position_camera"],
+        expected @ camera[:3, :3].T + camera[:3, 3],
+        atol=1e-5,
+    )
+    np.testing.assert_allclose(
+        frame.labels["keypoint_image"], projected(frame, expected), atol=1e-3
+    )
+    assert ("shoulder", "elbow") in arm.skeleton and ("wrist", "tool_joint") in arm.skeleton
+    assert {name for pair in arm.skeleton for name in pair} == set(arm.keypoints)
+
+
+def test_flow_follows_the_joints(scene, stage):
+    arm, cam = stage
+    after = VALUES + (0.1, -0.15, 0.2, 0.3, 0.02)
+    with scene.edit() as edit:
+        edit.advance(1 / 30)
+        edit.set_joints(arm, after)
+    frame = scene.render(
+        cam, planes=["position", "part", "flow_backward", "flow_backward_valid"], labels=False
+    )
+    seen = frame["part"] > 0
+    assert frame["flow_backward_valid"][seen].all()
+    link = frame["part"][seen] - 1
+    step = world(arm, VALUES) @ np.linalg.inv(world(arm, after))
+    now = frame["position"][seen].astype(float)
+    before = np.einsum("pij,pj->pi", step[link][:, :3, :3], now) + step[link][:, :3, 3]
+    expected = projected(frame, before) - projected(frame, now)
+    np.testing.assert_allclose(frame["flow_backward"][seen], expected, atol=0.05)
+    assert np.linalg.norm(expected, axis=1).max() > 5
+
+
+def test_keys_move_joints_evenly_and_blur_them(scene, stage):
+    arm, cam = stage
+    far = VALUES + (4.0, 0, 0, 0, 0)  # farther than any one rotation between two poses
+    with scene.edit() as edit:
+        edit.set_joints(arm, keys={0.0: VALUES, 1.0: far})
+    shown = scene.render(cam, time=0.7, planes=["depth", "part"])
+    shutter = hg.Camera.from_fov(50, 160, 120, degrees=True)
+    with scene.overlay() as moving:
+        lens = hg.Camera(**{**vars(shutter), "shutter": (0.0, 0.3)})
+        moving.update(cam, camera=lens)
+    with scene.overlay() as still:
+        still.set_joints(arm, 0.3 * VALUES + 0.7 * far)
+    expected = scene.render(cam, overlay=still, planes=["depth", "part"])
+    assert (shown["part"] == expected["part"]).mean() > 0.999
+    same = shown["part"] == expected["part"]
+    np.testing.assert_allclose(shown["depth"][same], expected["depth"][same], rtol=1e-4)
+    sharp = scene.render(cam, time=0.5, planes=["coverage"], spp=16)["coverage"]
+    blurred = scene.render(cam, overlay=moving, time=0.5, planes=["coverage"], spp=16)["coverage"]
+    assert ((blurred > 0) & (blurred < 1)).sum() > 2 * ((sharp > 0) & (sharp < 1)).sum()
+
+
+def test_many_robots_move_in_one_message(scene):
+    with scene.edit() as edit:
+        arms = [
+            edit.import_urdf(ARM, name=f"arm/{i}", transform=hg.Pose((i, 0, 0))) for i in range(3)
+        ]
+    rng = np.random.default_rng(5)
+    rows = np.clip(rng.normal(0.3, 0.5, (3, 5)), arms[0].limits[:, 0], arms[0].limits[:, 1])
+    with scene.edit() as edit:
+        edit.set_joints(arms, rows)
+        assert [e.WhichOneof("action") for e in edit.transaction.edits] == ["poses"]
+    for i, arm in enumerate(arms):
+        tool = arm.forward(rows[i])[arm.link_names.index("tool"), :3, 3] + (i, 0, 0)
+        np.testing.assert_allclose(arm.links["tool"].world_transform[:3, 3], tool, atol=1e-6)
+    with scene.edit() as edit:
+        edit.set_joints(arms, {"yaw": [0.1, 0.2, 0.3]})
+    turned = [arm.links["turret"].transform[1, 0] for arm in arms]
+    np.testing.assert_allclose(turned, np.sin([0.1, 0.2, 0.3]), atol=1e-6)
+    with pytest.raises(hg.InvalidArgument, match="2 rows for 3 robots"), scene.edit() as edit:
+        edit.set_joints(arms, rows[:2])
+
+
+def test_worlds_have_joints_of_their_own(scene, stage):
+    arm, cam = stage
+    rows = VALUES + np.linspace(-0.2, 0.2, 3)[:, None] * (1, 1, 1, 1, 0)
+    worlds = hg.Worlds(3).set_joints(arm, rows)
+    batch = scene.render_worlds(cam, worlds, planes=["depth", "part"], spp=1)
+    for i, row in enumerate(rows):
+        with scene.overlay() as overlay:
+            overlay.set_joints(arm, row)
+        alone = scene.render(cam, overlay=overlay, planes=["depth", "part"], spp=1)
+        for plane in ("depth", "part"):
+            np.testing.assert_array_equal(batch[plane][i, 0], alone[plane])
+
+
+def test_limits_are_refused_before_anything_is_sent(scene, stage):
+    arm, _ = stage
+    revision = scene.revision
+    with pytest.raises(hg.InvalidArgument, match="'wrist' is at 2.5"), scene.edit() as edit:
+        edit.set_joints(arm, VALUES + (0, 0, 0, 2.9, 0))
+    assert scene.revision == revision
+    with scene.edit() as edit:
+        edit.set_joints(arm, {"wrist": 2.5}, clamp=True)
+    assert arm.links["hand"].transform[0, 0] == pytest.approx(np.cos(2))
+
+
+def test_visuals_have_their_materials(scene, tmp_path):
+    faces = "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl paint\nf 1 2 3\nusemtl rubber\nf 3 2 1\n"
+    (tmp_path / "hand.obj").write_text("mtllib hand.mtl\n" + faces)
+    (tmp_path / "hand.mtl").write_bytes((ASSETS / "arm/meshes/hand.mtl").read_bytes())
+    mesh = '<geometry><mesh filename="hand.obj"/></geometry>'
+    (tmp_path / "r.urdf").write_text(f"""<robot name="r"><link name="a">
+        <visual>{mesh}<material name="glass"><color rgba="0.5 1 0 0.25"/></material></visual>
+        <visual>{mesh}</visual>
+        <visual><geometry><box size="1 1 1"/></geometry><material name="glass"/></visual>
+        </link></robot>""")
+    with scene.edit() as edit:
+        edit.import_urdf(tmp_path / "r.urdf", keypoints=[])
+        edit.import_urdf(tmp_path / "r.urdf", name="kept", mesh_materials=True)
+    glass = scene["r/material/glass"]
+    assert scene["r/a/0"].materials == [glass, glass] and scene["r/a/2"].materials == [glass]
+    own = scene["r/a/1"].materials
+    assert own == [scene["hand/paint"], scene["hand/rubber"]]
+    assert scene["kept/a/0"].materials == own
+    found = glass.parameters
+    assert found["base_color"] == pytest.approx((0.21404, 1, 0), abs=1e-4)
+    assert found["alpha"] == pytest.approx(0.25)
+    assert scene["r/a/0"].mesh == scene["r/a/1"].mesh == scene["kept/a/0"].mesh
