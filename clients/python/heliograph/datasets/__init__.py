@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from .draw import Compose, Draw
     from .generate import Summary, generate
     from .kept import KeptImage
+    from .validation import Fault, Report, validate
     from .writer import Dataset, Image, Picture, Records, Writer
 
 _HOMES = {
@@ -19,13 +20,16 @@ _HOMES = {
     "Compose": "draw",
     "Dataset": "writer",
     "Draw": "draw",
+    "Fault": "validation",
     "Image": "writer",
     "KeptImage": "kept",
     "Picture": "writer",
     "Records": "writer",
+    "Report": "validation",
     "Summary": "generate",
     "Writer": "writer",
     "generate": "generate",
+    "validate": "validation",
 }
 
 __all__ = [
@@ -33,13 +37,16 @@ __all__ = [
     "Compose",
     "Dataset",
     "Draw",
+    "Fault",
     "Image",
     "KeptImage",
     "Picture",
     "Records",
+    "Report",
     "Summary",
     "Writer",
     "generate",
+    "validate",
 ]
 
 

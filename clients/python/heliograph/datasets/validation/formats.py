@@ -1,0 +1,27 @@
+"""Format: what each module of this package says about its format. Used by run.py and docs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from .report import Faults
+
+Task = Callable[[Faults], None]  # picklable: a functools.partial of a module's function
+
+
+@dataclass(frozen=True)
+class Format:
+    """name: as in `--format` and before the dot of a check; title: as people write it.
+
+    looks_for: what found() goes by, in words. checks: name to what it makes sure of. tasks: the
+    pieces to look at, each on its own and in any order; what it can say by itself it adds.
+    """
+
+    name: str
+    title: str
+    looks_for: str
+    checks: Mapping[str, str]
+    found: Callable[[Path], bool]
+    tasks: Callable[[Path, Faults], Iterator[Task]]

@@ -1,0 +1,82 @@
+"""Masks: run lengths, extents, polygons. Used by the formats' modules.
+
+Run lengths: https://github.com/cocodataset/cocoapi, common/maskApi.c, read from its text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..._arrays import NdArray
+
+
+def counts_of_text(text: str) -> list[int]:
+    """Run lengths of COCO's compressed text; ValueError when it is none.
+
+    Each number is little-endian groups of five bits plus 48, bit 6 says that more follow, the
+    last group's bit 5 is the sign; from the fourth on a number is added to the one two before.
+    """
+    counts: list[int] = []
+    number = shift = 0
+    for character in text:
+        group = ord(character) - 48
+        if not 0 <= group < 64:
+            raise ValueError(f"{character!r} is no character of compressed run lengths")
+        number |= (group & 31) << shift
+        shift += 5
+        if group & 32:
+            continue
+        if group & 16:
+            number -= 1 << shift
+        counts.append(number + (counts[-2] if len(counts) > 2 else 0))
+        number = shift = 0
+    if shift:
+        raise ValueError("compressed run lengths end within a number")
+    return counts
+
+
+def counts_of(segmentation: dict[str, Any]) -> list[int]:
+    """Run lengths of {"size", "counts"}; ValueError when they are none."""
+    counts = segmentation["counts"]
+    if isinstance(counts, str):
+        return counts_of_text(counts)
+    if not all(isinstance(count, int) for count in counts):
+        raise ValueError("run lengths are whole numbers")
+    return list(counts)
+
+
+def mask_of(counts: Sequence[int], size: Sequence[int], by_rows: bool = False) -> NdArray:
+    """(H, W) bool. counts: runs column by column, the first one of zeros. by_rows: take them as
+    what they are not, row by row."""
+    runs = np.asarray(counts, np.int64)
+    if (runs < 0).any() or runs.sum() != size[0] * size[1]:
+        raise ValueError(
+            f"run lengths sum to {runs.sum()}, and a picture {size[1]}x{size[0]} has "
+            f"{size[0] * size[1]} pixels"
+        )
+    flat = np.repeat(np.arange(len(runs)) % 2 == 1, runs)
+    height, width = size
+    return flat.reshape(height, width) if by_rows else flat.reshape(width, height).T
+
+
+def extent(mask: NdArray) -> tuple[int, int, int, int]:
+    """x0, y0, x1, y1, half open; zeros of an empty mask."""
+    columns = np.flatnonzero(mask.any(0))
+    rows = np.flatnonzero(mask.any(1))
+    if not len(rows):
+        return 0, 0, 0, 0
+    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+
+
+def polygon_area(points: NdArray) -> float:
+    """Of (N, 2) vertices in order (the shoelace formula)."""
+    x, y = points[:, 0], points[:, 1]
+    return abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
+
+
+def polygon_length(points: NdArray) -> float:
+    """The outline of (N, 2) vertices."""
+    return float(np.linalg.norm(points - np.roll(points, -1, axis=0), axis=1).sum())

@@ -1,0 +1,97 @@
+"""What a validation found: Fault, Report, and Faults, which gathers them for one format."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+
+class Fault(NamedTuple):
+    """check: "coco.bbox"; file: relative to the data set; message: what was expected, what was
+    found, and how to fix it."""
+
+    check: str
+    file: str
+    message: str
+
+
+@dataclass
+class Report:
+    """What validate() returns.
+
+    formats: those that were recognised or asked for. faults: at most `limit` a check, in a fixed
+    order. counts: check to the number of all its faults. checked: format to the number of pieces
+    (images, scenes, shards or files) looked at.
+    """
+
+    directory: str
+    formats: list[str] = field(default_factory=list)
+    faults: list[Fault] = field(default_factory=list)
+    counts: dict[str, int] = field(default_factory=dict)
+    checked: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def ok(self) -> bool:
+        """Nothing is wrong."""
+        return not self.counts
+
+    def __str__(self) -> str:
+        looked = ", ".join(f"{name} ({self.checked[name]} pieces)" for name in self.formats)
+        lines = []
+        for check, count in sorted(self.counts.items()):
+            shown = [fault for fault in self.faults if fault.check == check]
+            cut = f", the first {len(shown)}" if len(shown) < count else ""
+            lines.append(f"{check}: {count} fault{'s' * (count != 1)}{cut}")
+            lines += [f"  {fault.file}: {fault.message}" for fault in shown]
+        total = sum(self.counts.values())
+        lines.append(f"{self.directory}: {looked}: {f'{total} faults' if total else 'no faults'}")
+        return "\n".join(lines)
+
+    def to_json(self) -> dict[str, Any]:
+        """Everything, as JSON has it."""
+        return {
+            "directory": self.directory,
+            "ok": self.ok,
+            "formats": self.formats,
+            "checked": self.checked,
+            "counts": self.counts,
+            "faults": [fault._asdict() for fault in self.faults],
+        }
+
+
+class Malformed(Exception):
+    """A file that cannot be read on: it becomes a fault of the check `format`."""
+
+    def __init__(self, file: Path, message: str) -> None:
+        super().__init__(message)
+        self.file, self.message = file, message
+
+
+class Faults:
+    """Gathers the faults of one format: at most `limit` a check are kept, all are counted."""
+
+    def __init__(self, name: str, checks: Mapping[str, str], root: Path, limit: int) -> None:
+        self.name, self.checks, self.root, self.limit = name, checks, root, limit
+        self.kept: list[Fault] = []
+        self.counts: Counter[str] = Counter()
+
+    def add(self, check: str, file: Path | str, message: str) -> None:
+        """check: a key of the format's table of checks."""
+        assert check in self.checks, check
+        if isinstance(file, Path) and self.root in file.parents:
+            file = file.relative_to(self.root).as_posix()
+        self._keep(Fault(f"{self.name}.{check}", str(file), message))
+        self.counts[f"{self.name}.{check}"] += 1
+
+    def _keep(self, fault: Fault) -> None:
+        if sum(kept.check == fault.check for kept in self.kept) < self.limit:
+            self.kept.append(fault)
+
+    def merge(self, other: Faults) -> None:
+        """Adds what another one has, after what is here."""
+        for fault in other.kept:
+            self._keep(fault)
+        self.counts.update(other.counts)

@@ -1,0 +1,102 @@
+"""validate(): clean sets have no faults, and each planted fault is named by its check, by it alone.
+
+The sets are made by arithmetic and others' libraries, not by the product's writers.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import clean_coco
+import heliograph as hg
+import heliograph.datasets as hd
+import pytest
+from heliograph.cli import main
+from heliograph.datasets.validation import FORMATS
+
+SETS = {"coco": clean_coco}
+FAULTS = [(name, fault) for name, module in SETS.items() for fault in module.FAULTS]
+
+
+@pytest.fixture(scope="session")
+def clean(tmp_path_factory):
+    made: dict[str, Path] = {}
+
+    def get(name: str) -> Path:
+        if name not in made:
+            made[name] = tmp_path_factory.mktemp("clean") / name
+            SETS[name].make(made[name])
+        return made[name]
+
+    return get
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_clean_sets_have_no_faults(name, clean):
+    report = hd.validate(clean(name))
+    assert report.ok, str(report)
+    assert report.formats == [name] and report.checked[name] > 0
+
+
+@pytest.mark.parametrize(("name", "fault"), FAULTS, ids=[" ".join(f) for f in FAULTS])
+def test_planted_faults_are_named(name, fault, clean, tmp_path):
+    expected, plant = SETS[name].FAULTS[fault]
+    root = tmp_path / name
+    shutil.copytree(clean(name), root)
+    plant(root)
+    report = hd.validate(root, name)
+    assert set(report.counts) == {expected}, str(report)
+    assert report.faults and not report.ok
+    assert all(len(found.message) > 20 for found in report.faults)
+
+
+def test_the_command(clean, tmp_path, capsys):
+    assert main(["validate", str(clean("coco")), "--processes", "0"]) == 0
+    assert "no faults" in capsys.readouterr().out
+    root = tmp_path / "bad"
+    shutil.copytree(clean("coco"), root)
+    clean_coco.annotation(1, area=1)(root)
+    assert main(["validate", str(root), "--json"]) == 1  # by processes
+    found = json.loads(capsys.readouterr().out)
+    assert found["counts"] == {"coco.area": 1} and not found["ok"]
+    assert found["faults"][0]["file"] == clean_coco.INSTANCES
+    assert main(["validate", str(tmp_path / "none")]) == 2
+    assert main(["validate", str(tmp_path)]) == 2
+    with pytest.raises(SystemExit) as ended:
+        main(["validate", str(root), "--format", "jpeg2000"])
+    assert ended.value.code == 2
+
+
+def test_faults_are_counted_beyond_the_limit(clean, tmp_path):
+    root = tmp_path / "coco"
+    shutil.copytree(clean("coco"), root)
+    for number in range(1, 5):
+        clean_coco.annotation(number, area=1)(root)
+    report = hd.validate(root, limit=2)
+    assert report.counts == {"coco.area": 4} and len(report.faults) == 2
+    assert "4 faults, the first 2" in str(report)
+
+
+def test_what_cannot_be_validated_is_refused(tmp_path):
+    with pytest.raises(hg.InvalidArgument, match="no known format"):
+        hd.validate(tmp_path)
+    with pytest.raises(hg.InvalidArgument, match="coco"):
+        hd.validate(tmp_path, "tiff")
+    with pytest.raises(hg.NotFound):
+        hd.validate(tmp_path / "none")
+
+
+def test_the_page_has_the_checks():
+    script = Path(__file__).parents[2] / "scripts/validate_doc"
+    done = subprocess.run([sys.executable, script, "--check"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_every_check_finds_a_fault(name):
+    found = {check for check, _ in SETS[name].FAULTS.values()}
+    assert found == {f"{name}.{check}" for check in FORMATS[name].checks}
