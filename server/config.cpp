@@ -110,6 +110,10 @@ void add_flags(CLI::App& app, Config& config) {
   app.add_option("--devices", config.devices,
                  "GPUs to render on, the first ones that the driver shows; 0: all")
       ->capture_default_str();
+  app.add_option("--spread-samples", config.spread_samples,
+                 "A picture of as many samples, over all pixels, is rendered by all GPUs that have "
+                 "nothing else to do")
+      ->capture_default_str();
   app.add_option("--device-memory", config.device_memory,
                  "Bytes that are used of each GPU's memory; 0: nine tenths of what is free at the "
                  "start")

@@ -101,9 +101,10 @@ struct Config {
   bool is_private = false;
   int owner_pidfd = -1;
   int ready_fd = -1;
-  u32 threads = 0;        // 0: all
-  u32 devices = 0;        // 0: all
-  u64 device_memory = 0;  // bytes of each; 0: nine tenths of what is free
+  u32 threads = 0;                  // 0: all
+  u32 devices = 0;                  // 0: all
+  u64 spread_samples = 16'000'000;  // over all pixels of a picture
+  u64 device_memory = 0;            // bytes of each; 0: nine tenths of what is free
   std::string backend = "embree";
   std::string denoiser = "libOpenImageDenoise.so.2";
   std::string asset_root;      // "": server_path is refused

@@ -159,7 +159,8 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
                                .cache_bytes = config.limits.derived_bytes,
                                .static_triangles = config.limits.static_triangles,
                                .memory_bytes = config.device_memory,
-                               .denoiser = config.denoiser}},
+                               .denoiser = config.denoiser},
+                    .spread_samples = config.spread_samples},
       daemon_.log,
       [this](const Status& status) { daemon_.loop->post([this, status] { on_engine(status); }); });
   daemon_.decoder = Decoder::create(decoder_options(config));

@@ -84,7 +84,7 @@ struct CallMetrics {
 };
 struct JobMetrics {
   std::array<Counter*, kCodes.size()> ended;
-  Counter *samples, *rays;
+  Counter *samples, *rays, *helper_seconds;
   Histogram *queue_seconds, *device_seconds;
 };
 template <class T>
@@ -114,6 +114,9 @@ struct Metrics::Families {
       counter(registry, "jobs_total", "Render jobs that ended, by tenant and status code");
   Family<Counter>& samples = counter(registry, "samples_total", "Samples of all pixels, by tenant");
   Family<Counter>& rays = counter(registry, "rays_total", "Rays traced, by tenant");
+  Family<Counter>& helper_seconds =
+      counter(registry, "helper_seconds_total",
+              "How long idle devices helped the one that had a render job, by tenant");
   Family<Histogram>& queue_seconds = histogram(
       registry, "job_queue_seconds", "How long render jobs waited for the device, by tenant");
   Family<Histogram>& device_seconds =
@@ -146,9 +149,10 @@ struct Metrics::Families {
     if (found != tenants.end()) return found->second;
     const prometheus::Labels labels = {{"tenant", tenant}};
     return tenants
-        .emplace(tenant, JobMetrics{by_code(jobs, labels), &samples.Add(labels), &rays.Add(labels),
-                                    &queue_seconds.Add(labels, kSeconds),
-                                    &device_seconds.Add(labels, kSeconds)})
+        .emplace(tenant,
+                 JobMetrics{by_code(jobs, labels), &samples.Add(labels), &rays.Add(labels),
+                            &helper_seconds.Add(labels), &queue_seconds.Add(labels, kSeconds),
+                            &device_seconds.Add(labels, kSeconds)})
         .first->second;
   }
 };
@@ -168,6 +172,7 @@ void Metrics::job(const std::string& tenant, const Status& status, const Spent& 
   metrics.ended[code_index(code_of(status))]->Increment();
   metrics.samples->Increment(double(spent.samples));
   metrics.rays->Increment(double(spent.rays));
+  metrics.helper_seconds->Increment(spent.helper_seconds);
   metrics.queue_seconds->Observe(spent.waited_seconds);
   metrics.device_seconds->Observe(spent.seconds);
 }

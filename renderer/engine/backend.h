@@ -52,6 +52,21 @@ struct WorkRange {
   u32 sample_count = 0;
 };
 
+/// Tiles of one picture, in whole rows of them.
+struct TileRun {
+  u32 first = 0;
+  u32 count = 0;
+};
+
+/// What the samples of a run have added up to: the film's sums of these pixels, array after array.
+struct FilmPart {
+  TileRun tiles;
+  u32 samples = 0;     // that each tile has
+  u64 rays = 0;        // traced for them
+  double seconds = 0;  // of the device that traced them
+  std::vector<std::byte> sums;
+};
+
 /// When to give up. Checked between pieces of work of at most some milliseconds.
 struct Interrupt {
   std::stop_token stop;
@@ -141,6 +156,12 @@ class Backend {
   /// until   when a backend that pauses is to return
   [[nodiscard]] virtual Expected<bool> render(Film& film, const WorkRange& range, TimePoint until,
                                               const Interrupt& interrupt) = 0;
+  /// What a film of one picture has of a run whose tiles have the same samples. `rays` and
+  /// `seconds` are left to the caller.
+  [[nodiscard]] virtual Expected<FilmPart> take(const Film& film, const TileRun& tiles) = 0;
+  /// Sets it in the film of the same job, or of one with more centre planes, on another device of
+  /// the same kind.
+  [[nodiscard]] virtual Status put(Film& film, const FilmPart& part) = 0;
   /// Traces the centre planes of a range of tiles.
   [[nodiscard]] virtual Status probe(Film& film, u32 first_tile, u32 tile_count,
                                      const Interrupt& interrupt) = 0;

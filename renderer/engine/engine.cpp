@@ -42,7 +42,7 @@ struct DeviceThread {
 
 /// Owns: the backends, a thread for each and one that warms. Locks: mutex_, never across a call
 /// out.
-class Engine::Impl {
+class Engine::Impl final : public Others {
  public:
   Impl(std::vector<std::unique_ptr<Backend>> backends, const EngineOptions& options)
       : options_(options), denoiser_(options.device.denoiser, options.device.threads) {
@@ -51,7 +51,7 @@ class Engine::Impl {
       devices_[i].thread = std::thread([this, i] { device_loop(i); });
     warmer_ = std::thread([this] { warm_loop(); });
   }
-  ~Impl() {
+  ~Impl() override {
     {
       const std::scoped_lock lock(mutex_);
       closing_ = true;
@@ -75,6 +75,19 @@ class Engine::Impl {
         cold_.push_back(std::move(work));
     }
     changed_.notify_all();
+  }
+
+  void invite(const std::shared_ptr<Spread>& spread) override {
+    bool has_asked = false;
+    {
+      const std::scoped_lock lock(mutex_);
+      for (u32 i = 0; i < devices_.size(); ++i) {
+        if (!devices_[i].is_idle || devices_[i].is_lost || !spread->join(i)) continue;
+        push(std::make_unique<HelpWork>(spread, i));
+        has_asked = true;
+      }
+    }
+    if (has_asked) changed_.notify_all();
   }
 
   /// By device.
@@ -142,9 +155,11 @@ void Engine::Impl::push(std::unique_ptr<Work> work) {
 
 void Engine::Impl::device_loop(u32 index) {
   const DeviceThread& device = devices_[index];
+  Others* others = devices_.size() > 1 ? this : nullptr;
   while (const auto turn = next(index)) {
     const auto start = Clock::now();
-    const bool is_done = turn->item()->step({*device.backend, denoiser_, options_.slice});
+    const bool is_done = turn->item()->step(
+        {*device.backend, denoiser_, options_.slice, others, options_.spread_samples});
     const double cost = std::chrono::duration<double>(Clock::now() - start).count();
     const bool is_lost = device.backend->is_lost();
     if (const auto done = account(index, *turn, cost, is_done && !is_lost)) done->finish();

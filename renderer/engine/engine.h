@@ -13,9 +13,10 @@ namespace heliograph {
 
 /// What a job took.
 struct Spent {
-  u64 samples = 0;     // of all pixels; a centre plane's ray counts as one
-  u64 rays = 0;        // of the cameras that were done
-  double seconds = 0;  // of the device
+  u64 samples = 0;            // of all pixels; a centre plane's ray counts as one
+  u64 rays = 0;               // of the cameras that were done
+  double seconds = 0;         // of the devices
+  double helper_seconds = 0;  // of them, of devices that helped the one that had the job
   double waited_seconds =
       0;  // from submit() until the device first had it, or until it was refused
 };
@@ -39,6 +40,8 @@ struct EngineOptions {
   std::chrono::milliseconds slice{10};  // the longest a job has the device at a time
   double credit = 0.5;  // seconds of the device that one may be served ahead of the others
   double turn = 0.05;   // seconds of the device that one goes on for among equals
+  /// Of all pixels of a picture: one that takes as many is rendered by all devices that are idle.
+  u64 spread_samples = 16'000'000;
 };
 
 /// What waits and runs.
@@ -55,9 +58,9 @@ struct Load {
 
 /// Owns: a backend and a thread for each device, and a thread that makes derived data. Thread: any.
 /// Jobs whose derived data is ready share the devices by their origins, slice by slice
-/// (fair_queue.h), each on the device that began it; a cancelled or expired job, waiting or
-/// running, ends within a slice. Jobs of one session may end in another order where there are
-/// several devices. Pictures do not depend on the device.
+/// (fair_queue.h), each on the device that began it, with the help of idle ones (spread.h); a
+/// cancelled or expired job, waiting or running, ends within a slice. Jobs of one session may end
+/// in another order where there are several devices. Pictures do not depend on the device.
 ///
 /// What cannot be left half way is one slice, however long: a top level, label columns, the last
 /// steps of a frame, a query.

@@ -32,7 +32,15 @@ bool power_of_two(u32 x) { return (x & (x - 1)) == 0; }
 }  // namespace
 
 Runner::Runner(std::shared_ptr<const RenderJob> job, const RunnerContext& context)
+    : Runner(std::move(job), nullptr, context) {}
+
+Runner::Runner(std::shared_ptr<Spread> spread, const RunnerContext& context)
+    : Runner(spread->job(), spread, context) {}
+
+Runner::Runner(std::shared_ptr<const RenderJob> job, std::shared_ptr<Spread> helped,
+               const RunnerContext& context)
     : job_(std::move(job)),
+      helped_(std::move(helped)),
       context_(context),
       start_(Clock::now()),
       film_start_(start_),
@@ -63,6 +71,7 @@ TimePoint Runner::slice_end() const {
 double Runner::slice_left() const { return context_.slice.count() - in_slice(); }
 
 Steps Runner::run() {
+  if (helped_) co_return co_await help();
   if (job_->worlds) co_return co_await run_worlds();
   co_return co_await run_cameras();
 }
@@ -92,24 +101,28 @@ Steps Runner::run_worlds() {
     begun_ = *std::move(begun);
     HELIO_CO_TRY(co_await run_film());
   }
-  context_.sink.frame(packed_->take());
+  context_.sink->frame(packed_->take());
   co_return Status{};
 }
 
 Steps Runner::run_cameras() {
   for (u32 camera = 0; camera < job_->cameras.size(); ++camera) {
-    HELIO_CO_TRY(co_await pause());
-    begun_ = {};
-    begun_.shots.push_back({.job = job_, .camera = camera});
-    film_start_ = Clock::now();
-    for (const SceneOf kind : wanted_scenes()) {
-      HELIO_CO_TRY(prepare(begun_.shots, kind));
-      HELIO_CO_TRY(co_await pause());
-    }
-    HELIO_CO_TRY(begin(begun_));
+    HELIO_CO_TRY(co_await begin_camera(camera));
     HELIO_CO_TRY(co_await run_film());
   }
   co_return Status{};
+}
+
+Steps Runner::begin_camera(u32 camera) {
+  HELIO_CO_TRY(co_await pause());
+  begun_ = {};
+  begun_.shots.push_back({.job = job_, .camera = camera});
+  film_start_ = Clock::now();
+  for (const SceneOf kind : wanted_scenes()) {
+    HELIO_CO_TRY(prepare(begun_.shots, kind));
+    HELIO_CO_TRY(co_await pause());
+  }
+  co_return begin(begun_);
 }
 
 /// All of begun_.
@@ -179,6 +192,7 @@ Steps Runner::probe(Film& film) {
 }
 
 Steps Runner::sample(Film& film) {
+  if (is_spread(film)) co_return co_await sample_spread(film);
   for (u32 done = 0;;) {
     const u32 count = next_pass(done);
     HELIO_CO_TRY(co_await pass(film, {0, film.tiles()}, done, count));
@@ -315,6 +329,7 @@ double Runner::share_done(const Film& film) const {
 }
 
 void Runner::report(const Film& film, double done_in_film, bool force) {
+  if (!context_.sink) return;
   const double used = used_before_ + in_slice();
   if (!force && used - reported_ < seconds(kReportEvery)) return;
   reported_ = used;
@@ -324,7 +339,7 @@ void Runner::report(const Film& film, double done_in_film, bool force) {
   progress.rays_per_second = elapsed > 0 ? double(rays_before_ + film.rays()) / elapsed : 0;
   progress.eta_seconds = progress.done > 0 ? elapsed * (1 - progress.done) / progress.done : 0;
   progress.noise = noise_;
-  context_.sink.progress(progress);
+  context_.sink->progress(progress);
 }
 
 Expected<std::vector<PlaneData>> Runner::finish(const Shot& shot, std::vector<PlaneData> made) {
@@ -355,7 +370,7 @@ Status Runner::emit(Film& film, bool final) {
   frame.render_seconds = seconds_in_film();
   frame.rays = film.rays();
   if (!packed_) {
-    context_.sink.frame(std::make_shared<const Frame>(std::move(frame)));
+    context_.sink->frame(std::make_shared<const Frame>(std::move(frame)));
     return {};
   }
   for (Frame& picture : frames) packed_->add(std::move(picture));

@@ -5,23 +5,36 @@
 
 #include "renderer/engine/engine.h"
 #include "renderer/engine/post.h"
+#include "renderer/engine/spread.h"
 #include "renderer/engine/steps.h"
 #include "renderer/engine/worlds.h"
 
 namespace heliograph {
 
+/// The devices beside the one that has a job.
+class Others {
+ public:
+  virtual ~Others() = default;
+  /// Has those that have nothing to do render tiles of a picture, each with help().
+  virtual void invite(const std::shared_ptr<Spread>& spread) = 0;
+};
+
 /// How a runner is paced and stopped.
 struct RunnerContext {
   Backend& backend;
   Denoiser& denoiser;
-  JobSink& sink;
+  JobSink* sink;  // null: of a helper
   const Interrupt& interrupt;
   std::chrono::duration<double> slice;  // the longest time between two pauses
+  Others* others = nullptr;             // null: there are none
+  u64 spread_samples = ~u64(0);         // EngineOptions::spread_samples
 };
 
 class Runner {
  public:
   Runner(std::shared_ptr<const RenderJob> job, const RunnerContext& context);
+  /// Renders tiles of another runner's picture, until none is left to claim.
+  Runner(std::shared_ptr<Spread> spread, const RunnerContext& context);
   Runner(const Runner&) = delete;
   Runner& operator=(const Runner&) = delete;
 
@@ -31,9 +44,13 @@ class Runner {
   [[nodiscard]] u64 rays() const { return rays_before_; }
   /// Of all pixels; a centre plane's ray counts as one.
   [[nodiscard]] u64 samples() const { return samples_; }
+  /// Of devices that helped.
+  [[nodiscard]] double helper_seconds() const { return helper_seconds_; }
 
  private:
   using Clock = std::chrono::steady_clock;
+  Runner(std::shared_ptr<const RenderJob> job, std::shared_ptr<Spread> helped,
+         const RunnerContext& context);
   [[nodiscard]] Steps run();
   [[nodiscard]] Steps run_cameras();
   [[nodiscard]] Steps run_worlds();
@@ -54,6 +71,8 @@ class Runner {
   [[nodiscard]] Expected<std::vector<Shot>> shots_of(const RenderJob& whole,
                                                      PictureRange range) const;
   [[nodiscard]] Status begin(Begun& begun) const;
+  [[nodiscard]] Steps begin_camera(u32 camera);
+  [[nodiscard]] Steps help();
   [[nodiscard]] Steps run_film();
   [[nodiscard]] Status choose_denoiser(Frame& frame);
   using SceneOf = std::shared_ptr<const DeviceScene> Shot::*;
@@ -68,6 +87,10 @@ class Runner {
     u32 begin, end;
   };
   [[nodiscard]] Steps sample(Film& film);
+  [[nodiscard]] bool is_spread(const Film& film) const;
+  [[nodiscard]] Steps sample_spread(Film& film);
+  [[nodiscard]] Steps sample_run(Film& film, TileRun run);
+  [[nodiscard]] Status put_parts(Film& film, Spread& spread);
   [[nodiscard]] Steps sample_noisy(Film& film);
   [[nodiscard]] Steps round(Film& film, const std::vector<u32>& tiles);
   [[nodiscard]] Steps pass(Film& film, Tiles tiles, u32 first, u32 count);
@@ -95,7 +118,8 @@ class Runner {
   [[nodiscard]] double seconds_in_film() const;
 
   const std::shared_ptr<const RenderJob> job_;
-  std::optional<PackedFrame> packed_;  // of worlds
+  const std::shared_ptr<Spread> helped_;  // null: it helps nobody
+  std::optional<PackedFrame> packed_;     // of worlds
   RunnerContext context_;
   Clock::time_point start_, film_start_;
   Begun begun_;          // what is worked on
@@ -108,6 +132,7 @@ class Runner {
   double seconds_per_sample_ = 0;  // of one sample of a whole tile, of the dearest lately
   double seconds_per_probe_ = 0;   // of one tile
   Clock::time_point resumed_;
+  double helper_seconds_ = 0;
   double used_before_ = 0;  // seconds of the device, in the slices before this one
   double reported_ = 0;     // of them, when the last progress was told
   std::coroutine_handle<> paused_;

@@ -15,6 +15,8 @@ struct Device {
   Backend& backend;
   Denoiser& denoiser;
   std::chrono::milliseconds slice;
+  Others* others;      // null: it is the only one
+  u64 spread_samples;  // EngineOptions::spread_samples
 };
 
 using Snapshots = std::vector<std::shared_ptr<const Snapshot>>;
@@ -76,8 +78,9 @@ class RenderWork final : public Work {
   bool step(const Device& device) override {
     result_ = guard([&]() -> Status {
       if (!runner_)
-        runner_.emplace(job_, RunnerContext{device.backend, device.denoiser, *sink_, interrupt(),
-                                            device.slice});
+        runner_.emplace(job_,
+                        RunnerContext{device.backend, device.denoiser, sink_.get(), interrupt(),
+                                      device.slice, device.others, device.spread_samples});
       is_done_ = runner_->step();
       return is_done_ ? runner_->result() : Status{};
     });
@@ -91,12 +94,49 @@ class RenderWork final : public Work {
  private:
   [[nodiscard]] Spent spent() const {
     Spent spent{.seconds = seconds, .waited_seconds = waited_seconds()};
-    if (runner_) spent.samples = runner_->samples(), spent.rays = runner_->rays();
+    if (!runner_) return spent;
+    spent.helper_seconds = runner_->helper_seconds();
+    spent.seconds += spent.helper_seconds;
+    spent.samples = runner_->samples();
+    spent.rays = runner_->rays();
     return spent;
   }
 
   std::shared_ptr<const RenderJob> job_;
   std::shared_ptr<JobSink> sink_;
+  std::optional<Runner> runner_;
+  Status result_;
+  bool is_done_ = false;
+};
+
+/// Tiles of a picture whose job another device has. What it cannot do is left to that one.
+class HelpWork final : public Work {
+ public:
+  HelpWork(std::shared_ptr<Spread> spread, u32 device)
+      : Work(needed_snapshots(*spread->job()), {spread->closed(), spread->job()->deadline}),
+        spread_(std::move(spread)) {
+    place = device;
+  }
+  bool step(const Device& device) override {
+    result_ = guard([&]() -> Status {
+      if (!runner_)
+        runner_.emplace(spread_, RunnerContext{device.backend, device.denoiser, nullptr,
+                                               interrupt(), device.slice});
+      is_done_ = runner_->step();
+      return is_done_ ? runner_->result() : Status{};
+    });
+    return is_done_ || !result_;
+  }
+  /// Who failed is not asked again.
+  void finish() override {
+    if (result_) spread_->leave(place);
+  }
+  void refuse(Error) override {}
+  [[nodiscard]] const Origin& origin() const override { return spread_->job()->origin; }
+  [[nodiscard]] bool is_short() const override { return false; }
+
+ private:
+  std::shared_ptr<Spread> spread_;
   std::optional<Runner> runner_;
   Status result_;
   bool is_done_ = false;

@@ -110,7 +110,7 @@ void HostFilm::set_groups() {
   view_.groups = u32(wanted.size());
 }
 
-/// Calls visit(pointer, bytes, fold) for each array that the film wants.
+/// Calls visit(pointer, images, image_bytes, fold) for each array that the film wants.
 template <class F>
 void HostFilm::for_each_array(F&& visit) {
   const u64 pixels = u64(view_.width) * view_.height;
@@ -118,17 +118,17 @@ void HostFilm::for_each_array(F&& visit) {
     const PlaneInfo& info = plane_info(Plane(i));
     if (!(view_.wanted & plane_bit(Plane(i))) || info.fold == Fold::kFilm) continue;
     const u64 images = Plane(i) == Plane::BEAUTY_GROUP ? view_.groups : 1;
-    const u64 bytes = images * pixels * info.channels * size_of(info.dtype);
-    visit(view_.planes[i], bytes, info.fold);
-    if (info.fold == Fold::kMean) visit(view_.partial[i], bytes, info.fold);
+    const u64 bytes = pixels * info.channels * size_of(info.dtype);
+    visit(view_.planes[i], images, bytes, info.fold);
+    if (info.fold == Fold::kMean) visit(view_.partial[i], images, bytes, info.fold);
   }
   if (measures_noise(job())) {
-    visit(view_.moment, pixels * sizeof(float), Fold::kFilm);
-    visit(view_.moment_partial, pixels * sizeof(float), Fold::kFilm);
+    visit(view_.moment, 1, pixels * sizeof(float), Fold::kFilm);
+    visit(view_.moment_partial, 1, pixels * sizeof(float), Fold::kFilm);
   }
   if (view_.wanted & plane_bit(Plane::SHADOW_CATCHER)) {
-    visit(view_.catcher, pixels * 2 * sizeof(float), Fold::kFilm);
-    visit(view_.catcher_partial, pixels * 2 * sizeof(float), Fold::kFilm);
+    visit(view_.catcher, 1, pixels * 2 * sizeof(float), Fold::kFilm);
+    visit(view_.catcher_partial, 1, pixels * 2 * sizeof(float), Fold::kFilm);
   }
 }
 
@@ -138,8 +138,9 @@ Status HostFilm::allocate() {
   view_.height = image_camera_.height;
   view_.wanted = wanted_planes(job());
   set_groups();
-  for_each_array([&](auto*, u64 bytes, Fold fold) {
-    (fold == Fold::kCentre ? centre_bytes_ : sum_bytes_) += round_up(bytes, kAligned);
+  for_each_array([&](auto*, u64 images, u64 image_bytes, Fold fold) {
+    (fold == Fold::kCentre ? centre_bytes_ : sum_bytes_) +=
+        round_up(images * image_bytes, kAligned);
   });
   sums_ = zeroed(sum_bytes_);
   centres_ = zeroed(centre_bytes_);
@@ -147,11 +148,15 @@ Status HostFilm::allocate() {
     return fail(Code::kResourceExhausted, "planes",
                 "no memory for these planes; ask for a smaller image or fewer planes");
   std::byte *sum = sums_.get(), *centre = centres_.get();
-  for_each_array([&]<class T>(T*& array, u64 bytes, Fold fold) {
+  for_each_array([&]<class T>(T*& array, u64 images, u64 image_bytes, Fold fold) {
     std::byte*& next = fold == Fold::kCentre ? centre : sum;
     array = static_cast<T*>(static_cast<void*>(next));
-    array_bytes_[next] = bytes;
-    next += round_up(bytes, kAligned);
+    array_bytes_[next] = images * image_bytes;
+    if (fold != Fold::kCentre)
+      for (u64 i = 0; i < images; ++i)
+        sum_images_.push_back(
+            {u64(next - sums_.get()) + i * image_bytes, image_bytes / view_.height});
+    next += round_up(images * image_bytes, kAligned);
   });
   set_still_view();
   return {};
@@ -187,6 +192,33 @@ kernels::FilmView HostFilm::moved(kernels::FilmView view, const FilmMemory& to,
   for (float** array : {&view.moment, &view.moment_partial, &view.catcher, &view.catcher_partial})
     move(*array);
   return view;
+}
+
+std::vector<SumRange> HostFilm::sums_of(const TileRun& tiles) const {
+  const u32 y0 = tile(tiles.first).y0, y1 = tile(tiles.first + tiles.count - 1).y1;
+  std::vector<SumRange> ranges;
+  for (const SumImage& image : sum_images_)
+    ranges.push_back({image.offset + y0 * image.row_bytes, (y1 - y0) * image.row_bytes});
+  return ranges;
+}
+
+FilmPart HostFilm::take(const TileRun& tiles) const {
+  FilmPart part{.tiles = tiles, .samples = samples(tiles.first)};
+  for (const SumRange& range : sums_of(tiles)) {
+    const std::byte* from = sums_.get() + range.offset;
+    part.sums.insert(part.sums.end(), from, from + range.bytes);
+  }
+  return part;
+}
+
+void HostFilm::put(const FilmPart& part) {
+  const std::byte* from = part.sums.data();
+  for (const SumRange& range : sums_of(part.tiles)) {
+    std::memcpy(sums_.get() + range.offset, from, range.bytes);
+    from += range.bytes;
+  }
+  for (u32 i = 0; i < part.tiles.count; ++i) set_samples(part.tiles.first + i, part.samples);
+  add_rays(part.rays);
 }
 
 PixelRect HostFilm::tile(u32 index) const { return kernels::tile_rect(view_, index); }

@@ -41,6 +41,12 @@ struct FilmMemory {
   std::span<std::byte> centres;  // written by probes: planes of the fold kCentre
 };
 
+/// A stretch of the sums' memory.
+struct SumRange {
+  u64 offset = 0;
+  u64 bytes = 0;
+};
+
 /// One of the pictures of a film.
 struct PictureOf {
   u32 number = 0, count = 1;
@@ -83,6 +89,12 @@ class HostFilm final : public Film {
   [[nodiscard]] kernels::FilmView moved(kernels::FilmView view, const FilmMemory& to,
                                         PictureOf picture = {}) const;
 
+  /// Where the sums of a run are, and what put() of another film takes of it: these bytes, one
+  /// after another.
+  [[nodiscard]] std::vector<SumRange> sums_of(const TileRun& tiles) const;
+  [[nodiscard]] FilmPart take(const TileRun& tiles) const;
+  void put(const FilmPart& part);
+
   /// The planes of film_planes() after the samples that each tile has.
   [[nodiscard]] std::vector<PlaneData> resolve() const;
   [[nodiscard]] Noise noise() const;
@@ -111,6 +123,10 @@ class HostFilm final : public Film {
   u64 sum_bytes_ = 0, centre_bytes_ = 0;
   ZeroedMemory sums_, centres_;
   std::unordered_map<const void*, u64> array_bytes_;  // by where an array begins
+  struct SumImage {
+    u64 offset, row_bytes;
+  };
+  std::vector<SumImage> sum_images_;  // of all arrays of the sums
   std::vector<u32> rank_of_group_;
   u32 tiles_x_, tiles_y_;
   std::vector<u32> tile_samples_;

@@ -118,6 +118,14 @@ class FaultyBackend : public Backend {
     HELIO_TRY(fault());
     return inner_->render(film, range, until, interrupt);
   }
+  [[nodiscard]] Expected<FilmPart> take(const Film& film, const TileRun& tiles) override {
+    HELIO_TRY(fault());
+    return inner_->take(film, tiles);
+  }
+  [[nodiscard]] Status put(Film& film, const FilmPart& part) override {
+    HELIO_TRY(fault());
+    return inner_->put(film, part);
+  }
   [[nodiscard]] Status probe(Film& film, u32 first_tile, u32 tile_count,
                              const Interrupt& interrupt) override {
     HELIO_TRY(fault());

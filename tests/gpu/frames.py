@@ -240,6 +240,27 @@ def poses(client, count=100_000):
     report("poses of a tensor", wrong == 0, f"{wrong} of 12 wrong; " + text)
 
 
+def vertices(client, segments=300):
+    """A mesh that gets new vertices from a tensor, against the same from numpy."""
+    scene = build(client)
+    sphere = hg.shapes.sphere(1.0, segments=segments)
+    rest = torch.from_numpy(np.asarray(sphere["positions"], dtype="f4")).cuda()
+    with scene.edit() as edit:
+        edit.mesh("soft", **sphere)
+        edit.entity("soft", mesh="soft")
+    wrong, took = 0, []
+    for k in range(12):
+        bent = (rest * (1 + 0.1 * torch.sin(rest.roll(1, 1) * 5 + k))).contiguous()
+        torch.cuda.synchronize()
+        start = time.perf_counter()
+        with scene.edit() as edit:
+            edit.mesh("soft", positions=bent, normals=None)
+        took.append(time.perf_counter() - start)
+        wrong += not np.array_equal(scene["soft"].positions, bent.cpu().numpy())
+    text = f"{len(rest)} to a published snapshot {1e3 * statistics.median(took[2:]):.2f} ms"
+    report("vertices of a tensor", wrong == 0, f"{wrong} of 12 wrong; " + text)
+
+
 def killed_client(client):
     before = used(client)
     folder = str(pathlib.Path(__file__).resolve().parent)
@@ -299,6 +320,7 @@ def main(rounds):
         latency(scene)
         memory(client, scene, rounds)
         poses(client)
+        vertices(client)
         killed_client(client)
         others(client, scene)
     sys.exit(not all(results))

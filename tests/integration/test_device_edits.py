@@ -82,6 +82,27 @@ def test_new_instances_may_come_from_the_gpu(stage):
     assert np.array_equal(scene.transforms(group), places(3, 7))
 
 
+def test_vertices_may_come_from_the_gpu(stage):
+    scene, _ = stage
+    sphere = hg.shapes.sphere(0.1, segments=8)
+    bent = (sphere["positions"] * (1, 2, 3)).astype("f4")
+    normals = (bent / np.linalg.norm(bent, axis=1, keepdims=True)).astype("f4")
+    before = seen(scene)
+    with scene.edit() as edit:
+        edit.mesh("mesh", positions=OnGpu(bent), normals=OnGpu(normals))
+    assert np.array_equal(scene["mesh"].positions, bent)
+    assert np.array_equal(scene["mesh"].normals, normals)
+    there = seen(scene)
+    with scene.edit() as edit:
+        edit.mesh("mesh", positions=bent, normals=normals)
+    assert seen(scene) == there != before
+    bent[3, 1] = np.inf
+    with pytest.raises(hg.InvalidArgument, match=r"positions\[3\]"), scene.edit() as edit:
+        edit.mesh("mesh", positions=OnGpu(bent))
+    with pytest.raises(hg.InvalidArgument, match="float32"), scene.edit() as edit:
+        edit.mesh("mesh", positions=OnGpu(bent.astype("f8")))
+
+
 def test_an_overlay_keeps_what_it_was_given(stage):
     scene, balls = stage
     tensor = OnGpu(places(5))

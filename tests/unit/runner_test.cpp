@@ -54,6 +54,10 @@ class SlowBackend final : public Backend {
     taken += time;
     return true;
   }
+  [[nodiscard]] Expected<FilmPart> take(const Film&, const TileRun&) override {
+    return std::unexpected(not_there());
+  }
+  [[nodiscard]] Status put(Film&, const FilmPart&) override { return std::unexpected(not_there()); }
   [[nodiscard]] Status probe(Film&, u32, u32, const Interrupt&) override { return {}; }
   [[nodiscard]] Expected<std::vector<std::vector<Column>>> labels(Film&,
                                                                   const Interrupt&) override {
@@ -89,7 +93,7 @@ TEST_CASE("runner: who comes while a job runs waits for less than a slice, cheap
   const Interrupt interrupt;
   const auto scene = Edits().camera("camera", mat4x3(1), 256, 256, 200).apply();
   Runner runner(std::make_shared<const RenderJob>(job_of(scene, {Plane::BEAUTY}, 64)),
-                {backend, denoiser, sink, interrupt, kSlice});
+                {backend, denoiser, &sink, interrupt, kSlice});
   double squares = 0;
   for (bool is_done = false; !is_done;) {
     const Seconds before = backend.taken;
@@ -110,7 +114,7 @@ TEST_CASE("runner: jobs that take turns tell their progress no more often than o
   const Interrupt interrupt;
   const auto scene = Edits().camera("camera", mat4x3(1), 256, 256, 200).apply();
   Runner runner(std::make_shared<const RenderJob>(job_of(scene, {Plane::BEAUTY}, 16)),
-                {backend, denoiser, sink, interrupt, kSlice});
+                {backend, denoiser, &sink, interrupt, kSlice});
   Seconds used{0};
   for (bool is_done = false; !is_done;) {
     const auto start = std::chrono::steady_clock::now();

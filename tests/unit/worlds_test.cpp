@@ -97,6 +97,12 @@ class ManyPictures final : public Backend {
     });
     return true;
   }
+  [[nodiscard]] Expected<FilmPart> take(const Film&, const TileRun&) override {
+    return fail(Code::kUnimplemented, "", "worlds are not spread over devices");
+  }
+  [[nodiscard]] Status put(Film&, const FilmPart&) override {
+    return fail(Code::kUnimplemented, "", "worlds are not spread over devices");
+  }
   [[nodiscard]] Status probe(Film& film, u32 first_tile, u32 tile_count,
                              const Interrupt& interrupt) override {
     for_each_part(film, first_tile, tile_count, [&](Film& own, u32 first, u32 count) {
@@ -241,7 +247,7 @@ TEST_CASE("worlds: a backend may have several pictures in one film") {
     Collect sink;
     const Interrupt never{};
     Runner runner(std::make_shared<const RenderJob>(job),
-                  {backend, denoiser, sink, never, std::chrono::milliseconds(5)});
+                  {backend, denoiser, &sink, never, std::chrono::milliseconds(5)});
     while (!runner.step()) continue;
     REQUIRE(runner.result().has_value());
     REQUIRE(sink.frames.size() == 1);

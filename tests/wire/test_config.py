@@ -100,6 +100,7 @@ def test_every_flag_and_limit_can_stand_in_the_file(tmp_path):
     values = {
         "threads": "1",
         "devices": "1",
+        "spread-samples": "1",
         "device-memory": "1",
         "grace": "1",
         "drain": "1",

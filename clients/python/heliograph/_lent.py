@@ -48,7 +48,9 @@ class GpuArray:
             )
         if self.dtype.str not in dtypes:
             raise InvalidArgument(
-                f"{field}: holds {self.dtype}; on a GPU it needs {' or '.join(dtypes)}", field=field
+                f"{field}: holds {self.dtype}; on a GPU it needs "
+                + " or ".join(np.dtype(name).name for name in dtypes),
+                field=field,
             )
         if told.get("strides") is not None and tuple(told["strides"]) != _packed(self):
             raise InvalidArgument(f"{field}: is not packed; make it contiguous", field=field)

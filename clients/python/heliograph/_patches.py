@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, TypeVar
 import numpy as np
 
 from ._arrays import NdArray, checked, inline
+from ._lent import GpuArray, is_on_gpu
 from ._proto import scene_pb2 as pb
 from ._proto import types_pb2 as types
 from .components import (
@@ -334,7 +335,12 @@ def mesh_message(edits: Edits, given: Mapping[str, Any]) -> pb.Mesh:
             continue
         if name in ("positions", "normals"):
             shape: tuple[int | None, ...] = (None, None, 3) if keyed else (None, 3)
-            getattr(out, name).CopyFrom(edits.edited(checked(value, name, "<f4", shape)))
+            array = (
+                GpuArray(value, name, ("<f4",), shape)
+                if is_on_gpu(value)
+                else checked(value, name, "<f4", shape)
+            )
+            getattr(out, name).CopyFrom(edits.edited(array))
         elif name == "times":
             out.times.CopyFrom(inline(checked(value, name, "<f8", (None,))))
         elif name in _TOPOLOGY:

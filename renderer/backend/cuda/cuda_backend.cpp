@@ -75,6 +75,8 @@ class CudaBackend final : public Backend {
   [[nodiscard]] bool pauses() const override { return true; }
   [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, TimePoint until,
                                       const Interrupt& interrupt) override;
+  [[nodiscard]] Expected<FilmPart> take(const Film& film, const TileRun& tiles) override;
+  [[nodiscard]] Status put(Film& film, const FilmPart& part) override;
   [[nodiscard]] Status probe(Film& film, u32 first_tile, u32 tile_count,
                              const Interrupt& interrupt) override;
   [[nodiscard]] Expected<std::vector<std::vector<Column>>> labels(
@@ -157,6 +159,16 @@ Expected<bool> CudaBackend::render(Film& film, const WorkRange& range, TimePoint
                                    const Interrupt& interrupt) {
   HELIO_TRY(context_->enter());
   return static_cast<CudaFilm&>(film).render(programs_, range, until, interrupt);
+}
+
+Expected<FilmPart> CudaBackend::take(const Film& film, const TileRun& tiles) {
+  HELIO_TRY(context_->enter());
+  return static_cast<const CudaFilm&>(film).take(tiles);
+}
+
+Status CudaBackend::put(Film& film, const FilmPart& part) {
+  HELIO_TRY(context_->enter());
+  return static_cast<CudaFilm&>(film).put(part);
 }
 
 Status CudaBackend::probe(Film& film, u32 first_tile, u32 tile_count, const Interrupt& interrupt) {

@@ -146,6 +146,36 @@ Expected<bool> CudaFilm::render(const Programs& programs, const WorkRange& range
   return true;
 }
 
+Expected<FilmPart> CudaFilm::take(const TileRun& tiles) const {
+  FilmPart part{.tiles = tiles, .samples = samples(tiles.first)};
+  const std::vector<host::SumRange> ranges = pictures_[0]->sums_of(tiles);
+  u64 bytes = 0;
+  for (const host::SumRange& range : ranges) bytes += range.bytes;
+  part.sums.resize(bytes);
+  std::vector<Download> downloads;
+  std::span<std::byte> to(part.sums);
+  for (const host::SumRange& range : ranges) {
+    downloads.push_back({to.first(range.bytes), sums_.at() + range.offset});
+    to = to.subspan(range.bytes);
+  }
+  HELIO_TRY(context_.download(downloads));
+  return part;
+}
+
+Status CudaFilm::put(const FilmPart& part) {
+  std::vector<Upload> uploads;
+  std::span<const std::byte> from(part.sums);
+  for (const host::SumRange& range : pictures_[0]->sums_of(part.tiles)) {
+    uploads.push_back({sums_.at() + range.offset, from.first(range.bytes)});
+    from = from.subspan(range.bytes);
+  }
+  HELIO_TRY(context_.upload(uploads));
+  std::ranges::fill(std::span(tile_samples_).subspan(part.tiles.first, part.tiles.count),
+                    part.samples);
+  rays_elsewhere_ += part.rays;
+  return {};
+}
+
 Status CudaFilm::probe(const Programs& programs, u32 first_tile, u32 tile_count) {
   kernels::WaveWork work{first_tile, tile_count, 0, 1};
   u64* rays = &counters_.as<WaveCounters>()->rays;

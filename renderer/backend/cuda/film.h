@@ -38,7 +38,9 @@ class CudaFilm final : public Film {
   [[nodiscard]] u32 tiles_across() const override { return pictures_[0]->tiles_across(); }
   [[nodiscard]] u32 samples(u32 tile) const override { return tile_samples_[tile]; }
   /// As of the last time that somebody waited for the device.
-  [[nodiscard]] u64 rays() const override { return rays_.load(std::memory_order_relaxed); }
+  [[nodiscard]] u64 rays() const override {
+    return rays_.load(std::memory_order_relaxed) + rays_elsewhere_;
+  }
   [[nodiscard]] u32 pictures() const { return u32(pictures_.size()); }
   /// What its pictures show. All copies are there.
   [[nodiscard]] const std::vector<std::shared_ptr<const CudaScene>>& scenes() const {
@@ -49,6 +51,9 @@ class CudaFilm final : public Film {
   /// Goes on with a range, or begins with it; returns whether it is done.
   [[nodiscard]] Expected<bool> render(const Programs& programs, const WorkRange& range,
                                       TimePoint until, const Interrupt& interrupt);
+  /// What Backend::take() and put() say.
+  [[nodiscard]] Expected<FilmPart> take(const TileRun& tiles) const;
+  [[nodiscard]] Status put(const FilmPart& part);
   [[nodiscard]] Status probe(const Programs& programs, u32 first_tile, u32 tile_count);
   /// What Backend::resolve() says.
   ///
@@ -110,6 +115,7 @@ class CudaFilm final : public Film {
   u32 task_ = 0;                              // that it works on
   bool fetched_ = false;
   std::atomic<u64> rays_{0};
+  u64 rays_elsewhere_ = 0;  // of parts that other devices traced
 };
 
 }  // namespace heliograph::cuda

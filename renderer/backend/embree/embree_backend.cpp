@@ -87,6 +87,13 @@ class EmbreeBackend final : public Backend {
   }
   [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, TimePoint until,
                                       const Interrupt& interrupt) override;
+  [[nodiscard]] Expected<FilmPart> take(const Film& film, const TileRun& tiles) override {
+    return static_cast<const host::HostFilm&>(film).take(tiles);
+  }
+  [[nodiscard]] Status put(Film& film, const FilmPart& part) override {
+    static_cast<host::HostFilm&>(film).put(part);
+    return {};
+  }
   [[nodiscard]] Status probe(Film& film, u32 first_tile, u32 tile_count,
                              const Interrupt& interrupt) override;
   [[nodiscard]] Expected<std::vector<std::vector<Column>>> labels(
