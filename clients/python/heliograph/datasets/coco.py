@@ -7,14 +7,16 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from ..errors import FailedPrecondition
+from .._arrays import NdArray
+from ..errors import FailedPrecondition, InvalidArgument
 from . import rle
-from .writer import Dataset, Image, Picture, Records, Writer
+from .keypoints import OUTSIDE, VISIBLE, Keypoints, Skeleton, skeletons_of
+from .writer import Dataset, Image, Picture, Records, Writer, encode
 
 
 class Coco(Writer):
@@ -23,52 +25,111 @@ class Coco(Writer):
 
     An annotation for each instance that has a category and a visible pixel: bbox is that of its
     visible pixels, area their number, segmentation their mask as compressed RLE. Category ids are
-    the scene's class ids, image ids the indices, annotation ids count from 1. A picture without
-    instances has no annotation. Further keys: `instance` (the label), `name`.
+    the scene's class ids, image ids the indices, annotation ids count from 1. Further keys:
+    `instance` (the label), `name`.
+
+    keypoints=True: annotations/keypoints.json too, with the classes that have keypoints: x, y are K
+    coordinates, whose integers are pixel centres; v is 2 where seen, 1 where hidden, else 0.
+    panoptic=True: annotations/panoptic.json and panoptic/000123.png too. stuff: categories that are
+    no countable things: in panoptic.json one segment a category, in the others nothing.
     """
 
-    labels = ("boxes",)
-
     def __init__(
-        self, directory: str | os.PathLike[str], *, picture: Picture | str | None = None
+        self,
+        directory: str | os.PathLike[str],
+        *,
+        keypoints: bool = False,
+        panoptic: bool = False,
+        stuff: Sequence[str] = (),
+        picture: Picture | str | None = None,
     ) -> None:
         super().__init__(directory, picture=picture)
+        self.keypoints, self.panoptic, self.stuff = keypoints, panoptic, list(stuff)
         self.planes = (*self.picture.planes, "instance")
+        self.labels = ("boxes", "keypoints") if keypoints else ("boxes",)
+        self._skeletons: dict[int, Skeleton] = {}
+        self._stuff: set[int] = set()
 
     def begin(self, dataset: Dataset) -> None:
+        super().begin(dataset)
         if not dataset.categories:
             raise FailedPrecondition(
                 "COCO needs categories, and the scene has none: give entities category=..."
             )
-        super().begin(dataset)
+        ids = {name: number for number, name in dataset.categories.items()}
+        unknown = [name for name in self.stuff if name not in ids]
+        if unknown:
+            raise InvalidArgument(
+                f"stuff: no category {unknown[0]!r}; there are {', '.join(ids)}", field="stuff"
+            )
+        self._stuff = {ids[name] for name in self.stuff}
+        self._skeletons = skeletons_of(dataset) if self.keypoints else {}
 
     def write(self, image: Image) -> Any:
         file = self.put_picture(image)
         frame = image.frame
-        return {
+        record = {
             "file_name": file.rpartition("/")[2],
             "width": frame.width,
             "height": frame.height,
-            "annotations": list(annotations_of(image)),
+            "annotations": list(self._annotations(image)),
         }
+        if self.panoptic:
+            colors, record["segments"] = panoptic_of(image, self._stuff)
+            name = "/".join(p for p in ("panoptic", image.split, f"{image.name}.png") if p)
+            self.put(name, encode(colors))
+        return record
+
+    def _annotations(self, image: Image) -> Iterator[dict[str, Any]]:
+        points = Keypoints(image.frame.labels) if self.keypoints else None
+        for annotation in annotations_of(image):
+            category = annotation["category_id"]
+            if category in self._stuff:
+                continue
+            if points is not None and category in self._skeletons:
+                annotation.update(
+                    keypoints_of(points.of(annotation["instance"], self._skeletons[category]))
+                )
+            yield annotation
 
     def finish(self, records: Records) -> None:
+        things = [c for c in self.dataset.categories if c not in self._stuff]
         for split in self.dataset.splits or ("",):
-            name = f"instances_{split}.json" if split else "instances.json"
             chosen = records.of_split(split)
-            with self.file(f"annotations/{name}") as path, open(path, "w") as file:
-                file.write('{"info": {"description": "made by heliograph"},\n"licenses": [],\n')
-                file.write(f'"categories": {json.dumps(self._categories())},\n"images": [')
-                write_rows(file, (image_of(index, record) for index, record in chosen))
-                file.write('],\n"annotations": [')
-                write_rows(file, numbered(chosen))
-                file.write("]}\n")
+            self._put("instances", split, things, (chosen, instances_of(chosen)))
+            if self.keypoints:
+                rows = with_keypoints_of(chosen)
+                self._put("keypoints", split, list(self._skeletons), (chosen, rows))
+            if self.panoptic:
+                self._put(
+                    "panoptic", split, list(self.dataset.categories), (chosen, segments_of(chosen))
+                )
 
-    def _categories(self) -> list[dict[str, Any]]:
-        return [
-            {"id": number, "name": name, "supercategory": ""}
-            for number, name in sorted(self.dataset.categories.items())
-        ]
+    def _put(
+        self, kind: str, split: str, categories: Sequence[int], rows: tuple[Records, Iterator[Any]]
+    ) -> None:
+        """annotations/KIND_SPLIT.json, an image or annotation a line."""
+        name = f"annotations/{kind}_{split}.json" if split else f"annotations/{kind}.json"
+        listed = json.dumps([self._category(kind, number) for number in sorted(categories)])
+        records, annotations = rows
+        with self.file(name) as path, open(path, "w") as file:
+            file.write('{"info": {"description": "made by heliograph"},\n"licenses": [],\n')
+            file.write(f'"categories": {listed},\n"images": [')
+            write_rows(file, (image_of(index, record) for index, record in records))
+            file.write('],\n"annotations": [')
+            write_rows(file, annotations)
+            file.write("]}\n")
+
+    def _category(self, kind: str, number: int) -> dict[str, Any]:
+        out: dict[str, Any] = {"id": number, "name": self.dataset.categories[number]}
+        out["supercategory"] = "stuff" if number in self._stuff else "thing"
+        if kind == "panoptic":
+            out["isthing"] = int(number not in self._stuff)
+        if kind == "keypoints":
+            skeleton = self._skeletons[number]
+            out["keypoints"] = list(skeleton.names)
+            out["skeleton"] = [[a + 1, b + 1] for a, b in skeleton.edges]
+        return out
 
 
 def annotations_of(image: Image) -> Iterator[dict[str, Any]]:
@@ -92,6 +153,51 @@ def annotations_of(image: Image) -> Iterator[dict[str, Any]]:
         }
 
 
+def keypoints_of(seen: tuple[NdArray, NdArray]) -> dict[str, Any]:
+    """The keys of keypoints of an annotation. What is outside the image is 0, 0, 0."""
+    flat: list[float] = []
+    for (x, y), state in zip(seen[0].tolist(), seen[1].tolist()):
+        flat += [0, 0, 0] if state == OUTSIDE else [x, y, 2 if state == VISIBLE else 1]
+    return {"num_keypoints": sum(v > 0 for v in flat[2::3]), "keypoints": flat}
+
+
+def panoptic_of(image: Image, stuff: set[int]) -> tuple[NdArray, list[dict[str, Any]]]:
+    """((H, W, 3) uint8 of ids R + 256 G + 65536 B, segments_info). A thing's id is its label, stuff
+    has that of its first instance; what has no category is 0, void."""
+    labels, ids = image.frame.labels, image.frame["instance"]
+    rows = np.flatnonzero((labels["category"] > 0) & (labels["visible"] > 0))
+    known = np.zeros(len(rows), dtype=np.uint32)
+    first: dict[int, int] = {}
+    for i, row in enumerate(rows):
+        label, category = int(labels["label"][row]), int(labels["category"][row])
+        known[i] = first.setdefault(category, label) if category in stuff else label
+    if known.size and known.max() >= 1 << 24:
+        raise InvalidArgument(
+            f"label: {known.max()} does not fit the 24 bits of a panoptic PNG", field="label"
+        )
+    own = np.asarray(labels["label"][rows])
+    merged = np.zeros(ids.shape, dtype=np.uint32)
+    if len(rows):
+        place = np.searchsorted(own, ids).clip(max=len(own) - 1)  # labels are ascending
+        merged = np.where(own[place] == ids, known[place], 0).astype(np.uint32)
+    segments = []
+    for label in dict.fromkeys(known.tolist()):
+        ys, xs = np.nonzero(merged == label)
+        x0, y0 = int(xs.min()), int(ys.min())
+        category = int(labels["category"][rows[int(np.flatnonzero(own == label)[0])]])
+        segments.append(
+            {
+                "id": label,
+                "category_id": category,
+                "iscrowd": 0,
+                "bbox": [x0, y0, int(xs.max()) + 1 - x0, int(ys.max()) + 1 - y0],
+                "area": len(xs),
+            }
+        )
+    colors = np.stack([merged >> shift & 255 for shift in (0, 8, 16)], axis=-1)
+    return colors.astype(np.uint8), segments
+
+
 def image_of(index: int, record: Mapping[str, Any]) -> dict[str, Any]:
     """An entry of `images`."""
     return {"id": index, **{key: record[key] for key in ("file_name", "width", "height")}}
@@ -104,6 +210,24 @@ def numbered(records: Records) -> Iterator[dict[str, Any]]:
         for annotation in record["annotations"]:
             number += 1
             yield {"id": number, "image_id": index, **annotation}
+
+
+def instances_of(records: Records) -> Iterator[dict[str, Any]]:
+    """The annotations of instances.json."""
+    for annotation in numbered(records):
+        yield {k: v for k, v in annotation.items() if k not in ("keypoints", "num_keypoints")}
+
+
+def with_keypoints_of(records: Records) -> Iterator[dict[str, Any]]:
+    """The annotations of keypoints.json: with the ids of instances.json."""
+    return (annotation for annotation in numbered(records) if "keypoints" in annotation)
+
+
+def segments_of(records: Records) -> Iterator[dict[str, Any]]:
+    """The annotations of panoptic.json."""
+    for index, record in records:
+        name = record["file_name"].rpartition(".")[0] + ".png"
+        yield {"image_id": index, "file_name": name, "segments_info": record["segments"]}
 
 
 def write_rows(file: Any, rows: Iterator[Any]) -> None:
