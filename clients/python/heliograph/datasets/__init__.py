@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from .kept import KeptImage
     from .validation import Fault, Report, validate
     from .writer import Dataset, Image, Picture, Records, Writer
+    from .yolo import Yolo
 
 _HOMES = {
     "Coco": "coco",
@@ -28,6 +29,7 @@ _HOMES = {
     "Report": "validation",
     "Summary": "generate",
     "Writer": "writer",
+    "Yolo": "yolo",
     "generate": "generate",
     "validate": "validation",
 }
@@ -45,6 +47,7 @@ __all__ = [
     "Report",
     "Summary",
     "Writer",
+    "Yolo",
     "generate",
     "validate",
 ]

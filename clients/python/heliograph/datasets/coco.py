@@ -41,11 +41,11 @@ class Coco(Writer):
         keypoints: bool = False,
         panoptic: bool = False,
         stuff: Sequence[str] = (),
-        picture: Picture | str | None = None,
+        picture: Picture | str = "png",
     ) -> None:
         super().__init__(directory, picture=picture)
         self.keypoints, self.panoptic, self.stuff = keypoints, panoptic, list(stuff)
-        self.planes = (*self.picture.planes, "instance")
+        self.planes = (*self.picture_planes, "instance")
         self.labels = ("boxes", "keypoints") if keypoints else ("boxes",)
         self._skeletons: dict[int, Skeleton] = {}
         self._stuff: set[int] = set()

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import InvalidArgument
+from ..errors import FailedPrecondition, InvalidArgument
 from .folder import Folder, name_of
 
 if TYPE_CHECKING:
@@ -123,11 +123,16 @@ class Writer(ABC):
     labels: Mapping[str, Any] | Sequence[str] | bool = False
 
     def __init__(
-        self, directory: str | os.PathLike[str], *, picture: Picture | str | None = None
+        self, directory: str | os.PathLike[str], *, picture: Picture | str | None = "png"
     ) -> None:
-        """picture: a Picture, or "png" or "jpg" for one that is as usual."""
+        """picture: a Picture, or "png" or "jpg" for one that is as usual; None: there is none."""
         self._folder = Folder(directory)
-        self.picture = Picture(picture) if isinstance(picture, str) else picture or Picture()
+        self.picture = Picture(picture) if isinstance(picture, str) else picture
+
+    @property
+    def picture_planes(self) -> tuple[str, ...]:
+        """What has to be rendered for the picture."""
+        return self.picture.planes if self.picture else ()
 
     @property
     def directory(self) -> Path:
@@ -172,6 +177,8 @@ class Writer(ABC):
 
     def put_picture(self, image: Image, below: str = "images") -> str:
         """Writes the picture as below/000123.png, or below/SPLIT/000123.png; its name in DIR."""
+        if self.picture is None:
+            raise FailedPrecondition(f"{self!r} has no picture: give it picture='png'")
         name = "/".join(
             part for part in (below, image.split, f"{image.name}.{self.picture.format}") if part
         )
