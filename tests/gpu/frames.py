@@ -246,17 +246,17 @@ def vertices(client, segments=300):
     sphere = hg.shapes.sphere(1.0, segments=segments)
     rest = torch.from_numpy(np.asarray(sphere["positions"], dtype="f4")).cuda()
     with scene.edit() as edit:
-        edit.mesh("soft", **sphere)
-        edit.entity("soft", mesh="soft")
+        edit.mesh("soft/mesh", **sphere)
+        edit.entity("soft", mesh="soft/mesh")
     wrong, took = 0, []
     for k in range(12):
         bent = (rest * (1 + 0.1 * torch.sin(rest.roll(1, 1) * 5 + k))).contiguous()
         torch.cuda.synchronize()
         start = time.perf_counter()
         with scene.edit() as edit:
-            edit.mesh("soft", positions=bent, normals=None)
+            edit.mesh("soft/mesh", positions=bent)
         took.append(time.perf_counter() - start)
-        wrong += not np.array_equal(scene["soft"].positions, bent.cpu().numpy())
+        wrong += not np.array_equal(scene["soft/mesh"].positions, bent.cpu().numpy())
     text = f"{len(rest)} to a published snapshot {1e3 * statistics.median(took[2:]):.2f} ms"
     report("vertices of a tensor", wrong == 0, f"{wrong} of 12 wrong; " + text)
 
