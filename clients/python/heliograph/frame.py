@@ -209,7 +209,7 @@ class Frame(Rendered):
         "filmic" or "agx"."""
         beauty = self["beauty"]
         rgb = beauty[..., :3]
-        return tonemap.to_srgb8(rgb, self._stops(exposure), view)
+        return tonemap.to_srgb8(rgb, self.stops(exposure), view)
 
     def relight(self, factors: Mapping[str, Any]) -> NdArray:
         """(H, W, 4) float32: the beauty if the light groups were as many times as bright.
@@ -229,7 +229,8 @@ class Frame(Rendered):
         out[..., :3] = out[..., :3].clip(0)
         return out.astype(np.float32)
 
-    def _stops(self, exposure: float | str) -> float:
+    def stops(self, exposure: float | str) -> float:
+        """Stops of an exposure: a number of them, or "auto" for what suits the beauty."""
         if exposure == "auto":
             beauty = self["beauty"]
             weight = beauty[..., 3]
@@ -255,7 +256,7 @@ class Frame(Rendered):
             return data * np.uint8(255)
         unit = self.units.get(plane, "")
         if unit.startswith("W "):
-            stops = self._stops(exposure) if "beauty" in self or exposure != "auto" else 0.0
+            stops = self.stops(exposure) if "beauty" in self or exposure != "auto" else 0.0
             return tonemap.to_srgb8(data[..., :3], stops, view)
         if plane == "sensor_depth":  # what is not measured, as what is infinitely far
             data = np.where(data > 0, data, np.inf)

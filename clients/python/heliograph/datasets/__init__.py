@@ -8,26 +8,40 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .bop import Bop
     from .coco import Coco
+    from .colmap import Colmap
     from .draw import Compose, Draw
     from .generate import Summary, generate
     from .kept import KeptImage
+    from .kitti import Kitti
+    from .middlebury import Middlebury
+    from .ndds import Ndds
+    from .nerf import NerfTransforms
+    from .tapvid import TapVid
     from .validation import Fault, Report, validate
     from .writer import Dataset, Image, Picture, Records, Writer
     from .yolo import Yolo
 
 _HOMES = {
+    "Bop": "bop",
     "Coco": "coco",
+    "Colmap": "colmap",
     "Compose": "draw",
     "Dataset": "writer",
     "Draw": "draw",
     "Fault": "validation",
     "Image": "writer",
     "KeptImage": "kept",
+    "Kitti": "kitti",
+    "Middlebury": "middlebury",
+    "Ndds": "ndds",
+    "NerfTransforms": "nerf",
     "Picture": "writer",
     "Records": "writer",
     "Report": "validation",
     "Summary": "generate",
+    "TapVid": "tapvid",
     "Writer": "writer",
     "Yolo": "yolo",
     "generate": "generate",
@@ -35,17 +49,24 @@ _HOMES = {
 }
 
 __all__ = [
+    "Bop",
     "Coco",
+    "Colmap",
     "Compose",
     "Dataset",
     "Draw",
     "Fault",
     "Image",
     "KeptImage",
+    "Kitti",
+    "Middlebury",
+    "Ndds",
+    "NerfTransforms",
     "Picture",
     "Records",
     "Report",
     "Summary",
+    "TapVid",
     "Writer",
     "Yolo",
     "generate",

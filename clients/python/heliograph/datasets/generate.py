@@ -247,7 +247,7 @@ class _Run:
             )
             split = self.plan.splits.of(self.dataset.seed, draw)
             for index, frame in zip(images, frames):
-                self._write(Image(index, frame, split), attempt, edit)
+                self._write(Image(index, frame, split, edit), attempt, edit)
         except HeliographError as error:
             error.args = (f"image {images[0]}: {error}", *error.args[1:])
             raise

@@ -11,10 +11,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .._arrays import NdArray
 from ..errors import FailedPrecondition, InvalidArgument
 from .folder import Folder, name_of
 
 if TYPE_CHECKING:
+    from ..edit import Edits
     from ..frame import Frame
     from ..handles import Handle
     from ..scene import Scene
@@ -23,11 +25,12 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Image:
     """What Writer.write gets. index: in the data set; frame: its hg.Frame with planes and labels;
-    split: "train", "val", ..., or ""."""
+    split: "train", "val", ..., or ""; overlay: what was drawn, None: nothing."""
 
     index: int
     frame: Frame
     split: str = ""
+    overlay: Edits | None = None
 
     @property
     def name(self) -> str:
@@ -73,13 +76,13 @@ class Picture:
         """What has to be rendered for it."""
         return tuple(dict.fromkeys((self.plane, "beauty")))
 
+    def pixels(self, frame: Frame) -> NdArray:
+        """(H, W, 3) uint8."""
+        return frame.picture(self.plane, exposure=self.exposure, view=self.view)
+
     def encode(self, frame: Frame) -> bytes:
         """The file's bytes."""
-        return encode(
-            frame.picture(self.plane, exposure=self.exposure, view=self.view),
-            self.format,
-            self.quality,
-        )
+        return encode(self.pixels(frame), self.format, self.quality)
 
 
 def encode(pixels: Any, format: str = "png", quality: int = 90) -> bytes:
