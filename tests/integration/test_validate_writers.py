@@ -51,5 +51,6 @@ def test_coco(stage, tmp_path):
     report = written(stage, hd.Coco(tmp_path / "out"))
     assert report.ok, str(report)
     assert report.formats == ["coco", "dataset"]
-    report = written(stage, hd.Coco(tmp_path / "split"), splits={"train": 0.5, "val": 0.5})
+    everything = hd.Coco(tmp_path / "split", keypoints=True, panoptic=True, stuff=["ball"])
+    report = written(stage, everything, splits={"train": 0.5, "val": 0.5})
     assert report.ok, str(report)

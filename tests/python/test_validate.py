@@ -11,6 +11,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import clean_bop
 import clean_coco
 import heliograph as hg
 import heliograph.datasets as hd
@@ -18,7 +19,7 @@ import pytest
 from heliograph.cli import main
 from heliograph.datasets.validation import FORMATS
 
-SETS = {"coco": clean_coco}
+SETS = {"coco": clean_coco, "bop": clean_bop}
 FAULTS = [(name, fault) for name, module in SETS.items() for fault in module.FAULTS]
 
 

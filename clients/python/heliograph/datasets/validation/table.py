@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from . import coco, dataset
+from . import bop, coco, dataset
 from .formats import Format
 
-FORMATS: dict[str, Format] = {module.FORMAT.name: module.FORMAT for module in (coco, dataset)}
+_MODULES = (coco, bop, dataset)
+
+FORMATS: dict[str, Format] = {module.FORMAT.name: module.FORMAT for module in _MODULES}
