@@ -1,0 +1,289 @@
+"""initialize() to deinitialize(): the daemon, the camera, callbacks; and what a window would be."""
+
+from __future__ import annotations
+
+import atexit
+import os
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import heliograph as hg
+
+from .cameras import camera
+from .component import Component, check
+from .entities import entity
+from .glm.vectors import ivec2, vec2
+from .lights import light
+from .materials import material
+from .meshes import mesh
+from .mirror import Mirror
+from .textures import texture
+from .transforms import transform
+from .volumes import volume
+
+__all__ = [
+    "are_updates_enabled",
+    "clear_all",
+    "deinitialize",
+    "disable_updates",
+    "enable_updates",
+    "get_cursor_pos",
+    "get_scene_aabb_center",
+    "get_scene_max_aabb_corner",
+    "get_scene_min_aabb_corner",
+    "get_window_size",
+    "initialize",
+    "initialize_headless",
+    "initialize_interactive",
+    "is_button_held",
+    "is_button_pressed",
+    "register_callback",
+    "register_pre_render_callback",
+    "resize_window",
+    "set_camera_entity",
+    "set_cursor_mode",
+    "should_window_close",
+    "update_scene_aabb",
+]
+
+KINDS: tuple[type[Component], ...] = (
+    *(entity, transform, material, texture, mesh, camera, light, volume),
+)
+
+
+class _Session:
+    """Between initialize() and deinitialize()."""
+
+    def __init__(self, address: str | None) -> None:
+        self.client = hg.connect(address)
+        self.mirror = Mirror(self.client.create_scene())
+
+
+_session: _Session | None = None
+_camera: entity | None = None
+_callback: Callable[[], Any] | None = None
+_updates = True
+_window = (1280, 720)
+
+
+@contextmanager
+def as_runtime_error() -> Iterator[None]:
+    """What the daemon refuses is a RuntimeError, as all errors here are."""
+    try:
+        yield
+    except hg.HeliographError as error:
+        raise RuntimeError(str(error)) from error
+
+
+def initialize(
+    headless: bool = False,
+    window_on_top: bool = False,
+    lazy_updates: bool = False,
+    verbose: bool = False,
+    max_entities: int = 10000,
+    max_cameras: int = 10,
+    max_transforms: int = 10000,
+    max_meshes: int = 10000,
+    max_materials: int = 10000,
+    max_lights: int = 100,
+    max_textures: int = 1000,
+    max_volumes: int = 1000,
+    address: str | None = None,
+) -> None:
+    """Connects to a daemon: that of `address`, else of $HELIOGRAPH_ADDRESS, else a private one.
+
+    It is always headless, and nothing is limited: the other arguments are accepted.
+    """
+    global _session
+    if _session is not None:
+        raise RuntimeError("nvisii is already initialized; call nvisii.deinitialize() before")
+    with as_runtime_error():
+        _session = _Session(address or os.environ.get("HELIOGRAPH_ADDRESS") or None)
+
+
+def initialize_interactive(
+    window_on_top: bool = False,
+    verbose: bool = False,
+    max_entities: int = 10000,
+    max_cameras: int = 10,
+    max_transforms: int = 10000,
+    max_meshes: int = 10000,
+    max_materials: int = 10000,
+    max_lights: int = 100,
+    max_textures: int = 1000,
+    max_volumes: int = 1000,
+) -> None:
+    """The old name of initialize(headless=False)."""
+    _deprecated("initialize_interactive", "initialize")
+    initialize(headless=False, window_on_top=window_on_top, verbose=verbose)
+
+
+def initialize_headless(
+    verbose: bool = False,
+    max_entities: int = 10000,
+    max_cameras: int = 10,
+    max_transforms: int = 10000,
+    max_meshes: int = 10000,
+    max_materials: int = 10000,
+    max_lights: int = 100,
+    max_textures: int = 1000,
+    max_volumes: int = 1000,
+) -> None:
+    """The old name of initialize(headless=True)."""
+    _deprecated("initialize_headless", "initialize")
+    initialize(headless=True, verbose=verbose)
+
+
+def _deprecated(old: str, new: str) -> None:
+    warnings.warn(f"nvisii.{old} is deprecated: use nvisii.{new}", DeprecationWarning, 3)
+
+
+def deinitialize() -> None:
+    """Removes everything and leaves the daemon; without initialize() it does nothing more."""
+    global _session
+    clear_all()
+    register_callback(None)
+    if _session is not None:
+        session, _session = _session, None
+        session.client.close()
+
+
+atexit.register(deinitialize)
+
+
+def session() -> _Session:
+    """What render() renders with."""
+    if _session is None:
+        raise RuntimeError("nvisii is not initialized: call nvisii.initialize(headless=True) first")
+    return _session
+
+
+def clear_all() -> None:
+    """Removes all components, and the camera entity. The dome, clamps, depths, intervals and the
+    denoiser stay as they are."""
+    set_camera_entity(None)
+    for kind in KINDS:
+        kind.clear_all()
+
+
+# ---------------------------------------------------------------- the camera and callbacks
+
+
+def set_camera_entity(camera_entity: entity | None) -> None:
+    """The entity whose camera sees. What it is changed to later counts."""
+    global _camera
+    check("camera_entity", entity, camera_entity)
+    _camera = camera_entity
+
+
+def camera_entity() -> entity | None:
+    return _camera if _camera is not None and _camera._alive else None
+
+
+def register_callback(callback: Callable[[], Any] | None) -> None:
+    """A function without arguments that is called before each picture, by the thread that asks for
+    it; None: none."""
+    global _callback
+    if callback is not None and not callable(callback):
+        raise RuntimeError(f"callback: {callback!r} is no function")
+    _callback = callback
+
+
+def register_pre_render_callback(callback: Callable[[], Any] | None) -> None:
+    """The old name of register_callback."""
+    register_callback(callback)
+
+
+def call_back() -> None:
+    """Before a picture."""
+    if _callback is not None:
+        _callback()
+
+
+# ---------------------------------------------------------------- what a window would be
+
+
+def enable_updates() -> None:
+    """Pictures always show what is there; it is remembered."""
+    global _updates
+    _updates = True
+
+
+def disable_updates() -> None:
+    """Pictures always show what is there; it is remembered."""
+    global _updates
+    _updates = False
+
+
+def are_updates_enabled() -> bool:
+    return _updates
+
+
+def resize_window(width: int, height: int) -> None:
+    """Kept for get_window_size()."""
+    global _window
+    _window = (int(width), int(height))
+
+
+def get_window_size() -> Any:
+    """ivec2."""
+    return ivec2(*_window)
+
+
+def is_button_pressed(button: str) -> bool:
+    """False: there is no window."""
+    return False
+
+
+def is_button_held(button: str) -> bool:
+    """False: there is no window."""
+    return False
+
+
+def get_cursor_pos() -> Any:
+    """vec2(0, 0): there is no window."""
+    return vec2(0, 0)
+
+
+def set_cursor_mode(mode: str) -> None:
+    """"NORMAL", "HIDDEN" or "DISABLED"; there is no cursor."""
+    if mode not in ("NORMAL", "HIDDEN", "DISABLED"):
+        raise RuntimeError(f'mode: "NORMAL", "HIDDEN" or "DISABLED", not {mode!r}')
+
+
+def should_window_close() -> bool:
+    """True: there is no window, so that loops about it end."""
+    return True
+
+
+# ---------------------------------------------------------------- where everything is
+
+
+def get_scene_min_aabb_corner() -> Any:
+    """Of all that is shown, in the world."""
+    return _scene_box()[0]
+
+
+def get_scene_max_aabb_corner() -> Any:
+    return _scene_box()[1]
+
+
+def get_scene_aabb_center() -> Any:
+    low, high = _scene_box()
+    return (low + high) * 0.5
+
+
+def update_scene_aabb(entity: entity) -> None:
+    """The scene's box is always that of its entities."""
+
+
+def _scene_box() -> tuple[Any, Any]:
+    from .glm.vectors import vec3
+
+    shown = [e._aabb() for e in entity.get_renderable_entities() if e._mesh or e._volume]
+    if not shown:
+        return vec3(0, 0, 0), vec3(0, 0, 0)
+    low = [min(float(box[0][k]) for box in shown) for k in range(3)]
+    return vec3(*low), vec3(*(max(float(box[1][k]) for box in shown) for k in range(3)))

@@ -1,0 +1,174 @@
+"""nvisii.volume: densities on a grid of voxels; one voxel is one unit of the entity's space."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .component import Component
+from .glm.vectors import Numbers, floats, vec3
+from .nodes import Nodes
+
+
+class volume(Component):
+    """Fog: it absorbs and scatters. An entity's transform usually scales it down."""
+
+    def __init__(self, name: str, density: Any, origin: Any) -> None:
+        super().__init__(name)
+        self._density = density  # (X, Y, Z) float32
+        self._origin = np.asarray(origin, dtype=float)  # lower corner of voxel [0, 0, 0]
+        self._scale = 1.0
+        self._scattering = 0.5
+        self._absorption = 0.5
+        self._gradient_factor = 0.5
+        self._nodes: Nodes | None = None
+
+    @classmethod
+    def create_from_data(
+        cls, name: str, width: int, height: int, depth: int, data: Any, background: float
+    ) -> volume:
+        """width * height * depth densities, x fastest, centred on the origin; values that equal
+        the background are empty."""
+        values = np.asarray(data, dtype="f4")
+        if values.size != width * height * depth:
+            raise RuntimeError(
+                f"volume.create_from_data: {width}x{height}x{depth} are "
+                f"{width * height * depth} values, not {values.size}"
+            )
+        values = values.reshape(depth, height, width).transpose(2, 1, 0)
+        density = np.where(values == np.float32(background), np.float32(0), values)
+        return cls(name, density, _centered(density.shape))
+
+    @classmethod
+    def create_sphere(cls, name: str) -> volume:
+        """Of radius 100."""
+        return cls._fog(name, 100, lambda x, y, z: np.sqrt(x * x + y * y + z * z) - 100)
+
+    @classmethod
+    def create_torus(cls, name: str) -> volume:
+        """About +Y; radius 100 to the middle of a tube of radius 50."""
+
+        def distance(x: Any, y: Any, z: Any) -> Any:
+            return np.sqrt((np.sqrt(x * x + z * z) - 100) ** 2 + y * y) - 50
+
+        return cls._fog(name, 150, distance)
+
+    @classmethod
+    def create_box(
+        cls,
+        name: str,
+        size: Numbers = (100.0, 100.0, 100.0),
+        center: Numbers = (0.0, 0.0, 0.0),
+        half_width: float = 3.0,
+    ) -> volume:
+        """size: of the sides, in voxels. half_width: of the soft rim."""
+        half, middle = np.array(floats(size, 3, "size")) / 2, np.array(floats(center, 3, "center"))
+
+        def distance(x: Any, y: Any, z: Any) -> Any:
+            q = [np.abs(a - m) - h for a, m, h in zip((x, y, z), middle, half)]
+            outside = np.sqrt(sum(np.maximum(a, 0) ** 2 for a in q))
+            return outside + np.minimum(np.maximum(np.maximum(q[0], q[1]), q[2]), 0)
+
+        reach = float((half + np.abs(middle)).max())
+        return cls._fog(name, reach, distance, float(half_width))
+
+    @classmethod
+    def create_octahedron(cls, name: str) -> volume:
+        """Of radius 50: corners on the axes."""
+
+        def distance(x: Any, y: Any, z: Any) -> Any:
+            return (np.abs(x) + np.abs(y) + np.abs(z) - 50) / np.sqrt(np.float32(3))
+
+        return cls._fog(name, 50, distance)
+
+    @classmethod
+    def _fog(cls, name: str, reach: float, distance: Any, half_width: float = 3.0) -> volume:
+        """Density 0 at the surface, 1 from half_width inside on."""
+        n = int(np.ceil(reach))
+        axis = np.arange(-n, n + 1, dtype="f4")
+        x, y, z = np.meshgrid(axis, axis, axis, indexing="ij", sparse=True)
+        density = np.clip(-distance(x, y, z) / np.float32(half_width), 0, 1).astype("f4")
+        return cls(name, density, (-n - 0.5,) * 3)
+
+    # ------------------------------------------------------------ the medium
+
+    def set_scale(self, scale: float) -> None:
+        """How far light goes, as a factor: 2 makes it half as dense."""
+        self._scale = _above_zero("scale", scale)
+        self.mark_dirty()
+
+    def set_scattering(self, scattering: float) -> None:
+        """Scattering coefficient of density 1, per voxel."""
+        self._scattering = _not_below_zero("scattering", scattering)
+        self.mark_dirty()
+
+    def set_absorption(self, absorption: float) -> None:
+        """Absorption coefficient of density 1, per voxel."""
+        self._absorption = _not_below_zero("absorption", absorption)
+        self.mark_dirty()
+
+    def set_gradient_factor(self, gradient_factor: float) -> None:
+        """Kept; volumes here have no surfaces."""
+        self._gradient_factor = float(gradient_factor)
+
+    def _sent(self, units: float, tint: Any) -> dict[str, Any]:
+        """The keyword arguments of Edits.volume. units: voxels in a metre of the world. tint: of
+        what is scattered, (3,)."""
+        extinction = self._scattering + self._absorption
+        albedo = self._scattering / extinction if extinction else 0.0
+        return {
+            "density": np.maximum(self._density, 0),
+            "origin": self._origin,
+            "voxel_size": 1.0,
+            "density_scale": extinction / self._scale * units,
+            "albedo": tuple(float(np.clip(albedo * c, 0, 1)) for c in tint),
+        }
+
+    # ------------------------------------------------------------ the tree
+
+    def _tree(self) -> Nodes:
+        if self._nodes is None:
+            self._nodes = Nodes(self._density, self._origin)
+        return self._nodes
+
+    def get_grid_type(self) -> str:
+        return "float"
+
+    def get_node_count(self, level: int) -> int:
+        """Nodes of a level: 0 leaves of 8^3 voxels, 1 of 128^3, 2 of 4096^3, 3 the root."""
+        return len(self._tree().boxes(level))
+
+    def get_min_aabb_corner(self, level: int, node_idx: int) -> Any:
+        """Of the voxels that are not empty in a node."""
+        return vec3(*self._tree().box(level, node_idx)[0].tolist())
+
+    def get_max_aabb_corner(self, level: int, node_idx: int) -> Any:
+        return vec3(*self._tree().box(level, node_idx)[1].tolist())
+
+    def get_aabb_center(self, level: int, node_idx: int) -> Any:
+        return vec3(*self._tree().box(level, node_idx).mean(axis=0).tolist())
+
+    def get_max(self, level: int, node_idx: int) -> float:
+        """The largest density in a node."""
+        return self._tree().largest(level, node_idx)
+
+    def _bounds(self) -> Any:
+        """(2, 3) float64."""
+        return np.stack([self._origin, self._origin + self._density.shape])
+
+
+def _centered(shape: Any) -> Any:
+    return -0.5 * np.asarray(shape, dtype=float)
+
+
+def _above_zero(name: str, value: float) -> float:
+    if not float(value) > 0:
+        raise RuntimeError(f"{name}: {value} is not above 0")
+    return float(value)
+
+
+def _not_below_zero(name: str, value: float) -> float:
+    if not float(value) >= 0:
+        raise RuntimeError(f"{name}: {value} is below 0")
+    return float(value)

@@ -1,0 +1,142 @@
+"""import nvisii: scripts of its users, against a daemon."""
+
+import os
+import pathlib
+import subprocess
+import sys
+
+import numpy as np
+import nvisii
+import pytest
+from PIL import Image
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def world():
+    """An initialized module with a camera at (0, -4, 0) that looks along +Y."""
+    nvisii.initialize(headless=True, max_entities=3)
+    camera = nvisii.entity.create(
+        "eye", transform=nvisii.transform.create("eye"), camera=nvisii.camera.create("eye")
+    )
+    camera.get_transform().look_at(at=(0, 0, 0), up=(0, 0, 1), eye=(0, -4, 0))
+    nvisii.set_camera_entity(camera)
+    nvisii.set_dome_light_color((1, 1, 1))
+    yield camera
+    nvisii.deinitialize()
+
+
+def ball(name="ball", position=(0, 0, 0), radius=1.0, **look):
+    return nvisii.entity.create(
+        name,
+        transform=nvisii.transform.create(name, position=position),
+        mesh=nvisii.mesh.create_sphere(name, radius),
+        material=nvisii.material.create(name, **look),
+    )
+
+
+def rows(flat, width, height):
+    """(H, W, 4), row 0 at the top."""
+    return np.array(flat).reshape(height, width, 4)[::-1]
+
+
+def test_the_smallest_script_runs(tmp_path):
+    script = (ROOT / "examples/nvisii_figure.py").read_text()
+    assert script.count("samples_per_pixel=1024") == 1
+    (tmp_path / "script.py").write_text(script.replace("1024", "8"))
+    command = [sys.executable, "script.py"]
+    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert run.returncode == 0, run.stderr
+    picture = np.asarray(Image.open(tmp_path / "image.png")).astype(float)
+    assert picture.shape == (512, 512, 4) and (picture[..., 3] == 255).all()
+    middle, corner = picture[200:300, 200:300].mean((0, 1)), picture[:40, :40].mean((0, 1))
+    assert middle[2] > 1.3 * middle[0] and abs(middle - corner).max() > 20
+
+
+def test_a_white_ball_under_a_white_dome_vanishes(world):
+    ball(base_color=(1, 1, 1), specular=0, roughness=1)
+    image = rows(nvisii.render(48, 48, 256, seed=3), 48, 48)
+    assert image.dtype == np.float32
+    assert abs(image[..., :3].mean() - 1) < 0.01 and (image[..., 3] == 1).all()
+
+
+def test_the_first_row_of_a_flat_array_is_the_bottom(world):
+    ball(position=(0, 0, -1), base_color=(0, 0, 0), specular=0)
+    flat = nvisii.render(32, 32, 4)
+    assert len(flat) == 32 * 32 * 4
+    assert flat[: 16 * 32 * 4].mean() < flat[16 * 32 * 4 :].mean()
+
+
+def test_ten_thousand_positions_are_one_message(world, monkeypatch):
+    mesh, look = nvisii.mesh.create_sphere("m", 0.01, 4, 4), nvisii.material.create("m")
+    places = [nvisii.transform.create(f"t{i}") for i in range(10_000)]
+    for i, place in enumerate(places):
+        nvisii.entity.create(f"e{i}", transform=place, mesh=mesh, material=look)
+    nvisii.render(8, 8, 1)
+    sent = []
+    scene = nvisii.session.session().mirror.scene
+    apply = type(scene).apply
+    monkeypatch.setattr(
+        type(scene), "apply", lambda self, t, e=None: (sent.append(t), apply(self, t, e))[1]
+    )
+    for i, place in enumerate(places):
+        place.set_position((i % 100 * 0.03 - 1.5, 0, i // 100 * 0.03 - 1.5))
+    nvisii.render(8, 8, 1)
+    (transaction,) = sent
+    assert [edit.WhichOneof("action") for edit in transaction.edits] == ["poses"]
+    lattice = scene["e205"].world_transform
+    assert np.allclose(lattice[:3, 3], (-1.35, 0, -1.44), atol=1e-6)
+    sent.clear()
+    nvisii.render(8, 8, 1)
+    assert sent == []
+
+
+def test_components_are_shared_swapped_and_removed(world):
+    thing = ball(base_color=(0, 0, 0), specular=0)
+
+    def middle():
+        return rows(nvisii.render(17, 17, 4), 17, 17)[8, 8, :3].tolist()
+
+    assert middle() == pytest.approx([0, 0, 0], abs=0.02)
+    nvisii.material.get("ball").set_base_color((1, 0, 0))
+    red = middle()
+    assert red[0] > 0.5 and red[1] < 0.05
+    thing.clear_mesh()
+    assert middle() == [1, 1, 1]
+    thing.set_mesh(nvisii.mesh.get("ball"))
+    assert middle() == pytest.approx(red, abs=0.1)
+    nvisii.transform.get("ball").set_position((3, 0, 0))
+    assert middle() == [1, 1, 1]
+    nvisii.entity.remove("ball")
+    nvisii.mesh.remove("ball")
+    nvisii.transform.remove("ball")
+    nvisii.material.remove("ball")
+    ball(base_color=(0, 1, 0), specular=0)
+    assert middle()[1] > 0.5
+
+
+def test_the_daemon_of_the_environment_is_used(client):
+    program = (
+        "import nvisii; nvisii.initialize(headless=True); "
+        "print(nvisii.session.session().client.address)"
+    )
+    environment = {**os.environ, "HELIOGRAPH_ADDRESS": client.address}
+    run = subprocess.run(
+        [sys.executable, "-c", program], env=environment, capture_output=True, text=True
+    )
+    assert run.stdout.strip() == client.address, run.stderr
+
+
+def test_what_is_missing_is_a_runtime_error():
+    with pytest.raises(RuntimeError, match="not initialized"):
+        nvisii.render(8, 8, 1)
+    nvisii.initialize(headless=True)
+    try:
+        with pytest.raises(RuntimeError, match="already initialized"):
+            nvisii.initialize(headless=True)
+        with pytest.raises(RuntimeError, match="set_camera_entity"):
+            nvisii.render(8, 8, 1)
+        assert nvisii.should_window_close() is True
+    finally:
+        nvisii.deinitialize()
