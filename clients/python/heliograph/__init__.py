@@ -82,6 +82,7 @@ _LAZY = {
     "materials": "",
     "shapes": "",
     "stereo": "rigs",
+    "torch": "",
 }
 
 __all__ = [

@@ -6,12 +6,10 @@ daemon busy while pictures are encoded.
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import groupby, islice
 from typing import TYPE_CHECKING, Any
 
@@ -20,15 +18,14 @@ import numpy as np
 from .. import __version__
 from .._progress import Progress, is_watched
 from ..components import whole_of
-from ..errors import FailedPrecondition, HeliographError, InvalidArgument, ResourceExhausted
-from ..handles import Handle, flatten
-from .draw import BasePoses, Draw, render_seed
+from ..errors import FailedPrecondition, HeliographError, InvalidArgument
+from .draw import Draw
+from .source import Source
 from .splits import Splits
 from .writer import Dataset, Image, Records, Writer
 
 if TYPE_CHECKING:
     from ..edit import Edits
-    from ..frame import Frame
     from ..scene import Scene
 
 _OWN = ("planes", "overlay", "revision", "progress", "on_pass", "on_start", "timeout", "half")
@@ -89,38 +86,45 @@ def generate(
             f"{refused[0]}: generate() sets it; writers say which planes they need",
             field=refused[0],
         )
-    listed = [scene.handle(c) if isinstance(c, str) else c for c in flatten(cameras, "cameras")]
+    writers = [writer] if isinstance(writer, Writer) else list(writer)
+
+    def keep(digest: bytes, data: memoryview) -> None:
+        for each in writers:
+            each.folder.keep_blob(digest, data)
+
+    source = Source(
+        scene,
+        cameras,
+        randomizer,
+        seed=seed,
+        accept=accept,
+        attempts=attempts,
+        labels=labels,
+        options={**options, "spp": whole_of(spp, "spp", 1)},
+        on_blob=keep,
+    )
+    shares = Splits(splits)
     dataset = Dataset(
         scene,
-        listed,
+        source.cameras,
         whole_of(count, "count", 1),
-        whole_of(seed, "seed", 0, 2**64 - 1),
-        Splits(splits).names,
+        source.seed,
+        shares.names,
         scene.categories,
     )
-    plan = _Plan(
-        randomizer,
-        accept,
-        whole_of(attempts, "attempts", 1),
-        labels,
-        {**options, "spp": whole_of(spp, "spp", 1)},
-        Splits(splits),
-    )
-    run = _Run(dataset, plan, [writer] if isinstance(writer, Writer) else list(writer))
-    run.begin(resume)
+    description = {
+        "count": dataset.count,
+        "seed": seed,
+        "cameras": [camera.name or camera.id for camera in dataset.cameras],
+        "categories": {str(k): v for k, v in dataset.categories.items()},
+        "splits": shares.shares,
+        "accept": accept is not None,
+        "options": {**options, "spp": spp},
+    }
+    wanted = merged([each.labels for each in writers] + [labels or False])
+    run = _Run(dataset, source, writers, wanted, shares)
+    run.begin(description, resume)
     return run.all(indices, whole_of(credits, "credits", 1), _Bar(progress))
-
-
-@dataclass(frozen=True)
-class _Plan:
-    """The arguments of generate() that say how an image is made."""
-
-    randomizer: Callable[[Draw], Any]
-    accept: Callable[[Any], Any] | None
-    attempts: int
-    labels: Any
-    options: dict[str, Any]
-    splits: Splits
 
 
 @dataclass
@@ -128,48 +132,28 @@ class _Run:
     """One call of generate()."""
 
     dataset: Dataset
-    plan: _Plan
+    source: Source
     writers: list[Writer]
-    rejected: int = 0
-    _cancels: set[Callable[[], None]] = field(default_factory=set)
-    _stopped: bool = False
+    labels: dict[str, Any]
+    splits: Splits
 
-    def __post_init__(self) -> None:
-        scene = self.dataset.scene
-        self.revision = scene.revision
-        self.base = BasePoses(scene)
-        self._drawing = threading.Lock()  # randomizers and `accept` are called one at a time
-        planes = [plane for writer in self.writers for plane in writer.planes]
-        self.planes = list(dict.fromkeys(planes))
-        self.labels = merged(
-            [writer.labels for writer in self.writers] + [self.plan.labels or False]
-        )
+    @property
+    def planes(self) -> list[str]:
+        return list(dict.fromkeys(plane for writer in self.writers for plane in writer.planes))
 
     # ------------------------------------------------------------ the data set
 
-    def begin(self, resume: bool) -> None:
+    def begin(self, description: dict[str, Any], resume: bool) -> None:
         roots = [writer.directory.resolve() for writer in self.writers]
         if not roots or len(set(roots)) < len(roots):
             raise InvalidArgument(
                 "writer: needs at least one, each with a directory of its own", field="writer"
             )
+        made_by = {"version": __version__, "numpy": np.__version__}
         for writer in self.writers:
-            writer.folder.open(self._description(writer), self.dataset.scene, resume)
+            full = {**made_by, **description, "writer": writer.settings}
+            writer.folder.open(full, self.dataset.scene, resume)
             writer.begin(self.dataset)
-
-    def _description(self, writer: Writer) -> dict[str, Any]:
-        return {
-            "version": __version__,
-            "numpy": np.__version__,
-            "count": self.dataset.count,
-            "seed": self.dataset.seed,
-            "cameras": [camera.name or camera.id for camera in self.dataset.cameras],
-            "categories": {str(k): v for k, v in self.dataset.categories.items()},
-            "splits": self.plan.splits.shares,
-            "accept": self.plan.accept is not None,
-            "options": self.plan.options,
-            "writer": writer.settings,
-        }
 
     def all(self, indices: Iterable[int] | None, credits: int, bar: _Bar) -> Summary:
         start = time.monotonic()
@@ -189,10 +173,11 @@ class _Run:
                     done, running = wait(running, return_when=FIRST_COMPLETED)
                     made += sum(future.result() for future in done)
             except BaseException:
-                self._stop()
+                self.source.stop()
                 raise
         complete = self._finish()
-        return Summary(made, skipped.value, self.rejected, time.monotonic() - start, complete)
+        seconds = time.monotonic() - start
+        return Summary(made, skipped.value, self.source.rejected, seconds, complete)
 
     def _checked(self, indices: Iterable[int] | None) -> Sequence[int]:
         count = self.dataset.count
@@ -225,87 +210,23 @@ class _Run:
             writer.finish(Records(writer.folder, count))
         return True
 
-    def _stop(self) -> None:
-        self._stopped = True
-        for cancel in list(self._cancels):
-            cancel()
-
     # ------------------------------------------------------------ one draw
 
     def _make(self, draw: int, images: list[int]) -> int:
         """Draws, renders and writes some images of a draw; how many. In a worker."""
         try:
-            attempt, edit = self._accepted(draw)
+            attempt, edit = self.source.draw(draw)
             cameras = [self.dataset.cameras[i % len(self.dataset.cameras)] for i in images]
-            frames = self._render(
-                cameras,
-                overlay=edit,
-                planes=self.planes,
-                labels=self.labels,
-                seed=render_seed(self.dataset.seed, draw),
-                **self.plan.options,
+            frames = self.source.frames(
+                draw, edit, cameras, planes=self.planes, labels=self.labels
             )
-            split = self.plan.splits.of(self.dataset.seed, draw)
+            split = self.splits.of(self.dataset.seed, draw)
             for index, frame in zip(images, frames):
                 self._write(Image(index, frame, split, edit), attempt, edit)
         except HeliographError as error:
             error.args = (f"image {images[0]}: {error}", *error.args[1:])
             raise
         return len(images)
-
-    def _accepted(self, draw: int) -> tuple[int, Edits]:
-        """(attempt, overlay) of the first draw that is accepted."""
-        for attempt in range(self.plan.attempts):
-            edit = self.dataset.scene.overlay()
-            key = (self.dataset.seed, draw, attempt)
-            with self._drawing, edit, self._kept_blobs():
-                self.plan.randomizer(Draw(self.base, self.dataset.cameras, key, edit))
-            if self.plan.accept is None or self._is_accepted(edit):
-                return attempt, edit
-            with self._drawing:
-                self.rejected += 1
-        raise ResourceExhausted(
-            f"accept: none of {self.plan.attempts} attempts was accepted; ask for less, or raise "
-            "attempts=",
-            field="attempts",
-            needed=self.plan.attempts + 1,
-            available=self.plan.attempts,
-        )
-
-    def _is_accepted(self, edit: Edits) -> bool:
-        assert self.plan.accept is not None
-        wanted = True if self.plan.labels is None else self.plan.labels
-        options = {k: v for k, v in self.plan.options.items() if k != "spp"}
-        frames = self._render(
-            self.dataset.cameras, overlay=edit, planes=[], labels=wanted, **options
-        )
-        with self._drawing:
-            return all(bool(self.plan.accept(frame.labels)) for frame in frames)
-
-    def _render(self, cameras: Sequence[Handle], **options: Any) -> list[Frame]:
-        """Frames of the scene as it was at the beginning; cancelled by _stop()."""
-        mine: list[Callable[[], None]] = []
-
-        def started(cancel: Callable[[], None]) -> None:
-            mine.append(cancel)
-            self._cancels.add(cancel)
-            if self._stopped:
-                cancel()
-
-        try:
-            frames: list[Frame] = self.dataset.scene.render(
-                cameras, revision=self.revision, progress=False, on_start=started, **options
-            )
-            return frames
-        finally:
-            self._cancels.difference_update(mine)
-
-    def _kept_blobs(self) -> AbstractContextManager[None]:
-        def keep(digest: bytes, data: memoryview) -> None:
-            for writer in self.writers:
-                writer.folder.keep_blob(digest, data)
-
-        return self.dataset.scene.client.store.witnessed(keep)
 
     def _write(self, image: Image, attempt: int, edit: Edits) -> None:
         unknown = dict(image.frame.categories.items() - self.dataset.categories.items())

@@ -1,0 +1,117 @@
+"""Source: the draws of a scene, and their frames. Used by generate() and heliograph.torch."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from typing import TYPE_CHECKING, Any
+
+from ..components import whole_of
+from ..errors import ResourceExhausted
+from ..handles import Handle, Named, flatten
+from .draw import BasePoses, Draw, render_seed
+
+if TYPE_CHECKING:
+    from ..edit import Edits
+    from ..frame import Frame
+    from ..scene import Scene
+
+
+class Source:
+    """What draw number i of a seed looks like, in the scene as it is now. Thread: any; the
+    randomizer and `accept` are called one at a time. Arguments are those of generate(); on_blob
+    gets the SHA-256 and bytes of what a randomizer uploads."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        cameras: Named | Sequence[Named],
+        randomizer: Callable[[Draw], Any],
+        *,
+        seed: int,
+        accept: Callable[[Any], Any] | None = None,
+        attempts: int = 100,
+        labels: Any = None,
+        options: Mapping[str, Any],
+        on_blob: Callable[[bytes, memoryview], None] | None = None,
+    ) -> None:
+        self.scene, self.revision = scene, scene.revision
+        listed = flatten(cameras, "cameras")
+        self.cameras: list[Handle] = [
+            scene.handle(camera) if isinstance(camera, str) else camera for camera in listed
+        ]
+        self.seed = whole_of(seed, "seed", 0, 2**64 - 1)
+        self.rejected = 0
+        self._randomizer, self._accept = randomizer, accept
+        self._attempts = whole_of(attempts, "attempts", 1)
+        self._seen = True if labels is None else labels
+        self._options = dict(options)
+        self._base = BasePoses(scene)
+        self._on_blob = on_blob
+        self._drawing = threading.Lock()
+        self._cancels: set[Callable[[], None]] = set()
+        self._stopped = False
+
+    def draw(self, index: int) -> tuple[int, Edits]:
+        """(attempt, overlay): the first one of a draw that is accepted."""
+        for attempt in range(self._attempts):
+            edit = self.scene.overlay()
+            key = (self.seed, index, attempt)
+            with self._drawing, edit, self._witnessed():
+                self._randomizer(Draw(self._base, self.cameras, key, edit))
+            if self._accept is None or self._is_accepted(edit):
+                return attempt, edit
+            with self._drawing:
+                self.rejected += 1
+        raise ResourceExhausted(
+            f"accept: none of {self._attempts} attempts was accepted; ask for less, or raise "
+            "attempts=",
+            field="attempts",
+            needed=self._attempts + 1,
+            available=self._attempts,
+        )
+
+    def _witnessed(self) -> AbstractContextManager[None]:
+        if self._on_blob is None:
+            return nullcontext()
+        return self.scene.client.store.witnessed(self._on_blob)
+
+    def _is_accepted(self, edit: Edits) -> bool:
+        assert self._accept is not None
+        options = {k: v for k, v in self._options.items() if k != "spp"}
+        frames = self._render(
+            self.cameras, overlay=edit, planes=[], labels=self._seen, **options
+        )
+        with self._drawing:
+            return all(bool(self._accept(frame.labels)) for frame in frames)
+
+    def frames(
+        self, index: int, edit: Edits, cameras: Sequence[Handle], **options: Any
+    ) -> list[Frame]:
+        """One a camera, of a draw and its overlay. options: planes and labels."""
+        seed = render_seed(self.seed, index)
+        return self._render(cameras, overlay=edit, seed=seed, **options, **self._options)
+
+    def stop(self) -> None:
+        """Cancels what is under way; what comes later, too."""
+        self._stopped = True
+        for cancel in list(self._cancels):
+            cancel()
+
+    def _render(self, cameras: Sequence[Handle], **options: Any) -> list[Frame]:
+        mine: list[Callable[[], None]] = []
+
+        def started(cancel: Callable[[], None]) -> None:
+            mine.append(cancel)
+            self._cancels.add(cancel)
+            if self._stopped:
+                cancel()
+
+        try:
+            frames: list[Frame] = self.scene.render(
+                cameras, revision=self.revision, progress=False, on_start=started, **options
+            )
+            return frames
+        finally:
+            self._cancels.difference_update(mine)
