@@ -39,6 +39,7 @@ class Bop(Writer):
     an instance's scale or mesh.
     """
 
+    picture: Picture
     planes: tuple[str, ...] = ("depth", "instance")
     labels = ("boxes", "amodal", "amodal_masks")
 
@@ -52,7 +53,7 @@ class Bop(Writer):
         depth_scale: float = 1.0,
         scene_draws: int = 1000,
         split_type: str = "pbr",
-        picture: Picture | str | None = None,
+        picture: Picture | str = "png",
     ) -> None:
         super().__init__(directory, picture=picture)
         self.planes = (*self.picture.planes, *type(self).planes)

@@ -35,12 +35,14 @@ class Colmap(Writer):
     the upper left pixel's centre is (0.5, 0.5): ours plus a half.
     """
 
+    picture: Picture
+
     def __init__(
         self,
         directory: str | os.PathLike[str],
         *,
         points: int = 10000,
-        picture: Picture | str | None = None,
+        picture: Picture | str = "png",
     ) -> None:
         super().__init__(directory, picture=picture)
         self.planes = self.picture.planes

@@ -34,6 +34,7 @@ class Kitti(Writer):
     and z. Refuses lenses with distortion, and instances that are sheared or mirrored.
     """
 
+    picture: Picture
     planes: tuple[str, ...] = ()
     labels: Any = False
 
@@ -45,7 +46,7 @@ class Kitti(Writer):
         categories: Sequence[str] | None = None,
         flow: bool = False,
         disparity: Named | None = None,
-        picture: Picture | str | None = None,
+        picture: Picture | str = "png",
     ) -> None:
         super().__init__(directory, picture=picture)
         if self.picture.format != "png":

@@ -22,8 +22,10 @@ class Middlebury(Writer):
     before the images': other-data/train/000123.
     """
 
+    picture: Picture
+
     def __init__(
-        self, directory: str | os.PathLike[str], *, picture: Picture | str | None = None
+        self, directory: str | os.PathLike[str], *, picture: Picture | str = "png"
     ) -> None:
         super().__init__(directory, picture=picture)
         if self.picture.format != "png":

@@ -37,6 +37,7 @@ class Ndds(Writer):
     Refuses lenses with distortion, and instances that are sheared or mirrored.
     """
 
+    picture: Picture
     labels = ("boxes", "amodal")
 
     def __init__(
@@ -44,7 +45,7 @@ class Ndds(Writer):
         directory: str | os.PathLike[str],
         *,
         categories: Sequence[str] | None = None,
-        picture: Picture | str | None = None,
+        picture: Picture | str = "png",
     ) -> None:
         super().__init__(directory, picture=picture)
         self.planes = self.picture.planes

@@ -29,8 +29,10 @@ class NerfTransforms(Writer):
     and orthographic cameras are refused.
     """
 
+    picture: Picture
+
     def __init__(
-        self, directory: str | os.PathLike[str], *, picture: Picture | str | None = None
+        self, directory: str | os.PathLike[str], *, picture: Picture | str = "png"
     ) -> None:
         super().__init__(directory, picture=picture)
         self.planes = self.picture.planes

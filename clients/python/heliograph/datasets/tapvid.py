@@ -32,6 +32,8 @@ class TapVid(Writer):
     pickled=False leaves them out, which hold all videos in memory when they are written.
     """
 
+    picture: Picture
+
     def __init__(
         self,
         directory: str | os.PathLike[str],
@@ -39,7 +41,7 @@ class TapVid(Writer):
         times: Any,
         points: int = 256,
         pickled: bool = True,
-        picture: Picture | str | None = None,
+        picture: Picture | str = "png",
     ) -> None:
         super().__init__(directory, picture=picture)
         self.planes = self.picture.planes
