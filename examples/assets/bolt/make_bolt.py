@@ -94,7 +94,7 @@ def main(path):
         offset += len(part)
     float3 = {"componentType": 5126, "type": "VEC3", "count": len(vertices)}
     document = {
-        "asset": {"version": "2.0", "generator": "make_bolt.py", "copyright": "Heliograph, Apache-2.0"},
+        "asset": {"version": "2.0", "generator": "make_bolt.py", "copyright": "Apache-2.0"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"name": "bolt", "mesh": 0}],
