@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby, islice
 from typing import TYPE_CHECKING, Any
 
@@ -80,6 +80,42 @@ def generate(
     The scene is not to be edited meanwhile. Raises what the randomizer, the daemon or a writer
     raises, with the image's number in front; images that are done stay.
     """
+    run = run_of(
+        scene,
+        cameras,
+        randomizer,
+        count=count,
+        writer=writer,
+        spp=spp,
+        seed=seed,
+        accept=accept,
+        attempts=attempts,
+        labels=labels,
+        splits=splits,
+        **options,
+    )
+    run.open(resume)
+    run.begin()
+    summary = run.make(indices, whole_of(credits, "credits", 1), Bar(progress))
+    return replace(summary, complete=run.finish())
+
+
+def run_of(
+    scene: Scene,
+    cameras: Any,
+    randomizer: Callable[[Draw], Any],
+    *,
+    count: int,
+    writer: Writer | Sequence[Writer],
+    spp: int = 64,
+    seed: int = 0,
+    accept: Callable[[Any], Any] | None = None,
+    attempts: int = 100,
+    labels: Any = None,
+    splits: Mapping[str, float] | None = None,
+    **options: Any,
+) -> Run:
+    """What generate() does with these arguments, not begun yet."""
     refused = sorted(set(options) & set(_OWN))
     if refused:
         raise InvalidArgument(
@@ -122,20 +158,20 @@ def generate(
         "options": {**options, "spp": spp},
     }
     wanted = merged([each.labels for each in writers] + [labels or False])
-    run = _Run(dataset, source, writers, wanted, shares)
-    run.begin(description, resume)
-    return run.all(indices, whole_of(credits, "credits", 1), _Bar(progress))
+    return Run(dataset, source, writers, wanted, shares, description)
 
 
 @dataclass
-class _Run:
-    """One call of generate()."""
+class Run:
+    """The steps of generate(): open() once for a data set; begin(), then make() as often as one
+    likes, in each process that makes images of it; finish() at the end."""
 
     dataset: Dataset
     source: Source
     writers: list[Writer]
     labels: dict[str, Any]
     splits: Splits
+    description: dict[str, Any]
 
     @property
     def planes(self) -> list[str]:
@@ -143,7 +179,7 @@ class _Run:
 
     # ------------------------------------------------------------ the data set
 
-    def begin(self, description: dict[str, Any], resume: bool) -> None:
+    def open(self, resume: bool) -> None:
         roots = [writer.directory.resolve() for writer in self.writers]
         if not roots or len(set(roots)) < len(roots):
             raise InvalidArgument(
@@ -151,11 +187,15 @@ class _Run:
             )
         made_by = {"version": __version__, "numpy": np.__version__}
         for writer in self.writers:
-            full = {**made_by, **description, "writer": writer.settings}
+            full = {**made_by, **self.description, "writer": writer.settings}
             writer.folder.open(full, self.dataset.scene, resume)
+
+    def begin(self) -> None:
+        for writer in self.writers:
             writer.begin(self.dataset)
 
-    def all(self, indices: Iterable[int] | None, credits: int, bar: _Bar) -> Summary:
+    def make(self, indices: Iterable[int] | None, credits: int, bar: Bar) -> Summary:
+        """Those of the images that are not there yet; of `complete` it says nothing."""
         start = time.monotonic()
         wanted = self._checked(indices)
         skipped = _Count()
@@ -175,9 +215,8 @@ class _Run:
             except BaseException:
                 self.source.stop()
                 raise
-        complete = self._finish()
         seconds = time.monotonic() - start
-        return Summary(made, skipped.value, self.source.rejected, seconds, complete)
+        return Summary(made, skipped.value, self.source.rejected, seconds, False)
 
     def _checked(self, indices: Iterable[int] | None) -> Sequence[int]:
         count = self.dataset.count
@@ -201,7 +240,8 @@ class _Run:
             if missing:
                 yield draw, missing
 
-    def _finish(self) -> bool:
+    def finish(self) -> bool:
+        """Whether all images are there; if so, writes what is of all of them."""
         count = self.dataset.count
         for writer in self.writers:
             if not all(writer.folder.has(index) for index in range(count)):
@@ -272,7 +312,7 @@ def merged(requests: Iterable[Any]) -> dict[str, Any]:
     return out
 
 
-class _Bar:
+class Bar:
     """Progress over the images."""
 
     def __init__(self, mode: bool | Callable[[Progress], Any] | None) -> None:
@@ -281,7 +321,7 @@ class _Bar:
         self._start = time.monotonic()
         self._bar: Any = None
 
-    def __enter__(self) -> _Bar:
+    def __enter__(self) -> Bar:
         return self
 
     def show(self, made: int, skipped: int, total: int) -> None:
