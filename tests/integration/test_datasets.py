@@ -3,6 +3,8 @@
 import json
 import pathlib
 import re
+import subprocess
+import sys
 
 import heliograph as hg
 import heliograph.datasets as hd
@@ -122,7 +124,9 @@ def test_resuming_makes_what_is_missing_alone(stage, tmp_path):
     more = make(stage, tmp_path, count=4)
     assert (more.images, more.skipped) == (1, 3)
     with pytest.raises(hg.FailedPrecondition, match="another options, seed"):
-        make(stage, tmp_path, seed=1, spp=3)
+        make(stage, tmp_path, count=4, seed=1, spp=3)
+    with pytest.raises(hg.FailedPrecondition, match="a data set of 4 images, count=3 is less"):
+        make(stage, tmp_path)
     assert make(stage, tmp_path, seed=1, resume=False).images == 3
 
 
@@ -287,6 +291,36 @@ def test_an_exception_names_its_image_and_keeps_what_is_done(stage, tmp_path):
     assert not list((tmp_path / ".heliograph/partial").iterdir())
     again = hd.generate(scene, cam, spin, count=40, spp=2, writer=hd.Coco(tmp_path))
     assert again.skipped == len(done) and again.complete
+
+
+KILLED = """
+import os, sys, threading
+sys.path.insert(0, sys.argv[2])
+import heliograph as hg, heliograph.datasets as hd
+import test_datasets as t
+
+class Fatal(hd.Coco):
+    def write(self, image):
+        if image.index == 9:
+            os.kill(os.getpid(), 9)
+        return super().write(image)
+
+Fatal.__name__ = "Coco"
+with hg.connect() as client, client.create_scene() as scene:
+    t.make((scene, *t.furnished(scene)), None, count=20, writer=Fatal(sys.argv[1]), seed=3)
+"""
+
+
+def test_a_killed_run_goes_on_to_the_same_bytes(stage, tmp_path):
+    arguments = [sys.executable, "-c", KILLED, tmp_path / "killed", pathlib.Path(__file__).parent]
+    assert subprocess.run(arguments, check=False).returncode == -9
+    done = len(list((tmp_path / "killed/.heliograph/records").iterdir()))
+    assert 4 <= done < 20
+    again = make(stage, tmp_path / "killed", count=20, seed=3)
+    assert (again.skipped, again.complete) == (done, True)
+    make(stage, tmp_path / "whole", count=20, seed=3)
+    assert files(tmp_path / "killed") == files(tmp_path / "whole")
+    assert hd.validate(tmp_path / "killed").ok
 
 
 def test_progress_is_of_images(stage, tmp_path):

@@ -21,19 +21,35 @@ _LONGEST = 64 << 20
 
 
 def write(path: str | os.PathLike[str], chunks: Iterable[service.SceneChunk]) -> None:
-    """All or nothing: the file takes its name when it is complete."""
+    """All or nothing: the file takes its name when it is complete. The same scene has the same
+    bytes: maps are sorted."""
     final = Path(path)
     partial = final.with_name(final.name + ".partial")
     try:
         with open(partial, "wb") as file:
             file.write(_MAGIC)
-            for chunk in chunks:
-                data = chunk.SerializeToString()
+            for chunk in _sorted(chunks):
+                data = chunk.SerializeToString(deterministic=True)
                 file.write(_LENGTH.pack(len(data)))
                 file.write(data)
         os.replace(partial, final)
     finally:
         partial.unlink(missing_ok=True)
+
+
+def _sorted(chunks: Iterable[service.SceneChunk]) -> Iterator[service.SceneChunk]:
+    """The same with the maps of a header that comes in pieces sorted, too."""
+    pieces = b""
+    for chunk in chunks:
+        if chunk.WhichOneof("part") == "header_chunk":
+            pieces += chunk.header_chunk
+            continue
+        if pieces:
+            yield from _header_chunks(service.SceneChunk.Header.FromString(pieces))
+            pieces = b""
+        yield chunk
+    if pieces:
+        yield from _header_chunks(service.SceneChunk.Header.FromString(pieces))
 
 
 def read(path: str | os.PathLike[str], **fields: Any) -> Iterator[service.SceneChunk]:
@@ -65,7 +81,7 @@ def read(path: str | os.PathLike[str], **fields: Any) -> Iterator[service.SceneC
 
 
 def _header_chunks(header: service.SceneChunk.Header) -> Iterator[service.SceneChunk]:
-    data = header.SerializeToString()
+    data = header.SerializeToString(deterministic=True)
     if len(data) <= _HEADER_BYTES:
         yield service.SceneChunk(header=header)
         return

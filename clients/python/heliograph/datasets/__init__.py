@@ -12,14 +12,17 @@ if TYPE_CHECKING:
     from .coco import Coco
     from .colmap import Colmap
     from .draw import Compose, Draw
+    from .exr import Exr
     from .generate import Summary, generate
     from .kept import KeptImage
     from .kitti import Kitti
     from .middlebury import Middlebury
     from .ndds import Ndds
     from .nerf import NerfTransforms
+    from .parquet import Parquet
     from .tapvid import TapVid
     from .validation import Fault, Report, validate
+    from .webdataset import WebDataset
     from .writer import Dataset, Image, Picture, Records, Writer
     from .yolo import Yolo
 
@@ -30,6 +33,7 @@ _HOMES = {
     "Compose": "draw",
     "Dataset": "writer",
     "Draw": "draw",
+    "Exr": "exr",
     "Fault": "validation",
     "Image": "writer",
     "KeptImage": "kept",
@@ -37,11 +41,13 @@ _HOMES = {
     "Middlebury": "middlebury",
     "Ndds": "ndds",
     "NerfTransforms": "nerf",
+    "Parquet": "parquet",
     "Picture": "writer",
     "Records": "writer",
     "Report": "validation",
     "Summary": "generate",
     "TapVid": "tapvid",
+    "WebDataset": "webdataset",
     "Writer": "writer",
     "Yolo": "yolo",
     "generate": "generate",
@@ -55,6 +61,7 @@ __all__ = [
     "Compose",
     "Dataset",
     "Draw",
+    "Exr",
     "Fault",
     "Image",
     "KeptImage",
@@ -62,11 +69,13 @@ __all__ = [
     "Middlebury",
     "Ndds",
     "NerfTransforms",
+    "Parquet",
     "Picture",
     "Records",
     "Report",
     "Summary",
     "TapVid",
+    "WebDataset",
     "Writer",
     "Yolo",
     "generate",

@@ -8,6 +8,8 @@ import hashlib
 import json
 import os
 import shutil
+import socket
+import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
 
 NAME = ".heliograph"
 FORMAT = "heliograph.dataset.v1"
+_HOST = socket.gethostname()
 
 
 class Folder:
@@ -37,12 +40,26 @@ class Folder:
         self.scene_path = self.own / "scene.helio"
 
     @contextlib.contextmanager
+    def finishing(self) -> Iterator[None]:
+        """Alone among the processes of this machine: two may have made the last images."""
+        with open(self.own / "finish.lock", "w") as lock:
+            if sys.platform == "win32":
+                import msvcrt
+
+                msvcrt.locking(lock.fileno(), msvcrt.LK_LOCK, 1)
+            else:
+                import fcntl
+
+                fcntl.flock(lock, fcntl.LOCK_EX)
+            yield
+
+    @contextlib.contextmanager
     def file(self, name: str | Path) -> Iterator[Path]:
         """A path to write to, which becomes DIR/name when the block ends without an exception."""
         final = self.root / name
         partial = self.own / "partial"
         partial.mkdir(parents=True, exist_ok=True)
-        path = partial / f"{os.getpid()}-{threading.get_ident()}-{final.name}"
+        path = partial / f"{_HOST}-{os.getpid()}-{threading.get_ident()}-{final.name}"
         try:
             yield path
             final.parent.mkdir(parents=True, exist_ok=True)
@@ -104,6 +121,7 @@ class Folder:
     def open(self, description: dict[str, Any], scene: Scene, resume: bool) -> None:
         """Begins a data set, or goes on with one if it is the same."""
         self.own.mkdir(parents=True, exist_ok=True)
+        self._drop_partial()
         with self.file(self.scene_path.relative_to(self.root)) as path:
             scene.save(path)
             digest = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -119,8 +137,15 @@ class Folder:
         for name in ("records", "manifests", "overlays", "blobs"):
             shutil.rmtree(self.own / name, ignore_errors=True)
 
+    def _drop_partial(self) -> None:
+        """What processes of this machine left that were killed."""
+        for path in (self.own / "partial").glob(f"{_HOST}-*"):
+            process = path.name[len(_HOST) + 1 :].partition("-")[0]
+            if not _is_alive(int(process)):
+                path.unlink(missing_ok=True)
+
     def _check(self, description: dict[str, Any]) -> None:
-        """More or fewer images of the same data set are the same data set."""
+        """More images of the same data set are the same data set."""
         old = self.description
         new = json.loads(json.dumps(description, default=_plain))
         differs = [
@@ -128,11 +153,28 @@ class Folder:
             for key in sorted({*old, *new} - {"count", "version", "numpy"})
             if old.get(key) != new.get(key)
         ]
+        if description["count"] < old["count"]:
+            raise FailedPrecondition(
+                f"{self.root} is a data set of {old['count']} images, count={description['count']} "
+                "is less: ask for as many or more"
+            )
         if differs:
             raise FailedPrecondition(
                 f"{self.root} is a data set with another {', '.join(differs)}: write to another "
                 "directory, or render all of it again with resume=False"
             )
+
+
+def _is_alive(process: int) -> bool:
+    if sys.platform == "win32":
+        return True  # what asks elsewhere, os.kill(process, 0), ends it there
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
 
 
 def name_of(index: int) -> str:

@@ -6,6 +6,7 @@ daemon busy while pictures are encoded.
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -247,7 +248,8 @@ class Run:
             if not all(writer.folder.has(index) for index in range(count)):
                 return False
         for writer in self.writers:
-            writer.finish(Records(writer.folder, count))
+            with writer.folder.finishing():
+                writer.finish(Records(writer.folder, count))
         return True
 
     # ------------------------------------------------------------ one draw
@@ -262,6 +264,7 @@ class Run:
             )
             split = self.splits.of(self.dataset.seed, draw)
             for index, frame in zip(images, frames):
+                frame.manifest = _portable(frame.manifest)
                 self._write(Image(index, frame, split, edit), attempt, edit)
         except HeliographError as error:
             error.args = (f"image {images[0]}: {error}", *error.args[1:])
@@ -277,7 +280,7 @@ class Run:
                 "edit.categories(...)",
                 field="category",
             )
-        overlay = edit.transaction.SerializeToString()
+        overlay = edit.transaction.SerializeToString(deterministic=True)
         for writer in self.writers:
             if writer.folder.has(image.index):
                 continue
@@ -288,6 +291,15 @@ class Run:
                 "sha256": image.frame.sha256.hex(),
             }
             writer.folder.keep(image.index, record, image.frame.manifest, overlay)
+
+
+def _portable(manifest: str) -> str:
+    """A manifest without the numbers that this daemon gave the scene and its revision: the same
+    image has the same bytes wherever it is made."""
+    fields = json.loads(manifest)
+    for name in ("scene", "revision"):
+        fields["request"].pop(name, None)
+    return json.dumps(fields, separators=(",", ":"), sort_keys=True)
 
 
 class _Count:
