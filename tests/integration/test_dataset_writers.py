@@ -184,6 +184,18 @@ def test_bop_refuses_draws_that_change_a_model(scene, tmp_path):
         made(scene, hd.Bop(tmp_path), grow)
 
 
+def test_bop_refuses_meshes_that_deform(client, tmp_path):
+    with client.create_scene() as scene:
+        stage(scene)
+        with scene.edit() as edit:
+            skin = (["cam"], [np.eye(4)])
+            bound = {"joints": np.zeros((3, 4), "u2"), "weights": np.tile([1.0, 0, 0, 0], (3, 1))}
+            mesh = edit.mesh("flag/mesh", positions=np.eye(3), indices=[[0, 1, 2]], **bound)
+            edit.entity("flag", mesh=mesh, skin=skin, category="flag")
+        with pytest.raises(hg.InvalidArgument, match="flag: its mesh deforms"):
+            made(scene, hd.Bop(tmp_path))
+
+
 def test_bop_scenes_and_splits(scene, tmp_path):
     writer = hd.Bop(tmp_path, scene_draws=2, split_type="")
     made(scene, writer, count=5, splits={"train": 0.5, "val": 0.5}, size=(48, 32))
@@ -229,7 +241,7 @@ def test_kitti_boxes_project_onto_the_objects(scene, tmp_path):
 
 
 def test_ndds_reprojects(scene, tmp_path):
-    for number in made(scene, hd.Ndds(tmp_path)):
+    for number in made(scene, hd.Ndds(tmp_path, resolve_symmetries=False)):
         content = load(tmp_path / f"{number:06d}.json")
         camera = content["camera_data"]
         assert (camera["width"], camera["height"]) == (W, H)
@@ -252,3 +264,19 @@ def test_ndds_reprojects(scene, tmp_path):
             assert (local[[2, 3, 6, 7], 2] > local[[0, 1, 4, 5], 2]).all()  # top
         hidden = content["objects"][3]
         assert hidden["visibility"] == 0 < content["objects"][1]["visibility"] < 1
+
+
+def test_ndds_poses_of_what_is_symmetric(scene, tmp_path):
+    """A draw turns the block by a half turn, its symmetry, and the ball about its axis."""
+
+    def turn(draw):
+        half = hg.Pose(euler=(0, 0, np.pi * draw.index)).matrix
+        draw.place(["edge"], [draw.pose("edge") @ half])
+        draw.place(["behind"], [draw.pose("behind") @ hg.Pose(euler=(0, 0, draw.index)).matrix])
+
+    made(scene, hd.Ndds(tmp_path, categories=["block", "ball"]), turn)
+    first, second = (load(tmp_path / f"{i:06d}.json")["objects"] for i in range(2))
+    for a, b in zip(first, second, strict=True):
+        np.testing.assert_allclose(a["projected_cuboid"], b["projected_cuboid"], atol=1e-3)
+        one, other = (np.array(thing["quaternion_xyzw"]) for thing in (a, b))
+        assert abs(one @ other) == pytest.approx(1, abs=1e-6)

@@ -14,6 +14,7 @@ import pytest
 from heliograph.datasets import bop, colmap, kitti, models, ndds, nerf, png
 from heliograph.datasets.encoded import depth_steps, flo, kitti_disparity, kitti_flow
 from heliograph.datasets.instances import instances, quaternion_wxyz
+from heliograph.datasets.symmetries import Axis, Symmetries
 from PIL import Image
 
 W, H = hand_made.SIZE
@@ -152,13 +153,48 @@ def test_symmetries_move_with_the_origin():
     """A half turn about the vertical through (1, 0, 0), told about (0.5, 0, 0), in mm."""
     half = np.diag([-1.0, -1, 1, 1])
     half[0, 3] = 2.0
-    around = models.Symmetry(axis=np.array([0.0, 0, 1]), point=np.array([1.0, 0, 5]))
+    around = Axis(np.array([0.0, 0, 1]), np.array([1.0, 0, 5]))
     origin = np.array([0.5, 0, 0])
-    info = models.symmetries_info([models.Symmetry(matrix=half), around], origin, 1000.0)
+    info = Symmetries([half], [around]).info(origin, 1000.0)
     (flat,) = info["symmetries_discrete"]
     np.testing.assert_allclose(np.reshape(flat, (4, 4)) @ [500, 0, 0, 1], [500, 0, 0, 1])
     assert info["symmetries_continuous"] == [{"axis": [0, 0, 1], "offset": [500, 0, 0]}]
-    assert models.symmetries_info([], origin, 1.0) == {}
+    assert Symmetries().info(origin, 1.0) == {} and not Symmetries()
+
+
+def test_one_of_the_poses_that_look_the_same():
+    """A can, whose axis and flip are symmetries, and a box with half turns: however it is turned
+    by them, the pose that faces the camera is the same, and is one of those that look alike."""
+    rng = np.random.default_rng(6)
+    flip = np.diag([1.0, -1, -1, 1])
+    halves = [np.diag([*d, 1.0]) for d in ((-1, -1, 1), (-1, 1, -1), (1, -1, -1))]
+    can = Symmetries([flip], [Axis(np.array([0, 0, 1.0]), np.zeros(3))])
+    for _ in range(50):
+        pose = turned(rng.normal(0, 1, 3), 90)
+        pose[:3, 3] = rng.normal(0, 0.3, 3) + (0, 0, 2)
+        about = turned((0, 0, 1), rng.uniform(0, 360))
+        for group, alike in (
+            (can, [np.eye(4), about, flip, about @ flip]),
+            (Symmetries(halves), [np.eye(4), *halves]),
+        ):
+            poses = [pose @ s @ group.facing(pose @ s) for s in alike]
+            for other in poses[1:]:
+                np.testing.assert_allclose(other, poses[0], atol=1e-6)
+            front = -poses[0][:3, 3] @ poses[0][:3, 0]
+            assert front > 0  # x towards the camera
+            same = np.linalg.inv(pose) @ poses[0]
+            if group is can:
+                assert abs(same[2, 2]) == pytest.approx(1)
+            else:
+                assert min(np.abs(same - s).max() for s in alike) < 1e-9
+
+
+def test_a_turn_about_an_axis_beside_the_origin():
+    spin = Symmetries((), [Axis(np.array([0, 0, 1.0]), np.array([0.5, 0, 0]))])
+    pose = np.eye(4)
+    pose[:3, 3] = (0.2, 0.3, 3)
+    same = spin.facing(pose)
+    np.testing.assert_allclose(same @ (0.5, 0, 0.7, 1), (0.5, 0, 0.7, 1))
 
 
 # ---------------------------------------------------------------- KITTI
@@ -323,7 +359,7 @@ def test_scenes_without_categories_are_refused(writer, tmp_path):
 def test_lenses_that_k_cannot_say_are_refused(lens, tmp_path):
     camera = hg.Camera.from_intrinsics(hand_made.K, W, H, **lens)
     scene = {"cam": SimpleNamespace(camera=camera)}
-    writer = hd.Ndds(tmp_path)
+    writer = hd.Ndds(tmp_path, resolve_symmetries=False)
     writer.begin(hd.Dataset(scene, ["cam"], 1, 0, categories={1: "car"}))
     with pytest.raises(hg.InvalidArgument, match="cam: .*pinholes"):
         writer.write(hd.Image(0, hand_made.frame()))

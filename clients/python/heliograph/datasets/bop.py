@@ -35,8 +35,8 @@ class Bop(Writer):
     visible surface counts as visible. depth_scale: mm of a step of the depth PNGs; what is farther
     than 65535 steps is 65535. scene_draws: draws in one scene folder. split_type: ends the split's
     name.
-    Refuses lenses with distortion, instances that are sheared or mirrored, and draws that change
-    an instance's scale or mesh.
+    Refuses lenses with distortion, instances that are sheared or mirrored, meshes with a skin or
+    morph targets, and draws that change an instance's scale or mesh.
     """
 
     picture: Picture

@@ -259,9 +259,7 @@ class Run:
         try:
             attempt, edit = self.source.draw(draw)
             cameras = [self.dataset.cameras[i % len(self.dataset.cameras)] for i in images]
-            frames = self.source.frames(
-                draw, edit, cameras, planes=self.planes, labels=self.labels
-            )
+            frames = self.source.frames(draw, edit, cameras, planes=self.planes, labels=self.labels)
             split = self.splits.of(self.dataset.seed, draw)
             for index, frame in zip(images, frames):
                 frame.manifest = _portable(frame.manifest)

@@ -13,6 +13,8 @@ from .._arrays import NdArray
 from ..frame import Frame
 from .drawn import check_pinhole
 from .instances import Instance, check_categories, instances, quaternion_wxyz
+from .shapes import shapes_of
+from .symmetries import Symmetries, symmetries_of
 from .writer import Dataset, Image, Picture, Writer
 
 # DOPE's order in our numbers, where 1 is the upper x (front), 2 the upper y (left), 4 the upper z:
@@ -33,7 +35,9 @@ class Ndds(Writer):
 
     categories: only these. Corners are in DOPE's order with the centroid as the ninth; an object's
     frame is x forward, y left, z up. Instances whose cuboid is not wholly before the camera are
-    left out, and those of which nothing is near the image.
+    left out, and those of which nothing is near the image. Of an object whose mesh has symmetries
+    the pose is, of those that look the same, the one that faces the camera, unless
+    resolve_symmetries is False: else equal pictures have unequal labels.
     Refuses lenses with distortion, and instances that are sheared or mirrored.
     """
 
@@ -45,15 +49,22 @@ class Ndds(Writer):
         directory: str | os.PathLike[str],
         *,
         categories: Sequence[str] | None = None,
+        resolve_symmetries: bool = True,
         picture: Picture | str = "png",
     ) -> None:
         super().__init__(directory, picture=picture)
         self.planes = self.picture.planes
+        self.resolve_symmetries = resolve_symmetries
         self.categories = None if categories is None else list(categories)
 
     def begin(self, dataset: Dataset) -> None:
         check_categories(dict(dataset.categories), self.categories)
         super().begin(dataset)
+        self._symmetries: dict[int, Symmetries] = {}
+        if self.resolve_symmetries:
+            scene = dataset.scene
+            for instance, shape in shapes_of(scene, dataset.cameras[0], self.categories):
+                self._symmetries[instance.label] = symmetries_of(scene, instance, shape)
 
     def write(self, image: Image) -> dict[str, Any]:
         frame = image.frame
@@ -63,7 +74,7 @@ class Ndds(Writer):
         seen = [i for i in found if np.isfinite(i.labels["corners_image"][i.row]).all()]
         content = {
             "camera_data": camera_data(frame),
-            "objects": [object_data(instance, frame.K) for instance in seen],
+            "objects": [object_data(i, frame.K, self._symmetries.get(i.label)) for i in seen],
             "frames": _FRAMES,
         }
         name = "/".join(part for part in (image.split, f"{image.name}.json") if part)
@@ -87,9 +98,14 @@ def camera_data(frame: Frame) -> dict[str, Any]:
 _INTRINSICS = {"fx": (0, 0), "fy": (1, 1), "cx": (0, 2), "cy": (1, 2)}
 
 
-def object_data(instance: Instance, K: NdArray) -> dict[str, Any]:
-    """An entry of "objects". K: (3, 3)."""
-    pose = instance.camera_from_object
+def object_data(
+    instance: Instance, K: NdArray, symmetries: Symmetries | None = None
+) -> dict[str, Any]:
+    """An entry of "objects", in the pose that faces the camera. K: (3, 3)."""
+    pose, world_pose = instance.camera_from_object, instance.world_from_object
+    if symmetries:
+        same = symmetries.facing(pose)
+        pose, world_pose = pose @ same, world_pose @ same
     local = instance.corners[list(CUBOID)]
     local = np.concatenate([local, local.mean(0, keepdims=True)])
     in_camera = local @ pose[:3, :3].T + pose[:3, 3]
@@ -100,7 +116,7 @@ def object_data(instance: Instance, K: NdArray) -> dict[str, Any]:
         "visibility": instance.number("visibility"),
         "location": pose[:3, 3].tolist(),
         "quaternion_xyzw": _xyzw(pose),
-        "local_to_world_matrix": instance.world_from_object.tolist(),
+        "local_to_world_matrix": world_pose.tolist(),
         "local_cuboid": local.tolist(),
         "projected_cuboid": (in_image[:, :2] / in_image[:, 2:]).tolist(),
     }

@@ -80,9 +80,7 @@ class Source:
     def _is_accepted(self, edit: Edits) -> bool:
         assert self._accept is not None
         options = {k: v for k, v in self._options.items() if k != "spp"}
-        frames = self._render(
-            self.cameras, overlay=edit, planes=[], labels=self._seen, **options
-        )
+        frames = self._render(self.cameras, overlay=edit, planes=[], labels=self._seen, **options)
         with self._drawing:
             return all(bool(self._accept(frame.labels)) for frame in frames)
 
