@@ -20,12 +20,26 @@ if TYPE_CHECKING:
     from .ndds import Ndds
     from .nerf import NerfTransforms
     from .parquet import Parquet
+    from .randomizers import *  # noqa: F403
     from .tapvid import TapVid
     from .validation import Fault, Report, validate
     from .webdataset import WebDataset
     from .writer import Dataset, Image, Picture, Records, Writer
     from .yolo import Yolo
 
+_RANDOMIZERS = (
+    "bundled_domes",
+    "choice",
+    "hsv_color",
+    "in_volume",
+    "log_uniform",
+    "look_at_jitter",
+    "orbit",
+    "random_dome",
+    "random_lights",
+    "scatter",
+    "shell",
+)
 _HOMES = {
     "Bop": "bop",
     "Coco": "coco",
@@ -52,6 +66,7 @@ _HOMES = {
     "Yolo": "yolo",
     "generate": "generate",
     "validate": "validation",
+    **dict.fromkeys(_RANDOMIZERS, "randomizers"),
 }
 
 __all__ = [
@@ -80,6 +95,7 @@ __all__ = [
     "Yolo",
     "generate",
     "validate",
+    *_RANDOMIZERS,
 ]
 
 

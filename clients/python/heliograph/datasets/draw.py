@@ -12,6 +12,7 @@ from .._arrays import NdArray
 from ..errors import InvalidArgument
 from ..handles import Handle, Named, flatten
 from ..pose import matrices_of
+from .bodies import Bodies
 
 if TYPE_CHECKING:
     from ..edit import Edits
@@ -81,12 +82,30 @@ class Draw:
             raise InvalidArgument(
                 f"poses: {len(matrices)} for {len(listed)} entities; give as many", field="poses"
             )
-        keys = [self._key(entity) for entity in listed]
+        if listed:
+            relative = self.locals(listed, matrices)
+            self._placed.update(zip([self._key(entity) for entity in listed], relative))
+            self.edit.set_transforms(listed, relative)
+
+    def locals(self, entities: Sequence[Named], poses: Any) -> NdArray:
+        """(N, 4, 4) poses relative to the parents, as drawn so far, of world poses."""
+        keys = [self._key(entity) for entity in entities]
         self._base.learn(key for key in keys if isinstance(key, int))
-        locals_ = np.stack([self._local(k, m) for k, m in zip(keys, matrices)]) if keys else None
-        if locals_ is not None:
-            self._placed.update(zip(keys, locals_))
-            self.edit.set_transforms(listed, locals_)
+        return np.stack([self._local(key, pose) for key, pose in zip(keys, poses)])
+
+    @property
+    def bodies(self) -> Bodies:
+        """Shapes of the scene's entities."""
+        return self._base.bodies
+
+    def mark(self) -> tuple[int, dict[Any, NdArray]]:
+        """What was drawn so far, for rewind()."""
+        return len(self.edit.transaction.edits), dict(self._placed)
+
+    def rewind(self, mark: tuple[int, dict[Any, NdArray]]) -> None:
+        """Takes back all that was drawn since that mark(), but for the numbers of rng."""
+        del self.edit.transaction.edits[mark[0] :]
+        self._placed = dict(mark[1])
 
     def _local(self, key: Any, world: NdArray) -> NdArray:
         _, parent = self._base.of(key)
@@ -107,6 +126,7 @@ class BasePoses:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
+        self.bodies = Bodies(scene)
         self._known: dict[Any, tuple[NdArray, int]] = {}
 
     def of(self, key: Any) -> tuple[NdArray, int]:
