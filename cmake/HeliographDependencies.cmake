@@ -26,6 +26,7 @@ find_library(JEMALLOC_LIBRARY jemalloc REQUIRED)
 
 # The codecs of heliograph-decode.
 find_package(nlohmann_json REQUIRED)
+find_package(pugixml REQUIRED)
 find_package(PNG REQUIRED)
 find_package(JPEG REQUIRED)
 find_package(TIFF 4.5 REQUIRED)

@@ -58,6 +58,7 @@ class Builder {
 /// Sets the box of all meshes at rest, relative to the root; lights do not count.
 void measure(Loaded& loaded);
 
+void load_dae(Builder& builder);
 void load_gltf(Builder& builder);
 void load_obj(Builder& builder);
 void load_ply(Builder& builder);

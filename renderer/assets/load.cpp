@@ -9,6 +9,7 @@
 #include <jpeglib.h>
 #include <png.h>
 #include <tiffvers.h>
+#include <pugixml.hpp>
 
 #include "renderer/assets/builder.h"
 #include "renderer/assets/picture.h"
@@ -32,6 +33,7 @@ void load(Builder& builder) {
   const std::string format =
       builder.options.format.empty() ? extension_of(path) : builder.options.format;
   if (format == "gltf" || format == "glb") return load_gltf(builder);
+  if (format == "dae") return load_dae(builder);
   if (format == "obj") return load_obj(builder);
   if (format == "ply") return load_ply(builder);
   if (format == "stl") return load_stl(builder);
@@ -39,8 +41,8 @@ void load(Builder& builder) {
   if (format == "ies" || picture_format(format) != PictureFormat::kNone)
     return load_picture(builder);
   refuse_unimplemented(
-      "format", fmt::format("'{}' is not one of gltf, glb, obj, ply, stl, exr, hdr, png, jpeg, "
-                            "tiff, nvdb, vdb, ies",
+      "format", fmt::format("'{}' is not one of gltf, glb, dae, obj, ply, stl, exr, hdr, png, "
+                            "jpeg, tiff, nvdb, vdb, ies",
                             clean_name(format, "")));
 }
 
@@ -98,9 +100,9 @@ Expected<Loaded> load_asset(std::span<const BundleFile> bundle, const LoadOption
 }
 
 std::string decoder_versions() {
-  return fmt::format("libpng {}, libjpeg {}, OpenEXR {}, libtiff of {}, blosc {}",
+  return fmt::format("libpng {}, libjpeg {}, OpenEXR {}, libtiff of {}, blosc {}, pugixml {}",
                      PNG_LIBPNG_VER_STRING, JPEG_LIB_VERSION, OPENEXR_VERSION_STRING,
-                     TIFFLIB_VERSION, BLOSC_VERSION_STRING);
+                     TIFFLIB_VERSION, BLOSC_VERSION_STRING, PUGIXML_VERSION);
 }
 
 }  // namespace heliograph

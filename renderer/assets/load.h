@@ -1,4 +1,4 @@
-// Files to assets: glTF, OBJ, PLY, STL, images, IES profiles, volumes. Linked only by
+// Files to assets: glTF, COLLADA, OBJ, PLY, STL, images, IES profiles, volumes. Linked only by
 // heliograph-decode, which runs it inside the sandbox; what comes out is checked again by the
 // daemon.
 #pragma once
@@ -32,8 +32,10 @@ struct LoadLimits {
 
 struct LoadOptions {
   std::string format;  // "": by the first file's extension
-  std::string up;      // "x", "y", "z" for formats that name no axis; "": "z", nothing is turned
-  double units = 0;    // metres a unit for formats that name none; 0: 1
+  // "x", "y", "z" for formats that name no axis, and instead of what COLLADA names; "": nothing is
+  // turned, COLLADA as it says.
+  std::string up;
+  double units = 0;  // metres a unit, for the same formats; 0: 1, COLLADA as it says
   LoadLimits limits{};
 };
 

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "renderer/assets/picture.h"
 #include "renderer/assets/text_scan.h"
+#include "renderer/assets/texture_files.h"
 
 namespace heliograph::assets {
 namespace {
@@ -119,7 +119,7 @@ class Parser {
 
 class Maker {
  public:
-  explicit Maker(Builder& builder) : builder_(builder) {}
+  explicit Maker(Builder& builder) : textures_(builder) {}
 
   /// Textures go to the library here, materials after all of them.
   PutMaterial make(const Entry& entry) {
@@ -146,40 +146,21 @@ class Maker {
     use(put.parameters[std::size_t(alpha)].texture, entry.map_d, false);
     use(put.normal_map, entry.normal, false);
     if (put.normal_map) put.normal_map->use.scale = entry.normal->strength;
-    if (auto& opacity = put.parameters[std::size_t(alpha)].texture) {
-      const u32 channels = last_channels_[std::get<CreatedByEdit>(opacity->texture).edit];
-      opacity->use.channel = channels % 2 == 0 ? channels - 1 : 0;
-    }
+    if (auto& opacity = put.parameters[std::size_t(alpha)].texture)
+      opacity->use.channel = textures_.opacity_channel(*opacity);
     return put;
   }
 
  private:
   void use(std::optional<TextureUsePatch>& out, const std::optional<Map>& map, bool srgb) {
     if (!map) return;
-    const BundleFile* file = builder_.bundle.find(map->path);
-    if (!file) return builder_.missing(map->path);
-    const auto key = std::tuple(map->path, srgb, map->clamp);
-    auto known = textures_.find(key);
-    if (known == textures_.end()) {
-      Picture picture =
-          decode_picture(file->bytes, extension_of(map->path), map->where, builder_.budget);
-      for (const std::string& warning : picture.warnings) {
-        builder_.warn(fmt::format("{}: {}", map->path, warning));
-      }
-      last_channels_.push_back(picture.image.channels);
-      PutTexture put{.image = std::make_shared<const ImageData>(std::move(picture.image))};
-      put.srgb = srgb && picture.srgb;
-      put.wrap_u = put.wrap_v = map->clamp ? Wrap::kClamp : Wrap::kRepeat;
-      const std::string name = builder_.claim_name(stem_of(map->path), "texture");
-      known = textures_.emplace(key, builder_.library(name, std::move(put))).first;
-    }
-    out = TextureUsePatch{.texture = known->second, .use = {}};
-    out->use.uv_transform = {map->scale.x, 0, 0, map->scale.y, map->offset.x, map->offset.y};
+    const Wrap wrap = map->clamp ? Wrap::kClamp : Wrap::kRepeat;
+    out = textures_.use({map->path, map->where, srgb, wrap, wrap});
+    if (out)
+      out->use.uv_transform = {map->scale.x, 0, 0, map->scale.y, map->offset.x, map->offset.y};
   }
 
-  Builder& builder_;
-  std::map<std::tuple<std::string, bool, bool>, Ref> textures_;
-  std::vector<u32> last_channels_;  // by texture, which are the library's first edits
+  TextureFiles textures_;
 };
 
 }  // namespace

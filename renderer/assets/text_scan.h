@@ -1,4 +1,5 @@
-// Lines, words and numbers of text formats. Used by OBJ, MTL, PLY and STL.
+// Lines, words and numbers of text formats. Used by OBJ, MTL, PLY, STL
+// and COLLADA.
 #pragma once
 
 #include <charconv>

@@ -16,6 +16,7 @@ ASSETS = pathlib.Path(__file__).parents[1] / "assets"
 SAMPLES = {
     "glb": "gltf/simple-instancing.glb",
     "gltf": "gltf/01_morphed_cube/01_morphed_cube.gltf",
+    "dae": "dae/bracket.dae",
     "obj": "mesh/spot_control_mesh.obj",
     "ply": "mesh/cube_blender_uv.ply",
     "stl": "mesh/link_6.stl",
@@ -82,12 +83,12 @@ class Files:
 
 
 def bundle(kind):
-    """Name -> bytes of a sample; the model is first, its companion comes along."""
+    """Name -> bytes of a sample; the model is first, its companions come along."""
     path = ASSETS / SAMPLES[kind]
     files = {path.name: path.read_bytes()}
-    companion = path.with_suffix(".bin")
-    if companion.exists():
-        files[companion.name] = companion.read_bytes()
+    for companion in (path.with_suffix(".bin"), path.parent / "checker.png"):
+        if companion.exists():
+            files[companion.name] = companion.read_bytes()
     return files
 
 

@@ -1,8 +1,10 @@
 """A robot in a real daemon: poses, parts, keypoints, flow and blur against its kinematics."""
 
+import json
 from pathlib import Path
 
 import heliograph as hg
+import heliograph.datasets as hd
 import numpy as np
 import pytest
 
@@ -97,6 +99,22 @@ def test_joints_are_keypoints(scene, stage):
     )
     assert ("shoulder", "elbow") in arm.skeleton and ("wrist", "tool_joint") in arm.skeleton
     assert {name for pair in arm.skeleton for name in pair} == set(arm.keypoints)
+
+
+def test_coco_has_the_skeleton_of_a_robot(scene, stage, tmp_path):
+    _, cam = stage
+    with scene.edit() as edit:
+        arm = edit.import_urdf(ARM, name="second", category="arm", transform=hg.Pose((0, 0.5, 0)))
+
+    def bend(draw):
+        draw.edit.set_joints(arm, draw.rng.uniform(0, 0.05, 5))
+
+    writer = hd.Coco(tmp_path / "out", keypoints=True)
+    hd.generate(scene, cam, bend, count=2, spp=1, writer=writer, progress=False)
+    (found,) = json.loads((tmp_path / "out/annotations/keypoints.json").read_text())["categories"]
+    names = found["keypoints"]
+    assert sorted(names) == sorted(arm.keypoints)
+    assert {(names[a - 1], names[b - 1]) for a, b in found["skeleton"]} == set(arm.skeleton)
 
 
 def test_flow_follows_the_joints(scene, stage):
@@ -207,3 +225,55 @@ def test_visuals_have_their_materials(scene, tmp_path):
     assert found["base_color"] == pytest.approx((0.21404, 1, 0), abs=1e-4)
     assert found["alpha"] == pytest.approx(0.25)
     assert scene["r/a/0"].mesh == scene["r/a/1"].mesh == scene["kept/a/0"].mesh
+
+
+def dae_of(obj, material):
+    """A COLLADA file of an OBJ's triangles, in millimetres, whose up_axis nobody meant."""
+    rows = [line.split() for line in obj.splitlines()]
+    points = [word for row in rows if row[0] == "v" for word in row[1:]]
+    faces = [str(int(word) - 1) for row in rows if row[0] == "f" for word in row[1:]]
+    return f"""<COLLADA><asset><unit meter="0.001"/><up_axis>X_UP</up_axis></asset>
+        <library_effects><effect id="e"><profile_COMMON><technique><phong>{material}</phong>
+        </technique></profile_COMMON></effect></library_effects>
+        <library_materials><material id="m" name="shell"><instance_effect url="#e"/></material>
+        </library_materials><library_geometries><geometry id="g"><mesh><source id="s">
+        <float_array id="a">{" ".join(points)}</float_array><technique_common>
+        <accessor source="#a" count="{len(points) // 3}" stride="3"><param/><param/><param/>
+        </accessor></technique_common></source>
+        <vertices id="v"><input semantic="POSITION" source="#s"/></vertices>
+        <polylist material="mat"><input semantic="VERTEX" source="#v" offset="0"/>
+        <vcount>{"4 " * (len(faces) // 4)}</vcount><p>{" ".join(faces)}</p></polylist>
+        </mesh></geometry></library_geometries><library_visual_scenes><visual_scene id="vs">
+        <node id="n"><instance_geometry url="#g"><bind_material><technique_common>
+        <instance_material symbol="mat" target="#m"/></technique_common></bind_material>
+        </instance_geometry></node></visual_scene></library_visual_scenes>
+        <scene><instance_visual_scene url="#vs"/></scene></COLLADA>"""
+
+
+def test_meshes_of_collada_are_those_of_obj(scene, tmp_path):
+    obj = (ASSETS / "arm/meshes/hand.obj").read_text()
+    (tmp_path / "hand.obj").write_text(
+        "\n".join(r for r in obj.splitlines() if r[:2] in ("v ", "f "))
+    )
+    color = "<diffuse><color>0.8 0.1 0.05 1</color></diffuse>"
+    (tmp_path / "hand.dae").write_text(dae_of((tmp_path / "hand.obj").read_text(), color))
+    robot = """<robot name="{0}"><link name="hand"><visual><origin xyz="0 0 0.2" rpy="0.1 0.2 0.3"/>
+        <geometry><mesh filename="hand.{0}" {1}/></geometry></visual></link></robot>"""
+    for kind, scale in (("obj", 'scale="0.001 0.001 0.001"'), ("dae", "")):
+        (tmp_path / f"{kind}.urdf").write_text(robot.format(kind, scale))
+    frames = {}
+    with scene.edit() as edit:
+        lens = hg.Camera.from_fov(40, 96, 96, degrees=True)
+        edit.entity("cam", camera=lens, transform=hg.look_at((0.3, -0.4, 0.4), (0, 0, 0.2)))
+    for kind in ("obj", "dae"):
+        with scene.overlay() as overlay:
+            overlay.import_urdf(tmp_path / f"{kind}.urdf", category="hand")
+        planes = ["depth", "normal", "part", "instance", "base_color"]
+        frames[kind] = scene.render("cam", overlay=overlay, planes=planes)
+    for plane in ("depth", "normal", "part", "instance"):
+        np.testing.assert_allclose(frames["dae"][plane], frames["obj"][plane], atol=1e-4)
+    seen = frames["dae"]["part"] == 1
+    assert seen.sum() > 500
+    np.testing.assert_allclose(
+        frames["dae"]["base_color"][seen], np.tile((0.8, 0.1, 0.05), (seen.sum(), 1)), atol=1e-3
+    )

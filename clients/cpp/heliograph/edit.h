@@ -79,8 +79,8 @@ class Edits {
   /// The bundled dome, and a floor of `floor` metres called "floor" at z = 0; the floor.
   Entity sample_studio(double floor = 40);
 
-  /// Decodes a model (glTF, GLB, OBJ, PLY, STL, VDB, ..) and places it. Companions are uploaded
-  /// from beneath the model's folder only.
+  /// Decodes a model (glTF, GLB, DAE, OBJ, PLY, STL, VDB, ..) and places it. Companions are
+  /// uploaded from beneath the model's folder only.
   Asset import_file(const std::string& path, const Placement& placement = {},
                     const ImportOptions& options = {});
   /// Places an asset again, without decoding it again.

@@ -329,11 +329,12 @@ class Edits(RobotEdits):
         server_path: str = "",
         **placement: Unpack[assets.Placement],
     ) -> Asset:
-        """Decodes a model (glTF, GLB, OBJ, PLY, STL) and places it `count` times.
+        """Decodes a model (glTF, GLB, DAE, OBJ, PLY, STL) and places it `count` times.
 
         Companions are uploaded from beneath the model's folder only. up ("x", "y", "z") and units
-        (metres a unit) serve formats that name none. server_path: a file under the daemon's asset
-        root instead. Roots are called `name`, or "<name>/0" .. for a count above 1.
+        (metres a unit) serve formats that name none, and go before a DAE's own. server_path: a file
+        under the daemon's asset root instead. Roots are called `name`, or "<name>/0" .. for a count
+        above 1.
         """
         source = assets.Source(path, server_path, up, units)
         asset = assets.decode(self.scene, source, name)

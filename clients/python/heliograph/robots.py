@@ -5,6 +5,7 @@ Made by edit.import_urdf(); docs/robots.md.
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -224,7 +225,11 @@ class _Builder:
     def build(self, options: Options, components: _patches.Components) -> Robot:
         robot = self.robot
         refuse_unknown(components, _patches.Components, "an entity")
+        self._choose_keypoints(options.keypoints)
         given: Any = {"label": "auto", **components}
+        if robot.skeleton:
+            own = {"skeleton": json.dumps(robot.skeleton)}
+            given["attributes"] = {**own, **(components.get("attributes") or {})}
         robot.root = self.edits.entity(robot.name, exist_ok=False, **given)
         local = dict(
             zip(
@@ -245,7 +250,7 @@ class _Builder:
                 name = f"{robot.name}/{link}/{number}"
                 self._put_visual(visual, name, (robot.links[link], part), options.mesh_materials)
         robot.moving = Group([robot.links[j.child] for j in robot.kinematics.moving])
-        self._put_keypoints(options.keypoints)
+        self._put_keypoints()
         return robot
 
     # ------------------------------------------------------------ visuals
@@ -274,7 +279,7 @@ class _Builder:
 
     def _asset(self, file: Path, name: str) -> Asset:
         if file not in self._assets:
-            asset = assets.decode(self.edits.scene, assets.Source(file), name)
+            asset = assets.decode(self.edits.scene, _source(file), name)
             self.robot.warnings.extend(f"{file.name}: {text}" for text in asset.warnings)
             self._assets[file] = asset
         return self._assets[file]
@@ -306,8 +311,7 @@ class _Builder:
 
     # ------------------------------------------------------------ keypoints
 
-    def _put_keypoints(self, wanted: Sequence[str] | None) -> None:
-        """A keypoint lives in a mesh: a triangle without area in the origin of the joint."""
+    def _choose_keypoints(self, wanted: Sequence[str] | None) -> None:
         robot = self.robot
         joints = {joint.name: joint for joint in self.model.joints}
         for name in wanted or ():
@@ -317,27 +321,33 @@ class _Builder:
                     f"keypoints: there is no joint {name!r}; it has {have}", field="keypoints"
                 )
         above = {joint.child: joint for joint in self.model.joints}
-        parts = {link: part for part, link in robot.parts.items()}
         robot.keypoints = [name for name in joints if wanted is None or name in wanted]
         for name in robot.keypoints:
-            link = joints[name].child
-            mesh = self.edits.mesh(
-                f"{robot.name}/{link}/keypoint/mesh",
-                positions=np.zeros((3, 3)),
-                indices=[[0, 1, 2]],
-                keypoints={name: (0, 0, 0)},
-            )
-            self.edits.entity(
-                f"{robot.name}/{link}/keypoint",
-                parent=robot.links[link],
-                mesh=mesh,
-                part=parts[link],
-            )
             up = above.get(joints[name].parent)
             while up is not None and up.name not in robot.keypoints:
                 up = above.get(up.parent)
             if up is not None:
                 robot.skeleton.append((up.name, name))
+
+    def _put_keypoints(self) -> None:
+        """A keypoint lives in a mesh: a triangle without area in the origin of the joint."""
+        below = {joint.name: joint.child for joint in self.model.joints}
+        parts = {link: part for part, link in self.robot.parts.items()}
+        for name in self.robot.keypoints:
+            link = self.robot.links[below[name]]
+            mesh = self.edits.mesh(
+                f"{link.name}/keypoint/mesh",
+                positions=np.zeros((3, 3)),
+                indices=[[0, 1, 2]],
+                keypoints={name: (0, 0, 0)},
+            )
+            part = parts[below[name]]
+            self.edits.entity(f"{link.name}/keypoint", parent=link, mesh=mesh, part=part)
+
+
+def _source(file: Path) -> assets.Source:
+    """COLLADA's numbers are in the link's frame whatever its up_axis says, as RViz has it."""
+    return assets.Source(file, up="z" if file.suffix.lower() == ".dae" else "")
 
 
 def _shape(shape: str, size: tuple[float, ...]) -> _patches.Geometry:

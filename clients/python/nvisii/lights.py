@@ -114,9 +114,7 @@ class light(Component):
         given: dict[str, Any] = {"exposure": self._exposure, "texture": image}
         given["color"] = 1.0 if image is not None else self._color
         if not has_mesh:
-            return hg.Light(
-                intensity=self._intensity, shape="sphere", radius=_LAMP_RADIUS, **given
-            )
+            return hg.Light(intensity=self._intensity, shape="sphere", radius=_LAMP_RADIUS, **given)
         if self._by_area:
             return hg.Light(radiance=self._intensity, **given)
         return hg.Light(power=math.pi * self._intensity, **given)

@@ -238,5 +238,3 @@ class _Push:
             self.camera = self.edit.entity(None, **parts)
         else:
             self.edit.update(self.camera, **parts)
-
-

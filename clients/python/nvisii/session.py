@@ -248,7 +248,7 @@ def get_cursor_pos() -> Any:
 
 
 def set_cursor_mode(mode: str) -> None:
-    """"NORMAL", "HIDDEN" or "DISABLED"; there is no cursor."""
+    """ "NORMAL", "HIDDEN" or "DISABLED"; there is no cursor."""
     if mode not in ("NORMAL", "HIDDEN", "DISABLED"):
         raise RuntimeError(f'mode: "NORMAL", "HIDDEN" or "DISABLED", not {mode!r}')
 

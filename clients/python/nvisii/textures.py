@@ -144,5 +144,3 @@ class texture(Component):
         if self._scale == (1.0, 1.0):
             return None
         return [[1 / self._scale[0], 0, 0], [0, 1 / self._scale[1], 0]]
-
-

@@ -20,7 +20,7 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "render",
         help="render a model file",
-        description="Renders a model (glTF, GLB, OBJ, PLY, STL). The camera frames the model; a "
+        description="Renders a model (glTF, GLB, DAE, OBJ, PLY, STL). The camera frames it; a "
         "model without a light stands in the bundled studio.",
     )
     parser.add_argument("model", help="the model file")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -39,6 +40,7 @@ def skeletons_of(dataset: Dataset) -> dict[int, Skeleton]:
             continue
         if category not in found:
             edges = _edges(dataset.scene, int(labels["entity"][row]), names)
+            edges += _edges_across(labels["attributes"][row], names)
             found[category] = Skeleton(names, edges)
         _check(names, found[category], str(labels["name"][row]))
     if not found:
@@ -67,6 +69,18 @@ def _edges(scene: Scene, root: int, names: tuple[str, ...]) -> tuple[tuple[int, 
             pairs = from_message(message.skeleton).tolist()
             edges += [(place[own[a]], place[own[b]]) for a, b in pairs]
     return tuple(edges)
+
+
+def _edges_across(attributes: str, names: tuple[str, ...]) -> tuple[tuple[int, int], ...]:
+    """Those between keypoints of several meshes, by the attribute `skeleton` of an instance: JSON,
+    pairs of names. Robots have it."""
+    text = json.loads(attributes or "{}").get("skeleton", "[]")
+    try:
+        return tuple((names.index(a), names.index(b)) for a, b in json.loads(text))
+    except (TypeError, ValueError) as error:
+        raise FailedPrecondition(
+            f'the attribute skeleton is "{text}": it needs pairs of the names of keypoints in JSON'
+        ) from error
 
 
 def _meshes(scene: Scene, root: int) -> Iterator[int]:

@@ -117,9 +117,7 @@ def disk(radius: float, inner: float, rings: int, arc: Arc) -> Surface:
 def plane(size: Any, segments: Any) -> Surface:
     """A rectangle that faces +Z; size: halves of its sides."""
     u, v = uv_grid(segments[0], segments[1])
-    positions = np.stack(
-        [(2 * u - 1) * size[0], (2 * v - 1) * size[1], np.zeros_like(u)], axis=-1
-    )
+    positions = np.stack([(2 * u - 1) * size[0], (2 * v - 1) * size[1], np.zeros_like(u)], axis=-1)
     return of_grid(positions, np.array([0.0, 0.0, 1.0]), (u, v))
 
 

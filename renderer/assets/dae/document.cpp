@@ -1,0 +1,138 @@
+#include "renderer/assets/dae/document.h"
+
+#include <algorithm>
+
+#include "renderer/assets/text_scan.h"
+
+namespace heliograph::assets::dae {
+namespace {
+
+constexpr int kDeepest = 256;
+
+/// Notes the elements that have an id.
+struct Indexer : pugi::xml_tree_walker {
+  std::unordered_map<std::string_view, std::vector<Node>>& ids;
+  explicit Indexer(std::unordered_map<std::string_view, std::vector<Node>>& target) : ids(target) {}
+
+  bool for_each(Node& node) override {
+    if (depth() > kDeepest)
+      refuse(place(node), fmt::format("is nested deeper than {} elements", kDeepest));
+    const pugi::xml_attribute id = node.attribute("id");
+    if (id) ids[id.value()].push_back(node);
+    return true;
+  }
+};
+
+std::string_view text_of(const Node& node) { return node.text().get(); }
+
+u64 words_in(std::string_view text) {
+  u64 count = 0;
+  bool within = false;
+  for (const char c : text) {
+    const bool blank = c == ' ' || (c >= '\t' && c <= '\r');
+    count += !blank && !within;
+    within = !blank;
+  }
+  return count;
+}
+
+}  // namespace
+
+Document::Document(Builder& builder) {
+  const BundleFile& model = builder.bundle.model();
+  const std::string_view text = as_text(model.bytes);
+  // What pugixml allocates at most: a copy, a node for each tag and each text before one, and the
+  // attributes.
+  constexpr u64 kNodeBytes = 96;
+  builder.budget.take(text.size(), 1, model.path);
+  builder.budget.take(u64(std::ranges::count(text, '<')), 2 * kNodeBytes, model.path);
+  builder.budget.take(u64(std::ranges::count(text, '=')), kNodeBytes, model.path);
+  const pugi::xml_parse_result result =
+      xml_.load_buffer(model.bytes.data(), model.bytes.size(), pugi::parse_default);
+  if (result.status == pugi::status_out_of_memory) throw std::bad_alloc();
+  if (!result)
+    refuse(fmt::format("byte {}", result.offset),
+           fmt::format("is no XML: {}", result.description()));
+  if (std::string_view(root().name()) != "COLLADA")
+    refuse(place(root()), "the root element must be COLLADA");
+  Indexer indexer(ids_);
+  xml_.traverse(indexer);
+}
+
+Node Document::find(std::string_view id, const char* tag) const {
+  const auto found = ids_.find(id);
+  if (found == ids_.end()) return {};
+  const auto fits = [&](const Node& node) { return std::string_view(node.name()) == tag; };
+  const auto at = std::ranges::find_if(found->second, fits);
+  return at == found->second.end() ? Node() : *at;
+}
+
+Node Document::linked(std::string_view url, const char* tag, const std::string& where) const {
+  if (url.empty()) refuse(where, fmt::format("names no <{}>", tag));
+  if (!url.starts_with('#'))
+    refuse_unimplemented(where, fmt::format("refers to '{}': only elements of the same file are "
+                                            "read; merge the files",
+                                            clean_name(url, "")));
+  const Node node = find(url.substr(1), tag);
+  if (!node)
+    refuse(where, fmt::format("there is no <{}> '{}'", tag, clean_name(url.substr(1), "")));
+  return node;
+}
+
+std::string place(const Node& node) {
+  for (Node at = node; at; at = at.parent()) {
+    const std::string_view id = at.attribute("id").value();
+    if (!id.empty()) return fmt::format("{} '{}'", at.name(), clean_name(id, "?"));
+  }
+  return fmt::format("<{}>", clean_name(node.name(), "?"));
+}
+
+std::vector<float> read_floats(const Node& node, Budget& budget) {
+  std::string_view text = text_of(node);
+  const u64 count = words_in(text);
+  budget.take(count, sizeof(float), place(node));
+  std::vector<float> numbers;
+  numbers.reserve(count);
+  const std::string where = place(node);
+  for (u64 i = 0; i < count; ++i) numbers.push_back(take_number(text, where));
+  return numbers;
+}
+
+std::vector<float> read_floats(const Node& node, std::size_t count, Budget& budget) {
+  std::vector<float> numbers = read_floats(node, budget);
+  if (numbers.size() != count)
+    refuse(place(node),
+           fmt::format("<{}> has {} numbers, not {}", node.name(), numbers.size(), count));
+  return numbers;
+}
+
+std::vector<u32> read_indices(const Node& node, Budget& budget) {
+  std::string_view text = text_of(node);
+  const u64 count = words_in(text);
+  const std::string where = place(node);
+  budget.take(count, sizeof(u32), where);
+  std::vector<u32> numbers;
+  numbers.reserve(count);
+  for (u64 i = 0; i < count; ++i) {
+    const std::string_view word = take_word(text);
+    u32 value = 0;
+    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+    if (error != std::errc() || end != word.data() + word.size())
+      refuse(where, fmt::format("'{}' is no index", clean_name(word, "")));
+    numbers.push_back(value);
+  }
+  return numbers;
+}
+
+u32 whole_attribute(const Node& node, const char* name, u32 absent) {
+  const pugi::xml_attribute attribute = node.attribute(name);
+  if (!attribute) return absent;
+  const std::string_view text = trimmed(attribute.value());
+  u32 value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size())
+    refuse(place(node), fmt::format("{}=\"{}\" is no whole number", name, clean_name(text, "")));
+  return value;
+}
+
+}  // namespace heliograph::assets::dae

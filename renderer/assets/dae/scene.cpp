@@ -1,0 +1,118 @@
+// The scene's nodes, walked down to the geometries they show. Source: COLLADA 1.5.0, chapter 5.
+#include <cmath>
+#include <glm/gtc/matrix_transform.hpp>
+
+#include "renderer/assets/dae/document.h"
+#include "renderer/assets/text_scan.h"
+#include "renderer/scene/invertible.h"
+
+namespace heliograph::assets::dae {
+namespace {
+
+constexpr u32 kDeepest = 128;  // nodes within nodes, by instances too
+
+class Walker {
+ public:
+  Walker(const Document& document, Builder& builder) : document_(document), builder_(builder) {}
+
+  std::vector<Shown> walk() {
+    const Node root = document_.root();
+    const Node instance = root.child("scene").child("instance_visual_scene");
+    const Node scene =
+        instance ? document_.linked(instance.attribute("url").value(), "visual_scene", "scene")
+                 : root.child("library_visual_scenes").child("visual_scene");
+    if (!scene) refuse("library_visual_scenes", "the file has no scene; export its objects");
+    for (const Node& node : scene.children("node")) visit(node, mat4x3(1), 0);
+    if (root.child("library_animations").child("animation"))
+      builder_.warn("COLLADA animations are left out");
+    return std::move(shown_);
+  }
+
+ private:
+  void visit(const Node& node, const mat4x3& above, u32 depth) {
+    Budget::check(++visited_, builder_.options.limits.entities, "nodes", "nodes");
+    if (depth > kDeepest)
+      refuse(place(node), "is nested deeper than 128 nodes, or is within itself");
+    mat4x3 pose = above;
+    for (const Node& child : node.children()) {
+      const std::string_view tag = child.name();
+      if (const auto step = transform(tag, child)) {
+        pose = affine_product(pose, *step);
+      } else if (tag == "instance_geometry") {
+        show(node, child, pose);
+      } else if (tag == "node") {
+        visit(child, pose, depth + 1);
+      } else if (tag == "instance_node") {
+        visit(document_.linked(child.attribute("url").value(), "node", place(node)), pose,
+              depth + 1);
+      } else if (tag.starts_with("instance_")) {
+        builder_.warn(fmt::format("COLLADA {} is left out: {}", clean_name(tag, "?"), place(node)));
+      }
+    }
+  }
+
+  std::vector<float> numbers(const Node& node, std::size_t count) {
+    return read_floats(node, count, builder_.budget);
+  }
+
+  /// parent_from_child of one transformation; nullopt: the element is none.
+  std::optional<mat4x3> transform(std::string_view tag, const Node& node) {
+    if (tag == "matrix") {
+      const auto m = numbers(node, 16);
+      if (m[12] != 0 || m[13] != 0 || m[14] != 0 || m[15] != 1)
+        refuse(place(node), "the last row of a <matrix> must be 0 0 0 1");
+      return mat4x3(m[0], m[4], m[8], m[1], m[5], m[9], m[2], m[6], m[10], m[3], m[7], m[11]);
+    }
+    if (tag == "translate") {
+      const auto t = numbers(node, 3);
+      return mat4x3(glm::translate(mat4(1), vec3(t[0], t[1], t[2])));
+    }
+    if (tag == "scale") {
+      const auto s = numbers(node, 3);
+      return mat4x3(glm::scale(mat4(1), vec3(s[0], s[1], s[2])));
+    }
+    if (tag == "rotate") {
+      const auto r = numbers(node, 4);
+      const glm::dvec3 axis(r[0], r[1], r[2]);
+      if (glm::length(axis) == 0) return mat4x3(1);
+      return mat4x3(mat4(glm::rotate(glm::dmat4(1), glm::radians(double(r[3])), axis)));
+    }
+    if (tag == "lookat" || tag == "skew")
+      refuse_unimplemented(place(node), fmt::format("<{}>; export matrices", tag));
+    return std::nullopt;
+  }
+
+  void show(const Node& node, const Node& instance, const mat4x3& pose) {
+    const std::string where = place(node);
+    for (int column = 0; column < 4; ++column)
+      if (!std::isfinite(glm::dot(pose[column], vec3(1))))
+        refuse(where, "its transforms reach beyond what f32 can hold");
+    if (!invertible(pose)) {
+      builder_.warn(fmt::format("{} has a scale without an inverse and is left out", where));
+      return;
+    }
+    const std::string_view name = node.attribute("name").value();
+    Shown out{.geometry = document_.linked(instance.attribute("url").value(), "geometry", where),
+              .name = std::string(name.empty() ? node.attribute("id").value() : name),
+              .pose = pose,
+              .material = {}};
+    const Node bound = instance.child("bind_material").child("technique_common");
+    for (const Node& material : bound.children("instance_material"))
+      out.material[material.attribute("symbol").value()] =
+          document_.linked(material.attribute("target").value(), "material", where);
+    shown_.push_back(std::move(out));
+  }
+
+  const Document& document_;
+  Builder& builder_;
+  std::vector<Shown> shown_;
+  u64 visited_ = 0;
+};
+
+}  // namespace
+
+std::vector<Shown> read_scene(const Document& document, Builder& builder) {
+  return Walker(document, builder).walk();
+}
+
+}  // namespace heliograph::assets::dae
