@@ -41,7 +41,7 @@ void load(Builder& builder) {
   if (format == "ies" || picture_format(format) != PictureFormat::kNone)
     return load_picture(builder);
   refuse_unimplemented(
-      "format", fmt::format("'{}' is not one of gltf, glb, dae, obj, ply, stl, exr, hdr, png, "
+      "format", fmt::format("'{}' is not one of gltf, glb, obj, ply, stl, dae, exr, hdr, png, "
                             "jpeg, tiff, nvdb, vdb, ies",
                             clean_name(format, "")));
 }
