@@ -3,10 +3,11 @@
 import heliograph as hg
 import pytest
 import replicas
+from nvisii_world import camera
 from recordings import recorded, short
 from refusals import furnished, world
 
-__all__ = ["furnished", "recorded", "short", "world"]
+__all__ = ["camera", "furnished", "recorded", "short", "world"]
 
 
 @pytest.fixture(scope="module")

@@ -8,37 +8,10 @@ import sys
 import numpy as np
 import nvisii
 import pytest
+from nvisii_world import ball, rows
 from PIL import Image
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-
-
-@pytest.fixture
-def world():
-    """An initialized module with a camera at (0, -4, 0) that looks along +Y."""
-    nvisii.initialize(headless=True, max_entities=3)
-    camera = nvisii.entity.create(
-        "eye", transform=nvisii.transform.create("eye"), camera=nvisii.camera.create("eye")
-    )
-    camera.get_transform().look_at(at=(0, 0, 0), up=(0, 0, 1), eye=(0, -4, 0))
-    nvisii.set_camera_entity(camera)
-    nvisii.set_dome_light_color((1, 1, 1))
-    yield camera
-    nvisii.deinitialize()
-
-
-def ball(name="ball", position=(0, 0, 0), radius=1.0, **look):
-    return nvisii.entity.create(
-        name,
-        transform=nvisii.transform.create(name, position=position),
-        mesh=nvisii.mesh.create_sphere(name, radius),
-        material=nvisii.material.create(name, **look),
-    )
-
-
-def rows(flat, width, height):
-    """(H, W, 4), row 0 at the top."""
-    return np.array(flat).reshape(height, width, 4)[::-1]
 
 
 def test_the_smallest_script_runs(tmp_path):
@@ -54,21 +27,21 @@ def test_the_smallest_script_runs(tmp_path):
     assert middle[2] > 1.3 * middle[0] and abs(middle - corner).max() > 20
 
 
-def test_a_white_ball_under_a_white_dome_vanishes(world):
+def test_a_white_ball_under_a_white_dome_vanishes(camera):
     ball(base_color=(1, 1, 1), specular=0, roughness=1)
     image = rows(nvisii.render(48, 48, 256, seed=3), 48, 48)
     assert image.dtype == np.float32
     assert abs(image[..., :3].mean() - 1) < 0.01 and (image[..., 3] == 1).all()
 
 
-def test_the_first_row_of_a_flat_array_is_the_bottom(world):
+def test_the_first_row_of_a_flat_array_is_the_bottom(camera):
     ball(position=(0, 0, -1), base_color=(0, 0, 0), specular=0)
     flat = nvisii.render(32, 32, 4)
     assert len(flat) == 32 * 32 * 4
     assert flat[: 16 * 32 * 4].mean() < flat[16 * 32 * 4 :].mean()
 
 
-def test_ten_thousand_positions_are_one_message(world, monkeypatch):
+def test_ten_thousand_positions_are_one_message(camera, monkeypatch):
     mesh, look = nvisii.mesh.create_sphere("m", 0.01, 4, 4), nvisii.material.create("m")
     places = [nvisii.transform.create(f"t{i}") for i in range(10_000)]
     for i, place in enumerate(places):
@@ -92,7 +65,7 @@ def test_ten_thousand_positions_are_one_message(world, monkeypatch):
     assert sent == []
 
 
-def test_components_are_shared_swapped_and_removed(world):
+def test_components_are_shared_swapped_and_removed(camera):
     thing = ball(base_color=(0, 0, 0), specular=0)
 
     def middle():

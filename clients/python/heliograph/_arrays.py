@@ -21,6 +21,7 @@ from .errors import InvalidArgument
 INLINE_BYTES = 1 << 20
 SHARED_BYTES = 1 << 16  # from here on shared memory is faster than the message
 CHUNK_BYTES = 1 << 20
+MESSAGE_BYTES = 8 << 20  # half of what a daemon takes by default
 NdArray = np.ndarray[Any, np.dtype[Any]]
 
 _DTYPES: dict[int, str] = {
@@ -188,6 +189,19 @@ class Store:
             yield
         finally:
             self._witness = None
+
+    def lighten(self, message: Any) -> None:
+        """Uploads the larger ones of the arrays that a message carries itself, by hash."""
+        for field, value in message.ListFields():
+            if field.message_type is None:
+                continue
+            repeated = hasattr(value, "__len__")
+            for part in value if repeated else (value,):
+                if not isinstance(part, types.Array):
+                    if hasattr(part, "ListFields"):
+                        self.lighten(part)
+                elif len(part.inline) >= SHARED_BYTES:
+                    part.blob = self.blob(part.inline)
 
     def _push(self, data: memoryview, first: service.UploadBlobRequest) -> None:
         first.size = data.nbytes

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from . import _images, _patches, _poses, _volumes, assets, studio
-from ._arrays import NdArray
+from ._arrays import MESSAGE_BYTES, NdArray
 from ._lent import GpuArray, Loan
 from ._proto import scene_pb2 as pb
 from ._proto import service_pb2 as service
@@ -79,6 +79,8 @@ class Edits(RobotEdits):
         self._open = False
         if not self.transaction.edits:
             return
+        if self.transaction.ByteSize() > MESSAGE_BYTES:
+            self.scene.client.store.lighten(self.transaction)
         try:
             reply = self.scene.apply(self.transaction, self._expected)
         except HeliographError as error:

@@ -296,7 +296,7 @@ class Factories(PathFactories):
         arc, tube = Arc(segments, majorStart, majorSweep), (minorStart, minorSweep)
         return cls._made(name, round.torus((minor, major), slices, tube, arc, rise=2 * size))
 
-    # ------------------------------------------------------------ arrays
+    # ------------------------------------------------------------ arrays and files
 
     @classmethod
     def create_from_data(
@@ -325,3 +325,15 @@ class Factories(PathFactories):
             indices,
         )
         return cls._made(name, arrays)
+
+    @classmethod
+    def create_from_file(cls, name: str, path: str) -> mesh:
+        """All shapes of a model's file as one mesh; its materials are left out."""
+        from .models import merged_mesh
+
+        return cls._made(name, merged_mesh(path))
+
+    @classmethod
+    def create_from_obj(cls, name: str, path: str) -> mesh:
+        """The old name of create_from_file."""
+        return cls.create_from_file(name, path)

@@ -90,18 +90,6 @@ def powered(q: quat, exponent: float) -> quat:
     return quat(math.cos(half), q.x * s, q.y * s, q.z * s)
 
 
-def between(a: quat, b: quat, t: float) -> Any:
-    """Along the shorter arc; Shoemake 1985, "Animating Rotation with Quaternion Curves"."""
-    cosine = a.w * b.w + a.x * b.x + a.y * b.y + a.z * b.z
-    if cosine < 0:
-        b, cosine = -b, -cosine
-    if cosine > 1 - 1e-9:
-        return a * (1 - t) + b * t
-    angle = math.acos(min(cosine, 1.0))
-    sine = math.sin(angle)
-    return a * (math.sin((1 - t) * angle) / sine) + b * (math.sin(t * angle) / sine)
-
-
 def vector_of_world(
     owner: transform, value: Numbers, kind: str, previous: bool, inverse: bool = False
 ) -> Any:

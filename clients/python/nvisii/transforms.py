@@ -11,8 +11,9 @@ import numpy as np
 from .component import Component
 from .glm.matrices import mat4, rows_of
 from .glm.quaternions import angleAxis, conjugate, of_rotation, product, quat, quat_of
+from .glm.rotations import slerp
 from .glm.vectors import Numbers, floats, vec3
-from .placement import Placement, between, decompose, look, powered, vector_of_world
+from .placement import Placement, decompose, look, powered, vector_of_world
 
 _KEEP = (math.nan, math.nan, math.nan)
 
@@ -199,7 +200,7 @@ class transform(Component):
     ) -> None:
         """The rotation of a second. mix: share of the velocity of before."""
         step = powered(quat_of(velocity, "velocity"), 1.0 / _above_zero(frames_per_second))
-        self._angular = between(step, self._angular, float(mix))
+        self._angular = slerp(step, self._angular, float(mix))
         self._before.rotation = None
         self.mark_dirty()
 

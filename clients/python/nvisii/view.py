@@ -20,7 +20,7 @@ class View(NamedTuple):
     poses: tuple[Any, Any]
 
 
-def view_of(found: entity | None, size: tuple[int, int], shutter: tuple[float, float]) -> View:
+def view_of(found: entity | None, size: tuple[int, int], shutter: tuple[float, ...]) -> View:
     """The view of a camera entity; RuntimeError says what is missing."""
     if found is None:
         raise RuntimeError("there is no camera: call nvisii.set_camera_entity(entity) first")

@@ -83,6 +83,14 @@ class volume(Component):
         return cls._fog(name, 50, distance)
 
     @classmethod
+    def create_from_file(cls, name: str, path: str) -> volume:
+        """A NanoVDB or OpenVDB file; its first grid, in voxels, about the middle of its box."""
+        from .models import read_volume
+
+        density = read_volume(path)
+        return cls(name, density, _centered(density.shape))
+
+    @classmethod
     def _fog(cls, name: str, reach: float, distance: Any, half_width: float = 3.0) -> volume:
         """Density 0 at the surface, 1 from half_width inside on."""
         n = int(np.ceil(reach))

@@ -1,0 +1,1 @@
+"""Empty, as in NViSII: nvisii.import_scene() imports."""
