@@ -117,6 +117,32 @@ def test_coco_has_the_skeleton_of_a_robot(scene, stage, tmp_path):
     assert {(names[a - 1], names[b - 1]) for a, b in found["skeleton"]} == set(arm.skeleton)
 
 
+def test_random_joints_are_within_their_limits_and_pure(scene, stage, tmp_path):
+    arm, cam = stage
+    randomize = hd.random_joints(arm, {"elbow": (0.5, 0.6), "wrist": 0.25})
+    seen = []
+
+    def remember(draw):
+        seen.append([draw.pose(arm.links[name]) for name in arm.link_names])
+
+    both = hd.Compose(randomize, remember)
+    for name in "ab":
+        writer = hd.Coco(tmp_path / name)
+        hd.generate(scene, cam, both, count=4, spp=1, writer=writer, progress=False, seed=3)
+    poses = np.array(seen[:4])
+    np.testing.assert_array_equal(poses, np.array(seen[4:]))
+    elbow, hand = arm.link_names.index("forearm"), arm.link_names.index("hand")
+    step = np.linalg.inv(poses[:, elbow]) @ poses[:, hand]
+    np.testing.assert_allclose(step[:, 0, 0], np.cos(0.25), atol=1e-6)
+    bent = np.linalg.inv(poses[:, arm.link_names.index("upper_arm")]) @ poses[:, elbow]
+    angles = np.arctan2(bent[:, 0, 2], bent[:, 0, 0])
+    assert (angles > 0.5).all() and (angles < 0.6).all() and len(set(angles.round(9))) == 4
+    with pytest.raises(hg.InvalidArgument, match=r"ranges\['elbow'\]"):
+        hd.random_joints(arm, {"elbow": (0, 3)})
+    with pytest.raises(hg.InvalidArgument, match="'tool_joint' is no joint"):
+        hd.random_joints(arm, {"tool_joint": 1})
+
+
 def test_flow_follows_the_joints(scene, stage):
     arm, cam = stage
     after = VALUES + (0.1, -0.15, 0.2, 0.3, 0.02)

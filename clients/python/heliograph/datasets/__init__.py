@@ -36,6 +36,7 @@ _RANDOMIZERS = (
     "look_at_jitter",
     "orbit",
     "random_dome",
+    "random_joints",
     "random_lights",
     "scatter",
     "shell",

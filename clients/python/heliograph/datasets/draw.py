@@ -16,6 +16,7 @@ from .bodies import Bodies
 
 if TYPE_CHECKING:
     from ..edit import Edits
+    from ..robots import Robot
     from ..scene import Scene
 
 _DRAW, _RENDER = 0, 1  # first number of a key: what the numbers are for
@@ -86,6 +87,13 @@ class Draw:
             relative = self.locals(listed, matrices)
             self._placed.update(zip([self._key(entity) for entity in listed], relative))
             self.edit.set_transforms(listed, relative)
+
+    def set_joints(self, robot: Robot, values: Any, *, clamp: bool = False) -> None:
+        """Moves the joints of a robot, as edit.set_joints() with all values, (C,); pose() of its
+        links knows."""
+        relative = robot.transforms(values, clamp=clamp)
+        self._placed.update(zip([self._key(link) for link in robot.moving], relative))
+        self.edit.set_transforms(robot.moving, relative)
 
     def locals(self, entities: Sequence[Named], poses: Any) -> NdArray:
         """(N, 4, 4) poses relative to the parents, as drawn so far, of world poses."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .joints import RandomJoints as random_joints
 from .lighting import RandomDome as random_dome
 from .lighting import RandomLights as random_lights
 from .lighting import bundled_domes
@@ -23,6 +24,7 @@ __all__ = [
     "look_at_jitter",
     "orbit",
     "random_dome",
+    "random_joints",
     "random_lights",
     "scatter",
     "shell",
