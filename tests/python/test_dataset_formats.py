@@ -143,9 +143,10 @@ def test_bop_hides_the_boxes_of_what_is_hidden():
     assert bop.annotation_of(only({}), 1, none, 0.0) is None
 
 
-def test_diameter_is_the_largest_distance():
-    points = np.random.default_rng(4).normal(0, 50, (500, 3))
-    apart = np.linalg.norm(points[:, None] - points[None], axis=2)
+@pytest.mark.parametrize("scale", [(50, 50, 50), (90, 20, 5), (0, 0, 0)])
+def test_diameter_is_the_largest_distance(scale):
+    points = np.random.default_rng(4).normal(0, 1, (2500, 3)) * scale + (1e3, 0, 0)
+    apart = np.sqrt(((points[:, None] - points[None]) ** 2).sum(2))
     assert models.diameter(points) == pytest.approx(apart.max(), rel=1e-12)
 
 

@@ -176,6 +176,9 @@ class Bop(Writer):
             for folder, group in scenes:
                 self._finish_scene(folder, list(group))
 
+        if self._probes is not None:
+            self._probes.close()
+
     def _finish_scene(self, folder: str, records: list[dict[str, Any]]) -> None:
         for file, key in (("camera", "camera"), ("gt", "gt"), ("gt_info", "info")):
             self.put(f"{folder}/scene_{file}.json", _by_image(records, key))
@@ -231,6 +234,11 @@ class _Probes:
         turn, place = pose[:3, :3], pose[:3, 3]
         hits = self._scenes[model.id].cast_rays(-place @ turn, directions @ turn)
         return np.asarray(hits["t"], np.float64)
+
+    def close(self) -> None:
+        """Deletes the scenes."""
+        for scene in self._scenes.values():
+            scene.delete()
 
 
 def _rays(frame: Frame, mask: NdArray) -> NdArray:

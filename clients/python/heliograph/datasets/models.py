@@ -18,7 +18,7 @@ from .symmetries import Symmetries, symmetries_of
 
 _SAME = 1e-4  # of a model's size: what is nearer is equal
 _MM = 1000.0
-_PAIRS = 1 << 22  # distances at a time
+_PAIRS = 1 << 19  # distances at a time: what caches hold
 
 
 @dataclass(frozen=True)
@@ -83,15 +83,23 @@ class Model:
 
 
 def diameter(points: NdArray) -> float:
-    """The largest distance between two of (N, 3) points, over all pairs."""
+    """The largest distance between two of (N, 3) points.
+
+    Of all pairs but those with a point so near the box's centre that it has no partner as far away
+    as two points that are known.
+    """
     unique = np.unique(points, axis=0).astype(np.float64)
-    unique = unique - unique.mean(0)
-    squares = (unique**2).sum(1)
-    best = 0.0
+    unique = unique - (unique.min(0) + unique.max(0)) / 2
+    out = np.linalg.norm(unique, axis=1)
+    known = np.linalg.norm(unique - unique[out.argmax()], axis=1).max()
+    unique = unique[out + out.max() >= known]
+    squares = (unique**2).sum(1, keepdims=True)
+    ones = np.ones_like(squares)
+    left, right = np.hstack([-2 * unique, squares, ones]), np.hstack([unique, ones, squares])
+    best = float(known)
     step = max(1, _PAIRS // len(unique))
     for start in range(0, len(unique), step):
-        part = slice(start, start + step)
-        apart = squares[part, None] + squares[None, start:] - 2 * unique[part] @ unique[start:].T
+        apart = left[start : start + step] @ right[start:].T  # squares of distances
         i, j = np.unravel_index(int(apart.argmax()), apart.shape)
         best = max(best, float(np.linalg.norm(unique[start + i] - unique[start + j])))
     return best
