@@ -177,6 +177,11 @@ class PrivateDaemon:
         tail = "\n  ".join(["", *lines]) if lines else " and logged nothing"
         return Unavailable(f"{message}{how}; its last lines:{tail}", exit_code=code, log=lines)
 
+    def cpu_seconds(self) -> float:
+        """What it has used so far, with its children that have ended."""
+        fields = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
+        return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
+
     def stop(self) -> None:
         """Ends the daemon: SIGTERM, after 5 s SIGKILL. Nothing in a forked child."""
         if os.getpid() != self._owner:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from .colmap import Colmap
     from .draw import Compose, Draw
     from .exr import Exr
-    from .generate import Summary, generate
+    from .generating import Summary, generate
     from .kept import KeptImage
     from .kitti import Kitti
     from .middlebury import Middlebury
@@ -60,12 +60,12 @@ _HOMES = {
     "Picture": "writer",
     "Records": "writer",
     "Report": "validation",
-    "Summary": "generate",
+    "Summary": "generating",
     "TapVid": "tapvid",
     "WebDataset": "webdataset",
     "Writer": "writer",
     "Yolo": "yolo",
-    "generate": "generate",
+    "generate": "generating",
     "validate": "validation",
     **dict.fromkeys(_RANDOMIZERS, "randomizers"),
 }

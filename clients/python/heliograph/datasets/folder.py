@@ -134,7 +134,7 @@ class Folder:
         self.put(f"{NAME}/dataset.json", text)
 
     def _forget(self) -> None:
-        for name in ("records", "manifests", "overlays", "blobs"):
+        for name in ("shards", "records", "manifests", "overlays", "blobs"):
             shutil.rmtree(self.own / name, ignore_errors=True)
 
     def _drop_partial(self) -> None:

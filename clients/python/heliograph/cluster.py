@@ -1,0 +1,252 @@
+"""heliograph.cluster: one data set made by many processes, on Ray or as an array of jobs.
+
+Images are pure in (seed, index), so that it makes no difference who makes them, or how often.
+docs/training.md, "Many machines".
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import math
+import os
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ._deal import dealt
+from ._maker import Maker, packed, shard_path
+from .components import number_of, whole_of
+from .datasets.generating import Bar, Run, run_of
+from .errors import FailedPrecondition, Unavailable
+
+if TYPE_CHECKING:
+    from ._progress import Progress
+    from .datasets.writer import Writer
+    from .scene import Scene
+
+Shard = tuple[int, int]  # first image, one after the last
+
+
+@dataclass(frozen=True)
+class Report:
+    """What generate() did. images: made by this call; skipped: were there; rejected: by `accept`;
+    seconds; lost: how often a worker or its daemon was; core_seconds: of CPU time for the images,
+    without what lost workers spent, None where a daemon is not a worker's own; gpu_seconds: how
+    long GPUs were taken."""
+
+    images: int
+    skipped: int
+    rejected: int
+    seconds: float
+    lost: int
+    core_seconds: float | None
+    gpu_seconds: float
+
+    def __str__(self) -> str:
+        made = max(1, self.images)
+        parts = [
+            f"{self.images} images in {self.seconds:.1f} s",
+            f"{self.images / max(self.seconds, 1e-9):.2f} images a second",
+        ]
+        if self.core_seconds is not None:
+            parts.append(f"{self.core_seconds / made:.3g} core-seconds an image")
+        if self.gpu_seconds:
+            parts.append(f"{self.gpu_seconds / made:.3g} GPU-seconds an image")
+        return ", ".join([*parts, f"{self.skipped} were there", f"{self.lost} losses"])
+
+
+def share(count: int, part: int, parts: int, *, block: int = 1) -> list[int]:
+    """The `indices` of hd.generate for part number `part` of `parts`: blocks of `block`
+    consecutive images go round. With C cameras a multiple of C draws each draw once."""
+    return list(dealt(count, part, parts, block=block))
+
+
+def generate(
+    scene: Scene,
+    cameras: Any,
+    randomizer: Callable[[Any], Any],
+    *,
+    count: int,
+    writer: Writer | Sequence[Writer],
+    workers: int,
+    shard: int = 16,
+    cores: float = 1,
+    gpus: float = 0,
+    connect: Mapping[str, Any] | None = None,
+    credits: int = 2,
+    tries: int = 5,
+    progress: bool | Callable[[Progress], Any] | None = None,
+    resume: bool = True,
+    **options: Any,
+) -> Report:
+    """heliograph.datasets.generate by `workers` actors on Ray: the same files, byte for byte.
+
+    The writer's directory is one that all machines see. Each worker loads the scene as it is now
+    over a connection of its own: `connect` has the arguments of hg.connect(), default a private
+    daemon. randomizer, accept and writer are pickled; handles in them serve there, too.
+    shard: how many images a worker is given at a time; a shard that is done is noted in
+    DIR/.heliograph/shards, and not looked at again by a later call. cores, gpus: what Ray reserves
+    for a worker. credits: draws under way in each. A worker or daemon that is lost costs its shard
+    the images under way; the shard is given to another one, up to `tries` times.
+    progress, resume, options: as of heliograph.datasets.generate.
+
+    Where Ray was not initialized, it is for this call: on the cluster that RAY_ADDRESS names, else
+    in processes of this machine that listen on its loopback address alone.
+    """
+    run = run_of(scene, cameras, randomizer, count=count, writer=writer, **options)
+    asked = {"cameras": cameras, "randomizer": randomizer, "count": count, "writer": writer}
+    need = {"num_cpus": number_of(cores, "cores"), "num_gpus": number_of(gpus, "gpus")}
+    number = whole_of(workers, "workers", 1)
+    width = whole_of(shard, "shard", 1) * len(run.source.cameras)
+    start = time.monotonic()
+    with _ray(number * need["num_cpus"]) as ray:
+        plan = packed(ray.cloudpickle.CloudPickler, scene, {**asked, **options})
+        run.open(resume)
+        todo = [each for each in _shards(count, width) if not _is_done(run, each)]
+        arguments = run.writers[0].folder.scene_path.resolve(), plan, dict(connect or {}), credits
+        team = _Team(ray, ray.remote(Maker).options(**need), arguments)
+        with Bar(progress) as bar:
+            made = team.make(todo, number, whole_of(tries, "tries", 1), _Shown(bar, count, todo))
+    run.begin()
+    if not run.finish():
+        raise FailedPrecondition(
+            f"{run.writers[0].directory}: images of finished shards are missing; do machines that "
+            "make them see the same directory?"
+        )
+    images = sum(each["images"] for each in made)
+    used = [each["core_seconds"] for each in made]
+    return Report(
+        images=images,
+        skipped=count - images,
+        rejected=sum(each["rejected"] for each in made),
+        seconds=time.monotonic() - start,
+        lost=team.lost,
+        core_seconds=None if None in used else sum(used),
+        gpu_seconds=need["num_gpus"] * sum(each["seconds"] for each in made),
+    )
+
+
+def _shards(count: int, width: int) -> list[Shard]:
+    return [(first, min(first + width, count)) for first in range(0, count, width)]
+
+
+def _is_done(run: Run, shard: Shard) -> bool:
+    folders = [writer.folder for writer in run.writers]
+    return all((folder.root / shard_path(*shard)).exists() for folder in folders) and all(
+        folder.has(index) for folder in folders for index in range(*shard)
+    )
+
+
+class _Shown:
+    """The bar over all workers."""
+
+    def __init__(self, bar: Bar, count: int, todo: Sequence[Shard]) -> None:
+        self._bar, self._count = bar, count
+        self._there = count - sum(end - first for first, end in todo)
+        self._made = 0
+
+    def add(self, images: int, skipped: int) -> None:
+        self._made += images
+        self._there += skipped
+        self._bar.show(self._made, self._there, self._count)
+
+
+class _Team:
+    """Actors, and which shard each of them has; None while it starts."""
+
+    def __init__(self, ray: Any, kind: Any, arguments: Sequence[Any]) -> None:
+        self._ray, self._kind, self._arguments = ray, kind, arguments
+        self._busy: dict[Any, tuple[Any, Shard | None]] = {}
+        self._todo: deque[Shard] = deque()
+        self._tried: dict[Shard, int] = {}
+        self.lost = 0
+
+    def make(
+        self, shards: Sequence[Shard], workers: int, tries: int, shown: _Shown
+    ) -> list[dict[str, Any]]:
+        """Has all shards made; what was said of each."""
+        self._todo.extend(shards)
+        made: list[dict[str, Any]] = []
+        idle: list[Any] = []
+        shown.add(0, 0)
+        try:
+            for _ in range(min(workers, len(shards))):
+                self._hire()
+            while len(made) < len(shards):
+                while self._todo and idle:
+                    self._give(idle.pop(), self._todo.popleft())
+                ready, _ = self._ray.wait(list(self._busy), num_returns=1)
+                actor, shard = self._busy.pop(ready[0])
+                said = self._said(ready[0])
+                if said is None:
+                    self._hire()
+                else:
+                    idle.append(actor)
+                if shard is None:
+                    continue
+                if said is None or "lost" in said:
+                    self._again(shard, tries, said)
+                else:
+                    made.append(said)
+                    shown.add(said["images"], shard[1] - shard[0] - said["images"])
+        finally:
+            for actor in [*idle, *(actor for actor, _ in self._busy.values())]:
+                self._ray.kill(actor)
+        return made
+
+    def _hire(self) -> None:
+        actor = self._kind.remote(*self._arguments)
+        self._busy[actor.ready.remote()] = actor, None
+
+    def _give(self, actor: Any, shard: Shard) -> None:
+        self._busy[actor.make.remote(*shard)] = actor, shard
+
+    def _said(self, reference: Any) -> dict[str, Any] | None:
+        """What an actor answered; None when there is no such actor any more. Raises its errors."""
+        errors = self._ray.exceptions
+        try:
+            return self._ray.get(reference) or {}
+        except errors.RayTaskError as error:
+            raise error.cause from error
+        except errors.RayError:
+            self.lost += 1
+            return None
+
+    def _again(self, shard: Shard, tries: int, said: dict[str, Any] | None) -> None:
+        """Gives a shard back whose worker (said is None) or daemon was lost."""
+        self.lost += said is not None
+        self._tried[shard] = self._tried.get(shard, 0) + 1
+        if self._tried[shard] >= tries:
+            why = "the process ended" if said is None else said["lost"]
+            raise Unavailable(
+                f"images {shard[0]} to {shard[1] - 1}: their worker was lost {tries} times; "
+                f"the last time: {why}"
+            )
+        self._todo.appendleft(shard)
+
+
+@contextlib.contextmanager
+def _ray(cores: float) -> Iterator[Any]:
+    """Ray, initialized."""
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    elsewhere = os.environ.get("RAY_ADDRESS")
+    if not elsewhere:  # read when ray is imported: it listens on the loopback address alone
+        os.environ.setdefault("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")
+    import ray
+
+    if ray.is_initialized():
+        yield ray
+        return
+    own = {"num_cpus": max(1, math.ceil(cores)), "include_dashboard": False}
+    ray.init(
+        log_to_driver=False,
+        logging_level=logging.WARNING,
+        **({"address": elsewhere} if elsewhere else own),
+    )
+    try:
+        yield ray
+    finally:
+        ray.shutdown()
