@@ -28,9 +28,14 @@ if TYPE_CHECKING:
     from .yolo import Yolo
 
 _RANDOMIZERS = (
+    "add_distractors",
     "bundled_domes",
+    "bundled_textures",
+    "camera_path",
     "choice",
+    "distractors",
     "hsv_color",
+    "in_view",
     "in_volume",
     "log_uniform",
     "look_at_jitter",
@@ -38,7 +43,12 @@ _RANDOMIZERS = (
     "random_dome",
     "random_joints",
     "random_lights",
+    "random_materials",
+    "random_motion",
+    "random_shape",
+    "random_textures",
     "scatter",
+    "settle",
     "shell",
 )
 _HOMES = {

@@ -10,7 +10,7 @@ import numpy as np
 
 from .._arrays import NdArray
 from ..errors import InvalidArgument
-from ..handles import Asset, Entity, Handle, Mesh, Named, flatten
+from ..handles import Asset, Entity, Handle, Material, Mesh, Named, flatten
 
 if TYPE_CHECKING:
     from ..scene import Scene
@@ -48,6 +48,7 @@ class Bodies:
         self.scene = scene
         self._bodies: dict[int, Body] = {}
         self._arrays: dict[int, tuple[NdArray, NdArray]] = {}
+        self._materials: dict[int, Material | None] = {}
         self._children: dict[int, list[int]] | None = None
 
     def of(self, things: Any, field: str) -> list[Body]:
@@ -57,6 +58,13 @@ class Bodies:
             if handle.id not in self._bodies:
                 self._bodies[handle.id] = self._read(handle, field)
         return [self._bodies[handle.id] for handle in handles]
+
+    def material_of(self, thing: Any) -> Material | None:
+        """The material of an entity's first part."""
+        handle = self._handle(thing, "things")
+        if handle.id not in self._materials:
+            self._materials[handle.id] = handle.material
+        return self._materials[handle.id]
 
     def _handle(self, thing: Named, field: str) -> Entity:
         handle = self.scene[thing] if isinstance(thing, str) else thing

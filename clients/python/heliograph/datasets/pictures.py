@@ -27,8 +27,8 @@ class Pictures:
     """
 
     def __init__(self, images: Any, endings: tuple[str, ...]) -> None:
-        """images: a file, a folder, whose files with those endings it means, or several files
-        and arrays."""
+        """images: a file, a folder, whose files with those endings it means, or several files,
+        arrays, and callables () -> array."""
         self.listed = _listed(images, endings)
         self._texels: dict[int, tuple[NdArray, bool]] = {}
 
@@ -42,7 +42,7 @@ class Pictures:
             if isinstance(image, (str, os.PathLike)):
                 self._texels[choice] = decoded(client, image)
             else:
-                texels = np.asarray(image)
+                texels = np.asarray(image() if callable(image) else image)
                 self._texels[choice] = texels, texels.dtype == np.uint8
         return self._texels[choice]
 
