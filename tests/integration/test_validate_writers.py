@@ -39,11 +39,11 @@ def jumble(things):
     return randomize
 
 
-def written(stage, writer, count=4, **options):
+def written(stage, writer, randomizer=None, **options):
+    """The report of a data set of four images."""
     scene, things, cam = stage
-    hd.generate(
-        scene, cam, jumble(things), count=count, writer=writer, spp=1, progress=False, **options
-    )
+    options = {"count": 4, "spp": 1, "progress": False, **options}
+    hd.generate(scene, cam, randomizer or jumble(things), writer=writer, **options)
     return hd.validate(writer.directory)
 
 
@@ -54,3 +54,64 @@ def test_coco(stage, tmp_path):
     everything = hd.Coco(tmp_path / "split", keypoints=True, panoptic=True, stuff=["ball"])
     report = written(stage, everything, splits={"train": 0.5, "val": 0.5})
     assert report.ok, str(report)
+
+
+def test_bop(stage, tmp_path):
+    report = written(stage, hd.Bop(tmp_path / "exact"))
+    assert report.ok, str(report)
+    delta = hd.Bop(tmp_path / "delta", visibility="bop-delta", depth_scale=0.1)
+    report = written(stage, delta, splits={"train": 0.5, "val": 0.5})
+    assert report.ok, str(report)
+    assert report.formats == ["bop", "dataset"]
+
+
+def test_kitti(stage, tmp_path):
+    writer = hd.Kitti(tmp_path / "out", flow=True)
+    report = written(stage, writer, frame_interval=0.1, hold=True)
+    assert report.ok, str(report)
+    assert report.formats == ["kitti", "dataset"]
+
+
+def test_middlebury(stage, tmp_path):
+    report = written(stage, hd.Middlebury(tmp_path / "out"), frame_interval=0.1, hold=True)
+    assert report.ok, str(report)
+    assert report.formats == ["flo", "dataset"]
+
+
+def test_ndds(stage, tmp_path):
+    report = written(stage, hd.Ndds(tmp_path / "out"))
+    assert report.ok, str(report)
+    report = written(stage, hd.Ndds(tmp_path / "split"), splits={"train": 0.5, "val": 0.5})
+    assert report.ok, str(report)
+    assert report.formats == ["ndds", "dataset"]
+
+
+@pytest.mark.parametrize("task", ["box", "seg", "pose"])
+def test_yolo(stage, tmp_path, task):
+    report = written(stage, hd.Yolo(tmp_path / "out", task=task), splits={"train": 0.5, "val": 0.5})
+    assert report.ok, str(report)
+    assert report.formats == ["yolo", "dataset"]
+
+
+def test_tapvid(stage, tmp_path):
+    report = written(stage, hd.TapVid(tmp_path / "out", times=[0, 0.1, 0.2], points=16))
+    assert report.ok, str(report)
+    assert report.formats == ["tapvid", "dataset"]
+
+
+def walk(draw):
+    """Moves the camera alone."""
+    eye = draw.rng.uniform((-1, -1.8, 0.8), (1, -1.2, 1.4))
+    draw.place([draw.camera], [hg.look_at(tuple(eye), (0, 0, 0.2))])
+
+
+def test_nerf(stage, tmp_path):
+    report = written(stage, hd.NerfTransforms(tmp_path / "out"), randomizer=walk)
+    assert report.ok, str(report)
+    assert report.formats == ["nerf", "dataset"]
+
+
+def test_colmap(stage, tmp_path):
+    report = written(stage, hd.Colmap(tmp_path / "out", points=300), randomizer=walk)
+    assert report.ok, str(report)
+    assert report.formats == ["colmap", "dataset"]

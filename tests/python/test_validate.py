@@ -13,13 +13,32 @@ from pathlib import Path
 
 import clean_bop
 import clean_coco
+import clean_colmap
+import clean_dataset
+import clean_flo
+import clean_kitti
+import clean_ndds
+import clean_nerf
+import clean_tapvid
+import clean_yolo
 import heliograph as hg
 import heliograph.datasets as hd
 import pytest
 from heliograph.cli import main
 from heliograph.datasets.validation import FORMATS
 
-SETS = {"coco": clean_coco, "bop": clean_bop}
+SETS = {
+    "coco": clean_coco,
+    "bop": clean_bop,
+    "kitti": clean_kitti,
+    "flo": clean_flo,
+    "ndds": clean_ndds,
+    "yolo": clean_yolo,
+    "tapvid": clean_tapvid,
+    "nerf": clean_nerf,
+    "colmap": clean_colmap,
+    "dataset": clean_dataset,
+}
 FAULTS = [(name, fault) for name, module in SETS.items() for fault in module.FAULTS]
 
 
@@ -38,9 +57,11 @@ def clean(tmp_path_factory):
 
 @pytest.mark.parametrize("name", SETS)
 def test_clean_sets_have_no_faults(name, clean):
-    report = hd.validate(clean(name))
+    report = hd.validate(clean(name), name)
     assert report.ok, str(report)
-    assert report.formats == [name] and report.checked[name] > 0
+    assert report.checked[name] > 0
+    if name != "dataset":  # it is beside another format's files
+        assert hd.validate(clean(name)).formats == [name]
 
 
 @pytest.mark.parametrize(("name", "fault"), FAULTS, ids=[" ".join(f) for f in FAULTS])
