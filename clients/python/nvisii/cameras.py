@@ -116,6 +116,7 @@ class camera(Component):
         self._set(matrix)
 
     def _set(self, projection: Any) -> None:
+        self._projection = projection
         self.mark_dirty()
 
     def get_projection(self) -> Any:

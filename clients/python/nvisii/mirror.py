@@ -24,6 +24,7 @@ from .view import View
 from .volumes import volume
 
 _KINDS: tuple[type[Component], ...] = (texture, mesh, material, volume, light, camera, transform)
+_LONGEST_NAME = 256  # bytes
 
 
 class Mirror:
@@ -36,6 +37,7 @@ class Mirror:
         self._moving: set[entity] = set()
         self._camera: Any = None
         self._view: Any = None
+        self._black: Any = None  # the material of what is a light only
 
     def push(self, view: View) -> Any:
         """Sends what changed; the handle of the camera that sees `view`."""
@@ -56,6 +58,7 @@ class _Push:
         self.moving = set(mirror._moving)
         self.edit: Any = None
         self.camera = mirror._camera
+        self.black = mirror._black
 
     def fill(self, edit: Any, view: View) -> None:
         self.edit = edit
@@ -74,7 +77,7 @@ class _Push:
     def done(self) -> None:
         mirror = self.mirror
         mirror._made, mirror._fogs, mirror._moving = self.made, self.fogs, self.moving
-        mirror._camera, mirror._view = self.camera, self.view
+        mirror._camera, mirror._view, mirror._black = self.camera, self.view, self.black
         current.dome_changed = False
         kinds: tuple[type[Component], ...] = (*_KINDS, entity)
         for kind in kinds:
@@ -124,7 +127,7 @@ class _Push:
             if found in self.made:
                 self.edit.update(self.made[found], **parts)
             else:
-                self.made[found] = self.edit.entity(found._name, **parts)
+                self.made[found] = self.edit.entity(_name_of(found), **parts)
 
     def _keys(self, entities: list[Any]) -> list[dict[str, Any]]:
         """transform= or keys= of each."""
@@ -170,7 +173,9 @@ class _Push:
         """Of a mesh that is a light only: it takes what meets it."""
         if found._mesh is None:
             return None
-        return self.edit.material("lamp", base_color=0, specular=0, roughness=1)
+        if self.black is None:
+            self.black = self.edit.material(None, base_color=0, specular=0, roughness=1)
+        return self.black
 
     def _fog(self, found: entity) -> Any:
         world = found._transform._world(False)[:3, :3]  # type: ignore[union-attr]
@@ -238,3 +243,8 @@ class _Push:
             self.camera = self.edit.entity(None, **parts)
         else:
             self.edit.update(self.camera, **parts)
+
+
+def _name_of(found: entity) -> str | None:
+    """What the daemon calls it; None: nothing, where it would not take the name."""
+    return found._name if 0 < len(found._name.encode()) <= _LONGEST_NAME else None

@@ -47,7 +47,7 @@ def cap(radius: float, inner: float, z: float, rings: int, arc: Arc) -> Surface:
 
 
 def spherical_cone(radius: float, size: float, counts: tuple[int, int], arc: Arc) -> Surface:
-    """A cone with its tip at -size under a part of a sphere about the tip. counts: segments, rings."""
+    """A cone, its tip at -size, and a part of a sphere about the tip. counts: segments, rings."""
     segments, rings = counts
     slant, angle = math.hypot(radius, 2 * size), math.atan2(2 * size, radius)
     body = lathe(*line_profile((0, -size), (radius, size), segments), arc)
