@@ -115,3 +115,71 @@ def test_colmap(stage, tmp_path):
     report = written(stage, hd.Colmap(tmp_path / "out", points=300), randomizer=walk)
     assert report.ok, str(report)
     assert report.formats == ["colmap", "dataset"]
+
+
+MOTION = "flow_forward flow_forward_valid flow_forward_visible scene_flow".split()
+
+
+def keyed(stage):
+    """Things and the camera move and turn between 0 and 0.1 s."""
+    _, things, cam = stage
+
+    def randomize(draw):
+        for i, thing in enumerate(things):
+            place = draw.rng.uniform((-0.5, -0.3, 0.1), (0.5, 0.3, 0.4))
+            turn = draw.rng.uniform(-3, 3, 3)
+            later = hg.Pose(tuple(place + (0.05, 0.02 * i, 0)), euler=tuple(turn + 0.2))
+            draw.edit.update(thing, keys={0: hg.Pose(tuple(place), euler=tuple(turn)), 0.1: later})
+        eyes = [(0, -1.6, 1), (0.05, -1.55, 1.02)]
+        keys = [hg.look_at(eye, (0.02, 0, 0.2)) for eye in eyes]
+        draw.edit.update(cam, keys={0: keys[0], 0.1: keys[1]})
+
+    return randomize
+
+
+def test_exr(stage, tmp_path):
+    from heliograph.datasets.exr import PLANES
+
+    writer = hd.Exr(tmp_path / "out", planes=[*PLANES, *MOTION])
+    report = written(stage, writer, keyed(stage), frame_interval=0.1, hold=True)
+    assert report.ok, str(report)
+    assert report.formats == ["exr", "dataset"]
+
+
+LENSES = {
+    "orthographic": hg.Camera(*SIZE, 40.0, 41.0, 30.3, 25.1, "orthographic"),
+    "fisheye": hg.Camera(*SIZE, 40.0, 40.0, 35.5, 23.5, "fisheye"),
+    "distorted": hg.Camera(*SIZE, 80.0, 80.0, 35.5, 23.5, distortion=(-0.2, 0.05, 0.001, 0.002, 0)),
+}
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_exr_of_other_lenses(stage, tmp_path, name):
+    from heliograph.datasets.exr import PLANES
+
+    scene, things, cam = stage
+
+    def randomize(draw):
+        jumble(things)(draw)
+        draw.edit.update(cam, camera=LENSES[name])
+
+    report = written(stage, hd.Exr(tmp_path / "out", planes=PLANES), randomize, count=2)
+    assert report.ok, str(report)
+
+
+def test_webdataset(stage, tmp_path):
+    planes = ["depth", "instance", "position", "position_camera"]
+    writer = hd.WebDataset(tmp_path / "out", planes=planes, shard_size=2)
+    report = written(stage, writer, count=5)
+    assert report.ok, str(report)
+    report = written(stage, hd.WebDataset(tmp_path / "split"), splits={"train": 0.5, "val": 0.5})
+    assert report.ok, str(report)
+    assert report.formats == ["webdataset", "dataset"]
+
+
+def test_parquet(stage, tmp_path):
+    report = written(stage, hd.Parquet(tmp_path / "out", picture="png"))
+    assert report.ok, str(report)
+    report = written(stage, hd.Parquet(tmp_path / "split"), splits={"train": 0.5, "val": 0.5})
+    assert report.ok, str(report)
+    assert report.formats == ["parquet", "dataset"]

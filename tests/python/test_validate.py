@@ -15,11 +15,14 @@ import clean_bop
 import clean_coco
 import clean_colmap
 import clean_dataset
+import clean_exr
 import clean_flo
 import clean_kitti
 import clean_ndds
 import clean_nerf
+import clean_parquet
 import clean_tapvid
+import clean_webdataset
 import clean_yolo
 import heliograph as hg
 import heliograph.datasets as hd
@@ -37,6 +40,9 @@ SETS = {
     "tapvid": clean_tapvid,
     "nerf": clean_nerf,
     "colmap": clean_colmap,
+    "exr": clean_exr,
+    "webdataset": clean_webdataset,
+    "parquet": clean_parquet,
     "dataset": clean_dataset,
 }
 FAULTS = [(name, fault) for name, module in SETS.items() for fault in module.FAULTS]

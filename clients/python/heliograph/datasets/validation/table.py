@@ -2,9 +2,37 @@
 
 from __future__ import annotations
 
-from . import bop, coco, colmap, dataset, flo, kitti, ndds, nerf, tapvid, yolo
+from . import (
+    bop,
+    coco,
+    colmap,
+    dataset,
+    exr,
+    flo,
+    kitti,
+    ndds,
+    nerf,
+    parquet,
+    tapvid,
+    webdataset,
+    yolo,
+)
 from .formats import Format
 
-_MODULES = (coco, bop, kitti, flo, ndds, yolo, tapvid, nerf, colmap, dataset)
+_MODULES = (
+    coco,
+    bop,
+    kitti,
+    flo,
+    ndds,
+    yolo,
+    tapvid,
+    nerf,
+    colmap,
+    exr,
+    webdataset,
+    parquet,
+    dataset,
+)
 
 FORMATS: dict[str, Format] = {module.FORMAT.name: module.FORMAT for module in _MODULES}

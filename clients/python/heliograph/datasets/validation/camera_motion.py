@@ -1,0 +1,65 @@
+"""Where the camera is in the other frame of a flow, by the flow itself. Used by frame_planes.py."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..._arrays import NdArray
+from .geometry import project
+
+_ROUNDS = 12
+
+
+def flow_error(K: NdArray, pose: NdArray, points: NdArray, pixels: NdArray) -> NdArray:
+    """(N,) px between where points (N, 3) of the world are told to be seen, pixels (N, 2), and
+    where the camera sees them that fits most of them.
+
+    Gauss-Newton from pose, (4, 4) camera_from_world, with Huber's weights (1964), which make few
+    wrong ones count little.
+    """
+    turn, place = pose[:3, :3].copy(), pose[:3, 3].copy()
+    chosen = _sample(len(points))
+    for _ in range(_ROUNDS):
+        error, jacobian = _linearised(K, points[chosen] @ turn.T + place, pixels[chosen])
+        length = np.linalg.norm(error, axis=1)
+        bound = max(0.01, 1.5 * float(np.median(length)))
+        weight = np.repeat(np.minimum(1, bound / np.maximum(length, 1e-12)), 2)
+        rows = jacobian.reshape(-1, 6)
+        normal = (rows * weight[:, None]).T @ rows + 1e-9 * np.eye(6)
+        step = np.linalg.solve(normal, (rows * weight[:, None]).T @ error.ravel())
+        turn, place = _exp(step[:3]) @ turn, _exp(step[:3]) @ place + step[3:]
+        if np.abs(step).max() < 1e-10:
+            break
+    seen = points @ turn.T + place
+    out = np.linalg.norm(project(K, seen) - pixels, axis=1)
+    return np.asarray(np.where(seen[:, 2] > 0.01, out, 0.0))  # behind it there is no image
+
+
+def _sample(count: int) -> NdArray:
+    """Rows of at most 4096 points, evenly."""
+    return np.unique(np.linspace(0, count - 1, min(count, 4096)).astype(int))
+
+
+def _linearised(K: NdArray, seen: NdArray, pixels: NdArray) -> tuple[NdArray, NdArray]:
+    """(N, 2) what is left, (N, 2, 6) its change by a turn and a step of the camera's frame."""
+    z = np.maximum(seen[:, 2], 1e-3)
+    error = pixels - project(K, np.column_stack([seen[:, :2], z]))
+    by_point = np.zeros((len(seen), 2, 3))
+    by_point[:, 0, 0], by_point[:, 1, 1] = K[0, 0] / z, K[1, 1] / z
+    by_point[:, 0, 2] = -K[0, 0] * seen[:, 0] / z**2
+    by_point[:, 1, 2] = -K[1, 1] * seen[:, 1] / z**2
+    cross = np.zeros((len(seen), 3, 3))  # of a turn w: w x seen
+    cross[:, 0, 1], cross[:, 0, 2] = seen[:, 2], -seen[:, 1]
+    cross[:, 1, 0], cross[:, 1, 2] = -seen[:, 2], seen[:, 0]
+    cross[:, 2, 0], cross[:, 2, 1] = seen[:, 1], -seen[:, 0]
+    return error, np.concatenate([by_point @ cross, by_point], axis=2)
+
+
+def _exp(turn: NdArray) -> NdArray:
+    """The rotation by a vector (Rodrigues 1840)."""
+    angle = float(np.linalg.norm(turn))
+    if angle < 1e-12:
+        return np.eye(3)
+    x, y, z = turn / angle
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
