@@ -30,6 +30,20 @@ with hg.connect() as client, client.create_scene() as scene:
         edit.entity("cam", camera=lens, transform=hg.look_at((0, -5, 2), (0, 0, 0.5)))
     scene.render("cam", spp=4).save("/tmp/first.png", exposure="auto")
 """
+SET = """
+import heliograph as hg, heliograph.datasets as hd
+def move(draw):
+    draw.place(["ball"], [hg.Pose((draw.rng.uniform(-1, 1), 0, 0.4))])
+with hg.connect() as client, client.create_scene() as scene:
+    with scene.edit() as edit:
+        edit.sample_studio()
+        mesh = edit.mesh("mesh", **hg.shapes.sphere(0.4))
+        edit.entity("ball", mesh=mesh, category="ball")
+        lens = hg.Camera.from_fov(60, 96, 64, degrees=True)
+        edit.entity("cam", camera=lens, transform=hg.look_at((0, -5, 2), (0, 0, 0.5)))
+    hd.generate(scene, "cam", move, count=100, spp=16, writer=hd.Coco("/tmp/set"))
+assert hd.validate("/tmp/set").ok
+"""
 
 
 @pytest.fixture(scope="module")
@@ -81,13 +95,15 @@ def python(tmp_path_factory, wheels):
     return run
 
 
-def test_they_install_and_show_a_picture(python):
+def test_they_install_and_show_a_picture_and_make_a_data_set(python):
     pip = "-m", "pip", "install", "--no-index", "--find-links", "/wheels"
     installing = python(*pip, "heliograph[server]")
     first = python("-c", PICTURE)
-    print(f"installed in {installing:.1f} s, first picture after {first:.2f} s")
+    data_set = python("-c", SET)
+    print(f"installed in {installing:.1f} s, first picture {first:.2f} s, set {data_set:.1f} s")
     assert (python.root / "tmp/first.png").stat().st_size > 500
-    assert installing <= 60 and first <= 5
+    assert len(list((python.root / "tmp/set").rglob("*.png"))) == 100
+    assert installing <= 60 and first <= 5 and data_set <= 60
 
 
 def test_what_they_are_and_how_large(wheels):
