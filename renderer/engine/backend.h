@@ -158,7 +158,7 @@ class Backend {
                                               const Interrupt& interrupt) = 0;
   /// What a film of one picture has of a run whose tiles have the same samples. `rays` and
   /// `seconds` are left to the caller.
-  [[nodiscard]] virtual Expected<FilmPart> take(const Film& film, const TileRun& tiles) = 0;
+  [[nodiscard]] virtual Expected<FilmPart> take(Film& film, const TileRun& tiles) = 0;
   /// Sets it in the film of the same job, or of one with more centre planes, on another device of
   /// the same kind.
   [[nodiscard]] virtual Status put(Film& film, const FilmPart& part) = 0;

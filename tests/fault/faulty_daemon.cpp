@@ -118,7 +118,7 @@ class FaultyBackend : public Backend {
     HELIO_TRY(fault());
     return inner_->render(film, range, until, interrupt);
   }
-  [[nodiscard]] Expected<FilmPart> take(const Film& film, const TileRun& tiles) override {
+  [[nodiscard]] Expected<FilmPart> take(Film& film, const TileRun& tiles) override {
     HELIO_TRY(fault());
     return inner_->take(film, tiles);
   }

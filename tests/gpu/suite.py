@@ -9,6 +9,7 @@ this file; `lost` also heliographd-faulty of the build tree in BUNDLE/bin.
 Ends with 1 if a part fails.
 """
 
+import ast
 import importlib.util
 import os
 import pathlib
@@ -75,14 +76,47 @@ def environment(bundle, folder):
     return {**os.environ, **own}, {**os.environ, **own, "HELIOGRAPHD": str(wrapper)}
 
 
+def imports(file):
+    """Names of the modules that a test imports, its neighbours' included."""
+    names = {
+        name.split(".")[0]
+        for node in ast.walk(ast.parse(file.read_text()))
+        for name in (
+            [alias.name for alias in node.names]
+            if isinstance(node, ast.Import)
+            else [node.module or ""]
+            if isinstance(node, ast.ImportFrom)
+            else []
+        )
+    }
+    near = [file.with_name(f"{name}.py") for name in names]
+    return names.union(*(imports(other) for other in near if other.exists() and other != file))
+
+
+def lacking(bundle):
+    """Integration tests that need packages which are not here, and the first of those."""
+    own = [*pathlib.Path(bundle, "python").iterdir(), *(ROOT / "tests").rglob("*.py")]
+    there = {path.stem for path in own}
+    out = {}
+    for file in sorted((ROOT / "tests/integration").glob("test_*.py")):
+        needed = sorted(imports(file) - there - {""})
+        missing = [name for name in needed if importlib.util.find_spec(name) is None]
+        if missing:
+            out[file.name] = f"the package {missing[0]}"
+    return out
+
+
 def main(bundle, folder=None, *parts):
     rows = []
+    left_out = LEFT_OUT | lacking(bundle)
     if folder:
         pathlib.Path(folder).mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as made:
         plain, on_gpu = environment(pathlib.Path(bundle).resolve(), pathlib.Path(made))
         for name in parts or PARTS:
-            arguments = PARTS[name]
+            arguments = list(PARTS[name])
+            if name == "integration":
+                arguments += [f"--ignore=tests/integration/{file}" for file in lacking(bundle)]
             if name == "devices" and gpus() < 2:
                 print("== devices: left out, as there is one GPU")
                 continue
@@ -110,7 +144,7 @@ def main(bundle, folder=None, *parts):
     for name, code, took, said in rows:
         lines.append(f"| {name} | {'FAILED' if code else 'ok'} | {took:.0f} | {said[-1]} |")
     print("\n".join(lines))
-    lines += [f"\nLeft out, as they need {why}: {name}" for name, why in LEFT_OUT.items()]
+    lines += [f"\nLeft out, as they need {why}: {name}" for name, why in left_out.items()]
     if folder:
         pathlib.Path(folder, "table.md").write_text("\n".join(lines) + "\n")
     sys.exit(any(code for _, code, _, _ in rows))

@@ -54,7 +54,7 @@ class SlowBackend final : public Backend {
     taken += time;
     return true;
   }
-  [[nodiscard]] Expected<FilmPart> take(const Film&, const TileRun&) override {
+  [[nodiscard]] Expected<FilmPart> take(Film&, const TileRun&) override {
     return std::unexpected(not_there());
   }
   [[nodiscard]] Status put(Film&, const FilmPart&) override { return std::unexpected(not_there()); }

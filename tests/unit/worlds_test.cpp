@@ -97,7 +97,7 @@ class ManyPictures final : public Backend {
     });
     return true;
   }
-  [[nodiscard]] Expected<FilmPart> take(const Film&, const TileRun&) override {
+  [[nodiscard]] Expected<FilmPart> take(Film&, const TileRun&) override {
     return fail(Code::kUnimplemented, "", "worlds are not spread over devices");
   }
   [[nodiscard]] Status put(Film&, const FilmPart&) override {

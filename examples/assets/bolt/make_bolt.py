@@ -1,4 +1,4 @@
-"""Writes bolt.glb: a hexagon bolt of steel, 60 mm long, with a thread of 14 turns.
+"""Writes bolt.glb: a hexagon bolt of steel that lies on its side, 60 mm long, with a thread.
 
 usage: make_bolt.py [OUT.glb]
 """
@@ -80,11 +80,18 @@ def tip():
     return np.stack([centre, last[1:], last[:-1]], axis=1)
 
 
+def lying():
+    """(3, 3): the axis from +Z to +X, dipped so that the tip and a side of the head rest on z."""
+    dip = np.arcsin((ACROSS / 2 - 0.7 * (RADIUS - DEPTH / 2)) / LENGTH)
+    return np.array([[-np.sin(dip), 0, np.cos(dip)], [0, 1, 0], [-np.cos(dip), 0, -np.sin(dip)]])
+
+
 def main(path):
     edged, thread = np.concatenate([faces(head()), tip()]), faces(shank())
     corners = np.concatenate([edged, thread])
     normals = np.concatenate([flat(edged), smooth(thread)])
-    rows = np.stack([corners, normals], axis=2)[..., [0, 2, 1]] * [1, 1, -1]  # glTF: +Y up
+    rows = np.stack([corners, normals], axis=2) @ lying().T
+    rows = rows[..., [0, 2, 1]] * [1, 1, -1]  # glTF: +Y up
     rows = np.round(rows.reshape(-1, 6), 6).astype("<f4") + np.float32(0)
     vertices, indices = np.unique(rows, axis=0, return_inverse=True)
     data = [vertices[:, :3].tobytes(), vertices[:, 3:].tobytes(), indices.astype("<u2").tobytes()]

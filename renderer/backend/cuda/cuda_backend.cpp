@@ -75,7 +75,7 @@ class CudaBackend final : public Backend {
   [[nodiscard]] bool pauses() const override { return true; }
   [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, TimePoint until,
                                       const Interrupt& interrupt) override;
-  [[nodiscard]] Expected<FilmPart> take(const Film& film, const TileRun& tiles) override;
+  [[nodiscard]] Expected<FilmPart> take(Film& film, const TileRun& tiles) override;
   [[nodiscard]] Status put(Film& film, const FilmPart& part) override;
   [[nodiscard]] Status probe(Film& film, u32 first_tile, u32 tile_count,
                              const Interrupt& interrupt) override;
@@ -161,9 +161,9 @@ Expected<bool> CudaBackend::render(Film& film, const WorkRange& range, TimePoint
   return static_cast<CudaFilm&>(film).render(programs_, range, until, interrupt);
 }
 
-Expected<FilmPart> CudaBackend::take(const Film& film, const TileRun& tiles) {
+Expected<FilmPart> CudaBackend::take(Film& film, const TileRun& tiles) {
   HELIO_TRY(context_->enter());
-  return static_cast<const CudaFilm&>(film).take(tiles);
+  return static_cast<CudaFilm&>(film).take(tiles);
 }
 
 Status CudaBackend::put(Film& film, const FilmPart& part) {

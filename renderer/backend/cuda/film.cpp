@@ -146,7 +146,7 @@ Expected<bool> CudaFilm::render(const Programs& programs, const WorkRange& range
   return true;
 }
 
-Expected<FilmPart> CudaFilm::take(const TileRun& tiles) const {
+Expected<FilmPart> CudaFilm::take(const TileRun& tiles) {
   FilmPart part{.tiles = tiles, .samples = samples(tiles.first)};
   const std::vector<host::SumRange> ranges = pictures_[0]->sums_of(tiles);
   u64 bytes = 0;
@@ -158,7 +158,7 @@ Expected<FilmPart> CudaFilm::take(const TileRun& tiles) const {
     downloads.push_back({to.first(range.bytes), sums_.at() + range.offset});
     to = to.subspan(range.bytes);
   }
-  HELIO_TRY(context_.download(downloads));
+  HELIO_TRY(download(std::move(downloads)));
   return part;
 }
 
@@ -289,12 +289,17 @@ Expected<std::vector<PlaneData>> CudaFilm::finish(std::vector<Resolved> all) {
     const std::span to(planes.back().pixels.data(), planes.back().pixels.size());
     if (!job().on_device) downloads.push_back({to, one.at});
   }
-  u64 rays = 0;
-  downloads.push_back({std::as_writable_bytes(std::span(&rays, 1)),
-                       DevicePointer(&counters_.as<WaveCounters>()->rays)});
-  HELIO_TRY(context_.download(downloads));
-  rays_ = rays;
+  HELIO_TRY(download(std::move(downloads)));
   return planes;
+}
+
+Status CudaFilm::download(std::vector<Download> pieces) {
+  u64 rays = 0;
+  pieces.push_back({std::as_writable_bytes(std::span(&rays, 1)),
+                    DevicePointer(&counters_.as<WaveCounters>()->rays)});
+  HELIO_TRY(context_.download(pieces));
+  rays_ = rays;
+  return {};
 }
 
 Expected<Noise> CudaFilm::noise(const Programs& programs) const {

@@ -52,7 +52,7 @@ class CudaFilm final : public Film {
   [[nodiscard]] Expected<bool> render(const Programs& programs, const WorkRange& range,
                                       TimePoint until, const Interrupt& interrupt);
   /// What Backend::take() and put() say.
-  [[nodiscard]] Expected<FilmPart> take(const TileRun& tiles) const;
+  [[nodiscard]] Expected<FilmPart> take(const TileRun& tiles);
   [[nodiscard]] Status put(const FilmPart& part);
   [[nodiscard]] Status probe(const Programs& programs, u32 first_tile, u32 tile_count);
   /// What Backend::resolve() says.
@@ -95,6 +95,8 @@ class CudaFilm final : public Film {
   [[nodiscard]] Expected<std::vector<Resolved>> new_resolved(bool denoises);
   /// Waits for all that was started, and brings planes to the host, if they go there.
   [[nodiscard]] Expected<std::vector<PlaneData>> finish(std::vector<Resolved> planes);
+  /// Waits for what is to come to the host, and for the count of rays.
+  [[nodiscard]] Status download(std::vector<Download> pieces);
   /// Starts what fills film planes.
   [[nodiscard]] Status fill(const Programs& programs, std::span<Resolved> planes);
   [[nodiscard]] ProbeEnd end_of(const ResidentScene* scene, const kernels::ProbeScene& seen);

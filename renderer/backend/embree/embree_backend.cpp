@@ -87,7 +87,7 @@ class EmbreeBackend final : public Backend {
   }
   [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, TimePoint until,
                                       const Interrupt& interrupt) override;
-  [[nodiscard]] Expected<FilmPart> take(const Film& film, const TileRun& tiles) override {
+  [[nodiscard]] Expected<FilmPart> take(Film& film, const TileRun& tiles) override {
     return static_cast<const host::HostFilm&>(film).take(tiles);
   }
   [[nodiscard]] Status put(Film& film, const FilmPart& part) override {
