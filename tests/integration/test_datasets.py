@@ -3,67 +3,17 @@
 import json
 import pathlib
 import re
-import subprocess
-import sys
 
 import heliograph as hg
 import heliograph.datasets as hd
 import numpy as np
 import pytest
+from balls import BALLS, SIZE, files, furnished, make, scatter, spin, stage
 from PIL import Image
 from pycocotools import mask as oracle
 from pycocotools.coco import COCO
 
-BALLS, SIZE = 3, (80, 60)
-
-
-def furnished(scene):
-    with scene.edit() as edit:
-        edit.sample_studio()
-        mesh = edit.mesh("mesh", **hg.shapes.sphere(0.2))
-        edit.categories("cube", "ball")
-        poses = [hg.Pose((0.4 * i - 0.4, 0, 0.2)) for i in range(BALLS)]
-        balls = edit.instances("ball", mesh=mesh, transforms=poses, category="ball")
-        lens = hg.Camera.from_fov(50, *SIZE, degrees=True)
-        cam = edit.entity("cam", camera=lens, transform=hg.look_at((0, -2, 1), (0, 0, 0.2)))
-        edit.entity("side", camera=lens, transform=hg.look_at((2, 0, 1), (0, 0, 0.2)))
-    return balls, cam
-
-
-@pytest.fixture(scope="module")
-def stage(client):
-    """(scene, balls, camera)"""
-    with client.create_scene() as scene:
-        yield scene, *furnished(scene)
-
-
-def scatter(balls):
-    def randomize(draw):
-        poses = [hg.Pose((*draw.rng.uniform(-0.6, 0.6, 2), 0.2)) for _ in balls]
-        draw.place(balls, poses)
-
-    return randomize
-
-
-def spin(draw):
-    draw.edit.dome(rotation=draw.rng.uniform(0, 6))
-
-
-def make(stage, out, count=3, **options):
-    scene, balls, cam = stage
-    rand = hd.Compose(scatter(balls), spin)
-    writer = options.pop("writer", None) or hd.Coco(out)
-    cameras = options.pop("cameras", cam)
-    return hd.generate(scene, cameras, rand, count=count, writer=writer, **{"spp": 2, **options})
-
-
-def files(root, but=()):
-    """Name to bytes of all that a data set has."""
-    return {
-        str(path.relative_to(root)): path.read_bytes()
-        for path in sorted(root.rglob("*"))
-        if path.is_file() and path.name not in but
-    }
+__all__ = ["stage"]
 
 
 def test_coco_instances_are_what_pycocotools_reads(stage, tmp_path):
@@ -111,23 +61,6 @@ def test_the_same_seed_gives_the_same_bytes_in_shards_too(stage, tmp_path):
     assert whole == files(tmp_path / "b")
     make(stage, tmp_path / "c", seed=8)
     assert whole["images/000000.png"] != files(tmp_path / "c")["images/000000.png"]
-
-
-def test_resuming_makes_what_is_missing_alone(stage, tmp_path):
-    make(stage, tmp_path)
-    whole = files(tmp_path)
-    (tmp_path / ".heliograph/records/000001.json").unlink()
-    (tmp_path / "images/000001.png").unlink()
-    again = make(stage, tmp_path)
-    assert (again.images, again.skipped) == (1, 2)
-    assert files(tmp_path) == whole
-    more = make(stage, tmp_path, count=4)
-    assert (more.images, more.skipped) == (1, 3)
-    with pytest.raises(hg.FailedPrecondition, match="another options, seed"):
-        make(stage, tmp_path, count=4, seed=1, spp=3)
-    with pytest.raises(hg.FailedPrecondition, match="a data set of 4 images, count=3 is less"):
-        make(stage, tmp_path)
-    assert make(stage, tmp_path, seed=1, resume=False).images == 3
 
 
 def test_cameras_of_a_draw_see_the_same_and_share_a_split(stage, tmp_path):
@@ -275,59 +208,6 @@ def test_a_class_of_the_randomizer_alone_is_refused(stage, tmp_path):
             count=1,
             writer=Poses(tmp_path),
         )
-
-
-def test_an_exception_names_its_image_and_keeps_what_is_done(stage, tmp_path):
-    scene, balls, cam = stage
-
-    def randomize(draw):
-        if draw.index == 5:
-            draw.edit.update("nobody", visible=False)
-
-    with pytest.raises(hg.NotFound, match="image 5: .*nobody"):
-        hd.generate(scene, cam, randomize, count=40, spp=2, writer=hd.Coco(tmp_path), credits=2)
-    done = list((tmp_path / ".heliograph/records").iterdir())
-    assert 3 <= len(done) < 10
-    assert not list((tmp_path / ".heliograph/partial").iterdir())
-    again = hd.generate(scene, cam, spin, count=40, spp=2, writer=hd.Coco(tmp_path))
-    assert again.skipped == len(done) and again.complete
-
-
-KILLED = """
-import os, sys, threading
-sys.path.insert(0, sys.argv[2])
-import heliograph as hg, heliograph.datasets as hd
-import test_datasets as t
-
-class Fatal(hd.Coco):
-    def write(self, image):
-        if image.index == 9:
-            os.kill(os.getpid(), 9)
-        return super().write(image)
-
-Fatal.__name__ = "Coco"
-with hg.connect() as client, client.create_scene() as scene:
-    t.make((scene, *t.furnished(scene)), None, count=20, writer=Fatal(sys.argv[1]), seed=3)
-"""
-
-
-def test_a_killed_run_goes_on_to_the_same_bytes(stage, tmp_path):
-    arguments = [sys.executable, "-c", KILLED, tmp_path / "killed", pathlib.Path(__file__).parent]
-    assert subprocess.run(arguments, check=False).returncode == -9
-    done = len(list((tmp_path / "killed/.heliograph/records").iterdir()))
-    assert 4 <= done < 20
-    again = make(stage, tmp_path / "killed", count=20, seed=3)
-    assert (again.skipped, again.complete) == (done, True)
-    make(stage, tmp_path / "whole", count=20, seed=3)
-    assert files(tmp_path / "killed") == files(tmp_path / "whole")
-    assert hd.validate(tmp_path / "killed").ok
-
-
-def test_progress_is_of_images(stage, tmp_path):
-    told = []
-    make(stage, tmp_path, progress=told.append)
-    assert told[-1].done == told[-1].total == 3
-    assert [p.done for p in told] == sorted(p.done for p in told)
 
 
 def test_the_programs_of_the_guide_run(tmp_path, monkeypatch):

@@ -126,6 +126,11 @@ class Edits(RobotEdits):
             return message
         return store.edited(data) if self._publish else store.asset(data)
 
+    @property
+    def is_lent(self) -> bool:
+        """Whether it names arrays on a GPU, which are gone when it is."""
+        return bool(self._loans)
+
     def _add(self, target: Named | None, exist_ok: bool = True, update: bool = False) -> pb.Edit:
         if not self._open:
             raise FailedPrecondition("this transaction is over: open another with scene.edit()")

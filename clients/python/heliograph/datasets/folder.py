@@ -106,10 +106,9 @@ class Folder:
         if not (self.own / "blobs" / digest.hex()).exists():
             self.put(f"{NAME}/blobs/{digest.hex()}", bytes(data))
 
-    def blobs(self) -> Iterator[tuple[bytes, bytes]]:
-        """(SHA-256, data) of what keep_blob() got."""
-        for path in sorted((self.own / "blobs").glob("*")):
-            yield bytes.fromhex(path.name), path.read_bytes()
+    def blobs(self) -> dict[bytes, Path]:
+        """The files of what keep_blob() got, by SHA-256."""
+        return {bytes.fromhex(path.name): path for path in (self.own / "blobs").glob("*")}
 
     # ------------------------------------------------------------ the data set
 

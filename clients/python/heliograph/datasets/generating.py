@@ -258,6 +258,11 @@ class Run:
         """Draws, renders and writes some images of a draw; how many. In a worker."""
         try:
             attempt, edit = self.source.draw(draw)
+            if edit.is_lent:
+                raise InvalidArgument(
+                    "randomizer: an array on a GPU cannot be kept with the image: give it as numpy",
+                    field="randomizer",
+                )
             cameras = [self.dataset.cameras[i % len(self.dataset.cameras)] for i in images]
             frames = self.source.frames(draw, edit, cameras, planes=self.planes, labels=self.labels)
             split = self.splits.of(self.dataset.seed, draw)

@@ -72,9 +72,9 @@ class KeptImage:
         It is deleted at the end."""
         with client.load_scene(self.folder.scene_path) as scene:
             overlay = self.overlay.SerializeToString()
-            for digest, data in self.folder.blobs():
+            for digest, path in self.folder.blobs().items():
                 if digest in overlay:
-                    client.store.blob(data, digest)
+                    client.store.blob(path.read_bytes(), digest)
             yield scene
 
     def render(self, client: Client) -> Frame:

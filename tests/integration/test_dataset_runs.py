@@ -1,0 +1,146 @@
+"""How generate() goes on, ends and is interrupted."""
+
+import pathlib
+import subprocess
+import sys
+import tracemalloc
+
+import heliograph as hg
+import heliograph.datasets as hd
+import pytest
+from balls import BALLS, files, make, scatter, spin, stage
+
+__all__ = ["stage"]
+
+
+def test_resuming_makes_what_is_missing_alone(stage, tmp_path):
+    make(stage, tmp_path)
+    whole = files(tmp_path)
+    (tmp_path / ".heliograph/records/000001.json").unlink()
+    (tmp_path / "images/000001.png").unlink()
+    again = make(stage, tmp_path)
+    assert (again.images, again.skipped) == (1, 2)
+    assert files(tmp_path) == whole
+    more = make(stage, tmp_path, count=4)
+    assert (more.images, more.skipped) == (1, 3)
+    with pytest.raises(hg.FailedPrecondition, match="another options, seed"):
+        make(stage, tmp_path, count=4, seed=1, spp=3)
+    with pytest.raises(hg.FailedPrecondition, match="a data set of 4 images, count=3 is less"):
+        make(stage, tmp_path)
+    assert make(stage, tmp_path, seed=1, resume=False).images == 3
+
+
+def test_an_exception_names_its_image_and_keeps_what_is_done(stage, tmp_path):
+    scene, balls, cam = stage
+
+    def randomize(draw):
+        if draw.index == 5:
+            draw.edit.update("nobody", visible=False)
+
+    with pytest.raises(hg.NotFound, match="image 5: .*nobody"):
+        hd.generate(scene, cam, randomize, count=40, spp=2, writer=hd.Coco(tmp_path), credits=2)
+    done = list((tmp_path / ".heliograph/records").iterdir())
+    assert 3 <= len(done) < 10
+    assert not list((tmp_path / ".heliograph/partial").iterdir())
+    again = hd.generate(scene, cam, spin, count=40, spp=2, writer=hd.Coco(tmp_path))
+    assert again.skipped == len(done) and again.complete
+
+
+KILLED = """
+import os, sys, threading
+sys.path.insert(0, sys.argv[2])
+import heliograph as hg, heliograph.datasets as hd
+import balls as t
+
+class Fatal(hd.Coco):
+    def write(self, image):
+        if image.index == 9:
+            os.kill(os.getpid(), 9)
+        return super().write(image)
+
+Fatal.__name__ = "Coco"
+with hg.connect() as client, client.create_scene() as scene:
+    t.make((scene, *t.furnished(scene)), None, count=20, writer=Fatal(sys.argv[1]), seed=3)
+"""
+
+
+def test_a_killed_run_goes_on_to_the_same_bytes(stage, tmp_path):
+    arguments = [sys.executable, "-c", KILLED, tmp_path / "killed", pathlib.Path(__file__).parent]
+    assert subprocess.run(arguments, check=False).returncode == -9
+    done = len(list((tmp_path / "killed/.heliograph/records").iterdir()))
+    assert 4 <= done < 20
+    again = make(stage, tmp_path / "killed", count=20, seed=3)
+    assert (again.skipped, again.complete) == (done, True)
+    make(stage, tmp_path / "whole", count=20, seed=3)
+    assert files(tmp_path / "killed") == files(tmp_path / "whole")
+    assert hd.validate(tmp_path / "killed").ok
+
+
+INTERRUPTED = """
+import os, signal, sys
+import heliograph as hg, heliograph.datasets as hd
+
+def interrupt(progress):
+    if progress.done == 2:
+        os.kill(os.getpid(), signal.SIGINT)
+
+def slow(draw):  # the first two draws are quick
+    side = 8 if draw.index < 2 else 4096
+    draw.edit.update(draw.camera, camera=hg.Camera.from_fov(50, side, side, degrees=True))
+
+with hg.connect() as client, client.create_scene() as scene:
+    with scene.edit() as edit:
+        edit.dome(color=1)
+        mesh = edit.mesh("mesh", **hg.shapes.sphere(0.2))
+        edit.entity("ball", mesh=mesh, category="ball")
+        cam = edit.entity("cam", camera=hg.Camera.from_fov(1, 8, 8), transform=hg.Pose((0, 0, 1)))
+    writer = hd.Coco(sys.argv[1])
+    try:
+        hd.generate(scene, cam, slow, count=9, spp=1000, writer=writer, progress=interrupt)
+    except KeyboardInterrupt:
+        print("interrupted", scene.render(cam, spp=1)["beauty"].shape)
+"""
+
+
+def test_an_interrupt_cancels_what_is_under_way(tmp_path):
+    command = [sys.executable, "-c", INTERRUPTED, tmp_path]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=120)
+    assert done.stdout == "interrupted (8, 8, 4)\n", done.stderr
+    assert len(list((tmp_path / ".heliograph/records").iterdir())) == 2
+
+
+class Small(hd.Writer):
+    """Nothing but a record."""
+
+    planes, labels = (), ("boxes",)
+
+    def write(self, image):
+        return image.frame.labels["bbox_visible"].tolist()
+
+    def finish(self, records):
+        assert all(len(record) == BALLS for _, record in records)
+
+
+def test_memory_does_not_grow_with_the_images(stage, tmp_path):
+    scene, balls, cam = stage
+
+    def used(count):
+        tracemalloc.reset_peak()
+        hd.generate(scene, cam, scatter(balls), count=count, writer=Small(tmp_path))
+        return tracemalloc.get_traced_memory()[1]
+
+    used(20)
+    tracemalloc.start()
+    try:
+        few = used(60)
+        many = used(360)  # five times as many new ones
+    finally:
+        tracemalloc.stop()
+    assert many < few + 500_000
+
+
+def test_progress_is_of_images(stage, tmp_path):
+    told = []
+    make(stage, tmp_path, progress=told.append)
+    assert told[-1].done == told[-1].total == 3
+    assert [p.done for p in told] == sorted(p.done for p in told)
