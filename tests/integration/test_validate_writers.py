@@ -167,6 +167,22 @@ def test_exr_of_other_lenses(stage, tmp_path, name):
     assert report.ok, str(report)
 
 
+def test_exr_of_a_rolling_shutter(stage, tmp_path):
+    from heliograph.datasets.exr import PLANES
+
+    _, _, cam = stage
+
+    def randomize(draw):
+        keyed(stage)(draw)
+        lens = hg.Camera.from_fov(45, *SIZE, degrees=True, rolling=0.04)
+        draw.edit.update(cam, camera=lens)
+
+    writer = hd.Exr(tmp_path / "out", planes=[*PLANES, *MOTION])
+    options = {"count": 1, "time": 0.02, "frame_interval": 0.05, "hold": True}
+    report = written(stage, writer, randomize, **options)
+    assert report.ok, str(report)
+
+
 def test_webdataset(stage, tmp_path):
     planes = ["depth", "instance", "position", "position_camera"]
     writer = hd.WebDataset(tmp_path / "out", planes=planes, shard_size=2)

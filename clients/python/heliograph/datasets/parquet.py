@@ -109,7 +109,8 @@ def _schema(table: str, types: Mapping[str, Any]) -> Any:
     if table == "images":
         names: dict[str, Any] = {"split": "str", "camera": "str"}
         names.update(width=["<i4"], height=["<i4"])
-        names.update(time=["<f8"], K=["<f8", 9], camera_from_world_cv=["<f8", 16])
+        names.update(time=["<f8"], rolling=["<f8"])
+        names.update(K=["<f8", 9], camera_from_world_cv=["<f8", 16])
         names.update(seed=["<u8"], samples=["<u4"], file="str")
     elif table == "keypoints":
         own = {n[len("keypoint_") :]: t for n, t in types.items() if n.startswith("keypoint_")}

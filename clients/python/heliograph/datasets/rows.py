@@ -26,6 +26,7 @@ def picture_of(image: Image) -> dict[str, Any]:
         "width": frame.width,
         "height": frame.height,
         "time": frame.time,
+        "rolling": frame.rolling,
         "K": frame.K.tolist(),
         "camera_from_world_cv": frame.camera_from_world_cv.tolist(),
     }

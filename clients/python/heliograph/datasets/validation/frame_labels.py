@@ -41,6 +41,7 @@ class Shot:
         self.K = np.array(content["K"], float).reshape(3, 3)
         self.pose = np.array(content["camera_from_world_cv"], float).reshape(4, 4)
         self.lens: Lens | None = None
+        self.rolls = bool(content.get("rolling"))  # each row has a pose of its own then
         wrong = rotation_fault(self.pose[:3, :3])
         self.good = not wrong and self.K[0, 0] > 0 and self.K[1, 1] > 0
         if wrong:

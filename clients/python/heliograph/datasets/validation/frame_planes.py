@@ -17,7 +17,8 @@ CHECKS = {
     "radiance": "beauty is finite and not negative, its alpha 0 to 1",
     "depth": "depth is the z of position_camera, +inf where nothing is hit",
     "distance": "distance is the length of position_camera (orthographic: the depth)",
-    "positions": "camera_from_world_cv brings position to position_camera",
+    "positions": "camera_from_world_cv brings position to position_camera (not with a rolling "
+    "shutter)",
     "projection": "position_camera projects to its pixel's centre within 0.01 px (not of lenses "
     "with distortion)",
     "normals": "normals are unit, 0 where nothing is hit; normal_camera is normal turned; "
@@ -105,7 +106,7 @@ class Planes:
             )
         self._distance(points, pixels, lens.kind)
         position = self._get("position")
-        if position is not None:
+        if position is not None and not self.shot.rolls:
             self._world(position[hit], points, pixels)
             self._flow(position, hit)
 
@@ -150,11 +151,10 @@ class Planes:
         error = np.abs(seen - points).max(1)
         within = 1e-4 + 1e-5 * np.abs(position).max(1) + 1e-5 * np.abs(points).max(1)
         off = ~(error <= within)
-        middle = np.abs(pixels[:, 1] - (self.shot.size[1] - 1) / 2) <= 1
         if off.mean() <= 0.8:
             words = "m from camera_from_world_cv times position"
             self._tell("positions", (pixels, error, within), words)
-        elif not middle.any() or off[middle].any():  # else a rolling shutter, right in the middle
+        else:
             self.report(
                 "camera",
                 f"camera_from_world_cv brings position to {np.median(error):.4g} m from "
@@ -180,7 +180,8 @@ class Planes:
                 )
                 return
         world, camera = self._get("normal"), self._get("normal_camera")
-        if world is not None and camera is not None and self.shot.good:
+        fixed = self.shot.good and not self.shot.rolls
+        if world is not None and camera is not None and fixed:
             error = np.abs(world @ self.shot.pose[:3, :3].T - camera).max(2)
             off = error > 1e-3
             if 0 < off.mean() <= 0.8 * (camera != 0).any(2).mean():
@@ -258,7 +259,8 @@ class Planes:
                 error = float(np.abs(nocs[seen] - expected).max())
                 if not error <= 1e-3:
                     self.report("nocs", f"label {label}: nocs is up to {error:.4g} off")
-            if position is not None and row.get("rigid", 1) and self.shot.good:
+            fixed = self.shot.good and not self.shot.rolls
+            if position is not None and row.get("rigid", 1) and fixed:
                 center = np.array(row["box_center"], float)
                 self._object_points(label, (center + inside, position[seen], within_box[seen]))
 
