@@ -112,6 +112,28 @@ def test_flow_without_its_interval_is_refused(moving, tmp_path):
         made(moving, hd.Middlebury(tmp_path), still, count=1)
 
 
+def push(draw):
+    """Moves the crate by a step of a simulation, of a tenth of a second."""
+    draw.edit.advance(0.1)
+    draw.place(["crate"], [draw.pose("crate") @ hg.Pose((0.2, 0, 0)).matrix])
+
+
+def test_flow_and_tracks_of_a_draws_own_motion(scene, tmp_path):
+    made(scene, hd.Middlebury(tmp_path / "flow"), push, time=0.0, count=1)
+    flow = cv2.readOpticalFlow(str(tmp_path / "flow/other-gt-flow/000000/flow10.flo"))
+    made(scene, hd.TapVid(tmp_path / "tracks", times=[0, 0.1], points=100), push, count=1)
+    (video,) = pickle.loads((tmp_path / "tracks/tapvid.pkl").read_bytes()).values()
+    first, second = (picture(tmp_path / f"flow/other-data/000000/frame{n}.png") for n in (10, 11))
+    assert not np.array_equal(first, second)
+    seen = ~video["occluded"][:, 0]
+    here, there = (video["points"][seen, t] * (W, H) - 0.5 for t in (0, 1))
+    columns, rows = np.rint(here).astype(int).T
+    moved = np.linalg.norm(there - here, axis=1)
+    assert (moved > 5).sum() > 3 and (moved < 0.01).sum() > 3
+    apart = np.linalg.norm(flow[rows, columns] - (there - here), axis=1)
+    assert (apart < 0.2).mean() > 0.9  # the others are at an edge of the crate
+
+
 # ---------------------------------------------------------------- tracks
 
 

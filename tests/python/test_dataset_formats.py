@@ -181,8 +181,7 @@ def test_one_of_the_poses_that_look_the_same():
             poses = [pose @ s @ group.facing(pose @ s) for s in alike]
             for other in poses[1:]:
                 np.testing.assert_allclose(other, poses[0], atol=1e-6)
-            front = -poses[0][:3, 3] @ poses[0][:3, 0]
-            assert front > 0  # x towards the camera
+            assert -poses[0][:3, 3] @ poses[0][:3, 0] > 0  # x towards the camera
             same = np.linalg.inv(pose) @ poses[0]
             if group is can:
                 assert abs(same[2, 2]) == pytest.approx(1)
@@ -196,6 +195,10 @@ def test_a_turn_about_an_axis_beside_the_origin():
     pose[:3, 3] = (0.2, 0.3, 3)
     same = spin.facing(pose)
     np.testing.assert_allclose(same @ (0.5, 0, 0.7, 1), (0.5, 0, 0.7, 1))
+    about = turned((0, 0, 1), 70)
+    about[:3, 3] = (np.eye(3) - about[:3, :3]) @ (0.5, 0, 0)
+    other = pose @ about
+    np.testing.assert_allclose(other @ spin.facing(other), pose @ same, atol=1e-9)
 
 
 # ---------------------------------------------------------------- KITTI
@@ -276,8 +279,10 @@ def test_ndds_cuboid_by_meaning():
     """Seen from behind: front is farther, left is left, the bottom is below."""
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = FACING_AWAY, (0.1, 0.2, 5.0)
-    half = np.array([0.3, 0.2, 0.1], "f4")
-    thing = only({"camera_from_object_cv": pose, "box_half_extents": half})
+    half, off = np.array([0.3, 0.2, 0.1], "f4"), np.array([1, 2, 4], "f4")  # of the origin
+    pose[:3, 3] -= FACING_AWAY @ off
+    columns = {"camera_from_object_cv": pose, "box_half_extents": half, "box_center": off}
+    thing = only(columns)
     found = ndds.object_data(thing, hand_made.K)
     x, y, w, scalar = found["quaternion_xyzw"]
     np.testing.assert_allclose(quaternion_wxyz(FACING_AWAY), [scalar, x, y, w])
@@ -295,7 +300,7 @@ def test_ndds_cuboid_by_meaning():
     wanted.append((100 * 0.1 / 5 + 40, 120 * 0.2 / 5 + 25))
     np.testing.assert_allclose(found["projected_cuboid"], wanted, rtol=1e-6)
     assert found["local_cuboid"][0] == pytest.approx([0.3, 0.2, -0.1])
-    assert found["location"] == [0.1, 0.2, 5.0] and found["class"] == "thing"
+    assert found["location"] == pytest.approx([0.1, 0.2, 5.0]) and found["class"] == "thing"
     assert found["visibility"] == pytest.approx(0.4)
     json.dumps(found, allow_nan=False)
 

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import groupby
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from .._arrays import NdArray
 from ..client import Client
+from ..components import whole_of
 from ..errors import InvalidArgument
 from ..frame import Frame
 from ..scene import Scene
@@ -41,7 +43,9 @@ class Bop(Writer):
 
     picture: Picture
     planes: tuple[str, ...] = ("depth", "instance")
-    labels = ("boxes", "amodal", "amodal_masks")
+    labels: Mapping[str, Any] = MappingProxyType(
+        {"amodal_masks": True, "canvas": 1.0, "boxes": True}
+    )
 
     def __init__(
         self,
@@ -61,12 +65,13 @@ class Bop(Writer):
             raise InvalidArgument(
                 f'visibility: "exact" or "bop-delta", not {visibility!r}', field="visibility"
             )
-        for name, value in (("depth_scale", depth_scale), ("scene_draws", scene_draws)):
+        for name, value in (("depth_scale", depth_scale), ("delta", delta)):
             if not value > 0:
                 raise InvalidArgument(f"{name}: {value} is not above 0", field=name)
         self.categories = None if categories is None else list(categories)
         self.visibility, self.delta = visibility, delta
-        self.depth_scale, self.scene_draws = depth_scale, scene_draws
+        self.depth_scale = depth_scale
+        self.scene_draws = whole_of(scene_draws, "scene_draws", 1)
         self.split_type = split_type
 
     def begin(self, dataset: Dataset) -> None:

@@ -22,7 +22,7 @@ from .writer import Dataset, Image, Picture, Writer
 CUBOID = (3, 1, 5, 7, 2, 0, 4, 6)
 _FRAMES = {
     "camera": "OpenCV: x right, y down, z forward; metres",
-    "model": "x forward, y left, z up; metres",
+    "model": "x forward, y left, z up, from the centre of the cuboid; metres",
     "world": "z up; metres",
     "image": "pixels, x right, y down, (0, 0) is the centre of the upper left pixel",
     "matrices": "lists of rows, for column vectors",
@@ -34,10 +34,10 @@ class Ndds(Writer):
     cuboid and visibility of every instance that has a category.
 
     categories: only these. Corners are in DOPE's order with the centroid as the ninth; an object's
-    frame is x forward, y left, z up. Instances whose cuboid is not wholly before the camera are
-    left out, and those of which nothing is near the image. Of an object whose mesh has symmetries
-    the pose is, of those that look the same, the one that faces the camera, unless
-    resolve_symmetries is False: else equal pictures have unequal labels.
+    frame is x forward, y left, z up, its origin the centre of the cuboid. Instances whose cuboid
+    is not wholly before the camera are left out, and those of which nothing is near the image.
+    resolve_symmetries: of an object whose mesh has symmetries the pose is, of those that look the
+    same, the one that faces the camera, upright: else equal pictures would have unequal labels.
     Refuses lenses with distortion, and instances that are sheared or mirrored.
     """
 
@@ -106,8 +106,11 @@ def object_data(
     if symmetries:
         same = symmetries.facing(pose)
         pose, world_pose = pose @ same, world_pose @ same
-    local = instance.corners[list(CUBOID)]
-    local = np.concatenate([local, local.mean(0, keepdims=True)])
+    center = np.eye(4)
+    center[:3, 3] = instance.labels["box_center"][instance.row]
+    pose, world_pose = pose @ center, world_pose @ center
+    local = instance.corners[list(CUBOID)] - center[:3, 3]
+    local = np.concatenate([local, np.zeros((1, 3))])
     in_camera = local @ pose[:3, :3].T + pose[:3, 3]
     in_image = in_camera @ K.T
     return {

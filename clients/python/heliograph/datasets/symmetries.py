@@ -55,17 +55,21 @@ class Symmetries:
         """(4, 4) S, a symmetry: of the poses camera_from_object @ S, which all look the same, one
         that follows from the look alone.
 
-        Of the matrices it takes that after which first the first axis, then x, y, z point most
-        towards the camera; then it turns about that axis until x, or y where the axis is nearly x,
-        points there.
+        It takes the matrix after which the first axis points most upwards in the image, then x
+        towards the camera, then z upwards; then it turns about that axis until x, or y where the
+        axis is nearly x, points towards the camera.
         """
-        toward = -camera_from_object[:3, :3].T @ camera_from_object[:3, 3]
-        toward = toward / np.linalg.norm(toward)
-        order = np.array([*(found.axis for found in self.axes[:1]), *np.eye(3)])
-        best = max(
-            (np.eye(4), *self.matrices),
-            key=lambda matrix: tuple(np.round(order @ matrix[:3, :3].T @ toward, 6)),
-        )
+        back = camera_from_object[:3, :3].T
+        toward = -back @ camera_from_object[:3, 3] - self._center()
+        toward, up = toward / np.linalg.norm(toward), -back[:, 1]
+        goals = [(found.axis, up) for found in self.axes[:1]]
+        goals += [(np.eye(3)[0], toward), (np.eye(3)[2], up)]
+
+        def met(matrix: NdArray) -> tuple[float, ...]:
+            turn = matrix[:3, :3]
+            return tuple(round(float(goal @ turn @ vector), 6) for vector, goal in goals)
+
+        best = max((np.eye(4), *self.matrices), key=met)
         for found in self.axes[:1]:
             axis, goal = found.axis, best[:3, :3].T @ toward
             front = np.eye(3)[0 if abs(axis[0]) < 0.9 else 1]
@@ -75,6 +79,13 @@ class Symmetries:
             about[:3, 3] = found.point - about[:3, :3] @ found.point
             best = best @ about
         return np.asarray(best)
+
+    def _center(self) -> NdArray:
+        """(3,) what all of them leave where it is: the mean of where they bring the origin."""
+        mean = np.mean([np.zeros(3), *(matrix[:3, 3] for matrix in self.matrices)], axis=0)
+        for found in self.axes[:1]:
+            mean = found.point + found.axis * (found.axis @ (mean - found.point))
+        return np.asarray(mean)
 
 
 def symmetries_of(scene: Scene, instance: Instance, shape: Sequence[Part]) -> Symmetries:
