@@ -1,6 +1,7 @@
 """A robot in a real daemon: poses, parts, keypoints, flow and blur against its kinematics."""
 
 import json
+import pickle
 from pathlib import Path
 
 import heliograph as hg
@@ -186,9 +187,13 @@ def test_keys_move_joints_evenly_and_blur_them(scene, stage):
 
 def test_many_robots_move_in_one_message(scene):
     with scene.edit() as edit:
-        arms = [
-            edit.import_urdf(ARM, name=f"arm/{i}", transform=hg.Pose((i, 0, 0))) for i in range(3)
-        ]
+        arms = [edit.import_urdf(ARM, name="arm/0")]
+    with scene.edit() as edit:
+        for i in (1, 2):
+            at = hg.Pose((i, 0, 0))
+            arms.append(edit.import_urdf(arms[0], name=f"arm/{i}", transform=at))
+        assert not any(e.WhichOneof("action") == "mesh" for e in edit.transaction.edits)
+    assert pickle.loads(pickle.dumps(arms[2])).links == arms[2].links
     rng = np.random.default_rng(5)
     rows = np.clip(rng.normal(0.3, 0.5, (3, 5)), arms[0].limits[:, 0], arms[0].limits[:, 1])
     with scene.edit() as edit:

@@ -9,7 +9,7 @@ import json
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Union, cast
 
@@ -32,6 +32,17 @@ if TYPE_CHECKING:
 _STEP = math.pi / 3  # the most that a joint turns from key to key
 
 
+@dataclass
+class Library:
+    """What the robots of one file share."""
+
+    assets: dict[Path, Asset] = field(default_factory=dict)
+    meshes: dict[tuple[str, tuple[float, ...]], Mesh] = field(default_factory=dict)
+    materials: dict[urdf.Look, Material] = field(default_factory=dict)
+    keypoints: dict[str, Mesh] = field(default_factory=dict)
+    names: set[str] = field(default_factory=set)  # of materials
+
+
 class Robot:
     """A robot in a scene.
 
@@ -43,9 +54,13 @@ class Robot:
     warnings: what the file left open.
     """
 
-    def __init__(self, scene: Scene, name: str, model: urdf.Urdf) -> None:
+    def __init__(
+        self, scene: Scene, name: str, model: urdf.Urdf, library: Library | None = None
+    ) -> None:
         self.scene = scene
         self.name = name
+        self.model = model
+        self.library = library or Library()
         self.kinematics = Kinematics(model)
         self.warnings = list(model.warnings)
         self.links: dict[str, Entity] = {}
@@ -121,7 +136,7 @@ class RobotEdits:
 
     def import_urdf(
         self,
-        path: str | os.PathLike[str],
+        path: str | os.PathLike[str] | Robot,
         *,
         name: str | None = None,
         packages: Mapping[str, str | os.PathLike[str]] | None = None,
@@ -129,7 +144,8 @@ class RobotEdits:
         mesh_materials: bool = False,
         **components: Unpack[_patches.Components],
     ) -> Robot:
-        """Reads a robot from a URDF file and places it: entities `name`, and "<name>/<link>".
+        """Reads a robot from a URDF file and places it: entities `name`, and "<name>/<link>". Of
+        another Robot: places it again, with the same meshes and materials.
 
         packages: folders by package name, for package:// references; the package that the file is
         in need not be named. keypoints: names of the joints that labels report, by default all.
@@ -138,9 +154,13 @@ class RobotEdits:
         Refused: xacro, files outside the URDF's folder and packages (InvalidArgument).
         """
         options = Options(packages or {}, keypoints, mesh_materials)
-        model = urdf.read(path, options.packages)
-        builder = _Builder(cast("Edits", self), name or model.name, model)
-        return builder.build(options, components)
+        edits = cast("Edits", self)
+        if isinstance(path, Robot):
+            robot = Robot(edits.scene, name or path.name, path.model, path.library)
+        else:
+            model = urdf.read(path, options.packages)
+            robot = Robot(edits.scene, name or model.name, model)
+        return _Builder(edits, robot).build(options, components)
 
     def set_joints(
         self,
@@ -213,14 +233,11 @@ def _set_keys(edits: Edits, robots: Sequence[Robot], keys: Mapping[float, NdArra
 class _Builder:
     """Puts the entities of one robot."""
 
-    def __init__(self, edits: Edits, name: str, model: urdf.Urdf) -> None:
+    def __init__(self, edits: Edits, robot: Robot) -> None:
         self.edits = edits
-        self.model = model
-        self.robot = Robot(edits.scene, name, model)
-        self._assets: dict[Path, Asset] = {}
-        self._meshes: dict[tuple[str, tuple[float, ...]], Mesh] = {}
-        self._materials: dict[urdf.Look, Material] = {}
-        self._names: set[str] = set()
+        self.robot = robot
+        self.model = robot.model
+        self.library = robot.library
 
     def build(self, options: Options, components: _patches.Components) -> Robot:
         robot = self.robot
@@ -278,36 +295,36 @@ class _Builder:
                 self.edits.update(entity, material=material)
 
     def _asset(self, file: Path, name: str) -> Asset:
-        if file not in self._assets:
+        if file not in self.library.assets:
             asset = assets.decode(self.edits.scene, _source(file), name)
             self.robot.warnings.extend(f"{file.name}: {text}" for text in asset.warnings)
-            self._assets[file] = asset
-        return self._assets[file]
+            self.library.assets[file] = asset
+        return self.library.assets[file]
 
     def _mesh(self, visual: urdf.Visual, name: str) -> Mesh:
         key = visual.shape, visual.size
-        if key not in self._meshes:
+        if key not in self.library.meshes:
             geometry = _shape(*key)
-            self._meshes[key] = self.edits.mesh(f"{name}/mesh", exist_ok=False, **geometry)
-        return self._meshes[key]
+            self.library.meshes[key] = self.edits.mesh(f"{name}/mesh", exist_ok=False, **geometry)
+        return self.library.meshes[key]
 
     def _material(self, look: urdf.Look) -> Material:
-        if look in self._materials:
-            return self._materials[look]
+        if look in self.library.materials:
+            return self.library.materials[look]
         given: Any = {}
         if look.color is not None:
             *rgb, alpha = look.color
             given["base_color"] = decode_srgb(np.array(rgb))
             if alpha < 1:
                 given.update(alpha=alpha, alpha_mode="blend")
-        name = f"{self.robot.name}/material/{look.name or len(self._materials)}"
-        if name in self._names:
-            name = f"{name}_{len(self._materials)}"
-        self._names.add(name)
+        name = f"{self.robot.name}/material/{look.name or len(self.library.materials)}"
+        if name in self.library.names:
+            name = f"{name}_{len(self.library.materials)}"
+        self.library.names.add(name)
         if look.texture is not None:
             given["base_color"] = self.edits.texture(f"{name}/texture", look.texture)
-        self._materials[look] = self.edits.material(name, exist_ok=False, **given)
-        return self._materials[look]
+        self.library.materials[look] = self.edits.material(name, exist_ok=False, **given)
+        return self.library.materials[look]
 
     # ------------------------------------------------------------ keypoints
 
@@ -335,12 +352,14 @@ class _Builder:
         parts = {link: part for part, link in self.robot.parts.items()}
         for name in self.robot.keypoints:
             link = self.robot.links[below[name]]
-            mesh = self.edits.mesh(
-                f"{link.name}/keypoint/mesh",
-                positions=np.zeros((3, 3)),
-                indices=[[0, 1, 2]],
-                keypoints={name: (0, 0, 0)},
-            )
+            if name not in self.library.keypoints:
+                self.library.keypoints[name] = self.edits.mesh(
+                    f"{link.name}/keypoint/mesh",
+                    positions=np.zeros((3, 3)),
+                    indices=[[0, 1, 2]],
+                    keypoints={name: (0, 0, 0)},
+                )
+            mesh = self.library.keypoints[name]
             part = parts[below[name]]
             self.edits.entity(f"{link.name}/keypoint", parent=link, mesh=mesh, part=part)
 

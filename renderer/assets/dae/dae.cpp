@@ -47,7 +47,8 @@ std::vector<Node> materials_of(const Document& document, const Shown& shown,
 }
 
 /// The materials of all that is shown, each once, in the file's order of use.
-std::vector<Node> used_materials(const Document& document, const std::vector<Shown>& all) {
+std::vector<Node> used_materials(const Document& document, const std::vector<Shown>& all,
+                                 Budget& budget) {
   std::vector<Node> used;
   std::set<Node> known;
   for (const Shown& shown : all) {
@@ -55,6 +56,7 @@ std::vector<Node> used_materials(const Document& document, const std::vector<Sho
     for (const Node& primitive : shown.geometry.child("mesh").children())
       if (const pugi::xml_attribute symbol = primitive.attribute("material"))
         symbols.emplace_back(symbol.value());
+    budget.take(symbols.size(), sizeof(Ref), place(shown.geometry));  // of the entity
     for (const Node& material : materials_of(document, shown, symbols))
       if (material && known.insert(material).second) used.push_back(material);
   }
@@ -67,7 +69,8 @@ void load_dae(Builder& builder) {
   const Document document(builder);
   const mat4x3 world = world_from_file(document, builder);
   const std::vector<Shown> all = read_scene(document, builder);
-  const Materials materials = load_materials(document, builder, used_materials(document, all));
+  const Materials materials =
+      load_materials(document, builder, used_materials(document, all, builder.budget));
   if (!builder.complete()) return;
   std::map<Node, std::optional<Geometry>> geometries;
   for (const Shown& shown : all)

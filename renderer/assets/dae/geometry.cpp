@@ -174,9 +174,9 @@ class Reader {
     }
     if (inputs_[kPosition].offset == kNone) refuse(where_, "a primitive has no POSITION");
     const std::string symbol = node.attribute("material").value();
-    const auto known = std::ranges::find(out_.symbols, symbol);
-    part_ = u32(known - out_.symbols.begin());
-    if (known == out_.symbols.end()) out_.symbols.push_back(symbol);
+    const auto [known, is_new] = parts_.try_emplace(symbol, u32(out_.symbols.size()));
+    part_ = known->second;
+    if (is_new) out_.symbols.push_back(symbol);
   }
 
   void use(const Node& input, u32 offset) {
@@ -277,6 +277,7 @@ class Reader {
   const std::string where_;
   Geometry out_;
   MeshData mesh_;
+  std::map<std::string, u32> parts_;  // by symbol
   std::map<Node, std::vector<float>> arrays_;
   Inputs inputs_;
   u32 stride_ = 1, part_ = 0, primitive_ = 0;
