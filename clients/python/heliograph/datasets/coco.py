@@ -166,36 +166,36 @@ def panoptic_of(image: Image, stuff: set[int]) -> tuple[NdArray, list[dict[str, 
     has that of its first instance; what has no category is 0, void."""
     labels, ids = image.frame.labels, image.frame["instance"]
     rows = np.flatnonzero((labels["category"] > 0) & (labels["visible"] > 0))
-    known = np.zeros(len(rows), dtype=np.uint32)
+    numbers = np.zeros(len(rows), dtype="<u4")
     first: dict[int, int] = {}
+    segments: dict[int, dict[str, Any]] = {}
     for i, row in enumerate(rows):
         label, category = int(labels["label"][row]), int(labels["category"][row])
-        known[i] = first.setdefault(category, label) if category in stuff else label
-    if known.size and known.max() >= 1 << 24:
+        number = first.setdefault(category, label) if category in stuff else label
+        numbers[i] = number
+        seen = segments.setdefault(number, {"id": number, "category_id": category, "iscrowd": 0})
+        seen["bbox"] = _union(seen.get("bbox"), labels["bbox_visible"][row].tolist())
+        seen["area"] = seen.get("area", 0) + int(labels["visible"][row])
+    if numbers.size and numbers.max() >= 1 << 24:
         raise InvalidArgument(
-            f"label: {known.max()} does not fit the 24 bits of a panoptic PNG", field="label"
+            f"label: {numbers.max()} does not fit the 24 bits of a panoptic PNG", field="label"
         )
-    own = np.asarray(labels["label"][rows])
-    merged = np.zeros(ids.shape, dtype=np.uint32)
+    merged = np.zeros(ids.shape, dtype="<u4")
     if len(rows):
-        place = np.searchsorted(own, ids).clip(max=len(own) - 1)  # labels are ascending
-        merged = np.where(own[place] == ids, known[place], 0).astype(np.uint32)
-    segments = []
-    for label in dict.fromkeys(known.tolist()):
-        ys, xs = np.nonzero(merged == label)
-        x0, y0 = int(xs.min()), int(ys.min())
-        category = int(labels["category"][rows[int(np.flatnonzero(own == label)[0])]])
-        segments.append(
-            {
-                "id": label,
-                "category_id": category,
-                "iscrowd": 0,
-                "bbox": [x0, y0, int(xs.max()) + 1 - x0, int(ys.max()) + 1 - y0],
-                "area": len(xs),
-            }
-        )
-    colors = np.stack([merged >> shift & 255 for shift in (0, 8, 16)], axis=-1)
-    return colors.astype(np.uint8), segments
+        own = labels["label"][rows]  # ascending
+        place = np.searchsorted(own, ids).clip(max=len(own) - 1)
+        merged = np.where(own[place] == ids, numbers[place], merged)
+    colors = merged.view(np.uint8).reshape(*ids.shape, 4)[..., :3]
+    return colors, list(segments.values())
+
+
+def _union(box: list[int] | None, corners: list[int]) -> list[int]:
+    """x, y, width, height of a box of that form and one of x0, y0, x1, y1."""
+    x0, y0, x1, y1 = corners
+    if box is not None:
+        x0, y0 = min(x0, box[0]), min(y0, box[1])
+        x1, y1 = max(x1, box[0] + box[2]), max(y1, box[1] + box[3])
+    return [x0, y0, x1 - x0, y1 - y0]
 
 
 def image_of(index: int, record: Mapping[str, Any]) -> dict[str, Any]:
