@@ -50,6 +50,25 @@ def test_coco_instances_are_what_pycocotools_reads(stage, tmp_path):
     assert not np.allclose(poses[0], poses[1])
 
 
+def test_several_writers_have_what_each_has_alone(stage, tmp_path):
+    make(stage, tmp_path / "alone", seed=5)
+    writers = [
+        hd.Coco(tmp_path / "coco"),
+        hd.Yolo(tmp_path / "yolo", task="seg"),
+        hd.Parquet(tmp_path / "tables"),
+    ]
+    make(stage, None, writer=writers, seed=5)
+    for name, data in files(tmp_path / "alone").items():
+        if name.startswith(("images/", "annotations/")):
+            assert (tmp_path / "coco" / name).read_bytes() == data
+    (tmp_path / "yolo/.heliograph/records/000001.json").unlink()
+    again = make(stage, None, writer=writers, seed=5)
+    assert (again.images, again.skipped) == (1, 2)
+    assert hd.validate(tmp_path / "coco").ok and hd.validate(tmp_path / "yolo").ok
+    with pytest.raises(hg.InvalidArgument, match="each with a directory of its own"):
+        make(stage, None, writer=[hd.Coco(tmp_path / "x"), hd.Yolo(tmp_path / "y/../x")])
+
+
 def test_the_same_seed_gives_the_same_bytes_in_shards_too(stage, tmp_path):
     make(stage, tmp_path / "a", seed=7)
     shard = make(stage, tmp_path / "b", seed=7, indices=[2])
