@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from .frame import Frame
     from .handles import Asset, Entity, Group, Handle, Material, Mesh, Texture
     from .lights import Light, Portal
+    from .picture import Picture, contact_sheet
     from .pose import Pose, look_at, moving
     from .rigs import stereo
     from .robots import Robot
@@ -64,6 +65,7 @@ _LAZY = {
     "Portal": "lights",
     "Material": "handles",
     "Mesh": "handles",
+    "Picture": "picture",
     "Pose": "pose",
     "Progress": "_progress",
     "RgbSensor": "sensors",
@@ -81,6 +83,7 @@ _LAZY = {
     "datasets": "",
     "materials": "",
     "shapes": "",
+    "contact_sheet": "picture",
     "stereo": "rigs",
     "torch": "",
 }
@@ -112,6 +115,7 @@ __all__ = [
     "NotFound",
     "OutOfRange",
     "PermissionDenied",
+    "Picture",
     "Portal",
     "Pose",
     "Progress",
@@ -128,6 +132,7 @@ __all__ = [
     "WorldFrame",
     "Worlds",
     "connect",
+    "contact_sheet",
     "look_at",
     "materials",
     "moving",

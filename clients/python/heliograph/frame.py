@@ -19,6 +19,7 @@ from ._proto import render_pb2 as pb
 from .components import color_of
 from .device import DeviceArray
 from .errors import FailedPrecondition, InvalidArgument
+from .picture import Picture, contact_sheet
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -204,12 +205,12 @@ class Frame(Rendered):
 
     # ------------------------------------------------------------ pictures
 
-    def image(self, *, exposure: float | str = 0.0, view: str = "standard") -> NdArray:
+    def image(self, *, exposure: float | str = 0.0, view: str = "standard") -> Picture:
         """(H, W, 3) uint8 sRGB of the beauty. exposure: stops, or "auto". view: "standard",
         "filmic" or "agx"."""
         beauty = self["beauty"]
         rgb = beauty[..., :3]
-        return tonemap.to_srgb8(rgb, self.stops(exposure), view)
+        return Picture.of(tonemap.to_srgb8(rgb, self.stops(exposure), view))
 
     def relight(self, factors: Mapping[str, Any]) -> NdArray:
         """(H, W, 4) float32: the beauty if the light groups were as many times as bright.
@@ -243,12 +244,18 @@ class Frame(Rendered):
         return float(exposure)
 
     def picture(
-        self, plane: str, *, exposure: float | str = 0.0, view: str = "standard"
-    ) -> NdArray:
+        self, plane: str = "", *, exposure: float | str = 0.0, view: str = "standard"
+    ) -> Picture:
         """(H, W) or (H, W, 3) uint8 to look at: any plane, with ids in colours, near bright.
 
-        Radiance is exposed and viewed as the beauty; directions map [-1, 1] to [0, 255].
+        plane: default the beauty, or the first one of a frame without it. Radiance is exposed and
+        viewed as the beauty; directions map [-1, 1] to [0, 255]; flow is coloured as Baker et al.
+        2011 do, full colour where it is longest.
         """
+        plane = plane or ("beauty" if "beauty" in self else next(iter(self), "beauty"))
+        return Picture.of(self._pixels_of(plane, exposure, view))
+
+    def _pixels_of(self, plane: str, exposure: float | str, view: str) -> NdArray:
         data = self[plane]
         if data.dtype == np.uint32:
             return tonemap.colors_of_ids(data)
@@ -264,38 +271,44 @@ class Frame(Rendered):
             if unit in ("m", "px", "rays") or plane == "variance":
                 return tonemap.grey_of(data)
             return np.asarray((np.clip(np.nan_to_num(data), 0, 1) * 255 + 0.5).astype(np.uint8))
+        if plane in ("flow_forward", "flow_backward"):
+            return tonemap.colors_of_flow(data)
         return _picture_of_vectors(plane, np.nan_to_num(data), unit)
 
-    def show(self, *, exposure: float | str = 0.0, view: str = "standard") -> None:
-        """Shows the beauty in a notebook, else in a window."""
-        import sys
+    def show(self, *planes: str, exposure: float | str = "auto", view: str = "standard") -> None:
+        """Shows planes, by default the beauty: in a notebook, else in a window.
 
-        picture = _pil(self.image(exposure=exposure, view=view))
-        if "ipykernel" in sys.modules:
-            from IPython.display import display
+        Several are shown beside each other. FailedPrecondition on a machine without a screen.
+        """
+        wanted = planes or ("",)
+        shown = {name: self.picture(name, exposure=exposure, view=view) for name in wanted}
+        first = next(iter(shown.values()))
+        (first if len(shown) == 1 else contact_sheet(shown)).show()
 
-            display(picture)
-        else:
-            picture.show()
+    def annotated(
+        self,
+        *layers: str,
+        plane: str = "",
+        only: Any = None,
+        skeleton: Sequence[tuple[Any, Any]] = (),
+        scale: int = 1,
+        exposure: float | str = 0.0,
+        view: str = "standard",
+    ) -> Picture:
+        """(H, W, 3) uint8: the picture of a plane, default the beauty, with its labels drawn on it.
 
-    def annotated(self, *, exposure: float | str = 0.0, view: str = "standard") -> NdArray:
-        """(H, W, 3) uint8: the picture with each visible instance's box and name."""
-        from PIL import ImageDraw
+        layers: default boxes and names. Of visible pixels "masks", "outlines", "boxes"; whole
+        silhouettes "amodal", "amodal_boxes"; in 3D "cuboids", "axes"; "keypoints", with lines
+        between the pairs of names or numbers in `skeleton`; motion as arrows, "flow", or the key of
+        its colours, "wheel"; text "names", "categories". What a layer lacks is an InvalidArgument
+        that says how to render it. only: labels, names or categories to draw, default all. scale:
+        the picture is enlarged so many times, which leaves room for names on small ones.
+        """
+        from . import annotate
 
-        picture = _pil(self.image(exposure=exposure, view=view))
-        draw = ImageDraw.Draw(picture)
-        labels = self.labels
-        colors = tonemap.colors_of_ids(labels["label"])
-        for i, (x0, y0, x1, y1) in enumerate(labels["bbox_visible"].tolist()):
-            if x1 <= x0 or y1 <= y0:
-                continue
-            color = tuple(int(c) for c in colors[i])
-            draw.rectangle((x0, y0, x1 - 1, y1 - 1), outline=color, width=2)
-            text = labels["name"][i] or str(labels["label"][i])
-            left, top, right, bottom = draw.textbbox((x0 + 3, y0 + 2), text)
-            draw.rectangle((left - 2, top - 1, right + 2, bottom + 2), fill=color)
-            draw.text((x0 + 3, y0 + 2), text, fill=(0, 0, 0))
-        return np.asarray(picture)
+        base = self.picture(plane, exposure=exposure, view=view)
+        options = {"only": only, "skeleton": skeleton, "scale": scale}
+        return annotate.annotated(self, layers or annotate.DEFAULT_LAYERS, base, options)
 
     def save(
         self,
@@ -337,9 +350,14 @@ class Frame(Rendered):
             path = target
             if plane != "beauty":
                 path = target.with_suffix(f".{plane.replace(':', '_')}{target.suffix}")
-            _pil(self.picture(plane, exposure=exposure, view=view)).save(path)
+            self.picture(plane, exposure=exposure, view=view).save(path)
             written.append(path)
         return written
+
+    def _repr_html_(self) -> str:
+        from . import notebook
+
+        return notebook.html_of_frame(self)
 
     def __repr__(self) -> str:
         planes = ", ".join(self._planes)
@@ -366,9 +384,3 @@ def _picture_of_vectors(plane: str, data: NdArray, unit: str) -> NdArray:
         return np.asarray((np.clip(data, 0, 1) * 255 + 0.5).astype(np.uint8))
     reach = float(np.abs(data).max()) or 1.0
     return np.asarray((data / reach * 127.5 + 128).clip(0, 255).astype(np.uint8))
-
-
-def _pil(pixels: NdArray) -> Any:
-    from PIL import Image
-
-    return Image.fromarray(np.ascontiguousarray(pixels))

@@ -252,22 +252,9 @@ class Scene:
 
     def tree(self) -> str:
         """Every object, entities indented under their parents, with their uses."""
-        objects = list(self._objects(""))
-        children: dict[int, list[service.ObjectInfo]] = {}
-        for found in objects:
-            children.setdefault(found.parent, []).append(found)
-        lines: list[str] = []
+        from .notebook import Tree
 
-        def add(found: service.ObjectInfo, depth: int) -> None:
-            kind = KINDS.get(found.id >> 56, Handle).kind
-            uses = f" ({found.uses} uses)" if kind not in ("entity", "object") else ""
-            lines.append(f"{'  ' * depth}{kind} {found.name or hex(found.id)}{uses}")
-            for child in children.get(found.id, ()):
-                add(child, depth + 1)
-
-        for found in children.get(0, ()):
-            add(found, 0)
-        return "\n".join(lines)
+        return Tree(self._objects("")).text()
 
     def memory(self) -> dict[str, int]:
         """Bytes: "rows", "arrays" (shared ones counted once), "derived"."""
@@ -387,6 +374,11 @@ class Scene:
         except HeliographError:
             if kind is None:  # an error already on its way tells more
                 raise
+
+    def _repr_html_(self) -> str:
+        from .notebook import html_of_scene
+
+        return html_of_scene(self)
 
     def __repr__(self) -> str:
         return f"<Scene {self.name!r} of {self.client.address}>"

@@ -97,3 +97,28 @@ def grey_of(values: Any) -> NdArray:
     low, high = float(values[finite].min()), float(values[finite].max())
     scaled = 1 - 0.85 * (np.where(finite, values, high) - low) / max(high - low, 1e-9)
     return np.where(finite, scaled * 255 + 0.5, 0).astype(np.uint8)
+
+
+# Hues between neighbouring anchors of the flow wheel, and the anchors.
+_WHEEL = (15, 6, 4, 11, 13, 6)
+_ANCHORS = np.array(
+    [[1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 1, 1], [0, 0, 1], [1, 0, 1], [1, 0, 0]], dtype="f4"
+)
+
+
+def colors_of_flow(flow: NdArray, reach: float | None = None) -> NdArray:
+    """(H, W, 3) uint8 of (H, W, 2) pixels: hue is the direction, white is still; nan is black.
+
+    reach: the length that has full colour, default the longest. Source: Baker et al. 2011, "A
+    Database and Evaluation Methodology for Optical Flow", IJCV 92, and its colour code of 55 hues.
+    """
+    known = np.asarray(np.all(np.isfinite(flow), axis=-1))
+    u, v = (np.where(known, flow[..., i], 0).astype("f4") for i in (0, 1))
+    length = np.hypot(u, v)
+    length = length / max(float(length.max()) if reach is None else reach, 1e-9)
+    starts = np.cumsum([0, *_WHEEL])
+    hue = (np.arctan2(-v, -u) / np.pi + 1) / 2 * (starts[-1] - 1)
+    pure = np.stack([np.interp(hue, starts, _ANCHORS[:, c]) for c in range(3)], axis=-1)
+    inside = length[..., None] <= 1 + 1e-6
+    rgb = np.where(inside, 1 - length[..., None] * (1 - pure), 0.75 * pure)
+    return np.asarray((np.where(known[..., None], rgb, 0) * 255 + 0.5).astype(np.uint8))
