@@ -288,3 +288,15 @@ def test_lenses_that_draws_change(scene, tmp_path):
         np.testing.assert_allclose(image[0][:, 0], seen[:, :2], atol=0.01)
     with pytest.raises(hg.InvalidArgument, match="cam: has the distortion .*BOP"):
         hd.generate(scene, "cam", bend, count=1, spp=1, writer=hd.Bop(tmp_path / "bop"))
+
+
+WRITERS = [hd.Bop, hd.Colmap, hd.Kitti, hd.Ndds, hd.NerfTransforms]
+
+
+@pytest.mark.parametrize("writer", [*WRITERS, lambda root: hd.TapVid(root, times=[0])])
+def test_rolling_shutters_have_no_one_pose(writer, scene, tmp_path):
+    def roll(draw):
+        draw.edit.entity("cam", camera=hg.Camera.from_intrinsics(K, W, H, rolling=0.01))
+
+    with pytest.raises(hg.InvalidArgument, match="cam: has a rolling shutter"):
+        made(scene, writer(tmp_path), roll, count=1)

@@ -35,7 +35,14 @@ def drawn(scene: Scene, image: Image) -> Iterator[Scene]:
 
 
 def camera_of(scene: Scene, image: Image) -> Camera:
-    """The image's camera at its calibrated size, as the overlay left it."""
+    """The image's camera at its calibrated size, as the overlay left it; refuses rolling
+    shutters."""
+    if image.frame.rolling:
+        raise InvalidArgument(
+            f"{image.frame.camera}: has a rolling shutter, and the format has one pose for all "
+            "rows; take rolling off, or write Exr, WebDataset or Parquet, which say how long it is",
+            field="camera",
+        )
     edits = () if image.overlay is None else image.overlay.transaction.edits
     if any(e.HasField("entity") and e.entity.HasField("camera") for e in edits):
         with drawn(scene, image) as branch:
