@@ -139,7 +139,7 @@ def run_command(capsys, *arguments):
     return status, told.out + told.err
 
 
-def test_an_image_is_rendered_again_to_the_same_bytes(stage, tmp_path, capsys):
+def test_an_image_is_rendered_again_to_the_same_bytes(stage, tmp_path, capsys, monkeypatch):
     scene, balls, cam = stage
     noise = np.random.default_rng(0).random((300, 600, 3)).astype("f4")  # above 1 MiB: a blob
 
@@ -162,6 +162,9 @@ def test_an_image_is_rendered_again_to_the_same_bytes(stage, tmp_path, capsys):
     status, told = run_command(capsys, "open", tmp_path / "set/images/000001.png", "-o", shown)
     assert status == 0 and told.count("ball/") == BALLS
     assert Image.open(shown).size == SIZE
+    monkeypatch.setattr("PIL.ImageShow._viewers", [])
+    status, told = run_command(capsys, "open", tmp_path / "set/000001")
+    assert status == 1 and "nothing here shows pictures: write it with -o FILE" in told
     record = tmp_path / "set/.heliograph/records/000000.json"
     record.write_text(record.read_text().replace('"sha256":"', '"sha256":"0'))
     status, told = run_command(capsys, "rerender", tmp_path / "set/000000")

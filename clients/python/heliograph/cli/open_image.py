@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import FailedPrecondition
 from . import add_connection, connect
 
 
@@ -25,7 +26,7 @@ def add(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from PIL import Image
+    from PIL import Image, ImageShow
 
     from ..datasets import KeptImage
 
@@ -46,7 +47,8 @@ def run(arguments: argparse.Namespace) -> int:
     style: dict[str, Any] = {"exposure": picture.exposure, "view": picture.view} if picture else {}
     annotated = Image.fromarray(frame.annotated(**style))
     if arguments.output is None:
-        annotated.show()
+        if not ImageShow.show(annotated):
+            raise FailedPrecondition("nothing here shows pictures: write it with -o FILE")
     else:
         annotated.save(arguments.output)
         print(Path(arguments.output))
