@@ -19,7 +19,7 @@ from .coco_panoptic import panoptic_tasks
 from .dataset import wanted_count
 from .files import PICTURES, batches, check_size, files, numbers
 from .formats import Format, Task
-from .masks import counts_of, extent, mask_of, polygon_area, polygon_length
+from .masks import box_of_spans, counts_of, polygon_area, polygon_length, spans_of
 from .report import Faults
 
 CHECKS = {
@@ -135,14 +135,15 @@ def check_images(
 
 
 class _Image:
-    """One image: its annotations one by one, and what was covered so far."""
+    """One image: its annotations one by one, and the pixels of their masks. A mask is looked at
+    by its runs alone, which are fewer than its pixels."""
 
     def __init__(
         self, path: Path, image: dict[str, Any], categories: dict[int, Any], faults: Faults
     ) -> None:
         self.path, self.image, self.categories, self.faults = path, image, categories, faults
         self.size = image["height"], image["width"]
-        self.owner = np.zeros(self.size, np.int64)
+        self.covered: list[tuple[dict[str, Any], NdArray]] = []
 
     def check(self, rows: Iterator[dict[str, Any]]) -> None:
         for row in rows:
@@ -152,6 +153,8 @@ class _Image:
                 self._fault(row, "segmentation", "has no segmentation: give it its mask")
             if "keypoints" in row:
                 self._keypoints(row)
+        if self.covered:
+            self._disjoint()
 
     def _fault(self, row: dict[str, Any], check: str, message: str) -> None:
         name = f"annotation {row['id']} (image {self.image['id']})"
@@ -178,18 +181,18 @@ class _Image:
             )
             return
         try:
-            counts = counts_of(segmentation)
-            mask = mask_of(counts, self.size)
+            spans = spans_of(counts_of(segmentation), self.size)
         except ValueError as error:
             self._fault(row, "segmentation", f"{error}: encode the mask anew")
             return
-        if not mask.any():
+        if not len(spans):
             self._fault(row, "segmentation", "its mask is empty: leave the annotation out")
             return
-        expected = _box_of(mask)
+        x0, y0, x1, y1 = box_of_spans(spans, self.size[0])
+        expected = [x0, y0, x1 - x0, y1 - y0]
         if list(box) != expected:
-            transposed = _box_of(mask_of(counts, self.size, by_rows=True))
-            if list(box) == transposed:
+            y0, x0, y1, x1 = box_of_spans(spans, self.size[1])
+            if list(box) == [x0, y0, x1 - x0, y1 - y0]:
                 self._fault(
                     row,
                     "rle_order",
@@ -199,9 +202,9 @@ class _Image:
                 return
             hint = _hint(box, expected)
             self._fault(row, "bbox", f"bbox is {box}: the mask's is {expected}{hint}")
-        self._area(row, int(mask.sum()), 0.0)
+        self._area(row, int((spans[:, 1] - spans[:, 0]).sum()), 0.0)
         if not row["iscrowd"]:
-            self._disjoint(row, mask)
+            self.covered.append((row, spans))
 
     def _polygons(self, row: dict[str, Any], polygons: list[Any], box: list[float]) -> None:
         points = []
@@ -232,17 +235,27 @@ class _Image:
                 f"area is {area!r}: the mask has {expected:g} pixels (of the mask, not the box)",
             )
 
-    def _disjoint(self, row: dict[str, Any], mask: NdArray) -> None:
-        shared = self.owner[mask]
-        if shared.any():
-            values, times = np.unique(shared[shared > 0], return_counts=True)
+    def _disjoint(self) -> None:
+        """Sorted by their starts, no run begins before all the earlier ones have ended."""
+        spans = np.concatenate([spans for _, spans in self.covered])
+        owners = np.repeat(np.arange(len(self.covered)), [len(s) for _, s in self.covered])
+        order = np.argsort(spans[:, 0], kind="stable")
+        spans, owners = spans[order], owners[order]
+        reach = np.maximum.accumulate(spans[:, 1])
+        late = np.flatnonzero(spans[1:, 0] < reach[:-1])
+        told: set[frozenset[int]] = set()
+        for i in late:
+            before = int(owners[: i + 1][spans[: i + 1, 1].argmax()])
+            pair = frozenset((before, int(owners[i + 1])))
+            if pair in told:
+                continue
+            told.add(pair)
             self._fault(
-                row,
+                self.covered[max(pair)][0],
                 "disjoint",
-                f"shares {int(times[0])} pixels with annotation {values[0]}: a pixel belongs to "
-                "one instance at most",
+                f"shares pixels with annotation {self.covered[min(pair)][0]['id']}: a pixel "
+                "belongs to one instance at most",
             )
-        self.owner[mask] = row["id"]
 
     def _keypoints(self, row: dict[str, Any]) -> None:
         names = self.categories.get(row["category_id"], {}).get("keypoints", ())
@@ -268,11 +281,6 @@ class _Image:
                 "keypoints",
                 f"num_keypoints is {row.get('num_keypoints')}: {labelled} have v > 0",
             )
-
-
-def _box_of(mask: NdArray) -> list[int]:
-    x0, y0, x1, y1 = extent(mask)
-    return [x0, y0, x1 - x0, y1 - y0]
 
 
 def _hint(box: list[float], expected: list[int]) -> str:

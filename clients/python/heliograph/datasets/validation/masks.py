@@ -48,18 +48,40 @@ def counts_of(segmentation: dict[str, Any]) -> list[int]:
     return list(counts)
 
 
-def mask_of(counts: Sequence[int], size: Sequence[int], by_rows: bool = False) -> NdArray:
-    """(H, W) bool. counts: runs column by column, the first one of zeros. by_rows: take them as
-    what they are not, row by row."""
+def spans_of(counts: Sequence[int], size: Sequence[int]) -> NdArray:
+    """(N, 2) first pixel and one past the last of each run of ones, pixels counted column by
+    column. ValueError when counts do not fill a picture of size (height, width)."""
     runs = np.asarray(counts, np.int64)
     if (runs < 0).any() or runs.sum() != size[0] * size[1]:
         raise ValueError(
             f"run lengths sum to {runs.sum()}, and a picture {size[1]}x{size[0]} has "
             f"{size[0] * size[1]} pixels"
         )
-    flat = np.repeat(np.arange(len(runs)) % 2 == 1, runs)
+    ends = np.cumsum(runs)
+    spans = np.column_stack([ends[:-1:2], ends[1::2]])
+    return np.asarray(spans[spans[:, 0] < spans[:, 1]])
+
+
+def box_of_spans(spans: NdArray, height: int) -> tuple[int, int, int, int]:
+    """x0, y0, x1, y1, half open, of pixels counted column by column; zeros of none. With the width
+    for height: y0, x0, y1, x1 of pixels counted row by row."""
+    if not len(spans):
+        return 0, 0, 0, 0
+    first, last = spans[:, 0], spans[:, 1] - 1
+    columns, until = first // height, last // height
+    across = bool((columns != until).any())  # over the end of a column to the next one
+    y0 = 0 if across else int((first % height).min())
+    y1 = height if across else int((last % height).max()) + 1
+    return int(columns.min()), y0, int(until.max()) + 1, y1
+
+
+def mask_of(counts: Sequence[int], size: Sequence[int]) -> NdArray:
+    """(H, W) bool."""
+    flat = np.zeros(size[0] * size[1], bool)
+    for start, end in spans_of(counts, size):
+        flat[start:end] = True
     height, width = size
-    return flat.reshape(height, width) if by_rows else flat.reshape(width, height).T
+    return flat.reshape(width, height).T
 
 
 def extent(mask: NdArray) -> tuple[int, int, int, int]:
