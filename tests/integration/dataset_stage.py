@@ -37,6 +37,8 @@ def stage(scene):
         hidden = hg.Pose((-0.45, 0.75, 0.13), scale=0.3)
         edit.entity("hidden", mesh=mesh, category="block", label=4, transform=hidden)
         edit.entity("nameless", mesh=ball, label=5, transform=hg.Pose((0.45, -0.4, 0.18)))
+        edit.entity("off", visible=False)
+        edit.entity("off/box", parent="off", mesh=mesh, label=0, transform=hg.Pose((0, -1, 0.5)))
         edit.entity("cam", camera=LENS, transform=hg.look_at(EYE, AT))
 
 

@@ -248,6 +248,16 @@ def test_colmap_points_project_where_the_images_say(scene, tmp_path):
         for image, row in track:
             assert images[image][3][row, 2] == number
         assert all(0 <= int(c) <= 255 for c in point[3:6]) and point[6] == "0"
+    heights = np.array([point[2] for point in points.values()], float)
+    assert (heights > 0.01).sum() > 200  # not on the floor, which has nearly all of the area
+
+
+def test_colmap_needs_a_surface(client, tmp_path):
+    with client.create_scene() as scene:
+        with scene.edit() as edit:
+            edit.entity("cam", camera=LENS)
+        with pytest.raises(hg.InvalidArgument, match="no mesh"):
+            made(scene, hd.Colmap(tmp_path), still, count=1)
 
 
 def test_colmap_refuses_what_moves(scene, tmp_path):

@@ -109,9 +109,7 @@ def test_motion_vectors_are_the_daemons_flow(camera, time):
     flow = np.zeros((H, W, 2))
     for name, interval, sign in (("flow_forward", 1 - time, 1), ("flow_backward", time, -1)):
         if interval:
-            frame = shoot(
-                (W, H), [name], (time, time), label_time=time, frame_interval=interval
-            )
+            frame = shoot((W, H), [name], (time, time), label_time=time, frame_interval=interval)
             flow += sign * frame[name]
     assert np.abs(flow).max() > 1
     assert np.abs(vectors[..., 0] * W - flow[..., 0]).max() < 0.01

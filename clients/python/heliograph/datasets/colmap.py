@@ -11,9 +11,9 @@ from .._arrays import NdArray
 from ..components import Camera, whole_of
 from ..errors import InvalidArgument
 from ..frame import Frame
-from ..handles import Entity
 from .drawn import camera_of, drawn
 from .instances import quaternion_wxyz
+from .shapes import shown_entities
 from .writer import Dataset, Image, Picture, Records, Writer
 
 _STILL = 1e-4  # metres that a point of a scene that stands still may be off
@@ -29,8 +29,9 @@ class Colmap(Writer):
     """COLMAP (Schoenberger & Frahm 2016): images, and sparse/0 with cameras.txt, images.txt and
     points3D.txt: known, not reconstructed.
 
-    points: how many are sampled on the surfaces of the scene, uniform over their area; the model
-    has those that two images see, with their tracks. The scene has to stand still: draws may move
+    points: how many are sampled on the surfaces of the scene, half of them uniform over the area of
+    all, half of them as many on each entity; the model has those that two images see, with their
+    tracks. The scene has to stand still: draws may move
     the camera and change lights and materials. Poses are world-to-camera, OpenCV camera, metres;
     the upper left pixel's centre is (0.5, 0.5): ours plus a half.
     """
@@ -50,9 +51,20 @@ class Colmap(Writer):
 
     def begin(self, dataset: Dataset) -> None:
         super().begin(dataset)
-        found = [thing for thing in dataset.scene.find() if isinstance(thing, Entity)]
-        shown = [entity for entity in found if entity.mesh is not None and entity.visible]
-        self._points = dataset.scene.sample_surface(shown, self.points, seed=dataset.seed)
+        shown = shown_entities(dataset.scene)
+        if not shown:
+            raise InvalidArgument(
+                "scene: shows no mesh, so that there is no surface for points; add one",
+                field="scene",
+            )
+        share = self.points // 2 // len(shown)
+        wanted = [(shown, self.points - share * len(shown)), *(([one], share) for one in shown)]
+        parts = [
+            dataset.scene.sample_surface(entities, count, seed=dataset.seed)
+            for entities, count in wanted
+            if count
+        ]
+        self._points = {n: np.concatenate([part[n] for part in parts]) for n in parts[0]}
 
     def write(self, image: Image) -> dict[str, Any]:
         frame = image.frame

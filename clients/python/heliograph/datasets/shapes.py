@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .._arrays import NdArray
+from .._proto import scene_pb2 as pb
 from ..errors import InvalidArgument
 from ..handles import KINDS, Entity, Named
 from ..scene import Scene
@@ -44,22 +45,41 @@ def shapes_of(
         yield instance, [replace(part, pose=object_from_world @ part.pose) for part in own]
 
 
+def shown_entities(scene: Scene) -> list[Entity]:
+    """Those that show a mesh: they and all they hang on are visible."""
+    own, parents = _entities(scene)
+    out = []
+    for id, (handle, entity, _) in own.items():
+        at = id
+        while at and own[at][1].visible:
+            at = parents[at]
+        if entity.mesh.id and not at:
+            out.append(handle)
+    return out
+
+
 def _parts_by_label(scene: Scene) -> dict[int, list[Part]]:
     """Label to parts in the world. An entity without a label has that of its parent."""
+    own, parents = _entities(scene)
+    out: dict[int, list[Part]] = {}
+    for id, (_, entity, pose) in own.items():
+        at = id
+        while at and not own[at][1].label.HasField("value"):
+            at = parents[at]
+        label = own[at][1].label.value if at else 0
+        if label and entity.mesh.id:
+            deforms = entity.HasField("skin") or entity.HasField("morph_weights")
+            out.setdefault(label, []).append(Part(entity.mesh.id, pose, deforms))
+    return out
+
+
+def _entities(scene: Scene) -> tuple[dict[int, tuple[Entity, pb.Entity, NdArray]], dict[int, int]]:
+    """Id to handle, message and world pose (4, 4) of all entities; id to the parent's, 0: none."""
     objects = [o for o in scene.describe(tree=True).objects if KINDS.get(o.id >> 56) is Entity]
     handles = [Entity(scene, o.name, o.id) for o in objects]
     rows = scene.read(handles, ["entity", "world_pose"]) if handles else []
-    parents = {o.id: o.parent for o in objects}
-    own = {o.id: row[0].entity for o, row in zip(objects, rows)}
-    out: dict[int, list[Part]] = {}
-    for thing, (_, pose) in zip(objects, rows):
-        at = thing.id
-        while at and not own[at].label.HasField("value"):
-            at = parents[at]
-        entity = own[thing.id]
-        if at and entity.mesh.id and own[at].label.value:
-            deforms = entity.HasField("skin") or entity.HasField("morph_weights")
-            world = np.asarray(pose, np.float64).reshape(4, 4)
-            parts = out.setdefault(own[at].label.value, [])
-            parts.append(Part(entity.mesh.id, world, deforms))
-    return out
+    own = {
+        handle.id: (handle, edit.entity, np.asarray(pose, np.float64).reshape(4, 4))
+        for handle, (edit, pose) in zip(handles, rows)
+    }
+    return own, {o.id: o.parent for o in objects}
