@@ -60,7 +60,8 @@ def main(out: Path, frames: int) -> None:
             draw_skeleton(frame, arm).save(out / f"{i:03d}.png")
             tip = arm.forward(values, clamp=True)[arm.link_names.index("tool"), :3, 3]
             flow = np.linalg.norm(frame["flow_backward"], axis=-1).max()
-            seen = [arm.parts[part] for part in np.unique(frame["part"]) if part in arm.parts]
+            links = np.unique(arm.link_of(frame["part"]))
+            seen = [arm.link_names[link] for link in links if link >= 0]
             print(f"{i:03d}.png: tool at {tip.round(3)}, up to {flow:.1f} px, {', '.join(seen)}")
 
 

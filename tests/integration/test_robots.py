@@ -60,15 +60,18 @@ def test_links_are_parts_of_one_instance(scene, stage):
     frame = scene.render(cam, planes=["position", "instance", "part", "semantic"], labels=LABELS)
     assert frame.labels["label"].tolist() == [7] and frame.labels["name"] == ["arm"]
     part = frame["part"]
-    seen = sorted({arm.parts[p] for p in np.unique(part) if p})
-    assert seen == sorted(set(arm.link_names) - {"tool"})
+    links = arm.link_of(part)
+    assert {arm.link_names[i] for i in np.unique(links) if i >= 0} == set(arm.link_names) - {"tool"}
+    assert ((links == -1) == (part == 0)).all()
+    hand = {int(number) for number in np.unique(part[links == arm.link_names.index("hand")])}
+    assert hand == {arm.parts["hand"].start, arm.parts["hand"].start + 1}  # of two materials
     assert ((part > 0) == (frame["instance"] == 7)).all()
     assert ((part > 0) == (frame["semantic"] == 1)).all()
     poses = dict(zip(arm.link_names, world(arm, VALUES), strict=True))
 
     def within(link):
         """Points that are seen of a link, in its frame."""
-        number = next(n for n, name in arm.parts.items() if name == link)
+        number = arm.parts[link].start
         points = frame["position"][part == number]
         return (points - poses[link][:3, 3]) @ poses[link][:3, :3]
 
@@ -155,7 +158,7 @@ def test_flow_follows_the_joints(scene, stage):
     )
     seen = frame["part"] > 0
     assert frame["flow_backward_valid"][seen].all()
-    link = frame["part"][seen] - 1
+    link = arm.link_of(frame["part"])[seen]
     step = world(arm, VALUES) @ np.linalg.inv(world(arm, after))
     now = frame["position"][seen].astype(float)
     before = np.einsum("pij,pj->pi", step[link][:, :3, :3], now) + step[link][:, :3, 3]
@@ -279,6 +282,27 @@ def dae_of(obj, material):
         <instance_material symbol="mat" target="#m"/></technique_common></bind_material>
         </instance_geometry></node></visual_scene></library_visual_scenes>
         <scene><instance_visual_scene url="#vs"/></scene></COLLADA>"""
+
+
+def test_every_mesh_of_a_link_is_its_part(scene, tmp_path):
+    obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 3 2 1\n"
+    color = "<diffuse><color>1 1 1 1</color></diffuse>"
+    text = dae_of(obj.replace("f 1 2 3\nf 3 2 1", "f 1 2 3 3\nf 3 2 1 1"), color)
+    node = text[text.index('<node id="n">') : text.index("</visual_scene>")]
+    (tmp_path / "two.dae").write_text(text.replace(node, node + node.replace('"n"', '"m"')))
+    visual = '<visual><geometry><mesh filename="two.dae"/></geometry></visual>'
+    (tmp_path / "r.urdf").write_text(f"""<robot name="r"><link name="a">{visual}</link>
+        <link name="b">{visual}{visual}</link><joint name="j" type="fixed"><parent link="a"/>
+        <child link="b"/><origin xyz="0 0 1"/></joint></robot>""")
+    with scene.edit() as edit:
+        robot = edit.import_urdf(tmp_path / "r.urdf", label=5)
+    for link, numbers in robot.parts.items():
+        for entity in scene.find(f"r/{link}/*"):
+            if entity.kind == "entity" and entity.mesh is not None:
+                label = entity._message().label
+                assert label.part == numbers.start and label.WhichOneof("instance") is None
+    meshes = [e for e in scene.find("r/*/*/*") if e.kind == "entity" and e.mesh is not None]
+    assert len(meshes) == 6
 
 
 def test_meshes_of_collada_are_those_of_obj(scene, tmp_path):

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from .scene import Scene
 
 _STEP = math.pi / 3  # the most that a joint turns from key to key
+_ROOM = 256  # part numbers of a link with meshes of several materials
 
 
 @dataclass
@@ -48,7 +49,7 @@ class Robot:
 
     root: the entity that carries its pose and its label, in the place of the first link's frame.
     links: entities by link name, parents first; poses are relative to the link above.
-    parts: {number in the plane "part": link name}.
+    parts: {link name: range of its numbers in the plane "part"}; link_of() turns these round.
     keypoints: the joints that labels report, and skeleton: pairs of them that are neighbours.
     moving: the M links below joints that are not fixed, as a Group.
     warnings: what the file left open.
@@ -64,7 +65,7 @@ class Robot:
         self.kinematics = Kinematics(model)
         self.warnings = list(model.warnings)
         self.links: dict[str, Entity] = {}
-        self.parts = {i + 1: link for i, link in enumerate(model.links)}
+        self.parts = _part_ranges(model)
         self.keypoints: list[str] = []
         self.skeleton: list[tuple[str, str]] = []
         self.root: Entity
@@ -89,6 +90,12 @@ class Robot:
     def rest(self) -> NdArray:
         """(C,) float64: the values it is imported with: 0, or the limit next to it."""
         return self.kinematics.rest.copy()
+
+    def link_of(self, part: Any) -> NdArray:
+        """int64 of the same shape: of numbers of the plane "part" the place of the link in
+        link_names; -1 for 0, no part."""
+        first = [numbers.start for numbers in self.parts.values()]
+        return np.asarray(np.searchsorted(first, np.asarray(part), side="right") - 1)
 
     def forward(self, values: Any, *, clamp: bool = False) -> NdArray:
         """(L, 4, 4) float64 root_from_link; (N, L, 4, 4) for N sets of values, as set_joints()
@@ -255,7 +262,7 @@ class _Builder:
             )
         )
         above = {joint.child: joint for joint in self.model.joints}
-        for part, link in robot.parts.items():
+        for link, numbers in robot.parts.items():
             joint = above.get(link)
             robot.links[link] = self.edits.entity(
                 f"{robot.name}/{link}",
@@ -265,6 +272,7 @@ class _Builder:
             )
             for number, visual in enumerate(self.model.visuals[link]):
                 name = f"{robot.name}/{link}/{number}"
+                part = numbers.start
                 self._put_visual(visual, name, (robot.links[link], part), options.mesh_materials)
         robot.moving = Group([robot.links[j.child] for j in robot.kinematics.moving])
         self._put_keypoints()
@@ -289,10 +297,10 @@ class _Builder:
             overrides = dict.fromkeys(asset.materials, material)
         pose = visual.origin @ np.diag([*visual.size, 1.0])
         root = self.edits.instance(asset, name, transform=pose, parent=parent, materials=overrides)
-        self.edits.update(root, part=part)
-        if material is not None and not asset.materials:
-            for entity in asset._placed[-1]:
-                self.edits.update(entity, material=material)
+        self.edits.update(root, label=None)  # that of the robot
+        given = {} if asset.materials else given
+        for entity in asset._placed[-1]:
+            self.edits.update(entity, part=part, **given)
 
     def _asset(self, file: Path, name: str) -> Asset:
         if file not in self.library.assets:
@@ -349,7 +357,6 @@ class _Builder:
     def _put_keypoints(self) -> None:
         """A keypoint lives in a mesh: a triangle without area in the origin of the joint."""
         below = {joint.name: joint.child for joint in self.model.joints}
-        parts = {link: part for part, link in self.robot.parts.items()}
         for name in self.robot.keypoints:
             link = self.robot.links[below[name]]
             if name not in self.library.keypoints:
@@ -360,8 +367,20 @@ class _Builder:
                     keypoints={name: (0, 0, 0)},
                 )
             mesh = self.library.keypoints[name]
-            part = parts[below[name]]
+            part = self.robot.parts[below[name]].start
             self.edits.entity(f"{link.name}/keypoint", parent=link, mesh=mesh, part=part)
+
+
+def _part_ranges(model: urdf.Urdf) -> dict[str, range]:
+    """From 1. Each material of a mesh is a part: how many a file has is not known beforehand."""
+    out: dict[str, range] = {}
+    first = 1
+    for link in model.links:
+        files = [visual.file for visual in model.visuals[link] if visual.file is not None]
+        simple = all(file.suffix.lower() in (".stl", ".ply") for file in files)
+        out[link] = range(first, first + (1 if simple else _ROOM))
+        first = out[link].stop
+    return out
 
 
 def _source(file: Path) -> assets.Source:
