@@ -28,6 +28,11 @@ if TYPE_CHECKING:
     from .yolo import Yolo
 
 _RANDOMIZERS = (
+    "DomeScene",
+    "FatScene",
+    "MeshScene",
+    "add_wares",
+    "make_scene",
     "add_distractors",
     "bundled_domes",
     "bundled_textures",

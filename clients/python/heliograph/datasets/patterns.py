@@ -25,12 +25,12 @@ def bundled_textures() -> list[Callable[[], NdArray]]:
 def _picture(kind: int, variant: int) -> NdArray:
     rng = np.random.default_rng((kind, variant))
     shade = np.clip(_KINDS[kind](rng) + 0.06 * (noise(rng, 32, 4) - 0.5), 0, 1)[..., None]
-    dark, light = _colors(rng)
+    dark, light = palette(rng)
     grain = 1 + 0.12 * (noise(rng, 4, 5)[..., None] - 0.5)
     return np.asarray((255 * np.clip((dark + shade * (light - dark)) * grain, 0, 1)).astype("u1"))
 
 
-def _colors(rng: Generator) -> tuple[NdArray, NdArray]:
+def palette(rng: Generator) -> tuple[NdArray, NdArray]:
     """Two sRGB colours that differ in brightness, and mostly in hue a little."""
     import colorsys
 
@@ -55,14 +55,14 @@ def noise(rng: Generator, cells: int, octaves: int) -> NdArray:
         n = cells << octave
         if n > _SIZE // 2:
             break
-        values = rng.random((n, n))
-        place = (np.arange(_SIZE) + 0.5) / _SIZE * n
+        weights = np.zeros((_SIZE, n))
+        rows = np.arange(_SIZE)
+        place = (rows + 0.5) / _SIZE * n
         low = place.astype(int)
-        t = place - low
-        t = t * t * (3 - 2 * t)
-        high = (low + 1) % n
-        rows = values[low] * (1 - t)[:, None] + values[high] * t[:, None]
-        total += 0.5**octave * (rows[:, low] * (1 - t) + rows[:, high] * t)
+        t = _smooth(place - low)
+        weights[rows, low] = 1 - t
+        weights[rows, (low + 1) % n] += t
+        total += 0.5**octave * (weights @ rng.random((n, n)) @ weights.T)
         weight += 0.5**octave
     return np.asarray(total / weight)
 
@@ -119,13 +119,14 @@ def _clouds(rng: Generator) -> NdArray:
 
 def _terrazzo(rng: Generator) -> NdArray:
     x, y = _grid()
-    best, tone = np.full(x.shape, np.inf), np.zeros(x.shape)
-    for _ in range(90):
+    nearest, tone = np.full(x.shape, np.inf), np.zeros(x.shape)
+    for _ in range(60):
         u, v, r, t = rng.random(4)
-        dx, dy = np.abs(x - u), np.abs(y - v)
-        d = np.hypot(np.minimum(dx, 1 - dx), np.minimum(dy, 1 - dy)) - 0.02 - 0.03 * r
-        tone, best = np.where(d < best, t, tone), np.minimum(best, d)
-    return np.where(best < 0, 0.3 + 0.7 * tone, 0.15)
+        dx, dy = np.abs(x[0] - u), np.abs(y[:, 0] - v)
+        squares = np.minimum(dx, 1 - dx)[None] ** 2 + np.minimum(dy, 1 - dy)[:, None] ** 2
+        away = squares / (0.022 + 0.035 * r) ** 2
+        tone, nearest = np.where(away < nearest, t, tone), np.minimum(nearest, away)
+    return np.where(nearest < 1, 0.3 + 0.7 * tone, 0.15)
 
 
 def _weave(rng: Generator) -> NdArray:
@@ -137,7 +138,10 @@ def _weave(rng: Generator) -> NdArray:
 
 
 def _edge(inside: NdArray, width: float) -> NdArray:
-    t = np.clip(inside / width + 0.5, 0, 1)
+    return _smooth(np.clip(inside / width + 0.5, 0, 1))
+
+
+def _smooth(t: NdArray) -> NdArray:
     return np.asarray(t * t * (3 - 2 * t))
 
 

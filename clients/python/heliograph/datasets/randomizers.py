@@ -21,12 +21,18 @@ from .props import random_shape
 from .ranges import Choice as choice
 from .ranges import HsvColor as hsv_color
 from .ranges import LogUniform as log_uniform
+from .scenes import DomeScene, FatScene, MeshScene, make_scene
 from .settling import Settle as settle
 from .viewpoints import LookAtJitter as look_at_jitter
 from .viewpoints import Orbit as orbit
+from .wares import add_wares
 
 __all__ = [
+    "DomeScene",
+    "FatScene",
+    "MeshScene",
     "add_distractors",
+    "add_wares",
     "bundled_domes",
     "bundled_textures",
     "camera_path",
@@ -37,6 +43,7 @@ __all__ = [
     "in_volume",
     "log_uniform",
     "look_at_jitter",
+    "make_scene",
     "orbit",
     "random_dome",
     "random_joints",
