@@ -13,51 +13,47 @@ import numpy as np
 from ..._arrays import NdArray
 
 
-def counts_of_text(text: str) -> list[int]:
-    """Run lengths of COCO's compressed text; ValueError when it is none.
+def counts_of_text(text: str) -> NdArray:
+    """(N,) run lengths of COCO's compressed text; ValueError when it is none.
 
     Each number is little-endian groups of five bits plus 48, bit 6 says that more follow, the
     last group's bit 5 is the sign; from the fourth on a number is added to the one two before.
     """
-    counts: list[int] = []
-    number = shift = 0
-    for character in text:
-        group = ord(character) - 48
-        if not 0 <= group < 64:
-            raise ValueError(f"{character!r} is no character of compressed run lengths")
-        number |= (group & 31) << shift
-        shift += 5
-        if group & 32:
-            continue
-        if group & 16:
-            number -= 1 << shift
-        counts.append(number + (counts[-2] if len(counts) > 2 else 0))
-        number = shift = 0
-    if shift:
+    groups = np.frombuffer(text.encode("latin-1"), np.uint8).astype(np.int64) - 48
+    if not len(groups) or (groups < 0).any() or (groups > 63).any():
+        raise ValueError(f"{text[:20]!r} has what is no character of compressed run lengths")
+    ends = np.flatnonzero(groups & 32 == 0)
+    if not len(ends) or ends[-1] != len(groups) - 1:
         raise ValueError("compressed run lengths end within a number")
-    return counts
+    starts = np.concatenate([[0], ends[:-1] + 1])
+    lengths = ends - starts + 1
+    shifts = 5 * (np.arange(len(groups)) - np.repeat(starts, lengths))
+    counts = np.add.reduceat((groups & 31) << shifts, starts)
+    counts -= np.where(groups[ends] & 16, np.left_shift(1, 5 * lengths), 0)
+    counts[1::2] = np.cumsum(counts[1::2])
+    counts[2::2] = np.cumsum(counts[2::2])
+    return np.asarray(counts)
 
 
-def counts_of(segmentation: dict[str, Any]) -> list[int]:
-    """Run lengths of {"size", "counts"}; ValueError when they are none."""
+def counts_of(segmentation: dict[str, Any]) -> NdArray:
+    """(N,) run lengths of {"size", "counts"}; ValueError when they are none."""
     counts = segmentation["counts"]
     if isinstance(counts, str):
         return counts_of_text(counts)
     if not all(isinstance(count, int) for count in counts):
         raise ValueError("run lengths are whole numbers")
-    return list(counts)
+    return np.array(counts, np.int64)
 
 
-def spans_of(counts: Sequence[int], size: Sequence[int]) -> NdArray:
+def spans_of(counts: NdArray, size: Sequence[int]) -> NdArray:
     """(N, 2) first pixel and one past the last of each run of ones, pixels counted column by
     column. ValueError when counts do not fill a picture of size (height, width)."""
-    runs = np.asarray(counts, np.int64)
-    if (runs < 0).any() or runs.sum() != size[0] * size[1]:
+    if (counts < 0).any() or counts.sum() != size[0] * size[1]:
         raise ValueError(
-            f"run lengths sum to {runs.sum()}, and a picture {size[1]}x{size[0]} has "
+            f"run lengths sum to {counts.sum()}, and a picture {size[1]}x{size[0]} has "
             f"{size[0] * size[1]} pixels"
         )
-    ends = np.cumsum(runs)
+    ends = np.cumsum(counts)
     spans = np.column_stack([ends[:-1:2], ends[1::2]])
     return np.asarray(spans[spans[:, 0] < spans[:, 1]])
 
@@ -75,7 +71,7 @@ def box_of_spans(spans: NdArray, height: int) -> tuple[int, int, int, int]:
     return int(columns.min()), y0, int(until.max()) + 1, y1
 
 
-def mask_of(counts: Sequence[int], size: Sequence[int]) -> NdArray:
+def mask_of(counts: NdArray, size: Sequence[int]) -> NdArray:
     """(H, W) bool."""
     flat = np.zeros(size[0] * size[1], bool)
     for start, end in spans_of(counts, size):
