@@ -31,8 +31,8 @@ nvisii.set_camera_entity(camera)
 
 dome = Path(__file__).parent / "assets/interior.exr"
 nvisii.set_dome_light_texture(nvisii.texture.create_from_file("dome", str(dome)), enable_cdf=True)
-nvisii.set_dome_light_intensity(1.2)
-nvisii.set_dome_light_rotation(nvisii.angleAxis(nvisii.pi() * 0.5, (0, 0, 1)))
+nvisii.set_dome_light_exposure(-1.3)
+nvisii.set_dome_light_rotation(nvisii.angleAxis(nvisii.pi() * 1.2, (0, 0, 1)))
 
 floor = nvisii.entity.create(
     name="floor",

@@ -17,7 +17,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 def test_the_smallest_script_runs(tmp_path):
     script = (ROOT / "examples/nvisii_figure.py").read_text()
     assert script.count("samples_per_pixel=1024") == 1
-    (tmp_path / "script.py").write_text(script.replace("1024", "8"))
+    (tmp_path / "script.py").write_text(script.replace("1024", "4"))
     command = [sys.executable, "script.py"]
     run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert run.returncode == 0, run.stderr
@@ -113,3 +113,31 @@ def test_what_is_missing_is_a_runtime_error():
         assert nvisii.should_window_close() is True
     finally:
         nvisii.deinitialize()
+
+
+def test_a_second_session_has_its_dome_again():
+    for _ in range(2):
+        nvisii.initialize(headless=True)
+        try:
+            eye = nvisii.entity.create(
+                "eye", transform=nvisii.transform.create("eye"), camera=nvisii.camera.create("eye")
+            )
+            nvisii.set_camera_entity(eye)
+            assert nvisii.render(8, 8, 1)[:3].min() > 0.05  # the sky that is there by default
+        finally:
+            nvisii.deinitialize()
+
+
+def test_old_names_of_render_to_file(camera, tmp_path):
+    for name, render in (("a.png", nvisii.render_to_png), ("a.hdr", nvisii.render_to_hdr)):
+        render(8, 8, 1, image_path=str(tmp_path / name))
+        assert (tmp_path / name).stat().st_size > 60
+
+
+def test_max_entities_limits_nothing(camera):
+    mesh, look = nvisii.mesh.create_box("m", (0.01,) * 3), nvisii.material.create("m")
+    for i in range(11_000):
+        place = nvisii.transform.create(f"t{i}", position=(i % 160 * 0.02 - 1.6, 0, i * 1e-4))
+        nvisii.entity.create(f"e{i}", transform=place, mesh=mesh, material=look)
+    ids = np.array(nvisii.render_data(16, 16, 0, 1, 0, "entity_id")).reshape(16, 16, 4)[..., 0]
+    assert (ids < 11_001).any()

@@ -9,6 +9,7 @@ import numpy as np
 
 import heliograph as hg
 
+from .checks import above_zero, not_below_zero
 from .component import Component
 from .glm.matrices import mat3, mat4, rows_of
 
@@ -136,14 +137,12 @@ class camera(Component):
 
     def set_focal_distance(self, distance: float) -> None:
         """Where it is sharp: metres along the optical axis."""
-        self._focal_distance = _above_zero("distance", distance)
+        self._focal_distance = above_zero("distance", distance)
         self.mark_dirty()
 
     def set_aperture_diameter(self, diameter: float) -> None:
         """Millimetres; 0: all is sharp."""
-        if not float(diameter) >= 0:
-            raise RuntimeError(f"diameter: {diameter} is below 0")
-        self._aperture = float(diameter)
+        self._aperture = not_below_zero("diameter", diameter)
         self.mark_dirty()
 
     def _sent(self, size: tuple[int, int], shift: tuple[float, float], shutter: Any) -> hg.Camera:
@@ -161,21 +160,21 @@ def perspective(field_of_view: float, aspect: float, near: float = _NEAR, far: f
     if not 0 < angle < math.pi:
         raise RuntimeError(f"field_of_view: {field_of_view} is not between 0 and pi radians")
     focal = 1 / math.tan(0.5 * angle)
-    return _matrix((focal / _above_zero("aspect", aspect), focal), (0.0, 0.0), (near, far))
+    return _matrix((focal / above_zero("aspect", aspect), focal), (0.0, 0.0), (near, far))
 
 
 def _of_focal_length(focal_length: float, sensor_width: float, sensor_height: float) -> Any:
-    focal = _above_zero("focal_length", focal_length)
-    width = _above_zero("sensor_width", sensor_width)
-    height = _above_zero("sensor_height", sensor_height)
+    focal = above_zero("focal_length", focal_length)
+    width = above_zero("sensor_width", sensor_width)
+    height = above_zero("sensor_height", sensor_height)
     return _matrix((2 * focal / width, 2 * focal / height), (0.0, 0.0), (_NEAR, _FAR))
 
 
 def _of_intrinsics(
     k: tuple[float, float, float, float], size: tuple[float, float], clip: tuple[float, float]
 ) -> Any:
-    width, height = _above_zero("width", size[0]), _above_zero("height", size[1])
-    fx, fy = _above_zero("fx", k[0]), _above_zero("fy", k[1])
+    width, height = above_zero("width", size[0]), above_zero("height", size[1])
+    fx, fy = above_zero("fx", k[0]), above_zero("fy", k[1])
     middle = (1 - 2 * (k[2] + 0.5) / width, 2 * (k[3] + 0.5) / height - 1)
     return _matrix((2 * fx / width, 2 * fy / height), middle, clip)
 
@@ -194,9 +193,3 @@ def _matrix(
             [0, 0, -1, 0],
         ]
     )
-
-
-def _above_zero(name: str, value: float) -> float:
-    if not float(value) > 0:
-        raise RuntimeError(f"{name}: {value} is not above 0")
-    return float(value)

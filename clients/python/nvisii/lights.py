@@ -9,6 +9,7 @@ import numpy as np
 
 import heliograph as hg
 
+from .checks import not_below_zero
 from .component import Component
 from .glm.vectors import Numbers, floats, vec3
 from .textures import texture
@@ -40,7 +41,7 @@ class light(Component):
     @classmethod
     def create_from_temperature(cls, name: str, kelvin: float, intensity: float) -> light:
         """With the colour of a black body."""
-        color, strength = planckian(kelvin), _strength(intensity)
+        color, strength = planckian(kelvin), not_below_zero("intensity", intensity)
         made = cls(name)
         made._color, made._intensity = color, strength
         return made
@@ -48,7 +49,7 @@ class light(Component):
     @classmethod
     def create_from_rgb(cls, name: str, color: Numbers, intensity: float) -> light:
         """With a linear colour."""
-        checked, strength = floats(color, 3, "color"), _strength(intensity)
+        checked, strength = floats(color, 3, "color"), not_below_zero("intensity", intensity)
         made = cls(name)
         made._color, made._intensity = checked, strength
         return made
@@ -73,7 +74,7 @@ class light(Component):
         self.set_color(planckian(kelvin))
 
     def set_intensity(self, intensity: float) -> None:
-        self._intensity = _strength(intensity)
+        self._intensity = not_below_zero("intensity", intensity)
         self.mark_dirty()
 
     def get_intensity(self) -> float:
@@ -118,12 +119,6 @@ class light(Component):
         if self._by_area:
             return hg.Light(radiance=self._intensity, **given)
         return hg.Light(power=math.pi * self._intensity, **given)
-
-
-def _strength(intensity: float) -> float:
-    if not float(intensity) >= 0:
-        raise RuntimeError(f"intensity: {intensity} is below 0")
-    return float(intensity)
 
 
 def planckian(kelvin: float) -> tuple[float, ...]:

@@ -19,6 +19,7 @@ from .lights import light
 from .materials import material
 from .meshes import mesh
 from .mirror import Mirror
+from .settings import current as settings
 from .textures import texture
 from .transforms import transform
 from .volumes import volume
@@ -101,6 +102,7 @@ def initialize(
         raise RuntimeError("nvisii is already initialized; call nvisii.deinitialize() before")
     with as_runtime_error():
         _session = _Session(address or os.environ.get("HELIOGRAPH_ADDRESS") or None)
+    settings.dome_changed = True  # the new scene has none yet
 
 
 def initialize_interactive(

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .checks import not_below_zero
 from .component import Component, check
 from .glm.quaternions import quat, quat_of, rotation_of
 from .glm.vectors import Numbers, floats
@@ -159,12 +160,12 @@ def disable_dome_light_sampling() -> None:
 
 def set_direct_lighting_clamp(clamp: float) -> None:
     """The largest radiance of one contribution of direct light; 0: any."""
-    current.direct_clamp = _not_below_zero("clamp", clamp)
+    current.direct_clamp = not_below_zero("clamp", clamp)
 
 
 def set_indirect_lighting_clamp(clamp: float) -> None:
     """The largest radiance of one contribution of indirect light; 0: any."""
-    current.indirect_clamp = _not_below_zero("clamp", clamp)
+    current.indirect_clamp = not_below_zero("clamp", clamp)
 
 
 def set_max_bounce_depth(
@@ -224,12 +225,6 @@ def _interval(name: str, value: Numbers) -> tuple[float, ...]:
     if not 0 <= low <= high <= 1:
         raise RuntimeError(f"{name}: needs 0 <= begin <= end <= 1, not ({low}, {high})")
     return low, high
-
-
-def _not_below_zero(name: str, value: float) -> float:
-    if not float(value) >= 0:
-        raise RuntimeError(f"{name}: {value} is below 0")
-    return float(value)
 
 
 def sky_image(sky: tuple[Any, ...]) -> Any:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .checks import above_zero
 from .component import Component
 from .glm.matrices import mat4, rows_of
 from .glm.quaternions import angleAxis, conjugate, of_rotation, product, quat, quat_of
@@ -199,7 +200,8 @@ class transform(Component):
         self, velocity: Numbers, frames_per_second: float = 1.0, mix: float = 0.0
     ) -> None:
         """The rotation of a second. mix: share of the velocity of before."""
-        step = powered(quat_of(velocity, "velocity"), 1.0 / _above_zero(frames_per_second))
+        rate = above_zero("frames_per_second", frames_per_second)
+        step = powered(quat_of(velocity, "velocity"), 1.0 / rate)
         self._angular = slerp(step, self._angular, float(mix))
         self._before.rotation = None
         self.mark_dirty()
@@ -324,15 +326,9 @@ def decompose_or_raise(matrix: Any) -> tuple[Any, quat, Any]:
     return found
 
 
-def _above_zero(frames_per_second: float) -> float:
-    if not frames_per_second > 0:
-        raise RuntimeError(f"frames_per_second: {frames_per_second} is not above 0")
-    return float(frames_per_second)
-
-
 def _mixed(velocity: Numbers, rate: float, mix: float, old: Sequence[float]) -> tuple[float, ...]:
     new = floats(velocity, 3, "velocity")
-    rate = _above_zero(rate)
+    rate = above_zero("frames_per_second", rate)
     return tuple(v / rate * (1 - mix) + o * mix for v, o in zip(new, old))
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from .checks import above_zero, not_below_zero
 from .component import Component
 from .glm.vectors import Numbers, floats, vec3
 from .nodes import Nodes
@@ -103,17 +104,17 @@ class volume(Component):
 
     def set_scale(self, scale: float) -> None:
         """How far light goes, as a factor: 2 makes it half as dense."""
-        self._scale = _above_zero("scale", scale)
+        self._scale = above_zero("scale", scale)
         self.mark_dirty()
 
     def set_scattering(self, scattering: float) -> None:
         """Scattering coefficient of density 1, per voxel."""
-        self._scattering = _not_below_zero("scattering", scattering)
+        self._scattering = not_below_zero("scattering", scattering)
         self.mark_dirty()
 
     def set_absorption(self, absorption: float) -> None:
         """Absorption coefficient of density 1, per voxel."""
-        self._absorption = _not_below_zero("absorption", absorption)
+        self._absorption = not_below_zero("absorption", absorption)
         self.mark_dirty()
 
     def set_gradient_factor(self, gradient_factor: float) -> None:
@@ -168,15 +169,3 @@ class volume(Component):
 
 def _centered(shape: Any) -> Any:
     return -0.5 * np.asarray(shape, dtype=float)
-
-
-def _above_zero(name: str, value: float) -> float:
-    if not float(value) > 0:
-        raise RuntimeError(f"{name}: {value} is not above 0")
-    return float(value)
-
-
-def _not_below_zero(name: str, value: float) -> float:
-    if not float(value) >= 0:
-        raise RuntimeError(f"{name}: {value} is below 0")
-    return float(value)
