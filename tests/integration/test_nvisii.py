@@ -141,3 +141,24 @@ def test_max_entities_limits_nothing(camera):
         nvisii.entity.create(f"e{i}", transform=place, mesh=mesh, material=look)
     ids = np.array(nvisii.render_data(16, 16, 0, 1, 0, "entity_id")).reshape(16, 16, 4)[..., 0]
     assert (ids < 11_001).any()
+
+
+def test_randomized_scenes_do_not_grow_in_the_daemon(camera):
+    fog = nvisii.volume.create_from_data("fog", 4, 4, 4, np.ones(64), 0.0)
+    cloud = nvisii.entity.create(
+        "cloud",
+        transform=nvisii.transform.create("cloud", scale=(0.1, 0.1, 0.1)),
+        volume=fog,
+        material=nvisii.material.create("cloud"),
+    )
+    scene = nvisii.session.session().mirror.scene
+    sizes = []
+    for i in range(4):
+        nvisii.set_dome_light_sky((i, 1, 2))
+        cloud.get_transform().set_position((0.1 * i, 0, 0))
+        ball(f"ball{i}", radius=0.1 + 0.1 * i)
+        nvisii.render(8, 8, 1)
+        sizes.append(len(scene.find("*")))
+        for kind in (nvisii.entity, nvisii.mesh, nvisii.material, nvisii.transform):
+            kind.remove(f"ball{i}")
+    assert len(set(sizes)) == 1

@@ -33,11 +33,12 @@ class Mirror:
     def __init__(self, scene: hg.Scene) -> None:
         self.scene = scene
         self._made: dict[Component, Any] = {}  # texture, mesh, material, entity: a handle
-        self._fogs: dict[entity, Any] = {}  # a volume of the daemon for each entity that shows one
+        self._fogs: dict[entity, Any] = {}  # of those with a volume: (handle of its own, volume)
         self._moving: set[entity] = set()
         self._camera: Any = None
         self._view: Any = None
         self._black: Any = None  # the material of what is a light only
+        self._sky: Any = None  # the texture of the sky, the same for every sky
 
     def push(self, view: View) -> Any:
         """Sends what changed; the handle of the camera that sees `view`."""
@@ -58,7 +59,7 @@ class _Push:
         self.moving = set(mirror._moving)
         self.edit: Any = None
         self.camera = mirror._camera
-        self.black = mirror._black
+        self.black, self.sky = mirror._black, mirror._sky
 
     def fill(self, edit: Any, view: View) -> None:
         self.edit = edit
@@ -77,7 +78,8 @@ class _Push:
     def done(self) -> None:
         mirror = self.mirror
         mirror._made, mirror._fogs, mirror._moving = self.made, self.fogs, self.moving
-        mirror._camera, mirror._view, mirror._black = self.camera, self.view, self.black
+        mirror._camera, mirror._view = self.camera, self.view
+        mirror._black, mirror._sky = self.black, self.sky
         current.dome_changed = False
         kinds: tuple[type[Component], ...] = (*_KINDS, entity)
         for kind in kinds:
@@ -181,9 +183,13 @@ class _Push:
         world = found._transform._world(False)[:3, :3]  # type: ignore[union-attr]
         units = 1 / max(abs(float(np.linalg.det(world))) ** (1 / 3), 1e-12)
         tint = (0.8, 0.8, 0.8) if found._material is None else found._material._values["base_color"]
-        arguments = found._volume._sent(units, tint)  # type: ignore[union-attr]
-        handle = self.fogs.get(found)
-        self.fogs[found] = made = self.edit.volume(handle, **arguments)
+        shown: Any = found._volume
+        handle, old = self.fogs.get(found, (None, None))
+        arguments = shown._medium(units, tint)
+        if old is not shown or shown in volume._changed:
+            arguments.update(shown._grid())
+        made = self.edit.volume(handle, **arguments)
+        self.fogs[found] = (made, shown)
         return made
 
     # ------------------------------------------------------------ what entities share
@@ -212,7 +218,7 @@ class _Push:
         for component in [c for c in self.made if not c._alive]:
             self.edit.remove(self.made.pop(component))
         for found in [e for e in self.fogs if e not in self.made or e._volume is None]:
-            self.edit.remove(self.fogs.pop(found))
+            self.edit.remove(self.fogs.pop(found)[0])
 
     # ------------------------------------------------------------ dome and camera
 
@@ -227,7 +233,10 @@ class _Push:
             self.edit.dome(None)
             self.edit.dome(color=dome.color, **arguments)
         else:
-            self.edit.dome(sky_image(dome.sky), color=None, **arguments)
+            wrap = ("repeat", "clamp")
+            image = sky_image(dome.sky)
+            self.sky = self.edit.texture(self.sky, image, encoding="linear", wrap=wrap)
+            self.edit.dome(self.sky, color=None, **arguments)
 
     def _see(self, view: View) -> None:
         self.view = view

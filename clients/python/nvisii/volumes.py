@@ -121,15 +121,19 @@ class volume(Component):
         """Kept; volumes here have no surfaces."""
         self._gradient_factor = float(gradient_factor)
 
-    def _sent(self, units: float, tint: Any) -> dict[str, Any]:
-        """The keyword arguments of Edits.volume. units: voxels in a metre of the world. tint: of
-        what is scattered, (3,)."""
-        extinction = self._scattering + self._absorption
-        albedo = self._scattering / extinction if extinction else 0.0
+    def _grid(self) -> dict[str, Any]:
+        """The arguments of Edits.volume that are its voxels."""
         return {
             "density": np.maximum(self._density, 0),
             "origin": self._origin,
             "voxel_size": 1.0,
+        }
+
+    def _medium(self, units: float, tint: Any) -> dict[str, Any]:
+        """The others. units: voxels in a metre of the world. tint: of what is scattered, (3,)."""
+        extinction = self._scattering + self._absorption
+        albedo = self._scattering / extinction if extinction else 0.0
+        return {
             "density_scale": extinction / self._scale * units,
             "albedo": tuple(float(np.clip(albedo * c, 0, 1)) for c in tint),
         }
