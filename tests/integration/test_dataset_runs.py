@@ -77,16 +77,14 @@ def test_a_killed_run_goes_on_to_the_same_bytes(stage, tmp_path):
 
 
 INTERRUPTED = """
-import os, signal, sys
+import os, signal, sys, threading
 import heliograph as hg, heliograph.datasets as hd
 
-def interrupt(progress):
-    if progress.done == 2:
-        os.kill(os.getpid(), signal.SIGINT)
-
-def slow(draw):  # the first two draws are quick
+def slow(draw):  # after the first two, which are made by then
     side = 8 if draw.index < 2 else 4096
     draw.edit.update(draw.camera, camera=hg.Camera.from_fov(50, side, side, degrees=True))
+    if draw.index == 5:
+        threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
 
 with hg.connect() as client, client.create_scene() as scene:
     with scene.edit() as edit:
@@ -96,7 +94,8 @@ with hg.connect() as client, client.create_scene() as scene:
         cam = edit.entity("cam", camera=hg.Camera.from_fov(1, 8, 8), transform=hg.Pose((0, 0, 1)))
     writer = hd.Coco(sys.argv[1])
     try:
-        hd.generate(scene, cam, slow, count=9, spp=1000, writer=writer, progress=interrupt)
+        for indices in (range(2), range(9)):
+            hd.generate(scene, cam, slow, count=9, spp=1000, writer=writer, indices=indices)
     except KeyboardInterrupt:
         print("interrupted", scene.render(cam, spp=1)["beauty"].shape)
 """

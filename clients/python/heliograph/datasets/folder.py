@@ -123,8 +123,7 @@ class Folder:
         self._drop_partial()
         with self.file(self.scene_path.relative_to(self.root)) as path:
             scene.save(path)
-            digest = hashlib.sha256(path.read_bytes()).hexdigest()
-            description = {"format": FORMAT, **description, "scene_sha256": digest}
+            description = {"format": FORMAT, **description, "scene_sha256": _sha256(path)}
             if not resume:
                 self._forget()
             elif (self.own / "dataset.json").exists():
@@ -162,6 +161,14 @@ class Folder:
                 f"{self.root} is a data set with another {', '.join(differs)}: write to another "
                 "directory, or render all of it again with resume=False"
             )
+
+
+def _sha256(path: Path) -> str:
+    digest = hashlib.sha256()
+    with open(path, "rb") as file:
+        while block := file.read(1 << 20):
+            digest.update(block)
+    return digest.hexdigest()
 
 
 def _is_alive(process: int) -> bool:
