@@ -45,6 +45,8 @@ def test_any_sequence_is_a_vector(kind):
     assert made.get_position() == [2, 3, 4] and made.get_scale() == [2, 2, 2]
     with pytest.raises(RuntimeError, match="position: needs 3 numbers"):
         made.set_position(kind([1, 2, 3])[:2])
+    with pytest.raises(RuntimeError, match="position: needs 3 numbers"):
+        made.set_position("123")
 
 
 def test_look_at_turns_minus_z_to_the_target_and_keeps_up():

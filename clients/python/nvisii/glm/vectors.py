@@ -14,7 +14,7 @@ Numbers = Any  # a vector, list, tuple or array of the right length
 def floats(value: Numbers, count: int, name: str) -> tuple[float, ...]:
     """`count` floats of any sequence; RuntimeError names the argument."""
     try:
-        out = tuple(map(float, value))
+        out = tuple(map(float, () if isinstance(value, (str, bytes)) else value))
     except (TypeError, ValueError):
         raise RuntimeError(f"{name}: needs {count} numbers, not {value!r}") from None
     if len(out) != count:
