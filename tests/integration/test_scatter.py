@@ -121,6 +121,9 @@ def test_no_room_is_an_error_that_says_so(stage):
     scene, _, rings = stage
     with pytest.raises(hg.ResourceExhausted, match="found no free place in 5 tries"):
         drawn(scene, "cam", hd.scatter(rings, on="floor", radius=0.01, tries=5))
+    with pytest.raises(hg.ResourceExhausted, match="never stood whole"):
+        drawn(scene, "cam", hd.scatter("wall", on="table", tries=5))
+    drawn(scene, "cam", hd.scatter("wall", on="table", overhang=True))
     with pytest.raises(hg.InvalidArgument, match="things: .* has no mesh"):
         drawn(scene, "cam", hd.scatter("cam", on="floor"))
     with pytest.raises(hg.NotFound, match="flor"):

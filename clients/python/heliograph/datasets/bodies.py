@@ -10,7 +10,7 @@ import numpy as np
 
 from .._arrays import NdArray
 from ..errors import InvalidArgument
-from ..handles import Asset, Entity, Handle, Material, Mesh, Named, flatten
+from ..handles import Entity, Material, Mesh, Named, flatten
 
 if TYPE_CHECKING:
     from ..scene import Scene
@@ -114,8 +114,8 @@ class Bodies:
 
 def middle(draw: Draw, target: Any, field: str = "target") -> NdArray:
     """(3,) the middle of the world box of entities as drawn so far; or the point that it is."""
-    named = isinstance(target, (str, Handle, Asset))
-    if not named and len(target) == 3 and all(isinstance(x, (int, float)) for x in target):
+    listed = isinstance(target, (tuple, list, np.ndarray)) and len(target) == 3
+    if listed and all(isinstance(x, (int, float, np.number)) for x in target):
         return np.asarray(target, dtype="f8")
     corners = [box_of(body.world(draw.pose(body.root))) for body in draw.bodies.of(target, field)]
     low = np.min([low for low, _ in corners], axis=0)

@@ -9,7 +9,7 @@ import numpy as np
 
 from .._arrays import NdArray, checked
 from ..components import number_of, whole_of
-from ..errors import InvalidArgument
+from ..errors import InvalidArgument, ResourceExhausted
 from . import ranges
 from .apart import Apart
 from .bodies import Body, box_of, middle
@@ -73,8 +73,14 @@ class Scatter:
             for _ in range(self.tries):
                 pose, foot = self._stand(draw.rng, body, base[id(body)], patch)
                 if self.overhang or surface.carries(foot, 0.05 * float(np.ptp(foot)) + 1e-6):
-                    break
-            return pose
+                    return pose
+            raise ResourceExhausted(
+                f"things: {body.root!r} never stood whole on the surface in {self.tries} tries; "
+                "give a larger surface, overhang=True, or more tries=",
+                field="tries",
+                needed=self.tries + 1,
+                available=self.tries,
+            )
 
         obstacles = draw.bodies.of(self.on, "on")
         obstacles += draw.bodies.of(self.avoid, "avoid")
