@@ -34,6 +34,10 @@ LEFT_OUT = {
     "test_batch.py::test_what_is_not_for_a_batch_is_refused": "the same",
     "test_device_edits.py": "heliographd-faulty beside the test's daemon",
     "test_worlds.py::test_progress_counts_all_pictures": "the same",
+    "test_cluster.py": "Ray",
+    "test_randomizers.py::test_things_fall_and_rest_on_the_floor_without_meeting": "PyBullet",
+    "test_randomizers.py::test_things_fall_as_fast_as_gravity_has_it": "PyBullet",
+    "test_randomizers.py::test_a_draw_is_pure_in_its_seed_and_index[<lambda>6]": "PyBullet",
 }
 PARTS = {  # in this order, or in that of the command line
     "pictures": ["-m", "pytest", "-q", "tests/image"],

@@ -253,7 +253,8 @@ def test_a_lost_device_takes_its_free_buffers_with_it(stage):
     assert len(free) == len(PLANES)
     os.kill(stage.client.connection.daemon._process.pid, signal.SIGUSR1)
     with pytest.raises(hg.Unavailable):
-        look(stage, 1)
+        for _ in range(1000):  # until the signal has arrived
+            look(stage, 1)
     until = time.monotonic() + 10
     while time.monotonic() < until:
         try:
