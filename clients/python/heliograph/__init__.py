@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from .robots import Robot
     from .scene import Scene
     from .sensors import DepthSensor, RgbSensor
+    from .viewer import Viewer
     from .worlds import WorldFrame, Worlds
 
 __version__ = "0.1.0"
@@ -75,6 +76,7 @@ _LAZY = {
     "Tex": "components",
     "Texture": "handles",
     "Visibility": "components",
+    "Viewer": "viewer",
     "WorldFrame": "worlds",
     "Worlds": "worlds",
     "look_at": "pose",
@@ -128,6 +130,7 @@ __all__ = [
     "Unauthenticated",
     "Unavailable",
     "Unimplemented",
+    "Viewer",
     "Visibility",
     "WorldFrame",
     "Worlds",

@@ -31,7 +31,7 @@ class Canvas:
         height, width = wide.shape[:2]
         self._fine = 3 if width * height <= 2_500_000 else 2
         self.stroke = max(1.5, min(width, height) / 240)
-        self.line = max(10, min(22, round(min(width, height) / 28)))
+        self.line = max(10, min(22, round(min(width, height) / 34)))
         self._font = font_of(self.line)
         self._tags: list[tuple[Box, str, Color]] = []
         self._new_layer()

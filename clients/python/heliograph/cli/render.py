@@ -40,13 +40,13 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--planes", default="", metavar="A,B", help="planes besides beauty: depth,normal,instance"
     )
-    _add_view(parser)
+    add_view(parser)
     _add_picture(parser)
     add_connection(parser)
     parser.set_defaults(run=run)
 
 
-def _add_view(parser: argparse.ArgumentParser) -> None:
+def add_view(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("scene")
     group.add_argument("--camera", metavar="NAME", help="a camera of the model")
     group.add_argument("--fov", type=float, default=35.0, help="degrees across; default 35")
