@@ -6,9 +6,9 @@ import pytest
 
 
 @pytest.fixture
-def camera():
+def camera(client):
     """An initialized module with a camera at (0, -4, 0) that looks along +Y."""
-    nvisii.initialize(headless=True, max_entities=3)
+    nvisii.initialize(headless=True, max_entities=3, address=client.address)
     eye = nvisii.entity.create(
         "eye", transform=nvisii.transform.create("eye"), camera=nvisii.camera.create("eye")
     )

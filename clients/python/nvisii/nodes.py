@@ -6,18 +6,32 @@ from typing import Any
 
 import numpy as np
 
-_SIDES = (8, 128, 4096)  # voxels of leaves, lower and upper nodes (Museth 2021, "NanoVDB")
+_LEAF = 8  # voxels along a side of a leaf
+_LEAVES = (1, 16, 512)  # leaves along a side of a leaf, a lower and an upper node (Museth 2021)
 
 
 class Nodes:
     """density: (X, Y, Z). origin: lower corner of voxel [0, 0, 0]."""
 
     def __init__(self, density: Any, origin: Any) -> None:
-        self._origin = origin
-        self._first = np.floor(origin + 0.5).astype(int)
-        found = np.argwhere(density != 0)
-        self._voxels = found + self._first
-        self._values = density[density != 0]
+        first = np.floor(origin + 0.5).astype(int)  # the number of voxel [0, 0, 0]
+        start = first - first % _LEAF
+        rest = -(first + density.shape) % _LEAF
+        blocks = np.pad(density, list(zip(first - start, rest)))
+        counts = np.array(blocks.shape) // _LEAF
+        blocks = blocks.reshape([n for count in counts for n in (count, _LEAF)])
+        active = blocks != 0
+        used = active.any(axis=(1, 3, 5))
+        self._cells = np.argwhere(used) + start // _LEAF
+        self._largest = np.where(active, blocks, -np.inf).max(axis=(1, 3, 5))[used]
+        low, high = (np.empty((len(self._cells), 3)) for _ in range(2))
+        for axis in range(3):
+            others = tuple(2 * k + 1 for k in range(3) if k != axis)
+            there = np.moveaxis(active.any(axis=others), axis + 1, -1)[used]
+            low[:, axis] = there.argmax(axis=1)
+            high[:, axis] = _LEAF - there[:, ::-1].argmax(axis=1)
+        corner = self._cells * _LEAF + (origin - first)
+        self._low, self._high = corner + low, corner + high
         self._boxes: dict[int, list[tuple[Any, float]]] = {}
 
     def boxes(self, level: int) -> list[tuple[Any, float]]:
@@ -29,21 +43,17 @@ class Nodes:
         return self._boxes[level]
 
     def _nodes(self, level: int) -> list[tuple[Any, float]]:
-        voxels, values = self._voxels, self._values
-        if len(voxels) == 0:
+        if len(self._cells) == 0:
             return []
-        if level == 3:
-            keys = np.zeros(len(voxels), dtype=int)
-        else:
-            cells = voxels // _SIDES[level]
-            _, keys = np.unique(cells, axis=0, return_inverse=True)
-        order = np.argsort(keys.reshape(-1), kind="stable")
-        starts = np.flatnonzero(np.diff(keys.reshape(-1)[order], prepend=-1))
-        low = np.minimum.reduceat(voxels[order], starts)
-        high = np.maximum.reduceat(voxels[order], starts)
-        largest = np.maximum.reduceat(values[order], starts)
-        shift = self._origin - self._first
-        low, high = low + shift, high + 1 + shift
+        keys = np.zeros(len(self._cells), dtype=int)
+        if level < 3:
+            nodes = self._cells // _LEAVES[level]
+            keys = np.unique(nodes, axis=0, return_inverse=True)[1].reshape(-1)
+        order = np.argsort(keys, kind="stable")
+        starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
+        low = np.minimum.reduceat(self._low[order], starts)
+        high = np.maximum.reduceat(self._high[order], starts)
+        largest = np.maximum.reduceat(self._largest[order], starts)
         return [(np.stack(pair), float(top)) for *pair, top in zip(low, high, largest)]
 
     def box(self, level: int, index: int) -> Any:

@@ -98,7 +98,12 @@ class volume(Component):
         axis = np.arange(-n, n + 1, dtype="f4")
         x, y, z = np.meshgrid(axis, axis, axis, indexing="ij", sparse=True)
         density = np.clip(-distance(x, y, z) / np.float32(half_width), 0, 1).astype("f4")
-        return cls(name, density, (-n - 0.5,) * 3)
+        filled = [np.flatnonzero(density.any(axis=others)) for others in ((1, 2), (0, 2), (0, 1))]
+        if min(map(len, filled)) == 0:
+            raise RuntimeError(f'volume "{name}" has no voxel inside')
+        used = tuple(slice(k[0], k[-1] + 1) for k in filled)
+        low = np.array([k[0] for k in filled])
+        return cls(name, np.ascontiguousarray(density[used]), low - n - 0.5)
 
     # ------------------------------------------------------------ the medium
 
