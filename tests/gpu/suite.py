@@ -50,6 +50,7 @@ PARTS = {  # in this order, or in that of the command line
     "memory": ["tests/gpu/memory.py"],
     "lost": ["tests/gpu/lost.py"],
     "denoise": ["tests/gpu/denoise.py"],
+    "stream": ["tests/gpu/stream.py"],
     "training": ["examples/train_on_gpu.py"],
     "sanitized": ["tests/gpu/sanitized.py"],
     "speed": ["bench/gpu.py"],
