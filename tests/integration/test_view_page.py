@@ -10,7 +10,8 @@ from PIL import Image
 
 pytestmark = pytest.mark.skipif(
     browser.program() is None,
-    reason=f"NO BROWSER: none of {', '.join(browser.NAMES)} is on PATH, so the page was not tested",
+    reason=f"NO BROWSER: none of {', '.join(browser.NAMES)} is on PATH, the page was not tested; "
+    "apt-get install --no-install-recommends chromium-headless-shell",
 )
 
 WAIT = "new Promise((done) => setTimeout(done, 50))"
