@@ -48,6 +48,12 @@ def planted(change):
 
 FAULTS = {
     "EXR is none": ("exr.format", lambda root: (root / "exr/000000.exr").write_bytes(b"v/1\x01")),
+    "EXR cut": (
+        "exr.format",
+        lambda root: (root / "exr/000000.exr").write_bytes(
+            (root / "exr/000000.exr").read_bytes()[:-900]
+        ),
+    ),
     "JSON without K": ("exr.format", planted(lambda planes, content: content.pop("K"))),
     "width and height swapped": (
         "exr.sizes",

@@ -5,6 +5,9 @@ Planes as docs/planes.md has them, rows as docs/python.md has label columns.
 
 from __future__ import annotations
 
+import contextlib
+import io
+import threading
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -35,6 +38,7 @@ SHOT = {
     "camera_from_world_cv": LIST,
     "instances": LIST,
 }
+_READING = threading.Lock()
 
 
 def found(root: Path) -> bool:
@@ -104,10 +108,15 @@ def read_planes(path: Path) -> dict[str, NdArray]:
         raise Unimplemented(
             "EXR files need the package OpenEXR: pip install 'heliograph[datasets]'"
         ) from None
+    said = io.StringIO()  # pixels that cannot be decoded are told there, and nowhere else
     try:
-        parts = OpenEXR.File(str(path), separate_channels=True).parts
+        with _READING, contextlib.redirect_stdout(said):
+            parts = OpenEXR.File(str(path), separate_channels=True).parts
     except (RuntimeError, ValueError, TypeError) as error:
         raise Malformed(path, f"is no EXR that can be read ({error}): write it anew") from None
+    if "Exception" in said.getvalue():
+        first = said.getvalue().splitlines()[0]
+        raise Malformed(path, f"has pixels that cannot be read ({first}): write it anew")
     planes = {}
     for part in parts:
         channels = {name: channel.pixels for name, channel in part.channels.items()}

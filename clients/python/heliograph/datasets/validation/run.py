@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import os
+import struct
+import tokenize
+import zipfile
+import zlib
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
@@ -11,12 +15,16 @@ from pathlib import Path
 from typing import Any
 
 from ..._progress import is_watched
-from ...errors import InvalidArgument, NotFound
+from ...errors import HeliographError, InvalidArgument, NotFound
 from .formats import Format, Task
 from .report import Faults, Malformed, Report
 from .table import FORMATS
 
-_MALFORMED = (KeyError, TypeError, ValueError, IndexError, OverflowError, AttributeError)
+_MALFORMED = (  # what reading a file raises that holds something else than was expected
+    *(LookupError, TypeError, ValueError, ArithmeticError, AttributeError, EOFError, RuntimeError),
+    *(struct.error, zlib.error, zipfile.BadZipFile, SyntaxError, tokenize.TokenError, MemoryError),
+)
+_UNEXPECTED = "holds what the format has not ({!r}): write it anew"
 
 
 def validate(
@@ -99,6 +107,10 @@ def _guarded(one: Format, faults: Faults) -> Iterator[Task]:
         yield from one.tasks(faults.root, faults)
     except Malformed as error:
         faults.add("format", error.file, error.message)
+    except HeliographError:  # a package that is missing
+        raise
+    except _MALFORMED as error:
+        faults.add("format", faults.root, _UNEXPECTED.format(error))
 
 
 def run_task(name: str, task: Task, root: Path, limit: int) -> Faults:
@@ -108,9 +120,11 @@ def run_task(name: str, task: Task, root: Path, limit: int) -> Faults:
         task(faults)
     except Malformed as error:
         faults.add("format", error.file, error.message)
+    except HeliographError:
+        raise
     except _MALFORMED as error:
         file = next((a for a in getattr(task, "args", ()) if isinstance(a, Path)), root)
-        faults.add("format", file, f"is not as the format has it ({error!r}): write it anew")
+        faults.add("format", file, _UNEXPECTED.format(error))
     return faults
 
 
