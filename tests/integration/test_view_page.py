@@ -14,6 +14,8 @@ pytestmark = pytest.mark.skipif(
     "apt-get install --no-install-recommends chromium-headless-shell",
 )
 
+# The picture of the camera at rest, in full size.
+RESTS = "shown && shown.final && !moving && !sending && shown.width === current().width"
 WAIT = "new Promise((done) => setTimeout(done, 50))"
 
 
@@ -35,7 +37,7 @@ def page(client, tmp_path_factory):
             browser.Browser(folder, viewer.url, (560, 360)) as page,
         ):
             page.scene = scene
-            page.until("shown && shown.final && !moving")
+            page.until(RESTS)
             yield page
 
 
@@ -65,7 +67,7 @@ def test_dragging_orbits_and_the_wheel_zooms(page):
     x, y = stage(page)
     before = page.run("({...orbit})")
     page.drag((x, y), (x + 60, y + 20))
-    after = page.until("shown.final && !moving && {...orbit}")
+    after = page.until(f"{RESTS} && {{...orbit}}")
     assert after["azimuth"] < before["azimuth"] and after["elevation"] > before["elevation"]
     assert after["target"] == before["target"]
     pose = np.array(page.run("shown.pose"))
@@ -75,7 +77,7 @@ def test_dragging_orbits_and_the_wheel_zooms(page):
     page.drag((x, y), (x + 30, y), button="right")
     assert page.run("orbit.target") != after["target"]
     page.run("document.getElementById('all').click()")
-    page.until("shown.final && !moving")
+    page.until(RESTS)
 
 
 def test_a_click_selects_and_the_tree_follows(page):
