@@ -13,6 +13,7 @@ import signal
 import sys
 import tempfile
 import threading
+import time
 
 import common
 import heliograph as hg
@@ -23,6 +24,7 @@ from heliograph import cluster
 COUNT = common.size(1000, 24)
 KILLS = common.size(30, 3)
 PAUSE = common.size(1.5, 0.4)  # seconds between two, on average
+DRAWING = common.size(0, 0.6)  # seconds that a draw takes, so that few images last for all kills
 BALLS = [f"ball/{i}" for i in range(3)]
 
 
@@ -37,6 +39,7 @@ def furnish(scene):
 
 
 def scatter(draw):
+    time.sleep(DRAWING)
     poses = np.tile(np.eye(4), (len(BALLS), 1, 1))
     poses[:, :2, 3] = draw.rng.uniform(-0.8, 0.8, (len(BALLS), 2))
     poses[:, 2, 3] = 0.2
@@ -68,8 +71,11 @@ def victims():
         return False
 
     workers = [p for p, (_, name) in found.items() if name.startswith("ray::Maker") and is_ours(p)]
-    daemons = [p for p, (parent, name) in found.items()
-               if parent in workers and name.endswith("heliographd")]
+    daemons = [
+        p
+        for p, (parent, name) in found.items()
+        if parent in workers and name.endswith("heliographd")
+    ]
     return workers, daemons
 
 
@@ -112,8 +118,16 @@ def main():
         options = {"count": COUNT, "spp": 2, "seed": 7}
         killer = Killer()
         killer.start()
-        done = cluster.generate(scene, "cam", scatter, writer=hd.Coco(disturbed), workers=3,
-                                shard=common.size(8, 2), tries=50, **options)
+        done = cluster.generate(
+            scene,
+            "cam",
+            scatter,
+            writer=hd.Coco(disturbed),
+            workers=3,
+            shard=common.size(8, 2),
+            tries=50,
+            **options,
+        )
         killer.over.set()
         killer.join()
         print(f"  {done}; killed: {killer.killed[0]} workers, {killer.killed[1]} daemons")
@@ -123,8 +137,9 @@ def main():
         pictures = [name for name in made if name.endswith(".png")]
         report.figure("pictures too few or too many", abs(len(pictures) - COUNT), 0, slack=False)
         report.figure("files unlike those of an undisturbed run", len(differ), 0, slack=False)
-        report.figure("faults found by validate()", len(hd.validate(disturbed).faults), 0,
-                      slack=False)
+        report.figure(
+            "faults found by validate()", len(hd.validate(disturbed).faults), 0, slack=False
+        )
         missed = KILLS - sum(killer.killed) if common.SHORT else 0 if sum(killer.killed) else 1
         report.figure("kills that came too late", missed, 0, slack=False)
         if differ:

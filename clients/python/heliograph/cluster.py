@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from .scene import Scene
 
 Shard = tuple[int, int]  # first image, one after the last
+_STARTS = 3
+_QUIET: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.WARNING}
 
 
 @dataclass(frozen=True)
@@ -228,6 +230,20 @@ class _Team:
         self._todo.appendleft(shard)
 
 
+def _start(ray: Any, cores: int) -> None:
+    """A Ray of this process's own. Its head waits for its parts, which now and then one of them
+    keeps waiting for too long (seen with 2.60): then it is started again."""
+    for left in reversed(range(_STARTS)):
+        try:
+            ray.init(num_cpus=max(1, cores), include_dashboard=False, **_QUIET)
+            return
+        except Exception as error:
+            ray.shutdown()
+            if left == 0:
+                raise
+            logging.getLogger("heliograph").warning("Ray did not start, once more: %s", error)
+
+
 @contextlib.contextmanager
 def _ray(cores: float) -> Iterator[Any]:
     """Ray, initialized."""
@@ -240,12 +256,10 @@ def _ray(cores: float) -> Iterator[Any]:
     if ray.is_initialized():
         yield ray
         return
-    own = {"num_cpus": max(1, math.ceil(cores)), "include_dashboard": False}
-    ray.init(
-        log_to_driver=False,
-        logging_level=logging.WARNING,
-        **({"address": elsewhere} if elsewhere else own),
-    )
+    if elsewhere:
+        ray.init(address=elsewhere, **_QUIET)
+    else:
+        _start(ray, math.ceil(cores))
     try:
         yield ray
     finally:
