@@ -15,9 +15,11 @@ from pathlib import Path
 
 import heliograph as hg
 import numpy as np
+from heliograph.datasets import bundled_domes
 from PIL import Image, ImageDraw
 
 ASSETS = Path(__file__).parent / "assets"
+DOMES = {path.stem: path for path in bundled_domes()}
 TARGET = (0.0, 0.0, 0.36)
 VIEW = "agx"
 PLANES = [
@@ -48,7 +50,7 @@ def build(scene: hg.Scene) -> None:
         edit.mesh("floor/mesh", **hg.shapes.plane(30.0))
         edit.material("floor/material", base_color=(0.46, 0.42, 0.38), roughness=0.32)
         edit.entity("floor", mesh="floor/mesh", material="floor/material", label=0)
-        edit.dome(ASSETS / "interior.exr", rotation=math.radians(200))
+        edit.dome(DOMES["interior"], rotation=math.radians(200))
         camera = hg.Camera.from_fov(30, 640, 640, degrees=True)
         edit.entity("camera", camera=camera, transform=orbit(24, 7, 1.75))
 
@@ -123,7 +125,7 @@ def randomise(edit: hg.Edits, rng: np.random.Generator) -> None:
             transmission=float(not metallic and rng.random() < 0.3),
         )
     edit.material("floor/material", base_color=rng.uniform(0.15, 0.6) * rng.uniform(0.85, 1, 3))
-    sky = ASSETS / ("interior.exr" if rng.random() < 0.5 else "forest.exr")
+    sky = DOMES["interior" if rng.random() < 0.5 else "forest"]
     edit.dome(sky, rotation=rng.uniform(0, 2 * math.pi))
     pose = orbit(rng.uniform(-55, 55), rng.uniform(6, 32), rng.uniform(1.7, 2.4))
     edit.update("camera", transform=pose)

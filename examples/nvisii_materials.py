@@ -6,9 +6,9 @@ usage: nvisii_materials.py [--out FILE] [--width N] [--height N] [--spp N]
 import argparse
 import colorsys
 import random
-from pathlib import Path
 
 import nvisii
+from heliograph.datasets import bundled_domes
 
 parser = argparse.ArgumentParser()
 parser.add_argument("--out", default="nvisii_materials.png")
@@ -29,7 +29,7 @@ camera = nvisii.entity.create(
 camera.get_transform().look_at(at=(0, 0, 0.7), up=(0, 0, 1), eye=(0, -9, 3.2))
 nvisii.set_camera_entity(camera)
 
-dome = Path(__file__).parent / "assets/interior.exr"
+dome = next(path for path in bundled_domes() if path.stem == "interior")
 nvisii.set_dome_light_texture(nvisii.texture.create_from_file("dome", str(dome)), enable_cdf=True)
 nvisii.set_dome_light_exposure(-1.3)
 nvisii.set_dome_light_rotation(nvisii.angleAxis(nvisii.pi() * 1.2, (0, 0, 1)))

@@ -196,7 +196,10 @@ class PoseNet(nn.Module):
     def __init__(self) -> None:
         super().__init__()
         self.body = nn.Sequential(
-            layers(3, 32, 64, 64), nn.Flatten(), nn.Linear(64 * 16, 128), nn.ReLU(),
+            layers(3, 32, 64, 64),
+            nn.Flatten(),
+            nn.Linear(64 * 16, 128),
+            nn.ReLU(),
             nn.Linear(128, 3),
         )
 
@@ -219,8 +222,18 @@ class PoseNet(nn.Module):
 
 def stream(scene: hg.Scene, count: int, seed: int, is_test: bool):
     planes = ["beauty", "normal", "base_color"]
-    frames = Frames(scene, "cam", Shuffle(scene, is_test), count=count, seed=seed, item=item,
-                    planes=planes, labels=["boxes", "amodal"], spp=16, max_depth=4)
+    frames = Frames(
+        scene,
+        "cam",
+        Shuffle(scene, is_test),
+        count=count,
+        seed=seed,
+        item=item,
+        planes=planes,
+        labels=["boxes", "amodal"],
+        spp=16,
+        max_depth=4,
+    )
     return loader(frames, BATCH, collate_fn=torch.utils.data.default_collate)
 
 
@@ -249,8 +262,9 @@ def train(scene: hg.Scene, images: int) -> dict[str, list[nn.Module]]:
             losses.append(loss.item())
         if step % 50 == 0 or step == steps:
             rate = min(step * BATCH, images) / (time.perf_counter() - start)
-            print(f"step {step}: losses {np.round(losses, 3)}, {rate:.0f} images a second",
-                  flush=True)
+            print(
+                f"step {step}: losses {np.round(losses, 3)}, {rate:.0f} images a second", flush=True
+            )
     return networks
 
 

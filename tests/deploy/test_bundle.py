@@ -32,8 +32,9 @@ def root(tmp_path_factory):
     archive = tmp_path_factory.mktemp("archive") / "bundle.tar"
     done = bundle(archive, "--glibc", os.confstr("CS_GNU_LIBC_VERSION").split()[1])
     assert done.returncode == 0, done.stderr
-    subprocess.run(["tar", "-C", root / "opt/heliograph", "--strip-components=1", "-xf", archive],
-                   check=True)
+    subprocess.run(
+        ["tar", "-C", root / "opt/heliograph", "--strip-components=1", "-xf", archive], check=True
+    )
     return root
 
 

@@ -17,16 +17,29 @@ DEPLOY = ROOT / "deploy"
 DAEMON = pathlib.Path(os.environ.get("HELIOGRAPHD", ROOT / "build/cpu/bin/heliographd"))
 VENV = ROOT / ".venv/bin"
 DOCKERFILES = sorted(DEPLOY.glob("Dockerfile.*"))
-NOT_IN_AN_IMAGE = {"catch2", "ccache", "git", "ca-certificates", "python3", "python3-venv",
-                   "clang-format-19", "clang-tidy-19", "xz-utils"}
+NOT_IN_AN_IMAGE = {
+    "catch2",
+    "ccache",
+    "git",
+    "ca-certificates",
+    "python3",
+    "python3-venv",
+    "clang-format-19",
+    "clang-tidy-19",
+    "xz-utils",
+}
 
 
 @pytest.mark.parametrize("path", sorted(DEPLOY.rglob("*.toml")), ids=lambda p: str(p.parent.name))
 def test_the_daemon_takes_the_settings(path):
     settings = tomllib.loads(path.read_text())  # stricter than the daemon about what is TOML
     assert settings["drain"] == 20
-    result = subprocess.run([DAEMON, "--config", path, "--socket-group", "0", "--probe", "live"],
-                            capture_output=True, text=True, timeout=20)
+    result = subprocess.run(
+        [DAEMON, "--config", path, "--socket-group", "0", "--probe", "live"],
+        capture_output=True,
+        text=True,
+        timeout=20,
+    )
     assert result.returncode == 1, result.stderr  # it read them, and nobody answers there
 
 
@@ -52,13 +65,17 @@ def test_systemd_finds_the_unit_good_and_safe(tmp_path):
     path = tmp_path / "heliographd.service"
     text = (DEPLOY / "heliographd.service").read_text()
     path.write_text(text.replace("/usr/bin/heliographd", str(DAEMON)))
-    verified = subprocess.run(["systemd-analyze", "verify", "--man=no", path], capture_output=True,
-                              text=True, timeout=60)
+    verified = subprocess.run(
+        ["systemd-analyze", "verify", "--man=no", path], capture_output=True, text=True, timeout=60
+    )
     complaints = [line for line in verified.stderr.splitlines() if "heliographd.service" in line]
     assert not complaints
     secure = subprocess.run(
         ["systemd-analyze", "security", "--offline=true", "--threshold=25", path],
-        capture_output=True, text=True, timeout=60)
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
     assert secure.returncode == 0, secure.stdout[-300:]  # exposure at most 2.5 of 10
 
 
@@ -81,8 +98,18 @@ def packages(rest: str) -> set[str]:
 def test_images_are_locked_in(path):
     stages, stage = {}, ""
     for name, rest in instructions(path):
-        assert name in ("FROM", "RUN", "WORKDIR", "COPY", "USER", "STOPSIGNAL", "HEALTHCHECK",
-                        "CMD", "ENTRYPOINT", "ENV"), name
+        assert name in (
+            "FROM",
+            "RUN",
+            "WORKDIR",
+            "COPY",
+            "USER",
+            "STOPSIGNAL",
+            "HEALTHCHECK",
+            "CMD",
+            "ENTRYPOINT",
+            "ENV",
+        ), name
         if name == "FROM":
             stage = rest.split(" AS ")[1]
             assert ":latest" not in rest and ":" in rest
@@ -174,19 +201,31 @@ def test_the_pod_is_locked_in():
 
 
 @pytest.mark.skipif(shutil.which("kubectl") is None, reason="no kubectl here")
-@pytest.mark.parametrize(("overlay", "image"), [("base", "heliograph:cpu"),
-                                                ("gpu", "heliograph:cuda")])
+@pytest.mark.parametrize(
+    ("overlay", "image"), [("base", "heliograph:cpu"), ("gpu", "heliograph:cuda")]
+)
 def test_overlays_build(overlay, image, tmp_path):
-    built = subprocess.run(["kubectl", "kustomize", DEPLOY / "kubernetes" / overlay],
-                           capture_output=True, text=True, timeout=60, check=True)
+    built = subprocess.run(
+        ["kubectl", "kustomize", DEPLOY / "kubernetes" / overlay],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
     path = tmp_path / "objects.yaml"
     path.write_text(built.stdout)
-    valid = subprocess.run([VENV / "kubernetes-validate", "--strict", path], capture_output=True,
-                           text=True, timeout=60)
+    valid = subprocess.run(
+        [VENV / "kubernetes-validate", "--strict", path], capture_output=True, text=True, timeout=60
+    )
     assert valid.returncode == 0, valid.stdout + valid.stderr
     objects = {each["kind"]: each for each in yaml.safe_load_all(built.stdout)}
-    assert set(objects) == {"Namespace", "ConfigMap", "Deployment", "NetworkPolicy",
-                            "PodDisruptionBudget"}
+    assert set(objects) == {
+        "Namespace",
+        "ConfigMap",
+        "Deployment",
+        "NetworkPolicy",
+        "PodDisruptionBudget",
+    }
     deployment = objects["Deployment"]
     pod = deployment["spec"]["template"]
     for kind in ("NetworkPolicy", "PodDisruptionBudget"):

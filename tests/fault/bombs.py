@@ -137,7 +137,7 @@ class Peak(threading.Thread):
 
 
 def take(scene, path):
-    """"refused", or "loaded"; anything else is an error."""
+    """ "refused", or "loaded"; anything else is an error."""
     try:
         with scene.overlay() as overlay:
             if path.suffix in (".exr", ".png"):

@@ -7,8 +7,10 @@ import heliograph as hg
 import heliograph.aio
 import numpy as np
 import pytest
+from heliograph.datasets import bundled_domes
 
 ASSETS = Path(__file__).resolve().parents[2] / "examples/assets"
+INTERIOR = next(path for path in bundled_domes() if path.stem == "interior")
 
 
 def build(scene, count=3):
@@ -228,7 +230,7 @@ def test_imports(scene):
         copy = edit.instance(asset, transform=hg.Pose((1, 0, 0)), materials={first: red})
     assert copy.name == "FlightHelmet/1" and len(scene.find("FlightHelmet/1*")) > 1
     with pytest.raises(hg.InvalidArgument, match="picture"), scene.edit() as edit:
-        edit.import_file(ASSETS / "interior.exr")
+        edit.import_file(INTERIOR)
 
 
 def test_images(scene, tmp_path):
@@ -238,8 +240,8 @@ def test_images(scene, tmp_path):
     with scene.edit() as edit:
         grey = edit.texture("grey", tmp_path / "grey.png")
         edit.material("m", base_color=grey, roughness=hg.Tex(grey, channel=1))
-        edit.dome(ASSETS / "interior.exr", intensity=2, rotation=1.0)
-        edit.dome(ASSETS / "interior.exr")
+        edit.dome(INTERIOR, intensity=2, rotation=1.0)
+        edit.dome(INTERIOR)
     assert len(scene.find("dome/*")) == 1
     (tmp_path / "bad.png").write_bytes(b"\x89PNG\r\n\x1a\nnonsense")
     with pytest.raises(hg.InvalidArgument, match=r"bad\.png"), scene.edit() as edit:

@@ -138,7 +138,7 @@ def keyed(stage):
 
 
 def test_exr(stage, tmp_path):
-    from heliograph.datasets.exr import PLANES
+    from heliograph.datasets.writers.exr import PLANES
 
     writer = hd.Exr(tmp_path / "out", planes=[*PLANES, *MOTION])
     report = written(stage, writer, keyed(stage), frame_interval=0.1, hold=True)
@@ -155,7 +155,7 @@ LENSES = {
 
 @pytest.mark.parametrize("name", LENSES)
 def test_exr_of_other_lenses(stage, tmp_path, name):
-    from heliograph.datasets.exr import PLANES
+    from heliograph.datasets.writers.exr import PLANES
 
     scene, things, cam = stage
 
@@ -168,7 +168,7 @@ def test_exr_of_other_lenses(stage, tmp_path, name):
 
 
 def test_exr_of_a_rolling_shutter(stage, tmp_path):
-    from heliograph.datasets.exr import PLANES
+    from heliograph.datasets.writers.exr import PLANES
 
     _, _, cam = stage
 

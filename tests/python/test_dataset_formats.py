@@ -12,9 +12,9 @@ import heliograph.datasets as hd
 import numpy as np
 import pytest
 from heliograph.datasets import bop, colmap, kitti, models, ndds, nerf, png
-from heliograph.datasets.encoded import depth_steps, flo, kitti_disparity, kitti_flow
-from heliograph.datasets.instances import instances, quaternion_wxyz
-from heliograph.datasets.symmetries import Axis, Symmetries
+from heliograph.datasets.writers.encoded import depth_steps, flo, kitti_disparity, kitti_flow
+from heliograph.datasets.writers.instances import instances, quaternion_wxyz
+from heliograph.datasets.writers.symmetries import Axis, Symmetries
 from PIL import Image
 
 W, H = hand_made.SIZE

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from heliograph.datasets.outlines import area_of, joined, outlines
+from heliograph.datasets.writers.outlines import area_of, joined, outlines
 from pycocotools import mask as oracle
 
 

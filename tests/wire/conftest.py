@@ -33,8 +33,15 @@ def generate_stubs() -> None:
         (folder / "__init__.py").touch()
     plugin = subprocess.check_output(["which", "grpc_python_plugin"], text=True).strip()
     subprocess.check_call(
-        ["protoc", f"-I{ROOT / 'proto'}", f"--python_out={STUBS}", f"--grpc_python_out={STUBS}",
-         f"--plugin=protoc-gen-grpc_python={plugin}", *map(str, protos)])
+        [
+            "protoc",
+            f"-I{ROOT / 'proto'}",
+            f"--python_out={STUBS}",
+            f"--grpc_python_out={STUBS}",
+            f"--plugin=protoc-gen-grpc_python={plugin}",
+            *map(str, protos),
+        ]
+    )
 
 
 generate_stubs()
@@ -54,8 +61,11 @@ class Daemon:
         named = [f"--limit={name}={value}" for name, value in (limits or {}).items()]
         self.process = subprocess.Popen(
             [DAEMON, "--socket", self.socket, "--ready-fd", str(write), *named, *flags],
-            pass_fds=(write, *popen.pop("pass_fds", ())), stderr=subprocess.PIPE, text=True,
-            **popen)
+            pass_fds=(write, *popen.pop("pass_fds", ())),
+            stderr=subprocess.PIPE,
+            text=True,
+            **popen,
+        )
         os.close(write)
         with os.fdopen(read) as ready:
             line = ready.readline()
@@ -81,7 +91,8 @@ class Client:
 
     def __init__(self, daemon: Daemon, ticket: bool = True):
         self.channel = grpc.insecure_channel(
-            daemon.target, options=[("grpc.use_local_subchannel_pool", 1)])
+            daemon.target, options=[("grpc.use_local_subchannel_pool", 1)]
+        )
         self.stub = service_pb2_grpc.RendererStub(self.channel)
         self.lifeline = None
         request = service.OpenSessionRequest(client="test")

@@ -172,8 +172,13 @@ def tour(client: Client) -> dict:
     found["header"], found["first"] = client.render(scene)
     request = json.loads(found["header"].manifest)["request"]
     found["again"] = frame(client.call("Render", **{**request, "scene": scene}))[1]
-    client.apply(scene, [{"advance": {"dt": 0.5}}, {"target": named("wall"), "mode": "MODE_UPDATE",
-                                                    "entity": {"pose": pose(0, 0, -3)}}])
+    client.apply(
+        scene,
+        [
+            {"advance": {"dt": 0.5}},
+            {"target": named("wall"), "mode": "MODE_UPDATE", "entity": {"pose": pose(0, 0, -3)}},
+        ],
+    )
     _, found["moved"] = client.render(scene)
     read = client.call("Read", scene=scene, refs=[named("wall")], fields=["pose", "entity"])
     found["pose"] = np.frombuffer(read[0].array.inline, "<f4").reshape(4, 4)

@@ -12,8 +12,9 @@ ABORTED = grpc.StatusCode.ABORTED
 
 
 def array(dtype: int, shape: tuple, fmt: str, *values) -> types_pb2.Array:
-    return types_pb2.Array(dtype=dtype, shape=shape,
-                           inline=struct.pack(f"<{len(values)}{fmt}", *values))
+    return types_pb2.Array(
+        dtype=dtype, shape=shape, inline=struct.pack(f"<{len(values)}{fmt}", *values)
+    )
 
 
 def f32(shape: tuple, *values) -> types_pb2.Array:
@@ -37,7 +38,8 @@ def entity(name: str, **fields) -> scene_pb2.Edit:
 def triangle(name: str, indices=(0, 1, 2), positions=(-1, -1, 0, 1, -1, 0, 0, 1, 0)):
     mesh = scene_pb2.Mesh(
         positions=f32((len(positions) // 3, 3), *positions),
-        indices=array(types_pb2.D_TYPE_U32, (len(indices) // 3, 3), "I", *indices))
+        indices=array(types_pb2.D_TYPE_U32, (len(indices) // 3, 3), "I", *indices),
+    )
     return scene_pb2.Edit(target=named(name), mesh=mesh)
 
 
@@ -92,8 +94,9 @@ def test_there_is_no_edit_0(client, scene):
 
 def test_a_refusal_uses_its_number_up_and_is_answered_again(client, scene):
     for _ in range(2):
-        error = refused(lambda: client.apply(
-            scene, entity("x", mode=scene_pb2.Edit.MODE_UPDATE), number=1))
+        error = refused(
+            lambda: client.apply(scene, entity("x", mode=scene_pb2.Edit.MODE_UPDATE), number=1)
+        )
         assert error.code() == grpc.StatusCode.NOT_FOUND
     assert client.revision(scene) == 0
     client.apply(scene, entity("x"), number=2)
@@ -124,8 +127,10 @@ def test_a_branch_is_isolated_both_ways(client, scene):
     branch = client.call("BranchScene", scene=scene).scene
     client.apply(branch, entity("b"))
     client.apply(scene, entity("c"))
-    names = lambda s: {o.name for o in client.call("DescribeScene", scene=s,  # noqa: E731
-                                                   tree=True).objects}
+
+    def names(of):
+        return {o.name for o in client.call("DescribeScene", scene=of, tree=True).objects}
+
     assert names(branch) == {"a", "b"}
     assert names(scene) == {"a", "c"}
     client.call("DeleteScene", scene=scene)

@@ -35,8 +35,9 @@ def health(channel: grpc.Channel, name: str) -> int:
 
 
 def probe(daemon, what: str) -> int:
-    return subprocess.run([DAEMON, "--probe", what, "--socket", daemon.socket], timeout=20,
-                          capture_output=True).returncode
+    return subprocess.run(
+        [DAEMON, "--probe", what, "--socket", daemon.socket], timeout=20, capture_output=True
+    ).returncode
 
 
 def camera_scene(client) -> int:
@@ -133,8 +134,13 @@ def test_metrics_count_what_happens(start):
             client.call("DescribeScene", scene=999)
     not_found = 'heliograph_calls_total{code="NOT_FOUND",method="DescribeScene"}'
     eventually(lambda: scrape(daemon).get(not_found) == 3)  # counted when gRPC has let go of them
-    after = eventually(lambda: (lambda page: page if page.get(
-        'heliograph_calls_total{code="OK",method="Render"}') else None)(scrape(daemon)))
+    after = eventually(
+        lambda: (
+            lambda page: (
+                page if page.get('heliograph_calls_total{code="OK",method="Render"}') else None
+            )
+        )(scrape(daemon))
+    )
     assert after["heliograph_sessions"] == 1
     assert after["heliograph_scenes"] == before["heliograph_scenes"] + 1
     assert after['heliograph_samples_total{tenant="local"}'] == 64 * 64 * 4
@@ -189,8 +195,12 @@ def test_the_metrics_port_answers_get_metrics_only(start):
 def test_metrics_are_off_by_default_and_want_an_address(start):
     assert start().ready["metrics"] == ""
     for address in ("nonsense", "localhost:1", ":9464"):
-        result = subprocess.run([DAEMON, "--metrics", address, "--socket", "/tmp/hg-none/s"],
-                                capture_output=True, text=True, timeout=20)
+        result = subprocess.run(
+            [DAEMON, "--metrics", address, "--socket", "/tmp/hg-none/s"],
+            capture_output=True,
+            text=True,
+            timeout=20,
+        )
         assert result.returncode == 64 and "--metrics" in result.stderr
 
 
@@ -198,14 +208,16 @@ def test_metrics_are_off_by_default_and_want_an_address(start):
 
 
 def reflection_call(channel, *requests, metadata=()):
-    subprocess.check_call(["protoc", f"-I{ROOT}", f"--python_out={STUBS}",
-                           "server/reflection.proto"], cwd=ROOT)
+    subprocess.check_call(
+        ["protoc", f"-I{ROOT}", f"--python_out={STUBS}", "server/reflection.proto"], cwd=ROOT
+    )
     from server import reflection_pb2
 
     method = channel.stream_stream(
         "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",
         request_serializer=reflection_pb2.ServerReflectionRequest.SerializeToString,
-        response_deserializer=reflection_pb2.ServerReflectionResponse.FromString)
+        response_deserializer=reflection_pb2.ServerReflectionResponse.FromString,
+    )
     messages = [reflection_pb2.ServerReflectionRequest(**request) for request in requests]
     return list(method(iter(messages), timeout=10, metadata=metadata))
 
@@ -220,9 +232,12 @@ def test_reflection_gives_the_contract(start):
     daemon = start("--reflection")
     with grpc.insecure_channel(daemon.target) as channel:
         services, files, by_name, none = reflection_call(
-            channel, {"list_services": ""}, {"file_containing_symbol": RENDERER},
+            channel,
+            {"list_services": ""},
+            {"file_containing_symbol": RENDERER},
             {"file_by_filename": "heliograph/v1/types.proto"},
-            {"file_containing_symbol": "heliograph.decode.Hello"})
+            {"file_containing_symbol": "heliograph.decode.Hello"},
+        )
     assert [s.name for s in services.list_services_response.service] == [RENDERER]
     told = [
         descriptor_pb2.FileDescriptorProto.FromString(data)
@@ -276,7 +291,8 @@ def test_members_of_the_socket_group_may_connect(tmp_path):
     read, write = os.pipe()
     process = subprocess.Popen(
         [DAEMON, "--socket", folder / "s", "--socket-group", "games", "--ready-fd", str(write)],
-        pass_fds=(write,))
+        pass_fds=(write,),
+    )
     os.close(write)
     with os.fdopen(read) as ready:
         json.loads(ready.readline())
@@ -297,8 +313,12 @@ def test_members_of_the_socket_group_may_connect(tmp_path):
 
 
 def test_an_unknown_group_is_refused(tmp_path):
-    result = subprocess.run([DAEMON, "--socket", tmp_path / "s", "--socket-group", "no-such"],
-                            capture_output=True, text=True, timeout=20)
+    result = subprocess.run(
+        [DAEMON, "--socket", tmp_path / "s", "--socket-group", "no-such"],
+        capture_output=True,
+        text=True,
+        timeout=20,
+    )
     assert result.returncode == 64 and "no-such" in result.stderr
 
 

@@ -31,8 +31,9 @@ def test_sockets_are_private(start):
 def test_the_folder_of_the_sockets_is_made_private(tmp_path):
     folder = tmp_path / "new"
     read, write = os.pipe()
-    process = subprocess.Popen([DAEMON, "--socket", folder / "s", "--ready-fd", str(write)],
-                               pass_fds=(write,))
+    process = subprocess.Popen(
+        [DAEMON, "--socket", folder / "s", "--ready-fd", str(write)], pass_fds=(write,)
+    )
     os.close(write)
     assert os.read(read, 1)
     assert stat.S_IMODE(os.stat(folder).st_mode) == 0o700
@@ -49,10 +50,18 @@ def test_a_routable_address_is_refused(tmp_path, address):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("flags", [["--nonsense"], ["--limit", "scenes"], ["--limit", "scenes=0"],
-                                   ["--limit", "nope=3"], ["--grace", "-1"],
-                                   ["--socket", "/tmp/" + "x" * 120],
-                                   ["--backend", "nope"]])
+@pytest.mark.parametrize(
+    "flags",
+    [
+        ["--nonsense"],
+        ["--limit", "scenes"],
+        ["--limit", "scenes=0"],
+        ["--limit", "nope=3"],
+        ["--grace", "-1"],
+        ["--socket", "/tmp/" + "x" * 120],
+        ["--backend", "nope"],
+    ],
+)
 def test_wrong_flags_exit_64(flags):
     result = run(*flags)
     assert result.returncode == 64, result.stderr

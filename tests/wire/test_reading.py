@@ -12,9 +12,13 @@ from test_edits import entity, f32, named, pose, refused
 from test_refused_messages import dots, full_lights
 from test_render import render, request, setup
 
-NUMPY = {types_pb2.D_TYPE_F32: np.float32, types_pb2.D_TYPE_F64: np.float64,
-         types_pb2.D_TYPE_U8: np.uint8, types_pb2.D_TYPE_U32: np.uint32,
-         types_pb2.D_TYPE_U64: np.uint64}
+NUMPY = {
+    types_pb2.D_TYPE_F32: np.float32,
+    types_pb2.D_TYPE_F64: np.float64,
+    types_pb2.D_TYPE_U8: np.uint8,
+    types_pb2.D_TYPE_U32: np.uint32,
+    types_pb2.D_TYPE_U64: np.uint64,
+}
 
 
 @pytest.fixture
@@ -44,8 +48,11 @@ def test_a_pose_and_an_array_are_read_back(client, scene):
 
 def test_lights_and_portals_are_read_back_whole(client, scene):
     lights = full_lights()
-    client.apply(scene, dots(), *(
-        scene_pb2.Edit(target=named(name), entity=made) for name, made in lights.items()))
+    client.apply(
+        scene,
+        dots(),
+        *(scene_pb2.Edit(target=named(name), entity=made) for name, made in lights.items()),
+    )
     tree = client.call("DescribeScene", scene=scene, tree=True)
     texture = next(o.id for o in tree.objects if o.name == "dots")
     message = service.ReadRequest(scene=scene, refs=[named(n) for n in lights], fields=["entity"])
@@ -81,11 +88,12 @@ def test_a_scene_file_makes_the_same_scene_in_another_session(daemon, client, sc
     chunks[0].header.name = "copy"
     chunks[0].header.request_id = "import-1"
     send = lambda: other.stub.ImportScene(  # noqa: E731
-        iter(chunks), metadata=other.metadata, timeout=10)
+        iter(chunks), metadata=other.metadata, timeout=10
+    )
     info = send()
     assert info.name == "copy" and send() == info
-    (_, mine), = render(client, request(scene, "BEAUTY", "DEPTH", spp=4))
-    (_, theirs), = render(other, request(info.scene, "BEAUTY", "DEPTH", spp=4))
+    ((_, mine),) = render(client, request(scene, "BEAUTY", "DEPTH", spp=4))
+    ((_, theirs),) = render(other, request(info.scene, "BEAUTY", "DEPTH", spp=4))
     assert np.array_equal(mine["beauty"], theirs["beauty"])
     assert np.array_equal(mine["depth"], theirs["depth"])
     other.close()
@@ -99,8 +107,9 @@ def test_a_file_of_another_format_is_refused(client):
 
 
 def test_rays_say_what_they_hit(client, scene):
-    rays = service.CastRays(origins=f32((2, 3), 0, 0, 0, 0, 0, 0),
-                            directions=f32((2, 3), 0, 0, -1, 0, 0, 1))
+    rays = service.CastRays(
+        origins=f32((2, 3), 0, 0, 0, 0, 0, 0), directions=f32((2, 3), 0, 0, -1, 0, 0, 1)
+    )
     columns = query(client, scene, cast_rays=rays)
     assert columns["t"][0] == pytest.approx(2) and np.isinf(columns["t"][1])
     assert columns["entity"][0] != 0
@@ -124,6 +133,9 @@ def test_a_query_reads_own_writes(client, scene):
 def test_ids_name_objects_in_replies(client, scene):
     tree = client.call("DescribeScene", scene=scene, tree=True, pattern="th*")
     assert [o.name for o in tree.objects] == ["thing"]
-    columns = query(client, scene, cast_rays=service.CastRays(
-        origins=f32((1, 3), 0, 0, 0), directions=f32((1, 3), 0, 0, -1)))
+    columns = query(
+        client,
+        scene,
+        cast_rays=service.CastRays(origins=f32((1, 3), 0, 0, 0), directions=f32((1, 3), 0, 0, -1)),
+    )
     assert struct.unpack("<Q", columns["entity"].tobytes())[0] == tree.objects[0].id

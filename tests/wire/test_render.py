@@ -20,14 +20,20 @@ def setup(client: Client, **scene_fields) -> int:
     scene = client.create(**scene_fields)
     camera = scene_pb2.Camera(width=32, height=24, fx=20, fy=20, cx=15.5, cy=11.5)
     emission = scene_pb2.Material(
-        emission=scene_pb2.ColorParameter(value=types_pb2.Vec3(x=1, y=2, z=3)))
+        emission=scene_pb2.ColorParameter(value=types_pb2.Vec3(x=1, y=2, z=3))
+    )
     client.apply(
         scene,
         scene_pb2.Edit(target=named("glow"), material=emission),
         triangle("mesh", positions=(-9, -9, 0, 9, -9, 0, 0, 9, 0)),
-        entity("thing", mesh=named("mesh"), pose=pose(0, 0, -2),
-               materials=scene_pb2.Materials(parts=[named("glow")])),
-        entity("cam", camera=camera))
+        entity(
+            "thing",
+            mesh=named("mesh"),
+            pose=pose(0, 0, -2),
+            materials=scene_pb2.Materials(parts=[named("glow")]),
+        ),
+        entity("cam", camera=camera),
+    )
     return scene
 
 
@@ -36,8 +42,11 @@ def request(scene: int, *planes: str, **fields) -> render_pb2.RenderRequest:
     return render_pb2.RenderRequest(scene=scene, cameras=[named("cam")], planes=wanted, **fields)
 
 
-DTYPES = {types_pb2.D_TYPE_F32: np.float32, types_pb2.D_TYPE_U32: np.uint32,
-          types_pb2.D_TYPE_U8: np.uint8}
+DTYPES = {
+    types_pb2.D_TYPE_F32: np.float32,
+    types_pb2.D_TYPE_U32: np.uint32,
+    types_pb2.D_TYPE_U8: np.uint8,
+}
 
 
 def collect(stream) -> list[tuple[render_pb2.FrameHeader, dict[str, np.ndarray]]]:
@@ -72,7 +81,7 @@ def scene(client) -> int:
 def test_text_columns_have_rows_and_neither_shape_nor_dtype(client, scene):
     wanted = request(scene, "INSTANCE")
     wanted.labels.boxes = True
-    (header, _), = render(client, wanted)
+    ((header, _),) = render(client, wanted)
     columns = {column.name: column for column in header.labels}
     assert columns["name"].strings == ["thing"]
     assert columns["attributes"].strings == ["{}"]
@@ -84,7 +93,9 @@ def test_text_columns_have_rows_and_neither_shape_nor_dtype(client, scene):
 
 
 def test_a_frame_has_its_planes_and_says_what_it_shows(client, scene):
-    (header, planes), = render(client, request(scene, "BEAUTY", "DEPTH", "INSTANCE", spp=4, seed=7))
+    ((header, planes),) = render(
+        client, request(scene, "BEAUTY", "DEPTH", "INSTANCE", spp=4, seed=7)
+    )
     assert (header.width, header.height, header.revision) == (32, 24, 1)
     assert header.final and header.seed == 7 and header.samples == 4 and header.camera == "cam"
     assert planes["depth"].shape == (24, 32, 1)
@@ -96,14 +107,14 @@ def test_a_frame_has_its_planes_and_says_what_it_shows(client, scene):
 def test_a_frame_shows_the_edit_just_made(client, scene):
     for distance in (3, 4, 5):
         revision = client.apply(scene, entity("thing", pose=pose(0, 0, -distance))).revision
-        (header, planes), = render(client, request(scene, "DEPTH", min_revision=revision))
+        ((header, planes),) = render(client, request(scene, "DEPTH", min_revision=revision))
         assert header.revision >= revision
         assert planes["depth"][12, 16, 0] == pytest.approx(distance, abs=1e-5)
 
 
 def test_an_older_revision_renders_as_it_was(client, scene):
     client.apply(scene, entity("thing", pose=pose(0, 0, -5)))
-    (header, planes), = render(client, request(scene, "DEPTH", revision=1))
+    ((header, planes),) = render(client, request(scene, "DEPTH", revision=1))
     assert header.revision == 1
     assert planes["depth"][12, 16, 0] == pytest.approx(2, abs=1e-5)
     error = refused(lambda: render(client, request(scene, "DEPTH", revision=99)))
@@ -114,10 +125,10 @@ def test_an_older_revision_renders_as_it_was(client, scene):
 
 def test_an_overlay_changes_the_frame_and_not_the_scene(client, scene):
     overlay = scene_pb2.Transaction(edits=[entity("thing", pose=pose(0, 0, -7))])
-    (header, planes), = render(client, request(scene, "DEPTH", overlay=overlay))
+    ((header, planes),) = render(client, request(scene, "DEPTH", overlay=overlay))
     assert header.revision == 1 and header.overlay != 0
     assert planes["depth"][12, 16, 0] == pytest.approx(7, abs=1e-5)
-    (header, planes), = render(client, request(scene, "DEPTH"))
+    ((header, planes),) = render(client, request(scene, "DEPTH"))
     assert header.overlay == 0 and planes["depth"][12, 16, 0] == pytest.approx(2, abs=1e-5)
     assert client.revision(scene) == 1
     bad = scene_pb2.Transaction(edits=[entity("thing", mesh=named("nothing"))])
@@ -141,7 +152,7 @@ def test_progressive_frames_double_their_samples_and_end_with_the_final_one(clie
 
 
 def test_a_large_frame_comes_in_chunks(client, scene):
-    (_, planes), = render(client, request(scene, "POSITION", width=640, height=480))
+    ((_, planes),) = render(client, request(scene, "POSITION", width=640, height=480))
     assert planes["position"].shape == (480, 640, 3)
 
 
@@ -164,8 +175,11 @@ def test_frames_over_the_byte_limit_are_refused(start):
 
 
 def long_render(client: Client, scene: int, **options):
-    return client.stub.Render(request(scene, "BEAUTY", spp=1 << 20, width=640, height=480),
-                              metadata=client.metadata, **options)
+    return client.stub.Render(
+        request(scene, "BEAUTY", spp=1 << 20, width=640, height=480),
+        metadata=client.metadata,
+        **options,
+    )
 
 
 def test_cancel_frees_the_device_at_once(client, scene):
@@ -210,7 +224,7 @@ def test_two_clients_render_their_own_scenes(daemon):
             scene = setup(client)
             client.apply(scene, entity("thing", pose=pose(0, 0, -distance)))
             for _ in range(20):
-                (_, planes), = render(client, request(scene, "DEPTH"))
+                ((_, planes),) = render(client, request(scene, "DEPTH"))
                 assert planes["depth"][12, 16, 0] == pytest.approx(distance, abs=1e-5)
         except Exception as error:  # shown by the main thread
             failures.append(error)
@@ -246,8 +260,9 @@ def test_a_drain_finishes_the_frame_in_flight_and_refuses_new_work(start):
     scene = setup(client)
     render(client, request(scene, "DEPTH"))
     frames = []
-    stream = client.stub.Render(request(scene, "BEAUTY", seconds=1.0, width=64, height=64),
-                                metadata=client.metadata)
+    stream = client.stub.Render(
+        request(scene, "BEAUTY", seconds=1.0, width=64, height=64), metadata=client.metadata
+    )
     reader = threading.Thread(target=lambda: frames.extend(collect(stream)))
     reader.start()
     time.sleep(0.3)
@@ -272,8 +287,10 @@ def test_a_second_signal_ends_at_once(start):
     begin = time.monotonic()
     assert daemon.stop() == 0
     assert time.monotonic() - begin < 2
-    assert refused(lambda: list(stream)).code() in (grpc.StatusCode.CANCELLED,
-                                                    grpc.StatusCode.UNAVAILABLE)
+    assert refused(lambda: list(stream)).code() in (
+        grpc.StatusCode.CANCELLED,
+        grpc.StatusCode.UNAVAILABLE,
+    )
     client.close()
 
 
@@ -287,8 +304,9 @@ def test_memory_stays_flat_over_cycles(start):
             render(client, request(scene, "BEAUTY", "DEPTH", spp=1))
             client.call("DeleteScene", scene=scene)
         status = open(f"/proc/{daemon.process.pid}/status").read()
-        return int(next(line for line in status.splitlines()
-                        if line.startswith("VmRSS")).split()[1])
+        return int(
+            next(line for line in status.splitlines() if line.startswith("VmRSS")).split()[1]
+        )
 
     first = cycle(150)
     assert cycle(150) - first < 3000  # KiB

@@ -74,21 +74,30 @@ def test_a_repeated_request_id_is_answered_from_memory(client):
     assert [s.name for s in client.call("ListScenes").scenes].count("once") == 1
     client.call("DeleteScene", scene=first.scene, request_id="b")
     client.call("DeleteScene", scene=first.scene, request_id="b")
-    assert code_of(lambda: client.call("DeleteScene", scene=first.scene, request_id="a")) == \
-        grpc.StatusCode.INVALID_ARGUMENT
+    assert (
+        code_of(lambda: client.call("DeleteScene", scene=first.scene, request_id="a"))
+        == grpc.StatusCode.INVALID_ARGUMENT
+    )
 
 
 def test_a_failed_call_may_be_tried_again_under_its_request_id(client):
     scene = client.create("busy")
-    assert code_of(lambda: client.call("CreateScene", name="busy", request_id="c")) == \
-        grpc.StatusCode.ALREADY_EXISTS
+    assert (
+        code_of(lambda: client.call("CreateScene", name="busy", request_id="c"))
+        == grpc.StatusCode.ALREADY_EXISTS
+    )
     client.call("DeleteScene", scene=scene)
     assert client.call("CreateScene", name="busy", request_id="c").scene != scene
 
 
-@pytest.mark.parametrize("durability,code", [("os", "FAILED_PRECONDITION"),
-                                             ("fsync", "FAILED_PRECONDITION"),
-                                             ("never", "INVALID_ARGUMENT")])
+@pytest.mark.parametrize(
+    "durability,code",
+    [
+        ("os", "FAILED_PRECONDITION"),
+        ("fsync", "FAILED_PRECONDITION"),
+        ("never", "INVALID_ARGUMENT"),
+    ],
+)
 def test_durability_is_none_or_refused(client, durability, code):
     with pytest.raises(grpc.RpcError) as error:
         client.call("CreateScene", shared=True, durability=durability)

@@ -23,8 +23,9 @@ def test_a_call_without_a_session_says_how_to_open_one(client):
 @pytest.mark.parametrize("session", ["1", "", "abc", "-1", "99999999999999999999999"])
 def test_a_guessed_session_is_refused(client, session):
     with pytest.raises(grpc.RpcError) as error:
-        client.stub.ListScenes(service.ListScenesRequest(), timeout=5,
-                               metadata=[("heliograph-session", session)])
+        client.stub.ListScenes(
+            service.ListScenesRequest(), timeout=5, metadata=[("heliograph-session", session)]
+        )
     assert error.value.code() == UNAUTHENTICATED
 
 

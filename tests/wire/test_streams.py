@@ -142,13 +142,18 @@ def test_a_frame_waits_for_its_credit(client, converse, scene):
     assert headers(stream)[1].revision == revision  # the newest, not the next
 
 
-@pytest.mark.parametrize("first,field", [
-    (service.StreamRequest(credits=1), "settings"),
-    (service.StreamRequest(settings={"scene": 1}, policy="some"), "policy"),
-    (service.StreamRequest(settings={"progressive": True}, policy="lossless"),
-     "settings.progressive"),
-    (service.StreamRequest(settings={"scene": 10**9}), "settings.scene"),
-])
+@pytest.mark.parametrize(
+    "first,field",
+    [
+        (service.StreamRequest(credits=1), "settings"),
+        (service.StreamRequest(settings={"scene": 1}, policy="some"), "policy"),
+        (
+            service.StreamRequest(settings={"progressive": True}, policy="lossless"),
+            "settings.progressive",
+        ),
+        (service.StreamRequest(settings={"scene": 10**9}), "settings.scene"),
+    ],
+)
 def test_a_wrong_first_message_ends_the_stream(converse, first, field):
     stream = converse("Stream")
     stream.send(first)

@@ -103,8 +103,16 @@ def gltf(image: str | None = None) -> tuple[bytes, bytes]:
         "scene": 0,
         "nodes": [{"name": "tri", "mesh": 0}],
         "meshes": [{"name": "tri_mesh", "primitives": [{"attributes": {"POSITION": 0}}]}],
-        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3",
-                       "min": [-1, -1, 0], "max": [1, 1, 0]}],
+        "accessors": [
+            {
+                "bufferView": 0,
+                "componentType": 5126,
+                "count": 3,
+                "type": "VEC3",
+                "min": [-1, -1, 0],
+                "max": [1, 1, 0],
+            }
+        ],
         "bufferViews": [{"buffer": 0, "byteLength": 36}],
         "buffers": [{"uri": "tri.bin", "byteLength": 36}],
     }

@@ -17,8 +17,7 @@ from .session import as_runtime_error, session
 
 
 class Model(NamedTuple):
-    """edits: what the file becomes, in order. blobs: SHA-256 to bytes. warnings: what was left out.
-    """
+    """edits: what the file becomes, in order. blobs: by SHA-256. warnings: what was left out."""
 
     edits: Any
     blobs: dict[bytes, bytes]

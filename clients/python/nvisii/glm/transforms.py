@@ -150,9 +150,7 @@ def infinitePerspective(fovy: float, aspect: float, near: float) -> Any:
     return mat4.of(rows)
 
 
-def frustum(
-    left: float, right: float, bottom: float, top: float, near: float, far: float
-) -> Any:
+def frustum(left: float, right: float, bottom: float, top: float, near: float, far: float) -> Any:
     w, h, d = right - left, top - bottom, far - near
     return mat4.of(
         [

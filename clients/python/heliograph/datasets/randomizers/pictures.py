@@ -1,0 +1,87 @@
+"""Pictures that randomizers choose from: files, arrays, folders. Used by domes and textures."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..._arrays import NdArray, dtype_of, from_message
+from ..._proto import scene_pb2 as pb
+from ..._proto import service_pb2 as service
+from ...errors import InvalidArgument, NotFound
+from .ranges import linear
+
+if TYPE_CHECKING:
+    from ...client import Client
+
+
+class Pictures:
+    """A list of pictures, each decoded once.
+
+    Overlays get the texels, not the file, so that a data set keeps what its images were made of.
+    Thread: one at a time.
+    """
+
+    def __init__(self, images: Any, endings: tuple[str, ...]) -> None:
+        """images: a file, a folder, whose files with those endings it means, or several files,
+        arrays, and callables () -> array."""
+        self.listed = _listed(images, endings)
+        self._texels: dict[int, tuple[NdArray, bool]] = {}
+
+    def __len__(self) -> int:
+        return len(self.listed)
+
+    def texels(self, client: Client, choice: int) -> tuple[NdArray, bool]:
+        """(H, W) or (H, W, C), and whether they are encoded as sRGB."""
+        if choice not in self._texels:
+            image = self.listed[choice]
+            if isinstance(image, (str, os.PathLike)):
+                self._texels[choice] = decoded(client, image)
+            else:
+                texels = np.asarray(image() if callable(image) else image)
+                self._texels[choice] = texels, texels.dtype == np.uint8
+        return self._texels[choice]
+
+    def radiance(self, client: Client, choice: int) -> NdArray:
+        """Linear: what is encoded is decoded, to float16."""
+        texels, encoded = self.texels(client, choice)
+        return linear(texels / np.float32(255)).astype("<f2") if encoded else texels
+
+
+def decoded(client: Client, path: str | os.PathLike[str]) -> tuple[NdArray, bool]:
+    """The texels of a file as the daemon decodes them, and whether they are encoded as sRGB."""
+    with client.create_scene() as scratch:
+        with scratch.edit() as edit:
+            edit.texture("picture", path)
+        request = service.ExportSceneRequest(scene=scratch.id)
+        parts = list(client.connection.stream("ExportScene", request))
+    header = parts[0].header
+    (message,) = (e.texture for e in header.transaction.edits if e.HasField("texture"))
+    encoded = message.encoding == pb.Texture.ENCODING_SRGB
+    if message.texels.inline:
+        return from_message(message.texels), encoded
+    data = b"".join(part.chunk for part in parts[1:])
+    start = sum(header.sizes[: list(header.blobs).index(message.texels.blob)])
+    shape = tuple(message.texels.shape)
+    flat = np.frombuffer(data, dtype_of(message.texels.dtype), int(np.prod(shape)), start)
+    return flat.reshape(shape), encoded
+
+
+def _listed(images: Any, endings: tuple[str, ...]) -> Sequence[Any]:
+    if isinstance(images, (str, os.PathLike)):
+        path = Path(images)
+        if path.is_dir():
+            images = sorted(p for p in path.iterdir() if p.suffix.lower() in endings)
+        else:
+            images = [path]
+    listed = list(images)
+    if not listed:
+        raise InvalidArgument("images: needs at least one picture", field="images")
+    for image in listed:
+        if isinstance(image, (str, os.PathLike)) and not Path(image).is_file():
+            raise NotFound(f"images: no file {image}", field="images")
+    return listed

@@ -1,0 +1,71 @@
+"""The scene as one image shows it, and that image's lens. Used by writers that ask the daemon."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from ... import _render
+from ..._proto import render_pb2
+from ...components import Camera
+from ...errors import InvalidArgument
+from ...scene import Scene
+from ..writer import Image
+
+
+def request_of(scene: Scene, image: Image) -> render_pb2.RenderRequest:
+    """The request that made an image's frame, with the whole overlay: manifests leave out large
+    ones."""
+    fields = json.loads(image.frame.manifest)
+    fields.pop("overlay", None)
+    request = _render.request_of_manifest(scene, json.dumps(fields))
+    if image.overlay is not None:
+        request.overlay.CopyFrom(image.overlay.transaction)
+    return request
+
+
+@contextmanager
+def drawn(scene: Scene, image: Image) -> Iterator[Scene]:
+    """The scene with the image's overlay applied: a branch of its own, gone at the end."""
+    with scene.branch() as branch:
+        if image.overlay is not None and image.overlay.transaction.edits:
+            branch.apply(image.overlay.transaction)
+        yield branch
+
+
+def camera_of(scene: Scene, image: Image) -> Camera:
+    """The image's camera at its calibrated size, as the overlay left it; refuses rolling
+    shutters."""
+    if image.frame.rolling:
+        raise InvalidArgument(
+            f"{image.frame.camera}: has a rolling shutter, and the format has one pose for all "
+            "rows; take rolling off, or write Exr, WebDataset or Parquet, which say how long it is",
+            field="camera",
+        )
+    edits = () if image.overlay is None else image.overlay.transaction.edits
+    if any(e.HasField("entity") and e.entity.HasField("camera") for e in edits):
+        with drawn(scene, image) as branch:
+            return _camera(branch, image)
+    return _camera(scene, image)
+
+
+def _camera(scene: Scene, image: Image) -> Camera:
+    found: Camera = scene[image.frame.camera].camera
+    return found
+
+
+def check_pinhole(scene: Scene, image: Image, format: str) -> None:
+    """Refuses lenses that a format of K alone cannot say."""
+    camera = camera_of(scene, image)
+    if camera.projection != "perspective":
+        wrong = f"is {camera.projection}"
+    elif any(camera.distortion):
+        wrong = f"has the distortion {camera.distortion}"
+    else:
+        return
+    raise InvalidArgument(
+        f"{image.frame.camera}: {wrong}, and {format} knows pinholes only; take the distortion "
+        "off, or write NerfTransforms or Colmap",
+        field="camera",
+    )
