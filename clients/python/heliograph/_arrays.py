@@ -7,7 +7,7 @@ import hashlib
 import threading
 import uuid
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from ._proto import render_pb2 as render
 from ._proto import service_pb2 as service
 from ._proto import types_pb2 as types
 from .errors import InvalidArgument
+
+if TYPE_CHECKING:
+    from .assets import Decoding
 
 INLINE_BYTES = 1 << 20
 SHARED_BYTES = 1 << 16  # from here on shared memory is faster than the message
@@ -125,14 +128,16 @@ class Store:
     """Uploads of one client: inline up to 1 MiB, then by hash; what changes by shared memory from
     64 KiB on, or anonymously.
 
-    Remembers the hashes the session has, so that the same bytes travel once. Thread: any.
+    Remembers the hashes the session has, so that the same bytes travel once. decodings: by hash,
+    what the daemon made of files. Thread: any.
     """
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
         self._lock = threading.Lock()
         self._known: set[bytes] = set()
-        self._witness: Callable[[bytes, memoryview], Any] | None = None
+        self.decodings: dict[bytes, Decoding] = {}
+        self._witness: Callable[[bytes, memoryview | bytes], Any] | None = None
         self._loans = Loans(connection)
         self._link: Any = None
 
@@ -167,7 +172,7 @@ class Store:
         """Uploads bytes unless the session has them; their SHA-256, which may be known."""
         digest = digest or hashlib.sha256(data).digest()
         if self._witness is not None:
-            self._witness(digest, memoryview(data))
+            self._witness(digest, data)
         link = self._connection.link
         with self._lock:
             if link is not self._link:  # another session, or a daemon that was restarted
@@ -182,8 +187,8 @@ class Store:
         return digest
 
     @contextlib.contextmanager
-    def witnessed(self, witness: Callable[[bytes, memoryview], Any]) -> Iterator[None]:
-        """While it lasts, witness(SHA-256, data) is told of each blob that an edit names."""
+    def witnessed(self, witness: Callable[[bytes, memoryview | bytes], Any]) -> Iterator[None]:
+        """While it lasts, witness(SHA-256, data) is told of each blob that an edit needs."""
         self._witness = witness
         try:
             yield

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypedDict
 from ._arrays import inline
 from ._proto import scene_pb2 as pb
 from ._proto import service_pb2 as service
-from .errors import InvalidArgument, NotFound
+from .errors import FailedPrecondition, InvalidArgument, NotFound
 from .handles import Asset, Named
 from .pose import matrix_of
 
@@ -54,6 +54,14 @@ class Source:
         )
 
 
+@dataclass(frozen=True)
+class Decoding:
+    """What the daemon decoded, and the folder that its files are in."""
+
+    request: service.DecodeAssetRequest
+    folder: Path
+
+
 def decode(scene: Scene, source: Source, name: str | None) -> Asset:
     """Uploads and decodes; the asset is not placed yet."""
     info = decode_bundle(scene.client, source)
@@ -74,13 +82,9 @@ def decode_bundle(client: Client, source: Source) -> service.AssetInfo:
         _add_file(client, request, model.name, _existing(model))
     folder = Path(source.path).parent if source.path is not None else Path()
     for _ in range(_ROUNDS):
-        missing: list[str] = []
-        found: service.AssetInfo | None = None
-        for reply in client.connection.stream("DecodeAsset", request):
-            missing.extend(reply.missing)
-            if reply.HasField("asset"):
-                found = reply.asset
+        found, missing = _answer(client, request)
         if found is not None:
+            client.store.decodings[_digest(found)] = Decoding(request, folder)
             return found
         sent = {file.path for file in request.files}
         new = [name for name in dict.fromkeys(missing) if name not in sent]
@@ -89,6 +93,35 @@ def decode_bundle(client: Client, source: Source) -> service.AssetInfo:
         for name in new:
             _add_file(client, request, name, companion(folder, name))
     raise InvalidArgument(f"{source.path}: names companions in more than {_ROUNDS} rounds")
+
+
+def decode_again(client: Client, digest: bytes, request: service.DecodeAssetRequest) -> None:
+    """Has what `digest` names decoded from files that the daemon has by now."""
+    found, missing = _answer(client, request)
+    if found is None or _digest(found) != digest:
+        files = ", ".join(file.path for file in request.files) or request.server_path
+        why = f"it misses {', '.join(missing)}" if missing else "to something else"
+        raise FailedPrecondition(
+            f"this daemon does not decode {files} as the one that rendered it did: {why}"
+        )
+
+
+def _answer(
+    client: Client, request: service.DecodeAssetRequest
+) -> tuple[service.AssetInfo | None, list[str]]:
+    """The asset, or names of files that it lacks."""
+    missing: list[str] = []
+    found: service.AssetInfo | None = None
+    for reply in client.connection.stream("DecodeAsset", request):
+        missing.extend(reply.missing)
+        if reply.HasField("asset"):
+            found = reply.asset
+    return found, missing
+
+
+def _digest(info: service.AssetInfo) -> bytes:
+    """What edits name it by: a picture by its texels."""
+    return info.texels.blob if info.HasField("texels") else info.sha256
 
 
 def _existing(path: Path) -> Path:

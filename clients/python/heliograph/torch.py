@@ -150,7 +150,7 @@ class _Source(Source):
     def drawn(self, index: int) -> tuple[int, Any]:
         """(index, overlay) of an image."""
         with _naming(index):
-            return index, self.draw(index // len(self.cameras))[1]
+            return index, self.draw(index // len(self.cameras)).edit
 
     def item(self, drawn: tuple[int, Any]) -> Any:
         """What `item` makes of it."""

@@ -28,8 +28,9 @@ _HOST = socket.gethostname()
 class Folder:
     """DIR and its DIR/.heliograph: dataset.json, scene.helio, records/000123.json (what the writer
     returned, with what is needed to check a picture), manifests/000123.json, overlays/000123.bin
-    (a v1.Transaction) where the manifest has not got it, blobs/SHA256 that overlays name.
-    Thread: any.
+    (a v1.Transaction) where the manifest has not got it; of what overlays name by SHA-256
+    blobs/SHA256, and decodings/SHA256.bin (a v1.DecodeAssetRequest, whose files are blobs) where
+    the daemon made it of files. Thread: any.
 
     Each file appears whole or not at all. The record comes last: with it the image is done.
     """
@@ -101,14 +102,35 @@ class Folder:
         path = self.own / "overlays" / f"{name_of(index)}.bin"
         return path.read_bytes() if path.exists() else None
 
-    def keep_blob(self, digest: bytes, data: memoryview) -> None:
-        """Notes bytes that overlays name by their SHA-256; once."""
-        if not (self.own / "blobs" / digest.hex()).exists():
-            self.put(f"{NAME}/blobs/{digest.hex()}", bytes(data))
+    def has_blob(self, digest: bytes) -> bool:
+        return self._blob(digest).exists()
 
-    def blobs(self) -> dict[bytes, Path]:
-        """The files of what keep_blob() got, by SHA-256."""
-        return {bytes.fromhex(path.name): path for path in (self.own / "blobs").glob("*")}
+    def keep_blob(self, digest: bytes, data: bytes) -> None:
+        """Notes bytes by their SHA-256, once."""
+        if not self.has_blob(digest):
+            self.put(self._blob(digest).relative_to(self.root), data)
+
+    def blob(self, digest: bytes) -> bytes | None:
+        """What keep_blob() got."""
+        path = self._blob(digest)
+        return path.read_bytes() if path.exists() else None
+
+    def keep_decoding(self, digest: bytes, request: bytes) -> None:
+        """Notes what was decoded to what that SHA-256 names, once."""
+        path = self._decoding(digest)
+        if not path.exists():
+            self.put(path.relative_to(self.root), request)
+
+    def decoding(self, digest: bytes) -> bytes | None:
+        """What keep_decoding() got."""
+        path = self._decoding(digest)
+        return path.read_bytes() if path.exists() else None
+
+    def _blob(self, digest: bytes) -> Path:
+        return self.own / "blobs" / digest.hex()
+
+    def _decoding(self, digest: bytes) -> Path:
+        return self.own / "decodings" / f"{digest.hex()}.bin"
 
     # ------------------------------------------------------------ the data set
 
@@ -132,7 +154,7 @@ class Folder:
         self.put(f"{NAME}/dataset.json", text)
 
     def _forget(self) -> None:
-        for name in ("shards", "records", "manifests", "overlays", "blobs"):
+        for name in ("shards", "records", "manifests", "overlays", "blobs", "decodings"):
             shutil.rmtree(self.own / name, ignore_errors=True)
 
     def _drop_partial(self) -> None:

@@ -21,12 +21,11 @@ from .._progress import Progress, is_watched
 from ..components import whole_of
 from ..errors import FailedPrecondition, HeliographError, InvalidArgument
 from .draw import Draw
-from .source import Source
+from .source import Drawn, Source
 from .splits import Splits
 from .writer import Dataset, Image, Records, Writer
 
 if TYPE_CHECKING:
-    from ..edit import Edits
     from ..scene import Scene
 
 _OWN = ("planes", "overlay", "revision", "progress", "on_pass", "on_start", "timeout", "half")
@@ -124,11 +123,6 @@ def run_of(
             field=refused[0],
         )
     writers = [writer] if isinstance(writer, Writer) else list(writer)
-
-    def keep(digest: bytes, data: memoryview) -> None:
-        for each in writers:
-            each.folder.keep_blob(digest, data)
-
     source = Source(
         scene,
         cameras,
@@ -138,7 +132,7 @@ def run_of(
         attempts=attempts,
         labels=labels,
         options={**options, "spp": whole_of(spp, "spp", 1)},
-        on_blob=keep,
+        is_kept=lambda digest: all(each.folder.has_blob(digest) for each in writers),
     )
     shares = Splits(splits)
     dataset = Dataset(
@@ -257,24 +251,26 @@ class Run:
     def _make(self, draw: int, images: list[int]) -> int:
         """Draws, renders and writes some images of a draw; how many. In a worker."""
         try:
-            attempt, edit = self.source.draw(draw)
-            if edit.is_lent:
+            drawn = self.source.draw(draw)
+            if drawn.edit.is_lent:
                 raise InvalidArgument(
                     "randomizer: an array on a GPU cannot be kept with the image: give it as numpy",
                     field="randomizer",
                 )
             cameras = [self.dataset.cameras[i % len(self.dataset.cameras)] for i in images]
-            frames = self.source.frames(draw, edit, cameras, planes=self.planes, labels=self.labels)
+            frames = self.source.frames(
+                draw, drawn.edit, cameras, planes=self.planes, labels=self.labels
+            )
             split = self.splits.of(self.dataset.seed, draw)
             for index, frame in zip(images, frames):
                 frame.manifest = _portable(frame.manifest)
-                self._write(Image(index, frame, split, edit), attempt, edit)
+                self._write(Image(index, frame, split, drawn.edit), drawn)
         except HeliographError as error:
             error.args = (f"image {images[0]}: {error}", *error.args[1:])
             raise
         return len(images)
 
-    def _write(self, image: Image, attempt: int, edit: Edits) -> None:
+    def _write(self, image: Image, drawn: Drawn) -> None:
         unknown = dict(image.frame.categories.items() - self.dataset.categories.items())
         if unknown:
             raise FailedPrecondition(
@@ -283,16 +279,18 @@ class Run:
                 "edit.categories(...)",
                 field="category",
             )
-        overlay = edit.transaction.SerializeToString(deterministic=True)
+        transaction = drawn.edit.transaction
+        overlay = transaction.SerializeToString(deterministic=True)
         for writer in self.writers:
             if writer.folder.has(image.index):
                 continue
             record = {
                 "record": writer.write(image),
                 "split": image.split,
-                "attempt": attempt,
+                "attempt": drawn.attempt,
                 "sha256": image.frame.sha256.hex(),
             }
+            drawn.uploads.keep(writer.folder, transaction, self.dataset.scene.client.store)
             writer.folder.keep(image.index, record, image.frame.manifest, overlay)
 
 

@@ -15,6 +15,7 @@ from .. import _render
 from .._proto import scene_pb2 as pb
 from ..errors import NotFound
 from .folder import NAME, Folder
+from .uploads import bring
 from .writer import Picture
 
 if TYPE_CHECKING:
@@ -68,13 +69,10 @@ class KeptImage:
 
     @contextmanager
     def opened(self, client: Client) -> Iterator[Scene]:
-        """The scene before the randomizers, in that daemon, with the blobs that the overlay names.
-        It is deleted at the end."""
+        """The scene before the randomizers, in that daemon, which has what the overlay names. It is
+        deleted at the end."""
         with client.load_scene(self.folder.scene_path) as scene:
-            overlay = self.overlay.SerializeToString()
-            for digest, path in self.folder.blobs().items():
-                if digest in overlay:
-                    client.store.blob(path.read_bytes(), digest)
+            bring(self.folder, self.overlay, client)
             yield scene
 
     def render(self, client: Client) -> Frame:

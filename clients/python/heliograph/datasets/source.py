@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..components import whole_of
 from ..errors import ResourceExhausted
 from ..handles import Handle, Named, flatten
 from .draw import BasePoses, Draw, render_seed
+from .uploads import Uploads
 
 if TYPE_CHECKING:
     from ..edit import Edits
@@ -18,10 +18,18 @@ if TYPE_CHECKING:
     from ..scene import Scene
 
 
+class Drawn(NamedTuple):
+    """An accepted draw. attempt: how many were rejected before it."""
+
+    attempt: int
+    edit: Edits
+    uploads: Uploads
+
+
 class Source:
     """What draw number i of a seed looks like, in the scene as it is now. Thread: any; the
-    randomizer and `accept` are called one at a time. Arguments are those of generate(); on_blob
-    gets the SHA-256 and bytes of what a randomizer uploads."""
+    randomizer and `accept` are called one at a time. Arguments are those of generate(); is_kept
+    says of a SHA-256 whether the bytes that a randomizer uploads are not wanted."""
 
     def __init__(
         self,
@@ -34,7 +42,7 @@ class Source:
         attempts: int = 100,
         labels: Any = None,
         options: Mapping[str, Any],
-        on_blob: Callable[[bytes, memoryview], None] | None = None,
+        is_kept: Callable[[bytes], bool] = lambda digest: True,
     ) -> None:
         self.scene, self.revision = scene, scene.revision
         listed = flatten(cameras, "cameras")
@@ -48,20 +56,21 @@ class Source:
         self._seen = True if labels is None else labels
         self._options = dict(options)
         self._base = BasePoses(scene)
-        self._on_blob = on_blob
+        self._is_kept = is_kept
         self._drawing = threading.Lock()
         self._cancels: set[Callable[[], None]] = set()
         self._stopped = False
 
-    def draw(self, index: int) -> tuple[int, Edits]:
-        """(attempt, overlay): the first one of a draw that is accepted."""
+    def draw(self, index: int) -> Drawn:
+        """The first attempt of a draw that is accepted."""
+        store = self.scene.client.store
         for attempt in range(self._attempts):
-            edit = self.scene.overlay()
+            edit, uploads = self.scene.overlay(), Uploads(self._is_kept)
             key = (self.seed, index, attempt)
-            with self._drawing, edit, self._witnessed():
+            with self._drawing, edit, store.witnessed(uploads.note):
                 self._randomizer(Draw(self._base, self.cameras, key, edit))
             if self._accept is None or self._is_accepted(edit):
-                return attempt, edit
+                return Drawn(attempt, edit, uploads)
             with self._drawing:
                 self.rejected += 1
         raise ResourceExhausted(
@@ -71,11 +80,6 @@ class Source:
             needed=self._attempts + 1,
             available=self._attempts,
         )
-
-    def _witnessed(self) -> AbstractContextManager[None]:
-        if self._on_blob is None:
-            return nullcontext()
-        return self.scene.client.store.witnessed(self._on_blob)
 
     def _is_accepted(self, edit: Edits) -> bool:
         assert self._accept is not None

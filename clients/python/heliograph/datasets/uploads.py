@@ -1,0 +1,89 @@
+"""What overlays name by hash: kept with a data set, and brought to the daemon that renders an image
+again. Used by generate() and KeptImage."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .. import assets
+from .._proto import scene_pb2 as pb
+from .._proto import service_pb2 as service
+from .._proto import types_pb2 as types
+from ..errors import FailedPrecondition
+from .folder import Folder
+
+if TYPE_CHECKING:
+    from .._arrays import Store
+    from ..client import Client
+
+
+class Uploads:
+    """Bytes that one draw uploads, until it is known whether its overlay names them: a rejected
+    draw leaves nothing. Thread: one at a time."""
+
+    def __init__(self, is_kept: Callable[[bytes], bool]) -> None:
+        self._is_kept = is_kept
+        self._blobs: dict[bytes, bytes] = {}
+
+    def note(self, digest: bytes, data: memoryview | bytes) -> None:
+        """A witness of Store: bytes that are not kept yet are copied."""
+        if digest not in self._blobs and not self._is_kept(digest):
+            self._blobs[digest] = bytes(data)
+
+    def keep(self, folder: Folder, overlay: pb.Transaction, store: Store) -> None:
+        """Keeps what an overlay names: its blobs, and the files that the daemon decoded for it."""
+        for digest in named(overlay):
+            if digest in self._blobs:
+                folder.keep_blob(digest, self._blobs[digest])
+            elif digest in store.decodings:
+                self._keep_files(folder, store.decodings[digest])
+                request = store.decodings[digest].request
+                folder.keep_decoding(digest, request.SerializeToString(deterministic=True))
+
+    def _keep_files(self, folder: Folder, decoding: assets.Decoding) -> None:
+        for file in decoding.request.files:
+            if folder.has_blob(file.sha256):
+                continue
+            data = self._blobs.get(file.sha256) or _unchanged(decoding.folder / file.path, file)
+            folder.keep_blob(file.sha256, data)
+
+
+def _unchanged(path: Path, file: service.BundleFile) -> bytes:
+    """The bytes of a file that was decoded before this draw."""
+    data = path.read_bytes() if path.is_file() else b""
+    if hashlib.sha256(data).digest() != file.sha256:
+        raise FailedPrecondition(
+            f"{path} is not what it was when it was decoded, so that the image cannot be rendered "
+            "again: leave files that the randomizer uses as they are until generate() returns"
+        )
+    return data
+
+
+def bring(folder: Folder, overlay: pb.Transaction, client: Client) -> None:
+    """Gives the daemon what an overlay names, as far as it is kept."""
+    for digest in named(overlay):
+        data, decoding = folder.blob(digest), folder.decoding(digest)
+        if data is not None:
+            client.store.blob(data, digest)
+        elif decoding is not None:
+            request = service.DecodeAssetRequest.FromString(decoding)
+            for file in request.files:
+                client.store.blob(folder.blob(file.sha256) or b"", file.sha256)
+            assets.decode_again(client, digest, request)
+
+
+def named(message: Any) -> Iterator[bytes]:
+    """The hashes in a message: of blobs, and of assets that it places."""
+    if isinstance(message, types.Array) and message.blob:
+        yield message.blob
+    if isinstance(message, pb.Instantiate):
+        yield message.asset
+    for field, value in message.ListFields():
+        if field.message_type is None:
+            continue
+        for part in value if hasattr(value, "__len__") else (value,):
+            if hasattr(part, "ListFields"):
+                yield from named(part)
