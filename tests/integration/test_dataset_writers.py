@@ -6,7 +6,7 @@ import heliograph as hg
 import heliograph.datasets as hd
 import numpy as np
 import pytest
-from dataset_stage import LENS, H, K, W, load, made, picture, stage
+from dataset_stage import LENS, H, K, W, load, made, picture, shift, stage
 from pycocotools import mask as oracle
 
 
@@ -238,6 +238,47 @@ def test_kitti_boxes_project_onto_the_objects(scene, tmp_path):
         ours = labels["corners_image"][row]
         apart = np.linalg.norm((image[:, :2] / image[:, 2:])[:, None] - ours[None], axis=2)
         assert apart.min(0).max() < 0.01 and apart.min(1).max() < 0.01
+
+
+def test_kitti_regions_are_what_is_hardly_seen_and_crowds(client, tmp_path):
+    with client.create_scene() as scene:
+        stage(scene)
+        with scene.edit() as edit:
+            for i in range(3):
+                place = hg.Pose((0.5 + 0.12 * i, -0.2, 0.05), scale=0.15)
+                edit.entity(f"gnat/{i}", mesh="box", label=9, group=True, transform=place)
+                edit.update(f"gnat/{i}", label=9, group=True, category="block")
+
+        def swarm(draw):
+            shift(draw)
+            for i in range(2):
+                place = hg.Pose((0.1 * i - 0.1, -0.6, 0.05), scale=0.1)
+                draw.edit.entity(
+                    f"fly/{i}", mesh="box", label=12, group=True, category="ball", transform=place
+                )
+
+        strict = hd.Kitti(tmp_path, min_height=2, max_occlusion=0.2, max_truncation=0.05)
+        frames = made(scene, strict, swarm)
+    kinds = set()
+    for index, frame in frames.items():
+        labels, lines = frame.labels, {}
+        for line in (tmp_path / f"training/label_2/{index:06d}.txt").read_text().splitlines():
+            kind, *numbers = line.split()
+            lines[tuple(float(v) for v in numbers[3:7])] = kind
+        for row, name in enumerate(labels["name"]):
+            left, top, right, bottom = labels["bbox_amodal"][row].tolist()
+            kind = lines.pop((left, top, right - 1, bottom - 1), None)
+            if not labels["category"][row] or not labels["visible"][row]:
+                assert kind is None, name
+                continue
+            hidden = labels["occlusion"][row] > 0.2 or labels["truncation"][row] > 0.05
+            crowd = labels["label"][row] in (9, 12)
+            assert (kind == "DontCare") == (hidden or crowd or bottom - top < 2), name
+            kinds.add((kind == "DontCare", bool(hidden), bool(crowd)))
+        assert not lines
+    assert {(True, False, True), (True, True, False), (False, False, False)} <= kinds
+    report = hd.validate(tmp_path)
+    assert report.ok, str(report)
 
 
 def test_ndds_reprojects(scene, tmp_path):

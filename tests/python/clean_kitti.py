@@ -166,6 +166,9 @@ FAULTS = {
     "alpha in degrees": ("kitti.alpha", field(3, lambda v: np.degrees(v))),
     "left and right swapped": ("kitti.bbox", field(4, lambda v: v + 40)),
     "box outside": ("kitti.bbox", field(6, lambda v: WIDTH + 9)),
+    "region outside": ("kitti.bbox", text(LABEL, "-10 1 1 5 5", "-10 1 1 500 5")),
+    "region with a place": ("kitti.dont_care", text(LABEL, "-1000 -1000 -1000 -10", "1 1 9 0")),
+    "region of another class": ("kitti.dont_care", text(LABEL, "DontCare -1 -1", "DontCare 0 1")),
     "no height": ("kitti.size", field(8, lambda v: 0)),
     "behind the camera": ("kitti.behind", field(13, lambda v: -v)),
     "place in millimetres": (

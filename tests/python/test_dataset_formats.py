@@ -1,5 +1,6 @@
 """What writers of data sets put into files, where the answer is known by arithmetic."""
 
+import dataclasses
 import io
 import json
 import struct
@@ -11,7 +12,7 @@ import heliograph as hg
 import heliograph.datasets as hd
 import numpy as np
 import pytest
-from heliograph.datasets import bop, colmap, kitti, models, ndds, nerf, png
+from heliograph.datasets.writers import bop, colmap, kitti, models, ndds, nerf, png
 from heliograph.datasets.writers.encoded import depth_steps, flo, kitti_disparity, kitti_flow
 from heliograph.datasets.writers.instances import instances, quaternion_wxyz
 from heliograph.datasets.writers.symmetries import Axis, Symmetries
@@ -256,6 +257,21 @@ def test_kitti_box_of_a_tilted_car_holds_all_its_corners():
     low, high = local.min(0), local.max(0)
     np.testing.assert_allclose(high, [length / 2, 0, width / 2], atol=1e-4)
     np.testing.assert_allclose(low, [-length / 2, -height, -width / 2], atol=1e-4)
+
+
+def test_kitti_regions_that_nobody_would_label():
+    limits = kitti.Limits(min_height=4, max_occlusion=0.5, max_truncation=0.25)
+    thing = car(FACING_RIGHT, (3.0, 1.6, 3.0))  # 4 rows, occlusion 0.5, truncation 0.2
+    assert not limits.refuse(thing)
+    for tighter in ({"min_height": 4.5}, {"max_occlusion": 0.49}, {"max_truncation": 0.15}):
+        assert dataclasses.replace(limits, **tighter).refuse(thing), tighter
+    kind, numbers = fields(kitti.region_line(thing))
+    assert kind == "DontCare"
+    assert numbers[3:7].tolist() == [2, 1, 5, 4]
+    filler = [-1, -1, -10, -1, -1, -1, -1000, -1000, -1000, -10]
+    assert [*numbers[:3], *numbers[7:]] == filler  # KITTI's own
+    with pytest.raises(hg.InvalidArgument, match="max_truncation"):
+        hd.Kitti("unused", max_truncation=1.5)
 
 
 def test_kitti_calibration_projects():

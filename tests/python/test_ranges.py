@@ -7,7 +7,7 @@ import heliograph as hg
 import heliograph.datasets as hd
 import numpy as np
 import pytest
-from heliograph.datasets import ranges, surface
+from heliograph.datasets.randomizers import ranges, surface
 
 COUNT = 4000
 

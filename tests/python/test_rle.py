@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from heliograph.datasets import rle
+from heliograph.datasets.writers import rle
 from pycocotools import mask as oracle
 
 

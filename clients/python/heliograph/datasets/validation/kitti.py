@@ -32,6 +32,7 @@ CHECKS = {
     "size": "height, width, length are positive",
     "alpha": "is rotation_y - atan2(x, z), both within -pi to pi",
     "behind": "z is positive",
+    "dont_care": "DontCare regions have a box, and otherwise KITTI's -1, -10 and -1000 alone",
     "units": "sizes and places are both in metres: the box's projection and bbox are alike in size",
     "reprojection": "the 3D box, its bottom face's centre at x, y, z, spans the 2D box by P2",
     "map_files": "flow and disparity have their picture's size, flow's second picture is there",
@@ -47,6 +48,7 @@ _MATRICES = {
     "R0_rect": (3, 3),
     "Tr_velo_to_cam": (3, 4),
 }
+_REGION = [-1.0, -1, -10, -1, -1, -1, -1000, -1000, -1000, -10]  # all but the box
 
 
 def found(root: Path) -> bool:
@@ -128,8 +130,7 @@ def check_labels(base: Path, stems: list[str], faults: Faults) -> None:
                     f"line {number} has {len(words)} fields: needs 15, the type first",
                 )
                 continue
-            if words[0] != "DontCare":
-                _Object(path, number, words, faults).check(size, P2)
+            _Object(path, number, words, faults).check(size, P2)
 
 
 def _calibration(path: Path, faults: Faults) -> NdArray | None:
@@ -161,12 +162,14 @@ class _Object:
 
     def __init__(self, path: Path, number: int, words: list[str], faults: Faults) -> None:
         self.path, self.name, self.faults = path, f"line {number} ({words[0]})", faults
+        self.is_region = words[0] == "DontCare"
         try:
             values = [float(word) for word in words[1:]]
         except ValueError:
             raise Malformed(path, f"line {number}: fields 2 to 15 are numbers") from None
         if not all(map(math.isfinite, values)):
             raise Malformed(path, f"line {number}: its numbers are finite")
+        self.values = values
         self.truncated, self.occluded, self.alpha = values[:3]
         self.box = np.array(values[3:7])
         self.height, self.width, self.length = values[7:10]
@@ -176,6 +179,18 @@ class _Object:
         self.faults.add(check, self.path, f"{self.name}: {message}")
 
     def check(self, size: tuple[int, int] | None, P2: NdArray | None) -> None:
+        if self.is_region:
+            self._box(size)
+            self._region()
+        else:
+            self._labelled(size, P2)
+
+    def _region(self) -> None:
+        others = [*self.values[:3], *self.values[7:]]
+        if others != _REGION:
+            self.fault("dont_care", f"has {others} beside its box: needs {_REGION}, no object")
+
+    def _labelled(self, size: tuple[int, int] | None, P2: NdArray | None) -> None:
         if not 0 <= self.truncated <= 1:
             self.fault("truncation", f"truncated is {self.truncated:g}: needs 0 to 1")
         if self.occluded not in (0, 1, 2, 3):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,10 +18,36 @@ from .drawn import check_pinhole, drawn
 from .encoded import kitti_disparity, kitti_flow
 from .instances import Instance, check_categories, instances, wrapped
 from .later import second_picture
+from .shapes import crowds_drawn, crowds_of
 
 _PARTLY, _LARGELY = 0.05, 0.5  # from which occlusion on an object is partly, largely occluded
+_NO_POSE, _NO_PLACE = "-1 -1 -10", "-1 -1 -1 -1000 -1000 -1000 -10"  # before and after the box
 _FLOW = ("flow_forward", "flow_forward_valid", "flow_forward_visible")
 _CAMERA_FROM_VELODYNE = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0]])
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a labeller would leave alone. min_height: rows of the box; max_occlusion and
+    max_truncation: shares of the silhouette, 0 to 1."""
+
+    min_height: float = 10.0
+    max_occlusion: float = 0.9
+    max_truncation: float = 0.9
+
+    def __post_init__(self) -> None:
+        for name in ("max_occlusion", "max_truncation"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise InvalidArgument(f"{name}: is a share, 0 to 1", field=name)
+
+    def refuse(self, instance: Instance) -> bool:
+        """Is it beyond them?"""
+        _, top, _, bottom = instance.box("bbox_amodal")
+        return (
+            bottom - top < self.min_height
+            or instance.number("occlusion") > self.max_occlusion
+            or instance.number("truncation") > self.max_truncation
+        )
 
 
 class Kitti(Writer):
@@ -30,6 +57,8 @@ class Kitti(Writer):
     objects: write label_2 of the instances that have a category and are seen, of `categories` only.
     flow: the forward flow, and the second picture (000123_11.png); give generate() a
     frame_interval. disparity: the second camera of a rectified rig, hg.stereo's right one.
+    min_height, max_occlusion, max_truncation: Limits, beyond which an object is a DontCare region;
+    so are crowds, instances with group=True.
     An object's x axis is forward, z up, as in KITTI's cars length, width and height are along x, y
     and z. Refuses lenses with distortion, and instances that are sheared or mirrored.
     """
@@ -46,6 +75,9 @@ class Kitti(Writer):
         categories: Sequence[str] | None = None,
         flow: bool = False,
         disparity: Named | None = None,
+        min_height: float = Limits.min_height,
+        max_occlusion: float = Limits.max_occlusion,
+        max_truncation: float = Limits.max_truncation,
         picture: Picture | str = "png",
     ) -> None:
         super().__init__(directory, picture=picture)
@@ -56,6 +88,7 @@ class Kitti(Writer):
         self.objects, self.flow = objects, flow
         self.disparity = disparity.name if isinstance(disparity, Handle) else disparity
         self.categories = None if categories is None else list(categories)
+        self.limits = Limits(min_height, max_occlusion, max_truncation)
         self.planes = self.picture.planes
         if flow:
             self.planes += _FLOW
@@ -73,6 +106,7 @@ class Kitti(Writer):
                     f"categories: {spaced[0]!r}: a type of KITTI is one word; rename the category",
                     field="categories",
                 )
+            self._crowds = crowds_of(dataset.scene)
         super().begin(dataset)
 
     def write(self, image: Image) -> dict[str, Any]:
@@ -81,8 +115,7 @@ class Kitti(Writer):
         picture = self.picture.encode(frame)
         lines: list[str] = []
         if self.objects:
-            found = instances(frame, self.categories)
-            lines = [label_line(i) for i in found if i.number("visible")]
+            lines = self._lines(image)
             self._put("label_2", f"{image.name}.txt", "".join(lines))
             self._put("image_2", f"{image.name}.png", picture)
         self._put("calib", f"{image.name}.txt", calibration(frame.K, self._baseline(image)))
@@ -100,6 +133,17 @@ class Kitti(Writer):
             self._put("disp_occ_0", first, kitti_disparity(shift, np.ones_like(seen)))
             self._put("disp_noc_0", first, kitti_disparity(shift, seen))
         return {"labels": len(lines)}
+
+    def _lines(self, image: Image) -> list[str]:
+        """Of label_2."""
+        crowds = set(self._crowds)
+        if image.overlay is not None:
+            crowds |= crowds_drawn(image.overlay.transaction)
+        seen = [i for i in instances(image.frame, self.categories) if i.number("visible")]
+        return [
+            region_line(i) if i.label in crowds or self.limits.refuse(i) else label_line(i)
+            for i in seen
+        ]
 
     def _put(self, folder: str, name: str, data: bytes | str) -> None:
         self.put(f"training/{folder}/{name}", data)
@@ -146,6 +190,12 @@ def label_line(instance: Instance) -> str:
     numbers = [alpha, left, top, right - 1, below - 1, height, width, length, *bottom, rotation_y]
     text = " ".join(f"{number:.6g}" for number in numbers)
     return f"{instance.category} {instance.number('truncation'):.4f} {occluded} {text}\n"
+
+
+def region_line(instance: Instance) -> str:
+    """A line of what is not to be trained on, nor held against a detector: its box alone."""
+    left, top, right, below = instance.box("bbox_amodal")
+    return f"DontCare {_NO_POSE} {left} {top} {right - 1} {below - 1} {_NO_PLACE}\n"
 
 
 def calibration(K: NdArray, baseline: float = 0.0) -> str:

@@ -58,6 +58,21 @@ def shown_entities(scene: Scene) -> list[Entity]:
     return out
 
 
+def crowds_of(scene: Scene) -> set[int]:
+    """The labels that several entities share, group=True."""
+    own, _ = _entities(scene)
+    return {entity.label.value for _, entity, _ in own.values() if entity.label.group}
+
+
+def crowds_drawn(transaction: pb.Transaction) -> set[int]:
+    """Those of the entities that an overlay makes."""
+    entities = [
+        edit.instances.prototype if edit.HasField("instances") else edit.entity
+        for edit in transaction.edits
+    ]
+    return {entity.label.value for entity in entities if entity.label.group}
+
+
 def _parts_by_label(scene: Scene) -> dict[int, list[Part]]:
     """Label to parts in the world. An entity without a label has that of its parent."""
     own, parents = _entities(scene)
