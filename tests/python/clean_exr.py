@@ -13,7 +13,7 @@ from shapes_seen import HEIGHT, WIDTH
 from shapes_seen import write_json as put
 
 
-def save(path: Path, planes: dict[str, np.ndarray]) -> None:
+def parts_of(planes: dict[str, np.ndarray]) -> list[OpenEXR.Part]:
     """A part a plane, channels RGBA or XYZ or the plane's name."""
     parts = []
     for name, data in planes.items():
@@ -24,8 +24,12 @@ def save(path: Path, planes: dict[str, np.ndarray]) -> None:
             channels = {names[i]: np.ascontiguousarray(data[..., i]) for i in range(data.shape[2])}
         header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
         parts.append(OpenEXR.Part(header, channels, name))
+    return parts
+
+
+def save(path: Path, planes: dict[str, np.ndarray]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    OpenEXR.File(parts).write(str(path))
+    OpenEXR.File(parts_of(planes)).write(str(path))
 
 
 def make(root: Path) -> None:

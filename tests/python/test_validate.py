@@ -17,6 +17,7 @@ import clean_colmap
 import clean_dataset
 import clean_exr
 import clean_flo
+import clean_frame
 import clean_kitti
 import clean_ndds
 import clean_nerf
@@ -26,6 +27,7 @@ import clean_webdataset
 import clean_yolo
 import heliograph as hg
 import heliograph.datasets as hd
+import numpy as np
 import pytest
 from heliograph.cli import main
 from heliograph.datasets.validation import FORMATS
@@ -43,6 +45,7 @@ SETS = {
     "exr": clean_exr,
     "webdataset": clean_webdataset,
     "parquet": clean_parquet,
+    "frame": clean_frame,
     "dataset": clean_dataset,
 }
 FAULTS = [(name, fault) for name, module in SETS.items() for fault in module.FAULTS]
@@ -107,6 +110,34 @@ def test_faults_are_counted_beyond_the_limit(clean, tmp_path):
     report = hd.validate(root, limit=2)
     assert report.counts == {"coco.area": 4} and len(report.faults) == 2
     assert "4 faults, the first 2" in str(report)
+
+
+def test_a_saved_frame_by_its_own_name(clean, tmp_path, capsys):
+    root = clean("frame")
+    whole = hd.validate(root / "a.npz")
+    assert whole.ok and whole.formats == ["frame"] and whole.checked == {"frame": 1}
+    assert whole.left_out == []
+    planes = hd.validate(root / "b.exr")
+    assert planes.ok
+    left = {each.check: each.reason for each in planes.left_out}
+    assert set(left) >= {"frame.poses", "frame.boxes", "frame.instance"}
+    assert all("no label rows" in reason for reason in left.values())
+    assert main(["validate", str(root / "b.exr"), "--processes", "0"]) == 0
+    assert "frame.poses: left out 1 times: the file has no label rows" in capsys.readouterr().out
+    bad = tmp_path / "bad.npz"
+    shutil.copy(root / "a.npz", bad)
+    clean_frame.FAULTS["distance is depth"][1](tmp_path, "bad.npz")
+    assert set(hd.validate(bad).counts) == {"frame.distance"}
+
+
+def test_what_is_too_coarse_is_left_out(clean, tmp_path):
+    arrays = dict(np.load(clean("frame") / "a.npz"))
+    arrays["position_camera"] = arrays["position_camera"].astype(np.float16)
+    np.savez(tmp_path / "half.npz", **arrays)
+    report = hd.validate(tmp_path)
+    assert report.ok, str(report)
+    assert [each.check for each in report.left_out] == ["frame.projection"]
+    assert "position_camera is float16" in report.left_out[0].reason
 
 
 def test_what_cannot_be_validated_is_refused(tmp_path):

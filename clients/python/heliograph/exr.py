@@ -29,7 +29,7 @@ def _library() -> Any:
 
 def write(path: Path, frame: Frame) -> None:
     """One part a plane, named as the plane: linear data, zip-compressed. Each part's header has
-    `unit`; the first one's also the manifest and the labels' id tables, as JSON."""
+    `unit`; the first one's also the manifest, the camera and the labels' id tables, as JSON."""
     exr = _library()
     parts: list[Any] = []
     for name in frame.planes:
@@ -40,6 +40,7 @@ def write(path: Path, frame: Frame) -> None:
         }
         if not parts:
             header["manifest"] = frame.manifest
+            header["camera"] = json.dumps(frame.shot)
             header["categories"] = json.dumps(frame.categories)
             header["software"] = "heliograph"
         parts.append(exr.Part(header, _channels(name, frame[name]), name))

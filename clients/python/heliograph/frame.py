@@ -319,9 +319,9 @@ class Frame(Rendered):
     ) -> list[Path]:
         """Writes by the name's ending; the files written.
 
-        .exr: all planes as they are, one part each, with units and the manifest in the header.
+        .exr: all planes as they are, one part each, with units, manifest and camera in the header.
         .png, .jpg: pictures; "out.png" is the beauty, "out.depth.png" and so on the other planes.
-        .npz: all planes and labels as they are. .json: the manifest.
+        .npz: all planes, labels and camera as they are. .json: the manifest.
         """
         target = Path(path)
         kind = target.suffix.lower()
@@ -334,7 +334,8 @@ class Frame(Rendered):
             return self._save_pictures(target, exposure, view)
         if kind == ".npz":
             columns = {f"labels.{name}": np.asarray(self.labels[name]) for name in self.labels}
-            arrays: Any = {**{name: self[name] for name in self}, **columns}
+            camera = {f"camera.{name}": np.asarray(value) for name, value in self.shot.items()}
+            arrays: Any = {**{name: self[name] for name in self}, **columns, **camera}
             np.savez_compressed(target, **arrays)
             return [target]
         if kind == ".json":
@@ -343,6 +344,19 @@ class Frame(Rendered):
         raise InvalidArgument(
             f"path: {target.name!r} ends in none of .exr .png .jpg .npz .json", field="path"
         )
+
+    @property
+    def shot(self) -> dict[str, Any]:
+        """Name, size, time, K and pose of its camera, as JSON has them."""
+        return {
+            "name": self.camera,
+            "width": self.width,
+            "height": self.height,
+            "time": self.time,
+            "rolling": self.rolling,
+            "K": self.K.tolist(),
+            "camera_from_world_cv": self.camera_from_world_cv.tolist(),
+        }
 
     def _save_pictures(self, target: Path, exposure: float | str, view: str) -> list[Path]:
         written = []

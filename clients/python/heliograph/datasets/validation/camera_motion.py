@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from ..._arrays import NdArray
-from .geometry import project
+from .lens import Lens
 
 _ROUNDS = 12
 
 
-def flow_error(K: NdArray, pose: NdArray, points: NdArray, pixels: NdArray) -> NdArray:
+def flow_error(lens: Lens, pose: NdArray, points: NdArray, pixels: NdArray) -> NdArray:
     """(N,) px between where points (N, 3) of the world are told to be seen, pixels (N, 2), and
     where the camera sees them that fits most of them.
 
@@ -20,7 +20,7 @@ def flow_error(K: NdArray, pose: NdArray, points: NdArray, pixels: NdArray) -> N
     turn, place = pose[:3, :3].copy(), pose[:3, 3].copy()
     chosen = _sample(len(points))
     for _ in range(_ROUNDS):
-        error, jacobian = _linearised(K, points[chosen] @ turn.T + place, pixels[chosen])
+        error, jacobian = _linearised(lens, points[chosen] @ turn.T + place, pixels[chosen])
         length = np.linalg.norm(error, axis=1)
         bound = max(0.01, 1.5 * float(np.median(length)))
         weight = np.repeat(np.minimum(1, bound / np.maximum(length, 1e-12)), 2)
@@ -31,8 +31,9 @@ def flow_error(K: NdArray, pose: NdArray, points: NdArray, pixels: NdArray) -> N
         if np.abs(step).max() < 1e-10:
             break
     seen = points @ turn.T + place
-    out = np.linalg.norm(project(K, seen) - pixels, axis=1)
-    return np.asarray(np.where(seen[:, 2] > 0.01, out, 0.0))  # behind it there is no image
+    visible = lens.sees(seen, 0.01)  # behind it there is no image
+    error = lens.project(np.where(visible[:, None], seen, 1.0)) - pixels
+    return np.asarray(np.where(visible, np.linalg.norm(error, axis=1), 0.0))
 
 
 def _sample(count: int) -> NdArray:
@@ -40,14 +41,16 @@ def _sample(count: int) -> NdArray:
     return np.unique(np.linspace(0, count - 1, min(count, 4096)).astype(int))
 
 
-def _linearised(K: NdArray, seen: NdArray, pixels: NdArray) -> tuple[NdArray, NdArray]:
+def _linearised(lens: Lens, seen: NdArray, pixels: NdArray) -> tuple[NdArray, NdArray]:
     """(N, 2) what is left, (N, 2, 6) its change by a turn and a step of the camera's frame."""
-    z = np.maximum(seen[:, 2], 1e-3)
-    error = pixels - project(K, np.column_stack([seen[:, :2], z]))
+    visible = lens.sees(seen, 1e-3)
+    seen = np.where(visible[:, None], seen, (0, 0, 1))
+    error = np.where(visible[:, None], pixels - lens.project(seen), 0.0)
     by_point = np.zeros((len(seen), 2, 3))
-    by_point[:, 0, 0], by_point[:, 1, 1] = K[0, 0] / z, K[1, 1] / z
-    by_point[:, 0, 2] = -K[0, 0] * seen[:, 0] / z**2
-    by_point[:, 1, 2] = -K[1, 1] * seen[:, 1] / z**2
+    step = 1e-5 * np.linalg.norm(seen, axis=1, keepdims=True)
+    for axis, way in enumerate(np.eye(3)):
+        ahead, behind = lens.project(seen + step * way), lens.project(seen - step * way)
+        by_point[:, :, axis] = visible[:, None] * (ahead - behind) / (2 * step)
     cross = np.zeros((len(seen), 3, 3))  # of a turn w: w x seen
     cross[:, 0, 1], cross[:, 0, 2] = seen[:, 2], -seen[:, 1]
     cross[:, 1, 0], cross[:, 1, 2] = -seen[:, 2], seen[:, 0]

@@ -90,7 +90,12 @@ def check_frame(
     planes: dict[str, NdArray], content: dict[str, Any], path: Path, faults: Faults
 ) -> None:
     """Planes and label rows of one frame."""
-    shot = Shot(content, partial(_report, faults, path))
+    for name in [n for n, plane in planes.items() if plane.dtype == np.float16 and n != "beauty"]:
+        base = name.partition(":")[0]
+        coarse = f"{name} is float16, too coarse to be compared"
+        faults.leave(base if base in frame_planes.CHECKS else "projection", coarse)
+        del planes[name]
+    shot = Shot(content, partial(_report, faults, path), faults.leave)
     rows = {row["label"]: row for row in content["instances"] if "label" in row}
     if Planes(planes, shot, rows).check():
         check_labels(shot, content["instances"], content.get("keypoints", []))
@@ -100,18 +105,30 @@ def _report(faults: Faults, path: Path, check: str, message: str) -> None:
     faults.add(check, path, message)
 
 
-def read_planes(path: Path) -> dict[str, NdArray]:
-    """The parts of an EXR: (H, W) or (H, W, C)."""
+def _library() -> Any:
     try:
         import OpenEXR
     except ImportError:
         raise Unimplemented(
             "EXR files need the package OpenEXR: pip install 'heliograph[datasets]'"
         ) from None
+    return OpenEXR
+
+
+def read_header(path: Path) -> dict[str, Any]:
+    """That of an EXR's first part."""
+    with _READING:
+        found: dict[str, Any] = _library().File(str(path), header_only=True).header()
+    return found
+
+
+def read_planes(path: Path) -> dict[str, NdArray]:
+    """The parts of an EXR: (H, W) or (H, W, C)."""
+    library = _library()
     said = io.StringIO()  # pixels that cannot be decoded are told there, and nowhere else
     try:
         with _READING, contextlib.redirect_stdout(said):
-            parts = OpenEXR.File(str(path), separate_channels=True).parts
+            parts = library.File(str(path), separate_channels=True).parts
     except (RuntimeError, ValueError, TypeError) as error:
         raise Malformed(path, f"is no EXR that can be read ({error}): write it anew") from None
     if "Exception" in said.getvalue():

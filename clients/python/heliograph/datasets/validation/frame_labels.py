@@ -12,7 +12,7 @@ import numpy as np
 from ..._arrays import NdArray
 from .files import INTEGER, LIST, fields_of
 from .geometry import rotation_fault
-from .lens import Lens, lens_of
+from .lens import Lens, lens_of, stated
 
 CHECKS = {
     "camera": "K has positive focal lengths and brings points to their pixels, "
@@ -33,14 +33,17 @@ _BITS = np.array([[i & 1, i >> 1 & 1, i >> 2] for i in range(8)]) * 2.0 - 1
 
 
 class Shot:
-    """What there is once an image. content: width, height, K, camera_from_world_cv, by rows."""
+    """What there is once an image. content: width, height, K, camera_from_world_cv, by rows;
+    projection and distortion, where they are there. report, leave: take a fault, and a check that
+    cannot be made."""
 
-    def __init__(self, content: dict[str, Any], report: Report) -> None:
-        self.report = report
+    def __init__(self, content: dict[str, Any], report: Report, leave: Report) -> None:
+        self.report, self.leave = report, leave
         self.size = int(content["width"]), int(content["height"])
         self.K = np.array(content["K"], float).reshape(3, 3)
         self.pose = np.array(content["camera_from_world_cv"], float).reshape(4, 4)
         self.lens: Lens | None = None
+        self.named = stated(content, self.K)
         self.rolls = bool(content.get("rolling"))  # each row has a pose of its own then
         wrong = rotation_fault(self.pose[:3, :3])
         self.good = not wrong and self.K[0, 0] > 0 and self.K[1, 1] > 0
@@ -52,8 +55,10 @@ class Shot:
     def learn_lens(self, points: NdArray, pixels: NdArray, within: float) -> Lens:
         """Of points (N, 3) seen at pixels (N, 2). Once it is known it stays."""
         if self.lens is None:
-            self.lens = lens_of(self.K, points, pixels, within)
-            if not self.lens.told:
+            self.lens = lens_of(self.named, self.K, points, (pixels, within))
+            if self.lens.kind == "other":
+                self._other_lens()
+            elif not self.lens.told:
                 seen = self.lens.K
                 self.report(
                     "camera",
@@ -61,6 +66,23 @@ class Shot:
                     "it is of the rendered size, integers are pixel centres",
                 )
         return self.lens
+
+    def may_see(self, points: NdArray, beyond: float = 0.0) -> NdArray:
+        """As Lens.sees."""
+        return (self.lens or self.named or Lens("perspective", self.K)).sees(points, beyond)
+
+    def _other_lens(self) -> None:
+        if self.named is None:
+            reason = "what is seen is of no pinhole, and the file has no projection and distortion"
+            for check in ("corners", "keypoints"):
+                self.leave(check, f"{reason}: places in the image are not looked at")
+        else:
+            kind, told = self.named.kind, list(self.named.distortion)
+            self.report(
+                "camera",
+                f"projection {kind} with distortion {told} does not bring what is seen to its "
+                "pixels, whatever K is: write the lens of this camera",
+            )
 
 
 def _four(K: NdArray) -> list[float]:
@@ -152,7 +174,7 @@ def _check_corners(shot: Shot, rows: list[dict[str, Any]]) -> None:
             return
         if "corners_image" in row:
             pixels = _points(row["corners_image"], 2)
-            both = known & np.isfinite(pixels).all(1) & (points[:, 2] > 0.05)
+            both = known & np.isfinite(pixels).all(1) & shot.may_see(points, 0.05)
             seen_at.append(np.column_stack([points[both], pixels[both]]))
     if not seen_at:
         return
@@ -225,6 +247,9 @@ def _wrong_shares(row: dict[str, Any]) -> list[str]:
 
 def _check_keypoints(shot: Shot, rows: list[dict[str, Any]], labels: set[Any]) -> None:
     width, height = shot.size
+    lens = shot.lens or shot.named
+    if rows and lens is None:
+        shot.leave("keypoints", "nothing tells the lens: places in the image are not looked at")
     for row in rows:
         name = f"keypoint {row.get('name')} of label {row.get('label')}"
         if row.get("label") not in labels:
@@ -241,8 +266,7 @@ def _check_keypoints(shot: Shot, rows: list[dict[str, Any]], labels: set[Any]) -
         x, y = pixel[0]
         if row["state"] and not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
             shot.report("keypoints", f"{name}: {x:.2f}, {y:.2f} is outside: its state is 0")
-        lens = shot.lens
-        if lens and lens.kind != "other" and point[0, 2] > 0:
+        if lens and lens.kind != "other" and lens.sees(point)[0]:
             error = float(np.abs(lens.project(point) - pixel).max())
             if error > 0.1:
                 shot.report(

@@ -11,16 +11,17 @@ from .camera_motion import flow_error
 from .frame_labels import Shot, matrix
 from .geometry import rotation_fault
 from .masks import extent
+from .row_poses import RowPoses, middle_error
 
 CHECKS = {
     "sizes": "planes are width x height",
     "radiance": "beauty is finite and not negative, its alpha 0 to 1",
     "depth": "depth is the z of position_camera, +inf where nothing is hit",
     "distance": "distance is the length of position_camera (orthographic: the depth)",
-    "positions": "camera_from_world_cv brings position to position_camera (not with a rolling "
-    "shutter)",
-    "projection": "position_camera projects to its pixel's centre within 0.01 px (not of lenses "
-    "with distortion)",
+    "positions": "camera_from_world_cv brings position to position_camera; with a rolling shutter "
+    "a rigid motion for each row does, and in the middle row it is that",
+    "projection": "position_camera projects to its pixel's centre within 0.01 px, by K, projection "
+    "and distortion",
     "normals": "normals are unit, 0 where nothing is hit; normal_camera is normal turned; "
     "geometric_normal faces the viewer",
     "instance": "the ids are those of the rows, visible counts their pixels",
@@ -35,6 +36,7 @@ CHECKS = {
     "flow_visible": "what is visible there is valid and within the image",
     "disparity": "disparity times depth is one number, focal length times baseline",
 }
+_NO_LENS = "what is seen is of no pinhole, and the file has no projection and distortion"
 _PIXEL = 0.01  # px
 _FLOW = 0.05  # px
 
@@ -45,6 +47,8 @@ class Planes:
     def __init__(self, planes: dict[str, NdArray], shot: Shot, rows: dict[int, Any]) -> None:
         self.planes, self.shot, self.rows = planes, shot, rows
         self.report = shot.report
+        turn = np.full((3, 3), np.nan) if shot.rolls else shot.pose[:3, :3]
+        self.turns = np.broadcast_to(turn, (shot.size[1], 3, 3))  # of each row
 
     def check(self) -> bool:
         """Are they the frame's?"""
@@ -95,9 +99,12 @@ class Planes:
         if not len(points):
             return
         self._depth(camera, hit)
-        before = points[:, 2] > 0
+        before = self.shot.may_see(points)
         lens = self.shot.learn_lens(points[before], pixels[before], _PIXEL)
-        if lens.kind != "other":
+        if lens.kind == "other":
+            if self.shot.named is None:
+                self.shot.leave("projection", _NO_LENS)
+        else:
             error = np.abs(lens.project(points[before]) - pixels[before]).max(1)
             self._tell(
                 "projection",
@@ -106,9 +113,13 @@ class Planes:
             )
         self._distance(points, pixels, lens.kind)
         position = self._get("position")
-        if position is not None and not self.shot.rolls:
+        if position is None:
+            return
+        if self.shot.rolls:
+            self._rows(position, camera, hit)
+        else:
             self._world(position[hit], points, pixels)
-            self._flow(position, hit)
+        self._flow(position, hit)
 
     def _tell(self, check: str, what: tuple[NdArray, NdArray, float | NdArray], words: str) -> None:
         """what: pixels (N, 2), how far off each is, and how far it may be."""
@@ -161,6 +172,24 @@ class Planes:
                 "position_camera as a rule: write the pose of this frame",
             )
 
+    def _rows(self, position: NdArray, camera: NdArray, hit: NdArray) -> None:
+        """Of a rolling shutter: each row has a pose of its own."""
+        within = 4e-4 + 4e-5 * (np.abs(position).max(2) + np.abs(camera).max(2))
+        rows = RowPoses(position, camera, np.where(hit, within, np.inf))
+        self.turns = rows.turns
+        y, x = np.nonzero(hit)
+        words = "m from where the best rigid motion of its row brings position"
+        self._tell("positions", (np.column_stack([x, y]), rows.error[hit], within[hit]), words)
+        pose = self.shot.pose
+        error = np.abs(position @ pose[:3, :3].T + pose[:3, 3] - camera).max(2)
+        found, even = middle_error(error, hit)
+        if found > float(np.median(within[hit])) + even:
+            self.report(
+                "camera",
+                f"camera_from_world_cv brings positions of the middle rows to {found:.4g} m from "
+                "position_camera: of a rolling shutter write the pose of the middle row",
+            )
+
     def _normals(self) -> None:
         hit = self._hit()
         for name in ("normal", "normal_camera", "geometric_normal"):
@@ -180,19 +209,31 @@ class Planes:
                 )
                 return
         world, camera = self._get("normal"), self._get("normal_camera")
-        fixed = self.shot.good and not self.shot.rolls
-        if world is not None and camera is not None and fixed:
-            error = np.abs(world @ self.shot.pose[:3, :3].T - camera).max(2)
-            off = error > 1e-3
+        if world is not None and camera is not None and self.shot.good:
+            self._tell_unknown_rows("normals", "normal_camera is not compared with normal")
+            off = np.abs(self._turned(world) - camera).max(2) > 1e-3
             if 0 < off.mean() <= 0.8 * (camera != 0).any(2).mean():
                 y, x = np.argwhere(off)[0]
                 self.report("normals", f"normal_camera at {x}, {y} is not normal turned")
         flat, points = self._get("geometric_normal"), self._get("position_camera")
         if flat is not None and points is not None and self.shot.good:
-            facing = ((flat @ self.shot.pose[:3, :3].T) * np.nan_to_num(points)).sum(2)
-            away = facing > 1e-3 * (1 + np.nan_to_num(points[..., 2]))
-            if away.mean() > 0.001 and self.shot.lens and self.shot.lens.kind == "pinhole":
+            view = np.nan_to_num(points)
+            if self.shot.lens and self.shot.lens.kind == "orthographic":
+                view = np.where(np.isfinite(points), (0.0, 0.0, 1.0), 0.0)
+            away = (self._turned(flat) * view).sum(2) > 1e-3 * (1 + np.linalg.norm(view, axis=2))
+            if away.mean() > 0.001:
                 self.report("normals", f"geometric_normal faces away at {int(away.sum())} pixels")
+
+    def _turned(self, directions: NdArray) -> NdArray:
+        """(H, W, 3) directions of the world as the camera sees them; nan where that is unknown."""
+        return np.asarray(np.einsum("yij,yxj->yxi", self.turns, directions))
+
+    def _tell_unknown_rows(self, check: str, what: str) -> None:
+        unknown = int(np.isnan(self.turns).any((1, 2)).sum())
+        if unknown:
+            self.shot.leave(
+                check, f"{what} in rows of a rolling shutter whose points do not tell their pose"
+            )
 
     def _hit(self) -> NdArray | None:
         depth = self._get("depth")
@@ -259,8 +300,11 @@ class Planes:
                 error = float(np.abs(nocs[seen] - expected).max())
                 if not error <= 1e-3:
                     self.report("nocs", f"label {label}: nocs is up to {error:.4g} off")
-            fixed = self.shot.good and not self.shot.rolls
-            if position is not None and row.get("rigid", 1) and fixed:
+            if position is None or not row.get("rigid", 1) or not self.shot.good:
+                continue
+            if self.shot.rolls:
+                self.shot.leave("object_points", "rolling shutter: rows see it at other times")
+            else:
                 center = np.array(row["box_center"], float)
                 self._object_points(label, (center + inside, position[seen], within_box[seen]))
 
@@ -289,8 +333,12 @@ class Planes:
     def _flow(self, position: NdArray, hit: NdArray) -> None:
         flow, motion = self._get("flow_forward"), self._get("scene_flow")
         lens = self.shot.lens
-        if flow is None or motion is None or lens is None or lens.kind != "pinhole":
+        if flow is None or motion is None or lens is None:
             return
+        if self.shot.rolls:
+            return self.shot.leave("flow", "rolling shutter: rows of the other end have own poses")
+        if lens.kind == "other":
+            return self.shot.leave("flow", _NO_LENS)
         valid = self.planes.get("flow_forward_valid")
         known = hit & np.isfinite(flow).all(2) & np.isfinite(position + motion).all(2)
         if valid is not None:
@@ -299,7 +347,7 @@ class Planes:
             return
         y, x = np.nonzero(known)
         pixels = np.column_stack([x, y]).astype(float)
-        error = flow_error(lens.K, self.shot.pose, (position + motion)[known], pixels + flow[known])
+        error = flow_error(lens, self.shot.pose, (position + motion)[known], pixels + flow[known])
         words = "px from where position + scene_flow is seen: flow is there minus here, y down"
         self._tell("flow", (pixels, error, _FLOW), words)
 

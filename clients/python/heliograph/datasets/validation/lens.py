@@ -1,54 +1,106 @@
-"""Whether pixels are where K says: and of what lens they are otherwise. Used for saved frames."""
+"""Whether pixels are where K and the lens say: and of what lens they are otherwise. Used for saved
+frames."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..._arrays import NdArray
-from .geometry import project
 
 _MOST = 0.8  # of the points: what they agree on is the camera's
+_KINDS = ("perspective", "orthographic", "fisheye", "equirectangular")
 
 
 class Lens(NamedTuple):
-    """kind: "pinhole", "orthographic" or "other" (distorted, fisheye ...: not looked at further).
-    K: (3, 3), what the points say, which is what was told unless `told` is False."""
+    """kind: a projection of docs/cameras.md, or "other", which is not looked at further. K: (3, 3),
+    what the points say, which is what was told unless `told` is False. distortion: OpenCV's."""
 
     kind: str
     K: NdArray
-    told: bool
+    told: bool = True
+    distortion: tuple[float, ...] = ()
+
+    def sees(self, points: NdArray, beyond: float = 0.0) -> NdArray:
+        """(N,) bool: which points may have an image: those farther ahead, where that matters."""
+        if self.kind in ("fisheye", "equirectangular"):
+            return np.ones(len(points), bool)
+        return np.asarray(points[:, 2] > beyond)
 
     def project(self, points: NdArray) -> NdArray:
-        """(N, 2) of (N, 3) points of the camera's frame."""
+        """(N, 2) px of (N, 3) points of the camera's frame that it sees."""
+        return np.asarray(self.flat(points) @ self.K[:2, :2].T + self.K[:2, 2])
+
+    def flat(self, points: NdArray) -> NdArray:
+        """(N, 2): the same before K."""
+        x, y, z = np.asarray(points, float).T
         if self.kind == "orthographic":
-            flat = np.column_stack([points[:, :2], np.ones(len(points))])
-            return np.asarray((flat @ self.K.T)[:, :2])
-        return project(self.K, points)
+            return np.column_stack([x, y])
+        if self.kind == "equirectangular":
+            return np.column_stack([np.arctan2(x, z), np.arctan2(y, np.hypot(x, z))])
+        if self.kind == "fisheye":
+            return _fisheye(x, y, z, self.distortion)
+        return _brown(x / z, y / z, self.distortion)
 
 
-def lens_of(K: NdArray, points: NdArray, pixels: NdArray, within: float) -> Lens:
-    """points: (N, 3) of the camera's frame, z > 0, that are seen at pixels (N, 2).
+def _fisheye(x: NdArray, y: NdArray, z: NdArray, distortion: tuple[float, ...]) -> NdArray:
+    """Kannala & Brandt 2006."""
+    radius = np.hypot(x, y)
+    angle = np.arctan2(radius, z)
+    powers = [k * angle ** (2 * i + 2) for i, k in enumerate(distortion)]
+    bent = angle * (1 + np.sum(powers, axis=0)) if powers else angle
+    scale = bent / np.maximum(radius, 1e-30)
+    return np.column_stack([x * scale, y * scale])
 
-    A camera is a pinhole, or orthographic, when an affine map of x / z, y / z, or of x, y, brings
-    four fifths of the points to their pixels.
+
+def _brown(a: NdArray, b: NdArray, distortion: tuple[float, ...]) -> NdArray:
+    """Brown 1966, in OpenCV's order."""
+    k1, k2, p1, p2, k3, k4, k5, k6 = (*distortion, *[0.0] * 8)[:8]
+    r = a * a + b * b
+    scale = (1 + r * (k1 + r * (k2 + r * k3))) / (1 + r * (k4 + r * (k5 + r * k6)))
+    return np.column_stack(
+        [
+            a * scale + 2 * p1 * a * b + p2 * (r + 2 * a * a),
+            b * scale + p1 * (r + 2 * b * b) + 2 * p2 * a * b,
+        ]
+    )
+
+
+def stated(content: Mapping[str, Any], K: NdArray) -> Lens | None:
+    """The lens that a label file names; None: it names none. ValueError: it is none."""
+    kind = content.get("projection")
+    if kind is None:
+        return None
+    if kind not in _KINDS:
+        raise ValueError(f"projection is {kind!r}: needs one of {', '.join(_KINDS)}")
+    return Lens(kind, K, True, tuple(float(k) for k in content.get("distortion") or ()))
+
+
+def lens_of(named: Lens | None, K: NdArray, points: NdArray, seen: tuple[NdArray, float]) -> Lens:
+    """points: (N, 3) of the camera's frame. seen: at which pixels (N, 2), and how exactly.
+
+    A camera has the lens that is named, or without one is a pinhole or orthographic, when it brings
+    four fifths of the points to their pixels, with K or another one.
     """
+    pixels, within = seen
+    candidates = [named] if named else [Lens("perspective", K), Lens("orthographic", K)]
     if len(points) < 8:
-        return Lens("pinhole", K, True)
-    for kind, flat in (("pinhole", points[:, :2] / points[:, 2:]), ("orthographic", points[:, :2])):
-        told = Lens(kind, K, True)
-        if _agree(told.project(points), pixels, within) >= _MOST:
-            return told
-        fitted = _fitted(flat, pixels, within)
-        lens = Lens(kind, fitted, False)
-        if _agree(lens.project(points), pixels, within) >= _MOST:
+        return candidates[0]
+    for lens in candidates:
+        visible = lens.sees(points)
+        there, at = points[visible], pixels[visible]
+        if _agree(lens.project(there), at, within) >= _MOST:
             return lens
-    return Lens("other", K, True)
+        fitted = lens._replace(K=_fitted(lens.flat(there), at, within), told=False)
+        if _agree(fitted.project(there), at, within) >= _MOST:
+            return fitted
+    return Lens("other", K, named is None)
 
 
 def _agree(seen: NdArray, pixels: NdArray, within: float) -> float:
-    return float((np.abs(seen - pixels).max(1) <= within).mean())
+    return float((np.abs(seen - pixels).max(1) <= within).mean()) if len(seen) else 0.0
 
 
 def _fitted(flat: NdArray, pixels: NdArray, within: float) -> NdArray:

@@ -120,7 +120,9 @@ def check_images(root: Path, first: int, last: int, names: list[str], faults: Fa
             )
             continue
         report = partial(_report, faults, root / "instances.parquet", index)
-        check_labels(Shot(row, report), instances, by_image["keypoints"].get(index, []))
+        check_labels(
+            Shot(row, report, faults.leave), instances, by_image["keypoints"].get(index, [])
+        )
 
 
 def _report(faults: Faults, path: Path, index: int, check: str, message: str) -> None:

@@ -18,13 +18,21 @@ class Fault(NamedTuple):
     message: str
 
 
+class LeftOut(NamedTuple):
+    """A check that could not be made of some pieces, and why."""
+
+    check: str
+    reason: str
+    pieces: int
+
+
 @dataclass
 class Report:
     """What validate() returns.
 
     formats: those that were recognised or asked for. faults: at most `limit` a check, in a fixed
     order. counts: check to the number of all its faults. checked: format to the number of pieces
-    (images, scenes, shards or files) looked at.
+    (images, scenes, shards or files) looked at. left_out: checks that could not be made, and why.
     """
 
     directory: str
@@ -32,6 +40,7 @@ class Report:
     faults: list[Fault] = field(default_factory=list)
     counts: dict[str, int] = field(default_factory=dict)
     checked: dict[str, int] = field(default_factory=dict)
+    left_out: list[LeftOut] = field(default_factory=list)
 
     @property
     def ok(self) -> bool:
@@ -46,6 +55,7 @@ class Report:
             cut = f", the first {len(shown)}" if len(shown) < count else ""
             lines.append(f"{check}: {count} fault{'s' * (count != 1)}{cut}")
             lines += [f"  {fault.file}: {fault.message}" for fault in shown]
+        lines += [f"{o.check}: left out {o.pieces} times: {o.reason}" for o in self.left_out]
         total = sum(self.counts.values())
         lines.append(f"{self.directory}: {looked}: {f'{total} faults' if total else 'no faults'}")
         return "\n".join(lines)
@@ -59,6 +69,7 @@ class Report:
             "checked": self.checked,
             "counts": self.counts,
             "faults": [fault._asdict() for fault in self.faults],
+            "left_out": [each._asdict() for each in self.left_out],
         }
 
 
@@ -77,6 +88,17 @@ class Faults:
         self.name, self.checks, self.root, self.limit = name, checks, root, limit
         self.kept: list[Fault] = []
         self.counts: Counter[str] = Counter()
+        self.left: Counter[tuple[str, str]] = Counter()
+
+    @property
+    def left_out(self) -> list[LeftOut]:
+        """What leave() was told."""
+        return [LeftOut(*each, count) for each, count in sorted(self.left.items())]
+
+    def leave(self, check: str, reason: str) -> None:
+        """Notes that a check could not be made of a piece."""
+        assert check in self.checks, check
+        self.left[f"{self.name}.{check}", reason] += 1
 
     def add(self, check: str, file: Path | str, message: str) -> None:
         """check: a key of the format's table of checks."""
@@ -95,3 +117,4 @@ class Faults:
         for fault in other.kept:
             self._keep(fault)
         self.counts.update(other.counts)
+        self.left.update(other.left)

@@ -37,17 +37,19 @@ def validate(
 ) -> Report:
     """Checks a data set against its format's rules and the arithmetic between its labels.
 
-    directory: of the data set. format: one of FORMATS ("coco", "bop", ...); None: all whose files
-    are there. limit: how many faults of a check the report lists; it counts all. processes: that
-    many workers beside this process (call it beneath `if __name__ == "__main__"`); 0: threads.
-    progress: None shows a bar on a terminal or in a notebook; a callable gets the number of pieces
-    done. Needs memory for the largest piece (an image, a scene of BOP, a shard's sample), not for
-    the data set.
+    directory: of the data set; or a file, a saved frame. format: one of FORMATS ("coco", ...);
+    None: all whose files are there. limit: how many faults of a check the report lists; it counts
+    all. processes: that many workers beside this process (call it beneath `if __name__ ==
+    "__main__"`); 0: threads. progress: None shows a bar on a terminal or in a notebook; a callable
+    gets the number of pieces done. Needs memory for the largest piece (an image, a scene of BOP, a
+    shard's sample), not for the data set.
 
     NotFound: no such directory. InvalidArgument: `format`, or no format is recognised.
     """
     root = Path(directory)
-    if not root.is_dir():
+    if root.is_file() and format in (None, "frame"):
+        format = "frame"
+    elif not root.is_dir():
         raise NotFound(f"{root} is no directory: name the one that the data set was written to")
     chosen = recognised(root) if format is None else [_by_name(format)]
     report = Report(str(root), [one.name for one in chosen])
@@ -61,6 +63,7 @@ def validate(
                 bar.step(one)
             report.faults += faults.kept
             report.counts.update(sorted(faults.counts.items()))
+            report.left_out += faults.left_out
     return report
 
 

@@ -9,6 +9,7 @@ from . import (
     dataset,
     exr,
     flo,
+    frame,
     kitti,
     ndds,
     nerf,
@@ -32,6 +33,7 @@ _MODULES = (
     exr,
     webdataset,
     parquet,
+    frame,
     dataset,
 )
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 
 from ... import _render
 from ..._proto import render_pb2
 from ...components import Camera
 from ...errors import InvalidArgument
+from ...handles import Entity
 from ...scene import Scene
 from ..writer import Image
 
@@ -43,15 +44,22 @@ def camera_of(scene: Scene, image: Image) -> Camera:
             "rows; take rolling off, or write Exr, WebDataset or Parquet, which say how long it is",
             field="camera",
         )
+    return lens_of(scene, image)
+
+
+def lens_of(scene: Scene, image: Image) -> Camera:
+    """The image's camera at its calibrated size, as the overlay left it."""
     edits = () if image.overlay is None else image.overlay.transaction.edits
-    if any(e.HasField("entity") and e.entity.HasField("camera") for e in edits):
-        with drawn(scene, image) as branch:
-            return _camera(branch, image)
-    return _camera(scene, image)
+    changed = any(e.HasField("entity") and e.entity.HasField("camera") for e in edits)
+    with drawn(scene, image) if changed else nullcontext(scene) as shown:
+        found: Camera = camera_in(shown, image).camera
+        return found
 
 
-def _camera(scene: Scene, image: Image) -> Camera:
-    found: Camera = scene[image.frame.camera].camera
+def camera_in(shown: Scene, image: Image) -> Entity:
+    """The image's camera, which may have no name, in the scene or in what drawn() gave."""
+    ref = json.loads(image.frame.manifest)["request"]["cameras"][0]
+    found: Entity = shown[ref["name"]] if "name" in ref else shown.handle(int(ref["id"]))
     return found
 
 

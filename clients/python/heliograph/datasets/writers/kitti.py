@@ -14,7 +14,7 @@ from ..._arrays import NdArray
 from ...errors import InvalidArgument
 from ...handles import Handle, Named
 from ..writer import Dataset, Image, Picture, Records, Writer
-from .drawn import check_pinhole, drawn
+from .drawn import camera_in, check_pinhole, drawn
 from .encoded import kitti_disparity, kitti_flow
 from .instances import Instance, check_categories, instances, wrapped
 from .later import second_picture
@@ -153,7 +153,8 @@ class Kitti(Writer):
         if not self.disparity:
             return 0.0
         with drawn(self.dataset.scene, image) as scene:
-            places = [scene[name].world_transform for name in (image.frame.camera, self.disparity)]
+            rig = camera_in(scene, image), scene[self.disparity]
+            places = [camera.world_transform for camera in rig]
         return float(np.linalg.norm(places[1][:3, 3] - places[0][:3, 3]))
 
     def finish(self, records: Records) -> None:

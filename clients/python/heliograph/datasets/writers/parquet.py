@@ -41,7 +41,11 @@ class Parquet(Writer):
     def write(self, image: Image) -> Any:
         file = self.put_picture(image) if self.picture else ""
         frame = image.frame
-        shot = {**rows.picture_of(image), "seed": frame.seed, "samples": frame.samples}
+        shot = {
+            **rows.picture_of(self.dataset.scene, image),
+            "seed": frame.seed,
+            "samples": frame.samples,
+        }
         for name in ("K", "camera_from_world_cv"):
             shot[name] = [number for row in shot[name] for number in row]
         instances = rows.instances_of(image, flat=True)
@@ -110,6 +114,7 @@ def _schema(table: str, types: Mapping[str, Any]) -> Any:
         names: dict[str, Any] = {"split": "str", "camera": "str"}
         names.update(width=["<i4"], height=["<i4"])
         names.update(time=["<f8"], rolling=["<f8"])
+        names.update(projection="str", distortion=["<f8", -1])
         names.update(K=["<f8", 9], camera_from_world_cv=["<f8", 16])
         names.update(seed=["<u8"], samples=["<u4"], file="str")
     elif table == "keypoints":

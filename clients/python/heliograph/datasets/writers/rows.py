@@ -10,15 +10,18 @@ from typing import Any
 
 import numpy as np
 
+from ...scene import Scene
 from ..writer import Image
+from .drawn import lens_of
 
 _MASKS = "amodal_masks"
 _KEYPOINT = "keypoint_"
 
 
-def picture_of(image: Image) -> dict[str, Any]:
-    """What there is once an image: number, size, time, camera and its pose."""
+def picture_of(scene: Scene, image: Image) -> dict[str, Any]:
+    """What there is once an image: number, size, time, camera, its lens and its pose."""
     frame = image.frame
+    lens = lens_of(scene, image)
     return {
         "index": image.index,
         "split": image.split,
@@ -27,6 +30,8 @@ def picture_of(image: Image) -> dict[str, Any]:
         "height": frame.height,
         "time": frame.time,
         "rolling": frame.rolling,
+        "projection": lens.projection,
+        "distortion": [float(k) for k in lens.distortion],
         "K": frame.K.tolist(),
         "camera_from_world_cv": frame.camera_from_world_cv.tolist(),
     }
