@@ -201,7 +201,8 @@ KERNEL void probe_labels(Probe& p, const Surface& s, const Hit& hit) {
   const InstanceView& instance = *s.instance;
   p.instance_label = instance.label;
   p.category = instance.category;
-  p.part = instance.label != 0 ? instance.part + s.part : 0;
+  const u32 further = instance.flags & kOnePart ? 0 : s.part;
+  p.part = instance.label != 0 ? instance.part + further : 0;
   p.material_id = s.material->id;
   p.primitive = hit.primitive;
 }

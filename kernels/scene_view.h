@@ -113,6 +113,7 @@ enum InstanceFlag : u32 {
   kMayBeHole = 2,    // some material of it is not opaque: accepts() decides
   kFlowInvalid = 4,  // created or teleported within the flow interval
   kCatcher = 8,      // a shadow catcher
+  kOnePart = 16,     // all of it is the part `part`
 };
 
 /// Where something is at one of the equidistant times that it has keys at: world = translate *
@@ -134,7 +135,7 @@ struct InstanceView {
   u32 entity;              // entity index in the scene
   u32 label;               // instance label, 0: none
   u32 category;            // class id
-  u32 part;                // number of its first mesh part within the instance
+  u32 part;                // number within the instance of its first mesh part
   u32 segments;            // of its motion while the shutter is open; 0: it does not move
   u32 first_key;           // of segments + 1 in SceneView::motion_keys
   u32 light_group;         // of all light it gives off

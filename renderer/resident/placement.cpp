@@ -216,6 +216,7 @@ void Placer::place(kernels::InstanceView& view, u32 index) const {
   view.visibility = usable ? ray_mask(entity) : 0;
   if (glm::determinant(mat3(view.world_from_object)) < 0) view.flags |= kernels::kFlipped;
   if (entity.shadow_catcher) view.flags |= kernels::kCatcher;
+  if (entity.label.part != 0) view.flags |= kernels::kOnePart;
   if (made_->holes && (*made_->holes)[index]) view.flags |= kernels::kMayBeHole;
 }
 

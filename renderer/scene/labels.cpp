@@ -53,21 +53,20 @@ std::vector<std::pair<u32, u32>> labelled_entities(const Snapshot& snapshot) {
 /// Hands out part numbers of one instance: explicit ones as they are, the others in between.
 class PartNumbers {
  public:
-  void reserve(u32 first, u32 count) { taken_.emplace_back(first, first + count); }
+  void reserve(u32 number) { taken_.push_back(number); }
   void sort() { std::ranges::sort(taken_); }
   u32 next(u32 count) {
-    for (; at_ < taken_.size() && taken_[at_].first < free_ + count; ++at_)
-      free_ = std::max(free_, taken_[at_].second);
+    for (; at_ < taken_.size() && taken_[at_] < free_ + count; ++at_) free_ = taken_[at_] + 1;
     return std::exchange(free_, free_ + count);
   }
 
  private:
-  std::vector<std::pair<u32, u32>> taken_;
+  std::vector<u32> taken_;
   std::size_t at_ = 0;
   u32 free_ = 1;
 };
 
-/// A labelled entity's mesh or volume, and the number its first part was given; 0: automatic.
+/// A labelled entity's mesh or volume, and the number that it says all of it has; 0: automatic.
 struct MeshParts {
   u32 index = 0;
   u32 row = 0;
@@ -79,7 +78,7 @@ struct MeshParts {
 void number_parts(const std::vector<MeshParts>& meshes, Labelling& labelling) {
   std::vector<PartNumbers> rows(labelling.instances.size());
   for (const MeshParts& mesh : meshes)
-    if (mesh.given != 0) rows[mesh.row].reserve(mesh.given, mesh.count);
+    if (mesh.given != 0) rows[mesh.row].reserve(mesh.given);
   for (PartNumbers& row : rows) row.sort();
   for (const MeshParts& mesh : meshes)
     labelling.entities[mesh.index].part =

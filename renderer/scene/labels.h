@@ -10,8 +10,7 @@ namespace heliograph {
 struct EntityLabel {
   u32 instance = 0;  // 0: none
   u32 category = 0;  // class id
-  u32 part =
-      0;  // number of the entity's first mesh part within the instance, from 1; 0 where unlabelled
+  u32 part = 0;      // number within the instance of its first mesh part, from 1; 0 where unlabelled
   u32 root = ~0u;  // index of the topmost labelled entity of the instance
 };
 
@@ -29,8 +28,8 @@ struct Labelling {
 };
 
 /// All entities of one label have the category of the topmost; one that opted out has its own.
-/// A mesh with several parts takes as many consecutive part numbers, an entity's explicit part
-/// number comes first. Entities are numbered in index order.
+/// An entity that says its part is that part whole, whatever the parts of its mesh; of another each
+/// mesh part takes the next number that no entity says. Entities are numbered in index order.
 [[nodiscard]] Labelling label_entities(const Snapshot& snapshot);
 
 }  // namespace heliograph

@@ -70,7 +70,19 @@ def statics(edit):
     return options
 
 
-SCENES = {**scenes.SCENES, "fog": fog, "motion": motion, "statics": statics}
+def parts(edit):
+    """Cubes of two materials, of which one is one part of its instance."""
+    options = scenes.materials(edit)
+    cube = hg.shapes.cube()
+    edit.mesh("cube", **cube, parts=np.arange(len(cube["indices"])) % 2)
+    for name, x, more in (("two", -0.6, {}), ("one", 0.6, {"part": 7})):
+        place = hg.Pose((x, -1.4, 0.4), euler=(0.3, 0.2, 0.5), scale=0.6)
+        looks = ["look1", "look2"]
+        edit.entity(name, mesh="cube", materials=looks, transform=place, label="auto", **more)
+    return options
+
+
+SCENES = {**scenes.SCENES, "fog": fog, "motion": motion, "statics": statics, "parts": parts}
 
 
 def render(client, build, planes, spp, size=SIZE):

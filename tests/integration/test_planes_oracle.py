@@ -44,6 +44,24 @@ def test_ids(pair):
         np.testing.assert_array_equal(flat(frame, name)[sure, 0], value[sure], err_msg=name)
 
 
+def test_an_entity_that_is_given_a_part_is_that_part_whole(world):
+    """The crate's two mesh parts are 1 and 2, those of its lid 3 and 4."""
+    before = world.frames[1]["part"]
+    numbers = [{"lid": 9}, {"lid": 1}, {"crate": 2}, {"crate": 4, "lid": 4}]
+    expected = [(0, 1, 2, 9, 9), (0, 2, 3, 1, 1), (0, 2, 2, 3, 4), (0, 4, 4, 4, 4)]
+    crate = world.frames[1]["instance"] == 5
+    assert set(np.unique(before[crate])) == {1, 2, 3, 4}
+    for given, renumbered in zip(numbers, expected, strict=True):
+        with world.scene.overlay() as overlay:
+            for name, part in given.items():
+                label = {"label": 5} if name == "crate" else {}
+                overlay.update(name, part=part, **label)
+        frame = world.scene.render("cam", planes=["part", "material"], overlay=overlay)
+        np.testing.assert_array_equal(frame["part"][crate], np.choose(before[crate], renumbered))
+        np.testing.assert_array_equal(frame["part"][~crate], before[~crate])
+        np.testing.assert_array_equal(frame["material"], world.frames[1]["material"])
+
+
 def test_geometry(pair):
     frame, truth = pair
     sure = truth.sure

@@ -13,6 +13,7 @@ ASSETS = Path(__file__).resolve().parents[2] / "examples/assets"
 ARM = ASSETS / "arm/arm.urdf"
 VALUES = np.array([0.3, 0.5, 1.0, -0.4, 0.02])
 ROOT = hg.Pose((0.1, -0.2, 0.05), euler=(0.1, -0.05, 0.4)).matrix
+PLANES = ["position", "instance", "part", "semantic", "material"]
 LABELS = {"boxes": True, "keypoints": True, "keypoint_radius": 0.15}
 
 
@@ -57,21 +58,23 @@ def test_links_are_where_the_kinematics_have_them(scene, stage):
 
 def test_links_are_parts_of_one_instance(scene, stage):
     arm, cam = stage
-    frame = scene.render(cam, planes=["position", "instance", "part", "semantic"], labels=LABELS)
+    frame = scene.render(cam, planes=PLANES, labels=LABELS)
     assert frame.labels["label"].tolist() == [7] and frame.labels["name"] == ["arm"]
     part = frame["part"]
     links = arm.link_of(part)
     assert {arm.link_names[i] for i in np.unique(links) if i >= 0} == set(arm.link_names) - {"tool"}
     assert ((links == -1) == (part == 0)).all()
-    hand = {int(number) for number in np.unique(part[links == arm.link_names.index("hand")])}
-    assert hand == {arm.parts["hand"].start, arm.parts["hand"].start + 1}  # of two materials
+    assert list(arm.parts.values()) == list(range(1, 1 + len(arm.link_names)))
+    hand = links == arm.link_names.index("hand")
+    assert len(np.unique(frame["material"][hand])) == 2
+    assert (part[hand] == arm.parts["hand"]).all()
     assert ((part > 0) == (frame["instance"] == 7)).all()
     assert ((part > 0) == (frame["semantic"] == 1)).all()
     poses = dict(zip(arm.link_names, world(arm, VALUES), strict=True))
 
     def within(link):
         """Points that are seen of a link, in its frame."""
-        number = arm.parts[link].start
+        number = arm.parts[link]
         points = frame["position"][part == number]
         return (points - poses[link][:3, 3]) @ poses[link][:3, :3]
 
@@ -296,11 +299,11 @@ def test_every_mesh_of_a_link_is_its_part(scene, tmp_path):
         <child link="b"/><origin xyz="0 0 1"/></joint></robot>""")
     with scene.edit() as edit:
         robot = edit.import_urdf(tmp_path / "r.urdf", label=5)
-    for link, numbers in robot.parts.items():
+    for link, part in robot.parts.items():
         for entity in scene.find(f"r/{link}/*"):
             if entity.kind == "entity" and entity.mesh is not None:
                 label = entity._message().label
-                assert label.part == numbers.start and label.WhichOneof("instance") is None
+                assert label.part == part and label.WhichOneof("instance") is None
     meshes = [e for e in scene.find("r/*/*/*") if e.kind == "entity" and e.mesh is not None]
     assert len(meshes) == 6
 

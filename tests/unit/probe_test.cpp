@@ -177,6 +177,30 @@ TEST_CASE("probe: geometry, labels and material of a plane and a sphere") {
   }
 }
 
+TEST_CASE("probe: mesh parts count on from an instance's part, unless all of it is one") {
+  TestScene scene;
+  TestMesh mesh = rectangle(1, 1);
+  mesh.parts = {0, 1};  // below and above the diagonal x = y
+  const u32 paint = scene.add(painted());
+  scene.add_instance(scene.add(mesh), {paint, paint}, mat4x3(1));
+  scene.instances[0].part = 5;
+  const SceneView& view = scene.finish();
+  const CameraView camera = look_at({0.5f, -0.5f, 4}, {0.5f, -0.5f, 0}, {1, 1}, 0.01f);
+  const CameraView other = look_at({-0.5f, 0.5f, 4}, {-0.5f, 0.5f, 0}, {1, 1}, 0.01f);
+  const auto part = [&](const CameraView& from) {
+    const TestFilm film({1, 1}, all_centre());
+    probe_all({{&view, &from}, {}, {}, nullptr, &kSettings}, film);
+    return film.centre<u32>(Plane::PART, 0);
+  };
+  CHECK(part(camera) == 5);
+  CHECK(part(other) == 6);
+  scene.instances[0].flags |= kOnePart;
+  CHECK(part(camera) == 5);
+  CHECK(part(other) == 5);
+  scene.instances[0].label = 0;
+  CHECK(part(other) == 0);
+}
+
 TEST_CASE("probe: normals face the viewer from behind, and emission does not pass the back") {
   const World world({0, 0, 100});
   const CameraView camera = look_at({1, 0, -5}, {0, 0, 0}, {4, 4}, 0.1f);

@@ -49,7 +49,7 @@ class Components {
     return morph_weights(std::move(by_time), true);
   }
   /// 0: none. Without a label, what is given a category gets the next free one. Label, category,
-  /// group and part are one value: give them together.
+  /// group and part are one value: give them together. What is given a part is that part whole.
   Components& label(std::uint32_t label) { return set(&Fields::label, label); }
   Components& category(std::string name) { return set(&Fields::category, std::move(name)); }
   Components& group(bool v) { return set(&Fields::group, v); }

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from .scene import Scene
 
 _STEP = math.pi / 3  # the most that a joint turns from key to key
-_ROOM = 256  # part numbers of a link with meshes of several materials
 
 
 @dataclass
@@ -49,7 +48,7 @@ class Robot:
 
     root: the entity that carries its pose and its label, in the place of the first link's frame.
     links: entities by link name, parents first; poses are relative to the link above.
-    parts: {link name: range of its numbers in the plane "part"}; link_of() turns these round.
+    parts: {link name: its number in the plane "part"}; link_of() turns these round.
     keypoints: the joints that labels report, and skeleton: pairs of them that are neighbours.
     moving: the M links below joints that are not fixed, as a Group.
     warnings: what the file left open.
@@ -65,7 +64,7 @@ class Robot:
         self.kinematics = Kinematics(model)
         self.warnings = list(model.warnings)
         self.links: dict[str, Entity] = {}
-        self.parts = _part_ranges(model)
+        self.parts = {link: number for number, link in enumerate(model.links, 1)}
         self.keypoints: list[str] = []
         self.skeleton: list[tuple[str, str]] = []
         self.root: Entity
@@ -93,9 +92,9 @@ class Robot:
 
     def link_of(self, part: Any) -> NdArray:
         """int64 of the same shape: of numbers of the plane "part" the place of the link in
-        link_names; -1 for 0, no part."""
-        first = [numbers.start for numbers in self.parts.values()]
-        return np.asarray(np.searchsorted(first, np.asarray(part), side="right") - 1)
+        link_names; -1 for 0, no part, and for numbers that no link has."""
+        number = np.asarray(part, np.int64)
+        return np.where(number <= len(self.parts), number - 1, -1)
 
     def forward(self, values: Any, *, clamp: bool = False) -> NdArray:
         """(L, 4, 4) float64 root_from_link; (N, L, 4, 4) for N sets of values, as set_joints()
@@ -262,7 +261,7 @@ class _Builder:
             )
         )
         above = {joint.child: joint for joint in self.model.joints}
-        for link, numbers in robot.parts.items():
+        for link, part in robot.parts.items():
             joint = above.get(link)
             robot.links[link] = self.edits.entity(
                 f"{robot.name}/{link}",
@@ -272,7 +271,6 @@ class _Builder:
             )
             for number, visual in enumerate(self.model.visuals[link]):
                 name = f"{robot.name}/{link}/{number}"
-                part = numbers.start
                 self._put_visual(visual, name, (robot.links[link], part), options.mesh_materials)
         robot.moving = Group([robot.links[j.child] for j in robot.kinematics.moving])
         self._put_keypoints()
@@ -367,20 +365,8 @@ class _Builder:
                     keypoints={name: (0, 0, 0)},
                 )
             mesh = self.library.keypoints[name]
-            part = self.robot.parts[below[name]].start
+            part = self.robot.parts[below[name]]
             self.edits.entity(f"{link.name}/keypoint", parent=link, mesh=mesh, part=part)
-
-
-def _part_ranges(model: urdf.Urdf) -> dict[str, range]:
-    """From 1. Each material of a mesh is a part: how many a file has is not known beforehand."""
-    out: dict[str, range] = {}
-    first = 1
-    for link in model.links:
-        files = [visual.file for visual in model.visuals[link] if visual.file is not None]
-        simple = all(file.suffix.lower() in (".stl", ".ply") for file in files)
-        out[link] = range(first, first + (1 if simple else _ROOM))
-        first = out[link].stop
-    return out
 
 
 def _source(file: Path) -> assets.Source:
