@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import errno
 import hashlib
 import json
 import os
@@ -15,7 +16,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import FailedPrecondition, NotFound
+from ..errors import FailedPrecondition, NotFound, ResourceExhausted
 
 if TYPE_CHECKING:
     from ..scene import Scene
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 NAME = ".heliograph"
 FORMAT = "heliograph.dataset.v1"
 _HOST = socket.gethostname()
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_CLOSED = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EEXIST)
 
 
 class Folder:
@@ -43,7 +46,7 @@ class Folder:
     @contextlib.contextmanager
     def finishing(self) -> Iterator[None]:
         """Alone among the processes of this machine: two may have made the last images."""
-        with open(self.own / "finish.lock", "w") as lock:
+        with self._explained("finish.lock"), open(self.own / "finish.lock", "w") as lock:
             if sys.platform == "win32":
                 import msvcrt
 
@@ -59,19 +62,40 @@ class Folder:
         """A path to write to, which becomes DIR/name when the block ends without an exception."""
         final = self.root / name
         partial = self.own / "partial"
-        partial.mkdir(parents=True, exist_ok=True)
         path = partial / f"{_HOST}-{os.getpid()}-{threading.get_ident()}-{final.name}"
-        try:
-            yield path
-            final.parent.mkdir(parents=True, exist_ok=True)
-            os.replace(path, final)
-        finally:
-            path.unlink(missing_ok=True)
+        with self._explained(name):
+            partial.mkdir(parents=True, exist_ok=True)
+            try:
+                yield path
+                final.parent.mkdir(parents=True, exist_ok=True)
+                os.replace(path, final)
+            finally:
+                path.unlink(missing_ok=True)
 
     def put(self, name: str | Path, data: bytes | str) -> None:
         """Writes DIR/name."""
         with self.file(name) as path:
             path.write_bytes(data.encode() if isinstance(data, str) else data)
+
+    @contextlib.contextmanager
+    def _explained(self, name: str | Path) -> Iterator[None]:
+        """Says what to do where a disk is full or closed, also of libraries that tell it in words
+        of their own."""
+        try:
+            yield
+        except (OSError, RuntimeError) as error:
+            path = self.root / name
+            if _is_of(error, _FULL):
+                raise ResourceExhausted(
+                    f"{path}: cannot be written ({error}): make room there and call generate() "
+                    "again; images that are done stay"
+                ) from error
+            if _is_of(error, _CLOSED):
+                raise FailedPrecondition(
+                    f"{path}: cannot be written ({error}): name a directory that this user may "
+                    "write to"
+                ) from error
+            raise
 
     # ------------------------------------------------------------ images
 
@@ -141,8 +165,9 @@ class Folder:
 
     def open(self, description: dict[str, Any], scene: Scene, resume: bool) -> None:
         """Begins a data set, or goes on with one if it is the same."""
-        self.own.mkdir(parents=True, exist_ok=True)
-        self._drop_partial()
+        with self._explained(NAME):
+            self.own.mkdir(parents=True, exist_ok=True)
+            self._drop_partial()
         with self.file(self.scene_path.relative_to(self.root)) as path:
             scene.save(path)
             description = {"format": FORMAT, **description, "scene_sha256": _sha256(path)}
@@ -183,6 +208,14 @@ class Folder:
                 f"{self.root} is a data set with another {', '.join(differs)}: write to another "
                 "directory, or render all of it again with resume=False"
             )
+
+
+def _is_of(error: Exception, numbers: tuple[int, ...]) -> bool:
+    """Whether an error is one of these, by its number or by what it says."""
+    told = getattr(error, "errno", None)
+    return told in numbers or (
+        told is None and any(os.strerror(number) in str(error) for number in numbers)
+    )
 
 
 def _sha256(path: Path) -> str:

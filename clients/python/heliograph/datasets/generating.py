@@ -19,7 +19,7 @@ import numpy as np
 from .. import __version__
 from .._progress import Progress, is_watched
 from ..components import whole_of
-from ..errors import FailedPrecondition, HeliographError, InvalidArgument
+from ..errors import FailedPrecondition, HeliographError, InvalidArgument, Unavailable
 from .draw import Draw
 from .source import Drawn, Source
 from .splits import Splits
@@ -266,7 +266,9 @@ class Run:
                 frame.manifest = _portable(frame.manifest)
                 self._write(Image(index, frame, split, drawn.edit), drawn)
         except HeliographError as error:
-            error.args = (f"image {images[0]}: {error}", *error.args[1:])
+            stays = "; images that are done stay: call generate() again"
+            remedy = stays if isinstance(error, Unavailable) else ""
+            error.args = (f"image {images[0]}: {error}{remedy}", *error.args[1:])
             raise
         return len(images)
 
