@@ -1,5 +1,5 @@
-"""The daemon's copy of what is shown. push() sends what changed since the last picture, as one
-transaction."""
+"""The daemon's copy of what is shown. push() sends what changed since the last picture, all or
+nothing."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from .entities import entity
 from .lights import light
 from .materials import material
 from .meshes import mesh
+from .parts import Parts
 from .placement import moves, world_matrices
 from .settings import current, sky_image
 from .textures import texture
@@ -43,32 +44,37 @@ class Mirror:
     def push(self, view: View) -> Any:
         """Sends what changed; the handle of the camera that sees `view`."""
         work = _Push(self)
-        with self.scene.edit() as edit:
-            work.fill(edit, view)
+        with Parts(self.scene) as parts:
+            work.fill(parts, view)
         work.done()
         return self._camera
 
 
 class _Push:
-    """One transaction. What it makes counts only once it was accepted."""
+    """The changes of one picture. What they make counts only once all were accepted."""
 
     def __init__(self, mirror: Mirror) -> None:
         self.mirror = mirror
         self.made = dict(mirror._made)
         self.fogs = dict(mirror._fogs)
         self.moving = set(mirror._moving)
-        self.edit: Any = None
+        self.parts: Any = None
         self.camera = mirror._camera
         self.black, self.sky = mirror._black, mirror._sky
 
-    def fill(self, edit: Any, view: View) -> None:
-        self.edit = edit
+    @property
+    def edit(self) -> Any:
+        return self.parts.edit
+
+    def fill(self, parts: Parts, view: View) -> None:
+        self.parts = parts
         changed, moved = self._affected()
         self._remove_entities(changed)
         for kind in (texture, material, mesh):
             for component in kind._changed:
                 if component in self.made and component._alive:
                     self._send(component)
+                    self.parts.room()
         self._entities(changed)
         self._poses([e for e in moved if e in self.made and e not in changed])
         self._dome()
@@ -120,6 +126,7 @@ class _Push:
             if found in self.made and not found._is_shown():
                 self.edit.remove(self.made.pop(found))
                 self.moving.discard(found)
+                self.parts.room()
 
     def _entities(self, changed: dict[Any, None]) -> None:
         shown = [found for found in changed if found._is_shown()]
@@ -130,6 +137,7 @@ class _Push:
                 self.edit.update(self.made[found], **parts)
             else:
                 self.made[found] = self.edit.entity(_name_of(found), **parts)
+            self.parts.room()
 
     def _keys(self, entities: list[Any]) -> list[dict[str, Any]]:
         """transform= or keys= of each."""
@@ -155,6 +163,7 @@ class _Push:
         others = [e for e in entities if e not in placed]
         for found, pose in zip(others, self._keys(others)):
             self.edit.update(self.made[found], **pose)
+            self.parts.room()
 
     def _parts(self, found: entity) -> dict[str, Any]:
         """The other arguments of Edits.entity."""
@@ -214,11 +223,14 @@ class _Push:
         return made
 
     def _remove_shared(self) -> None:
-        """What was removed and nothing shows any more."""
-        for component in [c for c in self.made if not c._alive]:
+        """What was removed and nothing shows any more; textures last, as materials use them."""
+        removed = [c for c in self.made if not c._alive]
+        for component in sorted(removed, key=lambda c: isinstance(c, texture)):
             self.edit.remove(self.made.pop(component))
+            self.parts.room()
         for found in [e for e in self.fogs if e not in self.made or e._volume is None]:
             self.edit.remove(self.fogs.pop(found)[0])
+            self.parts.room()
 
     # ------------------------------------------------------------ dome and camera
 
