@@ -4,7 +4,6 @@ import dataclasses
 import io
 import json
 import struct
-from types import SimpleNamespace
 
 import cv2
 import hand_made
@@ -355,46 +354,3 @@ def test_nerf_lens_counts_from_the_corner():
 def test_colmap_cameras(distortion, line):
     camera = hg.Camera.from_intrinsics(hand_made.K, W, H, distortion=distortion)
     assert colmap.camera_line(camera, hand_made.frame()) == line
-
-
-# ---------------------------------------------------------------- what is refused
-
-
-def test_poses_that_are_no_rotations_are_refused_by_name():
-    sheared = only({"rigid": np.uint8(0)})
-    for made in (kitti.label_line, lambda thing: ndds.object_data(thing, hand_made.K)):
-        with pytest.raises(hg.InvalidArgument, match="thing/0: .*shear"):
-            made(sheared)
-
-
-@pytest.mark.parametrize("writer", [hd.Bop, hd.Kitti, hd.Ndds])
-def test_scenes_without_categories_are_refused(writer, tmp_path):
-    dataset = hd.Dataset(SimpleNamespace(), ["cam"], 1, 0)
-    with pytest.raises(hg.InvalidArgument, match="category="):
-        writer(tmp_path).begin(dataset)
-    named = hd.Dataset(SimpleNamespace(), ["cam"], 1, 0, categories={1: "car"})
-    with pytest.raises(hg.NotFound, match="bike.*there are car"):
-        writer(tmp_path, categories=["bike"]).begin(named)
-
-
-@pytest.mark.parametrize("lens", [{"distortion": (0.1, 0, 0, 0)}, {"projection": "fisheye"}])
-def test_lenses_that_k_cannot_say_are_refused(lens, tmp_path):
-    camera = hg.Camera.from_intrinsics(hand_made.K, W, H, **lens)
-    scene = {"cam": SimpleNamespace(camera=camera)}
-    writer = hd.Ndds(tmp_path, resolve_symmetries=False)
-    writer.begin(hd.Dataset(scene, ["cam"], 1, 0, categories={1: "car"}))
-    with pytest.raises(hg.InvalidArgument, match="cam: .*pinholes"):
-        writer.write(hd.Image(0, hand_made.frame()))
-
-
-def test_settings_that_are_none(tmp_path):
-    with pytest.raises(hg.InvalidArgument, match="visibility"):
-        hd.Bop(tmp_path, visibility="about")
-    with pytest.raises(hg.InvalidArgument, match="depth_scale"):
-        hd.Bop(tmp_path, depth_scale=0)
-    with pytest.raises(hg.InvalidArgument, match="objects"):
-        hd.Kitti(tmp_path, objects=False)
-    with pytest.raises(hg.InvalidArgument, match="PNG"):
-        hd.Middlebury(tmp_path, picture="jpg")
-    with pytest.raises(hg.InvalidArgument, match="times"):
-        hd.TapVid(tmp_path, times=[])

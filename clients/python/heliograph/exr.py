@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .errors import InvalidArgument, Unimplemented
+from ._optional import openexr
+from .errors import InvalidArgument
 
 if TYPE_CHECKING:
     from .frame import Frame
@@ -17,20 +18,10 @@ _COLOR = "RGBA"
 _VECTOR = "XYZW"
 
 
-def _library() -> Any:
-    try:
-        import OpenEXR
-    except ImportError:
-        raise Unimplemented(
-            "EXR files need the package OpenEXR: pip install 'heliograph[exr]'"
-        ) from None
-    return OpenEXR
-
-
 def write(path: Path, frame: Frame) -> None:
     """One part a plane, named as the plane: linear data, zip-compressed. Each part's header has
     `unit`; the first one's also the manifest, the camera and the labels' id tables, as JSON."""
-    exr = _library()
+    exr = openexr()
     parts: list[Any] = []
     for name in frame.planes:
         header: dict[str, Any] = {
@@ -62,7 +53,7 @@ def _channels(plane: str, data: Any) -> dict[str, Any]:
 
 def read_manifest(path: Path) -> str:
     """The manifest of a file that write() made."""
-    header = _library().File(str(path), header_only=True).header()
+    header = openexr().File(str(path), header_only=True).header()
     if "manifest" not in header:
         raise InvalidArgument(f"{path} carries no manifest", field="path")
     return str(header["manifest"])

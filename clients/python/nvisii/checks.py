@@ -1,6 +1,20 @@
-"""Checks of single numbers; RuntimeError names the argument."""
+"""RuntimeErrors: of single numbers, by the argument's name; of the daemon."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import heliograph as hg
+
+
+@contextmanager
+def as_runtime_error() -> Iterator[None]:
+    """What the daemon refuses is a RuntimeError, as all errors here are."""
+    try:
+        yield
+    except hg.HeliographError as error:
+        raise RuntimeError(str(error)) from error
 
 
 def above_zero(name: str, value: float) -> float:

@@ -12,8 +12,9 @@ import numpy as np
 from heliograph._arrays import dtype_of
 from heliograph._proto import service_pb2 as service
 
+from .checks import as_runtime_error
 from .mesh_data import Arrays, of_data, smooth_normals
-from .session import as_runtime_error, session
+from .session import session
 
 
 class Model(NamedTuple):

@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from heliograph._optional import openexr
 from heliograph.tonemap import encode_srgb
+
+from .checks import as_runtime_error
 
 if TYPE_CHECKING:
     from .textures import texture
@@ -40,13 +43,8 @@ def _opaque(rgb: Any) -> Any:
 
 
 def _open_exr() -> Any:
-    try:
-        import OpenEXR
-    except ImportError:
-        raise RuntimeError(
-            "EXR files need the package OpenEXR: pip install 'heliograph[exr]'"
-        ) from None
-    return OpenEXR
+    with as_runtime_error():
+        return openexr()
 
 
 def _read_exr(path: str) -> Any:

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from .checks import as_runtime_error
 from .pictures import write_picture
-from .session import as_runtime_error, call_back, camera_entity, session
+from .session import call_back, camera_entity, session
 from .settings import current
 from .view import view_of
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import atexit
+import inspect
 import os
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any
 
 import heliograph as hg
 
 from .cameras import camera
+from .checks import as_runtime_error
 from .component import Component, check
 from .entities import entity
 from .glm.vectors import ivec2, vec2
@@ -69,15 +70,6 @@ _updates = True
 _window = (1280, 720)
 
 
-@contextmanager
-def as_runtime_error() -> Iterator[None]:
-    """What the daemon refuses is a RuntimeError, as all errors here are."""
-    try:
-        yield
-    except hg.HeliographError as error:
-        raise RuntimeError(str(error)) from error
-
-
 def initialize(
     headless: bool = False,
     window_on_top: bool = False,
@@ -105,41 +97,27 @@ def initialize(
     settings.dome_changed = True  # the new scene has none yet
 
 
-def initialize_interactive(
-    window_on_top: bool = False,
-    verbose: bool = False,
-    max_entities: int = 10000,
-    max_cameras: int = 10,
-    max_transforms: int = 10000,
-    max_meshes: int = 10000,
-    max_materials: int = 10000,
-    max_lights: int = 100,
-    max_textures: int = 1000,
-    max_volumes: int = 1000,
-) -> None:
-    """The old name of initialize(headless=False)."""
-    _deprecated("initialize_interactive", "initialize")
-    initialize(headless=False, window_on_top=window_on_top, verbose=verbose)
+def _old_name(name: str, headless: bool, *left_out: str) -> Callable[..., None]:
+    """initialize() by an older name, without some of its arguments."""
+    signature = inspect.signature(initialize)
+    taken = [p for p in signature.parameters.values() if p.name not in left_out]
+    signature = signature.replace(parameters=taken)
+
+    def old(*args: Any, **named: Any) -> None:
+        given = signature.bind(*args, **named).arguments
+        text = f"nvisii.{name} is deprecated: use nvisii.initialize"
+        warnings.warn(text, DeprecationWarning, 2)
+        initialize(headless=headless, **given)
+
+    old.__name__ = old.__qualname__ = name
+    old.__doc__ = f"The old name of initialize(headless={headless})."
+    vars(old)["__signature__"] = signature
+    return old
 
 
-def initialize_headless(
-    verbose: bool = False,
-    max_entities: int = 10000,
-    max_cameras: int = 10,
-    max_transforms: int = 10000,
-    max_meshes: int = 10000,
-    max_materials: int = 10000,
-    max_lights: int = 100,
-    max_textures: int = 1000,
-    max_volumes: int = 1000,
-) -> None:
-    """The old name of initialize(headless=True)."""
-    _deprecated("initialize_headless", "initialize")
-    initialize(headless=True, verbose=verbose)
-
-
-def _deprecated(old: str, new: str) -> None:
-    warnings.warn(f"nvisii.{old} is deprecated: use nvisii.{new}", DeprecationWarning, 3)
+_NEW = ("headless", "lazy_updates", "address")  # what the old names do not take
+initialize_interactive = _old_name("initialize_interactive", False, *_NEW)
+initialize_headless = _old_name("initialize_headless", True, *_NEW, "window_on_top")
 
 
 def deinitialize() -> None:

@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..components import whole_of
-from ..errors import ResourceExhausted
 from ..handles import Handle, Named, flatten
 from .draw import BasePoses, Draw, render_seed
+from .tries import gave_up
 from .uploads import Uploads
 
 if TYPE_CHECKING:
@@ -73,12 +73,11 @@ class Source:
                 return Drawn(attempt, edit, uploads)
             with self._drawing:
                 self.rejected += 1
-        raise ResourceExhausted(
+        raise gave_up(
             f"accept: none of {self._attempts} attempts was accepted; ask for less, or raise "
             "attempts=",
-            field="attempts",
-            needed=self._attempts + 1,
-            available=self._attempts,
+            "attempts",
+            self._attempts,
         )
 
     def _is_accepted(self, edit: Edits) -> bool:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..._arrays import NdArray
-from ...errors import ResourceExhausted
 from ..bodies import Body, box_of, published
+from ..tries import gave_up
 
 if TYPE_CHECKING:
     from ...scene import Scene
@@ -49,12 +49,11 @@ class Apart:
                 if not missing:
                     draw.place([body.root for body in self.things], poses)
                     return
-        raise ResourceExhausted(
+        raise gave_up(
             f"things: {len(missing)} of {len(self.things)} found no free place in {tries} tries; "
             "give more room (radius=, on=, box=), less spacing=, or more tries=",
-            field="tries",
-            needed=tries + 1,
-            available=tries,
+            "tries",
+            tries,
         )
 
     def _publish(

@@ -8,9 +8,9 @@ import numpy as np
 
 from ..._arrays import NdArray
 from ...components import whole_of
-from ...errors import ResourceExhausted
 from ...handles import Group, flatten
 from ..bodies import box_of, middle
+from ..tries import gave_up
 from . import ranges
 from .looks import RandomMaterials
 from .props import random_shape
@@ -109,12 +109,11 @@ class Distractors:
             before = any(np.linalg.norm(point - camera) < 4.6 * radius for camera in cameras)
             if not (in_box or in_ball or before):
                 return point
-        raise ResourceExhausted(
+        raise gave_up(
             "distractors: found no free place in 1000 tries; give a larger radius=, or a smaller "
             "size= or count=",
-            field="count",
-            needed=1001,
-            available=1000,
+            "count",
+            1000,
         )
 
 

@@ -6,7 +6,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from ...components import number_of, whole_of
-from ...errors import InvalidArgument, ResourceExhausted
+from ...errors import InvalidArgument
+from ..tries import gave_up
 
 if TYPE_CHECKING:
     from ..draw import Draw
@@ -55,12 +56,11 @@ class InView:
             if self._seen(draw, targets) >= least:
                 return
             draw.rewind(mark)
-        raise ResourceExhausted(
+        raise gave_up(
             f"in_view: {least} of the targets were never seen together in {self.tries} tries; ask "
             "for less min_visibility= or least=, or raise tries=",
-            field="tries",
-            needed=self.tries + 1,
-            available=self.tries,
+            "tries",
+            self.tries,
         )
 
     def _seen(self, draw: Draw, targets: set[int]) -> int:

@@ -9,8 +9,9 @@ import numpy as np
 
 from ..._arrays import NdArray, checked
 from ...components import number_of, whole_of
-from ...errors import InvalidArgument, ResourceExhausted
+from ...errors import InvalidArgument
 from ..bodies import Body, box_of, middle
+from ..tries import gave_up
 from . import ranges
 from .apart import Apart
 from .ranges import Range
@@ -74,12 +75,11 @@ class Scatter:
                 pose, foot = self._stand(draw.rng, body, base[id(body)], patch)
                 if self.overhang or surface.carries(foot, 0.05 * float(np.ptp(foot)) + 1e-6):
                     return pose
-            raise ResourceExhausted(
+            raise gave_up(
                 f"things: {body.root!r} never stood whole on the surface in {self.tries} tries; "
                 "give a larger surface, overhang=True, or more tries=",
-                field="tries",
-                needed=self.tries + 1,
-                available=self.tries,
+                "tries",
+                self.tries,
             )
 
         obstacles = draw.bodies.of(self.on, "on")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..._arrays import NdArray
-from ...errors import Unimplemented
+from ..._optional import needed
 from ..bodies import Body, box_of
 from . import ranges
 from .ranges import Range
@@ -78,15 +78,9 @@ class _World:
     """A PyBullet world; lengths in it are metres over `size`."""
 
     def __init__(self, size: float, contact: Settle) -> None:
-        try:
-            import pybullet
-        except ImportError:
-            raise Unimplemented(
-                "settle needs PyBullet: pip install 'heliograph[physics]'"
-            ) from None
         self.size, self.contact = size, contact
-        self.bullet: Any = pybullet
-        self.client = pybullet.connect(pybullet.DIRECT)
+        self.bullet = needed("pybullet", "settle needs", "physics")
+        self.client = self.bullet.connect(self.bullet.DIRECT)
         self.call(
             "setPhysicsEngineParameter",
             fixedTimeStep=1 / _STEPS,

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..._arrays import NdArray
-from ...errors import Unimplemented
+from ..._optional import openexr
 from . import frame_labels, frame_planes
 from .dataset import wanted_count
 from .files import INTEGER, LIST, batches, fields_of, files, numbers, read_object
@@ -105,26 +105,16 @@ def _report(faults: Faults, path: Path, check: str, message: str) -> None:
     faults.add(check, path, message)
 
 
-def _library() -> Any:
-    try:
-        import OpenEXR
-    except ImportError:
-        raise Unimplemented(
-            "EXR files need the package OpenEXR: pip install 'heliograph[datasets]'"
-        ) from None
-    return OpenEXR
-
-
 def read_header(path: Path) -> dict[str, Any]:
     """That of an EXR's first part."""
     with _READING:
-        found: dict[str, Any] = _library().File(str(path), header_only=True).header()
+        found: dict[str, Any] = openexr().File(str(path), header_only=True).header()
     return found
 
 
 def read_planes(path: Path) -> dict[str, NdArray]:
     """The parts of an EXR: (H, W) or (H, W, C)."""
-    library = _library()
+    library = openexr()
     said = io.StringIO()  # pixels that cannot be decoded are told there, and nowhere else
     try:
         with _READING, contextlib.redirect_stdout(said):

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..._arrays import NdArray
-from ...errors import Unimplemented
+from ..._optional import pyarrow
 from . import frame_labels
 from .dataset import wanted_count
 from .files import batches, check_size
@@ -40,16 +40,6 @@ _IMAGES = 256  # a task
 
 def found(root: Path) -> bool:
     return (root / "images.parquet").is_file() and (root / "instances.parquet").is_file()
-
-
-def _library() -> Any:
-    try:
-        import pyarrow.parquet
-    except ImportError:
-        raise Unimplemented(
-            "Parquet files need the package pyarrow: pip install 'heliograph[datasets]'"
-        ) from None
-    return pyarrow
 
 
 def tasks(root: Path, faults: Faults) -> Iterator[Task]:
@@ -80,7 +70,7 @@ def tasks(root: Path, faults: Faults) -> Iterator[Task]:
 
 def _check_columns(path: Path, needed: tuple[str, ...]) -> None:
     try:
-        names = _library().parquet.read_schema(path).names
+        names = pyarrow().parquet.read_schema(path).names
     except (OSError, ValueError) as error:
         raise Malformed(path, f"is no Parquet that can be read ({error}): write it") from None
     missing = [name for name in needed if name not in names]
@@ -89,13 +79,13 @@ def _check_columns(path: Path, needed: tuple[str, ...]) -> None:
 
 
 def _column(path: Path, name: str) -> NdArray:
-    table = _library().parquet.read_table(path, columns=[name])
+    table = pyarrow().parquet.read_table(path, columns=[name])
     return np.asarray(table[name].to_numpy()).astype(np.int64)
 
 
 def check_images(root: Path, first: int, last: int, names: list[str], faults: Faults) -> None:
     """Images of some indices, both included, with their instances and keypoints."""
-    arrow = _library()
+    arrow = pyarrow()
     span = [("index", ">=", first), ("index", "<=", last)]
     rows = {
         name: arrow.parquet.read_table(root / f"{name}.parquet", filters=span).to_pylist()

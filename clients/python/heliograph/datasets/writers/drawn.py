@@ -58,8 +58,9 @@ def lens_of(scene: Scene, image: Image) -> Camera:
 
 def camera_in(shown: Scene, image: Image) -> Entity:
     """The image's camera, which may have no name, in the scene or in what drawn() gave."""
-    ref = json.loads(image.frame.manifest)["request"]["cameras"][0]
-    found: Entity = shown[ref["name"]] if "name" in ref else shown.handle(int(ref["id"]))
+    name = image.frame.camera
+    id = 0 if name else int(json.loads(image.frame.manifest)["request"]["cameras"][0]["id"])
+    found: Entity = shown[name] if name else shown.handle(id)
     return found
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import Unimplemented
+from ..._optional import pyarrow
 from ..writer import Image, Picture, Records, Writer
 from . import rows
 
@@ -34,7 +34,7 @@ class Parquet(Writer):
         picture: Picture | str | None = None,
     ) -> None:
         super().__init__(directory, picture=picture)
-        _library()
+        pyarrow()
         self.planes = self.picture_planes
         self.labels = labels
 
@@ -67,24 +67,12 @@ class Parquet(Writer):
                 self._put(table, _schema(table, first["types"]), records)
 
     def _put(self, table: str, schema: Any, records: Records) -> None:
-        arrow = _library()
-        import pyarrow.parquet
-
+        arrow = pyarrow()
         with self.file(f"{table}.parquet") as path:
-            out = pyarrow.parquet.ParquetWriter(path, schema, compression="zstd")
+            out = arrow.parquet.ParquetWriter(path, schema, compression="zstd")
             with out:
                 for chunk in _chunks(row for _, record in records for row in record[table]):
                     out.write_table(arrow.Table.from_pylist(chunk, schema))
-
-
-def _library() -> Any:
-    try:
-        import pyarrow
-    except ImportError:
-        raise Unimplemented(
-            "Parquet files need the package pyarrow: pip install 'heliograph[datasets]'"
-        ) from None
-    return pyarrow
 
 
 def _chunks(every: Iterator[Any]) -> Iterator[list[Any]]:
@@ -109,7 +97,7 @@ def _width(column: Any) -> list[int]:
 
 def _schema(table: str, types: Mapping[str, Any]) -> Any:
     """The types of a table: those of the label columns."""
-    arrow = _library()
+    arrow = pyarrow()
     if table == "images":
         names: dict[str, Any] = {"split": "str", "camera": "str"}
         names.update(width=["<i4"], height=["<i4"])
@@ -132,7 +120,7 @@ def _schema(table: str, types: Mapping[str, Any]) -> Any:
 
 
 def _arrow_type(told: Any) -> Any:
-    arrow = _library()
+    arrow = pyarrow()
     if told == "str":
         return arrow.string()
     number = arrow.from_numpy_dtype(np.dtype(told[0]))

@@ -1,0 +1,10 @@
+"""What is raised when something was tried as often as it may be. Used by draws and randomizers."""
+
+from __future__ import annotations
+
+from ..errors import ResourceExhausted
+
+
+def gave_up(message: str, field: str, tries: int) -> ResourceExhausted:
+    """The message, with what was tried and one more as available and needed."""
+    return ResourceExhausted(message, field=field, needed=tries + 1, available=tries)
