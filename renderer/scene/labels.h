@@ -10,7 +10,7 @@ namespace heliograph {
 struct EntityLabel {
   u32 instance = 0;  // 0: none
   u32 category = 0;  // class id
-  u32 part = 0;      // number within the instance of its first mesh part, from 1; 0 where unlabelled
+  u32 part = 0;    // number within the instance of its first mesh part, from 1; 0 where unlabelled
   u32 root = ~0u;  // index of the topmost labelled entity of the instance
 };
 
