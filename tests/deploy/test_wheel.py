@@ -1,5 +1,6 @@
 """The wheels install in a root that has the C library, Python and the client's dependencies, and
-show a picture there. The dependencies are those of .venv, so that nothing is fetched."""
+show a picture there. The dependencies are those of .venv, so that nothing is fetched. That for GPUs
+is made of the same programs: only its name, its metadata and who finds it are tried here."""
 
 import importlib.metadata
 import os
@@ -44,15 +45,40 @@ with hg.connect() as client, client.create_scene() as scene:
     hd.generate(scene, "cam", move, count=100, spp=16, writer=hd.Coco("/tmp/set"))
 assert hd.validate("/tmp/set").ok
 """
+FOR_GPUS = """
+import heliograph as hg
+from heliograph._launch import find_program
+assert "/heliograph_server_cuda/bin/" in find_program(), find_program()
+try:
+    hg.connect(arguments=["--backend", "cuda"])
+except hg.Unavailable as error:
+    assert "the engine does not start" in str(error), error
+else:
+    raise AssertionError("there is a GPU")
+"""
+
+
+def tree_as(folder, uses_cuda):
+    """The build tree, in a folder that remembers another HELIOGRAPH_CUDA."""
+    build = DAEMON.parents[1]
+    for path in build.iterdir():
+        if path.name != "CMakeCache.txt":
+            (folder / path.name).symlink_to(path)
+    cache = re.sub(r"(?m)^(HELIOGRAPH_CUDA|NVCC):.*\n", "", (build / "CMakeCache.txt").read_text())
+    cache += f"HELIOGRAPH_CUDA:BOOL={uses_cuda}\nNVCC:FILEPATH=/opt/nvcc\n"
+    (folder / "CMakeCache.txt").write_text(cache)
+    return folder
 
 
 @pytest.fixture(scope="module")
 def wheels(tmp_path_factory):
-    """The folder of the two wheels."""
+    """The folder of the three wheels."""
     folder = tmp_path_factory.mktemp("wheels")
     glibc = os.confstr("CS_GNU_LIBC_VERSION").split()[1]
-    command = [sys.executable, ROOT / "scripts/wheel", "--build", DAEMON.parents[1]]
-    subprocess.run([*command, "--output", folder, "--glibc", glibc], check=True)
+    for uses_cuda in ("OFF", "ON"):
+        build = tree_as(tmp_path_factory.mktemp("build"), uses_cuda)
+        command = [sys.executable, ROOT / "scripts/wheel", "--build", build]
+        subprocess.run([*command, "--output", folder, "--glibc", glibc], check=True)
     return folder
 
 
@@ -106,13 +132,28 @@ def test_they_install_and_show_a_picture_and_make_a_data_set(python):
     assert installing <= 60 and first <= 5 and data_set <= 60
 
 
+def test_that_for_gpus_goes_first_and_renders_where_there_is_none(python):
+    pip = "-m", "pip", "install", "--no-index", "--find-links", "/wheels"
+    python(*pip, "heliograph[server,server-cuda]")
+    python("-c", FOR_GPUS + PICTURE)
+    python("-m", "pip", "uninstall", "--yes", "heliograph-server")
+    python("-c", FOR_GPUS + PICTURE)
+
+
 def test_what_they_are_and_how_large(wheels):
-    client, server = sorted(wheels.iterdir())
+    client, *servers = sorted(wheels.iterdir())
     assert client.name.endswith("-py3-none-any.whl")
-    assert re.fullmatch(r"heliograph_server-[\d.]+-py3-none-manylinux_\S+\.whl", server.name)
-    assert server.stat().st_size <= 60e6
-    with zipfile.ZipFile(server) as archive:
-        assert archive.testzip() is None
-        names = archive.namelist()
-    assert "heliograph_server/licences/PACKAGES" in names
+    for server, package in zip(
+        servers, ("heliograph_server", "heliograph_server_cuda"), strict=True
+    ):
+        assert re.fullmatch(rf"{package}-[\d.]+-py3-none-manylinux_\S+\.whl", server.name)
+        assert server.stat().st_size <= 60e6
+        with zipfile.ZipFile(server) as archive:
+            assert archive.testzip() is None
+            assert f"{package}/bin/heliographd" in archive.namelist()
+            assert f"{package}/licences/PACKAGES" in archive.namelist()
+            info = "-".join(server.name.split("-")[:2]) + ".dist-info"
+            metadata = archive.read(f"{info}/METADATA").decode()
+        assert f"\nName: {package.replace('_', '-')}\n" in metadata
+        assert ("architectures" in metadata) == (package == "heliograph_server_cuda")
     assert any("/_proto/" in name for name in zipfile.ZipFile(client).namelist())
