@@ -12,12 +12,15 @@ import time
 
 import heliograph as hg
 import heliograph.datasets as hd
+import numpy as np
 import pytest
-from balls import files, furnished, make, stage
-
-__all__ = ["stage"]
+from balls import files, furnished, make, scatter, stage
 
 HERE = pathlib.Path(__file__).parent
+sys.path.append(str(HERE.parent / "fault"))
+from served import Served  # noqa: E402
+
+__all__ = ["stage"]
 
 
 def before_image(writer, number, happens):
@@ -117,6 +120,37 @@ def test_a_daemon_that_dies_is_told_and_another_one_goes_on(stage, tmp_path):
     done = len(list((root / ".heliograph/records").iterdir()))
     assert 3 <= done < 20
     goes_on(stage, root, tmp_path / "whole", count=20, seed=2)
+
+
+def test_a_daemon_that_comes_back_serves_the_same_scene(stage, tmp_path):
+    flags = ("--state-dir", tmp_path / "state")
+    noise = np.random.default_rng(0).random((300, 600, 3)).astype("f4")  # a blob
+
+    def run(scene, balls, writer):
+        def randomize(draw):
+            scatter(balls)(draw)
+            draw.edit.dome(noise * (1 + draw.index % 3))
+
+        return hd.generate(scene, "cam", randomize, count=12, spp=2, writer=writer)
+
+    daemons = [Served(tmp_path, *flags)]
+    try:
+        with hg.connect(daemons[0].socket) as client:
+            scene = client.create_scene("room", durability="os", shared=True)
+            balls, _ = furnished(scene)
+            dies = before_image(hd.Coco, 4, daemons[0].process.kill)
+            with pytest.raises(hg.Unavailable, match="images that are done stay"):
+                run(scene, balls, dies(tmp_path / "set"))
+            daemons[0].process.wait(30)
+            daemons.append(Served(tmp_path, *flags))
+            again = run(scene, balls, hd.Coco(tmp_path / "set"))
+            assert again.complete and 3 <= again.skipped < 12
+    finally:
+        for daemon in daemons:
+            daemon.stop()
+    scene, balls, _ = stage
+    run(scene, balls, hd.Coco(tmp_path / "whole"))
+    assert files(tmp_path / "set") == files(tmp_path / "whole")
 
 
 TWICE = """

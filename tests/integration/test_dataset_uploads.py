@@ -64,9 +64,9 @@ def test_files_that_a_randomizer_shows_are_kept_once(stage, pictures, tmp_path):
     for name in ("sky.exr", "a.png", "b.png"):
         (pictures / name).unlink()
     assert again(tmp_path / "set", 0) and again(tmp_path / "set", 1)
-    for blob in (tmp_path / "set/.heliograph/decodings").iterdir():
-        blob.unlink()
-    with pytest.raises(hg.NotFound):
+    for name in kept(tmp_path / "set", "blobs"):
+        (tmp_path / f"set/.heliograph/blobs/{name}").unlink()
+    with pytest.raises(hg.NotFound, match="sky.exr: the data set was not copied whole"):
         again(tmp_path / "set", 0)
 
 

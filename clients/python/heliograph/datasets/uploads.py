@@ -12,7 +12,7 @@ from .. import assets
 from .._proto import scene_pb2 as pb
 from .._proto import service_pb2 as service
 from .._proto import types_pb2 as types
-from ..errors import FailedPrecondition
+from ..errors import FailedPrecondition, NotFound
 from .folder import Folder
 
 if TYPE_CHECKING:
@@ -71,8 +71,18 @@ def bring(folder: Folder, overlay: pb.Transaction, client: Client) -> None:
         elif decoding is not None:
             request = service.DecodeAssetRequest.FromString(decoding)
             for file in request.files:
-                client.store.blob(folder.blob(file.sha256) or b"", file.sha256)
+                client.store.blob(_kept(folder, file), file.sha256)
             assets.decode_again(client, digest, request)
+
+
+def _kept(folder: Folder, file: service.BundleFile) -> bytes:
+    data = folder.blob(file.sha256)
+    if data is None:
+        raise NotFound(
+            f"{folder.own / 'blobs' / file.sha256.hex()} is not there, which was {file.path}: the "
+            "data set was not copied whole"
+        )
+    return data
 
 
 def named(message: Any) -> Iterator[bytes]:
