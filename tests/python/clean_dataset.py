@@ -2,15 +2,31 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 
+from heliograph._proto import service_pb2 as service
 from shapes_seen import write_json as put
 
 OWN = ".heliograph"
 
 
+BLOB, SCENE = b"an array", b"a scene"
+NAME = hashlib.sha256(BLOB).hexdigest()
+
+
 def make(root: Path) -> None:
-    put(root / OWN / "dataset.json", {"count": 3})
+    told = {"count": 3, "scene_sha256": hashlib.sha256(SCENE).hexdigest()}
+    put(root / OWN / "dataset.json", told)
+    (root / OWN / "scene.helio").write_bytes(SCENE)
+    request = service.DecodeAssetRequest()
+    request.files.add(path="a.exr", sha256=bytes.fromhex(NAME))
+    for name, data in (
+        (f"blobs/{NAME}", BLOB),
+        (f"decodings/{64 * '1'}.bin", request.SerializeToString()),
+    ):
+        (root / OWN / name).parent.mkdir()
+        (root / OWN / name).write_bytes(data)
     for i in range(3):
         for folder in ("records", "manifests"):
             put(root / OWN / folder / f"{i:06d}.json", {"record": {}})
@@ -32,6 +48,16 @@ FAULTS = {
     "record beyond the count": (
         "dataset.counts",
         lambda root: put(root / OWN / "records/000009.json", {}),
+    ),
+    "blob changed": ("dataset.kept", lambda root: (root / OWN / "blobs" / NAME).write_bytes(b"")),
+    "blob removed": ("dataset.kept", lambda root: (root / OWN / "blobs" / NAME).unlink()),
+    "scene of another set": (
+        "dataset.kept",
+        lambda root: (root / OWN / "scene.helio").write_bytes(BLOB),
+    ),
+    "decoding torn": (
+        "dataset.format",
+        lambda root: (root / OWN / f"decodings/{64 * '1'}.bin").write_bytes(b"\xff\xff"),
     ),
     "half a file": ("dataset.partial", lambda root: put(root / OWN / "partial/1-000001.png", {})),
 }
