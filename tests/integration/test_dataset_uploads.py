@@ -7,7 +7,7 @@ import heliograph as hg
 import heliograph.datasets as hd
 import numpy as np
 import pytest
-from balls import files, scatter, stage
+from balls import files, furnished, scatter, stage
 from PIL import Image
 
 __all__ = ["stage"]
@@ -88,6 +88,25 @@ def test_a_file_that_was_imported_before_is_kept_when_a_draw_places_it(client, t
         model.write_bytes(b"something else")
         with pytest.raises(hg.FailedPrecondition, match=r"image 0: .*bolt.glb is not what it was"):
             hd.generate(scene, "cam", place, count=1, spp=2, writer=hd.Coco(tmp_path / "late"))
+
+
+def test_a_model_of_the_daemons_own_is_kept_by_its_name(tmp_path):
+    shutil.copy(BOLT, tmp_path / "bolt.glb")
+    root, flags = tmp_path / "set", ["--asset-root", str(tmp_path)]
+
+    def randomize(draw):
+        draw.edit.import_file(server_path="bolt.glb", name="bolt", category="ball")
+
+    with hg.connect(arguments=flags) as client:
+        with client.create_scene() as scene:
+            _, cam = furnished(scene)
+            hd.generate(scene, cam, randomize, count=1, spp=2, writer=hd.Coco(root))
+        assert not kept(root, "blobs")
+    image = hd.KeptImage(root, 0)
+    with hg.connect(arguments=flags) as other:
+        assert image.is_same(image.render(other))
+    with pytest.raises(hg.HeliographError, match="asset"), hg.connect() as other:
+        image.render(other)
 
 
 def test_a_file_that_is_gone_when_the_draw_ends_is_kept(stage, pictures, tmp_path):

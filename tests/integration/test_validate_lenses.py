@@ -260,10 +260,13 @@ def test_lenses_of_cameras_without_names(client, tmp_path):
                 edit.entity(camera=lens, transform=view) for lens in (LENSES["pinhole"], bent)
             ]
         writers = [hd.WebDataset(tmp_path / "tar"), hd.Parquet(tmp_path / "tables")]
-        writers.append(hd.Exr(tmp_path / "exr"))
+        writers += [hd.Exr(tmp_path / "exr"), hd.Colmap(tmp_path / "colmap", points=200)]
+        writers.append(hd.TapVid(tmp_path / "tapvid", times=[0, 0.1], points=20))
         hd.generate(scene, cameras, lambda draw: None, count=2, spp=1, writer=writers)
-    for name in ("tar", "tables", "exr"):
+    for name in ("tar", "tables", "exr", "colmap", "tapvid"):
         report = hd.validate(tmp_path / name)
         assert report.ok and report.left_out == [], str(report)
+    arrays = [np.load(tmp_path / f"tapvid/00000{i}.npz")["video"] for i in range(2)]
+    assert (arrays[0] != arrays[1]).any()
     told = [json.loads((tmp_path / f"exr/labels/00000{i}.json").read_text()) for i in range(2)]
     assert told[0]["distortion"] == [] and told[1]["distortion"] == list(bent.distortion)

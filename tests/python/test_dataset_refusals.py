@@ -35,9 +35,10 @@ def test_scenes_without_categories_are_refused(writer, tmp_path):
 @pytest.mark.parametrize("lens", [{"distortion": (0.1, 0, 0, 0)}, {"projection": "fisheye"}])
 def test_lenses_that_k_cannot_say_are_refused(lens, tmp_path):
     camera = hg.Camera.from_intrinsics(hand_made.K, W, H, **lens)
-    scene = {"cam": SimpleNamespace(camera=camera)}
+    scene = SimpleNamespace(handle=lambda id: SimpleNamespace(camera=camera))
     writer = hd.Ndds(tmp_path, resolve_symmetries=False)
-    writer.begin(hd.Dataset(scene, ["cam"], 1, 0, categories={1: "car"}))
+    cameras = [SimpleNamespace(id=7, name="cam")]
+    writer.begin(hd.Dataset(scene, cameras, 1, 0, categories={1: "car"}))
     with pytest.raises(hg.InvalidArgument, match="cam: .*pinholes"):
         writer.write(hd.Image(0, hand_made.frame()))
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .._arrays import NdArray
+from ..components import Camera
 from ..errors import FailedPrecondition, InvalidArgument
 from .folder import Folder, name_of
 
@@ -49,6 +50,23 @@ class Dataset:
     seed: int
     splits: tuple[str, ...] = ()
     categories: Mapping[int, str] = field(default_factory=dict)
+    _lenses: dict[int, Camera] = field(default_factory=dict, repr=False, compare=False)
+
+    def camera_of(self, image: Image) -> Handle:
+        """The camera that saw an image."""
+        return self.cameras[image.index % len(self.cameras)]
+
+    def lens_of(self, image: Image) -> Camera:
+        """What it was, at its calibrated size, as the overlay left it."""
+        handle = self.camera_of(image)
+        edits = () if image.overlay is None else image.overlay.transaction.edits
+        for edit in reversed(edits):
+            is_named = handle.name and edit.target.name == handle.name
+            if edit.entity.HasField("camera") and (is_named or edit.target.id == handle.id):
+                return Camera.from_message(edit.entity.camera)
+        if handle.id not in self._lenses:
+            self._lenses[handle.id] = self.scene.handle(handle.id).camera
+        return self._lenses[handle.id]
 
 
 @dataclass(frozen=True)

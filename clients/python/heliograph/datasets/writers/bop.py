@@ -95,7 +95,7 @@ class Bop(Writer):
 
     def write(self, image: Image) -> dict[str, Any]:
         frame = image.frame
-        check_pinhole(self.dataset.scene, image, "BOP")
+        check_pinhole(self.dataset, image, "BOP")
         scene, number = divmod(image.index, self._scene_images)
         record: dict[str, Any] = {
             "split": "_".join(part for part in (image.split or "train", self.split_type) if part),

@@ -68,7 +68,7 @@ class Colmap(Writer):
 
     def write(self, image: Image) -> dict[str, Any]:
         frame = image.frame
-        camera = camera_of(self.dataset.scene, image)
+        camera = camera_of(self.dataset, image)
         seen, places = self._seen(image, camera)
         columns, rows = np.floor(places).astype(int).T
         return {
@@ -84,7 +84,8 @@ class Colmap(Writer):
         """Which points an image sees (N,), and where (N, 2), COLMAP's image coordinates."""
         frame = image.frame
         with drawn(self.dataset.scene, image) as scene:
-            tracks = scene.tracks(frame.camera, self._points, [frame.label_time])
+            seen_by = self.dataset.camera_of(image)
+            tracks = scene.tracks(seen_by, self._points, [frame.label_time])
         way = np.linalg.norm(tracks.position[:, 0] - self._points["position"], axis=1)
         if way.max() > _STILL:
             entity = int(self._points["entity"][int(way.argmax())])

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 
 from ... import _render
 from ..._proto import render_pb2
 from ...components import Camera
 from ...errors import InvalidArgument
-from ...handles import Entity
 from ...scene import Scene
-from ..writer import Image
+from ..writer import Dataset, Image
 
 
 def request_of(scene: Scene, image: Image) -> render_pb2.RenderRequest:
@@ -35,7 +34,7 @@ def drawn(scene: Scene, image: Image) -> Iterator[Scene]:
         yield branch
 
 
-def camera_of(scene: Scene, image: Image) -> Camera:
+def camera_of(dataset: Dataset, image: Image) -> Camera:
     """The image's camera at its calibrated size, as the overlay left it; refuses rolling
     shutters."""
     if image.frame.rolling:
@@ -44,29 +43,12 @@ def camera_of(scene: Scene, image: Image) -> Camera:
             "rows; take rolling off, or write Exr, WebDataset or Parquet, which say how long it is",
             field="camera",
         )
-    return lens_of(scene, image)
+    return dataset.lens_of(image)
 
 
-def lens_of(scene: Scene, image: Image) -> Camera:
-    """The image's camera at its calibrated size, as the overlay left it."""
-    edits = () if image.overlay is None else image.overlay.transaction.edits
-    changed = any(e.HasField("entity") and e.entity.HasField("camera") for e in edits)
-    with drawn(scene, image) if changed else nullcontext(scene) as shown:
-        found: Camera = camera_in(shown, image).camera
-        return found
-
-
-def camera_in(shown: Scene, image: Image) -> Entity:
-    """The image's camera, which may have no name, in the scene or in what drawn() gave."""
-    name = image.frame.camera
-    id = 0 if name else int(json.loads(image.frame.manifest)["request"]["cameras"][0]["id"])
-    found: Entity = shown[name] if name else shown.handle(id)
-    return found
-
-
-def check_pinhole(scene: Scene, image: Image, format: str) -> None:
+def check_pinhole(dataset: Dataset, image: Image, format: str) -> None:
     """Refuses lenses that a format of K alone cannot say."""
-    camera = camera_of(scene, image)
+    camera = camera_of(dataset, image)
     if camera.projection != "perspective":
         wrong = f"is {camera.projection}"
     elif any(camera.distortion):

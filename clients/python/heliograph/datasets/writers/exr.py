@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from ... import exr
-from ...scene import Scene
-from ..writer import Image, Picture, Writer
+from ..writer import Dataset, Image, Picture, Writer
 from . import rows
 
 PLANES = (
@@ -46,16 +45,16 @@ class Exr(Writer):
         name = f"{image.split}/{image.name}" if image.split else image.name
         with self.file(f"exr/{name}.exr") as path:
             exr.write(path, image.frame)
-        labels = labels_of(self.dataset.scene, image)
+        labels = labels_of(self.dataset, image)
         self.put(f"labels/{name}.json", json.dumps(labels, allow_nan=False) + "\n")
         if self.picture is not None:
             self.put_picture(image)
         return {"file": f"exr/{name}.exr"}
 
 
-def labels_of(scene: Scene, image: Image) -> dict[str, Any]:
+def labels_of(dataset: Dataset, image: Image) -> dict[str, Any]:
     """All that is known about an image but its pixels."""
-    out = {**rows.picture_of(scene, image), "instances": rows.instances_of(image)}
+    out = {**rows.picture_of(dataset, image), "instances": rows.instances_of(image)}
     if "keypoint_name" in image.frame.labels:
         out["keypoints"] = rows.keypoints_of(image)
     return out

@@ -14,7 +14,7 @@ from ..._arrays import NdArray
 from ...errors import InvalidArgument
 from ...handles import Handle, Named
 from ..writer import Dataset, Image, Picture, Records, Writer
-from .drawn import camera_in, check_pinhole, drawn
+from .drawn import check_pinhole, drawn
 from .encoded import kitti_disparity, kitti_flow
 from .instances import Instance, check_categories, instances, wrapped
 from .later import second_picture
@@ -111,7 +111,7 @@ class Kitti(Writer):
 
     def write(self, image: Image) -> dict[str, Any]:
         frame = image.frame
-        check_pinhole(self.dataset.scene, image, "KITTI")
+        check_pinhole(self.dataset, image, "KITTI")
         picture = self.picture.encode(frame)
         lines: list[str] = []
         if self.objects:
@@ -153,7 +153,7 @@ class Kitti(Writer):
         if not self.disparity:
             return 0.0
         with drawn(self.dataset.scene, image) as scene:
-            rig = camera_in(scene, image), scene[self.disparity]
+            rig = scene.handle(self.dataset.camera_of(image).id), scene[self.disparity]
             places = [camera.world_transform for camera in rig]
         return float(np.linalg.norm(places[1][:3, 3] - places[0][:3, 3]))
 

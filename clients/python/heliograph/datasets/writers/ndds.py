@@ -68,7 +68,7 @@ class Ndds(Writer):
 
     def write(self, image: Image) -> dict[str, Any]:
         frame = image.frame
-        check_pinhole(self.dataset.scene, image, "NDDS")
+        check_pinhole(self.dataset, image, "NDDS")
         self.put_picture(image, below="")
         found = [i for i in instances(frame, self.categories) if i.number("canvas")]
         seen = [i for i in found if np.isfinite(i.labels["corners_image"][i.row]).all()]

@@ -42,7 +42,7 @@ class NerfTransforms(Writer):
         world_from_camera = np.linalg.inv(frame.camera_from_world_gl)
         return {
             "file_path": self.put_picture(image),
-            **lens(camera_of(self.dataset.scene, image), frame),
+            **lens(camera_of(self.dataset, image), frame),
             "transform_matrix": world_from_camera.tolist(),
         }
 

@@ -42,7 +42,7 @@ class Parquet(Writer):
         file = self.put_picture(image) if self.picture else ""
         frame = image.frame
         shot = {
-            **rows.picture_of(self.dataset.scene, image),
+            **rows.picture_of(self.dataset, image),
             "seed": frame.seed,
             "samples": frame.samples,
         }

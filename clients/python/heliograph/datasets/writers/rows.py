@@ -10,18 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from ...scene import Scene
-from ..writer import Image
-from .drawn import lens_of
+from ..writer import Dataset, Image
 
 _MASKS = "amodal_masks"
 _KEYPOINT = "keypoint_"
 
 
-def picture_of(scene: Scene, image: Image) -> dict[str, Any]:
+def picture_of(dataset: Dataset, image: Image) -> dict[str, Any]:
     """What there is once an image: number, size, time, camera, its lens and its pose."""
     frame = image.frame
-    lens = lens_of(scene, image)
+    lens = dataset.lens_of(image)
     return {
         "index": image.index,
         "split": image.split,

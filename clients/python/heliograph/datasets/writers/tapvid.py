@@ -61,8 +61,8 @@ class TapVid(Writer):
         return {"file": name}
 
     def _tracks(self, image: Image) -> tuple[NdArray, NdArray]:
-        scene, name = self.dataset.scene, image.frame.camera
-        camera = camera_of(scene, image)
+        scene, handle = self.dataset.scene, self.dataset.camera_of(image)
+        camera = camera_of(self.dataset, image)
         size = np.array([camera.width, camera.height])
         rng = np.random.default_rng(image.frame.seed)
         when = rng.integers(len(self.times), size=_CANDIDATES * self.points)
@@ -72,13 +72,13 @@ class TapVid(Writer):
             for i in range(len(self.times)):
                 with still.edit() as edit:
                     edit.time(self.times[i])
-                found.append(still.pick(name, where[when == i]))
+                found.append(still.pick(handle, where[when == i]))
         points = {column: np.concatenate([f[column] for f in found]) for column in _POINT}
         order = np.argsort(np.argsort(when, kind="stable"))  # as they were drawn
         chosen = order[points["entity"][order] != 0]
         points = {column: values[chosen] for column, values in points.items()}
         with drawn(scene, image) as moving:
-            tracks = moving.tracks(name, points, self.times)
+            tracks = moving.tracks(handle, points, self.times)
         seen = np.flatnonzero(tracks.visible.any(axis=1))[: self.points]
         places = np.nan_to_num((tracks.image[seen] + 0.5) / size)
         return places.astype(np.float32), ~tracks.visible[seen]

@@ -54,7 +54,7 @@ class WebDataset(Writer):
         if self.picture is not None:
             data = self.picture.encode(image.frame)
             part.write(member(f"{image.name}.{self.picture.format}", data))
-        text = json.dumps(labels_of(self.dataset.scene, image), allow_nan=False)
+        text = json.dumps(labels_of(self.dataset, image), allow_nan=False)
         part.write(member(f"{image.name}.json", text.encode()))
         for plane in self.arrays:
             array = io.BytesIO()
