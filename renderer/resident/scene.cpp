@@ -59,7 +59,12 @@ Expected<DeviceScenes> SceneStore::prepare_all(std::span<const SceneAt> scenes,
   if (scenes.empty()) return DeviceScenes();
   const State before = nearest(*scenes.front().snapshot, scenes.front().span);
   std::vector<Expected<State>> made(scenes.size());
-  parallel_for(scenes.size(), [&](std::size_t i) { made[i] = make(scenes[i], before, interrupt); });
+  parallel_invoke([&] { make_room(before); },
+                  [&] {
+                    parallel_for(scenes.size(), [&](std::size_t i) {
+                      made[i] = make(scenes[i], before, interrupt);
+                    });
+                  });
   for (const auto& state : made)
     if (!state) return std::unexpected(state.error());
   DeviceScenes all;

@@ -35,6 +35,7 @@ LEFT_OUT = {
     "test_device_edits.py": "heliographd-faulty beside the test's daemon",
     "test_worlds.py::test_progress_counts_all_pictures": "the same",
     "test_cluster.py": "Ray",
+    "test_docs.py::test_the_site_builds_without_a_warning": "Sphinx",
     "test_randomizers.py::test_things_fall_and_rest_on_the_floor_without_meeting": "PyBullet",
     "test_randomizers.py::test_things_fall_as_fast_as_gravity_has_it": "PyBullet",
     "test_randomizers.py::test_a_draw_is_pure_in_its_seed_and_index[<lambda>6]": "PyBullet",

@@ -104,6 +104,24 @@ TEST_CASE("scene store: shapes of the past are forgotten, those in use are kept"
   CHECK(device.cache.bytes() <= settled);
 }
 
+TEST_CASE("scene store: scenes that are left to it go when the next ones are made") {
+  Device device;
+  auto scene = Edits().mesh("sphere", sphere(8)).object("ball", "sphere", mat4x3(1)).apply();
+  std::vector<std::weak_ptr<const ResidentScene>> all;
+  for (int i = 0; i < 40; ++i) {
+    scene = Edits().pose("ball", translation({float(i), 0, 0})).apply(*scene);
+    const std::vector<SceneAt> wanted{{scene, {0, 0}}};
+    auto made = device.store.prepare_all(wanted, Interrupt{});
+    REQUIRE(made);
+    auto resident = std::static_pointer_cast<const ResidentScene>(made->front());
+    all.emplace_back(resident);
+    made->clear();
+    device.store.free_later(std::move(resident));
+  }
+  all.pop_back();  // it waits for the next one
+  CHECK(std::ranges::all_of(all, [](const auto& each) { return each.expired(); }));
+}
+
 TEST_CASE("scene store: mirrors and lenses are casters, as long as they are few") {
   const auto surface = [](float metallic, float roughness) {
     PutMaterial material;
