@@ -17,6 +17,7 @@ import heliograph.datasets as hd
 
 PLANES = ("depth", "normal", "instance", "semantic")
 FLOW = ("flow_backward", "flow_backward_valid")
+DEPTH = 7  # six bounces, as in datasets_blender.py
 JOBS = ("64 spp and all labels", "labels alone", "columns alone")
 
 
@@ -45,6 +46,7 @@ def measure(name, job, count):
             with hg.connect(arguments=("--threads", "2")) as client, client.create_scene() as scene:
                 camera, randomizer = hd.make_scene(name).build(scene)
                 options = {"writer": writer_of(job, name, out), "spp": 64, "progress": False}
+                options["max_depth"] = DEPTH
                 common = {"count": images, **options}
                 hd.generate(scene, camera, randomizer, indices=[0], **common)
                 start = time.perf_counter()
