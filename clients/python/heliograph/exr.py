@@ -23,7 +23,7 @@ def write(path: Path, frame: Frame) -> None:
     `unit`; the first one's also the manifest, the camera and the labels' id tables, as JSON."""
     exr = openexr()
     parts: list[Any] = []
-    for name in frame.planes:
+    for name, data in {name: frame[name] for name in frame.planes}.items():
         header: dict[str, Any] = {
             "compression": exr.ZIP_COMPRESSION,
             "type": exr.scanlineimage,
@@ -34,7 +34,7 @@ def write(path: Path, frame: Frame) -> None:
             header["camera"] = json.dumps(frame.shot)
             header["categories"] = json.dumps(frame.categories)
             header["software"] = "heliograph"
-        parts.append(exr.Part(header, _channels(name, frame[name]), name))
+        parts.append(exr.Part(header, _channels(name, data), name))
     if not parts:
         raise InvalidArgument("this frame has no planes to write", field="planes")
     exr.File(parts).write(str(path))

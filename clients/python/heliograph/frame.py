@@ -333,9 +333,9 @@ class Frame(Rendered):
         if kind in (".png", ".jpg", ".jpeg"):
             return self._save_pictures(target, exposure, view)
         if kind == ".npz":
-            columns = {f"labels.{name}": np.asarray(self.labels[name]) for name in self.labels}
-            camera = {f"camera.{name}": np.asarray(value) for name, value in self.shot.items()}
-            arrays: Any = {**{name: self[name] for name in self}, **columns, **camera}
+            arrays: Any = {name: self[name] for name in self}
+            arrays |= {f"labels.{name}": np.asarray(self.labels[name]) for name in self.labels}
+            arrays |= {f"camera.{name}": np.asarray(value) for name, value in self.shot.items()}
             np.savez_compressed(target, **arrays)
             return [target]
         if kind == ".json":
