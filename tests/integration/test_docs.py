@@ -144,6 +144,15 @@ def test_the_site_builds_without_a_warning(tmp_path):
         [*command, str(pages.DOCS), str(tmp_path)], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
-    reference = (tmp_path / "reference.html").read_text()
-    assert "heliograph.scene.Scene.render" in reference
-    assert "f32[1] metres along the optical axis" in (tmp_path / "contract.html").read_text()
+    reference = {page.stem: page.read_text() for page in (tmp_path / "reference").glob("*.html")}
+    every = "".join(reference.values())
+    for module in (hg, hd):
+        names = {name for name in module.__all__ if f'id="{module.__name__}.{name}"' not in every}
+        errors = {name for name in names if f'id="heliograph.errors.{name}"' in every}
+        assert names - errors <= {"materials", "shapes"}, module.__name__
+    assert 'id="heliograph.Scene.render"' in reference["client"]
+    assert all(f"usage: heliograph {name}" in reference["command"] for name in subcommands())
+    assert "f32[1] metres along the optical axis" in reference["contract"]
+    protos = (pages.ROOT / "proto/heliograph/v1").glob("*.proto")
+    shown = (pages.DOCS / "reference/contract.md").read_text()
+    assert all(f"/{proto.name}\n" in shown for proto in protos)

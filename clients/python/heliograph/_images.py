@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 class DomeOptions(TypedDict, total=False):
     """What Edits.dome takes besides the picture; None: reset to its default."""
 
-    color: Any
-    intensity: float | None
-    rotation: Any
-    camera_visible: bool | None
-    light_group: str | None
+    color: Any  #: (3,) or a number, W sr^-1 m^-2; multiplies an image
+    intensity: float | None  #: a factor
+    rotation: Any  #: radians about +Z, or (3, 3) world_from_dome
+    camera_visible: bool | None  #: False: camera rays see black
+    light_group: str | None  #: as of an entity
 
 
 def dome_message(given: DomeOptions) -> pb.Dome:

@@ -34,65 +34,65 @@ if TYPE_CHECKING:
 class Components(TypedDict, total=False):
     """What an entity can be given; absent: stays as it is; None: reset to its default."""
 
-    transform: Any  # 4x4 or Pose, relative to the parent
-    keys: Mapping[float, Any] | None  # {time in seconds: pose}, instead of transform
-    parent: Named | None
-    mesh: Named | None
-    material: Named | None  # for all parts
-    materials: Sequence[Named] | None  # one a part
-    light: Light | None
-    portal: Portal | None  # where the dome shines in
-    camera: Camera | None
-    volume: Named | None
-    skin: tuple[Sequence[Named], Any] | None  # joints, (J, 4, 4) inverse binds
-    morph_weights: Any  # (T,), or {time: (T,)}
+    transform: Any  #: 4x4 or Pose, relative to the parent
+    keys: Mapping[float, Any] | None  #: {time in seconds: pose}, instead of transform
+    parent: Named | None  #: whose frame the pose is in; None: the world
+    mesh: Named | None  #: triangles; many entities may share one
+    material: Named | None  #: for all parts
+    materials: Sequence[Named] | None  #: one a part
+    light: Light | None  #: given off by its mesh, or a shape, or a sun
+    portal: Portal | None  #: where the dome shines in
+    camera: Camera | None  #: looks along the entity's -Z, +Y up
+    volume: Named | None  #: a medium that it shows
+    skin: tuple[Sequence[Named], Any] | None  #: joints, (J, 4, 4) inverse binds
+    morph_weights: Any  #: (T,), or {time: (T,)}
     # label ("auto", 0: none, or a number), category, group and part are one value: give them
     # together.
-    label: int | str | None
-    category: str
-    group: bool
-    part: int
-    visible: bool
-    visibility: Visibility | None
-    static: bool
-    shadow_catcher: bool
-    teleport: bool
-    attributes: Mapping[str, str] | None
-    light_group: str | None  # of all its light
+    label: int | str | None  #: "auto", a number, or 0: none; one value with the next three
+    category: str  #: name of its class in the planes and labels
+    group: bool  #: a crowd: one instance of many things
+    part: int  #: number in the plane `part`
+    visible: bool  #: False: no ray meets it, no label shows it
+    visibility: Visibility | None  #: which rays meet it
+    static: bool  #: it does not move, and is traced faster
+    shadow_catcher: bool  #: only the plane shadow_catcher shows it
+    teleport: bool  #: the pose is a jump: no flow over it
+    attributes: Mapping[str, str] | None  #: {str: str}, which travels to the labels
+    light_group: str | None  #: of all its light
 
 
 class Parameters(TypedDict, total=False):
     """A material's parameters: a constant, a texture, or a Tex. None: reset to its default."""
 
-    base_color: Any
-    metallic: Any
-    roughness: Any
-    specular: Any
-    specular_color: Any
-    ior: Any
-    transmission: Any
-    emission: Any
-    emission_strength: Any
-    alpha: Any
-    alpha_mode: str | None  # "opaque", "mask", "blend"
-    alpha_cutoff: float | None
-    normal_map: Any  # a texture or Tex; its strength in Tex.scale
-    bump_map: Any  # height; metres in Tex.scale
+    base_color: Any  #: [0, 1]: of the diffuse body, the metal, the glass
+    metallic: Any  #: [0, 1]
+    roughness: Any  #: [0, 1]
+    specular: Any  #: [0, 1]
+    specular_color: Any  #: >= 0
+    ior: Any  #: [1, 4]
+    transmission: Any  #: [0, 1]
+    emission: Any  #: >= 0: its colour
+    emission_strength: Any  #: W sr^-1 m^-2
+    alpha: Any  #: [0, 1]: opacity, as alpha_mode says
+    alpha_mode: str | None  #: "opaque", "mask", "blend"
+    alpha_cutoff: float | None  #: [0, 1], of "mask"
+    normal_map: Any  #: a texture or Tex; its strength in Tex.scale
+    bump_map: Any  #: height; metres in Tex.scale
     clearcoat_normal_map: Any
-    two_sided_emission: bool
-    unlit: bool
+    two_sided_emission: bool  #: the back emits too
+    unlit: bool  #: shows base_color as it is
     subsurface: Any
-    subsurface_radius: Any  # metres
+    subsurface_radius: Any  #: metres
     subsurface_color: Any
     attenuation_color: Any
-    attenuation_distance: Any  # metres; 0: clear
-    medium_density: Any  # 1/m, by colour
+    attenuation_distance: Any  #: metres; 0: clear
+    medium_density: Any  #: 1/m, by colour
     medium_albedo: Any
     medium_anisotropy: Any
     specular_tint: Any
     transmission_roughness: Any
     anisotropic: Any
-    anisotropic_rotation: Any  # turns
+    anisotropic_rotation: Any  #: turns
     sheen: Any
     sheen_color: Any
     sheen_roughness: Any
@@ -101,9 +101,9 @@ class Parameters(TypedDict, total=False):
     clearcoat_roughness: Any
     iridescence: Any
     iridescence_ior: Any
-    iridescence_thickness: Any  # nm; 0: no film
-    thin_walled: bool
-    priority: int | None  # of a body where transmitting ones overlap; higher wins
+    iridescence_thickness: Any  #: nm; 0: no film
+    thin_walled: bool  #: a sheet: light goes straight on
+    priority: int | None  #: of a body where transmitting ones overlap; higher wins
 
 
 _Component = TypeVar("_Component")
@@ -305,23 +305,23 @@ _TOPOLOGY: dict[str, tuple[str, tuple[int | None, ...]]] = {
 class Geometry(TypedDict, total=False):
     """A mesh's arrays; shapes as in proto/heliograph/v1/scene.proto."""
 
-    positions: Any  # (V, 3) metres, or (K, V, 3) with times
-    times: Any  # (K,) seconds
-    indices: Any  # (F, 3), counter-clockwise seen from outside
-    normals: Any  # (V, 3), or (K, V, 3); None: flat
-    uvs: Any  # (V, 2)
-    uvs1: Any
-    colors: Any  # (V, 3) or (V, 4): float linear, or u8, u16 normalised
-    tangents: Any  # (V, 4)
-    parts: Any  # (F,)
-    part_names: Sequence[str] | None
-    joints: Any  # (V, 4)
-    weights: Any  # (V, 4)
-    morph_positions: Any  # (T, V, 3)
-    morph_normals: Any
-    keypoints: Mapping[str, Any] | None  # {name: (3,)} in mesh coordinates
-    skeleton: Any  # (E, 2) edges between keypoints
-    symmetries: Sequence[Any] | None  # (4, 4) matrices, or {"axis": (3,), "offset": (3,)}
+    positions: Any  #: (V, 3) metres, or (K, V, 3) with times
+    times: Any  #: (K,) seconds
+    indices: Any  #: (F, 3), counter-clockwise seen from outside
+    normals: Any  #: (V, 3), or (K, V, 3); None: flat
+    uvs: Any  #: (V, 2)
+    uvs1: Any  #: (V, 2): a second set, for Tex(uv_set=1)
+    colors: Any  #: (V, 3) or (V, 4): float linear, or u8, u16 normalised
+    tangents: Any  #: (V, 4)
+    parts: Any  #: (F,) from 0: the place in `materials`
+    part_names: Sequence[str] | None  #: one a part
+    joints: Any  #: (V, 4): places in the entity's skin=
+    weights: Any  #: (V, 4): how much each joint counts
+    morph_positions: Any  #: (T, V, 3) metres, added by morph_weights=
+    morph_normals: Any  #: (T, V, 3), likewise
+    keypoints: Mapping[str, Any] | None  #: {name: (3,)} in mesh coordinates
+    skeleton: Any  #: (E, 2) edges between keypoints
+    symmetries: Sequence[Any] | None  #: (4, 4) matrices, or {"axis": (3,), "offset": (3,)}
 
 
 def mesh_message(edits: Edits, given: Mapping[str, Any]) -> pb.Mesh:

@@ -40,35 +40,35 @@ _MEAN = {
 class Options(TypedDict, total=False):
     """Keyword arguments of Scene.render."""
 
-    planes: Sequence[str | tuple[str, Named]]
-    half: Sequence[str | tuple[str, Named]]  # those of `planes` that come as float16
-    spp: int
-    seconds: float
-    noise: float
-    size: tuple[int, int]
-    time: float
-    label_time: float
-    frame_interval: float
-    hold: bool
-    seed: int
-    labels: bool | Sequence[str] | Mapping[str, Any]
-    overlay: Edits | None
-    revision: int | None
-    max_depth: int
-    roulette: bool
-    clamp: float
-    clamp_indirect: float
-    regularize: bool
-    adaptive: bool
-    filter: str  # "box", "tent", "gaussian", "blackman_harris"
-    transparent_background: bool
-    through_transmission: bool
-    progress: bool | Callable[[Progress], Any] | None
-    on_pass: Callable[[Frame], Any] | None  # called with a frame after each doubling of samples
-    timeout: float | None
-    on_start: Callable[[Callable[[], None]], Any]  # gets a function that cancels the call
-    device: str  # "cuda": planes stay on the GPU that renders (Frame.torch); "cpu"
-    priority: int  # -100..100, among the jobs of this tenant: higher ones go first, always
+    planes: Sequence[str | tuple[str, Named]]  #: names, default ["beauty"]: docs/planes.md
+    half: Sequence[str | tuple[str, Named]]  #: those of `planes` that come as float16
+    spp: int  #: samples a pixel, at most
+    seconds: float  #: stops after so long
+    noise: float  #: stops below this mean relative standard error
+    size: tuple[int, int]  #: (width, height) pixels; default the camera's
+    time: float  #: seconds, default the scene's
+    label_time: float  #: seconds, of the labels; default time
+    frame_interval: float  #: seconds to the other end of flow; default the last advance()
+    hold: bool  #: what has no keys there stands still
+    seed: int  #: of the random numbers, 64 bits; default 0
+    labels: bool | Sequence[str] | Mapping[str, Any]  #: True, or names: docs/python.md
+    overlay: Edits | None  #: of Scene.overlay()
+    revision: int | None  #: exactly this one; default the latest
+    max_depth: int  #: edges of a path, at most; default 12
+    roulette: bool  #: ends weak paths by chance, the mean stays; default True
+    clamp: float  #: bounds each contribution, W sr^-1 m^-2; 0: off
+    clamp_indirect: float  #: likewise, after three edges or more; 0: off
+    regularize: bool  #: rougher lobes behind diffuse ones, against fireflies
+    adaptive: bool  #: samples go where noise is; spp is the most
+    filter: str  #: "box", "tent", "gaussian", "blackman_harris"
+    transparent_background: bool  #: alpha is 0 where the dome is seen
+    through_transmission: bool  #: labels look through glass
+    progress: bool | Callable[[Progress], Any] | None  #: None: a bar where one watches
+    on_pass: Callable[[Frame], Any] | None  #: called with a frame after each doubling of samples
+    timeout: float | None  #: seconds, then DeadlineExceeded
+    on_start: Callable[[Callable[[], None]], Any]  #: gets a function that cancels the call
+    device: str  #: "cuda": planes stay on the GPU that renders (Frame.torch); "cpu"
+    priority: int  #: -100..100, among the jobs of this tenant: higher ones go first, always
 
 
 def render(scene: Scene, cameras: Sequence[Named], options: Options) -> list[Frame]:

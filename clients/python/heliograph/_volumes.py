@@ -19,17 +19,17 @@ if TYPE_CHECKING:
 class Medium(TypedDict, total=False):
     """What a volume is made of. Arrays of other sizes than the density's fill the same box."""
 
-    density: Any  # (X, Y, Z), >= 0: [i, j, k] is of the voxel there
-    temperature: Any  # (X, Y, Z), >= 0; None: nothing glows
-    color: Any  # (X, Y, Z, 3) in [0, 1], multiplies albedo; None: 1
-    axes: str  # what the arrays' axes are, "xyz"; for (D, H, W) arrays "zyx"
-    voxel_size: Any  # metres, a number or (3,), of the density's voxels; 1
-    origin: Any  # (3,) metres, the corner of voxel [0, 0, 0] in the entity's coordinates; 0
-    density_scale: float | None  # 1/m, >= 0: extinction of density 1; 1
-    albedo: Any  # [0, 1] a channel: share of the extinction that scatters; 0.8
-    anisotropy: float | None  # [-0.99, 0.99]: mean cosine of scattering, > 0: forwards; 0
-    temperature_scale: float | None  # kelvin of temperature 1, >= 0; 1
-    emission_scale: float | None  # >= 0: factor on the black body's radiance; 1
+    density: Any  #: (X, Y, Z), >= 0: [i, j, k] is of the voxel there
+    temperature: Any  #: (X, Y, Z), >= 0; None: nothing glows
+    color: Any  #: (X, Y, Z, 3) in [0, 1], multiplies albedo; None: 1
+    axes: str  #: what the arrays' axes are, "xyz"; for (D, H, W) arrays "zyx"
+    voxel_size: Any  #: metres, a number or (3,), of the density's voxels; 1
+    origin: Any  #: (3,) metres, the corner of voxel [0, 0, 0] in the entity's coordinates; 0
+    density_scale: float | None  #: 1/m, >= 0: extinction of density 1; 1
+    albedo: Any  #: [0, 1] a channel: share of the extinction that scatters; 0.8
+    anisotropy: float | None  #: [-0.99, 0.99]: mean cosine of scattering, > 0: forwards; 0
+    temperature_scale: float | None  #: kelvin of temperature 1, >= 0; 1
+    emission_scale: float | None  #: >= 0: factor on the black body's radiance; 1
 
 
 _GRIDS = ("density", "temperature", "color")

@@ -26,13 +26,13 @@ _ROUNDS = 64  # of naming missing companions
 class Placement(TypedDict, total=False):
     """Where a copy of an asset goes."""
 
-    transform: Any  # 4x4 or Pose
-    parent: Named | None
-    label: int | str
-    category: str
-    group: bool
-    materials: Mapping[str, Named]  # overrides, by the asset's material name
-    animation: int | str | None  # clip to bind, by index or name; None: none
+    transform: Any  #: 4x4 or Pose, relative to the parent
+    parent: Named | None  #: whose frame the pose is in
+    label: int | str  #: of the copy, as of an entity
+    category: str  #: name of its class
+    group: bool  #: as of an entity
+    materials: Mapping[str, Named]  #: overrides, by the asset's material name
+    animation: int | str | None  #: clip to bind, by index or name; None: none
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,8 @@
 """Bundled materials, as the keyword arguments of edit.material(): **hg.materials.steel.
 
+matte, plaster, plastic, rubber, wood, steel, aluminium, gold, copper, chrome, glass, frosted_glass,
+marble, skin, milk.
+
 Reflectances of metals: RGB of measured n and k (RefractiveIndex.INFO), rounded. Marble, skin and
 milk: Jensen et al. 2001, "A Practical Model for Subsurface Light Transport", figure 5.
 """

@@ -291,13 +291,15 @@ class Scene:
     ) -> Columns:
         """The first hit of each ray. origins, directions: (N, 3) world; a single one broadcasts.
 
-        Columns: t (N,) metres along the unit direction (+inf: none), entity, primitive,
-        position, normal (N, 3), uv (N, 2), instance. any_hit: only t, 0 where something is hit.
+        Columns: t (N,) metres along the unit direction (+inf: none); entity, its id; instance, its
+        label; primitive; barycentric, uv (N, 2); position, normal (N, 3) world. any_hit: only t,
+        0 where something is hit.
         """
         return query.cast_rays(self, origins, directions, (t_max, any_hit))
 
     def pick(self, camera: Named, pixels: Any) -> Columns:
-        """What lies at image points (N, 2), K coordinates (integers are pixel centres)."""
+        """What lies at image points (N, 2), K coordinates (integers are pixel centres): the columns
+        of cast_rays()."""
         return query.pick(self, camera, pixels)
 
     def visible(self, camera: Named, entities: Any) -> Columns:
@@ -309,7 +311,8 @@ class Scene:
         return query.overlaps(self, a, b)
 
     def sample_surface(self, entities: Any, count: int, *, seed: int = 0) -> Columns:
-        """Points uniform over the world area of all: position, normal (N, 3), uv, entity."""
+        """Points uniform over the world area of all: position, normal (N, 3) world, uv,
+        barycentric (N, 2), entity, primitive (N,)."""
         return query.sample_surface(self, entities, count, seed)
 
     def tracks(
