@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import sys
 import time
-from pathlib import Path
 
 import heliograph as hg
 import heliograph.datasets as hd
@@ -21,7 +20,7 @@ from torch.nn import functional as F
 
 SIZE, CELLS, CROP = 64, 8, 32
 BATCH, LAMPS, OTHERS = 16, 24, 5
-ASSETS = Path(__file__).resolve().parent / "assets"
+TEST_DOMES = [path for path in hd.bundled_domes() if path.stem in ("forest", "interior")]
 KINDS = "path-traced", "flat-shaded"
 
 
@@ -42,8 +41,8 @@ def build(scene: hg.Scene) -> None:
             edit.entity(f"other/{i}/it", mesh=mesh, material=f"other/{i}", label=0)
         for i in range(LAMPS):
             edit.texture(f"lamps/{i}", lamps(rng))
-        for i, name in enumerate(("forest", "interior")):
-            edit.texture(f"test/{i}", ASSETS / f"{name}.exr")
+        for i, path in enumerate(TEST_DOMES):
+            edit.texture(f"test/{i}", path)
         lens = hg.Camera.from_fov(40, SIZE, SIZE, degrees=True)
         edit.entity("cam", camera=lens, transform=hg.look_at((0, -3, 0), (0, 0, 0)))
 
