@@ -45,9 +45,8 @@ def measure(name, job, count):
         with tempfile.TemporaryDirectory() as out:
             with hg.connect(arguments=("--threads", "2")) as client, client.create_scene() as scene:
                 camera, randomizer = hd.make_scene(name).build(scene)
-                options = {"writer": writer_of(job, name, out), "spp": 64, "progress": False}
-                options["max_depth"] = DEPTH
-                common = {"count": images, **options}
+                common = {"count": images, "writer": writer_of(job, name, out), "spp": 64}
+                common |= {"max_depth": DEPTH, "progress": False}
                 hd.generate(scene, camera, randomizer, indices=[0], **common)
                 start = time.perf_counter()
                 hd.generate(scene, camera, randomizer, **common)

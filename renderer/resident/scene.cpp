@@ -46,12 +46,10 @@ void for_each_grid(const Snapshot& snapshot, F&& f) {
 Expected<std::shared_ptr<const ResidentScene>> SceneStore::prepare(
     const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
     const Interrupt& interrupt) {
-  const State before = nearest(*snapshot, span);
-  Expected<State> state;
-  parallel_invoke([&] { make_room(before); },
-                  [&] { state = make({snapshot, span}, before, interrupt); });
-  if (!state) return std::unexpected(std::move(state).error());
-  return scene_of(*state);
+  const SceneAt wanted{snapshot, span};
+  auto all = prepare_all(std::span(&wanted, 1), interrupt);
+  if (!all) return std::unexpected(std::move(all).error());
+  return std::static_pointer_cast<const ResidentScene>(all->front());
 }
 
 Expected<DeviceScenes> SceneStore::prepare_all(std::span<const SceneAt> scenes,

@@ -14,6 +14,9 @@ import time
 import heliograph as hg
 import numpy as np
 
+sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "fault"))
+import common
+
 SIZES = ((64, 64), (320, 180), (128, 96))
 ALLOWED_MIB = {"GPU": 2, "host": 16}
 
@@ -21,8 +24,7 @@ ALLOWED_MIB = {"GPU": 2, "host": 16}
 def used_mib(client):
     ask = ["nvidia-smi", "--query-gpu=memory.used", "--format=csv,noheader,nounits"]
     gpu = sum(int(line) for line in subprocess.check_output(ask, text=True).split())
-    statm = pathlib.Path(f"/proc/{client.connection.daemon._process.pid}/statm")
-    return {"GPU": gpu, "host": int(statm.read_text().split()[1]) * 4096 >> 20}
+    return {"GPU": gpu, "host": common.resident(common.pid_of(client)) >> 20}
 
 
 def furnish(scene):

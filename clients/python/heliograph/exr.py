@@ -23,7 +23,8 @@ def write(path: Path, frame: Frame) -> None:
     `unit`; the first one's also the manifest, the camera and the labels' id tables, as JSON."""
     exr = openexr()
     parts: list[Any] = []
-    for name, data in {name: frame[name] for name in frame.planes}.items():
+    for name in frame.planes:
+        data = frame[name]
         header: dict[str, Any] = {
             "compression": exr.ZIP_COMPRESSION,
             "type": exr.scanlineimage,

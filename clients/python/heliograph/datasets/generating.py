@@ -23,6 +23,7 @@ from ..errors import FailedPrecondition, HeliographError, InvalidArgument, Unava
 from .draw import Draw
 from .source import Drawn, Source
 from .splits import Splits
+from .uploads import named
 from .writer import Dataset, Image, Records, Writer
 
 if TYPE_CHECKING:
@@ -283,6 +284,7 @@ class Run:
             )
         transaction = drawn.edit.transaction
         overlay = transaction.SerializeToString(deterministic=True)
+        names = list(named(transaction))
         for writer in self.writers:
             if writer.folder.has(image.index):
                 continue
@@ -292,7 +294,7 @@ class Run:
                 "attempt": drawn.attempt,
                 "sha256": image.frame.sha256.hex(),
             }
-            drawn.uploads.keep(writer.folder, transaction, self.dataset.scene.client.store)
+            drawn.uploads.keep(writer.folder, names, self.dataset.scene.client.store)
             writer.folder.keep(image.index, record, image.frame.manifest, overlay)
 
 

@@ -4,7 +4,7 @@ again. Used by generate() and KeptImage."""
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,9 +33,9 @@ class Uploads:
         if digest not in self._blobs and not self._is_kept(digest):
             self._blobs[digest] = bytes(data)
 
-    def keep(self, folder: Folder, overlay: pb.Transaction, store: Store) -> None:
+    def keep(self, folder: Folder, names: Iterable[bytes], store: Store) -> None:
         """Keeps what an overlay names: its blobs, and the files that the daemon decoded for it."""
-        for digest in named(overlay):
+        for digest in names:
             if digest in self._blobs:
                 folder.keep_blob(digest, self._blobs[digest])
             elif digest in store.decodings:
