@@ -106,3 +106,11 @@ def test_files_that_are_not_there_or_nothing(camera, tmp_path):
         with pytest.raises(RuntimeError, match=r"no\.|bad\.|holds no volume"):
             call()
     assert nvisii.mesh.get("m") is nvisii.texture.get("t") is None
+
+
+def test_a_part_without_a_material_has_the_default_one(camera):
+    made = nvisii.import_scene(str(ROOT / "tests/assets/dae/bracket.dae"))
+    looks = {e.get_name(): e.get_material().get_name() for e in made.entities}
+    assert looks == {"main": "Painted", "main_2": "default", "left": "Glass", "left_2": "Painted"}
+    low, high = nvisii.get_scene_min_aabb_corner(), nvisii.get_scene_max_aabb_corner()
+    assert tuple(high - low) == pytest.approx((0.34, 0.03, 0.2), abs=1e-6)  # metres, +Z up

@@ -145,10 +145,11 @@ class _Importer:
 
     def _dress(self, found: entity, parts: Any, part: int) -> None:
         """Its material; and a light where that emits."""
-        if not parts:
+        used = parts[min(part, len(parts) - 1)] if parts else None
+        if used is None or not used.HasField("created_by_edit"):
             found.set_material(self._plain())
             return
-        look = self._looks[parts[min(part, len(parts) - 1)].created_by_edit]
+        look = self._looks[used.created_by_edit]
         found.set_material(look.material)
         lamp = look.light(self._named)
         if lamp is not None:
