@@ -5,6 +5,7 @@ import pathlib
 import subprocess
 import sys
 
+import heliograph as hg
 import numpy as np
 import nvisii
 import pytest
@@ -111,6 +112,23 @@ def test_what_is_missing_is_a_runtime_error():
         with pytest.raises(RuntimeError, match="set_camera_entity"):
             nvisii.render(8, 8, 1)
         assert nvisii.should_window_close() is True
+    finally:
+        nvisii.deinitialize()
+
+
+def test_a_private_daemon_keeps_no_picture_of_before():
+    nvisii.initialize(headless=True)
+    try:
+        place = nvisii.transform.create("eye")
+        eye = nvisii.entity.create("eye", transform=place, camera=nvisii.camera.create("eye"))
+        nvisii.set_camera_entity(eye)
+        nvisii.render(8, 8, 1)
+        mirror = nvisii.session.session().mirror
+        before = mirror.scene.revision
+        ball()
+        nvisii.render(8, 8, 1)
+        with pytest.raises(hg.HeliographError, match="revision"):
+            mirror.scene.render(mirror._camera, revision=before)
     finally:
         nvisii.deinitialize()
 

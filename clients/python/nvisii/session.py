@@ -55,11 +55,15 @@ KINDS: tuple[type[Component], ...] = (
 )
 
 
+# Scripts show new meshes and textures in every picture; none asks for a revision of before.
+_PRIVATE = ("--limit", "revisions=1")
+
+
 class _Session:
     """Between initialize() and deinitialize()."""
 
     def __init__(self, address: str | None) -> None:
-        self.client = hg.connect(address)
+        self.client = hg.connect(address, arguments=() if address else _PRIVATE)
         self.mirror = Mirror(self.client.create_scene())
 
 
