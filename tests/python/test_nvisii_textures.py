@@ -3,6 +3,7 @@
 import numpy as np
 import nvisii
 import pytest
+from PIL import Image
 
 
 @pytest.fixture(autouse=True)
@@ -96,3 +97,33 @@ def test_material_arguments_are_what_get_gives():
     assert look.get_base_color() == [1, 1, 0] and look.get_metallic() == 0.5
     with pytest.raises(TypeError):
         look.set_metallic(rough=1)
+
+
+def test_grey_of_16_bits_and_of_floats_is_not_cut_off(tmp_path):
+    ramp = np.array([[0, 1000, 32896, 65535]], np.uint16)
+    Image.fromarray(ramp).save(tmp_path / "grey.png")
+    made = nvisii.texture.create_from_file("grey", tmp_path / "grey.png", linear=True)
+    assert made.get_byte_texels().reshape(4, 4)[:, 0].tolist() == [0, 4, 128, 255]
+    Image.fromarray(ramp.astype("f4") / 100).save(tmp_path / "grey.tif")
+    floats = nvisii.texture.create_from_file("floats", tmp_path / "grey.tif")
+    assert floats.is_hdr() and floats.is_linear()
+    assert floats.get_float_texels().reshape(4, 4)[1].tolist() == [10, 10, 10, 1]
+
+
+def test_bytes_are_no_floats():
+    with pytest.raises(RuntimeError, match="divide them by 255"):
+        nvisii.texture.create_from_data("b", 1, 1, np.full(4, 200, np.uint8))
+
+
+@pytest.mark.parametrize(("last", "message"), [(b"\x85\x07", "too long"), (b"\x83", "range")])
+def test_run_lengths_that_do_not_fit_a_radiance_picture(tmp_path, last, message):
+    rows = b"\x02\x02\x00\x08" + b"\x88\x80" * 3 + b"\x04\x81\x82\x81\x82"
+    head = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 8\n"
+    path = tmp_path / "dome.hdr"
+    path.write_bytes(head + rows + b"\x84\x81")
+    made = nvisii.texture.create_from_file("whole", str(path))
+    expected = [(128 + 0.5) * 2.0 ** (e - 136) for e in (0x81, 0x82, 0x81, 0x82, *[0x81] * 4)]
+    assert made.get_float_texels().reshape(8, 4)[:, 0].tolist() == expected
+    path.write_bytes(head + rows + last)
+    with pytest.raises(RuntimeError, match=message):
+        nvisii.texture.create_from_file("bad", str(path))

@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 _LUMINANCE_EXPONENT = 128  # RGBE: value = mantissa / 256 * 2^(exponent - 128)
 
 
-def read_picture(path: str) -> Any:
-    """(H, W, 4), row 0 at the top: uint8, or float32 of .hdr and .exr."""
+def read_picture(path: str | os.PathLike[str]) -> Any:
+    """(H, W, 4), row 0 at the top: uint8, or float32 of .hdr, .exr and other files of floats."""
+    path = os.fspath(path)
     if not os.path.isfile(path):
         raise RuntimeError(f"there is no file {path!r}")
     try:
@@ -31,9 +32,17 @@ def read_picture(path: str) -> Any:
         from PIL import Image
 
         with Image.open(path) as picture:
-            return np.array(picture.convert("RGBA"))
+            return _texels(picture)
     except (OSError, ValueError, IndexError, SyntaxError) as error:
         raise RuntimeError(f"{path} is no picture that can be read: {error}") from None
+
+
+def _texels(picture: Any) -> Any:
+    """Of a PIL image. Grey of 16 bits ("I") and of floats ("F") would be cut off by convert()."""
+    if picture.mode[0] not in "IF":
+        return np.array(picture.convert("RGBA"))
+    gray = np.asarray(picture, dtype="f4")[..., None].repeat(3, axis=2)
+    return _opaque(gray) if picture.mode == "F" else as_bytes(_opaque(gray / np.float32(65535)))
 
 
 def _opaque(rgb: Any) -> Any:
@@ -84,21 +93,20 @@ def read_hdr(path: str) -> Any:
 
 
 def _runs(body: bytes, width: int, height: int) -> Any:
-    out = np.empty((height, 4, width), np.uint8)
-    at = 0
-    for y in range(height):
+    out, at = bytearray(), 0
+    for y in range(1, height + 1):
         at += 4
-        for channel in range(4):
-            row, x = out[y, channel], 0
-            while x < width:
-                count = body[at]
-                if count > 128:
-                    row[x : x + count - 128] = body[at + 1]
-                    x, at = x + count - 128, at + 2
-                else:
-                    row[x : x + count] = np.frombuffer(body, np.uint8, count, at + 1)
-                    x, at = x + count, at + 1 + count
-    return out.transpose(0, 2, 1)
+        while len(out) < 4 * width * y:
+            count = body[at]
+            if count > 128:
+                out += body[at + 1 : at + 2] * (count - 128)
+                at += 2
+            else:
+                out += body[at + 1 : at + 1 + count]
+                at += 1 + count
+        if len(out) != 4 * width * y:
+            raise ValueError(f"the runs of scanline {y} are too long")
+    return np.frombuffer(out, np.uint8).reshape(height, 4, width).transpose(0, 2, 1)
 
 
 def write_hdr(path: str, rgb: Any) -> None:

@@ -40,6 +40,8 @@ class texture(Component):
     ) -> texture:
         """RGBA floats, row 0 at the bottom: 4 * width * height of them. Without hdr they are kept
         as 8 bits a channel, of [0, 1]."""
+        if getattr(data, "dtype", None) == np.uint8:
+            raise RuntimeError("texture.create_from_data: data are bytes; divide them by 255")
         values = np.asarray(data, dtype="f4")
         if values.size != 4 * width * height:
             raise RuntimeError(
