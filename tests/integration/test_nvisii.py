@@ -180,3 +180,26 @@ def test_randomized_scenes_do_not_grow_in_the_daemon(camera):
         for kind in (nvisii.entity, nvisii.mesh, nvisii.material, nvisii.transform):
             kind.remove(f"ball{i}")
     assert len(set(sizes)) == 1
+
+
+def test_a_scale_of_0_is_flat_or_nothing(camera):
+    thing = ball(base_color=(0, 0, 0), specular=0, roughness=1)
+    place = thing.get_transform()
+
+    def dark():
+        image = rows(nvisii.render(32, 32, 4), 32, 32)[..., :3].mean(axis=2)
+        return int((image < 0.5).sum())
+
+    whole = dark()
+    place.set_scale((1, 0, 1))
+    assert 0.8 * whole < dark() < whole
+    place.set_scale((0, 0, 0))
+    assert dark() == 0
+    place.set_scale((1, 1, 0), previous=True)
+    nvisii.render_data(8, 8, 0, 1, 0, "diffuse_motion_vectors")
+    place.clear_motion()
+    place.set_parent(nvisii.transform.create("above", scale=(0, 1, 1)))
+    place.set_scale((1, 1, 1))
+    assert dark() < whole / 8
+    nvisii.transform.remove("above")
+    assert dark() == whole

@@ -133,3 +133,33 @@ def test_old_names_of_textures(tmp_path):
     old = nvisii.texture.create_from_image("o", str(tmp_path / "p.png"), linear=True)
     assert (old.get_width(), old.get_height(), old.is_linear()) == (3, 2, True)
     assert old.get_byte_texels()[:4].tolist() == [10, 20, 30, 255]
+
+
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    ("call", "argument"),
+    [
+        (lambda: nvisii.transform.create("t", position=(NAN, 0, 0)), "position"),
+        (lambda: nvisii.transform.create("t").set_scale((1, float("inf"), 1)), "scale"),
+        (lambda: nvisii.transform.create("t").set_rotation(nvisii.quat(NAN, 0, 0, 0)), "rotation"),
+        (lambda: nvisii.transform.create("t").set_transform(np.eye(4) * NAN, False), "transform"),
+        (lambda: nvisii.material.create("m", roughness=NAN), "roughness"),
+        (lambda: nvisii.material.create("m").set_base_color((0, NAN, 0)), "base_color"),
+        (lambda: nvisii.light.create("l").set_intensity(float("inf")), "intensity"),
+        (lambda: nvisii.light.create("l").set_exposure(100), "exposure"),
+        (lambda: nvisii.light.create("l").set_color((-1, 0, 0)), "color"),
+        (lambda: nvisii.camera.create("c").set_focal_distance(NAN), "distance"),
+    ],
+)
+def test_what_no_picture_can_show_is_refused_where_it_is_given(call, argument):
+    with pytest.raises(RuntimeError, match=f"^{argument}: "):
+        call()
+
+
+def test_a_transform_keeps_its_own_rotation():
+    turn = nvisii.angleAxis(1, (0, 0, 1))
+    place = nvisii.transform.create("t", rotation=turn)
+    turn.x = 5
+    assert place.get_rotation().x == 0

@@ -118,3 +118,22 @@ def test_random_numbers_repeat_by_seed_and_stay_in_their_sets():
     assert nvisii.length(nvisii.sphericalRand(3.0)) == pytest.approx(3)
     low, high = np.array([list(nvisii.linearRand((0, 5), (1, 6))) for _ in range(99)]).T
     assert 0 <= low.min() and low.max() <= 1 and 5 <= high.min() and high.max() <= 6
+
+
+def test_numpys_functions_take_vectors_as_arrays():
+    v, points = nvisii.vec3(1, -2, 3), np.ones((3, 3))
+    assert np.abs(v).tolist() == [1, 2, 3] and np.max(v) == 3
+    assert np.degrees(nvisii.eulerAngles(nvisii.angleAxis(0.5, (0, 0, 1))))[2] == pytest.approx(
+        math.degrees(0.5)
+    )
+    assert (points + v).tolist() == (v + points).tolist() == [[2, -1, 4]] * 3
+    total = np.zeros(3)
+    total += v
+    assert total.tolist() == [1, -2, 3]
+    assert np.isfinite(nvisii.mat4()).all() and np.minimum(v, 0).tolist() == [0, -2, 0]
+    assert np.float64(2) * v == [2, -4, 6] and isinstance(np.float64(2) * v, nvisii.vec3)
+
+
+def test_a_row_vector_times_a_matrix():
+    m = nvisii.translate(nvisii.mat4(1), (1, 2, 3))
+    assert nvisii.vec4(1, 1, 1, 1) * m == [1, 1, 1, 7]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import heliograph as hg
 
@@ -17,13 +19,24 @@ def as_runtime_error() -> Iterator[None]:
         raise RuntimeError(str(error)) from error
 
 
+def number(name: str, value: Any) -> float:
+    """A finite one."""
+    try:
+        out = float(value)
+    except (TypeError, ValueError):
+        raise RuntimeError(f"{name}: needs a number, not {value!r}") from None
+    if not math.isfinite(out):
+        raise RuntimeError(f"{name}: {value} is not finite")
+    return out
+
+
 def above_zero(name: str, value: float) -> float:
-    if not float(value) > 0:
+    if not number(name, value) > 0:
         raise RuntimeError(f"{name}: {value} is not above 0")
     return float(value)
 
 
 def not_below_zero(name: str, value: float) -> float:
-    if not float(value) >= 0:
+    if not number(name, value) >= 0:
         raise RuntimeError(f"{name}: {value} is below 0")
     return float(value)

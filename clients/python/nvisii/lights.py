@@ -9,11 +9,12 @@ import numpy as np
 
 import heliograph as hg
 
-from .checks import not_below_zero
+from .checks import not_below_zero, number
 from .component import Component
 from .glm.vectors import Numbers, floats, vec3
 from .textures import texture
 
+_STOPS = 64.0  # the largest exposure, either way
 _LAMP_RADIUS = 0.01  # metres, of a light without a mesh
 
 
@@ -49,14 +50,14 @@ class light(Component):
     @classmethod
     def create_from_rgb(cls, name: str, color: Numbers, intensity: float) -> light:
         """With a linear colour."""
-        checked, strength = floats(color, 3, "color"), not_below_zero("intensity", intensity)
+        checked, strength = _color_of(color), not_below_zero("intensity", intensity)
         made = cls(name)
         made._color, made._intensity = checked, strength
         return made
 
     def set_color(self, color: Numbers) -> None:
         """A linear colour; it replaces a texture."""
-        self._color = floats(color, 3, "color")
+        self._color = _color_of(color)
         self.clear_color_texture()
 
     def get_color(self) -> Any:
@@ -82,6 +83,8 @@ class light(Component):
 
     def set_exposure(self, exposure: float) -> None:
         """Stops: the intensity is multiplied by 2^exposure."""
+        if abs(number("exposure", exposure)) > _STOPS:
+            raise RuntimeError(f"exposure: {exposure} is outside [-{_STOPS:g}, {_STOPS:g}]")
         self._exposure = float(exposure)
         self.mark_dirty()
 
@@ -119,6 +122,13 @@ class light(Component):
         if self._by_area:
             return hg.Light(radiance=self._intensity, **given)
         return hg.Light(power=math.pi * self._intensity, **given)
+
+
+def _color_of(given: Numbers) -> tuple[float, ...]:
+    color = floats(given, 3, "color")
+    if min(color) < 0:
+        raise RuntimeError(f"color: {color} has a channel below 0")
+    return color
 
 
 def planckian(kelvin: float) -> tuple[float, ...]:

@@ -17,7 +17,7 @@ from .lights import light
 from .materials import material
 from .meshes import mesh
 from .parts import Parts
-from .placement import moves, world_matrices
+from .placement import moves, shown_pose, solid, world_matrices
 from .settings import current, sky_image
 from .textures import texture
 from .transforms import transform
@@ -142,13 +142,13 @@ class _Push:
     def _keys(self, entities: list[Any]) -> list[dict[str, Any]]:
         """transform= or keys= of each."""
         owners = [e._transform for e in entities]
-        now = world_matrices(owners, previous=False)
+        now = solid(world_matrices(owners, previous=False))
         out = []
         for found, owner, matrix in zip(entities, owners, now):
             self.moving.discard(found)
             if moves(owner):
                 self.moving.add(found)
-                out.append({"keys": {0.0: owner._world(True), 1.0: matrix}})
+                out.append({"keys": {0.0: shown_pose(owner, True), 1.0: matrix}})
             else:
                 out.append({"transform": matrix})
         return out
@@ -157,7 +157,7 @@ class _Push:
         """New poses of entities that are there: one packed message of all that do not move."""
         still = [e for e in entities if not moves(e._transform) and e not in self.moving]
         if still:
-            matrices = world_matrices([e._transform for e in still], previous=False)
+            matrices = solid(world_matrices([e._transform for e in still], previous=False))
             self.edit.set_transforms([self.made[e] for e in still], matrices)
         placed = set(still)
         others = [e for e in entities if e not in placed]

@@ -9,7 +9,7 @@ import numpy as np
 from .entities import entity
 from .glm.quaternions import of_rotation, rotation_of
 from .glm.rotations import slerp
-from .placement import moves, nearest_rotation
+from .placement import moves, nearest_rotation, shown_pose
 from .view import View
 
 _BACKGROUND = 1e4  # units to what is infinitely far
@@ -27,7 +27,7 @@ def motion_vectors(frame: Any, view: View, time: float, directions: Any) -> Any:
     for found in entity._named.values():
         if found._is_shown() and moves(found._transform):
             shown = frame["instance"] == found._id + 1
-            first, last = found._transform._world(True), found._transform._world(False)
+            first, last = (shown_pose(found._transform, previous) for previous in (True, False))
             back = np.linalg.inv(between(first, last, time))
             for target, pose in ((old, first), (new, last)):
                 step = pose @ back

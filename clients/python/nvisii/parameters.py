@@ -6,6 +6,7 @@ import inspect
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from .checks import number
 from .glm.vectors import floats, vec3
 
 
@@ -24,10 +25,7 @@ class Parameter(NamedTuple):
         """A number or a tuple of 3; RuntimeError for anything else."""
         if self.is_color:
             return floats(given, 3, self.name)
-        try:
-            return float(given)
-        except (TypeError, ValueError):
-            raise RuntimeError(f"{self.name}: needs a number, not {given!r}") from None
+        return number(self.name, given)
 
 
 # In the order of material.create.

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 _ONES, _ZEROS = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 _IDENTITY = np.eye(4)
+_THIN = 1e-9
+_THINNEST = 1e-5  # of the largest extent
 
 
 @dataclass
@@ -144,6 +146,24 @@ def world_matrices(transforms: Sequence[transform], previous: bool) -> Any:
                 parents[parent] = parent._world(previous)
             out[i] = parents[parent] @ out[i]
     return out
+
+
+def solid(matrices: Any) -> Any:
+    """(N, 4, 4), changed in place: what a scale of 0 makes flat, a line or a point gets a thickness
+    that no picture shows, as the daemon takes none without."""
+    linear = matrices[:, :3, :3]
+    lengths = np.linalg.norm(linear, axis=1)
+    volumes = np.abs(np.linalg.det(linear))
+    thin = (lengths.min(axis=1) < _THIN) | (volumes < _THIN * lengths.prod(axis=1))
+    for i in np.flatnonzero(thin):
+        u, extents, v = np.linalg.svd(linear[i])
+        linear[i] = (u * np.maximum(extents, max(_THIN, _THINNEST * extents[0]))) @ v
+    return matrices
+
+
+def shown_pose(owner: transform, previous: bool) -> Any:
+    """(4, 4) float64, world from local, as the daemon gets it."""
+    return solid(owner._world(previous)[None])[0]
 
 
 def moves(owner: transform) -> bool:

@@ -147,7 +147,7 @@ def clear_dome_light_texture() -> None:
 
 
 def set_dome_light_rotation(rotation: Numbers) -> None:
-    _put_dome(rotation=quat(quat_of(rotation, "rotation")))
+    _put_dome(rotation=quat_of(rotation, "rotation"))
 
 
 def enable_dome_light_sampling() -> None:

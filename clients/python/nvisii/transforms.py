@@ -116,7 +116,7 @@ class transform(Component):
         return quat(self._at(previous).rotation)
 
     def set_rotation(self, rotation: Numbers, previous: bool = False) -> None:
-        self._put(previous, rotation=quat(quat_of(rotation, "rotation")))
+        self._put(previous, rotation=quat_of(rotation, "rotation"))
 
     def add_rotation(self, additional_rotation: Numbers, previous: bool = False) -> None:
         """Turns further, about the parent's axes."""
@@ -136,7 +136,7 @@ class transform(Component):
     ) -> None:
         """Turns local -Z towards `at`, with local +Y as near to `up` as it can be. `eye` is the
         position from then on; without it the position stays. In the parent's space."""
-        place = floats(eye, 3, "eye")
+        place = floats(eye, 3, "eye", finite=False)
         if any(map(math.isnan, place)):
             place = self._at(previous).position or ()
         matrix = look(np.array(place), np.array(floats(at, 3, "at")), np.array(floats(up, 3, "up")))
@@ -153,6 +153,8 @@ class transform(Component):
         """Takes a mat4. decompose: as scale, rotation and position, which replaces all; a matrix
         that skews is refused. Otherwise it is applied after scale, rotation and position."""
         matrix = rows_of(transform, 4, "transform")
+        if not np.isfinite(matrix).all():
+            raise RuntimeError("transform: its numbers are not all finite")
         if decompose:
             scale, rotation, position = decompose_or_raise(matrix)
             self._put(previous, scale=scale, rotation=rotation, position=position)

@@ -8,10 +8,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from .quaternions import quat, rotation_of
-from .vectors import BY_SIZE, Numbers
+from .vectors import BY_SIZE, Numbers, Numeric
 
 
-class Matrix:
+class Matrix(Numeric):
     """A square matrix of columns. Made of nothing or a number (times the identity), of columns, of
     all numbers column by column, of another matrix, or of nested sequences [column][row]."""
 
@@ -103,9 +103,6 @@ class Matrix:
 
     def __neg__(self) -> Any:
         return type(self).of(-self.rows)
-
-
-Matrix.__array_ufunc__ = None  # type: ignore[attr-defined]
 
 
 def _rows(value: Any) -> Any:

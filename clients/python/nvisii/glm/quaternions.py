@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from .vectors import Numbers, floats, vec3, vec4
+from .vectors import Numbers, Numeric, floats, vec3, vec4
 
 
-class quat:
+class quat(Numeric):
     """A quaternion. Made of nothing (the identity), of w, x, y, z, of w and a vector, of a mat3 or
     mat4, of Euler angles (a vec3, radians: about x, then y, then z), or of a quat."""
 
@@ -20,14 +20,15 @@ class quat:
 
     def __init__(self, *values: Any) -> None:
         if not values:
-            numbers: Any = (1.0, 0.0, 0.0, 0.0)
+            values = (1.0, 0.0, 0.0, 0.0)
         elif len(values) == 1:
-            numbers = _wxyz_of(values[0])
+            values = _wxyz_of(values[0])
         elif len(values) == 2:
-            numbers = (values[0], *values[1])
-        else:
-            numbers = values
-        self.w, self.x, self.y, self.z = floats(numbers, 4, "quat(w, x, y, z)")
+            values = (values[0], *values[1])
+        try:
+            self.w, self.x, self.y, self.z = map(float, values)
+        except (TypeError, ValueError):
+            raise RuntimeError(f"quat(w, x, y, z): needs 4 numbers, not {values!r}") from None
 
     def __len__(self) -> int:
         return 4
@@ -79,9 +80,6 @@ class quat:
         return quat(-self.w, -self.x, -self.y, -self.z)
 
 
-quat.__array_ufunc__ = None  # type: ignore[attr-defined]
-
-
 def product(a: quat, b: quat) -> quat:
     """First b, then a."""
     return quat(
@@ -127,9 +125,7 @@ def of_rotation(matrix: Any) -> quat:
 
 
 def quat_of(value: Numbers, name: str) -> quat:
-    """Of a quat, or of 4 numbers in the order in which a quat is indexed: x, y, z, w."""
-    if isinstance(value, quat):
-        return value
+    """A copy of a quat, or of 4 numbers in the order in which a quat is indexed: x, y, z, w."""
     x, y, z, w = floats(value, 4, name)
     return quat(w, x, y, z)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, ClassVar
@@ -11,7 +12,7 @@ import numpy as np
 Numbers = Any  # a vector, list, tuple or array of the right length
 
 
-def floats(value: Numbers, count: int, name: str) -> tuple[float, ...]:
+def floats(value: Numbers, count: int, name: str, finite: bool = True) -> tuple[float, ...]:
     """`count` floats of any sequence; RuntimeError names the argument."""
     try:
         out = tuple(map(float, () if isinstance(value, (str, bytes)) else value))
@@ -19,10 +20,35 @@ def floats(value: Numbers, count: int, name: str) -> tuple[float, ...]:
         raise RuntimeError(f"{name}: needs {count} numbers, not {value!r}") from None
     if len(out) != count:
         raise RuntimeError(f"{name}: needs {count} numbers, has {len(out)}")
+    if finite and not math.isfinite(sum(out)) and not all(map(math.isfinite, out)):
+        raise RuntimeError(f"{name}: {out} are not all finite")
     return out
 
 
-class Vector:
+_REFLECTED = {
+    np.add: "__radd__",
+    np.subtract: "__rsub__",
+    np.multiply: "__rmul__",
+    np.true_divide: "__rtruediv__",
+}
+
+
+class Numeric:
+    """What numpy's functions take as an array. `array + vec3` is a vec3; all else gives arrays."""
+
+    __slots__ = ()
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **named: Any) -> Any:
+        own = getattr(self, _REFLECTED.get(ufunc, ""), None)
+        if own is not None and method == "__call__" and inputs[-1] is self and not named:
+            out = NotImplemented if np.ndim(inputs[0]) > 1 else own(inputs[0])
+            if out is not NotImplemented:
+                return out
+        arrays = [np.asarray(v) if isinstance(v, Numeric) else v for v in inputs]
+        return getattr(ufunc, method)(*arrays, **named)
+
+
+class Vector(Numeric):
     """Numbers with names and arithmetic; made of numbers and shorter vectors, or of one number."""
 
     size: ClassVar[int]
@@ -32,6 +58,12 @@ class Vector:
     __hash__ = None  # type: ignore[assignment]
 
     def __init__(self, *values: Any) -> None:
+        if len(values) == self.size:
+            try:
+                self._values = list(map(self.scalar, values))
+                return
+            except TypeError:
+                pass  # some are vectors
         flat: list[Any] = []
         for value in values:
             flat.extend([value] if np.ndim(value) == 0 else value)
@@ -73,13 +105,14 @@ class Vector:
 
     def _with(self, other: Any, function: Callable[[Any, Any], Any], swap: bool = False) -> Any:
         """Component by component, with a number or a sequence."""
-        if np.ndim(other) == 0:
+        dimensions = np.ndim(other)
+        if dimensions == 0:
             if not isinstance(other, (int, float, np.number)):
                 return NotImplemented
             others: Sequence[Any] = [other] * self.size
         else:
             others = list(other)
-            if len(others) != self.size:
+            if len(others) != self.size or dimensions > 1:
                 return NotImplemented
         pairs = zip(others, self._values) if swap else zip(self._values, others)
         return type(self)(*(function(a, b) for a, b in pairs))
@@ -119,10 +152,6 @@ class Vector:
 
     def __abs__(self) -> Any:
         return type(self)(*map(abs, self._values))
-
-
-# numpy would take `array + vec3` apart itself; it leaves it to the vector.
-Vector.__array_ufunc__ = None  # type: ignore[attr-defined]
 
 
 def _component(index: int) -> Any:
