@@ -46,6 +46,13 @@ def test_an_exception_names_its_image_and_keeps_what_is_done(stage, tmp_path):
     assert again.skipped == len(done) and again.complete
 
 
+def test_what_is_none_of_ours_is_raised_with_its_image(stage, tmp_path):
+    scene, _, cam = stage
+    with pytest.raises(RuntimeError, match="image 0: KeyError: 'bolt'") as raised:
+        hd.generate(scene, cam, lambda draw: {}["bolt"], count=2, writer=hd.Coco(tmp_path))
+    assert isinstance(raised.value.__cause__, KeyError)
+
+
 KILLED = """
 import os, sys, threading
 sys.path.insert(0, sys.argv[2])

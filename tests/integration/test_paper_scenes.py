@@ -47,7 +47,7 @@ def test_mesh_moves_before_lights_that_are_behind_the_camera(client):
     for index in range(2):
         draw = drawn(scene, camera, randomizer, index)
         with seen(scene, draw) as branch:
-            lights = entities(branch, "light/*")
+            lights = entities(branch, "random/light/*")
             assert 2 <= len(lights) <= 6
             assert all(light.world_transform[0, 3] < 0 for light in lights)  # it looks along +X
         planes = ["instance", "depth", "flow_backward", "flow_backward_valid"]

@@ -189,7 +189,7 @@ def test_lights_are_behind_the_camera(stage):
     for index in range(12):
         draw = drawn(scene, "cam", hd.random_lights((2, 4), distance=(1, 2), angle=1.2), index)
         with seen(scene, draw) as branch:
-            lights = branch.find("light/*")
+            lights = branch.find("random/light/*")
             numbers.add(len(lights))
             camera = branch["cam"].world_transform
             for light in lights:

@@ -95,7 +95,7 @@ def stand_in(corners, triangles):
     """A Draw of one body whose pose is the identity."""
     body = types.SimpleNamespace(root=None, triangles=np.array(triangles))
     body.world = lambda pose: np.array(corners, "f8")
-    bodies = types.SimpleNamespace(of=lambda entities, field: [body])
+    bodies = types.SimpleNamespace(some=lambda entities, field: [body])
     return types.SimpleNamespace(bodies=bodies, pose=lambda root: np.eye(4))
 
 

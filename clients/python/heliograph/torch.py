@@ -21,9 +21,9 @@ from torch.utils import data
 from ._deal import dealt
 from ._prefetch import in_order
 from .components import whole_of
-from .datasets.source import Source
+from .datasets.source import Source, naming
 from .datasets.writer import Image
-from .errors import HeliographError, InvalidArgument
+from .errors import InvalidArgument
 from .handles import Named, flatten
 
 if TYPE_CHECKING:
@@ -149,33 +149,16 @@ class _Source(Source):
 
     def drawn(self, index: int) -> tuple[int, Any]:
         """(index, overlay) of an image."""
-        with _naming(index):
+        with naming(index):
             return index, self.draw(index // len(self.cameras)).edit
 
     def item(self, drawn: tuple[int, Any]) -> Any:
         """What `item` makes of it."""
         index, edit = drawn
         draw, camera = divmod(index, len(self.cameras))
-        with _naming(index):
+        with naming(index):
             frames = self.frames(draw, edit, [self.cameras[camera]], **self._asked)
             return self._item(Image(index, frames[0]))
-
-
-class _naming:
-    """Puts the image's number into the message of what is raised."""
-
-    def __init__(self, index: int) -> None:
-        self._index = index
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
-        if isinstance(error, HeliographError):
-            error.args = (f"image {self._index}: {error}", *error.args[1:])
-        elif isinstance(error, Exception):
-            message = f"image {self._index}: {type(error).__name__}: {error}"
-            raise RuntimeError(message) from error
 
 
 def _share(rank: int | None, ranks: int | None) -> tuple[int, int]:

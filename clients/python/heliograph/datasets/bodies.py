@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._arrays import NdArray
+from .._arrays import NdArray, checked
 from ..errors import InvalidArgument
 from ..handles import Entity, Material, Mesh, Named, flatten
 
@@ -58,6 +58,13 @@ class Bodies:
             if handle.id not in self._bodies:
                 self._bodies[handle.id] = self._read(handle, field)
         return [self._bodies[handle.id] for handle in handles]
+
+    def some(self, things: Any, field: str) -> list[Body]:
+        """The same of one thing or more."""
+        bodies = self.of(things, field)
+        if not bodies:
+            raise InvalidArgument(f"{field}: is empty; name one entity or more", field=field)
+        return bodies
 
     def material_of(self, thing: Any) -> Material | None:
         """The material of an entity's first part."""
@@ -116,8 +123,9 @@ def middle(draw: Draw, target: Any, field: str = "target") -> NdArray:
     """(3,) the middle of the world box of entities as drawn so far; or the point that it is."""
     listed = isinstance(target, (tuple, list, np.ndarray)) and len(target) == 3
     if listed and all(isinstance(x, (int, float, np.number)) for x in target):
-        return np.asarray(target, dtype="f8")
-    corners = [box_of(body.world(draw.pose(body.root))) for body in draw.bodies.of(target, field)]
+        return checked(target, field, "f8", (3,))
+    bodies = draw.bodies.some(target, field)
+    corners = [box_of(body.world(draw.pose(body.root))) for body in bodies]
     low = np.min([low for low, _ in corners], axis=0)
     return np.asarray(0.5 * (low + np.max([high for _, high in corners], axis=0)))
 

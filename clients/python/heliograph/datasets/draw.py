@@ -44,6 +44,7 @@ class Draw:
         self._path: tuple[int, ...] = ()
         self._base = base
         self._placed: dict[Any, NdArray] = {}
+        self._made: dict[str, int] = {}
 
     @property
     def camera(self) -> Handle:
@@ -101,19 +102,26 @@ class Draw:
         self._base.learn(key for key in keys if isinstance(key, int))
         return np.stack([self._local(key, pose) for key, pose in zip(keys, poses)])
 
+    def fresh(self, prefix: str) -> str:
+        """prefix/0, prefix/1 ...: a name that no other randomizer of this draw gives."""
+        number = self._made.get(prefix, 0)
+        self._made[prefix] = number + 1
+        return f"{prefix}/{number}"
+
     @property
     def bodies(self) -> Bodies:
         """Shapes of the scene's entities."""
         return self._base.bodies
 
-    def mark(self) -> tuple[int, dict[Any, NdArray]]:
+    def mark(self) -> Any:
         """What was drawn so far, for rewind()."""
-        return len(self.edit.transaction.edits), dict(self._placed)
+        return len(self.edit.transaction.edits), dict(self._placed), dict(self._made)
 
-    def rewind(self, mark: tuple[int, dict[Any, NdArray]]) -> None:
+    def rewind(self, mark: Any) -> None:
         """Takes back all that was drawn since that mark(), but for the numbers of rng."""
-        del self.edit.transaction.edits[mark[0] :]
-        self._placed = dict(mark[1])
+        edits, placed, made = mark
+        del self.edit.transaction.edits[edits:]
+        self._placed, self._made = dict(placed), dict(made)
 
     def _local(self, key: Any, world: NdArray) -> NdArray:
         _, parent = self._base.of(key)
@@ -125,8 +133,11 @@ class Draw:
         """The id of an entity of the scene; of one that this draw made, its handle's."""
         if isinstance(entity, str):
             return self._base.scene[entity].id
-        made_here = isinstance(entity, Handle) and entity._edits is self.edit
-        return ("made", id(entity)) if made_here else entity.id
+        if not isinstance(entity, Handle):
+            raise InvalidArgument(
+                f"entity: needs a handle or a name, not {type(entity).__name__}", field="entity"
+            )
+        return ("made", id(entity)) if entity._edits is self.edit else entity.id
 
 
 class BasePoses:

@@ -19,9 +19,9 @@ import numpy as np
 from .. import __version__
 from .._progress import Progress, is_watched
 from ..components import whole_of
-from ..errors import FailedPrecondition, HeliographError, InvalidArgument, Unavailable
+from ..errors import FailedPrecondition, InvalidArgument, Unavailable
 from .draw import Draw
-from .source import Drawn, Source
+from .source import Drawn, Source, naming
 from .splits import Splits
 from .uploads import named
 from .writer import Dataset, Image, Records, Writer
@@ -78,8 +78,9 @@ def generate(
     progress: None shows a bar where one is watched; a callable gets hg.Progress of images.
     options: those of Scene.render: size, max_depth, ...
 
-    The scene is not to be edited meanwhile. Raises what the randomizer, the daemon or a writer
-    raises, with the image's number in front; images that are done stay.
+    The scene is not to be edited meanwhile. Raises what the daemon raises, with the image's number
+    in front, and a RuntimeError that is caused by what else a randomizer or a writer raised; images
+    that are done stay.
     """
     run = run_of(
         scene,
@@ -251,27 +252,30 @@ class Run:
 
     def _make(self, draw: int, images: list[int]) -> int:
         """Draws, renders and writes some images of a draw; how many. In a worker."""
-        try:
-            drawn = self.source.draw(draw)
-            if drawn.edit.is_lent:
-                raise InvalidArgument(
-                    "randomizer: an array on a GPU cannot be kept with the image: give it as numpy",
-                    field="randomizer",
-                )
-            cameras = [self.dataset.cameras[i % len(self.dataset.cameras)] for i in images]
-            frames = self.source.frames(
-                draw, drawn.edit, cameras, planes=self.planes, labels=self.labels
-            )
-            split = self.splits.of(self.dataset.seed, draw)
-            for index, frame in zip(images, frames):
-                frame.manifest = _portable(frame.manifest)
-                self._write(Image(index, frame, split, drawn.edit), drawn)
-        except HeliographError as error:
-            stays = "; images that are done stay: call generate() again"
-            remedy = stays if isinstance(error, Unavailable) else ""
-            error.args = (f"image {images[0]}: {error}{remedy}", *error.args[1:])
-            raise
+        with naming(images[0]):
+            try:
+                drawn = self.source.draw(draw)
+                self._render(draw, images, drawn)
+            except Unavailable as error:
+                stays = "images that are done stay: call generate() again"
+                error.args = (f"{error}; {stays}", *error.args[1:])
+                raise
         return len(images)
+
+    def _render(self, draw: int, images: list[int], drawn: Drawn) -> None:
+        if drawn.edit.is_lent:
+            raise InvalidArgument(
+                "randomizer: an array on a GPU cannot be kept with the image: give it as numpy",
+                field="randomizer",
+            )
+        cameras = [self.dataset.camera_of(index) for index in images]
+        frames = self.source.frames(
+            draw, drawn.edit, cameras, planes=self.planes, labels=self.labels
+        )
+        split = self.splits.of(self.dataset.seed, draw)
+        for index, frame in zip(images, frames):
+            frame.manifest = _portable(frame.manifest)
+            self._write(Image(index, frame, split, drawn.edit), drawn)
 
     def _write(self, image: Image, drawn: Drawn) -> None:
         unknown = dict(image.frame.categories.items() - self.dataset.categories.items())

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..components import whole_of
+from ..errors import HeliographError
 from ..handles import Handle, Named, flatten
 from .draw import BasePoses, Draw, render_seed
 from .tries import gave_up
@@ -24,6 +26,19 @@ class Drawn(NamedTuple):
     attempt: int
     edit: Edits
     uploads: Uploads
+
+
+@contextmanager
+def naming(index: int) -> Iterator[None]:
+    """Puts the image's number in front of what is raised; what is none of ours becomes the cause of
+    a RuntimeError."""
+    try:
+        yield
+    except HeliographError as error:
+        error.args = (f"image {index}: {error}", *error.args[1:])
+        raise
+    except Exception as error:
+        raise RuntimeError(f"image {index}: {type(error).__name__}: {error}") from error
 
 
 class Source:

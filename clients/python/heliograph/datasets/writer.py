@@ -52,13 +52,13 @@ class Dataset:
     categories: Mapping[int, str] = field(default_factory=dict)
     _lenses: dict[int, Camera] = field(default_factory=dict, repr=False, compare=False)
 
-    def camera_of(self, image: Image) -> Handle:
-        """The camera that saw an image."""
-        return self.cameras[image.index % len(self.cameras)]
+    def camera_of(self, index: int) -> Handle:
+        """The camera that sees an image."""
+        return self.cameras[index % len(self.cameras)]
 
     def lens_of(self, image: Image) -> Camera:
         """What it was, at its calibrated size, as the overlay left it."""
-        handle = self.camera_of(image)
+        handle = self.camera_of(image.index)
         edits = () if image.overlay is None else image.overlay.transaction.edits
         for edit in reversed(edits):
             is_named = handle.name and edit.target.name == handle.name

@@ -31,6 +31,8 @@ class Apart:
 
     def place(self, draw: Draw, propose: Callable[[Body], NdArray], tries: int) -> None:
         """propose: the (4, 4) world pose of a body; called up to `tries` times for each."""
+        if not self.things:
+            return
         poses: list[NdArray] = [np.eye(4)] * len(self.things)
         placed: list[int] = []
         missing = list(range(len(self.things)))

@@ -44,7 +44,7 @@ class Distractors:
     radius: metres, (inner, outer) of the shell that they are in, uniform by volume. size: metres of
     the longest side of a thing that is 1 m long as it is. clear_of: entities; the balls about
     distractors keep out of their world boxes, and out of each other, and four sizes from the draw's
-    cameras: so place those first. materials: their RandomMaterials parameters; None: as they are.
+    cameras: so place those first. materials: parameters of their RandomMaterials.
     """
 
     def __init__(
@@ -59,8 +59,8 @@ class Distractors:
         materials: Any = None,
     ) -> None:
         self.things, self.around, self.clear_of = things, around, clear_of
-        self.count = ranges.checked_range(count, "count", 0)
-        self.radius = ranges.checked_range(radius, "radius", 0)
+        self.count = ranges.checked_count(count, "count")
+        self.radius = ranges.checked_pair(radius, "radius", 0)
         self.size = ranges.checked_range(size, "size", 1e-9)
         self.materials = {} if materials is None else dict(materials)
 
@@ -100,7 +100,7 @@ class Distractors:
         self, rng: np.random.Generator, around: NdArray, radius: float, taken: Any
     ) -> NdArray:
         boxes, cameras, balls = taken
-        inner, outer = np.broadcast_to(self.radius, (2,))
+        inner, outer = self.radius
         for _ in range(1000):
             distance = rng.uniform(inner**3, outer**3) ** (1 / 3)
             point = np.asarray(around + distance * ranges.direction(rng))

@@ -48,8 +48,13 @@ class InView:
         self.tries = whole_of(tries, "tries", 1)
 
     def __call__(self, draw: Draw) -> None:
-        targets = {body.root.id for body in draw.bodies.of(self.targets, "targets")}
+        targets = {body.root.id for body in draw.bodies.some(self.targets, "targets")}
         least = len(targets) if self.least is None else self.least
+        if least > len(targets):
+            raise InvalidArgument(
+                f"least: {least} of {len(targets)} targets cannot be seen; ask for fewer",
+                field="least",
+            )
         mark = draw.mark()
         for _ in range(self.tries):
             self.randomizer(draw)

@@ -67,7 +67,7 @@ class RandomLights:
     first. distance: metres from the camera. radius: of a sphere, metres. power: W over all
     directions. color: linear, as of RandomMaterials; temperature: kelvin, which multiplies it, 0
     for none. angle: radians; the directions from the camera are uniform within that angle of
-    straight back. Their names are "light/0", "light/1" ...
+    straight back. Their names are "random/light/0", "random/light/1" ...
     """
 
     def __init__(
@@ -82,20 +82,20 @@ class RandomLights:
         temperature: Range = (2500.0, 9000.0),
         angle: float = 1.4,
     ) -> None:
-        self.count, self.camera = ranges.checked_range(count, "count", 0), camera
+        self.count, self.camera = ranges.checked_count(count, "count"), camera
         self.distance = ranges.checked_range(distance, "distance", 0)
         self.radius = ranges.checked_range(radius, "radius", 1e-6)
         self.power = ranges.checked_range(power, "power", 0)
         self.color = ranges.checked_color(color, "color")
         self.temperature = ranges.checked_range(temperature, "temperature", 0)
-        self.angle = float(ranges.checked_range(angle, "angle", 0, math.pi))
+        self.angle = ranges.checked_number(angle, "angle", 0, math.pi)
 
     def __call__(self, draw: Draw) -> None:
         rng = draw.rng
         camera = draw.pose(draw.camera if self.camera is None else self.camera)
         backward = camera[:3, 2] / np.linalg.norm(camera[:3, 2])  # a camera looks along -Z
         elevation = (math.pi / 2 - self.angle, math.pi / 2)
-        for i in range(ranges.whole(rng, self.count)):
+        for _ in range(ranges.whole(rng, self.count)):
             radius, distance = ranges.number(rng, self.radius), ranges.number(rng, self.distance)
             way = ranges.turn_onto(backward) @ ranges.direction(rng, elevation)
             light = Light(
@@ -106,4 +106,4 @@ class RandomLights:
                 temperature=ranges.number(rng, self.temperature),
             )
             pose = Pose(camera[:3, 3] + (distance + radius) * way)
-            draw.edit.entity(f"light/{i}", light=light, transform=pose, label=0)
+            draw.edit.entity(draw.fresh("random/light"), light=light, transform=pose, label=0)

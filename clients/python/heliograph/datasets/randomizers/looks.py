@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -87,13 +87,24 @@ class RandomTextures:
         self.things = things
         self.scale = ranges.checked_range(scale, "scale", 1e-6)
         self.tint = ranges.checked_color(tint, "tint")
-        listed = bundled_textures() if images is None else images
-        self._handles = isinstance(listed, list) and any(isinstance(t, Texture) for t in listed)
+        listed = [images] if isinstance(images, Texture) else images
+        self._handles = isinstance(listed, Sequence) and any(isinstance(t, Texture) for t in listed)
+        if self._handles and not all(isinstance(t, Texture) for t in listed):
+            raise InvalidArgument(
+                "images: has textures of the scene and other pictures; give one kind",
+                field="images",
+            )
+        if listed is None:
+            listed = bundled_textures()
         self._images: Any = listed if self._handles else Pictures(listed, _ENDINGS)
 
     def __call__(self, draw: Draw) -> None:
+        made: dict[int, Any] = {}
         for material in materials_of(draw, self.things):
-            texture = self._texture(draw, int(draw.rng.integers(len(self._images))))
+            choice = int(draw.rng.integers(len(self._images)))
+            if choice not in made:
+                made[choice] = self._texture(draw, choice)
+            texture = made[choice]
             scale = ranges.number(draw.rng, self.scale)
             turn = ranges.turn(np.array([0.0, 0, 1]), 2 * np.pi * draw.rng.random())[:2, :2]
             uv = np.column_stack([scale * turn, draw.rng.random(2)])
@@ -105,7 +116,7 @@ class RandomTextures:
             return self._images[choice]
         texels, encoded = self._images.texels(draw.scene.client, choice)
         encoding = "srgb" if encoded else "linear"
-        return draw.edit.texture(f"random/picture/{choice}", texels, encoding=encoding)
+        return draw.edit.texture(draw.fresh("random/picture"), texels, encoding=encoding)
 
 
 def materials_of(draw: Draw, things: Any) -> Iterator[Material]:

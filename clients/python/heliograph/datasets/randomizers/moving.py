@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..._arrays import NdArray, checked
-from ...components import number_of, whole_of
+from ...components import whole_of
 from ...errors import InvalidArgument
 from ...handles import Handle, flatten
 from ...pose import look_at
@@ -52,17 +52,19 @@ class CameraPath:
     ) -> None:
         self.camera, self.target, self.loop = camera, target, bool(loop)
         self.points = checked(points, "points", "f8", (None, 3))
-        if len(self.points) < 2 or (np.diff(self.points, axis=0) == 0).all(axis=1).any():
+        ring = np.concatenate([self.points, self.points[: int(self.loop)]])
+        if len(self.points) < 2 or (np.diff(ring, axis=0) == 0).all(axis=1).any():
             raise InvalidArgument(
-                "points: needs at least two, each unlike the last", field="points"
+                "points: needs at least two, each unlike the next; a loop's first follows its last",
+                field="points",
             )
         self._curve = _curve(self.points, self.loop)
         lengths = np.linalg.norm(np.diff(self._curve, axis=0), axis=1)
         self._shares = np.concatenate([[0], np.cumsum(lengths) / lengths.sum()])
         self.frames = whole_of(frames, "frames", 2)
-        self.interval = _at_least(1e-9, interval, "interval")
-        self.handheld = _at_least(0, handheld, "handheld")
-        self.sway = _at_least(0, sway, "sway")
+        self.interval = ranges.checked_number(interval, "interval", 1e-9)
+        self.handheld = ranges.checked_number(handheld, "handheld", 0)
+        self.sway = ranges.checked_number(sway, "sway", 0)
 
     def __call__(self, draw: Draw) -> None:
         step = draw.index % self.frames
@@ -111,10 +113,6 @@ class CameraPath:
         return np.asarray(waves.sum(axis=0) / math.sqrt(0.5 * (powers**-2.0).sum()))
 
 
-def _at_least(low: float, given: Any, field: str) -> float:
-    return float(ranges.checked_range(number_of(given, field), field, low))
-
-
 def _curve(points: NdArray, loop: bool) -> NdArray:
     """(N, 3): points of the curve, many from one given point to the next."""
     if loop:
@@ -153,7 +151,7 @@ class RandomMotion:
         self.things = things
         self.speed = ranges.checked_range(speed, "speed", 0)
         self.spin = ranges.checked_range(spin, "spin", 0)
-        self.interval = _at_least(1e-9, interval, "interval")
+        self.interval = ranges.checked_number(interval, "interval", 1e-9)
 
     def __call__(self, draw: Draw) -> None:
         things: list[Handle | str] = flatten(self.things, "things")

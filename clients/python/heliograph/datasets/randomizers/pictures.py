@@ -27,8 +27,8 @@ class Pictures:
     """
 
     def __init__(self, images: Any, endings: tuple[str, ...]) -> None:
-        """images: a file, a folder, whose files with those endings it means, or several files,
-        arrays, and callables () -> array."""
+        """images: a file, an array, a callable () -> array, or several of these; or a folder, whose
+        files with those endings it means."""
         self.listed = _listed(images, endings)
         self._texels: dict[int, tuple[NdArray, bool]] = {}
 
@@ -78,7 +78,7 @@ def _listed(images: Any, endings: tuple[str, ...]) -> Sequence[Any]:
             images = sorted(p for p in path.iterdir() if p.suffix.lower() in endings)
         else:
             images = [path]
-    listed = list(images)
+    listed = [images] if isinstance(images, np.ndarray) or callable(images) else list(images)
     if not listed:
         raise InvalidArgument("images: needs at least one picture", field="images")
     for image in listed:

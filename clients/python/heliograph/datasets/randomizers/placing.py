@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..._arrays import NdArray, checked
-from ...components import number_of, whole_of
+from ...components import whole_of
 from ...errors import InvalidArgument
 from ..bodies import Body, box_of, middle
 from ..tries import gave_up
@@ -56,15 +56,18 @@ class Scatter:
     ) -> None:
         self.things, self.on, self.avoid = things, on, avoid
         self.upright, self.overhang = bool(upright), bool(overhang)
-        self.around, self.radius = around, radius
-        self.spacing = ranges.checked_range(number_of(spacing, "spacing"), "spacing", 0)
-        self.max_slope = number_of(max_slope, "max_slope")
+        self.around = around
+        self.spacing = ranges.checked_number(spacing, "spacing", 0)
+        self.max_slope = ranges.checked_number(max_slope, "max_slope", 0, math.pi / 2)
         self.tries = whole_of(tries, "tries", 1)
-        if radius is not None and not float(radius) > 0:
-            raise InvalidArgument(f"radius: needs to be above 0, is {radius}", field="radius")
+        self.radius = radius
+        if radius is not None and radius != math.inf:
+            self.radius = ranges.checked_number(radius, "radius", 1e-9)
 
     def __call__(self, draw: Draw) -> None:
         bodies = draw.bodies.of(self.things, "things")
+        if not bodies:
+            return
         surface = Surface(draw, self.on, self.max_slope)
         base = {id(body): draw.pose(body.root) for body in bodies}
         around = surface.middle if self.around is None else middle(draw, self.around, "around")
@@ -88,7 +91,7 @@ class Scatter:
 
     def _radius(self, bodies: list[Body], base: dict[int, NdArray]) -> float:
         if self.radius is not None:
-            return float(self.radius)
+            return self.radius
         total = 0.0
         for body in bodies:
             low, high = box_of(body.world(base[id(body)]))
@@ -139,7 +142,7 @@ class InVolume:
     ) -> None:
         self.things, self.box, self.avoid = things, box, avoid
         self.rotate, self.apart = bool(rotate), bool(apart)
-        self.spacing = ranges.checked_range(number_of(spacing, "spacing"), "spacing", 0)
+        self.spacing = ranges.checked_number(spacing, "spacing", 0)
         self.tries = whole_of(tries, "tries", 1)
         if np.shape(box) == (2, 3):
             low, high = checked(box, "box", "f8", (2, 3))
@@ -170,7 +173,7 @@ class InVolume:
         if np.shape(self.box) == (2, 3):
             low, high = np.asarray(self.box, dtype="f8")
             return low, high
-        boxes = [box_of(b.world(draw.pose(b.root))) for b in draw.bodies.of(self.box, "box")]
+        boxes = [box_of(b.world(draw.pose(b.root))) for b in draw.bodies.some(self.box, "box")]
         return np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
 
 
@@ -193,7 +196,7 @@ class Shell:
         rotate: bool = True,
     ) -> None:
         self.things, self.around, self.rotate = things, around, bool(rotate)
-        self.radius = np.broadcast_to(ranges.checked_range(radius, "radius", 0), (2,)).tolist()
+        self.radius = ranges.checked_pair(radius, "radius", 0)
         self.elevation = ranges.checked_range(
             elevation, "elevation", -math.pi / 2 - 1e-6, math.pi / 2 + 1e-6
         )

@@ -9,6 +9,7 @@ from typing import Any, Union
 import numpy as np
 
 from ..._arrays import NdArray, checked
+from ...components import number_of
 from ...errors import InvalidArgument
 
 Range = Union[float, "tuple[float, float]", Callable[[np.random.Generator], float]]
@@ -19,11 +20,12 @@ class LogUniform:
     """Its logarithm is uniform: as many values between 1 and 10 as between 10 and 100."""
 
     def __init__(self, low: float, high: float) -> None:
-        if not 0 < low <= high:
+        ends = _ends((low, high), (0, math.inf))
+        if ends is None or ends[0] == 0:
             raise InvalidArgument(
-                f"log_uniform: needs 0 < low <= high, not {low}, {high}", field="log_uniform"
+                f"log_uniform: needs 0 < low <= high, not {low!r}, {high!r}", field="log_uniform"
             )
-        self.low, self.high = float(low), float(high)
+        self.low, self.high = ends
 
     def __call__(self, rng: np.random.Generator) -> float:
         return float(self.low * (self.high / self.low) ** rng.random())
@@ -45,15 +47,56 @@ def checked_range(given: Any, field: str, low: float = -math.inf, high: float = 
     """`given` if it is a Range whose ends lie in [low, high]."""
     if callable(given):
         return given
-    ends = np.atleast_1d(np.asarray(given, dtype="f8"))
-    fits = ends.shape in ((1,), (2,)) and np.isfinite(ends).all() and ends[0] <= ends[-1]
-    if not fits or ends[0] < low or ends[-1] > high:
+    ends = _ends(given, (low, high))
+    if ends is None:
         raise InvalidArgument(
             f"{field}: needs a number, (low, high) or a callable (rng) -> number, within "
             f"[{low:g}, {high:g}]; not {given!r}",
             field=field,
         )
-    return tuple(ends.tolist()) if np.ndim(given) else given
+    return ends if np.ndim(given) else ends[0]
+
+
+def checked_pair(given: Any, field: str, low: float = -math.inf) -> tuple[float, float]:
+    """(low, high) of a number or of such a pair, no less than `low`."""
+    ends = _ends(given, (low, math.inf))
+    if ends is None:
+        raise InvalidArgument(
+            f"{field}: needs a number or (low, high), of at least {low:g}; not {given!r}",
+            field=field,
+        )
+    return ends
+
+
+def checked_number(given: Any, field: str, low: float = -math.inf, high: float = math.inf) -> float:
+    """A number in [low, high]."""
+    value = number_of(given, field)
+    if not low <= value <= high:
+        raise InvalidArgument(
+            f"{field}: needs a number within [{low:g}, {high:g}], not {given!r}", field=field
+        )
+    return value
+
+
+def checked_count(given: Any, field: str) -> Any:
+    """`given` if it is a Range of whole numbers from 0."""
+    count = checked_range(given, field, 0)
+    if not callable(count) and (np.asarray(count) % 1).any():
+        raise InvalidArgument(f"{field}: needs whole numbers, not {given!r}", field=field)
+    return count
+
+
+def _ends(given: Any, limits: tuple[float, float]) -> tuple[float, float] | None:
+    """(low, high), the same for a number; None for anything else, or beyond the limits."""
+    try:
+        ends = np.asarray(given)
+    except ValueError:  # of rows that differ in length
+        return None
+    if ends.dtype.kind not in "biuf" or ends.shape not in ((), (2,)):
+        return None
+    low, high = np.broadcast_to(ends, 2).tolist()
+    within = math.isfinite(low) and math.isfinite(high) and limits[0] <= low <= high <= limits[1]
+    return (float(low), float(high)) if within else None
 
 
 def number(rng: np.random.Generator, given: Any) -> float:
@@ -93,7 +136,10 @@ def checked_color(given: Any, field: str) -> Any:
             f"{field}: needs (r, g, b), ((r, g, b), (r, g, b)) or a callable, has shape {shape}",
             field=field,
         )
-    return checked(given, field, "f8", shape)
+    color = checked(given, field, "f8", shape)
+    if len(shape) == 2 and (color[0] > color[1]).any():
+        raise InvalidArgument(f"{field}: the first color is the lower one", field=field)
+    return color
 
 
 class HsvColor:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..._arrays import NdArray
 from ..._optional import needed
+from ...errors import InvalidArgument
 from ..bodies import Body, box_of
 from . import ranges
 from .ranges import Range
@@ -50,18 +51,24 @@ class Settle:
     ) -> None:
         self.things, self.on = things, on
         self.seconds = None if seconds is None else ranges.checked_range(seconds, "seconds", 0)
-        self.friction = float(ranges.checked_range(friction, "friction", 0))
-        self.restitution = float(ranges.checked_range(restitution, "restitution", 0, 1))
+        self.friction = ranges.checked_number(friction, "friction", 0)
+        self.restitution = ranges.checked_number(restitution, "restitution", 0, 1)
         self.velocity = ranges.checked_range(velocity, "velocity", 0)
         self.spin = ranges.checked_range(spin, "spin", 0)
 
     def __call__(self, draw: Draw) -> None:
         bodies = draw.bodies.of(self.things, "things")
+        fixed = draw.bodies.of(self.on, "on")
+        both = [body.root for body in bodies if body in fixed]
+        if both:
+            raise InvalidArgument(f"on: {both[0]!r} is among the things that fall", field="on")
+        if not bodies:
+            return
         poses = [draw.pose(body.root) for body in bodies]
         ends = [box_of(body.world(pose)) for body, pose in zip(bodies, poses)]
         world = _World(float(np.mean([np.linalg.norm(high - low) for low, high in ends])), self)
         try:
-            for body in draw.bodies.of(self.on, "on"):
+            for body in fixed:
                 world.add_fixed(body, draw.pose(body.root))
             for body, pose in zip(bodies, poses):
                 kick = ranges.direction(draw.rng) * ranges.number(draw.rng, self.velocity)

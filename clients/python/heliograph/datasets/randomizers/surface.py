@@ -24,7 +24,7 @@ class Surface:
 
     def __init__(self, draw: Draw, entities: Any, max_slope: float) -> None:
         parts = []
-        for body in draw.bodies.of(entities, "on"):
+        for body in draw.bodies.some(entities, "on"):
             parts.append(body.world(draw.pose(body.root))[body.triangles])
         corners = np.concatenate(parts)
         cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -34,8 +34,8 @@ class Swarm:
         beyond: float = 1.1,
     ) -> None:
         self.things, self.camera, self.size = things, camera, size
-        self.depth = np.broadcast_to(ranges.checked_range(depth, "depth", 1e-6), (2,)).tolist()
-        self.beyond = float(ranges.checked_range(beyond, "beyond", 0))
+        self.depth = ranges.checked_pair(depth, "depth", 1e-6)
+        self.beyond = ranges.checked_number(beyond, "beyond", 0)
 
     def __call__(self, draw: Draw) -> None:
         things, rng = flatten(self.things, "things"), draw.rng

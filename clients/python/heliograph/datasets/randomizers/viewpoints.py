@@ -66,7 +66,7 @@ class LookAtJitter:
         self, camera: Any, target: Any, *, offset: float, roll: Range = (-0.1, 0.1)
     ) -> None:
         self.camera, self.target = camera, target
-        self.offset = float(ranges.checked_range(offset, "offset", 0))
+        self.offset = ranges.checked_number(offset, "offset", 0)
         self.roll = ranges.checked_range(roll, "roll")
 
     def __call__(self, draw: Draw) -> None:

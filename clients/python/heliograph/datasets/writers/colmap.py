@@ -84,7 +84,7 @@ class Colmap(Writer):
         """Which points an image sees (N,), and where (N, 2), COLMAP's image coordinates."""
         frame = image.frame
         with drawn(self.dataset.scene, image) as scene:
-            seen_by = self.dataset.camera_of(image)
+            seen_by = self.dataset.camera_of(image.index)
             tracks = scene.tracks(seen_by, self._points, [frame.label_time])
         way = np.linalg.norm(tracks.position[:, 0] - self._points["position"], axis=1)
         if way.max() > _STILL:

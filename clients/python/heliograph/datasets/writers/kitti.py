@@ -153,7 +153,7 @@ class Kitti(Writer):
         if not self.disparity:
             return 0.0
         with drawn(self.dataset.scene, image) as scene:
-            rig = scene.handle(self.dataset.camera_of(image).id), scene[self.disparity]
+            rig = scene.handle(self.dataset.camera_of(image.index).id), scene[self.disparity]
             places = [camera.world_transform for camera in rig]
         return float(np.linalg.norm(places[1][:3, 3] - places[0][:3, 3]))
 

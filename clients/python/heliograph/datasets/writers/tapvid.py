@@ -61,7 +61,7 @@ class TapVid(Writer):
         return {"file": name}
 
     def _tracks(self, image: Image) -> tuple[NdArray, NdArray]:
-        scene, handle = self.dataset.scene, self.dataset.camera_of(image)
+        scene, handle = self.dataset.scene, self.dataset.camera_of(image.index)
         camera = camera_of(self.dataset, image)
         size = np.array([camera.width, camera.height])
         rng = np.random.default_rng(image.frame.seed)
