@@ -173,6 +173,11 @@ def test_an_image_is_rendered_again_to_the_same_bytes(stage, tmp_path, capsys, m
     assert status == 2 and "no finished image" in told
     status, told = run_command(capsys, "open", tmp_path / "000001.png")
     assert status == 2 and "is no image of a data set" in told
+    status, told = run_command(capsys, "open", tmp_path / "set/000001", "-o", tmp_path / "a.foo")
+    assert status == 2 and "'a.foo' ends in nothing that pictures are written as" in told
+    record.write_text("{")
+    status, told = run_command(capsys, "rerender", tmp_path / "set/000000")
+    assert status == 1 and "000000.json: is torn" in told and "remove it" in told
 
 
 def test_poses_of_a_draw_are_those_of_the_frame(client, tmp_path):

@@ -15,6 +15,16 @@ from drawing import drawn, meeting, seen, vertices
 from heliograph import cli
 
 SMALL = {"width": 64, "height": 48}
+WRONG = [
+    *(("dome", "objects", value) for value in (0, 2.5, "many")),
+    *(("dome", "distance", value) for value in ((1.0,), ("a", "b"), (2, 1), (-1, 1))),
+    *(("dome", "distractors", value) for value in ((3,), (1.5, 2.5))),
+    *(("dome", "domes", value) for value in ("folder", [1])),
+    *(("dome", key, -1) for key in ("seed", "model_size", "box")),
+    *(("mesh", key, 0) for key in ("shapes", "materials")),
+    ("mesh", "domes", ["folder"]),  # it has none
+    *(("fat", key, value) for key in ("floors", "visible") for value in (0, 5.5)),
+]
 
 
 def built(client, name, **settings):
@@ -99,6 +109,16 @@ def test_settings_come_from_a_file_and_say_what_they_refuse(tmp_path, capsys):
     assert "mesh has no such setting" in capsys.readouterr().err
     with pytest.raises(hg.InvalidArgument, match="speed: needs a value like"):
         hd.make_scene("mesh", speed=3)
+    for name, key, value in WRONG:
+        with pytest.raises(hg.InvalidArgument, match=f"^{key}: ") as refused:
+            hd.make_scene(name, **{key: value})
+        assert refused.value.field == key
+    path.write_bytes(b"\xff\xfe")
+    assert cli.main(["dataset", "mesh", "--config", str(path), "--out", "x"]) == 2
+    assert f"{path}: " in capsys.readouterr().err
+    path.write_text('models = "a.glb"')
+    assert cli.main(["dataset", "mesh", "--config", str(path), "--out", "x"]) == 2
+    assert "models: needs a list of files, not 'a.glb'" in capsys.readouterr().err
     with pytest.raises(hg.InvalidArgument, match="one of dome, mesh, fat"):
         hd.make_scene("moon")
     assert cli.main(["dataset", "fat", "--out", str(tmp_path), "--labels-only"]) == 2

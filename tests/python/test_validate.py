@@ -147,6 +147,12 @@ def test_what_cannot_be_validated_is_refused(tmp_path):
         hd.validate(tmp_path, "tiff")
     with pytest.raises(hg.NotFound):
         hd.validate(tmp_path / "none")
+    for field, value in (("limit", 0), ("processes", -1)):
+        with pytest.raises(hg.InvalidArgument, match=f"{field}: {value} is outside"):
+            hd.validate(tmp_path, **{field: value})
+    (tmp_path / "a.png").write_bytes(b"")
+    (fault,) = hd.validate(tmp_path / "a.png").faults
+    assert fault.message.startswith("is no .exr or .npz of Frame.save")
 
 
 def test_the_page_has_the_checks():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,8 +25,6 @@ def add(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from PIL import Image, ImageShow
-
     from ..datasets import KeptImage
 
     image = KeptImage.find(arguments.image)
@@ -45,11 +42,13 @@ def run(arguments: argparse.Namespace) -> int:
         )
     picture = image.picture
     style: dict[str, Any] = {"exposure": picture.exposure, "view": picture.view} if picture else {}
-    annotated = Image.fromarray(frame.annotated(**style))
+    annotated = frame.annotated(**style)
     if arguments.output is None:
-        if not ImageShow.show(annotated):
-            raise FailedPrecondition("nothing here shows pictures: write it with -o FILE")
+        try:
+            annotated.show()
+        except FailedPrecondition:
+            told = "nothing here shows pictures: write it with -o FILE"
+            raise FailedPrecondition(told) from None
     else:
-        annotated.save(arguments.output)
-        print(Path(arguments.output))
+        print(annotated.save(arguments.output))
     return 0

@@ -194,7 +194,7 @@ class Folder:
         old = self.description
         new = json.loads(json.dumps(description, default=_plain))
         differs = [
-            key
+            key.removesuffix("_sha256")
             for key in sorted({*old, *new} - {"count", "version", "numpy"})
             if old.get(key) != new.get(key)
         ]
@@ -260,5 +260,10 @@ def _text(path: Path) -> str:
 
 
 def _json(path: Path) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(_text(path))
+    try:
+        found: dict[str, Any] = json.loads(_text(path))
+    except ValueError as error:
+        raise FailedPrecondition(
+            f"{path}: is torn ({error}): remove it, and call generate() again"
+        ) from None
     return found

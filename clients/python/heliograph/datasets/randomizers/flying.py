@@ -28,7 +28,7 @@ def add_distractors(edit: Edits, count: int = 24, *, seed: int = 0) -> Group:
     labels and invisible until Distractors chooses them. The same ones for the same seed."""
     rng = np.random.default_rng(seed)
     made = []
-    for i in range(whole_of(count, "count", 1)):
+    for i in range(whole_of(count, "count")):
         name = f"distractor/{i}"
         mesh = edit.mesh(f"{name}/mesh", **random_shape(rng, 24))
         material = edit.material(f"{name}/material", base_color=0.5)

@@ -11,7 +11,7 @@ from ..randomizers.flying import Distractors, add_distractors
 from ..randomizers.placing import InVolume
 from ..randomizers.ranges import LogUniform
 from ..randomizers.viewpoints import LookAtJitter, Orbit
-from .paper import PaperScene
+from .paper import DomedScene
 
 if TYPE_CHECKING:
     from ...handles import Entity
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class DomeScene(PaperScene):
+class DomeScene(DomedScene):
     """DOME, domain randomisation: objects float about under HDR domes among flying distractors.
 
     box: metres, the side of the cube in which objects are. distance: of the camera from its middle.
-    distractors: (least, most); distractor_size: metres. rest as of PaperScene.
+    distractors: (least, most); distractor_size: metres. rest as of DomedScene.
     """
 
     box: float = 0.5

@@ -15,7 +15,7 @@ from ..randomizers.placing import InVolume
 from ..randomizers.ranges import LogUniform
 from ..randomizers.settling import Settle
 from ..randomizers.viewpoints import Orbit
-from .paper import PaperScene
+from .paper import DomedScene
 
 if TYPE_CHECKING:
     from ...edit import Edits
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class FatScene(PaperScene):
+class FatScene(DomedScene):
     """FAT: objects fall onto a textured plane under an HDR dome, by PyBullet, and are seen after
     some seconds, in the air or at rest.
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...components import Camera
+from ...components import Camera, whole_of
+from ...errors import InvalidArgument
 from ...pose import Pose
+from ..randomizers import ranges
 from ..randomizers.lighting import RandomDome
 from .wares import add_wares
 
@@ -23,12 +25,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class PaperScene:
-    """What the three have in common.
+    """What the three have in common. A setting of another kind than its default is refused.
 
     width, height: pixels; fov: radians along the width. seed: of what the scene is made of, not of
     the draws. models: files; a category each, by the file's name; default: bundled household goods.
     model_size: metres of their longest sides, 0: as they are. objects: how many, over all.
-    domes: lat-long pictures, files or one folder; default: hd.bundled_domes().
     """
 
     width: int = 640
@@ -38,7 +39,11 @@ class PaperScene:
     models: Sequence[str] = ()
     model_size: float = 0.2
     objects: int = 12
-    domes: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = _checked(field.name, getattr(self, field.name), field.default)
+            object.__setattr__(self, field.name, value)
 
     def build(self, scene: Scene) -> tuple[Entity, Compose]:
         """Makes the scene; its camera, and what randomizes it."""
@@ -65,6 +70,33 @@ class PaperScene:
             things.extend(asset.roots)
         return things
 
-    def _domes(self, **options: Any) -> RandomDome:
+
+@dataclass(frozen=True)
+class DomedScene(PaperScene):
+    """What DOME and FAT have in common.
+
+    domes: lat-long pictures, files or one folder; default: hd.bundled_domes().
+    """
+
+    domes: Sequence[str] = ()
+
+    def _domes(self) -> RandomDome:
         images = self.domes[0] if len(self.domes) == 1 else self.domes
-        return RandomDome(images or None, **options)
+        return RandomDome(images or None)
+
+
+def _checked(name: str, value: Any, default: Any) -> Any:
+    """A setting of the kind that its default has: paths, a pair of numbers, a count, a number."""
+    if default == ():
+        if isinstance(value, str) or not all(isinstance(path, (str, Path)) for path in value):
+            raise InvalidArgument(f"{name}: needs a list of files, not {value!r}", field=name)
+        return tuple(str(path) for path in value)
+    if isinstance(default, tuple):
+        if np.shape(value) != (2,):
+            raise InvalidArgument(f"{name}: needs a value like {list(default)}", field=name)
+        whole = all(isinstance(each, int) for each in default)
+        pair = ranges.checked_pair(value, name, 0)
+        return tuple(map(int, ranges.checked_count(pair, name))) if whole else pair
+    if isinstance(default, int):
+        return whole_of(value, name, 0 if name == "seed" else 1)
+    return ranges.checked_number(value, name, 0)

@@ -27,32 +27,33 @@ def make_scene(name: str, **settings: Any) -> PaperScene:
     """The scene "dome", "mesh" or "fat" with some of its settings."""
     if name not in SCENES:
         raise InvalidArgument(f"scene: one of {', '.join(SCENES)}, not {name!r}", field="scene")
-    known = {field.name: field for field in dataclasses.fields(SCENES[name])}
-    for key, value in settings.items():
+    known = [field.name for field in dataclasses.fields(SCENES[name])]
+    for key in settings:
         if key not in known:
             raise InvalidArgument(
                 f"{key}: {name} has no such setting; it has {', '.join(known)}", field=key
             )
-        default = known[key].default
-        if isinstance(default, (tuple, str)) != isinstance(value, (list, tuple, str)):
-            raise InvalidArgument(f"{key}: needs a value like {default!r}", field=key)
-    given: dict[str, Any] = {
-        key: tuple(value) if isinstance(value, list) else value for key, value in settings.items()
-    }
-    return SCENES[name](**given)
+    return SCENES[name](**settings)
 
 
 def read_settings(path: str | os.PathLike[str]) -> dict[str, Any]:
     """The settings in a TOML file; files in it are relative to it."""
     path = Path(path)
     try:
-        settings = tomllib.loads(path.read_text())
-    except tomllib.TOMLDecodeError as error:
+        settings = tomllib.loads(path.read_text("utf-8"))
+    except ValueError as error:  # no TOML, or no text
         raise InvalidArgument(f"{path}: {error}", field="config") from None
     for key in ("models", "domes"):
         if key in settings:
-            settings[key] = [str(path.parent / name) for name in settings[key]]
+            settings[key] = _beside(path, settings[key])
     return settings
+
+
+def _beside(path: Path, names: Any) -> Any:
+    """Paths relative to a file; what is no list of them is left for make_scene() to refuse."""
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        return names
+    return [str(path.parent / name) for name in names]
 
 
 def settings_text(scene: PaperScene) -> str:

@@ -71,7 +71,7 @@ def _is_frame(path: Path) -> bool:
 def check_frames(paths: list[Path], faults: Faults) -> None:
     """Some frames."""
     for path in paths:
-        planes, content = _of_exr(path) if path.suffix.lower() == ".exr" else _of_npz(path)
+        planes, content = _of(path)
         wrong = exr.wrong_content({"instances": [], **content})
         if wrong:
             raise Malformed(path, f"its camera {wrong}")
@@ -88,6 +88,13 @@ def _of_exr(path: Path) -> tuple[dict[str, NdArray], dict[str, Any]]:
     if "camera" not in header:
         raise Malformed(path, "has no camera in its header: save it with this version")
     return planes, json.loads(header["camera"])
+
+
+def _of(path: Path) -> tuple[dict[str, NdArray], dict[str, Any]]:
+    readers = {".exr": _of_exr, ".npz": _of_npz}
+    if path.suffix.lower() not in readers:
+        raise Malformed(path, "is no .exr or .npz of Frame.save: name one, or a data set")
+    return readers[path.suffix.lower()](path)
 
 
 def _of_npz(path: Path) -> tuple[dict[str, NdArray], dict[str, Any]]:

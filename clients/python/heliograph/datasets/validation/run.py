@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from ..._progress import is_watched
+from ...components import whole_of
 from ...errors import HeliographError, InvalidArgument, NotFound
 from .formats import Format, Task
 from .report import Faults, Malformed, Report
@@ -46,6 +47,7 @@ def validate(
 
     NotFound: no such directory. InvalidArgument: `format`, or no format is recognised.
     """
+    limit, processes = whole_of(limit, "limit", 1), whole_of(processes, "processes")
     root = Path(directory)
     if root.is_file() and format in (None, "frame"):
         format = "frame"
