@@ -46,7 +46,7 @@ def test_more_than_a_message_takes_is_shown_at_once(camera, client, sent):
     places = lattice(MANY)
     nvisii.render(8, 8, 1)
     sizes = [transaction.ByteSize() for _, transaction in sent]
-    assert len(sizes) >= 3 and max(sizes) < 2 * nvisii.parts.PART_BYTES
+    assert len(sizes) >= 2 and max(sizes) < 2 * nvisii.parts.PART_BYTES
     assert scene_of().describe().counts["entities"] == MANY + 1  # and the camera
     for i, place in enumerate(places):
         place.set_position((i % 400 * 0.01 - 2, 0, i // 400 * 0.01 - 2))

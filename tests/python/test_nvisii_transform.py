@@ -5,6 +5,7 @@ import math
 import numpy as np
 import nvisii
 import pytest
+from nvisii import placement
 
 HALF = math.sqrt(0.5)
 
@@ -136,3 +137,20 @@ def test_names_are_unique_and_ids_are_the_lowest_free_ones():
     assert nvisii.transform.create("c").get_id() == 0
     assert nvisii.transform.get_name_to_id_map() == {"b": 1, "c": 0}
     assert nvisii.transform.get_count() == 2
+
+
+def test_transforms_share_nothing_that_changes():
+    a, b = nvisii.transform.create("a"), nvisii.transform.create("b")
+    a.set_position((1, 0, 0), previous=True)
+    a.set_linear_velocity((0, 0, 2))
+    a.add_angle_axis(1, (0, 0, 1))
+    assert a.get_position(previous=True) == [0, 0, -2] and placement.moves(a)
+    assert b.get_position(previous=True) == [0, 0, 0] and b.get_rotation() == nvisii.quat()
+    assert not placement.moves(b)
+    b.set_parent(a)
+    assert placement.moves(b)
+    a.set_transform(np.eye(4) * 2 - np.diag([0, 0, 0, 1]), decompose=False, previous=True)
+    a.set_linear_velocity((0, 0, 0))
+    assert placement.moves(a)
+    a.clear_motion()
+    assert not placement.moves(b)

@@ -58,8 +58,9 @@ def checked(
             raise TypeError(f"holds {given.dtype}")
     except (TypeError, ValueError) as error:
         raise InvalidArgument(f"{field}: not an array of numbers ({error})", field=field) from None
-    if len(given.shape) != len(shape) or any(
-        want is not None and want != got for want, got in zip(shape, given.shape)
+    if given.shape != shape and (
+        len(given.shape) != len(shape)
+        or any(want is not None and want != got for want, got in zip(shape, given.shape))
     ):
         text = ", ".join("N" if n is None else str(n) for n in shape)
         raise InvalidArgument(
@@ -68,7 +69,7 @@ def checked(
     wanted = np.dtype(dtype)
     if wanted.kind in "iu" and given.dtype != wanted:
         _check_integers(given, field, wanted)
-    out = np.ascontiguousarray(given, dtype=wanted).reshape(given.shape)
+    out = np.asarray(given, dtype=wanted, order="C")
     if finite and wanted.kind == "f" and not np.isfinite(out).all():
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(out))[0])
         path = field + "".join(f"[{i}]" for i in where)

@@ -107,7 +107,7 @@ class Parameters(TypedDict, total=False):
 
 
 _Component = TypeVar("_Component")
-_LABEL = ("label", "category", "group", "part")
+_LABEL = frozenset(("label", "category", "group", "part"))
 
 
 def entity_message(edits: Edits, given: Mapping[str, Any]) -> pb.Entity:
@@ -125,7 +125,7 @@ def entity_message(edits: Edits, given: Mapping[str, Any]) -> pb.Entity:
             out.clear.append(field)
         else:
             _put_component(edits, out, name, value)
-    if any(name in given for name in _LABEL):
+    if not _LABEL.isdisjoint(given):
         _put_label(out, given)
     return out
 
@@ -210,7 +210,7 @@ def _put_morph_weights(out: pb.MorphWeights, value: Any) -> None:
 
 def _put_label(out: pb.Entity, given: Mapping[str, Any]) -> None:
     label = given.get("label")
-    if [name for name in _LABEL if name in given] == ["label"] and label is None:
+    if label is None and _LABEL.intersection(given) == {"label"}:
         out.clear.append("label")
         return
     if label == "auto":

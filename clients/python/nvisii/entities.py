@@ -39,7 +39,7 @@ class entity(Component):
         self._light: light | None = None
         self._camera: camera | None = None
         self._volume: volume | None = None
-        self._visibility = hg.Visibility()
+        self._visibility: hg.Visibility | None = None
 
     @classmethod
     def create(

@@ -114,9 +114,8 @@ class _Push:
                     seen[child] = None
                     pending.append(child)
         for here in seen:
-            users = [u for u in here._users if isinstance(u, entity)]
-            moved.update(dict.fromkeys(users))
-            changed.update(dict.fromkeys(u for u in users if u._volume is not None))
+            moved.update(here._users)
+        changed.update(dict.fromkeys(found for found in moved if found._volume is not None))
         return changed, moved
 
     # ------------------------------------------------------------ entities
@@ -136,7 +135,8 @@ class _Push:
             if found in self.made:
                 self.edit.update(self.made[found], **parts)
             else:
-                self.made[found] = self.edit.entity(_name_of(found), **parts)
+                new = {name: part for name, part in parts.items() if part is not None}
+                self.made[found] = self.edit.entity(_name_of(found), **new)
             self.parts.room()
 
     def _keys(self, entities: list[Any]) -> list[dict[str, Any]]:

@@ -15,7 +15,9 @@ from .glm.vectors import Numbers, floats, vec3
 if TYPE_CHECKING:
     from .transforms import transform
 
-_ONES, _ZEROS = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
+_ONES = (1.0, 1.0, 1.0)
+STILL: tuple[float, ...] = (0.0, 0.0, 0.0)
+NO_TURN = quat()
 _IDENTITY = np.eye(4)
 _THIN = 1e-9
 _THINNEST = 1e-5  # of the largest extent
@@ -26,14 +28,19 @@ class Placement:
     """matrix * translation * rotation * scale. None, of the previous frame: by the velocity."""
 
     scale: tuple[float, ...] | None = _ONES
-    rotation: quat | None = field(default_factory=quat)
-    position: tuple[float, ...] | None = _ZEROS
+    rotation: quat | None = field(default_factory=lambda: NO_TURN)
+    position: tuple[float, ...] | None = STILL
     matrix: Any = field(default_factory=lambda: _IDENTITY)
+
+    def is_set(self) -> bool:
+        """Whether any part is not None."""
+        parts = (self.position, self.rotation, self.scale, self.matrix)
+        return any(part is not None for part in parts)
 
     def rows(self) -> Any:
         """(4, 4) float64, parent from local."""
         out = np.eye(4)
-        out[:3, :3] = rotation_of(self.rotation or quat()) * self.scale
+        out[:3, :3] = rotation_of(self.rotation or NO_TURN) * self.scale
         out[:3, 3] = self.position
         return out if self.matrix is _IDENTITY else self.matrix @ out
 
@@ -47,8 +54,11 @@ class Placement:
 
     def turning(self) -> Any:
         out = np.eye(4)
-        out[:3, :3] = rotation_of(self.rotation or quat())
+        out[:3, :3] = rotation_of(self.rotation or NO_TURN)
         return out
+
+
+FOLLOWS = Placement(None, None, None, None)  # the previous pose of all that have none
 
 
 def look(eye: Any, at: Any, up: Any) -> Any:
@@ -119,7 +129,8 @@ def local_matrices(transforms: Sequence[transform], previous: bool) -> Any:
     out = np.zeros((len(placed), 4, 4))
     if not placed:
         return out
-    q = np.array([tuple(p.rotation or ()) for p in placed])
+    turns = [p.rotation or NO_TURN for p in placed]
+    q = np.array([(turn.x, turn.y, turn.z, turn.w) for turn in turns])
     x, y, z, w = (q / np.maximum(np.linalg.norm(q, axis=1, keepdims=True), 1e-30)).T
     out[:, 0, 0], out[:, 0, 1] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z)
     out[:, 0, 2], out[:, 1, 0] = 2 * (x * z + w * y), 2 * (x * y + w * z)
@@ -170,11 +181,13 @@ def moves(owner: transform) -> bool:
     """Whether the pose at the previous frame may be another one."""
     above: transform | None = owner
     while above is not None:
-        before = above._before
-        given = (before.position, before.rotation, before.scale, before.matrix)
-        if any(part is not None for part in given) or any((*above._linear, *above._scaling)):
+        if above._before is not FOLLOWS and above._before.is_set():
             return True
-        if tuple(above._angular)[:3] != (0.0, 0.0, 0.0):
+        if above._linear is not STILL and any(above._linear):
+            return True
+        if above._scaling is not STILL and any(above._scaling):
+            return True
+        if above._angular is not NO_TURN and tuple(above._angular)[:3] != STILL:
             return True
         above = above._parent
     return False

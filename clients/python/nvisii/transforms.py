@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,16 @@ from .glm.matrices import mat4, rows_of
 from .glm.quaternions import angleAxis, conjugate, of_rotation, product, quat, quat_of
 from .glm.rotations import slerp
 from .glm.vectors import Numbers, floats, vec3
-from .placement import Placement, decompose, look, powered, vector_of_world
+from .placement import (
+    FOLLOWS,
+    NO_TURN,
+    STILL,
+    Placement,
+    decompose,
+    look,
+    powered,
+    vector_of_world,
+)
 
 _KEEP = (math.nan, math.nan, math.nan)
 
@@ -24,13 +34,12 @@ class transform(Component):
     parent. previous=True is about the pose at the previous frame; until it is set, that is the
     pose of now moved back by the velocities."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, now: Placement | None = None) -> None:
         super().__init__(name)
-        self._now = Placement()
-        self._before = Placement(position=None, rotation=None, scale=None, matrix=None)
-        self._linear: tuple[float, ...] = (0.0, 0.0, 0.0)
-        self._scaling: tuple[float, ...] = (0.0, 0.0, 0.0)
-        self._angular = quat()
+        self._now = now or Placement()
+        self._before = FOLLOWS
+        self._linear = self._scaling = STILL
+        self._angular = NO_TURN
         self._parent: transform | None = None
         self._children: dict[transform, None] = {}
 
@@ -48,9 +57,7 @@ class transform(Component):
             quat_of(rotation, "rotation"),
             floats(position, 3, "position"),
         )
-        made = cls(name)
-        made._now = placement
-        return made
+        return cls(name, placement)
 
     @classmethod
     def create_from_matrix(cls, name: str, transform: Any = None) -> transform:
@@ -75,13 +82,15 @@ class transform(Component):
         if scale is None:
             scale = tuple(a - b for a, b in zip(now.scale or (), self._scaling))
         if rotation is None:
-            rotation = product(conjugate(self._angular), now.rotation or quat())
+            rotation = product(conjugate(self._angular), now.rotation or NO_TURN)
         if position is None:
             position = tuple(a - b for a, b in zip(now.position or (), self._linear))
         matrix = now.matrix if before.matrix is None else before.matrix
         return Placement(scale, rotation, position, matrix)
 
     def _put(self, previous: bool, **values: Any) -> None:
+        if previous and self._before is FOLLOWS:
+            self._before = replace(FOLLOWS)
         target = self._before if previous else self._now
         for name, value in values.items():
             setattr(target, name, value)
@@ -195,7 +204,7 @@ class transform(Component):
     ) -> None:
         """Distance a second. mix: share of the velocity of before."""
         new = _mixed(velocity, frames_per_second, mix, self._linear)
-        self._before.position, self._linear = None, new
+        self._before, self._linear = replace(self._before, position=None), new
         self.mark_dirty()
 
     def set_angular_velocity(
@@ -205,7 +214,7 @@ class transform(Component):
         rate = above_zero("frames_per_second", frames_per_second)
         step = powered(quat_of(velocity, "velocity"), 1.0 / rate)
         self._angular = slerp(step, self._angular, float(mix))
-        self._before.rotation = None
+        self._before = replace(self._before, rotation=None)
         self.mark_dirty()
 
     def set_scalar_velocity(
@@ -213,14 +222,14 @@ class transform(Component):
     ) -> None:
         """Change of the scale a second. mix: share of the velocity of before."""
         new = _mixed(velocity, frames_per_second, mix, self._scaling)
-        self._before.scale, self._scaling = None, new
+        self._before, self._scaling = replace(self._before, scale=None), new
         self.mark_dirty()
 
     def clear_motion(self) -> None:
         """The previous pose is that of now, and follows it."""
-        self._before = Placement(position=None, rotation=None, scale=None, matrix=None)
-        self._linear = self._scaling = (0.0, 0.0, 0.0)
-        self._angular = quat()
+        self._before = FOLLOWS
+        self._linear = self._scaling = STILL
+        self._angular = NO_TURN
         self.mark_dirty()
 
     # ------------------------------------------------------------ between spaces
