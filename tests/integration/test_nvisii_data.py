@@ -152,3 +152,17 @@ def test_files_hold_the_same_numbers(camera, tmp_path):
     assert texture.is_hdr() and np.abs(back - image).max() <= image.max() / 128
     with pytest.raises(RuntimeError, match="ending must be"):
         nvisii.render_to_file(W, H, 1, str(tmp_path / "image.jpeg2000"))
+
+
+def test_each_of_many_things_has_its_own_motion(camera):
+    steps = {"left": (0, 0, 0.2), "middle": (0, 0, 0), "right": (-0.1, 0, 0)}
+    for i, (name, step) in enumerate(steps.items()):
+        ball(name, (i - 1, 0, 0), radius=0.4).get_transform().set_linear_velocity(step)
+    nvisii.sample_time_interval((1, 1))
+    motion = rows(nvisii.render_data(61, 61, 0, 1, 0, "diffuse_motion_vectors"), 61, 61)
+    half = math.tan(math.radians(45) / 2) * 3.6  # of the picture's height, at the balls' fronts
+    pixel = 61 / (2 * math.tan(math.radians(45) / 2) * 3.6)
+    for i, step in enumerate(steps.values()):
+        seen = motion[30, round(30 + (i - 1) * pixel * 0.95)]
+        expected = (step[0] / 2 / half, step[2] / 2 / half)
+        assert seen[:2].tolist() == pytest.approx(expected, abs=1e-3)

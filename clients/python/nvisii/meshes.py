@@ -18,6 +18,8 @@ class mesh(Component, Factories):
     def __init__(self, name: str, arrays: Arrays) -> None:
         super().__init__(name)
         self._arrays = arrays
+        positions = arrays.positions
+        self._box = np.stack([positions.min(axis=0), positions.max(axis=0)]).astype(float)
 
     def get_vertices(self) -> list[list[float]]:
         """Positions, [x, y, z] each."""
@@ -80,5 +82,4 @@ class mesh(Component, Factories):
 
     def _bounds(self) -> Any:
         """(2, 3) float64."""
-        positions = self._arrays.positions.astype(float)
-        return np.stack([positions.min(axis=0), positions.max(axis=0)])
+        return self._box

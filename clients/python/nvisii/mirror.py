@@ -17,7 +17,7 @@ from .lights import light
 from .materials import material
 from .meshes import mesh
 from .parts import Parts
-from .placement import moves, shown_pose, solid, world_matrices
+from .placement import moves, solid, world_matrices
 from .settings import current, sky_image
 from .textures import texture
 from .transforms import transform
@@ -142,15 +142,13 @@ class _Push:
     def _keys(self, entities: list[Any]) -> list[dict[str, Any]]:
         """transform= or keys= of each."""
         owners = [e._transform for e in entities]
-        now = solid(world_matrices(owners, previous=False))
-        out = []
-        for found, owner, matrix in zip(entities, owners, now):
-            self.moving.discard(found)
-            if moves(owner):
-                self.moving.add(found)
-                out.append({"keys": {0.0: shown_pose(owner, True), 1.0: matrix}})
-            else:
-                out.append({"transform": matrix})
+        out = [{"transform": m} for m in solid(world_matrices(owners, previous=False))]
+        moving = [i for i, owner in enumerate(owners) if moves(owner)]
+        before = solid(world_matrices([owners[i] for i in moving], previous=True))
+        self.moving.difference_update(entities)
+        for i, matrix in zip(moving, before):
+            self.moving.add(entities[i])
+            out[i] = {"keys": {0.0: matrix, 1.0: out[i]["transform"]}}
         return out
 
     def _poses(self, entities: list[Any]) -> None:

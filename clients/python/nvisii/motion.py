@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -24,16 +25,25 @@ def motion_vectors(frame: Any, view: View, time: float, directions: Any) -> Any:
     background = ~np.isfinite(points).all(axis=-1)
     points[background] = (eye + _BACKGROUND * directions)[background]
     old, new = points.copy(), points
-    for found in entity._named.values():
-        if found._is_shown() and moves(found._transform):
-            shown = frame["instance"] == found._id + 1
+    shown: dict[int, Any] = {e._id + 1: e for e in entity.get_renderable_entities()}
+    for label, pixels in _pixels_of(frame["instance"]):
+        found = shown.get(label)
+        if found is not None and moves(found._transform):
             first, last = (shown_pose(found._transform, previous) for previous in (True, False))
             back = np.linalg.inv(between(first, last, time))
             for target, pose in ((old, first), (new, last)):
-                step = pose @ back
-                target[shown] = target[shown] @ step[:3, :3].T + step[:3, 3]
+                step, flat = pose @ back, target.reshape(-1, 3)
+                flat[pixels] = flat[pixels] @ step[:3, :3].T + step[:3, 3]
     projection = projection_of(view)
     return 0.5 * (_ndc(new, projection, now) - _ndc(old, projection, before))
+
+
+def _pixels_of(labels: Any) -> Iterator[tuple[int, Any]]:
+    """(label, numbers of its pixels) of each label in a picture."""
+    flat = labels.reshape(-1)
+    order = np.argsort(flat, kind="stable")
+    found, starts = np.unique(flat[order], return_index=True)
+    yield from zip(found.tolist(), np.split(order, starts[1:]))
 
 
 def projection_of(view: View) -> Any:

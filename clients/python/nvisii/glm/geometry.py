@@ -9,7 +9,7 @@ import numpy as np
 
 from .elementwise import like, numbers
 from .quaternions import quat
-from .vectors import Numbers, vec3
+from .vectors import Numbers, floats, vec3
 
 
 def dot(x: Numbers, y: Numbers) -> float:
@@ -50,7 +50,8 @@ def lMaxNorm(x: Numbers) -> float:
 
 
 def cross(x: Numbers, y: Numbers) -> Any:
-    return vec3(*np.cross(_of(x, 3), _of(y, 3)).tolist())
+    (a, b, c), (d, e, f) = floats(x, 3, "x", finite=False), floats(y, 3, "y", finite=False)
+    return vec3(b * f - c * e, c * d - a * f, a * e - b * d)
 
 
 def normalize(x: Any) -> Any:

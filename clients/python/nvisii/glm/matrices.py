@@ -45,12 +45,15 @@ class Matrix(Numeric):
     @classmethod
     def of(cls, matrix: Any) -> Any:
         """From an array [row][column]."""
-        return cls(np.asarray(matrix, dtype=float).T)
+        made = cls.__new__(cls)
+        columns = np.asarray(matrix, dtype=float).T.tolist()
+        made._columns = [BY_SIZE[cls.size](*column) for column in columns]
+        return made
 
     @property
     def rows(self) -> Any:
         """(N, N) float64 array [row][column]."""
-        return np.array([list(column) for column in self._columns]).T
+        return np.array([column._values for column in self._columns]).T
 
     def __len__(self) -> int:
         return self.size
