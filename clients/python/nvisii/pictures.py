@@ -202,14 +202,19 @@ def hsv_of(rgba: Any, change: tuple[float, float, float]) -> Any:
     rgb = np.maximum(rgba[..., :3], 0)
     value, low = rgb.max(axis=-1), rgb.min(axis=-1)
     chroma = value - low
-    safe = np.where(chroma > 0, chroma, 1)
+    safe = np.where(chroma > 0, chroma, np.float32(1))
     r, g, b = (rgb[..., i] for i in range(3))
-    hue = np.where(value == r, (g - b) / safe % 6, (b - r) / safe + 2)
-    hue = np.where((value == b) & (value != r) & (value != g), (r - g) / safe + 4, hue)
-    saturation = np.where(value > 0, chroma / np.where(value > 0, value, 1), 0)
-    hue = (hue / 6 + change[0] - 0.5) % 1.0
-    saturation, value = np.clip(saturation * change[1], 0, 1), value * change[2]
-    k = (np.array([5.0, 3.0, 1.0]) + hue[..., None] * 6) % 6
-    part = np.clip(np.minimum(k, 4 - k), 0, 1)
-    out = value[..., None] * (1 - saturation[..., None] * part)
-    return np.concatenate([out, rgba[..., 3:]], axis=-1)
+    sixths = np.where(value == r, (g - b) / safe, (b - r) / safe + 2)
+    sixths = np.where((value == b) & (value != r) & (value != g), (r - g) / safe + 4, sixths)
+    hue = sixths / 6 + np.float32(change[0] - 0.5)
+    saturation = np.where(value > 0, chroma / np.where(value > 0, value, np.float32(1)), 0)
+    saturation = np.clip(saturation * np.float32(change[1]), 0, 1)
+    value = value * np.float32(change[2])
+    out = np.empty_like(rgba, dtype="f4")
+    for channel, place in enumerate((5 / 6, 3 / 6, 1 / 6)):
+        turn = hue + np.float32(place)
+        k = (turn - np.floor(turn)) * 6
+        part = np.clip(np.minimum(k, 4 - k), 0, 1)
+        out[..., channel] = value * (1 - saturation * part)
+    out[..., 3] = rgba[..., 3]
+    return out
