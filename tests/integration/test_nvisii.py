@@ -203,3 +203,13 @@ def test_a_scale_of_0_is_flat_or_nothing(camera):
     assert dark() < whole / 8
     nvisii.transform.remove("above")
     assert dark() == whole
+
+
+def test_a_volume_of_scale_0_shows_nothing(camera):
+    place = nvisii.transform.create("fog", scale=(0, 0, 0))
+    fog = nvisii.volume.create_from_data("fog", 4, 4, 4, np.ones(64), 0.0)
+    look = nvisii.material.create("fog", base_color=(0, 0, 0))
+    nvisii.entity.create("fog", transform=place, volume=fog, material=look)
+    assert nvisii.render(9, 9, 4).min() == 1
+    place.set_scale((0.3, 0.3, 0.3))
+    assert nvisii.render(9, 9, 4).min() < 0.5

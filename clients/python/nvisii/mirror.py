@@ -17,7 +17,7 @@ from .lights import light
 from .materials import material
 from .meshes import mesh
 from .parts import Parts
-from .placement import moves, solid, world_matrices
+from .placement import moves, shown_pose, solid, world_matrices
 from .settings import current, sky_image
 from .textures import texture
 from .transforms import transform
@@ -187,8 +187,8 @@ class _Push:
         return self.black
 
     def _fog(self, found: entity) -> Any:
-        world = found._transform._world(False)[:3, :3]  # type: ignore[union-attr]
-        units = 1 / max(abs(float(np.linalg.det(world))) ** (1 / 3), 1e-12)
+        world = shown_pose(found._transform, previous=False)[:3, :3]  # type: ignore[arg-type]
+        units = 1 / abs(float(np.linalg.det(world))) ** (1 / 3)
         tint = (0.8, 0.8, 0.8) if found._material is None else found._material._values["base_color"]
         shown: Any = found._volume
         handle, old = self.fogs.get(found, (None, None))

@@ -11,6 +11,8 @@ from .component import Component
 from .glm.vectors import Numbers, floats, vec3
 from .nodes import Nodes
 
+_DENSEST = 1e9  # the largest density_scale, 1/m
+
 
 class volume(Component):
     """Fog: it absorbs and scatters. An entity's transform usually scales it down."""
@@ -139,7 +141,7 @@ class volume(Component):
         extinction = self._scattering + self._absorption
         albedo = self._scattering / extinction if extinction else 0.0
         return {
-            "density_scale": extinction / self._scale * units,
+            "density_scale": min(extinction / self._scale * units, _DENSEST),
             "albedo": tuple(float(np.clip(albedo * c, 0, 1)) for c in tint),
         }
 
