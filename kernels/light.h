@@ -193,14 +193,20 @@ HELIO_CALL KERNEL float dome_pdf(const DomeView& dome, vec3 p, vec3 direction,
   return texel_pdf(dome, place);
 }
 
-/// The column that u falls into, within a row. The guide narrows the search to a few neighbours.
-KERNEL Choice choose_column(const DomeView& dome, u32 row, float u) {
-  const float* cdf = dome.column_cdf + u64(row) * dome.width;
-  if (!dome.column_guide) return choose(cdf, dome.width, u);
-  const u16* guide = dome.column_guide + u64(row) * kDomeGuide;
+/// choose() with a guide, if there is one, that narrows the search to a few neighbours.
+KERNEL Choice choose_guided(const float* cdf, u32 count, const u16* guide, float u) {
+  if (!guide) return choose(cdf, count, u);
   const u32 i = min2(u32(u * kDomeGuide), kDomeGuide - 1);
-  const u32 last = i + 1 < kDomeGuide ? guide[i + 1] : dome.width - 1;
+  const u32 last = i + 1 < kDomeGuide ? guide[i + 1] : count - 1;
   return choose(cdf, guide[i], last + 1 - guide[i], u);
+}
+KERNEL Choice choose_row(const DomeView& dome, float u) {
+  const u16* guide = dome.guides ? dome.guides + u64(dome.height) * kDomeGuide : nullptr;
+  return choose_guided(dome.row_cdf, dome.height, guide, u);
+}
+KERNEL Choice choose_column(const DomeView& dome, u32 row, float u) {
+  const u16* guide = dome.guides ? dome.guides + u64(row) * kDomeGuide : nullptr;
+  return choose_guided(dome.column_cdf + u64(row) * dome.width, dome.width, guide, u);
 }
 
 HELIO_CALL KERNEL bool sample_dome(const SceneView& scene, vec3 p, vec2 u, LightSample& out) {
@@ -219,7 +225,7 @@ HELIO_CALL KERNEL bool sample_dome(const SceneView& scene, vec3 p, vec2 u, Light
     out.pdf = dome.probability * (0.25f * kInvPi);
     return true;
   }
-  const Choice row = choose(dome.row_cdf, dome.height, u.y);
+  const Choice row = choose_row(dome, u.y);
   const Choice column = choose_column(dome, row.index, u.x);
   out.place = vec2((float(column.index) + column.rest) / float(dome.width),
                    (float(row.index) + row.rest) / float(dome.height));

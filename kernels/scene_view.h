@@ -258,9 +258,10 @@ struct DomeView {
   u32 height;
   const float* row_cdf;     // height: sum over rows up to and including, normalised
   const float* column_cdf;  // height * width: the same within a row
-  // height * kDomeGuide: for each row the column that u = i / kDomeGuide falls into, i. e. the
-  // first one whose sum exceeds it. Null: columns are searched for as a whole.
-  const u16* column_guide;
+  // (height + 1) * kDomeGuide: for each row the column that u = i / kDomeGuide falls into, i. e. the
+  // first one whose sum exceeds it; then the same for the rows themselves. Null: the sums are
+  // searched as a whole.
+  const u16* guides;
   const PortalView* portals;
   u32 portal_count;
 };

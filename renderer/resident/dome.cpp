@@ -62,10 +62,10 @@ double accumulate(std::span<float> row, double floor) {
   return sum;
 }
 
-/// A row of DomeView::column_guide.
-void guide_row(const float* cdf, u32 width, kernels::u16* guide) {
+/// A row of DomeView::guides.
+void make_guide(const float* cdf, u32 count, kernels::u16* guide) {
   for (u32 i = 0; i < kernels::kDomeGuide; ++i)
-    guide[i] = kernels::u16(kernels::choose(cdf, width, float(i) / kernels::kDomeGuide).index);
+    guide[i] = kernels::u16(kernels::choose(cdf, count, float(i) / kernels::kDomeGuide).index);
 }
 
 }  // namespace
@@ -83,7 +83,11 @@ std::shared_ptr<const DomeTables> dome_tables(const Texture& texture, DerivedCac
                                     .srgb = texture.srgb};
     const u32 w = image.width, h = image.height;
     tables->column_cdf.resize(std::size_t(w) * h);
-    if (w <= 1u << 16) tables->column_guide.resize(std::size_t(kernels::kDomeGuide) * h);
+    if (std::max(w, h) <= 1u << 16)
+      tables->guides.resize(std::size_t(kernels::kDomeGuide) * (h + 1));
+    const auto guide = [&](u32 y) {
+      return tables->guides.data() + std::size_t(y) * kernels::kDomeGuide;
+    };
     const auto row = [&](u32 y) { return tables->column_cdf.data() + std::size_t(y) * w; };
     const auto solid_angle = [&](u32 y) {  // of a texel
       return (std::cos(M_PI * y / h) - std::cos(M_PI * (y + 1) / h)) * 2 * M_PI / w;
@@ -103,14 +107,14 @@ std::shared_ptr<const DomeTables> dome_tables(const Texture& texture, DerivedCac
     std::vector<double> rows(h);
     parallel_for(h, [&](u32 y) {
       rows[y] = accumulate({row(y), w}, floor) * solid_angle(y);
-      if (!tables->column_guide.empty())
-        guide_row(row(y), w, tables->column_guide.data() + std::size_t(y) * kernels::kDomeGuide);
+      if (!tables->guides.empty()) make_guide(row(y), w, guide(y));
     });
     double total = 0;
     for (double& sum : rows) sum = total += sum;
     tables->row_cdf.resize(h);
     for (u32 y = 0; y < h; ++y)
       tables->row_cdf[y] = total > 0 ? float(rows[y] / total) : float(y + 1) / float(h);
+    if (!tables->guides.empty()) make_guide(tables->row_cdf.data(), h, guide(h));
     tables->integral = vec3(integral);
     return tables;
   });

@@ -329,7 +329,7 @@ double Lighter::add_dome() {
     view.height = texture->value->image->height;
     view.row_cdf = tables.row_cdf.data();
     view.column_cdf = tables.column_cdf.data();
-    if (!tables.column_guide.empty()) view.column_guide = tables.column_guide.data();
+    if (!tables.guides.empty()) view.guides = tables.guides.data();
     integral = tables.integral;
   }
   add_portals(texture ? texture->value.get() : nullptr);

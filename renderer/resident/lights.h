@@ -13,10 +13,10 @@ namespace heliograph::resident {
 struct DomeTables {
   std::vector<float> row_cdf;
   std::vector<float> column_cdf;
-  std::vector<kernels::u16> column_guide;  // empty for pictures wider than its numbers reach
-  vec3 integral{0};                        // of the texture over the sphere
+  std::vector<kernels::u16> guides;  // empty for pictures larger than its numbers reach
+  vec3 integral{0};                  // of the texture over the sphere
   [[nodiscard]] u64 bytes() const {
-    return (row_cdf.size() + column_cdf.size()) * sizeof(float) + column_guide.size() * 2;
+    return (row_cdf.size() + column_cdf.size()) * sizeof(float) + guides.size() * 2;
   }
 };
 [[nodiscard]] std::shared_ptr<const DomeTables> dome_tables(const Texture& texture,

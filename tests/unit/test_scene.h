@@ -376,13 +376,13 @@ class TestScene {
     view.dome.height = t.height;
     view.dome.row_cdf = row_cdf_.data();
     view.dome.column_cdf = column_cdf_.data();
-    for (u32 y = 0; y < t.height; ++y) {
-      const float* row = column_cdf_.data() + size_t(y) * t.width;
-      for (u32 i = 0; i < kDomeGuide; ++i) {
-        column_guide_.push_back(u16(choose(row, t.width, float(i) / kDomeGuide).index));
-      }
-    }
-    view.dome.column_guide = column_guide_.data();
+    const auto add_guide = [this](const float* cdf, u32 count) {
+      for (u32 i = 0; i < kDomeGuide; ++i)
+        guides_.push_back(u16(choose(cdf, count, float(i) / kDomeGuide).index));
+    };
+    for (u32 y = 0; y < t.height; ++y) add_guide(column_cdf_.data() + size_t(y) * t.width, t.width);
+    add_guide(row_cdf_.data(), t.height);
+    view.dome.guides = guides_.data();
   }
 
   std::vector<TestMesh> meshes_;
@@ -392,7 +392,7 @@ class TestScene {
   std::deque<std::vector<u8>> texels_;
   std::vector<u32> part_materials_, part_lights_;
   std::vector<float> row_cdf_, column_cdf_;
-  std::vector<u16> column_guide_;
+  std::vector<u16> guides_;
   bool has_dome_ = false;
 };
 

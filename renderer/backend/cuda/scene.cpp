@@ -205,8 +205,7 @@ void CudaScene::copy_dome() {
   if (const DomeTables* tables = lights.dome_tables.get()) {
     dome.row_cdf = copies_.of(tables->row_cdf.data(), tables->row_cdf.size());
     dome.column_cdf = copies_.of(tables->column_cdf.data(), tables->column_cdf.size());
-    if (dome.column_guide)
-      dome.column_guide = copies_.of(tables->column_guide.data(), tables->column_guide.size());
+    if (dome.guides) dome.guides = copies_.of(tables->guides.data(), tables->guides.size());
   }
   std::vector<kernels::PortalView> portals = lights.portals;
   for (std::size_t i = 0; i < portals.size(); ++i) {
