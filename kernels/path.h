@@ -1,5 +1,6 @@
 // The integrator: unbiased path tracing with next event estimation and multiple importance
-// sampling. render_pixel() is the entry point of every backend; the steps below it are its whole.
+// sampling. render_pixel() is the whole of it, one path after the other; backends take the same
+// steps for many paths side by side (lockstep.h on a CPU, wave.h on a GPU).
 #pragma once
 
 #include "kernels/camera.h"

@@ -8,7 +8,7 @@ namespace heliograph::kernels {
 
 /// How a plane's value comes about.
 enum class Fold : u8 {
-  kMean,    // averaged over samples with the pixel filter, by render_pixel()
+  kMean,    // averaged over samples with the pixel filter, by path.h
   kCentre,  // one ray through the pixel's centre, by probe_pixel()
   kFilm,    // read from the accumulation
   kPost,    // computed from other planes of the frame

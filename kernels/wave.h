@@ -9,7 +9,7 @@
 // GPUs". Tested: tests/unit/wave_test.cpp, against render_pixel().
 #pragma once
 
-#include "kernels/path.h"
+#include "kernels/later.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
@@ -81,19 +81,12 @@ struct alignas(16) WaveRay {
 struct alignas(16) WaveSample {
   SampleHead head;
 };
-/// Light that comes along its ray if nothing is in the way.
-struct alignas(16) WaveLight {
-  Ray ray;
-  Contribution light;
-  Route route;
-};
-
 /// Memory of a wave.
 struct WaveView {
   WavePath* paths;      // by slot
   WaveRay* rays;        // by slot
   Hit* hits;            // by slot
-  WaveLight* lights;    // by slot
+  LaterLight* lights;   // by slot
   Inside* insides;      // by slot; null where the scene has no media
   Reach* reaches;       // by slot; null where the scene has no media
   WaveSample* samples;  // by item
@@ -121,36 +114,6 @@ KERNEL ItemPlace place_of(const FilmView& image, const WaveWork& work, u32 item)
   const u32 x = tile % across * kTileSide + in_tile % kTileSide;
   const u32 y = tile / across * kTileSide + in_tile / kTileSide;
   return {x, y, work.first_sample + item / pixels, x < image.width && y < image.height};
-}
-
-/// Answers of a tracer, but for whether light is occluded: that is asked later.
-template <Tracer T>
-struct LaterTracer {
-  const T& tracer;
-  Ray& asked;        // t_max 0: nothing was
-  WaveLight& light;  // that comes along this ray
-  KERNEL Hit closest(const Ray& ray, u32 mask) const { return tracer.closest(ray, mask); }
-  KERNEL bool occluded(const Ray& ray, u32) const {
-    asked = ray;
-    return false;
-  }
-  KERNEL Hit closest_in(u32 instance, const Ray& ray) const {
-    return tracer.closest_in(instance, ray);
-  }
-};
-
-/// Keeps light until its ray is traced; what has no ray left counts at once.
-template <Tracer T>
-KERNEL void collect(const PathContext<LaterTracer<T>>& c, SampleValues& sample, Contribution light,
-                    const Route& route) {
-  const LaterTracer<T>& later = c.tracer;
-  if (later.asked.t_max > 0) {
-    later.light = {later.asked, light, route};
-    return;
-  }
-  const PathContext<T> now{c.scene, c.camera,  c.settings, later.tracer,
-                           c.film,  c.sampler, c.time,     c.pixel};
-  collect(now, sample, light, route);
 }
 
 /// What became of a path that arrived.
@@ -197,15 +160,10 @@ class Wave {
     const PathContext<T> c = context(kept.item, sampler_of(at), path.ray.time);
     SampleValues sample;
     get(sample, kept.item);
-    WaveLight light;
+    LaterLight light;
     light.ray.t_max = 0;
     const auto take_light = [&](const Path& from, const Vertex& v) {
-      Ray asked;
-      asked.t_max = 0;
-      const LaterTracer<T> later{tracer_, asked, light};
-      sample_light(PathContext<LaterTracer<T>>{c.scene, c.camera, c.settings, later, c.film,
-                                               c.sampler, c.time, c.pixel},
-                   from, v, sample);
+      sample_light_later(c, from, v, sample, light);
     };
     const bool goes_on =
         kernels::arrive(c, path, reach, view_.hits[slot], sample, take_light) && path.ray.t_max > 0;
@@ -216,7 +174,7 @@ class Wave {
   }
   /// Nothing is in the way of the light of a slot.
   KERNEL void shine(u32 slot) const {
-    const WaveLight kept = load_whole(view_.lights[slot]);
+    const LaterLight kept = load_whole(view_.lights[slot]);
     const u32 item = view_.paths[slot].item;
     SampleValues sample;
     get(sample, item);

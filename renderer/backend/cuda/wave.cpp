@@ -14,7 +14,7 @@ constexpr u32 kMostItems = 1 << 22;
 constexpr u64 kMemoryShare = 32;  // a wave takes one in so many bytes of the budget, or less
 constexpr u64 kLeastMemory = 1 << 20;
 constexpr u64 kSlotBytes = sizeof(kernels::WavePath) + sizeof(kernels::WaveRay) +
-                           sizeof(kernels::Hit) + sizeof(kernels::WaveLight) + 6 * sizeof(u32);
+                           sizeof(kernels::Hit) + sizeof(kernels::LaterLight) + 6 * sizeof(u32);
 /// Rounds between looks at the counters, which wait for the device; the first of a batch whose
 /// paths all begin at once may take longer.
 constexpr u32 kRoundsAtOnce = 4;
@@ -126,7 +126,7 @@ void Wave::lay(Layout& layout, u64 slots, u64 items) {
   wave.paths = layout.take<kernels::WavePath>(slots);
   wave.rays = layout.take<kernels::WaveRay>(slots);
   wave.hits = layout.take<kernels::Hit>(slots);
-  wave.lights = layout.take<kernels::WaveLight>(slots);
+  wave.lights = layout.take<kernels::LaterLight>(slots);
   if (any_media_) wave.insides = layout.take<kernels::Inside>(slots);
   if (any_media_) wave.reaches = layout.take<kernels::Reach>(slots);
   wave.samples = layout.take<kernels::WaveSample>(items);

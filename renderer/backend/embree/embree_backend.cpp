@@ -32,8 +32,10 @@ class FlushDenormals {
   unsigned before_;
 };
 
+/// AVX-512 traversal is left out: it takes 3 % longer, and processors with and without it would
+/// give different pictures.
+constexpr const char* kDeviceConfig = "max_isa=avx2";
 const char* widest_isa() {
-  if (__builtin_cpu_supports("avx512vl")) return "AVX512";
   if (__builtin_cpu_supports("avx2")) return "AVX2";
   if (__builtin_cpu_supports("avx")) return "AVX";
   return "SSE4.2";
@@ -208,8 +210,8 @@ Expected<QueryResult> EmbreeBackend::query(const QueryJob& job, const Interrupt&
 }  // namespace
 
 Expected<std::unique_ptr<Backend>> make_embree_backend(const BackendOptions& options) {
-  const std::string config =
-      options.threads ? fmt::format("threads={}", options.threads) : std::string();
+  std::string config = kDeviceConfig;
+  if (options.threads) config += fmt::format(",threads={}", options.threads);
   DeviceHandle device(rtcNewDevice(config.c_str()));
   if (!device)
     return fail(Code::kUnavailable, "",

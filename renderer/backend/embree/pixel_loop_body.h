@@ -1,20 +1,15 @@
 // The loops themselves. Included by the translation unit of each level, which defines HELIO_ISA.
 #pragma once
 
-#include "kernels/path.h"
+#include "kernels/lockstep.h"
 #include "renderer/backend/embree/pixel_loop.h"
 
 namespace heliograph::embree::inline HELIO_ISA {
 
 inline kernels::u64 render_rect(const RenderTask& task, const PixelRect& rect,
                                 kernels::u32 first_sample, kernels::u32 samples) {
-  const EmbreeTracer tracer(task.scene);
-  kernels::u64 rays = 0;
-  for (kernels::u32 y = rect.y0; y < rect.y1; ++y)
-    for (kernels::u32 x = rect.x0; x < rect.x1; ++x)
-      rays += kernels::render_pixel(*task.scene.view, *task.camera, *task.settings, tracer,
-                                    *task.film, x, y, first_sample, samples);
-  return rays;
+  return kernels::render_rect(*task.scene.view, *task.camera, *task.settings,
+                              EmbreeTracer(task.scene), *task.film, rect, first_sample, samples);
 }
 
 inline kernels::u64 probe_rect(const ProbeTask& task, const PixelRect& rect) {
