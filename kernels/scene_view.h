@@ -258,8 +258,8 @@ struct DomeView {
   u32 height;
   const float* row_cdf;     // height: sum over rows up to and including, normalised
   const float* column_cdf;  // height * width: the same within a row
-  // (height + 1) * kDomeGuide: for each row the column that u = i / kDomeGuide falls into, i. e. the
-  // first one whose sum exceeds it; then the same for the rows themselves. Null: the sums are
+  // (height + 1) * kDomeGuide: for each row the column that u = i / kDomeGuide falls into, i. e.
+  // the first one whose sum exceeds it; then the same for the rows themselves. Null: the sums are
   // searched as a whole.
   const u16* guides;
   const PortalView* portals;
