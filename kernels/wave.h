@@ -81,6 +81,7 @@ struct alignas(16) WaveRay {
 struct alignas(16) WaveSample {
   SampleHead head;
 };
+
 /// Memory of a wave.
 struct WaveView {
   WavePath* paths;      // by slot

@@ -25,10 +25,7 @@ void check_same(const SceneView& scene, PlaneSet wanted) {
   for (u32 plane = 0; plane < kPlanes; ++plane) {
     if (!(wanted >> plane & 1)) continue;
     INFO(plane);
-    u64 different = 0;
-    for (u64 i = 0; i < u64(kSize.x) * kSize.y; ++i)
-      different += loop.mean(Plane(plane), i, kSamples) != lockstep.mean(Plane(plane), i, kSamples);
-    CHECK(different == 0);
+    CHECK(different_means(loop, lockstep, Plane(plane), kSamples) == 0);
   }
 }
 

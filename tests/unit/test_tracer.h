@@ -197,6 +197,14 @@ class TestFilm {
   std::vector<float> moment_, moment_partial_;
 };
 
+/// How many of the first values of a mean plane, one a pixel, differ in any bit.
+inline u64 different_means(const TestFilm& a, const TestFilm& b, Plane plane, u32 samples) {
+  u64 different = 0;
+  for (u64 i = 0; i < u64(a.view.width) * a.view.height; ++i)
+    different += a.mean(plane, i, samples) != b.mean(plane, i, samples);
+  return different;
+}
+
 inline Settings standard_settings(u32 max_depth) {
   return {.seed = 1,
           .max_depth = max_depth,
