@@ -44,9 +44,10 @@ def measure(name, job, count):
         before = processor_seconds()
         with tempfile.TemporaryDirectory() as out:
             with hg.connect(arguments=("--threads", "2")) as client, client.create_scene() as scene:
-                camera, randomizer = hd.make_scene(name).build(scene)
+                made = hd.make_scene(name)
+                camera, randomizer = made.build(scene)
                 common = {"count": images, "writer": writer_of(job, name, out), "spp": 64}
-                common |= {"max_depth": DEPTH, "progress": False}
+                common |= {"max_depth": DEPTH, "progress": False, **made.options}
                 hd.generate(scene, camera, randomizer, indices=[0], **common)
                 start = time.perf_counter()
                 hd.generate(scene, camera, randomizer, **common)

@@ -117,12 +117,14 @@ KERNEL void go_on(const PathContext<T>& c, Path& path, const Onward& onward) {
   ++path.edges;
 }
 
-/// Ends the path by chance where it carries little; unbiased.
+/// Ends the path by chance where it carries little; unbiased. The root lets fewer live paths end
+/// than the throughput itself: they carry what the many that ended would have.
 template <Tracer T>
 KERNEL bool survives(const PathContext<T>& c, Path& path) {
-  if (!c.settings.roulette || path.edges <= 4) return true;
-  const float chance = max_component(path.throughput) * path.radiance_scale;
-  if (chance >= 1) return true;
+  if (path.edges <= c.settings.roulette_depth) return true;
+  const float carried = max_component(path.throughput) * path.radiance_scale;
+  if (carried >= 1) return true;
+  const float chance = std::sqrt(carried);
   if (unit_float(c.sampler.hash_of(kRouletteHash + path.edges)) >= chance) return false;
   path.throughput *= 1 / chance;
   return true;

@@ -76,7 +76,7 @@ v1::RenderRequest request_again(const Frame& frame, const FrameContext& context)
   request.clear_memory();
   request.clear_buffers_in_header();
   request.set_max_depth(job.settings.max_depth);
-  request.set_roulette(job.settings.roulette);
+  request.set_roulette(job.settings.roulette_depth != kernels::kNone);
   if (request.overlay().ByteSizeLong() > kLargestOverlay || names_lent_buffers(request.overlay()))
     request.clear_overlay();
   if (request.has_worlds()) keep_worlds(job, request);

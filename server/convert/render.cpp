@@ -21,6 +21,7 @@ using kernels::PixelFilter;
 
 constexpr Range kSeconds{-1e9, 1e9};
 constexpr u32 kDefaultDepth = 12;
+constexpr u32 kDefaultRouletteDepth = 3;
 constexpr u32 kDefaultRows = 65536;
 constexpr Range kCanvas{0, 4};
 constexpr Range kClamp{1e-6, 1e30};
@@ -172,7 +173,11 @@ Status read_settings(const v1::RenderRequest& request, const RenderLimits& limit
   if (request.has_max_depth())
     HELIO_TAKE(settings.max_depth, in_range(request.max_depth(), {1, double(limits.max_depth)}),
                "max_depth");
-  settings.roulette = request.has_roulette() ? request.roulette() : true;
+  settings.roulette_depth = kDefaultRouletteDepth;
+  if (request.has_roulette_depth())
+    HELIO_TAKE(settings.roulette_depth,
+               in_range(request.roulette_depth(), {1, double(limits.max_depth)}), "roulette_depth");
+  if (request.has_roulette() && !request.roulette()) settings.roulette_depth = kernels::kNone;
   settings.clamp = INFINITY;
   if (request.has_clamp()) HELIO_TAKE(settings.clamp, in_range(request.clamp(), kClamp), "clamp");
   settings.clamp_indirect = settings.clamp;

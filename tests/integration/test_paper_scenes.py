@@ -1,6 +1,7 @@
 """The scenes DOME, MESH and FAT: what is promised of their images, their settings, and the command
 that makes them, which is killed and run again."""
 
+import json
 import os
 import signal
 import subprocess
@@ -170,3 +171,5 @@ def test_all_labels_and_labels_alone(tmp_path, options):
     assert bool(list(tmp_path.glob("out/images/*.png"))) == ("--labels-only" not in options)
     expected = "exr/*.exr" if options[0] == "exr" else "instances.parquet"
     assert list(tmp_path.glob(f"out/{expected}"))
+    made = json.loads((tmp_path / "out" / ".heliograph" / "dataset.json").read_text())
+    assert made["options"] == {"roulette_depth": 1, "spp": 1}

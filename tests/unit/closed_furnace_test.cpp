@@ -8,7 +8,7 @@ using namespace heliograph::test;
 
 TEST_CASE("furnace: a closed room of albedo a and emission 1 - a has radiance 1 everywhere") {
   const float albedo = GENERATE(0.2f, 0.5f, 0.8f);
-  const bool roulette = GENERATE(false, true);
+  const u32 roulette_depth = GENERATE(1u, 3u, kernels::kNone);
   auto engine = make_engine();
   PutMaterial wall;
   const auto set = [&](MaterialParameter p, float v) {
@@ -25,7 +25,7 @@ TEST_CASE("furnace: a closed room of albedo a and emission 1 - a has radiance 1 
       .camera("camera", look_at({0.3f, 0.2f, 0.1f}, vec3(1, 0, 0)), 8, 8, 6);
   auto job = job_of(edits.apply(), {Plane::BEAUTY}, 64);
   job.settings.max_depth = 200;
-  job.settings.roulette = roulette;
+  job.settings.roulette_depth = roulette_depth;
   const auto frame = render(*engine, job);
   double mean = 0;
   for (std::size_t i = 0; i < 64; ++i) mean += double(pixels<float>(*frame)[4 * i]) / 64;

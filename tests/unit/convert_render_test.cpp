@@ -80,7 +80,7 @@ TEST_CASE("render: a request's defaults") {
   CHECK(made->frame_interval == 0.5);
   CHECK(made->stop.spp == 4);
   CHECK(made->settings.max_depth == 12);
-  CHECK(made->settings.roulette);
+  CHECK(made->settings.roulette_depth == 3);
   CHECK(std::isinf(made->settings.clamp));
   CHECK(made->settings.filter == kernels::PixelFilter::kBlackmanHarris);
   CHECK(made->overlay == 0);
@@ -135,6 +135,7 @@ TEST_CASE("render: refusals") {
   refused(kGood + "time: inf", kInvalid, "time", "finite");
   refused(kGood + "frame_interval: 0", kInvalid, "frame_interval", "seconds to the next frame");
   refused(kGood + "max_depth: 0", kInvalid, "max_depth", "[1, 1024]");
+  refused(kGood + "roulette_depth: 0", kInvalid, "roulette_depth", "[1, 1024]");
   refused(kGood + "priority: -101", kInvalid, "priority", "[-100, 100]");
   refused(kGood + "clamp: -1", kInvalid, "clamp", "");
   refused(kGood + "labels { canvas: nan }", kInvalid, "labels.canvas", "finite");

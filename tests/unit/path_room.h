@@ -55,7 +55,7 @@ inline u64 run_loop(const Picture& picture, const TestFilm& film) {
 
 inline ShotView shot_of(const SceneView& scene, u64 seed, const TestFilm& film) {
   Settings settings = standard_settings(seed);
-  settings.roulette = true;
+  settings.roulette_depth = 3;
   settings.clamp_indirect = 3;
   const vec3 eye(3, -3 + 0.1f * float(seed), 2);
   return {scene, look_at(eye, {0, 0, -0.2f}, kSize, 0.8f), settings, film.view};

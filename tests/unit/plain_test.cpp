@@ -42,7 +42,7 @@ const SceneView& furnish(TestScene& scene) {
 
 ShotView shot_of(const SceneView& scene, const FilmView& film) {
   Settings settings = standard_settings(5);
-  settings.roulette = true;
+  settings.roulette_depth = 3;
   return {scene, look_at(vec3(3, -3, 2), {0, 0, -0.2f}, kSize, 0.8f), settings, film};
 }
 

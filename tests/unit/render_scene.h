@@ -187,7 +187,7 @@ inline RenderJob job_of(std::shared_ptr<const Snapshot> snapshot, std::vector<Pl
   job.stop.spp = spp;
   job.settings = {.seed = 7,
                   .max_depth = 6,
-                  .roulette = true,
+                  .roulette_depth = 3,
                   .clamp = INFINITY,
                   .clamp_indirect = INFINITY,
                   .filter = kernels::PixelFilter::kBox};

@@ -208,6 +208,7 @@ inline u64 different_means(const TestFilm& a, const TestFilm& b, Plane plane, u3
 inline Settings standard_settings(u32 max_depth) {
   return {.seed = 1,
           .max_depth = max_depth,
+          .roulette_depth = kNone,
           .clamp = INFINITY,
           .clamp_indirect = INFINITY,
           .filter = PixelFilter::kBox};

@@ -81,6 +81,7 @@ class RenderOptions {
   RenderOptions& labels(const Labels& v) { return set(&Fields::labels, v); }
   RenderOptions& max_depth(std::uint32_t v) { return set(&Fields::max_depth, v); }
   RenderOptions& roulette(bool v) { return set(&Fields::roulette, v); }
+  RenderOptions& roulette_depth(std::uint32_t v) { return set(&Fields::roulette_depth, v); }
   RenderOptions& clamp(double v) { return set(&Fields::clamp, v); }
   RenderOptions& clamp_indirect(double v) { return set(&Fields::clamp_indirect, v); }
   RenderOptions& regularize(bool v) { return set(&Fields::regularize, v); }
@@ -121,6 +122,7 @@ class RenderOptions {
     std::optional<Labels> labels{};
     std::optional<std::uint32_t> max_depth{};
     std::optional<bool> roulette{};
+    std::optional<std::uint32_t> roulette_depth{};
     std::optional<double> clamp{};
     std::optional<double> clamp_indirect{};
     bool regularize = false;

@@ -129,6 +129,7 @@ v1::RenderRequest to_request(std::uint64_t scene, const std::vector<Ref>& camera
   put_labels(given, &out);
   if (given.max_depth) out.set_max_depth(*given.max_depth);
   if (given.roulette) out.set_roulette(*given.roulette);
+  if (given.roulette_depth) out.set_roulette_depth(*given.roulette_depth);
   if (given.clamp) out.set_clamp(float(*given.clamp));
   if (given.clamp_indirect) out.set_clamp_indirect(float(*given.clamp_indirect));
   out.set_regularize(given.regularize);

@@ -56,6 +56,7 @@ class Options(TypedDict, total=False):
     revision: int | None  #: exactly this one; default the latest
     max_depth: int  #: edges of a path, at most; default 12
     roulette: bool  #: ends weak paths by chance, the mean stays; default True
+    roulette_depth: int  #: edges of a path before that begins; default 3
     clamp: float  #: bounds each contribution, W sr^-1 m^-2; 0: off
     clamp_indirect: float  #: likewise, after three edges or more; 0: off
     regularize: bool  #: rougher lobes behind diffuse ones, against fireflies
@@ -169,6 +170,8 @@ def make_request(
             setattr(out, name, number_of(options[name], name))
     if "max_depth" in options:
         out.max_depth = whole_of(options["max_depth"], "max_depth", 1)
+    if "roulette_depth" in options:
+        out.roulette_depth = whole_of(options["roulette_depth"], "roulette_depth", 1)
     if "roulette" in options:
         out.roulette = options["roulette"]
     for flag in (

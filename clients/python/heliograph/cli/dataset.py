@@ -72,6 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
             writer=writer,
             spp=arguments.spp,
             seed=arguments.seed,
+            **made.options,
         )
     rate = f", {60 * done.images / done.seconds:.1f} a minute" if done.images else ""
     print(f"{arguments.out}: {done.images} images made, {done.skipped} were there{rate}")

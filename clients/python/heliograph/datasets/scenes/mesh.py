@@ -35,6 +35,7 @@ class MeshScene(PaperScene):
     """
 
     objects: int = 1000
+    roulette_depth: int = 1  # most of the light comes straight from the lights
     shapes: int = 60
     materials: int = 150
     depth: tuple[float, float] = (2.0, 12.0)

@@ -30,6 +30,7 @@ class PaperScene:
     width, height: pixels; fov: radians along the width. seed: of what the scene is made of, not of
     the draws. models: files; a category each, by the file's name; default: bundled household goods.
     model_size: metres of their longest sides, 0: as they are. objects: how many, over all.
+    roulette_depth: of Scene.render.
     """
 
     width: int = 640
@@ -39,11 +40,17 @@ class PaperScene:
     models: Sequence[str] = ()
     model_size: float = 0.2
     objects: int = 12
+    roulette_depth: int = 3
 
     def __post_init__(self) -> None:
         for field in fields(self):
             value = _checked(field.name, getattr(self, field.name), field.default)
             object.__setattr__(self, field.name, value)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """How the scene is best rendered: options of Scene.render, for generate()."""
+        return {"roulette_depth": self.roulette_depth}
 
     def build(self, scene: Scene) -> tuple[Entity, Compose]:
         """Makes the scene; its camera, and what randomizes it."""
