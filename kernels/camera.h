@@ -32,6 +32,9 @@ KERNEL Ray clipped(const CameraView& camera, Ray ray) {
   return ray;
 }
 
+/// Where the centre of pixel (x, y) lies on the raster.
+KERNEL vec2 centre_of(u32 x, u32 y) { return vec2(float(x) + 0.5f, float(y) + 0.5f); }
+
 /// The ray through a raster position (pixel (x, y) covers [x, x + 1) x [y, y + 1)), neither blurred
 /// nor clipped; t_max is 0 where the camera sees nothing.
 KERNEL Ray pinhole_ray(const CameraView& camera, vec2 raster, HoleKey holes) {

@@ -11,15 +11,11 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
+/// A path that sets out with a camera's ray.
 template <Tracer T>
-KERNEL Path begin_path(const PathContext<T>& c, u32 x, u32 y, SampleValues& sample) {
-  const vec2 offset = sample_filter(c.settings.filter, c.sampler.get2(kFilterPair));
-  const vec2 raster = vec2(float(x) + 0.5f, float(y) + 0.5f) + offset;
-  const HoleKey holes = hole_key(c, kHoleHash);
+KERNEL Path path_along(const PathContext<T>& c, const Ray& ray, SampleValues& sample) {
   Path path;
-  path.ray = c.camera.aperture.radius > 0
-                 ? thin_lens_ray(c.camera, raster, c.sampler.get2(kLensPair), holes)
-                 : camera_ray(c.camera, raster, holes);
+  path.ray = ray;
   path.mask = kCameraRay;
   path.throughput = vec3(1);
   path.pdf = 0;
@@ -33,6 +29,17 @@ KERNEL Path begin_path(const PathContext<T>& c, u32 x, u32 y, SampleValues& samp
   path.boundaries = 0;
   if (has_media(c.scene)) path.inside = inside_at(c.scene, c.tracer, path.ray, sample.rays);
   return path;
+}
+
+template <Tracer T>
+KERNEL Path begin_path(const PathContext<T>& c, u32 x, u32 y, SampleValues& sample) {
+  const vec2 offset = sample_filter(c.settings.filter, c.sampler.get2(kFilterPair));
+  const vec2 raster = centre_of(x, y) + offset;
+  const HoleKey holes = hole_key(c, kHoleHash);
+  const Ray ray = c.camera.aperture.radius > 0
+                      ? thin_lens_ray(c.camera, raster, c.sampler.get2(kLensPair), holes)
+                      : camera_ray(c.camera, raster, holes);
+  return path_along(c, ray, sample);
 }
 
 /// Radiance of the dome where the path leaves the scene, weighted.

@@ -2,153 +2,9 @@
 // the entry point of every backend.
 #pragma once
 
-#include "kernels/film.h"
-#include "kernels/inside.h"
-#include "kernels/light.h"
-#include "kernels/rolling.h"
-#include "kernels/settings.h"
-#include "kernels/volume_march.h"
-
-namespace heliograph::kernels {
-
-/// A scene and the camera in it, over the times of the image's rows.
-struct ProbeScene {
-  const SceneView* scene;
-  const CameraView* camera;
-  bool camera_jumped = false;  // as an end of flow: no flow in pixels to there is valid
-};
-
-/// What a probe reads. forward, backward: the other ends of flow, null when not wanted; their
-/// instances and triangles are those of `now`, in the same order, elsewhere.
-struct ProbeContext {
-  ProbeScene now;
-  ProbeScene forward;
-  ProbeScene backward;
-  const CameraView* disparity;  // the second camera of a rectified rig, null when not wanted
-  const Settings* settings;
-};
-
-}  // namespace heliograph::kernels
+#include "kernels/probe_sight.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
-
-/// Glass that probes look through when Settings::through_transmission is set.
-KERNEL bool is_clear(const MaterialValues& m) {
-  return m.transmission >= 0.5f && m.metallic < 0.5f && m.roughness <= 0.2f;
-}
-
-/// A tracer and how many rays it has traced.
-template <Tracer T>
-struct CountedTracer {
-  const T& tracer;
-  u32& rays;
-};
-
-/// The nearest surface that a probe takes, within ray.t_max. Layers of clear glass are looked
-/// through in a straight line, so that the pixel sees what lies behind it in projection. What a
-/// body of higher priority displaces is not there.
-template <Tracer T>
-KERNEL Hit probe_closest(const SceneView& scene, CountedTracer<T> counted, Ray ray,
-                         bool through_transmission) {
-  Inside inside;
-  if (scene.any_priority) inside = inside_at(scene, counted.tracer, ray, counted.rays);
-  for (u32 layer = 0;; ++layer) {
-    const Hit hit = counted.tracer.closest(ray, kCameraRay);
-    ++counted.rays;
-    const bool takes_all = !through_transmission && inside.depth == 0;
-    if (hit.instance == kNone || takes_all || layer == 1024) return hit;
-    const Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), ray.time);
-    const MaterialValues m = material_at(scene, s, ~0u);
-    const Meeting meeting = boundary_at(scene, inside, s, ray.direction).meeting;
-    if (meeting != Meeting::kAbsent && !(through_transmission && is_clear(m))) return hit;
-    if (scene.any_priority) cross_surface(inside, s, m, ray.direction);
-    const vec3 next = offset_point(s, ray.direction);
-    ray.t_max -= dot(next - ray.origin, ray.direction);
-    ray.origin = next;
-    if (!(ray.t_max > 0)) return {INFINITY, kNone, 0, 0, 0};
-  }
-}
-
-/// Whether a camera sees a point of a surface: nothing lies before it.
-template <Tracer T>
-KERNEL bool camera_sees(const ProbeScene& at, CountedTracer<T> counted, const Surface& s,
-                        bool through_transmission) {
-  if (!within_clip(*at.camera, s.p)) return false;
-  const vec3 towards = camera_ray_to(*at.camera, s.p, {0, true}).direction;
-  Ray ray = camera_ray_to(*at.camera, offset_point(s, -towards), {0, true});
-  ray.t_max *= kJustBefore;
-  ray = clipped(*at.camera, ray);
-  return !(ray.t_max > 0) ||
-         probe_closest(*at.scene, counted, ray, through_transmission).instance == kNone;
-}
-
-/// Whether a camera sees a point of a volume: no surface lies before it.
-template <Tracer T>
-KERNEL bool camera_sees(const ProbeScene& at, CountedTracer<T> counted, vec3 p_world,
-                        bool through_transmission) {
-  if (!within_clip(*at.camera, p_world)) return false;
-  const Ray ray = clipped(*at.camera, camera_ray_to(*at.camera, p_world, {0, true}));
-  return !(ray.t_max > 0) ||
-         probe_closest(*at.scene, counted, ray, through_transmission).instance == kNone;
-}
-
-struct Flow {
-  vec2 pixels;
-  u8 valid;
-  u8 visible;
-  vec3 metres;
-};
-
-KERNEL vec3 point_of(const Surface& s) { return s.p; }
-KERNEL vec3 point_of(vec3 p) { return p; }
-
-/// Where the probed point is in another frame. In space that is a frame_interval from the probe; in
-/// pixels, when the other frame's row sees it.
-///
-/// at    (time) -> the point there, of a surface or of a volume
-template <Tracer T, class At>
-KERNEL Flow flow_of(const ProbeContext& context, const ProbeScene& other, CountedTracer<T> counted,
-                    vec3 p_world, const At& at) {
-  Flow flow{vec2(0), 0, 0, point_of(at(context.now.camera->time)) - p_world};
-  if (other.camera_jumped) return flow;
-  const vec2 from = project(*context.now.camera, p_world).raster;
-  const Sighting to = find_row(*other.camera, from.y, [&](const CameraView& camera) {
-    return project(camera, point_of(at(camera.time)));
-  });
-  if (!to.found || !to.at.seen) return flow;
-  flow.pixels = to.at.raster - from;
-  flow.valid = 1;
-  const CameraAt camera(*other.camera, to.time);
-  flow.visible = inside_image(*other.camera, to.at.raster) &&
-                 camera_sees({other.scene, &camera.camera()}, counted, at(to.time),
-                             context.settings->through_transmission);
-  return flow;
-}
-
-/// Flow of a point of a surface.
-template <Tracer T>
-KERNEL Flow flow_to(const ProbeContext& context, const ProbeScene& other, CountedTracer<T> counted,
-                    const Hit& hit, vec3 p_world) {
-  if (other.scene->instances[hit.instance].flags & kFlowInvalid) return {vec2(0), 0, 0, vec3(0)};
-  return flow_of(context, other, counted, p_world, [&](float time) {
-    return locate(*other.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), time);
-  });
-}
-
-/// Flow of a point infinitely far away: the camera's rotation alone.
-KERNEL Flow background_flow(const ProbeContext& context, const ProbeScene& other, const Ray& ray,
-                            vec2 raster) {
-  Flow flow{vec2(0), 0, 0, vec3(0)};
-  if (other.camera_jumped) return flow;
-  const Projected from = project_direction(*context.now.camera, ray.direction, raster);
-  const Sighting to = find_row(*other.camera, raster.y, [&](const CameraView& camera) {
-    return project_direction(camera, ray.direction, raster);
-  });
-  if (!to.found || !to.at.seen) return flow;
-  flow.pixels = to.at.raster - from.raster;
-  flow.valid = 1;
-  return flow;
-}
 
 KERNEL void put_flow(Probe& p, const Flow& flow, bool forward) {
   (forward ? p.flow_forward : p.flow_backward) = flow.pixels;
@@ -182,8 +38,10 @@ inline constexpr PlaneSet kBackwardPlanes = plane_bit(Plane::FLOW_BACKWARD) |
 inline constexpr PlaneSet kDisparityPlanes =
     plane_bit(Plane::DISPARITY) | plane_bit(Plane::DISPARITY_VISIBLE);
 
-KERNEL void probe_geometry(Probe& p, const Surface& s, const CameraView& camera, const Ray& ray) {
-  p.distance = dot(s.p - ray.origin, ray.direction) + near_of(camera, ray.direction);
+KERNEL void probe_geometry(Probe& p, const Surface& s, const CameraView& camera,
+                           const Sight& sight) {
+  const Ray& ray = sight.ray;
+  p.distance = dot(s.p - ray.origin, ray.direction) + sight.passed;
   p.p_world = s.p;
   p.p_camera = cv_from_gl(transform_point(camera.camera_from_world, s.p));
   p.geometric_normal = dot(s.ng, ray.direction) > 0 ? -s.ng : s.ng;
@@ -215,12 +73,13 @@ KERNEL void probe_rest(Probe& p, const Surface& s) {
 }
 
 /// What the wanted planes say of the surface itself.
-KERNEL void probe_surface(Probe& p, const ProbeScene& now, const Hit& hit, const Ray& ray,
+KERNEL void probe_surface(Probe& p, const ProbeScene& now, const Hit& hit, const Sight& sight,
                           PlaneSet wanted) {
   const SceneView& scene = *now.scene;
+  const Ray& ray = sight.ray;
   Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), ray.time);
   p.hit = true;
-  probe_geometry(p, s, *now.camera, ray);
+  probe_geometry(p, s, *now.camera, sight);
   probe_labels(p, s, hit);
   if (wanted & kNormalPlanes) {
     s.ns = shading_normal(scene, s);
@@ -239,10 +98,11 @@ KERNEL void probe_surface(Probe& p, const ProbeScene& now, const Hit& hit, const
 
 /// What the planes say of the point where a volume's transmittance is one half. It has no normal
 /// and no material.
-KERNEL void probe_volume(Probe& p, const ProbeScene& now, const Collision& at, const Ray& ray) {
+KERNEL void probe_volume(Probe& p, const ProbeScene& now, const Collision& at, const Sight& sight) {
+  const Ray& ray = sight.ray;
   const InstanceView& instance = now.scene->volumes[at.volume].instance;
   p.hit = true;
-  p.distance = at.t + near_of(*now.camera, ray.direction);
+  p.distance = at.t + sight.passed;
   p.p_world = ray.origin + ray.direction * at.t;
   p.p_camera = cv_from_gl(transform_point(now.camera->camera_from_world, p.p_world));
   p.instance_label = instance.label;
@@ -282,9 +142,9 @@ KERNEL Collision probed_volume(const SceneView& scene, const Ray& ray, const Hit
 
 template <Tracer T>
 KERNEL Probe probe_in_volume(const ProbeContext& context, const T* const (&tracers)[3],
-                             const Collision& at, const Ray& ray, u32& rays) {
+                             const Collision& at, const Sight& sight, u32& rays) {
   Probe p = empty_probe();
-  probe_volume(p, context.now, at, ray);
+  probe_volume(p, context.now, at, sight);
   if (context.forward.scene) {
     const CountedTracer<T> counted{*tracers[1], rays};
     put_flow(p, volume_flow(context, context.forward, counted, at.volume, p.p_world), true);
@@ -322,25 +182,25 @@ KERNEL void probe_disparity(Probe& p, const ProbeContext& context, CountedTracer
 /// Everything that the film wants of one pixel. Tracers of flow may be null with their scenes.
 template <Tracer T>
 KERNEL Probe make_probe(const ProbeContext& context, const T* const (&tracers)[3], PlaneSet wanted,
-                        vec2 raster, u32& rays) {
+                        vec2 raster, const Sight& sight, u32& rays) {
   const SceneView& scene = *context.now.scene;
-  const CameraView& camera = *context.now.camera;
+  const Ray& ray = sight.ray;
+  if (!(ray.t_max > 0)) return empty_probe();
   const bool through = context.settings->through_transmission;
-  const Ray ray = camera_ray(camera, raster, {0, true});
-  const Hit hit = probe_closest(scene, CountedTracer<T>{*tracers[0], rays}, ray, through);
+  const Hit hit =
+      probe_closest(scene, CountedTracer<T>{*tracers[0], rays}, ray, through, sight.mask);
   if (const Collision at = probed_volume(scene, ray, hit); at.volume != kNone) {
-    return probe_in_volume(context, tracers, at, ray, rays);
+    return probe_in_volume(context, tracers, at, sight, rays);
   }
   const bool forward = context.forward.scene && (wanted & kForwardPlanes);
   const bool backward = context.backward.scene && (wanted & kBackwardPlanes);
   Probe p = empty_probe();
-  if (!(ray.t_max > 0)) return p;
   if (hit.instance == kNone) {
     if (forward) put_flow(p, background_flow(context, context.forward, ray, raster), true);
     if (backward) put_flow(p, background_flow(context, context.backward, ray, raster), false);
     return p;
   }
-  probe_surface(p, context.now, hit, ray, wanted);
+  probe_surface(p, context.now, hit, sight, wanted);
   if (forward) {
     const CountedTracer<T> counted{*tracers[1], rays};
     put_flow(p, flow_to(context, context.forward, counted, hit, p.p_world), true);
@@ -366,19 +226,20 @@ KERNEL void put_plane(void* plane, u64 pixel, const Value& value) {
   }
 }
 
-/// Writes the centre planes of pixel (x, y); returns rays traced. The tracers of flow may be null
-/// where their scenes are.
-template <Tracer T>
-KERNEL u32 probe_pixel(const ProbeContext& context, const T& tracer, const T* forward_tracer,
-                       const T* backward_tracer, const FilmView& film, u32 x, u32 y) {
+/// Writes the centre planes of a pixel; returns rays traced.
+///
+/// sight_of   (context at the pixel's row, rays) -> Sight
+template <Tracer T, class SightOf>
+KERNEL u32 probe_by(const ProbeContext& context, const T* const (&tracers)[3], const FilmView& film,
+                    uvec2 at, const SightOf& sight_of) {
   u32 rays = 0;
-  const u64 pixel = u64(y) * film.width + x;
-  const vec2 raster(float(x) + 0.5f, float(y) + 0.5f);
-  const T* const tracers[3] = {&tracer, forward_tracer, backward_tracer};
+  const u64 pixel = u64(at.y) * film.width + at.x;
+  const vec2 raster = centre_of(at.x, at.y);
   const CameraAt camera(*context.now.camera, row_time(*context.now.camera, raster.y));
   ProbeContext at_row = context;
   at_row.now.camera = &camera.camera();
-  const Probe p = make_probe<T>(at_row, tracers, film.wanted, raster, rays);
+  const Sight sight = sight_of(at_row, rays);
+  const Probe p = make_probe<T>(at_row, tracers, film.wanted, raster, sight, rays);
 #define HELIO_PUT_kMean(...)
 #define HELIO_PUT_kFilm(...)
 #define HELIO_PUT_kPost(...)
@@ -394,6 +255,19 @@ KERNEL u32 probe_pixel(const ProbeContext& context, const T& tracer, const T* fo
 #undef HELIO_PUT_kFilm
 #undef HELIO_PUT_kMean
   return rays;
+}
+
+/// Writes the centre planes of pixel (x, y); returns rays traced. The tracers of flow may be null
+/// where their scenes are.
+template <Tracer T>
+KERNEL u32 probe_pixel(const ProbeContext& context, const T& tracer, const T* forward_tracer,
+                       const T* backward_tracer, const FilmView& film, u32 x, u32 y) {
+  const T* const tracers[3] = {&tracer, forward_tracer, backward_tracer};
+  return probe_by(context, tracers, film, {x, y}, [&](const ProbeContext& at_row, u32&) {
+    const CameraView& camera = *at_row.now.camera;
+    const Ray ray = camera_ray(camera, centre_of(x, y), {0, true});
+    return Sight{ray, kCameraRay, near_of(camera, ray.direction)};
+  });
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

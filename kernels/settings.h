@@ -17,6 +17,7 @@ struct Settings {
   PixelFilter filter;
   bool transparent_background;
   bool through_transmission;
+  u32 vertex;  // of the path through a pixel's centre, that centre planes tell of; 0: the first
 };
 
 }  // namespace heliograph::kernels

@@ -201,7 +201,7 @@ Expected<QueryResult> visible(const QueryScene& scene, const Visible& query,
     u32 alone = 0, seen = 0;
     for (i32 y = box.y0; y < box.y1 && !interrupt.requested(); ++y)
       for (i32 x = box.x0; x < box.x1; ++x) {
-        const vec2 raster(float(x) + 0.5f, float(y) + 0.5f);
+        const vec2 raster = kernels::centre_of(x, y);
         const kernels::Ray ray = kernels::camera_ray(*camera, raster, kProbe);
         if (!(ray.t_max > 0) || scene.tracer.closest_in(slot, ray).instance == kNone) continue;
         ++alone;

@@ -189,6 +189,22 @@ Status read_settings(const v1::RenderRequest& request, const RenderLimits& limit
   settings.filter = from_enum(kFilters, request.filter());
   settings.transparent_background = request.transparent_background();
   settings.through_transmission = request.through_transmission();
+  HELIO_TAKE(settings.vertex, in_range(request.vertex(), {0, double(limits.max_depth)}), "vertex");
+  return {};
+}
+
+/// A later vertex is no view: what is counted or sensed in one is refused.
+Status check_vertex(const RenderJob& job) {
+  if (job.settings.vertex == 0) return {};
+  const auto refuse = [](const char* what) {
+    return fail(
+        Code::kInvalidArgument, "vertex",
+        fmt::format("is above 0, but {} of the first surfaces; leave one of both out", what));
+  };
+  const LabelOptions& labels = job.labels;
+  if (labels.boxes || labels.amodal || labels.keypoints) return refuse("labels are");
+  if (job.settings.through_transmission) return refuse("through_transmission looks for the last");
+  if (std::ranges::count(job.planes, Plane::SENSOR_DEPTH) > 0) return refuse("sensor_depth is");
   return {};
 }
 
@@ -225,6 +241,7 @@ Expected<RenderJob> to_job(const v1::RenderRequest& request,
   HELIO_TRY(read_settings(request, limits, job.settings));
   HELIO_TRY(read_memory(request, job));
   HELIO_CHECK(read_labels(request.labels(), limits, job.labels), "labels");
+  HELIO_TRY(check_vertex(job));
   HELIO_TAKE(job.origin.priority, in_range(request.priority(), kPriority), "priority");
   const LabelOptions& labels = job.labels;
   if (job.planes.empty() && !labels.boxes && !labels.amodal && !labels.keypoints)

@@ -129,11 +129,47 @@ def test_the_other_options(camera):
     assert np.isfinite(data("denoise_albedo")).all() and np.isfinite(data("denoise_normal")).all()
     for arguments, message in (
         ((0, "depht"), "there is no 'depht', but none, depth"),
-        ((2, "depth"), "only the first surface"),
+        ((-1, "depth"), "bounce: -1: is below 0"),
     ):
         with pytest.raises(RuntimeError, match=message):
             data(arguments[1], bounce=arguments[0])
     assert len(nvisii.render_data(8, 8, 0, 0, 0, "entity_id")) == 256  # as its documentation says
+
+
+def test_a_later_bounce_is_what_a_mirror_shows(camera):
+    """A mirror at y = 0 before the camera at (0, -4, 0), and a ball of radius 2 behind that, at
+    (0, -10, 0): its image is at (0, 10, 0)."""
+    mirror = nvisii.entity.create(
+        "mirror",
+        mesh=nvisii.mesh.create_box("mirror", size=(8, 0.01, 8)),
+        transform=nvisii.transform.create("mirror", position=(0, 0.01, 0)),
+        material=nvisii.material.create("mirror", metallic=1, roughness=0),
+    )
+    real = nvisii.entity.create(
+        "real",
+        mesh=nvisii.mesh.create_sphere("real", radius=2, slices=400, segments=200),
+        transform=nvisii.transform.create("real", position=(0, -10, 0)),
+        material=nvisii.material.create("real", base_color=(0.5, 0.25, 0.125)),
+    )
+    d = rays()
+    b = -14 * d[..., 1]
+    square = b * b - (14 * 14 - 4)
+    expected = -b - np.sqrt(np.maximum(square, 0)) - 4 / d[..., 1]
+    sees = square > 1
+    misses = square < -1
+    assert sees.sum() > 20 and misses.sum() > 200
+    depth, number, way = (data(name, bounce=1) for name in ("depth", "entity_id", "ray_direction"))
+    assert np.allclose(depth[sees][:, 0], expected[sees], rtol=2e-3)
+    assert (number[sees][:, 0] == real.get_id()).all() and (number[misses][:, 0] > 1e38).all()
+    assert (depth[misses][:, 0] == -FARTHEST).all() and not way[misses][:, :3].any()
+    assert np.allclose(way[sees][:, :3], d[sees] * (1, -1, 1), atol=1e-3)
+    assert np.allclose(data("base_color", bounce=1)[sees][:, :3], (0.5, 0.25, 0.125), atol=1e-3)
+    assert (data("entity_id")[sees][:, 0] == mirror.get_id()).all()
+    # The ball scatters wherever: what is met then is averaged over paths, and drawn by the seed.
+    one, many = data("position", bounce=2), data("position", bounce=2, samples=16)
+    assert np.array_equal(one, data("position", bounce=2))
+    met = [(abs(p[sees][:, :3]) < 1e3).all(axis=1) for p in (one, many)]
+    assert met[1].sum() > met[0].sum() and (met[1] | ~met[0]).all()
 
 
 def test_files_hold_the_same_numbers(camera, tmp_path):

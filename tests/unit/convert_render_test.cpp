@@ -135,6 +135,9 @@ TEST_CASE("render: refusals") {
   refused(kGood + "time: inf", kInvalid, "time", "finite");
   refused(kGood + "frame_interval: 0", kInvalid, "frame_interval", "seconds to the next frame");
   refused(kGood + "max_depth: 0", kInvalid, "max_depth", "[1, 1024]");
+  refused(kGood + "vertex: 1 labels { boxes: true }", kInvalid, "vertex", "labels");
+  refused(kGood + "vertex: 1 through_transmission: true", kInvalid, "vertex", "through");
+  refused(kGood + "vertex: 1025", kInvalid, "vertex", "[0, 1024]");
   refused(kGood + "roulette_depth: 0", kInvalid, "roulette_depth", "[1, 1024]");
   refused(kGood + "priority: -101", kInvalid, "priority", "[-100, 100]");
   refused(kGood + "clamp: -1", kInvalid, "clamp", "");

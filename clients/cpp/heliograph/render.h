@@ -88,6 +88,8 @@ class RenderOptions {
   RenderOptions& filter(PixelFilter v) { return set(&Fields::filter, v); }
   RenderOptions& transparent_background(bool v) { return set(&Fields::transparent_background, v); }
   RenderOptions& through_transmission(bool v) { return set(&Fields::through_transmission, v); }
+  /// Of a path, that centre planes tell of; 0, the first surface.
+  RenderOptions& vertex(std::uint32_t v) { return set(&Fields::vertex, v); }
   /// Seconds, after which it is kDeadlineExceeded.
   RenderOptions& timeout(double v) { return set(&Fields::timeout, v); }
   RenderOptions& cancellation(const Cancellation& v) { return set(&Fields::cancellation, v); }
@@ -129,6 +131,7 @@ class RenderOptions {
     std::optional<PixelFilter> filter{};
     bool transparent_background = false;
     bool through_transmission = false;
+    std::uint32_t vertex = 0;
     std::optional<double> timeout{};
     std::optional<Cancellation> cancellation{};
     std::function<void(const Progress&)> progress{};

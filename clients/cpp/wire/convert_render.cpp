@@ -63,9 +63,9 @@ void put_plane(const std::string& plane, v1::PlaneRequest* out) {
 }
 
 void put_labels(const RenderOptions::Fields& given, v1::RenderRequest* out) {
-  if (!given.labels) {  // boxes where a plane looks at surfaces anyway
+  if (!given.labels) {  // boxes where a plane looks at first surfaces anyway
     const auto& planes = out->planes();
-    if (!std::all_of(planes.begin(), planes.end(), is_averaged))
+    if (given.vertex == 0 && !std::all_of(planes.begin(), planes.end(), is_averaged))
       out->mutable_labels()->set_boxes(true);
     return;
   }
@@ -126,6 +126,7 @@ v1::RenderRequest to_request(std::uint64_t scene, const std::vector<Ref>& camera
   put_half(given, &out);
   put_stop_rule(given, &out);
   put_view(given, &out);
+  out.set_vertex(given.vertex);
   put_labels(given, &out);
   if (given.max_depth) out.set_max_depth(*given.max_depth);
   if (given.roulette) out.set_roulette(*given.roulette);

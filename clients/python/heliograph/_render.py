@@ -64,6 +64,7 @@ class Options(TypedDict, total=False):
     filter: str  #: "box", "tent", "gaussian", "blackman_harris"
     transparent_background: bool  #: alpha is 0 where the dome is seen
     through_transmission: bool  #: labels look through glass
+    vertex: int  #: of a path, that centre planes tell of; 0, the first surface
     progress: bool | Callable[[Progress], Any] | None  #: None: a bar where one watches
     on_pass: Callable[[Frame], Any] | None  #: called with a frame after each doubling of samples
     timeout: float | None  #: seconds, then DeadlineExceeded
@@ -174,6 +175,7 @@ def make_request(
         out.roulette_depth = whole_of(options["roulette_depth"], "roulette_depth", 1)
     if "roulette" in options:
         out.roulette = options["roulette"]
+    out.vertex = whole_of(options.get("vertex", 0), "vertex", 0)
     for flag in (
         "hold",
         "transparent_background",
@@ -272,10 +274,10 @@ def _put_memory(out: render_pb.RenderRequest, device: str) -> None:
 
 
 def _put_labels(out: render_pb.RenderRequest, labels: Any) -> None:
-    """None: boxes where a plane looks at surfaces anyway. True: everything but masks."""
+    """None: boxes where a plane looks at first surfaces anyway. True: everything but masks."""
     if labels is None:
         names = [render_pb.Plane.Name(p.plane)[len("PLANE_") :].lower() for p in out.planes]
-        if not all(is_averaged(name) for name in names):
+        if out.vertex == 0 and not all(is_averaged(name) for name in names):
             out.labels.boxes = True
         return
     if labels is False:

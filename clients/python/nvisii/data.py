@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from heliograph._render import is_averaged
+
 from .entities import entity
 from .motion import motion_vectors
 from .pictures import write_picture
@@ -17,6 +19,7 @@ from .view import View, view_of
 
 __all__ = ["render_data", "render_data_to_file"]
 
+_SEEDS = 1 << 20  # of the paths of one seed
 _FARTHEST = float(np.finfo(np.float32).max)
 _LIGHT_PARTS = ("diffuse", "glossy", "transmission")
 
@@ -27,6 +30,7 @@ class Shot(NamedTuple):
     frame: Any
     view: View
     time: float  # of the poses, 0: previous, 1: now
+    before: Any = None  # the frame of the vertex before, for a later one
 
     def hit(self) -> Any:
         """(H, W) bool: pixels that meet something."""
@@ -38,6 +42,7 @@ class Option(NamedTuple):
 
     planes: tuple[str, ...]
     values: Callable[[Shot], Any]
+    averaged: bool = True  # over the paths of a later vertex; otherwise the first that gets there
 
 
 def render_data(
@@ -51,8 +56,9 @@ def render_data(
 ) -> Any:
     """(4 * width * height,) float32, row 0 at the bottom: three channels of the option and 1.
 
-    What is averaged takes frame_count - start_frame samples, at least one; all else is of the
-    pixel's centre. bounce: 0, the first surface.
+    Light takes frame_count - start_frame samples, at least one. All else is of the path through the
+    pixel's centre: of its first surface, or of what it meets after `bounce` scatterings, averaged
+    over so many paths that get there; ids are the first such path's.
     """
     samples = max(int(frame_count) - int(start_frame), 1)
     return flat(_data((int(width), int(height)), options, samples, (int(bounce), int(seed))))
@@ -79,25 +85,55 @@ def _data(size: tuple[int, int], name: str, samples: int, which: tuple[int, int]
     bounce, seed = which
     if name not in OPTIONS:
         raise RuntimeError(f"options: there is no {name!r}, but {', '.join(OPTIONS)}")
-    if bounce != 0:
-        raise RuntimeError(f"bounce: {bounce}: only the first surface, 0, can be told about")
+    if bounce < 0:
+        raise RuntimeError(f"bounce: {bounce}: is below 0, the first surface")
     option = OPTIONS[name]
-    time = current.time_interval[1]
-    frame = shoot(
-        size,
-        list(option.planes),
-        shutter=current.time_interval,
-        label_time=time,
-        spp=samples,
-        seed=seed,
-    )
-    shot = Shot(frame, view_of(camera_entity(), size, current.time_interval), time)
-    values = np.asarray(option.values(shot), dtype="f4")
-    if values.ndim == 2:
-        values = np.repeat(values[..., None], 3, axis=2)
+    if bounce > 0 and not all(is_averaged(plane) for plane in option.planes):
+        values = _of_paths(size, option, samples, (bounce, seed))
+    else:
+        frame = _frame(size, option.planes, spp=samples, seed=seed)
+        values = _three(option, _shot(size, frame))
     out = np.ones((*values.shape[:2], 4), "f4")
-    out[..., :3] = values[..., :3]
+    out[..., :3] = values
     return out
+
+
+def _frame(size: tuple[int, int], planes: tuple[str, ...], **options: Any) -> Any:
+    interval = current.time_interval
+    return shoot(size, list(planes), shutter=interval, label_time=interval[1], **options)
+
+
+def _shot(size: tuple[int, int], frame: Any, before: Any = None) -> Shot:
+    interval = current.time_interval
+    return Shot(frame, view_of(camera_entity(), size, interval), interval[1], before)
+
+
+def _three(option: Option, shot: Shot) -> Any:
+    """(H, W, 3) float32."""
+    values = np.asarray(option.values(shot), dtype="f4")
+    return np.repeat(values[..., None], 3, axis=2) if values.ndim == 2 else values[..., :3]
+
+
+def _of_paths(size: tuple[int, int], option: Option, paths: int, which: tuple[int, int]) -> Any:
+    """(H, W, 3) of a later vertex: over the paths that get there; else what stands for nothing."""
+    bounce, seed = which
+    planes = tuple(dict.fromkeys((*option.planes, "distance", "position")))
+    total: Any = 0.0
+    count: Any = 0
+    nothing: Any = None
+    for path in range(paths):
+        own = (int(seed) * _SEEDS + path) % 2**64
+        before, frame = (
+            _frame(size, wanted, seed=own, vertex=vertex)
+            for wanted, vertex in ((("position",), bounce - 1), (planes, bounce))
+        )
+        shot = _shot(size, frame, before)
+        values, hit = _three(option, shot), shot.hit()[..., None]
+        nothing = values if nothing is None else np.where(hit, nothing, values)
+        taken = hit if option.averaged else hit & (count == 0)
+        total = total + np.where(taken, values, 0).astype("f8")
+        count = count + taken
+    return np.where(count > 0, total / np.maximum(count, 1), nothing).astype("f4")
 
 
 # ---------------------------------------------------------------- the options
@@ -143,6 +179,15 @@ def _directions(shot: Shot) -> Any:
     return rays @ np.asarray(pose, dtype=float)[:3, :3]
 
 
+def _sight(shot: Shot) -> Any:
+    """(H, W, 3) unit, world: along what is seen; from a later vertex 0 where it meets nothing."""
+    if shot.before is None:
+        return _directions(shot)
+    way = shot.frame["position"].astype("f8") - shot.before["position"]
+    length = np.linalg.norm(way, axis=-1, keepdims=True)
+    return np.where(length > 0, way / np.where(length > 0, length, 1), 0)
+
+
 def _size(shot: Shot) -> tuple[int, int]:
     return shot.view.camera.height, shot.view.camera.width
 
@@ -170,7 +215,7 @@ def _glossy_color(shot: Shot) -> Any:
     f = shot.frame
     metallic = f["metallic"][..., None]
     straight = 0.04 * (1 - metallic) + f["base_color"] * metallic
-    cosine = np.abs((f["normal"] * _directions(shot)).sum(axis=-1, keepdims=True))
+    cosine = np.abs((f["normal"] * _sight(shot)).sum(axis=-1, keepdims=True))
     reflectance = straight + (1 - straight) * (1 - np.clip(cosine, 0, 1)) ** 5
     return np.where(shot.hit()[..., None] & _lit(shot), reflectance, 0)
 
@@ -192,11 +237,11 @@ OPTIONS: dict[str, Option] = {
     "normal": _plane("normal"),
     "tangent": _plane("tangent"),
     "screen_space_normal": Option(("normal_camera",), _camera_normal),
-    "entity_id": Option(("instance",), _entity_id),
+    "entity_id": Option(("instance",), _entity_id, averaged=False),
     "base_color": _plane("base_color"),
     "texture_coordinates": Option(("uv",), _texture_coordinates),
     "diffuse_motion_vectors": Option(("position", "instance"), _motion),
-    "ray_direction": Option(("distance",), _directions),
+    "ray_direction": Option(("distance",), _sight),
     "diffuse_color": Option(_COLORS, _diffuse_color),
     "glossy_color": Option((*_COLORS, "normal", "distance"), _glossy_color),
     "transmission_color": Option(_COLORS, _transmission_color),

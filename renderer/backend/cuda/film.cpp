@@ -121,6 +121,7 @@ void CudaFilm::set_probes() {
     launch.wants_disparity = task.context.disparity != nullptr;
     if (launch.wants_disparity) launch.disparity = copy(*task.context.disparity);
     launch.settings = *task.context.settings;
+    later_ = launch.settings.vertex > 0;
     launch.film = copy(*task.film, i);
     launch.film.rank_of_group = nullptr;
   }
@@ -181,8 +182,9 @@ Status CudaFilm::probe(const Programs& programs, u32 first_tile, u32 tile_count)
   u64* rays = &counters_.as<WaveCounters>()->rays;
   void* arguments[] = {&probes_, &work, &rays};
   fetched_ = false;
-  return context_.launch(programs.probe.function,
-                         Programs::size(programs.probe, kernels::pixels_of(work)), arguments);
+  const auto& program = later_ ? programs.probe_later : programs.probe;
+  return context_.launch(program.function, Programs::size(program, kernels::pixels_of(work)),
+                         arguments);
 }
 
 Expected<ResolveLaunch> CudaFilm::resolve_launch() const {

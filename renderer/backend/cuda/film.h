@@ -113,6 +113,7 @@ class CudaFilm final : public Film {
   std::vector<std::vector<WaveShot>> tasks_;  // of all pictures
   std::vector<const WaveShot*> task_copies_;  // null: of one picture
   const ProbeLaunch* probes_ = nullptr;       // of the pictures, on the device
+  bool later_ = false;                        // they look at a later vertex
   std::unique_ptr<Wave> wave_;                // of a range that is not done
   u32 task_ = 0;                              // that it works on
   bool fetched_ = false;

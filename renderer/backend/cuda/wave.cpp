@@ -29,6 +29,7 @@ bool has_light_planes(const kernels::FilmView& film) {
 Expected<Programs> Programs::find(const Context& context) {
   Programs programs;
   std::vector<std::pair<std::string, Program*>> all{{"probe", &programs.probe},
+                                                    {"probe_later", &programs.probe_later},
                                                     {"film_resolve", &programs.resolve},
                                                     {"film_noise", &programs.noise}};
   for (const bool many : {false, true})

@@ -23,7 +23,7 @@ struct Programs {
   };
   Steps one, many;              // of one picture, of many
   Steps one_plain, many_plain;  // of shots that is_plain()
-  Program probe, resolve, noise;
+  Program probe, probe_later, resolve, noise;
   [[nodiscard]] static Expected<Programs> find(const Context& context);
   /// So many threads as there are, or as the device runs at once.
   [[nodiscard]] static LaunchSize size(const Program& program, u64 threads);

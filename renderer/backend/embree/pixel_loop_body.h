@@ -2,6 +2,7 @@
 #pragma once
 
 #include "kernels/lockstep.h"
+#include "kernels/probe_path.h"
 #include "renderer/backend/embree/pixel_loop.h"
 
 namespace heliograph::embree::inline HELIO_ISA {
@@ -14,11 +15,13 @@ inline kernels::u64 render_rect(const RenderTask& task, const PixelRect& rect,
 
 inline kernels::u64 probe_rect(const ProbeTask& task, const PixelRect& rect) {
   const EmbreeTracer now(task.now), forward(task.forward), backward(task.backward);
+  const auto probe = task.context.settings->vertex > 0 ? kernels::probe_vertex<EmbreeTracer>
+                                                       : kernels::probe_pixel<EmbreeTracer>;
   kernels::u64 rays = 0;
   for (kernels::u32 y = rect.y0; y < rect.y1; ++y)
     for (kernels::u32 x = rect.x0; x < rect.x1; ++x)
-      rays += kernels::probe_pixel(task.context, now, task.forward.view ? &forward : nullptr,
-                                   task.backward.view ? &backward : nullptr, *task.film, x, y);
+      rays += probe(task.context, now, task.forward.view ? &forward : nullptr,
+                    task.backward.view ? &backward : nullptr, *task.film, x, y);
   return rays;
 }
 
