@@ -3,6 +3,7 @@ huge numbers, dangling ids, cycles, unknown fields, messages cut short. The daem
 refusal names the field where the request was wrong, and the next request is answered as before."""
 
 import collections
+import contextlib
 import concurrent.futures
 import itertools
 import pathlib
@@ -148,10 +149,11 @@ class Worker:
         return [*answers, ("OK", None)]
 
     def delete(self, scene):
-        """What a mutant made; OpenScene gives what others need."""
+        """What a mutant made, unless another's has deleted it; OpenScene gives what others need."""
         if scene != self.tour:
             request = service_pb2.DeleteSceneRequest(scene=scene)
-            self.session.connection.call("DeleteScene", request)
+            with contextlib.suppress(hg.NotFound):
+                self.session.connection.call("DeleteScene", request)
 
     def renew(self):
         """Another session when a mutant has closed it, another scene when one has deleted it."""

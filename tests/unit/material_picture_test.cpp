@@ -72,7 +72,9 @@ std::vector<float> picture(const PutMaterial& material, const PutTexture* textur
       .light("lamp", light)
       .dome(vec3(0.3f, 0.4f, 0.5f))
       .camera("camera", look_at({3, -3, 2}, vec3(0)), 16, 16, 24);
-  const auto frame = render(*engine, job_of(edits.apply(), {Plane::BEAUTY}, 8));
+  RenderJob job = job_of(edits.apply(), {Plane::BEAUTY}, 8);
+  job.settings.roulette_depth = kernels::kNone;  // what is deep in the ball shows in few paths
+  const auto frame = render(*engine, job);
   const auto all = pixels<float>(*frame);
   return {all.begin(), all.end()};
 }
