@@ -3,8 +3,8 @@ huge numbers, dangling ids, cycles, unknown fields, messages cut short. The daem
 refusal names the field where the request was wrong, and the next request is answered as before."""
 
 import collections
-import contextlib
 import concurrent.futures
+import contextlib
 import itertools
 import pathlib
 import re
