@@ -10,24 +10,16 @@ namespace heliograph::kernels::inline HELIO_ISA {
 /// The ray that leaves the vertex before Settings::vertex, of the path that sets out through the
 /// pixel's centre and goes on as the pixel's first sample would; none where the path has ended.
 template <Tracer T>
-KERNEL Sight sight_along_path(const ProbeContext& context, const T& tracer, const FilmView& film,
-                              const Ray& first, uvec2 pixel, u32& rays) {
+KERNEL Sight sight_along_path(const ProbeContext& context, const T& tracer, const Ray& first,
+                              uvec2 pixel, u32& rays) {
   Settings settings = *context.settings;
   settings.max_depth = settings.vertex + 1;
   settings.roulette_depth = kNone;
+  const Sampler sampler(pixel_key(settings.seed, pixel.x, pixel.y), 0);
   FilmView nothing{};
-  nothing.width = film.width;
-  nothing.height = film.height;
-  const CameraView& camera = *context.now.camera;
-  const PathContext<T> c{*context.now.scene,
-                         camera,
-                         settings,
-                         tracer,
-                         nothing,
-                         Sampler(pixel_key(settings.seed, pixel.x, pixel.y), 0),
-                         first.time,
-                         u64(pixel.y) * film.width + pixel.x};
-  SampleValues sample;
+  const PathContext<T> c{
+      *context.now.scene, *context.now.camera, settings, tracer, nothing, sampler, first.time, 0};
+  SampleValues sample{};  // all of it: else nvcc 13 prints "Invalid bitcast"
   Path path = path_along(c, first, sample);
   bool goes_on = first.t_max > 0;
   while (goes_on && path.edges <= settings.vertex) {
@@ -47,7 +39,7 @@ KERNEL u32 probe_vertex(const ProbeContext& context, const T& tracer, const T* f
   const T* const tracers[3] = {&tracer, forward_tracer, backward_tracer};
   return probe_by(context, tracers, film, {x, y}, [&](const ProbeContext& at_row, u32& rays) {
     const Ray first = camera_ray(*at_row.now.camera, centre_of(x, y), {0, true});
-    return sight_along_path(at_row, tracer, film, first, {x, y}, rays);
+    return sight_along_path(at_row, tracer, first, {x, y}, rays);
   });
 }
 

@@ -203,7 +203,7 @@ Status check_vertex(const RenderJob& job) {
   };
   const LabelOptions& labels = job.labels;
   if (labels.boxes || labels.amodal || labels.keypoints) return refuse("labels are");
-  if (job.settings.through_transmission) return refuse("through_transmission looks for the last");
+  if (job.settings.through_transmission) return refuse("through_transmission is");
   if (std::ranges::count(job.planes, Plane::SENSOR_DEPTH) > 0) return refuse("sensor_depth is");
   return {};
 }

@@ -17,11 +17,6 @@ MaterialView mirror() {
   return m;
 }
 
-vec3 at3(const TestFilm& film, Plane plane, u64 pixel) {
-  return vec3(film.centre(plane, 3 * pixel), film.centre(plane, 3 * pixel + 1),
-              film.centre(plane, 3 * pixel + 2));
-}
-
 }  // namespace
 
 TEST_CASE("probe: a later vertex is what the path meets after it has scattered") {

@@ -59,11 +59,6 @@ void probe_all(const ProbeContext& context, const TestFilm& film) {
   }
 }
 
-vec3 at3(const TestFilm& film, Plane plane, u64 pixel) {
-  return vec3(film.centre(plane, 3 * pixel), film.centre(plane, 3 * pixel + 1),
-              film.centre(plane, 3 * pixel + 2));
-}
-
 const Settings kSettings = standard_settings(1);
 
 /// The nearest of plane and sphere along a ray, exactly: its distance and whether the sphere is it.

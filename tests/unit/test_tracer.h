@@ -205,6 +205,12 @@ inline u64 different_means(const TestFilm& a, const TestFilm& b, Plane plane, u3
   return different;
 }
 
+/// A pixel's value of a centre plane of three channels.
+inline vec3 at3(const TestFilm& film, Plane plane, u64 pixel) {
+  return vec3(film.centre(plane, 3 * pixel), film.centre(plane, 3 * pixel + 1),
+              film.centre(plane, 3 * pixel + 2));
+}
+
 inline Settings standard_settings(u32 max_depth) {
   return {.seed = 1,
           .max_depth = max_depth,

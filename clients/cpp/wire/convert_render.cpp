@@ -126,7 +126,6 @@ v1::RenderRequest to_request(std::uint64_t scene, const std::vector<Ref>& camera
   put_half(given, &out);
   put_stop_rule(given, &out);
   put_view(given, &out);
-  out.set_vertex(given.vertex);
   put_labels(given, &out);
   if (given.max_depth) out.set_max_depth(*given.max_depth);
   if (given.roulette) out.set_roulette(*given.roulette);
@@ -137,6 +136,7 @@ v1::RenderRequest to_request(std::uint64_t scene, const std::vector<Ref>& camera
   if (given.filter) out.set_filter(v1::PixelFilter(int(*given.filter)));
   out.set_transparent_background(given.transparent_background);
   out.set_through_transmission(given.through_transmission);
+  out.set_vertex(given.vertex);
   out.set_progressive(bool(given.on_pass));
   return out;
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,7 +31,7 @@ class Shot(NamedTuple):
     frame: Any
     view: View
     time: float  # of the poses, 0: previous, 1: now
-    before: Any = None  # the frame of the vertex before, for a later one
+    before: Callable[[], Any] | None = None  # renders the vertex before, for a later one
 
     def hit(self) -> Any:
         """(H, W) bool: pixels that meet something."""
@@ -103,7 +104,7 @@ def _frame(size: tuple[int, int], planes: tuple[str, ...], **options: Any) -> An
     return shoot(size, list(planes), shutter=interval, label_time=interval[1], **options)
 
 
-def _shot(size: tuple[int, int], frame: Any, before: Any = None) -> Shot:
+def _shot(size: tuple[int, int], frame: Any, before: Callable[[], Any] | None = None) -> Shot:
     interval = current.time_interval
     return Shot(frame, view_of(camera_entity(), size, interval), interval[1], before)
 
@@ -122,12 +123,9 @@ def _of_paths(size: tuple[int, int], option: Option, paths: int, which: tuple[in
     count: Any = 0
     nothing: Any = None
     for path in range(paths):
-        own = (int(seed) * _SEEDS + path) % 2**64
-        before, frame = (
-            _frame(size, wanted, seed=own, vertex=vertex)
-            for wanted, vertex in ((("position",), bounce - 1), (planes, bounce))
-        )
-        shot = _shot(size, frame, before)
+        of_path = partial(_frame, size, seed=(seed * _SEEDS + path) % 2**64)
+        before = partial(of_path, ("position",), vertex=bounce - 1)
+        shot = _shot(size, of_path(planes, vertex=bounce), before)
         values, hit = _three(option, shot), shot.hit()[..., None]
         nothing = values if nothing is None else np.where(hit, nothing, values)
         taken = hit if option.averaged else hit & (count == 0)
@@ -183,7 +181,7 @@ def _sight(shot: Shot) -> Any:
     """(H, W, 3) unit, world: along what is seen; from a later vertex 0 where it meets nothing."""
     if shot.before is None:
         return _directions(shot)
-    way = shot.frame["position"].astype("f8") - shot.before["position"]
+    way = shot.frame["position"].astype("f8") - shot.before()["position"]
     length = np.linalg.norm(way, axis=-1, keepdims=True)
     return np.where(length > 0, way / np.where(length > 0, length, 1), 0)
 
