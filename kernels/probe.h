@@ -265,7 +265,7 @@ KERNEL u32 probe_pixel(const ProbeContext& context, const T& tracer, const T* fo
   const T* const tracers[3] = {&tracer, forward_tracer, backward_tracer};
   return probe_by(context, tracers, film, {x, y}, [&](const ProbeContext& at_row, u32&) {
     const CameraView& camera = *at_row.now.camera;
-    const Ray ray = camera_ray(camera, centre_of(x, y), {0, true});
+    const Ray ray = centre_ray(camera, centre_of(x, y));
     return Sight{ray, kCameraRay, near_of(camera, ray.direction)};
   });
 }

@@ -38,7 +38,7 @@ KERNEL u32 probe_vertex(const ProbeContext& context, const T& tracer, const T* f
                         const T* backward_tracer, const FilmView& film, u32 x, u32 y) {
   const T* const tracers[3] = {&tracer, forward_tracer, backward_tracer};
   return probe_by(context, tracers, film, {x, y}, [&](const ProbeContext& at_row, u32& rays) {
-    const Ray first = camera_ray(*at_row.now.camera, centre_of(x, y), {0, true});
+    const Ray first = centre_ray(*at_row.now.camera, centre_of(x, y));
     return sight_along_path(at_row, tracer, first, {x, y}, rays);
   });
 }

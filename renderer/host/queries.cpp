@@ -177,7 +177,7 @@ Expected<QueryResult> pick(const QueryScene& scene, const Pick& query, const Int
   QueryResult result;
   HitColumns columns(result, query.pixels.size());
   for_each_row(query.pixels.size(), interrupt, [&](std::size_t i) {
-    const kernels::Ray ray = kernels::camera_ray(*camera, query.pixels[i] + 0.5f, kProbe);
+    const kernels::Ray ray = kernels::centre_ray(*camera, query.pixels[i] + 0.5f);
     kernels::Hit hit = scene.tracer.closest(ray, kernels::kCameraRay);
     hit.t += kernels::near_of(*camera, ray.direction);
     columns.set(i, scene, hit, ray.direction);
@@ -201,8 +201,7 @@ Expected<QueryResult> visible(const QueryScene& scene, const Visible& query,
     u32 alone = 0, seen = 0;
     for (i32 y = box.y0; y < box.y1 && !interrupt.requested(); ++y)
       for (i32 x = box.x0; x < box.x1; ++x) {
-        const vec2 raster = kernels::centre_of(x, y);
-        const kernels::Ray ray = kernels::camera_ray(*camera, raster, kProbe);
+        const kernels::Ray ray = kernels::centre_ray(*camera, vec2(x, y) + 0.5f);
         if (!(ray.t_max > 0) || scene.tracer.closest_in(slot, ray).instance == kNone) continue;
         ++alone;
         seen += scene.tracer.closest(ray, kernels::kCameraRay).instance == slot;

@@ -100,7 +100,8 @@ class ObjectRays {
     const mat4x3 object_from_camera = multiply(object_from_world_, camera.world_from_camera);
     const mat3 linear(object_from_camera);
     const vec3 along_x = linear[0] / camera.fx, along_y = -linear[1] / camera.fy;
-    const vec3 corner = along_x * (0.5f - camera.cx) + along_y * (0.5f - camera.cy);
+    const vec2 centre = kernels::beside_centre(camera) + 0.5f;
+    const vec3 corner = along_x * (centre.x - camera.cx) + along_y * (centre.y - camera.cy);
     const bool perspective = camera.lens.projection == kernels::Projection::kPerspective;
     direction_ = -linear[2] + (perspective ? corner : vec3(0));
     origin_ = object_from_camera[3] + (perspective ? vec3(0) : corner);
@@ -111,7 +112,7 @@ class ObjectRays {
   /// t_max is 0 where the camera sees nothing.
   [[nodiscard]] kernels::Ray through(float x, float y) const {
     if (!straight_) {
-      kernels::Ray ray = kernels::camera_ray(*camera_, vec2(x, y) + 0.5f, kProbe);
+      kernels::Ray ray = kernels::centre_ray(*camera_, vec2(x, y) + 0.5f);
       ray.origin = kernels::transform_point(object_from_world_, ray.origin);
       ray.direction = kernels::transform_vector(object_from_world_, ray.direction);
       return ray;

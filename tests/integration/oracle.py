@@ -43,8 +43,9 @@ class Hits:
 
 
 def pixel_rays(k: np.ndarray, width: int, height: int) -> np.ndarray:
-    """Directions (H, W, 3) through the pixel centres in the OpenCV camera frame, z = 1."""
+    """Directions (H, W, 3) by the pixel centres (decision 037), OpenCV camera frame, z = 1."""
     x, y = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
+    x, y = x + 0.83 * 2**-21 * width, y + 0.57 * 2**-21 * width
     return np.stack([(x - k[0, 2]) / k[0, 0], (y - k[1, 2]) / k[1, 1], np.ones_like(x)], -1)
 
 

@@ -193,3 +193,28 @@ def test_flow_is_reprojection(frame, scene, name, other):
     seen = visible & inside
     column, line = np.floor(raster[seen]).astype(int).T
     assert (there["instance"][line, column] == frame["instance"][hit][seen]).mean() > 0.95
+
+
+@pytest.mark.parametrize("cells", [5, 7, 9, 11, 13, 21, 33, 49])
+def test_a_wall_whose_edges_lie_on_the_pixels_centres_has_no_holes(client, cells):
+    """Rows, columns and diagonals of edges go through centres exactly, but for rounding."""
+    pixels, at = 3 * cells, np.arange(cells + 1)  # two pixels a cell
+    y, x = np.meshgrid(at, at, indexing="ij")
+    corners = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3) / cells * 2 - [1, 1, 0]
+    first = (y * (cells + 1) + x)[:-1, :-1].reshape(-1, 1)
+    triangles = np.concatenate([first + [0, 1, cells + 2], first + [0, cells + 2, cells + 1]])
+    with client.create_scene() as scene:
+        with scene.edit() as edit:
+            edit.mesh("grid", positions=corners, indices=triangles)
+            edit.entity("wall", mesh="grid", transform=hg.Pose(scale=2), label=1)
+            camera = hg.Camera.from_fov(90, pixels, pixels, degrees=True)
+            place = hg.look_at((0, 0, 3), (0, 0, 0), up=(0, 1, 0))
+            edit.entity("camera", camera=camera, transform=place)
+        frame = scene.render("camera", planes=["instance", "depth"])
+        from_middle = (np.arange(pixels) + 0.5 - pixels / 2) * 3 / (pixels / 2)
+        covered = np.abs(from_middle) < 1.99
+        seen = np.asarray(frame["instance"])[covered][:, covered]
+        assert (seen == 1).all()
+        assert np.abs(frame["depth"][covered][:, covered] - 3).max() < 1e-5
+        picked = scene.pick("camera", np.argwhere(np.outer(covered, covered))[:, ::-1])
+        assert (picked.instance == 1).all()

@@ -46,7 +46,7 @@ TEST_CASE("probe: a later vertex is what the path meets after it has scattered")
   for (u32 y = 0; y < kSize.y; ++y) {
     for (u32 x = 0; x < kSize.x; ++x) {
       const u64 i = u64(y) * kSize.x + x;
-      const Ray ray = camera_ray(camera, centre_of(x, y), {0, true});
+      const Ray ray = centre_ray(camera, centre_of(x, y));
       const vec3 floor = ray.origin - ray.direction * (ray.origin.z / ray.direction.z);
       if (!(ray.direction.z < 0) || max2(std::fabs(floor.x), std::fabs(floor.y)) > 3.99f) continue;
       CHECK(first.centre<u32>(Plane::INSTANCE, i) == 7);
