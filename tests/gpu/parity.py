@@ -3,8 +3,8 @@
 usage: .venv/bin/python tests/gpu/parity.py [SCENE...]   (needs an NVIDIA GPU)
 Centre planes may differ in 1 pixel of 20,000 (edges), those of a later vertex in 1 of 200
 (roundings grow on the way), means by 0.1 %; where paths part, each pixel's difference is held
-against both variances. A picture must repeat bit for bit, and be the same where no other plane is asked for.
-Prints a line for each scene; ends with 1 if one fails.
+against both variances. A picture must repeat bit for bit, and be the same where no other plane is
+asked for. Prints a line for each scene; ends with 1 if one fails.
 """
 
 import math
