@@ -14,8 +14,10 @@
 namespace heliograph::embree {
 namespace {
 
-constexpr u32 kBandRows = 4;  // a task: so many lines of a tile
-constexpr u32 kBands = kernels::kTileSide / kBandRows;
+// Samples of a task, a square piece of a tile: enough to run side by side, and few, as threads wait
+// for each other at the end of a slice.
+constexpr u32 kPieceSamples = 512;
+constexpr u32 kLargestPiece = 8;  // pixels wide
 
 /// Denormals are zero while it lives: Embree asks for it on every thread that traces.
 class FlushDenormals {
@@ -39,6 +41,21 @@ const char* widest_isa() {
   if (__builtin_cpu_supports("avx2")) return "AVX2";
   if (__builtin_cpu_supports("avx")) return "AVX";
   return "SSE4.2";
+}
+
+/// Pixels, of a piece's width.
+u32 piece_side(u32 samples) {
+  u32 side = 1;
+  while (side < kLargestPiece && side * side * samples < kPieceSamples) side *= 2;
+  return side;
+}
+
+/// Empty where the image ends before it.
+PixelRect piece_of(const PixelRect& tile, u32 side, u32 piece) {
+  const u32 across = kernels::kTileSide / side;
+  const u32 x0 = tile.x0 + piece % across * side, y0 = tile.y0 + piece / across * side;
+  return {
+      .x0 = x0, .y0 = y0, .x1 = std::min(tile.x1, x0 + side), .y1 = std::min(tile.y1, y0 + side)};
 }
 
 RenderTask for_embree(const host::RenderTask& task) {
@@ -108,8 +125,8 @@ class EmbreeBackend final : public Backend {
 
  private:
   template <class F>
-  Status for_each_band(host::HostFilm& film, u32 first_tile, u32 tile_count,
-                       const Interrupt& interrupt, F&& trace);
+  Status for_each_piece(host::HostFilm& film, const WorkRange& range, const Interrupt& interrupt,
+                        F&& trace);
 
   DeviceHandle device_;
   DerivedCache cache_;
@@ -126,21 +143,21 @@ std::string EmbreeBackend::cpu_features() const {
 }
 
 template <class F>
-Status EmbreeBackend::for_each_band(host::HostFilm& film, u32 first_tile, u32 tile_count,
-                                    const Interrupt& interrupt, F&& trace) {
+Status EmbreeBackend::for_each_piece(host::HostFilm& film, const WorkRange& range,
+                                     const Interrupt& interrupt, F&& trace) {
+  const u32 side = piece_side(range.sample_count);
+  const u32 of_tile = kernels::kTilePixels / (side * side);
   std::atomic<bool> skipped{false};
   run_in(arena_, [&] {
-    parallel_ranges(tile_count * kBands, 1u, [&](u32 begin, u32 end) {
+    parallel_ranges(range.tile_count * of_tile, 1u, [&](u32 begin, u32 end) {
       const FlushDenormals flush;
-      for (u32 band = begin; band < end; ++band) {
+      for (u32 piece = begin; piece < end; ++piece) {
         if (interrupt.requested()) {
           skipped = true;
           return;
         }
-        PixelRect rect = film.tile(first_tile + band / kBands);
-        rect.y0 += band % kBands * kBandRows;
-        rect.y1 = std::min(rect.y1, rect.y0 + kBandRows);
-        film.add_rays(trace(rect));
+        const PixelRect tile = film.tile(range.first_tile + piece / of_tile);
+        film.add_rays(trace(piece_of(tile, side, piece % of_tile)));
       }
     });
   });
@@ -152,13 +169,12 @@ Expected<bool> EmbreeBackend::render(Film& film, const WorkRange& range, TimePoi
   auto& own = static_cast<host::HostFilm&>(film);
   std::vector<RenderTask> tasks;
   for (const host::RenderTask& task : own.render_tasks()) tasks.push_back(for_embree(task));
-  HELIO_TRY(
-      for_each_band(own, range.first_tile, range.tile_count, interrupt, [&](const auto& rect) {
-        u64 rays = 0;
-        for (const RenderTask& task : tasks)
-          rays += loops_.render(task, rect, range.first_sample, range.sample_count);
-        return rays;
-      }));
+  HELIO_TRY(for_each_piece(own, range, interrupt, [&](const auto& rect) {
+    u64 rays = 0;
+    for (const RenderTask& task : tasks)
+      rays += loops_.render(task, rect, range.first_sample, range.sample_count);
+    return rays;
+  }));
   for (u32 i = 0; i < range.tile_count; ++i)
     own.set_samples(range.first_tile + i, range.first_sample + range.sample_count);
   return true;
@@ -168,8 +184,8 @@ Status EmbreeBackend::probe(Film& film, u32 first_tile, u32 tile_count,
                             const Interrupt& interrupt) {
   auto& own = static_cast<host::HostFilm&>(film);
   const ProbeTask task = for_embree(own.probe_task());
-  return for_each_band(own, first_tile, tile_count, interrupt,
-                       [&](const auto& rect) { return loops_.probe(task, rect); });
+  return for_each_piece(own, {first_tile, tile_count, 0, 1}, interrupt,
+                        [&](const auto& rect) { return loops_.probe(task, rect); });
 }
 
 Expected<std::vector<std::vector<Column>>> EmbreeBackend::labels(Film& film,
