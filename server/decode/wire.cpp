@@ -134,7 +134,11 @@ Status fill_region(int fd, const google::protobuf::MessageLite& message,
 }
 
 Status seal_region(int fd) {
-  if (fcntl(fd, F_ADD_SEALS, kSeals | F_SEAL_SEAL) == 0) return {};
+  // EBUSY: the kernel, which has waited for it some 100 ms, still uses a page, as when it moves it.
+  for (int i = 0; i < 20; ++i) {
+    if (fcntl(fd, F_ADD_SEALS, kSeals | F_SEAL_SEAL) == 0) return {};
+    if (errno != EBUSY) break;
+  }
   return fail(Code::kInternal, "", system_message("F_ADD_SEALS"));
 }
 
