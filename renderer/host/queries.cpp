@@ -201,7 +201,7 @@ Expected<QueryResult> visible(const QueryScene& scene, const Visible& query,
     u32 alone = 0, seen = 0;
     for (i32 y = box.y0; y < box.y1 && !interrupt.requested(); ++y)
       for (i32 x = box.x0; x < box.x1; ++x) {
-        const kernels::Ray ray = kernels::centre_ray(*camera, vec2(x, y) + 0.5f);
+        const kernels::Ray ray = kernels::centre_ray(*camera, kernels::centre_of(x, y));
         if (!(ray.t_max > 0) || scene.tracer.closest_in(slot, ray).instance == kNone) continue;
         ++alone;
         seen += scene.tracer.closest(ray, kernels::kCameraRay).instance == slot;

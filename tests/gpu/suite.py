@@ -20,6 +20,15 @@ import tempfile
 import time
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+FILES_OF_EXR = (  # the client reads and writes them by the package OpenEXR
+    "test_dataset_faults.py::test_a_disk_that_is_full_is_told[Exr]",
+    "test_elsewhere.py",
+    "test_half.py::test_half_frames_are_shown_and_kept_as_others_are",
+    "test_nvisii_examples.py::test_materials",
+    "test_paper_scenes.py::test_all_labels_and_labels_alone",
+    "test_validate_writers.py::test_exr",
+)
+HAS_EXR = importlib.util.find_spec("OpenEXR") is not None
 LEFT_OUT = {
     "test_cpp_client.py": "programs of the build tree",
     "test_client_programs.py": "programs of the build tree",
@@ -39,20 +48,8 @@ LEFT_OUT = {
     "test_randomizers.py::test_things_fall_and_rest_on_the_floor_without_meeting": "PyBullet",
     "test_randomizers.py::test_things_fall_as_fast_as_gravity_has_it": "PyBullet",
     "test_randomizers.py::test_a_draw_is_pure_in_its_seed_and_index[<lambda>6]": "PyBullet",
+    **dict.fromkeys(() if HAS_EXR else FILES_OF_EXR, "the package OpenEXR"),
 }
-FILES_OF_EXR = dict.fromkeys(  # which the client reads and writes by that package
-    (
-        "test_dataset_faults.py::test_a_disk_that_is_full_is_told[Exr]",
-        "test_elsewhere.py",
-        "test_half.py::test_half_frames_are_shown_and_kept_as_others_are",
-        "test_nvisii_examples.py::test_materials",
-        "test_paper_scenes.py::test_all_labels_and_labels_alone",
-        "test_validate_writers.py::test_exr",
-    ),
-    "the package OpenEXR",
-)
-if importlib.util.find_spec("OpenEXR") is None:
-    LEFT_OUT |= FILES_OF_EXR
 PARTS = {  # in this order, or in that of the command line
     "pictures": ["-m", "pytest", "-q", "tests/image"],
     "integration": ["-m", "pytest", "-q", "tests/integration"]

@@ -73,9 +73,8 @@ def test_geometry(pair):
     np.testing.assert_allclose(
         flat(frame, "distance")[sure, 0], (truth.hits.t * length)[sure], **close
     )
-    near = dict(rtol=0, atol=1e-4)  # along the ray as far as the distance may be off
-    np.testing.assert_allclose(flat(frame, "position")[sure], truth.position[sure], **near)
-    np.testing.assert_allclose(flat(frame, "position_camera")[sure], camera[sure], **near)
+    np.testing.assert_allclose(flat(frame, "position")[sure], truth.position[sure], **close)
+    np.testing.assert_allclose(flat(frame, "position_camera")[sure], camera[sure], **close)
     np.testing.assert_allclose(flat(frame, "geometric_normal")[sure], normal[sure], **close)
     uv = truth.corner_values("uvs", 2)
     np.testing.assert_allclose(flat(frame, "uv")[sure], uv[sure], rtol=0, atol=2.5e-4)
