@@ -67,6 +67,18 @@ KERNEL Ray centre_ray(const CameraView& camera, vec2 centre) {
   return camera_ray(camera, centre + beside_centre(camera), {0, true});
 }
 
+/// Its direction, unit, in double precision. That of a lens that bends rays is as the ray has it.
+KERNEL glm::dvec3 centre_direction(const CameraView& camera, vec2 centre, const Ray& ray) {
+  using glm::dvec3;
+  const glm::dmat4x3 pose(camera.world_from_camera);
+  if (camera.lens.projection == Projection::kOrthographic) return normalize(-pose[2]);
+  if (!is_rectilinear(camera.lens)) return normalize(dvec3(ray.direction));
+  const glm::dvec2 m =
+      (glm::dvec2(centre + beside_centre(camera)) - glm::dvec2(camera.cx, camera.cy)) /
+      glm::dvec2(camera.fx, camera.fy);
+  return normalize(pose[0] * m.x - pose[1] * m.y - pose[2]);
+}
+
 /// A point of the aperture, uniform in its area; in units of its radius, x right and y up.
 KERNEL vec2 sample_aperture(const ApertureView& aperture, vec2 u) {
   if (aperture.blades == 0) return sample_disk(u);
@@ -110,14 +122,25 @@ KERNEL Projected project_cv(const CameraView& camera, vec3 p_cv) {
   return {vec2(camera.fx * m.x + camera.cx, camera.fy * m.y + camera.cy), seen};
 }
 
+/// A world vector in the camera's OpenCV frame.
+KERNEL vec3 turn_to_camera(const CameraView& camera, vec3 v) {
+  return cv_from_gl(transform_vector(camera.camera_from_world, v));
+}
+
+/// A world point in the camera's OpenCV frame. The camera's place is taken off first: far from the
+/// origin of the world the two have but their last digits to differ in.
+KERNEL vec3 point_in_camera(const CameraView& camera, vec3 p_world) {
+  return turn_to_camera(camera, p_world - camera.world_from_camera[3]);
+}
+
 KERNEL Projected project(const CameraView& camera, vec3 p_world) {
-  return project_cv(camera, cv_from_gl(transform_point(camera.camera_from_world, p_world)));
+  return project_cv(camera, point_in_camera(camera, p_world));
 }
 
 /// Where a point infinitely far along a direction is seen. An orthographic camera sees it only
 /// straight ahead; there `otherwise` is returned.
 KERNEL Projected project_direction(const CameraView& camera, vec3 direction, vec2 otherwise) {
-  const vec3 d = cv_from_gl(transform_vector(camera.camera_from_world, direction));
+  const vec3 d = turn_to_camera(camera, direction);
   if (camera.lens.projection != Projection::kOrthographic) return project_cv(camera, d);
   return {otherwise, d.z > 0 && sqr(d.x) + sqr(d.y) < 1e-10f * sqr(d.z)};
 }

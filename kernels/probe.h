@@ -38,12 +38,20 @@ inline constexpr PlaneSet kBackwardPlanes = plane_bit(Plane::FLOW_BACKWARD) |
 inline constexpr PlaneSet kDisparityPlanes =
     plane_bit(Plane::DISPARITY) | plane_bit(Plane::DISPARITY_VISIBLE);
 
-KERNEL void probe_geometry(Probe& p, const Surface& s, const CameraView& camera,
-                           const Sight& sight) {
+/// Where it is, at t along the ray. The camera's frame does not go through the world's, which
+/// rounds more the farther its origin is.
+KERNEL void probe_point(Probe& p, const CameraView& camera, const Sight& sight, float t) {
   const Ray& ray = sight.ray;
-  p.distance = dot(s.p - ray.origin, ray.direction) + sight.passed;
-  p.p_world = s.p;
-  p.p_camera = cv_from_gl(transform_point(camera.camera_from_world, s.p));
+  const vec3 along = ray.direction * t;
+  p.distance = t + sight.passed;
+  p.p_world = ray.origin + along;
+  p.p_camera = turn_to_camera(camera, ray.origin - camera.world_from_camera[3] + along);
+}
+
+KERNEL void probe_geometry(Probe& p, const Surface& s, const CameraView& camera, const Sight& sight,
+                           float t) {
+  const Ray& ray = sight.ray;
+  probe_point(p, camera, sight, t);
   p.geometric_normal = dot(s.ng, ray.direction) > 0 ? -s.ng : s.ng;
   p.barycentric = s.barycentric;
 }
@@ -79,7 +87,7 @@ KERNEL void probe_surface(Probe& p, const ProbeScene& now, const Hit& hit, const
   const Ray& ray = sight.ray;
   Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), ray.time);
   p.hit = true;
-  probe_geometry(p, s, *now.camera, sight);
+  probe_geometry(p, s, *now.camera, sight, hit.t);
   probe_labels(p, s, hit);
   if (wanted & kNormalPlanes) {
     s.ns = shading_normal(scene, s);
@@ -102,9 +110,7 @@ KERNEL void probe_volume(Probe& p, const ProbeScene& now, const Collision& at, c
   const Ray& ray = sight.ray;
   const InstanceView& instance = now.scene->volumes[at.volume].instance;
   p.hit = true;
-  p.distance = at.t + sight.passed;
-  p.p_world = ray.origin + ray.direction * at.t;
-  p.p_camera = cv_from_gl(transform_point(now.camera->camera_from_world, p.p_world));
+  probe_point(p, *now.camera, sight, at.t);
   p.instance_label = instance.label;
   p.category = instance.category;
   p.part = instance.label != 0 ? instance.part : 0;
@@ -132,12 +138,7 @@ KERNEL Flow volume_flow(const ProbeContext& context, const ProbeScene& other,
 /// The volume that owns a pixel whose centre ray meets a surface or nothing; kNone: none does.
 KERNEL Collision probed_volume(const SceneView& scene, const Ray& ray, const Hit& hit) {
   if (scene.volume_count == 0) return {kNone, INFINITY};
-  float t_max = ray.t_max;
-  if (hit.instance != kNone) {
-    const Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), ray.time);
-    t_max = dot(s.p - ray.origin, ray.direction);
-  }
-  return half_way(scene, ray, t_max);
+  return half_way(scene, ray, min2(ray.t_max, hit.t));
 }
 
 template <Tracer T>
@@ -188,7 +189,8 @@ KERNEL Probe make_probe(const ProbeContext& context, const T* const (&tracers)[3
   if (!(ray.t_max > 0)) return empty_probe();
   const bool through = context.settings->through_transmission;
   const Hit hit =
-      probe_closest(scene, CountedTracer<T>{*tracers[0], rays}, ray, through, sight.mask);
+      refined(scene, ray, sight.direction,
+              probe_closest(scene, CountedTracer<T>{*tracers[0], rays}, ray, through, sight.mask));
   if (const Collision at = probed_volume(scene, ray, hit); at.volume != kNone) {
     return probe_in_volume(context, tracers, at, sight, rays);
   }
@@ -210,7 +212,8 @@ KERNEL Probe make_probe(const ProbeContext& context, const T* const (&tracers)[3
     put_flow(p, flow_to(context, context.backward, counted, hit, p.p_world), false);
   }
   if (context.disparity && (wanted & kDisparityPlanes)) {
-    const Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), ray.time);
+    Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), ray.time);
+    s.p = p.p_world;
     probe_disparity(p, context, CountedTracer<T>{*tracers[0], rays}, s);
   }
   return p;
@@ -264,9 +267,7 @@ KERNEL u32 probe_pixel(const ProbeContext& context, const T& tracer, const T* fo
                        const T* backward_tracer, const FilmView& film, u32 x, u32 y) {
   const T* const tracers[3] = {&tracer, forward_tracer, backward_tracer};
   return probe_by(context, tracers, film, {x, y}, [&](const ProbeContext& at_row, u32&) {
-    const CameraView& camera = *at_row.now.camera;
-    const Ray ray = centre_ray(camera, centre_of(x, y));
-    return Sight{ray, kCameraRay, near_of(camera, ray.direction)};
+    return centre_sight(*at_row.now.camera, centre_of(x, y));
   });
 }
 

@@ -29,7 +29,7 @@ KERNEL Sight sight_along_path(const ProbeContext& context, const T& tracer, cons
   }
   rays += sample.rays;
   if (!goes_on) path.ray.t_max = 0;
-  return {path.ray, path.mask, path.passed};
+  return {path.ray, path.mask, path.passed, glm::dvec3(path.ray.direction)};
 }
 
 /// probe_pixel() for a Settings::vertex above 0.

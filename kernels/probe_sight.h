@@ -48,8 +48,43 @@ struct CountedTracer {
 struct Sight {
   Ray ray;  // t_max 0: there is nothing to see
   u32 mask;
-  float passed;  // metres, from where its distance counts to the ray's origin
+  float passed;          // metres, from where its distance counts to the ray's origin
+  glm::dvec3 direction;  // the ray's
 };
+
+/// What the label of a pixel looks along, by its centre.
+KERNEL Sight centre_sight(const CameraView& camera, vec2 centre) {
+  const Ray ray = centre_ray(camera, centre);
+  return {ray, kCameraRay, near_of(camera, ray.direction), centre_direction(camera, centre, ray)};
+}
+
+/// A hit with its distance and its place in the triangle worked out again, in double precision: by
+/// meet_triangle() in single precision a place on a floor of two triangles, a kilometre wide, may
+/// be off by a millimetre. A ray that passes far beside the triangle keeps what the tracer said.
+///
+/// direction   of the ray, unit
+KERNEL Hit refined(const SceneView& scene, const Ray& ray, glm::dvec3 direction, Hit hit) {
+  using glm::dvec3;
+  if (hit.instance == kNone) return hit;
+  const InstanceView& instance = scene.instances[hit.instance];
+  const MeshView& mesh = scene.meshes[instance.mesh];
+  if (mesh.shape != Shape::kTriangles) return hit;
+  const auto c = corners_at<dvec3>(mesh, mesh.triangles[hit.primitive], ray.time);
+  const glm::dmat4x3 pose(pose_at(scene, instance, ray.time).world_from_object);
+  const glm::dmat3 linear{pose[0], pose[1], pose[2]};
+  const dvec3 ab = linear * c.ab, ac = linear * c.ac;
+  const dvec3 to_a = linear * c.a + (pose[3] - dvec3(ray.origin));
+  const dvec3 normal = cross(ab, ac), r = cross(to_a, direction);
+  const double inverse = 1 / dot(normal, direction);
+  const double t = dot(normal, to_a) * inverse;
+  const double u = dot(r, ac) * inverse, v = -dot(r, ab) * inverse;
+  constexpr double kBeside = -0.125;
+  if (!(t > 0 && u > kBeside && v > kBeside && 1 - u - v > kBeside)) return hit;
+  hit.t = float(t);
+  hit.u = clamp01(float(u));
+  hit.v = min2(max2(float(v), 0.0f), 1 - hit.u);
+  return hit;
+}
 
 /// The nearest surface that a probe takes, within ray.t_max. Layers of clear glass are looked
 /// through in a straight line, so that the pixel sees what lies behind it in projection. What a
@@ -59,8 +94,10 @@ KERNEL Hit probe_closest(const SceneView& scene, CountedTracer<T> counted, Ray r
                          bool through_transmission, u32 mask = kCameraRay) {
   Inside inside;
   if (scene.any_priority) inside = inside_at(scene, counted.tracer, ray, counted.rays);
+  const vec3 start = ray.origin;
   for (u32 layer = 0;; ++layer) {
-    const Hit hit = counted.tracer.closest(ray, mask);
+    Hit hit = counted.tracer.closest(ray, mask);
+    hit.t += dot(ray.origin - start, ray.direction);
     ++counted.rays;
     const bool takes_all = !through_transmission && inside.depth == 0;
     if (hit.instance == kNone || takes_all || layer == 1024) return hit;
@@ -132,13 +169,20 @@ KERNEL Flow flow_of(const ProbeContext& context, const ProbeScene& other, Counte
   return flow;
 }
 
-/// Flow of a point of a surface.
+/// Flow of the point of a surface where a probe's ray met it. It moves as the point does that its
+/// place in the triangle names, which rounding may have put beside the ray.
 template <Tracer T>
 KERNEL Flow flow_to(const ProbeContext& context, const ProbeScene& other, CountedTracer<T> counted,
                     const Hit& hit, vec3 p_world) {
   if (other.scene->instances[hit.instance].flags & kFlowInvalid) return {vec2(0), 0, 0, vec3(0)};
+  const auto place_in = [&hit](const SceneView& scene, float time) {
+    return locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), time);
+  };
+  const vec3 beside = p_world - place_in(*context.now.scene, context.now.camera->time).p;
   return flow_of(context, other, counted, p_world, [&](float time) {
-    return locate(*other.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), time);
+    Surface there = place_in(*other.scene, time);
+    there.p += beside;
+    return there;
   });
 }
 

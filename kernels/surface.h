@@ -42,22 +42,27 @@ KERNEL vec3 interpolate(const vec3* values, uvec3 triangle, vec2 barycentric) {
 }
 
 /// Corners of a triangle in object space: one of them and the edges from it.
-struct Corners {
-  vec3 a, ab, ac;
+template <class V>
+struct CornersOf {
+  V a, ab, ac;
 };
-KERNEL Corners corners_of(const vec3* positions, uvec3 triangle) {
-  const vec3 a = positions[triangle.x];
-  return {a, positions[triangle.y] - a, positions[triangle.z] - a};
+using Corners = CornersOf<vec3>;
+template <class V = vec3>
+KERNEL CornersOf<V> corners_of(const vec3* positions, uvec3 triangle) {
+  const V a(positions[triangle.x]);
+  return {a, V(positions[triangle.y]) - a, V(positions[triangle.z]) - a};
 }
 
 /// The same at a time, of a mesh that may deform.
-KERNEL Corners corners_at(const MeshView& mesh, uvec3 triangle, float time) {
-  if (mesh.segments == 0) return corners_of(mesh.positions, triangle);
+template <class V = vec3>
+KERNEL CornersOf<V> corners_at(const MeshView& mesh, uvec3 triangle, float time) {
+  if (mesh.segments == 0) return corners_of<V>(mesh.positions, triangle);
   const Segment s = segment_at(mesh.segments, time);
   const vec3* positions = mesh.positions + u64(s.index) * mesh.vertex_count;
-  const Corners from = corners_of(positions, triangle);
-  const Corners to = corners_of(positions + mesh.vertex_count, triangle);
-  const auto mix = [&s](vec3 a, vec3 b) { return a * (1 - s.u) + b * s.u; };
+  const CornersOf<V> from = corners_of<V>(positions, triangle);
+  const CornersOf<V> to = corners_of<V>(positions + mesh.vertex_count, triangle);
+  const typename V::value_type u(s.u);
+  const auto mix = [u](V a, V b) { return a * (1 - u) + b * u; };
   return {mix(from.a, to.a), mix(from.ab, to.ab), mix(from.ac, to.ac)};
 }
 

@@ -6,8 +6,7 @@
 #include <cstring>
 #include <random>
 
-#include "kernels/camera.h"
-#include "kernels/surface.h"
+#include "kernels/probe_sight.h"
 #include "renderer/engine/image_camera.h"
 #include "renderer/host/overlap.h"
 #include "renderer/resident/canvas.h"
@@ -111,8 +110,11 @@ class HitColumns {
         normal_(result, "normal", DType::kF32, rows, 3),
         uv_(result, "uv", DType::kF32, rows, 2) {}
 
-  void set(std::size_t i, const QueryScene& scene, const kernels::Hit& hit, const vec3& direction) {
-    *t_.row(i) = hit.t;
+  void set(std::size_t i, const QueryScene& scene, const kernels::Sight& sight) {
+    const kernels::Ray& ray = sight.ray;
+    const kernels::Hit hit =
+        kernels::refined(scene.view, ray, sight.direction, scene.tracer.closest(ray, sight.mask));
+    *t_.row(i) = hit.t + sight.passed;
     if (hit.instance == kNone) {
       *primitive_.row(i) = kNone;
       put(position_.row(i), vec3(NAN));
@@ -125,8 +127,8 @@ class HitColumns {
     *instance_.row(i) = instance.label;
     *primitive_.row(i) = hit.primitive;
     put(barycentric_.row(i), vec2(hit.u, hit.v));
-    put(position_.row(i), surface.p);
-    put(normal_.row(i), glm::dot(surface.ng, direction) > 0 ? -surface.ng : surface.ng);
+    put(position_.row(i), ray.origin + ray.direction * hit.t);
+    put(normal_.row(i), glm::dot(surface.ng, ray.direction) > 0 ? -surface.ng : surface.ng);
     put(uv_.row(i), kernels::uvs_at(surface).set[0]);
   }
 
@@ -165,8 +167,10 @@ Expected<QueryResult> cast_rays(const QueryScene& scene, const CastRays& query,
   }
   HitColumns columns(result, rows);
   for_each_row(rows, interrupt, [&](std::size_t i) {
-    const kernels::Ray ray{query.origins[i], glm::normalize(query.directions[i]), t_max, 0, kProbe};
-    columns.set(i, scene, scene.tracer.closest(ray, kernels::kAllRays), ray.direction);
+    const glm::dvec3 direction = glm::normalize(glm::dvec3(query.directions[i]));
+    columns.set(
+        i, scene,
+        {{query.origins[i], vec3(direction), t_max, 0, kProbe}, kernels::kAllRays, 0, direction});
   });
   return result;
 }
@@ -177,10 +181,7 @@ Expected<QueryResult> pick(const QueryScene& scene, const Pick& query, const Int
   QueryResult result;
   HitColumns columns(result, query.pixels.size());
   for_each_row(query.pixels.size(), interrupt, [&](std::size_t i) {
-    const kernels::Ray ray = kernels::centre_ray(*camera, query.pixels[i] + 0.5f);
-    kernels::Hit hit = scene.tracer.closest(ray, kernels::kCameraRay);
-    hit.t += kernels::near_of(*camera, ray.direction);
-    columns.set(i, scene, hit, ray.direction);
+    columns.set(i, scene, kernels::centre_sight(*camera, query.pixels[i] + 0.5f));
   });
   return result;
 }

@@ -282,7 +282,7 @@ struct KeypointSight {
     if (view.segments == 0)
       return {camera.camera_from_world_cv * glm::dvec4(glm::dvec3(p_world), 1)};
     const kernels::CameraAt now(view, seen.time);
-    return kernels::cv_from_gl(kernels::transform_point(now.camera().camera_from_world, p_world));
+    return kernels::point_in_camera(now.camera(), p_world);
   }
   [[nodiscard]] kernels::Ray ray(const kernels::CameraView& view) const {
     const kernels::CameraAt now(view, seen.time);

@@ -109,9 +109,7 @@ PixelBox curved_bounds(const Cone& cone, const kernels::CameraView& camera,
 PixelBox bounds_at(const std::array<vec3, 8>& corners_world, const kernels::CameraView& camera,
                    const PixelBox& canvas) {
   Corners corners;
-  for (u32 i = 0; i < 8; ++i)
-    corners[i] =
-        kernels::cv_from_gl(kernels::transform_point(camera.camera_from_world, corners_world[i]));
+  for (u32 i = 0; i < 8; ++i) corners[i] = kernels::point_in_camera(camera, corners_world[i]);
   if (kernels::is_rectilinear(camera.lens)) return straight_bounds(corners, camera, canvas);
   const Cone cone = cone_of(corners);
   if (!(cone.cosine > 0.02f)) return canvas;
