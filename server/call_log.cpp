@@ -26,13 +26,6 @@ bool is_plain(char c) {
          c == '_' || c == ':' || c == '-';
 }
 
-/// Unique in this process; another process counts from another start.
-std::string make_id() {
-  static const u64 start = u64(Clock::now().time_since_epoch().count());
-  static std::atomic<u64> count = 0;
-  return fmt::format("{:08x}-{:x}", u32(start ^ (start >> 32)), ++count);
-}
-
 class Observer final : public grpc::experimental::Interceptor {
  public:
   Observer(const Log& log, Metrics& metrics, std::string_view method)
@@ -41,8 +34,9 @@ class Observer final : public grpc::experimental::Interceptor {
   Observer& operator=(const Observer&) = delete;
   ~Observer() override {
     const double seconds = std::chrono::duration<double>(Clock::now() - start_).count();
-    metrics_.call({.method = method_, .code = code_, .seconds = seconds, .sent_bytes = sent_});
-    log(seconds);
+    note_call(log_, metrics_, id_,
+              {.method = method_, .code = code_, .seconds = seconds, .sent_bytes = sent_},
+              hidden_ ? &*hidden_ : nullptr);
   }
 
   void Intercept(InterceptorBatchMethods* methods) override {
@@ -63,7 +57,7 @@ class Observer final : public grpc::experimental::Interceptor {
     const auto found = metadata.find(kRequestId);
     if (found != metadata.end()) id_.assign(found->second.data(), found->second.size());
     if (id_.empty() || id_.size() > kLongestId || !std::ranges::all_of(id_, is_plain))
-      id_ = make_id();
+      id_ = new_request_id();
   }
 
   void take_status(InterceptorBatchMethods& methods) {
@@ -71,20 +65,6 @@ class Observer final : public grpc::experimental::Interceptor {
     auto& metadata = *methods.GetSendTrailingMetadata();
     metadata.emplace(kRequestId, id_);
     if (auto hidden = metadata.extract(kHiddenMessage)) hidden_ = std::move(hidden.mapped());
-  }
-
-  void log(double seconds) const {
-    const std::string_view code = code_name(code_);
-    const LogFields fields = {{"request", id_},
-                              {"method", method_},
-                              {"code", code},
-                              {"seconds", seconds},
-                              {"sent_bytes", sent_}};
-    if (hidden_)
-      return log_.error(
-          "call", {{"request", id_}, {"method", method_}, {"code", code}, {"reason", *hidden_}});
-    if (code_ == grpc::OK || code_ == grpc::CANCELLED) return log_.debug("call", fields);
-    log_.info("call", fields);
   }
 
   const Log& log_;
@@ -98,6 +78,29 @@ class Observer final : public grpc::experimental::Interceptor {
 };
 
 }  // namespace
+
+std::string new_request_id() {
+  static const u64 start = u64(Clock::now().time_since_epoch().count());
+  static std::atomic<u64> count = 0;
+  return fmt::format("{:08x}-{:x}", u32(start ^ (start >> 32)), ++count);
+}
+
+void note_call(const Log& log, Metrics& metrics, std::string_view request,
+               const Metrics::CallEnd& end, const std::string* hidden) {
+  metrics.call(end);
+  const std::string_view code = code_name(end.code);
+  const LogFields fields = {{"request", request},
+                            {"method", end.method},
+                            {"code", code},
+                            {"seconds", end.seconds},
+                            {"sent_bytes", end.sent_bytes}};
+  if (hidden)
+    return log.error(
+        "call",
+        {{"request", request}, {"method", end.method}, {"code", code}, {"reason", *hidden}});
+  if (end.code == grpc::OK || end.code == grpc::CANCELLED) return log.debug("call", fields);
+  log.info("call", fields);
+}
 
 grpc::experimental::Interceptor* CallLog::CreateServerInterceptor(ServerRpcInfo* info) {
   return new Observer(log_, metrics_, info->method());

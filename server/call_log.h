@@ -8,6 +8,15 @@
 
 namespace heliograph::server {
 
+/// A name for a call that came without one. Unique in this process; another process counts from
+/// another start.
+[[nodiscard]] std::string new_request_id();
+
+/// The end of a call, and what its client was not told of an error of the daemon's own; null:
+/// nothing.
+void note_call(const Log& log, Metrics& metrics, std::string_view request,
+               const Metrics::CallEnd& end, const std::string* hidden);
+
 /// gRPC asks it at the start of each call. Thread: any. The log and the metrics outlive the server.
 ///
 /// A call that ended well, or was cancelled, is logged at level debug; one that was refused at

@@ -29,6 +29,7 @@ enum ExitCode : int {
   X(connections_per_peer, 64, "open connections of one process")                        \
   X(sessions, 256, "open sessions")                                                     \
   X(calls_per_session, 64, "calls and streams of one session at a time")                \
+  X(quick_calls, 256, "sessions that have a socket for quick calls")                    \
   X(streams_per_connection, 64, "calls and streams of one connection at a time")        \
   X(pool_queue, 4096, "requests that wait for a thread")                                \
   X(jobs, 256, "render jobs and queries that wait for the device")                      \

@@ -7,6 +7,7 @@ namespace heliograph::server {
 namespace {
 
 constexpr std::string_view kBearer = "Bearer ";
+constexpr const char* kSession = "heliograph-session";
 
 std::string_view metadata(const grpc::CallbackServerContext& context, const char* name) {
   const auto& all = context.client_metadata();
@@ -35,26 +36,32 @@ Expected<Call> Gate::admit(const grpc::CallbackServerContext& context, Needs nee
   const bool is_work = needs == Needs::kSession;
   if (is_closed_ && (is_work || needs == Needs::kNewSession)) return shutting_down();
   if (needs == Needs::kNothing || needs == Needs::kNewSession) return Call(std::move(*tenant));
-  auto session = find_session(context, **tenant);
-  if (!session) return std::unexpected(session.error());
-  HELIO_TRY((*session)->begin_call());
-  return Call(std::move(*session), is_work ? active_ : nullptr);
-}
-
-Expected<std::shared_ptr<Session>> Gate::find_session(const grpc::CallbackServerContext& context,
-                                                      const Tenant& tenant) const {
-  const std::string_view text = metadata(context, "heliograph-session");
+  const std::string_view text = metadata(context, kSession);
   u64 id = 0;
   const auto parsed = std::from_chars(text.data(), text.data() + text.size(), id);
-  auto session = parsed.ec == std::errc() && parsed.ptr == text.data() + text.size()
-                     ? sessions_.find(id)
-                     : nullptr;
-  if (session && session->tenant().get() == &tenant) return session;
-  return fail(Code::kUnauthenticated, "",
-              text.empty() ? "the call carries no session; call OpenSession and send its id as "
-                             "metadata 'heliograph-session'"
-                           : "the session is not open: it was closed, its connection ended, or the "
-                             "daemon restarted; call OpenSession again");
+  const bool is_number = parsed.ec == std::errc() && parsed.ptr == text.data() + text.size();
+  if (text.empty())
+    return fail(Code::kUnauthenticated, "",
+                "the call carries no session; call OpenSession and send its id as metadata "
+                "'heliograph-session'");
+  return enter(is_number ? sessions_.find(id) : nullptr, **tenant, is_work);
+}
+
+Expected<Call> Gate::admit(const Caller& caller, u64 session) {
+  const auto tenant = tenants_.of(caller);
+  if (!tenant) return std::unexpected(tenant.error());
+  if (is_closed_) return shutting_down();
+  return enter(sessions_.find(session), **tenant, true);
+}
+
+Expected<Call> Gate::enter(std::shared_ptr<Session> session, const Tenant& tenant,
+                           bool is_work) const {
+  if (!session || session->tenant().get() != &tenant)
+    return fail(Code::kUnauthenticated, "",
+                "the session is not open: it was closed, its connection ended, or the daemon "
+                "restarted; call OpenSession again");
+  HELIO_TRY(session->begin_call());
+  return Call(std::move(session), is_work ? active_ : nullptr);
 }
 
 }  // namespace heliograph::server

@@ -57,6 +57,8 @@ class Gate {
   /// UNAUTHENTICATED (identity, or no session of this tenant), UNAVAILABLE (draining),
   /// RESOURCE_EXHAUSTED (too many calls).
   [[nodiscard]] Expected<Call> admit(const grpc::CallbackServerContext& context, Needs needs);
+  /// The same for a call of a session that does not come by gRPC.
+  [[nodiscard]] Expected<Call> admit(const Caller& caller, u64 session);
 
   /// From now on new work is refused.
   void close() { is_closed_ = true; }
@@ -65,8 +67,8 @@ class Gate {
   [[nodiscard]] u32 active() const { return *active_; }
 
  private:
-  [[nodiscard]] Expected<std::shared_ptr<Session>> find_session(
-      const grpc::CallbackServerContext& context, const Tenant& tenant) const;
+  [[nodiscard]] Expected<Call> enter(std::shared_ptr<Session> session, const Tenant& tenant,
+                                     bool is_work) const;
 
   const Tenants& tenants_;
   Sessions& sessions_;

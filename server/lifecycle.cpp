@@ -14,6 +14,7 @@
 #include "server/metric_values.h"
 #include "server/metrics_port.h"
 #include "server/notify.h"
+#include "server/quick_calls.h"
 #include "server/reload.h"
 #include "server/socket_files.h"
 
@@ -117,14 +118,14 @@ class Life {
  public:
   /// `tls`: null without TLS.
   Life(Daemon& daemon, std::unique_ptr<Tls> tls)
-      : daemon_(daemon), tls_(std::move(tls)), service_(daemon) {}
+      : daemon_(daemon), tls_(std::move(tls)), service_(daemon), quick_calls_(daemon) {}
 
   [[nodiscard]] Status start(Sockets sockets, UniqueFd signals);
   [[nodiscard]] int run();
 
  private:
   [[nodiscard]] Status start_listening(Sockets sockets);
-  void on_word(u64 session, const BufferWord& word, const UniqueFd& fd);
+  void on_word(u64 session, const BufferWord& word, UniqueFd fd);
   [[nodiscard]] Status start_metrics(ListeningSocket socket);
   [[nodiscard]] Status listen(ListeningSocket socket, void (GrpcServer::*serve)(UniqueFd));
   [[nodiscard]] Status watch_signals(UniqueFd signals);
@@ -141,6 +142,7 @@ class Life {
   Daemon& daemon_;
   std::unique_ptr<Tls> tls_;
   Service service_;
+  QuickCalls quick_calls_;
   UniqueFd signals_;
   std::unique_ptr<GrpcServer> grpc_;
   std::unique_ptr<ConnectionCount> connections_;
@@ -180,9 +182,10 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
   return watch_owner();
 }
 
-void Life::on_word(u64 id, const BufferWord& word, const UniqueFd& fd) {
+void Life::on_word(u64 id, const BufferWord& word, UniqueFd fd) {
   const auto session = daemon_.sessions.find(id);
   if (!session) return;
+  if (fd && word.buffer == 0) return quick_calls_.serve(session, std::move(fd));
   if (fd) {
     const bool is_good = session->holdings().shared().take(word.buffer, word.number, fd);
     if (is_good && daemon_.recorder) daemon_.recorder->buffer(id, word.buffer, fd);
@@ -209,8 +212,9 @@ Status Life::start_listening(Sockets sockets) {
   const u32 limit = connection_limit(limits);
   auto lifelines = Lifelines::start(*daemon_.loop, daemon_.log, std::move(sockets.lifeline), limit,
                                     {[this](u64 session) { daemon_.sessions.detach(session); },
-                                     [this](u64 session, const BufferWord& word,
-                                            const UniqueFd& fd) { on_word(session, word, fd); }});
+                                     [this](u64 session, const BufferWord& word, UniqueFd fd) {
+                                       on_word(session, word, std::move(fd));
+                                     }});
   if (!lifelines) return std::unexpected(lifelines.error());
   daemon_.lifelines = std::move(*lifelines);
   connections_ = std::make_unique<ConnectionCount>(
@@ -321,6 +325,7 @@ void Life::end() {
   metrics_.reset();
   daemon_.lifelines->stop_listening();
   daemon_.sessions.close_all();
+  quick_calls_.stop();
   grpc_->shutdown(kLastCalls);
   daemon_.pool.stop();
   daemon_.engine.reset();

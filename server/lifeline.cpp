@@ -101,10 +101,10 @@ void Lifelines::listen_to(int fd) {
   constexpr int kWordsAtOnce = 64;  // then it is others' turn
   for (int i = 0; i < kWordsAtOnce; ++i) {
     const std::lock_guard lock(hearing_);
-    const auto heard = receive(fd);
+    auto heard = receive(fd);
     if (!heard) return;
     if (heard->is_word && heard->session != 0)
-      handlers_.said(heard->session, heard->word, heard->fd);
+      handlers_.said(heard->session, heard->word, std::move(heard->fd));
   }
 }
 

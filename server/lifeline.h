@@ -19,7 +19,9 @@ namespace heliograph::server {
 /// What is said about a buffer, in the machine's byte order. Behind a new one of a device's memory
 /// stands the device's UUID, 16 bytes.
 struct BufferWord {
-  u64 buffer = 0;  // 0: the client wants frames in shared buffers; the daemon agrees
+  // 0: the client wants frames in shared buffers, and the daemon agrees; with a descriptor, quick
+  // calls over that socket
+  u64 buffer = 0;
   // With a descriptor: bytes of a new buffer. Without one, from the daemon, 0: forget it; from the
   // client: the generation that it is done with, 0: it can never tell.
   u64 number = 0;
@@ -32,7 +34,7 @@ class Lifelines {
   /// Called for sessions that are bound.
   struct Handlers {
     std::function<void(u64 session)> lost;  // its connection ended; in the loop's thread
-    std::function<void(u64 session, const BufferWord& word, const UniqueFd& fd)> said;
+    std::function<void(u64 session, const BufferWord& word, UniqueFd fd)> said;
   };
   [[nodiscard]] static Expected<std::unique_ptr<Lifelines>> start(EventLoop& loop, const Log& log,
                                                                   ListeningSocket listener,

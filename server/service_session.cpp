@@ -6,6 +6,7 @@
 #include <stop_token>
 #include <unordered_map>
 
+#include "server/quick_calls.h"
 #include "server/rpc.h"
 #include "server/service.h"
 #include "server/version.h"
@@ -20,11 +21,13 @@ void describe_decoder(const Decoder& decoder, v1::GetServerInfoReply& reply) {
   reply.set_decoder(decoder.versions());
 }
 
-void describe_sharing(const Engine* engine, v1::GetServerInfoReply& reply) {
+void describe_sharing(const Daemon& daemon, v1::GetServerInfoReply& reply) {
   if (SealedMemory::create(1))
     reply.add_capabilities("shared_memory");
   else
     reply.add_refused("shared_memory: no sealed memfd; frames travel as bytes");
+  if (QuickCalls::are_possible(daemon)) reply.add_capabilities("quick_calls");
+  const Engine* engine = daemon.engine->get();
   if (const auto source = engine ? engine->shared_memory() : nullptr)
     reply.add_capabilities(
         fmt::format("device_memory:cuda:{:02x}", fmt::join(*source->device(), "")));
@@ -55,7 +58,7 @@ void describe_server(const Daemon& daemon, const Tenant& tenant, v1::GetServerIn
   }
   reply.set_not_ready(daemon.health.not_ready());
   reply.set_ready(reply.not_ready().empty());
-  describe_sharing(daemon.engine->get(), reply);
+  describe_sharing(daemon, reply);
   if (daemon.config.is_exposed()) reply.add_refused(kExposed);
   if (daemon.decoder)
     describe_decoder(**daemon.decoder, reply);

@@ -57,17 +57,19 @@ v1::ErrorDetail to_proto(const Error& error) {
   return detail;
 }
 
+bool is_hidden(const Error& error) {
+  return error.code == Code::kInternal || error.code == Code::kUnknown;
+}
+
 std::string message_of(const Error& error) {
-  if (error.code == Code::kInternal || error.code == Code::kUnknown)
-    return "an error inside the daemon; its log says more";
+  if (is_hidden(error)) return "an error inside the daemon; its log says more";
   const std::string text = error.where.empty() ? error.message : error.where + ": " + error.message;
   return cut(text, kLongestMessage);
 }
 
 grpc::Status to_status(const Error& error, grpc::ServerContextBase& context) {
   context.AddTrailingMetadata("heliograph-error-bin", to_proto(error).SerializeAsString());
-  if (error.code == Code::kInternal || error.code == Code::kUnknown)
-    context.AddTrailingMetadata(kHiddenMessage, error.message);
+  if (is_hidden(error)) context.AddTrailingMetadata(kHiddenMessage, error.message);
   return {grpc::StatusCode(error.code), message_of(error)};
 }
 

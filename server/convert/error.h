@@ -13,6 +13,8 @@ namespace heliograph::server {
 [[nodiscard]] v1::ErrorDetail to_proto(const Error& error);
 /// What a client may read: internal errors are not spelled out, messages are cut at 2 KiB.
 [[nodiscard]] std::string message_of(const Error& error);
+/// Whether the client is not told what it really was.
+[[nodiscard]] bool is_hidden(const Error& error);
 /// Trailing metadata that the call log takes out again: what an internal error really was.
 inline constexpr const char* kHiddenMessage = "heliograph-hidden-message";
 /// The status; adds the ErrorDetail to the call's trailing metadata as "heliograph-error-bin".

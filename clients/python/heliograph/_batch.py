@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from . import _render
+from ._assembly import Assembly
 from ._connection import Stream
 from ._lent import Loan
 from ._proto import service_pb2 as service
@@ -71,7 +72,7 @@ class _Batch:
         self.refused: list[Result] = []
         self._scene = scene
         self._jobs = iter(jobs)
-        self._open: dict[int, tuple[Job, _render.Assembly, Loan | None]] = {}
+        self._open: dict[int, tuple[Job, Assembly, Loan | None]] = {}
         self._sent = 0
         for _ in range(credits):
             self.send_next(credits if self._sent == 0 else 0)
@@ -89,7 +90,7 @@ class _Batch:
                 continue
             self._sent += 1
             shared = self._scene.client.connection.link.shared
-            assembly = _render.Assembly(_render.frame_count(request), shared)
+            assembly = Assembly(_render.frame_count(request), shared)
             self._open[self._sent] = job, assembly, loan
             self.outbox.put(
                 service.RenderBatchRequest(tag=self._sent, job=request, credits=credits)

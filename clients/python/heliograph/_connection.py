@@ -14,6 +14,7 @@ import grpc
 
 from ._link import Link, Patience
 from ._proto import service_pb2 as service
+from ._quick import QUICK_BYTES
 from ._status import to_error
 from .access import Access
 from .errors import HeliographError, NotFound, Unauthenticated, Unavailable
@@ -94,6 +95,13 @@ class Connection:
             if self.daemon.exit_code() is not None:
                 return self.daemon.death("heliographd died")
         return error
+
+    def apply(self, request: service.ApplyRequest) -> service.ApplyReply:
+        """Apply, by the shortest way."""
+        reply = None
+        if request.ByteSize() < QUICK_BYTES:
+            reply = self.link.ask_quickly(service.QuickCall(apply=request))
+        return self.call("Apply", request) if reply is None else reply.apply
 
     def call(self, name: str, request: Any, timeout: float | None = None) -> Any:
         """A unary call, repeated while the daemon is unavailable: edits are numbered and creations

@@ -15,8 +15,9 @@ import grpc
 from google.protobuf import message_factory
 
 from ._proto import service_pb2 as service
+from ._quick import QuickLine, open_quick_line
 from ._shared import share_frames
-from ._status import to_error
+from ._status import status_error, to_error
 from .access import Access
 from .errors import FailedPrecondition, Unavailable
 
@@ -61,12 +62,14 @@ class Link:
         self._calls: dict[tuple[str, bool], Any] = {}
         self._session: tuple[tuple[str, str], ...] = ()
         self._lifeline: socket.socket | None = None
+        self.quick: QuickLine | None = None
         self._keep: Any = None
         self._keeper: threading.Thread | None = None
         self.channel = access.channel()
         try:
             self._begin(path)
             self.shared = share_frames(self._lifeline, self.server.capabilities)
+            self.quick = open_quick_line(self._lifeline, self.server.capabilities)
         except BaseException:
             self.close()
             raise
@@ -122,6 +125,16 @@ class Link:
         _check_api(self.server)
         self._session = (("heliograph-session", str(self.session)),)
 
+    def ask_quickly(self, call: service.QuickCall) -> service.QuickReply | None:
+        """An Apply or Render by the shortest way; raises what refuses it. None: ask by gRPC."""
+        if self.quick is None:
+            return None
+        call.token = self._access.bearer()
+        reply = self.quick.ask(call)
+        if reply is not None and reply.code:
+            raise status_error(reply.code, reply.message, reply.detail)
+        return reply
+
     @property
     def metadata(self) -> tuple[tuple[str, str], ...]:
         """What each call carries."""
@@ -170,15 +183,19 @@ class Link:
         lifeline. Closing or freeing the channel here would hang, so it is made immortal."""
         for thing in (self.channel, self._calls, self._keep):
             ctypes.pythonapi.Py_IncRef(ctypes.py_object(thing))
-        if self._lifeline:
-            self._lifeline.close()
+        self._close_sockets()
 
     def close(self) -> None:
         if self._keep is not None:
             self._keep.cancel()
+        self._close_sockets()
+        self.channel.close()
+
+    def _close_sockets(self) -> None:
+        if self.quick is not None:
+            self.quick.close()
         if self._lifeline:
             self._lifeline.close()
-        self.channel.close()
 
 
 def _serialize(message: Any) -> bytes:

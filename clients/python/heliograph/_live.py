@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from . import _render
+from ._assembly import Assembly
 from ._connection import Stream
 from ._proto import service_pb2 as service
 from ._shared import SharedFrames
@@ -98,7 +99,7 @@ def _read(
     outbox: queue.SimpleQueue[service.StreamRequest | None],
     shared: SharedFrames | None,
 ) -> Iterator[Frame]:
-    assembly = _render.Assembly(0, shared)
+    assembly = Assembly(0, shared)
     try:
         for data in stream:
             frame = assembly.add(data)

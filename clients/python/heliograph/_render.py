@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 
 from . import _cuda
-from ._arrays import NdArray, bytes_of, dtype_of
-from ._chunk_span import chunk_span
-from ._progress import Meter, Progress
+from ._assembly import Assembly, frames_of
+from ._progress import Meter, Progress, is_watched
 from ._proto import render_pb2 as render_pb
+from ._proto import service_pb2 as service
 from ._proto import types_pb2 as types
-from ._shared import SharedFrames
+from ._quick import QUICK_BYTES
 from .components import number_of, refuse_unknown, whole_of
-from .device import DeviceArray
-from .errors import Internal, InvalidArgument
-from .frame import Frame, Rendered
+from .errors import InvalidArgument
+from .frame import Frame
 from .handles import Handle, Named
 from .worlds import WorldFrame, Worlds
 
@@ -28,7 +26,6 @@ if TYPE_CHECKING:
     from .scene import Scene
 
 _DEFAULT_SPP = 64
-_NO_BYTES = memoryview(b"")
 _LABELS = ("boxes", "amodal", "amodal_masks", "keypoints")
 _FILM = {"variance", "samples", "shadow_catcher"}
 _MEAN = {
@@ -97,6 +94,11 @@ def frame_count(request: render_pb.RenderRequest) -> int:
 def run(scene: Scene, request: render_pb.RenderRequest, options: Options) -> list[Any]:
     """Sends a request; its final frames, one WorldFrame if it has worlds."""
     connection = scene.client.connection
+    if _is_quick(request, options):
+        link = connection.link
+        reply = link.ask_quickly(service.QuickCall(render=request))
+        if reply is not None:
+            return frames_of(reply.parts, frame_count(request), link.shared)
     stream = connection.stream("Render", request, raw=True, timeout=options.get("timeout"))
     if "on_start" in options:
         options["on_start"](stream.cancel)
@@ -111,6 +113,16 @@ def run(scene: Scene, request: render_pb.RenderRequest, options: Options) -> lis
             elif isinstance(part, Frame) and on_pass is not None:
                 on_pass(part)
     return assembly.frames()
+
+
+def _is_quick(request: render_pb.RenderRequest, options: Options) -> bool:
+    """Whether nobody looks at anything but the frames, and it is small."""
+    watched = ("on_start", "on_pass", "timeout", "progress")
+    if any(options.get(name) for name in watched):
+        return False
+    if options.get("progress") is None and is_watched():
+        return False
+    return request.ByteSize() < QUICK_BYTES
 
 
 def request_of_manifest(scene: Scene, manifest: str) -> render_pb.RenderRequest:
@@ -302,94 +314,3 @@ def _put_labels(out: render_pb.RenderRequest, labels: Any) -> None:
             setattr(out.labels, name, whole_of(value, field, 1))
         else:
             setattr(out.labels, name, bool(value))
-
-
-class Assembly:
-    """Puts frames together as their parts arrive. Pixels are copied once, into their array, or stay
-    in a shared buffer. Arrays are read-only."""
-
-    def __init__(self, count: int, shared: SharedFrames | None) -> None:
-        self._count = count
-        self.shared = shared
-        self._final: dict[int, Rendered] = {}
-        self._header: render_pb.FrameHeader | None = None
-        self._arrays: list[NdArray | DeviceArray] = []
-        self._bytes: list[memoryview] = []
-        self._left = 0
-
-    def add(self, data: bytes) -> render_pb.Progress | Rendered | None:
-        """A serialised FramePart; gives back progress, or the frame that this part completed."""
-        span = chunk_span(data)
-        if span is not None:
-            plane, offset, start, size = span
-            self._bytes[plane][offset : offset + size] = memoryview(data)[start : start + size]
-            self._left -= size
-            return self._complete()
-        return self.add_part(render_pb.FramePart.FromString(data))
-
-    def add_part(self, part: render_pb.FramePart) -> render_pb.Progress | Rendered | None:
-        """The same with a message."""
-        kind = part.WhichOneof("part")
-        if kind == "progress":
-            return part.progress
-        if kind == "header":
-            self._begin(part.header)
-        elif kind == "chunk":
-            chunk = part.chunk
-            if chunk.HasField("buffer"):
-                self._take_shared(chunk)
-            else:
-                end = chunk.offset + len(chunk.chunk)
-                self._bytes[chunk.plane][chunk.offset : end] = chunk.chunk
-                self._left -= len(chunk.chunk)
-        return self._complete()
-
-    def _begin(self, header: render_pb.FrameHeader) -> None:
-        self._header = header
-        self._arrays, self._bytes, self._left = [], [], 0
-        picture: tuple[int, ...] = (header.height, header.width)
-        if header.HasField("worlds"):
-            picture = tuple(header.k.shape[:2]) + picture
-        for plane in header.planes:
-            shape = picture if plane.channels == 1 else (*picture, plane.channels)
-            dtype = dtype_of(plane.dtype)
-            if math.prod(shape) * dtype.itemsize != plane.size:
-                raise Internal(f"plane {plane.name}: {plane.size} bytes do not fill {shape}")
-            if plane.HasField("buffer"):
-                self._arrays.append(self._in_buffer(plane.buffer, plane.size, dtype, shape))
-                self._bytes.append(_NO_BYTES)
-                continue
-            array = np.empty(shape, dtype=dtype)
-            self._arrays.append(array)
-            self._bytes.append(bytes_of(array))
-            self._left += plane.size
-
-    def _take_shared(self, chunk: render_pb.PlaneChunk) -> None:
-        old = self._arrays[chunk.plane]
-        self._arrays[chunk.plane] = self._in_buffer(chunk.buffer, old.nbytes, old.dtype, old.shape)
-        self._left -= old.nbytes
-
-    def _in_buffer(
-        self, place: types.BufferRef, size: int, dtype: np.dtype[Any], shape: tuple[int, ...]
-    ) -> NdArray | DeviceArray:
-        if self.shared is None:
-            raise Internal("the daemon sent a shared buffer, which was not asked for")
-        if place.size != size:
-            raise Internal(f"the {place.size} bytes of a shared buffer do not fill {shape}")
-        return self.shared.plane(place, dtype, shape)
-
-    def _complete(self) -> Rendered | None:
-        if self._left or self._header is None:
-            return None
-        kind = WorldFrame if self._header.HasField("worlds") else Frame
-        frame: Rendered = kind(self._header, self._arrays)
-        if self._header.final:
-            self._final[self._header.frame] = frame
-        self._header = None
-        return frame
-
-    def frames(self) -> list[Any]:
-        """The final ones, in the order of the cameras."""
-        if len(self._final) != self._count:
-            raise Internal(f"{len(self._final)} of {self._count} frames arrived")
-        return [self._final[i] for i in range(self._count)]

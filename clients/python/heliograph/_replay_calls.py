@@ -11,11 +11,11 @@ import grpc
 from google.protobuf.json_format import ParseDict, ParseError
 from google.protobuf.message import Message
 
+from ._assembly import Assembly
 from ._proto import recording_pb2 as pb
 from ._proto import render_pb2
 from ._proto import service_pb2 as service
 from ._proto import types_pb2 as types
-from ._render import Assembly
 from ._status import status_error, to_error
 from .client import Client, open_client
 from .errors import HeliographError

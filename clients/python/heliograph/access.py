@@ -77,11 +77,15 @@ class Access:
         options = (*_OPTIONS, ("grpc.ssl_target_name_override", name)) if name else _OPTIONS
         return grpc.secure_channel(target, self.tls.credentials(), options=options)
 
+    def bearer(self) -> str:
+        """The token as it is now; "": there is none."""
+        if isinstance(self.token, os.PathLike):
+            return Path(self.token).read_text(encoding="utf-8").strip()
+        return self.token or ""
+
     def metadata(self) -> tuple[tuple[str, str], ...]:
         """What each call carries of the token."""
-        token = self.token
-        if isinstance(token, os.PathLike):
-            token = Path(token).read_text(encoding="utf-8").strip()
+        token = self.bearer()
         return (("authorization", f"Bearer {token}"),) if token else ()
 
 

@@ -97,10 +97,10 @@ class Scene:
 
     def _send(self, request: service.ApplyRequest) -> service.ApplyReply:
         try:
-            return self.client.connection.call("Apply", request)  # type: ignore[no-any-return]
+            return self.client.connection.apply(request)
         except KeyboardInterrupt:
             # Whether it was applied is settled by asking for the same number again.
-            self.client.connection.call("Apply", request)
+            self.client.connection.apply(request)
             raise
 
     # ------------------------------------------------------------ rendering

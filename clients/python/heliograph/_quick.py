@@ -1,0 +1,93 @@
+"""Quick calls: Apply and Render over a socket of the session's own, a packet each way. They spare a
+small frame half a millisecond that gRPC takes. Used by _link.py."""
+
+from __future__ import annotations
+
+import os
+import socket
+import struct
+import threading
+from collections.abc import Iterable
+
+from ._proto import service_pb2 as service
+
+_CAPABILITY = "quick_calls"
+_WORD = struct.Struct("=QQ")
+_WISH = _WORD.pack(0, 1)  # with a socket: answer what comes over it
+_SIZE = struct.Struct("=Q")
+_PACKET_BYTES = 64 << 10
+QUICK_BYTES = _PACKET_BYTES - 1024  # of a request; a token has room beside it
+# What gRPC is asked again for: it knows how to wait, and to take a session up again.
+_ELSEWHERE = {14, 16}  # UNAVAILABLE, UNAUTHENTICATED
+
+
+def open_quick_line(
+    lifeline: socket.socket | None, capabilities: Iterable[str]
+) -> QuickLine | None:
+    """None where the daemon, or the way to it, has none."""
+    if lifeline is None or _CAPABILITY not in capabilities:
+        return None
+    return QuickLine(lifeline)
+
+
+class QuickLine:
+    """One call at a time. Thread: any; whoever comes while another's call is under way is told to
+    go by gRPC."""
+
+    def __init__(self, lifeline: socket.socket) -> None:
+        self._lifeline = lifeline
+        self._lock = threading.Lock()
+        self._socket: socket.socket | None = None
+
+    def ask(self, call: service.QuickCall) -> service.QuickReply | None:
+        """The reply, which may be a refusal; None: it must go by gRPC. An exception in the middle,
+        such as KeyboardInterrupt, cancels the call."""
+        if not self._lock.acquire(blocking=False):
+            return None
+        try:
+            data = call.SerializeToString()
+            if len(data) > _PACKET_BYTES:
+                return None
+            answer = self._exchange(data)
+        finally:
+            self._lock.release()
+        if not answer:
+            return None
+        reply = service.QuickReply.FromString(answer)
+        return None if reply.code in _ELSEWHERE else reply
+
+    def _exchange(self, data: bytes) -> bytes:
+        """The reply to a packet; empty where the daemon is gone, or closed the socket."""
+        answer = b""
+        try:
+            line = self._socket or self._open()
+            line.send(data)
+            answer = _receive(line)
+        except OSError:
+            pass
+        finally:
+            if not answer:
+                self.close()
+        return answer
+
+    def _open(self) -> socket.socket:
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs:
+            socket.send_fds(self._lifeline, [_WISH], [theirs.fileno()])
+        self._socket = ours
+        return ours
+
+    def close(self) -> None:
+        """A call that is under way is cancelled. The next one opens another socket."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+
+def _receive(line: socket.socket) -> bytes:
+    data, fds, _, _ = socket.recv_fds(line, _PACKET_BYTES, 1)
+    if not fds:
+        return data
+    with open(fds[0], "rb") as memory:  # a memfd, with what a packet has no room for
+        size: int = _SIZE.unpack(data)[0]
+        return os.pread(memory.fileno(), size, 0)
