@@ -128,7 +128,7 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
       if (*answer) *self->reply_.mutable_apply() = **answer;
       self->finish(*answer ? Status() : std::unexpected(answer->error()));
     };
-    apply_numbered(daemon_, session_, call_.apply(), done);
+    apply_numbered(daemon_, session_, call_.apply(), done, true);
   }
 
   void render() {

@@ -75,7 +75,7 @@ bool is_short(const v1::ApplyRequest& request) {
 
 void apply_numbered(Daemon& daemon, const std::shared_ptr<Session>& session,
                     const v1::ApplyRequest& request,
-                    const std::function<void(EditLog::Reply)>& done) {
+                    const std::function<void(EditLog::Reply)>& done, bool may_take_long) {
   const auto entry = daemon.scenes.find(request.scene(), *session);
   if (!entry) return done(refuse(entry.error()));
   const auto log = daemon.scenes.edits(**entry, session->id());
@@ -88,7 +88,7 @@ void apply_numbered(Daemon& daemon, const std::shared_ptr<Session>& session,
     };
     log->answer(request.number(), apply, done);
   };
-  if (auto queued = log->strand().run(std::move(task), is_short(request)); !queued)
+  if (auto queued = log->strand().run(std::move(task), may_take_long || is_short(request)); !queued)
     done(refuse(queued.error()));
 }
 

@@ -13,33 +13,12 @@ namespace heliograph {
 namespace {
 
 constexpr u32 kRows = ChunkedArray<mat4x3>::kRows;
-constexpr u32 kFew = 512;             // ids that are not worth an order
-constexpr std::size_t kGrain = 4096;  // ids that are worth a thread
-constexpr u32 kChunks = 16;           // as many rows
+constexpr u32 kFew = 512;    // ids that are not worth an order
+constexpr u32 kChunks = 16;  // as many rows as are worth a thread
 
-struct Found {
-  std::size_t first_bad = 0;  // of the ids, that is no entity's; as many as there are: none
-  bool are_ascending = true;  // by chunk
-};
-
-Found look_up(const Snapshot& scene, std::span<const Id> ids) {
-  std::atomic<std::size_t> first_bad = ids.size();
-  std::atomic<bool> are_ascending = true;
-  parallel_ranges(ids.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    u32 last = begin > 0 ? ids[begin - 1].index() : 0;
-    bool ascending = true;
-    for (std::size_t k = begin; k < end; ++k) {
-      if (!scene.find(EntityId(ids[k]))) {
-        for (std::size_t bad = first_bad; k < bad && !first_bad.compare_exchange_weak(bad, k);) {
-        }
-        return;
-      }
-      ascending &= last / kRows <= ids[k].index() / kRows;
-      last = ids[k].index();
-    }
-    if (!ascending) are_ascending = false;
-  });
-  return {first_bad, are_ascending};
+bool is_there(const Snapshot& scene, Id id) {
+  const EntityId entity(id);
+  return entity && scene.entities.has(entity.version(), entity.index());
 }
 
 /// The places of ids, those of one chunk one after the other and in their order.
@@ -52,33 +31,66 @@ std::vector<u32> by_chunk(std::span<const Id> ids, u32 chunks) {
   return places;
 }
 
-/// Clones a chunk once, and only if something in it changes.
+/// Writes the rows of one chunk, if something in it changes: all of them at once, or into a clone.
+/// Whether the ids are of entities.
 template <class Places>
-void write_chunk(ChunkedArray<mat4x3>& poses, u32 chunk, const Poses& action, Places places) {
+bool write_chunk(Snapshot& scene, u32 chunk, const Poses& action, Places places) {
+  const auto now = scene.poses.chunk(chunk);
   const auto row_of = [&](u32 k) { return action.ids[k].index() % kRows; };
-  const auto now = poses.chunk(chunk);
+  const u32 first = places.front();
+  bool are_there = true, are_all = places.size() == now.size();
+  for (u32 row = 0; const u32 k : places) {
+    are_there &= is_there(scene, action.ids[k]);
+    are_all &= k == first + row && row_of(k) == row;
+    ++row;
+  }
+  if (!are_there) return false;
   auto k =
       std::ranges::find_if(places, [&](u32 i) { return now[row_of(i)] != action.matrices[i]; });
-  if (k == places.end()) return;
-  const auto rows = poses.write_chunk(chunk);
+  if (k == places.end()) return true;
+  if (are_all) {
+    scene.poses.put_chunk(chunk, action.matrices.span().subspan(first, now.size()));
+    return true;
+  }
+  const auto rows = scene.poses.write_chunk(chunk);
   for (; k != places.end(); ++k)
     if (mat4x3& row = rows[row_of(*k)]; row != action.matrices[*k]) row = action.matrices[*k];
+  return true;
 }
 
-/// In order: chunks of ids do not descend along the places.
+/// In order: chunks of ids do not descend along the places. Whether the ids are of entities.
 template <class Places>
-void write_chunks(ChunkedArray<mat4x3>& poses, const Poses& action, Places places) {
+bool write_chunks(Snapshot& scene, const Poses& action, Places places) {
   const auto chunk_of = [&](u32 k) { return action.ids[k].index() / kRows; };
   const u32 first = chunk_of(places.front()), last = chunk_of(places.back());
+  std::atomic<bool> are_there = true;
   parallel_ranges(last - first + 1, kChunks, [&](u32 begin, u32 end) {
     auto from = std::ranges::lower_bound(places, first + begin, {}, chunk_of);
     for (u32 c = first + begin; c < first + end; ++c) {
       const auto to =
           std::ranges::find_if(from, places.end(), [&](u32 k) { return chunk_of(k) != c; });
-      if (from != to) write_chunk(poses, c, action, std::ranges::subrange(from, to));
+      if (from != to && !write_chunk(scene, c, action, std::ranges::subrange(from, to)))
+        are_there = false;
       from = to;
     }
   });
+  return are_there;
+}
+
+bool write(Snapshot& scene, const Poses& action) {
+  const std::span<const Id> ids = action.ids.span();
+  const u32 end = scene.entities.capacity();
+  bool are_within = true, are_ascending = true;
+  for (u32 last = 0; const Id id : ids) {
+    const u32 chunk = id.index() / kRows;
+    are_within &= id.index() < end;
+    are_ascending &= last <= chunk;
+    last = chunk;
+  }
+  if (!are_within) return false;
+  if (are_ascending) return write_chunks(scene, action, std::views::iota(0u, u32(ids.size())));
+  const auto places = by_chunk(ids, scene.poses.chunk_count());
+  return write_chunks(scene, action, std::span<const u32>(places));
 }
 
 /// Drops keys, and lets jump.
@@ -100,22 +112,21 @@ Status place(Draft& draft, const Poses& action) {
   if (ids.size() != action.matrices.size())
     return fail(Code::kInvalidArgument, "matrices",
                 fmt::format("{} matrices for {} ids", action.matrices.size(), ids.size()));
-  const auto [bad, are_ascending] = look_up(draft.next, ids);
-  if (bad < ids.size())
-    return fail(EntityId(ids[bad]) || !ids[bad] ? Code::kNotFound : Code::kInvalidArgument,
-                fmt::format("ids[{}]", bad),
-                fmt::format("{} {} is not an entity of the scene", kind_name(ids[bad].kind()),
-                            ids[bad].value));
-  if (draft.next.keyed > 0 || action.teleport) store_rows(draft, action);
-  ChunkedArray<mat4x3>& poses = draft.next.poses;
-  const u32 count = u32(ids.size());
-  if (count < kFew)
-    for (u32 k = 0; k < count; ++k) set_pose(draft, EntityId(ids[k]), action.matrices[k]);
-  else if (are_ascending)
-    write_chunks(poses, action, std::views::iota(0u, count));
-  else
-    write_chunks(poses, action, std::span<const u32>(by_chunk(ids, poses.chunk_count())));
-  return {};
+  const auto there = [&](Id id) { return is_there(draft.next, id); };
+  const bool has_rows = draft.next.keyed > 0 || action.teleport;
+  const bool are_few = ids.size() < kFew;
+  bool are_there = !(are_few || has_rows) || std::ranges::all_of(ids, there);
+  if (are_there && has_rows) store_rows(draft, action);
+  if (are_there && are_few)
+    for (u32 k = 0; k < ids.size(); ++k) set_pose(draft, EntityId(ids[k]), action.matrices[k]);
+  else if (are_there)
+    are_there = write(draft.next, action);
+  if (are_there) return {};
+  const auto bad = std::ranges::find_if_not(ids, there);
+  return fail(
+      EntityId(*bad) || !*bad ? Code::kNotFound : Code::kInvalidArgument,
+      fmt::format("ids[{}]", bad - ids.begin()),
+      fmt::format("{} {} is not an entity of the scene", kind_name(bad->kind()), bad->value));
 }
 
 }  // namespace heliograph

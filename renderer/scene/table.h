@@ -79,6 +79,10 @@ class ChunkedArray {
       chunk = std::make_shared<Chunk>(*chunk);
     return *chunk;
   }
+  /// The same, of which these are the new values: as many as the chunk has.
+  void put_chunk(u32 c, std::span<const T> rows) {
+    chunks_[c] = std::make_shared<Chunk>(rows.begin(), rows.end());
+  }
 
  private:
   using Chunk = std::vector<T>;
@@ -100,88 +104,97 @@ class Table {
   /// number of versions, and there once.
   [[nodiscard]] static Table reserved(const TableIds& ids) {
     Table table;
-    for (const u32 version : ids.versions) table.slots_.push_back({.version = version});
+    for (const u32 version : ids.versions) table.push_back({version, kNone}, {});
     for (auto index = ids.order.rbegin(); index != ids.order.rend(); ++index)
-      table.slots_.write(*index).next_free = std::exchange(table.free_, *index);
+      table.heads_.write(*index).next_free = std::exchange(table.free_, *index);
     return table;
   }
   [[nodiscard]] TableIds ids() const {
     TableIds ids;
-    for (u32 i = 0; i < slots_.size(); ++i) {
-      ids.versions.push_back(slots_[i].version);
-      if (slots_[i].alive) ids.order.push_back(i);
+    for (u32 i = 0; i < capacity(); ++i) {
+      ids.versions.push_back(version(i));
+      if (alive(i)) ids.order.push_back(i);
     }
-    for (u32 i = free_; i != kNone; i = slots_[i].next_free) ids.order.push_back(i);
+    for (u32 i = free_; i != kNone; i = heads_[i].next_free) ids.order.push_back(i);
     return ids;
+  }
+  /// Whether the id is neither stale nor unknown. Reads nothing of the row.
+  [[nodiscard]] bool has(u32 version, u32 index) const {
+    return alive(index) && heads_[index].version == version;
   }
   /// The row, or nullptr when the id is stale or unknown.
   [[nodiscard]] const T* find(u32 version, u32 index) const {
-    if (index >= slots_.size()) return nullptr;
-    const Slot& slot = slots_[index];
-    return slot.alive && slot.version == version ? &slot.value : nullptr;
+    return has(version, index) ? &rows_[index] : nullptr;
   }
   /// The row at an index that is alive.
   [[nodiscard]] const T& at(u32 index) const {
     assert(alive(index));
-    return slots_[index].value;
+    return rows_[index];
   }
-  [[nodiscard]] bool alive(u32 index) const { return index < slots_.size() && slots_[index].alive; }
-  [[nodiscard]] u32 version(u32 index) const { return slots_[index].version; }
+  [[nodiscard]] bool alive(u32 index) const {
+    return index < capacity() && heads_[index].next_free == kAlive;
+  }
+  [[nodiscard]] u32 version(u32 index) const { return heads_[index].version; }
   [[nodiscard]] T& write(u32 index) {
     assert(alive(index));
-    return slots_.write(index).value;
+    return rows_.write(index);
   }
   /// The index of the new row; its version is version(index).
   u32 insert(T value) {
     ++count_;
-    if (free_ == kNone) return slots_.push_back({1, true, kNone, std::move(value)});
+    if (free_ == kNone) return push_back({1, kAlive}, std::move(value));
     const u32 index = free_;
-    Slot& slot = slots_.write(index);
-    free_ = slot.next_free;
-    slot.alive = true;
-    slot.value = std::move(value);
+    free_ = std::exchange(heads_.write(index).next_free, kAlive);
+    rows_.write(index) = std::move(value);
     return index;
   }
   void erase(u32 index) {
     assert(alive(index));
-    Slot& slot = slots_.write(index);
-    slot.alive = false;
-    slot.value = T{};
+    Head& head = heads_.write(index);
+    rows_.write(index) = T{};
     --count_;
-    if (slot.version == kLastVersion) return;  // its ids are used up: the index retires
-    ++slot.version;
-    slot.next_free = free_;
-    free_ = index;
+    if (head.version == kLastVersion) {  // its ids are used up: the index retires
+      head.next_free = kNone;
+      return;
+    }
+    ++head.version;
+    head.next_free = std::exchange(free_, index);
   }
   [[nodiscard]] u32 count() const { return count_; }            // rows alive
-  [[nodiscard]] u32 capacity() const { return slots_.size(); }  // indices are below it
+  [[nodiscard]] u32 capacity() const { return heads_.size(); }  // indices are below it
   template <class F>
   void for_each(F&& f) const {  // f(index, row), in index order
-    for (u32 i = 0; i < slots_.size(); ++i)
-      if (slots_[i].alive) f(i, slots_[i].value);
+    for (u32 i = 0; i < capacity(); ++i)
+      if (alive(i)) f(i, rows_[i]);
   }
+  // Whatever changes a head writes its row too, so rows alone tell what changed.
   /// f(index) for every index, alive or not, in a chunk that `before` does not share.
   template <class F>
   void for_each_changed(const Table& before, F&& f) const {
-    slots_.for_each_changed(before.slots_, f);
+    rows_.for_each_changed(before.rows_, f);
   }
-  [[nodiscard]] bool same(const Table& other) const { return slots_.same(other.slots_); }
-  [[nodiscard]] u32 chunk_count() const { return slots_.chunk_count(); }
+  [[nodiscard]] bool same(const Table& other) const { return rows_.same(other.rows_); }
+  [[nodiscard]] u32 chunk_count() const { return rows_.chunk_count(); }
   /// Whether the rows of a chunk, of as many as ChunkedArray has, are the same ones.
   [[nodiscard]] bool shares(u32 c, const Table& other) const {
-    return slots_.shares(c, other.slots_);
+    return rows_.shares(c, other.rows_);
   }
 
  private:
   static constexpr u32 kNone = ~0u;
+  static constexpr u32 kAlive = kNone - 1;
   static constexpr u32 kLastVersion = 0xffffff;  // ids have 24 bits for it
-  struct Slot {
+  struct Head {
     u32 version = 1;
-    bool alive = false;
-    u32 next_free = kNone;
-    T value{};
+    u32 next_free = kNone;  // or kAlive
   };
-  ChunkedArray<Slot> slots_;
+  u32 push_back(Head head, T value) {
+    heads_.push_back(head);
+    return rows_.push_back(std::move(value));
+  }
+
+  ChunkedArray<Head> heads_;
+  ChunkedArray<T> rows_;
   u32 free_ = kNone;
   u32 count_ = 0;
 };

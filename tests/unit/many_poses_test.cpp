@@ -152,6 +152,21 @@ TEST_CASE("many poses: applied as if one after the other, in any order and more 
     if (scene.now->poses[i] != wanted[i]) FAIL("at " << i);
 }
 
+TEST_CASE("many poses: as many ids as a chunk has rows, one of them twice, leave a row as it was") {
+  Crowd scene;
+  const std::vector<Id> some(scene.ids.begin(), scene.ids.begin() + 1024);
+  auto twice = some;
+  twice[301] = twice[300];
+  scene.move(twice, places(1024, 1));
+  CHECK(scene.now->poses[300] == at(302));
+  CHECK(scene.now->poses[301] == mat4x3(1));
+  CHECK(scene.now->poses[302] == at(303));
+  std::swap(twice[301] = some[301], twice[302]);
+  scene.move(twice, places(1024, 1));
+  CHECK(scene.now->poses[301] == at(303));
+  CHECK(scene.now->poses[302] == at(302));
+}
+
 TEST_CASE("many poses: only chunks in which something moves are cloned") {
   Crowd scene;
   scene.move(scene.ids, places(kMany, 1));

@@ -17,7 +17,9 @@ constexpr int kOnDevice = 1;          // CU_MEM_LOCATION_TYPE_DEVICE
 constexpr int kReadWrite = 3;         // CU_MEM_ACCESS_FLAGS_PROT_READWRITE
 constexpr int kMinimum = 0;           // CU_MEM_ALLOC_GRANULARITY_MINIMUM
 constexpr unsigned kNonBlocking = 1;  // CU_STREAM_NON_BLOCKING
-constexpr u64 kStageBytes = 8 << 20;
+constexpr unsigned kNoTiming = 2;     // CU_EVENT_DISABLE_TIMING
+constexpr u64 kPieceBytes = 2 << 20;  // one is copied while the next ones come
+constexpr u64 kStageBytes = ExportSource::kPieces * kPieceBytes;
 constexpr u64 kCopyGrain = 256 << 10;  // bytes of a thread's share
 
 AllocationProperties properties_of(Device device) {
@@ -119,7 +121,10 @@ Expected<std::shared_ptr<ExportSource>> ExportSource::create(std::shared_ptr<con
                        std::has_single_bit(step) &&
                        device.driver.device_uuid(source->uuid_.data(), device.device) == 0 &&
                        device.driver.create_stream(&source->stream_, kNonBlocking) == 0 &&
-                       device.driver.allocate_pinned(&source->stage_, kStageBytes, 0) == 0;
+                       device.driver.allocate_pinned(&source->stage_, kStageBytes, 0) == 0 &&
+                       std::ranges::all_of(source->come_, [&](EventHandle& event) {
+                         return device.driver.create_event(&event, kNoTiming) == 0;
+                       });
   if (!is_able)
     return fail(Code::kUnavailable, "backend",
                 "this GPU or its driver has no memory that other processes can map");
@@ -155,6 +160,8 @@ ExportSource::~ExportSource() {
   const auto held = device_.tenure.hold();
   if (!held) return;  // what it had went with the context
   (void)device_.driver.set_context(device_.context);
+  for (EventHandle event : come_)
+    if (event) (void)device_.driver.destroy_event(event);
   if (stage_) (void)device_.driver.release_pinned(stage_);
   if (stream_) (void)device_.driver.destroy_stream(stream_);
 }
@@ -166,8 +173,8 @@ bool ExportSource::zero(DevicePointer at, u64 bytes) {
 }
 
 /// By all threads: pages of `to` that are new cost more than the copy.
-void ExportSource::copy_stage(std::span<std::byte> to) const {
-  const auto* from = static_cast<const std::byte*>(stage_);
+void ExportSource::copy_piece(std::span<std::byte> to, u64 offset) const {
+  const auto* from = static_cast<const std::byte*>(stage_) + offset;
   resident::run_alone([&] {
     resident::parallel_ranges(to.size(), kCopyGrain, [&](u64 begin, u64 end) {
       std::memcpy(to.data() + begin, from + begin, end - begin);
@@ -175,21 +182,35 @@ void ExportSource::copy_stage(std::span<std::byte> to) const {
   });
 }
 
-Status ExportSource::download(std::span<std::byte> to, DevicePointer from) {
+/// At most as many bytes as the stage has.
+Result ExportSource::fetch(std::span<std::byte> to, DevicePointer from) const {
   const Driver& driver = device_.driver;
+  const auto piece = [&](u64 offset) {
+    return to.subspan(offset, std::min(kPieceBytes, to.size() - offset));
+  };
+  Result result = 0;
+  for (u64 offset = 0; offset < to.size() && result == 0; offset += kPieceBytes) {
+    auto* at = static_cast<std::byte*>(stage_) + offset;
+    result = driver.download(at, from + offset, piece(offset).size(), stream_);
+    if (result == 0) result = driver.record_event(come_[offset / kPieceBytes], stream_);
+  }
+  for (u64 offset = 0; offset < to.size() && result == 0; offset += kPieceBytes) {
+    result = driver.wait_for_event(come_[offset / kPieceBytes]);
+    if (result == 0) copy_piece(piece(offset), offset);
+  }
+  return result;
+}
+
+Status ExportSource::download(std::span<std::byte> to, DevicePointer from) {
   const auto held = device_.tenure.hold();
   if (!held) return fail(Code::kUnavailable, "", "the GPU was lost with what was written there");
   const std::lock_guard lock(mutex_);
-  Result result = driver.set_context(device_.context);
-  for (u64 begin = 0; begin < to.size() && result == 0; begin += kStageBytes) {
-    const u64 bytes = std::min(kStageBytes, to.size() - begin);
-    result = driver.download(stage_, from + begin, bytes, stream_);
-    if (result == 0) result = driver.wait_for_stream(stream_);
-    if (result == 0) copy_stage(to.subspan(begin, bytes));
-  }
+  Result result = device_.driver.set_context(device_.context);
+  for (u64 begin = 0; begin < to.size() && result == 0; begin += kStageBytes)
+    result = fetch(to.subspan(begin, std::min(kStageBytes, to.size() - begin)), from + begin);
   if (result == 0) return {};
   return fail(Code::kUnavailable, "",
-              "reading the GPU's memory failed: " + driver.describe(result));
+              "reading the GPU's memory failed: " + device_.driver.describe(result));
 }
 
 }  // namespace heliograph::cuda

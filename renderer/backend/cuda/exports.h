@@ -1,6 +1,7 @@
 // Device memory that other processes map by a descriptor. Given out by the backend.
 #pragma once
 
+#include <array>
 #include <mutex>
 #include <vector>
 
@@ -35,6 +36,8 @@ class ExportSource final : public SharedMemorySource,
 
   ~ExportSource() override;
 
+  static constexpr u32 kPieces = 4;
+
   [[nodiscard]] std::shared_ptr<SharedMemory> make(u64 bytes) override;
   void know(const std::weak_ptr<SharedMemoryKeeper>& keeper) override;
   /// Asks those that know() named; true when one let go of something.
@@ -50,7 +53,9 @@ class ExportSource final : public SharedMemorySource,
  private:
   ExportSource(std::shared_ptr<const void> owner, const ExportDevice& device)
       : owner_(std::move(owner)), device_(device) {}
-  void copy_stage(std::span<std::byte> to) const;  // under mutex_
+  // Under mutex_:
+  [[nodiscard]] Result fetch(std::span<std::byte> to, DevicePointer from) const;
+  void copy_piece(std::span<std::byte> to, u64 offset) const;
 
   const std::shared_ptr<const void> owner_;
   const ExportDevice device_;
@@ -58,7 +63,8 @@ class ExportSource final : public SharedMemorySource,
   u64 step_ = 0;
   std::mutex mutex_;  // of the stream and what it writes to
   StreamHandle stream_ = nullptr;
-  void* stage_ = nullptr;
+  void* stage_ = nullptr;  // kPieces pieces
+  std::array<EventHandle, kPieces> come_{};
   std::mutex keepers_mutex_;
   std::vector<std::weak_ptr<SharedMemoryKeeper>> keepers_;
 };
