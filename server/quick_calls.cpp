@@ -9,6 +9,7 @@
 
 #include "server/call_log.h"
 #include "server/convert/error.h"
+#include "server/convert/frame.h"
 #include "server/convert/transaction.h"
 #include "server/edit_calls.h"
 #include "server/render_task.h"
@@ -29,9 +30,9 @@ bool is_packet_socket(int fd) {
          ::getsockopt(fd, SOL_SOCKET, SO_TYPE, &type, &size) == 0 && type == SOCK_SEQPACKET;
 }
 
-/// One packet, with a descriptor unless that is -1. What the socket does not take is dropped: its
+/// One packet, with a descriptor unless that is -1. False when the socket does not take it: its
 /// client has left, or reads nothing.
-void send(int socket, const void* bytes, std::size_t size, int descriptor) {
+bool send(int socket, const void* bytes, std::size_t size, int descriptor) {
   iovec data{const_cast<void*>(bytes), size};
   alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof descriptor)> control{};
   msghdr message{};
@@ -46,21 +47,17 @@ void send(int socket, const void* bytes, std::size_t size, int descriptor) {
     header->cmsg_len = CMSG_LEN(sizeof descriptor);
     std::memcpy(CMSG_DATA(header), &descriptor, sizeof descriptor);
   }
-  if (::sendmsg(socket, &message, MSG_DONTWAIT | MSG_NOSIGNAL) != ssize_t(size))
-    ::shutdown(socket, SHUT_RDWR);
+  return ::sendmsg(socket, &message, MSG_DONTWAIT | MSG_NOSIGNAL) == ssize_t(size);
 }
 
 /// Larger ones go in a memfd, whose packet says how many bytes are in it.
-void send(int socket, const std::string& reply) {
+bool send(int socket, const std::string& reply) {
   if (reply.size() <= kPacketBytes) return send(socket, reply.data(), reply.size(), -1);
   const u64 size = reply.size();
   const auto memory = SealedMemory::create(size);
-  if (!memory) {
-    ::shutdown(socket, SHUT_RDWR);
-    return;
-  }
+  if (!memory) return false;
   std::memcpy(memory->bytes().data(), reply.data(), size);
-  send(socket, &size, sizeof size, memory->fd());
+  return send(socket, &size, sizeof size, memory->fd());
 }
 
 }  // namespace
@@ -90,7 +87,13 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
   }
   void close() { ::shutdown(socket_.get(), SHUT_RDWR); }
 
-  void progress(const Progress&) override {}
+  /// What there is no room for is left out.
+  void progress(const Progress& progress) override {
+    if (!call_.progress()) return;
+    v1::QuickReply reply;
+    *reply.mutable_progress() = to_proto(progress);
+    (void)send(socket_.get(), reply.SerializeAsString());
+  }
   void frame(std::shared_ptr<const Frame> frame) override {
     if (frame->final) frames_.push_back(std::move(frame));
   }
@@ -132,7 +135,6 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
   }
 
   void render() {
-    frames_.clear();
     cutter_.emplace(daemon_.config.limits.chunk_bytes, session_, FrameCutter::Begun());
     if (auto started = start_render(); !started) finish(started);
   }
@@ -167,10 +169,18 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
                .seconds = took.count(),
                .sent_bytes = bytes.size()},
               hidden);
-    admitted_.reset();
-    reply_ = {};
+    forget();
     is_busy_ = false;
-    send(socket_.get(), bytes);
+    if (!send(socket_.get(), bytes)) close();
+  }
+  /// A session that asks nothing holds neither a scene nor memory for it.
+  void forget() {
+    admitted_.reset();
+    call_ = {};
+    reply_ = {};
+    cutter_.reset();
+    headers_.reset();
+    frames_ = {};
   }
 
   Daemon& daemon_;

@@ -22,8 +22,8 @@ class Asked:
         self.answered: list[bool] = []
         ask = QuickLine.ask
 
-        def spy(line, call):
-            reply = ask(line, call)
+        def spy(line, call, on_progress=None):
+            reply = ask(line, call, on_progress)
             self.answered.append(reply is not None)
             return reply
 
@@ -100,9 +100,42 @@ def test_what_is_large_or_watched_goes_by_grpc(scene, asked):
             overlay.entity(f"b{k}", transform=hg.Pose((k * 1e-3, 0, 0)))
     scene.render("cam", planes=["depth"], overlay=overlay)
     scene.render("cam", planes=["depth"], timeout=20)
-    scene.render("cam", planes=["depth"], progress=lambda progress: None)
     scene.render("cam", spp=2, on_pass=lambda frame: None)
     assert asked.answered == []
+
+
+def test_progress_is_told(scene, asked):
+    told = []
+    frame = scene.render("cam", seconds=0.5, spp=1 << 20, progress=told.append)
+    assert asked.answered == [True]
+    assert len(told) > 2 and all(isinstance(each, hg.Progress) for each in told)
+    assert [each.done for each in told] == sorted(each.done for each in told)
+    assert told[-1].rays_per_second > 0 and frame["beauty"].shape == (240, 320, 4)
+    with pytest.raises(ZeroDivisionError):
+        scene.render("cam", seconds=60, spp=1 << 20, progress=lambda each: 1 / 0)
+    assert scene.render("cam", planes=["depth"])["depth"].shape == (240, 320)
+    assert asked.answered[-1]
+
+
+def test_closing_the_client_ends_a_call_of_another_thread():
+    with hg.connect() as client:
+        scene, ended = client.create_scene(), []
+        with scene.edit() as edit:
+            edit.entity("cam", camera=LENS)
+            edit.dome(color=(1, 1, 1))
+
+        def work():
+            try:
+                scene.render("cam", seconds=60, spp=1 << 20)
+            except hg.Unavailable as error:
+                ended.append(error)
+
+        thread = threading.Thread(target=work)
+        thread.start()
+        time.sleep(0.3)
+        client.close()
+        thread.join(10)
+        assert len(ended) == 1
 
 
 def test_threads_share_a_session(scene, asked):

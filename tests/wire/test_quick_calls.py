@@ -293,3 +293,22 @@ def test_a_frame_of_a_job_that_ends_with_time(client, line):
     reply = line.ask(render=asked)
     assert reply.code == 0 and 0.15 < time.monotonic() - start < 5
     assert isinstance(reply.parts[0], render_pb2.FramePart)
+
+
+def test_progress_comes_before_the_reply(client, line):
+    asked = request(setup(client), "BEAUTY", seconds=0.3, spp=1 << 20)
+    line.socket.send(service.QuickCall(render=asked, progress=True).SerializeToString())
+    replies = [service.QuickReply.FromString(line.socket.recv(PACKET))]
+    while replies[-1].HasField("progress"):
+        replies.append(service.QuickReply.FromString(line.socket.recv(PACKET)))
+    assert len(replies) > 2
+    assert len(collect(replies[-1].parts)) == 1
+
+
+def test_an_idle_socket_holds_no_scene(client, line):
+    """What the last frame was of is freed with its scene."""
+    scene = setup(client)
+    assert line.ask(render=request(scene, "DEPTH")).code == 0
+    held = client.call("GetServerInfo").used["tenant_entities"]
+    client.call("DeleteScene", scene=scene)
+    eventually(lambda: client.call("GetServerInfo").used["tenant_entities"] < held)

@@ -9,6 +9,7 @@ import platform
 import socket
 import threading
 import time
+from collections.abc import Callable
 from typing import Any
 
 import grpc
@@ -125,12 +126,14 @@ class Link:
         _check_api(self.server)
         self._session = (("heliograph-session", str(self.session)),)
 
-    def ask_quickly(self, call: service.QuickCall) -> service.QuickReply | None:
+    def ask_quickly(
+        self, call: service.QuickCall, on_progress: Callable[[Any], None] | None = None
+    ) -> service.QuickReply | None:
         """An Apply or Render by the shortest way; raises what refuses it. None: ask by gRPC."""
         if self.quick is None:
             return None
         call.token = self._access.bearer()
-        reply = self.quick.ask(call)
+        reply = self.quick.ask(call, on_progress)
         if reply is not None and reply.code:
             raise status_error(reply.code, reply.message, reply.detail)
         return reply
@@ -183,19 +186,19 @@ class Link:
         lifeline. Closing or freeing the channel here would hang, so it is made immortal."""
         for thing in (self.channel, self._calls, self._keep):
             ctypes.pythonapi.Py_IncRef(ctypes.py_object(thing))
-        self._close_sockets()
-
-    def close(self) -> None:
-        if self._keep is not None:
-            self._keep.cancel()
-        self._close_sockets()
-        self.channel.close()
-
-    def _close_sockets(self) -> None:
         if self.quick is not None:
             self.quick.close()
         if self._lifeline:
             self._lifeline.close()
+
+    def close(self) -> None:
+        if self._keep is not None:
+            self._keep.cancel()
+        if self.quick is not None:
+            self.quick.end()
+        if self._lifeline:
+            self._lifeline.close()
+        self.channel.close()
 
 
 def _serialize(message: Any) -> bytes:

@@ -32,6 +32,11 @@ class Meter:
         self._quiet_until = time.monotonic() + (0 if mode is True else _QUIET_SECONDS)
         self._bar: Any = None
 
+    @property
+    def is_on(self) -> bool:
+        """Whether it shows anything."""
+        return self._callback is not None or self._wanted
+
     def __enter__(self) -> Meter:
         return self
 

@@ -3,11 +3,13 @@ small frame half a millisecond that gRPC takes. Used by _link.py."""
 
 from __future__ import annotations
 
+import contextlib
 import os
 import socket
 import struct
 import threading
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import Any
 
 from ._proto import service_pb2 as service
 
@@ -39,36 +41,44 @@ class QuickLine:
         self._lock = threading.Lock()
         self._socket: socket.socket | None = None
 
-    def ask(self, call: service.QuickCall) -> service.QuickReply | None:
-        """The reply, which may be a refusal; None: it must go by gRPC. An exception in the middle,
-        such as KeyboardInterrupt, cancels the call."""
+    def ask(
+        self, call: service.QuickCall, on_progress: Callable[[Any], None] | None = None
+    ) -> service.QuickReply | None:
+        """The reply, which may be a refusal; None: it must go by gRPC. `on_progress` is told
+        v1.Progress. An exception in the middle, such as KeyboardInterrupt, cancels the call."""
+        call.progress = on_progress is not None
         if not self._lock.acquire(blocking=False):
             return None
         try:
             data = call.SerializeToString()
             if len(data) > _PACKET_BYTES:
                 return None
-            answer = self._exchange(data)
+            reply = self._exchange(data, on_progress)
         finally:
             self._lock.release()
-        if not answer:
-            return None
-        reply = service.QuickReply.FromString(answer)
-        return None if reply.code in _ELSEWHERE else reply
+        return None if reply is None or reply.code in _ELSEWHERE else reply
 
-    def _exchange(self, data: bytes) -> bytes:
-        """The reply to a packet; empty where the daemon is gone, or closed the socket."""
-        answer = b""
+    def _exchange(
+        self, data: bytes, on_progress: Callable[[Any], None] | None
+    ) -> service.QuickReply | None:
+        """What answers a packet; None where the daemon is gone, or closed the socket."""
+        last = None
         try:
             line = self._socket or self._open()
             line.send(data)
-            answer = _receive(line)
+            while answer := _receive(line):
+                reply = service.QuickReply.FromString(answer)
+                if not reply.HasField("progress"):
+                    last = reply
+                    return reply
+                if on_progress is not None:
+                    on_progress(reply.progress)
         except OSError:
             pass
         finally:
-            if not answer:
+            if last is None:
                 self.close()
-        return answer
+        return None
 
     def _open(self) -> socket.socket:
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -77,11 +87,19 @@ class QuickLine:
         self._socket = ours
         return ours
 
+    def end(self) -> None:
+        """From any thread: a call that is under way is cancelled."""
+        line = self._socket
+        if line is not None:
+            with contextlib.suppress(OSError):
+                line.shutdown(socket.SHUT_RDWR)
+        self.close()
+
     def close(self) -> None:
-        """A call that is under way is cancelled. The next one opens another socket."""
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
+        """Gives up this process's end. The next call opens another socket."""
+        line, self._socket = self._socket, None
+        if line is not None:
+            line.close()
 
 
 def _receive(line: socket.socket) -> bytes:

@@ -10,7 +10,7 @@ import numpy as np
 
 from . import _cuda
 from ._assembly import Assembly, frames_of
-from ._progress import Meter, Progress, is_watched
+from ._progress import Meter, Progress
 from ._proto import render_pb2 as render_pb
 from ._proto import service_pb2 as service
 from ._proto import types_pb2 as types
@@ -96,7 +96,9 @@ def run(scene: Scene, request: render_pb.RenderRequest, options: Options) -> lis
     connection = scene.client.connection
     if _is_quick(request, options):
         link = connection.link
-        reply = link.ask_quickly(service.QuickCall(render=request))
+        with Meter(options.get("progress")) as meter:
+            on_progress = meter.update if meter.is_on else None
+            reply = link.ask_quickly(service.QuickCall(render=request), on_progress)
         if reply is not None:
             return frames_of(reply.parts, frame_count(request), link.shared)
     stream = connection.stream("Render", request, raw=True, timeout=options.get("timeout"))
@@ -116,11 +118,8 @@ def run(scene: Scene, request: render_pb.RenderRequest, options: Options) -> lis
 
 
 def _is_quick(request: render_pb.RenderRequest, options: Options) -> bool:
-    """Whether nobody looks at anything but the frames, and it is small."""
-    watched = ("on_start", "on_pass", "timeout", "progress")
-    if any(options.get(name) for name in watched):
-        return False
-    if options.get("progress") is None and is_watched():
+    """Whether it is small, and nobody asks for what gRPC alone has."""
+    if any(options.get(name) for name in ("on_start", "on_pass", "timeout")):
         return False
     return request.ByteSize() < QUICK_BYTES
 
