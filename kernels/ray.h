@@ -37,6 +37,25 @@ struct Ray {
   HoleKey holes;
 };
 
+/// Metres from the world's origin, along each axis, within which rays begin. Single precision has
+/// steps of 64 m there, and can still say where that is in the frame of an object of 1e-9 m.
+inline constexpr float kReach = 1e9f;
+/// The same in the frame of any object. Embree ends the process where a number of a ray, in
+/// whatever frame, is larger than 1.8e18 or none.
+inline constexpr float kFarthest = 1e18f;
+
+/// Whether a ray's numbers can be computed with; also false for what is no number. Tracers say that
+/// others meet nothing.
+///
+/// longest   of the direction, along each axis
+KERNEL bool is_sound(const Ray& ray, float reach = kReach, float longest = 2) {
+  const auto is_within = [](vec3 v, float most) {
+    return std::fabs(v.x) <= most && std::fabs(v.y) <= most && std::fabs(v.z) <= most;
+  };
+  return is_within(ray.origin, reach) && is_within(ray.direction, longest) &&
+         ray.t_max == ray.t_max;
+}
+
 /// instance == kNone: nothing was hit, t = +inf. u, v: weights of vertices 1 and 2.
 struct Hit {
   float t;

@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "kernels/distortion.h"
+#include "kernels/ray.h"
 #include "renderer/engine/image_camera.h"
 #include "renderer/engine/post.h"
 #include "renderer/engine/worlds.h"
@@ -28,6 +29,13 @@ Status check_camera(const RenderJob& job, EntityId id, const std::string& where)
   if (!entity->camera)
     return fail(Code::kFailedPrecondition, where,
                 fmt::format("'{}' has no camera; put one with camera=", job.snapshot->name_of(id)));
+  const vec3 eye = world_pose(*job.snapshot, id.index(), label_time(job))[3];
+  for (int axis = 0; axis < 3; ++axis)
+    if (!(std::abs(eye[axis]) <= kernels::kReach))
+      return fail(Code::kFailedPrecondition, where,
+                  fmt::format("'{}' is at {:g} {:g} {:g}; rays begin within {:g} m of the world's "
+                              "origin, along each axis",
+                              job.snapshot->name_of(id), eye.x, eye.y, eye.z, kernels::kReach));
   return {};
 }
 

@@ -150,10 +150,15 @@ void for_each_row(std::size_t rows, const Interrupt& interrupt, F&& f) {
 Expected<QueryResult> cast_rays(const QueryScene& scene, const CastRays& query,
                                 const Interrupt& interrupt) {
   const std::size_t rows = query.origins.size();
-  for (std::size_t i = 0; i < rows; ++i)
+  for (std::size_t i = 0; i < rows; ++i) {
     if (!(glm::dot(query.directions[i], query.directions[i]) > 0))
       return fail(Code::kInvalidArgument, fmt::format("cast_rays.directions[{}]", i),
                   "a direction must have a length above 0");
+    if (!kernels::is_sound({query.origins[i], {}, 0, 0, kProbe}))
+      return fail(Code::kInvalidArgument, fmt::format("cast_rays.origins[{}]", i),
+                  fmt::format("lies farther than {:g} m from the world's origin along an axis",
+                              kernels::kReach));
+  }
   const float t_max = query.t_max > 0 ? query.t_max : INFINITY;
   QueryResult result;
   if (query.any_hit) {

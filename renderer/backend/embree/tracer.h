@@ -22,6 +22,10 @@ struct TracedScene {
   }
 };
 
+/// Embree ends the process where a number of a ray, in whatever frame, is larger than 1.8e18 or
+/// none.
+inline constexpr float kFarthest = 1e18f;
+
 inline namespace HELIO_ISA {
 
 /// Thread: any. Lifetime: of the TracedScene's parts.
@@ -30,7 +34,7 @@ class EmbreeTracer {
   explicit EmbreeTracer(const TracedScene& scene) : scene_(scene) {}
 
   [[nodiscard]] kernels::Hit closest(const kernels::Ray& ray, kernels::u32 mask) const {
-    if (!scene_.top) return miss();
+    if (!scene_.top || !kernels::is_sound(ray)) return miss();
     RTCRayHit query{};
     fill(query.ray, ray, mask);
     query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
@@ -43,7 +47,7 @@ class EmbreeTracer {
   }
 
   [[nodiscard]] bool occluded(const kernels::Ray& ray, kernels::u32 mask) const {
-    if (!scene_.top) return false;
+    if (!scene_.top || !kernels::is_sound(ray)) return false;
     RTCRay query{};
     fill(query, ray, mask);
     Context context(scene_, ray, kernels::kNone);
@@ -58,6 +62,7 @@ class EmbreeTracer {
         kernels::pose_at(*scene_.view, view, ray.time).object_from_world;
     local.origin = object_from_world * kernels::vec4(ray.origin, 1);
     local.direction = kernels::mat3(object_from_world) * ray.direction;
+    if (!kernels::is_sound(local, kernels::kFarthest, kernels::kFarthest)) return miss();
     RTCRayHit query{};
     fill(query.ray, local, kernels::kNone);
     query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
@@ -70,6 +75,7 @@ class EmbreeTracer {
 
   /// Whether a ray of object space, its direction of any length, meets one instance alone.
   [[nodiscard]] bool meets(kernels::u32 instance, const kernels::Ray& ray_object) const {
+    if (!kernels::is_sound(ray_object, kernels::kFarthest, kernels::kFarthest)) return false;
     RTCRay query{};
     fill(query, ray_object, kernels::kNone);
     Context context(scene_, ray_object, instance);
