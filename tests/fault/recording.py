@@ -63,6 +63,7 @@ def main():
     with Report("recording") as report, tempfile.TemporaryDirectory(prefix="hg-") as folder:
         path = pathlib.Path(folder) / "cost.recording"
         with daemon() as plain, daemon("--record", str(path)) as recorded:
+            plain.connection.link.quick = None  # a recording has what comes by gRPC
             scenes = furnished(plain), furnished(recorded)
             for name, act, count, more in COSTS:
                 time.sleep(0.3)  # the writer has caught up

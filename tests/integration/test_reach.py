@@ -1,4 +1,4 @@
-"""Numbers that no ray can be computed with: they are refused, or meet nothing, and end no daemon."""
+"""Numbers that no ray can be computed with are refused, or meet nothing, and end no daemon."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ def scene(scene):
     with scene.edit() as edit:
         edit.mesh("sphere", **hg.shapes.sphere(1))
         edit.entity("ball", mesh="sphere", material=edit.material("grey"), label=1)
-        edit.entity("other", mesh="sphere", material="grey", transform=hg.Pose((0, 2.5, 0)), label=2)
+        edit.entity(
+            "other", mesh="sphere", material="grey", transform=hg.Pose((0, 2.5, 0)), label=2
+        )
         edit.entity("cam", camera=LENS, transform=hg.look_at((6, 0, 0), (0, 1, 0)))
         edit.dome(color=(1, 1, 1))
     return scene

@@ -29,7 +29,8 @@ struct FakeDevice {
   bool is_pending = false;                // work is on its way
   bool was_unmapped_early = false;
   int virtual_memory = 1;
-  int streams = 0;                                       // and stages
+  int streams = 0;  // and stages
+  int events = 0;
   std::map<void*, std::unique_ptr<std::byte[]>> pinned;  // goes with the context
 };
 FakeDevice* device = nullptr;
@@ -141,6 +142,18 @@ Driver fake_driver() {
   driver.release_pinned = [](void* at) {
     --device->streams;
     return Result(device->pinned.erase(at) != 1);
+  };
+  driver.create_event = [](EventHandle* event, unsigned flags) {
+    *event = reinterpret_cast<EventHandle>(9);
+    return Result(flags != 2 || ++device->events < 0);
+  };
+  driver.destroy_event = [](EventHandle) { return Result(--device->events < 0); };
+  driver.record_event = [](EventHandle event, StreamHandle stream) {
+    REQUIRE(stream == reinterpret_cast<StreamHandle>(7));
+    return Result(event != reinterpret_cast<EventHandle>(9));
+  };
+  driver.wait_for_event = [](EventHandle event) {
+    return Result(event != reinterpret_cast<EventHandle>(9));
   };
   driver.download = [](void* to, DevicePointer from, std::size_t bytes, StreamHandle stream) {
     if (allowed("download") != 0) return kRefused;
@@ -297,7 +310,7 @@ TEST_CASE("exports: what another process has written is read back") {
   source.reset();
   CHECK(stage.fake.streams == 2);
   memory.reset();  // the last that reads
-  CHECK((stage.fake.streams == 0 && stage.kept() == 0));
+  CHECK((stage.fake.streams == 0 && stage.fake.events == 0 && stage.kept() == 0));
 }
 
 TEST_CASE("exports: a device without virtual memory has none") {

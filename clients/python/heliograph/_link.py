@@ -26,6 +26,8 @@ API = 1  # the version of the contract, heliograph.vN, that this client speaks
 RETRY_SECONDS = 10.0  # how long an unreachable daemon is tried again
 _METHODS = service.DESCRIPTOR.services_by_name["Renderer"].methods_by_name
 _TICKET_BYTES = 16
+_UNAVAILABLE = grpc.StatusCode.UNAVAILABLE.value[0]
+_UNAUTHENTICATED = grpc.StatusCode.UNAUTHENTICATED.value[0]
 
 
 class Patience:
@@ -129,14 +131,18 @@ class Link:
     def ask_quickly(
         self, call: service.QuickCall, on_progress: Callable[[Any], None] | None = None
     ) -> service.QuickReply | None:
-        """An Apply or Render by the shortest way; raises what refuses it. None: ask by gRPC."""
+        """An Apply or Render by the shortest way; raises what refuses it. None: ask by gRPC, which
+        knows how to take a session up again, and how to wait with what is done once."""
         if self.quick is None:
             return None
         call.token = self._access.bearer()
         reply = self.quick.ask(call, on_progress)
-        if reply is not None and reply.code:
-            raise status_error(reply.code, reply.message, reply.detail)
-        return reply
+        if reply is None or not reply.code:
+            return reply
+        waits = call.HasField("apply") and reply.code == _UNAVAILABLE
+        if waits or reply.code == _UNAUTHENTICATED:
+            return None
+        raise status_error(reply.code, reply.message, reply.detail)
 
     @property
     def metadata(self) -> tuple[tuple[str, str], ...]:
