@@ -118,8 +118,8 @@ def run(scene: Scene, request: render_pb.RenderRequest, options: Options) -> lis
 
 
 def _is_quick(request: render_pb.RenderRequest, options: Options) -> bool:
-    """Whether it is small, and nobody asks for what gRPC alone has."""
-    if any(options.get(name) for name in ("on_start", "on_pass", "timeout")):
+    """Whether it is small, and nobody asks for what gRPC alone has: half planes travel as bytes."""
+    if any(options.get(name) for name in ("on_start", "on_pass", "timeout", "half")):
         return False
     return request.ByteSize() < QUICK_BYTES
 
