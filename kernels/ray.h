@@ -38,11 +38,11 @@ struct Ray {
 };
 
 /// Metres from the world's origin, along each axis, within which rays begin. Single precision has
-/// steps of 64 m there, and can still say where that is in the frame of an object of 1e-9 m.
-inline constexpr float kReach = 1e9f;
+/// steps of 8 m there, and can still say where that is in the frame of an object of 1e-10 m.
+inline constexpr float kReach = 1e8f;
 /// The same in the frame of any object. Embree ends the process where a number of a ray, in
-/// whatever frame, is larger than 1.8e18 or none.
-inline constexpr float kFarthest = 1e18f;
+/// whatever frame, is larger than 1.84e18 or none.
+inline constexpr float kFarthest = 1.8e18f;
 
 /// Whether a ray's numbers can be computed with; also false for what is no number. Tracers say that
 /// others meet nothing.

@@ -1,13 +1,11 @@
 // Poses to instances. Only what changed is made anew.
 #include "renderer/resident/placement.h"
-#include "kernels/motion.h"
 
 #include <algorithm>
 #include <cstring>
 #include <map>
 #include <numeric>
 
-#include "kernels/motion.h"
 #include "renderer/resident/parallel.h"
 #include "renderer/resident/placer.h"
 #include "renderer/scene/grid.h"
@@ -24,24 +22,11 @@ u32 ray_mask(const Entity& entity) {
   return mask & ~u32(kernels::kCameraRay);
 }
 
-/// Whether rays that begin within kernels::kReach are nowhere farther than kFarthest in the
-/// object's frame.
-bool is_within_reach(const mat4x3& object_from_world) {
-  for (int row = 0; row < 3; ++row) {
-    double most = std::abs(double(object_from_world[3][row]));
-    for (int axis = 0; axis < 3; ++axis)
-      most += std::abs(double(object_from_world[axis][row])) * double(kernels::kReach);
-    if (!(most < double(kernels::kFarthest))) return false;
-  }
-  return true;
-}
-
-/// Whether the pose has an inverse, and one within reach.
+/// Whether the pose has an inverse.
 bool usable_key(const kernels::MotionKey& key) {
   const float det = key.xx * key.yy * key.zz;
   const vec3& t = key.translation;
-  return std::isfinite(det) && det != 0 && std::isfinite(t.x + t.y + t.z) &&
-         is_within_reach(kernels::inverse_of(kernels::interpolate(key, key, 0)));
+  return std::isfinite(det) && det != 0 && std::isfinite(t.x + t.y + t.z);
 }
 
 /// Whether they are the same bits.
@@ -225,11 +210,9 @@ void Placer::place(kernels::InstanceView& view, u32 index) const {
     view.segments = u32(keys.size() - 1);
   }
   const mat4x3 world = made_->mesh_pose(index);
-  const mat4x3 object = usable_pose(world) ? inverse(world) : mat4x3(0);
-  const bool usable =
-      object != mat4x3(0) && is_within_reach(object) && std::ranges::all_of(keys, usable_key);
+  const bool usable = usable_pose(world) && std::ranges::all_of(keys, usable_key);
   view.world_from_object = usable ? world : mat4x3(1);
-  view.object_from_world = usable ? object : mat4x3(1);
+  view.object_from_world = usable ? inverse(world) : mat4x3(1);
   view.visibility = usable ? ray_mask(entity) : 0;
   if (glm::determinant(mat3(view.world_from_object)) < 0) view.flags |= kernels::kFlipped;
   if (entity.shadow_catcher) view.flags |= kernels::kCatcher;

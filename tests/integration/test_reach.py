@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 LENS = hg.Camera.from_fov(50, 48, 32, degrees=True)
-FAR = (1.1e9, 2e18, 1e25, 1e37)
+FAR = (1.1e8, 2e18, 1e25, 1e37)
 
 
 def scaled(x=1.0, y=1.0, z=1.0):
@@ -43,7 +43,7 @@ def test_a_camera_beyond_reach_is_refused(scene, far):
     ):
         with scene.overlay() as overlay:
             overlay_of(overlay)
-        with pytest.raises(hg.FailedPrecondition, match=r"within 1e\+09 m of") as error:
+        with pytest.raises(hg.FailedPrecondition, match=r"within 1e\+08 m of") as error:
             picture(scene, overlay=overlay)
         assert error.value.field == "cameras[0]"
     assert set(np.unique(picture(scene)["instance"])) == {0, 1, 2}
@@ -51,8 +51,8 @@ def test_a_camera_beyond_reach_is_refused(scene, far):
 
 def test_a_camera_within_reach_renders(scene):
     with scene.overlay() as overlay:
-        overlay.entity("cam", transform=hg.Pose((9e8, 0, 0)))
-        overlay.entity("ball", transform=hg.Pose((9e8, 0, -1e5), scale=3e4))
+        overlay.entity("cam", transform=hg.Pose((9e7, 0, 0)))
+        overlay.entity("ball", transform=hg.Pose((9e7, 0, -1e5), scale=3e4))
     assert (picture(scene, overlay=overlay)["instance"] == 1).any()
 
 
@@ -87,3 +87,12 @@ def test_parents_that_make_it_so(scene):
         edit.entity("smaller", parent="small", transform=scaled(1e-10, 1e-10, 1e-10))
         edit.entity("ball", parent="smaller")
     assert set(np.unique(picture(scene)["instance"])) == {0, 2}
+
+
+def test_what_is_small_is_seen_from_near(scene):
+    """The smallest that an edit may say."""
+    with scene.edit() as edit:
+        edit.entity("ball", transform=scaled(1.1e-10, 1.1e-10, 1.1e-10))
+        edit.entity("cam", transform=hg.look_at((6e-10, 0, 0), (0, 0, 0)))
+    frame = picture(scene)
+    assert (frame["instance"] == 1).sum() > 50
