@@ -9,6 +9,8 @@
 #include <array>
 #include <cstring>
 
+#include "server/packet.h"
+
 namespace heliograph::server {
 namespace {
 
@@ -132,21 +134,7 @@ bool Lifelines::tell(u64 session, const BufferWord& word, const SharedMemory* me
   if (line == lines_.end()) return false;
   std::array<iovec, 2> data{{{const_cast<BufferWord*>(&word), sizeof word}, {}}};
   if (device) data[1] = {const_cast<u8*>(device->data()), device->size()};
-  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof fd)> control{};
-  msghdr message{};
-  message.msg_iov = data.data();
-  message.msg_iovlen = device ? 2 : 1;
-  if (fd >= 0) {
-    message.msg_control = control.data();
-    message.msg_controllen = control.size();
-    cmsghdr* header = CMSG_FIRSTHDR(&message);
-    header->cmsg_level = SOL_SOCKET;
-    header->cmsg_type = SCM_RIGHTS;
-    header->cmsg_len = CMSG_LEN(sizeof fd);
-    std::memcpy(CMSG_DATA(header), &fd, sizeof fd);
-  }
-  const ssize_t size = ssize_t(data[0].iov_len + data[1].iov_len);
-  return ::sendmsg(line->first, &message, MSG_DONTWAIT | MSG_NOSIGNAL) == size;
+  return send_packet(line->first, std::span(data).first(device ? 2 : 1), fd);
 }
 
 Status Lifelines::bind(const std::string& ticket, u64 session) {

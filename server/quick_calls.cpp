@@ -12,6 +12,7 @@
 #include "server/convert/frame.h"
 #include "server/convert/transaction.h"
 #include "server/edit_calls.h"
+#include "server/packet.h"
 #include "server/render_task.h"
 
 namespace heliograph::server {
@@ -30,24 +31,9 @@ bool is_packet_socket(int fd) {
          ::getsockopt(fd, SOL_SOCKET, SO_TYPE, &type, &size) == 0 && type == SOCK_SEQPACKET;
 }
 
-/// One packet, with a descriptor unless that is -1. False when the socket does not take it: its
-/// client has left, or reads nothing.
 bool send(int socket, const void* bytes, std::size_t size, int descriptor) {
-  iovec data{const_cast<void*>(bytes), size};
-  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof descriptor)> control{};
-  msghdr message{};
-  message.msg_iov = &data;
-  message.msg_iovlen = 1;
-  if (descriptor >= 0) {
-    message.msg_control = control.data();
-    message.msg_controllen = control.size();
-    cmsghdr* header = CMSG_FIRSTHDR(&message);
-    header->cmsg_level = SOL_SOCKET;
-    header->cmsg_type = SCM_RIGHTS;
-    header->cmsg_len = CMSG_LEN(sizeof descriptor);
-    std::memcpy(CMSG_DATA(header), &descriptor, sizeof descriptor);
-  }
-  return ::sendmsg(socket, &message, MSG_DONTWAIT | MSG_NOSIGNAL) == ssize_t(size);
+  iovec piece{const_cast<void*>(bytes), size};
+  return send_packet(socket, std::span(&piece, 1), descriptor);
 }
 
 /// Larger ones go in a memfd, whose packet says how many bytes are in it.

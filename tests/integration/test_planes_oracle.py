@@ -78,6 +78,9 @@ def test_geometry(pair):
         ("position", truth.position),
         ("position_camera", camera),
     ]:
+        np.testing.assert_allclose(
+            flat(frame, name)[sure], value[sure], rtol=2e-5, atol=2e-5, err_msg=name
+        )
         error = np.linalg.norm(flat(frame, name)[sure] - value[sure], axis=1)
         assert (error <= room).all(), (name, (error / room).max())
     np.testing.assert_allclose(flat(frame, "geometric_normal")[sure], normal[sure], atol=1e-6)
