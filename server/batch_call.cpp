@@ -95,6 +95,7 @@ Status BatchCall::take(v1::RenderBatchRequest request) {
   HELIO_TRY(check_own_fields(request));
   const Limits& limits = daemon_.config.limits;
   const std::lock_guard lock(mutex_);
+  if (result_) return {};  // nobody answers it; an item kept here would keep the call
   u64 credits = request.credits();
   if (window_ == 0 && credits == 0) credits = kDefaultCredits;
   HELIO_TRY(check_credits(credits + credits_ + outstanding(), limits));

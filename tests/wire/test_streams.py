@@ -129,6 +129,16 @@ def test_more_than_may_wait_ends_the_call(start):
     client.close()
 
 
+def test_a_batch_that_is_cancelled_while_it_sends_is_gone(client, scene):
+    """An item that came after the call's end kept the call, and its session, for good."""
+    for after in range(150):
+        items = (item(scene, tag) for tag in range(1000))
+        batch = client.call("RenderBatch", items)
+        time.sleep(after * 2e-5)
+        batch.cancel()
+    eventually(lambda: client.call("GetServerInfo").used["tenant_streams"] == 0)
+
+
 def test_a_frame_waits_for_its_credit(client, converse, scene):
     stream = converse("Stream")
     stream.send(service.StreamRequest(settings=request(scene, "DEPTH"), credits=1))
