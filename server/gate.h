@@ -19,7 +19,7 @@ class Call {
   Call(Call&&) = default;
   Call& operator=(Call&&) = delete;
   ~Call() {
-    if (session_) session_->end_call();
+    if (session_ && !is_answered_) session_->end_call();
     if (active_) --*active_;
   }
 
@@ -27,6 +27,12 @@ class Call {
   [[nodiscard]] const TenantPtr& tenant() const { return tenant_; }
   /// Never null where the call needs a session; one of the tenant's.
   [[nodiscard]] const std::shared_ptr<Session>& session() const { return session_; }
+  /// Its answer is about to go, after which the session may make another in its place; at most
+  /// once.
+  void answered() {
+    if (session_) session_->end_call();
+    is_answered_ = true;
+  }
 
  private:
   friend class Gate;
@@ -39,6 +45,7 @@ class Call {
   TenantPtr tenant_;
   std::shared_ptr<Session> session_;
   std::shared_ptr<std::atomic<u32>> active_;
+  bool is_answered_ = false;
 };
 
 /// What a call needs to be let in.

@@ -70,7 +70,10 @@ class UnaryCall final : public grpc::ServerUnaryReactor {
   /// Stops when the client cancels, its deadline passes or its connection ends.
   [[nodiscard]] std::stop_token stop() const { return stop_.get_token(); }
 
-  void finish(const Status& status) { Finish(to_status(status, context_)); }
+  void finish(const Status& status) {
+    call_.answered();
+    Finish(to_status(status, context_));
+  }
   /// Posts work that finishes the call; a full pool does too.
   void post(WorkPool& pool, WorkPool::Task task) {
     if (auto posted = pool.post(std::move(task)); !posted) finish(posted);

@@ -1,5 +1,6 @@
 """Sessions: how they open, what carries them, and what their end frees."""
 
+import concurrent.futures
 import os
 import subprocess
 import sys
@@ -145,3 +146,17 @@ def test_an_unknown_field_is_refused_with_its_path(client):
         client.call("CreateScene", message)
     assert error.value.code() == grpc.StatusCode.UNIMPLEMENTED
     assert "127" in error.value.details()
+
+
+def test_as_many_callers_as_calls_are_allowed_are_never_refused(start):
+    client = Client(start(limits={"calls_per_session": 2}))
+    scene = client.create()
+
+    def call_often():
+        for _ in range(1000):
+            client.call("DescribeScene", scene=scene)
+
+    with concurrent.futures.ThreadPoolExecutor(2) as pool:
+        for caller in [pool.submit(call_often) for _ in range(2)]:
+            caller.result()
+    client.close()
