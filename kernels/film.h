@@ -14,6 +14,11 @@ inline constexpr u32 kBlock = 16;
 /// The side of a tile of pixels. Tiles are in row-major order; the last of a row or column are cut.
 inline constexpr u32 kTileSide = 16;
 inline constexpr u32 kTilePixels = kTileSide * kTileSide;
+// Pixels whose camera rays a CPU traces together, sample by sample: the same ones however a picture
+// is cut into work, as a tracer may answer one of some million rays otherwise in other company.
+inline constexpr u32 kPatchWidth = 4, kPatchHeight = 2;
+inline constexpr u32 kPatchPixels = kPatchWidth * kPatchHeight;
+static_assert(kTileSide % kPatchWidth == 0 && kTileSide % kPatchHeight == 0);
 
 /// The pixels [x0, x1) x [y0, y1).
 struct PixelRect {

@@ -5,6 +5,8 @@
 // Tested: tests/unit/lockstep_test.cpp, against render_pixel().
 #pragma once
 
+#include <new>
+
 #include "kernels/later.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
@@ -34,33 +36,40 @@ class Lockstep {
 
   [[nodiscard]] bool is_full() const {
     // Light groups add up in the film, path by path.
-    return count_ == (wants(film_, Plane::BEAUTY_GROUP) ? 1 : kPaths);
+    return count_ > 0 && (wants(film_, Plane::BEAUTY_GROUP) || count_ + kPatchPixels > kPaths);
   }
 
-  void begin(u32 x, u32 y, u32 sample) {
-    Item& item = items_[count_];
-    item.key = pixel_key(settings_.seed, x, y);
-    item.pixel = u64(y) * film_.width + x;
-    item.sample = sample;
-    item.time = path_time(camera_.shutter, Sampler(item.key, sample), y);
-    const CameraAt now(camera_, item.time);
-    static_cast<SampleHead&>(item.values) = {};
-    item.path = begin_sample(context(item, now.camera()), x, y, item.values);
-    if (item.path.ray.t_max > 0) active_[active_count_++] = count_;
-    ++count_;
+  /// Begins a sample of each pixel of a patch. Their camera rays are traced together.
+  void begin(const PixelRect& patch, u32 sample) {
+    const u32 first = count_, first_active = active_count_;
+    for (u32 y = patch.y0; y < patch.y1; ++y)
+      for (u32 x = patch.x0; x < patch.x1; ++x) add(x, y, sample);
+    for (u32 i = first; i < count_; ++i) listed_[i - first] = i;
+    draw(count_ - first, 1, [](const Item&) -> u32 { return kFilterPair; });
+    CameraRays rays;
+    for (u32 i = first; i < count_; ++i) {
+      Item& item = items_[i];
+      set_out_from_camera(item);
+      if (!(item.path.ray.t_max > 0)) continue;
+      item.reach = set_out(context(item), item.path);
+      rays.add(item.path.ray, item.hit);
+      active_[active_count_++] = i;
+    }
+    closest(tracer_, rays);
+    meet(first_active);
   }
 
   /// Traces them to their ends. Returns the rays traced.
   u32 run() {
     while (active_count_ > 0) {
-      trace();
       arrive();
       shine();
+      trace();
     }
     u32 rays = 0;
     for (u32 i = 0; i < count_; ++i) {
       const Item& item = items_[i];
-      write_sample(film_, item.pixel, item.values, (item.sample + 1) % kBlock == 0);
+      write_sample(film_, pixel_of(item), item.values, (item.sample + 1) % kBlock == 0);
       rays += item.values.rays;
     }
     count_ = 0;
@@ -72,9 +81,11 @@ class Lockstep {
 
   struct Item {
     u64 key;
-    u64 pixel;
+    u32 x, y;
     u32 sample;
     float time;
+    Sampler sampler{0, 0};
+    DrawnPairs numbers;
     Path path;
     Reach reach;
     Hit hit;
@@ -82,23 +93,68 @@ class Lockstep {
     LaterLight light;
   };
 
+  [[nodiscard]] u64 pixel_of(const Item& item) const { return u64(item.y) * film_.width + item.x; }
+
   /// camera: as it is at the item's time; means nothing to a path on its way.
   PathContext<T> context(const Item& item, const CameraView& camera) const {
-    return {scene_,    camera,    settings_, tracer_, film_, Sampler(item.key, item.sample),
-            item.time, item.pixel};
+    return {scene_, camera, settings_, tracer_, film_, item.sampler, item.time, pixel_of(item)};
+  }
+  PathContext<T> context(const Item& item) const { return context(item, camera_); }
+
+  void add(u32 x, u32 y, u32 sample) {
+    Item& item = items_[count_++];
+    item.key = pixel_key(settings_.seed, x, y);
+    item.x = x;
+    item.y = y;
+    item.sample = sample;
+    item.sampler = Sampler(item.key, sample, &item.numbers);
+    static_cast<SampleHead&>(item.values) = {};
+  }
+
+  /// Draws `pairs` pairs, from first(item) on, for the first `count` of listed_.
+  template <class First>
+  void draw(u32 count, u32 pairs, const First& first) {
+    constexpr u32 kLanes = SamplerLanes::kLanes;
+    for (u32 begin = 0; begin < count; begin += kLanes) {
+      SamplerLanes lanes;
+      for (u32 i = 0; i < kLanes; ++i) {
+        Item& item = items_[listed_[min2(begin + i, count - 1)]];
+        lanes.pixel_key[i] = item.key;
+        lanes.sample[i] = item.sample;
+        lanes.first[i] = first(item);
+        lanes.to[i] = &item.numbers;
+      }
+      kernels::draw(lanes, pairs);
+    }
+  }
+
+  void set_out_from_camera(Item& item) {
+    item.time = path_time(camera_.shutter, item.sampler, item.y);
+    const CameraAt now(camera_, item.time);
+    new (&item.path) Path(begin_sample(context(item, now.camera()), item.x, item.y, item.values));
   }
 
   void trace() {
     for (u32 i = 0; i < active_count_; ++i) {
       Item& item = items_[active_[i]];
-      item.reach = set_out(context(item, camera_), item.path);
+      item.reach = set_out(context(item), item.path);
       item.hit = tracer_.closest(item.path.ray, item.path.mask);
-      if (item.hit.instance != kNone) prefetch_triangle(scene_, item.hit);
     }
-    for (u32 i = 0; i < active_count_; ++i) {
-      const Hit& hit = items_[active_[i]].hit;
-      if (hit.instance != kNone) prefetch_corners(scene_, hit);
+    meet(0);
+  }
+  /// The rays of active_, from `first` on, have met something, or nothing: asks for what is needed
+  /// where they did.
+  void meet(u32 first) {
+    u32 met = 0;
+    for (u32 i = first; i < active_count_; ++i) {
+      Item& item = items_[active_[i]];
+      item.numbers.count = 0;
+      if (item.hit.instance == kNone) continue;
+      prefetch_triangle(scene_, item.hit);
+      listed_[met++] = active_[i];
     }
+    for (u32 i = 0; i < met; ++i) prefetch_corners(scene_, items_[listed_[i]].hit);
+    draw(met, kVertexPairs, [](const Item& item) { return vertex_pair(item.path, 0); });
   }
 
   /// Those that go on stay active; those whose light waits are lit_.
@@ -107,7 +163,7 @@ class Lockstep {
     lit_count_ = 0;
     for (u32 i = 0; i < active_count_; ++i) {
       Item& item = items_[active_[i]];
-      const PathContext<T> c = context(item, camera_);
+      const PathContext<T> c = context(item);
       item.light.ray.t_max = 0;
       const auto take_light = [&](const Path& path, const Vertex& v) {
         sample_light_later(c, path, v, item.values, item.light);
@@ -124,7 +180,7 @@ class Lockstep {
     for (u32 i = 0; i < lit_count_; ++i) {
       Item& item = items_[lit_[i]];
       if (tracer_.occluded(item.light.ray, kShadowRay)) continue;
-      collect(context(item, camera_), item.values, item.light.light, item.light.route);
+      collect(context(item), item.values, item.light.light, item.light.route);
     }
   }
 
@@ -136,21 +192,23 @@ class Lockstep {
   Item items_[kPaths];
   u32 active_[kPaths];  // items on their way
   u32 lit_[kPaths];
+  u32 listed_[kPaths];  // items that numbers are drawn for
   u32 count_ = 0, active_count_ = 0, lit_count_ = 0;
 };
 
-/// Adds samples [first_sample, first_sample + sample_count) of the pixels of a rectangle to the
-/// film; returns rays traced.
+/// Adds samples [first_sample, first_sample + sample_count) of the pixels of a rectangle, whose
+/// corner is that of a patch, to the film; returns rays traced.
 template <Tracer T>
 KERNEL u64 render_rect(const SceneView& scene, const CameraView& camera, const Settings& settings,
                        const T& tracer, const FilmView& film, const PixelRect& rect,
                        u32 first_sample, u32 sample_count) {
   Lockstep<T> paths(scene, camera, settings, tracer, film);
   u64 rays = 0;
-  for (u32 y = rect.y0; y < rect.y1; ++y) {
-    for (u32 x = rect.x0; x < rect.x1; ++x) {
+  for (u32 y = rect.y0; y < rect.y1; y += kPatchHeight) {
+    for (u32 x = rect.x0; x < rect.x1; x += kPatchWidth) {
+      const PixelRect patch{x, y, min2(x + kPatchWidth, rect.x1), min2(y + kPatchHeight, rect.y1)};
       for (u32 i = first_sample; i < first_sample + sample_count; ++i) {
-        paths.begin(x, y, i);
+        paths.begin(patch, i);
         if (paths.is_full()) rays += paths.run();
       }
     }

@@ -78,8 +78,8 @@ HELIO_CALL KERNEL MaterialValues evaluate_material(const SceneView& scene,
   MaterialValues values = material.constant;
   if ((material.textured & wanted) == 0) return values;
   u32 use = material.first_use;
-  for (u32 i = 0; i < u32(ParameterBit::kCount); ++i) {
-    if (!(material.textured >> i & 1)) continue;
+  for (u32 left = material.textured; left != 0; left &= left - 1) {
+    const u32 i = lowest_bit(left);
     const TextureUseView& view = scene.texture_uses[use++];
     if (!(wanted >> i & 1)) continue;
     const bool at_point = (kEmissionBits | kAlphaBit) >> i & 1;

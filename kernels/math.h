@@ -16,6 +16,14 @@ template <class T>
 KERNEL T max2(T a, T b) {
   return a > b ? a : b;
 }
+/// Of a word that is not 0.
+KERNEL u32 lowest_bit(u32 bits) {
+#if defined(__CUDA_ARCH__)
+  return u32(__ffs(i32(bits))) - 1;
+#else
+  return u32(__builtin_ctz(bits));
+#endif
+}
 KERNEL float max_component(vec3 v) { return max2(v.x, max2(v.y, v.z)); }
 KERNEL float min_component(vec3 v) { return min2(v.x, min2(v.y, v.z)); }
 KERNEL bool is_black(vec3 v) { return v.x == 0 && v.y == 0 && v.z == 0; }

@@ -50,10 +50,10 @@ inline constexpr float kFarthest = 1.8e18f;
 /// longest   of the direction, along each axis
 KERNEL bool is_sound(const Ray& ray, float reach = kReach, float longest = 2) {
   const auto is_within = [](vec3 v, float most) {
-    return std::fabs(v.x) <= most && std::fabs(v.y) <= most && std::fabs(v.z) <= most;
+    return (std::fabs(v.x) <= most) & (std::fabs(v.y) <= most) & (std::fabs(v.z) <= most);
   };
-  return is_within(ray.origin, reach) && is_within(ray.direction, longest) &&
-         ray.t_max == ray.t_max;
+  return is_within(ray.origin, reach) & is_within(ray.direction, longest) &
+         (ray.t_max == ray.t_max);
 }
 
 /// instance == kNone: nothing was hit, t = +inf. u, v: weights of vertices 1 and 2.
@@ -62,6 +62,18 @@ struct Hit {
   u32 instance;
   u32 primitive;
   float u, v;
+};
+
+/// Rays of a camera through the pixels of a patch, and what they meet.
+struct CameraRays {
+  static constexpr u32 kMost = 8;
+  const Ray* ray[kMost];
+  Hit* hit[kMost];
+  u32 count = 0;
+  KERNEL void add(const Ray& next, Hit& met) {
+    ray[count] = &next;
+    hit[count++] = &met;
+  }
 };
 
 /// A backend is who answers rays.
@@ -75,5 +87,15 @@ concept Tracer = requires(const T& tracer, const Ray& ray, u32 mask, u32 instanc
   { tracer.occluded(ray, mask) } -> std::same_as<bool>;
   { tracer.closest_in(instance, ray) } -> std::same_as<Hit>;
 };
+
+/// Traces camera rays, together if the backend can.
+template <Tracer T>
+KERNEL void closest(const T& tracer, const CameraRays& rays) {
+  if constexpr (requires { tracer.closest(rays); }) {
+    tracer.closest(rays);
+  } else {
+    for (u32 i = 0; i < rays.count; ++i) *rays.hit[i] = tracer.closest(*rays.ray[i], kCameraRay);
+  }
+}
 
 }  // namespace heliograph::kernels

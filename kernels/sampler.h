@@ -43,29 +43,55 @@ KERNEL u32 reversed_sobol1(u32 i) {
   return i ^ ((i & 0xaaaaaaaau) >> 1);
 }
 
+/// What scrambles a pair of dimensions.
+struct PairSeeds {
+  u32 shuffle, x, y;
+};
+KERNEL PairSeeds pair_seeds(u64 pixel_key, u32 pair) {
+  const u64 bits = hash64(pixel_key + pair * 0x9e3779b97f4a7c15ull);
+  return {u32(bits), u32(bits >> 32), u32((bits * 0xd6e8feb86659fd93ull) >> 32)};
+}
+KERNEL u32 shuffled_index(const PairSeeds& seeds, u32 reversed_index) {
+  return reverse_bits(owen_hash(reversed_index, seeds.shuffle));
+}
+KERNEL float first_of(const PairSeeds& seeds, u32 index) {
+  return unit_float(reverse_bits(owen_hash(index, seeds.x)));
+}
+KERNEL float second_of(const PairSeeds& seeds, u32 index) {
+  return unit_float(reverse_bits(owen_hash(reversed_sobol1(index), seeds.y)));
+}
+
+/// Successive pairs of a sampler that were drawn with those of others, see draw().
+struct DrawnPairs {
+  static constexpr u32 kMost = 4;
+  u32 first;
+  u32 count = 0;
+  vec2 of[kMost];
+};
+
 /// The random numbers of one sample of one pixel.
 ///
 /// Source: Burley 2020, "Practical Hash-based Owen Scrambling", JCGT 9(4).
 /// Tested: tests/unit/sampler_test.cpp.
 class Sampler {
  public:
-  KERNEL Sampler(u64 pixel_key, u32 sample)
-      : key_(pixel_key), reversed_index_(reverse_bits(sample)) {}
+  /// drawn   some of its pairs, which outlive it; null: none
+  KERNEL Sampler(u64 pixel_key, u32 sample, const DrawnPairs* drawn = nullptr)
+      : key_(pixel_key), drawn_(drawn), reversed_index_(reverse_bits(sample)) {}
 
   /// Two numbers in [0, 1): over the samples of a pixel each pair is a scrambled (0, 2)-sequence,
   /// independent of the other pairs.
   KERNEL vec2 get2(u32 pair) const {
-    const u64 bits = seed(pair);
-    const u32 index = shuffled_index(u32(bits));
-    const u32 x = reverse_bits(owen_hash(index, u32(bits >> 32)));
-    const u32 y = reverse_bits(owen_hash(reversed_sobol1(index), u32(hash_y(bits))));
-    return vec2(unit_float(x), unit_float(y));
+    if (is_drawn(pair)) return drawn_->of[pair - drawn_->first];
+    const PairSeeds seeds = pair_seeds(key_, pair);
+    const u32 index = shuffled_index(seeds, reversed_index_);
+    return vec2(first_of(seeds, index), second_of(seeds, index));
   }
   /// The first number of the pair alone.
   KERNEL float get1(u32 pair) const {
-    const u64 bits = seed(pair);
-    const u32 index = shuffled_index(u32(bits));
-    return unit_float(reverse_bits(owen_hash(index, u32(bits >> 32))));
+    if (is_drawn(pair)) return drawn_->of[pair - drawn_->first].x;
+    const PairSeeds seeds = pair_seeds(key_, pair);
+    return first_of(seeds, shuffled_index(seeds, reversed_index_));
   }
   /// A seed for random choices that need no stratification.
   KERNEL u32 hash_of(u32 number) const {
@@ -73,15 +99,48 @@ class Sampler {
   }
 
  private:
-  KERNEL u64 seed(u32 pair) const { return hash64(key_ + pair * 0x9e3779b97f4a7c15ull); }
-  KERNEL u32 shuffled_index(u32 seed) const {
-    return reverse_bits(owen_hash(reversed_index_, seed));
+  [[nodiscard]] KERNEL bool is_drawn(u32 pair) const {
+    return drawn_ && pair - drawn_->first < drawn_->count;
   }
-  static KERNEL u64 hash_y(u64 bits) { return (bits * 0xd6e8feb86659fd93ull) >> 32; }
 
   u64 key_;
+  const DrawnPairs* drawn_;
   u32 reversed_index_;
 };
+
+/// Samplers side by side, whose pairs a CPU draws in the lanes of its vectors.
+struct SamplerLanes {
+  static constexpr u32 kLanes = 8;
+  u64 pixel_key[kLanes];
+  u32 sample[kLanes];
+  u32 first[kLanes];  // pair
+  DrawnPairs* to[kLanes];
+};
+/// Draws pairs [first, first + count) of each.
+KERNEL void draw(const SamplerLanes& lanes, u32 count) {
+  constexpr u32 kLanes = SamplerLanes::kLanes;
+  u32 reversed[kLanes];
+  for (u32 i = 0; i < kLanes; ++i) reversed[i] = reverse_bits(lanes.sample[i]);
+  for (u32 k = 0; k < count; ++k) {
+    u32 shuffle[kLanes], seed_x[kLanes], seed_y[kLanes];
+    for (u32 i = 0; i < kLanes; ++i) {
+      const PairSeeds seeds = pair_seeds(lanes.pixel_key[i], lanes.first[i] + k);
+      shuffle[i] = seeds.shuffle, seed_x[i] = seeds.x, seed_y[i] = seeds.y;
+    }
+    float x[kLanes], y[kLanes];
+    for (u32 i = 0; i < kLanes; ++i) {
+      const PairSeeds seeds{shuffle[i], seed_x[i], seed_y[i]};
+      const u32 index = shuffled_index(seeds, reversed[i]);
+      x[i] = first_of(seeds, index);
+      y[i] = second_of(seeds, index);
+    }
+    for (u32 i = 0; i < kLanes; ++i) lanes.to[i]->of[k] = vec2(x[i], y[i]);
+  }
+  for (u32 i = 0; i < kLanes; ++i) {
+    lanes.to[i]->first = lanes.first[i];
+    lanes.to[i]->count = count;
+  }
+}
 
 /// What a pixel's random numbers start from.
 KERNEL u64 pixel_key(u64 seed, u32 x, u32 y) { return hash64(hash64(seed) + (u64(y) << 32 | x)); }

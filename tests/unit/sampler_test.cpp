@@ -33,6 +33,29 @@ TEST_CASE("sampler: the first of a pair alone is the same number") {
   }
 }
 
+TEST_CASE("sampler: pairs that are drawn side by side are the same numbers") {
+  SamplerLanes lanes;
+  DrawnPairs drawn[SamplerLanes::kLanes];
+  for (u32 i = 0; i < SamplerLanes::kLanes; ++i) {
+    lanes.pixel_key[i] = pixel_key(7, i, 3 * i);
+    lanes.sample[i] = 1000 * i;
+    lanes.first[i] = 1 + 4 * i;
+    lanes.to[i] = &drawn[i];
+  }
+  for (u32 count : {1u, DrawnPairs::kMost}) {
+    draw(lanes, count);
+    for (u32 i = 0; i < SamplerLanes::kLanes; ++i) {
+      const Sampler alone(lanes.pixel_key[i], lanes.sample[i]);
+      const Sampler sampler(lanes.pixel_key[i], lanes.sample[i], &drawn[i]);
+      for (u32 k = 0; k < count; ++k) CHECK(drawn[i].of[k] == alone.get2(lanes.first[i] + k));
+      for (u32 pair = lanes.first[i] - 1; pair <= lanes.first[i] + DrawnPairs::kMost; ++pair) {
+        CHECK(sampler.get2(pair) == alone.get2(pair));
+        CHECK(sampler.get1(pair) == alone.get1(pair));
+      }
+    }
+  }
+}
+
 TEST_CASE("sampler: over pixels numbers are uniform and pairs independent (chi-squared, 1e-6)") {
   for (u32 sample : {0u, 1u, 5u, 300u}) {
     u32 pixel = 0;

@@ -14,10 +14,10 @@
 namespace heliograph::embree {
 namespace {
 
-// Samples of a task, a square piece of a tile: enough to run side by side, and few, as threads wait
-// for each other at the end of a slice.
+// Samples of a task, a piece of a tile: enough to run side by side, and few, as threads wait for
+// each other at the end of a slice.
 constexpr u32 kPieceSamples = 512;
-constexpr u32 kLargestPiece = 8;  // pixels wide
+constexpr u32 kLargestPiece = 64;  // pixels
 
 /// Denormals are zero while it lives: Embree asks for it on every thread that traces.
 class FlushDenormals {
@@ -43,20 +43,25 @@ const char* widest_isa() {
   return "SSE4.2";
 }
 
-/// Pixels, of a piece's width.
-u32 piece_side(u32 samples) {
-  u32 side = 1;
-  while (side < kLargestPiece && side * side * samples < kPieceSamples) side *= 2;
-  return side;
-}
+/// How tiles are cut into pieces, which are whole patches.
+struct Pieces {
+  u32 width = kernels::kPatchWidth, height = kernels::kPatchHeight;  // pixels
 
-/// Empty where the image ends before it.
-PixelRect piece_of(const PixelRect& tile, u32 side, u32 piece) {
-  const u32 across = kernels::kTileSide / side;
-  const u32 x0 = tile.x0 + piece % across * side, y0 = tile.y0 + piece / across * side;
-  return {
-      .x0 = x0, .y0 = y0, .x1 = std::min(tile.x1, x0 + side), .y1 = std::min(tile.y1, y0 + side)};
-}
+  explicit Pieces(u32 samples) {
+    while (width * height < kLargestPiece && width * height * samples < kPieceSamples)
+      (width > height ? height : width) *= 2;
+  }
+  [[nodiscard]] u32 of_tile() const { return kernels::kTilePixels / (width * height); }
+  /// Empty where the image ends before it.
+  [[nodiscard]] PixelRect of(const PixelRect& tile, u32 index) const {
+    const u32 across = kernels::kTileSide / width;
+    const u32 x0 = tile.x0 + index % across * width, y0 = tile.y0 + index / across * height;
+    return {.x0 = x0,
+            .y0 = y0,
+            .x1 = std::min(tile.x1, x0 + width),
+            .y1 = std::min(tile.y1, y0 + height)};
+  }
+};
 
 RenderTask for_embree(const host::RenderTask& task) {
   return {traced(*task.scene), task.camera, task.settings, task.film};
@@ -145,19 +150,18 @@ std::string EmbreeBackend::cpu_features() const {
 template <class F>
 Status EmbreeBackend::for_each_piece(host::HostFilm& film, const WorkRange& range,
                                      const Interrupt& interrupt, F&& trace) {
-  const u32 side = piece_side(range.sample_count);
-  const u32 of_tile = kernels::kTilePixels / (side * side);
+  const Pieces pieces(range.sample_count);
   std::atomic<bool> skipped{false};
   run_in(arena_, [&] {
-    parallel_ranges(range.tile_count * of_tile, 1u, [&](u32 begin, u32 end) {
+    parallel_ranges(range.tile_count * pieces.of_tile(), 1u, [&](u32 begin, u32 end) {
       const FlushDenormals flush;
       for (u32 piece = begin; piece < end; ++piece) {
         if (interrupt.requested()) {
           skipped = true;
           return;
         }
-        const PixelRect tile = film.tile(range.first_tile + piece / of_tile);
-        film.add_rays(trace(piece_of(tile, side, piece % of_tile)));
+        const PixelRect tile = film.tile(range.first_tile + piece / pieces.of_tile());
+        film.add_rays(trace(pieces.of(tile, piece % pieces.of_tile())));
       }
     });
   });

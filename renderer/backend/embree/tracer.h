@@ -17,8 +17,11 @@ struct TracedScene {
   kernels::u32 group = kernels::kNone;
   const kernels::u32* group_instances = nullptr;
 
+  [[nodiscard]] kernels::u32 instance_of(kernels::u32 instance, kernels::u32 geometry) const {
+    return instance == group ? group_instances[geometry] : instance;
+  }
   [[nodiscard]] kernels::u32 instance_of(const RTCHit& hit) const {
-    return hit.instID[0] == group ? group_instances[hit.geomID] : hit.instID[0];
+    return instance_of(hit.instID[0], hit.geomID);
   }
 };
 
@@ -44,6 +47,33 @@ class EmbreeTracer {
     if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return miss();
     return {query.ray.tfar, scene_.instance_of(query.hit), query.hit.primID, query.hit.u,
             query.hit.v};
+  }
+
+  void closest(const kernels::CameraRays& rays) const {
+    if (!scene_.top || scene_.view->any_holes || rays.count < 2) {
+      for (kernels::u32 i = 0; i < rays.count; ++i)
+        *rays.hit[i] = closest(*rays.ray[i], kernels::kCameraRay);
+      return;
+    }
+    RTCRayHit8 query;
+    alignas(32) int valid[8];
+    for (kernels::u32 i = 0; i < 8; ++i) {
+      const kernels::Ray& ray = *rays.ray[i < rays.count ? i : 0];
+      valid[i] = i < rays.count && kernels::is_sound(ray) ? -1 : 0;
+      fill(query.ray, i, ray, kernels::kCameraRay);
+      query.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
+      query.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+    }
+    Context context(scene_, *rays.ray[0], kernels::kNone);
+    context.intersect8(scene_.top, query, valid);
+    for (kernels::u32 i = 0; i < rays.count; ++i) {
+      const bool met = valid[i] && query.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID;
+      *rays.hit[i] =
+          met ? kernels::Hit{query.ray.tfar[i],
+                             scene_.instance_of(query.hit.instID[0][i], query.hit.geomID[i]),
+                             query.hit.primID[i], query.hit.u[i], query.hit.v[i]}
+              : miss();
+    }
   }
 
   [[nodiscard]] bool occluded(const kernels::Ray& ray, kernels::u32 mask) const {
@@ -109,6 +139,21 @@ class EmbreeTracer {
     query.time = ray.time;
   }
 
+  static void fill(RTCRay8& query, kernels::u32 i, const kernels::Ray& ray, kernels::u32 mask) {
+    query.org_x[i] = ray.origin.x;
+    query.org_y[i] = ray.origin.y;
+    query.org_z[i] = ray.origin.z;
+    query.dir_x[i] = ray.direction.x;
+    query.dir_y[i] = ray.direction.y;
+    query.dir_z[i] = ray.direction.z;
+    query.tnear[i] = 0;
+    query.tfar[i] = ray.t_max;
+    query.mask[i] = mask;
+    query.time[i] = ray.time;
+    query.flags[i] = 0;
+    query.id[i] = 0;
+  }
+
   /// Embree's context, followed by what the filter function reads.
   struct Context {
 #if RTC_VERSION_MAJOR >= 4
@@ -150,6 +195,13 @@ class EmbreeTracer {
       }
       rtcOccluded1(scene, &query, &arguments);
     }
+    void intersect8(RTCScene scene, RTCRayHit8& query, const int* valid) {
+      RTCIntersectArguments arguments;
+      rtcInitIntersectArguments(&arguments);
+      arguments.context = &base;
+      arguments.flags = RTC_RAY_QUERY_FLAG_COHERENT;
+      rtcIntersect8(valid, scene, &query, &arguments);
+    }
     void occluded8(RTCScene scene, RTCRay8& rays, const int* valid) {
       RTCOccludedArguments arguments;
       rtcInitOccludedArguments(&arguments);
@@ -165,6 +217,10 @@ class EmbreeTracer {
     void occluded(RTCScene scene, RTCRay& query, bool holes) {
       if (holes) base.filter = filter;
       rtcOccluded1(scene, &base, &query);
+    }
+    void intersect8(RTCScene scene, RTCRayHit8& query, const int* valid) {
+      base.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+      rtcIntersect8(valid, scene, &base, &query);
     }
     void occluded8(RTCScene scene, RTCRay8& rays, const int* valid) {
       base.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
