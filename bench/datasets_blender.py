@@ -4,12 +4,14 @@ beside. Two steps, in two environments:
     datasets_blender.py dump SCENE FILE.npz [COUNT=6]    with .venv: shapes, poses, views of draws
     datasets_blender.py run FILE.npz [SPP=64]            with a Python that has bpy
 
-`run` moves all objects and the camera, draws materials and lights, and renders 640x480 with depth,
-normals, object indices and, for MESH, vectors, into a multilayer EXR for each image: one process,
-data kept between pictures, Blender's best case. Textures and labels are left out, in its favour.
-Prints seconds an image; the first one, which builds everything, is apart.
+`run` sets the poses, the camera, the materials with their textures and the lights of each draw,
+and renders 640x480 with depth, normals, object indices and, for MESH, vectors, into a multilayer
+EXR for each image: one process, data kept between pictures, Blender's best case. Labels are left
+out, in its favour; domes are turned at random. Prints seconds an image; the first one, which builds
+everything, is apart.
 """
 
+import json
 import sys
 import tempfile
 import time
@@ -18,29 +20,84 @@ from pathlib import Path
 import numpy as np
 
 
+def parameter(message, name, default):
+    """A parameter of a material: its value or factor, its texture's id or 0, (2, 3) of uv."""
+    found = getattr(message, name) if message.HasField(name) else None
+    value = default
+    if found is not None and found.HasField("value"):
+        value = found.value
+        value = [value.x, value.y, value.z] if hasattr(value, "x") else value
+    use = found.texture if found is not None and found.HasField("texture") else None
+    if use is None or not use.texture.id:
+        return value, 0, None
+    place = np.frombuffer(use.uv_transform.inline, "<f4") if use.HasField("uv_transform") else None
+    return value, use.texture.id, np.eye(2, 3).ravel().tolist() if place is None else place.tolist()
+
+
 def dump(name, path, count):
     import heliograph as hg
     import heliograph.datasets as hd
     from heliograph.datasets.draw import BasePoses
     from heliograph.datasets.scenes import make_scene
+    from heliograph.edit import Edits
 
+    pictures, make = [], Edits.texture
+
+    def texture(self, name=None, image=None, **options):
+        handle = make(self, name, image, **options)
+        if isinstance(image, np.ndarray):
+            pictures.append((handle, image, options.get("encoding", "srgb")))
+        return handle
+
+    Edits.texture = texture
     made = make_scene(name)
     with hg.connect() as client, client.create_scene() as scene:
         camera, randomizer = made.build(scene)
         entities = [e for e in scene.find("*") if getattr(e, "mesh", None) is not None]
         meshes = {e.mesh.id: e.mesh for e in entities}
+        materials = list({e.material.id: None for e in entities})
         arrays = {}
         for i, mesh in enumerate(meshes.values()):
             arrays[f"positions{i}"], arrays[f"indices{i}"] = mesh.positions, mesh.indices
-        base, poses, views = BasePoses(scene), [], []
+            if mesh.uvs is not None:
+                arrays[f"uvs{i}"] = mesh.uvs
+        base, draws = BasePoses(scene), []
         for index in range(count):
             edit = scene.overlay()
             with edit:
                 randomizer(hd.Draw(base, [camera], (0, index, 0), edit))
             branch = scene.branch()
             branch.apply(edit.transaction, None)
-            poses.append([branch[e.name].world_transform for e in entities])
-            views.append(branch[camera.name].world_transform)
+            here = [branch.handle(e.id) for e in entities]
+            bound = dict(
+                zip((e.material.id for e in entities), (e.material for e in here), strict=True)
+            )
+            lit = [e for e in branch.find("*") if getattr(e, "light", None) is not None]
+            draws.append(
+                {
+                    "poses": [e.world_transform.tolist() for e in here],
+                    "view": branch[camera.name].world_transform.tolist(),
+                    "materials": [
+                        {
+                            "base_color": parameter(m, "base_color", [0.8] * 3),
+                            "metallic": parameter(m, "metallic", 0.0),
+                            "roughness": parameter(m, "roughness", 0.5),
+                        }
+                        for m in (bound[i]._read("material")[0].material for i in materials)
+                    ],
+                    "lights": [
+                        {
+                            "place": e.world_transform[:3, 3].tolist(),
+                            "radius": e.light.radius,
+                            "power": e.light.power,
+                            "color": list(e.light.color),
+                        }
+                        for e in lit
+                    ],
+                }
+            )
+        for handle, picture, encoding in pictures:
+            arrays[f"{encoding}{handle.id}"] = picture
         np.savez(
             path,
             scene=name,
@@ -48,8 +105,8 @@ def dump(name, path, count):
             size=(made.width, made.height),
             domes=[str(p) for p in hd.bundled_domes()] if name != "mesh" else [],
             mesh_of=[list(meshes).index(e.mesh.id) for e in entities],
-            poses=np.array(poses),
-            views=np.array(views),
+            material_of=[materials.index(e.material.id) for e in entities],
+            draws=json.dumps(draws),
             **arrays,
         )
 
@@ -62,9 +119,11 @@ class Blender:
         from mathutils import Matrix
 
         self.bpy, self.matrix, self.data = bpy, Matrix, data
+        self.draws = json.loads(str(data["draws"]))
         bpy.ops.wm.read_factory_settings(use_empty=True)
         self.scene = bpy.context.scene
         self._render_settings(spp)
+        self._materials()
         self._objects()
         self._camera()
         self._world()
@@ -88,6 +147,40 @@ class Blender:
         image.file_format = "OPEN_EXR_MULTILAYER"
         image.color_depth = "32"
 
+    def _materials(self):
+        self.images = {}
+        for key, texels in self.data.items():
+            encoding, number = key.rstrip("0123456789"), key[len(key.rstrip("0123456789")) :]
+            if encoding in ("srgb", "linear"):
+                self.images[int(number)] = self._image(key, texels, encoding == "srgb")
+        self.materials = []
+        for i in range(int(self.data["material_of"].max()) + 1):
+            material = self.bpy.data.materials.new(f"material{i}")
+            material.use_nodes = True
+            nodes, links = material.node_tree.nodes, material.node_tree.links
+            for name in ("Base Color", "Metallic"):
+                parameter = self.draws[0]["materials"][i][name.lower().replace(" ", "_")]
+                if not parameter[1]:
+                    continue
+                texture, mapping = (nodes.new(f"ShaderNode{n}") for n in ("TexImage", "Mapping"))
+                texture.name, mapping.name = f"{name} texture", f"{name} mapping"
+                links.new(nodes.new("ShaderNodeTexCoord").outputs["UV"], mapping.inputs[0])
+                links.new(mapping.outputs[0], texture.inputs[0])
+                links.new(texture.outputs["Color"], nodes["Principled BSDF"].inputs[name])
+            self.materials.append(material)
+
+    def _image(self, name, texels, srgb):
+        texels = texels if texels.ndim == 3 else texels[..., None]
+        scale = np.iinfo(texels.dtype).max if texels.dtype.kind == "u" else 1
+        rgba = np.ones((*texels.shape[:2], 4), np.float32)
+        rgba[..., :3] = texels[::-1, :, :3] / scale
+        image = self.bpy.data.images.new(name, texels.shape[1], texels.shape[0])
+        image.colorspace_settings.name = "sRGB" if srgb else "Non-Color"
+        image.pixels.foreach_set(rgba.ravel())
+        image.update()
+        image.pack()
+        return image
+
     def _objects(self):
         bpy, data = self.bpy, self.data
         shapes = []
@@ -95,10 +188,10 @@ class Blender:
             mesh = bpy.data.meshes.new(f"shape{i}")
             mesh.from_pydata(data[f"positions{i}"].tolist(), [], data[f"indices{i}"].tolist())
             mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
+            if f"uvs{i}" in data:
+                corners = data[f"uvs{i}"][data[f"indices{i}"].ravel()]
+                mesh.uv_layers.new().uv.foreach_set("vector", corners.ravel().tolist())
             shapes.append(mesh)
-        self.materials = [bpy.data.materials.new(f"material{i}") for i in range(150)]
-        for material in self.materials:
-            material.use_nodes = True
         self.objects = []
         for i, shape in enumerate(data["mesh_of"].tolist()):
             thing = bpy.data.objects.new(f"object{i}", shapes[shape])
@@ -106,7 +199,7 @@ class Blender:
             thing.data.materials.clear()
             thing.data.materials.append(None)
             thing.material_slots[0].link = "OBJECT"
-            thing.material_slots[0].material = self.materials[i % len(self.materials)]
+            thing.material_slots[0].material = self.materials[data["material_of"][i]]
             self.scene.collection.objects.link(thing)
             self.objects.append(thing)
 
@@ -128,7 +221,7 @@ class Blender:
         if not domes:
             background.inputs["Color"].default_value = (0.02, 0.02, 0.02, 1)
             return
-        self.images = [bpy.data.images.load(path) for path in domes]
+        self.domes = [bpy.data.images.load(path) for path in domes]
         self.dome = nodes.new("ShaderNodeTexEnvironment")
         self.mapping = nodes.new("ShaderNodeMapping")
         links.new(nodes.new("ShaderNodeTexCoord").outputs["Generated"], self.mapping.inputs[0])
@@ -136,33 +229,44 @@ class Blender:
         links.new(self.dome.outputs["Color"], background.inputs["Color"])
 
     def draw(self, index):
-        """The poses of a draw; materials and lights of its own."""
-        rng = np.random.default_rng(index)
-        for thing, pose in zip(self.objects, self.data["poses"][index], strict=True):
-            thing.matrix_world = self.matrix(pose.tolist())
-        view = self.data["views"][index]
-        self.camera.matrix_world = self.matrix(view.tolist())
-        for material in self.materials:
-            shader = material.node_tree.nodes["Principled BSDF"].inputs
-            shader["Base Color"].default_value = (*rng.random(3).tolist(), 1)
-            shader["Roughness"].default_value = float(rng.uniform(0.05, 0.95))
-            shader["Metallic"].default_value = float(rng.random() < 0.3)
+        """The poses, materials and lights of a draw."""
+        draw = self.draws[index]
+        for thing, pose in zip(self.objects, draw["poses"], strict=True):
+            thing.matrix_world = self.matrix(pose)
+        self.camera.matrix_world = self.matrix(draw["view"])
+        for material, values in zip(self.materials, draw["materials"], strict=True):
+            self._look(material.node_tree.nodes, values)
         if len(self.data["domes"]):
-            self.dome.image = self.images[index % len(self.images)]
+            rng = np.random.default_rng(index)
+            self.dome.image = self.domes[index % len(self.domes)]
             self.mapping.inputs["Rotation"].default_value[2] = float(rng.uniform(0, 2 * np.pi))
-            return
         for lamp in self.lights:
             self.bpy.data.objects.remove(lamp)
         self.lights = []
-        for i in range(int(rng.integers(2, 7))):
+        for i, values in enumerate(draw["lights"]):
             light = self.bpy.data.lights.new(f"light{i}", "POINT")
-            light.energy = float(np.exp(rng.uniform(np.log(150), np.log(1500))))
-            light.color = rng.uniform(0.3, 1, 3).tolist()
-            light.shadow_soft_size = float(rng.uniform(0.1, 0.6))
+            light.energy, light.color = values["power"], values["color"]
+            light.shadow_soft_size = values["radius"]
             lamp = self.bpy.data.objects.new(f"light{i}", light)
-            lamp.location = view[:3] @ [*rng.uniform(-2, 2, 2), rng.uniform(0.5, 4), 1]
+            lamp.location = values["place"]
             self.scene.collection.objects.link(lamp)
             self.lights.append(lamp)
+
+    def _look(self, nodes, values):
+        shader = nodes["Principled BSDF"].inputs
+        shader["Base Color"].default_value = (*values["base_color"][0], 1)
+        shader["Metallic"].default_value = values["metallic"][0]
+        shader["Roughness"].default_value = values["roughness"][0]
+        for name in ("Base Color", "Metallic"):
+            _, number, place = values[name.lower().replace(" ", "_")]
+            if not number:
+                continue
+            nodes[f"{name} texture"].image = self.images[number]
+            (a, b, x), (c, _, y) = np.reshape(place, (2, 3)).tolist()
+            scale, mapping = float(np.hypot(a, b)), nodes[f"{name} mapping"].inputs
+            mapping["Scale"].default_value = (scale, scale, 1)
+            mapping["Rotation"].default_value[2] = float(np.arctan2(c, a))
+            mapping["Location"].default_value = (x, y, 0)
 
     def render(self, path):
         self.scene.render.filepath = str(path)
@@ -176,7 +280,7 @@ def run(path, spp):
     blender = Blender(data, spp)
     took = []
     with tempfile.TemporaryDirectory(dir="/dev/shm") as folder:
-        for index in range(len(data["views"])):
+        for index in range(len(blender.draws)):
             blender.draw(index)
             blender.render(Path(folder, f"{index:06d}"))
             took.append(time.perf_counter() - start)

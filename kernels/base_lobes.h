@@ -16,11 +16,11 @@ struct BsdfValue {
 enum class Lobe : u8 { kDiffuse, kGlossy, kTransmission, kSubsurface };
 
 struct BsdfSample {
-  vec3 wi;             // unit, world; unset for kSubsurface
-  vec3 weight{0};      // f |cos| / pdf; for kSubsurface that of light that enters
-  vec3 diffuse_share;  // of the weight
-  float pdf;           // 1/sr; 0: a delta lobe, or light that travels inside
-  float eta;           // index of the far side over the near side when refracted, else 1
+  vec3 wi;          // unit, world; unset for kSubsurface
+  vec3 weight{0};   // f |cos| / pdf; for kSubsurface that of light that enters
+  vec3 diffuse{0};  // what of the weight is diffuse
+  float pdf;        // 1/sr; 0: a delta lobe, or light that travels inside
+  float eta;        // index of the far side over the near side when refracted, else 1
   Lobe lobe;
 };
 

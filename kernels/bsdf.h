@@ -61,15 +61,14 @@ KERNEL bool finish_sample(const Bsdf& b, Chosen chosen, BsdfSample& s) {
   if (!chosen.valid) return false;
   if (chosen.delta) {
     s.pdf = 0;
-    s.diffuse_share = vec3(0);
     return true;
   }
   const BsdfValue value = evaluate_bsdf(b, s.wi);
   if (!(value.pdf > 0)) return false;
-  const vec3 total = value.diffuse + value.glossy;
+  const float scale = 1 / value.pdf;
   s.pdf = value.pdf;
-  s.weight = total / value.pdf;
-  s.diffuse_share = share_of(value.diffuse, total);
+  s.weight = (value.diffuse + value.glossy) * scale;
+  s.diffuse = value.diffuse * scale;
   return true;
 }
 

@@ -117,7 +117,8 @@ KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Point&
   }
   const vec3 radiance =
       path.throughput * total * light_radiance(c.scene, light) * (weight / light.pdf);
-  const Route route = path.edges == 1 ? route_of(at, light.direction, f) : path.route;
+  const bool routed = path.edges == 1 && wants_rare(c.film, kLightPlaneSet);
+  const Route route = routed ? route_of(at, light.direction, f) : path.route;
   const u32 group = light_group(c.scene, light);
   collect(c, sample, {radiance * share, path.edges + 1, light.light == kNone, group}, route);
 }

@@ -23,7 +23,8 @@ struct LightSample {
   u32 sun;         // where there is no light: index into SceneView::suns; kNone: the dome
   u32 primitive = 0;
   float time = 0;  // of the ray
-  vec2 place;      // barycentric; for the dome in its picture, row 0 at v = 0
+  vec2 place;  // barycentric, meaningless for a shape that is_even(); in the dome's picture, row 0
+               // at v = 0
   u32 visibility;  // ray mask bits of the emitting instance
 };
 
@@ -77,9 +78,15 @@ HELIO_CALL KERNEL float light_pdf(const SceneView& scene, Receiver from, const H
   return pdf > 0 ? pdf : 0;
 }
 
+/// Whether a light has the same radiance at all its points in all directions.
+KERNEL bool is_even(const SceneView& scene, const LightView& light) {
+  return !light.material_emits && light.texture.texture == kNone && light.cone_scale == 0 &&
+         light.profile == kNone && !(scene.instances[light.instance].flags & kMayBeHole);
+}
+
 /// The rest of a sample of a disc or a sphere: its light is chosen, with `probability`.
-KERNEL bool sample_shape_light(const LightPlace& at, const Receiver& from, float probability,
-                               vec2 u2, LightSample& out) {
+KERNEL bool sample_shape_light(const SceneView& scene, const LightPlace& at, const Receiver& from,
+                               float probability, vec2 u2, LightSample& out) {
   ShapePoint point;
   if (!sample_shape(at, from.p, u2, point)) return false;
   const mat4x3& world = at.pose.world_from_object;
@@ -95,7 +102,7 @@ KERNEL bool sample_shape_light(const LightPlace& at, const Receiver& from, float
   const float offset = plane_error(world, {vec3(0), vec3(1), vec3(1)}, n);
   out.target = p + n * (front ? offset : -offset);
   out.primitive = 0;
-  out.place = disc ? disc_place(point.p) : sphere_place(point.p);
+  if (!is_even(scene, at.light)) out.place = disc ? disc_place(point.p) : sphere_place(point.p);
   return true;
 }
 
@@ -107,7 +114,7 @@ HELIO_CALL KERNEL bool sample_surface_light(const SceneView& scene, const Receiv
   out.time = from.time;
   out.visibility = at.instance.visibility;
   if (at.mesh.shape != Shape::kTriangles) {
-    return sample_shape_light(at, from, choice.probability, u2, out);
+    return sample_shape_light(scene, at, from, choice.probability, u2, out);
   }
   const TriangleTree& tree = at.light.tree;
   choice.node = tree.root;
@@ -134,12 +141,10 @@ HELIO_CALL KERNEL bool sample_surface_light(const SceneView& scene, const Receiv
 /// Radiance of a sampled point of a surface.
 HELIO_CALL KERNEL vec3 surface_radiance(const SceneView& scene, const LightSample& sample) {
   const LightView& light = scene.lights[sample.light];
-  const bool holes = scene.instances[light.instance].flags & kMayBeHole;
-  const bool plain = !light.material_emits && light.texture.texture == kNone && !holes;
-  if (plain && light.cone_scale == 0 && light.profile == kNone) return light.radiance;
+  if (is_even(scene, light)) return light.radiance;
   const Surface s = locate(scene, light.instance, sample.primitive, sample.place, sample.time);
   const vec3 radiance = emitted(scene, s, material_at(scene, s, kEmissionBits), -sample.direction);
-  if (!holes) return radiance;
+  if (!(scene.instances[light.instance].flags & kMayBeHole)) return radiance;
   return radiance * opacity_at(scene, light.instance, sample.primitive, sample.place);
 }
 

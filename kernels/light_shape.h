@@ -28,8 +28,7 @@ struct ShapePoint {
 /// the cone that the sphere fills, in all directions from within.
 KERNEL float sphere_pdf(float distance2) {
   if (distance2 <= 1) return 0.25f * kInvPi;
-  const float sine2 = 1 / distance2;
-  return (1 + std::sqrt(1 - sine2)) / (2 * kPi * sine2);
+  return (distance2 + std::sqrt(distance2 * (distance2 - 1))) * (0.5f * kInvPi);
 }
 
 /// From a density of directions in object space to one in the world: the direction of `d` there is
@@ -46,14 +45,14 @@ KERNEL bool sample_sphere_light(const LightPlace& at, vec3 from, vec2 u, ShapePo
   const vec3 origin = transform_point(at.pose.object_from_world, from);
   const float distance2 = dot(origin, origin);
   if (distance2 > 1) {
-    const float sine2_max = 1 / distance2;
+    const float distance = std::sqrt(distance2), sine_max = 1 / distance;
+    const float sine2_max = sqr(sine_max);
     const float drop = u.x * sine2_max / (1 + std::sqrt(1 - sine2_max));
     const float sine2 = drop * (2 - drop);
-    const float cosine =
-        sine2 * std::sqrt(distance2) + (1 - drop) * safe_sqrt(1 - sine2 * distance2);
+    const float cosine = sine2 * distance + (1 - drop) * safe_sqrt(1 - sine2 * distance2);
     const float sine = safe_sqrt(1 - cosine * cosine);
     const SinCos phi = sincos_turns(u.y);
-    const Frame frame = make_frame(origin / std::sqrt(distance2));
+    const Frame frame = make_frame(origin * sine_max);
     out.p = to_world(frame, vec3(sine * phi.cos, sine * phi.sin, cosine));
   } else {
     if (!emits_back(at.light)) return false;

@@ -105,11 +105,24 @@ KERNEL float cos_difference(float cos_a, float cos_b, float sin_b) {
   return cos_a * cos_b + safe_sqrt(1 - cos_a * cos_a) * sin_b;
 }
 
+/// A node's sphere from a point.
+struct NodeSphere {
+  float distance2, inverse2;  // of its centre: squared, and 1 over that
+  float tangent;              // length of a tangent; 0 from within
+  float radius2;
+
+  /// The largest cosine over the sphere to an axis along which its centre is `along` metres away.
+  [[nodiscard]] KERNEL float largest_cosine(float along) const {
+    if (distance2 <= radius2 || along >= tangent) return 1;
+    return (along * tangent + safe_sqrt((distance2 - along * along) * radius2)) * inverse2;
+  }
+};
+
 /// From a cosine at a node's centre and the largest one over the node to a typical one, which is 0
 /// only where the largest is. Of 1, 1/2, 1/4 and 1/10, this share of the largest had the least
 /// variance.
 KERNEL float typical_cosine(float center, float largest) {
-  return largest > 0 ? 0.25f * largest + 0.75f * max2(center, 0.0f) : 0;
+  return 0.25f * max2(largest, 0.0f) + 0.75f * max2(center, 0.0f);
 }
 
 /// How much the emitters of a node may send to a point, up to a common factor: never 0 where they
@@ -121,29 +134,29 @@ KERNEL float typical_cosine(float center, float largest) {
 /// tenth of the variance (1,000 lights on a ceiling).
 KERNEL float importance(const LightNode& node, const Receiver& r, bool two_sided) {
   const vec3 d = node.center - r.p;
-  const float distance2 = dot(d, d);
-  const float inverse = 1 / max2(distance2, 1e-20f);
-  const float scale = std::sqrt(inverse);
-  const bool inside = distance2 <= node.radius2;
-  const float sin_b2 = inside ? 1 : node.radius2 * inverse;
-  const float sin_b = std::sqrt(sin_b2);
-  const float cos_b = inside ? -1 : safe_sqrt(1 - sin_b2);
-  float result = node.power / max2(max2(distance2, 0.25f * node.radius2), 1e-20f);
+  const float distance2 = max2(dot(d, d), 1e-20f);
+  const float inverse2 = 1 / distance2;
+  const NodeSphere sphere{distance2, inverse2, safe_sqrt(distance2 - node.radius2), node.radius2};
+  const float scale = std::sqrt(inverse2);
+  const float least2 = 0.25f * node.radius2;
+  float result = node.power * (distance2 < least2 ? 1 / least2 : inverse2);
   if (node.cos_spread > -1) {
-    float center = -dot(node.axis, d) * scale;
-    if (two_sided || node.two_sided) center = std::fabs(center);
-    float nearest = center;
+    float along = -dot(node.axis, d);
+    if (two_sided || node.two_sided) along = std::fabs(along);
+    float center = along * scale;
     if (node.cos_spread < 1) {
-      nearest = cos_difference(center, node.cos_spread, safe_sqrt(1 - sqr(node.cos_spread)));
+      const float nearest =
+          cos_difference(center, node.cos_spread, safe_sqrt(1 - sqr(node.cos_spread)));
       center = 0.5f * (center + nearest);
+      along = nearest * (distance2 * scale);
     }
-    result *= typical_cosine(center, inside ? 1 : cos_difference(nearest, cos_b, sin_b));
+    result *= typical_cosine(center, sphere.largest_cosine(along));
     if (!(result > 0)) return 0;
   }
   if (r.facing == Facing::kAny) return result;
-  float center = dot(r.n, d) * scale;
-  if (r.facing == Facing::kBoth) center = std::fabs(center);
-  return result * typical_cosine(center, inside ? 1 : cos_difference(center, cos_b, sin_b));
+  float along = dot(r.n, d);
+  if (r.facing == Facing::kBoth) along = std::fabs(along);
+  return result * typical_cosine(along * scale, sphere.largest_cosine(along));
 }
 
 /// Probability of the first of two siblings. Where neither sends anything, any choice will do.

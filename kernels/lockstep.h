@@ -51,7 +51,7 @@ class Lockstep {
       Item& item = items_[i];
       set_out_from_camera(item);
       if (!(item.path.ray.t_max > 0)) continue;
-      item.reach = set_out(context(item), item.path);
+      set_out(item);
       rays.add(item.path.ray, item.hit);
       active_[active_count_++] = i;
     }
@@ -69,7 +69,7 @@ class Lockstep {
     u32 rays = 0;
     for (u32 i = 0; i < count_; ++i) {
       const Item& item = items_[i];
-      write_sample(film_, pixel_of(item), item.values, (item.sample + 1) % kBlock == 0);
+      write_sample(film_, item.pixel, item.values, (item.sample + 1) % kBlock == 0);
       rays += item.values.rays;
     }
     count_ = 0;
@@ -81,6 +81,7 @@ class Lockstep {
 
   struct Item {
     u64 key;
+    u64 pixel;
     u32 x, y;
     u32 sample;
     float time;
@@ -93,17 +94,16 @@ class Lockstep {
     LaterLight light;
   };
 
-  [[nodiscard]] u64 pixel_of(const Item& item) const { return u64(item.y) * film_.width + item.x; }
-
   /// camera: as it is at the item's time; means nothing to a path on its way.
   PathContext<T> context(const Item& item, const CameraView& camera) const {
-    return {scene_, camera, settings_, tracer_, film_, item.sampler, item.time, pixel_of(item)};
+    return {scene_, camera, settings_, tracer_, film_, item.sampler, item.time, item.pixel};
   }
   PathContext<T> context(const Item& item) const { return context(item, camera_); }
 
   void add(u32 x, u32 y, u32 sample) {
     Item& item = items_[count_++];
     item.key = pixel_key(settings_.seed, x, y);
+    item.pixel = u64(y) * film_.width + x;
     item.x = x;
     item.y = y;
     item.sample = sample;
@@ -134,10 +134,14 @@ class Lockstep {
     new (&item.path) Path(begin_sample(context(item, now.camera()), item.x, item.y, item.values));
   }
 
+  void set_out(Item& item) {
+    if (has_media(scene_)) item.reach = kernels::set_out(context(item), item.path);
+  }
+
   void trace() {
     for (u32 i = 0; i < active_count_; ++i) {
       Item& item = items_[active_[i]];
-      item.reach = set_out(context(item), item.path);
+      set_out(item);
       item.hit = tracer_.closest(item.path.ray, item.path.mask);
     }
     meet(0);

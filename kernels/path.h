@@ -153,10 +153,10 @@ HELIO_STEP KERNEL bool mix_casters(const Vertex& v, bool aimed, float choice, ve
     const BsdfValue f = evaluate_bsdf(v.bsdf, to.wi);
     if (!(f.pdf > 0) || dot(v.bsdf.ng, to.wi) <= 0) return false;
     const float diffuse = v.bsdf.diffuse_probability * dot(v.bsdf.frame.n, to.wi) * kInvPi;
-    const vec3 total = f.diffuse + f.glossy;
+    const float scale = 1 / f.pdf;
     s = {to.wi,
-         total / f.pdf,
-         share_of(f.diffuse, total),
+         (f.diffuse + f.glossy) * scale,
+         f.diffuse * scale,
          f.pdf,
          1,
          to.rest * f.pdf < diffuse ? Lobe::kDiffuse : Lobe::kGlossy};
@@ -167,6 +167,7 @@ HELIO_STEP KERNEL bool mix_casters(const Vertex& v, bool aimed, float choice, ve
   }
   const float pdf = scatter_pdf(v, s.wi, s.pdf);
   s.weight *= s.pdf / pdf;
+  s.diffuse *= s.pdf / pdf;
   s.pdf = pdf;
   return true;
 }
@@ -192,8 +193,9 @@ KERNEL bool scatter(const PathContext<T>& c, Path& path, Vertex& v, SampleValues
   path.throughput *= s.weight;
   if (kRich && s.lobe == Lobe::kSubsurface) return scatter_inside(c, path, v, sample);
   const bool transmitted = s.lobe == Lobe::kTransmission;
-  if (path.edges == 1) {
-    path.route = {s.diffuse_share, transmitted ? FirstVertex::kTransmits : FirstVertex::kReflects};
+  if (path.edges == 1 && wants_rare(c.film, kLightPlaneSet)) {
+    path.route = {share_of(s.diffuse, s.weight),
+                  transmitted ? FirstVertex::kTransmits : FirstVertex::kReflects};
   }
   path.radiance_scale *= sqr(s.eta);
   if (transmitted && has_media(c.scene)) cross_surface(path.inside, v.surface, v.material, s.wi);
