@@ -171,6 +171,25 @@ KERNEL DomePlace dome_place(const DomeView& dome, vec3 direction) {
   return {vec2(0.5f - atan2_turns(d.y, d.x), 2 * atan2_turns(sine, d.z)), sine};
 }
 
+/// The texel of a dome's tables that a place lies in.
+struct DomeTexel {
+  u32 x, y;
+};
+KERNEL DomeTexel dome_texel(const DomeView& dome, vec2 uv) {
+  return {min2(u32(max2(uv.x, 0.0f) * float(dome.width)), dome.width - 1),
+          min2(u32(uv.y * float(dome.height)), dome.height - 1)};
+}
+
+/// Asks for what dome_radiance() and dome_pdf() read.
+KERNEL void prefetch_dome(const SceneView& scene, const DomePlace& place) {
+  const DomeView& dome = scene.dome;
+  if (dome.row_cdf) {
+    const DomeTexel at = dome_texel(dome, place.uv);
+    prefetch(dome.column_cdf + u64(at.y) * dome.width + at.x);
+  }
+  prefetch_texel(scene.textures[dome.texture], place.uv);
+}
+
 /// From the probability of a texel to a density of directions, 1/sr.
 KERNEL float dome_density(const DomeView& dome, float probability, float sine) {
   return dome.probability * probability * float(dome.width) * float(dome.height) /
@@ -180,8 +199,7 @@ KERNEL float dome_density(const DomeView& dome, float probability, float sine) {
 /// Density [1/sr] with which sample_light() takes a direction to the dome, by its texels.
 KERNEL float texel_pdf(const DomeView& dome, const DomePlace& place) {
   if (!dome.row_cdf) return dome.probability * (0.25f * kInvPi);
-  const u32 x = min2(u32(max2(place.uv.x, 0.0f) * float(dome.width)), dome.width - 1);
-  const u32 y = min2(u32(place.uv.y * float(dome.height)), dome.height - 1);
+  const auto [x, y] = dome_texel(dome, place.uv);
   const float* columns = dome.column_cdf + u64(y) * dome.width;
   const float row = dome.row_cdf[y] - (y > 0 ? dome.row_cdf[y - 1] : 0);
   const float column = columns[x] - (x > 0 ? columns[x - 1] : 0);

@@ -87,6 +87,7 @@ class Lockstep {
     float time;
     Sampler sampler{0, 0};
     DrawnPairs numbers;
+    DomePlace sky;  // of a ray that met nothing, where the dome has a picture
     Path path;
     Reach reach;
     Hit hit;
@@ -149,16 +150,26 @@ class Lockstep {
   /// The rays of active_, from `first` on, have met something, or nothing: asks for what is needed
   /// where they did.
   void meet(u32 first) {
-    u32 met = 0;
+    u32 met = 0, missed = 0;
     for (u32 i = first; i < active_count_; ++i) {
       Item& item = items_[active_[i]];
       item.numbers.count = 0;
-      if (item.hit.instance == kNone) continue;
+      if (item.hit.instance == kNone) {
+        missed_[missed++] = active_[i];
+        continue;
+      }
       prefetch_triangle(scene_, item.hit);
       listed_[met++] = active_[i];
     }
+    if (scene_.dome.texture != kNone)
+      for (u32 i = 0; i < missed; ++i) look_at_dome(items_[missed_[i]]);
     for (u32 i = 0; i < met; ++i) prefetch_corners(scene_, items_[listed_[i]].hit);
     draw(met, kVertexPairs, [](const Item& item) { return vertex_pair(item.path, 0); });
+  }
+
+  void look_at_dome(Item& item) {
+    item.sky = dome_place(scene_.dome, item.path.ray.direction);
+    prefetch_dome(scene_, item.sky);
   }
 
   /// Those that go on stay active; those whose light waits are lit_.
@@ -173,7 +184,7 @@ class Lockstep {
         sample_light_later(c, path, v, item.values, item.light);
       };
       const bool goes_on =
-          kernels::arrive(c, item.path, item.reach, item.hit, item.values, take_light);
+          kernels::arrive(c, item.path, item.reach, item.hit, item.values, take_light, &item.sky);
       if (item.light.ray.t_max > 0) lit_[lit_count_++] = active_[i];
       if (goes_on && item.path.ray.t_max > 0) active_[left++] = active_[i];
     }
@@ -197,6 +208,7 @@ class Lockstep {
   u32 active_[kPaths];  // items on their way
   u32 lit_[kPaths];
   u32 listed_[kPaths];  // items that numbers are drawn for
+  u32 missed_[kPaths];  // items whose rays met nothing
   u32 count_ = 0, active_count_ = 0, lit_count_ = 0;
 };
 

@@ -89,8 +89,7 @@ KERNEL SinCos sincos_turns(float turns) {
 KERNEL float atan2_turns(float y, float x) {
   const float ax = std::fabs(x);
   const float ay = std::fabs(y);
-  const float large = max2(ax, ay);
-  if (large == 0) return 0;
+  const float large = max2(max2(ax, ay), 0x1p-126f);
   // The angle is halved once: tan in [0, tan(pi / 8)], where a minimax polynomial is short.
   const float a = min2(ax, ay) / large;
   const float h = a / (1 + std::sqrt(1 + a * a));

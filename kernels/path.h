@@ -43,19 +43,18 @@ KERNEL Path begin_path(const PathContext<T>& c, u32 x, u32 y, SampleValues& samp
 }
 
 /// Radiance of the dome where the path leaves the scene, weighted.
-KERNEL vec3 met_dome(const SceneView& scene, const Path& path) {
+///
+/// place   of the path's direction if it is known; else null
+KERNEL vec3 met_dome(const SceneView& scene, const Path& path, const DomePlace* place) {
   const DomeView& dome = scene.dome;
   if (is_black(dome.radiance) || (path.edges == 1 && !dome.camera_visible)) return vec3(0);
+  DomePlace at{vec2(0), 0};
+  if (dome.texture != kNone) at = place ? *place : dome_place(dome, path.ray.direction);
   float weight = 1;
-  vec2 place(0);
-  if (dome.texture != kNone || path.pdf > 0) {
-    const DomePlace at = dome_place(dome, path.ray.direction);
-    place = at.uv;
-    if (path.pdf > 0 && dome.probability > 0) {
-      weight = mis_weight(path.pdf, dome_pdf(dome, path.from.p, path.ray.direction, at));
-    }
+  if (path.pdf > 0 && dome.probability > 0) {
+    weight = mis_weight(path.pdf, dome_pdf(dome, path.from.p, path.ray.direction, at));
   }
-  return dome_radiance(scene, place) * weight;
+  return dome_radiance(scene, at.uv) * weight;
 }
 
 /// Radiance of a sun where the path leaves the scene, weighted; 0 unless it meets the sun.
@@ -69,7 +68,8 @@ KERNEL vec3 met_sun(const SunView& sun, const Path& path) {
 
 /// The path leaves the scene.
 template <Tracer T>
-HELIO_STEP KERNEL void miss(const PathContext<T>& c, const Path& path, SampleValues& sample) {
+HELIO_STEP KERNEL void miss(const PathContext<T>& c, const Path& path, const DomePlace* place,
+                            SampleValues& sample) {
   if (path.edges == 1 && c.settings.transparent_background) {
     const vec3 held = vec3(1) - path.throughput;  // by media on the way; exactly 0 without
     sample.alpha = (held.x + held.y + held.z) / 3;
@@ -78,7 +78,7 @@ HELIO_STEP KERNEL void miss(const PathContext<T>& c, const Path& path, SampleVal
   const auto add = [&](vec3 radiance, u32 group) {
     collect(c, sample, {path.throughput * radiance, path.edges, true, group}, path.route);
   };
-  add(met_dome(c.scene, path), c.scene.dome.light_group);
+  add(met_dome(c.scene, path, place), c.scene.dome.light_group);
   for (u32 i = 0; i < c.scene.sun_count; ++i) {
     add(met_sun(c.scene.suns[i], path), c.scene.suns[i].light_group);
   }
@@ -261,9 +261,11 @@ HELIO_ONCE KERNEL Reach set_out(const PathContext<T>& c, Path& path) {
 /// The path has set out and its ray has met something, or nothing. Returns whether it goes on.
 ///
 /// light   (path, vertex): takes light at the vertex straight from one light
+/// sky     where the ray leaves the scene: its place in the dome if that is known, else null
 template <Tracer T, class Light>
 HELIO_ONCE KERNEL bool arrive(const PathContext<T>& c, Path& path, const Reach& reach,
-                              const Hit& hit, SampleValues& sample, const Light& light) {
+                              const Hit& hit, SampleValues& sample, const Light& light,
+                              const DomePlace* sky = nullptr) {
   ++sample.rays;
   Collision at{};
   const bool collides = meets_volume(c, path, hit.t, at);
@@ -274,7 +276,7 @@ HELIO_ONCE KERNEL bool arrive(const PathContext<T>& c, Path& path, const Reach& 
   }
   if (kRich && collides) return hit_volume(c, path, at, sample);
   if (hit.instance == kNone) {
-    miss(c, path, sample);
+    miss(c, path, sky, sample);
     return false;
   }
   CasterCones casters;

@@ -165,6 +165,18 @@ KERNEL vec4 bilinear(const TextureView& texture, Taps x, Taps y) {
   return top + (bottom - top) * y.weight;
 }
 
+/// Asks for the texels about a place, row 0 at v = 0.
+KERNEL void prefetch_texel(const TextureView& texture, vec2 uv) {
+  const u32 size = texture.type == TexelType::kU8 ? 1 : texture.type == TexelType::kF32 ? 4 : 2;
+  const u32 x = min2(u32(max2(uv.x * float(texture.width) - 0.5f, 0.0f)), texture.width - 1);
+  const u32 y = min2(u32(max2(uv.y * float(texture.height) - 0.5f, 0.0f)), texture.height - 1);
+  const u64 row = u64(texture.width) * texture.channels * size;
+  const u8* at =
+      static_cast<const u8*>(texture.texels) + y * row + u64(x) * texture.channels * size;
+  prefetch(at);
+  prefetch(at + (y + 1 < texture.height ? row : 0));
+}
+
 /// Bilinear lookup (or the nearest texel). uv: v = 0 is the bottom row.
 template <bool kRadiance = false>
 HELIO_CALL KERNEL vec4 sample_texture(const TextureView& texture, vec2 uv) {
