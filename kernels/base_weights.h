@@ -76,7 +76,8 @@ KERNEL vec2 set_reflection(Base& b, const MaterialValues& m, const ShadingPoint&
     multiple = multiple_scattering(mean.coat, average.total);
     b.coat_multiple = max_component(multiple);
     lost = max2(1 - out.total, 0.0f);
-    b.multiple = multiple_scattering(mean.metal, average.total) * m.metallic + multiple * b.plastic;
+    b.multiple = multiple * b.plastic;
+    if (m.metallic > 0) b.multiple += multiple_scattering(mean.metal, average.total) * m.metallic;
   }
   vec3 coat(coat_albedo(b, out));
   float facets = luminance(b.f0) * (out.total - out.schlick) + b.f90 * out.schlick;

@@ -7,7 +7,6 @@ namespace heliograph::kernels::inline HELIO_ISA {
 
 KERNEL float sqr(float x) { return x * x; }
 KERNEL float safe_sqrt(float x) { return x > 0 ? std::sqrt(x) : 0; }
-KERNEL float clamp01(float x) { return x > 0 ? (x < 1 ? x : 1) : 0; }
 template <class T>
 KERNEL T min2(T a, T b) {
   return a < b ? a : b;
@@ -16,6 +15,7 @@ template <class T>
 KERNEL T max2(T a, T b) {
   return a > b ? a : b;
 }
+KERNEL float clamp01(float x) { return min2(max2(x, 0.0f), 1.0f); }
 /// Of a word that is not 0.
 KERNEL u32 lowest_bit(u32 bits) {
 #if defined(__CUDA_ARCH__)

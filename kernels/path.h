@@ -97,10 +97,11 @@ KERNEL float emission_weight(const SceneView& scene, const Path& path, const Hit
 template <Tracer T>
 KERNEL bool hit_surface(const PathContext<T>& c, Path& path, const Hit& hit, Vertex& v,
                         SampleValues& sample) {
-  v.surface = surface_at(c.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), c.time);
+  new (&v.surface)  // in place: these are large
+      Surface(surface_at(c.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), c.time));
   const Surface& s = v.surface;
   path.cone.width += path.cone.spread * hit.t;
-  v.material = material_at(c.scene, s, ~kAlphaBit, path.cone.width);
+  new (&v.material) MaterialValues(material_at(c.scene, s, ~kAlphaBit, path.cone.width));
   if (path.blurred && c.settings.regularize) regularize(v.material);
   v.boundary = boundary_at(c.scene, path.inside, s, path.ray.direction);
   if (v.boundary.meeting == Meeting::kAbsent) return false;

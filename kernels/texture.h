@@ -78,42 +78,52 @@ KERNEL float load_texel(const void* texels, u64 i, bool srgb) {
 }
 
 /// One texel as RGBA: grey fills RGB, a missing alpha is 1.
-template <TexelType T>
+template <TexelType T, u32 kChannels>
 KERNEL vec4 load_rgba(const TextureView& texture, u64 i) {
   const void* t = texture.texels;
-  const u64 at = i * texture.channels;
+  const u64 at = i * kChannels;
   const bool srgb = texture.srgb;
-  switch (texture.channels) {
-    case 1:
-      return vec4(vec3(load_texel<T>(t, at, srgb)), 1);
-    case 2:
-      return vec4(vec3(load_texel<T>(t, at, srgb)), load_texel<T>(t, at + 1, false));
-    default: {
-      const float alpha = texture.channels == 4 ? load_texel<T>(t, at + 3, false) : 1;
-      return vec4(load_texel<T>(t, at, srgb), load_texel<T>(t, at + 1, srgb),
-                  load_texel<T>(t, at + 2, srgb), alpha);
-    }
+  if constexpr (kChannels < 3) {
+    const float alpha = kChannels == 2 ? load_texel<T>(t, at + 1, false) : 1;
+    return vec4(vec3(load_texel<T>(t, at, srgb)), alpha);
+  } else {
+    const float alpha = kChannels == 4 ? load_texel<T>(t, at + 3, false) : 1;
+    return vec4(load_texel<T>(t, at, srgb), load_texel<T>(t, at + 1, srgb),
+                load_texel<T>(t, at + 2, srgb), alpha);
   }
 }
 
-/// Calls f with the texel type as a template argument.
+/// Calls f with the type and the number of channels of a texture's texels as template arguments.
 template <class F>
-KERNEL vec4 with_type(TexelType type, const F& f) {
-  switch (type) {
+KERNEL vec4 with_format(const TextureView& texture, const F& f) {
+  const auto with_channels = [&]<TexelType T>() {
+    switch (texture.channels) {
+      case 1:
+        return f.template operator()<T, 1>();
+      case 2:
+        return f.template operator()<T, 2>();
+      case 3:
+        return f.template operator()<T, 3>();
+      default:
+        return f.template operator()<T, 4>();
+    }
+  };
+  switch (texture.type) {
     case TexelType::kU8:
-      return f.template operator()<TexelType::kU8>();
+      return with_channels.template operator()<TexelType::kU8>();
     case TexelType::kU16:
-      return f.template operator()<TexelType::kU16>();
+      return with_channels.template operator()<TexelType::kU16>();
     case TexelType::kF16:
-      return f.template operator()<TexelType::kF16>();
+      return with_channels.template operator()<TexelType::kF16>();
     case TexelType::kF32:
       break;
   }
-  return f.template operator()<TexelType::kF32>();
+  return with_channels.template operator()<TexelType::kF32>();
 }
 
 KERNEL vec4 load_rgba(const TextureView& texture, u64 i) {
-  return with_type(texture.type, [&]<TexelType T>() { return load_rgba<T>(texture, i); });
+  return with_format(
+      texture, [&]<TexelType T, u32 kChannels>() { return load_rgba<T, kChannels>(texture, i); });
 }
 
 /// The coordinate within one period, in [0, 1].
@@ -149,14 +159,14 @@ KERNEL vec4 as_radiance(vec4 v) {
 }
 
 /// Four neighbouring texels, mixed.
-template <TexelType T, bool kRadiance>
+template <TexelType T, u32 kChannels, bool kRadiance>
 KERNEL vec4 bilinear(const TextureView& texture, Taps x, Taps y) {
   const u64 top_row = u64(y.first) * texture.width;
   const u64 bottom_row = u64(y.second) * texture.width;
-  vec4 a = load_rgba<T>(texture, top_row + x.first);
-  vec4 b = load_rgba<T>(texture, top_row + x.second);
-  vec4 c = load_rgba<T>(texture, bottom_row + x.first);
-  vec4 d = load_rgba<T>(texture, bottom_row + x.second);
+  vec4 a = load_rgba<T, kChannels>(texture, top_row + x.first);
+  vec4 b = load_rgba<T, kChannels>(texture, top_row + x.second);
+  vec4 c = load_rgba<T, kChannels>(texture, bottom_row + x.first);
+  vec4 d = load_rgba<T, kChannels>(texture, bottom_row + x.second);
   if constexpr (kRadiance) {
     a = as_radiance(a), b = as_radiance(b), c = as_radiance(c), d = as_radiance(d);
   }
@@ -188,8 +198,9 @@ HELIO_CALL KERNEL vec4 sample_texture(const TextureView& texture, vec2 uv) {
   }
   const Taps x = make_taps(uv.x, texture.width, texture.wrap_u);
   const Taps y = make_taps(1 - uv.y, texture.height, texture.wrap_v);
-  return with_type(texture.type,
-                   [&]<TexelType T>() { return bilinear<T, kRadiance>(texture, x, y); });
+  return with_format(texture, [&]<TexelType T, u32 kChannels>() {
+    return bilinear<T, kChannels, kRadiance>(texture, x, y);
+  });
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA
