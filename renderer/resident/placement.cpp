@@ -2,10 +2,12 @@
 #include "renderer/resident/placement.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <map>
 #include <numeric>
 
+#include "kernels/motion.h"
 #include "renderer/resident/parallel.h"
 #include "renderer/resident/placer.h"
 #include "renderer/scene/grid.h"
@@ -27,6 +29,21 @@ bool usable_key(const kernels::MotionKey& key) {
   const float det = key.xx * key.yy * key.zz;
   const vec3& t = key.translation;
   return std::isfinite(det) && det != 0 && std::isfinite(t.x + t.y + t.z);
+}
+
+/// Whether rays that begin within kernels::kReach are nowhere farther than kFarthest in an object's
+/// frame.
+bool is_within_reach(const mat4x3& object_from_world) {
+  for (int row = 0; row < 3; ++row) {
+    float most = std::abs(object_from_world[3][row]);
+    for (int axis = 0; axis < 3; ++axis)
+      most += std::abs(object_from_world[axis][row]) * kernels::kReach;
+    if (!(most < kernels::kFarthest)) return false;
+  }
+  return true;
+}
+bool is_within_reach(const kernels::MotionKey& key) {
+  return is_within_reach(kernels::inverse_of(kernels::interpolate(key, key, 0)));
 }
 
 /// Whether they are the same bits.
@@ -213,7 +230,11 @@ void Placer::place(kernels::InstanceView& view, u32 index) const {
   const bool usable = usable_pose(world) && std::ranges::all_of(keys, usable_key);
   view.world_from_object = usable ? world : mat4x3(1);
   view.object_from_world = usable ? inverse(world) : mat4x3(1);
-  view.visibility = usable ? ray_mask(entity) : 0;
+  const bool within_reach =
+      keys.empty() ? is_within_reach(view.object_from_world)
+                   : std::ranges::all_of(
+                         keys, [](const kernels::MotionKey& key) { return is_within_reach(key); });
+  view.visibility = usable && within_reach ? ray_mask(entity) : 0;
   if (glm::determinant(mat3(view.world_from_object)) < 0) view.flags |= kernels::kFlipped;
   if (entity.shadow_catcher) view.flags |= kernels::kCatcher;
   if (entity.label.part != 0) view.flags |= kernels::kOnePart;

@@ -1,9 +1,6 @@
 // The top level is always built from scratch, so that it is a function of its instances alone.
 #include "renderer/backend/embree/top_level.h"
 
-#include <algorithm>
-#include <cmath>
-
 #include "renderer/backend/embree/commit.h"
 #include "renderer/backend/embree/mesh.h"
 
@@ -26,26 +23,6 @@ void set_motion(RTCGeometry instance, std::span<const kernels::MotionKey> keys) 
                                              key.translation.z);
     rtcSetGeometryTransformQuaternion(instance, unsigned(i), &step);
   }
-}
-
-/// Whether rays that begin within kernels::kReach are nowhere farther than kFarthest in an object's
-/// frame.
-bool is_within_reach(const mat4x3& object_from_world) {
-  for (int row = 0; row < 3; ++row) {
-    double most = std::abs(double(object_from_world[3][row]));
-    for (int axis = 0; axis < 3; ++axis)
-      most += std::abs(double(object_from_world[axis][row])) * double(kernels::kReach);
-    if (!(most < double(kernels::kFarthest))) return false;
-  }
-  return true;
-}
-
-bool is_within_reach(const Placement& placement, u32 slot) {
-  const kernels::InstanceView& view = placement.instances[slot];
-  if (view.segments == 0) return is_within_reach(view.object_from_world);
-  return std::ranges::all_of(placement.keys_of(slot), [](const kernels::MotionKey& key) {
-    return is_within_reach(kernels::inverse_of(kernels::interpolate(key, key, 0)));
-  });
 }
 
 const TopLevel* top_of(const Placement* placement) {
@@ -97,7 +74,7 @@ GeometryHandle Builder::instance(u32 slot) const {
   const RTCGeometry geometry = handle.get();
   const kernels::InstanceView& view = placement_.instances[slot];
   rtcSetGeometryInstancedScene(geometry, (*made_->instance_scenes)[slot]);
-  rtcSetGeometryMask(geometry, is_within_reach(placement_, slot) ? view.visibility : 0);
+  rtcSetGeometryMask(geometry, view.visibility);
   if (view.segments == 0)
     rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR, &view.world_from_object);
   else
