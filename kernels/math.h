@@ -15,6 +15,7 @@ template <class T>
 KERNEL T max2(T a, T b) {
   return a > b ? a : b;
 }
+/// 0 for what is no number.
 KERNEL float clamp01(float x) { return min2(max2(x, 0.0f), 1.0f); }
 /// Of a word that is not 0.
 KERNEL u32 lowest_bit(u32 bits) {

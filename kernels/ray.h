@@ -50,10 +50,10 @@ inline constexpr float kFarthest = 1.8e18f;
 /// longest   of the direction, along each axis
 KERNEL bool is_sound(const Ray& ray, float reach = kReach, float longest = 2) {
   const auto is_within = [](vec3 v, float most) {
-    return (std::fabs(v.x) <= most) & (std::fabs(v.y) <= most) & (std::fabs(v.z) <= most);
+    return std::fabs(v.x) <= most && std::fabs(v.y) <= most && std::fabs(v.z) <= most;
   };
-  return is_within(ray.origin, reach) & is_within(ray.direction, longest) &
-         (ray.t_max == ray.t_max);
+  return is_within(ray.origin, reach) && is_within(ray.direction, longest) &&
+         ray.t_max == ray.t_max;
 }
 
 /// instance == kNone: nothing was hit, t = +inf. u, v: weights of vertices 1 and 2.
