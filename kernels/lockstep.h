@@ -78,6 +78,7 @@ class Lockstep {
 
  private:
   static constexpr u32 kPaths = 32;
+  static_assert(kPatchPixels <= CameraRays::kMost);
 
   struct Item {
     u64 key;

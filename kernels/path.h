@@ -3,6 +3,8 @@
 // steps for many paths side by side (lockstep.h on a CPU, wave.h on a GPU).
 #pragma once
 
+#include <new>
+
 #include "kernels/camera.h"
 #include "kernels/catcher.h"
 #include "kernels/filter.h"
