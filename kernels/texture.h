@@ -12,9 +12,12 @@ KERNEL bool has_coarser(const TextureView& texture) {
   return texture.width > 1 && texture.height > 1;
 }
 
-KERNEL u64 texture_bytes(const TextureView& texture) {
+KERNEL u32 texel_stride(const TextureView& texture) {
   const u32 size = texture.type == TexelType::kU8 ? 1 : texture.type == TexelType::kF32 ? 4 : 2;
-  return u64(texture.width) * texture.height * texture.channels * size;
+  return texture.channels * size;
+}
+KERNEL u64 texture_bytes(const TextureView& texture) {
+  return u64(texture.width) * texture.height * texel_stride(texture);
 }
 
 /// The level of a texture whose texels are at least half as wide as a footprint, if there is one:
@@ -177,12 +180,10 @@ KERNEL vec4 bilinear(const TextureView& texture, Taps x, Taps y) {
 
 /// Asks for the texels about a place, row 0 at v = 0.
 KERNEL void prefetch_texel(const TextureView& texture, vec2 uv) {
-  const u32 size = texture.type == TexelType::kU8 ? 1 : texture.type == TexelType::kF32 ? 4 : 2;
   const u32 x = min2(u32(max2(uv.x * float(texture.width) - 0.5f, 0.0f)), texture.width - 1);
   const u32 y = min2(u32(max2(uv.y * float(texture.height) - 0.5f, 0.0f)), texture.height - 1);
-  const u64 row = u64(texture.width) * texture.channels * size;
-  const u8* at =
-      static_cast<const u8*>(texture.texels) + y * row + u64(x) * texture.channels * size;
+  const u64 size = texel_stride(texture), row = texture.width * size;
+  const u8* at = static_cast<const u8*>(texture.texels) + y * row + x * size;
   prefetch(at);
   prefetch(at + (y + 1 < texture.height ? row : 0));
 }
