@@ -13,7 +13,7 @@
 namespace heliograph::kernels::inline HELIO_ISA {
 
 /// A node of the binary tree. The first ones are the items in the order of their keys.
-struct BuildNode {
+struct alignas(16) BuildNode {
   BvhBox box;
   u32 left, right;  // kNone: an item
   WidePlan plan;
@@ -23,13 +23,13 @@ struct BuildNode {
 };
 
 /// A subtree that waits for another to become a larger one with.
-struct BuildCluster {
+struct alignas(8) BuildCluster {
   u32 node;  // kNone: none, and none follows
   u32 home;  // the first of its items
 };
 
 /// A wide node to be made.
-struct BuildTask {
+struct alignas(16) BuildTask {
   u32 node;         // of the binary tree; kNone: nobody has put the task here yet
   u32 number;       // of the wide node
   u32 first_child;  // what comes below it begins at these
@@ -161,21 +161,20 @@ KERNEL BuildNode node_over(const BuildView& view, const uvec2& children, float s
   node.items = left.items + right.items;
   node.plan =
       plan_pair(left.plan, right.plan, {box_area(node.box, scale), view.item_cost, node.items});
-  const auto count = [&](u32 roots, u32& wide, u32& depth) {
+  u32 wide = 0, depth = 0;
+  const auto count = [&](u32 roots) {
     const u32 l = node.plan.left_roots[roots - 1], r = roots - l;
     wide = left.wide[l - 1] + right.wide[r - 1];
     depth = max2(left.depth[l - 1], right.depth[r - 1]);
   };
+  if (!node.plan.leaf) {
+    count(kBvhChildren);
+    ++wide;
+    ++depth;
+  }
+  HELIO_UNROLL
   for (u32 roots = 1; roots <= kMostRoots; ++roots) {
-    const u32 planned = planned_roots(node.plan, roots);
-    u32 wide = 0, depth = 0;
-    if (planned > 1) {
-      count(planned, wide, depth);
-    } else if (!node.plan.leaf) {
-      count(kBvhChildren, wide, depth);
-      ++wide;
-      ++depth;
-    }
+    if (roots > 1 && node.plan.left_roots[roots - 1] > 0) count(roots);
     node.wide[roots - 1] = wide;
     node.depth[roots - 1] = u8(min2(depth, 255u));
   }

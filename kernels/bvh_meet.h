@@ -183,14 +183,10 @@ KERNEL u32 meet_four(const FourBoxes& boxes, u32 octant, const Planes& near, con
   // The sign of t_max is 0, which no compiler knows: it would load a constant again for each byte.
   const u32 of_bits = kOfByteBits | bits_of_float(t_max) >> 31;
   u32 met = 0;
-#if defined(__CUDA_ARCH__)
-#pragma unroll
-#endif
+  HELIO_UNROLL
   for (u32 i = 0; i < 4; ++i) {
     float begin = 0, end = t_max;
-#if defined(__CUDA_ARCH__)
-#pragma unroll
-#endif
+    HELIO_UNROLL
     for (int k = 0; k < 3; ++k) {
       begin = greater(of_byte(boxes.near[k], i, of_bits) * near.scale[k] + near.offset[k], begin);
       end = fewer(of_byte(boxes.far[k], i, of_bits) * far.scale[k] + far.offset[k], end);
@@ -272,15 +268,11 @@ KERNEL NodeChildren meet_children(const BvhNode* node, const BoxRay& ray, float 
   Planes near, far;
   set_planes(scale, offset, near, far);
   u32 met = 0;
-#if defined(__CUDA_ARCH__)
-#pragma unroll
-#endif
+  HELIO_UNROLL
   for (int half = 0; half < 2; ++half) {
     FourBoxes boxes;
     boxes.meta = meta[half];
-#if defined(__CUDA_ARCH__)
-#pragma unroll
-#endif
+    HELIO_UNROLL
     for (int k = 0; k < 3; ++k) {
       const bool up = (ray.octant >> (2 - k) & 1) != 0;
       boxes.near[k] = up ? low[half][k] : high[half][k];

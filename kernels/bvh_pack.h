@@ -56,30 +56,42 @@ KERNEL void order_children(BvhChild (&children)[kBvhChildren], u32 count, const 
   const vec3 center = parent.center();
   BvhChild slots[kBvhChildren];
   vec3 to[kBvhChildren];
-  for (u32 c = 0; c < count; ++c) to[c] = children[c].box.center() - center;
+  HELIO_UNROLL
+  for (u32 c = 0; c < kBvhChildren; ++c)
+    to[c] = c < count ? children[c].box.center() - center : vec3(0);
   for (BvhChild& slot : slots) slot = {no_box(), kNone, 0};
-  const auto gain = [&](u32 c, u32 s) {
-    return (s & 4 ? to[c].x : -to[c].x) + (s & 2 ? to[c].y : -to[c].y) +
-           (s & 1 ? to[c].z : -to[c].z);
-  };
-  u32 placed = 0, taken = 0;
-  for (u32 round = 0; round < count; ++round) {
-    u32 child = kNone, slot = 0;
-    float best = 0;
-    for (u32 c = 0; c < count; ++c) {
-      if (placed >> c & 1) continue;
-      for (u32 s = 0; s < kBvhChildren; ++s) {
-        if (taken >> s & 1) continue;
-        const float own = gain(c, s);
-        if (child != kNone && !(own > best)) continue;
-        child = c;
-        slot = s;
-        best = own;
-      }
+  struct Wish {
+    u32 slot;  // kNone: the child has one
+    float gain;
+  } wishes[kBvhChildren];
+  u32 taken = 0;
+  const auto wish_of = [&](vec3 at) {  // the first of those that gain most
+    Wish wish{kNone, 0};
+    HELIO_UNROLL
+    for (u32 s = 0; s < kBvhChildren; ++s) {
+      const float gain = (s & 4 ? at.x : -at.x) + (s & 2 ? at.y : -at.y) + (s & 1 ? at.z : -at.z);
+      if ((taken >> s & 1) == 0 && (wish.slot == kNone || gain > wish.gain)) wish = {s, gain};
     }
-    slots[slot] = children[child];
-    placed |= 1u << child;
-    taken |= 1u << slot;
+    return wish;
+  };
+  HELIO_UNROLL
+  for (u32 c = 0; c < kBvhChildren; ++c) wishes[c] = c < count ? wish_of(to[c]) : Wish{kNone, 0};
+  for (u32 round = 0; round < count; ++round) {
+    u32 child = kNone;
+    Wish best{kNone, 0};
+    HELIO_UNROLL
+    for (u32 c = 0; c < kBvhChildren; ++c)
+      if (wishes[c].slot != kNone && (child == kNone || wishes[c].gain > best.gain)) {
+        child = c;
+        best = wishes[c];
+      }
+    slots[best.slot] = children[child];
+    taken |= 1u << best.slot;
+    HELIO_UNROLL
+    for (u32 c = 0; c < kBvhChildren; ++c) {
+      if (c == child) wishes[c].slot = kNone;
+      if (wishes[c].slot == best.slot) wishes[c] = wish_of(to[c]);
+    }
   }
   for (u32 s = 0; s < kBvhChildren; ++s) children[s] = slots[s];
 }
@@ -98,10 +110,12 @@ KERNEL BvhNode pack_node(const BvhChild (&slots)[kBvhChildren], const BvhBox& bo
       items += slots[s].items;
     }
   }
+  HELIO_UNROLL
   for (int k = 0; k < 3; ++k) {
     const BvhGrid grid(box.lower[k], box.upper[k]);
     node.origin[k] = grid.origin;
     node.exponent[k] = u8(grid.exponent + 127);
+    HELIO_UNROLL
     for (u32 s = 0; s < kBvhChildren; ++s) {
       if (slots[s].source == kNone) continue;
       node.low[k][s] = grid.low(slots[s].box.lower[k]);

@@ -42,9 +42,11 @@ KERNEL WidePlan plan_pair(const WidePlan& left, const WidePlan& right, const Pla
   WidePlan plan;
   plan.left_roots[0] = 0;
   float distributed[kMostRoots + 2];
+  HELIO_UNROLL
   for (u32 roots = 2; roots <= kMostRoots + 1; ++roots) {
     distributed[roots] = INFINITY;
     plan.left_roots[roots - 1] = 1;
+    HELIO_UNROLL
     for (u32 l = 1; l < roots; ++l) {
       const float cost = left.cost[l - 1] + right.cost[roots - l - 1];
       if (!(cost < distributed[roots])) continue;
@@ -55,6 +57,7 @@ KERNEL WidePlan plan_pair(const WidePlan& left, const WidePlan& right, const Pla
   const float inner_cost = distributed[kMostRoots + 1] + costs.area;
   plan.leaf = leaf_cost(costs) <= inner_cost;
   plan.cost[0] = plan.leaf ? leaf_cost(costs) : inner_cost;
+  HELIO_UNROLL
   for (u32 roots = 2; roots <= kMostRoots; ++roots) {
     if (!(distributed[roots] <= plan.cost[roots - 2])) plan.left_roots[roots - 1] = 0;
     plan.cost[roots - 1] =

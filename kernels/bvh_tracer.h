@@ -37,9 +37,7 @@ struct ObjectRay {
 KERNEL ObjectRay object_ray(const BvhInstance& instance, const ObjectRay& world) {
   const vec3 o = world.origin, d = world.direction;
   ObjectRay ray;
-#if defined(__CUDA_ARCH__)
-#pragma unroll
-#endif
+  HELIO_UNROLL
   for (int k = 0; k < 3; ++k) {
     const Words4 words = load_words(&instance.object_from_world[k]);
     const vec3 row = vec3_of_bits(words);

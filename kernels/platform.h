@@ -41,6 +41,13 @@
 #define HELIO_STEP HELIO_CALL
 #endif
 
+// Before a loop whose arrays a GPU keeps in registers, once each index is known.
+#if defined(__CUDA_ARCH__)
+#define HELIO_UNROLL _Pragma("unroll")
+#else
+#define HELIO_UNROLL
+#endif
+
 // A constant table that kernels index at run time.
 #if defined(__CUDA_ARCH__)
 #define HELIO_TABLE static __device__ const

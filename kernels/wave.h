@@ -2,8 +2,9 @@
 // path is that of path.h; here are the items that wait between two steps, and what reads them.
 //
 // An item is one sample of one pixel. A slot holds one path on its way. Who runs a wave begins an
-// item in each free slot, traces all rays, lets all paths arrive, traces the light rays, and again;
-// when all items are done it folds them into the film, in the order of the samples.
+// item in each free slot, traces all rays, those of light from the round before among them, lets
+// all paths arrive, and again; when all items are done it folds them into the film, in the order of
+// the samples.
 //
 // Source: Laine, Karras and Aila 2013, "Megakernels Considered Harmful: Wavefront Path Tracing on
 // GPUs". Tested: tests/unit/wave_test.cpp, against render_pixel().
@@ -78,6 +79,11 @@ struct alignas(16) WaveRay {
   Ray ray;
   u32 mask;
 };
+/// The slot may have a path of another item by the time that its ray is traced.
+struct alignas(16) WaveLight {
+  LaterLight later;
+  u32 item;
+};
 struct alignas(16) WaveSample {
   SampleHead head;
 };
@@ -87,7 +93,7 @@ struct WaveView {
   WavePath* paths;      // by slot
   WaveRay* rays;        // by slot
   Hit* hits;            // by slot
-  LaterLight* lights;   // by slot
+  WaveLight* lights;    // by slot
   Inside* insides;      // by slot; null where the scene has no media
   Reach* reaches;       // by slot; null where the scene has no media
   WaveSample* samples;  // by item
@@ -169,18 +175,17 @@ class Wave {
     const bool goes_on =
         kernels::arrive(c, path, reach, view_.hits[slot], sample, take_light) && path.ray.t_max > 0;
     put(sample, kept.item);
-    if (light.ray.t_max > 0) store_whole(view_.lights[slot], light);
+    if (light.ray.t_max > 0) store_whole(view_.lights[slot], WaveLight{light, kept.item});
     if (goes_on) set_out_in(c, slot, kept.item, path);
     return {goes_on, light.ray.t_max > 0};
   }
-  /// Nothing is in the way of the light of a slot.
+  /// Nothing is in the way of the light of a slot. Before its path arrives again.
   KERNEL void shine(u32 slot) const {
-    const LaterLight kept = load_whole(view_.lights[slot]);
-    const u32 item = view_.paths[slot].item;
+    const WaveLight kept = load_whole(view_.lights[slot]);
     SampleValues sample;
-    get(sample, item);
-    collect(context(item, Sampler(0, 0), 0), sample, kept.light, kept.route);
-    put(sample, item);
+    get(sample, kept.item);
+    collect(context(kept.item, Sampler(0, 0), 0), sample, kept.later.light, kept.later.route);
+    put(sample, kept.item);
   }
   /// Adds all items of pixel `index` of the work to its film. Returns the rays traced for them.
   KERNEL u32 fold(u32 index) const {

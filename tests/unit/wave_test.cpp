@@ -24,6 +24,7 @@ class HostWave {
     rays_.resize(kSlots);
     hits_.resize(kSlots);
     lights_.resize(kSlots);
+    lit_.assign(kSlots, false);
     insides_.resize(kSlots);
     reaches_.resize(kSlots);
     samples_.resize(items_);
@@ -52,11 +53,9 @@ class HostWave {
           if (wave_of(next).begin(slot, next)) item_[slot] = next;
           ++next;
         }
-        if (item_[slot] == kNone) continue;
-        ++active;
-        hits_[slot] = tracer_of(item_[slot]).closest(rays_[slot].ray, rays_[slot].mask);
+        active += trace(slot);
       }
-      for (const u32 slot : order) step(slot);
+      for (const u32 slot : order) arrive(slot);
     }
   }
   u64 fold(u32 pixels) {
@@ -73,12 +72,25 @@ class HostWave {
   Wave<TestTracer> wave_of(u32 item) const {
     return {picture(item).shot, work_, view_, tracer_of(item)};
   }
-  void step(u32 slot) {
+  /// The ray of a slot, and the one that its light waits for. Returns how many.
+  u32 trace(u32 slot) {
+    u32 rays = 0;
+    if (item_[slot] != kNone) {
+      hits_[slot] = tracer_of(item_[slot]).closest(rays_[slot].ray, rays_[slot].mask);
+      ++rays;
+    }
+    if (lit_[slot]) {
+      const u32 item = lights_[slot].item;
+      if (!tracer_of(item).occluded(lights_[slot].later.ray, kShadowRay)) wave_of(item).shine(slot);
+      lit_[slot] = false;
+      ++rays;
+    }
+    return rays;
+  }
+  void arrive(u32 slot) {
     if (item_[slot] == kNone) return;
-    const auto wave = wave_of(item_[slot]);
-    const Arrival arrival = wave.arrive(slot);
-    if (arrival.takes_light && !tracer_of(item_[slot]).occluded(lights_[slot].ray, kShadowRay))
-      wave.shine(slot);
+    const Arrival arrival = wave_of(item_[slot]).arrive(slot);
+    lit_[slot] = arrival.takes_light;
     if (!arrival.goes_on) item_[slot] = kNone;
   }
 
@@ -90,7 +102,8 @@ class HostWave {
   std::vector<WavePath> paths_;
   std::vector<WaveRay> rays_;
   std::vector<Hit> hits_;
-  std::vector<LaterLight> lights_;
+  std::vector<WaveLight> lights_;
+  std::vector<bool> lit_;
   std::vector<Inside> insides_;
   std::vector<Reach> reaches_;
   std::vector<WaveSample> samples_;

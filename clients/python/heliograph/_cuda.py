@@ -11,7 +11,6 @@ import ctypes
 import functools
 import os
 import weakref
-from collections.abc import Iterator
 from ctypes import c_char, c_int, c_size_t, c_uint, c_ulonglong, c_void_p
 from typing import Any
 
@@ -137,17 +136,9 @@ class Device:
         driver.call("cuDevicePrimaryCtxRetain", ctypes.byref(context), handle)
         self.context = context.value
 
-    @contextlib.contextmanager
-    def current(self) -> Iterator[Driver]:
+    def current(self) -> _Current:
         """Makes it this thread's, for a while; what is done there spoils no capture of a graph."""
-        mode, before = c_int(_RELAXED), c_void_p()
-        self.driver.call("cuCtxPushCurrent_v2", self.context)
-        self.driver.call("cuThreadExchangeStreamCaptureMode", ctypes.byref(mode))
-        try:
-            yield self.driver
-        finally:
-            self.driver.call("cuThreadExchangeStreamCaptureMode", ctypes.byref(mode))
-            self.driver.call("cuCtxPopCurrent_v2", ctypes.byref(before))
+        return _Current(self)
 
     def download(self, address: int, out: memoryview) -> None:
         """Copies to the host; waits for work on the default stream."""
@@ -162,6 +153,25 @@ class Device:
                 driver.call("cuCtxSynchronize")
             driver.call("cuMemcpyDtoDAsync_v2", to, source, nbytes, stream)
             driver.call("cuStreamSynchronize", stream)
+
+
+class _Current:
+    """What Device.current() is."""
+
+    def __init__(self, device: Device) -> None:
+        self._device = device
+        self._mode, self._before = c_int(_RELAXED), c_void_p()
+
+    def __enter__(self) -> Driver:
+        driver = self._device.driver
+        driver.call("cuCtxPushCurrent_v2", self._device.context)
+        driver.call("cuThreadExchangeStreamCaptureMode", ctypes.byref(self._mode))
+        return driver
+
+    def __exit__(self, *_: object) -> None:
+        driver = self._device.driver
+        driver.call("cuThreadExchangeStreamCaptureMode", ctypes.byref(self._mode))
+        driver.call("cuCtxPopCurrent_v2", ctypes.byref(self._before))
 
 
 class Mapping:

@@ -27,10 +27,11 @@ if TYPE_CHECKING:
 
 _DEFAULT_SPP = 64
 _LABELS = ("boxes", "amodal", "amodal_masks", "keypoints")
-_FILM = {"variance", "samples", "shadow_catcher"}
-_MEAN = {
+_PLANES: dict[str, Any] = dict(render_pb.Plane.items())
+_AVERAGED = {
     *("beauty", "denoised", "albedo_mean", "normal_mean", "coverage", "ambient_occlusion", "cost"),
     *("emission_light", "environment_light", "sensor_rgb", "sensor_mosaic"),
+    *("variance", "samples", "shadow_catcher"),
 }
 
 
@@ -155,7 +156,7 @@ def request_of_manifest(scene: Scene, manifest: str) -> render_pb.RenderRequest:
 def is_averaged(name: str) -> bool:
     """Whether a plane is a mean over samples and needs a stop rule."""
     base = name.partition(":")[0]
-    return base in _MEAN | _FILM or base.startswith(("direct_", "indirect_", "beauty"))
+    return base in _AVERAGED or base.startswith(("direct_", "indirect_", "beauty"))
 
 
 def make_request(
@@ -230,16 +231,15 @@ def _plane(plane: str | tuple[str, Named]) -> render_pb.PlaneRequest:
         name, colon, argument = plane.partition(":")
         grouped = name == "beauty" and bool(colon)
     wanted = "PLANE_" + ("beauty_group" if grouped else name).upper()
-    names = render_pb.Plane.keys()
-    if wanted not in names or wanted == "PLANE_UNSPECIFIED":
+    number = _PLANES.get(wanted)
+    if not number:
         import difflib
 
-        known = [key[len("PLANE_") :].lower() for key in names[1:]]
+        known = [key[len("PLANE_") :].lower() for key in list(_PLANES)[1:]]
         near = difflib.get_close_matches(name, known, 3) or known
         raise InvalidArgument(
             f"planes: no plane {name!r}; the nearest are {', '.join(near)}", field="planes"
         )
-    number: Any = render_pb.Plane.Value(wanted)
     out = render_pb.PlaneRequest(plane=number)
     if grouped:
         out.group = str(argument)

@@ -88,14 +88,14 @@ class SharedFrames:
     def _lease(self, key: tuple[int, int]) -> NdArray | DeviceLease:
         buffer = self._map(key[0])
         lease: NdArray | DeviceLease
+        readers: list[_cuda.Device] = []
         if isinstance(buffer, _cuda.Mapping):
             lease = DeviceLease(buffer)
-            device = buffer.device
+            readers = lease.readers
         else:
             lease = np.frombuffer(buffer, dtype=np.uint8)
-            device = None
         self._leases[key] = weakref.ref(lease)
-        weakref.finalize(lease, self._give_back, key, device).atexit = False
+        weakref.finalize(lease, self._give_back, key, readers).atexit = False
         return lease
 
     def hand_over(self, data: memoryview) -> types.BufferRef:
@@ -147,15 +147,15 @@ class SharedFrames:
         finally:
             os.close(fds[0])
 
-    def _give_back(self, key: tuple[int, int], device: _cuda.Device | None) -> None:
+    def _give_back(self, key: tuple[int, int], readers: list[_cuda.Device]) -> None:
         """The last array of a lease is gone. Runs in any thread, at any time: takes no lock."""
         if os.getpid() != self._pid or self._leases.pop(key, None) is None:
             return
-        if device is None:
+        if not readers:
             self._send(_WORD.pack(*key))
-        else:
-            self._in_use.append((_cuda.Fence(device), _WORD.pack(*key)))
-            self._give_back_unused()
+            return
+        self._in_use.append((_cuda.Fence(readers[0]), _WORD.pack(*key)))
+        self._give_back_unused()
 
     def _give_back_unused(self) -> None:
         """Of those in a GPU's memory the ones that it reads no more."""

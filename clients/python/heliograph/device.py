@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from . import _dlpack
-from ._cuda import Mapping
+from ._cuda import Device, Mapping
 
 _CUDA = 2  # kDLCUDA
 _CODES = {"i": 0, "u": 1, "f": 2}  # kDLInt, kDLUInt, kDLFloat
@@ -33,8 +33,14 @@ class DeviceArray:
         self.shape = tuple(shape)
         self.dtype = dtype
         self.nbytes = math.prod(shape) * dtype.itemsize
-        self.pointer = lease.mapping.address + offset
+        self._address = lease.mapping.address + offset
         self.device = lease.mapping.device.number
+
+    @property
+    def pointer(self) -> int:
+        """Where it lies in the GPU's memory."""
+        self._lease.show()
+        return self._address
 
     @property
     def __cuda_array_interface__(self) -> dict[str, Any]:
@@ -84,14 +90,14 @@ class DeviceArray:
         import torch
 
         if _dlpack.is_here():
-            return torch.from_dlpack(self)
+            return torch.from_dlpack(self.__dlpack__())  # any stream may read it: none is looked up
         return torch.as_tensor(self, device=f"cuda:{self.device}")
 
     def numpy(self) -> np.ndarray[Any, np.dtype[Any]]:
         """A copy on the host."""
         out = np.empty(self.shape, self.dtype)
         flat: Any = out.reshape(-1).view(np.uint8)
-        self._lease.mapping.device.download(self.pointer, memoryview(flat))
+        self._lease.mapping.device.download(self._address, memoryview(flat))
         return out
 
     def __repr__(self) -> str:
@@ -103,3 +109,9 @@ class DeviceLease:
 
     def __init__(self, mapping: Mapping) -> None:
         self.mapping = mapping
+        self.readers: list[Device] = []  # GPUs that may read it for a while after that
+
+    def show(self) -> None:
+        """From now on anybody knows where it lies."""
+        if not self.readers:
+            self.readers.append(self.mapping.device)

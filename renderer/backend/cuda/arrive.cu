@@ -23,14 +23,14 @@ __device__ void arrive_all(const WaveLaunch& l) {
     const u32 i = first + threadIdx.x;
     if (i >= active) continue;
     const u32 slot = l.arrived[i < hits ? i : l.slots - 1 - (i - hits)];
-    const WaveShot& shot = shot_of_slot<kMany>(l, slot);
+    const WaveShot& shot = shot_of_path<kMany>(l, slot);
     const CalledTracer tracer{{shot.view.scene, shot.bvh}};
     const Arrival arrival = Wave(shot.view, l.work, l.wave, tracer).arrive(slot);
     if (arrival.goes_on)
       l.active[1 - l.round][atomicAdd(&next.active, 1)] = slot;
     else
       l.free[1 - l.round][atomicAdd(&next.free, 1)] = slot;
-    if (arrival.takes_light) l.lit[atomicAdd(&now.lights, 1)] = slot;
+    if (arrival.takes_light) l.lit[atomicAdd(&next.lights, 1)] = slot;
   }
 }
 

@@ -54,7 +54,10 @@ Status Context::open(int index, u64 budget) {
       fmt::format("{} sm_{}{}", name, attribute(Attribute::kMajor), attribute(Attribute::kMinor));
   processors_ = u32(attribute(Attribute::kProcessors));
   HELIO_TRY(open_context());
-  HELIO_TRY(check(driver_.create_stream(&stream_, kNonBlocking), "making a stream"));
+  for (StreamHandle* stream : {&stream_, &aside_})
+    HELIO_TRY(check(driver_.create_stream(stream, kNonBlocking), "making a stream"));
+  for (EventHandle* event : {&aside_begins_, &aside_ends_})
+    HELIO_TRY(check(driver_.create_event(event, kNoTiming), "making an event"));
   HELIO_TRY(check(pool_.open({device_, context_, stream_}), "opening the memory pool"));
   for (Stage& stage : stages_) {
     HELIO_TRY(check(driver_.allocate_pinned(&stage.memory, kStageBytes, 0), "a copy's memory"));
@@ -91,14 +94,18 @@ Status Context::open_context() {
 Context::~Context() {
   if (!context_) return;
   (void)driver_.set_context(context_);
-  if (stream_) (void)driver_.wait_for_stream(stream_);
+  for (StreamHandle stream : {aside_, stream_})
+    if (stream) (void)driver_.wait_for_stream(stream);
   for (Stage& stage : stages_) {
     if (stage.written) (void)driver_.destroy_event(stage.written);
     if (stage.memory) (void)driver_.release_pinned(stage.memory);
   }
   sender_.close();
   for (ModuleHandle module : modules_) (void)driver_.unload_module(module);
-  if (stream_) (void)driver_.destroy_stream(stream_);
+  for (EventHandle event : {aside_begins_, aside_ends_})
+    if (event) (void)driver_.destroy_event(event);
+  for (StreamHandle stream : {aside_, stream_})
+    if (stream) (void)driver_.destroy_stream(stream);
   destroy();
 }
 
@@ -244,8 +251,29 @@ Expected<FunctionHandle> Context::function(const char* name) const {
 }
 
 Status Context::launch(FunctionHandle program, LaunchSize size, std::span<void*> arguments) {
+  return launch(program, size, arguments, stream_);
+}
+
+Status Context::launch_aside(FunctionHandle program, LaunchSize size, std::span<void*> arguments) {
+  HELIO_TRY(order(stream_, aside_, aside_begins_));
+  return launch(program, size, arguments, aside_);
+}
+
+Status Context::join() {
+  if (is_lost()) return {};
+  HELIO_TRY(enter());
+  return order(aside_, stream_, aside_ends_);
+}
+
+Status Context::order(StreamHandle before, StreamHandle after, EventHandle event) {
+  HELIO_TRY(check(driver_.record_event(event, before), "ordering work on the GPU"));
+  return check(driver_.let_stream_wait(after, event, 0), "ordering work on the GPU");
+}
+
+Status Context::launch(FunctionHandle program, LaunchSize size, std::span<void*> arguments,
+                       StreamHandle stream) {
   if (size.blocks == 0) return {};
-  return check(driver_.launch(program, size.blocks, 1, 1, size.threads, 1, 1, 0, stream_,
+  return check(driver_.launch(program, size.blocks, 1, 1, size.threads, 1, 1, 0, stream,
                               arguments.data(), nullptr),
                "starting work on the GPU");
 }

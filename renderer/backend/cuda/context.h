@@ -100,6 +100,12 @@ class Context : public std::enable_shared_from_this<Context> {
   [[nodiscard]] Expected<FunctionHandle> function(const char* name) const;
   /// arguments   of the program, one after the other
   [[nodiscard]] Status launch(FunctionHandle program, LaunchSize size, std::span<void*> arguments);
+  /// The same beside what comes next, until join().
+  [[nodiscard]] Status launch_aside(FunctionHandle program, LaunchSize size,
+                                    std::span<void*> arguments);
+  /// What comes next comes after what goes on aside. To be called before memory that it uses is
+  /// freed; of a lost context nothing goes on. Thread: any, one at a time.
+  [[nodiscard]] Status join();
 
   [[nodiscard]] const std::string& name() const { return name_; }
   /// As the driver counts.
@@ -138,13 +144,18 @@ class Context : public std::enable_shared_from_this<Context> {
     std::span<std::byte> to;  // of the copy on its way; empty: none is
   };
   [[nodiscard]] Status finish(Stage& stage);
+  /// What `after` does next it does after what `before` was given, which `event` says is done.
+  [[nodiscard]] Status order(StreamHandle before, StreamHandle after, EventHandle event);
+  [[nodiscard]] Status launch(FunctionHandle program, LaunchSize size, std::span<void*> arguments,
+                              StreamHandle stream);
 
   const Driver driver_;
   int index_ = 0;
   Device device_ = 0;
   bool is_primary_ = false;
   ContextHandle context_ = nullptr;
-  StreamHandle stream_ = nullptr;
+  StreamHandle stream_ = nullptr, aside_ = nullptr;
+  EventHandle aside_begins_ = nullptr, aside_ends_ = nullptr;
   std::vector<ModuleHandle> modules_;
   std::array<Stage, 2> stages_;
   Sender sender_{driver_};

@@ -72,6 +72,7 @@ struct AccessDescription {
   F(create_stream, cuStreamCreate, StreamHandle*, unsigned)                                       \
   F(destroy_stream, cuStreamDestroy_v2, StreamHandle)                                             \
   F(wait_for_stream, cuStreamSynchronize, StreamHandle)                                           \
+  F(let_stream_wait, cuStreamWaitEvent, StreamHandle, EventHandle, unsigned)                      \
   F(create_event, cuEventCreate, EventHandle*, unsigned)                                          \
   F(destroy_event, cuEventDestroy_v2, EventHandle)                                                \
   F(record_event, cuEventRecord, EventHandle, StreamHandle)                                       \

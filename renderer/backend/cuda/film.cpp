@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <utility>
 
 #include "renderer/engine/post.h"
 #include "renderer/resident/parallel.h"
@@ -14,6 +15,8 @@ Expected<std::unique_ptr<CudaFilm>> CudaFilm::create(Pictures pictures, std::spa
   HELIO_TRY(film->open(shots, mirror, scene_of));
   return film;
 }
+
+CudaFilm::~CudaFilm() { (void)join_probes(); }
 
 Status CudaFilm::open(std::span<const Shot> shots, Mirror& mirror, const SceneOf& scene_of) {
   const auto own = std::make_shared<Copies>(mirror);
@@ -183,8 +186,13 @@ Status CudaFilm::probe(const Programs& programs, u32 first_tile, u32 tile_count)
   void* arguments[] = {&probes_, &work, &rays};
   fetched_ = false;
   const auto& program = later_ ? programs.probe_later : programs.probe;
-  return context_.launch(program.function, Programs::size(program, kernels::pixels_of(work)),
-                         arguments);
+  probes_aside_ = true;
+  return context_.launch_aside(program.function, Programs::size(program, kernels::pixels_of(work)),
+                               arguments);
+}
+
+Status CudaFilm::join_probes() {
+  return std::exchange(probes_aside_, false) ? context_.join() : Status{};
 }
 
 Expected<ResolveLaunch> CudaFilm::resolve_launch() const {
@@ -262,6 +270,7 @@ Status CudaFilm::fill(const Programs& programs, std::span<Resolved> planes) {
 
 Expected<std::vector<PlaneData>> CudaFilm::resolve(const Programs& programs,
                                                    CudaDenoiser* denoiser) {
+  HELIO_TRY(join_probes());
   const bool denoises = denoiser && std::ranges::count(job().planes, Plane::DENOISED) > 0;
   auto all = new_resolved(denoises);
   if (!all) return std::unexpected(std::move(all).error());
@@ -321,6 +330,7 @@ Expected<Noise> CudaFilm::noise(const Programs& programs) const {
 Status CudaFilm::fetch_instances() {
   constexpr u32 kFrom = u32(kernels::Plane::INSTANCE);
   if (fetched_ || !view_.planes[kFrom]) return {};
+  HELIO_TRY(join_probes());
   const u64 bytes = pixels() * sizeof(u32);
   const auto all = std::make_unique_for_overwrite<std::byte[]>(pictures_.size() * bytes);
   HELIO_TRY(

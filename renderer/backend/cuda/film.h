@@ -33,6 +33,7 @@ class CudaFilm final : public Film {
                                                                   std::span<const Shot> shots,
                                                                   Mirror& mirror,
                                                                   const SceneOf& scene_of);
+  ~CudaFilm() override;
 
   [[nodiscard]] u32 tiles() const override { return u32(tile_samples_.size()); }
   [[nodiscard]] u32 tiles_across() const override { return pictures_[0]->tiles_across(); }
@@ -54,6 +55,7 @@ class CudaFilm final : public Film {
   /// What Backend::take() and put() say.
   [[nodiscard]] Expected<FilmPart> take(const TileRun& tiles);
   [[nodiscard]] Status put(const FilmPart& part);
+  /// Starts it beside samples.
   [[nodiscard]] Status probe(const Programs& programs, u32 first_tile, u32 tile_count);
   /// What Backend::resolve() says.
   ///
@@ -99,6 +101,8 @@ class CudaFilm final : public Film {
   [[nodiscard]] Status download(std::vector<Download> pieces);
   /// Starts what fills film planes.
   [[nodiscard]] Status fill(const Programs& programs, std::span<Resolved> planes);
+  /// What comes next finds the centre planes.
+  [[nodiscard]] Status join_probes();
   [[nodiscard]] ProbeEnd end_of(const ResidentScene* scene, const kernels::ProbeScene& seen);
 
   const Pictures pictures_;
@@ -114,6 +118,7 @@ class CudaFilm final : public Film {
   std::vector<const WaveShot*> task_copies_;  // null: of one picture
   const ProbeLaunch* probes_ = nullptr;       // of the pictures, on the device
   bool later_ = false;                        // they look at a later vertex
+  bool probes_aside_ = false;                 // since when nothing waited for them
   std::unique_ptr<Wave> wave_;                // of a range that is not done
   u32 task_ = 0;                              // that it works on
   bool fetched_ = false;

@@ -12,8 +12,8 @@ using kernels::u64;
 
 inline constexpr u32 kThreads = 128;  // of a block, unless a program says otherwise
 
-/// What a round of programs has to do, as counted by those before it. A round begins, traces, lets
-/// arrive and lights.
+/// What a round of programs has to do, as counted by those before it. A round begins, traces, with
+/// the rays of light that the round before left, and lets arrive.
 struct WaveRound {
   u32 first_item;            // of those that nobody began
   u32 free;                  // entries of WaveLaunch::free

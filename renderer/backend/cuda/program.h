@@ -34,10 +34,14 @@ __device__ const WaveShot& shot_of(const WaveLaunch& l, u32 item) {
   if constexpr (kMany) return l.shots[kernels::picture_of(l.shot.view.film, l.work, item)];
   return l.shot;
 }
-/// The same of a slot's item.
+/// The same of a slot's path and of its light.
 template <bool kMany>
-__device__ const WaveShot& shot_of_slot(const WaveLaunch& l, u32 slot) {
+__device__ const WaveShot& shot_of_path(const WaveLaunch& l, u32 slot) {
   return shot_of<kMany>(l, kMany ? l.wave.paths[slot].item : 0);
+}
+template <bool kMany>
+__device__ const WaveShot& shot_of_light(const WaveLaunch& l, u32 slot) {
+  return shot_of<kMany>(l, kMany ? l.wave.lights[slot].item : 0);
 }
 
 __device__ inline u32 thread() { return blockIdx.x * blockDim.x + threadIdx.x; }

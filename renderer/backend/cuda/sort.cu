@@ -1,12 +1,6 @@
 // The GPU programs that sort boxes by their keys, between the steps of build.cu.
 #include "renderer/backend/cuda/build_program.h"
 
-#if defined(__CUDACC__)
-#define HELIO_UNROLL _Pragma("unroll")
-#else  // in a test
-#define HELIO_UNROLL
-#endif
-
 using namespace heliograph::kernels;
 using namespace heliograph::cuda;
 

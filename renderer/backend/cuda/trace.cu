@@ -11,37 +11,48 @@ constexpr int kLanesKept = 20;
 /// Lanes that still look for something to meet before those that found it do.
 constexpr int kLanesSearching = 8;
 
+/// The warps of a launch share out rays. Few rays are spread over all warps, as lanes of a warp
+/// wait for each other.
+struct Share {
+  u32 warp;   // this one's number
+  u32 warps;  // of all
+  u32 rays;   // that each takes at first
+};
+
 /// Walks the rays [0, count) of a queue. A lane takes the next one when its own is done, once
 /// enough others of its warp are; and it meets triangles once enough others have some.
 ///
-/// next    how many are taken
+/// next    how many are taken after the first ones
 /// begin   (walk, i): begins it
 /// end     (walk, i): it is done
 /// Source: Aila and Laine 2009, "Understanding the Efficiency of Ray Traversal on GPUs", HPG,
 /// section 4.
 template <class Begin, class End>
-__device__ void walk_all(const WaveLaunch& l, u32 count, u32& next, const Begin& begin,
-                         const End& end) {
+__device__ void walk_all(const WaveLaunch& l, const Share& share, u32 count, u32& next,
+                         const Begin& begin, const End& end) {
   constexpr u32 kAll = 0xffffffff;
-  const u32 lane = threadIdx.x % 32;
+  const u32 lane = threadIdx.x % 32, begun = share.warps * share.rays;
   BvhStack stack;
   BvhWalk walk(l.shot.view.scene, l.shot.bvh, stack);
   BvhGroup items{0, 0};  // found, and not met yet
   u32 ray = kNone;
-  bool walks = false, more = true;
+  bool walks = false, more = true, is_first = true;
   while (true) {
     if (ray != kNone && !walks) {
       end(walk, ray);
       ray = kNone;
     }
-    const u32 idle = __ballot_sync(kAll, ray == kNone);
+    const u32 idle = __ballot_sync(kAll, ray == kNone && lane < share.rays);
     if (more && idle) {
-      u32 first = 0;
-      if (lane == 0) first = atomicAdd(&next, u32(__popc(int(idle))));
-      first = __shfl_sync(kAll, first, 0);
+      u32 first = share.warp * share.rays;
+      if (!is_first) {
+        if (lane == 0) first = begun + atomicAdd(&next, u32(__popc(int(idle))));
+        first = __shfl_sync(kAll, first, 0);
+      }
+      is_first = false;
       const u32 own = first + u32(__popc(int(idle & ((1u << lane) - 1))));
-      more = first + u32(__popc(int(idle))) < count;
-      if (ray == kNone && own < count) {
+      more = max(begun, first + u32(__popc(int(idle)))) < count;
+      if ((idle >> lane & 1) && own < count) {
         ray = own;
         walks = true;
         begin(walk, ray);
@@ -65,24 +76,21 @@ __device__ void walk_all(const WaveLaunch& l, u32 count, u32& next, const Begin&
   }
 }
 
-/// Where the ray of a slot goes.
+/// Where a ray goes.
 template <bool kMany>
-__device__ void go_to_scene(const WaveLaunch& l, BvhWalk& walk, u32 slot) {
-  if constexpr (kMany) {
-    const WaveShot& shot = shot_of_slot<kMany>(l, slot);
-    walk.go_to(shot.view.scene, shot.bvh);
-  }
+__device__ void go_to_scene(BvhWalk& walk, const WaveShot& shot) {
+  if constexpr (kMany) walk.go_to(shot.view.scene, shot.bvh);
 }
 
 template <bool kMany>
-__device__ void trace_all(const WaveLaunch& l) {
+__device__ void trace_paths(const WaveLaunch& l, const Share& share) {
   WaveRound& now = l.counters->rounds[l.round];
   const u32* active = l.active[l.round];
   walk_all(
-      l, now.active, now.next_ray,
+      l, share, now.active, now.next_ray,
       [&](BvhWalk& walk, u32 i) {
         const WaveRay ray = load_whole(l.wave.rays[active[i]]);
-        go_to_scene<kMany>(l, walk, active[i]);
+        go_to_scene<kMany>(walk, shot_of_path<kMany>(l, active[i]));
         walk.begin(ray.ray, ray.mask, false);
       },
       [&](const BvhWalk& walk, u32 i) {
@@ -95,20 +103,31 @@ __device__ void trace_all(const WaveLaunch& l) {
 }
 
 template <bool kMany>
-__device__ void light_all(const WaveLaunch& l) {
+__device__ void trace_lights(const WaveLaunch& l, const Share& share) {
   WaveRound& now = l.counters->rounds[l.round];
   walk_all(
-      l, now.lights, now.next_light,
+      l, share, now.lights, now.next_light,
       [&](BvhWalk& walk, u32 i) {
-        go_to_scene<kMany>(l, walk, l.lit[i]);
-        walk.begin(l.wave.lights[l.lit[i]].ray, kShadowRay, true);
+        go_to_scene<kMany>(walk, shot_of_light<kMany>(l, l.lit[i]));
+        walk.begin(l.wave.lights[l.lit[i]].later.ray, kShadowRay, true);
       },
       [&](const BvhWalk& walk, u32 i) {
         if (walk.hit().instance != kNone) return;
-        const WaveShot& shot = shot_of_slot<kMany>(l, l.lit[i]);
+        const WaveShot& shot = shot_of_light<kMany>(l, l.lit[i]);
         const BvhTracer tracer(shot.view.scene, shot.bvh);
         Wave(shot.view, l.work, l.wave, tracer).shine(l.lit[i]);
       });
+}
+
+/// Paths by the first warps and light by the last ones; who is done helps the others.
+template <bool kMany>
+__device__ void trace_all(const WaveLaunch& l) {
+  const WaveRound& now = l.counters->rounds[l.round];
+  Share share{thread() / 32, threads() / 32, 0};
+  share.rays = min2((now.active + now.lights + share.warps - 1) / share.warps, 32u);
+  trace_paths<kMany>(l, share);
+  share.warp = share.warps - 1 - share.warp;
+  trace_lights<kMany>(l, share);
 }
 
 }  // namespace
@@ -120,12 +139,4 @@ extern "C" __global__ void __launch_bounds__(kThreads, 6)
 extern "C" __global__ void __launch_bounds__(kThreads, 6)
     wave_trace_many(const __grid_constant__ WaveLaunch l) {
   trace_all<true>(l);
-}
-extern "C" __global__ void __launch_bounds__(kThreads, 6)
-    wave_light(const __grid_constant__ WaveLaunch l) {
-  light_all<false>(l);
-}
-extern "C" __global__ void __launch_bounds__(kThreads, 6)
-    wave_light_many(const __grid_constant__ WaveLaunch l) {
-  light_all<true>(l);
 }

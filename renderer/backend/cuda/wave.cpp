@@ -14,7 +14,7 @@ constexpr u32 kMostItems = 1 << 22;
 constexpr u64 kMemoryShare = 32;  // a wave takes one in so many bytes of the budget, or less
 constexpr u64 kLeastMemory = 1 << 20;
 constexpr u64 kSlotBytes = sizeof(kernels::WavePath) + sizeof(kernels::WaveRay) +
-                           sizeof(kernels::Hit) + sizeof(kernels::LaterLight) + 6 * sizeof(u32);
+                           sizeof(kernels::Hit) + sizeof(kernels::WaveLight) + 6 * sizeof(u32);
 /// Rounds between looks at the counters, which wait for the device; the first of a batch whose
 /// paths all begin at once may take longer.
 constexpr u32 kRoundsAtOnce = 4;
@@ -41,7 +41,6 @@ Expected<Programs> Programs::find(const Context& context) {
       all.insert(all.end(), {{"wave_begin" + count + kind, &steps.begin},
                              {"wave_arrive" + count + kind, &steps.arrive},
                              {"wave_trace" + count, &steps.trace},
-                             {"wave_light" + count, &steps.light},
                              {"wave_fold" + count, &steps.fold}});
     }
   for (const auto& [name, program] : all) {
@@ -127,7 +126,7 @@ void Wave::lay(Layout& layout, u64 slots, u64 items) {
   wave.paths = layout.take<kernels::WavePath>(slots);
   wave.rays = layout.take<kernels::WaveRay>(slots);
   wave.hits = layout.take<kernels::Hit>(slots);
-  wave.lights = layout.take<kernels::LaterLight>(slots);
+  wave.lights = layout.take<kernels::WaveLight>(slots);
   if (any_media_) wave.insides = layout.take<kernels::Inside>(slots);
   if (any_media_) wave.reaches = layout.take<kernels::Reach>(slots);
   wave.samples = layout.take<kernels::WaveSample>(items);
@@ -144,6 +143,12 @@ void Wave::lay(Layout& layout, u64 slots, u64 items) {
 Status Wave::launch(const Programs::Program& program, u64 threads) {
   void* arguments[] = {&launch_};
   return context_.launch(program.function, Programs::size(program, threads), arguments);
+}
+
+/// By all warps that there are, however few rays: they share them out.
+Status Wave::trace() {
+  const Programs::Program& program = steps_.trace;
+  return launch(program, u64(program.most_blocks) * program.threads);
 }
 
 Status Wave::begin_batch() {
@@ -164,8 +169,9 @@ Status Wave::begin_batch() {
 Status Wave::round() {
   const u64 next = offsetof(WaveCounters, rounds) + (1 - launch_.round) * sizeof(WaveRound);
   HELIO_TRY(context_.fill(DevicePointer(launch_.counters) + next, 0, sizeof(WaveRound)));
-  for (const auto* program : {&steps_.begin, &steps_.trace, &steps_.arrive, &steps_.light})
-    HELIO_TRY(launch(*program, launch_.slots));
+  HELIO_TRY(launch(steps_.begin, launch_.slots));
+  HELIO_TRY(trace());
+  HELIO_TRY(launch(steps_.arrive, launch_.slots));
   launch_.all_free = false;
   launch_.round = 1 - launch_.round;
   return {};
@@ -173,7 +179,7 @@ Status Wave::round() {
 
 bool Wave::is_batch_done() const {
   const WaveRound& next = seen_.rounds[launch_.round];
-  return next.active == 0 && next.first_item == kernels::items_of(launch_.work);
+  return next.active == 0 && next.lights == 0 && next.first_item == kernels::items_of(launch_.work);
 }
 
 Status Wave::read_counters() {
@@ -197,7 +203,7 @@ Expected<bool> Wave::advance(TimePoint until, const Interrupt& interrupt) {
     if (!in_batch_) {
       HELIO_TRY(begin_batch());
       if (kernels::items_of(launch_.work) <= launch_.slots)
-        rounds = std::min(launch_.shot.view.settings.max_depth + 1, kRoundsAtFirst);
+        rounds = std::clamp(launch_.shot.view.settings.max_depth, 1u, kRoundsAtFirst);
     }
     HELIO_TRY(interrupt.status());
     for (u32 i = 0; i < rounds; ++i) HELIO_TRY(round());

@@ -19,7 +19,7 @@ struct Programs {
   };
   /// The steps of a wave.
   struct Steps {
-    Program begin, trace, arrive, light, fold;
+    Program begin, trace, arrive, fold;
   };
   Steps one, many;              // of one picture, of many
   Steps one_plain, many_plain;  // of shots that is_plain()
@@ -58,6 +58,7 @@ class Wave {
   /// As of the last look.
   [[nodiscard]] bool is_batch_done() const;
   [[nodiscard]] Status launch(const Programs::Program& program, u64 threads);
+  [[nodiscard]] Status trace();
 
   Context& context_;
   const Programs::Steps& steps_;
