@@ -47,6 +47,13 @@ struct BuildHead {
   u32 taken;                             // of them
 };
 
+/// What a tree over instances tells who refits it.
+struct TreeHead {
+  u32 items;   // in the tree; the boxes of the others are empty
+  u32 nodes;   // wide ones
+  float cost;  // for rays when it was built, by the area of its box
+};
+
 struct BuildView {
   u32 count;        // boxes, at most kMostBuildBoxes
   float item_cost;  // of meeting an item, against 1 of a node
@@ -60,6 +67,8 @@ struct BuildView {
   BuildTask* tasks;        // count; that of the root is root_task()
   BvhNode* wide;           // count; the root is the first: the result
   u32* items;              // count; numbers of boxes, those that are empty last: the result
+  TreeHead* tree;          // null: nobody refits it
+  u32* parents;            // count; of wide nodes but the root; null with `tree`
 };
 
 /// The balanced tree over so many boxes is no deeper than kBvhDepth.
@@ -223,11 +232,27 @@ KERNEL void write_items(const BuildView& view, u32 leaf, u32* to) {
   }
 }
 
+KERNEL BuildTask root_task(const BuildView& view) { return {view.head->root, 0, 1, 0}; }
+
+/// How many wide nodes there are to make. Once the binary tree is there.
+KERNEL u32 wide_nodes(const BuildView& view) {
+  if (view.head->count == 0) return 1;
+  return max2(view.nodes[view.head->root].wide[0], 1u);  // the root may be a leaf of few items
+}
+
+KERNEL void describe_tree(const BuildView& view) {
+  *view.tree = {view.head->count, wide_nodes(view), 0};
+  if (view.head->count == 0) return;
+  const BuildNode& root = view.nodes[view.head->root];
+  view.tree->cost = root.plan.cost[0] / box_area(root.box, area_scale(*view.head));
+}
+
 /// Makes a wide node and its leaves.
 ///
 /// push   takes the task of each child that is a node
 template <class Push>
 KERNEL void build_wide(const BuildView& view, const BuildTask& task, Push&& push) {
+  if (view.tree && task.number == 0) describe_tree(view);
   if (view.head->count == 0) {
     view.wide[0] = BvhNode{};  // nothing is met
     return;
@@ -247,19 +272,12 @@ KERNEL void build_wide(const BuildView& view, const BuildTask& task, Push&& push
     }
   for (const BvhChild& slot : slots)
     if (slot.source != kNone && slot.items == 0) {
+      if (view.parents) view.parents[child] = task.number;
       push(BuildTask{slot.source, child++, below, item});
       below += view.nodes[slot.source].wide[0] - 1;
       item += view.nodes[slot.source].items;
     }
   view.wide[task.number] = node;
-}
-
-KERNEL BuildTask root_task(const BuildView& view) { return {view.head->root, 0, 1, 0}; }
-
-/// How many wide nodes there are to make. Once the binary tree is there.
-KERNEL u32 wide_nodes(const BuildView& view) {
-  if (view.head->count == 0) return 1;
-  return max2(view.nodes[view.head->root].wide[0], 1u);  // the root may be a leaf of few items
 }
 
 static_assert(sizeof(BuildNode) == 112 && std::is_trivially_copyable_v<BuildNode>);

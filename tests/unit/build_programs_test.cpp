@@ -43,7 +43,7 @@ const std::map<std::string, Run, std::less<>>& all_programs() {
       HELIO_PROGRAM(build_boxes),  HELIO_PROGRAM(build_triangle_boxes), HELIO_PROGRAM(build_keys),
       HELIO_PROGRAM(build_leaves), HELIO_PROGRAM(build_clusters),       HELIO_PROGRAM(build_nodes),
       HELIO_PROGRAM(build_items),  HELIO_PROGRAM(build_triangles),      HELIO_PROGRAM(sort_pass),
-      HELIO_PROGRAM(sort_few)};
+      HELIO_PROGRAM(sort_few),     HELIO_PROGRAM(refit_items),          HELIO_PROGRAM(refit_nodes)};
 #undef HELIO_PROGRAM
   return all;
 }
@@ -190,5 +190,131 @@ TEST_CASE("build programs: instances that are left out are items, and not in the
       REQUIRE(made.items[i].instance == instance);
       REQUIRE(made.item_of_instance[instance] == i);
     }
+  }
+}
+
+namespace {
+
+/// Unit balls on a grid, and what trees over them are built and refitted with.
+struct Grid {
+  explicit Grid(u32 count) : instances(count) {
+    for (u32 i = 0; i < count; ++i) {
+      instances[i].world_from_object = mat4x3(1);
+      instances[i].world_from_object[3] = 4.0f * vec3(i % 9, i / 9 % 9, float(i) / 81);
+      instances[i].visibility = i % 50 == 49 ? 0 : 1;
+    }
+  }
+  [[nodiscard]] cuda::BuildInput input(const cuda::DeviceMemory* before = nullptr) const {
+    return {.instances = instances.data(),
+            .motion_keys = nullptr,
+            .meshes = meshes.data(),
+            .count = u32(instances.size()),
+            .mesh_boxes = mesh_boxes,
+            .before = before};
+  }
+  [[nodiscard]] std::vector<BvhBox> boxes() const {
+    std::vector<BvhBox> all;
+    for (const auto& instance : instances)
+      all.push_back(kernels::ray_box(instance, nullptr, mesh_boxes[0]));
+    return all;
+  }
+  std::vector<kernels::InstanceView> instances;
+  std::vector<kernels::MeshBvh> meshes{1};
+  std::vector<BvhBox> mesh_boxes{{vec3(-1), vec3(1)}};
+};
+
+bool has_nodes_of(const kernels::BvhView& top, const std::vector<kernels::BvhNode>& nodes) {
+  return std::memcmp(top.top, nodes.data(), nodes.size() * sizeof(kernels::BvhNode)) == 0;
+}
+
+/// Which instances a ray through everything meets the boxes of.
+std::vector<u32> met_by(const kernels::BvhView& top, vec3 origin, vec3 direction) {
+  std::vector<u32> nodes{0}, met;
+  const kernels::BoxRay ray = kernels::box_ray(origin, direction);
+  while (!nodes.empty()) {
+    const u32 number = nodes.back();
+    nodes.pop_back();
+    kernels::NodeChildren children = kernels::meet_children(top.top + number, ray, INFINITY);
+    while (kernels::has_nodes(children.nodes))
+      nodes.push_back(kernels::take_node(children.nodes, ray.octant));
+    for (u32 bit = 0; bit < 24; ++bit)
+      if (children.items.bits >> bit & 1)
+        met.push_back(top.items[children.items.base + bit].instance);
+  }
+  std::ranges::sort(met);
+  return met;
+}
+
+bool meets(const BvhBox& box, vec3 origin, vec3 direction) {
+  const vec3 a = (box.lower - origin) / direction, b = (box.upper - origin) / direction;
+  const vec3 near = glm::min(a, b), far = glm::max(a, b);
+  return std::max({near.x, near.y, near.z, 0.0f}) <= std::min({far.x, far.y, far.z});
+}
+
+}  // namespace
+
+TEST_CASE("build programs: what nothing moved in is refitted to the same tree") {
+  Gpu gpu;
+  for (const u32 count : {600u, 3000u}) {
+    const Grid grid(count);
+    const auto built = gpu.builder.build(grid.input());
+    REQUIRE(built);
+    launches = 0;
+    const auto again = gpu.builder.build(grid.input(built->get()));
+    REQUIRE(again);
+    CHECK(launches == (count <= 2048 ? 8u : 17u));
+    const LoopBuild steps(grid.boxes(), 2, LoopOrder::kForwards);
+    const auto top = cuda::view_of_top(**again, grid.input());
+    CHECK(has_nodes_of(top, steps.nodes()));
+    for (u32 i = 0; i < count; ++i) CHECK(top.items[i].instance == steps.items()[i]);
+  }
+}
+
+TEST_CASE("build programs: a refitted tree is over all that it was over, where it is now") {
+  Gpu gpu;
+  Random random(3);
+  Grid grid(1200);
+  auto tree = *gpu.builder.build(grid.input());
+  const auto built = cuda::view_of_top(*tree, grid.input());
+  for (u32 round = 0; round < 5; ++round) {  // each from the one before
+    for (auto& instance : grid.instances)
+      instance.world_from_object[3] += 0.1f * (vec3(random.next2(), random.next()) - 0.5f);
+    tree = *gpu.builder.build(grid.input(tree.get()));
+  }
+  const auto top = cuda::view_of_top(*tree, grid.input());
+  for (u32 i = 0; i < grid.instances.size(); ++i) {
+    CHECK(top.items[i].instance == built.items[i].instance);
+    CHECK(top.item_of_instance[top.items[i].instance] == i);
+    const auto item = kernels::bvh_instance(grid.instances[top.items[i].instance], 0, {});
+    CHECK(std::ranges::equal(top.items[i].object_from_world, item.object_from_world));
+  }
+  CHECK_FALSE(has_nodes_of(top, LoopBuild(grid.boxes(), 2, LoopOrder::kForwards).nodes()));
+  const std::vector<BvhBox> boxes = grid.boxes();
+  for (u32 i = 0; i < 300; ++i) {
+    const vec3 origin = 40.0f * vec3(random.next2(), random.next()) - 4.0f;
+    const vec3 direction = glm::normalize(vec3(random.next2(), random.next()) - 0.5f);
+    const std::vector<u32> met = met_by(top, origin, direction);
+    for (u32 k = 0; k < boxes.size(); ++k)
+      if (!boxes[k].empty() && meets(boxes[k], origin, direction))
+        REQUIRE(std::ranges::binary_search(met, k));
+  }
+}
+
+TEST_CASE("build programs: a tree that would be bad, or over others, is built anew") {
+  Gpu gpu;
+  Random random(5);
+  const Grid before(1200);
+  const auto tree = *gpu.builder.build(before.input());
+  Grid scattered = before, seen = before, hidden = before;
+  for (auto& instance : scattered.instances)
+    instance.world_from_object[3] = 40.0f * vec3(random.next2(), random.next());
+  seen.instances[49].visibility = 1;
+  hidden.instances[48].visibility = 0;
+  for (const Grid& now : {scattered, seen, hidden}) {
+    const auto made = *gpu.builder.build(now.input(tree.get()));
+    const LoopBuild steps(now.boxes(), 2, LoopOrder::kForwards);
+    const auto top = cuda::view_of_top(*made, now.input());
+    CHECK(has_nodes_of(top, steps.nodes()));
+    for (u32 i = 0; i < now.instances.size(); ++i) CHECK(top.items[i].instance == steps.items()[i]);
   }
 }

@@ -14,13 +14,20 @@ namespace {
 constexpr float kInstanceCost = 2, kTriangleCost = 0.3f;
 
 struct TopArrays {
-  kernels::BvhNode* nodes;
   kernels::BvhInstance* items;
   u32* item_of_instance;
+  // Where there is a tree:
+  kernels::BvhNode* nodes = nullptr;
+  u32* parents = nullptr;
+  kernels::TreeHead* tree = nullptr;
 };
 TopArrays lay_result(Layout& layout, const BuildInput& input) {
-  auto* nodes = input.has_tree() ? layout.take<kernels::BvhNode>(input.count) : nullptr;
-  return {nodes, layout.take<kernels::BvhInstance>(input.count), layout.take<u32>(input.count)};
+  TopArrays made{layout.take<kernels::BvhInstance>(input.count), layout.take<u32>(input.count)};
+  if (!input.has_tree()) return made;
+  made.nodes = layout.take<kernels::BvhNode>(input.count);
+  made.parents = layout.take<u32>(input.count);
+  made.tree = layout.take<kernels::TreeHead>(1);
+  return made;
 }
 
 struct MeshArrays {
@@ -53,6 +60,10 @@ void lay_work(Layout& layout, u64 mesh_boxes, BuildLaunch& launch) {
     launch.counts = layout.take<SortCounts>(1);
     launch.sums = layout.take<u32>(u64(launch.sort_blocks) * kSortPasses * kSortDigits);
   }
+  if (launch.before.nodes) {
+    launch.before.head = layout.take<RefitHead>(1);
+    launch.before.done = layout.take<u32>(count);
+  }
   launch.begin_bytes = layout.end() - DevicePointer(tree.head);
   tree.nodes = layout.take<kernels::BuildNode>(2 * count);
   tree.clusters = layout.take<kernels::BuildCluster>(count);
@@ -60,6 +71,17 @@ void lay_work(Layout& layout, u64 mesh_boxes, BuildLaunch& launch) {
   tree.tasks = layout.take<kernels::BuildTask>(count);
   tree.items = layout.take<u32>(count);
   launch.mesh_boxes = layout.take<kernels::BvhBox>(mesh_boxes);
+  if (!launch.before.nodes) return;
+  launch.before.boxes = layout.take<kernels::BvhBox>(count);
+  launch.before.refitted = layout.take<kernels::RefitNode>(count);
+}
+
+/// The tree that was there.
+Refit refit_of(const BuildInput& input) {
+  if (!input.before) return {};
+  Layout layout(input.before->at());
+  const TopArrays made = lay_result(layout, input);
+  return {made.nodes, made.items, made.parents, made.tree, nullptr, nullptr, nullptr, nullptr};
 }
 
 LaunchSize blocks_of(u64 threads, u32 block) { return {u32((threads + block - 1) / block), block}; }
@@ -86,7 +108,8 @@ Expected<TreeBuilder> TreeBuilder::create(std::shared_ptr<Context> context) {
         std::pair{"build_triangles", &builder.triangles_}, std::pair{"build_keys", &builder.keys_},
         std::pair{"build_leaves", &builder.leaves_},
         std::pair{"build_clusters", &builder.clusters_}, std::pair{"build_nodes", &builder.nodes_},
-        std::pair{"build_items", &builder.items_}, std::pair{"sort_pass", &builder.pass_},
+        std::pair{"build_items", &builder.items_}, std::pair{"refit_items", &builder.refit_items_},
+        std::pair{"refit_nodes", &builder.refit_nodes_}, std::pair{"sort_pass", &builder.pass_},
         std::pair{"sort_few", &builder.few_}}) {
     const auto function = builder.context_->function(name);
     if (!function) return std::unexpected(function.error());
@@ -120,6 +143,8 @@ Status TreeBuilder::run(const Kind& kind, BuildLaunch& l) const {
   const LaunchSize all = blocks_of(l.tree.count, kBuildThreads);
   l.tree.item_cost = kind.item_cost;
   HELIO_TRY(context_->fill(DevicePointer(l.tree.head), 0xff, l.begin_bytes));
+  if (l.before.nodes) HELIO_TRY(launch(refit_items_, all, l));
+  if (l.before.nodes) HELIO_TRY(launch(refit_nodes_, all, l));
   HELIO_TRY(launch(kind.boxes, all, l));
   HELIO_TRY(sort(l));
   for (const u32 again : {0u, 1u}) HELIO_TRY(launch(clusters_, all, l, again));
@@ -162,9 +187,12 @@ Expected<std::shared_ptr<const DeviceMemory>> TreeBuilder::build(const BuildInpu
     HELIO_TRY(launch(items_, blocks_of(input.count, kBuildThreads), l));
     return std::make_shared<const DeviceMemory>(*std::move(made));
   }
+  l.before = refit_of(input);
   const auto worked = work(input.count, input.mesh_boxes.size(), l);  // freed when it has run
   if (!worked) return std::unexpected(worked.error());
   l.tree.wide = result.nodes;
+  l.tree.tree = result.tree;
+  l.tree.parents = result.parents;
   HELIO_TRY(context_->upload(DevicePointer(l.mesh_boxes), std::as_bytes(input.mesh_boxes)));
   HELIO_TRY(run({boxes_, items_, kInstanceCost}, l));
   return std::make_shared<const DeviceMemory>(*std::move(made));

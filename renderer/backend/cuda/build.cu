@@ -15,6 +15,12 @@ __device__ bool is_left_out(const BuildLaunch& l, u32 instance) {
   return l.left_out && (l.left_out[instance / 32] >> (instance % 32) & 1) != 0;
 }
 
+__device__ BvhBox instance_box(const BuildLaunch& l, u32 number) {
+  if (is_left_out(l, number)) return no_box();
+  const InstanceView& instance = l.instances[number];
+  return ray_box(instance, l.motion_keys, l.mesh_boxes[instance.mesh]);
+}
+
 /// Stores the box of a block's thread, and bounds of all.
 __device__ void note_box(const BuildLaunch& l, const BvhBox& box) {
   __shared__ u32 least[12];
@@ -44,12 +50,8 @@ __device__ void note_box(const BuildLaunch& l, const BvhBox& box) {
 
 extern "C" __global__ void __launch_bounds__(kBuildThreads)
     build_boxes(const __grid_constant__ BuildLaunch l) {
-  BvhBox box = no_box();
-  if (thread() < l.tree.count && !is_left_out(l, thread())) {
-    const InstanceView& instance = l.instances[thread()];
-    box = ray_box(instance, l.motion_keys, l.mesh_boxes[instance.mesh]);
-  }
-  note_box(l, box);
+  if (!builds(l)) return;
+  note_box(l, thread() < l.tree.count ? instance_box(l, thread()) : no_box());
 }
 
 extern "C" __global__ void __launch_bounds__(kBuildThreads)
@@ -59,7 +61,7 @@ extern "C" __global__ void __launch_bounds__(kBuildThreads)
 
 extern "C" __global__ void __launch_bounds__(kBuildThreads)
     build_leaves(const __grid_constant__ BuildLaunch l) {
-  if (thread() < l.tree.count) build_leaf(l.tree, thread());
+  if (builds(l) && thread() < l.tree.count) build_leaf(l.tree, thread());
 }
 
 // ---------------------------------------------------------------- the tree
@@ -95,7 +97,7 @@ extern "C" __global__ void __launch_bounds__(kBuildThreads)
     build_clusters(const __grid_constant__ BuildLaunch l, u32 again) {
   __shared__ ClusterWindow windows[kBuildThreads / kWarp];
   const BuildView& view = l.tree;
-  if (again && !view.head->balances) return;
+  if (!builds(l) || (again && !view.head->balances)) return;
   const u32 count = view.head->count;
   BuildRange range{thread(), thread(), thread()};
   bool goes_on = thread() < count && count > 1;
@@ -152,6 +154,7 @@ __device__ bool take_task(const BuildView& view, u32 i, BuildTask& task) {
 // ever.
 extern "C" __global__ void __launch_bounds__(kBuildThreads)
     build_nodes(const __grid_constant__ BuildLaunch l) {
+  if (!builds(l)) return;
   const BuildView& view = l.tree;
   const u32 count = wide_nodes(view);
   for (;;) {
@@ -171,14 +174,21 @@ extern "C" __global__ void __launch_bounds__(kBuildThreads)
   }
 }
 
-extern "C" __global__ void __launch_bounds__(kBuildThreads)
-    build_items(const __grid_constant__ BuildLaunch l) {
-  const u32 i = thread();
-  if (i >= l.tree.count) return;
-  const u32 number = l.tree.items ? l.tree.items[i] : i;  // there may be no tree
+namespace {
+
+__device__ void put_item(const BuildLaunch& l, u32 i, u32 number) {
   const InstanceView& instance = l.instances[number];
   l.items[i] = bvh_instance(instance, number, l.meshes[instance.mesh]);
   l.item_of_instance[number] = i;
+}
+
+}  // namespace
+
+extern "C" __global__ void __launch_bounds__(kBuildThreads)
+    build_items(const __grid_constant__ BuildLaunch l) {
+  const u32 i = thread();
+  if (!builds(l) || i >= l.tree.count) return;
+  put_item(l, i, l.tree.items ? l.tree.items[i] : i);  // there may be no tree
 }
 
 extern "C" __global__ void __launch_bounds__(kBuildThreads)
@@ -190,4 +200,41 @@ extern "C" __global__ void __launch_bounds__(kBuildThreads)
     l.triangles[i] = bvh_triangle(l.mesh, number);
   else
     l.triangle_numbers[i] = number;
+}
+
+// ---------------------------------------------------------------- refitting
+
+// Boxes of what is in the tree that was there, and its items as they are now.
+extern "C" __global__ void __launch_bounds__(kBuildThreads)
+    refit_items(const __grid_constant__ BuildLaunch l) {
+  const u32 i = thread();
+  if (i >= l.tree.count) return;
+  const u32 number = l.before.items[i].instance;
+  const BvhBox box = instance_box(l, number);
+  l.before.boxes[i] = box;
+  if ((i < l.before.tree->items) == box.empty()) l.before.head->fits = 0;
+  if (i < l.before.tree->nodes) l.tree.parents[i] = l.before.parents[i];
+  put_item(l, i, number);
+}
+
+// A thread begins at each node that is over items alone, and goes up until another has to come to
+// the same node.
+extern "C" __global__ void __launch_bounds__(kBuildThreads)
+    refit_nodes(const __grid_constant__ BuildLaunch l) {
+  const Refit& before = l.before;
+  u32 node = thread();
+  if (node >= before.tree->nodes || before.nodes[node].inner != 0 || before.head->fits == 0) return;
+  const RefitView view{before.nodes, before.boxes, l.tree.item_cost, before.refitted, l.tree.wide};
+  const float scale = refit_scale(*before.nodes);
+  for (;;) {
+    refit_node(view, node, scale);
+    if (node == 0) break;
+    node = before.parents[node];
+    __threadfence();
+    const u32 done = atomicAdd(&before.done[node], 1) + 2;
+    if (done < count_bits(before.nodes[node].inner)) return;
+    __threadfence();
+  }
+  *l.tree.tree = *before.tree;
+  if (is_good(before.refitted[0], before.tree->cost, scale)) before.head->builds = 0;
 }

@@ -15,6 +15,8 @@ struct BuildInput {
   std::span<const kernels::BvhBox> mesh_boxes;  // the host's; object space, at all times
   const u32* left_out = nullptr;                // a bit for each that the tree is not over; or null
   u32 left_out_count = 0;
+  /// A tree over as many instances, most of them where these are; null: there is none.
+  const DeviceMemory* before = nullptr;
   /// Whether there is a tree.
   [[nodiscard]] bool has_tree() const { return left_out_count < count; }
 };
@@ -30,7 +32,8 @@ struct BuildInput {
 class TreeBuilder {
  public:
   [[nodiscard]] static Expected<TreeBuilder> create(std::shared_ptr<Context> context);
-  /// The tree is there for what the device does next; nothing waits. Fails with RESOURCE_EXHAUSTED.
+  /// The tree is there for what the device does next; nothing waits. That of before is refitted, if
+  /// the device finds it good enough. Fails with RESOURCE_EXHAUSTED.
   [[nodiscard]] Expected<std::shared_ptr<const DeviceMemory>> build(const BuildInput& input) const;
 
   /// The same over triangles, at least one, of a mesh whose arrays are the device's.
@@ -56,6 +59,7 @@ class TreeBuilder {
   FunctionHandle triangle_boxes_ = nullptr, triangles_ = nullptr;
   FunctionHandle boxes_ = nullptr, keys_ = nullptr, leaves_ = nullptr, clusters_ = nullptr,
                  nodes_ = nullptr, items_ = nullptr;
+  FunctionHandle refit_items_ = nullptr, refit_nodes_ = nullptr;
   FunctionHandle pass_ = nullptr, few_ = nullptr;  // of the sort
   u32 node_blocks_ = 0;                            // of build_nodes that the device runs at once
 };

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "kernels/bvh_cluster.h"
+#include "kernels/bvh_refit.h"
 
 namespace heliograph::cuda {
 
@@ -23,6 +24,24 @@ struct SortCounts {
   u32 blocks[kSortPasses];               // that have begun a pass
 };
 
+/// What a refit finds out. Begins as bytes of 0xff.
+struct RefitHead {
+  u32 fits;    // 0: other items are in the tree than before
+  u32 builds;  // 0: the refitted tree is good, and none is built
+};
+
+/// A tree over instances that was there, and what refits it. Everything lies in device memory.
+struct Refit {
+  const kernels::BvhNode* nodes;  // null: there was none
+  const kernels::BvhInstance* items;
+  const u32* parents;
+  const kernels::TreeHead* tree;
+  RefitHead* head;
+  u32* done;                     // by node: children that are, from 0xffffffff on
+  kernels::BvhBox* boxes;        // of items
+  kernels::RefitNode* refitted;  // by node
+};
+
 /// A tree over instances, or over the triangles of a mesh. Everything lies in device memory.
 struct BuildLaunch {
   kernels::BuildView tree;  // its keys and order are the first of these
@@ -41,6 +60,7 @@ struct BuildLaunch {
   const u32* left_out;          // a bit for each; or null
   kernels::BvhInstance* items;  // the result, with the tree's nodes
   u32* item_of_instance;
+  Refit before;
   // of triangles
   kernels::MeshView mesh;
   kernels::BvhTriangle* triangles;  // the result; null: the mesh deforms while the shutter is open

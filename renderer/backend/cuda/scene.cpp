@@ -107,11 +107,14 @@ Expected<std::shared_ptr<const CudaScene>> CudaScene::create(
   scene->view_ = scene->host_->view_elsewhere();
   HELIO_TRY(scene->find_meshes(context));
   HELIO_TRY(scene->find_materials(context));
-  scene->copy_instances(context);
+  const auto like = find_in(context, [&](const CudaScene& other) {
+    return other.host_->placement().structure == scene->host_->placement().structure;
+  });
+  scene->copy_instances(like.get());
   scene->copy_lights();
   scene->copy_dome();
   scene->copy_volumes();
-  scene->copy_bvh(context.builder);
+  scene->copy_bvh(context.builder, like.get());
   HELIO_TRY(scene->copies_.finish());
   return scene;
 }
@@ -154,11 +157,8 @@ Status CudaScene::find_materials(const CopyContext& context) {
   return {};
 }
 
-void CudaScene::copy_instances(const CopyContext& context) {
+void CudaScene::copy_instances(const CudaScene* like) {
   const Placement& placement = host_->placement();
-  const auto like = find_in(context, [&](const CudaScene& scene) {
-    return scene.host_->placement().structure == placement.structure;
-  });
   // Few may still wait to be sent.
   view_.instances =
       like && view_.instance_count > kMostHostInstances
@@ -235,10 +235,10 @@ void CudaScene::copy_volumes() {
   view_.volumes = copies_.of(volumes_.data(), volumes_.size());
 }
 
-void CudaScene::copy_bvh(const TreeBuilder& builder) {
+void CudaScene::copy_bvh(const TreeBuilder& builder, const CudaScene* like) {
   const Placement& placement = host_->placement();
   if (placement.instances.size() == 0) return;
-  bvh_ = has_host_top(placement) ? copy_top() : built_top(builder);
+  bvh_ = has_host_top(placement) ? copy_top() : built_top(builder, like);
   const bvh::StaticGroup* fixed = bvh::bvh_of(placement)->fixed().get();
   if (!fixed) return;
   const bvh::StaticTree& tree = *fixed->tree;
@@ -248,7 +248,7 @@ void CudaScene::copy_bvh(const TreeBuilder& builder) {
 }
 
 /// The top level that the device builds.
-kernels::BvhView CudaScene::built_top(const TreeBuilder& builder) {
+kernels::BvhView CudaScene::built_top(const TreeBuilder& builder, const CudaScene* like) {
   const Placement& placement = host_->placement();
   BuildInput input{.instances = view_.instances,
                    .motion_keys = view_.motion_keys,
@@ -259,6 +259,7 @@ kernels::BvhView CudaScene::built_top(const TreeBuilder& builder) {
     input.left_out = copies_.of(fixed->bits.data(), fixed->bits.size());
     input.left_out_count = u32(fixed->slots.size());
   }
+  if (like && like->view_.instance_count == input.count) input.before = like->top_;
   std::vector<kernels::BvhBox> boxes;
   const auto build = [&] {
     for (const auto& mesh : placement.meshes) {
@@ -270,7 +271,9 @@ kernels::BvhView CudaScene::built_top(const TreeBuilder& builder) {
     return builder.build(input);
   };
   const DeviceMemory* top = copies_.made(placement.accelerator.get(), build);
-  return top ? view_of_top(*top, input) : kernels::BvhView{};
+  if (!top) return {};
+  if (input.has_tree()) top_ = top;
+  return view_of_top(*top, input);
 }
 
 /// The one that the host builds.

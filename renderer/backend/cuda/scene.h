@@ -65,12 +65,13 @@ class CudaScene final : public DeviceScene {
       : host_(std::move(host)), own_(context.own), copies_(context.mirror) {}
   [[nodiscard]] Status find_meshes(const CopyContext& context);
   [[nodiscard]] Status find_materials(const CopyContext& context);
-  void copy_instances(const CopyContext& context);
+  /// like   another one with the same entities; null: there is none
+  void copy_instances(const CudaScene* like);
   void copy_lights();
   void copy_dome();
   void copy_volumes();
-  void copy_bvh(const TreeBuilder& builder);
-  [[nodiscard]] kernels::BvhView built_top(const TreeBuilder& builder);
+  void copy_bvh(const TreeBuilder& builder, const CudaScene* like);
+  [[nodiscard]] kernels::BvhView built_top(const TreeBuilder& builder, const CudaScene* like);
   [[nodiscard]] kernels::BvhView copy_top();
 
   std::shared_ptr<const ResidentScene> host_;
@@ -78,6 +79,7 @@ class CudaScene final : public DeviceScene {
   Copies copies_;                      // of the host's arrays, which live as long as this does
   kernels::SceneView view_{};
   kernels::BvhView bvh_{};
+  const DeviceMemory* top_ = nullptr;  // a tree that the device built; null: there is none
   std::shared_ptr<const MeshCopies> meshes_;
   std::shared_ptr<const MaterialCopies> materials_;
   std::vector<kernels::VolumeView> volumes_;

@@ -124,6 +124,7 @@ __device__ u32 look_back(const BuildLaunch& l, u32 pass, u32 block, u32 own) {
 extern "C" __global__ void __launch_bounds__(kSortThreads)
     build_keys(const __grid_constant__ BuildLaunch l) {
   __shared__ u32 counts[kSortPasses][kSortDigits];
+  if (!builds(l)) return;
   for (u32 pass = 0; pass < kSortPasses; ++pass) counts[pass][threadIdx.x] = 0;
   __syncthreads();
   const u32 begin = blockIdx.x * kSortKeys, end = min(begin + kSortKeys, l.tree.count);
@@ -144,6 +145,7 @@ extern "C" __global__ void __launch_bounds__(kSortThreads)
     sort_pass(const __grid_constant__ BuildLaunch l, u32 pass) {
   __shared__ Places places;
   __shared__ u32 block;
+  if (!builds(l)) return;
   if (threadIdx.x == 0) block = atomicAdd(&l.counts->blocks[pass], 1) + 1;
   __syncthreads();
   const u32 begin = block * kSortKeys, count = min(kSortKeys, l.tree.count - begin);
@@ -171,6 +173,7 @@ extern "C" __global__ void __launch_bounds__(kSortThreads)
   __shared__ Places places;
   __shared__ u64 keys[kSortKeys];
   __shared__ u32 order[kSortKeys];
+  if (!builds(l)) return;
   const u32 count = l.tree.count;
   for (u32 i = threadIdx.x; i < count; i += kSortThreads) {
     keys[i] = morton_key(*l.tree.head, l.boxes[i]);
