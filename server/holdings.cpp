@@ -111,6 +111,11 @@ Expected<BufferPtr> Holdings::bytes(const v1::Array& array) {
   return fail(Code::kInvalidArgument, "", "has no bytes; set inline, blob, upload or buffer");
 }
 
+Expected<bool> Holdings::read(const v1::Array& array, u64 bytes, const TakePiece& take) {
+  if (!array.has_buffer() || array.buffer().size() != bytes) return false;
+  return shared_.read_lent(array.buffer(), take);
+}
+
 Expected<BufferPtr> Holdings::take_upload(const std::string& request_id) {
   const std::lock_guard lock(mutex_);
   auto node = uploads_.extract(request_id);

@@ -53,6 +53,8 @@ class Holdings final : public ArraySource {
   [[nodiscard]] SharedUploads& shared() { return shared_; }
 
   [[nodiscard]] Expected<BufferPtr> bytes(const v1::Array& array) override;
+  [[nodiscard]] Expected<bool> read(const v1::Array& array, u64 bytes,
+                                    const TakePiece& take) override;
   [[nodiscard]] Expected<std::shared_ptr<const Asset>> asset(std::string_view hash) override;
   [[nodiscard]] Expected<BufferPtr> blob(std::string_view hash);
 

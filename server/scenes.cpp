@@ -12,6 +12,7 @@ namespace heliograph::server {
 namespace {
 
 constexpr std::size_t kNameBytes = 1024;
+constexpr u32 kManyEntities = 4096;  // of a scene whose old revisions are freed aside
 
 std::unexpected<Error> not_found(u64 id) {
   return fail(Code::kNotFound, "scene",
@@ -60,8 +61,11 @@ Expected<Prepared> SceneEntry::commit(const Transaction& transaction,
 }
 
 void SceneEntry::publish(const Prepared& prepared, SceneEvents::Event event) {
-  scene.publish(prepared);
+  auto forgotten = scene.publish(prepared);
   events->add(prepared.snapshot->revision, std::move(event));
+  if (prepared.snapshot->entities.capacity() < kManyEntities || forgotten.empty()) return;
+  // When the pool is full they are freed here.
+  [[maybe_unused]] const auto posted = pool_.post([held = std::move(forgotten)] {});
 }
 
 std::shared_ptr<SceneEvents> SceneEntry::watched() {
@@ -126,7 +130,7 @@ Expected<ScenePtr> Scenes::add(SceneEntry::Identity identity,
                 fmt::format("{} scenes exist; delete one (limit scenes)", scenes_.size()));
   if (identity.id == 0) identity.id = ++last_id_;
   auto entry = std::make_shared<SceneEntry>(std::move(identity), std::move(*entities),
-                                            std::move(first), options_.scene);
+                                            std::move(first), options_.scene, pool_);
   scenes_.emplace(entry->id, entry);
   return entry;
 }

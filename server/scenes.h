@@ -46,8 +46,9 @@ class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
     Origin made_by = {};
     std::shared_ptr<SceneEvents> events = {};  // null: none so far
   };
+  /// pool   frees old revisions
   SceneEntry(Identity identity, Charge entities, std::shared_ptr<const Snapshot> first,
-             const SceneLimits& limits)
+             const SceneLimits& limits, WorkPool& pool)
       : id(identity.id),
         name(std::move(identity.name)),
         owner(identity.owner),
@@ -57,6 +58,7 @@ class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
         made_by(std::move(identity.made_by)),
         events(std::move(identity.events)),
         scene(std::move(first), limits),
+        pool_(pool),
         entities_(std::move(entities)) {}
 
   const u64 id;
@@ -98,6 +100,7 @@ class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
   void end(const Expected<Prepared>& prepared, SceneEvents::Event event, const Status& committed);
   void publish(const Prepared& prepared, SceneEvents::Event event);
 
+  WorkPool& pool_;
   std::mutex commit_mutex_;
   Charge entities_;                     // guarded by commit_mutex_
   std::atomic<bool> is_there_ = false;  // found by its id and its name

@@ -54,9 +54,8 @@ Status Session::begin_call() {
   return std::unexpected(std::move(error));
 }
 
-Expected<BufferPtr> Session::read_lent(const v1::BufferRef& ref) const {
-  if (const auto frames = shared_frames())
-    return frames->read(ref.buffer(), ref.generation(), ref.offset(), ref.size());
+Expected<std::shared_ptr<SharedFrames>> Session::lending_frames() const {
+  if (auto frames = shared_frames()) return frames;
   return fail(Code::kNotFound, "buffer.generation",
               "this session maps no buffers, so it was lent none; leave the generation out");
 }

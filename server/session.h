@@ -45,7 +45,17 @@ class Session {
         limits_(limits),
         requests_(limits.replies),
         holdings_(tenant_->blobs, tenant_->assets, tenant_->bytes) {
-    holdings_.shared().lend([this](const v1::BufferRef& ref) { return read_lent(ref); });
+    holdings_.shared().lend(
+        {.copy = [this](const v1::BufferRef& ref) -> Expected<BufferPtr> {
+           const auto frames = lending_frames();
+           if (!frames) return std::unexpected(frames.error());
+           return (*frames)->copy(ref);
+         },
+         .read = [this](const v1::BufferRef& ref, const TakePiece& take) -> Status {
+           const auto frames = lending_frames();
+           if (!frames) return std::unexpected(frames.error());
+           return (*frames)->read(ref, take);
+         }});
   }
 
   [[nodiscard]] u64 id() const { return id_; }
@@ -76,7 +86,7 @@ class Session {
 
  private:
   friend class Sessions;
-  [[nodiscard]] Expected<BufferPtr> read_lent(const v1::BufferRef& ref) const;
+  [[nodiscard]] Expected<std::shared_ptr<SharedFrames>> lending_frames() const;
 
   const u64 id_;
   const std::string client_;

@@ -10,8 +10,6 @@
 #include <bit>
 #include <vector>
 
-#include "renderer/engine/lent_memory.h"
-
 namespace heliograph::server {
 
 std::shared_ptr<SealedMemory> SealedMemory::create(u64 bytes) {
@@ -131,36 +129,49 @@ void SharedFrames::give_up(u64 buffer) {
   if (found != buffers_.end() && found->second.call != 0) forget(found);
 }
 
-Expected<BufferPtr> SharedFrames::read(u64 buffer, u64 generation, u64 offset, u64 size) const {
+Expected<std::shared_ptr<const LentMemory>> SharedFrames::lent(const v1::BufferRef& ref) const {
   std::shared_ptr<const LentMemory> memory;
   {
     const std::lock_guard lock(mutex_);
-    const auto found = buffers_.find(buffer);
+    const auto found = buffers_.find(ref.buffer());
     if (found != buffers_.end() && found->second.call != 0 &&
-        found->second.generation == generation)
+        found->second.generation == ref.generation())
       memory = std::dynamic_pointer_cast<const LentMemory>(found->second.memory);
   }
   if (!memory)
     return fail(Code::kNotFound, "buffer.generation",
                 fmt::format("this session holds no use {} of a buffer {}; borrow one with "
                             "LendBuffer",
-                            generation, buffer));
+                            ref.generation(), ref.buffer()));
   const u64 bytes = memory->bytes().size();
-  if (offset > bytes || size > bytes - offset)
-    return fail(
-        Code::kInvalidArgument, "buffer.size",
-        fmt::format("{} bytes from {} do not lie within the buffer's {}", size, offset, bytes));
+  if (ref.offset() > bytes || ref.size() > bytes - ref.offset())
+    return fail(Code::kInvalidArgument, "buffer.size",
+                fmt::format("{} bytes from {} do not lie within the buffer's {}", ref.size(),
+                            ref.offset(), bytes));
+  return memory;
+}
+
+Status SharedFrames::read(const v1::BufferRef& ref, const TakePiece& take) const {
+  const auto memory = lent(ref);
+  if (!memory) return std::unexpected(memory.error());
+  return (*memory)->read(ref.offset(), ref.size(), take);
+}
+
+Expected<BufferPtr> SharedFrames::copy(const v1::BufferRef& ref) const {
+  const auto memory = lent(ref);
+  if (!memory) return std::unexpected(memory.error());
   struct Copy {
     Charge charge;
     std::unique_ptr<std::byte[]> bytes;
   };
-  auto charge = Charge::take(budget_, size);
+  auto charge = Charge::take(budget_, ref.size());
   if (!charge) return std::unexpected(std::move(charge).error());
-  auto copy =
-      std::make_shared<Copy>(*std::move(charge), std::make_unique_for_overwrite<std::byte[]>(size));
-  const std::span to(copy->bytes.get(), size);
-  HELIO_TRY(memory->read(offset, to));
-  return std::make_shared<const heliograph::Buffer>(std::move(copy), to);
+  auto copy = std::make_shared<Copy>(*std::move(charge),
+                                     std::make_unique_for_overwrite<std::byte[]>(ref.size()));
+  std::byte* to = copy->bytes.get();
+  HELIO_TRY((*memory)->read(ref.offset(), ref.size(),
+                            [to](u64 begin, auto piece) { std::ranges::copy(piece, to + begin); }));
+  return std::make_shared<const heliograph::Buffer>(std::move(copy), std::span(to, ref.size()));
 }
 
 void SharedFrames::abandon(u64 call) {

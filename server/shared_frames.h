@@ -11,7 +11,9 @@
 #include <thread>
 #include <unordered_map>
 
+#include "heliograph/v1/types.pb.h"
 #include "renderer/base/array.h"
+#include "renderer/engine/lent_memory.h"
 #include "renderer/engine/pixels.h"
 #include "renderer/engine/shared_memory.h"
 #include "server/budget.h"
@@ -77,9 +79,11 @@ class SharedFrames final : public SharedMemoryKeeper,
   ///
   /// source   of a device's memory; absent: the host's
   [[nodiscard]] std::optional<Lease> lease(u64 bytes, u64 call, Source source = nullptr);
-  /// A copy of what the client has written into a buffer that it holds. NOT_FOUND when it does not
-  /// hold that use of it, INVALID_ARGUMENT, RESOURCE_EXHAUSTED.
-  [[nodiscard]] Expected<BufferPtr> read(u64 buffer, u64 generation, u64 offset, u64 size) const;
+  /// What the client has written into a buffer that it holds. NOT_FOUND when it does not hold that
+  /// use of it, INVALID_ARGUMENT.
+  [[nodiscard]] Status read(const v1::BufferRef& ref, const TakePiece& take) const;
+  /// A copy of it. RESOURCE_EXHAUSTED, too.
+  [[nodiscard]] Expected<BufferPtr> copy(const v1::BufferRef& ref) const;
   /// A use of a buffer is over; what names another use is ignored.
   void give_back(u64 buffer, u64 generation);
   /// Nobody can tell when it is over: it is not used again.
@@ -100,6 +104,7 @@ class SharedFrames final : public SharedMemoryKeeper,
   };
   using Buffers = std::unordered_map<u64, Buffer>;
 
+  [[nodiscard]] Expected<std::shared_ptr<const LentMemory>> lent(const v1::BufferRef& ref) const;
   [[nodiscard]] Buffers::iterator smallest_free(u64 bytes, const Source& source);
   [[nodiscard]] Buffers::iterator make(u64 bytes, const Source& source);
   void forget(Buffers::iterator which);

@@ -93,8 +93,14 @@ void SharedUploads::give_back(const v1::BufferRef& ref, BufferPtr bytes) {
   returned_.insert_or_assign(ref.buffer(), Returned{ref, std::move(bytes)});
 }
 
+Expected<bool> SharedUploads::read_lent(const v1::BufferRef& ref, const TakePiece& take) const {
+  if (ref.generation() == 0 || !lender_.read) return false;
+  HELIO_TRY(lender_.read(ref, take));
+  return true;
+}
+
 Expected<BufferPtr> SharedUploads::use(const v1::BufferRef& ref) {
-  if (ref.generation() != 0 && lent_) return lent_(ref);
+  if (ref.generation() != 0 && lender_.copy) return lender_.copy(ref);
   if (BufferPtr returned = extract(ref)) return returned;
   auto taken = extract(ref.buffer());
   if (!taken && hear_) {

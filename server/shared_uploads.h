@@ -9,6 +9,7 @@
 #include "heliograph/v1/types.pb.h"
 #include "renderer/base/array.h"
 #include "renderer/base/error.h"
+#include "renderer/engine/lent_memory.h"
 #include "server/budget.h"
 #include "server/unique_fd.h"
 
@@ -25,16 +26,21 @@ class SharedUploads {
   /// Called before the session is known to its client.
   void listen(std::function<void()> hear) { hear_ = std::move(hear); }
 
-  /// What an array names that lies in a buffer which the client was lent. The same.
-  void lend(std::function<Expected<BufferPtr>(const v1::BufferRef&)> read) {
-    lent_ = std::move(read);
-  }
+  /// What an array names that lies in a buffer which the client was lent.
+  struct Lender {
+    std::function<Expected<BufferPtr>(const v1::BufferRef&)> copy;
+    std::function<Status(const v1::BufferRef&, const TakePiece&)> read;
+  };
+  /// Called before the session is known to its client, too.
+  void lend(Lender lender) { lender_ = std::move(lender); }
 
   /// A memfd that is sealed against writing and changes of its size. What is wrong with it is told
   /// to the request that names it; false: something is.
   bool take(u64 buffer, u64 bytes, const UniqueFd& fd);
   /// The bytes that an array names; used up. INVALID_ARGUMENT, NOT_FOUND, RESOURCE_EXHAUSTED.
   [[nodiscard]] Expected<BufferPtr> use(const v1::BufferRef& ref);
+  /// The bytes that an array names in a buffer that was lent; false: in another.
+  [[nodiscard]] Expected<bool> read_lent(const v1::BufferRef& ref, const TakePiece& take) const;
   /// The use of these bytes did not happen: the same reference names them again.
   void give_back(const v1::BufferRef& ref, BufferPtr bytes);
 
@@ -52,7 +58,7 @@ class SharedUploads {
 
   const std::shared_ptr<Budget> budget_;
   std::function<void()> hear_;
-  std::function<Expected<BufferPtr>(const v1::BufferRef&)> lent_;
+  Lender lender_;
   std::mutex mutex_;
   std::map<u64, std::shared_ptr<const Taken>> taken_;
   std::map<u64, Returned> returned_;

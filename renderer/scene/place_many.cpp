@@ -79,14 +79,17 @@ bool write_chunks(Snapshot& scene, const Poses& action, Places places) {
 
 bool write(Snapshot& scene, const Poses& action) {
   const std::span<const Id> ids = action.ids.span();
-  const u32 end = scene.entities.capacity();
-  bool are_within = true, are_ascending = true;
-  for (u32 last = 0; const Id id : ids) {
-    const u32 chunk = id.index() / kRows;
-    are_within &= id.index() < end;
-    are_ascending &= last <= chunk;
-    last = chunk;
-  }
+  const u32 capacity = scene.entities.capacity();
+  std::atomic<bool> are_within = true, are_ascending = true;
+  parallel_ranges(u32(ids.size()), kChunks * kRows, [&](u32 begin, u32 end) {
+    bool within = true, ascending = true;
+    for (u32 k = begin; k < end; ++k) {
+      within &= ids[k].index() < capacity;
+      ascending &= ids[k > 0 ? k - 1 : 0].index() / kRows <= ids[k].index() / kRows;
+    }
+    if (!within) are_within = false;
+    if (!ascending) are_ascending = false;
+  });
   if (!are_within) return false;
   if (are_ascending) return write_chunks(scene, action, std::views::iota(0u, u32(ids.size())));
   const auto places = by_chunk(ids, scene.poses.chunk_count());

@@ -35,8 +35,8 @@ Expected<Prepared> Scene::prepare(const Transaction& transaction,
   }
 }
 
-void Scene::publish(const Prepared& prepared) {
-  std::deque<std::shared_ptr<const Snapshot>> forgotten;  // freed after the mutex
+std::vector<std::shared_ptr<const Snapshot>> Scene::publish(const Prepared& prepared) {
+  std::vector<std::shared_ptr<const Snapshot>> forgotten;
   const std::lock_guard lock(mutex_);
   assert(!pending_.empty() && prepared.snapshot == pending_.front());
   pending_.pop_front();
@@ -45,6 +45,7 @@ void Scene::publish(const Prepared& prepared) {
     forgotten.push_back(std::move(recent_.front()));
     recent_.pop_front();
   }
+  return forgotten;
 }
 
 void Scene::drop_pending(Revision first) {

@@ -48,8 +48,9 @@ class Scene {
   /// Applies to the pending head. `expected`: ABORTED unless it equals the pending revision.
   [[nodiscard]] Expected<Prepared> prepare(const Transaction& transaction,
                                            std::optional<Revision> expected);
-  /// Makes the oldest prepared transaction the head.
-  void publish(const Prepared& prepared);
+  /// Makes the oldest prepared transaction the head. Returns revisions that are no longer kept:
+  /// to free a large one takes a while.
+  std::vector<std::shared_ptr<const Snapshot>> publish(const Prepared& prepared);
   /// Drops what was prepared and not published (a journal failed), from `first` on.
   void drop_pending(Revision first = 0);
 

@@ -72,15 +72,13 @@ std::string shape_text(const v1::Array& array) {
   return fmt::format("({}{})", fmt::join(array.shape(), ", "), array.shape_size() == 1 ? "," : "");
 }
 
-Expected<RawArray> read_raw(const v1::Array& array, ArraySource& source, const Dims& dims,
-                            std::span<const v1::DType> types) {
+Expected<u64> bytes_of(const v1::Array& array, const Dims& dims, std::span<const v1::DType> types) {
   if (std::ranges::find(types, array.dtype()) == types.end()) {
     std::vector<std::string> names;
     std::ranges::transform(types, std::back_inserter(names), dtype_text);
     return fail(Code::kInvalidArgument, "dtype",
                 fmt::format("is {}; send {}", dtype_text(array.dtype()), fmt::join(names, " or ")));
   }
-  RawArray raw{.type = array.dtype(), .shape = {array.shape().begin(), array.shape().end()}};
   if (!matches(array, dims))
     return fail(Code::kInvalidArgument, "shape",
                 fmt::format("is {}; send {}", shape_text(array), dims_text(dims)));
@@ -88,6 +86,14 @@ Expected<RawArray> read_raw(const v1::Array& array, ArraySource& source, const D
   if (!bytes)
     return fail(Code::kInvalidArgument, "shape",
                 fmt::format("{} does not fit 64 bits", shape_text(array)));
+  return *bytes;
+}
+
+Expected<RawArray> read_raw(const v1::Array& array, ArraySource& source, const Dims& dims,
+                            std::span<const v1::DType> types) {
+  const auto bytes = bytes_of(array, dims, types);
+  if (!bytes) return std::unexpected(bytes.error());
+  RawArray raw{.type = array.dtype(), .shape = {array.shape().begin(), array.shape().end()}};
   auto buffer = source.bytes(array);
   if (!buffer) return std::unexpected(std::move(buffer).error());
   if ((*buffer)->bytes().size() != *bytes)

@@ -48,6 +48,9 @@ inline constexpr std::array kFloatTypes{v1::D_TYPE_F32, v1::D_TYPE_F64};
 /// INVALID_ARGUMENT unless the array has these dimensions and one of these dtypes.
 [[nodiscard]] Expected<RawArray> read_raw(const v1::Array& array, ArraySource& source,
                                           const Dims& dims, std::span<const v1::DType> types);
+/// How many bytes such an array has, whatever it brings. INVALID_ARGUMENT, likewise.
+[[nodiscard]] Expected<u64> bytes_of(const v1::Array& array, const Dims& dims,
+                                     std::span<const v1::DType> types);
 
 /// Index of the first number that is NaN or infinite; `count` when there is none. f16, f32, f64.
 [[nodiscard]] u64 first_not_finite(const RawArray& raw);

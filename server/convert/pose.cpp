@@ -6,6 +6,7 @@
 #include <atomic>
 #include <bit>
 #include <cmath>
+#include <mutex>
 
 #include "renderer/base/parallel.h"
 #include "renderer/scene/invertible.h"
@@ -85,6 +86,37 @@ Status convert(const RawArray& raw, const Dims& dims, Needs needs, std::span<mat
   return are_good ? Status() : why_not(raw, dims, out);
 }
 
+using Matrices = std::shared_ptr<mat4x3[]>;
+
+/// From where they lie, without a copy. Null: they cannot be read so, or something is wrong with
+/// one of them.
+template <class T>
+Expected<Matrices> convert_pieces(const v1::Array& array, ArraySource& source, u64 bytes) {
+  constexpr u64 kBytes = kNumbers * sizeof(T);
+  Matrices matrices;
+  std::once_flag is_there;  // the source has so many
+  std::atomic<bool> are_good = true;
+  const auto take = [&](u64 begin, std::span<const std::byte> piece) {
+    std::call_once(is_there,
+                   [&] { matrices = std::make_shared_for_overwrite<mat4x3[]>(bytes / kBytes); });
+    const std::span numbers(reinterpret_cast<const T*>(piece.data()), piece.size() / sizeof(T));
+    const std::span to(matrices.get() + begin / kBytes, piece.size() / kBytes);
+    if (!take_all(numbers, Needs::kInvertible, to)) are_good = false;
+  };
+  const auto were_read = source.read(array, bytes, take);
+  if (!were_read) return std::unexpected(were_read.error());
+  return *were_read && are_good ? std::move(matrices) : nullptr;
+}
+
+Expected<Matrices> convert_copy(const v1::Array& array, ArraySource& source, const Dims& dims) {
+  const auto raw = read_raw(array, source, dims, kFloatTypes);
+  if (!raw) return std::unexpected(raw.error());
+  const std::size_t count = raw->count / kNumbers;
+  auto matrices = std::make_shared_for_overwrite<mat4x3[]>(count);
+  HELIO_TRY(convert(*raw, dims, Needs::kInvertible, {matrices.get(), count}));
+  return matrices;
+}
+
 Expected<std::vector<mat4x3>> read_vector(const v1::Array& array, ArraySource& source,
                                           const Dims& dims, Needs needs) {
   const auto raw = read_raw(array, source, dims, kFloatTypes);
@@ -115,13 +147,16 @@ Expected<std::vector<mat4x3>> read_poses(const v1::Array& array, ArraySource& so
 
 Expected<ArrayOf<mat4x3>> read_many_poses(const v1::Array& array, ArraySource& source,
                                           const Dims& dims) {
-  const auto raw = read_raw(array, source, dims, kFloatTypes);
-  if (!raw) return std::unexpected(raw.error());
-  const std::size_t count = raw->count / kNumbers;
-  const auto matrices = std::make_shared_for_overwrite<mat4x3[]>(count);
-  const std::span all(matrices.get(), count);
-  HELIO_TRY(convert(*raw, dims, Needs::kInvertible, all));
-  return ArrayOf<mat4x3>(std::make_shared<const Buffer>(matrices, std::as_bytes(all)));
+  const auto bytes = bytes_of(array, dims, kFloatTypes);
+  if (!bytes) return std::unexpected(bytes.error());
+  const bool is_f32 = array.dtype() == v1::D_TYPE_F32;
+  auto matrices = is_f32 ? convert_pieces<float>(array, source, *bytes)
+                         : convert_pieces<double>(array, source, *bytes);
+  if (matrices && !*matrices) matrices = convert_copy(array, source, dims);
+  if (!matrices) return std::unexpected(std::move(matrices).error());
+  const u64 count = *bytes / dtype_size(array.dtype()) / kNumbers;
+  const std::span all(matrices->get(), count);
+  return ArrayOf<mat4x3>(std::make_shared<const Buffer>(*std::move(matrices), std::as_bytes(all)));
 }
 
 v1::Array to_array(std::span<const mat4x3> matrices, bool single, const ArraySink& sink) {

@@ -10,6 +10,7 @@
 #include "heliograph/v1/scene.pb.h"
 #include "renderer/base/array.h"
 #include "renderer/base/error.h"
+#include "renderer/engine/lent_memory.h"
 #include "renderer/scene/snapshot.h"
 #include "renderer/scene/transaction.h"
 
@@ -24,6 +25,11 @@ class ArraySource {
   virtual ~ArraySource() = default;
   /// The array's bytes, aligned for any dtype. How many there must be is checked by the caller.
   [[nodiscard]] virtual Expected<BufferPtr> bytes(const v1::Array& array) = 0;
+  /// The same by pieces, where that spares a copy of all; false: it does not, or the array has
+  /// another number of bytes, and nothing was taken. As LentMemory::read() has it.
+  [[nodiscard]] virtual Expected<bool> read(const v1::Array&, u64 /*bytes*/, const TakePiece&) {
+    return false;
+  }
   /// The asset of this hash (32 bytes), or NOT_FOUND.
   [[nodiscard]] virtual Expected<std::shared_ptr<const Asset>> asset(std::string_view hash) = 0;
 };

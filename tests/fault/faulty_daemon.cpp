@@ -57,8 +57,8 @@ class DeviceMemory final : public LentMemory {
     return {static_cast<std::byte*>(start_), size_};
   }
   [[nodiscard]] const DeviceUuid* device() const override { return &kUuid; }
-  [[nodiscard]] Status read(u64 offset, std::span<std::byte> to) const override {
-    std::ranges::copy(bytes().subspan(offset, to.size()), to.begin());
+  [[nodiscard]] Status read(u64 offset, u64 size, const TakePiece& take) const override {
+    take(0, bytes().subspan(offset, size));
     return {};
   }
 

@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cstring>
 #include <map>
 #include <memory>
@@ -153,6 +154,7 @@ Driver fake_driver() {
     return Result(event != reinterpret_cast<EventHandle>(9));
   };
   driver.wait_for_event = [](EventHandle event) {
+    if (allowed("wait_for_event") != 0) return kRefused;
     return Result(event != reinterpret_cast<EventHandle>(9));
   };
   driver.download = [](void* to, DevicePointer from, std::size_t bytes, StreamHandle stream) {
@@ -285,8 +287,8 @@ TEST_CASE("exports: when the context is gone they are given back without it") {
   stage.tenure.end();
   stage.fake.is_pending = true;  // its streams are no more: nobody may wait for one
   CHECK_FALSE(source->make(kStep));
-  std::vector<std::byte> seen(1);
-  CHECK(memory->read(0, seen).error().code == Code::kUnavailable);
+  const auto take = [](u64, std::span<const std::byte>) { FAIL("nothing came"); };
+  CHECK(memory->read(0, 1, take).error().code == Code::kUnavailable);
   memory.reset();
   CHECK((stage.kept() == 0 && stage.fake.is_pending));
   CHECK(stage.pool.budget().used() == 0);
@@ -301,12 +303,21 @@ TEST_CASE("exports: what another process has written is read back") {
   REQUIRE(memory);
   for (u64 i = 0; i < memory->bytes().size(); ++i) memory->bytes()[i] = std::byte(i * 7 % 251);
   std::vector<std::byte> seen(9 * kStep + 5);  // more than the stage holds
-  REQUIRE(memory->read(3, seen));
+  std::atomic<u64> taken = 0;
+  const auto take = [&](u64 begin, std::span<const std::byte> piece) {
+    std::ranges::copy(piece, seen.begin() + i64(begin));
+    taken += piece.size();
+    if (begin + piece.size() < seen.size() && piece.size() % 256 != 0) std::abort();
+  };
+  REQUIRE(memory->read(3, seen.size(), take));
+  CHECK(taken == seen.size());
   CHECK(std::ranges::equal(seen, memory->bytes().subspan(3, seen.size())));
-  stage.fake.refuses = "download";
-  const Status refused = memory->read(0, seen);
-  REQUIRE_FALSE(refused);
-  CHECK(refused.error().code == Code::kUnavailable);
+  for (const char* call : {"download", "wait_for_event"}) {
+    stage.fake.refuses = call;
+    const Status refused = memory->read(0, seen.size(), take);
+    REQUIRE_FALSE(refused);
+    CHECK(refused.error().code == Code::kUnavailable);
+  }
   source.reset();
   CHECK(stage.fake.streams == 2);
   memory.reset();  // the last that reads

@@ -22,8 +22,14 @@ class FakeMemory final : public LentMemory {
     return {reinterpret_cast<std::byte*>(kStep), bytes_};  // where the host cannot read
   }
   [[nodiscard]] const DeviceUuid* device() const override { return &kUuid; }
-  [[nodiscard]] Status read(u64 offset, std::span<std::byte> to) const override {
-    for (std::byte& byte : to) byte = std::byte(offset++);
+  [[nodiscard]] Status read(u64 offset, u64 size, const TakePiece& take) const override {
+    constexpr u64 kPiece = 256;
+    std::array<std::byte, kPiece> piece;
+    for (u64 begin = 0; begin < size; begin += kPiece) {
+      const u64 bytes = std::min(kPiece, size - begin);
+      for (u64 i = 0; i < bytes; ++i) piece[i] = std::byte((offset + begin + i) * 7 % 251);
+      take(begin, std::span(piece).first(bytes));
+    }
     return {};
   }
 
@@ -105,23 +111,44 @@ TEST_CASE("shared frames: what a call left is not used again") {
 TEST_CASE("shared frames: what a client has written is read while it holds the buffer") {
   Stage stage;
   const auto lease = stage.frames.lease(kStep, 7, stage.gpu);
-  const auto read = [&](u64 generation, u64 offset, u64 size) {
-    return stage.frames.read(lease->buffer, generation, offset, size);
+  const auto ref = [&](u64 offset, u64 size) {
+    v1::BufferRef named;
+    named.set_buffer(lease->buffer);
+    named.set_generation(lease->generation);
+    named.set_offset(offset);
+    named.set_size(size);
+    return named;
   };
   {
-    const auto bytes = read(lease->generation, 64, 3);
+    const auto bytes = stage.frames.copy(ref(64, 1000));
     REQUIRE(bytes);
-    CHECK((*bytes)->bytes()[0] == std::byte(64));
-    CHECK(((*bytes)->bytes().size() == 3 && stage.budget->used() == kStep + 3));
+    CHECK((*bytes)->bytes()[900] == std::byte(964 * 7 % 251));
+    CHECK(((*bytes)->bytes().size() == 1000 && stage.budget->used() == kStep + 1000));
   }
   CHECK(stage.budget->used() == kStep);
-  CHECK(read(lease->generation + 1, 0, 1).error().code == Code::kNotFound);
-  CHECK(read(lease->generation, kStep, 1).error().code == Code::kInvalidArgument);
-  CHECK(read(lease->generation, ~u64(0), 64).error().code == Code::kInvalidArgument);
-  CHECK(read(lease->generation, 64, ~u64(0)).error().code == Code::kInvalidArgument);
-  CHECK(stage.frames.read(99, lease->generation, 0, 1).error().code == Code::kNotFound);
+  u64 read = 0;
+  const auto take = [&](u64 begin, std::span<const std::byte> piece) {
+    CHECK((begin == read && piece[0] == std::byte((3 + begin) * 7 % 251)));
+    read += piece.size();
+    CHECK(stage.budget->used() == kStep);  // nothing is copied
+  };
+  REQUIRE(stage.frames.read(ref(3, 600), take));
+  CHECK(read == 600);
+  v1::BufferRef older = ref(0, 1), other = ref(0, 1);
+  older.set_generation(lease->generation + 1);
+  other.set_buffer(99);
+  const auto refused = [&](const v1::BufferRef& named, Code code) {
+    CHECK(stage.frames.copy(named).error().code == code);
+    CHECK(stage.frames.read(named, take).error().code == code);
+  };
+  refused(older, Code::kNotFound);
+  refused(other, Code::kNotFound);
+  refused(ref(kStep, 1), Code::kInvalidArgument);
+  refused(ref(~u64(0), 64), Code::kInvalidArgument);
+  refused(ref(64, ~u64(0)), Code::kInvalidArgument);
   stage.frames.give_back(lease->buffer, lease->generation);
-  CHECK(read(lease->generation, 0, 1).error().code == Code::kNotFound);
+  refused(ref(0, 1), Code::kNotFound);
+  CHECK(read == 600);
 }
 
 TEST_CASE("shared frames: a buffer that nobody can tell about is not used again") {

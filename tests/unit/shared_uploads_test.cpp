@@ -103,14 +103,29 @@ TEST_CASE("shared uploads: what was lent is named again and again") {
   v1::BufferRef lent = ref(7, 3);
   lent.set_generation(5);
   refused(uploads.use(lent), Code::kNotFound, "buffer.buffer");
+  const auto bytes = std::as_bytes(std::span(kText)).first(3);
+  const auto take = [&](u64, std::span<const std::byte> piece) {
+    CHECK(std::ranges::equal(piece, bytes));
+  };
+  CHECK(uploads.read_lent(lent, take) == false);  // nobody lends
   int reads = 0;
-  uploads.lend([&](const v1::BufferRef& named) -> Expected<BufferPtr> {
+  const auto is_it = [&](const v1::BufferRef& named) {
     CHECK((named.buffer() == 7 && named.generation() == 5));
     ++reads;
-    return std::make_shared<const Buffer>(nullptr, std::as_bytes(std::span(kText)).first(3));
-  });
+  };
+  uploads.lend({.copy = [&](const v1::BufferRef& named) -> Expected<BufferPtr> {
+                  is_it(named);
+                  return std::make_shared<const Buffer>(nullptr, bytes);
+                },
+                .read = [&](const v1::BufferRef& named, const TakePiece& to) -> Status {
+                  is_it(named);
+                  to(0, bytes);
+                  return {};
+                }});
   CHECK(uploads.use(lent));
   CHECK(uploads.use(lent));
-  CHECK(reads == 2);
+  CHECK(uploads.read_lent(lent, take) == true);
+  CHECK(uploads.read_lent(ref(7, 3), take) == false);
+  CHECK(reads == 3);
   refused(uploads.use(ref(7, 3)), Code::kNotFound, "buffer.buffer");  // an upload is no such one
 }

@@ -3,8 +3,9 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <bit>
-#include <cstring>
+#include <thread>
 
 #include "renderer/resident/parallel.h"
 
@@ -20,7 +21,8 @@ constexpr unsigned kNonBlocking = 1;  // CU_STREAM_NON_BLOCKING
 constexpr unsigned kNoTiming = 2;     // CU_EVENT_DISABLE_TIMING
 constexpr u64 kPieceBytes = 2 << 20;  // one is copied while the next ones come
 constexpr u64 kStageBytes = ExportSource::kPieces * kPieceBytes;
-constexpr u64 kCopyGrain = 256 << 10;  // bytes of a thread's share
+constexpr u64 kShareBytes = 256 << 10;  // what a thread takes at a time
+static_assert(kPieceBytes % kShareBytes == 0);
 
 AllocationProperties properties_of(Device device) {
   return {.kind = kPinned, .handle_kinds = kDescriptor, .location = {kOnDevice, device}};
@@ -39,8 +41,8 @@ class ExportedMemory final : public LentMemory {
     return {reinterpret_cast<std::byte*>(at_), bytes_};
   }
   [[nodiscard]] const DeviceUuid* device() const override { return source_->device(); }
-  [[nodiscard]] Status read(u64 offset, std::span<std::byte> to) const override {
-    return source_->download(to, at_ + offset);
+  [[nodiscard]] Status read(u64 offset, u64 size, const TakePiece& take) const override {
+    return source_->read(at_ + offset, size, take);
   }
 
  private:
@@ -172,42 +174,74 @@ bool ExportSource::zero(DevicePointer at, u64 bytes) {
          device_.driver.wait_for_stream(stream_) == 0;
 }
 
-/// By all threads: pages of `to` that are new cost more than the copy.
-void ExportSource::copy_piece(std::span<std::byte> to, u64 offset) const {
-  const auto* from = static_cast<const std::byte*>(stage_) + offset;
+namespace {
+
+/// Pieces of a stream's copies, as they come. Thread: any; whoever needs the next one first waits
+/// for it.
+class Arrivals {
+ public:
+  Arrivals(const ExportDevice& device, std::span<const EventHandle> come)
+      : device_(device), come_(come) {}
+  /// False when the driver refuses.
+  [[nodiscard]] bool wait_for(u32 piece) {
+    while (there_ <= piece && result_ == 0) {
+      const std::unique_lock lock(mutex_, std::try_to_lock);
+      if (!lock)
+        std::this_thread::yield();
+      else if (there_ <= piece && result_ == 0)
+        wait_for_next();
+    }
+    return result_ == 0;
+  }
+  [[nodiscard]] Result result() const { return result_; }
+
+ private:
+  void wait_for_next() {
+    (void)device_.driver.set_context(device_.context);
+    result_ = device_.driver.wait_for_event(come_[there_]);
+    if (result_ == 0) ++there_;
+  }
+
+  const ExportDevice& device_;
+  const std::span<const EventHandle> come_;
+  std::mutex mutex_;
+  std::atomic<u32> there_ = 0;
+  std::atomic<Result> result_ = 0;
+};
+
+}  // namespace
+
+/// At most as many bytes as the stage has. All threads take what has come while the rest is on its
+/// way: to wake them takes as long as the copy.
+Result ExportSource::fetch(DevicePointer from, u64 size, const TakePiece& take) const {
+  const Driver& driver = device_.driver;
+  auto* stage = static_cast<std::byte*>(stage_);
+  Result result = 0;
+  for (u64 begin = 0; begin < size && result == 0; begin += kPieceBytes) {
+    const u64 bytes = std::min(kPieceBytes, size - begin);
+    result = driver.download(stage + begin, from + begin, bytes, stream_);
+    if (result == 0) result = driver.record_event(come_[begin / kPieceBytes], stream_);
+  }
+  if (result != 0) return result;
+  Arrivals arrivals(device_, come_);
   resident::run_alone([&] {
-    resident::parallel_ranges(to.size(), kCopyGrain, [&](u64 begin, u64 end) {
-      std::memcpy(to.data() + begin, from + begin, end - begin);
+    resident::parallel_for((size + kShareBytes - 1) / kShareBytes, [&](u64 share) {
+      const u64 begin = share * kShareBytes;
+      if (arrivals.wait_for(u32(begin / kPieceBytes)))
+        take(begin, {stage + begin, std::min(kShareBytes, size - begin)});
     });
   });
+  return arrivals.result();
 }
 
-/// At most as many bytes as the stage has.
-Result ExportSource::fetch(std::span<std::byte> to, DevicePointer from) const {
-  const Driver& driver = device_.driver;
-  const auto piece = [&](u64 offset) {
-    return to.subspan(offset, std::min(kPieceBytes, to.size() - offset));
-  };
-  Result result = 0;
-  for (u64 offset = 0; offset < to.size() && result == 0; offset += kPieceBytes) {
-    auto* at = static_cast<std::byte*>(stage_) + offset;
-    result = driver.download(at, from + offset, piece(offset).size(), stream_);
-    if (result == 0) result = driver.record_event(come_[offset / kPieceBytes], stream_);
-  }
-  for (u64 offset = 0; offset < to.size() && result == 0; offset += kPieceBytes) {
-    result = driver.wait_for_event(come_[offset / kPieceBytes]);
-    if (result == 0) copy_piece(piece(offset), offset);
-  }
-  return result;
-}
-
-Status ExportSource::download(std::span<std::byte> to, DevicePointer from) {
+Status ExportSource::read(DevicePointer from, u64 size, const TakePiece& take) {
   const auto held = device_.tenure.hold();
   if (!held) return fail(Code::kUnavailable, "", "the GPU was lost with what was written there");
   const std::lock_guard lock(mutex_);
   Result result = device_.driver.set_context(device_.context);
-  for (u64 begin = 0; begin < to.size() && result == 0; begin += kStageBytes)
-    result = fetch(to.subspan(begin, std::min(kStageBytes, to.size() - begin)), from + begin);
+  for (u64 begin = 0; begin < size && result == 0; begin += kStageBytes)
+    result = fetch(from + begin, std::min(kStageBytes, size - begin),
+                   [&](u64 at, std::span<const std::byte> piece) { take(begin + at, piece); });
   if (result == 0) return {};
   return fail(Code::kUnavailable, "",
               "reading the GPU's memory failed: " + device_.driver.describe(result));

@@ -46,7 +46,7 @@ class ExportSource final : public SharedMemorySource,
   [[nodiscard]] const DeviceUuid* device() const override { return &uuid_; }
   [[nodiscard]] const ExportDevice& parts() const { return device_; }
   /// Waits for the copy, not for what renders meanwhile. UNAVAILABLE.
-  [[nodiscard]] Status download(std::span<std::byte> to, DevicePointer from);
+  [[nodiscard]] Status read(DevicePointer from, u64 size, const TakePiece& take);
   /// The same of zeros, while the caller holds the tenure; false when the driver refuses.
   [[nodiscard]] bool zero(DevicePointer at, u64 bytes);
 
@@ -54,8 +54,7 @@ class ExportSource final : public SharedMemorySource,
   ExportSource(std::shared_ptr<const void> owner, const ExportDevice& device)
       : owner_(std::move(owner)), device_(device) {}
   // Under mutex_:
-  [[nodiscard]] Result fetch(std::span<std::byte> to, DevicePointer from) const;
-  void copy_piece(std::span<std::byte> to, u64 offset) const;
+  [[nodiscard]] Result fetch(DevicePointer from, u64 size, const TakePiece& take) const;
 
   const std::shared_ptr<const void> owner_;
   const ExportDevice device_;
