@@ -13,8 +13,8 @@ namespace heliograph {
 namespace {
 
 constexpr u32 kRows = ChunkedArray<mat4x3>::kRows;
-constexpr u32 kFew = 512;    // ids that are not worth an order
-constexpr u32 kChunks = 16;  // as many rows as are worth a thread
+constexpr u32 kFew = 512;   // ids that are not worth an order
+constexpr u32 kChunks = 4;  // as many rows as are worth a thread
 
 bool is_there(const Snapshot& scene, Id id) {
   const EntityId entity(id);

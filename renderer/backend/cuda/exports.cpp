@@ -21,7 +21,7 @@ constexpr unsigned kNonBlocking = 1;  // CU_STREAM_NON_BLOCKING
 constexpr unsigned kNoTiming = 2;     // CU_EVENT_DISABLE_TIMING
 constexpr u64 kPieceBytes = 2 << 20;  // one is copied while the next ones come
 constexpr u64 kStageBytes = ExportSource::kPieces * kPieceBytes;
-constexpr u64 kShareBytes = 256 << 10;  // what a thread takes at a time
+constexpr u64 kShareBytes = 64 << 10;  // what a thread takes at a time
 static_assert(kPieceBytes % kShareBytes == 0);
 
 AllocationProperties properties_of(Device device) {
