@@ -213,7 +213,7 @@ extern "C" __global__ void __launch_bounds__(kBuildThreads)
   const BvhBox box = instance_box(l, number);
   l.before.boxes[i] = box;
   if ((i < l.before.tree->items) == box.empty()) l.before.head->fits = 0;
-  if (i < l.before.tree->nodes) l.tree.parents[i] = l.before.parents[i];
+  if (i > 0 && i < l.before.tree->nodes) l.tree.parents[i] = l.before.parents[i];
   put_item(l, i, number);
 }
 
