@@ -240,6 +240,7 @@ KERNEL u32 wide_nodes(const BuildView& view) {
   return max2(view.nodes[view.head->root].wide[0], 1u);  // the root may be a leaf of few items
 }
 
+/// For who refits it.
 KERNEL void describe_tree(const BuildView& view) {
   *view.tree = {view.head->count, wide_nodes(view), 0};
   if (view.head->count == 0) return;

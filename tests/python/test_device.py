@@ -106,6 +106,7 @@ def test_a_buffer_goes_back_once_the_gpu_is_done_with_it(daemon, stub):
     shape = data.shape
     first = daemon.shared.plane(place(1, 5, shape), FLOATS, shape)
     again = daemon.shared.plane(place(1, 5, shape), FLOATS, shape)
+    assert again.pointer == first.pointer  # so that work may be given to the GPU that reads it
     del first
     assert daemon.returned() == []  # another array of the same use
     stub.busy = 1
@@ -122,10 +123,41 @@ def test_a_buffer_goes_back_once_the_gpu_is_done_with_it(daemon, stub):
     assert daemon.returned() == [(2, 6)]
 
 
+def test_a_buffer_that_nobody_was_shown_goes_back_at_once(daemon, stub):
+    data = numbers(4, 4)
+    for number, look in ((1, lambda p: p.numpy()), (2, repr), (3, lambda p: p.nbytes)):
+        daemon.offer(number, data)
+        plane = daemon.shared.plane(place(number, 5, data.shape), FLOATS, data.shape)
+        look(plane)
+        stub.busy = 1
+        del plane
+        gc.collect()
+        assert daemon.returned() == [(number, 5)] and stub.events == 0
+        stub.busy = 0
+
+
+@pytest.mark.parametrize(
+    "show", [lambda p: p.pointer, lambda p: p.__cuda_array_interface__["data"]]
+)
+def test_a_buffer_that_somebody_was_shown_waits_for_the_gpu(daemon, stub, show):
+    data = numbers(4, 4)
+    daemon.offer(1, data)
+    plane = daemon.shared.plane(place(1, 5, data.shape), FLOATS, data.shape)
+    show(plane)
+    stub.busy = 1
+    del plane
+    gc.collect()
+    assert daemon.returned() == [] and stub.events == 1
+    stub.busy = 0
+    daemon.shared._give_back_unused()
+    assert daemon.returned() == [(1, 5)] and stub.events == 0
+
+
 def test_what_cannot_be_fenced_now_goes_back_later(daemon, stub):
     data = numbers(4, 4)
     daemon.offer(1, data)
     plane = daemon.shared.plane(place(1, 5, data.shape), FLOATS, data.shape)
+    plane.pointer  # noqa: B018
     stub.capturing = 1
     del plane
     gc.collect()
