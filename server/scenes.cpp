@@ -63,9 +63,18 @@ Expected<Prepared> SceneEntry::commit(const Transaction& transaction,
 void SceneEntry::publish(const Prepared& prepared, SceneEvents::Event event) {
   auto forgotten = scene.publish(prepared);
   events->add(prepared.snapshot->revision, std::move(event));
-  if (prepared.snapshot->entities.capacity() < kManyEntities || forgotten.empty()) return;
-  // When the pool is full they are freed here.
-  [[maybe_unused]] const auto posted = pool_.post([held = std::move(forgotten)] {});
+  if (prepared.snapshot->entities.capacity() >= kManyEntities) free_aside(std::move(forgotten));
+}
+
+/// Those of one publication at a time, so that they do not pile up. Others are freed here, and so
+/// are these when the pool is full.
+void SceneEntry::free_aside(std::vector<std::shared_ptr<const Snapshot>> forgotten) {
+  if (forgotten.empty() || is_freeing_->exchange(true)) return;
+  const auto posted = pool_.post([held = std::move(forgotten), is_freeing = is_freeing_]() mutable {
+    held.clear();
+    *is_freeing = false;
+  });
+  if (!posted) *is_freeing_ = false;
 }
 
 std::shared_ptr<SceneEvents> SceneEntry::watched() {

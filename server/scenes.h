@@ -99,8 +99,10 @@ class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
   void drop_pending(Revision first);
   void end(const Expected<Prepared>& prepared, SceneEvents::Event event, const Status& committed);
   void publish(const Prepared& prepared, SceneEvents::Event event);
+  void free_aside(std::vector<std::shared_ptr<const Snapshot>> forgotten);
 
   WorkPool& pool_;
+  const std::shared_ptr<std::atomic<bool>> is_freeing_ = std::make_shared<std::atomic<bool>>(false);
   std::mutex commit_mutex_;
   Charge entities_;                     // guarded by commit_mutex_
   std::atomic<bool> is_there_ = false;  // found by its id and its name
