@@ -128,16 +128,17 @@ def test_random_joints_are_within_their_limits_and_pure(scene, stage, tmp_path):
     arm, cam = stage
     randomize = hd.random_joints(arm, {"elbow": (0.5, 0.6), "wrist": 0.25})
     seen = []
-
-    def remember(draw):
-        seen.append([draw.pose(arm.links[name]) for name in arm.link_names])
-
-    both = hd.Compose(randomize, remember)
     for name in "ab":
-        writer = hd.Coco(tmp_path / name)
+        drawn = {}  # in any order
+
+        def remember(draw, drawn=drawn):
+            drawn[draw.index] = [draw.pose(arm.links[name]) for name in arm.link_names]
+
+        both, writer = hd.Compose(randomize, remember), hd.Coco(tmp_path / name)
         hd.generate(scene, cam, both, count=4, spp=1, writer=writer, progress=False, seed=3)
-    poses = np.array(seen[:4])
-    np.testing.assert_array_equal(poses, np.array(seen[4:]))
+        seen.append(np.array([drawn[index] for index in range(4)]))
+    poses, again = seen
+    np.testing.assert_array_equal(poses, again)
     elbow, hand = arm.link_names.index("forearm"), arm.link_names.index("hand")
     step = np.linalg.inv(poses[:, elbow]) @ poses[:, hand]
     np.testing.assert_allclose(step[:, 0, 0], np.cos(0.25), atol=1e-6)

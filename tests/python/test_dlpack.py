@@ -206,8 +206,11 @@ def torch(monkeypatch):
 
 
 def test_a_tensor_comes_through_dlpack(dlpack, torch):
-    plane = host_array(np.ones(4, "f4"))
-    assert plane.torch() == ("dlpack", plane)
+    data = np.arange(4, dtype="f4")
+    way, capsule = host_array(data).torch()
+    assert way == "dlpack"
+    taken = types.SimpleNamespace(__dlpack__=lambda **_: capsule, __dlpack_device__=lambda: HOST)
+    assert np.array_equal(np.from_dlpack(taken), data)
 
 
 def test_without_the_library_there_is_no_capsule_but_a_tensor(dlpack, torch, monkeypatch):
