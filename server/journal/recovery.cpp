@@ -94,7 +94,7 @@ std::shared_ptr<SceneEvents> Recovery::restore_events(const journal::SceneRow& r
 
 Status Recovery::add_scene(const journal::SceneRow& row) {
   RecoveringSource& source = *owner(row.tenant()).source;
-  auto bytes = source.read(row.state());
+  auto bytes = source.content(row.state());
   if (!bytes) return std::unexpected(std::move(bytes).error());
   journal::State state;
   if (!state.ParseFromString(*bytes)) return broken("the snapshot cannot be read");

@@ -122,7 +122,7 @@ void RecoveringSource::expect(const journal::Record& record) {
   for (const journal::AssetFile& each : record.assets()) expected_[each.asset()] = each.file();
 }
 
-Expected<std::string> RecoveringSource::read(const std::string& hash) {
+Expected<std::string> RecoveringSource::content(const std::string& hash) {
   auto file = files_.read(hash);
   if (!file) return std::unexpected(std::move(file).error());
   held_.push_back(std::move(file->first));
@@ -132,7 +132,7 @@ Expected<std::string> RecoveringSource::read(const std::string& hash) {
 Expected<BufferPtr> RecoveringSource::load(const std::string& hash) {
   auto& [file, buffer] = loaded_[hash];
   if (!buffer) {
-    auto bytes = read(hash);
+    auto bytes = content(hash);
     if (!bytes) return std::unexpected(std::move(bytes).error());
     v1::UploadBlobRequest upload;
     upload.set_sha256(hash);
@@ -163,7 +163,7 @@ Expected<std::shared_ptr<const Asset>> RecoveringSource::asset(std::string_view 
     const auto file = expected_.find(hash);
     if (file == expected_.end()) return fail(Code::kInternal, "", "the record names no such asset");
     std::vector<BlobFilePtr> before = take_files();
-    auto bytes = read(file->second);
+    auto bytes = content(file->second);
     if (!bytes) return std::unexpected(std::move(bytes).error());
     decode::Result message;
     if (!message.ParseFromString(*bytes)) return fail(Code::kInternal, "", "is no asset");

@@ -53,7 +53,7 @@ class RecoveringSource final : public ArraySource {
   [[nodiscard]] Expected<BufferPtr> bytes(const v1::Array& array) override;
   [[nodiscard]] Expected<std::shared_ptr<const Asset>> asset(std::string_view hash) override;
   /// The bytes of a file that is no array.
-  [[nodiscard]] Expected<std::string> read(const std::string& hash);
+  [[nodiscard]] Expected<std::string> content(const std::string& hash);
   /// The files that were asked for since the last call.
   [[nodiscard]] std::vector<BlobFilePtr> take_files() { return std::exchange(held_, {}); }
 
