@@ -18,6 +18,7 @@ import numpy as np
 import torch
 from heliograph._proto import types_pb2 as types
 
+ARM = pathlib.Path(__file__).parents[2] / "examples/assets/arm/arm.urdf"
 SIZE = (1280, 720)
 PLANES = ["beauty", "depth", "instance"]
 OPTIONS = {"planes": PLANES, "spp": 1, "max_depth": 4, "progress": False, "labels": False}
@@ -261,6 +262,40 @@ def vertices(client, segments=300):
     report("vertices of a tensor", wrong == 0, f"{wrong} of 12 wrong; " + text)
 
 
+def joints(client, count=1024):
+    """Robots, of a scene and of worlds, that joint values of a tensor move, against numpy's."""
+    with client.create_scene() as scene:
+        with scene.edit() as edit:
+            arm = edit.import_urdf(ARM)
+            edit.dome(color=1.0)
+            lens = hg.Camera.from_fov(50, 48, 32, degrees=True)
+            edit.entity("cam", camera=lens, transform=hg.look_at((2, -2, 1), (0, 0, 0.4)))
+        low, high = np.clip(arm.limits, -1, 1).T
+        rows = np.random.default_rng(0).uniform(low, high, (count, len(low)))
+        poses, pictures, took = [], [], []
+        for values in (rows, torch.from_numpy(rows).cuda()):
+            with scene.edit() as edit:
+                edit.set_joints(arm, values[0])
+            poses.append(scene.transforms(arm.moving))
+            for _ in range(3):  # the first makes room
+                start = time.perf_counter()
+                worlds = hg.Worlds(count).set_joints(arm, values)
+                seconds = time.perf_counter() - start
+                frame = scene.render_worlds("cam", worlds, planes=["depth"])
+            pictures.append(frame["depth"])
+            took.append(1e3 * seconds)
+        try:
+            hg.Worlds(count).set_joints(arm, torch.from_numpy(rows + 9).cuda())
+            told = ""
+        except hg.InvalidArgument as error:
+            told = str(error)
+    apart = float(np.abs(poses[1] - poses[0]).max())
+    differ = float(np.mean(pictures[1] != pictures[0]))
+    good = apart < 1e-6 and differ < 1e-2 and told.startswith("values[0]: joint")
+    text = f"poses apart by {apart:.1e}, {differ:.1e} of the depths differ; {count} robots "
+    report("joints of a tensor", good, text + f"{took[1]:.2f} ms, from numpy {took[0]:.2f} ms")
+
+
 def killed_client(client):
     before = used(client)
     folder = str(pathlib.Path(__file__).resolve().parent)
@@ -321,6 +356,7 @@ def main(rounds):
         memory(client, scene, rounds)
         poses(client)
         vertices(client)
+        joints(client)
         killed_client(client)
         others(client, scene)
     sys.exit(not all(results))

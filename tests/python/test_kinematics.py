@@ -138,7 +138,7 @@ def test_links_are_where_pybullet_has_them(name):
             joints[info[1].decode()], links[info[12].decode()] = i, i
         low, high = np.clip(k.limits, -3, 3).T
         for values in np.random.default_rng(4).uniform(low, high, (8, len(low))):
-            angles = k._amounts(values)
+            angles = k._motion.amounts(values)
             for one, angle in zip(k.moving, angles, strict=True):
                 bullet.resetJointState(body, joints[one.name], angle, physicsClientId=world)
             ours = k.forward(k.values(values))

@@ -16,6 +16,7 @@ from . import _cuda
 from ._connection import Connection
 from ._proto import service_pb2 as service
 from ._proto import types_pb2 as types
+from ._tensors import is_tensor
 from .errors import FailedPrecondition, InvalidArgument, Unimplemented
 
 _KEPT = 4  # rooms that wait for the next array; more go back to the daemon
@@ -75,9 +76,8 @@ def _packed(array: GpuArray) -> tuple[int, ...]:
 
 def _stream_of(value: Any, told: dict[str, Any]) -> int | None:
     """The stream in whose order it is written; None: not known."""
-    torch = sys.modules.get("torch")
-    if torch is not None and isinstance(value, torch.Tensor):
-        return int(torch.cuda.current_stream(value.device).cuda_stream)
+    if is_tensor(value):
+        return int(sys.modules["torch"].cuda.current_stream(value.device).cuda_stream)
     stream = told.get("stream")
     return None if stream is None else int(stream)
 

@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 
 from ._arrays import NdArray, checked
+from ._motion import Motion
+from ._tensors import is_tensor, on_host
 from .errors import InvalidArgument
 from .pose import Pose
 from .urdf import ONE_AXIS, Joint, Urdf
@@ -22,7 +24,7 @@ _COLUMNS = {
     "planar": ("x", "y", "angle"),
     "floating": ("x", "y", "z", "qw", "qx", "qy", "qz"),
 }
-_TOLERANCE = 1e-6  # of limits: values may come as float32
+_SHORTEST = 1e-9  # quaternion
 
 
 class Kinematics:
@@ -45,7 +47,7 @@ class Kinematics:
                 self._first[joint.name] = len(self.joint_names)
                 self.joint_names.extend(_columns(joint))
         self._fill_limits()
-        self._fill_motions()
+        self._motion = Motion(self.moving, self._first, self.limits)
         self._fill_tree()
 
     def _fill_limits(self) -> None:
@@ -61,26 +63,6 @@ class Kinematics:
             elif joint.kind == "floating":
                 self.rest[at + 3] = 1.0
 
-    def _fill_motions(self) -> None:
-        """Angles and lengths are values @ _weights + _offsets, (C, M) and (M,)."""
-        count = len(self.moving)
-        self._weights = np.zeros((len(self.joint_names), count))
-        self._offsets = np.zeros(count)
-        self._origins = np.array([j.origin for j in self.moving]).reshape(count, 4, 4)
-        self._slides = np.zeros((count, 3))
-        self._crosses = np.zeros((count, 3, 3))
-        by_name = {joint.name: joint for joint in self.moving}
-        for i, joint in enumerate(self.moving):
-            if joint.kind == "floating":
-                continue
-            source, factor, offset = _followed(joint, by_name)
-            column = self._first[source.name] + (2 if joint.kind == "planar" else 0)
-            self._weights[column, i], self._offsets[i] = factor, offset
-            if joint.kind == "prismatic":
-                self._slides[i] = joint.axis
-            else:
-                self._crosses[i] = _cross(joint.axis)
-
     def _fill_tree(self) -> None:
         rows = {name: i for i, name in enumerate(self.link_names)}
         above = {joint.child: joint for joint in self.joints}
@@ -93,54 +75,32 @@ class Kinematics:
 
     # ------------------------------------------------------------ matrices
 
-    def _amounts(self, values: NdArray) -> NdArray:
-        """(..., M): how far the moving joints are turned or slid, mimics too."""
-        return np.asarray(values @ self._weights + self._offsets)
-
-    def local(self, values: NdArray) -> NdArray:
+    def local(self, values: Any) -> Any:
         """(..., M, 4, 4) float64 parent_from_child of the moving joints, of (..., C) values."""
-        q = self._amounts(values)
-        out = np.zeros((*q.shape, 4, 4))
-        out[..., 3, 3] = 1
-        sine, cosine = (f(q)[..., None, None] for f in (np.sin, np.cos))
-        k = self._crosses
-        out[..., :3, :3] = np.eye(3) + sine * k + (1 - cosine) * (k @ k)  # Rodrigues
-        out[..., :3, 3] = q[..., None] * self._slides
-        for i, joint in enumerate(self.moving):
-            at = self._first.get(joint.name, 0)
-            if joint.kind == "planar":
-                out[..., i, :3, 3] = values[..., at : at + 2] @ _plane(joint.axis)
-            elif joint.kind == "floating":
-                out[..., i, :3, 3] = values[..., at : at + 3]
-                out[..., i, :3, :3] = _rotations(values[..., at + 3 : at + 7])
-        return np.asarray(self._origins @ out)
+        return self._motion.on(values).local(values)
 
     def angles(self, values: NdArray) -> NdArray:
         """(..., M) radians that the moving joints are turned about their axes."""
-        turns = self._crosses.any(axis=(1, 2))
-        return np.asarray(self._amounts(values) * turns)
+        return self._motion.angles(values)
 
-    def forward(self, values: NdArray) -> NdArray:
+    def forward(self, values: Any) -> Any:
         """(..., L, 4, 4) float64 root_from_link, of (..., C) values."""
-        local = self.local(values)
-        out = np.empty((*values.shape[:-1], len(self.link_names), 4, 4))
-        out[..., 0, :, :] = np.eye(4)
-        for link, parent, own in self._tree:
-            step = local[..., own, :, :] if isinstance(own, int) else own
-            out[..., link, :, :] = out[..., parent, :, :] @ step
-        return out
+        return self._motion.on(values).forward(values, self._tree)
 
     # ------------------------------------------------------------ values
 
-    def values(self, given: Any, clamp: bool = False) -> NdArray:
+    def values(self, given: Any, clamp: bool = False) -> Any:
         """(..., C) float64 of an array (C,) or (N, C), or of {name: number or (N,)}, whose other
-        joints rest; within the limits, and floating rotations of length 1."""
+        joints rest; within the limits, and floating rotations of length 1. Of a tensor of PyTorch
+        a tensor on the same device, without a gradient."""
+        if is_tensor(given):
+            return self._of_tensor(given, clamp)
         out = self._of_names(given) if isinstance(given, Mapping) else self._of_array(given)
         for joint in self.moving:
             if joint.kind == "floating":
                 at = self._first[joint.name] + 3
                 length = np.linalg.norm(out[..., at : at + 4], axis=-1, keepdims=True)
-                if (length < 1e-9).any():
+                if (length < _SHORTEST).any():
                     raise InvalidArgument(
                         f"values: joint {joint.name!r} has a quaternion of length 0",
                         field=f"values[{joint.name!r}]",
@@ -158,11 +118,27 @@ class Kinematics:
             given, "values", "f8", shape if np.ndim(given) == 1 else (None, *shape)
         ).copy()
 
+    def _of_tensor(self, given: Any, clamp: bool) -> Any:
+        """What is wrong with one is told of its copy on the host."""
+        motion = self._motion.on(given)
+        out = motion.constant(given.detach()).clone()
+        low, high, below, above = motion.bounds
+        are_good = out.ndim in (1, 2) and out.shape[-1] == len(low)
+        if are_good:
+            for at in motion.quaternions():
+                length = (out[..., at : at + 4] ** 2).sum(-1, keepdim=True).sqrt()
+                out[..., at : at + 4] /= length.masked_fill(length < _SHORTEST, math.nan)
+            within = out.isfinite() & (clamp or (out >= below) & (out <= above))
+            are_good = bool(within.all())
+        if not are_good:
+            return motion.constant(self.values(on_host(given), clamp))
+        return out.clip(low, high) if clamp else out
+
     def _of_names(self, given: Mapping[str, Any]) -> NdArray:
         columns: dict[int, NdArray] = {}
         for name, value in given.items():
             field = f"values[{name!r}]"
-            for column, number in self._named(name, value, field).items():
+            for column, number in self._named(name, on_host(value), field).items():
                 columns[column] = checked(number, field, "f8", (None,) * np.ndim(number))
         shapes = {c.shape for c in columns.values() if c.shape}
         if len(shapes) > 1 or any(len(shape) > 1 for shape in shapes):
@@ -205,10 +181,8 @@ class Kinematics:
         )
 
     def _check_limits(self, values: NdArray) -> None:
-        low, high = self.limits.T
-        slack = _TOLERANCE * np.maximum(1.0, np.where(np.isfinite(low), np.abs(low), 1.0))
-        slack_high = _TOLERANCE * np.maximum(1.0, np.where(np.isfinite(high), np.abs(high), 1.0))
-        outside = np.argwhere((values < low - slack) | (values > high + slack_high))
+        low, high, below, above = self._motion.bounds
+        outside = np.argwhere((values < below) | (values > above))
         if len(outside):
             *row, column = (int(i) for i in outside[0])
             name = self.joint_names[column]
@@ -223,7 +197,7 @@ class Kinematics:
     def moved_by(self, names: Sequence[str]) -> list[int]:
         """Which of the moving joints columns or joints of these names move; mimics follow."""
         columns = [c for name in names for c in self._columns_of(name)]
-        hit: NdArray = np.any(self._weights[columns] != 0, axis=0)
+        hit = self._motion.follows(columns)
         for i, joint in enumerate(self.moving):
             if joint.kind in _COLUMNS:
                 first = self._first[joint.name]
@@ -250,31 +224,6 @@ def _columns(joint: Joint) -> list[str]:
     return [joint.name]
 
 
-def _followed(joint: Joint, joints: Mapping[str, Joint]) -> tuple[Joint, float, float]:
-    """The joint that moves this one, with the factor and the offset of its value."""
-    factor, offset = 1.0, 0.0
-    while joint.mimic is not None:
-        offset += factor * joint.mimic.offset
-        factor *= joint.mimic.multiplier
-        joint = joints[joint.mimic.joint]
-    return joint, factor, offset
-
-
-def _cross(axis: NdArray) -> NdArray:
-    x, y, z = axis
-    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-
-
-def _plane(axis: NdArray) -> NdArray:
-    """(2, 3): the joint's x and y axes, turned the shortest way from its z axis to `axis`."""
-    x, y, z = axis
-    if z < -1 + 1e-12:
-        return np.array([[1.0, 0, 0], [0, -1.0, 0]])
-    k = _cross(np.array([-y, x, 0.0]))  # z axis cross `axis`
-    turn = np.eye(3) + k + k @ k / (1 + z)
-    return np.asarray(turn[:, :2].T)
-
-
 def _floating_values(value: Any, field: str) -> NdArray:
     """(..., 7): position, and the quaternion w x y z, of a Pose, (4, 4) or (N, 4, 4)."""
     given = value.matrix if isinstance(value, Pose) else value
@@ -285,15 +234,6 @@ def _floating_values(value: Any, field: str) -> NdArray:
     if error > 1e-5 or (np.linalg.det(rotation) < 0).any():
         raise InvalidArgument(f"{field}: needs a rotation without scale", field=field)
     return np.concatenate([matrices[..., :3, 3], _quaternions(rotation)], axis=-1)
-
-
-def _rotations(wxyz: NdArray) -> NdArray:
-    """(..., 3, 3) of unit quaternions (..., 4)."""
-    w, v = wxyz[..., :1, None], wxyz[..., 1:]
-    k = np.zeros((*v.shape, 3))
-    for (i, j), n in {(2, 1): 0, (0, 2): 1, (1, 0): 2}.items():
-        k[..., i, j], k[..., j, i] = v[..., n], -v[..., n]
-    return np.asarray(np.eye(3) + 2 * w * k + 2 * k @ k)
 
 
 def _quaternions(rotation: NdArray) -> NdArray:

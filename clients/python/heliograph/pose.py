@@ -11,6 +11,7 @@ import numpy as np
 
 from ._arrays import NdArray, checked
 from ._lent import GpuArray, is_on_gpu
+from ._tensors import on_host
 from .errors import InvalidArgument
 
 
@@ -164,6 +165,7 @@ def packed_matrices(poses: Any, field: str = "transforms") -> NdArray | GpuArray
 
 def matrices_of(poses: Any, field: str = "transforms") -> NdArray:
     """(N, 4, 4) float32 of an array or of a sequence of poses."""
+    poses = on_host(poses)
     if isinstance(poses, np.ndarray):
         return checked(poses, field, "<f4", (None, 4, 4))
     listed = list(poses)

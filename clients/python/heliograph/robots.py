@@ -17,6 +17,7 @@ import numpy as np
 
 from . import _patches, assets, shapes, urdf
 from ._arrays import NdArray
+from ._tensors import is_tensor, on_host
 from .components import refuse_unknown
 from .errors import InvalidArgument
 from .handles import Asset, Entity, Group, Material, Mesh
@@ -96,14 +97,14 @@ class Robot:
         number = np.asarray(part, np.int64)
         return np.where(number <= len(self.parts), number - 1, -1)
 
-    def forward(self, values: Any, *, clamp: bool = False) -> NdArray:
+    def forward(self, values: Any, *, clamp: bool = False) -> Any:
         """(L, 4, 4) float64 root_from_link; (N, L, 4, 4) for N sets of values, as set_joints()
-        takes them."""
+        takes them; of a tensor a tensor."""
         return self.kinematics.forward(self.kinematics.values(values, clamp))
 
-    def transforms(self, values: Any, *, clamp: bool = False) -> NdArray:
+    def transforms(self, values: Any, *, clamp: bool = False) -> Any:
         """(M, 4, 4) float64 poses of `moving`, relative to the links above; (N, M, 4, 4) for N sets
-        of values. For set_transforms() of edits and worlds."""
+        of values; of a tensor a tensor. For set_transforms() of edits and worlds."""
         return self.kinematics.local(self.kinematics.values(values, clamp))
 
     def __repr__(self) -> str:
@@ -182,6 +183,7 @@ class RobotEdits:
         values: (C,) in the order of robot.joint_names, (N, C) for N robots; or {name: number}, or
         (N,) for N robots, where joints without a name stay. Radians and metres. A floating joint
         takes a hg.Pose or (4, 4), a planar one (x, y, angle).
+        A tensor of PyTorch: poses are worked out where it is, and stay there on a GPU.
         keys: {seconds: values} instead, for motion blur; joints move evenly between them.
         clamp: values beyond the limits are put on them; otherwise InvalidArgument names the joint,
         its value and its limits. teleport: as of set_transforms().
@@ -193,7 +195,8 @@ class RobotEdits:
         if (values is None) == (keys is None):
             raise InvalidArgument("give values or keys", field="values")
         if keys is not None:
-            _set_keys(edits, robots, {t: _rows(robots, keys[t], clamp) for t in keys})
+            rows = {t: _rows(robots, on_host(keys[t]), clamp) for t in keys}
+            _set_keys(edits, robots, rows)
             return
         kinematics = robots[0].kinematics
         local = kinematics.local(_rows(robots, values, clamp))
@@ -208,7 +211,7 @@ class RobotEdits:
         edits.set_transforms(entities, matrices, teleport=teleport)
 
 
-def _rows(robots: Sequence[Robot], values: Any, clamp: bool) -> NdArray:
+def _rows(robots: Sequence[Robot], values: Any, clamp: bool) -> Any:
     """(N, C) values of N robots."""
     rows = robots[0].kinematics.values(values, clamp)
     shape = (len(robots), rows.shape[-1])
@@ -216,7 +219,7 @@ def _rows(robots: Sequence[Robot], values: Any, clamp: bool) -> NdArray:
         raise InvalidArgument(
             f"values: {len(rows)} rows for {len(robots)} robots; give as many", field="values"
         )
-    return np.broadcast_to(rows, shape)
+    return rows.expand(shape) if is_tensor(rows) else np.broadcast_to(rows, shape)
 
 
 def _set_keys(edits: Edits, robots: Sequence[Robot], keys: Mapping[float, NdArray]) -> None:

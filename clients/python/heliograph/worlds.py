@@ -13,6 +13,7 @@ from ._arrays import Columns, NdArray, Store, checked, from_message
 from ._lent import GpuArray, Loan, is_on_gpu
 from ._proto import render_pb2 as pb
 from ._proto import types_pb2 as types
+from ._tensors import is_tensor, on_host
 from .components import whole_of
 from .device import DeviceArray
 from .errors import InvalidArgument
@@ -55,7 +56,7 @@ class Worlds:
         self._matrices = (
             GpuArray(transforms, "transforms", ("<f4", "<f8"), shape)
             if is_on_gpu(transforms)
-            else checked(transforms, "transforms", "<f4", shape)
+            else checked(on_host(transforms), "transforms", "<f4", shape)
         )
         self._entities = [e.ref() if isinstance(e, Handle) else types.Ref(name=e) for e in listed]
         self._teleport = teleport
@@ -63,12 +64,14 @@ class Worlds:
 
     def set_joints(self, robot: Robots, values: Any, *, clamp: bool = False) -> Worlds:
         """Moves the joints of a robot in each world, (N, C) in the order of robot.joint_names, or
-        of K robots with the same joints, (N, K, C); as set_transforms(), which it replaces."""
+        of K robots with the same joints, (N, K, C); as set_transforms(), which it replaces. Of a
+        tensor of PyTorch poses are worked out where it is, and stay there on a GPU."""
         robots = listed(robot)
         shape = (self.count,) if isinstance(robot, Robot) else (self.count, len(robots))
-        columns = len(robots[0].joint_names)
-        rows = checked(values, "values", "f8", (*shape, columns)).reshape(-1, columns)
-        local = robots[0].transforms(rows, clamp=clamp)
+        shape = (*shape, len(robots[0].joint_names))
+        if not (is_tensor(values) and values.shape == shape):
+            values = checked(on_host(values), "values", "f8", shape)
+        local = robots[0].transforms(values.reshape(-1, shape[-1]), clamp=clamp)
         moving = [entity for each in robots for entity in each.moving]
         return self.set_transforms(moving, local.reshape(self.count, len(moving), 4, 4))
 

@@ -1,0 +1,17 @@
+"""Tensors of PyTorch, which is not imported for them. Used by _lent.py, kinematics.py, pose.py."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+
+def is_tensor(value: Any) -> bool:
+    """Whether it is one."""
+    torch = sys.modules.get("torch")
+    return torch is not None and isinstance(value, torch.Tensor)
+
+
+def on_host(value: Any) -> Any:
+    """A tensor as an array of numpy, without a gradient; what else there is as it is."""
+    return value.detach().cpu().numpy() if is_tensor(value) else value
