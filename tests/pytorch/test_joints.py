@@ -1,6 +1,7 @@
 """Joint values that are tensors: poses as numpy works them out, where the tensor is.
 tests/gpu/frames.py has tensors on a GPU."""
 
+import pickle
 from pathlib import Path
 
 import heliograph as hg
@@ -53,6 +54,8 @@ def test_poses_are_those_of_numpy(every_kind, dtype):
         np.testing.assert_allclose(made.numpy(), function(ours), atol=1e-14)
     np.testing.assert_allclose(k.local(theirs[4]).numpy(), k.local(ours[4]), atol=1e-14)
     assert torch.equal(given, kept)
+    again = pickle.loads(pickle.dumps(k))
+    assert torch.equal(again.local(again.values(given)), k.local(theirs))
 
 
 def test_what_is_wrong_is_told_as_of_numpy(every_kind):

@@ -25,8 +25,7 @@ class Motion:
     """
 
     def __init__(self, joints: Sequence[Joint], first: Mapping[str, int], limits: NdArray) -> None:
-        self._library: Any = np
-        self._kind: dict[str, Any] = {}  # of arrays that are made
+        self._kind: dict[str, Any] = {}  # of tensors that are made; empty: by numpy
         self._tensors: dict[Any, Motion] = {}  # by device
         count = len(joints)
         weights, offsets = np.zeros((len(limits), count)), np.zeros(count)
@@ -52,6 +51,13 @@ class Motion:
         slack = _TOLERANCE * np.maximum(1, np.abs(np.nan_to_num(limits, posinf=1, neginf=1)))
         self.bounds: Any = *limits.T, *(limits + slack * (-1, 1)).T
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_tensors": {}}
+
+    @property
+    def _library(self) -> Any:
+        return sys.modules["torch"] if self._kind else np
+
     def on(self, values: Any) -> Motion:
         """The same as tensors on the device of a tensor."""
         if not is_tensor(values):
@@ -63,8 +69,7 @@ class Motion:
 
     def _as_tensors(self, device: Any) -> Motion:
         made = copy.copy(self)
-        made._library = sys.modules["torch"]
-        made._kind = {"dtype": made._library.float64, "device": device}
+        made._kind = {"dtype": sys.modules["torch"].float64, "device": device}
         made._arrays, made.bounds = (
             tuple(made.constant(array) for array in arrays)
             for arrays in (self._arrays, self.bounds)
