@@ -54,7 +54,7 @@ HELIO_RARE KERNEL ObjectRay moving_object_ray(const SceneView& scene, u32 instan
 
 /// Where an instance that shows a shape is met by a ray of its object space; at NAN where it is
 /// not.
-HELIO_RARE KERNEL Hit shape_hit(const SceneView& scene, const BvhInstance& item, ObjectRay ray) {
+KERNEL Hit shape_hit(const SceneView& scene, const BvhInstance& item, ObjectRay ray) {
   ShapeHit hit;
   if (!meet_shape(scene.meshes[item.mesh].shape, {ray.origin, ray.direction, INFINITY}, hit))
     return {NAN, kNone, kNone, 0, 0};
@@ -214,7 +214,7 @@ class BvhWalk {
     if (hit.t == hit_.t && (hit.instance > hit_.instance ||
                             (hit.instance == hit_.instance && hit.primitive >= hit_.primitive)))
       return;
-    if (scene_->any_holes && is_hole(*scene_, holes_, hit)) return;
+    if (kRichRays && scene_->any_holes && is_hole(*scene_, holes_, hit)) return;
     hit_ = hit;
   }
 
@@ -224,8 +224,9 @@ class BvhWalk {
       items.bits ^= 1u << bit;
       const u32 i = items.base + bit;
       const BvhTriangle triangle =
-          triangles_ ? load_triangle(triangles_, i)
-                     : deformed_triangle(*scene_, *bvh_, bvh_->items[item_].mesh, {i, time_});
+          kRichRays && !triangles_
+              ? deformed_triangle(*scene_, *bvh_, bvh_->items[item_].mesh, {i, time_})
+              : load_triangle(triangles_, i);
       TriangleHit met;
       if (!meet_triangle(triangle, space_.origin, direction_, hit_.t, met)) continue;
       u32 instance = instance_;
@@ -250,7 +251,7 @@ class BvhWalk {
       const BvhInstance& met = bvh_->items[item];
       if (!(met.visibility & mask_)) continue;
       const ObjectRay local =
-          met.flags & kBvhMoves
+          kRichRays && met.flags & kBvhMoves
               ? moving_object_ray(*scene_, met.instance, time_, {space_.origin, direction_})
               : object_ray(met, {space_.origin, direction_});
       if (met.flags & kBvhShape) {

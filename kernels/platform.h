@@ -89,6 +89,14 @@ inline constexpr bool kRich = false;
 inline constexpr bool kRich = true;
 #endif
 
+// What few scenes have for rays to meet and programs for plain rays leave out: what moves, deforms
+// or has holes. SceneView::plain_rays says whose rays they trace.
+#if defined(HELIO_PLAIN_RAYS)
+inline constexpr bool kRichRays = false;
+#else
+inline constexpr bool kRichRays = true;
+#endif
+
 inline constexpr float kPi = 3.14159265358979323846f;
 inline constexpr float kInvPi = 0.31830988618379067154f;
 inline constexpr u32 kNone = 0xffffffffu;

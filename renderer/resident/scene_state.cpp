@@ -1,4 +1,6 @@
 // Pieces to what the kernels read. Declared in scene.h.
+#include <algorithm>
+
 #include "renderer/resident/black_body.h"
 #include "renderer/resident/casters.h"
 #include "renderer/resident/scene.h"
@@ -25,6 +27,9 @@ SceneState::SceneState(std::shared_ptr<const Snapshot> snapshot, const TimeSpan&
   for (const auto& mesh : placement->meshes) meshes_.push_back(mesh->view());
   view_ = surfaces->all;
   view_.any_holes = surfaces->holes != nullptr;
+  view_.plain_rays =
+      !view_.any_holes && placement->moving.empty() &&
+      std::ranges::all_of(meshes_, [](const auto& mesh) { return mesh.segments == 0; });
   view_.meshes = meshes_.data();
   view_.materials = materials->materials.data();
   view_.textures = materials->textures.data();

@@ -6,7 +6,7 @@
 #include "renderer/backend/cuda/launch.h"
 
 // The name of a program: plain ones have one of their own.
-#if defined(HELIO_PLAIN)
+#if defined(HELIO_PLAIN) || defined(HELIO_PLAIN_RAYS)
 #define HELIO_PROGRAM(name) name##_plain
 #else
 #define HELIO_PROGRAM(name) name

@@ -6,6 +6,9 @@ using namespace heliograph::cuda;
 
 namespace {
 
+// Whose registers hold a walk.
+constexpr int kTraceBlocks = kRichRays ? 6 : 7;
+
 /// Lanes of a warp that still walk before those that are done take new rays.
 constexpr int kLanesKept = 20;
 /// Lanes that still look for something to meet before those that found it do.
@@ -102,6 +105,14 @@ __device__ void trace_paths(const WaveLaunch& l, const Share& share) {
       });
 }
 
+/// Called, so that the walk need not keep what this does in registers.
+template <bool kMany>
+__noinline__ __device__ void shine(const WaveLaunch& l, u32 slot) {
+  const WaveShot& shot = shot_of_light<kMany>(l, slot);
+  const BvhTracer tracer(shot.view.scene, shot.bvh);
+  Wave(shot.view, l.work, l.wave, tracer).shine(slot);
+}
+
 template <bool kMany>
 __device__ void trace_lights(const WaveLaunch& l, const Share& share) {
   WaveRound& now = l.counters->rounds[l.round];
@@ -113,9 +124,7 @@ __device__ void trace_lights(const WaveLaunch& l, const Share& share) {
       },
       [&](const BvhWalk& walk, u32 i) {
         if (walk.hit().instance != kNone) return;
-        const WaveShot& shot = shot_of_light<kMany>(l, l.lit[i]);
-        const BvhTracer tracer(shot.view.scene, shot.bvh);
-        Wave(shot.view, l.work, l.wave, tracer).shine(l.lit[i]);
+        shine<kMany>(l, l.lit[i]);
       });
 }
 
@@ -132,11 +141,11 @@ __device__ void trace_all(const WaveLaunch& l) {
 
 }  // namespace
 
-extern "C" __global__ void __launch_bounds__(kThreads, 6)
-    wave_trace(const __grid_constant__ WaveLaunch l) {
+extern "C" __global__ void __launch_bounds__(kThreads, kTraceBlocks)
+    HELIO_PROGRAM(wave_trace)(const __grid_constant__ WaveLaunch l) {
   trace_all<false>(l);
 }
-extern "C" __global__ void __launch_bounds__(kThreads, 6)
-    wave_trace_many(const __grid_constant__ WaveLaunch l) {
+extern "C" __global__ void __launch_bounds__(kThreads, kTraceBlocks)
+    HELIO_PROGRAM(wave_trace_many)(const __grid_constant__ WaveLaunch l) {
   trace_all<true>(l);
 }

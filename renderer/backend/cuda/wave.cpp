@@ -40,7 +40,7 @@ Expected<Programs> Programs::find(const Context& context) {
       const std::string count = many ? "_many" : "", kind = plain ? "_plain" : "";
       all.insert(all.end(), {{"wave_begin" + count + kind, &steps.begin},
                              {"wave_arrive" + count + kind, &steps.arrive},
-                             {"wave_trace" + count, &steps.trace},
+                             {"wave_trace" + count + kind, &steps.trace},
                              {"wave_fold" + count, &steps.fold}});
     }
   for (const auto& [name, program] : all) {
@@ -62,11 +62,16 @@ LaunchSize Programs::size(const Program& program, u64 threads) {
 
 namespace {
 
-const Programs::Steps& steps_of(const Programs& programs, const WaveShots& shots) {
+/// Which rays are plain goes by the scenes alone: two programs may round a ray differently, and a
+/// picture must not depend on the planes beside it.
+Programs::Steps steps_of(const Programs& programs, const WaveShots& shots) {
+  const Programs::Steps& plain = shots.device ? programs.many_plain : programs.one_plain;
+  const Programs::Steps& rich = shots.device ? programs.many : programs.one;
   const auto is_plain = [](const WaveShot& shot) { return kernels::is_plain(shot.view); };
-  if (std::ranges::all_of(shots.host, is_plain))
-    return shots.device ? programs.many_plain : programs.one_plain;
-  return shots.device ? programs.many : programs.one;
+  const auto has_plain_rays = [](const WaveShot& shot) { return shot.view.scene.plain_rays; };
+  Programs::Steps steps = std::ranges::all_of(shots.host, is_plain) ? plain : rich;
+  steps.trace = (std::ranges::all_of(shots.host, has_plain_rays) ? plain : rich).trace;
+  return steps;
 }
 
 }  // namespace

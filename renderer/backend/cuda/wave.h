@@ -22,7 +22,7 @@ struct Programs {
     Program begin, trace, arrive, fold;
   };
   Steps one, many;              // of one picture, of many
-  Steps one_plain, many_plain;  // of shots that is_plain()
+  Steps one_plain, many_plain;  // of shots that is_plain(), and of plain rays
   Program probe, probe_later, resolve, noise;
   [[nodiscard]] static Expected<Programs> find(const Context& context);
   /// So many threads as there are, or as the device runs at once.
@@ -61,7 +61,7 @@ class Wave {
   [[nodiscard]] Status trace();
 
   Context& context_;
-  const Programs::Steps& steps_;
+  const Programs::Steps steps_;
   const WorkRange range_;
   bool any_media_ = false;
   DeviceMemory memory_;
