@@ -7,7 +7,7 @@
 namespace heliograph::kernels::inline HELIO_ISA {
 
 /// Light that comes along its ray if nothing is in the way. t_max 0: there is none.
-struct alignas(16) LaterLight {
+struct LaterLight {
   Ray ray;
   Contribution light;
   Route route;

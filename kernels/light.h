@@ -59,7 +59,7 @@ KERNEL vec3 shown(const Surface& s, const MaterialValues& m) {
 
 /// Density [1/sr] with which sample_light() would have taken the direction in which a ray from the
 /// receiver met a light.
-HELIO_CALL KERNEL float light_pdf(const SceneView& scene, Receiver from, const Hit& hit,
+HELIO_STEP KERNEL float light_pdf(const SceneView& scene, Receiver from, const Hit& hit,
                                   vec3 direction, u32 index) {
   const LightPlace at = light_place(scene, index, from.time);
   const TriangleTree& tree = at.light.tree;
@@ -107,7 +107,7 @@ KERNEL bool sample_shape_light(const SceneView& scene, const LightPlace& at, con
 }
 
 /// choice: a leaf of the scene's tree.
-HELIO_CALL KERNEL bool sample_surface_light(const SceneView& scene, const Receiver& from,
+HELIO_STEP KERNEL bool sample_surface_light(const SceneView& scene, const Receiver& from,
                                             LeafChoice choice, vec2 u2, LightSample& out) {
   out.light = scene.light_nodes[choice.node].first;
   const LightPlace at = light_place(scene, out.light, from.time);
@@ -139,7 +139,7 @@ HELIO_CALL KERNEL bool sample_surface_light(const SceneView& scene, const Receiv
 }
 
 /// Radiance of a sampled point of a surface.
-HELIO_CALL KERNEL vec3 surface_radiance(const SceneView& scene, const LightSample& sample) {
+HELIO_STEP KERNEL vec3 surface_radiance(const SceneView& scene, const LightSample& sample) {
   const LightView& light = scene.lights[sample.light];
   if (is_even(scene, light)) return light.radiance;
   const Surface s = locate(scene, light.instance, sample.primitive, sample.place, sample.time);
@@ -151,7 +151,7 @@ HELIO_CALL KERNEL vec3 surface_radiance(const SceneView& scene, const LightSampl
 // ---------------------------------------------------------------- dome
 
 /// place: row 0 at v = 0.
-HELIO_CALL KERNEL vec3 dome_radiance(const SceneView& scene, vec2 place) {
+HELIO_STEP KERNEL vec3 dome_radiance(const SceneView& scene, vec2 place) {
   const DomeView& dome = scene.dome;
   if (dome.texture == kNone) return dome.radiance;
   TextureView texture = scene.textures[dome.texture];
@@ -208,7 +208,7 @@ KERNEL float texel_pdf(const DomeView& dome, const DomePlace& place) {
 
 /// Density [1/sr] with which sample_light() takes a direction to the dome at a point. place: of
 /// that direction.
-HELIO_CALL KERNEL float dome_pdf(const DomeView& dome, vec3 p, vec3 direction,
+HELIO_STEP KERNEL float dome_pdf(const DomeView& dome, vec3 p, vec3 direction,
                                  const DomePlace& place) {
   if (dome.portal_count > 0 && portal_faces(dome, p)) {
     return dome.probability * portal_pdf(dome, p, direction);
@@ -232,7 +232,7 @@ KERNEL Choice choose_column(const DomeView& dome, u32 row, float u) {
   return choose_guided(dome.column_cdf + u64(row) * dome.width, dome.width, guide, u);
 }
 
-HELIO_CALL KERNEL bool sample_dome(const SceneView& scene, vec3 p, vec2 u, LightSample& out) {
+HELIO_STEP KERNEL bool sample_dome(const SceneView& scene, vec3 p, vec2 u, LightSample& out) {
   const DomeView& dome = scene.dome;
   out.light = out.sun = kNone;
   out.visibility = kAllRays;
@@ -326,7 +326,7 @@ KERNEL bool sample_sky(const SceneView& scene, vec3 p, vec3 u, LightSample& out)
 /// Chooses a light and a direction to it; false when no light comes from there.
 ///
 /// u, u2   uniform in [0, 1)
-HELIO_CALL KERNEL bool sample_light(const SceneView& scene, const Receiver& from, float u, vec2 u2,
+HELIO_STEP KERNEL bool sample_light(const SceneView& scene, const Receiver& from, float u, vec2 u2,
                                     LightSample& out) {
   const float surfaces = scene.surface_probability;
   out.time = from.time;

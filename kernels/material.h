@@ -72,7 +72,7 @@ KERNEL vec3 clamp_to(vec3 v, float smallest, float largest) {
 /// The parameters named by the bits of `wanted`, textures applied and clamped to their ranges; the
 /// others keep their constants. Emission and alpha are those of the point: lights and holes are
 /// sampled so.
-HELIO_CALL KERNEL MaterialValues evaluate_material(const SceneView& scene,
+HELIO_STEP KERNEL MaterialValues evaluate_material(const SceneView& scene,
                                                    const MaterialView& material, const Uvs& uvs,
                                                    u32 wanted) {
   MaterialValues values = material.constant;

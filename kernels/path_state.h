@@ -46,8 +46,8 @@ struct PathContext {
   u64 pixel;
 };
 
-/// A path on its way from the camera, but for what it is inside of.
-struct PathHead {
+/// A path on its way from the camera.
+struct Path {
   Ray ray;
   u32 mask;  // kind of the ray
   vec3 throughput;
@@ -61,8 +61,6 @@ struct PathHead {
   Cone cone;             // of the ray
   bool blurred;          // it has scattered, and not by a perfect mirror or window alone
   Route route;
-};
-struct Path : PathHead {
   Inside inside;  // of which closed surfaces the ray starts
 };
 

@@ -162,7 +162,7 @@ KERNEL vec3 world_bitangent(const Surface& s, vec3 ns, vec3 t, vec3 b_object) {
 }
 
 /// The normal ns as a normal map tilts it.
-HELIO_CALL KERNEL vec3 mapped_normal(const SceneView& scene, Surface s, const TextureUseView& use,
+HELIO_STEP KERNEL vec3 mapped_normal(const SceneView& scene, Surface s, const TextureUseView& use,
                                      vec3 ns) {
   const Corners c = corners_at(*s.mesh, s.triangle, s.time);
   const Tangents tangents = tangents_of(s, c, use.uv_set & 1);
@@ -178,7 +178,7 @@ HELIO_CALL KERNEL vec3 mapped_normal(const SceneView& scene, Surface s, const Te
 ///
 /// Source: Mikkelsen 2010, "Bump Mapping Unparametrized Surfaces on the GPU", section 2, which goes
 /// back to Blinn 1978.
-HELIO_CALL KERNEL vec3 bumped_normal(const SceneView& scene, Surface s, vec3 ns) {
+HELIO_STEP KERNEL vec3 bumped_normal(const SceneView& scene, Surface s, vec3 ns) {
   const TextureUseView& use = s.material->bump_map;
   const vec2* uvs = use.uv_set & 1 ? s.mesh->uvs1 : s.mesh->uvs;
   if (!uvs) return ns;

@@ -1,5 +1,5 @@
 // Many samples side by side, a step at a time: how a GPU runs the path tracer. Every step of every
-// path is that of path.h; here are the items that wait between two steps, and what reads them.
+// path is that of path.h; here is what goes on between two of them.
 //
 // An item is one sample of one pixel. A slot holds one path on its way. Who runs a wave begins an
 // item in each free slot, traces all rays, those of light from the round before among them, lets
@@ -10,38 +10,9 @@
 // GPUs". Tested: tests/unit/wave_test.cpp, against render_pixel().
 #pragma once
 
-#include "kernels/later.h"
+#include "kernels/wave_items.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
-
-// A GPU's thread moves 16 bytes at a time where it is told to: member by member, it would ask the
-// memory four times as often. What it moves is of no use to others, or later: the caches are for
-// what threads share and for their stacks.
-template <class T>
-KERNEL T load_whole(const T& from) {
-#if defined(__CUDA_ARCH__)
-  struct Words {
-    uint4 of[sizeof(T) / sizeof(uint4)];
-  };
-  static_assert(sizeof(T) == sizeof(Words) && alignof(T) == alignof(uint4));
-  Words words;
-  for (u32 i = 0; i < sizeof(T) / sizeof(uint4); ++i)
-    words.of[i] = __ldcs(reinterpret_cast<const uint4*>(&from) + i);
-  return __builtin_bit_cast(T, words);
-#else
-  return from;
-#endif
-}
-template <class T>
-KERNEL void store_whole(T& to, const T& value) {
-#if defined(__CUDA_ARCH__)
-  static_assert(sizeof(T) % sizeof(uint4) == 0 && alignof(T) == alignof(uint4));
-  for (u32 i = 0; i < sizeof(T) / sizeof(uint4); ++i)
-    __stcs(reinterpret_cast<uint4*>(&to) + i, reinterpret_cast<const uint4*>(&value)[i]);
-#else
-  to = value;
-#endif
-}
 
 /// What is rendered.
 struct ShotView {
@@ -70,36 +41,6 @@ struct WaveWork {
 };
 KERNEL u32 pixels_of(const WaveWork& work) { return work.tiles * kTilePixels; }
 KERNEL u32 items_of(const WaveWork& work) { return pixels_of(work) * work.samples; }
-
-struct alignas(16) WavePath {
-  PathHead head;
-  u32 item;
-};
-struct alignas(16) WaveRay {
-  Ray ray;
-  u32 mask;
-};
-/// The slot may have a path of another item by the time that its ray is traced.
-struct alignas(16) WaveLight {
-  LaterLight later;
-  u32 item;
-};
-struct alignas(16) WaveSample {
-  SampleHead head;
-};
-
-/// Memory of a wave.
-struct WaveView {
-  WavePath* paths;      // by slot
-  WaveRay* rays;        // by slot
-  Hit* hits;            // by slot
-  WaveLight* lights;    // by slot
-  Inside* insides;      // by slot; null where the scene has no media
-  Reach* reaches;       // by slot; null where the scene has no media
-  WaveSample* samples;  // by item
-  vec3* light_planes;   // (kLightPlanes) of each item; null unless wanted
-  FilmView film;        // items in the place of pixels: light groups add up there
-};
 
 /// Which picture an item is of, `image` being any of them.
 KERNEL u32 picture_of(const FilmView& image, const WaveWork& work, u32 item) {
@@ -148,16 +89,17 @@ class Wave {
                            view_.film,  sampler,      time,           item};
     SampleValues sample;
     Path path = begin_sample(c, at.x, at.y, sample);
-    put(sample, item);
-    if (!(path.ray.t_max > 0)) return false;
-    set_out_in(c, slot, item, path);
-    return true;
+    const bool sets_out = path.ray.t_max > 0;
+    if (kRich || !sets_out) put_whole(sample, item);
+    if (sets_out) set_out_in(c, slot, item, path);
+    return sets_out;
   }
   /// The ray of a slot has met hits[slot].
   KERNEL Arrival arrive(u32 slot) const {
     const WavePath kept = load_whole(view_.paths[slot]);
     Path path;
-    static_cast<PathHead&>(path) = kept.head;
+    take_up(kept, load_whole(view_.rays[slot]), path);
+    path.route = route_of(2 * slot);
     Reach reach{path.ray.t_max, {INFINITY, vec3(0)}};
     if (kRich && view_.insides) {
       path.inside = view_.insides[slot];
@@ -166,16 +108,23 @@ class Wave {
     const ItemPlace at = place_of(shot_.film, work_, kept.item);
     const PathContext<T> c = context(kept.item, sampler_of(at), path.ray.time);
     SampleValues sample;
-    get(sample, kept.item);
+    // A plain program lets a path arrive with its first edge just once, and begins its sample then.
+    const bool is_first = !kRich && path.edges == 1;
+    const bool has_first = is_first || kRich || !path.guided;
+    sample.alpha = 1;
+    if (!is_first) get(sample, kept.item);
+    if (has_first && !is_first) get_first(sample, kept.item);
     LaterLight light;
     light.ray.t_max = 0;
     const auto take_light = [&](const Path& from, const Vertex& v) {
       sample_light_later(c, from, v, sample, light);
     };
     const bool goes_on =
-        kernels::arrive(c, path, reach, view_.hits[slot], sample, take_light) && path.ray.t_max > 0;
+        kernels::arrive(c, path, reach, load_whole(view_.hits[slot]).hit, sample, take_light) &&
+        path.ray.t_max > 0;
     put(sample, kept.item);
-    if (light.ray.t_max > 0) store_whole(view_.lights[slot], WaveLight{light, kept.item});
+    if (has_first) put_first(sample, kept.item);
+    if (light.ray.t_max > 0) keep_light(slot, kept.item, light);
     if (goes_on) set_out_in(c, slot, kept.item, path);
     return {goes_on, light.ray.t_max > 0};
   }
@@ -184,7 +133,9 @@ class Wave {
     const WaveLight kept = load_whole(view_.lights[slot]);
     SampleValues sample;
     get(sample, kept.item);
-    collect(context(kept.item, Sampler(0, 0), 0), sample, kept.later.light, kept.later.route);
+    collect(context(kept.item, Sampler(0, 0), 0), sample,
+            {kept.radiance, kept.edges, bool(kept.environment), kept.group},
+            route_of(2 * slot + 1));
     put(sample, kept.item);
   }
   /// Adds all items of pixel `index` of the work to its film. Returns the rays traced for them.
@@ -198,6 +149,7 @@ class Wave {
       const u64 pixel = u64(at.y) * shot_.film.width + at.x;
       SampleValues sample;
       get(sample, item);
+      get_first(sample, item);
       if (wants(shot_.film, Plane::BEAUTY_GROUP)) fold_groups(item, pixel);
       write_sample(shot_.film, pixel, sample, (at.sample + 1) % kBlock == 0);
       rays += sample.rays;
@@ -219,17 +171,52 @@ class Wave {
       view_.insides[slot] = path.inside;
       view_.reaches[slot] = reach;
     }
-    store_whole(view_.paths[slot], WavePath{path, item});
+    store_whole(view_.paths[slot], kept_of(path, item));
     store_whole(view_.rays[slot], WaveRay{path.ray, path.mask});
+    keep_route(2 * slot, path.route);
+  }
+  KERNEL void keep_light(u32 slot, u32 item, const LaterLight& later) const {
+    const Contribution& light = later.light;
+    store_whole(view_.lights[slot], WaveLight{later.ray, light.radiance, item, light.group,
+                                              light.edges, light.environment});
+    keep_route(2 * slot + 1, later.route);
+  }
+  KERNEL void keep_route(u32 i, const Route& route) const {
+    if (!has_light_planes()) return;
+    store_whole(view_.routes[i], WaveRoute{route.diffuse_share, u32(route.vertex)});
+  }
+  [[nodiscard]] KERNEL Route route_of(u32 i) const {
+    if (!has_light_planes()) return {vec3(0), FirstVertex::kReflects};
+    const WaveRoute kept = load_whole(view_.routes[i]);
+    return {kept.diffuse_share, FirstVertex(kept.vertex)};
+  }
+  KERNEL void put_whole(const SampleValues& sample, u32 item) const {
+    put(sample, item);
+    put_first(sample, item);
+  }
+  KERNEL void put_first(const SampleValues& s, u32 item) const {
+    store_whole(view_.firsts[item],
+                WaveFirst{s.albedo, s.alpha, s.normal, s.open, s.caught, s.hit});
+  }
+  KERNEL void get_first(SampleValues& sample, u32 item) const {
+    const WaveFirst first = load_whole(view_.firsts[item]);
+    sample.albedo = first.albedo;
+    sample.alpha = first.alpha;
+    sample.normal = first.normal;
+    sample.open = first.open;
+    sample.caught = first.caught;
+    sample.hit = first.hit != 0;
   }
   KERNEL void put(const SampleValues& sample, u32 item) const {
-    store_whole(view_.samples[item], WaveSample{sample});
+    store_whole(view_.samples[item], WaveSample{sample.radiance, sample.rays});
     if (!has_light_planes()) return;
     for (u32 i = 0; i < kLightPlanes; ++i)
       view_.light_planes[u64(item) * kLightPlanes + i] = sample.light[i];
   }
   KERNEL void get(SampleValues& sample, u32 item) const {
-    static_cast<SampleHead&>(sample) = load_whole(view_.samples[item]).head;
+    const WaveSample kept = load_whole(view_.samples[item]);
+    sample.radiance = kept.radiance;
+    sample.rays = kept.rays;
     if (!has_light_planes()) return;
     for (u32 i = 0; i < kLightPlanes; ++i)
       sample.light[i] = view_.light_planes[u64(item) * kLightPlanes + i];

@@ -5,7 +5,9 @@
 #endif
 #include "tests/unit/plain_pixels.h"
 
-#include "kernels/path.h"
+#include <vector>
+
+#include "kernels/wave.h"
 
 namespace heliograph::test {
 
@@ -29,6 +31,38 @@ u64 render_plain(const SceneView& scene, const CameraView& camera, const Setting
   for (u32 y = 0; y < film.height; ++y)
     for (u32 x = 0; x < film.width; ++x)
       traced += render_pixel(scene, camera, settings, tracer, film, x, y, 0, samples);
+  return traced;
+}
+
+u64 render_plain_wave(const SceneView& scene, const CameraView& camera, const Settings& settings,
+                      const RayAnswers& rays, const FilmView& film, u32 samples) {
+  const PlainTracer tracer{rays};
+  const ShotView shot{scene, camera, settings, film};
+  const WaveWork work{0, tiles_of(film), 0, samples};
+  WavePath path;
+  WaveRay ray;
+  WaveHit hit;
+  WaveLight light;
+  std::vector<WaveSample> sample(items_of(work));
+  std::vector<WaveFirst> first(items_of(work));
+  const WaveView view{.paths = &path,
+                      .rays = &ray,
+                      .hits = &hit,
+                      .lights = &light,
+                      .samples = sample.data(),
+                      .firsts = first.data(),
+                      .film = film};
+  const Wave wave(shot, work, view, tracer);
+  for (u32 item = 0; item < items_of(work); ++item) {
+    Arrival arrival{wave.begin(0, item), false};
+    while (arrival.goes_on || arrival.takes_light) {
+      if (arrival.goes_on) hit.hit = rays.closest(ray.ray, ray.mask);
+      if (arrival.takes_light && !rays.occluded(light.ray, kShadowRay)) wave.shine(0);
+      arrival = arrival.goes_on ? wave.arrive(0) : Arrival{false, false};
+    }
+  }
+  u64 traced = 0;
+  for (u32 i = 0; i < pixels_of(work); ++i) traced += wave.fold(i);
   return traced;
 }
 

@@ -21,4 +21,9 @@ kernels::u64 render_plain(const kernels::SceneView& scene, const kernels::Camera
                           const kernels::Settings& settings, const RayAnswers& rays,
                           const kernels::FilmView& film, kernels::u32 samples);
 
+/// The same by a wave of one path at a time.
+kernels::u64 render_plain_wave(const kernels::SceneView& scene, const kernels::CameraView& camera,
+                               const kernels::Settings& settings, const RayAnswers& rays,
+                               const kernels::FilmView& film, kernels::u32 samples);
+
 }  // namespace heliograph::test

@@ -48,11 +48,14 @@ ShotView shot_of(const SceneView& scene, const FilmView& film) {
 
 }  // namespace
 
-TEST_CASE("plain: pictures have the same bytes") {
+TEST_CASE("plain: pictures have the same bytes, path by path and as a wave") {
   TestScene scene;
   const SceneView& view = furnish(scene);
-  const TestFilm rich(kSize, kWanted), plain(kSize, kWanted);
-  const ShotView shot = shot_of(view, rich.view);
+  const PlaneSet wanted =
+      GENERATE(as<PlaneSet>(), kWanted, kBeauty, kBeauty | plane_bit(Plane::COVERAGE));
+  const TestFilm rich(kSize, wanted), plain(kSize, wanted), wave(kSize, wanted);
+  ShotView shot = shot_of(view, rich.view);
+  shot.settings.transparent_background = GENERATE(false, true);
   REQUIRE(is_plain(shot));
   const TestTracer tracer(view);
   u64 rays = 0;
@@ -62,12 +65,14 @@ TEST_CASE("plain: pictures have the same bytes") {
   const RayAnswers answers{[&](const Ray& ray, u32 mask) { return tracer.closest(ray, mask); },
                            [&](const Ray& ray, u32 mask) { return tracer.occluded(ray, mask); }};
   CHECK(render_plain(view, shot.camera, shot.settings, answers, plain.view, kSamples) == rays);
+  CHECK(render_plain_wave(view, shot.camera, shot.settings, answers, wave.view, kSamples) == rays);
   for (u32 plane = 0; plane < kPlanes; ++plane) {
-    if (!(kWanted >> plane & 1)) continue;
+    if (!(wanted >> plane & 1)) continue;
     INFO(plane);
     CHECK(different_means(rich, plain, Plane(plane), kSamples) == 0);
+    CHECK(different_means(rich, wave, Plane(plane), kSamples) == 0);
   }
-  CHECK(rich.mean(Plane::BEAUTY, u64(kSize.y) * kSize.x / 2 + kSize.x / 2, kSamples) > 0);
+  CHECK(rich.mean(Plane::BEAUTY, 4 * (u64(kSize.y) * kSize.x / 2 + kSize.x / 2), kSamples) > 0);
 }
 
 TEST_CASE("plain: whatever such programs leave out makes a shot rich") {

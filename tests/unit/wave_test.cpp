@@ -30,13 +30,23 @@ class HostWave {
     samples_.resize(items_);
     light_planes_.resize(size_t(items_) * kLightPlanes);
     groups_.assign(size_t(items_) * 3 * std::max(shot.film.groups, 1u), 0);
-    view_ = {paths_.data(), rays_.data(),    hits_.data(), lights_.data(), nullptr,
-             nullptr,       samples_.data(), nullptr,      shot.film};
+    firsts_.resize(items_);
+    routes_.resize(2 * kSlots);
+    view_ = {.paths = paths_.data(),
+             .rays = rays_.data(),
+             .hits = hits_.data(),
+             .lights = lights_.data(),
+             .samples = samples_.data(),
+             .firsts = firsts_.data(),
+             .film = shot.film};
     if (std::ranges::any_of(pictures, [](const auto& p) { return p.shot.scene.any_media; })) {
       view_.insides = insides_.data();
       view_.reaches = reaches_.data();
     }
-    if (shot.film.wanted & kLightPlaneSet) view_.light_planes = light_planes_.data();
+    if (shot.film.wanted & kLightPlaneSet) {
+      view_.light_planes = light_planes_.data();
+      view_.routes = routes_.data();
+    }
     view_.film.width = items_;
     view_.film.height = 1;
     view_.film.partial[u32(Plane::BEAUTY_GROUP)] = groups_.data();
@@ -76,12 +86,12 @@ class HostWave {
   u32 trace(u32 slot) {
     u32 rays = 0;
     if (item_[slot] != kNone) {
-      hits_[slot] = tracer_of(item_[slot]).closest(rays_[slot].ray, rays_[slot].mask);
+      hits_[slot].hit = tracer_of(item_[slot]).closest(rays_[slot].ray, rays_[slot].mask);
       ++rays;
     }
     if (lit_[slot]) {
       const u32 item = lights_[slot].item;
-      if (!tracer_of(item).occluded(lights_[slot].later.ray, kShadowRay)) wave_of(item).shine(slot);
+      if (!tracer_of(item).occluded(lights_[slot].ray, kShadowRay)) wave_of(item).shine(slot);
       lit_[slot] = false;
       ++rays;
     }
@@ -101,12 +111,14 @@ class HostWave {
   std::vector<u32> item_;
   std::vector<WavePath> paths_;
   std::vector<WaveRay> rays_;
-  std::vector<Hit> hits_;
+  std::vector<WaveHit> hits_;
   std::vector<WaveLight> lights_;
   std::vector<bool> lit_;
   std::vector<Inside> insides_;
   std::vector<Reach> reaches_;
   std::vector<WaveSample> samples_;
+  std::vector<WaveFirst> firsts_;
+  std::vector<WaveRoute> routes_;
   std::vector<vec3> light_planes_;
   std::vector<float> groups_;
 };

@@ -98,7 +98,7 @@ __device__ void trace_paths(const WaveLaunch& l, const Share& share) {
       },
       [&](const BvhWalk& walk, u32 i) {
         const Hit hit = walk.hit();
-        l.wave.hits[active[i]] = hit;
+        store_whole(l.wave.hits[active[i]], WaveHit{hit});
         const u32 at = hit.instance != kNone ? atomicAdd(&now.hits, 1)
                                              : l.slots - 1 - atomicAdd(&now.misses, 1);
         l.arrived[at] = active[i];
@@ -120,7 +120,7 @@ __device__ void trace_lights(const WaveLaunch& l, const Share& share) {
       l, share, now.lights, now.next_light,
       [&](BvhWalk& walk, u32 i) {
         go_to_scene<kMany>(walk, shot_of_light<kMany>(l, l.lit[i]));
-        walk.begin(l.wave.lights[l.lit[i]].later.ray, kShadowRay, true);
+        walk.begin(load_whole(l.wave.lights[l.lit[i]]).ray, kShadowRay, true);
       },
       [&](const BvhWalk& walk, u32 i) {
         if (walk.hit().instance != kNone) return;

@@ -14,7 +14,7 @@ constexpr u32 kMostItems = 1 << 22;
 constexpr u64 kMemoryShare = 32;  // a wave takes one in so many bytes of the budget, or less
 constexpr u64 kLeastMemory = 1 << 20;
 constexpr u64 kSlotBytes = sizeof(kernels::WavePath) + sizeof(kernels::WaveRay) +
-                           sizeof(kernels::Hit) + sizeof(kernels::WaveLight) + 6 * sizeof(u32);
+                           sizeof(kernels::WaveHit) + sizeof(kernels::WaveLight) + 6 * sizeof(u32);
 /// Rounds between looks at the counters, which wait for the device; the first of a batch whose
 /// paths all begin at once may take longer.
 constexpr u32 kRoundsAtOnce = 4;
@@ -97,11 +97,12 @@ Status Wave::allocate(u64 memory) {
   memory_ = {};
   const kernels::FilmView& film = launch_.shot.view.film;
   const bool groups = kernels::wants(film, Plane::BEAUTY_GROUP);
-  const u64 item_bytes = sizeof(kernels::WaveSample) +
+  const u64 item_bytes = sizeof(kernels::WaveSample) + sizeof(kernels::WaveFirst) +
                          (has_light_planes(film) ? kernels::kLightPlanes * sizeof(vec3) : 0) +
                          (groups ? film.groups * sizeof(vec3) : 0);
-  const u64 slot_bytes =
-      kSlotBytes + (any_media_ ? sizeof(kernels::Inside) + sizeof(kernels::Reach) : 0);
+  const u64 slot_bytes = kSlotBytes +
+                         (any_media_ ? sizeof(kernels::Inside) + sizeof(kernels::Reach) : 0) +
+                         (has_light_planes(film) ? 2 * sizeof(kernels::WaveRoute) : 0);
   const u64 fits = std::max<u64>(memory / 2 / item_bytes, kernels::kTilePixels);
   const u64 most = std::min<u64>(kMostItems, fits);
   batch_tiles_ = u32(std::min<u64>(range_.tile_count, most / kernels::kTilePixels));
@@ -130,13 +131,16 @@ void Wave::lay(Layout& layout, u64 slots, u64 items) {
   kernels::WaveView& wave = launch_.wave;
   wave.paths = layout.take<kernels::WavePath>(slots);
   wave.rays = layout.take<kernels::WaveRay>(slots);
-  wave.hits = layout.take<kernels::Hit>(slots);
+  wave.hits = layout.take<kernels::WaveHit>(slots);
   wave.lights = layout.take<kernels::WaveLight>(slots);
   if (any_media_) wave.insides = layout.take<kernels::Inside>(slots);
   if (any_media_) wave.reaches = layout.take<kernels::Reach>(slots);
   wave.samples = layout.take<kernels::WaveSample>(items);
-  if (has_light_planes(wave.film))
+  wave.firsts = layout.take<kernels::WaveFirst>(items);
+  if (has_light_planes(wave.film)) {
     wave.light_planes = layout.take<vec3>(items * kernels::kLightPlanes);
+    wave.routes = layout.take<kernels::WaveRoute>(2 * slots);
+  }
   if (kernels::wants(wave.film, Plane::BEAUTY_GROUP))
     wave.film.partial[u32(Plane::BEAUTY_GROUP)] = layout.take<float>(items * 3 * wave.film.groups);
   for (u32*& queue : launch_.free) queue = layout.take<u32>(slots);
