@@ -6,8 +6,9 @@ using namespace heliograph::cuda;
 
 namespace {
 
-// With fewer threads a plain program keeps more of a path in registers.
-constexpr int kArriveThreads = kRich ? 256 : 384;
+// One block, whose threads then have all registers that a thread may have: so a plain program keeps
+// a path there.
+constexpr int kArriveThreads = 256;
 constexpr int kArriveBlocks = kRich ? 2 : 1;
 
 /// A block takes as many paths as it has threads, and then the next ones all at once: so its warps

@@ -12,7 +12,7 @@ constexpr int kTraceBlocks = kRichRays ? 6 : 7;
 /// Lanes of a warp that still walk before those that are done take new rays.
 constexpr int kLanesKept = 20;
 /// Lanes that still look for something to meet before those that found it do.
-constexpr int kLanesSearching = 8;
+constexpr int kLanesSearching = 12;
 
 /// The warps of a launch share out rays. Few rays are spread over all warps, as lanes of a warp
 /// wait for each other.
