@@ -1,9 +1,12 @@
 // Our own BVH against Embree, which the CPU backend uses: the same rays meet the same surfaces.
 #include "kernels/bvh_tracer.h"
 
+#include <cstring>
+
 #include "renderer/backend/embree/top_level.h"
 #include "renderer/bvh/accelerator.h"
 #include "tests/unit/bvh_scene.h"
+#include "tests/unit/plain_rays.h"
 
 using namespace heliograph;
 using namespace heliograph::test;
@@ -119,6 +122,24 @@ TEST_CASE("bvh: meets what Embree meets") {
   CHECK(glm::length(ours.lower - theirs.lower) + glm::length(ours.upper - theirs.upper) <
         rounding * glm::length(theirs.upper - theirs.lower));
   compare(scenes, random);
+  CHECK(scenes.view().plain_rays == !(kinds.moving || kinds.deforming || kinds.holes));
+}
+
+TEST_CASE("bvh: plain rays meet what they do in the program for all") {
+  Random random(3);
+  const SceneKinds kinds{.count = 300, .moving = false, .deforming = false, .holes = false};
+  const BothScenes scenes(random_scene(random, kinds), {}, 0);
+  REQUIRE(scenes.view().plain_rays);
+  const auto all = scenes.bvh();
+  u32 met = 0;
+  CHECK(count_rays([&] {
+          const Ray ray = random_ray(random, 12);
+          const Hit hit = closest_plain(scenes.view(), scenes.bvh_view(), ray, kernels::kAllRays);
+          const Hit wanted = all.closest(ray, kernels::kAllRays);
+          met += hit.instance != kNone;
+          return std::memcmp(&hit, &wanted, sizeof hit) != 0;
+        }) == 0);
+  CHECK(met > kRays / 20);
 }
 
 TEST_CASE("bvh: a walk that rests after each step answers as one that does not") {
