@@ -82,6 +82,16 @@ KERNEL float greater(float a, float b) {
 #endif
 }
 
+/// a * b + c, on a GPU rounded once. For boxes, whose margins allow for either: what rays meet must
+/// not depend on which products and sums a compiler joins.
+KERNEL float mul_add(float a, float b, float c) {
+#if defined(__CUDA_ARCH__)
+  return __fmaf_rn(a, b, c);
+#else
+  return a * b + c;
+#endif
+}
+
 /// A ray as boxes are met: where it starts and how far it goes by unit of each axis.
 struct BoxRay {
   vec3 origin;
@@ -188,8 +198,10 @@ KERNEL u32 meet_four(const FourBoxes& boxes, u32 octant, const Planes& near, con
     float begin = 0, end = t_max;
     HELIO_UNROLL
     for (int k = 0; k < 3; ++k) {
-      begin = greater(of_byte(boxes.near[k], i, of_bits) * near.scale[k] + near.offset[k], begin);
-      end = fewer(of_byte(boxes.far[k], i, of_bits) * far.scale[k] + far.offset[k], end);
+      const float low = of_byte(boxes.near[k], i, of_bits);
+      const float high = of_byte(boxes.far[k], i, of_bits);
+      begin = greater(mul_add(low, near.scale[k], near.offset[k]), begin);
+      end = fewer(mul_add(high, far.scale[k], far.offset[k]), end);
     }
     if (begin <= end) met |= shifted(byte_of(bits, i), shifts >> 8 * i);
   }
@@ -204,9 +216,9 @@ KERNEL void set_planes(vec3 scale, vec3 offset, Planes& near, Planes& far) {
   for (int k = 0; k < 3; ++k) {
     const float margin = std::copysign(kMargin, scale[k]);
     near.scale[k] = scale[k];
-    near.offset[k] = offset[k] - (kOfByte + margin) * scale[k];
+    near.offset[k] = mul_add(-(kOfByte + margin), scale[k], offset[k]);
     far.scale[k] = scale[k] * kBeyond;
-    far.offset[k] = offset[k] * kBeyond - (kOfByte - margin) * far.scale[k];
+    far.offset[k] = mul_add(-(kOfByte - margin), far.scale[k], offset[k] * kBeyond);
   }
 }
 

@@ -56,7 +56,8 @@ def of_world(edit, i):
         )
     if i == 5:
         edit.remove("ball/1")
-        edit.entity("more", mesh="mesh", material="paint", transform=hg.Pose((0, 0, 1)))
+        edit.material("net", alpha=0.6, alpha_mode="blend")  # the one with holes
+        edit.entity("more", mesh="mesh", material="net", transform=hg.Pose((0, 0, 1)))
 
 
 def the_worlds(scene):

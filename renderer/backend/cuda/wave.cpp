@@ -62,8 +62,6 @@ LaunchSize Programs::size(const Program& program, u64 threads) {
 
 namespace {
 
-/// Which rays are plain goes by the scenes alone: two programs may round a ray differently, and a
-/// picture must not depend on the planes beside it.
 Programs::Steps steps_of(const Programs& programs, const WaveShots& shots) {
   const Programs::Steps& plain = shots.device ? programs.many_plain : programs.one_plain;
   const Programs::Steps& rich = shots.device ? programs.many : programs.one;
