@@ -90,7 +90,10 @@ class Wave {
     SampleValues sample;
     Path path = begin_sample(c, at.x, at.y, sample);
     const bool sets_out = path.ray.t_max > 0;
-    if (kRich || !sets_out) put_whole(sample, item);
+    if (kRich || !sets_out) {
+      put(sample, item);
+      put_first(sample, item);
+    }
     if (sets_out) set_out_in(c, slot, item, path);
     return sets_out;
   }
@@ -111,9 +114,12 @@ class Wave {
     // A plain program lets a path arrive with its first edge just once, and begins its sample then.
     const bool is_first = !kRich && path.edges == 1;
     const bool has_first = is_first || kRich || !path.guided;
-    sample.alpha = 1;
-    if (!is_first) get(sample, kept.item);
-    if (has_first && !is_first) get_first(sample, kept.item);
+    if (is_first) {
+      sample.alpha = 1;
+    } else {
+      get(sample, kept.item);
+      if (has_first) get_first(sample, kept.item);
+    }
     LaterLight light;
     light.ray.t_max = 0;
     const auto take_light = [&](const Path& from, const Vertex& v) {
@@ -189,10 +195,6 @@ class Wave {
     if (!has_light_planes()) return {vec3(0), FirstVertex::kReflects};
     const WaveRoute kept = load_whole(view_.routes[i]);
     return {kept.diffuse_share, FirstVertex(kept.vertex)};
-  }
-  KERNEL void put_whole(const SampleValues& sample, u32 item) const {
-    put(sample, item);
-    put_first(sample, item);
   }
   KERNEL void put_first(const SampleValues& s, u32 item) const {
     store_whole(view_.firsts[item],

@@ -81,9 +81,9 @@ class Motion:
         """A float64 array of the library that this one works with."""
         return self._library.asarray(array, **self._kind)
 
-    def quaternions(self) -> Iterator[int]:
-        """Where those, w x y z, of joints that float begin."""
-        return (at + 3 for at in self._floating.values())
+    def quaternions(self) -> Iterator[tuple[int, int]]:
+        """Joints that float, and the column where the quaternion w x y z of each begins."""
+        return ((i, at + 3) for i, at in self._floating.items())
 
     def follows(self, columns: Sequence[int]) -> NdArray:
         """(M,) bool: which joints are turned or slid by one of these columns."""

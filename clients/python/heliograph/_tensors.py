@@ -1,4 +1,4 @@
-"""Tensors of PyTorch, which is not imported for them. Used by _lent.py, kinematics.py, pose.py."""
+"""Tensors of PyTorch, which is not imported for them. Used where arrays come in."""
 
 from __future__ import annotations
 

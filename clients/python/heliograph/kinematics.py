@@ -96,16 +96,15 @@ class Kinematics:
         if is_tensor(given):
             return self._of_tensor(given, clamp)
         out = self._of_names(given) if isinstance(given, Mapping) else self._of_array(given)
-        for joint in self.moving:
-            if joint.kind == "floating":
-                at = self._first[joint.name] + 3
-                length = np.linalg.norm(out[..., at : at + 4], axis=-1, keepdims=True)
-                if (length < _SHORTEST).any():
-                    raise InvalidArgument(
-                        f"values: joint {joint.name!r} has a quaternion of length 0",
-                        field=f"values[{joint.name!r}]",
-                    )
-                out[..., at : at + 4] /= length
+        for i, at in self._motion.quaternions():
+            length = np.linalg.norm(out[..., at : at + 4], axis=-1, keepdims=True)
+            if (length < _SHORTEST).any():
+                name = self.moving[i].name
+                raise InvalidArgument(
+                    f"values: joint {name!r} has a quaternion of length 0",
+                    field=f"values[{name!r}]",
+                )
+            out[..., at : at + 4] /= length
         low, high = self.limits.T
         if clamp:
             return np.clip(out, low, high)
@@ -125,7 +124,7 @@ class Kinematics:
         low, high, below, above = motion.bounds
         are_good = out.ndim in (1, 2) and out.shape[-1] == len(low)
         if are_good:
-            for at in motion.quaternions():
+            for _, at in motion.quaternions():
                 length = (out[..., at : at + 4] ** 2).sum(-1, keepdim=True).sqrt()
                 out[..., at : at + 4] /= length.masked_fill(length < _SHORTEST, math.nan)
             within = out.isfinite() & (clamp or (out >= below) & (out <= above))
