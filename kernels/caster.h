@@ -63,6 +63,11 @@ KERNEL void add_image(CasterCones& cones, const CasterView& caster, const CastLi
 /// n   unit, at p; world
 HELIO_STEP KERNEL void see_casters(CasterCones& cones, const SceneView& scene, vec3 p, vec3 n) {
   constexpr float kFlattest = 0.1f;  // cosine that the weight of a low one has
+  // What the casters' own cones add up to, as shares of the hemisphere weighed by the cosine, for
+  // the whole probability. Of 0.01 to 0.1 the most that has no more variance in W1; a plain with a
+  // few small casters (W4) takes 1.08 times as long as without any, where it took 1.47 times.
+  constexpr float kLarge = 0.03f;
+  float seen = 0;
   for (u32 i = 0; i < scene.caster_count; ++i) {
     const CasterView& caster = scene.casters[i];
     const vec3 d = caster.center - p;
@@ -73,13 +78,14 @@ HELIO_STEP KERNEL void see_casters(CasterCones& cones, const SceneView& scene, v
     const float sine2 = sqr(caster.radius * inverse);
     const float depth = sine2 / (1 + std::sqrt(1 - sine2));
     const float weight = depth * max2(height * inverse, kFlattest);
+    seen += weight;
     add_cone(cones, d * inverse, depth, weight);
     if (caster.mirror == 0) continue;
     const u32 most = kMostCones - (scene.caster_count - 1 - i);  // each has its own cone
     for (u32 k = 0; k < scene.cast_light_count && cones.count < most; ++k)
       add_image(cones, caster, scene.cast_lights[k], p, depth, caster.mirror * weight);
   }
-  if (cones.count > 0) cones.probability = scene.caster_probability;
+  cones.probability = scene.caster_probability * min2(1.0f, seen / kLarge);
 }
 
 /// Density of sample_casters(), 1/sr. wi: unit, world

@@ -85,6 +85,24 @@ TEST_CASE("casters: a point sees none that it is within, or that lies below its 
   CHECK(cones.count == 1);  // the last one, which reaches below
 }
 
+TEST_CASE("casters: fewer directions go to one that looks small") {
+  const CasterView ball{{0, 0, 0}, 0.5f};
+  SceneView scene{};
+  scene.casters = &ball;
+  scene.caster_count = 1;
+  scene.caster_probability = 0.2f;
+  const auto probability = [&](float distance) {
+    CasterCones cones;
+    see_casters(cones, scene, {0, 0, -distance}, {0, 0, 1});
+    return cones.probability;
+  };
+  CHECK(probability(0.6f) == 0.2f);
+  CHECK(probability(2) == 0.2f);  // 3.2 % of the hemisphere
+  const float at_10 = 1 - std::sqrt(1 - sqr(0.05f));
+  CHECK(probability(10) == Approx(0.2f * at_10 / 0.03f).epsilon(1e-3));
+  CHECK(probability(10) > 3.9f * probability(20));
+}
+
 TEST_CASE("casters: the image of a lamp in a mirror ball is where its light is reflected") {
   Random random;
   for (int i = 0; i < 100; ++i) {
