@@ -160,9 +160,10 @@ KERNEL float importance(const LightNode& node, const Receiver& r, bool two_sided
 }
 
 /// Probability of the first of two siblings. Where neither sends anything, any choice will do.
-KERNEL float first_share(const LightNode* pair, const Receiver& r, bool two_sided) {
-  const float a = importance(pair[0], r, two_sided);
-  const float b = importance(pair[1], r, two_sided);
+KERNEL float first_share(const LightNode& first, const LightNode& second, const Receiver& r,
+                         bool two_sided) {
+  const float a = importance(first, r, two_sided);
+  const float b = importance(second, r, two_sided);
   const float share = a / (a + b);
   return share >= 0 ? share : 0.5f;
 }
@@ -175,14 +176,17 @@ struct LeafChoice {
 
 /// Descends from io.node to a leaf.
 KERNEL void choose_leaf(const LightNode* nodes, const Receiver& r, bool two_sided, LeafChoice& io) {
-  while (nodes[io.node].count == 0) {
-    const u32 first = nodes[io.node].first;
-    const float share = first_share(nodes + first, r, two_sided);
+  u32 first = nodes[io.node].first, count = nodes[io.node].count;
+  while (count == 0) {
+    const LightNode a = nodes[first], b = nodes[first + 1];
+    const float share = first_share(a, b, r, two_sided);
     const bool second = io.rest >= share;
     const float part = second ? 1 - share : share;
     io.rest = min2((second ? io.rest - share : io.rest) / part, 1 - 0x1p-24f);
     io.probability *= part;
     io.node = first + u32(second);
+    first = second ? b.first : a.first;
+    count = second ? b.count : a.count;
   }
 }
 
@@ -191,7 +195,8 @@ KERNEL float leaf_probability(const LightNode* nodes, u32 leaf, const Receiver& 
   float probability = 1;
   for (u32 node = leaf; nodes[node].parent != kNone; node = nodes[node].parent) {
     const u32 first = nodes[nodes[node].parent].first;
-    const float share = first_share(nodes + first, r, two_sided);
+    const LightNode a = nodes[first], b = nodes[first + 1];
+    const float share = first_share(a, b, r, two_sided);
     probability *= node == first ? share : 1 - share;
   }
   return probability;

@@ -183,7 +183,7 @@ struct VolumeView {
 // ---------------------------------------------------------------- lights
 
 /// A subtree of a light tree: bounds of what emits there, and how strongly.
-struct LightNode {
+struct alignas(16) LightNode {
   vec3 center;
   float radius2;     // square of the radius of a sphere about it
   vec3 axis;         // unit, of a cone that holds the fronts' normals

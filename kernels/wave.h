@@ -1,10 +1,9 @@
 // Many samples side by side, a step at a time: how a GPU runs the path tracer. Every step of every
 // path is that of path.h; here is what goes on between two of them.
 //
-// An item is one sample of one pixel. A slot holds one path on its way. Who runs a wave begins an
-// item in each free slot, traces all rays, those of light from the round before among them, lets
-// all paths arrive, and again; when all items are done it folds them into the film, in the order of
-// the samples.
+// An item is one sample of one pixel, with a path of its own. Who runs a wave begins all items, then
+// traces the rays of those that go on, those of light from the round before among them, lets them
+// arrive, and again; when none goes on it folds them into the film, in the order of the samples.
 //
 // Source: Laine, Karras and Aila 2013, "Megakernels Considered Harmful: Wavefront Path Tracing on
 // GPUs". Tested: tests/unit/wave_test.cpp, against render_pixel().
@@ -67,19 +66,19 @@ KERNEL ItemPlace place_of(const FilmView& image, const WaveWork& work, u32 item)
 /// What became of a path that arrived.
 struct Arrival {
   bool goes_on;      // it has set out again
-  bool takes_light;  // if the ray of WaveView::lights is free
+  bool takes_light;  // if the ray in WaveView::lights is free
 };
 
 /// The steps of a wave's items, or of those of one picture among several. No two at a time are of
-/// one slot.
+/// one item.
 template <Tracer T>
 class Wave {
  public:
   KERNEL Wave(const ShotView& shot, const WaveWork& work, const WaveView& view, const T& tracer)
       : shot_(shot), work_(work), view_(view), tracer_(tracer) {}
 
-  /// Begins an item in a free slot; false where it is done at once.
-  KERNEL bool begin(u32 slot, u32 item) const {
+  /// False where the item is done at once.
+  KERNEL bool begin(u32 item) const {
     const ItemPlace at = place_of(shot_.film, work_, item);
     if (!at.in_image) return false;
     const Sampler sampler = sampler_of(at);
@@ -94,22 +93,21 @@ class Wave {
       put(sample, item);
       put_first(sample, item);
     }
-    if (sets_out) set_out_in(c, slot, item, path);
+    if (sets_out) keep_path(c, item, path);
     return sets_out;
   }
-  /// The ray of a slot has met hits[slot].
-  KERNEL Arrival arrive(u32 slot) const {
-    const WavePath kept = load_whole(view_.paths[slot]);
+  /// The item's ray has met its hit.
+  KERNEL Arrival arrive(u32 item) const {
     Path path;
-    take_up(kept, load_whole(view_.rays[slot]), path);
-    path.route = route_of(2 * slot);
+    take_up(load_whole(view_.paths[item]), load_whole(view_.rays[item]), path);
+    path.route = route_of(2 * item);
     Reach reach{path.ray.t_max, {INFINITY, vec3(0)}};
     if (kRich && view_.insides) {
-      path.inside = view_.insides[slot];
-      reach = view_.reaches[slot];
+      path.inside = view_.insides[item];
+      reach = view_.reaches[item];
     }
-    const ItemPlace at = place_of(shot_.film, work_, kept.item);
-    const PathContext<T> c = context(kept.item, sampler_of(at), path.ray.time);
+    const ItemPlace at = place_of(shot_.film, work_, item);
+    const PathContext<T> c = context(item, sampler_of(at), path.ray.time);
     SampleValues sample;
     // A plain program lets a path arrive with its first edge just once, and begins its sample then.
     const bool is_first = !kRich && path.edges == 1;
@@ -117,8 +115,8 @@ class Wave {
     if (is_first) {
       sample.alpha = 1;
     } else {
-      get(sample, kept.item);
-      if (has_first) get_first(sample, kept.item);
+      get(sample, item);
+      if (has_first) get_first(sample, item);
     }
     LaterLight light;
     light.ray.t_max = 0;
@@ -126,23 +124,23 @@ class Wave {
       sample_light_later(c, from, v, sample, light);
     };
     const bool goes_on =
-        kernels::arrive(c, path, reach, load_whole(view_.hits[slot]).hit, sample, take_light) &&
+        kernels::arrive(c, path, reach, load_whole(view_.hits[item]).hit, sample, take_light) &&
         path.ray.t_max > 0;
-    put(sample, kept.item);
-    if (has_first) put_first(sample, kept.item);
-    if (light.ray.t_max > 0) keep_light(slot, kept.item, light);
-    if (goes_on) set_out_in(c, slot, kept.item, path);
+    put(sample, item);
+    if (has_first) put_first(sample, item);
+    if (light.ray.t_max > 0) keep_light(item, light);
+    if (goes_on) keep_path(c, item, path);
     return {goes_on, light.ray.t_max > 0};
   }
-  /// Nothing is in the way of the light of a slot. Before its path arrives again.
-  KERNEL void shine(u32 slot) const {
-    const WaveLight kept = load_whole(view_.lights[slot]);
+  /// Nothing is in the way of the item's light. Before its path arrives again.
+  KERNEL void shine(u32 item) const {
+    const WaveLight kept = load_whole(view_.lights[item]);
     SampleValues sample;
-    get(sample, kept.item);
-    collect(context(kept.item, Sampler(0, 0), 0), sample,
+    get(sample, item);
+    collect(context(item, Sampler(0, 0), 0), sample,
             {kept.radiance, kept.edges, bool(kept.environment), kept.group},
-            route_of(2 * slot + 1));
-    put(sample, kept.item);
+            route_of(2 * item + 1));
+    put(sample, item);
   }
   /// Adds all items of pixel `index` of the work to its film. Returns the rays traced for them.
   KERNEL u32 fold(u32 index) const {
@@ -171,21 +169,21 @@ class Wave {
   KERNEL PathContext<T> context(u32 item, const Sampler& sampler, float time) const {
     return {shot_.scene, shot_.camera, shot_.settings, tracer_, view_.film, sampler, time, item};
   }
-  KERNEL void set_out_in(const PathContext<T>& c, u32 slot, u32 item, Path& path) const {
+  KERNEL void keep_path(const PathContext<T>& c, u32 item, Path& path) const {
     const Reach reach = set_out(c, path);
     if (kRich && view_.insides) {
-      view_.insides[slot] = path.inside;
-      view_.reaches[slot] = reach;
+      view_.insides[item] = path.inside;
+      view_.reaches[item] = reach;
     }
-    store_whole(view_.paths[slot], kept_of(path, item));
-    store_whole(view_.rays[slot], WaveRay{path.ray, path.mask});
-    keep_route(2 * slot, path.route);
+    store_whole(view_.paths[item], kept_of(path));
+    store_whole(view_.rays[item], WaveRay{path.ray, path.mask});
+    keep_route(2 * item, path.route);
   }
-  KERNEL void keep_light(u32 slot, u32 item, const LaterLight& later) const {
+  KERNEL void keep_light(u32 item, const LaterLight& later) const {
     const Contribution& light = later.light;
-    store_whole(view_.lights[slot], WaveLight{later.ray, light.radiance, item, light.group,
-                                              light.edges, light.environment});
-    keep_route(2 * slot + 1, later.route);
+    store_whole(view_.lights[item], WaveLight{later.ray, light.radiance, light.group, light.edges,
+                                              light.environment});
+    keep_route(2 * item + 1, later.route);
   }
   KERNEL void keep_route(u32 i, const Route& route) const {
     if (!has_light_planes()) return;

@@ -51,14 +51,11 @@ struct alignas(16) WavePath {
   vec3 from_n;
   float passed;
   Cone cone;
-  u32 item;
   u32 edges : 20, boundaries : 8, facing : 2, guided : 1, blurred : 1;
 };
-/// The slot may have a path of another item by the time that its ray is traced.
 struct alignas(16) WaveLight {
   Ray ray;
   vec3 radiance;
-  u32 item;
   u32 group;
   u32 edges : 31, environment : 1;
 };
@@ -82,10 +79,10 @@ struct alignas(16) WaveFirst {
 static_assert(sizeof(WaveRay) == 48 && sizeof(WavePath) == 64 && sizeof(WaveLight) == 64);
 static_assert(sizeof(WaveSample) == 16 && sizeof(WaveFirst) == 48);
 
-KERNEL WavePath kept_of(const Path& path, u32 item) {
-  return {path.throughput,       path.pdf,    path.from.p, path.radiance_scale, path.from.n,
-          path.passed,           path.cone,   item,        path.edges,          path.boundaries,
-          u32(path.from.facing), path.guided, path.blurred};
+KERNEL WavePath kept_of(const Path& path) {
+  return {path.throughput, path.pdf,    path.from.p, path.radiance_scale, path.from.n,
+          path.passed,     path.cone,   path.edges,  path.boundaries,     u32(path.from.facing),
+          path.guided,     path.blurred};
 }
 KERNEL void take_up(const WavePath& kept, const WaveRay& ray, Path& path) {
   path.ray = ray.ray;
@@ -102,19 +99,19 @@ KERNEL void take_up(const WavePath& kept, const WaveRay& ray, Path& path) {
   path.blurred = kept.blurred;
 }
 
-/// Memory of a wave.
+/// Memory of a wave, by item.
 struct WaveView {
-  WavePath* paths;      // by slot
-  WaveRay* rays;        // by slot
-  WaveHit* hits;        // by slot
-  WaveLight* lights;    // by slot
-  Inside* insides;      // by slot; null where the scene has no media
-  Reach* reaches;       // by slot; null where the scene has no media
-  WaveSample* samples;  // by item
-  WaveFirst* firsts;    // by item
-  vec3* light_planes;   // (kLightPlanes) of each item; null unless wanted
-  WaveRoute* routes;    // (2) of each slot: its path's and its light's; null unless these are
-  FilmView film;        // items in the place of pixels: light groups add up there
+  WavePath* paths;
+  WaveRay* rays;
+  WaveHit* hits;
+  WaveLight* lights;
+  Inside* insides;  // null where the scene has no media
+  Reach* reaches;   // null where the scene has no media
+  WaveSample* samples;
+  WaveFirst* firsts;
+  vec3* light_planes;  // (kLightPlanes) of each; null unless wanted
+  WaveRoute* routes;   // (2) of each: its path's and its light's; null unless these are
+  FilmView film;       // items in the place of pixels: light groups add up there
 };
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

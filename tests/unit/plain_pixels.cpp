@@ -39,26 +39,27 @@ u64 render_plain_wave(const SceneView& scene, const CameraView& camera, const Se
   const PlainTracer tracer{rays};
   const ShotView shot{scene, camera, settings, film};
   const WaveWork work{0, tiles_of(film), 0, samples};
-  WavePath path;
-  WaveRay ray;
-  WaveHit hit;
-  WaveLight light;
-  std::vector<WaveSample> sample(items_of(work));
-  std::vector<WaveFirst> first(items_of(work));
-  const WaveView view{.paths = &path,
-                      .rays = &ray,
-                      .hits = &hit,
-                      .lights = &light,
-                      .samples = sample.data(),
-                      .firsts = first.data(),
+  std::vector<WavePath> paths(items_of(work));
+  std::vector<WaveRay> rays_of(items_of(work));
+  std::vector<WaveHit> hits(items_of(work));
+  std::vector<WaveLight> lights(items_of(work));
+  std::vector<WaveSample> of_samples(items_of(work));
+  std::vector<WaveFirst> firsts(items_of(work));
+  const WaveView view{.paths = paths.data(),
+                      .rays = rays_of.data(),
+                      .hits = hits.data(),
+                      .lights = lights.data(),
+                      .samples = of_samples.data(),
+                      .firsts = firsts.data(),
                       .film = film};
   const Wave wave(shot, work, view, tracer);
   for (u32 item = 0; item < items_of(work); ++item) {
-    Arrival arrival{wave.begin(0, item), false};
+    Arrival arrival{wave.begin(item), false};
     while (arrival.goes_on || arrival.takes_light) {
-      if (arrival.goes_on) hit.hit = rays.closest(ray.ray, ray.mask);
-      if (arrival.takes_light && !rays.occluded(light.ray, kShadowRay)) wave.shine(0);
-      arrival = arrival.goes_on ? wave.arrive(0) : Arrival{false, false};
+      const WaveRay& ray = rays_of[item];
+      if (arrival.goes_on) hits[item].hit = rays.closest(ray.ray, ray.mask);
+      if (arrival.takes_light && !rays.occluded(lights[item].ray, kShadowRay)) wave.shine(item);
+      arrival = arrival.goes_on ? wave.arrive(item) : Arrival{false, false};
     }
   }
   u64 traced = 0;

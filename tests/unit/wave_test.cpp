@@ -11,27 +11,24 @@ using namespace heliograph::test;
 
 namespace {
 
-constexpr u32 kSlots = 700;  // fewer than there are items
-
-/// Runs a wave as its reader does, its slots in random order.
+/// Runs a wave as its reader does, its items in random order.
 class HostWave {
  public:
   HostWave(const std::vector<Picture>& pictures, const WaveWork& work)
       : pictures_(pictures), work_(work), items_(items_of(work)) {
     const ShotView& shot = pictures[0].shot;
-    item_.assign(kSlots, kNone);
-    paths_.resize(kSlots);
-    rays_.resize(kSlots);
-    hits_.resize(kSlots);
-    lights_.resize(kSlots);
-    lit_.assign(kSlots, false);
-    insides_.resize(kSlots);
-    reaches_.resize(kSlots);
+    arrivals_.resize(items_);
+    paths_.resize(items_);
+    rays_.resize(items_);
+    hits_.resize(items_);
+    lights_.resize(items_);
+    insides_.resize(items_);
+    reaches_.resize(items_);
     samples_.resize(items_);
     light_planes_.resize(size_t(items_) * kLightPlanes);
     groups_.assign(size_t(items_) * 3 * std::max(shot.film.groups, 1u), 0);
     firsts_.resize(items_);
-    routes_.resize(2 * kSlots);
+    routes_.resize(2 * size_t(items_));
     view_ = {.paths = paths_.data(),
              .rays = rays_.data(),
              .hits = hits_.data(),
@@ -52,20 +49,17 @@ class HostWave {
     view_.film.partial[u32(Plane::BEAUTY_GROUP)] = groups_.data();
   }
   void run() {
-    std::vector<u32> order(kSlots);
+    std::vector<u32> order(items_);
     std::iota(order.begin(), order.end(), 0);
     std::mt19937 dice(1);
-    for (u32 next = 0, active = 1; active > 0 || next < items_;) {
-      std::shuffle(order.begin(), order.end(), dice);
-      active = 0;
-      for (const u32 slot : order) {
-        while (item_[slot] == kNone && next < items_) {
-          if (wave_of(next).begin(slot, next)) item_[slot] = next;
-          ++next;
-        }
-        active += trace(slot);
+    for (const u32 item : order) arrivals_[item] = {wave_of(item).begin(item), false};
+    while (std::ranges::any_of(arrivals_, [](const Arrival& a) { return goes_on(a); })) {
+      std::ranges::shuffle(order, dice);
+      for (const u32 item : order) trace(item);
+      for (const u32 item : order) {
+        Arrival& arrival = arrivals_[item];
+        arrival = arrival.goes_on ? wave_of(item).arrive(item) : Arrival{false, false};
       }
-      for (const u32 slot : order) arrive(slot);
     }
   }
   u64 fold(u32 pixels) {
@@ -82,38 +76,25 @@ class HostWave {
   Wave<TestTracer> wave_of(u32 item) const {
     return {picture(item).shot, work_, view_, tracer_of(item)};
   }
-  /// The ray of a slot, and the one that its light waits for. Returns how many.
-  u32 trace(u32 slot) {
-    u32 rays = 0;
-    if (item_[slot] != kNone) {
-      hits_[slot].hit = tracer_of(item_[slot]).closest(rays_[slot].ray, rays_[slot].mask);
-      ++rays;
-    }
-    if (lit_[slot]) {
-      const u32 item = lights_[slot].item;
-      if (!tracer_of(item).occluded(lights_[slot].ray, kShadowRay)) wave_of(item).shine(slot);
-      lit_[slot] = false;
-      ++rays;
-    }
-    return rays;
-  }
-  void arrive(u32 slot) {
-    if (item_[slot] == kNone) return;
-    const Arrival arrival = wave_of(item_[slot]).arrive(slot);
-    lit_[slot] = arrival.takes_light;
-    if (!arrival.goes_on) item_[slot] = kNone;
+  static bool goes_on(const Arrival& arrival) { return arrival.goes_on || arrival.takes_light; }
+  /// An item's ray, and the one that its light waits for.
+  void trace(u32 item) {
+    const TestTracer& tracer = tracer_of(item);
+    if (arrivals_[item].goes_on)
+      hits_[item].hit = tracer.closest(rays_[item].ray, rays_[item].mask);
+    if (arrivals_[item].takes_light && !tracer.occluded(lights_[item].ray, kShadowRay))
+      wave_of(item).shine(item);
   }
 
   const std::vector<Picture>& pictures_;
   const WaveWork work_;
   WaveView view_{};
   u32 items_;
-  std::vector<u32> item_;
+  std::vector<Arrival> arrivals_;
   std::vector<WavePath> paths_;
   std::vector<WaveRay> rays_;
   std::vector<WaveHit> hits_;
   std::vector<WaveLight> lights_;
-  std::vector<bool> lit_;
   std::vector<Inside> insides_;
   std::vector<Reach> reaches_;
   std::vector<WaveSample> samples_;

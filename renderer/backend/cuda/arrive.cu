@@ -22,16 +22,17 @@ __device__ void arrive_all(const WaveLaunch& l) {
   for (u32 first = blockIdx.x * blockDim.x; first < active; first += threads()) {
     __syncthreads();
     const u32 i = first + threadIdx.x;
-    if (i >= active) continue;
-    const u32 slot = l.arrived[i < hits ? i : l.slots - 1 - (i - hits)];
-    const WaveShot& shot = shot_of_path<kMany>(l, slot);
-    const CalledTracer tracer{{shot.view.scene, shot.bvh}};
-    const Arrival arrival = Wave(shot.view, l.work, l.wave, tracer).arrive(slot);
-    if (arrival.goes_on)
-      l.active[1 - l.round][atomicAdd(&next.active, 1)] = slot;
-    else
-      l.free[1 - l.round][atomicAdd(&next.free, 1)] = slot;
-    if (arrival.takes_light) l.lit[atomicAdd(&next.lights, 1)] = slot;
+    u32 item = 0;
+    Arrival arrival{false, false};
+    if (i < active) {
+      item = l.arrived[i < hits ? i : items_of(l.work) - 1 - (i - hits)];
+      const WaveShot& shot = shot_of<kMany>(l, item);
+      const CalledTracer tracer{{shot.view.scene, shot.bvh}};
+      arrival = Wave(shot.view, l.work, l.wave, tracer).arrive(item);
+    }
+    const Places at = take_places(next.active, arrival.goes_on, arrival.takes_light);
+    if (arrival.goes_on) l.active[1 - l.round][at.first] = item;
+    if (arrival.takes_light) l.lit[at.second] = item;
   }
 }
 

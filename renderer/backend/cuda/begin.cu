@@ -6,23 +6,13 @@ using namespace heliograph::cuda;
 
 namespace {
 
-/// Begins items in the free slots, as many as there are of both.
 template <bool kMany>
 __device__ void begin_all(const WaveLaunch& l) {
-  WaveRound& now = l.counters->rounds[l.round];
-  WaveRound& next = l.counters->rounds[1 - l.round];
-  const u32 free = l.all_free ? l.slots : now.free;
-  const u32 count = min2(free, items_of(l.work) - now.first_item);
-  if (thread() == 0) next.first_item = now.first_item + count;
-  for (u32 i = thread(); i < count; i += threads()) {
-    const u32 slot = l.all_free ? i : l.free[l.round][i];
-    const u32 item = now.first_item + i;
+  for (u32 item = thread(); item < items_of(l.work); item += threads()) {
     const WaveShot& shot = shot_of<kMany>(l, item);
     const CalledTracer tracer{{shot.view.scene, shot.bvh}};
-    if (Wave(shot.view, l.work, l.wave, tracer).begin(slot, item))
-      l.active[l.round][atomicAdd(&now.active, 1)] = slot;
-    else
-      l.free[1 - l.round][atomicAdd(&next.free, 1)] = slot;
+    if (Wave(shot.view, l.work, l.wave, tracer).begin(item))
+      l.active[l.round][atomicAdd(&l.counters->rounds[l.round].active, 1)] = item;
   }
 }
 

@@ -12,15 +12,12 @@ using kernels::u64;
 
 inline constexpr u32 kThreads = 128;  // of a block, unless a program says otherwise
 
-/// What a round of programs has to do, as counted by those before it. A round begins, traces, with
-/// the rays of light that the round before left, and lets arrive.
-struct WaveRound {
-  u32 first_item;            // of those that nobody began
-  u32 free;                  // entries of WaveLaunch::free
-  u32 active;                // of WaveLaunch::active
+/// What a round of programs has to do, as counted by those before it. A round traces, with the rays
+/// of light that the round before left, and lets arrive. Pairs are counted by one operation.
+struct alignas(8) WaveRound {
+  u32 active, lights;        // entries of WaveLaunch::active and of WaveLaunch::lit
   u32 hits, misses;          // of WaveLaunch::arrived: from its begin, and back from its end
-  u32 lights;                // of WaveLaunch::lit
-  u32 next_ray, next_light;  // of those: which nobody took
+  u32 next_ray, next_light;  // of the active and of the lit: which nobody took
 };
 struct WaveCounters {
   WaveRound rounds[2];  // by turns the present and the next one
@@ -38,11 +35,8 @@ struct WaveLaunch {
   const WaveShot* shots;  // of programs for many pictures
   kernels::WaveWork work;
   kernels::WaveView wave;
-  u32 slots;
-  bool all_free;   // in the first round
   u32 round;       // which of WaveCounters::rounds; queues that are there twice go by it
-  u32* free[2];    // slots without a path
-  u32* active[2];  // slots with one
+  u32* active[2];  // items whose path goes on
   u32* arrived;    // those whose ray was traced, what met a surface first
   u32* lit;        // those whose light's ray is to be traced
   WaveCounters* counters;

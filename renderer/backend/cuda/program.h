@@ -1,5 +1,5 @@
 // What the GPU programs share: each .cu beside this file is some programs, compiled by itself. A
-// thread works on a slot of a wave, on a pixel or on a tile.
+// thread works on an item of a wave, on a pixel or on a tile.
 #pragma once
 
 #include "kernels/bvh_tracer.h"
@@ -34,16 +34,6 @@ __device__ const WaveShot& shot_of(const WaveLaunch& l, u32 item) {
   if constexpr (kMany) return l.shots[kernels::picture_of(l.shot.view.film, l.work, item)];
   return l.shot;
 }
-/// The same of a slot's path and of its light.
-template <bool kMany>
-__device__ const WaveShot& shot_of_path(const WaveLaunch& l, u32 slot) {
-  return shot_of<kMany>(l, kMany ? l.wave.paths[slot].item : 0);
-}
-template <bool kMany>
-__device__ const WaveShot& shot_of_light(const WaveLaunch& l, u32 slot) {
-  return shot_of<kMany>(l, kMany ? l.wave.lights[slot].item : 0);
-}
-
 __device__ inline u32 thread() { return blockIdx.x * blockDim.x + threadIdx.x; }
 __device__ inline u32 threads() { return gridDim.x * blockDim.x; }
 
@@ -51,6 +41,27 @@ __device__ inline u32 threads() { return gridDim.x * blockDim.x; }
 __device__ inline void add_up(u32 own, u64& sum) {
   for (u32 step = 16; step > 0; step /= 2) own += __shfl_down_sync(0xffffffff, own, step);
   if (threadIdx.x % 32 == 0) atomicAdd(reinterpret_cast<unsigned long long*>(&sum), own);
+}
+
+/// Where a lane's entries of two queues go.
+struct Places {
+  u32 first, second;
+};
+/// Of all lanes of a warp, which call it together.
+///
+/// count   of the first queue; that of the second one lies behind it
+__device__ inline Places take_places(u32& count, bool first, bool second) {
+  constexpr u32 kAll = 0xffffffff;
+  const u32 firsts = __ballot_sync(kAll, first), seconds = __ballot_sync(kAll, second);
+  const u32 lane = threadIdx.x % 32, before = (1u << lane) - 1;
+  unsigned long long counts = 0;
+  if (lane == 0 && (firsts | seconds) != 0) {
+    const u64 own = u32(__popc(int(firsts))) | u64(__popc(int(seconds))) << 32;
+    counts = atomicAdd(reinterpret_cast<unsigned long long*>(&count), own);
+  }
+  counts = __shfl_sync(kAll, counts, 0);
+  return {u32(counts) + u32(__popc(int(firsts & before))),
+          u32(counts >> 32) + u32(__popc(int(seconds & before)))};
 }
 
 }  // namespace heliograph::cuda

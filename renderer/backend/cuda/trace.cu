@@ -27,7 +27,7 @@ struct Share {
 ///
 /// next    how many are taken after the first ones
 /// begin   (walk, i): begins it
-/// end     (walk, i): it is done
+/// end     (walk, i, whether): it is done; called by all lanes of a warp
 /// Source: Aila and Laine 2009, "Understanding the Efficiency of Ray Traversal on GPUs", HPG,
 /// section 4.
 template <class Begin, class End>
@@ -41,10 +41,9 @@ __device__ void walk_all(const WaveLaunch& l, const Share& share, u32 count, u32
   u32 ray = kNone;
   bool walks = false, more = true, is_first = true;
   while (true) {
-    if (ray != kNone && !walks) {
-      end(walk, ray);
-      ray = kNone;
-    }
+    const bool is_done = ray != kNone && !walks;
+    end(walk, ray, is_done);
+    if (is_done) ray = kNone;
     const u32 idle = __ballot_sync(kAll, ray == kNone && lane < share.rays);
     if (more && idle) {
       u32 first = share.warp * share.rays;
@@ -93,24 +92,25 @@ __device__ void trace_paths(const WaveLaunch& l, const Share& share) {
       l, share, now.active, now.next_ray,
       [&](BvhWalk& walk, u32 i) {
         const WaveRay ray = load_whole(l.wave.rays[active[i]]);
-        go_to_scene<kMany>(walk, shot_of_path<kMany>(l, active[i]));
+        go_to_scene<kMany>(walk, shot_of<kMany>(l, active[i]));
         walk.begin(ray.ray, ray.mask, false);
       },
-      [&](const BvhWalk& walk, u32 i) {
+      [&](const BvhWalk& walk, u32 i, bool is_done) {
         const Hit hit = walk.hit();
+        const bool hits = hit.instance != kNone;
+        const Places at = take_places(now.hits, is_done && hits, is_done && !hits);
+        if (!is_done) return;
         store_whole(l.wave.hits[active[i]], WaveHit{hit});
-        const u32 at = hit.instance != kNone ? atomicAdd(&now.hits, 1)
-                                             : l.slots - 1 - atomicAdd(&now.misses, 1);
-        l.arrived[at] = active[i];
+        l.arrived[hits ? at.first : items_of(l.work) - 1 - at.second] = active[i];
       });
 }
 
 /// Called, so that the walk need not keep what this does in registers.
 template <bool kMany>
-__noinline__ __device__ void shine(const WaveLaunch& l, u32 slot) {
-  const WaveShot& shot = shot_of_light<kMany>(l, slot);
+__noinline__ __device__ void shine(const WaveLaunch& l, u32 item) {
+  const WaveShot& shot = shot_of<kMany>(l, item);
   const BvhTracer tracer(shot.view.scene, shot.bvh);
-  Wave(shot.view, l.work, l.wave, tracer).shine(slot);
+  Wave(shot.view, l.work, l.wave, tracer).shine(item);
 }
 
 template <bool kMany>
@@ -119,12 +119,11 @@ __device__ void trace_lights(const WaveLaunch& l, const Share& share) {
   walk_all(
       l, share, now.lights, now.next_light,
       [&](BvhWalk& walk, u32 i) {
-        go_to_scene<kMany>(walk, shot_of_light<kMany>(l, l.lit[i]));
+        go_to_scene<kMany>(walk, shot_of<kMany>(l, l.lit[i]));
         walk.begin(load_whole(l.wave.lights[l.lit[i]]).ray, kShadowRay, true);
       },
-      [&](const BvhWalk& walk, u32 i) {
-        if (walk.hit().instance != kNone) return;
-        shine<kMany>(l, l.lit[i]);
+      [&](const BvhWalk& walk, u32 i, bool is_done) {
+        if (is_done && walk.hit().instance == kNone) shine<kMany>(l, l.lit[i]);
       });
 }
 

@@ -1,6 +1,7 @@
 #include "renderer/backend/cuda/wave.h"
 
 #include <algorithm>
+#include <chrono>
 #include <string>
 #include <utility>
 
@@ -9,16 +10,17 @@ namespace {
 
 using kernels::Plane;
 
-constexpr u32 kMostSlots = 1 << 20;
-constexpr u32 kMostItems = 1 << 22;
-constexpr u64 kMemoryShare = 32;  // a wave takes one in so many bytes of the budget, or less
+// Tiles of one sample in a batch.
+constexpr u32 kMostTiles = (1 << 24) / kernels::kTilePixels;
+constexpr u32 kTilesAtFirst = (1 << 22) / kernels::kTilePixels;
+/// Batches grow until one takes so long: larger ones take less time a sample, and keep others
+/// waiting for longer.
+constexpr std::chrono::milliseconds kLongBatch{40};
+constexpr u64 kMemoryShare = 16;  // a wave takes one in so many bytes of the budget, or less
 constexpr u64 kLeastMemory = 1 << 20;
-constexpr u64 kSlotBytes = sizeof(kernels::WavePath) + sizeof(kernels::WaveRay) +
-                           sizeof(kernels::WaveHit) + sizeof(kernels::WaveLight) + 6 * sizeof(u32);
-/// Rounds between looks at the counters, which wait for the device; the first of a batch whose
-/// paths all begin at once may take longer.
-constexpr u32 kRoundsAtOnce = 4;
-constexpr u32 kRoundsAtFirst = 8;
+/// Between looks at the counters, which wait for the device.
+constexpr u32 kMostRoundsAtOnce = 8;
+constexpr u32 kMostItemsAtOnce = 1 << 23;  // times rounds
 
 bool has_light_planes(const kernels::FilmView& film) {
   return (film.wanted & kernels::kLightPlaneSet) != 0;
@@ -93,58 +95,47 @@ Status Wave::allocate() {
 
 Status Wave::allocate(u64 memory) {
   memory_ = {};
-  const kernels::FilmView& film = launch_.shot.view.film;
-  const bool groups = kernels::wants(film, Plane::BEAUTY_GROUP);
-  const u64 item_bytes = sizeof(kernels::WaveSample) + sizeof(kernels::WaveFirst) +
-                         (has_light_planes(film) ? kernels::kLightPlanes * sizeof(vec3) : 0) +
-                         (groups ? film.groups * sizeof(vec3) : 0);
-  const u64 slot_bytes = kSlotBytes +
-                         (any_media_ ? sizeof(kernels::Inside) + sizeof(kernels::Reach) : 0) +
-                         (has_light_planes(film) ? 2 * sizeof(kernels::WaveRoute) : 0);
-  const u64 fits = std::max<u64>(memory / 2 / item_bytes, kernels::kTilePixels);
-  const u64 most = std::min<u64>(kMostItems, fits);
-  batch_tiles_ = u32(std::min<u64>(range_.tile_count, most / kernels::kTilePixels));
-  batch_samples_ = u32(
-      std::clamp<u64>(most / (u64(batch_tiles_) * kernels::kTilePixels), 1, range_.sample_count));
-  const u64 items = u64(batch_tiles_) * kernels::kTilePixels * batch_samples_;
-  const u64 fitting = std::max<u64>(memory / 2 / slot_bytes, kernels::kTilePixels);
-  const u64 slots = std::min({items, u64(kMostSlots), fitting});
+  launch_.wave.film = launch_.shot.view.film;
+  launch_.wave.film.height = 1;
+  Layout tile(0);
+  lay(tile, kernels::kTilePixels);
+  const u32 fit = u32(std::clamp<u64>(memory / tile.bytes(), 1, kMostTiles));
+  const u32 at_first = std::min(fit, kTilesAtFirst);
+  batch_tiles_ = std::min(range_.tile_count, at_first);
+  most_samples_ = std::clamp(fit / batch_tiles_, 1u, range_.sample_count);
+  batch_samples_ = std::clamp(at_first / batch_tiles_, 1u, most_samples_);
+  const u64 items = u64(batch_tiles_) * most_samples_ * kernels::kTilePixels;
 
-  kernels::WaveView& wave = launch_.wave;
-  wave.film = film;
-  wave.film.width = u32(items);
-  wave.film.height = 1;
-  launch_.slots = u32(slots);
   Layout size(0);
-  lay(size, slots, items);
+  lay(size, items);
   auto made = context_.allocate(size.bytes());
   if (!made) return std::unexpected(std::move(made).error());
   memory_ = *std::move(made);
   Layout layout(memory_.at());
-  lay(layout, slots, items);
+  lay(layout, items);
   return {};
 }
 
-void Wave::lay(Layout& layout, u64 slots, u64 items) {
+void Wave::lay(Layout& layout, u64 items) {
   kernels::WaveView& wave = launch_.wave;
-  wave.paths = layout.take<kernels::WavePath>(slots);
-  wave.rays = layout.take<kernels::WaveRay>(slots);
-  wave.hits = layout.take<kernels::WaveHit>(slots);
-  wave.lights = layout.take<kernels::WaveLight>(slots);
-  if (any_media_) wave.insides = layout.take<kernels::Inside>(slots);
-  if (any_media_) wave.reaches = layout.take<kernels::Reach>(slots);
+  wave.film.width = u32(items);
+  wave.paths = layout.take<kernels::WavePath>(items);
+  wave.rays = layout.take<kernels::WaveRay>(items);
+  wave.hits = layout.take<kernels::WaveHit>(items);
+  wave.lights = layout.take<kernels::WaveLight>(items);
+  if (any_media_) wave.insides = layout.take<kernels::Inside>(items);
+  if (any_media_) wave.reaches = layout.take<kernels::Reach>(items);
   wave.samples = layout.take<kernels::WaveSample>(items);
   wave.firsts = layout.take<kernels::WaveFirst>(items);
   if (has_light_planes(wave.film)) {
     wave.light_planes = layout.take<vec3>(items * kernels::kLightPlanes);
-    wave.routes = layout.take<kernels::WaveRoute>(2 * slots);
+    wave.routes = layout.take<kernels::WaveRoute>(2 * items);
   }
   if (kernels::wants(wave.film, Plane::BEAUTY_GROUP))
     wave.film.partial[u32(Plane::BEAUTY_GROUP)] = layout.take<float>(items * 3 * wave.film.groups);
-  for (u32*& queue : launch_.free) queue = layout.take<u32>(slots);
-  for (u32*& queue : launch_.active) queue = layout.take<u32>(slots);
-  launch_.arrived = layout.take<u32>(slots);
-  launch_.lit = layout.take<u32>(slots);
+  for (u32*& queue : launch_.active) queue = layout.take<u32>(items);
+  launch_.arrived = layout.take<u32>(items);
+  launch_.lit = layout.take<u32>(items);
 }
 
 Status Wave::launch(const Programs::Program& program, u64 threads) {
@@ -163,30 +154,31 @@ Status Wave::begin_batch() {
                   std::min(batch_tiles_, range_.tile_count - next_tile_),
                   range_.first_sample + next_sample_,
                   std::min(batch_samples_, range_.sample_count - next_sample_)};
+  launch_.round = 0;
   in_batch_ = true;
-  launch_.all_free = true;
+  batch_began_ = std::chrono::steady_clock::now();
   const kernels::FilmView& items = launch_.wave.film;
   if (kernels::wants(items, Plane::BEAUTY_GROUP)) {
     const auto at = DevicePointer(items.partial[u32(Plane::BEAUTY_GROUP)]);
     HELIO_TRY(context_.fill(at, 0, u64(items.width) * items.groups * sizeof(vec3)));
   }
-  return context_.fill(DevicePointer(launch_.counters->rounds), 0, sizeof(WaveCounters::rounds));
+  HELIO_TRY(
+      context_.fill(DevicePointer(launch_.counters->rounds), 0, sizeof(WaveCounters::rounds)));
+  return launch(steps_.begin, kernels::items_of(launch_.work));
 }
 
 Status Wave::round() {
   const u64 next = offsetof(WaveCounters, rounds) + (1 - launch_.round) * sizeof(WaveRound);
   HELIO_TRY(context_.fill(DevicePointer(launch_.counters) + next, 0, sizeof(WaveRound)));
-  HELIO_TRY(launch(steps_.begin, launch_.slots));
   HELIO_TRY(trace());
-  HELIO_TRY(launch(steps_.arrive, launch_.slots));
-  launch_.all_free = false;
+  HELIO_TRY(launch(steps_.arrive, kernels::items_of(launch_.work)));
   launch_.round = 1 - launch_.round;
   return {};
 }
 
 bool Wave::is_batch_done() const {
   const WaveRound& next = seen_.rounds[launch_.round];
-  return next.active == 0 && next.lights == 0 && next.first_item == kernels::items_of(launch_.work);
+  return next.active == 0 && next.lights == 0;
 }
 
 Status Wave::read_counters() {
@@ -198,6 +190,8 @@ Status Wave::fold() {
   HELIO_TRY(launch(steps_.fold, kernels::pixels_of(launch_.work)));
   in_batch_ = false;
   next_sample_ += launch_.work.samples;
+  if (std::chrono::steady_clock::now() - batch_began_ < kLongBatch)
+    batch_samples_ = std::min(2 * batch_samples_, most_samples_);
   if (next_sample_ < range_.sample_count) return {};
   next_sample_ = 0;
   next_tile_ += launch_.work.tiles;
@@ -206,13 +200,10 @@ Status Wave::fold() {
 
 Expected<bool> Wave::advance(TimePoint until, const Interrupt& interrupt) {
   while (next_tile_ < range_.tile_count) {
-    u32 rounds = kRoundsAtOnce;
-    if (!in_batch_) {
-      HELIO_TRY(begin_batch());
-      if (kernels::items_of(launch_.work) <= launch_.slots)
-        rounds = std::clamp(launch_.shot.view.settings.max_depth, 1u, kRoundsAtFirst);
-    }
+    if (!in_batch_) HELIO_TRY(begin_batch());
     HELIO_TRY(interrupt.status());
+    const u32 most = std::clamp(launch_.shot.view.settings.max_depth, 1u, kMostRoundsAtOnce);
+    const u32 rounds = std::clamp(kMostItemsAtOnce / kernels::items_of(launch_.work), 1u, most);
     for (u32 i = 0; i < rounds; ++i) HELIO_TRY(round());
     HELIO_TRY(read_counters());
     if (is_batch_done()) HELIO_TRY(fold());

@@ -50,7 +50,7 @@ class Wave {
  private:
   /// memory   bytes, about
   [[nodiscard]] Status allocate(u64 memory);
-  void lay(Layout& layout, u64 slots, u64 items);
+  void lay(Layout& layout, u64 items);
   [[nodiscard]] Status begin_batch();
   [[nodiscard]] Status round();
   [[nodiscard]] Status fold();
@@ -68,8 +68,10 @@ class Wave {
   WaveLaunch launch_{};
   WaveCounters seen_{};
   u32 batch_tiles_ = 0, batch_samples_ = 0;  // of a whole batch
+  u32 most_samples_ = 0;                     // for which there is memory
   u32 next_tile_ = 0, next_sample_ = 0;      // of the range
   bool in_batch_ = false;
+  TimePoint batch_began_;
 };
 
 }  // namespace heliograph::cuda
