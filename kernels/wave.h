@@ -1,9 +1,10 @@
 // Many samples side by side, a step at a time: how a GPU runs the path tracer. Every step of every
 // path is that of path.h; here is what goes on between two of them.
 //
-// An item is one sample of one pixel, with a path of its own. Who runs a wave begins all items, then
-// traces the rays of those that go on, those of light from the round before among them, lets them
-// arrive, and again; when none goes on it folds them into the film, in the order of the samples.
+// An item is one sample of one pixel, with a path of its own. Who runs a wave begins all items,
+// then traces the rays of those that go on, those of light from the round before among them, lets
+// them arrive, and again; when none goes on it folds them into the film, in the order of the
+// samples.
 //
 // Source: Laine, Karras and Aila 2013, "Megakernels Considered Harmful: Wavefront Path Tracing on
 // GPUs". Tested: tests/unit/wave_test.cpp, against render_pixel().
@@ -181,8 +182,8 @@ class Wave {
   }
   KERNEL void keep_light(u32 item, const LaterLight& later) const {
     const Contribution& light = later.light;
-    store_whole(view_.lights[item], WaveLight{later.ray, light.radiance, light.group, light.edges,
-                                              light.environment});
+    store_whole(view_.lights[item],
+                WaveLight{later.ray, light.radiance, light.group, light.edges, light.environment});
     keep_route(2 * item + 1, later.route);
   }
   KERNEL void keep_route(u32 i, const Route& route) const {
