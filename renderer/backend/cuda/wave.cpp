@@ -12,15 +12,14 @@ using kernels::Plane;
 
 // Tiles of one sample in a batch.
 constexpr u32 kMostTiles = (1 << 24) / kernels::kTilePixels;
-constexpr u32 kTilesAtFirst = (1 << 22) / kernels::kTilePixels;
-/// Batches grow until one takes so long: larger ones take less time a sample, and keep others
-/// waiting for longer.
-constexpr std::chrono::milliseconds kLongBatch{40};
+constexpr u32 kTilesAtFirst = (1 << 23) / kernels::kTilePixels;
+/// How long a batch is to take: larger ones take less time a sample, and keep others waiting.
+constexpr double kBatchSeconds = 0.05;
 constexpr u64 kMemoryShare = 16;  // a wave takes one in so many bytes of the budget, or less
 constexpr u64 kLeastMemory = 1 << 20;
 /// Between looks at the counters, which wait for the device.
 constexpr u32 kMostRoundsAtOnce = 8;
-constexpr u32 kMostItemsAtOnce = 1 << 23;  // times rounds
+constexpr u32 kMostItemsAtOnce = 1 << 24;  // times rounds
 
 bool has_light_planes(const kernels::FilmView& film) {
   return (film.wanted & kernels::kLightPlaneSet) != 0;
@@ -190,8 +189,9 @@ Status Wave::fold() {
   HELIO_TRY(launch(steps_.fold, kernels::pixels_of(launch_.work)));
   in_batch_ = false;
   next_sample_ += launch_.work.samples;
-  if (std::chrono::steady_clock::now() - batch_began_ < kLongBatch)
-    batch_samples_ = std::min(2 * batch_samples_, most_samples_);
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - batch_began_;
+  const double samples = launch_.work.samples * (kBatchSeconds / took.count());
+  batch_samples_ = u32(std::clamp(samples, 1.0, double(most_samples_)));
   if (next_sample_ < range_.sample_count) return {};
   next_sample_ = 0;
   next_tile_ += launch_.work.tiles;
