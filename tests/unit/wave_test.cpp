@@ -117,7 +117,7 @@ void check_same(const Films& films) {
     INFO(plane);
     const bool sums_differ = Plane(plane) == Plane::BEAUTY_GROUP;  // of a sample, then of samples
     u64 different = 0;
-    for (u64 i = 0; i < u64(kSize.x) * kSize.y; ++i) {
+    for (u64 i = 0; i < films.loop.room(Plane(plane)); ++i) {
       const float a = films.loop.mean(Plane(plane), i, kSamples),
                   b = films.wave.mean(Plane(plane), i, kSamples);
       different += sums_differ ? std::abs(a - b) > 1e-5f * std::abs(a) : a != b;
