@@ -19,7 +19,7 @@ KERNEL Sight sight_along_path(const ProbeContext& context, const T& tracer, cons
   FilmView nothing{};
   const PathContext<T> c{
       *context.now.scene, *context.now.camera, settings, tracer, nothing, sampler, first.time, 0};
-  SampleValues sample{};  // all of it: else nvcc 13 prints "Invalid bitcast"
+  SampleValues sample;
   Path path = path_along(c, first, sample);
   bool goes_on = first.t_max > 0;
   while (goes_on && path.edges <= settings.vertex) {

@@ -41,6 +41,7 @@ struct SampleHead {
   vec3 normal{0};
 };
 struct SampleValues : SampleHead {
+  KERNEL SampleValues() {}   // without it nvcc 13 prints "Invalid bitcast"
   vec3 light[kLightPlanes];  // in the order of the planes; set only when wanted
 };
 
