@@ -34,6 +34,7 @@ __device__ const WaveShot& shot_of(const WaveLaunch& l, u32 item) {
   if constexpr (kMany) return l.shots[kernels::picture_of(l.shot.view.film, l.work, item)];
   return l.shot;
 }
+
 __device__ inline u32 thread() { return blockIdx.x * blockDim.x + threadIdx.x; }
 __device__ inline u32 threads() { return gridDim.x * blockDim.x; }
 
