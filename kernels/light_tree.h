@@ -176,17 +176,16 @@ struct LeafChoice {
 
 /// Descends from io.node to a leaf.
 KERNEL void choose_leaf(const LightNode* nodes, const Receiver& r, bool two_sided, LeafChoice& io) {
-  u32 first = nodes[io.node].first, count = nodes[io.node].count;
-  while (count == 0) {
-    const LightNode a = nodes[first], b = nodes[first + 1];
+  LightNode node = nodes[io.node];
+  while (node.count == 0) {
+    const LightNode a = nodes[node.first], b = nodes[node.first + 1];
     const float share = first_share(a, b, r, two_sided);
     const bool second = io.rest >= share;
     const float part = second ? 1 - share : share;
     io.rest = min2((second ? io.rest - share : io.rest) / part, 1 - 0x1p-24f);
     io.probability *= part;
-    io.node = first + u32(second);
-    first = second ? b.first : a.first;
-    count = second ? b.count : a.count;
+    io.node = node.first + u32(second);
+    node = second ? b : a;
   }
 }
 
