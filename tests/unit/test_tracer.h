@@ -199,11 +199,14 @@ class TestFilm {
   std::vector<float> moment_, moment_partial_;
 };
 
-/// How many values of a mean plane differ in any bit.
-inline u64 different_means(const TestFilm& a, const TestFilm& b, Plane plane, u32 samples) {
+/// How many values of a mean plane differ by more than a share of the first; 0: in any bit.
+inline u64 different_means(const TestFilm& a, const TestFilm& b, Plane plane, u32 samples,
+                           float tolerance = 0) {
   u64 different = 0;
-  for (u64 i = 0; i < a.room(plane); ++i)
-    different += a.mean(plane, i, samples) != b.mean(plane, i, samples);
+  for (u64 i = 0; i < a.room(plane); ++i) {
+    const float x = a.mean(plane, i, samples), y = b.mean(plane, i, samples);
+    different += tolerance > 0 ? std::abs(x - y) > tolerance * std::abs(x) : x != y;
+  }
   return different;
 }
 

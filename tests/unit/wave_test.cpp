@@ -116,13 +116,8 @@ void check_same(const Films& films) {
     if (!(films.wanted >> plane & 1)) continue;
     INFO(plane);
     const bool sums_differ = Plane(plane) == Plane::BEAUTY_GROUP;  // of a sample, then of samples
-    u64 different = 0;
-    for (u64 i = 0; i < films.loop.room(Plane(plane)); ++i) {
-      const float a = films.loop.mean(Plane(plane), i, kSamples),
-                  b = films.wave.mean(Plane(plane), i, kSamples);
-      different += sums_differ ? std::abs(a - b) > 1e-5f * std::abs(a) : a != b;
-    }
-    CHECK(different == 0);
+    const float tolerance = sums_differ ? 1e-5f : 0;
+    CHECK(different_means(films.loop, films.wave, Plane(plane), kSamples, tolerance) == 0);
   }
 }
 
