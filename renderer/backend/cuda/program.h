@@ -3,6 +3,7 @@
 #pragma once
 
 #include "kernels/bvh_tracer.h"
+#include "renderer/backend/cuda/lanes.h"
 #include "renderer/backend/cuda/launch.h"
 
 // The name of a program: plain ones have one of their own.
@@ -35,13 +36,10 @@ __device__ const WaveShot& shot_of(const WaveLaunch& l, u32 item) {
   return l.shot;
 }
 
-__device__ inline u32 thread() { return blockIdx.x * blockDim.x + threadIdx.x; }
-__device__ inline u32 threads() { return gridDim.x * blockDim.x; }
-
 /// Adds what all threads of a warp have.
 __device__ inline void add_up(u32 own, u64& sum) {
-  for (u32 step = 16; step > 0; step /= 2) own += __shfl_down_sync(0xffffffff, own, step);
-  if (threadIdx.x % 32 == 0) atomicAdd(reinterpret_cast<unsigned long long*>(&sum), own);
+  for (u32 step = kWarp / 2; step > 0; step /= 2) own += __shfl_down_sync(kAll, own, step);
+  if (lane() == 0) atomicAdd(reinterpret_cast<unsigned long long*>(&sum), own);
 }
 
 /// Where a lane's entries of two queues go.
@@ -52,17 +50,15 @@ struct Places {
 ///
 /// count   of the first queue; that of the second one lies behind it
 __device__ inline Places take_places(u32& count, bool first, bool second) {
-  constexpr u32 kAll = 0xffffffff;
   const u32 firsts = __ballot_sync(kAll, first), seconds = __ballot_sync(kAll, second);
-  const u32 lane = threadIdx.x % 32, before = (1u << lane) - 1;
   unsigned long long counts = 0;
-  if (lane == 0 && (firsts | seconds) != 0) {
+  if (lane() == 0 && (firsts | seconds) != 0) {
     const u64 own = u32(__popc(int(firsts))) | u64(__popc(int(seconds))) << 32;
     counts = atomicAdd(reinterpret_cast<unsigned long long*>(&count), own);
   }
   counts = __shfl_sync(kAll, counts, 0);
-  return {u32(counts) + u32(__popc(int(firsts & before))),
-          u32(counts >> 32) + u32(__popc(int(seconds & before)))};
+  return {u32(counts) + u32(__popc(int(firsts & lanes_before()))),
+          u32(counts >> 32) + u32(__popc(int(seconds & lanes_before())))};
 }
 
 }  // namespace heliograph::cuda

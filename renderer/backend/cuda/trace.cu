@@ -33,8 +33,7 @@ struct Share {
 template <class Begin, class End>
 __device__ void walk_all(const WaveLaunch& l, const Share& share, u32 count, u32& next,
                          const Begin& begin, const End& end) {
-  constexpr u32 kAll = 0xffffffff;
-  const u32 lane = threadIdx.x % 32, begun = share.warps * share.rays;
+  const u32 begun = share.warps * share.rays;
   BvhStack stack;
   BvhWalk walk(l.shot.view.scene, l.shot.bvh, stack);
   BvhGroup items{0, 0};  // found, and not met yet
@@ -44,17 +43,17 @@ __device__ void walk_all(const WaveLaunch& l, const Share& share, u32 count, u32
     const bool is_done = ray != kNone && !walks;
     end(walk, ray, is_done);
     if (is_done) ray = kNone;
-    const u32 idle = __ballot_sync(kAll, ray == kNone && lane < share.rays);
+    const u32 idle = __ballot_sync(kAll, ray == kNone && lane() < share.rays);
     if (more && idle) {
       u32 first = share.warp * share.rays;
       if (!is_first) {
-        if (lane == 0) first = begun + atomicAdd(&next, u32(__popc(int(idle))));
+        if (lane() == 0) first = begun + atomicAdd(&next, u32(__popc(int(idle))));
         first = __shfl_sync(kAll, first, 0);
       }
       is_first = false;
-      const u32 own = first + u32(__popc(int(idle & ((1u << lane) - 1))));
+      const u32 own = first + u32(__popc(int(idle & lanes_before())));
       more = max(begun, first + u32(__popc(int(idle)))) < count;
-      if ((idle >> lane & 1) && own < count) {
+      if ((idle >> lane() & 1) && own < count) {
         ray = own;
         walks = true;
         begin(walk, ray);
@@ -131,8 +130,8 @@ __device__ void trace_lights(const WaveLaunch& l, const Share& share) {
 template <bool kMany>
 __device__ void trace_all(const WaveLaunch& l) {
   const WaveRound& now = l.counters->rounds[l.round];
-  Share share{thread() / 32, threads() / 32, 0};
-  share.rays = min2((now.active + now.lights + share.warps - 1) / share.warps, 32u);
+  Share share{thread() / kWarp, threads() / kWarp, 0};
+  share.rays = min2((now.active + now.lights + share.warps - 1) / share.warps, kWarp);
   trace_paths<kMany>(l, share);
   share.warp = share.warps - 1 - share.warp;
   trace_lights<kMany>(l, share);
