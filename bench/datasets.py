@@ -17,7 +17,7 @@ import heliograph.datasets as hd
 
 PLANES = ("depth", "normal", "instance", "semantic")
 FLOW = ("flow_backward", "flow_backward_valid")
-DEPTH = 7  # six bounces, as in datasets_blender.py
+DEPTH = 7  # edges of a path, as in datasets_blender.py
 JOBS = ("64 spp and all labels", "labels alone", "columns alone")
 
 
