@@ -199,13 +199,12 @@ class Blender:
             if f"uvs{i}" in data:
                 corners = data[f"uvs{i}"][data[f"indices{i}"].ravel()]
                 mesh.uv_layers.new().uv.foreach_set("vector", corners.ravel().tolist())
+            mesh.materials.append(None)
             shapes.append(mesh)
         self.objects = []
         for i, shape in enumerate(data["mesh_of"].tolist()):
             thing = bpy.data.objects.new(f"object{i}", shapes[shape])
             thing.pass_index = i + 1
-            thing.data.materials.clear()
-            thing.data.materials.append(None)
             thing.material_slots[0].link = "OBJECT"
             thing.material_slots[0].material = self.materials[data["material_of"][i]]
             self.scene.collection.objects.link(thing)
