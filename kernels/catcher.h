@@ -16,9 +16,8 @@ struct CatcherScene {
 /// Random numbers in [0, 1).
 struct CatcherNumbers {
   HoleKey holes;
-  float choice;  // of a light
-  vec2 light;    // on it
-  vec2 open;     // of the hemisphere
+  vec2 light;  // one of them and a direction to it
+  vec2 open;   // of the hemisphere
 };
 
 /// Light that comes along a ray to a catcher: with other entities in its way, and without.
@@ -45,8 +44,9 @@ KERNEL vec2 see_catcher(const CatcherScene<T>& c, const Ray& seen, const Catcher
   vec2 caught(0);
   LightSample light;
   Ray ray;
-  if (sample_light(scene, {s.p, n, Facing::kFront, seen.time}, u.choice, u.light, light) &&
-      (light.visibility & kDiffuseRay) && shadow_ray(s, light, u.holes, ray)) {
+  const Receiver receiver{s.p, n, Facing::kFront, seen.time};
+  if (sample_light(scene, receiver, u.light, light) && (light.visibility & kDiffuseRay) &&
+      shadow_ray(s, light, u.holes, ray)) {
     const float cosine = max2(dot(n, light.direction), 0.0f);
     const bool dome = light.light == kNone && light.sun == kNone;
     const float weight = dome ? mis_weight(light.pdf, cosine * kInvPi) : 1;
@@ -57,7 +57,8 @@ KERNEL vec2 see_catcher(const CatcherScene<T>& c, const Ray& seen, const Catcher
   const vec3 local = sample_cosine(u.open);
   const vec3 d = to_world(make_frame(n), local);
   const DomePlace place = dome_place(scene.dome, d);
-  const float weight = mis_weight(local.z * kInvPi, dome_pdf(scene.dome, s.p, d, place));
+  const float pdf = sky_share(scene, receiver) * dome_pdf(scene.dome, receiver, d, place);
+  const float weight = mis_weight(local.z * kInvPi, pdf);
   const Ray open{offset_point(s, d), d, INFINITY, seen.time, u.holes};
   return caught + caught_along(c, open, luminance(dome_radiance(scene, place.uv)) * kPi * weight);
 }

@@ -96,9 +96,8 @@ template <Tracer T, class Point>
 KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Point& at,
                          SampleValues& sample) {
   LightSample light;
-  const float choice = c.sampler.get1(vertex_pair(path, kLightChoice));
   const vec2 u = c.sampler.get2(vertex_pair(path, kLightPair));
-  if (!sample_light(c.scene, receiver_of(at, c.time), choice, u, light)) return;
+  if (!sample_light(c.scene, receiver_of(at, c.time), u, light)) return;
   const BsdfValue f = scattered(at, light.direction, light.visibility);
   const vec3 total = f.diffuse + f.glossy;
   if (!(max_component(total) > 0)) return;

@@ -28,6 +28,28 @@ struct LightSample {
   u32 visibility;  // ray mask bits of the emitting instance
 };
 
+// ---------------------------------------------------------------- choice
+
+/// The lights of the tree, and those of the sky, are chosen at least so often where both exist:
+/// none knows what hides the others.
+inline constexpr float kLeastShare = 0.05f;
+
+/// Probability of choosing a light of the tree, by what it and the sky may send to a point.
+HELIO_STEP KERNEL float surface_share(const SceneView& scene, const Receiver& from) {
+  if (scene.light_count == 0) return 0;
+  if (!(scene.sky_power > 0)) return 1;
+  // Of light from everywhere a surface's side receives a quarter.
+  const float received = from.facing == Facing::kAny    ? 1.0f
+                         : from.facing == Facing::kBoth ? 0.5f
+                                                        : 0.25f;
+  const float surfaces = importance(scene.light_nodes[0], from, false);
+  const float share = surfaces / (surfaces + received * scene.sky_power);
+  return share >= 0 ? min2(max2(share, kLeastShare), 1 - kLeastShare) : 0.5f;
+}
+KERNEL float sky_share(const SceneView& scene, const Receiver& from) {
+  return 1 - surface_share(scene, from);
+}
+
 // ---------------------------------------------------------------- surfaces
 
 /// Radiance that a point of a surface emits in a direction, and that sample_light() counts where
@@ -65,7 +87,7 @@ HELIO_STEP KERNEL float light_pdf(const SceneView& scene, Receiver from, const H
   const TriangleTree& tree = at.light.tree;
   const float chosen = leaf_probability(scene.light_nodes, at.light.leaf, from, false);
   if (at.mesh.shape != Shape::kTriangles) {
-    return scene.surface_probability * chosen * shape_pdf(at, from.p, direction, hit.t);
+    return surface_share(scene, from) * chosen * shape_pdf(at, from.p, direction, hit.t);
   }
   const u32 entry = tree.entry_of_triangle[hit.primitive];
   float within = 1;
@@ -74,7 +96,7 @@ HELIO_STEP KERNEL float light_pdf(const SceneView& scene, Receiver from, const H
                               emits_back(at.light));
   }
   const float pdf =
-      scene.surface_probability * chosen * within * leaf_pdf(at, entry, from.p, direction, hit.t);
+      surface_share(scene, from) * chosen * within * leaf_pdf(at, entry, from.p, direction, hit.t);
   return pdf > 0 ? pdf : 0;
 }
 
@@ -86,9 +108,9 @@ KERNEL bool is_even(const SceneView& scene, const LightView& light) {
 
 /// The rest of a sample of a disc or a sphere: its light is chosen, with `probability`.
 KERNEL bool sample_shape_light(const SceneView& scene, const LightPlace& at, const Receiver& from,
-                               float probability, vec2 u2, LightSample& out) {
+                               float probability, vec2 u, LightSample& out) {
   ShapePoint point;
-  if (!sample_shape(at, from.p, u2, point)) return false;
+  if (!sample_shape(at, from.p, u, point)) return false;
   const mat4x3& world = at.pose.world_from_object;
   const vec3 p = transform_point(world, point.p);
   out.direction = normalize(p - from.p);
@@ -106,15 +128,15 @@ KERNEL bool sample_shape_light(const SceneView& scene, const LightPlace& at, con
   return true;
 }
 
-/// choice: a leaf of the scene's tree.
+/// choice: a leaf of the scene's tree. u: uniform in [0, 1)
 HELIO_STEP KERNEL bool sample_surface_light(const SceneView& scene, const Receiver& from,
-                                            LeafChoice choice, vec2 u2, LightSample& out) {
+                                            LeafChoice choice, float u, LightSample& out) {
   out.light = scene.light_nodes[choice.node].first;
   const LightPlace at = light_place(scene, out.light, from.time);
   out.time = from.time;
   out.visibility = at.instance.visibility;
   if (at.mesh.shape != Shape::kTriangles) {
-    return sample_shape_light(scene, at, from, choice.probability, u2, out);
+    return sample_shape_light(scene, at, from, choice.probability, vec2(choice.rest, u), out);
   }
   const TriangleTree& tree = at.light.tree;
   choice.node = tree.root;
@@ -123,7 +145,7 @@ HELIO_STEP KERNEL bool sample_surface_light(const SceneView& scene, const Receiv
   }
   TrianglePoint point;
   point.entry = choice.node;
-  if (!sample_leaf(at, from.p, vec3(choice.rest, u2.x, u2.y), point)) return false;
+  if (!sample_leaf(at, from.p, vec2(choice.rest, u), point)) return false;
   const vec3 normal = point.triangle.normal;
   const bool front = dot(point.direction, normal) < 0;
   if (!front && !emits_back(at.light)) return false;
@@ -196,9 +218,31 @@ KERNEL float dome_density(const DomeView& dome, float probability, float sine) {
          (2 * kPi * kPi * max2(sine, 1e-6f));
 }
 
-/// Density [1/sr] with which sample_light() takes a direction to the dome, by its texels.
+/// A direction to a dome without texels, by the receiver's cosine, and its density.
+KERNEL vec3 sample_even_dome(const Receiver& from, vec2 u, float& pdf) {
+  if (from.facing == Facing::kAny) {
+    pdf = 0.25f * kInvPi;
+    return sample_sphere(u);
+  }
+  float share = 1, side = 1;
+  if (from.facing == Facing::kBoth) {
+    share = 0.5f;
+    side = u.x < share ? 1.0f : -1.0f;
+    u.x = stretched(u.x < share ? u.x : u.x - share, share);
+  }
+  const vec3 local = sample_cosine(u);
+  pdf = share * local.z * kInvPi;
+  return to_world(make_frame(side * from.n), local);
+}
+KERNEL float even_dome_pdf(const Receiver& from, vec3 direction) {
+  if (from.facing == Facing::kAny) return 0.25f * kInvPi;
+  const float cosine = dot(from.n, direction);
+  if (from.facing == Facing::kBoth) return 0.5f * kInvPi * std::fabs(cosine);
+  return max2(cosine, 0.0f) * kInvPi;
+}
+
+/// Density [1/sr] with which sample_sky() takes a direction to the dome, by its texels.
 KERNEL float texel_pdf(const DomeView& dome, const DomePlace& place) {
-  if (!dome.row_cdf) return dome.probability * (0.25f * kInvPi);
   const auto [x, y] = dome_texel(dome, place.uv);
   const float* columns = dome.column_cdf + u64(y) * dome.width;
   const float row = dome.row_cdf[y] - (y > 0 ? dome.row_cdf[y - 1] : 0);
@@ -206,14 +250,13 @@ KERNEL float texel_pdf(const DomeView& dome, const DomePlace& place) {
   return dome_density(dome, row * column, place.sine);
 }
 
-/// Density [1/sr] with which sample_light() takes a direction to the dome at a point. place: of
-/// that direction.
-HELIO_STEP KERNEL float dome_pdf(const DomeView& dome, vec3 p, vec3 direction,
+/// Density [1/sr] with which sample_sky() takes a direction to the dome. place: of that direction.
+HELIO_STEP KERNEL float dome_pdf(const DomeView& dome, const Receiver& from, vec3 direction,
                                  const DomePlace& place) {
-  if (dome.portal_count > 0 && portal_faces(dome, p)) {
-    return dome.probability * portal_pdf(dome, p, direction);
+  if (dome.portal_count > 0 && portal_faces(dome, from.p)) {
+    return dome.probability * portal_pdf(dome, from.p, direction);
   }
-  return texel_pdf(dome, place);
+  return dome.row_cdf ? texel_pdf(dome, place) : dome.probability * even_dome_pdf(from, direction);
 }
 
 /// choose() with a guide, if there is one, that narrows the search to a few neighbours.
@@ -232,21 +275,22 @@ KERNEL Choice choose_column(const DomeView& dome, u32 row, float u) {
   return choose_guided(dome.column_cdf + u64(row) * dome.width, dome.width, guide, u);
 }
 
-HELIO_STEP KERNEL bool sample_dome(const SceneView& scene, vec3 p, vec2 u, LightSample& out) {
+HELIO_STEP KERNEL bool sample_dome(const SceneView& scene, const Receiver& from, vec2 u,
+                                   LightSample& out) {
   const DomeView& dome = scene.dome;
   out.light = out.sun = kNone;
   out.visibility = kAllRays;
-  if (dome.portal_count > 0 && portal_faces(dome, p)) {
-    if (!sample_portals(dome, p, u, out.direction, out.pdf)) return false;
+  if (dome.portal_count > 0 && portal_faces(dome, from.p)) {
+    if (!sample_portals(dome, from.p, u, out.direction, out.pdf)) return false;
     out.place = dome_place(dome, out.direction).uv;
     out.pdf *= dome.probability;
     return true;
   }
   if (!dome.row_cdf) {
-    out.direction = sample_sphere(u);
+    out.direction = sample_even_dome(from, u, out.pdf);
     out.place = dome.texture == kNone ? vec2(0) : dome_place(dome, out.direction).uv;
-    out.pdf = dome.probability * (0.25f * kInvPi);
-    return true;
+    out.pdf *= dome.probability;
+    return out.pdf > 0;
   }
   const Choice row = choose_row(dome, u.y);
   const Choice column = choose_column(dome, row.index, u.x);
@@ -304,14 +348,14 @@ KERNEL bool has_lights(const SceneView& scene) {
   return scene.light_count > 0 || scene.sun_count > 0 || scene.dome.probability > 0;
 }
 
-/// Chooses a sun or the dome for the point p at out.time.
+/// Chooses a sun or the dome.
 ///
-/// u   x uniform in [0, 1 - surface_probability), y and z in [0, 1)
-KERNEL bool sample_sky(const SceneView& scene, vec3 p, vec3 u, LightSample& out) {
+/// u   uniform in [0, 1)
+KERNEL bool sample_sky(const SceneView& scene, const Receiver& from, vec2 u, LightSample& out) {
   for (u32 i = 0; i < scene.sun_count; ++i) {
     const SunView& sun = scene.suns[i];
     if (u.x < sun.probability) {
-      out.direction = sample_sun(sun, out.time, vec2(u.y, u.z));
+      out.direction = sample_sun(sun, out.time, vec2(stretched(u.x, sun.probability), u.y));
       out.pdf = sun_pdf(sun);
       out.light = kNone;
       out.sun = i;
@@ -320,20 +364,27 @@ KERNEL bool sample_sky(const SceneView& scene, vec3 p, vec3 u, LightSample& out)
     }
     u.x -= sun.probability;
   }
-  return scene.dome.probability > 0 && sample_dome(scene, p, vec2(u.y, u.z), out);
+  if (!(scene.dome.probability > 0)) return false;
+  return sample_dome(scene, from, vec2(stretched(u.x, scene.dome.probability), u.y), out);
 }
 
 /// Chooses a light and a direction to it; false when no light comes from there.
 ///
-/// u, u2   uniform in [0, 1)
-HELIO_STEP KERNEL bool sample_light(const SceneView& scene, const Receiver& from, float u, vec2 u2,
+/// u   uniform in [0, 1): the number that chooses goes on to say where, so that the samples of a
+///     pixel are as even over each light as over all
+HELIO_STEP KERNEL bool sample_light(const SceneView& scene, const Receiver& from, vec2 u,
                                     LightSample& out) {
-  const float surfaces = scene.surface_probability;
+  const float surfaces = surface_share(scene, from);
   out.time = from.time;
-  if (u >= surfaces) return sample_sky(scene, from.p, vec3(u - surfaces, u2), out);
-  LeafChoice choice{0, surfaces, u / surfaces};
+  if (u.x >= surfaces) {
+    const float sky = 1 - surfaces;
+    if (!sample_sky(scene, from, vec2(stretched(u.x - surfaces, sky), u.y), out)) return false;
+    out.pdf *= sky;
+    return true;
+  }
+  LeafChoice choice{0, surfaces, stretched(u.x, surfaces)};
   choose_leaf(scene.light_nodes, from, false, choice);
-  return sample_surface_light(scene, from, choice, u2, out);
+  return sample_surface_light(scene, from, choice, u.y, out);
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -137,7 +137,7 @@ KERNEL void set_target(TrianglePoint& out, vec3 p) {
   out.direction = d / out.distance;
 }
 
-KERNEL bool sample_near_leaf(const LightPlace& at, vec3 p, vec3 u, TrianglePoint& out) {
+KERNEL bool sample_near_leaf(const LightPlace& at, vec3 p, vec2 u, TrianglePoint& out) {
   const LightNode& leaf = at.light.tree.nodes[out.entry];
   NearTriangle triangles[kLeafTriangles];
   float total = 0;
@@ -155,17 +155,17 @@ KERNEL bool sample_near_leaf(const LightPlace& at, vec3 p, vec3 u, TrianglePoint
     rest -= triangles[i].weight;
   }
   const SphereTriangle& seen = triangles[chosen].seen;
+  u.x = stretched(rest, triangles[chosen].weight);
   out.entry = leaf.first + chosen;
   out.triangle = light_triangle(at, out.entry);
-  out.place = place_of(out.triangle, p, sample_sphere_triangle(seen, vec2(u.y, u.z)));
+  out.place = place_of(out.triangle, p, sample_sphere_triangle(seen, u));
   set_target(out, p);
   out.pdf = triangles[chosen].weight / (total * seen.solid_angle);
   return true;
 }
 
-/// Chooses a point of a leaf's triangles. io.entry: the leaf, then the chosen entry; u.x for the
-/// triangle.
-HELIO_CALL KERNEL bool sample_leaf(const LightPlace& at, vec3 p, vec3 u, TrianglePoint& io) {
+/// Chooses a point of a leaf's triangles. io.entry: the leaf, then the chosen entry.
+HELIO_CALL KERNEL bool sample_leaf(const LightPlace& at, vec3 p, vec2 u, TrianglePoint& io) {
   const LightNode& leaf = at.light.tree.nodes[io.entry];
   if (is_near(leaf, transform_point(at.pose.object_from_world, p))) {
     return sample_near_leaf(at, p, u, io);
@@ -178,7 +178,7 @@ HELIO_CALL KERNEL bool sample_leaf(const LightPlace& at, vec3 p, vec3 u, Triangl
   }
   io.entry = entry;
   io.triangle = light_triangle(at, entry);
-  io.place = sample_triangle(vec2(u.y, u.z));
+  io.place = sample_triangle(vec2(stretched(rest, entries[entry].power), u.y));
   set_target(io, p);
   io.pdf = area_pdf(io.triangle, io.direction, io.distance) * entries[entry].power / leaf.power;
   return true;

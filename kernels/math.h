@@ -17,6 +17,8 @@ KERNEL T max2(T a, T b) {
 }
 /// 0 for what is no number.
 KERNEL float clamp01(float x) { return min2(max2(x, 0.0f), 1.0f); }
+/// From a number uniform in [0, length) to one uniform in [0, 1).
+KERNEL float stretched(float u, float length) { return min2(max2(u / length, 0.0f), 1 - 0x1p-24f); }
 /// Of a word that is not 0.
 KERNEL u32 lowest_bit(u32 bits) {
 #if defined(__CUDA_ARCH__)

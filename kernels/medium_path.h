@@ -38,11 +38,12 @@ KERNEL bool scatter_in_medium(const PathContext<T>& c, Path& path, const MediumP
   if (path.edges >= c.settings.max_depth || is_black(path.throughput)) return false;
   if (has_lights(c.scene)) sample_light(c, path, at, sample);
   if (path.edges == 1) path.route = {vec3(0), FirstVertex::kInVolume};
+  const u32 chances = vertex_pair(path, kChancePair);
   const vec3 wi = sample_phase(at.g, at.direction, c.sampler.get2(vertex_pair(path, kScatterPair)));
   go_on(
       c, path,
       {at.p, wi, phase_density(at.g, dot(at.direction, wi)), kVolumeRay, receiver_of(at, c.time)});
-  return survives(c, path);
+  return survives(c, path, chances);
 }
 
 /// How far the path's ray, which starts in a medium, goes before the medium scatters its light.

@@ -54,18 +54,19 @@ KERNEL vec3 met_dome(const SceneView& scene, const Path& path, const DomePlace* 
   if (dome.texture != kNone) at = place ? *place : dome_place(dome, path.ray.direction);
   float weight = 1;
   if (path.pdf > 0 && dome.probability > 0) {
-    weight = mis_weight(path.pdf, dome_pdf(dome, path.from.p, path.ray.direction, at));
+    const float pdf = dome_pdf(dome, path.from, path.ray.direction, at);
+    weight = mis_weight(path.pdf, sky_share(scene, path.from) * pdf);
   }
   return dome_radiance(scene, at.uv) * weight;
 }
 
 /// Radiance of a sun where the path leaves the scene, weighted; 0 unless it meets the sun.
-KERNEL vec3 met_sun(const SunView& sun, const Path& path) {
+KERNEL vec3 met_sun(const SceneView& scene, const SunView& sun, const Path& path) {
   if (!(sun.visibility & path.mask) || !in_sun(sun, path.ray.direction, path.ray.time))
     return vec3(0);
   if (path.pdf <= 0) return sun.radiance;
   if (!shows_to_all(sun.visibility)) return vec3(0);
-  return sun.radiance * mis_weight(path.pdf, sun_pdf(sun));
+  return sun.radiance * mis_weight(path.pdf, sky_share(scene, path.from) * sun_pdf(sun));
 }
 
 /// The path leaves the scene.
@@ -82,7 +83,7 @@ HELIO_STEP KERNEL void miss(const PathContext<T>& c, const Path& path, const Dom
   };
   add(met_dome(c.scene, path, place), c.scene.dome.light_group);
   for (u32 i = 0; i < c.scene.sun_count; ++i) {
-    add(met_sun(c.scene.suns[i], path), c.scene.suns[i].light_group);
+    add(met_sun(c.scene, c.scene.suns[i], path), c.scene.suns[i].light_group);
   }
 }
 
@@ -97,8 +98,8 @@ KERNEL float emission_weight(const SceneView& scene, const Path& path, const Hit
 
 /// The path meets a surface: counts what it emits; false when the path ends there.
 template <Tracer T>
-KERNEL bool hit_surface(const PathContext<T>& c, Path& path, const Hit& hit, Vertex& v,
-                        SampleValues& sample) {
+HELIO_ONCE KERNEL bool hit_surface(const PathContext<T>& c, Path& path, const Hit& hit, Vertex& v,
+                                   SampleValues& sample) {
   new (&v.surface)  // in place: these are large
       Surface(surface_at(c.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), c.time));
   const Surface& s = v.surface;
@@ -180,10 +181,11 @@ HELIO_STEP KERNEL bool mix_casters(const Vertex& v, bool aimed, float choice, ve
 template <Tracer T>
 KERNEL bool scatter(const PathContext<T>& c, Path& path, Vertex& v, SampleValues& sample) {
   const float share = v.casters->probability;
+  const u32 chances = vertex_pair(path, kChancePair);
   const bool chooses = share > 0 || chooses_lobe(v.bsdf);
-  float choice = chooses ? c.sampler.get1(vertex_pair(path, kLobeChoice)) : 0;
+  float choice = chooses ? c.sampler.get1(chances) : 0;
   const bool aimed = choice < share;
-  choice = aimed ? choice / share : (choice - share) / (1 - share);
+  choice = aimed ? stretched(choice, share) : stretched(choice - share, 1 - share);
   const vec2 u = c.sampler.get2(vertex_pair(path, kScatterPair));
   BsdfSample s;
   bool goes_on = sample_bsdf(v.bsdf, choice, u, s);
@@ -206,7 +208,7 @@ KERNEL bool scatter(const PathContext<T>& c, Path& path, Vertex& v, SampleValues
                    : transmitted            ? kTransmissionRay
                                             : kGlossyRay;
   go_on(c, path, {offset_point(v.surface, s.wi), s.wi, s.pdf, mask, receiver_of(v, c.time)});
-  return survives(c, path);
+  return survives(c, path, chances);
 }
 
 /// Whether the hemisphere above the vertex is open in a direction chosen by cosine.
@@ -226,8 +228,7 @@ HELIO_CALL KERNEL float open_hemisphere(const PathContext<T>& c, const Vertex& v
 
 template <Tracer T>
 KERNEL CatcherNumbers catcher_numbers(const PathContext<T>& c, const Path& path) {
-  return {hole_key(c, kShadowHoleHash), c.sampler.get1(vertex_pair(path, kLightChoice)),
-          c.sampler.get2(vertex_pair(path, kLightPair)),
+  return {hole_key(c, kShadowHoleHash), c.sampler.get2(vertex_pair(path, kLightPair)),
           c.sampler.get2(vertex_pair(path, kScatterPair))};
 }
 

@@ -21,12 +21,16 @@ enum Dimension : u32 {
   kLensPair = kTimePair + 1,
   kFirstFlightPair = 1u << 25
 };
-enum VertexDimension : u32 { kLightPair, kScatterPair, kLightChoice, kLobeChoice, kVertexPairs };
+enum VertexDimension : u32 {
+  kLightPair,    // a light and a direction to it
+  kScatterPair,  // a direction in which the path goes on
+  kChancePair,   // x: which of the surface's lobes; y: whether the path survives
+  kVertexPairs
+};
 /// Numbers of unstratified random choices.
 enum Hashed : u32 {
   kHoleHash = 0,
   kShadowHoleHash = 64,
-  kRouletteHash = 128,
   kOcclusionHash = 192,
   kCollisionHash = 4096,
   kShadowCollisionHash = 8192,
@@ -117,13 +121,15 @@ KERNEL void go_on(const PathContext<T>& c, Path& path, const Onward& onward) {
 
 /// Ends the path by chance where it carries little; unbiased. The root lets fewer live paths end
 /// than the throughput itself: they carry what the many that ended would have.
+///
+/// chances   kChancePair of the vertex that it goes on from
 template <Tracer T>
-KERNEL bool survives(const PathContext<T>& c, Path& path) {
+KERNEL bool survives(const PathContext<T>& c, Path& path, u32 chances) {
   if (path.edges <= c.settings.roulette_depth) return true;
   const float carried = max_component(path.throughput) * path.radiance_scale;
   if (carried >= 1) return true;
   const float chance = std::sqrt(carried);
-  if (unit_float(c.sampler.hash_of(kRouletteHash + path.edges)) >= chance) return false;
+  if (c.sampler.get2(chances).y >= chance) return false;
   path.throughput *= 1 / chance;
   return true;
 }

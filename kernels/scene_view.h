@@ -249,7 +249,7 @@ struct DomeView {
   vec3 radiance;  // multiplies the texture
   mat3 world_from_dome;
   mat3 dome_from_world;
-  float probability;  // of choosing the dome among all lights; 0: no light
+  float probability;  // of choosing the dome among the lights of the sky; 0: no light
   u32 light_group;
   bool camera_visible;
   // Piecewise-constant density over the texels, luminance times solid angle; null: uniform
@@ -273,7 +273,7 @@ struct SunView {
   u32 segments;                  // 0: it stands still
   float depth;                   // 1 - cosine of its angular radius: its solid angle over 2 pi
   vec3 radiance;
-  float probability;  // of choosing it among all lights
+  float probability;  // of choosing it among the lights of the sky
   u32 visibility;     // ray mask bits
   u32 light_group;
 };
@@ -360,7 +360,7 @@ struct SceneView {
   DomeView dome;
   const SunView* suns;
   u32 sun_count;
-  float surface_probability;  // of choosing a light of the tree among all
+  float sky_power;  // of the dome and the suns, as importance() counts; 0: there are none
   const CasterView* casters;
   u32 caster_count;
   const CastLightView* cast_lights;

@@ -134,11 +134,12 @@ HELIO_RARE KERNEL bool scatter_inside(const PathContext<T>& c, Path& path, Verte
   if (path.edges == 1) path.route = {vec3(0), FirstVertex::kWalksInside};
   const vec3 wi =
       to_world(v.bsdf.frame, sample_cosine(c.sampler.get2(vertex_pair(path, kScatterPair))));
+  const u32 chances = vertex_pair(path, kChancePair);
   const BsdfValue f = scattered(exit, wi, kAllRays);
   if (!(f.pdf > 0 && f.diffuse.x > 0)) return false;
   path.throughput *= f.diffuse / f.pdf;
   go_on(c, path, {offset_point(v.surface, wi), wi, f.pdf, kDiffuseRay, receiver_of(exit, c.time)});
-  return survives(c, path);
+  return survives(c, path, chances);
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -69,8 +69,6 @@ std::vector<kernels::CastLightView> find_cast_lights(const Lights& lights, const
   return found;
 }
 
-float caster_probability(const Lights& lights) {
-  return kProbability * (1 - lights.dome.probability);
-}
+float caster_probability(const Lights& lights) { return kProbability * (1 - lights.dome_share); }
 
 }  // namespace heliograph::resident

@@ -20,6 +20,9 @@ namespace {
 constexpr double kSmallestShare = 1e-3;
 // Of the lights of the tree, of the suns and of the dome, where others exist.
 constexpr double kSmallestGroupShare = 0.1;
+// Of a dome without a picture, whose light scattered rays find as well, this much counts where it
+// competes with lights: 2 to 5 % less variance in the scene of `heliograph dataset mesh`.
+constexpr double kEvenDome = 0.1;
 
 // A profile that sends less to the back counts as one that sends nothing there.
 constexpr double kNoBack = 1e-9;
@@ -373,10 +376,13 @@ void Lighter::distribute(double dome_power) {
   if (sum > 0) shares /= sum;
   double sun_sum = 0;
   for (double& s : suns) sun_sum += s = std::max(s, kSmallestShare * sun_power);
+  const double sky = shares.y + shares.z;
   for (std::size_t i = 0; i < suns.size(); ++i)
-    made_->suns[i].probability = float(shares.y * suns[i] / sun_sum);
-  made_->surface_probability = float(shares.x);
-  made_->dome.probability = float(shares.z);
+    made_->suns[i].probability = float(shares.y / sky * suns[i] / sun_sum);
+  made_->dome_share = float(shares.z);
+  made_->dome.probability = sky > 0 ? float(shares.z / sky) : 0;
+  const double dome_needs = made_->dome_tables ? dome_power : kEvenDome * dome_power;
+  made_->sky_power = float(4 * M_PI * (sun_power + dome_needs) / scene_section());
   made_->tree = before_ && before_->tree->bounds == bounds_ ? before_->tree
                                                             : make_top_tree(std::move(bounds_));
   for (std::size_t i = 0; i < made_->lights.size(); ++i)

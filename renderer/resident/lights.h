@@ -39,7 +39,8 @@ struct Lights {
   std::vector<kernels::SunView> suns;
   std::vector<std::vector<kernels::MotionKey>> sun_keys;  // by sun; empty: it stands still
   std::vector<std::string> groups;  // the structure's, then those of suns and the dome
-  float surface_probability = 0;    // of the lights together
+  float sky_power = 0;              // of the dome and the suns, as kernels::importance() counts
+  float dome_share = 0;             // of the power of all that emits
   kernels::DomeView dome{};
   std::shared_ptr<const DomeTables> dome_tables;  // null: constant
   std::vector<kernels::PortalView> portals;

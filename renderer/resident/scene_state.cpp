@@ -48,7 +48,7 @@ SceneState::SceneState(std::shared_ptr<const Snapshot> snapshot, const TimeSpan&
   view_.dome = lights->dome;
   view_.suns = lights->suns.data();
   view_.sun_count = u32(lights->suns.size());
-  view_.surface_probability = lights->surface_probability;
+  view_.sky_power = lights->sky_power;
   casters_ = find_casters(*placement, *materials, surfaces->focusing);
   view_.casters = casters_.data();
   view_.caster_count = u32(casters_.size());

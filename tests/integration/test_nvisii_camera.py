@@ -182,10 +182,11 @@ def test_clamps_and_depths(camera):
 def test_the_denoiser_makes_smooth(camera):
     pytest.importorskip("pyoidn")
     ball("floor", (0, 0, -11), 10)
+    ball("shade", (0, 0, 0.5), 1.2)
     nvisii.configure_denoiser(use_albedo_guide=True, use_normal_guide=True)
-    noisy = gray(48, 48, 2)
+    noisy = gray(48, 48, 1)
     nvisii.enable_denoiser()
-    smooth = gray(48, 48, 2)
+    smooth = gray(48, 48, 1)
     nvisii.disable_denoiser()
 
     def roughness(image):

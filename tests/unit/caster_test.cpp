@@ -125,7 +125,7 @@ TEST_CASE("casters: the image of a lamp in a mirror ball is where its light is r
   }
 }
 
-TEST_CASE("casters: the picture is the same, at less than a quarter of its variance") {
+TEST_CASE("casters: the picture is the same, at less than a third of its variance") {
   MaterialView plastic = standard_material();
   plastic.constant.base_color = vec3(0.6f);
   const CasterView ball{.center = {0, 0, 1.2f}, .radius = 0.5f, .mirror = 1};
@@ -144,7 +144,7 @@ TEST_CASE("casters: the picture is the same, at less than a quarter of its varia
       const Estimate with = estimate(scene, target, 100);
       const double error = std::sqrt((with.variance + without.variance) / 100);
       CHECK(std::abs(with.mean - without.mean) < 5 * error);
-      CHECK(with.variance < 0.25 * without.variance);
+      CHECK(3 * with.variance < without.variance);
     }
   }
 }

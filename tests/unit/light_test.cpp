@@ -67,8 +67,7 @@ TEST_CASE("light: directions to a stretched, mirrored mesh follow their density 
   Random random;
   const auto sample = [&](double& x, double& y) {
     LightSample s;
-    const float u = random.next();
-    if (!sample_light(view, from(vec3(0)), u, random.next2(), s)) return false;
+    if (!sample_light(view, from(vec3(0)), random.next2(), s)) return false;
     x = std::atan2(double(s.direction.y), double(s.direction.x)) / (2 * M_PI);
     if (x < 0) x += 1;
     y = s.direction.z;
@@ -106,8 +105,7 @@ TEST_CASE(
     int bright = 0, same = 0, found = 0;
     for (int j = 0; j < count; ++j) {
       LightSample s;
-      const float u = random.next();
-      if (!sample_light(view, receiver, u, random.next2(), s)) continue;
+      if (!sample_light(view, receiver, random.next2(), s)) continue;
       const Hit hit = met(s.direction);
       if (hit.instance == kNone) continue;  // a seam
       ++found;
@@ -143,8 +141,7 @@ TEST_CASE("light: a near rectangle is sampled by solid angle (1e-6)") {
   Random random;
   const auto sample = [&](double& x, double& y) {
     LightSample s;
-    const float u = random.next();
-    if (!sample_light(view, receiver, u, random.next2(), s)) return false;
+    if (!sample_light(view, receiver, random.next2(), s)) return false;
     x = std::atan2(double(s.direction.y), double(s.direction.x)) / (2 * M_PI);
     if (x < 0) x += 1;
     y = s.direction.z;
@@ -168,8 +165,7 @@ TEST_CASE("light: the density of a sample is the density of the ray that meets t
   int seen = 0;
   for (int i = 0; i < 1000; ++i) {
     LightSample s;
-    const float u = random.next();
-    if (!sample_light(view, from({1, 0, 0}), u, random.next2(), s)) continue;
+    if (!sample_light(view, from({1, 0, 0}), random.next2(), s)) continue;
     const Hit hit = tracer.closest({vec3(1, 0, 0), s.direction, INFINITY, 0, {}}, kAllRays);
     if (hit.instance == kNone) continue;  // a seam
     const u32 light = surface_at(view, hit.instance, hit.primitive, {hit.u, hit.v}, 0).light;
@@ -188,8 +184,7 @@ TEST_CASE("dome: directions follow their density, which is the one looked up (1e
   int same = 0;
   const auto sample = [&](double& x, double& y) {
     LightSample s;
-    const float u = random.next();
-    if (!sample_light(view, from(vec3(0)), u, random.next2(), s)) return false;
+    if (!sample_light(view, from(vec3(0)), random.next2(), s)) return false;
     const DomePlace place = dome_place(view.dome, s.direction);
     // At the poles u is anything: differences count by their length on the sphere.
     REQUIRE(length((place.uv - s.place) * vec2(place.sine, 1)) < 1e-5f);
@@ -276,8 +271,7 @@ TEST_CASE("light: only the front emits unless two-sided; a mirroring pose keeps 
         scene.add_light(lamp);
         const SceneView& view = scene.finish();
         LightSample s;
-        const bool found =
-            sample_light(view, from({0, 0, above ? 4.0f : 0.0f}), 0.3f, {0.4f, 0.6f}, s);
+        const bool found = sample_light(view, from({0, 0, above ? 4.0f : 0.0f}), {0.4f, 0.6f}, s);
         CHECK(found == (above || two_sided));
         const Surface surface = surface_at(view, lamp, 0, {0.3f, 0.3f}, 0);
         CHECK(surface.ng.z == Approx(1));
@@ -298,7 +292,7 @@ TEST_CASE("light: a textured entity light multiplies its radiance, alpha thins i
   light.texture.texture = texture;
   const SceneView& view = scene.finish();
   LightSample s;
-  REQUIRE(sample_light(view, from({0, 0, 1}), 0.3f, {0.4f, 0.6f}, s));
+  REQUIRE(sample_light(view, from({0, 0, 1}), {0.4f, 0.6f}, s));
   const vec3 radiance = light_radiance(view, s);
   CHECK(radiance.x == Approx(0.5f * 4.25f));
   CHECK(radiance.y == Approx(0.5f * 0.25f));
@@ -338,9 +332,9 @@ TEST_CASE("sun: irradiance is pi L sin^2 of the angular radius, whoever finds it
       path.ray.direction = sun.direction;
       path.mask = kCameraRay;
       path.edges = 1;
-      CHECK(met_sun(view.suns[0], path).y == 3);
+      CHECK(met_sun(view, view.suns[0], path).y == 3);
       path.ray.direction = normalize(sun.direction + vec3(0, 1.01f * std::tan(angle), 0));
-      CHECK(met_sun(view.suns[0], path).y == 0);
+      CHECK(met_sun(view, view.suns[0], path).y == 0);
     }
   }
 }

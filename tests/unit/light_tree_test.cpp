@@ -6,6 +6,7 @@
 #include "kernels/light.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/chi2.h"
+#include "tests/unit/moments.h"
 #include "tests/unit/random.h"
 #include "tests/unit/test_scene.h"
 
@@ -68,19 +69,6 @@ void use_built_tree(TestScene& scene, LightTree& tree) {
   }
   scene.view.light_nodes = tree.nodes.data();
 }
-
-/// Mean and variance of a term over samples.
-struct Moments {
-  double sum = 0, squares = 0;
-  int count = 0;
-  void add(double x) {
-    sum += x;
-    squares += x * x;
-    ++count;
-  }
-  [[nodiscard]] double mean() const { return sum / count; }
-  [[nodiscard]] double variance() const { return squares / count - mean() * mean(); }
-};
 
 }  // namespace
 
@@ -183,12 +171,11 @@ TEST_CASE("light tree: 1,000 emitters: the mean of uniform choice, a tenth of it
     Moments by_tree, uniform;
     for (int i = 0; i < 40000; ++i) {
       LightSample s;
-      const float u = random.next();
-      const bool found = sample_light(scene.view, r, u, random.next2(), s);
+      const bool found = sample_light(scene.view, r, random.next2(), s);
       by_tree.add(found ? double(max2(dot(s.direction, r.n), 0.0f) / s.pdf) : 0);
       const u32 light = min2(u32(random.next() * 1000), 999u);
       const LeafChoice choice{scene.lights[light].leaf, 1e-3f, random.next()};
-      const bool hit = sample_surface_light(scene.view, r, choice, random.next2(), s);
+      const bool hit = sample_surface_light(scene.view, r, choice, random.next(), s);
       uniform.add(hit ? double(max2(dot(s.direction, r.n), 0.0f) / s.pdf) : 0);
     }
     const double error = std::sqrt((by_tree.variance() + uniform.variance()) / 40000);

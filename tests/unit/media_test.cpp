@@ -156,9 +156,9 @@ TEST_CASE("medium: with and without sampled lights fog looks the same") {
       if (sampled) scene.add_light(lamp);
       if (sampled) scene.add_light(outside);
       results[sampled] = mean_beauty(scene.finish(), look_at({0, -2, 0}, {0, 0, 0}, {8, 8}, 1),
-                                     standard_settings(6), sampled ? 1024 : 8192);
+                                     standard_settings(6), sampled ? 2048 : 8192);
     }
-    check(results[1], results[0], 0.02);
+    check(results[1], results[0], 0.03);
   }
 }
 
@@ -207,7 +207,7 @@ TEST_CASE("medium: what scatters all light vanishes in a furnace") {
     scene.add_instance(scene.add(sphere(24)), scene.add(m));
     scene.set_dome(vec3(1));
     const CameraView camera = look_at({0, 0, 4}, {0, 0, 0}, {8, 8}, 0.28f);
-    check(mean_beauty(scene.finish(), camera, standard_settings(2000), 512), vec3(1), 0.01);
+    check(mean_beauty(scene.finish(), camera, standard_settings(2000), 1024), vec3(1), 0.02);
   }
 }
 

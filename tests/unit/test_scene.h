@@ -224,10 +224,10 @@ class TestScene {
     for (u32 i = 0; i < light_nodes_.size(); ++i)
       if (light_nodes_[i].count > 0) lights[light_nodes_[i].first].leaf = i;
     DomeView& dome = view.dome;
-    const float kinds = float(lights.size() + suns.size() + (has_dome_ ? 1 : 0));
+    const float kinds = float(suns.size() + (has_dome_ ? 1 : 0));
     dome.probability = has_dome_ ? 1 / kinds : 0;
     for (SunView& sun : suns) sun.probability = 1 / kinds;
-    view.surface_probability = lights.empty() ? 0 : float(lights.size()) / kinds;
+    view.sky_power = kinds;
     view.suns = suns.data();
     view.sun_count = u32(suns.size());
     if (!has_dome_) dome.texture = kNone;
