@@ -44,7 +44,7 @@ KERNEL vec2 see_catcher(const CatcherScene<T>& c, const Ray& seen, const Catcher
   vec2 caught(0);
   LightSample light;
   Ray ray;
-  const Receiver receiver{s.p, n, Facing::kFront, seen.time};
+  const Receiver receiver = receiver_at(scene, s.p, n, Facing::kFront, seen.time);
   if (sample_light(scene, receiver, u.light, light) && (light.visibility & kDiffuseRay) &&
       shadow_ray(s, light, u.holes, ray)) {
     const float cosine = max2(dot(n, light.direction), 0.0f);
@@ -57,7 +57,7 @@ KERNEL vec2 see_catcher(const CatcherScene<T>& c, const Ray& seen, const Catcher
   const vec3 local = sample_cosine(u.open);
   const vec3 d = to_world(make_frame(n), local);
   const DomePlace place = dome_place(scene.dome, d);
-  const float pdf = sky_share(scene, receiver) * dome_pdf(scene.dome, receiver, d, place);
+  const float pdf = sky_share(receiver) * dome_pdf(scene.dome, receiver, d, place);
   const float weight = mis_weight(local.z * kInvPi, pdf);
   const Ray open{offset_point(s, d), d, INFINITY, seen.time, u.holes};
   return caught + caught_along(c, open, luminance(dome_radiance(scene, place.uv)) * kPi * weight);

@@ -14,20 +14,21 @@ struct Vertex {
   Boundary boundary;
   MaterialValues material;
   Bsdf bsdf;
+  Receiver receiver;
   CasterCones* casters;
 };
 
 // What scatters light, at any point, is to say:
-//   receiver_of    the point as a light tree sees it
+//   receiver       the point as a light tree sees it
 //   scattered      how much of the light from a direction it sends on along the path
 //   leave_towards  where a ray in that direction starts, and what it starts inside of
 //   route_of       the planes that its light belongs to where it is the path's first
 
 /// A clearcoat may have a normal of its own, but no light from below the surface.
-KERNEL Receiver receiver_of(const Vertex& v, float time) {
+KERNEL Receiver receiver_of(const SceneView& scene, const Vertex& v, float time) {
   const Bsdf& b = v.bsdf;
-  return {v.surface.p, is_layered(b) ? b.ng : b.frame.n,
-          b.glass > 0 ? Facing::kBoth : Facing::kFront, time};
+  return receiver_at(scene, v.surface.p, is_layered(b) ? b.ng : b.frame.n,
+                     b.glass > 0 ? Facing::kBoth : Facing::kFront, time);
 }
 /// Density [1/sr] with which scatter() takes a direction whose density among the surface's own is
 /// `pdf`. Casters are looked for on the near side only.
@@ -97,7 +98,7 @@ KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Point&
                          SampleValues& sample) {
   LightSample light;
   const vec2 u = c.sampler.get2(vertex_pair(path, kLightPair));
-  if (!sample_light(c.scene, receiver_of(at, c.time), u, light)) return;
+  if (!sample_light(c.scene, at.receiver, u, light)) return;
   const BsdfValue f = scattered(at, light.direction, light.visibility);
   const vec3 total = f.diffuse + f.glossy;
   if (!(max_component(total) > 0)) return;

@@ -34,7 +34,7 @@ struct LightSample {
 /// none knows what hides the others.
 inline constexpr float kLeastShare = 0.05f;
 
-/// Probability of choosing a light of the tree, by what it and the sky may send to a point.
+/// Receiver::surface_share, by what the lights of the tree and the sky may send to a point.
 HELIO_STEP KERNEL float surface_share(const SceneView& scene, const Receiver& from) {
   if (scene.light_count == 0) return 0;
   if (!(scene.sky_power > 0)) return 1;
@@ -46,8 +46,12 @@ HELIO_STEP KERNEL float surface_share(const SceneView& scene, const Receiver& fr
   const float share = surfaces / (surfaces + received * scene.sky_power);
   return share >= 0 ? min2(max2(share, kLeastShare), 1 - kLeastShare) : 0.5f;
 }
-KERNEL float sky_share(const SceneView& scene, const Receiver& from) {
-  return 1 - surface_share(scene, from);
+KERNEL float sky_share(const Receiver& from) { return 1 - from.surface_share; }
+
+KERNEL Receiver receiver_at(const SceneView& scene, vec3 p, vec3 n, Facing facing, float time) {
+  Receiver receiver{p, n, facing, time, 0};
+  receiver.surface_share = surface_share(scene, receiver);
+  return receiver;
 }
 
 // ---------------------------------------------------------------- surfaces
@@ -87,7 +91,7 @@ HELIO_STEP KERNEL float light_pdf(const SceneView& scene, Receiver from, const H
   const TriangleTree& tree = at.light.tree;
   const float chosen = leaf_probability(scene.light_nodes, at.light.leaf, from, false);
   if (at.mesh.shape != Shape::kTriangles) {
-    return surface_share(scene, from) * chosen * shape_pdf(at, from.p, direction, hit.t);
+    return from.surface_share * chosen * shape_pdf(at, from.p, direction, hit.t);
   }
   const u32 entry = tree.entry_of_triangle[hit.primitive];
   float within = 1;
@@ -96,7 +100,7 @@ HELIO_STEP KERNEL float light_pdf(const SceneView& scene, Receiver from, const H
                               emits_back(at.light));
   }
   const float pdf =
-      surface_share(scene, from) * chosen * within * leaf_pdf(at, entry, from.p, direction, hit.t);
+      from.surface_share * chosen * within * leaf_pdf(at, entry, from.p, direction, hit.t);
   return pdf > 0 ? pdf : 0;
 }
 
@@ -374,10 +378,10 @@ KERNEL bool sample_sky(const SceneView& scene, const Receiver& from, vec2 u, Lig
 ///     pixel are as even over each light as over all
 HELIO_STEP KERNEL bool sample_light(const SceneView& scene, const Receiver& from, vec2 u,
                                     LightSample& out) {
-  const float surfaces = surface_share(scene, from);
   out.time = from.time;
+  const float surfaces = from.surface_share;
   if (u.x >= surfaces) {
-    const float sky = 1 - surfaces;
+    const float sky = sky_share(from);
     if (!sample_sky(scene, from, vec2(stretched(u.x - surfaces, sky), u.y), out)) return false;
     out.pdf *= sky;
     return true;

@@ -20,13 +20,15 @@ struct Receiver {
   vec3 n;  // unit; unused for kAny
   Facing facing;
   float time;
+  float surface_share;  // probability with which sample_light() chooses among the scene's tree
 };
 
 /// The receiver in the object space of an instance that has this pose. Half-spaces stay
 /// half-spaces: what cannot count in the world cannot count there.
 KERNEL Receiver to_object(const ObjectPose& pose, const Receiver& r) {
   return {transform_point(pose.object_from_world, r.p),
-          normalize_or(transform_normal(pose.world_from_object, r.n), vec3(0)), r.facing, r.time};
+          normalize_or(transform_normal(pose.world_from_object, r.n), vec3(0)), r.facing, r.time,
+          r.surface_share};
 }
 
 // ---------------------------------------------------------------- bounds
@@ -182,7 +184,7 @@ KERNEL void choose_leaf(const LightNode* nodes, const Receiver& r, bool two_side
     const float share = first_share(a, b, r, two_sided);
     const bool second = io.rest >= share;
     const float part = second ? 1 - share : share;
-    io.rest = min2((second ? io.rest - share : io.rest) / part, 1 - 0x1p-24f);
+    io.rest = stretched(second ? io.rest - share : io.rest, part);
     io.probability *= part;
     io.node = node.first + u32(second);
     node = second ? b : a;

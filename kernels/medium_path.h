@@ -9,41 +9,41 @@ namespace heliograph::kernels::inline HELIO_ISA {
 
 /// A point of a medium that scatters light which came along `direction` (unit).
 struct MediumPoint {
-  vec3 p;
+  Receiver receiver;
   vec3 direction;
   float g;
 };
 
-KERNEL Receiver receiver_of(const MediumPoint& at, float time) {
-  return {at.p, vec3(0), Facing::kAny, time};
-}
 KERNEL BsdfValue scattered(const MediumPoint& at, vec3 wi, u32 visibility) {
   const float density = phase_density(at.g, dot(at.direction, wi));
   return {vec3(visibility & kVolumeRay ? density : 0), vec3(0), density};
 }
-KERNEL vec3 leave_towards(const MediumPoint& at, vec3, Inside&) { return at.p; }
+KERNEL vec3 leave_towards(const MediumPoint& at, vec3, Inside&) { return at.receiver.p; }
 KERNEL Route route_of(const MediumPoint&, vec3, const BsdfValue&) {
   return {vec3(0), FirstVertex::kInVolume};
 }
 
-/// A medium scatters the path, whose throughput counts that; false when it ends there.
+/// A medium with mean cosine g scatters the path `distance` metres along its ray; its throughput
+/// counts that already. False when it ends there.
 template <Tracer T>
-KERNEL bool scatter_in_medium(const PathContext<T>& c, Path& path, const MediumPoint& at,
+KERNEL bool scatter_in_medium(const PathContext<T>& c, Path& path, float distance, float g,
                               SampleValues& sample) {
   sample.hit = true;
+  path.cone.width += path.cone.spread * distance;
   if (!path.guided) {
     sample.albedo = glm::min(path.throughput * path.radiance_scale, vec3(1));
     path.guided = true;
   }
   if (path.edges >= c.settings.max_depth || is_black(path.throughput)) return false;
+  const vec3 p = path.ray.origin + path.ray.direction * distance;
+  const MediumPoint at{receiver_at(c.scene, p, vec3(0), Facing::kAny, c.time), path.ray.direction,
+                       g};
   if (has_lights(c.scene)) sample_light(c, path, at, sample);
   if (path.edges == 1) path.route = {vec3(0), FirstVertex::kInVolume};
-  const u32 chances = vertex_pair(path, kChancePair);
-  const vec3 wi = sample_phase(at.g, at.direction, c.sampler.get2(vertex_pair(path, kScatterPair)));
-  go_on(
-      c, path,
-      {at.p, wi, phase_density(at.g, dot(at.direction, wi)), kVolumeRay, receiver_of(at, c.time)});
-  return survives(c, path, chances);
+  const vec3 wi = sample_phase(g, at.direction, c.sampler.get2(vertex_pair(path, kScatterPair)));
+  const float pdf = phase_density(g, dot(at.direction, wi));
+  go_on(c, path, {p, wi, pdf, kVolumeRay, at.receiver});
+  return survives(c, path);
 }
 
 /// How far the path's ray, which starts in a medium, goes before the medium scatters its light.
@@ -70,10 +70,8 @@ HELIO_RARE KERNEL Flown end_flight(const PathContext<T>& c, Path& path, const Fl
   }
   if (!(max_component(path.throughput) > 0)) return Flown::kEnded;
   if (passes) return Flown::kPassed;
-  path.cone.width += path.cone.spread * flight.distance;
-  const vec3 p = path.ray.origin + path.ray.direction * flight.distance;
-  const MediumPoint at{p, path.ray.direction, medium.g};
-  return scatter_in_medium(c, path, at, sample) ? Flown::kScattered : Flown::kEnded;
+  const bool goes_on = scatter_in_medium(c, path, flight.distance, medium.g, sample);
+  return goes_on ? Flown::kScattered : Flown::kEnded;
 }
 
 /// The path goes straight on through a surface that does not scatter; false when it ends.

@@ -55,18 +55,18 @@ KERNEL vec3 met_dome(const SceneView& scene, const Path& path, const DomePlace* 
   float weight = 1;
   if (path.pdf > 0 && dome.probability > 0) {
     const float pdf = dome_pdf(dome, path.from, path.ray.direction, at);
-    weight = mis_weight(path.pdf, sky_share(scene, path.from) * pdf);
+    weight = mis_weight(path.pdf, sky_share(path.from) * pdf);
   }
   return dome_radiance(scene, at.uv) * weight;
 }
 
 /// Radiance of a sun where the path leaves the scene, weighted; 0 unless it meets the sun.
-KERNEL vec3 met_sun(const SceneView& scene, const SunView& sun, const Path& path) {
+KERNEL vec3 met_sun(const SunView& sun, const Path& path) {
   if (!(sun.visibility & path.mask) || !in_sun(sun, path.ray.direction, path.ray.time))
     return vec3(0);
   if (path.pdf <= 0) return sun.radiance;
   if (!shows_to_all(sun.visibility)) return vec3(0);
-  return sun.radiance * mis_weight(path.pdf, sky_share(scene, path.from) * sun_pdf(sun));
+  return sun.radiance * mis_weight(path.pdf, sky_share(path.from) * sun_pdf(sun));
 }
 
 /// The path leaves the scene.
@@ -83,7 +83,7 @@ HELIO_STEP KERNEL void miss(const PathContext<T>& c, const Path& path, const Dom
   };
   add(met_dome(c.scene, path, place), c.scene.dome.light_group);
   for (u32 i = 0; i < c.scene.sun_count; ++i) {
-    add(met_sun(c.scene, c.scene.suns[i], path), c.scene.suns[i].light_group);
+    add(met_sun(c.scene.suns[i], path), c.scene.suns[i].light_group);
   }
 }
 
@@ -121,6 +121,7 @@ HELIO_ONCE KERNEL bool hit_surface(const PathContext<T>& c, Path& path, const Hi
     at.outside = v.boundary.outside;
     set_bsdf(v.bsdf, v.material, at);
     if (scatters(v.bsdf)) {
+      v.receiver = receiver_of(c.scene, v, c.time);
       if (path.edges <= kCasterEdges && v.bsdf.diffuse_probability > 0 &&
           c.scene.caster_count > 0) {
         see_casters(*v.casters, c.scene, s.p, v.bsdf.frame.n);
@@ -181,9 +182,8 @@ HELIO_STEP KERNEL bool mix_casters(const Vertex& v, bool aimed, float choice, ve
 template <Tracer T>
 KERNEL bool scatter(const PathContext<T>& c, Path& path, Vertex& v, SampleValues& sample) {
   const float share = v.casters->probability;
-  const u32 chances = vertex_pair(path, kChancePair);
   const bool chooses = share > 0 || chooses_lobe(v.bsdf);
-  float choice = chooses ? c.sampler.get1(chances) : 0;
+  float choice = chooses ? c.sampler.get1(vertex_pair(path, kChancePair)) : 0;
   const bool aimed = choice < share;
   choice = aimed ? stretched(choice, share) : stretched(choice - share, 1 - share);
   const vec2 u = c.sampler.get2(vertex_pair(path, kScatterPair));
@@ -207,8 +207,8 @@ KERNEL bool scatter(const PathContext<T>& c, Path& path, Vertex& v, SampleValues
   const u32 mask = s.lobe == Lobe::kDiffuse ? kDiffuseRay
                    : transmitted            ? kTransmissionRay
                                             : kGlossyRay;
-  go_on(c, path, {offset_point(v.surface, s.wi), s.wi, s.pdf, mask, receiver_of(v, c.time)});
-  return survives(c, path, chances);
+  go_on(c, path, {offset_point(v.surface, s.wi), s.wi, s.pdf, mask, v.receiver});
+  return survives(c, path);
 }
 
 /// Whether the hemisphere above the vertex is open in a direction chosen by cosine.

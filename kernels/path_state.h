@@ -73,6 +73,7 @@ KERNEL HoleKey hole_key(const PathContext<T>& c, u32 number) {
   return {c.scene.any_holes ? c.sampler.hash_of(number) : 0, false};
 }
 
+/// Of the vertex at the end of the path's ray.
 KERNEL u32 vertex_pair(const Path& path, u32 dimension) {
   return kFirstVertexPair + (path.edges - 1) * kVertexPairs + dimension;
 }
@@ -121,14 +122,13 @@ KERNEL void go_on(const PathContext<T>& c, Path& path, const Onward& onward) {
 
 /// Ends the path by chance where it carries little; unbiased. The root lets fewer live paths end
 /// than the throughput itself: they carry what the many that ended would have.
-///
-/// chances   kChancePair of the vertex that it goes on from
 template <Tracer T>
-KERNEL bool survives(const PathContext<T>& c, Path& path, u32 chances) {
+KERNEL bool survives(const PathContext<T>& c, Path& path) {
   if (path.edges <= c.settings.roulette_depth) return true;
   const float carried = max_component(path.throughput) * path.radiance_scale;
   if (carried >= 1) return true;
   const float chance = std::sqrt(carried);
+  const u32 chances = vertex_pair(path, kChancePair) - kVertexPairs;  // of the vertex left
   if (c.sampler.get2(chances).y >= chance) return false;
   path.throughput *= 1 / chance;
   return true;

@@ -30,10 +30,7 @@ HELIO_CALL KERNEL bool hit_volume(const PathContext<T>& c, Path& path, const Col
     sample.hit = true;
     return false;
   }
-  path.cone.width += path.cone.spread * at.t;
-  const vec3 forward = path.ray.direction;
-  const vec3 p = path.ray.origin + forward * at.t;
-  return scatter_in_medium(c, path, {p, forward, volume.anisotropy}, sample);
+  return scatter_in_medium(c, path, at.t, volume.anisotropy, sample);
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -83,10 +83,8 @@ KERNEL Walk walk_body(const T& tracer, u32 instance, const Interior& medium, Ray
 /// A surface that light leaves from inside a body.
 struct BodyExit {
   const Vertex& v;
+  Receiver receiver;
 };
-KERNEL Receiver receiver_of(const BodyExit& at, float time) {
-  return {at.v.surface.p, at.v.bsdf.frame.n, Facing::kFront, time};
-}
 KERNEL BsdfValue scattered(const BodyExit& at, vec3 wi, u32 visibility) {
   const float leaving = visibility & kDiffuseRay ? leaving_body(at.v.bsdf, wi) : 0;
   const float density = max2(dot(at.v.bsdf.frame.n, wi), 0.0f) * kInvPi;
@@ -129,17 +127,16 @@ template <Tracer T>
 HELIO_RARE KERNEL bool scatter_inside(const PathContext<T>& c, Path& path, Vertex& v,
                                       SampleValues& sample) {
   if (path.edges >= c.settings.max_depth || !cross_body(c, path, v, sample)) return false;
-  const BodyExit exit{v};
+  const BodyExit exit{v, receiver_at(c.scene, v.surface.p, v.bsdf.frame.n, Facing::kFront, c.time)};
   if (has_lights(c.scene)) sample_light(c, path, exit, sample);
   if (path.edges == 1) path.route = {vec3(0), FirstVertex::kWalksInside};
   const vec3 wi =
       to_world(v.bsdf.frame, sample_cosine(c.sampler.get2(vertex_pair(path, kScatterPair))));
-  const u32 chances = vertex_pair(path, kChancePair);
   const BsdfValue f = scattered(exit, wi, kAllRays);
   if (!(f.pdf > 0 && f.diffuse.x > 0)) return false;
   path.throughput *= f.diffuse / f.pdf;
-  go_on(c, path, {offset_point(v.surface, wi), wi, f.pdf, kDiffuseRay, receiver_of(exit, c.time)});
-  return survives(c, path, chances);
+  go_on(c, path, {offset_point(v.surface, wi), wi, f.pdf, kDiffuseRay, exit.receiver});
+  return survives(c, path);
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -69,7 +69,7 @@ KERNEL Choice choose(const float* cdf, u32 first, u32 count, float u) {
   }
   const float start = first > 0 ? cdf[first - 1] : 0;
   const float width = cdf[first] - start;
-  return {first, width, width > 0 ? min2((u - start) / width, 1 - 0x1p-24f) : 0};
+  return {first, width, stretched(u - start, width)};
 }
 KERNEL Choice choose(const float* cdf, u32 count, float u) { return choose(cdf, 0, count, u); }
 

@@ -177,7 +177,7 @@ class Wave {
       view_.reaches[item] = reach;
     }
     store_whole(view_.paths[item], kept_of(path));
-    store_whole(view_.rays[item], WaveRay{path.ray, path.mask});
+    store_whole(view_.rays[item], WaveRay{path.ray, path.mask, path.from.surface_share});
     keep_route(2 * item, path.route);
   }
   KERNEL void keep_light(u32 item, const LaterLight& later) const {

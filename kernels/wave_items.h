@@ -38,6 +38,7 @@ KERNEL void store_whole(T& to, const T& value) {
 struct alignas(16) WaveRay {
   Ray ray;
   u32 mask;
+  float surface_share;  // of Path::from, for which WavePath has no room
 };
 struct alignas(16) WaveHit {
   Hit hit;
@@ -89,7 +90,7 @@ KERNEL void take_up(const WavePath& kept, const WaveRay& ray, Path& path) {
   path.mask = ray.mask;
   path.throughput = kept.throughput;
   path.pdf = kept.pdf;
-  path.from = {kept.from_p, kept.from_n, Facing(kept.facing), ray.ray.time};
+  path.from = {kept.from_p, kept.from_n, Facing(kept.facing), ray.ray.time, ray.surface_share};
   path.radiance_scale = kept.radiance_scale;
   path.edges = kept.edges;
   path.passed = kept.passed;

@@ -18,7 +18,7 @@ namespace {
 // A light far dimmer than the others still gets this share of the mean: it may be the only one that
 // a corner of the scene sees.
 constexpr double kSmallestShare = 1e-3;
-// Of the lights of the tree, of the suns and of the dome, where others exist.
+// Of what all lights of the tree, all suns and the dome send, each counts for so much at least.
 constexpr double kSmallestGroupShare = 0.1;
 // Of a dome without a picture, whose light scattered rays find as well, this much counts where it
 // competes with lights: 2 to 5 % less variance in the scene of `heliograph dataset mesh`.
@@ -119,10 +119,10 @@ class Lighter {
   void add_light(const kernels::LightView& base, u32 part, double power, bool forward);
   [[nodiscard]] EmissionMap emission_map(u32 index, u32 part) const;
   void add_sun(u32 entity);
-  double add_dome();
+  double add_dome();  // returns its luminance, integrated over the sphere
   void add_portals(const Texture* texture);
   [[nodiscard]] double scene_section() const;
-  void distribute(double dome_power);
+  void distribute(double dome);
   const PartTrees& trees(u32 mesh) {
     auto& entry = made_->part_trees[mesh];
     if (!entry) entry = part_trees(*placement_.meshes[mesh], {}, cache_);
@@ -336,7 +336,7 @@ double Lighter::add_dome() {
     integral = tables.integral;
   }
   add_portals(texture ? texture->value.get() : nullptr);
-  return scene_section() * double(luminance(integral * view.radiance));
+  return double(luminance(integral * view.radiance));
 }
 
 void Lighter::add_portals(const Texture* texture) {
@@ -354,35 +354,37 @@ void Lighter::add_portals(const Texture* texture) {
 }
 
 /// Shares of the lights, of the suns and of the dome in proportion to their power, none too small.
-void Lighter::distribute(double dome_power) {
+void Lighter::distribute(double dome) {
   double total = 0;
   for (const auto& b : bounds_) total += double(b.power);
   // All may be too dim for a float, or too many.
   const double least = total > 0 ? kSmallestShare * total / double(bounds_.size()) : 1;
-  glm::dvec3 shares(0, 0, dome_power);
+  double lamps = 0;
   for (auto& b : bounds_) {
     b.power = std::max(b.power, float(least));
-    shares.x += double(b.power);
+    lamps += double(b.power);
   }
   std::vector<double> suns;
+  double all_suns = 0;
   for (const auto& sun : made_->suns) {
-    suns.push_back(scene_section() * 2 * M_PI * double(sun.depth * luminance(sun.radiance)));
-    shares.y += suns.back();
+    suns.push_back(2 * M_PI * double(sun.depth * luminance(sun.radiance)));
+    all_suns += suns.back();
   }
-  const double all = shares.x + shares.y + shares.z, sun_power = shares.y;
+  glm::dvec3 shares(lamps, scene_section() * all_suns, scene_section() * dome);
+  const double all = shares.x + shares.y + shares.z;
   double sum = 0;
   for (int i = 0; i < 3; ++i)
     if (shares[i] > 0) sum += shares[i] = std::max(shares[i] / all, kSmallestGroupShare);
   if (sum > 0) shares /= sum;
   double sun_sum = 0;
-  for (double& s : suns) sun_sum += s = std::max(s, kSmallestShare * sun_power);
+  for (double& s : suns) sun_sum += s = std::max(s, kSmallestShare * all_suns);
   const double sky = shares.y + shares.z;
   for (std::size_t i = 0; i < suns.size(); ++i)
     made_->suns[i].probability = float(shares.y / sky * suns[i] / sun_sum);
   made_->dome_share = float(shares.z);
   made_->dome.probability = sky > 0 ? float(shares.z / sky) : 0;
-  const double dome_needs = made_->dome_tables ? dome_power : kEvenDome * dome_power;
-  made_->sky_power = float(4 * M_PI * (sun_power + dome_needs) / scene_section());
+  const double dome_needs = made_->dome_tables ? dome : kEvenDome * dome;
+  made_->sky_power = float(4 * M_PI * (all_suns + dome_needs));
   made_->tree = before_ && before_->tree->bounds == bounds_ ? before_->tree
                                                             : make_top_tree(std::move(bounds_));
   for (std::size_t i = 0; i < made_->lights.size(); ++i)

@@ -14,7 +14,7 @@ TEST_CASE("dome: without a picture, directions go by the receiver's cosine (1e-6
   scene.set_dome(vec3(1));
   const SceneView& view = scene.finish();
   for (const Facing facing : {Facing::kFront, Facing::kBoth, Facing::kAny}) {
-    const Receiver receiver{vec3(0), normalize(vec3(1, 2, 2)), facing, 0};
+    const Receiver receiver = receiver_at(view, vec3(0), normalize(vec3(1, 2, 2)), facing, 0);
     Random random;
     int same = 0;
     const auto sample = [&](double& x, double& y) {
@@ -37,9 +37,6 @@ TEST_CASE("dome: without a picture, directions go by the receiver's cosine (1e-6
 
 namespace {
 
-/// A point in a medium: every direction counts alike.
-const Receiver kEverywhere{vec3(0), vec3(0), Facing::kAny, 0};
-
 enum Emitters : u32 { kLamp = 1, kSun = 2, kSky = 4 };
 struct Lit {
   TestScene scene;
@@ -61,7 +58,8 @@ struct Lit {
     if (emitters & kSky) scene.set_dome(vec3(0.5f));
     scene.finish();
   }
-  Moments irradiance(const Receiver& at) const {
+  Moments irradiance(vec3 p, vec3 n) const {
+    const Receiver at = receiver_at(scene.view, p, n, Facing::kFront, 0);
     Random random;
     Moments moments;
     for (int i = 0; i < 100000; ++i) {
@@ -80,22 +78,23 @@ TEST_CASE("light: lamps, suns and a dome together send what each sends alone (1e
   const Lit all(kLamp | kSun | kSky);
   const SceneView& view = all.scene.view;
   for (const float z : {1.5f, 0.0f, -20.0f}) {
-    const Receiver at{{0.2f, 0, z}, vec3(0, 0, 1), Facing::kFront, 0};
-    const Moments together = all.irradiance(at);
+    const vec3 p(0.2f, 0, z), n(0, 0, 1);
+    const Moments together = all.irradiance(p, n);
     double sum = 0, variance = together.variance();
     for (const u32 kind : {kLamp, kSun, kSky}) {
-      const Moments alone = Lit(kind).irradiance(at);
+      const Moments alone = Lit(kind).irradiance(p, n);
       sum += alone.mean();
       variance += alone.variance();
     }
     INFO("z " << z << ": " << together.mean() << " and " << sum);
     CHECK(std::fabs(together.mean() - sum) < 5 * std::sqrt(variance / 100000));
     // The lamp is met with the density that it is sampled with.
+    const Receiver at = receiver_at(view, p, n, Facing::kFront, 0);
     LightSample s;
-    REQUIRE(sample_light(view, at, {0.5f * surface_share(view, at), 0.5f}, s));
+    REQUIRE(sample_light(view, at, {0.5f * at.surface_share, 0.5f}, s));
     REQUIRE(s.light == 0);
     const TestTracer tracer(view);
-    const Hit hit = tracer.closest({at.p, s.direction, INFINITY, 0, {}}, kAllRays);
+    const Hit hit = tracer.closest({p, s.direction, INFINITY, 0, {}}, kAllRays);
     REQUIRE(hit.instance == all.lamp);
     CHECK(light_pdf(view, at, hit, s.direction, 0) == Approx(s.pdf).epsilon(1e-3));
   }
@@ -103,17 +102,19 @@ TEST_CASE("light: lamps, suns and a dome together send what each sends alone (1e
 
 TEST_CASE("light: what is chosen more often is what may send more") {
   const Lit lit(kLamp | kSky);
-  const SceneView& view = lit.scene.view;
   const auto share = [&](float z, vec3 n) {
-    return surface_share(view, {{0, 0, z}, n, Facing::kFront, 0});
+    return receiver_at(lit.scene.view, {0, 0, z}, n, Facing::kFront, 0).surface_share;
   };
   const vec3 up(0, 0, 1);
   CHECK(share(1.9f, up) == 1 - kLeastShare);
   CHECK(share(-2, up) > share(-4, up));
   CHECK(share(-1000, up) == kLeastShare);
   CHECK(share(0, -up) == kLeastShare);  // its light does not come there
-  CHECK(surface_share(Lit(kLamp).scene.view, kEverywhere) == 1);
-  CHECK(surface_share(Lit(kSun | kSky).scene.view, kEverywhere) == 0);
+  const auto in_medium = [](const Lit& in) {
+    return receiver_at(in.scene.view, vec3(0), vec3(0), Facing::kAny, 0).surface_share;
+  };
+  CHECK(in_medium(Lit(kLamp)) == 1);
+  CHECK(in_medium(Lit(kSun | kSky)) == 0);
 }
 
 TEST_CASE("light: the samples of a pixel are stratified over each light") {
@@ -122,7 +123,7 @@ TEST_CASE("light: the samples of a pixel are stratified over each light") {
   for (const float x : {-4.0f, -1.0f, 1.5f, 6.0f})
     scene.add_light(scene.add_instance(mesh, material, pose(rotation({1, 0, 0}, kPi), {x, 0, 2})));
   const SceneView& view = scene.finish();
-  const Receiver at{vec3(0), vec3(0, 0, 1), Facing::kFront, 0};
+  const Receiver at = receiver_at(view, vec3(0), vec3(0, 0, 1), Facing::kFront, 0);
   const auto received = [&](vec2 u) {
     LightSample s;
     return sample_light(view, at, u, s) ? double(s.direction.z / s.pdf) : 0;

@@ -11,7 +11,7 @@ using namespace heliograph::test;
 
 namespace {
 
-const Receiver kFloor{vec3(0), vec3(0, 0, 1), Facing::kFront, 0};
+const Receiver kFloor{vec3(0), vec3(0, 0, 1), Facing::kFront, 0, 1};
 
 /// A light of radiance 1 in all channels.
 struct Lamp {

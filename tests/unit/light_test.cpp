@@ -11,7 +11,9 @@ using namespace heliograph::test;
 namespace {
 
 /// A point in a medium: every direction counts alike.
-Receiver from(vec3 p) { return {p, vec3(0), Facing::kAny, 0}; }
+Receiver from(const SceneView& view, vec3 p) {
+  return receiver_at(view, p, vec3(0), Facing::kAny, 0);
+}
 
 vec3 sky_at(const SceneView& view, vec3 d) {
   return dome_radiance(view, dome_place(view.dome, d).uv);
@@ -58,7 +60,7 @@ TEST_CASE("light: directions to a stretched, mirrored mesh follow their density 
       if (hit.instance == kNone) break;
       t += hit.t;
       hit.t = t;
-      sum += double(light_pdf(view, from(vec3(0)), hit, d, 0));
+      sum += double(light_pdf(view, from(view, vec3(0)), hit, d, 0));
       ray.origin = d * (t + 1e-4f);
       t += 1e-4f;
     }
@@ -67,7 +69,7 @@ TEST_CASE("light: directions to a stretched, mirrored mesh follow their density 
   Random random;
   const auto sample = [&](double& x, double& y) {
     LightSample s;
-    if (!sample_light(view, from(vec3(0)), random.next2(), s)) return false;
+    if (!sample_light(view, from(view, vec3(0)), random.next2(), s)) return false;
     x = std::atan2(double(s.direction.y), double(s.direction.x)) / (2 * M_PI);
     if (x < 0) x += 1;
     y = s.direction.z;
@@ -86,7 +88,7 @@ TEST_CASE(
     scene.add_light(i);
     const SceneView& view = scene.finish();
     const TestTracer tracer(view);
-    const Receiver receiver{vec3(0), vec3(0, 0, 1), Facing::kFront, 0};
+    const Receiver receiver = receiver_at(view, vec3(0), vec3(0, 0, 1), Facing::kFront, 0);
     const auto met = [&](vec3 d) {
       return tracer.closest({vec3(0), d, INFINITY, 0, {}}, kAllRays);
     };
@@ -126,7 +128,7 @@ TEST_CASE("light: a near rectangle is sampled by solid angle (1e-6)") {
   scene.add_light(i);
   const SceneView& view = scene.finish();
   const TestTracer tracer(view);
-  const Receiver receiver{vec3(0), vec3(0, 0, 1), Facing::kFront, 0};
+  const Receiver receiver = receiver_at(view, vec3(0), vec3(0, 0, 1), Facing::kFront, 0);
   float least = INFINITY, most = 0;
   const auto density = [&](double x, double y) {
     const double z = y, r = std::sqrt(1 - z * z), phi = 2 * M_PI * x;
@@ -165,11 +167,12 @@ TEST_CASE("light: the density of a sample is the density of the ray that meets t
   int seen = 0;
   for (int i = 0; i < 1000; ++i) {
     LightSample s;
-    if (!sample_light(view, from({1, 0, 0}), random.next2(), s)) continue;
+    if (!sample_light(view, from(view, {1, 0, 0}), random.next2(), s)) continue;
     const Hit hit = tracer.closest({vec3(1, 0, 0), s.direction, INFINITY, 0, {}}, kAllRays);
     if (hit.instance == kNone) continue;  // a seam
     const u32 light = surface_at(view, hit.instance, hit.primitive, {hit.u, hit.v}, 0).light;
-    if (light_pdf(view, from({1, 0, 0}), hit, s.direction, light) == Approx(s.pdf).epsilon(1e-3))
+    if (light_pdf(view, from(view, {1, 0, 0}), hit, s.direction, light) ==
+        Approx(s.pdf).epsilon(1e-3))
       ++seen;
   }
   CHECK(seen > 950);  // the rest is hidden behind another light
@@ -184,7 +187,7 @@ TEST_CASE("dome: directions follow their density, which is the one looked up (1e
   int same = 0;
   const auto sample = [&](double& x, double& y) {
     LightSample s;
-    if (!sample_light(view, from(vec3(0)), random.next2(), s)) return false;
+    if (!sample_light(view, from(view, vec3(0)), random.next2(), s)) return false;
     const DomePlace place = dome_place(view.dome, s.direction);
     // At the poles u is anything: differences count by their length on the sphere.
     REQUIRE(length((place.uv - s.place) * vec2(place.sine, 1)) < 1e-5f);
@@ -271,7 +274,8 @@ TEST_CASE("light: only the front emits unless two-sided; a mirroring pose keeps 
         scene.add_light(lamp);
         const SceneView& view = scene.finish();
         LightSample s;
-        const bool found = sample_light(view, from({0, 0, above ? 4.0f : 0.0f}), {0.4f, 0.6f}, s);
+        const bool found =
+            sample_light(view, from(view, {0, 0, above ? 4.0f : 0.0f}), {0.4f, 0.6f}, s);
         CHECK(found == (above || two_sided));
         const Surface surface = surface_at(view, lamp, 0, {0.3f, 0.3f}, 0);
         CHECK(surface.ng.z == Approx(1));
@@ -292,7 +296,7 @@ TEST_CASE("light: a textured entity light multiplies its radiance, alpha thins i
   light.texture.texture = texture;
   const SceneView& view = scene.finish();
   LightSample s;
-  REQUIRE(sample_light(view, from({0, 0, 1}), {0.4f, 0.6f}, s));
+  REQUIRE(sample_light(view, from(view, {0, 0, 1}), {0.4f, 0.6f}, s));
   const vec3 radiance = light_radiance(view, s);
   CHECK(radiance.x == Approx(0.5f * 4.25f));
   CHECK(radiance.y == Approx(0.5f * 0.25f));
@@ -332,9 +336,9 @@ TEST_CASE("sun: irradiance is pi L sin^2 of the angular radius, whoever finds it
       path.ray.direction = sun.direction;
       path.mask = kCameraRay;
       path.edges = 1;
-      CHECK(met_sun(view, view.suns[0], path).y == 3);
+      CHECK(met_sun(view.suns[0], path).y == 3);
       path.ray.direction = normalize(sun.direction + vec3(0, 1.01f * std::tan(angle), 0));
-      CHECK(met_sun(view, view.suns[0], path).y == 0);
+      CHECK(met_sun(view.suns[0], path).y == 0);
     }
   }
 }

@@ -48,7 +48,7 @@ Receiver random_receiver(Random& random) {
   const float kind = random.next();
   const Facing facing = kind < 0.5f ? Facing::kFront : kind < 0.8f ? Facing::kBoth : Facing::kAny;
   const vec3 p = in_box(random, 1.5f);
-  return {p, direction(random), facing, 0};
+  return {p, direction(random), facing, 0, 1};
 }
 
 double sum_of_probabilities(const LightTree& tree, const Receiver& r) {
@@ -167,7 +167,8 @@ TEST_CASE("light tree: 1,000 emitters: the mean of uniform choice, a tenth of it
   double ratio = 0;
   const int receivers = 20;
   for (int k = 0; k < receivers; ++k) {
-    const Receiver r{in_box(random, 2), direction(random), Facing::kFront, 0};
+    const vec3 p = in_box(random, 2);
+    const Receiver r = receiver_at(scene.view, p, direction(random), Facing::kFront, 0);
     Moments by_tree, uniform;
     for (int i = 0; i < 40000; ++i) {
       LightSample s;
