@@ -2,13 +2,13 @@
 beside. Two steps, in two environments:
 
     datasets_blender.py dump SCENE FILE.npz [COUNT=6]    with .venv: shapes, poses, views of draws
-    datasets_blender.py run FILE.npz [SPP=64]            with a Python that has bpy
+    datasets_blender.py run FILE.npz [SPP=64]            with a Python that has bpy and OpenEXR
 
 `run` sets the poses, the camera, the materials with their textures and the lights of each draw,
-and renders 640x480 with depth, normals, object indices and, for MESH, vectors, into a multilayer
-EXR for each image: one process, data kept between pictures, Blender's best case. Labels are left
-out, in its favour; domes are turned at random. Prints seconds an image; the first one, which builds
-everything, is apart.
+renders 640x480 with depth, normals, object indices and, for MESH, vectors, into a multilayer EXR
+for each image, and writes a PNG and the labels (blender_labels.py): one process, data kept between
+pictures, draws made before, Blender's best case. Domes are turned at random. Prints seconds an
+image, and those for labels among them; the first one, which builds everything, is apart.
 """
 
 import json
@@ -149,11 +149,6 @@ class Blender:
         layer = self.scene.view_layers[0]
         layer.use_pass_z = layer.use_pass_normal = layer.use_pass_object_index = True
         layer.use_pass_vector = str(self.data["scene"]) == "mesh"
-        image = render.image_settings
-        if hasattr(image, "media_type"):
-            image.media_type = "MULTI_LAYER_IMAGE"
-        image.file_format = "OPEN_EXR_MULTILAYER"
-        image.color_depth = "32"
 
     def _materials(self):
         self.images = {}
@@ -276,29 +271,47 @@ class Blender:
             mapping["Location"].default_value = (x, y, 0)
 
     def render(self, path):
+        """PATH.exr with all passes, and PATH.png."""
+        image = self.scene.render.image_settings
         self.scene.render.filepath = str(path)
+        self._choose(image, "MULTI_LAYER_IMAGE", "OPEN_EXR_MULTILAYER", "32")
         self.bpy.ops.render.render(write_still=True)
+        self._choose(image, "IMAGE", "PNG", "8")
+        result = self.bpy.data.images["Render Result"]
+        result.save_render(str(path.with_suffix(".png")), scene=self.scene)
+
+    @staticmethod
+    def _choose(image, kind, file_format, depth):
+        if hasattr(image, "media_type"):
+            image.media_type = kind
+        image.file_format, image.color_depth = file_format, depth
 
 
 def run(path, spp):
+    from blender_labels import Labels
+
     start = time.perf_counter()
     with np.load(path) as file:
         data = dict(file)
-    blender = Blender(data, spp)
-    took = []
+    blender, labels = Blender(data, spp), Labels(data)
+    took, labelling = [], []
     with tempfile.TemporaryDirectory(dir="/dev/shm") as folder:
         for index in range(len(blender.draws)):
             blender.draw(index)
-            blender.render(Path(folder, f"{index:06d}"))
+            to = Path(folder, f"{index:06d}")
+            blender.render(to)
+            rendered = time.perf_counter()
+            labels.write(to.with_suffix(".exr"), blender.draws[index], to.with_suffix(".json"))
             took.append(time.perf_counter() - start)
+            labelling.append(time.perf_counter() - rendered)
             start = time.perf_counter()
-        sizes = [file.stat().st_size for file in Path(folder).iterdir()]
+        size = sum(file.stat().st_size for file in Path(folder).iterdir()) / len(took)
     rest = took[1:]
     print(
         f"blender {blender.bpy.app.version_string}, {data['scene']}, {spp} spp: first image "
         f"{took[0]:.1f} s, then {np.median(rest):.2f} s an image ({min(rest):.2f} to "
-        f"{max(rest):.2f}), {60 / np.median(rest):.1f} images a minute; {len(sizes)} files of "
-        f"{np.mean(sizes) / 1e6:.1f} MB"
+        f"{max(rest):.2f}, labels {np.median(labelling[1:]):.2f}), {60 / np.median(rest):.1f} "
+        f"images a minute of {size / 1e6:.1f} MB"
     )
 
 

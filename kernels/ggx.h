@@ -107,12 +107,9 @@ KERNEL Albedo albedo_at(const AlbedoRow& row, float cosine) {
   const float w = place - float(column);
   const float* a = row.first + 2 * column;
   const float* b = row.second + 2 * column;
-  const float total_a = a[0] + (a[2] - a[0]) * w;
-  const float total_b = b[0] + (b[2] - b[0]) * w;
-  const float schlick_a = a[1] + (a[3] - a[1]) * w;
-  const float schlick_b = b[1] + (b[3] - b[1]) * w;
-  return {total_a + (total_b - total_a) * row.weight,
-          schlick_a + (schlick_b - schlick_a) * row.weight};
+  const vec4 first(a[0], a[1], a[2], a[3]), second(b[0], b[1], b[2], b[3]);
+  const vec4 both = first + (second - first) * row.weight;
+  return {both.x + (both.z - both.x) * w, both.y + (both.w - both.y) * w};
 }
 
 /// A row of the tables for anisotropic microfacets.

@@ -1,6 +1,7 @@
 // What a device must do. Calls come from the one thread that owns the device, unless they say so.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <functional>
 #include <memory>
@@ -67,6 +68,20 @@ struct FilmPart {
   std::vector<std::byte> sums;
 };
 
+/// How long a job has a device.
+struct Slice {
+  TimePoint end;                              // where somebody waits
+  TimePoint last;                             // where nobody does
+  const std::atomic<u32>* waiting = nullptr;  // jobs; null: there may always be some
+
+  [[nodiscard]] static bool is_alone(const std::atomic<u32>* waiting) {
+    return waiting && waiting->load(std::memory_order_relaxed) == 0;
+  }
+  [[nodiscard]] bool is_over() const {
+    return std::chrono::steady_clock::now() >= (is_alone(waiting) ? last : end);
+  }
+};
+
 /// When to give up. Checked between pieces of work of at most some milliseconds.
 struct Interrupt {
   std::stop_token stop;
@@ -103,6 +118,8 @@ class Film {
   [[nodiscard]] virtual u32 tiles_across() const = 0;     // of one
   [[nodiscard]] virtual u32 samples(u32 tile) const = 0;  // taken so far
   [[nodiscard]] virtual u64 rays() const = 0;             // traced so far
+  /// Share of the range that was left half way, as far as the device tells.
+  [[nodiscard]] virtual double share_of_range() const { return 0; }
 };
 
 class Backend {
@@ -147,24 +164,20 @@ class Backend {
   /// shots   at most pictures_at_once(), whose jobs differ in their snapshots and seeds alone, and
   ///         whose pictures have one size. Thread: as prepare_all(); a film may be destroyed by any
   [[nodiscard]] virtual Expected<std::unique_ptr<Film>> begin(std::span<const Shot> shots) = 0;
-  /// Whether render() may return before its range is done. Then ranges need not fit into a slice.
-  [[nodiscard]] virtual bool pauses() const { return false; }
-  /// Traces the mean planes' samples of a range. Returns whether it is done; where it is not, the
-  /// next call for the film is the same again and goes on. The result does not depend on how work
-  /// is split.
-  ///
-  /// until   when a backend that pauses is to return
-  [[nodiscard]] virtual Expected<bool> render(Film& film, const WorkRange& range, TimePoint until,
-                                              const Interrupt& interrupt) = 0;
+  /// Traces the mean planes' samples of a range. Returns whether it is done: the slice may be over
+  /// before. Then the next call for the film is the same again and goes on. The result does not
+  /// depend on how work is split.
+  [[nodiscard]] virtual Expected<bool> render(Film& film, const WorkRange& range,
+                                              const Slice& slice, const Interrupt& interrupt) = 0;
   /// What a film of one picture has of a run whose tiles have the same samples. `rays` and
   /// `seconds` are left to the caller.
   [[nodiscard]] virtual Expected<FilmPart> take(Film& film, const TileRun& tiles) = 0;
   /// Sets it in the film of the same job, or of one with more centre planes, on another device of
   /// the same kind.
   [[nodiscard]] virtual Status put(Film& film, const FilmPart& part) = 0;
-  /// Traces the centre planes of a range of tiles.
-  [[nodiscard]] virtual Status probe(Film& film, u32 first_tile, u32 tile_count,
-                                     const Interrupt& interrupt) = 0;
+  /// Traces the centre planes of all tiles. Returns as render() does.
+  [[nodiscard]] virtual Expected<bool> probe(Film& film, const Slice& slice,
+                                             const Interrupt& interrupt) = 0;
   /// Label columns of each picture; the film's centre planes are complete.
   [[nodiscard]] virtual Expected<std::vector<std::vector<Column>>> labels(
       Film& film, const Interrupt& interrupt) = 0;

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <condition_variable>
 #include <deque>
 #include <mutex>
@@ -117,6 +118,7 @@ class Engine::Impl final : public Others {
   void device_loop(u32 index);
   void warm_loop();
   void push(std::unique_ptr<Work> work);  // under mutex_
+  void count_waiting();                   // under mutex_
   [[nodiscard]] std::optional<Queue::Turn> next(u32 index);
   [[nodiscard]] bool may_take(u32 index, const Work& work) const;  // under mutex_
   std::unique_ptr<Work> account(u32 index, const Queue::Turn& turn, double cost, bool is_done);
@@ -140,6 +142,7 @@ class Engine::Impl final : public Others {
   std::vector<DeviceThread> devices_;
   Queue ready_{options_.credit, options_.turn};  // warm
   std::deque<std::unique_ptr<Work>> cold_;       // waiting for it
+  std::atomic<u32> waiting_ = 0;                 // of the ready ones, those that do not run
   double seconds_a_job_ = 0;
   u32 losses_ = 0;
   std::string lost_because_;
@@ -151,6 +154,12 @@ void Engine::Impl::push(std::unique_ptr<Work> work) {
   const Origin origin = work->origin();
   const bool is_short = work->is_short();
   ready_.push(origin, is_short, std::move(work));
+  count_waiting();
+}
+
+void Engine::Impl::count_waiting() {
+  const auto runs = [](const DeviceThread& device) { return device.step_began.has_value(); };
+  waiting_ = u32(ready_.size()) - u32(std::ranges::count_if(devices_, runs));
 }
 
 void Engine::Impl::device_loop(u32 index) {
@@ -159,7 +168,7 @@ void Engine::Impl::device_loop(u32 index) {
   while (const auto turn = next(index)) {
     const auto start = Clock::now();
     const bool is_done = turn->item()->step(
-        {*device.backend, denoiser_, options_.slice, others, options_.spread_samples});
+        {*device.backend, denoiser_, options_.slice, waiting_, others, options_.spread_samples});
     const double cost = std::chrono::duration<double>(Clock::now() - start).count();
     const bool is_lost = device.backend->is_lost();
     if (const auto done = account(index, *turn, cost, is_done && !is_lost)) done->finish();
@@ -202,6 +211,7 @@ std::optional<Queue::Turn> Engine::Impl::next(u32 index) {
     if (!work.begun) work.begun = device.step_began;
     work.place = index;
     work.runs = true;
+    count_waiting();
     lock.unlock();
     if (devices_.size() > 1) changed_.notify_all();  // it is no longer the first idle one
     return turn;

@@ -37,7 +37,7 @@ struct EngineOptions {
   u32 devices = 0;  // of its kind, the first ones; 0: all that are there
   BackendOptions device;
   JobLimits limits;
-  std::chrono::milliseconds slice{10};  // the longest a job has the device at a time
+  std::chrono::milliseconds slice{10};  // how long a job has the device where others wait
   double credit = 0.5;  // seconds of the device that one may be served ahead of the others
   double turn = 0.05;   // seconds of the device that one goes on for among equals
   /// Of all pixels of a picture: one that takes as many is rendered by all devices that are idle.

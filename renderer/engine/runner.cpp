@@ -16,10 +16,9 @@
 namespace heliograph {
 namespace {
 
-/// How much of what a sample took counts when the next ones take less: dear tiles come back after
-/// cheap ones, and a slice that was sized by cheap ones would be many times too long. What took
-/// more than kDearest times as long was a disturbance.
-constexpr double kRemembered = 0.98, kDearest = 8;
+/// Slices that one is as long as where nobody waits: a CPU's threads wait for each other at its
+/// end.
+constexpr double kAlone = 10;
 /// Of the device: many jobs that take turns report no more than one alone would.
 constexpr auto kReportEvery = std::chrono::milliseconds(100);
 
@@ -64,11 +63,17 @@ bool Runner::Pause::await_ready() const {
 
 double Runner::in_slice() const { return seconds(Clock::now() - resumed_); }
 
-TimePoint Runner::slice_end() const {
-  return resumed_ + std::chrono::duration_cast<Clock::duration>(context_.slice);
+Slice Runner::slice() const {
+  const auto end_of = [this](double length) {
+    return resumed_ + std::chrono::duration_cast<Clock::duration>(length * context_.slice);
+  };
+  return {end_of(1), end_of(kAlone), context_.waiting};
 }
 
-double Runner::slice_left() const { return context_.slice.count() - in_slice(); }
+double Runner::slice_left() const {
+  const double length = Slice::is_alone(context_.waiting) ? kAlone : 1;
+  return length * context_.slice.count() - in_slice();
+}
 
 Steps Runner::run() {
   if (helped_) co_return co_await help();
@@ -176,18 +181,14 @@ Steps Runner::label(Film& film) {
 }
 
 Steps Runner::probe(Film& film) {
-  for (u32 tile = 0; tile < film.tiles();) {
-    const double wanted = seconds_per_probe_ > 0 ? slice_left() / seconds_per_probe_ : 4;
-    const u32 left = film.tiles() - tile;
-    const u32 count = context_.backend.pauses() ? left : u32(std::clamp(wanted, 1.0, double(left)));
-    const auto start = Clock::now();
-    HELIO_CO_TRY(context_.backend.probe(film, tile, count, context_.interrupt));
-    seconds_per_probe_ = seconds(Clock::now() - start) / count;
-    tile += count;
-    samples_ += u64(count) * kernels::kTilePixels;
+  for (bool is_done = false; !is_done;) {
+    const auto done = context_.backend.probe(film, slice(), context_.interrupt);
+    if (!done) co_return std::unexpected(done.error());
+    is_done = *done;
     HELIO_CO_TRY(co_await pause());
     report(film, 0, false);
   }
+  samples_ += u64(film.tiles()) * kernels::kTilePixels;
   co_return Status{};
 }
 
@@ -273,53 +274,31 @@ bool Runner::finished(Film& film, u32 done) {
   return false;
 }
 
-/// A pass of a backend that pauses by itself.
-Steps Runner::long_pass(Film& film, WorkRange range) {
+Steps Runner::pass(Film& film, Tiles tiles, u32 first, u32 count) {
+  const WorkRange range{tiles.begin, tiles.end - tiles.begin, first, count};
+  const u64 taken = u64(range.tile_count) * count;
+  const double before = used_before_ + in_slice();
   for (;;) {
-    const auto done = context_.backend.render(film, range, slice_end(), context_.interrupt);
+    const auto done = context_.backend.render(film, range, slice(), context_.interrupt);
+    in_range_ = film.share_of_range() * double(taken);
     if (!done) co_return std::unexpected(done.error());
     if (*done) break;
+    report(film, share_done(film), false);
     HELIO_CO_TRY(co_await pause());
   }
-  const u64 taken = u64(range.tile_count) * range.sample_count;
+  in_range_ = 0;
+  seconds_per_sample_ = (used_before_ + in_slice() - before) / double(taken);
   tile_samples_ += taken;
   samples_ += taken * kernels::kTilePixels;
   report(film, share_done(film), false);
   co_return co_await pause();
 }
 
-Steps Runner::pass(Film& film, Tiles tiles, u32 first, u32 count) {
-  if (context_.backend.pauses())
-    co_return co_await long_pass(film, {tiles.begin, tiles.end - tiles.begin, first, count});
-  for (u32 tile = tiles.begin; tile < tiles.end;) {
-    // A slice is some tiles with all samples of the pass, or one tile with some of them.
-    double fits = seconds_per_sample_ > 0 ? slice_left() / seconds_per_sample_ : 1;
-    const u32 wide = u32(std::clamp(fits / count, 1.0, double(tiles.end - tile)));
-    for (u32 taken = 0; taken < count;) {
-      fits = seconds_per_sample_ > 0 ? slice_left() / seconds_per_sample_ : 1;
-      const u32 samples = u32(std::clamp(fits / wide, 1.0, double(count - taken)));
-      const auto start = Clock::now();
-      HELIO_CO_TRY(context_.backend.render(film, {tile, wide, first + taken, samples}, slice_end(),
-                                           context_.interrupt));
-      const double took = seconds(Clock::now() - start) / (double(wide) * samples);
-      seconds_per_sample_ =
-          std::max(took, std::min(kRemembered * seconds_per_sample_, kDearest * took));
-      taken += samples;
-      tile_samples_ += u64(wide) * samples;
-      samples_ += u64(wide) * samples * kernels::kTilePixels;
-      HELIO_CO_TRY(co_await pause());
-    }
-    tile += wide;
-    report(film, share_done(film), false);
-  }
-  co_return Status{};
-}
-
 double Runner::seconds_in_film() const { return seconds(Clock::now() - film_start_); }
 
 double Runner::share_done(const Film& film) const {
   const StopRule& stop = job_->stop;
-  double share = stop.spp > 0 ? double(tile_samples_) / film.tiles() / stop.spp : 0;
+  double share = stop.spp > 0 ? (double(tile_samples_) + in_range_) / film.tiles() / stop.spp : 0;
   if (stop.seconds > 0)
     share = std::max(share, seconds_in_film() * double(job_->cameras.size()) / stop.seconds);
   if (stop.noise > 0 && noise_ > 0) share = std::max(share, std::pow(stop.noise / noise_, 2));

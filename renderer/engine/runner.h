@@ -3,6 +3,7 @@
 
 #include <future>
 
+#include "kernels/film.h"
 #include "renderer/engine/engine.h"
 #include "renderer/engine/post.h"
 #include "renderer/engine/spread.h"
@@ -25,9 +26,10 @@ struct RunnerContext {
   Denoiser& denoiser;
   JobSink* sink;  // null: of a helper
   const Interrupt& interrupt;
-  std::chrono::duration<double> slice;  // the longest time between two pauses
-  Others* others = nullptr;             // null: there are none
-  u64 spread_samples = ~u64(0);         // EngineOptions::spread_samples
+  std::chrono::duration<double> slice;        // between two pauses, where somebody waits
+  const std::atomic<u32>* waiting = nullptr;  // Slice::waiting
+  Others* others = nullptr;                   // null: there are none
+  u64 spread_samples = ~u64(0);               // EngineOptions::spread_samples
 };
 
 class Runner {
@@ -43,7 +45,9 @@ class Runner {
   [[nodiscard]] const Status& result() const { return steps_.result(); }
   [[nodiscard]] u64 rays() const { return rays_before_; }
   /// Of all pixels; a centre plane's ray counts as one.
-  [[nodiscard]] u64 samples() const { return samples_; }
+  [[nodiscard]] u64 samples() const {
+    return samples_ + u64(in_range_ * double(kernels::kTilePixels));
+  }
   /// Of devices that helped.
   [[nodiscard]] double helper_seconds() const { return helper_seconds_; }
 
@@ -94,7 +98,6 @@ class Runner {
   [[nodiscard]] Steps sample_noisy(Film& film);
   [[nodiscard]] Steps round(Film& film, const std::vector<u32>& tiles);
   [[nodiscard]] Steps pass(Film& film, Tiles tiles, u32 first, u32 count);
-  [[nodiscard]] Steps long_pass(Film& film, WorkRange range);
   [[nodiscard]] u32 most_samples() const;
   [[nodiscard]] u32 next_pass(u32 done) const;
   [[nodiscard]] bool out_of_time() const;
@@ -111,7 +114,7 @@ class Runner {
   };
   [[nodiscard]] Pause pause() { return {*this}; }
   [[nodiscard]] double in_slice() const;  // seconds, so far
-  [[nodiscard]] TimePoint slice_end() const;
+  [[nodiscard]] Slice slice() const;
   [[nodiscard]] double slice_left() const;  // seconds
   void report(const Film& film, double done_in_film, bool force);
   [[nodiscard]] double share_done(const Film& film) const;
@@ -128,9 +131,9 @@ class Runner {
   u64 samples_ = 0;
   double noise_;                   // the latest estimate
   u64 tile_samples_ = 0;           // of this film, summed over its tiles
+  double in_range_ = 0;            // the same of a range that is not done
   u64 tile_rounds_ = 0;            // of this film, adaptive
-  double seconds_per_sample_ = 0;  // of one sample of a whole tile, of the dearest lately
-  double seconds_per_probe_ = 0;   // of one tile
+  double seconds_per_sample_ = 0;  // of one sample of a whole tile, lately
   Clock::time_point resumed_;
   double helper_seconds_ = 0;
   double used_before_ = 0;  // seconds of the device, in the slices before this one

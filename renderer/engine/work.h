@@ -15,8 +15,9 @@ struct Device {
   Backend& backend;
   Denoiser& denoiser;
   std::chrono::milliseconds slice;
-  Others* others;      // null: it is the only one
-  u64 spread_samples;  // EngineOptions::spread_samples
+  const std::atomic<u32>& waiting;  // jobs that do not run
+  Others* others;                   // null: it is the only one
+  u64 spread_samples;               // EngineOptions::spread_samples
 };
 
 using Snapshots = std::vector<std::shared_ptr<const Snapshot>>;
@@ -78,9 +79,9 @@ class RenderWork final : public Work {
   bool step(const Device& device) override {
     result_ = guard([&]() -> Status {
       if (!runner_)
-        runner_.emplace(job_,
-                        RunnerContext{device.backend, device.denoiser, sink_.get(), interrupt(),
-                                      device.slice, device.others, device.spread_samples});
+        runner_.emplace(job_, RunnerContext{device.backend, device.denoiser, sink_.get(),
+                                            interrupt(), device.slice, &device.waiting,
+                                            device.others, device.spread_samples});
       is_done_ = runner_->step();
       return is_done_ ? runner_->result() : Status{};
     });
@@ -121,7 +122,7 @@ class HelpWork final : public Work {
     result_ = guard([&]() -> Status {
       if (!runner_)
         runner_.emplace(spread_, RunnerContext{device.backend, device.denoiser, nullptr,
-                                               interrupt(), device.slice});
+                                               interrupt(), device.slice, &device.waiting});
       is_done_ = runner_->step();
       return is_done_ ? runner_->result() : Status{};
     });

@@ -113,10 +113,10 @@ class FaultyBackend : public Backend {
   [[nodiscard]] Expected<std::unique_ptr<Film>> begin(std::span<const Shot> shots) override {
     return inner_->begin(shots);
   }
-  [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, TimePoint until,
+  [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, const Slice& slice,
                                       const Interrupt& interrupt) override {
     HELIO_TRY(fault());
-    return inner_->render(film, range, until, interrupt);
+    return inner_->render(film, range, slice, interrupt);
   }
   [[nodiscard]] Expected<FilmPart> take(Film& film, const TileRun& tiles) override {
     HELIO_TRY(fault());
@@ -126,10 +126,10 @@ class FaultyBackend : public Backend {
     HELIO_TRY(fault());
     return inner_->put(film, part);
   }
-  [[nodiscard]] Status probe(Film& film, u32 first_tile, u32 tile_count,
-                             const Interrupt& interrupt) override {
+  [[nodiscard]] Expected<bool> probe(Film& film, const Slice& slice,
+                                     const Interrupt& interrupt) override {
     HELIO_TRY(fault());
-    return inner_->probe(film, first_tile, tile_count, interrupt);
+    return inner_->probe(film, slice, interrupt);
   }
   [[nodiscard]] Expected<std::vector<std::vector<Column>>> labels(
       Film& film, const Interrupt& interrupt) override {
@@ -211,7 +211,6 @@ class FaultyGpu final : public FaultyBackend {
   }
   [[nodiscard]] Expected<std::string> denoiser() override { return inner().denoiser(); }
   [[nodiscard]] MemoryUse memory() const override { return inner().memory(); }
-  [[nodiscard]] bool pauses() const override { return inner().pauses(); }
   [[nodiscard]] bool is_lost() const override { return inner().is_lost(); }
   void abandon() override { inner().abandon(); }
 

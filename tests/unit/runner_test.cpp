@@ -26,9 +26,11 @@ class SlowFilm final : public Film {
   [[nodiscard]] u32 tiles_across() const override { return 16; }
   [[nodiscard]] u32 samples(u32) const override { return 0; }
   [[nodiscard]] u64 rays() const override { return 0; }
+
+  u32 next = 0;  // tile of the range that was left
 };
 
-/// Sleeps for as long as an uneven image takes.
+/// Sleeps for as long as an uneven image takes, a tile at a time.
 class SlowBackend final : public Backend {
  public:
   [[nodiscard]] std::string_view name() const override { return "slow"; }
@@ -42,23 +44,28 @@ class SlowBackend final : public Backend {
   [[nodiscard]] Expected<std::unique_ptr<Film>> begin(std::span<const Shot>) override {
     return std::make_unique<SlowFilm>();
   }
-  [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, TimePoint,
+  [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, const Slice& slice,
                                       const Interrupt&) override {
-    double tiles = 0;  // cheap ones
-    for (u32 tile = range.first_tile; tile < range.first_tile + range.tile_count; ++tile) {
+    u32& next = static_cast<SlowFilm&>(film).next;
+    while (next < range.tile_count) {
+      const u32 tile = range.first_tile + next++;
       const u32 x = tile % film.tiles_across(), y = tile / film.tiles_across();
-      tiles += x >= 4 && x < 12 && y >= 4 && y < 12 ? kDear : 1;
+      const bool is_dear = x >= 4 && x < 12 && y >= 4 && y < 12;
+      const Seconds time = (is_dear ? kDear : 1) * range.sample_count * kCheap;
+      std::this_thread::sleep_for(time);
+      taken += time;
+      if (next < range.tile_count && slice.is_over()) return false;
     }
-    const Seconds time = tiles * range.sample_count * kCheap;
-    std::this_thread::sleep_for(time);
-    taken += time;
+    next = 0;
     return true;
   }
   [[nodiscard]] Expected<FilmPart> take(Film&, const TileRun&) override {
     return std::unexpected(not_there());
   }
   [[nodiscard]] Status put(Film&, const FilmPart&) override { return std::unexpected(not_there()); }
-  [[nodiscard]] Status probe(Film&, u32, u32, const Interrupt&) override { return {}; }
+  [[nodiscard]] Expected<bool> probe(Film&, const Slice&, const Interrupt&) override {
+    return true;
+  }
   [[nodiscard]] Expected<std::vector<std::vector<Column>>> labels(Film&,
                                                                   const Interrupt&) override {
     return std::unexpected(not_there());
@@ -105,6 +112,18 @@ TEST_CASE("runner: who comes while a job runs waits for less than a slice, cheap
   // waits for half of it.
   const double wait = squares / 2 / backend.taken.count();
   CHECK(wait <= kSlice.count());
+}
+
+TEST_CASE("runner: a slice ends where somebody waits, and later where nobody does") {
+  const auto now = std::chrono::steady_clock::now();
+  const TimePoint past = now - std::chrono::hours(1), future = now + std::chrono::hours(1);
+  std::atomic<u32> waiting = 0;
+  CHECK_FALSE(Slice{past, future, &waiting}.is_over());
+  CHECK(Slice{past, past, &waiting}.is_over());
+  waiting = 1;
+  CHECK(Slice{past, future, &waiting}.is_over());
+  CHECK_FALSE(Slice{future, future, &waiting}.is_over());
+  CHECK(Slice{past, future}.is_over());
 }
 
 TEST_CASE("runner: jobs that take turns tell their progress no more often than one alone") {

@@ -54,7 +54,7 @@ class Pair final : public Others {
  public:
   Pair(const RenderJob& job, u32 lives) : lives_(lives) {
     Runner owner(std::make_shared<const RenderJob>(job),
-                 {*first_, denoiser_, &sink, interrupt_, 2ms, this, 0});
+                 {*first_, denoiser_, &sink, interrupt_, 2ms, nullptr, this, 0});
     for (bool is_done = false; !is_done;) {
       is_done = owner.step();
       help();

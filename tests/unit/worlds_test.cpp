@@ -87,13 +87,14 @@ class ManyPictures final : public Backend {
     ++films;
     return made;
   }
-  [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, TimePoint until,
+  [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, const Slice& slice,
                                       const Interrupt& interrupt) override {
     for_each_part(film, range.first_tile, range.tile_count, [&](Film& own, u32 first, u32 count) {
       WorkRange part = range;
       part.first_tile = first;
       part.tile_count = count;
-      REQUIRE(inner_->render(own, part, until, interrupt).value());
+      while (!inner_->render(own, part, slice, interrupt).value()) {
+      }
     });
     return true;
   }
@@ -103,12 +104,12 @@ class ManyPictures final : public Backend {
   [[nodiscard]] Status put(Film&, const FilmPart&) override {
     return fail(Code::kUnimplemented, "", "worlds are not spread over devices");
   }
-  [[nodiscard]] Status probe(Film& film, u32 first_tile, u32 tile_count,
-                             const Interrupt& interrupt) override {
-    for_each_part(film, first_tile, tile_count, [&](Film& own, u32 first, u32 count) {
-      REQUIRE(inner_->probe(own, first, count, interrupt).has_value());
-    });
-    return {};
+  [[nodiscard]] Expected<bool> probe(Film& film, const Slice& slice,
+                                     const Interrupt& interrupt) override {
+    for (const auto& own : static_cast<ManyFilms&>(film).films)
+      while (!inner_->probe(*own, slice, interrupt).value()) {
+      }
+    return true;
   }
   [[nodiscard]] Expected<std::vector<std::vector<Column>>> labels(
       Film& film, const Interrupt& interrupt) override {

@@ -196,11 +196,12 @@ Status Context::copy(DevicePointer to, DevicePointer from, u64 bytes) {
   return check(driver_.copy(to, from, bytes, stream_), "a copy");
 }
 
-Status Context::fill(DevicePointer at, u8 byte, u64 bytes) {
-  return check(driver_.fill(at, byte, bytes, stream_), "filling memory");
+Status Context::fill(DevicePointer at, u8 byte, u64 bytes, Lane lane) {
+  return check(driver_.fill(at, byte, bytes, stream_of(lane)), "filling memory");
 }
 
-Status Context::download(std::span<const Download> pieces) {
+Status Context::download(std::span<const Download> pieces, Lane lane) {
+  const StreamHandle stream = stream_of(lane);
   u32 next = 0;
   for (const Download& piece : pieces) {
     for (u64 begin = 0; begin < piece.to.size(); begin += kStageBytes) {
@@ -208,8 +209,8 @@ Status Context::download(std::span<const Download> pieces) {
       HELIO_TRY(finish(stage));
       const u64 bytes = std::min(kStageBytes, piece.to.size() - begin);
       HELIO_TRY(
-          check(driver_.download(stage.memory, piece.from + begin, bytes, stream_), "a download"));
-      HELIO_TRY(check(driver_.record_event(stage.written, stream_), "a download"));
+          check(driver_.download(stage.memory, piece.from + begin, bytes, stream), "a download"));
+      HELIO_TRY(check(driver_.record_event(stage.written, stream), "a download"));
       stage.to = piece.to.subspan(begin, bytes);
     }
   }
@@ -217,9 +218,9 @@ Status Context::download(std::span<const Download> pieces) {
   return {};
 }
 
-Status Context::download(std::span<std::byte> to, DevicePointer from) {
+Status Context::download(std::span<std::byte> to, DevicePointer from, Lane lane) {
   const Download piece{to, from};
-  return download(std::span(&piece, 1));
+  return download(std::span(&piece, 1), lane);
 }
 
 Status Context::finish(Stage& stage) {
@@ -250,14 +251,7 @@ Expected<FunctionHandle> Context::function(const char* name) const {
               fmt::format("this daemon was built without the GPU program {}", name));
 }
 
-Status Context::launch(FunctionHandle program, LaunchSize size, std::span<void*> arguments) {
-  return launch(program, size, arguments, stream_);
-}
-
-Status Context::launch_aside(FunctionHandle program, LaunchSize size, std::span<void*> arguments) {
-  HELIO_TRY(order(stream_, aside_, aside_begins_));
-  return launch(program, size, arguments, aside_);
-}
+Status Context::fork() { return order(stream_, aside_, aside_begins_); }
 
 Status Context::join() {
   if (is_lost()) return {};
@@ -271,9 +265,9 @@ Status Context::order(StreamHandle before, StreamHandle after, EventHandle event
 }
 
 Status Context::launch(FunctionHandle program, LaunchSize size, std::span<void*> arguments,
-                       StreamHandle stream) {
+                       Lane lane) {
   if (size.blocks == 0) return {};
-  return check(driver_.launch(program, size.blocks, 1, 1, size.threads, 1, 1, 0, stream,
+  return check(driver_.launch(program, size.blocks, 1, 1, size.threads, 1, 1, 0, stream_of(lane),
                               arguments.data(), nullptr),
                "starting work on the GPU");
 }

@@ -1,4 +1,4 @@
-// A GPU as this backend uses it: one context, one stream, the programs, memory by the driver's
+// A GPU as this backend uses it: one context, its streams, the programs, memory by the driver's
 // pool.
 #pragma once
 
@@ -59,7 +59,11 @@ struct LaunchSize {
   u32 threads;
 };
 
-/// Work goes to the device in the order of the calls; those that say so wait for it. Errors:
+/// Where work queues up. What lies aside of the other lane goes on at the same time as that.
+enum class Lane : u8 { kMain, kAside };
+
+/// Work goes to the device in the order of a lane's calls, the main one's unless they say so; those
+/// that say so wait for it. Memory comes and goes with the main lane. Errors:
 /// RESOURCE_EXHAUSTED without memory, which costs nothing but the call; everything else is
 /// UNAVAILABLE, and the context is lost.
 /// Thread: any that entered it; downloads and waits are of the device's.
@@ -88,10 +92,11 @@ class Context : public std::enable_shared_from_this<Context> {
   [[nodiscard]] Status upload(std::span<const Upload> pieces);
   /// On the device.
   [[nodiscard]] Status copy(DevicePointer to, DevicePointer from, u64 bytes);
-  [[nodiscard]] Status fill(DevicePointer at, u8 byte, u64 bytes);
+  [[nodiscard]] Status fill(DevicePointer at, u8 byte, u64 bytes, Lane lane = Lane::kMain);
   /// Waits.
-  [[nodiscard]] Status download(std::span<const Download> pieces);
-  [[nodiscard]] Status download(std::span<std::byte> to, DevicePointer from);
+  [[nodiscard]] Status download(std::span<const Download> pieces, Lane lane = Lane::kMain);
+  [[nodiscard]] Status download(std::span<std::byte> to, DevicePointer from,
+                                Lane lane = Lane::kMain);
   [[nodiscard]] Status wait();
   /// For the work of every stream.
   [[nodiscard]] Status wait_for_all();
@@ -99,10 +104,10 @@ class Context : public std::enable_shared_from_this<Context> {
   void make_room();
   [[nodiscard]] Expected<FunctionHandle> function(const char* name) const;
   /// arguments   of the program, one after the other
-  [[nodiscard]] Status launch(FunctionHandle program, LaunchSize size, std::span<void*> arguments);
-  /// The same beside what comes next, until join().
-  [[nodiscard]] Status launch_aside(FunctionHandle program, LaunchSize size,
-                                    std::span<void*> arguments);
+  [[nodiscard]] Status launch(FunctionHandle program, LaunchSize size, std::span<void*> arguments,
+                              Lane lane = Lane::kMain);
+  /// What comes aside next comes after what the main lane has so far.
+  [[nodiscard]] Status fork();
   /// What comes next comes after what goes on aside. To be called before memory that it uses is
   /// freed; of a lost context nothing goes on. Thread: any, one at a time.
   [[nodiscard]] Status join();
@@ -146,8 +151,9 @@ class Context : public std::enable_shared_from_this<Context> {
   [[nodiscard]] Status finish(Stage& stage);
   /// What `after` does next it does after what `before` was given, which `event` says is done.
   [[nodiscard]] Status order(StreamHandle before, StreamHandle after, EventHandle event);
-  [[nodiscard]] Status launch(FunctionHandle program, LaunchSize size, std::span<void*> arguments,
-                              StreamHandle stream);
+  [[nodiscard]] StreamHandle stream_of(Lane lane) const {
+    return lane == Lane::kMain ? stream_ : aside_;
+  }
 
   const Driver driver_;
   int index_ = 0;

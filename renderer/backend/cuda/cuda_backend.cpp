@@ -72,13 +72,12 @@ class CudaBackend final : public Backend {
     return u32(std::clamp<u64>(kFilmPixels / pixels, 1, kMostPictures));
   }
   [[nodiscard]] Expected<std::unique_ptr<Film>> begin(std::span<const Shot> shots) override;
-  [[nodiscard]] bool pauses() const override { return true; }
-  [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, TimePoint until,
+  [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, const Slice& slice,
                                       const Interrupt& interrupt) override;
   [[nodiscard]] Expected<FilmPart> take(Film& film, const TileRun& tiles) override;
   [[nodiscard]] Status put(Film& film, const FilmPart& part) override;
-  [[nodiscard]] Status probe(Film& film, u32 first_tile, u32 tile_count,
-                             const Interrupt& interrupt) override;
+  [[nodiscard]] Expected<bool> probe(Film& film, const Slice& slice,
+                                     const Interrupt& interrupt) override;
   [[nodiscard]] Expected<std::vector<std::vector<Column>>> labels(
       Film& film, const Interrupt& interrupt) override;
   [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film& film) override;
@@ -155,10 +154,10 @@ Expected<std::unique_ptr<Film>> CudaBackend::begin(std::span<const Shot> shots) 
   return film;
 }
 
-Expected<bool> CudaBackend::render(Film& film, const WorkRange& range, TimePoint until,
+Expected<bool> CudaBackend::render(Film& film, const WorkRange& range, const Slice& slice,
                                    const Interrupt& interrupt) {
   HELIO_TRY(context_->enter());
-  return static_cast<CudaFilm&>(film).render(programs_, range, until, interrupt);
+  return static_cast<CudaFilm&>(film).render(programs_, range, slice, interrupt);
 }
 
 Expected<FilmPart> CudaBackend::take(Film& film, const TileRun& tiles) {
@@ -171,10 +170,12 @@ Status CudaBackend::put(Film& film, const FilmPart& part) {
   return static_cast<CudaFilm&>(film).put(part);
 }
 
-Status CudaBackend::probe(Film& film, u32 first_tile, u32 tile_count, const Interrupt& interrupt) {
+/// Is only started, and so done at once.
+Expected<bool> CudaBackend::probe(Film& film, const Slice&, const Interrupt& interrupt) {
   HELIO_TRY(interrupt.status());
   HELIO_TRY(context_->enter());
-  return static_cast<CudaFilm&>(film).probe(programs_, first_tile, tile_count);
+  HELIO_TRY(static_cast<CudaFilm&>(film).probe(programs_));
+  return true;
 }
 
 Expected<std::vector<std::vector<Column>>> CudaBackend::labels(Film& film,

@@ -27,7 +27,7 @@ Status CudaFilm::open(std::span<const Shot> shots, Mirror& mirror, const SceneOf
   const host::FilmMemory one = pictures_[0]->memory();
   for (const auto& [bytes, to] : {std::pair{one.sums.size() * count, &sums_},
                                   std::pair{one.centres.size() * count, &centres_},
-                                  std::pair{sizeof(WaveCounters), &counters_},
+                                  std::pair{sizeof(FilmCounters), &counters_},
                                   std::pair{tile_samples_.size() * sizeof(u32), &samples_}}) {
     auto made = context_.zeroed(bytes);
     if (!made) return std::unexpected(std::move(made).error());
@@ -131,18 +131,21 @@ void CudaFilm::set_probes() {
   probes_ = copies_.of_own(std::span<const ProbeLaunch>(probes));
 }
 
-Expected<bool> CudaFilm::render(const Programs& programs, const WorkRange& range, TimePoint until,
-                                const Interrupt& interrupt) {
+Expected<bool> CudaFilm::render(const Programs& programs, const WorkRange& range,
+                                const Slice& slice, const Interrupt& interrupt) {
   for (; task_ < tasks_.size(); ++task_) {
-    if (!wave_) {
-      const WaveShots shots{tasks_[task_], task_copies_[task_], counters_.as<WaveCounters>()};
-      wave_ = std::make_unique<Wave>(context_, programs, shots, range);
-      HELIO_TRY(wave_->allocate());
+    if (!waves_) {
+      const WaveShots shots{tasks_[task_], task_copies_[task_], counters_.as<FilmCounters>()};
+      waves_ = std::make_unique<Waves>(context_, programs, shots, range);
+      HELIO_TRY(waves_->allocate());
     }
-    const auto done = wave_->advance(until, interrupt);
-    rays_ = wave_->rays();
-    if (!done || !*done) return done;
-    wave_.reset();
+    const auto done = waves_->advance(slice, interrupt);
+    if (!done) return done;
+    if (!*done) {
+      HELIO_TRY(download({}));
+      return false;
+    }
+    waves_.reset();
   }
   task_ = 0;
   std::ranges::fill(std::span(tile_samples_).subspan(range.first_tile, range.tile_count),
@@ -180,15 +183,16 @@ Status CudaFilm::put(const FilmPart& part) {
   return {};
 }
 
-Status CudaFilm::probe(const Programs& programs, u32 first_tile, u32 tile_count) {
-  kernels::WaveWork work{first_tile, tile_count, 0, 1};
-  u64* rays = &counters_.as<WaveCounters>()->rays;
+Status CudaFilm::probe(const Programs& programs) {
+  kernels::WaveWork work{0, tiles(), 0, 1};
+  u64* rays = &counters_.as<FilmCounters>()->rays;
   void* arguments[] = {&probes_, &work, &rays};
   fetched_ = false;
   const auto& program = later_ ? programs.probe_later : programs.probe;
   probes_aside_ = true;
-  return context_.launch_aside(program.function, Programs::size(program, kernels::pixels_of(work)),
-                               arguments);
+  HELIO_TRY(context_.fork());
+  return context_.launch(program.function, Programs::size(program, kernels::pixels_of(work)),
+                         arguments, Lane::kAside);
 }
 
 Status CudaFilm::join_probes() {
@@ -307,7 +311,7 @@ Expected<std::vector<PlaneData>> CudaFilm::finish(std::vector<Resolved> all) {
 Status CudaFilm::download(std::vector<Download> pieces) {
   u64 rays = 0;
   pieces.push_back({std::as_writable_bytes(std::span(&rays, 1)),
-                    DevicePointer(&counters_.as<WaveCounters>()->rays)});
+                    DevicePointer(&counters_.as<FilmCounters>()->rays)});
   HELIO_TRY(context_.download(pieces));
   rays_ = rays;
   return {};

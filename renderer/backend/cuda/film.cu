@@ -16,7 +16,7 @@ __device__ void fold_all(const WaveLaunch& l) {
     const BvhTracer tracer(shot.view.scene, shot.bvh);
     rays += Wave(shot.view, l.work, l.wave, tracer).fold(i);
   }
-  add_up(rays, l.counters->rays);
+  add_up(rays, *l.rays);
 }
 
 }  // namespace

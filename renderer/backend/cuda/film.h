@@ -8,7 +8,7 @@
 
 #include "renderer/backend/cuda/denoiser.h"
 #include "renderer/backend/cuda/scene.h"
-#include "renderer/backend/cuda/wave.h"
+#include "renderer/backend/cuda/waves.h"
 #include "renderer/host/film.h"
 
 namespace heliograph::cuda {
@@ -23,7 +23,7 @@ struct SceneOrder {
 using SceneOf = std::function<Expected<std::shared_ptr<const CudaScene>>(const SceneOrder&)>;
 
 /// The pictures of one film, side by side: each array has those of all pictures one after the
-/// other. Owns: its arrays in device memory, and the wave that a range is left with. Thread: the
+/// other. Owns: its arrays in device memory, and the waves that a range is left with. Thread: the
 /// device's.
 class CudaFilm final : public Film {
  public:
@@ -51,12 +51,12 @@ class CudaFilm final : public Film {
 
   /// Goes on with a range, or begins with it; returns whether it is done.
   [[nodiscard]] Expected<bool> render(const Programs& programs, const WorkRange& range,
-                                      TimePoint until, const Interrupt& interrupt);
+                                      const Slice& slice, const Interrupt& interrupt);
   /// What Backend::take() and put() say.
   [[nodiscard]] Expected<FilmPart> take(const TileRun& tiles);
   [[nodiscard]] Status put(const FilmPart& part);
   /// Starts it beside samples.
-  [[nodiscard]] Status probe(const Programs& programs, u32 first_tile, u32 tile_count);
+  [[nodiscard]] Status probe(const Programs& programs);
   /// What Backend::resolve() says.
   ///
   /// denoiser   null: there is none
@@ -119,8 +119,8 @@ class CudaFilm final : public Film {
   const ProbeLaunch* probes_ = nullptr;       // of the pictures, on the device
   bool later_ = false;                        // they look at a later vertex
   bool probes_aside_ = false;                 // since when nothing waited for them
-  std::unique_ptr<Wave> wave_;                // of a range that is not done
-  u32 task_ = 0;                              // that it works on
+  std::unique_ptr<Waves> waves_;              // of a range that is not done
+  u32 task_ = 0;                              // that they work on
   bool fetched_ = false;
   std::atomic<u64> rays_{0};
   u64 rays_elsewhere_ = 0;  // of parts that other devices traced

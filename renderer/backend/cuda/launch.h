@@ -21,7 +21,12 @@ struct alignas(8) WaveRound {
 };
 struct WaveCounters {
   WaveRound rounds[2];  // by turns the present and the next one
-  u64 rays;             // of the film: of samples that were folded, and of centre planes
+};
+
+inline constexpr u32 kMostWaves = 2;  // side by side
+struct FilmCounters {
+  WaveCounters waves[kMostWaves];
+  u64 rays;  // of samples that were folded, and of centre planes
 };
 
 /// What samples are taken of; everything lies in device memory.
@@ -40,6 +45,7 @@ struct WaveLaunch {
   u32* arrived;    // those whose ray was traced, what met a surface first
   u32* lit;        // those whose light's ray is to be traced
   WaveCounters* counters;
+  u64* rays;  // of the film
 };
 
 /// What the sums of films become. Everything lies in device memory.

@@ -10,12 +10,12 @@ namespace {
 
 using kernels::Plane;
 
-// Tiles of one sample in a batch.
+// Tiles of one sample in the batches of a range's waves together.
 constexpr u32 kMostTiles = (1 << 24) / kernels::kTilePixels;
 constexpr u32 kTilesAtFirst = (1 << 23) / kernels::kTilePixels;
 /// How long a batch is to take: larger ones take less time a sample, and keep others waiting.
 constexpr double kBatchSeconds = 0.05;
-constexpr u64 kMemoryShare = 16;  // a wave takes one in so many bytes of the budget, or less
+constexpr u64 kMemoryShare = 16;  // they take one in so many bytes of the budget, or less
 constexpr u64 kLeastMemory = 1 << 20;
 /// Between looks at the counters, which wait for the device.
 constexpr u32 kMostRoundsAtOnce = 8;
@@ -75,17 +75,29 @@ Programs::Steps steps_of(const Programs& programs, const WaveShots& shots) {
 
 }  // namespace
 
+WorkRange WavePart::of(WorkRange range) const {
+  const auto end_of = [&](u32 i) { return u32(u64(range.tile_count) * i / count); };
+  range.first_tile += end_of(index);
+  range.tile_count = end_of(index + 1) - end_of(index);
+  return range;
+}
+
 Wave::Wave(Context& context, const Programs& programs, const WaveShots& shots,
-           const WorkRange& range)
-    : context_(context), steps_(steps_of(programs, shots)), range_(range) {
+           const WorkRange& range, const WavePart& part)
+    : context_(context),
+      steps_(steps_of(programs, shots)),
+      range_(part.of(range)),
+      part_(part),
+      lane_(part.index == 0 ? Lane::kMain : Lane::kAside) {
   launch_.shot = shots.host.front();
   launch_.shots = shots.device;
-  launch_.counters = shots.counters;
+  launch_.counters = &shots.counters->waves[part.index];
+  launch_.rays = &shots.counters->rays;
   for (const WaveShot& shot : shots.host) any_media_ |= shot.view.scene.any_media;
 }
 
 Status Wave::allocate() {
-  for (u64 memory = context_.budget().bytes() / kMemoryShare;; memory /= 2) {
+  for (u64 memory = context_.budget().bytes() / kMemoryShare / part_.count;; memory /= 2) {
     const Status status = allocate(memory);
     const bool is_smallest = memory <= kLeastMemory;
     if (status || status.error().code != Code::kResourceExhausted || is_smallest) return status;
@@ -98,8 +110,8 @@ Status Wave::allocate(u64 memory) {
   launch_.wave.film.height = 1;
   Layout tile(0);
   lay(tile, kernels::kTilePixels);
-  const u32 fit = u32(std::clamp<u64>(memory / tile.bytes(), 1, kMostTiles));
-  const u32 at_first = std::min(fit, kTilesAtFirst);
+  const u32 fit = u32(std::clamp<u64>(memory / tile.bytes(), 1, kMostTiles / part_.count));
+  const u32 at_first = std::min(fit, kTilesAtFirst / part_.count);
   batch_tiles_ = std::min(range_.tile_count, at_first);
   most_samples_ = std::clamp(fit / batch_tiles_, 1u, range_.sample_count);
   batch_samples_ = std::clamp(at_first / batch_tiles_, 1u, most_samples_);
@@ -139,7 +151,11 @@ void Wave::lay(Layout& layout, u64 items) {
 
 Status Wave::launch(const Programs::Program& program, u64 threads) {
   void* arguments[] = {&launch_};
-  return context_.launch(program.function, Programs::size(program, threads), arguments);
+  return context_.launch(program.function, Programs::size(program, threads), arguments, lane_);
+}
+
+Status Wave::fill(WaveRound* at, u64 bytes) {
+  return context_.fill(DevicePointer(at), 0, bytes, lane_);
 }
 
 /// By all warps that there are, however few rays: they share them out.
@@ -149,40 +165,29 @@ Status Wave::trace() {
 }
 
 Status Wave::begin_batch() {
+  const u32 left = range_.sample_count - next_sample_;
+  const u32 batches = (left + batch_samples_ - 1) / batch_samples_;  // none is to be small
   launch_.work = {range_.first_tile + next_tile_,
                   std::min(batch_tiles_, range_.tile_count - next_tile_),
-                  range_.first_sample + next_sample_,
-                  std::min(batch_samples_, range_.sample_count - next_sample_)};
+                  range_.first_sample + next_sample_, (left + batches - 1) / batches};
   launch_.round = 0;
   in_batch_ = true;
   batch_began_ = std::chrono::steady_clock::now();
   const kernels::FilmView& items = launch_.wave.film;
   if (kernels::wants(items, Plane::BEAUTY_GROUP)) {
     const auto at = DevicePointer(items.partial[u32(Plane::BEAUTY_GROUP)]);
-    HELIO_TRY(context_.fill(at, 0, u64(items.width) * items.groups * sizeof(vec3)));
+    HELIO_TRY(context_.fill(at, 0, u64(items.width) * items.groups * sizeof(vec3), lane_));
   }
-  HELIO_TRY(
-      context_.fill(DevicePointer(launch_.counters->rounds), 0, sizeof(WaveCounters::rounds)));
+  HELIO_TRY(fill(launch_.counters->rounds, sizeof(WaveCounters)));
   return launch(steps_.begin, kernels::items_of(launch_.work));
 }
 
 Status Wave::round() {
-  const u64 next = offsetof(WaveCounters, rounds) + (1 - launch_.round) * sizeof(WaveRound);
-  HELIO_TRY(context_.fill(DevicePointer(launch_.counters) + next, 0, sizeof(WaveRound)));
+  HELIO_TRY(fill(&launch_.counters->rounds[1 - launch_.round], sizeof(WaveRound)));
   HELIO_TRY(trace());
   HELIO_TRY(launch(steps_.arrive, kernels::items_of(launch_.work)));
   launch_.round = 1 - launch_.round;
   return {};
-}
-
-bool Wave::is_batch_done() const {
-  const WaveRound& next = seen_.rounds[launch_.round];
-  return next.active == 0 && next.lights == 0;
-}
-
-Status Wave::read_counters() {
-  return context_.download(std::as_writable_bytes(std::span(&seen_, 1)),
-                           DevicePointer(launch_.counters));
 }
 
 Status Wave::fold() {
@@ -198,18 +203,22 @@ Status Wave::fold() {
   return {};
 }
 
-Expected<bool> Wave::advance(TimePoint until, const Interrupt& interrupt) {
-  while (next_tile_ < range_.tile_count) {
-    if (!in_batch_) HELIO_TRY(begin_batch());
-    HELIO_TRY(interrupt.status());
-    const u32 most = std::clamp(launch_.shot.view.settings.max_depth, 1u, kMostRoundsAtOnce);
-    const u32 rounds = std::clamp(kMostItemsAtOnce / kernels::items_of(launch_.work), 1u, most);
-    for (u32 i = 0; i < rounds; ++i) HELIO_TRY(round());
-    HELIO_TRY(read_counters());
-    if (is_batch_done()) HELIO_TRY(fold());
-    if (std::chrono::steady_clock::now() >= until) break;
-  }
-  return next_tile_ >= range_.tile_count;
+Status Wave::start() {
+  if (is_done()) return {};
+  if (!in_batch_) HELIO_TRY(begin_batch());
+  const u32 most = std::clamp(launch_.shot.view.settings.max_depth, 1u, kMostRoundsAtOnce);
+  const u32 rounds = std::clamp(kMostItemsAtOnce / kernels::items_of(launch_.work), 1u, most);
+  for (u32 i = 0; i < rounds; ++i) HELIO_TRY(round());
+  is_started_ = true;
+  return {};
+}
+
+Status Wave::finish() {
+  if (!std::exchange(is_started_, false)) return {};
+  WaveRound next{};
+  HELIO_TRY(context_.download(std::as_writable_bytes(std::span(&next, 1)),
+                              DevicePointer(&launch_.counters->rounds[launch_.round]), lane_));
+  return next.active == 0 && next.lights == 0 ? fold() : Status{};
 }
 
 }  // namespace heliograph::cuda

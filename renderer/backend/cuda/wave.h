@@ -1,4 +1,4 @@
-// A range of a film's samples as the GPU works on it: batches of items, rounds of programs.
+// Samples of a film as the GPU works on them: batches of items, rounds of programs.
 #pragma once
 
 #include <vector>
@@ -33,19 +33,28 @@ struct Programs {
 struct WaveShots {
   std::span<const WaveShot> host;    // at least one
   const WaveShot* device = nullptr;  // the same; null: there is one
-  WaveCounters* counters = nullptr;  // of their film, on the device
+  FilmCounters* counters = nullptr;  // of their film, on the device
+};
+
+/// One of the waves of a range.
+struct WavePart {
+  u32 index, count;
+  /// The wave's tiles.
+  [[nodiscard]] WorkRange of(WorkRange range) const;
 };
 
 /// Owns: the memory of the paths on their way. Thread: the device's.
 class Wave {
  public:
-  Wave(Context& context, const Programs& programs, const WaveShots& shots, const WorkRange& range);
+  Wave(Context& context, const Programs& programs, const WaveShots& shots, const WorkRange& range,
+       const WavePart& part);
   /// Less where there is less: the result is the same.
   [[nodiscard]] Status allocate();
-  /// Works until the range is done, `until`, or the interrupt. Returns whether it is done.
-  [[nodiscard]] Expected<bool> advance(TimePoint until, const Interrupt& interrupt);
-  /// Of the film, as of the last look.
-  [[nodiscard]] u64 rays() const { return seen_.rays; }
+  /// Starts some rounds, of a batch that is on its way or of a new one.
+  [[nodiscard]] Status start();
+  /// Waits for what was started, if anything was.
+  [[nodiscard]] Status finish();
+  [[nodiscard]] bool is_done() const { return next_tile_ >= range_.tile_count; }
 
  private:
   /// memory   bytes, about
@@ -54,23 +63,22 @@ class Wave {
   [[nodiscard]] Status begin_batch();
   [[nodiscard]] Status round();
   [[nodiscard]] Status fold();
-  [[nodiscard]] Status read_counters();
-  /// As of the last look.
-  [[nodiscard]] bool is_batch_done() const;
+  [[nodiscard]] Status fill(WaveRound* at, u64 bytes);
   [[nodiscard]] Status launch(const Programs::Program& program, u64 threads);
   [[nodiscard]] Status trace();
 
   Context& context_;
   const Programs::Steps steps_;
   const WorkRange range_;
+  const WavePart part_;
+  const Lane lane_;
   bool any_media_ = false;
   DeviceMemory memory_;
   WaveLaunch launch_{};
-  WaveCounters seen_{};
   u32 batch_tiles_ = 0, batch_samples_ = 0;  // of a whole batch
   u32 most_samples_ = 0;                     // for which there is memory
   u32 next_tile_ = 0, next_sample_ = 0;      // of the range
-  bool in_batch_ = false;
+  bool in_batch_ = false, is_started_ = false;
   TimePoint batch_began_;
 };
 

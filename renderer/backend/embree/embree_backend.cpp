@@ -14,9 +14,9 @@
 namespace heliograph::embree {
 namespace {
 
-// Samples of a task, a piece of a tile: enough to run side by side, and few, as threads wait for
-// each other at the end of a slice.
-constexpr u32 kPieceSamples = 512;
+// Samples of a piece of a tile: enough to run side by side, and few, as threads wait for each other
+// at the end of a slice.
+constexpr u32 kPieceSamples = 128;
 constexpr u32 kLargestPiece = 64;  // pixels
 
 /// Denormals are zero while it lives: Embree asks for it on every thread that traces.
@@ -109,7 +109,7 @@ class EmbreeBackend final : public Backend {
   [[nodiscard]] Expected<std::unique_ptr<Film>> begin(std::span<const Shot> shots) override {
     return host::HostFilm::create(shots.front());
   }
-  [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, TimePoint until,
+  [[nodiscard]] Expected<bool> render(Film& film, const WorkRange& range, const Slice& slice,
                                       const Interrupt& interrupt) override;
   [[nodiscard]] Expected<FilmPart> take(Film& film, const TileRun& tiles) override {
     return static_cast<const host::HostFilm&>(film).take(tiles);
@@ -118,8 +118,8 @@ class EmbreeBackend final : public Backend {
     static_cast<host::HostFilm&>(film).put(part);
     return {};
   }
-  [[nodiscard]] Status probe(Film& film, u32 first_tile, u32 tile_count,
-                             const Interrupt& interrupt) override;
+  [[nodiscard]] Expected<bool> probe(Film& film, const Slice& slice,
+                                     const Interrupt& interrupt) override;
   [[nodiscard]] Expected<std::vector<std::vector<Column>>> labels(
       Film& film, const Interrupt& interrupt) override;
   [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film& film) override;
@@ -130,8 +130,8 @@ class EmbreeBackend final : public Backend {
 
  private:
   template <class F>
-  Status for_each_piece(host::HostFilm& film, const WorkRange& range, const Interrupt& interrupt,
-                        F&& trace);
+  Expected<bool> for_each_piece(host::HostFilm& film, const WorkRange& range, const Slice& slice,
+                                const Interrupt& interrupt, const F& trace);
 
   DeviceHandle device_;
   DerivedCache cache_;
@@ -147,48 +147,52 @@ std::string EmbreeBackend::cpu_features() const {
                      version % 100, widest_isa());
 }
 
+/// From where the range was left. Each thread takes one piece at least.
 template <class F>
-Status EmbreeBackend::for_each_piece(host::HostFilm& film, const WorkRange& range,
-                                     const Interrupt& interrupt, F&& trace) {
+Expected<bool> EmbreeBackend::for_each_piece(host::HostFilm& film, const WorkRange& range,
+                                             const Slice& slice, const Interrupt& interrupt,
+                                             const F& trace) {
   const Pieces pieces(range.sample_count);
-  std::atomic<bool> skipped{false};
+  const u32 count = range.tile_count * pieces.of_tile();
+  std::atomic<u32> next = film.left().done;
   run_in(arena_, [&] {
-    parallel_ranges(range.tile_count * pieces.of_tile(), 1u, [&](u32 begin, u32 end) {
+    resident::parallel_for(u32(arena_.max_concurrency()), [&](u32) {
       const FlushDenormals flush;
-      for (u32 piece = begin; piece < end; ++piece) {
-        if (interrupt.requested()) {
-          skipped = true;
-          return;
-        }
+      for (bool goes_on = true; goes_on && !interrupt.requested(); goes_on = !slice.is_over()) {
+        const u32 piece = next.fetch_add(1, std::memory_order_relaxed);
+        if (piece >= count) return;
         const PixelRect tile = film.tile(range.first_tile + piece / pieces.of_tile());
         film.add_rays(trace(pieces.of(tile, piece % pieces.of_tile())));
       }
     });
   });
-  return skipped ? interrupt.status() : Status{};
+  const bool is_done = next >= count;
+  film.leave(is_done ? host::HostFilm::Pieces{} : host::HostFilm::Pieces{next, count});
+  if (!is_done) HELIO_TRY(interrupt.status());
+  return is_done;
 }
 
-Expected<bool> EmbreeBackend::render(Film& film, const WorkRange& range, TimePoint,
+Expected<bool> EmbreeBackend::render(Film& film, const WorkRange& range, const Slice& slice,
                                      const Interrupt& interrupt) {
   auto& own = static_cast<host::HostFilm&>(film);
   std::vector<RenderTask> tasks;
   for (const host::RenderTask& task : own.render_tasks()) tasks.push_back(for_embree(task));
-  HELIO_TRY(for_each_piece(own, range, interrupt, [&](const auto& rect) {
+  const auto done = for_each_piece(own, range, slice, interrupt, [&](const auto& rect) {
     u64 rays = 0;
     for (const RenderTask& task : tasks)
       rays += loops_.render(task, rect, range.first_sample, range.sample_count);
     return rays;
-  }));
+  });
+  if (!done || !*done) return done;
   for (u32 i = 0; i < range.tile_count; ++i)
     own.set_samples(range.first_tile + i, range.first_sample + range.sample_count);
   return true;
 }
 
-Status EmbreeBackend::probe(Film& film, u32 first_tile, u32 tile_count,
-                            const Interrupt& interrupt) {
+Expected<bool> EmbreeBackend::probe(Film& film, const Slice& slice, const Interrupt& interrupt) {
   auto& own = static_cast<host::HostFilm&>(film);
   const ProbeTask task = for_embree(own.probe_task());
-  return for_each_piece(own, {first_tile, tile_count, 0, 1}, interrupt,
+  return for_each_piece(own, {0, own.tiles(), 0, 1}, slice, interrupt,
                         [&](const auto& rect) { return loops_.probe(task, rect); });
 }
 

@@ -40,7 +40,7 @@ class PaperScene:
     models: Sequence[str] = ()
     model_size: float = 0.2
     objects: int = 12
-    roulette_depth: int = 3
+    roulette_depth: int = 2
 
     def __post_init__(self) -> None:
         for field in fields(self):
