@@ -106,8 +106,7 @@ class Lighter {
     made_->groups = placement_.structure->groups;
     for (u32 i = 1; i < made_->groups.size(); ++i) groups_[made_->groups[i]] = i;
     for (const u32 entity : placement_.structure->suns) add_sun(entity);
-    const double dome = add_dome();
-    distribute(dome);
+    distribute(add_dome());
     return std::move(made_);
   }
 
@@ -359,13 +358,12 @@ void Lighter::distribute(double dome) {
   for (const auto& b : bounds_) total += double(b.power);
   // All may be too dim for a float, or too many.
   const double least = total > 0 ? kSmallestShare * total / double(bounds_.size()) : 1;
-  double lamps = 0;
+  double lamps = 0, all_suns = 0;
   for (auto& b : bounds_) {
     b.power = std::max(b.power, float(least));
     lamps += double(b.power);
   }
   std::vector<double> suns;
-  double all_suns = 0;
   for (const auto& sun : made_->suns) {
     suns.push_back(2 * M_PI * double(sun.depth * luminance(sun.radiance)));
     all_suns += suns.back();
