@@ -93,6 +93,7 @@ def dump(name, path, count):
                             "radius": e.light.radius,
                             "power": e.light.power,
                             "color": list(e.light.color),
+                            "temperature": e.light.temperature,
                         }
                         for e in lit
                     ],
@@ -248,7 +249,8 @@ class Blender:
         for i, values in enumerate(draw["lights"]):
             light = self.bpy.data.lights.new(f"light{i}", "POINT")
             light.energy, light.color = values["power"], values["color"]
-            light.shadow_soft_size = values["radius"]
+            light.use_temperature, light.temperature = True, values["temperature"]
+            light.shadow_soft_size, light.use_soft_falloff = values["radius"], False
             lamp = self.bpy.data.objects.new(f"light{i}", light)
             lamp.location = values["place"]
             self.scene.collection.objects.link(lamp)
