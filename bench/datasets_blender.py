@@ -249,7 +249,8 @@ class Blender:
         for i, values in enumerate(draw["lights"]):
             light = self.bpy.data.lights.new(f"light{i}", "POINT")
             light.energy, light.color = values["power"], values["color"]
-            light.use_temperature, light.temperature = True, values["temperature"]
+            light.use_temperature = values["temperature"] > 0
+            light.temperature = values["temperature"]
             light.shadow_soft_size, light.use_soft_falloff = values["radius"], False
             lamp = self.bpy.data.objects.new(f"light{i}", light)
             lamp.location = values["place"]

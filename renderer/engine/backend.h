@@ -74,12 +74,11 @@ struct Slice {
   TimePoint last;                             // where nobody does
   const std::atomic<u32>* waiting = nullptr;  // jobs; null: there may always be some
 
-  [[nodiscard]] static bool is_alone(const std::atomic<u32>* waiting) {
-    return waiting && waiting->load(std::memory_order_relaxed) == 0;
+  /// As it looks now.
+  [[nodiscard]] TimePoint ends() const {
+    return waiting && waiting->load(std::memory_order_relaxed) == 0 ? last : end;
   }
-  [[nodiscard]] bool is_over() const {
-    return std::chrono::steady_clock::now() >= (is_alone(waiting) ? last : end);
-  }
+  [[nodiscard]] bool is_over() const { return std::chrono::steady_clock::now() >= ends(); }
 };
 
 /// When to give up. Checked between pieces of work of at most some milliseconds.
@@ -118,7 +117,7 @@ class Film {
   [[nodiscard]] virtual u32 tiles_across() const = 0;     // of one
   [[nodiscard]] virtual u32 samples(u32 tile) const = 0;  // taken so far
   [[nodiscard]] virtual u64 rays() const = 0;             // traced so far
-  /// Share of the range that was left half way, as far as the device tells.
+  /// Share of the range that was left half way, as far as the device tells; 0 where none was.
   [[nodiscard]] virtual double share_of_range() const { return 0; }
 };
 

@@ -70,9 +70,11 @@ Slice Runner::slice() const {
   return {end_of(1), end_of(kAlone), context_.waiting};
 }
 
-double Runner::slice_left() const {
-  const double length = Slice::is_alone(context_.waiting) ? kAlone : 1;
-  return length * context_.slice.count() - in_slice();
+double Runner::slice_left() const { return seconds(slice().ends() - Clock::now()); }
+
+Expected<bool> Runner::counted(const Film& film, Expected<bool> is_done, u64 tile_samples) {
+  in_range_ = film.share_of_range() * double(tile_samples);
+  return is_done;
 }
 
 Steps Runner::run() {
@@ -182,7 +184,8 @@ Steps Runner::label(Film& film) {
 
 Steps Runner::probe(Film& film) {
   for (bool is_done = false; !is_done;) {
-    const auto done = context_.backend.probe(film, slice(), context_.interrupt);
+    const auto done =
+        counted(film, context_.backend.probe(film, slice(), context_.interrupt), film.tiles());
     if (!done) co_return std::unexpected(done.error());
     is_done = *done;
     HELIO_CO_TRY(co_await pause());
@@ -279,14 +282,13 @@ Steps Runner::pass(Film& film, Tiles tiles, u32 first, u32 count) {
   const u64 taken = u64(range.tile_count) * count;
   const double before = used_before_ + in_slice();
   for (;;) {
-    const auto done = context_.backend.render(film, range, slice(), context_.interrupt);
-    in_range_ = film.share_of_range() * double(taken);
+    const auto done =
+        counted(film, context_.backend.render(film, range, slice(), context_.interrupt), taken);
     if (!done) co_return std::unexpected(done.error());
     if (*done) break;
     report(film, share_done(film), false);
     HELIO_CO_TRY(co_await pause());
   }
-  in_range_ = 0;
   seconds_per_sample_ = (used_before_ + in_slice() - before) / double(taken);
   tile_samples_ += taken;
   samples_ += taken * kernels::kTilePixels;

@@ -116,6 +116,8 @@ class Runner {
   [[nodiscard]] double in_slice() const;  // seconds, so far
   [[nodiscard]] Slice slice() const;
   [[nodiscard]] double slice_left() const;  // seconds
+  /// Notes how much is done of a range of so many samples of tiles.
+  [[nodiscard]] Expected<bool> counted(const Film& film, Expected<bool> is_done, u64 tile_samples);
   void report(const Film& film, double done_in_film, bool force);
   [[nodiscard]] double share_done(const Film& film) const;
   [[nodiscard]] double seconds_in_film() const;

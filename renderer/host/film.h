@@ -71,12 +71,12 @@ class HostFilm final : public Film {
   [[nodiscard]] u64 rays() const override { return rays_.load(std::memory_order_relaxed); }
   void add_rays(u64 rays) { rays_.fetch_add(rays, std::memory_order_relaxed); }
   /// A device's work on a range, cut into pieces of which the first ones are done.
-  struct Pieces {
+  struct Left {
     u32 done = 0, count = 0;
   };
   /// Of the range that was left half way; none of it where none was.
-  [[nodiscard]] const Pieces& left() const { return left_; }
-  void leave(const Pieces& pieces) { left_ = pieces; }
+  [[nodiscard]] const Left& left() const { return left_; }
+  void leave(const Left& left) { left_ = left; }
   [[nodiscard]] double share_of_range() const override {
     return left_.count > 0 ? double(left_.done) / left_.count : 0;
   }
@@ -141,7 +141,7 @@ class HostFilm final : public Film {
   u32 tiles_x_, tiles_y_;
   std::vector<u32> tile_samples_;
   std::atomic<u64> rays_{0};
-  Pieces left_;
+  Left left_;
 };
 
 }  // namespace heliograph::host

@@ -80,6 +80,7 @@ void check_lights(const Lights& a, const Lights& b) {
   if (a.part_lights && b.part_lights) CHECK(*a.part_lights == *b.part_lights);
   CHECK(a.groups == b.groups);
   CHECK(a.sky_power == b.sky_power);
+  CHECK(a.dome_share == b.dome_share);
   CHECK(a.dome.probability == b.dome.probability);
   REQUIRE(a.suns.size() == b.suns.size());
   for (std::size_t i = 0; i < a.suns.size(); ++i) {

@@ -12,7 +12,7 @@ using kernels::Plane;
 
 // Tiles of one sample in the batches of a range's waves together.
 constexpr u32 kMostTiles = (1 << 24) / kernels::kTilePixels;
-constexpr u32 kTilesAtFirst = (1 << 23) / kernels::kTilePixels;
+constexpr u32 kTilesAtFirst = kItemsAtFirst / kernels::kTilePixels;
 /// How long a batch is to take: larger ones take less time a sample, and keep others waiting.
 constexpr double kBatchSeconds = 0.05;
 constexpr u64 kMemoryShare = 16;  // they take one in so many bytes of the budget, or less

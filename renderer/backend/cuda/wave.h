@@ -36,6 +36,9 @@ struct WaveShots {
   FilmCounters* counters = nullptr;  // of their film, on the device
 };
 
+/// Items of the first batches of a range's waves together.
+inline constexpr u32 kItemsAtFirst = 1 << 23;
+
 /// One of the waves of a range.
 struct WavePart {
   u32 index, count;

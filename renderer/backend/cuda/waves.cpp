@@ -5,12 +5,10 @@
 namespace heliograph::cuda {
 namespace {
 
-// Fewer items are not worth a second wave.
-constexpr u64 kFewItems = 1 << 23;
-
+/// What one wave begins at once is not worth a second one.
 u32 waves_for(const WorkRange& range) {
   const u64 items = u64(range.tile_count) * kernels::kTilePixels * range.sample_count;
-  return range.tile_count >= kMostWaves && items > kFewItems ? kMostWaves : 1;
+  return range.tile_count >= kMostWaves && items > kItemsAtFirst ? kMostWaves : 1;
 }
 
 }  // namespace

@@ -167,7 +167,7 @@ Expected<bool> EmbreeBackend::for_each_piece(host::HostFilm& film, const WorkRan
     });
   });
   const bool is_done = next >= count;
-  film.leave(is_done ? host::HostFilm::Pieces{} : host::HostFilm::Pieces{next, count});
+  film.leave(is_done ? host::HostFilm::Left{} : host::HostFilm::Left{next, count});
   if (!is_done) HELIO_TRY(interrupt.status());
   return is_done;
 }
