@@ -73,25 +73,28 @@ KERNEL void probe_labels(Probe& p, const Surface& s, const Hit& hit) {
   p.primitive = hit.primitive;
 }
 
-KERNEL void probe_rest(Probe& p, const Surface& s) {
+KERNEL void probe_rest(Probe& p, const RestBoxView& box, vec3 p_object) {
+  p.object_coordinates = transform_point(box.box_from_object, p_object);
+  p.nocs = vec3(0.5f) + (p.object_coordinates - vec3(0.5f)) * box.nocs_scale;
+}
+
+KERNEL vec3 rest_position(const Surface& s) {
   const vec3* rest = s.mesh->rest_positions ? s.mesh->rest_positions : s.mesh->positions;
-  p.object_coordinates =
-      transform_point(s.instance->box_from_object, interpolate(rest, s.triangle, s.barycentric));
-  p.nocs = vec3(0.5f) + (p.object_coordinates - vec3(0.5f)) * s.instance->nocs_scale;
+  return interpolate(rest, s.triangle, s.barycentric);
 }
 
 /// What the wanted planes say of the surface itself.
-KERNEL void probe_surface(Probe& p, const ProbeScene& now, const Hit& hit, const Sight& sight,
+KERNEL void probe_surface(Probe& p, const ProbeContext& context, const Hit& hit, const Sight& sight,
                           PlaneSet wanted) {
-  const SceneView& scene = *now.scene;
+  const SceneView& scene = *context.now.scene;
   const Ray& ray = sight.ray;
   Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), ray.time);
   p.hit = true;
-  probe_geometry(p, s, *now.camera, sight, hit.t);
+  probe_geometry(p, s, *context.now.camera, sight, hit.t);
   probe_labels(p, s, hit);
   if (wanted & kNormalPlanes) {
     s.ns = shading_normal(scene, s);
-    probe_shading(p, s, *now.camera, ray);
+    probe_shading(p, s, *context.now.camera, ray);
   }
   if (wanted & plane_bit(Plane::UV)) p.uv = uvs_at(s).set[0];
   if (wanted & kMaterialPlanes) {
@@ -101,23 +104,24 @@ KERNEL void probe_surface(Probe& p, const ProbeScene& now, const Hit& hit, const
   if (wanted & plane_bit(Plane::OPACITY)) {
     p.material.alpha = opacity_at(scene, hit.instance, hit.primitive, s.barycentric);
   }
-  if (wanted & kRestPlanes) probe_rest(p, s);
+  if (wanted & kRestPlanes) probe_rest(p, context.rest_boxes[hit.instance], rest_position(s));
 }
 
 /// What the planes say of the point where a volume's transmittance is one half. It has no normal
 /// and no material.
-KERNEL void probe_volume(Probe& p, const ProbeScene& now, const Collision& at, const Sight& sight) {
-  const Ray& ray = sight.ray;
-  const InstanceView& instance = now.scene->volumes[at.volume].instance;
+KERNEL void probe_volume(Probe& p, const ProbeContext& context, const Collision& at,
+                         const Sight& sight, PlaneSet wanted) {
+  const SceneView& scene = *context.now.scene;
+  const InstanceView& instance = scene.volumes[at.volume].instance;
   p.hit = true;
-  probe_point(p, *now.camera, sight, at.t);
+  probe_point(p, *context.now.camera, sight, at.t);
   p.instance_label = instance.label;
   p.category = instance.category;
   p.part = instance.label != 0 ? instance.part : 0;
-  const mat4x3 object_from_world = pose_at(*now.scene, instance, ray.time).object_from_world;
-  p.object_coordinates =
-      transform_point(instance.box_from_object, transform_point(object_from_world, p.p_world));
-  p.nocs = vec3(0.5f) + (p.object_coordinates - vec3(0.5f)) * instance.nocs_scale;
+  if (!(wanted & kRestPlanes)) return;
+  const mat4x3 object_from_world = pose_at(scene, instance, sight.ray.time).object_from_world;
+  probe_rest(p, context.rest_boxes[scene.instance_count + at.volume],
+             transform_point(object_from_world, p.p_world));
 }
 
 /// Flow of that point, which moves with its entity. It is visible where no surface hides it.
@@ -143,9 +147,9 @@ KERNEL Collision probed_volume(const SceneView& scene, const Ray& ray, const Hit
 
 template <Tracer T>
 KERNEL Probe probe_in_volume(const ProbeContext& context, const T* const (&tracers)[3],
-                             const Collision& at, const Sight& sight, u32& rays) {
+                             const Collision& at, const Sight& sight, PlaneSet wanted, u32& rays) {
   Probe p = empty_probe();
-  probe_volume(p, context.now, at, sight);
+  probe_volume(p, context, at, sight, wanted);
   if (context.forward.scene) {
     const CountedTracer<T> counted{*tracers[1], rays};
     put_flow(p, volume_flow(context, context.forward, counted, at.volume, p.p_world), true);
@@ -192,7 +196,7 @@ KERNEL Probe make_probe(const ProbeContext& context, const T* const (&tracers)[3
       refined(scene, ray, sight.direction,
               probe_closest(scene, CountedTracer<T>{*tracers[0], rays}, ray, through, sight.mask));
   if (const Collision at = probed_volume(scene, ray, hit); at.volume != kNone) {
-    return probe_in_volume(context, tracers, at, sight, rays);
+    return probe_in_volume(context, tracers, at, sight, wanted, rays);
   }
   const bool forward = context.forward.scene && (wanted & kForwardPlanes);
   const bool backward = context.backward.scene && (wanted & kBackwardPlanes);
@@ -202,7 +206,7 @@ KERNEL Probe make_probe(const ProbeContext& context, const T* const (&tracers)[3
     if (backward) put_flow(p, background_flow(context, context.backward, ray, raster), false);
     return p;
   }
-  probe_surface(p, context.now, hit, sight, wanted);
+  probe_surface(p, context, hit, sight, wanted);
   if (forward) {
     const CountedTracer<T> counted{*tracers[1], rays};
     put_flow(p, flow_to(context, context.forward, counted, hit, p.p_world), true);

@@ -26,6 +26,8 @@ struct ProbeContext {
   ProbeScene backward;
   const CameraView* disparity;  // the second camera of a rectified rig, null when not wanted
   const Settings* settings;
+  // Of the instances, then of the volumes of `now`; null when no plane asks.
+  const RestBoxView* rest_boxes;
 };
 
 }  // namespace heliograph::kernels

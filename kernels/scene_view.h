@@ -124,21 +124,31 @@ struct MotionKey {
   float xx, xy, xz, yy, yz, zz;  // upper triangle of the shear, whose diagonal is the scale
 };
 
-/// One entity that shows a mesh.
-struct InstanceView {
+/// An entity that shows a mesh, wherever it is.
+struct SlotView {
+  u32 mesh;
+  u32 first_part;   // its parts' rows in SceneView::part_materials and part_lights
+  u32 flags;        // InstanceFlag
+  u32 visibility;   // ray mask bits
+  u32 entity;       // entity index in the scene
+  u32 label;        // instance label, 0: none
+  u32 category;     // class id
+  u32 part;         // number within the instance of its first mesh part
+  u32 segments;     // of its motion while the shutter is open; 0: it does not move
+  u32 first_key;    // of segments + 1 in SceneView::motion_keys
+  u32 light_group;  // of all light it gives off
+  vec3 scale;       // of the mesh, before the entity's pose
+};
+
+/// The same in its place (place.h). Its flags say kFlipped, and its visibility is 0 where it cannot
+/// be shown.
+struct InstanceView : SlotView {
   mat4x3 world_from_object;  // of what does not move; use pose_at()
   mat4x3 object_from_world;
-  u32 mesh;
-  u32 first_part;          // its parts' rows in SceneView::part_materials and part_lights
-  u32 flags;               // InstanceFlag
-  u32 visibility;          // ray mask bits
-  u32 entity;              // entity index in the scene
-  u32 label;               // instance label, 0: none
-  u32 category;            // class id
-  u32 part;                // number within the instance of its first mesh part
-  u32 segments;            // of its motion while the shutter is open; 0: it does not move
-  u32 first_key;           // of segments + 1 in SceneView::motion_keys
-  u32 light_group;         // of all light it gives off
+};
+
+/// What the planes of object coordinates need of an instance or a volume.
+struct RestBoxView {
   mat4x3 box_from_object;  // rest position -> [0, 1]^3 in the labelled instance's rest box
   vec3 nocs_scale;         // box size / box diagonal
 };

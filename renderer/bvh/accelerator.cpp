@@ -13,6 +13,7 @@ namespace {
 using resident::DeviceMesh;
 using resident::Placement;
 
+constexpr u32 kRows = ChunkedArray<u32>::kRows;
 constexpr TreeOptions kOverTriangles{.item_cost = 0.3f};
 // To enter an instance costs the ray's way into its space and the first node there.
 constexpr TreeOptions kOverInstances{.item_cost = 2};
@@ -81,23 +82,29 @@ Box shape_box(kernels::Shape shape) {
   return {vec3(-1, -1, -z), vec3(1, 1, z)};
 }
 
-/// The box of a slot.
-///
-/// box_of   of its InstanceView, its keys and its mesh's box
-template <class F>
-Box box_in(const Placement& placement, const kernels::InstanceView& instance, F&& box_of) {
-  const Box mesh = placement.meshes[instance.mesh]->accelerator->bounds();
-  return of(
-      box_of(instance, placement.motion_keys.data(), kernels::BvhBox{mesh.lower, mesh.upper}));
+kernels::BvhBox mesh_box(const Placement& placement, u32 slot) {
+  const Box box = placement.mesh(slot).accelerator->bounds();
+  return {box.lower, box.upper};
 }
 
-/// The boxes of all slots.
-template <class F>
-std::vector<Box> boxes_of(const Placement& placement, F&& box_of) {
-  const u32 count = u32(placement.instances.size());
-  std::vector<Box> boxes(count);
-  resident::parallel_ranges(count, 256u, [&](u32 begin, u32 end) {
-    for (u32 i = begin; i < end; ++i) boxes[i] = box_in(placement, placement.instances[i], box_of);
+/// Where the instance of a slot is. Of what does not move that takes no instance.
+Box box_of(const Placement& placement, u32 slot) {
+  const kernels::SlotView& view = placement.slots[slot];
+  const kernels::MotionKey* keys = placement.motion_keys.data();
+  const kernels::BvhBox mesh = mesh_box(placement, slot);
+  if (view.segments > 0) return of(kernels::instance_box(placement.instance(slot), keys, mesh));
+  const mat4x3 world = placement.mesh_pose(slot);
+  return of(kernels::placed_box(mesh, kernels::usable_pose(world) ? world : mat4x3(1)));
+}
+
+/// Where rays look for each slot.
+std::vector<Box> ray_boxes(const Placement& placement) {
+  const auto& instances = placement.instances();
+  std::vector<Box> boxes(instances.size());
+  resident::parallel_ranges(u32(boxes.size()), 256u, [&](u32 begin, u32 end) {
+    for (u32 i = begin; i < end; ++i)
+      boxes[i] =
+          of(kernels::ray_box(instances[i], placement.motion_keys.data(), mesh_box(placement, i)));
   });
   return boxes;
 }
@@ -106,12 +113,13 @@ std::vector<Box> boxes_of(const Placement& placement, F&& box_of) {
 BvhTop top_of(const Placement& placement, std::span<const kernels::MeshBvh> meshes,
               std::span<const u32> order) {
   BvhTop top;
+  const auto& instances = placement.instances();
   const u32 count = u32(order.size());
   top.items.resize(count);
   top.item_of_instance.resize(count);
   resident::parallel_ranges(count, 1024u, [&](u32 begin, u32 end) {
     for (u32 i = begin; i < end; ++i) {
-      const kernels::InstanceView& instance = placement.instances[order[i]];
+      const kernels::InstanceView& instance = instances[order[i]];
       top.items[i] = kernels::bvh_instance(instance, order[i], meshes[instance.mesh]);
       top.item_of_instance[order[i]] = i;
     }
@@ -122,7 +130,7 @@ BvhTop top_of(const Placement& placement, std::span<const kernels::MeshBvh> mesh
 /// fixed   what is left out, or null
 BvhTop tree_over(const Placement& placement, std::span<const kernels::MeshBvh> meshes,
                  const StaticGroup* fixed) {
-  std::vector<Box> boxes = boxes_of(placement, kernels::ray_box);
+  std::vector<Box> boxes = ray_boxes(placement);
   if (fixed)
     for (const u32 slot : fixed->slots) boxes[slot] = {};
   auto tree = build_tree(boxes, kOverInstances, {});
@@ -163,7 +171,7 @@ const BvhTree& BvhMesh::tree(const DeviceMesh& mesh) const {
 
 BvhScene::BvhScene(const Placement& placement, const resident::Kept& kept,
                    std::shared_ptr<const StaticGroup> fixed)
-    : fixed_(std::move(fixed)), chunks_(placement.instances.chunk_count()) {
+    : fixed_(std::move(fixed)), chunks_(placement.slots.chunk_count()) {
   const BvhScene* before = kept.before ? bvh_of(*kept.before) : nullptr;
   std::vector<u32> changed;
   for (u32 c = 0; c < chunks_.size(); ++c) {
@@ -173,8 +181,9 @@ BvhScene::BvhScene(const Placement& placement, const resident::Kept& kept,
       changed.push_back(c);
   }
   resident::parallel_for(changed.size(), [&](std::size_t i) {
-    for (const kernels::InstanceView& instance : placement.instances.chunk(changed[i]))
-      chunks_[changed[i]].extend(box_in(placement, instance, kernels::instance_box));
+    const u32 first = changed[i] * kRows;
+    for (u32 k = 0; k < placement.slots.chunk(changed[i]).size(); ++k)
+      chunks_[changed[i]].extend(box_of(placement, first + k));
   });
   for (const Box& box : chunks_) box_.extend(box);
 }
@@ -211,7 +220,7 @@ const BvhTop& BvhScene::world(const Placement& placement) const {
 
 const BvhTop& BvhScene::objects(const Placement& placement) const {
   std::call_once(made_objects_, [&] {
-    std::vector<u32> slots(placement.instances.size());
+    std::vector<u32> slots(placement.slots.size());
     std::iota(slots.begin(), slots.end(), 0u);
     resident::run_alone([&] { objects_ = top_of(placement, meshes(placement), slots); });
   });

@@ -112,7 +112,7 @@ Expected<std::shared_ptr<const StaticGroup>> StaticTrees::group(
   if (kept_members(placement, kept)) return before;
   std::vector<StaticMember> members = static_members(placement, most_triangles_);
   if (members.empty()) return nullptr;
-  StaticGroup group = group_of(members, u32(placement.instances.size()));
+  StaticGroup group = group_of(members, u32(placement.slots.size()));
   auto made = tree(std::move(members), interrupt);
   if (!made) return std::unexpected(std::move(made).error());
   group.tree = *std::move(made);

@@ -39,6 +39,7 @@ ZeroedMemory zeroed(u64 bytes) {
 Expected<std::unique_ptr<HostFilm>> HostFilm::create(const Shot& shot) {
   std::unique_ptr<HostFilm> film(new HostFilm(shot));
   HELIO_TRY(film->allocate());
+  HELIO_TRY(film->find_rest_boxes());
   return film;
 }
 
@@ -162,6 +163,14 @@ Status HostFilm::allocate() {
   return {};
 }
 
+Status HostFilm::find_rest_boxes() {
+  if (!(view_.wanted & kernels::kRestPlanes)) return {};
+  const auto boxes = still_.scene->rest_boxes({});
+  if (!boxes) return std::unexpected(boxes.error());
+  rest_boxes_ = *boxes;
+  return {};
+}
+
 void HostFilm::set_still_view() {
   constexpr u32 kFrom = u32(Plane::BEAUTY_STILL), kTo = u32(Plane::BEAUTY);
   if (!(view_.wanted & plane_bit(Plane::BEAUTY_STILL))) return;
@@ -243,7 +252,9 @@ ProbeTask HostFilm::probe_task() const {
                       .forward = end(forward_),
                       .backward = end(backward_),
                       .disparity = job().disparity_camera ? &disparity_.camera : nullptr,
-                      .settings = &job().settings},
+                      .settings = &job().settings,
+                      .rest_boxes = rest_boxes_.data()},
+          .rest_boxes = rest_boxes_.size(),
           .now = still_.scene.get(),
           .forward = forward_.sight.scene.get(),
           .backward = backward_.sight.scene.get(),

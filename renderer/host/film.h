@@ -121,6 +121,7 @@ class HostFilm final : public Film {
   void set_end(FlowEnd& end, const std::shared_ptr<const DeviceScene>& scene);
   template <class F>
   void for_each_array(F&& visit);
+  [[nodiscard]] Status find_rest_boxes();
   void set_still_view();
   void set_groups();
 
@@ -128,6 +129,7 @@ class HostFilm final : public Film {
   ImageCamera image_camera_;  // at the label time, of the middle row
   Sight open_, still_, disparity_;
   FlowEnd forward_, backward_;
+  std::span<const kernels::RestBoxView> rest_boxes_;  // of still_, where a plane needs them
   kernels::FilmView view_{};
   kernels::FilmView still_view_{};  // the plane beauty_still in the place of beauty
   u64 sum_bytes_ = 0, centre_bytes_ = 0;

@@ -33,9 +33,10 @@ Expected<std::vector<Column>> labels(const HostFilm& film, const SceneRays& rays
                                      const Interrupt& interrupt) {
   const ResidentScene& scene = *rays.scene;
   const LabelOptions& options = film.job().labels;
-  const Placement& placement = scene.placement();
   const Labelling& labelling = scene.structure().labelling;
   HELIO_TRY(check_rows(labelling.instances.size(), options));
+  const auto frames = scene.labels(interrupt);
+  if (!frames) return std::unexpected(frames.error());
   const kernels::CameraView& camera = film.still().camera;
   const auto* plane = static_cast<const u32*>(film.view().planes[u32(Plane::INSTANCE)]);
   const u64 pixels = plane ? u64(film.view().width) * film.view().height : 0;
@@ -48,8 +49,8 @@ Expected<std::vector<Column>> labels(const HostFilm& film, const SceneRays& rays
   return label_columns({.snapshot = scene.snapshot(),
                         .labelling = labelling,
                         .camera = film.image_camera(),
-                        .frames = flat(placement.frames),
-                        .boxes = flat(placement.boxes),
+                        .frames = flat((*frames)->frames),
+                        .boxes = flat((*frames)->boxes),
                         .instance_plane = {plane, pixels},
                         .silhouettes = silhouettes,
                         .keypoints = keypoints,

@@ -11,7 +11,7 @@ namespace {
 constexpr kernels::HoleKey kProbe{0, true};
 
 Box object_bounds(const Placement& placement, u32 slot) {
-  return placement.meshes[placement.mesh_of_slot[slot]]->accelerator->bounds();
+  return placement.mesh(slot).accelerator->bounds();
 }
 
 /// A box as seen through an affine map: the bounds of its corners.
@@ -36,10 +36,10 @@ class Caster {
       : tracer_(tracer),
         placement_(placement),
         against_(against),
-        world_from_object_(placement.instances[from].world_from_object),
+        world_from_object_(placement.instances()[from].world_from_object),
         bounds_(object_bounds(placement, against)),
-        object_from_other_(multiply(placement.instances[against].object_from_world,
-                                    placement.instances[from].world_from_object)) {}
+        object_from_other_(multiply(placement.instances()[against].object_from_world,
+                                    placement.instances()[from].world_from_object)) {}
 
   [[nodiscard]] bool near(vec3 p, vec3 q) const {
     Box segment;
@@ -58,9 +58,9 @@ class Caster {
     const kernels::Ray ray{world_from_object_ * vec4(p, 1), direction, INFINITY, 0, kProbe};
     const kernels::Hit hit = tracer_.closest_in(against_, ray);
     if (hit.instance == kNone) return false;
-    const DeviceMesh& mesh = *placement_.meshes[placement_.mesh_of_slot[against_]];
+    const DeviceMesh& mesh = placement_.mesh(against_);
     const uvec3 t = mesh.topology->triangles[hit.primitive];
-    const mat3 linear(placement_.instances[against_].world_from_object);
+    const mat3 linear(placement_.instances()[against_].world_from_object);
     const vec3 e1 = linear * (mesh.positions[t.y] - mesh.positions[t.x]);
     const vec3 e2 = linear * (mesh.positions[t.z] - mesh.positions[t.x]);
     return glm::dot(glm::cross(e1, e2) * glm::sign(glm::determinant(linear)), direction) > 0;
@@ -76,7 +76,7 @@ class Caster {
 };
 
 bool some_edge_crosses(const Placement& placement, const Caster& caster, u32 from) {
-  const DeviceMesh& mesh = *placement.meshes[placement.mesh_of_slot[from]];
+  const DeviceMesh& mesh = placement.mesh(from);
   for (const uvec3& t : mesh.topology->triangles)
     for (int i = 0; i < 3; ++i) {
       const u32 v = t[i], w = t[(i + 1) % 3];
@@ -87,7 +87,7 @@ bool some_edge_crosses(const Placement& placement, const Caster& caster, u32 fro
 }
 
 bool first_vertex_inside(const Placement& placement, const Caster& caster, u32 from) {
-  const DeviceMesh& mesh = *placement.meshes[placement.mesh_of_slot[from]];
+  const DeviceMesh& mesh = placement.mesh(from);
   return !mesh.topology->triangles.empty() &&
          caster.contains(mesh.positions[mesh.topology->triangles[0].x]);
 }
@@ -96,7 +96,8 @@ bool first_vertex_inside(const Placement& placement, const Caster& caster, u32 f
 
 bool overlap(const Placement& placement, const HostTracer& tracer, u32 a, u32 b) {
   const auto world = [&](u32 slot) {
-    return transformed(placement.instances[slot].world_from_object, object_bounds(placement, slot));
+    return transformed(placement.instances()[slot].world_from_object,
+                       object_bounds(placement, slot));
   };
   if (apart(world(a), world(b))) return false;
   for (const auto& [from, against] : {std::array{a, b}, std::array{b, a}}) {

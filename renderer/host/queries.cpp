@@ -78,7 +78,7 @@ Expected<std::vector<u32>> mesh_slots_of(const QueryScene& scene, const std::vec
   if (!slots) return slots;
   for (std::size_t i = 0; i < slots->size(); ++i) {
     const Placement& placement = scene.placement;
-    const DeviceMesh& mesh = *placement.meshes[placement.mesh_of_slot[(*slots)[i]]];
+    const DeviceMesh& mesh = placement.mesh((*slots)[i]);
     if (mesh.shape() != kernels::Shape::kTriangles)
       return fail(Code::kInvalidArgument, fmt::format("{}[{}]", where, i),
                   fmt::format("'{}' is a light's disc or sphere; this query takes meshes",
@@ -250,8 +250,8 @@ AreaTable area_table(const QueryScene& scene, const std::vector<u32>& slots,
   double sum = 0;
   for (const u32 slot : slots) {
     if (interrupt.requested()) break;
-    const DeviceMesh& mesh = *scene.placement.meshes[scene.placement.mesh_of_slot[slot]];
-    const mat3 linear(scene.placement.instances[slot].world_from_object);
+    const DeviceMesh& mesh = scene.placement.mesh(slot);
+    const mat3 linear(scene.placement.instances()[slot].world_from_object);
     const auto triangles = mesh.topology->triangles.span();
     for (u32 i = 0; i < triangles.size(); ++i) {
       const vec3 p = mesh.positions[triangles[i].x];

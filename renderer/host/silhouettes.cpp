@@ -50,13 +50,14 @@ std::vector<std::vector<Reach>> reaches(const ResidentScene& scene,
                                         const kernels::CameraView& camera, const PixelBox& canvas) {
   const Placement& placement = scene.placement();
   const Structure& structure = scene.structure();
+  const auto& instances = placement.instances();
   std::vector<std::vector<Reach>> out(structure.labelling.instances.size());
   for (u32 slot = 0; slot < structure.slots.size(); ++slot) {
     const u32 row = structure.slots[slot].row;
-    if (row == kNone || !(placement.instances[slot].visibility & kernels::kCameraRay)) continue;
+    if (row == kNone || !(instances[slot].visibility & kernels::kCameraRay)) continue;
     const PixelBox box = bounds_on_canvas(placement, slot, camera, canvas);
     if (box.x1 > box.x0)
-      out[row].push_back({.label = placement.instances[slot].label, .box = box, .slot = slot});
+      out[row].push_back({.label = instances[slot].label, .box = box, .slot = slot});
   }
   for (u32 i = 0; i < structure.volumes.size(); ++i) {
     const u32 row = structure.volumes[i].row;
@@ -356,13 +357,14 @@ std::vector<KeypointLabel> trace_keypoints(const SceneRays& scene, const kernels
                                            const ImageCamera& camera, const LabelOptions& options) {
   const Structure& structure = scene.scene->structure();
   const Placement& placement = scene.scene->placement();
+  const auto& instances = placement.instances();
   const kernels::SceneView& seen = scene.scene->view();
   std::vector<std::vector<KeypointLabel>> rows(structure.labelling.instances.size());
   for (u32 slot = 0; slot < structure.slots.size(); ++slot) {
     const u32 row = structure.slots[slot].row;
     if (row == kNone) continue;
-    const DeviceMesh& mesh = *placement.meshes[placement.mesh_of_slot[slot]];
-    const kernels::InstanceView& instance = placement.instances[slot];
+    const DeviceMesh& mesh = placement.mesh(slot);
+    const kernels::InstanceView& instance = instances[slot];
     const float radius = options.keypoint_radius.value_or(
         0.005f * diameter(mesh) * glm::length(instance.world_from_object[0]));
     for (const Keypoint& keypoint : mesh.topology->keypoints) {

@@ -25,6 +25,7 @@ struct RenderTask {
 /// context has instances and volumes of its own, marked kFlowInvalid; all else is as in its scene.
 struct ProbeTask {
   kernels::ProbeContext context;
+  std::size_t rest_boxes;                         // of the context
   const ResidentScene *now, *forward, *backward;  // the latter two null where the context has none
   const kernels::FilmView* film;
 };

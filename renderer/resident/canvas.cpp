@@ -149,9 +149,9 @@ PixelBox canvas_of(const kernels::CameraView& camera, float extend) {
 
 PixelBox bounds_on_canvas(const Placement& placement, u32 slot, const kernels::CameraView& camera,
                           const PixelBox& canvas) {
-  const Box bounds = placement.meshes[placement.mesh_of_slot[slot]]->accelerator->bounds();
+  const Box bounds = placement.mesh(slot).accelerator->bounds();
   if (bounds.empty()) return {};
-  const kernels::InstanceView& instance = placement.instances[slot];
+  const kernels::InstanceView& instance = placement.instances()[slot];
   kernels::SceneView motion{};
   motion.motion_keys = placement.motion_keys.data();
   const u32 steps = 4 * std::max(instance.segments, camera.segments);

@@ -33,7 +33,7 @@ std::vector<kernels::CasterView> find_casters(const Placement& placement,
   const Structure& structure = *placement.structure;
   std::vector<kernels::CasterView> casters;
   for (const u32 slot : slots) {
-    const kernels::InstanceView& instance = placement.instances[slot];
+    const kernels::InstanceView instance = placement.instance(slot);
     const DeviceMesh& mesh = *placement.meshes[instance.mesh];
     const auto parts =
         std::span(structure.part_materials).subspan(instance.first_part, mesh.topology->part_count);

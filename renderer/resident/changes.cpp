@@ -35,11 +35,6 @@ bool same_local_pose(const Moment& a, const Moment& b, u32 entity) {
   return std::memcmp(&pose_a, &pose_b, sizeof pose_a) == 0;
 }
 
-/// Whether local poses in a chunk of entities are what Snapshot::poses says.
-bool has_plain_poses(const Moment& moment, u32 chunk) {
-  return moment.snapshot.keyed == 0 && is_present(moment, chunk);
-}
-
 /// Adds the rows of a chunk that differ; of entities that are not alive they are the same.
 void add_moved(const Snapshot& then, const Snapshot& now, u32 chunk, std::vector<u32>& moved) {
   const auto a = then.poses.chunk(chunk), b = now.poses.chunk(chunk);
@@ -55,6 +50,20 @@ std::vector<u32> joined(const std::vector<std::vector<u32>>& lists) {
 }
 
 }  // namespace
+
+bool has_plain_poses(const Moment& moment, u32 chunk) {
+  return moment.snapshot.keyed == 0 && is_present(moment, chunk);
+}
+
+std::vector<u32> entities_with_other_rows(const Snapshot& before, const Snapshot& now) {
+  std::vector<u32> entities;
+  for (u32 c = 0; c < now.entities.chunk_count(); ++c)
+    if (!now.entities.shares(c, before.entities))
+      for_each_alive(now, c, [&](u32 entity) {
+        if (!(now.entities.at(entity) == before.entities.at(entity))) entities.push_back(entity);
+      });
+  return entities;
+}
 
 std::vector<u32> changed_entities(const Moment& before, const Moment& now,
                                   const Structure& structure) {

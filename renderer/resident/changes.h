@@ -22,6 +22,11 @@ struct Moment {
 /// The entities whose rows differ, or whose local poses in the middle of the spans do.
 [[nodiscard]] std::vector<u32> changed_entities(const Moment& before, const Moment& now,
                                                 const Structure& structure);
+/// The same of rows alone.
+[[nodiscard]] std::vector<u32> entities_with_other_rows(const Snapshot& before,
+                                                        const Snapshot& now);
+/// Whether local poses in a chunk of entities are what Snapshot::poses says.
+[[nodiscard]] bool has_plain_poses(const Moment& moment, u32 chunk);
 /// The entities that may move within the span, but for those that an ancestor moves.
 [[nodiscard]] std::vector<u32> moving_entities(const Moment& now, const Structure& structure);
 /// The slots for which deform_within() may have vertices.

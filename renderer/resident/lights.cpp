@@ -176,7 +176,7 @@ std::vector<u32> Lighter::slots_that_may_emit() {
   parallel_ranges(may.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const Slot& slot = structure.slots[i];
-      const u32 parts = placement_.meshes[placement_.mesh_of_slot[i]]->topology->part_count;
+      const u32 parts = placement_.mesh(i).topology->part_count;
       const auto own = std::span(emits_part).subspan(slot.first_part, parts);
       may[i] = snapshot_.entities.at(slot.entity).light || std::ranges::count(own, 1) > 0;
     }
@@ -191,7 +191,7 @@ void Lighter::add(u32 index) {
   const Slot& slot = placement_.structure->slots[index];
   const Entity& entity = snapshot_.entities.at(slot.entity);
   if (has_light_shape(entity)) return add_shape(index, *entity.light);
-  const u32 mesh_index = placement_.mesh_of_slot[index];
+  const u32 mesh_index = placement_.slots[index].mesh;
   const DeviceMesh& mesh = *placement_.meshes[mesh_index];
   const u32 parts = mesh.topology->part_count;
 
@@ -224,7 +224,7 @@ void Lighter::add(u32 index) {
 
 void Lighter::add_part(u32 index, u32 part, const kernels::LightView& base, double radiosity) {
   const Slot& slot = placement_.structure->slots[index];
-  const u32 mesh = placement_.mesh_of_slot[index];
+  const u32 mesh = placement_.slots[index].mesh;
   const double area =
       part_area(*placement_.meshes[mesh], trees(mesh), placement_.world[slot.entity], part);
   if (!(area > 0)) return;
@@ -253,7 +253,7 @@ void Lighter::add_shape(u32 index, const Light& light) {
 
 void Lighter::add_light(const kernels::LightView& base, u32 part, double power, bool forward) {
   if (!std::isfinite(power)) return;
-  const u32 mesh = placement_.mesh_of_slot[base.instance];
+  const u32 mesh = placement_.slots[base.instance].mesh;
   made_->lights.push_back(base);
   kernels::LightView& light = made_->lights.back();
   light.part = part;
@@ -261,14 +261,13 @@ void Lighter::add_light(const kernels::LightView& base, u32 part, double power, 
   if (map.texture) made_->mapped_trees.push_back(part_trees(*placement_.meshes[mesh], map, cache_));
   const PartTrees& chosen = map.texture ? *made_->mapped_trees.back() : trees(mesh);
   light.tree = chosen.view(part);
-  const kernels::InstanceView& instance = placement_.instances[base.instance];
+  const kernels::InstanceView instance = placement_.instance(base.instance);
   const kernels::LightBounds own =
       light_bounds(chosen.bounds[part], placement_.meshes[mesh]->shape(), forward);
   bounds_.push_back(world_bounds(own, instance, placement_.keys_of(base.instance)));
   bounds_.back().power = float(power);
   bounds_.back().two_sided = kernels::emits_back(light);
-  if (forward)
-    bounds_.back().axis = -glm::normalize(placement_.instances[base.instance].world_from_object[2]);
+  if (forward) bounds_.back().axis = -glm::normalize(instance.world_from_object[2]);
 }
 
 /// The texture that a part's emission varies with: its light's, or else its material's.

@@ -1,15 +1,11 @@
-// Poses to instances. Only what changed is made anew.
+// Poses to placements. Only what changed is made anew.
 #include "renderer/resident/placement.h"
 
 #include <algorithm>
-#include <cmath>
-#include <cstring>
 #include <map>
 #include <numeric>
 
-#include "kernels/motion.h"
 #include "renderer/resident/parallel.h"
-#include "renderer/resident/placer.h"
 #include "renderer/scene/grid.h"
 
 namespace heliograph::resident {
@@ -24,34 +20,6 @@ u32 ray_mask(const Entity& entity) {
   return mask & ~u32(kernels::kCameraRay);
 }
 
-/// Whether the pose has an inverse.
-bool usable_key(const kernels::MotionKey& key) {
-  const float det = key.xx * key.yy * key.zz;
-  const vec3& t = key.translation;
-  return std::isfinite(det) && det != 0 && std::isfinite(t.x + t.y + t.z);
-}
-
-/// Whether rays that begin within kernels::kReach are nowhere farther than kFarthest in an object's
-/// frame.
-bool is_within_reach(const mat4x3& object_from_world) {
-  for (int row = 0; row < 3; ++row) {
-    float most = std::abs(object_from_world[3][row]);
-    for (int axis = 0; axis < 3; ++axis)
-      most += std::abs(object_from_world[axis][row]) * kernels::kReach;
-    if (!(most < kernels::kFarthest)) return false;
-  }
-  return true;
-}
-bool is_within_reach(const kernels::MotionKey& key) {
-  return is_within_reach(kernels::inverse_of(kernels::interpolate(key, key, 0)));
-}
-
-/// Whether they are the same bits.
-bool same_keys(std::span<const kernels::MotionKey> a, std::span<const kernels::MotionKey> b) {
-  return a.size() == b.size() &&
-         (a.empty() || std::memcmp(a.data(), b.data(), a.size_bytes()) == 0);
-}
-
 constexpr u32 kRows = ChunkedArray<u32>::kRows;
 
 void in_vertex_pieces(std::size_t count, const std::function<void(std::size_t, std::size_t)>& f) {
@@ -61,6 +29,45 @@ void in_vertex_pieces(std::size_t count, const std::function<void(std::size_t, s
 
 }  // namespace
 
+/// Makes a placement, its steps in this order. Of an earlier one of the same structure only what
+/// may have changed is made anew; without one, everything.
+class Placer {
+ public:
+  Placer(const Moment& now, Placeable what, const PlacedBefore* before,
+         const PlacementContext& context);
+
+  void worlds();
+  Status meshes();
+  void motion();
+  void slots();
+  Status accelerate(const Placement* before);
+  void volumes();
+  void remember();
+  std::shared_ptr<Placement> take() { return std::move(made_); }
+
+ private:
+  [[nodiscard]] const Structure& structure() const { return *made_->structure; }
+  [[nodiscard]] Moment now() const { return {snapshot_, span_}; }
+  [[nodiscard]] bool are_worlds_given() const;
+  void find_changed();
+  void write_worlds_downwards();
+  [[nodiscard]] std::vector<u32> slots_to_make() const;
+  [[nodiscard]] kernels::SlotView slot(u32 index) const;
+
+  const Snapshot& snapshot_;
+  const TimeSpan span_;
+  const Snapshot* then_ = nullptr;     // of before_
+  const Placement* before_ = nullptr;  // of the same structure, or null
+  const MeshBuilder& builder_;
+  const Accelerator& accelerator_;
+  const Interrupt& interrupt_;
+  std::shared_ptr<Placement> made_ = std::make_shared<Placement>();
+  // That changed, or that something above them did; ascending. Where worlds are given only labels
+  // need them.
+  std::vector<u32> entities_;
+  std::vector<u32> first_keys_;  // of Placement::moving, and where the last ones end
+};
+
 Placer::Placer(const Moment& now, Placeable what, const PlacedBefore* before,
                const PlacementContext& context)
     : snapshot_(now.snapshot),
@@ -68,7 +75,6 @@ Placer::Placer(const Moment& now, Placeable what, const PlacedBefore* before,
       then_(before ? &before->snapshot : nullptr),
       before_(before && before->placement.structure == what.structure ? &before->placement
                                                                       : nullptr),
-      all_(!before_),
       builder_(context.builder),
       accelerator_(context.accelerator),
       interrupt_(context.interrupt) {
@@ -77,19 +83,34 @@ Placer::Placer(const Moment& now, Placeable what, const PlacedBefore* before,
   made_->holes = std::move(what.holes);
 }
 
+/// Whether all entities are where Snapshot::poses says, in the world.
+bool Placer::are_worlds_given() const {
+  if (!structure().children.of.empty()) return false;
+  for (u32 c = 0; c < snapshot_.poses.chunk_count(); ++c)
+    if (!has_plain_poses(now(), c)) return false;
+  return true;
+}
+
+void Placer::find_changed() {
+  if (before_)
+    entities_ = with_descendants(structure(),
+                                 changed_entities({*then_, before_->span}, now(), structure()));
+  else
+    snapshot_.entities.for_each([&](u32 index, const Entity&) { entities_.push_back(index); });
+}
+
 void Placer::worlds() {
-  const u32 capacity = snapshot_.entities.capacity();
-  const Moment now{snapshot_, span_};
   ChunkedArray<mat4x3>& world = made_->world;
+  const bool are_given = are_worlds_given();
+  if (!are_given || (before_ && before_->labels_.made())) find_changed();
+  if (are_given) {
+    world = snapshot_.poses;
+    return;
+  }
   if (before_) {
-    entities_ =
-        with_descendants(structure(), changed_entities({*then_, before_->span}, now, structure()));
-    changed_.resize(capacity);
-    for (const u32 entity : entities_) changed_[entity] = 1;
     world = before_->world;
   } else {
-    snapshot_.entities.for_each([&](u32 index, const Entity&) { entities_.push_back(index); });
-    world = ChunkedArray<mat4x3>::unwritten(capacity);
+    world = ChunkedArray<mat4x3>::unwritten(snapshot_.entities.capacity());
     parallel_for(world.chunk_count(),
                  [&](u32 c) { std::ranges::fill(world.write_chunk(c), mat4x3(1)); });
   }
@@ -103,29 +124,28 @@ void Placer::worlds() {
 /// Each after its parent.
 void Placer::write_worlds_downwards() {
   ChunkedArray<mat4x3>& world = made_->world;
-  std::vector<u8> done(snapshot_.entities.capacity());
+  std::vector<u8> waits(snapshot_.entities.capacity());
+  for (const u32 entity : entities_) waits[entity] = 1;
   std::vector<u32> chain;
-  const auto parent_of = [&](u32 entity) { return snapshot_.entities.at(entity).parent; };
   for (const u32 entity : entities_) {
-    for (u32 i = entity; !done[i];) {
+    for (u32 i = entity; waits[i];) {
       chain.push_back(i);
-      const EntityId parent = parent_of(i);
-      if (!parent || !is_changed(parent.index())) break;
+      waits[i] = 0;
+      const EntityId parent = snapshot_.entities.at(i).parent;
+      if (!parent) break;
       i = parent.index();
     }
     for (; !chain.empty(); chain.pop_back()) {
       const u32 i = chain.back();
       const mat4x3 local = local_pose(snapshot_, i, span_.middle());
-      const EntityId parent = parent_of(i);
+      const EntityId parent = snapshot_.entities.at(i).parent;
       world.write(i) = parent ? multiply(world[parent.index()], local) : local;
-      done[i] = 1;
     }
   }
 }
 
 Status Placer::meshes() {
   made_->meshes = structure().meshes;
-  made_->mesh_of_slot = structure().mesh_of_slot;
   std::map<Time, std::vector<mat4x3>> worlds;
   const auto poses = [&](Time time) -> const std::vector<mat4x3>& {
     auto& world = worlds[time];
@@ -142,7 +162,6 @@ Status Placer::meshes() {
     auto mesh =
         builder_.build(*snapshot_.meshes.at(entity.mesh.index()).value, *std::move(deformed));
     if (!mesh) return std::unexpected(std::move(mesh).error());
-    made_->mesh_of_slot.write(index) = u32(made_->meshes.size());
     made_->meshes.push_back(*std::move(mesh));
     made_->deformed.push_back(index);
   }
@@ -156,7 +175,7 @@ void Placer::motion() {
   std::vector<std::vector<kernels::MotionKey>> keys(slots.size());
   parallel_for(slots.size(), [&](std::size_t i) {
     const Slot& slot = structure().slots[slots[i]];
-    const Box& rest = made_->meshes[made_->mesh_of_slot[slots[i]]]->rest;
+    const Box& rest = structure().meshes[slot.mesh]->rest;
     keys[i] = instance_keys(snapshot_, slot.entity, span_,
                             {.scale = slot.scale, .lower = rest.lower, .upper = rest.upper});
   });
@@ -170,75 +189,66 @@ void Placer::motion() {
 }
 
 /// What moves or deforms is always made anew: its keys and its mesh are.
-void Placer::find_slots() {
-  if (all_) {
-    slots_.resize(structure().slots.size());
-    std::iota(slots_.begin(), slots_.end(), 0u);
-    return;
+std::vector<u32> Placer::slots_to_make() const {
+  std::vector<u32> slots;
+  if (!before_) {
+    slots.resize(structure().slots.size());
+    std::iota(slots.begin(), slots.end(), 0u);
+    return slots;
   }
-  slots_ = slots_of(structure(), entities_);
+  slots = slots_of(structure(), entities_with_other_rows(*then_, snapshot_));
   for (const Placement* placement : {before_, static_cast<const Placement*>(made_.get())}) {
-    merge(slots_, placement->moving);
-    merge(slots_, placement->deformed);
+    merge(slots, placement->moving);
+    merge(slots, placement->deformed);
   }
-  if (made_->holes == before_->holes) return;
+  if (made_->holes == before_->holes) return slots;
   const auto is_hole = [](const HoleSlots& holes, u32 slot) { return holes && (*holes)[slot]; };
   std::vector<u32> differ;
   for (u32 i = 0; i < structure().slots.size(); ++i)
     if (is_hole(made_->holes, i) != is_hole(before_->holes, i)) differ.push_back(i);
-  merge(slots_, std::move(differ));
+  merge(slots, std::move(differ));
+  return slots;
 }
 
-void Placer::instances() {
-  made_->instances =
-      before_ ? before_->instances
-              : ChunkedArray<kernels::InstanceView>::unwritten(u32(structure().slots.size()));
-  for_each_chunk(slots_, [&](u32 c, std::span<const u32> slots) {
-    const auto rows = made_->instances.write_chunk(c);
-    for (const u32 i : slots) rows[i % kRows] = instance(i);
+void Placer::slots() {
+  made_->slots = before_
+                     ? before_->slots
+                     : ChunkedArray<kernels::SlotView>::unwritten(u32(structure().slots.size()));
+  for_each_chunk(slots_to_make(), [&](u32 c, std::span<const u32> slots) {
+    const auto rows = made_->slots.write_chunk(c);
+    for (const u32 i : slots) rows[i % kRows] = slot(i);
   });
 }
 
-kernels::InstanceView Placer::instance(u32 index) const {
+kernels::SlotView Placer::slot(u32 index) const {
   const Slot& slot = structure().slots[index];
-  kernels::InstanceView view{};
-  place(view, index);
-  view.mesh = made_->mesh_of_slot[index];
-  view.first_part = slot.first_part;
-  view.entity = slot.entity;
+  const Entity& entity = snapshot_.entities.at(slot.entity);
   const EntityLabel& label = structure().labelling.entities[slot.entity];
-  view.label = label.instance;
-  view.category = label.category;
-  view.part = label.part;
-  view.light_group = structure().group_of_slot[index];
-  const Box& own = made_->meshes[view.mesh]->rest;
-  set_rest_box({own.lower, own.upper}, slot.row, made_->root_from_entity[index], view);
-  return view;
-}
-
-void Placer::place(kernels::InstanceView& view, u32 index) const {
-  const Entity& entity = snapshot_.entities.at(structure().slots[index].entity);
-  std::span<const kernels::MotionKey> keys;
+  kernels::SlotView view{.mesh = slot.mesh,
+                         .first_part = slot.first_part,
+                         .flags = 0,
+                         .visibility = ray_mask(entity),
+                         .entity = slot.entity,
+                         .label = label.instance,
+                         .category = label.category,
+                         .part = label.part,
+                         .segments = 0,
+                         .first_key = 0,
+                         .light_group = structure().group_of_slot[index],
+                         .scale = slot.scale};
+  const auto deformed = std::ranges::lower_bound(made_->deformed, index);
+  if (deformed != made_->deformed.end() && *deformed == index)
+    view.mesh = u32(structure().meshes.size() + std::size_t(deformed - made_->deformed.begin()));
   const auto moving = std::ranges::lower_bound(made_->moving, index);
   if (moving != made_->moving.end() && *moving == index) {
     const u32* first = &first_keys_[std::size_t(moving - made_->moving.begin())];
-    keys = std::span(made_->motion_keys).subspan(first[0], first[1] - first[0]);
     view.first_key = first[0];
-    view.segments = u32(keys.size() - 1);
+    view.segments = first[1] - first[0] - 1;
   }
-  const mat4x3 world = made_->mesh_pose(index);
-  const bool usable = usable_pose(world) && std::ranges::all_of(keys, usable_key);
-  view.world_from_object = usable ? world : mat4x3(1);
-  view.object_from_world = usable ? inverse(world) : mat4x3(1);
-  const bool within_reach =
-      keys.empty() ? is_within_reach(view.object_from_world)
-                   : std::ranges::all_of(
-                         keys, [](const kernels::MotionKey& key) { return is_within_reach(key); });
-  view.visibility = usable && within_reach ? ray_mask(entity) : 0;
-  if (glm::determinant(mat3(view.world_from_object)) < 0) view.flags |= kernels::kFlipped;
   if (entity.shadow_catcher) view.flags |= kernels::kCatcher;
   if (entity.label.part != 0) view.flags |= kernels::kOnePart;
   if (made_->holes && (*made_->holes)[index]) view.flags |= kernels::kMayBeHole;
+  return view;
 }
 
 /// Volumes are instances that rays do not find.
@@ -247,7 +257,7 @@ void Placer::volumes() {
   for (const auto& [entity, row] : structure.volumes) {
     kernels::InstanceView& view = made_->volumes.emplace_back();
     const mat4x3& world = made_->world[entity];
-    const bool usable = usable_pose(world);
+    const bool usable = kernels::usable_pose(world);
     view.world_from_object = usable ? world : mat4x3(1);
     view.object_from_world = usable ? inverse(world) : mat4x3(1);
     view.visibility = usable ? snapshot_.entities.at(entity).visibility : 0;
@@ -257,10 +267,10 @@ void Placer::volumes() {
     view.label = label.instance;
     view.category = label.category;
     view.part = label.part;
-    RestBox own;
-    for (const vec3& corner : box_corners(density(entity))) {
-      own.lower = glm::min(own.lower, corner);
-      own.upper = glm::max(own.upper, corner);
+    Box own;
+    const Volume& volume = *snapshot_.find(snapshot_.entities.at(entity).volume)->value;
+    for (const vec3& corner : box_corners(*volume.density)) {
+      own.extend(corner);
       made_->bounds.extend(view.world_from_object * vec4(corner, 1));
     }
     const auto keys = instance_keys(snapshot_, entity, span_,
@@ -268,17 +278,19 @@ void Placer::volumes() {
     view.segments = keys.empty() ? 0 : u32(keys.size() - 1);
     view.first_key = u32(made_->motion_keys.size());
     made_->motion_keys.insert(made_->motion_keys.end(), keys.begin(), keys.end());
-    const u32 root = row == kNone ? entity : structure.labelling.instances[row].root;
-    set_rest_box(own, row, from_root(entity, root), view);
   }
 }
 
 Status Placer::accelerate(const Placement* before) {
-  if (made_->instances.size() == 0) return {};
-  if (before_ && made_->instances.same(before_->instances)) {
+  const Kept kept{before};
+  const u32 chunks = made_->slots.chunk_count();
+  if (chunks == 0) return {};
+  bool stays = before_ != nullptr;
+  for (u32 c = 0; stays && c < chunks; ++c) stays = kept.chunk(*made_, c);
+  if (stays) {
     made_->accelerator = before_->accelerator;
   } else {
-    auto made = accelerator_.build(snapshot_, *made_, {before}, interrupt_);
+    auto made = accelerator_.build(snapshot_, *made_, kept, interrupt_);
     if (!made) return std::unexpected(std::move(made).error());
     made_->accelerator = *std::move(made);
   }
@@ -286,36 +298,55 @@ Status Placer::accelerate(const Placement* before) {
   return {};
 }
 
-bool Kept::chunk(const Placement& now, u32 chunk) const {
-  return before && before->structure == now.structure &&
-         now.instances.shares(chunk, before->instances);
-}
-
-u32 Kept::slot(const Placement& now, u32 slot) const {
-  if (!before) return kNone;
-  u32 old = slot;
-  if (before->structure != now.structure) {
-    const u32 entity = now.structure->slots[slot].entity;
-    const auto& slots = before->structure->slot_of_entity;
-    old = entity < slots.size() ? slots[entity] : kNone;
-    if (old == kNone) return kNone;
+/// What the earlier one had made late, as what this one makes then begins with it.
+void Placer::remember() {
+  if (!before_) return;
+  if (const auto* rows = before_->instances_.made()) {
+    auto& earlier = made_->instances_before_.emplace(*rows);
+    for (u32 c = 0; c < rows->chunk_count(); ++c)
+      earlier.stay.push_back(u8(Kept{before_}.chunk(*made_, c)));
   }
-  const kernels::InstanceView &a = now.instances[slot], &b = before->instances[old];
-  const bool same = a.visibility == b.visibility &&
-                    same_bytes(a.world_from_object, b.world_from_object) &&
-                    same_keys(now.keys_of(slot), before->keys_of(old)) &&
-                    now.meshes[a.mesh]->accelerator == before->meshes[b.mesh]->accelerator;
-  return same ? old : kNone;
+  if (const LabelFrames* labels = before_->labels_.made()) {
+    made_->labels_before_ = {*labels, std::move(entities_), before_->deformed};
+    merge(made_->labels_before_.deformed, made_->deformed);
+  }
 }
 
 std::span<const kernels::MotionKey> Placement::keys_of(u32 slot) const {
-  const kernels::InstanceView& view = instances[slot];
+  const kernels::SlotView& view = slots[slot];
   return std::span(motion_keys).subspan(view.first_key, view.segments > 0 ? view.segments + 1 : 0);
 }
 
 mat4x3 Placement::mesh_pose(u32 slot) const {
-  const Slot& s = structure->slots[slot];
-  return scaled(world[s.entity], s.scale);
+  const kernels::SlotView& view = slots[slot];
+  return kernels::scaled(world[view.entity], view.scale);
+}
+
+kernels::InstanceView Placement::instance(u32 slot) const {
+  return kernels::placed(slots[slot], world[slots[slot].entity], motion_keys.data());
+}
+
+const ChunkedArray<kernels::InstanceView>& Placement::instances() const {
+  return **instances_.get([&]() -> Expected<ChunkedArray<kernels::InstanceView>> {
+    auto made = ChunkedArray<kernels::InstanceView>::unwritten(slots.size());
+    parallel_for(made.chunk_count(), [&](u32 c) {
+      if (instances_before_ && instances_before_->stay[c])
+        return made.share_chunk(c, instances_before_->rows);
+      u32 next = c * kRows;
+      for (kernels::InstanceView& row : made.write_chunk(c)) row = instance(next++);
+    });
+    instances_before_.reset();
+    return made;
+  });
+}
+
+Expected<const LabelFrames*> Placement::labels(const Snapshot& snapshot, const MeshBuilder& builder,
+                                               const Interrupt& interrupt) const {
+  return labels_.get([&] {
+    auto made = make_labels({snapshot, *this, builder, labels_before_}, interrupt);
+    if (made) labels_before_ = {};
+    return made;
+  });
 }
 
 Expected<std::shared_ptr<const Placement>> make_placement(const Moment& moment, Placeable what,
@@ -326,11 +357,10 @@ Expected<std::shared_ptr<const Placement>> make_placement(const Moment& moment, 
   HELIO_TRY(placer.meshes());
   placer.motion();
   HELIO_TRY(context.interrupt.status());
-  placer.find_slots();
-  HELIO_TRY(placer.label_frames());
-  placer.instances();
+  placer.slots();
   HELIO_TRY(placer.accelerate(before ? &before->placement : nullptr));
   placer.volumes();
+  placer.remember();
   return placer.take();
 }
 

@@ -1,12 +1,12 @@
-// Where the slots of a structure are in a span of time: instances, what rays go through, frames of
-// labels.
+// Where the slots of a structure are in a span of time, and what rays go through there.
 #pragma once
 
 #include <cstring>
 
+#include "kernels/place.h"
 #include "renderer/engine/backend.h"
-#include "renderer/engine/label_columns.h"
 #include "renderer/resident/changes.h"
+#include "renderer/resident/label_frames.h"
 #include "renderer/resident/surfaces.h"
 
 namespace heliograph::resident {
@@ -17,35 +17,48 @@ bool same_bytes(const T& a, const T& b) {
   return std::memcmp(&a, &b, sizeof a) == 0;
 }
 
-/// Whether an instance can be shown with this matrix.
-[[nodiscard]] inline bool usable_pose(const mat4x3& m) {
-  const float det = glm::determinant(mat3(m));
-  return std::isfinite(det) && det != 0 && std::isfinite(m[3].x + m[3].y + m[3].z);
-}
-
 /// Tables share the chunks of what did not change with the placement that this one was made from.
-/// Where an instance's chunk is shared, so is all else of those slots: keys, mesh, label.
+/// Instances and labels, which few scenes are asked for, are made then. Thread: any.
 struct Placement {
   TimeSpan span;
   std::shared_ptr<const Structure> structure;
   HoleSlots holes;
-  ChunkedArray<mat4x3> world;                             // by entity index, in the middle
-  ChunkedArray<kernels::InstanceView> instances;          // by slot
+  ChunkedArray<mat4x3> world;  // by entity index, in the middle; perhaps the snapshot's chunks
+  ChunkedArray<kernels::SlotView> slots;
   std::vector<kernels::InstanceView> volumes;             // of Structure::volumes; without meshes
   std::vector<std::shared_ptr<const DeviceMesh>> meshes;  // the structure's, then deformed ones
-  ChunkedArray<u32> mesh_of_slot;                         // index into meshes
   std::vector<u32> deformed;                              // slots that show those, in their order
   std::vector<u32> moving;                                // slots that have keys, ascending
   std::vector<kernels::MotionKey> motion_keys;            // of the instances
-  ChunkedArray<mat4x3> root_from_entity;                  // by slot, of its mesh's coordinates
-  ChunkedArray<ObjectFrame> frames;                       // by row of the labelling, in the middle
-  ChunkedArray<RestBox> boxes;                            // by row, in those frames
   std::shared_ptr<const SceneAccelerator> accelerator;    // null: no instance
   Box bounds;
+
   /// What takes the coordinates of a slot's mesh to the world.
   [[nodiscard]] mat4x3 mesh_pose(u32 slot) const;
+  [[nodiscard]] const DeviceMesh& mesh(u32 slot) const { return *meshes[slots[slot].mesh]; }
   /// Motion keys of a slot; empty: it stands still.
   [[nodiscard]] std::span<const kernels::MotionKey> keys_of(u32 slot) const;
+  [[nodiscard]] kernels::InstanceView instance(u32 slot) const;
+  /// All of them, by slot.
+  [[nodiscard]] const ChunkedArray<kernels::InstanceView>& instances() const;
+  /// What labels measure by. Fails as the interrupt says.
+  ///
+  /// snapshot   any that has the same entities and poses
+  [[nodiscard]] Expected<const LabelFrames*> labels(const Snapshot& snapshot,
+                                                    const MeshBuilder& builder,
+                                                    const Interrupt& interrupt) const;
+
+ private:
+  friend class Placer;
+  // Of the placement that this one was made from, if it had them:
+  struct InstancesBefore {
+    ChunkedArray<kernels::InstanceView> rows;
+    std::vector<u8> stay{};  // by chunk, whether they are these
+  };
+  mutable std::optional<InstancesBefore> instances_before_;  // until there are instances
+  mutable LabelsBefore labels_before_;                       // the same of labels
+  Lazy<ChunkedArray<kernels::InstanceView>> instances_;
+  Lazy<LabelFrames> labels_;
 };
 
 /// What a placement is made with.

@@ -1,4 +1,4 @@
-// Rest boxes to what the planes of object coordinates need. Called by placement.cpp.
+// Rest boxes to what the planes of object coordinates need. Called by label_frames.cpp.
 #pragma once
 
 #include "kernels/scene_view.h"
@@ -16,18 +16,17 @@ namespace heliograph::resident {
 }
 
 /// frame_from_entity   to the frame that the box is in
-inline void show_rest_box(const RestBox& box, const mat4x3& frame_from_entity,
-                          kernels::InstanceView& view) {
+[[nodiscard]] inline kernels::RestBoxView rest_box_view(const RestBox& box,
+                                                        const mat4x3& frame_from_entity) {
   const vec3 size = box.upper - box.lower;
   const float diagonal = glm::length(size);
-  view.nocs_scale = diagonal > 0 ? size / diagonal : vec3(0);
   mat4x3 normalise(1);
   for (int axis = 0; axis < 3; ++axis) {
     const bool flat = !(size[axis] > 0);
     normalise[axis][axis] = flat ? 0 : 1 / size[axis];
     normalise[3][axis] = flat ? 0.5f : -box.lower[axis] / size[axis];
   }
-  view.box_from_object = multiply(normalise, frame_from_entity);
+  return {multiply(normalise, frame_from_entity), diagonal > 0 ? size / diagonal : vec3(0)};
 }
 
 }  // namespace heliograph::resident

@@ -18,7 +18,7 @@ bool has_same_sources(const LightSources& now, const LightsBefore& before) {
     return false;
   return std::ranges::all_of(*before.lights->emitters, [&](u32 slot) {
     const u32 entity = structure.slots[slot].entity;
-    return a.instances[slot].segments == 0 && same_bytes(a.instances[slot], b.instances[slot]) &&
+    return a.slots[slot].segments == 0 && same_bytes(a.instance(slot), b.instance(slot)) &&
            now.snapshot.entities.at(entity) == before.of.snapshot.entities.at(entity);
   });
 }

@@ -69,7 +69,7 @@ Expected<DeviceScenes> SceneStore::prepare_all(std::span<const SceneAt> scenes,
   for (const auto& state : made)
     all.push_back(*state == before || &state == &made.back()
                       ? scene_of(*state)
-                      : std::make_shared<const ResidentScene>(*state, flat_));
+                      : std::make_shared<const ResidentScene>(*state, flat_, builder_));
   return all;
 }
 
@@ -183,7 +183,7 @@ std::shared_ptr<const ResidentScene> SceneStore::scene_of(const State& state) {
   auto known = std::ranges::find(recent_, state, &Recent::state);
   if (known != recent_.end())
     if (auto scene = known->scene.lock()) return scene;
-  auto scene = std::make_shared<const ResidentScene>(state, flat_);
+  auto scene = std::make_shared<const ResidentScene>(state, flat_, builder_);
   if (known != recent_.end()) {
     known->scene = scene;
     return scene;

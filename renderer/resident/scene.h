@@ -51,8 +51,8 @@ class ResidentScene final : public DeviceScene {
  public:
   /// flat   makes the array of instances
   ResidentScene(std::shared_ptr<const SceneState> state,
-                const FlatRows<kernels::InstanceView>& flat)
-      : state_(std::move(state)), flat_(flat) {}
+                const FlatRows<kernels::InstanceView>& flat, const MeshBuilder& builder)
+      : state_(std::move(state)), flat_(flat), builder_(builder) {}
 
   /// What the kernels read on the host: it has the array of instances from when it is first asked
   /// for. Thread: any.
@@ -65,10 +65,19 @@ class ResidentScene final : public DeviceScene {
   [[nodiscard]] const Placement& placement() const { return *pieces().placement; }
   [[nodiscard]] const Structure& structure() const { return *placement().structure; }
   [[nodiscard]] const Lights& lights() const { return *pieces().lights; }
+  /// Fails as the interrupt says. Thread: any, while the store is there.
+  [[nodiscard]] Expected<const LabelFrames*> labels(const Interrupt& interrupt) const {
+    return placement().labels(snapshot(), builder_, interrupt);
+  }
+  /// SceneView::rest_boxes, which no view has by itself. Likewise.
+  [[nodiscard]] Expected<std::span<const kernels::RestBoxView>> rest_boxes(
+      const Interrupt& interrupt) const;
 
  private:
   const std::shared_ptr<const SceneState> state_;
   const FlatRows<kernels::InstanceView> flat_;
+  const MeshBuilder& builder_;
+  Lazy<std::vector<kernels::RestBoxView>> rest_boxes_;
   mutable std::once_flag made_;
   mutable std::shared_ptr<const kernels::InstanceView> instances_;
   mutable kernels::SceneView view_{};

@@ -56,7 +56,7 @@ SceneState::SceneState(std::shared_ptr<const Snapshot> snapshot, const TimeSpan&
   view_.cast_lights = cast_lights_.data();
   view_.cast_light_count = u32(cast_lights_.size());
   view_.caster_probability = caster_probability(*lights);
-  view_.instance_count = placement->instances.size();
+  view_.instance_count = placement->slots.size();
   view_.light_count = u32(lights->lights.size());
   const Box& bounds = placement->bounds;
   view_.center = bounds.empty() ? vec3(0) : 0.5f * (bounds.lower + bounds.upper);
@@ -74,21 +74,33 @@ u64 SceneState::bytes_beside(const SceneState* other) const {
       own.accelerator
           ? own.accelerator->static_bytes_beside(theirs ? theirs->accelerator.get() : nullptr)
           : 0;
-  return bytes_of(own.instances, shared(&Placement::instances)) +
-         bytes_of(own.world, shared(&Placement::world)) +
-         bytes_of(own.root_from_entity, shared(&Placement::root_from_entity)) +
-         bytes_of(own.frames, shared(&Placement::frames)) +
-         bytes_of(own.boxes, shared(&Placement::boxes)) +
-         (same_top ? 0 : own.instances.size() * kTopBytesPerInstance + static_bytes) +
+  // Instances and labels count whether somebody has asked for them or not.
+  constexpr u64 kLateBytesPerRow =
+      sizeof(kernels::InstanceView) + sizeof(mat4x3) + sizeof(ObjectFrame) + sizeof(RestBox);
+  const u64 world_bytes = bytes_of(own.world, shared(&Placement::world));
+  return bytes_of(own.slots, shared(&Placement::slots)) + world_bytes +
+         world_bytes / sizeof(mat4x3) * kLateBytesPerRow +
+         (same_top ? 0 : own.slots.size() * kTopBytesPerInstance + static_bytes) +
          own.motion_keys.size() * (sizeof(kernels::MotionKey) + kTopBytesPerKey) +
          meshes_.size() * sizeof(kernels::MeshView) +
          pieces_.materials->materials.size() * sizeof(kernels::MaterialView);
 }
 
+Expected<std::span<const kernels::RestBoxView>> ResidentScene::rest_boxes(
+    const Interrupt& interrupt) const {
+  auto made = rest_boxes_.get([&]() -> Expected<std::vector<kernels::RestBoxView>> {
+    const auto frames = labels(interrupt);
+    if (!frames) return std::unexpected(frames.error());
+    return rest_box_views(snapshot(), placement(), **frames);
+  });
+  if (!made) return std::unexpected(std::move(made).error());
+  return std::span(**made);
+}
+
 const kernels::SceneView& ResidentScene::view() const {
   std::call_once(made_, [&] {
     view_ = state_->view();
-    run_alone([&] { instances_ = flat_.copy(placement().instances); });
+    run_alone([&] { instances_ = flat_.copy(placement().instances()); });
     view_.instances = instances_.get();
   });
   return view_;

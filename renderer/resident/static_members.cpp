@@ -16,14 +16,14 @@ bool same(const StaticMember& a, const StaticMember& b) {
 }  // namespace
 
 std::vector<StaticMember> static_members(const Placement& placement, u64 most_triangles) {
-  const auto& slots = placement.structure->slots;
   std::vector<StaticMember> members;
   u64 triangles = 0;
   for (const u32 i : placement.structure->fixed) {
-    const kernels::InstanceView& view = placement.instances[i];
-    const auto& mesh = placement.meshes[placement.mesh_of_slot[i]];
-    if (view.segments > 0 || mesh->segments > 0) continue;
-    if (!usable_pose(placement.world[slots[i].entity])) continue;
+    const kernels::SlotView& slot = placement.slots[i];
+    const auto& mesh = placement.meshes[slot.mesh];
+    if (slot.segments > 0 || mesh->segments > 0) continue;
+    const kernels::InstanceView view = placement.instance(i);
+    if (!kernels::usable_pose(placement.world[slot.entity])) continue;
     if (mesh->shape() != kernels::Shape::kTriangles) continue;
     const u64 more = mesh->topology->triangles.size();
     if (triangles + more > most_triangles) continue;

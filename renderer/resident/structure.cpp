@@ -197,7 +197,6 @@ void set_lists(const Snapshot& snapshot, Structure& structure) {
   });
   for (u32 i = 0; i < structure.slots.size(); ++i) {
     const Slot& slot = structure.slots[i];
-    structure.mesh_of_slot.push_back(slot.mesh);
     if (slot.deforms)
       structure.deforming.push_back(i);
     else if (snapshot.entities.at(slot.entity).is_static)

@@ -34,9 +34,8 @@ struct Structure {
   std::vector<Slot> slots;
   std::vector<u32> slot_of_entity;  // kNone: shows nothing
   std::vector<std::shared_ptr<const DeviceMesh>> meshes;
-  ChunkedArray<u32> mesh_of_slot;  // Slot::mesh
-  std::vector<u32> deforming;      // slots that do
-  std::vector<u32> fixed;          // slots of static entities that do not
+  std::vector<u32> deforming;  // slots that do
+  std::vector<u32> fixed;      // slots of static entities that do not
   Children children;
   std::vector<u32> keyed;           // entities with pose keys
   std::vector<u32> row_of_root;     // by entity: the row whose root it is, or kNone

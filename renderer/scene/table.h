@@ -79,7 +79,9 @@ class ChunkedArray {
       chunk = std::make_shared<Chunk>(*chunk);
     return *chunk;
   }
-  /// The same, of which these are the new values: as many as the chunk has.
+  /// From now on another array's chunk, of as many rows, is this one's too.
+  void share_chunk(u32 c, const ChunkedArray& other) { chunks_[c] = other.chunks_[c]; }
+  /// The same as write_chunk(), of which these are the new values: as many as the chunk has.
   void put_chunk(u32 c, std::span<const T> rows) {
     chunks_[c] = std::make_shared<Chunk>(rows.begin(), rows.end());
   }

@@ -1,9 +1,10 @@
-// The GPU's programs that build trees, run on the host: what TreeBuilder has them make is what the
-// steps of kernels/bvh_build.h make one after the other.
+// The GPU's programs that make instances and build trees, run on the host: what TreeBuilder has
+// them make is what the steps of kernels/bvh_build.h make one after the other.
 #include <map>
 #include <string>
 
 #include "renderer/backend/cuda/build.h"
+#include "renderer/backend/cuda/place.h"
 #include "renderer/backend/cuda/programs.h"
 #include "tests/unit/bvh_loops.h"
 #include "tests/unit/catch.h"
@@ -12,6 +13,7 @@
 #include "tests/unit/random.h"
 
 #include "renderer/backend/cuda/build.cu"
+#include "renderer/backend/cuda/place.cu"
 #include "renderer/backend/cuda/sort.cu"
 
 using namespace heliograph;
@@ -28,8 +30,9 @@ namespace {
 using Run = std::function<void(void** arguments)>;
 u32 launches = 0;
 
-Run program(void (*f)(BuildLaunch)) {
-  return [f](void** arguments) { f(*static_cast<BuildLaunch*>(arguments[0])); };
+template <class T>
+Run program(void (*f)(T)) {
+  return [f](void** arguments) { f(*static_cast<T*>(arguments[0])); };
 }
 Run program(void (*f)(BuildLaunch, u32)) {
   return [f](void** arguments) {
@@ -40,10 +43,13 @@ Run program(void (*f)(BuildLaunch, u32)) {
 const std::map<std::string, Run, std::less<>>& all_programs() {
   static const std::map<std::string, Run, std::less<>> all{
 #define HELIO_PROGRAM(name) {#name, program(name)}
-      HELIO_PROGRAM(build_boxes),  HELIO_PROGRAM(build_triangle_boxes), HELIO_PROGRAM(build_keys),
-      HELIO_PROGRAM(build_leaves), HELIO_PROGRAM(build_clusters),       HELIO_PROGRAM(build_nodes),
-      HELIO_PROGRAM(build_items),  HELIO_PROGRAM(build_triangles),      HELIO_PROGRAM(sort_pass),
-      HELIO_PROGRAM(sort_few),     HELIO_PROGRAM(refit_items),          HELIO_PROGRAM(refit_nodes)};
+      HELIO_PROGRAM(build_boxes),    HELIO_PROGRAM(build_triangle_boxes),
+      HELIO_PROGRAM(build_keys),     HELIO_PROGRAM(build_leaves),
+      HELIO_PROGRAM(build_clusters), HELIO_PROGRAM(build_nodes),
+      HELIO_PROGRAM(build_items),    HELIO_PROGRAM(build_triangles),
+      HELIO_PROGRAM(sort_pass),      HELIO_PROGRAM(sort_few),
+      HELIO_PROGRAM(refit_items),    HELIO_PROGRAM(refit_nodes),
+      HELIO_PROGRAM(place_instances)};
 #undef HELIO_PROGRAM
   return all;
 }
@@ -73,6 +79,7 @@ struct Gpu {
   cuda::Driver driver = running_driver();
   std::shared_ptr<cuda::Context> context = cuda::Context::create(driver, 0).value();
   cuda::TreeBuilder builder = cuda::TreeBuilder::create(context).value();
+  cuda::InstancePlacer placer = cuda::InstancePlacer::create(context).value();
 };
 
 /// Triangles of all sizes without an order; some twice, and some with no corner that is a number.
@@ -316,5 +323,51 @@ TEST_CASE("build programs: a tree that would be bad, or over others, is built an
     const auto top = cuda::view_of_top(*made, now.input());
     CHECK(has_nodes_of(top, steps.nodes()));
     for (u32 i = 0; i < now.instances.size(); ++i) CHECK(top.items[i].instance == steps.items()[i]);
+  }
+}
+
+TEST_CASE("build programs: instances are in their places, and hidden where they have none") {
+  constexpr u32 kAll = 7, kCount = 300;
+  // By number: at rest, mirrored, flat, not a number, beyond what rays reach, moving, moving and
+  // flat.
+  constexpr u32 kKinds = 7;
+  Random random(5);
+  kernels::MotionKey key{};
+  key.rotation = {0, 0, 0, 1};
+  key.xx = key.yy = key.zz = 2;
+  kernels::MotionKey flat = key;
+  flat.yy = 0;
+  const std::vector<kernels::MotionKey> keys{key, key, flat, key};
+  std::vector<kernels::SlotView> slots(kCount);
+  std::vector<mat4x3> world(2 * kCount);
+  for (u32 i = 0; i < kCount; ++i) {
+    const u32 kind = i % kKinds;
+    const vec2 at = random.next2();
+    mat4x3& m = world[2 * i] = mat4x3(2);
+    m[3] = {at.x, at.y, random.next()};
+    if (kind == 1) m[0] = -m[0];
+    if (kind == 2) m[1] = vec3(0);
+    if (kind == 3) m[3].y = NAN;
+    if (kind == 4) m[2] *= 1e-12f;
+    slots[i] = {.mesh = i, .flags = kernels::kCatcher, .visibility = kAll, .entity = 2 * i};
+    slots[i].scale = vec3(1, 3, 1);
+    if (kind >= 5) slots[i].segments = 1, slots[i].first_key = 2 * (kind - 5);
+  }
+  std::vector<kernels::InstanceView> made(kCount);
+  const Gpu gpu;
+  REQUIRE(gpu.placer.place({slots.data(), world.data(), keys.data(), made.data(), kCount}));
+  for (u32 i = 0; i < kCount; ++i) {
+    const u32 kind = i % kKinds;
+    const kernels::InstanceView& instance = made[i];
+    CAPTURE(i, kind);
+    CHECK((instance.mesh == i && instance.entity == 2 * i));
+    const bool has_pose = kind != 2 && kind != 3 && kind != 6;
+    CHECK(instance.visibility == (has_pose && kind != 4 ? kAll : 0));
+    CHECK(instance.flags == (kernels::kCatcher | (kind == 1 ? u32(kernels::kFlipped) : 0u)));
+    const mat4x3 pose = has_pose ? world[2 * i] : mat4x3(1);
+    const vec3 p(1, 2, 3), scale = has_pose ? slots[i].scale : vec3(1);
+    CHECK(instance.world_from_object * vec4(p, 1) == pose * vec4(p * scale, 1));
+    const vec3 back = instance.object_from_world * vec4(instance.world_from_object * vec4(p, 1), 1);
+    CHECK(glm::length(back - p) < (kind == 4 ? 1e6f : 1e-5f));
   }
 }

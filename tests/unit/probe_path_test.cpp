@@ -34,7 +34,8 @@ TEST_CASE("probe: a later vertex is what the path meets after it has scattered")
     settings.seed = seed;
     settings.vertex = vertex;
     TestFilm film(kSize, planes_of(Fold::kCentre));
-    const ProbeContext context{{&view, &camera}, {}, {}, nullptr, &settings};
+    const ProbeContext context{{&view, &camera}, {},        {},
+                               nullptr,          &settings, scene.rest_boxes.data()};
     for (u32 y = 0; y < kSize.y; ++y)
       for (u32 x = 0; x < kSize.x; ++x)
         probe_vertex(context, tracer, &tracer, (const TestTracer*)nullptr, film.view, x, y);

@@ -29,14 +29,12 @@ struct World {
     scene.instances[0].label = 7;
     scene.instances[0].category = 3;
     scene.instances[0].part = 2;
-    scene.instances[0].box_from_object =
-        pose(mat3(0.125f, 0, 0, 0, 0.125f, 0, 0, 0, 1), vec3(0.5f, 0.5f, 0.5f));
-    scene.instances[0].nocs_scale = vec3(std::sqrt(0.5f), std::sqrt(0.5f), 0);
+    scene.rest_boxes[0] = {pose(mat3(0.125f, 0, 0, 0, 0.125f, 0, 0, 0, 1), vec3(0.5f, 0.5f, 0.5f)),
+                           vec3(std::sqrt(0.5f), std::sqrt(0.5f), 0)};
     scene.instances[1].label = 9;
     scene.instances[1].category = 4;
     scene.instances[1].part = 1;
-    scene.instances[1].box_from_object = pose(mat3(0.5f), vec3(0.5f));
-    scene.instances[1].nocs_scale = vec3(1 / std::sqrt(3.0f));
+    scene.rest_boxes[1] = {pose(mat3(0.5f), vec3(0.5f)), vec3(1 / std::sqrt(3.0f))};
     view = &scene.finish();
   }
   TestScene scene;
@@ -87,7 +85,8 @@ TEST_CASE("probe: geometry, labels and material of a plane and a sphere") {
     camera.lens.projection = projection;
     if (projection == Projection::kOrthographic) camera.fx = camera.fy = 5;
     const TestFilm film(kSize, all_centre());
-    probe_all({{world.view, &camera}, {}, {}, nullptr, &kSettings}, film);
+    probe_all({{world.view, &camera}, {}, {}, nullptr, &kSettings, world.scene.rest_boxes.data()},
+              film);
     int seen[3] = {};
     for (u64 i = 0; i < u64(kSize.x) * kSize.y; ++i) {
       const u32 column = i % kSize.x, row = i / kSize.x;
@@ -184,7 +183,7 @@ TEST_CASE("probe: mesh parts count on from an instance's part, unless all of it 
   const CameraView other = look_at({-0.5f, 0.5f, 4}, {-0.5f, 0.5f, 0}, {1, 1}, 0.01f);
   const auto part = [&](const CameraView& from) {
     const TestFilm film({1, 1}, all_centre());
-    probe_all({{&view, &from}, {}, {}, nullptr, &kSettings}, film);
+    probe_all({{&view, &from}, {}, {}, nullptr, &kSettings, scene.rest_boxes.data()}, film);
     return film.centre<u32>(Plane::PART, 0);
   };
   CHECK(part(camera) == 5);
@@ -200,7 +199,8 @@ TEST_CASE("probe: normals face the viewer from behind, and emission does not pas
   const World world({0, 0, 100});
   const CameraView camera = look_at({1, 0, -5}, {0, 0, 0}, {4, 4}, 0.1f);
   const TestFilm film({4, 4}, all_centre());
-  probe_all({{world.view, &camera}, {}, {}, nullptr, &kSettings}, film);
+  probe_all({{world.view, &camera}, {}, {}, nullptr, &kSettings, world.scene.rest_boxes.data()},
+            film);
   CHECK(at3(film, Plane::GEOMETRIC_NORMAL, 5).z == -1);
   CHECK(at3(film, Plane::NORMAL, 5).z == -1);
   CHECK(is_black(at3(film, Plane::EMISSION, 5)));
@@ -214,7 +214,12 @@ TEST_CASE("probe: flow is the reprojection of a moving sphere and a moving camer
   const CameraView camera = look_at({5, -4, 3.5f}, {0.2f, 0, 0.5f}, kSize, 1.1f);
   const CameraView moved = look_at({4.8f, -4.2f, 3.6f}, {0.25f, 0, 0.5f}, kSize, 1.1f);
   const TestFilm film(kSize, all_centre());
-  probe_all({{now.view, &camera}, {later.view, &moved}, {now.view, &camera}, nullptr, &kSettings},
+  probe_all({{now.view, &camera},
+             {later.view, &moved},
+             {now.view, &camera},
+             nullptr,
+             &kSettings,
+             now.scene.rest_boxes.data()},
             film);
   int seen[3] = {}, hidden = 0;
   for (u64 i = 0; i < u64(kSize.x) * kSize.y; ++i) {
@@ -255,7 +260,13 @@ TEST_CASE("probe: flow is the reprojection of a moving sphere and a moving camer
   CHECK((seen[0] > 50 && seen[1] > 50 && seen[2] > 50 && hidden > 5));
 
   later.scene.instances[1].flags |= kFlowInvalid;
-  probe_all({{now.view, &camera}, {later.view, &moved}, {}, nullptr, &kSettings}, film);
+  probe_all({{now.view, &camera},
+             {later.view, &moved},
+             {},
+             nullptr,
+             &kSettings,
+             now.scene.rest_boxes.data()},
+            film);
   for (u64 i = 0; i < u64(kSize.x) * kSize.y; ++i) {
     const bool sphere = film.centre<u32>(Plane::INSTANCE, i) == 9;
     CHECK(film.centre<u8>(Plane::FLOW_FORWARD_VALID, i) == !sphere);
@@ -270,7 +281,7 @@ TEST_CASE("probe: disparity of a rectified rig is focal length times baseline ov
   right.world_from_camera[3] += left.world_from_camera[0] * 0.3f;
   right.camera_from_world = heliograph::test::inverse(right.world_from_camera);
   const TestFilm film(kSize, all_centre());
-  probe_all({{world.view, &left}, {}, {}, &right, &kSettings}, film);
+  probe_all({{world.view, &left}, {}, {}, &right, &kSettings, world.scene.rest_boxes.data()}, film);
   int hidden = 0, visible = 0;
   for (u64 i = 0; i < u64(kSize.x) * kSize.y; ++i) {
     const float depth = film.centre(Plane::DEPTH, i);
@@ -306,7 +317,7 @@ TEST_CASE(
     settings.through_transmission = through;
     const CameraView camera = look_at({0.3f, 0.1f, z}, {0.3f, 0.2f, 0}, {1, 1}, 0.1f);
     const TestFilm film({1, 1}, all_centre());
-    probe_all({{&view, &camera}, {}, {}, nullptr, &settings}, film);
+    probe_all({{&view, &camera}, {}, {}, nullptr, &settings, scene.rest_boxes.data()}, film);
     const vec3 p = at3(film, Plane::POSITION, 0);
     CHECK(length(p - camera.world_from_camera[3]) ==
           Approx(film.centre(Plane::DISTANCE, 0)).epsilon(1e-5));
@@ -338,7 +349,7 @@ TEST_CASE("probe: what a body of higher priority displaces is not there") {
     settings.through_transmission = through;
     const CameraView camera = look_at({0.3f, 0.1f, eye}, {0.3f, 0.2f, 0}, {1, 1}, 0.1f);
     const TestFilm film({1, 1}, all_centre());
-    probe_all({{&view, &camera}, {}, {}, nullptr, &settings}, film);
+    probe_all({{&view, &camera}, {}, {}, nullptr, &settings, scene.rest_boxes.data()}, film);
     return std::pair(film.centre<u32>(Plane::INSTANCE, 0), film.centre(Plane::POSITION, 2));
   };
   const auto is = [](u32 label, float z) {
@@ -371,7 +382,8 @@ TEST_CASE("probe: glass before a point hides it from the other camera unless loo
     Settings settings = kSettings;
     settings.through_transmission = through;
     const TestFilm film({1, 1}, all_centre());
-    probe_all({{&view, &camera}, {&view, &above}, {}, nullptr, &settings}, film);
+    probe_all({{&view, &camera}, {&view, &above}, {}, nullptr, &settings, scene.rest_boxes.data()},
+              film);
     CHECK(film.centre<u8>(Plane::FLOW_FORWARD_VISIBLE, 0) == through);
   }
 }
@@ -379,7 +391,9 @@ TEST_CASE("probe: glass before a point hides it from the other camera unless loo
 TEST_CASE("probe: only wanted planes are written, and no ray is wasted on others") {
   const World world({0.5f, -0.3f, 1.2f});
   const CameraView camera = look_at({5, -4, 3.5f}, {0.2f, 0, 0.5f}, kSize, 1.1f);
-  const ProbeContext context{{world.view, &camera}, {world.view, &camera}, {}, &camera, &kSettings};
+  const ProbeContext context{
+      {world.view, &camera},        {world.view, &camera}, {}, &camera, &kSettings,
+      world.scene.rest_boxes.data()};
   const TestTracer tracer(*world.view);
   const TestFilm film(kSize, plane_bit(Plane::DEPTH));
   CHECK(probe_pixel(context, tracer, &tracer, (const TestTracer*)nullptr, film.view, 24, 16) == 1);

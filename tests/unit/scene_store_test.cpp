@@ -19,8 +19,7 @@ Blases blases(const ResidentScene& scene) {
   const Placement& placement = scene.placement();
   for (std::size_t i = 0; i < placement.structure->slots.size(); ++i) {
     const EntityId id = scene.snapshot().entity_id(placement.structure->slots[i].entity);
-    out[scene.snapshot().name_of(id)] =
-        placement.meshes[placement.mesh_of_slot[i]]->accelerator.get();
+    out[scene.snapshot().name_of(id)] = placement.mesh(i).accelerator.get();
   }
   return out;
 }

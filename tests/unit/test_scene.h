@@ -190,8 +190,7 @@ class TestScene {
     }
     i.visibility = kAllRays;
     i.entity = i.label = u32(instances.size() + 1);
-    i.box_from_object = mat4x3(1);
-    i.nocs_scale = vec3(1);
+    rest_boxes.push_back({mat4x3(1), vec3(1)});
     instances.push_back(i);
     return u32(instances.size() - 1);
   }
@@ -253,6 +252,7 @@ class TestScene {
 
   SceneView view{};
   std::vector<InstanceView> instances;
+  std::vector<RestBoxView> rest_boxes;
   std::vector<MaterialView> materials;
   std::vector<TextureView> textures;
   std::vector<TextureUseView> texture_uses;

@@ -30,11 +30,12 @@ host::SceneRays rays_of(std::shared_ptr<const ResidentScene> scene) {
 class CudaBackend final : public Backend {
  public:
   CudaBackend(std::shared_ptr<Context> context, const Programs& programs, TreeBuilder builder,
-              const BackendOptions& options)
+              InstancePlacer placer, const BackendOptions& options)
       : context_(std::move(context)),
         exports_(ExportSource::create(context_, context_->export_device()).value_or(nullptr)),
         programs_(programs),
         builder_(std::move(builder)),
+        placer_(std::move(placer)),
         mirror_(context_),
         denoiser_library_(options.denoiser),
         cache_(options.cache_bytes),
@@ -112,6 +113,7 @@ class CudaBackend final : public Backend {
   const std::shared_ptr<ExportSource> exports_;  // null where the driver has none
   const Programs programs_;
   const TreeBuilder builder_;
+  const InstancePlacer placer_;
   Mirror mirror_;
   const std::string denoiser_library_;
   std::unique_ptr<CudaDenoiser> denoiser_;  // once it was asked for
@@ -129,7 +131,8 @@ Expected<std::shared_ptr<const CudaScene>> CudaBackend::copy_of(const SceneOrder
   if (order.sibling && order.sibling->host() == order.scene) return order.sibling;
   const auto is_it = [&](const CudaScene& copy) { return copy.host() == order.scene; };
   if (auto known = recent_->find(is_it)) return known;
-  return CudaScene::create(order.scene, {mirror_, builder_, *recent_, order.sibling, order.own});
+  return CudaScene::create(order.scene,
+                           {mirror_, builder_, placer_, *recent_, order.sibling, order.own});
 }
 
 Expected<std::unique_ptr<Film>> CudaBackend::begin(std::span<const Shot> shots) {
@@ -246,8 +249,10 @@ Expected<std::unique_ptr<Backend>> make_cuda_backend(const BackendOptions& optio
   if (!programs) return std::unexpected(programs.error());
   auto builder = TreeBuilder::create(*context);
   if (!builder) return std::unexpected(std::move(builder).error());
+  auto placer = InstancePlacer::create(*context);
+  if (!placer) return std::unexpected(std::move(placer).error());
   return std::make_unique<CudaBackend>(*std::move(context), *programs, *std::move(builder),
-                                       options);
+                                       *std::move(placer), options);
 }
 
 Expected<u32> gpu_count() {

@@ -124,6 +124,7 @@ void CudaFilm::set_probes() {
     launch.wants_disparity = task.context.disparity != nullptr;
     if (launch.wants_disparity) launch.disparity = copy(*task.context.disparity);
     launch.settings = *task.context.settings;
+    launch.rest_boxes = copies_.of(task.context.rest_boxes, task.rest_boxes);
     later_ = launch.settings.vertex > 0;
     launch.film = copy(*task.film, i);
     launch.film.rank_of_group = nullptr;

@@ -73,6 +73,7 @@ struct ProbeLaunch {
   kernels::CameraView disparity;
   bool wants_disparity;
   kernels::Settings settings;
+  const kernels::RestBoxView* rest_boxes;
   kernels::FilmView film;
 };
 

@@ -94,22 +94,28 @@ const void* Copies::own(std::span<const std::byte> host) {
   return reinterpret_cast<const void*>(chunk_ + offset);
 }
 
-const void* Copies::pieces(const std::vector<Piece>& all, u64 bytes, DevicePointer before) {
-  if (bytes == 0) return nullptr;
-  if (!status_) return count(bytes), nullptr;
-  const DeviceMemory* memory = hold(allocate(bytes));
-  if (!memory) return nullptr;
-  if (before) status_ = mirror_->context().copy(memory->at(), before, bytes);
+void* Copies::bytes(u64 size) {
+  if (size == 0) return nullptr;
+  if (!status_) return count(size), nullptr;
+  const DeviceMemory* memory = hold(allocate(size));
+  return memory ? memory->as<void>() : nullptr;
+}
+
+const void* Copies::pieces(const std::vector<Piece>& all, u64 size, DevicePointer before) {
+  void* made = bytes(size);
+  if (!made) return nullptr;
+  const auto at = DevicePointer(made);
+  if (before) status_ = mirror_->context().copy(at, before, size);
   std::vector<Upload> uploads;
   for (const Piece& piece : all)
     for (u64 begin = 0; begin < piece.host.size(); begin += kBlock) {
       const auto block = piece.host.subspan(begin, std::min(kBlock, piece.host.size() - begin));
       if (piece.before && std::memcmp(block.data(), piece.before + begin, block.size()) == 0)
         continue;
-      uploads.push_back({memory->at() + piece.offset + begin, block});
+      uploads.push_back({at + piece.offset + begin, block});
     }
   if (status_) status_ = mirror_->context().upload(uploads);
-  return memory->as<const void>();
+  return made;
 }
 
 Expected<std::shared_ptr<const DeviceMemory>> Copies::allocate(u64 bytes) const {

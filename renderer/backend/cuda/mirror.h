@@ -76,6 +76,11 @@ class Copies {
     return static_cast<const T*>(
         pieces(pieces_of(rows, &before_rows), rows.size() * sizeof(T), DevicePointer(before)));
   }
+  /// Room for what the device makes.
+  template <class T>
+  [[nodiscard]] T* room(u64 count) {
+    return static_cast<T*>(bytes(count * sizeof(T)));
+  }
   /// Where Mirror::made() lies.
   template <class F>
   [[nodiscard]] const DeviceMemory* made(const void* from, F&& make) {
@@ -92,6 +97,7 @@ class Copies {
   void refuse(Error error);
   void count(u64 bytes);
   const void* own(std::span<const std::byte> host);
+  void* bytes(u64 size);
   /// Rows that go to a place in an array.
   struct Piece {
     u64 offset;
@@ -110,7 +116,7 @@ class Copies {
     return made;
   }
   /// before   what the array begins as, on the device; 0: nothing
-  const void* pieces(const std::vector<Piece>& all, u64 bytes, DevicePointer before);
+  const void* pieces(const std::vector<Piece>& all, u64 size, DevicePointer before);
   [[nodiscard]] Expected<std::shared_ptr<const DeviceMemory>> allocate(u64 bytes) const;
   const DeviceMemory* hold(Expected<std::shared_ptr<const DeviceMemory>> memory);
 

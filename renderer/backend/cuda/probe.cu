@@ -15,8 +15,9 @@ __device__ u32 probe_item(const ProbeLaunch& l, const ItemPlace& at) {
   };
   const CalledTracer now = tracer_of(l.now), forward = tracer_of(l.forward),
                      backward = tracer_of(l.backward);
-  const ProbeContext context{scene_of(l.now), scene_of(l.forward), scene_of(l.backward),
-                             l.wants_disparity ? &l.disparity : nullptr, &l.settings};
+  const ProbeContext context{scene_of(l.now),      scene_of(l.forward),
+                             scene_of(l.backward), l.wants_disparity ? &l.disparity : nullptr,
+                             &l.settings,          l.rest_boxes};
   if constexpr (kLater) return probe_vertex(context, now, &forward, &backward, l.film, at.x, at.y);
   return probe_pixel(context, now, &forward, &backward, l.film, at.x, at.y);
 }

@@ -12,7 +12,7 @@ namespace heliograph::cuda {
 
 namespace {
 
-/// Trees over more instances than these are built on the device.
+/// More instances than these are made on the device, and trees over them built there.
 constexpr u32 kMostHostInstances = 512;
 /// The same of triangles of a mesh that deforms.
 constexpr u32 kMostHostTriangles = 512;
@@ -24,7 +24,7 @@ bool any_deforms(const Placement& placement) {
 
 /// The host's top level would need its trees of deformed meshes.
 bool has_host_top(const Placement& placement) {
-  return placement.instances.size() <= kMostHostInstances && !any_deforms(placement);
+  return placement.slots.size() <= kMostHostInstances && !any_deforms(placement);
 }
 
 void copy_mesh(kernels::MeshView& m, Copies& copies) {
@@ -110,7 +110,7 @@ Expected<std::shared_ptr<const CudaScene>> CudaScene::create(
   const auto like = find_in(context, [&](const CudaScene& other) {
     return other.host_->placement().structure == scene->host_->placement().structure;
   });
-  scene->copy_instances(like.get());
+  HELIO_TRY(scene->copy_instances(context.placer, like.get()));
   scene->copy_lights();
   scene->copy_dome();
   scene->copy_volumes();
@@ -121,7 +121,7 @@ Expected<std::shared_ptr<const CudaScene>> CudaScene::create(
 
 void CudaScene::make_host_trees(const ResidentScene& host) {
   const Placement& placement = host.placement();
-  if (placement.instances.size() > 0 && has_host_top(placement))
+  if (placement.slots.size() > 0 && has_host_top(placement))
     (void)bvh::bvh_of(placement)->world(placement);
 }
 
@@ -157,17 +157,25 @@ Status CudaScene::find_materials(const CopyContext& context) {
   return {};
 }
 
-void CudaScene::copy_instances(const CudaScene* like) {
+Status CudaScene::copy_instances(const InstancePlacer& placer, const CudaScene* like) {
   const Placement& placement = host_->placement();
-  // Few may still wait to be sent.
-  view_.instances =
-      like && view_.instance_count > kMostHostInstances
-          ? copies_.of_changed(placement.instances, like->host_->placement().instances,
-                               like->view_.instances)
-          : own_->of_own(placement.instances);
   view_.motion_keys = copies_.of(view_.motion_keys, placement.motion_keys.size());
   const auto& part_materials = placement.structure->part_materials;
   view_.part_materials = copies_.of(part_materials.data(), part_materials.size());
+  const u32 count = view_.instance_count;
+  if (count <= kMostHostInstances) {
+    view_.instances = own_->of_own(placement.instances());
+    return {};
+  }
+  const Placement* before = like ? &like->host_->placement() : nullptr;
+  slots_ = before ? copies_.of_changed(placement.slots, before->slots, like->slots_)
+                  : copies_.of_own(placement.slots);
+  world_ = before ? copies_.of_changed(placement.world, before->world, like->world_)
+                  : copies_.of_own(placement.world);
+  auto* instances = copies_.room<kernels::InstanceView>(count);
+  view_.instances = instances;
+  if (!instances) return {};
+  return placer.place({slots_, world_, view_.motion_keys, instances, count});
 }
 
 void CudaScene::copy_lights() {
@@ -237,7 +245,7 @@ void CudaScene::copy_volumes() {
 
 void CudaScene::copy_bvh(const TreeBuilder& builder, const CudaScene* like) {
   const Placement& placement = host_->placement();
-  if (placement.instances.size() == 0) return;
+  if (placement.slots.size() == 0) return;
   bvh_ = has_host_top(placement) ? copy_top() : built_top(builder, like);
   const bvh::StaticGroup* fixed = bvh::bvh_of(placement)->fixed().get();
   if (!fixed) return;
@@ -253,7 +261,7 @@ kernels::BvhView CudaScene::built_top(const TreeBuilder& builder, const CudaScen
   BuildInput input{.instances = view_.instances,
                    .motion_keys = view_.motion_keys,
                    .meshes = meshes_->tree_table,
-                   .count = u32(placement.instances.size()),
+                   .count = u32(placement.slots.size()),
                    .mesh_boxes = {}};
   if (const bvh::StaticGroup* fixed = bvh::bvh_of(placement)->fixed().get()) {
     input.left_out = copies_.of(fixed->bits.data(), fixed->bits.size());
@@ -267,7 +275,7 @@ kernels::BvhView CudaScene::built_top(const TreeBuilder& builder, const CudaScen
       boxes.push_back({box.lower, box.upper});
     }
     input.mesh_boxes = boxes;
-    own_->send();  // the instances
+    own_->send();  // instances of the host
     return builder.build(input);
   };
   const DeviceMemory* top = copies_.made(placement.accelerator.get(), build);

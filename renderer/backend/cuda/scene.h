@@ -3,6 +3,7 @@
 
 #include "renderer/backend/cuda/build.h"
 #include "renderer/backend/cuda/mirror.h"
+#include "renderer/backend/cuda/place.h"
 #include "renderer/backend/cuda/recent.h"
 #include "renderer/resident/scene.h"
 
@@ -37,6 +38,7 @@ class CudaScene;
 struct CopyContext {
   Mirror& mirror;
   const TreeBuilder& builder;
+  const InstancePlacer& placer;
   Recent<CudaScene>& others;                 // may have some of them
   std::shared_ptr<const CudaScene> sibling;  // may, too; null: none is there
   /// Takes what is of one scene alone, and is to be finished before that is used. It may live
@@ -66,7 +68,7 @@ class CudaScene final : public DeviceScene {
   [[nodiscard]] Status find_meshes(const CopyContext& context);
   [[nodiscard]] Status find_materials(const CopyContext& context);
   /// like   another one with the same entities; null: there is none
-  void copy_instances(const CudaScene* like);
+  [[nodiscard]] Status copy_instances(const InstancePlacer& placer, const CudaScene* like);
   void copy_lights();
   void copy_dome();
   void copy_volumes();
@@ -79,6 +81,9 @@ class CudaScene final : public DeviceScene {
   Copies copies_;                      // of the host's arrays, which live as long as this does
   kernels::SceneView view_{};
   kernels::BvhView bvh_{};
+  // What the device made instances of; null: the host did.
+  const kernels::SlotView* slots_ = nullptr;
+  const mat4x3* world_ = nullptr;
   const DeviceMemory* top_ = nullptr;  // a tree that the device built; null: there is none
   std::shared_ptr<const MeshCopies> meshes_;
   std::shared_ptr<const MaterialCopies> materials_;

@@ -65,14 +65,14 @@ class Builder {
 void Builder::choose_static(u64 most_triangles) {
   members_ = static_members(placement_, most_triangles);
   if (members_.empty()) return;
-  grouped_.assign(placement_.instances.size(), 0);
+  grouped_.assign(placement_.slots.size(), 0);
   for (const StaticMember& member : members_) grouped_[member.slot] = 1;
 }
 
 GeometryHandle Builder::instance(u32 slot) const {
   GeometryHandle handle(rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_INSTANCE));
   const RTCGeometry geometry = handle.get();
-  const kernels::InstanceView& view = placement_.instances[slot];
+  const kernels::InstanceView& view = placement_.instances()[slot];
   rtcSetGeometryInstancedScene(geometry, (*made_->instance_scenes)[slot]);
   rtcSetGeometryMask(geometry, view.visibility);
   if (view.segments == 0)
@@ -85,20 +85,18 @@ GeometryHandle Builder::instance(u32 slot) const {
 
 void Builder::instance_scenes() {
   const Placement* before = kept_.before;
-  if (before_ && before->mesh_of_slot.same(placement_.mesh_of_slot) &&
-      before->meshes == placement_.meshes) {
+  if (before_ && before->slots.same(placement_.slots) && before->meshes == placement_.meshes) {
     made_->instance_scenes = before_->instance_scenes;
     return;
   }
-  std::vector<RTCScene> scenes(placement_.instances.size());
-  for (u32 i = 0; i < scenes.size(); ++i)
-    scenes[i] = scene_of(*placement_.meshes[placement_.mesh_of_slot[i]]);
+  std::vector<RTCScene> scenes(placement_.slots.size());
+  for (u32 i = 0; i < scenes.size(); ++i) scenes[i] = scene_of(placement_.mesh(i));
   made_->instance_scenes = std::make_shared<const std::vector<RTCScene>>(std::move(scenes));
 }
 
 Status Builder::instances() {
   instance_scenes();
-  const u32 count = placement_.instances.size();
+  const u32 count = placement_.slots.size();
   changed_ = !before_ || before_->geometries.size() != count;
   // Without groups a chunk of the same instances has the same geometries.
   const bool by_chunks = !changed_ && members_.empty() && !before_->group;
@@ -187,7 +185,7 @@ TracedScene traced(const Placement& placement, const kernels::SceneView& view) {
   TracedScene traced{
       .top = top->scene.get(), .instance_scenes = top->instance_scenes->data(), .view = &view};
   if (const StaticGroup* group = top->group.get()) {
-    traced.group = u32(placement.instances.size());
+    traced.group = u32(placement.slots.size());
     traced.group_instances = group->slots.data();
   }
   return traced;
