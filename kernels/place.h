@@ -2,12 +2,11 @@
 // instances: both get the same bytes where products and sums are not contracted.
 #pragma once
 
+#include "kernels/finite.h"
 #include "kernels/motion.h"
 #include "kernels/ray.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
-
-KERNEL bool is_finite(float x) { return glm::abs(x) < INFINITY; }
 
 KERNEL mat4x3 scaled(const mat4x3& m, vec3 scale) {
   return mat4x3(m[0] * scale.x, m[1] * scale.y, m[2] * scale.z, m[3]);

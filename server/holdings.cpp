@@ -116,6 +116,11 @@ Expected<bool> Holdings::read(const v1::Array& array, u64 bytes, const TakePiece
   return shared_.read_lent(array.buffer(), take);
 }
 
+Expected<BufferPtr> Holdings::take(const v1::Array& array, u64 bytes, Numbers kind) {
+  if (!array.has_buffer() || array.buffer().size() != bytes) return nullptr;
+  return shared_.take_lent(array.buffer(), kind);
+}
+
 Expected<BufferPtr> Holdings::take_upload(const std::string& request_id) {
   const std::lock_guard lock(mutex_);
   auto node = uploads_.extract(request_id);

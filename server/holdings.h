@@ -55,6 +55,7 @@ class Holdings final : public ArraySource {
   [[nodiscard]] Expected<BufferPtr> bytes(const v1::Array& array) override;
   [[nodiscard]] Expected<bool> read(const v1::Array& array, u64 bytes,
                                     const TakePiece& take) override;
+  [[nodiscard]] Expected<BufferPtr> take(const v1::Array& array, u64 bytes, Numbers kind) override;
   [[nodiscard]] Expected<std::shared_ptr<const Asset>> asset(std::string_view hash) override;
   [[nodiscard]] Expected<BufferPtr> blob(std::string_view hash);
 

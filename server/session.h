@@ -55,6 +55,11 @@ class Session {
            const auto frames = lending_frames();
            if (!frames) return std::unexpected(frames.error());
            return (*frames)->read(ref, take);
+         },
+         .take = [this](const v1::BufferRef& ref, Numbers kind) -> Expected<BufferPtr> {
+           const auto frames = lending_frames();
+           if (!frames) return std::unexpected(frames.error());
+           return (*frames)->take(ref, kind);
          }});
   }
 

@@ -157,6 +157,23 @@ Status SharedFrames::read(const v1::BufferRef& ref, const TakePiece& take) const
   return (*memory)->read(ref.offset(), ref.size(), take);
 }
 
+Expected<BufferPtr> SharedFrames::take(const v1::BufferRef& ref, Numbers kind) const {
+  const auto memory = lent(ref);
+  if (!memory) return std::unexpected(memory.error());
+  struct Counted {
+    Charge charge;
+    BufferPtr bytes;
+  };
+  auto charge = Charge::take(budget_, kind == Numbers::kFloats ? ref.size() : 0);
+  if (!charge) return std::unexpected(std::move(charge).error());
+  auto taken = (*memory)->take(ref.offset(), ref.size(), kind);
+  if (!taken || !*taken) return taken;
+  const auto bytes = (*taken)->bytes();
+  const auto pooled = heliograph::Buffer::Kind::kPooled;
+  auto counted = std::make_shared<Counted>(*std::move(charge), *std::move(taken));
+  return std::make_shared<const heliograph::Buffer>(std::move(counted), bytes, pooled);
+}
+
 Expected<BufferPtr> SharedFrames::copy(const v1::BufferRef& ref) const {
   const auto memory = lent(ref);
   if (!memory) return std::unexpected(memory.error());

@@ -82,6 +82,8 @@ class SharedFrames final : public SharedMemoryKeeper,
   /// What the client has written into a buffer that it holds. NOT_FOUND when it does not hold that
   /// use of it, INVALID_ARGUMENT.
   [[nodiscard]] Status read(const v1::BufferRef& ref, const TakePiece& take) const;
+  /// As LentMemory::take(). Floats are counted as copy() counts them.
+  [[nodiscard]] Expected<BufferPtr> take(const v1::BufferRef& ref, Numbers kind) const;
   /// A copy of it. RESOURCE_EXHAUSTED, too.
   [[nodiscard]] Expected<BufferPtr> copy(const v1::BufferRef& ref) const;
   /// A use of a buffer is over; what names another use is ignored.

@@ -99,6 +99,11 @@ Expected<bool> SharedUploads::read_lent(const v1::BufferRef& ref, const TakePiec
   return true;
 }
 
+Expected<BufferPtr> SharedUploads::take_lent(const v1::BufferRef& ref, Numbers kind) const {
+  if (ref.generation() == 0 || !lender_.take) return nullptr;
+  return lender_.take(ref, kind);
+}
+
 Expected<BufferPtr> SharedUploads::use(const v1::BufferRef& ref) {
   if (ref.generation() != 0 && lender_.copy) return lender_.copy(ref);
   if (BufferPtr returned = extract(ref)) return returned;

@@ -30,6 +30,7 @@ class SharedUploads {
   struct Lender {
     std::function<Expected<BufferPtr>(const v1::BufferRef&)> copy;
     std::function<Status(const v1::BufferRef&, const TakePiece&)> read;
+    std::function<Expected<BufferPtr>(const v1::BufferRef&, Numbers)> take;
   };
   /// Called before the session is known to its client, too.
   void lend(Lender lender) { lender_ = std::move(lender); }
@@ -41,6 +42,8 @@ class SharedUploads {
   [[nodiscard]] Expected<BufferPtr> use(const v1::BufferRef& ref);
   /// The bytes that an array names in a buffer that was lent; false: in another.
   [[nodiscard]] Expected<bool> read_lent(const v1::BufferRef& ref, const TakePiece& take) const;
+  /// The numbers that an array names there as LentMemory::take() has them; null where it has not.
+  [[nodiscard]] Expected<BufferPtr> take_lent(const v1::BufferRef& ref, Numbers kind) const;
   /// The use of these bytes did not happen: the same reference names them again.
   void give_back(const v1::BufferRef& ref, BufferPtr bytes);
 

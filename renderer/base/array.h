@@ -19,11 +19,15 @@ namespace heliograph {
 /// content: equal serials mean equal bytes, so derived data is cached by it.
 class Buffer {
  public:
-  Buffer(std::shared_ptr<const void> owner, std::span<const std::byte> bytes)
-      : owner_(std::move(owner)), bytes_(bytes), serial_(next_serial()) {}
+  /// Whether who needs a part of it may hold all: of a pool of bounded size.
+  enum class Kind : u8 { kAny, kPooled };
+  Buffer(std::shared_ptr<const void> owner, std::span<const std::byte> bytes,
+         Kind kind = Kind::kAny)
+      : owner_(std::move(owner)), bytes_(bytes), serial_(next_serial()), kind_(kind) {}
 
   [[nodiscard]] std::span<const std::byte> bytes() const { return bytes_; }
   [[nodiscard]] u64 serial() const { return serial_; }
+  [[nodiscard]] Kind kind() const { return kind_; }
 
  private:
   static u64 next_serial() {
@@ -33,6 +37,7 @@ class Buffer {
   std::shared_ptr<const void> owner_;
   std::span<const std::byte> bytes_;
   u64 serial_;
+  Kind kind_;
 };
 
 using BufferPtr = std::shared_ptr<const Buffer>;

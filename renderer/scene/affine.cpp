@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 
+#include "kernels/place.h"
 #include "renderer/scene/motion.h"
 
 namespace heliograph {
@@ -82,9 +83,6 @@ mat4x3 multiply(const mat4x3& a, const mat4x3& b) {
   return {linear[0], linear[1], linear[2], a * vec4(b[3], 1)};
 }
 
-mat4x3 inverse(const mat4x3& m) {
-  const glm::dmat3 linear = glm::inverse(glm::dmat3(mat3(m)));
-  return {vec3(linear[0]), vec3(linear[1]), vec3(linear[2]), vec3(-(linear * glm::dvec3(m[3])))};
-}
+mat4x3 inverse(const mat4x3& m) { return kernels::exact_inverse(m); }
 
 }  // namespace heliograph

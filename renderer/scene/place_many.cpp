@@ -49,7 +49,12 @@ bool write_chunk(Snapshot& scene, u32 chunk, const Poses& action, Places places)
       std::ranges::find_if(places, [&](u32 i) { return now[row_of(i)] != action.matrices[i]; });
   if (k == places.end()) return true;
   if (are_all) {
-    scene.poses.put_chunk(chunk, action.matrices.span().subspan(first, now.size()));
+    const auto rows = action.matrices.span().subspan(first, now.size());
+    const BufferPtr& buffer = action.matrices.buffer();
+    if (buffer->kind() == Buffer::Kind::kPooled)
+      scene.poses.put_chunk(chunk, rows, buffer);
+    else
+      scene.poses.put_chunk(chunk, rows);
     return true;
   }
   const auto rows = scene.poses.write_chunk(chunk);

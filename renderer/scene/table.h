@@ -22,26 +22,15 @@ class ChunkedArray {
   [[nodiscard]] u32 size() const { return size_; }
   [[nodiscard]] const T& operator[](u32 i) const {
     assert(i < size_);
-    return (*chunks_[i / kRows])[i % kRows];
+    return chunks_[i / kRows]->rows()[i % kRows];
   }
   [[nodiscard]] T& write(u32 i) {
     assert(i < size_);
-    auto& chunk = chunks_[i / kRows];
-    if (chunk.use_count() > 1) chunk = std::make_shared<Chunk>(*chunk);
-    return (*chunk)[i % kRows];
+    return own(i / kRows)[i % kRows];
   }
   u32 push_back(T value) {
-    if (size_ % kRows == 0) {
-      auto chunk = std::make_shared<Chunk>();
-      chunk->reserve(kRows);
-      chunks_.push_back(std::move(chunk));
-    } else if (auto& last = chunks_.back(); last.use_count() > 1) {
-      auto clone = std::make_shared<Chunk>();
-      clone->reserve(kRows);
-      *clone = *last;
-      last = std::move(clone);
-    }
-    chunks_.back()->push_back(std::move(value));
+    if (size_ % kRows == 0) chunks_.push_back(std::make_shared<Chunk>());
+    own_chunk(size_ / kRows).push_back(std::move(value));
     return size_++;
   }
   /// Calls f(index) for every row in a chunk that `before` does not share.
@@ -50,7 +39,7 @@ class ChunkedArray {
     for (std::size_t c = 0; c < chunks_.size(); ++c) {
       if (c < before.chunks_.size() && before.chunks_[c] == chunks_[c]) continue;
       const u32 first = u32(c) * kRows;
-      for (u32 i = 0; i < chunks_[c]->size(); ++i) f(first + i);
+      for (u32 i = 0; i < chunks_[c]->rows().size(); ++i) f(first + i);
     }
   }
   [[nodiscard]] bool same(const ChunkedArray& other) const {
@@ -65,29 +54,61 @@ class ChunkedArray {
     return array;
   }
   [[nodiscard]] u32 chunk_count() const { return u32(chunks_.size()); }
-  [[nodiscard]] std::span<const T> chunk(u32 c) const { return *chunks_[c]; }
+  [[nodiscard]] std::span<const T> chunk(u32 c) const { return chunks_[c]->rows(); }
   /// Whether both have a chunk, and it is the same one.
   [[nodiscard]] bool shares(u32 c, const ChunkedArray& other) const {
     return c < chunks_.size() && c < other.chunks_.size() && chunks_[c] == other.chunks_[c];
   }
   /// All rows of a chunk. Thread: several may write chunks, each another.
   [[nodiscard]] std::span<T> write_chunk(u32 c) {
-    auto& chunk = chunks_[c];
-    if (!chunk)
-      chunk = std::make_shared<Chunk>(std::min(kRows, size_ - c * kRows));
-    else if (chunk.use_count() > 1)
-      chunk = std::make_shared<Chunk>(*chunk);
-    return *chunk;
+    if (!chunks_[c])
+      chunks_[c] = std::make_shared<Chunk>(std::vector<T>(std::min(kRows, size_ - c * kRows)));
+    return own(c);
   }
   /// From now on another array's chunk, of as many rows, is this one's too.
   void share_chunk(u32 c, const ChunkedArray& other) { chunks_[c] = other.chunks_[c]; }
   /// The same as write_chunk(), of which these are the new values: as many as the chunk has.
   void put_chunk(u32 c, std::span<const T> rows) {
-    chunks_[c] = std::make_shared<Chunk>(rows.begin(), rows.end());
+    chunks_[c] = std::make_shared<Chunk>(std::vector<T>(rows.begin(), rows.end()));
+  }
+  /// The same, of rows that stay as long as their owner does: without a copy.
+  void put_chunk(u32 c, std::span<const T> rows, std::shared_ptr<const void> owner) {
+    chunks_[c] = std::make_shared<Chunk>(rows, std::move(owner));
   }
 
  private:
-  using Chunk = std::vector<T>;
+  /// Rows of its own, or another's, which nobody writes.
+  class Chunk {
+   public:
+    Chunk() = default;
+    explicit Chunk(std::vector<T> rows) : own_(std::move(rows)), rows_(own_) {}
+    Chunk(std::span<const T> rows, std::shared_ptr<const void> owner)
+        : owner_(std::move(owner)), rows_(rows) {}
+    Chunk(const Chunk&) = delete;
+    Chunk& operator=(const Chunk&) = delete;
+    [[nodiscard]] std::span<const T> rows() const { return rows_; }
+    [[nodiscard]] bool is_own() const { return !owner_; }
+    [[nodiscard]] std::span<T> own() { return own_; }
+    void push_back(T value) {
+      own_.reserve(kRows);
+      own_.push_back(std::move(value));
+      rows_ = own_;
+    }
+
+   private:
+    std::vector<T> own_;
+    std::shared_ptr<const void> owner_;  // null: the rows are its own
+    std::span<const T> rows_;
+  };
+  /// The chunk, which nobody else has from now on.
+  Chunk& own_chunk(u32 c) {
+    auto& chunk = chunks_[c];
+    if (chunk.use_count() > 1 || !chunk->is_own())
+      chunk = std::make_shared<Chunk>(std::vector<T>(chunk->rows().begin(), chunk->rows().end()));
+    return *chunk;
+  }
+  std::span<T> own(u32 c) { return own_chunk(c).own(); }
+
   std::vector<std::shared_ptr<Chunk>> chunks_;
   u32 size_ = 0;
 };

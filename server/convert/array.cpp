@@ -146,6 +146,17 @@ Expected<RawArray> to_f32(RawArray raw, u64 element_size) {
 
 Expected<RawArray> read_f32(const v1::Array& array, ArraySource& source, const Dims& dims,
                             u64 element_size) {
+  const auto bytes = bytes_of(array, dims, kFloatTypes);
+  if (!bytes) return std::unexpected(bytes.error());
+  if (array.dtype() == v1::D_TYPE_F32) {
+    auto taken = source.take(array, *bytes, Numbers::kFloats);
+    if (!taken) return std::unexpected(std::move(taken).error());
+    if (*taken)
+      return RawArray{*std::move(taken),
+                      array.dtype(),
+                      {array.shape().begin(), array.shape().end()},
+                      *bytes / dtype_size(array.dtype())};
+  }
   auto raw = read_raw(array, source, dims, kFloatTypes);
   if (!raw) return raw;
   return to_f32(std::move(*raw), element_size);

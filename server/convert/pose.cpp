@@ -8,6 +8,7 @@
 #include <cmath>
 #include <mutex>
 
+#include "kernels/take.h"
 #include "renderer/base/parallel.h"
 #include "renderer/scene/invertible.h"
 #include "server/convert/array.h"
@@ -17,30 +18,16 @@
 namespace heliograph::server {
 namespace {
 
-/// Noise that a product or an inverse in f32 leaves in the last row.
-constexpr float kLastRowTolerance = 1e-6f;
-
-bool is_affine(std::span<const float> m) {
-  return std::abs(m[12]) <= kLastRowTolerance && std::abs(m[13]) <= kLastRowTolerance &&
-         std::abs(m[14]) <= kLastRowTolerance && std::abs(m[15] - 1) <= kLastRowTolerance;
-}
-
 enum class Needs : u8 { kAffine, kInvertible };
 
 constexpr std::size_t kNumbers = 16;  // of a matrix
 constexpr std::size_t kGrain = 4096;  // matrices that are worth a thread
 
-/// Writes the first three rows of a row-major matrix as columns. Whether nothing is wrong with it.
+/// Whether nothing is wrong with a matrix.
 template <class T>
 bool take(const T* m, Needs needs, mat4x3& out) {
-  constexpr u32 kExponent = 0x7f800000;
-  std::array<float, kNumbers> f;
-  for (std::size_t i = 0; i < kNumbers; ++i) f[i] = float(m[i]);
-  u32 special = 0;
-  for (const float x : f) special |= u32((std::bit_cast<u32>(x) & kExponent) == kExponent);
-  out = {f[0], f[4], f[8], f[1], f[5], f[9], f[2], f[6], f[10], f[3], f[7], f[11]};
-  if (special != 0 || !is_affine(f)) return false;
-  return needs == Needs::kAffine || plainly_invertible(out) || invertible(out);
+  if (!kernels::take_affine(m, out)) return false;
+  return needs == Needs::kAffine || kernels::plainly_invertible(out) || invertible(out);
 }
 
 template <class T>
@@ -67,8 +54,10 @@ std::string matrix_path(const Dims& dims, u64 index) {
 Status why_not(const RawArray& numbers, const Dims& dims, std::span<const mat4x3> matrices) {
   const auto raw = to_f32(numbers, kNumbers);
   if (!raw) return std::unexpected(raw.error());
+  mat4x3 affine;
   for (std::size_t i = 0; i < matrices.size(); ++i)
-    if (const auto m = raw->as<float>().subspan(kNumbers * i, kNumbers); !is_affine(m))
+    if (const auto m = raw->as<float>().subspan(kNumbers * i, kNumbers);
+        !kernels::take_affine(m.data(), affine))
       return fail(Code::kInvalidArgument, matrix_path(dims, i),
                   fmt::format("has the last row {} {} {} {}; give 0 0 0 1 (matrices are row-major "
                               "and act on column vectors)",
@@ -150,6 +139,9 @@ Expected<ArrayOf<mat4x3>> read_many_poses(const v1::Array& array, ArraySource& s
   const auto bytes = bytes_of(array, dims, kFloatTypes);
   if (!bytes) return std::unexpected(bytes.error());
   const bool is_f32 = array.dtype() == v1::D_TYPE_F32;
+  auto taken = source.take(array, *bytes, is_f32 ? Numbers::kPoses : Numbers::kPosesF64);
+  if (!taken) return std::unexpected(std::move(taken).error());
+  if (*taken) return ArrayOf<mat4x3>(*std::move(taken));
   auto matrices = is_f32 ? convert_pieces<float>(array, source, *bytes)
                          : convert_pieces<double>(array, source, *bytes);
   if (matrices && !*matrices) matrices = convert_copy(array, source, dims);

@@ -30,6 +30,10 @@ class ArraySource {
   [[nodiscard]] virtual Expected<bool> read(const v1::Array&, u64 /*bytes*/, const TakePiece&) {
     return false;
   }
+  /// The array's numbers as LentMemory::take() has them; null where it has not.
+  [[nodiscard]] virtual Expected<BufferPtr> take(const v1::Array&, u64 /*bytes*/, Numbers) {
+    return nullptr;
+  }
   /// The asset of this hash (32 bytes), or NOT_FOUND.
   [[nodiscard]] virtual Expected<std::shared_ptr<const Asset>> asset(std::string_view hash) = 0;
 };

@@ -241,7 +241,7 @@ def poses(client, count=100_000):
     report("poses of a tensor", wrong == 0, f"{wrong} of 12 wrong; " + text)
 
 
-def vertices(client, segments=300):
+def vertices(client, segments=450):
     """A mesh that gets new vertices from a tensor, against the same from numpy."""
     scene = build(client)
     sphere = hg.shapes.sphere(1.0, segments=segments)

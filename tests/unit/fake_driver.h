@@ -77,6 +77,12 @@ inline cuda::Driver fake_driver() {
     return *at = std::malloc(bytes), 0;
   };
   d.release_pinned = [](void* at) { return std::free(at), 0; };
+  d.pin = [](void*, std::size_t, unsigned) { return 0; };
+  d.unpin = [](void*) { return 0; };
+  d.pinned_at = [](DevicePointer* at, void* host, unsigned) {
+    return *at = DevicePointer(host), 0;
+  };
+  d.let_stream_wait = [](StreamHandle, EventHandle, unsigned) { return 0; };
   d.create_event = [](EventHandle*, unsigned) { return 0; };
   d.destroy_event = [](EventHandle) { return 0; };
   d.record_event = [](EventHandle, StreamHandle) { return 0; };

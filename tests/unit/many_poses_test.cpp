@@ -3,6 +3,7 @@
 #include <numeric>
 #include <random>
 
+#include "kernels/take.h"
 #include "renderer/scene/invertible.h"
 #include "server/convert/transaction.h"
 #include "tests/unit/convert_fixture.h"
@@ -121,7 +122,7 @@ TEST_CASE("many poses: what is plainly invertible is invertible") {
                 std::exp2(span * exponent(engine));
     // Nearly in one plane.
     if (i % 2) m[2] = m[0] + m[1] * uniform(engine) + m[2] * std::exp2(0.5f * exponent(engine));
-    if (plainly_invertible(m)) {
+    if (kernels::plainly_invertible(m)) {
       ++plain;
       if (!invertible(m)) FAIL("not invertible");
       const glm::dvec3 x(m[0]), y(m[1]), z(m[2]);
@@ -209,4 +210,29 @@ TEST_CASE("many poses: keys end, and what teleports jumps") {
   scene.move(scene.ids, places(kMany, 1), true);
   CHECK(scene.entity("p/12000").teleported == 1);
   CHECK(scene.entity("p/3").teleported == 1);
+}
+
+TEST_CASE(
+    "many poses: those of a pool are the scene's without a copy, where they are whole chunks") {
+  Crowd scene;
+  for (const auto kind : {Buffer::Kind::kAny, Buffer::Kind::kPooled}) {
+    const ArrayOf all(places(kMany, kind == Buffer::Kind::kAny ? 1 : 2));
+    const ArrayOf<mat4x3> matrices(
+        std::make_shared<const Buffer>(all.buffer(), all.buffer()->bytes(), kind));
+    // The first entity stays: its chunk is written row by row.
+    const ArrayOf<mat4x3> most(std::make_shared<const Buffer>(
+        matrices.buffer(), matrices.buffer()->bytes().subspan(sizeof(mat4x3)), kind));
+    scene({anonymous(
+        Poses{ArrayOf(std::vector(scene.ids.begin() + 1, scene.ids.end())), most, false})});
+    const bool is_shared = kind == Buffer::Kind::kPooled;
+    CHECK(scene.now->poses.chunk(0).data() != matrices.data());
+    CHECK((scene.now->poses.chunk(1).data() == &matrices[256]) == is_shared);
+    CHECK((scene.now->poses.chunk(77).data() == &matrices[256 * 77]) == is_shared);
+    for (u32 i = 1; i < kMany; ++i) REQUIRE(scene.now->poses[i] == matrices[i]);
+    CHECK(scene.now->poses[0] == mat4x3(1));
+  }
+  const auto before = scene.now;
+  scene.move({scene.ids[300]}, {at(9)});
+  CHECK(scene.now->poses[300] == at(9));
+  CHECK(before->poses[300] == at(302));
 }

@@ -32,6 +32,13 @@ class FakeMemory final : public LentMemory {
     }
     return {};
   }
+  /// Of poses there are none; floats are all 1.
+  [[nodiscard]] Expected<BufferPtr> take(u64, u64 size, Numbers kind) const override {
+    if (kind == Numbers::kPoses) return nullptr;
+    const ArrayOf<float> ones(std::vector<float>(size / sizeof(float), 1.0f));
+    return std::make_shared<const Buffer>(ones.buffer(), ones.buffer()->bytes(),
+                                          Buffer::Kind::kPooled);
+  }
 
  private:
   i64& alive_;
@@ -126,6 +133,18 @@ TEST_CASE("shared frames: what a client has written is read while it holds the b
     CHECK(((*bytes)->bytes().size() == 1000 && stage.budget->used() == kStep + 1000));
   }
   CHECK(stage.budget->used() == kStep);
+  {
+    const auto floats = stage.frames.take(ref(0, 1000), Numbers::kFloats);
+    REQUIRE((floats && *floats));
+    CHECK(ArrayOf<float>(*floats)[249] == 1);
+    CHECK((*floats)->kind() == heliograph::Buffer::Kind::kPooled);
+    CHECK(stage.budget->used() == kStep + 1000);
+    const auto poses = stage.frames.take(ref(0, 640), Numbers::kPoses);
+    REQUIRE(poses);
+    CHECK_FALSE(*poses);
+    CHECK(stage.budget->used() == kStep + 1000);
+  }
+  CHECK(stage.budget->used() == kStep);
   u64 read = 0;
   const auto take = [&](u64 begin, std::span<const std::byte> piece) {
     CHECK((begin == read && piece[0] == std::byte((3 + begin) * 7 % 251)));
@@ -140,6 +159,7 @@ TEST_CASE("shared frames: what a client has written is read while it holds the b
   const auto refused = [&](const v1::BufferRef& named, Code code) {
     CHECK(stage.frames.copy(named).error().code == code);
     CHECK(stage.frames.read(named, take).error().code == code);
+    CHECK(stage.frames.take(named, Numbers::kFloats).error().code == code);
   };
   refused(older, Code::kNotFound);
   refused(other, Code::kNotFound);

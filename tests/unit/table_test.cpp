@@ -19,6 +19,24 @@ TEST_CASE("table: a copy shares chunks and a write clones one") {
   CHECK(changed == 256);
 }
 
+TEST_CASE("table: a chunk of another's rows holds them, and a write has its own") {
+  auto owner = std::make_shared<std::vector<int>>(256, 7);
+  const std::weak_ptr<std::vector<int>> is_there = owner;
+  ChunkedArray<int> a;
+  for (int i = 0; i < 300; ++i) a.push_back(i);
+  const ChunkedArray<int> before = a;
+  a.put_chunk(0, *owner, owner);
+  const int* rows = owner->data();
+  owner.reset();
+  CHECK(a.chunk(0).data() == rows);
+  CHECK((a[255] == 7 && a[256] == 256 && before[255] == 255));
+  a.write(3) = 1;
+  CHECK(is_there.expired());
+  CHECK((a[3] == 1 && a[4] == 7));
+  a.push_back(300);
+  CHECK((a[300] == 300 && before.size() == 300));
+}
+
 TEST_CASE("table: an erased index comes back under a new version") {
   Table<int> t;
   const u32 i = t.insert(7);

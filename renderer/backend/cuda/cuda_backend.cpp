@@ -19,6 +19,8 @@ namespace {
 
 /// Scenes whose copies stay, so that the next one finds what it has in common with them.
 constexpr std::size_t kScenesKept = 8;
+/// Of the device's memory, this share at most is of arrays that are on the host, too.
+constexpr u64 kTwinShare = 16;
 /// Of the pictures of a film: as many as a wave has paths.
 constexpr u64 kFilmPixels = 1 << 20, kMostPictures = 256;
 
@@ -27,28 +29,46 @@ host::SceneRays rays_of(std::shared_ptr<const ResidentScene> scene) {
   return {std::move(scene), std::move(tracer)};
 }
 
+Expected<Takes> find_takes(const Context& context) {
+  Takes made;
+  for (const auto& [name, program] :
+       {std::pair{"take_floats", &made.floats}, std::pair{"take_poses", &made.poses},
+        std::pair{"take_poses_f64", &made.poses_f64}}) {
+    const auto function = context.function(name);
+    if (!function) return std::unexpected(function.error());
+    *program = *function;
+  }
+  return made;
+}
+
 class CudaBackend final : public Backend {
  public:
   CudaBackend(std::shared_ptr<Context> context, const Programs& programs, TreeBuilder builder,
-              InstancePlacer placer, const BackendOptions& options)
+              InstancePlacer placer, const Takes& takes, const BackendOptions& options)
       : context_(std::move(context)),
         exports_(ExportSource::create(context_, context_->export_device()).value_or(nullptr)),
+        twins_(std::make_shared<Twins>(context_, context_->export_device(),
+                                       context_->budget().bytes() / kTwinShare)),
         programs_(programs),
         builder_(std::move(builder)),
         placer_(std::move(placer)),
-        mirror_(context_),
+        mirror_(context_, twins_),
         denoiser_library_(options.denoiser),
         cache_(options.cache_bytes),
         accelerator_(options.static_triangles),
         store_(accelerator_, cache_, options.cache_bytes),
         arena_(options.threads ? int(options.threads) : tbb::task_arena::automatic) {
+    if (exports_) exports_->set_takes(takes, twins_);
     const std::weak_ptr<ExportSource> shared = exports_;
-    context_->budget().set_give_up([recent = std::weak_ptr(recent_), shared] {
-      const auto scenes = recent.lock();
-      if (scenes && scenes->drop_unused()) return true;
-      const auto source = shared.lock();
-      return source && source->reclaim();
-    });
+    context_->budget().set_give_up(
+        [recent = std::weak_ptr(recent_), shared, twins = std::weak_ptr(twins_)] {
+          const auto scenes = recent.lock();
+          if (scenes && scenes->drop_unused()) return true;
+          const auto unused = twins.lock();
+          if (unused && unused->reclaim()) return true;
+          const auto source = shared.lock();
+          return source && source->reclaim();
+        });
   }
 
   [[nodiscard]] std::string_view name() const override { return "cuda"; }
@@ -111,6 +131,7 @@ class CudaBackend final : public Backend {
 
   std::shared_ptr<Context> context_;
   const std::shared_ptr<ExportSource> exports_;  // null where the driver has none
+  const std::shared_ptr<Twins> twins_;
   const Programs programs_;
   const TreeBuilder builder_;
   const InstancePlacer placer_;
@@ -249,10 +270,12 @@ Expected<std::unique_ptr<Backend>> make_cuda_backend(const BackendOptions& optio
   if (!programs) return std::unexpected(programs.error());
   auto builder = TreeBuilder::create(*context);
   if (!builder) return std::unexpected(std::move(builder).error());
+  const auto takes = find_takes(**context);
+  if (!takes) return std::unexpected(takes.error());
   auto placer = InstancePlacer::create(*context);
   if (!placer) return std::unexpected(std::move(placer).error());
   return std::make_unique<CudaBackend>(*std::move(context), *programs, *std::move(builder),
-                                       *std::move(placer), options);
+                                       *std::move(placer), *takes, options);
 }
 
 Expected<u32> gpu_count() {

@@ -65,6 +65,9 @@ struct AccessDescription {
   F(release, cuMemFreeAsync, DevicePointer, StreamHandle)                                         \
   F(allocate_pinned, cuMemHostAlloc, void**, std::size_t, unsigned)                               \
   F(release_pinned, cuMemFreeHost, void*)                                                         \
+  F(pin, cuMemHostRegister_v2, void*, std::size_t, unsigned)                                      \
+  F(unpin, cuMemHostUnregister, void*)                                                            \
+  F(pinned_at, cuMemHostGetDevicePointer_v2, DevicePointer*, void*, unsigned)                     \
   F(upload, cuMemcpyHtoDAsync_v2, DevicePointer, const void*, std::size_t, StreamHandle)          \
   F(download, cuMemcpyDtoHAsync_v2, void*, DevicePointer, std::size_t, StreamHandle)              \
   F(copy, cuMemcpyDtoDAsync_v2, DevicePointer, DevicePointer, std::size_t, StreamHandle)          \

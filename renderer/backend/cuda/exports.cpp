@@ -7,6 +7,7 @@
 #include <bit>
 #include <thread>
 
+#include "renderer/backend/cuda/take_launch.h"
 #include "renderer/resident/parallel.h"
 
 namespace heliograph::cuda {
@@ -22,6 +23,7 @@ constexpr unsigned kNoTiming = 2;     // CU_EVENT_DISABLE_TIMING
 constexpr u64 kPieceBytes = 2 << 20;  // one is copied while the next ones come
 constexpr u64 kStageBytes = ExportSource::kPieces * kPieceBytes;
 constexpr u64 kShareBytes = 64 << 10;  // what a thread takes at a time
+constexpr u64 kWordBytes = sizeof(u32);
 static_assert(kPieceBytes % kShareBytes == 0);
 
 AllocationProperties properties_of(Device device) {
@@ -43,6 +45,9 @@ class ExportedMemory final : public LentMemory {
   [[nodiscard]] const DeviceUuid* device() const override { return source_->device(); }
   [[nodiscard]] Status read(u64 offset, u64 size, const TakePiece& take) const override {
     return source_->read(at_ + offset, size, take);
+  }
+  [[nodiscard]] Expected<BufferPtr> take(u64 offset, u64 size, Numbers kind) const override {
+    return source_->take(at_ + offset, size, kind);
   }
 
  private:
@@ -245,6 +250,48 @@ Status ExportSource::read(DevicePointer from, u64 size, const TakePiece& take) {
   if (result == 0) return {};
   return fail(Code::kUnavailable, "",
               "reading the GPU's memory failed: " + device_.driver.describe(result));
+}
+
+/// Behind the numbers on the host is a word that the program sets where it finds something wrong.
+Result ExportSource::take(DevicePointer from, const Taking& what, const Twin& to,
+                          bool& is_good) const {
+  const Driver& driver = device_.driver;
+  auto* wrong = reinterpret_cast<u32*>(to.host + what.bytes);
+  *wrong = 0;
+  TakeLaunch launch{reinterpret_cast<const void*>(from), reinterpret_cast<float*>(to.device),
+                    reinterpret_cast<float*>(to.host_there),
+                    reinterpret_cast<u32*>(to.host_there + what.bytes), what.count};
+  void* arguments[] = {&launch};
+  const auto blocks = unsigned((what.count + kTakeThreads - 1) / kTakeThreads);
+  Result result =
+      driver.launch(what.program, blocks, 1, 1, kTakeThreads, 1, 1, 0, stream_, arguments, nullptr);
+  if (result == 0) result = driver.wait_for_stream(stream_);
+  is_good = result == 0 && *wrong == 0;
+  return result;
+}
+
+Expected<BufferPtr> ExportSource::take(DevicePointer from, u64 size, Numbers kind) {
+  const bool is_f64 = kind == Numbers::kPosesF64;
+  const Taking what = kind == Numbers::kFloats
+                          ? Taking{takes_.floats, size / sizeof(float), size}
+                          : Taking{is_f64 ? takes_.poses_f64 : takes_.poses,
+                                   size / (is_f64 ? sizeof(glm::dmat4) : sizeof(glm::mat4)),
+                                   size / (is_f64 ? 2 : 1) / 4 * 3};
+  if (!what.program || what.bytes < takes_.fewest) return nullptr;
+  auto twin = twins_->take(what.bytes + kWordBytes, stream_);
+  if (!twin) return nullptr;
+  const auto held = device_.tenure.hold();
+  if (!held) return fail(Code::kUnavailable, "", "the GPU was lost with what was written there");
+  const std::lock_guard lock(mutex_);
+  bool is_good = false;
+  Result result = device_.driver.set_context(device_.context);
+  if (result == 0) result = take(from, what, *twin, is_good);
+  if (result != 0)
+    return fail(Code::kUnavailable, "",
+                "reading the GPU's memory failed: " + device_.driver.describe(result));
+  if (!is_good) return nullptr;
+  const std::span bytes(twin->host, what.bytes);
+  return std::make_shared<const Buffer>(std::move(twin), bytes, Buffer::Kind::kPooled);
 }
 
 }  // namespace heliograph::cuda

@@ -5,26 +5,21 @@
 #include <mutex>
 #include <vector>
 
-#include "renderer/backend/cuda/pool.h"
-#include "renderer/backend/cuda/tenure.h"
+#include "renderer/backend/cuda/twins.h"
 #include "renderer/engine/lent_memory.h"
 
 namespace heliograph::cuda {
 
-/// The device as exports use it.
-struct ExportDevice {
-  const Driver& driver;
-  Pool& pool;  // exports lie beside it, in its budget
-  Tenure& tenure;
-  Device device = 0;
-  ContextHandle context = nullptr;
-  StreamHandle stream = nullptr;
+/// What a device takes, by the programs of take.cu; null: nothing.
+struct Takes {
+  FunctionHandle floats = nullptr, poses = nullptr, poses_f64 = nullptr;
+  u64 fewest = 1 << 20;  // bytes; fewer are on the host sooner
 };
 
 /// Allocations of the driver's virtual memory management, each with a POSIX descriptor. A process
-/// that imports one maps the same memory, for as long as it likes.
-/// Thread: any. Owns: a stream of its own, so that nothing here waits for what renders, and pinned
-/// memory.
+/// that imports one maps the same memory, for as long as it likes. They lie beside the device's
+/// pool, in its budget. Thread: any. Owns: a stream of its own, so that nothing here waits for what
+/// renders, and pinned memory.
 class ExportSource final : public SharedMemorySource,
                            public std::enable_shared_from_this<ExportSource> {
  public:
@@ -47,6 +42,13 @@ class ExportSource final : public SharedMemorySource,
   [[nodiscard]] const ExportDevice& parts() const { return device_; }
   /// Waits for the copy, not for what renders meanwhile. UNAVAILABLE.
   [[nodiscard]] Status read(DevicePointer from, u64 size, const TakePiece& take);
+  /// Numbers as the device takes them, there and on the host; null as LentMemory::take() has it.
+  [[nodiscard]] Expected<BufferPtr> take(DevicePointer from, u64 size, Numbers kind);
+  /// Before anything is made.
+  void set_takes(const Takes& takes, std::shared_ptr<Twins> twins) {
+    takes_ = takes;
+    twins_ = std::move(twins);
+  }
   /// The same of zeros, while the caller holds the tenure; false when the driver refuses.
   [[nodiscard]] bool zero(DevicePointer at, u64 bytes);
 
@@ -55,6 +57,12 @@ class ExportSource final : public SharedMemorySource,
       : owner_(std::move(owner)), device_(device) {}
   // Under mutex_:
   [[nodiscard]] Result fetch(DevicePointer from, u64 size, const TakePiece& take) const;
+  struct Taking {
+    FunctionHandle program;
+    u64 count, bytes;  // of what the program makes
+  };
+  [[nodiscard]] Result take(DevicePointer from, const Taking& what, const Twin& to,
+                            bool& is_good) const;
 
   const std::shared_ptr<const void> owner_;
   const ExportDevice device_;
@@ -63,6 +71,8 @@ class ExportSource final : public SharedMemorySource,
   std::mutex mutex_;  // of the stream and what it writes to
   StreamHandle stream_ = nullptr;
   void* stage_ = nullptr;  // kPieces pieces
+  Takes takes_;
+  std::shared_ptr<Twins> twins_;
   std::array<EventHandle, kPieces> come_{};
   std::mutex keepers_mutex_;
   std::vector<std::weak_ptr<SharedMemoryKeeper>> keepers_;

@@ -11,6 +11,19 @@ constexpr u64 kMostInChunk = 16 << 10;
 constexpr u64 kAlignment = 256;
 constexpr std::size_t kBlock = 16 << 10;  // of what is compared
 
+/// Joins pieces that lie together on both sides.
+void add(std::vector<Upload>& pieces, const Upload& next) {
+  if (!pieces.empty()) {
+    Upload& last = pieces.back();
+    const u64 size = last.from.size();
+    if (last.to + size == next.to && last.from.data() + size == next.from.data()) {
+      last.from = {last.from.data(), size + next.from.size()};
+      return;
+    }
+  }
+  pieces.push_back(next);
+}
+
 }  // namespace
 
 std::shared_ptr<const DeviceMemory> Mirror::find(const void* from, std::size_t bytes) {
@@ -36,10 +49,14 @@ Expected<std::shared_ptr<const DeviceMemory>> Mirror::copy(std::span<const std::
   if (auto memory = find(host.data(), host.size())) return memory;
   auto memory = context_->allocate(host.size());
   if (!memory) return std::unexpected(std::move(memory).error());
-  HELIO_TRY(context_->upload(memory->at(), host));
+  HELIO_TRY(fill(memory->at(), host));
   auto kept = std::make_shared<const DeviceMemory>(*std::move(memory));
   know(host.data(), host.size(), kept);
   return kept;
+}
+
+Status Mirror::fill(DevicePointer to, std::span<const std::byte> host) const {
+  return has_twin(host) ? twins_->copy(to, host) : context_->upload(to, host);
 }
 
 const DeviceMemory* Copies::hold(Expected<std::shared_ptr<const DeviceMemory>> memory) {
@@ -106,15 +123,22 @@ const void* Copies::pieces(const std::vector<Piece>& all, u64 size, DevicePointe
   if (!made) return nullptr;
   const auto at = DevicePointer(made);
   if (before) status_ = mirror_->context().copy(at, before, size);
-  std::vector<Upload> uploads;
-  for (const Piece& piece : all)
+  std::vector<Upload> uploads, twins;
+  for (const Piece& piece : all) {
+    if (mirror_->has_twin(piece.host)) {
+      add(twins, {at + piece.offset, piece.host});
+      continue;
+    }
     for (u64 begin = 0; begin < piece.host.size(); begin += kBlock) {
       const auto block = piece.host.subspan(begin, std::min(kBlock, piece.host.size() - begin));
       if (piece.before && std::memcmp(block.data(), piece.before + begin, block.size()) == 0)
         continue;
       uploads.push_back({at + piece.offset + begin, block});
     }
+  }
   if (status_) status_ = mirror_->context().upload(uploads);
+  for (const Upload& twin : twins)
+    if (status_) status_ = mirror_->fill(twin.to, twin.from);
   return made;
 }
 

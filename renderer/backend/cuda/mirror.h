@@ -13,7 +13,9 @@ namespace heliograph::cuda {
 /// Knows the copies that are in use. Thread: any.
 class Mirror {
  public:
-  explicit Mirror(std::shared_ptr<Context> context) : context_(std::move(context)) {}
+  /// twins   or null
+  explicit Mirror(std::shared_ptr<Context> context, std::shared_ptr<const Twins> twins = nullptr)
+      : context_(std::move(context)), twins_(std::move(twins)) {}
 
   /// A copy of an array that stays where it is, and what it is, for as long as the copy is held.
   [[nodiscard]] Expected<std::shared_ptr<const DeviceMemory>> copy(std::span<const std::byte> host);
@@ -29,6 +31,12 @@ class Mirror {
     return find(host.data(), host.size()) != nullptr;
   }
   [[nodiscard]] Context& context() const { return *context_; }
+  /// Whether bytes of the host have a twin, so that fill() takes them from there.
+  [[nodiscard]] bool has_twin(std::span<const std::byte> host) const {
+    return twins_ && twins_->has(host);
+  }
+  /// From their twin, or else from the host.
+  [[nodiscard]] Status fill(DevicePointer to, std::span<const std::byte> host) const;
 
  private:
   struct Known {
@@ -40,6 +48,7 @@ class Mirror {
   void know(const void* from, std::size_t bytes, const std::shared_ptr<const DeviceMemory>& memory);
 
   std::shared_ptr<Context> context_;
+  std::shared_ptr<const Twins> twins_;
   std::mutex mutex_;
   std::unordered_multimap<const void*, Known> known_;  // by where the array lies
   std::size_t next_sweep_ = 1024;
