@@ -327,7 +327,7 @@ TEST_CASE("build programs: a tree that would be bad, or over others, is built an
 }
 
 TEST_CASE("build programs: instances are in their places, and hidden where they have none") {
-  constexpr u32 kAll = 7, kCount = 300;
+  constexpr u32 kMask = 7, kCount = 300;
   // By number: at rest, mirrored, flat, not a number, beyond what rays reach, moving, moving and
   // flat.
   constexpr u32 kKinds = 7;
@@ -349,7 +349,7 @@ TEST_CASE("build programs: instances are in their places, and hidden where they 
     if (kind == 2) m[1] = vec3(0);
     if (kind == 3) m[3].y = NAN;
     if (kind == 4) m[2] *= 1e-12f;
-    slots[i] = {.mesh = i, .flags = kernels::kCatcher, .visibility = kAll, .entity = 2 * i};
+    slots[i] = {.mesh = i, .flags = kernels::kCatcher, .visibility = kMask, .entity = 2 * i};
     slots[i].scale = vec3(1, 3, 1);
     if (kind >= 5) slots[i].segments = 1, slots[i].first_key = 2 * (kind - 5);
   }
@@ -362,7 +362,7 @@ TEST_CASE("build programs: instances are in their places, and hidden where they 
     CAPTURE(i, kind);
     CHECK((instance.mesh == i && instance.entity == 2 * i));
     const bool has_pose = kind != 2 && kind != 3 && kind != 6;
-    CHECK(instance.visibility == (has_pose && kind != 4 ? kAll : 0));
+    CHECK(instance.visibility == (has_pose && kind != 4 ? kMask : 0));
     CHECK(instance.flags == (kernels::kCatcher | (kind == 1 ? u32(kernels::kFlipped) : 0u)));
     const mat4x3 pose = has_pose ? world[2 * i] : mat4x3(1);
     const vec3 p(1, 2, 3), scale = has_pose ? slots[i].scale : vec3(1);

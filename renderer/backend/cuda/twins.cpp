@@ -10,17 +10,31 @@
 namespace heliograph::cuda {
 namespace {
 
-constexpr u64 kStep = 64 << 10;    // bytes
+constexpr u64 kStep = 2 << 20;     // bytes: a large page
 constexpr unsigned kNoTiming = 2;  // CU_EVENT_DISABLE_TIMING
 constexpr unsigned kMapped = 2;    // CU_MEMHOSTREGISTER_DEVICEMAP
+
+/// Memory of whole steps, in large pages where there are such; null: there is none.
+std::byte* map_steps(u64 bytes) {
+  void* all =
+      ::mmap(nullptr, bytes + kStep, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  if (all == MAP_FAILED) return nullptr;
+  auto* begin = static_cast<std::byte*>(all);
+  const u64 before = (kStep - reinterpret_cast<std::uintptr_t>(all) % kStep) % kStep;
+  if (before > 0) ::munmap(begin, before);
+  begin += before;
+  ::munmap(begin + bytes, kStep - before);
+  (void)::madvise(begin, bytes, MADV_HUGEPAGE);
+  return begin;
+}
 
 /// Fresh pages are zeroed when they are first written: by all threads, not by the one that locks
 /// them.
 void touch(std::span<std::byte> bytes) {
   constexpr u64 kPage = 4096;
   resident::run_alone([&] {
-    resident::parallel_ranges(bytes.size() / kPage, u64(16), [&](u64 begin, u64 end) {
-      for (u64 page = begin; page < end; ++page) bytes[page * kPage] = std::byte();
+    resident::parallel_for(bytes.size() / kStep, [&](u64 step) {
+      for (u64 at = step * kStep; at < (step + 1) * kStep; at += kPage) bytes[at] = std::byte();
     });
   });
 }
@@ -81,10 +95,8 @@ std::optional<Twin> Twins::open(u64 bytes) {
 }
 
 bool Twins::allocate(Twin& twin) {
-  void* host =
-      ::mmap(nullptr, twin.bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-  if (host == MAP_FAILED) return false;
-  twin.host = static_cast<std::byte*>(host);
+  twin.host = map_steps(twin.bytes);
+  if (!twin.host) return false;
   touch({twin.host, twin.bytes});
   const Driver& driver = device_.driver;
   // Without the tenure: others may give up theirs for it.
