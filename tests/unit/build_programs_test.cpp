@@ -4,7 +4,6 @@
 #include <string>
 
 #include "renderer/backend/cuda/build.h"
-#include "renderer/backend/cuda/place.h"
 #include "renderer/backend/cuda/programs.h"
 #include "tests/unit/bvh_loops.h"
 #include "tests/unit/catch.h"
@@ -13,7 +12,6 @@
 #include "tests/unit/random.h"
 
 #include "renderer/backend/cuda/build.cu"
-#include "renderer/backend/cuda/place.cu"
 #include "renderer/backend/cuda/sort.cu"
 
 using namespace heliograph;
@@ -30,9 +28,8 @@ namespace {
 using Run = std::function<void(void** arguments)>;
 u32 launches = 0;
 
-template <class T>
-Run program(void (*f)(T)) {
-  return [f](void** arguments) { f(*static_cast<T*>(arguments[0])); };
+Run program(void (*f)(BuildLaunch)) {
+  return [f](void** arguments) { f(*static_cast<BuildLaunch*>(arguments[0])); };
 }
 Run program(void (*f)(BuildLaunch, u32)) {
   return [f](void** arguments) {
@@ -49,7 +46,7 @@ const std::map<std::string, Run, std::less<>>& all_programs() {
       HELIO_PROGRAM(build_items),    HELIO_PROGRAM(build_triangles),
       HELIO_PROGRAM(sort_pass),      HELIO_PROGRAM(sort_few),
       HELIO_PROGRAM(refit_items),    HELIO_PROGRAM(refit_nodes),
-      HELIO_PROGRAM(place_instances)};
+      HELIO_PROGRAM(refit_triangles)};
 #undef HELIO_PROGRAM
   return all;
 }
@@ -79,7 +76,6 @@ struct Gpu {
   cuda::Driver driver = running_driver();
   std::shared_ptr<cuda::Context> context = cuda::Context::create(driver, 0).value();
   cuda::TreeBuilder builder = cuda::TreeBuilder::create(context).value();
-  cuda::InstancePlacer placer = cuda::InstancePlacer::create(context).value();
 };
 
 /// Triangles of all sizes without an order; some twice, and some with no corner that is a number.
@@ -234,19 +230,20 @@ bool has_nodes_of(const kernels::BvhView& top, const std::vector<kernels::BvhNod
   return std::memcmp(top.top, nodes.data(), nodes.size() * sizeof(kernels::BvhNode)) == 0;
 }
 
-/// Which instances a ray through everything meets the boxes of.
-std::vector<u32> met_by(const kernels::BvhView& top, vec3 origin, vec3 direction) {
+/// What a ray through everything meets the boxes of: number_of(an item's place), ascending.
+template <class F>
+std::vector<u32> met_by(const kernels::BvhNode* tree, const F& number_of, vec3 origin,
+                        vec3 direction) {
   std::vector<u32> nodes{0}, met;
   const kernels::BoxRay ray = kernels::box_ray(origin, direction);
   while (!nodes.empty()) {
     const u32 number = nodes.back();
     nodes.pop_back();
-    kernels::NodeChildren children = kernels::meet_children(top.top + number, ray, INFINITY);
+    kernels::NodeChildren children = kernels::meet_children(tree + number, ray, INFINITY);
     while (kernels::has_nodes(children.nodes))
       nodes.push_back(kernels::take_node(children.nodes, ray.octant));
     for (u32 bit = 0; bit < 24; ++bit)
-      if (children.items.bits >> bit & 1)
-        met.push_back(top.items[children.items.base + bit].instance);
+      if (children.items.bits >> bit & 1) met.push_back(number_of(children.items.base + bit));
   }
   std::ranges::sort(met);
   return met;
@@ -300,7 +297,8 @@ TEST_CASE("build programs: a refitted tree is over all that it was over, where i
   for (u32 i = 0; i < 300; ++i) {
     const vec3 origin = 40.0f * vec3(random.next2(), random.next()) - 4.0f;
     const vec3 direction = glm::normalize(vec3(random.next2(), random.next()) - 0.5f);
-    const std::vector<u32> met = met_by(top, origin, direction);
+    const auto instance_at = [&](u32 item) { return top.items[item].instance; };
+    const std::vector<u32> met = met_by(top.top, instance_at, origin, direction);
     for (u32 k = 0; k < boxes.size(); ++k)
       if (!boxes[k].empty() && meets(boxes[k], origin, direction))
         REQUIRE(std::ranges::binary_search(met, k));
@@ -326,48 +324,64 @@ TEST_CASE("build programs: a tree that would be bad, or over others, is built an
   }
 }
 
-TEST_CASE("build programs: instances are in their places, and hidden where they have none") {
-  constexpr u32 kMask = 7, kCount = 300;
-  // By number: at rest, mirrored, flat, not a number, beyond what rays reach, moving, moving and
-  // flat.
-  constexpr u32 kKinds = 7;
-  Random random(5);
-  kernels::MotionKey key{};
-  key.rotation = {0, 0, 0, 1};
-  key.xx = key.yy = key.zz = 2;
-  kernels::MotionKey flat = key;
-  flat.yy = 0;
-  const std::vector<kernels::MotionKey> keys{key, key, flat, key};
-  std::vector<kernels::SlotView> slots(kCount);
-  std::vector<mat4x3> world(2 * kCount);
-  for (u32 i = 0; i < kCount; ++i) {
-    const u32 kind = i % kKinds;
-    const vec2 at = random.next2();
-    mat4x3& m = world[2 * i] = mat4x3(2);
-    m[3] = {at.x, at.y, random.next()};
-    if (kind == 1) m[0] = -m[0];
-    if (kind == 2) m[1] = vec3(0);
-    if (kind == 3) m[3].y = NAN;
-    if (kind == 4) m[2] *= 1e-12f;
-    slots[i] = {.mesh = i, .flags = kernels::kCatcher, .visibility = kMask, .entity = 2 * i};
-    slots[i].scale = vec3(1, 3, 1);
-    if (kind >= 5) slots[i].segments = 1, slots[i].first_key = 2 * (kind - 5);
-  }
-  std::vector<kernels::InstanceView> made(kCount);
-  const Gpu gpu;
-  REQUIRE(gpu.placer.place({slots.data(), world.data(), keys.data(), made.data(), kCount}));
-  for (u32 i = 0; i < kCount; ++i) {
-    const u32 kind = i % kKinds;
-    const kernels::InstanceView& instance = made[i];
-    CAPTURE(i, kind);
-    CHECK((instance.mesh == i && instance.entity == 2 * i));
-    const bool has_pose = kind != 2 && kind != 3 && kind != 6;
-    CHECK(instance.visibility == (has_pose && kind != 4 ? kMask : 0));
-    CHECK(instance.flags == (kernels::kCatcher | (kind == 1 ? u32(kernels::kFlipped) : 0u)));
-    const mat4x3 pose = has_pose ? world[2 * i] : mat4x3(1);
-    const vec3 p(1, 2, 3), scale = has_pose ? slots[i].scale : vec3(1);
-    CHECK(instance.world_from_object * vec4(p, 1) == pose * vec4(p * scale, 1));
-    const vec3 back = instance.object_from_world * vec4(instance.world_from_object * vec4(p, 1), 1);
-    CHECK(glm::length(back - p) < (kind == 4 ? 1e6f : 1e-5f));
+TEST_CASE("build programs: a mesh's tree is refitted where it bends a little, or else built anew") {
+  Gpu gpu;
+  Random random(11);
+  for (const u32 segments : {0u, 1u}) {
+    CAPTURE(segments);
+    Soup soup(1500, 10, 0.3f);
+    const std::vector<vec3> rest = soup.positions;
+    const auto pose = [&](const auto& moved) {  // of all keys
+      for (u32 i = 0; i < rest.size(); ++i)
+        for (u32 key = 0; key <= segments; ++key)
+          soup.positions[key * rest.size() + i] = moved(rest[i], key);
+      soup.view.positions = soup.positions.data();
+    };
+    soup.positions.resize((segments + 1) * rest.size());
+    soup.view.segments = segments;
+    const auto built_at_once = [&] {
+      std::vector<BvhBox> boxes;
+      return steps_over(soup.view, boxes).nodes();
+    };
+    const auto has_nodes = [&](const kernels::MeshBvh& made, const auto& nodes) {
+      return std::memcmp(made.nodes, nodes.data(), nodes.size() * sizeof(nodes[0])) == 0;
+    };
+    const auto numbers = [&](const kernels::MeshBvh& made) {
+      std::vector<u32> all;
+      for (u32 i = 0; i < soup.view.triangle_count; ++i)
+        all.push_back(made.triangles ? made.triangles[i].number : made.triangle_numbers[i]);
+      return all;
+    };
+    pose([](vec3 p, u32) { return p; });
+    const auto first = *gpu.builder.build(soup.view);
+    const auto before = cuda::view_of_mesh(*first, soup.view);
+    const auto same = *gpu.builder.build(soup.view, {first.get(), soup.view});
+    CHECK(has_nodes(cuda::view_of_mesh(*same, soup.view), built_at_once()));
+
+    pose([&](vec3 p, u32 key) { return p + 0.05f * float(key) + 0.1f * glm::sin(p * 0.3f); });
+    const auto bent = *gpu.builder.build(soup.view, {first.get(), soup.view});
+    const auto made = cuda::view_of_mesh(*bent, soup.view);
+    CHECK(numbers(made) == numbers(before));
+    CHECK_FALSE(has_nodes(made, built_at_once()));
+    const std::vector<u32> order = numbers(made);
+    const auto triangle_at = [&](u32 item) { return order[item]; };
+    if (made.triangles)
+      for (u32 i = 0; i < order.size(); ++i)
+        if (const auto now = kernels::bvh_triangle(soup.view, order[i]); now.a == now.a)
+          REQUIRE((made.triangles[i].a == now.a && made.triangles[i].ac == now.ac));
+    for (u32 i = 0; i < soup.view.triangle_count; i += 13) {
+      const BvhBox box = kernels::triangle_box(soup.view, i);
+      if (box.empty()) continue;
+      const vec3 origin(20, 17, 23);
+      const auto met =
+          met_by(made.nodes, triangle_at, origin, glm::normalize(box.center() - origin));
+      REQUIRE(std::ranges::binary_search(met, i));
+    }
+
+    pose([&](vec3 p, u32) {
+      return glm::any(glm::isnan(p)) ? p : 9.0f * vec3(random.next2(), 0.5f);
+    });
+    const auto scattered = *gpu.builder.build(soup.view, {first.get(), soup.view});
+    CHECK(has_nodes(cuda::view_of_mesh(*scattered, soup.view), built_at_once()));
   }
 }

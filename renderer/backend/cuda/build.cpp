@@ -32,13 +32,20 @@ TopArrays lay_result(Layout& layout, const BuildInput& input) {
 
 struct MeshArrays {
   kernels::BvhNode* nodes;
-  kernels::BvhTriangle* triangles;
-  u32* numbers;  // where there are no triangles
+  u32* parents;
+  kernels::TreeHead* tree;
+  kernels::BvhTriangle* triangles = nullptr;
+  u32* numbers = nullptr;  // where there are no triangles
 };
 MeshArrays lay_mesh(Layout& layout, const kernels::MeshView& mesh) {
-  auto* nodes = layout.take<kernels::BvhNode>(mesh.triangle_count);
-  if (mesh.segments > 0) return {nodes, nullptr, layout.take<u32>(mesh.triangle_count)};
-  return {nodes, layout.take<kernels::BvhTriangle>(mesh.triangle_count), nullptr};
+  const u32 count = mesh.triangle_count;
+  MeshArrays made{layout.take<kernels::BvhNode>(count), layout.take<u32>(count),
+                  layout.take<kernels::TreeHead>(1)};
+  if (mesh.segments > 0)
+    made.numbers = layout.take<u32>(count);
+  else
+    made.triangles = layout.take<kernels::BvhTriangle>(count);
+  return made;
 }
 
 /// Whether one block sorts all.
@@ -81,7 +88,17 @@ Refit refit_of(const BuildInput& input) {
   if (!input.before) return {};
   Layout layout(input.before->at());
   const TopArrays made = lay_result(layout, input);
-  return {made.nodes, made.items, made.parents, made.tree, nullptr, nullptr, nullptr, nullptr};
+  return {.nodes = made.nodes, .items = made.items, .parents = made.parents, .tree = made.tree};
+}
+Refit refit_of(const MeshBefore& before) {
+  if (!before.tree) return {};
+  Layout layout(before.tree->at());
+  const MeshArrays made = lay_mesh(layout, before.mesh);
+  return {.nodes = made.nodes,
+          .triangles = made.triangles,
+          .triangle_numbers = made.numbers,
+          .parents = made.parents,
+          .tree = made.tree};
 }
 
 LaunchSize blocks_of(u64 threads, u32 block) { return {u32((threads + block - 1) / block), block}; }
@@ -109,6 +126,7 @@ Expected<TreeBuilder> TreeBuilder::create(std::shared_ptr<Context> context) {
         std::pair{"build_leaves", &builder.leaves_},
         std::pair{"build_clusters", &builder.clusters_}, std::pair{"build_nodes", &builder.nodes_},
         std::pair{"build_items", &builder.items_}, std::pair{"refit_items", &builder.refit_items_},
+        std::pair{"refit_triangles", &builder.refit_triangles_},
         std::pair{"refit_nodes", &builder.refit_nodes_}, std::pair{"sort_pass", &builder.pass_},
         std::pair{"sort_few", &builder.few_}}) {
     const auto function = builder.context_->function(name);
@@ -143,7 +161,7 @@ Status TreeBuilder::run(const Kind& kind, BuildLaunch& l) const {
   const LaunchSize all = blocks_of(l.tree.count, kBuildThreads);
   l.tree.item_cost = kind.item_cost;
   HELIO_TRY(context_->fill(DevicePointer(l.tree.head), 0xff, l.begin_bytes));
-  if (l.before.nodes) HELIO_TRY(launch(refit_items_, all, l));
+  if (l.before.nodes) HELIO_TRY(launch(kind.refit, all, l));
   if (l.before.nodes) HELIO_TRY(launch(refit_nodes_, all, l));
   HELIO_TRY(launch(kind.boxes, all, l));
   HELIO_TRY(sort(l));
@@ -194,14 +212,15 @@ Expected<std::shared_ptr<const DeviceMemory>> TreeBuilder::build(const BuildInpu
   l.tree.tree = result.tree;
   l.tree.parents = result.parents;
   HELIO_TRY(context_->upload(DevicePointer(l.mesh_boxes), std::as_bytes(input.mesh_boxes)));
-  HELIO_TRY(run({boxes_, items_, kInstanceCost}, l));
+  HELIO_TRY(run({boxes_, items_, refit_items_, kInstanceCost}, l));
   return std::make_shared<const DeviceMemory>(*std::move(made));
 }
 
-Expected<std::shared_ptr<const DeviceMemory>> TreeBuilder::build(
-    const kernels::MeshView& mesh) const {
+Expected<std::shared_ptr<const DeviceMemory>> TreeBuilder::build(const kernels::MeshView& mesh,
+                                                                 const MeshBefore& before) const {
   BuildLaunch l{};
   l.mesh = mesh;
+  l.before = refit_of(before);
   const auto worked = work(mesh.triangle_count, 0, l);
   if (!worked) return std::unexpected(worked.error());
   Layout size(0);
@@ -211,9 +230,11 @@ Expected<std::shared_ptr<const DeviceMemory>> TreeBuilder::build(
   Layout layout(made->at());
   const MeshArrays result = lay_mesh(layout, mesh);
   l.tree.wide = result.nodes;
+  l.tree.tree = result.tree;
+  l.tree.parents = result.parents;
   l.triangles = result.triangles;
   l.triangle_numbers = result.numbers;
-  HELIO_TRY(run({triangle_boxes_, triangles_, kTriangleCost}, l));
+  HELIO_TRY(run({triangle_boxes_, triangles_, refit_triangles_, kTriangleCost}, l));
   return std::make_shared<const DeviceMemory>(*std::move(made));
 }
 

@@ -56,6 +56,7 @@ extern "C" __global__ void __launch_bounds__(kBuildThreads)
 
 extern "C" __global__ void __launch_bounds__(kBuildThreads)
     build_triangle_boxes(const __grid_constant__ BuildLaunch l) {
+  if (!builds(l)) return;
   note_box(l, thread() < l.tree.count ? triangle_box(l.mesh, thread()) : no_box());
 }
 
@@ -191,18 +192,35 @@ extern "C" __global__ void __launch_bounds__(kBuildThreads)
   put_item(l, i, l.tree.items ? l.tree.items[i] : i);  // there may be no tree
 }
 
-extern "C" __global__ void __launch_bounds__(kBuildThreads)
-    build_triangles(const __grid_constant__ BuildLaunch l) {
-  const u32 i = thread();
-  if (i >= l.tree.count) return;
-  const u32 number = l.tree.items[i];
+namespace {
+
+__device__ void put_triangle(const BuildLaunch& l, u32 i, u32 number) {
   if (l.triangles)
     l.triangles[i] = bvh_triangle(l.mesh, number);
   else
     l.triangle_numbers[i] = number;
 }
 
+}  // namespace
+
+extern "C" __global__ void __launch_bounds__(kBuildThreads)
+    build_triangles(const __grid_constant__ BuildLaunch l) {
+  const u32 i = thread();
+  if (builds(l) && i < l.tree.count) put_triangle(l, i, l.tree.items[i]);
+}
+
 // ---------------------------------------------------------------- refitting
+
+namespace {
+
+/// Where an item of the tree that was there is now.
+__device__ void refit_item(const BuildLaunch& l, u32 i, const BvhBox& box) {
+  l.before.boxes[i] = box;
+  if ((i < l.before.tree->items) == box.empty()) l.before.head->fits = 0;
+  if (i > 0 && i < l.before.tree->nodes) l.tree.parents[i] = l.before.parents[i];
+}
+
+}  // namespace
 
 // Boxes of what is in the tree that was there, and its items as they are now.
 extern "C" __global__ void __launch_bounds__(kBuildThreads)
@@ -210,11 +228,17 @@ extern "C" __global__ void __launch_bounds__(kBuildThreads)
   const u32 i = thread();
   if (i >= l.tree.count) return;
   const u32 number = l.before.items[i].instance;
-  const BvhBox box = instance_box(l, number);
-  l.before.boxes[i] = box;
-  if ((i < l.before.tree->items) == box.empty()) l.before.head->fits = 0;
-  if (i > 0 && i < l.before.tree->nodes) l.tree.parents[i] = l.before.parents[i];
+  refit_item(l, i, instance_box(l, number));
   put_item(l, i, number);
+}
+extern "C" __global__ void __launch_bounds__(kBuildThreads)
+    refit_triangles(const __grid_constant__ BuildLaunch l) {
+  const u32 i = thread();
+  if (i >= l.tree.count) return;
+  const u32 number =
+      l.before.triangles ? l.before.triangles[i].number : l.before.triangle_numbers[i];
+  refit_item(l, i, triangle_box(l.mesh, number));
+  put_triangle(l, i, number);
 }
 
 // A thread begins at each node that is over items alone, and goes up until another has to come to

@@ -28,6 +28,12 @@ struct BuildInput {
 [[nodiscard]] kernels::MeshBvh view_of_mesh(const DeviceMemory& tree,
                                             const kernels::MeshView& mesh);
 
+/// A tree over the same triangles elsewhere.
+struct MeshBefore {
+  const DeviceMemory* tree = nullptr;  // null: there is none
+  kernels::MeshView mesh{};            // whose it is
+};
+
 /// Starts the programs that build. Thread: the device's.
 class TreeBuilder {
  public:
@@ -38,12 +44,12 @@ class TreeBuilder {
 
   /// The same over triangles, at least one, of a mesh whose arrays are the device's.
   [[nodiscard]] Expected<std::shared_ptr<const DeviceMemory>> build(
-      const kernels::MeshView& mesh) const;
+      const kernels::MeshView& mesh, const MeshBefore& before = {}) const;
 
  private:
   /// What a tree is made of, and where it begins and ends.
   struct Kind {
-    FunctionHandle boxes, items;
+    FunctionHandle boxes, items, refit;
     float item_cost;
   };
   explicit TreeBuilder(std::shared_ptr<Context> context) : context_(std::move(context)) {}
@@ -59,7 +65,7 @@ class TreeBuilder {
   FunctionHandle triangle_boxes_ = nullptr, triangles_ = nullptr;
   FunctionHandle boxes_ = nullptr, keys_ = nullptr, leaves_ = nullptr, clusters_ = nullptr,
                  nodes_ = nullptr, items_ = nullptr;
-  FunctionHandle refit_items_ = nullptr, refit_nodes_ = nullptr;
+  FunctionHandle refit_items_ = nullptr, refit_triangles_ = nullptr, refit_nodes_ = nullptr;
   FunctionHandle pass_ = nullptr, few_ = nullptr;  // of the sort
   u32 node_blocks_ = 0;                            // of build_nodes that the device runs at once
 };

@@ -30,10 +30,13 @@ struct RefitHead {
   u32 builds;  // 0: the refitted tree is good, and none is built
 };
 
-/// A tree over instances that was there, and what refits it. Everything lies in device memory.
+/// A tree that was there, and what refits it. Everything lies in device memory.
 struct Refit {
   const kernels::BvhNode* nodes;  // null: there was none
+  // Its items, of one kind; the numbers are of triangles.
   const kernels::BvhInstance* items;
+  const kernels::BvhTriangle* triangles;
+  const u32* triangle_numbers;
   const u32* parents;
   const kernels::TreeHead* tree;
   RefitHead* head;

@@ -16,13 +16,16 @@ class Recent {
 
   explicit Recent(std::size_t most) : most_(most) {}
 
-  /// The one that is_it() is true of, the latest from now on; null: there is none.
+  /// The latest that is_it() is true of, which is the latest of all from now on; null: there is
+  /// none.
   template <class F>
   [[nodiscard]] Ptr find(F&& is_it) {
     const std::lock_guard lock(mutex_);
-    const auto found = std::ranges::find_if(kept_, [&](const Ptr& each) { return is_it(*each); });
-    if (found == kept_.end()) return nullptr;
-    std::rotate(found, found + 1, kept_.end());
+    const auto after = std::find_if(kept_.rbegin(), kept_.rend(), [&](const Ptr& each) {
+                         return is_it(*each);
+                       }).base();
+    if (after == kept_.begin()) return nullptr;
+    std::rotate(after - 1, after, kept_.end());
     return kept_.back();
   }
 

@@ -41,20 +41,21 @@ void copy_mesh(kernels::MeshView& m, Copies& copies) {
   m.parts = copies.of(m.parts, triangles);
 }
 
-/// The tree over a mesh. That of an entity's own vertices is built on the device.
-///
-/// mesh   as the device has it
-kernels::MeshBvh copy_tree(const DeviceMesh& placed, const kernels::MeshView& mesh,
-                           const TreeBuilder& builder, Copies& copies) {
-  if (placed.is_deformed() && mesh.triangle_count > kMostHostTriangles) {
-    const DeviceMemory* tree =
-        copies.made(placed.accelerator.get(), [&] { return builder.build(mesh); });
-    return tree ? view_of_mesh(*tree, mesh) : kernels::MeshBvh{};
-  }
-  const bvh::BvhTree& tree = bvh::tree_of(placed);
+/// Whether the tree over a mesh, of an entity's own vertices, is built on the device.
+bool is_built(const DeviceMesh& mesh) {
+  return mesh.is_deformed() && mesh.topology->triangles.size() > kMostHostTriangles;
+}
+
+kernels::MeshBvh copy_tree(const bvh::BvhTree& tree, Copies& copies) {
   return {copies.of(tree.nodes.data(), tree.nodes.size()),
           copies.of(tree.triangles.data(), tree.triangles.size()),
           copies.of(tree.triangle_numbers.data(), tree.triangle_numbers.size())};
+}
+
+/// The tree over the same triangles in another scene's meshes, or null.
+MeshBefore before_of(const MeshCopies* like, std::size_t i, const DeviceMesh& mesh) {
+  if (!like || i >= like->of.size() || like->of[i]->topology != mesh.topology) return {};
+  return {like->built[i], like->views[i]};
 }
 
 template <class F>
@@ -63,14 +64,26 @@ std::shared_ptr<const CudaScene> find_in(const CopyContext& context, const F& fi
   return context.others.find(fits);
 }
 
-Expected<std::shared_ptr<const MeshCopies>> copy_meshes(const ResidentScene& host, Mirror& mirror,
-                                                        const TreeBuilder& builder) {
-  auto made = std::make_shared<MeshCopies>(mirror);
+/// like   of another scene; null: there is none
+Expected<std::shared_ptr<const MeshCopies>> copy_meshes(const ResidentScene& host,
+                                                        const CopyContext& context,
+                                                        const MeshCopies* like) {
+  auto made = std::make_shared<MeshCopies>(context.mirror);
   made->of = host.placement().meshes;
   made->views.assign(host.view_elsewhere().meshes, host.view_elsewhere().meshes + made->of.size());
   for (std::size_t i = 0; i < made->of.size(); ++i) {
-    copy_mesh(made->views[i], made->copies);
-    made->trees.push_back(copy_tree(*made->of[i], made->views[i], builder, made->copies));
+    const DeviceMesh& mesh = *made->of[i];
+    kernels::MeshView& view = made->views[i];
+    copy_mesh(view, made->copies);
+    made->built.push_back(nullptr);
+    if (is_built(mesh)) {
+      const auto build = [&] { return context.builder.build(view, before_of(like, i, mesh)); };
+      const DeviceMemory* tree = made->copies.made(mesh.accelerator.get(), build);
+      made->built.back() = tree;
+      made->trees.push_back(tree ? view_of_mesh(*tree, view) : kernels::MeshBvh{});
+    } else {
+      made->trees.push_back(copy_tree(bvh::tree_of(mesh), made->copies));
+    }
   }
   made->view_table = made->copies.of_own(std::span<const kernels::MeshView>(made->views));
   made->tree_table = made->copies.of_own(std::span<const kernels::MeshBvh>(made->trees));
@@ -132,7 +145,11 @@ Status CudaScene::find_meshes(const CopyContext& context) {
   if (other) {
     meshes_ = other->meshes_;
   } else {
-    auto made = copy_meshes(*host_, context.mirror, context.builder);
+    const auto like = find_in(context, [&](const CudaScene& scene) {
+      return std::ranges::equal(scene.meshes_->of, host_->placement().meshes, {},
+                                &DeviceMesh::topology, &DeviceMesh::topology);
+    });
+    auto made = copy_meshes(*host_, context, like ? like->meshes_.get() : nullptr);
     if (!made) return std::unexpected(std::move(made).error());
     meshes_ = *std::move(made);
   }

@@ -16,8 +16,9 @@ struct MeshCopies {
   explicit MeshCopies(Mirror& mirror) : copies(mirror) {}
   std::vector<std::shared_ptr<const DeviceMesh>> of;
   Copies copies;
-  std::vector<kernels::MeshView> views;  // as the device has them
-  std::vector<kernels::MeshBvh> trees;   // the same
+  std::vector<kernels::MeshView> views;    // as the device has them
+  std::vector<kernels::MeshBvh> trees;     // the same
+  std::vector<const DeviceMemory*> built;  // those that the device has built; null: others
   const kernels::MeshView* view_table = nullptr;
   const kernels::MeshBvh* tree_table = nullptr;
 };
