@@ -1,7 +1,6 @@
 #include "renderer/resident/label_frames.h"
 
 #include <algorithm>
-#include <iterator>
 #include <numeric>
 
 #include "renderer/resident/placement.h"
@@ -200,8 +199,8 @@ std::vector<kernels::RestBoxView> rest_box_views(const Snapshot& snapshot,
                                                  const LabelFrames& labels) {
   const Structure& structure = *placement.structure;
   /// own   the box of what has no row
-  const auto view_of = [&](u32 row, const RestBox& own, const mat4x3& root_from_entity) {
-    if (row == kNone) return rest_box_view(own, mat4x3(1));
+  const auto view_of = [&](u32 row, const Box& own, const mat4x3& root_from_entity) {
+    if (row == kNone) return rest_box_view({own.lower, own.upper}, mat4x3(1));
     const mat3 map = object_from_root(labels.frames[row],
                                       placement.world[structure.labelling.instances[row].root]);
     return rest_box_view(labels.boxes[row],
@@ -210,19 +209,14 @@ std::vector<kernels::RestBoxView> rest_box_views(const Snapshot& snapshot,
   const u32 slots = placement.slots.size();
   std::vector<kernels::RestBoxView> views(slots + structure.volumes.size());
   parallel_ranges(slots, kRows, [&](u32 begin, u32 end) {
-    for (u32 i = begin; i < end; ++i) {
-      const Box& rest = placement.mesh(i).rest;
+    for (u32 i = begin; i < end; ++i)
       views[i] =
-          view_of(structure.slots[i].row, {rest.lower, rest.upper}, labels.root_from_entity[i]);
-    }
+          view_of(structure.slots[i].row, placement.mesh(i).rest, labels.root_from_entity[i]);
   });
   for (u32 i = 0; i < structure.volumes.size(); ++i) {
     const auto& [entity, row] = structure.volumes[i];
-    RestBox own;
-    for (const vec3& corner : box_corners(density(snapshot, entity))) {
-      own.lower = glm::min(own.lower, corner);
-      own.upper = glm::max(own.upper, corner);
-    }
+    Box own;
+    for (const vec3& corner : box_corners(density(snapshot, entity))) own.extend(corner);
     const u32 root = row == kNone ? entity : structure.labelling.instances[row].root;
     views[slots + i] = view_of(row, own, from_root(snapshot, placement, entity, root));
   }

@@ -41,7 +41,7 @@ struct LabelSources {
 [[nodiscard]] Expected<LabelFrames> make_labels(const LabelSources& sources,
                                                 const Interrupt& interrupt);
 
-/// Of the slots, then of the volumes, as SceneView::rest_boxes.
+/// Of the slots, then of the volumes, as ProbeContext::rest_boxes.
 [[nodiscard]] std::vector<kernels::RestBoxView> rest_box_views(const Snapshot& snapshot,
                                                                const Placement& placement,
                                                                const LabelFrames& labels);

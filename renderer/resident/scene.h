@@ -69,7 +69,7 @@ class ResidentScene final : public DeviceScene {
   [[nodiscard]] Expected<const LabelFrames*> labels(const Interrupt& interrupt) const {
     return placement().labels(snapshot(), builder_, interrupt);
   }
-  /// SceneView::rest_boxes, which no view has by itself. Likewise.
+  /// ProbeContext::rest_boxes. Likewise.
   [[nodiscard]] Expected<std::span<const kernels::RestBoxView>> rest_boxes(
       const Interrupt& interrupt) const;
 

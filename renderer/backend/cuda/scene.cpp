@@ -52,19 +52,13 @@ kernels::MeshBvh copy_tree(const bvh::BvhTree& tree, Copies& copies) {
           copies.of(tree.triangle_numbers.data(), tree.triangle_numbers.size())};
 }
 
-/// The tree over the same triangles in another scene's meshes, or null.
-MeshBefore before_of(const MeshCopies* like, std::size_t i, const DeviceMesh& mesh) {
-  if (!like || i >= like->of.size() || like->of[i]->topology != mesh.topology) return {};
-  return {like->built[i], like->views[i]};
-}
-
 template <class F>
 std::shared_ptr<const CudaScene> find_in(const CopyContext& context, const F& fits) {
   if (context.sibling && fits(*context.sibling)) return context.sibling;
   return context.others.find(fits);
 }
 
-/// like   of another scene; null: there is none
+/// like   of another scene, over the same triangles; null: there is none
 Expected<std::shared_ptr<const MeshCopies>> copy_meshes(const ResidentScene& host,
                                                         const CopyContext& context,
                                                         const MeshCopies* like) {
@@ -77,7 +71,8 @@ Expected<std::shared_ptr<const MeshCopies>> copy_meshes(const ResidentScene& hos
     copy_mesh(view, made->copies);
     made->built.push_back(nullptr);
     if (is_built(mesh)) {
-      const auto build = [&] { return context.builder.build(view, before_of(like, i, mesh)); };
+      const auto before = like ? MeshBefore{like->built[i], like->views[i]} : MeshBefore{};
+      const auto build = [&] { return context.builder.build(view, before); };
       const DeviceMemory* tree = made->copies.made(mesh.accelerator.get(), build);
       made->built.back() = tree;
       made->trees.push_back(tree ? view_of_mesh(*tree, view) : kernels::MeshBvh{});
