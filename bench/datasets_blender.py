@@ -61,8 +61,9 @@ def dump(name, path, count):
         arrays = {}
         for i, mesh in enumerate(meshes.values()):
             arrays[f"positions{i}"], arrays[f"indices{i}"] = mesh.positions, mesh.indices
-            if mesh.uvs is not None:
-                arrays[f"uvs{i}"] = mesh.uvs
+            for kind in ("normals", "uvs"):
+                if (values := getattr(mesh, kind)) is not None:
+                    arrays[f"{kind}{i}"] = values
         base, draws = BasePoses(scene), []
         for index in range(count):
             edit = scene.overlay()
@@ -192,6 +193,8 @@ class Blender:
             mesh = bpy.data.meshes.new(f"shape{i}")
             mesh.from_pydata(data[f"positions{i}"].tolist(), [], data[f"indices{i}"].tolist())
             mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
+            if f"normals{i}" in data:
+                mesh.normals_split_custom_set_from_vertices(data[f"normals{i}"].tolist())
             if f"uvs{i}" in data:
                 corners = data[f"uvs{i}"][data[f"indices{i}"].ravel()]
                 mesh.uv_layers.new().uv.foreach_set("vector", corners.ravel().tolist())

@@ -9,7 +9,7 @@
 namespace heliograph::resident {
 
 struct DeviceMesh;
-struct Placement;
+class Placement;
 
 /// Of one mesh. Who traces it keeps alive the arrays it was made from.
 class MeshAccelerator {

@@ -10,7 +10,7 @@
 
 namespace heliograph::resident {
 
-struct Placement;
+class Placement;
 
 /// Immutable.
 struct LabelFrames {

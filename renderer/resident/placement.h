@@ -19,7 +19,8 @@ bool same_bytes(const T& a, const T& b) {
 
 /// Tables share the chunks of what did not change with the placement that this one was made from.
 /// Instances and labels, which few scenes are asked for, are made then. Thread: any.
-struct Placement {
+class Placement {
+ public:
   TimeSpan span;
   std::shared_ptr<const Structure> structure;
   HoleSlots holes;
