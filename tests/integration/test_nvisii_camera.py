@@ -168,7 +168,7 @@ def test_clamps_and_depths(camera):
     assert gray(9, 9)[4, 4] == pytest.approx(50)
     for call, message in (
         (lambda: nvisii.set_direct_lighting_clamp(-1), "clamp"),
-        (lambda: nvisii.set_max_bounce_depth(-1), "depths"),
+        (lambda: nvisii.set_max_bounce_depth(-1), "diffuse_depth: -1"),
         (lambda: nvisii.set_light_sample_count(11), "between 1 and 10"),
         (lambda: nvisii.sample_pixel_area((0.5, 0.2)), "x_sample_interval"),
         (lambda: nvisii.configure_denoiser(use_albedo_guide=False), "albedo guide"),

@@ -158,6 +158,31 @@ def test_what_no_picture_can_show_is_refused_where_it_is_given(call, argument):
         call()
 
 
+@pytest.mark.parametrize("name", ["add_position", "add_scale"])
+def test_what_is_added_has_three_numbers(name):
+    with pytest.raises(RuntimeError, match=f"additional_{name[4:]}: needs 3 numbers"):
+        getattr(nvisii.transform.create("t"), name)((1, 2))
+
+
+def test_exposures_that_no_float_holds():
+    for put in (nvisii.light.create("l").set_exposure, nvisii.set_dome_light_exposure):
+        for stops in (2000, -65):
+            with pytest.raises(RuntimeError, match="exposure: .* outside"):
+                put(stops)
+
+
+def test_counts_are_whole():
+    for call in (nvisii.set_max_bounce_depth, nvisii.set_light_sample_count):
+        with pytest.raises(RuntimeError, match="2.5 is no whole number"):
+            call(2.5)
+    with pytest.raises(RuntimeError, match="glossy_depth: -1 is below 0"):
+        nvisii.set_max_bounce_depth(1, -1)
+    with pytest.raises(RuntimeError, match="width: -2 is below 1"):
+        nvisii.volume.create_from_data("v", -2, -2, 1, [0] * 4, 0)
+    with pytest.raises(RuntimeError, match="half_width: 0 is not above 0"):
+        nvisii.volume.create_box("v", half_width=0)
+
+
 def test_a_transform_keeps_its_own_rotation():
     turn = nvisii.angleAxis(1, (0, 0, 1))
     place = nvisii.transform.create("t", rotation=turn)

@@ -64,6 +64,26 @@ FUNCTIONS = {
     "tanh": (1, math.tanh(1)),
     "trunc": (-1.7, -1),
 }
+# Names of arguments: functions of numbers that have them.
+NAMES = {
+    "x": "abs acos acosh asin asinh atanh ceil floor fract isinf isnan round roundEven sign trunc",
+    "angle": "cos cosh sin sinh tan tanh",
+    "v": "exp exp2 inversesqrt log log2 sqrt",
+    "Texcoord": "mirrorRepeat repeat",
+    "degrees": "radians",
+    "radians": "degrees",
+    "y_over_x": "atan",
+    "y x": "atan",
+    "x y": "max min mod",
+    "base exponent": "pow",
+    "edge x": "step",
+    "a b c": "fma",
+    "x y a": "mix",
+    "x minVal maxVal": "clamp",
+    "edge0 edge1 x": "smoothstep",
+}
+BY_NAME = [(name, names.split()) for names, them in NAMES.items() for name in them.split()]
+Z, QUARTER = (0, 0, 1), nvisii.angleAxis(math.pi / 2, (0, 0, 1))
 
 
 @pytest.mark.parametrize("name", CONSTANTS)
@@ -135,3 +155,76 @@ def test_random_numbers_have_their_means():
     assert nvisii.length(nvisii.circularRand(2.0)) == pytest.approx(2)
     inside = [nvisii.length(nvisii.diskRand(3.0)) for _ in range(500)]
     assert max(inside) <= 3 and abs(np.mean(inside) - 2) < 0.15  # 2/3 of the radius
+
+
+def test_every_function_of_numbers_is_named():
+    assert {name for name, _ in BY_NAME} == {*nvisii.glm.elementwise.ELEMENTWISE, "mix"}
+
+
+@pytest.mark.parametrize(("name", "names"), BY_NAME)
+def test_numbers_by_name(name, names):
+    function, values = getattr(nvisii, name), [0.25, 0.5, 0.75][: len(names)]
+    named = dict(reversed(list(zip(names, values, strict=True))))
+    np.testing.assert_equal(function(**named), function(*values))
+
+
+@pytest.mark.parametrize(
+    ("name", "named"),
+    [
+        ("translate", {"v": (1, 2, 3)}),
+        ("translate", {"m": nvisii.mat4(2), "v": (1, 2, 3)}),
+        ("scale", {"v": (1, 2, 3)}),
+        ("scale", {"m": nvisii.mat4(2), "v": (1, 2, 3)}),
+        ("rotate", {"angle": 1, "axis": Z}),
+        ("rotate", {"m": nvisii.mat4(2), "angle": 1, "axis": Z}),
+        ("rotate", {"q": QUARTER, "angle": 1, "axis": Z}),
+        ("rotate", {"q": QUARTER, "v": nvisii.vec3(1, 2, 3)}),
+        ("rotate", {"v": (1, 2), "angle": 1}),
+        ("rotate", {"v": (1, 2, 3), "angle": 1, "normal": Z}),
+    ],
+)
+def test_overloads_by_name(name, named):
+    function, values = getattr(nvisii, name), list(named.values())
+    assert function(**dict(reversed(named.items()))) == function(*values)
+    rest = dict(list(named.items())[1:])
+    assert function(values[0], **rest) == function(*values)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: nvisii.radians(angle=1),
+        lambda: nvisii.radians(1, degrees=1),
+        lambda: nvisii.clamp(x=1, minVal=0),
+        lambda: nvisii.translate(m=nvisii.mat4()),
+    ],
+)
+def test_names_that_do_not_fit(call):
+    with pytest.raises(TypeError, match=r"takes \("):
+        call()
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: nvisii.inverse(nvisii.mat3(0)),
+        lambda: nvisii.inverse(nvisii.quat(0, 0, 0, 0)),
+        lambda: nvisii.affineInverse(nvisii.mat4(0)),
+        lambda: nvisii.inverseTranspose(nvisii.mat4(0)),
+        lambda: nvisii.unProject((0, 0, 0), nvisii.mat4(0), nvisii.mat4(), (0, 0, 1, 1)),
+        lambda: nvisii.unProject((0, 0, 0), nvisii.mat4(), nvisii.mat4(), (0, 0, 0, 0)),
+        lambda: nvisii.ortho(0, 0, 0, 1),
+        lambda: nvisii.perspective(1, 0, 1, 2),
+        lambda: nvisii.proj((1, 0), (0, 0)),
+        lambda: nvisii.dot((1, 0), (1, 0, 0)),
+        lambda: nvisii.row(nvisii.mat4(), 4),
+        lambda: nvisii.determinant(1.0),
+        lambda: nvisii.rotate((1, 0), math.inf),
+        lambda: nvisii.angleAxis(math.inf, Z),
+        lambda: nvisii.ivec2(math.nan, 1),
+        lambda: nvisii.ivec2(math.inf, 1),
+    ],
+)
+def test_what_has_no_result_is_a_runtime_error(call):
+    with pytest.raises(RuntimeError):
+        call()

@@ -150,11 +150,31 @@ def test_arrays_of_users():
         ({"positions": [0.0] * 9, "normals": [0, 0, 1]}, "1 for 3 positions"),
         ({"positions": [0.0] * 9, "position_dimensions": 2}, "3 or 4 dimensions"),
         ({"positions": [math.nan] * 9}, "finite"),
+        ({"positions": ["a"] * 9}, "positions: needs numbers"),
+        ({"positions": [[0, 0, 0], [1]]}, "positions: needs numbers"),
     ],
 )
 def test_wrong_arrays_are_refused(arguments, message):
     with pytest.raises(RuntimeError, match=message):
         nvisii.mesh.create_from_data("m", **arguments)
+    assert nvisii.mesh.get("m") is None
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        ("sphere", {"radius": 1e39}),
+        ("disk", {"radius": 0}),
+        ("torus_knot", {"p": 0, "q": 0}),
+        ("icosphere", {"radius": -1}),
+        ("icosahedron", {"radius": -1}),
+        ("dodecahedron", {"radius": 0}),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_sizes_without_a_surface_are_refused(name, arguments):
+    with pytest.raises(RuntimeError, match="no surface|not above 0"):
+        getattr(nvisii.mesh, f"create_{name}")("m", **arguments)
     assert nvisii.mesh.get("m") is None
 
 

@@ -110,6 +110,17 @@ def test_grey_of_16_bits_and_of_floats_is_not_cut_off(tmp_path):
     assert floats.get_float_texels().reshape(4, 4)[1].tolist() == [10, 10, 10, 1]
 
 
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_texels_of_files_and_of_sums_are_finite(tmp_path):
+    path = tmp_path / "grey.tif"
+    Image.fromarray(np.array([[0, np.inf]], "f4")).save(path)
+    with pytest.raises(RuntimeError, match="grey.tif: every number must be finite"):
+        nvisii.texture.create_from_file("file", path)
+    half = flat("half", [2e38, 0, 0, 1], hdr=True)
+    with pytest.raises(RuntimeError, match='"sum": every number must be finite'):
+        nvisii.texture.create_add("sum", half, half, hdr=True)
+
+
 def test_bytes_are_no_floats():
     with pytest.raises(RuntimeError, match="divide them by 255"):
         nvisii.texture.create_from_data("b", 1, 1, np.full(4, 200, np.uint8))

@@ -83,6 +83,21 @@ def test_a_matrix_is_decomposed_or_kept():
     assert other.transform_point((0, 1, 0)) == pytest.approx([1, 1, 0])
 
 
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda made: made.inverse_transform_point((1, 2, 3)),
+        lambda made: made.inverse_transform_vector((1, 2, 3)),
+        lambda made: made.get_parent_to_local_matrix(),
+        lambda made: made.get_world_to_local_matrix(),
+    ],
+)
+def test_a_scale_of_0_has_no_inverse(call):
+    made = nvisii.transform.create("t", scale=(0, 1, 1))
+    with pytest.raises(RuntimeError, match="no inverse: a scale is 0"):
+        call(made)
+
+
 def test_rotate_around_carries_position_and_rotation_the_same_way():
     made = nvisii.transform.create("t", position=(2, 0, 0))
     made.rotate_around((1, 0, 0), nvisii.angleAxis(math.pi / 2, (0, 0, 1)))

@@ -9,7 +9,7 @@ import numpy as np
 
 import heliograph as hg
 
-from .checks import above_zero, not_below_zero
+from .checks import above_zero, not_below_zero, number
 from .component import Component
 from .glm.matrices import mat3, mat4, rows_of
 
@@ -126,7 +126,8 @@ class camera(Component):
 
     def get_intrinsic_matrix(self, width: float, height: float) -> Any:
         """mat3 of a picture of that size; integers are pixel centres, row 0 is the top."""
-        fx, fy, cx, cy = self._intrinsics(width, height)
+        size = number("width", width), number("height", height)
+        fx, fy, cx, cy = self._intrinsics(*size)
         return mat3.of([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
 
     def _intrinsics(self, width: float, height: float) -> tuple[float, float, float, float]:
@@ -156,7 +157,7 @@ class camera(Component):
 
 def perspective(field_of_view: float, aspect: float, near: float = _NEAR, far: float = _FAR) -> Any:
     """(4, 4) [row][column] of OpenGL."""
-    angle = float(field_of_view)
+    angle = number("field_of_view", field_of_view)
     if not 0 < angle < math.pi:
         raise RuntimeError(f"field_of_view: {field_of_view} is not between 0 and pi radians")
     focal = 1 / math.tan(0.5 * angle)
@@ -175,14 +176,15 @@ def _of_intrinsics(
 ) -> Any:
     width, height = above_zero("width", size[0]), above_zero("height", size[1])
     fx, fy = above_zero("fx", k[0]), above_zero("fy", k[1])
-    middle = (1 - 2 * (k[2] + 0.5) / width, 2 * (k[3] + 0.5) / height - 1)
+    cx, cy = number("cx", k[2]), number("cy", k[3])
+    middle = (1 - 2 * (cx + 0.5) / width, 2 * (cy + 0.5) / height - 1)
     return _matrix((2 * fx / width, 2 * fy / height), middle, clip)
 
 
 def _matrix(
     focal: tuple[float, float], middle: tuple[float, float], clip: tuple[float, float]
 ) -> Any:
-    near, far = float(clip[0]), float(clip[1])
+    near, far = number("near", clip[0]), number("far", clip[1])
     if not 0 < near < far:
         raise RuntimeError(f"near, far: needs 0 < near < far, not {near} and {far}")
     return np.array(

@@ -10,6 +10,7 @@ import numpy as np
 
 from heliograph._render import is_averaged
 
+from .checks import checked
 from .entities import entity
 from .motion import motion_vectors
 from .pictures import write_picture
@@ -46,6 +47,7 @@ class Option(NamedTuple):
     averaged: bool = True  # over the paths of a later vertex; otherwise the first that gets there
 
 
+@checked
 def render_data(
     width: int,
     height: int,
@@ -61,10 +63,11 @@ def render_data(
     pixel's centre: of its first surface, or of what it meets after `bounce` scatterings, averaged
     over so many paths that get there; ids are the first such path's.
     """
-    samples = max(int(frame_count) - int(start_frame), 1)
-    return flat(_data((int(width), int(height)), options, samples, (int(bounce), int(seed))))
+    samples = max(frame_count - start_frame, 1)
+    return flat(_data((width, height), options, samples, (bounce, seed)))
 
 
+@checked
 def render_data_to_file(
     width: int,
     height: int,
@@ -76,9 +79,8 @@ def render_data_to_file(
     seed: int = 0,
 ) -> None:
     """render_data() to .exr or .hdr, or to .png (as colours: sRGB, clamped to [0, 1])."""
-    samples = max(int(frame_count) - int(start_frame), 1)
-    size = (int(width), int(height))
-    write_picture(file_path, _data(size, options, samples, (int(bounce), int(seed))))
+    samples = max(frame_count - start_frame, 1)
+    write_picture(file_path, _data((width, height), options, samples, (bounce, seed)))
 
 
 def _data(size: tuple[int, int], name: str, samples: int, which: tuple[int, int]) -> Any:

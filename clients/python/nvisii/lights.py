@@ -9,12 +9,11 @@ import numpy as np
 
 import heliograph as hg
 
-from .checks import not_below_zero, number
+from .checks import not_below_zero, number, stops
 from .component import Component
 from .glm.vectors import Numbers, floats, vec3
 from .textures import texture
 
-_STOPS = 64.0  # the largest exposure, either way
 _LAMP_RADIUS = 0.01  # metres, of a light without a mesh
 
 
@@ -83,9 +82,7 @@ class light(Component):
 
     def set_exposure(self, exposure: float) -> None:
         """Stops: the intensity is multiplied by 2^exposure."""
-        if abs(number("exposure", exposure)) > _STOPS:
-            raise RuntimeError(f"exposure: {exposure} is outside [-{_STOPS:g}, {_STOPS:g}]")
-        self._exposure = float(exposure)
+        self._exposure = stops("exposure", exposure)
         self.mark_dirty()
 
     def get_exposure(self) -> float:
@@ -93,7 +90,7 @@ class light(Component):
 
     def set_falloff(self, falloff: float) -> None:
         """Kept; light falls off with the square of the distance, as it does."""
-        self._falloff = float(falloff)
+        self._falloff = number("falloff", falloff)
 
     def get_falloff(self) -> float:
         return self._falloff
@@ -134,7 +131,7 @@ def _color_of(given: Numbers) -> tuple[float, ...]:
 def planckian(kelvin: float) -> tuple[float, ...]:
     """Linear Rec.709 of a black body, its largest channel 1 and none below 0. Planck 1901; colour
     matching functions after Wyman, Sloan and Shirley 2013."""
-    if not 500 <= float(kelvin) <= 100000:
+    if not 500 <= number("kelvin", kelvin) <= 100000:
         raise RuntimeError(f"kelvin: {kelvin} is outside [500, 100000]")
     nm = np.arange(380.0, 781.0, 5.0)
     radiance = nm**-5 / np.expm1(1.438777e7 / (nm * float(kelvin)))

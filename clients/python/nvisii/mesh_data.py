@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from .checks import array
 from .tessellation.surface import Surface
 
 
@@ -38,11 +39,13 @@ class Arrays(NamedTuple):
 
 def of_surface(surface: Surface) -> Arrays:
     """White, without tangents of its own."""
-    positions = np.ascontiguousarray(surface.positions, dtype="<f4")
+    positions, normals, uvs = (_packed(column) for column in surface[:3])
+    if not all(np.isfinite(column).all() for column in (positions, normals, uvs)):
+        raise RuntimeError("a mesh of these sizes has no surface: one is 0, or too large")
     return Arrays(
         positions,
-        np.ascontiguousarray(surface.normals, dtype="<f4"),
-        np.ascontiguousarray(surface.uvs, dtype="<f4"),
+        normals,
+        uvs,
         np.ascontiguousarray(surface.indices, dtype="<u4"),
         np.ones((len(positions), 4), "<f4"),
     )
@@ -50,17 +53,15 @@ def of_surface(surface: Surface) -> Arrays:
 
 def rows(values: Any, dimensions: int, allowed: tuple[int, ...], name: str) -> Any:
     """(N, dimensions) float32 of a flat list or array; empty: None."""
-    array = np.asarray(values, dtype="f4")
+    flat = array(name, values, "<f4")
     if dimensions not in allowed:
         choices = " or ".join(map(str, allowed))
         raise RuntimeError(f"{name}: have {choices} dimensions, not {dimensions}")
-    if array.size == 0:
+    if flat.size == 0:
         return None
-    if array.size % dimensions:
-        raise RuntimeError(f"{name}: {array.size} numbers are no multiple of {dimensions}")
-    if not np.isfinite(array).all():
-        raise RuntimeError(f"{name}: every number must be finite")
-    return array.reshape(-1, dimensions)
+    if flat.size % dimensions:
+        raise RuntimeError(f"{name}: {flat.size} numbers are no multiple of {dimensions}")
+    return flat.reshape(-1, dimensions)
 
 
 def of_data(
@@ -114,7 +115,7 @@ def _wide(array: Any) -> Any:
 
 
 def _faces(indices: Any, count: int) -> Any:
-    flat = np.asarray(indices)
+    flat = array("indices", indices)
     if flat.size == 0:
         if count % 3:
             raise RuntimeError(f"positions: {count} without indices are no whole triangles")

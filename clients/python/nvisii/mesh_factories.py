@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .checks import above_zero, checked_factories
 from .glm.vectors import Numbers, floats
 from .mesh_data import Arrays, of_data, of_surface, rows
 from .mesh_paths import PathFactories
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 _PI = math.pi
 
 
+@checked_factories
 class Factories(PathFactories):
     """All return a new mesh."""
 
@@ -67,17 +69,17 @@ class Factories(PathFactories):
     @classmethod
     def create_icosphere(cls, name: str, radius: float = 1.0, segments: int = 4) -> mesh:
         """A sphere of 20 subdivided triangles."""
-        return cls._made(name, boxes.icosphere(radius, segments))
+        return cls._made(name, boxes.icosphere(above_zero("radius", radius), segments))
 
     @classmethod
     def create_icosahedron(cls, name: str, radius: float = 1.0, segments: int = 1) -> mesh:
-        return cls._made(name, boxes.icosahedron(radius, segments))
+        return cls._made(name, boxes.icosahedron(above_zero("radius", radius), segments))
 
     @classmethod
     def create_dodecahedron(
         cls, name: str, radius: float = 1.0, segments: int = 1, rings: int = 1
     ) -> mesh:
-        return cls._made(name, boxes.dodecahedron(radius, segments, rings))
+        return cls._made(name, boxes.dodecahedron(above_zero("radius", radius), segments, rings))
 
     @classmethod
     def create_teapotahedron(cls, name: str, segments: int = 8) -> mesh:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .checks import checked_factories
 from .glm.vectors import Numbers, floats
 from .tessellation import boxes, profiles, surface
 from .tessellation.surface import TURN, Surface
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 _V0, _V1, _V2 = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
 
+@checked_factories
 class PathFactories:
     """All return a new mesh."""
 

@@ -110,11 +110,18 @@ def vector_of_world(
     if kind == "direction":
         matrix[:3, :3] = nearest_rotation(matrix[:3, :3])
     if inverse:
-        matrix = np.linalg.inv(matrix)
+        matrix = inverted(matrix)
     moved = matrix[:3, :3] @ np.array(floats(value, 3, kind))
     if kind == "point":
         moved = moved + matrix[:3, 3]
     return vec3(*moved.tolist())
+
+
+def inverted(matrix: Any) -> Any:
+    try:
+        return np.linalg.inv(matrix)
+    except np.linalg.LinAlgError:
+        raise RuntimeError("this transform has no inverse: a scale is 0") from None
 
 
 def nearest_rotation(linear: Any) -> Any:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .checks import as_runtime_error
+from .checks import as_runtime_error, checked
 from .pictures import write_picture
 from .session import call_back, camera_entity, session
 from .settings import current
@@ -20,16 +20,18 @@ __all__ = [
 ]
 
 
+@checked
 def render(width: int, height: int, samples_per_pixel: int, seed: int = 0) -> Any:
     """(4 * width * height,) float32: linear RGBA, row 0 at the bottom."""
-    return flat(picture((int(width), int(height)), samples_per_pixel, seed))
+    return flat(picture((width, height), samples_per_pixel, seed))
 
 
+@checked
 def render_to_file(
     width: int, height: int, samples_per_pixel: int, file_path: str, seed: int = 0
 ) -> None:
     """To .png (sRGB), .exr or .hdr (linear)."""
-    write_picture(file_path, picture((int(width), int(height)), samples_per_pixel, seed))
+    write_picture(file_path, picture((width, height), samples_per_pixel, seed))
 
 
 def render_to_hdr(
@@ -54,7 +56,7 @@ def flat(rows: Any) -> Any:
 def picture(size: tuple[int, int], samples: int, seed: int) -> Any:
     """(H, W, 4) float32, row 0 at the top."""
     name = "denoised" if current.denoise else "beauty"
-    frame = shoot(size, [name], spp=int(samples), seed=int(seed), shutter=current.time_interval)
+    frame = shoot(size, [name], spp=samples, seed=seed, shutter=current.time_interval)
     return frame[name]
 
 

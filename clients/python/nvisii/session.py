@@ -12,7 +12,7 @@ from typing import Any
 import heliograph as hg
 
 from .cameras import camera
-from .checks import as_runtime_error
+from .checks import as_runtime_error, whole
 from .component import Component, check
 from .entities import entity
 from .glm.vectors import ivec2, vec2
@@ -208,7 +208,7 @@ def are_updates_enabled() -> bool:
 def resize_window(width: int, height: int) -> None:
     """Kept for get_window_size()."""
     global _window
-    _window = (int(width), int(height))
+    _window = (whole("width", width), whole("height", height))
 
 
 def get_window_size() -> Any:

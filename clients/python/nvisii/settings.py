@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .checks import not_below_zero
+from .checks import not_below_zero, number, stops, whole
 from .component import Component, check
 from .glm.quaternions import quat, quat_of, rotation_of
 from .glm.vectors import Numbers, floats
@@ -106,12 +106,12 @@ def _put_dome(**values: Any) -> None:
 
 def set_dome_light_intensity(intensity: float) -> None:
     """A factor of the dome's light, not below 0."""
-    _put_dome(intensity=max(0.0, float(intensity)))
+    _put_dome(intensity=max(0.0, number("intensity", intensity)))
 
 
 def set_dome_light_exposure(exposure: float) -> None:
-    """Stops: the dome's light is multiplied by 2^exposure, also where it is seen."""
-    _put_dome(exposure=float(exposure))
+    """Stops, -64 to 64: the dome's light is multiplied by 2^exposure, also where it is seen."""
+    _put_dome(exposure=stops("exposure", exposure))
 
 
 def set_dome_light_color(color: Numbers) -> None:
@@ -131,7 +131,8 @@ def set_dome_light_sky(
     if not any(sun):
         raise RuntimeError("sun_position: has no direction")
     tint = floats(sky_tint, 3, "sky_tint")
-    sky = (sun, tint, float(atmosphere_thickness), float(saturation))
+    thickness = number("atmosphere_thickness", atmosphere_thickness)
+    sky = (sun, tint, thickness, number("saturation", saturation))
     _put_dome(sky=sky, color=None, image=None)
 
 
@@ -176,15 +177,13 @@ def set_max_bounce_depth(
     volume_depth: int = 2,
 ) -> None:
     """Paths have two edges more than the largest of these."""
-    given = (diffuse_depth, glossy_depth, transparency_depth, transmission_depth, volume_depth)
-    if any(int(depth) != depth or depth < 0 for depth in given):
-        raise RuntimeError(f"depths are whole numbers of at least 0, not {given}")
-    current.depths = tuple(int(depth) for depth in given)
+    given = dict(locals())
+    current.depths = tuple(whole(name, depth, 0) for name, depth in given.items())
 
 
 def set_light_sample_count(count: int) -> None:
     """1 to 10; kept. One light is sampled at each vertex."""
-    if not 1 <= count <= 10:
+    if not 1 <= whole("count", count) <= 10:
         raise RuntimeError(f"count: {count} is not between 1 and 10")
     current.light_samples = int(count)
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from .checks import array, checked, whole
 from .component import Component
 from .glm.vectors import Numbers, floats, u16vec4, vec4
 from .pictures import as_bytes, hsv_of, mixed, read_picture, sampled, to_linear
@@ -26,7 +27,7 @@ class texture(Component):
         """A picture's file: PNG, JPEG, TGA, BMP, GIF, PSD, PNM, DDS, HDR, EXR. linear: the values
         are no colours, as those of normal maps; float files always are linear."""
         cls._check_new(name)
-        texels = read_picture(path)
+        texels = array(path, read_picture(path))
         return cls(name, texels, linear or texels.dtype != np.uint8)
 
     @classmethod
@@ -42,7 +43,8 @@ class texture(Component):
         as 8 bits a channel, of [0, 1]."""
         if getattr(data, "dtype", None) == np.uint8:
             raise RuntimeError("texture.create_from_data: data are bytes; divide them by 255")
-        values = np.asarray(data, dtype="f4")
+        width, height = whole("width", width, 1), whole("height", height, 1)
+        values = array("data", data, "f4")
         if values.size != 4 * width * height:
             raise RuntimeError(
                 f"texture.create_from_data: {width}x{height} RGBA are {4 * width * height} floats, "
@@ -52,6 +54,7 @@ class texture(Component):
         return cls(name, texels if hdr else as_bytes(texels), linear)
 
     @classmethod
+    @checked
     def create_mix(
         cls, name: str, a: texture, b: texture, mix: float = 1.0, hdr: bool = False
     ) -> texture:
@@ -67,6 +70,7 @@ class texture(Component):
         return cls._baked(name, mixed(a, b, np.multiply), hdr)
 
     @classmethod
+    @checked
     def create_hsv(
         cls,
         name: str,
@@ -84,7 +88,7 @@ class texture(Component):
 
     @classmethod
     def _baked(cls, name: str, texels: Any, hdr: bool) -> texture:
-        texels = np.ascontiguousarray(texels, dtype="f4")
+        texels = array(f'texture "{name}"', np.ascontiguousarray(texels, dtype="f4"))
         return cls(name, texels if hdr else as_bytes(texels), True)
 
     @classmethod

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .checks import above_zero
+from .checks import above_zero, number
 from .component import Component
 from .glm.matrices import mat4, rows_of
 from .glm.quaternions import angleAxis, conjugate, of_rotation, product, quat, quat_of
@@ -21,6 +21,7 @@ from .placement import (
     STILL,
     Placement,
     decompose,
+    inverted,
     look,
     powered,
     vector_of_world,
@@ -110,7 +111,8 @@ class transform(Component):
         self._put(previous, position=floats(position, 3, "position"))
 
     def add_position(self, additional_position: Numbers, previous: bool = False) -> None:
-        self.set_position(self.get_position(previous) + additional_position, previous)
+        more = floats(additional_position, 3, "additional_position")
+        self.set_position(self.get_position(previous) + more, previous)
 
     def get_scale(self, previous: bool = False) -> Any:
         return vec3(*(self._at(previous).scale or ()))
@@ -119,7 +121,8 @@ class transform(Component):
         self._put(previous, scale=floats(scale, 3, "scale"))
 
     def add_scale(self, additional_scale: Numbers, previous: bool = False) -> None:
-        self.set_scale(self.get_scale(previous) + additional_scale, previous)
+        more = floats(additional_scale, 3, "additional_scale")
+        self.set_scale(self.get_scale(previous) + more, previous)
 
     def get_rotation(self, previous: bool = False) -> quat:
         return quat(self._at(previous).rotation)
@@ -146,8 +149,8 @@ class transform(Component):
         """Turns local -Z towards `at`, with local +Y as near to `up` as it can be. `eye` is the
         position from then on; without it the position stays. In the parent's space."""
         place = floats(eye, 3, "eye", finite=False)
-        if any(map(math.isnan, place)):
-            place = self._at(previous).position or ()
+        kept = any(map(math.isnan, place))
+        place = (self._at(previous).position or ()) if kept else floats(place, 3, "eye")
         matrix = look(np.array(place), np.array(floats(at, 3, "at")), np.array(floats(up, 3, "up")))
         self._put(previous, rotation=of_rotation(matrix), position=place)
 
@@ -162,8 +165,6 @@ class transform(Component):
         """Takes a mat4. decompose: as scale, rotation and position, which replaces all; a matrix
         that skews is refused. Otherwise it is applied after scale, rotation and position."""
         matrix = rows_of(transform, 4, "transform")
-        if not np.isfinite(matrix).all():
-            raise RuntimeError("transform: its numbers are not all finite")
         if decompose:
             scale, rotation, position = decompose_or_raise(matrix)
             self._put(previous, scale=scale, rotation=rotation, position=position)
@@ -213,7 +214,7 @@ class transform(Component):
         """The rotation of a second. mix: share of the velocity of before."""
         rate = above_zero("frames_per_second", frames_per_second)
         step = powered(quat_of(velocity, "velocity"), 1.0 / rate)
-        self._angular = slerp(step, self._angular, float(mix))
+        self._angular = slerp(step, self._angular, number("mix", mix))
         self._before = replace(self._before, rotation=None)
         self.mark_dirty()
 
@@ -259,7 +260,7 @@ class transform(Component):
         return mat4.of(self._at(previous).rows())
 
     def get_parent_to_local_matrix(self, previous: bool = False) -> Any:
-        return mat4.of(_inverse(self._at(previous).rows()))
+        return mat4.of(inverted(self._at(previous).rows()))
 
     def get_local_to_parent_translation_matrix(self, previous: bool = False) -> Any:
         return mat4.of(self._at(previous).translation())
@@ -271,10 +272,10 @@ class transform(Component):
         return mat4.of(self._at(previous).turning())
 
     def get_parent_to_local_translation_matrix(self, previous: bool = False) -> Any:
-        return mat4.of(_inverse(self._at(previous).translation()))
+        return mat4.of(inverted(self._at(previous).translation()))
 
     def get_parent_to_local_scale_matrix(self, previous: bool = False) -> Any:
-        return mat4.of(_inverse(self._at(previous).scaling()))
+        return mat4.of(inverted(self._at(previous).scaling()))
 
     def get_parent_to_local_rotation_matrix(self, previous: bool = False) -> Any:
         return mat4.of(self._at(previous).turning().T)
@@ -283,7 +284,7 @@ class transform(Component):
         return mat4.of(self._world(previous))
 
     def get_world_to_local_matrix(self, previous: bool = False) -> Any:
-        return mat4.of(_inverse(self._world(previous)))
+        return mat4.of(inverted(self._world(previous)))
 
     # ------------------------------------------------------------ parents
 
@@ -339,16 +340,9 @@ def decompose_or_raise(matrix: Any) -> tuple[Any, quat, Any]:
 
 def _mixed(velocity: Numbers, rate: float, mix: float, old: Sequence[float]) -> tuple[float, ...]:
     new = floats(velocity, 3, "velocity")
-    rate = above_zero("frames_per_second", rate)
+    rate, mix = above_zero("frames_per_second", rate), number("mix", mix)
     return tuple(v / rate * (1 - mix) + o * mix for v, o in zip(new, old))
 
 
 def _column(matrix: Any, index: int) -> Any:
     return vec3(*matrix[:3, index].tolist())
-
-
-def _inverse(matrix: Any) -> Any:
-    try:
-        return np.linalg.inv(matrix)
-    except np.linalg.LinAlgError:
-        raise RuntimeError("this transform has no inverse: a scale is 0") from None

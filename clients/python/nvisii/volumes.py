@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .checks import above_zero, not_below_zero
+from .checks import above_zero, array, not_below_zero, number, whole
 from .component import Component
 from .glm.vectors import Numbers, floats, vec3
 from .nodes import Nodes
@@ -33,14 +33,17 @@ class volume(Component):
     ) -> volume:
         """width * height * depth densities, x fastest, centred on the origin; values that equal
         the background are empty."""
-        values = np.asarray(data, dtype="f4")
+        width, height = whole("width", width, 1), whole("height", height, 1)
+        depth = whole("depth", depth, 1)
+        values = array("data", data, "f4")
         if values.size != width * height * depth:
             raise RuntimeError(
                 f"volume.create_from_data: {width}x{height}x{depth} are "
                 f"{width * height * depth} values, not {values.size}"
             )
         values = values.reshape(depth, height, width).transpose(2, 1, 0)
-        density = np.where(values == np.float32(background), np.float32(0), values)
+        empty = np.float32(number("background", background))
+        density = np.where(values == empty, np.float32(0), values)
         return cls(name, density, _centered(density.shape))
 
     @classmethod
@@ -74,7 +77,7 @@ class volume(Component):
             return outside + np.minimum(np.maximum(np.maximum(q[0], q[1]), q[2]), 0)
 
         reach = float((half + np.abs(middle)).max())
-        return cls._fog(name, reach, distance, float(half_width))
+        return cls._fog(name, reach, distance, above_zero("half_width", half_width))
 
     @classmethod
     def create_octahedron(cls, name: str) -> volume:
@@ -126,7 +129,7 @@ class volume(Component):
 
     def set_gradient_factor(self, gradient_factor: float) -> None:
         """Kept; volumes here have no surfaces."""
-        self._gradient_factor = float(gradient_factor)
+        self._gradient_factor = number("gradient_factor", gradient_factor)
 
     def _grid(self) -> dict[str, Any]:
         """The arguments of Edits.volume that are its voxels."""

@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
 from .constants import CONSTANTS
 from .elementwise import ELEMENTWISE, mix
 from .geometry import (
@@ -168,5 +174,21 @@ __all__ = [
     "vec4",
     "yaw",
 ]
+_ERRORS = (ArithmeticError, AttributeError, IndexError, ValueError, np.linalg.LinAlgError)
+
+
+@contextmanager
+def _as_runtime_error(name: str) -> Iterator[None]:
+    """What has no result, as a division by 0, is a RuntimeError, as all errors here are."""
+    try:
+        yield
+    except _ERRORS as error:
+        raise RuntimeError(f"{name}: {error}") from error
+
+
+for _name in __all__:
+    if inspect.isfunction(globals()[_name]):
+        globals()[_name] = _as_runtime_error(_name)(globals()[_name])
+
 __all__ += CONSTANTS
 __all__ += ELEMENTWISE

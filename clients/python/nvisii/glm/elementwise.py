@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from .overloads import overloaded
 from .quaternions import quat
 from .vectors import BY_SIZE, Vector
 
@@ -49,56 +50,60 @@ def _repeat(x: Any) -> Any:
     return x - np.floor(x)
 
 
+def _atan(y: Any, x: Any = None) -> Any:
+    return np.arctan(y) if x is None else np.arctan2(y, x)
+
+
 def _mirror_repeat(x: Any) -> Any:
     whole, part = np.floor(np.abs(x)), _fract(np.abs(x))
     return np.where(whole % 2 == 1, 1 - part, part)
 
 
-def _one(function: Callable[..., Any]) -> tuple[Callable[..., Any], tuple[str, ...]]:
-    return function, ("x",)
+def _one(function: Callable[..., Any], name: str = "x") -> tuple[Any, ...]:
+    return function, (name,)
 
 
-# Name: function of arrays, names of its arguments.
-_TABLE: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
+# Name: function of arrays, names of its arguments, those of another overload.
+_TABLE: dict[str, tuple[Any, ...]] = {
     "abs": _one(np.abs),
     "acos": _one(np.arccos),
     "acosh": _one(np.arccosh),
     "asin": _one(np.arcsin),
     "asinh": _one(np.arcsinh),
-    "atan": (lambda y, x=None: np.arctan(y) if x is None else np.arctan2(y, x), ("y", "x")),
+    "atan": (_atan, ("y", "x"), ("y_over_x",)),
     "atanh": _one(np.arctanh),
     "ceil": _one(np.ceil),
     "clamp": (_clamp, ("x", "minVal", "maxVal")),
-    "cos": _one(np.cos),
-    "cosh": _one(np.cosh),
+    "cos": _one(np.cos, "angle"),
+    "cosh": _one(np.cosh, "angle"),
     "degrees": (np.degrees, ("radians",)),
-    "exp": _one(np.exp),
-    "exp2": _one(np.exp2),
+    "exp": _one(np.exp, "v"),
+    "exp2": _one(np.exp2, "v"),
     "floor": _one(np.floor),
     "fma": (_fma, ("a", "b", "c")),
     "fract": _one(_fract),
-    "inversesqrt": _one(lambda x: 1 / np.sqrt(x)),
+    "inversesqrt": _one(lambda v: 1 / np.sqrt(v), "v"),
     "isinf": _one(np.isinf),
     "isnan": _one(np.isnan),
-    "log": _one(np.log),
-    "log2": _one(np.log2),
+    "log": _one(np.log, "v"),
+    "log2": _one(np.log2, "v"),
     "max": (np.maximum, ("x", "y")),
     "min": (np.minimum, ("x", "y")),
-    "mirrorRepeat": _one(_mirror_repeat),
+    "mirrorRepeat": _one(_mirror_repeat, "Texcoord"),
     "mod": (_mod, ("x", "y")),
     "pow": (np.power, ("base", "exponent")),
     "radians": (np.radians, ("degrees",)),
-    "repeat": _one(_repeat),
+    "repeat": _one(_repeat, "Texcoord"),
     "round": _one(_round),
     "roundEven": _one(np.rint),
     "sign": _one(np.sign),
-    "sin": _one(np.sin),
-    "sinh": _one(np.sinh),
+    "sin": _one(np.sin, "angle"),
+    "sinh": _one(np.sinh, "angle"),
     "smoothstep": (_smoothstep, ("edge0", "edge1", "x")),
-    "sqrt": _one(np.sqrt),
+    "sqrt": _one(np.sqrt, "v"),
     "step": (_step, ("edge", "x")),
-    "tan": _one(np.tan),
-    "tanh": _one(np.tanh),
+    "tan": _one(np.tan, "angle"),
+    "tanh": _one(np.tanh, "angle"),
     "trunc": _one(np.trunc),
 }
 
@@ -125,8 +130,10 @@ def like(result: Any, given: tuple[Any, ...]) -> Any:
 
 
 def _elementwise(name: str) -> Callable[..., Any]:
-    function, names = _TABLE[name]
+    function, *overloads = _TABLE[name]
+    usage = " or ".join(f"{name}({', '.join(names)})" for names in overloads)
 
+    @overloaded(*overloads)
     def call(*values: Any) -> Any:
         arrays = [numbers(value) for value in values]
         try:
@@ -135,10 +142,10 @@ def _elementwise(name: str) -> Callable[..., Any]:
         except ValueError:
             raise RuntimeError(f"{name}: vectors of different lengths") from None
         except TypeError:
-            raise RuntimeError(f"{name}: has the arguments {', '.join(names)}") from None
+            raise RuntimeError(f"usage: {usage}") from None
 
     call.__name__ = call.__qualname__ = name
-    call.__doc__ = f"{name}({', '.join(names)}) of each component."
+    call.__doc__ = f"{usage} of each component."
     return call
 
 

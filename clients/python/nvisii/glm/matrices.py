@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ..checks import array
 from .quaternions import quat, rotation_of
 from .vectors import BY_SIZE, Numbers, Numeric
 
@@ -133,10 +134,11 @@ mat2, mat3, mat4 = (_matrix(n) for n in (2, 3, 4))
 
 
 def rows_of(value: Any, size: int, name: str) -> Any:
-    """(size, size) float64 [row][column] of a matrix or of nested sequences [column][row]."""
+    """(size, size) float64 [row][column], finite, of a matrix or of nested sequences
+    [column][row]."""
     if isinstance(value, Matrix) and value.size == size:
-        return value.rows
-    given = _numbers(value, name)
+        return array(name, value.rows)
+    given = array(name, _numbers(value, name))
     if given.shape != (size, size):
         raise RuntimeError(f"{name}: needs a mat{size}, has shape {given.shape}")
     return given.T

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..checks import number
 from .vectors import Numbers, Numeric, floats, vec3, vec4
 
 
@@ -149,5 +150,6 @@ def angleAxis(angle: float, axis: Numbers) -> quat:
     length = math.sqrt(x * x + y * y + z * z)
     if length == 0:
         raise RuntimeError("axis: has length 0")
-    s = math.sin(angle / 2) / length
-    return quat(math.cos(angle / 2), x * s, y * s, z * s)
+    half = number("angle", angle) / 2
+    s = math.sin(half) / length
+    return quat(math.cos(half), x * s, y * s, z * s)

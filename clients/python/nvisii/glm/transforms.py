@@ -9,7 +9,9 @@ import numpy as np
 
 from .elementwise import numbers
 from .matrices import Matrix, mat2, mat3, mat4, rows_of
+from .overloads import overloaded
 from .quaternions import angleAxis, quat, rotation_of
+from .rotations import inverse
 from .vectors import BY_SIZE, Numbers, floats, vec2, vec3
 
 
@@ -22,11 +24,11 @@ def determinant(m: Matrix) -> float:
 
 
 def affineInverse(m: Matrix) -> Any:
-    return type(m).of(np.linalg.inv(m.rows))
+    return inverse(m)
 
 
 def inverseTranspose(m: Matrix) -> Any:
-    return type(m).of(np.linalg.inv(m.rows).T)
+    return transpose(inverse(m))
 
 
 def matrixCompMult(x: Matrix, y: Matrix) -> Any:
@@ -57,6 +59,7 @@ def column(m: Matrix, index: int, x: Numbers = None) -> Any:
     return type(m).of(rows)
 
 
+@overloaded(("m", "v"), ("v",))
 def translate(*arguments: Any) -> Any:
     """translate(v), or translate(m, v): m times the translation."""
     matrix, (v,) = _optional_matrix(arguments, 1, "translate(m, v)")
@@ -65,15 +68,24 @@ def translate(*arguments: Any) -> Any:
     return mat4.of(matrix @ out)
 
 
+@overloaded(("m", "v"), ("v",))
 def scale(*arguments: Any) -> Any:
     """scale(v), or scale(m, v): m times the scaling."""
     matrix, (v,) = _optional_matrix(arguments, 1, "scale(m, v)")
     return mat4.of(matrix @ np.diag([*floats(v, 3, "v"), 1.0]))
 
 
+@overloaded(
+    ("m", "angle", "axis"),
+    ("q", "angle", "axis"),
+    ("v", "angle", "normal"),
+    ("angle", "axis"),
+    ("v", "angle"),
+    ("q", "v"),
+)
 def rotate(*arguments: Any) -> Any:
     """rotate(m, angle, axis) or rotate(angle, axis): m times the rotation. rotate(q, angle, axis):
-    q times it. rotate(q, v): v turned. rotate(v, angle), rotate(v, angle, axis): the same."""
+    q times it. rotate(q, v): v turned. rotate(v, angle), rotate(v, angle, normal): the same."""
     first: Any = arguments[0] if arguments else None
     if isinstance(first, quat) and len(arguments) == 2:
         return first * arguments[1]
@@ -190,7 +202,7 @@ def unProject(win: Numbers, model: Matrix, proj: Matrix, viewport: Numbers) -> A
     x, y, w, h = floats(viewport, 4, "viewport")
     u, v, depth = floats(win, 3, "win")
     ndc = np.array([2 * (u - x) / w - 1, 2 * (v - y) / h - 1, 2 * depth - 1, 1.0])
-    world = np.linalg.inv(proj.rows @ model.rows) @ ndc
+    world = inverse(proj * model).rows @ ndc
     return vec3(*(world[:3] / world[3]).tolist())
 
 

@@ -62,8 +62,8 @@ class Vector(Numeric):
             try:
                 self._values = list(map(self.scalar, values))
                 return
-            except TypeError:
-                pass  # some are vectors
+            except (TypeError, ValueError, OverflowError):
+                pass  # some are vectors, or no numbers
         flat: list[Any] = []
         for value in values:
             flat.extend([value] if np.ndim(value) == 0 else value)
@@ -75,7 +75,7 @@ class Vector(Numeric):
             raise RuntimeError(f"{type(self).__name__} has {self.size} numbers, not {len(flat)}")
         try:
             self._values = [self.scalar(v) for v in flat[: self.size]]
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise RuntimeError(f"{type(self).__name__}: not numbers: {flat!r}") from None
 
     def __len__(self) -> int:
