@@ -9,6 +9,7 @@ import signal
 import socket
 import subprocess
 import sys
+import types
 
 import heliograph as hg
 import heliograph.datasets as hd
@@ -28,6 +29,16 @@ def ask_wrongly_at_seven(draw):
 def end_at_five(draw):
     if draw.index == 5:
         os.kill(os.getpid(), signal.SIGKILL)
+
+
+class Absent:
+    """A Maker on a machine without heliograph."""
+
+    def __init__(self, *_):
+        raise ImportError("no heliograph here")
+
+    def ready(self):
+        pass
 
 
 class Move:
@@ -59,7 +70,7 @@ def ray():
     """A Ray of this module's own, whose workers find this file."""
     old = os.environ.get("PYTHONPATH", "")
     os.environ["PYTHONPATH"] = os.pathsep.join([str(HERE), old])
-    with cluster._ray(3) as initialized:
+    with cluster._ray(3, 0) as initialized:
         yield initialized
     os.environ["PYTHONPATH"] = old
 
@@ -149,6 +160,22 @@ def test_a_slurm_array(tmp_path):
     assert hd.validate(tmp_path / "set").ok
 
 
+def test_gpus_that_this_machine_lacks_are_refused(staged, tmp_path, monkeypatch):
+    ends = []
+    ray = types.SimpleNamespace(
+        is_initialized=lambda: False,
+        init=lambda **_: None,
+        cluster_resources=lambda: {"CPU": 1.0, "GPU": 2.0},
+        shutdown=lambda: ends.append(1),
+    )
+    monkeypatch.setitem(sys.modules, "ray", ray)
+    with pytest.raises(hg.InvalidArgument, match="gpus: .*needs 3 and .* finds 2 ") as caught:
+        cluster.generate(
+            staged, "cam", shift, writer=hd.Coco(tmp_path), workers=1, gpus=3, **OPTIONS
+        )
+    assert caught.value.field == "gpus" and ends == [1]
+
+
 # ------------------------------------------------------------ with Ray
 
 
@@ -226,4 +253,12 @@ def test_a_shard_that_ends_its_workers_is_named(ray, staged, tmp_path):
             shard=4,
             tries=2,
             **OPTIONS,
+        )
+
+
+def test_workers_that_never_start_end_the_call(ray, staged, tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster, "Maker", Absent)
+    with pytest.raises(hg.Unavailable, match="(?s)ended 2 times before .*no heliograph here"):
+        cluster.generate(
+            staged, "cam", shift, writer=hd.Coco(tmp_path), workers=2, tries=2, **OPTIONS
         )

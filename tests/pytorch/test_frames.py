@@ -1,5 +1,6 @@
 """heliograph.torch against a daemon: the same images whoever makes them, errors, shutdown."""
 
+import gc
 import multiprocessing
 import threading
 import time
@@ -143,9 +144,31 @@ def test_ranks_share_the_images(scene):
 def test_edits_meanwhile_change_nothing(scene):
     frames = hg.torch.Frames(scene, "cam", scatter, count=4, **OPTIONS)
     before = list(hg.torch.loader(frames, 2))
-    with scene.edit() as edit:
-        edit.dome(color=(0, 0, 1))
+    for blue in range(100):  # more than the revisions that a daemon keeps
+        with scene.edit() as edit:
+            edit.dome(color=(0, 0, blue / 99))
     assert same(list(hg.torch.loader(frames, 2)), before)
+
+
+def test_loaders_of_the_same_frames_do_not_meet(scene):
+    frames = hg.torch.Frames(scene, "cam", scatter, count=4, **OPTIONS)
+    pairs = hg.torch.loader(frames, 2, num_workers=2)
+    singles = hg.torch.loader(frames, 1)
+    assert [batch["index"].tolist() for batch in pairs] == [[0, 1], [2, 3]]
+    assert [batch["index"].tolist() for batch in singles] == [[0], [1], [2], [3]]
+
+
+@pytest.mark.parametrize("context", ["fork", "spawn"])
+def test_the_branch_goes_with_the_last_that_has_it(client, scene, context):
+    frames = hg.torch.Frames(scene, "cam", scatter, count=2, **OPTIONS)
+    branch = frames.scene.id
+    batches = hg.torch.loader(frames, 1, num_workers=2, multiprocessing_context=context)
+    del frames
+    for _ in range(2):
+        assert len(list(batches)) == 2
+    assert branch in [left.id for left in client.scenes()]
+    del batches
+    assert branch not in [left.id for left in client.scenes()]
 
 
 @pytest.mark.parametrize("workers", [0, 2])
@@ -168,14 +191,15 @@ def test_an_error_names_its_image(scene, randomizer, kind, message, workers):
 
 @pytest.mark.parametrize("workers", [0, 2])
 def test_leaving_early_leaves_nothing_behind(client, scene, workers):
+    gc.collect()  # errors of the tests before hold their Frames
     frames = hg.torch.Frames(scene, "cam", scatter, **OPTIONS)  # without end
     batches = iter(hg.torch.loader(frames, 2, num_workers=workers))
     next(batches)
     del batches
     deadline = time.monotonic() + 5  # a session that is gone is kept for 10 s, with its scenes
-    while len(client.scenes()) > 1 and time.monotonic() < deadline:
+    while len(client.scenes()) > 2 and time.monotonic() < deadline:
         time.sleep(0.02)
-    assert [left.id for left in client.scenes()] == [scene.id]
+    assert {left.id for left in client.scenes()} == {scene.id, frames.scene.id}
     assert not multiprocessing.active_children()
     assert not [t for t in threading.enumerate() if t.name.startswith("heliograph-work")]
 

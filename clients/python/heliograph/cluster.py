@@ -20,7 +20,7 @@ from ._deal import dealt
 from ._maker import Maker, packed, shard_path
 from .components import number_of, whole_of
 from .datasets.generating import Bar, Run, run_of
-from .errors import FailedPrecondition, Unavailable
+from .errors import FailedPrecondition, InvalidArgument, Unavailable
 
 if TYPE_CHECKING:
     from ._progress import Progress
@@ -92,7 +92,8 @@ def generate(
     shard: how many images a worker is given at a time; a shard that is done is noted in
     DIR/.heliograph/shards, and not looked at again by a later call. cores, gpus: what Ray reserves
     for a worker. credits: draws under way in each. A worker or daemon that is lost costs its shard
-    the images under way; the shard is given to another one, up to `tries` times.
+    the images under way; the shard is given to another one, up to `tries` times. One that is lost
+    `tries` times before it is ready ends the call, too: Unavailable with what Ray says.
     progress, resume, options: as of heliograph.datasets.generate.
 
     Where Ray was not initialized, it is for this call: on the cluster that RAY_ADDRESS names, else
@@ -104,7 +105,7 @@ def generate(
     number = whole_of(workers, "workers", 1)
     width = whole_of(shard, "shard", 1) * len(run.source.cameras)
     start = time.monotonic()
-    with _ray(number * need["num_cpus"]) as ray:
+    with _ray(number * need["num_cpus"], need["num_gpus"]) as ray:
         plan = packed(ray.cloudpickle.CloudPickler, scene, {**asked, **options})
         run.open(resume)
         todo = [each for each in _shards(count, width) if not _is_done(run, each)]
@@ -112,12 +113,15 @@ def generate(
         team = _Team(ray, ray.remote(Maker).options(**need), arguments)
         with Bar(progress) as bar:
             made = team.make(todo, number, whole_of(tries, "tries", 1), _Shown(bar, count, todo))
-    run.begin()
-    if not run.finish():
-        raise FailedPrecondition(
-            f"{run.writers[0].directory}: images of finished shards are missing; do machines that "
-            "make them see the same directory?"
-        )
+    try:
+        run.begin()
+        if not run.finish():
+            raise FailedPrecondition(
+                f"{run.writers[0].directory}: images of finished shards are missing; do machines "
+                "that make them see the same directory?"
+            )
+    finally:
+        run.end()
     images = sum(each["images"] for each in made)
     used = [each["core_seconds"] for each in made]
     return Report(
@@ -157,11 +161,11 @@ class _Shown:
 
 
 class _Team:
-    """Actors, and which shard each of them has; None while it starts."""
+    """Actors, and which shard each of them has; while it starts, which attempt that is."""
 
     def __init__(self, ray: Any, kind: Any, arguments: Sequence[Any]) -> None:
         self._ray, self._kind, self._arguments = ray, kind, arguments
-        self._busy: dict[Any, tuple[Any, Shard | None]] = {}
+        self._busy: dict[Any, tuple[Any, Shard | int]] = {}
         self._todo: deque[Shard] = deque()
         self._tried: dict[Shard, int] = {}
         self.lost = 0
@@ -181,48 +185,56 @@ class _Team:
                 while self._todo and idle:
                     self._give(idle.pop(), self._todo.popleft())
                 ready, _ = self._ray.wait(list(self._busy), num_returns=1)
-                actor, shard = self._busy.pop(ready[0])
+                actor, task = self._busy.pop(ready[0])
                 said = self._said(ready[0])
-                if said is None:
-                    self._hire()
+                self.lost += "lost" in said
+                if "ended" in said:
+                    self._replace(task, tries, said["lost"])
                 else:
                     idle.append(actor)
-                if shard is None:
+                if isinstance(task, int):
                     continue
-                if said is None or "lost" in said:
-                    self._again(shard, tries, said)
+                if "lost" in said:
+                    self._again(task, tries, said["lost"])
                 else:
                     made.append(said)
-                    shown.add(said["images"], shard[1] - shard[0] - said["images"])
+                    shown.add(said["images"], task[1] - task[0] - said["images"])
         finally:
             for actor in [*idle, *(actor for actor, _ in self._busy.values())]:
                 self._ray.kill(actor)
         return made
 
-    def _hire(self) -> None:
+    def _hire(self, attempt: int = 1) -> None:
         actor = self._kind.remote(*self._arguments)
-        self._busy[actor.ready.remote()] = actor, None
+        self._busy[actor.ready.remote()] = actor, attempt
+
+    def _replace(self, task: Shard | int, tries: int, why: str) -> None:
+        """Another actor for one that ended."""
+        if task == tries:
+            raise Unavailable(
+                f"workers: one ended {tries} times before it was ready; is heliograph installed on "
+                f"every machine of the cluster? The last time: {why}"
+            )
+        self._hire(task + 1 if isinstance(task, int) else 1)
 
     def _give(self, actor: Any, shard: Shard) -> None:
         self._busy[actor.make.remote(*shard)] = actor, shard
 
-    def _said(self, reference: Any) -> dict[str, Any] | None:
-        """What an actor answered; None when there is no such actor any more. Raises its errors."""
+    def _said(self, reference: Any) -> dict[str, Any]:
+        """What an actor answered; "lost": why it was, "ended": there is no such actor any more.
+        Raises its errors."""
         errors = self._ray.exceptions
         try:
             return self._ray.get(reference) or {}
         except errors.RayTaskError as error:
             raise error.cause from error
-        except errors.RayError:
-            self.lost += 1
-            return None
+        except errors.RayError as error:
+            return {"lost": str(error), "ended": True}
 
-    def _again(self, shard: Shard, tries: int, said: dict[str, Any] | None) -> None:
-        """Gives a shard back whose worker (said is None) or daemon was lost."""
-        self.lost += said is not None
+    def _again(self, shard: Shard, tries: int, why: str) -> None:
+        """Gives a shard back whose worker or daemon was lost."""
         self._tried[shard] = self._tried.get(shard, 0) + 1
         if self._tried[shard] >= tries:
-            why = "the process ended" if said is None else said["lost"]
             raise Unavailable(
                 f"images {shard[0]} to {shard[1] - 1}: their worker was lost {tries} times; "
                 f"the last time: {why}"
@@ -244,9 +256,20 @@ def _start(ray: Any, cores: int) -> None:
             logging.getLogger("heliograph").warning("Ray did not start, once more: %s", error)
 
 
+def _check_gpus(ray: Any, gpus: float) -> None:
+    """A worker would wait for ever for GPUs that there are not."""
+    there = ray.cluster_resources().get("GPU", 0)
+    if gpus > there:
+        raise InvalidArgument(
+            f"gpus: a worker needs {gpus:g} and Ray finds {there:g} on this machine; ask for "
+            "fewer, or name a cluster that has them by RAY_ADDRESS",
+            field="gpus",
+        )
+
+
 @contextlib.contextmanager
-def _ray(cores: float) -> Iterator[Any]:
-    """Ray, initialized."""
+def _ray(cores: float, gpus: float) -> Iterator[Any]:
+    """Ray, initialized. cores: of all workers; gpus: of one."""
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     elsewhere = os.environ.get("RAY_ADDRESS")
     if not elsewhere:  # read when ray is imported: it listens on the loopback address alone
@@ -261,6 +284,8 @@ def _ray(cores: float) -> Iterator[Any]:
     else:
         _start(ray, math.ceil(cores))
     try:
+        if not elsewhere:
+            _check_gpus(ray, gpus)
         yield ray
     finally:
         ray.shutdown()

@@ -10,6 +10,8 @@ Image i is the one that heliograph.datasets.generate makes with the same seed, w
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from contextlib import suppress
+from copy import copy
 from multiprocessing.util import Finalize
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +25,7 @@ from ._prefetch import in_order
 from .components import whole_of
 from .datasets.source import Source, naming
 from .datasets.writer import Image
-from .errors import InvalidArgument
+from .errors import HeliographError, InvalidArgument
 from .handles import Named, flatten
 
 if TYPE_CHECKING:
@@ -38,14 +40,15 @@ class Frames(data.IterableDataset):  # type: ignore[misc,unused-ignore]
 
     Image i is drawn from (seed, i) alone, as generate() does it: of draw i // C seen by camera
     i % C of C. It is rendered on a branch of the scene as it was when Frames was made, so that
-    edits meanwhile change nothing.
+    edits meanwhile change nothing. This process keeps that branch, `scene`, as long as it has these
+    Frames or a loader of them.
 
     camera: one, or a sequence. randomizer: a callable (draw) -> None, see heliograph.datasets; it
     runs in one thread of each worker. count: how many images; None: without end. start: the first
     one's index; a training that goes on after n images says start=n. ahead: images under way, in
     each worker, while one is handed over. item: makes an item of a datasets.Image; default
-    tensors(). block: so many consecutive images come of one worker; loader() sets it to the size of
-    a batch. rank, ranks: which share is of this process; default that of torch.distributed where it
+    tensors(). block: so many consecutive images come of one worker; a loader() takes the size of a
+    batch. rank, ranks: which share is of this process; default that of torch.distributed where it
     is initialized. All ranks have as many blocks; images that do not go round are left out.
     options: accept and attempts of generate(); planes, labels, spp and others of Scene.render. With
     device="cuda" tensors stay on the GPU that rendered them, in this process.
@@ -73,7 +76,6 @@ class Frames(data.IterableDataset):  # type: ignore[misc,unused-ignore]
         refused = sorted(set(options) & set(_OWN))
         if refused:
             raise InvalidArgument(f"{refused[0]}: Frames sets it", field=refused[0])
-        self.scene, self.revision = scene, scene.revision
         self.cameras = flatten(camera, "camera")
         self.randomizer = randomizer
         self.count = None if count is None else whole_of(count, "count", 0)
@@ -84,6 +86,8 @@ class Frames(data.IterableDataset):  # type: ignore[misc,unused-ignore]
         self.block = whole_of(block, "block", 1)
         self.rank, self.ranks = _share(rank, ranks)
         self.options = {"planes": ["beauty"], "labels": True, **options}
+        self.scene = scene.branch()
+        Finalize(self.scene, _delete, (copy(self.scene),))  # in this process alone
 
     def __len__(self) -> int:
         """How many images this rank has. TypeError without a count."""
@@ -112,7 +116,7 @@ class Frames(data.IterableDataset):  # type: ignore[misc,unused-ignore]
         return self._items(info.id, info.num_workers)
 
     def _items(self, worker: int, workers: int) -> Iterator[Any]:
-        branch = self.scene.branch(revision=self.revision)
+        branch = self.scene.branch()
         source = _Source(self, branch)
         items = in_order(self.indices(worker, workers), source.drawn, source.item, self.ahead)
         # A worker that has to end does not close its generators.
@@ -126,8 +130,13 @@ class Frames(data.IterableDataset):  # type: ignore[misc,unused-ignore]
 def _end(source: _Source, items: Generator[Any, None, None], branch: Scene) -> None:
     source.stop()
     items.close()
+    _delete(branch)
+
+
+def _delete(branch: Scene) -> None:
     if not branch.client.connection.closed:
-        branch.delete()
+        with suppress(HeliographError):  # it ends with the session, too
+            branch.delete()
 
 
 class _Source(Source):
@@ -219,5 +228,6 @@ def loader(frames: Frames, batch_size: int = 1, **options: Any) -> Any:
     options: those of DataLoader: num_workers, pin_memory, multiprocessing_context ("spawn" where
     the process has used a GPU or threads that do not stand a fork), ...; collate_fn is collate().
     """
+    frames = copy(frames)
     frames.block = whole_of(batch_size, "batch_size", 1)
     return data.DataLoader(frames, batch_size, **{"collate_fn": collate, **options})
