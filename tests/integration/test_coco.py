@@ -156,3 +156,41 @@ def test_what_coco_cannot_say_is_refused(client, tmp_path):
             edit.entity("other ball", mesh=other, category="ball")
         with pytest.raises(hg.FailedPrecondition, match="other ball has the keypoints b, others"):
             begin(keypoints=True)
+
+
+def test_a_crowd_is_no_instance(client, tmp_path):
+    with client.create_scene() as scene:
+        with scene.edit() as edit:
+            edit.dome(color=1)
+            mesh = edit.mesh("mesh", **hg.shapes.sphere(0.2))
+            for label, x in ((50, 0.1), (50, 0.5), (60, -0.5)):
+                edit.entity(
+                    f"ball at {x}",
+                    mesh=mesh,
+                    label=label,
+                    group=label == 50,
+                    category="ball",
+                    transform=hg.Pose((x, 0, 0)),
+                )
+            lens = hg.Camera.from_fov(50, 96, 72, degrees=True)
+            edit.entity("cam", camera=lens, transform=hg.look_at((0, -3, 0), (0, 0, 0)))
+
+        def flock(draw):
+            for x in (0.3, 0.6):
+                place = hg.Pose((x, 0, 0.5))
+                draw.edit.entity(
+                    f"bird at {x}",
+                    mesh=mesh,
+                    label=70,
+                    group=True,
+                    category="ball",
+                    transform=place,
+                )
+
+        writer = hd.Coco(tmp_path, panoptic=True)
+        hd.generate(scene, "cam", flock, count=2, spp=1, writer=writer)
+    for name, key in (("instances", "instance"), ("panoptic", "id")):
+        said = json.loads((tmp_path / f"annotations/{name}.json").read_text())["annotations"]
+        rows = [r for a in said for r in a.get("segments_info", [a])]
+        assert {(r[key], r["iscrowd"]) for r in rows} == {(50, 1), (60, 0), (70, 1)}
+    assert hd.validate(tmp_path).ok

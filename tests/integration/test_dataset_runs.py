@@ -1,6 +1,8 @@
 """How generate() goes on, ends and is interrupted."""
 
+import os
 import pathlib
+import socket
 import subprocess
 import sys
 import tracemalloc
@@ -27,7 +29,48 @@ def test_resuming_makes_what_is_missing_alone(stage, tmp_path):
         make(stage, tmp_path, count=4, seed=1, spp=3)
     with pytest.raises(hg.FailedPrecondition, match="a data set of 4 images, count=3 is less"):
         make(stage, tmp_path)
-    assert make(stage, tmp_path, seed=1, resume=False).images == 3
+    assert make(stage, tmp_path, count=4, resume=False).images == 4
+
+
+SPLITS = {"train": 0.5, "val": 0.5}
+
+
+@pytest.mark.parametrize("other", [{"seed": 1}, {"splits": None}, {"count": 5}])
+def test_no_file_of_another_data_set_is_among_those_made_again(stage, tmp_path, other):
+    same = {"count": 6, "splits": SPLITS, "resume": False}
+
+    def again(**options):
+        return make(stage, None, writer=hd.Yolo(tmp_path), **{**same, **options})
+
+    again()
+    whole = files(tmp_path)
+    with pytest.raises(hg.FailedPrecondition, match=rf"{tmp_path} is a data set .*remove th"):
+        again(**other)
+    assert files(tmp_path) == whole
+    assert again().images == 6
+    assert files(tmp_path) == whole
+
+
+def test_a_directory_without_files_takes_another_data_set(stage, tmp_path):
+    with pytest.raises(hg.InvalidArgument, match="height: is 0"):
+        make(stage, tmp_path, size=(64, 0))
+    with pytest.raises(hg.FailedPrecondition, match="another options: write to another"):
+        make(stage, tmp_path)
+    assert make(stage, tmp_path, resume=False).images == 3
+
+
+def test_what_a_killed_process_left_goes_and_what_other_hosts_write_stays(stage, tmp_path):
+    host, dead = socket.gethostname(), 99999999
+    folder = hd.Coco(tmp_path).folder
+    with folder.file("train-000000.tar") as path:
+        path.write_bytes(b"")
+        mine = path.name.replace(f"-{os.getpid()}-", f"-{dead}-")
+    others = [f"{host}-worker-1-4242-1-000000.png", f"{host}-{dead}-1234-1-000000.png"]
+    partial = tmp_path / ".heliograph/partial"
+    for name in (mine, *others):
+        (partial / name).write_bytes(b"x")
+    make(stage, tmp_path)
+    assert sorted(path.name for path in partial.iterdir()) == sorted(others)
 
 
 def test_an_exception_names_its_image_and_keeps_what_is_done(stage, tmp_path):

@@ -180,6 +180,36 @@ def test_an_image_is_rendered_again_to_the_same_bytes(stage, tmp_path, capsys, m
     assert status == 1 and "000000.json: is torn" in told and "remove it" in told
 
 
+def test_files_are_of_the_image_whose_number_begins_anew_in_each_scene(stage, tmp_path):
+    scene, balls, cam = stage
+    writer = hd.Bop(tmp_path, scene_draws=2)
+    shots = {"count": 8, "spp": 1, "writer": writer, "splits": {"train": 0.5, "val": 0.5}}
+    hd.generate(scene, [cam, "side"], scatter(balls), **shots)
+    found = {}
+    for path in sorted(tmp_path.glob("*/*/rgb/*.png")):
+        image = hd.KeptImage.find(path)
+        found[image.index] = path
+        assert path.parts[-4] == f"{image.split}_pbr"
+        mask = path.parents[1] / f"mask/{path.stem}_000000.png"
+        assert hd.KeptImage.find(mask).index == image.index
+        assert hd.KeptImage.find(tmp_path / f"{image.index:06d}").index == image.index
+    assert sorted(found) == list(range(8))
+    same = hd.KeptImage.find(found[5]).render(scene.client)
+    assert found[5].read_bytes() == hd.Picture().encode(same)
+    elsewhere = pathlib.Path("val", *found[5].parts[-3:])
+    for none in (found[5].parents[1], elsewhere, "models/obj_000001.ply"):
+        with pytest.raises(hg.NotFound, match="name one as DIR/000123"):
+            hd.KeptImage.find(tmp_path / none)
+
+
+def test_a_shard_is_no_image(stage, tmp_path):
+    scene, balls, cam = stage
+    hd.generate(scene, cam, spin, count=1, spp=1, writer=hd.WebDataset(tmp_path))
+    assert hd.KeptImage.find(tmp_path / "000000").index == 0
+    with pytest.raises(hg.NotFound, match="name one as DIR/000123"):
+        hd.KeptImage.find(tmp_path / "000000.tar")
+
+
 def test_poses_of_a_draw_are_those_of_the_frame(client, tmp_path):
     seen = []
 

@@ -10,6 +10,7 @@ import numpy as np
 import OpenEXR
 import pyarrow.parquet
 import pytest
+from heliograph.datasets.writers import exr, webdataset
 
 COUNT = 5
 
@@ -134,6 +135,40 @@ def test_shards_grow_and_are_the_same_bytes(client, stage, tmp_path):
     (tmp_path / "whole/train-000001.tar").unlink()
     with pytest.raises(hg.FailedPrecondition, match=r"train-000001.tar lacks images"):
         make(stage, hd.WebDataset(tmp_path / "whole", shard_size=3), count=12, splits=splits)
+
+
+@pytest.mark.parametrize("longer", [False, True])
+def test_a_sample_made_again_takes_its_place_in_the_shard(stage, tmp_path, monkeypatch, longer):
+    def samples():
+        with tarfile.open(shard) as tar:
+            return {info.name: tar.extractfile(info).read() for info in tar}
+
+    shard = tmp_path / "000000.tar"
+    make(stage, hd.WebDataset(tmp_path))
+    before, whole = samples(), shard.read_bytes()
+    (tmp_path / ".heliograph/records/000001.json").unlink()
+    if longer:  # as of another version
+        more = {"more": "x" * 9999}
+        monkeypatch.setattr(webdataset, "labels_of", lambda *of: {**exr.labels_of(*of), **more})
+    again = make(stage, hd.WebDataset(tmp_path))
+    assert (again.images, again.complete) == (1, True)
+    assert not list((tmp_path / ".heliograph/parts").iterdir())
+    after = samples()
+    assert list(after) == list(before)
+    changed = [name for name in before if after[name] != before[name]]
+    assert changed == (["000001.json"] if longer else [])
+    assert longer or shard.read_bytes() == whole
+    monkeypatch.undo()
+    assert make(stage, hd.WebDataset(tmp_path), count=COUNT + 1).images == 1
+    assert list(samples().items())[: len(after)] == list(after.items())
+
+
+def test_a_shard_that_is_cut_off_is_told(stage, tmp_path):
+    make(stage, hd.WebDataset(tmp_path))
+    shard = tmp_path / "000000.tar"
+    shard.write_bytes(shard.read_bytes()[:-2000])
+    with pytest.raises(hg.FailedPrecondition, match=r"000000.tar lacks images.*resume=False"):
+        make(stage, hd.WebDataset(tmp_path), count=COUNT + 1)
 
 
 def test_tables_have_every_label(stage, tmp_path):

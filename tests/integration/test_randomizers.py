@@ -125,6 +125,28 @@ def test_what_is_asked_for_is_in_view(stage):
         drawn(scene, "cam", hd.in_view(inner, "wall"))
 
 
+def test_each_try_of_a_composition_has_numbers_of_its_own(stage):
+    scene, boxes, _ = stage
+    tried, after = [], []
+
+    def nothing(draw):
+        tried.append(draw.rng.random())
+
+    inner = hd.orbit("cam", (0.0, -0.3, 0.3), distance=(0.8, 1.5), elevation=(0.0, 0.4))
+    look = hd.in_view(hd.Compose(nothing, hd.Compose(inner)), boxes, min_visibility=0.5)
+    for first in (nothing, look):
+        both = hd.Compose(first, lambda draw: after.append(draw.rng.random()))
+        for index in range(8):
+            drawn(scene, "cam", both, index)
+    assert len(tried) == len(set(tried)) > 16 + 2  # some looks took several tries
+    assert after[:8] == after[8:]
+    away = hd.Compose(nothing, hd.orbit("cam", (0, 9, 9), distance=1))
+    for _ in range(2):
+        with pytest.raises(hg.ResourceExhausted, match="in 3 tries"):
+            drawn(scene, "cam", hd.in_view(away, boxes, tries=3))
+    assert tried[-6:-3] == tried[-3:] and len(set(tried[-3:])) == 3
+
+
 def test_a_camera_runs_through_its_points_and_looks_at_its_target(stage):
     scene, _, _ = stage
     points = [(2, 0, 1), (0, 2, 1), (-2, 0, 1.5)]
@@ -215,6 +237,29 @@ def test_things_fall_as_fast_as_gravity_has_it(stage):
         for box in boxes:
             fallen = start.pose(box)[2, 3] - draw.pose(box)[2, 3]
             assert np.isclose(fallen, 0.5 * 9.81 * seconds**2, rtol=0.03)
+
+
+def test_contacts_have_the_friction_and_the_restitution_that_are_asked_for(client):
+    """On a slope of 25 degrees, whose tangent is 0.466, and on the floor."""
+    slope = hg.Pose((0, 0, 9), euler=(0, np.radians(25), 0)).matrix
+    with client.create_scene() as scene:
+        with scene.edit() as edit:
+            edit.sample_studio()
+            edit.mesh("cube", **hg.shapes.cube(0.1))
+            edit.mesh("square", **hg.shapes.plane(4.0))
+            edit.entity("slope", mesh="square", transform=slope)
+            on_it = slope @ hg.Pose((0, 0, 0.0501)).matrix
+            edit.entity("brick", mesh="cube", transform=on_it)
+            edit.entity("die", mesh="cube", transform=hg.Pose((0, 0, 1.05)))
+            edit.entity("cam", camera=hg.Camera.from_fov(60, 64, 48, degrees=True))
+        for friction, slid in ((0.6, 0.0), (0.35, 0.186)):  # 0.5 g (sin - friction cos) t^2
+            settle = hd.settle("brick", on="slope", seconds=0.6, friction=friction)
+            now = drawn(scene, "cam", settle).pose("brick")
+            assert np.isclose((np.linalg.inv(slope) @ now)[0, 3], slid, atol=2e-3)
+        up_again = 1.5 * np.sqrt(2 / 9.81)  # of what fell 1 m and left the floor half as fast
+        settle = hd.settle("die", on="floor", seconds=up_again, restitution=0.5)
+        bounced = drawn(scene, "cam", settle).pose("die")
+        assert np.isclose(bounced[2, 3] - 0.05, 0.25, atol=0.01)
 
 
 @pytest.mark.parametrize(

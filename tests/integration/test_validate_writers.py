@@ -2,7 +2,9 @@
 
 import heliograph as hg
 import heliograph.datasets as hd
+import numpy as np
 import pytest
+from PIL import Image
 
 SIZE = (72, 48)
 
@@ -199,3 +201,37 @@ def test_parquet(stage, tmp_path):
     report = written(stage, hd.Parquet(tmp_path / "split"), splits={"train": 0.5, "val": 0.5})
     assert report.ok, str(report)
     assert report.formats == ["parquet", "dataset"]
+
+
+def test_a_name_with_delta_excuses_nothing(stage, tmp_path):
+    root = tmp_path / "delta_robot"
+    written(stage, hd.Bop(root))
+    first, second = sorted(root.glob("*/000000/mask_visib/000000_*.png"))[:2]
+    both = np.array(Image.open(first)) | np.array(Image.open(second))
+    for path in (first, second):
+        Image.fromarray(both).save(path)
+    assert "bop.mask_disjoint" in hd.validate(root).counts
+
+
+def test_a_wall_beside_the_camera_has_its_centre_behind_it(client, tmp_path):
+    with client.create_scene() as scene:
+        with scene.edit() as edit:
+            wall = edit.mesh("cube", **hg.shapes.cube())
+            place = np.diag([16, 0.3, 2, 1.0])
+            place[:3, 3] = (-0.5, 2, 0)
+            edit.entity("wall", mesh=wall, category="wall", transform=place)
+            lens = hg.Camera.from_fov(60, 64, 48, degrees=True)
+            edit.entity("cam", camera=lens, transform=hg.look_at((0, 0, 0), (1, 0, 0)))
+        hd.generate(scene, "cam", lambda draw: None, count=1, spp=1, writer=hd.Bop(tmp_path))
+    report = hd.validate(tmp_path)
+    assert report.ok, str(report)
+
+
+def test_a_writer_gives_back_its_scenes(client, stage, tmp_path):
+    before = len(client.scenes())
+    for indices in ([0], [1]):
+        writer = hd.Bop(tmp_path, visibility="bop-delta")
+        scene, things, cam = stage
+        options = {"count": 4, "spp": 1, "indices": indices, "writer": writer}
+        hd.generate(scene, cam, jumble(things), **options)
+    assert len(client.scenes()) == before

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._arrays import NdArray
+from .._arrays import NdArray, from_message
 from ..errors import InvalidArgument
 from ..handles import Handle, Named, flatten
 from ..pose import matrices_of
 from .bodies import Bodies
 
 if TYPE_CHECKING:
+    from .._proto import scene_pb2 as pb
+    from .._proto import types_pb2 as types
     from ..edit import Edits
     from ..robots import Robot
     from ..scene import Scene
@@ -40,10 +43,13 @@ class Draw:
         self.edit = edit
         self.cameras = list(cameras)
         self.seed, self.index, self.attempt = key
-        self.rng = self._rng(())
+        self._rngs: dict[tuple[int, ...], np.random.Generator] = {}
         self._path: tuple[int, ...] = ()
+        self.rng = self._rng(self._path)
         self._base = base
-        self._placed: dict[Any, NdArray] = {}
+        self._placed: dict[Any, NdArray | None] = {}  # relative to the parent; None: not known
+        self._parents: dict[Any, Any] = {}  # that the overlay gave
+        self._followed = 0  # how many of its edits these two know
         self._made: dict[str, int] = {}
 
     @property
@@ -51,13 +57,17 @@ class Draw:
         return self.cameras[0]
 
     def _rng(self, path: tuple[int, ...]) -> np.random.Generator:
-        key = (_DRAW, self.index, self.attempt, *path)
-        return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
+        """That of a path, one a draw: whoever is called again goes on with its numbers."""
+        if path not in self._rngs:
+            key = (_DRAW, self.index, self.attempt, *path)
+            sequence = np.random.SeedSequence(self.seed, spawn_key=key)
+            self._rngs[path] = np.random.default_rng(sequence)
+        return self._rngs[path]
 
     @contextmanager
     def within(self, position: int) -> Iterator[None]:
         """While it lasts, rng is one of its own, keyed by (seed, index, attempt, position); of a
-        Compose within another by both positions."""
+        Compose within another by both positions. The next time it goes on with its numbers."""
         path, rng = self._path, self.rng
         self._path = (*path, position)
         self.rng = self._rng(self._path)
@@ -67,14 +77,14 @@ class Draw:
             self._path, self.rng = path, rng
 
     def pose(self, entity: Named) -> NdArray:
-        """(4, 4) float64 world_from_local as drawn so far: what place() set, else the scene's.
+        """(4, 4) float64 world_from_local as drawn so far: what place(), set_joints(), and
+        transform= and parent= of edits set, else the scene's.
 
-        What other edits of the overlay did to it is not seen.
+        Of the scene's own entities edits' keys= and set_transforms() are not seen. InvalidArgument
+        of what was made with keys= or more than 1 MiB of transforms=: place() it.
         """
-        key = self._key(entity)
-        local, parent = self._base.of(key)
-        local = self._placed.get(key, local)
-        return local.copy() if not parent else self.pose(self._base.handle(parent)) @ local
+        self._follow()
+        return self._world(self._key(entity), {}).copy()
 
     def place(self, entities: Any, poses: Any) -> None:
         """Sets world poses: (N, 4, 4), or a sequence of hg.Pose and 4x4, for as many entities."""
@@ -85,22 +95,21 @@ class Draw:
                 f"poses: {len(matrices)} for {len(listed)} entities; give as many", field="poses"
             )
         if listed:
-            relative = self.locals(listed, matrices)
-            self._placed.update(zip([self._key(entity) for entity in listed], relative))
-            self.edit.set_transforms(listed, relative)
+            self._set(listed, self.locals(listed, matrices))
 
     def set_joints(self, robot: Robot, values: Any, *, clamp: bool = False) -> None:
         """Moves the joints of a robot, as edit.set_joints() with all values, (C,); pose() of its
         links knows."""
-        relative = robot.transforms(values, clamp=clamp)
-        self._placed.update(zip([self._key(link) for link in robot.moving], relative))
-        self.edit.set_transforms(robot.moving, relative)
+        self._set(robot.moving, robot.transforms(values, clamp=clamp))
 
     def locals(self, entities: Sequence[Named], poses: Any) -> NdArray:
-        """(N, 4, 4) poses relative to the parents, as drawn so far, of world poses."""
+        """(N, 4, 4) poses relative to the parents, of world poses; a parent that is not among the
+        entities is where it was drawn so far."""
+        self._follow()
         keys = [self._key(entity) for entity in entities]
         self._base.learn(key for key in keys if isinstance(key, int))
-        return np.stack([self._local(key, pose) for key, pose in zip(keys, poses)])
+        worlds = dict(zip(keys, poses))
+        return np.stack([self._local(key, pose, worlds) for key, pose in zip(keys, poses)])
 
     def fresh(self, prefix: str) -> str:
         """prefix/0, prefix/1 ...: a name that no other randomizer of this draw gives."""
@@ -115,29 +124,97 @@ class Draw:
 
     def mark(self) -> Any:
         """What was drawn so far, for rewind()."""
-        return len(self.edit.transaction.edits), dict(self._placed), dict(self._made)
+        drawn = dict(self._placed), dict(self._parents), dict(self._made)
+        return len(self.edit.transaction.edits), self._followed, drawn
 
     def rewind(self, mark: Any) -> None:
         """Takes back all that was drawn since that mark(), but for the numbers of rng."""
-        edits, placed, made = mark
+        edits, self._followed, drawn = mark
         del self.edit.transaction.edits[edits:]
-        self._placed, self._made = dict(placed), dict(made)
+        self._placed, self._parents, self._made = map(dict, drawn)
 
-    def _local(self, key: Any, world: NdArray) -> NdArray:
-        _, parent = self._base.of(key)
-        if not parent:
-            return world
-        return np.asarray(np.linalg.inv(self.pose(self._base.handle(parent))) @ world)
+    def _set(self, entities: Sequence[Handle | str], relative: Any) -> None:
+        self._follow()
+        self._placed.update(zip(map(self._key, entities), relative))
+        self.edit.set_transforms(entities, relative)
+        self._followed = len(self.edit.transaction.edits)
+
+    def _parent(self, key: Any) -> Any:
+        """Its key; 0: none."""
+        return self._parents.get(key, self._base.of(key)[1])
+
+    def _world(self, key: Any, worlds: Mapping[Any, NdArray]) -> NdArray:
+        """(4, 4) world pose, where some have those of `worlds`."""
+        if key in worlds:
+            return worlds[key]
+        local = self._placed.get(key, self._base.of(key)[0])
+        if local is None:
+            raise InvalidArgument(
+                f"entity: {key!r} was made with keys= or more than 1 MiB of transforms=, so that "
+                "its pose is not known here; place() it",
+                field="entity",
+            )
+        parent = self._parent(key)
+        return np.asarray(self._world(parent, worlds) @ local) if parent else local
+
+    def _local(self, key: Any, world: NdArray, worlds: Mapping[Any, NdArray]) -> NdArray:
+        parent = self._parent(key)
+        return np.asarray(np.linalg.inv(self._world(parent, worlds)) @ world) if parent else world
+
+    # ------------------------------------------------------------ what the overlay says
+
+    def _follow(self) -> None:
+        """Notes the parents and poses of the edits that came since the last time."""
+        edits = self.edit.transaction.edits
+        for index in range(self._followed, len(edits)):
+            edit = edits[index]
+            action = edit.WhichOneof("action")
+            if action in ("entity", "instantiate"):
+                self._note(self._key_of(index), getattr(edit, action))
+            elif action == "instances":
+                array = edit.instances.matrices
+                poses = _matrices(array) if array.inline else [None] * array.shape[0]
+                for i, pose in enumerate(poses):
+                    key = f"{edit.target.name}/{i}"
+                    self._note(key, edit.instances.prototype)
+                    self._placed[key] = pose
+        self._followed = len(edits)
+
+    def _note(self, key: Any, given: pb.Entity | pb.Instantiate) -> None:
+        if given.HasField("parent"):
+            self._parents[key] = self._named(given.parent)
+        if given.HasField("pose"):
+            if not given.pose.HasField("times"):
+                self._placed[key] = _matrices(given.pose.matrices)
+            elif not isinstance(key, int):
+                self._placed.setdefault(key, None)
+        cleared = getattr(given, "clear", ())
+        if "parent" in cleared:
+            self._parents[key] = 0
+        if "pose" in cleared:
+            self._placed[key] = np.eye(4)
+
+    def _key_of(self, index: int) -> Any:
+        """Of what an edit makes or changes."""
+        return self._named(self.edit.transaction.edits[index].target) or f"edits[{index}]"
+
+    def _named(self, ref: types.Ref) -> Any:
+        """The key of what a Ref names; 0: nothing."""
+        if ref.HasField("created_by_edit"):
+            return self._key_of(ref.created_by_edit)
+        return self._base.ids.get(ref.name, ref.name) if ref.name else ref.id
 
     def _key(self, entity: Named) -> Any:
-        """The id of an entity of the scene; of one that this draw made, its handle's."""
+        """The id of an entity of the scene; of one that this draw made its name, or the edit."""
         if isinstance(entity, str):
             return self._base.scene[entity].id
         if not isinstance(entity, Handle):
             raise InvalidArgument(
                 f"entity: needs a handle or a name, not {type(entity).__name__}", field="entity"
             )
-        return ("made", id(entity)) if entity._edits is self.edit else entity.id
+        if entity._edits is self.edit:
+            return self._named(entity.ref(self.edit))
+        return entity.id
 
 
 class BasePoses:
@@ -154,6 +231,11 @@ class BasePoses:
             return np.eye(4), 0
         self.learn([key])
         return self._known[key]
+
+    @cached_property
+    def ids(self) -> dict[str, int]:
+        """Of the scene's objects, by their names."""
+        return {found.name: found.id for found in self.scene.describe(tree=True).objects}
 
     def learn(self, keys: Any) -> None:
         """Asks for those that are not known, in one call."""
@@ -191,6 +273,10 @@ class Compose:
 
     def __repr__(self) -> str:
         return f"Compose({', '.join(map(repr, self.randomizers))})"
+
+
+def _matrices(array: types.Array) -> NdArray:
+    return from_message(array).astype("f8")
 
 
 def render_seed(seed: int, draw: int) -> int:

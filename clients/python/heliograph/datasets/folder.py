@@ -8,6 +8,7 @@ import errno
 import hashlib
 import json
 import os
+import re
 import shutil
 import socket
 import sys
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 NAME = ".heliograph"
 FORMAT = "heliograph.dataset.v1"
 _HOST = socket.gethostname()
+_PARTIAL = re.compile(rf"{re.escape(_HOST)}-(\d+)-\d+-[^-]+")
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _CLOSED = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EEXIST)
 
@@ -62,7 +64,8 @@ class Folder:
         """A path to write to, which becomes DIR/name when the block ends without an exception."""
         final = self.root / name
         partial = self.own / "partial"
-        path = partial / f"{_HOST}-{os.getpid()}-{threading.get_ident()}-{final.name}"
+        end = final.name.replace("-", "_")  # so that no host passes for another
+        path = partial / f"{_HOST}-{os.getpid()}-{threading.get_ident()}-{end}"
         with self._explained(name):
             partial.mkdir(parents=True, exist_ok=True)
             try:
@@ -164,29 +167,33 @@ class Folder:
         return _json(self.own / "dataset.json")
 
     def open(self, description: dict[str, Any], scene: Scene, resume: bool) -> None:
-        """Begins a data set, or goes on with one if it is the same."""
+        """Begins a data set, or goes on with one if it is the same. resume: its images stay. If
+        not, another one is refused too where it has files: they would be among the new ones."""
         with self._explained(NAME):
             self.own.mkdir(parents=True, exist_ok=True)
             self._drop_partial()
         with self.file(self.scene_path.relative_to(self.root)) as path:
             scene.save(path)
             description = {"format": FORMAT, **description, "scene_sha256": _sha256(path)}
+            if (self.own / "dataset.json").exists() and (resume or self._has_files()):
+                self._check(description)
             if not resume:
                 self._forget()
-            elif (self.own / "dataset.json").exists():
-                self._check(description)
         text = json.dumps(description, indent=1, default=_plain) + "\n"
         self.put(f"{NAME}/dataset.json", text)
 
+    def _has_files(self) -> bool:
+        return any(path != self.own for path in self.root.iterdir())
+
     def _forget(self) -> None:
-        for name in ("shards", "records", "manifests", "overlays", "blobs", "decodings"):
+        for name in ("shards", "records", "manifests", "overlays", "blobs", "decodings", "parts"):
             shutil.rmtree(self.own / name, ignore_errors=True)
 
     def _drop_partial(self) -> None:
         """What processes of this machine left that were killed."""
-        for path in (self.own / "partial").glob(f"{_HOST}-*"):
-            process = path.name[len(_HOST) + 1 :].partition("-")[0]
-            if not _is_alive(int(process)):
+        for path in (self.own / "partial").glob("*"):
+            mine = _PARTIAL.fullmatch(path.name)
+            if mine and not _is_alive(int(mine[1])):
                 path.unlink(missing_ok=True)
 
     def _check(self, description: dict[str, Any]) -> None:
@@ -201,12 +208,12 @@ class Folder:
         if description["count"] < old["count"]:
             raise FailedPrecondition(
                 f"{self.root} is a data set of {old['count']} images, count={description['count']} "
-                "is less: ask for as many or more"
+                "is less: ask for as many or more, or remove the directory"
             )
         if differs:
             raise FailedPrecondition(
                 f"{self.root} is a data set with another {', '.join(differs)}: write to another "
-                "directory, or render all of it again with resume=False"
+                "directory, or remove this one"
             )
 
 

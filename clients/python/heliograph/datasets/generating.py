@@ -97,9 +97,12 @@ def generate(
         **options,
     )
     run.open(resume)
-    run.begin()
-    summary = run.make(indices, whole_of(credits, "credits", 1), Bar(progress))
-    return replace(summary, complete=run.finish())
+    try:
+        run.begin()
+        summary = run.make(indices, whole_of(credits, "credits", 1), Bar(progress))
+        return replace(summary, complete=run.finish())
+    finally:
+        run.end()
 
 
 def run_of(
@@ -161,7 +164,7 @@ def run_of(
 @dataclass
 class Run:
     """The steps of generate(): open() once for a data set; begin(), then make() as often as one
-    likes, in each process that makes images of it; finish() at the end."""
+    likes, in each process that makes images of it; finish() when all are there, then end()."""
 
     dataset: Dataset
     source: Source
@@ -190,6 +193,10 @@ class Run:
     def begin(self) -> None:
         for writer in self.writers:
             writer.begin(self.dataset)
+
+    def end(self) -> None:
+        for writer in self.writers:
+            writer.end()
 
     def make(self, indices: Iterable[int] | None, credits: int, bar: Bar) -> Summary:
         """Those of the images that are not there yet; of `complete` it says nothing."""

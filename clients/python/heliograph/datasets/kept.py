@@ -39,12 +39,14 @@ class KeptImage:
 
     @classmethod
     def find(cls, path: str | os.PathLike[str]) -> KeptImage:
-        """Of "DIR/000123", or of a file of an image, such as DIR/images/000123.png."""
+        """Of "DIR/000123", or of a file of one image, such as DIR/images/000123.png."""
         whole = Path(path).absolute()
-        number = re.match(r"\d+", whole.name)
         for directory in whole.parents:
-            if number and (directory / NAME).is_dir():
-                return cls(directory, int(number[0]))
+            if (directory / NAME).is_dir():
+                index = _index_of(Folder(directory), whole.relative_to(directory))
+                if index is None:
+                    break
+                return cls(directory, index)
         raise NotFound(
             f"path: {os.fspath(path)!r} is no image of a data set that generate() made; name one "
             "as DIR/000123",
@@ -120,3 +122,26 @@ class KeptImage:
             if old.get(name) != new.get(name)
         ]
         return "; ".join(told) or "the daemon and the CPU are the same"
+
+
+def _index_of(folder: Folder, inside: Path) -> int | None:
+    """Of the image that DIR/inside names or is a file of."""
+    number = re.match(r"\d+", inside.name)
+    if number is None or inside.suffix == ".tar":  # a shard is of many images
+        return None
+    description = folder.description
+    scene_draws = description["writer"].get("scene_draws")
+    if scene_draws is None or len(inside.parts) == 1:
+        return int(number[0])
+    return _index_in_scene(folder, inside, scene_draws * len(description["cameras"]))
+
+
+def _index_in_scene(folder: Folder, inside: Path, scene_images: int) -> int | None:
+    """Of SPLIT/000001/rgb/000000.png of Bop, where numbers begin anew in each scene."""
+    found = re.fullmatch(r"([^/]+)/(\d+)/[^/]+/(\d+)[^/]*", inside.as_posix())
+    if found is None:
+        return None
+    split, scene, image = found[1], int(found[2]), int(found[3])
+    index = scene * scene_images + image
+    made = folder.record(index)["record"]
+    return index if (made["split"], made["scene"], made["image"]) == (split, scene, image) else None

@@ -188,6 +188,9 @@ class Writer(ABC):
         """Called when all images are there, by whoever made the last one, perhaps again: writes
         what is of the whole data set, from the records alone."""
 
+    def end(self) -> None:  # noqa: B027, few writers hold anything
+        """Called when generate() ends, also by an error: gives back what begin() took."""
+
     def put(self, name: str | Path, data: bytes | str) -> None:
         """Writes DIR/name: whole or not at all."""
         self._folder.put(name, data)

@@ -111,8 +111,9 @@ class _World:
             "changeDynamics",
             body,
             -1,
-            lateralFriction=self.contact.friction,
-            restitution=self.contact.restitution,
+            # Of a contact it takes the product of what both bodies have.
+            lateralFriction=math.sqrt(self.contact.friction),
+            restitution=math.sqrt(self.contact.restitution),
             rollingFriction=0.002,
             linearDamping=0.0,
             spinningFriction=0.002,

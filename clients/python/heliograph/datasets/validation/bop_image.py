@@ -247,13 +247,6 @@ class _Image:
         if wrong:
             self._fault("poses", instance, f"cam_R_m2c {wrong}")
             return
-        if t[2] <= 0 and instance.seen.any():
-            self._fault(
-                "behind",
-                instance,
-                f"t_z is {t[2]:g}, and it is seen: the camera looks along +z (OpenCV)",
-            )
-            return
         model = self.models.get(instance.gt["obj_id"])
         if model is None:
             self._fault(
@@ -261,6 +254,15 @@ class _Image:
                 instance,
                 f"obj_id {instance.gt['obj_id']} has no model in models_info.json: add it",
             )
+            return
+        if t[2] <= 0 and instance.seen.any():
+            if (model.points @ rotation[2] + t[2]).max() <= 0:
+                self._fault(
+                    "behind",
+                    instance,
+                    f"t_z is {t[2]:g}, no point of the model is before the camera, and it is seen: "
+                    "the camera looks along +z (OpenCV)",
+                )
             return
         far = self._far(instance, depth, float(t[2]), model.radius)
         if not far:

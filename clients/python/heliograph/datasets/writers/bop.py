@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping, Sequence
-from itertools import groupby
+from itertools import count, groupby
 from types import MappingProxyType
 from typing import Any
 
@@ -73,6 +73,7 @@ class Bop(Writer):
         self.depth_scale = depth_scale
         self.scene_draws = whole_of(scene_draws, "scene_draws", 1)
         self.split_type = split_type
+        self._probes: _Probes | None = None
 
     def begin(self, dataset: Dataset) -> None:
         check_categories(dict(dataset.categories), self.categories)
@@ -85,7 +86,6 @@ class Bop(Writer):
                 field="categories",
             )
         self._scene_images = self.scene_draws * len(dataset.cameras)
-        self._probes = None
         if self.visibility == "bop-delta":
             self._probes = _Probes(dataset.scene.client, self._models)
         for model in self._models:
@@ -113,7 +113,17 @@ class Bop(Writer):
         for instance in instances(frame, self.categories):
             if instance.number("canvas"):
                 self._add(record, frame, depth, instance)
+        self._remove_masks(folder, record)
         return record
+
+    def _remove_masks(self, folder: str, record: dict[str, Any]) -> None:
+        """Those that an earlier image of this number had beyond this one's."""
+        for kind in ("mask", "mask_visib"):
+            for k in count(len(record["gt"])):
+                mask = self.directory / folder / kind / f"{record['image']:06d}_{k:06d}.png"
+                if not mask.exists():
+                    break
+                mask.unlink()
 
     def _camera(self, frame: Frame) -> dict[str, Any]:
         world_to_camera = frame.camera_from_world_cv
@@ -173,7 +183,7 @@ class Bop(Writer):
         self.put(
             "dataset_info.md",
             f"# {self.directory.name}\n\nRendered by Heliograph. Visibility: {self.visibility}"
-            f"{'' if self._probes is None else f', delta {self.delta:g} mm'}.\n\n"
+            f"{'' if self.visibility == 'exact' else f', delta {self.delta:g} mm'}.\n\n"
             f"| obj_id | category |\n|---|---|\n{names}",
         )
         for split in self.dataset.splits or ("",):
@@ -181,8 +191,10 @@ class Bop(Writer):
             for folder, group in scenes:
                 self._finish_scene(folder, list(group))
 
+    def end(self) -> None:
         if self._probes is not None:
             self._probes.close()
+            self._probes = None
 
     def _finish_scene(self, folder: str, records: list[dict[str, Any]]) -> None:
         for file, key in (("camera", "camera"), ("gt", "gt"), ("gt_info", "info")):

@@ -17,6 +17,7 @@ from ...errors import FailedPrecondition, InvalidArgument
 from ..writer import Dataset, Image, Picture, Records, Writer, encode
 from . import rle
 from .keypoints import OUTSIDE, VISIBLE, Keypoints, Skeleton, skeletons_of
+from .shapes import crowds_in, crowds_of
 
 
 class Coco(Writer):
@@ -24,9 +25,9 @@ class Coco(Writer):
     annotations/instances_train.json.
 
     An annotation for each instance that has a category and a visible pixel: bbox is that of its
-    visible pixels, area their number, segmentation their mask as compressed RLE. Category ids are
-    the scene's class ids, image ids the indices, annotation ids count from 1. Further keys:
-    `instance` (the label), `name`.
+    visible pixels, area their number, segmentation their mask as compressed RLE; iscrowd is 1 where
+    several entities share a label (group=True). Category ids are the scene's class ids, image ids
+    the indices, annotation ids count from 1. Further keys: `instance` (the label), `name`.
 
     keypoints=True: annotations/keypoints.json too, with the classes that have keypoints: x, y are K
     coordinates, whose integers are pixel centres; v is 2 where seen, 1 where hidden, else 0.
@@ -49,6 +50,7 @@ class Coco(Writer):
         self.labels = ("boxes", "keypoints") if keypoints else ("boxes",)
         self._skeletons: dict[int, Skeleton] = {}
         self._stuff: set[int] = set()
+        self._crowds: set[int] = set()
 
     def begin(self, dataset: Dataset) -> None:
         super().begin(dataset)
@@ -64,25 +66,27 @@ class Coco(Writer):
             )
         self._stuff = {ids[name] for name in self.stuff}
         self._skeletons = skeletons_of(dataset) if self.keypoints else {}
+        self._crowds = crowds_of(dataset.scene)
 
     def write(self, image: Image) -> Any:
         file = self.put_picture(image)
         frame = image.frame
+        crowds = crowds_in(image, self._crowds)
         record = {
             "file_name": file.rpartition("/")[2],
             "width": frame.width,
             "height": frame.height,
-            "annotations": list(self._annotations(image)),
+            "annotations": list(self._annotations(image, crowds)),
         }
         if self.panoptic:
-            colors, record["segments"] = panoptic_of(image, self._stuff)
+            colors, record["segments"] = panoptic_of(image, self._stuff, crowds)
             name = "/".join(p for p in ("panoptic", image.split, f"{image.name}.png") if p)
             self.put(name, encode(colors))
         return record
 
-    def _annotations(self, image: Image) -> Iterator[dict[str, Any]]:
+    def _annotations(self, image: Image, crowds: set[int]) -> Iterator[dict[str, Any]]:
         points = Keypoints(image.frame.labels) if self.keypoints else None
-        for annotation in annotations_of(image):
+        for annotation in annotations_of(image, crowds):
             category = annotation["category_id"]
             if category in self._stuff:
                 continue
@@ -132,23 +136,24 @@ class Coco(Writer):
         return out
 
 
-def annotations_of(image: Image) -> Iterator[dict[str, Any]]:
-    """One for each visible instance with a category, without its id and image_id."""
+def annotations_of(image: Image, crowds: set[int]) -> Iterator[dict[str, Any]]:
+    """One for each visible instance with a category, without its id and image_id. crowds: their
+    labels."""
     labels, frame = image.frame.labels, image.frame
     runs = rle.runs_of_ids(frame["instance"])
     for row in np.flatnonzero((labels["category"] > 0) & (labels["visible"] > 0)):
         x0, y0, x1, y1 = (int(v) for v in labels["bbox_visible"][row])
-        counts = runs[int(labels["label"][row])]
+        label = int(labels["label"][row])
         yield {
             "category_id": int(labels["category"][row]),
-            "iscrowd": 0,
+            "iscrowd": int(label in crowds),
             "bbox": [x0, y0, x1 - x0, y1 - y0],
             "area": int(labels["visible"][row]),
             "segmentation": {
                 "size": [frame.height, frame.width],
-                "counts": rle.compressed(counts),
+                "counts": rle.compressed(runs[label]),
             },
-            "instance": int(labels["label"][row]),
+            "instance": label,
             "name": str(labels["name"][row]),
         }
 
@@ -161,7 +166,9 @@ def keypoints_of(seen: tuple[NdArray, NdArray]) -> dict[str, Any]:
     return {"num_keypoints": sum(v > 0 for v in flat[2::3]), "keypoints": flat}
 
 
-def panoptic_of(image: Image, stuff: set[int]) -> tuple[NdArray, list[dict[str, Any]]]:
+def panoptic_of(
+    image: Image, stuff: set[int], crowds: set[int]
+) -> tuple[NdArray, list[dict[str, Any]]]:
     """((H, W, 3) uint8 of ids R + 256 G + 65536 B, segments_info). A thing's id is its label, stuff
     has that of its first instance; what has no category is 0, void."""
     labels, ids = image.frame.labels, image.frame["instance"]
@@ -171,9 +178,12 @@ def panoptic_of(image: Image, stuff: set[int]) -> tuple[NdArray, list[dict[str, 
     segments: dict[int, dict[str, Any]] = {}
     for i, row in enumerate(rows):
         label, category = int(labels["label"][row]), int(labels["category"][row])
-        number = first.setdefault(category, label) if category in stuff else label
+        is_thing = category not in stuff
+        number = label if is_thing else first.setdefault(category, label)
         numbers[i] = number
-        seen = segments.setdefault(number, {"id": number, "category_id": category, "iscrowd": 0})
+        crowd = int(is_thing and label in crowds)
+        segment = {"id": number, "category_id": category, "iscrowd": crowd}
+        seen = segments.setdefault(number, segment)
         seen["bbox"] = _union(seen.get("bbox"), labels["bbox_visible"][row].tolist())
         seen["area"] = seen.get("area", 0) + int(labels["visible"][row])
     if numbers.size and numbers.max() >= 1 << 24:

@@ -1,4 +1,4 @@
-"""EXR: every plane of an image as it is, in one file. Needs the package OpenEXR."""
+"""EXR: planes of an image as they are, in one file. Needs the package OpenEXR."""
 
 from __future__ import annotations
 
@@ -22,10 +22,11 @@ PLANES = (
 class Exr(Writer):
     """DIR/exr/000123.exr and DIR/labels/000123.json; with splits exr/train/ and labels/train/.
 
-    planes: by default all that any scene has; "flow_forward", "disparity:right", "beauty:GROUP" and
-    the like are asked for by name. The EXR has a part a plane, linear and as it is, with its unit;
-    the first part's header has the manifest. The JSON has the size, time, K and pose of the camera,
-    `instances` with every label column but masks, and `keypoints`; what is not finite is null.
+    planes: by default PLANES, which every scene has; all others ("flow_forward", "disparity:right",
+    "beauty:GROUP", parts of the light, sensors) are asked for by name. The EXR has a part a plane,
+    linear and as it is, with its unit; the first part's header has the manifest. The JSON has the
+    size, time, K and pose of the camera, `instances` with every label column but masks, and
+    `keypoints`; what is not finite is null.
     picture: "png" or a Picture for images/000123.png beside it.
     """
 

@@ -18,7 +18,7 @@ from .drawn import check_pinhole, drawn
 from .encoded import kitti_disparity, kitti_flow
 from .instances import Instance, check_categories, instances, wrapped
 from .later import second_picture
-from .shapes import crowds_drawn, crowds_of
+from .shapes import crowds_in, crowds_of
 
 _PARTLY, _LARGELY = 0.05, 0.5  # from which occlusion on an object is partly, largely occluded
 _NO_POSE, _NO_PLACE = "-1 -1 -10", "-1 -1 -1 -1000 -1000 -1000 -10"  # before and after the box
@@ -136,9 +136,7 @@ class Kitti(Writer):
 
     def _lines(self, image: Image) -> list[str]:
         """Of label_2."""
-        crowds = set(self._crowds)
-        if image.overlay is not None:
-            crowds |= crowds_drawn(image.overlay.transaction)
+        crowds = crowds_in(image, self._crowds)
         seen = [i for i in instances(image.frame, self.categories) if i.number("visible")]
         return [
             region_line(i) if i.label in crowds or self.limits.refuse(i) else label_line(i)

@@ -12,6 +12,7 @@ from ..._proto import scene_pb2 as pb
 from ...errors import InvalidArgument
 from ...handles import KINDS, Entity, Named
 from ...scene import Scene
+from ..writer import Image
 from .instances import Instance, instances
 
 
@@ -71,6 +72,12 @@ def crowds_drawn(transaction: pb.Transaction) -> set[int]:
         for edit in transaction.edits
     ]
     return {entity.label.value for entity in entities if entity.label.group}
+
+
+def crowds_in(image: Image, of_scene: set[int]) -> set[int]:
+    """Those of an image. of_scene: crowds_of() its scene."""
+    drawn = set() if image.overlay is None else crowds_drawn(image.overlay.transaction)
+    return of_scene | drawn
 
 
 def _parts_by_label(scene: Scene) -> dict[int, list[Part]]:

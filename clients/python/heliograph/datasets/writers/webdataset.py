@@ -11,6 +11,7 @@ import json
 import os
 import tarfile
 from collections.abc import Sequence
+from contextlib import suppress
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ import numpy as np
 
 from ...components import whole_of
 from ...errors import FailedPrecondition
-from ..folder import NAME
+from ..folder import NAME, name_of
 from ..writer import Image, Picture, Records, Writer
 from .exr import labels_of
 
@@ -71,27 +72,37 @@ class WebDataset(Writer):
                 self._put_shard(name, [(index, record["bytes"]) for _, (index, record) in rows])
 
     def _put_shard(self, name: str, samples: list[tuple[int, int]]) -> None:
-        """Moves samples to their shard. Those that are not in parts are in it already, first."""
-        parts = [self.directory / _part(index) for index, _ in samples]
-        there = next((i for i, part in enumerate(parts) if part.exists()), len(parts))
-        size = sum(size for _, size in samples[:there])
-        old = self.directory / name
-        if there and (not old.exists() or old.stat().st_size < size + len(_END)):
+        """Moves samples to their shard. Those that are not in parts are in it already."""
+        old, total = self.directory / name, sum(size for _, size in samples) + len(_END)
+        parts = {i: part for i, _ in samples if (part := self.directory / _part(i)).exists()}
+        if not parts and old.exists() and old.stat().st_size == total:
+            return
+        places = _places_in(old) if len(parts) < len(samples) else {}
+        starts = {i: places.get((name_of(i), size)) for i, size in samples if i not in parts}
+        if None in starts.values():
             raise FailedPrecondition(
                 f"{old} lacks images that were in it: make them again with resume=False"
             )
-        if there == len(parts) and old.stat().st_size == size + len(_END):
-            return
         with self.file(name) as path, open(path, "wb") as out:
-            if there:
-                with open(old, "rb") as before:
-                    _copy(before, out, size)
-            for part in parts[there:]:
-                with open(part, "rb") as sample:
-                    _copy(sample, out, part.stat().st_size)
+            for i, size in samples:
+                with open(parts.get(i, old), "rb") as source:
+                    source.seek(starts.get(i) or 0)
+                    _copy(source, out, size)
             out.write(_END)
-        for part in parts[there:]:
+        for part in parts.values():
             part.unlink()
+
+
+def _places_in(shard: Path) -> dict[tuple[str, int], int]:
+    """(name, bytes) to offset of the samples that are whole in a shard."""
+    places = {}
+    with suppress(FileNotFoundError, tarfile.ReadError), tarfile.open(shard, "r:") as tar:
+        for name, group in groupby(tar, lambda member: member.name.partition(".")[0]):
+            members = list(group)
+            start, last = members[0].offset, members[-1]
+            end = last.offset_data + last.size + -last.size % tarfile.BLOCKSIZE
+            places[name, end - start] = start
+    return places
 
 
 def _part(index: int) -> Path:
