@@ -86,7 +86,7 @@ class BvhWalk {
 
   /// Starts towards the nearest surface that `mask` meets, or, with `any`, towards any of them.
   KERNEL void begin(const Ray& ray, u32 mask, bool any) {
-    start(ray, mask, any);
+    start(ray, mask, any, is_sound(ray));
     set_space(ray.origin, ray.direction);
     instance_ = kNone;
     set_top();
@@ -107,7 +107,7 @@ class BvhWalk {
   /// The same in one instance alone, whatever rays meet it, by a ray of its object space whose
   /// direction has any length.
   KERNEL void begin_object(const Ray& ray_object, u32 instance, bool any) {
-    start(ray_object, 0, any);
+    start(ray_object, 0, any, is_sound(ray_object, kFarthest, kFarthest));
     set_space(ray_object.origin, ray_object.direction);
     const u32 item = bvh_->item_of_instance[instance];
     set_item(item);
@@ -159,8 +159,8 @@ class BvhWalk {
   }
 
  private:
-  KERNEL void start(const Ray& ray, u32 mask, bool any) {
-    hit_ = {ray.t_max, kNone, kNone, 0, 0};
+  KERNEL void start(const Ray& ray, u32 mask, bool any, bool sound) {
+    hit_ = {sound ? ray.t_max : -1, kNone, kNone, 0, 0};
     holes_ = ray.holes;
     time_ = ray.time;
     mask_ = mask;

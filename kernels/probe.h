@@ -159,7 +159,8 @@ KERNEL Probe probe_in_volume(const ProbeContext& context, const T* const (&trace
     put_flow(p, volume_flow(context, context.backward, counted, at.volume, p.p_world), false);
   }
   if (context.disparity) {
-    const CameraView& camera = *context.disparity;
+    const CameraAt second(*context.disparity, context.now.camera->time);
+    const CameraView& camera = second.camera();
     const Projected to = project(camera, p.p_world);
     if (!to.seen) return p;
     p.disparity = project(*context.now.camera, p.p_world).raster.x - to.raster.x;

@@ -129,12 +129,12 @@ KERNEL vec4 load_rgba(const TextureView& texture, u64 i) {
       texture, [&]<TexelType T, u32 kChannels>() { return load_rgba<T, kChannels>(texture, i); });
 }
 
-/// The coordinate within one period, in [0, 1].
+/// The coordinate within one period, in [0, 1], even of what is no number.
 KERNEL float wrap_coordinate(float x, Wrap wrap) {
   if (wrap == Wrap::kClamp) return clamp01(x);
-  if (wrap == Wrap::kRepeat) return x - std::floor(x);
+  if (wrap == Wrap::kRepeat) return max2(x - std::floor(x), 0.0f);
   const float y = x - 2 * std::floor(0.5f * x);
-  return y > 1 ? 2 - y : y;
+  return max2(y > 1 ? 2 - y : y, 0.0f);
 }
 
 /// Two neighbouring texels along one axis and the second one's weight.

@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 
 #include "kernels/distortion.h"
 #include "kernels/ray.h"
@@ -98,6 +100,17 @@ Status check_labels(const RenderJob& job, const JobLimits& limits) {
   if (!(labels.canvas >= 0 && labels.canvas <= limits.canvas))
     return fail(Code::kInvalidArgument, "labels.canvas",
                 fmt::format("canvas must be in [0, {}], is {}", limits.canvas, labels.canvas));
+  for (const EntityId camera : job.cameras) {
+    const uvec2 size = rendered_size(job, camera);
+    const auto side = [&](u32 pixels) {
+      return pixels + 2 * u64(std::lround(double(labels.canvas) * pixels));
+    };
+    if (side(size.x) * side(size.y) > std::numeric_limits<u32>::max())
+      return fail(Code::kInvalidArgument, "labels.canvas",
+                  fmt::format("a canvas of {} around {}x{} has more pixels than are counted, 2^32; "
+                              "ask for a smaller one",
+                              labels.canvas, size.x, size.y));
+  }
   if (labels.keypoint_radius && !(*labels.keypoint_radius >= 0))
     return fail(Code::kInvalidArgument, "labels.keypoint_radius", "must be at least 0");
   const u64 rows = label_entities(*job.snapshot).instances.size();

@@ -44,6 +44,14 @@ kernels::ApertureView aperture_of(const Camera& camera) {
 }
 }  // namespace
 
+glm::dmat4 rigid_camera(const mat4x3& world_from_camera) {
+  const auto axis = [&](int i) { return glm::dvec3(world_from_camera[i]); };
+  const glm::dvec3 back = glm::normalize(axis(2));
+  const glm::dvec3 up = glm::normalize(axis(1) - back * glm::dot(back, axis(1)));
+  return {glm::dvec4(glm::cross(up, back), 0), glm::dvec4(up, 0), glm::dvec4(back, 0),
+          glm::dvec4(axis(3), 1)};
+}
+
 ImageCamera image_camera(const Camera& camera, const mat4x3& world_from_camera, u32 width,
                          u32 height) {
   const double sx = double(width) / camera.width, sy = double(height) / camera.height;
@@ -57,11 +65,7 @@ ImageCamera image_camera(const Camera& camera, const mat4x3& world_from_camera, 
   out.k[0][0] = camera.fx * sx;
   out.k[1][1] = camera.fy * sy;
   out.k[2] = {camera.cx * sx + 0.5 * (sx - 1), camera.cy * sy + 0.5 * (sy - 1), 1};
-  glm::dmat4 world(1);
-  for (int i = 0; i < 3; ++i)
-    world[i] = glm::dvec4(glm::normalize(glm::dvec3(world_from_camera[i])), 0);
-  world[3] = glm::dvec4(glm::dvec3(world_from_camera[3]), 1);
-  out.camera_from_world_cv = cv_from_gl() * glm::inverse(world);
+  out.camera_from_world_cv = cv_from_gl() * glm::inverse(rigid_camera(world_from_camera));
   return out;
 }
 

@@ -17,6 +17,8 @@ struct ImageCamera {
   u32 width = 0;
   u32 height = 0;
 };
+/// A camera's pose in the world without scale and shear: it looks where -z points, with y up.
+[[nodiscard]] glm::dmat4 rigid_camera(const mat4x3& world_from_camera);
 [[nodiscard]] ImageCamera image_camera(const Camera& camera, const mat4x3& world_from_camera,
                                        u32 width, u32 height);
 /// K coordinates of a point in the OpenCV camera frame; NaN where the camera does not see it.

@@ -8,6 +8,7 @@
 #include <map>
 
 #include "kernels/motion.h"
+#include "renderer/engine/image_camera.h"
 
 namespace heliograph {
 namespace {
@@ -236,9 +237,7 @@ std::vector<MotionKey> pointing_keys(const Snapshot& snapshot, u32 entity, const
   std::vector<Time> bends;
   if (!moves_within(snapshot, entity, span, bends)) return {};
   const Poses poses = [&](Time time) {
-    mat4x3 world = world_pose(snapshot, entity, time);
-    for (int i = 0; i < 3; ++i) world[i] = glm::normalize(world[i]);
-    return world;
+    return mat4x3(rigid_camera(world_pose(snapshot, entity, time)));
   };
   constexpr float kPixels = 0.05f;
   const MotionTolerance tolerance{.metres = kMotionShareOfWay * way(poses, span, vec3(0)),

@@ -45,12 +45,14 @@ Expected<std::unique_ptr<HostFilm>> HostFilm::create(const Shot& shot) {
 
 HostFilm::HostFilm(const Shot& shot) : shot_(shot) {
   const EntityId camera = job().cameras[shot.camera];
-  const Shutter& shutter = job().snapshot->find(camera)->camera->shutter;
-  image_camera_ = camera_at(camera, label_span(shutter, label_time(job())).middle());
-  look(open_, camera, shot.open);
+  const Camera* lens = job().snapshot->find(camera)->camera.get();
+  const Shutter& shutter = lens->shutter;
+  image_camera_ = camera_at(camera, *lens, label_span(shutter, label_time(job())).middle());
+  look(open_, camera, *lens, shot.open);
   open_.camera.shutter = shutter_view(shutter, image_camera_.height);
-  look(still_, camera, shot.still);
-  if (job().disparity_camera) look(disparity_, job().disparity_camera, shot.still);
+  look(still_, camera, *lens, shot.still);
+  if (const EntityId second = job().disparity_camera)
+    look(disparity_, second, *job().snapshot->find(second)->camera, shot.still);
   set_end(forward_, shot.forward);
   set_end(backward_, shot.backward);
   tiles_x_ = (image_camera_.width + kernels::kTileSide - 1) / kernels::kTileSide;
@@ -58,21 +60,19 @@ HostFilm::HostFilm(const Shot& shot) : shot_(shot) {
   tile_samples_.resize(tiles());
 }
 
-ImageCamera HostFilm::camera_at(EntityId camera, Time time) const {
+ImageCamera HostFilm::camera_at(EntityId camera, const Camera& lens, Time time) const {
   const Snapshot& snapshot = *job().snapshot;
   const uvec2 size = rendered_size(job(), camera);
-  return heliograph::image_camera(*snapshot.find(camera)->camera,
-                                  world_pose(snapshot, camera.index(), time), size.x, size.y);
+  return heliograph::image_camera(lens, world_pose(snapshot, camera.index(), time), size.x, size.y);
 }
 
-void HostFilm::look(Sight& sight, EntityId camera,
+void HostFilm::look(Sight& sight, EntityId camera, const Camera& lens,
                     const std::shared_ptr<const DeviceScene>& scene) const {
   if (!scene) return;
   sight.scene = std::static_pointer_cast<const ResidentScene>(scene);
   const TimeSpan& span = sight.scene->span();
-  sight.camera = camera_view(camera_at(camera, span.middle()));
-  sight.camera.shutter =
-      label_view(job().snapshot->find(camera)->camera->shutter, sight.camera.height);
+  sight.camera = camera_view(camera_at(camera, lens, span.middle()));
+  sight.camera.shutter = label_view(lens.shutter, sight.camera.height);
   sight.keys = pointing_keys(*job().snapshot, camera.index(), span,
                              std::max(sight.camera.fx, sight.camera.fy));
   if (sight.keys.empty()) return;
@@ -80,13 +80,22 @@ void HostFilm::look(Sight& sight, EntityId camera,
   sight.camera.segments = u32(sight.keys.size() - 1);
 }
 
+/// Before the last Advance a camera may have had another lens.
+const Camera& HostFilm::lens_at(EntityId camera, Time time) const {
+  const Snapshot& snapshot = *job().snapshot;
+  const Entity* then =
+      in_history(snapshot, time) ? before_advance(snapshot, camera.index()) : nullptr;
+  return then && then->camera ? *then->camera : *snapshot.find(camera)->camera;
+}
+
 void HostFilm::set_end(FlowEnd& end, const std::shared_ptr<const DeviceScene>& scene) {
   if (!scene) return;
   const EntityId camera = job().cameras[shot_.camera];
-  look(end.sight, camera, scene);
+  const Time here = still_.scene->span().begin;
+  const Time there = static_cast<const ResidentScene&>(*scene).span().begin;
+  look(end.sight, camera, lens_at(camera, there), scene);
   const kernels::SceneView& seen = end.sight.scene->view();
   end.view = seen;
-  const Time here = still_.scene->span().begin, there = end.sight.scene->span().begin;
   end.instances.assign(seen.instances, seen.instances + seen.instance_count);
   end.volumes.assign(seen.volumes, seen.volumes + seen.volume_count);
   const auto mark = [&](kernels::InstanceView& instance) {

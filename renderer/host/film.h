@@ -115,9 +115,11 @@ class HostFilm final : public Film {
   explicit HostFilm(const Shot& shot);
   /// Makes the views and their memory.
   [[nodiscard]] Status allocate();
-  [[nodiscard]] ImageCamera camera_at(EntityId camera, Time time) const;
+  [[nodiscard]] ImageCamera camera_at(EntityId camera, const Camera& lens, Time time) const;
+  [[nodiscard]] const Camera& lens_at(EntityId camera, Time time) const;
   /// Sets what a camera sees, but for its shutter.
-  void look(Sight& sight, EntityId camera, const std::shared_ptr<const DeviceScene>& scene) const;
+  void look(Sight& sight, EntityId camera, const Camera& lens,
+            const std::shared_ptr<const DeviceScene>& scene) const;
   void set_end(FlowEnd& end, const std::shared_ptr<const DeviceScene>& scene);
   template <class F>
   void for_each_array(F&& visit);

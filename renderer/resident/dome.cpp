@@ -2,6 +2,7 @@
 #include "kernels/texture.h"
 #include "kernels/warp.h"
 #include "renderer/resident/lights.h"
+#include "renderer/resident/materials.h"
 #include "renderer/resident/parallel.h"
 
 namespace heliograph::resident {
@@ -72,8 +73,7 @@ void make_guide(const float* cdf, u32 count, kernels::u16* guide) {
 
 std::shared_ptr<const DomeTables> dome_tables(const Texture& texture, DerivedCache& cache) {
   const ImageData& image = *texture.image;
-  const DerivedKey key{Derived::kDome, {image.texels->serial(), texture.srgb, texture.nearest}};
-  return cache.get<DomeTables>(key, {image.texels}, [&] {
+  return cache.get<DomeTables>(key_of(Derived::kDome, texture), {image.texels}, [&] {
     auto tables = std::make_shared<DomeTables>();
     const kernels::TextureView view{.texels = image.texels->bytes().data(),
                                     .width = image.width,

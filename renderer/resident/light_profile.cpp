@@ -34,8 +34,7 @@ double integral(const std::vector<double>& rows, double from, double to) {
 }  // namespace
 
 std::shared_ptr<const ProfileSums> profile_sums(const Texture& texture, DerivedCache& cache) {
-  const DerivedKey key{Derived::kProfile, {texture.image->texels->serial(), texture.srgb}};
-  return cache.get<ProfileSums>(key, {texture.image->texels}, [&] {
+  return cache.get<ProfileSums>(key_of(Derived::kProfile, texture), {texture.image->texels}, [&] {
     const kernels::TextureView view = view_of(texture);
     auto sums = std::make_shared<ProfileSums>();
     std::vector<double> rows(view.height);  // sums over the columns, which are even

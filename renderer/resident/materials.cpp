@@ -107,8 +107,15 @@ std::shared_ptr<const Materials> make_materials(const Snapshot& snapshot, Derive
   return made;
 }
 
+DerivedKey key_of(Derived kind, const Texture& texture) {
+  const ImageData& image = *texture.image;
+  // With its number of bytes this says its height.
+  const u64 layout = u64(image.width) | u64(image.channels) << 32 | u64(image.type) << 40;
+  return {kind, {image.texels->serial(), layout, texture.srgb, texture.nearest}};
+}
+
 vec4 texture_mean(const Texture& texture, DerivedCache& cache) {
-  const DerivedKey key{Derived::kTextureMean, {texture.image->texels->serial(), texture.srgb}};
+  const DerivedKey key = key_of(Derived::kTextureMean, texture);
   const auto mean = cache.get<TextureMean>(key, {texture.image->texels}, [&] {
     const kernels::TextureView view = view_of(texture);
     glm::dvec4 sum(0);

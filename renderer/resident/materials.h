@@ -19,6 +19,8 @@ struct Materials {
                                                               DerivedCache& cache);
 [[nodiscard]] kernels::TextureUseView view_of(const Snapshot& snapshot, const TextureUse& use);
 [[nodiscard]] kernels::TextureView view_of(const Texture& texture);
+/// Names what is made of a texture's values alone, however it repeats.
+[[nodiscard]] DerivedKey key_of(Derived kind, const Texture& texture);
 
 /// Mean of the decoded texels, grey in all colours.
 [[nodiscard]] vec4 texture_mean(const Texture& texture, DerivedCache& cache);

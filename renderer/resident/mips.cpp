@@ -6,6 +6,7 @@
 
 #include "kernels/texture.h"
 #include "renderer/base/half.h"
+#include "renderer/resident/materials.h"
 #include "renderer/resident/parallel.h"
 
 namespace heliograph::resident {
@@ -92,8 +93,8 @@ std::shared_ptr<Mips> make_mips(TextureView from) {
 std::shared_ptr<const Mips> mips_of(const Texture& texture, const TextureView& view,
                                     DerivedCache& cache) {
   if (texture.nearest || !kernels::has_coarser(view)) return nullptr;
-  const DerivedKey key{Derived::kMips, {texture.image->texels->serial(), texture.srgb}};
-  return cache.get<Mips>(key, {texture.image->texels}, [&] { return make_mips(view); });
+  return cache.get<Mips>(key_of(Derived::kMips, texture), {texture.image->texels},
+                         [&] { return make_mips(view); });
 }
 
 }  // namespace heliograph::resident

@@ -108,14 +108,14 @@ void add_part(PartTrees& trees, const DeviceMesh& mesh, const MapMean& mean,
 /// 64-bit FNV-1a of what decides on the values of a map.
 u64 map_hash(const EmissionMap& map, const MeshTopology& topology) {
   const Texture& texture = *map.texture;
+  const auto [serial, layout, srgb, nearest, _] = key_of(Derived::kMappedParts, texture).from;
   const auto bits = [](float x) { return u64(std::bit_cast<u32>(x)); };
   const glm::mat3x2& m = map.use.uv_transform;
   u64 hash = 0xcbf29ce484222325ull;
-  for (const u64 word :
-       {texture.image->texels->serial(), u64(texture.srgb), u64(texture.nearest),
-        u64(texture.wrap_u), u64(texture.wrap_v), u64(map.use.uv_set), bits(map.use.scale),
-        bits(map.use.offset), bits(m[0].x), bits(m[0].y), bits(m[1].x), bits(m[1].y), bits(m[2].x),
-        bits(m[2].y), topology.uvs.serial(), topology.uvs1.serial()})
+  for (const u64 word : {serial, layout, srgb, nearest, u64(texture.wrap_u), u64(texture.wrap_v),
+                         u64(map.use.uv_set), bits(map.use.scale), bits(map.use.offset),
+                         bits(m[0].x), bits(m[0].y), bits(m[1].x), bits(m[1].y), bits(m[2].x),
+                         bits(m[2].y), topology.uvs.serial(), topology.uvs1.serial()})
     hash = (hash ^ word) * 0x100000001b3ull;
   return hash;
 }
@@ -126,7 +126,8 @@ std::shared_ptr<const PartTrees> part_trees(const DeviceMesh& mesh, const Emissi
                                             DerivedCache& cache) {
   const MeshTopology& topology = *mesh.topology;
   DerivedKey key{Derived::kParts,
-                 {mesh.positions.serial(), topology.triangles.serial(), topology.parts.serial()}};
+                 {mesh.positions.serial(), topology.triangles.serial(), topology.parts.serial(), 0,
+                  u64(topology.part_count) | u64(topology.vertex_count) << 32}};
   Sources sources{mesh.positions.buffer(), topology.triangles.buffer()};
   if (!topology.parts.empty()) sources.push_back(topology.parts.buffer());
   if (map.texture) {

@@ -56,8 +56,9 @@ class Placer {
 
   const Snapshot& snapshot_;
   const TimeSpan span_;
-  const Snapshot* then_ = nullptr;     // of before_
-  const Placement* before_ = nullptr;  // of the same structure, or null
+  const Snapshot* then_ = nullptr;       // of before_
+  const Placement* before_ = nullptr;    // of the same structure, or null
+  const LabelFrames* labels_ = nullptr;  // of before_, if they were made when this one began
   const MeshBuilder& builder_;
   const Accelerator& accelerator_;
   const Interrupt& interrupt_;
@@ -78,6 +79,7 @@ Placer::Placer(const Moment& now, Placeable what, const PlacedBefore* before,
       builder_(context.builder),
       accelerator_(context.accelerator),
       interrupt_(context.interrupt) {
+  if (before_) labels_ = before_->labels_.made();
   made_->span = now.span;
   made_->structure = std::move(what.structure);
   made_->holes = std::move(what.holes);
@@ -102,7 +104,7 @@ void Placer::find_changed() {
 void Placer::worlds() {
   ChunkedArray<mat4x3>& world = made_->world;
   const bool are_given = are_worlds_given();
-  if (!are_given || (before_ && before_->labels_.made())) find_changed();
+  if (!are_given || labels_) find_changed();
   if (are_given) {
     world = snapshot_.poses;
     return;
@@ -306,8 +308,8 @@ void Placer::remember() {
     for (u32 c = 0; c < rows->chunk_count(); ++c)
       earlier.stay.push_back(u8(Kept{before_}.chunk(*made_, c)));
   }
-  if (const LabelFrames* labels = before_->labels_.made()) {
-    made_->labels_before_ = {*labels, std::move(entities_), before_->deformed};
+  if (labels_) {
+    made_->labels_before_ = {*labels_, std::move(entities_), before_->deformed};
     merge(made_->labels_before_.deformed, made_->deformed);
   }
 }

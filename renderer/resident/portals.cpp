@@ -66,13 +66,15 @@ std::shared_ptr<const PortalMap> portal_map(const Texture* texture, const kernel
                                             DerivedCache& cache) {
   const mat3 axes(portal.x, portal.y, portal.z);
   const glm::quat turn = glm::normalize(glm::quat_cast(dome.dome_from_world * axes));
-  DerivedKey key{Derived::kPortal, {0, 0, bits(turn.x, turn.y), bits(turn.z, turn.w)}};
+  DerivedKey key{Derived::kPortal};
   Sources sources;
   if (texture) {
-    key.from[0] = texture->image->texels->serial();
-    key.from[1] = 1 + (texture->srgb ? 2u : 0u) + (texture->nearest ? 4u : 0u);
+    key = key_of(Derived::kPortal, *texture);
     sources = {texture->image->texels};
   }
+  key.from[2] |= key.from[3] << 1;
+  key.from[3] = bits(turn.x, turn.y);
+  key.from[4] = bits(turn.z, turn.w);
   return cache.get<PortalMap>(key, std::move(sources), [&] {
     auto map = std::make_shared<PortalMap>();
     map->sums.resize(std::size_t(kPortalSide + 1) * (kPortalSide + 1));

@@ -108,6 +108,10 @@ Expected<std::string> new_name(const Draft& draft, const Edit& edit) {
   if (name->empty())
     return fail(Code::kInvalidArgument, "target",
                 "a name has at least one character; leave it out for an object without a name");
+  if (name->size() > kMostNameBytes)
+    return fail(
+        Code::kInvalidArgument, "target",
+        fmt::format("a name of {} bytes; name it in at most {}", name->size(), kMostNameBytes));
   if (const Id* id = draft.next.names.find(*name))
     return fail(Code::kAlreadyExists, "target",
                 fmt::format("{} already exists", describe_object(draft.next, *id)));

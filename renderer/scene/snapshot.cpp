@@ -12,6 +12,7 @@ namespace heliograph {
 namespace {
 
 constexpr std::size_t kNearest = 3;
+constexpr std::size_t kMostCompared = 10'000'000;  // pairs of letters, some 10 ms
 
 /// Edits (insert, delete, substitute) between two words, or limit + 1 when there are more.
 /// `row` is working memory.
@@ -40,7 +41,9 @@ std::vector<std::string> nearest_names(const Snapshot& snapshot, std::string_vie
   const std::size_t limit = std::max<std::size_t>(2, name.size() / 2);
   std::vector<std::pair<std::size_t, std::string>> found;
   std::vector<std::size_t> row;
+  std::size_t compared = 0;
   snapshot.names.for_each([&](const std::string& candidate, Id) {
+    if ((compared += name.size() * candidate.size()) > kMostCompared) return;
     const bool full = found.size() == kNearest;
     const std::size_t bar = full ? found.back().first : limit;
     const std::size_t distance = edit_distance(name, candidate, bar, row);

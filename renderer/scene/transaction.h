@@ -17,6 +17,9 @@ namespace heliograph {
 struct CreatedByEdit {
   u32 edit = 0;
 };
+/// Bytes of an object's name.
+inline constexpr std::size_t kMostNameBytes = 1024;
+
 using Ref = std::variant<std::monostate, Id, std::string, CreatedByEdit>;
 
 /// A texture use whose texture is not resolved yet; `use.texture` is ignored.

@@ -234,3 +234,52 @@ def test_disparity_is_for_rectified_rigs(room):
         with pytest.raises(hg.FailedPrecondition, match=says) as raised:
             ask(camera, transform)
         assert "planes.camera" in f"{raised.value.field} {raised.value}"
+
+
+@pytest.mark.parametrize("scale", [(1, 1, 3), (-1, 1, 1), (0.5, 2, 1)])
+def test_a_camera_below_an_uneven_scale_is_rigid(scene, scale):
+    with scene.edit() as edit:
+        edit.mesh("cube", **hg.shapes.cube(1.0))
+        edit.entity("box", mesh="cube", label=1)
+        edit.entity("rig", transform=np.diag([*scale, 1.0]))
+        eye = hg.look_at((0, -4, 2), (0, 0, 0))
+        edit.entity("cam", parent="rig", camera=LENSES["pinhole"], transform=eye)
+    frame = scene.render("cam", planes=["depth", "position", "instance"], labels=["boxes"])
+    turn = frame.camera_from_world_cv[:3, :3]
+    assert np.allclose(turn @ turn.T, np.eye(3), atol=1e-6) and np.linalg.det(turn) > 0
+    forward = np.diag(scale) @ -np.asarray(eye)[:3, 2]  # where its -z points in the world
+    assert np.allclose(turn[2], forward / np.linalg.norm(forward), atol=1e-6)
+    met = frame["instance"] == 1
+    depth = in_camera(frame["position"][met], frame.camera_from_world_cv)[:, 2]
+    assert met.any() and np.allclose(frame["depth"][met], depth, rtol=1e-5)
+
+
+def test_flow_of_a_lens_that_changed(scene):
+    near = hg.Camera(64, 48, 50, 50, 31.5, 23.5)
+    with scene.edit() as edit:
+        edit.mesh("plane", **hg.shapes.plane(40.0))
+        edit.entity("floor", mesh="plane")
+        edit.entity("cam", camera=near, transform=hg.look_at((0, -4, 2), (0, 0, 0)))
+    with scene.edit() as edit:
+        edit.advance(0.1)
+        edit.entity("cam", camera=hg.Camera(64, 48, 100, 100, 31.5, 23.5))
+    frame = scene.render("cam", planes=["flow_backward", "flow_backward_valid", "instance"])
+    centre = np.array([31.5, 23.5])
+    met = frame["flow_backward_valid"] != 0
+    want = (centre - pixel_centres(frame)) / 2  # half as far from the centre
+    assert met.any() and np.allclose(frame["flow_backward"][met], want[met], atol=1e-3)
+
+
+def test_disparity_of_fog_is_of_the_rows_time(scene):
+    length, apart, speed = 60.0, 0.2, 2.0
+    lens_of_rig = hg.Camera(64, 48, length, length, 31.5, 23.5, rolling=1.0)
+    with scene.edit() as edit:
+        for name, x in (("left", 0.0), ("right", apart)):
+            keys = {0.0: hg.Pose((x, 0, 5.0)), 1.0: hg.Pose((x + speed, 0, 5.0))}
+            edit.entity(name, camera=lens_of_rig, keys=keys)
+        edit.volume("fog/grid", density=np.full((8, 8, 8), 200.0, "f4"), voxel_size=4.0)
+        edit.entity("fog", volume="fog/grid", transform=hg.Pose((-16, -16, -30)))
+    frame = scene.render("left", planes=["disparity:right", "depth"], time=0.0)
+    disparity, depth = frame["disparity:right"], frame["depth"]
+    met = np.isfinite(depth) & (depth > 0)
+    assert met.any() and np.allclose(disparity[met], length * apart / depth[met], rtol=1e-3)

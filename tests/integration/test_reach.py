@@ -96,3 +96,21 @@ def test_what_is_small_is_seen_from_near(scene):
         edit.entity("cam", transform=hg.look_at((6e-10, 0, 0), (0, 0, 0)))
     frame = picture(scene)
     assert (frame["instance"] == 1).sum() > 50
+
+
+@pytest.mark.parametrize("wrap", ["repeat", "mirror", "clamp"])
+def test_coordinates_that_no_float_holds_the_difference_of(scene, wrap):
+    plane = hg.shapes.plane(4.0)
+    huge = np.where(plane["uvs"] > 0.5, 3e38, -3e38).astype("f4")
+    texels = np.full((64, 64, 3), 200, "u1")
+    with scene.edit() as edit:
+        texture = edit.texture("checks", texels, wrap=(wrap, wrap))
+        edit.material("painted", base_color=texture)
+        shifted = hg.Tex(texture, uv=((3e38, 3e38, 0), (0, 1, 0)))
+        edit.material("shifted", base_color=shifted)
+        edit.mesh("far", **{**plane, "uvs": huge})
+        edit.mesh("plane", **plane)
+        edit.entity("floor", mesh="far", material="painted", transform=hg.Pose((0, 0, -1)))
+        edit.entity("ground", mesh="plane", material="shifted", transform=hg.Pose((0, 4, -1)))
+    frame = scene.render("cam", spp=4, planes=["beauty", "base_color"])
+    assert np.isfinite(frame["beauty"]).all() and np.isfinite(frame["base_color"]).all()

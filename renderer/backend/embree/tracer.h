@@ -25,10 +25,6 @@ struct TracedScene {
   }
 };
 
-/// Embree ends the process where a number of a ray, in whatever frame, is larger than 1.8e18 or
-/// none.
-inline constexpr float kFarthest = 1e18f;
-
 inline namespace HELIO_ISA {
 
 /// Thread: any. Lifetime: of the TracedScene's parts.
