@@ -1,5 +1,6 @@
 // Apply and ApplyStream.
 #include "server/apply_stream.h"
+#include "server/convert/render.h"
 #include "server/edit_calls.h"
 #include "server/journal/sources.h"
 #include "server/rpc.h"
@@ -63,12 +64,10 @@ void apply_durably(const std::shared_ptr<Session>& session, SceneEntry& entry,
 
 /// Whether checking takes microseconds: small, and no arrays outside the message.
 bool is_short(const v1::ApplyRequest& request) {
-  if (request.ByteSizeLong() > kShortBytes) return false;
-  for (const v1::Edit& edit : request.transaction().edits())
-    if (edit.has_mesh() || edit.has_texture() || edit.has_instantiate() || edit.has_volume() ||
-        edit.poses().matrices().buffer().generation() != 0)
-      return false;
-  return true;
+  if (request.ByteSizeLong() > kShortBytes || has_arrays_elsewhere(request)) return false;
+  return std::ranges::none_of(request.transaction().edits(), [](const v1::Edit& edit) {
+    return edit.has_mesh() || edit.has_texture() || edit.has_instantiate() || edit.has_volume();
+  });
 }
 
 }  // namespace

@@ -1,4 +1,6 @@
 // CreateScene, OpenScene, BranchScene, DeleteScene, ListScenes, DescribeScene.
+#include <fmt/format.h>
+
 #include "server/describe_scene.h"
 #include "server/once.h"
 #include "server/rpc.h"
@@ -65,6 +67,10 @@ Status describe_scene(Daemon& daemon, const UnaryCall& call,
   info.set_revision(snapshot->revision);  // all of the answer is of one revision
   info.set_time(snapshot->time);
   describe_counts(*snapshot, reply);
+  if (request.pattern().size() > kMostNameBytes)
+    return fail(Code::kInvalidArgument, "pattern",
+                fmt::format("has {} bytes; names, and patterns of them, have at most {}",
+                            request.pattern().size(), kMostNameBytes));
   if (request.tree()) describe_objects(*snapshot, request.pattern(), reply);
   if (!request.memory()) return {};
   auto& memory = *reply.mutable_memory();

@@ -40,6 +40,10 @@ Expected<Ref> to_ref(const v1::Ref& message) {
     case v1::Ref::kName:
       if (message.name().empty())
         return fail(Code::kInvalidArgument, "name", "is empty; give a name, or id 0 for nothing");
+      if (message.name().size() > kMostNameBytes)
+        return fail(Code::kInvalidArgument, "name",
+                    fmt::format("has {} bytes; names have at most {}", message.name().size(),
+                                kMostNameBytes));
       return Ref{message.name()};
     case v1::Ref::kCreatedByEdit:
       return Ref{CreatedByEdit{message.created_by_edit()}};

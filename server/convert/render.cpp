@@ -250,19 +250,35 @@ Expected<RenderJob> to_job(const v1::RenderRequest& request,
   return job;
 }
 
-bool names_lent_buffers(const google::protobuf::Message& message) {
+namespace {
+
+/// Whether it is so of an array of a message, or of one in it.
+bool any_array(const google::protobuf::Message& message, bool (*is_so)(const v1::Array&)) {
   using google::protobuf::FieldDescriptor;
   if (message.GetDescriptor() == v1::Array::descriptor())
-    return static_cast<const v1::Array&>(message).buffer().generation() != 0;
+    return is_so(static_cast<const v1::Array&>(message));
   const auto& reflection = *message.GetReflection();
   std::vector<const FieldDescriptor*> fields;
   reflection.ListFields(message, &fields);
   return std::ranges::any_of(fields, [&](const FieldDescriptor* field) {
     if (field->cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE || field->is_map()) return false;
-    if (!field->is_repeated()) return names_lent_buffers(reflection.GetMessage(message, field));
+    if (!field->is_repeated()) return any_array(reflection.GetMessage(message, field), is_so);
     for (int i = 0; i < reflection.FieldSize(message, field); ++i)
-      if (names_lent_buffers(reflection.GetRepeatedMessage(message, field, i))) return true;
+      if (any_array(reflection.GetRepeatedMessage(message, field, i), is_so)) return true;
     return false;
+  });
+}
+
+}  // namespace
+
+bool names_lent_buffers(const google::protobuf::Message& message) {
+  return any_array(message, [](const v1::Array& a) { return a.buffer().generation() != 0; });
+}
+
+bool has_arrays_elsewhere(const google::protobuf::Message& message) {
+  return any_array(message, [](const v1::Array& array) {
+    return array.source_case() != v1::Array::kInline &&
+           array.source_case() != v1::Array::SOURCE_NOT_SET;
   });
 }
 

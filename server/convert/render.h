@@ -31,6 +31,8 @@ struct RenderLimits {
 
 /// Whether an array of a message, or of one in it, lies in a buffer that its client was lent.
 [[nodiscard]] bool names_lent_buffers(const google::protobuf::Message& message);
+/// Whether the bytes of such an array are not in the message.
+[[nodiscard]] bool has_arrays_elsewhere(const google::protobuf::Message& message);
 /// Names an overlay by its content, but one with lent buffers, which may hold anything by now,
 /// another time by another number; never 0.
 [[nodiscard]] u64 overlay_hash(const v1::Transaction& overlay);

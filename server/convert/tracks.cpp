@@ -33,19 +33,22 @@ Expected<const MeshTopology*> topology_of(const Snapshot& snapshot, EntityId id)
               fmt::format("{} shows no mesh; name an entity that does", object_text(id, snapshot)));
 }
 
+/// By its shape, before anything is read.
+u64 row_count(const v1::Array& array) { return array.shape_size() > 0 ? array.shape(0) : 0; }
+
 Expected<std::vector<double>> read_instants(const Reader& in, const TrackLimits& limits) {
   if (!in.request.has_times()) return missing("", "give the seconds to follow the points at");
-  auto times = read_f64(in.request.times(), in.source, {{"T", {}}}, 1);
-  if (!times) return times;
-  if (times->empty()) return fail(Code::kInvalidArgument, "", "is empty; give at least one time");
-  if (times->size() > limits.times) {
-    auto error = fail(
-        Code::kResourceExhausted, "",
-        fmt::format("has {} times, {} are allowed; ask in parts", times->size(), limits.times));
-    error.error().needed = times->size();
+  if (const u64 count = row_count(in.request.times()); count > limits.times) {
+    auto error =
+        fail(Code::kResourceExhausted, "",
+             fmt::format("has {} times, {} are allowed; ask in parts", count, limits.times));
+    error.error().needed = count;
     error.error().available = limits.times;
     return error;
   }
+  auto times = read_f64(in.request.times(), in.source, {{"T", {}}}, 1);
+  if (!times) return times;
+  if (times->empty()) return fail(Code::kInvalidArgument, "", "is empty; give at least one time");
   for (u64 i = 0; i < times->size(); ++i)
     HELIO_CHECK(in_range((*times)[i], kSeconds), fmt::format("[{}]", i));
   return times;
@@ -166,17 +169,19 @@ Expected<QueryJob> to_tracks(const v1::TracksRequest& request,
   Tracks tracks{.through_transmission = request.through_transmission()};
   HELIO_TAKE(tracks.camera, resolve_camera(request.camera(), *job.snapshot), "camera");
   HELIO_TAKE(tracks.times, read_instants(in, limits), "times");
-  auto points = read_points(in);
-  if (!points) return std::unexpected(std::move(points).error());
-  tracks.points = *std::move(points);
-  if (const u64 items = tracks.points.size() * tracks.times.size(); items > limits.items) {
+  const u64 count = row_count(request.has_vertices() ? request.vertices() : request.primitive());
+  if (count > limits.items / tracks.times.size()) {
     auto error = fail(Code::kResourceExhausted, "times",
                       fmt::format("{} points at {} times, {} in all are allowed; ask in parts",
-                                  tracks.points.size(), tracks.times.size(), limits.items));
-    error.error().needed = items;
+                                  count, tracks.times.size(), limits.items));
+    error.error().needed =
+        count > ~u64{0} / tracks.times.size() ? ~u64{0} : count * tracks.times.size();
     error.error().available = limits.items;
     return error;
   }
+  auto points = read_points(in);
+  if (!points) return std::unexpected(std::move(points).error());
+  tracks.points = *std::move(points);
   job.query = std::move(tracks);
   return job;
 }

@@ -71,6 +71,9 @@ MATRICES = {
     "look_at itself": (INVALID, "at", "same point", lambda s: hg.look_at((0, 0, 0), (0, 0, 0))),
 }
 RANGES = {
+    "name": (INVALID, "name", "1024", edited(lambda e: e.entity("x" * 1025))),
+    "reference": (INVALID, "name", "1024", edited(lambda e: e.entity("a", mesh="x" * 1025))),
+    "pattern": (INVALID, "pattern", "1024", lambda scene: scene.find("[" * 1025)),
     "vertex": (INVALID, "indices", "holds 3, but there are only 3", mesh(indices=[[0, 1, 3]])),
     "negative vertex": (INVALID, "indices", "-1", mesh(indices=[[0, 1, -1]])),
     "vertex over 2^32": (INVALID, "indices", "4294967296", mesh(indices=[[0, 1, 2**32]])),
