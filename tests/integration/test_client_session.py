@@ -8,6 +8,7 @@ import pickle
 import signal
 import subprocess
 import sys
+import threading
 import time
 import tracemalloc
 
@@ -44,9 +45,10 @@ def gone(pid, seconds=10.0):
 
 
 def in_child(work):
-    """The small number that `work` gives in a forked child; 255 when it raises."""
+    """The small number that `work` gives in a forked child; 255: it raises, -14: it hangs."""
     pid = os.fork()
     if pid == 0:
+        signal.alarm(20)
         status = 255
         try:
             status = work()
@@ -145,6 +147,43 @@ def test_forked_workers_render(client, scene):
     assert os.getpid() not in {pid for pid, _ in got}
     assert len(scene.find("by/*")) == 6
     assert scene.render("cam", spp=1)["beauty"].shape == (64, 96, 4)
+
+
+def _edit(scene, name):
+    with scene.edit() as edit:
+        edit.entity(name, visible=True)
+    return 0
+
+
+def test_a_child_edits_though_a_thread_of_its_parent_did_at_the_fork(scene):
+    ended = threading.Event()
+
+    def work():
+        while not ended.is_set():
+            _edit(scene, "parent")
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    try:
+        for k in range(8):
+            name = f"child/{k}"
+            assert in_child(lambda name=name: _edit(scene, name)) == 0
+    finally:
+        ended.set()
+        thread.join()
+    assert len(scene.find("child/*")) == 8 and _edit(scene, "parent") == 0
+
+
+def test_a_child_waits_for_no_lock_of_its_parent(client, scene):
+    def work():
+        client.store.blob(b"child")
+        _edit(scene, "child")
+        return client.store._loans._lock.locked()  # without a GPU nobody asks for it
+
+    store = client.store
+    with client.connection._lock, client._lock, store._lock, store._loans._lock:
+        assert in_child(work) == 0
+    assert scene["child"].visible and _edit(scene, "parent") == 0
 
 
 def test_spawned_workers_render(client, scene):

@@ -31,6 +31,12 @@ def test_bad_addresses(address):
         hg.connect(address)
 
 
+def test_flags_of_a_private_daemon_are_no_text():
+    with pytest.raises(hg.InvalidArgument, match="a sequence") as error:
+        hg.connect(arguments="--threads 4")
+    assert error.value.field == "arguments"
+
+
 def test_nobody_listens(tmp_path):
     with pytest.raises(hg.Unavailable, match="no daemon listens"):
         hg.connect(f"unix://{tmp_path}/none.sock")
@@ -120,6 +126,8 @@ def test_scene_files(daemon, client, scene, tmp_path):
     (tmp_path / "x.helio").write_bytes(b"not a scene")
     with pytest.raises(hg.InvalidArgument, match="not a scene file"):
         client.load_scene(tmp_path / "x.helio")
+    with pytest.raises(hg.NotFound, match=r"no file .*y\.helio"):
+        client.load_scene(tmp_path / "y.helio")
 
 
 def _edit_in_child(scene, name):
@@ -253,6 +261,40 @@ def test_command_line_refusals(tmp_path, capsys):
     assert cli.main(["render", "a.glb", "-o", str(tmp_path / "no" / "a.png")]) == 2
     assert cli.main(["info", "--address", f"unix://{tmp_path}/none"]) == 1
     assert "no daemon listens" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ("replay text", "text is no recording"),
+        ("replay none", "none: No such file"),
+        ("dataset dome --config none", "none: No such file"),
+        ("rerender manifest.json none -o x.png", "no file none"),
+        ("rerender none.exr none -o x.png", "no file none.exr"),
+        ("rerender text.exr none -o x.png", "text.exr is no EXR file"),
+        ("rerender picture.png none -o x.png", "picture.png is no manifest"),
+        ("rerender text.exr -o x.png", "give the scene file (scene.save) too"),
+        ("rerender picture.png -o x.png", "is no image of a data set"),
+        ("info --threads 2", "--threads: is for a private daemon"),
+    ],
+)
+def test_wrong_input_exits_with_2(daemon, scene, tmp_path, monkeypatch, capsys, arguments, told):
+    if ".exr none" in arguments:
+        pytest.importorskip("OpenEXR")
+    monkeypatch.chdir(tmp_path)
+    for name in ("text", "text.exr", "manifest.json"):
+        (tmp_path / name).write_text("{} hello")
+    (tmp_path / "picture.png").write_bytes(b"\x89PNG")
+    words = arguments.split()
+    if words[0] not in ("replay", "dataset"):
+        words += ["--address", daemon.address]
+    assert cli.main(words) == 2
+    assert told in capsys.readouterr().err
+
+
+def test_a_viewer_needs_a_port_that_there_is(scene):
+    with pytest.raises(hg.InvalidArgument, match=r"port: 80000 is outside \[0, 65535\]"):
+        hg.Viewer(scene, port=80000)
 
 
 def test_command_line_against_a_daemon(daemon, capsys):

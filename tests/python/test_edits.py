@@ -113,6 +113,17 @@ def test_look_at_sees_the_point_in_the_middle():
         (lambda e: e.entity("a", camera=hg.Camera.from_fov(60, 64, 64)), "degrees"),
         (lambda e: e.entity("a", parent=3), "handle or a name"),
         (lambda e: e.set_transforms(["a"], np.zeros((2, 4, 4))), "2 matrices for 1"),
+        (lambda e: e.entity("a", transform=(0, 0, 1)), r"write hg\.Pose\(\(0, 0, 1\)\)"),
+        (lambda e: e.entity("a", transform=np.zeros(16)), r"has \(16,\); reshape it"),
+        (lambda e: e.entity("a", transform=np.eye(3)), r"has \(3, 3\)$"),
+        (lambda e: e.mesh("m", vertices=1), "has no 'vertices'; there are positions, "),
+        (lambda e: e.categories(["a", "b"]), "categories: needs a str"),
+        (lambda e: e.import_file("a.obj", units="mm"), "metres a unit, such as 0.001, not 'mm'"),
+        (lambda e: e.sky(45), r"1\.5708\] radians"),
+        (
+            lambda e: e.entity("a", light=hg.Light(power=1, shape="disc", outer_cone_angle=45)),
+            "outer_cone_angle: 45 is above pi; give radians",
+        ),
     ],
 )
 def test_bad_input_is_refused_before_it_is_sent(daemon, scene, call, message):

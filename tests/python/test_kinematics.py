@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from heliograph import urdf
 from heliograph.kinematics import Kinematics
+from heliograph.robots import listed
 
 ARM = Path(__file__).resolve().parents[2] / "examples/assets/arm/arm.urdf"
 LIMIT = '<limit lower="-1" upper="2" effort="1" velocity="1"/>'
@@ -298,3 +299,8 @@ def test_unknown_shapes_are_unimplemented(tmp_path):
     capsule = '<link name="a"><visual><geometry><capsule radius="1"/></geometry></visual></link>'
     with pytest.raises(hg.Unimplemented, match="<capsule>"):
         urdf.read(written(tmp_path, capsule, links=""), {})
+
+
+def test_a_name_is_no_robot():
+    with pytest.raises(hg.InvalidArgument, match=r"needs an hg\.Robot or a sequence"):
+        listed(["arm"])

@@ -68,6 +68,7 @@ def test_rerender_sends_the_manifests_request(daemon, scene):
         ({"labels": ["boxe"]}, "labels"),
         ({"filter": "sinc"}, "filter"),
         ({"sp": 1}, "did you mean spp"),
+        ({"samples": 1}, "render has no 'samples'; there are .*spp"),
     ],
 )
 def test_bad_options(scene, options, message):

@@ -171,11 +171,13 @@ def connect(
     """A client of a daemon.
 
     Without an address: a private heliographd, which ends with this process; `arguments` are more
-    of its flags (`--threads 4`). Otherwise "unix:///path/heliograph.sock" or "host:port".
+    of its flags, `("--threads", "4")`. Otherwise "unix:///path/heliograph.sock" or "host:port".
     `token`: who this client is, or a path to a file with it, which may change while the client
     runs. `tls`: of "host:port", see TLS. `timeout`: seconds a private daemon may take to start.
     The daemon's log goes to logging.getLogger("heliograph").
     """
+    if isinstance(arguments, str):
+        raise InvalidArgument('arguments: a sequence, ("--threads", "4")', field="arguments")
     daemon = None
     if address is None and tls is None:
         from ._launch import PrivateDaemon

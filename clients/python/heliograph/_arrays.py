@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ._connection import Connection
-from ._lent import GpuArray, Loan, Loans
+from ._lent import GpuArray, Loan, Loans, wrong_shape
 from ._proto import render_pb2 as render
 from ._proto import service_pb2 as service
 from ._proto import types_pb2 as types
@@ -62,10 +62,7 @@ def checked(
         len(given.shape) != len(shape)
         or any(want is not None and want != got for want, got in zip(shape, given.shape))
     ):
-        text = ", ".join("N" if n is None else str(n) for n in shape)
-        raise InvalidArgument(
-            f"{field}: needs shape ({text}), has {given.shape}; reshape it", field=field
-        )
+        raise wrong_shape(field, shape, given.shape)
     wanted = np.dtype(dtype)
     if wanted.kind in "iu" and given.dtype != wanted:
         _check_integers(given, field, wanted)
@@ -208,6 +205,12 @@ class Store:
                         self.lighten(part)
                 elif len(part.inline) >= SHARED_BYTES:
                     part.blob = self.blob(part.inline)
+
+    def forget_parent(self) -> None:
+        """In a forked child."""
+        self._lock = threading.Lock()
+        self._loans = Loans(self._connection)
+        self._witness = None
 
     def _push(self, data: memoryview, first: service.UploadBlobRequest) -> None:
         first.size = data.nbytes

@@ -27,6 +27,15 @@ def is_on_gpu(value: Any) -> bool:
     return not isinstance(value, np.ndarray) and hasattr(value, "__cuda_array_interface__")
 
 
+def wrong_shape(field: str, want: Sequence[int | None], has: Sequence[int]) -> InvalidArgument:
+    """The refusal of an array; None in `want`: any length."""
+    text = ", ".join("N" if n is None else str(n) for n in want)
+    fixed, size = math.prod(n for n in want if n is not None), math.prod(has)
+    fits = size % fixed == 0 if None in want else size == fixed
+    remedy = "; reshape it" if fits else ""
+    return InvalidArgument(f"{field}: needs shape ({text}), has {has}{remedy}", field=field)
+
+
 class GpuArray:
     """Such an array, checked: shape, dtype, nbytes, and where it lies. Keeps it alive."""
 
@@ -43,10 +52,7 @@ class GpuArray:
         if len(self.shape) != len(shape) or any(
             want is not None and want != got for want, got in zip(shape, self.shape)
         ):
-            text = ", ".join("N" if n is None else str(n) for n in shape)
-            raise InvalidArgument(
-                f"{field}: needs shape ({text}), has {self.shape}; reshape it", field=field
-            )
+            raise wrong_shape(field, shape, self.shape)
         if self.dtype.str not in dtypes:
             raise InvalidArgument(
                 f"{field}: holds {self.dtype}; on a GPU it needs "

@@ -49,9 +49,13 @@ class Source:
             raise InvalidArgument("give path or server_path", field="path")
         if self.up not in ("", "x", "y", "z"):
             raise InvalidArgument(f'up: "x", "y" or "z", not {self.up!r}', field="up")
-        return service.DecodeAssetRequest(
-            server_path=self.server_path, up=self.up, units=self.units
-        )
+        try:
+            units = float(self.units)
+        except (TypeError, ValueError):
+            raise InvalidArgument(
+                f"units: metres a unit, such as 0.001, not {self.units!r}", field="units"
+            ) from None
+        return service.DecodeAssetRequest(server_path=self.server_path, up=self.up, units=units)
 
 
 @dataclass(frozen=True)

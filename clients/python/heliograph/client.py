@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ._launch import PrivateDaemon
 
 _clients: weakref.WeakValueDictionary[tuple[int, Access], Client] = weakref.WeakValueDictionary()
+_inherited: weakref.WeakSet[Client] = weakref.WeakSet()  # every one, for forked children
 
 
 class Client:
@@ -34,6 +35,7 @@ class Client:
         self._states: dict[int, SceneState] = {}
         self._lock = threading.Lock()
         _clients[(os.getpid(), connection.access)] = self
+        _inherited.add(self)
 
     @property
     def address(self) -> str:
@@ -104,6 +106,12 @@ class Client:
         with self._lock:
             self._states.pop(scene, None)
 
+    def forget_parent(self) -> None:
+        """In a forked child: waits for no thread of the parent, which is not here."""
+        self._lock = threading.Lock()
+        self._states = {}
+        self.store.forget_parent()
+
     def close(self) -> None:
         """Ends the session, its private scenes, and a private daemon."""
         self.connection.close()
@@ -148,3 +156,12 @@ def check_arguments(address: str | None, tls: TLS | None, arguments: Sequence[st
         raise InvalidArgument("tls= is a heliograph.TLS(...)", field="tls")
     if address is not None and arguments:
         raise InvalidArgument("arguments= are for the private daemon", field="arguments")
+
+
+def _in_child() -> None:
+    for client in list(_inherited):
+        client.forget_parent()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_in_child)

@@ -21,12 +21,14 @@ if TYPE_CHECKING:
 
 
 def refuse_unknown(given: Mapping[str, Any], known: type, what: str) -> None:
-    """InvalidArgument with the nearest names when a keyword is none of the TypedDict's."""
+    """InvalidArgument with the nearest names, or all, when a keyword is none of the TypedDict's."""
     for name in given:
         if name not in known.__annotations__:
-            near = difflib.get_close_matches(name, known.__annotations__, 3)
-            hint = f"; did you mean {' or '.join(near)}?" if near else ""
-            raise InvalidArgument(f"{what} has no {name!r}{hint}", field=name)
+            near = difflib.get_close_matches(name, known.__annotations__, 3, 0.7)
+            hint = f"did you mean {' or '.join(near)}?"
+            if not near:
+                hint = f"there are {', '.join(known.__annotations__)}"
+            raise InvalidArgument(f"{what} has no {name!r}; {hint}", field=name)
 
 
 def color_of(value: Any, field: str) -> types.Vec3:

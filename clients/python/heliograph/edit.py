@@ -18,7 +18,7 @@ from ._lent import GpuArray, Loan
 from ._proto import scene_pb2 as pb
 from ._proto import service_pb2 as service
 from ._proto import types_pb2 as types
-from .components import number_of
+from .components import number_of, text_of
 from .errors import FailedPrecondition, HeliographError, InvalidArgument
 from .handles import (
     BY_NAME,
@@ -387,7 +387,7 @@ class Edits(RobotEdits):
     def categories(self, *names: str) -> None:
         """Registers classes in this order, so that every scene gives them the same ids; those that
         are known keep theirs."""
-        self._add(None).settings.categories.extend(names)
+        self._add(None).settings.categories.extend(text_of(n, "categories") for n in names)
 
     def time(self, t: float) -> None:
         """Sets the scene's time, seconds."""

@@ -54,7 +54,11 @@ def _channels(plane: str, data: Any) -> dict[str, Any]:
 
 def read_manifest(path: Path) -> str:
     """The manifest of a file that write() made."""
-    header = openexr().File(str(path), header_only=True).header()
+    exr = openexr()
+    try:
+        header = exr.File(str(path), header_only=True).header()
+    except RuntimeError as error:
+        raise InvalidArgument(f"{path} is no EXR file: {error}", field="frame") from None
     if "manifest" not in header:
-        raise InvalidArgument(f"{path} carries no manifest", field="path")
+        raise InvalidArgument(f"{path} carries no manifest", field="frame")
     return str(header["manifest"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -84,7 +85,7 @@ class Light:
         )
         for name in ("sun_angle", "inner_cone_angle", "outer_cone_angle"):
             if getattr(self, name):
-                setattr(message, name, number_of(getattr(self, name), f"light.{name}"))
+                setattr(message, name, _angle(getattr(self, name), f"light.{name}"))
         for name in ("radius", "width", "height"):
             if getattr(self, name) is not None:
                 setattr(message, name, number_of(getattr(self, name), f"light.{name}"))
@@ -117,6 +118,13 @@ class Light:
             outer_cone_angle=message.outer_cone_angle,
             profile=handle(message.profile),
         )
+
+
+def _angle(value: Any, field: str) -> float:
+    angle = number_of(value, field)
+    if angle > math.pi:  # the daemon's limits are tighter
+        raise InvalidArgument(f"{field}: {angle:g} is above pi; give radians", field=field)
+    return angle
 
 
 @dataclass(frozen=True)

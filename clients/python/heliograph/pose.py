@@ -147,6 +147,11 @@ def matrix_of(pose: Any, field: str = "transform") -> NdArray:
     """(4, 4) float32 of a Pose or a 4x4."""
     if isinstance(pose, Pose):
         return np.asarray(pose.matrix, dtype="f4")
+    if np.shape(pose) == (3,):
+        position = tuple(np.asarray(pose).tolist())
+        raise InvalidArgument(
+            f"{field}: a position alone is no pose: write hg.Pose({position})", field=field
+        )
     if np.shape(pose) == (4,):
         raise InvalidArgument(
             f"{field}: a bare 4-vector says neither its order nor the position: write "

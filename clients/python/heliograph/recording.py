@@ -93,6 +93,8 @@ class Recording:
                 raise InvalidArgument(f"{self.path} is damaged {where}", field="file") from None
             if kind in ("call", "request", "reply", "frame", "status"):
                 last = str(self.calls[getattr(item, kind).call])
+        if not self.header.format:
+            raise InvalidArgument(f"{self.path} is no recording", field="file")
 
     def _items(self) -> Iterator[tuple[int, int]]:
         """(offset, size) of each whole item."""

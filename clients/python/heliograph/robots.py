@@ -120,7 +120,9 @@ def listed(robots: Robots) -> list[Robot]:
     found = [robots] if isinstance(robots, Robot) else list(robots)
     for robot in found:
         if not isinstance(robot, Robot):
-            raise InvalidArgument(f"robot: needs hg.Robots, not {robot!r}", field="robot")
+            raise InvalidArgument(
+                f"robot: needs an hg.Robot or a sequence of them, not {robot!r}", field="robot"
+            )
         if robot.joint_names != found[0].joint_names:
             raise InvalidArgument(
                 f"robot: {robot!r} and {found[0]!r} have different joints; one call for each",

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ._proto import service_pb2 as service
-from .errors import InvalidArgument
+from .errors import InvalidArgument, NotFound
 
 _MAGIC = b"HELIOSC1"
 _LENGTH = struct.Struct("<I")
@@ -90,6 +90,8 @@ def _header_chunks(header: service.SceneChunk.Header) -> Iterator[service.SceneC
 
 
 def _read_chunks(path: str | os.PathLike[str]) -> Iterator[service.SceneChunk]:
+    if not os.path.exists(path):
+        raise NotFound(f"no file {os.fspath(path)}", field="path")
     with open(path, "rb") as file:
         if file.read(len(_MAGIC)) != _MAGIC:
             raise InvalidArgument(f"{path} is not a scene file", field="path")

@@ -249,14 +249,16 @@ def sky(
 
 
 def _check(elevation: float, aerosol: float, albedo: float, width: int, height: float) -> None:
-    for name, value, low, high in (
-        ("elevation", elevation, -math.pi / 2, math.pi / 2),
-        ("aerosol", aerosol, 0.0, 20.0),
-        ("albedo", albedo, 0.0, 1.0),
-        ("height", height, 0.0, 50e3),
+    for name, value, low, high, unit in (
+        ("elevation", elevation, -math.pi / 2, math.pi / 2, " radians"),
+        ("aerosol", aerosol, 0.0, 20.0, ""),
+        ("albedo", albedo, 0.0, 1.0, ""),
+        ("height", height, 0.0, 50e3, " m"),
     ):
         if not low <= value <= high:
-            raise InvalidArgument(f"{name}: {value} is not in [{low:g}, {high:g}]", field=name)
+            raise InvalidArgument(
+                f"{name}: {value} is not in [{low:g}, {high:g}]{unit}", field=name
+            )
     if width < 8 or width % 4:
         raise InvalidArgument(f"width: {width} is not a multiple of 4 from 8 on", field="width")
 

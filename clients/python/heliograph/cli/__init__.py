@@ -37,7 +37,9 @@ def add_connection(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--address", metavar="ADDRESS", help="unix:///path or host:port; default: a private daemon"
     )
-    group.add_argument("--token", help="who you are; other users of this machine see it: better")
+    group.add_argument(
+        "--token", help="who you are; other users of this machine see it; --token-file is better"
+    )
     group.add_argument("--token-file", metavar="FILE", help="the file that the token is in")
     group.add_argument("--tls", action="store_true", help="encrypt; implied by the next ones")
     group.add_argument("--tls-ca", metavar="FILE", help="who signed the daemon's certificate, PEM")
@@ -65,6 +67,8 @@ def connect(arguments: argparse.Namespace, flags: Sequence[str] = ()) -> object:
     tls = heliograph.TLS(**given) if arguments.tls or any(given.values()) else None
     token = Path(arguments.token_file) if arguments.token_file else arguments.token
     if arguments.threads is not None:
+        if arguments.address is not None:
+            raise InvalidArgument("--threads: is for a private daemon; leave --address out")
         flags = (*flags, "--threads", str(arguments.threads))
     return heliograph.connect(arguments.address, token=token, tls=tls, arguments=flags)
 
@@ -81,6 +85,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # who read the output has seen enough, as head does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_FAILED
+    except FileNotFoundError as error:
+        print(f"heliograph: {error.filename}: {error.strerror}", file=sys.stderr)
+        return EXIT_USAGE
     except OSError as error:
         print(f"heliograph: {error}", file=sys.stderr)
         return EXIT_FAILED

@@ -30,7 +30,8 @@ def add(commands: Any) -> None:
         "--format",
         choices=("coco", "yolo", "ndds", "bop", "exr", "parquet"),
         default="coco",
-        help="default coco; exr: every plane, mesh's flow too, and all label columns",
+        help="default coco; exr: beauty, depth, normal, instance, semantic, of mesh backward flow, "
+        "and all label columns",
     )
     parser.add_argument(
         "--labels-only",

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ..errors import InvalidArgument
+from ..errors import InvalidArgument, NotFound
 from . import EXIT_FAILED, add_connection, connect
 
 
@@ -40,13 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
         return _run_image(arguments)
     if arguments.output is None:
         raise InvalidArgument("output: say with -o FILE where the frame goes", field="output")
-    path = Path(arguments.frame)
-    if path.suffix.lower() == ".exr":
-        from .. import exr
-
-        text = exr.read_manifest(path)
-    else:
-        text = path.read_text()
+    text = _manifest_of(Path(arguments.frame))
     client: Any = connect(arguments)
     with client, client.load_scene(arguments.scene) as scene:
         frame = scene.rerender(text)
@@ -55,10 +49,33 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def _manifest_of(path: Path) -> str:
+    if not path.is_file():
+        raise NotFound(f"no file {path}", field="frame")
+    if path.suffix.lower() == ".exr":
+        from .. import exr
+
+        return exr.read_manifest(path)
+    try:
+        return path.read_text("utf-8")
+    except UnicodeDecodeError:
+        raise InvalidArgument(
+            f"{path} is no manifest: give a .json (frame.save) or an .exr", field="frame"
+        ) from None
+
+
 def _run_image(arguments: argparse.Namespace) -> int:
     from ..datasets import KeptImage
 
-    image = KeptImage.find(arguments.frame)
+    try:
+        image = KeptImage.find(arguments.frame)
+    except NotFound as error:
+        path = Path(arguments.frame)
+        if error.field == "path" and path.suffix.lower() in (".exr", ".json"):
+            raise InvalidArgument(
+                f"{path}: give the scene file (scene.save) too", field="scene"
+            ) from None
+        raise
     client: Any = connect(arguments)
     with client:
         frame = image.render(client)

@@ -24,7 +24,7 @@ def add(commands: Any) -> None:
         "model",
         nargs="?",
         metavar="FILE",
-        help="a model (glTF, GLB, OBJ, PLY, STL) or a scene file (.helio)",
+        help="a model (glTF, GLB, DAE, OBJ, PLY, STL) or a scene file (.helio)",
     )
     parser.add_argument("--scene", metavar="NAME", help="a scene of the daemon at --address")
     parser.add_argument("--port", type=int, default=0, help="default: any free one")

@@ -20,6 +20,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 
+from ..components import whole_of
 from ..errors import HeliographError, InvalidArgument, NotFound, ResourceExhausted
 from . import outline
 from .session import Session
@@ -54,6 +55,7 @@ class Viewer:
         self.scene = scene
         self.camera = "" if camera is None else str(getattr(camera, "name", camera))
         self.spp = spp
+        port = whole_of(port, "port", 0, 65535)
         self.token = secrets.token_urlsafe(32)
         self._sessions: dict[str, Session] = {}
         self._lock = threading.Lock()
