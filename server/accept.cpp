@@ -81,6 +81,27 @@ bool answers(const sockaddr_un& address, int type) {
   return errno == EAGAIN || errno == EINPROGRESS;  // a full backlog: somebody listens
 }
 
+/// Of IPv6 the /64, which one host may have whole; of an IPv4 address in IPv6 that address.
+std::string network_of(int connection) {
+  sockaddr_storage storage{};
+  socklen_t size = sizeof storage;
+  if (::getpeername(connection, reinterpret_cast<sockaddr*>(&storage), &size) != 0) return "";
+  char text[INET6_ADDRSTRLEN] = "";
+  if (storage.ss_family == AF_INET) {
+    const auto* v4 = reinterpret_cast<const sockaddr_in*>(&storage);
+    ::inet_ntop(AF_INET, &v4->sin_addr, text, sizeof text);
+    return text;
+  }
+  in6_addr address = reinterpret_cast<const sockaddr_in6*>(&storage)->sin6_addr;
+  if (IN6_IS_ADDR_V4MAPPED(&address)) {
+    ::inet_ntop(AF_INET, &address.s6_addr[12], text, sizeof text);
+    return text;
+  }
+  std::fill(address.s6_addr + 8, address.s6_addr + 16, u8(0));
+  ::inet_ntop(AF_INET6, &address, text, sizeof text);
+  return text;
+}
+
 Expected<sockaddr_storage> parse_address(const std::string& address, socklen_t& size) {
   const auto colon = address.rfind(':');
   const std::string host = address.substr(0, colon);
@@ -235,25 +256,27 @@ void Listener::accept_some() {
       log_.warning("accepting connections pauses", {{"reason", std::strerror(errno)}});
       return pause();
     }
-    pid_t peer = 0;
-    if (admit(connection.get(), peer)) take_(std::move(connection), peer);
+    if (const auto peer = admit(connection.get())) take_(std::move(connection), *peer);
   }
 }
 
-bool Listener::admit(int connection, pid_t& peer) const {
+std::optional<Peer> Listener::admit(int connection) const {
   if (!is_unix_) {
     const int one = 1;
     ::setsockopt(connection, IPPROTO_TCP, TCP_NODELAY, &one, sizeof one);
-    return true;
+    Peer peer{.network = network_of(connection)};
+    if (peer.network.empty()) return std::nullopt;  // it has hung up
+    return peer;
   }
   ucred credentials{};
   socklen_t size = sizeof credentials;
-  if (::getsockopt(connection, SOL_SOCKET, SO_PEERCRED, &credentials, &size) != 0) return false;
-  peer = credentials.pid;
-  if (credentials.uid == ::geteuid()) return true;
-  if (socket_.group && is_member(connection, credentials.gid, *socket_.group)) return true;
+  if (::getsockopt(connection, SOL_SOCKET, SO_PEERCRED, &credentials, &size) != 0)
+    return std::nullopt;
+  const Peer peer{.process = credentials.pid, .network = {}};
+  if (credentials.uid == ::geteuid()) return peer;
+  if (socket_.group && is_member(connection, credentials.gid, *socket_.group)) return peer;
   log_.warning("connection of another user refused", {{"uid", credentials.uid}});
-  return false;
+  return std::nullopt;
 }
 
 // ---------------------------------------------------------------- ConnectionCount
@@ -262,22 +285,28 @@ ConnectionCount::~ConnectionCount() {
   for (const auto& [fd, entry] : open_) loop_.forget(fd);
 }
 
-bool ConnectionCount::add(int connection, pid_t peer) {
+bool ConnectionCount::has_room(const Peer& peer) const {
   if (open_.size() >= limits_.total) return false;
-  if (const auto found = by_peer_.find(peer);
-      peer != 0 && found != by_peer_.end() && found->second >= limits_.per_peer)
-    return false;
+  if (!peer.is_local() && remote_ >= limits_.total - limits_.total / 4) return false;
+  const auto found = by_peer_.find(peer);
+  return peer == Peer() || found == by_peer_.end() || found->second < limits_.per_peer;
+}
+
+bool ConnectionCount::add(int connection, const Peer& peer) {
+  if (!has_room(peer)) return false;
   UniqueFd duplicate(::fcntl(connection, F_DUPFD_CLOEXEC, 0));
   const int fd = duplicate.get();
   if (!duplicate) return false;
   if (!loop_.watch(fd, 0, [this, fd](u32) { remove(fd); })) return false;
   open_.emplace(fd, Entry{std::move(duplicate), peer});
   ++by_peer_[peer];
+  if (!peer.is_local()) ++remote_;
   return true;
 }
 
 void ConnectionCount::remove(int duplicate) {
   const auto found = open_.find(duplicate);
+  if (!found->second.peer.is_local()) --remote_;
   if (const auto peer = by_peer_.find(found->second.peer); --peer->second == 0)
     by_peer_.erase(peer);
   loop_.forget(duplicate);

@@ -4,7 +4,9 @@
 
 #include <sys/types.h>
 
+#include <compare>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -42,11 +44,19 @@ struct ListeningSocket {
 /// The address a TCP listener is bound to, as "127.0.0.1:PORT".
 [[nodiscard]] std::string local_address(int fd);
 
+/// Who is at the other end of a connection.
+struct Peer {
+  pid_t process = 0;    // over the Unix socket; 0: of another PID namespace
+  std::string network;  // over TCP: the IPv4 address, or the IPv6 /64; "": Unix
+  [[nodiscard]] bool is_local() const { return network.empty(); }
+  friend std::strong_ordering operator<=>(const Peer&, const Peer&) = default;
+};
+
 /// Accepts connections of one listening socket and gives them away. Owns: the listener. Thread: the
 /// loop's. Unix peers who may not connect are closed; out of descriptors it pauses, not spins.
 class Listener {
  public:
-  using Take = std::function<void(UniqueFd connection, pid_t peer)>;  // peer: 0 over TCP
+  using Take = std::function<void(UniqueFd connection, const Peer& peer)>;
 
   [[nodiscard]] static Expected<std::unique_ptr<Listener>> start(EventLoop& loop, const Log& log,
                                                                  ListeningSocket socket, Take take);
@@ -57,7 +67,7 @@ class Listener {
   [[nodiscard]] Status resume();
   void accept_some();
   void pause();
-  [[nodiscard]] bool admit(int connection, pid_t& peer) const;
+  [[nodiscard]] std::optional<Peer> admit(int connection) const;
 
   EventLoop& loop_;
   const Log& log_;
@@ -69,6 +79,9 @@ class Listener {
 
 /// Counts connections that somebody else (gRPC) owns. Owns: a duplicate of each, which reports the
 /// hang-up. Thread: the loop's.
+///
+/// A quarter of `total` is kept for the Unix socket: who may not even have a token cannot shut out
+/// the daemon's owner. Processes that the kernel does not name have no limit of their own.
 class ConnectionCount {
  public:
   struct Limits {
@@ -79,20 +92,22 @@ class ConnectionCount {
   ~ConnectionCount();
 
   /// False when the caller should close the connection.
-  [[nodiscard]] bool add(int connection, pid_t peer);
+  [[nodiscard]] bool add(int connection, const Peer& peer);
   [[nodiscard]] u32 open() const { return u32(open_.size()); }
 
  private:
+  [[nodiscard]] bool has_room(const Peer& peer) const;
   void remove(int duplicate);
 
   EventLoop& loop_;
   const Limits limits_;
   struct Entry {
     UniqueFd fd;
-    pid_t peer;
+    Peer peer;
   };
   std::unordered_map<int, Entry> open_;
-  std::unordered_map<pid_t, u32> by_peer_;
+  std::map<Peer, u32> by_peer_;
+  u32 remote_ = 0;  // of open_, those over TCP
 };
 
 }  // namespace heliograph::server

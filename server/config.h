@@ -25,8 +25,8 @@ enum ExitCode : int {
 
 // X(name, default, what it bounds): every limit is a setting, --limit NAME=VALUE.
 #define HELIO_LIMITS(X)                                                                 \
-  X(connections, 256, "open connections")                                               \
-  X(connections_per_peer, 64, "open connections of one process")                        \
+  X(connections, 256, "open connections; a quarter only of the Unix socket")            \
+  X(connections_per_peer, 64, "those of one process, or over TCP of one address")       \
   X(sessions, 256, "open sessions")                                                     \
   X(calls_per_session, 64, "calls and streams of one session at a time")                \
   X(quick_calls, 256, "sessions that have a socket for quick calls")                    \

@@ -227,7 +227,7 @@ Status Life::start_listening(Sockets sockets) {
 
 Status Life::listen(ListeningSocket socket, void (GrpcServer::*serve)(UniqueFd)) {
   auto listener = Listener::start(*daemon_.loop, daemon_.log, std::move(socket),
-                                  [this, serve](UniqueFd connection, pid_t peer) {
+                                  [this, serve](UniqueFd connection, const Peer& peer) {
                                     if (connections_->add(connection.get(), peer))
                                       return (grpc_.get()->*serve)(std::move(connection));
                                     daemon_.metrics.connection_refused();

@@ -36,9 +36,10 @@ Expected<std::unique_ptr<Lifelines>> Lifelines::start(EventLoop& loop, const Log
                                                       ListeningSocket listener, u32 limit,
                                                       Handlers handlers) {
   std::unique_ptr<Lifelines> lifelines(new Lifelines(loop, limit, std::move(handlers)));
-  auto started = Listener::start(
-      loop, log, std::move(listener),
-      [self = lifelines.get()](UniqueFd connection, pid_t) { self->take(std::move(connection)); });
+  auto started = Listener::start(loop, log, std::move(listener),
+                                 [self = lifelines.get()](UniqueFd connection, const Peer&) {
+                                   self->take(std::move(connection));
+                                 });
   if (!started) return std::unexpected(started.error());
   lifelines->listener_ = std::move(*started);
   return lifelines;

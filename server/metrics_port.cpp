@@ -71,7 +71,7 @@ Expected<std::unique_ptr<MetricsPort>> MetricsPort::start(EventLoop& loop, const
   std::unique_ptr<MetricsPort> port(new MetricsPort(loop, std::move(page)));
   auto listener = Listener::start(
       loop, log, std::move(socket),
-      [self = port.get()](UniqueFd connection, pid_t) { self->take(std::move(connection)); });
+      [self = port.get()](UniqueFd connection, const Peer&) { self->take(std::move(connection)); });
   if (!listener) return std::unexpected(listener.error());
   port->listener_ = std::move(*listener);
   return port;

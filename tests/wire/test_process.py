@@ -1,5 +1,6 @@
 """The process: sockets, flags, signals, the owner, floods."""
 
+import contextlib
 import os
 import resource
 import signal
@@ -185,6 +186,47 @@ def test_one_process_may_not_take_all_connections(start):
         third.settimeout(5)
         assert third.recv(1) == b""
     for client in clients:
+        client.close()
+
+
+def tcp_daemon(start, **limits):
+    """A daemon that listens at loopback too, and its port."""
+    daemon = start("--listen", "127.0.0.1:0", limits=limits)
+    return daemon, int(daemon.ready["listen"][0].split(":")[1])
+
+
+def knock(port, source="127.0.0.1"):
+    """A connection that says nothing, not even who it is."""
+    return socket.create_connection(("127.0.0.1", port), timeout=5, source_address=(source, 0))
+
+
+def is_kept(connection):
+    connection.settimeout(0.5)
+    try:
+        return connection.recv(1) != b""
+    except TimeoutError:
+        return True
+    except ConnectionResetError:
+        return False
+
+
+def test_one_address_may_not_take_all_connections(start):
+    _, port = tcp_daemon(start, connections_per_peer=2)
+    with contextlib.ExitStack() as stack:
+        opened = [stack.enter_context(knock(port)) for _ in range(3)]
+        assert [is_kept(each) for each in opened] == [True, True, False]
+        assert is_kept(stack.enter_context(knock(port, "127.0.0.2")))
+        opened[0].close()
+        eventually(lambda: is_kept(stack.enter_context(knock(port))))
+
+
+def test_strangers_leave_the_unix_socket_its_share(start):
+    daemon, port = tcp_daemon(start, connections=8)
+    with contextlib.ExitStack() as stack:
+        flood = [stack.enter_context(knock(port)) for _ in range(16)]
+        assert sum(map(is_kept, flood)) == 6
+        client = Client(daemon)
+        assert client.create()
         client.close()
 
 
