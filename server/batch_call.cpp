@@ -221,9 +221,11 @@ void BatchCall::OnDone() {
 }
 
 void BatchCall::look(EventLoop::Clock::time_point now) {
+  Status known = check_identity(daemon_.gate, scope_.context(), scope_.session()->tenant());
   bool is_stuck;
   {
     const std::lock_guard lock(mutex_);
+    if (!known) close(std::move(known));
     is_stuck =
         is_writing_ && standstill_.is_longer_than(double(daemon_.config.limits.stall_seconds), now);
   }

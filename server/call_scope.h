@@ -9,6 +9,22 @@
 
 namespace heliograph::server {
 
+/// CANCELLED when the session ended, UNAVAILABLE when the daemon ended it.
+[[nodiscard]] inline Status check_open(const Session& session) {
+  if (!session.ended().stop_requested()) return {};
+  return session.told(fail(Code::kCancelled, "", "the session ended; open another"));
+}
+
+/// Whether who makes a call is still who it was: tokens and certificates are withdrawn while calls
+/// run. UNAUTHENTICATED.
+[[nodiscard]] inline Status check_identity(Gate& gate, const grpc::CallbackServerContext& context,
+                                           const TenantPtr& tenant) {
+  const auto now = gate.admit(context, Needs::kNothing);
+  if (!now) return std::unexpected(now.error());
+  if (now->tenant() == tenant) return {};
+  return fail(Code::kUnauthenticated, "", "the token or certificate is another tenant's now");
+}
+
 /// Thread: any.
 class CallScope {
  public:
@@ -28,6 +44,13 @@ class CallScope {
   /// Stops when the client cancels, its deadline passes, or the session ends.
   [[nodiscard]] std::stop_token stop() const { return stop_.get_token(); }
   void request_stop() { stop_.request_stop(); }
+  /// What ends a call that has no end of its own: the drain, the session's end, an identity that
+  /// was withdrawn.
+  [[nodiscard]] Status check_lasting(Gate& gate) const {
+    if (gate.is_closed()) return shutting_down();
+    HELIO_TRY(check_identity(gate, context_, session()->tenant()));
+    return check_open(*session());
+  }
   [[nodiscard]] bool is_stopped() const { return stop_.stop_requested(); }
 
  private:

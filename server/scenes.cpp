@@ -163,6 +163,12 @@ Expected<ScenePtr> Scenes::create(NewScene scene, const Session& session) {
   }
   auto entry = add(std::move(identity), scene.first);
   if (!entry) return entry;
+  if (session.ended().stop_requested()) {  // one that ends later frees it
+    const std::lock_guard lock(mutex_);
+    scenes_.erase((*entry)->id);
+    return std::unexpected(
+        session.told(fail(Code::kCancelled, "", "the session ended; open another")).error());
+  }
   if (is_durable) {
     SceneState state{.row = row_of(**entry), .head = std::move(scene.first), .logs = {}};
     if (auto added = journal_->add(std::move(state)); !added) {

@@ -75,9 +75,14 @@ bool is_short(const v1::ApplyRequest& request) {
 void apply_numbered(Daemon& daemon, const std::shared_ptr<Session>& session,
                     const v1::ApplyRequest& request,
                     const std::function<void(EditLog::Reply)>& done, bool may_take_long) {
+  if (daemon.gate.is_closed()) return done(refuse(shutting_down().error()));
   const auto entry = daemon.scenes.find(request.scene(), *session);
   if (!entry) return done(refuse(entry.error()));
   const auto log = daemon.scenes.edits(**entry, session->id());
+  if (auto open = check_open(*session); !open) {
+    daemon.scenes.end_session(session->id());  // whose log this may have made again
+    return done(refuse(std::move(open).error()));
+  }
   auto task = [&request, session, entry = *entry, log, done, &changes = daemon.scenes.changes()] {
     const auto apply = [&](const EditLog::Finish& finish) {
       if (entry->journal) return apply_durably(session, *entry, request, finish);
@@ -107,36 +112,99 @@ grpc::ServerUnaryReactor* Service::Apply(Context* context, const v1::ApplyReques
 
 grpc::ServerBidiReactor<v1::ApplyRequest, v1::ApplyReply>* Service::ApplyStream(Context* context) {
   using Reactor = grpc::ServerBidiReactor<v1::ApplyRequest, v1::ApplyReply>;
-  return let_in<Reactor>(daemon_.gate, context, Needs::kSession,
-                         [&](Call call) { return new ApplyStreamCall(daemon_, std::move(call)); });
+  return let_in<Reactor>(daemon_.gate, context, Needs::kSession, [&](Call call) {
+    return ApplyStreamCall::start(daemon_, *context, std::move(call));
+  });
 }
 
 // ---------------------------------------------------------------- ApplyStreamCall
 
-ApplyStreamCall::ApplyStreamCall(Daemon& daemon, Call call)
-    : daemon_(daemon), call_(std::move(call)) {
+ApplyStreamCall* ApplyStreamCall::start(Daemon& daemon, grpc::CallbackServerContext& context,
+                                        Call call) {
+  std::shared_ptr<ApplyStreamCall> made(new ApplyStreamCall(daemon, context, std::move(call)));
+  made->self_ = made;
+  daemon.watch.add(made);
+  made->read();
+  return made.get();
+}
+
+/// Called by who is busy, and is not any more.
+void ApplyStreamCall::read() {
   StartRead(&request_);
+  rest();
 }
 
 void ApplyStreamCall::OnReadDone(bool ok) {
-  if (!ok) return Finish(grpc::Status::OK);
-  apply_numbered(daemon_, call_.session(), request_, [this](const EditLog::Reply& answer) {
-    reply_.Clear();
-    if (*answer) {
-      reply_ = **answer;
-    } else {
-      reply_.set_number(request_.number());
-      reply_.set_code(u32(answer->error().code));
-      reply_.set_message(message_of(answer->error()));
-      *reply_.mutable_detail() = to_proto(answer->error());
-    }
-    StartWrite(&reply_);
-  });
+  if (!ok) return end({});
+  {
+    const std::lock_guard lock(mutex_);
+    if (is_finished_) return;
+    ++busy_;
+  }
+  apply_numbered(daemon_, scope_.session(), request_,
+                 [this](const EditLog::Reply& reply) { answer(reply); });
+}
+
+void ApplyStreamCall::answer(const EditLog::Reply& answer) {
+  reply_.Clear();
+  if (*answer) {
+    reply_ = **answer;
+  } else {
+    reply_.set_number(request_.number());
+    reply_.set_code(u32(answer->error().code));
+    reply_.set_message(message_of(answer->error()));
+    *reply_.mutable_detail() = to_proto(answer->error());
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    is_writing_ = true;
+  }
+  StartWrite(&reply_);
 }
 
 void ApplyStreamCall::OnWriteDone(bool ok) {
-  if (!ok) return Finish(grpc::Status::CANCELLED);
-  StartRead(&request_);
+  bool is_over;
+  {
+    const std::lock_guard lock(mutex_);
+    is_writing_ = false;
+    if (!ok && !result_) result_ = fail(Code::kCancelled, "", "cancelled by the client");
+    is_over = result_.has_value();
+  }
+  is_over ? rest() : read();
+}
+
+/// The first status counts.
+void ApplyStreamCall::end(Status status) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!result_) result_ = std::move(status);
+    ++busy_;
+  }
+  rest();
+}
+
+/// Whoever is the last to be busy ends a call that is over.
+void ApplyStreamCall::rest() {
+  Status result;
+  {
+    const std::lock_guard lock(mutex_);
+    if (--busy_ > 0 || !result_ || is_finished_) return;
+    is_finished_ = true;
+    result = *result_;
+  }
+  finish(result);
+}
+
+void ApplyStreamCall::look(EventLoop::Clock::time_point) {
+  Status lasting = scope_.check_lasting(daemon_.gate);
+  if (lasting) return;
+  bool is_stuck;
+  {
+    const std::lock_guard lock(mutex_);
+    is_stuck = is_writing_ && result_;
+  }
+  if (is_stuck) scope_.context().TryCancel();  // a write in flight ends no other way
+  end(std::move(lasting));
 }
 
 }  // namespace heliograph::server

@@ -1,4 +1,5 @@
 // ImportScene: a scene file in chunks becomes a new scene.
+#include "server/call_scope.h"
 #include "server/convert/export.h"
 #include "server/once.h"
 #include "server/rpc.h"
@@ -31,6 +32,8 @@ class ImportCall final : public Reader<v1::SceneChunk> {
   void end() {
     if (context_.IsCancelled())
       return finish(fail(Code::kCancelled, "", "the import was cancelled"));
+    if (auto known = check_identity(daemon_.gate, context_, call_.tenant()); !known)
+      return finish(known);
     if (auto posted = daemon_.pool.post([this] { finish(build()); }); !posted) finish(posted);
   }
   Status build() {

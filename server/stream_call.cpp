@@ -293,6 +293,7 @@ void StreamCall::OnDone() {
 
 void StreamCall::look(EventLoop::Clock::time_point now) {
   const double limit = double(daemon_.config.limits.stall_seconds);
+  Status lasting = scope_.check_lasting(daemon_.gate);
   bool is_stuck;
   u64 scene;
   {
@@ -300,8 +301,8 @@ void StreamCall::look(EventLoop::Clock::time_point now) {
     const bool is_stalled = is_waited_for() && standstill_.is_longer_than(limit, now);
     is_stuck = is_stalled && is_writing_;
     scene = scene_;
-    if (daemon_.gate.is_closed())
-      close(shutting_down());
+    if (!lasting)
+      close(std::move(lasting));
     else if (is_stalled)
       close(fail(Code::kResourceExhausted, "credits",
                  fmt::format("the reader took nothing for {} s; read faster, return credits, or "

@@ -144,14 +144,14 @@ void WatchCall::OnCancel() {
 }
 
 void WatchCall::look(EventLoop::Clock::time_point now) {
-  Status there;
-  if (const auto found = daemon_.scenes.find(order_.scene, *scope_.session()); !found)
-    there = std::unexpected(found.error());
+  Status lasting = scope_.check_lasting(daemon_.gate);
+  if (lasting)
+    if (const auto found = daemon_.scenes.find(order_.scene, *scope_.session()); !found)
+      lasting = std::unexpected(found.error());
   bool is_stuck = false;
   {
     const std::lock_guard lock(mutex_);
-    if (daemon_.gate.is_closed() && !result_) result_ = shutting_down();
-    if (!there && !result_) result_ = std::move(there);
+    if (!lasting && !result_) result_ = std::move(lasting);
     is_stuck =
         is_writing_ && standstill_.is_longer_than(double(daemon_.config.limits.stall_seconds), now);
     is_bookmark_due_ |= !is_busy_ && standstill_.is_longer_than(order_.bookmark_seconds, now);

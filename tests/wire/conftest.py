@@ -89,7 +89,7 @@ class Daemon:
 class Client:
     """One session: its lifeline, its channel, its stub."""
 
-    def __init__(self, daemon: Daemon, ticket: bool = True):
+    def __init__(self, daemon: Daemon, ticket: bool = True, token: str = ""):
         self.channel = grpc.insecure_channel(
             daemon.target, options=[("grpc.use_local_subchannel_pool", 1)]
         )
@@ -100,8 +100,11 @@ class Client:
             self.lifeline = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
             self.lifeline.connect(daemon.socket + ".fd.sock")
             request.ticket = self.lifeline.recv(64)
-        self.opened = self.stub.OpenSession(request, wait_for_ready=True, timeout=10)
-        self.metadata = [("heliograph-session", str(self.opened.session))]
+        self.metadata = [("authorization", f"Bearer {token}")] if token else []
+        self.opened = self.stub.OpenSession(
+            request, metadata=self.metadata, wait_for_ready=True, timeout=10
+        )
+        self.metadata.append(("heliograph-session", str(self.opened.session)))
         self.numbers: dict[int, int] = {}
 
     def call(self, method: str, request=None, timeout: float | None = 10, **fields):

@@ -1,5 +1,7 @@
 """RenderBatch and Stream on the wire: credits, statuses, and what ends them."""
 
+import hashlib
+import os
 import queue
 import time
 
@@ -191,4 +193,129 @@ def test_a_stream_ends_when_the_daemon_drains(start):
     eventually(lambda: stream.is_over)
     assert stream.error.code() == grpc.StatusCode.UNAVAILABLE
     stream.close()
+    client.close()
+
+
+# ---------------------------------------------------------------- what outlives its permission
+
+
+def numbered(scene: int, number: int) -> service.ApplyRequest:
+    request = service.ApplyRequest(scene=scene, number=number)
+    request.transaction.edits.append(entity(f"e{number}"))
+    return request
+
+
+class Edits:
+    """An ApplyStream of a shared scene that has taken one edit, and waits."""
+
+    def __init__(self, client: Client):
+        self.scene = client.create("shared", shared=True)
+        self.stream = Conversation(client, "ApplyStream")
+        self.stream.send(numbered(self.scene, 1))
+        assert self.stream.wait(1)[0].code == 0
+
+    def try_another(self) -> int:
+        """The status of a second edit, whether as a reply or as the stream's end."""
+        self.stream.send(numbered(self.scene, 2))
+        eventually(lambda: self.stream.is_over or len(self.stream.replies) == 2)
+        if len(self.stream.replies) == 2:
+            return self.stream.replies[1].code
+        return self.stream.error.code().value[0]
+
+    def end(self) -> grpc.RpcError:
+        eventually(lambda: self.stream.is_over, 2)
+        return self.stream.error
+
+
+@pytest.mark.parametrize("waits", [False, True])
+def test_an_apply_stream_ends_with_its_session(daemon, client, waits):
+    other = Client(daemon)
+    edits = Edits(other)
+    other.call("CloseSession")
+    if not waits:
+        assert edits.try_another() == grpc.StatusCode.CANCELLED.value[0]
+    assert edits.end().code() == grpc.StatusCode.CANCELLED
+    found = client.call("OpenScene", name="shared")
+    assert (found.revision, found.next_edit) == (1, 1)
+    client.call("DeleteScene", scene=found.scene)
+    edits.stream.close()
+    other.close()
+
+
+def test_an_idle_apply_stream_does_not_hold_the_drain(start):
+    daemon = start("--drain", "20")
+    client = Client(daemon)
+    edits = Edits(client)
+    begin = time.monotonic()
+    assert daemon.stop() == 0
+    assert time.monotonic() - begin < 3
+    assert edits.end().code() == grpc.StatusCode.UNAVAILABLE
+    edits.stream.close()
+    client.close()
+
+
+def test_an_edit_of_an_open_stream_is_refused_while_the_daemon_drains(start):
+    daemon = start("--drain", "20")
+    client = Client(daemon)
+    edits = Edits(client)
+    daemon.process.terminate()
+    time.sleep(0.1)
+    assert edits.try_another() == grpc.StatusCode.UNAVAILABLE.value[0]
+    assert daemon.process.wait(5) == 0
+    edits.stream.close()
+    client.close()
+
+
+def test_an_import_after_its_session_leaves_nothing(daemon, client):
+    chunks = list(client.call("ExportScene", scene=client.create()))
+    chunks[0].header.name = "orphan"
+    other = Client(daemon)
+    sent = queue.SimpleQueue()
+    imported = other.stub.ImportScene.future(
+        iter(sent.get, None), metadata=other.metadata, timeout=10
+    )
+    for chunk in chunks:
+        sent.put(chunk)
+    time.sleep(0.2)  # it is let in
+    other.call("CloseSession")
+    sent.put(None)
+    assert imported.exception(timeout=5).code() == grpc.StatusCode.CANCELLED
+    assert "orphan" not in [scene.name for scene in client.call("ListScenes").scenes]
+    other.close()
+
+
+TOKENS = ["first" * 5, "second" * 5]
+
+
+def write_tenants(path: str, lines: list[tuple[str, str]]):
+    """Replaces the tenants file."""
+    with open(path + ".new", "w", opener=lambda name, flags: os.open(name, flags, 0o600)) as file:
+        for tenant, token in lines:
+            file.write(f"{tenant} token sha256:{hashlib.sha256(token.encode()).hexdigest()}\n")
+    os.rename(path + ".new", path)
+
+
+@pytest.mark.parametrize("left", ["another token", "another tenant"])
+def test_streams_end_with_the_token_that_opened_them(start, tmp_path, left):
+    tenants = str(tmp_path / "tenants")
+    keeper = "robots" if left == "another token" else "vision"
+    write_tenants(tenants, [("robots", TOKENS[0]), (keeper, TOKENS[1])])
+    daemon = start("--tenants", tenants)
+    client = Client(daemon, token=TOKENS[0])
+    edits = Edits(client)
+    watch = Replies(client.call("Watch", timeout=60, scene=edits.scene))
+    watch.wait(1)
+    batch = Conversation(client, "RenderBatch")
+    batch.send(item(edits.scene + 1, 1, credits=1))
+    batch.wait(1)
+    write_tenants(tenants, [(keeper, TOKENS[1])])
+    gone = {grpc.StatusCode.UNAUTHENTICATED}
+    if left == "another tenant":
+        gone.add(grpc.StatusCode.CANCELLED)  # its sessions end too
+    assert edits.end().code() in gone
+    for call in (watch, batch):
+        eventually(lambda call=call: call.is_over, 2)
+        assert call.error.code() in gone
+    for call in (edits.stream, watch, batch):
+        call.close()
     client.close()
