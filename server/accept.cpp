@@ -19,6 +19,8 @@
 #include <filesystem>
 #include <vector>
 
+#include "server/own_folder.h"
+
 namespace heliograph::server {
 namespace {
 
@@ -45,18 +47,7 @@ Expected<UniqueFd> open_folder(const std::filesystem::path& folder, std::optiona
   } else if (errno != EEXIST) {
     return system_error("cannot make the socket's folder " + folder.string());
   }
-  UniqueFd fd(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  struct stat info{};
-  if (!fd || ::fstat(fd.get(), &info) != 0)
-    return system_error("cannot open the socket's folder " + folder.string());
-  const bool is_mine = info.st_uid == ::geteuid() || info.st_uid == 0;
-  const bool is_open = (info.st_mode & 0022) != 0 && (info.st_mode & S_ISVTX) == 0;
-  if (!is_mine || is_open)
-    return fail(Code::kPermissionDenied, "--socket",
-                "the folder " + folder.string() +
-                    " belongs to or is writable by other users; choose one of yours or run "
-                    "`chmod go-w` on it");
-  return fd;
+  return open_own_folder(folder.string(), Others::kMayRead, "--socket");
 }
 
 /// Whether the other end of a Unix socket is in the group, as its first group or a further one.

@@ -2,17 +2,22 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 
 #include <google/protobuf/arena.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <cstring>
 #include <filesystem>
 #include <future>
 #include <iterator>
 #include <limits>
 
+#include "server/convert/fields.h"
 #include "server/journal/journal.h"
 #include "server/journal/log_check.h"
+#include "server/own_folder.h"
 
 namespace heliograph::server {
 namespace {
@@ -83,13 +88,19 @@ Journal::~Journal() { stop(); }
 
 Status Journal::take_folder() {
   const std::string& folder = options_.folder;
-  for (const std::string& each : {folder, folder + "/blobs"})
-    if (auto made = make_folder(each); !made)
-      return std::unexpected(std::move(made).error().at("--state-dir"));
+  HELIO_CHECK(make_folder(folder), "--state-dir");
+  if (auto own = open_own_folder(folder, Others::kMayNothing, "--state-dir"); !own)
+    return std::unexpected(std::move(own).error());
+  HELIO_CHECK(make_folder(folder + "/blobs"), "--state-dir");
   lock_ = UniqueFd(::open((folder + "/lock").c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
   if (!lock_ || ::flock(lock_.get(), LOCK_EX | LOCK_NB) != 0)
     return fail(Code::kAlreadyExists, "--state-dir",
                 folder + " is another daemon's, or is not writable; give each its own");
+  // SQLite would make it for all to read, and gives its log the same mode.
+  const UniqueFd file(::open(path().c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
+  if (!file || ::fchmod(file.get(), 0600) != 0)
+    return fail(Code::kUnavailable, "--state-dir",
+                fmt::format("cannot make {}: {}", path(), std::strerror(errno)));
   return {};
 }
 

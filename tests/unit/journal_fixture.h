@@ -27,6 +27,7 @@ class Folder {
     path_ = std::filesystem::path(has_memory ? "/dev/shm" : "/var/tmp") /
             fmt::format("heliograph-test-{}-{}", ::getpid(), ++last);
     std::filesystem::create_directory(path_);
+    std::filesystem::permissions(path_, std::filesystem::perms::owner_all);
   }
   Folder(const Folder&) = delete;
   ~Folder() { std::filesystem::remove_all(path_); }

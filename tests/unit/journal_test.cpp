@@ -229,6 +229,33 @@ TEST_CASE("journal: who watches is told of each revision, once it is there") {
   CHECK(told == all);
 }
 
+TEST_CASE("journal: nobody else reads it") {
+  using std::filesystem::perms;
+  const Folder folder;
+  const auto refusal = [&] {
+    const Server server(folder.path());
+    return server.opened ? "" : server.opened.error().where + " " + server.opened.error().message;
+  };
+  for (const perms others : {perms::others_read, perms::group_exec, perms::others_write}) {
+    std::filesystem::permissions(folder.path(), perms::owner_all | others);
+    CHECK(refusal() == fmt::format("--state-dir the folder {} belongs to or is open to other "
+                                   "users; choose one of yours or run `chmod 700` on it",
+                                   folder.path()));
+  }
+  CHECK(std::filesystem::is_empty(folder.path()));
+  std::filesystem::permissions(folder.path(), perms::owner_all);
+  std::ofstream(folder / "journal.db").close();
+  std::filesystem::permissions(folder / "journal.db", perms(0644));
+  const Server server(folder.path());
+  REQUIRE(server.opened);
+  for (const std::string name : {"journal.db", "journal.db-wal"})
+    CHECK(std::filesystem::status(folder / name).permissions() == perms(0600));
+  if (::geteuid() != 0) return;
+  const Folder strange;
+  REQUIRE(::chown(strange.path().c_str(), 4242, 4242) == 0);
+  CHECK(Server(strange.path()).opened.error().code == Code::kPermissionDenied);
+}
+
 TEST_CASE("journal: who may be durable") {
   const Folder folder;
   Server server(folder.path());
