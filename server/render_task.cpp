@@ -3,7 +3,9 @@
 
 #include <fmt/format.h>
 
+#include "server/convert/fields.h"
 #include "server/convert/frame.h"
+#include "server/convert/limits.h"
 #include "server/convert/render.h"
 #include "server/convert/worlds.h"
 #include "server/version.h"
@@ -29,6 +31,7 @@ Expected<SnapshotPtr> base_of(const SceneEntry& entry, const v1::RenderRequest& 
 /// The overlay on a snapshot of its own, under the revision it is based on.
 Expected<SnapshotPtr> with_overlay(Daemon& daemon, Session& session, const SnapshotPtr& base,
                                    const v1::Transaction& overlay) {
+  HELIO_CHECK(check_count(overlay, daemon.config.limits.edits), "overlay");
   const auto transaction = to_transaction(overlay, session.holdings());
   if (!transaction) return std::unexpected(Error(transaction.error()).at("overlay"));
   const auto prepared = apply(*base, *transaction, daemon.scenes.scene_limits());
@@ -75,7 +78,8 @@ Expected<std::shared_ptr<RenderJob>> make_job(Daemon& daemon, Session& session,
                     {.spp = u32(limits.samples), .groups = u32(limits.groups)});
   if (!job) return std::unexpected(job.error());
   if (request.has_worlds()) {
-    auto worlds = to_worlds(request.worlds(), *job->snapshot, session.holdings(), limits.worlds);
+    auto worlds = to_worlds(request.worlds(), *job->snapshot, session.holdings(),
+                            {.worlds = limits.worlds, .edits = limits.edits});
     if (!worlds) return std::unexpected(std::move(worlds).error().at("worlds"));
     worlds->limits = daemon.scenes.scene_limits();
     job->worlds = std::make_shared<const Worlds>(*std::move(worlds));

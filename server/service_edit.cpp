@@ -1,5 +1,6 @@
 // Apply and ApplyStream.
 #include "server/apply_stream.h"
+#include "server/convert/limits.h"
 #include "server/convert/render.h"
 #include "server/edit_calls.h"
 #include "server/journal/sources.h"
@@ -16,8 +17,10 @@ EditLog::Reply refuse(Error error) {
 }
 
 /// The transaction of a request that its session may still make.
-Expected<Transaction> read(Session& session, const v1::ApplyRequest& request, ArraySource& source) {
+Expected<Transaction> read(Session& session, const v1::ApplyRequest& request, ArraySource& source,
+                           const Limits& limits) {
   HELIO_TRY(check_own_fields(request));  // those of the transaction are checked by it
+  HELIO_TRY(check_count(request.transaction(), limits.edits));
   Rate& edits = session.tenant()->edits;
   HELIO_TRY(edits.admit());
   edits.charge(u64(request.transaction().edits_size()));
@@ -30,8 +33,8 @@ std::optional<Revision> expected_of(const v1::ApplyRequest& request) {
 }
 
 Expected<v1::ApplyReply> apply_now(Session& session, SceneEntry& entry,
-                                   const v1::ApplyRequest& request) {
-  const auto transaction = read(session, request, session.holdings());
+                                   const v1::ApplyRequest& request, const Limits& limits) {
+  const auto transaction = read(session, request, session.holdings(), limits);
   if (!transaction) return std::unexpected(transaction.error());
   const auto prepared = entry.commit(*transaction, expected_of(request), request.transaction());
   if (!prepared) return std::unexpected(prepared.error());
@@ -39,11 +42,12 @@ Expected<v1::ApplyReply> apply_now(Session& session, SceneEntry& entry,
 }
 
 void apply_durably(const std::shared_ptr<Session>& session, SceneEntry& entry,
-                   const v1::ApplyRequest& request, const EditLog::Finish& finish) {
+                   const v1::ApplyRequest& request, const Limits& limits,
+                   const EditLog::Finish& finish) {
   if (auto writing = entry.journal->status(); !writing)
     return finish(std::unexpected(writing.error()));
   RecordingSource source(session->holdings(), entry.journal->files(entry.tenant->name));
-  DurableEdit edit{.transaction = read(*session, request, source),
+  DurableEdit edit{.transaction = read(*session, request, source, limits),
                    .expected = expected_of(request),
                    .record = {},
                    .files = {}};
@@ -83,12 +87,13 @@ void apply_numbered(Daemon& daemon, const std::shared_ptr<Session>& session,
     daemon.scenes.end_session(session->id());  // whose log this may have made again
     return done(refuse(std::move(open).error()));
   }
-  auto task = [&request, session, entry = *entry, log, done, &changes = daemon.scenes.changes()] {
+  auto task = [&request, session, entry = *entry, log, done, &daemon] {
     const auto apply = [&](const EditLog::Finish& finish) {
-      if (entry->journal) return apply_durably(session, *entry, request, finish);
-      const auto change = changes.begin();  // up to its reply
+      if (entry->journal)
+        return apply_durably(session, *entry, request, daemon.config.limits, finish);
+      const auto change = daemon.scenes.changes().begin();  // up to its reply
       if (!change) return finish(std::unexpected(change.error()));
-      finish(apply_now(*session, *entry, request));
+      finish(apply_now(*session, *entry, request, daemon.config.limits));
     };
     log->answer(request.number(), apply, done);
   };

@@ -5,6 +5,7 @@
 
 #include "server/convert/array.h"
 #include "server/convert/fields.h"
+#include "server/convert/limits.h"
 #include "server/convert/nouns.h"
 #include "server/convert/resolve.h"
 
@@ -52,18 +53,20 @@ Expected<std::vector<u32>> read_mask(const v1::Worlds& message, ArraySource& sou
 }  // namespace
 
 Expected<Worlds> to_worlds(const v1::Worlds& message, const Snapshot& scene, ArraySource& source,
-                           u64 most) {
+                           const WorldLimits& limits) {
   Worlds worlds;
-  HELIO_TAKE(worlds.count, read_count(message.count(), most), "count");
+  HELIO_TAKE(worlds.count, read_count(message.count(), limits.worlds), "count");
   if (u32(message.overlays_size()) > worlds.count)
     return fail(Code::kInvalidArgument, "overlays",
                 fmt::format("has {} entries for {} worlds; give at most one each",
                             message.overlays_size(), worlds.count));
   if (message.has_poses())
     HELIO_CHECK(read_poses_of(message.poses(), scene, source, worlds), "poses");
-  for (int i = 0; i < message.overlays_size(); ++i)
-    HELIO_TAKE(worlds.overlays.emplace_back(), to_transaction(message.overlays(i), source),
-               indexed("overlays", u64(i)));
+  for (int i = 0; i < message.overlays_size(); ++i) {
+    const std::string field = indexed("overlays", u64(i));
+    HELIO_CHECK(check_count(message.overlays(i), limits.edits), field);
+    HELIO_TAKE(worlds.overlays.emplace_back(), to_transaction(message.overlays(i), source), field);
+  }
   HELIO_TAKE(worlds.rendered, read_mask(message, source), "mask");
   return worlds;
 }

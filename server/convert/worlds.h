@@ -7,12 +7,16 @@
 
 namespace heliograph::server {
 
-/// most    worlds of a request: more is RESOURCE_EXHAUSTED
+struct WorldLimits {
+  u64 worlds;  // of a request
+  u64 edits;   // of an overlay
+};
+
 /// scene   the request's, with its overlay: poses name its entities
 ///
 /// Fails with INVALID_ARGUMENT, NOT_FOUND, RESOURCE_EXHAUSTED, `where` beneath
 /// RenderRequest.worlds. Whether overlays fit the scene is not looked at.
 [[nodiscard]] Expected<Worlds> to_worlds(const v1::Worlds& message, const Snapshot& scene,
-                                         ArraySource& source, u64 most);
+                                         ArraySource& source, const WorldLimits& limits);
 
 }  // namespace heliograph::server

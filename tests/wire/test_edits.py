@@ -5,7 +5,7 @@ import struct
 import grpc
 import pytest
 from conftest import Client, detail
-from heliograph.v1 import scene_pb2, types_pb2
+from heliograph.v1 import render_pb2, scene_pb2, types_pb2
 from heliograph.v1 import service_pb2 as service
 
 ABORTED = grpc.StatusCode.ABORTED
@@ -161,6 +161,33 @@ def test_one_bad_edit_undoes_its_transaction(client, scene):
     error = refused(lambda: client.apply(scene, entity("good"), entity("bad", mesh=named("no"))))
     assert detail(error).field.startswith("edits[1]")
     assert not client.call("DescribeScene", scene=scene, tree=True).objects
+
+
+def test_the_edits_of_a_transaction_are_limited(start):
+    client = Client(start(limits={"edits": 2}))
+    scene = client.create()
+    three = [entity(name) for name in "abc"]
+    error = refused(lambda: client.apply(scene, *three))
+    assert error.code() == grpc.StatusCode.RESOURCE_EXHAUSTED and "limit edits" in error.details()
+    assert (detail(error).field, detail(error).needed, detail(error).available) == ("edits", 3, 2)
+    streamed = service.ApplyRequest(scene=scene, number=2)
+    streamed.transaction.edits.extend(three)
+    (reply,) = client.stub.ApplyStream(iter([streamed]), metadata=client.metadata, timeout=20)
+    assert reply.code == 8 and reply.detail.field == "edits"
+    camera = scene_pb2.Camera(width=2, height=2, fx=2, fy=2, cx=0.5, cy=0.5)
+    client.numbers[scene] = 2
+    client.apply(scene, entity("cam", camera=camera), entity("a"))
+    overlay = scene_pb2.Transaction(edits=three)
+    depth = render_pb2.PlaneRequest(plane=render_pb2.PLANE_DEPTH)
+    fields = {"overlay": overlay}, {"worlds": render_pb2.Worlds(count=1, overlays=[overlay])}
+    for each, where in zip(fields, ("overlay.edits", "worlds.overlays[0].edits"), strict=True):
+        request = render_pb2.RenderRequest(
+            scene=scene, cameras=[named("cam")], planes=[depth], **each
+        )
+        error = refused(lambda r=request: list(client.call("Render", r)))
+        assert error.code() == grpc.StatusCode.RESOURCE_EXHAUSTED, error.details()
+        assert detail(error).field == where
+    client.close()
 
 
 def test_an_unknown_field_in_an_edit_uses_its_number_up(client, scene):

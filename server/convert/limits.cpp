@@ -1,0 +1,21 @@
+// See limits.h.
+#include "server/convert/limits.h"
+
+#include <fmt/format.h>
+
+namespace heliograph::server {
+
+Status check_count(const v1::Transaction& message, u64 most) {
+  const u64 count = u64(message.edits_size());
+  if (count <= most) return {};
+  Error error{
+      .code = Code::kResourceExhausted,
+      .message = fmt::format(
+          "has {} edits, {} are allowed: send several transactions (limit edits)", count, most),
+      .where = "edits"};
+  error.needed = count;
+  error.available = most;
+  return std::unexpected(std::move(error));
+}
+
+}  // namespace heliograph::server
