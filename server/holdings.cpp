@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "server/convert/fields.h"
+#include "server/convert/limits.h"
 
 namespace heliograph::server {
 namespace {
@@ -41,6 +42,7 @@ Expected<std::optional<Incoming>> Holdings::begin(const v1::UploadBlobRequest& f
   if (hash.empty() && first.request_id().empty())
     return fail(Code::kInvalidArgument, "request_id",
                 "is empty; name the upload by its sha256 or by a request_id");
+  HELIO_TRY(check_request_id(first.request_id()));
   if (!hash.empty()) {
     if (BufferPtr present = blobs_.find(hash)) {
       const std::lock_guard lock(mutex_);

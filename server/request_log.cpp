@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "server/convert/limits.h"
 #include "server/mutant.h"
 
 namespace heliograph::server {
@@ -37,8 +38,7 @@ EditLog::Reply refused(u64 number, u64 next) {
 Expected<std::optional<std::string>> RequestLog::begin(const std::string& id,
                                                        const std::string& method) {
   if (id.empty()) return std::nullopt;
-  if (id.size() > 256)
-    return fail(Code::kInvalidArgument, "request_id", "is longer than 256 bytes");
+  HELIO_TRY(check_request_id(id));
   const std::lock_guard lock(mutex_);
   const auto [entry, is_new] = entries_.try_emplace(id, Entry{method, std::nullopt});
   if (is_new) return std::nullopt;

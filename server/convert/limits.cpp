@@ -18,4 +18,11 @@ Status check_count(const v1::Transaction& message, u64 most) {
   return std::unexpected(std::move(error));
 }
 
+Status check_request_id(std::string_view id) {
+  constexpr std::size_t kMost = 256;
+  if (id.size() <= kMost) return {};
+  return fail(Code::kInvalidArgument, "request_id",
+              fmt::format("has {} bytes; give at most {}", id.size(), kMost));
+}
+
 }  // namespace heliograph::server

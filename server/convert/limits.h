@@ -1,5 +1,7 @@
-// Limits of what a request lists. Used by the handlers, which know them.
+// Limits of what a request names and lists. Used by the handlers, which know them.
 #pragma once
+
+#include <string_view>
 
 #include "heliograph/v1/scene.pb.h"
 #include "renderer/base/error.h"
@@ -9,5 +11,7 @@ namespace heliograph::server {
 
 /// RESOURCE_EXHAUSTED, at "edits", when there are more than `most`.
 [[nodiscard]] Status check_count(const v1::Transaction& message, u64 most);
+/// INVALID_ARGUMENT, at "request_id", when it has more than 256 bytes.
+[[nodiscard]] Status check_request_id(std::string_view id);
 
 }  // namespace heliograph::server

@@ -64,6 +64,7 @@ BAD = {
     "too few bytes": (dict(request_id="b1", size=1000), "INVALID_ARGUMENT"),
     "too many bytes": (dict(request_id="b2", size=10), "INVALID_ARGUMENT"),
     "no name": (dict(), "INVALID_ARGUMENT"),
+    "long name": (dict(request_id="x" * 257), "INVALID_ARGUMENT"),
     "over the limit": (dict(request_id="b3", size=1 << 50), "RESOURCE_EXHAUSTED"),
 }
 
