@@ -1,7 +1,10 @@
 // See decode_call.h.
 #include "server/decode_call.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <set>
 
 #include "server/convert/asset.h"
 #include "server/hash.h"
@@ -38,8 +41,12 @@ Status DecodeCall::gather() {
 Status DecodeCall::gather_bundle() {
   if (request_.files_size() == 0)
     return fail(Code::kInvalidArgument, "files", "is empty; name the model and upload its bytes");
+  std::set<std::string_view> paths;
   for (int i = 0; i < request_.files_size(); ++i) {
     const v1::BundleFile& file = request_.files(i);
+    if (!paths.insert(file.path()).second)
+      return fail(Code::kInvalidArgument, fmt::format("files[{}].path", i),
+                  fmt::format("'{}' is in the bundle twice; send each path once", file.path()));
     auto bytes = call_.session()->holdings().blob(file.sha256());
     if (!bytes)
       return std::unexpected(std::move(bytes).error().at(fmt::format("files[{}].sha256", i)));
@@ -64,6 +71,9 @@ void DecodeCall::submit() {
     *reply.mutable_asset() = known->info;
     return finish(std::move(reply));
   }
+  if (auto charged = charge_copy(); !charged)
+    return finish(std::unexpected(
+        std::move(charged).error().at(request_.server_path().empty() ? "files" : "server_path")));
   send_progress(0);
   DecodeJob job{.files = files_,
                 .format = request_.format(),
@@ -76,7 +86,27 @@ void DecodeCall::submit() {
           stop_.get_token());
 }
 
+Status DecodeCall::charge_copy() {
+  u64 bytes = 0;
+  for (const DecodeFile& file : files_) bytes += file.bytes->bytes().size();
+  if (const u64 most = daemon_.config.limits.decode_bytes; bytes > most) {
+    Error error{.code = Code::kResourceExhausted,
+                .message = fmt::format("have {} bytes in all, {} are allowed: send smaller files, "
+                                       "or several bundles (limit decode_bytes)",
+                                       bytes, most),
+                .where = ""};
+    error.needed = bytes;
+    error.available = most;
+    return std::unexpected(std::move(error));
+  }
+  auto charge = Charge::take(call_.session()->tenant()->bytes, bytes);
+  if (!charge) return std::unexpected(std::move(charge).error());
+  copy_ = std::move(*charge);
+  return {};
+}
+
 void DecodeCall::on_decoded(Expected<Decoded> decoded) {
+  copy_ = Charge();
   daemon_.metrics.decode(decoded ? Status() : std::unexpected(decoded.error()));
   if (!decoded) return finish(std::unexpected(decoded.error()));
   if (!request_.server_path().empty() && gather_missing(decoded->missing)) return submit();

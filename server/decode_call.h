@@ -4,6 +4,7 @@
 #include <mutex>
 #include <optional>
 
+#include "server/budget.h"
 #include "server/decode/decoder.h"
 #include "server/rpc.h"
 #include "server/service.h"
@@ -34,6 +35,8 @@ class DecodeCall final : public Writer<v1::DecodeAssetReply> {
   [[nodiscard]] Status gather();
   [[nodiscard]] Status gather_bundle();
   void submit();
+  /// Charges the copy of all files that the decoder gets.
+  [[nodiscard]] Status charge_copy();
   void on_decoded(Expected<Decoded> decoded);
   /// Reads companions that a server_path's model lacks; whether there were any.
   [[nodiscard]] bool gather_missing(const std::vector<std::string>& missing);
@@ -49,6 +52,7 @@ class DecodeCall final : public Writer<v1::DecodeAssetReply> {
   std::stop_source stop_;
   v1::DecodeAssetRequest named_;  // what was decoded: its files, by hash, and its options
   std::vector<DecodeFile> files_;
+  Charge copy_;  // while the decoder has it
   std::string hash_;
   std::mutex mutex_;
   bool is_writing_ = false;

@@ -160,6 +160,37 @@ def test_a_broken_file_is_refused_and_the_next_works(client):
     assert decode(client, model__gltf=model, tri__bin=binary).HasField("asset")
 
 
+def bundle(client: Client, *paths: str) -> service.DecodeAssetRequest:
+    """One blob of 1 MiB under all of these."""
+    data = b"ply\n" + bytes(MIB - 4)
+    upload(client, data, sha256=digest(data))
+    files = [service.BundleFile(path=path, sha256=digest(data)) for path in paths]
+    return service.DecodeAssetRequest(files=files)
+
+
+def test_a_path_is_in_a_bundle_once(client):
+    request = bundle(client, "m.ply", "a", "a")
+    error = refused(lambda: list(client.call("DecodeAsset", request)))
+    assert error.code() == grpc.StatusCode.INVALID_ARGUMENT
+    assert detail(error).field == "files[2].path" and "twice" in error.details()
+
+
+@pytest.mark.parametrize("limit", ["decode_bytes", "tenant_bytes"])
+def test_what_is_copied_for_the_decoder_is_limited_and_charged(start, limit):
+    small, files = (900 * MIB, 901) if limit == "decode_bytes" else (8 * MIB, 8)
+    client = Client(start(limits={limit: small}))
+    request = bundle(client, "m.ply", *(f"f{i}" for i in range(files - 1)))
+    used = client.call("GetServerInfo").used["tenant_bytes"]
+    error = refused(lambda: list(client.call("DecodeAsset", request)))
+    assert error.code() == grpc.StatusCode.RESOURCE_EXHAUSTED
+    assert detail(error).field == "files" and limit in error.details()
+    assert detail(error).needed == files * MIB
+    del request.files[1:]
+    assert "PLY" in refused(lambda: list(client.call("DecodeAsset", request))).details().upper()
+    assert client.call("GetServerInfo").used["tenant_bytes"] == used
+    client.close()
+
+
 def test_an_unknown_asset_is_not_found(client):
     place = scene_pb2.Instantiate(asset=b"\1" * 32)
     error = refused(lambda: client.apply(client.create(), scene_pb2.Edit(instantiate=place)))
