@@ -1,5 +1,6 @@
 """A private daemon from Python: start, death, forks, pickles, TCP, Ctrl-C."""
 
+import asyncio
 import gc
 import logging
 import multiprocessing
@@ -15,7 +16,7 @@ import tracemalloc
 import heliograph as hg
 import numpy as np
 import pytest
-from heliograph import _launch
+from heliograph import _launch, aio
 from heliograph._link import Link
 
 
@@ -279,3 +280,22 @@ def test_a_client_grows_with_no_scene_that_is_gone():
         grown = tracemalloc.get_traced_memory()[0] - before
         tracemalloc.stop()
     assert grown < 200 * 50  # bytes: less than anything kept for each of them
+
+
+def test_a_child_awaits_edits_of_a_scene_of_its_parent(client):
+    async def begin():
+        connected = await aio.connect(client.address)
+        return connected, await connected.create_scene("awaited", shared=True)
+
+    async def entity(name):
+        async with scene.edit() as edit:
+            edit.entity(name)
+
+    connected, scene = asyncio.run(begin())
+    asyncio.run(entity("of the parent"))
+    assert in_child(lambda: asyncio.run(entity("of the child")) or 0) == 0
+    assert {e.name for e in client.open_scene("awaited").find("of the *")} == {
+        "of the parent",
+        "of the child",
+    }
+    asyncio.run(connected.close())

@@ -14,6 +14,8 @@ from __future__ import annotations
 
 import asyncio
 import functools
+import os
+import weakref
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -39,6 +41,11 @@ class _Pool:
     """Threads for calls, and one thread for edits, which keeps their order."""
 
     def __init__(self) -> None:
+        self.forget_parent()
+        _pools.add(self)
+
+    def forget_parent(self) -> None:
+        """In a forked child, which has none of the threads."""
         self._calls = ThreadPoolExecutor(_THREADS, "heliograph-call")
         self._edits = ThreadPoolExecutor(1, "heliograph-edit")
 
@@ -54,6 +61,18 @@ class _Pool:
     def close(self) -> None:
         self._calls.shutdown(wait=False)
         self._edits.shutdown(wait=False)
+
+
+_pools: weakref.WeakSet[_Pool] = weakref.WeakSet()
+
+
+def _in_child() -> None:
+    for pool in list(_pools):
+        pool.forget_parent()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_in_child)
 
 
 async def connect(address: str | None = None, **options: Any) -> Client:

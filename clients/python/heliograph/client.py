@@ -33,7 +33,7 @@ class Client:
         self.connection = connection
         self.store = Store(connection)
         self._states: dict[int, SceneState] = {}
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()  # a collection within it may end a scene of this client
         _clients[(os.getpid(), connection.access)] = self
         _inherited.add(self)
 
@@ -108,7 +108,7 @@ class Client:
 
     def forget_parent(self) -> None:
         """In a forked child: waits for no thread of the parent, which is not here."""
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self._states = {}
         self.store.forget_parent()
 

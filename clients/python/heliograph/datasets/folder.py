@@ -167,15 +167,17 @@ class Folder:
         return _json(self.own / "dataset.json")
 
     def open(self, description: dict[str, Any], scene: Scene, resume: bool) -> None:
-        """Begins a data set, or goes on with one if it is the same. resume: its images stay. If
-        not, another one is refused too where it has files: they would be among the new ones."""
+        """Begins a data set, or goes on with one if it is the same; one without an image yet may
+        become another. resume: its images stay. If not, another one is refused too where it has
+        files: they would be among the new ones."""
         with self._explained(NAME):
             self.own.mkdir(parents=True, exist_ok=True)
             self._drop_partial()
         with self.file(self.scene_path.relative_to(self.root)) as path:
             scene.save(path)
             description = {"format": FORMAT, **description, "scene_sha256": _sha256(path)}
-            if (self.own / "dataset.json").exists() and (resume or self._has_files()):
+            begun = self._has_files() or (resume and self._has_images())
+            if begun and (self.own / "dataset.json").exists():
                 self._check(description)
             if not resume:
                 self._forget()
@@ -184,6 +186,9 @@ class Folder:
 
     def _has_files(self) -> bool:
         return any(path != self.own for path in self.root.iterdir())
+
+    def _has_images(self) -> bool:
+        return any(path.is_file() for path in (self.own / "records").rglob("*"))
 
     def _forget(self) -> None:
         for name in ("shards", "records", "manifests", "overlays", "blobs", "decodings", "parts"):
@@ -202,8 +207,8 @@ class Folder:
         new = json.loads(json.dumps(description, default=_plain))
         differs = [
             key.removesuffix("_sha256")
-            for key in sorted({*old, *new} - {"count", "version", "numpy"})
-            if old.get(key) != new.get(key)
+            for key in _differences(old, new)
+            if key not in ("count", "version", "numpy")
         ]
         if description["count"] < old["count"]:
             raise FailedPrecondition(
@@ -215,6 +220,16 @@ class Folder:
                 f"{self.root} is a data set with another {', '.join(differs)}: write to another "
                 "directory, or remove this one"
             )
+
+
+def _differences(old: dict[str, Any], new: dict[str, Any]) -> Iterator[str]:
+    """Keys with another value; of two objects in them "key.inner"."""
+    for key in sorted({*old, *new}):
+        a, b = old.get(key), new.get(key)
+        if isinstance(a, dict) and isinstance(b, dict):
+            yield from (f"{key}.{inner}" for inner in _differences(a, b))
+        elif a != b:
+            yield key
 
 
 def _is_of(error: Exception, numbers: tuple[int, ...]) -> bool:
