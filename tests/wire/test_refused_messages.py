@@ -334,6 +334,17 @@ def test_a_fault_is_refused_by_its_path(furnished, row):
     assert client.revision(scene) == 1
 
 
+@pytest.mark.parametrize("name", ["vertices", "times"])
+def test_what_is_followed_is_counted_before_it_is_read(furnished, name):
+    client, scene = furnished
+    huge = service.TracksRequest()
+    huge.CopyFrom(tracks()[1])
+    getattr(huge, name).shape[0] = 1 << 40
+    error = refused(lambda: send(client, scene, "Tracks", huge))
+    assert error.code().name == "RESOURCE_EXHAUSTED", error.details()
+    assert detail(error).field == "times" and "ask in parts" in error.details()
+
+
 def test_the_next_request_works(furnished):
     client, scene = furnished
     assert len(render(client, request(scene, "DEPTH"))) == 1
