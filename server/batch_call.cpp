@@ -221,7 +221,7 @@ void BatchCall::OnDone() {
 }
 
 void BatchCall::look(EventLoop::Clock::time_point now) {
-  Status known = check_identity(daemon_.gate, scope_.context(), scope_.session()->tenant());
+  Status known = scope_.check_identity(daemon_.gate);
   bool is_stuck;
   {
     const std::lock_guard lock(mutex_);

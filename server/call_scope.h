@@ -15,21 +15,12 @@ namespace heliograph::server {
   return session.told(fail(Code::kCancelled, "", "the session ended; open another"));
 }
 
-/// Whether who makes a call is still who it was: tokens and certificates are withdrawn while calls
-/// run. UNAUTHENTICATED.
-[[nodiscard]] inline Status check_identity(Gate& gate, const grpc::CallbackServerContext& context,
-                                           const TenantPtr& tenant) {
-  const auto now = gate.admit(context, Needs::kNothing);
-  if (!now) return std::unexpected(now.error());
-  if (now->tenant() == tenant) return {};
-  return fail(Code::kUnauthenticated, "", "the token or certificate is another tenant's now");
-}
-
 /// Thread: any.
 class CallScope {
  public:
   CallScope(grpc::CallbackServerContext& context, Call call)
       : context_(context),
+        credentials_(context),
         call_(std::move(call)),
         on_session_end_(call_.session()->ended(), [this] { request_stop(); }) {}
   CallScope(const CallScope&) = delete;
@@ -44,17 +35,22 @@ class CallScope {
   /// Stops when the client cancels, its deadline passes, or the session ends.
   [[nodiscard]] std::stop_token stop() const { return stop_.get_token(); }
   void request_stop() { stop_.request_stop(); }
+  /// Gate::check(). Reads no context, which may be gone where a call is looked at.
+  [[nodiscard]] Status check_identity(const Gate& gate) const {
+    return gate.check(credentials_, session()->tenant());
+  }
   /// What ends a call that has no end of its own: the drain, the session's end, an identity that
   /// was withdrawn.
-  [[nodiscard]] Status check_lasting(Gate& gate) const {
+  [[nodiscard]] Status check_lasting(const Gate& gate) const {
     if (gate.is_closed()) return shutting_down();
-    HELIO_TRY(check_identity(gate, context_, session()->tenant()));
+    HELIO_TRY(check_identity(gate));
     return check_open(*session());
   }
   [[nodiscard]] bool is_stopped() const { return stop_.stop_requested(); }
 
  private:
   grpc::CallbackServerContext& context_;
+  const Credentials credentials_;
   Call call_;
   std::stop_source stop_;
   std::stop_callback<std::function<void()>> on_session_end_;

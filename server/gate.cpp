@@ -30,6 +30,20 @@ Caller caller_of(const grpc::CallbackServerContext& context) {
 
 }  // namespace
 
+Credentials::Credentials(const grpc::CallbackServerContext& context) {
+  const Caller from = caller_of(context);
+  is_local = from.is_local;
+  token = from.token;
+  names.assign(from.names.begin(), from.names.end());
+}
+
+Status Gate::check(const Credentials& credentials, const TenantPtr& tenant) const {
+  const auto now = tenants_.of(credentials.caller());
+  if (!now) return std::unexpected(now.error());
+  if (*now == tenant) return {};
+  return fail(Code::kUnauthenticated, "", "the token or certificate is another tenant's now");
+}
+
 Expected<Call> Gate::admit(const grpc::CallbackServerContext& context, Needs needs) {
   auto tenant = tenants_.of(caller_of(context));
   if (!tenant) return std::unexpected(std::move(tenant).error());

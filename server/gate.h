@@ -48,6 +48,18 @@ class Call {
   bool is_answered_ = false;
 };
 
+/// Who a call says it is from, for later than its context lives.
+struct Credentials {
+  bool is_local = false;
+  std::string token;
+  std::vector<std::string> names;
+
+  explicit Credentials(const grpc::CallbackServerContext& context);
+  [[nodiscard]] Caller caller() const {
+    return {.is_local = is_local, .token = token, .names = {names.begin(), names.end()}};
+  }
+};
+
 /// What a call needs to be let in.
 enum class Needs {
   kNothing,     // but an identity
@@ -66,6 +78,10 @@ class Gate {
   [[nodiscard]] Expected<Call> admit(const grpc::CallbackServerContext& context, Needs needs);
   /// The same for a call of a session that does not come by gRPC.
   [[nodiscard]] Expected<Call> admit(const Caller& caller, u64 session);
+
+  /// Whether these are of a tenant still: tokens and certificates are withdrawn while calls run.
+  /// UNAUTHENTICATED.
+  [[nodiscard]] Status check(const Credentials& credentials, const TenantPtr& tenant) const;
 
   /// From now on new work is refused.
   void close() { is_closed_ = true; }

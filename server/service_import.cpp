@@ -32,7 +32,7 @@ class ImportCall final : public Reader<v1::SceneChunk> {
   void end() {
     if (context_.IsCancelled())
       return finish(fail(Code::kCancelled, "", "the import was cancelled"));
-    if (auto known = check_identity(daemon_.gate, context_, call_.tenant()); !known)
+    if (auto known = daemon_.gate.check(Credentials(context_), call_.tenant()); !known)
       return finish(known);
     if (auto posted = daemon_.pool.post([this] { finish(build()); }); !posted) finish(posted);
   }

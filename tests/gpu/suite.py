@@ -47,6 +47,9 @@ LEFT_OUT = {
     "test_docs.py::test_the_site_builds_without_a_warning": "Sphinx",
     "test_randomizers.py::test_things_fall_and_rest_on_the_floor_without_meeting": "PyBullet",
     "test_randomizers.py::test_things_fall_as_fast_as_gravity_has_it": "PyBullet",
+    "test_randomizers.py::test_contacts_have_the_friction_and_the_restitution_that_are_asked_for": (
+        "PyBullet"
+    ),
     "test_randomizers.py::test_a_draw_is_pure_in_its_seed_and_index[<lambda>6]": "PyBullet",
     **dict.fromkeys(() if HAS_EXR else FILES_OF_EXR, "the package OpenEXR"),
 }
