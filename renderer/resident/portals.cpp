@@ -69,10 +69,10 @@ std::shared_ptr<const PortalMap> portal_map(const Texture* texture, const kernel
   DerivedKey key{Derived::kPortal};
   Sources sources;
   if (texture) {
-    key = key_of(Derived::kPortal, *texture);
+    const auto [texels, layout, srgb, nearest, _] = key_of(Derived::kPortal, *texture).from;
+    key.from = {texels, layout, srgb | nearest << 1};
     sources = {texture->image->texels};
   }
-  key.from[2] |= key.from[3] << 1;
   key.from[3] = bits(turn.x, turn.y);
   key.from[4] = bits(turn.z, turn.w);
   return cache.get<PortalMap>(key, std::move(sources), [&] {
