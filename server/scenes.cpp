@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "server/call_scope.h"
 #include "server/mutant.h"
 #include "server/scene_info.h"
 
@@ -163,11 +164,10 @@ Expected<ScenePtr> Scenes::create(NewScene scene, const Session& session) {
   }
   auto entry = add(std::move(identity), scene.first);
   if (!entry) return entry;
-  if (session.ended().stop_requested()) {  // one that ends later frees it
+  if (auto open = check_open(session); !open) {  // one that ends later frees it
     const std::lock_guard lock(mutex_);
     scenes_.erase((*entry)->id);
-    return std::unexpected(
-        session.told(fail(Code::kCancelled, "", "the session ended; open another")).error());
+    return std::unexpected(std::move(open).error());
   }
   if (is_durable) {
     SceneState state{.row = row_of(**entry), .head = std::move(scene.first), .logs = {}};
