@@ -18,28 +18,36 @@ enum class Interface : u8 {
   kSheet,  // thin-walled: straight on, through both faces
 };
 
+/// The opaque lobes of a base, of microfacets that are no perfect mirrors. They show on both sides
+/// of the surface.
+template <class F>
+struct OpaqueBase {
+  FrameOf<F> frame;  // z: shading normal on wo's side
+  Vec3<F> ng;        // geometric normal on wo's side
+  Vec3<F> wo;        // local
+  Vec3<F> diffuse;   // 1/sr, but for the factor 1 - coat albedo of wi
+  Vec3<F> multiple;  // 1/sr, but for the factor 1 - albedo of wi
+  Vec3<F> f0;        // Schlick's Fresnel of coat and metal together
+  F f90;
+  F coat_f0, coat_f90, coat_multiple;  // of the coat alone, in full
+  F average_entering;                  // average over wi of 1 - coat albedo, layers included
+  AlbedoRowOf<F> albedo;
+  GgxOf<F> facets;
+  F diffuse_probability;  // of sampling by cosine
+  F facet_probability;    // of sampling a microfacet
+};
+
 /// A sum of
 ///   diffuse   Lambert under the coat, scaled by what the coat lets in and out
 ///   inside    what enters the coat, travels inside the body and leaves elsewhere (subsurface.h)
 ///   facets    GGX reflection of coat, metal and glass, Fresnel after Schlick or exact, and the
 ///             light that microfacets scatter more than once
-///   through   what passes to the other side
-/// The opaque lobes show on both sides of the surface.
-struct Base {
-  Frame frame;    // z: shading normal on wo's side
-  vec3 ng;        // geometric normal on wo's side
-  vec3 wo;        // local
-  vec3 diffuse;   // 1/sr, but for the factor 1 - coat albedo of wi
-  vec3 multiple;  // 1/sr, but for the factor 1 - albedo of wi
-  vec3 f0;        // Schlick's Fresnel of coat and metal together
-  float f90;
-  float coat_f0, coat_f90, coat_multiple;  // of the coat alone, in full
-  float plastic, metallic;                 // weights of coat and metal
-  ThinFilm film;                           // on both
-  vec3 film_coat, film_metal;              // amplitude_below() it; set where there is one
-  float average_entering;                  // average over wi of 1 - coat albedo, layers included
-  AlbedoRow albedo;
-  AnisotropicRow anisotropic;  // instead, where the aspect is not 1
+///   through   what passes to the other side; its probability is what the others leave
+struct Base : OpaqueBase<float> {
+  float plastic, metallic;     // weights of coat and metal
+  ThinFilm film;               // on both
+  vec3 film_coat, film_metal;  // amplitude_below() it; set where there is one
+  AnisotropicRow anisotropic;  // in place of `albedo`, where the aspect is not 1
   vec3 glass_tint;             // of light that passes
   vec3 glass_specular;         // scales the exact Fresnel reflectance
   vec3 glass_reflectance;      // where what passes is a lobe of its own: constant over microfacets
@@ -48,9 +56,7 @@ struct Base {
   float through_scale;         // the same of what passes by itself
   ThinFilm glass_film;         // on the interface
   float eta;                   // index of the far side over that of wo's side
-  Ggx facets, through;
-  float diffuse_probability;     // of sampling by cosine
-  float facet_probability;       // of sampling a microfacet; what is left: `through` on its own
+  Ggx through;
   float subsurface_probability;  // of light that travels inside the body
   float subsurface;              // share of light that does
   float reflectance;             // about the share of light that all of it gives off
@@ -92,8 +98,9 @@ KERNEL Frame make_frame(vec3 n, vec3 t) {
 /// that single scattering loses; f_avg is the Fresnel reflectance averaged by cosine.
 ///
 /// Source: Kulla and Conty 2017, "Revisiting Physically Based Shading at Imageworks".
-KERNEL vec3 multiple_scattering(vec3 f_avg, float e_avg) {
-  return f_avg * f_avg * e_avg / (vec3(1) - f_avg * (1 - e_avg));
+template <class F>
+KERNEL Vec3<F> multiple_scattering(Vec3<F> f_avg, F e_avg) {
+  return f_avg * f_avg * e_avg / (Vec3<F>(1) - f_avg * (1 - e_avg));
 }
 
 /// Whether highlights are stretched.
@@ -109,7 +116,8 @@ KERNEL Albedo base_albedo(const Base& b, vec3 w) {
 }
 
 /// Share of light that the coat reflects.
-KERNEL float coat_albedo(const Base& b, Albedo a) {
+template <class F>
+KERNEL F coat_albedo(const OpaqueBase<F>& b, const AlbedoOf<F>& a) {
   return b.coat_f0 * (a.total - a.schlick) + b.coat_f90 * a.schlick +
          b.coat_multiple * (1 - a.total);
 }

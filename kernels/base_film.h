@@ -7,10 +7,12 @@
 namespace heliograph::kernels::inline HELIO_ISA {
 
 /// Reflectances of coat and metal, by themselves.
-struct Reflectances {
-  vec3 coat{0};
-  vec3 metal{0};
+template <class F>
+struct ReflectancesOf {
+  Vec3<F> coat{0};
+  Vec3<F> metal{0};
 };
+using Reflectances = ReflectancesOf<float>;
 KERNEL void add(Reflectances& sum, const Reflectances& r, float weight) {
   sum.coat += r.coat * weight;
   sum.metal += r.metal * weight;

@@ -7,11 +7,13 @@ namespace heliograph::kernels::inline HELIO_ISA {
 
 /// f(wo, wi) |cos|, split by lobe, and the density [1/sr] with which sampling takes wi. Delta lobes
 /// are left out.
-struct BsdfValue {
-  vec3 diffuse{0};
-  vec3 glossy{0};  // or transmission, for wi below the surface
-  float pdf = 0;
+template <class F>
+struct BsdfValueOf {
+  Vec3<F> diffuse{0};
+  Vec3<F> glossy{0};  // or transmission, for wi below the surface
+  F pdf = 0;
 };
+using BsdfValue = BsdfValueOf<float>;
 
 enum class Lobe : u8 { kDiffuse, kGlossy, kTransmission, kSubsurface };
 
@@ -35,6 +37,12 @@ KERNEL vec3 through_color(const Base& b) {
   return b.glass_tint * (vec3(1) - b.glass_reflectance) * (b.glass * b.through_scale);
 }
 
+/// What a microfacet of coat and metal reflects at cosine c = wo.h.
+template <class F>
+KERNEL Vec3<F> opaque_facet(const OpaqueBase<F>& b, F c) {
+  return b.f0 + (Vec3<F>(b.f90) - b.f0) * schlick_weight(c);
+}
+
 /// What a microfacet does with light at cosine c = wo.h.
 struct Facet {
   vec3 reflected;
@@ -43,7 +51,7 @@ struct Facet {
   float reflect_probability;
 };
 KERNEL Facet facet_of(const Base& b, float c) {
-  Facet f{b.f0 + (vec3(b.f90) - b.f0) * schlick_weight(c), vec3(0), 0, 1};
+  Facet f{opaque_facet(b, c), vec3(0), 0, 1};
   if (has_film(b.film) && b.f90 > 0) {
     const Reflectances film = film_at(b, c);
     const vec3 covered = film.coat * b.plastic + film.metal * b.metallic;
@@ -101,13 +109,27 @@ HELIO_STEP KERNEL void add_refraction(const Base& b, vec3 wi, BsdfValue& out) {
   out.pdf = probability * jacobian * wo_h * ggx_visible_density(b.wo, density, b.through);
 }
 
+/// Adds what microfacets with normal h reflect. probability: of sampling them by reflection
+template <class F>
+KERNEL void add_facets(const OpaqueBase<F>& b, Vec3<F> wi, Vec3<F> h, Vec3<F> reflected,
+                       F probability, BsdfValueOf<F>& out) {
+  const F density = ggx_density(h, b.facets);
+  out.glossy += reflected * (ggx_reflection(b.wo, wi, density, b.facets) * wi.z);
+  out.pdf += probability * 0.25f * ggx_visible_density(b.wo, density, b.facets);
+}
+
 KERNEL void add_reflection(const Base& b, vec3 wi, BsdfValue& out) {
   const vec3 h = normalize(b.wo + wi);
   const Facet f = facet_of(b, dot(b.wo, h));
-  const float density = ggx_density(h, b.facets);
-  out.glossy += f.reflected * (ggx_reflection(b.wo, wi, density, b.facets) * wi.z);
-  out.pdf += b.facet_probability * f.reflect_probability * 0.25f *
-             ggx_visible_density(b.wo, density, b.facets);
+  add_facets(b, wi, h, f.reflected, b.facet_probability * f.reflect_probability, out);
+}
+
+/// Adds the lobes sampled by cosine, under a coat. in: albedo of the microfacets at wi
+template <class F>
+KERNEL void add_coated(const OpaqueBase<F>& b, Vec3<F> wi, const AlbedoOf<F>& in,
+                       BsdfValueOf<F>& out) {
+  out.diffuse = b.diffuse * wi.z * (1 - coat_albedo(b, in));
+  out.glossy = b.multiple * (wi.z * max2(1 - in.total, F(0)));
 }
 
 /// Light that passes the surface to wi, below it (local).
@@ -131,13 +153,11 @@ KERNEL BsdfValue evaluate_base(const Base& b, vec3 wi, float side) {
   }
   if (side <= 0) return out;
   if (b.diffuse_probability > 0) {
-    out.diffuse = b.diffuse * wi.z;
     out.pdf = b.diffuse_probability * wi.z * kInvPi;
-    if (b.coated) {
-      const Albedo in = base_albedo(b, wi);
-      out.diffuse *= 1 - coat_albedo(b, in);
-      out.glossy = b.multiple * (wi.z * max2(1 - in.total, 0.0f));
-    }
+    if (b.coated)
+      add_coated(b, wi, base_albedo(b, wi), out);
+    else
+      out.diffuse = b.diffuse * wi.z;
   }
   if (b.facet_probability > 0 && !b.delta) add_reflection(b, wi, out);
   return out;

@@ -43,44 +43,91 @@ KERNEL Body body_of(const MaterialValues& m, const ShadingPoint& at) {
   return {color, m.subsurface};
 }
 
+/// What coat and metal are made of.
+template <class F>
+struct OpaqueMaterial {
+  Vec3<F> base_color;
+  Vec3<F> f0;  // of the coat, in full
+  F specular, metallic;
+  F plastic;  // weight of the coat
+};
+
+inline constexpr float kSchlickMean = 1 / 21.0f;  // the average of Schlick's weight
+
+/// Their Fresnel. Returns its averages by cosine.
+template <class F>
+KERNEL ReflectancesOf<F> set_fresnel(OpaqueBase<F>& b, const OpaqueMaterial<F>& m) {
+  const Vec3<F> coat_f0 = m.f0 * m.specular;
+  b.f0 = coat_f0 * m.plastic + m.base_color * m.metallic;
+  b.f90 = m.specular * m.plastic + m.metallic;
+  b.coat_f0 = max_component(coat_f0);
+  b.coat_f90 = m.specular;
+  return {coat_f0 + (Vec3<F>(m.specular) - coat_f0) * F(kSchlickMean),
+          m.base_color + (Vec3<F>(1) - m.base_color) * F(kSchlickMean)};
+}
+
+/// What their microfacets scatter more than once, per unit of light that they lose. Returns that of
+/// the coat, in full.
+template <class F>
+KERNEL Vec3<F> set_multiple(OpaqueBase<F>& b, const OpaqueMaterial<F>& m,
+                            const ReflectancesOf<F>& mean, const AlbedoOf<F>& average) {
+  const Vec3<F> coat = multiple_scattering(mean.coat, average.total);
+  b.coat_multiple = max_component(coat);
+  b.multiple = coat * m.plastic;
+  if (any(m.metallic > 0)) {
+    b.multiple += multiple_scattering(mean.metal, average.total) * m.metallic;
+  }
+  return coat;
+}
+
+/// What microfacets seen from wo reflect at once. out: their albedo there
+template <class F>
+KERNEL F facets_reflect(const OpaqueBase<F>& b, const AlbedoOf<F>& out) {
+  return luminance(b.f0) * (out.total - out.schlick) + b.f90 * out.schlick;
+}
+
+/// The lobes sampled by cosine, from what multiple scattering is per unit of lost light. Returns
+/// their albedo.
+///
+/// under      light that leaves the coat's underside towards wo
+/// lost       share of light that microfacets lose towards wo
+template <class F>
+KERNEL F set_diffuse(OpaqueBase<F>& b, Vec3<F> under, F lost, const AlbedoOf<F>& average) {
+  b.average_entering = max2(1 - coat_albedo(b, average), F(1e-4f));
+  const F share = luminance(under) + luminance(b.multiple) * lost;
+  b.diffuse = under * (kInvPi / b.average_entering);
+  b.multiple *= kInvPi * lost / max2(1 - average.total, F(1e-4f));
+  return share;
+}
+
 /// The lobes that reflect. Returns the albedo of those sampled by cosine and by microfacets.
 KERNEL vec2 set_reflection(Base& b, const MaterialValues& m, const ShadingPoint& at) {
   const Body body = body_of(m, at);
   b.plastic = (1 - m.metallic) * (1 - m.transmission);
   b.metallic = m.metallic;
-  const vec3 full_f0 = dielectric_f0(m, at.outside);
-  const vec3 coat_f0 = full_f0 * m.specular;
-  const float f_steps = 1 / 21.0f;  // the average of Schlick's weight
-  const Albedo average = b.delta           ? Albedo{1, f_steps}
+  const OpaqueMaterial<float> opaque{m.base_color, dielectric_f0(m, at.outside), m.specular,
+                                     m.metallic, b.plastic};
+  const Albedo average = b.delta           ? Albedo{1, kSchlickMean}
                          : is_stretched(b) ? albedo_average(b.anisotropic)
-                                           : albedo_average(m.roughness);
+                                           : albedo_average(b.albedo);
   const Albedo out = base_albedo(b, b.wo);
-
-  b.f0 = coat_f0 * b.plastic + m.base_color * m.metallic;
-  b.f90 = m.specular * b.plastic + m.metallic;
-  b.coat_f0 = max_component(coat_f0);
-  b.coat_f90 = m.specular;
-  b.multiple = vec3(0);
-  b.coat_multiple = 0;
-  Reflectances mean{coat_f0 + (vec3(m.specular) - coat_f0) * f_steps,
-                    m.base_color + (vec3(1) - m.base_color) * f_steps};
+  Reflectances mean = set_fresnel(b, opaque);
   const bool covered = has_film(b.film) && b.f90 > 0;
   if (covered) {
-    b.film_coat = amplitude_below(b.film, full_f0);
+    b.film_coat = amplitude_below(b.film, opaque.f0);
     b.film_metal = amplitude_below(b.film, m.base_color);
     cover(mean, b, average_film(b));
   }
   float lost = 0;
   vec3 multiple(0);  // of the coat
+  b.multiple = vec3(0);
+  b.coat_multiple = 0;
   if (!b.delta) {
-    multiple = multiple_scattering(mean.coat, average.total);
-    b.coat_multiple = max_component(multiple);
+    multiple = set_multiple(b, opaque, mean, average);
     lost = max2(1 - out.total, 0.0f);
-    b.multiple = multiple * b.plastic;
-    if (m.metallic > 0) b.multiple += multiple_scattering(mean.metal, average.total) * m.metallic;
   }
   vec3 coat(coat_albedo(b, out));
-  float facets = luminance(b.f0) * (out.total - out.schlick) + b.f90 * out.schlick;
+  float facets = facets_reflect(b, out);
   if (covered) {
     const Reflectances film = seen_film(b);
     coat += (film.coat * out.total + multiple * lost - coat) * b.film.weight;
@@ -88,17 +135,12 @@ KERNEL vec2 set_reflection(Base& b, const MaterialValues& m, const ShadingPoint&
         (max_component(film.coat * b.plastic + film.metal * m.metallic) * out.total - facets) *
         b.film.weight;
     // Towards wi, the coat of Schlick's that reflects as much on average.
-    b.coat_f0 = max2(max_component(mean.coat) - m.specular * f_steps, 0.0f) / (1 - f_steps);
+    b.coat_f0 =
+        max2(max_component(mean.coat) - m.specular * kSchlickMean, 0.0f) / (1 - kSchlickMean);
   }
   const vec3 entering = vec3(1) - coat;
-  b.average_entering = max2(1 - coat_albedo(b, average), 1e-4f);
-  const vec3 diffuse = body.color * (entering * b.plastic);
   b.subsurface = body.inside * b.plastic * min_component(entering);
-
-  const vec2 share(luminance(diffuse) + luminance(b.multiple) * lost, facets);
-  b.diffuse = diffuse * (kInvPi / b.average_entering);
-  b.multiple *= kInvPi * lost / max2(1 - average.total, 1e-4f);
-  return share;
+  return vec2(set_diffuse(b, body.color * (entering * b.plastic), lost, average), facets);
 }
 
 /// Share of light that a face of glass without a film reflects, of all that it gives off.
@@ -123,7 +165,7 @@ HELIO_CALL KERNEL vec2 set_apart(Base& b, const MaterialValues& m, float through
     reflected = 2.0f * reflected / (vec3(1) + reflected);
     const float aspect = b.anisotropic.aspect;
     b.through = {sqr(through) / aspect, sqr(through) * aspect};
-    const AlbedoRow round = albedo_row(kReflectionAlbedo, 2 * kAlbedoCosines, through);
+    const AlbedoRow round = albedo_row(through);
     if (!b.through_delta) {
       b.through_scale =
           1 / (aspect < 1 ? albedo_at({through, aspect}, b.wo) : albedo_at(round, b.wo.z)).total;
@@ -212,7 +254,7 @@ KERNEL void set_base(Base& b, const MaterialValues& m, const ShadingPoint& at, v
     return;
   }
   b.coated = true;
-  if (!b.delta) b.albedo = albedo_row(kReflectionAlbedo, 2 * kAlbedoCosines, m.roughness);
+  if (!b.delta) b.albedo = albedo_row(m.roughness);
   vec2 share = set_reflection(b, m, at);
   float through = 0;
   if (b.glass > 0) {

@@ -11,10 +11,11 @@ namespace heliograph::kernels::inline HELIO_ISA {
 KERNEL vec3 cv_from_gl(vec3 v) { return vec3(v.x, -v.y, -v.z); }
 
 /// What turns metres of clipping into metres along a ray.
-KERNEL float clip_scale(const CameraView& camera, vec3 direction) {
+template <class F>
+KERNEL F clip_scale(const CameraView& camera, Vec3<F> direction) {
   const Projection projection = camera.lens.projection;
   if (projection == Projection::kFisheye || projection == Projection::kEquirectangular) return 1;
-  return 1 / dot(direction, normalize(-camera.world_from_camera[2]));
+  return 1 / dot(direction, Vec3<F>(normalize(-camera.world_from_camera[2])));
 }
 
 /// How far along a ray from the camera its near plane lies, metres.
@@ -22,23 +23,39 @@ KERNEL float near_of(const CameraView& camera, vec3 direction) {
   return camera.near > 0 ? camera.near * clip_scale(camera, direction) : 0;
 }
 
-/// The part of a ray that lies between the clipping planes: t_max <= 0 where there is none.
+/// The part of a ray that lies between the clipping planes: its end is <= 0 where there is none.
+template <class F>
+KERNEL void clip(const CameraView& camera, Vec3<F> direction, Vec3<F>& origin, F& end) {
+  if (!(camera.near > 0) && !(camera.far > 0)) return;
+  const F scale = clip_scale(camera, direction);
+  if (camera.far > 0) end = min2(end, camera.far * scale);
+  const F skipped = camera.near * scale;
+  origin += direction * skipped;
+  end -= skipped;
+}
 KERNEL Ray clipped(const CameraView& camera, Ray ray) {
-  if (!(camera.near > 0) && !(camera.far > 0)) return ray;
-  const float scale = clip_scale(camera, ray.direction);
-  if (camera.far > 0) ray.t_max = min2(ray.t_max, camera.far * scale);
-  ray.origin += ray.direction * (camera.near * scale);
-  ray.t_max -= camera.near * scale;
+  clip(camera, ray.direction, ray.origin, ray.t_max);
   return ray;
 }
 
 /// Where the centre of pixel (x, y) lies on the raster.
 KERNEL vec2 centre_of(u32 x, u32 y) { return vec2(float(x) + 0.5f, float(y) + 0.5f); }
 
+/// Where a raster position lies on the lens model's image plane.
+template <class F>
+KERNEL Vec2<F> image_place(const CameraView& camera, Vec2<F> raster) {
+  return Vec2<F>((raster.x - camera.cx) / camera.fx, (raster.y - camera.cy) / camera.fy);
+}
+/// The direction, in the world, of what is at d in front of the camera (OpenCV frame).
+template <class F>
+KERNEL Vec3<F> ray_direction(const CameraView& camera, Vec3<F> d) {
+  return normalize(transform_vector(camera.world_from_camera, Vec3<F>(d.x, -d.y, -d.z)));
+}
+
 /// The ray through a raster position (pixel (x, y) covers [x, x + 1) x [y, y + 1)), neither blurred
 /// nor clipped; t_max is 0 where the camera sees nothing.
 KERNEL Ray pinhole_ray(const CameraView& camera, vec2 raster, HoleKey holes) {
-  const vec2 m((raster.x - camera.cx) / camera.fx, (raster.y - camera.cy) / camera.fy);
+  const vec2 m = image_place(camera, raster);
   if (camera.lens.projection == Projection::kOrthographic) {
     return {transform_point(camera.world_from_camera, vec3(m.x, -m.y, 0)),
             normalize(-camera.world_from_camera[2]), INFINITY, camera.time, holes};
@@ -46,9 +63,8 @@ KERNEL Ray pinhole_ray(const CameraView& camera, vec2 raster, HoleKey holes) {
   vec3 d(m, 1);
   const bool seen = is_rectilinear(camera.lens) || unproject(camera.lens, m, d);
   if (!seen) d = vec3(0, 0, 1);  // Newton's method may have left the numbers
-  return {camera.world_from_camera[3],
-          normalize(transform_vector(camera.world_from_camera, cv_from_gl(d))), seen ? INFINITY : 0,
-          camera.time, holes};
+  return {camera.world_from_camera[3], ray_direction(camera, d), seen ? INFINITY : 0, camera.time,
+          holes};
 }
 
 /// The ray through a raster position between the clipping planes, without blur.

@@ -38,31 +38,31 @@ KERNEL float inverse_erf(float x) {
 }
 
 /// Distance in pixels from the pixel's centre along one axis; u uniform in [0, 1).
-KERNEL float sample_filter(PixelFilter filter, float u) {
+template <class F>
+KERNEL F sample_filter(PixelFilter filter, F u) {
   switch (filter) {
     case PixelFilter::kBox:
       return u - 0.5f;
     case PixelFilter::kTent:
-      return u < 0.5f ? std::sqrt(2 * u) - 1 : 1 - std::sqrt(2 - 2 * u);
-    case PixelFilter::kGaussian: {
+      return select(u < 0.5f, root(2 * u) - 1, 1 - root(2 - 2 * u));
+    case PixelFilter::kGaussian:
       // sigma 0.5, truncated at 3 sigma: erf(3 / sqrt 2) = 0.9973002
-      const float x = (2 * u - 1) * 0.9973002f;
-      return 0.5f * 1.41421356f * inverse_erf(x);
-    }
+      return 0.5f * 1.41421356f * inverse_erf((2 * u - 1) * 0.9973002f);
     case PixelFilter::kBlackmanHarris:
       break;
   }
   // 3.3 pixels wide. The root makes the inverse of the integral nearly linear in the tails.
-  const float half = min2(2 * min2(u, 1 - u), 1.0f);
-  const float place = std::sqrt(std::sqrt(half)) * kFilterIntervals;
-  const u32 i = min2(u32(place), kFilterIntervals - 1);
-  const float a = kInverseBlackmanHarris[i];
-  const float x = 3.3f * (a + (kInverseBlackmanHarris[i + 1] - a) * (place - float(i)));
-  return u < 0.5f ? x : -x;
+  const F half = min2(2 * min2(u, 1 - u), F(1));
+  const F place = root(root(half)) * float(kFilterIntervals);
+  const IntOf<F> i = min2(to_int(place), IntOf<F>(kFilterIntervals - 1));
+  const F a = at(kInverseBlackmanHarris, i);
+  const F x = 3.3f * (a + (at(kInverseBlackmanHarris, i + 1) - a) * (place - to_float(i)));
+  return select(u < 0.5f, x, -x);
 }
 
-KERNEL vec2 sample_filter(PixelFilter filter, vec2 u) {
-  return vec2(sample_filter(filter, u.x), sample_filter(filter, u.y));
+template <class F>
+KERNEL Vec2<F> sample_filter(PixelFilter filter, Vec2<F> u) {
+  return Vec2<F>(sample_filter(filter, u.x), sample_filter(filter, u.y));
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -9,8 +9,9 @@
 namespace heliograph::kernels::inline HELIO_ISA {
 
 /// (1 - c)^5 of Schlick 1994, "An Inexpensive BRDF Model for Physically-based Rendering".
-KERNEL float schlick_weight(float c) {
-  const float m = 1 - clamp01(c);
+template <class F>
+KERNEL F schlick_weight(F c) {
+  const F m = 1 - clamp01(c);
   return sqr(sqr(m)) * m;
 }
 
@@ -32,12 +33,17 @@ KERNEL Fresnel fresnel_dielectric(float c, float eta) {
 }
 
 /// GGX microfacets: alpha along the local x and y.
-struct Ggx {
-  float x, y;
+template <class F>
+struct GgxOf {
+  F x, y;
 };
+using Ggx = GgxOf<float>;
 
 /// Squared slope of microfacets towards w, times its squared sine.
-KERNEL float ggx_slope2(Ggx g, vec3 w) { return sqr(g.x * w.x) + sqr(g.y * w.y); }
+template <class F>
+KERNEL F ggx_slope2(GgxOf<F> g, Vec3<F> w) {
+  return sqr(g.x * w.x) + sqr(g.y * w.y);
+}
 
 /// Smith's Lambda. w.z != 0.
 ///
@@ -48,21 +54,24 @@ KERNEL float ggx_lambda(vec3 w, Ggx g) {
 }
 
 /// Density of normals D(h), unit h.
-KERNEL float ggx_density(vec3 h, Ggx g) {
-  const float xy = g.x * g.y;
-  const float q = (sqr(h.x * g.y) + sqr(h.y * g.x)) / xy + xy * h.z * h.z;
+template <class F>
+KERNEL F ggx_density(Vec3<F> h, GgxOf<F> g) {
+  const F xy = g.x * g.y;
+  const F q = (sqr(h.x * g.y) + sqr(h.y * g.x)) / xy + xy * h.z * h.z;
   return xy / (kPi * q * q);
 }
 
 /// D(h) G1(wo) / wo.z: times |wo.h| it is the density of visible normals.
-KERNEL float ggx_visible_density(vec3 wo, float density, Ggx g) {
-  return 2 * density / (wo.z + std::sqrt(ggx_slope2(g, wo) + wo.z * wo.z));
+template <class F>
+KERNEL F ggx_visible_density(Vec3<F> wo, F density, GgxOf<F> g) {
+  return 2 * density / (wo.z + root(ggx_slope2(g, wo) + wo.z * wo.z));
 }
 
 /// D(h) G2(wo, wi) / (4 wo.z wi.z), with heights correlated (Heitz 2014, section 5.4).
-KERNEL float ggx_reflection(vec3 wo, vec3 wi, float density, Ggx g) {
-  const float a = wi.z * std::sqrt(ggx_slope2(g, wo) + wo.z * wo.z);
-  const float b = wo.z * std::sqrt(ggx_slope2(g, wi) + wi.z * wi.z);
+template <class F>
+KERNEL F ggx_reflection(Vec3<F> wo, Vec3<F> wi, F density, GgxOf<F> g) {
+  const F a = wi.z * root(ggx_slope2(g, wo) + wo.z * wo.z);
+  const F b = wo.z * root(ggx_slope2(g, wi) + wi.z * wi.z);
   return 0.5f * density / (a + b);
 }
 
@@ -70,46 +79,58 @@ KERNEL float ggx_reflection(vec3 wo, vec3 wi, float density, Ggx g) {
 ///
 /// Source: Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps", CGF 42(8).
 /// Tested: tests/unit/bsdf_test.cpp.
-KERNEL vec3 sample_ggx(vec3 wo, Ggx g, vec2 u) {
-  const vec3 w = normalize(vec3(wo.x * g.x, wo.y * g.y, wo.z));
-  const float z = (1 - u.y) * (1 + w.z) - w.z;
-  const float r = safe_sqrt(1 - z * z);
-  const SinCos phi = sincos_turns(u.x);
-  const vec3 h = vec3(r * phi.cos, r * phi.sin, z) + w;
-  return normalize(vec3(h.x * g.x, h.y * g.y, max2(h.z, 1e-7f)));
+template <class F>
+KERNEL Vec3<F> sample_ggx(Vec3<F> wo, GgxOf<F> g, Vec2<F> u) {
+  const Vec3<F> w = normalize(Vec3<F>(wo.x * g.x, wo.y * g.y, wo.z));
+  const F z = (1 - u.y) * (1 + w.z) - w.z;
+  const F r = safe_sqrt(1 - z * z);
+  const SinCosOf<F> phi = sincos_turns(u.x);
+  const Vec3<F> h = Vec3<F>(r * phi.cos, r * phi.sin, z) + w;
+  return normalize(Vec3<F>(h.x * g.x, h.y * g.y, max2(h.z, F(1e-7f))));
 }
 
-/// Where a roughness and an albedo lie in the tables.
-struct AlbedoRow {
-  const float* first;
-  const float* second;
-  float weight;
+/// Where a roughness lies among the rows of a table.
+template <class F>
+struct AlbedoRowOf {
+  IntOf<F> row;
+  F weight;  // of the next row
 };
+using AlbedoRow = AlbedoRowOf<float>;
 /// Share of light that single scattering reflects with Fresnel 1, and the same weighted by Schlick.
-struct Albedo {
-  float total;
-  float schlick;
+template <class F>
+struct AlbedoOf {
+  F total;
+  F schlick;
 };
+using Albedo = AlbedoOf<float>;
 
-KERNEL AlbedoRow albedo_row(const float* table, u32 stride, float roughness) {
-  const float place = clamp01(roughness) * (kAlbedoRoughnesses - 1);
-  const u32 row = min2(u32(place), kAlbedoRoughnesses - 2);
-  return {table + row * stride, table + (row + 1) * stride, place - float(row)};
+template <class F>
+KERNEL AlbedoRowOf<F> albedo_row(F roughness) {
+  const F place = clamp01(roughness) * float(kAlbedoRoughnesses - 1);
+  const IntOf<F> row = min2(to_int(place), IntOf<F>(kAlbedoRoughnesses - 2));
+  return {row, place - to_float(row)};
 }
-KERNEL Albedo albedo_average(float roughness) {
-  const AlbedoRow row = albedo_row(kReflectionAverage, 2, roughness);
-  return {row.first[0] + (row.second[0] - row.first[0]) * row.weight,
-          row.first[1] + (row.second[1] - row.first[1]) * row.weight};
+/// Over all directions, by their cosines.
+template <class F>
+KERNEL AlbedoOf<F> albedo_average(const AlbedoRowOf<F>& row) {
+  const IntOf<F> i = row.row * 2;
+  const F total = at(kReflectionAverage, i), schlick = at(kReflectionAverage, i + 1);
+  return {total + (at(kReflectionAverage, i + 2) - total) * row.weight,
+          schlick + (at(kReflectionAverage, i + 3) - schlick) * row.weight};
 }
-KERNEL Albedo albedo_at(const AlbedoRow& row, float cosine) {
-  const float place = std::sqrt(clamp01(cosine)) * (kAlbedoCosines - 1);
-  const u32 column = min2(u32(place), kAlbedoCosines - 2);
-  const float w = place - float(column);
-  const float* a = row.first + 2 * column;
-  const float* b = row.second + 2 * column;
-  const vec4 first(a[0], a[1], a[2], a[3]), second(b[0], b[1], b[2], b[3]);
-  const vec4 both = first + (second - first) * row.weight;
-  return {both.x + (both.z - both.x) * w, both.y + (both.w - both.y) * w};
+template <class F>
+KERNEL AlbedoOf<F> albedo_at(const AlbedoRowOf<F>& row, F cosine) {
+  const F place = root(clamp01(cosine)) * float(kAlbedoCosines - 1);
+  const IntOf<F> column = min2(to_int(place), IntOf<F>(kAlbedoCosines - 2));
+  const F w = place - to_float(column);
+  const IntOf<F> first = (row.row * i32(kAlbedoCosines) + column) * 2;
+  const IntOf<F> second = first + i32(2 * kAlbedoCosines);
+  const auto between = [&](i32 k) {
+    const F a = at(kReflectionAlbedo, first + k);
+    return a + (at(kReflectionAlbedo, second + k) - a) * row.weight;
+  };
+  const F total = between(0), schlick = between(1);
+  return {total + (between(2) - total) * w, schlick + (between(3) - schlick) * w};
 }
 
 /// A row of the tables for anisotropic microfacets.

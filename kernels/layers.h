@@ -70,7 +70,7 @@ HELIO_CALL KERNEL void set_layers(Layers& l, Base& b, const MaterialValues& m, v
     const float alpha = sqr(m.clearcoat_roughness);
     l.facets = {alpha, alpha};
     l.delta = alpha < kDeltaAlpha;
-    l.albedo = albedo_row(kReflectionAlbedo, 2 * kAlbedoCosines, m.clearcoat_roughness);
+    l.albedo = albedo_row(m.clearcoat_roughness);
   } else {
     l.coat_wo.z = 0;
     l.delta = false;

@@ -1,8 +1,7 @@
 // What surfaces and the sky emit, and how directions to them are chosen. Called by path.h.
 #pragma once
 
-#include "kernels/light_profile.h"
-#include "kernels/light_shape.h"
+#include "kernels/light_surface.h"
 #include "kernels/portal.h"
 #include "kernels/sun.h"
 
@@ -12,21 +11,10 @@ namespace heliograph::kernels::inline HELIO_ISA {
 ///
 /// Source: Veach and Guibas 1995, "Optimally Combining Sampling Techniques for Monte Carlo
 /// Rendering", section 3.3 (power heuristic, exponent 2).
-KERNEL float mis_weight(float a, float b) { return 1 / (1 + sqr(b / a)); }
-
-/// A direction towards light, from a given point. What comes from there is light_radiance().
-struct LightSample {
-  vec3 direction;  // unit, world
-  vec3 target;     // just before the light; meaningless for what is infinitely far
-  float pdf;       // 1/sr, the choice of the light included
-  u32 light;       // index into SceneView::lights; kNone: the dome or a sun
-  u32 sun;         // where there is no light: index into SceneView::suns; kNone: the dome
-  u32 primitive = 0;
-  float time = 0;  // of the ray
-  vec2 place;  // barycentric, meaningless for a shape that is_even(); in the dome's picture, row 0
-               // at v = 0
-  u32 visibility;  // ray mask bits of the emitting instance
-};
+template <class F>
+KERNEL F mis_weight(F a, F b) {
+  return 1 / (1 + sqr(b / a));
+}
 
 // ---------------------------------------------------------------- choice
 
@@ -34,7 +22,14 @@ struct LightSample {
 /// none knows what hides the others.
 inline constexpr float kLeastShare = 0.05f;
 
-/// Receiver::surface_share, by what the lights of the tree and the sky may send to a point.
+/// By what the lights of the tree and the sky may send.
+template <class F>
+KERNEL F share_of_surfaces(F surfaces, F sky) {
+  const F share = surfaces / (surfaces + sky);
+  return select(share >= 0, min2(max2(share, F(kLeastShare)), F(1 - kLeastShare)), F(0.5f));
+}
+
+/// Receiver::surface_share.
 HELIO_STEP KERNEL float surface_share(const SceneView& scene, const Receiver& from) {
   if (scene.light_count == 0) return 0;
   if (!(scene.sky_power > 0)) return 1;
@@ -42,9 +37,8 @@ HELIO_STEP KERNEL float surface_share(const SceneView& scene, const Receiver& fr
   const float received = from.facing == Facing::kAny    ? 1.0f
                          : from.facing == Facing::kBoth ? 0.5f
                                                         : 0.25f;
-  const float surfaces = importance(scene.light_nodes[0], from, false);
-  const float share = surfaces / (surfaces + received * scene.sky_power);
-  return share >= 0 ? min2(max2(share, kLeastShare), 1 - kLeastShare) : 0.5f;
+  return share_of_surfaces(importance(scene.light_nodes[0], from, false),
+                           received * scene.sky_power);
 }
 KERNEL float sky_share(const Receiver& from) { return 1 - from.surface_share; }
 
@@ -52,126 +46,6 @@ KERNEL Receiver receiver_at(const SceneView& scene, vec3 p, vec3 n, Facing facin
   Receiver receiver{p, n, facing, time, 0};
   receiver.surface_share = surface_share(scene, receiver);
   return receiver;
-}
-
-// ---------------------------------------------------------------- surfaces
-
-/// Radiance that a point of a surface emits in a direction, and that sample_light() counts where
-/// the surface belongs to a light. wo: unit, world, leaves the surface.
-HELIO_STEP KERNEL vec3 emitted(const SceneView& scene, const Surface& s, const MaterialValues& m,
-                               vec3 wo) {
-  const bool front = dot(wo, s.ng) >= 0;
-  vec3 radiance(0);
-  const MaterialView& material = *s.material;
-  if (!material.unlit && (front || material.two_sided_emission)) {
-    radiance = m.emission * m.emission_strength;
-  }
-  if (s.light == kNone) return radiance;
-  const LightView& light = scene.lights[s.light];
-  if (!front && !light.light_two_sided) return radiance;
-  vec3 added = light.radiance;
-  if (light.texture.texture != kNone) {
-    added *= glm::max(vec3(sample_use<true>(scene, light.texture, uvs_at(s))), vec3(0));
-  }
-  if (light.profile != kNone) added *= profile_share(scene, light.profile, s, wo);
-  return radiance + added * cone_share(light, s.pose.world_from_object, wo);
-}
-
-/// What a surface shows of itself besides: the colour of unlit materials, which is light to whoever
-/// meets it but that sample_light() does not know.
-KERNEL vec3 shown(const Surface& s, const MaterialValues& m) {
-  return s.material->unlit ? m.base_color : vec3(0);
-}
-
-/// Density [1/sr] with which sample_light() would have taken the direction in which a ray from the
-/// receiver met a light.
-HELIO_STEP KERNEL float light_pdf(const SceneView& scene, Receiver from, const Hit& hit,
-                                  vec3 direction, u32 index) {
-  const LightPlace at = light_place(scene, index, from.time);
-  const TriangleTree& tree = at.light.tree;
-  const float chosen = leaf_probability(scene.light_nodes, at.light.leaf, from, false);
-  if (at.mesh.shape != Shape::kTriangles) {
-    return from.surface_share * chosen * shape_pdf(at, from.p, direction, hit.t);
-  }
-  const u32 entry = tree.entry_of_triangle[hit.primitive];
-  float within = 1;
-  if (tree.nodes[tree.root].count == 0) {
-    within = leaf_probability(tree.nodes, tree.entries[entry].leaf, to_object(at.pose, from),
-                              emits_back(at.light));
-  }
-  const float pdf =
-      from.surface_share * chosen * within * leaf_pdf(at, entry, from.p, direction, hit.t);
-  return pdf > 0 ? pdf : 0;
-}
-
-/// Whether a light has the same radiance at all its points in all directions.
-KERNEL bool is_even(const SceneView& scene, const LightView& light) {
-  return !light.material_emits && light.texture.texture == kNone && light.cone_scale == 0 &&
-         light.profile == kNone && !(scene.instances[light.instance].flags & kMayBeHole);
-}
-
-/// The rest of a sample of a disc or a sphere: its light is chosen, with `probability`.
-KERNEL bool sample_shape_light(const SceneView& scene, const LightPlace& at, const Receiver& from,
-                               float probability, vec2 u, LightSample& out) {
-  ShapePoint point;
-  if (!sample_shape(at, from.p, u, point)) return false;
-  const mat4x3& world = at.pose.world_from_object;
-  const vec3 p = transform_point(world, point.p);
-  out.direction = normalize(p - from.p);
-  if (at.light.cone_scale != 0 && cone_share(at.light, world, -out.direction) == 0) return false;
-  out.pdf = probability * point.pdf;
-  if (!(out.pdf > 0)) return false;
-  const bool disc = at.mesh.shape == Shape::kDisc;
-  const vec3 n =
-      normalize(transform_normal(at.pose.object_from_world, disc ? vec3(0, 0, -1) : point.p));
-  const bool front = dot(out.direction, n) < 0;
-  const float offset = plane_error(world, {vec3(0), vec3(1), vec3(1)}, n);
-  out.target = p + n * (front ? offset : -offset);
-  out.primitive = 0;
-  if (!is_even(scene, at.light)) out.place = disc ? disc_place(point.p) : sphere_place(point.p);
-  return true;
-}
-
-/// choice: a leaf of the scene's tree. u: uniform in [0, 1)
-HELIO_STEP KERNEL bool sample_surface_light(const SceneView& scene, const Receiver& from,
-                                            LeafChoice choice, float u, LightSample& out) {
-  out.light = scene.light_nodes[choice.node].first;
-  const LightPlace at = light_place(scene, out.light, from.time);
-  out.time = from.time;
-  out.visibility = at.instance.visibility;
-  if (at.mesh.shape != Shape::kTriangles) {
-    return sample_shape_light(scene, at, from, choice.probability, vec2(choice.rest, u), out);
-  }
-  const TriangleTree& tree = at.light.tree;
-  choice.node = tree.root;
-  if (tree.nodes[tree.root].count == 0) {
-    choose_leaf(tree.nodes, to_object(at.pose, from), emits_back(at.light), choice);
-  }
-  TrianglePoint point;
-  point.entry = choice.node;
-  if (!sample_leaf(at, from.p, vec2(choice.rest, u), point)) return false;
-  const vec3 normal = point.triangle.normal;
-  const bool front = dot(point.direction, normal) < 0;
-  if (!front && !emits_back(at.light)) return false;
-  out.direction = point.direction;
-  out.pdf = choice.probability * point.pdf;
-  if (!(out.pdf > 0)) return false;
-  const vec3 n = normalize(normal);
-  const float offset = plane_error(at.pose.world_from_object, point.triangle.corners, n);
-  out.target = point.p + n * (front ? offset : -offset);
-  out.primitive = tree.entries[point.entry].triangle;
-  out.place = point.place;
-  return true;
-}
-
-/// Radiance of a sampled point of a surface.
-HELIO_STEP KERNEL vec3 surface_radiance(const SceneView& scene, const LightSample& sample) {
-  const LightView& light = scene.lights[sample.light];
-  if (is_even(scene, light)) return light.radiance;
-  const Surface s = locate(scene, light.instance, sample.primitive, sample.place, sample.time);
-  const vec3 radiance = emitted(scene, s, material_at(scene, s, kEmissionBits), -sample.direction);
-  if (!(scene.instances[light.instance].flags & kMayBeHole)) return radiance;
-  return radiance * opacity_at(scene, light.instance, sample.primitive, sample.place);
 }
 
 // ---------------------------------------------------------------- dome
@@ -320,13 +194,6 @@ KERNEL u32 light_group(const SceneView& scene, const LightSample& sample) {
     return scene.instances[scene.lights[sample.light].instance].light_group;
   }
   return sample.sun != kNone ? scene.suns[sample.sun].light_group : scene.dome.light_group;
-}
-
-/// Whether a light shows to every kind of ray that scattering makes. If not, only sample_light()
-/// and mirrors count it.
-KERNEL bool shows_to_all(u32 visibility) {
-  constexpr u32 kScattered = kDiffuseRay | kGlossyRay | kTransmissionRay;
-  return (visibility & kScattered) == kScattered;
 }
 
 /// Sets the ray from a point to a sampled light; false where they are at the same place.

@@ -39,21 +39,48 @@ KERNEL float turned_pdf(const mat4x3& m, vec3 d, float pdf) {
   return pdf * stretch * std::sqrt(stretch) / volume;
 }
 
+/// A direction towards a sphere that is seen from outside.
+template <class F>
+struct SphereDirection {
+  Vec3<F> normal;  // unit, of the sphere, where the direction meets it
+  F pdf;           // 1/sr
+};
+/// Uniform in the cone that the sphere fills.
+///
+/// d          from the point to the sphere's centre, longer than its radius
 /// Source: Pharr, Jakob and Humphreys 2023, "Physically Based Rendering", 4th edition, section
 /// 6.2.4, for the point at which a direction of the cone meets the sphere.
+template <class F>
+KERNEL SphereDirection<F> sample_sphere_seen(Vec3<F> d, F radius, Vec2<F> u) {
+  const F scale = 1 / radius;
+  const F distance2 = dot(d, d) * sqr(scale);  // in radii
+  const F distance = root(distance2);
+  const F sine2_max = 1 / distance2;
+  const F drop = u.x * sine2_max / (1 + root(1 - sine2_max));
+  const F sine2 = drop * (2 - drop);
+  const F cosine = sine2 * distance + (1 - drop) * safe_sqrt(1 - sine2 * distance2);
+  const F sine = safe_sqrt(1 - cosine * cosine);
+  const SinCosOf<F> phi = sincos_turns(u.y);
+  const FrameOf<F> frame = make_frame(d * (-scale / distance));
+  return {to_world(frame, Vec3<F>(sine * phi.cos, sine * phi.sin, cosine)),
+          (distance2 + root(distance2 * (distance2 - 1))) * (0.5f * kInvPi)};
+}
+
+/// plane_error() of a sphere's points.
+template <class F>
+KERNEL F sphere_error(Vec3<F> center, F radius, Vec3<F> n) {
+  const Vec3<F> bound(size_of(center.x) + 2 * radius, size_of(center.y) + 2 * radius,
+                      size_of(center.z) + 2 * radius);
+  return 0x1p-19f * (size_of(n.x) * bound.x + size_of(n.y) * bound.y + size_of(n.z) * bound.z +
+                     0.0625f * max_component(bound));
+}
+
+/// Of a sphere that may be uneven, in object space.
 KERNEL bool sample_sphere_light(const LightPlace& at, vec3 from, vec2 u, ShapePoint& out) {
   const vec3 origin = transform_point(at.pose.object_from_world, from);
   const float distance2 = dot(origin, origin);
   if (distance2 > 1) {
-    const float distance = std::sqrt(distance2), sine_max = 1 / distance;
-    const float sine2_max = sqr(sine_max);
-    const float drop = u.x * sine2_max / (1 + std::sqrt(1 - sine2_max));
-    const float sine2 = drop * (2 - drop);
-    const float cosine = sine2 * distance + (1 - drop) * safe_sqrt(1 - sine2 * distance2);
-    const float sine = safe_sqrt(1 - cosine * cosine);
-    const SinCos phi = sincos_turns(u.y);
-    const Frame frame = make_frame(origin * sine_max);
-    out.p = to_world(frame, vec3(sine * phi.cos, sine * phi.sin, cosine));
+    out.p = sample_sphere_seen(-origin, 1.0f, u).normal;
   } else {
     if (!emits_back(at.light)) return false;
     const vec3 d = sample_sphere(u);

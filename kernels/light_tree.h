@@ -108,23 +108,50 @@ KERNEL float cos_difference(float cos_a, float cos_b, float sin_b) {
 }
 
 /// A node's sphere from a point.
+template <class F>
 struct NodeSphere {
-  float distance2, inverse2;  // of its centre: squared, and 1 over that
-  float tangent;              // length of a tangent; 0 from within
-  float radius2;
+  F distance2, inverse2;  // of its centre: squared, and 1 over that
+  F tangent;              // length of a tangent; 0 from within
+  F radius2;
+
+  /// d: from the point to its centre
+  KERNEL NodeSphere(Vec3<F> d, F radius2_)
+      : distance2(max2(dot(d, d), F(1e-20f))),
+        inverse2(1 / distance2),
+        tangent(safe_sqrt(distance2 - radius2_)),
+        radius2(radius2_) {}
 
   /// The largest cosine over the sphere to an axis along which its centre is `along` metres away.
-  [[nodiscard]] KERNEL float largest_cosine(float along) const {
-    if (distance2 <= radius2 || along >= tangent) return 1;
-    return (along * tangent + safe_sqrt((distance2 - along * along) * radius2)) * inverse2;
+  [[nodiscard]] KERNEL F largest_cosine(F along) const {
+    const BoolOf<F> whole = (distance2 <= radius2) | (along >= tangent);
+    if (all(whole)) return 1;
+    const F cosine =
+        (along * tangent + safe_sqrt((distance2 - along * along) * radius2)) * inverse2;
+    return select(whole, F(1), cosine);
+  }
+  /// 1 / distance^2, of half of the radius at least.
+  [[nodiscard]] KERNEL F fall_off() const {
+    const F least2 = 0.25f * radius2;
+    return select(distance2 < least2, 1 / least2, inverse2);
   }
 };
 
 /// From a cosine at a node's centre and the largest one over the node to a typical one, which is 0
 /// only where the largest is. Of 1, 1/2, 1/4 and 1/10, this share of the largest had the least
 /// variance.
-KERNEL float typical_cosine(float center, float largest) {
-  return 0.25f * max2(largest, 0.0f) + 0.75f * max2(center, 0.0f);
+template <class F>
+KERNEL F typical_cosine(F center, F largest) {
+  return 0.25f * max2(largest, F(0)) + 0.75f * max2(center, F(0));
+}
+
+/// importance() of emitters that face everywhere, to the front of a surface with normal n. d: from
+/// there to the node's centre
+template <class F>
+KERNEL F front_importance(Vec3<F> d, F radius2, F power, Vec3<F> n) {
+  const NodeSphere<F> sphere(d, radius2);
+  const F along = dot(n, d);
+  return power * sphere.fall_off() *
+         typical_cosine(along * root(sphere.inverse2), sphere.largest_cosine(along));
 }
 
 /// How much the emitters of a node may send to a point, up to a common factor: never 0 where they
@@ -136,12 +163,12 @@ KERNEL float typical_cosine(float center, float largest) {
 /// tenth of the variance (1,000 lights on a ceiling).
 KERNEL float importance(const LightNode& node, const Receiver& r, bool two_sided) {
   const vec3 d = node.center - r.p;
-  const float distance2 = max2(dot(d, d), 1e-20f);
-  const float inverse2 = 1 / distance2;
-  const NodeSphere sphere{distance2, inverse2, safe_sqrt(distance2 - node.radius2), node.radius2};
-  const float scale = std::sqrt(inverse2);
-  const float least2 = 0.25f * node.radius2;
-  float result = node.power * (distance2 < least2 ? 1 / least2 : inverse2);
+  if (node.cos_spread <= -1 && r.facing == Facing::kFront) {
+    return front_importance(d, node.radius2, node.power, r.n);
+  }
+  const NodeSphere<float> sphere(d, node.radius2);
+  const float scale = std::sqrt(sphere.inverse2);
+  float result = node.power * sphere.fall_off();
   if (node.cos_spread > -1) {
     float along = -dot(node.axis, d);
     if (two_sided || node.two_sided) along = std::fabs(along);
@@ -150,7 +177,7 @@ KERNEL float importance(const LightNode& node, const Receiver& r, bool two_sided
       const float nearest =
           cos_difference(center, node.cos_spread, safe_sqrt(1 - sqr(node.cos_spread)));
       center = 0.5f * (center + nearest);
-      along = nearest * (distance2 * scale);
+      along = nearest * (sphere.distance2 * scale);
     }
     result *= typical_cosine(center, sphere.largest_cosine(along));
     if (!(result > 0)) return 0;
@@ -162,12 +189,14 @@ KERNEL float importance(const LightNode& node, const Receiver& r, bool two_sided
 }
 
 /// Probability of the first of two siblings. Where neither sends anything, any choice will do.
+template <class F>
+KERNEL F first_share(F first, F second) {
+  const F share = first / (first + second);
+  return select(share >= 0, share, F(0.5f));
+}
 KERNEL float first_share(const LightNode& first, const LightNode& second, const Receiver& r,
                          bool two_sided) {
-  const float a = importance(first, r, two_sided);
-  const float b = importance(second, r, two_sided);
-  const float share = a / (a + b);
-  return share >= 0 ? share : 0.5f;
+  return first_share(importance(first, r, two_sided), importance(second, r, two_sided));
 }
 
 struct LeafChoice {

@@ -7,7 +7,8 @@
 
 #include <new>
 
-#include "kernels/later.h"
+#include "kernels/camera_lanes.h"
+#include "kernels/plain_scatter.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
@@ -32,7 +33,14 @@ class Lockstep {
  public:
   Lockstep(const SceneView& scene, const CameraView& camera, const Settings& settings,
            const T& tracer, const FilmView& film)
-      : scene_(scene), camera_(camera), settings_(settings), tracer_(tracer), film_(film) {}
+      : scene_(scene),
+        camera_(camera),
+        settings_(settings),
+        tracer_(tracer),
+        film_(film),
+        plain_camera_(is_plain(camera)),
+        plain_air_(has_plain_air(scene)),
+        plain_lights_(has_plain_lights(scene)) {}
 
   [[nodiscard]] bool is_full() const {
     // Light groups add up in the film, path by path.
@@ -46,10 +54,11 @@ class Lockstep {
       for (u32 x = patch.x0; x < patch.x1; ++x) add(x, y, sample);
     for (u32 i = first; i < count_; ++i) listed_[i - first] = i;
     draw(count_ - first, 1, [](const Item&) -> u32 { return kFilterPair; });
+    if (plain_camera_) set_camera_lanes(first);
     CameraRays rays;
     for (u32 i = first; i < count_; ++i) {
       Item& item = items_[i];
-      set_out_from_camera(item);
+      set_out_from_camera(item, i - first);
       if (!(item.path.ray.t_max > 0)) continue;
       set_out(item);
       rays.add(item.path.ray, item.hit);
@@ -77,8 +86,8 @@ class Lockstep {
   }
 
  private:
-  static constexpr u32 kPaths = 32;
-  static_assert(kPatchPixels <= CameraRays::kMost);
+  static constexpr u32 kPaths = 64;
+  static_assert(kPatchPixels <= CameraRays::kMost && kPatchPixels <= kLanes);
 
   struct Item {
     u64 key;
@@ -116,7 +125,6 @@ class Lockstep {
   /// Draws `pairs` pairs, from first(item) on, for the first `count` of listed_.
   template <class First>
   void draw(u32 count, u32 pairs, const First& first) {
-    constexpr u32 kLanes = SamplerLanes::kLanes;
     for (u32 begin = 0; begin < count; begin += kLanes) {
       SamplerLanes lanes;
       for (u32 i = 0; i < kLanes; ++i) {
@@ -130,10 +138,31 @@ class Lockstep {
     }
   }
 
-  void set_out_from_camera(Item& item) {
+  void set_camera_lanes(u32 first) {
+    for (u32 i = first; i < count_; ++i) {
+      const Item& item = items_[i];
+      const u32 lane = i - first;
+      const vec2 u = item.sampler.get2(kFilterPair);
+      camera_rays_.x.of[lane] = float(item.x);
+      camera_rays_.y.of[lane] = float(item.y);
+      camera_rays_.u.of[lane] = u.x;
+      camera_rays_.v.of[lane] = u.y;
+    }
+    set_rays(camera_, settings_.filter, camera_rays_);
+  }
+  /// lane: the item's, of a plain camera
+  void set_out_from_camera(Item& item, u32 lane) {
     item.time = path_time(camera_.shutter, item.sampler, item.y);
+    if (plain_camera_) {
+      const PathContext<T> c = context(item);
+      const Ray ray{camera_rays_.origin.get(lane), camera_rays_.direction.get(lane),
+                    camera_rays_.end.of[lane], item.time, hole_key(c, kHoleHash)};
+      new (&item.path) Path(begin_sample(c, ray, item.values));
+      return;
+    }
     const CameraAt now(camera_, item.time);
-    new (&item.path) Path(begin_sample(context(item, now.camera()), item.x, item.y, item.values));
+    const PathContext<T> c = context(item, now.camera());
+    new (&item.path) Path(begin_sample(c, first_ray(c, item.x, item.y), item.values));
   }
 
   void set_out(Item& item) {
@@ -184,12 +213,36 @@ class Lockstep {
       const auto take_light = [&](const Path& path, const Vertex& v) {
         sample_light_later(c, path, v, item.values, item.light);
       };
-      const bool goes_on =
-          kernels::arrive(c, item.path, item.reach, item.hit, item.values, take_light, &item.sky);
-      if (item.light.ray.t_max > 0) lit_[lit_count_++] = active_[i];
-      if (goes_on && item.path.ray.t_max > 0) active_[left++] = active_[i];
+      const auto take = [&](const Path& path, const Vertex& v) {
+        if (!plain_air_ || !is_plain(scene_, path, v)) return false;
+        plain_items_[plain_.count] = active_[i];
+        kernels::add(plain_, c, path, v, plain_lights_);
+        return true;
+      };
+      const bool goes_on = kernels::arrive(c, item.path, item.reach, item.hit, item.values,
+                                           take_light, take, &item.sky);
+      sort(active_[i], goes_on, left);
+      if (plain_.count == kLanes) scatter_plain(left);
     }
+    if (plain_.count > 0) scatter_plain(left);
     active_count_ = left;
+  }
+  void scatter_plain(u32& left) {
+    scatter_all(scene_, plain_lights_, plain_);
+    for (u32 i = 0; i < plain_.count; ++i) {
+      Item& item = items_[plain_items_[i]];
+      const PathContext<T> c = context(item);
+      if (plain_.lit >> i & 1) {
+        kernels::take_light(plain_, i, plain_lights_, c, item.path, item.values, item.light);
+      }
+      sort(plain_items_[i], kernels::go_on(plain_, i, c, item.path, item.values), left);
+    }
+    plain_.count = 0;
+  }
+  void sort(u32 index, bool goes_on, u32& left) {
+    const Item& item = items_[index];
+    if (item.light.ray.t_max > 0) lit_[lit_count_++] = index;
+    if (goes_on && item.path.ray.t_max > 0) active_[left++] = index;
   }
 
   void shine() {
@@ -205,11 +258,15 @@ class Lockstep {
   const Settings& settings_;
   const T& tracer_;
   const FilmView& film_;
+  const bool plain_camera_, plain_air_, plain_lights_;
   Item items_[kPaths];
   u32 active_[kPaths];  // items on their way
   u32 lit_[kPaths];
   u32 listed_[kPaths];  // items that numbers are drawn for
   u32 missed_[kPaths];  // items whose rays met nothing
+  CameraLanes camera_rays_;
+  PlainVertices plain_;
+  u32 plain_items_[kLanes];
   u32 count_ = 0, active_count_ = 0, lit_count_ = 0;
 };
 

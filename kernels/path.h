@@ -33,15 +33,15 @@ KERNEL Path path_along(const PathContext<T>& c, const Ray& ray, SampleValues& sa
   return path;
 }
 
+/// The ray of the camera that a sample of a pixel begins with.
 template <Tracer T>
-KERNEL Path begin_path(const PathContext<T>& c, u32 x, u32 y, SampleValues& sample) {
+KERNEL Ray first_ray(const PathContext<T>& c, u32 x, u32 y) {
   const vec2 offset = sample_filter(c.settings.filter, c.sampler.get2(kFilterPair));
   const vec2 raster = centre_of(x, y) + offset;
   const HoleKey holes = hole_key(c, kHoleHash);
-  const Ray ray = c.camera.aperture.radius > 0
-                      ? thin_lens_ray(c.camera, raster, c.sampler.get2(kLensPair), holes)
-                      : camera_ray(c.camera, raster, holes);
-  return path_along(c, ray, sample);
+  return c.camera.aperture.radius > 0
+             ? thin_lens_ray(c.camera, raster, c.sampler.get2(kLensPair), holes)
+             : camera_ray(c.camera, raster, holes);
 }
 
 /// Radiance of the dome where the path leaves the scene, weighted.
@@ -96,9 +96,9 @@ KERNEL float emission_weight(const SceneView& scene, const Path& path, const Hit
   return mis_weight(path.pdf, light_pdf(scene, path.from, from_vertex, path.ray.direction, light));
 }
 
-/// The path meets a surface: counts what it emits; false when the path ends there.
+/// The path meets a surface: finds out what it is and counts what it emits.
 template <Tracer T>
-HELIO_ONCE KERNEL bool hit_surface(const PathContext<T>& c, Path& path, const Hit& hit, Vertex& v,
+HELIO_ONCE KERNEL void hit_surface(const PathContext<T>& c, Path& path, const Hit& hit, Vertex& v,
                                    SampleValues& sample) {
   new (&v.surface)  // in place: these are large
       Surface(surface_at(c.scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), c.time));
@@ -107,15 +107,22 @@ HELIO_ONCE KERNEL bool hit_surface(const PathContext<T>& c, Path& path, const Hi
   new (&v.material) MaterialValues(material_at(c.scene, s, ~kAlphaBit, path.cone.width));
   if (path.blurred && c.settings.regularize) regularize(v.material);
   v.boundary = boundary_at(c.scene, path.inside, s, path.ray.direction);
-  if (v.boundary.meeting == Meeting::kAbsent) return false;
-  const vec3 wo = -path.ray.direction;
-  const vec3 emission = emitted(c.scene, s, v.material, wo);
+  if (v.boundary.meeting == Meeting::kAbsent) return;
+  const vec3 emission = emitted(c.scene, s, v.material, -path.ray.direction);
   const vec3 own = shown(s, v.material);
-  if (!is_black(emission) || !is_black(own)) {
-    const vec3 light = emission * emission_weight(c.scene, path, hit, s.light) + own;
-    const u32 group = s.instance->light_group;
-    collect(c, sample, {path.throughput * light, path.edges, false, group}, path.route);
-  }
+  v.emission = emission + own;
+  if (is_black(v.emission)) return;
+  const vec3 light = emission * emission_weight(c.scene, path, hit, s.light) + own;
+  const u32 group = s.instance->light_group;
+  collect(c, sample, {path.throughput * light, path.edges, false, group}, path.route);
+}
+
+/// Finds out how the surface scatters light; false when it does not.
+template <Tracer T>
+HELIO_ONCE KERNEL bool set_scattering(const PathContext<T>& c, const Path& path, Vertex& v,
+                                      SampleValues& sample) {
+  const Surface& s = v.surface;
+  const vec3 wo = -path.ray.direction;
   if (!s.material->unlit) {
     ShadingPoint at = shading_point(c.scene, s, v.material, wo);
     at.outside = v.boundary.outside;
@@ -130,22 +137,28 @@ HELIO_ONCE KERNEL bool hit_surface(const PathContext<T>& c, Path& path, const Hi
     }
   }
   if (!path.guided) {
-    sample.albedo = path.throughput * path.radiance_scale * glm::min(emission + own, vec3(1));
+    sample.albedo = path.throughput * path.radiance_scale * glm::min(v.emission, vec3(1));
     sample.normal = dot(wo, s.ng) >= 0 ? s.ns : -s.ns;
   }
   return false;
 }
 
 /// Denoising guides, at the first vertex that is not a perfect mirror.
-HELIO_STEP KERNEL void record_guides(const Path& path, const Vertex& v, const BsdfSample* s,
+///
+/// weight   of the light that goes on
+KERNEL void record_guides(Path& path, vec3 weight, vec3 normal, SampleValues& sample) {
+  sample.albedo = glm::min(path.throughput * weight * path.radiance_scale, vec3(1));
+  sample.normal = normal;
+  path.guided = true;
+}
+HELIO_STEP KERNEL void record_guides(Path& path, const Vertex& v, const BsdfSample* s,
                                      SampleValues& sample) {
   vec3 weight(0);
   if (s) {
     const bool enters = s->lobe == Lobe::kSubsurface;
     weight = s->weight * (enters ? v.material.subsurface_color : vec3(sqr(s->eta)));
   }
-  sample.albedo = glm::min(path.throughput * weight * path.radiance_scale, vec3(1));
-  sample.normal = v.bsdf.frame.n;
+  record_guides(path, weight, v.bsdf.frame.n, sample);
 }
 
 /// Turns a sample of the surface's own into one of directions towards casters, too.
@@ -191,7 +204,6 @@ KERNEL bool scatter(const PathContext<T>& c, Path& path, Vertex& v, SampleValues
   bool goes_on = sample_bsdf(v.bsdf, choice, u, s);
   if (!path.guided && (!goes_on || aimed || s.lobe == Lobe::kSubsurface || s.pdf > 0)) {
     record_guides(path, v, goes_on ? &s : nullptr, sample);
-    path.guided = true;
   }
   if (share > 0 && (goes_on || aimed)) goes_on = mix_casters(v, aimed, choice, u, s);
   if (!goes_on) return false;
@@ -232,13 +244,13 @@ KERNEL CatcherNumbers catcher_numbers(const PathContext<T>& c, const Path& path)
           c.sampler.get2(vertex_pair(path, kScatterPair))};
 }
 
-/// Begins a sample: its path, and what does not need one.
+/// Begins a sample with a ray of the camera: its path, and what does not need one.
 template <Tracer T>
-HELIO_ONCE KERNEL Path begin_sample(const PathContext<T>& c, u32 x, u32 y, SampleValues& sample) {
+HELIO_ONCE KERNEL Path begin_sample(const PathContext<T>& c, const Ray& ray, SampleValues& sample) {
   if (wants_rare(c.film, kLightPlaneSet)) {
     for (vec3& light : sample.light) light = vec3(0);
   }
-  const Path path = begin_path(c, x, y, sample);
+  const Path path = path_along(c, ray, sample);
   sample.alpha = path.ray.t_max > 0 || !c.settings.transparent_background ? 1 : 0;
   if (kRich && c.film.catcher && has_lights(c.scene)) {
     sample.caught = see_catcher(CatcherScene<T>{c.scene, c.tracer, sample.rays}, path.ray,
@@ -265,11 +277,12 @@ HELIO_ONCE KERNEL Reach set_out(const PathContext<T>& c, Path& path) {
 /// The path has set out and its ray has met something, or nothing. Returns whether it goes on.
 ///
 /// light   (path, vertex): takes light at the vertex straight from one light
+/// take    (path, vertex): whether somebody else makes the path go on from there
 /// sky     where the ray leaves the scene: its place in the dome if that is known, else null
-template <Tracer T, class Light>
+template <Tracer T, class Light, class Take>
 HELIO_ONCE KERNEL bool arrive(const PathContext<T>& c, Path& path, const Reach& reach,
                               const Hit& hit, SampleValues& sample, const Light& light,
-                              const DomePlace* sky = nullptr) {
+                              const Take& take, const DomePlace* sky = nullptr) {
   ++sample.rays;
   Collision at{};
   const bool collides = meets_volume(c, path, hit.t, at);
@@ -287,28 +300,34 @@ HELIO_ONCE KERNEL bool arrive(const PathContext<T>& c, Path& path, const Reach& 
   Vertex v;
   v.casters = &casters;
   sample.hit = true;
-  const bool ends = !hit_surface(c, path, hit, v, sample);
+  hit_surface(c, path, hit, v, sample);
   if (kRich && v.boundary.meeting != Meeting::kScatters) return pass_surface(path, v);
   if (path.edges == 1 && wants_rare(c.film, plane_bit(Plane::AMBIENT_OCCLUSION))) {
     sample.open = open_hemisphere(c, v, path, sample);
   }
-  if (ends) return false;
   const bool last = path.edges >= c.settings.max_depth;
   if (last && path.guided) return false;
+  if (!last && take(path, v)) return false;
+  if (!set_scattering(c, path, v, sample)) return false;
   if (!last && has_lights(c.scene) && has_smooth_lobe(v.bsdf)) light(path, v);
   return scatter(c, path, v, sample) && path.edges <= c.settings.max_depth;
 }
+
+/// Takes no vertex, see arrive().
+struct TakesNone {
+  KERNEL bool operator()(const Path&, const Vertex&) const { return false; }
+};
 
 /// Traces one path and all the light it meets.
 template <Tracer T>
 KERNEL SampleValues trace_path(const PathContext<T>& c, u32 x, u32 y) {
   SampleValues sample;
   const auto light = [&](const Path& path, const Vertex& v) { sample_light(c, path, v, sample); };
-  Path path = begin_sample(c, x, y, sample);
+  Path path = begin_sample(c, first_ray(c, x, y), sample);
   while (path.ray.t_max > 0) {  // not even once where the camera sees nothing
     const Reach reach = set_out(c, path);
     const Hit hit = c.tracer.closest(path.ray, path.mask);
-    if (!arrive(c, path, reach, hit, sample, light)) break;
+    if (!arrive(c, path, reach, hit, sample, light, TakesNone{})) break;
   }
   return sample;
 }

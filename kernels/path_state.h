@@ -120,14 +120,19 @@ KERNEL void go_on(const PathContext<T>& c, Path& path, const Onward& onward) {
   ++path.edges;
 }
 
-/// Ends the path by chance where it carries little; unbiased. The root lets fewer live paths end
-/// than the throughput itself: they carry what the many that ended would have.
+/// Chance with which a path that carries so much goes on. The root lets fewer live paths end than
+/// what they carry: they carry what the many that ended would have.
+template <class F>
+KERNEL F survival_chance(F carried) {
+  return min2(root(carried), F(1));
+}
+
+/// Ends the path by chance where it carries little; unbiased.
 template <Tracer T>
 KERNEL bool survives(const PathContext<T>& c, Path& path) {
   if (path.edges <= c.settings.roulette_depth) return true;
-  const float carried = max_component(path.throughput) * path.radiance_scale;
-  if (carried >= 1) return true;
-  const float chance = std::sqrt(carried);
+  const float chance = survival_chance(max_component(path.throughput) * path.radiance_scale);
+  if (chance >= 1) return true;
   const u32 chances = vertex_pair(path, kChancePair) - kVertexPairs;  // of the vertex left
   if (c.sampler.get2(chances).y >= chance) return false;
   path.throughput *= 1 / chance;

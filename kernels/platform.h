@@ -97,6 +97,9 @@ inline constexpr bool kRichRays = false;
 inline constexpr bool kRichRays = true;
 #endif
 
+/// So many numbers a CPU takes side by side.
+inline constexpr u32 kLanes = 8;
+
 inline constexpr float kPi = 3.14159265358979323846f;
 inline constexpr float kInvPi = 0.31830988618379067154f;
 inline constexpr u32 kNone = 0xffffffffu;

@@ -110,7 +110,6 @@ class Sampler {
 
 /// Samplers side by side, whose pairs a CPU draws in the lanes of its vectors.
 struct SamplerLanes {
-  static constexpr u32 kLanes = 8;
   u64 pixel_key[kLanes];
   u32 sample[kLanes];
   u32 first[kLanes];  // pair
@@ -118,7 +117,6 @@ struct SamplerLanes {
 };
 /// Draws pairs [first, first + count) of each.
 KERNEL void draw(const SamplerLanes& lanes, u32 count) {
-  constexpr u32 kLanes = SamplerLanes::kLanes;
   u32 reversed[kLanes];
   for (u32 i = 0; i < kLanes; ++i) reversed[i] = reverse_bits(lanes.sample[i]);
   for (u32 k = 0; k < count; ++k) {

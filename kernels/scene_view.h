@@ -1,8 +1,8 @@
 // The plain data a device sees: a scene at one instant. Filled by a backend, read by every kernel.
 #pragma once
 
+#include "kernels/camera_view.h"
 #include "kernels/material_parameters.h"
-#include "kernels/platform.h"
 
 namespace heliograph::kernels {
 
@@ -116,14 +116,6 @@ enum InstanceFlag : u32 {
   kOnePart = 16,     // all of it is the part `part`
 };
 
-/// Where something is at one of the equidistant times that it has keys at: world = translate *
-/// rotate * shear. Between two keys translation and shear go linearly, the rotation by slerp.
-struct MotionKey {
-  vec3 translation;
-  vec4 rotation;                 // unit quaternion, xyzw
-  float xx, xy, xz, yy, yz, zz;  // upper triangle of the shear, whose diagonal is the scale
-};
-
 /// An entity that shows a mesh, wherever it is.
 struct SlotView {
   u32 mesh;
@@ -233,6 +225,10 @@ struct LightView {
   u32 part;
   u32 leaf;  // index into SceneView::light_nodes
   TriangleTree tree;
+  // The sphere that it is, in the world, where it stands still and shines evenly, to the outside
+  // alone and to all kinds of rays. Radius 0: it is something else.
+  vec3 sphere_center;
+  float sphere_radius;
   float cone_cos;           // cosine of the half angle at which a spot light's cone ends
   float cone_scale;         // of the fall-off within; 0: no cone
   u32 profile = kNone;      // texture of its intensities by direction (light_profile.h)
@@ -305,55 +301,6 @@ struct CastLightView {
   float radius;
 };
 
-// ---------------------------------------------------------------- camera
-
-enum class Projection : u8 { kPerspective, kOrthographic, kFisheye, kEquirectangular };
-
-/// How directions become places in the image; distortion.h has the formulas. Perspective: k1 k2 p1
-/// p2 k3 k4 k5 k6 of Brown and Conrady; fisheye: k1 k2 k3 k4 of Kannala and Brandt.
-template <class F>
-struct LensModel {
-  Projection projection;
-  bool distorted;  // perspective: some coefficient is not 0
-  F k[8];
-  F limit;  // beyond it nothing is seen. Perspective: radius at z = 1; fisheye: radians off the
-            // axis
-};
-
-/// The opening of a thin lens, and the plane that it sees sharply.
-struct ApertureView {
-  float radius;  // metres; 0: a pinhole
-  float focus;   // metres along the optical axis
-  u32 blades;    // 0: round; otherwise corners, which lie on the circle
-  float turn;    // of the first corner from the camera's +X towards its +Y, whole turns
-};
-
-/// When a camera sees, on the scene's time axis: 0 is the start and 1 the end of its motion.
-struct ShutterView {
-  float open;    // of row 0
-  float length;  // how long each row is open
-  float row;     // how much later than the row above a row opens
-};
-
-/// raster = (fx, fy) * (place on the lens model's image plane) + (cx, cy): cx, cy are raster
-/// coordinates here.
-struct CameraView {
-  mat4x3 world_from_camera;  // OpenGL frame: looks down -Z
-  mat4x3 camera_from_world;
-  const MotionKey* motion_keys;  // segments + 1; camera_at() has the poses
-  u32 segments;                  // 0: it does not move
-  float time;                    // of its rays, where it does not move
-  ShutterView shutter;
-  float fx, fy, cx, cy;
-  u32 width;
-  u32 height;
-  LensModel<float> lens;
-  ApertureView aperture;
-  // Metres along the optical axis (fisheye, equirectangular: along the ray) where rays start and
-  // end. far 0: they do not end.
-  float near, far;
-};
-
 // ---------------------------------------------------------------- scene
 
 struct SceneView {
@@ -381,6 +328,7 @@ struct SceneView {
   const VolumeView* volumes;
   u32 volume_count;
   const vec4* black_body;  // kBlackBodyEntries
+  bool only_spheres;       // every light has a sphere_radius
   bool any_holes;          // some instance has kMayBeHole
   bool any_media;          // paths keep track of what they are inside of
   bool any_passable;       // some instance has a passable material
@@ -395,6 +343,5 @@ static_assert(std::is_trivially_copyable_v<SceneView>);
 static_assert(std::is_trivially_copyable_v<InstanceView>);
 static_assert(std::is_trivially_copyable_v<VolumeView>);
 static_assert(std::is_trivially_copyable_v<MaterialView>);
-static_assert(std::is_trivially_copyable_v<CameraView>);
 
 }  // namespace heliograph::kernels

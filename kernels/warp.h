@@ -8,20 +8,22 @@ namespace heliograph::kernels::inline HELIO_ISA {
 /// Uniform on the unit disk.
 ///
 /// Source: Shirley and Chiu 1997, "A Low Distortion Map Between Disk and Square".
-KERNEL vec2 sample_disk(vec2 u) {
-  const float a = 2 * u.x - 1;
-  const float b = 2 * u.y - 1;
-  if (a == 0 && b == 0) return vec2(0);
-  const bool wide = std::fabs(a) > std::fabs(b);
-  const float r = wide ? a : b;
-  const SinCos phi = sincos_turns(wide ? 0.125f * b / a : 0.25f - 0.125f * a / b);
-  return vec2(r * phi.cos, r * phi.sin);
+template <class F>
+KERNEL Vec2<F> sample_disk(Vec2<F> u) {
+  const F a = 2 * u.x - 1;
+  const F b = 2 * u.y - 1;
+  const BoolOf<F> wide = size_of(a) > size_of(b);
+  const F r = select(wide, a, b);
+  const F turns = 0.125f * select(wide, b, a) / select(r == 0, F(1), r);
+  const SinCosOf<F> phi = sincos_turns(select(wide, turns, 0.25f - turns));
+  return Vec2<F>(r * phi.cos, r * phi.sin);
 }
 
 /// Hemisphere about +z with density cos / pi.
-KERNEL vec3 sample_cosine(vec2 u) {
-  const vec2 d = sample_disk(u);
-  return vec3(d, safe_sqrt(1 - d.x * d.x - d.y * d.y));
+template <class F>
+KERNEL Vec3<F> sample_cosine(Vec2<F> u) {
+  const Vec2<F> d = sample_disk(u);
+  return Vec3<F>(d.x, d.y, safe_sqrt(1 - d.x * d.x - d.y * d.y));
 }
 
 /// Sphere with density 1 / 4 pi.

@@ -88,7 +88,7 @@ class Wave {
     const PathContext<T> c{shot_.scene, now.camera(), shot_.settings, tracer_,
                            view_.film,  sampler,      time,           item};
     SampleValues sample;
-    Path path = begin_sample(c, at.x, at.y, sample);
+    Path path = begin_sample(c, first_ray(c, at.x, at.y), sample);
     const bool sets_out = path.ray.t_max > 0;
     if (kRich || !sets_out) {
       put(sample, item);
@@ -124,9 +124,9 @@ class Wave {
     const auto take_light = [&](const Path& from, const Vertex& v) {
       sample_light_later(c, from, v, sample, light);
     };
-    const bool goes_on =
-        kernels::arrive(c, path, reach, load_whole(view_.hits[item]).hit, sample, take_light) &&
-        path.ray.t_max > 0;
+    const bool goes_on = kernels::arrive(c, path, reach, load_whole(view_.hits[item]).hit, sample,
+                                         take_light, TakesNone{}) &&
+                         path.ray.t_max > 0;
     put(sample, item);
     if (has_first) put_first(sample, item);
     if (light.ray.t_max > 0) keep_light(item, light);

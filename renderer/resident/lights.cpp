@@ -6,7 +6,7 @@
 #include <span>
 #include <unordered_map>
 
-#include "kernels/light_triangle.h"
+#include "kernels/light_surface.h"
 #include "renderer/resident/light_bounds.h"
 #include "renderer/resident/parallel.h"
 #include "renderer/resident/same_lights.h"
@@ -264,6 +264,7 @@ void Lighter::add_light(const kernels::LightView& base, u32 part, double power, 
   const kernels::InstanceView instance = placement_.instance(base.instance);
   const kernels::LightBounds own =
       light_bounds(chosen.bounds[part], placement_.meshes[mesh]->shape(), forward);
+  kernels::note_sphere(light, instance, placement_.meshes[mesh]->shape());
   bounds_.push_back(world_bounds(own, instance, placement_.keys_of(base.instance)));
   bounds_.back().power = float(power);
   bounds_.back().two_sided = kernels::emits_back(light);

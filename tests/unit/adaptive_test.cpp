@@ -66,8 +66,8 @@ TEST_CASE("adaptive: every tile reaches the noise asked for, at fewer samples th
   const auto variance = pixels<float>(*frame, 2);
   double difference = 0, spread = 0;
   for (std::size_t i = 0; i < samples.size(); ++i) {
-    difference += kernels::luminance({a[4 * i], a[4 * i + 1], a[4 * i + 2]}) -
-                  kernels::luminance({b[4 * i], b[4 * i + 1], b[4 * i + 2]});
+    difference += kernels::luminance(vec3(a[4 * i], a[4 * i + 1], a[4 * i + 2])) -
+                  kernels::luminance(vec3(b[4 * i], b[4 * i + 1], b[4 * i + 2]));
     spread += double(variance[i]);
   }
   CHECK(std::abs(difference) < 4 * std::sqrt(spread));

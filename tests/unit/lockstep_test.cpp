@@ -51,6 +51,34 @@ std::set<Company> companies_of(const SceneView& scene, std::span<const PixelRect
   return companies;
 }
 
+/// Spheres of every material on a floor, under even spheres that emit and an even sky.
+void furnish_plainly(TestScene& scene, u32 lamps, bool sky = true) {
+  MaterialView floor = plastic(0.4f);
+  floor.constant.specular_tint = 0.5f;
+  scene.add_instance(scene.add(rectangle(4, 4)), scene.add(floor), pose(mat3(1), {0, 0, -1}));
+  std::vector<MaterialView> materials(8, plastic(0.3f));
+  materials[0].constant.metallic = 1;
+  materials[1].constant.metallic = 0.5f;
+  materials[2] = lambert(vec3(0.2f, 0.7f, 0.9f));
+  materials[3].constant.roughness = 0;
+  materials[4] = lambert(vec3(0));
+  materials[5].unlit = true;
+  materials[6].constant.clearcoat = 1;
+  materials[7] = plastic(0.2f, 1);
+  for (u32 i = 0; i < materials.size(); ++i) {
+    const vec3 place(float(i % 4) * 0.8f - 1.2f, float(i / 4) * 1.1f - 0.5f, -0.6f);
+    scene.add_instance(scene.add(sphere(12)), scene.add(materials[i]), pose(mat3(0.4f), place));
+  }
+  for (u32 i = 0; i < lamps; ++i) {
+    const vec3 place(float(i) - 1, 1 - float(i % 2), 1.5f + 0.3f * float(i));
+    const mat3 turned = rotation({1, 2, 3}, float(i)) * mat3(0.2f + 0.1f * float(i));
+    scene.add_light(scene.add_instance(scene.add(unit_shape(Shape::kSphere)),
+                                       scene.add(emitter(vec3(0))), pose(turned, place)),
+                    0, vec3(8, 6, 4 + i));
+  }
+  if (sky) scene.set_dome(vec3(0.1f, 0.2f, 0.3f));
+}
+
 /// Renders a scene both ways, in lockstep by rectangles and ranges of samples.
 void check_same(const SceneView& scene, PlaneSet wanted) {
   const TestFilm loop(kSize, wanted), lockstep(kSize, wanted);
@@ -87,6 +115,75 @@ TEST_CASE("lockstep: media keep to their paths") {
   const SceneView& view = furnish(scene, true);
   REQUIRE(view.any_media);
   check_same(view, kEverything & ~plane_bit(Plane::BEAUTY_GROUP));
+}
+
+TEST_CASE("lockstep: plain surfaces side by side, of every kind, among others") {
+  TestScene scene;
+  furnish_plainly(scene, 3);
+  const SceneView& view = scene.finish();
+  REQUIRE(has_plain_air(view));
+  REQUIRE(has_plain_lights(view));
+  REQUIRE(is_plain(shot_of(view, 7, TestFilm(kSize, kBeauty)).camera));
+  check_same(view, kBeauty);
+  check_same(view, kEverything);
+  check_same(view, kEverything & ~plane_bit(Plane::BEAUTY_GROUP));
+}
+
+TEST_CASE("lockstep: one lamp, or none, with and without a sky") {
+  for (const u32 lamps : {0u, 1u, 2u}) {
+    TestScene scene;
+    furnish_plainly(scene, lamps, lamps != 1);
+    const SceneView& view = scene.finish();
+    REQUIRE(has_plain_lights(view));
+    check_same(view, kEverything & ~plane_bit(Plane::BEAUTY_GROUP));
+  }
+}
+
+TEST_CASE("lockstep: lamps that are no even spheres are sampled one by one") {
+  TestScene scene;
+  furnish_plainly(scene, 2);
+  SECTION("a sun") {
+    scene.suns.push_back({});
+    scene.suns.back().direction = normalize(vec3(1, 1, 2));
+    scene.suns.back().depth = 0.01f;
+    scene.suns.back().radiance = vec3(50);
+    scene.suns.back().visibility = kAllRays & ~kGlossyRay;
+  }
+  SECTION("a spot") {
+    scene.lights[0].cone_cos = 0.5f;
+    scene.lights[0].cone_scale = 4;
+  }
+  SECTION("from both sides") { scene.lights[1].light_two_sided = true; }
+  SECTION("that is hidden from diffuse rays") {
+    scene.instances[scene.lights[1].instance].visibility = kAllRays & ~kDiffuseRay;
+  }
+  const SceneView& view = scene.finish();
+  REQUIRE(has_plain_air(view));
+  REQUIRE_FALSE(has_plain_lights(view));
+  check_same(view, kEverything & ~plane_bit(Plane::BEAUTY_GROUP));
+}
+
+TEST_CASE("lockstep: cameras that blur, move, bend or clip") {
+  TestScene scene;
+  furnish_plainly(scene, 2);
+  const SceneView& view = scene.finish();
+  const auto same = [&](auto change) {
+    const TestFilm loop(kSize, kBeauty), lockstep(kSize, kBeauty);
+    const TestTracer tracer(view);
+    ShotView shot = shot_of(view, 7, loop);
+    change(shot);
+    run_loop({shot, tracer}, loop);
+    render_rect(shot.scene, shot.camera, shot.settings, tracer, lockstep.view,
+                {0, 0, kSize.x, kSize.y}, 0, kSamples);
+    CHECK(different_means(loop, lockstep, Plane::BEAUTY, kSamples) == 0);
+  };
+  same([](ShotView& s) { s.camera.aperture = {0.2f, 4, 0, 0}; });
+  same([](ShotView& s) { s.camera.shutter = {0, 0.5f, 0.01f}; });
+  same([](ShotView& s) { s.camera.shutter = {0, 0, 0.01f}; });
+  same([](ShotView& s) { s.camera.lens.projection = Projection::kOrthographic; });
+  same([](ShotView& s) { s.camera.near = 2, s.camera.far = 5; });
+  for (const auto filter : {PixelFilter::kBox, PixelFilter::kTent, PixelFilter::kGaussian})
+    same([&](ShotView& s) { s.settings.filter = filter; });
 }
 
 TEST_CASE("lockstep: however work is cut, the same camera rays are traced together") {

@@ -35,8 +35,8 @@ TEST_CASE("sampler: the first of a pair alone is the same number") {
 
 TEST_CASE("sampler: pairs that are drawn side by side are the same numbers") {
   SamplerLanes lanes;
-  DrawnPairs drawn[SamplerLanes::kLanes];
-  for (u32 i = 0; i < SamplerLanes::kLanes; ++i) {
+  DrawnPairs drawn[kLanes];
+  for (u32 i = 0; i < kLanes; ++i) {
     lanes.pixel_key[i] = pixel_key(7, i, 3 * i);
     lanes.sample[i] = 1000 * i;
     lanes.first[i] = 1 + 4 * i;
@@ -44,7 +44,7 @@ TEST_CASE("sampler: pairs that are drawn side by side are the same numbers") {
   }
   for (u32 count : {1u, DrawnPairs::kMost}) {
     draw(lanes, count);
-    for (u32 i = 0; i < SamplerLanes::kLanes; ++i) {
+    for (u32 i = 0; i < kLanes; ++i) {
       const Sampler alone(lanes.pixel_key[i], lanes.sample[i]);
       const Sampler sampler(lanes.pixel_key[i], lanes.sample[i], &drawn[i]);
       for (u32 k = 0; k < count; ++k) CHECK(drawn[i].of[k] == alone.get2(lanes.first[i] + k));

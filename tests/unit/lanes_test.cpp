@@ -1,0 +1,116 @@
+// Numbers side by side: each lane has the bits of a float, whatever the others hold.
+#include "kernels/lanes.h"
+
+#include <bit>
+#include <limits>
+
+#include "kernels/ggx.h"
+#include "tests/unit/catch.h"
+#include "tests/unit/random.h"
+
+using namespace heliograph::kernels;
+using namespace heliograph::test;
+
+namespace {
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+Floats from(const float (&values)[kLanes]) {
+  Row row;
+  for (u32 i = 0; i < kLanes; ++i) row.of[i] = values[i];
+  return row;
+}
+Floats random_floats(Random& random, float scale) {
+  float values[kLanes];
+  for (float& value : values) value = scale * (2 * random.next() - 1);
+  return from(values);
+}
+Vec3<Floats> random_vectors(Random& random, float scale) {
+  return Vec3<Floats>(random_floats(random, scale), random_floats(random, scale),
+                      random_floats(random, scale));
+}
+vec3 lane_of(const Vec3<Floats>& v, u32 i) { return vec3(v.x.v[i], v.y.v[i], v.z.v[i]); }
+
+bool same(float a, float b) { return std::bit_cast<u32>(a) == std::bit_cast<u32>(b); }
+bool same(vec3 a, vec3 b) { return same(a.x, b.x) && same(a.y, b.y) && same(a.z, b.z); }
+
+/// f, which takes floats or Floats, gives the same.
+template <class F>
+void check_same(const F& f, Floats a, Floats b) {
+  const Floats both = f(a, b);
+  for (u32 i = 0; i < kLanes; ++i) {
+    const float x = a.v[i], y = b.v[i];
+    INFO(x << " " << y);
+    CHECK(same(both.v[i], f(x, y)));
+  }
+}
+
+const Floats kOdd = from({0, -0.0f, 1, -1, kInfinity, -kInfinity, 1e-40f, NAN});
+
+}  // namespace
+
+TEST_CASE("lanes: arithmetic, order and roots are those of floats") {
+  Random random;
+  for (int i = 0; i < 50; ++i) {
+    const Floats a = i == 0 ? kOdd : random_floats(random, 100), b = random_floats(random, 100);
+    check_same([](auto x, auto y) { return x + y * x - y / 3; }, a, b);
+    check_same([](auto x, auto y) { return min2(x, y); }, a, b);
+    check_same([](auto x, auto y) { return max2(y, x); }, a, b);
+    check_same([](auto x, auto y) { return select(x < y, x, y) + select(x >= y, x, -y); }, a, b);
+    check_same([](auto x, auto) { return rounded_down(x); }, a, b);
+    check_same([](auto x, auto y) { return size_of(x) * sign_of(y); }, a, b);
+    check_same([](auto x, auto) { return safe_sqrt(x); }, a, b);
+    check_same([](auto x, auto) { return clamp01(x); }, a, b);
+    check_same([](auto x, auto y) { return stretched(size_of(x), size_of(y)); }, b, b);
+    check_same([](auto x, auto) { return to_float(to_int(size_of(x))); }, b, b);
+  }
+}
+
+TEST_CASE("lanes: vectors, frames, angles and microfacets are those of floats") {
+  Random random;
+  for (int i = 0; i < 50; ++i) {
+    const Vec3<Floats> v = random_vectors(random, 3);
+    const Vec3<Floats> n = normalize(v);
+    const FrameOf<Floats> frame = make_frame(n);
+    const Vec3<Floats> local = to_local(frame, v);
+    const Floats turns = random_floats(random, 3);
+    const SinCosOf<Floats> angle = sincos_turns(turns);
+    const Floats alpha = size_of(random_floats(random, 1)) + 0.01f;
+    const AlbedoOf<Floats> albedo = albedo_at(albedo_row(alpha), turns);
+    const Vec3<Floats> wo(n.x, n.y, size_of(n.z) + 0.01f);
+    const Vec2<Floats> u(size_of(random_floats(random, 1)), size_of(random_floats(random, 1)));
+    const Vec3<Floats> h = sample_ggx(wo, GgxOf<Floats>{alpha, alpha}, u);
+    for (u32 k = 0; k < kLanes; ++k) {
+      const vec3 one = lane_of(v, k), unit = normalize(one);
+      CHECK(same(lane_of(n, k), unit));
+      CHECK(same(lane_of(local, k), to_local(make_frame(unit), one)));
+      CHECK(same(angle.sin.v[k], sincos_turns(float(turns.v[k])).sin));
+      CHECK(same(angle.cos.v[k], sincos_turns(float(turns.v[k])).cos));
+      const float a = alpha.v[k];
+      CHECK(same(albedo.schlick.v[k], albedo_at(albedo_row(a), float(turns.v[k])).schlick));
+      const vec2 place(u.x.v[k], u.y.v[k]);
+      CHECK(same(lane_of(h, k), sample_ggx(lane_of(wo, k), Ggx{a, a}, place)));
+    }
+  }
+}
+
+TEST_CASE("lanes: masks, tables and memory") {
+  const Floats x = from({0, 1, 2, 3, 4, 5, 6, 7});
+  CHECK(bits_of(x < 3) == 0b111);
+  CHECK(bits_of(!(x < 3)) == 0b11111000);
+  CHECK(bits_of((x > 1) & (x <= 4)) == 0b11100);
+  CHECK(bits_of((x < 1) | (x == 7)) == 0b10000001);
+  CHECK(bits_of(first_lanes(5)) == 0b11111);
+  CHECK(any(x > 6));
+  CHECK_FALSE(any(x > 7));
+  CHECK(all(x >= 0));
+  CHECK_FALSE(all(x > 0));
+  const float table[]{5, 6, 7, 8, 9, 10, 11, 12};
+  CHECK(bits_of(at(table, 7 - to_int(x)) == 12 - x) == 0xff);
+  Row3 rows;
+  rows = Vec3<Floats>(x, x + 1, x + 2);
+  CHECK(rows.get(3) == vec3(3, 4, 5));
+  rows.set(3, vec3(9));
+  CHECK(lane_of(rows, 3) == vec3(9));
+  CHECK(rows.get(4) == vec3(4, 5, 6));
+}
