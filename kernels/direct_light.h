@@ -13,7 +13,6 @@ struct Vertex {
   Surface surface;
   Boundary boundary;
   MaterialValues material;
-  vec3 emission;  // towards the path, what an unlit material shows included
   Bsdf bsdf;
   Receiver receiver;
   CasterCones* casters;

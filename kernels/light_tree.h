@@ -114,12 +114,12 @@ struct NodeSphere {
   F tangent;              // length of a tangent; 0 from within
   F radius2;
 
-  /// d: from the point to its centre
-  KERNEL NodeSphere(Vec3<F> d, F radius2_)
+  /// d: from the point to its centre; square: of its radius
+  KERNEL NodeSphere(Vec3<F> d, F square)
       : distance2(max2(dot(d, d), F(1e-20f))),
         inverse2(1 / distance2),
-        tangent(safe_sqrt(distance2 - radius2_)),
-        radius2(radius2_) {}
+        tangent(safe_sqrt(distance2 - square)),
+        radius2(square) {}
 
   /// The largest cosine over the sphere to an axis along which its centre is `along` metres away.
   [[nodiscard]] KERNEL F largest_cosine(F along) const {

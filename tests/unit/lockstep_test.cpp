@@ -66,7 +66,8 @@ void furnish_plainly(TestScene& scene, u32 lamps, bool sky = true) {
   materials[6].constant.clearcoat = 1;
   materials[7] = plastic(0.2f, 1);
   for (u32 i = 0; i < materials.size(); ++i) {
-    const vec3 place(float(i % 4) * 0.8f - 1.2f, float(i / 4) * 1.1f - 0.5f, -0.6f);
+    const u32 row = i / 4;
+    const vec3 place(float(i % 4) * 0.8f - 1.2f, float(row) * 1.1f - 0.5f, -0.6f);
     scene.add_instance(scene.add(sphere(12)), scene.add(materials[i]), pose(mat3(0.4f), place));
   }
   for (u32 i = 0; i < lamps; ++i) {
