@@ -13,6 +13,7 @@ struct Vertex {
   Surface surface;
   Boundary boundary;
   MaterialValues material;
+  vec3 emission;  // towards the path, with what an unlit material shows
   Bsdf bsdf;
   Receiver receiver;
   CasterCones* casters;

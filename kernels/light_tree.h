@@ -163,9 +163,6 @@ KERNEL F front_importance(Vec3<F> d, F radius2, F power, Vec3<F> n) {
 /// tenth of the variance (1,000 lights on a ceiling).
 KERNEL float importance(const LightNode& node, const Receiver& r, bool two_sided) {
   const vec3 d = node.center - r.p;
-  if (node.cos_spread <= -1 && r.facing == Facing::kFront) {
-    return front_importance(d, node.radius2, node.power, r.n);
-  }
   const NodeSphere<float> sphere(d, node.radius2);
   const float scale = std::sqrt(sphere.inverse2);
   float result = node.power * sphere.fall_off();

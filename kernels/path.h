@@ -110,7 +110,8 @@ HELIO_ONCE KERNEL void hit_surface(const PathContext<T>& c, Path& path, const Hi
   if (v.boundary.meeting == Meeting::kAbsent) return;
   const vec3 emission = emitted(c.scene, s, v.material, -path.ray.direction);
   const vec3 own = shown(s, v.material);
-  if (is_black(emission) && is_black(own)) return;
+  v.emission = emission + own;
+  if (is_black(v.emission)) return;
   const vec3 light = emission * emission_weight(c.scene, path, hit, s.light) + own;
   const u32 group = s.instance->light_group;
   collect(c, sample, {path.throughput * light, path.edges, false, group}, path.route);
@@ -136,8 +137,7 @@ HELIO_ONCE KERNEL bool set_scattering(const PathContext<T>& c, const Path& path,
     }
   }
   if (!path.guided) {
-    const vec3 light = emitted(c.scene, s, v.material, wo) + shown(s, v.material);
-    sample.albedo = path.throughput * path.radiance_scale * glm::min(light, vec3(1));
+    sample.albedo = path.throughput * path.radiance_scale * glm::min(v.emission, vec3(1));
     sample.normal = dot(wo, s.ng) >= 0 ? s.ns : -s.ns;
   }
   return false;
