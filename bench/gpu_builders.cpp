@@ -11,7 +11,7 @@
 
 #include <fmt/format.h>
 
-#include "kernels/bvh_tracer.h"
+#include "kernels/bvh/bvh_tracer.h"
 #include "renderer/backend/cuda/build.h"
 #include "renderer/bvh/build.h"
 #include "tests/unit/bvh_loops.h"

@@ -23,7 +23,7 @@ Alpha = tuple[float, float]  # GGX, along x and y
 HEADER = """// {what} Written by scripts/make_kernel_tables.py.
 #pragma once
 
-#include "kernels/platform.h"
+#include "kernels/core/platform.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {{
 
@@ -282,11 +282,11 @@ def sheen_table() -> str:
 
 def main(folder: pathlib.Path) -> None:
     files = {
-        "srgb_table.h": (
+        "core/srgb_table.h": (
             "sRGB bytes as linear numbers.",
             table("kSrgbToLinear", srgb(), "IEC 61966-2-1"),
         ),
-        "filter_table.h": (
+        "camera/filter_table.h": (
             "The Blackman-Harris filter.",
             constant("kFilterIntervals", FILTER)
             + table(
@@ -295,11 +295,11 @@ def main(folder: pathlib.Path) -> None:
                 "places in [-0.5, 0] by the fourth root of twice the integral",
             ),
         ),
-        "ggx_tables.h": (
+        "bsdf/ggx_tables.h": (
             "Albedos of GGX microfacets (single scattering).",
             reflection_tables() + glass_table(),
         ),
-        "sheen_tables.h": ("Albedos of sheen.", sheen_table()),
+        "bsdf/sheen_tables.h": ("Albedos of sheen.", sheen_table()),
     }
     for name, (what, text) in files.items():
         (folder / name).write_text(HEADER.format(what=what) + text + FOOTER)

@@ -7,98 +7,87 @@ import pathlib
 import re
 import sys
 
-ALLOWED = {
-    "kernels": set(),
-    "renderer/base": set(),
-    "renderer/scene": {"renderer/base", "kernels"},
-    "renderer/assets": {"renderer/base", "renderer/scene", "kernels"},
-    "renderer/engine": {"renderer/base", "renderer/scene", "kernels"},
-    "renderer/resident": {"renderer/base", "renderer/scene", "renderer/engine", "kernels"},
-    "renderer/bvh": {
-        "renderer/base",
-        "renderer/scene",
-        "renderer/engine",
-        "renderer/resident",
-        "renderer/host",
-        "kernels",
-    },
-    "renderer/host": {
-        "renderer/base",
-        "renderer/scene",
-        "renderer/engine",
-        "renderer/resident",
-        "kernels",
-    },
-    "renderer/backend/embree": {
-        "renderer/base",
-        "renderer/scene",
-        "renderer/engine",
-        "renderer/resident",
-        "renderer/host",
-        "kernels",
-    },
-    "renderer/backend/cuda": {
-        "renderer/base",
-        "renderer/scene",
-        "renderer/engine",
-        "renderer/resident",
-        "renderer/host",
-        "renderer/bvh",
-        "kernels",
-    },
-    "renderer/backend": {
-        "renderer/base",
-        "renderer/engine",
-        "renderer/backend/embree",
-        "renderer/backend/cuda",
-    },
-    "server/decode": {
-        "renderer/base",
-        "renderer/scene",
-        "renderer/assets",
-        "server",
-        "server/convert",
-        "heliograph/v1",
-    },
-    "server/journal": {
-        "renderer/base",
-        "renderer/scene",
-        "heliograph/v1",
-        "server",
-        "server/convert",
-        "server/decode",
-    },
-    "server": {
-        "renderer/base",
-        "renderer/scene",
-        "renderer/engine",
-        "kernels",
-        "heliograph/v1",
-        "server/convert",
-        "server/decode",
-        "server/journal",
-    },
-    "server/convert": {
-        "renderer/base",
-        "renderer/scene",
-        "renderer/engine",
-        "kernels",
-        "heliograph/v1",
-        "server",
-    },
+KERNELS = {
+    "kernels/core": "",
+    "kernels/scene": "core",
+    "kernels/material": "core scene",
+    "kernels/geometry": "core scene material",
+    "kernels/camera": "core scene geometry",
+    "kernels/bsdf": "core scene geometry",
+    "kernels/light": "core scene geometry",
+    "kernels/media": "core scene geometry",
+    "kernels/bvh": "core scene geometry",
+    "kernels/ingest": "core",
+    "kernels/integrator": "core scene geometry camera bsdf light media",
+    "kernels/schedule": "core scene camera integrator",
+    "kernels/label": "core scene geometry camera light media integrator",
 }
-LAYERS = sorted({*ALLOWED, "heliograph/v1"}, key=len, reverse=True)
+RENDERER = {
+    "renderer/base": "",
+    "renderer/scene": "base",
+    "renderer/assets": "base scene",
+    "renderer/engine": "base scene",
+    "renderer/resident": "base scene engine",
+    "renderer/host": "base scene engine resident",
+    "renderer/bvh": "base scene engine resident host",
+    "renderer/backend/embree": "base scene engine resident host",
+    "renderer/backend/cuda": "base scene engine resident host bvh",
+    "renderer/backend": "base engine backend/embree backend/cuda",
+}
+# Every room may see the renderer's scenes and jobs, and the wire; os has no use for them.
+SERVER = {
+    "server/os": "",
+    "server/config": "os",
+    "server/quota": "config",
+    "server/convert": "os",
+    "server/decode": "convert",
+    "server/device": "os",
+    "server/store": "os quota convert",
+    "server/access": "os config quota store",
+    "server/observe": "os convert",
+    "server/session": "os convert store access",
+    "server/net": "os config access",
+    "server/journal": "os convert decode store session",
+    "server/scene": "os convert quota store access session journal",
+    "server/calls": "os config quota convert decode device store access observe session net journal"
+    " scene",
+    "server/app": "os config access observe session net calls",
+}
+
+
+def arrows(table: dict[str, str], root: str, seen: set[str]) -> dict[str, set[str]]:
+    return {
+        room: {f"{root}/{name}" for name in names.split()} | seen for room, names in table.items()
+    }
+
+
+ROOMS_OF_KERNELS = set(KERNELS)
+ALLOWED = (
+    arrows(KERNELS, "kernels", set())
+    | arrows(RENDERER, "renderer", ROOMS_OF_KERNELS)
+    | arrows(
+        SERVER,
+        "server",
+        {"renderer/base", "renderer/scene", "renderer/engine", "heliograph/v1", *ROOMS_OF_KERNELS},
+    )
+)
+ALLOWED["server/decode"] |= {"renderer/assets"}
+ALLOWED["renderer/base"] = set()
+ALLOWED["server/os"] -= {"renderer/engine", "heliograph/v1"}
+ALLOWED["server/config"] -= {"heliograph/v1"}
+LAYERS = sorted({*ALLOWED, "heliograph/v1", "kernels", "renderer", "server"}, key=len, reverse=True)
+GRPC = {f"server/{room}" for room in "app calls convert net observe session".split()}
 LIBRARIES = {
     "embree3": {"renderer/backend/embree"},
     "embree4": {"renderer/backend/embree"},
     "OpenImageIO": set(),
     "OpenEXR": {"renderer/assets"},
     "openvdb": {"renderer/assets"},
-    "nanovdb": {"renderer/assets", "kernels"},
+    "nanovdb": {"renderer/assets"},
     "tiny_gltf.h": {"renderer/assets"},
     "sqlite3.h": {"server/journal"},
-    "grpcpp": {"server", "server/convert"},
-    "google": {"server", "server/convert", "server/decode", "server/journal"},
+    "grpcpp": GRPC,
+    "google": GRPC | {"server/decode", "server/journal", "server/os", "server/scene"},
 }
 INCLUDE = re.compile(r'^\s*#\s*include\s+(?:"([^"]+)"|<([^>]+)>)')
 

@@ -7,18 +7,21 @@ import tempfile
 
 LAYERS = pathlib.Path(__file__).with_name("layers.py")
 CLEAN = {
-    "kernels/path.h": '#include "kernels/ray.h"\n',
+    "kernels/integrator/path.h": '#include "kernels/scene/ray.h"\n',
     "renderer/scene/scene.cpp": '#include "renderer/base/error.h"\n',
     "renderer/backend/registry.cpp": '#include "renderer/backend/embree/backend.h"\n',
     "server/convert/frame.cpp": '#include "heliograph/v1/render.pb.h"\n',
 }
 BREACHES = {
-    "kernels/bsdf.h": '#include <cmath>\n#include "renderer/base/error.h"\n',
+    "kernels/bsdf/bsdf.h": '#include <cmath>\n#include "renderer/base/error.h"\n',
     "renderer/scene/table.h": '#include "heliograph/v1/scene.pb.h"\n',
     "renderer/engine/worker.cpp": '#include "renderer/backend/embree/backend.h"\n',
-    "server/service.cpp": '#include "renderer/assets/load.h"\n',
+    "server/calls/service.cpp": '#include "renderer/assets/load.h"\n',
     "renderer/engine/job.h": "#include <embree3/rtcore.h>\n",
-    "server/frame.cpp": "#include <OpenImageIO/imageio.h>\n",
+    "server/app/frame.cpp": "#include <OpenImageIO/imageio.h>\n",
+    "kernels/core/math.h": '#include "kernels/scene/ray.h"\n',
+    "server/os/log.cpp": '#include "server/calls/rpc.h"\n',
+    "server/convert/loose.cpp": '#include "server/loose.h"\n',
 }
 
 

@@ -2,8 +2,8 @@
 // lights of glTF.
 //
 // Source: ANSI/IES LM-63-19 and its versions of 1986, 1991, 1995 and 2002. The picture is what
-// kernels/light_profile.h reads: rows by the vertical angle from 0 to 180 degrees, columns by the
-// horizontal one.
+// kernels/light/light_profile.h reads: rows by the vertical angle from 0 to 180 degrees, columns by
+// the horizontal one.
 #include <algorithm>
 #include <cmath>
 

@@ -3,7 +3,7 @@
 #include <cassert>
 #include <numeric>
 
-#include "kernels/bvh_box.h"
+#include "kernels/bvh/bvh_box.h"
 #include "renderer/bvh/build.h"
 #include "renderer/resident/parallel.h"
 

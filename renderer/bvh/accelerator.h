@@ -4,7 +4,7 @@
 
 #include <mutex>
 
-#include "kernels/bvh.h"
+#include "kernels/bvh/bvh.h"
 #include "renderer/bvh/static_tree.h"
 #include "renderer/resident/accelerator.h"
 #include "renderer/resident/placement.h"

@@ -4,8 +4,8 @@
 #include <span>
 #include <vector>
 
-#include "kernels/bvh_box.h"
-#include "kernels/bvh_plan.h"
+#include "kernels/bvh/bvh_box.h"
+#include "kernels/bvh/bvh_plan.h"
 #include "renderer/bvh/build.h"
 
 namespace heliograph::bvh {

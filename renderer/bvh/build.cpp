@@ -1,7 +1,7 @@
 // Binary trees to 8-wide ones: which subtrees become children, and where nodes and items lie.
 #include "renderer/bvh/build.h"
 
-#include "kernels/bvh_pack.h"
+#include "kernels/bvh/bvh_pack.h"
 #include "renderer/bvh/binary_tree.h"
 
 namespace heliograph::bvh {

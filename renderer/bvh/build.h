@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/bvh.h"
+#include "kernels/bvh/bvh.h"
 #include "renderer/engine/backend.h"
 #include "renderer/resident/box.h"
 

@@ -9,7 +9,7 @@
 #include <cstring>
 #include <initializer_list>
 
-#include "kernels/bvh_tracer.h"
+#include "kernels/bvh/bvh_tracer.h"
 #include "renderer/host/ray_packet.h"
 
 namespace heliograph::bvh::inline HELIO_ISA {

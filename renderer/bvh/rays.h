@@ -2,8 +2,8 @@
 // time. Called by host_tracer.cpp.
 #pragma once
 
-#include "kernels/bvh.h"
-#include "kernels/ray.h"
+#include "kernels/bvh/bvh.h"
+#include "kernels/scene/ray.h"
 #include "renderer/host/ray_packet.h"
 
 namespace heliograph::bvh {

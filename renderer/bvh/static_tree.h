@@ -4,7 +4,7 @@
 
 #include <mutex>
 
-#include "kernels/bvh.h"
+#include "kernels/bvh/bvh.h"
 #include "renderer/resident/static_members.h"
 
 namespace heliograph::bvh {

@@ -7,8 +7,8 @@
 #include <cmath>
 #include <limits>
 
-#include "kernels/distortion.h"
-#include "kernels/ray.h"
+#include "kernels/camera/distortion.h"
+#include "kernels/scene/ray.h"
 #include "renderer/engine/image_camera.h"
 #include "renderer/engine/post.h"
 #include "renderer/engine/worlds.h"

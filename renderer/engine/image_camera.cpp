@@ -4,7 +4,7 @@
 #include <limits>
 #include <numbers>
 
-#include "kernels/distortion.h"
+#include "kernels/camera/distortion.h"
 
 namespace heliograph {
 

@@ -1,7 +1,7 @@
 // A camera at the size it is rendered at: intrinsics and pose, in double and for kernels.
 #pragma once
 
-#include "kernels/scene_view.h"
+#include "kernels/scene/scene_view.h"
 #include "renderer/base/types.h"
 #include "renderer/scene/components.h"
 

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "kernels/planes.h"
-#include "kernels/settings.h"
+#include "kernels/scene/planes.h"
+#include "kernels/scene/settings.h"
 #include "renderer/engine/pixels.h"
 #include "renderer/scene/snapshot.h"
 #include "renderer/scene/worlds.h"

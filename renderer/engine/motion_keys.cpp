@@ -7,7 +7,7 @@
 #include <cstring>
 #include <map>
 
-#include "kernels/motion.h"
+#include "kernels/geometry/motion.h"
 #include "renderer/engine/image_camera.h"
 
 namespace heliograph {

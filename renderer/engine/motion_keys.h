@@ -5,7 +5,7 @@
 #include <functional>
 #include <span>
 
-#include "kernels/scene_view.h"
+#include "kernels/scene/scene_view.h"
 #include "renderer/scene/motion.h"
 
 namespace heliograph {

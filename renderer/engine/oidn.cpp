@@ -6,7 +6,7 @@
 
 #include <cmath>
 
-#include "kernels/hash.h"
+#include "kernels/core/hash.h"
 
 namespace heliograph {
 namespace {

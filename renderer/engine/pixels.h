@@ -6,7 +6,7 @@
 #include <memory>
 #include <span>
 
-#include "kernels/planes.h"
+#include "kernels/scene/planes.h"
 #include "renderer/base/types.h"
 
 namespace heliograph {

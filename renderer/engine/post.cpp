@@ -5,7 +5,7 @@
 #include <array>
 #include <span>
 
-#include "kernels/hash.h"
+#include "kernels/core/hash.h"
 #include "renderer/engine/sensor.h"
 
 namespace heliograph {

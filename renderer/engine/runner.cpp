@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/film.h"
+#include "kernels/scene/film.h"
 #include "renderer/engine/adaptive.h"
 #include "renderer/engine/check.h"
 #include "renderer/engine/frame_header.h"

@@ -3,7 +3,7 @@
 
 #include <future>
 
-#include "kernels/film.h"
+#include "kernels/scene/film.h"
 #include "renderer/engine/engine.h"
 #include "renderer/engine/post.h"
 #include "renderer/engine/spread.h"

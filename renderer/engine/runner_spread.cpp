@@ -1,7 +1,7 @@
 // One picture by several devices: what the job's own runner does, and what its helpers do.
 #include "renderer/engine/runner.h"
 
-#include "kernels/film.h"
+#include "kernels/scene/film.h"
 
 namespace heliograph {
 

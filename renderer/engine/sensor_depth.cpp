@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "kernels/distortion.h"
+#include "kernels/camera/distortion.h"
 #include "renderer/engine/sensor.h"
 #include "renderer/engine/sensor_noise.h"
 

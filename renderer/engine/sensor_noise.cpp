@@ -3,7 +3,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "kernels/hash.h"
+#include "kernels/core/hash.h"
 
 namespace heliograph {
 namespace {

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/distortion.h"
+#include "kernels/camera/distortion.h"
 #include "renderer/engine/sensor.h"
 #include "renderer/engine/sensor_noise.h"
 

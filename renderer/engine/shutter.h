@@ -1,7 +1,7 @@
 // When the rows of an image are seen: by samples, and by labels. Used by the runner and backends.
 #pragma once
 
-#include "kernels/scene_view.h"
+#include "kernels/scene/scene_view.h"
 #include "renderer/scene/components.h"
 #include "renderer/scene/motion.h"
 

@@ -7,7 +7,7 @@
 #include <cassert>
 #include <cstring>
 
-#include "kernels/hash.h"
+#include "kernels/core/hash.h"
 #include "renderer/scene/labels.h"
 #include "renderer/scene/worlds.h"
 

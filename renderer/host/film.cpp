@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "kernels/film.h"
+#include "kernels/scene/film.h"
 #include "renderer/engine/check.h"
 #include "renderer/engine/motion_keys.h"
 #include "renderer/engine/post.h"

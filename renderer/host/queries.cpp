@@ -6,7 +6,7 @@
 #include <cstring>
 #include <random>
 
-#include "kernels/probe_sight.h"
+#include "kernels/label/probe_sight.h"
 #include "renderer/engine/image_camera.h"
 #include "renderer/host/overlap.h"
 #include "renderer/resident/canvas.h"

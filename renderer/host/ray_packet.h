@@ -1,7 +1,7 @@
 // Rays that are traced together. Seen by tracers that are compiled for several instruction sets.
 #pragma once
 
-#include "kernels/ray.h"
+#include "kernels/scene/ray.h"
 
 namespace heliograph::host {
 

@@ -4,8 +4,8 @@
 #include <bit>
 #include <optional>
 
-#include "kernels/rolling.h"
-#include "kernels/volume_march.h"
+#include "kernels/camera/rolling.h"
+#include "kernels/media/volume_march.h"
 #include "renderer/resident/canvas.h"
 #include "renderer/resident/parallel.h"
 

@@ -1,7 +1,7 @@
 // What is to be traced for a film, told without a tracer. Made by film.h, carried out by backends.
 #pragma once
 
-#include "kernels/probe.h"
+#include "kernels/label/probe.h"
 
 namespace heliograph::resident {
 class ResidentScene;

@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "kernels/probe.h"
+#include "kernels/label/probe.h"
 #include "renderer/engine/image_camera.h"
 #include "renderer/resident/parallel.h"
 #include "renderer/scene/motion.h"

@@ -3,7 +3,7 @@
 
 #include <array>
 
-#include "kernels/scene_view.h"
+#include "kernels/scene/scene_view.h"
 #include "renderer/base/types.h"
 
 namespace heliograph::resident {

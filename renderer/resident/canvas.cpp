@@ -2,8 +2,8 @@
 
 #include <numbers>
 
-#include "kernels/camera.h"
-#include "kernels/motion.h"
+#include "kernels/camera/camera.h"
+#include "kernels/geometry/motion.h"
 
 namespace heliograph::resident {
 namespace {

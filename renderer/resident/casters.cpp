@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "kernels/ray.h"
+#include "kernels/scene/ray.h"
 
 namespace heliograph::resident {
 namespace {

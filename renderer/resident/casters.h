@@ -1,4 +1,4 @@
-// Which entities focus light, so that paths look for them (kernels/caster.h).
+// Which entities focus light, so that paths look for them (kernels/light/caster.h).
 #pragma once
 
 #include "renderer/resident/lights.h"

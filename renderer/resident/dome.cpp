@@ -1,6 +1,6 @@
 // Sampling tables of environment pictures.
-#include "kernels/texture.h"
-#include "kernels/warp.h"
+#include "kernels/core/warp.h"
+#include "kernels/material/texture.h"
 #include "renderer/resident/lights.h"
 #include "renderer/resident/materials.h"
 #include "renderer/resident/parallel.h"

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstring>
 
-#include "kernels/motion.h"
+#include "kernels/geometry/motion.h"
 #include "renderer/resident/light_strength.h"
 #include "renderer/resident/mesh.h"
 

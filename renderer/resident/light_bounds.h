@@ -3,7 +3,7 @@
 
 #include <span>
 
-#include "kernels/light_tree.h"
+#include "kernels/light/light_tree.h"
 #include "renderer/base/types.h"
 
 namespace heliograph::resident {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "kernels/light_profile.h"
+#include "kernels/light/light_profile.h"
 #include "renderer/resident/materials.h"
 
 namespace heliograph::resident {

@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "kernels/light_tree.h"
+#include "kernels/light/light_tree.h"
 
 namespace heliograph::resident {
 

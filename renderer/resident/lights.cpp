@@ -6,7 +6,7 @@
 #include <span>
 #include <unordered_map>
 
-#include "kernels/light_surface.h"
+#include "kernels/light/light_surface.h"
 #include "renderer/resident/light_bounds.h"
 #include "renderer/resident/parallel.h"
 #include "renderer/resident/same_lights.h"

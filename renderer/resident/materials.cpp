@@ -1,7 +1,7 @@
 // Material and texture rows to views.
 #include "renderer/resident/materials.h"
 
-#include "kernels/material.h"
+#include "kernels/material/material.h"
 #include "renderer/resident/mips.h"
 
 namespace heliograph::resident {

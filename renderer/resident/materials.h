@@ -1,7 +1,7 @@
 // Materials and textures as kernels see them.
 #pragma once
 
-#include "kernels/scene_view.h"
+#include "kernels/scene/scene_view.h"
 #include "renderer/resident/derived_cache.h"
 #include "renderer/scene/snapshot.h"
 

@@ -4,7 +4,7 @@
 #include <optional>
 #include <vector>
 
-#include "kernels/scene_view.h"
+#include "kernels/scene/scene_view.h"
 #include "renderer/base/error.h"
 #include "renderer/engine/motion_keys.h"
 #include "renderer/resident/accelerator.h"

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "kernels/texture.h"
+#include "kernels/material/texture.h"
 #include "renderer/base/half.h"
 #include "renderer/resident/materials.h"
 #include "renderer/resident/parallel.h"

@@ -1,7 +1,7 @@
 // Textures at smaller sizes, for what is seen from afar. Called by materials.cpp.
 #pragma once
 
-#include "kernels/scene_view.h"
+#include "kernels/scene/scene_view.h"
 #include "renderer/resident/derived_cache.h"
 #include "renderer/scene/components.h"
 

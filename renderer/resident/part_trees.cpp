@@ -3,8 +3,8 @@
 
 #include <bit>
 
-#include "kernels/texture.h"
-#include "kernels/warp.h"
+#include "kernels/core/warp.h"
+#include "kernels/material/texture.h"
 #include "renderer/resident/materials.h"
 
 namespace heliograph::resident {

@@ -3,7 +3,7 @@
 
 #include <cstring>
 
-#include "kernels/place.h"
+#include "kernels/geometry/place.h"
 #include "renderer/engine/backend.h"
 #include "renderer/resident/changes.h"
 #include "renderer/resident/label_frames.h"

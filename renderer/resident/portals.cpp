@@ -4,7 +4,7 @@
 #include <bit>
 #include <glm/gtc/quaternion.hpp>
 
-#include "kernels/light.h"
+#include "kernels/light/light.h"
 #include "renderer/resident/materials.h"
 #include "renderer/resident/parallel.h"
 

@@ -1,7 +1,7 @@
 // Portals of the dome, and their maps. Called by lights.cpp.
 #pragma once
 
-#include "kernels/scene_view.h"
+#include "kernels/scene/scene_view.h"
 #include "renderer/resident/derived_cache.h"
 #include "renderer/scene/components.h"
 

@@ -1,7 +1,7 @@
 // Rest boxes to what the planes of object coordinates need. Called by label_frames.cpp.
 #pragma once
 
-#include "kernels/scene_view.h"
+#include "kernels/scene/scene_view.h"
 #include "renderer/engine/label_columns.h"
 #include "renderer/scene/motion.h"
 

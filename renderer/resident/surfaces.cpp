@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "kernels/material.h"
+#include "kernels/material/material.h"
 #include "renderer/resident/casters.h"
 #include "renderer/resident/parallel.h"
 

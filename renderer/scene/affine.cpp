@@ -3,7 +3,7 @@
 #include <array>
 #include <cmath>
 
-#include "kernels/place.h"
+#include "kernels/geometry/place.h"
 #include "renderer/scene/motion.h"
 
 namespace heliograph {

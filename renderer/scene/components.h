@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "kernels/material_parameters.h"
+#include "kernels/scene/material_parameters.h"
 #include "renderer/base/array.h"
 #include "renderer/scene/ids.h"
 

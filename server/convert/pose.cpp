@@ -8,7 +8,7 @@
 #include <cmath>
 #include <mutex>
 
-#include "kernels/take.h"
+#include "kernels/ingest/take.h"
 #include "renderer/base/parallel.h"
 #include "renderer/scene/invertible.h"
 #include "server/convert/array.h"

@@ -12,7 +12,7 @@
 #include "server/convert/fields.h"
 #include "server/convert/resolve.h"
 #include "server/convert/transaction.h"
-#include "server/hash.h"
+#include "server/os/hash.h"
 
 namespace heliograph::server {
 namespace {

@@ -13,8 +13,8 @@
 #include <fstream>
 
 #include "server/convert/fields.h"
-#include "server/hash.h"
-#include "server/unique_fd.h"
+#include "server/os/hash.h"
+#include "server/os/unique_fd.h"
 
 namespace heliograph::server {
 namespace {

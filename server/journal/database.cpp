@@ -6,8 +6,8 @@
 
 #include <cstring>
 
-#include "server/hash.h"
-#include "server/mutant.h"
+#include "server/os/hash.h"
+#include "server/os/mutant.h"
 
 namespace heliograph::server {
 namespace {

@@ -8,8 +8,8 @@
 #include <future>
 #include <limits>
 
-#include "server/mutant.h"
-#include "server/session.h"
+#include "server/os/mutant.h"
+#include "server/session/session.h"
 
 namespace heliograph::server {
 namespace {

@@ -19,9 +19,9 @@
 #include "server/journal/database.h"
 #include "server/journal/record.pb.h"
 #include "server/journal/state.h"
-#include "server/log.h"
-#include "server/unique_fd.h"
-#include "server/work_pool.h"
+#include "server/os/log.h"
+#include "server/os/unique_fd.h"
+#include "server/os/work_pool.h"
 
 namespace heliograph::server {
 

@@ -17,7 +17,7 @@
 #include "server/convert/fields.h"
 #include "server/journal/journal.h"
 #include "server/journal/log_check.h"
-#include "server/own_folder.h"
+#include "server/os/own_folder.h"
 
 namespace heliograph::server {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "server/convert/scene_file.h"
 #include "server/decode/asset.h"
-#include "server/hash.h"
+#include "server/os/hash.h"
 
 namespace heliograph::server {
 namespace {

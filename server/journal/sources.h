@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "server/convert/transaction.h"
-#include "server/holdings.h"
 #include "server/journal/blob_files.h"
 #include "server/journal/record.pb.h"
+#include "server/store/holdings.h"
 
 namespace heliograph::server {
 

@@ -4,7 +4,7 @@
 #include "server/convert/error.h"
 #include "server/convert/export.h"
 #include "server/convert/scene_file.h"
-#include "server/hash.h"
+#include "server/os/hash.h"
 
 namespace heliograph::server {
 namespace {

@@ -9,8 +9,8 @@
 #include "server/convert/transaction.h"
 #include "server/journal/blob_files.h"
 #include "server/journal/record.pb.h"
-#include "server/request_log.h"
-#include "server/scene_events.h"
+#include "server/session/request_log.h"
+#include "server/store/scene_events.h"
 
 namespace heliograph::server {
 

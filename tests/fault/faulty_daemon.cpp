@@ -27,8 +27,8 @@
 #include "renderer/engine/lent_memory.h"
 #include "renderer/engine/post.h"
 #include "renderer/host/film.h"
-#include "server/lifecycle.h"
-#include "server/probe.h"
+#include "server/app/lifecycle.h"
+#include "server/app/probe.h"
 
 namespace heliograph {
 namespace {

@@ -1,7 +1,7 @@
 // Adaptive sampling: which tiles it chooses, and what an adaptive frame is.
 #include "renderer/engine/adaptive.h"
 
-#include "kernels/math.h"
+#include "kernels/core/math.h"
 
 #include "renderer/engine/engine.h"
 #include "tests/unit/render_scene.h"

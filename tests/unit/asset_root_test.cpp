@@ -1,4 +1,4 @@
-#include "server/asset_root.h"
+#include "server/store/asset_root.h"
 
 #include <sys/stat.h>
 

@@ -1,7 +1,7 @@
 // The material: sampling against densities, Fresnel and Snell, reciprocity, bent normals.
-#include "kernels/bsdf.h"
+#include "kernels/bsdf/bsdf.h"
 
-#include "kernels/hash.h"
+#include "kernels/core/hash.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/chi2.h"
 #include "tests/unit/random.h"

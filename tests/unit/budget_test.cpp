@@ -1,5 +1,5 @@
 // Budgets, charges and rates; rates on a clock of the test's own.
-#include "server/budget.h"
+#include "server/quota/budget.h"
 
 #include "tests/unit/catch.h"
 

@@ -1,5 +1,5 @@
 // The GPU's programs that make instances and build trees, run on the host: what TreeBuilder has
-// them make is what the steps of kernels/bvh_build.h make one after the other.
+// them make is what the steps of kernels/bvh/bvh_build.h make one after the other.
 #include <map>
 #include <string>
 

@@ -5,8 +5,8 @@
 #include <array>
 #include <cfloat>
 
-#include "kernels/bvh_box.h"
-#include "kernels/bvh_tracer.h"
+#include "kernels/bvh/bvh_box.h"
+#include "kernels/bvh/bvh_tracer.h"
 #include "renderer/backend/embree/top_level.h"
 #include "renderer/bvh/accelerator.h"
 #include "renderer/bvh/build.h"

@@ -1,4 +1,4 @@
-// The steps of kernels/bvh_build.h one after the other: the tree that a GPU makes of the same
+// The steps of kernels/bvh/bvh_build.h one after the other: the tree that a GPU makes of the same
 // boxes.
 #pragma once
 
@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "kernels/bvh_cluster.h"
+#include "kernels/bvh/bvh_cluster.h"
 #include "renderer/base/types.h"
 
 namespace heliograph::test {

@@ -2,8 +2,8 @@
 // of the BVH.
 #pragma once
 
-#include "kernels/bvh_tracer.h"
-#include "kernels/warp.h"
+#include "kernels/bvh/bvh_tracer.h"
+#include "kernels/core/warp.h"
 #include "renderer/backend/embree/top_level.h"
 #include "renderer/bvh/accelerator.h"
 #include "tests/unit/random.h"

@@ -2,7 +2,7 @@
 // change it, that rays find in it what they find in the host's tree, and how many nodes they visit.
 #include <functional>
 
-#include "kernels/bvh_tracer.h"
+#include "kernels/bvh/bvh_tracer.h"
 #include "renderer/backend/embree/top_level.h"
 #include "renderer/bvh/build.h"
 #include "tests/unit/bvh_loops.h"

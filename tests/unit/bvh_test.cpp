@@ -1,5 +1,5 @@
 // Our own BVH against Embree, which the CPU backend uses: the same rays meet the same surfaces.
-#include "kernels/bvh_tracer.h"
+#include "kernels/bvh/bvh_tracer.h"
 
 #include <cstring>
 

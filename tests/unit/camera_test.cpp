@@ -1,5 +1,5 @@
 // Cameras: rays and projections invert each other.
-#include "kernels/camera.h"
+#include "kernels/camera/camera.h"
 
 #include "tests/unit/catch.h"
 #include "tests/unit/random.h"

@@ -1,5 +1,5 @@
 // Directions towards entities that focus light: their density, and what they change of a picture.
-#include "kernels/caster.h"
+#include "kernels/light/caster.h"
 
 #include "tests/unit/catch.h"
 #include "tests/unit/chi2.h"

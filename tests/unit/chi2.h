@@ -6,7 +6,7 @@
 #include <functional>
 #include <vector>
 
-#include "kernels/platform.h"
+#include "kernels/core/platform.h"
 
 namespace heliograph::test {
 

@@ -8,6 +8,7 @@
 #include "server/convert/export.h"
 #include "server/convert/query.h"
 #include "server/convert/read.h"
+#include "server/scene/scene_import.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/convert_fixture.h"
 

@@ -2,8 +2,8 @@
 #include <google/protobuf/text_format.h>
 
 #include "server/convert/asset.h"
-#include "server/hash.h"
-#include "server/holdings.h"
+#include "server/os/hash.h"
+#include "server/store/holdings.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/convert_fixture.h"
 

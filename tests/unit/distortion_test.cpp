@@ -1,7 +1,7 @@
 // Lens models: places in the image and rays invert each other wherever the model is invertible.
-#include "kernels/distortion.h"
+#include "kernels/camera/distortion.h"
 
-#include "kernels/camera.h"
+#include "kernels/camera/camera.h"
 
 #include "tests/unit/catch.h"
 #include "tests/unit/random.h"

@@ -12,7 +12,7 @@
 #include <thread>
 #include <vector>
 
-#include "kernels/platform.h"
+#include "kernels/core/platform.h"
 
 namespace heliograph::test {
 

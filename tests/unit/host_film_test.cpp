@@ -1,7 +1,7 @@
 // A film whose pixels a device writes into memory of its own.
 #include "renderer/host/film.h"
 
-#include "kernels/film.h"
+#include "kernels/scene/film.h"
 #include "tests/unit/render_scene.h"
 
 using namespace heliograph;

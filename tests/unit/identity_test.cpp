@@ -1,5 +1,5 @@
 // The tenants file: what it says, what is refused, and who a caller is then.
-#include "server/identity.h"
+#include "server/access/identity.h"
 
 #include <fmt/format.h>
 #include <sys/stat.h>
@@ -7,10 +7,10 @@
 #include <filesystem>
 #include <fstream>
 
-#include "server/hash.h"
-#include "server/holdings.h"
-#include "server/secret_file.h"
-#include "server/tenant.h"
+#include "server/access/secret_file.h"
+#include "server/access/tenant.h"
+#include "server/os/hash.h"
+#include "server/store/holdings.h"
 #include "tests/unit/catch.h"
 
 using namespace heliograph;

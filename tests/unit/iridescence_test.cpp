@@ -1,7 +1,7 @@
 // Thin films against what they are without one, and against the spectrum of an exact Airy sum.
 #include <complex>
 
-#include "kernels/bsdf.h"
+#include "kernels/bsdf/bsdf.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/random.h"
 

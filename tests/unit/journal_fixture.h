@@ -9,10 +9,10 @@
 #include <future>
 #include <random>
 
+#include "server/calls/daemon.h"
+#include "server/calls/edit_calls.h"
 #include "server/convert/export.h"
-#include "server/daemon.h"
-#include "server/edit_calls.h"
-#include "server/hash.h"
+#include "server/os/hash.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/convert_fixture.h"
 

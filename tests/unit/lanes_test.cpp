@@ -1,10 +1,10 @@
 // Numbers side by side: each lane has the bits of a float, whatever the others hold.
-#include "kernels/lanes.h"
+#include "kernels/core/lanes.h"
 
 #include <bit>
 #include <limits>
 
-#include "kernels/ggx.h"
+#include "kernels/bsdf/ggx.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/random.h"
 

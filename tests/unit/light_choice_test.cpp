@@ -1,6 +1,6 @@
 // The choice among lamps, suns and the dome, and directions to a dome without a picture.
-#include "kernels/light.h"
-#include "kernels/sampler.h"
+#include "kernels/core/sampler.h"
+#include "kernels/light/light.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/chi2.h"
 #include "tests/unit/moments.h"

@@ -1,6 +1,6 @@
 // Lights that are discs, spheres or spots: densities, closed forms, and that every way of finding
 // them agrees.
-#include "kernels/light_shape.h"
+#include "kernels/light/light_shape.h"
 
 #include "tests/unit/catch.h"
 #include "tests/unit/chi2.h"

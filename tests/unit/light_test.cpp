@@ -1,5 +1,5 @@
 // Emission and the choice of directions to it, against densities and closed forms.
-#include "kernels/light.h"
+#include "kernels/light/light.h"
 
 #include "tests/unit/catch.h"
 #include "tests/unit/chi2.h"

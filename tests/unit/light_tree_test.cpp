@@ -3,7 +3,7 @@
 
 #include <tbb/global_control.h>
 
-#include "kernels/light.h"
+#include "kernels/light/light.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/chi2.h"
 #include "tests/unit/moments.h"

@@ -1,5 +1,5 @@
 // Paths in lockstep against the loop over pixels: the same bytes.
-#include "kernels/lockstep.h"
+#include "kernels/schedule/lockstep.h"
 
 #include <array>
 #include <set>

@@ -3,7 +3,7 @@
 #include <numeric>
 #include <random>
 
-#include "kernels/take.h"
+#include "kernels/ingest/take.h"
 #include "renderer/scene/invertible.h"
 #include "server/convert/transaction.h"
 #include "tests/unit/convert_fixture.h"

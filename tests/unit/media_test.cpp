@@ -1,6 +1,6 @@
 // Media inside meshes: what passes, what is scattered, and what a path is inside of; against closed
 // forms, quadrature and furnaces.
-#include "kernels/path.h"
+#include "kernels/integrator/path.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/test_tracer.h"
 

@@ -1,7 +1,7 @@
 // Textures at smaller sizes: what their levels hold, and which level a ray cone sees.
 #include "renderer/resident/mips.h"
 
-#include "kernels/texture.h"
+#include "kernels/material/texture.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/random.h"
 

@@ -1,6 +1,6 @@
 // Transmitting bodies within each other and overlapping: which of them is where, what refracts,
 // what passes; against closed forms.
-#include "kernels/path.h"
+#include "kernels/integrator/path.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/test_tracer.h"
 

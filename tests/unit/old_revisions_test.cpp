@@ -1,7 +1,7 @@
 // Old revisions of a large scene: freed by the work pool, and never many at a time.
 #include <latch>
 
-#include "server/daemon.h"
+#include "server/calls/daemon.h"
 #include "tests/unit/journal_fixture.h"
 
 using namespace heliograph;

@@ -2,7 +2,7 @@
 // tracer are held against.
 #pragma once
 
-#include "kernels/wave.h"
+#include "kernels/schedule/wave.h"
 #include "tests/unit/random.h"
 #include "tests/unit/test_tracer.h"
 

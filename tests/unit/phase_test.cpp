@@ -1,5 +1,5 @@
 // The phase function against its integral, its mean cosine and its own samples.
-#include "kernels/phase.h"
+#include "kernels/media/phase.h"
 
 #include "tests/unit/catch.h"
 #include "tests/unit/chi2.h"

@@ -7,7 +7,7 @@
 
 #include <vector>
 
-#include "kernels/wave.h"
+#include "kernels/schedule/wave.h"
 
 namespace heliograph::test {
 

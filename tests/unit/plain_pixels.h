@@ -1,12 +1,12 @@
-// The loop over pixels as plain programs have it, see kRich in kernels/platform.h.
+// The loop over pixels as plain programs have it, see kRich in kernels/core/platform.h.
 #pragma once
 
 #include <functional>
 
-#include "kernels/film.h"
-#include "kernels/ray.h"
-#include "kernels/scene_view.h"
-#include "kernels/settings.h"
+#include "kernels/scene/film.h"
+#include "kernels/scene/ray.h"
+#include "kernels/scene/scene_view.h"
+#include "kernels/scene/settings.h"
 
 namespace heliograph::test {
 

@@ -2,7 +2,7 @@
 #define HELIO_ISA plain_rays
 #include "tests/unit/plain_rays.h"
 
-#include "kernels/bvh_tracer.h"
+#include "kernels/bvh/bvh_tracer.h"
 
 namespace heliograph::test {
 

@@ -1,8 +1,8 @@
-// The walk of programs for plain rays, see kRichRays in kernels/platform.h.
+// The walk of programs for plain rays, see kRichRays in kernels/core/platform.h.
 #pragma once
 
-#include "kernels/bvh.h"
-#include "kernels/ray.h"
+#include "kernels/bvh/bvh.h"
+#include "kernels/scene/ray.h"
 
 namespace heliograph::test {
 

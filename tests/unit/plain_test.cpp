@@ -1,7 +1,7 @@
 // Plain programs against the others: the same bytes of what is_plain() says that they render.
 #include <utility>
 
-#include "kernels/wave.h"
+#include "kernels/schedule/wave.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/plain_pixels.h"
 #include "tests/unit/random.h"

@@ -1,7 +1,7 @@
 // Portals: directions through windows follow their density, which integrates to 1.
-#include "kernels/portal.h"
+#include "kernels/light/portal.h"
 
-#include "kernels/light.h"
+#include "kernels/light/light.h"
 #include "renderer/resident/portals.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/chi2.h"

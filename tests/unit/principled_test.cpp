@@ -1,6 +1,6 @@
 // All parameters of the material: furnaces, sampling against densities, reciprocity, bounded
 // weights.
-#include "kernels/bsdf.h"
+#include "kernels/bsdf/bsdf.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/chi2.h"
 #include "tests/unit/random.h"

@@ -1,5 +1,5 @@
 // Centre planes of later vertices, against a mirror whose picture is known in closed form.
-#include "kernels/probe_path.h"
+#include "kernels/label/probe_path.h"
 
 #include "tests/unit/catch.h"
 #include "tests/unit/test_tracer.h"

@@ -1,5 +1,5 @@
 // Every centre plane on scenes whose values are known in closed form.
-#include "kernels/probe.h"
+#include "kernels/label/probe.h"
 
 #include "tests/unit/catch.h"
 #include "tests/unit/test_tracer.h"

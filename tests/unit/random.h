@@ -3,7 +3,7 @@
 
 #include <random>
 
-#include "kernels/math.h"
+#include "kernels/core/math.h"
 
 namespace heliograph::test {
 

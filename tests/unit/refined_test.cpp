@@ -2,7 +2,7 @@
 // worlds far.
 #include <algorithm>
 
-#include "kernels/probe.h"
+#include "kernels/label/probe.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/test_tracer.h"
 

@@ -1,4 +1,4 @@
-#include "server/request_log.h"
+#include "server/session/request_log.h"
 
 #include "tests/unit/catch.h"
 

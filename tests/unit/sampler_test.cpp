@@ -1,5 +1,5 @@
 // The sampler: every pair of dimensions is a (0, 2)-sequence in base 2, and pairs are independent.
-#include "kernels/sampler.h"
+#include "kernels/core/sampler.h"
 
 #include <set>
 

@@ -1,5 +1,5 @@
 // Events of a scene: each revision's, without gaps, within limits, also across a restart.
-#include "server/scene_events.h"
+#include "server/store/scene_events.h"
 
 #include "tests/unit/journal_fixture.h"
 

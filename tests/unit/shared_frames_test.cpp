@@ -2,7 +2,7 @@
 #include <map>
 
 #include "renderer/engine/lent_memory.h"
-#include "server/shared_frames.h"
+#include "server/store/shared_frames.h"
 #include "tests/unit/catch.h"
 
 using namespace heliograph;

@@ -2,7 +2,7 @@
 #include <fcntl.h>
 #include <sys/mman.h>
 
-#include "server/shared_uploads.h"
+#include "server/store/shared_uploads.h"
 #include "tests/unit/catch.h"
 
 using namespace heliograph;

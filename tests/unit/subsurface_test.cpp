@@ -1,5 +1,5 @@
 // Light inside bodies: the walk against theory, furnaces, and the limit of a radius of nothing.
-#include "kernels/subsurface.h"
+#include "kernels/integrator/subsurface.h"
 
 #include "tests/unit/catch.h"
 #include "tests/unit/random.h"

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "kernels/scene_view.h"
+#include "kernels/scene/scene_view.h"
 
 namespace heliograph::test {
 

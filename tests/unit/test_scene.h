@@ -8,9 +8,9 @@
 #include <numeric>
 #include <vector>
 
-#include "kernels/accept.h"
-#include "kernels/path.h"
-#include "kernels/probe.h"
+#include "kernels/geometry/accept.h"
+#include "kernels/integrator/path.h"
+#include "kernels/label/probe.h"
 #include "tests/unit/test_meshes.h"
 
 namespace heliograph::test {

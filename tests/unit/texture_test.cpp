@@ -1,10 +1,10 @@
 // Texture lookup: filtering, wrapping, decoding, channels, coordinates.
-#include "kernels/texture.h"
+#include "kernels/material/texture.h"
 
 #include <cstring>
 #include <vector>
 
-#include "kernels/path.h"
+#include "kernels/integrator/path.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/test_tracer.h"
 

@@ -1,5 +1,5 @@
 // Pictures of volumes against closed forms and quadrature, their labels against arithmetic.
-#include "kernels/phase.h"
+#include "kernels/media/phase.h"
 #include "renderer/resident/black_body.h"
 #include "tests/unit/random_grid.h"
 #include "tests/unit/render_scene.h"

@@ -1,6 +1,6 @@
 // Volumes in kernels: grids against their definition, tracking against integrals. Pictures are in
 // volume_picture_test.cpp.
-#include "kernels/volume_march.h"
+#include "kernels/media/volume_march.h"
 #include "renderer/resident/black_body.h"
 #include "renderer/resident/volumes.h"
 #include "renderer/scene/grid.h"

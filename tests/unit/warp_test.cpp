@@ -1,7 +1,7 @@
 // Warps and pixel filters against their densities; trigonometry against the library.
-#include "kernels/warp.h"
+#include "kernels/core/warp.h"
 
-#include "kernels/filter.h"
+#include "kernels/camera/filter.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/chi2.h"
 #include "tests/unit/random.h"

@@ -1,5 +1,5 @@
 // A wave of paths against the loop over pixels: the same samples, whoever takes the steps.
-#include "kernels/wave.h"
+#include "kernels/schedule/wave.h"
 
 #include <numeric>
 #include <random>

@@ -209,9 +209,9 @@ def test_metrics_are_off_by_default_and_want_an_address(start):
 
 def reflection_call(channel, *requests, metadata=()):
     subprocess.check_call(
-        ["protoc", f"-I{ROOT}", f"--python_out={STUBS}", "server/reflection.proto"], cwd=ROOT
+        ["protoc", f"-I{ROOT}", f"--python_out={STUBS}", "server/app/reflection.proto"], cwd=ROOT
     )
-    from server import reflection_pb2
+    from server.app import reflection_pb2
 
     method = channel.stream_stream(
         "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo",

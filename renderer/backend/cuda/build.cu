@@ -1,5 +1,5 @@
-// The GPU programs that build trees: the steps of kernels/bvh_build.h. Sorting between them is in
-// sort.cu.
+// The GPU programs that build trees: the steps of kernels/bvh/bvh_build.h. Sorting between them is
+// in sort.cu.
 #include "renderer/backend/cuda/build_program.h"
 
 using namespace heliograph::kernels;

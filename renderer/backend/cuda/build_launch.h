@@ -1,8 +1,8 @@
 // What the host tells the programs that build trees. Read by build.cu.
 #pragma once
 
-#include "kernels/bvh_cluster.h"
-#include "kernels/bvh_refit.h"
+#include "kernels/bvh/bvh_cluster.h"
+#include "kernels/bvh/bvh_refit.h"
 
 namespace heliograph::cuda {
 

@@ -1,7 +1,7 @@
 // Threads, and lanes of a warp. Called by the GPU programs beside it.
 #pragma once
 
-#include "kernels/platform.h"
+#include "kernels/core/platform.h"
 
 namespace heliograph::cuda {
 

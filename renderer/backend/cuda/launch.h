@@ -1,9 +1,9 @@
 // What the host tells the GPU programs. Read by the .cu files beside it.
 #pragma once
 
-#include "kernels/bvh.h"
-#include "kernels/probe.h"
-#include "kernels/wave.h"
+#include "kernels/bvh/bvh.h"
+#include "kernels/label/probe.h"
+#include "kernels/schedule/wave.h"
 
 namespace heliograph::cuda {
 

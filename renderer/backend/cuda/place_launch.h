@@ -1,7 +1,7 @@
 // What the host tells the program that makes instances. Read by place.cu.
 #pragma once
 
-#include "kernels/place.h"
+#include "kernels/geometry/place.h"
 
 namespace heliograph::cuda {
 

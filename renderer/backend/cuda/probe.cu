@@ -1,5 +1,5 @@
 // Centre planes: `probe` of the first vertex, `probe_later` of a later one.
-#include "kernels/probe_path.h"
+#include "kernels/label/probe_path.h"
 #include "renderer/backend/cuda/program.h"
 
 using namespace heliograph::kernels;

@@ -2,7 +2,7 @@
 // thread works on an item of a wave, on a pixel or on a tile.
 #pragma once
 
-#include "kernels/bvh_tracer.h"
+#include "kernels/bvh/bvh_tracer.h"
 #include "renderer/backend/cuda/lanes.h"
 #include "renderer/backend/cuda/launch.h"
 

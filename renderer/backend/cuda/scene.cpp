@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <unordered_map>
 
-#include "kernels/texture.h"
+#include "kernels/material/texture.h"
 #include "renderer/bvh/accelerator.h"
 #include "renderer/scene/grid.h"
 

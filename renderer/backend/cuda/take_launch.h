@@ -1,7 +1,7 @@
 // What the host tells the programs that take numbers. Read by take.cu.
 #pragma once
 
-#include "kernels/take.h"
+#include "kernels/ingest/take.h"
 
 namespace heliograph::cuda {
 

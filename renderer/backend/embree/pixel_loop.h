@@ -1,7 +1,7 @@
 // The kernels' loops over pixels, compiled once for each x86-64 level and chosen at run time.
 #pragma once
 
-#include "kernels/probe.h"
+#include "kernels/label/probe.h"
 #include "renderer/backend/embree/tracer.h"
 #include "renderer/host/tasks.h"
 

@@ -1,8 +1,8 @@
 // The loops themselves. Included by the translation unit of each level, which defines HELIO_ISA.
 #pragma once
 
-#include "kernels/lockstep.h"
-#include "kernels/probe_path.h"
+#include "kernels/label/probe_path.h"
+#include "kernels/schedule/lockstep.h"
 #include "renderer/backend/embree/pixel_loop.h"
 
 namespace heliograph::embree::inline HELIO_ISA {

@@ -1,7 +1,7 @@
 // Embree's callbacks of discs and spheres.
 #include "renderer/backend/embree/shape_geometry.h"
 
-#include "kernels/shape.h"
+#include "kernels/geometry/shape.h"
 
 namespace heliograph::embree {
 namespace {

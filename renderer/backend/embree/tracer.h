@@ -1,9 +1,9 @@
 // The CPU's answer to rays: kernels::Tracer on Embree. Compiled once for each instruction set.
 #pragma once
 
-#include "kernels/accept.h"
-#include "kernels/motion.h"
-#include "kernels/ray.h"
+#include "kernels/geometry/accept.h"
+#include "kernels/geometry/motion.h"
+#include "kernels/scene/ray.h"
 #include "renderer/backend/embree/embree.h"
 
 namespace heliograph::embree {

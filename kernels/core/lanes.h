@@ -1,0 +1,188 @@
+// Eight numbers side by side in the vectors of a CPU: what templates of the kernels take in place
+// of a float. Each lane has the bits that a float would have, whatever the others hold, but where
+// the compiler fuses multiplications and additions.
+//
+// Tested: tests/unit/lanes_test.cpp.
+#pragma once
+
+#include <limits>
+
+#include "kernels/core/math.h"
+
+#if defined(__AVX2__)
+#include <immintrin.h>
+#endif
+
+// Nothing here is called across translation units.
+#pragma GCC diagnostic ignored "-Wpsabi"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+using FloatVector = float __attribute__((vector_size(4 * kLanes)));
+using IntVector = i32 __attribute__((vector_size(4 * kLanes)));
+
+/// True or false in each lane.
+struct Mask {
+  IntVector v;  // -1 or 0
+
+  friend Mask operator&(Mask a, Mask b) { return {a.v & b.v}; }
+  friend Mask operator|(Mask a, Mask b) { return {a.v | b.v}; }
+  friend Mask operator!(Mask a) { return {~a.v}; }
+};
+
+struct Ints {
+  IntVector v;
+
+  Ints() = default;
+  Ints(IntVector vector) : v(vector) {}
+  Ints(i32 x) : v{x, x, x, x, x, x, x, x} {}
+  friend Ints operator+(Ints a, Ints b) { return a.v + b.v; }
+  friend Ints operator-(Ints a, Ints b) { return a.v - b.v; }
+  friend Ints operator*(Ints a, Ints b) { return a.v * b.v; }
+  friend Ints operator&(Ints a, Ints b) { return a.v & b.v; }
+  friend Mask operator==(Ints a, Ints b) { return {a.v == b.v}; }
+  friend Mask operator<(Ints a, Ints b) { return {a.v < b.v}; }
+};
+
+struct Floats {
+  FloatVector v;
+
+  Floats() = default;
+  Floats(FloatVector vector) : v(vector) {}
+  Floats(float x) : v{x, x, x, x, x, x, x, x} {}
+  friend Floats operator+(Floats a, Floats b) { return a.v + b.v; }
+  friend Floats operator-(Floats a, Floats b) { return a.v - b.v; }
+  friend Floats operator*(Floats a, Floats b) { return a.v * b.v; }
+  friend Floats operator/(Floats a, Floats b) { return a.v / b.v; }
+  friend Floats operator-(Floats a) { return -a.v; }
+  Floats& operator+=(Floats b) { return *this = *this + b; }
+  Floats& operator-=(Floats b) { return *this = *this - b; }
+  Floats& operator*=(Floats b) { return *this = *this * b; }
+  Floats& operator/=(Floats b) { return *this = *this / b; }
+  friend Mask operator<(Floats a, Floats b) { return {a.v < b.v}; }
+  friend Mask operator>(Floats a, Floats b) { return {a.v > b.v}; }
+  friend Mask operator<=(Floats a, Floats b) { return {a.v <= b.v}; }
+  friend Mask operator>=(Floats a, Floats b) { return {a.v >= b.v}; }
+  friend Mask operator==(Floats a, Floats b) { return {a.v == b.v}; }
+};
+
+template <>
+struct InLanes<Floats> {
+  using Int = Ints;
+  using Bool = Mask;
+};
+
+// ---------------------------------------------------------------- what floats have of their own
+
+/// Bit i: lane i.
+inline u32 bits_of(Mask m) {
+#if defined(__AVX2__)
+  return u32(_mm256_movemask_ps(__m256(m.v)));
+#else
+  u32 bits = 0;
+  for (u32 i = 0; i < kLanes; ++i) bits |= u32(m.v[i] != 0) << i;
+  return bits;
+#endif
+}
+inline bool any(Mask m) { return bits_of(m) != 0; }
+inline bool all(Mask m) { return bits_of(m) == (1u << kLanes) - 1; }
+/// Lanes 0 to count - 1.
+inline Mask first_lanes(u32 count) {
+  return Ints(IntVector{0, 1, 2, 3, 4, 5, 6, 7}) < Ints(i32(count));
+}
+
+inline Floats select(Mask m, Floats a, Floats b) {
+#if defined(__AVX2__)
+  return FloatVector(_mm256_blendv_ps(__m256(b.v), __m256(a.v), __m256(m.v)));
+#else
+  return m.v ? a.v : b.v;
+#endif
+}
+inline Ints select(Mask m, Ints a, Ints b) { return (a.v & m.v) | (b.v & ~m.v); }
+inline Vec3<Floats> select(Mask m, Vec3<Floats> a, Vec3<Floats> b) {
+  return Vec3<Floats>(select(m, a.x, b.x), select(m, a.y, b.y), select(m, a.z, b.z));
+}
+
+inline Floats min2(Floats a, Floats b) {
+#if defined(__AVX2__)
+  return FloatVector(_mm256_min_ps(__m256(a.v), __m256(b.v)));
+#else
+  return a.v < b.v ? a.v : b.v;
+#endif
+}
+inline Floats max2(Floats a, Floats b) {
+#if defined(__AVX2__)
+  return FloatVector(_mm256_max_ps(__m256(a.v), __m256(b.v)));
+#else
+  return a.v > b.v ? a.v : b.v;
+#endif
+}
+inline Ints min2(Ints a, Ints b) { return select(a < b, a, b); }
+
+inline Floats root(Floats x) {
+#if defined(__AVX2__)
+  return FloatVector(_mm256_sqrt_ps(__m256(x.v)));
+#else
+  for (u32 i = 0; i < kLanes; ++i) x.v[i] = std::sqrt(x.v[i]);
+  return x;
+#endif
+}
+inline Floats rounded_down(Floats x) {
+#if defined(__AVX2__)
+  return FloatVector(_mm256_floor_ps(__m256(x.v)));
+#else
+  for (u32 i = 0; i < kLanes; ++i) x.v[i] = std::floor(x.v[i]);
+  return x;
+#endif
+}
+inline Floats size_of(Floats x) { return FloatVector(IntVector(x.v) & 0x7fffffff); }
+inline Floats sign_of(Floats x) {
+  return FloatVector((IntVector(x.v) & i32(0x80000000)) | IntVector(Floats(1).v));
+}
+inline Ints to_int(Floats x) { return __builtin_convertvector(x.v, IntVector); }
+inline Floats to_float(Ints x) { return __builtin_convertvector(x.v, FloatVector); }
+
+inline Vec3<Floats> normalize(Vec3<Floats> v) { return v * (1 / root(dot(v, v))); }
+
+// ---------------------------------------------------------------- memory
+
+/// table[i] in each lane. Every i is one of the table.
+inline Floats at(const float* table, Ints i) {
+#if defined(__AVX2__)
+  return FloatVector(_mm256_i32gather_ps(table, __m256i(i.v), 4));
+#else
+  FloatVector v;
+  for (u32 lane = 0; lane < kLanes; ++lane) v[lane] = table[i.v[lane]];
+  return v;
+#endif
+}
+
+/// A number of each lane, in memory.
+struct alignas(4 * kLanes) Row {
+  float of[kLanes];
+
+  Row& operator=(Floats x) {
+    *reinterpret_cast<FloatVector __attribute__((may_alias))*>(of) = x.v;
+    return *this;
+  }
+  operator Floats() const {
+    return *reinterpret_cast<const FloatVector __attribute__((may_alias))*>(of);
+  }
+};
+struct Row3 {
+  Row x, y, z;
+
+  void set(u32 lane, vec3 v) { x.of[lane] = v.x, y.of[lane] = v.y, z.of[lane] = v.z; }
+  [[nodiscard]] vec3 get(u32 lane) const { return vec3(x.of[lane], y.of[lane], z.of[lane]); }
+  Row3& operator=(Vec3<Floats> v) {
+    x = v.x, y = v.y, z = v.z;
+    return *this;
+  }
+  operator Vec3<Floats>() const { return Vec3<Floats>(Floats(x), Floats(y), Floats(z)); }
+};
+
+}  // namespace heliograph::kernels::inline HELIO_ISA
+
+/// GLM asks for it before it multiplies vectors of them.
+template <>
+struct std::numeric_limits<heliograph::kernels::Floats> : std::numeric_limits<float> {};

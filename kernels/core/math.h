@@ -1,0 +1,175 @@
+// Small mathematics every kernel uses: colours, transforms, frames, trigonometry.
+#pragma once
+
+#include "kernels/core/platform.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+// Templates over F take floats, or several side by side (lanes.h).
+template <class F>
+using Vec2 = glm::vec<2, F>;
+template <class F>
+using Vec3 = glm::vec<3, F>;
+
+/// What integers and truth are where numbers are F.
+template <class F>
+struct InLanes {
+  using Int = i32;
+  using Bool = bool;
+};
+template <class F>
+using IntOf = typename InLanes<F>::Int;
+template <class F>
+using BoolOf = typename InLanes<F>::Bool;
+
+template <class T>
+KERNEL T min2(T a, T b) {
+  return a < b ? a : b;
+}
+template <class T>
+KERNEL T max2(T a, T b) {
+  return a > b ? a : b;
+}
+
+KERNEL bool any(bool b) { return b; }
+KERNEL bool all(bool b) { return b; }
+template <class T>
+KERNEL T select(bool condition, T a, T b) {
+  return condition ? a : b;
+}
+KERNEL float root(float x) { return std::sqrt(x); }
+KERNEL float rounded_down(float x) { return std::floor(x); }
+KERNEL float size_of(float x) { return std::fabs(x); }
+/// 1 or -1, by the sign bit.
+KERNEL float sign_of(float x) { return std::copysign(1.0f, x); }
+KERNEL i32 to_int(float x) { return i32(x); }
+KERNEL float to_float(i32 x) { return float(x); }
+KERNEL float at(const float* table, i32 i) { return table[i]; }
+
+template <class F>
+KERNEL F sqr(F x) {
+  return x * x;
+}
+template <class F>
+KERNEL F safe_sqrt(F x) {
+  return root(max2(x, F(0)));
+}
+/// 0 for what is no number.
+template <class F>
+KERNEL F clamp01(F x) {
+  return min2(max2(x, F(0)), F(1));
+}
+/// From a number uniform in [0, length) to one uniform in [0, 1).
+template <class F>
+KERNEL F stretched(F u, F length) {
+  return min2(max2(u / length, F(0)), F(1 - 0x1p-24f));
+}
+/// Of a word that is not 0.
+KERNEL u32 lowest_bit(u32 bits) {
+#if defined(__CUDA_ARCH__)
+  return u32(__ffs(i32(bits))) - 1;
+#else
+  return u32(__builtin_ctz(bits));
+#endif
+}
+template <class F>
+KERNEL F max_component(Vec3<F> v) {
+  return max2(v.x, max2(v.y, v.z));
+}
+KERNEL float min_component(vec3 v) { return min2(v.x, min2(v.y, v.z)); }
+KERNEL bool is_black(vec3 v) { return v.x == 0 && v.y == 0 && v.z == 0; }
+KERNEL vec3 abs3(vec3 v) { return vec3(std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)); }
+KERNEL vec3 max3(vec3 a, vec3 b) { return vec3(max2(a.x, b.x), max2(a.y, b.y), max2(a.z, b.z)); }
+
+/// Rec.709 luminance of a linear colour.
+template <class F>
+KERNEL F luminance(Vec3<F> c) {
+  return 0.2126f * c.x + 0.7152f * c.y + 0.0722f * c.z;
+}
+
+template <class F>
+KERNEL Vec3<F> transform_vector(const mat4x3& m, Vec3<F> v) {
+  return Vec3<F>(m[0].x * v.x + m[1].x * v.y + m[2].x * v.z,
+                 m[0].y * v.x + m[1].y * v.y + m[2].y * v.z,
+                 m[0].z * v.x + m[1].z * v.y + m[2].z * v.z);
+}
+KERNEL vec3 transform_point(const mat4x3& m, vec3 p) { return transform_vector(m, p) + m[3]; }
+/// Takes a normal along the inverse of `inverse`; the result is not unit.
+KERNEL vec3 transform_normal(const mat4x3& inverse, vec3 n) {
+  return vec3(dot(inverse[0], n), dot(inverse[1], n), dot(inverse[2], n));
+}
+
+/// Unit vector along v, or `otherwise` when v has no direction.
+KERNEL vec3 normalize_or(vec3 v, vec3 otherwise) {
+  const float length2 = dot(v, v);
+  return length2 > 0 ? v * (1 / std::sqrt(length2)) : otherwise;
+}
+
+/// An orthonormal, right-handed basis; local z is n.
+template <class F>
+struct FrameOf {
+  Vec3<F> s, t, n;
+};
+using Frame = FrameOf<float>;
+template <class F>
+KERNEL Vec3<F> to_local(const FrameOf<F>& f, Vec3<F> v) {
+  return Vec3<F>(dot(f.s, v), dot(f.t, v), dot(f.n, v));
+}
+template <class F>
+KERNEL Vec3<F> to_world(const FrameOf<F>& f, Vec3<F> v) {
+  return f.s * v.x + f.t * v.y + f.n * v.z;
+}
+
+/// A basis about the unit vector n.
+///
+/// Source: Duff et al. 2017, "Building an Orthonormal Basis, Revisited", JCGT 6(1).
+template <class F>
+KERNEL FrameOf<F> make_frame(Vec3<F> n) {
+  const F sign = sign_of(n.z);
+  const F a = -1 / (sign + n.z);
+  const F b = n.x * n.y * a;
+  return {Vec3<F>(1 + sign * n.x * n.x * a, sign * b, -sign * n.x),
+          Vec3<F>(b, sign + n.y * n.y * a, -n.y), n};
+}
+
+template <class F>
+struct SinCosOf {
+  F sin, cos;
+};
+using SinCos = SinCosOf<float>;
+
+/// Sine and cosine of 2 pi `turns`, |turns| < 2^20; errors below 2e-7. The same bits on every
+/// machine, unlike a library's.
+template <class F>
+KERNEL SinCosOf<F> sincos_turns(F turns) {
+  const F quadrant = rounded_down(4 * turns + 0.5f);
+  const F x = (4 * turns - quadrant) * (0.5f * kPi);
+  const F x2 = x * x;
+  const F s =
+      x * (1 + x2 * (-1 / 6.0f + x2 * (1 / 120.0f + x2 * (-1 / 5040.0f + x2 * (1 / 362880.0f)))));
+  const F c = 1 + x2 * (-0.5f + x2 * (1 / 24.0f + x2 * (-1 / 720.0f + x2 * (1 / 40320.0f))));
+  const IntOf<F> q = to_int(quadrant);
+  const BoolOf<F> even = (q & 1) == 0;
+  const F sine = select(even, s, c);
+  const F cosine = select(even, c, s);
+  return {select((q & 2) == 0, sine, -sine), select(((q + 1) & 2) == 0, cosine, -cosine)};
+}
+
+/// atan2(y, x) / 2 pi, in [-0.5, 0.5]; errors below 1e-7 turns.
+KERNEL float atan2_turns(float y, float x) {
+  const float ax = std::fabs(x);
+  const float ay = std::fabs(y);
+  const float large = max2(max2(ax, ay), 0x1p-126f);
+  // The angle is halved once: tan in [0, tan(pi / 8)], where a minimax polynomial is short.
+  const float a = min2(ax, ay) / large;
+  const float h = a / (1 + std::sqrt(1 + a * a));
+  const float z = h * h;
+  const float p =
+      h * (1 + z * (-0.33332756f + z * (0.19971879f + z * (-0.13824454f + z * 0.07902599f))));
+  float turns = p * (1 / kPi);
+  if (ay > ax) turns = 0.25f - turns;
+  if (x < 0) turns = 0.5f - turns;
+  return y < 0 ? -turns : turns;
+}
+
+}  // namespace heliograph::kernels::inline HELIO_ISA

@@ -1,0 +1,78 @@
+// Maps from the unit square to the distributions that renderers need, and their densities.
+#pragma once
+
+#include "kernels/core/math.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+/// Uniform on the unit disk.
+///
+/// Source: Shirley and Chiu 1997, "A Low Distortion Map Between Disk and Square".
+template <class F>
+KERNEL Vec2<F> sample_disk(Vec2<F> u) {
+  const F a = 2 * u.x - 1;
+  const F b = 2 * u.y - 1;
+  const BoolOf<F> wide = size_of(a) > size_of(b);
+  const F r = select(wide, a, b);
+  const F turns = 0.125f * select(wide, b, a) / select(r == 0, F(1), r);
+  const SinCosOf<F> phi = sincos_turns(select(wide, turns, 0.25f - turns));
+  return Vec2<F>(r * phi.cos, r * phi.sin);
+}
+
+/// Hemisphere about +z with density cos / pi.
+template <class F>
+KERNEL Vec3<F> sample_cosine(Vec2<F> u) {
+  const Vec2<F> d = sample_disk(u);
+  return Vec3<F>(d.x, d.y, safe_sqrt(1 - d.x * d.x - d.y * d.y));
+}
+
+/// Sphere with density 1 / 4 pi.
+KERNEL vec3 sample_sphere(vec2 u) {
+  const float z = 1 - 2 * u.x;
+  const float r = safe_sqrt(1 - z * z);
+  const SinCos phi = sincos_turns(u.y);
+  return vec3(r * phi.cos, r * phi.sin, z);
+}
+
+/// Uniform in a cone about a unit axis. depth: 1 - cosine of its half angle
+KERNEL vec3 sample_cone(vec3 axis, float depth, vec2 u) {
+  const float drop = u.x * depth;
+  const float r = safe_sqrt(drop * (2 - drop));
+  const SinCos phi = sincos_turns(u.y);
+  return to_world(make_frame(axis), vec3(r * phi.cos, r * phi.sin, 1 - drop));
+}
+
+/// Weights of a triangle's vertices 1 and 2, uniform in area.
+///
+/// Source: Heitz 2019, "A Low-Distortion Map Between Triangle and Square".
+KERNEL vec2 sample_triangle(vec2 u) {
+  if (u.y > u.x) {
+    const float a = 0.5f * u.x;
+    return vec2(a, u.y - a);
+  }
+  const float b = 0.5f * u.y;
+  return vec2(u.x - b, b);
+}
+
+/// The interval of a running sum that u in [0, total) falls into, and u's place in it.
+struct Choice {
+  u32 index;
+  float probability;  // of the interval, as the sums have it
+  float rest;         // uniform in [0, 1)
+};
+/// cdf     sums up to and including each entry
+/// first, count   the entries to choose from; count > 0
+/// u       in [0, cdf[first + count - 1]]
+KERNEL Choice choose(const float* cdf, u32 first, u32 count, float u) {
+  while (count > 1) {
+    const u32 half = count / 2;
+    first = cdf[first + half - 1] <= u ? first + half : first;
+    count -= half;
+  }
+  const float start = first > 0 ? cdf[first - 1] : 0;
+  const float width = cdf[first] - start;
+  return {first, width, stretched(u - start, width)};
+}
+KERNEL Choice choose(const float* cdf, u32 count, float u) { return choose(cdf, 0, count, u); }
+
+}  // namespace heliograph::kernels::inline HELIO_ISA

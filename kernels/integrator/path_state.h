@@ -1,0 +1,142 @@
+// A path on its way: what its steps share, its random numbers and what it brings home. Called by
+// the steps in path.h, direct_light.h and medium_path.h.
+#pragma once
+
+#include "kernels/bsdf/blur.h"
+#include "kernels/core/sampler.h"
+#include "kernels/integrator/sample.h"
+#include "kernels/light/light.h"
+#include "kernels/media/inside.h"
+#include "kernels/media/volume.h"
+#include "kernels/scene/settings.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+/// Pairs of random numbers that a path takes: the filter, the time, the lens, then these at every
+/// vertex; and those of flights through media.
+enum Dimension : u32 {
+  kFilterPair = 0,
+  kFirstVertexPair = 1,
+  kTimePair = 1u << 24,
+  kLensPair = kTimePair + 1,
+  kFirstFlightPair = 1u << 25
+};
+enum VertexDimension : u32 {
+  kLightPair,    // a light and a direction to it
+  kScatterPair,  // a direction in which the path goes on
+  kChancePair,   // x: which of the surface's lobes; y: whether the path survives
+  kVertexPairs
+};
+/// Numbers of unstratified random choices.
+enum Hashed : u32 {
+  kHoleHash = 0,
+  kShadowHoleHash = 64,
+  kOcclusionHash = 192,
+  kCollisionHash = 4096,
+  kShadowCollisionHash = 8192,
+  kWalkHash = 12288
+};
+
+/// What every step needs and none changes.
+template <Tracer T>
+struct PathContext {
+  const SceneView& scene;
+  const CameraView& camera;  // at that time
+  const Settings& settings;
+  const T& tracer;
+  const FilmView& film;
+  Sampler sampler;
+  float time;  // of the path, with all that it meets
+  u64 pixel;
+};
+
+/// A path on its way from the camera.
+struct Path {
+  Ray ray;
+  u32 mask;  // kind of the ray
+  vec3 throughput;
+  float pdf;      // 1/sr, with which the ray's direction was chosen; 0: no light sampling competes
+  Receiver from;  // where it was chosen; unset for camera rays
+  float radiance_scale;  // product of eta^2 of refractions: throughput without them, for roulette
+  u32 edges;             // of the path, the ray included
+  float passed;          // metres, from the last vertex to the ray's origin
+  u32 boundaries;        // passable ones on that way
+  bool guided;           // the guides are recorded
+  Cone cone;             // of the ray
+  bool blurred;          // it has scattered, and not by a perfect mirror or window alone
+  Route route;
+  Inside inside;  // of which closed surfaces the ray starts
+};
+
+template <Tracer T>
+KERNEL HoleKey hole_key(const PathContext<T>& c, u32 number) {
+  return {c.scene.any_holes ? c.sampler.hash_of(number) : 0, false};
+}
+
+/// Of the vertex at the end of the path's ray.
+KERNEL u32 vertex_pair(const Path& path, u32 dimension) {
+  return kFirstVertexPair + (path.edges - 1) * kVertexPairs + dimension;
+}
+
+/// The pair of a flight through the medium that the ray starts in.
+KERNEL u32 flight_pair(const Path& path) {
+  return kFirstFlightPair + path.edges * (kMostPassed + 1) + path.boundaries;
+}
+
+/// Counts light that has reached the camera.
+template <Tracer T>
+KERNEL void collect(const PathContext<T>& c, SampleValues& sample, Contribution light,
+                    const Route& route) {
+  const float largest = max_component(light.radiance);
+  if (!(largest > 0)) return;
+  const float most = light.edges > 2 ? c.settings.clamp_indirect : c.settings.clamp;
+  if (largest > most) light.radiance *= most / largest;
+  sample.radiance += light.radiance;
+  if (wants_rare(c.film, plane_bit(Plane::BEAUTY_GROUP))) {
+    add_to_group(c.film, light.group, c.pixel, light.radiance);
+  }
+  if (wants_rare(c.film, kLightPlaneSet)) add_light(sample, light, route);
+}
+
+/// The path goes on from a vertex: where to, by what density and kind of ray.
+struct Onward {
+  vec3 origin;
+  vec3 direction;  // unit, world
+  float pdf;       // 1/sr; 0: no light sampling competes
+  u32 mask;
+  Receiver from;
+};
+template <Tracer T>
+KERNEL void go_on(const PathContext<T>& c, Path& path, const Onward& onward) {
+  path.pdf = onward.pdf;
+  path.blurred = path.blurred || onward.pdf > 0;
+  path.cone.spread = max2(path.cone.spread, lobe_spread(onward.pdf));
+  path.from = onward.from;
+  path.mask = onward.mask;
+  path.ray = {onward.origin, onward.direction, INFINITY, c.time,
+              hole_key(c, kHoleHash + path.edges)};
+  path.passed = 0;
+  path.boundaries = 0;
+  ++path.edges;
+}
+
+/// Chance with which a path that carries so much goes on. The root lets fewer live paths end than
+/// what they carry: they carry what the many that ended would have.
+template <class F>
+KERNEL F survival_chance(F carried) {
+  return min2(root(carried), F(1));
+}
+
+/// Ends the path by chance where it carries little; unbiased.
+template <Tracer T>
+KERNEL bool survives(const PathContext<T>& c, Path& path) {
+  if (path.edges <= c.settings.roulette_depth) return true;
+  const float chance = survival_chance(max_component(path.throughput) * path.radiance_scale);
+  if (chance >= 1) return true;
+  const u32 chances = vertex_pair(path, kChancePair) - kVertexPairs;  // of the vertex left
+  if (c.sampler.get2(chances).y >= chance) return false;
+  path.throughput *= 1 / chance;
+  return true;
+}
+
+}  // namespace heliograph::kernels::inline HELIO_ISA

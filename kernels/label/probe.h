@@ -1,0 +1,279 @@
+// Labels: what the ray through a pixel's centre meets, exactly and without noise. probe_pixel() is
+// the entry point of every backend.
+#pragma once
+
+#include "kernels/label/probe_sight.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+KERNEL void put_flow(Probe& p, const Flow& flow, bool forward) {
+  (forward ? p.flow_forward : p.flow_backward) = flow.pixels;
+  (forward ? p.flow_forward_valid : p.flow_backward_valid) = flow.valid;
+  (forward ? p.flow_forward_visible : p.flow_backward_visible) = flow.visible;
+  if (forward) p.scene_flow = flow.metres;
+}
+
+/// What a probe says where it meets nothing.
+KERNEL Probe empty_probe() {
+  Probe p{};
+  p.p_world = p.p_camera = p.object_coordinates = p.nocs = vec3(NAN);
+  p.material_id = p.primitive = kNone;
+  p.distance = INFINITY;
+  return p;
+}
+
+inline constexpr PlaneSet kNormalPlanes =
+    plane_bit(Plane::NORMAL) | plane_bit(Plane::NORMAL_CAMERA) | plane_bit(Plane::TANGENT);
+inline constexpr PlaneSet kMaterialPlanes =
+    plane_bit(Plane::BASE_COLOR) | plane_bit(Plane::ROUGHNESS) | plane_bit(Plane::METALLIC) |
+    plane_bit(Plane::TRANSMISSION) | plane_bit(Plane::EMISSION);
+inline constexpr PlaneSet kRestPlanes =
+    plane_bit(Plane::OBJECT_COORDINATES) | plane_bit(Plane::NOCS);
+inline constexpr PlaneSet kForwardPlanes =
+    plane_bit(Plane::FLOW_FORWARD) | plane_bit(Plane::FLOW_FORWARD_VALID) |
+    plane_bit(Plane::FLOW_FORWARD_VISIBLE) | plane_bit(Plane::SCENE_FLOW);
+inline constexpr PlaneSet kBackwardPlanes = plane_bit(Plane::FLOW_BACKWARD) |
+                                            plane_bit(Plane::FLOW_BACKWARD_VALID) |
+                                            plane_bit(Plane::FLOW_BACKWARD_VISIBLE);
+inline constexpr PlaneSet kDisparityPlanes =
+    plane_bit(Plane::DISPARITY) | plane_bit(Plane::DISPARITY_VISIBLE);
+
+/// Where it is, at t along the ray. The camera's frame does not go through the world's, which
+/// rounds more the farther its origin is.
+KERNEL void probe_point(Probe& p, const CameraView& camera, const Sight& sight, float t) {
+  const Ray& ray = sight.ray;
+  const vec3 along = ray.direction * t;
+  p.distance = t + sight.passed;
+  p.p_world = ray.origin + along;
+  p.p_camera = turn_to_camera(camera, ray.origin - camera.world_from_camera[3] + along);
+}
+
+KERNEL void probe_geometry(Probe& p, const Surface& s, const CameraView& camera, const Sight& sight,
+                           float t) {
+  const Ray& ray = sight.ray;
+  probe_point(p, camera, sight, t);
+  p.geometric_normal = dot(s.ng, ray.direction) > 0 ? -s.ng : s.ng;
+  p.barycentric = s.barycentric;
+}
+
+KERNEL void probe_shading(Probe& p, const Surface& s, const CameraView& camera, const Ray& ray) {
+  p.normal = dot(s.ng, ray.direction) > 0 ? -s.ns : s.ns;
+  p.normal_camera = normalize(cv_from_gl(transform_vector(camera.camera_from_world, p.normal)));
+  const Corners c = corners_at(*s.mesh, s.triangle, s.time);
+  p.tangent = world_tangent(s, s.ns, tangents_of(s, c, 0).t);
+}
+
+KERNEL void probe_labels(Probe& p, const Surface& s, const Hit& hit) {
+  const InstanceView& instance = *s.instance;
+  p.instance_label = instance.label;
+  p.category = instance.category;
+  const u32 further = instance.flags & kOnePart ? 0 : s.part;
+  p.part = instance.label != 0 ? instance.part + further : 0;
+  p.material_id = s.material->id;
+  p.primitive = hit.primitive;
+}
+
+KERNEL void probe_rest(Probe& p, const RestBoxView& box, vec3 p_object) {
+  p.object_coordinates = transform_point(box.box_from_object, p_object);
+  p.nocs = vec3(0.5f) + (p.object_coordinates - vec3(0.5f)) * box.nocs_scale;
+}
+
+KERNEL vec3 rest_position(const Surface& s) {
+  const vec3* rest = s.mesh->rest_positions ? s.mesh->rest_positions : s.mesh->positions;
+  return interpolate(rest, s.triangle, s.barycentric);
+}
+
+/// What the wanted planes say of the surface itself.
+KERNEL void probe_surface(Probe& p, const ProbeContext& context, const Hit& hit, const Sight& sight,
+                          PlaneSet wanted) {
+  const SceneView& scene = *context.now.scene;
+  const Ray& ray = sight.ray;
+  Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), ray.time);
+  p.hit = true;
+  probe_geometry(p, s, *context.now.camera, sight, hit.t);
+  probe_labels(p, s, hit);
+  if (wanted & kNormalPlanes) {
+    s.ns = shading_normal(scene, s);
+    probe_shading(p, s, *context.now.camera, ray);
+  }
+  if (wanted & plane_bit(Plane::UV)) p.uv = uvs_at(s).set[0];
+  if (wanted & kMaterialPlanes) {
+    p.material = material_at(scene, s, ~kAlphaBit);
+    p.emission = emitted(scene, s, p.material, -ray.direction) + shown(s, p.material);
+  }
+  if (wanted & plane_bit(Plane::OPACITY)) {
+    p.material.alpha = opacity_at(scene, hit.instance, hit.primitive, s.barycentric);
+  }
+  if (wanted & kRestPlanes) probe_rest(p, context.rest_boxes[hit.instance], rest_position(s));
+}
+
+/// What the planes say of the point where a volume's transmittance is one half. It has no normal
+/// and no material.
+KERNEL void probe_volume(Probe& p, const ProbeContext& context, const Collision& at,
+                         const Sight& sight, PlaneSet wanted) {
+  const SceneView& scene = *context.now.scene;
+  const InstanceView& instance = scene.volumes[at.volume].instance;
+  p.hit = true;
+  probe_point(p, *context.now.camera, sight, at.t);
+  p.instance_label = instance.label;
+  p.category = instance.category;
+  p.part = instance.label != 0 ? instance.part : 0;
+  if (!(wanted & kRestPlanes)) return;
+  const mat4x3 object_from_world = pose_at(scene, instance, sight.ray.time).object_from_world;
+  probe_rest(p, context.rest_boxes[scene.instance_count + at.volume],
+             transform_point(object_from_world, p.p_world));
+}
+
+/// Flow of that point, which moves with its entity. It is visible where no surface hides it.
+template <Tracer T>
+KERNEL Flow volume_flow(const ProbeContext& context, const ProbeScene& other,
+                        CountedTracer<T> counted, u32 volume, vec3 p_world) {
+  const InstanceView& then = other.scene->volumes[volume].instance;
+  if (then.flags & kFlowInvalid) return {vec2(0), 0, 0, vec3(0)};
+  const InstanceView& instance = context.now.scene->volumes[volume].instance;
+  const mat4x3 object_from_world =
+      pose_at(*context.now.scene, instance, context.now.camera->time).object_from_world;
+  const vec3 p_object = transform_point(object_from_world, p_world);
+  return flow_of(context, other, counted, p_world, [&](float time) {
+    return transform_point(pose_at(*other.scene, then, time).world_from_object, p_object);
+  });
+}
+
+/// The volume that owns a pixel whose centre ray meets a surface or nothing; kNone: none does.
+KERNEL Collision probed_volume(const SceneView& scene, const Ray& ray, const Hit& hit) {
+  if (scene.volume_count == 0) return {kNone, INFINITY};
+  return half_way(scene, ray, min2(ray.t_max, hit.t));
+}
+
+template <Tracer T>
+KERNEL Probe probe_in_volume(const ProbeContext& context, const T* const (&tracers)[3],
+                             const Collision& at, const Sight& sight, PlaneSet wanted, u32& rays) {
+  Probe p = empty_probe();
+  probe_volume(p, context, at, sight, wanted);
+  if (context.forward.scene) {
+    const CountedTracer<T> counted{*tracers[1], rays};
+    put_flow(p, volume_flow(context, context.forward, counted, at.volume, p.p_world), true);
+  }
+  if (context.backward.scene) {
+    const CountedTracer<T> counted{*tracers[2], rays};
+    put_flow(p, volume_flow(context, context.backward, counted, at.volume, p.p_world), false);
+  }
+  if (context.disparity) {
+    const CameraAt second(*context.disparity, context.now.camera->time);
+    const CameraView& camera = second.camera();
+    const Projected to = project(camera, p.p_world);
+    if (!to.seen) return p;
+    p.disparity = project(*context.now.camera, p.p_world).raster.x - to.raster.x;
+    p.disparity_visible =
+        inside_image(camera, to.raster) &&
+        camera_sees({context.now.scene, &camera}, CountedTracer<T>{*tracers[0], rays}, p.p_world,
+                    context.settings->through_transmission);
+  }
+  return p;
+}
+
+template <Tracer T>
+KERNEL void probe_disparity(Probe& p, const ProbeContext& context, CountedTracer<T> counted,
+                            const Surface& s) {
+  const CameraAt second(*context.disparity, s.time);
+  const CameraView& camera = second.camera();
+  const Projected to = project(camera, s.p);
+  if (!to.seen) return;
+  p.disparity = project(*context.now.camera, s.p).raster.x - to.raster.x;
+  p.disparity_visible =
+      inside_image(camera, to.raster) &&
+      camera_sees({context.now.scene, &camera}, counted, s, context.settings->through_transmission);
+}
+
+/// Everything that the film wants of one pixel. Tracers of flow may be null with their scenes.
+template <Tracer T>
+KERNEL Probe make_probe(const ProbeContext& context, const T* const (&tracers)[3], PlaneSet wanted,
+                        vec2 raster, const Sight& sight, u32& rays) {
+  const SceneView& scene = *context.now.scene;
+  const Ray& ray = sight.ray;
+  if (!(ray.t_max > 0)) return empty_probe();
+  const bool through = context.settings->through_transmission;
+  const Hit hit =
+      refined(scene, ray, sight.direction,
+              probe_closest(scene, CountedTracer<T>{*tracers[0], rays}, ray, through, sight.mask));
+  if (const Collision at = probed_volume(scene, ray, hit); at.volume != kNone) {
+    return probe_in_volume(context, tracers, at, sight, wanted, rays);
+  }
+  const bool forward = context.forward.scene && (wanted & kForwardPlanes);
+  const bool backward = context.backward.scene && (wanted & kBackwardPlanes);
+  Probe p = empty_probe();
+  if (hit.instance == kNone) {
+    if (forward) put_flow(p, background_flow(context, context.forward, ray, raster), true);
+    if (backward) put_flow(p, background_flow(context, context.backward, ray, raster), false);
+    return p;
+  }
+  probe_surface(p, context, hit, sight, wanted);
+  if (forward) {
+    const CountedTracer<T> counted{*tracers[1], rays};
+    put_flow(p, flow_to(context, context.forward, counted, hit, p.p_world), true);
+  }
+  if (backward) {
+    const CountedTracer<T> counted{*tracers[2], rays};
+    put_flow(p, flow_to(context, context.backward, counted, hit, p.p_world), false);
+  }
+  if (context.disparity && (wanted & kDisparityPlanes)) {
+    Surface s = locate(scene, hit.instance, hit.primitive, vec2(hit.u, hit.v), ray.time);
+    s.p = p.p_world;
+    probe_disparity(p, context, CountedTracer<T>{*tracers[0], rays}, s);
+  }
+  return p;
+}
+
+template <class T, int N, class Value>
+KERNEL void put_plane(void* plane, u64 pixel, const Value& value) {
+  T* out = static_cast<T*>(plane) + pixel * N;
+  if constexpr (N == 1) {
+    out[0] = T(value);
+  } else {
+    for (int i = 0; i < N; ++i) out[i] = value[i];
+  }
+}
+
+/// Writes the centre planes of a pixel; returns rays traced.
+///
+/// sight_of   (context at the pixel's row, rays) -> Sight
+template <Tracer T, class SightOf>
+KERNEL u32 probe_by(const ProbeContext& context, const T* const (&tracers)[3], const FilmView& film,
+                    uvec2 at, const SightOf& sight_of) {
+  u32 rays = 0;
+  const u64 pixel = u64(at.y) * film.width + at.x;
+  const vec2 raster = centre_of(at.x, at.y);
+  const CameraAt camera(*context.now.camera, row_time(*context.now.camera, raster.y));
+  ProbeContext at_row = context;
+  at_row.now.camera = &camera.camera();
+  const Sight sight = sight_of(at_row, rays);
+  const Probe p = make_probe<T>(at_row, tracers, film.wanted, raster, sight, rays);
+#define HELIO_PUT_kMean(...)
+#define HELIO_PUT_kFilm(...)
+#define HELIO_PUT_kPost(...)
+#define HELIO_PUT_kCentre(NAME, type, channels, expression) \
+  if (wants(film, Plane::NAME))                             \
+    put_plane<type, channels>(film.planes[u32(Plane::NAME)], pixel, expression);
+#define HELIO_PUT(NAME, type, channels, fold, unit, expression) \
+  HELIO_PUT_##fold(NAME, type, channels, expression)
+  HELIO_PLANES(HELIO_PUT)
+#undef HELIO_PUT
+#undef HELIO_PUT_kCentre
+#undef HELIO_PUT_kPost
+#undef HELIO_PUT_kFilm
+#undef HELIO_PUT_kMean
+  return rays;
+}
+
+/// Writes the centre planes of pixel (x, y); returns rays traced. The tracers of flow may be null
+/// where their scenes are.
+template <Tracer T>
+KERNEL u32 probe_pixel(const ProbeContext& context, const T& tracer, const T* forward_tracer,
+                       const T* backward_tracer, const FilmView& film, u32 x, u32 y) {
+  const T* const tracers[3] = {&tracer, forward_tracer, backward_tracer};
+  return probe_by(context, tracers, film, {x, y}, [&](const ProbeContext& at_row, u32&) {
+    return centre_sight(*at_row.now.camera, centre_of(x, y));
+  });
+}
+
+}  // namespace heliograph::kernels::inline HELIO_ISA

@@ -1,0 +1,170 @@
+// Material parameters at a point: constants times textures. Called by surface.h, accept.h, light.h.
+#pragma once
+
+#include "kernels/material/texture.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+inline constexpr u32 kEmissionBits =
+    1u << u32(ParameterBit::emission) | 1u << u32(ParameterBit::emission_strength);
+inline constexpr u32 kAlphaBit = 1u << u32(ParameterBit::alpha);
+
+/// Texture coordinates of a point: both sets, zero where the mesh has none.
+struct Uvs {
+  vec2 set[2];
+  float width[2] = {0, 0};  // of what is looked at, in each set; 0: a point
+};
+
+KERNEL vec2 interpolate(const vec2* values, uvec3 triangle, vec2 barycentric) {
+  const vec2 a = values[triangle.x];
+  return a + (values[triangle.y] - a) * barycentric.x + (values[triangle.z] - a) * barycentric.y;
+}
+
+KERNEL Uvs uvs_at(const MeshView& mesh, uvec3 triangle, vec2 barycentric) {
+  return {{mesh.uvs ? interpolate(mesh.uvs, triangle, barycentric) : vec2(0),
+           mesh.uvs1 ? interpolate(mesh.uvs1, triangle, barycentric) : vec2(0)}};
+}
+
+KERNEL vec4 color_at(const MeshView& mesh, uvec3 triangle, vec2 barycentric) {
+  const vec4 a = mesh.colors[triangle.x];
+  return a + (mesh.colors[triangle.y] - a) * barycentric.x +
+         (mesh.colors[triangle.z] - a) * barycentric.y;
+}
+
+/// A difference of texture coordinates as a use of a texture sees it.
+KERNEL vec2 turn_uv(const TextureUseView& use, vec2 uv) {
+  return use.uv_x * uv.x + use.uv_y * uv.y;
+}
+
+KERNEL vec2 transform_uv(const TextureUseView& use, const Uvs& uvs) {
+  return turn_uv(use, uvs.set[use.uv_set & 1]) + use.uv_offset;
+}
+
+/// A texture's value over the width of what is looked at.
+HELIO_CALL KERNEL vec4 filter_use(const SceneView& scene, const TextureUseView& use,
+                                  const Uvs& uvs) {
+  const TextureView& texture = scene.textures[use.texture];
+  const float scale = std::sqrt(std::fabs(use.uv_x.x * use.uv_y.y - use.uv_x.y * use.uv_y.x));
+  const float texels =
+      uvs.width[use.uv_set & 1] * scale * float(min2(texture.width, texture.height));
+  return sample_texture(level_of(texture, texels), transform_uv(use, uvs)) * use.scale + use.offset;
+}
+
+template <bool kRadiance = false>
+HELIO_CALL KERNEL vec4 sample_use(const SceneView& scene, const TextureUseView& use,
+                                  const Uvs& uvs) {
+  const vec4 texel = sample_texture<kRadiance>(scene.textures[use.texture], transform_uv(use, uvs));
+  return texel * use.scale + use.offset;
+}
+
+/// A texture's factor to a constant.
+KERNEL void multiply(vec3& value, vec4 texel, u32) { value *= vec3(texel); }
+KERNEL void multiply(float& value, vec4 texel, u32 channel) { value *= texel[i32(channel)]; }
+
+KERNEL float clamp_to(float x, float smallest, float largest) {
+  return x > smallest ? min2(x, largest) : smallest;
+}
+KERNEL vec3 clamp_to(vec3 v, float smallest, float largest) {
+  return vec3(clamp_to(v.x, smallest, largest), clamp_to(v.y, smallest, largest),
+              clamp_to(v.z, smallest, largest));
+}
+
+/// The parameters named by the bits of `wanted`, textures applied and clamped to their ranges; the
+/// others keep their constants. Emission and alpha are those of the point: lights and holes are
+/// sampled so.
+HELIO_STEP KERNEL MaterialValues evaluate_material(const SceneView& scene,
+                                                   const MaterialView& material, const Uvs& uvs,
+                                                   u32 wanted) {
+  MaterialValues values = material.constant;
+  if ((material.textured & wanted) == 0) return values;
+  u32 use = material.first_use;
+  for (u32 left = material.textured; left != 0; left &= left - 1) {
+    const u32 i = lowest_bit(left);
+    const TextureUseView& view = scene.texture_uses[use++];
+    if (!(wanted >> i & 1)) continue;
+    const bool at_point = (kEmissionBits | kAlphaBit) >> i & 1;
+    const vec4 texel = at_point ? sample_use(scene, view, uvs) : filter_use(scene, view, uvs);
+    switch (ParameterBit(i)) {
+#define HELIO_PARAMETER(name, components, standard, smallest, largest) \
+  case ParameterBit::name:                                             \
+    multiply(values.name, texel, view.channel);                        \
+    values.name = clamp_to(values.name, smallest, largest);            \
+    break;
+      HELIO_MATERIAL_PARAMETERS(HELIO_PARAMETER)
+#undef HELIO_PARAMETER
+      case ParameterBit::kCount:
+        break;
+    }
+  }
+  return values;
+}
+
+/// Whether there may be a medium inside surfaces of a material.
+KERNEL bool may_fill(const MaterialView& material) {
+  const MaterialValues& m = material.constant;
+  return !material.thin_walled && m.transmission > 0 &&
+         (m.attenuation_distance > 0 || !is_black(m.medium_density));
+}
+
+/// Whether a material is the boundary of a medium and nothing else: of index 1, smooth and clear.
+/// Light passes it straight on, also on its way from a light.
+KERNEL bool is_passable(const MaterialView& material) {
+  constexpr u32 kDecisive = 1u << u32(ParameterBit::ior) | 1u << u32(ParameterBit::roughness) |
+                            1u << u32(ParameterBit::transmission) |
+                            1u << u32(ParameterBit::transmission_roughness);
+  const MaterialValues& m = material.constant;
+  return !material.thin_walled && !material.unlit && (material.textured & kDecisive) == 0 &&
+         m.ior == 1 && m.roughness == 0 && m.transmission == 1 && m.transmission_roughness == 0 &&
+         m.metallic == 0 && m.sheen == 0 && m.clearcoat == 0 && m.iridescence == 0;
+}
+
+/// Whether there is a body behind surfaces of a material, which light can enter.
+KERNEL bool is_body(const MaterialView& material) {
+  return !material.thin_walled && !material.unlit && material.constant.transmission > 0;
+}
+
+/// Whether surfaces of a material scatter light as plain programs do not, see kRich. Textures scale
+/// what the constants are.
+KERNEL bool is_rich(const MaterialView& material) {
+  const MaterialValues& m = material.constant;
+  const bool apart = material.thin_walled || m.transmission_roughness > 0;
+  return m.subsurface > 0 || m.clearcoat > 0 || m.sheen > 0 || m.iridescence > 0 ||
+         m.anisotropic > 0 || (m.transmission > 0 && apart);
+}
+
+/// Counts the material of an instance in what SceneView says of all.
+KERNEL void note_material(SceneView& scene, const MaterialView& material) {
+  scene.any_rich |= is_rich(material);
+  scene.any_priority |= material.priority != 0;
+  scene.any_passable |= material.passable;
+  scene.any_media |= material.priority != 0 || material.passable || may_fill(material);
+}
+
+KERNEL const MaterialView& material_of(const SceneView& scene, const InstanceView& instance,
+                                       u32 mesh_part) {
+  return scene.materials[scene.part_materials[instance.first_part + mesh_part]];
+}
+
+KERNEL u32 part_of(const MeshView& mesh, u32 primitive) {
+  return mesh.parts ? mesh.parts[primitive] : 0;
+}
+
+/// Share of rays that meet the surface at a point: 0 or 1 unless the material blends.
+HELIO_CALL KERNEL float opacity_at(const SceneView& scene, u32 instance_index, u32 primitive,
+                                   vec2 barycentric) {
+  const InstanceView& instance = scene.instances[instance_index];
+  const MeshView& mesh = scene.meshes[instance.mesh];
+  const MaterialView& material = material_of(scene, instance, part_of(mesh, primitive));
+  if (material.alpha_mode == AlphaMode::kOpaque) return 1;
+  const uvec3 triangle = mesh.triangles[primitive];
+  float alpha = material.constant.alpha;
+  if (material.textured & kAlphaBit) {
+    const Uvs uvs = uvs_at(mesh, triangle, barycentric);
+    alpha = evaluate_material(scene, material, uvs, kAlphaBit).alpha;
+  }
+  if (mesh.colors) alpha *= color_at(mesh, triangle, barycentric).w;
+  if (material.alpha_mode == AlphaMode::kMask) return alpha < material.alpha_cutoff ? 0 : 1;
+  return alpha;
+}
+
+}  // namespace heliograph::kernels::inline HELIO_ISA

@@ -1,0 +1,295 @@
+// Paths side by side: how a CPU runs the path tracer. Every step of every path is that of path.h.
+// Paths that take the same step one after the other find its code in the caches, and what they
+// read next is asked for before the first of them waits for it.
+//
+// Tested: tests/unit/lockstep_test.cpp, against render_pixel().
+#pragma once
+
+#include <new>
+
+#include "kernels/camera/camera_lanes.h"
+#include "kernels/schedule/plain_scatter.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+/// Asks for what surface_at() reads first.
+KERNEL void prefetch_triangle(const SceneView& scene, const Hit& hit) {
+  prefetch(scene.meshes[scene.instances[hit.instance].mesh].triangles + hit.primitive);
+}
+/// Asks for what it reads then.
+KERNEL void prefetch_corners(const SceneView& scene, const Hit& hit) {
+  const MeshView& mesh = scene.meshes[scene.instances[hit.instance].mesh];
+  const uvec3 triangle = mesh.triangles[hit.primitive];
+  for (int i = 0; i < 3; ++i) {
+    prefetch(mesh.positions + triangle[i]);
+    if (mesh.normals) prefetch(mesh.normals + triangle[i]);
+  }
+}
+
+/// Samples of some pixels, side by side. They are added to the film in the order in which they
+/// began.
+template <Tracer T>
+class Lockstep {
+ public:
+  Lockstep(const SceneView& scene, const CameraView& camera, const Settings& settings,
+           const T& tracer, const FilmView& film)
+      : scene_(scene),
+        camera_(camera),
+        settings_(settings),
+        tracer_(tracer),
+        film_(film),
+        plain_camera_(is_plain(camera)),
+        plain_air_(has_plain_air(scene)),
+        plain_lights_(has_plain_lights(scene)) {}
+
+  [[nodiscard]] bool is_full() const {
+    // Light groups add up in the film, path by path.
+    return count_ > 0 && (wants(film_, Plane::BEAUTY_GROUP) || count_ + kPatchPixels > kPaths);
+  }
+
+  /// Begins a sample of each pixel of a patch. Their camera rays are traced together.
+  void begin(const PixelRect& patch, u32 sample) {
+    const u32 first = count_, first_active = active_count_;
+    for (u32 y = patch.y0; y < patch.y1; ++y)
+      for (u32 x = patch.x0; x < patch.x1; ++x) add(x, y, sample);
+    for (u32 i = first; i < count_; ++i) listed_[i - first] = i;
+    draw(count_ - first, 1, [](const Item&) -> u32 { return kFilterPair; });
+    if (plain_camera_) set_camera_lanes(first);
+    CameraRays rays;
+    for (u32 i = first; i < count_; ++i) {
+      Item& item = items_[i];
+      set_out_from_camera(item, i - first);
+      if (!(item.path.ray.t_max > 0)) continue;
+      set_out(item);
+      rays.add(item.path.ray, item.hit);
+      active_[active_count_++] = i;
+    }
+    closest(tracer_, rays);
+    meet(first_active);
+  }
+
+  /// Traces them to their ends. Returns the rays traced.
+  u32 run() {
+    while (active_count_ > 0) {
+      arrive();
+      shine();
+      trace();
+    }
+    u32 rays = 0;
+    for (u32 i = 0; i < count_; ++i) {
+      const Item& item = items_[i];
+      write_sample(film_, item.pixel, item.values, (item.sample + 1) % kBlock == 0);
+      rays += item.values.rays;
+    }
+    count_ = 0;
+    return rays;
+  }
+
+ private:
+  static constexpr u32 kPaths = 64;
+  static_assert(kPatchPixels <= CameraRays::kMost && kPatchPixels <= kLanes);
+
+  struct Item {
+    u64 key;
+    u64 pixel;
+    u32 x, y;
+    u32 sample;
+    float time;
+    Sampler sampler{0, 0};
+    DrawnPairs numbers;
+    DomePlace sky;  // of a ray that met nothing, where the dome has a picture
+    Path path;
+    Reach reach;
+    Hit hit;
+    SampleValues values;
+    LaterLight light;
+  };
+
+  /// camera: as it is at the item's time; means nothing to a path on its way.
+  PathContext<T> context(const Item& item, const CameraView& camera) const {
+    return {scene_, camera, settings_, tracer_, film_, item.sampler, item.time, item.pixel};
+  }
+  PathContext<T> context(const Item& item) const { return context(item, camera_); }
+
+  void add(u32 x, u32 y, u32 sample) {
+    Item& item = items_[count_++];
+    item.key = pixel_key(settings_.seed, x, y);
+    item.pixel = u64(y) * film_.width + x;
+    item.x = x;
+    item.y = y;
+    item.sample = sample;
+    item.sampler = Sampler(item.key, sample, &item.numbers);
+    static_cast<SampleHead&>(item.values) = {};
+  }
+
+  /// Draws `pairs` pairs, from first(item) on, for the first `count` of listed_.
+  template <class First>
+  void draw(u32 count, u32 pairs, const First& first) {
+    for (u32 begin = 0; begin < count; begin += kLanes) {
+      SamplerLanes lanes;
+      for (u32 i = 0; i < kLanes; ++i) {
+        Item& item = items_[listed_[min2(begin + i, count - 1)]];
+        lanes.pixel_key[i] = item.key;
+        lanes.sample[i] = item.sample;
+        lanes.first[i] = first(item);
+        lanes.to[i] = &item.numbers;
+      }
+      kernels::draw(lanes, pairs);
+    }
+  }
+
+  void set_camera_lanes(u32 first) {
+    for (u32 i = first; i < count_; ++i) {
+      const Item& item = items_[i];
+      const u32 lane = i - first;
+      const vec2 u = item.sampler.get2(kFilterPair);
+      camera_rays_.x.of[lane] = float(item.x);
+      camera_rays_.y.of[lane] = float(item.y);
+      camera_rays_.u.of[lane] = u.x;
+      camera_rays_.v.of[lane] = u.y;
+    }
+    set_rays(camera_, settings_.filter, camera_rays_);
+  }
+  /// lane: the item's, of a plain camera
+  void set_out_from_camera(Item& item, u32 lane) {
+    item.time = path_time(camera_.shutter, item.sampler, item.y);
+    if (plain_camera_) {
+      const PathContext<T> c = context(item);
+      const Ray ray{camera_rays_.origin.get(lane), camera_rays_.direction.get(lane),
+                    camera_rays_.end.of[lane], item.time, hole_key(c, kHoleHash)};
+      new (&item.path) Path(begin_sample(c, ray, item.values));
+      return;
+    }
+    const CameraAt now(camera_, item.time);
+    const PathContext<T> c = context(item, now.camera());
+    new (&item.path) Path(begin_sample(c, first_ray(c, item.x, item.y), item.values));
+  }
+
+  void set_out(Item& item) {
+    if (has_media(scene_)) item.reach = kernels::set_out(context(item), item.path);
+  }
+
+  void trace() {
+    for (u32 i = 0; i < active_count_; ++i) {
+      Item& item = items_[active_[i]];
+      set_out(item);
+      item.hit = tracer_.closest(item.path.ray, item.path.mask);
+    }
+    meet(0);
+  }
+  /// The rays of active_, from `first` on, have met something, or nothing: asks for what is needed
+  /// where they did.
+  void meet(u32 first) {
+    u32 met = 0, missed = 0;
+    for (u32 i = first; i < active_count_; ++i) {
+      Item& item = items_[active_[i]];
+      item.numbers.count = 0;
+      if (item.hit.instance == kNone) {
+        missed_[missed++] = active_[i];
+        continue;
+      }
+      prefetch_triangle(scene_, item.hit);
+      listed_[met++] = active_[i];
+    }
+    if (scene_.dome.texture != kNone)
+      for (u32 i = 0; i < missed; ++i) look_at_dome(items_[missed_[i]]);
+    for (u32 i = 0; i < met; ++i) prefetch_corners(scene_, items_[listed_[i]].hit);
+    draw(met, kVertexPairs, [](const Item& item) { return vertex_pair(item.path, 0); });
+  }
+
+  void look_at_dome(Item& item) {
+    item.sky = dome_place(scene_.dome, item.path.ray.direction);
+    prefetch_dome(scene_, item.sky);
+  }
+
+  /// Those that go on stay active; those whose light waits are lit_.
+  void arrive() {
+    u32 left = 0;
+    lit_count_ = 0;
+    for (u32 i = 0; i < active_count_; ++i) {
+      Item& item = items_[active_[i]];
+      const PathContext<T> c = context(item);
+      item.light.ray.t_max = 0;
+      const auto take_light = [&](const Path& path, const Vertex& v) {
+        sample_light_later(c, path, v, item.values, item.light);
+      };
+      const auto take = [&](const Path& path, const Vertex& v) {
+        if (!plain_air_ || !is_plain(scene_, path, v)) return false;
+        plain_items_[plain_.count] = active_[i];
+        kernels::add(plain_, c, path, v, plain_lights_);
+        return true;
+      };
+      const bool goes_on = kernels::arrive(c, item.path, item.reach, item.hit, item.values,
+                                           take_light, take, &item.sky);
+      sort(active_[i], goes_on, left);
+      if (plain_.count == kLanes) scatter_plain(left);
+    }
+    if (plain_.count > 0) scatter_plain(left);
+    active_count_ = left;
+  }
+  void scatter_plain(u32& left) {
+    scatter_all(scene_, plain_lights_, plain_);
+    for (u32 i = 0; i < plain_.count; ++i) {
+      Item& item = items_[plain_items_[i]];
+      const PathContext<T> c = context(item);
+      if (plain_.lit >> i & 1) {
+        kernels::take_light(plain_, i, plain_lights_, c, item.path, item.values, item.light);
+      }
+      sort(plain_items_[i], kernels::go_on(plain_, i, c, item.path, item.values), left);
+    }
+    plain_.count = 0;
+  }
+  void sort(u32 index, bool goes_on, u32& left) {
+    const Item& item = items_[index];
+    if (item.light.ray.t_max > 0) lit_[lit_count_++] = index;
+    if (goes_on && item.path.ray.t_max > 0) active_[left++] = index;
+  }
+
+  void shine() {
+    for (u32 i = 0; i < lit_count_; ++i) {
+      Item& item = items_[lit_[i]];
+      if (tracer_.occluded(item.light.ray, kShadowRay)) continue;
+      collect(context(item), item.values, item.light.light, item.light.route);
+    }
+  }
+
+  const SceneView& scene_;
+  const CameraView& camera_;
+  const Settings& settings_;
+  const T& tracer_;
+  const FilmView& film_;
+  const bool plain_camera_, plain_air_, plain_lights_;
+  Item items_[kPaths];
+  u32 active_[kPaths];  // items on their way
+  u32 lit_[kPaths];
+  u32 listed_[kPaths];  // items that numbers are drawn for
+  u32 missed_[kPaths];  // items whose rays met nothing
+  // Lanes that hold no path are computed, too, and what they read must be there: they begin as
+  // zeros.
+  CameraLanes camera_rays_{};
+  PlainVertices plain_{};
+  u32 plain_items_[kLanes];
+  u32 count_ = 0, active_count_ = 0, lit_count_ = 0;
+};
+
+/// Adds samples [first_sample, first_sample + sample_count) of the pixels of a rectangle, whose
+/// corner is that of a patch, to the film; returns rays traced.
+template <Tracer T>
+KERNEL u64 render_rect(const SceneView& scene, const CameraView& camera, const Settings& settings,
+                       const T& tracer, const FilmView& film, const PixelRect& rect,
+                       u32 first_sample, u32 sample_count) {
+  Lockstep<T> paths(scene, camera, settings, tracer, film);
+  u64 rays = 0;
+  for (u32 y = rect.y0; y < rect.y1; y += kPatchHeight) {
+    for (u32 x = rect.x0; x < rect.x1; x += kPatchWidth) {
+      const PixelRect patch{x, y, min2(x + kPatchWidth, rect.x1), min2(y + kPatchHeight, rect.y1)};
+      for (u32 i = first_sample; i < first_sample + sample_count; ++i) {
+        paths.begin(patch, i);
+        if (paths.is_full()) rays += paths.run();
+      }
+    }
+  }
+  return rays + paths.run();
+}
+
+}  // namespace heliograph::kernels::inline HELIO_ISA

@@ -1,0 +1,122 @@
+// Directions from plain vertices to lights, in lanes: sample_light() of light.h. Called by
+// plain_scatter.h.
+#pragma once
+
+#include "kernels/schedule/plain_vertices.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+/// Whether lights are sampled in lanes, too: even spheres under an even sky.
+KERNEL bool has_plain_lights(const SceneView& scene) {
+  const DomeView& dome = scene.dome;
+  const bool even =
+      scene.sun_count == 0 && (!(dome.probability > 0) ||
+                               (dome.texture == kNone && !dome.row_cdf && dome.portal_count == 0));
+  return scene.only_spheres && even && has_lights(scene);
+}
+
+/// Nodes of a light tree, one in each lane.
+struct NodeLanes {
+  Vec3<Floats> center;
+  Floats radius2, power;
+};
+KERNEL NodeLanes nodes_at(const LightNode* nodes, Ints index) {
+  constexpr i32 kStride = sizeof(LightNode) / sizeof(float);
+  const Ints first = index * kStride;
+  const auto field = [&](const float& of_root) { return at(&of_root, first); };
+  const LightNode& root = *nodes;
+  return {Vec3<Floats>(field(root.center.x), field(root.center.y), field(root.center.z)),
+          field(root.radius2), field(root.power)};
+}
+
+struct LeafLanes {
+  Ints light;
+  Floats probability, rest;
+};
+/// choose_leaf() in a tree over spheres, of receivers that face the front.
+KERNEL LeafLanes choose_light(const LightNode* nodes, Mask wanted, Vec3<Floats> p, Vec3<Floats> n,
+                              LeafLanes io) {
+  Ints first, inner;
+  const auto read = [&](Ints node) {
+    for (u32 i = 0; i < kLanes; ++i) {
+      const LightNode& at_lane = nodes[node.v[i]];
+      first.v[i] = i32(at_lane.first);
+      inner.v[i] = at_lane.count == 0 ? -1 : 0;
+    }
+  };
+  read(0);
+  for (;;) {
+    const Mask goes_down = Mask{inner.v} & wanted;
+    if (!any(goes_down)) break;
+    const Ints child = select(goes_down, first, Ints(0));
+    const NodeLanes a = nodes_at(nodes, child);
+    const NodeLanes b = nodes_at(nodes, select(goes_down, child + 1, Ints(0)));
+    const Floats share = first_share(front_importance(a.center - p, a.radius2, a.power, n),
+                                     front_importance(b.center - p, b.radius2, b.power, n));
+    const Mask second = io.rest >= share;
+    const Floats part = select(second, 1 - share, share);
+    const Floats rest = stretched(select(second, io.rest - share, io.rest), part);
+    io.rest = select(goes_down, rest, io.rest);
+    io.probability = select(goes_down, io.probability * part, io.probability);
+    read(select(goes_down, child + select(second, Ints(1), Ints(0)), Ints(0)));
+    // A lane that is at its light already stays there.
+    first = select(goes_down, first, io.light);
+    inner = select(goes_down, inner, Ints(0));
+    io.light = first;
+  }
+  return io;
+}
+
+/// sample_light() of a scene that has_plain_lights().
+KERNEL void sample_lights(const SceneView& scene, const OpaqueBase<Floats>& b, PlainVertices& v) {
+  const Mask wanted = first_lanes(v.count);
+  const Vec3<Floats> p = v.p, n = v.n;
+  const Floats u = v.light_u, w = v.light_v;
+  Floats surfaces(scene.light_count > 0 ? 1 : 0);
+  if (scene.light_count > 0 && scene.sky_power > 0) {
+    const NodeLanes root = nodes_at(scene.light_nodes, 0);
+    surfaces = share_of_surfaces(front_importance(root.center - p, root.radius2, root.power, n),
+                                 Floats(0.25f * scene.sky_power));
+  }
+  v.surface_share = surfaces;
+  const Mask sky = u >= surfaces;
+  Mask found = wanted & sky;
+  Vec3<Floats> direction = n, target(0);
+  Floats pdf(0);
+  Ints light(0);
+  if (const Mask lamps = wanted & !sky; any(lamps)) {
+    const u32 root_light = scene.light_nodes[0].count > 0 ? scene.light_nodes[0].first : 0;
+    const LeafLanes leaf = choose_light(scene.light_nodes, lamps, p, n,
+                                        {i32(root_light), surfaces, stretched(u, surfaces)});
+    light = leaf.light;
+    constexpr i32 kStride = sizeof(LightView) / sizeof(float);
+    static_assert(sizeof(LightView) % sizeof(float) == 0);
+    const auto field = [&](const float& of_first) { return at(&of_first, light * kStride); };
+    const LightView& first = scene.lights[0];
+    const Vec3<Floats> center(field(first.sphere_center.x), field(first.sphere_center.y),
+                              field(first.sphere_center.z));
+    const Floats radius = field(first.sphere_radius);
+    const Vec3<Floats> d = center - p;
+    found = found | (lamps & (dot(d, d) > sqr(radius)));
+    const SphereLightSample<Floats> s =
+        sample_sphere_light(center, radius, p, leaf.probability, Vec2<Floats>(leaf.rest, w));
+    direction = s.direction;
+    target = s.target;
+    pdf = s.pdf;
+  }
+  if (any(wanted & sky)) {
+    const Floats share = 1 - surfaces;
+    const Vec3<Floats> local = sample_cosine(Vec2<Floats>(stretched(u - surfaces, share), w));
+    direction = select(sky, to_world(b.frame, local), direction);
+    pdf = select(sky, local.z * kInvPi * scene.dome.probability * share, pdf);
+  }
+  v.light_direction = direction;
+  v.light_target = target;
+  v.light_near = select(sky, Floats(0), Floats(1));
+  v.light_pdf = select(found, pdf, Floats(0));
+  v.diffuse_sees = v.glossy_sees = v.weighed = Floats(1);
+  const u32 skies = bits_of(sky);
+  for (u32 i = 0; i < v.count; ++i) v.light[i].light = skies >> i & 1 ? kNone : u32(light.v[i]);
+}
+
+}  // namespace heliograph::kernels::inline HELIO_ISA

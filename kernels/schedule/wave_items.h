@@ -1,0 +1,118 @@
+// What waits between two steps of a wave, packed: a wave spends much of its time on moving it.
+// Called by wave.h.
+#pragma once
+
+#include "kernels/schedule/later.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+// A GPU's thread moves 16 bytes at a time where it is told to: member by member, it would ask the
+// memory four times as often. What it moves is of no use to others, or later: the caches are for
+// what threads share and for their stacks.
+template <class T>
+KERNEL T load_whole(const T& from) {
+#if defined(__CUDA_ARCH__)
+  struct Words {
+    uint4 of[sizeof(T) / sizeof(uint4)];
+  };
+  static_assert(sizeof(T) == sizeof(Words) && alignof(T) == alignof(uint4));
+  Words words;
+  for (u32 i = 0; i < sizeof(T) / sizeof(uint4); ++i)
+    words.of[i] = __ldcs(reinterpret_cast<const uint4*>(&from) + i);
+  return __builtin_bit_cast(T, words);
+#else
+  return from;
+#endif
+}
+template <class T>
+KERNEL void store_whole(T& to, const T& value) {
+#if defined(__CUDA_ARCH__)
+  static_assert(sizeof(T) % sizeof(uint4) == 0 && alignof(T) == alignof(uint4));
+  for (u32 i = 0; i < sizeof(T) / sizeof(uint4); ++i)
+    __stcs(reinterpret_cast<uint4*>(&to) + i, reinterpret_cast<const uint4*>(&value)[i]);
+#else
+  to = value;
+#endif
+}
+
+struct alignas(16) WaveRay {
+  Ray ray;
+  u32 mask;
+  float surface_share;  // of Path::from, for which WavePath has no room
+};
+struct alignas(16) WaveHit {
+  Hit hit;
+};
+/// What a path has beside its ray, its route and what it is inside of.
+struct alignas(16) WavePath {
+  vec3 throughput;
+  float pdf;
+  vec3 from_p;  // of Path::from, whose time is the ray's
+  float radiance_scale;
+  vec3 from_n;
+  float passed;
+  Cone cone;
+  u32 edges : 20, boundaries : 8, facing : 2, guided : 1, blurred : 1;
+};
+struct alignas(16) WaveLight {
+  Ray ray;
+  vec3 radiance;
+  u32 group;
+  u32 edges : 31, environment : 1;
+};
+struct alignas(16) WaveRoute {
+  vec3 diffuse_share;
+  u32 vertex;
+};
+struct alignas(16) WaveSample {
+  vec3 radiance;
+  u32 rays;
+};
+/// What a sample has of the first vertices of its path.
+struct alignas(16) WaveFirst {
+  vec3 albedo;
+  float alpha;
+  vec3 normal;
+  float open;
+  vec2 caught;
+  u32 hit;
+};
+static_assert(sizeof(WaveRay) == 48 && sizeof(WavePath) == 64 && sizeof(WaveLight) == 64);
+static_assert(sizeof(WaveSample) == 16 && sizeof(WaveFirst) == 48);
+
+KERNEL WavePath kept_of(const Path& path) {
+  return {path.throughput, path.pdf,    path.from.p, path.radiance_scale, path.from.n,
+          path.passed,     path.cone,   path.edges,  path.boundaries,     u32(path.from.facing),
+          path.guided,     path.blurred};
+}
+KERNEL void take_up(const WavePath& kept, const WaveRay& ray, Path& path) {
+  path.ray = ray.ray;
+  path.mask = ray.mask;
+  path.throughput = kept.throughput;
+  path.pdf = kept.pdf;
+  path.from = {kept.from_p, kept.from_n, Facing(kept.facing), ray.ray.time, ray.surface_share};
+  path.radiance_scale = kept.radiance_scale;
+  path.edges = kept.edges;
+  path.passed = kept.passed;
+  path.boundaries = kept.boundaries;
+  path.guided = kept.guided;
+  path.cone = kept.cone;
+  path.blurred = kept.blurred;
+}
+
+/// Memory of a wave, by item.
+struct WaveView {
+  WavePath* paths;
+  WaveRay* rays;
+  WaveHit* hits;
+  WaveLight* lights;
+  Inside* insides;  // null where the scene has no media
+  Reach* reaches;   // null where the scene has no media
+  WaveSample* samples;
+  WaveFirst* firsts;
+  vec3* light_planes;  // (kLightPlanes) of each; null unless wanted
+  WaveRoute* routes;   // (2) of each: its path's and its light's; null unless these are
+  FilmView film;       // items in the place of pixels: light groups add up there
+};
+
+}  // namespace heliograph::kernels::inline HELIO_ISA

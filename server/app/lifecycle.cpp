@@ -1,0 +1,400 @@
+// The life of the daemon, in order. See lifecycle.h.
+#include "server/app/lifecycle.h"
+
+#include <sys/epoll.h>
+#include <sys/resource.h>
+#include <sys/signalfd.h>
+#include <sys/socket.h>
+
+#include <csignal>
+#include <filesystem>
+
+#include "server/app/grpc_server.h"
+#include "server/app/metric_values.h"
+#include "server/app/notify.h"
+#include "server/app/reload.h"
+#include "server/calls/daemon.h"
+#include "server/calls/quick_calls.h"
+#include "server/net/metrics_port.h"
+#include "server/net/socket_files.h"
+
+extern "C" {
+// jemalloc's, which reads it before main(): freed pages go back to the system after a second.
+extern const char* const malloc_conf;
+const char* const malloc_conf = "background_thread:true,dirty_decay_ms:1000,muzzy_decay_ms:0";
+}
+
+namespace heliograph::server {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr auto kDrainPoll = milliseconds(10);
+constexpr auto kLastCalls = milliseconds(500);
+constexpr unsigned kLastSeconds = 8;  // for the device and whatever else has to end
+constexpr auto kWarnEvery = std::chrono::hours(1);
+constexpr u64 kOwnDescriptors = 64;     // of gRPC, the decoder, logs
+constexpr u64 kDescriptorsAClient = 3;  // its connection, our duplicate, its lifeline
+
+/// Listening sockets, taken before anything slow starts.
+struct Sockets {
+  ListeningSocket main;
+  ListeningSocket lifeline;
+  std::vector<ListeningSocket> tcp;
+  std::vector<std::string> tcp_addresses;
+  std::optional<ListeningSocket> metrics;
+};
+
+Expected<Sockets> open_sockets(const Config& config, SocketFiles& files) {
+  Sockets sockets;
+  auto main = listen_unix(config.socket, SOCK_STREAM, config.socket_group);
+  if (!main) return std::unexpected(main.error());
+  files.add(config.socket);
+  auto lifeline = listen_unix(lifeline_path(config.socket), SOCK_SEQPACKET, config.socket_group);
+  if (!lifeline) return std::unexpected(lifeline.error());
+  files.add(lifeline_path(config.socket));
+  sockets.main = std::move(*main);
+  sockets.lifeline = std::move(*lifeline);
+  for (const std::string& address : config.listen) {
+    auto socket = listen_tcp(address);
+    if (!socket) return std::unexpected(socket.error());
+    sockets.tcp_addresses.push_back(local_address(socket->fd.get()));
+    sockets.tcp.push_back(std::move(*socket));
+  }
+  if (!config.metrics.empty()) {
+    auto metrics = listen_for_metrics(config.metrics);
+    if (!metrics) return std::unexpected(metrics.error());
+    sockets.metrics = std::move(*metrics);
+  }
+  if (config.is_private)
+    files.remove_folder(std::filesystem::path(config.socket).parent_path().string());
+  return sockets;
+}
+
+/// One line of JSON: clients may connect from now on.
+void announce(const Config& config, const Sockets& sockets) {
+  std::string tcp;
+  for (const std::string& address : sockets.tcp_addresses)
+    tcp += fmt::format("{}\"{}\"", tcp.empty() ? "" : ",", address);
+  const std::string metrics = sockets.metrics ? local_address(sockets.metrics->fd.get()) : "";
+  const std::string line = fmt::format(
+      "{{\"socket\":\"{}\",\"lifeline\":\"{}\",\"listen\":[{}],\"metrics\":\"{}\",\"pid\":{}}}\n",
+      config.socket, lifeline_path(config.socket), tcp, metrics, ::getpid());
+  if (config.ready_fd < 0) return;
+  const UniqueFd fd(config.ready_fd);
+  [[maybe_unused]] const auto written = ::write(fd.get(), line.data(), line.size());
+}
+
+/// As many connections as the descriptors allow, after raising the soft limit.
+u32 connection_limit(const Limits& limits) {
+  rlimit files{};
+  ::getrlimit(RLIMIT_NOFILE, &files);
+  files.rlim_cur = files.rlim_max;
+  ::setrlimit(RLIMIT_NOFILE, &files);
+  ::getrlimit(RLIMIT_NOFILE, &files);
+  const u64 spare =
+      files.rlim_cur > 2 * kOwnDescriptors ? files.rlim_cur - kOwnDescriptors : files.rlim_cur / 2;
+  return u32(std::min<u64>(limits.connections, std::max<u64>(spare / kDescriptorsAClient, 4)));
+}
+
+DecoderOptions decoder_options(const Config& config) {
+  const auto beside = std::filesystem::read_symlink("/proc/self/exe").parent_path();
+  return {.program = config.decode_program.empty() ? (beside / "heliograph-decode").string()
+                                                   : config.decode_program,
+          .memory_bytes = config.limits.decode_bytes,
+          .cpu_seconds = u32(config.limits.decode_seconds),
+          .deadline_seconds = double(config.limits.decode_seconds),
+          .limits = {.bytes = config.limits.decode_result_bytes,
+                     .texels = config.limits.decode_texels,
+                     .vertices = config.limits.decode_vertices,
+                     .triangles = config.limits.decode_triangles,
+                     .entities = config.limits.decode_entities,
+                     .keys = config.limits.decode_keys,
+                     .json_bytes = config.limits.decode_json_bytes}};
+}
+
+/// Everything that runs, once the sockets listen.
+class Life {
+ public:
+  /// `tls`: null without TLS.
+  Life(Daemon& daemon, std::unique_ptr<Tls> tls)
+      : daemon_(daemon), tls_(std::move(tls)), service_(daemon), quick_calls_(daemon) {}
+
+  [[nodiscard]] Status start(Sockets sockets, UniqueFd signals);
+  [[nodiscard]] int run();
+
+ private:
+  [[nodiscard]] Status start_listening(Sockets sockets);
+  void on_word(u64 session, const BufferWord& word, UniqueFd fd);
+  [[nodiscard]] Status start_metrics(ListeningSocket socket);
+  [[nodiscard]] Status listen(ListeningSocket socket, void (GrpcServer::*serve)(UniqueFd));
+  [[nodiscard]] Status watch_signals(UniqueFd signals);
+  [[nodiscard]] Status watch_owner();
+  void on_signal();
+  void drain();
+  void await_quiet(EventLoop::Clock::time_point deadline);
+  void on_engine(const Status& status);
+  void on_lost();
+  void on_ready(bool is_ready);
+  void warn_exposed();
+  void end();
+
+  Daemon& daemon_;
+  std::unique_ptr<Tls> tls_;
+  Service service_;
+  QuickCalls quick_calls_;
+  UniqueFd signals_;
+  std::unique_ptr<GrpcServer> grpc_;
+  std::unique_ptr<ConnectionCount> connections_;
+  std::vector<std::unique_ptr<Listener>> listeners_;
+  std::unique_ptr<MetricsPort> metrics_;
+  bool is_draining_ = false;
+  int exit_code_ = kExitOk;
+};
+
+Status Life::start(Sockets sockets, UniqueFd signals) {
+  const Config& config = daemon_.config;
+  daemon_.engine = std::make_unique<EngineSlot>(
+      EngineOptions{.backend = config.backend,
+                    .devices = config.devices,
+                    .device = {.threads = config.threads,
+                               .cache_bytes = config.limits.derived_bytes,
+                               .static_triangles = config.limits.static_triangles,
+                               .memory_bytes = config.device_memory,
+                               .denoiser = config.denoiser},
+                    .spread_samples = config.spread_samples},
+      daemon_.log,
+      [this](const Status& status) { daemon_.loop->post([this, status] { on_engine(status); }); });
+  daemon_.decoder = Decoder::create(decoder_options(config));
+  if (!daemon_.decoder)
+    daemon_.log.error("no decoder", {{"reason", daemon_.decoder.error().message}});
+  auto grpc = GrpcServer::start(
+      service_, daemon_,
+      tls_ ? tls_->credentials(daemon_.tenants) : grpc::InsecureServerCredentials());
+  if (!grpc) return std::unexpected(grpc.error());
+  grpc_ = std::move(*grpc);
+  daemon_.watch.start(*daemon_.loop);
+  daemon_.health.start(*daemon_.engine, {.ready = [this](bool is_ready) { on_ready(is_ready); },
+                                         .lost = [this] { on_lost(); }});
+  HELIO_TRY(start_listening(std::move(sockets)));
+  if (config.is_exposed()) warn_exposed();
+  HELIO_TRY(watch_signals(std::move(signals)));
+  return watch_owner();
+}
+
+void Life::on_word(u64 id, const BufferWord& word, UniqueFd fd) {
+  const auto session = daemon_.sessions.find(id);
+  if (!session) return;
+  if (fd && word.buffer == 0) return quick_calls_.serve(session, std::move(fd));
+  if (fd) {
+    const bool is_good = session->holdings().shared().take(word.buffer, word.number, fd);
+    if (is_good && daemon_.recorder) daemon_.recorder->buffer(id, word.buffer, fd);
+    return;
+  }
+  if (word.buffer == 0) {
+    Lifelines* lines = daemon_.lifelines.get();
+    session->share_frames([lines, id](u64 buffer, const SharedMemory* memory) {
+      return lines->tell(id, {buffer, memory ? memory->bytes().size() : 0}, memory);
+    });
+    (void)lines->tell(id, {}, nullptr);
+    return;
+  }
+  const auto frames = session->shared_frames();
+  if (!frames) return;
+  if (word.number == 0)
+    frames->give_up(word.buffer);
+  else
+    frames->give_back(word.buffer, word.number);
+}
+
+Status Life::start_listening(Sockets sockets) {
+  const Limits& limits = daemon_.config.limits;
+  const u32 limit = connection_limit(limits);
+  auto lifelines = Lifelines::start(*daemon_.loop, daemon_.log, std::move(sockets.lifeline), limit,
+                                    {[this](u64 session) { daemon_.sessions.detach(session); },
+                                     [this](u64 session, const BufferWord& word, UniqueFd fd) {
+                                       on_word(session, word, std::move(fd));
+                                     }});
+  if (!lifelines) return std::unexpected(lifelines.error());
+  daemon_.lifelines = std::move(*lifelines);
+  connections_ = std::make_unique<ConnectionCount>(
+      *daemon_.loop, ConnectionCount::Limits{limit, u32(limits.connections_per_peer)});
+  for (ListeningSocket& socket : sockets.tcp)
+    HELIO_TRY(listen(std::move(socket), &GrpcServer::serve_tcp));
+  HELIO_TRY(listen(std::move(sockets.main), &GrpcServer::serve_local));
+  return sockets.metrics ? start_metrics(std::move(*sockets.metrics)) : Status();
+}
+
+Status Life::listen(ListeningSocket socket, void (GrpcServer::*serve)(UniqueFd)) {
+  auto listener = Listener::start(*daemon_.loop, daemon_.log, std::move(socket),
+                                  [this, serve](UniqueFd connection, const Peer& peer) {
+                                    if (connections_->add(connection.get(), peer))
+                                      return (grpc_.get()->*serve)(std::move(connection));
+                                    daemon_.metrics.connection_refused();
+                                  });
+  if (!listener) return std::unexpected(listener.error());
+  listeners_.push_back(std::move(*listener));
+  return {};
+}
+
+Status Life::start_metrics(ListeningSocket socket) {
+  if (!is_loopback(socket.fd.get()))
+    daemon_.log.warning("whoever reaches the metrics' port may read it", {});
+  auto port = MetricsPort::start(*daemon_.loop, daemon_.log, std::move(socket), [this] {
+    return daemon_.metrics.text(metric_values(daemon_, connections_->open()));
+  });
+  if (!port) return std::unexpected(port.error());
+  metrics_ = std::move(*port);
+  return {};
+}
+
+Status Life::watch_signals(UniqueFd signals) {
+  signals_ = std::move(signals);
+  return daemon_.loop->watch(signals_.get(), EPOLLIN, [this](u32) { on_signal(); });
+}
+
+Status Life::watch_owner() {
+  if (daemon_.config.owner_pidfd < 0) return {};
+  return daemon_.loop->watch(daemon_.config.owner_pidfd, EPOLLIN, [this](u32) {
+    daemon_.log.info("the owner ended");
+    daemon_.loop->forget(daemon_.config.owner_pidfd);
+    daemon_.loop->quit();
+  });
+}
+
+void Life::warn_exposed() {
+  daemon_.log.warning(kExposed);
+  daemon_.loop->after(kWarnEvery, [this] { warn_exposed(); });
+}
+
+void Life::on_signal() {
+  signalfd_siginfo info;
+  if (::read(signals_.get(), &info, sizeof info) != sizeof info) return;
+  daemon_.log.info(is_draining_ ? "second signal: ending at once" : "signal: draining",
+                   {{"signal", info.ssi_signo}});
+  if (is_draining_) return daemon_.loop->quit();
+  drain();
+}
+
+void Life::drain() {
+  is_draining_ = true;
+  daemon_.health.drain();
+  notify_supervisor("STOPPING=1");
+  daemon_.gate.close();
+  const auto limit = std::chrono::duration<double>(daemon_.config.drain_seconds);
+  await_quiet(EventLoop::Clock::now() +
+              std::chrono::duration_cast<EventLoop::Clock::duration>(limit));
+}
+
+void Life::await_quiet(EventLoop::Clock::time_point deadline) {
+  if (daemon_.gate.active() == 0 || EventLoop::Clock::now() >= deadline)
+    return daemon_.loop->quit();
+  daemon_.loop->after(kDrainPoll, [this, deadline] { await_quiet(deadline); });
+}
+
+void Life::on_engine(const Status& status) {
+  if (status) return daemon_.health.first_pixel();
+  on_lost();
+}
+
+void Life::on_ready(bool is_ready) {
+  grpc_->set_ready(is_ready);
+  if (is_ready) notify_supervisor("READY=1");
+}
+
+void Life::on_lost() {
+  daemon_.log.error("the device is lost for good", {{"reason", daemon_.health.not_ready()}});
+  exit_code_ = kExitDevice;
+  daemon_.save_scenes();
+  daemon_.loop->quit();
+}
+
+int Life::run() {
+  daemon_.loop->run();
+  end();
+  return exit_code_;
+}
+
+/// Jobs are cancelled first, so that every call can end before gRPC does. A device that hangs
+/// cannot be waited for.
+void Life::end() {
+  if (daemon_.journal) daemon_.journal->stop();  // while the sessions still have their edits
+  end_within(kLastSeconds);
+  daemon_.gate.close();
+  listeners_.clear();
+  metrics_.reset();
+  daemon_.lifelines->stop_listening();
+  daemon_.sessions.close_all();
+  quick_calls_.stop();
+  grpc_->shutdown(kLastCalls);
+  daemon_.pool.stop();
+  daemon_.engine.reset();
+  daemon_.decoder = nullptr;
+  connections_.reset();
+  grpc_.reset();
+}
+
+UniqueFd block_signals() {
+  sigset_t set;
+  sigemptyset(&set);
+  sigaddset(&set, SIGTERM);
+  sigaddset(&set, SIGINT);
+  ::sigprocmask(SIG_BLOCK, &set, nullptr);  // before any thread starts, so that all inherit it
+  return UniqueFd(::signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK));
+}
+
+int refuse(const Error& error) {
+  fmt::print(stderr, "heliographd: {}{}{}\n", error.where, error.where.empty() ? "" : ": ",
+             error.message);
+  switch (error.code) {
+    case Code::kInvalidArgument:
+    case Code::kPermissionDenied:
+      return kExitUsage;
+    case Code::kAlreadyExists:
+    case Code::kUnavailable:
+      return kExitUnavailable;
+    default:
+      return error.where == "--state-dir" ? kExitData : kExitSoftware;
+  }
+}
+
+}  // namespace
+
+int run(Config config) {
+  if (!config.listen.empty() || !config.tenants_file.empty()) hide_memory();
+  UniqueFd signals = block_signals();
+  SocketFiles files;
+  auto sockets = open_sockets(config, files);
+  if (!sockets) return refuse(sockets.error());
+  Reload reload(config);
+  auto identities = load_identities(config);
+  if (!identities) return refuse(identities.error());
+  std::unique_ptr<Tls> tls;
+  if (!config.tls_cert.empty()) {
+    auto loaded = Tls::load(config);
+    if (!loaded) return refuse(loaded.error());
+    tls = std::move(*loaded);
+  }
+  announce(config, *sockets);
+  auto loop = EventLoop::create();
+  if (!loop) return refuse(loop.error());
+  AssetRoot root;
+  if (!config.asset_root.empty()) {
+    auto opened = AssetRoot::open(config.asset_root);
+    if (!opened) return refuse(opened.error());
+    root = std::move(*opened);
+  }
+  Daemon daemon(std::move(config), std::move(*identities), std::move(*loop));
+  daemon.asset_root = std::move(root);
+  if (!daemon.config.state_dir.empty())
+    if (auto opened = daemon.open_journal(); !opened) return refuse(opened.error());
+  if (!daemon.config.record.empty())
+    if (auto opened = daemon.open_recorder(); !opened) return refuse(opened.error());
+  reload.start(daemon, tls.get());
+  Life life(daemon, std::move(tls));
+  if (auto started = life.start(std::move(*sockets), std::move(signals)); !started)
+    return refuse(started.error());
+  return life.run();
+}
+
+}  // namespace heliograph::server

@@ -1,0 +1,50 @@
+// ApplyStream: numbered transactions one after another; replies in order, refusals included.
+#pragma once
+
+#include <memory>
+#include <mutex>
+#include <optional>
+
+#include "server/calls/call_scope.h"
+#include "server/calls/service.h"
+#include "server/observe/call_watch.h"
+
+namespace heliograph::server {
+
+/// One transaction is in work at a time; what the client sends ahead waits in gRPC's window. The
+/// one in work is answered before the call ends.
+/// Lifetime: holds itself until gRPC is done.
+class ApplyStreamCall final : public grpc::ServerBidiReactor<v1::ApplyRequest, v1::ApplyReply>,
+                              public Watched {
+ public:
+  [[nodiscard]] static ApplyStreamCall* start(Daemon& daemon, grpc::CallbackServerContext& context,
+                                              Call call);
+
+  void OnReadDone(bool ok) override;
+  void OnWriteDone(bool ok) override;
+  void OnDone() override { self_.reset(); }
+  void look(EventLoop::Clock::time_point now) override;
+
+ private:
+  ApplyStreamCall(Daemon& daemon, grpc::CallbackServerContext& context, Call call)
+      : daemon_(daemon), scope_(context, std::move(call)) {}
+  void answer(const EditLog::Reply& answer);
+  void read();
+  void end(Status status);
+  void rest();
+  void finish(const Status& status) { Finish(to_status(status, scope_.context())); }
+
+  Daemon& daemon_;
+  CallScope scope_;
+  std::shared_ptr<ApplyStreamCall> self_;  // until OnDone
+  v1::ApplyRequest request_;
+  v1::ApplyReply reply_;
+
+  std::mutex mutex_;
+  u32 busy_ = 1;  // with a transaction, its reply, or asking for the next one
+  bool is_writing_ = false;
+  bool is_finished_ = false;
+  std::optional<Status> result_;  // how it ends, once nothing is busy
+};
+
+}  // namespace heliograph::server

@@ -1,0 +1,53 @@
+// Whose a call is and when it stops: what Render, RenderBatch and Stream have in common.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <stop_token>
+
+#include "server/calls/rpc.h"
+
+namespace heliograph::server {
+
+/// Thread: any.
+class CallScope {
+ public:
+  CallScope(grpc::CallbackServerContext& context, Call call)
+      : context_(context),
+        credentials_(context),
+        call_(std::move(call)),
+        on_session_end_(call_.session()->ended(), [this] { request_stop(); }) {}
+  CallScope(const CallScope&) = delete;
+  CallScope& operator=(const CallScope&) = delete;
+
+  [[nodiscard]] grpc::CallbackServerContext& context() const { return context_; }
+  [[nodiscard]] const std::shared_ptr<Session>& session() const { return call_.session(); }
+  /// When the client gives up.
+  [[nodiscard]] std::optional<std::chrono::steady_clock::time_point> deadline() const {
+    return deadline_of(context_);
+  }
+  /// Stops when the client cancels, its deadline passes, or the session ends.
+  [[nodiscard]] std::stop_token stop() const { return stop_.get_token(); }
+  void request_stop() { stop_.request_stop(); }
+  /// Gate::check(). Reads no context, which may be gone where a call is looked at.
+  [[nodiscard]] Status check_identity(const Gate& gate) const {
+    return gate.check(credentials_, session()->tenant());
+  }
+  /// What ends a call that has no end of its own: the drain, the session's end, an identity that
+  /// was withdrawn.
+  [[nodiscard]] Status check_lasting(const Gate& gate) const {
+    if (gate.is_closed()) return shutting_down();
+    HELIO_TRY(check_identity(gate));
+    return check_open(*session());
+  }
+  [[nodiscard]] bool is_stopped() const { return stop_.stop_requested(); }
+
+ private:
+  grpc::CallbackServerContext& context_;
+  const Credentials credentials_;
+  Call call_;
+  std::stop_source stop_;
+  std::stop_callback<std::function<void()>> on_session_end_;
+};
+
+}  // namespace heliograph::server

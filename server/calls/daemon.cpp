@@ -1,0 +1,143 @@
+// Config to the parts of the daemon. Called by main.
+#include "server/calls/daemon.h"
+
+#include <sys/random.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <csignal>
+#include <thread>
+
+#include "server/config/version.h"
+#include "server/scene/recovery.h"
+#include "server/scene/scene_info.h"
+
+namespace heliograph::server {
+namespace {
+
+u64 random_number() {
+  u64 number = 0;
+  [[maybe_unused]] const auto size = ::getrandom(&number, sizeof number, 0);
+  return number;
+}
+
+ReplyLimits reply_limits(const Limits& limits) { return {limits.replies, limits.reply_bytes}; }
+
+Scenes::Options scene_options(const Limits& limits) {
+  return {.limit = u32(limits.scenes),
+          .scene = {.entities = u32(limits.entities),
+                    .array_bytes = limits.array_bytes,
+                    .revisions = u32(limits.revisions)},
+          .replies = reply_limits(limits),
+          .queue = u32(limits.calls_per_session),
+          .events = {.events = limits.watch_events, .bytes = limits.watch_bytes}};
+}
+
+Sessions::Options session_options(const Config& config) {
+  return {.limit = u32(config.limits.sessions),
+          .grace_seconds = config.grace_seconds,
+          .session = {.calls = u32(config.limits.calls_per_session),
+                      .shared_bytes = config.limits.shared_bytes,
+                      .replies = reply_limits(config.limits)}};
+}
+
+}  // namespace
+
+Daemon::Daemon(Config settings, Identities identities, std::unique_ptr<EventLoop> event_loop)
+    : config(std::move(settings)),
+      instance(random_number()),
+      log(config.log_level, config.log_json),
+      loop(std::move(event_loop)),
+      pool(std::clamp(std::thread::hardware_concurrency(), 2u, 16u), u32(config.limits.pool_queue)),
+      scenes(pool, scene_options(config.limits)),
+      tenants(config.limits, std::move(identities)),
+      sessions(*loop, session_options(config),
+               [this](const EndedSession& session) {
+                 log.info("session ended",
+                          {{"client", session.client}, {"tenant", session.tenant->name}});
+                 if (recorder) recorder->end_session(session.id);
+                 scenes.end_session(session.id);
+               }),
+      gate(tenants, sessions),
+      health(*loop, log,
+             {.lost_seconds = double(config.limits.lost_seconds),
+              .hang_seconds = double(config.limits.hang_seconds),
+              .probe_seconds = double(config.limits.probe_seconds)}) {}
+
+Status Daemon::open_journal() {
+  auto opened = Journal::open(
+      {.folder = config.state_dir, .snapshot_records = config.limits.snapshot_edits}, pool, log);
+  if (!opened) return std::unexpected(std::move(opened).error());
+  auto recovered = recover(**opened, {.scenes = scenes, .tenants = tenants});
+  if (!recovered) return std::unexpected(std::move(recovered).error());
+  journal = std::move(*opened);
+  log.info(
+      "recovered",
+      {{"scenes", recovered->scenes}, {"edits", recovered->records}, {"saved", recovered->saved}});
+  if (recovered->dropped > 0)
+    log.error("saved scenes are lost", {{"scenes", recovered->dropped},
+                                        {"reason", recovered->because.error().where + ": " +
+                                                       recovered->because.error().message}});
+  sessions.resume_for(double(config.limits.resume_seconds), std::move(recovered->sessions));
+  sessions.hold(recovered->owners, [this](u64 session) { scenes.free_private(session); });
+  return journal->start([this](const std::set<u64>& changed) { return scenes.capture(changed); },
+                        [this](const Status& status) {
+                          loop->post([this, is_writing = bool(status)] {
+                            if (journal_changed) journal_changed(is_writing);
+                          });
+                          if (status)
+                            log.warning("the journal is written again");
+                          else
+                            log.error("durable scenes are read-only",
+                                      {{"reason", status.error().message}});
+                        });
+}
+
+void end_within(u32 seconds) {
+  std::signal(SIGALRM, [](int) { ::_exit(kExitDevice); });
+  ::alarm(seconds);
+}
+
+void Daemon::save_scenes() {
+  gate.close();
+  end_within(u32(config.limits.save_seconds));
+  std::vector<SceneState> states = scenes.capture_last();
+  if (states.empty()) return;
+  if (!journal)
+    return log.error("scenes are lost: there is no state directory (--state-dir) to save them in",
+                     {{"scenes", states.size()}});
+  const auto start = EventLoop::Clock::now();
+  const Journal::Saved saved = journal->save(std::move(states), config.limits.saved_bytes);
+  const std::chrono::duration<double> took = EventLoop::Clock::now() - start;
+  if (saved.scenes > 0)
+    log.warning("scenes are saved for the next daemon",
+                {{"scenes", saved.scenes}, {"bytes", saved.bytes}, {"seconds", took.count()}});
+  if (saved.lost > 0)
+    log.error("scenes are lost: they could not be saved",
+              {{"scenes", saved.lost}, {"reason", saved.because.error().message}});
+}
+
+Status Daemon::open_recorder() {
+  v1::RecordHeader header;
+  header.set_daemon(kVersion);
+  header.set_backend(config.backend);
+  const auto defaults = list_limits({});
+  for (const auto& limit : list_limits(config.limits))
+    if (std::ranges::find(defaults, limit) == defaults.end())
+      (*header.mutable_limits())[limit.first] = limit.second;
+  auto opened = Recorder::open(
+      {.path = config.record, .bytes = config.limits.record_bytes, .header = std::move(header)},
+      log);
+  if (!opened) return std::unexpected(std::move(opened).error());
+  recorder = std::move(*opened);
+  return {};
+}
+
+void Daemon::restore_requests(Session& session) {
+  for (const ScenePtr& scene : scenes.list(session))
+    if (scene->made_by.session == session.id())
+      session.requests().restore(scene->made_by.request_id, scene->made_by.method,
+                                 scene_info(scenes, *scene, session).SerializeAsString());
+}
+
+}  // namespace heliograph::server

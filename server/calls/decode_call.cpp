@@ -1,0 +1,190 @@
+// See decode_call.h.
+#include "server/calls/decode_call.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+
+#include "server/convert/asset.h"
+#include "server/os/hash.h"
+
+namespace heliograph::server {
+namespace {
+
+/// The folder part of a path, with its slash.
+std::string folder_of(const std::string& path) { return path.substr(0, path.rfind('/') + 1); }
+
+}  // namespace
+
+void DecodeCall::start() {
+  if (auto gathered = gather(); !gathered) return finish(std::unexpected(gathered.error()));
+  submit();
+}
+
+Status DecodeCall::gather() {
+  if (!daemon_.decoder)
+    return fail(Code::kUnavailable, "",
+                "the decoder could not be started: " + daemon_.decoder.error().message);
+  named_ = request_;
+  named_.clear_server_path();
+  if (request_.server_path().empty()) return gather_bundle();
+  if (request_.files_size() > 0)
+    return fail(Code::kInvalidArgument, "files", "goes without server_path; send one of them");
+  auto bytes = daemon_.asset_root.read(request_.server_path(), daemon_.config.limits.blob_bytes);
+  if (!bytes) return std::unexpected(bytes.error());
+  const std::string& path = request_.server_path();
+  files_.push_back({path.substr(folder_of(path).size()), std::move(*bytes)});
+  return {};
+}
+
+Status DecodeCall::gather_bundle() {
+  if (request_.files_size() == 0)
+    return fail(Code::kInvalidArgument, "files", "is empty; name the model and upload its bytes");
+  std::set<std::string_view> paths;
+  for (int i = 0; i < request_.files_size(); ++i) {
+    const v1::BundleFile& file = request_.files(i);
+    if (!paths.insert(file.path()).second)
+      return fail(Code::kInvalidArgument, fmt::format("files[{}].path", i),
+                  fmt::format("'{}' is in the bundle twice; send each path once", file.path()));
+    auto bytes = call_.session()->holdings().blob(file.sha256());
+    if (!bytes)
+      return std::unexpected(std::move(bytes).error().at(fmt::format("files[{}].sha256", i)));
+    files_.push_back({file.path(), std::move(*bytes)});
+  }
+  return {};
+}
+
+void DecodeCall::submit() {
+  if (!request_.server_path().empty()) {
+    named_.clear_files();
+    for (const DecodeFile& file : files_) {
+      v1::BundleFile* named = named_.add_files();
+      named->set_path(file.path);
+      named->set_sha256(sha256(file.bytes->bytes()));
+    }
+  }
+  hash_ = asset_hash(named_);
+  if (const auto known = call_.session()->holdings().find_asset(hash_)) {
+    v1::DecodeAssetReply reply;
+    reply.set_done(1);
+    *reply.mutable_asset() = known->info;
+    return finish(std::move(reply));
+  }
+  if (auto charged = charge_copy(); !charged)
+    return finish(std::unexpected(
+        std::move(charged).error().at(request_.server_path().empty() ? "files" : "server_path")));
+  send_progress(0);
+  DecodeJob job{.files = files_,
+                .format = request_.format(),
+                .up = request_.up(),
+                .units = request_.units(),
+                .hash = hash_};
+  (*daemon_.decoder)
+      ->decode(
+          std::move(job), [this](Expected<Decoded> decoded) { on_decoded(std::move(decoded)); },
+          stop_.get_token());
+}
+
+Status DecodeCall::charge_copy() {
+  u64 bytes = 0;
+  for (const DecodeFile& file : files_) bytes += file.bytes->bytes().size();
+  if (const u64 most = daemon_.config.limits.decode_bytes; bytes > most) {
+    Error error{.code = Code::kResourceExhausted,
+                .message = fmt::format("have {} bytes in all, {} are allowed: send smaller files, "
+                                       "or several bundles (limit decode_bytes)",
+                                       bytes, most),
+                .where = ""};
+    error.needed = bytes;
+    error.available = most;
+    return std::unexpected(std::move(error));
+  }
+  auto charge = Charge::take(call_.session()->tenant()->bytes, bytes);
+  if (!charge) return std::unexpected(std::move(charge).error());
+  copy_ = std::move(*charge);
+  return {};
+}
+
+void DecodeCall::on_decoded(Expected<Decoded> decoded) {
+  copy_ = Charge();
+  daemon_.metrics.decode(decoded ? Status() : std::unexpected(decoded.error()));
+  if (!decoded) return finish(std::unexpected(decoded.error()));
+  if (!request_.server_path().empty() && gather_missing(decoded->missing)) return submit();
+  finish(store(*decoded));
+}
+
+bool DecodeCall::gather_missing(const std::vector<std::string>& missing) {
+  const std::string folder = folder_of(request_.server_path());
+  bool is_any = false;
+  for (const std::string& path : missing) {
+    const bool is_here = std::ranges::any_of(files_, [&](const auto& f) { return f.path == path; });
+    auto bytes = daemon_.asset_root.read(folder + path, daemon_.config.limits.blob_bytes);
+    if (is_here || !bytes) continue;
+    files_.push_back({path, std::move(*bytes)});
+    is_any = true;
+  }
+  return is_any;
+}
+
+DecodeCall::Result DecodeCall::store(const Decoded& decoded) {
+  v1::DecodeAssetReply reply;
+  reply.set_done(1);
+  for (const std::string& path : decoded.missing) reply.add_missing(path);
+  if (!decoded.missing.empty()) return reply;
+  Holdings& holdings = call_.session()->holdings();
+  auto stored = std::make_shared<StoredAsset>();
+  if (decoded.image) {
+    auto blob = holdings.hold(decoded.image->texels);
+    if (!blob) return std::unexpected(blob.error());
+    stored->texels = decoded.image->texels;
+    stored->info = to_info(*decoded.image, decoded.image_srgb, *blob);
+  } else {
+    auto charge = Charge::take(call_.session()->tenant()->bytes, decoded.bytes);
+    if (!charge) return std::unexpected(charge.error());
+    stored->charge = std::move(*charge);
+    stored->asset = decoded.asset;
+    stored->info = to_info(*decoded.asset, decoded.bounds_min, decoded.bounds_max);
+  }
+  stored->info.set_sha256(hash_);
+  for (const std::string& warning : decoded.warnings) stored->info.add_warnings(warning);
+  *reply.mutable_asset() = holdings.hold(std::move(stored))->info;
+  return reply;
+}
+
+void DecodeCall::send_progress(double done) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (is_writing_) return;
+    is_writing_ = true;
+    reply_.set_done(done);
+  }
+  StartWrite(&reply_);
+}
+
+void DecodeCall::OnWriteDone(bool) {
+  bool is_over;
+  {
+    const std::lock_guard lock(mutex_);
+    is_writing_ = false;
+    is_over = result_.has_value();
+  }
+  if (is_over) finish_now();
+}
+
+void DecodeCall::finish(Result result) {
+  bool is_writing;
+  {
+    const std::lock_guard lock(mutex_);
+    result_ = std::move(result);
+    is_writing = is_writing_;
+  }
+  if (!is_writing) finish_now();
+}
+
+void DecodeCall::finish_now() {
+  if (!*result_) return Finish(to_status(result_->error(), context_));
+  reply_ = **result_;
+  StartWriteAndFinish(&reply_, grpc::WriteOptions(), grpc::Status::OK);
+}
+
+}  // namespace heliograph::server

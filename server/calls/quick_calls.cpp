@@ -1,0 +1,224 @@
+#include "server/calls/quick_calls.h"
+
+#include <sys/socket.h>
+
+#include <array>
+#include <cstring>
+#include <system_error>
+#include <thread>
+
+#include "server/calls/edit_calls.h"
+#include "server/calls/render_task.h"
+#include "server/convert/error.h"
+#include "server/convert/frame.h"
+#include "server/convert/transaction.h"
+#include "server/observe/call_log.h"
+#include "server/os/packet.h"
+
+namespace heliograph::server {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr std::size_t kPacketBytes = 64 << 10;
+constexpr const char* kApply = "/heliograph.v1.Renderer/Apply";
+constexpr const char* kRender = "/heliograph.v1.Renderer/Render";
+
+bool is_packet_socket(int fd) {
+  int domain = 0, type = 0;
+  socklen_t size = sizeof domain;
+  return ::getsockopt(fd, SOL_SOCKET, SO_DOMAIN, &domain, &size) == 0 && domain == AF_UNIX &&
+         ::getsockopt(fd, SOL_SOCKET, SO_TYPE, &type, &size) == 0 && type == SOCK_SEQPACKET;
+}
+
+bool send(int socket, const void* bytes, std::size_t size, int descriptor) {
+  iovec piece{const_cast<void*>(bytes), size};
+  return send_packet(socket, std::span(&piece, 1), descriptor);
+}
+
+/// Larger ones go in a memfd, whose packet says how many bytes are in it.
+bool send(int socket, const std::string& reply) {
+  if (reply.size() <= kPacketBytes) return send(socket, reply.data(), reply.size(), -1);
+  const u64 size = reply.size();
+  const auto memory = SealedMemory::create(size);
+  if (!memory) return false;
+  std::memcpy(memory->bytes().data(), reply.data(), size);
+  return send(socket, &size, sizeof size, memory->fd());
+}
+
+}  // namespace
+
+/// The socket of one session, and the one call that runs over it.
+///
+/// The thread of run() begins a call; whichever thread ends it sends the reply, and then the next
+/// one may come. Lifetime: held by that thread, and by who works for the call.
+class QuickCalls::Line final : public JobSink, public std::enable_shared_from_this<Line> {
+ public:
+  Line(Daemon& daemon, std::shared_ptr<Session> session, UniqueFd socket)
+      : daemon_(daemon), session_(std::move(session)), socket_(std::move(socket)) {}
+
+  /// Until the socket is closed. A call that is under way then is cancelled.
+  void run() {
+    const std::stop_callback on_end(session_->ended(), [this] { close(); });
+    std::array<char, kPacketBytes> packet;
+    while (true) {
+      const ssize_t size = ::recv(socket_.get(), packet.data(), packet.size(), MSG_TRUNC);
+      if (size <= 0 || std::size_t(size) > packet.size() || is_busy_.exchange(true)) break;
+      if (!call_.ParseFromArray(packet.data(), int(size))) break;
+      begin();
+    }
+    close();
+    const std::lock_guard lock(mutex_);
+    stop_.request_stop();
+  }
+  void close() { ::shutdown(socket_.get(), SHUT_RDWR); }
+
+  /// What there is no room for is left out.
+  void progress(const Progress& progress) override {
+    if (!call_.progress()) return;
+    v1::QuickReply reply;
+    *reply.mutable_progress() = to_proto(progress);
+    (void)send(socket_.get(), reply.SerializeAsString());
+  }
+  void frame(std::shared_ptr<const Frame> frame) override {
+    if (frame->final) frames_.push_back(std::move(frame));
+  }
+  void done(Status status, const Spent&) override {
+    status = session_->told(std::move(status));
+    if (!status) {
+      if (stop_requested()) cutter_->abandon();
+      return finish(status);
+    }
+    for (auto& frame : frames_) {
+      cutter_->begin({std::move(frame), headers_}, *reply_.add_parts());
+      while (!cutter_->at_end()) (void)cutter_->next(*reply_.add_parts());
+    }
+    finish({});
+  }
+
+ private:
+  void begin() {
+    start_ = Clock::now();
+    {
+      const std::lock_guard lock(mutex_);
+      stop_ = {};
+    }
+    auto admitted = daemon_.gate.admit({.is_local = true, .token = call_.token()}, session_->id());
+    if (!admitted) return finish(std::unexpected(std::move(admitted).error()));
+    admitted_.emplace(*std::move(admitted));
+    if (auto known = check_own_fields(call_); !known) return finish(known);
+    if (call_.has_apply()) return apply();
+    if (call_.has_render()) return render();
+    finish(fail(Code::kInvalidArgument, "call", "needs `apply` or `render`"));
+  }
+
+  void apply() {
+    const auto done = [self = shared_from_this()](const EditLog::Reply& answer) {
+      if (*answer) *self->reply_.mutable_apply() = **answer;
+      self->finish(*answer ? Status() : std::unexpected(answer->error()));
+    };
+    apply_numbered(daemon_, session_, call_.apply(), done, true);
+  }
+
+  void render() {
+    cutter_.emplace(daemon_.config.limits.chunk_bytes, session_, FrameCutter::Begun());
+    if (auto started = start_render(); !started) finish(started);
+  }
+  Status start_render() {
+    auto task = to_task(daemon_, *session_, call_.render());
+    if (!task) return std::unexpected(std::move(task).error());
+    headers_ = task->headers;
+    HELIO_TRY(cutter_->provide(*task->job, *task->engine));
+    return submit(daemon_, *task, shared_from_this(), stop_.get_token());
+  }
+
+  bool stop_requested() {
+    const std::lock_guard lock(mutex_);
+    return stop_.stop_requested();
+  }
+
+  /// Ends the call: the one place that does. Nothing of it is touched once the reply is on its way.
+  void finish(const Status& status) {
+    const std::string* hidden = nullptr;
+    if (!status) {
+      const Error& error = status.error();
+      reply_.set_code(u32(error.code));
+      reply_.set_message(message_of(error));
+      *reply_.mutable_detail() = to_proto(error);
+      if (is_hidden(error)) hidden = &error.message;
+    }
+    const std::string bytes = reply_.SerializeAsString();
+    const std::chrono::duration<double> took = Clock::now() - start_;
+    note_call(daemon_.log, daemon_.metrics, new_request_id(),
+              {.method = call_.has_render() ? kRender : kApply,
+               .code = int(reply_.code()),
+               .seconds = took.count(),
+               .sent_bytes = bytes.size()},
+              hidden);
+    forget();
+    is_busy_ = false;
+    if (!send(socket_.get(), bytes)) close();
+  }
+  /// A session that asks nothing holds neither a scene nor memory for it.
+  void forget() {
+    admitted_.reset();
+    call_ = {};
+    reply_ = {};
+    cutter_.reset();
+    headers_.reset();
+    frames_ = {};
+  }
+
+  Daemon& daemon_;
+  const std::shared_ptr<Session> session_;
+  const UniqueFd socket_;
+  std::mutex mutex_;
+  std::stop_source stop_;              // of the call; guarded by mutex_
+  std::atomic<bool> is_busy_ = false;  // what is below is the call's
+
+  v1::QuickCall call_;
+  v1::QuickReply reply_;
+  Clock::time_point start_;
+  std::optional<Call> admitted_;
+  std::optional<FrameCutter> cutter_;
+  std::shared_ptr<FrameHeaders> headers_;
+  std::vector<std::shared_ptr<const Frame>> frames_;
+};
+
+bool QuickCalls::are_possible(const Daemon& daemon) { return !daemon.recorder; }
+
+void QuickCalls::serve(const std::shared_ptr<Session>& session, UniqueFd socket) {
+  if (!are_possible(daemon_) || !is_packet_socket(socket.get())) return;
+  const auto line = std::make_shared<Line>(daemon_, session, std::move(socket));
+  const std::lock_guard lock(mutex_);
+  const auto before = lines_.find(session->id());
+  if (before != lines_.end()) before->second->close();
+  if (is_stopped_ || (before == lines_.end() && lines_.size() >= daemon_.config.limits.quick_calls))
+    return;
+  try {
+    std::thread([this, line, id = session->id()] {
+      line->run();
+      forget(id, *line);
+    }).detach();
+  } catch (const std::system_error& error) {
+    return daemon_.log.error("no thread for quick calls", {{"reason", error.what()}});
+  }
+  ++threads_;
+  lines_[session->id()] = line;
+}
+
+void QuickCalls::forget(u64 session, const Line& line) {
+  const std::lock_guard lock(mutex_);
+  const auto found = lines_.find(session);
+  if (found != lines_.end() && found->second.get() == &line) lines_.erase(found);
+  if (--threads_ == 0) ended_.notify_all();
+}
+
+void QuickCalls::stop() {
+  std::unique_lock lock(mutex_);
+  is_stopped_ = true;
+  for (const auto& [session, line] : lines_) line->close();
+  ended_.wait(lock, [this] { return threads_ == 0; });
+}
+
+}  // namespace heliograph::server

@@ -1,0 +1,156 @@
+// The shapes of our calls as gRPC reactors: unary, a stream that is pulled, a refusal. Every
+// handler of service_*.cpp goes through these, so that all pass the gate and all errors leave one
+// way.
+#pragma once
+
+#include <grpc/support/time.h>
+
+#include <chrono>
+#include <functional>
+#include <optional>
+#include <stop_token>
+
+#include "server/convert/error.h"
+#include "server/convert/transaction.h"
+#include "server/os/work_pool.h"
+#include "server/session/gate.h"
+
+namespace heliograph::server {
+
+/// When the client gives up, on the clock that jobs use; nothing when it never does.
+[[nodiscard]] inline std::optional<std::chrono::steady_clock::time_point> deadline_of(
+    const grpc::CallbackServerContext& context) {
+  const gpr_timespec deadline = context.raw_deadline();
+  if (gpr_time_cmp(deadline, gpr_inf_future(deadline.clock_type)) == 0) return std::nullopt;
+  const gpr_timespec left = gpr_time_sub(deadline, gpr_now(deadline.clock_type));
+  return std::chrono::steady_clock::now() + std::chrono::seconds(left.tv_sec) +
+         std::chrono::nanoseconds(left.tv_nsec);
+}
+
+/// Ends a call of any shape at once.
+template <class Reactor>
+class Refusal final : public Reactor {
+ public:
+  Refusal(grpc::CallbackServerContext& context, const Error& error) {
+    this->Finish(to_status(error, context));
+  }
+  void OnDone() override { delete this; }
+};
+
+/// Lets a call in and starts it with `start(Call) -> Reactor*`, or refuses it: the one way from a
+/// handler of Service to a session.
+template <class Reactor, class Start>
+Reactor* let_in(Gate& gate, grpc::CallbackServerContext* context, Needs needs, const Start& start) {
+  auto admitted = gate.admit(*context, needs);
+  if (!admitted) return new Refusal<Reactor>(*context, admitted.error());
+  return start(std::move(*admitted));
+}
+
+/// The same for a call whose request is here; UNIMPLEMENTED when it has a field we do not know.
+template <class Reactor, class Start>
+Reactor* let_in(Gate& gate, grpc::CallbackServerContext* context,
+                const google::protobuf::Message& request, Needs needs, const Start& start) {
+  return let_in<Reactor>(gate, context, needs, [&](Call call) -> Reactor* {
+    if (auto known = check_known(request); !known)
+      return new Refusal<Reactor>(*context, known.error());
+    return start(std::move(call));
+  });
+}
+
+/// A unary call in flight. The handler calls finish() once, from any thread; until then request and
+/// reply live.
+class UnaryCall final : public grpc::ServerUnaryReactor {
+ public:
+  UnaryCall(grpc::CallbackServerContext& context, Call call)
+      : context_(context), call_(std::move(call)) {}
+
+  [[nodiscard]] const TenantPtr& tenant() const { return call_.tenant(); }
+  [[nodiscard]] const std::shared_ptr<Session>& session() const { return call_.session(); }
+  [[nodiscard]] grpc::CallbackServerContext& context() const { return context_; }
+  /// Stops when the client cancels, its deadline passes or its connection ends.
+  [[nodiscard]] std::stop_token stop() const { return stop_.get_token(); }
+
+  void finish(const Status& status) {
+    call_.answered();
+    Finish(to_status(status, context_));
+  }
+  /// Posts work that finishes the call; a full pool does too.
+  void post(WorkPool& pool, WorkPool::Task task) {
+    if (auto posted = pool.post(std::move(task)); !posted) finish(posted);
+  }
+
+  void OnCancel() override { stop_.request_stop(); }
+  void OnDone() override { delete this; }
+
+ private:
+  grpc::CallbackServerContext& context_;
+  Call call_;
+  std::stop_source stop_;
+};
+
+template <class Handler>
+grpc::ServerUnaryReactor* unary(Gate& gate, grpc::CallbackServerContext* context,
+                                const google::protobuf::Message& request, Needs needs,
+                                const Handler& handler) {
+  using Reactor = grpc::ServerUnaryReactor;
+  return let_in<Reactor>(gate, context, request, needs, [&](Call admitted) {
+    auto* call = new UnaryCall(*context, std::move(admitted));
+    handler(*call);
+    return call;
+  });
+}
+
+/// A server stream whose messages are made one at a time, on the pool, when the last one was
+/// written: nothing queues up behind a slow reader.
+template <class Reply>
+class PullStream final : public grpc::ServerWriteReactor<Reply> {
+ public:
+  /// Fills the next message; false when there is none.
+  using Next = std::function<Expected<bool>(Reply&)>;
+
+  PullStream(grpc::CallbackServerContext& context, Call call, WorkPool& pool, Next next)
+      : context_(context), call_(std::move(call)), pool_(pool), next_(std::move(next)) {
+    step();
+  }
+
+  void OnWriteDone(bool ok) override {
+    if (ok) return step();
+    this->Finish(grpc::Status::CANCELLED);
+  }
+  void OnDone() override { delete this; }
+
+ private:
+  void step() {
+    if (auto posted = pool_.post([this] { advance(); }); !posted) finish(posted);
+  }
+  void advance() {
+    if (context_.IsCancelled()) return this->Finish(grpc::Status::CANCELLED);
+    reply_.Clear();
+    const auto more = next_(reply_);
+    if (!more) return finish(std::unexpected(more.error()));
+    if (!*more) return finish({});
+    this->StartWrite(&reply_);
+  }
+  void finish(const Status& status) { this->Finish(to_status(status, context_)); }
+
+  grpc::CallbackServerContext& context_;
+  Call call_;
+  WorkPool& pool_;
+  Next next_;
+  Reply reply_;
+};
+
+/// Admits a server stream and starts it with what `prepare` returns for the session.
+template <class Reply, class Prepare>
+grpc::ServerWriteReactor<Reply>* pull(Gate& gate, WorkPool& pool,
+                                      grpc::CallbackServerContext* context,
+                                      const google::protobuf::Message& request,
+                                      const Prepare& prepare) {
+  using Reactor = grpc::ServerWriteReactor<Reply>;
+  return let_in<Reactor>(gate, context, request, Needs::kSession, [&](Call call) {
+    auto next = prepare(call.session());
+    return new PullStream<Reply>(*context, std::move(call), pool, std::move(next));
+  });
+}
+
+}  // namespace heliograph::server

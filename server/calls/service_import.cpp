@@ -1,0 +1,80 @@
+// ImportScene: a scene file in chunks becomes a new scene.
+#include "server/calls/call_scope.h"
+#include "server/calls/rpc.h"
+#include "server/calls/service.h"
+#include "server/scene/scene_import.h"
+#include "server/scene/scene_info.h"
+#include "server/session/once.h"
+
+namespace heliograph::server {
+namespace {
+
+class ImportCall final : public Reader<v1::SceneChunk> {
+ public:
+  ImportCall(Daemon& daemon, grpc::CallbackServerContext& context, Call call, v1::SceneInfo& reply)
+      : daemon_(daemon),
+        context_(context),
+        call_(std::move(call)),
+        reply_(reply),
+        file_(call_.session()->holdings()) {
+    StartRead(&chunk_);
+  }
+  void OnReadDone(bool ok) override {
+    if (!ok) return end();
+    Status taken = check_known(chunk_);
+    if (taken) taken = file_.append(chunk_);
+    if (!taken) return finish(taken);
+    StartRead(&chunk_);
+  }
+  void OnDone() override { delete this; }
+
+ private:
+  void end() {
+    if (context_.IsCancelled())
+      return finish(fail(Code::kCancelled, "", "the import was cancelled"));
+    if (auto known = daemon_.gate.check(Credentials(context_), call_.tenant()); !known)
+      return finish(known);
+    if (auto posted = daemon_.pool.post([this] { finish(build()); }); !posted) finish(posted);
+  }
+  Status build() {
+    const auto scene = file_.finish();
+    if (!scene) return std::unexpected(scene.error());
+    const OnceKey key{call_.session()->requests(), scene->request_id, "ImportScene"};
+    HELIO_TRY(once(key, reply_, [&] { return create(*scene); }));
+    bring_up_to_date(daemon_.scenes, *call_.session(), reply_);
+    return {};
+  }
+  Expected<v1::SceneInfo> create(const ImportedScene& scene) {
+    auto made = rebuild(scene.description, daemon_.scenes.scene_limits());
+    if (!made) return std::unexpected(std::move(made).error().at("header"));
+    const Session& session = *call_.session();
+    auto entry = daemon_.scenes.create({.name = scene.name,
+                                        .is_shared = scene.shared,
+                                        .durability = scene.durability,
+                                        .first = *std::move(made),
+                                        .request_id = scene.request_id,
+                                        .method = "ImportScene"},
+                                       session);
+    if (!entry) return std::unexpected(entry.error());
+    return scene_info(daemon_.scenes, **entry, session);
+  }
+  void finish(const Status& status) { Finish(to_status(status, context_)); }
+
+  Daemon& daemon_;
+  grpc::CallbackServerContext& context_;
+  Call call_;
+  v1::SceneInfo& reply_;
+  SceneImport file_;
+  v1::SceneChunk chunk_;
+};
+
+}  // namespace
+
+Reader<v1::SceneChunk>* Service::ImportScene(Context* context, v1::SceneInfo* reply) {
+  using Reactor = Reader<v1::SceneChunk>;
+  return let_in<Reactor>(daemon_.gate, context, Needs::kSession, [&](Call call) {
+    return new ImportCall(daemon_, *context, std::move(call), *reply);
+  });
+}
+
+}  // namespace heliograph::server

@@ -1,0 +1,159 @@
+// CreateScene, OpenScene, BranchScene, DeleteScene, ListScenes, DescribeScene.
+#include <fmt/format.h>
+
+#include "server/calls/rpc.h"
+#include "server/calls/service.h"
+#include "server/scene/describe_scene.h"
+#include "server/scene/scene_info.h"
+#include "server/session/once.h"
+
+namespace heliograph::server {
+namespace {
+
+Expected<v1::SceneInfo> create(Daemon& daemon, const Session& session, NewScene scene) {
+  auto entry = daemon.scenes.create(std::move(scene), session);
+  if (!entry) return std::unexpected(entry.error());
+  return scene_info(daemon.scenes, **entry, session);
+}
+
+/// What changes durable scenes waits for the disk.
+void run(Daemon& daemon, UnaryCall& call, WorkPool::Task task) {
+  if (daemon.journal) return call.post(daemon.pool, std::move(task));
+  task();
+}
+
+Expected<v1::SceneInfo> create_scene(Daemon& daemon, const Session& session,
+                                     const v1::CreateSceneRequest& request) {
+  return create(daemon, session,
+                {.name = request.name(),
+                 .is_shared = request.shared(),
+                 .durability = request.durability(),
+                 .first = std::make_shared<const Snapshot>(),
+                 .request_id = request.request_id(),
+                 .method = "CreateScene"});
+}
+
+Expected<v1::SceneInfo> branch_scene(Daemon& daemon, const Session& session,
+                                     const v1::BranchSceneRequest& request) {
+  auto parent = daemon.scenes.find(request.scene(), session);
+  if (!parent) return std::unexpected(parent.error());
+  auto snapshot = snapshot_at(
+      **parent, request.has_revision() ? std::optional(request.revision()) : std::nullopt);
+  if (!snapshot) return std::unexpected(std::move(snapshot).error().at("revision"));
+  return create(daemon, session,
+                {.name = request.name(),
+                 .is_shared = request.shared(),
+                 .durability = request.durability(),
+                 .first = std::move(*snapshot),
+                 .request_id = request.request_id(),
+                 .method = "BranchScene"});
+}
+
+Expected<v1::DeleteSceneReply> delete_scene(Daemon& daemon, const Session& session,
+                                            const v1::DeleteSceneRequest& request) {
+  HELIO_TRY(daemon.scenes.remove(request.scene(), session));
+  return v1::DeleteSceneReply();
+}
+
+Status describe_scene(Daemon& daemon, const UnaryCall& call,
+                      const v1::DescribeSceneRequest& request, v1::DescribeSceneReply& reply) {
+  const Session& session = *call.session();
+  const auto entry = daemon.scenes.find(request.scene(), session);
+  if (!entry) return std::unexpected(entry.error());
+  const auto snapshot = (*entry)->scene.head();
+  daemon.note_revision(call.context(), snapshot->revision);
+  v1::SceneInfo& info = *reply.mutable_scene();
+  info = scene_info(daemon.scenes, **entry, session);
+  info.set_revision(snapshot->revision);  // all of the answer is of one revision
+  info.set_time(snapshot->time);
+  describe_counts(*snapshot, reply);
+  if (request.pattern().size() > kMostNameBytes)
+    return fail(Code::kInvalidArgument, "pattern",
+                fmt::format("has {} bytes; names, and patterns of them, have at most {}",
+                            request.pattern().size(), kMostNameBytes));
+  if (request.tree()) describe_objects(*snapshot, request.pattern(), reply);
+  if (!request.memory()) return {};
+  auto& memory = *reply.mutable_memory();
+  memory["arrays"] = array_bytes(*snapshot);
+  memory["rows"] = row_bytes(*snapshot);
+  const Engine* engine = daemon.engine->get();
+  if (engine != nullptr && !daemon.tenants.are_several())  // it counts everybody's
+    memory["derived"] = engine->derived_bytes();
+  return {};
+}
+
+}  // namespace
+
+grpc::ServerUnaryReactor* Service::CreateScene(Context* context,
+                                               const v1::CreateSceneRequest* request,
+                                               v1::SceneInfo* reply) {
+  return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
+    run(daemon_, call, [this, &call, request, reply] {
+      const OnceKey key{call.session()->requests(), request->request_id(), "CreateScene"};
+      const Status made =
+          once(key, *reply, [&] { return create_scene(daemon_, *call.session(), *request); });
+      if (made) bring_up_to_date(daemon_.scenes, *call.session(), *reply);
+      call.finish(made);
+    });
+  });
+}
+
+grpc::ServerUnaryReactor* Service::OpenScene(Context* context, const v1::OpenSceneRequest* request,
+                                             v1::SceneInfo* reply) {
+  return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
+    const Session& session = *call.session();
+    const auto entry = daemon_.scenes.open(request->name(), session);
+    if (!entry) return call.finish(std::unexpected(entry.error()));
+    *reply = scene_info(daemon_.scenes, **entry, session);
+    call.finish({});
+  });
+}
+
+grpc::ServerUnaryReactor* Service::BranchScene(Context* context,
+                                               const v1::BranchSceneRequest* request,
+                                               v1::SceneInfo* reply) {
+  return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
+    run(daemon_, call, [this, &call, request, reply] {
+      const OnceKey key{call.session()->requests(), request->request_id(), "BranchScene"};
+      const Status made =
+          once(key, *reply, [&] { return branch_scene(daemon_, *call.session(), *request); });
+      if (made) bring_up_to_date(daemon_.scenes, *call.session(), *reply);
+      call.finish(made);
+    });
+  });
+}
+
+grpc::ServerUnaryReactor* Service::DeleteScene(Context* context,
+                                               const v1::DeleteSceneRequest* request,
+                                               v1::DeleteSceneReply* reply) {
+  return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
+    run(daemon_, call, [this, &call, request, reply] {
+      const OnceKey key{call.session()->requests(), request->request_id(), "DeleteScene"};
+      call.finish(
+          once(key, *reply, [&] { return delete_scene(daemon_, *call.session(), *request); }));
+    });
+  });
+}
+
+grpc::ServerUnaryReactor* Service::ListScenes(Context* context,
+                                              const v1::ListScenesRequest* request,
+                                              v1::ListScenesReply* reply) {
+  return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
+    const Session& session = *call.session();
+    for (const ScenePtr& scene : daemon_.scenes.list(session))
+      *reply->add_scenes() = scene_info(daemon_.scenes, *scene, session);
+    call.finish({});
+  });
+}
+
+grpc::ServerUnaryReactor* Service::DescribeScene(Context* context,
+                                                 const v1::DescribeSceneRequest* request,
+                                                 v1::DescribeSceneReply* reply) {
+  return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
+    call.post(daemon_.pool, [this, request, reply, &call] {
+      call.finish(describe_scene(daemon_, call, *request, *reply));
+    });
+  });
+}
+
+}  // namespace heliograph::server

@@ -1,0 +1,164 @@
+// Events and bookmarks. See watch_call.h.
+#include "server/calls/watch_call.h"
+
+#include <cmath>
+
+#include "server/convert/error.h"
+
+namespace heliograph::server {
+namespace {
+
+constexpr double kBookmarkSeconds = 10;  // where the request names none
+constexpr double kShortest = 0.5, kLongest = 3600;
+
+}  // namespace
+
+Expected<WatchOrder> to_order(Daemon& daemon, const Session& session,
+                              const v1::WatchRequest& request) {
+  WatchOrder order{.scene = request.scene(), .events = {}, .counted = {}};
+  order.bookmark_seconds =
+      request.bookmark_seconds() == 0 ? kBookmarkSeconds : request.bookmark_seconds();
+  if (!(order.bookmark_seconds >= kShortest && order.bookmark_seconds <= kLongest))
+    return fail(Code::kInvalidArgument, "bookmark_seconds",
+                fmt::format("{} is not within [{}, {}]; 0 is {}", request.bookmark_seconds(),
+                            kShortest, kLongest, kBookmarkSeconds));
+  const auto entry = daemon.scenes.find(request.scene(), session);
+  if (!entry) return std::unexpected(entry.error());
+  order.events = (*entry)->watched();
+  order.next = request.from_revision() == 0 ? order.events->head() + 1 : request.from_revision();
+  if (const auto first = order.events->at(order.next); !first)
+    return std::unexpected(first.error());
+  auto counted = Charge::take(session.tenant()->streams, 1);
+  if (!counted) return std::unexpected(std::move(counted).error());
+  order.counted = std::move(*counted);
+  return order;
+}
+
+WatchCall* WatchCall::start(Daemon& daemon, grpc::CallbackServerContext& context, Call call,
+                            WatchOrder order) {
+  std::shared_ptr<WatchCall> made(
+      new WatchCall(daemon, context, std::move(call), std::move(order)));
+  made->self_ = made;
+  if (auto followed = made->follow(); !followed) made->result_ = std::move(followed);
+  daemon.watch.add(made);
+  made->advance();
+  return made.get();
+}
+
+WatchCall::WatchCall(Daemon& daemon, grpc::CallbackServerContext& context, Call call,
+                     WatchOrder order)
+    : daemon_(daemon), scope_(context, std::move(call)), order_(std::move(order)) {}
+
+/// From now on it is told of the scene's revisions.
+Status WatchCall::follow() {
+  const auto entry = daemon_.scenes.find(order_.scene, *scope_.session());
+  if (!entry) return std::unexpected(entry.error());
+  watch_ = (*entry)->watch([weak = weak_from_this()](Revision) {
+    if (const auto call = weak.lock()) call->advance();
+  });
+  return {};
+}
+
+/// There may be something to do.
+void WatchCall::advance() {
+  {
+    const std::lock_guard lock(mutex_);
+    is_told_ = true;
+    if (is_busy_) return;
+    is_busy_ = true;
+  }
+  post_work();
+}
+
+void WatchCall::post_work() {
+  if (auto posted = daemon_.pool.post([call = shared_from_this()] { call->work(); }); !posted)
+    work();  // an event is never lost to a full pool
+}
+
+/// Begins the next message, or ends, or waits to be told. Called by the one that is busy.
+void WatchCall::work() {
+  for (;;) {
+    {
+      const std::lock_guard lock(mutex_);
+      is_told_ = false;
+    }
+    if (scope_.is_stopped()) return finish(fail(Code::kCancelled, "", "cancelled by the client"));
+    const auto has_message = next_message();
+    if (!has_message) return finish(std::unexpected(has_message.error()));
+    std::optional<Status> result;
+    {
+      const std::lock_guard lock(mutex_);
+      is_writing_ = *has_message;
+      if (is_writing_) standstill_.moved();
+      if (!is_writing_ && !is_told_) {
+        if (!result_) {
+          is_busy_ = false;
+          return;
+        }
+        result = result_;
+      }
+    }
+    if (*has_message) return StartWrite(&reply_);
+    if (result) return finish(*result);
+  }
+}
+
+/// Fills reply_; false when there is nothing to send now.
+Expected<bool> WatchCall::next_message() {
+  const auto event = order_.events->at(order_.next);
+  if (!event) return std::unexpected(event.error());
+  bool is_bookmark = false;
+  {
+    const std::lock_guard lock(mutex_);
+    is_bookmark = std::exchange(is_bookmark_due_, false);
+  }
+  reply_.Clear();
+  if (is_bookmark) {
+    reply_.set_revision(order_.next - 1);
+    return true;
+  }
+  if (!*event) return false;
+  reply_.ParseFromString(**event);
+  ++order_.next;
+  return true;
+}
+
+/// Stays busy, so that nobody begins anything after it.
+void WatchCall::finish(const Status& status) {
+  watch_.reset();
+  Finish(to_status(scope_.session()->told(status), scope_.context()));
+}
+
+void WatchCall::OnWriteDone(bool ok) {
+  {
+    const std::lock_guard lock(mutex_);
+    is_writing_ = false;
+  }
+  if (!ok) scope_.request_stop();
+  post_work();
+}
+
+void WatchCall::OnCancel() {
+  scope_.request_stop();
+  advance();
+}
+
+void WatchCall::look(EventLoop::Clock::time_point now) {
+  Status lasting = scope_.check_lasting(daemon_.gate);
+  if (lasting)
+    if (const auto found = daemon_.scenes.find(order_.scene, *scope_.session()); !found)
+      lasting = std::unexpected(found.error());
+  bool is_stuck = false;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!lasting && !result_) result_ = std::move(lasting);
+    is_stuck =
+        is_writing_ && standstill_.is_longer_than(double(daemon_.config.limits.stall_seconds), now);
+    is_bookmark_due_ |= !is_busy_ && standstill_.is_longer_than(order_.bookmark_seconds, now);
+    if (!is_stuck && !is_bookmark_due_ && !result_ && !scope_.is_stopped()) return;
+  }
+  if (is_stuck) scope_.context().TryCancel();  // a write in flight ends no other way
+  advance();
+}
+
+}  // namespace heliograph::server

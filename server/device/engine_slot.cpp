@@ -1,0 +1,116 @@
+// Starting the engine and rendering its first pixel. Called by main.
+#include "server/device/engine_slot.h"
+
+#include <algorithm>
+
+#include "renderer/scene/scene.h"
+
+namespace heliograph::server {
+namespace {
+
+constexpr u64 kProbeTenant = ~u64(0);  // its share is its own, so that no queue delays it
+constexpr double kSoonest = 0.01;      // seconds: nobody is asked to retry faster
+
+class ProbeSink final : public JobSink {
+ public:
+  explicit ProbeSink(std::function<void(Status)> done) : done_(std::move(done)) {}
+  void progress(const Progress&) override {}
+  void frame(std::shared_ptr<const Frame> frame) override { frames_ += frame ? 1u : 0u; }
+  void done(Status status, const Spent&) override {
+    if (status && frames_ == 0) status = fail(Code::kInternal, "", "the engine gave no frame");
+    done_(status);
+  }
+
+ private:
+  std::function<void(Status)> done_;
+  u32 frames_ = 0;
+};
+
+/// One pixel of a triangle that gives light.
+Expected<std::shared_ptr<const RenderJob>> probe_job() {
+  Transaction transaction;
+  const std::vector<vec3> positions = {{-1, -1, -1}, {1, -1, -1}, {0, 1, -1}};
+  auto topology = std::make_shared<MeshTopology>();
+  topology->vertex_count = u32(positions.size());
+  topology->triangles = ArrayOf<uvec3>(std::vector<uvec3>{{0, 1, 2}});
+  auto vertices = std::make_shared<VertexKeys>();
+  vertices->times = {0};
+  vertices->positions = ArrayOf<vec3>(positions);
+  transaction.edits.push_back({.action = PutMesh{topology, vertices}});
+  transaction.edits.push_back(
+      {.action = PutEntity{.mesh = Ref(CreatedByEdit{0}), .light = LightPatch{}}});
+  const Camera camera{.width = 1, .height = 1, .fx = 1, .fy = 1, .cx = 0, .cy = 0};
+  transaction.edits.push_back({.action = PutEntity{.camera = camera}});
+  auto prepared = apply(Snapshot{}, transaction, SceneLimits{});
+  if (!prepared) return std::unexpected(prepared.error());
+  auto job = std::make_shared<RenderJob>();
+  job->snapshot = prepared->snapshot;
+  job->cameras = {EntityId(prepared->ids.at(2))};
+  job->planes = {Plane::BEAUTY, Plane::DEPTH};
+  job->stop.spp = 1;
+  job->origin.tenant = kProbeTenant;
+  return job;
+}
+
+}  // namespace
+
+EngineSlot::EngineSlot(EngineOptions options, const Log& log, std::function<void(Status)> first)
+    : log_(log), first_(std::move(first)), future_(promise_.get_future().share()) {
+  thread_ = std::thread([this, options = std::move(options)] { start(options); });
+}
+
+EngineSlot::~EngineSlot() {
+  closing_ = true;
+  thread_.join();
+  engine_.reset();  // its last calls still find the members below it
+}
+
+void EngineSlot::start(const EngineOptions& options) {
+  auto engine = Engine::create(options);
+  if (!engine) {
+    promise_.set_value(std::unexpected(engine.error()));
+    return finish(std::unexpected(engine.error()));
+  }
+  engine_ = std::move(*engine);
+  engine_now_ = engine_.get();
+  promise_.set_value(engine_.get());
+  probe([this](const Status& status) { finish(status); });
+}
+
+void EngineSlot::probe(std::function<void(Status)> done) {
+  const auto job = probe_job();
+  if (!job) return done(std::unexpected(job.error()));
+  auto sink = std::make_shared<ProbeSink>(done);
+  if (auto submitted = engine_now_.load()->submit(*job, sink, {}); !submitted) done(submitted);
+}
+
+void EngineSlot::finish(const Status& status) {
+  if (!status && !closing_)
+    log_.error("the engine does not start", {{"reason", status.error().message}});
+  first_(status);
+}
+
+Expected<Engine*> EngineSlot::wait() const {
+  auto engine = future_.get();
+  if (engine) return engine;
+  return fail(Code::kUnavailable, "",
+              "the render engine could not be started: " + engine.error().message);
+}
+
+double retry_seconds(const Engine& engine) {
+  return std::max(engine.load().seconds_a_job, kSoonest);
+}
+
+Status check_queue(const Engine& engine, u64 limit) {
+  const Load load = engine.load();
+  if (load.jobs < limit) return {};
+  Error error{.code = Code::kResourceExhausted,
+              .message = fmt::format("{} jobs wait already; retry later (limit jobs)", limit),
+              .where = ""};
+  error.needed = load.jobs + 1;
+  error.available = limit;
+  error.retry_seconds = retry_seconds(engine);
+  return std::unexpected(std::move(error));
+}
+
+}  // namespace heliograph::server

@@ -1,0 +1,105 @@
+// Probe and watchdog. See health.h.
+#include "server/device/health.h"
+
+namespace heliograph::server {
+namespace {
+
+constexpr auto kLook = std::chrono::milliseconds(250);
+constexpr double kRetry = 0.5;  // seconds between probes while something is wrong
+
+double seconds(EventLoop::Clock::duration duration) {
+  return std::chrono::duration<double>(duration).count();
+}
+
+}  // namespace
+
+Health::Health(EventLoop& loop, const Log& log, Options options)
+    : loop_(loop), log_(log), options_(options) {}
+
+void Health::start(EngineSlot& slot, Told told) {
+  slot_ = &slot;
+  told_ = std::move(told);
+  loop_.after(kLook, [this] { look(); });
+}
+
+void Health::first_pixel() { on_probe({}); }
+
+void Health::drain() {
+  is_draining_ = true;
+  set("it drains");
+}
+
+std::string Health::not_ready() const {
+  const std::lock_guard lock(mutex_);
+  return reason_;
+}
+
+void Health::look() {
+  const auto now = Clock::now();
+  const Engine* engine = slot_->get();
+  if (engine != nullptr && !is_draining_) {
+    const Load load = engine->load();
+    notice_losses(load, now);
+    set(find_fault(load, now));
+    if (load.needs_new_process) return told_.lost();
+    if (lost_since_ && seconds(now - *lost_since_) > options_.lost_seconds) return told_.lost();
+    const double wait = probe_fault_.empty() ? options_.probe_seconds : kRetry;
+    const bool has_begun = probed_ != Clock::time_point{};  // the first one is the slot's
+    if (has_begun && !probe_began_ && seconds(now - probed_) > wait) probe(now);
+  }
+  loop_.after(kLook, [this] { look(); });
+}
+
+/// A device that took the place of a lost one has to render a pixel first.
+void Health::notice_losses(const Load& load, Clock::time_point now) {
+  if (!load.is_lost)
+    lost_since_.reset();
+  else if (!lost_since_)
+    lost_since_ = now;
+  if (load.losses == losses_) return;
+  losses_ = load.losses;
+  log_.error("the device was lost", {{"losses", losses_}});
+  probe_fault_ = "the device was lost, and the new one has rendered no pixel yet";
+}
+
+/// The device's own state first: it is known sooner than a probe ends.
+std::string Health::find_fault(const Load& load, Clock::time_point now) const {
+  if (load.is_lost)
+    return (load.needs_new_process ? "the device was lost and needs a new process"
+                                   : "the device was lost and is started again") +
+           (load.lost_because.empty() ? "" : "; the last attempt: " + load.lost_because);
+  if (load.still_seconds > options_.hang_seconds)
+    return fmt::format("nothing moved on the device for {:.0f} s", options_.hang_seconds);
+  if (probe_began_ && seconds(now - *probe_began_) > options_.hang_seconds)
+    return fmt::format("a pixel took more than {:.0f} s", options_.hang_seconds);
+  return probe_fault_;
+}
+
+void Health::probe(Clock::time_point now) {
+  probe_began_ = now;
+  slot_->probe([this](const Status& status) { loop_.post([this, status] { on_probe(status); }); });
+}
+
+void Health::on_probe(const Status& status) {
+  probed_ = Clock::now();
+  probe_began_.reset();
+  probe_fault_ = status ? "" : "no pixel could be rendered: " + status.error().message;
+  if (!is_draining_) set(find_fault(slot_->get()->load(), probed_));
+}
+
+void Health::set(std::string reason) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (reason == reason_) return;
+    reason_ = reason;
+  }
+  if (reason.empty())
+    log_.info("ready");
+  else if (is_draining_)
+    log_.info("not ready", {{"reason", reason}});
+  else
+    log_.warning("not ready", {{"reason", reason}});
+  told_.ready(reason.empty());
+}
+
+}  // namespace heliograph::server

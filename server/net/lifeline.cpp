@@ -1,0 +1,169 @@
+// Tickets, words and hang-ups of the second socket. Called by main and OpenSession.
+#include "server/net/lifeline.h"
+
+#include <sys/epoll.h>
+#include <sys/random.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+
+#include "server/os/packet.h"
+
+namespace heliograph::server {
+namespace {
+
+constexpr std::size_t kTicketBytes = 16;
+
+/// The descriptor that came with a packet; of more than one the last, the others are closed.
+UniqueFd descriptor_of(msghdr& message) {
+  UniqueFd found;
+  for (cmsghdr* each = CMSG_FIRSTHDR(&message); each; each = CMSG_NXTHDR(&message, each)) {
+    if (each->cmsg_level != SOL_SOCKET || each->cmsg_type != SCM_RIGHTS) continue;
+    for (std::size_t i = 0; CMSG_LEN((i + 1) * sizeof(int)) <= each->cmsg_len; ++i) {
+      int fd = -1;
+      std::memcpy(&fd, CMSG_DATA(each) + i * sizeof fd, sizeof fd);
+      found.reset(fd);
+    }
+  }
+  return found;
+}
+
+}  // namespace
+
+Expected<std::unique_ptr<Lifelines>> Lifelines::start(EventLoop& loop, const Log& log,
+                                                      ListeningSocket listener, u32 limit,
+                                                      Handlers handlers) {
+  std::unique_ptr<Lifelines> lifelines(new Lifelines(loop, limit, std::move(handlers)));
+  auto started = Listener::start(loop, log, std::move(listener),
+                                 [self = lifelines.get()](UniqueFd connection, const Peer&) {
+                                   self->take(std::move(connection));
+                                 });
+  if (!started) return std::unexpected(started.error());
+  lifelines->listener_ = std::move(*started);
+  return lifelines;
+}
+
+Lifelines::Lifelines(EventLoop& loop, u32 limit, Handlers handlers)
+    : loop_(loop), limit_(limit), handlers_(std::move(handlers)) {}
+
+Lifelines::~Lifelines() {
+  for (const auto& [fd, line] : lines_) loop_.forget(fd);
+}
+
+void Lifelines::take(UniqueFd connection) {
+  const int fd = connection.get();
+  std::string ticket(kTicketBytes, '\0');
+  if (::getrandom(ticket.data(), ticket.size(), 0) != ssize_t(ticket.size())) return;
+  {
+    const std::lock_guard lock(mutex_);
+    if (lines_.size() >= limit_) return;
+    lines_.emplace(fd, Line{std::move(connection), ticket, 0});
+  }
+  const bool sent = ::send(fd, ticket.data(), ticket.size(), MSG_NOSIGNAL) > 0;
+  const auto watched =
+      loop_.watch(fd, EPOLLIN | EPOLLRDHUP, [this, fd](u32 events) { on_event(fd, events); });
+  if (!sent || !watched) on_event(fd, EPOLLHUP);
+}
+
+void Lifelines::on_event(int fd, u32 events) {
+  if ((events & (EPOLLHUP | EPOLLRDHUP | EPOLLERR)) == 0) return listen_to(fd);
+  loop_.forget(fd);
+  u64 session = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto found = lines_.find(fd);
+    session = found->second.session;
+    lines_.erase(found);
+  }
+  if (session != 0) handlers_.lost(session);
+}
+
+std::optional<Lifelines::Heard> Lifelines::receive(int fd) {
+  Heard heard;
+  iovec data{&heard.word, sizeof heard.word};
+  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof fd)> control{};
+  msghdr message{};
+  message.msg_iov = &data;
+  message.msg_iovlen = 1;
+  message.msg_control = control.data();
+  message.msg_controllen = control.size();
+  const std::lock_guard lock(mutex_);
+  const auto line = lines_.find(fd);
+  if (line == lines_.end()) return std::nullopt;
+  const ssize_t size = ::recvmsg(fd, &message, MSG_DONTWAIT | MSG_TRUNC | MSG_CMSG_CLOEXEC);
+  if (size <= 0) return std::nullopt;
+  heard.session = line->second.session;
+  heard.fd = descriptor_of(message);
+  heard.is_word = size == sizeof heard.word;
+  return heard;
+}
+
+void Lifelines::listen_to(int fd) {
+  constexpr int kWordsAtOnce = 64;  // then it is others' turn
+  for (int i = 0; i < kWordsAtOnce; ++i) {
+    const std::lock_guard lock(hearing_);
+    auto heard = receive(fd);
+    if (!heard) return;
+    if (heard->is_word && heard->session != 0)
+      handlers_.said(heard->session, heard->word, std::move(heard->fd));
+  }
+}
+
+void Lifelines::hear(u64 session) {
+  int fd = -1;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto line = find(session);
+    if (line == lines_.end()) return;
+    fd = line->first;
+  }
+  listen_to(fd);
+}
+
+Lifelines::Lines::iterator Lifelines::find(u64 session) {
+  return std::ranges::find_if(lines_,
+                              [&](const auto& entry) { return entry.second.session == session; });
+}
+
+bool Lifelines::tell(u64 session, const BufferWord& word, const SharedMemory* memory) {
+  const int fd = memory ? memory->fd() : -1;
+  const DeviceUuid* device = memory ? memory->device() : nullptr;
+  const std::lock_guard lock(mutex_);
+  const auto line = find(session);
+  if (line == lines_.end()) return false;
+  std::array<iovec, 2> data{{{const_cast<BufferWord*>(&word), sizeof word}, {}}};
+  if (device) data[1] = {const_cast<u8*>(device->data()), device->size()};
+  return send_packet(line->first, std::span(data).first(device ? 2 : 1), fd);
+}
+
+Status Lifelines::bind(const std::string& ticket, u64 session) {
+  const std::lock_guard lock(mutex_);
+  const auto found = std::ranges::find_if(lines_, [&](const auto& entry) {
+    return entry.second.session == 0 && entry.second.ticket == ticket;
+  });
+  if (ticket.size() != kTicketBytes || found == lines_.end())
+    return fail(Code::kUnauthenticated, "ticket",
+                "this ticket is not valid; connect to the daemon's second socket (SOCKET.fd.sock), "
+                "receive a new one and keep that connection open");
+  found->second.session = session;
+  found->second.ticket.clear();
+  return {};
+}
+
+void Lifelines::release(u64 session) {
+  loop_.post([this, session] {
+    int fd = -1;
+    {
+      const std::lock_guard lock(mutex_);
+      const auto found = find(session);
+      if (found == lines_.end()) return;
+      found->second.session = 0;
+      fd = found->first;
+    }
+    on_event(fd, EPOLLHUP);
+  });
+}
+
+}  // namespace heliograph::server

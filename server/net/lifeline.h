@@ -1,0 +1,86 @@
+// The second socket of a local client: its session lives as long as this connection.
+//
+// On connect the daemon sends 16 random bytes, good once; OpenSession with them binds the session.
+// After that both sides talk about shared buffers, a BufferWord a packet.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <unordered_map>
+
+#include "renderer/engine/shared_memory.h"
+#include "server/os/accept.h"
+
+namespace heliograph::server {
+
+/// What is said about a buffer, in the machine's byte order. Behind a new one of a device's memory
+/// stands the device's UUID, 16 bytes.
+struct BufferWord {
+  // 0: the client wants frames in shared buffers, and the daemon agrees; with a descriptor, quick
+  // calls over that socket
+  u64 buffer = 0;
+  // With a descriptor: bytes of a new buffer. Without one, from the daemon, 0: forget it; from the
+  // client: the generation that it is done with, 0: it can never tell.
+  u64 number = 0;
+};
+
+/// Owns: the listener and its connections. Thread: the loop's, but for bind(), tell(), hear() and
+/// release(), which any thread may call.
+class Lifelines {
+ public:
+  /// Called for sessions that are bound.
+  struct Handlers {
+    std::function<void(u64 session)> lost;  // its connection ended; in the loop's thread
+    std::function<void(u64 session, const BufferWord& word, UniqueFd fd)> said;
+  };
+  [[nodiscard]] static Expected<std::unique_ptr<Lifelines>> start(EventLoop& loop, const Log& log,
+                                                                  ListeningSocket listener,
+                                                                  u32 limit, Handlers handlers);
+  ~Lifelines();
+
+  /// UNAUTHENTICATED when the ticket was never given out, was used, or its connection ended.
+  [[nodiscard]] Status bind(const std::string& ticket, u64 session);
+  /// Sends a session a word, with the memory that it is about unless that is null; false when its
+  /// socket takes nothing.
+  [[nodiscard]] bool tell(u64 session, const BufferWord& word, const SharedMemory* memory);
+  /// Reads what a session's client has said until now.
+  void hear(u64 session);
+  /// The session was closed: its connection is closed too.
+  void release(u64 session);
+  void stop_listening() { listener_.reset(); }
+
+ private:
+  struct Line {
+    UniqueFd fd;
+    std::string ticket;
+    u64 session = 0;  // 0: not bound
+  };
+  using Lines = std::unordered_map<int, Line>;
+
+  Lifelines(EventLoop& loop, u32 limit, Handlers handlers);
+  [[nodiscard]] Lines::iterator find(u64 session);  // under mutex_
+  void take(UniqueFd connection);
+  void on_event(int fd, u32 events);
+  /// A packet of a connection, if one waits there.
+  struct Heard {
+    u64 session = 0;
+    BufferWord word;
+    UniqueFd fd;
+    bool is_word = false;
+  };
+  [[nodiscard]] std::optional<Heard> receive(int fd);
+  void listen_to(int fd);
+
+  EventLoop& loop_;
+  const u32 limit_;
+  const Handlers handlers_;
+  std::unique_ptr<Listener> listener_;
+  std::mutex hearing_;  // held until what was received was said; before mutex_
+  std::mutex mutex_;
+  Lines lines_;
+};
+
+}  // namespace heliograph::server

@@ -1,0 +1,51 @@
+// Looks after calls that may come to a standstill: twice a second each is asked to see to itself.
+#pragma once
+
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "server/os/event_loop.h"
+
+namespace heliograph::server {
+
+/// A call in flight.
+class Watched {
+ public:
+  virtual ~Watched() = default;
+  /// Thread: the event loop. Must not block.
+  virtual void look(EventLoop::Clock::time_point now) = 0;
+};
+
+/// Thread: any. The event loop must outlive its use.
+class CallWatch {
+ public:
+  /// Begins to look. Called once, before the loop runs.
+  void start(EventLoop& loop);
+  /// Looks after it until it is gone.
+  void add(std::weak_ptr<Watched> call);
+
+ private:
+  void look();
+
+  EventLoop* loop_ = nullptr;
+  std::mutex mutex_;
+  std::vector<std::weak_ptr<Watched>> calls_;
+};
+
+/// How long a reader has taken nothing of what waits for it. Thread: one at a time.
+class Standstill {
+ public:
+  using Clock = EventLoop::Clock;
+
+  /// Something was taken, or the first thing waits.
+  void moved() { since_ = Clock::now(); }
+  [[nodiscard]] bool is_longer_than(double seconds, Clock::time_point now) const {
+    return std::chrono::duration<double>(now - since_).count() > seconds;
+  }
+
+ private:
+  Clock::time_point since_ = Clock::now();
+};
+
+}  // namespace heliograph::server

@@ -1,0 +1,39 @@
+// What a client may ask for ahead: credits and waiting requests. Used by RenderBatch and Stream.
+#pragma once
+
+#include <fmt/format.h>
+
+#include "renderer/base/error.h"
+#include "server/config/config.h"
+
+namespace heliograph::server {
+
+/// Of a call whose first message names none.
+inline constexpr u32 kDefaultCredits = 2;
+
+/// `credits`: of the call in all, those in use included.
+[[nodiscard]] inline Status check_credits(u64 credits, const Limits& limits) {
+  if (credits <= limits.credits) return {};
+  return fail(Code::kInvalidArgument, "credits",
+              fmt::format("a call may have {} credits in all (limit credits)", limits.credits));
+}
+
+/// How the refusal of what waits is worded.
+struct Waiting {
+  std::string where;
+  std::string what;    // "more items"
+  std::string remedy;  // when to send the next
+};
+/// `bytes`: of all that waits in the call.
+[[nodiscard]] inline Status check_waiting(u64 bytes, const Limits& limits, const Waiting& words) {
+  if (bytes <= limits.waiting_bytes) return {};
+  Error error{.code = Code::kResourceExhausted,
+              .message = fmt::format("{} wait than the daemon keeps; {} (limit waiting_bytes)",
+                                     words.what, words.remedy),
+              .where = words.where};
+  error.needed = bytes;
+  error.available = limits.waiting_bytes;
+  return std::unexpected(std::move(error));
+}
+
+}  // namespace heliograph::server

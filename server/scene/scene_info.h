@@ -1,0 +1,18 @@
+// A scene as clients see it. Used by the handlers that return one.
+#pragma once
+
+#include "heliograph/v1/service.pb.h"
+#include "server/scene/scenes.h"
+
+namespace heliograph::server {
+
+[[nodiscard]] v1::SceneInfo scene_info(Scenes& scenes, SceneEntry& scene, const Session& session);
+/// The reply to a call that made a scene, now or when it came the first time: the scene as it is.
+void bring_up_to_date(Scenes& scenes, const Session& session, v1::SceneInfo& info);
+/// The acknowledgement of an edit; `durability` "": none.
+[[nodiscard]] v1::ApplyReply apply_reply(u64 number, const Prepared& prepared,
+                                         const std::string& durability);
+/// What Watch tells of it. `sent`: the transaction, serialised.
+[[nodiscard]] SceneEvents::Event event_of(std::string_view sent, const Prepared& prepared);
+
+}  // namespace heliograph::server

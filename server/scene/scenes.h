@@ -1,0 +1,189 @@
+// The directory of scenes: names, private and shared ones, branches, and each session's edits.
+#pragma once
+
+#include <atomic>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "renderer/scene/scene.h"
+#include "server/journal/journal.h"
+#include "server/scene/changes.h"
+#include "server/session/request_log.h"
+#include "server/session/session.h"
+#include "server/store/scene_events.h"
+
+namespace heliograph::server {
+
+/// An edit of a durable scene on its way into the journal.
+struct DurableEdit {
+  Expected<Transaction> transaction;  // or why it was refused before it was applied
+  std::optional<Revision> expected;
+  journal::Record record;  // session, number, and the transaction
+  std::vector<BlobFilePtr> files;
+};
+
+/// A scene and who may see it. Thread: any.
+class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
+ public:
+  /// The call that made it.
+  struct Origin {
+    u64 session = 0;
+    std::string request_id;
+    std::string method;
+  };
+  struct Identity {
+    u64 id = 0;
+    std::string name;
+    u64 owner = 0;
+    TenantPtr tenant;
+    std::string durability;
+    Journal* journal = nullptr;
+    Origin made_by = {};
+    std::shared_ptr<SceneEvents> events = {};  // null: none so far
+  };
+  /// pool   frees old revisions
+  SceneEntry(Identity identity, Charge entities, std::shared_ptr<const Snapshot> first,
+             const SceneLimits& limits, WorkPool& pool)
+      : id(identity.id),
+        name(std::move(identity.name)),
+        owner(identity.owner),
+        tenant(std::move(identity.tenant)),
+        durability(std::move(identity.durability)),
+        journal(identity.journal),
+        made_by(std::move(identity.made_by)),
+        events(std::move(identity.events)),
+        scene(std::move(first), limits),
+        pool_(pool),
+        entities_(std::move(entities)) {}
+
+  const u64 id;
+  const std::string name;  // "": anonymous
+  const u64 owner;         // the session that a private scene dies with; 0: shared
+  const TenantPtr tenant;
+  const std::string durability;  // "": none
+  Journal* const journal;        // of a durable scene
+  const Origin made_by;
+  const std::shared_ptr<SceneEvents> events;
+  Scene scene;
+
+  /// A token of interest: while it is held, `told` is called with each new revision, from the
+  /// thread that published it; it must be quick.
+  using Watch = std::shared_ptr<const std::function<void(Revision)>>;
+  [[nodiscard]] Watch watch(std::function<void(Revision)> told);
+
+  /// Its events, which are kept from now on at the latest.
+  [[nodiscard]] std::shared_ptr<SceneEvents> watched();
+
+  /// Prepares and publishes. Sessions that edit one shared scene wait for each other here.
+  /// sent: the transaction as it came.
+  [[nodiscard]] Expected<Prepared> commit(const Transaction& transaction,
+                                          std::optional<Revision> expected,
+                                          const v1::Transaction& sent);
+  /// The same for a durable scene: journals what became of the transaction (or why it was refused
+  /// before), and publishes once that is committed. `finish` is called once, from any thread.
+  void commit(DurableEdit edit, const EditLog::Finish& finish);
+  /// Access is by tenant, not by session: forked and unpickled clients work on their parent's
+  /// scenes.
+  [[nodiscard]] bool seen_by(const Session& session) const { return session.tenant() == tenant; }
+
+ private:
+  friend class Scenes;
+  void tell(Revision revision);
+  [[nodiscard]] Expected<Prepared> prepare(const Transaction& transaction,
+                                           std::optional<Revision> expected);
+  void drop_pending(Revision first);
+  void end(const Expected<Prepared>& prepared, SceneEvents::Event event, const Status& committed);
+  void publish(const Prepared& prepared, SceneEvents::Event event);
+  void free_aside(std::vector<std::shared_ptr<const Snapshot>> forgotten);
+
+  WorkPool& pool_;
+  const std::shared_ptr<std::atomic<bool>> is_freeing_ = std::make_shared<std::atomic<bool>>(false);
+  std::mutex commit_mutex_;
+  Charge entities_;                     // guarded by commit_mutex_
+  std::atomic<bool> is_there_ = false;  // found by its id and its name
+  std::mutex mutex_;
+  std::unordered_map<u64, std::shared_ptr<EditLog>> edits_;  // by session
+  std::vector<std::weak_ptr<const std::function<void(Revision)>>> watches_;
+};
+using ScenePtr = std::shared_ptr<SceneEntry>;
+
+struct NewScene {
+  std::string name;
+  bool is_shared = false;
+  std::string durability;  // "none" or "": none
+  std::shared_ptr<const Snapshot> first;
+  std::string request_id = {};  // by which call
+  std::string method = {};
+};
+
+/// Thread: any. A name is unique among the scenes that a session sees; what it does not see is
+/// answered like what is not there.
+class Scenes {
+ public:
+  struct Options {
+    u32 limit = 4096;
+    SceneLimits scene;
+    ReplyLimits replies;
+    u32 queue = 64;  // edits of one session and scene that may wait
+    EventLimits events;
+  };
+  Scenes(WorkPool& pool, Options options) : pool_(pool), options_(options) {}
+  /// From now on scenes may be durable, and ids come after `journal`'s.
+  void use(Journal& journal);
+
+  /// A durable scene is there once it is journaled, which takes milliseconds.
+  [[nodiscard]] Expected<ScenePtr> create(NewScene scene, const Session& session);
+  /// A durable scene as it was, or one that was saved, with the edit logs of its sessions.
+  [[nodiscard]] Status restore(SceneState state, const TenantPtr& tenant);
+  /// Of a scene of this owner that is at `head`, none kept so far.
+  [[nodiscard]] std::shared_ptr<SceneEvents> make_events(const Tenant& tenant, Revision head) const;
+  [[nodiscard]] Expected<ScenePtr> find(u64 id, const Session& session) const;
+  [[nodiscard]] Expected<ScenePtr> open(const std::string& name, const Session& session) const;
+  [[nodiscard]] std::vector<ScenePtr> list(const Session& session) const;
+  /// Every tenant's.
+  [[nodiscard]] std::vector<ScenePtr> all() const;
+  [[nodiscard]] Status remove(u64 id, const Session& session);
+  /// Frees the session's private scenes and edit logs; the memory goes on the work pool.
+  void end_session(u64 session);
+  /// Frees the session's private scenes alone.
+  void free_private(u64 session);
+  [[nodiscard]] std::shared_ptr<EditLog> edits(SceneEntry& scene, u64 session);
+  /// The number this session's next edit must carry.
+  [[nodiscard]] u64 next_edit(SceneEntry& scene, u64 session) const;
+  /// What the journal keeps of these scenes.
+  [[nodiscard]] std::vector<SceneState> capture(const std::set<u64>& scenes) const;
+  /// Of scenes that are not durable, which nothing changes from now on; all that was acknowledged
+  /// is in it.
+  [[nodiscard]] std::vector<SceneState> capture_last();
+  [[nodiscard]] Changes& changes() { return changes_; }
+  /// How many of a session's replies are kept.
+  [[nodiscard]] u64 replies() const { return options_.replies.replies; }
+  [[nodiscard]] const SceneLimits& scene_limits() const { return options_.scene; }
+
+ private:
+  [[nodiscard]] ScenePtr named(const std::string& name, const Tenant& tenant) const;
+  [[nodiscard]] Expected<ScenePtr> add(SceneEntry::Identity identity,
+                                       std::shared_ptr<const Snapshot> first);
+  [[nodiscard]] Status check_durability(const NewScene& scene) const;
+  [[nodiscard]] static SceneState state_of(SceneEntry& entry);
+  void free_later(std::vector<ScenePtr> scenes);
+
+  WorkPool& pool_;
+  const Options options_;
+  Journal* journal_ = nullptr;  // set before calls come
+  Changes changes_;
+  mutable std::mutex mutex_;
+  std::map<u64, ScenePtr> scenes_;
+  u64 last_id_ = 0;
+};
+
+/// The revision asked for, or the head.
+[[nodiscard]] Expected<std::shared_ptr<const Snapshot>> snapshot_at(
+    const SceneEntry& scene, std::optional<Revision> revision);
+
+}  // namespace heliograph::server

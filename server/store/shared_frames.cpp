@@ -1,0 +1,207 @@
+// Making, leasing and taking back buffers. Called by FrameCutter, the engine and the lifelines.
+#include "server/store/shared_frames.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <bit>
+#include <vector>
+
+namespace heliograph::server {
+
+std::shared_ptr<SealedMemory> SealedMemory::create(u64 bytes) {
+  UniqueFd fd(::memfd_create("heliograph-frame", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+  if (fd.get() < 0 || ::ftruncate(fd.get(), off_t(bytes)) != 0) return nullptr;
+  void* start = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, fd.get(), 0);
+  if (start == MAP_FAILED) return nullptr;
+  std::shared_ptr<SealedMemory> made(
+      new SealedMemory(std::move(fd), {static_cast<std::byte*>(start), bytes}));
+  constexpr int kSeals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_FUTURE_WRITE | F_SEAL_SEAL;
+  return ::fcntl(made->fd(), F_ADD_SEALS, kSeals) == 0 ? std::move(made) : nullptr;
+}
+
+SealedMemory::~SealedMemory() { ::munmap(bytes_.data(), bytes_.size()); }
+
+/// The free buffer that wastes least, and at most half of itself, but for the least that there is.
+/// One that came back may still be read by the recorder.
+SharedFrames::Buffers::iterator SharedFrames::smallest_free(u64 bytes, const Source& source) {
+  const u64 most = 2 * std::max(std::bit_ceil(bytes), source->step());
+  auto best = buffers_.end();
+  for (auto it = buffers_.begin(); it != buffers_.end(); ++it) {
+    const u64 size = it->second.memory->bytes().size();
+    const bool is_free = it->second.call == 0 && it->second.memory.use_count() == 1;
+    if (!is_free || it->second.source != source || size < bytes || size > most) continue;
+    if (best == buffers_.end() || size < best->second.memory->bytes().size()) best = it;
+  }
+  return best;
+}
+
+SharedFrames::Buffers::iterator SharedFrames::make(u64 bytes, const Source& source) {
+  constexpr u64 kSteps = 8;  // sizes between two powers of two
+  const u64 step = std::max<u64>(std::bit_floor(bytes) / kSteps, source->step());
+  const u64 size = (bytes + step - 1) / step * step;
+  forget_lost_ones(source);
+  forget_free_ones(size);
+  if (bytes_ + size > limit_) return buffers_.end();
+  auto charge = Charge::take(budget_, size);
+  if (!charge) return buffers_.end();
+  source->know(weak_from_this());
+  maker_ = std::this_thread::get_id();
+  auto memory = source->make(size);
+  if (!memory && forget_free_of(*source)) memory = source->make(size);
+  maker_ = std::thread::id();
+  if (!memory || !tell_(last_buffer_ + 1, memory.get())) return buffers_.end();
+  bytes_ += size;
+  return buffers_.emplace(++last_buffer_, Buffer{source, std::move(memory), *std::move(charge)})
+      .first;
+}
+
+void SharedFrames::forget(Buffers::iterator which) {
+  bytes_ -= which->second.memory->bytes().size();
+  (void)tell_(which->first, nullptr);  // unsaid, the client maps it until its session ends
+  buffers_.erase(which);
+}
+
+/// Makes room for a new buffer, if that is what it takes.
+void SharedFrames::forget_free_ones(u64 bytes_needed) {
+  while (bytes_ + bytes_needed > limit_) {
+    const auto unused = std::ranges::find_if(buffers_, [](auto& b) { return b.second.call == 0; });
+    if (unused == buffers_.end()) return;
+    forget(unused);
+  }
+}
+
+bool SharedFrames::let_go(const SharedMemorySource& source) {
+  if (maker_ == std::this_thread::get_id()) return false;  // it does so itself
+  const std::unique_lock lock(mutex_, std::try_to_lock);
+  return lock && forget_free_of(source);
+}
+
+/// Makes room where the memory is. Returns whether any was free.
+bool SharedFrames::forget_free_of(const SharedMemorySource& source) {
+  const std::size_t before = buffers_.size();
+  for (auto it = buffers_.begin(); it != buffers_.end();) {
+    const auto here = it++;
+    if (here->second.call == 0 && here->second.source.get() == &source) forget(here);
+  }
+  return buffers_.size() < before;
+}
+
+/// Those of a device that another one has replaced are of no use.
+void SharedFrames::forget_lost_ones(const Source& source) {
+  if (!source->device()) return;
+  for (auto it = buffers_.begin(); it != buffers_.end();) {
+    const auto here = it++;
+    const Buffer& buffer = here->second;
+    if (buffer.call == 0 && buffer.source->device() && buffer.source != source) forget(here);
+  }
+}
+
+u64 SharedFrames::new_call() {
+  const std::lock_guard lock(mutex_);
+  return ++last_call_;
+}
+
+std::optional<Lease> SharedFrames::lease(u64 bytes, u64 call, Source source) {
+  if (!source) source = host_;
+  const std::lock_guard lock(mutex_);
+  auto found = smallest_free(bytes, source);
+  if (found == buffers_.end()) found = make(bytes, source);
+  if (found == buffers_.end()) return std::nullopt;
+  Buffer& buffer = found->second;
+  buffer.call = call;
+  buffer.generation = ++last_generation_;
+  return Lease{found->first, buffer.generation, buffer.memory};
+}
+
+void SharedFrames::give_back(u64 buffer, u64 generation) {
+  const std::lock_guard lock(mutex_);
+  const auto found = buffers_.find(buffer);
+  if (found != buffers_.end() && found->second.generation == generation) found->second.call = 0;
+}
+
+void SharedFrames::give_up(u64 buffer) {
+  const std::lock_guard lock(mutex_);
+  const auto found = buffers_.find(buffer);
+  if (found != buffers_.end() && found->second.call != 0) forget(found);
+}
+
+Expected<std::shared_ptr<const LentMemory>> SharedFrames::lent(const v1::BufferRef& ref) const {
+  std::shared_ptr<const LentMemory> memory;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto found = buffers_.find(ref.buffer());
+    if (found != buffers_.end() && found->second.call != 0 &&
+        found->second.generation == ref.generation())
+      memory = std::dynamic_pointer_cast<const LentMemory>(found->second.memory);
+  }
+  if (!memory)
+    return fail(Code::kNotFound, "buffer.generation",
+                fmt::format("this session holds no use {} of a buffer {}; borrow one with "
+                            "LendBuffer",
+                            ref.generation(), ref.buffer()));
+  const u64 bytes = memory->bytes().size();
+  if (ref.offset() > bytes || ref.size() > bytes - ref.offset())
+    return fail(Code::kInvalidArgument, "buffer.size",
+                fmt::format("{} bytes from {} do not lie within the buffer's {}", ref.size(),
+                            ref.offset(), bytes));
+  return memory;
+}
+
+Status SharedFrames::read(const v1::BufferRef& ref, const TakePiece& take) const {
+  const auto memory = lent(ref);
+  if (!memory) return std::unexpected(memory.error());
+  return (*memory)->read(ref.offset(), ref.size(), take);
+}
+
+Expected<BufferPtr> SharedFrames::take(const v1::BufferRef& ref, Numbers kind) const {
+  const auto memory = lent(ref);
+  if (!memory) return std::unexpected(memory.error());
+  struct Counted {
+    Charge charge;
+    BufferPtr bytes;
+  };
+  auto charge = Charge::take(budget_, kind == Numbers::kFloats ? ref.size() : 0);
+  if (!charge) return std::unexpected(std::move(charge).error());
+  auto taken = (*memory)->take(ref.offset(), ref.size(), kind);
+  if (!taken || !*taken) return taken;
+  const auto bytes = (*taken)->bytes();
+  const auto pooled = heliograph::Buffer::Kind::kPooled;
+  auto counted = std::make_shared<Counted>(*std::move(charge), *std::move(taken));
+  return std::make_shared<const heliograph::Buffer>(std::move(counted), bytes, pooled);
+}
+
+Expected<BufferPtr> SharedFrames::copy(const v1::BufferRef& ref) const {
+  const auto memory = lent(ref);
+  if (!memory) return std::unexpected(memory.error());
+  struct Copy {
+    Charge charge;
+    std::unique_ptr<std::byte[]> bytes;
+  };
+  auto charge = Charge::take(budget_, ref.size());
+  if (!charge) return std::unexpected(std::move(charge).error());
+  auto copy = std::make_shared<Copy>(*std::move(charge),
+                                     std::make_unique_for_overwrite<std::byte[]>(ref.size()));
+  std::byte* to = copy->bytes.get();
+  HELIO_TRY((*memory)->read(ref.offset(), ref.size(),
+                            [to](u64 begin, auto piece) { std::ranges::copy(piece, to + begin); }));
+  return std::make_shared<const heliograph::Buffer>(std::move(copy), std::span(to, ref.size()));
+}
+
+void SharedFrames::abandon(u64 call) {
+  const std::lock_guard lock(mutex_);
+  for (auto it = buffers_.begin(); it != buffers_.end();) {
+    const auto here = it++;
+    if (here->second.call == call) forget(here);
+  }
+}
+
+std::pair<u64, u32> SharedFrames::used() const {
+  const std::lock_guard lock(mutex_);
+  return {bytes_, u32(std::ranges::count_if(buffers_, [](auto& b) { return b.second.call != 0; }))};
+}
+
+}  // namespace heliograph::server
