@@ -1,6 +1,8 @@
-"""One task's share of a data set of dice; make.sh runs it in a SLURM array.
+"""One task's share of a data set of dice: make.sh runs it in a SLURM array, and
+deploy/kubernetes/dataset in an indexed Job.
 
-usage: make.py OUT_DIR COUNT [--task N --tasks N] [--threads N] [--size W H] [--spp N]
+usage: make.py OUT_DIR COUNT [--task N --tasks N] [--threads N | --address ADDRESS] [--size W H]
+               [--spp N]
 """
 
 import argparse
@@ -45,13 +47,17 @@ def main() -> None:
     parser.add_argument("count", type=int)
     parser.add_argument("--task", type=int, default=0)
     parser.add_argument("--tasks", type=int, default=1)
-    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--threads", type=int, default=1, help="of a daemon of its own")
+    parser.add_argument("--address", help="of a daemon that runs")
     parser.add_argument("--size", type=int, nargs=2, default=(640, 480))
     parser.add_argument("--spp", type=int, default=64)
     options = parser.parse_args()
     start = time.monotonic()
-    arguments = ["--threads", str(options.threads)]
-    with hg.connect(arguments=arguments) as client, client.create_scene() as scene:
+    arguments = [] if options.address else ["--threads", str(options.threads)]
+    with (
+        hg.connect(options.address, arguments=arguments) as client,
+        client.create_scene() as scene,
+    ):
         build(scene, options.size)
         done = hd.generate(
             scene,

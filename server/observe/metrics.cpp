@@ -38,9 +38,9 @@ constexpr std::array<std::string_view, 17> kCodes = {
     "UNAUTHENTICATED",
 };
 
-/// Seconds: 1 ms to 5 min.
-const Histogram::BucketBoundaries kSeconds = {0.001, 0.003, 0.01, 0.03, 0.1, 0.3,
-                                              1,     3,     10,   30,   100, 300};
+/// Seconds: 10 us, less than an edit takes, to 5 min.
+const Histogram::BucketBoundaries kSeconds = {1e-5, 3e-5, 1e-4, 3e-4, 0.001, 0.003, 0.01, 0.03,
+                                              0.1,  0.3,  1,    3,    10,    30,    100,  300};
 
 Family<Counter>& counter(Registry& registry, const std::string& name, const std::string& help) {
   return prometheus::BuildCounter().Name("heliograph_" + name).Help(help).Register(registry);

@@ -2,17 +2,24 @@
 locked in, package lists that are those of scripts/setup. deploy/build_image runs the images."""
 
 import configparser
+import json
 import os
 import pathlib
 import re
 import shutil
 import subprocess
+import sys
 import tomllib
+import urllib.request
 
+import heliograph as hg
 import pytest
 import yaml
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests/fault"))
+from served import served  # noqa: E402
+
 DEPLOY = ROOT / "deploy"
 DAEMON = pathlib.Path(os.environ.get("HELIOGRAPHD", ROOT / "build/cpu/bin/heliographd"))
 VENV = ROOT / ".venv/bin"
@@ -173,13 +180,13 @@ def test_composed_services_share_a_socket_and_nothing_else():
     assert services["heliographd"]["stop_grace_period"] == "35s"
 
 
-def check_pod(spec: dict) -> None:
+def check_pod(spec: dict, claims: set[str] = frozenset()) -> None:
     assert spec["automountServiceAccountToken"] is False
     assert spec["securityContext"]["runAsNonRoot"] is True
     assert spec["securityContext"]["seccompProfile"] == {"type": "RuntimeDefault"}
     assert spec["terminationGracePeriodSeconds"] >= 30
-    volumes = {volume["name"] for volume in spec["volumes"]}
-    for container in spec["initContainers"] + spec["containers"]:
+    volumes = {volume["name"] for volume in spec["volumes"]} | claims
+    for container in spec.get("initContainers", []) + spec["containers"]:
         context = container["securityContext"]
         assert context["runAsUser"] > 10000
         assert context["allowPrivilegeEscalation"] is False
@@ -192,7 +199,8 @@ def check_pod(spec: dict) -> None:
 def test_the_pod_is_locked_in():
     base = DEPLOY / "kubernetes/base"
     listed = yaml.safe_load((base / "kustomization.yaml").read_text())["resources"]
-    assert {path.name for path in base.glob("*.yaml")} == {*listed, "kustomization.yaml"}
+    own = {name for name in listed if not name.startswith("../")}
+    assert {path.name for path in base.glob("*.yaml")} == {*own, "kustomization.yaml"}
     deployment = yaml.safe_load((base / "worker.yaml").read_text())
     check_pod(deployment["spec"]["template"]["spec"])
     daemon = deployment["spec"]["template"]["spec"]["initContainers"][0]
@@ -200,41 +208,99 @@ def test_the_pod_is_locked_in():
     assert daemon["livenessProbe"]["exec"]["command"][-1] == "live"
 
 
-@pytest.mark.skipif(shutil.which("kubectl") is None, reason="no kubectl here")
-@pytest.mark.parametrize(
-    ("overlay", "image"), [("base", "heliograph:cpu"), ("gpu", "heliograph:cuda")]
-)
-def test_overlays_build(overlay, image, tmp_path):
+OVERLAYS = {
+    "base": {"Deployment", "PodDisruptionBudget"},
+    "gpu": {"Deployment", "PodDisruptionBudget"},
+    "shared": {"StatefulSet", "PodDisruptionBudget", "Service"},
+    "dataset": {"Job"},
+}
+
+
+def build(folder: pathlib.Path) -> list[dict]:
     built = subprocess.run(
-        ["kubectl", "kustomize", DEPLOY / "kubernetes" / overlay],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=True,
+        ["kubectl", "kustomize", folder], capture_output=True, text=True, timeout=60, check=True
     )
+    return list(yaml.safe_load_all(built.stdout))
+
+
+@pytest.mark.skipif(shutil.which("kubectl") is None, reason="no kubectl here")
+@pytest.mark.parametrize("overlay", OVERLAYS)
+def test_overlays_build(overlay, tmp_path):
+    built = build(DEPLOY / "kubernetes" / overlay)
     path = tmp_path / "objects.yaml"
-    path.write_text(built.stdout)
+    path.write_text(yaml.safe_dump_all(built))
     valid = subprocess.run(
         [VENV / "kubernetes-validate", "--strict", path], capture_output=True, text=True, timeout=60
     )
     assert valid.returncode == 0, valid.stdout + valid.stderr
-    objects = {each["kind"]: each for each in yaml.safe_load_all(built.stdout)}
-    assert set(objects) == {
-        "Namespace",
-        "ConfigMap",
-        "Deployment",
-        "NetworkPolicy",
-        "PodDisruptionBudget",
-    }
-    deployment = objects["Deployment"]
-    pod = deployment["spec"]["template"]
-    for kind in ("NetworkPolicy", "PodDisruptionBudget"):
+    objects = {each["kind"]: each for each in built}
+    assert set(objects) == {"Namespace", "ConfigMap", "NetworkPolicy", *OVERLAYS[overlay]}
+    (workload,) = (
+        objects[kind] for kind in ("Deployment", "StatefulSet", "Job") if kind in objects
+    )
+    pod = workload["spec"]["template"]
+    for kind in {"NetworkPolicy", "PodDisruptionBudget", "Service"} & set(objects):
         spec = objects[kind]["spec"]
-        labels = spec.get("podSelector", spec.get("selector"))["matchLabels"]
-        assert labels.items() <= pod["metadata"]["labels"].items()
-    check_pod(pod["spec"])
-    daemon = pod["spec"]["initContainers"][0]
-    assert daemon["image"] == image
+        labels = spec.get("podSelector", spec["selector"] if "selector" in spec else None)
+        assert labels.get("matchLabels", labels).items() <= pod["metadata"]["labels"].items()
+    claims = workload["spec"].get("volumeClaimTemplates", [])
+    check_pod(pod["spec"], {claim["metadata"]["name"] for claim in claims})
+    daemon = (pod["spec"].get("initContainers", []) + pod["spec"]["containers"])[0]
+    assert daemon["image"] == ("heliograph:cuda" if overlay == "gpu" else "heliograph:cpu")
     assert ("nvidia.com/gpu" in daemon["resources"]["limits"]) == (overlay == "gpu")
     settings = next(v for v in pod["spec"]["volumes"] if v["name"] == "settings")
     assert settings["configMap"]["name"] == objects["ConfigMap"]["metadata"]["name"]
+
+
+def test_the_job_makes_every_share_once():
+    job = yaml.safe_load((DEPLOY / "kubernetes/dataset/job.yaml").read_text())["spec"]
+    arguments = job["template"]["spec"]["containers"][0]["args"]
+    assert job["completionMode"] == "Indexed" and "--task=$(JOB_COMPLETION_INDEX)" in arguments
+    assert f"--tasks={job['completions']}" in arguments
+    script = (ROOT / "examples/slurm/make.py").read_text()
+    flags = {argument.partition("=")[0] for argument in arguments if argument.startswith("--")}
+    assert all(f'"{flag}"' in script for flag in flags)
+
+
+@pytest.mark.skipif(shutil.which("kubectl") is None, reason="no kubectl here")
+def test_monitoring_looks_at_pods_that_are_there(tmp_path):
+    """As a component of each overlay: the monitor finds a port that pods have."""
+    shutil.copytree(DEPLOY / "kubernetes", tmp_path / "kubernetes")
+    for overlay in ("base", "shared"):
+        path = tmp_path / "kubernetes" / overlay / "kustomization.yaml"
+        path.write_text(path.read_text() + "components: [../monitoring]\n")
+        objects = {each["kind"]: each for each in build(path.parent)}
+        (port,) = (each["port"] for each in objects["PodMonitor"]["spec"]["podMetricsEndpoints"])
+        workload = objects["StatefulSet" if overlay == "shared" else "Deployment"]["spec"]
+        pod = workload["template"]
+        containers = pod["spec"].get("initContainers", []) + pod["spec"]["containers"]
+        assert port in {each["name"] for c in containers for each in c.get("ports", [])}
+        wanted = objects["PodMonitor"]["spec"]["selector"]["matchLabels"]
+        assert wanted.items() <= pod["metadata"]["labels"].items()
+
+
+def expressions() -> list[str]:
+    """All that alerts and panels ask Prometheus."""
+    monitoring = DEPLOY / "kubernetes/monitoring"
+    (group,) = yaml.safe_load((monitoring / "alerts.yaml").read_text())["spec"]["groups"]
+    panels = json.loads((monitoring / "dashboard.json").read_text())["panels"]
+    rules = [rule["expr"] for rule in group["rules"]]
+    return rules + [target["expr"] for panel in panels for target in panel["targets"]]
+
+
+def test_alerts_and_panels_ask_for_metrics_that_are_there(tmp_path):
+    """Their names are those of a daemon that has rendered and decoded."""
+    with (
+        served("--metrics", "127.0.0.1:0", "--state-dir", str(tmp_path / "state")) as daemon,
+        hg.connect(daemon.socket) as client,
+        client.create_scene() as scene,
+    ):
+        with scene.edit() as edit:
+            lens = hg.Camera.from_fov(50, 8, 8, degrees=True)
+            edit.entity("cam", camera=lens, transform=hg.Pose((0, 0, 1)))
+        scene.render("cam", planes=["depth"])
+        with urllib.request.urlopen(f"http://{daemon.metrics}/metrics", timeout=5) as reply:
+            served_names = set(re.findall(r"^(\w+)[ {]", reply.read().decode(), re.M))
+    asked = set(re.findall(r"\b(?:heliograph|process)_\w+", " ".join(expressions())))
+    gpu_only = {name for name in asked if name.startswith("heliograph_device_memory")}
+    assert len(asked) > 15 and asked - gpu_only <= served_names, asked - served_names
