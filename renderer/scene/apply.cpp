@@ -52,7 +52,7 @@ Expected<Id> remove_target(Draft& draft, const Edit& edit, const Remove& action)
 Expected<std::string> created_name(const Draft& draft, const Edit& edit) {
   if (edit.mode == Mode::kUpdate)
     return fail(Code::kInvalidArgument, "mode", "this creates objects; UPDATE changes them");
-  return new_name(draft, edit);
+  return new_name(draft, edit, Kind::kEntity);
 }
 
 Expected<Id> instantiate_target(Draft& draft, const Edit& edit, const Instantiate& action) {

@@ -5,6 +5,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -26,7 +27,12 @@ struct Draft {
   [[nodiscard]] u32 edit() const { return u32(created.size()); }  // number of the present one
 };
 
-[[nodiscard]] std::string_view kind_name(Kind kind);
+/// Of a shared object.
+template <class T>
+inline constexpr Kind kKindOf = std::is_same_v<T, Mesh>       ? Kind::kMesh
+                                : std::is_same_v<T, Material> ? Kind::kMaterial
+                                : std::is_same_v<T, Texture>  ? Kind::kTexture
+                                                              : Kind::kVolume;
 /// "mesh 'chair'", or its kind and id when it has no name.
 [[nodiscard]] std::string describe_object(const Snapshot& snapshot, Id id);
 
@@ -40,7 +46,8 @@ class Scope {
       : scene_(scene), created_(created), names_(names) {}
 
   /// The object that `ref` names, null for nothing. NOT_FOUND, INVALID_ARGUMENT; no `where`.
-  [[nodiscard]] Expected<Id> resolve(const Ref& ref) const;
+  /// kind: of an object that is named; kNone: any.
+  [[nodiscard]] Expected<Id> resolve(const Ref& ref, Kind kind = Kind::kNone) const;
   /// The same, and it has to be of kind K or nothing. `where` is `field`.
   template <Kind K>
   [[nodiscard]] Status bind(const Ref& ref, std::string_view field, TypedId<K>& out) const {
@@ -64,9 +71,10 @@ struct Target {
 };
 /// Finds an edit's target among objects of `kind`, by the rules of its mode.
 [[nodiscard]] Expected<Target> find_target(const Draft& draft, const Edit& edit, Kind kind);
-/// The name a creating edit gives, "" for none; fails when it is taken or not a name.
-[[nodiscard]] Expected<std::string> new_name(const Draft& draft, const Edit& edit);
-/// `name`, or the first of "name~2", "name~3"... that is free.
+/// The name a creating edit gives, "" for none; fails when it is taken among objects of `kind`, or
+/// not a name.
+[[nodiscard]] Expected<std::string> new_name(const Draft& draft, const Edit& edit, Kind kind);
+/// `name`, or the first of "name~2", "name~3"... that no object of any kind has.
 [[nodiscard]] std::string free_name(const Draft& draft, const std::string& name);
 
 // Keep uses, children, labels and the count of keyed entities true when a row changes. A row that

@@ -1,14 +1,23 @@
 // Object ids: 64 bits of kind, version and index. A stale id is never another object.
 #pragma once
 
+#include <array>
 #include <compare>
 #include <functional>
+#include <string_view>
 
 #include "renderer/base/types.h"
 
 namespace heliograph {
 
 enum class Kind : u8 { kNone, kEntity, kMesh, kMaterial, kTexture, kVolume };
+
+/// "unknown": of an id that somebody made up.
+constexpr std::string_view kind_name(Kind kind) {
+  constexpr std::array<std::string_view, 6> kNames{"nothing",  "entity",  "mesh",
+                                                   "material", "texture", "volume"};
+  return std::size_t(kind) < kNames.size() ? kNames[std::size_t(kind)] : "unknown";
+}
 
 /// Any object: kind (8 bits), version (24 bits), index (32 bits). 0 is nothing.
 struct Id {

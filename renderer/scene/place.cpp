@@ -31,7 +31,7 @@ Status place(Draft& draft, const Scope& scope, const std::string& name, const In
     const Edit named{.mode = Mode::kCreate,
                      .target = name.empty() ? Ref() : Ref(instance_name(name, k)),
                      .action = {}};
-    auto fresh = new_name(draft, named);
+    auto fresh = new_name(draft, named, Kind::kEntity);
     if (!fresh) return std::unexpected(std::move(fresh).error());
     EntityId id;
     if (k == 0) {

@@ -19,14 +19,10 @@ Id store(Draft& draft, Table<Shared<T>>& table, const Target& target,
     row.value = std::move(value);
     return target.id;
   }
-  constexpr Kind kind = std::is_same_v<T, Mesh>       ? Kind::kMesh
-                        : std::is_same_v<T, Material> ? Kind::kMaterial
-                        : std::is_same_v<T, Texture>  ? Kind::kTexture
-                                                      : Kind::kVolume;
   Shared<T> row{.name = nullptr, .value = std::move(value), .uses = 0};
   if (!target.name.empty()) row.name = std::make_shared<const std::string>(target.name);
   const u32 index = table.insert(std::move(row));
-  const Id id = Id::make(kind, table.version(index), index);
+  const Id id = Id::make(kKindOf<T>, table.version(index), index);
   if (!target.name.empty()) draft.next.names.set(target.name, id);
   return id;
 }

@@ -5,24 +5,6 @@
 
 namespace heliograph {
 
-std::string_view kind_name(Kind kind) {
-  switch (kind) {
-    case Kind::kNone:
-      return "nothing";
-    case Kind::kEntity:
-      return "entity";
-    case Kind::kMesh:
-      return "mesh";
-    case Kind::kMaterial:
-      return "material";
-    case Kind::kTexture:
-      return "texture";
-    case Kind::kVolume:
-      return "volume";
-  }
-  return "unknown";
-}
-
 std::string describe_object(const Snapshot& snapshot, Id id) {
   const std::string name = snapshot.name_of(id);
   return name.empty() ? fmt::format("{} {}", kind_name(id.kind()), id.value)
@@ -51,10 +33,10 @@ std::unexpected<Error> stale(Id id) {
 
 }  // namespace
 
-Expected<Id> Scope::resolve(const Ref& ref) const {
+Expected<Id> Scope::resolve(const Ref& ref, Kind kind) const {
   Expected<Id> id;
   if (const auto* by_id = std::get_if<Id>(&ref)) id = *by_id;
-  if (const auto* name = std::get_if<std::string>(&ref)) id = scene_.find(*name);
+  if (const auto* name = std::get_if<std::string>(&ref)) id = scene_.find(*name, kind);
   if (const auto* by_edit = std::get_if<CreatedByEdit>(&ref))
     id = created_by(created_, by_edit->edit);
   if (!id || !*id) return id;
@@ -65,7 +47,7 @@ Expected<Id> Scope::resolve(const Ref& ref) const {
 }
 
 Expected<Id> Scope::resolve_kind(const Ref& ref, Kind kind) const {
-  auto id = resolve(ref);
+  auto id = resolve(ref, kind);
   if (id && *id && id->kind() != kind)
     return fail(
         Code::kInvalidArgument, "",
@@ -79,14 +61,14 @@ Expected<Target> find_target(const Draft& draft, const Edit& edit, Kind kind) {
     if (edit.mode != Mode::kUpdate) return Target{};
     return fail(Code::kInvalidArgument, "target", "mode UPDATE needs a target");
   }
-  if (name && (edit.mode == Mode::kCreate || !draft.next.names.find(*name))) {
+  if (name && (edit.mode == Mode::kCreate || !draft.next.names.find(*name, kind))) {
     if (edit.mode != Mode::kUpdate) {
-      auto fresh = new_name(draft, edit);
+      auto fresh = new_name(draft, edit, kind);
       if (!fresh) return std::unexpected(std::move(fresh).error());
       return Target{.id = {}, .name = std::move(*fresh)};
     }
   }
-  auto id = Scope(draft.next, draft.created).resolve(edit.target);
+  auto id = Scope(draft.next, draft.created).resolve(edit.target, kind);
   if (!id) return std::unexpected(std::move(id).error().at("target"));
   if (!*id)
     return fail(Code::kInvalidArgument, "target",
@@ -100,7 +82,7 @@ Expected<Target> find_target(const Draft& draft, const Edit& edit, Kind kind) {
   return Target{.id = *id, .name = {}};
 }
 
-Expected<std::string> new_name(const Draft& draft, const Edit& edit) {
+Expected<std::string> new_name(const Draft& draft, const Edit& edit, Kind kind) {
   if (std::holds_alternative<std::monostate>(edit.target)) return std::string();
   const auto* name = std::get_if<std::string>(&edit.target);
   if (!name)
@@ -112,7 +94,7 @@ Expected<std::string> new_name(const Draft& draft, const Edit& edit) {
     return fail(
         Code::kInvalidArgument, "target",
         fmt::format("a name of {} bytes; name it in at most {}", name->size(), kMostNameBytes));
-  if (const Id* id = draft.next.names.find(*name))
+  if (const Id* id = draft.next.names.find(*name, kind))
     return fail(Code::kAlreadyExists, "target",
                 fmt::format("{} already exists", describe_object(draft.next, *id)));
   return *name;

@@ -129,7 +129,7 @@ std::vector<u32> subtree(const Snapshot& scene, EntityId root) {
 void erase_entity(Draft& draft, EntityId id) {
   store(draft, id, Entity{.name = draft.next.find(id)->name});
   set_pose(draft, id, mat4x3(1));
-  if (const auto& name = draft.next.find(id)->name) draft.next.names.erase(*name);
+  if (const auto& name = draft.next.find(id)->name) draft.next.names.erase(*name, Kind::kEntity);
   draft.next.entities.erase(id.index());
 }
 
@@ -158,7 +158,7 @@ void erase_shared(Draft& draft, Table<Shared<T>>& table, u32 index) {
   const Shared<T> row = table.at(index);
   if constexpr (std::is_same_v<T, Material>) count(draft, *row.value, Material{});
   draft.next.array_bound -= bytes_of(*row.value);
-  if (row.name) draft.next.names.erase(*row.name);
+  if (row.name) draft.next.names.erase(*row.name, kKindOf<T>);
   table.erase(index);
 }
 

@@ -44,6 +44,8 @@ std::vector<std::string> nearest_names(const Snapshot& snapshot, std::string_vie
   std::size_t compared = 0;
   snapshot.names.for_each([&](const std::string& candidate, Id) {
     if ((compared += name.size() * candidate.size()) > kMostCompared) return;
+    if (std::ranges::any_of(found, [&](const auto& entry) { return entry.second == candidate; }))
+      return;  // of another kind
     const bool full = found.size() == kNearest;
     const std::size_t bar = full ? found.back().first : limit;
     const std::size_t distance = edit_distance(name, candidate, bar, row);
@@ -100,8 +102,13 @@ std::string Snapshot::name_of(Id id) const {
   return {};
 }
 
-Expected<Id> Snapshot::find(std::string_view name) const {
-  if (const Id* id = names.find(std::string(name))) return *id;
+Expected<Id> Snapshot::find(std::string_view name, Kind kind) const {
+  const std::string key(name);
+  if (const Id* id = names.find(key, kind)) return *id;
+  if (const Id* other = names.find(key))
+    return fail(Code::kInvalidArgument, "",
+                fmt::format("{} '{}' is not of the kind {}", kind_name(other->kind()), name,
+                            kind_name(kind)));
   Error error{.code = Code::kNotFound,
               .message = fmt::format("nothing in the scene is named '{}'", name),
               .where = {}};

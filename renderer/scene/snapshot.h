@@ -9,6 +9,7 @@
 
 #include "renderer/base/error.h"
 #include "renderer/scene/components.h"
+#include "renderer/scene/names.h"
 #include "renderer/scene/persistent_map.h"
 #include "renderer/scene/table.h"
 
@@ -31,7 +32,7 @@ struct Snapshot {
   Table<Shared<Volume>> volumes;
   std::shared_ptr<const Dome> dome;  // null: none
 
-  PersistentMap<std::string, Id> names;
+  Names names;
   PersistentMap<u32, u32> labels;  // value -> how many entities say it themselves
   u32 next_label = 1;
   std::shared_ptr<const std::vector<std::string>> categories;  // class id - 1 -> name; may be null
@@ -67,8 +68,9 @@ struct Snapshot {
     return EntityId::make(entities.version(index), index);
   }
 
-  /// The object of that name; NOT_FOUND lists the nearest names.
-  [[nodiscard]] Expected<Id> find(std::string_view name) const;
+  /// The object of that name and kind, or of any kind, entities first. NOT_FOUND lists the nearest
+  /// names; INVALID_ARGUMENT when objects of other kinds alone have it.
+  [[nodiscard]] Expected<Id> find(std::string_view name, Kind kind = Kind::kNone) const;
   /// Its name, or "" when it has none or is not alive.
   [[nodiscard]] std::string name_of(Id id) const;
 };

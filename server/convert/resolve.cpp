@@ -6,24 +6,16 @@
 #include "server/convert/fields.h"
 
 namespace heliograph::server {
-namespace {
-
-constexpr std::array<std::string_view, 6> kKinds{"nothing",  "entity",  "mesh",
-                                                 "material", "texture", "volume"};
-
-}  // namespace
-
 std::string object_text(Id id, const Snapshot& snapshot) {
-  const auto kind = std::min(std::size_t(id.kind()), kKinds.size() - 1);
   const std::string name = snapshot.name_of(id);
-  return name.empty() ? fmt::format("{} {}", kKinds[kind], id.value)
-                      : fmt::format("{} '{}'", kKinds[kind], name);
+  return name.empty() ? fmt::format("{} {}", kind_name(id.kind()), id.value)
+                      : fmt::format("{} '{}'", kind_name(id.kind()), name);
 }
 
-Expected<Id> resolve(const v1::Ref& message, const Snapshot& snapshot) {
+Expected<Id> resolve(const v1::Ref& message, const Snapshot& snapshot, Kind kind) {
   auto ref = to_ref(message);
   if (!ref) return std::unexpected(std::move(ref).error());
-  if (const auto* name = std::get_if<std::string>(&*ref)) return snapshot.find(*name);
+  if (const auto* name = std::get_if<std::string>(&*ref)) return snapshot.find(*name, kind);
   if (std::holds_alternative<CreatedByEdit>(*ref))
     return fail(Code::kInvalidArgument, "created_by_edit",
                 "has a meaning only within a transaction; give the object's id or name");
@@ -37,7 +29,7 @@ Expected<Id> resolve(const v1::Ref& message, const Snapshot& snapshot) {
 }
 
 Expected<EntityId> resolve_entity(const v1::Ref& ref, const Snapshot& snapshot) {
-  auto id = resolve(ref, snapshot);
+  auto id = resolve(ref, snapshot, Kind::kEntity);
   if (!id) return std::unexpected(std::move(id).error());
   if (id->kind() == Kind::kEntity) return EntityId(*id);
   return fail(Code::kInvalidArgument, "",

@@ -7,9 +7,11 @@
 
 namespace heliograph::server {
 
-/// The live object that a Ref names. NOT_FOUND with the nearest names; INVALID_ARGUMENT for nothing
-/// and for created_by_edit, which has no meaning outside a transaction.
-[[nodiscard]] Expected<Id> resolve(const v1::Ref& ref, const Snapshot& snapshot);
+/// The live object that a Ref names; kNone: a name may be of any kind, entities first. NOT_FOUND
+/// with the nearest names; INVALID_ARGUMENT for nothing and for created_by_edit, which has no
+/// meaning outside a transaction.
+[[nodiscard]] Expected<Id> resolve(const v1::Ref& ref, const Snapshot& snapshot,
+                                   Kind kind = Kind::kNone);
 /// The same; INVALID_ARGUMENT unless it is an entity.
 [[nodiscard]] Expected<EntityId> resolve_entity(const v1::Ref& ref, const Snapshot& snapshot);
 /// The same; INVALID_ARGUMENT unless the entity has a camera.

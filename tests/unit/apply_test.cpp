@@ -46,7 +46,6 @@ TEST_CASE("apply: modes") {
   CHECK(scene.pose("a") == at(4));
   CHECK(scene.refuses({named("a", placed(5), Mode::kCreate)}).code == Code::kAlreadyExists);
   CHECK(scene.refuses({on(id, placed(5), Mode::kCreate)}).code == Code::kAlreadyExists);
-  CHECK(scene.refuses({named("a", PutMaterial{}, Mode::kCreate)}).code == Code::kAlreadyExists);
   CHECK(scene.refuses({named("b", placed(5), Mode::kUpdate)}).code == Code::kNotFound);
   CHECK(scene.refuses({{.mode = Mode::kUpdate, .target = {}, .action = placed(1)}}).code ==
         Code::kInvalidArgument);
@@ -54,14 +53,36 @@ TEST_CASE("apply: modes") {
   CHECK(scene.refuses({on(Id{}, placed(1))}).where == "edits[0].target");
 }
 
-TEST_CASE("apply: names are unique over all kinds") {
+TEST_CASE("apply: names are unique per kind") {
   Stage scene;
-  scene({named("x", PutEntity{})});
-  for (const Action& action :
-       {Action(triangle()), Action(PutMaterial{}), Action(texture()), Action(volume())}) {
-    const Error error = scene.refuses({named("x", action)});
+  const std::vector<Action> actions{triangle(), PutMaterial{}, texture(), volume(), PutEntity{}};
+  std::vector<Id> ids;
+  for (const Action& action : actions) {
+    ids.push_back(scene({named("ball", action)})[0]);
+    CHECK(scene.refuses({named("ball", action, Mode::kCreate)}).code == Code::kAlreadyExists);
+  }
+  CHECK(scene.now->names.size() == actions.size());
+  for (const Id id : ids) CHECK(scene.now->find("ball", id.kind()) == id);
+
+  SECTION("a field takes the object of its kind") {
+    PutEntity entity;
+    entity.mesh = Ref("ball");
+    scene({named("other", entity)});
+    CHECK(scene.now->find(EntityId(*scene.now->find("other")))->mesh == ids[0]);
+  }
+  SECTION("where any kind will do, entities go first") {
+    CHECK(scene.now->find("ball") == ids.back());
+    scene({named("ball", Remove{})});
+    CHECK(scene.now->find("ball") == ids.front());
+    CHECK_FALSE(scene.now->find("ball", Kind::kEntity));
+  }
+  SECTION("a name that objects of other kinds alone have says so") {
+    scene({named("rock", triangle())});
+    const Error error = scene.refuses({named("a", beneath("rock"))});
     CHECK(error.code == Code::kInvalidArgument);
-    CHECK(error.where == "edits[0].target");
+    CHECK(error.message == "mesh 'rock' is not of the kind entity");
+    CHECK(scene.refuses({named("rock", PutEntity{}, Mode::kUpdate)}).code ==
+          Code::kInvalidArgument);
   }
 }
 

@@ -217,7 +217,7 @@ void check_entity(const Snapshot& scene, const Model& model, const std::string& 
 template <class T>
 void check_uses(const Snapshot& scene, const Table<Shared<T>>& table, const Model& model) {
   table.for_each([&](u32, const Shared<T>& row) {
-    REQUIRE(scene.names.find(*row.name));
+    REQUIRE(scene.names.find(*row.name, Kind::kNone));
     REQUIRE(row.uses == model.uses(*row.name));
   });
 }

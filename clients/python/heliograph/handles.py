@@ -41,7 +41,7 @@ class Handle:
     def id(self) -> int:
         """Its 64-bit id."""
         if not self._id:
-            self._id = self.scene.resolve(self._name_or_refuse())
+            self._id = self.scene.resolve(self._name_or_refuse(), self.kind)
         return self._id
 
     @property
@@ -63,7 +63,9 @@ class Handle:
             return types.Ref(name=self.name) if by_name else types.Ref(created_by_edit=self._index)
         if self._id:
             return types.Ref(id=self._id)
-        return types.Ref(name=self._name_or_refuse())
+        if type(self) in (Handle, Entity):
+            return types.Ref(name=self._name_or_refuse())
+        return types.Ref(id=self.id)  # an entity may have that name, too
 
     def _read(self, *fields: str) -> list[Any]:
         return self.scene.read([self], list(fields))[0]
@@ -77,7 +79,7 @@ class Handle:
             return NotImplemented if not isinstance(other, Handle) else False
         if self._id and other._id:
             return self._id == other._id
-        return bool(self.name) and self.name == other.name
+        return bool(self.name) and self.name == other.name and self.kind == other.kind
 
     def __hash__(self) -> int:
         return hash((self.scene.id, self.name or self._id))

@@ -227,12 +227,17 @@ class Scene:
     def __contains__(self, name: str) -> bool:
         return any(o.name == name for o in self._objects(_escaped(name)))
 
-    def resolve(self, name: str) -> int:
-        """The id of a name."""
-        for found in self._objects(_escaped(name)):
-            if found.name == name:
-                return found.id
-        names = [found.name for found in self._objects("") if found.name]
+    def resolve(self, name: str, kind: str = "object") -> int:
+        """The id of a name. kind: "entity", "mesh", "material", "texture", "volume", or the first of
+        these that has it."""
+        found = [
+            each.id
+            for each in self._objects(_escaped(name))
+            if each.name == name and kind in ("object", KINDS.get(each.id >> 56, Handle).kind)
+        ]
+        if found:
+            return min(found)
+        names = [each.name for each in self._objects("") if each.name]
         near = difflib.get_close_matches(name, names, 5)
         hint = f"; the nearest are {', '.join(near)}" if near else "; scene.find() lists all"
         raise NotFound(f"name: no object called {name!r}{hint}", field="name", nearest=near)
