@@ -228,8 +228,8 @@ class Scene:
         return any(o.name == name for o in self._objects(_escaped(name)))
 
     def resolve(self, name: str, kind: str = "object") -> int:
-        """The id of a name. kind: "entity", "mesh", "material", "texture", "volume", or the first of
-        these that has it."""
+        """The id of a name. kind: "entity", "mesh", "material", "texture", "volume", or the first
+        of these that has it."""
         found = [
             each.id
             for each in self._objects(_escaped(name))
