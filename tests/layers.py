@@ -47,7 +47,7 @@ SERVER = {
     "server/observe": "os convert",
     "server/session": "os convert store access",
     "server/net": "os config access",
-    "server/journal": "os convert decode store session",
+    "server/journal": "os convert quota decode store access session",
     "server/scene": "os convert quota store access session journal",
     "server/calls": "os config quota convert decode device store access observe session net journal"
     " scene",

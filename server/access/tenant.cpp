@@ -20,6 +20,10 @@ Tenant::Tenant(u64 number, std::string called, const Limits& limits,
           Budget::Words{"streams", "close a stream, a batch or a watch", "tenant_streams"})),
       jobs(std::make_shared<Budget>(limits.tenant_jobs,
                                     Budget::Words{"jobs", "wait for some to end", "tenant_jobs"})),
+      disk(std::make_shared<Budget>(
+          limits.tenant_disk_bytes,
+          Budget::Words{"bytes of disk", "delete durable scenes or what is in them",
+                        "tenant_disk_bytes"})),
       edits(limits.tenant_edits_per_second, "tenant_edits_per_second"),
       samples(limits.tenant_samples_per_second, "tenant_samples_per_second"),
       blobs({.bytes = limits.blob_store_bytes, .blob_bytes = limits.blob_bytes}, store) {}
@@ -30,20 +34,23 @@ void Tenant::give(const Grant& grant) {
   entities->set_limit(grant.limits.tenant_entities);
   streams->set_limit(grant.limits.tenant_streams);
   jobs->set_limit(grant.limits.tenant_jobs);
+  disk->set_limit(grant.limits.tenant_disk_bytes);
   edits.set_limit(grant.limits.tenant_edits_per_second);
   samples.set_limit(grant.limits.tenant_samples_per_second);
 }
 
 std::map<std::string, u64> Tenant::limits() const {
   std::map<std::string, u64> all;
-  for (const auto& budget : {bytes, entities, streams, jobs}) all[budget->name()] = budget->limit();
+  for (const auto& budget : {bytes, entities, streams, jobs, disk})
+    all[budget->name()] = budget->limit();
   for (const Rate* rate : {&edits, &samples}) all[rate->name()] = rate->limit();
   return all;
 }
 
 std::map<std::string, u64> Tenant::used() const {
   std::map<std::string, u64> all;
-  for (const auto& budget : {bytes, entities, streams, jobs}) all[budget->name()] = budget->used();
+  for (const auto& budget : {bytes, entities, streams, jobs, disk})
+    all[budget->name()] = budget->used();
   return all;
 }
 

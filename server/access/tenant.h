@@ -32,6 +32,7 @@ class Tenant {
   const std::shared_ptr<Budget> entities;  // of all its scenes
   const std::shared_ptr<Budget> streams;   // calls of Stream, RenderBatch and Watch
   const std::shared_ptr<Budget> jobs;      // that wait or run
+  const std::shared_ptr<Budget> disk;      // bytes of its durable scenes
   Rate edits;
   Rate samples;  // of all pixels
   // Its own: that another tenant has the same bytes cannot be seen.

@@ -66,7 +66,13 @@ Daemon::Daemon(Config settings, Identities identities, std::unique_ptr<EventLoop
 
 Status Daemon::open_journal() {
   auto opened = Journal::open(
-      {.folder = config.state_dir, .snapshot_records = config.limits.snapshot_edits}, pool, log);
+      {.folder = config.state_dir,
+       .snapshot_records = config.limits.snapshot_edits,
+       .snapshot_bytes = config.limits.snapshot_bytes,
+       .reserve = config.limits.disk_reserve_bytes,
+       .spare = config.limits.disk_spare_bytes,
+       .disk = [this](const std::string& tenant) { return tenants.named(tenant)->disk; }},
+      pool, log);
   if (!opened) return std::unexpected(std::move(opened).error());
   auto recovered = recover(**opened, {.scenes = scenes, .tenants = tenants});
   if (!recovered) return std::unexpected(std::move(recovered).error());

@@ -50,18 +50,23 @@ void apply_durably(const std::shared_ptr<Session>& session, SceneEntry& entry,
   DurableEdit edit{.transaction = read(*session, request, source, limits),
                    .expected = expected_of(request),
                    .record = {},
+                   .sent = {},
                    .files = {}};
   // An edit that did not happen is sent again, and finds its uploads.
   const auto end = [session, finish, used = source.take_used()](Expected<v1::ApplyReply> reply) {
     if (!is_kept(reply)) session->holdings().give_back(used);
     finish(std::move(reply));
   };
-  if (!source.status()) return end(std::unexpected(source.status().error()));
-  if (!edit.transaction && edit.transaction.error().retry_seconds > 0)
-    return end(std::unexpected(std::move(edit.transaction).error()));
   edit.record.set_session(session->id());
   edit.record.set_number(request.number());
-  if (edit.transaction) source.fill(request.transaction(), edit.record);
+  if (edit.transaction && source.status())
+    edit.sent = source.fill(request.transaction(), edit.record);
+  if (!source.status()) {
+    entry.journal->want_room();
+    return end(std::unexpected(source.status().error()));
+  }
+  if (!edit.transaction && edit.transaction.error().retry_seconds > 0)
+    return end(std::unexpected(std::move(edit.transaction).error()));
   edit.files = source.take_files();
   entry.commit(std::move(edit), end);
 }

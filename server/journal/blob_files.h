@@ -2,14 +2,18 @@
 // journal.
 #pragma once
 
+#include <atomic>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <string>
 #include <unordered_map>
+#include <vector>
 
 #include "renderer/base/array.h"
 #include "renderer/base/error.h"
+#include "server/journal/disk_room.h"
+#include "server/quota/budget.h"
 
 namespace heliograph::server {
 
@@ -19,21 +23,36 @@ using BlobFilePtr = std::shared_ptr<BlobFile>;
 /// Bytes, as they were put or read.
 [[nodiscard]] u64 size_of(const BlobFile& file);
 
+/// Whether a file must find room in its owner's quota and on the disk, or is counted alone.
+enum class Room : u8 { kWithinLimits, kCounted };
+
 /// The files of one tenant, in one folder. A file is whole and synced, its folder too, before put()
-/// returns; files that nobody holds any more are removed by sweep(). Thread: any.
+/// returns; files that nobody holds any more are removed by sweep(), and before the next one is
+/// stored. Thread: any.
 class BlobFiles {
  public:
-  explicit BlobFiles(std::string folder) : folder_(std::move(folder)) {}
+  struct Options {
+    std::string folder;
+    std::shared_ptr<Budget> disk;  // of the tenant
+    DiskRoom& room;
+    const std::atomic<bool>& may_remove;  // false: it is not known what the database refers to
+  };
+  explicit BlobFiles(Options options) : options_(std::move(options)) {}
 
   /// Stores bytes whose hash is known.
-  /// Fails with RESOURCE_EXHAUSTED (the disk is full), UNAVAILABLE (it failed).
-  [[nodiscard]] Expected<BlobFilePtr> put(const std::string& hash,
-                                          std::span<const std::byte> bytes);
+  /// Fails with RESOURCE_EXHAUSTED (the disk or the quota is full), UNAVAILABLE (the disk failed);
+  /// then there is a retry time.
+  [[nodiscard]] Expected<BlobFilePtr> put(const std::string& hash, std::span<const std::byte> bytes,
+                                          Room room);
   /// The hash of a buffer, computed once for each.
   [[nodiscard]] std::string hash_of(const BufferPtr& buffer);
   /// The bytes of a file, held from now on; INTERNAL when it is missing or others than its name
   /// says.
   [[nodiscard]] Expected<std::pair<BlobFilePtr, std::string>> read(const std::string& hash);
+  /// The tenant's share of the disk for bytes that are stored elsewhere; fails as put() does.
+  [[nodiscard]] Expected<Charge> charge(u64 bytes, Room room);
+  /// One that somebody holds; else null.
+  [[nodiscard]] BlobFilePtr find(const std::string& hash);
   /// Removes files that nobody holds. `strangers`: those that were never put or read, too.
   void sweep(bool strangers = false);
 
@@ -43,11 +62,20 @@ class BlobFiles {
   [[nodiscard]] Status write(const std::string& hash, std::span<const std::byte> bytes);
   void remove_strangers();
 
-  const std::string folder_;
+  /// Hashes of files whose last holder is gone.
+  struct Dropped {
+    std::mutex mutex;
+    std::vector<std::string> hashes;
+  };
+  friend class BlobFile;
+
+  const Options options_;
+  const std::shared_ptr<Dropped> dropped_ = std::make_shared<Dropped>();
   std::mutex mutex_;
   std::map<std::string, std::weak_ptr<BlobFile>> files_;
   std::unordered_map<u64, std::pair<std::weak_ptr<const Buffer>, std::string>>
       hashes_;  // by serial
+  std::size_t forget_at_ = 64;
 };
 
 /// Makes a folder, mode 0700, and syncs its parent. UNAVAILABLE when that fails.

@@ -4,7 +4,9 @@
 #include <fmt/format.h>
 #include <sqlite3.h>
 
+#include <algorithm>
 #include <cstring>
+#include <iterator>
 
 #include "server/os/hash.h"
 #include "server/os/mutant.h"
@@ -13,6 +15,8 @@ namespace heliograph::server {
 namespace {
 
 constexpr const char* kTables[] = {"head", "scenes", "records"};
+constexpr i64 kApplication = 0x48656c69;  // "Heli", in the file's header
+constexpr i64 kIncremental = 2;           // auto_vacuum: free pages go when that is asked for
 
 const char* text_of(sqlite3_stmt* statement, int column) {
   return reinterpret_cast<const char*>(sqlite3_column_text(statement, column));
@@ -54,18 +58,93 @@ Expected<std::unique_ptr<Database>> Database::open(const std::string& path, bool
         return SQLITE_OK;
       },
       made.get());
-  HELIO_TRY(
-      made->run("PRAGMA locking_mode=EXCLUSIVE; PRAGMA cell_size_check=ON;"
-                "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL;"));
-  made->is_syncing_ = true;
-  for (const char* table : kTables)
-    HELIO_TRY(made->run(fmt::format("CREATE TABLE IF NOT EXISTS {} (id INTEGER PRIMARY KEY, "
-                                    "body BLOB NOT NULL, sum INTEGER NOT NULL)",
-                                    table)
-                            .c_str()));
-  HELIO_TRY(made->prepare());
+  HELIO_TRY(made->set_up());
   if (check) HELIO_TRY(made->check_pages());
   return made;
+}
+
+Status Database::set_up() {
+  HELIO_TRY(
+      run("PRAGMA locking_mode=EXCLUSIVE; PRAGMA cell_size_check=ON; PRAGMA secure_delete=OFF;"
+          "PRAGMA temp_store=MEMORY;"));
+  const auto tables = number("SELECT count(*) FROM sqlite_master");
+  if (!tables) return std::unexpected(tables.error());
+  if (*tables != 0) HELIO_TRY(check_format());
+  // Before there are tables: then the file need not be made anew to shrink.
+  if (*tables == 0) HELIO_TRY(run("PRAGMA auto_vacuum=INCREMENTAL"));
+  HELIO_TRY(run("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL;"));
+  is_syncing_ = true;
+  if (*tables == 0) HELIO_TRY(make());
+  const auto vacuum = number("PRAGMA auto_vacuum");
+  if (!vacuum) return std::unexpected(vacuum.error());
+  shrinks_ = *vacuum == kIncremental;
+  return prepare();
+}
+
+Status Database::make() {
+  HELIO_TRY(begin(true));
+  for (const char* table : kTables)
+    HELIO_TRY(run(fmt::format("CREATE TABLE {} (id INTEGER PRIMARY KEY, body BLOB NOT NULL, "
+                              "sum INTEGER NOT NULL)",
+                              table)
+                      .c_str()));
+  HELIO_TRY(set_format());
+  return commit();
+}
+
+Status Database::set_format() {
+  format_ = kFormat;
+  return run(fmt::format("PRAGMA application_id={}; PRAGMA user_version={}", kApplication, kFormat)
+                 .c_str());
+}
+
+Status Database::check_format() {
+  const auto application = number("PRAGMA application_id");
+  if (!application) return std::unexpected(application.error());
+  const auto version = number("PRAGMA user_version");
+  if (!version) return std::unexpected(version.error());
+  const auto known = number(
+      "SELECT count(*) FROM sqlite_master WHERE type = 'table' AND "
+      "name IN ('head', 'scenes', 'records')");
+  if (!known) return std::unexpected(known.error());
+  if ((*application != kApplication && (*application != 0 || *version != 0)) ||
+      *known != i64(std::size(kTables)))
+    return fail(Code::kUnimplemented, "",
+                fmt::format("journal.db is another program's (application_id {}, user_version {}); "
+                            "name a directory of the daemon's own, or move the file away",
+                            *application, *version));
+  if (*version > kFormat)
+    return fail(Code::kUnimplemented, "",
+                fmt::format("has format {}, this heliographd knows formats up to {}: start the "
+                            "version that wrote it or a newer one, or name another directory",
+                            *version, kFormat));
+  format_ = int(*version);
+  return {};
+}
+
+Expected<i64> Database::number(const char* sql) {
+  sqlite3_stmt* statement = nullptr;
+  int code = sqlite3_prepare_v2(db_, sql, -1, &statement, nullptr);
+  if (code != SQLITE_OK) return broken(code);
+  code = sqlite3_step(statement);
+  const i64 found = code == SQLITE_ROW ? sqlite3_column_int64(statement, 0) : 0;
+  sqlite3_finalize(statement);
+  if (code != SQLITE_ROW) return broken(code);
+  return found;
+}
+
+Expected<bool> Database::shrink(i64 kept, i64 most) {
+  const auto free = number("PRAGMA freelist_count");
+  if (!free) return std::unexpected(free.error());
+  if (*free <= kept) return true;
+  if (!shrinks_) {  // of an earlier format: made anew once
+    HELIO_TRY(run("PRAGMA auto_vacuum=INCREMENTAL; VACUUM"));
+    shrinks_ = true;
+    return true;
+  }
+  const i64 gone = std::min(*free - kept, most);
+  HELIO_TRY(run(fmt::format("PRAGMA incremental_vacuum({})", gone).c_str()));
+  return *free - gone <= kept;
 }
 
 Status Database::check_pages() {
@@ -135,21 +214,23 @@ Status Database::erase(Rows rows, u64 first, u64 last) {
   return step(erase);
 }
 
-Status Database::each(Rows rows, u64 first, u64 most,
+Status Database::each(Rows rows, const Range& range,
                       const std::function<Status(const Row&)>& read) {
   sqlite3_stmt* select = statements_[std::size_t(rows)].read;
-  sqlite3_bind_int64(select, 1, i64(first));
-  sqlite3_bind_int64(select, 2, i64(most));
+  sqlite3_bind_int64(select, 1, i64(range.first));
+  sqlite3_bind_int64(select, 2, i64(range.rows));
   Status status;
   int code = SQLITE_DONE;
-  while (status && (code = sqlite3_step(select)) == SQLITE_ROW) {
+  u64 had = 0;
+  while (status && had < range.bytes && (code = sqlite3_step(select)) == SQLITE_ROW) {
     const auto* bytes = static_cast<const char*>(sqlite3_column_blob(select, 1));
     const auto size = std::size_t(sqlite3_column_bytes(select, 1));
+    had += size;
     status = read({.id = u64(sqlite3_column_int64(select, 0)),
                    .body = {bytes, size},
                    .sum = u64(sqlite3_column_int64(select, 2))});
   }
-  if (status && code != SQLITE_DONE) status = broken(code);
+  if (status && code != SQLITE_DONE && code != SQLITE_ROW) status = broken(code);
   sqlite3_reset(select);
   return status;
 }

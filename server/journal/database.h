@@ -17,14 +17,20 @@ namespace heliograph::server {
 /// The kinds of rows.
 enum class Rows : u8 { kHead, kScenes, kRecords };
 
+/// The format of the state directory, as the file's user_version says it. 0 is the one without such
+/// a number; what changed since: large transactions are files, and the file is made to shrink.
+inline constexpr int kFormat = 2;
+
 /// Owns: the connection and its lock on the file. Thread: one at a time.
 ///
-/// Fails with RESOURCE_EXHAUSTED (the disk is full), INTERNAL (the file is damaged), UNAVAILABLE
-/// (anything else, an fsync that failed too). After a failure of begin() to commit() it must be
-/// closed: what the file holds is known only after it was opened again.
+/// Fails with RESOURCE_EXHAUSTED (the disk is full), INTERNAL (the file is damaged), UNIMPLEMENTED
+/// (it has another format), UNAVAILABLE (anything else, an fsync that failed too). After a failure
+/// of begin() to commit() it must be closed: what the file holds is known only after it was opened
+/// again.
 class Database {
  public:
-  /// Opens or makes the file; `check`: and checks its pages.
+  /// Opens or makes the file; `check`: and checks its pages. Its format is kFormat, or 0 until
+  /// set_format().
   [[nodiscard]] static Expected<std::unique_ptr<Database>> open(const std::string& path,
                                                                 bool check);
   ~Database();
@@ -36,14 +42,23 @@ class Database {
   /// Rows first to last.
   [[nodiscard]] Status erase(Rows rows, u64 first, u64 last);
   [[nodiscard]] Status commit();
+  [[nodiscard]] int format() const { return format_; }
+  /// Between begin() and commit().
+  [[nodiscard]] Status set_format();
 
   struct Row {
     u64 id = 0;
     std::string_view body;
     u64 sum = 0;
   };
-  /// In the order of ids, from `first` on, `most` at most; an error of `read` ends it.
-  [[nodiscard]] Status each(Rows rows, u64 first, u64 most,
+  /// From this id on, until there were so many rows or bytes.
+  struct Range {
+    u64 first = 0;
+    u64 rows = 0;
+    u64 bytes = ~u64(0);
+  };
+  /// In the order of ids; an error of `read` ends it.
+  [[nodiscard]] Status each(Rows rows, const Range& range,
                             const std::function<Status(const Row&)>& read);
   /// The smallest id, 0 when there is none.
   [[nodiscard]] Expected<u64> first(Rows rows);
@@ -53,10 +68,17 @@ class Database {
   [[nodiscard]] Status checkpoint(bool whole);
   /// Pages of the log since the last checkpoint.
   [[nodiscard]] int log_pages() const { return log_pages_; }
+  /// Takes `most` pages that are free out of the file, but leaves `kept` of them. Whether that was
+  /// all; the file is shorter after the next checkpoint.
+  [[nodiscard]] Expected<bool> shrink(i64 kept, i64 most);
 
  private:
   Database() = default;
   [[nodiscard]] Status run(const char* sql);
+  [[nodiscard]] Status set_up();
+  [[nodiscard]] Status make();
+  [[nodiscard]] Status check_format();
+  [[nodiscard]] Expected<i64> number(const char* sql);
   [[nodiscard]] Status prepare();
   [[nodiscard]] Status check_pages();
   [[nodiscard]] Status step(sqlite3_stmt* statement);
@@ -70,6 +92,8 @@ class Database {
   sqlite3* db_ = nullptr;
   Statements statements_[3];
   bool is_syncing_ = false;
+  bool shrinks_ = false;  // without being made anew
+  int format_ = 0;
   int log_pages_ = 0;
 };
 

@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <chrono>
 #include <future>
-#include <limits>
 
 #include "server/os/mutant.h"
 #include "server/session/session.h"
@@ -14,24 +13,29 @@
 namespace heliograph::server {
 namespace {
 
-constexpr int kLogPages = 2'000;     // 8 MB: then they are moved into the database
-constexpr u64 kErasedAtLeast = 256;  // old records, with each commit
-constexpr double kReopenSeconds = 1;
+constexpr u64 kGroupBytes = 1 << 20;  // of a commit
+constexpr u64 kErasedMost = 256;      // old records, with each commit
+constexpr u64 kErasedBytes = 4 << 20;
+constexpr u64 kRecordBytes = 96;     // that one has beside its text
+constexpr u64 kControlBytes = 4096;  // what a change of rows counts for
+constexpr auto kLookAround = std::chrono::seconds(1);
 constexpr auto kGather = std::chrono::microseconds(100);
-constexpr u64 kLastId = std::numeric_limits<i64>::max();
 
 }  // namespace
 
 // ---------------------------------------------------------------- any thread
 
 Status Journal::push(Item item, bool is_ours) {
+  const bool frees = item.control && (item.control->removed || item.control->is_snapshot);
+  const u64 bytes = item.control ? kControlBytes : item.entry.record.size() + kRecordBytes;
   {
     const std::lock_guard lock(mutex_);
-    if (!status_) return status_;
+    if (!status_ && !(is_full_ && frees)) return status_;
     if (is_refusing_ && !is_ours) return shutting_down();
-    if (queue_.size() >= options_.queue)
+    if (queue_.size_of(item.entry.tenant) >= options_.queue)
       return busy("too many edits wait for the disk; retry later");
-    queue_.push_back(std::move(item));
+    const std::string tenant = item.entry.tenant;
+    queue_.push(tenant, bytes, std::move(item));
     if (queue_.size() < wanted_) return {};
   }
   ready_.notify_all();
@@ -39,31 +43,53 @@ Status Journal::push(Item item, bool is_ours) {
 }
 
 Status Journal::append(Entry entry) {
+  auto charge = files(entry.tenant).charge(entry.record.size() + kRecordBytes, Room::kWithinLimits);
+  if (!charge) {
+    want_room();
+    return std::unexpected(std::move(charge).error());
+  }
+  entry.charge = std::move(*charge);
   return push({.entry = std::move(entry), .control = nullptr}, false);
 }
 
-Status Journal::run(std::shared_ptr<Control> control) {
+void Journal::want_room() {
+  {
+    const std::lock_guard lock(mutex_);
+    wants_room_ = true;
+  }
+  ready_.notify_all();
+}
+
+Status Journal::run(std::shared_ptr<Control> control, const std::string& tenant) {
   auto done = std::make_shared<std::promise<Status>>();
   auto result = done->get_future();
-  Entry entry{.sync = true, .done = [done](const Status& status) { done->set_value(status); }};
+  Entry entry{.tenant = tenant, .sync = true, .done = [done](const Status& status) {
+                done->set_value(status);
+              }};
   const bool is_ours = control->is_snapshot;
   HELIO_TRY(push({.entry = std::move(entry), .control = std::move(control)}, is_ours));
   return result.get();
 }
 
 Status Journal::add(SceneState state) {
-  auto stored = store_state(state, files(state.row.tenant()));
-  if (!stored) return std::unexpected(std::move(stored).error());
+  const std::string tenant = state.row.tenant();
+  auto stored = store_state(state, files(tenant), Room::kWithinLimits);
+  if (!stored) {
+    want_room();
+    return std::unexpected(std::move(stored).error());
+  }
   auto control = std::make_shared<Control>();
   control->files.emplace(state.row.scene(), std::move(*stored));
   control->added.push_back(std::move(state.row));
-  return run(std::move(control));
+  return run(std::move(control), tenant);
 }
 
-Status Journal::remove(u64 scene) {
+Status Journal::remove(u64 scene, const std::string& tenant) {
   auto control = std::make_shared<Control>();
   control->removed = scene;
-  return run(std::move(control));
+  HELIO_TRY(run(std::move(control), tenant));
+  files(tenant).sweep();
+  return {};
 }
 
 Status Journal::status() const {
@@ -75,19 +101,28 @@ BlobFiles& Journal::files(const std::string& tenant) {
   const std::lock_guard lock(files_mutex_);
   auto& files = files_[tenant];
   if (!files)
-    files = std::make_unique<BlobFiles>(fmt::format("{}/blobs/{}", options_.folder, tenant));
+    files = std::make_unique<BlobFiles>(
+        BlobFiles::Options{.folder = fmt::format("{}/blobs/{}", options_.folder, tenant),
+                           .disk = options_.disk(tenant),
+                           .room = *room_,
+                           .may_remove = may_remove_});
   return *files;
 }
 
 // ---------------------------------------------------------------- the writer's thread
 
+bool Journal::may_make_room() const {
+  return wants_room_ && !is_encoding_ && !is_refusing_ &&
+         std::chrono::steady_clock::now() >= next_snapshot_;
+}
+
 bool Journal::wait(std::vector<Item>& group) {
   std::unique_lock lock(mutex_);
-  const bool has_old = oldest_ < head_.first();
-  ready_.wait(lock, [&] { return !queue_.empty() || is_stopping_ || has_old; });
-  gather(lock);
-  group.assign(std::make_move_iterator(queue_.begin()), std::make_move_iterator(queue_.end()));
-  queue_.clear();
+  const bool has_more = oldest_ < head_.first() || has_free_;
+  ready_.wait_for(lock, kLookAround,
+                  [&] { return queue_.size() > 0 || is_stopping_ || may_make_room() || has_more; });
+  if (queue_.size() > 0) gather(lock);
+  group = queue_.take(kGroupBytes);
   return !group.empty() || !is_stopping_;
 }
 
@@ -100,20 +135,14 @@ void Journal::gather(std::unique_lock<std::mutex>& lock) {
 
 void Journal::work() {
   std::vector<Item> group;
-  while (wait(group)) {
-    commit(std::move(group));
+  do {
+    if (!group.empty() || oldest_ < head_.first()) commit(std::move(group));
     group.clear();
-    while (!database_) {
-      {
-        std::unique_lock lock(mutex_);
-        const auto pause = std::chrono::duration<double>(kReopenSeconds);
-        if (ready_.wait_for(lock, pause, [&] { return is_stopping_; })) return;
-      }
-      if (auto opened = reopen(); !opened)
-        log_.debug("the journal still fails", {{"reason", opened.error().message}});
-    }
+    shrink();
+    if (!database_ && !open_again()) return;
     snapshot_if_due();
-  }
+    resume();
+  } while (wait(group));
 }
 
 Status Journal::write(Control& control, journal::Head& next) {
@@ -151,9 +180,8 @@ Status Journal::write(std::vector<Item>& group, journal::Head& next) {
     HELIO_TRY(database_->put(Rows::kRecords, item.record, item.entry.record, next.last_sum()));
   }
   if (oldest_ < head_.first())
-    HELIO_TRY(
-        database_->erase(Rows::kRecords, oldest_,
-                         std::min(head_.first() - 1, oldest_ + kErasedAtLeast + group.size())));
+    HELIO_TRY(database_->erase(Rows::kRecords, oldest_,
+                               std::min(head_.first(), oldest_ + erased_ + group.size()) - 1));
   const std::string body = next.SerializeAsString();
   HELIO_TRY(database_->put(Rows::kHead, 0, body, sum_of(0, 0, body)));
   return database_->commit();
@@ -170,7 +198,7 @@ void Journal::commit(std::vector<Item> group) {
     return stall(std::move(group), written.error());
   last_group_ = group.size();
   last_sync_ = (std::chrono::steady_clock::now() - start) * has_synced;
-  oldest_ = std::min(head_.first(), oldest_ + kErasedAtLeast + group.size() + 1);
+  oldest_ = std::min(head_.first(), oldest_ + erased_ + group.size());
   head_ = next;
   if (has_control) rows_ = std::move(next_rows_);
   {
@@ -179,11 +207,30 @@ void Journal::commit(std::vector<Item> group) {
       if (!item.control) changed_scenes_.insert(item.entry.scene);
   }
   for (Item& item : group) {
+    account(item);
     adopt(item);
     item.entry.done({});
   }
-  if (database_->log_pages() < kLogPages) return;
+  if (database_->log_pages() < log_pages()) return;
   if (auto moved = database_->checkpoint(false); !moved) stall({}, moved.error());
+}
+
+/// What a snapshot holds instead was counted before that.
+void Journal::account(Item& item) {
+  if (!item.control) {
+    bytes_since_ += item.entry.record.size();
+    for (const BlobFilePtr& file : item.entry.files) bytes_since_ += size_of(*file);
+    charges_[item.entry.tenant].merge(std::move(item.entry.charge));
+    return;
+  }
+  if (!item.control->is_snapshot) return;
+  u64 bytes = 1;
+  for (const auto& [tenant, charge] : old_charges_) bytes += charge.amount();
+  const u64 records = head_.first() - oldest_;
+  erased_ = std::clamp<u64>(records * kErasedBytes / bytes, 1, kErasedMost);
+  old_charges_.clear();
+  snapshot_bytes_ = item.control->bytes;
+  has_free_ = true;
 }
 
 void Journal::adopt(Item& item) {
@@ -203,50 +250,6 @@ void Journal::adopt(Item& item) {
     state_files_.erase(*control.removed);
     record_files_.erase(*control.removed);
   }
-}
-
-void Journal::stall(std::vector<Item> group, const Error& why) {
-  database_.reset();
-  Error error{.code = why.code == Code::kResourceExhausted ? why.code : Code::kUnavailable,
-              .message = "the scene is read-only, because its journal cannot be written: " +
-                         why.message + "; the daemon tries again, and goes on when it can",
-              .where = ""};
-  error.retry_seconds = kReopenSeconds;
-  {
-    const std::lock_guard lock(mutex_);
-    status_ = std::unexpected(error);
-    for (Item& item : queue_) group.push_back(std::move(item));
-    queue_.clear();
-  }
-  changed_(std::unexpected(why));
-  for (Item& item : group) item.entry.done(std::unexpected(error));
-}
-
-/// What the file holds after an error is not known, nor whether it is on the disk: all that it
-/// shows is moved out of the log and synced, and what was not acknowledged is taken out again.
-Status Journal::reopen() {
-  auto opened = Database::open(path(), false);
-  if (!opened) return std::unexpected(std::move(opened).error());
-  Database& database = **opened;
-  HELIO_TRY(database.checkpoint(true));
-  HELIO_TRY(database.begin(true));
-  HELIO_TRY(database.erase(Rows::kRecords, head_.last() + 1, kLastId));
-  HELIO_TRY(database.erase(Rows::kScenes, 0, kLastId));
-  for (const auto& [scene, row] : rows_) {
-    const std::string body = row.SerializeAsString();
-    HELIO_TRY(database.put(Rows::kScenes, scene, body, sum_of(0, scene, body)));
-  }
-  const std::string body = head_.SerializeAsString();
-  HELIO_TRY(database.put(Rows::kHead, 0, body, sum_of(0, 0, body)));
-  HELIO_TRY(database.commit());
-  HELIO_TRY(database.checkpoint(true));
-  database_ = std::move(*opened);
-  {
-    const std::lock_guard lock(mutex_);
-    status_ = {};
-  }
-  changed_({});
-  return {};
 }
 
 }  // namespace heliograph::server

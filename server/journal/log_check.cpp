@@ -5,7 +5,7 @@
 
 #include <cstring>
 #include <fstream>
-#include <iterator>
+#include <string>
 #include <string_view>
 
 #include "renderer/base/types.h"
@@ -45,32 +45,43 @@ struct Sum {
   }
 };
 
+/// Reads `bytes` that long; false: there are fewer.
+bool read(std::ifstream& in, std::string& bytes) {
+  return bool(in.read(bytes.data(), std::streamsize(bytes.size())));
+}
+
 }  // namespace
 
 std::string check_log(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  const std::string file{std::istreambuf_iterator<char>(in), {}};
-  const std::string_view log = file;
-  if (log.empty()) return "";
-  const u32 magic = log.size() < kHeader ? 0 : big_endian(log, 0);
+  std::ifstream in(path, std::ios::binary | std::ios::ate);
+  const auto size = in.is_open() ? std::size_t(in.tellg()) : 0;
+  if (size == 0) return "";
+  in.seekg(0);
+  std::string header(kHeader, '\0');
+  const u32 magic = read(in, header) ? big_endian(header, 0) : 0;
   Sum sum{.is_big_endian = (magic & 1) != 0};
-  if (magic != 0) sum.add(log.substr(0, 24));
-  if ((magic & ~1u) != kMagic || !sum.is_at(log, 24))
-    return fmt::format("the header of the log is damaged: all its {} bytes are dropped",
-                       log.size());
-  const std::size_t page = big_endian(log, 8), frame = kFrameHeader + page;
-  const std::string_view salts = log.substr(16, 8);
+  if (magic != 0) sum.add(std::string_view(header).substr(0, 24));
+  if ((magic & ~1u) != kMagic || !sum.is_at(header, 24))
+    return fmt::format("the header of the log is damaged: all its {} bytes are dropped", size);
+  const std::size_t page = big_endian(header, 8);
   if (page < 512 || page > 65'536) return "the log's page size is damaged: all of it is dropped";
-  std::size_t at = kHeader;
-  for (; at + frame <= log.size(); at += frame) {
-    if (log.substr(at + 8, 8) != salts) break;
-    sum.add(log.substr(at, 8));
-    sum.add(log.substr(at + kFrameHeader, page));
-    if (!sum.is_at(log, at + 16)) break;
+  const std::string_view salts = std::string_view(header).substr(16, 8);
+  const auto is_of_this = [&](std::string_view frame) { return frame.substr(8, 8) == salts; };
+  std::string frame(kFrameHeader + page, '\0');
+  std::size_t at = kHeader, dropped = 0;
+  for (; read(in, frame); at += frame.size()) {
+    const std::string_view view = frame;
+    if (!is_of_this(view)) break;
+    sum.add(view.substr(0, 8));
+    sum.add(view.substr(kFrameHeader));
+    if (!sum.is_at(view, 16)) break;
   }
-  std::size_t dropped = 0;
-  for (std::size_t next = at; next + kFrameHeader <= log.size(); next += frame)
-    if (log.substr(next + 8, 8) == salts) ++dropped;
+  std::string head(kFrameHeader, '\0');
+  for (std::size_t next = at; next + kFrameHeader <= size; next += frame.size()) {
+    in.clear();
+    in.seekg(std::streamoff(next));
+    if (read(in, head) && is_of_this(head)) ++dropped;
+  }
   if (dropped == 0) return "";
   return fmt::format("the log is damaged at byte {}: {} pages from there on are dropped", at,
                      dropped);

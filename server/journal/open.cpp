@@ -22,9 +22,11 @@
 namespace heliograph::server {
 namespace {
 
-constexpr const char* kFormat = "heliograph.journal.1";
+constexpr const char* kHeadFormat = "heliograph.journal.2";
+constexpr const char* kFirstFormat = "heliograph.journal.1";  // user_version 0
 constexpr u64 kAll = std::numeric_limits<i64>::max();
 constexpr u64 kBatch = 1024;  // records that are read while those before them are applied
+constexpr u64 kBatchBytes = 1 << 20;
 
 std::unexpected<Error> damaged(const std::string& what) {
   return fail(Code::kInternal, "--state-dir",
@@ -40,6 +42,7 @@ struct Batch {
   };
   google::protobuf::Arena arena;
   std::vector<Each> records;
+  u64 bytes = 0;
   u64 last = 0;  // number and checksum of the last one, or of the one before the batch
   u64 sum = 0;
   Status status;  // why there are no more
@@ -47,13 +50,17 @@ struct Batch {
 
 Status read_row(const Database::Row& row, Batch& batch) {
   auto* record = google::protobuf::Arena::CreateMessage<journal::Record>(&batch.arena);
-  auto* transaction = google::protobuf::Arena::CreateMessage<v1::Transaction>(&batch.arena);
+  v1::Transaction* transaction = nullptr;
   if (row.id != batch.last + 1) return damaged(fmt::format("record {} is missing", batch.last + 1));
   if (sum_of(batch.sum, row.id, row.body) != row.sum ||
-      !record->ParseFromArray(row.body.data(), int(row.body.size())) ||
-      !transaction->ParseFromString(record->transaction()))
+      !record->ParseFromArray(row.body.data(), int(row.body.size())))
+    return damaged(fmt::format("record {} is damaged", row.id));
+  if (record->transaction_file().empty())
+    transaction = google::protobuf::Arena::CreateMessage<v1::Transaction>(&batch.arena);
+  if (transaction && !transaction->ParseFromString(record->transaction()))
     return damaged(fmt::format("record {} is damaged", row.id));
   batch.records.push_back({.id = row.id, .record = record, .transaction = transaction});
+  batch.bytes += row.body.size();
   batch.last = row.id;
   batch.sum = row.sum;
   return {};
@@ -64,8 +71,9 @@ std::unique_ptr<Batch> read_batch(Database& database, u64 last, u64 sum) {
   auto batch = std::make_unique<Batch>();
   batch->last = last;
   batch->sum = sum;
-  batch->status = database.each(Rows::kRecords, last + 1, kBatch,
-                                [&](const Database::Row& row) { return read_row(row, *batch); });
+  batch->status =
+      database.each(Rows::kRecords, {.first = last + 1, .rows = kBatch, .bytes = kBatchBytes},
+                    [&](const Database::Row& row) { return read_row(row, *batch); });
   return batch;
 }
 
@@ -74,6 +82,10 @@ std::unique_ptr<Batch> read_batch(Database& database, u64 last, u64 sum) {
 Expected<std::unique_ptr<Journal>> Journal::open(Options options, WorkPool& pool, const Log& log) {
   std::unique_ptr<Journal> made(new Journal(std::move(options), pool, log));
   HELIO_TRY(made->take_folder());
+  made->room_ = std::make_unique<DiskRoom>(DiskRoom::Options{.folder = made->options_.folder,
+                                                             .reserve = made->options_.reserve,
+                                                             .spare = made->options_.spare});
+  made->room_->release_reserve();  // of a daemon that was killed: a full disk is opened with it
   made->damage_ = check_log(made->path() + "-wal");
   auto database = Database::open(made->path(), true);
   if (!database && database.error().code == Code::kInternal)
@@ -109,20 +121,20 @@ Status Journal::read_head() {
     if (sum_of(0, row.id, row.body) != row.sum ||
         !head_.ParseFromArray(row.body.data(), int(row.body.size())))
       return damaged("the head of the journal is damaged");
-    if (head_.format() == kFormat) return {};
+    if (head_.format() == (database_->format() == kFormat ? kHeadFormat : kFirstFormat)) return {};
     return fail(Code::kUnimplemented, "--state-dir",
-                "holds '" + head_.format() + "'; this version reads '" + kFormat + "'");
+                fmt::format("holds '{}', this heliographd reads '{}' and '{}': start the version "
+                            "that wrote it, or name another directory",
+                            head_.format(), kFirstFormat, kHeadFormat));
   };
-  HELIO_TRY(database_->each(Rows::kHead, 0, 1, read));
+  HELIO_TRY(database_->each(Rows::kHead, {.first = 0, .rows = 1}, read));
   const auto record = database_->first(Rows::kRecords), scene = database_->first(Rows::kScenes);
   if (!record) return std::unexpected(record.error());
   if (!scene) return std::unexpected(scene.error());
   if (head_.format().empty() && (*record != 0 || *scene != 0))
     return damaged("the head of the journal is missing");
-  if (head_.format().empty()) {
-    head_.set_format(kFormat);
-    head_.set_first(1);
-  }
+  if (head_.format().empty()) head_.set_first(1);
+  head_.set_format(kHeadFormat);  // which it has once this run begins
   oldest_ = *record != 0 ? *record : head_.first();
   snapshot_at_ = head_.first() - 1;
   return {};
@@ -135,13 +147,14 @@ Status Journal::read(const ReadScene& scene, const ReadRecord& record) {
 }
 
 Status Journal::read_rows(const ReadScene& scene, const ReadRecord& record) {
-  HELIO_TRY(database_->each(Rows::kScenes, 0, kAll, [&](const Database::Row& row) -> Status {
-    journal::SceneRow& read = rows_[row.id];
+  const auto read = [&](const Database::Row& row) -> Status {
+    journal::SceneRow& next = rows_[row.id];
     if (sum_of(0, row.id, row.body) != row.sum ||
-        !read.ParseFromArray(row.body.data(), int(row.body.size())))
+        !next.ParseFromArray(row.body.data(), int(row.body.size())))
       return damaged(fmt::format("the row of scene {} is damaged", row.id));
-    return scene(read);
-  }));
+    return scene(next);
+  };
+  HELIO_TRY(database_->each(Rows::kScenes, {.first = 0, .rows = kAll}, read));
   if (rows_.size() != head_.scenes())
     return damaged(fmt::format("{} rows of scenes are missing", head_.scenes() - rows_.size()));
   return read_records(record);
@@ -149,31 +162,49 @@ Status Journal::read_rows(const ReadScene& scene, const ReadRecord& record) {
 
 Status Journal::read_records(const ReadRecord& record) {
   auto batch = read_batch(*database_, head_.first() - 1, head_.first_sum());
+  std::map<u64, u64> bytes;  // of each scene
   while (!batch->records.empty()) {
-    auto next = std::async(std::launch::async, [this, last = batch->last, sum = batch->sum] {
+    // Of large ones there are not two batches at a time.
+    const auto when = batch->bytes < kBatchBytes ? std::launch::async : std::launch::deferred;
+    auto next = std::async(when, [this, last = batch->last, sum = batch->sum] {
       return read_batch(*database_, last, sum);
     });
     for (const auto& [id, each, transaction] : batch->records) {
       changed_scenes_.insert(each->scene());
-      if (Status status = record(id, *each, *transaction); !status)
+      bytes[each->scene()] += each->ByteSizeLong();
+      if (Status status = record(id, *each, transaction); !status)
         return std::unexpected(std::move(status).error().at(fmt::format("record {}", id)));
     }
     HELIO_TRY(batch->status);
+    batch.reset();
     batch = next.get();
   }
   HELIO_TRY(batch->status);
+  for (const auto& [scene, amount] : bytes) count(scene, amount);
   if (batch->last != head_.last() || batch->sum != head_.last_sum())
     return damaged(
         fmt::format("the records from {} to {} are missing", batch->last + 1, head_.last()));
   return {};
 }
 
+/// The bytes of a scene's records.
+void Journal::count(u64 scene, u64 bytes) {
+  bytes_since_ += bytes;
+  const auto row = rows_.find(scene);
+  if (row == rows_.end()) return;  // deleted since
+  const std::string& tenant = row->second.tenant();
+  if (auto charge = files(tenant).charge(bytes, Room::kCounted))
+    charges_[tenant].merge(std::move(*charge));
+}
+
 void Journal::hold(u64 scene, u64 record, std::vector<BlobFilePtr> files) {
   auto& state = state_files_[scene];
-  if (record == 0)
+  if (record == 0) {
     std::ranges::move(files, std::back_inserter(state));
-  else
-    record_files_[scene].emplace_back(record, std::move(files));
+    return;
+  }
+  for (const BlobFilePtr& file : files) bytes_since_ += size_of(*file);
+  record_files_[scene].emplace_back(record, std::move(files));
 }
 
 Status Journal::start(Capture capture, Changed changed) {
@@ -187,7 +218,16 @@ Status Journal::start(Capture capture, Changed changed) {
   HELIO_TRY(forget_saved());
   const std::string body = head_.SerializeAsString();
   HELIO_TRY(database_->put(Rows::kHead, 0, body, sum_of(0, 0, body)));
+  const int before = database_->format();
+  if (before != kFormat) HELIO_TRY(database_->set_format());
   HELIO_TRY(database_->commit());
+  if (before != kFormat)
+    log_.warning("the state directory has a new format, which older versions do not read",
+                 {{"before", before}, {"now", kFormat}});
+  HELIO_TRY(database_->checkpoint(true));
+  if (auto taken = room_->take_reserve(); !taken)
+    log_.warning("the disk of the state directory is nearly full",
+                 {{"available", taken.error().available}, {"needed", taken.error().needed}});
   std::error_code ignored;
   for (const auto& tenant :
        std::filesystem::directory_iterator(options_.folder + "/blobs", ignored))

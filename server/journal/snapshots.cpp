@@ -1,25 +1,51 @@
 // Snapshots: they bound the journal and the time to recover. See journal.h.
 #include <algorithm>
+#include <limits>
+#include <utility>
 
 #include "server/journal/journal.h"
 
 namespace heliograph::server {
+namespace {
+
+constexpr u64 kLogOf = 16;  // parts of the disk
+constexpr auto kBetween = std::chrono::seconds(1);
+constexpr i64 kShrunkAtOnce = 1'000;  // pages, 4 MB
+
+}  // namespace
+
+/// At most once a second where somebody wants room: that costs what a snapshot costs.
+bool Journal::is_due() {
+  const u64 most =
+      std::max(std::min(options_.snapshot_bytes, room_->size() / kLogOf), snapshot_bytes_);
+  bool is_due = head_.last() - snapshot_at_ >= options_.snapshot_records || bytes_since_ >= most;
+  const auto now = std::chrono::steady_clock::now();
+  if (now < next_snapshot_ && !is_due) return false;
+  is_due |= std::exchange(wants_room_, false) && head_.last() >= head_.first();
+  if (is_due) next_snapshot_ = now + kBetween;
+  return is_due;
+}
 
 void Journal::snapshot_if_due() {
-  if (head_.last() - snapshot_at_ < options_.snapshot_records) return;
   std::set<u64> scenes;
   {
     const std::lock_guard lock(mutex_);
-    if (is_encoding_ || is_refusing_) return;
+    if (is_encoding_ || is_refusing_ || !is_due()) return;
     is_encoding_ = true;
     scenes.swap(changed_scenes_);
   }
   snapshot_at_ = head_.last();
+  bytes_since_ = 0;
+  for (auto& [tenant, charge] : charges_) old_charges_[tenant].merge(std::move(charge));
+  charges_.clear();
   auto states = std::make_shared<std::vector<SceneState>>(capture(scenes));
   const auto end = [this, scenes](const Status& made) {
     if (!made) log_.warning("the journal has no new snapshot", {{"reason", made.error().message}});
     const std::lock_guard lock(mutex_);
-    if (!made) changed_scenes_.insert(scenes.begin(), scenes.end());
+    if (!made) {
+      changed_scenes_.insert(scenes.begin(), scenes.end());
+      wants_room_ = true;
+    }
     is_encoding_ = false;
     ready_.notify_all();
   };
@@ -54,8 +80,9 @@ Expected<std::shared_ptr<Journal::Control>> Journal::encode(std::vector<SceneSta
   control->record = record;
   control->sum = sum;
   for (SceneState& state : states) {
-    auto stored = store_state(state, files(state.row.tenant()));
+    auto stored = store_state(state, files(state.row.tenant()), Room::kCounted);
     if (!stored) return std::unexpected(std::move(stored).error());
+    control->bytes += size_of(*stored->back());
     state.row.set_record(record);
     control->files.emplace(state.row.scene(), std::move(*stored));
     control->added.push_back(std::move(state.row));
@@ -68,6 +95,16 @@ void Journal::sweep() {
   for (const auto& [tenant, store] : files_) store->sweep();
 }
 
+/// A part at a time, when no old record is left.
+void Journal::shrink() {
+  if (!database_ || !has_free_ || oldest_ < head_.first()) return;
+  auto all = database_->shrink(log_pages(), kShrunkAtOnce);
+  if (all && !*all) return;
+  has_free_ = false;
+  Status moved = all ? database_->checkpoint(true) : std::unexpected(std::move(all).error());
+  if (!moved) stall({}, moved.error());
+}
+
 void Journal::stop() {
   {
     std::unique_lock lock(mutex_);
@@ -78,10 +115,21 @@ void Journal::stop() {
   }
   ready_.notify_all();
   thread_.join();
+  room_->release_reserve();
   if (!database_) return;
   if (auto made = last_snapshot(); !made)
     log_.warning("the journal has no last snapshot", {{"reason", made.error().message}});
+  if (auto shrunk = shrink_wholly(); !shrunk)
+    log_.warning("the journal keeps what it does not need", {{"reason", shrunk.error().message}});
   database_.reset();
+}
+
+Status Journal::shrink_wholly() {
+  while (database_ && oldest_ < head_.first()) commit({});
+  if (!database_) return status();
+  if (auto all = database_->shrink(0, std::numeric_limits<i64>::max()); !all)
+    return std::unexpected(std::move(all).error());
+  return database_->checkpoint(true);
 }
 
 Status Journal::last_snapshot() {
@@ -96,7 +144,7 @@ Status Journal::last_snapshot() {
   commit(std::move(group));
   HELIO_TRY(committed);
   sweep();
-  return database_ ? database_->checkpoint(true) : Status();
+  return {};
 }
 
 }  // namespace heliograph::server

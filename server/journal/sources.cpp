@@ -46,6 +46,9 @@ void name_by_hash(Message& message, const std::map<std::string, std::string>& co
   }
 }
 
+constexpr std::size_t kLargestInRecord = 256 << 10;
+constexpr std::size_t kModels = 16;  // that recovery keeps
+
 std::span<const std::byte> bytes_of(const std::string& text) {
   return std::as_bytes(std::span(text));
 }
@@ -55,7 +58,7 @@ std::span<const std::byte> bytes_of(const std::string& text) {
 // ---------------------------------------------------------------- RecordingSource
 
 Status RecordingSource::store(const std::string& hash, std::span<const std::byte> bytes) {
-  auto file = files_.put(hash, bytes);
+  auto file = files_.put(hash, bytes, Room::kWithinLimits);
   if (!file) {
     status_ = std::unexpected(file.error());
     return status_;
@@ -100,19 +103,27 @@ Expected<std::shared_ptr<const Asset>> RecordingSource::asset(std::string_view h
   return asset;
 }
 
-void RecordingSource::fill(const v1::Transaction& transaction, journal::Record& record) const {
+std::string RecordingSource::fill(const v1::Transaction& transaction, journal::Record& record) {
+  std::string text;
   if (consumed_.empty()) {
-    transaction.SerializeToString(record.mutable_transaction());
+    transaction.SerializeToString(&text);
   } else {
     v1::Transaction named = transaction;
     name_by_hash(named, consumed_);
-    named.SerializeToString(record.mutable_transaction());
+    named.SerializeToString(&text);
   }
   for (const auto& [asset, file] : assets_) {
     journal::AssetFile* added = record.add_assets();
     added->set_asset(asset);
     added->set_file(file);
   }
+  if (text.size() <= kLargestInRecord) {
+    record.set_transaction(std::move(text));
+    return "";
+  }
+  record.set_transaction_file(sha256(text));
+  (void)store(record.transaction_file(), bytes_of(text));  // status() tells
+  return text;
 }
 
 // ---------------------------------------------------------------- RecoveringSource
@@ -130,34 +141,28 @@ Expected<std::string> RecoveringSource::content(const std::string& hash) {
 }
 
 Expected<BufferPtr> RecoveringSource::load(const std::string& hash) {
-  auto& [file, buffer] = loaded_[hash];
-  if (!buffer) {
-    auto bytes = content(hash);
-    if (!bytes) return std::unexpected(std::move(bytes).error());
-    v1::UploadBlobRequest upload;
-    upload.set_sha256(hash);
-    upload.set_size(bytes->size());
-    auto incoming = holdings_.begin(upload);
-    if (!incoming) return std::unexpected(std::move(incoming).error());
-    if (*incoming) {
-      HELIO_TRY((*incoming)->append(*bytes));
-      HELIO_TRY(holdings_.finish(upload, std::move(**incoming)));
-    }
-    auto found = holdings_.blob(hash);
-    if (!found) return std::unexpected(std::move(found).error());
-    buffer = std::move(*found);
-    file = held_.back();
-  } else {
-    held_.push_back(file);
+  BufferPtr loaded = owner_.blobs.find(hash);
+  BlobFilePtr file = files_.find(hash);
+  if (loaded && file) {
+    held_.push_back(std::move(file));
+    return loaded;
   }
-  return buffer;
+  auto bytes = content(hash);
+  if (!bytes) return std::unexpected(std::move(bytes).error());
+  auto incoming = owner_.blobs.begin("", bytes->size(), owner_.bytes);  // its hash was checked
+  if (!incoming) return std::unexpected(std::move(incoming).error());
+  HELIO_TRY(incoming->append(*bytes));
+  auto buffer = incoming->finish();
+  if (!buffer) return buffer;
+  return owner_.blobs.put(hash, std::move(*buffer));
 }
 
 Expected<BufferPtr> RecoveringSource::bytes(const v1::Array& array) {
-  return array.has_blob() ? load(array.blob()) : holdings_.bytes(array);
+  return array.has_blob() ? load(array.blob()) : inlines_.bytes(array);
 }
 
 Expected<std::shared_ptr<const Asset>> RecoveringSource::asset(std::string_view hash) {
+  if (assets_.size() >= kModels && !assets_.contains(hash)) assets_.clear();
   Loaded& loaded = assets_[std::string(hash)];
   if (!loaded.asset) {
     const auto file = expected_.find(hash);

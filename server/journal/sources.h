@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "server/access/tenant.h"
 #include "server/convert/transaction.h"
 #include "server/journal/blob_files.h"
 #include "server/journal/record.pb.h"
@@ -24,8 +25,9 @@ class RecordingSource final : public ArraySource {
 
   /// An error when something could not be stored: what came of the transaction is not to be used.
   [[nodiscard]] const Status& status() const { return status_; }
-  /// The transaction as it was read through this, uploads and buffers named by their hashes.
-  void fill(const v1::Transaction& transaction, journal::Record& record) const;
+  /// The transaction as it was read through this, uploads and buffers named by their hashes. A
+  /// large one is stored as a file, which the record names, and returned; "": the record holds it.
+  [[nodiscard]] std::string fill(const v1::Transaction& transaction, journal::Record& record);
   [[nodiscard]] std::vector<BlobFilePtr> take_files() { return std::move(held_); }
   /// The uploads that were used up.
   [[nodiscard]] std::vector<UsedUpload> take_used() { return std::move(used_); }
@@ -43,10 +45,12 @@ class RecordingSource final : public ArraySource {
   std::vector<UsedUpload> used_;
 };
 
-/// Gives what the files hold, counted against the owner's budget like uploads. Thread: one.
+/// Gives what the files hold, counted against the owner's budget like uploads. It keeps none but
+/// the last models: bytes live as long as what was made of them. Thread: one.
 class RecoveringSource final : public ArraySource {
  public:
-  RecoveringSource(Holdings& holdings, BlobFiles& files) : holdings_(holdings), files_(files) {}
+  RecoveringSource(Tenant& owner, BlobFiles& files)
+      : owner_(owner), inlines_(owner.blobs, owner.assets, owner.bytes), files_(files) {}
 
   /// The assets of the transaction that is read next.
   void expect(const journal::Record& record);
@@ -60,10 +64,10 @@ class RecoveringSource final : public ArraySource {
  private:
   [[nodiscard]] Expected<BufferPtr> load(const std::string& hash);
 
-  Holdings& holdings_;
+  Tenant& owner_;
+  Holdings inlines_;  // arrays that are in their messages
   BlobFiles& files_;
   std::map<std::string, std::string, std::less<>> expected_;  // asset -> file
-  std::map<std::string, std::pair<BlobFilePtr, BufferPtr>> loaded_;
   struct Loaded {
     std::shared_ptr<const Asset> asset;
     std::vector<BlobFilePtr> files;

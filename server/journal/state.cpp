@@ -59,11 +59,11 @@ journal::Log to_proto(const LogState& state) {
 
 }  // namespace
 
-Expected<std::vector<BlobFilePtr>> store_state(SceneState& state, BlobFiles& files) {
+Expected<std::vector<BlobFilePtr>> store_state(SceneState& state, BlobFiles& files, Room room) {
   std::vector<BlobFilePtr> stored;
   Status status;
   const auto store = [&](const std::string& hash, std::span<const std::byte> bytes) {
-    auto file = files.put(hash, bytes);
+    auto file = files.put(hash, bytes, room);
     if (file)
       stored.push_back(std::move(*file));
     else if (status)
@@ -90,11 +90,11 @@ Expected<std::vector<BlobFilePtr>> store_state(SceneState& state, BlobFiles& fil
   return stored;
 }
 
-Expected<std::shared_ptr<const Snapshot>> decode_scene(const journal::State& state,
-                                                       ArraySource& source,
+Expected<std::shared_ptr<const Snapshot>> decode_scene(journal::State& state, ArraySource& source,
                                                        const SceneLimits& limits) {
   auto description = to_description(state.scene(), source);
   if (!description) return std::unexpected(std::move(description).error());
+  state.clear_scene();
   auto numbers = from_proto(state.numbers());
   if (!numbers) return std::unexpected(std::move(numbers).error());
   return restore(*description, *numbers, limits);

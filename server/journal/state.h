@@ -27,9 +27,11 @@ struct SceneState {
 };
 
 /// Stores a state and its arrays; names it in its row. Returns all files that it needs.
-[[nodiscard]] Expected<std::vector<BlobFilePtr>> store_state(SceneState& state, BlobFiles& files);
-/// Fails as rebuild() does.
-[[nodiscard]] Expected<std::shared_ptr<const Snapshot>> decode_scene(const journal::State& state,
+/// The state itself is the last one.
+[[nodiscard]] Expected<std::vector<BlobFilePtr>> store_state(SceneState& state, BlobFiles& files,
+                                                             Room room);
+/// Fails as rebuild() does. What the state says of the scene is freed on the way.
+[[nodiscard]] Expected<std::shared_ptr<const Snapshot>> decode_scene(journal::State& state,
                                                                      ArraySource& source,
                                                                      const SceneLimits& limits);
 [[nodiscard]] LogState decode_log(const journal::Log& log);

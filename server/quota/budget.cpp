@@ -34,6 +34,11 @@ Status Budget::take(u64 amount) {
   return status;
 }
 
+void Budget::count(u64 amount) {
+  used_ += amount;
+  if (parent_) parent_->count(amount);
+}
+
 void Budget::give_back(u64 amount) {
   used_ -= amount;
   if (parent_) parent_->give_back(amount);
@@ -41,6 +46,14 @@ void Budget::give_back(u64 amount) {
 
 Expected<Charge> Charge::take(std::shared_ptr<Budget> budget, u64 amount) {
   HELIO_TRY(budget->take(amount));
+  Charge charge;
+  charge.budget_ = std::move(budget);
+  charge.amount_ = amount;
+  return charge;
+}
+
+Charge Charge::count(std::shared_ptr<Budget> budget, u64 amount) {
+  budget->count(amount);
   Charge charge;
   charge.budget_ = std::move(budget);
   charge.amount_ = amount;
@@ -64,6 +77,11 @@ Status Charge::resize(u64 amount) {
     budget_->give_back(amount_ - amount);
   amount_ = amount;
   return {};
+}
+
+void Charge::merge(Charge other) {
+  if (!budget_) return std::swap(*this, other);
+  amount_ += std::exchange(other.amount_, 0);
 }
 
 void Rate::refill(Clock::time_point now) {

@@ -26,6 +26,8 @@ class Budget {
 
   /// RESOURCE_EXHAUSTED with what is needed and what there is; nothing is taken then.
   [[nodiscard]] Status take(u64 amount);
+  /// Counts what is there already, whatever the limit is.
+  void count(u64 amount);
   void give_back(u64 amount);
   [[nodiscard]] u64 used() const { return used_; }
   [[nodiscard]] u64 limit() const { return limit_; }
@@ -44,6 +46,7 @@ class Budget {
 class Charge {
  public:
   [[nodiscard]] static Expected<Charge> take(std::shared_ptr<Budget> budget, u64 amount);
+  [[nodiscard]] static Charge count(std::shared_ptr<Budget> budget, u64 amount);
   Charge() = default;
   Charge(Charge&& other) noexcept = default;
   Charge& operator=(Charge&& other) noexcept;
@@ -51,6 +54,9 @@ class Charge {
 
   /// Takes more, or gives some back. When that fails it stays as it was.
   [[nodiscard]] Status resize(u64 amount);
+  /// Takes over one of the same budget.
+  void merge(Charge other);
+  [[nodiscard]] u64 amount() const { return amount_; }
 
  private:
   std::shared_ptr<Budget> budget_;

@@ -7,7 +7,11 @@
 namespace heliograph::server {
 
 void SceneEntry::commit(DurableEdit edit, const EditLog::Finish& finish) {
-  Entry entry{.scene = id, .sync = durability == "fsync", .files = std::move(edit.files)};
+  Entry entry{.scene = id,
+              .tenant = tenant->name,
+              .sync = durability == "fsync",
+              .files = std::move(edit.files),
+              .done = {}};
   Status appended;
   {
     const std::lock_guard lock(commit_mutex_);
@@ -20,13 +24,16 @@ void SceneEntry::commit(DurableEdit edit, const EditLog::Finish& finish) {
       edit.record.set_revision(prepared->snapshot->revision);
     } else {
       edit.record.clear_transaction();
+      edit.record.clear_transaction_file();
       edit.record.clear_assets();
+      entry.files.clear();
       *edit.record.mutable_refusal() = encode_refusal(prepared.error());
     }
     edit.record.set_scene(id);
     entry.record = edit.record.SerializeAsString();
     SceneEvents::Event event;
-    if (prepared) event = event_of(edit.record.transaction(), *prepared);
+    if (prepared)
+      event = event_of(edit.sent.empty() ? edit.record.transaction() : edit.sent, *prepared);
     entry.done = [self = shared_from_this(), number = edit.record.number(), prepared, event,
                   finish](const Status& committed) {
       self->end(prepared, event, committed);

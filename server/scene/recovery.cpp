@@ -34,7 +34,7 @@ class Recovery {
   [[nodiscard]] Status add_scene(const journal::SceneRow& row);
   void drop(u64 scene, Status because);
   [[nodiscard]] Status add_record(u64 id, const journal::Record& record,
-                                  const v1::Transaction& transaction);
+                                  const v1::Transaction* transaction);
   [[nodiscard]] Expected<Recovered> finish();
 
  private:
@@ -52,7 +52,6 @@ class Recovery {
   /// What one tenant's arrays are read from and counted against.
   struct Owner {
     TenantPtr tenant;
-    std::unique_ptr<Holdings> holdings;
     std::unique_ptr<RecoveringSource> source;
   };
   [[nodiscard]] Owner& owner(const std::string& tenant);
@@ -60,7 +59,7 @@ class Recovery {
                                                             const Snapshot& head,
                                                             const journal::State& state);
   [[nodiscard]] Expected<EditLog::Reply> apply_record(u64 id, const journal::Record& record,
-                                                      const v1::Transaction& message, Scene& scene);
+                                                      const v1::Transaction* message, Scene& scene);
 
   Journal& journal_;
   const RecoveryTarget& target_;
@@ -72,11 +71,10 @@ class Recovery {
 Recovery::Owner& Recovery::owner(const std::string& tenant) {
   Owner& owner = owners_[tenant];
   if (owner.source) return owner;
+  BlobFiles& files = journal_.files(tenant);
   owner.tenant = target_.tenants.named(tenant);
   owner.tenant->give({.limits = no_limits()});
-  owner.holdings =
-      std::make_unique<Holdings>(owner.tenant->blobs, owner.tenant->assets, owner.tenant->bytes);
-  owner.source = std::make_unique<RecoveringSource>(*owner.holdings, journal_.files(tenant));
+  owner.source = std::make_unique<RecoveringSource>(*owner.tenant, files);
   return owner;
 }
 
@@ -94,10 +92,12 @@ std::shared_ptr<SceneEvents> Recovery::restore_events(const journal::SceneRow& r
 
 Status Recovery::add_scene(const journal::SceneRow& row) {
   RecoveringSource& source = *owner(row.tenant()).source;
-  auto bytes = source.content(row.state());
-  if (!bytes) return std::unexpected(std::move(bytes).error());
   journal::State state;
-  if (!state.ParseFromString(*bytes)) return broken("the snapshot cannot be read");
+  {
+    auto bytes = source.content(row.state());
+    if (!bytes) return std::unexpected(std::move(bytes).error());
+    if (!state.ParseFromString(*bytes)) return broken("the snapshot cannot be read");
+  }
   auto head = decode_scene(state, source, kNoLimits);
   if (!head) return std::unexpected(std::move(head).error());
   Scene& scene = scenes_[row.scene()];
@@ -122,7 +122,7 @@ void Recovery::drop(u64 scene, Status because) {
 }
 
 Status Recovery::add_record(u64 id, const journal::Record& record,
-                            const v1::Transaction& transaction) {
+                            const v1::Transaction* transaction) {
   const auto found = scenes_.find(record.scene());
   if (found == scenes_.end()) return {};  // deleted since
   Scene& scene = found->second;
@@ -142,10 +142,19 @@ Status Recovery::add_record(u64 id, const journal::Record& record,
 }
 
 Expected<EditLog::Reply> Recovery::apply_record(u64 id, const journal::Record& record,
-                                                const v1::Transaction& message, Scene& scene) {
+                                                const v1::Transaction* message, Scene& scene) {
   RecoveringSource& source = *owner(scene.row.tenant()).source;
   source.expect(record);
-  auto transaction = to_transaction(message, source);
+  std::string file;
+  v1::Transaction large;
+  if (!message) {
+    auto content = source.content(record.transaction_file());
+    if (!content) return std::unexpected(std::move(content).error());
+    file = std::move(*content);
+    if (!large.ParseFromString(file)) return broken("its transaction cannot be read");
+  }
+  auto transaction = to_transaction(message ? *message : large, source);
+  large.Clear();
   if (!transaction) return std::unexpected(std::move(transaction).error());
   auto prepared = apply(*scene.head, *transaction, kNoLimits);
   if (!prepared) return std::unexpected(std::move(prepared).error());
@@ -153,7 +162,7 @@ Expected<EditLog::Reply> Recovery::apply_record(u64 id, const journal::Record& r
     return broken(
         fmt::format("makes revision {}, not {}", prepared->snapshot->revision, record.revision()));
   scene.head = prepared->snapshot;
-  scene.events->add(record.revision(), event_of(record.transaction(), *prepared));
+  scene.events->add(record.revision(), event_of(message ? record.transaction() : file, *prepared));
   if (auto files = source.take_files(); !files.empty())
     journal_.hold(record.scene(), id, std::move(files));
   return std::make_shared<const Expected<v1::ApplyReply>>(
@@ -204,7 +213,7 @@ Expected<Recovered> recover(Journal& journal, const RecoveryTarget& target) {
         recovery.drop(row.scene(), std::unexpected(std::move(why)));
         return {};
       },
-      [&](u64 id, const journal::Record& record, const v1::Transaction& transaction) {
+      [&](u64 id, const journal::Record& record, const v1::Transaction* transaction) {
         return recovery.add_record(id, record, transaction);
       }));
   return recovery.finish();

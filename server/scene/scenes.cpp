@@ -282,7 +282,7 @@ Status Scenes::remove(u64 id, const Session& session) {
   if (!removed) return std::unexpected(removed.error());
   const auto change = changes_.begin();
   if (!change) return std::unexpected(change.error());
-  if ((*removed)->journal) HELIO_TRY((*removed)->journal->remove(id));
+  if ((*removed)->journal) HELIO_TRY((*removed)->journal->remove(id, (*removed)->tenant->name));
   {
     const std::lock_guard lock(mutex_);
     if (scenes_.erase(id) == 0) return not_found(id);

@@ -23,7 +23,8 @@ namespace heliograph::server {
 struct DurableEdit {
   Expected<Transaction> transaction;  // or why it was refused before it was applied
   std::optional<Revision> expected;
-  journal::Record record;  // session, number, and the transaction
+  journal::Record record;  // session, number, and the transaction, or the file that holds it
+  std::string sent;        // the transaction, where a file holds it
   std::vector<BlobFilePtr> files;
 };
 

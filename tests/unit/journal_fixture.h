@@ -50,6 +50,7 @@ inline Config state_config(const std::string& folder, u64 snapshot_edits) {
   config.state_dir = folder;
   config.log_level = "off";
   config.limits.snapshot_edits = snapshot_edits;
+  config.limits.snapshot_bytes = snapshot_edits << 20;
   config.limits.scenes = 100'000;
   return config;
 }

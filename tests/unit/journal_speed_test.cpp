@@ -62,6 +62,14 @@ struct Latency {
   u32 refused = 0;
 };
 
+/// A line of /proc/self/status, in bytes.
+u64 memory(const std::string& key) {
+  std::ifstream status("/proc/self/status");
+  for (std::string line; std::getline(status, line);)
+    if (line.starts_with(key + ":")) return std::stoull(line.substr(key.size() + 1)) << 10;
+  return 0;
+}
+
 Latency measure(Server& server, const std::string& durability, u64 edits) {
   constexpr int kStreams = 64;
   std::vector<std::unique_ptr<Stream>> streams;
@@ -133,10 +141,15 @@ TEST_CASE("journal: recovery of many edits") {
   REQUIRE(server.opened);
   measure(server, "os", edits);
   crashed.copy(folder.path());
+  std::ofstream("/proc/self/clear_refs") << "5";  // the peak begins here
+  const u64 before = memory("VmRSS");
   const auto start = Clock::now();
   const Server next(crashed.path());
   const double seconds = seconds_since(start);
   REQUIRE(next.opened);
-  fmt::print("recovery of {} edits: {:.2f} s (<= {})\n", edits, seconds, is_long() ? 5 : 1);
+  const u64 settled = memory("VmRSS"), peak = memory("VmHWM");
+  fmt::print("recovery of {} edits: {:.2f} s (<= {}), {} MiB more than before, {} at most\n", edits,
+             seconds, is_long() ? 5 : 1, (settled - before) >> 20, (peak - before) >> 20);
+  CHECK(peak <= 2 * settled);
   if (is_long()) CHECK(seconds <= 5);
 }
