@@ -3,6 +3,7 @@
 
 #include "renderer/scene/scene.h"
 #include "server/convert/scene_file.h"
+#include "server/os/hash.h"
 
 namespace heliograph::server {
 

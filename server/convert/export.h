@@ -9,6 +9,7 @@
 
 #include "heliograph/v1/service.pb.h"
 #include "renderer/scene/scene.h"
+#include "server/convert/transaction.h"
 
 namespace heliograph::server {
 
