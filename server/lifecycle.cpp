@@ -32,6 +32,7 @@ using std::chrono::milliseconds;
 constexpr auto kDrainPoll = milliseconds(10);
 constexpr auto kLastCalls = milliseconds(500);
 constexpr unsigned kLastSeconds = 8;  // for the device and whatever else has to end
+constexpr auto kDecoderRetry = std::chrono::seconds(5);
 constexpr auto kWarnEvery = std::chrono::hours(1);
 constexpr u64 kOwnDescriptors = 64;     // of gRPC, the decoder, logs
 constexpr u64 kDescriptorsAClient = 3;  // its connection, our duplicate, its lifeline
@@ -110,7 +111,11 @@ DecoderOptions decoder_options(const Config& config) {
                      .triangles = config.limits.decode_triangles,
                      .entities = config.limits.decode_entities,
                      .keys = config.limits.decode_keys,
-                     .json_bytes = config.limits.decode_json_bytes}};
+                     .json_bytes = config.limits.decode_json_bytes},
+          .without = config.decode_without,
+          .processes = config.limits.decodes,
+          .tenant_processes = config.limits.decodes_per_tenant,
+          .tenant_waiting = config.limits.decode_queue};
 }
 
 /// Everything that runs, once the sockets listen.
@@ -135,6 +140,8 @@ class Life {
   void await_quiet(EventLoop::Clock::time_point deadline);
   void on_engine(const Status& status);
   void on_lost();
+  void try_decoder();
+  void on_decoder(const Status& status);
   void on_ready(bool is_ready);
   void warn_exposed();
   void end();
@@ -166,8 +173,6 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
       daemon_.log,
       [this](const Status& status) { daemon_.loop->post([this, status] { on_engine(status); }); });
   daemon_.decoder = Decoder::create(decoder_options(config));
-  if (!daemon_.decoder)
-    daemon_.log.error("no decoder", {{"reason", daemon_.decoder.error().message}});
   auto grpc = GrpcServer::start(
       service_, daemon_,
       tls_ ? tls_->credentials(daemon_.tenants) : grpc::InsecureServerCredentials());
@@ -176,6 +181,7 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
   daemon_.watch.start(*daemon_.loop);
   daemon_.health.start(*daemon_.engine, {.ready = [this](bool is_ready) { on_ready(is_ready); },
                                          .lost = [this] { on_lost(); }});
+  try_decoder();
   HELIO_TRY(start_listening(std::move(sockets)));
   if (config.is_exposed()) warn_exposed();
   HELIO_TRY(watch_signals(std::move(signals)));
@@ -295,6 +301,21 @@ void Life::await_quiet(EventLoop::Clock::time_point deadline) {
 void Life::on_engine(const Status& status) {
   if (status) return daemon_.health.first_pixel();
   on_lost();
+}
+
+void Life::try_decoder() {
+  if (!daemon_.decoder) return on_decoder(std::unexpected(daemon_.decoder.error()));
+  (*daemon_.decoder)->try_out([this](const Status& status) {
+    daemon_.loop->post([this, status] { on_decoder(status); });
+  });
+}
+
+void Life::on_decoder(const Status& status) {
+  daemon_.health.decoder(status);
+  if (!status) return daemon_.loop->after(kDecoderRetry, [this] { try_decoder(); });
+  for (const std::string& refused : (*daemon_.decoder)->state().refused)
+    daemon_.log.warning("files are decoded without a layer of the sandbox (--decode-without)",
+                        {{"layer", refused}});
 }
 
 void Life::on_ready(bool is_ready) {
