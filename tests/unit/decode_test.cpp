@@ -197,14 +197,17 @@ TEST_CASE("decode: room for a result is asked for, and its refusal is the decode
 TEST_CASE("decode: each child has an address layout of its own") {
   const auto decoder = start();
   std::set<std::string> layouts;
+  std::string lines;
   for (int i = 0; i < 4; ++i) {
     REQUIRE(decode_now(*decoder, job_of("mesh/link_6.stl")));
     const pid_t spare = the_only_child();  // made for the next job
     std::ifstream maps("/proc/" + std::to_string(spare) + "/maps");
     std::string first;
     REQUIRE(std::getline(maps, first));
+    lines += first + "\n";
     layouts.insert(first.substr(0, first.find('-')));
   }
+  INFO(lines);
   CHECK(layouts.size() == 4);
 }
 
