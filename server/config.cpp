@@ -130,8 +130,8 @@ void add_flags(CLI::App& app, Config& config) {
                  "Layers of the decoder's sandbox that it may do without where the kernel or "
                  "container refuses them: landlock, namespaces")
       ->delimiter(',')
-      ->check(CLI::IsMember(std::vector<std::string>(kOptionalLayers.begin(),
-                                                     kOptionalLayers.end())));
+      ->check(
+          CLI::IsMember(std::vector<std::string>(kOptionalLayers.begin(), kOptionalLayers.end())));
   app.add_option("--state-dir", config.state_dir,
                  "Folder of durable scenes, made if need be; without it no scene is durable");
   app.add_option("--grace", config.grace_seconds,

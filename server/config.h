@@ -111,14 +111,14 @@ struct Config {
   u64 device_memory = 0;            // bytes of each; 0: nine tenths of what is free
   std::string backend = "embree";
   std::string denoiser = "libOpenImageDenoise.so.2";
-  std::string asset_root;      // "": server_path is refused
-  std::string decode_program;  // "": beside this program
+  std::string asset_root;                   // "": server_path is refused
+  std::string decode_program;               // "": beside this program
   std::vector<std::string> decode_without;  // of the sandbox, where the kernel refuses it
-  std::string state_dir;       // "": no scene is durable
-  double grace_seconds = 10;   // a session outlives its connection by this
-  double drain_seconds = 20;   // in-flight work may take this long after SIGTERM
-  std::string record;          // file or folder of a recording; "": none
-  std::string metrics;         // address of the metrics' port; "": none
+  std::string state_dir;                    // "": no scene is durable
+  double grace_seconds = 10;                // a session outlives its connection by this
+  double drain_seconds = 20;                // in-flight work may take this long after SIGTERM
+  std::string record;                       // file or folder of a recording; "": none
+  std::string metrics;                      // address of the metrics' port; "": none
   bool reflection = false;
   std::string probe;  // "live", "ready" or "durable": ask the daemon at `socket` and exit
   std::string log_level = "warning";

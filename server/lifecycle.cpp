@@ -10,6 +10,7 @@
 #include <filesystem>
 
 #include "server/daemon.h"
+#include "server/decode_trial.h"
 #include "server/grpc_server.h"
 #include "server/metric_values.h"
 #include "server/metrics_port.h"
@@ -32,7 +33,6 @@ using std::chrono::milliseconds;
 constexpr auto kDrainPoll = milliseconds(10);
 constexpr auto kLastCalls = milliseconds(500);
 constexpr unsigned kLastSeconds = 8;  // for the device and whatever else has to end
-constexpr auto kDecoderRetry = std::chrono::seconds(5);
 constexpr auto kWarnEvery = std::chrono::hours(1);
 constexpr u64 kOwnDescriptors = 64;     // of gRPC, the decoder, logs
 constexpr u64 kDescriptorsAClient = 3;  // its connection, our duplicate, its lifeline
@@ -98,26 +98,6 @@ u32 connection_limit(const Limits& limits) {
   return u32(std::min<u64>(limits.connections, std::max<u64>(spare / kDescriptorsAClient, 4)));
 }
 
-DecoderOptions decoder_options(const Config& config) {
-  const auto beside = std::filesystem::read_symlink("/proc/self/exe").parent_path();
-  return {.program = config.decode_program.empty() ? (beside / "heliograph-decode").string()
-                                                   : config.decode_program,
-          .memory_bytes = config.limits.decode_bytes,
-          .cpu_seconds = u32(config.limits.decode_seconds),
-          .deadline_seconds = double(config.limits.decode_seconds),
-          .limits = {.bytes = config.limits.decode_result_bytes,
-                     .texels = config.limits.decode_texels,
-                     .vertices = config.limits.decode_vertices,
-                     .triangles = config.limits.decode_triangles,
-                     .entities = config.limits.decode_entities,
-                     .keys = config.limits.decode_keys,
-                     .json_bytes = config.limits.decode_json_bytes},
-          .without = config.decode_without,
-          .processes = config.limits.decodes,
-          .tenant_processes = config.limits.decodes_per_tenant,
-          .tenant_waiting = config.limits.decode_queue};
-}
-
 /// Everything that runs, once the sockets listen.
 class Life {
  public:
@@ -140,8 +120,6 @@ class Life {
   void await_quiet(EventLoop::Clock::time_point deadline);
   void on_engine(const Status& status);
   void on_lost();
-  void try_decoder();
-  void on_decoder(const Status& status);
   void on_ready(bool is_ready);
   void warn_exposed();
   void end();
@@ -181,7 +159,7 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
   daemon_.watch.start(*daemon_.loop);
   daemon_.health.start(*daemon_.engine, {.ready = [this](bool is_ready) { on_ready(is_ready); },
                                          .lost = [this] { on_lost(); }});
-  try_decoder();
+  try_decoder(daemon_);
   HELIO_TRY(start_listening(std::move(sockets)));
   if (config.is_exposed()) warn_exposed();
   HELIO_TRY(watch_signals(std::move(signals)));
@@ -301,21 +279,6 @@ void Life::await_quiet(EventLoop::Clock::time_point deadline) {
 void Life::on_engine(const Status& status) {
   if (status) return daemon_.health.first_pixel();
   on_lost();
-}
-
-void Life::try_decoder() {
-  if (!daemon_.decoder) return on_decoder(std::unexpected(daemon_.decoder.error()));
-  (*daemon_.decoder)->try_out([this](const Status& status) {
-    daemon_.loop->post([this, status] { on_decoder(status); });
-  });
-}
-
-void Life::on_decoder(const Status& status) {
-  daemon_.health.decoder(status);
-  if (!status) return daemon_.loop->after(kDecoderRetry, [this] { try_decoder(); });
-  for (const std::string& refused : (*daemon_.decoder)->state().refused)
-    daemon_.log.warning("files are decoded without a layer of the sandbox (--decode-without)",
-                        {{"layer", refused}});
 }
 
 void Life::on_ready(bool is_ready) {

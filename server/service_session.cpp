@@ -15,9 +15,9 @@ namespace heliograph::server {
 namespace {
 
 void describe_decoder(const Daemon& daemon, v1::GetServerInfoReply& reply) {
-  const DecoderState state =
-      daemon.decoder ? (*daemon.decoder)->state()
-                     : DecoderState{.works = std::unexpected(daemon.decoder.error())};
+  const DecoderState state = daemon.decoder
+                                 ? (*daemon.decoder)->state()
+                                 : DecoderState{.works = std::unexpected(daemon.decoder.error())};
   reply.add_capabilities(fmt::format("decode_sandbox:{}", fmt::join(state.sandbox, ",")));
   for (const std::string& refused : state.refused) reply.add_refused(refused);
   if (!state.works) reply.add_refused("decoder: " + state.works.error().message);

@@ -124,8 +124,9 @@ void run_job(const Region& job, Helpers& helpers) {
       *loaded, [&](const BufferPtr& buffer, v1::Array& array) { arrays.place(buffer, array); });
   if (arrays.size() > result_bytes) {
     Error error{.code = Code::kResourceExhausted,
-                .message = "the decoded arrays are larger than a result may be "
-                           "(limit decode_result_bytes)",
+                .message =
+                    "the decoded arrays are larger than a result may be "
+                    "(limit decode_result_bytes)",
                 .where = ""};
     error.needed = arrays.size();
     error.available = result_bytes;

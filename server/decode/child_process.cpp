@@ -87,8 +87,8 @@ Expected<std::unique_ptr<ChildProcess>> ChildProcess::start(const DecoderOptions
   const auto process =
       spawn(options, SpawnSettings(theirs.get(), their_job.get(), their_result.get()));
   if (!process) return std::unexpected(process.error());
-  return std::unique_ptr<ChildProcess>(new ChildProcess(*process, std::move(sockets->first),
-                                                        std::move(*job), std::move(*result)));
+  return std::unique_ptr<ChildProcess>(
+      new ChildProcess(*process, std::move(sockets->first), std::move(*job), std::move(*result)));
 }
 
 bool ChildProcess::has_ended() const {

@@ -161,8 +161,7 @@ class Decoder::Impl {
   Expected<Decoded> run(const DecodeTask& task, ChildPtr& child, const std::stop_token& pool) {
     if (task.job.files.empty()) return fail(Code::kInvalidArgument, "files", "the bundle is empty");
     const std::string& path = task.job.files.front().path;
-    if (task.stop.stop_requested())
-      return fail(Code::kCancelled, "", "the decode was cancelled");
+    if (task.stop.stop_requested()) return fail(Code::kCancelled, "", "the decode was cancelled");
     const StopEvent stop(task.stop, pool);
     auto ready = take_child(stop);
     if (!ready) return at(path, ready.error());
@@ -180,10 +179,9 @@ class Decoder::Impl {
     while (true) {
       const auto packet = await_packet(child, stop, deadline);
       if (!packet && packet.error().code == Code::kDeadlineExceeded)
-        return fail(
-            Code::kDeadlineExceeded, path,
-            fmt::format("'{}' did not decode within {} s (limit decode_seconds)", path,
-                        options_.deadline_seconds));
+        return fail(Code::kDeadlineExceeded, path,
+                    fmt::format("'{}' did not decode within {} s (limit decode_seconds)", path,
+                                options_.deadline_seconds));
       if (!packet) return at(path, packet.error());
       if (!*packet)
         return fail(Code::kInvalidArgument, path,
@@ -220,8 +218,7 @@ class Decoder::Impl {
   /// Reads what it says first, and keeps it.
   Status greet(ChildProcess& child, const StopEvent& stop) {
     const auto packet = await_packet(child, stop, after(kHelloSeconds));
-    if (!packet && packet.error().code == Code::kCancelled)
-      return std::unexpected(packet.error());
+    if (!packet && packet.error().code == Code::kCancelled) return std::unexpected(packet.error());
     decode::Hello hello;
     if (!packet || !*packet || (*packet)->kind != PacketKind::kHello ||
         !hello.ParseFromString((*packet)->bytes))
@@ -290,12 +287,11 @@ void Decoder::try_out(std::function<void(Status)> done) {
   const auto bytes = std::as_bytes(std::span(kTriangle));
   DecodeJob job;
   job.files.push_back({"triangle.obj", std::make_shared<const Buffer>(nullptr, bytes)});
-  decode(
-      std::move(job),
-      [done = std::move(done)](const Expected<Decoded>& decoded) {
-        done(decoded ? Status() : std::unexpected(decoded.error()));
-      },
-      {});
+  decode(std::move(job),
+         [done = std::move(done)](const Expected<Decoded>& decoded) {
+           done(decoded ? Status() : std::unexpected(decoded.error()));
+         },
+         {});
 }
 
 DecoderState Decoder::state() const { return impl_->state(); }

@@ -64,7 +64,7 @@ struct DecoderState {
   Status works = {};                 // why no file can be decoded, and what to do
 };
 
-/// Owns: the threads that wait for children, and a child that is ready for the next job. Thread: any.
+/// Owns: its threads, and a child that is ready for the next job. Thread: any.
 class Decoder {
  public:
   /// Fails with UNAVAILABLE when the program cannot be run.

@@ -1,5 +1,6 @@
-// heliograph-decode: decodes one file of others and ends. It confines itself, says what confines it,
-// and waits for its job. Started by the daemon with its descriptors (wire.h), ahead of the file.
+// heliograph-decode: decodes one file of others and ends. It confines itself, says what confines
+// it, and waits for its job. Started by the daemon with its descriptors (wire.h), ahead of the
+// file.
 #include <fcntl.h>
 #include <malloc.h>
 #include <unistd.h>

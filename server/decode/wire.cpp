@@ -66,8 +66,7 @@ Expected<std::optional<Packet>> receive_packet(int socket) {
   while (received < 0 && errno == EINTR);
   if (received == 0 || (received < 0 && errno == ECONNRESET)) return std::optional<Packet>();
   if (received < 0) return fail(Code::kUnavailable, "", system_message("read"));
-  return Packet{.kind = PacketKind(bytes[0]),
-                .bytes = bytes.substr(1, std::size_t(received) - 1)};
+  return Packet{.kind = PacketKind(bytes[0]), .bytes = bytes.substr(1, std::size_t(received) - 1)};
 }
 
 Expected<std::pair<Fd, Fd>> socket_pair() {

@@ -1,5 +1,5 @@
-// Runs a program under a filter of system calls, as systemd and container engines make them: what is
-// refused answers EPERM. Used by test_sandbox.py.
+// Runs a program under a filter of system calls, as systemd and container engines make them: what
+// is refused answers EPERM. Used by test_sandbox.py.
 //
 // usage: syscall-filter allow FILE PROGRAM...    only those that FILE names, one in a line
 //        syscall-filter deny NAME... -- PROGRAM...  prlimit64: only where it sets a limit

@@ -1,6 +1,6 @@
-"""The decoder under what a service manager or a container engine leaves it: under the shipped unit's
-SystemCallFilter it decodes everything; where a layer of its sandbox is refused, nothing is decoded
-and the daemon is not ready, unless the operator gave that layer up."""
+"""The decoder under what a service manager or a container engine leaves it: under the shipped
+unit's SystemCallFilter it decodes everything; where a layer of its sandbox is refused, nothing is
+decoded and the daemon is not ready, unless the operator gave that layer up."""
 
 import configparser
 import contextlib

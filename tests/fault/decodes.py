@@ -1,5 +1,5 @@
-"""Decodes of several tenants: pictures of one do not hold up another's triangle; what a file beneath
-the asset root costs is charged before it is read; frames go on beside decodes.
+"""Decodes of several tenants: pictures of one do not hold up another's triangle; what a file
+beneath the asset root costs is charged before it is read.
 """
 
 import concurrent.futures
