@@ -3,6 +3,7 @@
 // daemon.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -37,6 +38,8 @@ struct LoadOptions {
   std::string up;
   double units = 0;  // metres a unit, for the same formats; 0: 1, COLLADA as it says
   LoadLimits limits{};
+  /// Calls a function in as many threads as there are, and returns when all have ended.
+  std::function<void(const std::function<void()>&)> in_threads = [](const auto& work) { work(); };
 };
 
 /// A model (`asset`), or a lone picture (`image`).

@@ -14,6 +14,7 @@
 #include "server/app/notify.h"
 #include "server/app/reload.h"
 #include "server/calls/daemon.h"
+#include "server/calls/decode_trial.h"
 #include "server/calls/quick_calls.h"
 #include "server/net/metrics_port.h"
 #include "server/net/socket_files.h"
@@ -97,22 +98,6 @@ u32 connection_limit(const Limits& limits) {
   return u32(std::min<u64>(limits.connections, std::max<u64>(spare / kDescriptorsAClient, 4)));
 }
 
-DecoderOptions decoder_options(const Config& config) {
-  const auto beside = std::filesystem::read_symlink("/proc/self/exe").parent_path();
-  return {.program = config.decode_program.empty() ? (beside / "heliograph-decode").string()
-                                                   : config.decode_program,
-          .memory_bytes = config.limits.decode_bytes,
-          .cpu_seconds = u32(config.limits.decode_seconds),
-          .deadline_seconds = double(config.limits.decode_seconds),
-          .limits = {.bytes = config.limits.decode_result_bytes,
-                     .texels = config.limits.decode_texels,
-                     .vertices = config.limits.decode_vertices,
-                     .triangles = config.limits.decode_triangles,
-                     .entities = config.limits.decode_entities,
-                     .keys = config.limits.decode_keys,
-                     .json_bytes = config.limits.decode_json_bytes}};
-}
-
 /// Everything that runs, once the sockets listen.
 class Life {
  public:
@@ -166,8 +151,6 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
       daemon_.log,
       [this](const Status& status) { daemon_.loop->post([this, status] { on_engine(status); }); });
   daemon_.decoder = Decoder::create(decoder_options(config));
-  if (!daemon_.decoder)
-    daemon_.log.error("no decoder", {{"reason", daemon_.decoder.error().message}});
   auto grpc = GrpcServer::start(
       service_, daemon_,
       tls_ ? tls_->credentials(daemon_.tenants) : grpc::InsecureServerCredentials());
@@ -176,6 +159,7 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
   daemon_.watch.start(*daemon_.loop);
   daemon_.health.start(*daemon_.engine, {.ready = [this](bool is_ready) { on_ready(is_ready); },
                                          .lost = [this] { on_lost(); }});
+  try_decoder(daemon_);
   HELIO_TRY(start_listening(std::move(sockets)));
   if (config.is_exposed()) warn_exposed();
   HELIO_TRY(watch_signals(std::move(signals)));

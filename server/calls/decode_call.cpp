@@ -31,10 +31,19 @@ Status DecodeCall::gather() {
   if (request_.server_path().empty()) return gather_bundle();
   if (request_.files_size() > 0)
     return fail(Code::kInvalidArgument, "files", "goes without server_path; send one of them");
-  auto bytes = daemon_.asset_root.read(request_.server_path(), daemon_.config.limits.blob_bytes);
-  if (!bytes) return std::unexpected(bytes.error());
   const std::string& path = request_.server_path();
-  files_.push_back({path.substr(folder_of(path).size()), std::move(*bytes)});
+  return gather_file(path, path.substr(folder_of(path).size()));
+}
+
+Status DecodeCall::gather_file(const std::string& path, const std::string& name) {
+  const auto file = daemon_.asset_root.find(path, daemon_.config.limits.blob_bytes);
+  if (!file) return std::unexpected(file.error());
+  auto charge = Charge::take(call_.session()->tenant()->bytes, file->size);
+  if (!charge) return std::unexpected(std::move(charge).error().at("server_path"));
+  read_.push_back(std::move(*charge));
+  auto bytes = file->read();
+  if (!bytes) return std::unexpected(bytes.error());
+  files_.push_back({name, std::move(*bytes)});
   return {};
 }
 
@@ -79,7 +88,9 @@ void DecodeCall::submit() {
                 .format = request_.format(),
                 .up = request_.up(),
                 .units = request_.units(),
-                .hash = hash_};
+                .hash = hash_,
+                .tenant = call_.session()->tenant()->id,
+                .reserve = [this](u64 bytes) { return charge_result(bytes); }};
   (*daemon_.decoder)
       ->decode(
           std::move(job), [this](Expected<Decoded> decoded) { on_decoded(std::move(decoded)); },
@@ -105,23 +116,33 @@ Status DecodeCall::charge_copy() {
   return {};
 }
 
+Status DecodeCall::charge_result(u64 bytes) {
+  auto charge = Charge::take(call_.session()->tenant()->bytes, bytes);
+  if (!charge) return std::unexpected(std::move(charge).error());
+  result_bytes_ = std::move(*charge);
+  return {};
+}
+
 void DecodeCall::on_decoded(Expected<Decoded> decoded) {
   copy_ = Charge();
   daemon_.metrics.decode(decoded ? Status() : std::unexpected(decoded.error()));
   if (!decoded) return finish(std::unexpected(decoded.error()));
-  if (!request_.server_path().empty() && gather_missing(decoded->missing)) return submit();
+  if (request_.server_path().empty() || decoded->missing.empty()) return finish(store(*decoded));
+  const auto more = gather_missing(decoded->missing);
+  if (!more) return finish(std::unexpected(more.error()));
+  if (*more) return submit();
   finish(store(*decoded));
 }
 
-bool DecodeCall::gather_missing(const std::vector<std::string>& missing) {
+Expected<bool> DecodeCall::gather_missing(const std::vector<std::string>& missing) {
   const std::string folder = folder_of(request_.server_path());
   bool is_any = false;
   for (const std::string& path : missing) {
-    const bool is_here = std::ranges::any_of(files_, [&](const auto& f) { return f.path == path; });
-    auto bytes = daemon_.asset_root.read(folder + path, daemon_.config.limits.blob_bytes);
-    if (is_here || !bytes) continue;
-    files_.push_back({path, std::move(*bytes)});
-    is_any = true;
+    if (std::ranges::any_of(files_, [&](const auto& f) { return f.path == path; })) continue;
+    const Status gathered = gather_file(folder + path, path);
+    if (!gathered && gathered.error().code != Code::kNotFound)
+      return std::unexpected(gathered.error());
+    is_any |= gathered.has_value();
   }
   return is_any;
 }
@@ -134,14 +155,13 @@ DecodeCall::Result DecodeCall::store(const Decoded& decoded) {
   Holdings& holdings = call_.session()->holdings();
   auto stored = std::make_shared<StoredAsset>();
   if (decoded.image) {
+    result_bytes_ = Charge();  // it is charged as a blob
     auto blob = holdings.hold(decoded.image->texels);
     if (!blob) return std::unexpected(blob.error());
     stored->texels = decoded.image->texels;
     stored->info = to_info(*decoded.image, decoded.image_srgb, *blob);
   } else {
-    auto charge = Charge::take(call_.session()->tenant()->bytes, decoded.bytes);
-    if (!charge) return std::unexpected(charge.error());
-    stored->charge = std::move(*charge);
+    stored->charge = std::move(result_bytes_);
     stored->asset = decoded.asset;
     stored->info = to_info(*decoded.asset, decoded.bounds_min, decoded.bounds_max);
   }

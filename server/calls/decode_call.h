@@ -34,12 +34,16 @@ class DecodeCall final : public Writer<v1::DecodeAssetReply> {
   void start();
   [[nodiscard]] Status gather();
   [[nodiscard]] Status gather_bundle();
+  /// Charges and reads a file beneath the asset root.
+  [[nodiscard]] Status gather_file(const std::string& path, const std::string& name);
   void submit();
   /// Charges the copy of all files that the decoder gets.
   [[nodiscard]] Status charge_copy();
   void on_decoded(Expected<Decoded> decoded);
+  /// Charges what the child is about to write.
+  [[nodiscard]] Status charge_result(u64 bytes);
   /// Reads companions that a server_path's model lacks; whether there were any.
-  [[nodiscard]] bool gather_missing(const std::vector<std::string>& missing);
+  [[nodiscard]] Expected<bool> gather_missing(const std::vector<std::string>& missing);
   [[nodiscard]] Result store(const Decoded& decoded);
   void send_progress(double done);
   void finish(Result result);
@@ -52,7 +56,9 @@ class DecodeCall final : public Writer<v1::DecodeAssetReply> {
   std::stop_source stop_;
   v1::DecodeAssetRequest named_;  // what was decoded: its files, by hash, and its options
   std::vector<DecodeFile> files_;
-  Charge copy_;  // while the decoder has it
+  std::vector<Charge> read_;  // files of the asset root
+  Charge copy_;               // while the decoder has it
+  Charge result_bytes_;       // of what it decoded to
   std::string hash_;
   std::mutex mutex_;
   bool is_writing_ = false;

@@ -14,11 +14,14 @@
 namespace heliograph::server {
 namespace {
 
-void describe_decoder(const Decoder& decoder, v1::GetServerInfoReply& reply) {
-  const std::vector<std::string> sandbox = decoder.sandbox();
-  reply.add_capabilities(fmt::format("decode_sandbox:{}", fmt::join(sandbox, ",")));
-  for (const std::string& refused : decoder.refused()) reply.add_refused(refused);
-  reply.set_decoder(decoder.versions());
+void describe_decoder(const Daemon& daemon, v1::GetServerInfoReply& reply) {
+  const DecoderState state = daemon.decoder
+                                 ? (*daemon.decoder)->state()
+                                 : DecoderState{.works = std::unexpected(daemon.decoder.error())};
+  reply.add_capabilities(fmt::format("decode_sandbox:{}", fmt::join(state.sandbox, ",")));
+  for (const std::string& refused : state.refused) reply.add_refused(refused);
+  if (!state.works) reply.add_refused("decoder: " + state.works.error().message);
+  reply.set_decoder(state.versions);
 }
 
 void describe_sharing(const Daemon& daemon, v1::GetServerInfoReply& reply) {
@@ -60,10 +63,7 @@ void describe_server(const Daemon& daemon, const Tenant& tenant, v1::GetServerIn
   reply.set_ready(reply.not_ready().empty());
   describe_sharing(daemon, reply);
   if (daemon.config.is_exposed()) reply.add_refused(kExposed);
-  if (daemon.decoder)
-    describe_decoder(**daemon.decoder, reply);
-  else
-    reply.add_refused("decoder: " + daemon.decoder.error().message);
+  describe_decoder(daemon, reply);
 }
 
 /// The sessions of a tenant, the oldest first. Their numbers are secrets.

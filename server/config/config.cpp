@@ -12,6 +12,7 @@
 #include "renderer/engine/backend.h"
 #include "server/config/config_file.h"
 #include "server/config/version.h"
+#include "server/decode/decoder.h"
 #include "server/os/accept.h"
 
 namespace heliograph::server {
@@ -125,6 +126,12 @@ void add_flags(CLI::App& app, Config& config) {
                  "Folder beneath which DecodeAsset may read server_path; off by default");
   app.add_option("--decode-program", config.decode_program,
                  "heliograph-decode; default: beside this program");
+  app.add_option("--decode-without", config.decode_without,
+                 "Layers of the decoder's sandbox that it may do without where the kernel or "
+                 "container refuses them: landlock, namespaces")
+      ->delimiter(',')
+      ->check(
+          CLI::IsMember(std::vector<std::string>(kOptionalLayers.begin(), kOptionalLayers.end())));
   app.add_option("--state-dir", config.state_dir,
                  "Folder of durable scenes, made if need be; without it no scene is durable");
   app.add_option("--grace", config.grace_seconds,

@@ -85,7 +85,10 @@ enum ExitCode : int {
   X(decode_entities, 1ull << 20, "entities of one decoded model")                         \
   X(decode_keys, 1ull << 22, "keys of all animations of one decoded model")               \
   X(decode_json_bytes, 64ull << 20, "bytes of a glTF document without its buffers")       \
-  X(decode_seconds, 30, "seconds a file may take to decode")
+  X(decode_seconds, 30, "seconds a file may take to decode")                              \
+  X(decodes, 4, "decoder processes at work at a time")                                    \
+  X(decodes_per_tenant, 3, "those of one tenant")                                         \
+  X(decode_queue, 256, "decodes of one tenant that wait for one")
 
 struct Limits {
 #define HELIO_LIMIT(name, value, text) u64 name = value;
@@ -112,13 +115,14 @@ struct Config {
   u64 device_memory = 0;            // bytes of each; 0: nine tenths of what is free
   std::string backend = "embree";
   std::string denoiser = "libOpenImageDenoise.so.2";
-  std::string asset_root;      // "": server_path is refused
-  std::string decode_program;  // "": beside this program
-  std::string state_dir;       // "": no scene is durable
-  double grace_seconds = 10;   // a session outlives its connection by this
-  double drain_seconds = 20;   // in-flight work may take this long after SIGTERM
-  std::string record;          // file or folder of a recording; "": none
-  std::string metrics;         // address of the metrics' port; "": none
+  std::string asset_root;                   // "": server_path is refused
+  std::string decode_program;               // "": beside this program
+  std::vector<std::string> decode_without;  // of the sandbox, where the kernel refuses it
+  std::string state_dir;                    // "": no scene is durable
+  double grace_seconds = 10;                // a session outlives its connection by this
+  double drain_seconds = 20;                // in-flight work may take this long after SIGTERM
+  std::string record;                       // file or folder of a recording; "": none
+  std::string metrics;                      // address of the metrics' port; "": none
   bool reflection = false;
   std::string probe;  // "live", "ready" or "durable": ask the daemon at `socket` and exit
   std::string log_level = "warning";

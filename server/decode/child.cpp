@@ -58,17 +58,18 @@ decode::Result to_result(const Loaded& loaded, const ArraySink& sink) {
   return result;
 }
 
-/// Where a result goes.
-struct Out {
-  int socket;
-  int region;
-};
+/// Without an answer the daemon is gone, or will not have it.
+[[nodiscard]] bool ask_for(u64 bytes) {
+  if (!send_packet(kSocket, PacketKind::kNeed,
+                   {reinterpret_cast<const char*>(&bytes), sizeof bytes}))
+    return false;
+  const auto answer = receive_packet(kSocket);
+  return answer && *answer && (*answer)->kind == PacketKind::kGrant;
+}
 
-void send_result(const Out& out, const decode::Result& result, std::span<const Bytes> arrays) {
-  Status written = fill_region(out.region, result, arrays);
-  if (!written) written = fill_region(out.region, refusal(written.error()), {});
-  if (!written) return;  // the daemon sees a child that ended without a result
-  (void)send_packet(out.socket, PacketKind::kResult, "", {});
+void send_result(const decode::Result& result, std::span<const Bytes> arrays) {
+  if (!ask_for(region_size(result, arrays))) return;
+  if (fill_region(kResultRegion, result, arrays)) (void)send_packet(kSocket, PacketKind::kResult);
 }
 
 LoadLimits limits_of(const decode::Limits& message) {
@@ -81,7 +82,7 @@ LoadLimits limits_of(const decode::Limits& message) {
           .json_bytes = message.json_bytes()};
 }
 
-Expected<Loaded> load(const Region& region, u64& result_bytes) {
+Expected<Loaded> load(const Region& region, Helpers& helpers, u64& result_bytes) {
   std::vector<Bytes> spans;
   Expected<decode::Job> job = read_job(region, spans);
   if (!job) return std::unexpected(std::move(job).error());
@@ -91,7 +92,8 @@ Expected<Loaded> load(const Region& region, u64& result_bytes) {
   return load_asset(files, {.format = job->format(),
                             .up = job->up(),
                             .units = job->units(),
-                            .limits = limits_of(job->limits())});
+                            .limits = limits_of(job->limits()),
+                            .in_threads = [&](const auto& work) { helpers.run(work); }});
 }
 
 }  // namespace
@@ -113,23 +115,24 @@ Expected<decode::Job> read_job(const Region& region, std::vector<Bytes>& files) 
   return job;
 }
 
-void run_job(const Region& job, int socket, int result_region) {
-  const Out out{socket, result_region};
+void run_job(const Region& job, Helpers& helpers) {
   u64 result_bytes = 0;
-  const Expected<Loaded> loaded = load(job, result_bytes);
-  if (!loaded) return send_result(out, refusal(loaded.error()), {});
+  const Expected<Loaded> loaded = load(job, helpers, result_bytes);
+  if (!loaded) return send_result(refusal(loaded.error()), {});
   Arrays arrays;
   const decode::Result result = to_result(
       *loaded, [&](const BufferPtr& buffer, v1::Array& array) { arrays.place(buffer, array); });
   if (arrays.size() > result_bytes) {
     Error error{.code = Code::kResourceExhausted,
-                .message = "the decoded arrays are larger than a result may be",
+                .message =
+                    "the decoded arrays are larger than a result may be "
+                    "(limit decode_result_bytes)",
                 .where = ""};
     error.needed = arrays.size();
     error.available = result_bytes;
-    return send_result(out, refusal(error), {});
+    return send_result(refusal(error), {});
   }
-  send_result(out, result, arrays.spans());
+  send_result(result, arrays.spans());
 }
 
 }  // namespace heliograph::server

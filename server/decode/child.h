@@ -2,14 +2,14 @@
 #pragma once
 
 #include "server/decode/decoded.pb.h"
+#include "server/decode/helpers.h"
 #include "server/decode/wire.h"
 
 namespace heliograph::server {
 
-/// Decodes the job, writes its result to the memfd `result` and says so on `socket`. Never fails: a
-/// refusal is a result too. (The memfd is the daemon's: a child that sent one of its own would fail
-/// where more descriptors of its user are on their way between any processes than it may open.)
-void run_job(const Region& job, int socket, int result);
+/// Decodes the job, asks the daemon for room, writes the result and says so. Never fails: a refusal
+/// is a result too, and a child that ends without one is seen.
+void run_job(const Region& job, Helpers& helpers);
 
 /// The files of a job, as spans of its region; fails when they leave it.
 [[nodiscard]] Expected<decode::Job> read_job(const Region& region, std::vector<Bytes>& files);

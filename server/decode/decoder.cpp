@@ -1,47 +1,28 @@
 #include "server/decode/decoder.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <poll.h>
-#include <signal.h>
 #include <sys/eventfd.h>
-#include <sys/syscall.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
-#include <condition_variable>
 #include <cstring>
-#include <deque>
-#include <mutex>
 #include <thread>
 
+#include "server/decode/child_process.h"
+#include "server/decode/decoded.pb.h"
+#include "server/decode/queue.h"
 #include "server/decode/result.h"
-#include "server/decode/zygote_process.h"
 
 namespace heliograph::server {
 namespace {
 
 using Clock = std::chrono::steady_clock;
+using ChildPtr = std::unique_ptr<ChildProcess>;
 
 constexpr double kHelloSeconds = 5;
-constexpr u64 kMessageBytes = 256ull << 20;  // of a result, beside its arrays
-
-struct Task {
-  DecodeJob job;
-  std::function<void(Expected<Decoded>)> done;
-  std::stop_token stop;
-};
-
-/// "was killed by SIGSEGV", for the message.
-std::string how_it_died(int status) {
-  if (WIFSIGNALED(status)) {
-    const char* name = sigabbrev_np(WTERMSIG(status));
-    return fmt::format("was killed by SIG{}", name ? name : std::to_string(WTERMSIG(status)));
-  }
-  if (WIFEXITED(status)) return fmt::format("exited with {}", WEXITSTATUS(status));
-  return "could not be started";
-}
 
 decode::Limits to_proto(const LoadLimits& limits) {
   decode::Limits message;
@@ -55,7 +36,7 @@ decode::Limits to_proto(const LoadLimits& limits) {
   return message;
 }
 
-Expected<Fd> make_job_region(const DecodeJob& job, const DecoderOptions& options) {
+Status begin(ChildProcess& child, const DecodeJob& job, const LoadLimits& limits) {
   decode::Job message;
   std::vector<Bytes> files;
   for (const DecodeFile& file : job.files) {
@@ -66,8 +47,8 @@ Expected<Fd> make_job_region(const DecodeJob& job, const DecoderOptions& options
   message.set_format(job.format);
   message.set_up(job.up);
   message.set_units(job.units);
-  *message.mutable_limits() = to_proto(options.limits);
-  return write_region(message, files);
+  *message.mutable_limits() = to_proto(limits);
+  return child.begin(message, files);
 }
 
 /// Wakes a poll when a stop is requested.
@@ -91,180 +72,206 @@ class StopEvent {
   std::stop_callback<Signal> on_mine_, on_pool_;
 };
 
-/// How one child's run ended.
-struct Outcome {
-  enum class Kind { kResult, kDied, kCancelled, kDeadline, kZygoteLost } kind;
-  Fd region{};
-  int status = 0;
-};
+Clock::time_point after(double seconds) {
+  return Clock::now() +
+         std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
+}
 
-/// Waits for one child; kills it when it must not go on.
-Outcome wait_for_child(int socket, int stop_event, Clock::time_point deadline) {
-  Fd process;
-  const auto kill_child = [&] {
-    if (process) syscall(SYS_pidfd_send_signal, process.get(), SIGKILL, nullptr, 0);
-  };
-  while (true) {
+/// The child's next packet; nullopt when it ended. CANCELLED, DEADLINE_EXCEEDED.
+Expected<std::optional<Packet>> await_packet(const ChildProcess& child, const StopEvent& stop,
+                                             Clock::time_point deadline) {
+  pollfd events[] = {{child.socket(), POLLIN, 0}, {stop.fd(), POLLIN, 0}};
+  int ready;
+  do {
     const auto left = std::chrono::ceil<std::chrono::milliseconds>(deadline - Clock::now());
-    pollfd events[] = {{socket, POLLIN, 0}, {stop_event, POLLIN, 0}};
-    const int ready = poll(events, 2, int(std::max<i64>(left.count(), 0)));
-    if (ready < 0 && errno == EINTR) continue;
-    if (events[1].revents) {
-      kill_child();
-      return {Outcome::Kind::kCancelled};
-    }
-    if (ready <= 0) {
-      kill_child();
-      return {Outcome::Kind::kDeadline};
-    }
-    auto packet = receive_packet(socket);
-    if (!packet || !*packet) return {Outcome::Kind::kZygoteLost};
-    auto& [kind, bytes, fds] = **packet;
-    if (kind == PacketKind::kStarted && fds.size() == 1) process = std::move(fds[0]);
-    if (kind == PacketKind::kResult) return {Outcome::Kind::kResult};
-    if (kind == PacketKind::kExited && bytes.size() == sizeof(int)) {
-      Outcome outcome{Outcome::Kind::kDied};
-      std::memcpy(&outcome.status, bytes.data(), sizeof(int));
-      return outcome;
-    }
+    ready = poll(events, 2, int(std::max<i64>(left.count(), 0)));
+  } while (ready < 0 && errno == EINTR);
+  if (events[1].revents) return fail(Code::kCancelled, "", "the decode was cancelled");
+  if (ready <= 0) return fail(Code::kDeadlineExceeded, "", "");
+  return receive_packet(child.socket());
+}
+
+/// What a sandbox lacks, and what an operator does about it.
+Error describe_missing(const decode::Hello& hello) {
+  std::vector<std::string_view> needed, optional;
+  for (const std::string& missing : hello.missing()) {
+    const std::string_view layer = name_of(missing);
+    (std::ranges::find(kOptionalLayers, layer) != kOptionalLayers.end() ? optional : needed)
+        .push_back(layer);
   }
+  std::string remedy;
+  if (!needed.empty())
+    remedy = fmt::format("let the container or service use {}, which no decode goes without",
+                         fmt::join(needed, ", "));
+  if (!optional.empty())
+    remedy += fmt::format("{}allow {}, or start heliographd with --decode-without {}",
+                          remedy.empty() ? "" : "; ", fmt::join(optional, ", "),
+                          fmt::join(optional, ","));
+  return {.code = Code::kFailedPrecondition,
+          .message = fmt::format(
+              "no file is decoded, because the kernel refuses a layer of the sandbox ({}): {}",
+              fmt::join(hello.missing(), "; "), remedy),
+          .where = ""};
+}
+
+std::unexpected<Error> at(const std::string& path, Error error) {
+  error.where = path;
+  return std::unexpected(std::move(error));
 }
 
 }  // namespace
 
-/// Locks: zygote_mutex_ for the zygote pointer, queue_mutex_ for the queue; never both.
+/// Locks: state_mutex_, spare_mutex_; never both.
 class Decoder::Impl {
  public:
-  Impl(DecoderOptions options, std::shared_ptr<const ZygoteProcess> zygote)
-      : options_(std::move(options)), zygote_(std::move(zygote)) {
-    const unsigned threads = std::clamp(std::thread::hardware_concurrency(), 2u, 8u);
-    for (unsigned i = 0; i < threads; ++i) {
-      pool_.emplace_back([this](const std::stop_token& stop) { work(stop); });
-    }
+  explicit Impl(DecoderOptions options)
+      : options_(std::move(options)),
+        queue_({.running = options_.tenant_processes, .waiting = options_.tenant_waiting}) {
+    for (u64 i = 0; i < options_.processes; ++i)
+      threads_.emplace_back([this](const std::stop_token& stop) { work(stop); });
   }
   ~Impl() {
-    for (std::jthread& thread : pool_) thread.request_stop();
-    for (std::jthread& thread : pool_) thread.join();
-    for (Task& task : queue_) {
+    for (std::jthread& thread : threads_) thread.request_stop();
+    for (std::jthread& thread : threads_) thread.join();
+    for (DecodeTask& task : queue_.rest())
       task.done(fail(Code::kCancelled, "", "the decoder is shutting down"));
-    }
   }
 
-  void push(Task task) {
-    {
-      const std::lock_guard lock(queue_mutex_);
-      queue_.push_back(std::move(task));
-    }
-    waiting_.notify_one();
+  void push(DecodeTask task) {
+    if (auto pushed = queue_.push(task); !pushed) task.done(std::unexpected(pushed.error()));
   }
 
-  [[nodiscard]] std::shared_ptr<const ZygoteProcess> zygote() const {
-    const std::lock_guard lock(zygote_mutex_);
-    return zygote_;
+  [[nodiscard]] DecoderState state() {
+    std::unique_lock lock(state_mutex_);
+    known_.wait_until(lock, after(kHelloSeconds), [&] { return is_known_; });
+    if (is_known_) return state_;
+    return {.works = fail(Code::kUnavailable, "", "heliograph-decode does not answer")};
   }
 
  private:
   void work(const std::stop_token& stop) {
-    while (true) {
-      Task task;
-      {
-        std::unique_lock lock(queue_mutex_);
-        if (!waiting_.wait(lock, stop, [&] { return !queue_.empty(); })) return;
-        if (stop.stop_requested()) return;
-        task = std::move(queue_.front());
-        queue_.pop_front();
-      }
-      task.done(run(task, stop));
+    while (auto task = queue_.take(stop)) {
+      ChildPtr child;
+      task->done(run(*task, child, stop));
+      child.reset();  // its memory is given back after the answer
+      queue_.end(task->job.tenant);
     }
   }
 
-  Expected<Decoded> run(const Task& task, const std::stop_token& pool_stop) {
+  Expected<Decoded> run(const DecodeTask& task, ChildPtr& child, const std::stop_token& pool) {
     if (task.job.files.empty()) return fail(Code::kInvalidArgument, "files", "the bundle is empty");
-    if (task.stop.stop_requested()) return cancelled();
-    const auto region = make_job_region(task.job, options_);
-    if (!region) return std::unexpected(region.error());
-    const StopEvent stop(task.stop, pool_stop);
-    constexpr int kAttempts = 2;  // the second on a fresh zygote
-    for (int attempt = 0; attempt < kAttempts; ++attempt) {
-      const std::shared_ptr<const ZygoteProcess> process = zygote();
-      Expected<Outcome> outcome = run_once(*process, region->get(), stop.fd());
-      if (!outcome) return std::unexpected(std::move(outcome).error());
-      if (outcome->kind != Outcome::Kind::kZygoteLost) return conclude(*outcome, task.job);
-      HELIO_TRY(restart(process));
-    }
-    return fail(Code::kUnavailable, "", "the decoder keeps dying; see the daemon's log");
+    const std::string& path = task.job.files.front().path;
+    if (task.stop.stop_requested()) return fail(Code::kCancelled, "", "the decode was cancelled");
+    const StopEvent stop(task.stop, pool);
+    auto ready = take_child(stop);
+    if (!ready) return at(path, ready.error());
+    child = std::move(*ready);
+    const auto deadline = after(options_.deadline_seconds);
+    if (auto begun = begin(*child, task.job, options_.limits); !begun)
+      return at(path, begun.error());
+    make_spare();
+    return converse(task.job, *child, stop, deadline);
   }
 
-  Expected<Outcome> run_once(const ZygoteProcess& process, int region, int stop_event) const {
-    auto sockets = socket_pair();
-    if (!sockets) return std::unexpected(std::move(sockets).error());
-    auto& [mine, theirs] = *sockets;
-    auto result = make_region();
-    if (!result) return std::unexpected(std::move(result).error());
-    if (!process.launch(theirs.get(), region, result->get()))
-      return Outcome{Outcome::Kind::kZygoteLost};
-    theirs = Fd();  // so that the end of the stream is seen
-    const auto deadline =
-        Clock::now() + std::chrono::duration_cast<Clock::duration>(
-                           std::chrono::duration<double>(options_.deadline_seconds));
-    Outcome outcome = wait_for_child(mine.get(), stop_event, deadline);
-    outcome.region = std::move(*result);
-    return outcome;
-  }
-
-  Expected<Decoded> conclude(const Outcome& outcome, const DecodeJob& job) const {
+  Expected<Decoded> converse(const DecodeJob& job, ChildProcess& child, const StopEvent& stop,
+                             Clock::time_point deadline) const {
     const std::string& path = job.files.front().path;
-    switch (outcome.kind) {
-      case Outcome::Kind::kResult: {
-        if (const Status sealed = seal_region(outcome.region.get()); !sealed)
-          return fail(Code::kInternal, path, sealed.error().message);
-        auto region = Region::map(outcome.region.get(), options_.limits.bytes + kMessageBytes);
+    while (true) {
+      const auto packet = await_packet(child, stop, deadline);
+      if (!packet && packet.error().code == Code::kDeadlineExceeded)
+        return fail(Code::kDeadlineExceeded, path,
+                    fmt::format("'{}' did not decode within {} s (limit decode_seconds)", path,
+                                options_.deadline_seconds));
+      if (!packet) return at(path, packet.error());
+      if (!*packet)
+        return fail(Code::kInvalidArgument, path,
+                    fmt::format("'{}' is malformed: its decoder {}", path, child.how_it_ended()));
+      const auto& [kind, bytes] = **packet;
+      if (kind == PacketKind::kResult) {
+        const auto region = child.result();
         if (!region) return fail(Code::kInternal, path, region.error().message);
         return read_result(*region, job);
       }
-      case Outcome::Kind::kDied:
-        return fail(
-            Code::kInvalidArgument, path,
-            fmt::format("'{}' is malformed: its decoder {}", path, how_it_died(outcome.status)));
-      case Outcome::Kind::kDeadline:
-        return fail(
-            Code::kDeadlineExceeded, path,
-            fmt::format("'{}' did not decode within {} s", path, options_.deadline_seconds));
-      case Outcome::Kind::kCancelled:
-        return cancelled();
-      case Outcome::Kind::kZygoteLost:
-        break;
+      u64 needed = 0;
+      if (kind != PacketKind::kNeed || bytes.size() != sizeof needed)
+        return fail(Code::kInternal, path, "its decoder says what no decoder says");
+      std::memcpy(&needed, bytes.data(), sizeof needed);
+      if (auto room = job.reserve(needed); !room) return at(path, room.error());
+      if (auto granted = child.grant(needed); !granted) return at(path, granted.error());
     }
-    return fail(Code::kUnavailable, path, "the decoder died");
   }
 
-  static std::unexpected<Error> cancelled() {
-    return fail(Code::kCancelled, "", "the decode was cancelled");
+  /// One that is confined: the spare one, or a new one when that died.
+  Expected<ChildPtr> take_child(const StopEvent& stop) {
+    ChildPtr spare;
+    {
+      const std::lock_guard lock(spare_mutex_);
+      spare = std::move(spare_);
+    }
+    if (spare && greet(*spare, stop) && !spare->has_ended()) return spare;
+    auto child = ChildProcess::start(options_);
+    if (!child) return std::unexpected(note(child.error()));
+    if (auto greeted = greet(**child, stop); !greeted) return std::unexpected(greeted.error());
+    return std::move(*child);
   }
 
-  /// Starts a new zygote unless somebody did since `lost` was seen.
-  Status restart(const std::shared_ptr<const ZygoteProcess>& lost) {
-    const std::lock_guard lock(zygote_mutex_);
-    if (zygote_ != lost) return {};
-    auto fresh = ZygoteProcess::start(options_);
-    if (!fresh) return std::unexpected(std::move(fresh).error());
-    zygote_ = std::move(*fresh);
-    return {};
+  /// Reads what it says first, and keeps it.
+  Status greet(ChildProcess& child, const StopEvent& stop) {
+    const auto packet = await_packet(child, stop, after(kHelloSeconds));
+    if (!packet && packet.error().code == Code::kCancelled) return std::unexpected(packet.error());
+    decode::Hello hello;
+    if (!packet || !*packet || (*packet)->kind != PacketKind::kHello ||
+        !hello.ParseFromString((*packet)->bytes))
+      return std::unexpected(note({.code = Code::kUnavailable,
+                                   .message = fmt::format("no file is decoded, because {} {} "
+                                                          "before it was confined",
+                                                          options_.program, child.how_it_ended()),
+                                   .where = ""}));
+    DecoderState state{.sandbox = {hello.sandbox().begin(), hello.sandbox().end()},
+                       .refused = {hello.refused().begin(), hello.refused().end()},
+                       .versions = hello.versions()};
+    if (hello.missing_size() > 0) state.works = std::unexpected(describe_missing(hello));
+    const Status works = state.works;
+    keep(std::move(state));
+    return works;
+  }
+
+  Error note(Error error) {
+    keep({.works = std::unexpected(error)});
+    return error;
+  }
+  void keep(DecoderState state) {
+    {
+      const std::lock_guard lock(state_mutex_);
+      state_ = std::move(state);
+      is_known_ = true;
+    }
+    known_.notify_all();
+  }
+
+  /// Its libraries load while this job is decoded. Called by threads that live as long as this, for
+  /// it ends with the one that started it.
+  void make_spare() {
+    const std::lock_guard lock(spare_mutex_);
+    if (spare_) return;
+    if (auto child = ChildProcess::start(options_)) spare_ = std::move(*child);
   }
 
   const DecoderOptions options_;
-  mutable std::mutex zygote_mutex_;
-  std::shared_ptr<const ZygoteProcess> zygote_;
-  std::mutex queue_mutex_;
-  std::condition_variable_any waiting_;
-  std::deque<Task> queue_;
-  std::vector<std::jthread> pool_;
+  DecodeQueue queue_;
+  std::mutex state_mutex_;
+  std::condition_variable known_;
+  bool is_known_ = false;
+  DecoderState state_;
+  std::mutex spare_mutex_;
+  ChildPtr spare_;
+  std::vector<std::jthread> threads_;
 };
 
 Expected<std::unique_ptr<Decoder>> Decoder::create(const DecoderOptions& options) {
-  auto zygote = ZygoteProcess::start(options);
-  if (!zygote) return std::unexpected(std::move(zygote).error());
-  return std::unique_ptr<Decoder>(new Decoder(std::make_unique<Impl>(options, std::move(*zygote))));
+  if (access(options.program.c_str(), X_OK) != 0)
+    return fail(Code::kUnavailable, "", system_message(options.program.c_str()));
+  return std::unique_ptr<Decoder>(new Decoder(std::make_unique<Impl>(options)));
 }
 
 Decoder::Decoder(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
@@ -275,14 +282,18 @@ void Decoder::decode(DecodeJob job, std::function<void(Expected<Decoded>)> done,
   impl_->push({.job = std::move(job), .done = std::move(done), .stop = std::move(stop)});
 }
 
-std::vector<std::string> Decoder::sandbox() const {
-  const decode::Hello hello = impl_->zygote()->hello(kHelloSeconds);
-  return {hello.sandbox().begin(), hello.sandbox().end()};
+void Decoder::try_out(std::function<void(Status)> done) {
+  static constexpr std::string_view kTriangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+  const auto bytes = std::as_bytes(std::span(kTriangle));
+  DecodeJob job;
+  job.files.push_back({"triangle.obj", std::make_shared<const Buffer>(nullptr, bytes)});
+  decode(std::move(job),
+         [done = std::move(done)](const Expected<Decoded>& decoded) {
+           done(decoded ? Status() : std::unexpected(decoded.error()));
+         },
+         {});
 }
-std::vector<std::string> Decoder::refused() const {
-  const decode::Hello hello = impl_->zygote()->hello(kHelloSeconds);
-  return {hello.refused().begin(), hello.refused().end()};
-}
-std::string Decoder::versions() const { return impl_->zygote()->hello(kHelloSeconds).versions(); }
+
+DecoderState Decoder::state() const { return impl_->state(); }
 
 }  // namespace heliograph::server

@@ -1,6 +1,7 @@
-// The daemon's side of heliograph-decode: sends a bundle to the zygote, gets an asset back.
+// The daemon's side of heliograph-decode: sends a bundle to a child, gets an asset back.
 #pragma once
 
+#include <array>
 #include <functional>
 #include <memory>
 #include <stop_token>
@@ -24,6 +25,9 @@ struct DecodeJob {
   std::string up;
   double units = 0;
   std::string hash;  // becomes Asset::hash
+  u64 tenant = 0;    // whose turn it takes; 0: the daemon's own
+  /// Asked before a result of so many bytes is written: its refusal ends the decode.
+  std::function<Status(u64 bytes)> reserve = [](u64) { return Status(); };
 };
 
 /// What came back, every number in it checked by the daemon; arrays lie in the child's sealed
@@ -35,8 +39,10 @@ struct Decoded {
   std::vector<std::string> missing;
   std::vector<std::string> warnings;
   vec3 bounds_min{0}, bounds_max{0};
-  u64 bytes = 0;  // of the child's memfd
 };
+
+/// Layers of the sandbox that an operator may do without.
+inline constexpr std::array kOptionalLayers = {"landlock", "namespaces"};
 
 struct DecoderOptions {
   std::string program;            // heliograph-decode
@@ -44,24 +50,37 @@ struct DecoderOptions {
   u32 cpu_seconds = 20;
   double deadline_seconds = 30;
   LoadLimits limits{};
+  std::vector<std::string> without;  // of kOptionalLayers: where the kernel refuses them
+  u64 processes = 4;                 // at work at a time
+  u64 tenant_processes = 3;          // those of one tenant
+  u64 tenant_waiting = 256;          // decodes of one tenant that wait
 };
 
-/// Owns: the zygote process and the decode pool. Thread: any.
+/// What confines decodes, as the latest child found it.
+struct DecoderState {
+  std::vector<std::string> sandbox;  // layers in force
+  std::vector<std::string> refused;  // by the kernel, and done without: "landlock: why"
+  std::string versions;              // of libraries
+  Status works = {};                 // why no file can be decoded, and what to do
+};
+
+/// Owns: its threads, and a child that is ready for the next job. Thread: any.
 class Decoder {
  public:
-  /// Starts the zygote; its libraries load while the caller goes on.
+  /// Fails with UNAVAILABLE when the program cannot be run.
   [[nodiscard]] static Expected<std::unique_ptr<Decoder>> create(const DecoderOptions& options);
   ~Decoder();
 
-  /// Runs one job in a child of its own. `done` is called once, from the decode pool. A child that
-  /// dies gives INVALID_ARGUMENT naming the file and how it died; a killed zygote is started again.
+  /// Runs one job in a child of its own. `done` is called once, from a thread of the decoder or, at
+  /// once, from this one. A child that dies gives INVALID_ARGUMENT naming the file and how it died.
+  /// FAILED_PRECONDITION: the kernel refuses a layer of the sandbox.
   void decode(DecodeJob job, std::function<void(Expected<Decoded>)> done, std::stop_token stop);
 
-  /// What the sandbox has: "seccomp", "namespaces", "landlock", "rlimits"; and what the kernel
-  /// refused.
-  [[nodiscard]] std::vector<std::string> sandbox() const;
-  [[nodiscard]] std::vector<std::string> refused() const;
-  [[nodiscard]] std::string versions() const;
+  /// Decodes a triangle: whether files can be decoded at all.
+  void try_out(std::function<void(Status)> done);
+
+  /// Waits for the first child at most 5 s.
+  [[nodiscard]] DecoderState state() const;
 
  private:
   class Impl;

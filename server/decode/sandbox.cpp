@@ -1,6 +1,7 @@
 #include "server/decode/sandbox.h"
 
 #include <fcntl.h>
+#include <linux/capability.h>
 #include <sched.h>
 #include <seccomp.h>
 #include <sys/mman.h>
@@ -19,7 +20,7 @@
 namespace heliograph::server {
 namespace {
 
-// What the decoders, malloc and threads need. Source: docs/decisions/008.
+// What the decoders, malloc and the threads that there are need. Source: docs/decisions/008.
 constexpr std::array kAllowed = {SCMP_SYS(read),
                                  SCMP_SYS(write),
                                  SCMP_SYS(pread64),
@@ -46,7 +47,6 @@ constexpr std::array kAllowed = {SCMP_SYS(read),
                                  SCMP_SYS(set_robust_list),
                                  SCMP_SYS(rseq),
                                  SCMP_SYS(getrandom),
-                                 SCMP_SYS(memfd_create),
                                  SCMP_SYS(ftruncate),
                                  SCMP_SYS(sendmsg),
                                  SCMP_SYS(sysinfo),
@@ -55,10 +55,10 @@ constexpr std::array kNoSuchFile = {SCMP_SYS(open),     SCMP_SYS(openat),     SC
                                     SCMP_SYS(readlink), SCMP_SYS(readlinkat), SCMP_SYS(newfstatat),
                                     SCMP_SYS(access)};
 
-/// 0 when every rule went in. clone3 hides its flags in memory, so it answers ENOSYS and glibc
-/// falls back to clone, which may make threads and nothing else.
+/// 0 when every rule went in.
 int add_rules(scmp_filter_ctx filter) {
   int worst = seccomp_attr_set(filter, SCMP_FLTATR_CTL_TSYNC, 1);
+  (void)seccomp_attr_set(filter, SCMP_FLTATR_API_SYSRAWRC, 1);  // the kernel's own errno
   const auto add = [&](u32 action, int call, auto... conditions) {
     const scmp_arg_cmp list[] = {conditions..., scmp_arg_cmp{}};
     const int code = seccomp_rule_add_array(filter, action, call, sizeof...(conditions), list);
@@ -66,14 +66,12 @@ int add_rules(scmp_filter_ctx filter) {
   };
   for (const int call : kAllowed) add(SCMP_ACT_ALLOW, call);
   for (const int call : kNoSuchFile) add(SCMP_ACT_ERRNO(ENOENT), call);
-  add(SCMP_ACT_ERRNO(ENOSYS), SCMP_SYS(clone3));
   const auto masked = [](u32 argument, u64 mask, u64 value) {
     return scmp_arg_cmp{argument, SCMP_CMP_MASKED_EQ, mask, value};
   };
-  add(SCMP_ACT_ALLOW, SCMP_SYS(clone), masked(0, CLONE_THREAD, CLONE_THREAD));
   add(SCMP_ACT_ALLOW, SCMP_SYS(mmap), masked(2, PROT_EXEC, 0));
   add(SCMP_ACT_ALLOW, SCMP_SYS(mprotect), masked(2, PROT_EXEC, 0));
-  for (const u64 command : {F_ADD_SEALS, F_GET_SEALS, F_GETFL})
+  for (const u64 command : {F_GET_SEALS, F_GETFL})
     add(SCMP_ACT_ALLOW, SCMP_SYS(fcntl), scmp_arg_cmp{1, SCMP_CMP_EQ, command, 0});
   return worst;
 }
@@ -91,8 +89,19 @@ bool enter_rlimits(const SandboxLimits& limits) {
 #endif
   // A second more before the hard limit would kill without a name: SIGXCPU comes first.
   const rlimit cpu{limits.cpu_seconds, limits.cpu_seconds + 1};
-  return memory && setrlimit(RLIMIT_CPU, &cpu) == 0 && limit(RLIMIT_FSIZE, limits.file_bytes) &&
-         limit(RLIMIT_NOFILE, 16) && limit(RLIMIT_CORE, 0);
+  const rlimit file{0, limits.file_bytes};  // the parent raises it
+  return memory && setrlimit(RLIMIT_CPU, &cpu) == 0 && setrlimit(RLIMIT_FSIZE, &file) == 0 &&
+         limit(RLIMIT_NOFILE, 16) && limit(RLIMIT_NPROC, 0) && limit(RLIMIT_CORE, 0);
+}
+
+/// A user namespace begins with all of them. Who may not shrink the bounding set has none.
+bool drop_capabilities() {
+  constexpr unsigned long kMost = 64;
+  for (unsigned long capability = 0; capability < kMost; ++capability)
+    (void)prctl(PR_CAPBSET_DROP, capability, 0, 0, 0);
+  __user_cap_header_struct header{_LINUX_CAPABILITY_VERSION_3, 0};
+  const __user_cap_data_struct none[_LINUX_CAPABILITY_U32S_3]{};
+  return syscall(SYS_capset, &header, none) == 0;
 }
 
 /// Source: Landlock user-space API of the Linux kernel, ABI 1 to 6. An empty ruleset that handles
@@ -115,10 +124,12 @@ bool enter_landlock() {
 
 Expected<Sandbox> Sandbox::prepare(const SandboxLimits& limits) {
   scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ERRNO(EPERM));
-  if (!filter) return fail(Code::kInternal, "", "seccomp_init failed");
+  if (!filter) return fail(Code::kInternal, "", "seccomp: no memory");
   Sandbox sandbox(limits, filter);
-  if (add_rules(filter) != 0) return fail(Code::kInternal, "", "a seccomp rule was refused");
-  return sandbox;
+  const int code = add_rules(filter);
+  if (code == 0) return sandbox;
+  errno = -code;
+  return fail(Code::kInternal, "", system_message("seccomp"));
 }
 
 Sandbox::Sandbox(Sandbox&& other) noexcept
@@ -128,7 +139,7 @@ Sandbox::~Sandbox() {
   if (filter_) seccomp_release(filter_);
 }
 
-SandboxReport Sandbox::enter() const {
+SandboxReport Sandbox::enter(const std::function<void()>& start_threads) const {
   SandboxReport report;
   const auto note = [&](const char* layer, bool held) {
     if (held) {
@@ -139,10 +150,12 @@ SandboxReport Sandbox::enter() const {
   };
   note("namespaces", unshare(CLONE_NEWUSER | CLONE_NEWNET | CLONE_NEWNS | CLONE_NEWIPC) == 0);
   // After unshare: new credentials clear it.
-  note("parent death signal", prctl(PR_SET_PDEATHSIG, SIGKILL) == 0);
-  note("rlimits", enter_rlimits(limits_));
+  note("parent_death_signal", prctl(PR_SET_PDEATHSIG, SIGKILL) == 0);
+  note("capabilities", drop_capabilities());
   note("no_new_privs", prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0);
   note("landlock", enter_landlock());
+  start_threads();  // they inherit what is in force
+  note("rlimits", enter_rlimits(limits_));
   const int code = seccomp_load(filter_);
   errno = -code;
   note("seccomp", code == 0);

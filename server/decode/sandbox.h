@@ -1,7 +1,8 @@
 // What a decode child may still do: compute, use the memory it may use, and write to the
-// descriptors it holds. Entered by the children of the zygote, and by the tests.
+// descriptors it holds. Entered by heliograph-decode before it sees a file, and by the tests.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -13,30 +14,36 @@ namespace heliograph::server {
 struct SandboxLimits {
   u64 memory_bytes = 2ull << 30;  // address space
   u32 cpu_seconds = 20;
-  u64 file_bytes = 1ull << 30;  // of a memfd it makes
+  u64 file_bytes = 1ull << 30;  // of a memfd that it holds: none until its parent raises that
 };
 
 struct SandboxReport {
-  std::vector<std::string> active;   // "namespaces", "rlimits", "landlock", "seccomp"
-  std::vector<std::string> refused;  // "namespaces: Operation not permitted"
+  std::vector<std::string> active;   // layers, by name
+  std::vector<std::string> refused;  // by the kernel: "namespaces: Operation not permitted"
 };
 
-/// Owns: the compiled seccomp filter, made once and inherited by fork.
+/// Owns: the compiled seccomp filter.
 class Sandbox {
  public:
+  /// INTERNAL: the kernel has no seccomp, or none that confines all threads.
   [[nodiscard]] static Expected<Sandbox> prepare(const SandboxLimits& limits);
   Sandbox(Sandbox&& other) noexcept;
   Sandbox& operator=(Sandbox&&) = delete;
   ~Sandbox();
 
-  /// Confines this process for good, and ties its life to its parent's. Each layer stands alone:
-  /// one that the kernel refuses is reported, the others still hold. The caller has one thread.
+  /// Confines this process for good, and ties its life to its parent's. It tries every layer and
+  /// reports those that the kernel refuses: the caller decides whether to go on. The caller has one
+  /// thread; `start_threads` starts those it will ever have.
   ///
-  /// namespaces  new user, network, mount and IPC namespace: no network device at all
-  /// rlimits     address space, CPU, file size, 16 descriptors, no core dump
-  /// landlock    no path can be opened, no TCP port, no abstract socket
-  /// seccomp     an allowlist of system calls; others answer EPERM, opening ENOENT
-  [[nodiscard]] SandboxReport enter() const;
+  /// namespaces           new user, network, mount and IPC namespace: no network device at all
+  /// parent_death_signal  killed when the thread ends that started it
+  /// capabilities         none, and none to be had: bounding set, permitted, ambient
+  /// no_new_privs         no program gives any
+  /// landlock             no path can be opened, no TCP port, no abstract socket
+  /// rlimits              address space, CPU, file size, 16 descriptors, no process, no core dump
+  /// seccomp              an allowlist of system calls, without any that starts a process or a
+  ///                      thread; others answer EPERM, opening ENOENT
+  [[nodiscard]] SandboxReport enter(const std::function<void()>& start_threads = [] {}) const;
 
  private:
   explicit Sandbox(const SandboxLimits& limits, void* filter) : limits_(limits), filter_(filter) {}

@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
@@ -13,14 +12,16 @@
 namespace heliograph::server {
 namespace {
 
-constexpr std::size_t kMostFds = 3;
 constexpr std::size_t kLongestPacket = 64 << 10;
 constexpr int kSeals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_WRITE;
 
-union ControlBuffer {
-  cmsghdr header;
-  char bytes[CMSG_SPACE(kMostFds * sizeof(int))];
-};
+/// Where the arrays begin, and where they end from there on.
+std::pair<std::uint64_t, std::uint64_t> layout(std::uint64_t message_bytes,
+                                               std::span<const Bytes> arrays) {
+  std::uint64_t end = 0;
+  for (const Bytes array : arrays) end = aligned(end) + array.size();
+  return {aligned(8 + message_bytes), end};
+}
 
 Status write_all(int fd, Bytes bytes, std::uint64_t offset) {
   while (!bytes.empty()) {
@@ -45,22 +46,12 @@ std::string system_message(const char* what) {
   return std::string(what) + ": " + strerror_r(code, text.data(), text.size());
 }
 
-Status send_packet(int socket, PacketKind kind, std::string_view bytes, std::span<const int> fds) {
+Status send_packet(int socket, PacketKind kind, std::string_view bytes) {
   char first = char(kind);
   iovec parts[] = {{&first, 1}, {const_cast<char*>(bytes.data()), bytes.size()}};
-  ControlBuffer control{};
   msghdr message{};
   message.msg_iov = parts;
   message.msg_iovlen = 2;
-  if (!fds.empty()) {
-    message.msg_control = control.bytes;
-    message.msg_controllen = CMSG_SPACE(fds.size_bytes());
-    cmsghdr* header = CMSG_FIRSTHDR(&message);
-    header->cmsg_level = SOL_SOCKET;
-    header->cmsg_type = SCM_RIGHTS;
-    header->cmsg_len = CMSG_LEN(fds.size_bytes());
-    std::memcpy(CMSG_DATA(header), fds.data(), fds.size_bytes());
-  }
   ssize_t sent;
   do sent = sendmsg(socket, &message, MSG_NOSIGNAL);
   while (sent < 0 && errno == EINTR);
@@ -70,32 +61,12 @@ Status send_packet(int socket, PacketKind kind, std::string_view bytes, std::spa
 
 Expected<std::optional<Packet>> receive_packet(int socket) {
   std::string bytes(kLongestPacket, '\0');
-  iovec part{bytes.data(), bytes.size()};
-  ControlBuffer control{};
-  msghdr message{};
-  message.msg_iov = &part;
-  message.msg_iovlen = 1;
-  message.msg_control = control.bytes;
-  message.msg_controllen = sizeof control.bytes;
   ssize_t received;
-  do received = recvmsg(socket, &message, MSG_CMSG_CLOEXEC);
+  do received = read(socket, bytes.data(), bytes.size());  // a child may call no recvmsg
   while (received < 0 && errno == EINTR);
-  if (received < 0 && errno == ECONNRESET) return std::optional<Packet>();
-  if (received < 0) return fail(Code::kUnavailable, "", system_message("recvmsg"));
-  Packet packet;
-  for (cmsghdr* header = CMSG_FIRSTHDR(&message); header; header = CMSG_NXTHDR(&message, header)) {
-    if (header->cmsg_level != SOL_SOCKET || header->cmsg_type != SCM_RIGHTS) continue;
-    const std::size_t count = (header->cmsg_len - CMSG_LEN(0)) / sizeof(int);
-    for (std::size_t i = 0; i < count; ++i) {
-      int fd;
-      std::memcpy(&fd, CMSG_DATA(header) + i * sizeof(int), sizeof fd);
-      packet.fds.emplace_back(fd);
-    }
-  }
-  if (received == 0) return std::optional<Packet>();
-  packet.kind = PacketKind(bytes[0]);
-  packet.bytes = bytes.substr(1, std::size_t(received) - 1);
-  return packet;
+  if (received == 0 || (received < 0 && errno == ECONNRESET)) return std::optional<Packet>();
+  if (received < 0) return fail(Code::kUnavailable, "", system_message("read"));
+  return Packet{.kind = PacketKind(bytes[0]), .bytes = bytes.substr(1, std::size_t(received) - 1)};
 }
 
 Expected<std::pair<Fd, Fd>> socket_pair() {
@@ -112,20 +83,24 @@ Expected<Fd> make_region() {
   return fd;
 }
 
+std::uint64_t region_size(const google::protobuf::MessageLite& message,
+                          std::span<const Bytes> arrays) {
+  const auto [base, end] = layout(message.ByteSizeLong(), arrays);
+  return base + end;
+}
+
 Status fill_region(int fd, const google::protobuf::MessageLite& message,
                    std::span<const Bytes> arrays) {
   std::string head(8, '\0');
   if (!message.AppendToString(&head)) return fail(Code::kInternal, "", "a message over 2 GiB");
   const std::uint64_t size = head.size() - 8;
   std::memcpy(head.data(), &size, 8);
-  const std::uint64_t base = aligned(head.size());
-  std::uint64_t end = 0;
-  for (const Bytes array : arrays) end = aligned(end) + array.size();
-  if (ftruncate(fd, off_t(base + end)) != 0) {
+  const auto [base, bytes] = layout(size, arrays);
+  if (ftruncate(fd, off_t(base + bytes)) != 0) {
     return fail(Code::kResourceExhausted, "", system_message("ftruncate"));
   }
   HELIO_TRY(write_all(fd, std::as_bytes(std::span(head)), 0));
-  end = 0;
+  std::uint64_t end = 0;
   for (const Bytes array : arrays) {
     HELIO_TRY(write_all(fd, array, base + aligned(end)));
     end = aligned(end) + array.size();
@@ -153,11 +128,11 @@ Expected<Fd> write_region(const google::protobuf::MessageLite& message,
 
 Expected<std::shared_ptr<const Region>> Region::map(int fd, std::uint64_t largest) {
   const int seals = fcntl(fd, F_GET_SEALS);
-  struct stat info{};
-  if (seals < 0 || (seals & kSeals) != kSeals || fstat(fd, &info) != 0) {
+  const off_t end = lseek(fd, 0, SEEK_END);  // fstat() is a call by path, which no child may make
+  if (seals < 0 || (seals & kSeals) != kSeals || end < 0) {
     return fail(Code::kInvalidArgument, "", "the memfd is not sealed");
   }
-  const auto size = std::uint64_t(info.st_size);
+  const auto size = std::uint64_t(end);
   if (size < 8 || size > largest) {
     return fail(Code::kInvalidArgument, "", "the memfd has an impossible size");
   }

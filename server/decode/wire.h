@@ -1,5 +1,5 @@
-// Descriptors, packets and sealed memfds: how the daemon, the zygote and its children exchange jobs
-// and results.
+// Descriptors, packets and sealed memfds: how the daemon and heliograph-decode exchange jobs and
+// results. A child is born with all its descriptors; packets carry none.
 #pragma once
 
 #include <google/protobuf/message_lite.h>
@@ -34,23 +34,26 @@ class Fd {
   int fd_ = -1;
 };
 
-/// The first byte of every packet.
+/// The descriptors of a child.
+inline constexpr int kSocket = 3;        // a SOCK_SEQPACKET socket to the daemon
+inline constexpr int kJobRegion = 4;     // a memfd: the daemon fills and seals it before kGo
+inline constexpr int kResultRegion = 5;  // a memfd: the child fills it after kGrant
+
+/// The first byte of every packet, in the order in which they come.
 enum class PacketKind : char {
-  kHello = 'H',    // zygote to daemon: a Hello message
-  kLaunch = 'L',   // daemon to zygote: job socket, job memfd, memfd for the result
-  kStarted = 'P',  // zygote, on the job socket: a pidfd of the child
-  kResult = 'R',   // child, on the job socket: the result is written
-  kExited = 'X',   // zygote, on the job socket: the child's wait status (4 bytes)
+  kHello = 'H',   // child: a Hello message
+  kGo = 'L',      // daemon: the job lies there
+  kNeed = 'N',    // child: bytes of the result (8)
+  kGrant = 'G',   // daemon: it may write as many
+  kResult = 'R',  // child: the result is written
 };
 struct Packet {
   PacketKind kind = PacketKind::kHello;
   std::string bytes;
-  std::vector<Fd> fds;
 };
 
 /// One SOCK_SEQPACKET datagram. Fails with UNAVAILABLE when the other end is gone.
-[[nodiscard]] Status send_packet(int socket, PacketKind kind, std::string_view bytes,
-                                 std::span<const int> fds);
+[[nodiscard]] Status send_packet(int socket, PacketKind kind, std::string_view bytes = "");
 /// nullopt at the end of the stream.
 [[nodiscard]] Expected<std::optional<Packet>> receive_packet(int socket);
 
@@ -66,6 +69,9 @@ using Bytes = std::span<const std::byte>;
 
 /// An empty memfd that can be sealed.
 [[nodiscard]] Expected<Fd> make_region();
+/// Bytes of a region with this message and these arrays.
+[[nodiscard]] std::uint64_t region_size(const google::protobuf::MessageLite& message,
+                                        std::span<const Bytes> arrays);
 /// Writes a message and arrays, each array at aligned(end of the one before).
 [[nodiscard]] Status fill_region(int fd, const google::protobuf::MessageLite& message,
                                  std::span<const Bytes> arrays);
@@ -97,5 +103,9 @@ class Region {
 
 /// "name: Permission denied" from errno.
 [[nodiscard]] std::string system_message(const char* what);
+/// Its name.
+[[nodiscard]] constexpr std::string_view name_of(std::string_view message) {
+  return message.substr(0, message.find(':'));
+}
 
 }  // namespace heliograph::server

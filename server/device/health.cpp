@@ -24,6 +24,12 @@ void Health::start(EngineSlot& slot, Told told) {
 
 void Health::first_pixel() { on_probe({}); }
 
+void Health::decoder(const Status& works) {
+  decoder_fault_ = works ? "" : works.error().message;
+  const Engine* engine = slot_->get();
+  if (engine != nullptr && !is_draining_) set(find_fault(engine->load(), Clock::now()));
+}
+
 void Health::drain() {
   is_draining_ = true;
   set("it drains");
@@ -72,7 +78,7 @@ std::string Health::find_fault(const Load& load, Clock::time_point now) const {
     return fmt::format("nothing moved on the device for {:.0f} s", options_.hang_seconds);
   if (probe_began_ && seconds(now - *probe_began_) > options_.hang_seconds)
     return fmt::format("a pixel took more than {:.0f} s", options_.hang_seconds);
-  return probe_fault_;
+  return probe_fault_.empty() ? decoder_fault_ : probe_fault_;
 }
 
 void Health::probe(Clock::time_point now) {

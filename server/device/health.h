@@ -30,6 +30,8 @@ class Health {
   void start(EngineSlot& slot, Told told);
   /// The first pixel is there.
   void first_pixel();
+  /// Whether files can be decoded.
+  void decoder(const Status& works);
   /// Not ready from now on, for good.
   void drain();
   /// Why it is not ready, for people; "" when it is.
@@ -38,6 +40,7 @@ class Health {
 
  private:
   using Clock = EventLoop::Clock;
+  static constexpr const char* kStarts = "it starts: no pixel was rendered or no file decoded yet";
   void look();
   void probe(Clock::time_point now);
   void on_probe(const Status& status);
@@ -51,13 +54,14 @@ class Health {
   EngineSlot* slot_ = nullptr;
   Told told_;
   bool is_draining_ = false;
-  std::string probe_fault_ = "it starts: no pixel was rendered yet";
+  std::string probe_fault_ = kStarts;
+  std::string decoder_fault_ = kStarts;
   std::optional<Clock::time_point> probe_began_;  // while one is in flight
   Clock::time_point probed_;                      // when the last one ended
   std::optional<Clock::time_point> lost_since_;
   u32 losses_ = 0;  // that were noticed
   mutable std::mutex mutex_;
-  std::string reason_ = "it starts: no pixel was rendered yet";  // guarded by mutex_
+  std::string reason_ = kStarts;  // guarded by mutex_
 };
 
 }  // namespace heliograph::server

@@ -22,19 +22,19 @@ UniqueFd open_beneath(int folder, const std::string& path) {
   return UniqueFd(int(::syscall(SYS_openat2, folder, path.c_str(), &how, sizeof how)));
 }
 
-Expected<BufferPtr> read_all(int fd, u64 size) {
+}  // namespace
+
+Expected<BufferPtr> AssetFile::read() const {
   auto bytes = std::make_shared<std::vector<std::byte>>(size);
   u64 done = 0;
   while (done < size) {
-    const ssize_t got = ::read(fd, bytes->data() + done, size - done);
+    const ssize_t got = ::read(fd.get(), bytes->data() + done, size - done);
     if (got < 0 && errno == EINTR) continue;
     if (got <= 0) return fail(Code::kUnavailable, kField, "the file changed while it was read");
     done += u64(got);
   }
   return std::make_shared<const Buffer>(bytes, std::span(*bytes));
 }
-
-}  // namespace
 
 Expected<AssetRoot> AssetRoot::open(const std::string& folder) {
   UniqueFd fd(::open(folder.c_str(), O_PATH | O_DIRECTORY | O_CLOEXEC));
@@ -44,13 +44,13 @@ Expected<AssetRoot> AssetRoot::open(const std::string& folder) {
   return AssetRoot(std::move(fd));
 }
 
-Expected<BufferPtr> AssetRoot::read(const std::string& path, u64 max_bytes) const {
+Expected<AssetFile> AssetRoot::find(const std::string& path, u64 max_bytes) const {
   if (!folder_)
     return fail(Code::kPermissionDenied, kField,
                 "this daemon reads no files of its machine; start it with --asset-root, or upload "
                 "the file");
   const bool has_nul = path.find('\0') != std::string::npos;
-  const UniqueFd fd = has_nul ? UniqueFd() : open_beneath(folder_.get(), path);
+  UniqueFd fd = has_nul ? UniqueFd() : open_beneath(folder_.get(), path);
   struct stat info{};
   if (!fd || ::fstat(fd.get(), &info) != 0 || !S_ISREG(info.st_mode) || info.st_nlink > 1)
     return fail(Code::kNotFound, kField,
@@ -64,7 +64,7 @@ Expected<BufferPtr> AssetRoot::read(const std::string& path, u64 max_bytes) cons
     error.available = max_bytes;
     return std::unexpected(std::move(error));
   }
-  return read_all(fd.get(), u64(info.st_size));
+  return AssetFile{.fd = std::move(fd), .size = u64(info.st_size)};
 }
 
 }  // namespace heliograph::server

@@ -158,6 +158,56 @@ def test_images_are_built_with_what_setup_installs(path):
     assert packages(first) == set(listed[1].split()) - NOT_IN_AN_IMAGE
 
 
+# ---------------------------------------------------------------- memory
+
+
+def bytes_of(text: str) -> int:
+    found = re.fullmatch(r"(\d+)(Gi|G|g)", text)
+    return int(found[1]) << 30
+
+
+def memory_of_unit() -> int:
+    return bytes_of(unit()["Service"]["MemoryMax"])
+
+
+def memory_of_compose() -> int:
+    services = yaml.safe_load((DEPLOY / "compose.yaml").read_text())["services"]
+    return bytes_of(services["heliographd"]["mem_limit"])
+
+
+def memory_of_pod() -> int:
+    deployment = yaml.safe_load((DEPLOY / "kubernetes/base/worker.yaml").read_text())
+    daemon = deployment["spec"]["template"]["spec"]["initContainers"][0]
+    return bytes_of(daemon["resources"]["limits"]["memory"])
+
+
+@pytest.mark.parametrize(
+    ("settings", "memory"),
+    [
+        ("heliographd.toml", memory_of_unit),
+        ("heliographd.toml", memory_of_compose),
+        ("kubernetes/base/heliographd.toml", memory_of_pod),
+    ],
+)
+def test_the_limits_add_up_to_the_memory_there_is(settings, memory):
+    """With an eighth for the daemon itself. What is of one request or one process is there once for
+    each that the totals do not hold."""
+    limits = tomllib.loads((DEPLOY / settings).read_text())["limits"]
+    total = (
+        limits["blob_store_bytes"]
+        + limits["derived_bytes"]
+        + limits["quota_bytes"]
+        + limits["frame_bytes"]
+        + limits["shared_bytes"]
+        + limits["decodes"] * limits["decode_bytes"]
+    )
+    assert total <= memory() * 7 // 8
+    assert limits["tenant_bytes"] <= limits["blob_store_bytes"]
+    assert limits["blob_bytes"] < limits["tenant_bytes"]
+    assert limits["array_bytes"] < limits["tenant_bytes"]
+    assert limits["decode_result_bytes"] < limits["decode_bytes"]
+
+
 # ---------------------------------------------------------------- compose and Kubernetes
 
 

@@ -35,10 +35,16 @@ TEST_CASE("asset root: a file beneath it is read whole") {
   const Tree tree;
   const auto root = AssetRoot::open(tree.root());
   REQUIRE(root);
-  const auto bytes = root->read("models/good.glb", 100);
+  const auto file = root->find("models/good.glb", 100);
+  REQUIRE(file);
+  CHECK(file->size == 4);
+  const auto bytes = file->read();
   REQUIRE(bytes);
   CHECK((*bytes)->bytes().size() == 4);
-  CHECK(root->read("models/good.glb", 3).error().code == Code::kResourceExhausted);
+  CHECK(root->find("models/good.glb", 3).error().code == Code::kResourceExhausted);
+  fs::resize_file(tree.root() / "models/good.glb", 2);
+  CHECK(root->find("models/good.glb", 100)->size == 2);
+  CHECK(file->read().error().code == Code::kUnavailable);
 }
 
 TEST_CASE("asset root: every way out is refused in the words of a missing file") {
@@ -51,7 +57,7 @@ TEST_CASE("asset root: every way out is refused in the words of a missing file")
   REQUIRE(::mkfifo((root_folder / "pipe").c_str(), 0600) == 0);
   const auto root = AssetRoot::open(root_folder);
   REQUIRE(root);
-  const auto missing = root->read("nothing.glb", 100).error();
+  const auto missing = root->find("nothing.glb", 100).error();
   for (const std::string& path :
        {std::string("../secret.txt"), std::string("models/../../secret.txt"),
         (tree.top() / "secret.txt").string(), std::string("link"), std::string("inner_link"),
@@ -60,7 +66,7 @@ TEST_CASE("asset root: every way out is refused in the words of a missing file")
         std::string("/proc/self/environ"), std::string("file:models/good.glb"),
         std::string("%2e%2e/secret.txt"), std::string("models/good.glb\0x", 17)}) {
     INFO(path);
-    const auto result = root->read(path, 100);
+    const auto result = root->find(path, 100);
     REQUIRE(!result);
     CHECK(result.error().code == Code::kNotFound);
     CHECK(result.error().message == missing.message);
@@ -68,6 +74,6 @@ TEST_CASE("asset root: every way out is refused in the words of a missing file")
 }
 
 TEST_CASE("asset root: without one nothing is read") {
-  CHECK(AssetRoot().read("models/good.glb", 100).error().code == Code::kPermissionDenied);
+  CHECK(AssetRoot().find("models/good.glb", 100).error().code == Code::kPermissionDenied);
   CHECK(AssetRoot::open("/no/such/folder").error().code == Code::kInvalidArgument);
 }

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <future>
 #include <random>
+#include <set>
 
 #include "renderer/assets/load.h"
 #include "server/decode/child.h"
@@ -82,6 +83,15 @@ std::vector<pid_t> children_of(pid_t parent) {
   return result;
 }
 
+/// Once the others are reaped: the one that waits for the next job.
+pid_t the_only_child() {
+  for (int i = 0; i < 500 && children_of(getpid()).size() != 1; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  const auto children = children_of(getpid());
+  REQUIRE(children.size() == 1);
+  return children.front();
+}
+
 /// A region as a child would send it.
 std::shared_ptr<const Region> region_of(const decode::Result& result) {
   auto fd = write_region(result, {});
@@ -129,22 +139,6 @@ TEST_CASE("decode: a model arrives as it was loaded, array by array") {
   }
 }
 
-// A descriptor on its way between any two processes counts against what its user's processes may
-// send (unix(7), ETOOMANYREFS), and a decoder may have 16 open.
-TEST_CASE("decode: descriptors that others of this user left on their way do not matter") {
-  const auto decoder = start();
-  const auto sockets = socket_pair();
-  const auto something = make_region();
-  REQUIRE(sockets);
-  REQUIRE(something);
-  const int fds[] = {something->get()};
-  for (int i = 0; i < 100; ++i)
-    REQUIRE(send_packet(sockets->first.get(), PacketKind::kHello, "", fds));
-  const auto decoded = decode_now(*decoder, job_of("picture/gradient16.png"));
-  INFO(said(decoded));
-  CHECK(decoded);
-}
-
 TEST_CASE("decode: pictures, volumes, missing files, refusals") {
   const auto decoder = start();
   const auto picture = decode_now(*decoder, job_of("picture/AllHalfValues.exr"));
@@ -165,11 +159,56 @@ TEST_CASE("decode: pictures, volumes, missing files, refusals") {
   CHECK_THAT(said(decode_now(*decoder, {})), Contains("empty"));
 }
 
-TEST_CASE("decode: it says what confines it") {
+TEST_CASE("decode: it says what confines it, and whether it works") {
   const auto decoder = start();
-  const auto layers = decoder->sandbox();
-  CHECK(std::ranges::find(layers, "seccomp") != layers.end());
-  CHECK_THAT(decoder->versions(), Contains("libpng"));
+  std::promise<Status> tried;
+  decoder->try_out([&](const Status& status) { tried.set_value(status); });
+  CHECK(tried.get_future().get());
+  const DecoderState state = decoder->state();
+  CHECK(std::ranges::find(state.sandbox, "seccomp") != state.sandbox.end());
+  CHECK_THAT(state.versions, Contains("libpng"));
+  CHECK(state.works);
+}
+
+TEST_CASE("decode: a program that does not confine itself decodes nothing") {
+  DecoderOptions other = options();
+  other.program = "/bin/false";
+  const auto decoder = start(other);
+  CHECK_THAT(said(decode_now(*decoder, job_of("mesh/link_6.stl"))),
+             Contains("/bin/false exited with 1"));
+  CHECK_FALSE(decoder->state().works);
+}
+
+TEST_CASE("decode: room for a result is asked for, and its refusal is the decode's") {
+  const auto decoder = start();
+  DecodeJob job = job_of("picture/gradient16.png");
+  std::atomic<u64> asked = 0;
+  job.reserve = [&](u64 bytes) {
+    asked = bytes;
+    return Status();
+  };
+  const auto decoded = decode_now(*decoder, job);
+  REQUIRE(decoded);
+  CHECK(asked > decoded->image->texels->bytes().size());
+  job.reserve = [](u64) -> Status { return fail(Code::kResourceExhausted, "", "no room"); };
+  CHECK_THAT(said(decode_now(*decoder, job)), Contains("8 gradient16.png: no room"));
+}
+
+TEST_CASE("decode: each child has an address layout of its own") {
+  const auto decoder = start();
+  std::set<std::string> layouts;
+  std::string lines;
+  for (int i = 0; i < 4; ++i) {
+    REQUIRE(decode_now(*decoder, job_of("mesh/link_6.stl")));
+    const pid_t spare = the_only_child();  // made for the next job
+    std::ifstream maps("/proc/" + std::to_string(spare) + "/maps");
+    std::string first;
+    REQUIRE(std::getline(maps, first));
+    lines += first + "\n";
+    layouts.insert(first.substr(0, first.find('-')));
+  }
+  INFO(lines);
+  CHECK(layouts.size() == 4);
 }
 
 TEST_CASE("decode: a program that is not there is an error at once") {
@@ -194,7 +233,6 @@ TEST_CASE("decode: limits of time, memory and size answer, and the next job work
 
 TEST_CASE("decode: a cancelled job ends, and its child with it") {
   const auto decoder = start();
-  (void)decoder->sandbox();
   std::stop_source stop;
   stop.request_stop();
   const auto before = begin(*decoder, job_of("gltf/Fox.glb"), stop.get_token()).get();
@@ -221,21 +259,15 @@ TEST_CASE("decode: a cancelled job ends, and its child with it") {
   }
   CHECK(cancelled > 0);
   CHECK(decode_now(*decoder, job_of("mesh/cube_blender_uv.ply")));
-  // Nothing is left of them.
-  const auto zygotes = children_of(getpid());
-  REQUIRE(zygotes.size() == 1);
-  for (int i = 0; i < 200 && !children_of(zygotes[0]).empty(); ++i) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
-  CHECK(children_of(zygotes[0]).empty());
+  // Nothing is left of them but the one that waits for the next job.
+  (void)the_only_child();
 }
 
-TEST_CASE("decode: a killed zygote is started again") {
+TEST_CASE("decode: where the child that waits is killed, another takes the job") {
   const auto decoder = start();
+  REQUIRE(decode_now(*decoder, job_of("gltf/Lights.glb")));
   for (int i = 0; i < 5; ++i) {
-    const auto zygotes = children_of(getpid());
-    REQUIRE(zygotes.size() == 1);
-    kill(zygotes[0], SIGKILL);
+    for (const pid_t child : children_of(getpid())) kill(child, SIGKILL);
     const auto result = decode_now(*decoder, job_of("gltf/Lights.glb"));
     INFO(said(result));
     CHECK(result);

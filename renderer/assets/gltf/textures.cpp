@@ -1,17 +1,14 @@
 #include "renderer/assets/gltf/textures.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
-#include <mutex>
 #include <set>
-#include <thread>
 
 #include "renderer/assets/picture.h"
 
 namespace heliograph::assets::gltf {
 namespace {
-
-constexpr std::size_t kMostThreads = 8;  // their stacks share the address space limit
 
 Wrap wrap_of(const Value& sampler, const std::string& key) {
   switch (sampler.whole(key, 10497)) {
@@ -129,13 +126,7 @@ void Textures::decode_images() {
       }
     }
   };
-  {
-    std::vector<std::jthread> helpers;
-    const std::size_t processors = std::max(1u, std::thread::hardware_concurrency());
-    for (std::size_t i = 1; i < std::min({processors, jobs.size(), kMostThreads}); ++i)
-      helpers.emplace_back(work);
-    work();
-  }
+  builder_.options.in_threads(work);
   for (Job& job : jobs) {
     if (job.error) throw Refused{std::move(*job.error)};
     for (const std::string& warning : job.picture.warnings) {
