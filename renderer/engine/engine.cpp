@@ -101,7 +101,7 @@ class Engine::Impl final : public Others {
   void push(std::unique_ptr<Work> work);  // under mutex_
   void send_away(u32 index, const Queue::Turn& turn, std::vector<Errand> errands);
   void come_back(std::list<Away>::iterator away);
-  void count_waiting();                   // under mutex_
+  void count_waiting();  // under mutex_
   [[nodiscard]] std::optional<Queue::Turn> next(u32 index);
   [[nodiscard]] bool may_take(u32 index, const Work& work) const;  // under mutex_
   std::unique_ptr<Work> account(u32 index, const Queue::Turn& turn, double cost, bool is_done);
@@ -125,7 +125,7 @@ class Engine::Impl final : public Others {
   std::vector<DeviceThread> devices_;
   Queue ready_{options_.credit, options_.turn};
   std::list<Away> away_;
-  std::atomic<u32> waiting_ = 0;                 // of the ready ones, those that do not run
+  std::atomic<u32> waiting_ = 0;  // of the ready ones, those that do not run
   double seconds_a_job_ = 0;
   u32 losses_ = 0;
   std::string lost_because_;
@@ -166,8 +166,8 @@ void Engine::Impl::device_loop(u32 index) {
 /// The workers have what it waits for; the device goes on with others.
 void Engine::Impl::send_away(u32 index, const Queue::Turn& turn, std::vector<Errand> errands) {
   std::unique_lock lock(mutex_);
-  const auto away = away_.insert(
-      away_.end(), Away{.backend = devices_[index].backend, .work = ready_.pop(turn)});
+  const auto away =
+      away_.insert(away_.end(), Away{.backend = devices_[index].backend, .work = ready_.pop(turn)});
   away->errands = std::make_shared<Workers::Group>([this, away] { come_back(away); });
   const auto group = away->errands;
   const Origin origin = away->work->origin();

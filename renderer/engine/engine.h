@@ -89,7 +89,7 @@ class Engine {
   [[nodiscard]] u64 derived_bytes() const;
   [[nodiscard]] u64 scenes_made_again() const;  // Backend::scenes_made_again()
   [[nodiscard]] u64 uploaded_bytes() const;     // Backend::uploaded_bytes()
-  [[nodiscard]] MemoryUse memory() const;    // of all devices
+  [[nodiscard]] MemoryUse memory() const;       // of all devices
   [[nodiscard]] Load load() const;
   /// Backend::shared_memory() of the device as it is now: another one after a loss.
   [[nodiscard]] std::shared_ptr<SharedMemorySource> shared_memory() const;

@@ -1,4 +1,4 @@
-// Work that a job waits for away from its device. Told by backends and the runner, done by workers.h.
+// Work that a job waits for away from its device. Told by backends, done by workers.h.
 #pragma once
 
 #include <array>

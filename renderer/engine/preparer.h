@@ -1,4 +1,4 @@
-// A scene on its way to the device: what takes long is made elsewhere. Used by the runner and queries.
+// A scene on its way to the device: what takes long is made elsewhere. Used by jobs and queries.
 #pragma once
 
 #include <optional>

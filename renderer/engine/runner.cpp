@@ -244,7 +244,8 @@ Steps Runner::sample_noisy(Film& film) {
     std::erase_if(tiles, [&](u32 tile) { return film.samples(tile) >= most_samples(); });
     tiles.resize(std::min(tiles.size(), most_rounds - tile_rounds_));
     const bool last = tiles.empty() || out_of_time();
-    if (last || (job_->progressive && power_of_two(rounds))) HELIO_CO_TRY(co_await emit(film, last));
+    if (last || (job_->progressive && power_of_two(rounds)))
+      HELIO_CO_TRY(co_await emit(film, last));
     if (last) co_return Status{};
     HELIO_CO_TRY(co_await round(film, tiles));
   }
@@ -369,7 +370,8 @@ Steps Runner::emit(Film& film, bool final) {
   };
   if (wants_post(*job_)) {
     std::vector<Errand> post;
-    post.push_back({.seconds = post_seconds(*job_, begun_.shots.front().camera), .run = finish_all});
+    post.push_back(
+        {.seconds = post_seconds(*job_, begun_.shots.front().camera), .run = finish_all});
     HELIO_CO_TRY(co_await elsewhere(std::move(post)));
   } else {
     finish_all();

@@ -140,9 +140,8 @@ Status sense_rgb(const RgbSensor& sensor, const RgbImage& image, const SensorCon
   if (sensor.pattern == RgbSensor::Pattern::kNone) {
     constexpr std::array kAll{0u, 1u, 2u};
     const Readout readout(sensor, image, context);
-    return for_each_pixel(context, [&](u32 x, u32 y, u64 pixel) {
-      readout.read(x, y, kAll, out + 3 * pixel);
-    });
+    return for_each_pixel(
+        context, [&](u32 x, u32 y, u64 pixel) { readout.read(x, y, kAll, out + 3 * pixel); });
   }
   std::vector<float> mosaic(std::size_t(context.camera.width) * context.camera.height);
   HELIO_TRY(sense_mosaic(sensor, image, context, mosaic.data()));

@@ -59,9 +59,7 @@ class RenderWork final : public Work {
  public:
   RenderWork(std::shared_ptr<const RenderJob> job, std::shared_ptr<JobSink> sink,
              std::stop_token stop)
-      : Work({std::move(stop), job->deadline}),
-        job_(std::move(job)),
-        sink_(std::move(sink)) {
+      : Work({std::move(stop), job->deadline}), job_(std::move(job)), sink_(std::move(sink)) {
     if (job_->on_device) place = 0;  // the one that shares its memory
   }
   bool step(const Device& device) override {
@@ -105,8 +103,7 @@ class RenderWork final : public Work {
 class HelpWork final : public Work {
  public:
   HelpWork(std::shared_ptr<Spread> spread, u32 device)
-      : Work({spread->closed(), spread->job()->deadline}),
-        spread_(std::move(spread)) {
+      : Work({spread->closed(), spread->job()->deadline}), spread_(std::move(spread)) {
     place = device;
   }
   bool step(const Device& device) override {
@@ -141,9 +138,7 @@ class QueryWork final : public Work {
  public:
   using Done = std::function<void(Expected<QueryResult>)>;
   QueryWork(std::shared_ptr<const QueryJob> query, Done done, std::stop_token stop)
-      : Work({std::move(stop), std::nullopt}),
-        query_(std::move(query)),
-        done_(std::move(done)) {}
+      : Work({std::move(stop), std::nullopt}), query_(std::move(query)), done_(std::move(done)) {}
   bool step(const Device& device) override {
     const TimeSpan span{query_->time, query_->time};
     if (!preparer_) preparer_.emplace(device.backend, SceneAt{query_->snapshot, span}, interrupt());

@@ -7,7 +7,7 @@
 namespace heliograph::resident {
 namespace {
 
-constexpr std::size_t kOfOneScene = 8;         // states: revisions, and times of each
+constexpr std::size_t kOfOneScene = 8;           // states: revisions, and times of each
 constexpr u64 kBytesOfAnyState = u64(64) << 10;  // of a scene without anything in it, measured
 
 /// How much of its entities a snapshot shares with another.
@@ -33,10 +33,9 @@ KeptScenes::State KeptScenes::nearest_of_scene(const Snapshot& snapshot,
   const auto found = scenes_.find(snapshot.scene);
   if (found == scenes_.end()) return nullptr;
   const auto& states = found->second.states;
-  return std::ranges::max_element(states.rbegin(), states.rend(), {},
-                                  [&](const Kept& kept) {
-                                    return likeness(*kept.state, snapshot, span);
-                                  })
+  return std::ranges::max_element(
+             states.rbegin(), states.rend(), {},
+             [&](const Kept& kept) { return likeness(*kept.state, snapshot, span); })
       ->state;
 }
 

@@ -54,9 +54,8 @@ class Pieces {
     if (!lit || now_.dome == before_.dome) return;
     const DerivedKey key = key_of(Derived::kDome, *lit->value);
     if (!cache_.contains(key))
-      add(key, kOfTexel * texels(*lit->value), [cache = &cache_, texture = lit->value] {
-        (void)dome_tables(*texture, *cache);
-      });
+      add(key, kOfTexel * texels(*lit->value),
+          [cache = &cache_, texture = lit->value] { (void)dome_tables(*texture, *cache); });
   }
   void add_grids() {
     for_each_new(&Snapshot::volumes, [&](const std::shared_ptr<const Volume>& volume) {
@@ -125,7 +124,16 @@ bool same_entity(const Snapshot& a, const Snapshot& b, u32 index) {
   return now && *now == a.entities.at(index);
 }
 
-/// Seconds that it takes to go from a scene to a snapshot of the same Scene.
+/// Whether it is of the same Scene, or of one that this is a branch of.
+bool is_related(const SceneState& before, const Snapshot& now) {
+  const Snapshot& then = before.snapshot();
+  if (!then.scene.owner_before(now.scene) && !now.scene.owner_before(then.scene)) return true;
+  u32 chunk = 0;
+  while (chunk < now.entities.chunk_count() && !now.entities.shares(chunk, then.entities)) ++chunk;
+  return chunk < now.entities.chunk_count();
+}
+
+/// Seconds that it takes to go from a scene to a related snapshot.
 double seconds_from(const SceneState& before, const Snapshot& now, const TimeSpan& span) {
   if (same_poses(before, now, span)) return 0;
   const Placement& placed = before.placement();
@@ -150,8 +158,9 @@ Preparation SceneStore::preparation(const SceneAt& wanted) const {
   State before;
   {
     const std::scoped_lock lock(mutex_);
-    before = kept_.nearest_of_scene(now, wanted.span);
+    before = kept_.nearest(now, wanted.span);
   }
+  if (before && !is_related(*before, now)) before = nullptr;
   Pieces pieces(now, before.get(), cache_);
   pieces.add_meshes(builder_);
   pieces.add_textures();

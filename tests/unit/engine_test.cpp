@@ -305,8 +305,9 @@ u32 done_beside(Engine& engine, const RenderJob& large) {
 TEST_CASE("engine: what another client's job needs first, or is made of it, holds up nobody") {
   const auto engine = make_engine(2);
   render(*engine, small_job());
-  RenderJob large = job_of(still_life().mesh("more", sphere(700)).object("big", "more", mat4x3(1)).apply(),
-                           {Plane::BEAUTY}, 1);
+  RenderJob large =
+      job_of(still_life().mesh("more", sphere(700)).object("big", "more", mat4x3(1)).apply(),
+             {Plane::BEAUTY}, 1);
   CHECK(done_beside(*engine, large) == 3);
 
   Edits seen = still_life();
@@ -318,12 +319,14 @@ TEST_CASE("engine: what another client's job needs first, or is made of it, hold
 
 TEST_CASE("engine: a job that is cancelled while it waits for what others have made ends") {
   const auto engine = make_engine(1);
-  const RenderJob large = job_of(
-      still_life().mesh("more", sphere(700)).object("big", "more", mat4x3(1)).apply(), {Plane::DEPTH});
+  const RenderJob large =
+      job_of(still_life().mesh("more", sphere(700)).object("big", "more", mat4x3(1)).apply(),
+             {Plane::DEPTH});
   auto stays = std::make_shared<Collect>(), ends = std::make_shared<Collect>();
   std::stop_source stop;
   REQUIRE(engine->submit(std::make_shared<const RenderJob>(large), stays, {}).has_value());
-  REQUIRE(engine->submit(std::make_shared<const RenderJob>(large), ends, stop.get_token()).has_value());
+  REQUIRE(
+      engine->submit(std::make_shared<const RenderJob>(large), ends, stop.get_token()).has_value());
   std::this_thread::sleep_for(20ms);
   CHECK(engine->load().jobs == 2);
   stop.request_stop();

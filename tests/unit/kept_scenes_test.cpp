@@ -19,9 +19,7 @@ struct Store {
     REQUIRE(scene);
     return *scene;
   }
-  Preparation needs(const SnapshotPtr& snapshot) {
-    return store.preparation({snapshot, {0, 0}});
-  }
+  Preparation needs(const SnapshotPtr& snapshot) { return store.preparation({snapshot, {0, 0}}); }
 
   bvh::BvhAccelerator accelerator{4'000'000};
   DerivedCache cache;
@@ -37,7 +35,8 @@ SnapshotPtr of_scene(const SnapshotPtr& snapshot, const std::shared_ptr<const Sc
 /// A Scene, as far as a store knows of it.
 struct Life {
   explicit Life(const Edits& edits, bool is_pinned = false)
-      : life(std::make_shared<const SceneLife>(is_pinned)), snapshot(of_scene(edits.apply(), life)) {}
+      : life(std::make_shared<const SceneLife>(is_pinned)),
+        snapshot(of_scene(edits.apply(), life)) {}
   std::shared_ptr<const SceneLife> life;
   SnapshotPtr snapshot;
 };

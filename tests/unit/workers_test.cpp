@@ -30,10 +30,12 @@ std::vector<Errand> errands(double seconds, std::function<void()> run, u64 key =
 /// Long work that runs until it is let go.
 struct Held {
   explicit Held(Workers& workers) {
-    workers.run(waiting.group, {.tenant = 1}, errands(10, [this] {
-                  began.set_value();
-                  go.get_future().wait();
-                }),
+    workers.run(waiting.group, {.tenant = 1},
+                errands(10,
+                        [this] {
+                          began.set_value();
+                          go.get_future().wait();
+                        }),
                 nullptr);
     began.get_future().wait();
   }
@@ -99,8 +101,14 @@ TEST_CASE("workers: who gives up waits for what runs for it alone, and for nothi
   bool is_run = false;
   Waiting waits, shares, stays;
   workers.run(waits.group, {}, errands(10, [&] { is_run = true; }), nullptr);
-  workers.run(shares.group, {}, errands(10, [] {}, 7), nullptr);
-  workers.run(stays.group, {}, errands(10, [] {}, 7), nullptr);
+  workers.run(shares.group, {},
+              errands(
+                  10, [] {}, 7),
+              nullptr);
+  workers.run(stays.group, {},
+              errands(
+                  10, [] {}, 7),
+              nullptr);
   workers.abandon(waits.group);
   workers.abandon(shares.group);
   workers.abandon(held.waiting.group);
