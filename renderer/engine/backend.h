@@ -12,6 +12,7 @@
 #include <string_view>
 
 #include "renderer/base/error.h"
+#include "renderer/engine/errand.h"
 #include "renderer/engine/frame.h"
 #include "renderer/engine/query.h"
 #include "renderer/engine/shared_memory.h"
@@ -129,11 +130,16 @@ class Backend {
   /// embree 3.13.5 AVX2".
   [[nodiscard]] virtual std::string cpu_features() const = 0;
 
-  /// Whether the derived data of a snapshot's assets is made, so that prepare() is quick.
-  [[nodiscard]] virtual bool ready(const Snapshot& snapshot) const = 0;
-  /// Makes it. Thread: any.
-  [[nodiscard]] virtual Status warm(const Snapshot& snapshot) = 0;
-
+  /// What prepare() would have to make. Quick. Thread: any.
+  [[nodiscard]] virtual Preparation preparation(const SceneAt& scene) const {
+    (void)scene;
+    return {};
+  }
+  /// The same as prepare_all(), by the threads of the caller's arena. Thread: any but the device's.
+  [[nodiscard]] virtual Expected<DeviceScenes> prepare_elsewhere(std::span<const SceneAt> scenes,
+                                                                 const Interrupt& interrupt) {
+    return prepare_all(scenes, interrupt);
+  }
   /// Uploads what changed against the nearest resident scene; derived data is cached by buffer
   /// serial.
   [[nodiscard]] virtual Expected<std::shared_ptr<const DeviceScene>> prepare(
@@ -204,6 +210,8 @@ class Backend {
                                                     const Interrupt& interrupt) = 0;
   /// Bytes of derived data resident now.
   [[nodiscard]] virtual u64 derived_bytes() const = 0;
+  /// Scenes that were made again, as there had been no room to keep them. Thread: any.
+  [[nodiscard]] virtual u64 scenes_made_again() const { return 0; }
   /// Bytes copied to the device since it was opened; 0: it works in the host's memory.
   /// Thread: any.
   [[nodiscard]] virtual u64 uploaded_bytes() const { return 0; }

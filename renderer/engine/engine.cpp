@@ -1,18 +1,17 @@
-// The queue of jobs, the devices' threads, and the thread that makes derived data beside them.
+// The queue of jobs, the devices' threads, and jobs that are away from them.
 #include "renderer/engine/engine.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <condition_variable>
-#include <deque>
+#include <list>
 #include <mutex>
 #include <optional>
 #include <thread>
 
+#include "renderer/engine/away.h"
 #include "renderer/engine/check.h"
-#include "renderer/engine/fair_queue.h"
-#include "renderer/engine/work.h"
 
 namespace heliograph {
 namespace {
@@ -23,33 +22,24 @@ using Clock = Work::Clock;
 constexpr double kNewest = 0.1;
 /// Between two attempts to make a backend in the place of a lost one.
 constexpr auto kRemake = std::chrono::milliseconds(500);
-/// How often a device's thread looks after jobs that wait for derived data, when it has no work.
+/// How often a device's thread looks after jobs that are away, when it has no work.
 constexpr auto kIdleCheck = std::chrono::milliseconds(10);
+/// Jobs of a session that may be away at once: each may have a film and its planes.
+constexpr std::ptrdiff_t kMostAway = 8;
 
 using Queue = FairQueue<std::unique_ptr<Work>>;
 
-/// A device and the thread that owns it.
-struct DeviceThread {
-  std::shared_ptr<Backend> backend;  // replaced by the thread
-  std::optional<Clock::time_point> step_began{};
-  bool is_idle = false;
-  bool is_lost = false;
-  bool is_beyond_us = false;  // lost, and not to be had again in this process
-  std::thread thread{};
-};
-
 }  // namespace
 
-/// Owns: the backends, a thread for each and one that warms. Locks: mutex_, never across a call
-/// out.
+/// Owns: the backends, a thread for each, and the workers. Locks: mutex_, never across a call out.
 class Engine::Impl final : public Others {
  public:
   Impl(std::vector<std::unique_ptr<Backend>> backends, const EngineOptions& options)
       : options_(options), denoiser_(options.device.denoiser, options.device.threads) {
     for (auto& backend : backends) devices_.push_back({.backend = std::move(backend)});
+    workers_.emplace(Workers::Options{options.device.threads, options.credit, options.turn});
     for (u32 i = 0; i < devices_.size(); ++i)
       devices_[i].thread = std::thread([this, i] { device_loop(i); });
-    warmer_ = std::thread([this] { warm_loop(); });
   }
   ~Impl() override {
     {
@@ -58,21 +48,14 @@ class Engine::Impl final : public Others {
     }
     changed_.notify_all();
     for (DeviceThread& device : devices_) device.thread.join();
-    warmer_.join();
+    workers_.reset();
     refuse_all();
   }
 
   void submit(std::unique_ptr<Work> work) {
-    const auto backends = this->backends();
-    const bool ready = std::ranges::all_of(backends, [&](const auto& backend) {
-      return std::ranges::all_of(work->needs(), [&](const auto& s) { return backend->ready(*s); });
-    });
     {
       const std::scoped_lock lock(mutex_);
-      if (ready && backends == kept_backends())
-        push(std::move(work));
-      else
-        cold_.push_back(std::move(work));
+      push(std::move(work));
     }
     changed_.notify_all();
   }
@@ -99,7 +82,7 @@ class Engine::Impl final : public Others {
   [[nodiscard]] Denoiser& denoiser() { return denoiser_; }
   [[nodiscard]] Load load() const {
     const std::scoped_lock lock(mutex_);
-    Load load{.jobs = u32(ready_.size() + cold_.size()),
+    Load load{.jobs = u32(ready_.size() + away_.size()),
               .seconds_a_job = seconds_a_job_,
               .is_lost = all_lost(),
               .losses = losses_,
@@ -115,9 +98,10 @@ class Engine::Impl final : public Others {
 
  private:
   void device_loop(u32 index);
-  void warm_loop();
   void push(std::unique_ptr<Work> work);  // under mutex_
-  void count_waiting();                   // under mutex_
+  void send_away(u32 index, const Queue::Turn& turn, std::vector<Errand> errands);
+  void come_back(std::list<Away>::iterator away);
+  void count_waiting();  // under mutex_
   [[nodiscard]] std::optional<Queue::Turn> next(u32 index);
   [[nodiscard]] bool may_take(u32 index, const Work& work) const;  // under mutex_
   std::unique_ptr<Work> account(u32 index, const Queue::Turn& turn, double cost, bool is_done);
@@ -139,20 +123,20 @@ class Engine::Impl final : public Others {
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::vector<DeviceThread> devices_;
-  Queue ready_{options_.credit, options_.turn};  // warm
-  std::deque<std::unique_ptr<Work>> cold_;       // waiting for it
-  std::atomic<u32> waiting_ = 0;                 // of the ready ones, those that do not run
+  Queue ready_{options_.credit, options_.turn};
+  std::list<Away> away_;
+  std::atomic<u32> waiting_ = 0;  // of the ready ones, those that do not run
   double seconds_a_job_ = 0;
   u32 losses_ = 0;
   std::string lost_because_;
   bool closing_ = false;
-  std::thread warmer_;
+  std::optional<Workers> workers_;
 };
 
 void Engine::Impl::push(std::unique_ptr<Work> work) {
   const Origin origin = work->origin();
-  const bool is_short = work->is_short();
-  ready_.push(origin, is_short, std::move(work));
+  const bool is_short = work->is_short(), is_back = work->begun.has_value();
+  ready_.push(origin, is_short, std::move(work), is_back);
   count_waiting();
 }
 
@@ -170,18 +154,64 @@ void Engine::Impl::device_loop(u32 index) {
         {*device.backend, denoiser_, options_.slice, waiting_, others, options_.spread_samples});
     const double cost = std::chrono::duration<double>(Clock::now() - start).count();
     const bool is_lost = device.backend->is_lost();
-    if (const auto done = account(index, *turn, cost, is_done && !is_lost)) done->finish();
+    const auto done = account(index, *turn, cost, is_done && !is_lost);
+    if (done)
+      done->finish();
+    else if (auto errands = turn->item()->take_errands(); !errands.empty() && !is_lost)
+      send_away(index, *turn, std::move(errands));
     if (is_lost) replace_backend(index);
   }
 }
 
-/// Work stays on the device that began it, or whose memory it is for. Other work goes to the first
-/// idle device: who asks for one thing after the other finds its scene where it was.
+/// The workers have what it waits for; the device goes on with others.
+void Engine::Impl::send_away(u32 index, const Queue::Turn& turn, std::vector<Errand> errands) {
+  std::unique_lock lock(mutex_);
+  const auto away =
+      away_.insert(away_.end(), Away{.backend = devices_[index].backend, .work = ready_.pop(turn)});
+  away->errands = std::make_shared<Workers::Group>([this, away] { come_back(away); });
+  const auto group = away->errands;
+  const Origin origin = away->work->origin();
+  count_waiting();
+  lock.unlock();
+  if (devices_.size() > 1) changed_.notify_all();  // others may have fewer away now
+  workers_->run(group, origin, std::move(errands), devices_[index].backend);
+}
+
+void Engine::Impl::come_back(std::list<Away>::iterator away) {
+  std::shared_ptr<Backend> backend;  // outlives the work
+  std::unique_ptr<Work> lost;
+  {
+    const std::scoped_lock lock(mutex_);
+    backend = away->backend;
+    if (away->has_lost_device)
+      lost = std::move(away->work);
+    else
+      push(std::move(away->work));
+    away_.erase(away);
+  }
+  if (lost) lost->refuse(lost_error());
+  changed_.notify_all();
+}
+
+/// Work stays on the device that began it, or whose memory it is for. Other work goes to the idle
+/// device with the fewest jobs that are away, the first of them: who asks for one thing after the
+/// other finds its scene where it was.
 bool Engine::Impl::may_take(u32 index, const Work& work) const {
   if (work.runs || work.interrupt().requested()) return false;
+  const auto is_of_session = [&](const Away& away) {
+    return away.work->origin().session == work.origin().session;
+  };
+  if (!work.begun && std::ranges::count_if(away_, is_of_session) >= kMostAway) return false;
   if (work.place != kernels::kNone) return work.place == index;
-  return std::none_of(devices_.begin(), devices_.begin() + index,
-                      [](const DeviceThread& other) { return other.is_idle; });
+  const auto load = [&](u32 device) {
+    const auto is_of_device = [&](const Away& away) { return away.work->place == device; };
+    return std::pair(std::ranges::count_if(away_, is_of_device), device);
+  };
+  for (u32 other = 0; other < devices_.size(); ++other) {
+    const DeviceThread& device = devices_[other];
+    if (!device.step_began && !device.is_lost && load(other) < load(index)) return false;
+  }
+  return true;
 }
 
 /// Waits for work; nothing when the engine closes. It stays in the queue while it runs.
@@ -197,8 +227,8 @@ std::optional<Queue::Turn> Engine::Impl::next(u32 index) {
     };
     if (!something()) {
       device.is_idle = true;
-      if (cold_.empty() && ready_.empty())
-        changed_.wait(lock, [&] { return something() || !cold_.empty() || !ready_.empty(); });
+      if (away_.empty() && ready_.empty())
+        changed_.wait(lock, [&] { return something() || !away_.empty() || !ready_.empty(); });
       else
         changed_.wait_for(lock, kIdleCheck, something);
       device.is_idle = false;
@@ -232,7 +262,7 @@ std::unique_ptr<Work> Engine::Impl::account(u32 index, const Queue::Turn& turn, 
 
 void Engine::Impl::refuse_all() {
   std::vector<std::unique_ptr<Work>> left = ready_.take_if([](const auto&) { return true; });
-  std::ranges::move(cold_, std::back_inserter(left));
+  for (Away& away : away_) left.push_back(std::move(away.work));
   for (auto& work : left)
     work->refuse({.code = Code::kUnavailable, .message = "the renderer is shutting down"});
 }
@@ -246,16 +276,9 @@ void Engine::Impl::replace_backend(u32 index) {
     ++losses_;
     begun = ready_.take_if(
         [&](const auto& work) { return work->begun.has_value() && work->place == index; });
-    if (all_lost())
-      std::ranges::move(ready_.take_if([](const auto& work) { return !work->begun; }),
-                        std::back_inserter(cold_));
+    for (Away& away : away_) away.has_lost_device |= away.work->place == index;
   }
-  for (auto& work : begun)
-    work->refuse({.code = Code::kUnavailable,
-                  .message = "the device was lost while it rendered this, and is started again; "
-                             "ask again",
-                  .where = "",
-                  .retry_seconds = 1});
+  for (auto& work : begun) work->refuse(lost_error());
   begun.clear();
   devices_[index].backend->abandon();  // others may hold it for a while
   auto backend = remake(index);
@@ -293,44 +316,15 @@ void Engine::Impl::refuse_interrupted(u32 index) {
     return work->interrupt().requested() && !work->runs && (!work->begun || work->place == index);
   };
   std::vector<std::unique_ptr<Work>> interrupted;
+  std::vector<std::shared_ptr<Workers::Group>> unwanted;
   {
     const std::scoped_lock lock(mutex_);
     interrupted = ready_.take_if(is_interrupted);
-    std::erase_if(cold_, [&](auto& work) {
-      if (!is_interrupted(work)) return false;
-      interrupted.push_back(std::move(work));
-      return true;
-    });
+    for (const Away& away : away_)
+      if (away.work->interrupt().requested()) unwanted.push_back(away.errands);
   }
   for (auto& work : interrupted) work->refuse(work->interrupt().status().error());
-}
-
-void Engine::Impl::warm_loop() {
-  for (;;) {
-    const Work* first = nullptr;
-    Snapshots snapshots;
-    std::vector<std::shared_ptr<Backend>> backends;
-    {
-      std::unique_lock lock(mutex_);
-      changed_.wait(lock, [&] { return closing_ || (!cold_.empty() && !all_lost()); });
-      if (closing_) return;
-      first = cold_.front().get();
-      snapshots = first->needs();
-      backends = kept_backends();
-    }
-    // What fails here fails again, and is told, when the job prepares its scene.
-    for (const auto& backend : backends)
-      for (const auto& snapshot : snapshots) (void)guard([&] { return backend->warm(*snapshot); });
-    {
-      const std::scoped_lock lock(mutex_);
-      // It may have been refused meanwhile, or a backend replaced; then it begins again.
-      if (backends == kept_backends() && !cold_.empty() && cold_.front().get() == first) {
-        push(std::move(cold_.front()));
-        cold_.pop_front();
-      }
-    }
-    changed_.notify_all();
-  }
+  for (const auto& errands : unwanted) workers_->abandon(errands);
 }
 
 Expected<std::unique_ptr<Engine>> Engine::create(const EngineOptions& options) {
@@ -377,6 +371,11 @@ u64 Engine::derived_bytes() const {
   u64 bytes = 0;
   for (const auto& backend : impl_->backends()) bytes += backend->derived_bytes();
   return bytes;
+}
+u64 Engine::scenes_made_again() const {
+  u64 scenes = 0;
+  for (const auto& backend : impl_->backends()) scenes += backend->scenes_made_again();
+  return scenes;
 }
 u64 Engine::uploaded_bytes() const {
   u64 bytes = 0;

@@ -56,14 +56,16 @@ struct Load {
   bool needs_new_process = false;
 };
 
-/// Owns: a backend and a thread for each device, and a thread that makes derived data. Thread: any.
-/// Jobs whose derived data is ready share the devices by their origins, slice by slice
-/// (fair_queue.h), each on the device that began it, with the help of idle ones (spread.h); a
-/// cancelled or expired job, waiting or running, ends within a slice. Jobs of one session may end
-/// in another order where there are several devices. Pictures do not depend on the device.
+/// Owns: a backend and a thread for each device, and the workers beside them. Thread: any.
+/// Jobs share the devices by their origins, slice by slice (fair_queue.h), each on the device that
+/// began it, with the help of idle ones (spread.h); a cancelled or expired job, waiting or running,
+/// ends within a slice. Jobs of one session may end in another order. Pictures do not depend on the
+/// device.
 ///
-/// What cannot be left half way is one slice, however long: a top level, label columns, the last
-/// steps of a frame, a query.
+/// What takes long and no device is done by the workers (workers.h), while the device has other
+/// jobs: derived data and scenes before a job, and planes that are made of others after it.
+///
+/// What cannot be left half way is one slice, however long: label columns, a query.
 ///
 /// When a backend says that its device is lost, work that had begun there ends with UNAVAILABLE, a
 /// new backend is made, as often as it takes, and what waits goes on: all of it is in its
@@ -85,8 +87,9 @@ class Engine {
   [[nodiscard]] std::string cpu_features() const;
   [[nodiscard]] u32 devices() const;
   [[nodiscard]] u64 derived_bytes() const;
-  [[nodiscard]] u64 uploaded_bytes() const;  // Backend::uploaded_bytes()
-  [[nodiscard]] MemoryUse memory() const;    // of all devices
+  [[nodiscard]] u64 scenes_made_again() const;  // Backend::scenes_made_again()
+  [[nodiscard]] u64 uploaded_bytes() const;     // Backend::uploaded_bytes()
+  [[nodiscard]] MemoryUse memory() const;       // of all devices
   [[nodiscard]] Load load() const;
   /// Backend::shared_memory() of the device as it is now: another one after a loss.
   [[nodiscard]] std::shared_ptr<SharedMemorySource> shared_memory() const;

@@ -45,7 +45,8 @@ class FairQueue {
   /// Seconds of the device.
   FairQueue(double credit, double turn) : credit_(credit), turn_(turn) {}
 
-  void push(const Origin& origin, bool is_short, T item) {
+  /// first   before what its session has: it was here before
+  void push(const Origin& origin, bool is_short, T item, bool first = false) {
     Share* tenant = child(root_, origin.tenant);
     tenant->weight = origin.weight;
     Share* lane = child(*tenant, lane_key(origin.priority, is_short));
@@ -55,7 +56,7 @@ class FairQueue {
       if (share->count == 0) share->used = std::max(share->used, share->parent->reached - credit_);
       ++share->count;
     }
-    line->items.push_back(std::move(item));
+    line->items.insert(first ? line->items.begin() : line->items.end(), std::move(item));
     ++root_.count;
   }
 

@@ -10,6 +10,7 @@
 #include "renderer/engine/adaptive.h"
 #include "renderer/engine/check.h"
 #include "renderer/engine/frame_header.h"
+#include "renderer/engine/guard.h"
 #include "renderer/engine/shutter.h"
 #include "renderer/scene/motion.h"
 
@@ -22,8 +23,18 @@ constexpr double kAlone = 10;
 /// Of the device: many jobs that take turns report no more than one alone would.
 constexpr auto kReportEvery = std::chrono::milliseconds(100);
 
+// Seconds of a core, about: they decide where work is done.
+constexpr double kOfWorld = 2e-5;      // to find what it needs
+constexpr double kOfPostPixel = 3e-7;  // of a plane that is made of others
+
 double seconds(std::chrono::steady_clock::duration d) {
   return std::chrono::duration<double>(d).count();
+}
+
+double post_seconds(const RenderJob& job, u32 camera) {
+  const uvec2 size = rendered_size(job, job.cameras[camera]);
+  const auto is_post = [](Plane plane) { return plane_info(plane).fold == kernels::Fold::kPost; };
+  return kOfPostPixel * size.x * size.y * double(std::ranges::count_if(job.planes, is_post));
 }
 
 bool power_of_two(u32 x) { return (x & (x - 1)) == 0; }
@@ -88,6 +99,7 @@ Steps Runner::run() {
 Steps Runner::run_worlds() {
   packed_.emplace(job_);
   HELIO_CO_TRY(packed_->allocate());
+  HELIO_CO_TRY(co_await make_pieces_of_worlds());
   auto whole = std::make_shared<RenderJob>(*job_);
   whole->memory = packed_->memory();
   const u32 count = picture_count(*job_);
@@ -112,6 +124,19 @@ Steps Runner::run_worlds() {
   co_return Status{};
 }
 
+Steps Runner::make_pieces_of_worlds() {
+  std::vector<Errand> pieces;
+  std::vector<Errand> find;
+  find.push_back({.seconds = kOfWorld * picture_count(*job_), .run = [&] {
+                    for (const auto& snapshot : needed_snapshots(*job_)) {
+                      Preparation needed = context_.backend.preparation({snapshot, {}});
+                      std::ranges::move(needed.pieces, std::back_inserter(pieces));
+                    }
+                  }});
+  HELIO_CO_TRY(co_await elsewhere(std::move(find)));
+  co_return co_await elsewhere(std::move(pieces));
+}
+
 Steps Runner::run_cameras() {
   for (u32 camera = 0; camera < job_->cameras.size(); ++camera) {
     HELIO_CO_TRY(co_await begin_camera(camera));
@@ -126,7 +151,7 @@ Steps Runner::begin_camera(u32 camera) {
   begun_.shots.push_back({.job = job_, .camera = camera});
   film_start_ = Clock::now();
   for (const SceneOf kind : wanted_scenes()) {
-    HELIO_CO_TRY(prepare(begun_.shots, kind));
+    HELIO_CO_TRY(co_await make_scene(begun_.shots.front(), kind));
     HELIO_CO_TRY(co_await pause());
   }
   co_return begin(begun_);
@@ -144,7 +169,7 @@ Steps Runner::run_film() {
   if (wants_samples(*job_))
     HELIO_CO_TRY(co_await sample(film));
   else
-    HELIO_CO_TRY(emit(film, true));
+    HELIO_CO_TRY(co_await emit(film, true));
   const u32 pictures = u32(begun_.shots.size());
   report(film, 1, done_ + pictures == picture_count(*job_));
   rays_before_ += film.rays();
@@ -204,7 +229,7 @@ Steps Runner::sample(Film& film) {
     const bool last = finished(film, done);
     if (!last && job_->stop.adaptive && done == kernels::kBlock)
       co_return co_await sample_noisy(film);
-    if (last || (job_->progressive && power_of_two(done))) HELIO_CO_TRY(emit(film, last));
+    if (last || (job_->progressive && power_of_two(done))) HELIO_CO_TRY(co_await emit(film, last));
     if (last) co_return Status{};
   }
 }
@@ -219,7 +244,8 @@ Steps Runner::sample_noisy(Film& film) {
     std::erase_if(tiles, [&](u32 tile) { return film.samples(tile) >= most_samples(); });
     tiles.resize(std::min(tiles.size(), most_rounds - tile_rounds_));
     const bool last = tiles.empty() || out_of_time();
-    if (last || (job_->progressive && power_of_two(rounds))) HELIO_CO_TRY(emit(film, last));
+    if (last || (job_->progressive && power_of_two(rounds)))
+      HELIO_CO_TRY(co_await emit(film, last));
     if (last) co_return Status{};
     HELIO_CO_TRY(co_await round(film, tiles));
   }
@@ -335,11 +361,22 @@ Expected<std::vector<PlaneData>> Runner::finish(const Shot& shot, std::vector<Pl
 }
 
 /// What is of the whole film is told of its first picture.
-Status Runner::emit(Film& film, bool final) {
+Steps Runner::emit(Film& film, bool final) {
   auto made = context_.backend.resolve(film);
-  if (!made) return std::unexpected(std::move(made).error());
-  auto planes = finish(begun_.shots.front(), *std::move(made));
-  if (!planes) return std::unexpected(std::move(planes).error());
+  if (!made) co_return std::unexpected(std::move(made).error());
+  Expected<std::vector<PlaneData>> planes;
+  const auto finish_all = [&] {
+    planes = guard([&] { return finish(begun_.shots.front(), *std::move(made)); });
+  };
+  if (wants_post(*job_)) {
+    std::vector<Errand> post;
+    post.push_back(
+        {.seconds = post_seconds(*job_, begun_.shots.front().camera), .run = finish_all});
+    HELIO_CO_TRY(co_await elsewhere(std::move(post)));
+  } else {
+    finish_all();
+  }
+  if (!planes) co_return std::unexpected(std::move(planes).error());
   std::vector<Frame> frames = begun_.frames;
   Frame& frame = frames.front();
   frame.planes = *std::move(planes);
@@ -352,10 +389,10 @@ Status Runner::emit(Film& film, bool final) {
   frame.rays = film.rays();
   if (!packed_) {
     context_.sink->frame(std::make_shared<const Frame>(std::move(frame)));
-    return {};
+    co_return Status{};
   }
   for (Frame& picture : frames) packed_->add(std::move(picture));
-  return {};
+  co_return Status{};
 }
 
 }  // namespace heliograph

@@ -42,6 +42,8 @@ class Runner {
 
   /// Runs on for a slice. True when the job is done; then result() has its status.
   [[nodiscard]] bool step();
+  /// What is to be done away from the device before the next step.
+  [[nodiscard]] std::vector<Errand> take_errands() { return std::exchange(errands_, {}); }
   [[nodiscard]] const Status& result() const { return steps_.result(); }
   [[nodiscard]] u64 rays() const { return rays_before_; }
   /// Of all pixels; a centre plane's ray counts as one.
@@ -53,11 +55,13 @@ class Runner {
 
  private:
   using Clock = std::chrono::steady_clock;
+  using SceneOf = std::shared_ptr<const DeviceScene> Shot::*;
   Runner(std::shared_ptr<const RenderJob> job, std::shared_ptr<Spread> helped,
          const RunnerContext& context);
   [[nodiscard]] Steps run();
   [[nodiscard]] Steps run_cameras();
   [[nodiscard]] Steps run_worlds();
+  [[nodiscard]] Steps make_pieces_of_worlds();
   /// How many pictures of worlds go into one film.
   [[nodiscard]] u32 at_once() const;
   /// One film that nothing is rendered of, and its pictures.
@@ -76,10 +80,10 @@ class Runner {
                                                      PictureRange range) const;
   [[nodiscard]] Status begin(Begun& begun) const;
   [[nodiscard]] Steps begin_camera(u32 camera);
+  [[nodiscard]] Steps make_scene(Shot& shot, SceneOf kind);
   [[nodiscard]] Steps help();
   [[nodiscard]] Steps run_film();
   [[nodiscard]] Status choose_denoiser(Frame& frame);
-  using SceneOf = std::shared_ptr<const DeviceScene> Shot::*;
   [[nodiscard]] std::vector<SceneOf> wanted_scenes() const;
   [[nodiscard]] Status prepare(std::vector<Shot>& shots, SceneOf kind) const;
   [[nodiscard]] static std::shared_ptr<const DeviceScene> known_scene(const Shot& shot,
@@ -102,7 +106,7 @@ class Runner {
   [[nodiscard]] u32 next_pass(u32 done) const;
   [[nodiscard]] bool out_of_time() const;
   [[nodiscard]] bool finished(Film& film, u32 done);
-  [[nodiscard]] Status emit(Film& film, bool final);
+  [[nodiscard]] Steps emit(Film& film, bool final);
   [[nodiscard]] Expected<std::vector<PlaneData>> finish(const Shot& shot,
                                                         std::vector<PlaneData> made);
   /// Where the job may be left until the next step(), once the slice is used up or nearly so.
@@ -113,6 +117,17 @@ class Runner {
     [[nodiscard]] Status await_resume() const { return runner.context_.interrupt.status(); }
   };
   [[nodiscard]] Pause pause() { return {*this}; }
+  /// Where the job waits for errands.
+  struct Elsewhere {
+    Runner& runner;
+    [[nodiscard]] bool await_ready() const { return runner.errands_.empty(); }
+    void await_suspend(std::coroutine_handle<> here) const { runner.paused_ = here; }
+    [[nodiscard]] Status await_resume() const { return runner.context_.interrupt.status(); }
+  };
+  [[nodiscard]] Elsewhere elsewhere(std::vector<Errand> errands) {
+    errands_ = std::move(errands);
+    return {*this};
+  }
   [[nodiscard]] double in_slice() const;  // seconds, so far
   [[nodiscard]] Slice slice() const;
   [[nodiscard]] double slice_left() const;  // seconds
@@ -140,6 +155,7 @@ class Runner {
   double helper_seconds_ = 0;
   double used_before_ = 0;  // seconds of the device, in the slices before this one
   double reported_ = 0;     // of them, when the last progress was told
+  std::vector<Errand> errands_;
   std::coroutine_handle<> paused_;
   Steps steps_;
 };

@@ -3,6 +3,7 @@
 
 #include "renderer/engine/check.h"
 #include "renderer/engine/frame_header.h"
+#include "renderer/engine/preparer.h"
 #include "renderer/engine/runner.h"
 #include "renderer/engine/shutter.h"
 #include "renderer/scene/motion.h"
@@ -67,6 +68,21 @@ std::vector<Runner::SceneOf> Runner::wanted_scenes() const {
   if (wants_forward(*job_)) wanted.push_back(&Shot::forward);
   if (wants_backward(*job_)) wanted.push_back(&Shot::backward);
   return wanted;
+}
+
+Steps Runner::make_scene(Shot& shot, SceneOf kind) {
+  const TimeSpan span = span_of(shot, kind);
+  shot.*kind = known_scene(shot, span);
+  if (shot.*kind) co_return Status{};
+  Preparer preparer(context_.backend, {shot.job->snapshot, span}, context_.interrupt);
+  for (auto errands = preparer.next(); !errands.empty(); errands = preparer.next()) {
+    HELIO_CO_TRY(co_await elsewhere(std::move(errands)));
+    film_start_ = Clock::now();
+  }
+  auto made = preparer.take();
+  if (!made) co_return std::unexpected(std::move(made).error());
+  shot.*kind = *std::move(made);
+  co_return context_.interrupt.status();
 }
 
 /// One kind of scene of all shots. What sees a world at the same time shares its scene.

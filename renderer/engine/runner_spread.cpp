@@ -36,7 +36,7 @@ Steps Runner::sample_spread(Film& film) {
     HELIO_CO_TRY(put_parts(film, *spread));
   }
   HELIO_CO_TRY(put_parts(film, *spread));
-  co_return emit(film, true);
+  co_return co_await emit(film, true);
 }
 
 Status Runner::put_parts(Film& film, Spread& spread) {

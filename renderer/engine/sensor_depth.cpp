@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "kernels/camera/distortion.h"
+#include "renderer/base/parallel.h"
 #include "renderer/engine/sensor.h"
 #include "renderer/engine/sensor_noise.h"
 
@@ -112,8 +113,8 @@ Status active_stereo(const DepthSensor& sensor, const SensorContext& context,
   const DisparityMap map(sensor, camera, std::move(echoes));
   const double scale = camera.k[0][0] * sensor.baseline;
   const i32 reach = (i32(std::max(1u, sensor.window)) - 1) / 2;
-  for (u32 y = 0; y < camera.height; ++y) {
-    HELIO_TRY(context.interrupt.status());
+  parallel_for(camera.height, [&](u32 y) {
+    if (context.interrupt.requested()) return;
     for (u32 x = 0; x < camera.width; ++x) {
       const u64 pixel = u64(y) * camera.width + x;
       SensorNoise noise(context.seed, pixel);
@@ -129,8 +130,8 @@ Status active_stereo(const DepthSensor& sensor, const SensorContext& context,
         disparity = std::round(disparity / sensor.disparity_step) * sensor.disparity_step;
       if (disparity > 0) out[pixel] = float(within_range(sensor, scale / disparity));
     }
-  }
-  return {};
+  });
+  return context.interrupt.status();
 }
 
 /// The distance is the mean over the pixel's footprint, by signal: at an edge it lies between the
@@ -144,8 +145,8 @@ Status time_of_flight(const DepthSensor& sensor, const SensorContext& context,
   const ImageCamera& camera = context.camera;
   const i32 width = i32(camera.width), height = i32(camera.height);
   const i32 reach = (i32(std::max(1u, sensor.window)) - 1) / 2;
-  for (i32 y = 0; y < height; ++y) {
-    HELIO_TRY(context.interrupt.status());
+  parallel_for(height, [&](i32 y) {
+    if (context.interrupt.requested()) return;
     for (i32 x = 0; x < width; ++x) {
       const u64 pixel = u64(y) * u64(width) + u64(x);
       double signal = 0, distance = 0;
@@ -164,8 +165,8 @@ Status time_of_flight(const DepthSensor& sensor, const SensorContext& context,
       if (distance > 0)
         out[pixel] = float(within_range(sensor, distance * own.depth / own.distance));
     }
-  }
-  return {};
+  });
+  return context.interrupt.status();
 }
 
 }  // namespace
@@ -174,7 +175,10 @@ Status sense_depth(const DepthSensor& sensor, const DepthImage& image, const Sen
                    float* out) {
   const ImageCamera& camera = context.camera;
   std::vector<Echo> echoes(u64(camera.width) * camera.height);
-  for (u64 i = 0; i < echoes.size(); ++i) echoes[i] = echo_at(sensor, image, camera, i);
+  parallel_for(camera.height, [&](u32 y) {
+    const u64 row = u64(y) * camera.width;
+    for (u64 i = row; i < row + camera.width; ++i) echoes[i] = echo_at(sensor, image, camera, i);
+  });
   if (sensor.kind == DepthSensor::Kind::kActiveStereo)
     return active_stereo(sensor, context, std::move(echoes), out);
   return time_of_flight(sensor, context, echoes, out);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "kernels/camera/distortion.h"
+#include "renderer/base/parallel.h"
 #include "renderer/engine/sensor.h"
 #include "renderer/engine/sensor_noise.h"
 
@@ -113,13 +114,14 @@ class Demosaic {
   const u32 width_, height_;
 };
 
-/// Calls f for each pixel (x, y), row by row, until it is time to stop.
+/// Calls f for each pixel (x, y) and its number, rows in any order, until it is time to stop.
 Status for_each_pixel(const SensorContext& context, const auto& f) {
-  for (u32 y = 0; y < context.camera.height; ++y) {
-    HELIO_TRY(context.interrupt.status());
-    for (u32 x = 0; x < context.camera.width; ++x) f(x, y);
-  }
-  return {};
+  const u32 width = context.camera.width;
+  parallel_for(context.camera.height, [&](u32 y) {
+    if (context.interrupt.requested()) return;
+    for (u32 x = 0; x < width; ++x) f(x, y, u64(y) * width + x);
+  });
+  return context.interrupt.status();
 }
 
 }  // namespace
@@ -127,9 +129,9 @@ Status for_each_pixel(const SensorContext& context, const auto& f) {
 Status sense_mosaic(const RgbSensor& sensor, const RgbImage& image, const SensorContext& context,
                     float* out) {
   const Readout readout(sensor, image, context);
-  return for_each_pixel(context, [&](u32 x, u32 y) {
+  return for_each_pixel(context, [&](u32 x, u32 y, u64 pixel) {
     const u32 channel = channel_of(sensor.pattern, x, y);
-    readout.read(x, y, {&channel, 1}, out++);
+    readout.read(x, y, {&channel, 1}, out + pixel);
   });
 }
 
@@ -138,16 +140,14 @@ Status sense_rgb(const RgbSensor& sensor, const RgbImage& image, const SensorCon
   if (sensor.pattern == RgbSensor::Pattern::kNone) {
     constexpr std::array kAll{0u, 1u, 2u};
     const Readout readout(sensor, image, context);
-    return for_each_pixel(context, [&](u32 x, u32 y) {
-      readout.read(x, y, kAll, out);
-      out += 3;
-    });
+    return for_each_pixel(
+        context, [&](u32 x, u32 y, u64 pixel) { readout.read(x, y, kAll, out + 3 * pixel); });
   }
   std::vector<float> mosaic(std::size_t(context.camera.width) * context.camera.height);
   HELIO_TRY(sense_mosaic(sensor, image, context, mosaic.data()));
   const Demosaic demosaic(mosaic, context.camera);
-  return for_each_pixel(context, [&](u32 x, u32 y) {
-    out = std::ranges::copy(demosaic.at(sensor.pattern, x, y), out).out;
+  return for_each_pixel(context, [&](u32 x, u32 y, u64 pixel) {
+    std::ranges::copy(demosaic.at(sensor.pattern, x, y), out + 3 * pixel);
   });
 }
 

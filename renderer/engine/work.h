@@ -2,10 +2,12 @@
 #pragma once
 
 #include <functional>
-#include <new>
 #include <optional>
+#include <utility>
 
 #include "renderer/engine/engine.h"
+#include "renderer/engine/guard.h"
+#include "renderer/engine/preparer.h"
 #include "renderer/engine/runner.h"
 
 namespace heliograph {
@@ -20,27 +22,24 @@ struct Device {
   u64 spread_samples;               // EngineOptions::spread_samples
 };
 
-using Snapshots = std::vector<std::shared_ptr<const Snapshot>>;
-
 /// A job or a query. Its owner calls step() until that says that it is done, or refuse() once.
 class Work {
  public:
   using Clock = std::chrono::steady_clock;
 
-  /// needs   snapshots whose derived data it reads
-  Work(Snapshots needs, Interrupt interrupt)
-      : needs_(std::move(needs)), interrupt_(std::move(interrupt)) {}
+  explicit Work(Interrupt interrupt) : interrupt_(std::move(interrupt)) {}
   virtual ~Work() = default;
   Work(const Work&) = delete;
   Work& operator=(const Work&) = delete;
   /// Runs for a slice; true when it is done. Its result is told by the next call, finish().
   [[nodiscard]] virtual bool step(const Device& device) = 0;
+  /// What is to be done away from the device before the next step.
+  [[nodiscard]] virtual std::vector<Errand> take_errands() = 0;
   virtual void finish() = 0;
   virtual void refuse(Error error) = 0;
   [[nodiscard]] virtual const Origin& origin() const = 0;
   /// Whether it goes in the lane of labels and queries.
   [[nodiscard]] virtual bool is_short() const = 0;
-  [[nodiscard]] const Snapshots& needs() const { return needs_; }
   [[nodiscard]] const Interrupt& interrupt() const { return interrupt_; }
   [[nodiscard]] double waited_seconds() const {
     return std::chrono::duration<double>(begun.value_or(Clock::now()) - queued_).count();
@@ -53,27 +52,14 @@ class Work {
 
  private:
   const Clock::time_point queued_ = Clock::now();
-  Snapshots needs_;
   Interrupt interrupt_;
 };
-
-/// Memory is the one thing that may run out anywhere: an error of the job, not of the process.
-template <class F>
-auto guard(F&& f) -> decltype(f()) {
-  try {
-    return f();
-  } catch (const std::bad_alloc&) {
-    return fail(Code::kResourceExhausted, "", "out of memory; ask for less at once");
-  }
-}
 
 class RenderWork final : public Work {
  public:
   RenderWork(std::shared_ptr<const RenderJob> job, std::shared_ptr<JobSink> sink,
              std::stop_token stop)
-      : Work(needed_snapshots(*job), {std::move(stop), job->deadline}),
-        job_(std::move(job)),
-        sink_(std::move(sink)) {
+      : Work({std::move(stop), job->deadline}), job_(std::move(job)), sink_(std::move(sink)) {
     if (job_->on_device) place = 0;  // the one that shares its memory
   }
   bool step(const Device& device) override {
@@ -86,6 +72,9 @@ class RenderWork final : public Work {
       return is_done_ ? runner_->result() : Status{};
     });
     return is_done_ || !result_;
+  }
+  std::vector<Errand> take_errands() override {
+    return runner_ ? runner_->take_errands() : std::vector<Errand>();
   }
   void finish() override { sink_->done(result_, spent()); }
   void refuse(Error error) override { sink_->done(std::unexpected(std::move(error)), spent()); }
@@ -114,8 +103,7 @@ class RenderWork final : public Work {
 class HelpWork final : public Work {
  public:
   HelpWork(std::shared_ptr<Spread> spread, u32 device)
-      : Work(needed_snapshots(*spread->job()), {spread->closed(), spread->job()->deadline}),
-        spread_(std::move(spread)) {
+      : Work({spread->closed(), spread->job()->deadline}), spread_(std::move(spread)) {
     place = device;
   }
   bool step(const Device& device) override {
@@ -127,6 +115,9 @@ class HelpWork final : public Work {
       return is_done_ ? runner_->result() : Status{};
     });
     return is_done_ || !result_;
+  }
+  std::vector<Errand> take_errands() override {
+    return runner_ ? runner_->take_errands() : std::vector<Errand>();
   }
   /// Who failed is not asked again.
   void finish() override {
@@ -147,13 +138,20 @@ class QueryWork final : public Work {
  public:
   using Done = std::function<void(Expected<QueryResult>)>;
   QueryWork(std::shared_ptr<const QueryJob> query, Done done, std::stop_token stop)
-      : Work({query->snapshot}, {std::move(stop), std::nullopt}),
-        query_(std::move(query)),
-        done_(std::move(done)) {}
+      : Work({std::move(stop), std::nullopt}), query_(std::move(query)), done_(std::move(done)) {}
   bool step(const Device& device) override {
-    result_ = guard([&] { return device.backend.query(*query_, interrupt()); });
+    const TimeSpan span{query_->time, query_->time};
+    if (!preparer_) preparer_.emplace(device.backend, SceneAt{query_->snapshot, span}, interrupt());
+    errands_ = preparer_->next();
+    if (!errands_.empty()) return false;
+    result_ = guard([&]() -> Expected<QueryResult> {
+      const auto scene = preparer_->take();  // kept for the query
+      if (!scene) return std::unexpected(scene.error());
+      return device.backend.query(*query_, interrupt());
+    });
     return true;
   }
+  std::vector<Errand> take_errands() override { return std::exchange(errands_, {}); }
   void finish() override { done_(std::move(result_)); }
   void refuse(Error error) override { done_(std::unexpected(std::move(error))); }
   [[nodiscard]] const Origin& origin() const override { return query_->origin; }
@@ -162,6 +160,8 @@ class QueryWork final : public Work {
  private:
   std::shared_ptr<const QueryJob> query_;
   Done done_;
+  std::optional<Preparer> preparer_;
+  std::vector<Errand> errands_;
   Expected<QueryResult> result_;
 };
 

@@ -31,7 +31,7 @@ DerivedCache::Value DerivedCache::insert(Entry entry) {
   entries_.push_front(std::move(entry));
   index_[entries_.front().key] = entries_.begin();
   if (entries_.size() >= next_sweep_) sweep();
-  evict();
+  evict(limit_);
   return value;
 }
 
@@ -52,9 +52,15 @@ void DerivedCache::sweep() {
   next_sweep_ = std::max<std::size_t>(64, entries_.size() * 5 / 4);
 }
 
-void DerivedCache::evict() {
-  if (bytes_ > limit_) sweep();
-  for (auto entry = entries_.end(); bytes_ > limit_ && entry != entries_.begin();) {
+u64 DerivedCache::shrink(u64 bytes) {
+  const std::scoped_lock lock(mutex_);
+  evict(bytes);
+  return bytes_;
+}
+
+void DerivedCache::evict(u64 limit) {
+  if (bytes_ > limit) sweep();
+  for (auto entry = entries_.end(); bytes_ > limit && entry != entries_.begin();) {
     --entry;
     if (entry->value.use_count() == 1) entry = erase(entry);
   }

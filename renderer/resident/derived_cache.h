@@ -63,6 +63,9 @@ class DerivedCache {
     return std::static_pointer_cast<const T>(
         insert({key, *made, (*made)->bytes(), std::move(sources)}));
   }
+  /// Drops what nobody else holds, the least recently used first, until the rest takes no more than
+  /// that. The bytes that it takes.
+  u64 shrink(u64 bytes);
   [[nodiscard]] bool contains(const DerivedKey& key) const;
   [[nodiscard]] u64 bytes() const;
 
@@ -78,7 +81,7 @@ class DerivedCache {
   Value find(const DerivedKey& key);
   Value insert(Entry entry);
   void sweep();
-  void evict();
+  void evict(u64 limit);
   Entries::iterator erase(Entries::iterator entry);
 
   const u64 limit_;

@@ -50,7 +50,13 @@ kernels::MaterialView view_of(const Snapshot& snapshot, const Material& material
   return view;
 }
 
-/// Whether a material looks at a texture with a cone: for emission and alpha it does not.
+struct TextureMean {
+  vec4 value;
+  [[nodiscard]] u64 bytes() const { return sizeof(*this); }
+};
+
+}  // namespace
+
 std::vector<bool> filtered_textures(const Snapshot& snapshot) {
   std::vector<bool> filtered(snapshot.textures.capacity());
   snapshot.materials.for_each([&](u32, const Shared<Material>& row) {
@@ -62,13 +68,6 @@ std::vector<bool> filtered_textures(const Snapshot& snapshot) {
   });
   return filtered;
 }
-
-struct TextureMean {
-  vec4 value;
-  [[nodiscard]] u64 bytes() const { return sizeof(*this); }
-};
-
-}  // namespace
 
 kernels::TextureUseView view_of(const Snapshot& snapshot, const TextureUse& use) {
   return {.texture = snapshot.find(use.texture) ? use.texture.index() : kernels::kNone,

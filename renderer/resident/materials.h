@@ -19,6 +19,8 @@ struct Materials {
                                                               DerivedCache& cache);
 [[nodiscard]] kernels::TextureUseView view_of(const Snapshot& snapshot, const TextureUse& use);
 [[nodiscard]] kernels::TextureView view_of(const Texture& texture);
+/// By row, whether a material looks at a texture with a cone: for emission and alpha it does not.
+[[nodiscard]] std::vector<bool> filtered_textures(const Snapshot& snapshot);
 /// Names what is made of a texture's values alone, however it repeats.
 [[nodiscard]] DerivedKey key_of(Derived kind, const Texture& texture);
 

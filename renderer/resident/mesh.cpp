@@ -141,11 +141,13 @@ Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::build(const Mesh& mesh,
   return finish(std::move(made));
 }
 
-bool MeshBuilder::ready(const Mesh& mesh) const {
-  return cache_.contains({Derived::kAccelerator,
-                          {mesh.vertices->positions.serial(), mesh.topology->triangles.serial(),
-                           mesh.topology->vertex_count}});
+DerivedKey MeshBuilder::key_of(const Mesh& mesh) {
+  return {Derived::kAccelerator,
+          {mesh.vertices->positions.serial(), mesh.topology->triangles.serial(),
+           mesh.topology->vertex_count}};
 }
+
+bool MeshBuilder::ready(const Mesh& mesh) const { return cache_.contains(key_of(mesh)); }
 
 Box MeshBuilder::rest_bounds(const DeviceMesh& mesh, const mat3& map) const {
   if (mesh.shape() != kernels::Shape::kTriangles) return shape_bounds(mesh.shape(), map);

@@ -47,6 +47,8 @@ class MeshBuilder {
   /// The same with other vertices.
   [[nodiscard]] Expected<std::shared_ptr<DeviceMesh>> build(const Mesh& mesh,
                                                             DeformedKeys deformed) const;
+  /// Of the acceleration structure that build(mesh) gives it.
+  [[nodiscard]] static DerivedKey key_of(const Mesh& mesh);
   /// Whether build(mesh) would find everything made.
   [[nodiscard]] bool ready(const Mesh& mesh) const;
   /// Bounds of the rest vertices of the triangles under a linear map.

@@ -97,4 +97,9 @@ std::shared_ptr<const Mips> mips_of(const Texture& texture, const TextureView& v
                          [&] { return make_mips(view); });
 }
 
+bool needs_mips(const Texture& texture, const DerivedCache& cache) {
+  return !texture.nearest && kernels::has_coarser(view_of(texture)) &&
+         !cache.contains(key_of(Derived::kMips, texture));
+}
+
 }  // namespace heliograph::resident

@@ -2,46 +2,11 @@
 #include "renderer/resident/scene.h"
 
 #include <algorithm>
-#include <tuple>
+#include <iterator>
 
 #include "renderer/resident/parallel.h"
 
 namespace heliograph::resident {
-namespace {
-
-constexpr std::size_t kScenesKept = 8;
-
-/// Whether nothing that decides on poses in a span differs between a scene and a snapshot.
-bool same_poses(const SceneState& scene, const Snapshot& snapshot, const TimeSpan& span) {
-  const Snapshot& before = scene.snapshot();
-  return scene.span() == span && before.time == snapshot.time &&
-         before.entities.same(snapshot.entities) && before.meshes.same(snapshot.meshes) &&
-         before.poses.same(snapshot.poses) &&
-         (span == TimeSpan{snapshot.time, snapshot.time} || before.previous == snapshot.previous);
-}
-
-bool same_materials(const Snapshot& a, const Snapshot& b) {
-  return a.materials.same(b.materials) && a.textures.same(b.textures);
-}
-
-/// How much of its entities a snapshot shares with another.
-u32 shared_chunks(const Snapshot& a, const Snapshot& b) {
-  u32 shared = 0;
-  for (u32 c = 0; c < b.poses.chunk_count(); ++c)
-    shared += u32(a.entities.shares(c, b.entities)) + u32(a.poses.shares(c, b.poses));
-  return shared;
-}
-
-/// The grids of the volumes in use.
-template <class F>
-void for_each_grid(const Snapshot& snapshot, F&& f) {
-  snapshot.volumes.for_each([&](u32, const Shared<Volume>& row) {
-    if (row.uses == 0) return;
-    for (const Grid* grid : grids_of(*row.value)) f(*grid);
-  });
-}
-
-}  // namespace
 
 Expected<std::shared_ptr<const ResidentScene>> SceneStore::prepare(
     const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
@@ -55,9 +20,13 @@ Expected<std::shared_ptr<const ResidentScene>> SceneStore::prepare(
 Expected<DeviceScenes> SceneStore::prepare_all(std::span<const SceneAt> scenes,
                                                const Interrupt& interrupt) {
   if (scenes.empty()) return DeviceScenes();
-  const State before = nearest(*scenes.front().snapshot, scenes.front().span);
+  State before;
+  {
+    const std::scoped_lock lock(mutex_);
+    before = kept_.nearest(*scenes.front().snapshot, scenes.front().span);
+  }
   std::vector<Expected<State>> made(scenes.size());
-  parallel_invoke([&] { make_room(before); },
+  parallel_invoke([&] { free_dead(); },
                   [&] {
                     parallel_for(scenes.size(), [&](std::size_t i) {
                       made[i] = make(scenes[i], before, interrupt);
@@ -122,87 +91,49 @@ Expected<SceneStore::State> SceneStore::make(const SceneAt& wanted, const State&
   return std::make_shared<const SceneState>(snapshot, span, std::move(pieces));
 }
 
-bool SceneStore::ready(const Snapshot& snapshot) const {
-  bool all = true;
-  snapshot.meshes.for_each([&](u32, const Shared<Mesh>& row) {
-    all = all &&
-          (row.uses == 0 || row.value->topology->triangles.empty() || builder_.ready(*row.value));
-  });
-  return all;
-}
-
-Status SceneStore::warm(const Snapshot& snapshot) const {
-  std::vector<const Mesh*> meshes;
-  snapshot.meshes.for_each([&](u32, const Shared<Mesh>& row) {
-    if (row.uses > 0 && !row.value->topology->triangles.empty()) meshes.push_back(row.value.get());
-  });
-  std::vector<Status> results(meshes.size());
-  parallel_for(meshes.size(), [&](std::size_t i) {
-    if (auto made = builder_.build(*meshes[i]); !made)
-      results[i] = std::unexpected(std::move(made).error());
-  });
-  for (Status& result : results) HELIO_TRY(std::move(result));
-  for_each_grid(snapshot, [&](const Grid& grid) { (void)grid_table(grid, cache_); });
-  if (snapshot.dome)
-    if (const auto* texture = snapshot.find(snapshot.dome->texture))
-      (void)dome_tables(*texture->value, cache_);
-  return {};
-}
-
-/// The one that shares most; of those the latest.
-SceneStore::State SceneStore::nearest(const Snapshot& snapshot, const TimeSpan& span) const {
-  const std::scoped_lock lock(mutex_);
-  const auto score = [&](const Recent& recent) {
-    const Snapshot& before = recent.state->snapshot();
-    return std::tuple(same_poses(*recent.state, snapshot, span), shared_chunks(before, snapshot),
-                      same_materials(before, snapshot), before.dome == snapshot.dome);
-  };
-  const auto best = std::ranges::max_element(recent_.rbegin(), recent_.rend(), {}, score);
-  return best == recent_.rend() ? nullptr : best->state;
-}
-
 void SceneStore::free_later(std::shared_ptr<const ResidentScene> scene) {
   const std::scoped_lock lock(mutex_);
   gone_.push_back(std::move(scene));
 }
 
-void SceneStore::make_room(const State& used) {
-  Recent oldest;  // this and the next without the lock
+void SceneStore::free_dead() {
+  KeptScenes::Dropped dropped, dead;  // these without the lock
   std::vector<std::shared_ptr<const ResidentScene>> gone;
   const std::scoped_lock lock(mutex_);
   gone.swap(gone_);
-  if (recent_.size() < kScenesKept) return;
-  const auto at = recent_.begin() + (recent_.front().state == used ? 1 : 0);
-  oldest = std::move(*at);
-  recent_.erase(at);
+  dropped.swap(dropped_);
+  dead = kept_.drop_dead();
+  bytes_ = kept_.bytes();
+}
+
+/// Scenes have the data they use: what only the cache has goes first.
+void SceneStore::make_room() {
+  KeptScenes::Dropped dropped;
+  do {
+    dropped.clear();  // without the lock
+    const std::scoped_lock lock(mutex_);
+    bytes_ = kept_.bytes();
+    if (kept_.bytes() + cache_.shrink(limit_ - std::min(limit_, kept_.bytes())) <= limit_) return;
+    dropped = kept_.drop_oldest();
+  } while (!dropped.empty());
 }
 
 std::shared_ptr<const ResidentScene> SceneStore::scene_of(const State& state) {
-  std::vector<Recent> gone;  // without the lock
-  const std::scoped_lock lock(mutex_);
-  auto known = std::ranges::find(recent_, state, &Recent::state);
-  if (known != recent_.end())
-    if (auto scene = known->scene.lock()) return scene;
-  auto scene = std::make_shared<const ResidentScene>(state, flat_, builder_);
-  if (known != recent_.end()) {
-    known->scene = scene;
-    return scene;
-  }
-  recent_.push_back({state, scene});
-  const auto sum = [&] {
-    u64 bytes = 0;
-    const SceneState* before = nullptr;
-    for (const Recent& kept : recent_) {
-      bytes += kept.state->bytes_beside(before);
-      before = kept.state.get();
+  std::shared_ptr<const ResidentScene> scene;
+  {
+    const std::scoped_lock lock(mutex_);
+    KeptScenes::Kept* known = kept_.find(state);
+    if (known) scene = known->scene.lock();
+    if (scene) return scene;
+    scene = std::make_shared<const ResidentScene>(state, flat_, builder_);
+    if (known) {
+      known->scene = scene;
+      return scene;
     }
-    return bytes;
-  };
-  while (recent_.size() > 1 && (recent_.size() > kScenesKept || sum() > limit_)) {
-    gone.push_back(std::move(recent_.front()));
-    recent_.erase(recent_.begin());
+    std::ranges::move(kept_.add({state, scene}), std::back_inserter(dropped_));
+    made_again_ = kept_.made_again();
   }
-  bytes_ = sum();
+  make_room();
   return scene;
 }
 

@@ -1,4 +1,4 @@
-// A snapshot in a span of time, resident: pieces that scenes share, and the view kernels read.
+// Scenes while they are used, and who makes and keeps them.
 #pragma once
 
 #include <atomic>
@@ -6,45 +6,9 @@
 
 #include "renderer/engine/backend.h"
 #include "renderer/resident/flat_rows.h"
-#include "renderer/resident/lights.h"
-#include "renderer/resident/volumes.h"
+#include "renderer/resident/kept_scenes.h"
 
 namespace heliograph::resident {
-
-/// Immutable. Each piece is a pure function of parts of the snapshot and is shared with the scenes
-/// that have the same parts.
-struct ScenePieces {
-  std::shared_ptr<const Placement> placement;
-  std::shared_ptr<const Volumes> volumes;
-  std::shared_ptr<const Materials> materials;
-  std::shared_ptr<const Surfaces> surfaces;
-  std::shared_ptr<const Lights> lights;
-};
-
-/// All of a scene but the array of its instances. Immutable.
-class SceneState {
- public:
-  SceneState(std::shared_ptr<const Snapshot> snapshot, const TimeSpan& span, ScenePieces pieces);
-
-  /// Its instances are null.
-  [[nodiscard]] const kernels::SceneView& view() const { return view_; }
-  [[nodiscard]] const Snapshot& snapshot() const { return *snapshot_; }
-  [[nodiscard]] const TimeSpan& span() const { return span_; }
-  [[nodiscard]] const ScenePieces& pieces() const { return pieces_; }
-  [[nodiscard]] const Placement& placement() const { return *pieces_.placement; }
-  /// What it has and another, or null, does not share.
-  [[nodiscard]] u64 bytes_beside(const SceneState* other) const;
-
- private:
-  std::shared_ptr<const Snapshot> snapshot_;
-  TimeSpan span_;
-  ScenePieces pieces_;
-  std::vector<kernels::MeshView> meshes_;
-  std::vector<kernels::VolumeView> volumes_;  // the pieces', with their light groups
-  std::vector<kernels::CasterView> casters_;
-  std::vector<kernels::CastLightView> cast_lights_;
-  kernels::SceneView view_{};
-};
 
 /// A scene while it is used. Immutable.
 class ResidentScene final : public DeviceScene {
@@ -83,10 +47,10 @@ class ResidentScene final : public DeviceScene {
   mutable kernels::SceneView view_{};
 };
 
-/// Makes scenes, and keeps the last ones to start from. Thread: any.
+/// Makes scenes, and keeps those used last to start from. Thread: any.
 class SceneStore {
  public:
-  /// cache_bytes   of the scenes kept
+  /// cache_bytes   of the scenes kept and of derived data
   SceneStore(const Accelerator& accelerator, DerivedCache& cache, u64 cache_bytes)
       : accelerator_(accelerator),
         cache_(cache),
@@ -102,27 +66,23 @@ class SceneStore {
   /// Frees a scene that is used no more, if that is so, while the next one is made: tables of many
   /// objects take a millisecond.
   void free_later(std::shared_ptr<const ResidentScene> scene);
-  /// Whether prepare() would find the derived data of meshes and dome made.
-  [[nodiscard]] bool ready(const Snapshot& snapshot) const;
-  /// Makes that data.
-  [[nodiscard]] Status warm(const Snapshot& snapshot) const;
-  /// Thread: any.
+  /// What prepare() would have to make.
+  [[nodiscard]] Preparation preparation(const SceneAt& wanted) const;
   [[nodiscard]] u64 bytes() const { return bytes_.load(std::memory_order_relaxed) + flat_.bytes(); }
+  /// Scenes that were made again, as there had been no room to keep them.
+  [[nodiscard]] u64 made_again() const { return made_again_.load(std::memory_order_relaxed); }
 
  private:
-  using State = std::shared_ptr<const SceneState>;
-  struct Recent {
-    State state;
-    std::weak_ptr<const ResidentScene> scene;  // of it, if it is used
-  };
-  [[nodiscard]] State nearest(const Snapshot& snapshot, const TimeSpan& span) const;
+  using State = KeptScenes::State;
   /// A state, from one like it or null: it may be that one. Thread: any.
   [[nodiscard]] Expected<State> make(const SceneAt& wanted, const State& before,
                                      const Interrupt& interrupt) const;
   [[nodiscard]] Expected<std::shared_ptr<const Structure>> structure_of(const Snapshot& snapshot,
                                                                         const State& before) const;
-  /// Frees what was left to it. Where no more may be kept, drops the oldest but `used`.
-  void make_room(const State& used);
+  /// Frees what was left to it, and what is of scenes that are gone.
+  void free_dead();
+  /// Drops what nobody uses until all that is kept has room.
+  void make_room();
   /// The scene of a state, which is kept if it is new.
   [[nodiscard]] std::shared_ptr<const ResidentScene> scene_of(const State& state);
 
@@ -132,9 +92,10 @@ class SceneStore {
   const u64 limit_;
   FlatRows<kernels::InstanceView> flat_;
   mutable std::mutex mutex_;
-  std::vector<Recent> recent_;                              // the last is the latest; by mutex_
-  std::vector<std::shared_ptr<const ResidentScene>> gone_;  // by mutex_
-  std::atomic<u64> bytes_{0};
+  KeptScenes kept_;                                         // by mutex_
+  KeptScenes::Dropped dropped_;                             // the same
+  std::vector<std::shared_ptr<const ResidentScene>> gone_;  // the same
+  std::atomic<u64> bytes_{0}, made_again_{0};
 };
 
 }  // namespace heliograph::resident

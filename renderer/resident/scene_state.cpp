@@ -1,4 +1,4 @@
-// Pieces to what the kernels read. Declared in scene.h.
+// Pieces to what the kernels read. Declared in scene_state.h and scene.h.
 #include <algorithm>
 
 #include "renderer/resident/black_body.h"
@@ -86,6 +86,23 @@ u64 SceneState::bytes_beside(const SceneState* other) const {
          own.motion_keys.size() * (sizeof(kernels::MotionKey) + kTopBytesPerKey) +
          meshes_.size() * sizeof(kernels::MeshView) +
          pieces_.materials->materials.size() * sizeof(kernels::MaterialView);
+}
+
+bool same_poses(const SceneState& scene, const Snapshot& snapshot, const TimeSpan& span) {
+  const Snapshot& before = scene.snapshot();
+  return scene.span() == span && before.time == snapshot.time &&
+         before.entities.same(snapshot.entities) && before.meshes.same(snapshot.meshes) &&
+         before.poses.same(snapshot.poses) &&
+         (span == TimeSpan{snapshot.time, snapshot.time} || before.previous == snapshot.previous);
+}
+
+bool same_materials(const Snapshot& a, const Snapshot& b) {
+  return a.materials.same(b.materials) && a.textures.same(b.textures);
+}
+
+bool same_assets(const Snapshot& a, const Snapshot& b) {
+  return a.meshes.same(b.meshes) && a.volumes.same(b.volumes) && a.dome == b.dome &&
+         same_materials(a, b);
 }
 
 Expected<std::span<const kernels::RestBoxView>> ResidentScene::rest_boxes(

@@ -45,11 +45,6 @@ void add_majorants(const BrickRange& range, ivec3 at, const float* brick,
       }
 }
 
-DerivedKey key_of(const Grid& grid) {
-  const auto box = [&](int i) { return u64(u32(grid.lower[i])) << 32 | u32(grid.upper[i]); };
-  return {Derived::kGrid, {grid.bricks.serial(), grid.values.serial(), box(0), box(1), box(2)}};
-}
-
 kernels::VolumeView view_of(const Volume& volume) {
   kernels::VolumeView view{};
   view.density_scale = volume.density_scale;
@@ -62,6 +57,11 @@ kernels::VolumeView view_of(const Volume& volume) {
 }
 
 }  // namespace
+
+DerivedKey key_of(const Grid& grid) {
+  const auto box = [&](int i) { return u64(u32(grid.lower[i])) << 32 | u32(grid.upper[i]); };
+  return {Derived::kGrid, {grid.bricks.serial(), grid.values.serial(), box(0), box(1), box(2)}};
+}
 
 std::shared_ptr<const GridTable> grid_table(const Grid& grid, DerivedCache& cache) {
   return cache.get<GridTable>(key_of(grid), {grid.bricks.buffer(), grid.values.buffer()}, [&] {

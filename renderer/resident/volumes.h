@@ -12,6 +12,7 @@ struct GridTable {
   [[nodiscard]] u64 bytes() const { return (bricks.size() + majorants.size()) * 4; }
 };
 [[nodiscard]] std::shared_ptr<const GridTable> grid_table(const Grid& grid, DerivedCache& cache);
+[[nodiscard]] DerivedKey key_of(const Grid& grid);
 /// Whether grid_table() would find it made.
 [[nodiscard]] bool grid_table_ready(const Grid& grid, const DerivedCache& cache);
 /// The grid as kernels read it, but for where it is.

@@ -8,8 +8,11 @@
 
 namespace heliograph {
 
-Scene::Scene(std::shared_ptr<const Snapshot> first, SceneLimits limits)
-    : limits_(limits), recent_{std::move(first)} {}
+Scene::Scene(const std::shared_ptr<const Snapshot>& first, SceneLimits limits) : limits_(limits) {
+  auto own = std::make_shared<Snapshot>(*first);
+  own->scene = life_;
+  recent_.push_back(std::move(own));
+}
 
 const std::shared_ptr<const Snapshot>& Scene::last() const {
   return pending_.empty() ? recent_.back() : pending_.back();

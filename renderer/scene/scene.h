@@ -43,7 +43,8 @@ struct SceneLimits {
 /// preparation.
 class Scene {
  public:
-  Scene(std::shared_ptr<const Snapshot> first, SceneLimits limits);
+  /// Its snapshots say that they are of this scene, whoever made the first.
+  Scene(const std::shared_ptr<const Snapshot>& first, SceneLimits limits);
 
   /// Applies to the pending head. `expected`: ABORTED unless it equals the pending revision.
   [[nodiscard]] Expected<Prepared> prepare(const Transaction& transaction,
@@ -64,6 +65,7 @@ class Scene {
   [[nodiscard]] const std::shared_ptr<const Snapshot>& last() const;  // under mutex_
 
   const SceneLimits limits_;
+  const std::shared_ptr<const SceneLife> life_ = std::make_shared<const SceneLife>();
   mutable std::mutex mutex_;
   std::deque<std::shared_ptr<const Snapshot>> pending_;  // prepared, oldest first
   std::deque<std::shared_ptr<const Snapshot>> recent_;   // the last is the head

@@ -19,8 +19,14 @@ namespace heliograph {
 /// the next instance uses them again. In the order of Asset::library; ids may have gone stale.
 using Library = std::vector<Id>;
 
+/// Lives as long as a Scene does: what is made of its snapshots need not outlive it.
+struct SceneLife {
+  bool is_pinned = false;  // what a device has of it stays there, however full that is
+};
+
 /// Thread: any, once it is const. Copying costs one pointer a chunk.
 struct Snapshot {
+  std::weak_ptr<const SceneLife> scene;  // that it is a revision or a world of; empty: of none
   Revision revision = 0;
   Time time = 0;
 

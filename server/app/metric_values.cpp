@@ -39,6 +39,11 @@ void add_engine(const Engine& engine, std::vector<MetricValue>& all) {
   all.push_back({"heliograph_jobs", "Render jobs and queries that wait or run", double(load.jobs)});
   all.push_back({"heliograph_derived_bytes", "Bytes of derived data on the device",
                  double(engine.derived_bytes())});
+  all.push_back({"heliograph_scenes_made_again_total",
+                 "Scenes that were made again, as there had been no room to keep them",
+                 double(engine.scenes_made_again()),
+                 {},
+                 true});
   all.push_back({"heliograph_uploaded_bytes_total",
                  "Bytes copied to the device's own memory",
                  double(engine.uploaded_bytes()),

@@ -26,32 +26,6 @@ class ProbeSink final : public JobSink {
   u32 frames_ = 0;
 };
 
-/// One pixel of a triangle that gives light.
-Expected<std::shared_ptr<const RenderJob>> probe_job() {
-  Transaction transaction;
-  const std::vector<vec3> positions = {{-1, -1, -1}, {1, -1, -1}, {0, 1, -1}};
-  auto topology = std::make_shared<MeshTopology>();
-  topology->vertex_count = u32(positions.size());
-  topology->triangles = ArrayOf<uvec3>(std::vector<uvec3>{{0, 1, 2}});
-  auto vertices = std::make_shared<VertexKeys>();
-  vertices->times = {0};
-  vertices->positions = ArrayOf<vec3>(positions);
-  transaction.edits.push_back({.action = PutMesh{topology, vertices}});
-  transaction.edits.push_back(
-      {.action = PutEntity{.mesh = Ref(CreatedByEdit{0}), .light = LightPatch{}}});
-  const Camera camera{.width = 1, .height = 1, .fx = 1, .fy = 1, .cx = 0, .cy = 0};
-  transaction.edits.push_back({.action = PutEntity{.camera = camera}});
-  auto prepared = apply(Snapshot{}, transaction, SceneLimits{});
-  if (!prepared) return std::unexpected(prepared.error());
-  auto job = std::make_shared<RenderJob>();
-  job->snapshot = prepared->snapshot;
-  job->cameras = {EntityId(prepared->ids.at(2))};
-  job->planes = {Plane::BEAUTY, Plane::DEPTH};
-  job->stop.spp = 1;
-  job->origin.tenant = kProbeTenant;
-  return job;
-}
-
 }  // namespace
 
 EngineSlot::EngineSlot(EngineOptions options, const Log& log, std::function<void(Status)> first)
@@ -77,11 +51,37 @@ void EngineSlot::start(const EngineOptions& options) {
   probe([this](const Status& status) { finish(status); });
 }
 
+/// One pixel of a triangle that gives light.
+EngineSlot::ProbeJob EngineSlot::probe_job() const {
+  Transaction transaction;
+  const std::vector<vec3> positions = {{-1, -1, -1}, {1, -1, -1}, {0, 1, -1}};
+  auto topology = std::make_shared<MeshTopology>();
+  topology->vertex_count = u32(positions.size());
+  topology->triangles = ArrayOf<uvec3>(std::vector<uvec3>{{0, 1, 2}});
+  auto vertices = std::make_shared<VertexKeys>();
+  vertices->times = {0};
+  vertices->positions = ArrayOf<vec3>(positions);
+  transaction.edits.push_back({.action = PutMesh{topology, vertices}});
+  transaction.edits.push_back(
+      {.action = PutEntity{.mesh = Ref(CreatedByEdit{0}), .light = LightPatch{}}});
+  const Camera camera{.width = 1, .height = 1, .fx = 1, .fy = 1, .cx = 0, .cy = 0};
+  transaction.edits.push_back({.action = PutEntity{.camera = camera}});
+  auto prepared = apply({.scene = probe_life_}, transaction, SceneLimits{});
+  if (!prepared) return std::unexpected(prepared.error());
+  auto job = std::make_shared<RenderJob>();
+  job->snapshot = prepared->snapshot;
+  job->cameras = {EntityId(prepared->ids.at(2))};
+  job->planes = {Plane::BEAUTY, Plane::DEPTH};
+  job->stop.spp = 1;
+  job->origin.tenant = kProbeTenant;
+  return job;
+}
+
 void EngineSlot::probe(std::function<void(Status)> done) {
-  const auto job = probe_job();
-  if (!job) return done(std::unexpected(job.error()));
+  if (!probe_job_) return done(std::unexpected(probe_job_.error()));
   auto sink = std::make_shared<ProbeSink>(done);
-  if (auto submitted = engine_now_.load()->submit(*job, sink, {}); !submitted) done(submitted);
+  if (auto submitted = engine_now_.load()->submit(*probe_job_, sink, {}); !submitted)
+    done(submitted);
 }
 
 void EngineSlot::finish(const Status& status) {

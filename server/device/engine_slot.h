@@ -25,15 +25,21 @@ class EngineSlot {
   [[nodiscard]] Expected<Engine*> wait() const;
   /// Null while it starts.
   [[nodiscard]] const Engine* get() const { return engine_now_; }
-  /// Renders one pixel, as a tenant of its own; `done` is called once, from the device thread or
+  /// Renders one pixel of a scene that is always prepared, as a tenant of its own: it waits for a
+  /// slice of others at most. `done` is called once, from the device thread or
   /// from here. Only when get() gives an engine.
   void probe(std::function<void(Status)> done);
 
  private:
+  using ProbeJob = Expected<std::shared_ptr<const RenderJob>>;
+  [[nodiscard]] ProbeJob probe_job() const;
   void start(const EngineOptions& options);
   void finish(const Status& status);
 
   const Log& log_;
+  // What the device has of the probe's scene stays there.
+  const std::shared_ptr<const SceneLife> probe_life_ = std::make_shared<const SceneLife>(true);
+  const ProbeJob probe_job_ = probe_job();
   const std::function<void(Status)> first_;
   std::unique_ptr<Engine> engine_;
   std::atomic<Engine*> engine_now_ = nullptr;

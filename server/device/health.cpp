@@ -5,6 +5,7 @@ namespace heliograph::server {
 namespace {
 
 constexpr auto kLook = std::chrono::milliseconds(250);
+constexpr auto kTellAgain = std::chrono::minutes(1);
 constexpr double kRetry = 0.5;  // seconds between probes while something is wrong
 
 double seconds(EventLoop::Clock::duration duration) {
@@ -46,6 +47,7 @@ void Health::look() {
   if (engine != nullptr && !is_draining_) {
     const Load load = engine->load();
     notice_losses(load, now);
+    notice_crowding(*engine, now);
     set(find_fault(load, now));
     if (load.needs_new_process) return told_.lost();
     if (lost_since_ && seconds(now - *lost_since_) > options_.lost_seconds) return told_.lost();
@@ -54,6 +56,18 @@ void Health::look() {
     if (has_begun && !probe_began_ && seconds(now - probed_) > wait) probe(now);
   }
   loop_.after(kLook, [this] { look(); });
+}
+
+/// Scenes in turn that do not fit are slow, and nothing else shows why.
+void Health::notice_crowding(const Engine& engine, Clock::time_point now) {
+  const u64 made_again = engine.scenes_made_again();
+  if (made_again == made_again_ || (crowded_ && now - *crowded_ < kTellAgain)) return;
+  log_.warning(
+      "scenes take turns in the memory of derived data, and are made again each time; "
+      "raise --limit derived_bytes, or render each for longer before the next",
+      {{"made_again", made_again - made_again_}, {"bytes", engine.derived_bytes()}});
+  made_again_ = made_again;
+  crowded_ = now;
 }
 
 /// A device that took the place of a lost one has to render a pixel first.

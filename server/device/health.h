@@ -44,6 +44,7 @@ class Health {
   void look();
   void probe(Clock::time_point now);
   void on_probe(const Status& status);
+  void notice_crowding(const Engine& engine, Clock::time_point now);
   void notice_losses(const Load& load, Clock::time_point now);
   [[nodiscard]] std::string find_fault(const Load& load, Clock::time_point now) const;
   void set(std::string reason);
@@ -59,7 +60,9 @@ class Health {
   std::optional<Clock::time_point> probe_began_;  // while one is in flight
   Clock::time_point probed_;                      // when the last one ended
   std::optional<Clock::time_point> lost_since_;
-  u32 losses_ = 0;  // that were noticed
+  u32 losses_ = 0;                            // that were noticed
+  u64 made_again_ = 0;                        // Engine::scenes_made_again() when it was told
+  std::optional<Clock::time_point> crowded_;  // when it was
   mutable std::mutex mutex_;
   std::string reason_ = kStarts;  // guarded by mutex_
 };

@@ -100,10 +100,13 @@ class FaultyBackend : public Backend {
 
   [[nodiscard]] std::string_view name() const override { return inner_->name(); }
   [[nodiscard]] std::string cpu_features() const override { return inner_->cpu_features(); }
-  [[nodiscard]] bool ready(const Snapshot& snapshot) const override {
-    return inner_->ready(snapshot);
+  [[nodiscard]] Preparation preparation(const SceneAt& scene) const override {
+    return inner_->preparation(scene);
   }
-  [[nodiscard]] Status warm(const Snapshot& snapshot) override { return inner_->warm(snapshot); }
+  [[nodiscard]] Expected<DeviceScenes> prepare_elsewhere(std::span<const SceneAt> scenes,
+                                                         const Interrupt& interrupt) override {
+    return inner_->prepare_elsewhere(scenes, interrupt);
+  }
   [[nodiscard]] Expected<std::shared_ptr<const DeviceScene>> prepare(
       const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
       const Interrupt& interrupt) override {

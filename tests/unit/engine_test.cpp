@@ -276,3 +276,69 @@ TEST_CASE("engine: jobs are spread over devices, and make the same bytes on each
   }
   CHECK(threads.size() == 2);
 }
+
+namespace {
+
+/// Of another client: one who waits for nothing long.
+RenderJob small_job() {
+  RenderJob job = job_of(still_life().apply(), {Plane::BEAUTY, Plane::DEPTH}, 1);
+  job.origin = {.tenant = 2, .session = 2};
+  return job;
+}
+
+/// Small jobs with a new mesh each that are done before a large one of another tenant is.
+u32 done_beside(Engine& engine, const RenderJob& large) {
+  auto sink = std::make_shared<Collect>();
+  std::atomic<bool> is_done = false;
+  REQUIRE(engine.submit(std::make_shared<const RenderJob>(large), sink, {}).has_value());
+  std::jthread waits([&] {
+    (void)sink->wait();
+    is_done = true;
+  });
+  u32 done = 0;
+  for (; done < 3 && !is_done; ++done) render(engine, small_job());
+  return is_done ? 0 : done;
+}
+
+}  // namespace
+
+TEST_CASE("engine: what another client's job needs first, or is made of it, holds up nobody") {
+  const auto engine = make_engine(2);
+  render(*engine, small_job());
+  RenderJob large =
+      job_of(still_life().mesh("more", sphere(700)).object("big", "more", mat4x3(1)).apply(),
+             {Plane::BEAUTY}, 1);
+  CHECK(done_beside(*engine, large) == 3);
+
+  Edits seen = still_life();
+  Camera camera{.width = 1600, .height = 1600, .fx = 900, .fy = 900, .cx = 800, .cy = 800};
+  camera.rgb_sensor = RgbSensor{.full_well = 10000, .read_noise = 3, .bits = 12};
+  large = job_of(seen.put("camera", PutEntity{.camera = camera}).apply(), {Plane::SENSOR_RGB}, 1);
+  CHECK(done_beside(*engine, large) == 3);
+}
+
+TEST_CASE("engine: a job that is cancelled while it waits for what others have made ends") {
+  const auto engine = make_engine(1);
+  const RenderJob large =
+      job_of(still_life().mesh("more", sphere(700)).object("big", "more", mat4x3(1)).apply(),
+             {Plane::DEPTH});
+  auto stays = std::make_shared<Collect>(), ends = std::make_shared<Collect>();
+  std::stop_source stop;
+  REQUIRE(engine->submit(std::make_shared<const RenderJob>(large), stays, {}).has_value());
+  REQUIRE(
+      engine->submit(std::make_shared<const RenderJob>(large), ends, stop.get_token()).has_value());
+  std::this_thread::sleep_for(20ms);
+  CHECK(engine->load().jobs == 2);
+  stop.request_stop();
+  CHECK(ends->wait().error().code == Code::kCancelled);
+  CHECK(engine->load().jobs == 1);
+  CHECK(stays->wait().has_value());
+}
+
+TEST_CASE("engine: sensors see the same with any number of threads") {
+  Camera camera{.width = 64, .height = 48, .fx = 60, .fy = 60, .cx = 32, .cy = 24};
+  camera.rgb_sensor = RgbSensor{.full_well = 900, .read_noise = 3, .bits = 8};
+  const auto scene = still_life().put("camera", PutEntity{.camera = camera}).apply();
+  const auto job = job_of(scene, {Plane::SENSOR_RGB}, 4);
+  CHECK(same_planes(*render(*make_engine(1), job), *render(*make_engine(3), job)));
+}

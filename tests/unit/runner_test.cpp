@@ -35,8 +35,6 @@ class SlowBackend final : public Backend {
  public:
   [[nodiscard]] std::string_view name() const override { return "slow"; }
   [[nodiscard]] std::string cpu_features() const override { return ""; }
-  [[nodiscard]] bool ready(const Snapshot&) const override { return true; }
-  [[nodiscard]] Status warm(const Snapshot&) override { return {}; }
   [[nodiscard]] Expected<std::shared_ptr<const DeviceScene>> prepare(
       const std::shared_ptr<const Snapshot>&, const TimeSpan&, const Interrupt&) override {
     return std::make_shared<const DeviceScene>();

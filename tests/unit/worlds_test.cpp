@@ -67,8 +67,6 @@ class ManyPictures final : public Backend {
       : at_once_(at_once), inner_(make_backend("embree", {.threads = 2}).value()) {}
   [[nodiscard]] std::string_view name() const override { return inner_->name(); }
   [[nodiscard]] std::string cpu_features() const override { return inner_->cpu_features(); }
-  [[nodiscard]] bool ready(const Snapshot& scene) const override { return inner_->ready(scene); }
-  [[nodiscard]] Status warm(const Snapshot& scene) override { return inner_->warm(scene); }
   [[nodiscard]] Expected<std::shared_ptr<const DeviceScene>> prepare(
       const std::shared_ptr<const Snapshot>& scene, const TimeSpan& span,
       const Interrupt& interrupt) override {

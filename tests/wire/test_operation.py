@@ -122,6 +122,22 @@ def scrape(daemon, path: str = "/metrics") -> dict[str, float]:
     return values
 
 
+def test_scenes_that_take_turns_and_have_no_room_are_told_of_once(start):
+    daemon = start("--metrics", "127.0.0.1:0", "--limit", "derived_bytes=1")
+    client = Client(daemon)
+    scenes = [camera_scene(client) for _ in range(2)]
+    for scene in 8 * scenes:
+        assert list(client.call("Render", request(scene, "BEAUTY", spp=1)))
+    assert scrape(daemon)["heliograph_scenes_made_again_total"] > 0
+    time.sleep(1)  # the health is looked at four times a second
+    for scene in 8 * scenes:
+        assert list(client.call("Render", request(scene, "BEAUTY", spp=1)))
+    time.sleep(1)
+    client.close()
+    daemon.stop()
+    assert daemon.process.stderr.read().count("take turns in the memory of derived data") == 1
+
+
 def test_metrics_count_what_happens(start):
     daemon = start("--metrics", "127.0.0.1:0")
     client = Client(daemon)

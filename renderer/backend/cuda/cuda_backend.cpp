@@ -73,10 +73,13 @@ class CudaBackend final : public Backend {
 
   [[nodiscard]] std::string_view name() const override { return "cuda"; }
   [[nodiscard]] std::string cpu_features() const override { return context_->name(); }
-  [[nodiscard]] bool ready(const Snapshot& snapshot) const override {
-    return store_.ready(snapshot);
+  [[nodiscard]] Preparation preparation(const SceneAt& scene) const override {
+    return store_.preparation(scene);
   }
-  [[nodiscard]] Status warm(const Snapshot& snapshot) override { return store_.warm(snapshot); }
+  [[nodiscard]] Expected<DeviceScenes> prepare_elsewhere(std::span<const SceneAt> scenes,
+                                                         const Interrupt& interrupt) override {
+    return store_.prepare_all(scenes, interrupt);
+  }
   [[nodiscard]] Expected<std::shared_ptr<const DeviceScene>> prepare(
       const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
       const Interrupt& interrupt) override {
@@ -107,6 +110,7 @@ class CudaBackend final : public Backend {
   [[nodiscard]] Expected<QueryResult> query(const QueryJob& job,
                                             const Interrupt& interrupt) override;
   [[nodiscard]] u64 derived_bytes() const override { return cache_.bytes() + store_.bytes(); }
+  [[nodiscard]] u64 scenes_made_again() const override { return store_.made_again(); }
   [[nodiscard]] u64 uploaded_bytes() const override { return context_->uploaded_bytes(); }
   [[nodiscard]] MemoryUse memory() const override {
     return {context_->budget().used(), context_->budget().bytes()};

@@ -97,10 +97,13 @@ class EmbreeBackend final : public Backend {
 
   [[nodiscard]] std::string_view name() const override { return "embree"; }
   [[nodiscard]] std::string cpu_features() const override;
-  [[nodiscard]] bool ready(const Snapshot& snapshot) const override {
-    return store_.ready(snapshot);
+  [[nodiscard]] Preparation preparation(const SceneAt& scene) const override {
+    return store_.preparation(scene);
   }
-  [[nodiscard]] Status warm(const Snapshot& snapshot) override { return store_.warm(snapshot); }
+  [[nodiscard]] Expected<DeviceScenes> prepare_elsewhere(std::span<const SceneAt> scenes,
+                                                         const Interrupt& interrupt) override {
+    return store_.prepare_all(scenes, interrupt);
+  }
   [[nodiscard]] Expected<std::shared_ptr<const DeviceScene>> prepare(
       const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
       const Interrupt& interrupt) override {
@@ -127,6 +130,7 @@ class EmbreeBackend final : public Backend {
   [[nodiscard]] Expected<QueryResult> query(const QueryJob& job,
                                             const Interrupt& interrupt) override;
   [[nodiscard]] u64 derived_bytes() const override { return cache_.bytes() + store_.bytes(); }
+  [[nodiscard]] u64 scenes_made_again() const override { return store_.made_again(); }
 
  private:
   template <class F>

@@ -1,0 +1,128 @@
+// Errands beside the devices: what is short waits for nothing long, and the same is done once.
+#include "renderer/engine/workers.h"
+
+#include <future>
+#include <vector>
+
+#include "tests/unit/catch.h"
+
+using namespace heliograph;
+
+namespace {
+
+using Group = Workers::Group;
+
+/// Errands that somebody waits for.
+struct Waiting {
+  std::promise<void> promise;
+  std::shared_ptr<Group> group = std::make_shared<Group>([this] { promise.set_value(); });
+  std::future<void> done = promise.get_future();
+
+  [[nodiscard]] bool is_done() const {
+    return done.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
+  }
+};
+
+std::vector<Errand> errands(double seconds, std::function<void()> run, u64 key = 0) {
+  return {{.key = {key}, .seconds = seconds, .run = std::move(run)}};
+}
+
+/// Long work that runs until it is let go.
+struct Held {
+  explicit Held(Workers& workers) {
+    workers.run(waiting.group, {.tenant = 1},
+                errands(10,
+                        [this] {
+                          began.set_value();
+                          go.get_future().wait();
+                        }),
+                nullptr);
+    began.get_future().wait();
+  }
+  void end() {
+    go.set_value();
+    waiting.done.wait();
+  }
+  Waiting waiting;
+  std::promise<void> began, go;
+};
+
+}  // namespace
+
+TEST_CASE("workers: short errands are done while a long one runs and others wait") {
+  Workers workers({.threads = 1});
+  Held held(workers);
+  Waiting second, small;
+  workers.run(second.group, {.tenant = 2}, errands(10, [] {}), nullptr);
+  workers.run(small.group, {.tenant = 1}, errands(1e-3, [] {}), nullptr);
+  small.done.wait();
+  CHECK_FALSE(held.waiting.is_done());
+  CHECK_FALSE(second.is_done());
+  held.end();
+  second.done.wait();
+}
+
+TEST_CASE("workers: tenants take turns, whoever asked first and for how much") {
+  Workers workers({.threads = 1, .credit = 0, .turn = 0});
+  Held held(workers);
+  std::vector<u64> order;
+  std::vector<std::unique_ptr<Waiting>> all;
+  for (const u64 tenant : {1, 1, 1, 1, 2}) {
+    all.push_back(std::make_unique<Waiting>());
+    workers.run(all.back()->group, {.tenant = tenant},
+                errands(10, [&order, tenant] { order.push_back(tenant); }), nullptr);
+  }
+  held.end();
+  for (const auto& each : all) each->done.wait();
+  CHECK(order == std::vector<u64>{2, 1, 1, 1, 1});
+}
+
+TEST_CASE("workers: what several want is done once, and all of them go on") {
+  Workers workers({.threads = 1});
+  Held held(workers);
+  u32 times = 0;
+  Waiting a, b, twice;
+  const auto count = [&] { ++times; };
+  workers.run(a.group, {.tenant = 1}, errands(10, count, 7), nullptr);
+  workers.run(b.group, {.tenant = 2}, errands(10, count, 7), nullptr);
+  auto two = errands(10, count, 7);
+  two.push_back({.key = {8}, .seconds = 10, .run = count});
+  workers.run(twice.group, {.tenant = 3}, std::move(two), nullptr);
+  held.end();
+  a.done.wait();
+  b.done.wait();
+  twice.done.wait();
+  CHECK(times == 2);
+}
+
+TEST_CASE("workers: who gives up waits for what runs for it alone, and for nothing else") {
+  Workers workers({.threads = 1});
+  Held held(workers);
+  bool is_run = false;
+  Waiting waits, shares, stays;
+  workers.run(waits.group, {}, errands(10, [&] { is_run = true; }), nullptr);
+  workers.run(shares.group, {}, errands(10, [] {}, 7), nullptr);
+  workers.run(stays.group, {}, errands(10, [] {}, 7), nullptr);
+  workers.abandon(waits.group);
+  workers.abandon(shares.group);
+  workers.abandon(held.waiting.group);
+  CHECK(waits.is_done());
+  CHECK(shares.is_done());
+  CHECK_FALSE(held.waiting.is_done());
+  CHECK_FALSE(stays.is_done());
+  held.end();
+  stays.done.wait();
+  CHECK_FALSE(is_run);
+}
+
+TEST_CASE("workers: what waits when they end is dropped, what runs ends") {
+  Waiting dropped;
+  std::unique_ptr<Held> held;
+  {
+    Workers workers({.threads = 1});
+    held = std::make_unique<Held>(workers);
+    workers.run(dropped.group, {}, errands(10, [] {}), nullptr);
+    held->go.set_value();
+  }
+  CHECK(held->waiting.is_done());
+}
