@@ -125,7 +125,7 @@ class Life {
 
  private:
   [[nodiscard]] Status start_listening(Sockets sockets);
-  void on_word(u64 session, const BufferWord& word, UniqueFd fd);
+  void on_word(u64 session, const BufferWord& word, ForeignFd fd);
   [[nodiscard]] Status start_metrics(ListeningSocket socket);
   [[nodiscard]] Status listen(ListeningSocket socket, void (GrpcServer::*serve)(UniqueFd));
   [[nodiscard]] Status watch_signals(UniqueFd signals);
@@ -182,13 +182,13 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
   return watch_owner();
 }
 
-void Life::on_word(u64 id, const BufferWord& word, UniqueFd fd) {
+void Life::on_word(u64 id, const BufferWord& word, ForeignFd fd) {
   const auto session = daemon_.sessions.find(id);
   if (!session) return;
   if (fd && word.buffer == 0) return quick_calls_.serve(session, std::move(fd));
   if (fd) {
-    const bool is_good = session->holdings().shared().take(word.buffer, word.number, fd);
-    if (is_good && daemon_.recorder) daemon_.recorder->buffer(id, word.buffer, fd);
+    const bool is_good = session->holdings().shared().take(word.buffer, word.number, fd.get());
+    if (is_good && daemon_.recorder) daemon_.recorder->buffer(id, word.buffer, fd.get());
     return;
   }
   if (word.buffer == 0) {
@@ -212,7 +212,7 @@ Status Life::start_listening(Sockets sockets) {
   const u32 limit = connection_limit(limits);
   auto lifelines = Lifelines::start(*daemon_.loop, daemon_.log, std::move(sockets.lifeline), limit,
                                     {[this](u64 session) { daemon_.sessions.detach(session); },
-                                     [this](u64 session, const BufferWord& word, UniqueFd fd) {
+                                     [this](u64 session, const BufferWord& word, ForeignFd fd) {
                                        on_word(session, word, std::move(fd));
                                      }});
   if (!lifelines) return std::unexpected(lifelines.error());
@@ -227,9 +227,9 @@ Status Life::start_listening(Sockets sockets) {
 
 Status Life::listen(ListeningSocket socket, void (GrpcServer::*serve)(UniqueFd)) {
   auto listener = Listener::start(*daemon_.loop, daemon_.log, std::move(socket),
-                                  [this, serve](UniqueFd connection, const Peer& peer) {
+                                  [this, serve](ForeignFd connection, const Peer& peer) {
                                     if (connections_->add(connection.get(), peer))
-                                      return (grpc_.get()->*serve)(std::move(connection));
+                                      return (grpc_.get()->*serve)(connection.release());
                                     daemon_.metrics.connection_refused();
                                   });
   if (!listener) return std::unexpected(listener.error());

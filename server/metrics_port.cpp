@@ -69,9 +69,10 @@ bool is_loopback(int fd) {
 Expected<std::unique_ptr<MetricsPort>> MetricsPort::start(EventLoop& loop, const Log& log,
                                                           ListeningSocket socket, Page page) {
   std::unique_ptr<MetricsPort> port(new MetricsPort(loop, std::move(page)));
-  auto listener = Listener::start(
-      loop, log, std::move(socket),
-      [self = port.get()](UniqueFd connection, const Peer&) { self->take(std::move(connection)); });
+  auto listener = Listener::start(loop, log, std::move(socket),
+                                  [self = port.get()](ForeignFd connection, const Peer&) {
+                                    self->take(std::move(connection));
+                                  });
   if (!listener) return std::unexpected(listener.error());
   port->listener_ = std::move(*listener);
   return port;
@@ -81,7 +82,7 @@ MetricsPort::~MetricsPort() {
   for (const auto& [fd, connection] : open_) loop_.forget(fd);
 }
 
-void MetricsPort::take(UniqueFd fd) {
+void MetricsPort::take(ForeignFd fd) {
   if (open_.size() >= kConnections) return;
   const int number = fd.get();
   if (!loop_.watch(number, EPOLLIN, [this, number](u32) { on_event(number); })) return;

@@ -29,13 +29,13 @@ class MetricsPort {
 
  private:
   struct Connection {
-    UniqueFd fd;
+    ForeignFd fd;
     u64 number;
     std::string request;
     std::string reply;  // what is left of it
   };
   MetricsPort(EventLoop& loop, Page page) : loop_(loop), page_(std::move(page)) {}
-  void take(UniqueFd fd);
+  void take(ForeignFd fd);
   void on_event(int fd);
   void read(Connection& connection);
   void write(Connection& connection);

@@ -7,8 +7,8 @@
 #include <mutex>
 #include <unordered_map>
 
+#include "server/closer.h"
 #include "server/session.h"
-#include "server/unique_fd.h"
 
 namespace heliograph::server {
 
@@ -25,7 +25,7 @@ class QuickCalls {
 
   /// Answers the session's calls over this socket until the client closes it or the session ends.
   /// The one that it had before is closed; so is one that is no SOCK_SEQPACKET, or one too many.
-  void serve(const std::shared_ptr<Session>& session, UniqueFd socket);
+  void serve(const std::shared_ptr<Session>& session, ForeignFd socket);
   /// Closes all of them and waits for their threads. No other begins.
   void stop();
 
