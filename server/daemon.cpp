@@ -46,7 +46,8 @@ Sessions::Options session_options(const Config& config) {
 Daemon::Daemon(Config settings, Identities identities, std::unique_ptr<EventLoop> event_loop)
     : config(std::move(settings)),
       instance(random_number()),
-      log(config.log_level, config.log_json),
+      log(config.log_level, config.log_json,
+          {.bytes = config.limits.log_bytes, .value_bytes = config.limits.log_value_bytes}),
       loop(std::move(event_loop)),
       pool(std::clamp(std::thread::hardware_concurrency(), 2u, 16u), u32(config.limits.pool_queue)),
       scenes(pool, scene_options(config.limits)),

@@ -2,9 +2,12 @@
 #include "server/grpc_server.h"
 
 #include <grpc/grpc.h>
+#include <grpc/support/log.h>
 #include <grpc/support/time.h>
 #include <grpcpp/health_check_service_interface.h>
 #include <grpcpp/resource_quota.h>
+
+#include <atomic>
 
 #include "server/call_log.h"
 #include "server/record_calls.h"
@@ -32,12 +35,22 @@ void add_arguments(grpc::ServerBuilder& builder, const Limits& limits) {
   builder.SetResourceQuota(quota);
 }
 
+std::atomic<const Log*> log_of_grpc = nullptr;  // of the daemon, while there is a server
+
+/// Its own writes to stderr, and waits for whoever reads it.
+void write_log(gpr_log_func_args* line) {
+  const Log* log = log_of_grpc;
+  if (log) log->warning("gRPC", {{"says", line->message}, {"file", line->file}});
+}
+
 }  // namespace
 
 Expected<std::unique_ptr<GrpcServer>> GrpcServer::start(Service& service, Daemon& daemon,
                                                         const Credentials& tcp) {
   // Never undone: gRPC's own end waits for a thread that polls for up to 10 s.
   ::grpc_init();
+  log_of_grpc = &daemon.log;
+  ::gpr_set_log_function(write_log);
   grpc::EnableDefaultHealthCheckService(true);
   grpc::ServerBuilder builder;
   add_arguments(builder, daemon.config.limits);
@@ -66,6 +79,8 @@ Expected<std::unique_ptr<GrpcServer>> GrpcServer::start(Service& service, Daemon
   }
   return made;
 }
+
+GrpcServer::~GrpcServer() { log_of_grpc = nullptr; }
 
 void GrpcServer::serve(Acceptor& acceptor, UniqueFd connection) {
   Acceptor::NewConnectionParameters parameters;

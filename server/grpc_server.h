@@ -27,6 +27,7 @@ class GrpcServer {
   /// `tcp`: what connections over TCP pass first. INTERNAL when gRPC does not start.
   [[nodiscard]] static Expected<std::unique_ptr<GrpcServer>> start(Service& service, Daemon& daemon,
                                                                    const Credentials& tcp);
+  ~GrpcServer();
 
   void serve_local(UniqueFd connection) { serve(*local_, std::move(connection)); }
   void serve_tcp(UniqueFd connection) { serve(*tcp_, std::move(connection)); }
