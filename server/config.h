@@ -50,6 +50,7 @@ enum ExitCode : int {
   X(waiting_bytes, 64ull << 20, "bytes of one call's requests that wait")               \
   X(stall_seconds, 30, "seconds a reader may take nothing of what waits for it")        \
   X(hang_seconds, 4, "seconds in which nothing moves before it is not ready")           \
+  X(stuck_seconds, 60, "seconds in which it stands still before it is not live")        \
   X(lost_seconds, 10, "seconds a lost device may take to come back before it ends")     \
   X(probe_seconds, 5, "seconds between two pixels that are rendered as a probe")        \
   X(samples, 1ull << 20, "samples a pixel")                                             \

@@ -63,7 +63,10 @@ Daemon::Daemon(Config settings, Identities identities, std::unique_ptr<EventLoop
       health(*loop, log,
              {.lost_seconds = double(config.limits.lost_seconds),
               .hang_seconds = double(config.limits.hang_seconds),
-              .probe_seconds = double(config.limits.probe_seconds)}) {}
+              .probe_seconds = double(config.limits.probe_seconds)}),
+      watchdog(*loop, log,
+               {.hang_seconds = double(config.limits.hang_seconds),
+                .stuck_seconds = double(config.limits.stuck_seconds)}) {}
 
 Status Daemon::open_journal() {
   auto opened = Journal::open(

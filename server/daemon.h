@@ -20,6 +20,7 @@
 #include "server/recorder.h"
 #include "server/scenes.h"
 #include "server/session.h"
+#include "server/watchdog.h"
 #include "server/work_pool.h"
 
 namespace heliograph::server {
@@ -38,6 +39,7 @@ struct Daemon {
   Gate gate;
   CallWatch watch;
   Health health;
+  Watchdog watchdog;
   std::unique_ptr<Lifelines> lifelines;
   std::unique_ptr<EngineSlot> engine;
   AssetRoot asset_root;

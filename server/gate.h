@@ -8,6 +8,7 @@
 #include <memory>
 #include <string>
 
+#include "server/busy_times.h"
 #include "server/session.h"
 
 namespace heliograph::server {
@@ -86,6 +87,9 @@ class Gate {
   /// From now on new work is refused.
   void close() { is_closed_ = true; }
   [[nodiscard]] bool is_closed() const { return is_closed_; }
+  /// Threads of gRPC that begin a call.
+  [[nodiscard]] BusyTimes& reactions() { return reactions_; }
+  [[nodiscard]] const BusyTimes& reactions() const { return reactions_; }
   /// Calls in flight, without KeepSession.
   [[nodiscard]] u32 active() const { return *active_; }
 
@@ -95,6 +99,7 @@ class Gate {
 
   const Tenants& tenants_;
   Sessions& sessions_;
+  BusyTimes reactions_;
   std::atomic<bool> is_closed_ = false;
   std::shared_ptr<std::atomic<u32>> active_ = std::make_shared<std::atomic<u32>>(0);
 };

@@ -92,6 +92,10 @@ void GrpcServer::set_ready(bool is_ready) {
   server_->GetHealthCheckService()->SetServingStatus(kRendererName, is_ready);
 }
 
+void GrpcServer::set_live(bool is_live) {
+  server_->GetHealthCheckService()->SetServingStatus("", is_live);
+}
+
 void GrpcServer::shutdown(std::chrono::milliseconds grace) {
   server_->Shutdown(gpr_time_add(gpr_now(GPR_CLOCK_MONOTONIC),
                                  gpr_time_from_millis(grace.count(), GPR_TIMESPAN)));

@@ -31,8 +31,9 @@ class GrpcServer {
 
   void serve_local(UniqueFd connection) { serve(*local_, std::move(connection)); }
   void serve_tcp(UniqueFd connection) { serve(*tcp_, std::move(connection)); }
-  /// What the health service says of "heliograph.v1.Renderer"; "" stays SERVING.
+  /// What the health service says of "heliograph.v1.Renderer" and of "". Thread: any.
   void set_ready(bool is_ready);
+  void set_live(bool is_live);
   /// Ends the calls that are left after `grace`.
   void shutdown(std::chrono::milliseconds grace);
 

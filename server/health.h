@@ -11,7 +11,7 @@
 
 namespace heliograph::server {
 
-/// Thread: the loop's, but for not_ready(). The engine is destroyed before it.
+/// Thread: the loop's, but for not_ready() and stand_still(). The engine is destroyed before it.
 class Health {
  public:
   struct Options {
@@ -32,6 +32,8 @@ class Health {
   void first_pixel();
   /// Not ready from now on, for good.
   void drain();
+  /// A part of the daemon stands still; "": all move. Thread: any.
+  void stand_still(std::string fault);
   /// Why it is not ready, for people; "" when it is.
   [[nodiscard]] std::string not_ready() const;
   [[nodiscard]] bool is_ready() const { return not_ready().empty(); }
@@ -44,6 +46,7 @@ class Health {
   void notice_losses(const Load& load, Clock::time_point now);
   [[nodiscard]] std::string find_fault(const Load& load, Clock::time_point now) const;
   void set(std::string reason);
+  void tell();
 
   EventLoop& loop_;
   const Log& log_;
@@ -57,7 +60,10 @@ class Health {
   std::optional<Clock::time_point> lost_since_;
   u32 losses_ = 0;  // that were noticed
   mutable std::mutex mutex_;
-  std::string reason_ = "it starts: no pixel was rendered yet";  // guarded by mutex_
+  std::string reason_ =
+      "it starts: no pixel was rendered yet";  // guarded by mutex_, as what is below
+  std::string still_;                          // what the watchdog says
+  bool was_told_ = false;                      // to be ready
 };
 
 }  // namespace heliograph::server

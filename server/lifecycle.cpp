@@ -1,8 +1,8 @@
 // The life of the daemon, in order. See lifecycle.h.
 #include "server/lifecycle.h"
 
+#include <poll.h>
 #include <sys/epoll.h>
-#include <sys/resource.h>
 #include <sys/signalfd.h>
 #include <sys/socket.h>
 
@@ -16,7 +16,7 @@
 #include "server/notify.h"
 #include "server/quick_calls.h"
 #include "server/reload.h"
-#include "server/socket_files.h"
+#include "server/sockets.h"
 
 extern "C" {
 // jemalloc's, which reads it before main(): freed pages go back to the system after a second.
@@ -31,71 +31,9 @@ using std::chrono::milliseconds;
 
 constexpr auto kDrainPoll = milliseconds(10);
 constexpr auto kLastCalls = milliseconds(500);
-constexpr unsigned kLastSeconds = 8;  // for the device and whatever else has to end
+constexpr double kUnheardSeconds = 2;  // the loop owes an answer, and a signal waits
+constexpr unsigned kLastSeconds = 8;   // for the device and whatever else has to end
 constexpr auto kWarnEvery = std::chrono::hours(1);
-constexpr u64 kOwnDescriptors = 64;     // of gRPC, the decoder, logs
-constexpr u64 kDescriptorsAClient = 3;  // its connection, our duplicate, its lifeline
-
-/// Listening sockets, taken before anything slow starts.
-struct Sockets {
-  ListeningSocket main;
-  ListeningSocket lifeline;
-  std::vector<ListeningSocket> tcp;
-  std::vector<std::string> tcp_addresses;
-  std::optional<ListeningSocket> metrics;
-};
-
-Expected<Sockets> open_sockets(const Config& config, SocketFiles& files) {
-  Sockets sockets;
-  auto main = listen_unix(config.socket, SOCK_STREAM, config.socket_group);
-  if (!main) return std::unexpected(main.error());
-  files.add(config.socket);
-  auto lifeline = listen_unix(lifeline_path(config.socket), SOCK_SEQPACKET, config.socket_group);
-  if (!lifeline) return std::unexpected(lifeline.error());
-  files.add(lifeline_path(config.socket));
-  sockets.main = std::move(*main);
-  sockets.lifeline = std::move(*lifeline);
-  for (const std::string& address : config.listen) {
-    auto socket = listen_tcp(address);
-    if (!socket) return std::unexpected(socket.error());
-    sockets.tcp_addresses.push_back(local_address(socket->fd.get()));
-    sockets.tcp.push_back(std::move(*socket));
-  }
-  if (!config.metrics.empty()) {
-    auto metrics = listen_for_metrics(config.metrics);
-    if (!metrics) return std::unexpected(metrics.error());
-    sockets.metrics = std::move(*metrics);
-  }
-  if (config.is_private)
-    files.remove_folder(std::filesystem::path(config.socket).parent_path().string());
-  return sockets;
-}
-
-/// One line of JSON: clients may connect from now on.
-void announce(const Config& config, const Sockets& sockets) {
-  std::string tcp;
-  for (const std::string& address : sockets.tcp_addresses)
-    tcp += fmt::format("{}\"{}\"", tcp.empty() ? "" : ",", address);
-  const std::string metrics = sockets.metrics ? local_address(sockets.metrics->fd.get()) : "";
-  const std::string line = fmt::format(
-      "{{\"socket\":\"{}\",\"lifeline\":\"{}\",\"listen\":[{}],\"metrics\":\"{}\",\"pid\":{}}}\n",
-      config.socket, lifeline_path(config.socket), tcp, metrics, ::getpid());
-  if (config.ready_fd < 0) return;
-  const UniqueFd fd(config.ready_fd);
-  [[maybe_unused]] const auto written = ::write(fd.get(), line.data(), line.size());
-}
-
-/// As many connections as the descriptors allow, after raising the soft limit.
-u32 connection_limit(const Limits& limits) {
-  rlimit files{};
-  ::getrlimit(RLIMIT_NOFILE, &files);
-  files.rlim_cur = files.rlim_max;
-  ::setrlimit(RLIMIT_NOFILE, &files);
-  ::getrlimit(RLIMIT_NOFILE, &files);
-  const u64 spare =
-      files.rlim_cur > 2 * kOwnDescriptors ? files.rlim_cur - kOwnDescriptors : files.rlim_cur / 2;
-  return u32(std::min<u64>(limits.connections, std::max<u64>(spare / kDescriptorsAClient, 4)));
-}
 
 DecoderOptions decoder_options(const Config& config) {
   const auto beside = std::filesystem::read_symlink("/proc/self/exe").parent_path();
@@ -131,6 +69,8 @@ class Life {
   [[nodiscard]] Status watch_signals(UniqueFd signals);
   [[nodiscard]] Status watch_owner();
   void on_signal();
+  void start_watchdog();
+  void look_without_loop(double still_seconds);
   void drain();
   void await_quiet(EventLoop::Clock::time_point deadline);
   void on_engine(const Status& status);
@@ -149,6 +89,8 @@ class Life {
   std::vector<std::unique_ptr<Listener>> listeners_;
   std::unique_ptr<MetricsPort> metrics_;
   bool is_draining_ = false;
+  std::optional<EventLoop::Clock::time_point>
+      unheard_;  // since when a signal waits; the watchdog's
   int exit_code_ = kExitOk;
 };
 
@@ -179,7 +121,9 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
   HELIO_TRY(start_listening(std::move(sockets)));
   if (config.is_exposed()) warn_exposed();
   HELIO_TRY(watch_signals(std::move(signals)));
-  return watch_owner();
+  HELIO_TRY(watch_owner());
+  start_watchdog();
+  return {};
 }
 
 void Life::on_word(u64 id, const BufferWord& word, ForeignFd fd) {
@@ -219,8 +163,7 @@ Status Life::start_listening(Sockets sockets) {
   daemon_.lifelines = std::move(*lifelines);
   connections_ = std::make_unique<ConnectionCount>(
       *daemon_.loop, ConnectionCount::Limits{limit, u32(limits.connections_per_peer)});
-  for (ListeningSocket& socket : sockets.tcp)
-    HELIO_TRY(listen(std::move(socket), &GrpcServer::serve_tcp));
+  for (ListeningSocket& socket : sockets.tcp) HELIO_TRY(listen(std::move(socket), &GrpcServer::serve_tcp));
   HELIO_TRY(listen(std::move(sockets.main), &GrpcServer::serve_local));
   return sockets.metrics ? start_metrics(std::move(*sockets.metrics)) : Status();
 }
@@ -276,6 +219,37 @@ void Life::on_signal() {
   drain();
 }
 
+void Life::start_watchdog() {
+  using Needs = Watchdog::Needs;
+  daemon_.watchdog.start(
+      {{"calls", Needs::kReadiness, [this] { return daemon_.gate.reactions().longest_seconds(); }},
+       {"pool", Needs::kLiveness, [this] { return daemon_.pool.still_seconds(); }},
+       {"log", Needs::kNothing, [this] { return daemon_.log.writer().still_seconds(); }}},
+      {.ready = [this](const std::string& fault) { daemon_.health.stand_still(fault); },
+       .live = [this](bool is_live) { grpc_->set_live(is_live); },
+       .looked = [this](double still) { look_without_loop(still); }});
+}
+
+/// A loop that stands still hears no signal: the watchdog drains in its place, with what needs none
+/// of it. One that moves again hears the signal itself.
+void Life::look_without_loop(double still_seconds) {
+  pollfd signal{.fd = signals_.get(), .events = POLLIN, .revents = 0};
+  if (still_seconds < kUnheardSeconds || ::poll(&signal, 1, 0) != 1) return unheard_.reset();
+  const auto now = EventLoop::Clock::now();
+  if (!unheard_) {
+    unheard_ = now;
+    daemon_.gate.close();
+    daemon_.log.error("signal: draining, though the event loop stands still");
+  }
+  const std::chrono::duration<double> waited = now - *unheard_;
+  if (daemon_.gate.active() > 0 && waited.count() < daemon_.config.drain_seconds) return;
+  end_within(kLastSeconds);
+  if (daemon_.journal) daemon_.journal->stop();
+  daemon_.log.error("ending without the event loop");
+  daemon_.log.writer().flush();
+  ::_exit(kExitSoftware);
+}
+
 void Life::drain() {
   is_draining_ = true;
   daemon_.health.drain();
@@ -305,6 +279,7 @@ void Life::on_ready(bool is_ready) {
 void Life::on_lost() {
   daemon_.log.error("the device is lost for good", {{"reason", daemon_.health.not_ready()}});
   exit_code_ = kExitDevice;
+  daemon_.watchdog.stop();  // saving holds the loop
   daemon_.save_scenes();
   daemon_.loop->quit();
 }
@@ -318,6 +293,7 @@ int Life::run() {
 /// Jobs are cancelled first, so that every call can end before gRPC does. A device that hangs
 /// cannot be waited for.
 void Life::end() {
+  daemon_.watchdog.stop();
   if (daemon_.journal) daemon_.journal->stop();  // while the sessions still have their edits
   end_within(kLastSeconds);
   daemon_.gate.close();
@@ -375,7 +351,6 @@ int run(Config config) {
     if (!loaded) return refuse(loaded.error());
     tls = std::move(*loaded);
   }
-  announce(config, *sockets);
   auto loop = EventLoop::create();
   if (!loop) return refuse(loop.error());
   AssetRoot root;
@@ -391,6 +366,7 @@ int run(Config config) {
   if (!daemon.config.record.empty())
     if (auto opened = daemon.open_recorder(); !opened) return refuse(opened.error());
   reload.start(daemon, tls.get());
+  announce(daemon.config, *sockets);
   Life life(daemon, std::move(tls));
   if (auto started = life.start(std::move(*sockets), std::move(signals)); !started)
     return refuse(started.error());

@@ -100,6 +100,11 @@ std::vector<MetricValue> metric_values(const Daemon& daemon, u32 connections) {
                  double(daemon.log.writer().dropped()),
                  {},
                  true});
+  for (const auto& [part, seconds] : daemon.watchdog.still_seconds())
+    all.push_back({"heliograph_still_seconds",
+                   "How long a part of the daemon owes an answer",
+                   seconds,
+                   {{"part", part}}});
   all.push_back({"heliograph_connections", "Open connections", double(connections)});
   all.push_back({"heliograph_sessions", "Open sessions", double(daemon.sessions.count())});
   all.push_back({"heliograph_scenes", "Scenes", double(daemon.scenes.all().size())});

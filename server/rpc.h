@@ -41,6 +41,7 @@ class Refusal final : public Reactor {
 /// handler of Service to a session.
 template <class Reactor, class Start>
 Reactor* let_in(Gate& gate, grpc::CallbackServerContext* context, Needs needs, const Start& start) {
+  const BusyTimes::Scope busy(gate.reactions());
   auto admitted = gate.admit(*context, needs);
   if (!admitted) return new Refusal<Reactor>(*context, admitted.error());
   return start(std::move(*admitted));
