@@ -27,6 +27,8 @@ enum ExitCode : int {
 #define HELIO_LIMITS(X)                                                                 \
   X(connections, 256, "open connections; a quarter only of the Unix socket")            \
   X(connections_per_peer, 64, "those of one process, or over TCP of one address")       \
+  X(metrics_connections, 32, "connections to the metrics' port")                        \
+  X(metrics_connections_per_peer, 8, "those of one address")                            \
   X(sessions, 256, "open sessions")                                                     \
   X(calls_per_session, 64, "calls and streams of one session at a time")                \
   X(quick_calls, 256, "sessions that have a socket for quick calls")                    \
@@ -43,6 +45,7 @@ enum ExitCode : int {
   X(message_bytes, 16ull << 20, "bytes of a request message")                           \
   X(chunk_bytes, 1ull << 20, "bytes of one chunk of an upload or a frame")              \
   X(blob_bytes, 4ull << 30, "bytes of one uploaded blob")                               \
+  X(upload_window_bytes, 16ull << 20, "bytes of an upload charged before they come")    \
   X(blob_store_bytes, 16ull << 30, "bytes of all blobs and assets")                     \
   X(frame_bytes, 4ull << 30, "bytes of all frames of one request")                      \
   X(shared_bytes, 1ull << 30, "bytes of a session's shared buffers")                    \
