@@ -74,7 +74,8 @@ enum ExitCode : int {
   X(reply_bytes, 16ull << 20, "bytes of those replies, and of a session's others")      \
   X(watch_events, 16'384, "newest transactions that a scene keeps for Watch")           \
   X(watch_bytes, 16ull << 20, "bytes of these")                                         \
-  X(quota_bytes, 256ull << 20, "bytes gRPC may buffer")                                 \
+  X(quota_bytes, 256ull << 20, "bytes gRPC may buffer of the Unix socket")              \
+  X(tcp_quota_bytes, 256ull << 20, "bytes it may buffer of TCP")                        \
   X(derived_bytes, 4ull << 30, "bytes of derived data that nobody uses, kept as cache") \
   X(static_triangles, 4'000'000, "triangles of static entities traced as one mesh")     \
   X(query_items, 1u << 20, "rays, pixels, points or pairs of one query")                \

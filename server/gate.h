@@ -49,6 +49,12 @@ class Call {
   bool is_answered_ = false;
 };
 
+/// The names of the certificate at the other end: its subject's alternative names, or its common
+/// name where it has none; none without TLS. They live as long as the context.
+[[nodiscard]] std::vector<std::string_view> names_of(const grpc::AuthContext& context);
+/// The token of an authorization header; "": it has none.
+[[nodiscard]] std::string_view token_of(std::string_view header);
+
 /// Who a call says it is from, for later than its context lives.
 struct Credentials {
   bool is_local = false;

@@ -56,7 +56,7 @@ class Life {
  public:
   /// `tls`: null without TLS.
   Life(Daemon& daemon, std::unique_ptr<Tls> tls)
-      : daemon_(daemon), tls_(std::move(tls)), service_(daemon), quick_calls_(daemon) {}
+      : daemon_(daemon), tls_(std::move(tls)), quick_calls_(daemon) {}
 
   [[nodiscard]] Status start(Sockets sockets, UniqueFd signals);
   [[nodiscard]] int run();
@@ -65,7 +65,9 @@ class Life {
   [[nodiscard]] Status start_listening(Sockets sockets);
   void on_word(u64 session, const BufferWord& word, ForeignFd fd);
   [[nodiscard]] Status start_metrics(ListeningSocket socket);
-  [[nodiscard]] Status listen(ListeningSocket socket, void (GrpcServer::*serve)(UniqueFd));
+  [[nodiscard]] Status start_grpc();
+  [[nodiscard]] Status listen(ListeningSocket socket, GrpcServer& server);
+  [[nodiscard]] std::vector<GrpcServer*> servers() const;
   [[nodiscard]] Status watch_signals(UniqueFd signals);
   [[nodiscard]] Status watch_owner();
   void on_signal();
@@ -81,10 +83,10 @@ class Life {
 
   Daemon& daemon_;
   std::unique_ptr<Tls> tls_;
-  Service service_;
   QuickCalls quick_calls_;
   UniqueFd signals_;
-  std::unique_ptr<GrpcServer> grpc_;
+  std::unique_ptr<GrpcServer> local_;
+  std::unique_ptr<GrpcServer> tcp_;  // null without --listen
   std::unique_ptr<ConnectionCount> connections_;
   std::vector<std::unique_ptr<Listener>> listeners_;
   std::unique_ptr<MetricsPort> metrics_;
@@ -110,11 +112,7 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
   daemon_.decoder = Decoder::create(decoder_options(config));
   if (!daemon_.decoder)
     daemon_.log.error("no decoder", {{"reason", daemon_.decoder.error().message}});
-  auto grpc = GrpcServer::start(
-      service_, daemon_,
-      tls_ ? tls_->credentials(daemon_.tenants) : grpc::InsecureServerCredentials());
-  if (!grpc) return std::unexpected(grpc.error());
-  grpc_ = std::move(*grpc);
+  HELIO_TRY(start_grpc());
   daemon_.watch.start(*daemon_.loop);
   daemon_.health.start(*daemon_.engine, {.ready = [this](bool is_ready) { on_ready(is_ready); },
                                          .lost = [this] { on_lost(); }});
@@ -124,6 +122,25 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
   HELIO_TRY(watch_owner());
   start_watchdog();
   return {};
+}
+
+Status Life::start_grpc() {
+  auto local = GrpcServer::start_local(daemon_);
+  if (!local) return std::unexpected(local.error());
+  local_ = std::move(*local);
+  if (!daemon_.config.listen.empty()) {
+    auto tcp = GrpcServer::start_tcp(daemon_, tls_ ? tls_->credentials(daemon_.tenants) : nullptr);
+    if (!tcp) return std::unexpected(tcp.error());
+    tcp_ = std::move(*tcp);
+  }
+  daemon_.journal_changed = [this](bool is_writing) {
+    for (GrpcServer* server : servers()) server->set_durable(is_writing);
+  };
+  return {};
+}
+
+std::vector<GrpcServer*> Life::servers() const {
+  return tcp_ ? std::vector{local_.get(), tcp_.get()} : std::vector{local_.get()};
 }
 
 void Life::on_word(u64 id, const BufferWord& word, ForeignFd fd) {
@@ -163,16 +180,16 @@ Status Life::start_listening(Sockets sockets) {
   daemon_.lifelines = std::move(*lifelines);
   connections_ = std::make_unique<ConnectionCount>(
       *daemon_.loop, ConnectionCount::Limits{limit, u32(limits.connections_per_peer)});
-  for (ListeningSocket& socket : sockets.tcp) HELIO_TRY(listen(std::move(socket), &GrpcServer::serve_tcp));
-  HELIO_TRY(listen(std::move(sockets.main), &GrpcServer::serve_local));
+  for (ListeningSocket& socket : sockets.tcp) HELIO_TRY(listen(std::move(socket), *tcp_));
+  HELIO_TRY(listen(std::move(sockets.main), *local_));
   return sockets.metrics ? start_metrics(std::move(*sockets.metrics)) : Status();
 }
 
-Status Life::listen(ListeningSocket socket, void (GrpcServer::*serve)(UniqueFd)) {
+Status Life::listen(ListeningSocket socket, GrpcServer& server) {
   auto listener = Listener::start(*daemon_.loop, daemon_.log, std::move(socket),
-                                  [this, serve](ForeignFd connection, const Peer& peer) {
+                                  [this, &server](ForeignFd connection, const Peer& peer) {
                                     if (connections_->add(connection.get(), peer))
-                                      return (grpc_.get()->*serve)(connection.release());
+                                      return server.serve(connection.release());
                                     daemon_.metrics.connection_refused();
                                   });
   if (!listener) return std::unexpected(listener.error());
@@ -231,7 +248,10 @@ void Life::start_watchdog() {
        {"pool", Needs::kLiveness, [this] { return daemon_.pool.still_seconds(); }},
        {"log", Needs::kNothing, [this] { return daemon_.log.writer().still_seconds(); }}},
       {.ready = [this](const std::string& fault) { daemon_.health.stand_still(fault); },
-       .live = [this](bool is_live) { grpc_->set_live(is_live); },
+       .live =
+           [this](bool is_live) {
+             for (GrpcServer* server : servers()) server->set_live(is_live);
+           },
        .looked = [this](double still) { look_without_loop(still); }});
 }
 
@@ -277,7 +297,7 @@ void Life::on_engine(const Status& status) {
 }
 
 void Life::on_ready(bool is_ready) {
-  grpc_->set_ready(is_ready);
+  for (GrpcServer* server : servers()) server->set_ready(is_ready);
   if (is_ready) notify_supervisor("READY=1");
 }
 
@@ -307,12 +327,13 @@ void Life::end() {
   daemon_.lifelines->stop_listening();
   daemon_.sessions.close_all();
   quick_calls_.stop();
-  grpc_->shutdown(kLastCalls);
+  for (GrpcServer* server : servers()) server->shutdown(kLastCalls);
   daemon_.pool.stop();
   daemon_.engine.reset();
   daemon_.decoder = nullptr;
   connections_.reset();
-  grpc_.reset();
+  tcp_.reset();
+  local_.reset();
 }
 
 UniqueFd block_signals() {
