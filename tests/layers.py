@@ -37,7 +37,7 @@ RENDERER = {
 # Every room may see the renderer's scenes and jobs, and the wire; os has no use for them.
 SERVER = {
     "server/os": "",
-    "server/config": "os",
+    "server/config": "os decode",
     "server/quota": "config",
     "server/convert": "os",
     "server/decode": "convert",

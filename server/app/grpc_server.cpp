@@ -2,10 +2,16 @@
 #include "server/app/grpc_server.h"
 
 #include <grpc/grpc.h>
+#include <grpc/support/log.h>
 #include <grpc/support/time.h>
 #include <grpcpp/health_check_service_interface.h>
 #include <grpcpp/resource_quota.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
 
+#include <atomic>
+
+#include "server/app/doorkeeper.h"
 #include "server/observe/call_log.h"
 #include "server/observe/record_calls.h"
 
@@ -16,7 +22,7 @@ constexpr int kSendBytes = 64 << 20;
 constexpr int kMaxThreads = 64;
 constexpr int kHandshakeMs = 4'000;  // of TLS and HTTP/2
 
-void add_arguments(grpc::ServerBuilder& builder, const Limits& limits) {
+void add_arguments(grpc::ServerBuilder& builder, const Limits& limits, u64 quota_bytes) {
   builder.SetMaxReceiveMessageSize(int(limits.message_bytes));
   builder.SetMaxSendMessageSize(kSendBytes);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, int(limits.streams_per_connection));
@@ -28,54 +34,99 @@ void add_arguments(grpc::ServerBuilder& builder, const Limits& limits) {
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, 5'000);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_FRAME_SIZE, int(limits.chunk_bytes));
   grpc::ResourceQuota quota("heliographd");
-  quota.Resize(limits.quota_bytes).SetMaxThreads(kMaxThreads);
+  quota.Resize(quota_bytes).SetMaxThreads(kMaxThreads);
   builder.SetResourceQuota(quota);
+}
+
+std::atomic<const Log*> log_of_grpc = nullptr;  // of the daemon, while there is a server
+
+/// Whether it arrived at 127.0.0.1 or ::1.
+bool is_first_loopback(int connection) {
+  sockaddr_storage storage{};
+  socklen_t size = sizeof storage;
+  if (::getsockname(connection, reinterpret_cast<sockaddr*>(&storage), &size) != 0) return false;
+  if (storage.ss_family == AF_INET)
+    return reinterpret_cast<const sockaddr_in*>(&storage)->sin_addr.s_addr ==
+           htonl(INADDR_LOOPBACK);
+  return storage.ss_family == AF_INET6 &&
+         IN6_IS_ADDR_LOOPBACK(&reinterpret_cast<const sockaddr_in6*>(&storage)->sin6_addr);
+}
+
+/// Its own writes to stderr, and waits for whoever reads it.
+void write_log(gpr_log_func_args* line) {
+  const Log* log = log_of_grpc;
+  if (log) log->warning("gRPC", {{"says", line->message}, {"file", line->file}});
+}
+
+std::unique_ptr<grpc::experimental::ExternalConnectionAcceptor> add_acceptor(
+    grpc::ServerBuilder& builder, const GrpcServer::Credentials& credentials) {
+  using Type = grpc::ServerBuilder::experimental_type::ExternalConnectionType;
+  return builder.experimental().AddExternalConnectionAcceptor(Type::FROM_FD, credentials);
 }
 
 }  // namespace
 
-Expected<std::unique_ptr<GrpcServer>> GrpcServer::start(Service& service, Daemon& daemon,
-                                                        const Credentials& tcp) {
+Expected<std::unique_ptr<GrpcServer>> GrpcServer::start_local(Daemon& daemon) {
+  std::unique_ptr<GrpcServer> made(new GrpcServer(daemon));
+  grpc::ServerBuilder builder;
+  made->acceptor_ = add_acceptor(builder, grpc::InsecureServerCredentials());
+  HELIO_TRY(made->build(builder, daemon, daemon.config.limits.quota_bytes));
+  return made;
+}
+
+Expected<std::unique_ptr<GrpcServer>> GrpcServer::start_tcp(Daemon& daemon, Credentials tls) {
+  std::unique_ptr<GrpcServer> made(new GrpcServer(daemon));
+  grpc::ServerBuilder builder;
+  // Of plain TCP these alone ask a doorkeeper; they take what arrives at 127.0.0.1 or ::1.
+  Credentials guarded =
+      tls ? std::move(tls) : grpc::experimental::LocalServerCredentials(LOCAL_TCP);
+  guarded->SetAuthMetadataProcessor(std::make_shared<Doorkeeper>(daemon.tenants, daemon.metrics));
+  made->acceptor_ = add_acceptor(builder, guarded);
+  if (daemon.config.tls_cert.empty())
+    made->exposed_ = add_acceptor(builder, grpc::InsecureServerCredentials());
+  HELIO_TRY(made->build(builder, daemon, daemon.config.limits.tcp_quota_bytes));
+  return made;
+}
+
+Status GrpcServer::build(grpc::ServerBuilder& builder, Daemon& daemon, u64 quota_bytes) {
   // Never undone: gRPC's own end waits for a thread that polls for up to 10 s.
   ::grpc_init();
+  log_of_grpc = &daemon.log;
+  ::gpr_set_log_function(write_log);
   grpc::EnableDefaultHealthCheckService(true);
-  grpc::ServerBuilder builder;
-  add_arguments(builder, daemon.config.limits);
-  builder.RegisterService(&service);
-  std::unique_ptr<GrpcServer> made(new GrpcServer());
+  add_arguments(builder, daemon.config.limits, quota_bytes);
+  builder.RegisterService(&service_);
   if (daemon.config.reflection) {
-    made->reflection_ = std::make_unique<Reflection>(daemon.gate);
-    builder.RegisterService(made->reflection_.get());
+    reflection_ = std::make_unique<Reflection>(daemon.gate);
+    builder.RegisterService(reflection_.get());
   }
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> observers;
   if (daemon.recorder) observers.push_back(std::make_unique<RecordCalls>(*daemon.recorder));
   observers.push_back(std::make_unique<CallLog>(daemon.log, daemon.metrics));
   builder.experimental().SetInterceptorCreators(std::move(observers));
-  using Type = grpc::ServerBuilder::experimental_type::ExternalConnectionType;
-  made->local_ = builder.experimental().AddExternalConnectionAcceptor(
-      Type::FROM_FD, grpc::InsecureServerCredentials());
-  made->tcp_ = builder.experimental().AddExternalConnectionAcceptor(Type::FROM_FD, tcp);
-  made->server_ = builder.BuildAndStart();
-  if (!made->server_) return fail(Code::kInternal, "", "gRPC did not start");
-  made->set_ready(false);
-  if (daemon.journal) {
-    daemon.journal_changed = [health = made->server_->GetHealthCheckService()](bool is_writing) {
-      health->SetServingStatus(kDurableName, is_writing);
-    };
-    daemon.journal_changed(bool(daemon.journal->status()));
-  }
-  return made;
+  server_ = builder.BuildAndStart();
+  if (!server_) return fail(Code::kInternal, "", "gRPC did not start");
+  set_ready(false);
+  if (daemon.journal) set_durable(bool(daemon.journal->status()));
+  return {};
 }
 
-void GrpcServer::serve(Acceptor& acceptor, UniqueFd connection) {
+GrpcServer::~GrpcServer() { log_of_grpc = nullptr; }
+
+void GrpcServer::serve(UniqueFd connection) {
+  Acceptor* acceptor =
+      exposed_ && !is_first_loopback(connection.get()) ? exposed_.get() : acceptor_.get();
   Acceptor::NewConnectionParameters parameters;
   parameters.fd = connection.release();
-  acceptor.HandleNewConnection(&parameters);
+  acceptor->HandleNewConnection(&parameters);
 }
 
-void GrpcServer::set_ready(bool is_ready) {
-  server_->GetHealthCheckService()->SetServingStatus(kRendererName, is_ready);
+void GrpcServer::set(const char* name, bool is_serving) {
+  server_->GetHealthCheckService()->SetServingStatus(name, is_serving);
 }
+void GrpcServer::set_ready(bool is_ready) { set(kRendererName, is_ready); }
+void GrpcServer::set_live(bool is_live) { set("", is_live); }
+void GrpcServer::set_durable(bool is_writing) { set(kDurableName, is_writing); }
 
 void GrpcServer::shutdown(std::chrono::milliseconds grace) {
   server_->Shutdown(gpr_time_add(gpr_now(GPR_CLOCK_MONOTONIC),

@@ -1,8 +1,8 @@
 // The life of the daemon, in order. See lifecycle.h.
 #include "server/app/lifecycle.h"
 
+#include <poll.h>
 #include <sys/epoll.h>
-#include <sys/resource.h>
 #include <sys/signalfd.h>
 #include <sys/socket.h>
 
@@ -13,6 +13,7 @@
 #include "server/app/metric_values.h"
 #include "server/app/notify.h"
 #include "server/app/reload.h"
+#include "server/app/sockets.h"
 #include "server/calls/daemon.h"
 #include "server/calls/decode_trial.h"
 #include "server/calls/quick_calls.h"
@@ -32,90 +33,32 @@ using std::chrono::milliseconds;
 
 constexpr auto kDrainPoll = milliseconds(10);
 constexpr auto kLastCalls = milliseconds(500);
-constexpr unsigned kLastSeconds = 8;  // for the device and whatever else has to end
+constexpr double kUnheardSeconds = 2;  // the loop owes an answer, and a signal waits
+constexpr unsigned kLastSeconds = 8;   // for the device and whatever else has to end
 constexpr auto kWarnEvery = std::chrono::hours(1);
-constexpr u64 kOwnDescriptors = 64;     // of gRPC, the decoder, logs
-constexpr u64 kDescriptorsAClient = 3;  // its connection, our duplicate, its lifeline
-
-/// Listening sockets, taken before anything slow starts.
-struct Sockets {
-  ListeningSocket main;
-  ListeningSocket lifeline;
-  std::vector<ListeningSocket> tcp;
-  std::vector<std::string> tcp_addresses;
-  std::optional<ListeningSocket> metrics;
-};
-
-Expected<Sockets> open_sockets(const Config& config, SocketFiles& files) {
-  Sockets sockets;
-  auto main = listen_unix(config.socket, SOCK_STREAM, config.socket_group);
-  if (!main) return std::unexpected(main.error());
-  files.add(config.socket);
-  auto lifeline = listen_unix(lifeline_path(config.socket), SOCK_SEQPACKET, config.socket_group);
-  if (!lifeline) return std::unexpected(lifeline.error());
-  files.add(lifeline_path(config.socket));
-  sockets.main = std::move(*main);
-  sockets.lifeline = std::move(*lifeline);
-  for (const std::string& address : config.listen) {
-    auto socket = listen_tcp(address);
-    if (!socket) return std::unexpected(socket.error());
-    sockets.tcp_addresses.push_back(local_address(socket->fd.get()));
-    sockets.tcp.push_back(std::move(*socket));
-  }
-  if (!config.metrics.empty()) {
-    auto metrics = listen_for_metrics(config.metrics);
-    if (!metrics) return std::unexpected(metrics.error());
-    sockets.metrics = std::move(*metrics);
-  }
-  if (config.is_private)
-    files.remove_folder(std::filesystem::path(config.socket).parent_path().string());
-  return sockets;
-}
-
-/// One line of JSON: clients may connect from now on.
-void announce(const Config& config, const Sockets& sockets) {
-  std::string tcp;
-  for (const std::string& address : sockets.tcp_addresses)
-    tcp += fmt::format("{}\"{}\"", tcp.empty() ? "" : ",", address);
-  const std::string metrics = sockets.metrics ? local_address(sockets.metrics->fd.get()) : "";
-  const std::string line = fmt::format(
-      "{{\"socket\":\"{}\",\"lifeline\":\"{}\",\"listen\":[{}],\"metrics\":\"{}\",\"pid\":{}}}\n",
-      config.socket, lifeline_path(config.socket), tcp, metrics, ::getpid());
-  if (config.ready_fd < 0) return;
-  const UniqueFd fd(config.ready_fd);
-  [[maybe_unused]] const auto written = ::write(fd.get(), line.data(), line.size());
-}
-
-/// As many connections as the descriptors allow, after raising the soft limit.
-u32 connection_limit(const Limits& limits) {
-  rlimit files{};
-  ::getrlimit(RLIMIT_NOFILE, &files);
-  files.rlim_cur = files.rlim_max;
-  ::setrlimit(RLIMIT_NOFILE, &files);
-  ::getrlimit(RLIMIT_NOFILE, &files);
-  const u64 spare =
-      files.rlim_cur > 2 * kOwnDescriptors ? files.rlim_cur - kOwnDescriptors : files.rlim_cur / 2;
-  return u32(std::min<u64>(limits.connections, std::max<u64>(spare / kDescriptorsAClient, 4)));
-}
 
 /// Everything that runs, once the sockets listen.
 class Life {
  public:
   /// `tls`: null without TLS.
   Life(Daemon& daemon, std::unique_ptr<Tls> tls)
-      : daemon_(daemon), tls_(std::move(tls)), service_(daemon), quick_calls_(daemon) {}
+      : daemon_(daemon), tls_(std::move(tls)), quick_calls_(daemon) {}
 
   [[nodiscard]] Status start(Sockets sockets, UniqueFd signals);
   [[nodiscard]] int run();
 
  private:
   [[nodiscard]] Status start_listening(Sockets sockets);
-  void on_word(u64 session, const BufferWord& word, UniqueFd fd);
+  void on_word(u64 session, const BufferWord& word, ForeignFd fd);
   [[nodiscard]] Status start_metrics(ListeningSocket socket);
-  [[nodiscard]] Status listen(ListeningSocket socket, void (GrpcServer::*serve)(UniqueFd));
+  [[nodiscard]] Status start_grpc();
+  [[nodiscard]] Status listen(ListeningSocket socket, GrpcServer& server);
+  [[nodiscard]] std::vector<GrpcServer*> servers() const;
   [[nodiscard]] Status watch_signals(UniqueFd signals);
   [[nodiscard]] Status watch_owner();
   void on_signal();
+  void start_watchdog();
+  void look_without_loop(double still_seconds);
   void drain();
   void await_quiet(EventLoop::Clock::time_point deadline);
   void on_engine(const Status& status);
@@ -126,14 +69,16 @@ class Life {
 
   Daemon& daemon_;
   std::unique_ptr<Tls> tls_;
-  Service service_;
   QuickCalls quick_calls_;
   UniqueFd signals_;
-  std::unique_ptr<GrpcServer> grpc_;
+  std::unique_ptr<GrpcServer> local_;
+  std::unique_ptr<GrpcServer> tcp_;  // null without --listen
   std::unique_ptr<ConnectionCount> connections_;
   std::vector<std::unique_ptr<Listener>> listeners_;
   std::unique_ptr<MetricsPort> metrics_;
   bool is_draining_ = false;
+  std::optional<EventLoop::Clock::time_point>
+      unheard_;  // since when a signal waits; the watchdog's
   int exit_code_ = kExitOk;
 };
 
@@ -151,11 +96,7 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
       daemon_.log,
       [this](const Status& status) { daemon_.loop->post([this, status] { on_engine(status); }); });
   daemon_.decoder = Decoder::create(decoder_options(config));
-  auto grpc = GrpcServer::start(
-      service_, daemon_,
-      tls_ ? tls_->credentials(daemon_.tenants) : grpc::InsecureServerCredentials());
-  if (!grpc) return std::unexpected(grpc.error());
-  grpc_ = std::move(*grpc);
+  HELIO_TRY(start_grpc());
   daemon_.watch.start(*daemon_.loop);
   daemon_.health.start(*daemon_.engine, {.ready = [this](bool is_ready) { on_ready(is_ready); },
                                          .lost = [this] { on_lost(); }});
@@ -163,16 +104,37 @@ Status Life::start(Sockets sockets, UniqueFd signals) {
   HELIO_TRY(start_listening(std::move(sockets)));
   if (config.is_exposed()) warn_exposed();
   HELIO_TRY(watch_signals(std::move(signals)));
-  return watch_owner();
+  HELIO_TRY(watch_owner());
+  start_watchdog();
+  return {};
 }
 
-void Life::on_word(u64 id, const BufferWord& word, UniqueFd fd) {
+Status Life::start_grpc() {
+  auto local = GrpcServer::start_local(daemon_);
+  if (!local) return std::unexpected(local.error());
+  local_ = std::move(*local);
+  if (!daemon_.config.listen.empty()) {
+    auto tcp = GrpcServer::start_tcp(daemon_, tls_ ? tls_->credentials(daemon_.tenants) : nullptr);
+    if (!tcp) return std::unexpected(tcp.error());
+    tcp_ = std::move(*tcp);
+  }
+  daemon_.journal_changed = [this](bool is_writing) {
+    for (GrpcServer* server : servers()) server->set_durable(is_writing);
+  };
+  return {};
+}
+
+std::vector<GrpcServer*> Life::servers() const {
+  return tcp_ ? std::vector{local_.get(), tcp_.get()} : std::vector{local_.get()};
+}
+
+void Life::on_word(u64 id, const BufferWord& word, ForeignFd fd) {
   const auto session = daemon_.sessions.find(id);
   if (!session) return;
   if (fd && word.buffer == 0) return quick_calls_.serve(session, std::move(fd));
   if (fd) {
-    const bool is_good = session->holdings().shared().take(word.buffer, word.number, fd);
-    if (is_good && daemon_.recorder) daemon_.recorder->buffer(id, word.buffer, fd);
+    const bool is_good = session->holdings().shared().take(word.buffer, word.number, fd.get());
+    if (is_good && daemon_.recorder) daemon_.recorder->buffer(id, word.buffer, fd.get());
     return;
   }
   if (word.buffer == 0) {
@@ -196,24 +158,23 @@ Status Life::start_listening(Sockets sockets) {
   const u32 limit = connection_limit(limits);
   auto lifelines = Lifelines::start(*daemon_.loop, daemon_.log, std::move(sockets.lifeline), limit,
                                     {[this](u64 session) { daemon_.sessions.detach(session); },
-                                     [this](u64 session, const BufferWord& word, UniqueFd fd) {
+                                     [this](u64 session, const BufferWord& word, ForeignFd fd) {
                                        on_word(session, word, std::move(fd));
                                      }});
   if (!lifelines) return std::unexpected(lifelines.error());
   daemon_.lifelines = std::move(*lifelines);
   connections_ = std::make_unique<ConnectionCount>(
       *daemon_.loop, ConnectionCount::Limits{limit, u32(limits.connections_per_peer)});
-  for (ListeningSocket& socket : sockets.tcp)
-    HELIO_TRY(listen(std::move(socket), &GrpcServer::serve_tcp));
-  HELIO_TRY(listen(std::move(sockets.main), &GrpcServer::serve_local));
+  for (ListeningSocket& socket : sockets.tcp) HELIO_TRY(listen(std::move(socket), *tcp_));
+  HELIO_TRY(listen(std::move(sockets.main), *local_));
   return sockets.metrics ? start_metrics(std::move(*sockets.metrics)) : Status();
 }
 
-Status Life::listen(ListeningSocket socket, void (GrpcServer::*serve)(UniqueFd)) {
+Status Life::listen(ListeningSocket socket, GrpcServer& server) {
   auto listener = Listener::start(*daemon_.loop, daemon_.log, std::move(socket),
-                                  [this, serve](UniqueFd connection, const Peer& peer) {
+                                  [this, &server](ForeignFd connection, const Peer& peer) {
                                     if (connections_->add(connection.get(), peer))
-                                      return (grpc_.get()->*serve)(std::move(connection));
+                                      return server.serve(connection.release());
                                     daemon_.metrics.connection_refused();
                                   });
   if (!listener) return std::unexpected(listener.error());
@@ -224,9 +185,14 @@ Status Life::listen(ListeningSocket socket, void (GrpcServer::*serve)(UniqueFd))
 Status Life::start_metrics(ListeningSocket socket) {
   if (!is_loopback(socket.fd.get()))
     daemon_.log.warning("whoever reaches the metrics' port may read it", {});
-  auto port = MetricsPort::start(*daemon_.loop, daemon_.log, std::move(socket), [this] {
-    return daemon_.metrics.text(metric_values(daemon_, connections_->open()));
-  });
+  const Limits& limits = daemon_.config.limits;
+  auto port = MetricsPort::start(
+      {.loop = *daemon_.loop,
+       .log = daemon_.log,
+       .socket = std::move(socket),
+       .limits = {.total = u32(limits.metrics_connections),
+                  .per_peer = u32(limits.metrics_connections_per_peer)}},
+      [this] { return daemon_.metrics.text(metric_values(daemon_, connections_->open())); });
   if (!port) return std::unexpected(port.error());
   metrics_ = std::move(*port);
   return {};
@@ -260,6 +226,40 @@ void Life::on_signal() {
   drain();
 }
 
+void Life::start_watchdog() {
+  using Needs = Watchdog::Needs;
+  daemon_.watchdog.start(
+      {{"calls", Needs::kReadiness, [this] { return daemon_.gate.reactions().longest_seconds(); }},
+       {"pool", Needs::kLiveness, [this] { return daemon_.pool.still_seconds(); }},
+       {"log", Needs::kNothing, [this] { return daemon_.log.writer().still_seconds(); }}},
+      {.ready = [this](const std::string& fault) { daemon_.health.stand_still(fault); },
+       .live =
+           [this](bool is_live) {
+             for (GrpcServer* server : servers()) server->set_live(is_live);
+           },
+       .looked = [this](double still) { look_without_loop(still); }});
+}
+
+/// A loop that stands still hears no signal: the watchdog drains in its place, with what needs none
+/// of it. One that moves again hears the signal itself.
+void Life::look_without_loop(double still_seconds) {
+  pollfd signal{.fd = signals_.get(), .events = POLLIN, .revents = 0};
+  if (still_seconds < kUnheardSeconds || ::poll(&signal, 1, 0) != 1) return unheard_.reset();
+  const auto now = EventLoop::Clock::now();
+  if (!unheard_) {
+    unheard_ = now;
+    daemon_.gate.close();
+    daemon_.log.error("signal: draining, though the event loop stands still");
+  }
+  const std::chrono::duration<double> waited = now - *unheard_;
+  if (daemon_.gate.active() > 0 && waited.count() < daemon_.config.drain_seconds) return;
+  end_within(kLastSeconds);
+  if (daemon_.journal) daemon_.journal->stop();
+  daemon_.log.error("ending without the event loop");
+  daemon_.log.writer().flush();
+  ::_exit(kExitSoftware);
+}
+
 void Life::drain() {
   is_draining_ = true;
   daemon_.health.drain();
@@ -282,13 +282,14 @@ void Life::on_engine(const Status& status) {
 }
 
 void Life::on_ready(bool is_ready) {
-  grpc_->set_ready(is_ready);
+  for (GrpcServer* server : servers()) server->set_ready(is_ready);
   if (is_ready) notify_supervisor("READY=1");
 }
 
 void Life::on_lost() {
   daemon_.log.error("the device is lost for good", {{"reason", daemon_.health.not_ready()}});
   exit_code_ = kExitDevice;
+  daemon_.watchdog.stop();  // saving holds the loop
   daemon_.save_scenes();
   daemon_.loop->quit();
 }
@@ -302,6 +303,7 @@ int Life::run() {
 /// Jobs are cancelled first, so that every call can end before gRPC does. A device that hangs
 /// cannot be waited for.
 void Life::end() {
+  daemon_.watchdog.stop();
   if (daemon_.journal) daemon_.journal->stop();  // while the sessions still have their edits
   end_within(kLastSeconds);
   daemon_.gate.close();
@@ -310,12 +312,13 @@ void Life::end() {
   daemon_.lifelines->stop_listening();
   daemon_.sessions.close_all();
   quick_calls_.stop();
-  grpc_->shutdown(kLastCalls);
+  for (GrpcServer* server : servers()) server->shutdown(kLastCalls);
   daemon_.pool.stop();
   daemon_.engine.reset();
   daemon_.decoder = nullptr;
   connections_.reset();
-  grpc_.reset();
+  tcp_.reset();
+  local_.reset();
 }
 
 UniqueFd block_signals() {
@@ -359,7 +362,6 @@ int run(Config config) {
     if (!loaded) return refuse(loaded.error());
     tls = std::move(*loaded);
   }
-  announce(config, *sockets);
   auto loop = EventLoop::create();
   if (!loop) return refuse(loop.error());
   AssetRoot root;
@@ -375,6 +377,7 @@ int run(Config config) {
   if (!daemon.config.record.empty())
     if (auto opened = daemon.open_recorder(); !opened) return refuse(opened.error());
   reload.start(daemon, tls.get());
+  announce(daemon.config, *sockets);
   Life life(daemon, std::move(tls));
   if (auto started = life.start(std::move(*sockets), std::move(signals)); !started)
     return refuse(started.error());

@@ -100,6 +100,16 @@ std::vector<MetricValue> metric_values(const Daemon& daemon, u32 connections) {
   if (daemon.journal)
     all.push_back({"heliograph_durable_writing", "0 while durable scenes are read-only",
                    daemon.journal->status() ? 1.0 : 0.0});
+  all.push_back({"heliograph_log_dropped_lines_total",
+                 "Log lines that were dropped because nobody read them",
+                 double(daemon.log.writer().dropped()),
+                 {},
+                 true});
+  for (const auto& [part, seconds] : daemon.watchdog.still_seconds())
+    all.push_back({"heliograph_still_seconds",
+                   "How long a part of the daemon owes an answer",
+                   seconds,
+                   {{"part", part}}});
   all.push_back({"heliograph_connections", "Open connections", double(connections)});
   all.push_back({"heliograph_sessions", "Open sessions", double(daemon.sessions.count())});
   all.push_back({"heliograph_scenes", "Scenes", double(daemon.scenes.all().size())});

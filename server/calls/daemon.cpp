@@ -46,7 +46,8 @@ Sessions::Options session_options(const Config& config) {
 Daemon::Daemon(Config settings, Identities identities, std::unique_ptr<EventLoop> event_loop)
     : config(std::move(settings)),
       instance(random_number()),
-      log(config.log_level, config.log_json),
+      log(config.log_level, config.log_json,
+          {.bytes = config.limits.log_bytes, .value_bytes = config.limits.log_value_bytes}),
       loop(std::move(event_loop)),
       pool(std::clamp(std::thread::hardware_concurrency(), 2u, 16u), u32(config.limits.pool_queue)),
       scenes(pool, scene_options(config.limits)),
@@ -62,7 +63,10 @@ Daemon::Daemon(Config settings, Identities identities, std::unique_ptr<EventLoop
       health(*loop, log,
              {.lost_seconds = double(config.limits.lost_seconds),
               .hang_seconds = double(config.limits.hang_seconds),
-              .probe_seconds = double(config.limits.probe_seconds)}) {}
+              .probe_seconds = double(config.limits.probe_seconds)}),
+      watchdog(*loop, log,
+               {.hang_seconds = double(config.limits.hang_seconds),
+                .stuck_seconds = double(config.limits.stuck_seconds)}) {}
 
 Status Daemon::open_journal() {
   auto opened = Journal::open(

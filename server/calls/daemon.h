@@ -16,6 +16,7 @@
 #include "server/observe/recorder.h"
 #include "server/os/event_loop.h"
 #include "server/os/log.h"
+#include "server/os/watchdog.h"
 #include "server/os/work_pool.h"
 #include "server/scene/scenes.h"
 #include "server/session/gate.h"
@@ -38,6 +39,7 @@ struct Daemon {
   Gate gate;
   CallWatch watch;
   Health health;
+  Watchdog watchdog;
   std::unique_ptr<Lifelines> lifelines;
   std::unique_ptr<EngineSlot> engine;
   AssetRoot asset_root;

@@ -54,7 +54,7 @@ bool send(int socket, const std::string& reply) {
 /// one may come. Lifetime: held by that thread, and by who works for the call.
 class QuickCalls::Line final : public JobSink, public std::enable_shared_from_this<Line> {
  public:
-  Line(Daemon& daemon, std::shared_ptr<Session> session, UniqueFd socket)
+  Line(Daemon& daemon, std::shared_ptr<Session> session, ForeignFd socket)
       : daemon_(daemon), session_(std::move(session)), socket_(std::move(socket)) {}
 
   /// Until the socket is closed. A call that is under way then is cancelled.
@@ -62,7 +62,7 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
     const std::stop_callback on_end(session_->ended(), [this] { close(); });
     std::array<char, kPacketBytes> packet;
     while (true) {
-      const ssize_t size = ::recv(socket_.get(), packet.data(), packet.size(), MSG_TRUNC);
+      const ssize_t size = receive_packet(socket_.get(), packet, 0, daemon_.loop->closer()).size;
       if (size <= 0 || std::size_t(size) > packet.size() || is_busy_.exchange(true)) break;
       if (!call_.ParseFromArray(packet.data(), int(size))) break;
       begin();
@@ -171,7 +171,7 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
 
   Daemon& daemon_;
   const std::shared_ptr<Session> session_;
-  const UniqueFd socket_;
+  const ForeignFd socket_;
   std::mutex mutex_;
   std::stop_source stop_;              // of the call; guarded by mutex_
   std::atomic<bool> is_busy_ = false;  // what is below is the call's
@@ -187,7 +187,7 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
 
 bool QuickCalls::are_possible(const Daemon& daemon) { return !daemon.recorder; }
 
-void QuickCalls::serve(const std::shared_ptr<Session>& session, UniqueFd socket) {
+void QuickCalls::serve(const std::shared_ptr<Session>& session, ForeignFd socket) {
   if (!are_possible(daemon_) || !is_packet_socket(socket.get())) return;
   const auto line = std::make_shared<Line>(daemon_, session, std::move(socket));
   const std::lock_guard lock(mutex_);

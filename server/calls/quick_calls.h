@@ -7,6 +7,7 @@
 #include <mutex>
 #include <unordered_map>
 
+#include "server/os/closer.h"
 #include "server/os/unique_fd.h"
 #include "server/session/session.h"
 
@@ -25,7 +26,7 @@ class QuickCalls {
 
   /// Answers the session's calls over this socket until the client closes it or the session ends.
   /// The one that it had before is closed; so is one that is no SOCK_SEQPACKET, or one too many.
-  void serve(const std::shared_ptr<Session>& session, UniqueFd socket);
+  void serve(const std::shared_ptr<Session>& session, ForeignFd socket);
   /// Closes all of them and waits for their threads. No other begins.
   void stop();
 

@@ -10,6 +10,7 @@
 #include <optional>
 #include <stop_token>
 
+#include "server/calls/daemon.h"
 #include "server/convert/error.h"
 #include "server/convert/transaction.h"
 #include "server/os/work_pool.h"
@@ -41,6 +42,7 @@ class Refusal final : public Reactor {
 /// handler of Service to a session.
 template <class Reactor, class Start>
 Reactor* let_in(Gate& gate, grpc::CallbackServerContext* context, Needs needs, const Start& start) {
+  const BusyTimes::Scope busy(gate.reactions());
   auto admitted = gate.admit(*context, needs);
   if (!admitted) return new Refusal<Reactor>(*context, admitted.error());
   return start(std::move(*admitted));
@@ -101,25 +103,49 @@ grpc::ServerUnaryReactor* unary(Gate& gate, grpc::CallbackServerContext* context
 }
 
 /// A server stream whose messages are made one at a time, on the pool, when the last one was
-/// written: nothing queues up behind a slow reader.
+/// written: nothing queues up behind a slow reader, and one that stands still is closed.
 template <class Reply>
-class PullStream final : public grpc::ServerWriteReactor<Reply> {
+class PullStream final : public grpc::ServerWriteReactor<Reply>, public Watched {
  public:
   /// Fills the next message; false when there is none.
   using Next = std::function<Expected<bool>(Reply&)>;
 
-  PullStream(grpc::CallbackServerContext& context, Call call, WorkPool& pool, Next next)
-      : context_(context), call_(std::move(call)), pool_(pool), next_(std::move(next)) {
-    step();
+  static PullStream* start(Daemon& daemon, grpc::CallbackServerContext& context, Call call,
+                           Next next) {
+    std::shared_ptr<PullStream> made(
+        new PullStream(daemon, context, std::move(call), std::move(next)));
+    made->self_ = made;
+    daemon.watch.add(made);
+    made->step();
+    return made.get();
   }
 
   void OnWriteDone(bool ok) override {
+    {
+      const std::lock_guard lock(mutex_);
+      is_writing_ = false;
+    }
     if (ok) return step();
     this->Finish(grpc::Status::CANCELLED);
   }
-  void OnDone() override { delete this; }
+  void OnDone() override { self_.reset(); }
+  void look(EventLoop::Clock::time_point now) override {
+    bool is_stuck;
+    {
+      const std::lock_guard lock(mutex_);
+      is_stuck = is_writing_ && standstill_.is_longer_than(stall_seconds_, now);
+    }
+    if (is_stuck) context_.TryCancel();
+  }
 
  private:
+  PullStream(Daemon& daemon, grpc::CallbackServerContext& context, Call call, Next next)
+      : context_(context),
+        call_(std::move(call)),
+        pool_(daemon.pool),
+        stall_seconds_(double(daemon.config.limits.stall_seconds)),
+        next_(std::move(next)) {}
+
   void step() {
     if (auto posted = pool_.post([this] { advance(); }); !posted) finish(posted);
   }
@@ -129,6 +155,11 @@ class PullStream final : public grpc::ServerWriteReactor<Reply> {
     const auto more = next_(reply_);
     if (!more) return finish(std::unexpected(more.error()));
     if (!*more) return finish({});
+    {
+      const std::lock_guard lock(mutex_);
+      is_writing_ = true;
+      standstill_.moved();
+    }
     this->StartWrite(&reply_);
   }
   void finish(const Status& status) { this->Finish(to_status(status, context_)); }
@@ -136,20 +167,24 @@ class PullStream final : public grpc::ServerWriteReactor<Reply> {
   grpc::CallbackServerContext& context_;
   Call call_;
   WorkPool& pool_;
+  const double stall_seconds_;
   Next next_;
   Reply reply_;
+  std::mutex mutex_;
+  bool is_writing_ = false;
+  Standstill standstill_;
+  std::shared_ptr<PullStream> self_;  // until OnDone
 };
 
 /// Admits a server stream and starts it with what `prepare` returns for the session.
 template <class Reply, class Prepare>
-grpc::ServerWriteReactor<Reply>* pull(Gate& gate, WorkPool& pool,
-                                      grpc::CallbackServerContext* context,
+grpc::ServerWriteReactor<Reply>* pull(Daemon& daemon, grpc::CallbackServerContext* context,
                                       const google::protobuf::Message& request,
                                       const Prepare& prepare) {
   using Reactor = grpc::ServerWriteReactor<Reply>;
-  return let_in<Reactor>(gate, context, request, Needs::kSession, [&](Call call) {
+  return let_in<Reactor>(daemon.gate, context, request, Needs::kSession, [&](Call call) {
     auto next = prepare(call.session());
-    return new PullStream<Reply>(*context, std::move(call), pool, std::move(next));
+    return PullStream<Reply>::start(daemon, *context, std::move(call), std::move(next));
   });
 }
 

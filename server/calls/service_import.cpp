@@ -2,6 +2,8 @@
 #include "server/calls/call_scope.h"
 #include "server/calls/rpc.h"
 #include "server/calls/service.h"
+#include "server/calls/watched_reader.h"
+#include "server/convert/export.h"
 #include "server/scene/scene_import.h"
 #include "server/scene/scene_info.h"
 #include "server/session/once.h"
@@ -9,35 +11,34 @@
 namespace heliograph::server {
 namespace {
 
-class ImportCall final : public Reader<v1::SceneChunk> {
+class ImportCall final : public WatchedReader<v1::SceneChunk> {
  public:
   ImportCall(Daemon& daemon, grpc::CallbackServerContext& context, Call call, v1::SceneInfo& reply)
-      : daemon_(daemon),
-        context_(context),
+      : WatchedReader(daemon, context),
+        daemon_(daemon),
         call_(std::move(call)),
         reply_(reply),
-        file_(call_.session()->holdings()) {
-    StartRead(&chunk_);
-  }
-  void OnReadDone(bool ok) override {
-    if (!ok) return end();
-    Status taken = check_known(chunk_);
-    if (taken) taken = file_.append(chunk_);
-    if (!taken) return finish(taken);
-    StartRead(&chunk_);
-  }
-  void OnDone() override { delete this; }
+        file_(std::in_place, call_.session()->holdings()) {}
 
  private:
+  void came(bool ok) override {
+    if (!ok) return end();
+    Status taken = check_known(message());
+    if (taken) taken = file_->append(message());
+    if (!taken) return finish(taken);
+    read();
+  }
+  void let_go() override { file_.reset(); }
+
   void end() {
-    if (context_.IsCancelled())
+    if (context().IsCancelled())
       return finish(fail(Code::kCancelled, "", "the import was cancelled"));
-    if (auto known = daemon_.gate.check(Credentials(context_), call_.tenant()); !known)
+    if (auto known = daemon_.gate.check(Credentials(context()), call_.tenant()); !known)
       return finish(known);
     if (auto posted = daemon_.pool.post([this] { finish(build()); }); !posted) finish(posted);
   }
   Status build() {
-    const auto scene = file_.finish();
+    const auto scene = file_->finish();
     if (!scene) return std::unexpected(scene.error());
     const OnceKey key{call_.session()->requests(), scene->request_id, "ImportScene"};
     HELIO_TRY(once(key, reply_, [&] { return create(*scene); }));
@@ -58,14 +59,10 @@ class ImportCall final : public Reader<v1::SceneChunk> {
     if (!entry) return std::unexpected(entry.error());
     return scene_info(daemon_.scenes, **entry, session);
   }
-  void finish(const Status& status) { Finish(to_status(status, context_)); }
-
   Daemon& daemon_;
-  grpc::CallbackServerContext& context_;
   Call call_;
   v1::SceneInfo& reply_;
-  SceneImport file_;
-  v1::SceneChunk chunk_;
+  std::optional<SceneImport> file_;
 };
 
 }  // namespace
@@ -73,7 +70,8 @@ class ImportCall final : public Reader<v1::SceneChunk> {
 Reader<v1::SceneChunk>* Service::ImportScene(Context* context, v1::SceneInfo* reply) {
   using Reactor = Reader<v1::SceneChunk>;
   return let_in<Reactor>(daemon_.gate, context, Needs::kSession, [&](Call call) {
-    return new ImportCall(daemon_, *context, std::move(call), *reply);
+    return ImportCall::start(
+        std::make_shared<ImportCall>(daemon_, *context, std::move(call), *reply), daemon_);
   });
 }
 

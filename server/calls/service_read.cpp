@@ -41,7 +41,7 @@ Writer<v1::ReadReply>* Service::Read(Context* context, const v1::ReadRequest* re
       return (*reading)->next(reply);
     };
   };
-  return pull<v1::ReadReply>(daemon_.gate, daemon_.pool, context, *request, prepare);
+  return pull<v1::ReadReply>(daemon_, context, *request, prepare);
 }
 
 Writer<v1::SceneChunk>* Service::ExportScene(Context* context,
@@ -60,7 +60,7 @@ Writer<v1::SceneChunk>* Service::ExportScene(Context* context,
       return (*file)->next(chunk);
     };
   };
-  return pull<v1::SceneChunk>(daemon_.gate, daemon_.pool, context, *request, prepare);
+  return pull<v1::SceneChunk>(daemon_, context, *request, prepare);
 }
 
 }  // namespace heliograph::server

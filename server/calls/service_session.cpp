@@ -111,6 +111,11 @@ class KeepSessionStream final : public Writer<v1::KeepSessionReply> {
 
 Expected<std::shared_ptr<Session>> open_session(Daemon& daemon, const TenantPtr& tenant,
                                                 const v1::OpenSessionRequest& request) {
+  const u64 longest = daemon.config.limits.client_bytes;
+  if (request.client().size() > longest)
+    return fail(Code::kInvalidArgument, "client",
+                fmt::format("has {} bytes; a client's name has at most {} (limit client_bytes)",
+                            request.client().size(), longest));
   auto session = daemon.sessions.open({request.client(), tenant, request.resume()});
   if (session && request.resume() != 0) daemon.restore_requests(**session);
   if (!session || request.ticket().empty()) return session;

@@ -2,39 +2,42 @@
 // arrays.
 #include "server/calls/rpc.h"
 #include "server/calls/service.h"
+#include "server/calls/watched_reader.h"
 
 namespace heliograph::server {
 namespace {
 
-class UploadCall final : public Reader<v1::UploadBlobRequest> {
+class UploadCall final : public WatchedReader<v1::UploadBlobRequest> {
  public:
-  UploadCall(grpc::CallbackServerContext& context, Call call, v1::UploadBlobReply& reply,
-             u64 chunk_bytes)
-      : context_(context), call_(std::move(call)), reply_(reply), chunk_bytes_(chunk_bytes) {
-    StartRead(&message_);
-  }
-  void OnReadDone(bool ok) override {
-    if (!ok) return Finish(to_status(end(), context_));
-    const Status taken = take();
-    if (!taken || reply_.existed()) return Finish(to_status(taken, context_));
-    StartRead(&message_);
-  }
-  void OnDone() override { delete this; }
+  UploadCall(Daemon& daemon, grpc::CallbackServerContext& context, Call call,
+             v1::UploadBlobReply& reply)
+      : WatchedReader(daemon, context),
+        call_(std::move(call)),
+        reply_(reply),
+        chunk_bytes_(daemon.config.limits.chunk_bytes) {}
 
  private:
+  void came(bool ok) override {
+    if (!ok) return finish(end());
+    const Status taken = take();
+    if (!taken || reply_.existed()) return finish(taken);
+    read();
+  }
+  void let_go() override { incoming_.reset(); }
+
   /// Takes one message. Bytes that the daemon has are not read: the call ends at once.
   Status take() {
-    HELIO_TRY(check_known(message_));
-    if (message_.chunk().size() > chunk_bytes_)
+    HELIO_TRY(check_known(message()));
+    if (message().chunk().size() > chunk_bytes_)
       return fail(Code::kInvalidArgument, "chunk",
-                  fmt::format("has {} bytes; send at most {} in a message", message_.chunk().size(),
-                              chunk_bytes_));
-    const std::string chunk = std::move(*message_.mutable_chunk());
+                  fmt::format("has {} bytes; send at most {} in a message",
+                              message().chunk().size(), chunk_bytes_));
+    const std::string chunk = std::move(*message().mutable_chunk());
     if (!first_) HELIO_TRY(begin());
     return incoming_ ? incoming_->append(chunk) : Status();
   }
   Status begin() {
-    first_ = message_;
+    first_ = message();
     auto incoming = call_.session()->holdings().begin(*first_);
     if (!incoming) return std::unexpected(incoming.error());
     incoming_ = std::move(*incoming);
@@ -43,18 +46,16 @@ class UploadCall final : public Reader<v1::UploadBlobRequest> {
     return {};
   }
   Status end() {
-    if (context_.IsCancelled()) return fail(Code::kCancelled, "", "the upload was cancelled");
+    if (context().IsCancelled()) return fail(Code::kCancelled, "", "the upload was cancelled");
     if (!first_)
       return fail(Code::kInvalidArgument, "size",
                   "is missing: no message came, or none that can be read; the first one has it");
     return call_.session()->holdings().finish(*first_, std::move(*incoming_));
   }
 
-  grpc::CallbackServerContext& context_;
   Call call_;
   v1::UploadBlobReply& reply_;
   const u64 chunk_bytes_;
-  v1::UploadBlobRequest message_;
   std::optional<v1::UploadBlobRequest> first_;  // without its chunk
   std::optional<Incoming> incoming_;
 };
@@ -102,7 +103,8 @@ grpc::ServerUnaryReactor* Service::LendBuffer(Context* context,
 Reader<v1::UploadBlobRequest>* Service::UploadBlob(Context* context, v1::UploadBlobReply* reply) {
   using Reactor = Reader<v1::UploadBlobRequest>;
   return let_in<Reactor>(daemon_.gate, context, Needs::kSession, [&](Call call) {
-    return new UploadCall(*context, std::move(call), *reply, daemon_.config.limits.chunk_bytes);
+    return UploadCall::start(
+        std::make_shared<UploadCall>(daemon_, *context, std::move(call), *reply), daemon_);
   });
 }
 

@@ -27,11 +27,16 @@ enum ExitCode : int {
 #define HELIO_LIMITS(X)                                                                   \
   X(connections, 256, "open connections; a quarter only of the Unix socket")              \
   X(connections_per_peer, 64, "those of one process, or over TCP of one address")         \
+  X(metrics_connections, 32, "connections to the metrics' port")                          \
+  X(metrics_connections_per_peer, 8, "those of one address")                              \
   X(sessions, 256, "open sessions")                                                       \
   X(calls_per_session, 64, "calls and streams of one session at a time")                  \
   X(quick_calls, 256, "sessions that have a socket for quick calls")                      \
   X(streams_per_connection, 64, "calls and streams of one connection at a time")          \
   X(pool_queue, 4096, "requests that wait for a thread")                                  \
+  X(client_bytes, 256, "bytes of the name that a client gives itself")                    \
+  X(log_bytes, 1ull << 20, "bytes of log lines that wait to be written")                  \
+  X(log_value_bytes, 1024, "bytes of one value in the log")                               \
   X(jobs, 256, "render jobs and queries that wait for the device")                        \
   X(scenes, 4096, "scenes, private and shared")                                           \
   X(revisions, 64, "recent revisions a scene keeps")                                      \
@@ -40,6 +45,7 @@ enum ExitCode : int {
   X(message_bytes, 16ull << 20, "bytes of a request message")                             \
   X(chunk_bytes, 1ull << 20, "bytes of one chunk of an upload or a frame")                \
   X(blob_bytes, 4ull << 30, "bytes of one uploaded blob")                                 \
+  X(upload_window_bytes, 16ull << 20, "bytes of an upload charged before they come")      \
   X(blob_store_bytes, 16ull << 30, "bytes of all blobs and assets")                       \
   X(frame_bytes, 4ull << 30, "bytes of all frames of one request")                        \
   X(shared_bytes, 1ull << 30, "bytes of a session's shared buffers")                      \
@@ -47,6 +53,7 @@ enum ExitCode : int {
   X(waiting_bytes, 64ull << 20, "bytes of one call's requests that wait")                 \
   X(stall_seconds, 30, "seconds a reader may take nothing of what waits for it")          \
   X(hang_seconds, 4, "seconds in which nothing moves before it is not ready")             \
+  X(stuck_seconds, 60, "seconds in which it stands still before it is not live")          \
   X(lost_seconds, 10, "seconds a lost device may take to come back before it ends")       \
   X(probe_seconds, 5, "seconds between two pixels that are rendered as a probe")          \
   X(samples, 1ull << 20, "samples a pixel")                                               \
@@ -71,7 +78,8 @@ enum ExitCode : int {
   X(reply_bytes, 16ull << 20, "bytes of those replies, and of a session's others")        \
   X(watch_events, 16'384, "newest transactions that a scene keeps for Watch")             \
   X(watch_bytes, 16ull << 20, "bytes of these")                                           \
-  X(quota_bytes, 256ull << 20, "bytes gRPC may buffer")                                   \
+  X(quota_bytes, 256ull << 20, "bytes gRPC may buffer of the Unix socket")                \
+  X(tcp_quota_bytes, 256ull << 20, "bytes it may buffer of TCP")                          \
   X(derived_bytes, 4ull << 30, "bytes of derived data that nobody uses, kept as cache")   \
   X(static_triangles, 4'000'000, "triangles of static entities traced as one mesh")       \
   X(query_items, 1u << 20, "rays, pixels, points or pairs of one query")                  \

@@ -38,7 +38,26 @@ void Health::drain() {
 
 std::string Health::not_ready() const {
   const std::lock_guard lock(mutex_);
-  return reason_;
+  return still_.empty() ? reason_ : still_;
+}
+
+void Health::stand_still(std::string fault) {
+  {
+    const std::lock_guard lock(mutex_);
+    still_ = std::move(fault);
+  }
+  tell();
+}
+
+/// What changed since it was told last; looked at again and again, so that the last word holds.
+void Health::tell() {
+  bool is_now;
+  {
+    const std::lock_guard lock(mutex_);
+    is_now = reason_.empty() && still_.empty();
+    if (std::exchange(was_told_, is_now) == is_now) return;
+  }
+  told_.ready(is_now);
 }
 
 void Health::look() {
@@ -55,6 +74,7 @@ void Health::look() {
     const bool has_begun = probed_ != Clock::time_point{};  // the first one is the slot's
     if (has_begun && !probe_began_ && seconds(now - probed_) > wait) probe(now);
   }
+  tell();
   loop_.after(kLook, [this] { look(); });
 }
 
@@ -119,7 +139,7 @@ void Health::set(std::string reason) {
     log_.info("not ready", {{"reason", reason}});
   else
     log_.warning("not ready", {{"reason", reason}});
-  told_.ready(reason.empty());
+  tell();
 }
 
 }  // namespace heliograph::server

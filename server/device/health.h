@@ -11,7 +11,7 @@
 
 namespace heliograph::server {
 
-/// Thread: the loop's, but for not_ready(). The engine is destroyed before it.
+/// Thread: the loop's, but for not_ready() and stand_still(). The engine is destroyed before it.
 class Health {
  public:
   struct Options {
@@ -34,6 +34,8 @@ class Health {
   void decoder(const Status& works);
   /// Not ready from now on, for good.
   void drain();
+  /// A part of the daemon stands still; "": all move. Thread: any.
+  void stand_still(std::string fault);
   /// Why it is not ready, for people; "" when it is.
   [[nodiscard]] std::string not_ready() const;
   [[nodiscard]] bool is_ready() const { return not_ready().empty(); }
@@ -48,6 +50,7 @@ class Health {
   void notice_losses(const Load& load, Clock::time_point now);
   [[nodiscard]] std::string find_fault(const Load& load, Clock::time_point now) const;
   void set(std::string reason);
+  void tell();
 
   EventLoop& loop_;
   const Log& log_;
@@ -64,7 +67,9 @@ class Health {
   u64 made_again_ = 0;                        // Engine::scenes_made_again() when it was told
   std::optional<Clock::time_point> crowded_;  // when it was
   mutable std::mutex mutex_;
-  std::string reason_ = kStarts;  // guarded by mutex_
+  std::string reason_ = kStarts;  // guarded by mutex_, as what is below
+  std::string still_;             // what the watchdog says
+  bool was_told_ = false;         // to be ready
 };
 
 }  // namespace heliograph::server

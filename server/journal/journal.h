@@ -117,8 +117,6 @@ class Journal {
   void stop();
 
   [[nodiscard]] BlobFiles& files(const std::string& tenant);
-  /// The first id of a scene that this run may give.
-  [[nodiscard]] u64 first_scene() const { return head_.run() << 32; }
 
  private:
   /// A change of the rows of scenes.

@@ -15,20 +15,7 @@ namespace heliograph::server {
 namespace {
 
 constexpr std::size_t kTicketBytes = 16;
-
-/// The descriptor that came with a packet; of more than one the last, the others are closed.
-UniqueFd descriptor_of(msghdr& message) {
-  UniqueFd found;
-  for (cmsghdr* each = CMSG_FIRSTHDR(&message); each; each = CMSG_NXTHDR(&message, each)) {
-    if (each->cmsg_level != SOL_SOCKET || each->cmsg_type != SCM_RIGHTS) continue;
-    for (std::size_t i = 0; CMSG_LEN((i + 1) * sizeof(int)) <= each->cmsg_len; ++i) {
-      int fd = -1;
-      std::memcpy(&fd, CMSG_DATA(each) + i * sizeof fd, sizeof fd);
-      found.reset(fd);
-    }
-  }
-  return found;
-}
+constexpr auto kPause = std::chrono::milliseconds(100);
 
 }  // namespace
 
@@ -37,7 +24,7 @@ Expected<std::unique_ptr<Lifelines>> Lifelines::start(EventLoop& loop, const Log
                                                       Handlers handlers) {
   std::unique_ptr<Lifelines> lifelines(new Lifelines(loop, limit, std::move(handlers)));
   auto started = Listener::start(loop, log, std::move(listener),
-                                 [self = lifelines.get()](UniqueFd connection, const Peer&) {
+                                 [self = lifelines.get()](ForeignFd connection, const Peer&) {
                                    self->take(std::move(connection));
                                  });
   if (!started) return std::unexpected(started.error());
@@ -52,7 +39,7 @@ Lifelines::~Lifelines() {
   for (const auto& [fd, line] : lines_) loop_.forget(fd);
 }
 
-void Lifelines::take(UniqueFd connection) {
+void Lifelines::take(ForeignFd connection) {
   const int fd = connection.get();
   std::string ticket(kTicketBytes, '\0');
   if (::getrandom(ticket.data(), ticket.size(), 0) != ssize_t(ticket.size())) return;
@@ -62,13 +49,28 @@ void Lifelines::take(UniqueFd connection) {
     lines_.emplace(fd, Line{std::move(connection), ticket, 0});
   }
   const bool sent = ::send(fd, ticket.data(), ticket.size(), MSG_NOSIGNAL) > 0;
-  const auto watched =
-      loop_.watch(fd, EPOLLIN | EPOLLRDHUP, [this, fd](u32 events) { on_event(fd, events); });
-  if (!sent || !watched) on_event(fd, EPOLLHUP);
+  if (!sent || !watch(fd)) on_event(fd, EPOLLHUP);
+}
+
+Status Lifelines::watch(int fd) {
+  return loop_.watch(fd, EPOLLIN | EPOLLRDHUP, [this, fd](u32 events) { on_event(fd, events); });
+}
+
+/// What waits there stays until others' descriptors were closed.
+void Lifelines::pause(int fd) {
+  loop_.forget(fd);
+  loop_.after(kPause, [this, fd] {
+    {
+      const std::lock_guard lock(mutex_);
+      if (!lines_.contains(fd)) return;
+    }
+    if (!watch(fd)) on_event(fd, EPOLLHUP);
+  });
 }
 
 void Lifelines::on_event(int fd, u32 events) {
-  if ((events & (EPOLLHUP | EPOLLRDHUP | EPOLLERR)) == 0) return listen_to(fd);
+  if ((events & (EPOLLHUP | EPOLLRDHUP | EPOLLERR)) == 0)
+    return loop_.closer().is_full() ? pause(fd) : listen_to(fd);
   loop_.forget(fd);
   u64 session = 0;
   {
@@ -82,27 +84,22 @@ void Lifelines::on_event(int fd, u32 events) {
 
 std::optional<Lifelines::Heard> Lifelines::receive(int fd) {
   Heard heard;
-  iovec data{&heard.word, sizeof heard.word};
-  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof fd)> control{};
-  msghdr message{};
-  message.msg_iov = &data;
-  message.msg_iovlen = 1;
-  message.msg_control = control.data();
-  message.msg_controllen = control.size();
+  std::array<char, sizeof heard.word> data{};
   const std::lock_guard lock(mutex_);
   const auto line = lines_.find(fd);
   if (line == lines_.end()) return std::nullopt;
-  const ssize_t size = ::recvmsg(fd, &message, MSG_DONTWAIT | MSG_TRUNC | MSG_CMSG_CLOEXEC);
-  if (size <= 0) return std::nullopt;
+  auto packet = receive_packet(fd, data, MSG_DONTWAIT, loop_.closer());
+  if (packet.size <= 0) return std::nullopt;
   heard.session = line->second.session;
-  heard.fd = descriptor_of(message);
-  heard.is_word = size == sizeof heard.word;
+  if (!packet.descriptors.empty()) heard.fd = std::move(packet.descriptors.back());
+  heard.is_word = packet.size == sizeof heard.word;
+  std::memcpy(&heard.word, data.data(), data.size());
   return heard;
 }
 
 void Lifelines::listen_to(int fd) {
   constexpr int kWordsAtOnce = 64;  // then it is others' turn
-  for (int i = 0; i < kWordsAtOnce; ++i) {
+  for (int i = 0; i < kWordsAtOnce && !loop_.closer().is_full(); ++i) {
     const std::lock_guard lock(hearing_);
     auto heard = receive(fd);
     if (!heard) return;

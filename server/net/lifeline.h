@@ -34,7 +34,7 @@ class Lifelines {
   /// Called for sessions that are bound.
   struct Handlers {
     std::function<void(u64 session)> lost;  // its connection ended; in the loop's thread
-    std::function<void(u64 session, const BufferWord& word, UniqueFd fd)> said;
+    std::function<void(u64 session, const BufferWord& word, ForeignFd fd)> said;
   };
   [[nodiscard]] static Expected<std::unique_ptr<Lifelines>> start(EventLoop& loop, const Log& log,
                                                                   ListeningSocket listener,
@@ -54,7 +54,7 @@ class Lifelines {
 
  private:
   struct Line {
-    UniqueFd fd;
+    ForeignFd fd;
     std::string ticket;
     u64 session = 0;  // 0: not bound
   };
@@ -62,17 +62,19 @@ class Lifelines {
 
   Lifelines(EventLoop& loop, u32 limit, Handlers handlers);
   [[nodiscard]] Lines::iterator find(u64 session);  // under mutex_
-  void take(UniqueFd connection);
+  void take(ForeignFd connection);
   void on_event(int fd, u32 events);
   /// A packet of a connection, if one waits there.
   struct Heard {
     u64 session = 0;
     BufferWord word;
-    UniqueFd fd;
+    ForeignFd fd;
     bool is_word = false;
   };
   [[nodiscard]] std::optional<Heard> receive(int fd);
   void listen_to(int fd);
+  void pause(int fd);
+  [[nodiscard]] Status watch(int fd);
 
   EventLoop& loop_;
   const u32 limit_;

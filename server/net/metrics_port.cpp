@@ -6,6 +6,7 @@
 #include <sys/epoll.h>
 #include <sys/socket.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
@@ -13,7 +14,6 @@
 namespace heliograph::server {
 namespace {
 
-constexpr std::size_t kConnections = 8;
 constexpr std::size_t kLongestRequest = 8192;
 constexpr auto kLongest = std::chrono::seconds(5);
 constexpr int kBacklog = 8;
@@ -66,12 +66,12 @@ bool is_loopback(int fd) {
   return ntohl(reinterpret_cast<sockaddr_in*>(&storage)->sin_addr.s_addr) >> 24 == 127;
 }
 
-Expected<std::unique_ptr<MetricsPort>> MetricsPort::start(EventLoop& loop, const Log& log,
-                                                          ListeningSocket socket, Page page) {
-  std::unique_ptr<MetricsPort> port(new MetricsPort(loop, std::move(page)));
-  auto listener = Listener::start(
-      loop, log, std::move(socket),
-      [self = port.get()](UniqueFd connection, const Peer&) { self->take(std::move(connection)); });
+Expected<std::unique_ptr<MetricsPort>> MetricsPort::start(Options options, Page page) {
+  std::unique_ptr<MetricsPort> port(new MetricsPort(options.loop, options.limits, std::move(page)));
+  auto listener = Listener::start(options.loop, options.log, std::move(options.socket),
+                                  [self = port.get()](ForeignFd connection, const Peer& peer) {
+                                    self->take(std::move(connection), peer.network);
+                                  });
   if (!listener) return std::unexpected(listener.error());
   port->listener_ = std::move(*listener);
   return port;
@@ -81,12 +81,27 @@ MetricsPort::~MetricsPort() {
   for (const auto& [fd, connection] : open_) loop_.forget(fd);
 }
 
-void MetricsPort::take(UniqueFd fd) {
-  if (open_.size() >= kConnections) return;
+/// Closes the oldest that asked nothing yet, of the same address where that has its share; false
+/// when all of these are being answered.
+bool MetricsPort::make_room(const std::string& peer) {
+  const auto is_same = [&](const auto& entry) { return entry.second.peer == peer; };
+  const bool is_share_full = u32(std::ranges::count_if(open_, is_same)) >= limits_.per_peer;
+  if (!is_share_full && open_.size() < limits_.total) return true;
+  const Connection* oldest = nullptr;
+  for (const auto& [fd, connection] : open_) {
+    if (!connection.reply.empty() || (is_share_full && connection.peer != peer)) continue;
+    if (!oldest || connection.number < oldest->number) oldest = &connection;
+  }
+  if (oldest) close(oldest->fd.get());
+  return oldest;
+}
+
+void MetricsPort::take(ForeignFd fd, const std::string& peer) {
+  if (!make_room(peer)) return;
   const int number = fd.get();
   if (!loop_.watch(number, EPOLLIN, [this, number](u32) { on_event(number); })) return;
   const u64 serial = ++last_number_;
-  open_.emplace(number, Connection{std::move(fd), serial, {}, {}});
+  open_.emplace(number, Connection{std::move(fd), peer, serial, {}, {}});
   loop_.after(kLongest, [this, number, serial, alive = std::weak_ptr(alive_)] {
     if (alive.expired()) return;
     const auto found = open_.find(number);

@@ -128,6 +128,11 @@ struct Metrics::Families {
       counter(registry, "refused_connections_total", "Connections closed because too many are open")
           .Add({});
 
+  Counter& refused_identities =
+      counter(registry, "refused_identities_total",
+              "Calls over TCP that ended before their message, for want of an identity")
+          .Add({});
+
   std::mutex mutex;
   ByName<CallMetrics> methods;
   ByName<JobMetrics> tenants;
@@ -182,6 +187,8 @@ void Metrics::decode(const Status& status) {
 }
 
 std::string_view code_name(int code) { return kCodes[code_index(code)]; }
+
+void Metrics::identity_refused() { families_->refused_identities.Increment(); }
 
 void Metrics::connection_refused() { families_->refused_connections.Increment(); }
 

@@ -38,6 +38,7 @@ class Metrics {
   void job(const std::string& tenant, const Status& status, const Spent& spent);
   void decode(const Status& status);
   void connection_refused();
+  void identity_refused();
 
   /// All of it and `values`, in Prometheus' text format.
   [[nodiscard]] std::string text(const std::vector<MetricValue>& values) const;

@@ -189,11 +189,11 @@ std::optional<u64> Recorder::take_revision(const void* context) {
   return node ? std::optional(node.mapped()) : std::nullopt;
 }
 
-void Recorder::buffer(u64 session, u64 buffer, const UniqueFd& memory) {
+void Recorder::buffer(u64 session, u64 buffer, int memory) {
   Note shared;
   shared.item.mutable_buffer()->set_session(this->session(session));
   shared.item.mutable_buffer()->set_buffer(buffer);
-  shared.memory = UniqueFd(::fcntl(memory.get(), F_DUPFD_CLOEXEC, 0));
+  shared.memory = UniqueFd(::fcntl(memory, F_DUPFD_CLOEXEC, 0));
   if (is_on_) note(std::move(shared));
 }
 

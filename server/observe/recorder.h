@@ -63,7 +63,7 @@ class Recorder {
   void revision(const void* context, u64 revision);
   [[nodiscard]] std::optional<u64> take_revision(const void* context);
   /// Sealed memory that a session's client handed over.
-  void buffer(u64 session, u64 buffer, const UniqueFd& memory);
+  void buffer(u64 session, u64 buffer, int memory);
 
   /// Writes what waits, and why this is the end.
   void stop(const std::string& reason);

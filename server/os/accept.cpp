@@ -65,6 +65,15 @@ bool is_member(int connection, gid_t first, gid_t group) {
   return std::ranges::find(groups, group) != groups.end();
 }
 
+/// gRPC takes none, and the kernel would close them in its threads. Its connections inherit this.
+void refuse_descriptors(int fd) {
+#ifndef SO_PASSRIGHTS
+  constexpr int SO_PASSRIGHTS = 83;  // of Linux 6.16; ones before refuse the option
+#endif
+  const int no = 0;
+  ::setsockopt(fd, SOL_SOCKET, SO_PASSRIGHTS, &no, sizeof no);
+}
+
 bool answers(const sockaddr_un& address, int type) {
   const UniqueFd probe(::socket(AF_UNIX, type | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   if (::connect(probe.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0)
@@ -158,6 +167,7 @@ Expected<ListeningSocket> listen_unix(const std::string& path, int type,
     return fail(Code::kAlreadyExists, "--socket", path + " exists and is not a socket");
   ::unlink(path.c_str());
   UniqueFd fd(::socket(AF_UNIX, type | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  if (type == SOCK_STREAM) refuse_descriptors(fd.get());
   const mode_t old_mask = ::umask(0177);
   const int bound = ::bind(fd.get(), reinterpret_cast<sockaddr*>(&address), sizeof address);
   ::umask(old_mask);
@@ -240,8 +250,9 @@ void Listener::pause() {
 
 void Listener::accept_some() {
   for (int i = 0; i < kAcceptsPerRound; ++i) {
-    UniqueFd connection(
-        ::accept4(socket_.fd.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+    if (loop_.closer().is_full()) return pause();
+    ForeignFd connection(loop_.closer(), UniqueFd(::accept4(socket_.fd.get(), nullptr, nullptr,
+                                                            SOCK_NONBLOCK | SOCK_CLOEXEC)));
     if (!connection) {
       if (errno == EAGAIN || errno == EINTR || errno == ECONNABORTED) return;
       log_.warning("accepting connections pauses", {{"reason", std::strerror(errno)}});
@@ -289,7 +300,7 @@ bool ConnectionCount::add(int connection, const Peer& peer) {
   const int fd = duplicate.get();
   if (!duplicate) return false;
   if (!loop_.watch(fd, 0, [this, fd](u32) { remove(fd); })) return false;
-  open_.emplace(fd, Entry{std::move(duplicate), peer});
+  open_.emplace(fd, Entry{ForeignFd(loop_.closer(), std::move(duplicate)), peer});
   ++by_peer_[peer];
   if (!peer.is_local()) ++remote_;
   return true;

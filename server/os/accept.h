@@ -53,10 +53,11 @@ struct Peer {
 };
 
 /// Accepts connections of one listening socket and gives them away. Owns: the listener. Thread: the
-/// loop's. Unix peers who may not connect are closed; out of descriptors it pauses, not spins.
+/// loop's. Unix peers who may not connect are closed; out of descriptors, or while as many wait to
+/// be closed as may, it pauses, not spins.
 class Listener {
  public:
-  using Take = std::function<void(UniqueFd connection, const Peer& peer)>;
+  using Take = std::function<void(ForeignFd connection, const Peer& peer)>;
 
   [[nodiscard]] static Expected<std::unique_ptr<Listener>> start(EventLoop& loop, const Log& log,
                                                                  ListeningSocket socket, Take take);
@@ -102,7 +103,7 @@ class ConnectionCount {
   EventLoop& loop_;
   const Limits limits_;
   struct Entry {
-    UniqueFd fd;
+    ForeignFd fd;
     Peer peer;
   };
   std::unordered_map<int, Entry> open_;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "renderer/base/error.h"
+#include "server/os/closer.h"
 #include "server/os/unique_fd.h"
 
 namespace heliograph::server {
@@ -32,6 +33,8 @@ class EventLoop {
   void quit();
   /// Returns after quit().
   void run();
+  /// For descriptors of others. Thread: any.
+  [[nodiscard]] Closer& closer() { return closer_; }
 
  private:
   EventLoop(UniqueFd epoll, UniqueFd wake);
@@ -39,6 +42,7 @@ class EventLoop {
   void run_timers();
   void run_posted();
 
+  Closer closer_{Closer::Limits()};  // what handlers hold ends there
   UniqueFd epoll_;
   UniqueFd wake_;  // an eventfd
   // By a number that is never used again, so that a late event cannot reach a descriptor's heir.

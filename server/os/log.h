@@ -3,12 +3,13 @@
 #pragma once
 
 #include <fmt/format.h>
-#include <spdlog/fwd.h>
+#include <unistd.h>
 
 #include <initializer_list>
-#include <memory>
 #include <string>
 #include <string_view>
+
+#include "server/os/log_writer.h"
 
 namespace heliograph::server {
 
@@ -23,22 +24,37 @@ struct LogField {
 };
 using LogFields = std::initializer_list<LogField>;
 
-/// Thread: any.
+/// A value between quotes, of at most `bytes` bytes and a mark that says how many more there were:
+/// control, bidirectional and invisible characters as \uXXXX, bytes that are no UTF-8 as \\xXX. It
+/// is a string of JSON too.
+[[nodiscard]] std::string quoted(std::string_view value, u64 bytes);
+
+/// Thread: any. Nobody waits for who reads it.
 class Log {
  public:
+  enum class Level : int { kDebug, kInfo, kWarning, kError, kOff };
+  struct Limits {
+    u64 bytes = 1 << 20;        // of lines that wait to be written
+    u64 value_bytes = 1 << 10;  // of one value
+  };
   /// level: "debug", "info", "warning", "error" or "off".
-  Log(const std::string& level, bool json);
-  ~Log();
+  Log(std::string_view level, bool json, Limits limits, int fd = STDERR_FILENO);
 
   void debug(std::string_view event, LogFields fields = {}) const;
   void info(std::string_view event, LogFields fields = {}) const;
   void warning(std::string_view event, LogFields fields = {}) const;
   void error(std::string_view event, LogFields fields = {}) const;
 
+  [[nodiscard]] const LogWriter& writer() const { return writer_; }
+
  private:
-  void write(int level, std::string_view event, LogFields fields) const;
-  std::shared_ptr<spdlog::logger> logger_;
-  bool json_;
+  void write(Level level, std::string_view event, LogFields fields) const;
+  [[nodiscard]] std::string line(Level level, std::string_view event, LogFields fields) const;
+
+  const Level level_;
+  const bool json_;
+  const Limits limits_;
+  mutable LogWriter writer_;
 };
 
 }  // namespace heliograph::server

@@ -1,4 +1,4 @@
-// One packet of a SOCK_SEQPACKET socket, with a descriptor. Used by the second socket and by quick
+// One packet of a SOCK_SEQPACKET socket, with descriptors. Used by the second socket and by quick
 // calls.
 #pragma once
 
@@ -7,6 +7,9 @@
 #include <array>
 #include <cstring>
 #include <span>
+#include <vector>
+
+#include "server/os/closer.h"
 
 namespace heliograph::server {
 
@@ -29,6 +32,37 @@ namespace heliograph::server {
   std::size_t size = 0;
   for (const iovec& piece : pieces) size += piece.iov_len;
   return ::sendmsg(socket, &message, MSG_DONTWAIT | MSG_NOSIGNAL) == ssize_t(size);
+}
+
+struct ReceivedPacket {
+  ssize_t size = -1;  // of the packet, of which `data` may have had room for less; as recvmsg()'s
+  std::vector<ForeignFd> descriptors;
+};
+
+/// Takes one packet and all descriptors that came with it: those there is no room for the kernel
+/// would close before recvmsg() returns, which may take long.
+[[nodiscard]] inline ReceivedPacket receive_packet(int socket, std::span<char> data, int flags,
+                                                   Closer& closer) {
+  constexpr std::size_t kMost = 253;  // SCM_MAX_FD
+  alignas(cmsghdr) std::array<char, CMSG_SPACE(kMost * sizeof(int))> control;
+  iovec piece{data.data(), data.size()};
+  msghdr message{};
+  message.msg_iov = &piece;
+  message.msg_iovlen = 1;
+  message.msg_control = control.data();
+  message.msg_controllen = control.size();
+  ReceivedPacket packet;
+  packet.size = ::recvmsg(socket, &message, flags | MSG_TRUNC | MSG_CMSG_CLOEXEC);
+  if (packet.size < 0) return packet;
+  for (cmsghdr* each = CMSG_FIRSTHDR(&message); each; each = CMSG_NXTHDR(&message, each)) {
+    if (each->cmsg_level != SOL_SOCKET || each->cmsg_type != SCM_RIGHTS) continue;
+    for (std::size_t i = 0; CMSG_LEN((i + 1) * sizeof(int)) <= each->cmsg_len; ++i) {
+      int fd = -1;
+      std::memcpy(&fd, CMSG_DATA(each) + i * sizeof fd, sizeof fd);
+      packet.descriptors.emplace_back(closer, UniqueFd(fd));
+    }
+  }
+  return packet;
 }
 
 }  // namespace heliograph::server

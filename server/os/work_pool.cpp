@@ -31,7 +31,7 @@ Status WorkPool::post(Task task) {
     if (tasks_.size() >= capacity_)
       return busy(
           fmt::format("{} requests wait already; retry later (limit pool_queue)", tasks_.size()));
-    tasks_.push_back(std::move(task));
+    push(std::move(task));
   }
   ready_.notify_one();
   return {};
@@ -40,9 +40,20 @@ Status WorkPool::post(Task task) {
 void WorkPool::post_anyway(Task task) {
   {
     const std::lock_guard lock(mutex_);
-    tasks_.push_back(std::move(task));
+    push(std::move(task));
   }
   ready_.notify_one();
+}
+
+void WorkPool::push(Task task) {
+  if (tasks_.empty()) moved_ = std::chrono::steady_clock::now();
+  tasks_.push_back(std::move(task));
+}
+
+double WorkPool::still_seconds() const {
+  const std::lock_guard lock(mutex_);
+  if (tasks_.empty()) return 0;
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - moved_).count();
 }
 
 void WorkPool::work() {
@@ -52,6 +63,7 @@ void WorkPool::work() {
     if (tasks_.empty()) return;
     Task task = std::move(tasks_.front());
     tasks_.pop_front();
+    moved_ = std::chrono::steady_clock::now();
     lock.unlock();
     task();
     task = nullptr;  // what it holds is freed outside the lock

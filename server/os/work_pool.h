@@ -1,6 +1,7 @@
 // Threads for what is too long for a gRPC thread: checking arrays, building jobs, reading, freeing.
 #pragma once
 
+#include <chrono>
 #include <condition_variable>
 #include <deque>
 #include <functional>
@@ -30,16 +31,20 @@ class WorkPool {
   void stop();
   /// RESOURCE_EXHAUSTED when the queue is full.
   [[nodiscard]] Status post(Task task);
+  /// How long nothing of what waits was begun; 0: nothing waits.
+  [[nodiscard]] double still_seconds() const;
 
  private:
+  void push(Task task);  // under mutex_
   friend class Strand;
   void post_anyway(Task task);  // for strands, whose own queues are bounded
   void work();
 
   const u32 capacity_;
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::condition_variable ready_;
   std::deque<Task> tasks_;
+  std::chrono::steady_clock::time_point moved_;  // the last one was begun, or the first one waits
   bool stopping_ = false;
   std::vector<std::thread> threads_;
 };

@@ -2,6 +2,7 @@
 #include "server/scene/scenes.h"
 
 #include <fmt/format.h>
+#include <sys/random.h>
 
 #include <algorithm>
 
@@ -105,10 +106,7 @@ void SceneEntry::tell(Revision revision) {
   for (const Watch& watch : told) (*watch)(revision);
 }
 
-void Scenes::use(Journal& journal) {
-  journal_ = &journal;
-  last_id_ = journal.first_scene();
-}
+void Scenes::use(Journal& journal) { journal_ = &journal; }
 
 Status Scenes::check_durability(const NewScene& scene) const {
   if (scene.durability.empty() || scene.durability == "none") return {};
@@ -124,6 +122,16 @@ Status Scenes::check_durability(const NewScene& scene) const {
   return {};
 }
 
+/// Says nothing of other scenes, and is not met again by chance. 53 bits: a number of JavaScript's.
+u64 Scenes::new_id() const {
+  u64 id = 0;
+  while (id == 0 || scenes_.contains(id)) {
+    [[maybe_unused]] const auto size = ::getrandom(&id, sizeof id, 0);  // of 8 bytes, always whole
+    id >>= 11;
+  }
+  return id;
+}
+
 Expected<ScenePtr> Scenes::add(SceneEntry::Identity identity,
                                std::shared_ptr<const Snapshot> first) {
   auto entities = Charge::take(identity.tenant->entities, first->entities.count());
@@ -137,7 +145,8 @@ Expected<ScenePtr> Scenes::add(SceneEntry::Identity identity,
   if (scenes_.size() >= options_.limit)
     return fail(Code::kResourceExhausted, "",
                 fmt::format("{} scenes exist; delete one (limit scenes)", scenes_.size()));
-  if (identity.id == 0) identity.id = ++last_id_;
+  if (identity.id == 0) identity.id = new_id();
+  identity.number = ++last_number_;
   auto entry = std::make_shared<SceneEntry>(std::move(identity), std::move(*entities),
                                             std::move(first), options_.scene, pool_);
   scenes_.emplace(entry->id, entry);
@@ -267,6 +276,7 @@ std::vector<ScenePtr> Scenes::list(const Session& session) const {
   const std::lock_guard lock(mutex_);
   for (const auto& [id, scene] : scenes_)
     if (scene->is_there_ && scene->seen_by(session)) seen.push_back(scene);
+  std::ranges::sort(seen, {}, [](const ScenePtr& scene) { return scene->number; });
   return seen;
 }
 

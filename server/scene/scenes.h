@@ -45,6 +45,7 @@ class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
     std::string durability;
     Journal* journal = nullptr;
     Origin made_by = {};
+    u64 number = 0;
     std::shared_ptr<SceneEvents> events = {};  // null: none so far
   };
   /// pool   frees old revisions
@@ -57,6 +58,7 @@ class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
         durability(std::move(identity.durability)),
         journal(identity.journal),
         made_by(std::move(identity.made_by)),
+        number(identity.number),
         events(std::move(identity.events)),
         scene(std::move(first), limits),
         pool_(pool),
@@ -69,6 +71,7 @@ class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
   const std::string durability;  // "": none
   Journal* const journal;        // of a durable scene
   const Origin made_by;
+  const u64 number;  // in the order in which scenes were made, or came back
   const std::shared_ptr<SceneEvents> events;
   Scene scene;
 
@@ -134,7 +137,7 @@ class Scenes {
     EventLimits events;
   };
   Scenes(WorkPool& pool, Options options) : pool_(pool), options_(options) {}
-  /// From now on scenes may be durable, and ids come after `journal`'s.
+  /// From now on scenes may be durable.
   void use(Journal& journal);
 
   /// A durable scene is there once it is journaled, which takes milliseconds.
@@ -145,6 +148,7 @@ class Scenes {
   [[nodiscard]] std::shared_ptr<SceneEvents> make_events(const Tenant& tenant, Revision head) const;
   [[nodiscard]] Expected<ScenePtr> find(u64 id, const Session& session) const;
   [[nodiscard]] Expected<ScenePtr> open(const std::string& name, const Session& session) const;
+  /// The oldest first.
   [[nodiscard]] std::vector<ScenePtr> list(const Session& session) const;
   /// Every tenant's.
   [[nodiscard]] std::vector<ScenePtr> all() const;
@@ -167,6 +171,7 @@ class Scenes {
   [[nodiscard]] const SceneLimits& scene_limits() const { return options_.scene; }
 
  private:
+  [[nodiscard]] u64 new_id() const;  // under mutex_
   [[nodiscard]] ScenePtr named(const std::string& name, const Tenant& tenant) const;
   [[nodiscard]] Expected<ScenePtr> add(SceneEntry::Identity identity,
                                        std::shared_ptr<const Snapshot> first);
@@ -180,7 +185,7 @@ class Scenes {
   Changes changes_;
   mutable std::mutex mutex_;
   std::map<u64, ScenePtr> scenes_;
-  u64 last_id_ = 0;
+  u64 last_number_ = 0;
 };
 
 /// The revision asked for, or the head.

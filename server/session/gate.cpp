@@ -7,6 +7,7 @@ namespace heliograph::server {
 namespace {
 
 constexpr std::string_view kBearer = "Bearer ";
+constexpr const char* kSecurity = "transport_security_type";
 constexpr const char* kSession = "heliograph-session";
 
 std::string_view metadata(const grpc::CallbackServerContext& context, const char* name) {
@@ -16,19 +17,28 @@ std::string_view metadata(const grpc::CallbackServerContext& context, const char
                             : std::string_view(found->second.data(), found->second.size());
 }
 
-/// The views live as long as the context. Of a certificate: its subject's alternative names, or its
-/// common name where it has none.
+/// The views live as long as the context.
 Caller caller_of(const grpc::CallbackServerContext& context) {
   Caller caller{.is_local = context.peer().starts_with("unix:")};
-  const std::string_view header = metadata(context, "authorization");
-  if (header.starts_with(kBearer)) caller.token = header.substr(kBearer.size());
-  if (caller.is_local) return caller;
-  for (const grpc::string_ref& name : context.auth_context()->GetPeerIdentity())
-    caller.names.emplace_back(name.data(), name.size());
+  caller.token = token_of(metadata(context, "authorization"));
+  if (!caller.is_local) caller.names = names_of(*context.auth_context());
   return caller;
 }
 
 }  // namespace
+
+std::vector<std::string_view> names_of(const grpc::AuthContext& context) {
+  const auto kinds = context.FindPropertyValues(kSecurity);
+  if (kinds.empty() || (kinds.front() != "tls" && kinds.front() != "ssl")) return {};
+  std::vector<std::string_view> names;
+  for (const grpc::string_ref& name : context.GetPeerIdentity())
+    names.emplace_back(name.data(), name.size());
+  return names;
+}
+
+std::string_view token_of(std::string_view header) {
+  return header.starts_with(kBearer) ? header.substr(kBearer.size()) : std::string_view();
+}
 
 Credentials::Credentials(const grpc::CallbackServerContext& context) {
   const Caller from = caller_of(context);

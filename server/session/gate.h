@@ -8,6 +8,7 @@
 #include <memory>
 #include <string>
 
+#include "server/os/busy_times.h"
 #include "server/session/session.h"
 
 namespace heliograph::server {
@@ -48,6 +49,12 @@ class Call {
   bool is_answered_ = false;
 };
 
+/// The names of the certificate at the other end: its subject's alternative names, or its common
+/// name where it has none; none without TLS. They live as long as the context.
+[[nodiscard]] std::vector<std::string_view> names_of(const grpc::AuthContext& context);
+/// The token of an authorization header; "": it has none.
+[[nodiscard]] std::string_view token_of(std::string_view header);
+
 /// Who a call says it is from, for later than its context lives.
 struct Credentials {
   bool is_local = false;
@@ -86,6 +93,9 @@ class Gate {
   /// From now on new work is refused.
   void close() { is_closed_ = true; }
   [[nodiscard]] bool is_closed() const { return is_closed_; }
+  /// Threads of gRPC that begin a call.
+  [[nodiscard]] BusyTimes& reactions() { return reactions_; }
+  [[nodiscard]] const BusyTimes& reactions() const { return reactions_; }
   /// Calls in flight, without KeepSession.
   [[nodiscard]] u32 active() const { return *active_; }
 
@@ -95,6 +105,7 @@ class Gate {
 
   const Tenants& tenants_;
   Sessions& sessions_;
+  BusyTimes reactions_;
   std::atomic<bool> is_closed_ = false;
   std::shared_ptr<std::atomic<u32>> active_ = std::make_shared<std::atomic<u32>>(0);
 };

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstring>
 #include <new>
 #include <utility>
@@ -19,6 +20,13 @@ struct Incoming::Storage {
   std::unique_ptr<std::byte[]> bytes;
   u64 size = 0;
   Charge charge;
+  u64 charged = 0;  // of the size
+
+  [[nodiscard]] Status set_charged(u64 amount) {
+    HELIO_TRY(charge.resize(amount + kOverhead));
+    charged = amount;
+    return {};
+  }
 };
 
 u64 Incoming::size() const { return storage_->size; }
@@ -28,9 +36,19 @@ Status Incoming::append(std::string_view chunk) {
     return fail(
         Code::kInvalidArgument, "size",
         fmt::format("announced {} bytes, and more came; announce them all", storage_->size));
+  HELIO_TRY(charge(filled_ + chunk.size()));
   std::memcpy(storage_->bytes.get() + filled_, chunk.data(), chunk.size());
   if (!hash_.empty()) digest_.add(chunk);
   filled_ += chunk.size();
+  return {};
+}
+
+/// Room for this many bytes, and for a window ahead of them unless that is too much now.
+Status Incoming::charge(u64 bytes) {
+  if (bytes <= storage_->charged) return {};
+  if (storage_->set_charged(std::min(bytes + window_, storage_->size))) return {};
+  if (auto least = storage_->set_charged(bytes); !least)
+    return std::unexpected(std::move(least).error().at("size"));
   return {};
 }
 
@@ -59,7 +77,8 @@ Expected<Incoming> BlobStore::begin(std::string hash, u64 size,
     error.error().available = limits_.blob_bytes;
     return error;
   }
-  auto charge = Charge::take(std::move(budget), size + kOverhead);
+  auto charge =
+      Charge::take(std::move(budget), size + kOverhead);  // what cannot come is refused now
   if (!charge) return std::unexpected(std::move(charge).error().at("size"));
   auto storage = std::make_shared<Incoming::Storage>();
   storage->bytes.reset(new (std::nothrow) std::byte[std::max<u64>(size, 1)]);
@@ -67,7 +86,8 @@ Expected<Incoming> BlobStore::begin(std::string hash, u64 size,
     return fail(Code::kResourceExhausted, "size", "the machine has no memory for it; try later");
   storage->size = size;
   storage->charge = std::move(*charge);
-  return Incoming(std::move(storage), std::move(hash));
+  HELIO_TRY(storage->set_charged(std::min(limits_.window_bytes, size)));
+  return Incoming(std::move(storage), std::move(hash), limits_.window_bytes);
 }
 
 BufferPtr BlobStore::find(std::string_view hash) const {

@@ -17,15 +17,18 @@ namespace heliograph::server {
 
 struct BlobLimits {
   u64 bytes = 8ull << 30;  // of all blobs and uploads alive, those that scenes refer to included
-  u64 blob_bytes = 2ull << 30;  // of one
-  u64 inline_bytes = 1u << 20;  // of one inline array
+  u64 blob_bytes = 2ull << 30;     // of one
+  u64 window_bytes = 16ull << 20;  // of an upload, charged before they come
+  u64 inline_bytes = 1u << 20;     // of one inline array
 };
 
-/// Bytes on their way in. The room was taken from the budget when it began.
+/// Bytes on their way in. What came is charged, and a window ahead of it: who announces much and
+/// sends nothing holds no more than that.
 /// Thread: one at a time.
 class Incoming {
  public:
-  /// INVALID_ARGUMENT when more comes than was announced.
+  /// INVALID_ARGUMENT when more comes than was announced, RESOURCE_EXHAUSTED when the room that was
+  /// there at the beginning is others' now.
   [[nodiscard]] Status append(std::string_view chunk);
   /// The bytes; INVALID_ARGUMENT when fewer came than announced, or others than `hash` names.
   [[nodiscard]] Expected<BufferPtr> finish();
@@ -34,11 +37,13 @@ class Incoming {
  private:
   friend class BlobStore;
   struct Storage;
-  Incoming(std::shared_ptr<Storage> storage, std::string hash)
-      : storage_(std::move(storage)), hash_(std::move(hash)) {}
+  Incoming(std::shared_ptr<Storage> storage, std::string hash, u64 window)
+      : storage_(std::move(storage)), hash_(std::move(hash)), window_(window) {}
+  [[nodiscard]] Status charge(u64 bytes);
   std::shared_ptr<Storage> storage_;
   std::string hash_;  // 32 bytes; "" for an anonymous upload
   Sha256 digest_;
+  u64 window_ = 0;
   u64 filled_ = 0;
 };
 
@@ -58,8 +63,8 @@ class BlobStore {
                              "blob_store_bytes"});
   }
 
-  /// Room for `size` bytes, taken from `budget`. `hash` is what they must hash to; "": anything.
-  /// Fails with INVALID_ARGUMENT, RESOURCE_EXHAUSTED.
+  /// Room for `size` bytes, which `budget` must have now. `hash` is what they must hash to; "":
+  /// anything. Fails with INVALID_ARGUMENT, RESOURCE_EXHAUSTED.
   [[nodiscard]] Expected<Incoming> begin(std::string hash, u64 size,
                                          std::shared_ptr<Budget> budget) const;
   /// The blob of this hash, or null.

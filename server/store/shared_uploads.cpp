@@ -46,9 +46,9 @@ struct SharedUploads::Memory {
   std::span<const std::byte> bytes;
 };
 
-SharedUploads::Taken SharedUploads::read(u64 bytes, const UniqueFd& fd) const {
-  struct stat file{};
-  if (!is_sealed(fd.get()) || ::fstat(fd.get(), &file) != 0)
+SharedUploads::Taken SharedUploads::read(u64 bytes, int fd) const {
+  struct stat file{};  // asked after the seals: a file of another kind may keep fstat() waiting
+  if (!is_sealed(fd) || ::fstat(fd, &file) != 0)
     return fail(Code::kInvalidArgument, "buffer.buffer",
                 "is no memfd sealed with F_SEAL_WRITE, F_SEAL_SHRINK and F_SEAL_GROW");
   if (bytes == 0 || u64(file.st_size) != bytes)
@@ -57,13 +57,13 @@ SharedUploads::Taken SharedUploads::read(u64 bytes, const UniqueFd& fd) const {
   auto charge = Charge::take(budget_, bytes);
   if (!charge) return std::unexpected(std::move(charge).error());
   auto memory = std::make_shared<Memory>(std::move(*charge));
-  if (!memory->fill(fd.get(), bytes))
+  if (!memory->fill(fd, bytes))
     return fail(Code::kResourceExhausted, "buffer.buffer",
                 fmt::format("{} bytes could not be mapped; upload the array", bytes));
   return memory;
 }
 
-bool SharedUploads::take(u64 buffer, u64 bytes, const UniqueFd& fd) {
+bool SharedUploads::take(u64 buffer, u64 bytes, int fd) {
   auto taken = std::make_shared<const Taken>(read(bytes, fd));
   const std::lock_guard lock(mutex_);
   const bool is_good = bool(*taken) && taken_.size() < kMost;

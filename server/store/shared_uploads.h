@@ -35,9 +35,9 @@ class SharedUploads {
   /// Called before the session is known to its client, too.
   void lend(Lender lender) { lender_ = std::move(lender); }
 
-  /// A memfd that is sealed against writing and changes of its size. What is wrong with it is told
-  /// to the request that names it; false: something is.
-  bool take(u64 buffer, u64 bytes, const UniqueFd& fd);
+  /// `fd`: a memfd that is sealed against writing and changes of its size. It stays the caller's.
+  /// What is wrong with it is told to the request that names it; false: something is.
+  bool take(u64 buffer, u64 bytes, int fd);
   /// The bytes that an array names; used up. INVALID_ARGUMENT, NOT_FOUND, RESOURCE_EXHAUSTED.
   [[nodiscard]] Expected<BufferPtr> use(const v1::BufferRef& ref);
   /// The bytes that an array names in a buffer that was lent; false: in another.
@@ -55,7 +55,7 @@ class SharedUploads {
   };
   using Taken = Expected<std::shared_ptr<const Memory>>;
 
-  [[nodiscard]] Taken read(u64 bytes, const UniqueFd& fd) const;
+  [[nodiscard]] Taken read(u64 bytes, int fd) const;
   [[nodiscard]] std::shared_ptr<const Taken> extract(u64 buffer);
   [[nodiscard]] BufferPtr extract(const v1::BufferRef& ref);
 

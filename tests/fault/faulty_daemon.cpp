@@ -5,9 +5,12 @@
 //
 // SIGUSR1: the device is lost, once the backend is next called; a GPU by a program that reads where
 // there is no memory. It comes back, unless HELIOGRAPH_TEST_LOSS is set: then not in this process,
-// as most GPUs do. SIGUSR2: it hangs there, until the next SIGUSR2.
+// as most GPUs do. SIGUSR2: it hangs there, until the next SIGUSR2. While there is a file of the
+// name in HELIOGRAPH_TEST_FREEZE the event loop stands still.
 #include <signal.h>
+#include <sys/epoll.h>
 #include <sys/mman.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -256,6 +259,18 @@ Expected<std::unique_ptr<Backend>> make_backend(std::string_view name,
 std::vector<std::string_view> backend_names() { return {"embree", "cuda"}; }
 
 }  // namespace heliograph
+
+/// The C library's, which the event loop waits in: of the main thread it does not return while
+/// there is such a file.
+extern "C" int epoll_wait(int epoll, epoll_event* events, int most, int milliseconds) {
+  const long count =
+      ::syscall(SYS_epoll_pwait, epoll, events, most, milliseconds, nullptr, sizeof(long));
+  static const char* const freeze = std::getenv("HELIOGRAPH_TEST_FREEZE");
+  const bool is_main = ::syscall(SYS_gettid) == ::getpid();
+  while (is_main && freeze && ::access(freeze, F_OK) == 0)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  return int(count);
+}
 
 int main(int argc, char** argv) {
   using namespace heliograph::server;

@@ -85,8 +85,7 @@ class Served:
             self.process = subprocess.Popen(
                 [DAEMON, "--socket", self.path, "--ready-fd", str(ready), *map(str, flags)],
                 pass_fds=(ready,),
-                stderr=log,
-                **popen,
+                **{"stderr": log, **popen},
             )
         os.close(ready)
         with os.fdopen(read) as line:

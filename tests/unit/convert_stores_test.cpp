@@ -136,6 +136,27 @@ TEST_CASE("stores: refusals of uploads") {
   CHECK(full.error().available == 1000 - 500 - kOverhead);
 }
 
+TEST_CASE("stores: an upload is charged what came and a window ahead") {
+  BlobStore blobs({.bytes = 2000, .blob_bytes = 1500, .window_bytes = 100, .inline_bytes = 16});
+  AssetStore assets;
+  Holdings a(blobs, assets);
+  auto slow = a.begin(first("slow", "", 1500));
+  REQUIRE((slow && *slow));
+  CHECK(blobs.budget()->used() == 100 + kOverhead);
+  REQUIRE((*slow)->append(std::string(50, 'x')));
+  CHECK(blobs.budget()->used() == 100 + kOverhead);
+  REQUIRE((*slow)->append(std::string(300, 'x')));
+  CHECK(blobs.budget()->used() == 450 + kOverhead);
+  auto other = a.begin(first("other", "", 1000));  // room that nothing came for
+  REQUIRE((other && *other));
+  REQUIRE((*other)->append(std::string(1000, 'y')));
+  REQUIRE(a.finish(first("other", "", 1000), std::move(**other)));
+  *other = std::nullopt;
+  refused((*slow)->append(std::string(400, 'x')), Code::kResourceExhausted, "size", "available");
+  *slow = std::nullopt;
+  CHECK(blobs.budget()->used() == 1000 + kOverhead);
+}
+
 TEST_CASE("stores: refusals of arrays") {
   BlobStore blobs({.inline_bytes = 16});
   AssetStore assets;

@@ -2,6 +2,7 @@
 #include <fcntl.h>
 #include <sys/mman.h>
 
+#include "server/os/unique_fd.h"
 #include "server/store/shared_uploads.h"
 #include "tests/unit/catch.h"
 
@@ -44,7 +45,7 @@ void refused(const Expected<BufferPtr>& used, Code code, const std::string& wher
 TEST_CASE("shared uploads: the bytes are those of the memory, and count until nobody has them") {
   const auto budget = room(1000);
   SharedUploads uploads(budget);
-  uploads.take(5, kText.size(), memory(kSeals));
+  uploads.take(5, kText.size(), memory(kSeals).get());
   CHECK(budget->used() == kText.size());
   auto used = uploads.use(ref(5, 100, 64));
   REQUIRE(used);
@@ -58,7 +59,7 @@ TEST_CASE("shared uploads: the bytes are those of the memory, and count until no
 TEST_CASE("shared uploads: what was not used after all is there for the same reference") {
   const auto budget = room(1000);
   SharedUploads uploads(budget);
-  uploads.take(5, kText.size(), memory(kSeals));
+  uploads.take(5, kText.size(), memory(kSeals).get());
   {
     auto used = uploads.use(ref(5, 100, 64));
     REQUIRE(used);
@@ -73,28 +74,28 @@ TEST_CASE("shared uploads: what was not used after all is there for the same ref
 
 TEST_CASE("shared uploads: what waits in the socket is heard first") {
   SharedUploads uploads(room(1000));
-  uploads.listen([&] { uploads.take(8, kText.size(), memory(kSeals)); });
+  uploads.listen([&] { uploads.take(8, kText.size(), memory(kSeals).get()); });
   CHECK(uploads.use(ref(8, kText.size())));
 }
 
 TEST_CASE("shared uploads: what is wrong is told to the request that names it") {
   SharedUploads uploads(room(300));
   for (const int missing : {F_SEAL_WRITE, F_SEAL_SHRINK, F_SEAL_GROW}) {
-    uploads.take(1, kText.size(), memory(kSeals & ~missing));
+    uploads.take(1, kText.size(), memory(kSeals & ~missing).get());
     refused(uploads.use(ref(1, 8)), Code::kInvalidArgument, "buffer.buffer");
   }
-  uploads.take(1, 4096, memory(kSeals));
+  uploads.take(1, 4096, memory(kSeals).get());
   refused(uploads.use(ref(1, 8)), Code::kInvalidArgument, "buffer.buffer");
-  uploads.take(1, 0, UniqueFd(::open("/dev/null", O_RDONLY)));
+  uploads.take(1, 0, UniqueFd(::open("/dev/null", O_RDONLY)).get());
   refused(uploads.use(ref(1, 8)), Code::kInvalidArgument, "buffer.buffer");
   for (const auto& [offset, size] : {std::pair{0ul, 201ul}, {64, 137}, {256, 0}, {~63ul, 64}}) {
-    uploads.take(1, kText.size(), memory(kSeals));
+    uploads.take(1, kText.size(), memory(kSeals).get());
     refused(uploads.use(ref(1, size, offset)), Code::kInvalidArgument, "buffer.size");
   }
-  uploads.take(1, kText.size(), memory(kSeals));
+  uploads.take(1, kText.size(), memory(kSeals).get());
   refused(uploads.use(ref(1, 8, 8)), Code::kInvalidArgument, "buffer.offset");
-  uploads.take(1, kText.size(), memory(kSeals));
-  uploads.take(2, kText.size(), memory(kSeals));
+  uploads.take(1, kText.size(), memory(kSeals).get());
+  uploads.take(2, kText.size(), memory(kSeals).get());
   refused(uploads.use(ref(2, 8)), Code::kResourceExhausted, "");
 }
 

@@ -208,6 +208,18 @@ def test_the_metrics_port_answers_get_metrics_only(start):
     assert scrape(daemon)["heliograph_sessions"] == 0
 
 
+def test_idle_connections_do_not_block_a_scrape(start):
+    daemon = start("--metrics", "127.0.0.1:0")
+    host, port = daemon.ready["metrics"].rsplit(":", 1)
+    with contextlib.ExitStack() as stack:
+        for _ in range(100):
+            stack.enter_context(socket.create_connection((host, int(port)), timeout=5))
+        began = time.monotonic()
+        for _ in range(10):
+            assert scrape(daemon)["heliograph_ready"] in (0, 1)
+        assert time.monotonic() - began < 3
+
+
 def test_metrics_are_off_by_default_and_want_an_address(start):
     assert start().ready["metrics"] == ""
     for address in ("nonsense", "localhost:1", ":9464"):

@@ -43,6 +43,20 @@ def test_the_folder_of_the_sockets_is_made_private(tmp_path):
     os.close(read)
 
 
+def test_nothing_is_announced_where_the_state_is_damaged(tmp_path):
+    """Who waits for the line finds a daemon that has its scenes back."""
+    state = tmp_path / "state"
+    state.mkdir(mode=0o700)
+    (state / "journal.db").write_bytes(b"no database" * 1000)
+    read, write = os.pipe()
+    flags = ["--socket", tmp_path / "new" / "s", "--ready-fd", str(write), "--state-dir", state]
+    process = subprocess.Popen([DAEMON, *flags], pass_fds=(write,), stderr=subprocess.DEVNULL)
+    os.close(write)
+    assert os.read(read, 1) == b""
+    assert process.wait(10) == 65
+    os.close(read)
+
+
 @pytest.mark.parametrize("address", ["0.0.0.0:7443", "[::]:7443", "192.168.1.5:7443", ":7443"])
 def test_a_routable_address_is_refused(tmp_path, address):
     result = run("--socket", str(tmp_path / "s"), "--listen", address)

@@ -44,6 +44,14 @@ def test_an_unknown_name_lists_those_that_exist(client):
     assert detail(error.value).field == "name"
 
 
+def test_ids_say_nothing_of_other_scenes(client):
+    ids = [client.create(f"guess {i}") for i in range(8)]
+    gaps = {abs(a - b) for a in ids for b in ids if a != b}
+    assert min(gaps) > 1 << 20 and max(ids) < 1 << 53
+    listed = [scene.scene for scene in client.call("ListScenes").scenes]
+    assert [scene for scene in listed if scene in ids] == ids  # the oldest first
+
+
 def test_sessions_of_a_tenant_see_each_others_scenes(client, other):
     """A forked or unpickled client has a session of its own and works on its parent's scenes."""
     scene = client.create("bins")

@@ -1,0 +1,70 @@
+// See sockets.h.
+#include "server/app/sockets.h"
+
+#include <sys/resource.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "server/net/metrics_port.h"
+
+namespace heliograph::server {
+namespace {
+
+constexpr u64 kOwnDescriptors = 64;     // of gRPC, the decoder, logs
+constexpr u64 kDescriptorsAClient = 3;  // its connection, our duplicate, its lifeline
+
+}  // namespace
+
+Expected<Sockets> open_sockets(const Config& config, SocketFiles& files) {
+  Sockets sockets;
+  auto main = listen_unix(config.socket, SOCK_STREAM, config.socket_group);
+  if (!main) return std::unexpected(main.error());
+  files.add(config.socket);
+  auto lifeline = listen_unix(lifeline_path(config.socket), SOCK_SEQPACKET, config.socket_group);
+  if (!lifeline) return std::unexpected(lifeline.error());
+  files.add(lifeline_path(config.socket));
+  sockets.main = std::move(*main);
+  sockets.lifeline = std::move(*lifeline);
+  for (const std::string& address : config.listen) {
+    auto socket = listen_tcp(address);
+    if (!socket) return std::unexpected(socket.error());
+    sockets.tcp_addresses.push_back(local_address(socket->fd.get()));
+    sockets.tcp.push_back(std::move(*socket));
+  }
+  if (!config.metrics.empty()) {
+    auto metrics = listen_for_metrics(config.metrics);
+    if (!metrics) return std::unexpected(metrics.error());
+    sockets.metrics = std::move(*metrics);
+  }
+  if (config.is_private)
+    files.remove_folder(std::filesystem::path(config.socket).parent_path().string());
+  return sockets;
+}
+
+void announce(const Config& config, const Sockets& sockets) {
+  std::string tcp;
+  for (const std::string& address : sockets.tcp_addresses)
+    tcp += fmt::format("{}\"{}\"", tcp.empty() ? "" : ",", address);
+  const std::string metrics = sockets.metrics ? local_address(sockets.metrics->fd.get()) : "";
+  const std::string line = fmt::format(
+      "{{\"socket\":\"{}\",\"lifeline\":\"{}\",\"listen\":[{}],\"metrics\":\"{}\",\"pid\":{}}}\n",
+      config.socket, lifeline_path(config.socket), tcp, metrics, ::getpid());
+  if (config.ready_fd < 0) return;
+  const UniqueFd fd(config.ready_fd);
+  [[maybe_unused]] const auto written = ::write(fd.get(), line.data(), line.size());
+}
+
+u32 connection_limit(const Limits& limits) {
+  rlimit files{};
+  ::getrlimit(RLIMIT_NOFILE, &files);
+  files.rlim_cur = files.rlim_max;
+  ::setrlimit(RLIMIT_NOFILE, &files);
+  ::getrlimit(RLIMIT_NOFILE, &files);
+  const u64 spare =
+      files.rlim_cur > 2 * kOwnDescriptors ? files.rlim_cur - kOwnDescriptors : files.rlim_cur / 2;
+  return u32(std::min<u64>(limits.connections, std::max<u64>(spare / kDescriptorsAClient, 4)));
+}
+
+}  // namespace heliograph::server

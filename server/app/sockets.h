@@ -1,0 +1,31 @@
+// The sockets that the daemon listens on, before anything of it runs. Called by lifecycle.cpp.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "server/config/config.h"
+#include "server/net/socket_files.h"
+#include "server/os/accept.h"
+
+namespace heliograph::server {
+
+/// Listening sockets, taken before anything slow starts.
+struct Sockets {
+  ListeningSocket main;
+  ListeningSocket lifeline;
+  std::vector<ListeningSocket> tcp;
+  std::vector<std::string> tcp_addresses;
+  std::optional<ListeningSocket> metrics;
+};
+
+[[nodiscard]] Expected<Sockets> open_sockets(const Config& config, SocketFiles& files);
+
+/// Writes one line of JSON to --ready-fd: clients may connect from now on.
+void announce(const Config& config, const Sockets& sockets);
+
+/// As many connections as the descriptors allow, after raising the soft limit.
+[[nodiscard]] u32 connection_limit(const Limits& limits);
+
+}  // namespace heliograph::server

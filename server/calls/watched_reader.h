@@ -1,0 +1,94 @@
+// A client stream that ends when nothing comes: UploadBlob and ImportScene.
+#pragma once
+
+#include <memory>
+#include <mutex>
+
+#include "server/calls/rpc.h"
+
+namespace heliograph::server {
+
+/// Reads one message at a time. A client that sends nothing for stall_seconds is refused, and what
+/// it has sent is let go. Lifetime: until gRPC is done with it, or the last look.
+template <class Message>
+class WatchedReader : public grpc::ServerReadReactor<Message>, public Watched {
+ public:
+  /// Takes the call over; it deletes itself.
+  static WatchedReader* start(std::shared_ptr<WatchedReader> made, Daemon& daemon) {
+    made->self_ = made;
+    daemon.watch.add(made);
+    made->read();
+    return made.get();
+  }
+
+  void OnReadDone(bool ok) override {
+    {
+      const std::lock_guard lock(mutex_);
+      is_reading_ = false;
+      if (is_finished_) return;
+    }
+    came(ok);
+  }
+  void OnDone() override { self_.reset(); }
+  void look(EventLoop::Clock::time_point now) override {
+    {
+      const std::lock_guard lock(mutex_);
+      if (is_finished_ || !is_reading_ || !standstill_.is_longer_than(stall_seconds_, now)) return;
+      is_finished_ = true;
+    }
+    const auto end = [self = self_] { self->end_stalled(); };  // frees what may be gigabytes
+    if (!pool_.post(end)) end();
+  }
+
+ protected:
+  WatchedReader(Daemon& daemon, grpc::CallbackServerContext& context)
+      : context_(context),
+        pool_(daemon.pool),
+        stall_seconds_(double(daemon.config.limits.stall_seconds)) {}
+
+  /// A message is there, or none comes any more. read() or finish() follows.
+  virtual void came(bool ok) = 0;
+  /// What came is not used.
+  virtual void let_go() = 0;
+
+  void read() {
+    {
+      const std::lock_guard lock(mutex_);
+      is_reading_ = true;
+      standstill_.moved();
+    }
+    this->StartRead(&message_);
+  }
+  void finish(const Status& status) {
+    {
+      const std::lock_guard lock(mutex_);
+      is_finished_ = true;
+    }
+    this->Finish(to_status(status, context_));
+  }
+  [[nodiscard]] grpc::CallbackServerContext& context() const { return context_; }
+  [[nodiscard]] Message& message() { return message_; }
+
+ private:
+  void end_stalled() {
+    let_go();
+    this->Finish(to_status(
+        fail(Code::kResourceExhausted, "",
+             fmt::format("nothing came for {} s; call when the bytes are there, and send them "
+                         "without a break (limit stall_seconds)",
+                         stall_seconds_)),
+        context_));
+  }
+
+  grpc::CallbackServerContext& context_;
+  WorkPool& pool_;
+  const double stall_seconds_;
+  Message message_;
+  std::mutex mutex_;
+  bool is_reading_ = false;
+  bool is_finished_ = false;
+  Standstill standstill_;
+  std::shared_ptr<WatchedReader> self_;  // until OnDone
+};
+
+}  // namespace heliograph::server

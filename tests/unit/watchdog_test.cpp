@@ -1,0 +1,118 @@
+// What stands still is seen, told once, and told again when it moves.
+#include "server/os/watchdog.h"
+
+#include <fcntl.h>
+
+#include <atomic>
+#include <chrono>
+#include <thread>
+
+#include "server/os/busy_times.h"
+#include "server/os/work_pool.h"
+#include "tests/unit/catch.h"
+
+using namespace heliograph;
+using namespace heliograph::server;
+using std::chrono::milliseconds;
+
+namespace {
+
+void await(const auto& condition) {
+  for (int i = 0; i < 1000 && !condition(); ++i) std::this_thread::sleep_for(milliseconds(5));
+  REQUIRE(condition());
+}
+
+/// A loop that runs in a thread of its own, and what its watchdog says.
+struct Watched {
+  std::unique_ptr<EventLoop> loop = *EventLoop::create();
+  const UniqueFd nowhere{::open("/dev/null", O_WRONLY | O_CLOEXEC)};
+  const Log log{"off", false, {}, nowhere.get()};
+  Watchdog watchdog{*loop, log, {.hang_seconds = 0.3, .stuck_seconds = 0.9}};
+  std::mutex mutex;
+  std::string fault;
+  std::atomic<bool> is_live = true;
+  std::atomic<int> looks = 0;
+  std::thread thread;
+
+  explicit Watched(std::vector<Watchdog::Part> parts = {}) {
+    thread = std::thread([this] { loop->run(); });
+    watchdog.start(std::move(parts), {.ready =
+                                          [this](const std::string& now) {
+                                            const std::lock_guard lock(mutex);
+                                            fault = now;
+                                          },
+                                      .live = [this](bool live) { is_live = live; },
+                                      .looked = [this](double) { ++looks; }});
+  }
+  ~Watched() {
+    watchdog.stop();
+    loop->quit();
+    thread.join();
+  }
+  std::string told() {
+    const std::lock_guard lock(mutex);
+    return fault;
+  }
+};
+
+}  // namespace
+
+TEST_CASE("watchdog: a loop that stands still is neither ready nor, later, live, until it moves") {
+  Watched watched;
+  await([&] { return watched.looks > 3; });
+  CHECK(watched.told().empty());
+  std::atomic<bool> is_held = true;
+  watched.loop->post([&] {
+    while (is_held) std::this_thread::sleep_for(milliseconds(1));
+  });
+  await([&] { return watched.told().ends_with(": loop"); });
+  CHECK(watched.is_live);
+  await([&] { return !watched.is_live; });
+  CHECK(watched.watchdog.still_seconds().at("loop") > 0.9);
+  is_held = false;
+  await([&] { return watched.is_live && watched.told().empty(); });
+}
+
+TEST_CASE("watchdog: parts count by what hangs on them") {
+  std::atomic<double> calls = 0, pool = 0, other = 0;
+  using Needs = Watchdog::Needs;
+  Watched watched({{"calls", Needs::kReadiness, [&] { return calls.load(); }},
+                   {"pool", Needs::kLiveness, [&] { return pool.load(); }},
+                   {"log", Needs::kNothing, [&] { return other.load(); }}});
+  other = 100;
+  pool = 0.5;
+  await([&] { return watched.looks > 3; });
+  CHECK(watched.told().empty());
+  CHECK(watched.is_live);
+  pool = 100;
+  await([&] { return !watched.is_live; });
+  CHECK(watched.told().empty());
+  calls = 0.5;
+  await([&] { return watched.told().ends_with(": calls"); });
+}
+
+TEST_CASE("work pool: it stands still while what waits is not begun") {
+  WorkPool pool(1, 16);
+  CHECK(pool.still_seconds() == 0);
+  std::atomic<bool> is_held = true;
+  REQUIRE(pool.post([&] {
+    while (is_held) std::this_thread::sleep_for(milliseconds(1));
+  }));
+  await([&] { return pool.still_seconds() == 0; });
+  REQUIRE(pool.post([] {}));
+  await([&] { return pool.still_seconds() > 0.05; });
+  is_held = false;
+  await([&] { return pool.still_seconds() == 0; });
+}
+
+TEST_CASE("busy times: the longest counts") {
+  BusyTimes times;
+  CHECK(times.longest_seconds() == 0);
+  {
+    const BusyTimes::Scope first(times);
+    std::this_thread::sleep_for(milliseconds(20));
+    const BusyTimes::Scope second(times);
+    CHECK(times.longest_seconds() >= 0.02);
+  }
+  CHECK(times.longest_seconds() == 0);
+}
