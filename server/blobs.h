@@ -12,6 +12,7 @@
 #include "renderer/base/error.h"
 #include "server/budget.h"
 #include "server/hash.h"
+#include "server/recent.h"
 
 namespace heliograph::server {
 
@@ -19,6 +20,7 @@ struct BlobLimits {
   u64 bytes = 8ull << 30;  // of all blobs and uploads alive, those that scenes refer to included
   u64 blob_bytes = 2ull << 30;  // of one
   u64 inline_bytes = 1u << 20;  // of one inline array
+  RecentLimits recent = {};      // what a session keeps that nothing refers to
 };
 
 /// Bytes on their way in. The room was taken from the budget when it began.
@@ -30,6 +32,8 @@ class Incoming {
   /// The bytes; INVALID_ARGUMENT when fewer came than announced, or others than `hash` names.
   [[nodiscard]] Expected<BufferPtr> finish();
   [[nodiscard]] u64 size() const;
+  /// Holds this as long as the bytes are on their way.
+  void hold(std::shared_ptr<const void> held) { held_ = std::move(held); }
 
  private:
   friend class BlobStore;
@@ -40,9 +44,10 @@ class Incoming {
   std::string hash_;  // 32 bytes; "" for an anonymous upload
   Sha256 digest_;
   u64 filled_ = 0;
+  std::shared_ptr<const void> held_;
 };
 
-/// The blobs alive, by hash. It owns none: sessions and scenes do, and what nobody refers to any
+/// The blobs alive, by hash. It owns none: sessions (for a while) and scenes do, and what nobody refers to any
 /// more is gone. Equal bytes are one Buffer, so that they have one serial.
 /// Thread: any; one mutex, held for a look-up.
 class BlobStore {

@@ -44,6 +44,9 @@ class Budget {
 class Charge {
  public:
   [[nodiscard]] static Expected<Charge> take(std::shared_ptr<Budget> budget, u64 amount);
+  /// The same for what several things own together.
+  [[nodiscard]] static Expected<std::shared_ptr<const void>> hold(std::shared_ptr<Budget> budget,
+                                                                  u64 amount);
   Charge() = default;
   Charge(Charge&& other) noexcept = default;
   Charge& operator=(Charge&& other) noexcept;

@@ -79,7 +79,10 @@ void DecodeCall::submit() {
                 .format = request_.format(),
                 .up = request_.up(),
                 .units = request_.units(),
-                .hash = hash_};
+                .hash = hash_,
+                .pay = [tenant = call_.session()->tenant()](u64 bytes) {
+                  return Charge::hold(tenant->bytes, bytes);
+                }};
   (*daemon_.decoder)
       ->decode(
           std::move(job), [this](Expected<Decoded> decoded) { on_decoded(std::move(decoded)); },
@@ -132,19 +135,18 @@ DecodeCall::Result DecodeCall::store(const Decoded& decoded) {
   for (const std::string& path : decoded.missing) reply.add_missing(path);
   if (!decoded.missing.empty()) return reply;
   Holdings& holdings = call_.session()->holdings();
+  for (int i = 0; i < request_.files_size(); ++i)
+    holdings.used(request_.files(i).sha256(), files_[std::size_t(i)].bytes);
   auto stored = std::make_shared<StoredAsset>();
   if (decoded.image) {
-    auto blob = holdings.hold(decoded.image->texels);
-    if (!blob) return std::unexpected(blob.error());
     stored->texels = decoded.image->texels;
-    stored->info = to_info(*decoded.image, decoded.image_srgb, *blob);
+    stored->info =
+        to_info(*decoded.image, decoded.image_srgb, holdings.hold(decoded.image->texels));
   } else {
-    auto charge = Charge::take(call_.session()->tenant()->bytes, decoded.bytes);
-    if (!charge) return std::unexpected(charge.error());
-    stored->charge = std::move(*charge);
     stored->asset = decoded.asset;
     stored->info = to_info(*decoded.asset, decoded.bounds_min, decoded.bounds_max);
   }
+  stored->bytes = decoded.bytes;
   stored->info.set_sha256(hash_);
   for (const std::string& warning : decoded.warnings) stored->info.add_warnings(warning);
   *reply.mutable_asset() = holdings.hold(std::move(stored))->info;

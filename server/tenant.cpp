@@ -22,7 +22,10 @@ Tenant::Tenant(u64 number, std::string called, const Limits& limits,
                                     Budget::Words{"jobs", "wait for some to end", "tenant_jobs"})),
       edits(limits.tenant_edits_per_second, "tenant_edits_per_second"),
       samples(limits.tenant_samples_per_second, "tenant_samples_per_second"),
-      blobs({.bytes = limits.blob_store_bytes, .blob_bytes = limits.blob_bytes}, store) {}
+      blobs({.bytes = limits.blob_store_bytes,
+             .blob_bytes = limits.blob_bytes,
+             .recent = {.seconds = limits.recent_seconds, .bytes = limits.recent_bytes}},
+            store) {}
 
 void Tenant::give(const Grant& grant) {
   weight_ = grant.weight;

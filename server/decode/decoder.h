@@ -24,6 +24,9 @@ struct DecodeJob {
   std::string up;
   double units = 0;
   std::string hash;  // becomes Asset::hash
+  /// Pays for so many bytes of arrays that come back, before they are touched; what it returns lives
+  /// as long as any of them.
+  std::function<Expected<std::shared_ptr<const void>>(u64 bytes)> pay;
 };
 
 /// What came back, every number in it checked by the daemon; arrays lie in the child's sealed
