@@ -28,7 +28,8 @@ Tenant::Tenant(u64 number, std::string called, const Limits& limits,
       samples(limits.tenant_samples_per_second, "tenant_samples_per_second"),
       blobs({.bytes = limits.blob_store_bytes,
              .blob_bytes = limits.blob_bytes,
-             .window_bytes = limits.upload_window_bytes},
+             .window_bytes = limits.upload_window_bytes,
+             .recent = {.seconds = limits.recent_seconds, .bytes = limits.recent_bytes}},
             store) {}
 
 void Tenant::give(const Grant& grant) {

@@ -15,6 +15,8 @@
 namespace heliograph::server {
 namespace {
 
+constexpr u64 kSweepSeconds = 1;
+
 u64 random_number() {
   u64 number = 0;
   [[maybe_unused]] const auto size = ::getrandom(&number, sizeof number, 0);
@@ -66,7 +68,9 @@ Daemon::Daemon(Config settings, Identities identities, std::unique_ptr<EventLoop
               .probe_seconds = double(config.limits.probe_seconds)}),
       watchdog(*loop, log,
                {.hang_seconds = double(config.limits.hang_seconds),
-                .stuck_seconds = double(config.limits.stuck_seconds)}) {}
+                .stuck_seconds = double(config.limits.stuck_seconds)}) {
+  sweep_uploads();
+}
 
 Status Daemon::open_journal() {
   auto opened = Journal::open(
@@ -141,6 +145,14 @@ Status Daemon::open_recorder() {
   if (!opened) return std::unexpected(std::move(opened).error());
   recorder = std::move(*opened);
   return {};
+}
+
+void Daemon::sweep_uploads() {
+  // A full pool frees no memory now; the next turn does.
+  [[maybe_unused]] const auto posted = pool.post([this] {
+    for (const auto& session : sessions.list()) session->holdings().sweep();
+  });
+  loop->after(std::chrono::seconds(kSweepSeconds), [this] { sweep_uploads(); });
 }
 
 void Daemon::restore_requests(Session& session) {

@@ -63,6 +63,10 @@ struct Daemon {
   }
   /// So that a session that was resumed may repeat the calls that made its scenes.
   void restore_requests(Session& session);
+
+ private:
+  /// Once a second: what sessions brought and nobody needs goes (recent.h).
+  void sweep_uploads();
 };
 
 /// Ends the process then, with kExitDevice, whatever hangs.

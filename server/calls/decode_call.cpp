@@ -90,7 +90,9 @@ void DecodeCall::submit() {
                 .units = request_.units(),
                 .hash = hash_,
                 .tenant = call_.session()->tenant()->id,
-                .reserve = [this](u64 bytes) { return charge_result(bytes); }};
+                .pay = [tenant = call_.session()->tenant()](u64 bytes) {
+                  return Charge::hold(tenant->bytes, bytes);
+                }};
   (*daemon_.decoder)
       ->decode(
           std::move(job), [this](Expected<Decoded> decoded) { on_decoded(std::move(decoded)); },
@@ -113,13 +115,6 @@ Status DecodeCall::charge_copy() {
   auto charge = Charge::take(call_.session()->tenant()->bytes, bytes);
   if (!charge) return std::unexpected(std::move(charge).error());
   copy_ = std::move(*charge);
-  return {};
-}
-
-Status DecodeCall::charge_result(u64 bytes) {
-  auto charge = Charge::take(call_.session()->tenant()->bytes, bytes);
-  if (!charge) return std::unexpected(std::move(charge).error());
-  result_bytes_ = std::move(*charge);
   return {};
 }
 
@@ -153,18 +148,18 @@ DecodeCall::Result DecodeCall::store(const Decoded& decoded) {
   for (const std::string& path : decoded.missing) reply.add_missing(path);
   if (!decoded.missing.empty()) return reply;
   Holdings& holdings = call_.session()->holdings();
+  for (int i = 0; i < request_.files_size(); ++i)
+    holdings.used(request_.files(i).sha256(), files_[std::size_t(i)].bytes);
   auto stored = std::make_shared<StoredAsset>();
   if (decoded.image) {
-    result_bytes_ = Charge();  // it is charged as a blob
-    auto blob = holdings.hold(decoded.image->texels);
-    if (!blob) return std::unexpected(blob.error());
     stored->texels = decoded.image->texels;
-    stored->info = to_info(*decoded.image, decoded.image_srgb, *blob);
+    stored->info =
+        to_info(*decoded.image, decoded.image_srgb, holdings.hold(decoded.image->texels));
   } else {
-    stored->charge = std::move(result_bytes_);
     stored->asset = decoded.asset;
     stored->info = to_info(*decoded.asset, decoded.bounds_min, decoded.bounds_max);
   }
+  stored->bytes = decoded.bytes;
   stored->info.set_sha256(hash_);
   for (const std::string& warning : decoded.warnings) stored->info.add_warnings(warning);
   *reply.mutable_asset() = holdings.hold(std::move(stored))->info;

@@ -41,7 +41,6 @@ class DecodeCall final : public Writer<v1::DecodeAssetReply> {
   [[nodiscard]] Status charge_copy();
   void on_decoded(Expected<Decoded> decoded);
   /// Charges what the child is about to write.
-  [[nodiscard]] Status charge_result(u64 bytes);
   /// Reads companions that a server_path's model lacks; whether there were any.
   [[nodiscard]] Expected<bool> gather_missing(const std::vector<std::string>& missing);
   [[nodiscard]] Result store(const Decoded& decoded);
@@ -58,7 +57,6 @@ class DecodeCall final : public Writer<v1::DecodeAssetReply> {
   std::vector<DecodeFile> files_;
   std::vector<Charge> read_;  // files of the asset root
   Charge copy_;               // while the decoder has it
-  Charge result_bytes_;       // of what it decoded to
   std::string hash_;
   std::mutex mutex_;
   bool is_writing_ = false;

@@ -176,6 +176,7 @@ class Decoder::Impl {
   Expected<Decoded> converse(const DecodeJob& job, ChildProcess& child, const StopEvent& stop,
                              Clock::time_point deadline) const {
     const std::string& path = job.files.front().path;
+    std::shared_ptr<const void> paid;
     while (true) {
       const auto packet = await_packet(child, stop, deadline);
       if (!packet && packet.error().code == Code::kDeadlineExceeded)
@@ -190,13 +191,15 @@ class Decoder::Impl {
       if (kind == PacketKind::kResult) {
         const auto region = child.result();
         if (!region) return fail(Code::kInternal, path, region.error().message);
-        return read_result(*region, job);
+        return read_result(*region, job, std::move(paid));
       }
       u64 needed = 0;
       if (kind != PacketKind::kNeed || bytes.size() != sizeof needed)
         return fail(Code::kInternal, path, "its decoder says what no decoder says");
       std::memcpy(&needed, bytes.data(), sizeof needed);
-      if (auto room = job.reserve(needed); !room) return at(path, room.error());
+      auto room = job.pay(needed);
+      if (!room) return at(path, room.error());
+      paid = std::move(*room);
       if (auto granted = child.grant(needed); !granted) return at(path, granted.error());
     }
   }

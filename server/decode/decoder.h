@@ -26,8 +26,10 @@ struct DecodeJob {
   double units = 0;
   std::string hash;  // becomes Asset::hash
   u64 tenant = 0;    // whose turn it takes; 0: the daemon's own
-  /// Asked before a result of so many bytes is written: its refusal ends the decode.
-  std::function<Status(u64 bytes)> reserve = [](u64) { return Status(); };
+  /// Pays for so many bytes of arrays, before the child writes them: a refusal ends the decode,
+  /// what it returns lives as long as any of them.
+  std::function<Expected<std::shared_ptr<const void>>(u64 bytes)> pay =
+      [](u64) -> Expected<std::shared_ptr<const void>> { return nullptr; };
 };
 
 /// What came back, every number in it checked by the daemon; arrays lie in the child's sealed

@@ -14,7 +14,9 @@ namespace {
 /// Arrays of the region; the same range is the same buffer.
 class RegionSource : public ArraySource {
  public:
-  explicit RegionSource(std::shared_ptr<const Region> region) : region_(std::move(region)) {}
+  RegionSource(std::shared_ptr<const Region> region, std::shared_ptr<const void> paid)
+      : region_(std::move(region)),
+        owner_(std::make_shared<const Owner>(region_, std::move(paid))) {}
 
   Expected<BufferPtr> bytes(const v1::Array& array) override {
     const v1::BufferRef& range = array.buffer();
@@ -23,7 +25,7 @@ class RegionSource : public ArraySource {
       return fail(Code::kInvalidArgument, "buffer", "leaves the result");
     }
     BufferPtr& buffer = buffers_[{range.offset(), range.size()}];
-    if (!buffer) buffer = std::make_shared<const Buffer>(region_, *found);
+    if (!buffer) buffer = std::make_shared<const Buffer>(owner_, *found);
     return buffer;
   }
   Expected<std::shared_ptr<const Asset>> asset(std::string_view) override {
@@ -31,7 +33,12 @@ class RegionSource : public ArraySource {
   }
 
  private:
-  std::shared_ptr<const Region> region_;
+  struct Owner {
+    std::shared_ptr<const Region> region;
+    std::shared_ptr<const void> paid;
+  };
+  const std::shared_ptr<const Region> region_;
+  const std::shared_ptr<const Owner> owner_;
   std::map<std::pair<u64, u64>, BufferPtr> buffers_;
 };
 
@@ -48,7 +55,8 @@ Code code_of(u32 code) {
 
 }  // namespace
 
-Expected<Decoded> read_result(const std::shared_ptr<const Region>& region, const DecodeJob& job) {
+Expected<Decoded> read_result(const std::shared_ptr<const Region>& region, const DecodeJob& job,
+                              std::shared_ptr<const void> paid) {
   decode::Result result;
   const Bytes message = region->message();
   if (!result.ParseFromArray(message.data(), int(message.size()))) return broken("unreadable");
@@ -67,7 +75,7 @@ Expected<Decoded> read_result(const std::shared_ptr<const Region>& region, const
     if (!std::isfinite(result.bounds(i))) return broken("bounds");
     (i < 3 ? decoded.bounds_min : decoded.bounds_max)[i % 3] = result.bounds(i);
   }
-  RegionSource source(region);
+  RegionSource source(region, std::move(paid));
   if (result.has_texels()) {
     auto image = to_image(result.texels(), source);
     if (!image) return broken(image.error().where + " " + image.error().message);

@@ -60,6 +60,12 @@ Charge Charge::count(std::shared_ptr<Budget> budget, u64 amount) {
   return charge;
 }
 
+Expected<std::shared_ptr<const void>> Charge::hold(std::shared_ptr<Budget> budget, u64 amount) {
+  auto charge = take(std::move(budget), amount);
+  if (!charge) return std::unexpected(std::move(charge).error());
+  return std::make_shared<const Charge>(std::move(*charge));
+}
+
 Charge& Charge::operator=(Charge&& other) noexcept {
   std::swap(budget_, other.budget_);
   std::swap(amount_, other.amount_);

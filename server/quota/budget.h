@@ -47,6 +47,9 @@ class Charge {
  public:
   [[nodiscard]] static Expected<Charge> take(std::shared_ptr<Budget> budget, u64 amount);
   [[nodiscard]] static Charge count(std::shared_ptr<Budget> budget, u64 amount);
+  /// The same for what several things own together.
+  [[nodiscard]] static Expected<std::shared_ptr<const void>> hold(std::shared_ptr<Budget> budget,
+                                                                  u64 amount);
   Charge() = default;
   Charge(Charge&& other) noexcept = default;
   Charge& operator=(Charge&& other) noexcept;

@@ -19,7 +19,7 @@ struct StoredAsset {
   std::shared_ptr<const Asset> asset;  // null for a picture
   BufferPtr texels;                    // of a picture
   v1::AssetInfo info;
-  Charge charge;  // of a model's arrays, against the budget of blobs
+  u64 bytes = 0;  // that it keeps alive; its arrays' charge is with them
 };
 
 /// The assets alive, by hash. It owns none: sessions do.

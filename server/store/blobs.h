@@ -12,6 +12,7 @@
 #include "renderer/base/error.h"
 #include "server/os/hash.h"
 #include "server/quota/budget.h"
+#include "server/store/recent.h"
 
 namespace heliograph::server {
 
@@ -20,6 +21,7 @@ struct BlobLimits {
   u64 blob_bytes = 2ull << 30;     // of one
   u64 window_bytes = 16ull << 20;  // of an upload, charged before they come
   u64 inline_bytes = 1u << 20;     // of one inline array
+  RecentLimits recent = {};        // what a session keeps that nothing refers to
 };
 
 /// Bytes on their way in. What came is charged, and a window ahead of it: who announces much and
@@ -33,6 +35,8 @@ class Incoming {
   /// The bytes; INVALID_ARGUMENT when fewer came than announced, or others than `hash` names.
   [[nodiscard]] Expected<BufferPtr> finish();
   [[nodiscard]] u64 size() const;
+  /// Holds this as long as the bytes are on their way.
+  void hold(std::shared_ptr<const void> held) { held_ = std::move(held); }
 
  private:
   friend class BlobStore;
@@ -45,11 +49,12 @@ class Incoming {
   Sha256 digest_;
   u64 window_ = 0;
   u64 filled_ = 0;
+  std::shared_ptr<const void> held_;
 };
 
-/// The blobs alive, by hash. It owns none: sessions and scenes do, and what nobody refers to any
-/// more is gone. Equal bytes are one Buffer, so that they have one serial.
-/// Thread: any; one mutex, held for a look-up.
+/// The blobs alive, by hash. It owns none: sessions (for a while) and scenes do, and what nobody
+/// refers to any more is gone. Equal bytes are one Buffer, so that they have one serial. Thread:
+/// any; one mutex, held for a look-up.
 class BlobStore {
  public:
   /// `budget`: of all blobs, other stores' too.

@@ -11,14 +11,6 @@
 namespace heliograph::server {
 namespace {
 
-/// The blob that an array names.
-Expected<BufferPtr> find_blob(Holdings& holdings, const std::string& hash) {
-  BufferPtr buffer;
-  HELIO_CHECK(check_hash(hash), "blob");
-  HELIO_TAKE(buffer, holdings.blob(hash), "blob");
-  return buffer;
-}
-
 /// Bytes of a message, and their share of the owner's budget.
 struct Copied {
   std::vector<std::byte> bytes;
@@ -37,24 +29,32 @@ Expected<BufferPtr> Holdings::copy(std::string_view bytes) const {
   return std::make_shared<const Buffer>(owner, std::span<const std::byte>(owner->bytes));
 }
 
+void Holdings::bring(Recent::Kind kind, const std::string& name, BufferPtr bytes) {
+  const u64 size = bytes->bytes().size();
+  const std::lock_guard lock(mutex_);
+  recent_.bring(kind, name, std::move(bytes), size);
+}
+
 Expected<std::optional<Incoming>> Holdings::begin(const v1::UploadBlobRequest& first) {
   const std::string& hash = first.sha256();
   if (hash.empty() && first.request_id().empty())
     return fail(Code::kInvalidArgument, "request_id",
                 "is empty; name the upload by its sha256 or by a request_id");
   HELIO_TRY(check_request_id(first.request_id()));
-  if (!hash.empty()) {
-    if (BufferPtr present = blobs_.find(hash)) {
-      const std::lock_guard lock(mutex_);
-      held_[hash] = std::move(present);
-      return std::nullopt;
-    }
-  } else {
+  sweep();
+  if (BufferPtr present = hash.empty() ? nullptr : blobs_.find(hash)) {
+    bring(Recent::Kind::kBlob, hash, std::move(present));
+    return std::nullopt;
+  }
+  if (hash.empty()) {
     const std::lock_guard lock(mutex_);
-    if (uploads_.contains(first.request_id())) return std::nullopt;
+    if (recent_.find(Recent::Kind::kUpload, first.request_id())) return std::nullopt;
   }
   auto incoming = blobs_.begin(hash, first.size(), budget_);
+  if (!incoming && incoming.error().code == Code::kResourceExhausted && forget_named())
+    incoming = blobs_.begin(hash, first.size(), budget_);
   if (!incoming) return std::unexpected(std::move(incoming).error());
+  incoming->hold(bringing_);
   return std::optional(std::move(*incoming));
 }
 
@@ -62,35 +62,45 @@ Status Holdings::finish(const v1::UploadBlobRequest& first, Incoming incoming) {
   auto buffer = incoming.finish();
   if (!buffer) return std::unexpected(std::move(buffer).error());
   const std::string& hash = first.sha256();
-  if (!hash.empty()) *buffer = blobs_.put(hash, std::move(*buffer));
-  const std::lock_guard lock(mutex_);
   if (hash.empty())
-    uploads_.emplace(first.request_id(), std::move(*buffer));
+    bring(Recent::Kind::kUpload, first.request_id(), std::move(*buffer));
   else
-    held_[hash] = std::move(*buffer);
+    bring(Recent::Kind::kBlob, hash, blobs_.put(hash, std::move(*buffer)));
   return {};
 }
 
-Expected<std::string> Holdings::hold(BufferPtr bytes) {
-  auto charge = Charge::take(budget_, bytes->bytes().size());
-  if (!charge) return std::unexpected(std::move(charge).error());
-  std::string hash = sha256(bytes->bytes());
-  BufferPtr present = blobs_.put(hash, std::move(bytes));
+void Holdings::sweep() {
+  Recent::Things gone;  // freed without the lock
   const std::lock_guard lock(mutex_);
-  if (held_.insert_or_assign(hash, std::move(present)).second) charges_[hash] = std::move(*charge);
+  gone = recent_.sweep(bringing_.use_count() > 1);
+}
+
+bool Holdings::forget_named() {
+  Recent::Things gone;
+  const std::lock_guard lock(mutex_);
+  gone = recent_.forget_named();
+  return !gone.empty();
+}
+
+std::string Holdings::hold(BufferPtr bytes) {
+  std::string hash = sha256(bytes->bytes());
+  bring(Recent::Kind::kBlob, hash, blobs_.put(hash, std::move(bytes)));
   return hash;
 }
 
 std::shared_ptr<const StoredAsset> Holdings::hold(std::shared_ptr<const StoredAsset> asset) {
   asset = assets_.put(std::move(asset));
   const std::lock_guard lock(mutex_);
-  models_[asset->info.sha256()] = asset;
+  recent_.bring(Recent::Kind::kAsset, asset->info.sha256(), asset, asset->bytes);
   return asset;
 }
 
 std::shared_ptr<const StoredAsset> Holdings::find_asset(std::string_view hash) {
-  auto asset = assets_.find(hash);
-  return asset ? hold(std::move(asset)) : nullptr;
+  auto found = assets_.find(hash);
+  if (!found) return nullptr;
+  const std::lock_guard lock(mutex_);
+  recent_.bring(Recent::Kind::kAsset, found->info.sha256(), found, found->bytes);
+  return found;
 }
 
 Expected<BufferPtr> Holdings::bytes(const v1::Array& array) {
@@ -102,7 +112,7 @@ Expected<BufferPtr> Holdings::bytes(const v1::Array& array) {
                                 array.inline_().size(), blobs_.limits().inline_bytes));
       return copy(array.inline_());
     case v1::Array::kBlob:
-      return find_blob(*this, array.blob());
+      return find_blob(array.blob());
     case v1::Array::kUpload:
       return take_upload(array.upload());
     case v1::Array::kBuffer:
@@ -124,37 +134,60 @@ Expected<BufferPtr> Holdings::take(const v1::Array& array, u64 bytes, Numbers ki
 }
 
 Expected<BufferPtr> Holdings::take_upload(const std::string& request_id) {
-  const std::lock_guard lock(mutex_);
-  auto node = uploads_.extract(request_id);
-  if (node) return std::move(node.mapped());
-  return fail(Code::kNotFound, "upload",
-              fmt::format("this session has no upload '{}'; upload it again: a use consumes it",
-                          request_id));
+  Recent::Thing found;
+  {
+    const std::lock_guard lock(mutex_);
+    found = recent_.take(Recent::Kind::kUpload, request_id);
+  }
+  if (found) return std::static_pointer_cast<const Buffer>(std::move(found));
+  return fail(
+      Code::kNotFound, "upload",
+      fmt::format("this session has no upload '{}'; upload it again: a use consumes it, and "
+                  "so does the time of the limit recent_seconds",
+                  request_id));
 }
 
 void Holdings::give_back(const std::vector<UsedUpload>& uploads) {
   for (const UsedUpload& used : uploads) {
     if (used.array.buffer().generation() != 0) continue;  // lent: it is still there
-    if (used.array.has_buffer()) {
+    if (used.array.has_buffer())
       shared_.give_back(used.array.buffer(), used.bytes);
-      continue;
-    }
-    const std::lock_guard lock(mutex_);
-    uploads_.emplace(used.array.upload(), used.bytes);
+    else
+      bring(Recent::Kind::kUpload, used.array.upload(), used.bytes);
   }
 }
 
 Expected<BufferPtr> Holdings::blob(std::string_view hash) {
   if (BufferPtr found = blobs_.find(hash)) return found;
   return fail(Code::kNotFound, "",
-              fmt::format("there is no blob {}; upload it with UploadBlob", hex(hash)));
+              fmt::format("the daemon has no bytes of sha256 {} (any more); upload it again with "
+                          "UploadBlob",
+                          hex(hash)));
+}
+
+void Holdings::used(const std::string& hash, const BufferPtr& bytes) {
+  const std::lock_guard lock(mutex_);
+  recent_.use(Recent::Kind::kBlob, hash, bytes, bytes->bytes().size());
+}
+
+Expected<BufferPtr> Holdings::find_blob(const std::string& hash) {
+  BufferPtr buffer;
+  HELIO_CHECK(check_hash(hash), "blob");
+  HELIO_TAKE(buffer, blob(hash), "blob");
+  used(hash, buffer);
+  return buffer;
 }
 
 Expected<std::shared_ptr<const Asset>> Holdings::asset(std::string_view hash) {
-  const auto found = assets_.find(hash);
-  if (found && found->asset) return found->asset;
+  if (const auto found = assets_.find(hash); found && found->asset) {
+    const std::lock_guard lock(mutex_);
+    recent_.use(Recent::Kind::kAsset, found->info.sha256(), found, found->bytes);
+    return found->asset;
+  }
   return fail(Code::kNotFound, "",
-              fmt::format("there is no asset {}; decode its bundle with DecodeAsset", hex(hash)));
+              fmt::format("the daemon has no asset of sha256 {} (any more); upload it again, and "
+                          "decode its bundle with DecodeAsset",
+                          hex(hash)));
 }
 
 }  // namespace heliograph::server

@@ -1,7 +1,6 @@
-// What one session uploaded and decoded. Owned by the session; goes with it.
+// What one session uploaded and decoded, for a while. Owned by the session; goes with it.
 #pragma once
 
-#include <map>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -21,8 +20,9 @@ struct UsedUpload {
   BufferPtr bytes;
 };
 
-/// Keeps blobs and assets alive for a session, and its anonymous uploads until they are used; and
-/// so says where the bytes of its arrays come from.
+/// Keeps the blobs and assets that its session brought or named lately (recent.h), whether anything
+/// refers to them or not, and its anonymous uploads until they are used; and so says where the
+/// bytes of its arrays come from.
 ///
 /// Arrays fail with INVALID_ARGUMENT (nothing set, too long inline), NOT_FOUND (no such blob,
 /// upload, buffer or asset).
@@ -31,7 +31,11 @@ class Holdings final : public ArraySource {
  public:
   /// `budget`: of the owner's bytes.
   Holdings(BlobStore& blobs, AssetStore& assets, std::shared_ptr<Budget> budget)
-      : blobs_(blobs), assets_(assets), budget_(std::move(budget)), shared_(budget_) {}
+      : blobs_(blobs),
+        assets_(assets),
+        budget_(std::move(budget)),
+        shared_(budget_),
+        recent_(blobs.limits().recent) {}
   Holdings(BlobStore& blobs, AssetStore& assets) : Holdings(blobs, assets, blobs.budget()) {}
 
   /// Begins an upload by its first message. nullopt: the bytes are here already, and are held from
@@ -40,14 +44,17 @@ class Holdings final : public ArraySource {
   /// Ends it, under the name its first message gave.
   [[nodiscard]] Status finish(const v1::UploadBlobRequest& first, Incoming incoming);
 
-  /// Holds bytes of the daemon's own as a blob; returns its hash.
-  [[nodiscard]] Expected<std::string> hold(BufferPtr bytes);
+  /// Keeps bytes of the daemon's own, charged already, as a blob; returns its hash.
+  [[nodiscard]] std::string hold(BufferPtr bytes);
   [[nodiscard]] std::shared_ptr<const StoredAsset> hold(std::shared_ptr<const StoredAsset> asset);
-  /// The asset of this hash, held from now on; null when it is not alive.
+  /// The asset of this hash, kept as if it were new; null when it is not alive.
   [[nodiscard]] std::shared_ptr<const StoredAsset> find_asset(std::string_view hash);
 
   /// What used them up did not happen: they may be used again, by the same arrays.
   void give_back(const std::vector<UsedUpload>& uploads);
+
+  /// Lets go what was not named for long. Frees it, which may take its time.
+  void sweep();
 
   /// Buffers that its client handed over.
   [[nodiscard]] SharedUploads& shared() { return shared_; }
@@ -57,21 +64,25 @@ class Holdings final : public ArraySource {
                                     const TakePiece& take) override;
   [[nodiscard]] Expected<BufferPtr> take(const v1::Array& array, u64 bytes, Numbers kind) override;
   [[nodiscard]] Expected<std::shared_ptr<const Asset>> asset(std::string_view hash) override;
+  /// The blob of this hash. A call that needs it no more says so to `used`.
   [[nodiscard]] Expected<BufferPtr> blob(std::string_view hash);
+  void used(const std::string& hash, const BufferPtr& bytes);
 
  private:
   [[nodiscard]] Expected<BufferPtr> copy(std::string_view bytes) const;
+  [[nodiscard]] Expected<BufferPtr> find_blob(const std::string& hash);
+  /// Makes room; false: there was nothing.
+  bool forget_named();
+  void bring(Recent::Kind kind, const std::string& name, BufferPtr bytes);
   [[nodiscard]] Expected<BufferPtr> take_upload(const std::string& request_id);
 
   BlobStore& blobs_;
   AssetStore& assets_;
   const std::shared_ptr<Budget> budget_;
   SharedUploads shared_;
+  const std::shared_ptr<const bool> bringing_ = std::make_shared<bool>();  // held by uploads
   std::mutex mutex_;
-  std::map<std::string, BufferPtr, std::less<>> held_;                             // by hash
-  std::map<std::string, Charge, std::less<>> charges_;                             // of hold()
-  std::map<std::string, BufferPtr> uploads_;                                       // by request_id
-  std::map<std::string, std::shared_ptr<const StoredAsset>, std::less<>> models_;  // by hash
+  Recent recent_;
 };
 
 }  // namespace heliograph::server

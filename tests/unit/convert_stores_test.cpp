@@ -168,25 +168,81 @@ TEST_CASE("stores: refusals of arrays") {
   array.set_blob("abc");
   refused(a.bytes(array), Code::kInvalidArgument, "blob", "SHA-256 has 32");
   array.set_blob(std::string(32, '\x01'));
-  refused(a.bytes(array), Code::kNotFound, "blob", "no blob 0101");
+  refused(a.bytes(array), Code::kNotFound, "blob", "no bytes of sha256 0101");
   array.mutable_buffer()->set_buffer(7);
   refused(a.bytes(array), Code::kNotFound, "buffer.buffer", "no buffer 7");
   refused(a.asset(std::string(32, 'a')), Code::kNotFound, "", "DecodeAsset");
 }
 
-TEST_CASE("stores: bytes of our own become a blob, charged while the session holds them") {
+TEST_CASE("stores: bytes of our own become a blob") {
   BlobStore blobs({});
   AssetStore assets;
-  {
-    Holdings a(blobs, assets);
-    const auto hash = a.hold(copy_bytes("texels"));
-    REQUIRE(hash);
-    CHECK(*hash == sha256("texels"));
-    CHECK(blobs.budget()->used() == 6);
-    REQUIRE(a.hold(copy_bytes("texels")));
-    CHECK(blobs.budget()->used() == 6);
+  Holdings a(blobs, assets);
+  const std::string hash = a.hold(copy_bytes("texels"));
+  CHECK(hash == sha256("texels"));
+  CHECK(text(*a.blob(hash)) == "texels");
+}
+
+TEST_CASE("stores: what was named goes by bytes, what was not waits for its use") {
+  BlobStore blobs({.recent = {.seconds = 1000, .bytes = 20}});
+  AssetStore assets;
+  Holdings a(blobs, assets);
+  for (const char* bytes : {"first ten.", "second ten", "third ten."}) REQUIRE(upload(a, bytes));
+  v1::Array array;
+  for (const char* bytes : {"first ten.", "second ten", "third ten."}) {
+    array.set_blob(sha256(bytes));
+    REQUIRE(a.bytes(array));
   }
-  CHECK(blobs.budget()->used() == 0);
+  CHECK(a.blob(sha256("first ten.")));  // one request may name it again
+  a.sweep();
+  refused(a.blob(sha256("first ten.")), Code::kNotFound, "", "upload it again");
+  CHECK(a.blob(sha256("second ten")));
+  CHECK(blobs.budget()->used() == 2 * (10 + kOverhead));
+}
+
+TEST_CASE("stores: what something refers to is there as long as that") {
+  BlobStore blobs({.recent = {.seconds = 1000, .bytes = 1}});
+  AssetStore assets;
+  Holdings a(blobs, assets);
+  REQUIRE(upload(a, "in a scene"));
+  v1::Array array;
+  array.set_blob(sha256("in a scene"));
+  BufferPtr scene = *a.bytes(array);
+  REQUIRE(upload(a, "another"));
+  array.set_blob(sha256("another"));
+  REQUIRE(a.bytes(array));
+  a.sweep();
+  CHECK(a.blob(sha256("in a scene")));
+  scene = nullptr;
+  CHECK_FALSE(a.blob(sha256("in a scene")));
+}
+
+TEST_CASE("stores: room for an upload is made from what was named") {
+  BlobStore blobs({.bytes = 1000, .recent = {.seconds = 1000, .bytes = 1000}});
+  AssetStore assets;
+  Holdings a(blobs, assets);
+  const std::string old(600, 'a');
+  REQUIRE(upload(a, old));
+  CHECK_FALSE(upload(a, std::string(600, 'b')));  // what was not named yet stays
+  v1::Array array;
+  array.set_blob(sha256(old));
+  REQUIRE(a.bytes(array));
+  CHECK(upload(a, std::string(600, 'b')));
+}
+
+TEST_CASE("recent: a grace time after the last upload, and after each use") {
+  using Kind = Recent::Kind;
+  const auto start = Recent::Clock::now();
+  const auto at = [&](int seconds) { return start + std::chrono::seconds(seconds); };
+  Recent recent({.seconds = 30, .bytes = 1000});
+  recent.bring(Kind::kBlob, "a", copy_bytes("a"), 1);
+  recent.bring(Kind::kUpload, "a", copy_bytes("b"), 1);
+  recent.use(Kind::kAsset, "a", copy_bytes("c"), 1);
+  CHECK(recent.sweep(false, at(29)).empty());
+  CHECK(recent.sweep(true, at(32)).size() == 1);  // more is on its way: only the named one goes
+  CHECK(recent.find(Kind::kBlob, "a"));
+  CHECK(recent.sweep(false, at(32)).size() == 2);
+  CHECK_FALSE(recent.find(Kind::kUpload, "a"));
 }
 
 TEST_CASE("stores: assets live as long as a session holds them") {

@@ -183,14 +183,16 @@ TEST_CASE("decode: room for a result is asked for, and its refusal is the decode
   const auto decoder = start();
   DecodeJob job = job_of("picture/gradient16.png");
   std::atomic<u64> asked = 0;
-  job.reserve = [&](u64 bytes) {
+  job.pay = [&](u64 bytes) -> Expected<std::shared_ptr<const void>> {
     asked = bytes;
-    return Status();
+    return nullptr;
   };
   const auto decoded = decode_now(*decoder, job);
   REQUIRE(decoded);
   CHECK(asked > decoded->image->texels->bytes().size());
-  job.reserve = [](u64) -> Status { return fail(Code::kResourceExhausted, "", "no room"); };
+  job.pay = [](u64) -> Expected<std::shared_ptr<const void>> {
+    return fail(Code::kResourceExhausted, "", "no room");
+  };
   CHECK_THAT(said(decode_now(*decoder, job)), Contains("8 gradient16.png: no room"));
 }
 
@@ -306,14 +308,14 @@ TEST_CASE("decode: a result that breaks a rule is refused, whatever it says") {
   for (int i = 0; i < 6; ++i) good.add_bounds(0);
   auto* root = good.mutable_entities()->add_edits();
   root->mutable_entity()->set_visible(true);
-  REQUIRE(read_result(region_of(good), job));
+  REQUIRE(read_result(region_of(good), job, nullptr));
   const auto first = [](decode::Result& r) -> v1::Entity& {
     return *r.mutable_entities()->mutable_edits(0)->mutable_entity();
   };
   const auto refused = [&](const auto& change) {
     decode::Result bad = good;
     change(bad);
-    return said(read_result(region_of(bad), job));
+    return said(read_result(region_of(bad), job, nullptr));
   };
   CHECK_THAT(refused([&](auto& r) { first(r).mutable_mesh()->set_id(77); }),
              Contains("entities[0]"));

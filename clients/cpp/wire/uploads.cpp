@@ -52,22 +52,11 @@ void Uploads::put_edited(const Array& array, v1::Array* out) {
 
 std::string Uploads::blob(std::string_view bytes) {
   std::string digest = sha256_of(bytes);
-  {
-    const std::lock_guard lock(mutex_);
-    if (known_.count(digest) != 0) return digest;
-  }
   v1::UploadBlobRequest first;
   first.set_request_id(make_request_id());
   first.set_sha256(digest);
   push(bytes, std::move(first));
-  const std::lock_guard lock(mutex_);
-  known_.insert(digest);
   return digest;
-}
-
-void Uploads::forget() {
-  const std::lock_guard lock(mutex_);
-  known_.clear();
 }
 
 void Uploads::push(std::string_view bytes, v1::UploadBlobRequest first) {

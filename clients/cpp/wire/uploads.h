@@ -1,8 +1,6 @@
 // Uploads of one session: arrays above 1 MiB by hash or anonymously, files by hash. Thread: any.
 #pragma once
 
-#include <mutex>
-#include <set>
 #include <string>
 #include <string_view>
 
@@ -24,17 +22,13 @@ class Uploads {
   void put_asset(const Array& array, v1::Array* out);
   /// An array that changes often (vertices, matrices): not hashed, used up by one edit.
   void put_edited(const Array& array, v1::Array* out);
-  /// Uploads bytes unless the session has them; their SHA-256.
+  /// Uploads bytes unless the daemon has them, which it alone knows; their SHA-256.
   std::string blob(std::string_view bytes);
-  /// The session has nothing any more.
-  void forget();
 
  private:
   void push(std::string_view bytes, v1::UploadBlobRequest first);
 
   Session& session_;
-  std::mutex mutex_;
-  std::set<std::string> known_;
 };
 
 }  // namespace heliograph::wire
