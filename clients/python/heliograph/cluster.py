@@ -107,21 +107,19 @@ def generate(
     start = time.monotonic()
     with _ray(number * need["num_cpus"], need["num_gpus"]) as ray:
         plan = packed(ray.cloudpickle.CloudPickler, scene, {**asked, **options})
-        run.open(resume)
-        todo = [each for each in _shards(count, width) if not _is_done(run, each)]
-        arguments = run.writers[0].folder.scene_path.resolve(), plan, dict(connect or {}), credits
-        team = _Team(ray, ray.remote(Maker).options(**need), arguments)
-        with Bar(progress) as bar:
-            made = team.make(todo, number, whole_of(tries, "tries", 1), _Shown(bar, count, todo))
-    try:
-        run.begin()
-        if not run.finish():
-            raise FailedPrecondition(
-                f"{run.writers[0].directory}: images of finished shards are missing; do machines "
-                "that make them see the same directory?"
-            )
-    finally:
-        run.end()
+        with run.opened(resume):
+            todo = [each for each in _shards(count, width) if not _is_done(run, each)]
+            arguments = run.writers[0].folder.scene_path, plan, dict(connect or {}), credits
+            team = _Team(ray, ray.remote(Maker).options(**need), arguments)
+            with Bar(progress) as bar:
+                shown = _Shown(bar, count, todo)
+                made = team.make(todo, number, whole_of(tries, "tries", 1), shown)
+            run.begin()
+            if not run.finish():
+                raise FailedPrecondition(
+                    f"{run.writers[0].directory}: images of finished shards are missing; do "
+                    "machines that make them see the same directory?"
+                )
     images = sum(each["images"] for each in made)
     used = [each["core_seconds"] for each in made]
     return Report(

@@ -1,11 +1,10 @@
-"""What a data set keeps about itself in DIR/.heliograph. Used by generate() and commands."""
+"""What a data set keeps about itself in DIR/.heliograph. Used by generate() and commands; what is in
+dataset.json and who makes it: record.py."""
 
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import errno
-import hashlib
 import json
 import os
 import re
@@ -15,17 +14,13 @@ import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import FailedPrecondition, NotFound, ResourceExhausted
 
-if TYPE_CHECKING:
-    from ..scene import Scene
-
 NAME = ".heliograph"
-FORMAT = "heliograph.dataset.v1"
 _HOST = socket.gethostname()
-_PARTIAL = re.compile(rf"{re.escape(_HOST)}-(\d+)-\d+-[^-]+")
+_MINE = re.compile(rf"{re.escape(_HOST)}-(\d+)-\d+-[^-]+")
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _CLOSED = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EEXIST)
 
@@ -41,39 +36,75 @@ class Folder:
     """
 
     def __init__(self, root: str | os.PathLike[str]) -> None:
-        self.root = Path(root)
+        self.root = Path(root).absolute()  # os.chdir() moves no data set
         self.own = self.root / NAME
         self.scene_path = self.own / "scene.helio"
 
+    # ------------------------------------------------------------ among others
+
     @contextlib.contextmanager
-    def finishing(self) -> Iterator[None]:
-        """Alone among the processes of this machine: two may have made the last images."""
-        with self._explained("finish.lock"), open(self.own / "finish.lock", "w") as lock:
-            if sys.platform == "win32":
-                import msvcrt
+    def alone(self) -> Iterator[None]:
+        """Alone among the processes of this machine, and of others where the file system has locks
+        between machines."""
+        with contextlib.ExitStack() as stack:
+            with self.explained("lock"):
+                self.own.mkdir(parents=True, exist_ok=True)
+                lock = stack.enter_context(open(self.own / "lock", "w"))
+                if sys.platform == "win32":
+                    import msvcrt
 
-                msvcrt.locking(lock.fileno(), msvcrt.LK_LOCK, 1)
-            else:
-                import fcntl
+                    msvcrt.locking(lock.fileno(), msvcrt.LK_LOCK, 1)
+                else:
+                    import fcntl
 
-                fcntl.flock(lock, fcntl.LOCK_EX)
+                    fcntl.flock(lock, fcntl.LOCK_EX)
             yield
+
+    def enter(self) -> None:
+        """Says that a run of this thread is under way."""
+        _drop_dead(self._mark.parent)
+        self.put(self._mark.relative_to(self.root), "")
+
+    def exit(self) -> None:
+        """Takes back what enter() said."""
+        self._mark.unlink(missing_ok=True)
+
+    def is_entered(self) -> bool:
+        """Whether another run is under way."""
+        _drop_dead(self._mark.parent)
+        return any(path != self._mark for path in self._mark.parent.glob("*"))
+
+    @property
+    def _mark(self) -> Path:
+        return self.own / "runs" / _named_for_me("run")
+
+    # ------------------------------------------------------------ files
+
+    @contextlib.contextmanager
+    def partial(self, name: str | Path) -> Iterator[Path]:
+        """A path of this thread's own, of what is to be DIR/name; what is there when the block ends
+        goes."""
+        partial = self.own / "partial"
+        path = partial / _named_for_me(Path(name).name)
+        with self.explained(name):
+            partial.mkdir(parents=True, exist_ok=True)
+            try:
+                yield path
+            finally:
+                path.unlink(missing_ok=True)
+
+    def drop_partial(self) -> None:
+        """What processes of this machine left that were killed."""
+        _drop_dead(self.own / "partial")
 
     @contextlib.contextmanager
     def file(self, name: str | Path) -> Iterator[Path]:
         """A path to write to, which becomes DIR/name when the block ends without an exception."""
         final = self.root / name
-        partial = self.own / "partial"
-        end = final.name.replace("-", "_")  # so that no host passes for another
-        path = partial / f"{_HOST}-{os.getpid()}-{threading.get_ident()}-{end}"
-        with self._explained(name):
-            partial.mkdir(parents=True, exist_ok=True)
-            try:
-                yield path
-                final.parent.mkdir(parents=True, exist_ok=True)
-                os.replace(path, final)
-            finally:
-                path.unlink(missing_ok=True)
+        with self.partial(name) as path:
+            yield path
+            final.parent.mkdir(parents=True, exist_ok=True)
+            os.replace(path, final)
 
     def put(self, name: str | Path, data: bytes | str) -> None:
         """Writes DIR/name."""
@@ -81,7 +112,7 @@ class Folder:
             path.write_bytes(data.encode() if isinstance(data, str) else data)
 
     @contextlib.contextmanager
-    def _explained(self, name: str | Path) -> Iterator[None]:
+    def explained(self, name: str | Path) -> Iterator[None]:
         """Says what to do where a disk is full or closed, also of libraries that tell it in words
         of their own."""
         try:
@@ -112,6 +143,8 @@ class Folder:
         """Notes that an image is done. Of a large overlay the manifest has a hash alone."""
         if overlay and '"overlay":{' not in manifest:
             self.put(f"{NAME}/overlays/{name_of(index)}.bin", overlay)
+        else:  # that of an image that this one takes the place of
+            (self.own / "overlays" / f"{name_of(index)}.bin").unlink(missing_ok=True)
         self.put(f"{NAME}/manifests/{name_of(index)}.json", manifest)
         text = json.dumps(record, separators=(",", ":"), allow_nan=False)
         self.put(self._record(index).relative_to(self.root), text)
@@ -166,70 +199,20 @@ class Folder:
         """dataset.json; NotFound where there is none."""
         return _json(self.own / "dataset.json")
 
-    def open(self, description: dict[str, Any], scene: Scene, resume: bool) -> None:
-        """Begins a data set, or goes on with one if it is the same; one without an image yet may
-        become another. resume: its images stay. If not, another one is refused too where it has
-        files: they would be among the new ones."""
-        with self._explained(NAME):
-            self.own.mkdir(parents=True, exist_ok=True)
-            self._drop_partial()
-        with self.file(self.scene_path.relative_to(self.root)) as path:
-            scene.save(path)
-            description = {"format": FORMAT, **description, "scene_sha256": _sha256(path)}
-            begun = self._has_files() or (resume and self._has_images())
-            if begun and (self.own / "dataset.json").exists():
-                self._check(description)
-            if not resume:
-                self._forget()
-        text = json.dumps(description, indent=1, default=_plain) + "\n"
-        self.put(f"{NAME}/dataset.json", text)
-
-    def _has_files(self) -> bool:
+    def has_files(self) -> bool:
+        """Whether DIR has any, but what is kept here."""
         return any(path != self.own for path in self.root.iterdir())
 
-    def _has_images(self) -> bool:
-        return any(path.is_file() for path in (self.own / "records").rglob("*"))
+    def has_images(self) -> bool:
+        """Whether an image is done."""
+        return any((self.own / "records").glob("*.json"))
 
-    def _forget(self) -> None:
-        for name in ("shards", "records", "manifests", "overlays", "blobs", "decodings", "parts"):
-            shutil.rmtree(self.own / name, ignore_errors=True)
-
-    def _drop_partial(self) -> None:
-        """What processes of this machine left that were killed."""
-        for path in (self.own / "partial").glob("*"):
-            mine = _PARTIAL.fullmatch(path.name)
-            if mine and not _is_alive(int(mine[1])):
+    def forget(self) -> None:
+        """That images and shards are done. Folders stay: others may be writing to them; so do blobs
+        and decodings, which have names by content."""
+        for name in ("shards", "records"):
+            for path in (self.own / name).glob("*"):
                 path.unlink(missing_ok=True)
-
-    def _check(self, description: dict[str, Any]) -> None:
-        """More images of the same data set are the same data set."""
-        old = self.description
-        new = json.loads(json.dumps(description, default=_plain))
-        differs = [
-            key.removesuffix("_sha256")
-            for key in _differences(old, new)
-            if key not in ("count", "version", "numpy")
-        ]
-        if description["count"] < old["count"]:
-            raise FailedPrecondition(
-                f"{self.root} is a data set of {old['count']} images, count={description['count']} "
-                "is less: ask for as many or more, or remove the directory"
-            )
-        if differs:
-            raise FailedPrecondition(
-                f"{self.root} is a data set with another {', '.join(differs)}: write to another "
-                "directory, or remove this one"
-            )
-
-
-def _differences(old: dict[str, Any], new: dict[str, Any]) -> Iterator[str]:
-    """Keys with another value; of two objects in them "key.inner"."""
-    for key in sorted({*old, *new}):
-        a, b = old.get(key), new.get(key)
-        if isinstance(a, dict) and isinstance(b, dict):
-            yield from (f"{key}.{inner}" for inner in _differences(a, b))
-        elif a != b:
-            yield key
 
 
 def _is_of(error: Exception, numbers: tuple[int, ...]) -> bool:
@@ -240,12 +223,21 @@ def _is_of(error: Exception, numbers: tuple[int, ...]) -> bool:
     )
 
 
-def _sha256(path: Path) -> str:
-    digest = hashlib.sha256()
-    with open(path, "rb") as file:
-        while block := file.read(1 << 20):
-            digest.update(block)
-    return digest.hexdigest()
+def _named_for_me(name: str) -> str:
+    """A name in a folder that processes share, of this thread alone."""
+    end = name.replace("-", "_")  # so that no host passes for another
+    return f"{_HOST}-{os.getpid()}-{threading.get_ident()}-{end}"
+
+
+def _drop_dead(folder: Path) -> None:
+    """Removes what processes of this machine left in such a folder that were killed."""
+    for path in folder.glob("*"):
+        mine = _MINE.fullmatch(path.name)
+        if mine and not _is_alive(int(mine[1])):
+            if path.is_dir():
+                shutil.rmtree(path, ignore_errors=True)
+            else:
+                path.unlink(missing_ok=True)
 
 
 def _is_alive(process: int) -> bool:
@@ -265,13 +257,6 @@ def name_of(index: int) -> str:
     return f"{index:06d}"
 
 
-def _plain(value: Any) -> Any:
-    """What JSON has no word for."""
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return dataclasses.asdict(value)
-    return repr(value)
-
-
 def _text(path: Path) -> str:
     try:
         return path.read_text()
@@ -288,4 +273,6 @@ def _json(path: Path) -> dict[str, Any]:
         raise FailedPrecondition(
             f"{path}: is torn ({error}): remove it, and call generate() again"
         ) from None
+    if not isinstance(found, dict):
+        raise FailedPrecondition(f"{path}: holds no JSON object: generate() did not write it")
     return found

@@ -10,7 +10,8 @@ import json
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass, replace
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from itertools import groupby, islice
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ from .._progress import Progress, is_watched
 from ..components import whole_of
 from ..errors import FailedPrecondition, InvalidArgument, Unavailable
 from .draw import Draw
+from .record import Record, claimed
 from .source import Drawn, Source, naming
 from .splits import Splits
 from .uploads import named
@@ -96,13 +98,10 @@ def generate(
         splits=splits,
         **options,
     )
-    run.open(resume)
-    try:
+    with run.opened(resume):
         run.begin()
         summary = run.make(indices, whole_of(credits, "credits", 1), Bar(progress))
         return replace(summary, complete=run.finish())
-    finally:
-        run.end()
 
 
 def run_of(
@@ -150,7 +149,7 @@ def run_of(
     )
     description = {
         "count": dataset.count,
-        "seed": seed,
+        "seed": source.seed,
         "cameras": [camera.name or camera.id for camera in dataset.cameras],
         "categories": {str(k): v for k, v in dataset.categories.items()},
         "splits": shares.shares,
@@ -163,8 +162,8 @@ def run_of(
 
 @dataclass
 class Run:
-    """The steps of generate(): open() once for a data set; begin(), then make() as often as one
-    likes, in each process that makes images of it; finish() when all are there, then end()."""
+    """The steps of generate(): `with opened()` once for a data set; begin(), then make() as often as
+    one likes, in each process that makes images of it; finish() when all are there."""
 
     dataset: Dataset
     source: Source
@@ -172,6 +171,7 @@ class Run:
     labels: dict[str, Any]
     splits: Splits
     description: dict[str, Any]
+    records: list[Record] = field(default_factory=list)  # while it is opened
 
     @property
     def planes(self) -> list[str]:
@@ -179,24 +179,30 @@ class Run:
 
     # ------------------------------------------------------------ the data set
 
-    def open(self, resume: bool) -> None:
+    @contextmanager
+    def opened(self, resume: bool) -> Iterator[None]:
+        """Begins the data set, or goes on with it. FailedPrecondition where one of the directories
+        is another one's."""
         roots = [writer.directory.resolve() for writer in self.writers]
         if not roots or len(set(roots)) < len(roots):
             raise InvalidArgument(
                 "writer: needs at least one, each with a directory of its own", field="writer"
             )
         made_by = {"version": __version__, "numpy": np.__version__}
-        for writer in self.writers:
-            full = {**made_by, **self.description, "writer": writer.settings}
-            writer.folder.open(full, self.dataset.scene, resume)
+        self.records = [
+            Record(each.folder, {**made_by, **self.description, "writer": each.settings})
+            for each in self.writers
+        ]
+        with claimed(self.records, self.dataset.scene, resume):
+            try:
+                yield
+            finally:
+                for writer in self.writers:
+                    writer.end()
 
     def begin(self) -> None:
         for writer in self.writers:
             writer.begin(self.dataset)
-
-    def end(self) -> None:
-        for writer in self.writers:
-            writer.end()
 
     def make(self, indices: Iterable[int] | None, credits: int, bar: Bar) -> Summary:
         """Those of the images that are not there yet; of `complete` it says nothing."""
@@ -246,12 +252,12 @@ class Run:
 
     def finish(self) -> bool:
         """Whether all images are there; if so, writes what is of all of them."""
-        count = self.dataset.count
-        for writer in self.writers:
-            if not all(writer.folder.has(index) for index in range(count)):
-                return False
-        for writer in self.writers:
-            with writer.folder.finishing():
+        for writer, record in zip(self.writers, self.records):
+            with writer.folder.alone():
+                record.check()
+                count = record.count()
+                if not all(writer.folder.has(index) for index in range(count)):
+                    return False
                 writer.finish(Records(writer.folder, count))
         return True
 

@@ -123,7 +123,7 @@ class Bop(Writer):
                 mask = self.directory / folder / kind / f"{record['image']:06d}_{k:06d}.png"
                 if not mask.exists():
                     break
-                mask.unlink()
+                mask.unlink(missing_ok=True)  # who makes the same image may have been first
 
     def _camera(self, frame: Frame) -> dict[str, Any]:
         world_to_camera = frame.camera_from_world_cv
