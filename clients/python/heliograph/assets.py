@@ -88,7 +88,7 @@ def decode_bundle(client: Client, source: Source) -> service.AssetInfo:
     for _ in range(_ROUNDS):
         found, missing = _answer(client, request)
         if found is not None:
-            client.store.decodings[_digest(found)] = Decoding(request, folder)
+            client.store.decodings[_digest(found)] = Decoding(request, folder.absolute())
             return found
         sent = {file.path for file in request.files}
         new = [name for name in dict.fromkeys(missing) if name not in sent]

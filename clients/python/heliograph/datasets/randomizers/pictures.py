@@ -81,7 +81,14 @@ def _listed(images: Any, endings: tuple[str, ...]) -> Sequence[Any]:
     listed = [images] if isinstance(images, np.ndarray) or callable(images) else list(images)
     if not listed:
         raise InvalidArgument("images: needs at least one picture", field="images")
-    for image in listed:
-        if isinstance(image, (str, os.PathLike)) and not Path(image).is_file():
-            raise NotFound(f"images: no file {image}", field="images")
-    return listed
+    return [
+        _absolute(image) if isinstance(image, (str, os.PathLike)) else image for image in listed
+    ]
+
+
+def _absolute(image: str | os.PathLike[str]) -> Path:
+    """It is read at the first draw that takes it, wherever the process is by then."""
+    path = Path(image).absolute()
+    if not path.is_file():
+        raise NotFound(f"images: no file {image}", field="images")
+    return path

@@ -45,7 +45,7 @@ def read_settings(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise InvalidArgument(f"{path}: {error}", field="config") from None
     for key in ("models", "domes"):
         if key in settings:
-            settings[key] = _beside(path, settings[key])
+            settings[key] = _beside(path.absolute(), settings[key])
     return settings
 
 
