@@ -59,5 +59,11 @@ FAULTS = {
         "dataset.format",
         lambda root: (root / OWN / f"decodings/{64 * '1'}.bin").write_bytes(b"\xff\xff"),
     ),
+    "files of the format are gone": (
+        "dataset.files",
+        lambda root: put(
+            root / OWN / "dataset.json", {"count": 3, "writer": {"format": "NerfTransforms"}}
+        ),
+    ),
     "half a file": ("dataset.partial", lambda root: put(root / OWN / "partial/1-000001.png", {})),
 }

@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from google.protobuf.message import DecodeError
 
@@ -17,10 +18,12 @@ from .report import Faults, Malformed
 CHECKS = {
     "format": "dataset.json and every record are JSON objects",
     "counts": "a record and a manifest of each image asked for, and of no other",
+    "files": "of a data set with all its images, the files of the format that dataset.json names",
     "kept": "scene.helio and blobs have the SHA-256 of dataset.json and of their names, decodings "
     "the blobs of their files",
     "partial": "no file was left half written",
 }
+_NAMES = {"Middlebury": "flo", "NerfTransforms": "nerf"}  # where it is not the writer's, in small
 
 
 def wanted_count(root: Path) -> int | None:
@@ -43,23 +46,10 @@ def tasks(root: Path, faults: Faults) -> Iterator[Task]:
     if count is None:
         raise Malformed(root / OWN / "dataset.json", "is not there: generate() writes it")
     names = [f"{index:06d}.json" for index in range(count)]
-    for folder in ("records", "manifests"):
-        own = root / OWN / folder
-        there = {path.name for path in own.iterdir()} if own.is_dir() else set()
-        missing = [name for name in names if name not in there]
-        extra = sorted(there.difference(names))
-        if missing:
-            faults.add(
-                "counts",
-                own,
-                f"{len(missing)} of {count} are missing, the first is {missing[0]}: call "
-                "generate() again, it makes what is missing",
-            )
-        if extra:
-            faults.add("counts", own, f"{extra[0]} is beyond the {count} images: remove it")
+    check_counts(root / OWN, names, faults)
     partial_files = root / OWN / "partial"
     for left in sorted(partial_files.iterdir()) if partial_files.is_dir() else ():
-        faults.add("partial", left, "was left by a run that was killed: remove it")
+        faults.add("partial", left, "is of a run under way, or was killed: the next one removes it")
     for batch in batches(names, 256):
         yield partial(check_records, root / OWN / "records", batch)
     yield partial(check_scene, root / OWN)
@@ -67,6 +57,63 @@ def tasks(root: Path, faults: Faults) -> Iterator[Task]:
         yield partial(check_blobs, batch)
     for batch in batches(files(root / OWN / "decodings", ".bin"), 256):
         yield partial(check_decodings, root / OWN / "blobs", batch)
+
+
+def check_counts(own: Path, names: list[str], faults: Faults) -> None:
+    """How many of the images are there, and where all are, the format's files?"""
+    format_name = _format_of(own)
+    made, described = _listed(own / "records"), _listed(own / "manifests")
+    missing = [name for name in names if name not in made]
+    bare = [name for name in names if name in made and name not in described]
+    if missing:
+        a_set = f" of a {format_name} set" if format_name else ""
+        faults.add(
+            "counts",
+            own,
+            f"{len(names) - len(missing)} of {len(names)} images{a_set} are there, the first that "
+            f"is missing is {Path(missing[0]).stem}: call generate() again with the same "
+            "arguments, it makes what is missing",
+        )
+    elif format_name:
+        _check_files(own.parent, format_name, faults)
+    if bare:
+        faults.add(
+            "counts",
+            own / "manifests",
+            f"{len(bare)} of {len(made)} are missing, the first is {bare[0]}: remove their records "
+            "and call generate() again",
+        )
+    for folder, there in (("records", made), ("manifests", described)):
+        for name in sorted(there.difference(names))[:1]:
+            beyond = f"{name} is beyond the {len(names)} images: remove it"
+            faults.add("counts", own / folder, beyond)
+
+
+def _listed(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()} if folder.is_dir() else set()
+
+
+def _format_of(own: Path) -> str:
+    """The writer that made it, "" where dataset.json does not say."""
+    writer: Any = read_object(own / "dataset.json").get("writer")
+    return str(writer.get("format", "")) if isinstance(writer, dict) else ""
+
+
+def _check_files(root: Path, format_name: str, faults: Faults) -> None:
+    from .table import FORMATS  # which names this module
+
+    others = [one for one in FORMATS.values() if one.name != "dataset"]
+    named = FORMATS.get(_NAMES.get(format_name, format_name.lower()))
+    if named is not None and not named.found(root):
+        faults.add(
+            "files",
+            root,
+            f"all images of a {format_name} set are done, and its files are not there, such as "
+            f"{named.looks_for}: copy them, or call generate() again, which writes what is of the "
+            "whole set; with resume=False all",
+        )
+    elif named is None and not any(one.found(root) for one in others):
+        faults.leave("files", f"{format_name} is no format that validate() knows")
 
 
 def check_records(folder: Path, names: list[str], faults: Faults) -> None:

@@ -72,7 +72,7 @@ def validate(
 def recognised(root: Path) -> list[Format]:
     """The formats whose files are in a directory; InvalidArgument when there are none."""
     found = [one for one in FORMATS.values() if one.found(root)]
-    if not any(one.name != "dataset" for one in found):
+    if not found:
         wanted = "; ".join(f"{one.name}: {one.looks_for}" for one in FORMATS.values())
         raise InvalidArgument(
             f"{root} has files of no known format; looked for {wanted}", field="directory"
