@@ -9,6 +9,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import types
 
 import heliograph as hg
@@ -222,6 +223,30 @@ def test_ray_makes_the_same_files(ray, staged, tmp_path):
     assert len(list((tmp_path / "made/.heliograph/shards").iterdir())) == 4
     again = cluster.generate(staged, "cam", shift, writer=made, workers=2, shard=3, **OPTIONS)
     assert (again.images, again.skipped) == (0, 10)
+
+
+def test_of_two_calls_at_once_one_is_refused(ray, staged, tmp_path):
+    barrier, said = threading.Barrier(2), {}
+
+    def run(seed):
+        options = {**OPTIONS, "seed": seed, "writer": hd.Coco(tmp_path / "set"), "workers": 1}
+        barrier.wait()
+        try:
+            said[seed] = cluster.generate(staged, "cam", shift, **options).images
+        except hg.FailedPrecondition as error:
+            said[seed] = str(error)
+
+    threads = [threading.Thread(target=run, args=(seed,)) for seed in (7, 8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    (winner,) = (seed for seed in said if said[seed] == 10)
+    assert "another seed" in said[15 - winner]
+    hd.generate(
+        staged, "cam", shift, writer=hd.Coco(tmp_path / "alone"), **{**OPTIONS, "seed": winner}
+    )
+    assert files(tmp_path / "set") == files(tmp_path / "alone")
 
 
 def test_ray_listens_on_the_loopback_address_alone(ray):

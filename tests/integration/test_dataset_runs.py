@@ -32,6 +32,30 @@ def test_resuming_makes_what_is_missing_alone(stage, tmp_path):
     assert make(stage, tmp_path, count=4, resume=False).images == 4
 
 
+def test_a_relative_directory_stays_where_it_was_named(stage, tmp_path, monkeypatch):
+    scene, balls, cam = stage
+    other = tmp_path / "other"
+    other.mkdir()
+    monkeypatch.chdir(tmp_path)
+
+    def leaves(draw):
+        os.chdir(other)
+        scatter(balls)(draw)
+        spin(draw)
+
+    writers = [hd.Coco("Coco"), hd.WebDataset("WebDataset"), hd.Bop("Bop")]
+    options = {"count": 3, "spp": 2}
+    assert hd.generate(scene, cam, leaves, writer=writers, **options).complete
+    assert hd.generate(scene, cam, leaves, writer=writers, **options).skipped == 3
+    assert not list(other.iterdir())
+    make(stage, None, writer=[hd.Coco(tmp_path / "whole/Coco")])
+    assert files(tmp_path / "Coco").keys() == files(tmp_path / "whole/Coco").keys()
+    monkeypatch.chdir(tmp_path)
+    kept = hd.KeptImage.find("Coco/images/000001.png")
+    os.chdir(other)
+    assert kept.is_same(kept.render(scene.client))
+
+
 SPLITS = {"train": 0.5, "val": 0.5}
 
 
@@ -57,6 +81,18 @@ def test_a_directory_without_files_takes_another_data_set(stage, tmp_path):
     assert make(stage, tmp_path).images == 3
     with pytest.raises(hg.FailedPrecondition, match="another options.size: write to another"):
         make(stage, tmp_path, size=(64, 32))
+
+
+def test_a_run_that_is_refused_writes_nothing_and_does_not_draw(stage, tmp_path):
+    scene, _, cam = stage
+    one, two = hd.Coco(tmp_path / "one"), hd.Coco(tmp_path / "two")
+    make(stage, None, writer=two)
+    whole = files(tmp_path)
+    drawn = []
+    for writers in ([one, two], [two, one]):
+        with pytest.raises(hg.FailedPrecondition, match="two is a data set with another seed"):
+            hd.generate(scene, cam, drawn.append, count=3, spp=2, seed=9, writer=writers)
+    assert files(tmp_path) == whole and not drawn
 
 
 def test_what_a_killed_process_left_goes_and_what_other_hosts_write_stays(stage, tmp_path):

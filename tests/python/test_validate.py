@@ -140,6 +140,47 @@ def test_what_is_too_coarse_is_left_out(clean, tmp_path):
     assert "position_camera is float16" in report.left_out[0].reason
 
 
+def interrupted(tmp_path, writer, there):
+    """A set of 3 images, of which so many were made."""
+    clean_dataset.make(tmp_path)
+    own = tmp_path / clean_dataset.OWN
+    told = json.loads((own / "dataset.json").read_text())
+    clean_dataset.put(own / "dataset.json", {**told, "writer": {"format": writer}})
+    for index in range(there, 3):
+        for folder in ("records", "manifests"):
+            (own / f"{folder}/{index:06d}.json").unlink()
+
+
+@pytest.mark.parametrize("there", [0, 1, 2])
+def test_an_interrupted_set_is_told_as_such(tmp_path, capsys, there):
+    interrupted(tmp_path, "Coco", there)
+    (tmp_path / "images").mkdir()
+    report = hd.validate(tmp_path)
+    assert report.formats == ["dataset"] and not report.ok
+    (fault,) = report.faults
+    assert fault.check == "dataset.counts"
+    said = f"{there} of 3 images of a Coco set are there, the first that is missing is 00000{there}"
+    assert said in fault.message and "call generate() again" in fault.message
+    assert main(["validate", str(tmp_path), "--processes", "0"]) == 1
+    assert said in capsys.readouterr().out
+
+
+def test_an_interrupted_set_beside_anothers_files(tmp_path, clean):
+    shutil.copytree(clean("coco"), tmp_path, dirs_exist_ok=True)
+    interrupted(tmp_path, "Yolo", 1)
+    report = hd.validate(tmp_path)
+    assert report.formats == ["coco", "dataset"]
+    assert "1 of 3 images of a Yolo set are there" in str(report)
+
+
+def test_a_whole_set_of_a_writer_of_ones_own(tmp_path):
+    interrupted(tmp_path, "Mine", 3)
+    report = hd.validate(tmp_path)
+    assert report.ok and report.formats == ["dataset"]
+    assert [each.check for each in report.left_out] == ["dataset.files"]
+    assert "Mine is no format" in report.left_out[0].reason
+
+
 def test_what_cannot_be_validated_is_refused(tmp_path):
     with pytest.raises(hg.InvalidArgument, match="no known format"):
         hd.validate(tmp_path)

@@ -1,5 +1,5 @@
-"""What a data set keeps about itself in DIR/.heliograph. Used by generate() and commands; what is in
-dataset.json and who makes it: record.py."""
+"""What a data set keeps about itself in DIR/.heliograph. Used by generate() and commands; of
+dataset.json see record.py."""
 
 from __future__ import annotations
 

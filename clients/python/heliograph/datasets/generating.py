@@ -162,8 +162,8 @@ def run_of(
 
 @dataclass
 class Run:
-    """The steps of generate(): `with opened()` once for a data set; begin(), then make() as often as
-    one likes, in each process that makes images of it; finish() when all are there."""
+    """The steps of generate(): `with opened()` once for a data set; begin(), then make() as often
+    as one likes, in each process that makes images of it; finish() when all are there."""
 
     dataset: Dataset
     source: Source

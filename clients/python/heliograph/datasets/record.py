@@ -165,11 +165,11 @@ class Record:
 
     def _withdraw(self) -> None:
         """Takes the record back, unless somebody has entered by the time that it is gone."""
-        with self.folder.partial("withdrawn") as old:
-            with contextlib.suppress(FileNotFoundError, FileExistsError):
-                os.replace(self.path, old)
-                if self.folder.is_entered():
-                    os.link(old, self.path)
+        gone_or_there = contextlib.suppress(FileNotFoundError, FileExistsError)
+        with self.folder.partial("withdrawn") as old, gone_or_there:
+            os.replace(self.path, old)
+            if self.folder.is_entered():
+                os.link(old, self.path)
 
 
 def _text(description: Mapping[str, Any]) -> str:
@@ -187,7 +187,9 @@ def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str
     """Keys with another value; of two objects in them "key.inner"."""
     for key in sorted({*old, *new}):
         a, b = old.get(key), new.get(key)
-        if isinstance(a, dict) and isinstance(b, dict):
+        if isinstance(a, dict) and isinstance(b, dict) and a.get("format") != b.get("format"):
+            yield f"{key}.format"  # whose other settings are not the same ones
+        elif isinstance(a, dict) and isinstance(b, dict):
             yield from (f"{key}.{inner}" for inner in _differences(a, b))
         elif a != b:
             yield key
