@@ -198,6 +198,8 @@ def of_pair(number, equal):
         one["writer"] = "Coco"
     if "also" in change or (equal and number % 2):
         one["also"] = "first"
+    if equal and number % 3 == 0:
+        one["resume"] = False
     other = {**one, **change}
     if how == "array":
         for task, settings in enumerate((one, other)):

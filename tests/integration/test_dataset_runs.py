@@ -30,6 +30,8 @@ def test_resuming_makes_what_is_missing_alone(stage, tmp_path):
     with pytest.raises(hg.FailedPrecondition, match="a data set of 4 images, count=3 is less"):
         make(stage, tmp_path)
     assert make(stage, tmp_path, count=4, resume=False).images == 4
+    again = make(stage, tmp_path, count=4, resume=False, indices=[1, 3])
+    assert (again.images, again.complete) == (2, True)  # the others stay
 
 
 def test_a_relative_directory_stays_where_it_was_named(stage, tmp_path, monkeypatch):

@@ -34,7 +34,7 @@ def described(seed=7, count=4, **more):
 def claim(root, seed=7, scene=None, resume=True, **more):
     """A run's claim, while the block lasts."""
     record = Record(Folder(root), described(seed, **more))
-    return claimed([record], scene or Scene(), resume)
+    return claimed([record], scene or Scene(), () if resume else range(10))
 
 
 def done(root, index=0):
@@ -115,7 +115,7 @@ def test_of_two_that_want_the_same_directories_one_gets_all(tmp_path):
         runs = []
         for seed, roots in enumerate([(a, b), (b, a), (b, c)]):
             records = [Record(Folder(root), described(seed)) for root in roots]
-            runs.append(claimed(records, Scene(), True))
+            runs.append(claimed(records, Scene()))
         raised = at_once(runs)
         assert sum(error is None for error in raised) == 1
 
@@ -203,8 +203,20 @@ def test_images_without_a_record_are_nobodys(tmp_path):
     with pytest.raises(hg.FailedPrecondition, match=r"not its dataset.json: .*resume=False"):
         with claim(tmp_path, 8):
             pass
+    some = Record(Folder(tmp_path), described(8))
+    with pytest.raises(hg.FailedPrecondition, match="not its dataset.json"):
+        with claimed([some], Scene(), [1, 2]):
+            pass
     with claim(tmp_path, 8, resume=False):
         assert not Folder(tmp_path).has_images()
+
+
+def test_a_part_that_is_made_again_forgets_its_own(tmp_path):
+    with claim(tmp_path):
+        for index in range(4):
+            done(tmp_path, index)
+    with claimed([Record(Folder(tmp_path), described())], Scene(), [1, 3]):
+        assert [Folder(tmp_path).has(index) for index in range(4)] == [True, False, True, False]
 
 
 def test_made_again_it_forgets_images_and_keeps_what_others_may_be_using(tmp_path):
@@ -243,7 +255,7 @@ def test_more_images_are_the_same_data_set(tmp_path):
         with claim(tmp_path, count=3):
             pass
     few = Record(Folder(tmp_path), described(count=4))
-    with claimed([few], Scene(), True):
+    with claimed([few], Scene()):
         with claim_in_thread(tmp_path, count=6, version="2"):
             assert few.count() == 6  # it is not finished with four
         few.check()
@@ -251,7 +263,7 @@ def test_more_images_are_the_same_data_set(tmp_path):
 
 def test_who_finds_another_record_at_the_end_says_so(tmp_path):
     record = Record(Folder(tmp_path), described())
-    with claimed([record], Scene(), True):
+    with claimed([record], Scene()):
         done(tmp_path)
         path = tmp_path / ".heliograph/dataset.json"
         path.write_text(path.read_text().replace('"seed": 7', '"seed": 8'))

@@ -107,7 +107,7 @@ def generate(
     start = time.monotonic()
     with _ray(number * need["num_cpus"], need["num_gpus"]) as ray:
         plan = packed(ray.cloudpickle.CloudPickler, scene, {**asked, **options})
-        with run.opened(resume):
+        with run.opened(() if resume else range(count)):
             todo = [each for each in _shards(count, width) if not _is_done(run, each)]
             arguments = run.writers[0].folder.scene_path, plan, dict(connect or {}), credits
             team = _Team(ray, ray.remote(Maker).options(**need), arguments)

@@ -12,7 +12,7 @@ import shutil
 import socket
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -203,16 +203,19 @@ class Folder:
         """Whether DIR has any, but what is kept here."""
         return any(path != self.own for path in self.root.iterdir())
 
-    def has_images(self) -> bool:
+    def has_images(self, but: Container[int] = ()) -> bool:
         """Whether an image is done."""
-        return any((self.own / "records").glob("*.json"))
+        return any(index not in but for index in self._done())
 
-    def forget(self) -> None:
-        """That images and shards are done. Folders stay: others may be writing to them; so do blobs
-        and decodings, which have names by content."""
-        for name in ("shards", "records"):
-            for path in (self.own / name).glob("*"):
-                path.unlink(missing_ok=True)
+    def forget(self, images: Container[int]) -> None:
+        """That these are done. All other files stay: equal runs may be using them."""
+        for index in self._done():
+            if index in images:
+                self._record(index).unlink(missing_ok=True)
+
+    def _done(self) -> Iterator[int]:
+        found = (self.own / "records").glob("*.json")
+        return (int(path.stem) for path in found if path.stem.isdigit())
 
 
 def _is_of(error: Exception, numbers: tuple[int, ...]) -> bool:

@@ -72,7 +72,7 @@ def generate(
     draws from draw.rng alone, so that every image is a pure function of (seed, i). writer: one or
     several, each with a directory of its own.
     indices: make these only, a shard; the one that makes the last missing image finishes the data
-    set. resume: images that are there are not made again; False: all are.
+    set. resume: images that are there are not made again; False: all are, or those of indices.
     accept: gets the label columns of a draw, which are made before anything is shaded, once a
     camera; when it says no the draw is rejected and drawn anew, up to `attempts` times. labels: the
     columns that accept sees, and the frames too; by default all but masks for accept alone.
@@ -98,9 +98,10 @@ def generate(
         splits=splits,
         **options,
     )
-    with run.opened(resume):
+    wanted = run.checked(indices)
+    with run.opened(() if resume else wanted):
         run.begin()
-        summary = run.make(indices, whole_of(credits, "credits", 1), Bar(progress))
+        summary = run.make(wanted, whole_of(credits, "credits", 1), Bar(progress))
         return replace(summary, complete=run.finish())
 
 
@@ -180,9 +181,9 @@ class Run:
     # ------------------------------------------------------------ the data set
 
     @contextmanager
-    def opened(self, resume: bool) -> Iterator[None]:
-        """Begins the data set, or goes on with it. FailedPrecondition where one of the directories
-        is another one's."""
+    def opened(self, again: Sequence[int]) -> Iterator[None]:
+        """Begins the data set, or goes on with it; again: images that are to be made once more.
+        FailedPrecondition where one of the directories is another one's."""
         roots = [writer.directory.resolve() for writer in self.writers]
         if not roots or len(set(roots)) < len(roots):
             raise InvalidArgument(
@@ -193,7 +194,11 @@ class Run:
             Record(each.folder, {**made_by, **self.description, "writer": each.settings})
             for each in self.writers
         ]
-        with claimed(self.records, self.dataset.scene, resume):
+        with claimed(
+            self.records,
+            self.dataset.scene,
+            again if isinstance(again, range) else frozenset(again),
+        ):
             try:
                 yield
             finally:
@@ -204,10 +209,9 @@ class Run:
         for writer in self.writers:
             writer.begin(self.dataset)
 
-    def make(self, indices: Iterable[int] | None, credits: int, bar: Bar) -> Summary:
+    def make(self, wanted: Sequence[int], credits: int, bar: Bar) -> Summary:
         """Those of the images that are not there yet; of `complete` it says nothing."""
         start = time.monotonic()
-        wanted = self._checked(indices)
         skipped = _Count()
         draws = self._draws(wanted, skipped)
         made = 0
@@ -228,7 +232,8 @@ class Run:
         seconds = time.monotonic() - start
         return Summary(made, skipped.value, self.source.rejected, seconds, False)
 
-    def _checked(self, indices: Iterable[int] | None) -> Sequence[int]:
+    def checked(self, indices: Iterable[int] | None) -> Sequence[int]:
+        """Those that make() takes; None: all."""
         count = self.dataset.count
         if indices is None:
             return range(count)

@@ -14,7 +14,7 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,16 +31,16 @@ _TAKEN = (errno.EEXIST, errno.ENOTEMPTY)
 
 
 @contextlib.contextmanager
-def claimed(records: Iterable[Record], scene: Scene, resume: bool) -> Iterator[None]:
+def claimed(records: Iterable[Record], scene: Scene, again: Container[int] = ()) -> Iterator[None]:
     """A run that has claimed all of these, or nothing. In one order for all, so that of two runs
-    that want the same directories one gets the first."""
+    that want the same directories one gets the first. again: images that are not done any more."""
     ordered = sorted(records, key=lambda record: record.folder.root.resolve())
     with contextlib.ExitStack() as run:
         with contextlib.ExitStack() as drafts:
             scenes = [drafts.enter_context(record.drafted(scene)) for record in ordered]
             for record, path in zip(ordered, scenes):
                 run.callback(record.leave)
-                record.claim(path, resume)
+                record.claim(path, again)
         yield
 
 
@@ -65,11 +65,11 @@ class Record:
                 self._compare(self.folder.description)
             yield path
 
-    def claim(self, scene_path: Path, resume: bool) -> None:
-        """Begins the data set, or joins it if it is the same; resume: its images stay."""
+    def claim(self, scene_path: Path, again: Container[int]) -> None:
+        """Begins the data set, or joins it if it is the same."""
         with self.folder.alone():
             self.folder.enter()
-            if resume and self.folder.has_images() and not self.path.exists():
+            if self.folder.has_images(but=again) and not self.path.exists():
                 raise FailedPrecondition(
                     f"{self.folder.own}: has images of a data set, and not its dataset.json: copy "
                     "it, or make all images again with resume=False"
@@ -78,8 +78,7 @@ class Record:
             self._compare(self.folder.description)
             with self.folder.explained(self.folder.scene_path):
                 os.replace(scene_path, self.folder.scene_path)
-            if not resume:
-                self.folder.forget()
+            self.folder.forget(again)
             self.count()
 
     def leave(self) -> None:
