@@ -96,8 +96,8 @@ class Scenes:
         options |= {"count": COUNT, "resume": settings.get("resume", True)}
         try:
             done = make(scene, "cam", scatter, writer=writers_of(out, settings), **options)
-        except hg.FailedPrecondition as error:
-            return None, str(error)
+        except Exception as error:  # what names nothing counts as such
+            return None, str(error) or repr(error)
         return done.images + done.skipped, repr(done)
 
 

@@ -71,7 +71,7 @@ def links(request, monkeypatch):
 def at_once(runs):
     """What each of these raised, all of them begun by threads at the same moment and kept until
     each was answered."""
-    barrier, raised = threading.Barrier(len(runs)), [None] * len(runs)
+    barrier, raised = threading.Barrier(len(runs), timeout=30), [None] * len(runs)
 
     def run(number, claims):
         barrier.wait()
@@ -134,7 +134,7 @@ def in_a_process(root, seed, barrier, answers):
 
 def test_of_many_processes_exactly_one_goes_on(tmp_path):
     context = multiprocessing.get_context("spawn")
-    barrier, answers = context.Barrier(4), context.Queue()
+    barrier, answers = context.Barrier(4, timeout=120), context.Queue()
     processes = [
         context.Process(target=in_a_process, args=(tmp_path, seed, barrier, answers))
         for seed in range(4)
