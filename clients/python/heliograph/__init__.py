@@ -166,20 +166,26 @@ def connect(
     token: str | os.PathLike[str] | None = None,
     tls: TLS | None = None,
     arguments: Sequence[str] = (),
-    timeout: float = 30.0,
+    timeout: float | None = None,
 ) -> Client:
     """A client of a daemon.
 
     Without an address: a private heliographd, which ends with this process; `arguments` are more
     of its flags, `("--threads", "4")`. Otherwise "unix:///path/heliograph.sock" or "host:port".
     `token`: who this client is, or a path to a file with it, which may change while the client
-    runs. `tls`: of "host:port", see TLS. `timeout`: seconds a private daemon may take to start.
+    runs. `tls`: of "host:port", see TLS. `timeout`: seconds that connecting may take; default: 30 for
+    a private daemon, which has to start, else 10.
     The daemon's log goes to logging.getLogger("heliograph").
     """
     if isinstance(arguments, str):
         raise InvalidArgument('arguments: a sequence, ("--threads", "4")', field="arguments")
+    from ._start import deadline_of, occupy_standard_streams
+
+    is_private = address is None and tls is None
+    deadline = deadline_of(timeout, default=30.0 if is_private else None)
+    occupy_standard_streams()
     daemon = None
-    if address is None and tls is None:
+    if is_private:
         from ._launch import PrivateDaemon
 
         daemon = PrivateDaemon(arguments)
@@ -188,11 +194,11 @@ def connect(
         from .client import check_arguments, open_client
 
         check_arguments(address, tls, arguments)
-        if daemon is not None:
-            address = daemon.address(timeout)
+        if daemon is not None and deadline is not None:
+            address = daemon.address(deadline.left())
         assert address is not None
-        return open_client(Access(address, token, tls), daemon)
+        return open_client(Access(address, token, tls), daemon, deadline)
     except BaseException:
         if daemon is not None:
-            daemon.stop()
+            daemon.give_up()
         raise

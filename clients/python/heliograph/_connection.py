@@ -21,6 +21,7 @@ from .errors import HeliographError, NotFound, Unauthenticated, Unavailable
 
 if TYPE_CHECKING:
     from ._launch import PrivateDaemon
+    from ._start import Deadline
 
 
 class Connection:
@@ -50,15 +51,18 @@ class Connection:
                 self._link = self._open_link()
             return self._link
 
-    def open(self) -> None:
+    def open(self, deadline: Deadline | None) -> None:
         """Opens the session now, so that connect() fails rather than the first call."""
-        assert self.link
+        with self._lock:
+            self._link = self._open_link(deadline)
 
-    def _open_link(self) -> Link:
+    def _open_link(self, deadline: Deadline | None = None) -> Link:
         try:
-            return Link(self.access)
+            link = Link(self.access, deadline=deadline)
         except (grpc.RpcError, Unavailable) as error:
             raise self._lost(_typed(error)) from None
+        link.keep(self.daemon)
+        return link
 
     def resume(self, link: Link, failure: HeliographError) -> bool:
         """Whether the daemon was restarted and opened the session again: with the numbering of the

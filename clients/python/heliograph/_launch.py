@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import atexit
 import collections
+import contextlib
 import json
 import logging
 import os
@@ -14,7 +15,8 @@ import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Sequence
+import weakref
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +32,10 @@ _LEVELS = {
     "critical": logging.CRITICAL,
 }
 _LOG_LINES = 20
+_PATIENCE = 5.0  # seconds that a daemon gets for its end
+_SHORT_PATIENCE = 0.2  # likewise where it has no client yet
+_PATH_BYTES = 107  # of a socket, at most
+_LONGER_SOCKET = "heliograph.sock.fd.sock"  # of the two in a daemon's folder
 
 
 def find_program() -> str:
@@ -73,8 +79,49 @@ def find_beside(name: str) -> Path | None:
     return next((file for file in files if file.is_file()), None)
 
 
+def private_folder() -> str:
+    """A new folder that only this user may enter, where the paths of sockets are short enough."""
+    refused = []
+    for parent in dict.fromkeys(_parents()):
+        try:
+            folder = tempfile.mkdtemp(prefix="heliograph-", dir=parent)
+        except OSError as error:
+            refused.append(f"{parent}: {error.strerror}")
+            continue
+        why = _unfit(f"{folder}/{_LONGER_SOCKET}")
+        if not why:
+            return folder
+        os.rmdir(folder)
+        refused.append(f"{parent}: {why}")
+    raise Unavailable(
+        "no folder for the sockets of a private daemon; set TMPDIR to one with a short path where "
+        f"this user may write ({'; '.join(refused)})"
+    )
+
+
+def _parents() -> Iterator[str]:
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    if runtime:
+        yield os.path.abspath(runtime)
+    with contextlib.suppress(FileNotFoundError):  # there is none that can be written
+        yield os.path.abspath(tempfile.gettempdir())
+    yield from (f"/run/user/{os.getuid()}", "/tmp", "/var/tmp", "/dev/shm")
+
+
+def _unfit(path: str) -> str:
+    """Why a socket cannot have this path; "": it can."""
+    data = os.fsencode(path)
+    if len(data) > _PATH_BYTES:
+        return f"a socket's path would have {len(data)} bytes, {_PATH_BYTES} is the most"
+    try:
+        data.decode()
+    except UnicodeDecodeError:
+        return "its path is no UTF-8"
+    return ""
+
+
 class PrivateDaemon:
-    """A daemon that lives as long as this process.
+    """A daemon that lives as long as this object, and no longer than this process.
 
     Owns: the process, its socket directory, the thread that reads its log. The daemon watches the
     owner by pidfd and ends with it, whatever the owner's children do.
@@ -89,16 +136,17 @@ class PrivateDaemon:
         self._owner = os.getpid()
         self._program = find_program()
         self._lines: collections.deque[str] = collections.deque(maxlen=_LOG_LINES)
-        runtime = os.environ.get("XDG_RUNTIME_DIR", "")
-        parent = runtime if os.access(runtime, os.W_OK) else None
-        self._folder = tempfile.mkdtemp(prefix="heliograph-", dir=parent)
+        self._folder = private_folder()
         self._socket = ""
         self._start(arguments)
-        atexit.register(self.stop)
+        self._end = weakref.finalize(self, _let_go, self._process, self._owner)
+        self._end.atexit = False  # _stop_all waits for it
+        _running.add(self)
 
     def _start(self, arguments: Sequence[str]) -> None:
         owner = os.pidfd_open(self._owner)
         self._ready, ready_end = os.pipe()
+        self._log, log_end = os.pipe()
         command = [self._program, "--private", "--socket-dir", self._folder]
         command += ["--owner-pidfd", str(owner), "--ready-fd", str(ready_end), *arguments]
         if "--denoiser" not in arguments:
@@ -107,52 +155,66 @@ class PrivateDaemon:
             self._process: subprocess.Popen[bytes] = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
+                stdout=log_end,
+                stderr=log_end,
                 pass_fds=(owner, ready_end),
                 start_new_session=True,  # Ctrl-C is for the client, which cancels its job
             )
         except OSError as error:
-            os.close(self._ready)
+            self._close_ready()
+            os.close(self._log)
             shutil.rmtree(self._folder, ignore_errors=True)
             raise Unavailable(f"cannot start {self._program}: {error}") from error
         finally:
-            os.close(owner)
-            os.close(ready_end)
-        self._reader = threading.Thread(target=self._read_log, name="heliograph-log", daemon=True)
+            for fd in (owner, ready_end, log_end):
+                os.close(fd)
+        self._reader = threading.Thread(
+            target=_read_log,
+            args=(self._log, self._process, self._lines, self._folder),
+            name="heliograph-log",
+            daemon=True,
+        )
         self._reader.start()
+        _readers.add(self._reader)
 
-    def _read_log(self) -> None:
-        log = logging.getLogger("heliograph")
-        assert self._process.stdout
-        for raw in self._process.stdout:
-            line = raw.decode(errors="replace").rstrip()
-            if line:
-                self._lines.append(line)
-                log.log(level_of(line), "%s", line)
+    def _close_ready(self) -> None:
+        fd, self._ready = self._ready, -1
+        if fd >= 0:
+            os.close(fd)
 
     def address(self, timeout: float) -> str:
         """Waits until the daemon listens; "unix:///path"."""
         if self._socket:
             return self._socket
-        text = self._read_ready(timeout)
-        os.close(self._ready)
+        until = time.monotonic() + timeout
+        try:
+            text = self._read_ready(until)
+        except TimeoutError:
+            self.stop(_SHORT_PATIENCE)
+            raise self.death(
+                f"heliographd did not listen within {timeout:g} s: raise timeout=, or start "
+                f"{self._program} by hand to see what it waits for"
+            ) from None
+        finally:
+            self._close_ready()
         try:
             self._socket = "unix://" + str(json.loads(text)["socket"])
-        except (ValueError, KeyError):
-            raise self.death(f"heliographd gave no socket (it said {text!r})") from None
+        except (ValueError, KeyError, TypeError):
+            patience = max(_SHORT_PATIENCE, min(2.0, until - time.monotonic()))
+            failure = self.death(f"heliographd gave no socket (it said {text!r})", patience)
+            self.stop(_SHORT_PATIENCE)
+            raise failure from None
         return self._socket
 
-    def _read_ready(self, timeout: float) -> str:
+    def _read_ready(self, until: float) -> str:
+        """The line that says where it listens, or as much of it as came before it ended."""
         import select
 
-        deadline = time.monotonic() + timeout
         text = b""
         while not text.endswith(b"\n"):
-            left = deadline - time.monotonic()
+            left = until - time.monotonic()
             if left <= 0 or not select.select([self._ready], [], [], left)[0]:
-                self.stop()
-                raise self.death(f"heliographd did not listen within {timeout:g} s")
+                raise TimeoutError
             piece = os.read(self._ready, 4096)
             if not piece:
                 break
@@ -163,12 +225,12 @@ class PrivateDaemon:
         """None while it runs (and in a forked child, which is not its parent)."""
         return self._process.poll() if os.getpid() == self._owner else None
 
-    def death(self, message: str) -> Unavailable:
-        """The error that tells how it ended."""
+    def death(self, message: str, patience: float = 2.0) -> Unavailable:
+        """The error that tells how it ended, where it does so within `patience` seconds."""
         code: int | None = None
         if os.getpid() == self._owner:
             try:
-                code = self._process.wait(2)
+                code = self._process.wait(patience)
                 self._reader.join(1)
             except subprocess.TimeoutExpired:
                 code = None
@@ -182,23 +244,80 @@ class PrivateDaemon:
         fields = Path(f"/proc/{self._process.pid}/stat").read_text().rpartition(")")[2].split()
         return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
 
-    def stop(self) -> None:
-        """Ends the daemon: SIGTERM, after 5 s SIGKILL. Nothing in a forked child."""
+    def disown(self) -> None:
+        """In a forked child: the process is none of its own, so it warns of none that runs on."""
+        self._process.returncode = 0
+
+    def give_up(self) -> None:
+        """Ends a daemon that has no client yet."""
+        self.stop(_SHORT_PATIENCE)
+
+    def stop(self, patience: float = _PATIENCE) -> None:
+        """Ends the daemon: SIGTERM, after `patience` seconds SIGKILL, of what it started too.
+        Nothing in a forked child."""
         if os.getpid() != self._owner:
             return
-        atexit.unregister(self.stop)
+        self._end.detach()
+        _running.discard(self)
+        self._close_ready()
         if self._process.poll() is None:
             self._process.terminate()
             try:
-                self._process.wait(5)
+                self._process.wait(patience)
             except subprocess.TimeoutExpired:
-                self._process.kill()
+                os.killpg(self._process.pid, signal.SIGKILL)  # it leads a session of its own
                 self._process.wait()
         self._reader.join(1)
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def __getstate__(self) -> Any:
         raise TypeError("a private daemon belongs to its process; pickle the client instead")
+
+
+def _read_log(
+    fd: int, process: subprocess.Popen[bytes], lines: collections.deque[str], folder: str
+) -> None:
+    """Until the daemon closes its end; then puts away what is left of it. Knows no PrivateDaemon,
+    which may be collected meanwhile."""
+    log = logging.getLogger("heliograph")
+    with open(fd, "rb") as file:
+        for raw in file:
+            line = raw.decode(errors="replace").rstrip()
+            if line:
+                lines.append(line)
+                log.log(level_of(line), "%s", line)
+    process.wait()
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def _let_go(process: subprocess.Popen[bytes], owner: int) -> None:
+    """Nobody refers to the daemon any more. Runs in any thread, at any time: the thread that reads
+    the log waits for the end."""
+    if os.getpid() == owner:
+        process.terminate()
+
+
+_running: weakref.WeakSet[PrivateDaemon] = weakref.WeakSet()
+_readers: weakref.WeakSet[threading.Thread] = weakref.WeakSet()
+
+
+def _stop_all() -> None:
+    for daemon in list(_running):
+        daemon.stop()
+    for reader in list(_readers):
+        reader.join(_PATIENCE)  # of a daemon that was let go
+
+
+def _in_child() -> None:
+    """In a forked child, which has neither the parent's children nor its threads."""
+    _readers.clear()
+    for daemon in list(_running):
+        daemon.disown()
+
+
+atexit.register(_stop_all)
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_in_child)
 
 
 def _denoiser() -> list[str]:

@@ -18,6 +18,7 @@ from google.protobuf import message_factory
 from ._proto import service_pb2 as service
 from ._quick import QuickLine, open_quick_line
 from ._shared import share_frames
+from ._start import Deadline
 from ._status import status_error, to_error
 from .access import Access
 from .errors import FailedPrecondition, Unavailable
@@ -54,17 +55,28 @@ def _check_api(server: service.GetServerInfoReply) -> None:
         )
 
 
+class Lifeline(socket.socket):
+    """The second socket of a session. Whoever holds it, as a frame in shared memory does, keeps the
+    session, and a private daemon; it closes when nobody does."""
+
+    daemon: Any = None
+
+    def __del__(self) -> None:
+        self.close()
+
+
 class Link:
     """A channel and the session opened over it. Belongs to the process that opened it."""
 
-    def __init__(self, access: Access, resume: int = 0) -> None:
+    def __init__(self, access: Access, resume: int = 0, deadline: Deadline | None = None) -> None:
         path = access.socket
         self.pid = os.getpid()
+        self._deadline = deadline or Deadline(RETRY_SECONDS)
         self._access = access
         self._resume = resume  # the session of before the daemon was restarted
         self._calls: dict[tuple[str, bool], Any] = {}
         self._session: tuple[tuple[str, str], ...] = ()
-        self._lifeline: socket.socket | None = None
+        self._lifeline: Lifeline | None = None
         self.quick: QuickLine | None = None
         self._keep: Any = None
         self._keeper: threading.Thread | None = None
@@ -73,6 +85,8 @@ class Link:
             self._begin(path)
             self.shared = share_frames(self._lifeline, self.server.capabilities)
             self.quick = open_quick_line(self._lifeline, self.server.capabilities)
+            if self._lifeline is not None:
+                self._lifeline.settimeout(RETRY_SECONDS)
         except BaseException:
             self.close()
             raise
@@ -82,7 +96,7 @@ class Link:
     def _begin(self, path: str) -> None:
         """A ticket that is not known is of a daemon that ended before it was used: the next one has
         another."""
-        patience = Patience()
+        patience = Patience(self._deadline.left())
         while True:
             ticket = self._connect_lifeline(path + ".fd.sock") if path else b""
             try:
@@ -95,14 +109,17 @@ class Link:
         """The second socket: the session lives as long as it does. Returns the one-time ticket."""
         if not hasattr(socket, "AF_UNIX"):
             raise Unavailable("unix: addresses are for Linux; connect to host:port")
-        lifeline = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        lifeline = Lifeline(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         try:
-            lifeline.settimeout(RETRY_SECONDS)
+            lifeline.settimeout(self._deadline.left())
             lifeline.connect(path)
             ticket = lifeline.recv(4096)
+        except TimeoutError:
+            lifeline.close()
+            raise self._silent(path) from None
         except OSError as error:
             lifeline.close()
-            raise Unavailable(f"no daemon listens at {path}: {error}") from None
+            raise Unavailable(_unreachable(path, error)) from None
         if len(ticket) != _TICKET_BYTES:
             lifeline.close()
             raise Unavailable(f"{path} gave no ticket; is it a heliographd socket of this version?")
@@ -117,16 +134,39 @@ class Link:
         client = f"python {platform.python_version()} heliograph {__version__}"
         request = service.OpenSessionRequest(client=client, ticket=ticket, resume=self._resume)
         call, metadata = self.method("OpenSession"), self.metadata
+        left = self._deadline.left()
+        rest = min(1.0, left / 5)
         try:
-            reply = call(request, timeout=RETRY_SECONDS, metadata=metadata, wait_for_ready=True)
+            reply = call(request, timeout=left - rest, metadata=metadata, wait_for_ready=True)
         except grpc.RpcError as error:
             if error.code() != grpc.StatusCode.DEADLINE_EXCEEDED:
                 raise
-            reply = call(request, timeout=1, metadata=metadata)  # its error names the cause
+            reply = self._ask_again(request, rest)
         self.session = int(reply.session)
         self.server: service.GetServerInfoReply = reply.server
         _check_api(self.server)
         self._session = (("heliograph-session", str(self.session)),)
+
+    def _ask_again(self, request: service.OpenSessionRequest, seconds: float) -> Any:
+        """Without waiting for a connection: what is raised now names the cause."""
+        call = self.method("OpenSession")
+        try:
+            return call(request, timeout=seconds, metadata=self.metadata)
+        except grpc.RpcError as error:
+            if error.code() != grpc.StatusCode.DEADLINE_EXCEEDED:
+                raise
+            raise self._silent(self._access.address) from None
+
+    def _silent(self, where: str) -> Unavailable:
+        return Unavailable(
+            f"{where} gave no answer within {self._deadline.seconds:g} s: check that a heliographd "
+            "of this version listens there and is not stuck, or raise timeout= of connect()"
+        )
+
+    def keep(self, daemon: Any) -> None:
+        """A private daemon lives as long as what refers to the session."""
+        if self._lifeline is not None:
+            self._lifeline.daemon = daemon
 
     def ask_quickly(
         self, call: service.QuickCall, on_progress: Callable[[Any], None] | None = None
@@ -197,6 +237,12 @@ class Link:
         if self._lifeline:
             self._lifeline.close()
 
+    def __del__(self) -> None:
+        """Nobody refers to the session: it ends. Over a Unix socket it does so with the lifeline."""
+        keep = getattr(self, "_keep", None)
+        if keep is not None and self.pid == os.getpid():
+            keep.cancel()
+
     def close(self) -> None:
         if self._keep is not None:
             self._keep.cancel()
@@ -205,6 +251,15 @@ class Link:
         if self._lifeline:
             self._lifeline.close()
         self.channel.close()
+
+
+def _unreachable(path: str, error: OSError) -> str:
+    if error.errno is None:  # of Python, which did not try it
+        return (
+            f"{path} is too long for the path of a socket ({error}): make a symbolic link to its "
+            "folder and connect through that"
+        )
+    return f"no daemon listens at {path}: {error}; start one there, or correct the address"
 
 
 def _serialize(message: Any) -> bytes:

@@ -92,6 +92,9 @@ class QuickLine:
                 line.shutdown(socket.SHUT_RDWR)
         self.close()
 
+    def __del__(self) -> None:
+        self.close()
+
     def close(self) -> None:
         """Gives up this process's end. The next call opens another socket."""
         line, self._socket = self._socket, None

@@ -7,6 +7,7 @@ import dataclasses
 import os
 from pathlib import Path
 from typing import Union
+from urllib.parse import quote
 
 import grpc
 
@@ -96,7 +97,7 @@ def target_of(address: str) -> tuple[str, str]:
         path = path[2:] if path.startswith("//") else path
         if not path.startswith("/"):
             raise InvalidArgument(f"address {address!r}: write unix:///path", field="address")
-        return "unix://" + path, path
+        return "unix://" + quote(os.fsencode(path)), path  # a URI
     host, colon, port = address.rpartition(":")
     if not (colon and host and port.isdigit()):
         raise InvalidArgument(

@@ -78,7 +78,11 @@ if hasattr(os, "register_at_fork"):
 async def connect(address: str | None = None, **options: Any) -> Client:
     """See heliograph.connect."""
     pool = _Pool()
-    return Client(await pool.call(_connect, address, **options), pool)
+    try:
+        return Client(await pool.call(_connect, address, **options), pool)
+    except BaseException:
+        pool.close()
+        raise
 
 
 class _Twin:

@@ -18,6 +18,7 @@ from .scene import Scene, SceneState
 
 if TYPE_CHECKING:
     from ._launch import PrivateDaemon
+    from ._start import Deadline
 
 _clients: weakref.WeakValueDictionary[tuple[int, Access], Client] = weakref.WeakValueDictionary()
 _inherited: weakref.WeakSet[Client] = weakref.WeakSet()  # every one, for forked children
@@ -137,11 +138,13 @@ def _reconnect(access: Access) -> Client:
     return found
 
 
-def open_client(access: Access, daemon: PrivateDaemon | None) -> Client:
-    """A client whose session is open."""
+def open_client(
+    access: Access, daemon: PrivateDaemon | None, deadline: Deadline | None = None
+) -> Client:
+    """A client whose session is open by the deadline."""
     connection = Connection(access, daemon)
     try:
-        connection.open()
+        connection.open(deadline)
     except BaseException:
         connection.close()
         raise
