@@ -195,7 +195,7 @@ def connect(
 
         check_arguments(address, tls, arguments)
         if daemon is not None and deadline is not None:
-            address = daemon.address(deadline.left())
+            address = daemon.address(deadline)
         assert address is not None
         return open_client(Access(address, token, tls), daemon, deadline)
     except BaseException:

@@ -16,6 +16,7 @@ from ._lent import GpuArray, Loan, Loans, wrong_shape
 from ._proto import render_pb2 as render
 from ._proto import service_pb2 as service
 from ._proto import types_pb2 as types
+from ._uploads import Recent, Sources
 from .errors import InvalidArgument
 
 if TYPE_CHECKING:
@@ -126,25 +127,27 @@ class Store:
     """Uploads of one client: inline up to 1 MiB, then by hash; what changes by shared memory from
     64 KiB on, or anonymously.
 
-    Remembers the hashes the session has, so that the same bytes travel once. decodings: by hash,
-    what the daemon made of files. Thread: any.
+    Remembers hashes that the session has, so that the same bytes travel once, and no bytes.
+    decodings: by hash, what the daemon made of files. Thread: any.
     """
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
         self._lock = threading.Lock()
-        self._known: set[bytes] = set()
-        self.decodings: dict[bytes, Decoding] = {}
+        self._known: Recent[bytes, None] = Recent()
+        self.decodings: Recent[bytes, Decoding] = Recent()
         self._witness: Callable[[bytes, memoryview | bytes], Any] | None = None
         self._loans = Loans(connection)
         self._link: Any = None
 
-    def asset(self, data: NdArray) -> types.Array:
-        """An array that stays as it is (topology, texels): by SHA-256 when it is large."""
+    def asset(self, data: NdArray, sources: Sources) -> types.Array:
+        """An array that stays as it is (topology, texels): by SHA-256 when it is large, and then
+        among the sources."""
         if data.nbytes <= INLINE_BYTES:
             return inline(data)
         message = describe(data)
         message.blob = self.blob(bytes_of(data))
+        sources.add(message.blob, bytes_of(data))
         return message
 
     def edited(self, data: NdArray) -> types.Array:
@@ -177,12 +180,17 @@ class Store:
                 self._link = link
                 self._known.clear()
             if digest in self._known:
+                self._known.move_to_end(digest)
                 return digest
+        self.send_again(digest, data)
+        with self._lock:
+            self._known[digest] = None
+        return digest
+
+    def send_again(self, digest: bytes, data: memoryview | bytes) -> None:
+        """Uploads bytes by their SHA-256, whether or not the session had them."""
         request = service.UploadBlobRequest(request_id=uuid.uuid4().hex, sha256=digest)
         self._push(memoryview(data), request)
-        with self._lock:
-            self._known.add(digest)
-        return digest
 
     @contextlib.contextmanager
     def witnessed(self, witness: Callable[[bytes, memoryview | bytes], Any]) -> Iterator[None]:
@@ -193,7 +201,7 @@ class Store:
         finally:
             self._witness = None
 
-    def lighten(self, message: Any) -> None:
+    def lighten(self, message: Any, sources: Sources) -> None:
         """Uploads the larger ones of the arrays that a message carries itself, by hash."""
         for field, value in message.ListFields():
             if field.message_type is None:
@@ -202,9 +210,11 @@ class Store:
             for part in value if repeated else (value,):
                 if not isinstance(part, types.Array):
                     if hasattr(part, "ListFields"):
-                        self.lighten(part)
+                        self.lighten(part, sources)
                 elif len(part.inline) >= SHARED_BYTES:
-                    part.blob = self.blob(part.inline)
+                    data = part.inline
+                    part.blob = self.blob(data)
+                    sources.add(part.blob, data)
 
     def forget_parent(self) -> None:
         """In a forked child."""

@@ -11,6 +11,7 @@ from . import _render
 from ._assembly import Assembly
 from ._connection import Stream
 from ._lent import Loan
+from ._proto import render_pb2 as render_pb
 from ._proto import service_pb2 as service
 from ._status import status_error
 from .components import whole_of
@@ -64,6 +65,16 @@ class Result:
         return self.frames[0]
 
 
+@dataclass
+class _Open:
+    """A job under way."""
+
+    job: Job
+    request: render_pb.RenderRequest
+    assembly: Assembly
+    loan: Loan | None
+
+
 class _Batch:
     """Sends the next job when an item was answered, so that `credits` of them are under way."""
 
@@ -72,7 +83,7 @@ class _Batch:
         self.refused: list[Result] = []
         self._scene = scene
         self._jobs = iter(jobs)
-        self._open: dict[int, tuple[Job, Assembly, Loan | None]] = {}
+        self._open: dict[int, _Open] = {}
         self._sent = 0
         for _ in range(credits):
             self.send_next(credits if self._sent == 0 else 0)
@@ -91,7 +102,7 @@ class _Batch:
             self._sent += 1
             shared = self._scene.client.connection.link.shared
             assembly = Assembly(_render.frame_count(request), shared)
-            self._open[self._sent] = job, assembly, loan
+            self._open[self._sent] = _Open(job, request, assembly, loan)
             self.outbox.put(
                 service.RenderBatchRequest(tag=self._sent, job=request, credits=credits)
             )
@@ -100,15 +111,26 @@ class _Batch:
 
     def take(self, reply: service.RenderBatchReply) -> Result | None:
         """The result of the item that this reply ends."""
-        job, assembly, _ = self._open[reply.tag]
+        here = self._open[reply.tag]
         if not reply.done:
-            assembly.add_part(reply.part)
+            here.assembly.add_part(reply.part)
             return None
         del self._open[reply.tag]
-        if reply.code:
-            error = status_error(reply.code, reply.message, reply.detail)
-            return Result(job.tag, error=error)
-        return Result(job.tag, assembly.frames())
+        if not reply.code:
+            return Result(here.job.tag, here.assembly.frames())
+        error = status_error(reply.code, reply.message, reply.detail)
+        try:
+            return Result(here.job.tag, self._completed(here, error))
+        except HeliographError as failure:
+            return Result(here.job.tag, error=failure)
+
+    def _completed(self, refused: _Open, error: HeliographError) -> list[Any]:
+        """The frames of a job that was refused for uploads of its overlay, which are sent again;
+        else raises the error. It is rendered by a call of its own: the batch may take no more."""
+        overlay = refused.job.options.get("overlay")
+        if overlay is None or not overlay.sources.bring(self._scene.client, error):
+            raise error
+        return _render.run(self._scene, refused.request, refused.job.options)
 
 
 class Results:

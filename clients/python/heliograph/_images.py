@@ -18,7 +18,7 @@ from .components import color_of, number_of, refuse_unknown, text_of
 from .errors import InvalidArgument
 
 if TYPE_CHECKING:
-    from .client import Client
+    from .edit import Edits
 
 
 class DomeOptions(TypedDict, total=False):
@@ -56,12 +56,12 @@ class Sampler(NamedTuple):
     filter: str | None
 
 
-def texture_message(client: Client, image: Any, sampler: Sampler) -> pb.Texture:
+def texture_message(edits: Edits, image: Any, sampler: Sampler) -> pb.Texture:
     """The Texture of a file or an array (None: texels stay)."""
     out = pb.Texture()
     encoding = sampler.encoding
     if image is not None:
-        texels, found = texels_of(client, image)
+        texels, found = texels_of(edits, image)
         out.texels.CopyFrom(texels)
         encoding = encoding or found or None
     if encoding is not None:
@@ -75,9 +75,9 @@ def texture_message(client: Client, image: Any, sampler: Sampler) -> pb.Texture:
     return out
 
 
-def dome_texture(client: Client, image: Any) -> tuple[str, pb.Texture]:
+def dome_texture(edits: Edits, image: Any) -> tuple[str, pb.Texture]:
     """A texture and its name, which tells its content: the same dome is the same object."""
-    texels, encoding = texels_of(client, image)
+    texels, encoding = texels_of(edits, image)
     digest = hashlib.sha256(texels.SerializeToString()).hexdigest()[:12]
     stem = Path(image).stem if isinstance(image, (str, os.PathLike)) else "array"
     message = pb.Texture(texels=texels, wrap_v=pb.Texture.WRAP_CLAMP)
@@ -85,14 +85,15 @@ def dome_texture(client: Client, image: Any) -> tuple[str, pb.Texture]:
     return f"dome/{stem}-{digest}", message
 
 
-def texels_of(client: Client, image: Any) -> tuple[types.Array, str]:
+def texels_of(edits: Edits, image: Any) -> tuple[types.Array, str]:
     """The texels of a file or an array, and their encoding ("": by dtype)."""
     if isinstance(image, (str, os.PathLike)):
-        info = decode_bundle(client, Source(image))
+        info = decode_bundle(edits.scene.client, Source(image))
         if not info.HasField("texels"):
             raise InvalidArgument(f"{image} is no picture", field="image")
+        edits.note_decoding(info.texels.blob)
         return info.texels, info.encoding
-    return client.store.asset(_checked_texels(image)), ""
+    return edits.asset(_checked_texels(image)), ""
 
 
 def _checked_texels(image: Any) -> np.ndarray[Any, np.dtype[Any]]:

@@ -14,12 +14,12 @@ import signal
 import subprocess
 import tempfile
 import threading
-import time
 import weakref
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from ._start import Deadline
 from .errors import Unavailable
 
 _LEVELS = {
@@ -33,7 +33,6 @@ _LEVELS = {
 }
 _LOG_LINES = 20
 _PATIENCE = 5.0  # seconds that a daemon gets for its end
-_SHORT_PATIENCE = 0.2  # likewise where it has no client yet
 _PATH_BYTES = 107  # of a socket, at most
 _LONGER_SOCKET = "heliograph.sock.fd.sock"  # of the two in a daemon's folder
 
@@ -182,38 +181,35 @@ class PrivateDaemon:
         if fd >= 0:
             os.close(fd)
 
-    def address(self, timeout: float) -> str:
+    def address(self, deadline: Deadline) -> str:
         """Waits until the daemon listens; "unix:///path"."""
         if self._socket:
             return self._socket
-        until = time.monotonic() + timeout
         try:
-            text = self._read_ready(until)
+            text = self._read_ready(deadline)
         except TimeoutError:
-            self.stop(_SHORT_PATIENCE)
             raise self.death(
-                f"heliographd did not listen within {timeout:g} s: raise timeout=, or start "
-                f"{self._program} by hand to see what it waits for"
+                f"heliographd did not listen within {deadline.seconds:g} s: raise timeout=, or start "
+                f"{self._program} by hand to see what it waits for",
+                patience=0,
             ) from None
         finally:
             self._close_ready()
         try:
             self._socket = "unix://" + str(json.loads(text)["socket"])
         except (ValueError, KeyError, TypeError):
-            patience = max(_SHORT_PATIENCE, min(2.0, until - time.monotonic()))
-            failure = self.death(f"heliographd gave no socket (it said {text!r})", patience)
-            self.stop(_SHORT_PATIENCE)
-            raise failure from None
+            patience = min(2.0, deadline.left())
+            message = f"{self._program} gave no socket (it said {text!r}); is it a heliographd?"
+            raise self.death(message, patience) from None
         return self._socket
 
-    def _read_ready(self, until: float) -> str:
+    def _read_ready(self, deadline: Deadline) -> str:
         """The line that says where it listens, or as much of it as came before it ended."""
         import select
 
         text = b""
         while not text.endswith(b"\n"):
-            left = until - time.monotonic()
-            if left <= 0 or not select.select([self._ready], [], [], left)[0]:
+            if deadline.is_over or not select.select([self._ready], [], [], deadline.left())[0]:
                 raise TimeoutError
             piece = os.read(self._ready, 4096)
             if not piece:
@@ -249,24 +245,26 @@ class PrivateDaemon:
         self._process.returncode = 0
 
     def give_up(self) -> None:
-        """Ends a daemon that has no client yet."""
-        self.stop(_SHORT_PATIENCE)
+        """Kills a daemon that has no client yet, with what it started."""
+        self._put_away(0)
 
-    def stop(self, patience: float = _PATIENCE) -> None:
-        """Ends the daemon: SIGTERM, after `patience` seconds SIGKILL, of what it started too.
-        Nothing in a forked child."""
+    def stop(self) -> None:
+        """Ends the daemon: SIGTERM, after 5 s SIGKILL. Nothing in a forked child."""
+        if os.getpid() == self._owner and self._process.poll() is None:
+            self._process.terminate()
+        self._put_away(_PATIENCE)
+
+    def _put_away(self, patience: float) -> None:
         if os.getpid() != self._owner:
             return
         self._end.detach()
         _running.discard(self)
         self._close_ready()
-        if self._process.poll() is None:
-            self._process.terminate()
-            try:
-                self._process.wait(patience)
-            except subprocess.TimeoutExpired:
-                os.killpg(self._process.pid, signal.SIGKILL)  # it leads a session of its own
-                self._process.wait()
+        try:
+            self._process.wait(patience)
+        except subprocess.TimeoutExpired:
+            os.killpg(self._process.pid, signal.SIGKILL)  # it leads a session of its own
+            self._process.wait()
         self._reader.join(1)
         shutil.rmtree(self._folder, ignore_errors=True)
 

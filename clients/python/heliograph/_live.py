@@ -12,7 +12,7 @@ from ._connection import Stream
 from ._proto import service_pb2 as service
 from ._shared import SharedFrames
 from .components import whole_of
-from .errors import InvalidArgument
+from .errors import HeliographError, InvalidArgument
 from .frame import Frame
 from .handles import flatten
 
@@ -47,16 +47,22 @@ class Live:
         self._cameras = cameras
         self._options = options
         self._progressive = policy == "latest"
-        self._outbox: queue.SimpleQueue[service.StreamRequest | None] = queue.SimpleQueue()
-        self._outbox.put(
+        self._policy, self._credits = policy, whole_of(credits, "credits", 1)
+        self._begin()
+
+    def _begin(self) -> None:
+        connection = self._scene.client.connection
+        outbox: queue.SimpleQueue[service.StreamRequest | None] = queue.SimpleQueue()
+        outbox.put(
             service.StreamRequest(
-                settings=self._settings(), credits=whole_of(credits, "credits", 1), policy=policy
+                settings=self._settings(), credits=self._credits, policy=self._policy
             )
         )
-        self._stream = scene.client.connection.stream(
-            "Stream", iter(self._outbox.get, None), raw=True, timeout=options.get("timeout")
+        self._outbox, self._is_refused = outbox, False
+        self._stream = connection.stream(
+            "Stream", iter(outbox.get, None), raw=True, timeout=self._options.get("timeout")
         )
-        self._frames = _read(self._stream, self._outbox, scene.client.connection.link.shared)
+        self._frames = _read(self._stream, outbox, connection.link.shared)
 
     def _settings(self) -> Any:
         listed = flatten(self._cameras, "cameras")
@@ -85,7 +91,20 @@ class Live:
         return self
 
     def __next__(self) -> Frame:
-        return next(self._frames)
+        overlay = self._options.get("overlay")
+        if overlay is None:
+            return next(self._frames)
+        return overlay.sources.complete(self._scene.client, self._next)
+
+    def _next(self) -> Frame:
+        """Of a new stream after one that was refused for an upload, which was sent again."""
+        if self._is_refused:
+            self._begin()
+        try:
+            return next(self._frames)
+        except HeliographError:
+            self._is_refused = True
+            raise
 
     def __enter__(self) -> Live:
         return self

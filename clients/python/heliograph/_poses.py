@@ -48,6 +48,7 @@ def _again(edits: Edits, group: Group) -> types.Array:
         return edits.edited(ids)
     message = describe(ids)
     message.blob = edits.scene.client.store.blob(bytes_of(ids), digest)
+    edits.sources.add(message.blob, bytes_of(ids))
     group._ids = ids, message.blob
     return message
 

@@ -94,6 +94,13 @@ def frame_count(request: render_pb.RenderRequest) -> int:
 
 def run(scene: Scene, request: render_pb.RenderRequest, options: Options) -> list[Any]:
     """Sends a request; its final frames, one WorldFrame if it has worlds."""
+    overlay = options.get("overlay")
+    if overlay is None:
+        return _run(scene, request, options)
+    return overlay.sources.complete(scene.client, lambda: _run(scene, request, options))
+
+
+def _run(scene: Scene, request: render_pb.RenderRequest, options: Options) -> list[Any]:
     connection = scene.client.connection
     if _is_quick(request, options):
         link = connection.link

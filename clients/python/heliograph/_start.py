@@ -17,6 +17,10 @@ class Deadline:
         self.seconds = seconds
         self._until = time.monotonic() + seconds
 
+    @property
+    def is_over(self) -> bool:
+        return time.monotonic() > self._until
+
     def left(self) -> float:
         """Seconds, a millisecond at least: no socket takes 0 for a time."""
         return max(0.001, self._until - time.monotonic())

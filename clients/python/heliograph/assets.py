@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypedDict
 from ._arrays import inline
 from ._proto import scene_pb2 as pb
 from ._proto import service_pb2 as service
+from ._uploads import repeated
 from .errors import FailedPrecondition, InvalidArgument, NotFound
 from .handles import Asset, Named
 from .pose import matrix_of
@@ -86,7 +88,10 @@ def decode_bundle(client: Client, source: Source) -> service.AssetInfo:
         _add_file(client, request, model.name, _existing(model))
     folder = Path(source.path).parent if source.path is not None else Path()
     for _ in range(_ROUNDS):
-        found, missing = _answer(client, request)
+        found, missing = repeated(
+            lambda: _answer(client, request),
+            lambda digest: _send_file(client, Decoding(request, folder), digest),
+        )
         if found is not None:
             client.store.decodings[_digest(found)] = Decoding(request, folder)
             return found
@@ -108,6 +113,29 @@ def decode_again(client: Client, digest: bytes, request: service.DecodeAssetRequ
         raise FailedPrecondition(
             f"this daemon does not decode {files} as the one that rendered it did: {why}"
         )
+
+
+def send_again(client: Client, digest: bytes, decoding: Decoding) -> None:
+    """Has files decoded that the daemon has decoded before."""
+    for file in decoding.request.files:
+        _send_file(client, decoding, file.sha256)
+    decode_again(client, digest, decoding.request)
+
+
+def _send_file(client: Client, decoding: Decoding, digest: bytes) -> bool:
+    """Uploads a file whether or not the session had it; False: it is none of these."""
+    named = [file.path for file in decoding.request.files if file.sha256 == digest]
+    if not named:
+        return False
+    path = decoding.folder / named[0]
+    data = path.read_bytes() if path.is_file() else b""
+    if hashlib.sha256(data).digest() != digest:
+        raise FailedPrecondition(
+            f"{path} is not what it was when it was decoded, and the daemon needs it again: "
+            "import it anew"
+        )
+    client.store.send_again(digest, data)
+    return True
 
 
 def _answer(
@@ -168,6 +196,7 @@ def instantiate_message(edits: Edits, asset: Asset, placement: Placement) -> pb.
 
     refuse_unknown(placement, Placement, "a placement")
     out = pb.Instantiate(asset=asset.sha256)
+    edits.note_decoding(asset.sha256)
     clip = placement.get("animation")
     if clip is not None:
         out.animation = _animation(asset, clip)

@@ -14,10 +14,12 @@ import numpy as np
 
 from . import _images, _patches, _poses, _volumes, assets, studio
 from ._arrays import MESSAGE_BYTES, NdArray
+from ._domes import DomeEdits
 from ._lent import GpuArray, Loan
 from ._proto import scene_pb2 as pb
 from ._proto import service_pb2 as service
 from ._proto import types_pb2 as types
+from ._uploads import Sources
 from .components import number_of, text_of
 from .errors import FailedPrecondition, HeliographError, InvalidArgument
 from .handles import (
@@ -41,13 +43,11 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from .scene import Scene
-    from .sky import AirOptions
 
 _H = TypeVar("_H", bound=Handle)
-_UNSET: Any = object()
 
 
-class Edits(RobotEdits):
+class Edits(DomeEdits, RobotEdits):
     """A list of edits; `with` sends them as one transaction, or drops them on an exception.
 
     In every call: what is given changes, what is absent stays, None resets to the default; the
@@ -59,6 +59,8 @@ class Edits(RobotEdits):
         self.scene = scene
         self.revision = 0
         self.transaction = pb.Transaction()
+        self.sources = Sources(owns=not publish)
+        self._domes: list[str] = []
         self._publish = publish
         self._expected = expected_revision
         self._made: dict[int, Handle] = {}
@@ -73,6 +75,8 @@ class Edits(RobotEdits):
         self._open = False
         if kind is None and self._publish:
             self.commit()
+        elif kind is not None:
+            self.sources.clear()
 
     def commit(self) -> None:
         """Sends the transaction; called by `with`."""
@@ -80,11 +84,13 @@ class Edits(RobotEdits):
         if not self.transaction.edits:
             return
         if self.transaction.ByteSize() > MESSAGE_BYTES:
-            self.scene.client.store.lighten(self.transaction)
+            self.scene.client.store.lighten(self.transaction, self.sources)
         try:
-            reply = self.scene.apply(self.transaction, self._expected)
+            reply = self.sources.complete(self.scene.client, self._apply)
         except HeliographError as error:
             raise _patches.explained(error, self.transaction) from None
+        finally:
+            self.sources.clear()
         self.revision = reply.revision
         self._resolve(reply)
 
@@ -115,7 +121,13 @@ class Edits(RobotEdits):
 
     def asset(self, data: NdArray) -> types.Array:
         """An array that stays: large ones travel once, by hash."""
-        return self.scene.client.store.asset(data)
+        return self.scene.client.store.asset(data, self.sources)
+
+    def note_decoding(self, digest: bytes) -> None:
+        """It names what the daemon made of files."""
+        known = self.scene.client.store.decodings
+        if digest in known:
+            self.sources.add_decoding(digest, known[digest])
 
     def edited(self, data: NdArray | GpuArray) -> types.Array:
         """An array that changes. An overlay is used more than once, an upload only once."""
@@ -124,7 +136,7 @@ class Edits(RobotEdits):
             message, loan = store.lent(data)
             self._loans.append(loan)
             return message
-        return store.edited(data) if self._publish else store.asset(data)
+        return store.edited(data) if self._publish else self.asset(data)
 
     @property
     def is_lent(self) -> bool:
@@ -273,7 +285,7 @@ class Edits(RobotEdits):
         one for each axis. filter: "linear" or "nearest".
         """
         sampler = _images.Sampler(encoding, wrap, filter)
-        out = _images.texture_message(self.scene.client, image, sampler)
+        out = _images.texture_message(self, image, sampler)
         self._add(name, exist_ok).texture.CopyFrom(out)
         return self._handle(Texture, name)
 
@@ -292,36 +304,6 @@ class Edits(RobotEdits):
         message = _volumes.volume_message(self, medium)
         self._add(name, exist_ok).volume.CopyFrom(message)
         return self._handle(Volume, name)
-
-    def dome(self, image: Any = _UNSET, **light: Unpack[_images.DomeOptions]) -> None:
-        """Changes the light from infinitely far.
-
-        image: a lat-long file's path, an array, or a texture handle; None: no dome at all.
-        color: radiance (3,), or a number; it multiplies the image. intensity: a factor.
-        rotation: radians about +Z, or (3, 3) world_from_dome. light_group: as of an entity.
-        """
-        out = _images.dome_message(light)
-        if image is None:
-            out.clear.extend(field.name for field in out.DESCRIPTOR.fields if field.name != "clear")
-        elif isinstance(image, Handle):
-            out.texture.CopyFrom(self.ref(image, "image"))
-        elif image is not _UNSET:
-            out.texture.CopyFrom(self._dome_texture(image).ref(self))
-        self._add(None).settings.dome.CopyFrom(out)
-
-    def sky(
-        self, elevation: float, azimuth: float = 0.0, sun: str = "sun", **air: Unpack[AirOptions]
-    ) -> None:
-        """A clear sky as the dome, and its sun as the entity `sun`. elevation, azimuth: of the sun,
-        radians. The options are those of heliograph.sky.AirOptions."""
-        from . import sky
-
-        sky.put(self, sun, sky.sky(elevation, azimuth, **air))
-
-    def _dome_texture(self, image: Any) -> Texture:
-        name, message = _images.dome_texture(self.scene.client, image)
-        self._add(name).texture.CopyFrom(message)
-        return self._handle(Texture, name)
 
     # ------------------------------------------------------------ files
 

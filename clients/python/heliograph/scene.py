@@ -29,12 +29,14 @@ if TYPE_CHECKING:
 
 
 class SceneState:
-    """The numbering of one session's edits of one scene: contiguous, one at a time."""
+    """What one session knows of one scene: the numbering of its edits, contiguous, one at a time;
+    and its dome."""
 
     def __init__(self) -> None:
         self.lock = threading.Lock()
         self.session = 0
         self.next = 1
+        self.dome = ""  # name of the texture that this session's last dome() made
 
 
 class Overlay(Edits):
