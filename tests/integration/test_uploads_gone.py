@@ -29,7 +29,9 @@ def end_session(client):
     """The next call opens another one, which has no uploads."""
     connection = client.connection
     link, connection._link = connection._link, None
-    link.method("CloseSession")(hg._connection.service.CloseSessionRequest(), metadata=link.metadata)
+    link.method("CloseSession")(
+        hg._connection.service.CloseSessionRequest(), metadata=link.metadata
+    )
     link.close()
 
 

@@ -18,12 +18,12 @@ SLACK = 1.0  # of a loaded machine
 # What a private daemon may do instead of listening. "$0.pid": of what it started.
 STUCK = {
     "sleeps": "echo $$ > $0.pid; exec sleep 60",
-    "ignores signals": "trap '' TERM; echo $$ > $0.pid; echo waiting; while true; do sleep 60; done",
+    "ignores signals": "trap '' TERM; echo $$ > $0.pid; echo waiting; sleep 60; sleep 60",
     "leaves a child": "sleep 60 & echo $! > $0.pid; wait",
     "closes its end": "echo $$ > $0.pid; exec 2>&1; for fd in $(ls /proc/$$/fd); do "
     '[ $fd -gt 2 ] && [ $fd -lt 200 ] && eval "exec $fd>&-"; done; exec sleep 60',
-    "names a silent socket": 'echo $$ > $0.pid; echo \'{"socket": "SILENT"}\' > /proc/self/fd/$READY; '
-    "exec sleep 60",
+    "names a silent socket": "echo $$ > $0.pid; "
+    'echo \'{"socket": "SILENT"}\' > /proc/self/fd/$READY; exec sleep 60',
 }
 
 

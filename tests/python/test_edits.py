@@ -268,12 +268,13 @@ def test_domes(daemon, scene):
         edit.dome(image, intensity=2, rotation=np.pi / 2)
         edit.dome(None)
         edit.dome(color=(1, 2, 3))
-    texture, dome, off, color = last(daemon)
+    texture, dome, off, color, removal = last(daemon)
     assert texture.target.name.startswith("dome/array-")
     assert dome.settings.dome.texture.created_by_edit == 0
     assert from_message(dome.settings.dome.rotation)[0] == pytest.approx((0, -1, 0), abs=1e-6)
     assert "texture" in off.settings.dome.clear
     assert not color.settings.dome.HasField("texture")
+    assert removal.HasField("remove") and removal.target.name == texture.target.name
 
 
 def test_the_sample_studio_fits_into_one_message(daemon, scene):

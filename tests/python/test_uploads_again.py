@@ -73,9 +73,7 @@ class Frugal(fake.FakeDaemon):
             if gone:
                 self.refused += 1
                 text = f"sha256 {gone[0].hex()}"
-                yield service_pb2.RenderBatchReply(
-                    tag=request.tag, code=5, message=text, done=True
-                )
+                yield service_pb2.RenderBatchReply(tag=request.tag, code=5, message=text, done=True)
                 continue
             for part in self._frame(request.job, 0):
                 yield service_pb2.RenderBatchReply(tag=request.tag, part=part)

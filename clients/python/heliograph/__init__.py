@@ -170,12 +170,11 @@ def connect(
 ) -> Client:
     """A client of a daemon.
 
-    Without an address: a private heliographd, which ends with this process; `arguments` are more
-    of its flags, `("--threads", "4")`. Otherwise "unix:///path/heliograph.sock" or "host:port".
-    `token`: who this client is, or a path to a file with it, which may change while the client
-    runs. `tls`: of "host:port", see TLS. `timeout`: seconds that connecting may take; default: 30 for
-    a private daemon, which has to start, else 10.
-    The daemon's log goes to logging.getLogger("heliograph").
+    Without an address: a private heliographd, which ends when nothing refers to the client any
+    more, and with this process; `arguments` are more of its flags, `("--threads", "4")`. Otherwise
+    "unix:///path/heliograph.sock" or "host:port". `token`: who this client is, or a path to a file
+    with it, which may change while the client runs. `tls`: of "host:port", see TLS. `timeout`:
+    seconds that connecting may take, by default 30 for a private daemon, else 10. The daemon's log goes to logging.getLogger("heliograph").
     """
     if isinstance(arguments, str):
         raise InvalidArgument('arguments: a sequence, ("--threads", "4")', field="arguments")

@@ -1,5 +1,5 @@
-"""The dome of an edit, and the texture that each one makes: it goes when the next one takes its place.
-Used by edit.py."""
+"""The dome of an edit, and the texture that each one makes: it goes when the next one takes its
+place. Used by edit.py."""
 
 from __future__ import annotations
 

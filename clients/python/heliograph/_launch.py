@@ -189,8 +189,8 @@ class PrivateDaemon:
             text = self._read_ready(deadline)
         except TimeoutError:
             raise self.death(
-                f"heliographd did not listen within {deadline.seconds:g} s: raise timeout=, or start "
-                f"{self._program} by hand to see what it waits for",
+                f"heliographd did not listen within {deadline.seconds:g} s: raise timeout=, or "
+                f"start {self._program} by hand to see what it waits for",
                 patience=0,
             ) from None
         finally:

@@ -83,10 +83,7 @@ class Link:
         self.channel = access.channel()
         try:
             self._begin(path)
-            self.shared = share_frames(self._lifeline, self.server.capabilities)
-            self.quick = open_quick_line(self._lifeline, self.server.capabilities)
-            if self._lifeline is not None:
-                self._lifeline.settimeout(RETRY_SECONDS)
+            self._share()
         except BaseException:
             self.close()
             raise
@@ -104,6 +101,13 @@ class Link:
             except grpc.RpcError as error:
                 if to_error(error).field != "ticket" or not patience.wait():
                     raise
+
+    def _share(self) -> None:
+        """What the second socket is for besides the session."""
+        self.shared = share_frames(self._lifeline, self.server.capabilities)
+        self.quick = open_quick_line(self._lifeline, self.server.capabilities)
+        if self._lifeline is not None:
+            self._lifeline.settimeout(RETRY_SECONDS)
 
     def _connect_lifeline(self, path: str) -> bytes:
         """The second socket: the session lives as long as it does. Returns the one-time ticket."""
@@ -238,7 +242,7 @@ class Link:
             self._lifeline.close()
 
     def __del__(self) -> None:
-        """Nobody refers to the session: it ends. Over a Unix socket it does so with the lifeline."""
+        """Nobody refers to the session: it ends. Over a Unix socket the lifeline does that."""
         keep = getattr(self, "_keep", None)
         if keep is not None and self.pid == os.getpid():
             keep.cancel()

@@ -1,6 +1,6 @@
-"""What a transaction names by hash, until no repetition can need it. The daemon frees uploads that no
-scene, job or recent call refers to; a call that names one is refused with its hash, and repeated here
-once that was sent again. Used by edits, renders and assets."""
+"""What a transaction names by hash, until no repetition can need it. The daemon frees uploads that
+no scene, job or recent call refers to; a call that names one is refused with its hash, and repeated
+here once that was sent again. Used by edits, renders and assets."""
 
 from __future__ import annotations
 
