@@ -74,13 +74,16 @@ Client connect(const std::string& address, const ConnectOptions& options) {
 }
 
 Client connect(const std::string& address, const std::string& token) {
-  return connect(address, ConnectOptions{token, {}});
+  return connect(address, ConnectOptions{token});
 }
 
 Client launch(const LaunchOptions& options) {
+  const wire::Patience patience(options.timeout);
   auto daemon = std::make_unique<wire::PrivateDaemon>(options);
   const std::string address = daemon->address();
-  return Client(std::make_shared<wire::Session>(address, ConnectOptions(), std::move(daemon)));
+  ConnectOptions connecting;
+  connecting.timeout = patience.left();
+  return Client(std::make_shared<wire::Session>(address, connecting, std::move(daemon)));
 }
 
 }  // namespace heliograph

@@ -74,6 +74,7 @@ struct Tls {
 struct ConnectOptions {
   std::string token{};  // who this client is
   std::optional<Tls> tls{};
+  double timeout = 10;  // seconds that connecting may take
 };
 
 /// A daemon that runs: "unix:///run/heliograph.sock" (Linux), or "node7:7443".
@@ -83,7 +84,7 @@ Client connect(const std::string& address, const std::string& token);
 struct LaunchOptions {
   std::vector<std::string> arguments{};  // more flags of heliographd
   std::string program{};                 // default: $HELIOGRAPHD, then heliographd on PATH
-  double timeout = 30;                   // seconds until it listens
+  double timeout = 30;                   // seconds that it may take to start and to connect
   std::function<void(const std::string&)>
       log{};  // gets each line of its log, in a thread of its own
 };

@@ -6,6 +6,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <chrono>
@@ -29,6 +30,8 @@ namespace heliograph::wire {
 namespace {
 
 constexpr std::size_t kLogLines = 20;
+constexpr std::size_t kPathBytes = 107;                            // of a socket, at most
+constexpr const char* kLongerSocket = "/heliograph.sock.fd.sock";  // of the two in the folder
 constexpr int kOwnerFd = 3;  // of the child
 constexpr int kReadyFd = 4;
 constexpr int kFreeFd = 16;  // descriptors of ours that must not be hit by those of the child
@@ -62,14 +65,29 @@ std::pair<Fd, Fd> make_pipe() {
   return {std::move(read), Fd(ends[1])};
 }
 
+/// A new folder that only this user may enter, where the paths of sockets are short enough.
 std::string make_folder() {
-  const char* runtime = std::getenv("XDG_RUNTIME_DIR");
-  const bool usable = runtime != nullptr && *runtime == '/' && ::access(runtime, W_OK) == 0;
-  std::string path = std::string(usable ? runtime : "/tmp") + "/heliograph-XXXXXX";
-  if (::mkdtemp(path.data()) == nullptr)
-    throw ClientError(Code::kUnavailable, "cannot make a folder " + path + ": " +
-                                              std::strerror(errno) + "; set XDG_RUNTIME_DIR");
-  return path;
+  std::vector<std::string> parents;
+  for (const char* name : {"XDG_RUNTIME_DIR", "TMPDIR"}) {
+    const char* value = std::getenv(name);
+    if (value != nullptr && *value == '/') parents.emplace_back(value);
+  }
+  parents.push_back("/run/user/" + std::to_string(::getuid()));
+  parents.insert(parents.end(), {"/tmp", "/var/tmp", "/dev/shm"});
+  std::string refused;
+  for (const std::string& parent : parents) {
+    std::string path = parent + "/heliograph-XXXXXX";
+    std::string why = "its path is too long for a socket's";
+    if (path.size() + std::strlen(kLongerSocket) <= kPathBytes) {
+      if (::mkdtemp(path.data()) != nullptr) return path;
+      why = std::strerror(errno);
+    }
+    refused += (refused.empty() ? "" : "; ") + parent + ": " + why;
+  }
+  throw ClientError(Code::kUnavailable,
+                    "no folder for the sockets of a private daemon; set TMPDIR to one with a short "
+                    "path where this user may write (" +
+                        refused + ")");
 }
 
 std::string program_of(const LaunchOptions& options) {
@@ -194,6 +212,8 @@ bool PrivateDaemon::Process::reap(double seconds) {
 }
 
 PrivateDaemon::PrivateDaemon(const LaunchOptions& options) : process_(std::make_unique<Process>()) {
+  const auto end =
+      std::chrono::steady_clock::now() + std::chrono::duration<double>(options.timeout);
   process_->program = program_of(options);
   process_->log = options.log;
   const long pidfd = ::syscall(SYS_pidfd_open, ::getpid(), 0);
@@ -216,8 +236,13 @@ PrivateDaemon::PrivateDaemon(const LaunchOptions& options) : process_(std::make_
   process_->reader = std::thread([process = process_.get()] { process->read_log(); });
   const std::string socket = socket_of(process_->read_ready(ready.get(), options.timeout));
   if (socket.empty()) {
-    ClientError error = death("heliographd did not listen");
-    stop();
+    const auto left = end - std::chrono::steady_clock::now();
+    const double patience = std::chrono::duration<double>(left).count();
+    const ClientError error =
+        death(process_->program + " did not listen within " + std::to_string(options.timeout) +
+                  " s; raise LaunchOptions::timeout, or start it by hand to see what it waits for",
+              std::clamp(patience, 0.0, 2.0));
+    give_up();
     throw error;
   }
   process_->address = "unix://" + socket;
@@ -229,10 +254,10 @@ const std::string& PrivateDaemon::address() const { return process_->address; }
 
 bool PrivateDaemon::is_dead() { return process_->reap(0.3); }
 
-ClientError PrivateDaemon::death(const std::string& message) {
+ClientError PrivateDaemon::death(const std::string& message, double patience) {
   ErrorDetails details;
   std::string text = message;
-  const bool ended = process_->reap(2);
+  const bool ended = process_->reap(patience);
   std::this_thread::sleep_for(std::chrono::milliseconds(20));  // its last lines come by a pipe
   const std::lock_guard lock(process_->mutex);
   if (ended) {
@@ -243,6 +268,11 @@ ClientError PrivateDaemon::death(const std::string& message) {
   text += details.log.empty() ? " and logged nothing" : "; its last lines:";
   for (const std::string& line : details.log) text += "\n  " + line;
   return {Code::kUnavailable, text, std::move(details)};
+}
+
+void PrivateDaemon::give_up() {
+  if (process_->pid > 0 && !process_->reap(0)) ::kill(-process_->pid, SIGKILL);
+  stop();
 }
 
 void PrivateDaemon::stop() {

@@ -4,6 +4,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
@@ -30,13 +31,19 @@ Lifeline::Lifeline(const std::string& path, double seconds) {
   std::memcpy(address.sun_path, path.data(), path.size());
   socket_ = ::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0);
   timeval limit{};
-  limit.tv_sec = time_t(seconds);
+  const double some = std::max(seconds, 1e-3);  // 0 would be for ever
+  limit.tv_sec = time_t(some);
+  limit.tv_usec = suseconds_t(1e6 * (some - double(limit.tv_sec)));
   ::setsockopt(socket_, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof(limit));
+  ::setsockopt(socket_, SOL_SOCKET, SO_SNDTIMEO, &limit, sizeof(limit));  // of connect()
   std::array<char, 4096> ticket;
   ssize_t size = ::connect(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof(address));
   if (size == 0) size = ::recv(socket_, ticket.data(), ticket.size(), 0);
   if (size != ssize_t(kTicketBytes)) {
-    const std::string why = size < 0 ? std::strerror(errno) : "it gave no ticket";
+    const bool is_silent = size < 0 && (errno == EAGAIN || errno == EINPROGRESS);
+    const std::string why = is_silent  ? "it gave no answer in time"
+                            : size < 0 ? std::strerror(errno)
+                                       : "it gave no ticket";
     ::close(socket_);
     refuse(path, why);
   }

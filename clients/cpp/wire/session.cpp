@@ -2,7 +2,9 @@
 #include "wire/session.h"
 
 #include <array>
+#include <cctype>
 #include <cstdint>
+#include <cstring>
 #include <fstream>
 #include <iterator>
 #include <random>
@@ -32,11 +34,27 @@ struct Target {
   std::string socket;   // path of the Unix socket, or ""
 };
 
+/// A path as a URI has it.
+std::string quoted(const std::string& path) {
+  std::string out;
+  for (const char c : path) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (std::isalnum(byte) != 0 || std::strchr("/-._~", c) != nullptr) {
+      out += c;
+      continue;
+    }
+    out += '%';
+    out += "0123456789ABCDEF"[byte >> 4];
+    out += "0123456789ABCDEF"[byte & 15];
+  }
+  return out;
+}
+
 Target target_of(const std::string& address) {
   if (address.rfind("unix:", 0) == 0) {
     std::string path = address.substr(5);
     if (path.rfind("//", 0) == 0) path = path.substr(2);
-    if (!path.empty() && path[0] == '/') return {"unix://" + path, path};
+    if (!path.empty() && path[0] == '/') return {"unix://" + quoted(path), path};
   } else {
     const std::size_t colon = address.rfind(':');
     const std::string port = colon == std::string::npos ? "" : address.substr(colon + 1);
@@ -106,7 +124,12 @@ Session::Session(std::string address, const ConnectOptions& options,
   socket_ = target.socket;
   channel_ = open_channel(target, options.tls);
   stub_ = v1::Renderer::NewStub(channel_);
-  start(0);
+  try {
+    start(0, Patience(options.timeout));
+  } catch (...) {
+    if (daemon_) daemon_->give_up();
+    throw;
+  }
   uploads_ = std::make_unique<Uploads>(*this);
   for (std::size_t i = 0; i < kLanes; ++i) lanes_.push_back(std::make_unique<ApplyLane>(*this));
 }
@@ -114,8 +137,8 @@ Session::Session(std::string address, const ConnectOptions& options,
 Session::~Session() { close(); }
 
 /// `resumed`: the session of before the daemon was restarted, or 0.
-void Session::start(std::uint64_t resumed) {
-  const auto reply = begin(resumed);
+void Session::start(std::uint64_t resumed, Patience patience) {
+  const auto reply = begin(resumed, patience);
   if (resumed == 0) {
     session_ = std::to_string(reply.session());
     server_ = reply.server();
@@ -124,12 +147,12 @@ void Session::start(std::uint64_t resumed) {
   if (!lifeline_) keep();
 }
 
-v1::OpenSessionReply Session::begin(std::uint64_t resumed) {
-  if (socket_.empty()) return open("", resumed);
-  for (Patience patience;;) {
-    lifeline_ = std::make_unique<Lifeline>(socket_ + ".fd.sock", kRetrySeconds);
+v1::OpenSessionReply Session::begin(std::uint64_t resumed, Patience& patience) {
+  if (socket_.empty()) return open("", resumed, patience.left());
+  for (;;) {
+    lifeline_ = std::make_unique<Lifeline>(socket_ + ".fd.sock", patience.left());
     try {
-      return open(lifeline_->ticket(), resumed);
+      return open(lifeline_->ticket(), resumed, patience.left());
     } catch (const ClientError& error) {
       // A ticket that is not known is of a daemon that ended before it was used.
       if (error.details().field != "ticket" || !patience.wait()) throw;
@@ -137,7 +160,8 @@ v1::OpenSessionReply Session::begin(std::uint64_t resumed) {
   }
 }
 
-v1::OpenSessionReply Session::open(const std::string& ticket, std::uint64_t resumed) {
+v1::OpenSessionReply Session::open(const std::string& ticket, std::uint64_t resumed,
+                                   double seconds) {
   v1::OpenSessionRequest request;
   request.set_client(kClient);
   request.set_ticket(ticket);
@@ -145,12 +169,13 @@ v1::OpenSessionReply Session::open(const std::string& ticket, std::uint64_t resu
   v1::OpenSessionReply reply;
   grpc::ClientContext context;
   context.set_wait_for_ready(true);
-  context.set_deadline(in_seconds(kRetrySeconds));
+  context.set_deadline(in_seconds(seconds));
   if (!token_.empty()) context.AddMetadata("authorization", "Bearer " + token_);
   const grpc::Status status = stub_->OpenSession(&context, request, &reply);
   if (status.error_code() == grpc::DEADLINE_EXCEEDED)
     throw ClientError(Code::kUnavailable, "no daemon answers at " + address_ +
-                                              "; start heliographd, or correct the address");
+                                              "; start heliographd, correct the address, or "
+                                              "raise the timeout");
   if (!status.ok()) throw error_of(status, context);
   check_api(reply.server());
   return reply;
@@ -163,7 +188,7 @@ bool Session::resume(std::uint64_t openings, const ClientError& failure) {
   for (Patience patience;;) {
     try {
       stop_keeping();
-      start(std::stoull(session_));
+      start(std::stoull(session_), Patience());
       uploads_->forget();
       return true;
     } catch (const ClientError& error) {

@@ -35,9 +35,17 @@ constexpr double kRetrySeconds = 10;  // how long a daemon that is unavailable i
 /// A random name for what is to be done once.
 std::string make_request_id();
 
-/// The waits between repeated calls: 20 ms, doubling up to 250 ms, 10 s in all.
+/// The waits between repeated calls: 20 ms, doubling up to 250 ms, 10 s in all by default.
 class Patience {
  public:
+  explicit Patience(double seconds = kRetrySeconds)
+      : end_(std::chrono::steady_clock::now() +
+             std::chrono::milliseconds(std::int64_t(1000 * seconds))) {}
+  /// Seconds, 0 at least.
+  [[nodiscard]] double left() const {
+    const auto left = end_ - std::chrono::steady_clock::now();
+    return std::max(0.0, std::chrono::duration<double>(left).count());
+  }
   /// Sleeps, or says that there is no more time.
   bool wait() {
     const auto now = std::chrono::steady_clock::now();
@@ -48,9 +56,7 @@ class Patience {
   }
 
  private:
-  std::chrono::steady_clock::time_point end_ =
-      std::chrono::steady_clock::now() +
-      std::chrono::milliseconds(std::int64_t(1000 * kRetrySeconds));
+  std::chrono::steady_clock::time_point end_;
   std::chrono::milliseconds delay_{20};
 };
 
@@ -106,9 +112,9 @@ class Session : public std::enable_shared_from_this<Session> {
   void close();
 
  private:
-  void start(std::uint64_t resumed);
-  v1::OpenSessionReply begin(std::uint64_t resumed);
-  v1::OpenSessionReply open(const std::string& ticket, std::uint64_t resumed);
+  void start(std::uint64_t resumed, Patience patience);
+  v1::OpenSessionReply begin(std::uint64_t resumed, Patience& patience);
+  v1::OpenSessionReply open(const std::string& ticket, std::uint64_t resumed, double seconds);
   void keep();
   void stop_keeping();
   void retry(const std::function<grpc::Status(grpc::ClientContext&)>& attempt);

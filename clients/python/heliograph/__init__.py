@@ -174,7 +174,8 @@ def connect(
     more, and with this process; `arguments` are more of its flags, `("--threads", "4")`. Otherwise
     "unix:///path/heliograph.sock" or "host:port". `token`: who this client is, or a path to a file
     with it, which may change while the client runs. `tls`: of "host:port", see TLS. `timeout`:
-    seconds that connecting may take, by default 30 for a private daemon, else 10. The daemon's log goes to logging.getLogger("heliograph").
+    seconds that connecting may take, by default 30 for a private daemon, else 10. The daemon's
+    log goes to logging.getLogger("heliograph").
     """
     if isinstance(arguments, str):
         raise InvalidArgument('arguments: a sequence, ("--threads", "4")', field="arguments")
