@@ -32,7 +32,7 @@ namespace {
 constexpr std::size_t kLogLines = 20;
 constexpr std::size_t kPathBytes = 107;                            // of a socket, at most
 constexpr const char* kLongerSocket = "/heliograph.sock.fd.sock";  // of the two in the folder
-constexpr int kOwnerFd = 3;  // of the child
+constexpr int kOwnerFd = 3;                                        // of the child
 constexpr int kReadyFd = 4;
 constexpr int kFreeFd = 16;  // descriptors of ours that must not be hit by those of the child
 

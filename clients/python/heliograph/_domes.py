@@ -125,8 +125,12 @@ class _Left:
 
 def _dome_of(scene: Scene) -> str:
     """The name of the texture that the dome of a scene shows, if a dome() made it."""
-    listed = scene.describe(tree=True, pattern="dome/*").objects
-    made = {found.id: found.name for found in listed if _MADE.fullmatch(found.name)}
+    state, session = scene.client.state_of(scene.id), scene.client.connection.link.session
+    reply = scene.describe(tree=True, pattern="dome/*")
+    with state.lock:
+        if state.session != session:  # the first edit need not ask once more
+            state.session, state.next = session, reply.scene.next_edit
+    made = {found.id: found.name for found in reply.objects if _MADE.fullmatch(found.name)}
     if not made:
         return ""
     request = service.ReadRequest(scene=scene.id, fields=["dome"])
