@@ -54,7 +54,7 @@ enum ExitCode : int {
   X(tenant_entities, 64'000'000, "entities of all scenes of a tenant")                  \
   X(tenant_streams, 256, "open Streams, RenderBatches and Watches of a tenant")         \
   X(tenant_jobs, 256, "render jobs of a tenant that wait or run")                       \
-  X(tenant_disk_bytes, 16ull << 30, "bytes a tenant's durable scenes have on the disk")   \
+  X(tenant_disk_bytes, 16ull << 30, "bytes a tenant's durable scenes have on the disk") \
   X(tenant_edits_per_second, 1'000'000, "edits a second, on average over 10 s")         \
   X(tenant_samples_per_second, 100'000'000'000, "samples of all pixels a second, same") \
   X(groups, 64, "light groups of one request")                                          \
@@ -63,9 +63,9 @@ enum ExitCode : int {
   X(replies, 1024, "replies kept for each session and scene, to answer retries")        \
   X(resume_seconds, 600, "seconds after its start in which sessions are resumed")       \
   X(snapshot_edits, 100'000, "edits of durable scenes between two snapshots")           \
-  X(snapshot_bytes, 64ull << 20, "bytes of these edits, or as many as the scenes have")   \
-  X(disk_reserve_bytes, 16ull << 20, "bytes of disk kept so that scenes can be deleted")  \
-  X(disk_spare_bytes, 1ull << 30, "bytes of disk left to tenants that have little on it") \
+  X(snapshot_bytes, 64ull << 20, "bytes of these edits, or as many as the scenes have") \
+  X(disk_reserve_bytes, 16ull << 20, "bytes of disk kept for deletions on a full disk") \
+  X(disk_spare_bytes, 1ull << 30, "bytes of disk left to tenants with little on it")    \
   X(saved_bytes, 16ull << 30, "bytes of other scenes, saved when the device is lost")   \
   X(save_seconds, 120, "seconds that may take")                                         \
   X(reply_bytes, 16ull << 20, "bytes of those replies, and of a session's others")      \

@@ -59,7 +59,8 @@ void apply_durably(const std::shared_ptr<Session>& session, SceneEntry& entry,
   };
   edit.record.set_session(session->id());
   edit.record.set_number(request.number());
-  if (edit.transaction && source.status()) edit.sent = source.fill(request.transaction(), edit.record);
+  if (edit.transaction && source.status())
+    edit.sent = source.fill(request.transaction(), edit.record);
   if (!source.status()) {
     entry.journal->want_room();
     return end(std::unexpected(source.status().error()));

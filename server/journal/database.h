@@ -17,15 +17,16 @@ namespace heliograph::server {
 /// The kinds of rows.
 enum class Rows : u8 { kHead, kScenes, kRecords };
 
-/// The format of the state directory, as the file's user_version says it. 0 is the one without such a
-/// number; what changed since: large transactions are files, and the file is made to shrink.
+/// The format of the state directory, as the file's user_version says it. 0 is the one without such
+/// a number; what changed since: large transactions are files, and the file is made to shrink.
 inline constexpr int kFormat = 2;
 
 /// Owns: the connection and its lock on the file. Thread: one at a time.
 ///
 /// Fails with RESOURCE_EXHAUSTED (the disk is full), INTERNAL (the file is damaged), UNIMPLEMENTED
-/// (it has another format), UNAVAILABLE (anything else, an fsync that failed too). After a failure of begin() to commit() it must be
-/// closed: what the file holds is known only after it was opened again.
+/// (it has another format), UNAVAILABLE (anything else, an fsync that failed too). After a failure
+/// of begin() to commit() it must be closed: what the file holds is known only after it was opened
+/// again.
 class Database {
  public:
   /// Opens or makes the file; `check`: and checks its pages. Its format is kFormat, or 0 until

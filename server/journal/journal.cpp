@@ -16,7 +16,7 @@ namespace {
 constexpr u64 kGroupBytes = 1 << 20;  // of a commit
 constexpr u64 kErasedMost = 256;      // old records, with each commit
 constexpr u64 kErasedBytes = 4 << 20;
-constexpr u64 kRecordBytes = 96;   // that one has beside its text
+constexpr u64 kRecordBytes = 96;     // that one has beside its text
 constexpr u64 kControlBytes = 4096;  // what a change of rows counts for
 constexpr auto kLookAround = std::chrono::seconds(1);
 constexpr auto kGather = std::chrono::microseconds(100);
@@ -43,7 +43,7 @@ Status Journal::push(Item item, bool is_ours) {
 }
 
 Status Journal::append(Entry entry) {
-  auto charge = files(entry.tenant).charge(entry.record.size() + kRecordBytes, Room::kWithinLimits);
+  auto charge = files(entry.tenant).charge(entry.record.size() + kRecordBytes, Room::kEdit);
   if (!charge) {
     want_room();
     return std::unexpected(std::move(charge).error());
@@ -63,9 +63,9 @@ void Journal::want_room() {
 Status Journal::run(std::shared_ptr<Control> control, const std::string& tenant) {
   auto done = std::make_shared<std::promise<Status>>();
   auto result = done->get_future();
-  Entry entry{.tenant = tenant,
-              .sync = true,
-              .done = [done](const Status& status) { done->set_value(status); }};
+  Entry entry{.tenant = tenant, .sync = true, .done = [done](const Status& status) {
+                done->set_value(status);
+              }};
   const bool is_ours = control->is_snapshot;
   HELIO_TRY(push({.entry = std::move(entry), .control = std::move(control)}, is_ours));
   return result.get();
@@ -73,7 +73,7 @@ Status Journal::run(std::shared_ptr<Control> control, const std::string& tenant)
 
 Status Journal::add(SceneState state) {
   const std::string tenant = state.row.tenant();
-  auto stored = store_state(state, files(tenant), Room::kWithinLimits);
+  auto stored = store_state(state, files(tenant), Room::kEdit);
   if (!stored) {
     want_room();
     return std::unexpected(std::move(stored).error());
@@ -230,6 +230,7 @@ void Journal::account(Item& item) {
   erased_ = std::clamp<u64>(records * kErasedBytes / bytes, 1, kErasedMost);
   old_charges_.clear();
   snapshot_bytes_ = item.control->bytes;
+  room_->expect_snapshot(snapshot_bytes_);
   has_free_ = true;
 }
 

@@ -49,19 +49,19 @@ struct Entry {
 /// many entries as before, or half the time that the disk took, 0.1 ms at most. After an error
 /// nothing is acknowledged: all that waits fails, the database is closed, and once a second it is
 /// opened again, brought to what was acknowledged, and moved out of its log; when that works,
-/// writing goes on. Was the disk full, the room for this comes from a reserve, scenes can be removed
-/// then, and edits go on once the reserve is there again.
+/// writing goes on. Was the disk full, the room for this comes from a reserve, scenes can be
+/// removed then, and edits go on once the reserve is there again.
 ///
-/// A snapshot is due after a number of records, or after as many bytes as the scenes themselves have;
-/// also when somebody found no room.
+/// A snapshot is due after a number of records, or after as many bytes as the scenes themselves
+/// have; also when somebody found no room.
 class Journal {
  public:
   struct Options {
     std::string folder;
-    u64 snapshot_records = 100'000;     // between two snapshots
-    u64 snapshot_bytes = 64ull << 20;   // the same, and more where scenes have more
-    u32 queue = 65'536;                 // entries of one tenant that may wait
-    u64 reserve = 16ull << 20;          // bytes: see DiskRoom
+    u64 snapshot_records = 100'000;    // between two snapshots
+    u64 snapshot_bytes = 64ull << 20;  // the same, and more where scenes have more
+    u32 queue = 65'536;                // entries of one tenant that may wait
+    u64 reserve = 16ull << 20;         // bytes: see DiskRoom
     u64 spare = 1ull << 30;
     /// A tenant's share of the disk, by its name.
     std::function<std::shared_ptr<Budget>(const std::string&)> disk;
@@ -217,9 +217,9 @@ class Journal {
   WriteQueue<Item> queue_;
   std::size_t wanted_ = 1;  // so many entries wake the writer
   Status status_;
-  std::set<u64> changed_scenes_;  // since their snapshot
-  bool is_encoding_ = false;      // a snapshot is being made
-  bool wants_room_ = false;       // so one is due
+  std::set<u64> changed_scenes_;                           // since their snapshot
+  bool is_encoding_ = false;                               // a snapshot is being made
+  bool wants_room_ = false;                                // so one is due
   std::chrono::steady_clock::time_point next_snapshot_{};  // that is made for room
   bool is_full_ = false;  // the disk was: the reserve is gone, only removals are written
   bool is_refusing_ = false;

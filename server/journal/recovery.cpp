@@ -162,8 +162,7 @@ Expected<EditLog::Reply> Recovery::apply_record(u64 id, const journal::Record& r
     return broken(
         fmt::format("makes revision {}, not {}", prepared->snapshot->revision, record.revision()));
   scene.head = prepared->snapshot;
-  scene.events->add(record.revision(),
-                    event_of(message ? record.transaction() : file, *prepared));
+  scene.events->add(record.revision(), event_of(message ? record.transaction() : file, *prepared));
   if (auto files = source.take_files(); !files.empty())
     journal_.hold(record.scene(), id, std::move(files));
   return std::make_shared<const Expected<v1::ApplyReply>>(

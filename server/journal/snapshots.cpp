@@ -16,8 +16,8 @@ constexpr i64 kShrunkAtOnce = 1'000;  // pages, 4 MB
 
 /// At most once a second where somebody wants room: that costs what a snapshot costs.
 bool Journal::is_due() {
-  const u64 most = std::max(std::min(options_.snapshot_bytes, room_->size() / kLogOf),
-                            snapshot_bytes_);
+  const u64 most =
+      std::max(std::min(options_.snapshot_bytes, room_->size() / kLogOf), snapshot_bytes_);
   bool is_due = head_.last() - snapshot_at_ >= options_.snapshot_records || bytes_since_ >= most;
   const auto now = std::chrono::steady_clock::now();
   if (now < next_snapshot_ && !is_due) return false;
@@ -80,7 +80,7 @@ Expected<std::shared_ptr<Journal::Control>> Journal::encode(std::vector<SceneSta
   control->record = record;
   control->sum = sum;
   for (SceneState& state : states) {
-    auto stored = store_state(state, files(state.row.tenant()), Room::kCounted);
+    auto stored = store_state(state, files(state.row.tenant()), Room::kSnapshot);
     if (!stored) return std::unexpected(std::move(stored).error());
     control->bytes += size_of(*stored->back());
     state.row.set_record(record);

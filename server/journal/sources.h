@@ -25,8 +25,8 @@ class RecordingSource final : public ArraySource {
 
   /// An error when something could not be stored: what came of the transaction is not to be used.
   [[nodiscard]] const Status& status() const { return status_; }
-  /// The transaction as it was read through this, uploads and buffers named by their hashes. A large
-  /// one is stored as a file, which the record names, and returned; "": the record holds it.
+  /// The transaction as it was read through this, uploads and buffers named by their hashes. A
+  /// large one is stored as a file, which the record names, and returned; "": the record holds it.
   [[nodiscard]] std::string fill(const v1::Transaction& transaction, journal::Record& record);
   [[nodiscard]] std::vector<BlobFilePtr> take_files() { return std::move(held_); }
   /// The uploads that were used up.
@@ -45,8 +45,8 @@ class RecordingSource final : public ArraySource {
   std::vector<UsedUpload> used_;
 };
 
-/// Gives what the files hold, counted against the owner's budget like uploads. It keeps none but the
-/// last models: bytes live as long as what was made of them. Thread: one.
+/// Gives what the files hold, counted against the owner's budget like uploads. It keeps none but
+/// the last models: bytes live as long as what was made of them. Thread: one.
 class RecoveringSource final : public ArraySource {
  public:
   RecoveringSource(Tenant& owner, BlobFiles& files)

@@ -13,8 +13,8 @@
 
 namespace heliograph::server {
 
-/// Start-time fair queuing by bytes (Goyal, Vin and Cheng 1996): the tenant that had the fewest goes
-/// first, in a tenant whoever came first. Thread: one at a time.
+/// Start-time fair queuing by bytes (Goyal, Vin and Cheng 1996): the tenant that had the fewest
+/// goes first, in a tenant whoever came first. Thread: one at a time.
 template <class T>
 class WriteQueue {
  public:
