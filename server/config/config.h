@@ -73,8 +73,8 @@ enum ExitCode : int {
   X(resume_seconds, 600, "seconds after its start in which sessions are resumed")         \
   X(snapshot_edits, 100'000, "edits of durable scenes between two snapshots")             \
   X(snapshot_bytes, 64ull << 20, "bytes of these edits, or as many as the scenes have")   \
-  X(disk_reserve_bytes, 16ull << 20, "bytes of disk kept so that scenes can be deleted")  \
-  X(disk_spare_bytes, 1ull << 30, "bytes of disk left to tenants that have little on it") \
+  X(disk_reserve_bytes, 16ull << 20, "bytes of disk kept for deletions on a full disk")   \
+  X(disk_spare_bytes, 1ull << 30, "bytes of disk left to tenants with little on it")      \
   X(saved_bytes, 16ull << 30, "bytes of other scenes, saved when the device is lost")     \
   X(save_seconds, 120, "seconds that may take")                                           \
   X(reply_bytes, 16ull << 20, "bytes of those replies, and of a session's others")        \

@@ -136,7 +136,10 @@ BlobFilePtr BlobFiles::find(const std::string& hash) {
 }
 
 Expected<Charge> BlobFiles::charge(u64 bytes, Room room) {
-  if (room == Room::kCounted) return Charge::count(options_.disk, bytes);
+  if (room == Room::kSnapshot) {
+    HELIO_TRY(options_.room.admit_snapshot(bytes));
+    return count(bytes);
+  }
   auto charge = Charge::take(options_.disk, bytes);
   if (!charge) {
     charge.error().retry_seconds = kRetrySeconds;  // what is superseded goes meanwhile
@@ -169,7 +172,7 @@ Expected<std::pair<BlobFilePtr, std::string>> BlobFiles::read(const std::string&
   if (sha256(*bytes) != hash)
     return fail(Code::kInternal, "",
                 fmt::format("the file {} is damaged: its bytes have another SHA-256", path(hash)));
-  if (!held->is_there) held->charge = Charge::count(options_.disk, bytes->size() + kFileBytes);
+  if (!held->is_there) held->charge = count(bytes->size() + kFileBytes);
   held->is_there = true;
   held->size = bytes->size();
   return std::pair(std::move(held), std::move(*bytes));

@@ -23,8 +23,9 @@ using BlobFilePtr = std::shared_ptr<BlobFile>;
 /// Bytes, as they were put or read.
 [[nodiscard]] u64 size_of(const BlobFile& file);
 
-/// Whether a file must find room in its owner's quota and on the disk, or is counted alone.
-enum class Room : u8 { kWithinLimits, kCounted };
+/// What a file must find room for: an edit in its owner's quota and on the disk; a snapshot on the
+/// disk alone, since it makes room.
+enum class Room : u8 { kEdit, kSnapshot };
 
 /// The files of one tenant, in one folder. A file is whole and synced, its folder too, before put()
 /// returns; files that nobody holds any more are removed by sweep(), and before the next one is
@@ -51,6 +52,8 @@ class BlobFiles {
   [[nodiscard]] Expected<std::pair<BlobFilePtr, std::string>> read(const std::string& hash);
   /// The tenant's share of the disk for bytes that are stored elsewhere; fails as put() does.
   [[nodiscard]] Expected<Charge> charge(u64 bytes, Room room);
+  /// The same for what is there already.
+  [[nodiscard]] Charge count(u64 bytes) { return Charge::count(options_.disk, bytes); }
   /// One that somebody holds; else null.
   [[nodiscard]] BlobFilePtr find(const std::string& hash);
   /// Removes files that nobody holds. `strangers`: those that were never put or read, too.

@@ -25,9 +25,9 @@ constexpr double kRetrySeconds = 1;
 
 std::unexpected<Error> too_little(u64 needed, u64 available) {
   Error error{.code = Code::kResourceExhausted,
-              .message = fmt::format("the disk of the state directory has {} bytes left for this "
-                                     "tenant, the edit needs {}; delete durable scenes, or make "
-                                     "room (limit disk_spare_bytes is left to other tenants)",
+              .message = fmt::format("the disk of the state directory has {} bytes left for this, "
+                                     "which needs {}; delete durable scenes, or make room (what "
+                                     "is left to others: limit disk_spare_bytes)",
                                      available, needed),
               .where = ""};
   error.needed = needed;
@@ -59,10 +59,23 @@ u64 DiskRoom::left() {
 }
 
 Status DiskRoom::admit(u64 bytes, u64 used) {
-  const u64 needed = kCopies * bytes;
-  const u64 kept = used + bytes > spare_ / kLittle ? spare_ : 0;
+  const bool has_much = used + bytes > spare_ / kLittle;
+  // Is there not even room for these, the database finds that out, and all are told.
+  if (!has_much && bytes < kLookBytes) return {};
+  return admit_beside(kCopies * bytes, has_much ? spare_ + snapshot_ : 0);
+}
+
+Status DiskRoom::admit_snapshot(u64 bytes) {
+  return admit_beside(bytes, bytes > spare_ / kLittle ? spare_ : 0);
+}
+
+Status DiskRoom::admit_beside(u64 needed, u64 kept) {
   const std::lock_guard lock(mutex_);
-  const u64 left_now = left();
+  u64 left_now = left();
+  if (needed + kept > left_now) {
+    looked_ = {};
+    left_now = left();
+  }
   const u64 available = left_now - std::min(left_now, kept);
   if (needed > available) return too_little(needed, available);
   written_ += needed;

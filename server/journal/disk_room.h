@@ -2,6 +2,7 @@
 // files.
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <mutex>
 #include <string>
@@ -26,6 +27,10 @@ class DiskRoom {
 
   /// Whether an owner who uses `used` bytes may write these; RESOURCE_EXHAUSTED with a retry time.
   [[nodiscard]] Status admit(u64 bytes, u64 used);
+  /// The same of a part of a snapshot, which takes the place of another one.
+  [[nodiscard]] Status admit_snapshot(u64 bytes);
+  /// The next snapshot has about so many bytes: room that edits leave to it.
+  void expect_snapshot(u64 bytes) { snapshot_ = bytes; }
   /// Takes the reserve when there is that much, and a quarter more: RESOURCE_EXHAUSTED otherwise.
   [[nodiscard]] Status take_reserve();
   void release_reserve();
@@ -34,12 +39,15 @@ class DiskRoom {
   [[nodiscard]] u64 size() const { return size_; }
 
  private:
+  /// `kept`: bytes that are not for this.
+  [[nodiscard]] Status admit_beside(u64 needed, u64 kept);
   [[nodiscard]] u64 left();  // under mutex_
 
   const Options options_;
   u64 size_ = 0;
   u64 reserve_ = 0;
   u64 spare_ = 0;
+  std::atomic<u64> snapshot_ = 0;
   std::mutex mutex_;
   u64 free_ = 0;     // when it was looked at
   u64 written_ = 0;  // since

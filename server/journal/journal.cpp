@@ -43,7 +43,7 @@ Status Journal::push(Item item, bool is_ours) {
 }
 
 Status Journal::append(Entry entry) {
-  auto charge = files(entry.tenant).charge(entry.record.size() + kRecordBytes, Room::kWithinLimits);
+  auto charge = files(entry.tenant).charge(entry.record.size() + kRecordBytes, Room::kEdit);
   if (!charge) {
     want_room();
     return std::unexpected(std::move(charge).error());
@@ -73,7 +73,7 @@ Status Journal::run(std::shared_ptr<Control> control, const std::string& tenant)
 
 Status Journal::add(SceneState state) {
   const std::string tenant = state.row.tenant();
-  auto stored = store_state(state, files(tenant), Room::kWithinLimits);
+  auto stored = store_state(state, files(tenant), Room::kEdit);
   if (!stored) {
     want_room();
     return std::unexpected(std::move(stored).error());
@@ -230,6 +230,7 @@ void Journal::account(Item& item) {
   erased_ = std::clamp<u64>(records * kErasedBytes / bytes, 1, kErasedMost);
   old_charges_.clear();
   snapshot_bytes_ = item.control->bytes;
+  room_->expect_snapshot(snapshot_bytes_);
   has_free_ = true;
 }
 

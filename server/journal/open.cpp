@@ -193,8 +193,7 @@ void Journal::count(u64 scene, u64 bytes) {
   const auto row = rows_.find(scene);
   if (row == rows_.end()) return;  // deleted since
   const std::string& tenant = row->second.tenant();
-  if (auto charge = files(tenant).charge(bytes, Room::kCounted))
-    charges_[tenant].merge(std::move(*charge));
+  charges_[tenant].merge(files(tenant).count(bytes));
 }
 
 void Journal::hold(u64 scene, u64 record, std::vector<BlobFilePtr> files) {

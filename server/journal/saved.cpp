@@ -41,7 +41,7 @@ Journal::Saved Journal::save(std::vector<SceneState> states, u64 bytes) {
 /// How many bytes of files that others do not have it needs.
 Expected<u64> Journal::store_within(SceneState& state, u64 bytes,
                                     std::set<const BlobFile*>& counted, Control& control) {
-  auto stored = store_state(state, files(state.row.tenant()), Room::kCounted);
+  auto stored = store_state(state, files(state.row.tenant()), Room::kSnapshot);
   if (!stored) return std::unexpected(std::move(stored).error());
   u64 more = 0;
   std::set<const BlobFile*> own;

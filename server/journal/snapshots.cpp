@@ -80,7 +80,7 @@ Expected<std::shared_ptr<Journal::Control>> Journal::encode(std::vector<SceneSta
   control->record = record;
   control->sum = sum;
   for (SceneState& state : states) {
-    auto stored = store_state(state, files(state.row.tenant()), Room::kCounted);
+    auto stored = store_state(state, files(state.row.tenant()), Room::kSnapshot);
     if (!stored) return std::unexpected(std::move(stored).error());
     control->bytes += size_of(*stored->back());
     state.row.set_record(record);

@@ -25,11 +25,11 @@ void Journal::stall(std::vector<Item> group, const Error& why) {
   {
     const std::lock_guard lock(mutex_);
     status_ = std::unexpected(error);
+    // A removal is tried once with what the reserve had, and alone.
+    const bool had_reserve = !is_full_, was_alone = group.size() == 1;
     is_full_ = wants_room_ = why.code == Code::kResourceExhausted;
-    // A removal that others had no room for may have it alone.
-    const bool was_alone = group.size() == 1;
     const auto waits = [&](const Item& item) {
-      return is_full_ && !was_alone && item.control && item.control->removed;
+      return is_full_ && (had_reserve || !was_alone) && item.control && item.control->removed;
     };
     for (Item& item : queue_.take_all()) group.push_back(std::move(item));
     const auto kept = std::stable_partition(group.begin(), group.end(), std::not_fn(waits));

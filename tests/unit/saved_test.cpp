@@ -137,7 +137,7 @@ TEST_CASE("saved: a crash while it saves, and a file that is damaged, leave the 
   const u64 plain = furnished(server, session, true, 3)->id;
   auto states = server.daemon.scenes.capture_last();
   REQUIRE(states.size() == 1);
-  REQUIRE(store_state(states[0], server.daemon.journal->files("tester"), Room::kCounted));
+  REQUIRE(store_state(states[0], server.daemon.journal->files("tester"), Room::kSnapshot));
   const std::string file = "blobs/tester/" + hex(states[0].row.state());
   crashed.copy(folder.path());  // a file, and no row of it yet
   {
