@@ -5,8 +5,8 @@
 //
 // SIGUSR1: the device is lost, once the backend is next called; a GPU by a program that reads where
 // there is no memory. It comes back, unless HELIOGRAPH_TEST_LOSS is set: then not in this process,
-// as most GPUs do. SIGUSR2: it hangs there, until the next SIGUSR2. While there is a file of the name
-// in HELIOGRAPH_TEST_FREEZE the event loop stands still.
+// as most GPUs do. SIGUSR2: it hangs there, until the next SIGUSR2. While there is a file of the
+// name in HELIOGRAPH_TEST_FREEZE the event loop stands still.
 #include <signal.h>
 #include <sys/epoll.h>
 #include <sys/mman.h>
@@ -257,8 +257,8 @@ std::vector<std::string_view> backend_names() { return {"embree", "cuda"}; }
 
 }  // namespace heliograph
 
-/// The C library's, which the event loop waits in: of the main thread it does not return while there
-/// is such a file.
+/// The C library's, which the event loop waits in: of the main thread it does not return while
+/// there is such a file.
 extern "C" int epoll_wait(int epoll, epoll_event* events, int most, int milliseconds) {
   const long count =
       ::syscall(SYS_epoll_pwait, epoll, events, most, milliseconds, nullptr, sizeof(long));
