@@ -186,13 +186,11 @@ Status Life::start_metrics(ListeningSocket socket) {
   if (!is_loopback(socket.fd.get()))
     daemon_.log.warning("whoever reaches the metrics' port may read it", {});
   const Limits& limits = daemon_.config.limits;
-  auto port = MetricsPort::start(
-      {.loop = *daemon_.loop,
-       .log = daemon_.log,
-       .socket = std::move(socket),
-       .limits = {.total = u32(limits.metrics_connections),
-                  .per_peer = u32(limits.metrics_connections_per_peer)}},
-      [this] { return daemon_.metrics.text(metric_values(daemon_, connections_->open())); });
+  const MetricsPort::Limits most{u32(limits.metrics_connections),
+                                 u32(limits.metrics_connections_per_peer)};
+  auto port = MetricsPort::start({*daemon_.loop, daemon_.log, std::move(socket), most}, [this] {
+    return daemon_.metrics.text(metric_values(daemon_, connections_->open()));
+  });
   if (!port) return std::unexpected(port.error());
   metrics_ = std::move(*port);
   return {};

@@ -1,6 +1,7 @@
 """Durable scenes against a real daemon: what a client sees of a restart."""
 
 import pathlib
+import subprocess
 import sys
 import time
 
@@ -12,7 +13,7 @@ from heliograph._link import Link
 from heliograph._proto import service_pb2 as service
 
 sys.path.append(str(pathlib.Path(__file__).parents[1] / "fault"))
-from served import Served  # noqa: E402
+from served import DAEMON, Served  # noqa: E402
 
 
 @pytest.fixture
@@ -231,10 +232,9 @@ def test_a_session_is_resumed_again_when_the_reply_was_lost(daemons):
 
 def test_two_daemons_do_not_share_a_state_directory(daemons, tmp_path):
     with hg.connect(daemons()):  # by now it has taken the directory
-        (tmp_path / "other").mkdir()
-        second = Served(tmp_path / "other", "--state-dir", tmp_path / "state")
-        assert second.process.wait(10) == 69
-    assert "another daemon's" in second.log()
+        flags = ["--socket", tmp_path / "other" / "s", "--state-dir", tmp_path / "state"]
+        second = subprocess.run([DAEMON, *flags], capture_output=True, text=True, timeout=20)
+    assert second.returncode == 69 and "another daemon's" in second.stderr
 
 
 def test_a_state_directory_may_be_relative(tmp_path, monkeypatch):
