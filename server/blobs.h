@@ -20,7 +20,7 @@ struct BlobLimits {
   u64 bytes = 8ull << 30;  // of all blobs and uploads alive, those that scenes refer to included
   u64 blob_bytes = 2ull << 30;  // of one
   u64 inline_bytes = 1u << 20;  // of one inline array
-  RecentLimits recent = {};      // what a session keeps that nothing refers to
+  RecentLimits recent = {};     // what a session keeps that nothing refers to
 };
 
 /// Bytes on their way in. The room was taken from the budget when it began.
@@ -47,9 +47,9 @@ class Incoming {
   std::shared_ptr<const void> held_;
 };
 
-/// The blobs alive, by hash. It owns none: sessions (for a while) and scenes do, and what nobody refers to any
-/// more is gone. Equal bytes are one Buffer, so that they have one serial.
-/// Thread: any; one mutex, held for a look-up.
+/// The blobs alive, by hash. It owns none: sessions (for a while) and scenes do, and what nobody
+/// refers to any more is gone. Equal bytes are one Buffer, so that they have one serial. Thread:
+/// any; one mutex, held for a look-up.
 class BlobStore {
  public:
   /// `budget`: of all blobs, other stores' too.

@@ -41,8 +41,8 @@ enum ExitCode : int {
   X(chunk_bytes, 1ull << 20, "bytes of one chunk of an upload or a frame")              \
   X(blob_bytes, 4ull << 30, "bytes of one uploaded blob")                               \
   X(blob_store_bytes, 16ull << 30, "bytes of all blobs and assets")                     \
-  X(recent_seconds, 30, "seconds for which an upload or asset is kept without a use")    \
-  X(recent_bytes, 128ull << 20, "bytes of those that a session used, kept without a use") \
+  X(recent_seconds, 30, "seconds for which an upload or asset is kept without a use")   \
+  X(recent_bytes, 128ull << 20, "bytes of those that a session used and nobody needs")  \
   X(frame_bytes, 4ull << 30, "bytes of all frames of one request")                      \
   X(shared_bytes, 1ull << 30, "bytes of a session's shared buffers")                    \
   X(credits, 64, "frames or items of one call in work or on their way")                 \

@@ -140,10 +140,11 @@ Expected<BufferPtr> Holdings::take_upload(const std::string& request_id) {
     found = recent_.take(Recent::Kind::kUpload, request_id);
   }
   if (found) return std::static_pointer_cast<const Buffer>(std::move(found));
-  return fail(Code::kNotFound, "upload",
-              fmt::format("this session has no upload '{}'; upload it again: a use consumes it, and "
-                          "so does the time of the limit recent_seconds",
-                          request_id));
+  return fail(
+      Code::kNotFound, "upload",
+      fmt::format("this session has no upload '{}'; upload it again: a use consumes it, and "
+                  "so does the time of the limit recent_seconds",
+                  request_id));
 }
 
 void Holdings::give_back(const std::vector<UsedUpload>& uploads) {

@@ -21,8 +21,8 @@ struct UsedUpload {
 };
 
 /// Keeps the blobs and assets that its session brought or named lately (recent.h), whether anything
-/// refers to them or not, and its anonymous uploads until they are used; and so says where the bytes
-/// of its arrays come from.
+/// refers to them or not, and its anonymous uploads until they are used; and so says where the
+/// bytes of its arrays come from.
 ///
 /// Arrays fail with INVALID_ARGUMENT (nothing set, too long inline), NOT_FOUND (no such blob,
 /// upload, buffer or asset).

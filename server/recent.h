@@ -14,7 +14,7 @@
 namespace heliograph::server {
 
 struct RecentLimits {
-  u64 seconds = 30;           // after it was brought or named
+  u64 seconds = 30;          // after it was brought or named
   u64 bytes = 128ull << 20;  // of all that was named; the last one is kept whatever its size
 };
 

@@ -24,8 +24,8 @@ struct DecodeJob {
   std::string up;
   double units = 0;
   std::string hash;  // becomes Asset::hash
-  /// Pays for so many bytes of arrays that come back, before they are touched; what it returns lives
-  /// as long as any of them.
+  /// Pays for so many bytes of arrays that come back, before they are touched; what it returns
+  /// lives as long as any of them.
   std::function<Expected<std::shared_ptr<const void>>(u64 bytes)> pay;
 };
 
