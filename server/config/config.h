@@ -24,80 +24,80 @@ enum ExitCode : int {
 };
 
 // X(name, default, what it bounds): every limit is a setting, --limit NAME=VALUE.
-#define HELIO_LIMITS(X)                                                                   \
-  X(connections, 256, "open connections; a quarter only of the Unix socket")              \
-  X(connections_per_peer, 64, "those of one process, or over TCP of one address")         \
-  X(metrics_connections, 32, "connections to the metrics' port")                          \
-  X(metrics_connections_per_peer, 8, "those of one address")                              \
-  X(sessions, 256, "open sessions")                                                       \
-  X(calls_per_session, 64, "calls and streams of one session at a time")                  \
-  X(quick_calls, 256, "sessions that have a socket for quick calls")                      \
-  X(streams_per_connection, 64, "calls and streams of one connection at a time")          \
-  X(pool_queue, 4096, "requests that wait for a thread")                                  \
-  X(client_bytes, 256, "bytes of the name that a client gives itself")                    \
-  X(log_bytes, 1ull << 20, "bytes of log lines that wait to be written")                  \
-  X(log_value_bytes, 1024, "bytes of one value in the log")                               \
-  X(jobs, 256, "render jobs and queries that wait for the device")                        \
-  X(scenes, 4096, "scenes, private and shared")                                           \
-  X(revisions, 64, "recent revisions a scene keeps")                                      \
-  X(entities, 4'000'000, "entities of a scene")                                           \
-  X(array_bytes, 8ull << 30, "bytes of all arrays of a scene")                            \
-  X(message_bytes, 16ull << 20, "bytes of a request message")                             \
-  X(chunk_bytes, 1ull << 20, "bytes of one chunk of an upload or a frame")                \
-  X(blob_bytes, 4ull << 30, "bytes of one uploaded blob")                                 \
-  X(upload_window_bytes, 16ull << 20, "bytes of an upload charged before they come")      \
-  X(blob_store_bytes, 16ull << 30, "bytes of all blobs and assets")                       \
-  X(recent_seconds, 30, "seconds for which an upload or asset is kept without a use")     \
-  X(recent_bytes, 128ull << 20, "bytes of those that a session used, kept without a use") \
-  X(frame_bytes, 4ull << 30, "bytes of all frames of one request")                        \
-  X(shared_bytes, 1ull << 30, "bytes of a session's shared buffers")                      \
-  X(credits, 64, "frames or items of one call in work or on their way")                   \
-  X(waiting_bytes, 64ull << 20, "bytes of one call's requests that wait")                 \
-  X(stall_seconds, 30, "seconds a reader may take nothing of what waits for it")          \
-  X(hang_seconds, 4, "seconds in which nothing moves before it is not ready")             \
-  X(stuck_seconds, 60, "seconds in which it stands still before it is not live")          \
-  X(lost_seconds, 10, "seconds a lost device may take to come back before it ends")       \
-  X(probe_seconds, 5, "seconds between two pixels that are rendered as a probe")          \
-  X(samples, 1ull << 20, "samples a pixel")                                               \
-  X(tenant_bytes, 16ull << 30, "bytes of a tenant's uploads, blobs, assets and arrays")   \
-  X(tenant_entities, 64'000'000, "entities of all scenes of a tenant")                    \
-  X(tenant_streams, 256, "open Streams, RenderBatches and Watches of a tenant")           \
-  X(tenant_jobs, 256, "render jobs of a tenant that wait or run")                         \
-  X(tenant_disk_bytes, 16ull << 30, "bytes a tenant's durable scenes have on the disk")   \
-  X(tenant_edits_per_second, 1'000'000, "edits a second, on average over 10 s")           \
-  X(tenant_samples_per_second, 100'000'000'000, "samples of all pixels a second, same")   \
-  X(groups, 64, "light groups of one request")                                            \
-  X(worlds, 4096, "worlds of one request")                                                \
-  X(edits, 1'000'000, "edits of one transaction")                                         \
-  X(replies, 1024, "replies kept for each session and scene, to answer retries")          \
-  X(resume_seconds, 600, "seconds after its start in which sessions are resumed")         \
-  X(snapshot_edits, 100'000, "edits of durable scenes between two snapshots")             \
-  X(snapshot_bytes, 64ull << 20, "bytes of these edits, or as many as the scenes have")   \
-  X(disk_reserve_bytes, 16ull << 20, "bytes of disk kept for deletions on a full disk")   \
-  X(disk_spare_bytes, 1ull << 30, "bytes of disk left to tenants with little on it")      \
-  X(saved_bytes, 16ull << 30, "bytes of other scenes, saved when the device is lost")     \
-  X(save_seconds, 120, "seconds that may take")                                           \
-  X(reply_bytes, 16ull << 20, "bytes of those replies, and of a session's others")        \
-  X(watch_events, 16'384, "newest transactions that a scene keeps for Watch")             \
-  X(watch_bytes, 16ull << 20, "bytes of these")                                           \
-  X(quota_bytes, 256ull << 20, "bytes gRPC may buffer of the Unix socket")                \
-  X(tcp_quota_bytes, 256ull << 20, "bytes it may buffer of TCP")                          \
-  X(derived_bytes, 4ull << 30, "bytes of derived data that nobody uses, kept as cache")   \
-  X(static_triangles, 4'000'000, "triangles of static entities traced as one mesh")       \
-  X(query_items, 1u << 20, "rays, pixels, points or pairs of one query")                  \
-  X(track_times, 256, "times of one call of Tracks")                                      \
-  X(record_bytes, 1ull << 30, "bytes of a recording, or of all in its folder")            \
-  X(decode_bytes, 2ull << 30, "address space of a decoder process")                       \
-  X(decode_result_bytes, 1ull << 30, "bytes a decoder may hand back")                     \
-  X(decode_texels, 1ull << 27, "texels of one decoded picture")                           \
-  X(decode_vertices, 1ull << 26, "vertices of one decoded mesh")                          \
-  X(decode_triangles, 1ull << 27, "triangles of one decoded mesh")                        \
-  X(decode_entities, 1ull << 20, "entities of one decoded model")                         \
-  X(decode_keys, 1ull << 22, "keys of all animations of one decoded model")               \
-  X(decode_json_bytes, 64ull << 20, "bytes of a glTF document without its buffers")       \
-  X(decode_seconds, 30, "seconds a file may take to decode")                              \
-  X(decodes, 4, "decoder processes at work at a time")                                    \
-  X(decodes_per_tenant, 3, "those of one tenant")                                         \
+#define HELIO_LIMITS(X)                                                                 \
+  X(connections, 256, "open connections; a quarter only of the Unix socket")            \
+  X(connections_per_peer, 64, "those of one process, or over TCP of one address")       \
+  X(metrics_connections, 32, "connections to the metrics' port")                        \
+  X(metrics_connections_per_peer, 8, "those of one address")                            \
+  X(sessions, 256, "open sessions")                                                     \
+  X(calls_per_session, 64, "calls and streams of one session at a time")                \
+  X(quick_calls, 256, "sessions that have a socket for quick calls")                    \
+  X(streams_per_connection, 64, "calls and streams of one connection at a time")        \
+  X(pool_queue, 4096, "requests that wait for a thread")                                \
+  X(client_bytes, 256, "bytes of the name that a client gives itself")                  \
+  X(log_bytes, 1ull << 20, "bytes of log lines that wait to be written")                \
+  X(log_value_bytes, 1024, "bytes of one value in the log")                             \
+  X(jobs, 256, "render jobs and queries that wait for the device")                      \
+  X(scenes, 4096, "scenes, private and shared")                                         \
+  X(revisions, 64, "recent revisions a scene keeps")                                    \
+  X(entities, 4'000'000, "entities of a scene")                                         \
+  X(array_bytes, 8ull << 30, "bytes of all arrays of a scene")                          \
+  X(message_bytes, 16ull << 20, "bytes of a request message")                           \
+  X(chunk_bytes, 1ull << 20, "bytes of one chunk of an upload or a frame")              \
+  X(blob_bytes, 4ull << 30, "bytes of one uploaded blob")                               \
+  X(upload_window_bytes, 16ull << 20, "bytes of an upload charged before they come")    \
+  X(blob_store_bytes, 16ull << 30, "bytes of all blobs and assets")                     \
+  X(recent_seconds, 30, "seconds for which an upload or asset is kept without a use")   \
+  X(recent_bytes, 128ull << 20, "bytes of those that a session used and nobody needs")  \
+  X(frame_bytes, 4ull << 30, "bytes of all frames of one request")                      \
+  X(shared_bytes, 1ull << 30, "bytes of a session's shared buffers")                    \
+  X(credits, 64, "frames or items of one call in work or on their way")                 \
+  X(waiting_bytes, 64ull << 20, "bytes of one call's requests that wait")               \
+  X(stall_seconds, 30, "seconds a reader may take nothing of what waits for it")        \
+  X(hang_seconds, 4, "seconds in which nothing moves before it is not ready")           \
+  X(stuck_seconds, 60, "seconds in which it stands still before it is not live")        \
+  X(lost_seconds, 10, "seconds a lost device may take to come back before it ends")     \
+  X(probe_seconds, 5, "seconds between two pixels that are rendered as a probe")        \
+  X(samples, 1ull << 20, "samples a pixel")                                             \
+  X(tenant_bytes, 16ull << 30, "bytes of a tenant's uploads, blobs, assets and arrays") \
+  X(tenant_entities, 64'000'000, "entities of all scenes of a tenant")                  \
+  X(tenant_streams, 256, "open Streams, RenderBatches and Watches of a tenant")         \
+  X(tenant_jobs, 256, "render jobs of a tenant that wait or run")                       \
+  X(tenant_disk_bytes, 16ull << 30, "bytes a tenant's durable scenes have on the disk") \
+  X(tenant_edits_per_second, 1'000'000, "edits a second, on average over 10 s")         \
+  X(tenant_samples_per_second, 100'000'000'000, "samples of all pixels a second, same") \
+  X(groups, 64, "light groups of one request")                                          \
+  X(worlds, 4096, "worlds of one request")                                              \
+  X(edits, 1'000'000, "edits of one transaction")                                       \
+  X(replies, 1024, "replies kept for each session and scene, to answer retries")        \
+  X(resume_seconds, 600, "seconds after its start in which sessions are resumed")       \
+  X(snapshot_edits, 100'000, "edits of durable scenes between two snapshots")           \
+  X(snapshot_bytes, 64ull << 20, "bytes of these edits, or as many as the scenes have") \
+  X(disk_reserve_bytes, 16ull << 20, "bytes of disk kept for deletions on a full disk") \
+  X(disk_spare_bytes, 1ull << 30, "bytes of disk left to tenants with little on it")    \
+  X(saved_bytes, 16ull << 30, "bytes of other scenes, saved when the device is lost")   \
+  X(save_seconds, 120, "seconds that may take")                                         \
+  X(reply_bytes, 16ull << 20, "bytes of those replies, and of a session's others")      \
+  X(watch_events, 16'384, "newest transactions that a scene keeps for Watch")           \
+  X(watch_bytes, 16ull << 20, "bytes of these")                                         \
+  X(quota_bytes, 256ull << 20, "bytes gRPC may buffer of the Unix socket")              \
+  X(tcp_quota_bytes, 256ull << 20, "bytes it may buffer of TCP")                        \
+  X(derived_bytes, 4ull << 30, "bytes of derived data that nobody uses, kept as cache") \
+  X(static_triangles, 4'000'000, "triangles of static entities traced as one mesh")     \
+  X(query_items, 1u << 20, "rays, pixels, points or pairs of one query")                \
+  X(track_times, 256, "times of one call of Tracks")                                    \
+  X(record_bytes, 1ull << 30, "bytes of a recording, or of all in its folder")          \
+  X(decode_bytes, 2ull << 30, "address space of a decoder process")                     \
+  X(decode_result_bytes, 1ull << 30, "bytes a decoder may hand back")                   \
+  X(decode_texels, 1ull << 27, "texels of one decoded picture")                         \
+  X(decode_vertices, 1ull << 26, "vertices of one decoded mesh")                        \
+  X(decode_triangles, 1ull << 27, "triangles of one decoded mesh")                      \
+  X(decode_entities, 1ull << 20, "entities of one decoded model")                       \
+  X(decode_keys, 1ull << 22, "keys of all animations of one decoded model")             \
+  X(decode_json_bytes, 64ull << 20, "bytes of a glTF document without its buffers")     \
+  X(decode_seconds, 30, "seconds a file may take to decode")                            \
+  X(decodes, 4, "decoder processes at work at a time")                                  \
+  X(decodes_per_tenant, 3, "those of one tenant")                                       \
   X(decode_queue, 256, "decodes of one tenant that wait for one")
 
 struct Limits {
