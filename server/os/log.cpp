@@ -107,8 +107,8 @@ std::string Log::line(Level level, std::string_view event, LogFields fields) con
   const std::string_view name = kLevels[std::size_t(level)];
   std::string out;
   if (json_) {
-    std::string zone = fmt::format("{:%z}", time);
-    zone.insert(3, ":");
+    const std::string offset = fmt::format("{:%z}", time);  // "+0100"
+    const std::string zone = fmt::format("{}:{}", offset.substr(0, 3), offset.substr(3));
     out = fmt::format(R"({{"time":"{:%Y-%m-%dT%H:%M:%S}.{:06}{}","level":"{}","event":{})", time,
                       micros, zone, name, quoted(event, limits_.value_bytes));
   } else {

@@ -91,8 +91,10 @@ def to_grpc(path, kept):
     """Beside bytes on the socket of gRPC, which a kernel before Linux 6.16 lets through."""
     stuck, connection = Stuck(), socket.socket(socket.AF_UNIX)
     connection.connect(path)
-    with contextlib.suppress(PermissionError):
+    try:
         socket.send_fds(connection, [b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"], [stuck.socket.fileno()])
+    except PermissionError:  # then closing it is ours
+        stuck.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 0, 0))
     stuck.socket.close()
     kept += [stuck, connection]
 
