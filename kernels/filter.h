@@ -52,7 +52,7 @@ KERNEL F sample_filter(PixelFilter filter, F u) {
       break;
   }
   // 3.3 pixels wide. The root makes the inverse of the integral nearly linear in the tails.
-  const F half = min2(2 * min2(u, 1 - u), F(1));
+  const F half = clamp01(2 * min2(u, 1 - u));
   const F place = root(root(half)) * float(kFilterIntervals);
   const IntOf<F> i = min2(to_int(place), IntOf<F>(kFilterIntervals - 1));
   const F a = at(kInverseBlackmanHarris, i);

@@ -264,8 +264,9 @@ class Lockstep {
   u32 lit_[kPaths];
   u32 listed_[kPaths];  // items that numbers are drawn for
   u32 missed_[kPaths];  // items whose rays met nothing
-  CameraLanes camera_rays_;
-  PlainVertices plain_;
+  // Lanes that hold no path are computed, too, and what they read must be there: they begin as zeros.
+  CameraLanes camera_rays_{};
+  PlainVertices plain_{};
   u32 plain_items_[kLanes];
   u32 count_ = 0, active_count_ = 0, lit_count_ = 0;
 };

@@ -25,7 +25,7 @@ KERNEL bool is_plain(const SceneView& scene, const Path& path, const Vertex& v) 
   return path.edges > kCasterEdges || scene.caster_count == 0;
 }
 
-/// Up to kLanes of them. Lanes mean nothing beyond those that were added.
+/// Up to kLanes of them. Lanes beyond those that were added hold numbers, which mean nothing.
 struct PlainVertices {
   u32 count = 0;
 

@@ -187,6 +187,33 @@ TEST_CASE("lockstep: cameras that blur, move, bend or clip") {
     same([&](ShotView& s) { s.settings.filter = filter; });
 }
 
+TEST_CASE("lockstep: pictures of any size, from one pixel on, are crops of a larger one") {
+  TestScene scene;
+  furnish_plainly(scene, 2);
+  const SceneView& view = scene.finish();
+  const TestTracer tracer(view);
+  for (const auto filter : {PixelFilter::kBox, PixelFilter::kTent, PixelFilter::kGaussian,
+                            PixelFilter::kBlackmanHarris}) {
+    const TestFilm large(kSize, kBeauty);
+    ShotView shot = shot_of(view, 7, large);
+    shot.settings.filter = filter;
+    run_loop({shot, tracer}, large);
+    for (const uvec2 size : {uvec2(1, 1), uvec2(2, 1), uvec2(3, 3), uvec2(1, kSize.y),
+                             uvec2(3, kSize.y), uvec2(kSize.x, 1), uvec2(5, 2), uvec2(17, 17)}) {
+      const TestFilm small(size, kBeauty);
+      render_rect(view, shot.camera, shot.settings, tracer, small.view, {0, 0, size.x, size.y}, 0,
+                  kSamples);
+      u32 different = 0;
+      for (u32 y = 0; y < size.y; ++y)
+        for (u32 i = 0; i < 4 * size.x; ++i)
+          different += small.mean(Plane::BEAUTY, 4 * u64(y) * size.x + i, kSamples) !=
+                       large.mean(Plane::BEAUTY, 4 * u64(y) * kSize.x + i, kSamples);
+      INFO(u32(filter) << ": " << size.x << " x " << size.y);
+      CHECK(different == 0);
+    }
+  }
+}
+
 TEST_CASE("lockstep: however work is cut, the same camera rays are traced together") {
   TestScene scene;
   const SceneView& view = furnish(scene, false);
