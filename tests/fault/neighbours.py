@@ -14,7 +14,7 @@ import served
 
 MESH = common.size(1600, 500)  # vertices along a side
 DOME = common.size(4096, 1024)  # rows
-TEXTURE = common.size(4096, 1024)
+TEXTURE = 4096
 SENSOR = (1920, 1080) if not common.SHORT else (800, 600)
 SCENES = common.size(100, 12)
 LEAST = 3  # frames of a small client while a neighbour's first one is made
