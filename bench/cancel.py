@@ -94,9 +94,9 @@ class Bench:
 
             return run
 
-        from heliograph._arrays import inline
-        from heliograph._proto import service_pb2 as service
-        from heliograph._proto import types_pb2 as types
+        from heliograph._wire._proto import service_pb2 as service
+        from heliograph._wire._proto import types_pb2 as types
+        from heliograph._wire.arrays import inline
 
         refs = [types.Ref(name=name) for name in self.names]
         rays = inline(self.rays)

@@ -39,9 +39,9 @@ def parameter(message, name, default):
 def dump(name, path, count):
     import heliograph as hg
     import heliograph.datasets as hd
+    from heliograph.client.edit import Edits
     from heliograph.datasets.draw import BasePoses
     from heliograph.datasets.scenes import make_scene
-    from heliograph.edit import Edits
 
     pictures, make = [], Edits.texture
 

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# Writes the Python messages of proto/heliograph/v1 to clients/python/heliograph/_proto.
+# Writes the Python messages of proto/heliograph/v1 to clients/python/heliograph/_wire/_proto.
 # Called by scripts/setup; run it again after a change of the contract.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-out=clients/python/heliograph/_proto
+out=clients/python/heliograph/_wire/_proto
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 protoc -I proto --python_out="$work" --pyi_out="$work" --grpc_out="$work" \

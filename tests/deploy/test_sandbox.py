@@ -12,7 +12,7 @@ import time
 
 import heliograph as hg
 import pytest
-from heliograph import assets
+from heliograph.scene import assets
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 ASSETS = ROOT / "tests/assets"

@@ -47,7 +47,7 @@ assert hd.validate("/tmp/set").ok
 """
 FOR_GPUS = """
 import heliograph as hg
-from heliograph._launch import find_program
+from heliograph._wire.launch import find_program
 assert "/heliograph_server_cuda/bin/" in find_program(), find_program()
 try:
     hg.connect(arguments=["--backend", "cuda"])

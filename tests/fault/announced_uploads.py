@@ -9,7 +9,7 @@ import grpc
 import heliograph as hg
 import numpy as np
 import served
-from heliograph._proto import service_pb2 as service
+from heliograph._wire._proto import service_pb2 as service
 
 STALL = common.size(10, 2)
 COUNT = 8

@@ -25,8 +25,8 @@ from authz_rows import (
     upload_of,
 )
 from google.protobuf import message_factory
-from heliograph._proto import scene_pb2, types_pb2
-from heliograph._proto import service_pb2 as service
+from heliograph._wire._proto import scene_pb2, types_pb2
+from heliograph._wire._proto import service_pb2 as service
 
 METHODS = service.DESCRIPTOR.services_by_name["Renderer"].methods_by_name
 WITHOUT_SESSION = ("GetServerInfo", "OpenSession")

@@ -8,8 +8,8 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
-from heliograph._proto import render_pb2, scene_pb2, types_pb2
-from heliograph._proto import service_pb2 as service
+from heliograph._wire._proto import render_pb2, scene_pb2, types_pb2
+from heliograph._wire._proto import service_pb2 as service
 
 CORNERS = (0, 0, 0, 1, 0, 0, 0, 1, 0)
 

@@ -15,7 +15,7 @@ import time
 import common
 import heliograph as hg
 from health import Health
-from heliograph._launch import find_program
+from heliograph._wire.launch import find_program
 from served import served
 
 YEARS = int(10 * 365.25 * 86400)

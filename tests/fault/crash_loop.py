@@ -8,8 +8,8 @@ import time
 import heliograph as hg
 import numpy as np
 from common import Report, seconds_until, size
-from heliograph._arrays import inline
-from heliograph._proto import scene_pb2 as pb
+from heliograph._wire._proto import scene_pb2 as pb
+from heliograph._wire.arrays import inline
 from served import Served
 from worker import Worker
 

@@ -11,8 +11,8 @@ import zlib
 import common
 import heliograph as hg
 import served
-from heliograph import assets
-from heliograph._proto import service_pb2 as service
+from heliograph._wire._proto import service_pb2 as service
+from heliograph.scene import assets
 
 SIDE = common.size(5000, 2500)  # pixels of a picture, each way
 PICTURES = common.size(60, 12)

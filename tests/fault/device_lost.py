@@ -14,7 +14,7 @@ import common
 import heliograph as hg
 import numpy as np
 from health import Health
-from heliograph._launch import find_program
+from heliograph._wire.launch import find_program
 
 
 def main():

@@ -10,7 +10,7 @@ import time
 import common
 import heliograph as hg
 import numpy as np
-from heliograph._proto import service_pb2 as service
+from heliograph._wire._proto import service_pb2 as service
 
 ASSETS = pathlib.Path(__file__).parents[1] / "assets"
 SAMPLES = {

@@ -18,9 +18,9 @@ import heliograph as hg
 import mutants
 from google.protobuf import message_factory
 from google.protobuf.internal import encoder
-from heliograph import _status
-from heliograph._proto import service_pb2
-from heliograph._quick import QUICK_BYTES
+from heliograph._wire import status as _status
+from heliograph._wire._proto import service_pb2
+from heliograph._wire.quick import QUICK_BYTES
 
 MODEL = pathlib.Path(__file__).parents[1] / "assets/gltf/simple-instancing.glb"
 LIMITS = {

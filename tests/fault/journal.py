@@ -12,7 +12,7 @@ import time
 
 import heliograph as hg
 from common import Report, percentile, seconds_until, size
-from heliograph._proto import scene_pb2 as pb
+from heliograph._wire._proto import scene_pb2 as pb
 from served import TOKENS, Served, tenants_file
 
 MEGA = 1 << 20

@@ -63,7 +63,7 @@ def files():
 
 
 def broken(scene):
-    from heliograph._proto import service_pb2 as service
+    from heliograph._wire._proto import service_pb2 as service
 
     request = service.ApplyRequest(scene=scene.id, number=1 << 30)
     request.transaction.edits.add().target.name = MARK
@@ -71,7 +71,7 @@ def broken(scene):
 
 
 def decode(client, path):
-    from heliograph._proto import service_pb2 as service
+    from heliograph._wire._proto import service_pb2 as service
 
     list(client.connection.stream("DecodeAsset", service.DecodeAssetRequest(server_path=path)))
 

@@ -128,7 +128,9 @@ class Crowd:
     def __init__(self, address):
         self.address = address
         self._context = multiprocessing.get_context("forkserver")
-        self._context.set_forkserver_preload(["load", "heliograph.client", "heliograph.edit"])
+        self._context.set_forkserver_preload(
+            ["load", "heliograph.client.client", "heliograph.client.edit"]
+        )
         self._visits = {}
         self._seed = 0
         self.failed = 0

@@ -5,8 +5,8 @@ import heliograph as hg
 import numpy as np
 from google.protobuf import message_factory
 from google.protobuf.descriptor import FieldDescriptor as Field
-from heliograph import _link
-from heliograph._quick import QuickLine
+from heliograph._wire import link
+from heliograph._wire.quick import QuickLine
 
 NUMBERS = [0, -0.0, 1, -1, 0.5, 2, 1e-30, 1e30, 1e300, -1e300, np.inf, -np.inf, np.nan]
 INTEGERS = [0, 1, 2, 3, 255, 65536, 2**31 - 1, 2**31, 2**32 - 1, 2**63 - 1, 2**63, 2**64 - 1]
@@ -36,7 +36,7 @@ def record():
         return ask_quickly(line, call, *arguments)
 
     ask_quickly, QuickLine.ask = QuickLine.ask, ask
-    _link._serialize = serialize
+    link._serialize = serialize
     return seeds
 
 
@@ -189,7 +189,7 @@ class Mutator:
 
 
 def _descriptor(full_name):
-    return _link.service.DESCRIPTOR.pool.FindMessageTypeByName(full_name)
+    return link.service.DESCRIPTOR.pool.FindMessageTypeByName(full_name)
 
 
 def furnish(scene, model):

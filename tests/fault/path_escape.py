@@ -8,7 +8,7 @@ import os
 import common
 import heliograph as hg
 import served
-from heliograph._proto import service_pb2 as service
+from heliograph._wire._proto import service_pb2 as service
 
 SECRET = b"the-secret-beside-the-root"
 

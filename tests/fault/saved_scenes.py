@@ -17,7 +17,7 @@ import common
 import heliograph as hg
 import numpy as np
 import served
-from heliograph._launch import find_program
+from heliograph._wire.launch import find_program
 from worker import Worker
 
 LOSSES = common.size(20, 3)

@@ -15,7 +15,7 @@ import urllib.request
 
 import grpc
 import heliograph as hg
-from heliograph._proto import service_pb2 as service
+from heliograph._wire._proto import service_pb2 as service
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 DAEMON = os.environ.get("HELIOGRAPHD", str(ROOT / "build/cpu/bin/heliographd"))

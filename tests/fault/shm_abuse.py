@@ -14,8 +14,8 @@ import socket
 import common
 import heliograph as hg
 import numpy as np
-from heliograph import _shared
-from heliograph._proto import types_pb2 as types
+from heliograph._wire import shared
+from heliograph._wire._proto import types_pb2 as types
 
 NOBODY = 65534
 COUNT = common.size(1000, 60)
@@ -77,7 +77,7 @@ def lying_words(scene):
     """Words that name anything, with descriptors of anything, while frames go to and fro."""
     line, dice = lifeline_of(scene.client), random.Random(1)
     for k in range(10 * COUNT):
-        word = _shared._WORD.pack(dice.choice((1, 2, 3, 1 << 63)), dice.choice((0, 1, 5, 1 << 63)))
+        word = shared._WORD.pack(dice.choice((1, 2, 3, 1 << 63)), dice.choice((0, 1, 5, 1 << 63)))
         with contextlib.suppress(BlockingIOError, TimeoutError):
             if k % 3:
                 line.send(word[: dice.choice((16, 16, 16, 3))])

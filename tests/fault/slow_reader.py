@@ -6,7 +6,7 @@ import time
 
 import common
 import heliograph as hg
-from heliograph._proto import service_pb2 as service
+from heliograph._wire._proto import service_pb2 as service
 
 SIDE = 512  # a beauty of 4 MiB
 FRAME = SIDE * SIDE * 16
@@ -17,9 +17,9 @@ TRIM = 1.5  # seconds, until the heap's holes went back to the system
 def stalled(scene, over):
     """A stream of 4 MiB frames that nobody reads. The connection may swallow the first one; the
     refined one waits for its credit."""
-    from heliograph import _render
+    from heliograph.render import call
 
-    request = _render.make_request(scene, ["cam"], {"spp": 2, "size": (SIDE, SIDE)})
+    request = call.make_request(scene, ["cam"], {"spp": 2, "size": (SIDE, SIDE)})
     request.progressive = True
     link = scene.client.connection.link
     first = service.StreamRequest(settings=request, credits=1)

@@ -10,7 +10,7 @@ import time
 import common
 import heliograph as hg
 import served
-from heliograph import _link
+from heliograph._wire import link
 
 HANDSHAKE_SECONDS = 5.0
 
@@ -111,7 +111,7 @@ def check_one_sided(report, daemon, ca):
 
 
 def main():
-    _link.RETRY_SECONDS = 1.0  # of connect()
+    link.RETRY_SECONDS = 1.0  # of connect()
     with common.Report("S8 TLS") as report, served.folder() as place:
         known = served.Authority(place)
         cert, key = known.sign("server")

@@ -14,8 +14,8 @@ import common
 import heliograph as hg
 import numpy as np
 from crash_loop import at
-from heliograph._proto import scene_pb2 as pb
-from heliograph._proto import service_pb2 as service
+from heliograph._wire._proto import scene_pb2 as pb
+from heliograph._wire._proto import service_pb2 as service
 from served import Served
 from worker import Worker
 

@@ -9,7 +9,7 @@ import sys
 import tempfile
 
 import heliograph as hg
-from heliograph._proto import render_pb2, scene_pb2, service_pb2
+from heliograph._wire._proto import render_pb2, scene_pb2, service_pb2
 
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.append(str(HERE.parent / "fault"))

@@ -16,7 +16,7 @@ import weakref
 import heliograph as hg
 import numpy as np
 import torch
-from heliograph._proto import types_pb2 as types
+from heliograph._wire._proto import types_pb2 as types
 
 ARM = pathlib.Path(__file__).parents[2] / "examples/assets/arm/arm.urdf"
 SIZE = (1280, 720)
@@ -88,7 +88,7 @@ def leases_of(client):
 def by_dlpack(client, scene):
     """Tensors are DLPack's, and give their lease back when they die, in whatever thread."""
     gc.collect()
-    before, array = leases_of(client), hg.device.DeviceArray
+    before, array = leases_of(client), hg.DeviceArray
     interface = array.__cuda_array_interface__
     del array.__cuda_array_interface__  # the other way to a tensor
     try:

@@ -20,7 +20,7 @@ import time
 import grpc
 import heliograph as hg
 import numpy as np
-from heliograph._launch import find_program
+from heliograph._wire.launch import find_program
 
 sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / "fault"))
 import cancel_storm

@@ -56,7 +56,7 @@ class Cloth:
         self.world = pose((-2.5, 0.3, 1.2), rotation((0, 0, 1), 0.2), (-1, 1.1, 0.9))
         self.world[:3, 0] += 0.3 * self.world[:3, 2]
 
-    def build(self, edit: hg.edit.Edits) -> None:
+    def build(self, edit: hg.Edits) -> None:
         mesh = edit.mesh("cloth", positions=self.keys, times=self.times, indices=self.faces)
         edit.entity("cloth/entity", mesh=mesh, transform=self.world, label=self.label, static=True)
 
@@ -78,7 +78,7 @@ class Face:
         self.normal_targets = np.stack([np.stack([-0.3 * x, 0 * y, 0.5 * z], 1), 0 * self.points])
         self.world = pose((-0.7, 0, 1.2), rotation((1, 0, 0), 0.4), (0.55, 0.5, 0.6))
 
-    def build(self, edit: hg.edit.Edits) -> None:
+    def build(self, edit: hg.Edits) -> None:
         mesh = edit.mesh(
             "face",
             positions=self.points,
@@ -138,7 +138,7 @@ class Arm:
         knee = pose((0, 0, 0.1), rotation((1, 0.5, 0), 1.1 * between(t, (0.5, 2.0), (0.0, 1.0))))
         return [hip, hip @ knee]
 
-    def build(self, edit: hg.edit.Edits) -> None:
+    def build(self, edit: hg.Edits) -> None:
         mesh = edit.mesh(
             "arm",
             positions=self.points,
@@ -195,7 +195,7 @@ class Nested:
         u = between(t, (0.5, 1.5), (0.0, 1.0))
         return pose((0.2 * u, 0, 0), rotation((1, 0, 0), -0.9 * u), (1, 1 + u, 1))
 
-    def build(self, edit: hg.edit.Edits) -> None:
+    def build(self, edit: hg.Edits) -> None:
         mesh = edit.mesh("nested", positions=self.keys, times=(0, 1), indices=self.faces)
         edit.entity("parent", keys={t: self.parent(t) for t in (0, 2)})
         keys = {t: self.child(t) for t in (0.5, 1.5)}
@@ -216,7 +216,7 @@ class Wall:
         self.points, self.faces = grid(1)
         self.world = pose((0, 3, 1), scale=(7.0, 1, 4.0))
 
-    def build(self, edit: hg.edit.Edits) -> None:
+    def build(self, edit: hg.Edits) -> None:
         mesh = edit.mesh("wall", positions=self.points, indices=self.faces)
         keys = {0: self.world, 1: self.world}
         edit.entity("wall/entity", mesh=mesh, keys=keys, label=self.label, static=True)

@@ -9,9 +9,9 @@ import sys
 import heliograph as hg
 import pytest
 from google.protobuf.internal.encoder import _VarintBytes
-from heliograph._proto import recording_pb2 as pb
-from heliograph.recording import Recording
-from heliograph.replay import DIFFERS, NOT_PLAYED, SAME, replay
+from heliograph._wire._proto import recording_pb2 as pb
+from heliograph.recording.reader import Recording
+from heliograph.recording.replay import DIFFERS, NOT_PLAYED, SAME, replay
 
 sys.path.append(str(pathlib.Path(__file__).parents[1] / "fault"))
 import common  # noqa: E402

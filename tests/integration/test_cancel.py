@@ -7,8 +7,8 @@ import time
 import heliograph as hg
 import numpy as np
 import pytest
-from heliograph._proto import service_pb2 as service
-from heliograph._proto import types_pb2 as types
+from heliograph._wire._proto import service_pb2 as service
+from heliograph._wire._proto import types_pb2 as types
 
 SOON = 0.5  # seconds
 

@@ -10,7 +10,7 @@ import time
 import heliograph as hg
 import numpy as np
 import pytest
-from heliograph._quick import QuickLine
+from heliograph._wire.quick import QuickLine
 
 LENS = hg.Camera.from_fov(50, 320, 240, degrees=True)
 

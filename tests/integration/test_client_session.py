@@ -16,8 +16,9 @@ import tracemalloc
 import heliograph as hg
 import numpy as np
 import pytest
-from heliograph import _launch, aio
-from heliograph._link import Link
+from heliograph import aio
+from heliograph._wire import launch
+from heliograph._wire.link import Link
 
 
 def simple(scene):
@@ -231,7 +232,7 @@ def test_arrays_outlive_the_connection():
 
 
 def test_tcp_with_a_token(tmp_path):
-    program = _launch.find_program()
+    program = launch.find_program()
     port = 50000 + os.getpid() % 10000
     command = [program, "--socket-dir", str(tmp_path), "--listen", f"127.0.0.1:{port}"]
     with subprocess.Popen([*command, "--token-file", str(tmp_path / "token")]) as daemon:

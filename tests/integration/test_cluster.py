@@ -16,7 +16,8 @@ import heliograph as hg
 import heliograph.datasets as hd
 import pytest
 from dataset_stage import shift, stage
-from heliograph import _maker, cluster
+from heliograph import cluster
+from heliograph.cluster import _maker
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 HERE = pathlib.Path(__file__).parent

@@ -7,7 +7,7 @@ import json
 import heliograph as hg
 import numpy as np
 import pytest
-from heliograph._proto import types_pb2 as types
+from heliograph._wire._proto import types_pb2 as types
 from test_device_frames import DAEMON, stub
 
 __all__ = ["stub"]

@@ -13,7 +13,7 @@ import time
 import heliograph as hg
 import numpy as np
 import pytest
-from heliograph import _shared
+from heliograph._wire import shared
 
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.append(str(HERE.parent / "python"))
@@ -227,7 +227,7 @@ def test_a_daemon_that_renders_on_the_host_says_so(stub):
 
 
 def test_a_client_that_maps_nothing_is_told(stage, monkeypatch):
-    monkeypatch.setattr(_shared, "CAPABILITY", "none of these")
+    monkeypatch.setattr(shared, "CAPABILITY", "none of these")
     with hg.connect(stage.client.address) as other:
         with pytest.raises(hg.FailedPrecondition, match="Unix socket"):
             look(build(other), device="cuda")
@@ -270,7 +270,7 @@ CHILD = """
 import os, sys, time
 sys.path[:0] = {paths!r}
 import heliograph as hg
-from heliograph import _cuda
+from heliograph._wire import cuda as _cuda
 import test_device_frames as t
 _cuda.LIBRARY = {library!r}
 client = hg.connect({address!r})
@@ -283,13 +283,13 @@ time.sleep(60)
 
 def test_a_client_that_is_killed_leaves_nothing(stub, monkeypatch):
     monkeypatch.setenv("HELIOGRAPHD", str(DAEMON.with_name("heliographd-faulty")))
-    from heliograph import _cuda
+    from heliograph._wire import cuda
 
     with hg.connect(arguments=["--grace", "0.5"]) as client:
         before = bytes_of_tenant(client)
         text = CHILD.format(
             paths=[str(HERE), str(HERE.parent / "python"), *sys.path],
-            library=_cuda.LIBRARY,
+            library=cuda.LIBRARY,
             address=client.address,
         )
         child = subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE, text=True)

@@ -10,7 +10,7 @@ import heliograph as hg
 import heliograph.datasets as hd
 import pages
 import pytest
-from heliograph import _launch
+from heliograph._wire import launch
 from heliograph.cli import make_parser
 
 WITH_PYTHON = [
@@ -58,7 +58,7 @@ def subcommands():
 
 
 def flags_of_the_daemon():
-    command = [_launch.find_program(), "--help"]
+    command = [launch.find_program(), "--help"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     return set(re.findall(r"--[a-z][a-z0-9-]*", done.stdout))
 

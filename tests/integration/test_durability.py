@@ -9,8 +9,8 @@ import grpc
 import heliograph as hg
 import numpy as np
 import pytest
-from heliograph._link import Link
-from heliograph._proto import service_pb2 as service
+from heliograph._wire._proto import service_pb2 as service
+from heliograph._wire.link import Link
 
 sys.path.append(str(pathlib.Path(__file__).parents[1] / "fault"))
 from served import DAEMON, Served  # noqa: E402

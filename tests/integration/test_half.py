@@ -3,7 +3,7 @@
 import heliograph as hg
 import numpy as np
 import pytest
-from heliograph import _shared
+from heliograph._wire import shared
 
 PLANES = ["beauty", "depth", "position", "instance"]
 HALF = ["beauty", "depth", "position"]
@@ -35,7 +35,7 @@ def check(frame, whole):
 @pytest.fixture(params=["in shared memory", "in chunks", "in odd chunks"])
 def stage(request, monkeypatch):
     if request.param != "in shared memory":
-        monkeypatch.setattr(_shared, "CAPABILITY", "none of these")
+        monkeypatch.setattr(shared, "CAPABILITY", "none of these")
     flags = ["--limit", "chunk_bytes=4097"] if "odd" in request.param else []
     with hg.connect(arguments=flags) as client:
         yield build(client)

@@ -206,7 +206,7 @@ class Simulated:
             edit.update("face/entity", morph_weights=self.face.weights[2])
             self.pose_joints(edit, 1.0)
 
-    def pose_joints(self, edit: hg.edit.Edits, t: float) -> None:
+    def pose_joints(self, edit: hg.Edits, t: float) -> None:
         hip, knee = self.arm.joints(t)
         edit.update("hip", transform=np.linalg.inv(self.arm.base) @ hip)
         edit.update("knee", transform=np.linalg.inv(hip) @ knee)

@@ -9,7 +9,7 @@ import numpy as np
 import nvisii
 import nvisii.parts
 import pytest
-from heliograph._proto import scene_pb2 as pb
+from heliograph._wire._proto import scene_pb2 as pb
 from nvisii_world import ball
 
 MANY = 150_000

@@ -9,9 +9,9 @@ import time
 import heliograph as hg
 import numpy as np
 import pytest
-from heliograph._proto import service_pb2 as service
-from heliograph.recording import Recording
-from heliograph.replay import DIFFERS, NOT_PLAYED, SAME
+from heliograph._wire._proto import service_pb2 as service
+from heliograph.recording.reader import Recording
+from heliograph.recording.replay import DIFFERS, NOT_PLAYED, SAME
 from recordings import (
     PLANES,
     furnish,

@@ -8,10 +8,10 @@ import heliograph as hg
 import numpy as np
 import pytest
 from google.protobuf.message import DecodeError, Message
-from heliograph._proto import recording_pb2 as pb
-from heliograph._proto import service_pb2 as service
-from heliograph.recording import Recording
-from heliograph.replay import DIFFERS, NOT_PLAYED, SAME, replay
+from heliograph._wire._proto import recording_pb2 as pb
+from heliograph._wire._proto import service_pb2 as service
+from heliograph.recording.reader import Recording
+from heliograph.recording.replay import DIFFERS, NOT_PLAYED, SAME, replay
 from recordings import (
     furnish,
     items_of,

@@ -13,7 +13,8 @@ import time
 import heliograph as hg
 import numpy as np
 import pytest
-from heliograph import _render, _shared
+from heliograph._wire import shared as _shared
+from heliograph.render import call
 
 SIZE = (320, 240)
 PLANES = ["depth", "normal", "position"]
@@ -154,8 +155,8 @@ def test_without_room_frames_travel():
 def wish(path):
     """A second socket that has asked for buffers, with its session open."""
     import grpc
-    from heliograph._proto import service_pb2 as service
-    from heliograph._proto import service_pb2_grpc as stubs
+    from heliograph._wire._proto import service_pb2 as service
+    from heliograph._wire._proto import service_pb2_grpc as stubs
 
     line = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     line.settimeout(10)
@@ -185,7 +186,7 @@ def test_words_that_mean_nothing_harm_nothing(stage):
 @pytest.mark.parametrize("in_header", [False, True], ids=["in chunks", "in the header"])
 def test_a_client_can_only_read(stage, in_header):
     line, channel, stub, metadata = wish(stage.client.address.removeprefix("unix://"))
-    request = _render.make_request(stage, ["cam"], {"planes": PLANES})
+    request = call.make_request(stage, ["cam"], {"planes": PLANES})
     request.buffers_in_header = in_header
     parts = list(stub.Render(request, metadata=metadata))
     chunks = [part.chunk.buffer for part in parts if part.WhichOneof("part") == "chunk"]

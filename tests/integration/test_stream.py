@@ -5,7 +5,7 @@ import time
 
 import heliograph as hg
 import pytest
-from heliograph import access
+from heliograph._wire import access
 
 SPP = 64
 

@@ -9,7 +9,7 @@ import sys
 
 import heliograph as hg
 import pytest
-from heliograph import _link
+from heliograph._wire import link
 
 ROOT = pathlib.Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests/fault"))
@@ -81,7 +81,7 @@ def test_a_token_in_a_file_is_read_again(daemon, tls, place):
 
 
 def test_a_daemon_that_is_not_trusted_is_named(daemon, monkeypatch):
-    monkeypatch.setattr(_link, "RETRY_SECONDS", 0.5)
+    monkeypatch.setattr(link, "RETRY_SECONDS", 0.5)
     with pytest.raises(hg.Unavailable, match="CERTIFICATE_VERIFY_FAILED"):
         hg.connect(daemon.tcp, tls=hg.TLS(), token=served.TOKENS["robots"])
 

@@ -9,7 +9,7 @@ import time
 import heliograph as hg
 import numpy as np
 import pytest
-from heliograph._arrays import from_message
+from heliograph._wire.arrays import from_message
 
 sys.path.append(str(pathlib.Path(__file__).parents[1] / "fault"))
 from served import Served  # noqa: E402

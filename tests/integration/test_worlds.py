@@ -8,8 +8,9 @@ import heliograph as hg
 import heliograph.aio as aio
 import numpy as np
 import pytest
-from heliograph import _render, _shared
-from heliograph._proto import service_pb2 as service
+from heliograph._wire import shared as _shared
+from heliograph._wire._proto import service_pb2 as service
+from heliograph.render import call
 from recordings import DIFFERS, NOT_PLAYED, SAME, played
 from replicas import (
     BALLS,
@@ -180,7 +181,7 @@ def test_items_of_a_batch_may_have_worlds(room):
 
 
 def test_a_stream_has_no_worlds(room):
-    settings = _render.make_request(room, ["cam"], {"planes": ["depth"]})
+    settings = call.make_request(room, ["cam"], {"planes": ["depth"]})
     settings.worlds.count = 2
     requests = iter([service.StreamRequest(settings=settings)])
     with pytest.raises(hg.InvalidArgument) as raised:

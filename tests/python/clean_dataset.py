@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from heliograph._proto import service_pb2 as service
+from heliograph._wire._proto import service_pb2 as service
 from shapes_seen import write_json as put
 
 OWN = ".heliograph"

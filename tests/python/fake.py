@@ -12,8 +12,8 @@ from concurrent import futures
 
 import grpc
 import numpy as np
-from heliograph._arrays import inline
-from heliograph._proto import render_pb2, service_pb2, service_pb2_grpc, types_pb2
+from heliograph._wire._proto import render_pb2, service_pb2, service_pb2_grpc, types_pb2
+from heliograph._wire.arrays import inline
 
 U = service_pb2
 

@@ -2,8 +2,8 @@
 
 import heliograph as hg
 import numpy as np
-from heliograph._arrays import describe, inline
-from heliograph._proto import render_pb2
+from heliograph._wire._proto import render_pb2
+from heliograph._wire.arrays import describe, inline
 
 K = np.array([[100.0, 0, 40.0], [0, 120.0, 25.0], [0, 0, 1]])  # fx != fy, off the centre
 SIZE = (64, 48)

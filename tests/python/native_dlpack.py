@@ -5,7 +5,7 @@ import ctypes
 import pathlib
 import subprocess
 
-from heliograph import _dlpack
+from heliograph._wire import dlpack
 
 SOURCE = pathlib.Path(__file__).parents[2] / "clients/python/native/dlpack.c"
 
@@ -20,7 +20,7 @@ class Managed(ctypes.Structure):
     """DLManagedTensor."""
 
     _fields_ = (
-        ("tensor", _dlpack.Tensor),
+        ("tensor", dlpack.Tensor),
         ("manager_ctx", ctypes.c_void_p),
         ("deleter", ctypes.c_void_p),
     )
@@ -29,7 +29,7 @@ class Managed(ctypes.Structure):
 def compiled(folder):
     """A folder with the library, and a daemon that nobody starts."""
     flags = ["-std=c11", "-shared", "-fPIC", "-Wall", "-Wextra", "-Werror", "-fvisibility=hidden"]
-    subprocess.run(["cc", *flags, "-o", folder / _dlpack.LIBRARY, SOURCE], check=True)
+    subprocess.run(["cc", *flags, "-o", folder / dlpack.LIBRARY, SOURCE], check=True)
     (folder / "heliographd").touch()
     return folder
 
@@ -37,9 +37,9 @@ def compiled(folder):
 @contextlib.contextmanager
 def found(folder, monkeypatch):
     monkeypatch.setenv("HELIOGRAPHD", str(folder / "heliographd"))
-    _dlpack._function.cache_clear()
+    dlpack._function.cache_clear()
     yield
-    _dlpack._function.cache_clear()
+    dlpack._function.cache_clear()
 
 
 def take(capsule):

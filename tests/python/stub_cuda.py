@@ -5,7 +5,7 @@ import ctypes
 import pathlib
 import subprocess
 
-from heliograph import _cuda
+from heliograph._wire import cuda
 
 UUID = b"heliograph\0\1\2\3\4\5"
 
@@ -30,10 +30,10 @@ def loaded(folder):
     source = pathlib.Path(__file__).with_suffix(".c")
     command = ["cc", "-shared", "-fPIC", "-Wall", "-Wextra", "-Werror", "-o", target, source]
     subprocess.run(command, check=True)
-    before, _cuda.LIBRARY = _cuda.LIBRARY, str(target)
-    _cuda.driver.cache_clear()
+    before, cuda.LIBRARY = cuda.LIBRARY, str(target)
+    cuda.driver.cache_clear()
     try:
         yield Stub(ctypes.CDLL(str(target)))
     finally:
-        _cuda.LIBRARY = before
-        _cuda.driver.cache_clear()
+        cuda.LIBRARY = before
+        cuda.driver.cache_clear()

@@ -4,7 +4,7 @@ import gc
 
 import heliograph as hg
 import pytest
-from heliograph._proto import service_pb2
+from heliograph._wire._proto import service_pb2
 
 
 def sent(daemon, kind):

@@ -11,9 +11,10 @@ import time
 import heliograph as hg
 import numpy as np
 import pytest
-from heliograph import _launch, cli, framing
-from heliograph._proto import service_pb2
-from heliograph._shared import share_frames
+from heliograph import cli, framing
+from heliograph._wire import launch
+from heliograph._wire._proto import service_pb2
+from heliograph._wire.shared import share_frames
 
 
 def test_a_session_lives_on_the_second_socket(daemon):
@@ -245,8 +246,8 @@ def test_shapes_face_outside_and_are_closed():
 
 
 def test_log_levels():
-    assert _launch.level_of("2026-01-02 10:00:00.123 warning x error") == 30
-    assert _launch.level_of("plain text") == 20
+    assert launch.level_of("2026-01-02 10:00:00.123 warning x error") == 30
+    assert launch.level_of("plain text") == 20
 
 
 @pytest.mark.parametrize("arguments", [[], ["render"], ["paint"], ["render", "a", "--size", "9"]])

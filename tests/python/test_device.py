@@ -12,9 +12,10 @@ import heliograph as hg
 import numpy as np
 import pytest
 import stub_cuda
-from heliograph import _cuda, _render, _shared
-from heliograph._proto import render_pb2, types_pb2
-from heliograph.device import DeviceArray
+from heliograph._wire import cuda, shared
+from heliograph._wire._proto import render_pb2, types_pb2
+from heliograph._wire.device import DeviceArray
+from heliograph.render import call
 
 WORD = struct.Struct("=QQ")
 SIZE = 1 << 21
@@ -42,7 +43,7 @@ class Daemon:
         self.client = client
         greeter = threading.Thread(target=lambda: self.line.send(self.line.recv(64)))
         greeter.start()
-        self.shared = _shared.share_frames(client, [_shared.CAPABILITY])
+        self.shared = shared.share_frames(client, [shared.CAPABILITY])
         greeter.join()
         self.line.setblocking(False)
 
@@ -264,7 +265,7 @@ def test_a_capsule_that_nobody_takes_ends_by_itself(daemon, dlpack):
 
 def frame_of(daemon, data):
     """A frame of one plane that a chunk names."""
-    assembly = _render.Assembly(1, daemon.shared)
+    assembly = call.Assembly(1, daemon.shared)
     header = render_pb2.FrameHeader(height=data.shape[0], width=data.shape[1], final=True)
     info = header.planes.add(name="depth", channels=1, size=data.nbytes, unit="m")
     info.dtype = types_pb2.D_TYPE_F32
@@ -308,8 +309,8 @@ def test_what_the_request_says_of_the_device(daemon, tmp_path):
 def test_without_a_driver_the_request_is_not_sent(tmp_path):
     import fake
 
-    before, _cuda.LIBRARY = _cuda.LIBRARY, str(tmp_path / "none")
-    _cuda.driver.cache_clear()
+    before, cuda.LIBRARY = cuda.LIBRARY, str(tmp_path / "none")
+    cuda.driver.cache_clear()
     try:
         with fake.running(tmp_path) as server, hg.connect(server.address) as client:
             scene = client.create_scene("demo")
@@ -317,5 +318,5 @@ def test_without_a_driver_the_request_is_not_sent(tmp_path):
                 scene.render("cam", spp=1, device="cuda")
             assert caught.value.field == "device" and len(server.requests) == 1
     finally:
-        _cuda.LIBRARY = before
-        _cuda.driver.cache_clear()
+        cuda.LIBRARY = before
+        cuda.driver.cache_clear()

@@ -14,8 +14,8 @@ import weakref
 import native_dlpack
 import numpy as np
 import pytest
-from heliograph import _dlpack
-from heliograph.device import DeviceArray, DeviceLease
+from heliograph._wire import dlpack as _dlpack
+from heliograph._wire.device import DeviceArray, DeviceLease
 
 HERE = pathlib.Path(__file__).parent
 HOST = (1, 0)  # kDLCPU

@@ -7,8 +7,8 @@ import grpc
 import heliograph as hg
 import numpy as np
 import pytest
-from heliograph._arrays import from_message
-from heliograph._proto import scene_pb2, types_pb2
+from heliograph._wire._proto import scene_pb2, types_pb2
+from heliograph._wire.arrays import from_message
 
 
 def last(daemon):

@@ -5,9 +5,9 @@ from pathlib import Path
 import heliograph as hg
 import numpy as np
 import pytest
-from heliograph import urdf
-from heliograph.kinematics import Kinematics
-from heliograph.robots import listed
+from heliograph.robots import urdf
+from heliograph.robots.kinematics import Kinematics
+from heliograph.robots.robot import listed
 
 ARM = Path(__file__).resolve().parents[2] / "examples/assets/arm/arm.urdf"
 LIMIT = '<limit lower="-1" upper="2" effort="1" velocity="1"/>'

@@ -6,8 +6,8 @@ import time
 
 import heliograph as hg
 import pytest
-from heliograph._deal import dealt
-from heliograph._prefetch import in_order
+from heliograph.datasets._deal import dealt
+from heliograph.datasets._prefetch import in_order
 
 
 @pytest.mark.parametrize("deal", [(10, 3, 1), (10, 3, 4), (7, 8, 2), (0, 2, 1)])

@@ -11,8 +11,8 @@ import heliograph.aio
 import numpy as np
 import pytest
 from heliograph import tonemap
-from heliograph._chunk_span import chunk_span
-from heliograph._proto import render_pb2
+from heliograph._wire._proto import render_pb2
+from heliograph.render._chunk_span import chunk_span
 
 
 def test_planes_arrive_as_they_were_sent(daemon, scene):

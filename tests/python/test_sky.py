@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from heliograph.errors import InvalidArgument
-from heliograph.sky import sky
+from heliograph.values.sky import sky
 
 LUMENS = 683 * np.array([0.2126, 0.7152, 0.0722])
 

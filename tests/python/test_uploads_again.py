@@ -10,8 +10,9 @@ import grpc
 import heliograph as hg
 import numpy as np
 import pytest
-from heliograph import _uploads, aio
-from heliograph._proto import render_pb2, service_pb2, types_pb2
+from heliograph import aio
+from heliograph._wire import uploads
+from heliograph._wire._proto import render_pb2, service_pb2, types_pb2
 from heliograph.datasets.uploads import named
 
 LARGE = (700, 700, 3)  # texels of more than 1 MiB
@@ -198,7 +199,7 @@ def test_an_overlay(daemon, scene, call):
         else:
             request = render_pb2.RenderRequest(scene=7, overlay=overlay.transaction, spp=1)
             request.cameras.add(name="cam")
-            assert hg.scene._render.run(scene, request, {"overlay": overlay})
+            assert hg.client.scene.call.run(scene, request, {"overlay": overlay})
     assert daemon.refused >= 4 and len(daemon.uploaded) >= 6
 
 
@@ -231,7 +232,7 @@ def test_files(daemon, scene, tmp_path):
 
 
 def test_nothing_is_kept_that_no_repetition_needs(daemon, scene, monkeypatch):
-    monkeypatch.setattr(_uploads, "_REMEMBERED", 8)
+    monkeypatch.setattr(uploads, "_REMEMBERED", 8)
     indices = np.zeros((100_000, 3), "u4")
 
     def draw(k):

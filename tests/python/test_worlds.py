@@ -3,7 +3,7 @@
 import heliograph as hg
 import numpy as np
 import pytest
-from heliograph._proto import render_pb2, types_pb2
+from heliograph._wire._proto import render_pb2, types_pb2
 
 
 def poses(worlds, entities):

@@ -8,8 +8,8 @@ import heliograph as hg
 import numpy as np
 import pytest
 import torch
-from heliograph import urdf
-from heliograph.kinematics import Kinematics
+from heliograph.robots import urdf
+from heliograph.robots.kinematics import Kinematics
 
 ARM = Path(__file__).resolve().parents[2] / "examples/assets/arm/arm.urdf"
 KINDS = ["revolute", "prismatic", "continuous", "planar", "floating", "fixed"]

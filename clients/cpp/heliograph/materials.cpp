@@ -1,5 +1,5 @@
 // Parameters, and the bundled materials; sources of the numbers:
-// clients/python/heliograph/materials.py.
+// clients/python/heliograph/values/materials.py.
 #include "heliograph/material.h"
 
 #include <utility>

@@ -31,7 +31,7 @@ double red_of(const Sky& made) {
 
 }  // namespace
 
-TEST_CASE("the sky is that of heliograph.sky") {  // printed by clients/python/heliograph/sky.py
+TEST_CASE("the sky is that of heliograph.sky") {  // printed by hg.sky
   Air air;
   air.width = 64;
   const Sky day = sky(0.5, 1.1, air);

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from ._version import __version__ as __version__
 from .errors import (
     Aborted,
     AlreadyExists,
@@ -29,65 +30,73 @@ if TYPE_CHECKING:
     import os
     from collections.abc import Sequence
 
-    from . import materials, shapes
-    from ._batch import Job
-    from ._progress import Progress
-    from .access import TLS
-    from .client import Client
-    from .components import Camera, Tex, Visibility
-    from .edit import Edits
-    from .frame import Frame
-    from .handles import Asset, Entity, Group, Handle, Material, Mesh, Texture
-    from .lights import Light, Portal
-    from .picture import Picture, contact_sheet
-    from .pose import Pose, look_at, moving
-    from .rigs import stereo
-    from .robots import Robot
-    from .scene import Scene
-    from .sensors import DepthSensor, RgbSensor
+    from ._wire.access import TLS
+    from ._wire.device import DeviceArray
+    from .client.client import Client
+    from .client.edit import Edits
+    from .client.scene import Scene
+    from .image import tonemap
+    from .image.picture import Picture, contact_sheet
+    from .render.batch import Job
+    from .render.frame import Frame
+    from .render.progress import Progress
+    from .render.worlds import WorldFrame, Worlds
+    from .robots.robot import Robot
+    from .scene import studio
+    from .scene.handles import Asset, Entity, Group, Handle, Material, Mesh, Texture
+    from .scene.rigs import stereo
+    from .values import framing, lights, materials, shapes, sky
+    from .values.components import Camera, Tex, Visibility
+    from .values.lights import Light, Portal
+    from .values.pose import Pose, look_at, moving
+    from .values.sensors import DepthSensor, RgbSensor
     from .viewer import Viewer
-    from .worlds import WorldFrame, Worlds
 
-__version__ = "0.1.0"
 
 _LAZY = {
-    "Asset": "handles",
-    "Camera": "components",
-    "Change": "_watch",
-    "Client": "client",
-    "DepthSensor": "sensors",
-    "Edits": "edit",
-    "Entity": "handles",
-    "Frame": "frame",
-    "Group": "handles",
-    "Handle": "handles",
-    "Job": "_batch",
-    "Light": "lights",
-    "Portal": "lights",
-    "Material": "handles",
-    "Mesh": "handles",
-    "Picture": "picture",
-    "Pose": "pose",
-    "Progress": "_progress",
-    "RgbSensor": "sensors",
-    "Robot": "robots",
-    "Scene": "scene",
-    "TLS": "access",
-    "Tex": "components",
-    "Texture": "handles",
-    "Visibility": "components",
+    "Asset": "scene.handles",
+    "Camera": "values.components",
+    "Change": "render.watch",
+    "Client": "client.client",
+    "DepthSensor": "values.sensors",
+    "DeviceArray": "_wire.device",
+    "Edits": "client.edit",
+    "Entity": "scene.handles",
+    "Frame": "render.frame",
+    "Group": "scene.handles",
+    "Handle": "scene.handles",
+    "Job": "render.batch",
+    "Light": "values.lights",
+    "Portal": "values.lights",
+    "Material": "scene.handles",
+    "Mesh": "scene.handles",
+    "Picture": "image.picture",
+    "Pose": "values.pose",
+    "Progress": "render.progress",
+    "RgbSensor": "values.sensors",
+    "Robot": "robots.robot",
+    "Scene": "client.scene",
+    "TLS": "_wire.access",
+    "Tex": "values.components",
+    "Texture": "scene.handles",
+    "Visibility": "values.components",
     "Viewer": "viewer",
-    "WorldFrame": "worlds",
-    "Worlds": "worlds",
-    "look_at": "pose",
-    "moving": "pose",
-    "aio": "",
-    "datasets": "",
-    "materials": "",
-    "shapes": "",
-    "contact_sheet": "picture",
-    "stereo": "rigs",
-    "torch": "",
+    "WorldFrame": "render.worlds",
+    "Worlds": "render.worlds",
+    "look_at": "values.pose",
+    "moving": "values.pose",
+    "aio": "aio",
+    "datasets": "datasets",
+    "framing": "values.framing",
+    "lights": "values.lights",
+    "materials": "values.materials",
+    "shapes": "values.shapes",
+    "sky": "values.sky",
+    "studio": "scene.studio",
+    "tonemap": "image.tonemap",
+    "contact_sheet": "image.picture",
+    "stereo": "scene.rigs",
+    "torch": "torch",
 }
 
 __all__ = [
@@ -101,6 +110,7 @@ __all__ = [
     "Client",
     "DeadlineExceeded",
     "DepthSensor",
+    "DeviceArray",
     "Edits",
     "Entity",
     "FailedPrecondition",
@@ -136,11 +146,16 @@ __all__ = [
     "Worlds",
     "connect",
     "contact_sheet",
+    "framing",
+    "lights",
     "look_at",
     "materials",
     "moving",
     "shapes",
+    "sky",
     "stereo",
+    "studio",
+    "tonemap",
 ]
 
 
@@ -150,8 +165,9 @@ def __getattr__(name: str) -> Any:
     import importlib
 
     home = _LAZY[name]
-    module = importlib.import_module(f"{__name__}.{home or name}")
-    found = getattr(module, name) if home else module
+    module = importlib.import_module(f"{__name__}.{home}")
+    is_module = home.rpartition(".")[2] == name
+    found = module if is_module else getattr(module, name)
     globals()[name] = found
     return found
 
@@ -179,19 +195,19 @@ def connect(
     """
     if isinstance(arguments, str):
         raise InvalidArgument('arguments: a sequence, ("--threads", "4")', field="arguments")
-    from ._start import deadline_of, occupy_standard_streams
+    from ._wire.start import deadline_of, occupy_standard_streams
 
     is_private = address is None and tls is None
     deadline = deadline_of(timeout, default=30.0 if is_private else None)
     occupy_standard_streams()
     daemon = None
     if is_private:
-        from ._launch import PrivateDaemon
+        from ._wire.launch import PrivateDaemon
 
         daemon = PrivateDaemon(arguments)
     try:
-        from .access import Access
-        from .client import check_arguments, open_client
+        from ._wire.access import Access
+        from .client.client import check_arguments, open_client
 
         check_arguments(address, tls, arguments)
         if daemon is not None and deadline is not None:

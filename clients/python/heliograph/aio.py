@@ -23,16 +23,16 @@ from typing import Any
 import numpy as np
 
 from . import connect as _connect
-from ._live import Live as _Live
-from ._watch import Change
-from ._watch import Watch as _Watch
-from .client import Client as _Client
-from .edit import Edits
-from .frame import Frame
-from .handles import Handle
-from .scene import Overlay
-from .scene import Scene as _Scene
-from .worlds import WorldFrame, Worlds
+from .client.client import Client as _Client
+from .client.edit import Edits
+from .client.scene import Overlay
+from .client.scene import Scene as _Scene
+from .render.frame import Frame
+from .render.live import Live as _Live
+from .render.watch import Change
+from .render.watch import Watch as _Watch
+from .render.worlds import WorldFrame, Worlds
+from .scene.handles import Handle
 
 _THREADS = 16
 

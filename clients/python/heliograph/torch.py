@@ -20,16 +20,16 @@ import torch
 from torch import distributed
 from torch.utils import data
 
-from ._deal import dealt
-from ._prefetch import in_order
-from .components import whole_of
+from .datasets._deal import dealt
+from .datasets._prefetch import in_order
 from .datasets.source import Source, naming
 from .datasets.writer import Image
 from .errors import HeliographError, InvalidArgument
-from .handles import Named, flatten
+from .scene.handles import Named, flatten
+from .values.checks import whole_of
 
 if TYPE_CHECKING:
-    from .scene import Scene
+    from .client.scene import Scene
 
 _OWN = ("overlay", "revision", "progress", "on_pass", "on_start", "timeout")
 _SOURCE = ("accept", "attempts")

@@ -1,6 +1,6 @@
 // DLPack capsules of memory that a Python object owns. A consumer may let go of such memory in any
 // thread, without Python's lock and when Python has ended, so what ends it is here and not in
-// Python. Loaded by clients/python/heliograph/_dlpack.py, into a process that has Python.
+// Python. Loaded by clients/python/heliograph/_wire/dlpack.py, into a process that has Python.
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from heliograph._render import is_averaged
+from heliograph.render.call import is_averaged
 
 from .checks import checked
 from .entities import entity

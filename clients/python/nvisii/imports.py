@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Sequence
 from typing import Any
 
-from heliograph._proto import scene_pb2
+from heliograph._wire._proto import scene_pb2
 
 from .cameras import camera
 from .component import Component

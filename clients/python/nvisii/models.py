@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from heliograph._arrays import dtype_of
-from heliograph._proto import service_pb2 as service
+from heliograph._wire._proto import service_pb2 as service
+from heliograph._wire.arrays import dtype_of
 
 from .checks import as_runtime_error
 from .mesh_data import Arrays, of_data, smooth_normals

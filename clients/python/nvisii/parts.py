@@ -6,7 +6,7 @@ from __future__ import annotations
 from types import TracebackType
 
 import heliograph as hg
-from heliograph.edit import Edits
+from heliograph.client.edit import Edits
 
 PART_BYTES = 8 << 20  # half of what a daemon takes by default
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from heliograph._optional import openexr
-from heliograph.tonemap import encode_srgb
+from heliograph.image.tonemap import encode_srgb
 
 from .checks import as_runtime_error
 

@@ -229,7 +229,7 @@ def _interval(name: str, value: Numbers) -> tuple[float, ...]:
 def sky_image(sky: tuple[Any, ...]) -> Any:
     """(H, W, 3) float32 lat-long: the air's colours, scaled so that the default's mean is that of a
     grey dome; below the horizon it is mirrored."""
-    from heliograph.sky import sky as clear_sky
+    from heliograph.values.sky import sky as clear_sky
 
     (x, y, z), tint, thickness, saturation = sky
     elevation = math.atan2(z, math.hypot(x, y))

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from . import add_connection, connect
+from ._daemon import add_connection, connect
 
 _LABEL_PLANES = ("depth", "normal", "instance", "semantic")
 

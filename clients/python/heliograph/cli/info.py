@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from .._proto import service_pb2 as service
-from . import add_connection, connect
+from .._wire._proto import service_pb2 as service
+from ._daemon import add_connection, connect
 
 _LONG_SECONDS = 5400.0  # from here on hours
 

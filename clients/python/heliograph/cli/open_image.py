@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import FailedPrecondition
-from . import add_connection, connect
+from ._daemon import add_connection, connect
 
 
 def add(commands: Any) -> None:

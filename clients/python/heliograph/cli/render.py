@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from .. import components, framing, studio
 from ..errors import InvalidArgument
-from ..frame import Frame
-from ..tonemap import VIEWS
-from . import add_connection, connect
+from ..image.tonemap import VIEWS
+from ..render.frame import Frame
+from ..scene import studio
+from ..values import components, framing
+from ._daemon import add_connection, connect
 
 
 def add(commands: Any) -> None:

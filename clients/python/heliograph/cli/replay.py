@@ -7,7 +7,7 @@ import tempfile
 from collections import Counter
 from typing import Any
 
-from . import EXIT_FAILED, add_connection, connect
+from ._daemon import EXIT_FAILED, add_connection, connect
 
 _PLENTY = ("--limit", "connections=4096", "--limit", "connections_per_peer=4096")
 
@@ -31,8 +31,8 @@ def add(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from .. import replay
-    from ..recording import Recording
+    from ..recording import replay
+    from ..recording.reader import Recording
 
     recording = Recording(arguments.file)
     counts: Counter[tuple[str, str]] = Counter()
@@ -61,7 +61,7 @@ def _because(text: str) -> str:
 
 
 def _print_summary(recording: Any, counts: Counter[tuple[str, str]]) -> None:
-    from ..replay import DIFFERS, NOT_PLAYED, SAME
+    from ..recording.replay import DIFFERS, NOT_PLAYED, SAME
 
     print(f"{'':16}{SAME:>12}{DIFFERS:>12}{NOT_PLAYED:>12}")
     for method in sorted({method for method, _ in counts}):

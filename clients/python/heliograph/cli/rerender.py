@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InvalidArgument, NotFound
-from . import EXIT_FAILED, add_connection, connect
+from ._daemon import EXIT_FAILED, add_connection, connect
 
 
 def add(commands: Any) -> None:
@@ -53,7 +53,7 @@ def _manifest_of(path: Path) -> str:
     if not path.is_file():
         raise NotFound(f"no file {path}", field="frame")
     if path.suffix.lower() == ".exr":
-        from .. import exr
+        from ..image import exr
 
         return exr.read_manifest(path)
     try:

@@ -6,7 +6,7 @@ import argparse
 import os
 from typing import Any
 
-from .._launch import find_program
+from .._wire.launch import find_program
 
 
 def add(commands: Any) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InvalidArgument
-from . import add_connection, connect
+from ._daemon import add_connection, connect
 from .render import add_view, build
 
 

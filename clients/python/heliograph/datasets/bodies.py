@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._arrays import NdArray, checked
+from .._wire.arrays import NdArray, checked
 from ..errors import InvalidArgument
-from ..handles import Entity, Material, Mesh, Named, flatten
+from ..scene.handles import Entity, Material, Mesh, Named, flatten
 
 if TYPE_CHECKING:
-    from ..scene import Scene
+    from ..client.scene import Scene
     from .draw import Draw
 
 _ENTITY = 1  # kind in the upper byte of an id

@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._arrays import NdArray, from_message
+from .._wire.arrays import NdArray, from_message
 from ..errors import InvalidArgument
-from ..handles import Handle, Named, flatten
-from ..pose import matrices_of
+from ..scene.handles import Handle, Named, flatten
+from ..values.pose import matrices_of
 from .bodies import Bodies
 
 if TYPE_CHECKING:
-    from .._proto import scene_pb2 as pb
-    from .._proto import types_pb2 as types
-    from ..edit import Edits
-    from ..robots import Robot
-    from ..scene import Scene
+    from .._wire._proto import scene_pb2 as pb
+    from .._wire._proto import types_pb2 as types
+    from ..client.edit import Edits
+    from ..client.scene import Scene
+    from ..robots.robot import Robot
 
 _DRAW, _RENDER = 0, 1  # first number of a key: what the numbers are for
 

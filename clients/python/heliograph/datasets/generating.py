@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .. import __version__
-from .._progress import Progress, is_watched
-from ..components import whole_of
+from .._version import __version__
 from ..errors import FailedPrecondition, InvalidArgument, Unavailable
+from ..render.progress import Progress, is_watched
+from ..values.checks import whole_of
 from .draw import Draw
 from .record import Record, claimed
 from .source import Drawn, Source, naming
@@ -29,7 +29,7 @@ from .uploads import named
 from .writer import Dataset, Image, Records, Writer
 
 if TYPE_CHECKING:
-    from ..scene import Scene
+    from ..client.scene import Scene
 
 _OWN = ("planes", "overlay", "revision", "progress", "on_pass", "on_start", "timeout", "half")
 

@@ -11,17 +11,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .. import _render
-from .._proto import scene_pb2 as pb
+from .._wire._proto import scene_pb2 as pb
 from ..errors import NotFound
+from ..render import call
 from .folder import NAME, Folder
 from .uploads import bring
 from .writer import Picture
 
 if TYPE_CHECKING:
-    from ..client import Client
-    from ..frame import Frame
-    from ..scene import Scene
+    from ..client.client import Client
+    from ..client.scene import Scene
+    from ..render.frame import Frame
 
 
 class KeptImage:
@@ -80,14 +80,14 @@ class KeptImage:
     def render(self, client: Client) -> Frame:
         """The frame again: all its planes and labels."""
         with self.opened(client) as scene:
-            frame: Frame = _render.run(scene, self._request(scene), {})[0]
+            frame: Frame = call.run(scene, self._request(scene), {})[0]
             return frame
 
     def render_labelled(self, client: Client) -> Frame:
         """The same view with the planes beauty and instance and all labels, to look at."""
         with self.opened(client) as scene:
             request = self._request(scene)
-            wanted = _render.make_request(
+            wanted = call.make_request(
                 scene, ["camera"], {"planes": ["beauty", "instance"], "labels": True}
             )
             del request.planes[:]
@@ -95,7 +95,7 @@ class KeptImage:
             request.labels.CopyFrom(wanted.labels)
             if not request.HasField("spp"):
                 request.spp = wanted.spp
-            frame: Frame = _render.run(scene, request, {})[0]
+            frame: Frame = call.run(scene, request, {})[0]
             return frame
 
     def _request(self, scene: Scene) -> Any:
@@ -105,7 +105,7 @@ class KeptImage:
         if "overlay" in manifest:
             overlay = MessageToDict(self.overlay, preserving_proto_field_name=True)
             manifest["request"]["overlay"] = overlay
-        return _render.request_of_manifest(scene, json.dumps(manifest))
+        return call.request_of_manifest(scene, json.dumps(manifest))
 
     def is_same(self, frame: Frame) -> bool:
         """Whether a frame has the bytes of the one that was written: planes and labels."""

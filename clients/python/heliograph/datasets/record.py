@@ -22,7 +22,7 @@ from ..errors import FailedPrecondition
 from .folder import NAME, Folder
 
 if TYPE_CHECKING:
-    from ..scene import Scene
+    from ..client.scene import Scene
 
 FORMAT = "heliograph.dataset.v1"
 _UNLIKE = ("count", "version", "numpy")  # what runs of one data set may have another of

@@ -7,17 +7,17 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ..components import whole_of
 from ..errors import HeliographError
-from ..handles import Handle, Named, flatten
+from ..scene.handles import Handle, Named, flatten
+from ..values.checks import whole_of
 from .draw import BasePoses, Draw, render_seed
 from .tries import gave_up
 from .uploads import Uploads
 
 if TYPE_CHECKING:
-    from ..edit import Edits
-    from ..frame import Frame
-    from ..scene import Scene
+    from ..client.edit import Edits
+    from ..client.scene import Scene
+    from ..render.frame import Frame
 
 
 class Drawn(NamedTuple):

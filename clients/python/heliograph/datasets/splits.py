@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..components import number_of
 from ..errors import InvalidArgument
+from ..values.checks import number_of
 
 _GOLDEN = 0x9E3779B97F4A7C15  # 2^64 / golden ratio
 

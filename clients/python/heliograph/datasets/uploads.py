@@ -8,16 +8,16 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .. import assets
-from .._proto import scene_pb2 as pb
-from .._proto import service_pb2 as service
-from .._proto import types_pb2 as types
+from .._wire._proto import scene_pb2 as pb
+from .._wire._proto import service_pb2 as service
+from .._wire._proto import types_pb2 as types
 from ..errors import FailedPrecondition, NotFound
+from ..scene import assets
 from .folder import Folder
 
 if TYPE_CHECKING:
-    from .._arrays import Store
-    from ..client import Client
+    from .._wire.arrays import Store
+    from ..client.client import Client
 
 
 class Uploads:

@@ -11,16 +11,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .._arrays import NdArray
-from ..components import Camera
+from .._wire.arrays import NdArray
 from ..errors import FailedPrecondition, InvalidArgument
+from ..values.components import Camera
 from .folder import Folder, name_of
 
 if TYPE_CHECKING:
-    from ..edit import Edits
-    from ..frame import Frame
-    from ..handles import Handle
-    from ..scene import Scene
+    from ..client.edit import Edits
+    from ..client.scene import Scene
+    from ..render.frame import Frame
+    from ..scene.handles import Handle
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,8 @@ from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 
-from ..components import whole_of
 from ..errors import HeliographError, InvalidArgument, NotFound, ResourceExhausted
+from ..values.checks import whole_of
 from . import outline
 from .session import Session
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from typing_extensions import Self
 
-    from ..scene import Scene
+    from ..client.scene import Scene
 
 _HOST = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?")
 _MOST_SESSIONS = 16

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._arrays import NdArray
+from .._wire.arrays import NdArray
 from ..errors import HeliographError
-from ..handles import Entity, Handle, Material
-from ..notebook import kind_of
+from ..image.notebook import kind_of
+from ..scene.handles import Entity, Handle, Material
 from .session import LAYERS, PLANES
 
 if TYPE_CHECKING:
-    from ..scene import Scene
+    from ..client.scene import Scene
 
 _MOST_OBJECTS = 20_000  # of the tree; the page says how many more there are
 _MOST_READ = 5_000

@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .. import annotate
-from .._arrays import NdArray
-from ..components import Camera
+from .._wire.arrays import NdArray
 from ..errors import HeliographError, InvalidArgument
-from ..picture import Picture
-from ..pose import look_at
+from ..image import annotate
+from ..image.picture import Picture
+from ..values.components import Camera
+from ..values.pose import look_at
 
 if TYPE_CHECKING:
-    from .._live import Live
-    from ..frame import Frame
-    from ..scene import Scene
+    from ..client.scene import Scene
+    from ..render.frame import Frame
+    from ..render.live import Live
 
 CAMERA = "viewer/camera"  # of the overlay; the scene never has it
 PLANES = (

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 from ..bodies import Body, box_of, published
 from ..tries import gave_up
 
 if TYPE_CHECKING:
-    from ...scene import Scene
+    from ...client.scene import Scene
     from ..draw import Draw
 
 

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..._arrays import NdArray
-from ...components import whole_of
-from ...handles import Group, flatten
+from ..._wire.arrays import NdArray
+from ...scene.handles import Group, flatten
+from ...values.checks import whole_of
 from ..bodies import box_of, middle
 from ..tries import gave_up
 from . import ranges
@@ -17,7 +17,7 @@ from .props import random_shape
 from .ranges import LogUniform, Range
 
 if TYPE_CHECKING:
-    from ...edit import Edits
+    from ...client.edit import Edits
     from ..draw import Draw
 
 _SIZE = LogUniform(0.03, 0.15)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from ...components import number_of, whole_of
 from ...errors import InvalidArgument
+from ...values.checks import number_of, whole_of
 from ..tries import gave_up
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...errors import InvalidArgument
-from ...robots import Robots, listed
+from ...robots.robot import Robots, listed
 from ..draw import Draw
 from .ranges import Range, checked_range, number
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...lights import Light
-from ...pose import Pose
+from ...values.lights import Light
+from ...values.pose import Pose
 from . import ranges
 from .pictures import Pictures
 from .ranges import HsvColor, LogUniform, Range

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...components import Tex
 from ...errors import InvalidArgument
-from ...handles import Entity, Handle, Material, Texture, flatten
+from ...scene.handles import Entity, Handle, Material, Texture, flatten
+from ...values.components import Tex
 from . import ranges
 from .patterns import bundled_textures
 from .pictures import Pictures

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..._arrays import NdArray, checked
-from ...components import whole_of
+from ..._wire.arrays import NdArray, checked
 from ...errors import InvalidArgument
-from ...handles import Handle, flatten
-from ...pose import look_at
+from ...scene.handles import Handle, flatten
+from ...values.checks import whole_of
+from ...values.pose import look_at
 from ..bodies import middle
 from . import ranges
 from .ranges import Range

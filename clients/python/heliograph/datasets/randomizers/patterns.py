@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 
 _SIZE = 608  # 1.1 MB: what travels once, by its hash, so that a data set keeps it once
 _EACH = 3  # of a kind

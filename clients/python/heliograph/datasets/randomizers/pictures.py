@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..._arrays import NdArray, dtype_of, from_message
-from ..._proto import scene_pb2 as pb
-from ..._proto import service_pb2 as service
+from ..._wire._proto import scene_pb2 as pb
+from ..._wire._proto import service_pb2 as service
+from ..._wire.arrays import NdArray, dtype_of, from_message
 from ...errors import InvalidArgument, NotFound
 from .ranges import linear
 
 if TYPE_CHECKING:
-    from ...client import Client
+    from ...client.client import Client
 
 
 class Pictures:

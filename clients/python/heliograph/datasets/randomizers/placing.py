@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..._arrays import NdArray, checked
-from ...components import whole_of
+from ..._wire.arrays import NdArray, checked
 from ...errors import InvalidArgument
+from ...values.checks import whole_of
 from ..bodies import Body, box_of, middle
 from ..tries import gave_up
 from . import ranges
@@ -203,7 +203,7 @@ class Shell:
         self.azimuth = ranges.checked_range(azimuth, "azimuth")
 
     def __call__(self, draw: Draw) -> None:
-        from ...handles import flatten
+        from ...scene.handles import flatten
 
         things = flatten(self.things, "things")
         around = middle(draw, self.around, "around")

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 
 if TYPE_CHECKING:
-    from ..._patches import Geometry
+    from ...scene.patches import Geometry
 
 Generator = np.random.Generator
 

@@ -8,9 +8,9 @@ from typing import Any, Union
 
 import numpy as np
 
-from ..._arrays import NdArray, checked
-from ...components import number_of
+from ..._wire.arrays import NdArray, checked
 from ...errors import InvalidArgument
+from ...values.checks import number_of
 
 Range = Union[float, "tuple[float, float]", Callable[[np.random.Generator], float]]
 """A number; (low, high): uniform between them; or a callable (rng) -> number."""
@@ -187,7 +187,7 @@ def rotation(rng: np.random.Generator) -> NdArray:
 
     Source: Shoemake 1992, "Uniform Random Rotations", Graphics Gems III.
     """
-    from ...pose import rotation_of_wxyz
+    from ...values.pose import rotation_of_wxyz
 
     u, a, b = rng.random(), *(2 * math.pi * rng.random(2))
     p, q = math.sqrt(1 - u), math.sqrt(u)
@@ -198,7 +198,7 @@ def rotation(rng: np.random.Generator) -> NdArray:
 
 def turn(axis: NdArray, angle: float) -> NdArray:
     """(3, 3): by radians about a unit axis."""
-    from ...pose import rotation_of_wxyz
+    from ...values.pose import rotation_of_wxyz
 
     half = 0.5 * angle
     return rotation_of_wxyz(np.array([math.cos(half), *(math.sin(half) * axis)]))

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..._arrays import NdArray
 from ..._optional import needed
+from ..._wire.arrays import NdArray
 from ...errors import InvalidArgument
 from ..bodies import Body, box_of
 from . import ranges

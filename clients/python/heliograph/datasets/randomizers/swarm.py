@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 from ...errors import InvalidArgument
-from ...handles import flatten
+from ...scene.handles import flatten
 from . import ranges
 from .ranges import LogUniform
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...handles import flatten
-from ...pose import look_at
+from ...scene.handles import flatten
+from ...values.pose import look_at
 from ..bodies import middle
 from . import ranges
 from .ranges import Range

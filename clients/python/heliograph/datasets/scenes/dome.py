@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ...pose import look_at
+from ...values.pose import look_at
 from ..draw import Compose
 from ..randomizers.flying import Distractors, add_distractors
 from ..randomizers.placing import InVolume
@@ -14,8 +14,8 @@ from ..randomizers.viewpoints import LookAtJitter, Orbit
 from .paper import DomedScene
 
 if TYPE_CHECKING:
-    from ...handles import Entity
-    from ...scene import Scene
+    from ...client.scene import Scene
+    from ...scene.handles import Entity
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from ... import shapes
-from ...pose import look_at
+from ...values import shapes
+from ...values.pose import look_at
 from ..draw import Compose
 from ..randomizers.inview import InView
 from ..randomizers.looks import RandomMaterials, RandomTextures
@@ -18,9 +18,9 @@ from ..randomizers.viewpoints import Orbit
 from .paper import DomedScene
 
 if TYPE_CHECKING:
-    from ...edit import Edits
-    from ...handles import Entity
-    from ...scene import Scene
+    from ...client.edit import Edits
+    from ...client.scene import Scene
+    from ...scene.handles import Entity
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...pose import look_at
+from ...values.pose import look_at
 from ..draw import Compose
 from ..randomizers.lighting import RandomLights
 from ..randomizers.looks import RandomMaterials
@@ -18,9 +18,9 @@ from ..randomizers.swarm import Swarm
 from .paper import PaperScene
 
 if TYPE_CHECKING:
-    from ...edit import Edits
-    from ...handles import Entity
-    from ...scene import Scene
+    from ...client.edit import Edits
+    from ...client.scene import Scene
+    from ...scene.handles import Entity
 
 
 @dataclass(frozen=True)

@@ -9,17 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...components import Camera, whole_of
 from ...errors import InvalidArgument
-from ...pose import Pose
+from ...values.checks import whole_of
+from ...values.components import Camera
+from ...values.pose import Pose
 from ..randomizers import ranges
 from ..randomizers.lighting import RandomDome
 from .wares import add_wares
 
 if TYPE_CHECKING:
-    from ...edit import Edits
-    from ...handles import Entity
-    from ...scene import Scene
+    from ...client.edit import Edits
+    from ...client.scene import Scene
+    from ...scene.handles import Entity
     from ..draw import Compose
 
 

@@ -8,16 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ... import shapes
-from ..._arrays import NdArray
-from ...components import Tex, whole_of
-from ...handles import Entity, Group
+from ..._wire.arrays import NdArray
+from ...scene.handles import Entity, Group
+from ...values import shapes
+from ...values.checks import whole_of
+from ...values.components import Tex
 from ..randomizers.patterns import palette
 from ..randomizers.props import rounded, surface, turned
 
 if TYPE_CHECKING:
-    from ..._patches import Geometry
-    from ...edit import Edits
+    from ...client.edit import Edits
+    from ...scene.patches import Geometry
 
 _SEGMENTS = 64
 _PRINT = (512, 1024)  # rows, columns of a label

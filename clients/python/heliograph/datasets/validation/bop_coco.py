@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 from .files import INTEGER, fields_of, numbers, read_object
 from .masks import counts_of, extent, mask_of
 from .report import Faults, Malformed

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 from .bop_coco import check_rows
 from .bop_models import Model
 from .files import picture_size, read_picture

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 from .files import NUMBER, fields_of, numbers, read_object
 from .geometry import rotation_fault
 from .ply import vertices

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 from .coco_index import Index, Span, read_index
 from .coco_panoptic import panoptic_tasks
 from .dataset import wanted_count

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 from .files import INTEGER, TEXT, JsonRows, Kind, fields_of
 from .report import Faults
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 from .coco_index import Index, Span
 from .files import INTEGER, batches, fields_of, numbers, read_picture
 from .formats import Task

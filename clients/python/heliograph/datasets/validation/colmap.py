@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 from .colmap_lens import COUNTS, seen_at
 from .dataset import wanted_count
 from .files import batches, check_size, files

@@ -10,7 +10,7 @@ from typing import Any
 
 from google.protobuf.message import DecodeError
 
-from ..._proto import service_pb2 as service
+from ..._wire._proto import service_pb2 as service
 from .files import OWN, batches, files, read_object
 from .formats import Format, Task
 from .report import Faults, Malformed

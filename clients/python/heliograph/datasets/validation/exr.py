@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray
 from ..._optional import openexr
+from ..._wire.arrays import NdArray
 from . import frame_labels, frame_planes
 from .dataset import wanted_count
 from .files import INTEGER, LIST, batches, fields_of, files, numbers, read_object

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 from .report import Faults, Malformed
 
 OWN = ".heliograph"  # what a data set keeps about itself; no format's files

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 from . import exr, frame_labels, frame_planes
 from .files import batches, files
 from .formats import Format, Task

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 from .files import INTEGER, LIST, fields_of
 from .geometry import rotation_fault
 from .lens import Lens, lens_of, stated

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 from .camera_motion import flow_error
 from .frame_labels import Shot, matrix
 from .geometry import rotation_fault

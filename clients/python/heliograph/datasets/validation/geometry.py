@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 
 ROTATION_WITHIN = 1e-3  # of R R^T from the identity: what five decimals of a file leave
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 from .files import picture_size
 from .png16 import read_png
 from .report import Faults

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 
 _MOST = 0.8  # of the points: what they agree on is the camera's
 _KINDS = ("perspective", "orthographic", "fisheye", "equirectangular")

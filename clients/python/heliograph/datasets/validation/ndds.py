@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 from .dataset import wanted_count
 from .files import LIST, NUMBER, TEXT, batches, check_size, fields_of, files, numbers, read_object
 from .formats import Format, Task

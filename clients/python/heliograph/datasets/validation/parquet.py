@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray
 from ..._optional import pyarrow
+from ..._wire.arrays import NdArray
 from . import frame_labels
 from .dataset import wanted_count
 from .files import batches, check_size

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 from .report import Malformed
 
 _CHANNELS = {0: 1, 2: 3, 4: 2, 6: 4}  # by colour type

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 
 _WORST = 8
 _FLAT = 1e-3  # of a row's points: with less beside their line, their turn about it is unknown

@@ -14,9 +14,9 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from ..._progress import is_watched
-from ...components import whole_of
 from ...errors import HeliographError, InvalidArgument, NotFound
+from ...render.progress import is_watched
+from ...values.checks import whole_of
 from .formats import Format, Task
 from .report import Faults, Malformed, Report
 from .table import FORMATS

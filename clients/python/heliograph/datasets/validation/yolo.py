@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 from .dataset import wanted_count
 from .files import PICTURES, batches, files, picture_size
 from .formats import Format, Task

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray
-from ...client import Client
-from ...components import whole_of
+from ..._wire.arrays import NdArray
+from ...client.client import Client
+from ...client.scene import Scene
 from ...errors import InvalidArgument
-from ...frame import Frame
-from ...scene import Scene
+from ...render.frame import Frame
+from ...values.checks import whole_of
 from ..writer import Dataset, Image, Picture, Records, Writer
 from . import png, rle
 from .drawn import check_pinhole

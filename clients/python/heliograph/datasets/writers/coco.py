@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 from ...errors import FailedPrecondition, InvalidArgument
 from ..writer import Dataset, Image, Picture, Records, Writer, encode
 from . import rle

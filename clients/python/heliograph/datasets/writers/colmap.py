@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray
-from ...components import Camera, whole_of
+from ..._wire.arrays import NdArray
 from ...errors import InvalidArgument
-from ...frame import Frame
+from ...render.frame import Frame
+from ...values.checks import whole_of
+from ...values.components import Camera
 from ..writer import Dataset, Image, Picture, Records, Writer
 from .drawn import camera_of, drawn
 from .instances import quaternion_wxyz

@@ -6,11 +6,11 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from ... import _render
-from ..._proto import render_pb2
-from ...components import Camera
+from ..._wire._proto import render_pb2
+from ...client.scene import Scene
 from ...errors import InvalidArgument
-from ...scene import Scene
+from ...render import call
+from ...values.components import Camera
 from ..writer import Dataset, Image
 
 
@@ -19,7 +19,7 @@ def request_of(scene: Scene, image: Image) -> render_pb2.RenderRequest:
     ones."""
     fields = json.loads(image.frame.manifest)
     fields.pop("overlay", None)
-    request = _render.request_of_manifest(scene, json.dumps(fields))
+    request = call.request_of_manifest(scene, json.dumps(fields))
     if image.overlay is not None:
         request.overlay.CopyFrom(image.overlay.transaction)
     return request

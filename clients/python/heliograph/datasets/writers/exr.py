@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 from typing import Any
 
-from ... import exr
+from ...image import exr
 from ..writer import Dataset, Image, Picture, Writer
 from . import rows
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..._arrays import Columns, NdArray
+from ..._wire.arrays import Columns, NdArray
 from ...errors import InvalidArgument, NotFound
-from ...frame import Frame
+from ...render.frame import Frame
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..._arrays import NdArray, from_message
+from ..._wire.arrays import NdArray, from_message
 from ...errors import FailedPrecondition
 from ..writer import Dataset
 
 if TYPE_CHECKING:
-    from ...scene import Scene
+    from ...client.scene import Scene
 
 OUTSIDE, VISIBLE = 0, 3  # of the column keypoint_state; between them: hidden by itself or others
 

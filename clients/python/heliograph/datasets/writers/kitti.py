@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 from ...errors import InvalidArgument
-from ...handles import Handle, Named
+from ...scene.handles import Handle, Named
 from ..writer import Dataset, Image, Picture, Records, Writer
 from .drawn import check_pinhole, drawn
 from .encoded import kitti_disparity, kitti_flow

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from ... import _render
-from ..._arrays import NdArray
-from ..._proto import render_pb2
+from ..._wire._proto import render_pb2
+from ..._wire.arrays import NdArray
+from ...client.scene import Scene
 from ...errors import InvalidArgument
-from ...frame import Frame
-from ...scene import Scene
+from ...render import call
+from ...render.frame import Frame
 from ..writer import Image, Picture, encode
 from .drawn import request_of
 
@@ -24,7 +24,7 @@ def pixels_at(scene: Scene, image: Image, picture: Picture, time: float) -> NdAr
     for name in picture.planes:
         request.planes.add(plane=render_pb2.Plane.Value(f"PLANE_{name.upper()}"))
     options: Any = {"progress": False}
-    frame: Frame = _render.run(scene, request, options)[0]
+    frame: Frame = call.run(scene, request, options)[0]
     return replace(picture, exposure=image.frame.stops(picture.exposure)).pixels(frame)
 
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
+from ...client.scene import Scene
 from ...errors import InvalidArgument
-from ...handles import Named
-from ...scene import Scene
+from ...scene.handles import Named
 from .instances import Instance
 from .shapes import Part, shapes_of
 from .symmetries import Symmetries, symmetries_of

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray
-from ...frame import Frame
+from ..._wire.arrays import NdArray
+from ...render.frame import Frame
 from ..writer import Dataset, Image, Picture, Writer
 from .drawn import check_pinhole
 from .instances import Instance, check_categories, instances, quaternion_wxyz

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ...components import Camera
 from ...errors import InvalidArgument
-from ...frame import Frame
+from ...render.frame import Frame
+from ...values.components import Camera
 from ..writer import Image, Picture, Records, Writer
 from .drawn import camera_of
 

@@ -7,7 +7,7 @@ import zlib
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 from ...errors import InvalidArgument
 
 _COLOR_TYPES = {1: 0, 3: 2, 4: 6}  # channels to grey, RGB, RGBA

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..._arrays import NdArray
-from ..._proto import scene_pb2 as pb
+from ..._wire._proto import scene_pb2 as pb
+from ..._wire.arrays import NdArray
+from ...client.scene import Scene
 from ...errors import InvalidArgument
-from ...handles import KINDS, Entity, Named
-from ...scene import Scene
+from ...scene.handles import KINDS, Entity, Named
 from ..writer import Image
 from .instances import Instance, instances
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray, from_message
+from ..._wire.arrays import NdArray, from_message
+from ...client.scene import Scene
 from ...errors import InvalidArgument
-from ...scene import Scene
 from .instances import Instance
 from .shapes import Part
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray, checked
-from ...components import whole_of
+from ..._wire.arrays import NdArray, checked
 from ...errors import InvalidArgument
+from ...values.checks import whole_of
 from ..folder import name_of
 from ..writer import Image, Picture, Records, Writer
 from .drawn import camera_of, drawn

@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from ...components import whole_of
 from ...errors import FailedPrecondition
+from ...values.checks import whole_of
 from ..folder import NAME, name_of
 from ..writer import Image, Picture, Records, Writer
 from .exr import labels_of

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._arrays import NdArray
+from ..._wire.arrays import NdArray
 from ...errors import FailedPrecondition, InvalidArgument
 from ..writer import Dataset, Image, Picture, Records, Writer
 from .keypoints import OUTSIDE, VISIBLE, Keypoints, Skeleton, skeletons_of

@@ -1,0 +1,1 @@
+"""The way to a daemon: sessions, calls, arrays, shared memory, GPUs."""

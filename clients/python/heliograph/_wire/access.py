@@ -1,0 +1,110 @@
+"""Where a daemon is, how it is trusted, and how this client says who it is. Used by
+link.py."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from pathlib import Path
+from typing import Union
+from urllib.parse import quote
+
+import grpc
+
+from ..errors import InvalidArgument
+
+_OPTIONS = (
+    # Replies of a stream come straight to who waits for them: a frame is a quarter of a millisecond
+    # sooner than through a thread.
+    ("SingleThreadedUnaryStream", 1),  # of grpc.experimental.ChannelOptions
+    ("grpc.max_receive_message_length", -1),
+    ("grpc.max_send_message_length", -1),
+    ("grpc.use_local_subchannel_pool", 1),  # a forked child must not meet its parent's connection
+    ("grpc.enable_http_proxy", 0),
+    ("grpc.initial_reconnect_backoff_ms", 50),
+    ("grpc.min_reconnect_backoff_ms", 5000),  # how long one attempt may take
+    ("grpc.max_reconnect_backoff_ms", 250),
+)
+Token = Union[str, "os.PathLike[str]", None]
+File = Union[str, "os.PathLike[str]", None]
+
+
+@dataclasses.dataclass(frozen=True)
+class TLS:
+    """Encryption and certificates; files in PEM, read when a connection is made.
+
+    ca: who signed the daemon's certificate; None: whom the system trusts.
+    cert, key: this client's own, for a daemon that demands one (mutual TLS).
+    server_name: the name in the daemon's certificate, where the address has another (a tunnel).
+    """
+
+    ca: File = None
+    cert: File = None
+    key: File = None
+    server_name: str | None = None
+
+    def __post_init__(self) -> None:
+        if (self.cert is None) != (self.key is None):
+            raise InvalidArgument("tls: cert and key go together", field="tls")
+
+    def credentials(self) -> grpc.ChannelCredentials:
+        """Of a channel."""
+        return grpc.ssl_channel_credentials(_read(self.ca), _read(self.key), _read(self.cert))
+
+
+@dataclasses.dataclass(frozen=True)
+class Access:
+    """Where a daemon is, and what it asks for.
+
+    token: itself, or (a path) the file that it is in, read again for each call, so that it may be
+    replaced while the client runs.
+    """
+
+    address: str
+    token: Token = dataclasses.field(default=None, repr=False)
+    tls: TLS | None = None
+
+    @property
+    def socket(self) -> str:
+        """Path of the Unix socket, or ""."""
+        return target_of(self.address)[1]
+
+    def channel(self) -> grpc.Channel:
+        """A new one."""
+        target = target_of(self.address)[0]
+        if self.tls is None:
+            return grpc.insecure_channel(target, options=_OPTIONS)
+        name = self.tls.server_name
+        options = (*_OPTIONS, ("grpc.ssl_target_name_override", name)) if name else _OPTIONS
+        return grpc.secure_channel(target, self.tls.credentials(), options=options)
+
+    def bearer(self) -> str:
+        """The token as it is now; "": there is none."""
+        if isinstance(self.token, os.PathLike):
+            return Path(self.token).read_text(encoding="utf-8").strip()
+        return self.token or ""
+
+    def metadata(self) -> tuple[tuple[str, str], ...]:
+        """What each call carries of the token."""
+        token = self.bearer()
+        return (("authorization", f"Bearer {token}"),) if token else ()
+
+
+def target_of(address: str) -> tuple[str, str]:
+    """(gRPC target, path of the Unix socket or ""). Refuses what is neither."""
+    if address.startswith("unix:"):
+        path = address[len("unix:") :]
+        path = path[2:] if path.startswith("//") else path
+        if not path.startswith("/"):
+            raise InvalidArgument(f"address {address!r}: write unix:///path", field="address")
+        return "unix://" + quote(os.fsencode(path)), path  # a URI
+    host, colon, port = address.rpartition(":")
+    if not (colon and host and port.isdigit()):
+        raise InvalidArgument(
+            f'address {address!r}: write "unix:///path" or "host:port"', field="address"
+        )
+    return address, ""
+
+
+def _read(path: File) -> bytes | None:
+    return None if path is None else Path(path).read_bytes()

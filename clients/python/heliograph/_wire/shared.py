@@ -1,0 +1,202 @@
+"""Memory that this process and the daemon share: frames, and arrays on their way to a scene.
+
+The arrays of a frame are views of a buffer of the daemon's. When the last of them is gone the
+buffer goes back to the daemon, which never writes into one before that; of a GPU's memory, when the
+GPU has done what it was given until then. Arrays travel in sealed memfds of this process's. Used by
+link.py and arrays.py.
+"""
+
+from __future__ import annotations
+
+import itertools
+import mmap
+import os
+import socket
+import struct
+import threading
+import weakref
+from collections import deque
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import Internal, Unavailable
+from . import cuda
+from ._proto import types_pb2 as types
+from .device import DeviceArray, DeviceLease
+
+if TYPE_CHECKING:
+    from .arrays import NdArray
+
+CAPABILITY = "shared_memory"
+_WORD = struct.Struct("=QQ")
+_UUID_BYTES = 16  # behind the word of a new buffer in a GPU's memory
+_WISH = _WORD.pack(0, 0)
+_NEVER = 0  # the generation that says: nobody can tell when it is free
+
+
+def share_frames(
+    lifeline: socket.socket | None, capabilities: Iterable[str]
+) -> SharedFrames | None:
+    """Where a session's frames are mapped; None: they come as bytes."""
+    if lifeline is None or CAPABILITY not in capabilities:
+        return None
+    return SharedFrames(lifeline)
+
+
+class SharedFrames:
+    """The mapped buffers of one session. Thread: any."""
+
+    def __init__(self, lifeline: socket.socket) -> None:
+        self._lifeline = lifeline
+        self._pid = os.getpid()
+        self._lock = threading.Lock()  # of _maps and of reading the socket
+        self._maps: dict[int, mmap.mmap | cuda.Mapping] = {}
+        self._leases: dict[tuple[int, int], weakref.ref[NdArray | DeviceLease]] = {}
+        self._unsent: deque[bytes] = deque()
+        self._in_use: deque[tuple[cuda.Fence, bytes]] = deque()  # words to be sent after a fence
+        self._numbers = itertools.count(1)  # of buffers handed over
+        try:
+            lifeline.send(_WISH)
+            answer = lifeline.recv(_WORD.size)  # the same: from now on
+        except OSError:
+            answer = b""
+        if not answer:
+            raise Unavailable("the daemon ended while a session was opened")
+        if answer != _WISH:
+            raise Internal("the daemon's second socket does not answer")
+
+    def plane(
+        self, place: types.BufferRef, dtype: np.dtype[Any], shape: Sequence[int]
+    ) -> NdArray | DeviceArray:
+        """What a chunk names, read-only. It is leased while it lives."""
+        self._give_back_unused()
+        key = (place.buffer, place.generation)
+        known = self._leases.get(key)
+        lease = known() if known is not None else None
+        if lease is None:
+            lease = self._lease(key)
+        size = lease.nbytes if isinstance(lease, np.ndarray) else lease.mapping.nbytes
+        if place.offset + place.size > size:
+            raise Internal(f"the daemon named bytes beyond its buffer of {size}")
+        if isinstance(lease, DeviceLease):
+            return DeviceArray(lease, place.offset, dtype, shape)
+        data = lease[place.offset : place.offset + place.size]
+        return data.view(dtype).reshape(tuple(shape))
+
+    def _lease(self, key: tuple[int, int]) -> NdArray | DeviceLease:
+        buffer = self._map(key[0])
+        lease: NdArray | DeviceLease
+        readers: list[cuda.Device] = []
+        if isinstance(buffer, cuda.Mapping):
+            lease = DeviceLease(buffer)
+            readers = lease.readers
+        else:
+            lease = np.frombuffer(buffer, dtype=np.uint8)
+        self._leases[key] = weakref.ref(lease)
+        weakref.finalize(lease, self._give_back, key, readers).atexit = False
+        return lease
+
+    def hand_over(self, data: memoryview) -> types.BufferRef:
+        """Copies bytes, (size,) u8, into a buffer that one array of this session may name."""
+        with self._lock:
+            number = next(self._numbers)
+        fd = _sealed_copy(data)
+        try:
+            socket.send_fds(self._lifeline, [_WORD.pack(number, data.nbytes)], [fd])
+        except OSError as error:
+            raise Unavailable(f"the daemon's second socket ended: {error}") from None
+        finally:
+            os.close(fd)
+        return types.BufferRef(buffer=number, size=data.nbytes)
+
+    def mapping(self, buffer: int) -> cuda.Mapping:
+        """Where a buffer that the daemon lent lies here."""
+        found = self._map(buffer)
+        if not isinstance(found, cuda.Mapping):
+            raise Internal("the daemon lent memory of the host")
+        return found
+
+    def give_back(self, place: types.BufferRef) -> None:
+        """Of a buffer that the daemon lent."""
+        self._send(_WORD.pack(place.buffer, place.generation))
+
+    def _map(self, buffer: int) -> mmap.mmap | cuda.Mapping:
+        with self._lock:
+            while buffer not in self._maps:
+                self._hear()
+            return self._maps[buffer]
+
+    def _hear(self) -> None:
+        """One word of the daemon: a new buffer, or one to forget."""
+        word, fds, _, _ = socket.recv_fds(self._lifeline, _WORD.size + _UUID_BYTES, 1)
+        if len(word) < _WORD.size:
+            raise Internal("the daemon's second socket ended")
+        buffer, size = _WORD.unpack_from(word)
+        if not fds:
+            self._maps.pop(buffer, None)
+            return
+        try:
+            uuid = word[_WORD.size :]
+            self._maps[buffer] = (
+                cuda.Mapping(cuda.driver().device(uuid), fds[0], size)
+                if uuid
+                else mmap.mmap(fds[0], size, mmap.MAP_SHARED, mmap.PROT_READ)
+            )
+        finally:
+            os.close(fds[0])
+
+    def _give_back(self, key: tuple[int, int], readers: list[cuda.Device]) -> None:
+        """The last array of a lease is gone. Runs in any thread, at any time: takes no lock."""
+        if os.getpid() != self._pid or self._leases.pop(key, None) is None:
+            return
+        if not readers:
+            self._send(_WORD.pack(*key))
+            return
+        self._in_use.append((cuda.Fence(readers[0]), _WORD.pack(*key)))
+        self._give_back_unused()
+
+    def _give_back_unused(self) -> None:
+        """Of those in a GPU's memory the ones that it reads no more."""
+        for _ in range(len(self._in_use)):
+            try:
+                fence, word = self._in_use.popleft()
+            except IndexError:
+                return
+            if fence.is_over():
+                self._send(word)
+            else:
+                self._in_use.append((fence, word))
+
+    def _send(self, word: bytes) -> None:
+        self._unsent.append(word)
+        try:
+            while self._unsent:
+                self._lifeline.send(self._unsent[0], socket.MSG_DONTWAIT)
+                self._unsent.popleft()
+        except (OSError, IndexError):
+            pass  # full: with the next one; closed: the daemon knows
+
+    def keep_leases(self) -> None:
+        """Before os.fork: a child may look at these arrays longer than this process."""
+        for key in list(self._leases):
+            if self._leases.pop(key, None) is not None:
+                self._send(_WORD.pack(key[0], _NEVER))
+
+
+def _sealed_copy(data: memoryview) -> int:
+    """A memfd with these bytes that nobody can change."""
+    import fcntl  # of Linux, as is all that needs it
+
+    fd = os.memfd_create("heliograph-array", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+    try:
+        left = data
+        while left.nbytes:
+            left = left[os.write(fd, left) :]
+        seals = fcntl.F_SEAL_WRITE | fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL
+        fcntl.fcntl(fd, fcntl.F_ADD_SEALS, seals)
+    except BaseException:
+        os.close(fd)
+        raise
+    return fd

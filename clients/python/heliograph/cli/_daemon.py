@@ -1,0 +1,52 @@
+"""The flags that say which daemon, and its client. Used by the subcommands."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+
+from ..errors import InvalidArgument
+
+EXIT_FAILED = 1
+
+
+def add_connection(parser: argparse.ArgumentParser) -> None:
+    """The flags that say which daemon."""
+    group = parser.add_argument_group("daemon")
+    group.add_argument(
+        "--address", metavar="ADDRESS", help="unix:///path or host:port; default: a private daemon"
+    )
+    group.add_argument(
+        "--token", help="who you are; other users of this machine see it; --token-file is better"
+    )
+    group.add_argument("--token-file", metavar="FILE", help="the file that the token is in")
+    group.add_argument("--tls", action="store_true", help="encrypt; implied by the next ones")
+    group.add_argument("--tls-ca", metavar="FILE", help="who signed the daemon's certificate, PEM")
+    group.add_argument("--tls-cert", metavar="FILE", help="your certificate, PEM")
+    group.add_argument("--tls-key", metavar="FILE", help="its key, PEM")
+    group.add_argument(
+        "--tls-server-name",
+        metavar="NAME",
+        help="the name in the daemon's certificate, where the address has another",
+    )
+    group.add_argument(
+        "--threads", type=int, metavar="N", help="render threads of a private daemon; default all"
+    )
+
+
+def connect(arguments: argparse.Namespace, flags: Sequence[str] = ()) -> object:
+    """The client those flags name; `flags`: more of a private daemon's."""
+    from pathlib import Path
+
+    import heliograph
+
+    given = {
+        name: getattr(arguments, f"tls_{name}") for name in ("ca", "cert", "key", "server_name")
+    }
+    tls = heliograph.TLS(**given) if arguments.tls or any(given.values()) else None
+    token = Path(arguments.token_file) if arguments.token_file else arguments.token
+    if arguments.threads is not None:
+        if arguments.address is not None:
+            raise InvalidArgument("--threads: is for a private daemon; leave --address out")
+        flags = (*flags, "--threads", str(arguments.threads))
+    return heliograph.connect(arguments.address, token=token, tls=tls, arguments=flags)

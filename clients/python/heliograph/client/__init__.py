@@ -1,0 +1,1 @@
+"""Client, Scene and Edits, which bring the folders before them together."""

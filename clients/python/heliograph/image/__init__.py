@@ -1,0 +1,1 @@
+"""Pictures: view transforms, drawings on frames, files, what notebooks show."""

@@ -1,0 +1,1 @@
+"""Calls that render and watch, and the frames they give."""

@@ -1,0 +1,249 @@
+"""Where the links of a robot are: joint values to matrices, for one set of values or many at once.
+Used by robots.py.
+
+Source: the URDF XML specification of ROS (wiki.ros.org/urdf/XML/joint, version 1.0).
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .._wire.arrays import NdArray, checked
+from .._wire.tensors import is_tensor, on_host
+from ..errors import InvalidArgument
+from ..values.pose import Pose
+from ._motion import Motion
+from .urdf import ONE_AXIS, Joint, Urdf
+
+_COLUMNS = {
+    "planar": ("x", "y", "angle"),
+    "floating": ("x", "y", "z", "qw", "qx", "qy", "qz"),
+}
+_SHORTEST = 1e-9  # quaternion
+
+
+class Kinematics:
+    """The joints of a robot as arrays.
+
+    joint_names: of the C columns of an array of values: joints in the file's order, but fixed ones
+    and those that mimic others. A planar joint has columns "<name>/x", "/y" (metres in the plane
+    across its axis) and "/angle"; a floating one "/x", "/y", "/z", "/qw", "/qx", "/qy", "/qz".
+    limits: (C, 2). rest: (C,), 0 or the limit next to it. moving: the M joints that are not fixed.
+    """
+
+    def __init__(self, urdf: Urdf) -> None:
+        self.link_names = urdf.links
+        self.joints = urdf.joints
+        self.moving = [joint for joint in urdf.joints if joint.kind != "fixed"]
+        self.joint_names: list[str] = []
+        self._first: dict[str, int] = {}  # column of a joint
+        for joint in self.moving:
+            if joint.mimic is None:
+                self._first[joint.name] = len(self.joint_names)
+                self.joint_names.extend(_columns(joint))
+        self._fill_limits()
+        self._motion = Motion(self.moving, self._first, self.limits)
+        self._fill_tree()
+
+    def _fill_limits(self) -> None:
+        self.limits = np.tile((-math.inf, math.inf), (len(self.joint_names), 1))
+        self.rest = np.zeros(len(self.joint_names))
+        for joint in self.moving:
+            at = self._first.get(joint.name)
+            if at is None:
+                continue
+            if joint.kind in ONE_AXIS:
+                self.limits[at] = joint.lower, joint.upper
+                self.rest[at] = np.clip(0.0, joint.lower, joint.upper)
+            elif joint.kind == "floating":
+                self.rest[at + 3] = 1.0
+
+    def _fill_tree(self) -> None:
+        rows = {name: i for i, name in enumerate(self.link_names)}
+        above = {joint.child: joint for joint in self.joints}
+        at = {joint.name: i for i, joint in enumerate(self.moving)}
+        self._tree: list[tuple[int, int, int | NdArray]] = []
+        for name in self.link_names[1:]:
+            joint = above[name]
+            own: int | NdArray = at[joint.name] if joint.kind != "fixed" else joint.origin
+            self._tree.append((rows[name], rows[joint.parent], own))
+
+    # ------------------------------------------------------------ matrices
+
+    def local(self, values: Any) -> Any:
+        """(..., M, 4, 4) float64 parent_from_child of the moving joints, of (..., C) values."""
+        return self._motion.on(values).local(values)
+
+    def angles(self, values: NdArray) -> NdArray:
+        """(..., M) radians that the moving joints are turned about their axes."""
+        return self._motion.angles(values)
+
+    def forward(self, values: Any) -> Any:
+        """(..., L, 4, 4) float64 root_from_link, of (..., C) values."""
+        return self._motion.on(values).forward(values, self._tree)
+
+    # ------------------------------------------------------------ values
+
+    def values(self, given: Any, clamp: bool = False) -> Any:
+        """(..., C) float64 of an array (C,) or (N, C), or of {name: number or (N,)}, whose other
+        joints rest; within the limits, and floating rotations of length 1. Of a tensor of PyTorch
+        a tensor on the same device, without a gradient."""
+        if is_tensor(given):
+            return self._of_tensor(given, clamp)
+        out = self._of_names(given) if isinstance(given, Mapping) else self._of_array(given)
+        for i, at in self._motion.quaternions():
+            length = np.linalg.norm(out[..., at : at + 4], axis=-1, keepdims=True)
+            if (length < _SHORTEST).any():
+                name = self.moving[i].name
+                raise InvalidArgument(
+                    f"values: joint {name!r} has a quaternion of length 0",
+                    field=f"values[{name!r}]",
+                )
+            out[..., at : at + 4] /= length
+        low, high = self.limits.T
+        if clamp:
+            return np.clip(out, low, high)
+        self._check_limits(out)
+        return out
+
+    def _of_array(self, given: Any) -> NdArray:
+        shape: tuple[int | None, ...] = (len(self.joint_names),)
+        return checked(
+            given, "values", "f8", shape if np.ndim(given) == 1 else (None, *shape)
+        ).copy()
+
+    def _of_tensor(self, given: Any, clamp: bool) -> Any:
+        """What is wrong with one is told of its copy on the host."""
+        motion = self._motion.on(given)
+        out = motion.constant(given.detach()).clone()
+        low, high, below, above = motion.bounds
+        are_good = out.ndim in (1, 2) and out.shape[-1] == len(low)
+        if are_good:
+            for _, at in motion.quaternions():
+                length = (out[..., at : at + 4] ** 2).sum(-1, keepdim=True).sqrt()
+                out[..., at : at + 4] /= length.masked_fill(length < _SHORTEST, math.nan)
+            within = out.isfinite() & (clamp or (out >= below) & (out <= above))
+            are_good = bool(within.all())
+        if not are_good:
+            return motion.constant(self.values(on_host(given), clamp))
+        return out.clip(low, high) if clamp else out
+
+    def _of_names(self, given: Mapping[str, Any]) -> NdArray:
+        columns: dict[int, NdArray] = {}
+        for name, value in given.items():
+            field = f"values[{name!r}]"
+            for column, number in self._named(name, on_host(value), field).items():
+                columns[column] = checked(number, field, "f8", (None,) * np.ndim(number))
+        shapes = {c.shape for c in columns.values() if c.shape}
+        if len(shapes) > 1 or any(len(shape) > 1 for shape in shapes):
+            listed = ", ".join(map(str, sorted(shapes)))
+            raise InvalidArgument(
+                f"values: shapes {listed} do not go together; give numbers, or (N,) of one N",
+                field="values",
+            )
+        out = np.tile(self.rest, (*(shapes.pop() if shapes else ()), 1))
+        for column, number in columns.items():
+            out[..., column] = number
+        return out
+
+    def _named(self, name: str, value: Any, field: str) -> dict[int, Any]:
+        """The columns that one name of a mapping sets."""
+        if name in self.joint_names:
+            return {self.joint_names.index(name): value}
+        joint = next((j for j in self.moving if j.name == name), None)
+        if joint is None or joint.mimic is not None:
+            raise self._unknown(name, field)
+        at = self._first[name]
+        if joint.kind == "planar":
+            row = np.moveaxis(np.asarray(value, dtype="f8"), -1, 0)
+            if row.shape[:1] != (3,):
+                raise InvalidArgument(f"{field}: needs (x, y, angle), or (N, 3)", field=field)
+        else:
+            row = np.moveaxis(_floating_values(value, field), -1, 0)
+        return {at + i: number for i, number in enumerate(row)}
+
+    def _unknown(self, name: str, field: str) -> InvalidArgument:
+        why = "there is no such joint"
+        for joint in self.joints:
+            if joint.name == name and joint.mimic is not None:
+                why = f"it mimics {joint.mimic.joint!r}, which moves it"
+            elif joint.name == name:
+                why = "it is fixed"
+        near = difflib.get_close_matches(name, self.joint_names, 3) or self.joint_names
+        return InvalidArgument(
+            f"{field}: {why}; joints are {', '.join(near)}", field=field, nearest=near
+        )
+
+    def _check_limits(self, values: NdArray) -> None:
+        low, high, below, above = self._motion.bounds
+        outside = np.argwhere((values < below) | (values > above))
+        if len(outside):
+            *row, column = (int(i) for i in outside[0])
+            name = self.joint_names[column]
+            at = "".join(f"[{i}]" for i in row)
+            raise InvalidArgument(
+                f"values{at}: joint {name!r} is at {values[tuple(outside[0])]:.6g}, outside its "
+                f"limits [{low[column]:.6g}, {high[column]:.6g}]; keep within them, or give "
+                "clamp=True",
+                field=f"values{at}[{name!r}]",
+            )
+
+    def moved_by(self, names: Sequence[str]) -> list[int]:
+        """Which of the moving joints columns or joints of these names move; mimics follow."""
+        columns = [c for name in names for c in self._columns_of(name)]
+        hit = self._motion.follows(columns)
+        for i, joint in enumerate(self.moving):
+            if joint.kind in _COLUMNS:
+                first = self._first[joint.name]
+                own = range(first, first + len(_COLUMNS[joint.kind]))
+                hit[i] = any(c in own for c in columns)
+                if hit[i] and not set(own) <= set(columns):
+                    raise InvalidArgument(
+                        f"values: give all columns of {joint.name!r}, or {joint.name!r} itself",
+                        field=f"values[{joint.name!r}]",
+                    )
+        return [int(i) for i in np.flatnonzero(hit)]
+
+    def _columns_of(self, name: str) -> list[int]:
+        if name in self.joint_names:
+            return [self.joint_names.index(name)]
+        first = self._first[name]
+        joint = next(j for j in self.moving if j.name == name)
+        return list(range(first, first + len(_COLUMNS[joint.kind])))
+
+
+def _columns(joint: Joint) -> list[str]:
+    if joint.kind in _COLUMNS:
+        return [f"{joint.name}/{column}" for column in _COLUMNS[joint.kind]]
+    return [joint.name]
+
+
+def _floating_values(value: Any, field: str) -> NdArray:
+    """(..., 7): position, and the quaternion w x y z, of a Pose, (4, 4) or (N, 4, 4)."""
+    given = value.matrix if isinstance(value, Pose) else value
+    leading = (None,) if np.ndim(given) == 3 else ()
+    matrices = checked(given, field, "f8", (*leading, 4, 4))
+    rotation = matrices[..., :3, :3]
+    error = np.abs(rotation @ np.swapaxes(rotation, -1, -2) - np.eye(3)).max(initial=0)
+    if error > 1e-5 or (np.linalg.det(rotation) < 0).any():
+        raise InvalidArgument(f"{field}: needs a rotation without scale", field=field)
+    return np.concatenate([matrices[..., :3, 3], _quaternions(rotation)], axis=-1)
+
+
+def _quaternions(rotation: NdArray) -> NdArray:
+    """(..., 4) w x y z: the column of the largest element of 4 q q^T (Shepperd 1978)."""
+    r = rotation
+    trace = np.trace(r, axis1=-2, axis2=-1)[..., None, None]
+    skew = np.stack([r[..., j, i] - r[..., i, j] for i, j in ((1, 2), (2, 0), (0, 1))], axis=-1)
+    products = np.empty((*r.shape[:-2], 4, 4))
+    products[..., 0, 0] = 1 + trace[..., 0, 0]
+    products[..., 0, 1:] = products[..., 1:, 0] = skew
+    products[..., 1:, 1:] = r + np.swapaxes(r, -1, -2) + (1 - trace) * np.eye(3)
+    best = np.diagonal(products, axis1=-2, axis2=-1).argmax(axis=-1)
+    column = np.take_along_axis(products, best[..., None, None], axis=-1)[..., 0]
+    return np.asarray(column / np.linalg.norm(column, axis=-1, keepdims=True))

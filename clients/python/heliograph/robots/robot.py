@@ -1,0 +1,390 @@
+"""Robots of URDF files: their links as entities, moved by the values of their joints.
+
+Made by edit.import_urdf(); docs/robots.md.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Union, cast
+
+import numpy as np
+
+from .._wire.arrays import NdArray
+from .._wire.tensors import is_tensor, on_host
+from ..errors import InvalidArgument
+from ..image.tonemap import decode_srgb
+from ..scene import assets, patches
+from ..scene.handles import Asset, Entity, Group, Material, Mesh
+from ..values import shapes
+from ..values.checks import refuse_unknown
+from . import urdf
+from .kinematics import Kinematics
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from ..client.edit import Edits
+    from ..client.scene import Scene
+
+_STEP = math.pi / 3  # the most that a joint turns from key to key
+
+
+@dataclass
+class Library:
+    """What the robots of one file share."""
+
+    assets: dict[Path, Asset] = field(default_factory=dict)
+    meshes: dict[tuple[str, tuple[float, ...]], Mesh] = field(default_factory=dict)
+    materials: dict[urdf.Look, Material] = field(default_factory=dict)
+    keypoints: dict[str, Mesh] = field(default_factory=dict)
+    names: set[str] = field(default_factory=set)  # of materials
+
+
+class Robot:
+    """A robot in a scene.
+
+    root: the entity that carries its pose and its label, in the place of the first link's frame.
+    links: entities by link name, parents first; poses are relative to the link above.
+    parts: {link name: its number in the plane "part"}; link_of() turns these round.
+    keypoints: the joints that labels report, and skeleton: pairs of them that are neighbours.
+    moving: the M links below joints that are not fixed, as a Group.
+    warnings: what the file left open.
+    """
+
+    def __init__(
+        self, scene: Scene, name: str, model: urdf.Urdf, library: Library | None = None
+    ) -> None:
+        self.scene = scene
+        self.name = name
+        self.model = model
+        self.library = library or Library()
+        self.kinematics = Kinematics(model)
+        self.warnings = list(model.warnings)
+        self.links: dict[str, Entity] = {}
+        self.parts = {link: number for number, link in enumerate(model.links, 1)}
+        self.keypoints: list[str] = []
+        self.skeleton: list[tuple[str, str]] = []
+        self.root: Entity
+        self.moving: Group
+
+    @property
+    def link_names(self) -> list[str]:
+        """Of the L links, parents first."""
+        return list(self.kinematics.link_names)
+
+    @property
+    def joint_names(self) -> list[str]:
+        """Of the C columns of an array of values; see kinematics.Kinematics."""
+        return list(self.kinematics.joint_names)
+
+    @property
+    def limits(self) -> NdArray:
+        """(C, 2) float64: radians or metres; -inf and inf without limits."""
+        return self.kinematics.limits.copy()
+
+    @property
+    def rest(self) -> NdArray:
+        """(C,) float64: the values it is imported with: 0, or the limit next to it."""
+        return self.kinematics.rest.copy()
+
+    def link_of(self, part: Any) -> NdArray:
+        """int64 of the same shape: of numbers of the plane "part" the place of the link in
+        link_names; -1 for 0, no part, and for numbers that no link has."""
+        number = np.asarray(part, np.int64)
+        return np.where(number <= len(self.parts), number - 1, -1)
+
+    def forward(self, values: Any, *, clamp: bool = False) -> Any:
+        """(L, 4, 4) float64 root_from_link; (N, L, 4, 4) for N sets of values, as set_joints()
+        takes them; of a tensor a tensor."""
+        return self.kinematics.forward(self.kinematics.values(values, clamp))
+
+    def transforms(self, values: Any, *, clamp: bool = False) -> Any:
+        """(M, 4, 4) float64 poses of `moving`, relative to the links above; (N, M, 4, 4) for N sets
+        of values; of a tensor a tensor. For set_transforms() of edits and worlds."""
+        return self.kinematics.local(self.kinematics.values(values, clamp))
+
+    def __repr__(self) -> str:
+        links, joints = len(self.links), len(self.joint_names)
+        return f"<Robot {self.name!r}, {links} links, {joints} joints>"
+
+
+Robots = Union[Robot, Sequence[Robot]]
+
+
+def listed(robots: Robots) -> list[Robot]:
+    """Robots with the same joints."""
+    found = [robots] if isinstance(robots, Robot) else list(robots)
+    for robot in found:
+        if not isinstance(robot, Robot):
+            raise InvalidArgument(
+                f"robot: needs an hg.Robot or a sequence of them, not {robot!r}", field="robot"
+            )
+        if robot.joint_names != found[0].joint_names:
+            raise InvalidArgument(
+                f"robot: {robot!r} and {found[0]!r} have different joints; one call for each",
+                field="robot",
+            )
+    return found
+
+
+@dataclass(frozen=True)
+class Options:
+    """Of import_urdf()."""
+
+    packages: Mapping[str, str | os.PathLike[str]]
+    keypoints: Sequence[str] | None
+    mesh_materials: bool
+
+
+class RobotEdits:
+    """The part of Edits that makes and moves robots."""
+
+    def import_urdf(
+        self,
+        path: str | os.PathLike[str] | Robot,
+        *,
+        name: str | None = None,
+        packages: Mapping[str, str | os.PathLike[str]] | None = None,
+        keypoints: Sequence[str] | None = None,
+        mesh_materials: bool = False,
+        **components: Unpack[patches.Components],
+    ) -> Robot:
+        """Reads a robot from a URDF file and places it: entities `name`, and "<name>/<link>". Of
+        another Robot: places it again, with the same meshes and materials.
+
+        packages: folders by package name, for package:// references; the package that the file is
+        in need not be named. keypoints: names of the joints that labels report, by default all.
+        mesh_materials: where a mesh has materials, they are kept; by default the URDF's come first.
+        components: of the root, as edit.entity() takes them: transform, parent, category, ...
+        Refused: xacro, files outside the URDF's folder and packages (InvalidArgument).
+        """
+        options = Options(packages or {}, keypoints, mesh_materials)
+        edits = cast("Edits", self)
+        if isinstance(path, Robot):
+            robot = Robot(edits.scene, name or path.name, path.model, path.library)
+        else:
+            model = urdf.read(path, options.packages)
+            robot = Robot(edits.scene, name or model.name, model)
+        return _Builder(edits, robot).build(options, components)
+
+    def set_joints(
+        self,
+        robot: Robots,
+        values: Any = None,
+        *,
+        keys: Mapping[float, Any] | None = None,
+        clamp: bool = False,
+        teleport: bool = False,
+    ) -> None:
+        """Moves the joints of one robot, or of N robots with the same joints in one packed message.
+
+        values: (C,) in the order of robot.joint_names, (N, C) for N robots; or {name: number}, or
+        (N,) for N robots, where joints without a name stay. Radians and metres. A floating joint
+        takes a hg.Pose or (4, 4), a planar one (x, y, angle).
+        A tensor of PyTorch: poses are worked out where it is, and stay there on a GPU.
+        keys: {seconds: values} instead, for motion blur; joints move evenly between them.
+        clamp: values beyond the limits are put on them; otherwise InvalidArgument names the joint,
+        its value and its limits. teleport: as of set_transforms().
+        """
+        edits = cast("Edits", self)
+        robots = listed(robot)
+        if not robots:
+            return
+        if (values is None) == (keys is None):
+            raise InvalidArgument("give values or keys", field="values")
+        if keys is not None:
+            rows = {t: _rows(robots, on_host(keys[t]), clamp) for t in keys}
+            _set_keys(edits, robots, rows)
+            return
+        kinematics = robots[0].kinematics
+        local = kinematics.local(_rows(robots, values, clamp))
+        moved = list(range(len(kinematics.moving)))
+        if isinstance(values, Mapping):
+            moved = kinematics.moved_by(list(values))
+        if len(robots) == 1 and len(moved) == len(robots[0].moving):
+            edits.set_transforms(robots[0].moving, local[0], teleport=teleport)
+            return
+        entities = [r.moving[i] for r in robots for i in moved]
+        matrices = local[:, moved].reshape(-1, 4, 4)
+        edits.set_transforms(entities, matrices, teleport=teleport)
+
+
+def _rows(robots: Sequence[Robot], values: Any, clamp: bool) -> Any:
+    """(N, C) values of N robots."""
+    rows = robots[0].kinematics.values(values, clamp)
+    shape = (len(robots), rows.shape[-1])
+    if rows.ndim == 2 and len(rows) != len(robots):
+        raise InvalidArgument(
+            f"values: {len(rows)} rows for {len(robots)} robots; give as many", field="values"
+        )
+    return rows.expand(shape) if is_tensor(rows) else np.broadcast_to(rows, shape)
+
+
+def _set_keys(edits: Edits, robots: Sequence[Robot], keys: Mapping[float, NdArray]) -> None:
+    """Keys of the moving links, with further ones in between where a joint turns far."""
+    kinematics = robots[0].kinematics
+    times = sorted(keys)
+    rows = {t: keys[t] for t in times}
+    for begin, end in zip(times[:-1], times[1:]):
+        turned = kinematics.angles(keys[end]) - kinematics.angles(keys[begin])
+        parts = math.ceil(float(np.abs(turned).max(initial=0)) / _STEP - 1e-9)
+        for i in range(1, parts):
+            share = i / parts
+            rows[begin + share * (end - begin)] = keys[begin] + share * (keys[end] - keys[begin])
+    local = {t: kinematics.local(rows[t]) for t in sorted(rows)}
+    for n, robot in enumerate(robots):
+        for i, entity in enumerate(robot.moving):
+            edits.update(entity, keys={t: local[t][n, i] for t in local})
+
+
+class _Builder:
+    """Puts the entities of one robot."""
+
+    def __init__(self, edits: Edits, robot: Robot) -> None:
+        self.edits = edits
+        self.robot = robot
+        self.model = robot.model
+        self.library = robot.library
+
+    def build(self, options: Options, components: patches.Components) -> Robot:
+        robot = self.robot
+        refuse_unknown(components, patches.Components, "an entity")
+        self._choose_keypoints(options.keypoints)
+        given: Any = {"label": "auto", **components}
+        if robot.skeleton:
+            own = {"skeleton": json.dumps(robot.skeleton)}
+            given["attributes"] = {**own, **(components.get("attributes") or {})}
+        robot.root = self.edits.entity(robot.name, exist_ok=False, **given)
+        local = dict(
+            zip(
+                (joint.child for joint in robot.kinematics.moving),
+                robot.kinematics.local(robot.kinematics.rest),
+            )
+        )
+        above = {joint.child: joint for joint in self.model.joints}
+        for link, part in robot.parts.items():
+            joint = above.get(link)
+            robot.links[link] = self.edits.entity(
+                f"{robot.name}/{link}",
+                exist_ok=False,
+                parent=robot.links[joint.parent] if joint else robot.root,
+                transform=local.get(link, joint.origin if joint else np.eye(4)),
+            )
+            for number, visual in enumerate(self.model.visuals[link]):
+                name = f"{robot.name}/{link}/{number}"
+                self._put_visual(visual, name, (robot.links[link], part), options.mesh_materials)
+        robot.moving = Group([robot.links[j.child] for j in robot.kinematics.moving])
+        self._put_keypoints()
+        return robot
+
+    # ------------------------------------------------------------ visuals
+
+    def _put_visual(
+        self, visual: urdf.Visual, name: str, link: tuple[Entity, int], mesh_materials: bool
+    ) -> None:
+        parent, part = link
+        material = self._material(visual.look) if visual.look is not None else None
+        given: Any = {} if material is None else {"material": material}
+        if visual.file is None:
+            given["mesh"] = self._mesh(visual, name)
+            at = visual.origin
+            self.edits.entity(name, exist_ok=False, parent=parent, transform=at, part=part, **given)
+            return
+        asset = self._asset(visual.file, name)
+        overrides = {}
+        if material is not None and not mesh_materials:
+            overrides = dict.fromkeys(asset.materials, material)
+        pose = visual.origin @ np.diag([*visual.size, 1.0])
+        root = self.edits.instance(asset, name, transform=pose, parent=parent, materials=overrides)
+        self.edits.update(root, label=None)  # that of the robot
+        given = {} if asset.materials else given
+        for entity in asset._placed[-1]:
+            self.edits.update(entity, part=part, **given)
+
+    def _asset(self, file: Path, name: str) -> Asset:
+        if file not in self.library.assets:
+            asset = assets.decode(self.edits.scene, _source(file), name)
+            self.robot.warnings.extend(f"{file.name}: {text}" for text in asset.warnings)
+            self.library.assets[file] = asset
+        return self.library.assets[file]
+
+    def _mesh(self, visual: urdf.Visual, name: str) -> Mesh:
+        key = visual.shape, visual.size
+        if key not in self.library.meshes:
+            geometry = _shape(*key)
+            self.library.meshes[key] = self.edits.mesh(f"{name}/mesh", exist_ok=False, **geometry)
+        return self.library.meshes[key]
+
+    def _material(self, look: urdf.Look) -> Material:
+        if look in self.library.materials:
+            return self.library.materials[look]
+        given: Any = {}
+        if look.color is not None:
+            *rgb, alpha = look.color
+            given["base_color"] = decode_srgb(np.array(rgb))
+            if alpha < 1:
+                given.update(alpha=alpha, alpha_mode="blend")
+        name = f"{self.robot.name}/material/{look.name or len(self.library.materials)}"
+        if name in self.library.names:
+            name = f"{name}_{len(self.library.materials)}"
+        self.library.names.add(name)
+        if look.texture is not None:
+            given["base_color"] = self.edits.texture(f"{name}/texture", look.texture)
+        self.library.materials[look] = self.edits.material(name, exist_ok=False, **given)
+        return self.library.materials[look]
+
+    # ------------------------------------------------------------ keypoints
+
+    def _choose_keypoints(self, wanted: Sequence[str] | None) -> None:
+        robot = self.robot
+        joints = {joint.name: joint for joint in self.model.joints}
+        for name in wanted or ():
+            if name not in joints:
+                have = ", ".join(joints)
+                raise InvalidArgument(
+                    f"keypoints: there is no joint {name!r}; it has {have}", field="keypoints"
+                )
+        above = {joint.child: joint for joint in self.model.joints}
+        robot.keypoints = [name for name in joints if wanted is None or name in wanted]
+        for name in robot.keypoints:
+            up = above.get(joints[name].parent)
+            while up is not None and up.name not in robot.keypoints:
+                up = above.get(up.parent)
+            if up is not None:
+                robot.skeleton.append((up.name, name))
+
+    def _put_keypoints(self) -> None:
+        """A keypoint lives in a mesh: a triangle without area in the origin of the joint."""
+        below = {joint.name: joint.child for joint in self.model.joints}
+        for name in self.robot.keypoints:
+            link = self.robot.links[below[name]]
+            if name not in self.library.keypoints:
+                self.library.keypoints[name] = self.edits.mesh(
+                    f"{link.name}/keypoint/mesh",
+                    positions=np.zeros((3, 3)),
+                    indices=[[0, 1, 2]],
+                    keypoints={name: (0, 0, 0)},
+                )
+            mesh = self.library.keypoints[name]
+            part = self.robot.parts[below[name]]
+            self.edits.entity(f"{link.name}/keypoint", parent=link, mesh=mesh, part=part)
+
+
+def _source(file: Path) -> assets.Source:
+    """COLLADA's numbers are in the link's frame whatever its up_axis says, as RViz has it."""
+    return assets.Source(file, up="z" if file.suffix.lower() == ".dae" else "")
+
+
+def _shape(shape: str, size: tuple[float, ...]) -> patches.Geometry:
+    if shape == "box":
+        cube = shapes.cube()
+        return {**cube, "positions": np.asarray(cube["positions"]) * size}
+    if shape == "cylinder":
+        return shapes.cylinder(size[0], size[1])
+    return shapes.sphere(size[0])

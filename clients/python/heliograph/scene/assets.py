@@ -1,0 +1,229 @@
+"""Files to assets: uploads a model and its companions, has them decoded. Used by edits."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any, TypedDict
+
+from .._wire._proto import scene_pb2 as pb
+from .._wire._proto import service_pb2 as service
+from .._wire.arrays import inline
+from .._wire.uploads import repeated
+from ..errors import FailedPrecondition, InvalidArgument, NotFound
+from ..values.pose import matrix_of
+from .handles import Asset, Named
+
+if TYPE_CHECKING:
+    from ..client.client import Client
+    from ..client.edit import Edits
+    from ..client.scene import Scene
+
+_ROUNDS = 64  # of naming missing companions
+
+
+class Placement(TypedDict, total=False):
+    """Where a copy of an asset goes."""
+
+    transform: Any  #: 4x4 or Pose, relative to the parent
+    parent: Named | None  #: whose frame the pose is in
+    label: int | str  #: of the copy, as of an entity
+    category: str  #: name of its class
+    group: bool  #: as of an entity
+    materials: Mapping[str, Named]  #: overrides, by the asset's material name
+    animation: int | str | None  #: clip to bind, by index or name; None: none
+
+
+@dataclass(frozen=True)
+class Source:
+    """What to decode."""
+
+    path: str | os.PathLike[str] | None
+    server_path: str = ""
+    up: str = ""
+    units: float = 0.0
+
+    def request(self) -> service.DecodeAssetRequest:
+        if (self.path is None) == (not self.server_path):
+            raise InvalidArgument("give path or server_path", field="path")
+        if self.up not in ("", "x", "y", "z"):
+            raise InvalidArgument(f'up: "x", "y" or "z", not {self.up!r}', field="up")
+        try:
+            units = float(self.units)
+        except (TypeError, ValueError):
+            raise InvalidArgument(
+                f"units: metres a unit, such as 0.001, not {self.units!r}", field="units"
+            ) from None
+        return service.DecodeAssetRequest(server_path=self.server_path, up=self.up, units=units)
+
+
+@dataclass(frozen=True)
+class Decoding:
+    """What the daemon decoded, and the folder that its files are in."""
+
+    request: service.DecodeAssetRequest
+    folder: Path
+
+
+def decode(scene: Scene, source: Source, name: str | None) -> Asset:
+    """Uploads and decodes; the asset is not placed yet."""
+    info = decode_bundle(scene.client, source)
+    if info.HasField("texels"):
+        raise InvalidArgument(
+            f"{source.path or source.server_path} is a picture: use edit.texture() or edit.dome()",
+            field="path",
+        )
+    stem = Path(source.path or source.server_path).stem
+    return Asset(scene, name or stem, stem, info)
+
+
+def decode_bundle(client: Client, source: Source) -> service.AssetInfo:
+    """DecodeAsset, uploading what the daemon says is missing until nothing is."""
+    request = source.request()
+    if source.path is not None:
+        model = Path(source.path)
+        _add_file(client, request, model.name, _existing(model))
+    folder = Path(source.path).parent if source.path is not None else Path()
+    for _ in range(_ROUNDS):
+        found, missing = repeated(
+            lambda: _answer(client, request),
+            lambda digest: _send_file(client, Decoding(request, folder), digest),
+        )
+        if found is not None:
+            client.store.decodings[_digest(found)] = Decoding(request, folder.absolute())
+            return found
+        sent = {file.path for file in request.files}
+        new = [name for name in dict.fromkeys(missing) if name not in sent]
+        if not new:
+            raise NotFound(f"{source.path}: the daemon still misses {', '.join(missing)}")
+        for name in new:
+            _add_file(client, request, name, companion(folder, name))
+    raise InvalidArgument(f"{source.path}: names companions in more than {_ROUNDS} rounds")
+
+
+def decode_again(client: Client, digest: bytes, request: service.DecodeAssetRequest) -> None:
+    """Has what `digest` names decoded from files that the daemon has by now."""
+    found, missing = _answer(client, request)
+    if found is None or _digest(found) != digest:
+        files = ", ".join(file.path for file in request.files) or request.server_path
+        why = f"it misses {', '.join(missing)}" if missing else "to something else"
+        raise FailedPrecondition(
+            f"this daemon does not decode {files} as the one that rendered it did: {why}"
+        )
+
+
+def send_again(client: Client, digest: bytes, decoding: Decoding) -> None:
+    """Has files decoded that the daemon has decoded before."""
+    for file in decoding.request.files:
+        _send_file(client, decoding, file.sha256)
+    decode_again(client, digest, decoding.request)
+
+
+def _send_file(client: Client, decoding: Decoding, digest: bytes) -> bool:
+    """Uploads a file whether or not the session had it; False: it is none of these."""
+    named = [file.path for file in decoding.request.files if file.sha256 == digest]
+    if not named:
+        return False
+    path = decoding.folder / named[0]
+    data = path.read_bytes() if path.is_file() else b""
+    if hashlib.sha256(data).digest() != digest:
+        raise FailedPrecondition(
+            f"{path} is not what it was when it was decoded, and the daemon needs it again: "
+            "import it anew"
+        )
+    client.store.send_again(digest, data)
+    return True
+
+
+def _answer(
+    client: Client, request: service.DecodeAssetRequest
+) -> tuple[service.AssetInfo | None, list[str]]:
+    """The asset, or names of files that it lacks."""
+    missing: list[str] = []
+    found: service.AssetInfo | None = None
+    for reply in client.connection.stream("DecodeAsset", request):
+        missing.extend(reply.missing)
+        if reply.HasField("asset"):
+            found = reply.asset
+    return found, missing
+
+
+def _digest(info: service.AssetInfo) -> bytes:
+    """What edits name it by: a picture by its texels."""
+    return info.texels.blob if info.HasField("texels") else info.sha256
+
+
+def _existing(path: Path) -> Path:
+    if not path.is_file():
+        raise NotFound(f"no file {path}", field="path")
+    return path
+
+
+def companion(folder: Path, name: str) -> Path:
+    """The file `name` beneath `folder`. Refuses whatever would leave the folder."""
+    relative = PurePosixPath(name)
+    absolute = relative.is_absolute() or "\\" in name or "\0" in name or ":" in name
+    if absolute or ".." in relative.parts or not relative.parts:
+        raise InvalidArgument(
+            f"the model refers to {name!r}: only files beneath its own folder are read; copy it "
+            "there and correct the reference",
+            field="path",
+        )
+    base = folder.resolve()
+    path = (base / relative).resolve()
+    if base not in path.parents:
+        raise InvalidArgument(
+            f"the model refers to {name!r}, a link that leaves its folder; copy the file there",
+            field="path",
+        )
+    if not path.is_file():
+        raise NotFound(f"the model refers to {name!r}, which is not in {folder}", field="path")
+    return path
+
+
+def _add_file(client: Client, request: service.DecodeAssetRequest, name: str, path: Path) -> None:
+    digest = client.store.blob(path.read_bytes())
+    request.files.append(service.BundleFile(path=name, sha256=digest))
+
+
+def instantiate_message(edits: Edits, asset: Asset, placement: Placement) -> pb.Instantiate:
+    """The Instantiate of an asset at a placement."""
+    from ..values.checks import refuse_unknown
+    from .patches import entity_message
+
+    refuse_unknown(placement, Placement, "a placement")
+    out = pb.Instantiate(asset=asset.sha256)
+    edits.note_decoding(asset.sha256)
+    clip = placement.get("animation")
+    if clip is not None:
+        out.animation = _animation(asset, clip)
+    if placement.get("transform") is not None:
+        out.pose.matrices.CopyFrom(inline(matrix_of(placement["transform"])))
+    parent = placement.get("parent")
+    if parent is not None:
+        out.parent.CopyFrom(edits.ref(parent, "parent"))
+    label: Any = {k: placement[k] for k in ("label", "category", "group") if k in placement}
+    if label:
+        out.label.CopyFrom(entity_message(edits, label).label)
+    for name, material in placement.get("materials", {}).items():
+        if name not in asset.materials:
+            have = ", ".join(map(repr, asset.materials)) or "none"
+            raise NotFound(f"materials: {asset!r} has no material {name!r}; it has {have}")
+        out.materials[name].CopyFrom(edits.ref(material, f"materials[{name!r}]"))
+    return out
+
+
+def _animation(asset: Asset, clip: int | str) -> int:
+    if isinstance(clip, str):
+        if clip not in asset.animations:
+            have = ", ".join(map(repr, asset.animations)) or "none"
+            raise NotFound(f"{asset!r} has no animation {clip!r}; it has {have}")
+        return asset.animations.index(clip)
+    if not 0 <= clip < len(asset.animations):
+        raise InvalidArgument(
+            f"animation: {clip} is not below {len(asset.animations)}", field="animation"
+        )
+    return clip

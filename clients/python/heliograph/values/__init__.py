@@ -1,0 +1,1 @@
+"""What users write down: poses, cameras, lights, materials, shapes. Needs no daemon."""
