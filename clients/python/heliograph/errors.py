@@ -1,4 +1,4 @@
-"""Typed errors. Raised by every module of the client; made from gRPC statuses in connection.py."""
+"""Typed errors. Raised by every module of the client; made from gRPC statuses in status.py."""
 
 from __future__ import annotations
 

@@ -15,6 +15,7 @@ from typing import Any
 import grpc
 from google.protobuf import message_factory
 
+from .._version import __version__
 from ..errors import FailedPrecondition, Unavailable
 from ._proto import service_pb2 as service
 from .access import Access
@@ -133,8 +134,6 @@ class Link:
         return ticket
 
     def _open_session(self, ticket: bytes) -> None:
-        from .._version import __version__
-
         client = f"python {platform.python_version()} heliograph {__version__}"
         request = service.OpenSessionRequest(client=client, ticket=ticket, resume=self._resume)
         call, metadata = self.method("OpenSession"), self.metadata

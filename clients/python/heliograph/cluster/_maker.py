@@ -1,4 +1,4 @@
-"""Maker: makes shards of a data set in a process of its own. Used by cluster.py."""
+"""Maker: makes shards of a data set in a process of its own. Used by generate()."""
 
 from __future__ import annotations
 

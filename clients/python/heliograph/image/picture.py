@@ -6,19 +6,14 @@ import io
 import math
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Union
+from typing import Any, Protocol, Union, runtime_checkable
 
 import numpy as np
 
 from .._wire.arrays import NdArray
 from ..errors import FailedPrecondition, InvalidArgument
-
-if TYPE_CHECKING:
-    from ..render.frame import Frame
-
-    Shown = Union[Frame, NdArray, str, os.PathLike[str]]
 
 _PAPER = (17, 19, 23)
 _INK = (198, 203, 211)
@@ -91,6 +86,20 @@ class Picture(np.ndarray[Any, np.dtype[np.uint8]]):
         return self.png() if self.dtype == np.uint8 and shaped and self.size else None
 
 
+@runtime_checkable
+class Pictured(Protocol):
+    """A Frame: planes by name, and pictures of them."""
+
+    def __iter__(self) -> Iterator[str]: ...
+
+    def image(self, *, exposure: float | str = 0.0) -> Picture: ...
+
+    def picture(self, plane: str = "", *, exposure: float | str = 0.0) -> Picture: ...
+
+
+Shown = Union[Pictured, NdArray, str, "os.PathLike[str]"]
+
+
 def font_of(size: int) -> Any:
     """Pillow's own typeface, so that pictures are equal on every machine."""
     from PIL import ImageFont
@@ -102,7 +111,7 @@ def font_of(size: int) -> Any:
 
 
 def contact_sheet(
-    pictures: Frame | Mapping[str, Shown] | Sequence[Shown],
+    pictures: Pictured | Mapping[str, Shown] | Sequence[Shown],
     *,
     columns: int | None = None,
     captions: Sequence[str] | None = None,
@@ -116,9 +125,7 @@ def contact_sheet(
     about 16:10. captions: one a picture. size: (width, height) of the cells, into which pictures
     are scaled; default that of the largest, and none is scaled.
     """
-    from ..render.frame import Frame
-
-    if isinstance(pictures, Frame):
+    if isinstance(pictures, Pictured):
         frame = pictures
         pictures = {name: frame.picture(name, exposure=exposure) for name in frame}
     if isinstance(pictures, Mapping):
@@ -144,11 +151,9 @@ def contact_sheet(
 def _image_of(picture: Any, index: int, exposure: float | str) -> Any:
     from PIL import Image
 
-    from ..render.frame import Frame
-
     if isinstance(picture, (str, os.PathLike)):
         return Image.open(picture).convert("RGB")
-    if isinstance(picture, Frame):
+    if isinstance(picture, Pictured):
         picture = picture.image(exposure=exposure)
     try:
         return Picture.of(picture).pil().convert("RGB")

@@ -14,8 +14,10 @@ from .._wire._proto import service_pb2 as service
 from .._wire.arrays import inline
 from .._wire.uploads import repeated
 from ..errors import FailedPrecondition, InvalidArgument, NotFound
+from ..values.checks import refuse_unknown
 from ..values.pose import matrix_of
 from .handles import Asset, Named
+from .patches import entity_message
 
 if TYPE_CHECKING:
     from ..client.client import Client
@@ -191,9 +193,6 @@ def _add_file(client: Client, request: service.DecodeAssetRequest, name: str, pa
 
 def instantiate_message(edits: Edits, asset: Asset, placement: Placement) -> pb.Instantiate:
     """The Instantiate of an asset at a placement."""
-    from ..values.checks import refuse_unknown
-    from .patches import entity_message
-
     refuse_unknown(placement, Placement, "a placement")
     out = pb.Instantiate(asset=asset.sha256)
     edits.note_decoding(asset.sha256)

@@ -1,0 +1,68 @@
+"""Plants breaches of the Python client's dependency rule in a small tree; python_layers.py must
+name each one."""
+
+import pathlib
+import subprocess
+import sys
+import tempfile
+
+LAYERS = pathlib.Path(__file__).with_name("python_layers.py")
+PACKAGE = pathlib.Path("clients/python/heliograph")
+CLEAN = {
+    "__init__.py": "from .errors import Error\n",
+    "errors.py": "Error = Exception\n",
+    "values/__init__.py": "",
+    "values/pose.py": "from ..errors import Error\n",
+    "scene/__init__.py": "",
+    "scene/edit.py": (
+        "from typing import TYPE_CHECKING\nfrom ..values import pose\n"
+        "if TYPE_CHECKING:\n    from ..client.scene import Scene\n"
+    ),
+    "client/__init__.py": "",
+    "client/scene.py": "from ..scene.edit import pose\n",
+    "cli/__init__.py": "import heliograph\n",
+}
+BREACHES = {
+    "values/light.py": "from ..errors import Error\nfrom ..scene import edit\n",
+    "values/camera.py": "import heliograph.client.scene\n",
+    "scene/late.py": "def call():\n    from ..client.scene import pose\n",
+    "client/name.py": "from .. import Error\n",
+    "robots/arm.py": "import numpy\nif True:\n    from ..client import scene\n",
+    "newcomer.py": "",
+}
+CIRCLE = {
+    "scene/a.py": "from .b import x\n",
+    "scene/b.py": "from .c import x\n",
+    "scene/c.py": "def call():\n    from . import a\n",
+}
+
+
+def run(files: dict[str, str]) -> tuple[int, str]:
+    with tempfile.TemporaryDirectory() as root:
+        for name, text in files.items():
+            path = pathlib.Path(root, PACKAGE, name)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text)
+        done = subprocess.run(
+            [sys.executable, LAYERS, root], capture_output=True, text=True, check=False
+        )
+        return done.returncode, done.stdout
+
+
+def main() -> int:
+    code, out = run(CLEAN)
+    assert code == 0 and not out, out
+    for name, text in BREACHES.items():
+        code, out = run({**CLEAN, name: text})
+        line = max(1, text.count("\n"))
+        assert code == 1 and out.startswith(f"{PACKAGE / name}:{line}: "), (name, code, out)
+        assert out.count("\n") == 1, out
+    code, out = run({**CLEAN, **CIRCLE})
+    named = all(f"heliograph.scene.{module}" in out for module in "abc")
+    assert code == 1 and named and out.count("\n") == 1, out
+    print(f"{len(BREACHES) + 1} planted breaches found")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
