@@ -41,6 +41,7 @@ struct Decoded {
   std::vector<std::string> missing;
   std::vector<std::string> warnings;
   vec3 bounds_min{0}, bounds_max{0};
+  u64 bytes = 0;  // of the child's memfd
 };
 
 /// Layers of the sandbox that an operator may do without.

@@ -68,6 +68,7 @@ Expected<Decoded> read_result(const std::shared_ptr<const Region>& region, const
     return std::unexpected(std::move(error));
   }
   Decoded decoded;
+  decoded.bytes = region->size();
   decoded.missing = {result.missing().begin(), result.missing().end()};
   decoded.warnings = {result.warnings().begin(), result.warnings().end()};
   if (result.bounds_size() != 6) return broken("bounds");

@@ -30,7 +30,7 @@ def end_session(client):
     connection = client.connection
     link, connection._link = connection._link, None
     link.method("CloseSession")(
-        hg._connection.service.CloseSessionRequest(), metadata=link.metadata
+        hg._wire.connection.service.CloseSessionRequest(), metadata=link.metadata
     )
     link.close()
 

@@ -63,8 +63,6 @@ class Sources:
 
     def _send(self, client: Client, digest: bytes) -> bool:
         """Sends again what a hash is of; whether it is known."""
-        from ..scene.assets import send_again
-
         if digest in self._blobs:
             data = self._blobs[digest]
             if hashlib.sha256(data).digest() != digest:
@@ -75,7 +73,7 @@ class Sources:
             client.store.send_again(digest, data)
             return True
         if digest in self._decodings:
-            send_again(client, digest, self._decodings[digest])
+            self._decodings[digest].send_again(client, digest)
             return True
         return False
 

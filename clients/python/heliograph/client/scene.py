@@ -234,15 +234,11 @@ class Scene:
     def resolve(self, name: str, kind: str = "object") -> int:
         """The id of a name. kind: "entity", "mesh", "material", "texture", "volume", or the first
         of these that has it."""
-        found = [
-            each.id
-            for each in self._objects(_escaped(name))
-            if each.name == name and kind in ("object", KINDS.get(each.id >> 56, Handle).kind)
-        ]
-        if found:
-            return min(found)
-        names = [each.name for each in self._objects("") if each.name]
-        near = difflib.get_close_matches(name, names, 5)
+        named = [each.id for each in self._objects(_escaped(name)) if each.name == name]
+        fitting = [id for id in named if kind in ("object", KINDS.get(id >> 56, Handle).kind)]
+        if fitting:
+            return min(fitting)
+        near = difflib.get_close_matches(name, [each.name for each in self._objects("")], 5)
         hint = f"; the nearest are {', '.join(near)}" if near else "; scene.find() lists all"
         raise NotFound(f"name: no object called {name!r}{hint}", field="name", nearest=near)
 

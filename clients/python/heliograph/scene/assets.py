@@ -69,6 +69,12 @@ class Decoding:
     request: service.DecodeAssetRequest
     folder: Path
 
+    def send_again(self, client: Client, digest: bytes) -> None:
+        """Has the files decoded that the daemon has decoded before."""
+        for file in self.request.files:
+            _send_file(client, self, file.sha256)
+        decode_again(client, digest, self.request)
+
 
 def decode(scene: Scene, source: Source, name: str | None) -> Asset:
     """Uploads and decodes; the asset is not placed yet."""
@@ -115,13 +121,6 @@ def decode_again(client: Client, digest: bytes, request: service.DecodeAssetRequ
         raise FailedPrecondition(
             f"this daemon does not decode {files} as the one that rendered it did: {why}"
         )
-
-
-def send_again(client: Client, digest: bytes, decoding: Decoding) -> None:
-    """Has files decoded that the daemon has decoded before."""
-    for file in decoding.request.files:
-        _send_file(client, decoding, file.sha256)
-    decode_again(client, digest, decoding.request)
 
 
 def _send_file(client: Client, decoding: Decoding, digest: bytes) -> bool:

@@ -63,9 +63,8 @@ class Handle:
             return types.Ref(name=self.name) if by_name else types.Ref(created_by_edit=self._index)
         if self._id:
             return types.Ref(id=self._id)
-        if type(self) in (Handle, Entity):
-            return types.Ref(name=self._name_or_refuse())
-        return types.Ref(id=self.id)  # an entity may have that name, too
+        is_entity = type(self) in (Handle, Entity)  # others may share their name with one
+        return types.Ref(name=self._name_or_refuse()) if is_entity else types.Ref(id=self.id)
 
     def _read(self, *fields: str) -> list[Any]:
         return self.scene.read([self], list(fields))[0]
@@ -397,6 +396,5 @@ def flatten(things: Any, field: str) -> list[Named]:
         return [things]
     if isinstance(things, (Group, Asset, Sequence, Iterator)):
         return [leaf for thing in things for leaf in flatten(thing, field)]
-    raise InvalidArgument(
-        f"{field}: needs a handle or a name, not {type(things).__name__}", field=field
-    )
+    given = type(things).__name__
+    raise InvalidArgument(f"{field}: needs a handle or a name, not {given}", field=field)

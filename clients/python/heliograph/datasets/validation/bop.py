@@ -14,8 +14,18 @@ from typing import Any
 from .bop_coco import read_coco
 from .bop_image import Picture, check_pictures
 from .bop_models import read_models
-from .dataset import wanted_count
-from .files import INTEGER, LIST, NUMBER, PICTURES, Kind, batches, fields_of, numbers, read_object
+from .files import (
+    INTEGER,
+    LIST,
+    NUMBER,
+    PICTURES,
+    Kind,
+    batches,
+    fields_of,
+    numbers,
+    read_object,
+    wanted_count,
+)
 from .formats import Format, Task
 from .report import Faults
 

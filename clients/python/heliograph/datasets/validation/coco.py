@@ -16,8 +16,7 @@ import numpy as np
 from ..._wire.arrays import NdArray
 from .coco_index import Index, Span, read_index
 from .coco_panoptic import panoptic_tasks
-from .dataset import wanted_count
-from .files import PICTURES, batches, check_size, files, numbers
+from .files import PICTURES, batches, check_size, files, numbers, wanted_count
 from .formats import Format, Task
 from .masks import box_of_spans, counts_of, polygon_area, polygon_length, spans_of
 from .report import Faults

@@ -17,8 +17,7 @@ import numpy as np
 
 from ..._wire.arrays import NdArray
 from .colmap_lens import COUNTS, seen_at
-from .dataset import wanted_count
-from .files import batches, check_size, files
+from .files import batches, check_size, files, wanted_count
 from .formats import Format, Task
 from .geometry import is_unit, rotation_of
 from .report import Faults, Malformed

@@ -11,9 +11,10 @@ from typing import Any
 from google.protobuf.message import DecodeError
 
 from ..._wire._proto import service_pb2 as service
-from .files import OWN, batches, files, read_object
+from .files import OWN, batches, files, read_object, wanted_count
 from .formats import Format, Task
 from .report import Faults, Malformed
+from .written import WRITTEN
 
 CHECKS = {
     "format": "dataset.json and every record are JSON objects",
@@ -24,17 +25,6 @@ CHECKS = {
     "partial": "no file was left half written",
 }
 _NAMES = {"Middlebury": "flo", "NerfTransforms": "nerf"}  # where it is not the writer's, in small
-
-
-def wanted_count(root: Path) -> int | None:
-    """How many images the data set was to have, None where dataset.json does not say."""
-    path = root / OWN / "dataset.json"
-    if not path.is_file():
-        return None
-    count = read_object(path).get("count")
-    if not isinstance(count, int):
-        raise Malformed(path, f"count is {count!r}: needs a whole number")
-    return count
 
 
 def found(root: Path) -> bool:
@@ -100,10 +90,7 @@ def _format_of(own: Path) -> str:
 
 
 def _check_files(root: Path, format_name: str, faults: Faults) -> None:
-    from .table import FORMATS  # which names this module
-
-    others = [one for one in FORMATS.values() if one.name != "dataset"]
-    named = FORMATS.get(_NAMES.get(format_name, format_name.lower()))
+    named = WRITTEN.get(_NAMES.get(format_name, format_name.lower()))
     if named is not None and not named.found(root):
         faults.add(
             "files",
@@ -112,7 +99,7 @@ def _check_files(root: Path, format_name: str, faults: Faults) -> None:
             f"{named.looks_for}: copy them, or call generate() again, which writes what is of the "
             "whole set; with resume=False all",
         )
-    elif named is None and not any(one.found(root) for one in others):
+    elif named is None and not any(one.found(root) for one in WRITTEN.values()):
         faults.leave("files", f"{format_name} is no format that validate() knows")
 
 

@@ -18,8 +18,7 @@ import numpy as np
 from ..._optional import openexr
 from ..._wire.arrays import NdArray
 from . import frame_labels, frame_planes
-from .dataset import wanted_count
-from .files import INTEGER, LIST, batches, fields_of, files, numbers, read_object
+from .files import INTEGER, LIST, batches, fields_of, files, numbers, read_object, wanted_count
 from .formats import Format, Task
 from .frame_labels import Shot, check_labels
 from .frame_planes import Planes

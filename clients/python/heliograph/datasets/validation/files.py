@@ -63,6 +63,17 @@ def read_object(path: Path) -> dict[str, Any]:
     return found
 
 
+def wanted_count(root: Path) -> int | None:
+    """How many images the data set was to have, None where dataset.json does not say."""
+    path = root / OWN / "dataset.json"
+    if not path.is_file():
+        return None
+    count = read_object(path).get("count")
+    if not isinstance(count, int):
+        raise Malformed(path, f"count is {count!r}: needs a whole number")
+    return count
+
+
 class Row(NamedTuple):
     """An item of an array of the top-level object, or its value at `key`; where its bytes are."""
 

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .dataset import wanted_count
-from .files import any_file, batches, files, picture_size
+from .files import any_file, batches, files, picture_size, wanted_count
 from .formats import Format, Task
 from .report import Faults
 

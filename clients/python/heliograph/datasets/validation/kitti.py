@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..._wire.arrays import NdArray
-from .dataset import wanted_count
-from .files import batches, picture_size
+from .files import batches, picture_size, wanted_count
 from .formats import Format, Task
 from .geometry import project, rotation_fault, wrapped
 from .kitti_flow import FOLDERS, check_maps

@@ -14,8 +14,18 @@ from typing import Any
 import numpy as np
 
 from ..._wire.arrays import NdArray
-from .dataset import wanted_count
-from .files import LIST, NUMBER, TEXT, batches, check_size, fields_of, files, numbers, read_object
+from .files import (
+    LIST,
+    NUMBER,
+    TEXT,
+    batches,
+    check_size,
+    fields_of,
+    files,
+    numbers,
+    read_object,
+    wanted_count,
+)
 from .formats import Format, Task
 from .geometry import is_unit, project, rotation_fault, rotation_of
 from .report import Faults, Malformed

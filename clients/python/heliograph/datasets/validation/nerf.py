@@ -15,8 +15,17 @@ from typing import Any
 import numpy as np
 
 from ..._wire.arrays import NdArray
-from .dataset import wanted_count
-from .files import LIST, NUMBER, TEXT, batches, check_size, fields_of, numbers, read_object
+from .files import (
+    LIST,
+    NUMBER,
+    TEXT,
+    batches,
+    check_size,
+    fields_of,
+    numbers,
+    read_object,
+    wanted_count,
+)
 from .formats import Format, Task
 from .geometry import rotation_fault
 from .report import Faults, Malformed

@@ -16,8 +16,7 @@ import numpy as np
 from ..._optional import pyarrow
 from ..._wire.arrays import NdArray
 from . import frame_labels
-from .dataset import wanted_count
-from .files import batches, check_size
+from .files import batches, check_size, wanted_count
 from .formats import Format, Task
 from .frame_labels import Shot, check_labels
 from .report import Faults, Malformed

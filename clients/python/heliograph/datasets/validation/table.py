@@ -2,39 +2,8 @@
 
 from __future__ import annotations
 
-from . import (
-    bop,
-    coco,
-    colmap,
-    dataset,
-    exr,
-    flo,
-    frame,
-    kitti,
-    ndds,
-    nerf,
-    parquet,
-    tapvid,
-    webdataset,
-    yolo,
-)
+from .dataset import FORMAT
 from .formats import Format
+from .written import WRITTEN
 
-_MODULES = (
-    coco,
-    bop,
-    kitti,
-    flo,
-    ndds,
-    yolo,
-    tapvid,
-    nerf,
-    colmap,
-    exr,
-    webdataset,
-    parquet,
-    frame,
-    dataset,
-)
-
-FORMATS: dict[str, Format] = {module.FORMAT.name: module.FORMAT for module in _MODULES}
+FORMATS: dict[str, Format] = {**WRITTEN, FORMAT.name: FORMAT}

@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from .dataset import wanted_count
-from .files import batches, files
+from .files import batches, files, wanted_count
 from .formats import Format, Task
 from .report import Faults, Malformed
 

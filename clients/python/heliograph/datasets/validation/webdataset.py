@@ -18,9 +18,8 @@ from typing import Any
 import numpy as np
 
 from . import frame_labels, frame_planes
-from .dataset import wanted_count
 from .exr import check_frame, wrong_content
-from .files import batches, files
+from .files import batches, files, wanted_count
 from .formats import Format, Task
 from .report import Faults, Malformed
 

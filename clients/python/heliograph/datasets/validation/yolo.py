@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..._wire.arrays import NdArray
-from .dataset import wanted_count
-from .files import PICTURES, batches, files, picture_size
+from .files import PICTURES, batches, files, picture_size, wanted_count
 from .formats import Format, Task
 from .masks import polygon_area
 from .report import Faults, Malformed
