@@ -60,9 +60,13 @@ u64 DiskRoom::left() {
 
 Status DiskRoom::admit(u64 bytes, u64 used) {
   const bool has_much = used + bytes > spare_ / kLittle;
-  // Is there not even room for these, the database finds that out, and all are told.
-  if (!has_much && bytes < kLookBytes) return {};
-  return admit_beside(kCopies * bytes, has_much ? spare_ + snapshot_ : 0);
+  // Is there not even room for small ones, the database finds that out, and all are told.
+  const bool is_small = bytes < kLookBytes;
+  if (is_small && !has_much) return {};
+  Status admitted = admit_beside(kCopies * bytes, has_much ? spare_ + snapshot_ : 0);
+  if (admitted || !is_small) return admitted;
+  const std::lock_guard lock(mutex_);
+  return left() < kLookBytes ? Status() : admitted;
 }
 
 Status DiskRoom::admit_snapshot(u64 bytes) {

@@ -43,7 +43,7 @@ def count(scene, number, vertices=0):
         edit.entity("counter", transform=hg.Pose((number, 0, 0)))
         if vertices:
             positions = np.full((vertices, 3), number, dtype="<f4")
-            edit.mesh("mesh", positions=positions, indices=[[0, 1, 2]])
+            edit.mesh(f"mesh {number}", positions=positions, indices=[[0, 1, 2]])
 
 
 def count_until_refused(scene, number, vertices):
@@ -58,6 +58,14 @@ def count_until_refused(scene, number, vertices):
     raise AssertionError("the disk never fills")
 
 
+def fill(path):
+    """Takes all that is left of the disk."""
+    with open(path, "wb", buffering=0) as file, contextlib.suppress(OSError):
+        while file.write(bytes(4096)):
+            pass
+    return path
+
+
 def main():
     with contextlib.ExitStack() as stack:
         report = stack.enter_context(Report("disk full"))
@@ -70,6 +78,7 @@ def main():
         ballast = disk / "ballast"
         ballast.write_bytes(bytes(MEBIBYTES << 19))
         acknowledged = count_until_refused(scene, 0, vertices=25_000)
+        rest = fill(disk / "rest")
         acknowledged = count_until_refused(scene, acknowledged, vertices=0)
         health = Health(client)
         said = seconds_until(lambda: not health.check(DURABLE))
@@ -87,6 +96,7 @@ def main():
             plain.render("cam", planes=["depth"], labels=False)
         report.figure("a frame meanwhile", time.perf_counter() - start, 5, "s")
         ballast.unlink()
+        rest.unlink()
         last = acknowledged + 1
 
         def writes_again():
