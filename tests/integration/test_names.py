@@ -18,7 +18,7 @@ def balls(scene):
 
 
 def test_a_field_takes_the_object_of_its_kind(balls):
-    assert balls["ball"].mesh.name == "ball"
+    assert balls["ball"].mesh.id == balls.resolve("ball", "mesh")
     frame = balls.render("cam", planes=["beauty", "instance"])
     assert frame["instance"][8, 8] and np.allclose(frame["beauty"][8, 8, :3], (1, 0, 0))
 
