@@ -60,7 +60,7 @@ class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
         made_by(std::move(identity.made_by)),
         number(identity.number),
         events(std::move(identity.events)),
-        scene(std::move(first), limits),
+        scene(first, limits),
         pool_(pool),
         entities_(std::move(entities)) {}
 

@@ -14,6 +14,13 @@ import numpy as np
 FILTERS = ("box", "tent", "gaussian", "blackman_harris")
 PLANES = ["beauty", "depth", "normal", "instance"]
 LARGEST = 33
+EQUAL = {"beauty": np.array_equal, "instance": np.array_equal}
+
+
+def close(a, b):
+    """Rays through centres are traced in packets, and how they are packed depends on the size: the
+    last digits of where they meet a surface do, too."""
+    return np.allclose(a, b, rtol=1e-4, atol=1e-4, equal_nan=True)
 
 
 def lens(width, height):
@@ -34,10 +41,8 @@ class Pictures:
     def differences(self, large, width, height, filter):
         """Planes of a picture that are no crop of the larger one."""
         small = self.render(width, height, filter)
-        return sum(
-            not np.array_equal(small[plane], large[plane][:height, :width], equal_nan=True)
-            for plane in PLANES
-        )
+        crop = {plane: large[plane][:height, :width] for plane in PLANES}
+        return sum(not EQUAL.get(plane, close)(small[plane], crop[plane]) for plane in PLANES)
 
 
 def main():

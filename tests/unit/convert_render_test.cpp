@@ -107,7 +107,7 @@ TEST_CASE("render: refusals") {
   refused("planes { plane: PLANE_DEPTH } cameras { name: 'left' } cameras { name: 'rock' }",
           kInvalid, "cameras[1]", "'rock' has no camera");
   refused("planes { plane: PLANE_DEPTH } cameras { name: 'paint' }", kInvalid, "cameras[0]",
-          "name an entity");
+          "is not of the kind entity");
   refused("planes { plane: PLANE_DEPTH } cameras { id: 77 }", Code::kNotFound, "cameras[0].id",
           "no object 77");
   refused("cameras { name: 'left' }", kInvalid, "planes", "at least one plane, or for labels");

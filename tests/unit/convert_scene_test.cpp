@@ -221,7 +221,7 @@ TEST_CASE("query: requests become jobs, or are refused by their path") {
   *request.mutable_visible() = parse<v1::Visible>("camera { name: 'eye' }");
   refused(query(request), kInvalid, "visible.entities", "at least one entity");
   *request.mutable_overlaps() = parse<v1::Overlaps>("a { name: 'leaf' } b { name: 'grid' }");
-  refused(query(request), kInvalid, "overlaps.b[0]", "name an entity");
+  refused(query(request), kInvalid, "overlaps.b[0]", "is not of the kind entity");
   *request.mutable_sample_surface() = parse<v1::SampleSurface>("entities { name: 'leaf' }");
   refused(query(request), kInvalid, "sample_surface.count", "at least one point");
 }

@@ -142,7 +142,7 @@ TEST_CASE("tenants: lines give a weight and limits, others have the daemon's") {
   CHECK(robots->limits().at("tenant_jobs") == 7);
   CHECK(robots->limits().at("tenant_edits_per_second") == 9);
   CHECK(robots->limits().at("tenant_bytes") == limits.tenant_bytes);
-  CHECK(robots->limits().size() == 6);
+  CHECK(robots->limits().size() == 7);
   CHECK(ops->weight() == 1);
   CHECK(ops->limits().at("tenant_jobs") == 5);
 }

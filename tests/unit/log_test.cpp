@@ -74,6 +74,7 @@ TEST_CASE("log: long values are cut between characters") {
 
 TEST_CASE("log: a reader that stops makes nobody wait, and is told what it missed") {
   const Pipe pipe;
+  ::fcntl(pipe.writer.get(), F_SETPIPE_SZ, 4096);
   const Log log("info", false, {.bytes = 4096, .value_bytes = 100}, pipe.writer.get());
   const auto start = Clock::now();
   for (int i = 0; i < 10'000; ++i) log.info("event", {{"number", i}});

@@ -48,6 +48,13 @@ std::string backend_name() {
   return name ? name : "embree";
 }
 
+/// Runner::step(), and at once what is to be done before the next one.
+bool step(Runner& runner) {
+  const bool is_done = runner.step();
+  for (const Errand& errand : runner.take_errands()) errand.run();
+  return is_done;
+}
+
 /// A job by two devices in turns, in one thread: when the job's own asks, the helper takes a step.
 /// It is given up after `lives` of them.
 class Pair final : public Others {
@@ -56,7 +63,7 @@ class Pair final : public Others {
     Runner owner(std::make_shared<const RenderJob>(job),
                  {*first_, denoiser_, &sink, interrupt_, 2ms, nullptr, this, 0});
     for (bool is_done = false; !is_done;) {
-      is_done = owner.step();
+      is_done = step(owner);
       help();
     }
     helper_.reset();
@@ -76,7 +83,7 @@ class Pair final : public Others {
     if (!spread_ || lives_ == 0) return;
     if (!helper_)
       helper_.emplace(spread_, RunnerContext{*second_, denoiser_, nullptr, interrupt_, 2ms});
-    const bool has_ended = helper_->step();
+    const bool has_ended = step(*helper_);
     helped = helper_->samples();
     if (!has_ended && --lives_ > 0) return;
     lives_ = 0;

@@ -189,7 +189,6 @@ bool Session::resume(std::uint64_t openings, const ClientError& failure) {
     try {
       stop_keeping();
       start(std::stoull(session_), Patience());
-      uploads_->forget();
       return true;
     } catch (const ClientError& error) {
       if (error.code() != Code::kUnavailable || !patience.wait()) return false;
