@@ -296,7 +296,7 @@ STATES = {
         render(planes=["flow_forward"], frame_interval=0.1),
     ),
     "mesh is a material": (INVALID, "mesh", "gold", entity(mesh="gold")),
-    "entity is a mesh": (INVALID, "", "tri", edited(lambda e: e.entity("tri", visible=True))),
+    "parent is a mesh": (INVALID, "parent", "tri", entity(parent="tri")),
     "own parent": (INVALID, "parent", "", edited(lambda e: e.entity("ball", parent="ball"))),
     "taken": (
         hg.AlreadyExists,

@@ -6,6 +6,7 @@ from __future__ import annotations
 import heliograph as hg
 import numpy as np
 import pytest
+from heliograph.client.edit import Edits
 
 CAMERA = hg.Camera.from_fov(60, 32, 24, degrees=True)
 ABOVE = hg.look_at((0, -0.01, 6), (0, 0, 0))
@@ -61,7 +62,7 @@ def test_a_light_with_more_parts(client, monkeypatch):
     a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
     halves = [np.stack(corners, -1).reshape(-1, 3) for corners in ((a, b, c), (a, c, d))]
     lamp = {"positions": positions, "indices": np.concatenate(halves).astype("u4")}
-    monkeypatch.setattr(client.store, "edited", client.store.asset)  # equal arrays are one blob
+    monkeypatch.setattr(Edits, "edited", Edits.asset)  # equal arrays are one blob
     with client.create_scene() as scene:
         with scene.edit() as edit:
             edit.mesh("sheet", **lamp)

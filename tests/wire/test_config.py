@@ -109,6 +109,7 @@ def test_every_flag_and_limit_can_stand_in_the_file(tmp_path):
         "listen": '["127.0.0.1:0"]',
         "log-level": '"error"',
         "backend": '"embree"',
+        "decode-without": '["landlock"]',
         "socket-group": '"0"',
         "log-json": "true",
         "reflection": "true",
