@@ -120,6 +120,12 @@ bool enter_landlock() {
   return fd && syscall(kRestrictSelf, fd.get(), 0) == 0;
 }
 
+/// A chroot has no user namespaces; an administrator's process needs none for the others.
+bool enter_namespaces() {
+  constexpr int kOthers = CLONE_NEWNET | CLONE_NEWNS | CLONE_NEWIPC;
+  return unshare(CLONE_NEWUSER | kOthers) == 0 || unshare(kOthers) == 0;
+}
+
 }  // namespace
 
 Expected<Sandbox> Sandbox::prepare(const SandboxLimits& limits) {
@@ -148,7 +154,7 @@ SandboxReport Sandbox::enter(const std::function<void()>& start_threads) const {
       report.refused.push_back(system_message(layer));
     }
   };
-  note("namespaces", unshare(CLONE_NEWUSER | CLONE_NEWNET | CLONE_NEWNS | CLONE_NEWIPC) == 0);
+  note("namespaces", enter_namespaces());
   // After unshare: new credentials clear it.
   note("parent_death_signal", prctl(PR_SET_PDEATHSIG, SIGKILL) == 0);
   note("capabilities", drop_capabilities());
