@@ -111,7 +111,7 @@ TEST_CASE("a private daemon starts whatever the folder for temporary files is") 
       options.arguments = {"--threads", "1"};
       const Client client = launch(options);
       CHECK(client.info().threads == 1);
-      CHECK((client.address().find(odd) != std::string::npos) == (value == odd));
+      CHECK(client.address().find(value) == std::string::npos);  // another folder was found
     }
   }
 }

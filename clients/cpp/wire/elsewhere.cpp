@@ -22,7 +22,7 @@ PrivateDaemon::PrivateDaemon(const LaunchOptions&) { refuse(); }
 PrivateDaemon::~PrivateDaemon() = default;
 const std::string& PrivateDaemon::address() const { refuse(); }
 bool PrivateDaemon::is_dead() { refuse(); }
-ClientError PrivateDaemon::death(const std::string&) { refuse(); }
+ClientError PrivateDaemon::death(const std::string&, double) { refuse(); }
 void PrivateDaemon::stop() {}
 
 }  // namespace heliograph::wire

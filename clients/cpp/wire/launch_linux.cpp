@@ -32,7 +32,9 @@ namespace {
 constexpr std::size_t kLogLines = 20;
 constexpr std::size_t kPathBytes = 107;                            // of a socket, at most
 constexpr const char* kLongerSocket = "/heliograph.sock.fd.sock";  // of the two in the folder
-constexpr int kOwnerFd = 3;                                        // of the child
+constexpr const char* kPlainPath =
+    "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-._~/";
+constexpr int kOwnerFd = 3;  // of the child
 constexpr int kReadyFd = 4;
 constexpr int kFreeFd = 16;  // descriptors of ours that must not be hit by those of the child
 
@@ -77,8 +79,9 @@ std::string make_folder() {
   std::string refused;
   for (const std::string& parent : parents) {
     std::string path = parent + "/heliograph-XXXXXX";
-    std::string why = "its path is too long for a socket's";
-    if (path.size() + std::strlen(kLongerSocket) <= kPathBytes) {
+    std::string why = "gRPC takes letters, digits and -._~/ in a socket's path, 107 bytes at most";
+    if (path.size() + std::strlen(kLongerSocket) <= kPathBytes &&
+        path.find_first_not_of(kPlainPath) == std::string::npos) {
       if (::mkdtemp(path.data()) != nullptr) return path;
       why = std::strerror(errno);
     }
