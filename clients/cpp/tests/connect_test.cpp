@@ -31,12 +31,19 @@ struct Folder {
 /// Sets a variable of the environment for a while.
 struct Setting {
   std::string name, before;
+  bool was_set;
   Setting(const std::string& of, const std::string& value) : name(of) {
     const char* old = std::getenv(of.c_str());
-    before = old != nullptr ? old : "";
+    was_set = old != nullptr;
+    if (was_set) before = old;
     ::setenv(of.c_str(), value.c_str(), 1);
   }
-  ~Setting() { ::setenv(name.c_str(), before.c_str(), 1); }
+  ~Setting() {
+    if (was_set)
+      ::setenv(name.c_str(), before.c_str(), 1);
+    else
+      ::unsetenv(name.c_str());
+  }
 };
 
 /// A second socket that takes connections and says nothing.

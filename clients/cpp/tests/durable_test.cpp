@@ -2,6 +2,7 @@
 #include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <algorithm>
 
 #include <array>
 #include <chrono>
@@ -126,6 +127,7 @@ TEST_CASE("durable: what was not is gone, branches are when they are asked to be
   CHECK(error_of([&] { place(plain, "thing", 2); }).code() == Code::kNotFound);
   std::vector<std::string> names;
   for (const Scene& scene : own.scenes()) names.push_back(scene.name());
+  std::sort(names.begin(), names.end());
   CHECK(names == std::vector<std::string>{"kept", "loaded"});
   CHECK(branch.contains("thing"));
   CHECK(loaded.durability() == Durability::kFsync);
