@@ -67,11 +67,9 @@ bool is_member(int connection, gid_t first, gid_t group) {
 
 /// gRPC takes none, and the kernel would close them in its threads. Its connections inherit this.
 void refuse_descriptors(int fd) {
-#ifndef SO_PASSRIGHTS
-  constexpr int SO_PASSRIGHTS = 83;  // of Linux 6.16; ones before refuse the option
-#endif
+  constexpr int kPassRights = 83;  // SO_PASSRIGHTS of Linux 6.16; ones before refuse the option
   const int no = 0;
-  ::setsockopt(fd, SOL_SOCKET, SO_PASSRIGHTS, &no, sizeof no);
+  ::setsockopt(fd, SOL_SOCKET, kPassRights, &no, sizeof no);
 }
 
 bool answers(const sockaddr_un& address, int type) {
