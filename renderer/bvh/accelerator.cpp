@@ -4,8 +4,8 @@
 #include <numeric>
 
 #include "kernels/bvh/bvh_box.h"
+#include "renderer/base/parallel.h"
 #include "renderer/bvh/build.h"
-#include "renderer/resident/parallel.h"
 
 namespace heliograph::bvh {
 namespace {
@@ -24,7 +24,7 @@ Box of(const kernels::BvhBox& box) { return {box.lower, box.upper}; }
 std::vector<Box> triangle_boxes(const DeviceMesh& mesh) {
   const kernels::MeshView view = mesh.view();
   std::vector<Box> boxes(view.triangle_count);
-  resident::parallel_ranges(view.triangle_count, 4096u, [&](u32 begin, u32 end) {
+  parallel_ranges(view.triangle_count, 4096u, [&](u32 begin, u32 end) {
     for (u32 i = begin; i < end; ++i) boxes[i] = of(kernels::triangle_box(view, i));
   });
   return boxes;
@@ -34,7 +34,7 @@ Box bounds_of(const DeviceMesh& mesh) {
   constexpr u32 kChunk = 1 << 15;
   const kernels::MeshView view = mesh.view();
   std::vector<Box> chunks((view.triangle_count + kChunk - 1) / kChunk);
-  resident::parallel_for(u32(chunks.size()), [&](u32 c) {
+  parallel_for(u32(chunks.size()), [&](u32 c) {
     const u32 end = std::min((c + 1) * kChunk, view.triangle_count);
     kernels::BvhBox box = kernels::no_box();
     for (u32 key = 0; key <= view.segments; ++key) {
@@ -53,7 +53,7 @@ std::vector<kernels::BvhTriangle> triangles_of(const DeviceMesh& mesh,
                                                std::span<const u32> numbers) {
   const kernels::MeshView view = mesh.view();
   std::vector<kernels::BvhTriangle> out(numbers.size());
-  resident::parallel_ranges(numbers.size(), std::size_t(4096), [&](auto begin, auto end) {
+  parallel_ranges(numbers.size(), std::size_t(4096), [&](auto begin, auto end) {
     for (auto i = begin; i < end; ++i) out[i] = kernels::bvh_triangle(view, numbers[i]);
   });
   return out;
@@ -101,7 +101,7 @@ Box box_of(const Placement& placement, u32 slot) {
 std::vector<Box> ray_boxes(const Placement& placement) {
   const auto& instances = placement.instances();
   std::vector<Box> boxes(instances.size());
-  resident::parallel_ranges(u32(boxes.size()), 256u, [&](u32 begin, u32 end) {
+  parallel_ranges(u32(boxes.size()), 256u, [&](u32 begin, u32 end) {
     for (u32 i = begin; i < end; ++i)
       boxes[i] =
           of(kernels::ray_box(instances[i], placement.motion_keys.data(), mesh_box(placement, i)));
@@ -117,7 +117,7 @@ BvhTop top_of(const Placement& placement, std::span<const kernels::MeshBvh> mesh
   const u32 count = u32(order.size());
   top.items.resize(count);
   top.item_of_instance.resize(count);
-  resident::parallel_ranges(count, 1024u, [&](u32 begin, u32 end) {
+  parallel_ranges(count, 1024u, [&](u32 begin, u32 end) {
     for (u32 i = begin; i < end; ++i) {
       const kernels::InstanceView& instance = instances[order[i]];
       top.items[i] = kernels::bvh_instance(instance, order[i], meshes[instance.mesh]);
@@ -164,7 +164,7 @@ BvhMesh::BvhMesh(const DeviceMesh& mesh) {
 const BvhTree& BvhMesh::tree(const DeviceMesh& mesh) const {
   std::call_once(made_, [&] {
     if (mesh.shape() != kernels::Shape::kTriangles) return;
-    resident::run_alone([&] { tree_ = make_tree(mesh); });
+    run_alone([&] { tree_ = make_tree(mesh); });
   });
   return tree_;
 }
@@ -180,7 +180,7 @@ BvhScene::BvhScene(const Placement& placement, const resident::Kept& kept,
     else
       changed.push_back(c);
   }
-  resident::parallel_for(changed.size(), [&](std::size_t i) {
+  parallel_for(changed.size(), [&](std::size_t i) {
     const u32 first = changed[i] * kRows;
     for (u32 k = 0; k < placement.slots.chunk(changed[i]).size(); ++k)
       chunks_[changed[i]].extend(box_of(placement, first + k));
@@ -213,7 +213,7 @@ kernels::BvhView BvhScene::view(const BvhTop& top) const {
 
 const BvhTop& BvhScene::world(const Placement& placement) const {
   std::call_once(made_world_, [&] {
-    resident::run_alone([&] { world_ = tree_over(placement, meshes(placement), fixed_.get()); });
+    run_alone([&] { world_ = tree_over(placement, meshes(placement), fixed_.get()); });
   });
   return world_;
 }
@@ -222,7 +222,7 @@ const BvhTop& BvhScene::objects(const Placement& placement) const {
   std::call_once(made_objects_, [&] {
     std::vector<u32> slots(placement.slots.size());
     std::iota(slots.begin(), slots.end(), 0u);
-    resident::run_alone([&] { objects_ = top_of(placement, meshes(placement), slots); });
+    run_alone([&] { objects_ = top_of(placement, meshes(placement), slots); });
   });
   return objects_;
 }

@@ -5,7 +5,7 @@
 #include <atomic>
 #include <bit>
 
-#include "renderer/resident/parallel.h"
+#include "renderer/base/parallel.h"
 
 namespace heliograph::bvh {
 namespace {
@@ -150,7 +150,7 @@ class Builder {
 
 Bounds Builder::bounds() const {
   std::vector<Bounds> chunks((items_.size() + kChunk - 1) / kChunk);
-  resident::parallel_for(chunks.size(), [&](std::size_t c) {
+  parallel_for(chunks.size(), [&](std::size_t c) {
     Bounds mine;
     for (std::size_t i = c * kChunk; i < std::min((c + 1) * kChunk, items_.size()); ++i)
       mine.extend(items_[i]);
@@ -169,7 +169,7 @@ Bins Builder::bins(const Range& range, const Binning& binning) const {
     return all;
   }
   std::vector<Bins> chunks((range.count + kChunk - 1) / kChunk, Bins(binning.used));
-  resident::parallel_for(u32(chunks.size()), [&](u32 c) {
+  parallel_for(u32(chunks.size()), [&](u32 c) {
     const u32 first = range.first + c * kChunk;
     for (u32 i = first; i < std::min(first + kChunk, range.end()); ++i)
       chunks[c].add(items_[i], binning);
@@ -254,7 +254,7 @@ void Builder::split(const Range& range, const Bounds& bounds) {
     const Range right{range.node + 2 * left_count, middle, range.count - left_count,
                       range.depth + 1};
     if (range.count > kAlone) {
-      resident::parallel_invoke([&] { split(left, sides[0]); }, [&] { split(right, sides[1]); });
+      parallel_invoke([&] { split(left, sides[0]); }, [&] { split(right, sides[1]); });
     } else {
       split(left, sides[0]);
       split(right, sides[1]);

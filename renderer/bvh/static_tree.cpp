@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <ranges>
 
+#include "renderer/base/parallel.h"
 #include "renderer/bvh/build.h"
-#include "renderer/resident/parallel.h"
 
 namespace heliograph::bvh {
 namespace {
@@ -62,7 +62,7 @@ class Triangles {
 template <class T, class F>
 std::vector<T> made_of(u32 count, const F& f) {
   std::vector<T> made(count);
-  resident::parallel_ranges(count, 4096u, [&](u32 begin, u32 end) {
+  parallel_ranges(count, 4096u, [&](u32 begin, u32 end) {
     for (u32 i = begin; i < end; ++i) made[i] = f(i);
   });
   return made;
@@ -128,7 +128,7 @@ Expected<std::shared_ptr<const StaticTree>> StaticTrees::tree(std::vector<Static
   std::erase_if(known_, [](const auto& tree) { return tree.expired(); });
   for (const auto& known : known_ | std::views::reverse)
     if (auto tree = known.lock(); tree && same_members(tree->members, members)) return tree;
-  auto made = resident::run_alone([&] { return build(std::move(members), interrupt); });
+  auto made = run_alone([&] { return build(std::move(members), interrupt); });
   if (made) known_.push_back(*made);
   return made;
 }

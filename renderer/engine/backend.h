@@ -5,22 +5,19 @@
 #include <chrono>
 #include <functional>
 #include <memory>
-#include <optional>
 #include <span>
-#include <stop_token>
 #include <string>
 #include <string_view>
 
 #include "renderer/base/error.h"
 #include "renderer/engine/errand.h"
 #include "renderer/engine/frame.h"
+#include "renderer/engine/interrupt.h"
 #include "renderer/engine/query.h"
 #include "renderer/engine/shared_memory.h"
 #include "renderer/scene/motion.h"
 
 namespace heliograph {
-
-using TimePoint = std::chrono::steady_clock::time_point;
 
 /// A snapshot in a span of time, resident on the device. Immutable while anybody holds it.
 class DeviceScene {
@@ -80,22 +77,6 @@ struct Slice {
     return waiting && waiting->load(std::memory_order_relaxed) == 0 ? last : end;
   }
   [[nodiscard]] bool is_over() const { return std::chrono::steady_clock::now() >= ends(); }
-};
-
-/// When to give up. Checked between pieces of work of at most some milliseconds.
-struct Interrupt {
-  std::stop_token stop;
-  std::optional<TimePoint> deadline;
-
-  [[nodiscard]] bool requested() const {
-    return stop.stop_requested() || (deadline && std::chrono::steady_clock::now() >= *deadline);
-  }
-  /// CANCELLED or DEADLINE_EXCEEDED once requested.
-  [[nodiscard]] Status status() const {
-    if (stop.stop_requested()) return fail(Code::kCancelled, "", "cancelled by the client");
-    if (requested()) return fail(Code::kDeadlineExceeded, "", "the deadline passed");
-    return {};
-  }
 };
 
 /// Mean relative standard errors of the pixels' luminance.

@@ -9,8 +9,8 @@
 
 #include "kernels/camera/distortion.h"
 #include "kernels/scene/ray.h"
+#include "renderer/engine/film_planes.h"
 #include "renderer/engine/image_camera.h"
-#include "renderer/engine/post.h"
 #include "renderer/engine/worlds.h"
 #include "renderer/scene/labels.h"
 #include "renderer/scene/motion.h"

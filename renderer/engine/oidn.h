@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "renderer/engine/backend.h"
+#include "renderer/engine/interrupt.h"
 
 namespace heliograph {
 

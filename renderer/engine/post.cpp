@@ -1,9 +1,6 @@
-// What each post plane needs, and how it is made.
 #include "renderer/engine/post.h"
 
 #include <algorithm>
-#include <array>
-#include <span>
 
 #include "kernels/core/hash.h"
 #include "renderer/engine/sensor.h"
@@ -12,21 +9,6 @@ namespace heliograph {
 namespace {
 
 using kernels::Fold;
-
-constexpr std::array kDenoiserInputs{Plane::BEAUTY, Plane::ALBEDO_MEAN, Plane::NORMAL_MEAN};
-
-constexpr std::array kRgbSensorInputs{Plane::BEAUTY};
-constexpr std::array kDepthSensorInputs{Plane::DEPTH,      Plane::NORMAL_CAMERA,
-                                        Plane::BASE_COLOR, Plane::ROUGHNESS,
-                                        Plane::METALLIC,   Plane::TRANSMISSION};
-
-/// What a post plane is computed from.
-std::span<const Plane> inputs_of(Plane plane) {
-  if (plane == Plane::DENOISED) return kDenoiserInputs;
-  if (plane == Plane::SENSOR_RGB || plane == Plane::SENSOR_MOSAIC) return kRgbSensorInputs;
-  if (plane == Plane::SENSOR_DEPTH) return kDepthSensorInputs;
-  return {};
-}
 
 PlaneData& find(std::vector<PlaneData>& planes, Plane plane) {
   return *std::ranges::find(planes, plane, &PlaneData::plane);
@@ -66,28 +48,6 @@ u64 sensor_seed(const RenderJob& job, EntityId camera) {
   u64 seed = kernels::hash64(job.settings.seed);
   for (const char c : job.snapshot->name_of(camera)) seed = kernels::hash64(seed + u8(c));
   return seed;
-}
-
-bool wants_post(const RenderJob& job) {
-  return std::ranges::any_of(job.planes,
-                             [](Plane plane) { return plane_info(plane).fold == Fold::kPost; });
-}
-
-std::vector<Plane> film_planes(const RenderJob& job) {
-  std::vector<Plane> planes;
-  for (const Plane plane : job.planes)
-    if (plane_info(plane).fold != Fold::kPost) planes.push_back(plane);
-  for (const Plane plane : job.planes)
-    for (const Plane input : inputs_of(plane))
-      if (std::ranges::count(planes, input) == 0) planes.push_back(input);
-  return planes;
-}
-
-bool is_read_beside(const RenderJob& job, Plane film_plane) {
-  if (std::ranges::count(job.planes, film_plane) > 0) return true;
-  return std::ranges::any_of(job.planes, [&](Plane plane) {
-    return plane != Plane::DENOISED && std::ranges::count(inputs_of(plane), film_plane) > 0;
-  });
 }
 
 Expected<std::vector<PlaneData>> finish_planes(const RenderJob& job, std::vector<PlaneData> made,

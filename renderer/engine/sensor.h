@@ -2,8 +2,8 @@
 // and sensor_depth. Called by post.cpp.
 #pragma once
 
-#include "renderer/engine/backend.h"
 #include "renderer/engine/image_camera.h"
+#include "renderer/engine/interrupt.h"
 
 namespace heliograph {
 

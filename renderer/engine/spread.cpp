@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "renderer/engine/post.h"
+#include "renderer/engine/film_planes.h"
 
 namespace heliograph {
 namespace {

@@ -4,11 +4,11 @@
 #include <cstring>
 
 #include "kernels/scene/film.h"
+#include "renderer/base/parallel.h"
 #include "renderer/engine/check.h"
+#include "renderer/engine/film_planes.h"
 #include "renderer/engine/motion_keys.h"
-#include "renderer/engine/post.h"
 #include "renderer/engine/shutter.h"
-#include "renderer/resident/parallel.h"
 
 namespace heliograph::host {
 namespace {

@@ -7,10 +7,10 @@
 #include <random>
 
 #include "kernels/label/probe_sight.h"
+#include "renderer/base/parallel.h"
 #include "renderer/engine/image_camera.h"
 #include "renderer/host/overlap.h"
 #include "renderer/resident/canvas.h"
-#include "renderer/resident/parallel.h"
 
 namespace heliograph::host {
 

@@ -6,8 +6,8 @@
 
 #include "kernels/camera/rolling.h"
 #include "kernels/media/volume_march.h"
+#include "renderer/base/parallel.h"
 #include "renderer/resident/canvas.h"
-#include "renderer/resident/parallel.h"
 
 namespace heliograph::host {
 

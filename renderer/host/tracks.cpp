@@ -3,8 +3,8 @@
 #include <fmt/format.h>
 
 #include "kernels/label/probe.h"
+#include "renderer/base/parallel.h"
 #include "renderer/engine/image_camera.h"
-#include "renderer/resident/parallel.h"
 #include "renderer/scene/motion.h"
 
 namespace heliograph::host {

@@ -7,7 +7,6 @@
 namespace heliograph::resident {
 namespace {
 
-constexpr float kRoughest = 0.3f;     // rougher ones gain less than the longer paths cost (W1)
 constexpr float kProbability = 0.2f;  // measured on W1
 constexpr float kSpread = 0.5f;       // of an image, in slopes alpha; wider is no better (W1)
 constexpr float kDistant = 1e5f;      // radii of the scene that a sun is away
@@ -17,15 +16,6 @@ float mirror_share(const kernels::MaterialValues& material) {
 }
 
 }  // namespace
-
-bool focuses(const kernels::MaterialView& material) {
-  constexpr u32 kDecisive = 1u << u32(MaterialParameter::metallic) |
-                            1u << u32(MaterialParameter::transmission) |
-                            1u << u32(MaterialParameter::roughness);
-  const kernels::MaterialValues& m = material.constant;
-  return (material.textured & kDecisive) == 0 && m.roughness <= kRoughest &&
-         std::max(m.metallic, m.transmission) > 0.5f && !material.passable && !material.unlit;
-}
 
 std::vector<kernels::CasterView> find_casters(const Placement& placement,
                                               const Materials& materials,

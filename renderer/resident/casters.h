@@ -5,10 +5,6 @@
 
 namespace heliograph::resident {
 
-/// Whether most of what a material gives off is reflected or refracted sharply. Textures are not
-/// looked at.
-[[nodiscard]] bool focuses(const kernels::MaterialView& material);
-
 /// Spheres about the entities whose material is a mirror or a lens; none where there are more than
 /// kMostCasters.
 ///

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <span>
 
+#include "renderer/base/parallel.h"
 #include "renderer/engine/motion_keys.h"
-#include "renderer/resident/parallel.h"
 #include "renderer/resident/structure.h"
 
 namespace heliograph::resident {

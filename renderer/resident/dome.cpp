@@ -1,9 +1,9 @@
 // Sampling tables of environment pictures.
 #include "kernels/core/warp.h"
 #include "kernels/material/texture.h"
+#include "renderer/base/parallel.h"
 #include "renderer/resident/lights.h"
 #include "renderer/resident/materials.h"
-#include "renderer/resident/parallel.h"
 
 namespace heliograph::resident {
 namespace {

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "renderer/resident/parallel.h"
+#include "renderer/base/parallel.h"
 #include "renderer/scene/table.h"
 
 namespace heliograph::resident {

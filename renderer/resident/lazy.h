@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "renderer/base/error.h"
-#include "renderer/resident/parallel.h"
+#include "renderer/base/parallel.h"
 
 namespace heliograph::resident {
 

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <array>
 
-#include "renderer/resident/parallel.h"
+#include "renderer/base/parallel.h"
 
 namespace heliograph::resident {
 namespace {

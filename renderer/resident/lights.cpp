@@ -7,8 +7,8 @@
 #include <unordered_map>
 
 #include "kernels/light/light_surface.h"
+#include "renderer/base/parallel.h"
 #include "renderer/resident/light_bounds.h"
-#include "renderer/resident/parallel.h"
 #include "renderer/resident/same_lights.h"
 #include "renderer/scene/light_shapes.h"
 

@@ -6,7 +6,7 @@
 #include <cstring>
 #include <vector>
 
-#include "renderer/resident/parallel.h"
+#include "renderer/base/parallel.h"
 
 namespace heliograph::resident {
 namespace {

@@ -6,8 +6,8 @@
 
 #include "kernels/material/texture.h"
 #include "renderer/base/half.h"
+#include "renderer/base/parallel.h"
 #include "renderer/resident/materials.h"
-#include "renderer/resident/parallel.h"
 
 namespace heliograph::resident {
 namespace {

@@ -5,7 +5,7 @@
 #include <map>
 #include <numeric>
 
-#include "renderer/resident/parallel.h"
+#include "renderer/base/parallel.h"
 #include "renderer/scene/grid.h"
 
 namespace heliograph::resident {

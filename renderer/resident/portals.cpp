@@ -5,8 +5,8 @@
 #include <glm/gtc/quaternion.hpp>
 
 #include "kernels/light/light.h"
+#include "renderer/base/parallel.h"
 #include "renderer/resident/materials.h"
-#include "renderer/resident/parallel.h"
 
 namespace heliograph::resident {
 namespace {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <iterator>
 
-#include "renderer/resident/parallel.h"
+#include "renderer/base/parallel.h"
 
 namespace heliograph::resident {
 

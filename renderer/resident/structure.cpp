@@ -6,7 +6,7 @@
 #include <unordered_map>
 #include <utility>
 
-#include "renderer/resident/parallel.h"
+#include "renderer/base/parallel.h"
 #include "renderer/scene/light_shapes.h"
 
 namespace heliograph::resident {

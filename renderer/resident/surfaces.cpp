@@ -4,8 +4,7 @@
 #include <numeric>
 
 #include "kernels/material/material.h"
-#include "renderer/resident/casters.h"
-#include "renderer/resident/parallel.h"
+#include "renderer/base/parallel.h"
 
 namespace heliograph::resident {
 namespace {
@@ -13,6 +12,8 @@ namespace {
 bool may_be_hole(const kernels::MaterialView& material) {
   return material.alpha_mode != kernels::AlphaMode::kOpaque;
 }
+
+constexpr float kRoughest = 0.3f;  // rougher ones gain less than the longer paths cost (W1)
 
 enum Trait : u8 { kHole = 1, kFocuses = 2 };
 
@@ -40,6 +41,15 @@ std::vector<u8> traits_of(const Structure& structure, const std::vector<u8>& of_
 }
 
 }  // namespace
+
+bool focuses(const kernels::MaterialView& material) {
+  constexpr u32 kDecisive = 1u << u32(MaterialParameter::metallic) |
+                            1u << u32(MaterialParameter::transmission) |
+                            1u << u32(MaterialParameter::roughness);
+  const kernels::MaterialValues& m = material.constant;
+  return (material.textured & kDecisive) == 0 && m.roughness <= kRoughest &&
+         std::max(m.metallic, m.transmission) > 0.5f && !material.passable && !material.unlit;
+}
 
 std::shared_ptr<const Surfaces> make_surfaces(const Structure& structure,
                                               const Materials& materials, const Surfaces* before) {

@@ -6,12 +6,16 @@
 
 namespace heliograph::resident {
 
+/// Whether most of what a material gives off is reflected or refracted sharply. Textures are not
+/// looked at.
+[[nodiscard]] bool focuses(const kernels::MaterialView& material);
+
 /// By slot, whether it has kMayBeHole; null: none has.
 using HoleSlots = std::shared_ptr<const std::vector<u8>>;
 
 struct Surfaces {
   HoleSlots holes;
-  std::vector<u32> focusing;  // slots that reflect or refract light sharply (casters.h)
+  std::vector<u32> focusing;  // slots that reflect or refract light sharply
   kernels::SceneView all{};   // what note_material() says of all materials in use
 };
 

@@ -6,7 +6,7 @@
 #include <cstring>
 
 #include "renderer/backend/cuda/programs.h"
-#include "renderer/resident/parallel.h"
+#include "renderer/base/parallel.h"
 
 namespace heliograph::cuda {
 namespace {
@@ -228,7 +228,7 @@ Status Context::finish(Stage& stage) {
   if (to.empty()) return {};
   HELIO_TRY(check(driver_.wait_for_event(stage.written), "work on the GPU"));
   const auto* from = static_cast<const std::byte*>(stage.memory);
-  resident::parallel_ranges(to.size(), kCopyGrain, [&](u64 begin, u64 end) {
+  parallel_ranges(to.size(), kCopyGrain, [&](u64 begin, u64 end) {
     std::memcpy(to.data() + begin, from + begin, end - begin);
   });
   return {};

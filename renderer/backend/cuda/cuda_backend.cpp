@@ -8,11 +8,11 @@
 
 #include "renderer/backend/cuda/film.h"
 #include "renderer/backend/cuda/programs.h"
+#include "renderer/base/parallel.h"
 #include "renderer/bvh/accelerator.h"
 #include "renderer/bvh/host_tracer.h"
 #include "renderer/host/labels.h"
 #include "renderer/host/queries.h"
-#include "renderer/resident/parallel.h"
 
 namespace heliograph::cuda {
 namespace {

@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "renderer/backend/cuda/take_launch.h"
-#include "renderer/resident/parallel.h"
+#include "renderer/base/parallel.h"
 
 namespace heliograph::cuda {
 namespace {
@@ -229,8 +229,8 @@ Result ExportSource::fetch(DevicePointer from, u64 size, const TakePiece& take) 
   }
   if (result != 0) return result;
   Arrivals arrivals(device_, come_);
-  resident::run_alone([&] {
-    resident::parallel_for((size + kShareBytes - 1) / kShareBytes, [&](u64 share) {
+  run_alone([&] {
+    parallel_for((size + kShareBytes - 1) / kShareBytes, [&](u64 share) {
       const u64 begin = share * kShareBytes;
       if (arrivals.wait_for(u32(begin / kPieceBytes)))
         take(begin, {stage + begin, std::min(kShareBytes, size - begin)});

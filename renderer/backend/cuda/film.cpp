@@ -4,8 +4,8 @@
 #include <cstring>
 #include <utility>
 
-#include "renderer/engine/post.h"
-#include "renderer/resident/parallel.h"
+#include "renderer/base/parallel.h"
+#include "renderer/engine/film_planes.h"
 
 namespace heliograph::cuda {
 

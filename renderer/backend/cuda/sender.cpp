@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "renderer/resident/parallel.h"
+#include "renderer/base/parallel.h"
 
 namespace heliograph::cuda {
 namespace {
@@ -65,8 +65,8 @@ Result Sender::send_stage(Stage& stage, std::span<const Upload> parts, StreamHan
   u64 bytes = 0;
   for (const Upload& part : parts)
     offsets.push_back(std::exchange(bytes, bytes + part.from.size()));
-  resident::run_alone([&] {
-    resident::parallel_for(parts.size(), [&](std::size_t i) {
+  run_alone([&] {
+    parallel_for(parts.size(), [&](std::size_t i) {
       std::memcpy(memory + offsets[i], parts[i].from.data(), parts[i].from.size());
     });
   });

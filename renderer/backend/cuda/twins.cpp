@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cassert>
 
-#include "renderer/resident/parallel.h"
+#include "renderer/base/parallel.h"
 
 namespace heliograph::cuda {
 namespace {
@@ -32,8 +32,8 @@ std::byte* map_steps(u64 bytes) {
 /// them.
 void touch(std::span<std::byte> bytes) {
   constexpr u64 kPage = 4096;
-  resident::run_alone([&] {
-    resident::parallel_for(bytes.size() / kStep, [&](u64 step) {
+  run_alone([&] {
+    parallel_for(bytes.size() / kStep, [&](u64 step) {
       for (u64 at = step * kStep; at < (step + 1) * kStep; at += kPage) bytes[at] = std::byte();
     });
   });

@@ -1,7 +1,7 @@
 // Builds apart from other tasks, with Embree's progress monitor.
 #include "renderer/backend/embree/commit.h"
 
-#include "renderer/resident/parallel.h"
+#include "renderer/base/parallel.h"
 
 namespace heliograph::embree {
 

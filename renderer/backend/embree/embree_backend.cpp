@@ -7,9 +7,9 @@
 #include "renderer/backend/embree/host_tracer.h"
 #include "renderer/backend/embree/pixel_loop.h"
 #include "renderer/backend/embree/top_level.h"
+#include "renderer/base/parallel.h"
 #include "renderer/host/labels.h"
 #include "renderer/host/queries.h"
-#include "renderer/resident/parallel.h"
 
 namespace heliograph::embree {
 namespace {
@@ -160,7 +160,7 @@ Expected<bool> EmbreeBackend::for_each_piece(host::HostFilm& film, const WorkRan
   const u32 count = range.tile_count * pieces.of_tile();
   std::atomic<u32> next = film.left().done;
   run_in(arena_, [&] {
-    resident::parallel_for(u32(arena_.max_concurrency()), [&](u32) {
+    parallel_for(u32(arena_.max_concurrency()), [&](u32) {
       const FlushDenormals flush;
       for (bool goes_on = true; goes_on && !interrupt.requested(); goes_on = !slice.is_over()) {
         const u32 piece = next.fetch_add(1, std::memory_order_relaxed);

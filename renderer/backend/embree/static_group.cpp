@@ -2,7 +2,7 @@
 #include "renderer/backend/embree/static_group.h"
 
 #include "renderer/backend/embree/commit.h"
-#include "renderer/resident/parallel.h"
+#include "renderer/base/parallel.h"
 
 namespace heliograph::embree {
 namespace {
