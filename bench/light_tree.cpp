@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "renderer/resident/light_tree.h"
+#include "renderer/lights/light_tree.h"
 
 using namespace heliograph;
 using heliograph::kernels::u32;

@@ -26,13 +26,19 @@ RENDERER = {
     "renderer/base": "",
     "renderer/scene": "base",
     "renderer/assets": "base scene",
-    "renderer/engine": "base scene",
-    "renderer/resident": "base scene engine",
-    "renderer/host": "base scene engine resident",
-    "renderer/bvh": "base scene engine resident host",
-    "renderer/backend/embree": "base scene engine resident host",
-    "renderer/backend/cuda": "base scene engine resident host bvh",
-    "renderer/backend": "base engine backend/embree backend/cuda",
+    "renderer/frame": "base scene",
+    "renderer/device": "base scene frame",
+    "renderer/post": "base frame",
+    "renderer/derived": "base scene",
+    "renderer/placement": "base scene frame device derived",
+    "renderer/lights": "base scene derived placement",
+    "renderer/resident": "base scene frame device derived placement lights",
+    "renderer/host": "base scene frame placement resident",
+    "renderer/bvh": "base device placement host",
+    "renderer/backend/embree": "base device placement resident host",
+    "renderer/backend/cuda": "base scene frame device post resident host bvh",
+    "renderer/backend": "device backend/embree backend/cuda",
+    "renderer/schedule": "base scene frame device post",
 }
 # Every room may see the renderer's scenes and jobs, and the wire; os has no use for them.
 SERVER = {
@@ -62,18 +68,19 @@ def arrows(table: dict[str, str], root: str, seen: set[str]) -> dict[str, set[st
 
 
 ROOMS_OF_KERNELS = set(KERNELS)
+SEEN_BY_THE_SERVER = {f"renderer/{room}" for room in "base scene frame device schedule".split()}
 ALLOWED = (
     arrows(KERNELS, "kernels", set())
     | arrows(RENDERER, "renderer", ROOMS_OF_KERNELS)
     | arrows(
         SERVER,
         "server",
-        {"renderer/base", "renderer/scene", "renderer/engine", "heliograph/v1", *ROOMS_OF_KERNELS},
+        {*SEEN_BY_THE_SERVER, "heliograph/v1", *ROOMS_OF_KERNELS},
     )
 )
 ALLOWED["server/decode"] |= {"renderer/assets"}
 ALLOWED["renderer/base"] = set()
-ALLOWED["server/os"] -= {"renderer/engine", "heliograph/v1"}
+ALLOWED["server/os"] -= {"renderer/schedule", "heliograph/v1"}
 ALLOWED["server/config"] -= {"heliograph/v1"}
 LAYERS = sorted({*ALLOWED, "heliograph/v1", "kernels", "renderer", "server"}, key=len, reverse=True)
 GRPC = {f"server/{room}" for room in "app calls convert net observe session".split()}

@@ -15,9 +15,9 @@ CLEAN = {
 BREACHES = {
     "kernels/bsdf/bsdf.h": '#include <cmath>\n#include "renderer/base/error.h"\n',
     "renderer/scene/table.h": '#include "heliograph/v1/scene.pb.h"\n',
-    "renderer/engine/worker.cpp": '#include "renderer/backend/embree/backend.h"\n',
+    "renderer/schedule/worker.cpp": '#include "renderer/backend/embree/backend.h"\n',
     "server/calls/service.cpp": '#include "renderer/assets/load.h"\n',
-    "renderer/engine/job.h": "#include <embree3/rtcore.h>\n",
+    "renderer/frame/job.h": "#include <embree3/rtcore.h>\n",
     "server/app/frame.cpp": "#include <OpenImageIO/imageio.h>\n",
     "kernels/core/math.h": '#include "kernels/scene/ray.h"\n',
     "server/os/log.cpp": '#include "server/calls/rpc.h"\n',

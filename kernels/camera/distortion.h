@@ -1,6 +1,6 @@
 // What the lens of a camera does to directions: where the ray from a direction meets the image, and
 // back. The only place that knows projections; in f32 for rays, in f64 for labels. Called by
-// camera.h and renderer/engine/image_camera.cpp.
+// camera.h and renderer/frame/image_camera.cpp.
 //
 // Directions are in the OpenCV camera frame (x right, y down, z forward). The image plane is
 // normalised: raster = focal length * m + principal point.

@@ -3,7 +3,7 @@
 
 #include "renderer/backend/cuda/cuda_backend.h"
 #include "renderer/backend/embree/embree_backend.h"
-#include "renderer/engine/backend.h"
+#include "renderer/device/backend.h"
 
 namespace heliograph {
 

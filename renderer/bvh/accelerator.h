@@ -6,8 +6,8 @@
 
 #include "kernels/bvh/bvh.h"
 #include "renderer/bvh/static_tree.h"
-#include "renderer/resident/accelerator.h"
-#include "renderer/resident/placement.h"
+#include "renderer/device/accelerator.h"
+#include "renderer/placement/placement.h"
 
 namespace heliograph::bvh {
 

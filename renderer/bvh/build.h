@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "kernels/bvh/bvh.h"
-#include "renderer/engine/backend.h"
-#include "renderer/resident/box.h"
+#include "renderer/base/box.h"
+#include "renderer/device/backend.h"
 
 namespace heliograph::bvh {
 

@@ -5,7 +5,7 @@
 #include <mutex>
 
 #include "kernels/bvh/bvh.h"
-#include "renderer/resident/static_members.h"
+#include "renderer/placement/static_members.h"
 
 namespace heliograph::bvh {
 

@@ -5,10 +5,10 @@
 
 #include "kernels/scene/film.h"
 #include "renderer/base/parallel.h"
-#include "renderer/engine/check.h"
-#include "renderer/engine/film_planes.h"
-#include "renderer/engine/motion_keys.h"
-#include "renderer/engine/shutter.h"
+#include "renderer/frame/check.h"
+#include "renderer/frame/film_planes.h"
+#include "renderer/frame/motion_keys.h"
+#include "renderer/frame/shutter.h"
 
 namespace heliograph::host {
 namespace {

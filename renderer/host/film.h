@@ -6,7 +6,7 @@
 #include <cstdlib>
 #include <unordered_map>
 
-#include "renderer/engine/image_camera.h"
+#include "renderer/frame/image_camera.h"
 #include "renderer/host/tasks.h"
 #include "renderer/resident/scene.h"
 

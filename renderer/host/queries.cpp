@@ -8,9 +8,9 @@
 
 #include "kernels/label/probe_sight.h"
 #include "renderer/base/parallel.h"
-#include "renderer/engine/image_camera.h"
+#include "renderer/frame/image_camera.h"
 #include "renderer/host/overlap.h"
-#include "renderer/resident/canvas.h"
+#include "renderer/placement/canvas.h"
 
 namespace heliograph::host {
 

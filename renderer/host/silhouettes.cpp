@@ -7,7 +7,7 @@
 #include "kernels/camera/rolling.h"
 #include "kernels/media/volume_march.h"
 #include "renderer/base/parallel.h"
-#include "renderer/resident/canvas.h"
+#include "renderer/placement/canvas.h"
 
 namespace heliograph::host {
 

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "renderer/engine/label_columns.h"
+#include "renderer/frame/label_columns.h"
 #include "renderer/host/tracer.h"
 
 namespace heliograph::host {

@@ -4,7 +4,7 @@
 
 #include "kernels/label/probe.h"
 #include "renderer/base/parallel.h"
-#include "renderer/engine/image_camera.h"
+#include "renderer/frame/image_camera.h"
 #include "renderer/scene/motion.h"
 
 namespace heliograph::host {

@@ -1,7 +1,7 @@
 // What stays of an earlier placement. Declared in accelerator.h.
 #include <algorithm>
 
-#include "renderer/resident/placement.h"
+#include "renderer/placement/placement.h"
 
 namespace heliograph::resident {
 namespace {

@@ -1,7 +1,7 @@
 // What a scene costs to prepare, by what is kept. Declared in scene.h.
 #include <algorithm>
 
-#include "renderer/resident/mips.h"
+#include "renderer/derived/mips.h"
 #include "renderer/resident/scene.h"
 
 namespace heliograph::resident {

@@ -4,8 +4,8 @@
 #include <atomic>
 #include <mutex>
 
-#include "renderer/engine/backend.h"
-#include "renderer/resident/flat_rows.h"
+#include "renderer/derived/flat_rows.h"
+#include "renderer/device/backend.h"
 #include "renderer/resident/kept_scenes.h"
 
 namespace heliograph::resident {

@@ -1,8 +1,8 @@
 // Pieces to what the kernels read. Declared in scene_state.h and scene.h.
 #include <algorithm>
 
-#include "renderer/resident/black_body.h"
-#include "renderer/resident/casters.h"
+#include "renderer/derived/black_body.h"
+#include "renderer/lights/casters.h"
 #include "renderer/resident/scene.h"
 
 namespace heliograph::resident {

@@ -1,8 +1,8 @@
 // A snapshot in a span of time as kernels read it: pieces that scenes share. Called by scene.h.
 #pragma once
 
-#include "renderer/resident/lights.h"
-#include "renderer/resident/volumes.h"
+#include "renderer/lights/lights.h"
+#include "renderer/placement/volumes.h"
 
 namespace heliograph::resident {
 

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "renderer/engine/job.h"
+#include "renderer/frame/job.h"
 #include "server/access/identity.h"
 #include "server/config/config.h"
 #include "server/quota/budget.h"

@@ -7,7 +7,7 @@
 #include <mutex>
 
 #include "heliograph/v1/render.pb.h"
-#include "renderer/engine/engine.h"
+#include "renderer/schedule/engine.h"
 #include "server/convert/frame_headers.h"
 #include "server/session/session.h"
 

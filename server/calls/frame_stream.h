@@ -7,7 +7,7 @@
 #include <mutex>
 #include <optional>
 
-#include "renderer/engine/engine.h"
+#include "renderer/schedule/engine.h"
 #include "server/calls/call_scope.h"
 #include "server/calls/daemon.h"
 #include "server/calls/frame_cutter.h"

@@ -9,7 +9,7 @@
 #include <charconv>
 #include <cstdlib>
 
-#include "renderer/engine/backend.h"
+#include "renderer/device/backend.h"
 #include "server/config/config_file.h"
 #include "server/config/version.h"
 #include "server/decode/decoder.h"

@@ -4,8 +4,8 @@
 #include <span>
 
 #include "heliograph/v1/render.pb.h"
-#include "renderer/engine/frame.h"
-#include "renderer/engine/job.h"
+#include "renderer/frame/frame.h"
+#include "renderer/frame/job.h"
 
 namespace heliograph::server {
 

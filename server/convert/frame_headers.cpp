@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "renderer/engine/frame_header.h"
+#include "renderer/frame/frame_header.h"
 
 namespace heliograph::server {
 

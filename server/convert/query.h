@@ -2,7 +2,7 @@
 #pragma once
 
 #include "heliograph/v1/service.pb.h"
-#include "renderer/engine/query.h"
+#include "renderer/frame/query.h"
 #include "server/convert/transaction.h"
 
 namespace heliograph::server {

@@ -7,8 +7,8 @@
 #include <atomic>
 #include <set>
 
-#include "renderer/engine/check.h"
-#include "renderer/engine/frame.h"
+#include "renderer/frame/check.h"
+#include "renderer/frame/frame.h"
 #include "server/convert/fields.h"
 #include "server/convert/resolve.h"
 #include "server/convert/transaction.h"

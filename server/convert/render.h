@@ -2,7 +2,7 @@
 #pragma once
 
 #include "heliograph/v1/render.pb.h"
-#include "renderer/engine/job.h"
+#include "renderer/frame/job.h"
 
 namespace heliograph::server {
 

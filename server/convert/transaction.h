@@ -10,7 +10,7 @@
 #include "heliograph/v1/scene.pb.h"
 #include "renderer/base/array.h"
 #include "renderer/base/error.h"
-#include "renderer/engine/lent_memory.h"
+#include "renderer/frame/lent_memory.h"
 #include "renderer/scene/snapshot.h"
 #include "renderer/scene/transaction.h"
 

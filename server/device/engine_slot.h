@@ -7,7 +7,7 @@
 #include <memory>
 #include <thread>
 
-#include "renderer/engine/engine.h"
+#include "renderer/schedule/engine.h"
 #include "server/os/log.h"
 
 namespace heliograph::server {

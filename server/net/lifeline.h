@@ -11,7 +11,7 @@
 #include <string>
 #include <unordered_map>
 
-#include "renderer/engine/shared_memory.h"
+#include "renderer/frame/shared_memory.h"
 #include "server/os/accept.h"
 
 namespace heliograph::server {

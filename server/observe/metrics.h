@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "renderer/engine/engine.h"
+#include "renderer/schedule/engine.h"
 
 namespace heliograph::server {
 

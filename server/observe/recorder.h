@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "heliograph/v1/recording.pb.h"
-#include "renderer/engine/frame.h"
+#include "renderer/frame/frame.h"
 #include "server/os/log.h"
 #include "server/os/unique_fd.h"
 

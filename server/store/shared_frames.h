@@ -13,9 +13,9 @@
 
 #include "heliograph/v1/types.pb.h"
 #include "renderer/base/array.h"
-#include "renderer/engine/lent_memory.h"
-#include "renderer/engine/pixels.h"
-#include "renderer/engine/shared_memory.h"
+#include "renderer/frame/lent_memory.h"
+#include "renderer/frame/pixels.h"
+#include "renderer/frame/shared_memory.h"
 #include "server/os/unique_fd.h"
 #include "server/quota/budget.h"
 

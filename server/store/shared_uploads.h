@@ -9,7 +9,7 @@
 #include "heliograph/v1/types.pb.h"
 #include "renderer/base/array.h"
 #include "renderer/base/error.h"
-#include "renderer/engine/lent_memory.h"
+#include "renderer/frame/lent_memory.h"
 #include "server/os/unique_fd.h"
 #include "server/quota/budget.h"
 

@@ -1,9 +1,9 @@
 // Adaptive sampling: which tiles it chooses, and what an adaptive frame is.
-#include "renderer/engine/adaptive.h"
+#include "renderer/schedule/adaptive.h"
 
 #include "kernels/core/math.h"
 
-#include "renderer/engine/engine.h"
+#include "renderer/schedule/engine.h"
 #include "tests/unit/render_scene.h"
 
 using namespace heliograph;

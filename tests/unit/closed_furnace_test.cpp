@@ -1,5 +1,5 @@
 // A closed room whose walls emit and reflect: every path adds up to emission / (1 - albedo).
-#include "renderer/engine/engine.h"
+#include "renderer/schedule/engine.h"
 
 #include "tests/unit/render_scene.h"
 

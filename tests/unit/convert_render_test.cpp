@@ -11,7 +11,7 @@
 #include <cstring>
 #include <set>
 
-#include "renderer/engine/frame_header.h"
+#include "renderer/frame/frame_header.h"
 #include "renderer/scene/scene.h"
 #include "server/convert/frame_headers.h"
 #include "server/convert/transaction.h"

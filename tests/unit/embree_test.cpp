@@ -1,5 +1,5 @@
 // The CPU backend by its pictures: what is seen where, and that nothing but the scene decides it.
-#include "renderer/engine/engine.h"
+#include "renderer/schedule/engine.h"
 
 #include <numeric>
 

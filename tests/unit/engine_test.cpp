@@ -1,10 +1,10 @@
 // The engine: what it refuses, how jobs stop, and the order of what it sends.
-#include "renderer/engine/engine.h"
+#include "renderer/schedule/engine.h"
 
 #include <set>
 #include <thread>
 
-#include "renderer/engine/check.h"
+#include "renderer/frame/check.h"
 #include "tests/unit/render_scene.h"
 
 using namespace heliograph;

@@ -1,5 +1,5 @@
 // The order in which work gets the device, on a clock of the test's own.
-#include "renderer/engine/fair_queue.h"
+#include "renderer/schedule/fair_queue.h"
 
 #include <map>
 #include <memory>

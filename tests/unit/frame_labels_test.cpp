@@ -1,8 +1,8 @@
 // Label columns of rendered frames against arithmetic, and the invariants every frame keeps.
 #include <cstring>
 
-#include "renderer/engine/engine.h"
 #include "renderer/scene/motion.h"
+#include "renderer/schedule/engine.h"
 #include "tests/unit/render_scene.h"
 
 using namespace heliograph;

@@ -1,5 +1,5 @@
 // Light trees: what they may leave out, what their probabilities sum to, what they gain.
-#include "renderer/resident/light_tree.h"
+#include "renderer/lights/light_tree.h"
 
 #include <tbb/global_control.h>
 

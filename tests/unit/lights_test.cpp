@@ -1,5 +1,5 @@
 // Lights of a scene through the engine: strengths of shapes, static emitters, emission maps.
-#include "renderer/resident/lights.h"
+#include "renderer/lights/lights.h"
 
 #include "tests/unit/catch.h"
 #include "tests/unit/render_scene.h"

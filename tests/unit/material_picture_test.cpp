@@ -1,6 +1,6 @@
 // Materials through apply() and the backend: each parameter changes the picture, and a constant is
 // the same as a texture of that value.
-#include "renderer/engine/engine.h"
+#include "renderer/schedule/engine.h"
 #include "tests/unit/render_scene.h"
 
 using namespace heliograph;

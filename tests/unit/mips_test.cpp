@@ -1,5 +1,5 @@
 // Textures at smaller sizes: what their levels hold, and which level a ray cone sees.
-#include "renderer/resident/mips.h"
+#include "renderer/derived/mips.h"
 
 #include "kernels/material/texture.h"
 #include "tests/unit/catch.h"

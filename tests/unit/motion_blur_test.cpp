@@ -1,8 +1,8 @@
 // Pictures of what moves while the shutter is open, against closed forms.
 #include <numeric>
 
-#include "renderer/engine/engine.h"
-#include "renderer/engine/motion_keys.h"
+#include "renderer/frame/motion_keys.h"
+#include "renderer/schedule/engine.h"
 #include "tests/unit/random.h"
 #include "tests/unit/render_scene.h"
 

@@ -2,7 +2,7 @@
 #include "kernels/light/portal.h"
 
 #include "kernels/light/light.h"
-#include "renderer/resident/portals.h"
+#include "renderer/lights/portals.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/chi2.h"
 #include "tests/unit/random.h"

@@ -5,8 +5,8 @@
 
 #include <future>
 
-#include "renderer/engine/engine.h"
 #include "renderer/scene/scene.h"
+#include "renderer/schedule/engine.h"
 #include "tests/unit/catch.h"
 
 namespace heliograph::test {

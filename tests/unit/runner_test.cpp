@@ -1,5 +1,5 @@
 // How long the slices of a job are, on a device whose tiles do not take the same time.
-#include "renderer/engine/runner.h"
+#include "renderer/schedule/runner.h"
 
 #include <thread>
 

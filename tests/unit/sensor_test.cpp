@@ -1,10 +1,10 @@
 // Sensor models against the formulas that docs/cameras.md states. Statistical bounds are 5 standard
 // deviations of the estimate: one false alarm in 1.7 million.
-#include "renderer/engine/sensor.h"
+#include "renderer/post/sensor.h"
 
 #include <cmath>
 
-#include "renderer/engine/sensor_noise.h"
+#include "renderer/post/sensor_noise.h"
 #include "tests/unit/catch.h"
 
 using namespace heliograph;

@@ -1,7 +1,7 @@
 // Leases of buffers: whose memory they are of, what ends them, what is never used again.
 #include <map>
 
-#include "renderer/engine/lent_memory.h"
+#include "renderer/frame/lent_memory.h"
 #include "server/store/shared_frames.h"
 #include "tests/unit/catch.h"
 

@@ -1,9 +1,9 @@
 // One picture by several devices: who renders what, and that the bytes do not tell.
-#include "renderer/engine/spread.h"
+#include "renderer/schedule/spread.h"
 
 #include <cstdlib>
 
-#include "renderer/engine/runner.h"
+#include "renderer/schedule/runner.h"
 #include "tests/unit/render_scene.h"
 
 using namespace heliograph;

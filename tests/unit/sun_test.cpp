@@ -1,5 +1,5 @@
 // Suns as entities: where they shine, and what their units mean.
-#include "renderer/engine/engine.h"
+#include "renderer/schedule/engine.h"
 
 #include "tests/unit/render_scene.h"
 

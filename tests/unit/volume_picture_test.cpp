@@ -1,6 +1,6 @@
 // Pictures of volumes against closed forms and quadrature, their labels against arithmetic.
 #include "kernels/media/phase.h"
-#include "renderer/resident/black_body.h"
+#include "renderer/derived/black_body.h"
 #include "tests/unit/random_grid.h"
 #include "tests/unit/render_scene.h"
 

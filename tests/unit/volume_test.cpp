@@ -1,8 +1,8 @@
 // Volumes in kernels: grids against their definition, tracking against integrals. Pictures are in
 // volume_picture_test.cpp.
 #include "kernels/media/volume_march.h"
-#include "renderer/resident/black_body.h"
-#include "renderer/resident/volumes.h"
+#include "renderer/derived/black_body.h"
+#include "renderer/placement/volumes.h"
 #include "renderer/scene/grid.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/random_grid.h"

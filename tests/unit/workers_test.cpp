@@ -1,5 +1,5 @@
 // Errands beside the devices: what is short waits for nothing long, and the same is done once.
-#include "renderer/engine/workers.h"
+#include "renderer/schedule/workers.h"
 
 #include <future>
 #include <vector>

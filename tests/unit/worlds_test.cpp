@@ -1,8 +1,8 @@
 // Worlds: what differs between copies of a scene, and their pictures packed into one frame.
-#include "renderer/engine/worlds.h"
+#include "renderer/frame/worlds.h"
 
-#include "renderer/engine/runner.h"
 #include "renderer/scene/worlds.h"
+#include "renderer/schedule/runner.h"
 #include "tests/unit/render_scene.h"
 
 using namespace heliograph;

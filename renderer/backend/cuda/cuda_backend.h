@@ -1,7 +1,7 @@
 // The GPU backend.
 #pragma once
 
-#include "renderer/engine/backend.h"
+#include "renderer/device/backend.h"
 
 namespace heliograph::cuda {
 

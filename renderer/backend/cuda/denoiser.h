@@ -2,7 +2,7 @@
 #pragma once
 
 #include "renderer/backend/cuda/context.h"
-#include "renderer/engine/oidn.h"
+#include "renderer/post/oidn.h"
 
 namespace heliograph::cuda {
 

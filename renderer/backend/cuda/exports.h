@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "renderer/backend/cuda/twins.h"
-#include "renderer/engine/lent_memory.h"
+#include "renderer/frame/lent_memory.h"
 
 namespace heliograph::cuda {
 

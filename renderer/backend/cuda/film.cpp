@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "renderer/base/parallel.h"
-#include "renderer/engine/film_planes.h"
+#include "renderer/frame/film_planes.h"
 
 namespace heliograph::cuda {
 

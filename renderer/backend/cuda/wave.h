@@ -6,7 +6,7 @@
 #include "renderer/backend/cuda/context.h"
 #include "renderer/backend/cuda/launch.h"
 #include "renderer/backend/cuda/layout.h"
-#include "renderer/engine/backend.h"
+#include "renderer/device/backend.h"
 
 namespace heliograph::cuda {
 

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "renderer/backend/embree/embree.h"
-#include "renderer/engine/backend.h"
+#include "renderer/device/backend.h"
 
 namespace heliograph::embree {
 

@@ -9,7 +9,7 @@
 
 #include <utility>
 
-#include "renderer/resident/box.h"
+#include "renderer/base/box.h"
 
 namespace heliograph::embree {
 

@@ -1,7 +1,7 @@
 // The CPU backend, made by registry.cpp.
 #pragma once
 
-#include "renderer/engine/backend.h"
+#include "renderer/device/backend.h"
 
 namespace heliograph::embree {
 

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "renderer/backend/embree/embree.h"
-#include "renderer/resident/mesh.h"
+#include "renderer/placement/mesh.h"
 
 namespace heliograph::embree {
 

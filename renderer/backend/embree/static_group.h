@@ -3,8 +3,8 @@
 #pragma once
 
 #include "renderer/backend/embree/embree.h"
-#include "renderer/engine/backend.h"
-#include "renderer/resident/static_members.h"
+#include "renderer/device/backend.h"
+#include "renderer/placement/static_members.h"
 
 namespace heliograph::embree {
 

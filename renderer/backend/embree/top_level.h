@@ -3,7 +3,7 @@
 
 #include "renderer/backend/embree/static_group.h"
 #include "renderer/backend/embree/tracer.h"
-#include "renderer/resident/placement.h"
+#include "renderer/placement/placement.h"
 #include "renderer/resident/scene.h"
 
 namespace heliograph::embree {

@@ -1,0 +1,18 @@
+// The planes that films have, for a job's post planes to be computed from. Called by checks, films
+// and the runner.
+#pragma once
+
+#include "renderer/frame/frame.h"
+
+namespace heliograph {
+
+/// Whether a job asks for planes that are made of others.
+[[nodiscard]] bool wants_post(const RenderJob& job);
+/// The planes that a backend makes for a job: those it asks for that are no post planes, in its
+/// order, then what the post planes are computed from.
+[[nodiscard]] std::vector<Plane> film_planes(const RenderJob& job);
+/// Whether anybody but DENOISED reads a plane of film_planes(): the job's reader, or another post
+/// plane.
+[[nodiscard]] bool is_read_beside(const RenderJob& job, Plane film_plane);
+
+}  // namespace heliograph

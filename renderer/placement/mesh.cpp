@@ -1,0 +1,177 @@
+#include "renderer/placement/mesh.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstring>
+#include <vector>
+
+#include "renderer/base/parallel.h"
+
+namespace heliograph::resident {
+namespace {
+
+u64 hash_piece(std::span<const std::byte> bytes) {
+  constexpr std::size_t kLanes = 4;  // that do not wait for each other
+  constexpr u64 kPrime = 0x9e3779b97f4a7c15ull;
+  std::array<u64, kLanes> lanes{1, 2, 3, 4};
+  std::array<u64, kLanes> words{};
+  const auto mix = [&] {
+    for (std::size_t k = 0; k < kLanes; ++k)
+      lanes[k] = std::rotl((lanes[k] ^ words[k]) * kPrime, 29);
+  };
+  std::size_t i = 0;
+  for (; i + sizeof words <= bytes.size(); i += sizeof words) {
+    std::memcpy(&words, bytes.data() + i, sizeof words);
+    mix();
+  }
+  words = {};
+  if (i < bytes.size()) std::memcpy(&words, bytes.data() + i, bytes.size() - i);
+  mix();
+  u64 hash = bytes.size();
+  for (const u64 lane : lanes) hash = (std::rotl(hash, 31) ^ lane) * kPrime;
+  return hash ^ hash >> 32;
+}
+
+/// Names deformed vertices, which have no serial of their own.
+u64 hash_words(std::span<const std::byte> bytes) {
+  constexpr std::size_t kPiece = 64 << 10;
+  std::vector<u64> pieces((bytes.size() + kPiece - 1) / kPiece);
+  parallel_for(pieces.size(), [&](std::size_t i) {
+    pieces[i] = hash_piece(bytes.subspan(i * kPiece, std::min(kPiece, bytes.size() - i * kPiece)));
+  });
+  return hash_piece(std::as_bytes(std::span(pieces)));
+}
+
+std::span<const vec3> first_key(const ArrayOf<vec3>& keys, u32 vertex_count) {
+  return keys.span().first(std::min<std::size_t>(keys.size(), vertex_count));
+}
+
+kernels::Shape shape_of(const MeshTopology& topology) {
+  switch (topology.shape) {
+    case LightShape::kSphere:
+      return kernels::Shape::kSphere;
+    case LightShape::kDisc:
+      return kernels::Shape::kDisc;
+    case LightShape::kMesh:
+    case LightShape::kRectangle:
+      break;
+  }
+  return kernels::Shape::kTriangles;
+}
+
+/// Bounds of the unit disc or sphere under a linear map.
+Box shape_bounds(kernels::Shape shape, const mat3& map) {
+  vec3 half2 = map[0] * map[0] + map[1] * map[1];
+  if (shape == kernels::Shape::kSphere) half2 += map[2] * map[2];
+  Box box;
+  box.upper = glm::sqrt(half2);
+  box.lower = -box.upper;
+  return box;
+}
+
+}  // namespace
+
+kernels::MeshView DeviceMesh::view() const {
+  kernels::MeshView view{};
+  view.triangles = topology->triangles.data();
+  view.positions = positions.data();
+  view.normals = normals.data();
+  view.rest_positions = vertices->positions.data();
+  view.uvs = topology->uvs.data();
+  view.uvs1 = topology->uvs1.data();
+  view.colors = topology->colors.data();
+  view.tangents = topology->tangents.data();
+  view.parts = topology->parts.data();
+  view.triangle_count = u32(topology->triangles.size());
+  view.vertex_count = topology->vertex_count;
+  view.part_count = topology->part_count;
+  view.segments = segments;
+  view.shape = shape();
+  return view;
+}
+
+kernels::Shape DeviceMesh::shape() const { return shape_of(*topology); }
+
+Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::finish(std::shared_ptr<DeviceMesh> mesh) const {
+  const ArrayOf<uvec3>& triangles = mesh->topology->triangles;
+  const ArrayOf<vec3>& positions = mesh->positions;
+  const DerivedKey key{Derived::kAccelerator,
+                       {positions.serial(), triangles.serial(), mesh->topology->vertex_count}};
+  auto made = cache_.try_get<MeshAccelerator>(key, {positions.buffer(), triangles.buffer()},
+                                              [&] { return accelerator_.build(*mesh); });
+  if (!made) return std::unexpected(std::move(made).error());
+  mesh->accelerator = *std::move(made);
+  mesh->rest = rest_bounds(*mesh, mat3(1));
+  return mesh;
+}
+
+Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::build(const Mesh& mesh) const {
+  auto made = std::make_shared<DeviceMesh>();
+  made->topology = mesh.topology;
+  made->vertices = mesh.vertices;
+  made->positions = mesh.vertices->positions;
+  made->normals = mesh.vertices->normals;
+  made->reshaped = mesh.reshaped;
+  return finish(std::move(made));
+}
+
+Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::build(const Mesh& mesh,
+                                                         DeformedKeys deformed) const {
+  struct Vertices {
+    ArrayOf<vec3> positions, normals;
+    [[nodiscard]] u64 bytes() const { return (positions.size() + normals.size()) * sizeof(vec3); }
+  };
+  auto& [positions, normals] = deformed.vertices;
+  const u64 hash = hash_words(std::as_bytes(std::span(positions)));
+  const u64 normals_hash = hash_words(std::as_bytes(std::span(normals)));
+  const DerivedKey key{Derived::kVertices, {hash, normals_hash, mesh.topology->triangles.serial()}};
+  const auto kept = cache_.get<Vertices>(key, {}, [&] {
+    auto vertices = std::make_shared<Vertices>();
+    vertices->positions = ArrayOf(std::move(positions));
+    vertices->normals = ArrayOf(std::move(normals));
+    return vertices;
+  });
+  auto made = std::make_shared<DeviceMesh>();
+  made->topology = mesh.topology;
+  made->vertices = mesh.vertices;
+  made->positions = kept->positions;
+  made->normals = kept->normals;
+  made->segments = deformed.segments;
+  return finish(std::move(made));
+}
+
+DerivedKey MeshBuilder::key_of(const Mesh& mesh) {
+  return {Derived::kAccelerator,
+          {mesh.vertices->positions.serial(), mesh.topology->triangles.serial(),
+           mesh.topology->vertex_count}};
+}
+
+bool MeshBuilder::ready(const Mesh& mesh) const { return cache_.contains(key_of(mesh)); }
+
+Box MeshBuilder::rest_bounds(const DeviceMesh& mesh, const mat3& map) const {
+  if (mesh.shape() != kernels::Shape::kTriangles) return shape_bounds(mesh.shape(), map);
+  const auto rest = first_key(mesh.vertices->positions, mesh.topology->vertex_count);
+  const DerivedKey key{Derived::kBounds,
+                       {mesh.vertices->positions.serial(), mesh.topology->triangles.serial(),
+                        map == mat3(1) ? 0 : hash_words(std::as_bytes(std::span(&map, 1)))}};
+  const Sources sources{mesh.vertices->positions.buffer(), mesh.topology->triangles.buffer()};
+  return *cache_.get<Box>(key, sources, [&] {
+    constexpr std::size_t kPiece = 1 << 15;  // triangles
+    const auto triangles = mesh.topology->triangles.span();
+    std::vector<Box> boxes((triangles.size() + kPiece - 1) / kPiece);
+    parallel_for(boxes.size(), [&](std::size_t i) {
+      const auto piece =
+          triangles.subspan(i * kPiece, std::min(kPiece, triangles.size() - i * kPiece));
+      Box box;
+      for (const uvec3 t : piece)
+        for (const u32 v : {t.x, t.y, t.z}) box.extend(map * rest[v]);
+      boxes[i] = box;
+    });
+    auto all = std::make_shared<Box>();
+    for (const Box& box : boxes) all->extend(box);
+    return all;
+  });
+}
+
+}  // namespace heliograph::resident

@@ -1,0 +1,37 @@
+// A device with its thread, and a job while it is away from there. Kept by engine.cpp.
+#pragma once
+
+#include <thread>
+
+#include "renderer/schedule/work.h"
+#include "renderer/schedule/workers.h"
+
+namespace heliograph {
+
+/// A device and the thread that owns it.
+struct DeviceThread {
+  std::shared_ptr<Backend> backend;  // replaced by the thread
+  std::optional<Work::Clock::time_point> step_began{};
+  bool is_idle = false;
+  bool is_lost = false;
+  bool is_beyond_us = false;  // lost, and not to be had again in this process
+  std::thread thread{};
+};
+
+/// A job whose errands are done by others.
+struct Away {
+  std::shared_ptr<Backend> backend;  // of the device, which may be replaced meanwhile
+  std::unique_ptr<Work> work;
+  std::shared_ptr<Workers::Group> errands{};
+  bool has_lost_device = false;
+};
+
+/// What becomes of work that had begun on a device that was lost.
+[[nodiscard]] inline Error lost_error() {
+  return {.code = Code::kUnavailable,
+          .message = "the device was lost while it rendered this, and is started again; ask again",
+          .where = "",
+          .retry_seconds = 1};
+}
+
+}  // namespace heliograph

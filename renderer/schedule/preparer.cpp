@@ -1,0 +1,35 @@
+#include "renderer/schedule/preparer.h"
+
+#include "renderer/base/guard.h"
+
+namespace heliograph {
+namespace {
+
+constexpr double kQuick = 1e-3;  // seconds that a device may wait: a tenth of a slice
+
+}  // namespace
+
+/// First the pieces that others may want, too, then all else.
+std::vector<Errand> Preparer::next() {
+  if (!seconds_) {
+    Preparation needed = backend_.preparation(scene_);
+    seconds_ = needed.seconds;
+    if (!needed.pieces.empty()) return std::move(needed.pieces);
+  }
+  if (made_ || *seconds_ < kQuick) return {};
+  std::vector<Errand> rest;
+  rest.push_back({.seconds = *seconds_, .run = [this] {
+                    made_ = guard([&]() -> Expected<DeviceScenes> {
+                      return backend_.prepare_elsewhere({&scene_, 1}, interrupt_);
+                    });
+                  }});
+  return rest;
+}
+
+Expected<std::shared_ptr<const DeviceScene>> Preparer::take() {
+  if (!made_) return backend_.prepare(scene_.snapshot, scene_.span, interrupt_);
+  if (!*made_) return std::unexpected(std::move(*made_).error());
+  return (*made_)->front();
+}
+
+}  // namespace heliograph

@@ -1,0 +1,115 @@
+// Errands and who waits for them.
+#include "renderer/schedule/workers.h"
+
+#include <algorithm>
+#include <chrono>
+#include <limits>
+
+#include "renderer/base/parallel.h"
+
+namespace heliograph {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+// Seconds of a core: what is shorter is done by threads that longer work never has.
+constexpr double kShort = 0.02, kMedium = 1;
+constexpr u32 kManyCores = 8;  // from then on two threads take long work
+
+}  // namespace
+
+/// Long work is seldom, and has all cores that are free; short work is not worth a second one.
+std::vector<Workers::Post> Workers::posts(u32 threads) {
+  if (threads == 0) threads = std::max(1u, std::thread::hardware_concurrency());
+  constexpr double kAny = std::numeric_limits<double>::infinity();
+  std::vector<Post> posts{{kAny, threads}, {kShort, 1}};
+  if (threads > 1) posts.push_back({kMedium, threads});
+  if (threads >= kManyCores)
+    posts.insert(posts.end(), {{kAny, threads}, {kMedium, threads}, {kShort, 1}});
+  return posts;
+}
+
+Workers::Workers(const Options& options) : queue_(options.credit, options.turn) {
+  for (const Post& post : posts(options.threads))
+    threads_.emplace_back([this, post] { loop(post); });
+}
+
+Workers::~Workers() {
+  {
+    const std::scoped_lock lock(mutex_);
+    closing_ = true;
+  }
+  changed_.notify_all();
+}
+
+void Workers::run(const std::shared_ptr<Group>& group, const Origin& origin,
+                  std::vector<Errand> errands, const std::shared_ptr<const void>& owner) {
+  {
+    const std::scoped_lock lock(mutex_);
+    group->left_ = errands.size();
+    for (Errand& errand : errands) {
+      if (join(group, errand)) continue;
+      auto task = std::make_shared<Task>(
+          Task{.errand = std::move(errand), .owner = owner, .groups = {group}});
+      if (task->is_shared()) shared_[task->errand.key] = task;
+      const bool is_short = task->errand.seconds <= kShort;
+      queue_.push(origin, is_short, std::move(task));
+    }
+  }
+  changed_.notify_all();
+}
+
+/// Under mutex_. Whether somebody has asked for the same before.
+bool Workers::join(const std::shared_ptr<Group>& group, const Errand& errand) {
+  const auto same = shared_.find(errand.key);
+  if (same == shared_.end()) return false;
+  same->second->groups.push_back(group);
+  return true;
+}
+
+void Workers::abandon(const std::shared_ptr<Group>& group) {
+  std::vector<std::shared_ptr<Task>> unwanted;  // destroyed without the lock
+  {
+    const std::scoped_lock lock(mutex_);
+    if (group->left_ == 0) return;
+    unwanted = queue_.take_if([&](const auto& task) {
+      if (task->runs && !task->is_shared()) return false;
+      group->left_ -= std::erase(task->groups, group);
+      return !task->runs && task->groups.empty();
+    });
+    for (const auto& task : unwanted) shared_.erase(task->errand.key);
+    if (group->left_ > 0) return;
+  }
+  group->done_();
+}
+
+void Workers::loop(const Post& post) {
+  tbb::task_arena arena{int(post.threads)};
+  const auto may_take = [&](const std::shared_ptr<Task>& task) {
+    return !task->runs && task->errand.seconds <= post.most_seconds;
+  };
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    std::optional<Queue::Turn> turn;
+    changed_.wait(lock, [&] { return closing_ || (turn = queue_.next(may_take)); });
+    if (closing_) return;
+    const std::shared_ptr<Task> task = turn->item();
+    task->runs = true;
+    lock.unlock();
+    const auto start = Clock::now();
+    run_in(arena, task->errand.run);
+    lock.lock();
+    queue_.charge(*turn, std::chrono::duration<double>(Clock::now() - start).count());
+    (void)queue_.pop(*turn);
+    if (task->is_shared()) shared_.erase(task->errand.key);
+    auto done = std::move(task->groups);
+    std::erase_if(done, [](const auto& group) { return --group->left_ > 0; });
+    lock.unlock();
+    task->errand.run = nullptr;  // what it holds goes before the others go on
+    task->owner.reset();
+    for (const auto& group : done) group->done_();
+    lock.lock();
+  }
+}
+
+}  // namespace heliograph

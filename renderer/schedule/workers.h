@@ -1,0 +1,76 @@
+// Threads beside the devices': derived data of scenes, and what is made of finished pictures. Used
+// by the engine.
+#pragma once
+
+#include <condition_variable>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+#include "renderer/device/errand.h"
+#include "renderer/schedule/fair_queue.h"
+
+namespace heliograph {
+
+/// Does errands, by tenants in turn (fair_queue.h). Long ones never have all of its threads: one
+/// thread does only what is short, so that it waits for nothing that is not.
+///
+/// Owns: the threads. Thread: any. Errands do not throw.
+class Workers {
+ public:
+  struct Options {
+    u32 threads = 0;      // that the parts of one errand may have; 0: as many as there are cores
+    double credit = 0.5;  // FairQueue
+    double turn = 0.05;   // the same
+  };
+  /// Errands that somebody waits for.
+  class Group {
+   public:
+    /// done   called once, by the thread that finds all done
+    explicit Group(std::function<void()> done) : done_(std::move(done)) {}
+
+   private:
+    friend Workers;
+    const std::function<void()> done_;
+    std::size_t left_ = 0;  // by Workers::mutex_
+  };
+
+  explicit Workers(const Options& options);
+  ~Workers();  // ends after the errands that run; what waits is dropped and told to nobody
+
+  /// owner   lives until the errands have run
+  void run(const std::shared_ptr<Group>& group, const Origin& origin, std::vector<Errand> errands,
+           const std::shared_ptr<const void>& owner);
+  /// Waits no more for what has not begun, nor for what others may want too; done() may be called
+  /// from here.
+  void abandon(const std::shared_ptr<Group>& group);
+
+ private:
+  struct Task {
+    Errand errand;
+    std::shared_ptr<const void> owner;
+    std::vector<std::shared_ptr<Group>> groups;
+    bool runs = false;
+    [[nodiscard]] bool is_shared() const { return errand.key != decltype(errand.key){}; }
+  };
+  using Queue = FairQueue<std::shared_ptr<Task>>;
+  /// What a thread takes, and with how many.
+  struct Post {
+    double most_seconds;
+    u32 threads;
+  };
+  [[nodiscard]] static std::vector<Post> posts(u32 threads);
+  void loop(const Post& post);
+  [[nodiscard]] bool join(const std::shared_ptr<Group>& group, const Errand& errand);
+
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  Queue queue_;
+  std::map<decltype(Errand::key), std::shared_ptr<Task>> shared_;  // that wait or run
+  bool closing_ = false;
+  std::vector<std::jthread> threads_;
+};
+
+}  // namespace heliograph
