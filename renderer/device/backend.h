@@ -66,15 +66,24 @@ struct FilmPart {
   std::vector<std::byte> sums;
 };
 
+/// Jobs that wait for a device. Thread: any.
+struct WaitingJobs {
+  std::atomic<u32> all = 0;
+  std::atomic<u32> fresh = 0;  // those that no device had yet: they may be short
+};
+
 /// How long a job has a device.
 struct Slice {
-  TimePoint end;                              // where somebody waits
-  TimePoint last;                             // where nobody does
-  const std::atomic<u32>* waiting = nullptr;  // jobs; null: there may always be some
+  TimePoint soon;                        // where a fresh job waits
+  TimePoint end;                         // where another one waits
+  TimePoint last;                        // where nobody does
+  const WaitingJobs* waiting = nullptr;  // null: there may always be some that are not fresh
 
   /// As it looks now.
   [[nodiscard]] TimePoint ends() const {
-    return waiting && waiting->load(std::memory_order_relaxed) == 0 ? last : end;
+    if (!waiting) return end;
+    if (waiting->fresh.load(std::memory_order_relaxed) > 0) return soon;
+    return waiting->all.load(std::memory_order_relaxed) > 0 ? end : last;
   }
   [[nodiscard]] bool is_over() const { return std::chrono::steady_clock::now() >= ends(); }
 };
@@ -182,6 +191,16 @@ class Backend {
   /// Null where the device's memory is the host's, and on_device means nothing.
   [[nodiscard]] virtual std::shared_ptr<SharedMemorySource> shared_memory() const {
     return nullptr;
+  }
+  /// Whether the two below may be called. They make the same by the threads of the caller's arena.
+  /// Thread: any.
+  [[nodiscard]] virtual bool finishes_elsewhere() const { return false; }
+  [[nodiscard]] virtual Expected<std::vector<std::vector<Column>>> labels_elsewhere(
+      Film& film, const Interrupt& interrupt) {
+    return labels(film, interrupt);
+  }
+  [[nodiscard]] virtual Expected<std::vector<PlaneData>> resolve_elsewhere(Film& film) {
+    return resolve(film);
   }
   /// From the variance of a film of one picture, which its job asked for (measures_noise); needs 2
   /// samples a pixel.

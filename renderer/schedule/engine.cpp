@@ -101,7 +101,10 @@ class Engine::Impl final : public Others {
   void push(std::unique_ptr<Work> work);  // under mutex_
   void send_away(u32 index, const Queue::Turn& turn, std::vector<Errand> errands);
   void come_back(std::list<Away>::iterator away);
-  void count_waiting();  // under mutex_
+  void count_waiting();                  // under mutex_
+  void forget_fresh(const Work& work) {  // under mutex_
+    if (!work.begun) --waiting_.fresh;
+  }
   [[nodiscard]] std::optional<Queue::Turn> next(u32 index);
   [[nodiscard]] bool may_take(u32 index, const Work& work) const;  // under mutex_
   std::unique_ptr<Work> account(u32 index, const Queue::Turn& turn, double cost, bool is_done);
@@ -125,7 +128,7 @@ class Engine::Impl final : public Others {
   std::vector<DeviceThread> devices_;
   Queue ready_{options_.credit, options_.turn};
   std::list<Away> away_;
-  std::atomic<u32> waiting_ = 0;  // of the ready ones, those that do not run
+  WaitingJobs waiting_;
   double seconds_a_job_ = 0;
   u32 losses_ = 0;
   std::string lost_because_;
@@ -137,12 +140,13 @@ void Engine::Impl::push(std::unique_ptr<Work> work) {
   const Origin origin = work->origin();
   const bool is_short = work->is_short(), is_back = work->begun.has_value();
   ready_.push(origin, is_short, std::move(work), is_back);
+  if (!is_back) ++waiting_.fresh;
   count_waiting();
 }
 
 void Engine::Impl::count_waiting() {
   const auto runs = [](const DeviceThread& device) { return device.step_began.has_value(); };
-  waiting_ = u32(ready_.size()) - u32(std::ranges::count_if(devices_, runs));
+  waiting_.all = u32(ready_.size()) - u32(std::ranges::count_if(devices_, runs));
 }
 
 void Engine::Impl::device_loop(u32 index) {
@@ -237,6 +241,7 @@ std::optional<Queue::Turn> Engine::Impl::next(u32 index) {
     if (!turn) continue;
     Work& work = *turn->item();
     device.step_began = Clock::now();
+    forget_fresh(work);
     if (!work.begun) work.begun = device.step_began;
     work.place = index;
     work.runs = true;
@@ -320,6 +325,7 @@ void Engine::Impl::refuse_interrupted(u32 index) {
   {
     const std::scoped_lock lock(mutex_);
     interrupted = ready_.take_if(is_interrupted);
+    for (const auto& work : interrupted) forget_fresh(*work);
     for (const Away& away : away_)
       if (away.work->interrupt().requested()) unwanted.push_back(away.errands);
   }

@@ -20,12 +20,18 @@ namespace {
 /// Slices that one is as long as where nobody waits: a CPU's threads wait for each other at its
 /// end.
 constexpr double kAlone = 10;
+/// The share of a slice after which a fresh job comes in.
+constexpr double kSoon = 0.2;
 /// Of the device: many jobs that take turns report no more than one alone would.
 constexpr auto kReportEvery = std::chrono::milliseconds(100);
 
 // Seconds of a core, about: they decide where work is done.
 constexpr double kOfWorld = 2e-5;      // to find what it needs
 constexpr double kOfPostPixel = 3e-7;  // of a plane that is made of others
+constexpr double kOfByte = 5e-10;      // of a plane
+constexpr double kOfLabelPixel = 2e-8;
+constexpr double kOfAmodalPixel = 2e-7;
+constexpr double kWorthLeaving = 2e-3;  // going to a worker and back costs a twentieth of it
 
 double seconds(std::chrono::steady_clock::duration d) {
   return std::chrono::duration<double>(d).count();
@@ -35,6 +41,20 @@ double post_seconds(const RenderJob& job, u32 camera) {
   const uvec2 size = rendered_size(job, job.cameras[camera]);
   const auto is_post = [](Plane plane) { return plane_info(plane).fold == kernels::Fold::kPost; };
   return kOfPostPixel * size.x * size.y * double(std::ranges::count_if(job.planes, is_post));
+}
+
+double label_seconds(const RenderJob& job, u32 camera) {
+  const uvec2 size = rendered_size(job, job.cameras[camera]);
+  const bool is_amodal = job.labels.amodal || job.labels.amodal_masks;
+  return (is_amodal ? kOfAmodalPixel : kOfLabelPixel) * size.x * size.y;
+}
+
+double resolve_seconds(const RenderJob& job, u32 camera) {
+  const uvec2 size = rendered_size(job, job.cameras[camera]);
+  double bytes = 0;
+  for (const Plane plane : film_planes(job))
+    bytes += plane_info(plane).channels * double(size_of(plane_info(plane).dtype));
+  return kOfByte * bytes * size.x * size.y;
 }
 
 bool power_of_two(u32 x) { return (x & (x - 1)) == 0; }
@@ -72,13 +92,17 @@ bool Runner::Pause::await_ready() const {
          runner.context_.interrupt.requested();
 }
 
+bool Runner::is_worth_leaving(double seconds) const {
+  return seconds > kWorthLeaving && context_.backend.finishes_elsewhere();
+}
+
 double Runner::in_slice() const { return seconds(Clock::now() - resumed_); }
 
 Slice Runner::slice() const {
   const auto end_of = [this](double length) {
     return resumed_ + std::chrono::duration_cast<Clock::duration>(length * context_.slice);
   };
-  return {end_of(1), end_of(kAlone), context_.waiting};
+  return {end_of(kSoon), end_of(1), end_of(kAlone), context_.waiting};
 }
 
 double Runner::slice_left() const { return seconds(slice().ends() - Clock::now()); }
@@ -200,7 +224,19 @@ Status Runner::choose_denoiser(Frame& frame) {
 
 Steps Runner::label(Film& film) {
   HELIO_CO_TRY(co_await pause());
-  auto labels = context_.backend.labels(film, context_.interrupt);
+  Expected<std::vector<std::vector<Column>>> labels;
+  const double cost = label_seconds(*job_, begun_.shots.front().camera);
+  if (is_worth_leaving(cost)) {
+    std::vector<Errand> label;
+    label.push_back({.seconds = cost, .run = [&] {
+                       labels = guard([&] {
+                         return context_.backend.labels_elsewhere(film, context_.interrupt);
+                       });
+                     }});
+    HELIO_CO_TRY(co_await elsewhere(std::move(label)));
+  } else {
+    labels = context_.backend.labels(film, context_.interrupt);
+  }
   if (!labels) co_return std::unexpected(std::move(labels).error());
   for (std::size_t i = 0; i < labels->size(); ++i)
     begun_.frames[i].labels = std::move((*labels)[i]);
@@ -362,17 +398,22 @@ Expected<std::vector<PlaneData>> Runner::finish(const Shot& shot, std::vector<Pl
 
 /// What is of the whole film is told of its first picture.
 Steps Runner::emit(Film& film, bool final) {
-  auto made = context_.backend.resolve(film);
-  if (!made) co_return std::unexpected(std::move(made).error());
+  const Shot& shot = begun_.shots.front();
+  const double cost = resolve_seconds(*job_, shot.camera), post = post_seconds(*job_, shot.camera);
+  const bool leaves = is_worth_leaving(cost);
   Expected<std::vector<PlaneData>> planes;
+  if (!leaves) planes = context_.backend.resolve(film);
+  if (!planes) co_return std::unexpected(std::move(planes).error());
   const auto finish_all = [&] {
-    planes = guard([&] { return finish(begun_.shots.front(), *std::move(made)); });
+    planes = guard([&]() -> Expected<std::vector<PlaneData>> {
+      if (leaves) planes = context_.backend.resolve_elsewhere(film);
+      return planes ? finish(shot, *std::move(planes)) : std::move(planes);
+    });
   };
-  if (wants_post(*job_)) {
-    std::vector<Errand> post;
-    post.push_back(
-        {.seconds = post_seconds(*job_, begun_.shots.front().camera), .run = finish_all});
-    HELIO_CO_TRY(co_await elsewhere(std::move(post)));
+  if (leaves || wants_post(*job_)) {
+    std::vector<Errand> errands;
+    errands.push_back({.seconds = post + (leaves ? cost : 0), .run = finish_all});
+    HELIO_CO_TRY(co_await elsewhere(std::move(errands)));
   } else {
     finish_all();
   }

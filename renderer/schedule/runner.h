@@ -26,10 +26,10 @@ struct RunnerContext {
   Denoiser& denoiser;
   JobSink* sink;  // null: of a helper
   const Interrupt& interrupt;
-  std::chrono::duration<double> slice;        // between two pauses, where somebody waits
-  const std::atomic<u32>* waiting = nullptr;  // Slice::waiting
-  Others* others = nullptr;                   // null: there are none
-  u64 spread_samples = ~u64(0);               // EngineOptions::spread_samples
+  std::chrono::duration<double> slice;   // between two pauses, where somebody waits
+  const WaitingJobs* waiting = nullptr;  // Slice::waiting
+  Others* others = nullptr;              // null: there are none
+  u64 spread_samples = ~u64(0);          // EngineOptions::spread_samples
 };
 
 class Runner {
@@ -128,6 +128,8 @@ class Runner {
     errands_ = std::move(errands);
     return {*this};
   }
+  /// Work on a film, here or elsewhere, as Backend::finishes_elsewhere() allows.
+  [[nodiscard]] bool is_worth_leaving(double seconds) const;
   [[nodiscard]] double in_slice() const;  // seconds, so far
   [[nodiscard]] Slice slice() const;
   [[nodiscard]] double slice_left() const;  // seconds

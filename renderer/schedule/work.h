@@ -17,9 +17,9 @@ struct Device {
   Backend& backend;
   Denoiser& denoiser;
   std::chrono::milliseconds slice;
-  const std::atomic<u32>& waiting;  // jobs that do not run
-  Others* others;                   // null: it is the only one
-  u64 spread_samples;               // EngineOptions::spread_samples
+  const WaitingJobs& waiting;
+  Others* others;      // null: it is the only one
+  u64 spread_samples;  // EngineOptions::spread_samples
 };
 
 /// A job or a query. Its owner calls step() until that says that it is done, or refuse() once.

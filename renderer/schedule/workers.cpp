@@ -84,7 +84,7 @@ void Workers::abandon(const std::shared_ptr<Group>& group) {
 }
 
 void Workers::loop(const Post& post) {
-  tbb::task_arena arena{int(post.threads)};
+  tbb::task_arena arena(int(post.threads), 1, tbb::task_arena::priority::low);  // devices go first
   const auto may_take = [&](const std::shared_ptr<Task>& task) {
     return !task->runs && task->errand.seconds <= post.most_seconds;
   };

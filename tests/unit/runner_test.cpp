@@ -115,13 +115,16 @@ TEST_CASE("runner: who comes while a job runs waits for less than a slice, cheap
 TEST_CASE("runner: a slice ends where somebody waits, and later where nobody does") {
   const auto now = std::chrono::steady_clock::now();
   const TimePoint past = now - std::chrono::hours(1), future = now + std::chrono::hours(1);
-  std::atomic<u32> waiting = 0;
-  CHECK_FALSE(Slice{past, future, &waiting}.is_over());
-  CHECK(Slice{past, past, &waiting}.is_over());
-  waiting = 1;
-  CHECK(Slice{past, future, &waiting}.is_over());
-  CHECK_FALSE(Slice{future, future, &waiting}.is_over());
-  CHECK(Slice{past, future}.is_over());
+  WaitingJobs waiting;
+  CHECK_FALSE(Slice{past, past, future, &waiting}.is_over());
+  CHECK(Slice{past, past, past, &waiting}.is_over());
+  waiting.all = 1;
+  CHECK(Slice{past, past, future, &waiting}.is_over());
+  CHECK_FALSE(Slice{past, future, future, &waiting}.is_over());
+  waiting.fresh = 1;
+  CHECK(Slice{past, future, future, &waiting}.is_over());
+  CHECK_FALSE(Slice{future, future, future, &waiting}.is_over());
+  CHECK(Slice{future, past, future}.is_over());
 }
 
 TEST_CASE("runner: jobs that take turns tell their progress no more often than one alone") {

@@ -57,7 +57,8 @@ class CudaBackend final : public Backend {
         cache_(options.cache_bytes),
         accelerator_(options.static_triangles),
         store_(accelerator_, cache_, options.cache_bytes),
-        arena_(options.threads ? int(options.threads) : tbb::task_arena::automatic) {
+        arena_(options.threads ? int(options.threads) : tbb::task_arena::automatic, 1,
+               tbb::task_arena::priority::high) {
     if (exports_) exports_->set_takes(takes, twins_);
     const std::weak_ptr<ExportSource> shared = exports_;
     context_->budget().set_give_up(

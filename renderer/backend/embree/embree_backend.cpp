@@ -93,7 +93,8 @@ class EmbreeBackend final : public Backend {
         accelerator_(device_.get(), options.static_triangles),
         store_(accelerator_, cache_, options.cache_bytes),
         loops_(best_pixel_loops()),
-        arena_(options.threads ? int(options.threads) : tbb::task_arena::automatic) {}
+        arena_(options.threads ? int(options.threads) : tbb::task_arena::automatic, 1,
+               tbb::task_arena::priority::high) {}
 
   [[nodiscard]] std::string_view name() const override { return "embree"; }
   [[nodiscard]] std::string cpu_features() const override;
@@ -126,6 +127,10 @@ class EmbreeBackend final : public Backend {
   [[nodiscard]] Expected<std::vector<std::vector<Column>>> labels(
       Film& film, const Interrupt& interrupt) override;
   [[nodiscard]] Expected<std::vector<PlaneData>> resolve(Film& film) override;
+  [[nodiscard]] bool finishes_elsewhere() const override { return true; }
+  [[nodiscard]] Expected<std::vector<std::vector<Column>>> labels_elsewhere(
+      Film& film, const Interrupt& interrupt) override;
+  [[nodiscard]] Expected<std::vector<PlaneData>> resolve_elsewhere(Film& film) override;
   [[nodiscard]] Noise noise(const Film& film) override;
   [[nodiscard]] Expected<QueryResult> query(const QueryJob& job,
                                             const Interrupt& interrupt) override;
@@ -202,18 +207,24 @@ Expected<bool> EmbreeBackend::probe(Film& film, const Slice& slice, const Interr
 
 Expected<std::vector<std::vector<Column>>> EmbreeBackend::labels(Film& film,
                                                                  const Interrupt& interrupt) {
+  return run_in(arena_, [&] { return labels_elsewhere(film, interrupt); });
+}
+
+Expected<std::vector<std::vector<Column>>> EmbreeBackend::labels_elsewhere(
+    Film& film, const Interrupt& interrupt) {
   const auto& own = static_cast<const host::HostFilm&>(film);
-  auto labels = run_in(arena_, [&] {
-    const FlushDenormals flush;
-    return host::labels(own, rays_of(own.still().scene), interrupt);
-  });
+  const FlushDenormals flush;
+  auto labels = host::labels(own, rays_of(own.still().scene), interrupt);
   if (!labels) return std::unexpected(std::move(labels).error());
   return std::vector(1, *std::move(labels));
 }
 
 Expected<std::vector<PlaneData>> EmbreeBackend::resolve(Film& film) {
-  const auto& own = static_cast<const host::HostFilm&>(film);
-  return run_in(arena_, [&] { return own.resolve(); });
+  return run_in(arena_, [&] { return resolve_elsewhere(film); });
+}
+
+Expected<std::vector<PlaneData>> EmbreeBackend::resolve_elsewhere(Film& film) {
+  return static_cast<const host::HostFilm&>(film).resolve();
 }
 
 Noise EmbreeBackend::noise(const Film& film) {
