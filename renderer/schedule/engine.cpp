@@ -29,6 +29,12 @@ constexpr std::ptrdiff_t kMostAway = 8;
 
 using Queue = FairQueue<std::unique_ptr<Work>>;
 
+u64 sum_of(const std::vector<std::shared_ptr<Backend>>& backends, u64 (Backend::*of)() const) {
+  u64 sum = 0;
+  for (const auto& backend : backends) sum += (*backend.*of)();
+  return sum;
+}
+
 }  // namespace
 
 /// Owns: the backends, a thread for each, and the workers. Locks: mutex_, never across a call out.
@@ -101,10 +107,8 @@ class Engine::Impl final : public Others {
   void push(std::unique_ptr<Work> work);  // under mutex_
   void send_away(u32 index, const Queue::Turn& turn, std::vector<Errand> errands);
   void come_back(std::list<Away>::iterator away);
-  void count_waiting();                  // under mutex_
-  void forget_fresh(const Work& work) {  // under mutex_
-    if (!work.begun) --waiting_.fresh;
-  }
+  void count_waiting();                                                          // under mutex_
+  void forget_fresh(const Work& work) { waiting_.fresh -= work.begun ? 0 : 1; }  // under mutex_
   [[nodiscard]] std::optional<Queue::Turn> next(u32 index);
   [[nodiscard]] bool may_take(u32 index, const Work& work) const;  // under mutex_
   std::unique_ptr<Work> account(u32 index, const Queue::Turn& turn, double cost, bool is_done);
@@ -373,21 +377,11 @@ void Engine::submit(std::shared_ptr<const QueryJob> query,
 std::string_view Engine::backend_name() const { return impl_->backends().front()->name(); }
 std::string Engine::cpu_features() const { return impl_->backends().front()->cpu_features(); }
 u32 Engine::devices() const { return u32(impl_->backends().size()); }
-u64 Engine::derived_bytes() const {
-  u64 bytes = 0;
-  for (const auto& backend : impl_->backends()) bytes += backend->derived_bytes();
-  return bytes;
-}
+u64 Engine::derived_bytes() const { return sum_of(impl_->backends(), &Backend::derived_bytes); }
 u64 Engine::scenes_made_again() const {
-  u64 scenes = 0;
-  for (const auto& backend : impl_->backends()) scenes += backend->scenes_made_again();
-  return scenes;
+  return sum_of(impl_->backends(), &Backend::scenes_made_again);
 }
-u64 Engine::uploaded_bytes() const {
-  u64 bytes = 0;
-  for (const auto& backend : impl_->backends()) bytes += backend->uploaded_bytes();
-  return bytes;
-}
+u64 Engine::uploaded_bytes() const { return sum_of(impl_->backends(), &Backend::uploaded_bytes); }
 MemoryUse Engine::memory() const {
   MemoryUse all;
   for (const auto& backend : impl_->backends()) {
