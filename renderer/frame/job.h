@@ -41,6 +41,7 @@ struct Origin {
   u64 tenant = 0;
   double weight = 1;  // of the tenant
   u64 session = 0;
+  u64 scene = 0;
   i32 priority = 0;  // among the tenant's work a higher one goes first
 };
 

@@ -15,11 +15,11 @@
 namespace heliograph {
 
 /// Work that waits or runs, in a tree of shares: tenants, in each its lanes, in each its sessions,
-/// in each a line. Start-time fair queuing (Goyal, Vin and Cheng 1996) at each level: the child
-/// that used least for its weight goes first, and one that comes back after it had nothing to do
-/// starts where the others are, less `credit`. So who asks for less than its share is served at
-/// once, and nobody saves up more than the credit. Among equals the one that was served goes on
-/// until it is a `turn` ahead: what it works on is in the caches.
+/// in each its scenes, in each a line. Start-time fair queuing (Goyal, Vin and Cheng 1996) at each
+/// level: the child that used least for its weight goes first, and one that comes back after it had
+/// nothing to do starts where the others are, less `credit`. So who asks for less than its share is
+/// served at once, and nobody saves up more than the credit. Among equals the one that was served
+/// goes on until it is a `turn` ahead: what it works on is in the caches.
 ///
 /// A lane is a priority, and whether the work is short (labels, queries): a higher priority goes
 /// first always; short work shares evenly with long work, whatever the number of long jobs.
@@ -45,14 +45,15 @@ class FairQueue {
   /// Seconds of the device.
   FairQueue(double credit, double turn) : credit_(credit), turn_(turn) {}
 
-  /// first   before what its session has: it was here before
+  /// first   before what its scene has: it was here before
   void push(const Origin& origin, bool is_short, T item, bool first = false) {
     Share* tenant = child(root_, origin.tenant);
     tenant->weight = origin.weight;
     Share* lane = child(*tenant, lane_key(origin.priority, is_short));
     lane->rank = origin.priority;
-    Share* line = child(*lane, origin.session);
-    for (Share* share : {tenant, lane, line}) {
+    Share* session = child(*lane, origin.session);
+    Share* line = child(*session, origin.scene);
+    for (Share* share : {tenant, lane, session, line}) {
       if (share->count == 0) share->used = std::max(share->used, share->parent->reached - credit_);
       ++share->count;
     }

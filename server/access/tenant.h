@@ -39,8 +39,9 @@ class Tenant {
   BlobStore blobs;
   AssetStore assets;
 
-  [[nodiscard]] Origin origin(u64 session, i32 priority = 0) const {
-    return {.tenant = id, .weight = weight_, .session = session, .priority = priority};
+  [[nodiscard]] Origin origin(u64 session, u64 scene, i32 priority = 0) const {
+    return {
+        .tenant = id, .weight = weight_, .session = session, .scene = scene, .priority = priority};
   }
   /// Its share of the device against other tenants'.
   [[nodiscard]] double weight() const { return weight_; }

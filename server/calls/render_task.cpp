@@ -85,7 +85,7 @@ Expected<std::shared_ptr<RenderJob>> make_job(Daemon& daemon, Session& session,
     job->worlds = std::make_shared<const Worlds>(*std::move(worlds));
   }
   HELIO_TRY(check_size(*job, limits.frame_bytes));
-  job->origin = session.tenant()->origin(session.id(), job->origin.priority);
+  job->origin = session.tenant()->origin(session.id(), job->scene, job->origin.priority);
   return std::make_shared<RenderJob>(std::move(*job));
 }
 

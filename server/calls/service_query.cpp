@@ -21,7 +21,7 @@ void start_query(Daemon& daemon, UnaryCall& call, const Request& request, Reply&
   daemon.note_revision(call.context(), (*snapshot)->revision);
   auto job = to_job(*snapshot, session.holdings());
   if (!job) return call.finish(std::unexpected(job.error()));
-  job->origin = session.tenant()->origin(session.id());
+  job->origin = session.tenant()->origin(session.id(), request.scene());
   const auto engine = daemon.engine->wait();
   if (!engine) return call.finish(std::unexpected(engine.error()));
   if (auto room = check_queue(**engine, daemon.config.limits.jobs); !room) return call.finish(room);

@@ -96,19 +96,24 @@ def neighbours(client, report):
     for bring in (bring_mesh, bring_dome, bring_texture, bring_sensor):
         name = bring.__name__.removeprefix("bring_")
         with hg.connect(client.address) as other:
-            work = bring(common.stage(other, 64, 64))
-            quiet = alone(scene, common.size(5, 0.5))
-            theirs, took = beside(scene, work)
-        fair = 2 * common.percentile(quiet, 0.99)
-        late = common.percentile(took, 0.99)
-        print(f"    {name}, {1000 * theirs:.0f} ms: alone p99 {500 * fair:.1f} ms,", end=" ")
-        print(f"beside it {1000 * late:.1f} ms ({len(took)})")
-        share = max(took) / max(theirs, QUIET * fair)
-        report.figure(f"{name}: longest frame, share of its time", share, 0.5, slack=False)
-        if not common.SHORT:
-            report.figure(f"{name}: p99 over fair share's time", late / fair, 1.5)
+            judge(report, name, scene, bring(common.stage(other, 64, 64)))
+    own = bring_sensor(common.stage(client, 64, 64))
+    judge(report, "sensor of another scene of the client", scene, own)
     report.figure("times not ready", sum(not ready for _, ready in watch.seen), 0, slack=False)
     watch.close()
+
+
+def judge(report, name, scene, work):
+    quiet = alone(scene, common.size(5, 0.5))
+    theirs, took = beside(scene, work)
+    fair = 2 * common.percentile(quiet, 0.99)
+    late = common.percentile(took, 0.99)
+    print(f"    {name}, {1000 * theirs:.0f} ms: alone p99 {500 * fair:.1f} ms,", end=" ")
+    print(f"beside it {1000 * late:.1f} ms ({len(took)})")
+    share = max(took) / max(theirs, QUIET * fair)
+    report.figure(f"{name}: longest frame, share of its time", share, 0.5, slack=False)
+    if not common.SHORT:
+        report.figure(f"{name}: p99 over fair share's time", late / fair, 1.5)
 
 
 def crowd(client, count, static):

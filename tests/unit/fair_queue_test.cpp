@@ -98,6 +98,15 @@ TEST_CASE("fair queue: one line is served in order") {
   CHECK(ended[2] == Approx(0.06));
 }
 
+TEST_CASE("fair queue: scenes of one session share evenly, and none waits for another's end") {
+  Device device;
+  for (const double seconds : {10., 10.}) device.push({.session = 1, .scene = 1}, seconds);
+  device.run(1);
+  device.push({.session = 1, .scene = 2}, 0.02);
+  device.run(0.02);
+  CHECK(device.queue.size() == 2);
+}
+
 TEST_CASE("fair queue: tenants share by weight, whatever the number of their sessions") {
   Device device;
   for (u64 session = 1; session <= 9; ++session) device.push(of(1, session), 100);

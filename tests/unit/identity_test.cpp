@@ -138,7 +138,7 @@ TEST_CASE("tenants: lines give a weight and limits, others have the daemon's") {
                                                      "robots limit tenant_edits_per_second 9\n"));
   const TenantPtr robots = *tenants.of({.token = kToken}), ops = *tenants.of({.is_local = true});
   CHECK(robots->weight() == 2.5);
-  CHECK(robots->origin(3).weight == 2.5);
+  CHECK(robots->origin(3, 1).weight == 2.5);
   CHECK(robots->limits().at("tenant_jobs") == 7);
   CHECK(robots->limits().at("tenant_edits_per_second") == 9);
   CHECK(robots->limits().at("tenant_bytes") == limits.tenant_bytes);
