@@ -1,12 +1,21 @@
-"""What one client brings holds up no other: frames of a small client alone, and beside a neighbour
-that brings a mesh of 5 million triangles, a dome of 8k, textures of 4k or sensor frames of 1080p;
-the daemon is ready throughout. And 100 scenes in turn cost what one does, while they have room."""
+"""What one client brings holds up no other: frames of a small client alone, and beside a process
+that brings and renders a mesh of 5 million triangles, a dome of 8k, a volume of 1 GB, textures of
+4k, sensor frames of 1080p or 60 pictures of 25 Mpixel to decode; the daemon is ready throughout.
+And 100 scenes in turn cost what one does, while they have room.
 
-import threading
+usage: neighbours.py [--short], or by itself: neighbours.py --bring NAME ADDRESS [--short]
+"""
+
+import concurrent.futures
+import pathlib
+import subprocess
+import sys
+import tempfile
 import time
 import urllib.request
 
 import common
+import decodes
 import health
 import heliograph as hg
 import numpy as np
@@ -14,42 +23,54 @@ import served
 
 MESH = common.size(1600, 500)  # vertices along a side
 DOME = common.size(4096, 1024)  # rows
+VOXELS = common.size(640, 128)  # along a side
 TEXTURE = 4096
 SENSOR = (1920, 1080) if not common.SHORT else (800, 600)
+FRAMES = common.size(10, 2)  # with the sensor
+PICTURES = common.size(60, 4)
+SIDE = common.size(5000, 1500)  # pixels of a picture, each way
 SCENES = common.size(100, 12)
 QUIET = 20  # frames' time within which nobody can tell a wait from noise
 
 
-def grid(n):
-    """A height field of 2 (n - 1)^2 triangles."""
+def bring_mesh(scene):
+    n = MESH
     x, y = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
     z = np.random.default_rng(1).random((n, n))
     a = (x[:-1, :-1] * n + y[:-1, :-1]).ravel()
     two = [np.stack([a, a + n, a + 1], -1), np.stack([a + 1, a + n, a + n + 1], -1)]
     positions = np.stack([x, y, z], -1).reshape(-1, 3).astype("f4")
-    return {"positions": positions, "indices": np.concatenate(two).astype("u4")}
-
-
-def bring_mesh(scene):
-    field = grid(MESH)
+    yield
     with scene.edit() as edit:
-        edit.entity("field", mesh=edit.mesh("terrain", **field))
-    return lambda: scene.render("cam", spp=1, planes=["beauty"], labels=False)
+        indices = np.concatenate(two).astype("u4")
+        edit.entity("field", mesh=edit.mesh("field", positions=positions, indices=indices))
+    scene.render("cam", spp=1, planes=["beauty"], labels=False)
 
 
 def bring_dome(scene):
     sky = np.random.default_rng(0).random((DOME, 2 * DOME, 3)).astype("f2")
+    yield
     with scene.edit() as edit:
         edit.dome(sky)
-    return lambda: scene.render("cam", spp=1, planes=["beauty"], labels=False)
+    scene.render("cam", spp=1, planes=["beauty"], labels=False)
+
+
+def bring_volume(scene):
+    smoke = np.random.default_rng(0).random((VOXELS,) * 3, dtype="f4")
+    yield
+    with scene.edit() as edit:
+        volume = edit.volume("smoke", density=smoke, voxel_size=1 / VOXELS)
+        edit.entity("cloud", volume=volume)
+    scene.render("cam", spp=1, planes=["beauty"], labels=False)
 
 
 def bring_texture(scene):
     image = np.random.default_rng(0).integers(0, 255, (TEXTURE, TEXTURE, 3)).astype("u1")
+    yield
     with scene.edit() as edit:
         edit.material("painted", base_color=edit.texture("picture", image))
         edit.entity("ball", material="painted")
-    return lambda: scene.render("cam", spp=1, planes=["beauty"], labels=False)
+    scene.render("cam", spp=1, planes=["beauty"], labels=False)
 
 
 def bring_sensor(scene):
@@ -57,8 +78,31 @@ def bring_sensor(scene):
     with scene.edit() as edit:
         lens = hg.Camera.from_fov(50, *SENSOR, degrees=True, rgb_sensor=sensor)
         edit.entity("cam", camera=lens)
-    scene.render("cam", spp=1, planes=["beauty"], labels=False)
-    return lambda: scene.render("cam", spp=1, planes=["sensor_rgb"], labels=False)
+    yield
+    for _ in range(FRAMES):
+        scene.render("cam", spp=1, planes=["sensor_rgb"], labels=False)
+
+
+def bring_decodes(scene):
+    with tempfile.TemporaryDirectory() as folder:
+        paths = [pathlib.Path(folder) / f"{i}.png" for i in range(PICTURES)]
+        for i, path in enumerate(paths):
+            path.write_bytes(decodes.picture(SIDE, i))
+        yield
+        with concurrent.futures.ThreadPoolExecutor(PICTURES) as pool:
+            list(pool.map(lambda path: decodes.seconds_of(scene.client, path), paths))
+
+
+def bring(name, address):
+    """Says "ready", and waits for a line before it brings something; then says how long it took."""
+    with hg.connect(address) as client:
+        steps = globals()[f"bring_{name}"](common.stage(client, 64, 64))
+        next(steps)
+        print("ready", flush=True)
+        sys.stdin.readline()
+        start = time.perf_counter()
+        next(steps, None)
+        print(time.perf_counter() - start, flush=True)
 
 
 def small(scene, i):
@@ -77,35 +121,16 @@ def alone(scene, seconds):
     return took
 
 
-def beside(scene, work):
-    """Seconds of a neighbour's frame, and of each frame that began while it was made."""
-    start = time.perf_counter()
-    ends = []
-    neighbour = threading.Thread(target=lambda: (work(), ends.append(time.perf_counter())))
-    neighbour.start()
+def beside(scene, is_done):
+    """Seconds of each frame that began while a neighbour worked."""
     took = []
-    while neighbour.is_alive():
+    while not is_done():
         took.append(small(scene, len(took)))
-    neighbour.join()
-    return ends[0] - start, took
+    return took
 
 
-def neighbours(client, report):
-    scene = common.stage(client, 64, 64)
-    watch = health.Health(client).watch()
-    for bring in (bring_mesh, bring_dome, bring_texture, bring_sensor):
-        name = bring.__name__.removeprefix("bring_")
-        with hg.connect(client.address) as other:
-            judge(report, name, scene, bring(common.stage(other, 64, 64)))
-    own = bring_sensor(common.stage(client, 64, 64))
-    judge(report, "sensor of another scene of the client", scene, own)
-    report.figure("times not ready", sum(not ready for _, ready in watch.seen), 0, slack=False)
-    watch.close()
-
-
-def judge(report, name, scene, work):
-    quiet = alone(scene, common.size(5, 0.5))
-    theirs, took = beside(scene, work)
+def judge(report, name, times):
+    quiet, theirs, took = times
     fair = 2 * common.percentile(quiet, 0.99)
     late = common.percentile(took, 0.99)
     print(f"    {name}, {1000 * theirs:.0f} ms: alone p99 {500 * fair:.1f} ms,", end=" ")
@@ -114,6 +139,42 @@ def judge(report, name, scene, work):
     report.figure(f"{name}: longest frame, share of its time", share, 0.5, slack=False)
     if not common.SHORT:
         report.figure(f"{name}: p99 over fair share's time", late / fair, 1.5)
+
+
+def beside_a_process(scene, name, address):
+    program = [sys.executable, __file__, *sys.argv[1:], "--bring", name, address]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(program, stdin=pipe, stdout=pipe, text=True) as neighbour:
+        if neighbour.stdout.readline() != "ready\n":
+            raise RuntimeError(f"{name}: the neighbour ended before it was ready")
+        quiet = alone(scene, common.size(5, 0.5))
+        print(file=neighbour.stdin, flush=True)
+        took = beside(scene, lambda: neighbour.poll() is not None)
+        return quiet, float(neighbour.stdout.readline()), took
+
+
+def beside_a_scene(scene, other):
+    """The same client's: its sensor frames in another thread."""
+    steps = bring_sensor(other)
+    next(steps)
+    quiet = alone(scene, common.size(5, 0.5))
+    with concurrent.futures.ThreadPoolExecutor(1) as pool:
+        start = time.perf_counter()
+        work = pool.submit(next, steps, None)
+        took = beside(scene, work.done)
+        work.result()
+        return quiet, time.perf_counter() - start, took
+
+
+def neighbours(client, report):
+    scene = common.stage(client, 64, 64)
+    watch = health.Health(client).watch()
+    for name in ("mesh", "dome", "volume", "texture", "sensor", "decodes"):
+        judge(report, name, beside_a_process(scene, name, client.address))
+    others = beside_a_scene(scene, common.stage(client, 64, 64))
+    judge(report, "sensor of the client's other scene", others)
+    report.figure("times not ready", sum(not ready for _, ready in watch.seen), 0, slack=False)
+    watch.close()
 
 
 def crowd(client, count, static):
@@ -166,6 +227,8 @@ def turns(client, report):
 
 
 def main():
+    if "--bring" in sys.argv:
+        return bring(*sys.argv[sys.argv.index("--bring") + 1 :][:2])
     with common.Report("neighbours") as report:
         with common.daemon() as client:
             neighbours(client, report)
