@@ -237,7 +237,8 @@ kernels::BvhView objects_view(const Placement& placement) {
 }
 
 Expected<std::shared_ptr<const resident::MeshAccelerator>> BvhAccelerator::build(
-    const DeviceMesh& mesh) const {
+    const DeviceMesh& mesh, const Interrupt& interrupt) const {
+  HELIO_TRY(interrupt.status());
   return std::make_shared<BvhMesh>(mesh);
 }
 

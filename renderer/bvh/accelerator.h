@@ -84,7 +84,7 @@ class BvhAccelerator final : public resident::Accelerator {
   explicit BvhAccelerator(u64 static_triangles) : static_trees_(static_triangles) {}
 
   [[nodiscard]] Expected<std::shared_ptr<const resident::MeshAccelerator>> build(
-      const resident::DeviceMesh& mesh) const override;
+      const resident::DeviceMesh& mesh, const Interrupt& interrupt) const override;
   [[nodiscard]] Expected<std::shared_ptr<const resident::SceneAccelerator>> build(
       const Snapshot& snapshot, const resident::Placement& placement, const resident::Kept& kept,
       const Interrupt& interrupt) const override;

@@ -42,9 +42,9 @@ struct Kept {
 class Accelerator {
  public:
   virtual ~Accelerator() = default;
-  /// Fails with RESOURCE_EXHAUSTED.
+  /// Fails with RESOURCE_EXHAUSTED, and as the interrupt says.
   [[nodiscard]] virtual Expected<std::shared_ptr<const MeshAccelerator>> build(
-      const DeviceMesh& mesh) const = 0;
+      const DeviceMesh& mesh, const Interrupt& interrupt) const = 0;
   /// The result does not depend on what was kept. Fails with RESOURCE_EXHAUSTED, and as the
   /// interrupt says.
   [[nodiscard]] virtual Expected<std::shared_ptr<const SceneAccelerator>> build(

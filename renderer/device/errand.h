@@ -5,14 +5,17 @@
 #include <functional>
 #include <vector>
 
-#include "renderer/base/types.h"
+#include "renderer/frame/interrupt.h"
 
 namespace heliograph {
 
 struct Errand {
+  /// The interrupt comes when nobody waits any more.
+  using Run = std::function<void(const Interrupt&)>;
+
   std::array<u64, 7> key{};  // errands of the same key are done once; zeros: it is like no other
   double seconds = 0;        // of a core, about
-  std::function<void()> run;
+  Run run;
 };
 
 /// What is to be made of a scene before a device shows it.

@@ -93,27 +93,29 @@ kernels::MeshView DeviceMesh::view() const {
 
 kernels::Shape DeviceMesh::shape() const { return shape_of(*topology); }
 
-Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::finish(std::shared_ptr<DeviceMesh> mesh) const {
+Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::finish(std::shared_ptr<DeviceMesh> mesh,
+                                                          const Interrupt& interrupt) const {
   const ArrayOf<uvec3>& triangles = mesh->topology->triangles;
   const ArrayOf<vec3>& positions = mesh->positions;
   const DerivedKey key{Derived::kAccelerator,
                        {positions.serial(), triangles.serial(), mesh->topology->vertex_count}};
   auto made = cache_.try_get<MeshAccelerator>(key, {positions.buffer(), triangles.buffer()},
-                                              [&] { return accelerator_.build(*mesh); });
+                                              [&] { return accelerator_.build(*mesh, interrupt); });
   if (!made) return std::unexpected(std::move(made).error());
   mesh->accelerator = *std::move(made);
   mesh->rest = rest_bounds(*mesh, mat3(1));
   return mesh;
 }
 
-Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::build(const Mesh& mesh) const {
+Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::build(const Mesh& mesh,
+                                                         const Interrupt& interrupt) const {
   auto made = std::make_shared<DeviceMesh>();
   made->topology = mesh.topology;
   made->vertices = mesh.vertices;
   made->positions = mesh.vertices->positions;
   made->normals = mesh.vertices->normals;
   made->reshaped = mesh.reshaped;
-  return finish(std::move(made));
+  return finish(std::move(made), interrupt);
 }
 
 Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::build(const Mesh& mesh,
@@ -138,7 +140,7 @@ Expected<std::shared_ptr<DeviceMesh>> MeshBuilder::build(const Mesh& mesh,
   made->positions = kept->positions;
   made->normals = kept->normals;
   made->segments = deformed.segments;
-  return finish(std::move(made));
+  return finish(std::move(made), {});
 }
 
 DerivedKey MeshBuilder::key_of(const Mesh& mesh) {

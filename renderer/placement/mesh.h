@@ -43,7 +43,8 @@ class MeshBuilder {
       : accelerator_(accelerator), cache_(cache) {}
 
   /// A mesh as its own first key shows it.
-  [[nodiscard]] Expected<std::shared_ptr<DeviceMesh>> build(const Mesh& mesh) const;
+  [[nodiscard]] Expected<std::shared_ptr<DeviceMesh>> build(const Mesh& mesh,
+                                                            const Interrupt& interrupt = {}) const;
   /// The same with other vertices.
   [[nodiscard]] Expected<std::shared_ptr<DeviceMesh>> build(const Mesh& mesh,
                                                             DeformedKeys deformed) const;
@@ -56,8 +57,8 @@ class MeshBuilder {
 
  private:
   /// Gives a mesh what depends on its vertices.
-  [[nodiscard]] Expected<std::shared_ptr<DeviceMesh>> finish(
-      std::shared_ptr<DeviceMesh> mesh) const;
+  [[nodiscard]] Expected<std::shared_ptr<DeviceMesh>> finish(std::shared_ptr<DeviceMesh> mesh,
+                                                             const Interrupt& interrupt) const;
   const Accelerator& accelerator_;
   DerivedCache& cache_;
 };

@@ -42,7 +42,7 @@ class Pieces {
       const u64 triangles = mesh->topology->triangles.size();
       if (triangles == 0 || builder.ready(*mesh)) return;
       add(builder.key_of(*mesh), kOfTriangle * double(triangles),
-          [&builder, mesh] { (void)builder.build(*mesh); });
+          [&builder, mesh](const Interrupt& interrupt) { (void)builder.build(*mesh, interrupt); });
     });
   }
   void add_textures() {
@@ -55,14 +55,18 @@ class Pieces {
     const DerivedKey key = key_of(Derived::kDome, *lit->value);
     if (!cache_.contains(key))
       add(key, kOfTexel * texels(*lit->value),
-          [cache = &cache_, texture = lit->value] { (void)dome_tables(*texture, *cache); });
+          [cache = &cache_, texture = lit->value](const Interrupt&) {
+            (void)dome_tables(*texture, *cache);
+          });
   }
   void add_grids() {
     for_each_new(&Snapshot::volumes, [&](const std::shared_ptr<const Volume>& volume) {
       for (const Grid* grid : grids_of(*volume))
         if (!grid_table_ready(*grid, cache_))
           add(key_of(*grid), kOfVoxel * double(grid->values.size()),
-              [cache = &cache_, volume, grid] { (void)grid_table(*grid, *cache); });
+              [cache = &cache_, volume, grid](const Interrupt&) {
+                (void)grid_table(*grid, *cache);
+              });
     });
   }
   [[nodiscard]] Preparation take() {
@@ -76,7 +80,7 @@ class Pieces {
     now_.textures.for_each([&](u32 index, const Shared<Texture>& row) {
       if (!filtered[index] || !needs_mips(*row.value, cache_)) return;
       add(key_of(Derived::kMips, *row.value), kOfTexel * texels(*row.value),
-          [cache = &cache_, texture = row.value] {
+          [cache = &cache_, texture = row.value](const Interrupt&) {
             (void)mips_of(*texture, view_of(*texture), *cache);
           });
     });
@@ -89,7 +93,7 @@ class Pieces {
       if (rows.alive(index) && rows.at(index).uses > 0) f(rows.at(index).value);
     });
   }
-  void add(const DerivedKey& key, double seconds, std::function<void()> run) {
+  void add(const DerivedKey& key, double seconds, Errand::Run run) {
     Errand errand{.seconds = seconds, .run = std::move(run)};
     errand.key[0] = u64(reinterpret_cast<std::uintptr_t>(&cache_));
     errand.key[1] = u64(key.kind);

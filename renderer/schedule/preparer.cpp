@@ -18,7 +18,7 @@ std::vector<Errand> Preparer::next() {
   }
   if (made_ || *seconds_ < kQuick) return {};
   std::vector<Errand> rest;
-  rest.push_back({.seconds = *seconds_, .run = [this] {
+  rest.push_back({.seconds = *seconds_, .run = [this](const Interrupt&) {
                     made_ = guard([&]() -> Expected<DeviceScenes> {
                       return backend_.prepare_elsewhere({&scene_, 1}, interrupt_);
                     });

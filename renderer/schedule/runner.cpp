@@ -121,7 +121,7 @@ Steps Runner::run_worlds() {
 Steps Runner::make_pieces_of_worlds() {
   std::vector<Errand> pieces;
   std::vector<Errand> find;
-  find.push_back({.seconds = kOfWorld * picture_count(*job_), .run = [&] {
+  find.push_back({.seconds = kOfWorld * picture_count(*job_), .run = [&](const Interrupt&) {
                     for (const auto& snapshot : needed_snapshots(*job_)) {
                       Preparation needed = context_.backend.preparation({snapshot, {}});
                       std::ranges::move(needed.pieces, std::back_inserter(pieces));

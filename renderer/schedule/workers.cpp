@@ -74,13 +74,23 @@ void Workers::abandon(const std::shared_ptr<Group>& group) {
     if (group->left_ == 0) return;
     unwanted = queue_.take_if([&](const auto& task) {
       if (task->runs && !task->is_shared()) return false;
-      group->left_ -= std::erase(task->groups, group);
+      const std::size_t gone = std::erase(task->groups, group);
+      group->left_ -= gone;
+      if (gone > 0 && task->groups.empty()) {
+        forget(task);
+        task->stop.request_stop();
+      }
       return !task->runs && task->groups.empty();
     });
-    for (const auto& task : unwanted) shared_.erase(task->errand.key);
     if (group->left_ > 0) return;
   }
   group->done_();
+}
+
+/// Who wants the same from now on has it done anew.
+void Workers::forget(const std::shared_ptr<Task>& task) {
+  const auto known = shared_.find(task->errand.key);
+  if (known != shared_.end() && known->second == task) shared_.erase(known);
 }
 
 void Workers::loop(const Post& post) {
@@ -97,11 +107,12 @@ void Workers::loop(const Post& post) {
     task->runs = true;
     lock.unlock();
     const auto start = Clock::now();
-    run_in(arena, task->errand.run);
+    const Interrupt interrupt{.stop = task->stop.get_token(), .deadline = {}};
+    run_in(arena, [&] { task->errand.run(interrupt); });
     lock.lock();
     queue_.charge(*turn, std::chrono::duration<double>(Clock::now() - start).count());
     (void)queue_.pop(*turn);
-    if (task->is_shared()) shared_.erase(task->errand.key);
+    forget(task);
     auto done = std::move(task->groups);
     std::erase_if(done, [](const auto& group) { return --group->left_ > 0; });
     lock.unlock();

@@ -43,8 +43,8 @@ class Workers {
   /// owner   lives until the errands have run
   void run(const std::shared_ptr<Group>& group, const Origin& origin, std::vector<Errand> errands,
            const std::shared_ptr<const void>& owner);
-  /// Waits no more for what has not begun, nor for what others may want too; done() may be called
-  /// from here.
+  /// Waits no more for what has not begun, nor for what others may want too, which is interrupted
+  /// where none of them waits either; done() may be called from here.
   void abandon(const std::shared_ptr<Group>& group);
 
  private:
@@ -52,6 +52,7 @@ class Workers {
     Errand errand;
     std::shared_ptr<const void> owner;
     std::vector<std::shared_ptr<Group>> groups;
+    std::stop_source stop{};
     bool runs = false;
     [[nodiscard]] bool is_shared() const { return errand.key != decltype(errand.key){}; }
   };
@@ -63,6 +64,7 @@ class Workers {
   };
   [[nodiscard]] static std::vector<Post> posts(u32 threads);
   void loop(const Post& post);
+  void forget(const std::shared_ptr<Task>& task);  // under mutex_
   [[nodiscard]] bool join(const std::shared_ptr<Group>& group, const Errand& errand);
 
   std::mutex mutex_;

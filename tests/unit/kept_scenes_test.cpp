@@ -141,7 +141,7 @@ TEST_CASE("kept scenes: what a scene needs first is told by asset, and once it i
   CHECK(needed.pieces[0].key != needed.pieces[1].key);
   CHECK(needed.pieces[0].key == store.needs(life.snapshot).pieces[0].key);
   CHECK(needed.seconds > 1e-3);
-  for (const Errand& piece : needed.pieces) piece.run();
+  for (const Errand& piece : needed.pieces) piece.run({});
   CHECK(store.needs(life.snapshot).pieces.empty());
   const u64 derived = store.cache.bytes();
   store(life.snapshot);

@@ -14,8 +14,8 @@ class Asking final : public Accelerator {
  public:
   explicit Asking(DerivedCache& cache) : cache_(cache) {}
   [[nodiscard]] Expected<std::shared_ptr<const MeshAccelerator>> build(
-      const DeviceMesh& mesh) const override {
-    return inner_.build(mesh);
+      const DeviceMesh& mesh, const Interrupt& interrupt) const override {
+    return inner_.build(mesh, interrupt);
   }
   [[nodiscard]] Expected<std::shared_ptr<const SceneAccelerator>> build(
       const Snapshot& snapshot, const Placement& placement, const Kept& kept,

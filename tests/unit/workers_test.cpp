@@ -24,7 +24,9 @@ struct Waiting {
 };
 
 std::vector<Errand> errands(double seconds, std::function<void()> run, u64 key = 0) {
-  return {{.key = {key}, .seconds = seconds, .run = std::move(run)}};
+  return {{.key = {key}, .seconds = seconds, .run = [run = std::move(run)](const Interrupt&) {
+             run();
+           }}};
 }
 
 /// Long work that runs until it is let go.
@@ -86,7 +88,7 @@ TEST_CASE("workers: what several want is done once, and all of them go on") {
   workers.run(a.group, {.tenant = 1}, errands(10, count, 7), nullptr);
   workers.run(b.group, {.tenant = 2}, errands(10, count, 7), nullptr);
   auto two = errands(10, count, 7);
-  two.push_back({.key = {8}, .seconds = 10, .run = count});
+  two.push_back(errands(10, count, 8).front());
   workers.run(twice.group, {.tenant = 3}, std::move(two), nullptr);
   held.end();
   a.done.wait();
@@ -113,6 +115,30 @@ TEST_CASE("workers: who gives up waits for what runs for it alone, and for nothi
   held.end();
   stays.done.wait();
   CHECK_FALSE(is_run);
+}
+
+TEST_CASE("workers: what nobody waits for any more is interrupted, and done anew for who comes") {
+  Workers workers({.threads = 2});
+  Waiting a, b, late;
+  std::promise<void> began;
+  std::promise<bool> ended;
+  const auto until_interrupted = [&](const Interrupt& interrupt) {
+    began.set_value();
+    while (!interrupt.requested()) std::this_thread::yield();
+    ended.set_value(true);
+  };
+  for (const auto& group : {a.group, b.group})
+    workers.run(group, {}, {{.key = {7}, .seconds = 0.1, .run = until_interrupted}}, nullptr);
+  began.get_future().wait();
+  workers.abandon(a.group);
+  auto is_ended = ended.get_future();
+  CHECK(is_ended.wait_for(std::chrono::milliseconds(20)) == std::future_status::timeout);
+  workers.abandon(b.group);
+  is_ended.wait();
+  bool is_made = false;
+  workers.run(late.group, {}, errands(0.1, [&] { is_made = true; }, 7), nullptr);
+  late.done.wait();
+  CHECK(is_made);
 }
 
 TEST_CASE("workers: what waits when they end is dropped, what runs ends") {

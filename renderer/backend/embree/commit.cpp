@@ -1,6 +1,8 @@
 // Builds apart from other tasks, with Embree's progress monitor.
 #include "renderer/backend/embree/commit.h"
 
+#include <string>
+
 #include "renderer/base/parallel.h"
 
 namespace heliograph::embree {
@@ -21,8 +23,9 @@ Status commit(RTCScene scene, RTCDevice device, const Interrupt& interrupt) {
   const RTCError error = rtcGetDeviceError(device);
   HELIO_TRY(interrupt.status());
   if (error != RTC_ERROR_NONE)
-    return fail(Code::kResourceExhausted, "",
-                "Embree could not build the acceleration structure of the scene");
+    return fail(
+        error == RTC_ERROR_OUT_OF_MEMORY ? Code::kResourceExhausted : Code::kInternal, "",
+        "Embree could not build an acceleration structure: error " + std::to_string(int(error)));
   return {};
 }
 

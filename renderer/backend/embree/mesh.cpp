@@ -1,7 +1,6 @@
 #include "renderer/backend/embree/mesh.h"
 
 #include <cstring>
-#include <string>
 
 #include "renderer/backend/embree/commit.h"
 #include "renderer/backend/embree/shape_geometry.h"
@@ -42,19 +41,16 @@ GeometryHandle triangle_geometry(const DeviceMesh& mesh, RTCDevice device) {
 
 }  // namespace
 
-Expected<std::shared_ptr<const EmbreeMesh>> build_mesh(const DeviceMesh& mesh, RTCDevice device) {
+Expected<std::shared_ptr<const EmbreeMesh>> build_mesh(const DeviceMesh& mesh, RTCDevice device,
+                                                       const Interrupt& interrupt) {
   auto made = std::make_shared<EmbreeMesh>();
   made->scene = new_scene(device);
   const GeometryHandle geometry = mesh.shape() == kernels::Shape::kTriangles
                                       ? triangle_geometry(mesh, device)
                                       : shape_geometry(mesh.shape(), device);
   rtcAttachGeometryByID(made->scene.get(), geometry.get(), 0);
-  commit(made->scene.get());
+  HELIO_TRY(commit(made->scene.get(), device, interrupt));
   made->bytes_ = mesh.topology->triangles.size() * kBytesPerTriangle * (mesh.segments > 0 ? 2 : 1);
-  if (const RTCError error = rtcGetDeviceError(device); error != RTC_ERROR_NONE)
-    return fail(error == RTC_ERROR_OUT_OF_MEMORY ? Code::kResourceExhausted : Code::kInternal, "",
-                "Embree could not build a mesh's acceleration structure: error " +
-                    std::to_string(int(error)));
   return made;
 }
 

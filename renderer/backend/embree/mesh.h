@@ -13,9 +13,10 @@ struct EmbreeMesh final : MeshAccelerator {
   [[nodiscard]] Box bounds() const override { return bounds_of(scene.get()); }
 };
 
-/// Fails with RESOURCE_EXHAUSTED. Thread: any.
+/// Fails with RESOURCE_EXHAUSTED, and as the interrupt says. Thread: any.
 [[nodiscard]] Expected<std::shared_ptr<const EmbreeMesh>> build_mesh(const DeviceMesh& mesh,
-                                                                     RTCDevice device);
+                                                                     RTCDevice device,
+                                                                     const Interrupt& interrupt);
 
 /// The scene that a resident mesh has.
 [[nodiscard]] inline RTCScene scene_of(const DeviceMesh& mesh) {

@@ -164,8 +164,8 @@ u64 TopLevel::static_bytes_beside(const SceneAccelerator* other) const {
 }
 
 Expected<std::shared_ptr<const MeshAccelerator>> EmbreeAccelerator::build(
-    const DeviceMesh& mesh) const {
-  return build_mesh(mesh, device_);
+    const DeviceMesh& mesh, const Interrupt& interrupt) const {
+  return build_mesh(mesh, device_, interrupt);
 }
 
 Expected<std::shared_ptr<const SceneAccelerator>> EmbreeAccelerator::build(

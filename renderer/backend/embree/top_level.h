@@ -26,7 +26,7 @@ class EmbreeAccelerator final : public Accelerator {
       : device_(device), static_triangles_(static_triangles) {}
 
   [[nodiscard]] Expected<std::shared_ptr<const MeshAccelerator>> build(
-      const DeviceMesh& mesh) const override;
+      const DeviceMesh& mesh, const Interrupt& interrupt) const override;
   [[nodiscard]] Expected<std::shared_ptr<const SceneAccelerator>> build(
       const Snapshot& snapshot, const Placement& placement, const Kept& kept,
       const Interrupt& interrupt) const override;
