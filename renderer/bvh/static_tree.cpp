@@ -124,13 +124,21 @@ Expected<std::shared_ptr<const StaticGroup>> StaticTrees::group(
 
 Expected<std::shared_ptr<const StaticTree>> StaticTrees::tree(std::vector<StaticMember> members,
                                                               const Interrupt& interrupt) const {
-  const std::scoped_lock lock(mutex_);
-  std::erase_if(known_, [](const auto& tree) { return tree.expired(); });
-  for (const auto& known : known_ | std::views::reverse)
-    if (auto tree = known.lock(); tree && same_members(tree->members, members)) return tree;
-  auto made = run_alone([&] { return build(std::move(members), interrupt); });
-  if (made) known_.push_back(*made);
+  const std::shared_ptr<Slot> slot = slot_of(std::move(members));
+  const std::scoped_lock lock(slot->mutex);
+  if (auto tree = slot->tree.lock()) return tree;
+  auto made = run_alone([&] { return build(slot->members, interrupt); });
+  if (made) slot->tree = *made;
   return made;
+}
+
+std::shared_ptr<StaticTrees::Slot> StaticTrees::slot_of(std::vector<StaticMember> members) const {
+  const std::scoped_lock lock(mutex_);
+  std::erase_if(slots_,
+                [](const auto& slot) { return slot.use_count() == 1 && slot->tree.expired(); });
+  for (const auto& slot : slots_ | std::views::reverse)
+    if (same_members(slot->members, members)) return slot;
+  return slots_.emplace_back(std::make_shared<Slot>(std::move(members)));
 }
 
 }  // namespace heliograph::bvh

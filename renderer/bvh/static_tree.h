@@ -45,8 +45,16 @@ class StaticTrees {
       std::vector<resident::StaticMember> members, const Interrupt& interrupt) const;
 
   const u64 most_triangles_;
+  /// A tree that is there or is being made.
+  struct Slot {
+    const std::vector<resident::StaticMember> members;
+    std::mutex mutex;  // held while it is made
+    std::weak_ptr<const StaticTree> tree;
+  };
+  [[nodiscard]] std::shared_ptr<Slot> slot_of(std::vector<resident::StaticMember> members) const;
+
   mutable std::mutex mutex_;
-  mutable std::vector<std::weak_ptr<const StaticTree>> known_;  // by mutex_
+  mutable std::vector<std::shared_ptr<Slot>> slots_;  // by mutex_
 };
 
 }  // namespace heliograph::bvh

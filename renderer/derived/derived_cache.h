@@ -63,9 +63,11 @@ class DerivedCache {
     return std::static_pointer_cast<const T>(
         insert({key, *made, (*made)->bytes(), std::move(sources)}));
   }
-  /// Drops what nobody else holds, the least recently used first, until the rest takes no more than
-  /// that. The bytes that it takes.
-  u64 shrink(u64 bytes);
+  /// Values to be freed without locks.
+  using Gone = std::vector<std::shared_ptr<const void>>;
+  /// Takes out what nobody else holds, the least recently used first, until the rest takes no more
+  /// than that. The bytes that it takes.
+  u64 shrink(u64 bytes, Gone& gone);
   [[nodiscard]] bool contains(const DerivedKey& key) const;
   [[nodiscard]] u64 bytes() const;
 
@@ -80,9 +82,9 @@ class DerivedCache {
   using Entries = std::list<Entry>;
   Value find(const DerivedKey& key);
   Value insert(Entry entry);
-  void sweep();
-  void evict(u64 limit);
-  Entries::iterator erase(Entries::iterator entry);
+  void sweep(Gone& gone);
+  void evict(u64 limit, Gone& gone);
+  Entries::iterator erase(Entries::iterator entry, Gone& gone);
 
   const u64 limit_;
   mutable std::mutex mutex_;

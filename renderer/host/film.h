@@ -57,7 +57,7 @@ struct PictureOf {
 /// Where planes of the folds kMean and kFilm go, given new_planes().
 [[nodiscard]] std::vector<kernels::PlaneOut> outs(std::vector<PlaneData>& planes);
 
-/// Thread: the device's, but for rays() and add_rays(). Pixels are read by resolve() and noise()
+/// Thread: one at a time, but for rays() and add_rays(). Pixels are read by resolve() and noise()
 /// alone, and may be written by anyone before.
 class HostFilm final : public Film {
  public:

@@ -43,7 +43,7 @@ Expected<std::string> Denoiser::name() {
 
 Status Denoiser::denoise(const DenoiseTask& task, const Interrupt& interrupt) {
   HELIO_TRY(ready());
-  const std::scoped_lock lock(mutex_);
+  const std::scoped_lock lock(working_);
   HELIO_TRY(filter(*device_, task, interrupt));
   for (u64 i = 3; i < 4ull * task.width * task.height; i += 4) task.out[i] = task.beauty[i];
   return {};

@@ -29,7 +29,8 @@ class Denoiser {
 
   const std::string library_;
   const u32 threads_;
-  std::mutex mutex_;
+  std::mutex mutex_;    // of ready_ and device_
+  std::mutex working_;  // held while device_ filters
   std::optional<Status> ready_;
   std::unique_ptr<OidnDevice> device_;
 };

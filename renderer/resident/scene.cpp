@@ -109,11 +109,14 @@ void SceneStore::free_dead() {
 /// Scenes have the data they use: what only the cache has goes first.
 void SceneStore::make_room() {
   KeptScenes::Dropped dropped;
+  DerivedCache::Gone gone;
   do {
     dropped.clear();  // without the lock
+    gone.clear();     // the same
     const std::scoped_lock lock(mutex_);
     bytes_ = kept_.bytes();
-    if (kept_.bytes() + cache_.shrink(limit_ - std::min(limit_, kept_.bytes())) <= limit_) return;
+    const u64 room = limit_ - std::min(limit_, kept_.bytes());
+    if (kept_.bytes() + cache_.shrink(room, gone) <= limit_) return;
     dropped = kept_.drop_oldest();
   } while (!dropped.empty());
 }

@@ -7,6 +7,7 @@
 #include <condition_variable>
 #include <list>
 #include <mutex>
+#include <numeric>
 #include <optional>
 #include <thread>
 
@@ -30,9 +31,8 @@ constexpr std::ptrdiff_t kMostAway = 8;
 using Queue = FairQueue<std::unique_ptr<Work>>;
 
 u64 sum_of(const std::vector<std::shared_ptr<Backend>>& backends, u64 (Backend::*of)() const) {
-  u64 sum = 0;
-  for (const auto& backend : backends) sum += (*backend.*of)();
-  return sum;
+  const auto add = [of](u64 sum, const auto& backend) { return sum + (*backend.*of)(); };
+  return std::accumulate(backends.begin(), backends.end(), u64(0), add);
 }
 
 }  // namespace
@@ -90,14 +90,14 @@ class Engine::Impl final : public Others {
     const std::scoped_lock lock(mutex_);
     Load load{.jobs = u32(ready_.size() + away_.size()),
               .seconds_a_job = seconds_a_job_,
-              .is_lost = all_lost(),
+              .is_lost = std::ranges::all_of(devices_, &DeviceThread::is_lost),
               .losses = losses_,
               .lost_because = lost_because_,
               .needs_new_process = std::ranges::all_of(devices_, &DeviceThread::is_beyond_us)};
     for (const DeviceThread& device : devices_) {
-      if (!device.step_began) continue;
-      const std::chrono::duration<double> still = Clock::now() - *device.step_began;
-      load.still_seconds = std::max(load.still_seconds, still.count());
+      const auto still = Clock::now() - device.step_began.value_or(Clock::now());
+      load.still_seconds =
+          std::max(load.still_seconds, std::chrono::duration<double>(still).count());
     }
     return load;
   }
@@ -107,8 +107,10 @@ class Engine::Impl final : public Others {
   void push(std::unique_ptr<Work> work);  // under mutex_
   void send_away(u32 index, const Queue::Turn& turn, std::vector<Errand> errands);
   void come_back(std::list<Away>::iterator away);
-  void count_waiting();                                                          // under mutex_
-  void forget_fresh(const Work& work) { waiting_.fresh -= work.begun ? 0 : 1; }  // under mutex_
+  void count_waiting();                        // under mutex_
+  void set_fresh(Work& work, bool is_fresh) {  // under mutex_
+    waiting_.fresh += u32(is_fresh) - u32(std::exchange(work.is_fresh, is_fresh));
+  }
   [[nodiscard]] std::optional<Queue::Turn> next(u32 index);
   [[nodiscard]] bool may_take(u32 index, const Work& work) const;  // under mutex_
   std::unique_ptr<Work> account(u32 index, const Queue::Turn& turn, double cost, bool is_done);
@@ -120,9 +122,6 @@ class Engine::Impl final : public Others {
     std::vector<std::shared_ptr<Backend>> backends;
     for (const DeviceThread& device : devices_) backends.push_back(device.backend);
     return backends;
-  }
-  [[nodiscard]] bool all_lost() const {  // under mutex_
-    return std::ranges::all_of(devices_, [](const auto& device) { return device.is_lost; });
   }
 
   const EngineOptions options_;
@@ -143,8 +142,9 @@ class Engine::Impl final : public Others {
 void Engine::Impl::push(std::unique_ptr<Work> work) {
   const Origin origin = work->origin();
   const bool is_short = work->is_short(), is_back = work->begun.has_value();
-  ready_.push(origin, is_short, std::move(work), is_back);
-  if (!is_back) ++waiting_.fresh;
+  Work& pushed = *work;
+  const bool is_next = ready_.push(origin, is_short, std::move(work), is_back);
+  set_fresh(pushed, is_next && !is_back);
   count_waiting();
 }
 
@@ -245,7 +245,7 @@ std::optional<Queue::Turn> Engine::Impl::next(u32 index) {
     if (!turn) continue;
     Work& work = *turn->item();
     device.step_began = Clock::now();
-    forget_fresh(work);
+    set_fresh(work, false);
     if (!work.begun) work.begun = device.step_began;
     work.place = index;
     work.runs = true;
@@ -329,7 +329,7 @@ void Engine::Impl::refuse_interrupted(u32 index) {
   {
     const std::scoped_lock lock(mutex_);
     interrupted = ready_.take_if(is_interrupted);
-    for (const auto& work : interrupted) forget_fresh(*work);
+    for (const auto& work : interrupted) set_fresh(*work, false);
     for (const Away& away : away_)
       if (away.work->interrupt().requested()) unwanted.push_back(away.errands);
   }

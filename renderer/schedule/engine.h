@@ -21,8 +21,8 @@ struct Spent {
       0;  // from submit() until the device first had it, or until it was refused
 };
 
-/// Who receives a job's results. Calls come from the thread of the job's device, in order, and must
-/// not block.
+/// Who receives a job's results. Calls come in order, one at a time, from the thread of the job's
+/// device or from a worker, and must not block.
 class JobSink {
  public:
   virtual ~JobSink() = default;
@@ -63,9 +63,9 @@ struct Load {
 /// device.
 ///
 /// What takes long and no device is done by the workers (workers.h), while the device has other
-/// jobs: derived data and scenes before a job, and planes that are made of others after it.
+/// jobs: derived data and scenes before a job, labels and planes of large pictures after it.
 ///
-/// What cannot be left half way is one slice, however long: label columns, a query.
+/// What cannot be left half way is one slice, however long: a query, labels on a GPU.
 ///
 /// When a backend says that its device is lost, work that had begun there ends with UNAVAILABLE, a
 /// new backend is made, as often as it takes, and what waits goes on: all of it is in its

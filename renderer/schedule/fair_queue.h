@@ -46,7 +46,8 @@ class FairQueue {
   FairQueue(double credit, double turn) : credit_(credit), turn_(turn) {}
 
   /// first   before what its scene has: it was here before
-  void push(const Origin& origin, bool is_short, T item, bool first = false) {
+  /// Returns whether nothing of its scene is before it.
+  bool push(const Origin& origin, bool is_short, T item, bool first = false) {
     Share* tenant = child(root_, origin.tenant);
     tenant->weight = origin.weight;
     Share* lane = child(*tenant, lane_key(origin.priority, is_short));
@@ -57,8 +58,10 @@ class FairQueue {
       if (share->count == 0) share->used = std::max(share->used, share->parent->reached - credit_);
       ++share->count;
     }
-    line->items.insert(first ? line->items.begin() : line->items.end(), std::move(item));
     ++root_.count;
+    const bool is_next = first || line->items.empty();
+    line->items.insert(first ? line->items.begin() : line->items.end(), std::move(item));
+    return is_next;
   }
 
   [[nodiscard]] bool empty() const { return root_.count == 0; }

@@ -15,6 +15,8 @@ std::vector<Errand> Preparer::next() {
     Preparation needed = backend_.preparation(scene_);
     seconds_ = needed.seconds;
     if (!needed.pieces.empty()) return std::move(needed.pieces);
+  } else if (!made_) {  // a piece that is gone again, for want of room, is made with the rest
+    for (const Errand& piece : backend_.preparation(scene_).pieces) *seconds_ += piece.seconds;
   }
   if (made_ || *seconds_ < kQuick) return {};
   std::vector<Errand> rest;

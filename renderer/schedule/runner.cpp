@@ -128,7 +128,11 @@ Steps Runner::make_pieces_of_worlds() {
                     }
                   }});
   HELIO_CO_TRY(co_await elsewhere(std::move(find)));
-  co_return co_await elsewhere(std::move(pieces));
+  HELIO_CO_TRY(co_await elsewhere(std::move(pieces)));
+  begun_.shots.push_back({.job = job_, .camera = 0});  // worlds start from what this has
+  for (const SceneOf kind : wanted_scenes())
+    HELIO_CO_TRY(co_await make_scene(begun_.shots.front(), kind));
+  co_return Status{};
 }
 
 Steps Runner::run_cameras() {

@@ -88,7 +88,8 @@ Steps Runner::emit(Film& film, bool final) {
   };
   if (leaves || wants_post(*job_)) {
     std::vector<Errand> errands;
-    errands.push_back({.seconds = post + (leaves ? cost : 0), .run = [&](const Interrupt&) { finish_all(); }});
+    errands.push_back(
+        {.seconds = post + (leaves ? cost : 0), .run = [&](const Interrupt&) { finish_all(); }});
     HELIO_CO_TRY(co_await elsewhere(std::move(errands)));
   } else {
     finish_all();

@@ -30,7 +30,7 @@ Steps Runner::sample_spread(Film& film) {
       HELIO_CO_TRY(co_await sample_run(film, claim->tiles()));
       claim->done();
     } else {
-      spread->wait(slice().end);
+      spread->wait(slice().soon);
       HELIO_CO_TRY(co_await pause());
     }
     HELIO_CO_TRY(put_parts(film, *spread));

@@ -49,6 +49,7 @@ class Work {
   std::optional<Clock::time_point> begun{};  // when a device first had it
   u32 place = kernels::kNone;                // the index of that device: it stays there
   bool runs = false;                         // a slice of it
+  bool is_fresh = false;                     // no device had it yet, and it is its scene's next
 
  private:
   const Clock::time_point queued_ = Clock::now();
@@ -142,14 +143,14 @@ class QueryWork final : public Work {
   bool step(const Device& device) override {
     const TimeSpan span{query_->time, query_->time};
     if (!preparer_) preparer_.emplace(device.backend, SceneAt{query_->snapshot, span}, interrupt());
-    errands_ = preparer_->next();
-    if (!errands_.empty()) return false;
     result_ = guard([&]() -> Expected<QueryResult> {
+      errands_ = preparer_->next();
+      if (!errands_.empty()) return QueryResult{};
       const auto scene = preparer_->take();  // kept for the query
       if (!scene) return std::unexpected(scene.error());
       return device.backend.query(*query_, interrupt());
     });
-    return true;
+    return errands_.empty();
   }
   std::vector<Errand> take_errands() override { return std::exchange(errands_, {}); }
   void finish() override { done_(std::move(result_)); }

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <limits>
 
+#include "renderer/base/guard.h"
 #include "renderer/base/parallel.h"
 
 namespace heliograph {
@@ -108,7 +109,9 @@ void Workers::loop(const Post& post) {
     lock.unlock();
     const auto start = Clock::now();
     const Interrupt interrupt{.stop = task->stop.get_token(), .deadline = {}};
-    run_in(arena, [&] { task->errand.run(interrupt); });
+    // Memory that ran out here runs out again, and is told, when the job needs what was to be made.
+    (void)guard(
+        [&]() -> Status { return run_in(arena, [&] { task->errand.run(interrupt); }), Status{}; });
     lock.lock();
     queue_.charge(*turn, std::chrono::duration<double>(Clock::now() - start).count());
     (void)queue_.pop(*turn);

@@ -17,7 +17,7 @@ namespace heliograph {
 /// Does errands, by tenants in turn (fair_queue.h). Long ones never have all of its threads: one
 /// thread does only what is short, so that it waits for nothing that is not.
 ///
-/// Owns: the threads. Thread: any. Errands do not throw.
+/// Owns: the threads. Thread: any. Errands throw std::bad_alloc at most.
 class Workers {
  public:
   struct Options {

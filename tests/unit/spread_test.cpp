@@ -51,7 +51,7 @@ std::string backend_name() {
 /// Runner::step(), and at once what is to be done before the next one.
 bool step(Runner& runner) {
   const bool is_done = runner.step();
-  for (const Errand& errand : runner.take_errands()) errand.run();
+  for (const Errand& errand : runner.take_errands()) errand.run({});
   return is_done;
 }
 
