@@ -3,19 +3,21 @@
 // one.
 #pragma once
 
+#include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
-#ifdef __SANITIZE_THREAD__
-#include <tbb/global_control.h>
-
 #include <algorithm>
-#include <atomic>
 #include <thread>
+
+#ifdef __SANITIZE_THREAD__
+#include <atomic>
 #else
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_invoke.h>
 #endif
+
+#include "renderer/base/types.h"
 
 namespace heliograph {
 
@@ -82,6 +84,19 @@ decltype(auto) run_alone(const F& f) {
 }
 
 #endif
+
+/// Loops of all arenas together have so many threads at most, of which one is their caller's, while
+/// this lives.
+class ThreadLimit {
+ public:
+  /// threads   0: as many as there are cores
+  explicit ThreadLimit(u32 threads)
+      : control_(tbb::global_control::max_allowed_parallelism,
+                 threads > 0 ? threads : std::max(1u, std::thread::hardware_concurrency())) {}
+
+ private:
+  tbb::global_control control_;
+};
 
 /// f(i) for each i below `count`, in any order.
 template <class Index, class F>

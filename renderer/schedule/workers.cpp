@@ -30,7 +30,8 @@ std::vector<Workers::Post> Workers::posts(u32 threads) {
   return posts;
 }
 
-Workers::Workers(const Options& options) : queue_(options.credit, options.turn) {
+Workers::Workers(const Options& options)
+    : limit_(options.threads), queue_(options.credit, options.turn) {
   for (const Post& post : posts(options.threads))
     threads_.emplace_back([this, post] { loop(post); });
 }

@@ -9,6 +9,7 @@
 #include <thread>
 #include <vector>
 
+#include "renderer/base/parallel.h"
 #include "renderer/device/errand.h"
 #include "renderer/schedule/fair_queue.h"
 
@@ -67,6 +68,7 @@ class Workers {
   void forget(const std::shared_ptr<Task>& task);  // under mutex_
   [[nodiscard]] bool join(const std::shared_ptr<Group>& group, const Errand& errand);
 
+  const ThreadLimit limit_;  // of devices and workers
   std::mutex mutex_;
   std::condition_variable changed_;
   Queue queue_;
