@@ -23,8 +23,8 @@ struct BufferWord {
   // calls over that socket
   u64 buffer = 0;
   // With a descriptor: bytes of a new buffer. Without one, from the daemon, 0: forget it; from the
-  // client: the generation that it is done with, kUnmapped: it has forgotten the buffer, 0: `buffer`
-  // is a generation, and it can never tell when that is over.
+  // client: the generation that it is done with, kUnmapped: it has forgotten the buffer, 0:
+  // `buffer` is a generation, and it can never tell when that is over.
   u64 number = 0;
 
   static constexpr u64 kUnmapped = ~u64(0);

@@ -1,6 +1,7 @@
 """A client keeps 100,000 small frames, of the smallest size that travels in shared memory, while
-another renders, under deploy's limit of descriptors: they lie in a few descriptors and mappings, here
-and in the daemon, cost little beside their pixels, and go when the client lets go of them."""
+others connect and render, under deploy's limit of descriptors: they lie in a few descriptors and
+mappings, here and in the daemon, cost little beside their pixels, and go when the client lets go of
+them."""
 
 import gc
 import os
@@ -17,6 +18,7 @@ DESCRIPTORS = 8192  # of deploy/heliographd.service
 FRAMES = common.size(100_000, 2_500)
 SIZE = (128, 128)  # a plane of 64 KiB
 PIXELS = SIZE[0] * SIZE[1] * 4
+AT_ONCE = 50  # of one call
 ROOM = 16 << 30
 OPTIONS = {"planes": ["depth"], "labels": False, "progress": False, "size": SIZE}
 
@@ -48,7 +50,9 @@ def neighbour(daemon, count):
 
 def hold(scene, report):
     start = time.perf_counter()
-    held = [look(scene) for _ in range(FRAMES)]
+    held = []
+    while len(held) < FRAMES:
+        held += scene.render(["cam"] * AT_ONCE, **OPTIONS)
     seconds = time.perf_counter() - start
     print(f"  {FRAMES} frames of {PIXELS >> 10} KiB held: {FRAMES / seconds:.0f} a second")
     shared = scene.client.connection.link.shared

@@ -1,5 +1,5 @@
-"""Frames in ranges of the daemon's buffers, with a daemon of two sockets: what is a view of what, what
-is said when the last view is gone, and what stays mapped."""
+"""Frames in ranges of the daemon's buffers, with a daemon of two sockets: what is a view of what,
+what is said when the last view is gone, and what stays mapped."""
 
 import gc
 import os

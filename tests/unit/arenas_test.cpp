@@ -19,19 +19,19 @@ constexpr u64 kPage = 4096;
 
 struct Stage {
   explicit Stage(u64 limit = 4096 * kMiB, u64 tenant = 4096 * kMiB)
-      : budget(std::make_shared<Budget>(
-            tenant, Budget::Words{"bytes", "remove some", "tenant_bytes"})),
-        frames(std::make_shared<SharedFrames>(
-            limit, budget, [this](u64 buffer, const SharedMemory* memory) {
-              if (!takes) return false;
-              if (memory) {
-                told[buffer] = memory->bytes().size();
-                ++announced;
-              } else {
-                told.erase(buffer);
-              }
-              return true;
-            })) {}
+      : budget(std::make_shared<Budget>(tenant,
+                                        Budget::Words{"bytes", "remove some", "tenant_bytes"})),
+        frames(std::make_shared<SharedFrames>(limit, budget,
+                                              [this](u64 buffer, const SharedMemory* memory) {
+                                                if (!takes) return false;
+                                                if (memory) {
+                                                  told[buffer] = memory->bytes().size();
+                                                  ++announced;
+                                                } else {
+                                                  told.erase(buffer);
+                                                }
+                                                return true;
+                                              })) {}
 
   /// A plane that was sent, and that the daemon reads no more.
   [[nodiscard]] std::optional<Lease> sent(u64 bytes, u64 call = 0) const {
@@ -98,7 +98,9 @@ TEST_CASE("arenas: a range that the daemon still reads is not used again") {
 
 TEST_CASE("arenas: pixels that are not sent give their range back") {
   Stage stage;
-  { const LeasedPixels pixels(stage.frames, *stage.frames->lease(100'000, 0)); }
+  {
+    const LeasedPixels pixels(stage.frames, *stage.frames->lease(100'000, 0));
+  }
   CHECK(stage.frames->used().second == 0);
   {
     LeasedPixels pixels(stage.frames, *stage.frames->lease(100'000, 0));
@@ -181,7 +183,8 @@ TEST_CASE("arenas: one that the client unmapped ends, or comes again for what is
   CHECK_FALSE(stage.frames->unmapped(99));
 }
 
-TEST_CASE("arenas: a client that loses every other frame gets no descriptor for each that it keeps") {
+TEST_CASE(
+    "arenas: a client that loses every other frame gets no descriptor for each that it keeps") {
   Stage stage(64 * kMiB);
   u64 given = 0;
   for (int i = 0; i < 1000; ++i) {

@@ -208,7 +208,7 @@ class SharedFrames:
         self._unsent.append(word)
         try:
             while True:
-                word = self._unsent.popleft()  # another thread, or a finalizer in this one, sends too
+                word = self._unsent.popleft()  # first: other threads and finalizers send too
                 try:
                     self._lifeline.send(word, socket.MSG_DONTWAIT)
                 except (BlockingIOError, TimeoutError):
