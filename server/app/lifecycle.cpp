@@ -147,10 +147,11 @@ void Life::on_word(u64 id, const BufferWord& word, ForeignFd fd) {
   }
   const auto frames = session->shared_frames();
   if (!frames) return;
-  if (word.number == 0)
-    frames->give_up(word.buffer);
-  else
-    frames->give_back(word.buffer, word.number);
+  if (word.number == 0) return frames->give_up(word.buffer);
+  if (word.number != BufferWord::kUnmapped) return frames->give_back(word.buffer, word.number);
+  // To give an arena's pages back takes milliseconds.
+  if (auto freed = frames->unmapped(word.buffer))
+    (void)daemon_.pool.post([freed = std::move(freed)] {});
 }
 
 Status Life::start_listening(Sockets sockets) {

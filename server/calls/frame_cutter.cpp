@@ -15,6 +15,7 @@ LeasedPixels* lease_of(const PlaneData& plane, const WirePlane& wire) {
 void name(LeasedPixels& pixels, u64 size, v1::BufferRef& buffer) {
   const Lease& lease = pixels.send();
   buffer.set_buffer(lease.buffer);
+  buffer.set_offset(lease.offset);
   buffer.set_size(size);
   buffer.set_generation(lease.generation);
 }

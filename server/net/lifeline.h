@@ -23,8 +23,11 @@ struct BufferWord {
   // calls over that socket
   u64 buffer = 0;
   // With a descriptor: bytes of a new buffer. Without one, from the daemon, 0: forget it; from the
-  // client: the generation that it is done with, 0: it can never tell.
+  // client: the generation that it is done with, kUnmapped: it has forgotten the buffer, 0:
+  // `buffer` is a generation, and it can never tell when that is over.
   u64 number = 0;
+
+  static constexpr u64 kUnmapped = ~u64(0);
 };
 
 /// Owns: the listener and its connections. Thread: the loop's, but for bind(), tell(), hear() and

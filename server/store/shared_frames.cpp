@@ -1,29 +1,12 @@
 // Making, leasing and taking back buffers. Called by FrameCutter, the engine and the lifelines.
 #include "server/store/shared_frames.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/mman.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <bit>
-#include <vector>
 
 namespace heliograph::server {
-
-std::shared_ptr<SealedMemory> SealedMemory::create(u64 bytes) {
-  UniqueFd fd(::memfd_create("heliograph-frame", MFD_CLOEXEC | MFD_ALLOW_SEALING));
-  if (fd.get() < 0 || ::ftruncate(fd.get(), off_t(bytes)) != 0) return nullptr;
-  void* start = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, fd.get(), 0);
-  if (start == MAP_FAILED) return nullptr;
-  std::shared_ptr<SealedMemory> made(
-      new SealedMemory(std::move(fd), {static_cast<std::byte*>(start), bytes}));
-  constexpr int kSeals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_FUTURE_WRITE | F_SEAL_SEAL;
-  return ::fcntl(made->fd(), F_ADD_SEALS, kSeals) == 0 ? std::move(made) : nullptr;
-}
-
-SealedMemory::~SealedMemory() { ::munmap(bytes_.data(), bytes_.size()); }
 
 /// The free buffer that wastes least, and at most half of itself, but for the least that there is.
 /// One that came back may still be read by the recorder.
@@ -39,39 +22,41 @@ SharedFrames::Buffers::iterator SharedFrames::smallest_free(u64 bytes, const Sou
   return best;
 }
 
+std::shared_ptr<SharedMemory> SharedFrames::ask(u64 bytes, SharedMemorySource& source) {
+  source.know(weak_from_this());
+  maker_ = std::this_thread::get_id();
+  auto memory = source.make(bytes);
+  if (!memory && forget_free_of(source)) memory = source.make(bytes);
+  maker_ = std::thread::id();
+  return memory;
+}
+
 SharedFrames::Buffers::iterator SharedFrames::make(u64 bytes, const Source& source) {
   constexpr u64 kSteps = 8;  // sizes between two powers of two
   const u64 step = std::max<u64>(std::bit_floor(bytes) / kSteps, source->step());
   const u64 size = (bytes + step - 1) / step * step;
   forget_lost_ones(source);
-  forget_free_ones(size);
-  if (bytes_ + size > limit_) return buffers_.end();
-  auto charge = Charge::take(budget_, size);
-  if (!charge) return buffers_.end();
-  source->know(weak_from_this());
-  maker_ = std::this_thread::get_id();
-  auto memory = source->make(size);
-  if (!memory && forget_free_of(*source)) memory = source->make(size);
-  maker_ = std::thread::id();
-  if (!memory || !tell_(last_buffer_ + 1, memory.get())) return buffers_.end();
-  bytes_ += size;
-  return buffers_.emplace(++last_buffer_, Buffer{source, std::move(memory), *std::move(charge)})
-      .first;
+  Charge charge;
+  if (!room_.take(charge, size)) return buffers_.end();
+  auto memory = ask(size, *source);
+  const auto number = memory ? room_.announce(*memory) : std::nullopt;
+  if (!number) {
+    room_.give_up(charge);
+    return buffers_.end();
+  }
+  return buffers_.emplace(*number, Buffer{source, std::move(memory), std::move(charge)}).first;
 }
 
 void SharedFrames::forget(Buffers::iterator which) {
-  bytes_ -= which->second.memory->bytes().size();
-  (void)tell_(which->first, nullptr);  // unsaid, the client maps it until its session ends
+  room_.end(which->first, which->second.charge);
   buffers_.erase(which);
 }
 
-/// Makes room for a new buffer, if that is what it takes.
-void SharedFrames::forget_free_ones(u64 bytes_needed) {
-  while (bytes_ + bytes_needed > limit_) {
-    const auto unused = std::ranges::find_if(buffers_, [](auto& b) { return b.second.call == 0; });
-    if (unused == buffers_.end()) return;
-    forget(unused);
-  }
+bool SharedFrames::forget_free_one() {
+  const auto unused = std::ranges::find_if(buffers_, [](auto& b) { return b.second.call == 0; });
+  if (unused == buffers_.end()) return false;
+  forget(unused);
+  return true;
 }
 
 bool SharedFrames::let_go(const SharedMemorySource& source) {
@@ -92,41 +77,61 @@ bool SharedFrames::forget_free_of(const SharedMemorySource& source) {
 
 /// Those of a device that another one has replaced are of no use.
 void SharedFrames::forget_lost_ones(const Source& source) {
-  if (!source->device()) return;
   for (auto it = buffers_.begin(); it != buffers_.end();) {
     const auto here = it++;
     const Buffer& buffer = here->second;
-    if (buffer.call == 0 && buffer.source->device() && buffer.source != source) forget(here);
+    if (buffer.call == 0 && buffer.source != source) forget(here);
   }
 }
 
 u64 SharedFrames::new_call() {
   const std::lock_guard lock(mutex_);
-  return ++last_call_;
+  return room_.next_number();
 }
 
 std::optional<Lease> SharedFrames::lease(u64 bytes, u64 call, Source source) {
-  if (!source) source = host_;
   const std::lock_guard lock(mutex_);
+  return source ? lease_of(bytes, call, source) : arenas_.lease(bytes, call);
+}
+
+std::optional<Lease> SharedFrames::lease_of(u64 bytes, u64 call, const Source& source) {
   auto found = smallest_free(bytes, source);
   if (found == buffers_.end()) found = make(bytes, source);
   if (found == buffers_.end()) return std::nullopt;
   Buffer& buffer = found->second;
   buffer.call = call;
-  buffer.generation = ++last_generation_;
-  return Lease{found->first, buffer.generation, buffer.memory};
+  buffer.generation = room_.next_number();
+  return Lease{found->first, buffer.generation, 0, buffer.memory, buffer.memory->bytes()};
 }
 
 void SharedFrames::give_back(u64 buffer, u64 generation) {
   const std::lock_guard lock(mutex_);
   const auto found = buffers_.find(buffer);
-  if (found != buffers_.end() && found->second.generation == generation) found->second.call = 0;
+  if (found == buffers_.end()) return arenas_.give_back(buffer, generation);
+  if (found->second.generation == generation) found->second.call = 0;
 }
 
-void SharedFrames::give_up(u64 buffer) {
+void SharedFrames::give_up(u64 generation) {
   const std::lock_guard lock(mutex_);
-  const auto found = buffers_.find(buffer);
-  if (found != buffers_.end() && found->second.call != 0) forget(found);
+  if (arenas_.lose(generation)) return;
+  const auto found = std::ranges::find_if(buffers_, [&](const auto& each) {
+    return each.second.call != 0 && each.second.generation == generation;
+  });
+  if (found != buffers_.end()) forget(found);
+}
+
+std::shared_ptr<const SharedMemory> SharedFrames::unmapped(u64 buffer) {
+  const std::lock_guard lock(mutex_);
+  return arenas_.unmapped(buffer);
+}
+
+void SharedFrames::let_be(const Lease& lease, bool is_sent) {
+  if (lease.memory->device()) {
+    if (!is_sent) give_back(lease.buffer, lease.generation);
+    return;
+  }
+  const std::lock_guard lock(mutex_);
+  arenas_.let_be(lease.generation, is_sent);
 }
 
 Expected<std::shared_ptr<const LentMemory>> SharedFrames::lent(const v1::BufferRef& ref) const {
@@ -164,7 +169,7 @@ Expected<BufferPtr> SharedFrames::take(const v1::BufferRef& ref, Numbers kind) c
     Charge charge;
     BufferPtr bytes;
   };
-  auto charge = Charge::take(budget_, kind == Numbers::kFloats ? ref.size() : 0);
+  auto charge = Charge::take(room_.budget(), kind == Numbers::kFloats ? ref.size() : 0);
   if (!charge) return std::unexpected(std::move(charge).error());
   auto taken = (*memory)->take(ref.offset(), ref.size(), kind);
   if (!taken || !*taken) return taken;
@@ -181,7 +186,7 @@ Expected<BufferPtr> SharedFrames::copy(const v1::BufferRef& ref) const {
     Charge charge;
     std::unique_ptr<std::byte[]> bytes;
   };
-  auto charge = Charge::take(budget_, ref.size());
+  auto charge = Charge::take(room_.budget(), ref.size());
   if (!charge) return std::unexpected(std::move(charge).error());
   auto copy = std::make_shared<Copy>(*std::move(charge),
                                      std::make_unique_for_overwrite<std::byte[]>(ref.size()));
@@ -193,6 +198,7 @@ Expected<BufferPtr> SharedFrames::copy(const v1::BufferRef& ref) const {
 
 void SharedFrames::abandon(u64 call) {
   const std::lock_guard lock(mutex_);
+  arenas_.abandon(call);
   for (auto it = buffers_.begin(); it != buffers_.end();) {
     const auto here = it++;
     if (here->second.call == call) forget(here);
@@ -201,7 +207,8 @@ void SharedFrames::abandon(u64 call) {
 
 std::pair<u64, u32> SharedFrames::used() const {
   const std::lock_guard lock(mutex_);
-  return {bytes_, u32(std::ranges::count_if(buffers_, [](auto& b) { return b.second.call != 0; }))};
+  const auto leased = std::ranges::count_if(buffers_, [](auto& b) { return b.second.call != 0; });
+  return {room_.used(), u32(arenas_.uses()) + u32(leased)};
 }
 
 }  // namespace heliograph::server

@@ -1,9 +1,8 @@
-// Frames in memory that a local client maps: sealed memfds, or a device's memory, handed over on
-// the second socket and pooled for each session.
+// Frames in memory that a local client maps, handed over on the second socket: ranges of arenas of
+// the host, or buffers of a device's memory, pooled for each session.
 #pragma once
 
 #include <atomic>
-#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -16,61 +15,24 @@
 #include "renderer/frame/lent_memory.h"
 #include "renderer/frame/pixels.h"
 #include "renderer/frame/shared_memory.h"
-#include "server/os/unique_fd.h"
-#include "server/quota/budget.h"
+#include "server/store/arenas.h"
+#include "server/store/shared_room.h"
 
 namespace heliograph::server {
 
-/// Pages of a memfd that this process writes and its peer only reads.
-class SealedMemory final : public SharedMemory {
- public:
-  /// Null when the kernel has no more.
-  [[nodiscard]] static std::shared_ptr<SealedMemory> create(u64 bytes);
-  ~SealedMemory() override;
-
-  /// Sealed: its size is final, and nobody else can map it for writing.
-  [[nodiscard]] int fd() const override { return fd_.get(); }
-  [[nodiscard]] std::span<std::byte> bytes() const override { return bytes_; }
-  [[nodiscard]] const DeviceUuid* device() const override { return nullptr; }
-
- private:
-  SealedMemory(UniqueFd fd, std::span<std::byte> bytes) : fd_(std::move(fd)), bytes_(bytes) {}
-
-  const UniqueFd fd_;
-  const std::span<std::byte> bytes_;
-};
-
-class SealedMemorySource final : public SharedMemorySource {
- public:
-  [[nodiscard]] std::shared_ptr<SharedMemory> make(u64 bytes) override {
-    return SealedMemory::create(bytes);
-  }
-  void know(const std::weak_ptr<SharedMemoryKeeper>&) override {}  // the kernel has its own ways
-  [[nodiscard]] u64 step() const override { return 4096; }
-  [[nodiscard]] const DeviceUuid* device() const override { return nullptr; }
-};
-
-/// One use of a buffer, until the client returns it.
-struct Lease {
-  u64 buffer = 0;
-  u64 generation = 0;
-  std::shared_ptr<SharedMemory> memory;
-};
-
-/// The buffers of one session. One that was sent is never rewritten: it comes back when the client
+/// The buffers of one session. What was sent is never rewritten: it comes back when the client
 /// says so, and is abandoned (the client's mapping lives on) when nobody can tell whether it still
 /// looks. Thread: any.
 class SharedFrames final : public SharedMemoryKeeper,
                            public std::enable_shared_from_this<SharedFrames> {
  public:
   using Source = std::shared_ptr<SharedMemorySource>;
-  /// Tells the client about a buffer before its first use; null: about one to be forgotten. False
-  /// when the socket takes nothing.
-  using Tell = std::function<bool(u64 buffer, const SharedMemory* memory)>;
+  using Tell = SharedRoom::Tell;
 
   /// limit: bytes of all its buffers
   SharedFrames(u64 limit, std::shared_ptr<Budget> budget, Tell tell)
-      : limit_(limit), budget_(std::move(budget)), tell_(std::move(tell)) {}
+      : room_(limit, std::move(budget), std::move(tell),
+              [this] { return forget_free_one() || arenas_.let_go(); }) {}
 
   /// A number that no other call of the session has.
   [[nodiscard]] u64 new_call();
@@ -88,8 +50,12 @@ class SharedFrames final : public SharedMemoryKeeper,
   [[nodiscard]] Expected<BufferPtr> copy(const v1::BufferRef& ref) const;
   /// A use of a buffer is over; what names another use is ignored.
   void give_back(u64 buffer, u64 generation);
-  /// Nobody can tell when it is over: it is not used again.
-  void give_up(u64 buffer);
+  /// Nobody can tell when this use is over: what it is of is not used again.
+  void give_up(u64 generation);
+  /// The client maps an arena no more (Arenas::unmapped). What is to be freed then, or null.
+  [[nodiscard]] std::shared_ptr<const SharedMemory> unmapped(u64 buffer);
+  /// The daemon neither reads nor writes it any more, and has sent it, or never will.
+  void let_be(const Lease& lease, bool is_sent);
   /// Nobody will say so for those of a call: they are not used again.
   void abandon(u64 call);
   bool let_go(const SharedMemorySource& source) override;
@@ -109,22 +75,18 @@ class SharedFrames final : public SharedMemoryKeeper,
   [[nodiscard]] Expected<std::shared_ptr<const LentMemory>> lent(const v1::BufferRef& ref) const;
   [[nodiscard]] Buffers::iterator smallest_free(u64 bytes, const Source& source);
   [[nodiscard]] Buffers::iterator make(u64 bytes, const Source& source);
+  [[nodiscard]] std::shared_ptr<SharedMemory> ask(u64 bytes, SharedMemorySource& source);
+  [[nodiscard]] std::optional<Lease> lease_of(u64 bytes, u64 call, const Source& source);
   void forget(Buffers::iterator which);
-  void forget_free_ones(u64 bytes_needed);
+  bool forget_free_one();
   [[nodiscard]] bool forget_free_of(const SharedMemorySource& source);
   void forget_lost_ones(const Source& source);
 
-  const u64 limit_;
-  const std::shared_ptr<Budget> budget_;
-  const Tell tell_;
-  const Source host_ = std::make_shared<SealedMemorySource>();
   mutable std::mutex mutex_;
   std::atomic<std::thread::id> maker_;  // has the mutex while it asks a source for more
-  Buffers buffers_;
-  u64 bytes_ = 0;
-  u64 last_buffer_ = 0;
-  u64 last_generation_ = 0;
-  u64 last_call_ = 0;
+  SharedRoom room_;
+  Arenas arenas_{room_};  // the host's
+  Buffers buffers_;       // of devices
 };
 
 /// Pixels in a lease, which ends with them unless it was sent.
@@ -134,11 +96,9 @@ class LeasedPixels final : public PixelMemory {
       : frames_(std::move(frames)), lease_(std::move(lease)) {}
   LeasedPixels(const LeasedPixels&) = delete;
   LeasedPixels& operator=(const LeasedPixels&) = delete;
-  ~LeasedPixels() override {
-    if (!is_sent_) frames_->give_back(lease_.buffer, lease_.generation);
-  }
+  ~LeasedPixels() override { frames_->let_be(lease_, is_sent_); }
 
-  [[nodiscard]] std::span<std::byte> bytes() override { return lease_.memory->bytes(); }
+  [[nodiscard]] std::span<std::byte> bytes() override { return lease_.bytes; }
   [[nodiscard]] bool is_on_device() const override { return lease_.memory->device() != nullptr; }
   /// From now on the client ends it.
   [[nodiscard]] const Lease& send() {

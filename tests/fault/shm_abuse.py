@@ -1,6 +1,7 @@
 """S10: nothing that a client does with shared memory hurts the daemon or shows other pixels: sealed
-sizes, words that lie, arrays that overflow or shrink, leases returned in flight; and another user
-cannot reach any of it."""
+sizes, words that lie about ranges of its arenas and of others', mappings that outlive what they
+show, arrays that overflow or shrink, leases returned in flight; and another user cannot reach any
+of it."""
 
 import concurrent.futures
 import contextlib
@@ -77,7 +78,8 @@ def lying_words(scene):
     """Words that name anything, with descriptors of anything, while frames go to and fro."""
     line, dice = lifeline_of(scene.client), random.Random(1)
     for k in range(10 * COUNT):
-        word = shared._WORD.pack(dice.choice((1, 2, 3, 1 << 63)), dice.choice((0, 1, 5, 1 << 63)))
+        number = dice.choice((0, 1, 5, 1 << 63, shared._UNMAPPED))
+        word = shared._WORD.pack(dice.choice((1, 2, 3, 1 << 63)), number)
         with contextlib.suppress(BlockingIOError, TimeoutError):
             if k % 3:
                 line.send(word[: dice.choice((16, 16, 16, 3))])
@@ -85,7 +87,58 @@ def lying_words(scene):
                 with open(dice.choice(("/dev/null", "/dev/zero", __file__)), "rb") as file:
                     socket.send_fds(line, [word], [file.fileno()] * dice.choice((1, 2, 5)))
         if k % 50 == 0:
-            scene.render("cam", planes=["position"], size=(256, 128), labels=False)
+            with contextlib.suppress(hg.HeliographError, TimeoutError):
+                scene.render("cam", planes=["position"], size=(256, 128), labels=False)
+
+
+def lies_about_ranges(scene, most):
+    """Every use of every arena, its own and others', is over, lost or unmapped, over and over."""
+    line = lifeline_of(scene.client)
+    for k in range(COUNT // 4):
+        held = scene.render("cam", planes=["position"], size=(256, 128), labels=False)
+        for generation in range(most):
+            buffer = 1 + (generation + k) % 4
+            for word in ((buffer, generation), (generation, 0), (buffer, shared._UNMAPPED)):
+                with contextlib.suppress(BlockingIOError):
+                    line.send(shared._WORD.pack(*word), socket.MSG_DONTWAIT)
+        del held
+
+
+def changed_beside_a_liar(scene):
+    """How many frames of a client change while another lies about all ranges there are."""
+
+    def lie():
+        with contextlib.suppress(hg.HeliographError, TimeoutError):
+            lies_about_ranges(common.stage(liar), most=64)
+
+    with hg.connect(scene.client.address) as liar, concurrent.futures.ThreadPoolExecutor(1) as one:
+        lying = one.submit(lie)
+        held = [scene.render("cam", planes=["depth"], labels=False) for _ in range(COUNT // 4)]
+        before = [frame["depth"].copy() for frame in held]
+        lying.result()
+        pairs = zip(held, before, strict=True)
+        return sum(not np.array_equal(a["depth"], b, equal_nan=True) for a, b in pairs)
+
+
+def shown_after_release(scene):
+    """How many mappings show other pixels once their client has given all back and left them to the
+    daemon, and that renders for it and others."""
+    shown = 0
+    with hg.connect(scene.client.address) as liar:
+        theirs = common.stage(liar)
+        for _ in range(COUNT // 20):
+            frame = theirs.render("cam", planes=["depth"], labels=False)
+            ours = liar.connection.link.shared
+            number, arena = next(iter(ours._maps.items()))
+            seen = np.frombuffer(arena.memory, np.uint8)
+            before = seen.copy()
+            del frame
+            ours._maps.pop(number)
+            ours._send(shared._WORD.pack(number, shared._UNMAPPED))
+            for each in (scene, theirs):
+                each.render("cam", planes=["position"], labels=False)
+            shown += not np.array_equal(seen, before)
+    return shown
 
 
 def named(scene, **place):
@@ -158,6 +211,8 @@ def main():
         alive = {"slack": False}
         report.figure("frames that changed while held", frames_kept(scene), 0, **alive)
         report.figure("buffers that the client changed", changed_by_client(scene), 0, **alive)
+        report.figure("frames changed by another's lies", changed_beside_a_liar(scene), 0, **alive)
+        report.figure("mappings that show others' pixels", shown_after_release(scene), 0, **alive)
         report.figure("ranges outside a buffer taken", overflows(scene), 0, **alive)
         report.figure("sound ranges refused", int(named(scene)), 0, **alive)
         report.figure("reached by another user", reached_by_another_user(client), 0, **alive)

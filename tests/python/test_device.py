@@ -225,7 +225,7 @@ def test_before_a_fork_nobody_can_tell_any_more(daemon):
     daemon.offer(1, numbers(4))
     plane = daemon.shared.plane(place(1, 5, (4,)), FLOATS, (4,))
     daemon.shared.keep_leases()
-    assert daemon.returned() == [(1, 0)]
+    assert daemon.returned() == [(5, 0)]
     del plane
     gc.collect()
     assert daemon.returned() == []

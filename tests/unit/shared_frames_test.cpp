@@ -87,11 +87,12 @@ TEST_CASE("shared frames: a lease is of the memory that was asked for") {
   CHECK(host->memory->device() == nullptr);
   CHECK(host->memory->bytes()[99] == std::byte(0));
   CHECK(*gpu->memory->device() == kUuid);
-  CHECK((stage.told[host->buffer] == 4096 && stage.told[gpu->buffer] == kStep));
+  CHECK((host->bytes.size() == 128 && stage.told[gpu->buffer] == kStep));
   const u64 before = gpu->buffer;
   stage.frames.give_back(host->buffer, host->generation);
   CHECK(stage.frames.lease(100, 1, stage.gpu)->buffer != before);
-  CHECK(LeasedPixels(nullptr, *gpu).send().buffer == before);
+  const std::shared_ptr<SharedFrames> frames(std::shared_ptr<void>(), &stage.frames);
+  CHECK(LeasedPixels(frames, *gpu).send().buffer == before);
 }
 
 TEST_CASE("shared frames: device memory is used again once its generation came back") {
@@ -177,7 +178,7 @@ TEST_CASE("shared frames: a buffer that nobody can tell about is not used again"
       stage.frames.lease(kStep, 2, stage.gpu);  // its call has another buffer's number
   const auto lost = stage.frames.lease(kStep, 3, stage.gpu);
   REQUIRE((kept->buffer == 1 && lost->buffer == 2));
-  stage.frames.give_up(lost->buffer);
+  stage.frames.give_up(lost->generation);
   CHECK((stage.told.count(1) == 1 && stage.told.count(2) == 0));
   stage.frames.give_up(99);
   CHECK(stage.frames.used() == std::pair<u64, u32>(kStep, 1));
@@ -221,6 +222,7 @@ TEST_CASE("shared frames: what is kept for later makes room for others") {
   CHECK_FALSE(keeper->let_go(*stage.gpu));
   frames->give_back(free->buffer, free->generation);
   frames->give_back(host->buffer, host->generation);
+  frames->let_be(*host, true);
   CHECK_FALSE(keeper->let_go(*std::make_shared<FakeSource>()));
   bool has_let_go = true;
   stage.gpu->before = [&] { has_let_go = keeper->let_go(*stage.gpu); };  // by who asks for more

@@ -1,9 +1,9 @@
 """Memory that this process and the daemon share: frames, and arrays on their way to a scene.
 
-The arrays of a frame are views of a buffer of the daemon's. When the last of them is gone the
-buffer goes back to the daemon, which never writes into one before that; of a GPU's memory, when the
-GPU has done what it was given until then. Arrays travel in sealed memfds of this process's. Used by
-link.py and arrays.py.
+The arrays of a frame are views of ranges of the daemon's buffers, of which a few have all frames.
+When the last array of a range is gone it goes back to the daemon, which never writes there before
+that; of a GPU's memory, when the GPU has done what it was given until then. Arrays travel in sealed
+memfds of this process's. Used by link.py and arrays.py.
 """
 
 from __future__ import annotations
@@ -33,7 +33,9 @@ CAPABILITY = "shared_memory"
 _WORD = struct.Struct("=QQ")
 _UUID_BYTES = 16  # behind the word of a new buffer in a GPU's memory
 _WISH = _WORD.pack(0, 0)
-_NEVER = 0  # the generation that says: nobody can tell when it is free
+_NEVER = 0  # behind a generation: nobody can tell when its use is over
+_UNMAPPED = (1 << 64) - 1  # behind a buffer: it is mapped no more
+_SPARE_BYTES = 256 << 20  # of buffers without a frame: they stay mapped for the next ones
 
 
 def share_frames(
@@ -45,6 +47,15 @@ def share_frames(
     return SharedFrames(lifeline)
 
 
+class Arena:
+    """A buffer of the host's memory, mapped for reading."""
+
+    def __init__(self, fd: int, size: int) -> None:
+        self.memory = mmap.mmap(fd, size, mmap.MAP_SHARED, mmap.PROT_READ)
+        self.nbytes = size
+        self.used: set[int] = set()  # generations that have arrays
+
+
 class SharedFrames:
     """The mapped buffers of one session. Thread: any."""
 
@@ -52,7 +63,7 @@ class SharedFrames:
         self._lifeline = lifeline
         self._pid = os.getpid()
         self._lock = threading.Lock()  # of _maps and of reading the socket
-        self._maps: dict[int, mmap.mmap | cuda.Mapping] = {}
+        self._maps: dict[int, Arena | cuda.Mapping] = {}
         self._leases: dict[tuple[int, int], weakref.ref[NdArray | DeviceLease]] = {}
         self._unsent: deque[bytes] = deque()
         self._in_use: deque[tuple[cuda.Fence, bytes]] = deque()  # words to be sent after a fence
@@ -86,16 +97,16 @@ class SharedFrames:
         return data.view(dtype).reshape(tuple(shape))
 
     def _lease(self, key: tuple[int, int]) -> NdArray | DeviceLease:
-        buffer = self._map(key[0])
+        buffer = self._map(*key)
         lease: NdArray | DeviceLease
         readers: list[cuda.Device] = []
         if isinstance(buffer, cuda.Mapping):
             lease = DeviceLease(buffer)
             readers = lease.readers
         else:
-            lease = np.frombuffer(buffer, dtype=np.uint8)
+            lease = np.frombuffer(buffer.memory, dtype=np.uint8)
         self._leases[key] = weakref.ref(lease)
-        weakref.finalize(lease, self._give_back, key, readers).atexit = False
+        weakref.finalize(lease, self._give_back, key, buffer, readers).atexit = False
         return lease
 
     def hand_over(self, data: memoryview) -> types.BufferRef:
@@ -113,7 +124,7 @@ class SharedFrames:
 
     def mapping(self, buffer: int) -> cuda.Mapping:
         """Where a buffer that the daemon lent lies here."""
-        found = self._map(buffer)
+        found = self._map(buffer, _NEVER)
         if not isinstance(found, cuda.Mapping):
             raise Internal("the daemon lent memory of the host")
         return found
@@ -122,11 +133,14 @@ class SharedFrames:
         """Of a buffer that the daemon lent."""
         self._send(_WORD.pack(place.buffer, place.generation))
 
-    def _map(self, buffer: int) -> mmap.mmap | cuda.Mapping:
+    def _map(self, buffer: int, generation: int) -> Arena | cuda.Mapping:
         with self._lock:
             while buffer not in self._maps:
                 self._hear()
-            return self._maps[buffer]
+            found = self._maps[buffer]
+            if isinstance(found, Arena):
+                found.used.add(generation)
+            return found
 
     def _hear(self) -> None:
         """One word of the daemon: a new buffer, or one to forget."""
@@ -142,17 +156,23 @@ class SharedFrames:
             self._maps[buffer] = (
                 cuda.Mapping(cuda.driver().device(uuid), fds[0], size)
                 if uuid
-                else mmap.mmap(fds[0], size, mmap.MAP_SHARED, mmap.PROT_READ)
+                else Arena(fds[0], size)
             )
         finally:
             os.close(fds[0])
 
-    def _give_back(self, key: tuple[int, int], readers: list[cuda.Device]) -> None:
-        """The last array of a lease is gone. Runs in any thread, at any time: takes no lock."""
+    def _give_back(
+        self, key: tuple[int, int], buffer: Arena | cuda.Mapping, readers: list[cuda.Device]
+    ) -> None:
+        """The last array of a lease is gone. Runs in any thread, at any time: waits for no lock."""
         if os.getpid() != self._pid or self._leases.pop(key, None) is None:
             return
+        if isinstance(buffer, Arena):
+            buffer.used.discard(key[1])
         if not readers:
             self._send(_WORD.pack(*key))
+            if isinstance(buffer, Arena) and not buffer.used:
+                self._let_go(key[0])
             return
         self._in_use.append((cuda.Fence(readers[0]), _WORD.pack(*key)))
         self._give_back_unused()
@@ -169,20 +189,39 @@ class SharedFrames:
             else:
                 self._in_use.append((fence, word))
 
+    def _let_go(self, number: int) -> None:
+        """Of a buffer without frames, where there are more than enough of them."""
+        if not self._lock.acquire(blocking=False):
+            return  # with the next one
+        try:
+            arenas = [each for each in self._maps.values() if isinstance(each, Arena)]
+            spare = sum(arena.nbytes for arena in arenas if not arena.used)
+            found = self._maps.get(number)
+            if spare <= _SPARE_BYTES or not isinstance(found, Arena) or found.used:
+                return
+            del self._maps[number]
+        finally:
+            self._lock.release()
+        self._send(_WORD.pack(number, _UNMAPPED))
+
     def _send(self, word: bytes) -> None:
         self._unsent.append(word)
         try:
-            while self._unsent:
-                self._lifeline.send(self._unsent[0], socket.MSG_DONTWAIT)
-                self._unsent.popleft()
+            while True:
+                word = self._unsent.popleft()  # first: other threads and finalizers send too
+                try:
+                    self._lifeline.send(word, socket.MSG_DONTWAIT)
+                except (BlockingIOError, TimeoutError):
+                    self._unsent.appendleft(word)  # with the next one
+                    return
         except (OSError, IndexError):
-            pass  # full: with the next one; closed: the daemon knows
+            pass  # closed: the daemon knows
 
     def keep_leases(self) -> None:
         """Before os.fork: a child may look at these arrays longer than this process."""
         for key in list(self._leases):
             if self._leases.pop(key, None) is not None:
-                self._send(_WORD.pack(key[0], _NEVER))
+                self._send(_WORD.pack(key[1], _NEVER))
 
 
 def _sealed_copy(data: memoryview) -> int:

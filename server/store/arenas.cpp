@@ -1,0 +1,142 @@
+// Choosing, growing and ending arenas. See arenas.h.
+#include "server/store/arenas.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace heliograph::server {
+namespace {
+
+constexpr u64 kAlignment = 64;
+constexpr u64 kPage = 4096;
+constexpr u64 kSmallest = 1 << 20;  // bytes of an arena
+constexpr u64 kLargest = 64 << 20;  // but for one that a single frame fills
+// So many arenas, and one more for each half of a large one that may be in use: all that frames
+// ever need, unless uses of them are lost again and again.
+constexpr u64 kArenas = 32;
+
+constexpr u64 round_up(u64 bytes, u64 step) { return (bytes + step - 1) / step * step; }
+
+}  // namespace
+
+std::optional<u64> Arenas::take(Arena& arena, u64 bytes) {
+  if (arena.is_retired) return std::nullopt;
+  const auto offset = arena.free.take(bytes);
+  if (!offset) return std::nullopt;
+  ++arena.uses;  // before room is made, which ends arenas without any
+  const u64 end = round_up(*offset + bytes, kPage);
+  const u64 charged = arena.charge.amount();
+  if (end <= charged || room_.take(arena.charge, end - charged)) return offset;
+  --arena.uses;
+  arena.free.give_back(*offset, bytes);
+  return std::nullopt;
+}
+
+Arenas::Places::iterator Arenas::make(u64 bytes) {
+  Charge charge;
+  if (arenas_.size() >= kArenas + room_.limit() / (kLargest / 2)) return arenas_.end();
+  if (!room_.take(charge, round_up(bytes, kPage))) return arenas_.end();
+  const u64 size = std::max(round_up(bytes, kPage), std::clamp(size_, kSmallest, kLargest));
+  auto memory = SealedMemory::create(size);
+  const auto number = memory ? room_.announce(*memory) : std::nullopt;
+  if (!number) {
+    room_.give_up(charge);
+    return arenas_.end();
+  }
+  size_ += size;
+  return arenas_.emplace(*number, Arena{std::move(memory), Ranges(size), std::move(charge)}).first;
+}
+
+std::optional<Lease> Arenas::lease(u64 bytes, u64 call) {
+  const u64 size = round_up(std::max<u64>(bytes, 1), kAlignment);
+  std::optional<u64> offset;
+  auto arena = arenas_.begin();
+  while (arena != arenas_.end() && !(offset = take(arena->second, size))) ++arena;
+  if (arena == arenas_.end()) {
+    arena = make(size);
+    if (arena == arenas_.end()) return std::nullopt;
+    offset = take(arena->second, size);
+  }
+  const u64 generation = room_.next_number();
+  uses_.emplace(generation,
+                Use{.arena = arena->first, .offset = *offset, .bytes = size, .call = call});
+  const auto& memory = arena->second.memory;
+  return Lease{arena->first, generation, *offset, memory, memory->bytes().subspan(*offset, size)};
+}
+
+void Arenas::end(Places::iterator arena, bool is_known) {
+  size_ -= arena->second.memory->bytes().size();
+  room_.end(arena->first, arena->second.charge, is_known);
+  arenas_.erase(arena);
+}
+
+void Arenas::end_use(Places::iterator arena) {
+  if (--arena->second.uses == 0 && arena->second.is_retired) end(arena);
+}
+
+void Arenas::end_if_over(Uses::iterator use) {
+  const Use over = use->second;
+  if (over.is_the_daemons || over.is_the_clients) return;
+  const auto arena = arenas_.find(over.arena);
+  uses_.erase(use);
+  arena->second.free.give_back(over.offset, over.bytes);
+  end_use(arena);
+}
+
+void Arenas::give_back(u64 buffer, u64 generation) {
+  const auto use = uses_.find(generation);
+  if (use == uses_.end() || use->second.arena != buffer) return;
+  use->second.is_the_clients = false;
+  end_if_over(use);
+}
+
+void Arenas::let_be(u64 generation, bool is_sent) {
+  const auto use = uses_.find(generation);
+  if (use == uses_.end()) return;
+  use->second.is_the_daemons = false;
+  if (!is_sent) use->second.is_the_clients = false;
+  end_if_over(use);
+}
+
+Arenas::Uses::iterator Arenas::lose(Uses::iterator use) {
+  const auto arena = arenas_.find(use->second.arena);
+  arena->second.is_retired = true;
+  const auto next = uses_.erase(use);
+  end_use(arena);
+  return next;
+}
+
+bool Arenas::lose(u64 generation) {
+  const auto use = uses_.find(generation);
+  if (use == uses_.end()) return false;
+  lose(use);
+  return true;
+}
+
+void Arenas::abandon(u64 call) {
+  for (auto use = uses_.upper_bound(call); use != uses_.end();)
+    use = use->second.call == call ? lose(use) : std::next(use);
+}
+
+std::shared_ptr<SealedMemory> Arenas::unmapped(u64 buffer) {
+  const auto arena = arenas_.find(buffer);
+  if (arena == arenas_.end()) return nullptr;
+  auto memory = arena->second.memory;
+  if (arena->second.uses == 0) {
+    end(arena, true);
+    return memory;
+  }
+  // Once: nobody is sent descriptors without end.
+  if (!std::exchange(arena->second.is_retired, true)) (void)room_.announce_again(buffer, *memory);
+  return nullptr;
+}
+
+bool Arenas::let_go() {
+  const auto unused =
+      std::ranges::find_if(arenas_, [](const auto& each) { return each.second.uses == 0; });
+  if (unused == arenas_.end()) return false;
+  end(unused);
+  return true;
+}
+
+}  // namespace heliograph::server
