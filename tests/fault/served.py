@@ -3,6 +3,7 @@ several tenants, over TCP, with certificates made here."""
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import hashlib
 import json
@@ -87,6 +88,7 @@ class Served:
                 pass_fds=(ready,),
                 **{"stderr": log, **popen},
             )
+        atexit.register(self.process.kill)  # of a script that ends by an error
         os.close(ready)
         with os.fdopen(read) as line:
             said = line.readline()

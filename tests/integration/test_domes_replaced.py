@@ -1,5 +1,7 @@
 """The texture that a dome makes goes with the next dome, unless something else uses it."""
 
+import threading
+
 import heliograph as hg
 import heliograph.datasets as hd
 import numpy as np
@@ -84,6 +86,21 @@ def test_clients_in_turn(client):
         put(scene, image())
         assert len(names(scene)) == 1
         scene.delete()
+
+
+def test_threads_of_one_client(scene):
+    def replace(images):
+        for each in images:
+            put(scene, each)
+
+    threads = [
+        threading.Thread(target=replace, args=([image() for _ in range(20)],)) for _ in range(4)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(names(scene)) == 1
 
 
 def test_branches(scene):

@@ -13,7 +13,7 @@ import pytest
 from heliograph import aio
 
 SECONDS = 1.0
-SLACK = 1.0  # of a loaded machine
+SLACK = 6.0  # of a loaded machine; what takes no notice of timeout= takes 10 s or more
 
 # What a private daemon may do instead of listening. "$0.pid": of what it started.
 STUCK = {
@@ -75,7 +75,7 @@ def test_a_private_daemon_that_never_gets_ready(tmp_path, monkeypatch, connect, 
     if how != "closes its end":
         assert "within 1 s" in text and "timeout=" in text
     pid = int((tmp_path / "d.pid").read_text())
-    deadline = time.monotonic() + 2
+    deadline = time.monotonic() + 10
     while is_there(pid) and time.monotonic() < deadline:
         time.sleep(0.01)
     assert not is_there(pid)

@@ -53,6 +53,11 @@ def no_links(*_):
     raise OSError(errno.EPERM, "Operation not permitted")
 
 
+def links_within_a_folder_alone(*_):
+    """AFS."""
+    raise OSError(errno.EXDEV, "Invalid cross-device link")
+
+
 def lost_reply(source, target):
     """NFS: the server made the link, its answer was lost, and the call was made again."""
     LINK(source, target)
@@ -60,7 +65,7 @@ def lost_reply(source, target):
 
 
 LINK = os.link
-LINKS = {"links": LINK, "no links": no_links}
+LINKS = {"links": LINK, "no links": no_links, "near links": links_within_a_folder_alone}
 
 
 @pytest.fixture(params=LINKS)
@@ -75,11 +80,11 @@ def at_once(runs):
 
     def run(number, claims):
         barrier.wait()
-        try:
-            with claims:
-                barrier.wait()
-        except hg.FailedPrecondition as error:
-            raised[number] = error
+        with contextlib.ExitStack() as claimed:
+            try:
+                claimed.enter_context(claims)
+            except Exception as error:  # what is no refusal counts as one that names nothing
+                raised[number] = error
             barrier.wait()
 
     threads = [threading.Thread(target=run, args=each) for each in enumerate(runs)]
@@ -242,10 +247,12 @@ def claim_in_thread(*arguments, **options):
 
     thread = threading.Thread(target=run)
     thread.start()
-    assert entered.wait(30)
-    yield
-    over.set()
-    thread.join()
+    try:
+        assert entered.wait(30)
+        yield
+    finally:
+        over.set()
+        thread.join()
 
 
 def test_more_images_are_the_same_data_set(tmp_path):
@@ -336,6 +343,21 @@ def test_what_a_killed_run_begun_is_told_and_its_mark_goes(tmp_path):
     with claim(tmp_path / "set"):
         assert len(list(marks.iterdir())) == 1
     assert not list(marks.iterdir())
+
+
+def test_a_mark_of_another_container_is_not_taken_for_a_dead_one(tmp_path):
+    """It may have this host's name, and a process of a number that no process has here."""
+    subprocess.run([sys.executable, "-c", KILLED, tmp_path, os.path.dirname(__file__)], check=False)
+    (mark,) = (tmp_path / ".heliograph/runs").iterdir()
+    here = os.stat("/proc/self/ns/pid").st_ino
+    theirs = mark.rename(mark.with_name(mark.name.replace(f"-{here}-", f"-{here + 1}-")))
+    partial = tmp_path / ".heliograph/partial" / theirs.name
+    partial.write_text("half a picture")
+    with pytest.raises(hg.FailedPrecondition, match="a run is making it, or was killed on anoth"):
+        with claim(tmp_path, 8):
+            pass
+    with claim(tmp_path):
+        assert theirs.exists() and partial.exists()
 
 
 # ------------------------------------------------------------ where it is

@@ -192,8 +192,9 @@ def test_an_overlay(daemon, scene, call):
             assert sorted(result.tag for result in results) == [0, 1, 2]
             assert all(result.frame["beauty"].size for result in results)
         elif call == "stream":
-            with scene.stream("cam", spp=1, overlay=overlay) as live:
-                assert next(live)["beauty"].size
+            with scene.stream("cam", spp=1, overlay=overlay, timeout=30) as live:
+                live.finish()  # holds for the stream that takes the place of the refused one
+                assert [frame["beauty"].size > 0 for frame in live] == [True]
         elif call == "aio":
             asyncio.run(_render_async(daemon.address, overlay))
         else:
@@ -201,6 +202,17 @@ def test_an_overlay(daemon, scene, call):
             request.cameras.add(name="cam")
             assert hg.client.scene.call.run(scene, request, {"overlay": overlay})
     assert daemon.refused >= 4 and len(daemon.uploaded) >= 6
+
+
+def test_a_stream_that_stays_refused_has_ended(daemon, scene):
+    with scene.overlay() as overlay:
+        overlay.texture("t", texels())
+    daemon.frees = 1_000_000
+    with scene.stream("cam", spp=1, overlay=overlay) as live:
+        with pytest.raises(hg.NotFound):
+            next(live)
+        refused = daemon.refused
+        assert not list(live) and daemon.refused == refused
 
 
 async def _render_async(address, overlay):

@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, TypeVar
 
-from ..errors import InvalidArgument
+from ..errors import InvalidArgument, Unauthenticated, Unavailable
+
+if TYPE_CHECKING:
+    from ..client.client import Client
 
 EXIT_FAILED = 1
+_Made = TypeVar("_Made")
+_TRIES = 3  # with a daemon that is lost each time
 
 
 def add_connection(parser: argparse.ArgumentParser) -> None:
@@ -34,7 +40,7 @@ def add_connection(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def connect(arguments: argparse.Namespace, flags: Sequence[str] = ()) -> object:
+def connect(arguments: argparse.Namespace, flags: Sequence[str] = ()) -> Client:
     """The client those flags name; `flags`: more of a private daemon's."""
     from pathlib import Path
 
@@ -50,3 +56,30 @@ def connect(arguments: argparse.Namespace, flags: Sequence[str] = ()) -> object:
             raise InvalidArgument("--threads: is for a private daemon; leave --address out")
         flags = (*flags, "--threads", str(arguments.threads))
     return heliograph.connect(arguments.address, token=token, tls=tls, arguments=flags)
+
+
+def with_client(arguments: argparse.Namespace, work: Callable[[Client], _Made]) -> _Made:
+    """work(client); once more from its beginning, over another connection, where a daemon that runs
+    was lost meanwhile: it may be restarted."""
+    client, left = connect(arguments), _TRIES
+    while True:
+        try:
+            with client:
+                return work(client)
+        except (Unavailable, Unauthenticated):
+            left -= 1
+            if arguments.address is None or left == 0:
+                raise
+        client = _connect_again(arguments)
+
+
+def _connect_again(arguments: argparse.Namespace) -> Client:
+    from .._wire.link import Patience
+
+    patience = Patience()
+    while True:
+        try:
+            return connect(arguments)
+        except Unavailable:
+            if not patience.wait():
+                raise

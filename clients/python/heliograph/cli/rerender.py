@@ -5,10 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import InvalidArgument, NotFound
-from ._daemon import EXIT_FAILED, add_connection, connect
+from ._daemon import EXIT_FAILED, add_connection, with_client
+
+if TYPE_CHECKING:
+    from ..client.client import Client
 
 
 def add(commands: Any) -> None:
@@ -41,9 +44,12 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.output is None:
         raise InvalidArgument("output: say with -o FILE where the frame goes", field="output")
     text = _manifest_of(Path(arguments.frame))
-    client: Any = connect(arguments)
-    with client, client.load_scene(arguments.scene) as scene:
-        frame = scene.rerender(text)
+
+    def render(client: Client) -> Any:
+        with client.load_scene(arguments.scene) as scene:
+            return scene.rerender(text)
+
+    frame = with_client(arguments, render)
     for written in frame.save(arguments.output):
         print(written)
     return 0
@@ -76,9 +82,7 @@ def _run_image(arguments: argparse.Namespace) -> int:
                 f"{path}: give the scene file (scene.save) too", field="scene"
             ) from None
         raise
-    client: Any = connect(arguments)
-    with client:
-        frame = image.render(client)
+    frame = with_client(arguments, image.render)
     picture = image.picture
     if arguments.output is not None:
         target = Path(arguments.output)

@@ -20,7 +20,7 @@ from ..render import batch, call, live
 from ..render import watch as _watch
 from ..render.frame import Frame
 from ..render.worlds import WorldFrame, Worlds
-from ..scene import query
+from ..scene import _domes, query
 from ..scene.handles import KINDS, Handle, Named, flatten
 from .edit import Edits
 
@@ -38,7 +38,7 @@ class SceneState:
         self.lock = threading.Lock()
         self.session = 0
         self.next = 1
-        self.dome = ""  # name of the texture that this session's last dome() made
+        self.dome = _domes.Last()
 
 
 class Overlay(Edits):

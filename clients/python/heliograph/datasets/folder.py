@@ -19,8 +19,18 @@ from typing import Any
 from ..errors import FailedPrecondition, NotFound, ResourceExhausted
 
 NAME = ".heliograph"
-_HOST = socket.gethostname()
-_MINE = re.compile(rf"{re.escape(_HOST)}-(\d+)-\d+-[^-]+")
+
+
+def _here() -> str:
+    """Where numbers of processes mean the same: containers may share a host's name, not these."""
+    try:
+        return f"{socket.gethostname()}-{os.stat('/proc/self/ns/pid').st_ino}"
+    except OSError:  # no Linux
+        return socket.gethostname()
+
+
+_HERE = _here()
+_MINE = re.compile(rf"{re.escape(_HERE)}-(\d+)-\d+-[^-]+")
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _CLOSED = (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EEXIST)
 
@@ -70,9 +80,16 @@ class Folder:
         self._mark.unlink(missing_ok=True)
 
     def is_entered(self) -> bool:
-        """Whether another run is under way."""
+        """Whether another run is under way; on another machine it may have been killed."""
+        return bool(self._others())
+
+    def is_entered_here(self) -> bool:
+        """Whether another run of this machine, or container, is."""
+        return any(_MINE.fullmatch(path.name) for path in self._others())
+
+    def _others(self) -> list[Path]:
         _drop_dead(self._mark.parent)
-        return any(path != self._mark for path in self._mark.parent.glob("*"))
+        return [path for path in self._mark.parent.glob("*") if path != self._mark]
 
     @property
     def _mark(self) -> Path:
@@ -94,7 +111,7 @@ class Folder:
                 path.unlink(missing_ok=True)
 
     def drop_partial(self) -> None:
-        """What processes of this machine left that were killed."""
+        """What processes of this machine, or container, left that were killed."""
         _drop_dead(self.own / "partial")
 
     @contextlib.contextmanager
@@ -229,11 +246,11 @@ def _is_of(error: Exception, numbers: tuple[int, ...]) -> bool:
 def _named_for_me(name: str) -> str:
     """A name in a folder that processes share, of this thread alone."""
     end = name.replace("-", "_")  # so that no host passes for another
-    return f"{_HOST}-{os.getpid()}-{threading.get_ident()}-{end}"
+    return f"{_HERE}-{os.getpid()}-{threading.get_ident()}-{end}"
 
 
 def _drop_dead(folder: Path) -> None:
-    """Removes what processes of this machine left in such a folder that were killed."""
+    """Removes from such a folder what processes left that were killed here."""
     for path in folder.glob("*"):
         mine = _MINE.fullmatch(path.name)
         if mine and not _is_alive(int(mine[1])):

@@ -15,7 +15,7 @@ from .._wire._proto import scene_pb2 as pb
 from ..errors import NotFound
 from ..render import call
 from .folder import NAME, Folder
-from .uploads import bring
+from .uploads import Kept
 from .writer import Picture
 
 if TYPE_CHECKING:
@@ -74,14 +74,13 @@ class KeptImage:
         """The scene before the randomizers, in that daemon, which has what the overlay names. It is
         deleted at the end."""
         with client.load_scene(self.folder.scene_path) as scene:
-            bring(self.folder, self.overlay, client)
+            Kept(self.folder, client).bring(self.overlay)
             yield scene
 
     def render(self, client: Client) -> Frame:
         """The frame again: all its planes and labels."""
         with self.opened(client) as scene:
-            frame: Frame = call.run(scene, self._request(scene), {})[0]
-            return frame
+            return self._run(scene, self._request(scene))
 
     def render_labelled(self, client: Client) -> Frame:
         """The same view with the planes beauty and instance and all labels, to look at."""
@@ -95,8 +94,12 @@ class KeptImage:
             request.labels.CopyFrom(wanted.labels)
             if not request.HasField("spp"):
                 request.spp = wanted.spp
-            frame: Frame = call.run(scene, request, {})[0]
-            return frame
+            return self._run(scene, request)
+
+    def _run(self, scene: Scene, request: Any) -> Frame:
+        kept = Kept(self.folder, scene.client)
+        frame: Frame = kept.complete(lambda: call.run(scene, request, {}))[0]
+        return frame
 
     def _request(self, scene: Scene) -> Any:
         from google.protobuf.json_format import MessageToDict

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 FORMAT = "heliograph.dataset.v1"
 _UNLIKE = ("count", "version", "numpy")  # what runs of one data set may have another of
-_NO_LINKS = (errno.EPERM, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP)
+_NO_LINKS = (errno.EPERM, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EXDEV)
 _TAKEN = (errno.EEXIST, errno.ENOTEMPTY)
 
 
@@ -116,8 +116,10 @@ class Record:
         differs = ", ".join(key.removesuffix("_sha256") for key in keys)
         if differs:
             now, remedy = "", ", or remove this one"
-            if self.folder.is_entered():
+            if self.folder.is_entered_here():
                 now, remedy = ", and a run is making it", ""
+            elif self.folder.is_entered():
+                now = ", and a run is making it, or was killed on another machine"
             raise FailedPrecondition(
                 f"{root} is a data set with another {differs}{now}: write to another directory"
                 f"{remedy}"

@@ -6,11 +6,12 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from .._wire._proto import scene_pb2 as pb
 from .._wire._proto import service_pb2 as service
 from .._wire._proto import types_pb2 as types
+from .._wire.uploads import repeated
 from ..errors import FailedPrecondition, NotFound
 from ..scene import assets
 from .folder import Folder
@@ -18,6 +19,8 @@ from .folder import Folder
 if TYPE_CHECKING:
     from .._wire.arrays import Store
     from ..client.client import Client
+
+_Answer = TypeVar("_Answer")
 
 
 class Uploads:
@@ -62,17 +65,35 @@ def _unchanged(path: Path, file: service.BundleFile) -> bytes:
     return data
 
 
-def bring(folder: Folder, overlay: pb.Transaction, client: Client) -> None:
-    """Gives the daemon what an overlay names, as far as it is kept."""
-    for digest in named(overlay):
-        data, decoding = folder.blob(digest), folder.decoding(digest)
+class Kept:
+    """What a data set keeps of its overlays, for a daemon that renders images again."""
+
+    def __init__(self, folder: Folder, client: Client) -> None:
+        self._folder, self._client = folder, client
+
+    def bring(self, overlay: pb.Transaction) -> None:
+        """Gives the daemon what an overlay names, as far as it is kept."""
+        for digest in named(overlay):
+            self._send(digest, self._client.store.blob)
+
+    def complete(self, call: Callable[[], _Answer]) -> _Answer:
+        """The call's answer; each upload that it is refused for is sent again once."""
+        return repeated(call, self._send_again)
+
+    def _send_again(self, digest: bytes) -> bool:
+        return self._send(digest, lambda data, name: self._client.store.send_again(name, data))
+
+    def _send(self, digest: bytes, send: Callable[[bytes, bytes], Any]) -> bool:
+        """Sends what a hash is of; whether it is kept."""
+        data, decoding = self._folder.blob(digest), self._folder.decoding(digest)
         if data is not None:
-            client.store.blob(data, digest)
+            send(data, digest)
         elif decoding is not None:
             request = service.DecodeAssetRequest.FromString(decoding)
             for file in request.files:
-                client.store.blob(_kept(folder, file), file.sha256)
-            assets.decode_again(client, digest, request)
+                send(_kept(self._folder, file), file.sha256)
+            self.complete(lambda: assets.decode_again(self._client, digest, request))
+        return data is not None or decoding is not None
 
 
 def _kept(folder: Folder, file: service.BundleFile) -> bytes:

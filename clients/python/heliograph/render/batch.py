@@ -7,11 +7,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from .._wire._proto import render_pb2 as render_pb
 from .._wire._proto import service_pb2 as service
 from .._wire.connection import Stream
 from .._wire.lent import Loan
 from .._wire.status import status_error
+from .._wire.uploads import missing
 from ..errors import HeliographError, InvalidArgument
 from ..scene.handles import Named, flatten
 from ..values.checks import whole_of
@@ -70,7 +70,6 @@ class _Open:
     """A job under way."""
 
     job: Job
-    request: render_pb.RenderRequest
     assembly: Assembly
     loan: Loan | None
 
@@ -102,7 +101,7 @@ class _Batch:
             self._sent += 1
             shared = self._scene.client.connection.link.shared
             assembly = Assembly(call.frame_count(request), shared)
-            self._open[self._sent] = _Open(job, request, assembly, loan)
+            self._open[self._sent] = _Open(job, assembly, loan)
             self.outbox.put(
                 service.RenderBatchRequest(tag=self._sent, job=request, credits=credits)
             )
@@ -120,17 +119,19 @@ class _Batch:
             return Result(here.job.tag, here.assembly.frames())
         error = status_error(reply.code, reply.message, reply.detail)
         try:
-            return Result(here.job.tag, self._completed(here, error))
+            return Result(here.job.tag, self._completed(here.job, error))
         except HeliographError as failure:
             return Result(here.job.tag, error=failure)
 
-    def _completed(self, refused: _Open, error: HeliographError) -> list[Any]:
-        """The frames of a job that was refused for uploads of its overlay, which are sent again;
+    def _completed(self, job: Job, error: HeliographError) -> list[Any]:
+        """The frames of a job that was refused for uploads of its overlays, which are sent again;
         else raises the error. It is rendered by a call of its own: the batch may take no more."""
-        overlay = refused.job.options.get("overlay")
-        if overlay is None or not overlay.sources.bring(self._scene.client, error):
+        if not missing(error):
             raise error
-        return call.run(self._scene, refused.request, refused.job.options)
+        options: call.Options = {**job.options, "progress": False}
+        if job.worlds is None:
+            return call.render(self._scene, job.cameras, options)
+        return [call.render_worlds(self._scene, job.cameras, job.worlds, job.mask, options)]
 
 
 class Results:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, Any, TypedDict, TypeVar
 
 import numpy as np
 
@@ -13,7 +13,8 @@ from .._wire._proto import render_pb2 as render_pb
 from .._wire._proto import service_pb2 as service
 from .._wire._proto import types_pb2 as types
 from .._wire.quick import QUICK_BYTES
-from ..errors import InvalidArgument
+from .._wire.uploads import Sources, repeated
+from ..errors import InvalidArgument, NotFound
 from ..scene.handles import Handle, Named
 from ..values.checks import number_of, refuse_unknown, whole_of
 from ._assembly import Assembly, frames_of
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from ..client.edit import Edits
     from ..client.scene import Scene
 
+_Answer = TypeVar("_Answer")
 _DEFAULT_SPP = 64
 _LABELS = ("boxes", "amodal", "amodal_masks", "keypoints")
 _PLANES: dict[str, Any] = dict(render_pb.Plane.items())
@@ -80,11 +82,15 @@ def render_worlds(
     scene: Scene, cameras: Sequence[Named], worlds: Worlds, mask: Any, options: Options
 ) -> WorldFrame:
     """One request; its one frame."""
-    request = make_request(scene, cameras, options)
-    loan = worlds.put(request.worlds, scene.client.store, mask)
-    frame: WorldFrame = run(scene, request, options)[0]
-    del loan  # the daemon has read what it is of
-    return frame
+
+    def ask() -> WorldFrame:
+        request = make_request(scene, cameras, options)
+        loan = worlds.put(request.worlds, scene.client.store, mask)
+        frame: WorldFrame = _run(scene, request, options)[0]
+        del loan  # the daemon has read what it is of
+        return frame
+
+    return _completed(scene, [*worlds.sources, *_sources(options)], ask)
 
 
 def frame_count(request: render_pb.RenderRequest) -> int:
@@ -94,10 +100,22 @@ def frame_count(request: render_pb.RenderRequest) -> int:
 
 def run(scene: Scene, request: render_pb.RenderRequest, options: Options) -> list[Any]:
     """Sends a request; its final frames, one WorldFrame if it has worlds."""
+    return _completed(scene, _sources(options), lambda: _run(scene, request, options))
+
+
+def _sources(options: Options) -> list[Sources]:
     overlay = options.get("overlay")
-    if overlay is None:
-        return _run(scene, request, options)
-    return overlay.sources.complete(scene.client, lambda: _run(scene, request, options))
+    return [] if overlay is None else [overlay.sources]
+
+
+def _completed(scene: Scene, sources: Sequence[Sources], ask: Callable[[], _Answer]) -> _Answer:
+    """The call's answer; each upload that it is refused for is sent again once."""
+
+    def send(digest: bytes) -> bool:
+        refusal = NotFound(digest.hex())
+        return any([each.bring(scene.client, refusal) for each in sources])
+
+    return repeated(ask, send)
 
 
 def _run(scene: Scene, request: render_pb.RenderRequest, options: Options) -> list[Any]:

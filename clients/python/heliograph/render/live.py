@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+import threading
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -48,6 +49,8 @@ class Live:
         self._options = options
         self._progressive = policy == "latest"
         self._policy, self._credits = policy, whole_of(credits, "credits", 1)
+        self._lock = threading.Lock()  # of what a new stream is begun with
+        self._is_refused = self._is_finished = self._is_closed = False
         self._begin()
 
     def _begin(self) -> None:
@@ -58,7 +61,9 @@ class Live:
                 settings=self._settings(), credits=self._credits, policy=self._policy
             )
         )
-        self._outbox, self._is_refused = outbox, False
+        if self._is_finished:
+            outbox.put(None)
+        self._outbox = outbox
         self._stream = connection.stream(
             "Stream", iter(outbox.get, None), raw=True, timeout=self._options.get("timeout")
         )
@@ -73,19 +78,24 @@ class Live:
     def update(self, cameras: Any = None, **options: Unpack[call.Options]) -> None:
         """Changes what is rendered from now on: other cameras, another overlay (None: none), any
         option of Scene.render. What is not given stays."""
-        if cameras is not None:
-            self._cameras = cameras
-        self._options = {**self._options, **options}
-        self._outbox.put(service.StreamRequest(settings=self._settings()))
+        with self._lock:
+            if cameras is not None:
+                self._cameras = cameras
+            self._options = {**self._options, **options}
+            self._outbox.put(service.StreamRequest(settings=self._settings()))
 
     def finish(self) -> None:
         """No more updates: the iteration ends with the last frame of what was asked for."""
-        self._outbox.put(None)
+        with self._lock:
+            self._is_finished = True
+            self._outbox.put(None)
 
     def close(self) -> None:
         """Ends the stream at once."""
-        self._stream.cancel()
-        self._outbox.put(None)
+        with self._lock:
+            self._is_closed = True
+            self._stream.cancel()
+            self._outbox.put(None)
 
     def __iter__(self) -> Iterator[Frame]:
         return self
@@ -94,12 +104,16 @@ class Live:
         overlay = self._options.get("overlay")
         if overlay is None:
             return next(self._frames)
-        return overlay.sources.complete(self._scene.client, self._next)
+        try:
+            return overlay.sources.complete(self._scene.client, self._next)
+        finally:
+            self._is_refused = False
 
     def _next(self) -> Frame:
         """Of a new stream after one that was refused for an upload, which was sent again."""
-        if self._is_refused:
-            self._begin()
+        with self._lock:
+            if self._is_refused and not self._is_closed:
+                self._begin()
         try:
             return next(self._frames)
         except HeliographError:

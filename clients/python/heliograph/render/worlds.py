@@ -22,6 +22,7 @@ from ..values.checks import whole_of
 from .frame import Frame, Rendered
 
 if TYPE_CHECKING:
+    from .._wire.uploads import Sources
     from ..client.edit import Edits
 
 _OWN = {"world", "camera", "keypoint_world", "keypoint_camera"}
@@ -85,6 +86,11 @@ class Worlds:
 
     def __getitem__(self, world: int) -> Edits:
         return self._overlays[world]
+
+    @property
+    def sources(self) -> list[Sources]:
+        """What their overlays name by hash."""
+        return [overlay.sources for overlay in self._overlays.values()]
 
     def put(self, message: pb.Worlds, store: Store, mask: Any) -> Loan | None:
         """Fills the message of one call; large arrays are handed over, each for one use. The loan,

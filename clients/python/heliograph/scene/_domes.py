@@ -4,6 +4,7 @@ place. Used by edit.py."""
 from __future__ import annotations
 
 import re
+import threading
 from typing import TYPE_CHECKING, Any, cast
 
 from .._wire._proto import service_pb2 as service
@@ -19,8 +20,16 @@ if TYPE_CHECKING:
     from ..values.sky import AirOptions
 
 _UNSET: Any = object()
-_MADE = re.compile(r"dome/.*-[0-9a-f]{12}", re.DOTALL)  # the names that _images.dome_texture gives
+_MADE = re.compile(r"dome/.*-[0-9a-f]{12}", re.DOTALL)  # the names that images.dome_texture gives
 _EDIT = re.compile(r"edits\[(\d+)\]")
+
+
+class Last:
+    """What the last dome() of a session made in a scene."""
+
+    def __init__(self) -> None:
+        self.name = ""  # of the texture; "": not known, or none
+        self.lock = threading.Lock()  # while it is replaced
 
 
 class DomeEdits:
@@ -66,60 +75,60 @@ class DomeEdits:
         edits = cast("Edits", self)
         if not self._domes:
             return edits.scene.apply(edits.transaction, edits._expected)
-        state = edits.scene.client.state_of(edits.scene.id)
-        known, state.dome = state.dome, ""  # until it is accepted
-        left = _Left(edits, [*self._domes[:-1], known or _dome_of(edits.scene)], bool(known))
-        while True:
-            left.write()
-            try:
-                reply = edits.scene.apply(edits.transaction, edits._expected)
-            except (NotFound, FailedPrecondition) as error:
-                left.clear()
-                if not left.gives_up(error):
-                    raise
-                continue
-            except BaseException:
-                left.clear()
-                raise
-            state.dome = self._domes[-1]
-            return reply
+        last = edits.scene.client.state_of(edits.scene.id).dome
+        with last.lock:
+            known, last.name = last.name, ""  # until it is accepted
+            left = _Left(edits, [*self._domes[:-1], known or _dome_of(edits.scene)])
+            reply = left.apply()
+            last.name = self._domes[-1]
+        return reply
 
 
 class _Left:
-    """Textures of former domes, to be removed behind the edits of a transaction. is_guess: what the
-    last one was is remembered, not asked for; another client may have changed the dome."""
+    """Textures of former domes, to be removed behind the edits of a transaction."""
 
-    def __init__(self, edits: Edits, names: list[str], is_guess: bool) -> None:
+    def __init__(self, edits: Edits, names: list[str]) -> None:
         self._edits = edits
         self._count = len(edits.transaction.edits)
-        self._shown = edits._domes[-1]
+        self._staying = {"", edits._domes[-1]}
         self._names = self._others(names)
-        self._is_guess = is_guess
 
     def _others(self, names: list[str]) -> list[str]:
-        return [name for name in dict.fromkeys(names) if name and name != self._shown]
+        return [name for name in dict.fromkeys(names) if name not in self._staying]
 
-    def write(self) -> None:
-        """Adds the removals."""
+    def apply(self) -> service.ApplyReply:
+        """Sends the transaction with the removals, again without each one that is refused."""
+        while True:
+            self._write()
+            try:
+                return self._edits.scene.apply(self._edits.transaction, self._edits._expected)
+            except (NotFound, FailedPrecondition) as error:
+                self._clear()
+                if not self._gives_up(error):
+                    raise
+            except BaseException:
+                self._clear()
+                raise
+
+    def _write(self) -> None:
         edits = self._edits.transaction.edits
         for name in self._names:
             edits.add().remove.SetInParent()
             edits[-1].target.name = name
 
-    def clear(self) -> None:
-        """Takes them back: the transaction is what it was."""
+    def _clear(self) -> None:
+        """The transaction is what it was."""
         del self._edits.transaction.edits[self._count :]
 
-    def gives_up(self, error: HeliographError) -> bool:
-        """Leaves out the texture whose removal was refused: it is gone, or something uses it."""
+    def _gives_up(self, error: HeliographError) -> bool:
+        """Leaves out the texture whose removal was refused: it is gone, or something uses it. The
+        last one may have been remembered, and another client have changed the dome since."""
         found = _EDIT.match(error.field)
         index = int(found[1]) - self._count if found else -1
         if not 0 <= index < len(self._names):
             return False
-        del self._names[index]
-        if self._is_guess:
-            self._is_guess = False
-            self._names = self._others([*self._names, _dome_of(self._edits.scene)])
+        self._staying.add(self._names[index])
+        self._names = self._others([*self._names, _dome_of(self._edits.scene)])
         return True
 
 

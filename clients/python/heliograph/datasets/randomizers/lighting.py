@@ -11,7 +11,7 @@ import numpy as np
 from ...values.lights import Light
 from ...values.pose import Pose
 from . import ranges
-from .pictures import Pictures
+from .pictures import CACHE_BYTES, Pictures
 from .ranges import HsvColor, LogUniform, Range
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ class RandomDome:
 
     images: files, arrays (H, W, 3), or a folder, whose .exr and .hdr files it means; default:
     bundled_domes(). rotation: radians. intensity: a factor. camera_visible: whether the camera
-    sees it.
+    sees it. cache_bytes: of pictures that stay decoded; the others are decoded again.
     """
 
     def __init__(
@@ -44,8 +44,10 @@ class RandomDome:
         rotation: Range = (0.0, 2 * math.pi),
         intensity: Range = _INTENSITY,
         camera_visible: bool = True,
+        cache_bytes: int = CACHE_BYTES,
     ) -> None:
-        self.images = Pictures(bundled_domes() if images is None else images, _ENDINGS)
+        listed = bundled_domes() if images is None else images
+        self.images = Pictures(listed, _ENDINGS, cache_bytes)
         self.rotation = ranges.checked_range(rotation, "rotation")
         self.intensity = ranges.checked_range(intensity, "intensity", 0)
         self.camera_visible = bool(camera_visible)

@@ -12,7 +12,7 @@ from ...scene.handles import Entity, Handle, Material, Texture, flatten
 from ...values.components import Tex
 from . import ranges
 from .patterns import bundled_textures
-from .pictures import Pictures
+from .pictures import CACHE_BYTES, Pictures
 from .ranges import Choice, HsvColor, LogUniform, Range
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ class RandomTextures:
     things: as of RandomMaterials; their meshes need texture coordinates. images: files, arrays, a
     folder, or textures of the scene; default: bundled_textures(). scale: how often the picture is
     repeated over one unit of the coordinates. tint: a colour that multiplies it. It is turned and
-    shifted at random.
+    shifted at random. cache_bytes: as of RandomDome.
     """
 
     def __init__(
@@ -83,6 +83,7 @@ class RandomTextures:
         *,
         scale: Range = _SCALE,
         tint: Any = (1.0, 1.0, 1.0),
+        cache_bytes: int = CACHE_BYTES,
     ) -> None:
         self.things = things
         self.scale = ranges.checked_range(scale, "scale", 1e-6)
@@ -96,7 +97,7 @@ class RandomTextures:
             )
         if listed is None:
             listed = bundled_textures()
-        self._images: Any = listed if self._handles else Pictures(listed, _ENDINGS)
+        self._images: Any = listed if self._handles else Pictures(listed, _ENDINGS, cache_bytes)
 
     def __call__(self, draw: Draw) -> None:
         made: dict[int, Any] = {}

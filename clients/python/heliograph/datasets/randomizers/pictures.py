@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import OrderedDict
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,43 +14,62 @@ from ..._wire._proto import scene_pb2 as pb
 from ..._wire._proto import service_pb2 as service
 from ..._wire.arrays import NdArray, dtype_of, from_message
 from ...errors import InvalidArgument, NotFound
+from ...values.checks import whole_of
 from .ranges import linear
 
 if TYPE_CHECKING:
     from ...client.client import Client
 
 
+CACHE_BYTES = 1 << 30
+
+
 class Pictures:
-    """A list of pictures, each decoded once.
+    """A list of pictures. Those that were shown last stay decoded, so many bytes of them, and the
+    very last one whatever it has.
 
     Overlays get the texels, not the file, so that a data set keeps what its images were made of.
     Thread: one at a time.
     """
 
-    def __init__(self, images: Any, endings: tuple[str, ...]) -> None:
-        """images: a file, an array, a callable () -> array, or several of these; or a folder, whose
-        files with those endings it means."""
+    def __init__(
+        self, images: Any, endings: tuple[str, ...], cache_bytes: int = CACHE_BYTES
+    ) -> None:
+        """images: a file, an array, a callable () -> array, the same at each call, or several of
+        these; or a folder, whose files with those endings it means."""
         self.listed = _listed(images, endings)
-        self._texels: dict[int, tuple[NdArray, bool]] = {}
+        self.cache_bytes = whole_of(cache_bytes, "cache_bytes", 0, 2**63)
+        self._texels: OrderedDict[int, tuple[NdArray, bool]] = OrderedDict()
 
     def __len__(self) -> int:
         return len(self.listed)
 
     def texels(self, client: Client, choice: int) -> tuple[NdArray, bool]:
         """(H, W) or (H, W, C), and whether they are encoded as sRGB."""
+        image = self.listed[choice]
+        if isinstance(image, np.ndarray):
+            return image, image.dtype == np.uint8
         if choice not in self._texels:
-            image = self.listed[choice]
-            if isinstance(image, (str, os.PathLike)):
-                self._texels[choice] = decoded(client, image)
-            else:
-                texels = np.asarray(image() if callable(image) else image)
-                self._texels[choice] = texels, texels.dtype == np.uint8
+            self._texels[choice] = _texels_of(client, image)
+        self._texels.move_to_end(choice)
+        while len(self._texels) > 1 and self._used() > self.cache_bytes:
+            self._texels.popitem(last=False)
         return self._texels[choice]
+
+    def _used(self) -> int:
+        return sum(texels.nbytes for texels, _ in self._texels.values())
 
     def radiance(self, client: Client, choice: int) -> NdArray:
         """Linear: what is encoded is decoded, to float16."""
         texels, encoded = self.texels(client, choice)
         return linear(texels / np.float32(255)).astype("<f2") if encoded else texels
+
+
+def _texels_of(client: Client, image: Any) -> tuple[NdArray, bool]:
+    if isinstance(image, (str, os.PathLike)):
+        return decoded(client, image)
+    texels = np.asarray(image() if callable(image) else image)
+    return texels, texels.dtype == np.uint8
 
 
 def decoded(client: Client, path: str | os.PathLike[str]) -> tuple[NdArray, bool]:

@@ -39,7 +39,11 @@ def tasks(root: Path, faults: Faults) -> Iterator[Task]:
     check_counts(root / OWN, names, faults)
     partial_files = root / OWN / "partial"
     for left in sorted(partial_files.iterdir()) if partial_files.is_dir() else ():
-        faults.add("partial", left, "is of a run under way, or was killed: the next one removes it")
+        faults.add(
+            "partial",
+            left,
+            "is of a run under way, or of a killed one: the next one on its machine removes it",
+        )
     for batch in batches(names, 256):
         yield partial(check_records, root / OWN / "records", batch)
     yield partial(check_scene, root / OWN)

@@ -29,8 +29,9 @@ def request_of(scene: Scene, image: Image) -> render_pb2.RenderRequest:
 def drawn(scene: Scene, image: Image) -> Iterator[Scene]:
     """The scene with the image's overlay applied: a branch of its own, gone at the end."""
     with scene.branch() as branch:
-        if image.overlay is not None and image.overlay.transaction.edits:
-            branch.apply(image.overlay.transaction)
+        overlay = image.overlay
+        if overlay is not None and overlay.transaction.edits:
+            overlay.sources.complete(scene.client, lambda: branch.apply(overlay.transaction))
         yield branch
 
 

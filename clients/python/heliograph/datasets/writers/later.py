@@ -23,7 +23,7 @@ def pixels_at(scene: Scene, image: Image, picture: Picture, time: float) -> NdAr
         request.ClearField(field)
     for name in picture.planes:
         request.planes.add(plane=render_pb2.Plane.Value(f"PLANE_{name.upper()}"))
-    options: Any = {"progress": False}
+    options: Any = {"progress": False, "overlay": image.overlay}
     frame: Frame = call.run(scene, request, options)[0]
     return replace(picture, exposure=image.frame.stops(picture.exposure)).pixels(frame)
 
