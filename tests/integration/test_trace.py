@@ -1,11 +1,13 @@
 """The trace of a caller: in manifests, and in nothing that is kept or compared."""
 
+import asyncio
 import contextvars
 import json
 import pickle
 
 import balls
 import heliograph as hg
+import heliograph.aio
 import heliograph.datasets as hd
 import pytest
 from recordings import furnish, methods, played
@@ -78,3 +80,21 @@ def test_a_recording_of_traced_calls_is_played(tmp_path):
 def test_a_pickled_client_has_no_trace(traced):
     access = pickle.loads(pickle.dumps(traced.connection.access))
     assert access == traced.connection.access and access.trace is None
+
+
+def test_calls_that_are_awaited_have_the_trace_of_their_task():
+    async def span_of(scene, span):
+        SPAN.set(span)
+        frame = await scene.render("cam", spp=1)
+        return json.loads(frame.manifest)["trace"]["traceparent"].split("-")[2]
+
+    async def work():
+        async with await heliograph.aio.connect(trace=headers) as client:
+            scene = await client.create_scene()
+            async with scene.edit() as edit:
+                lens = hg.Camera.from_fov(50, 8, 8, degrees=True)
+                edit.entity("cam", camera=lens, transform=hg.Pose((0, 0, 1)))
+            spans = [f"{number:016x}" for number in range(1, 5)]
+            assert spans == await asyncio.gather(*(span_of(scene, span) for span in spans))
+
+    asyncio.run(work())
