@@ -69,10 +69,12 @@ def test_a_data_set_does_not_depend_on_the_trace(traced, tmp_path):
 def test_a_recording_of_traced_calls_is_played(tmp_path):
     SPAN.set("00f067aa0ba902b7")
     path = tmp_path / "session.recording"
-    with hg.connect(arguments=("--record", str(path)), trace=headers) as client:
-        with client.create_scene("room", shared=True) as scene:
-            furnish(scene)
-            scene.render("cam", spp=2, planes=["beauty"])
+    with (
+        hg.connect(arguments=("--record", str(path)), trace=headers) as client,
+        client.create_scene("room", shared=True) as scene,
+    ):
+        furnish(scene)
+        scene.render("cam", spp=2, planes=["beauty"])
     verdicts = played(path)
     assert "Render" in methods(verdicts["same"]) and not verdicts["differs"]
 
