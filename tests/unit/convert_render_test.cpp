@@ -217,7 +217,8 @@ TEST_CASE(
   const std::string again = json_of(request_again(frame, context));
   const std::string plain = manifest(frame, context, again);
   CHECK(plain.find("trace") == std::string::npos);
-  context.trace = parse_trace("00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01", "a=1");
+  context.trace = {.parent = "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01",
+                   .state = "a=1"};
   const std::string traced = manifest(frame, context, again);
   CHECK(
       traced.find(
