@@ -14,7 +14,7 @@
 #include "renderer/base/types.h"
 
 namespace spdlog {
-class logger;
+class logger;  // NOLINT(readability-identifier-naming): theirs
 }
 
 namespace heliograph::server {

@@ -208,8 +208,8 @@ TEST_CASE("render: a manifest asks for the same frame again") {
 
 TEST_CASE(
     "render: a manifest names the caller's trace beside the request, and only where there is one") {
-  const auto request =
-      parse<v1::RenderRequest>("scene: 5 cameras { name: 'left' } planes { plane: PLANE_BEAUTY }");
+  const auto request = parse<v1::RenderRequest>(
+      "scene: 5 cameras { name: 'left' } spp: 16 planes { plane: PLANE_BEAUTY }");
   const auto made = to_job(request, snapshot(), {});
   REQUIRE(made);
   FrameContext context{request, std::make_shared<const RenderJob>(*made), "1", "embree", "v3"};
