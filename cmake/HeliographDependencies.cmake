@@ -10,6 +10,7 @@ endif()
 
 find_package(glm REQUIRED)
 find_package(fmt REQUIRED)
+find_package(spdlog 1.10 REQUIRED)
 find_package(TBB REQUIRED)
 find_package(CLI11 REQUIRED)
 find_package(prometheus-cpp CONFIG REQUIRED)

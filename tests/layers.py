@@ -92,6 +92,7 @@ LIBRARIES = {
     "openvdb": {"renderer/assets"},
     "nanovdb": {"renderer/assets"},
     "tiny_gltf.h": {"renderer/assets"},
+    "spdlog": {"server/os"},
     "sqlite3.h": {"server/journal"},
     "grpcpp": GRPC,
     "google": GRPC | {"server/decode", "server/journal", "server/os", "server/scene"},

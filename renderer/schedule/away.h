@@ -23,7 +23,12 @@ struct Away {
   std::shared_ptr<Backend> backend;  // of the device, which may be replaced meanwhile
   std::unique_ptr<Work> work;
   std::shared_ptr<Workers::Group> errands{};
+  Work::Clock::time_point left = Work::Clock::now();
   bool has_lost_device = false;
+
+  [[nodiscard]] double seconds() const {
+    return std::chrono::duration<double>(Work::Clock::now() - left).count();
+  }
 };
 
 /// What becomes of work that had begun on a device that was lost.

@@ -191,6 +191,7 @@ void Engine::Impl::come_back(std::list<Away>::iterator away) {
   {
     const std::scoped_lock lock(mutex_);
     backend = away->backend;
+    away->work->aside_seconds += away->seconds();
     if (away->has_lost_device)
       lost = std::move(away->work);
     else

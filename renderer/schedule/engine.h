@@ -18,7 +18,8 @@ struct Spent {
   double seconds = 0;         // of the devices
   double helper_seconds = 0;  // of them, of devices that helped the one that had the job
   double waited_seconds =
-      0;  // from submit() until the device first had it, or until it was refused
+      0;                     // from submit() until the device first had it, or until it was refused
+  double aside_seconds = 0;  // away from the device: derived data, scenes, planes made of others
 };
 
 /// Who receives a job's results. Calls come in order, one at a time, from the thread of the job's

@@ -46,6 +46,7 @@ class Work {
   }
 
   double seconds = 0;                        // of its device, so far
+  double aside_seconds = 0;                  // that workers had what it waits for
   std::optional<Clock::time_point> begun{};  // when a device first had it
   u32 place = kernels::kNone;                // the index of that device: it stays there
   bool runs = false;                         // a slice of it
@@ -84,7 +85,8 @@ class RenderWork final : public Work {
 
  private:
   [[nodiscard]] Spent spent() const {
-    Spent spent{.seconds = seconds, .waited_seconds = waited_seconds()};
+    Spent spent{
+        .seconds = seconds, .waited_seconds = waited_seconds(), .aside_seconds = aside_seconds};
     if (!runner_) return spent;
     spent.helper_seconds = runner_->helper_seconds();
     spent.seconds += spent.helper_seconds;

@@ -102,7 +102,8 @@ Status GrpcServer::build(grpc::ServerBuilder& builder, Daemon& daemon, u64 quota
   }
   std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> observers;
   if (daemon.recorder) observers.push_back(std::make_unique<RecordCalls>(*daemon.recorder));
-  observers.push_back(std::make_unique<CallLog>(daemon.log, daemon.metrics));
+  observers.push_back(std::make_unique<ObserveCalls>(daemon.call_log));
+  builder.SetContextAllocator(std::make_unique<RecordedContexts>());
   builder.experimental().SetInterceptorCreators(std::move(observers));
   server_ = builder.BuildAndStart();
   if (!server_) return fail(Code::kInternal, "", "gRPC did not start");

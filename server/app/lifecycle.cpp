@@ -230,7 +230,7 @@ void Life::start_watchdog() {
   daemon_.watchdog.start(
       {{"calls", Needs::kReadiness, [this] { return daemon_.gate.reactions().longest_seconds(); }},
        {"pool", Needs::kLiveness, [this] { return daemon_.pool.still_seconds(); }},
-       {"log", Needs::kNothing, [this] { return daemon_.log.writer().still_seconds(); }}},
+       {"log", Needs::kNothing, [this] { return daemon_.log.still_seconds(); }}},
       {.ready = [this](const std::string& fault) { daemon_.health.stand_still(fault); },
        .live =
            [this](bool is_live) {
@@ -255,7 +255,7 @@ void Life::look_without_loop(double still_seconds) {
   end_within(kLastSeconds);
   if (daemon_.journal) daemon_.journal->stop();
   daemon_.log.error("ending without the event loop");
-  daemon_.log.writer().flush();
+  daemon_.log.flush();
   ::_exit(kExitSoftware);
 }
 

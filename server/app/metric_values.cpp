@@ -102,7 +102,7 @@ std::vector<MetricValue> metric_values(const Daemon& daemon, u32 connections) {
                    daemon.journal->status() ? 1.0 : 0.0});
   all.push_back({"heliograph_log_dropped_lines_total",
                  "Log lines that were dropped because nobody read them",
-                 double(daemon.log.writer().dropped()),
+                 double(daemon.log.dropped()),
                  {},
                  true});
   for (const auto& [part, seconds] : daemon.watchdog.still_seconds())

@@ -46,7 +46,8 @@ class BatchCall::Item final : public JobSink, public std::enable_shared_from_thi
     if (request_.job().progressive())
       return fail(Code::kInvalidArgument, "job.progressive",
                   "a batch answers with final frames; leave it out, or use Render or Stream");
-    auto task = to_task(call_->daemon_, *scope.session(), request_.job());
+    auto task =
+        to_task(call_->daemon_, *scope.session(), request_.job(), record_of(scope.context()));
     if (!task) return std::unexpected(std::move(task).error().at("job"));
     task->job->deadline = scope.deadline();
     if (auto provided = call_->cutter_.provide(*task->job, *task->engine); !provided)

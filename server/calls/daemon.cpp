@@ -62,6 +62,7 @@ Daemon::Daemon(Config settings, Identities identities, std::unique_ptr<EventLoop
                  scenes.end_session(session.id);
                }),
       gate(tenants, sessions),
+      call_log(log, metrics, call_log_options()),
       health(*loop, log,
              {.lost_seconds = double(config.limits.lost_seconds),
               .hang_seconds = double(config.limits.hang_seconds),
@@ -70,6 +71,17 @@ Daemon::Daemon(Config settings, Identities identities, std::unique_ptr<EventLoop
                {.hang_seconds = double(config.limits.hang_seconds),
                 .stuck_seconds = double(config.limits.stuck_seconds)}) {
   sweep_uploads();
+}
+
+CallLog::Options Daemon::call_log_options() {
+  return {.slow_seconds = double(config.limits.slow_call_seconds),
+          .slow_render_seconds = double(config.limits.slow_render_seconds),
+          .scene_name = [this](u64 scene, u64 session) -> std::string {
+            const auto asker = sessions.find(session);
+            if (!asker) return "";
+            const auto entry = scenes.find(scene, *asker);
+            return entry ? (*entry)->name : "";
+          }};
 }
 
 Status Daemon::open_journal() {

@@ -11,6 +11,7 @@
 #include "server/device/health.h"
 #include "server/journal/journal.h"
 #include "server/net/lifeline.h"
+#include "server/observe/call_log.h"
 #include "server/observe/call_watch.h"
 #include "server/observe/metrics.h"
 #include "server/observe/recorder.h"
@@ -37,6 +38,7 @@ struct Daemon {
   std::unique_ptr<Recorder> recorder;  // null unless it records
   Sessions sessions;
   Gate gate;
+  const CallLog call_log;
   CallWatch watch;
   Health health;
   Watchdog watchdog;
@@ -65,6 +67,7 @@ struct Daemon {
   void restore_requests(Session& session);
 
  private:
+  [[nodiscard]] CallLog::Options call_log_options();
   /// Once a second: what sessions brought and nobody needs goes (recent.h).
   void sweep_uploads();
 };

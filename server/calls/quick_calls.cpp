@@ -9,16 +9,14 @@
 
 #include "server/calls/edit_calls.h"
 #include "server/calls/render_task.h"
+#include "server/calls/rpc.h"
 #include "server/convert/error.h"
 #include "server/convert/frame.h"
 #include "server/convert/transaction.h"
-#include "server/observe/call_log.h"
 #include "server/os/packet.h"
 
 namespace heliograph::server {
 namespace {
-
-using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t kPacketBytes = 64 << 10;
 constexpr const char* kApply = "/heliograph.v1.Renderer/Apply";
@@ -65,7 +63,7 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
       const ssize_t size = receive_packet(socket_.get(), packet, 0, daemon_.loop->closer()).size;
       if (size <= 0 || std::size_t(size) > packet.size() || is_busy_.exchange(true)) break;
       if (!call_.ParseFromArray(packet.data(), int(size))) break;
-      begin();
+      begin(u64(size));
     }
     close();
     const std::lock_guard lock(mutex_);
@@ -97,8 +95,17 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
   }
 
  private:
-  void begin() {
-    start_ = Clock::now();
+  void begin(u64 bytes) {
+    record_ = std::make_shared<CallRecord>();
+    record_->note([&](CallFacts& facts) {
+      facts.start = CallClock::now();
+      facts.request = new_request_id();
+      facts.method = call_.has_render() ? kRender : kApply;
+      facts.pace = call_.has_render() ? Pace::kRender : Pace::kShort;
+      facts.scene = call_.has_render() ? call_.render().scene() : call_.apply().scene();
+      facts.peer = "unix:";
+      facts.received_bytes = bytes;
+    });
     {
       const std::lock_guard lock(mutex_);
       stop_ = {};
@@ -106,6 +113,7 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
     auto admitted = daemon_.gate.admit({.is_local = true, .token = call_.token()}, session_->id());
     if (!admitted) return finish(std::unexpected(std::move(admitted).error()));
     admitted_.emplace(*std::move(admitted));
+    record_->note([&](CallFacts& facts) { name_caller(*admitted_, facts); });
     if (auto known = check_own_fields(call_); !known) return finish(known);
     if (call_.has_apply()) return apply();
     if (call_.has_render()) return render();
@@ -125,7 +133,7 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
     if (auto started = start_render(); !started) finish(started);
   }
   Status start_render() {
-    auto task = to_task(daemon_, *session_, call_.render());
+    auto task = to_task(daemon_, *session_, call_.render(), record_);
     if (!task) return std::unexpected(std::move(task).error());
     headers_ = task->headers;
     HELIO_TRY(cutter_->provide(*task->job, *task->engine));
@@ -139,22 +147,20 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
 
   /// Ends the call: the one place that does. Nothing of it is touched once the reply is on its way.
   void finish(const Status& status) {
-    const std::string* hidden = nullptr;
+    CallOutcome outcome;
     if (!status) {
       const Error& error = status.error();
       reply_.set_code(u32(error.code));
       reply_.set_message(message_of(error));
       *reply_.mutable_detail() = to_proto(error);
-      if (is_hidden(error)) hidden = &error.message;
+      outcome = {.code = int(error.code),
+                 .reason = is_hidden(error) ? error.message : reply_.message(),
+                 .is_hidden = is_hidden(error)};
     }
     const std::string bytes = reply_.SerializeAsString();
-    const std::chrono::duration<double> took = Clock::now() - start_;
-    note_call(daemon_.log, daemon_.metrics, new_request_id(),
-              {.method = call_.has_render() ? kRender : kApply,
-               .code = int(reply_.code()),
-               .seconds = took.count(),
-               .sent_bytes = bytes.size()},
-              hidden);
+    CallFacts facts = record_->facts();
+    facts.sent_bytes = bytes.size();
+    daemon_.call_log.end(std::move(facts), outcome);
     forget();
     is_busy_ = false;
     if (!send(socket_.get(), bytes)) close();
@@ -178,7 +184,7 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
 
   v1::QuickCall call_;
   v1::QuickReply reply_;
-  Clock::time_point start_;
+  CallRecordPtr record_;
   std::optional<Call> admitted_;
   std::optional<FrameCutter> cutter_;
   std::shared_ptr<FrameHeaders> headers_;

@@ -89,33 +89,42 @@ Expected<std::shared_ptr<RenderJob>> make_job(Daemon& daemon, Session& session,
   return std::make_shared<RenderJob>(std::move(*job));
 }
 
-/// Counts a job while it waits and runs, and charges what it took.
+/// Counts a job while it waits and runs, charges what it took, and tells its call.
 class Metered final : public JobSink {
  public:
-  Metered(std::shared_ptr<JobSink> sink, Metrics& metrics, TenantPtr tenant, Charge running)
+  Metered(std::shared_ptr<JobSink> sink, Daemon& daemon, const RenderTask& task, Charge running)
       : sink_(std::move(sink)),
-        metrics_(metrics),
-        tenant_(std::move(tenant)),
-        running_(std::move(running)) {}
+        daemon_(daemon),
+        tenant_(task.tenant),
+        call_(task.call),
+        running_(std::move(running)) {
+    call_->begin_job();
+  }
   void progress(const Progress& progress) override { sink_->progress(progress); }
   void frame(std::shared_ptr<const Frame> frame) override { sink_->frame(std::move(frame)); }
   void done(Status status, const Spent& spent) override {
     tenant_->samples.charge(spent.samples);
-    metrics_.job(tenant_->name, status, spent);
+    daemon_.metrics.job(tenant_->name, status, spent);
+    call_->end_job(spent);
+    const std::chrono::duration<double> took = CallClock::now() - queued_;
+    daemon_.call_log.end_job(*call_, took.count(), spent);
     [[maybe_unused]] const auto given_back = running_.resize(0);
     sink_->done(std::move(status), spent);
   }
 
  private:
   std::shared_ptr<JobSink> sink_;
-  Metrics& metrics_;
+  Daemon& daemon_;
   TenantPtr tenant_;
+  CallRecordPtr call_;
+  const CallClock::time_point queued_ = CallClock::now();
   Charge running_;
 };
 
 }  // namespace
 
-Expected<RenderTask> to_task(Daemon& daemon, Session& session, const v1::RenderRequest& request) {
+Expected<RenderTask> to_task(Daemon& daemon, Session& session, const v1::RenderRequest& request,
+                             CallRecordPtr call) {
   auto job = make_job(daemon, session, request);
   if (!job) return std::unexpected(job.error());
   auto engine = daemon.engine->wait();
@@ -124,9 +133,10 @@ Expected<RenderTask> to_task(Daemon& daemon, Session& session, const v1::RenderR
                        .job = *job,
                        .version = kVersion,
                        .backend = std::string((*engine)->backend_name()),
-                       .cpu_features = (*engine)->cpu_features()};
+                       .cpu_features = (*engine)->cpu_features(),
+                       .trace = call->trace()};
   return RenderTask{*std::move(job), std::make_shared<FrameHeaders>(std::move(context)), *engine,
-                    session.tenant()};
+                    session.tenant(), std::move(call)};
 }
 
 FrameCutter::Begun note_frames(const Daemon& daemon, const grpc::ServerContextBase& context) {
@@ -145,8 +155,7 @@ Status submit(Daemon& daemon, const RenderTask& task, std::shared_ptr<JobSink> s
     running.error().retry_seconds = retry_seconds(*task.engine);
     return std::unexpected(std::move(running).error());
   }
-  auto metered =
-      std::make_shared<Metered>(std::move(sink), daemon.metrics, task.tenant, std::move(*running));
+  auto metered = std::make_shared<Metered>(std::move(sink), daemon, task, std::move(*running));
   HELIO_TRY(task.engine->submit(task.job, std::move(metered), std::move(stop)));
   task.headers->write_ahead();
   return {};

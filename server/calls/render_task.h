@@ -14,12 +14,15 @@ struct RenderTask {
   std::shared_ptr<FrameHeaders> headers;
   Engine* engine = nullptr;
   TenantPtr tenant;
+  CallRecordPtr call;
 };
 
 /// Resolves the revision, applies the overlay, checks every field. Waits for the engine to start,
 /// so call it on the work pool.
+///
+/// call   that it is a part of
 [[nodiscard]] Expected<RenderTask> to_task(Daemon& daemon, Session& session,
-                                           const v1::RenderRequest& request);
+                                           const v1::RenderRequest& request, CallRecordPtr call);
 
 /// Queues it and counts it for its tenant; RESOURCE_EXHAUSTED with a retry time when too much waits
 /// or runs.

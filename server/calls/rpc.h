@@ -13,6 +13,7 @@
 #include "server/calls/daemon.h"
 #include "server/convert/error.h"
 #include "server/convert/transaction.h"
+#include "server/observe/call_record.h"
 #include "server/os/work_pool.h"
 #include "server/session/gate.h"
 
@@ -38,6 +39,14 @@ class Refusal final : public Reactor {
   void OnDone() override { delete this; }
 };
 
+/// Whose call it is, for the log.
+inline void name_caller(const Call& call, CallFacts& facts) {
+  facts.tenant = call.tenant()->name;
+  if (!call.session()) return;
+  facts.client = call.session()->client();
+  facts.session = call.session()->id();
+}
+
 /// Lets a call in and starts it with `start(Call) -> Reactor*`, or refuses it: the one way from a
 /// handler of Service to a session.
 template <class Reactor, class Start>
@@ -45,6 +54,7 @@ Reactor* let_in(Gate& gate, grpc::CallbackServerContext* context, Needs needs, c
   const BusyTimes::Scope busy(gate.reactions());
   auto admitted = gate.admit(*context, needs);
   if (!admitted) return new Refusal<Reactor>(*context, admitted.error());
+  record_of(*context)->note([&](CallFacts& facts) { name_caller(*admitted, facts); });
   return start(std::move(*admitted));
 }
 

@@ -9,12 +9,13 @@ namespace {
 
 Status start_render(Daemon& daemon, const v1::RenderRequest& request,
                     const std::shared_ptr<FrameStream>& stream) {
-  auto task = to_task(daemon, *stream->scope().session(), request);
+  const CallScope& scope = stream->scope();
+  auto task = to_task(daemon, *scope.session(), request, record_of(scope.context()));
   if (!task) return std::unexpected(task.error());
-  task->job->deadline = stream->scope().deadline();
+  task->job->deadline = scope.deadline();
   HELIO_TRY(stream->provide(*task));
   stream->expect(*task);
-  return submit(daemon, *task, stream, stream->scope().stop());
+  return submit(daemon, *task, stream, scope.stop());
 }
 
 }  // namespace

@@ -54,7 +54,8 @@ class StreamCall::Job final : public JobSink, public std::enable_shared_from_thi
       return fail(Code::kInvalidArgument, "settings.worlds",
                   "has no place in a Stream, which shows one scene; use Render or RenderBatch");
     HELIO_TRY(call_->follow(settings_->scene()));
-    auto task = to_task(call_->daemon_, *call_->scope_.session(), *settings_);
+    const CallScope& scope = call_->scope_;
+    auto task = to_task(call_->daemon_, *scope.session(), *settings_, record_of(scope.context()));
     if (!task) return std::unexpected(std::move(task).error().at("settings"));
     headers_ = task->headers;
     task->job->origin.session ^= call_->line_;

@@ -37,6 +37,8 @@ enum ExitCode : int {
   X(client_bytes, 256, "bytes of the name that a client gives itself")                  \
   X(log_bytes, 1ull << 20, "bytes of log lines that wait to be written")                \
   X(log_value_bytes, 1024, "bytes of one value in the log")                             \
+  X(slow_call_seconds, 5, "seconds after which the log warns of a call")                \
+  X(slow_render_seconds, 60, "the same of what waits for the device or the decoder")    \
   X(jobs, 256, "render jobs and queries that wait for the device")                      \
   X(scenes, 4096, "scenes, private and shared")                                         \
   X(revisions, 64, "recent revisions a scene keeps")                                    \

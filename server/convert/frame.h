@@ -6,6 +6,7 @@
 #include "heliograph/v1/render.pb.h"
 #include "renderer/frame/frame.h"
 #include "renderer/frame/job.h"
+#include "server/os/trace.h"
 
 namespace heliograph::server {
 
@@ -16,6 +17,7 @@ struct FrameContext {
   std::string version;                   // of the daemon
   std::string backend;
   std::string cpu_features;
+  Trace trace = {};  // of the call, where it has one
 };
 
 /// The header of a frame but for its manifest; its planes' bytes follow in chunks.
@@ -25,7 +27,8 @@ struct FrameContext {
 /// to time or to noise is written out. An overlay of more than 64 KiB is left out.
 [[nodiscard]] v1::RenderRequest request_again(const Frame& frame, const FrameContext& context);
 [[nodiscard]] std::string json_of(const v1::RenderRequest& request);
-/// JSON of that request, who rendered the frame, and the hash of its overlay.
+/// JSON of that request, who rendered the frame, the hash of its overlay, and the caller's trace,
+/// which is the one thing that differs between equal requests.
 ///
 /// request_json   json_of(request_again())
 [[nodiscard]] std::string manifest(const Frame& frame, const FrameContext& context,

@@ -99,6 +99,10 @@ std::string manifest(const Frame& frame, const FrameContext& context,
   if (!frame.denoiser.empty()) head["denoiser"] = frame.denoiser;
   if (frame.overlay) head["overlay"] = fmt::format("{:016x}", frame.overlay);
   if (frame.worlds) head["worlds"] = fmt::format("{}", context.job->worlds->count);
+  if (context.trace) {
+    head["trace"]["traceparent"] = context.trace.parent;
+    if (!context.trace.state.empty()) head["trace"]["tracestate"] = context.trace.state;
+  }
   std::string json = head.dump();
   json.pop_back();
   return json + ",\"request\":" + request_json + "}";

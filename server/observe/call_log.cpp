@@ -1,109 +1,100 @@
-// The interceptor behind call_log.h.
+// The lines of call_log.h.
 #include "server/observe/call_log.h"
 
-#include <grpcpp/server_context.h>
+#include <grpcpp/support/status.h>
 
-#include <algorithm>
-#include <atomic>
-#include <chrono>
-#include <optional>
-
-#include "server/convert/error.h"
+#include <vector>
 
 namespace heliograph::server {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-using grpc::experimental::InterceptionHookPoints;
-using grpc::experimental::InterceptorBatchMethods;
-using grpc::experimental::ServerRpcInfo;
-
-constexpr const char* kRequestId = "heliograph-request-id";
-constexpr std::size_t kLongestId = 64;
-
-bool is_plain(char c) {
-  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '.' ||
-         c == '_' || c == ':' || c == '-';
+double seconds_between(CallClock::time_point from, CallClock::time_point to) {
+  return std::chrono::duration<double>(to - from).count();
 }
 
-class Observer final : public grpc::experimental::Interceptor {
- public:
-  Observer(const Log& log, Metrics& metrics, std::string_view method)
-      : log_(log), metrics_(metrics), method_(method) {}
-  Observer(const Observer&) = delete;
-  Observer& operator=(const Observer&) = delete;
-  ~Observer() override {
-    const double seconds = std::chrono::duration<double>(Clock::now() - start_).count();
-    note_call(log_, metrics_, id_,
-              {.method = method_, .code = code_, .seconds = seconds, .sent_bytes = sent_},
-              hidden_ ? &*hidden_ : nullptr);
-  }
+LogField milliseconds(std::string_view name, double seconds) {
+  return {name, fmt::format("{:.3f}", 1000 * std::max(seconds, 0.0))};
+}
 
-  void Intercept(InterceptorBatchMethods* methods) override {
-    const auto is = [&](InterceptionHookPoints point) {
-      return methods->QueryInterceptionHookPoint(point);
-    };
-    if (is(InterceptionHookPoints::POST_RECV_INITIAL_METADATA))
-      take_id(*methods->GetRecvInitialMetadata());
-    if (is(InterceptionHookPoints::PRE_SEND_MESSAGE))
-      if (const grpc::ByteBuffer* message = methods->GetSerializedSendMessage())
-        sent_ += message->Length();
-    if (is(InterceptionHookPoints::PRE_SEND_STATUS)) take_status(*methods);
-    methods->Proceed();
+/// What it is, and whose.
+std::vector<LogField> fields_of(const CallFacts& facts) {
+  std::vector<LogField> fields{{"request", facts.request}, {"method", facts.method}};
+  const auto add = [&](std::string_view name, std::string_view value) {
+    if (!value.empty()) fields.emplace_back(name, value);
+  };
+  if (facts.trace) {
+    add("trace_id", facts.trace.trace_id());
+    add("span_id", facts.trace.span_id());
   }
+  add("tenant", facts.tenant);
+  add("client", facts.client);
+  add("peer", facts.peer);
+  if (facts.scene != 0) fields.emplace_back("scene", facts.scene);
+  add("scene_name", facts.scene_name);
+  return fields;
+}
 
- private:
-  void take_id(const std::multimap<grpc::string_ref, grpc::string_ref>& metadata) {
-    const auto found = metadata.find(kRequestId);
-    if (found != metadata.end()) id_.assign(found->second.data(), found->second.size());
-    if (id_.empty() || id_.size() > kLongestId || !std::ranges::all_of(id_, is_plain))
-      id_ = new_request_id();
-  }
-
-  void take_status(InterceptorBatchMethods& methods) {
-    code_ = methods.GetSendStatus().error_code();
-    auto& metadata = *methods.GetSendTrailingMetadata();
-    metadata.emplace(kRequestId, id_);
-    if (auto hidden = metadata.extract(kHiddenMessage)) hidden_ = std::move(hidden.mapped());
-  }
-
-  const Log& log_;
-  Metrics& metrics_;
-  const std::string_view method_;  // gRPC's own
-  const Clock::time_point start_ = Clock::now();
-  std::string id_;
-  std::optional<std::string> hidden_;  // what an error of our own really was
-  int code_ = grpc::CANCELLED;         // when it ends without a status of ours
-  u64 sent_ = 0;
-};
+/// Where the time went of a call that had jobs: before them, waiting, derived data, on the device,
+/// while others' jobs had it, after them.
+void add_times(std::vector<LogField>& fields, const CallFacts& facts, CallClock::time_point now) {
+  const CallJobs& jobs = facts.jobs;
+  if (jobs.count == 0) return;
+  const double known = jobs.waited_seconds + jobs.aside_seconds + jobs.device_seconds;
+  fields.push_back(milliseconds("before_ms", seconds_between(facts.start, jobs.first)));
+  fields.push_back(milliseconds("queued_ms", jobs.waited_seconds));
+  fields.push_back(milliseconds("derived_ms", jobs.aside_seconds));
+  fields.push_back(milliseconds("device_ms", jobs.device_seconds));
+  if (jobs.count == 1)
+    fields.push_back(milliseconds("others_ms", seconds_between(jobs.first, jobs.last) - known));
+  fields.push_back(milliseconds("sending_ms", seconds_between(jobs.last, now)));
+}
 
 }  // namespace
 
-std::string new_request_id() {
-  static const u64 start = u64(Clock::now().time_since_epoch().count());
-  static std::atomic<u64> count = 0;
-  return fmt::format("{:08x}-{:x}", u32(start ^ (start >> 32)), ++count);
+bool CallLog::is_slow(Pace pace, double seconds) const {
+  if (pace == Pace::kClient) return false;
+  return seconds > (pace == Pace::kRender ? options_.slow_render_seconds : options_.slow_seconds);
 }
 
-void note_call(const Log& log, Metrics& metrics, std::string_view request,
-               const Metrics::CallEnd& end, const std::string* hidden) {
-  metrics.call(end);
-  const std::string_view code = code_name(end.code);
-  const LogFields fields = {{"request", request},
-                            {"method", end.method},
-                            {"code", code},
-                            {"seconds", end.seconds},
-                            {"sent_bytes", end.sent_bytes}};
-  if (hidden)
-    return log.error(
-        "call",
-        {{"request", request}, {"method", end.method}, {"code", code}, {"reason", *hidden}});
-  if (end.code == grpc::OK || end.code == grpc::CANCELLED) return log.debug("call", fields);
-  log.info("call", fields);
+void CallLog::end(CallFacts facts, const CallOutcome& outcome) const {
+  const CallClock::time_point now = CallClock::now();
+  const double seconds = seconds_between(facts.start, now);
+  metrics_.call({.method = facts.method,
+                 .code = outcome.code,
+                 .seconds = seconds,
+                 .received_bytes = facts.received_bytes,
+                 .sent_bytes = facts.sent_bytes});
+  const bool is_slow_one = !outcome.is_hidden && is_slow(facts.pace, seconds);
+  const bool is_quiet = outcome.code == grpc::OK || outcome.code == grpc::CANCELLED;
+  const Log::Level level = outcome.is_hidden ? Log::Level::kError
+                           : is_slow_one     ? Log::Level::kWarning
+                           : is_quiet        ? Log::Level::kDebug
+                                             : Log::Level::kInfo;
+  if (!log_.is_on(level)) return;
+  if (facts.scene_name.empty() && facts.scene != 0 && facts.session != 0)
+    facts.scene_name = options_.scene_name(facts.scene, facts.session);
+  std::vector<LogField> fields = fields_of(facts);
+  fields.emplace_back("code", code_name(outcome.code));
+  if (!outcome.reason.empty()) fields.emplace_back("reason", outcome.reason);
+  fields.push_back(milliseconds("ms", seconds));
+  fields.emplace_back("received_bytes", facts.received_bytes);
+  fields.emplace_back("sent_bytes", facts.sent_bytes);
+  if (is_slow_one) add_times(fields, facts, now);
+  log_.write(level, is_slow_one ? "slow call" : "call", fields);
 }
 
-grpc::experimental::Interceptor* CallLog::CreateServerInterceptor(ServerRpcInfo* info) {
-  return new Observer(log_, metrics_, info->method());
+void CallLog::end_job(const CallRecord& call, double seconds, const Spent& spent) const {
+  if (!is_slow(Pace::kRender, seconds)) return;
+  const CallFacts facts = call.facts();
+  if (facts.pace != Pace::kClient) return;
+  std::vector<LogField> fields = fields_of(facts);
+  fields.push_back(milliseconds("ms", seconds));
+  fields.push_back(milliseconds("queued_ms", spent.waited_seconds));
+  fields.push_back(milliseconds("derived_ms", spent.aside_seconds));
+  fields.push_back(milliseconds("device_ms", spent.seconds));
+  fields.push_back(milliseconds(
+      "others_ms", seconds - spent.waited_seconds - spent.aside_seconds - spent.seconds));
+  log_.write(Log::Level::kWarning, "slow job", fields);
 }
 
 }  // namespace heliograph::server

@@ -3,6 +3,9 @@
 
 #include <grpcpp/support/server_interceptor.h>
 
+#include <functional>
+
+#include "server/observe/call_record.h"
 #include "server/observe/metrics.h"
 #include "server/os/log.h"
 
@@ -12,24 +15,51 @@ namespace heliograph::server {
 /// another start.
 [[nodiscard]] std::string new_request_id();
 
-/// The end of a call, and what its client was not told of an error of the daemon's own; null:
-/// nothing.
-void note_call(const Log& log, Metrics& metrics, std::string_view request,
-               const Metrics::CallEnd& end, const std::string* hidden);
+/// How a call ended.
+struct CallOutcome {
+  int code = 0;            // gRPC's
+  std::string reason{};    // of an error, also where the client is not told it
+  bool is_hidden = false;  // it is not
+};
 
-/// gRPC asks it at the start of each call. Thread: any. The log and the metrics outlive the server.
-///
-/// A call that ended well, or was cancelled, is logged at level debug; one that was refused at
-/// info; an error of the daemon's own at error, with what the client is not told.
-class CallLog final : public grpc::experimental::ServerInterceptorFactoryInterface {
+/// Writes the line of each call: one that ended well, or was cancelled, at level debug; one that
+/// was refused at info; a slow one at warning, with where its time went; an error of the daemon's
+/// own at error, with what the client is not told. Thread: any. The log and the metrics outlive it.
+class CallLog {
  public:
-  CallLog(const Log& log, Metrics& metrics) : log_(log), metrics_(metrics) {}
+  struct Options {
+    double slow_seconds = 0;         // of Pace::kShort
+    double slow_render_seconds = 0;  // of Pace::kRender, and of a job of a longer call
+    /// The name of a scene that a session sees; "": it has none. Asked when a line is written.
+    std::function<std::string(u64 scene, u64 session)> scene_name;
+  };
+  CallLog(const Log& log, Metrics& metrics, Options options)
+      : log_(log), metrics_(metrics), options_(std::move(options)) {}
+
+  /// A call ended.
+  void end(CallFacts facts, const CallOutcome& outcome) const;
+  /// A job ended, `seconds` after it was queued. Told of those alone that are slow and whose calls
+  /// are not judged.
+  void end_job(const CallRecord& call, double seconds, const Spent& spent) const;
+
+ private:
+  [[nodiscard]] bool is_slow(Pace pace, double seconds) const;
+
+  const Log& log_;
+  Metrics& metrics_;
+  const Options options_;
+};
+
+/// gRPC asks it at the start of each call, which has a RecordedContext. Thread: any. The log
+/// outlives the server.
+class ObserveCalls final : public grpc::experimental::ServerInterceptorFactoryInterface {
+ public:
+  explicit ObserveCalls(const CallLog& log) : log_(log) {}
   grpc::experimental::Interceptor* CreateServerInterceptor(
       grpc::experimental::ServerRpcInfo* info) override;
 
  private:
-  const Log& log_;
-  Metrics& metrics_;
+  const CallLog& log_;
 };
 
 }  // namespace heliograph::server

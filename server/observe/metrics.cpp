@@ -80,7 +80,7 @@ prometheus::ClientMetric metric_of(const MetricValue& value) {
 struct CallMetrics {
   std::array<Counter*, kCodes.size()> ended;
   Histogram* seconds;
-  Counter* sent_bytes;
+  Counter *received_bytes, *sent_bytes;
 };
 struct JobMetrics {
   std::array<Counter*, kCodes.size()> ended;
@@ -106,6 +106,8 @@ struct Metrics::Families {
   Registry registry;
   Family<Counter>& calls =
       counter(registry, "calls_total", "Calls that ended, by method and status code");
+  Family<Counter>& received_bytes = counter(registry, "received_bytes_total",
+                                            "Bytes of messages received from clients, by method");
   Family<Counter>& sent_bytes =
       counter(registry, "sent_bytes_total", "Bytes of messages sent to clients, by method");
   Family<Histogram>& call_seconds =
@@ -144,7 +146,7 @@ struct Metrics::Families {
     const prometheus::Labels labels = {{"method", short_method(method)}};
     return methods
         .emplace(method, CallMetrics{by_code(calls, labels), &call_seconds.Add(labels, kSeconds),
-                                     &sent_bytes.Add(labels)})
+                                     &received_bytes.Add(labels), &sent_bytes.Add(labels)})
         .first->second;
   }
 
@@ -169,6 +171,7 @@ void Metrics::call(const CallEnd& end) {
   const CallMetrics& metrics = families_->of_method(end.method);
   metrics.ended[code_index(end.code)]->Increment();
   metrics.seconds->Observe(end.seconds);
+  metrics.received_bytes->Increment(double(end.received_bytes));
   metrics.sent_bytes->Increment(double(end.sent_bytes));
 }
 

@@ -32,7 +32,7 @@ class Metrics {
     std::string_view method;  // "/heliograph.v1.Renderer/Apply"
     int code = 0;             // gRPC's
     double seconds = 0;
-    u64 sent_bytes = 0;
+    u64 received_bytes = 0, sent_bytes = 0;
   };
   void call(const CallEnd& end);
   void job(const std::string& tenant, const Status& status, const Spent& spent);

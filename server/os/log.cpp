@@ -1,19 +1,24 @@
 // Log lines. Called from everywhere in server/.
 #include "server/os/log.h"
 
-#include <fmt/chrono.h>
+#include <spdlog/logger.h>
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cstddef>
+
+#include "server/os/log_writer.h"
 
 namespace heliograph::server {
 namespace {
 
-using std::chrono::microseconds;
+using Level = Log::Level;
+static_assert(int(Level::kDebug) == spdlog::level::debug);
+static_assert(int(Level::kError) == spdlog::level::err);
 
-constexpr std::array<std::string_view, 5> kLevels = {"debug", "info", "warning", "error", "off"};
+// spdlog's: the time, the level, and what payload() makes.
+constexpr const char* kText = "%Y-%m-%d %H:%M:%S.%e %l %v";
+constexpr const char* kJson = R"({"time":"%Y-%m-%dT%H:%M:%S.%f%z","level":"%l","event":%v})";
 
 /// Code points that change how a line looks, not what it says: controls (C0, DEL, C1), marks of
 /// direction, of lines and of nothing, interlinear and tag characters.
@@ -61,6 +66,21 @@ void append_escape(std::string& out, u32 c) {
   out += fmt::format("\\u{:04x}\\u{:04x}", 0xd800 + (rest >> 10), 0xdc00 + (rest & 0x3ff));
 }
 
+struct Format {
+  bool json;
+  u64 value_bytes;
+};
+
+std::string payload(Format format, std::string_view event, std::span<const LogField> fields) {
+  std::string out = format.json ? quoted(event, format.value_bytes) : std::string(event);
+  for (const LogField& field : fields) {
+    const std::string value = quoted(field.value, format.value_bytes);
+    out += format.json ? fmt::format(R"(,"{}":{})", field.name, value)
+                       : fmt::format(" {}={}", field.name, value);
+  }
+  return out;
+}
+
 }  // namespace
 
 std::string quoted(std::string_view value, u64 bytes) {
@@ -86,53 +106,47 @@ std::string quoted(std::string_view value, u64 bytes) {
   return out += '"';
 }
 
-Log::Log(std::string_view level, bool json, Limits limits, int fd)
-    : level_(Level(std::ranges::find(kLevels, level) - kLevels.begin())),
-      json_(json),
-      limits_(limits),
-      writer_(fd, limits.bytes, [this](u64 lines) {
-        return line(Level::kWarning, "log lines were dropped: nobody read them",
-                    {{"lines", lines}});
-      }) {}
-
-void Log::write(Level level, std::string_view event, LogFields fields) const {
-  if (level >= level_) writer_.write(line(level, event, fields));
+Log::Log(const std::string& level, bool json, Limits limits, int fd)
+    : json_(json),
+      value_bytes_(limits.value_bytes),
+      writer_(LogWriter::start(fd, limits.bytes,
+                               [format = Format{json, limits.value_bytes}](u64 lines) {
+                                 const LogField count("lines", lines);
+                                 return payload(format, "log lines were dropped: nobody read them",
+                                                {&count, 1});
+                               })),
+      logger_(std::make_unique<spdlog::logger>("heliographd", writer_)) {
+  logger_->set_pattern(json ? kJson : kText);
+  // Its own would write to stderr, and wait for who reads it.
+  logger_->set_error_handler([writer = writer_](const std::string&) { writer->lose(); });
+  logger_->set_level(spdlog::level::from_str(level));
 }
 
-std::string Log::line(Level level, std::string_view event, LogFields fields) const {
-  const auto now = std::chrono::system_clock::now();
-  const auto micros =
-      std::chrono::duration_cast<microseconds>(now.time_since_epoch()).count() % 1'000'000;
-  const std::tm time = fmt::localtime(std::chrono::system_clock::to_time_t(now));
-  const std::string_view name = kLevels[std::size_t(level)];
-  std::string out;
-  if (json_) {
-    const std::string offset = fmt::format("{:%z}", time);  // "+0100"
-    const std::string zone = fmt::format("{}:{}", offset.substr(0, 3), offset.substr(3));
-    out = fmt::format(R"({{"time":"{:%Y-%m-%dT%H:%M:%S}.{:06}{}","level":"{}","event":{})", time,
-                      micros, zone, name, quoted(event, limits_.value_bytes));
-  } else {
-    out = fmt::format("{:%Y-%m-%d %H:%M:%S}.{:03} {} {}", time, micros / 1000, name, event);
-  }
-  for (const LogField& field : fields) {
-    const std::string value = quoted(field.value, limits_.value_bytes);
-    out += json_ ? fmt::format(R"(,"{}":{})", field.name, value)
-                 : fmt::format(" {}={}", field.name, value);
-  }
-  return out += json_ ? "}\n" : "\n";
+Log::~Log() { writer_->close(); }
+
+bool Log::is_on(Level level) const { return logger_->should_log(spdlog::level::level_enum(level)); }
+
+void Log::write(Level level, std::string_view event, std::span<const LogField> fields) const {
+  if (!is_on(level)) return;
+  const std::string text = payload({json_, value_bytes_}, event, fields);
+  logger_->log(spdlog::level::level_enum(level), spdlog::string_view_t(text));
 }
 
 void Log::debug(std::string_view event, LogFields fields) const {
-  write(Level::kDebug, event, fields);
+  write(Level::kDebug, event, {fields.begin(), fields.size()});
 }
 void Log::info(std::string_view event, LogFields fields) const {
-  write(Level::kInfo, event, fields);
+  write(Level::kInfo, event, {fields.begin(), fields.size()});
 }
 void Log::warning(std::string_view event, LogFields fields) const {
-  write(Level::kWarning, event, fields);
+  write(Level::kWarning, event, {fields.begin(), fields.size()});
 }
 void Log::error(std::string_view event, LogFields fields) const {
-  write(Level::kError, event, fields);
+  write(Level::kError, event, {fields.begin(), fields.size()});
 }
+
+void Log::flush() const { logger_->flush(); }
+u64 Log::dropped() const { return writer_->dropped(); }
+double Log::still_seconds() const { return writer_->still_seconds(); }
 
 }  // namespace heliograph::server

@@ -5,17 +5,12 @@
 #include <unistd.h>
 
 #include <cerrno>
-#include <chrono>
-#include <condition_variable>
-#include <deque>
-#include <mutex>
 #include <string_view>
 #include <thread>
 
 namespace heliograph::server {
 namespace {
 
-using Clock = std::chrono::steady_clock;
 constexpr auto kFlush = std::chrono::seconds(1);
 
 /// False when nobody can read it any more.
@@ -36,98 +31,90 @@ bool write_all(int fd, std::string_view text) {
 
 }  // namespace
 
-struct LogWriter::State {
-  State(int file, u64 most, DroppedLine line)
-      : fd(file), room(most), dropped_line(std::move(line)) {}
-  const int fd;
-  const u64 room;
-  const DroppedLine dropped_line;
-  mutable std::mutex mutex;
-  std::condition_variable changed;
-  std::deque<std::string> lines;  // the first one may be on its way
-  u64 bytes = 0;                  // of these
-  u64 dropped = 0;
-  u64 told = 0;  // of the dropped ones
-  Clock::time_point began;
-  bool is_writing = false;
-  bool is_over = false;
-
-  /// What is written next: of `lines` the first, or how many were dropped; "": nothing. Under the
-  /// mutex.
-  [[nodiscard]] std::string next() {
-    if (lines.empty() && dropped == told) return "";
-    if (!lines.empty()) return lines.front();
-    const u64 more = dropped - told;
-    told = dropped;
-    return dropped_line(more);
-  }
-};
-
-LogWriter::LogWriter(int fd, u64 bytes, DroppedLine dropped)
-    : state_(std::make_shared<State>(fd, bytes, std::move(dropped))) {
-  std::thread([state = state_] { work(state); }).detach();
+std::shared_ptr<LogWriter> LogWriter::start(int fd, u64 bytes, DroppedLine dropped) {
+  std::shared_ptr<LogWriter> made(new LogWriter(fd, bytes, std::move(dropped)));
+  std::thread([made] { made->work(); }).detach();
+  return made;
 }
 
-LogWriter::~LogWriter() {
+void LogWriter::close() {
   flush();
-  const std::lock_guard lock(state_->mutex);
-  state_->is_over = true;
-  state_->changed.notify_all();
+  const std::lock_guard lock(mutex_);
+  is_over_ = true;
+  changed_.notify_all();
 }
 
-void LogWriter::flush() const {
-  std::unique_lock lock(state_->mutex);
-  state_->changed.wait_for(lock, kFlush, [this] {
-    return state_->lines.empty() && !state_->is_writing && state_->dropped == state_->told;
-  });
+void LogWriter::flush_() {
+  std::unique_lock lock(mutex_, std::adopt_lock);
+  changed_.wait_for(lock, kFlush,
+                    [this] { return lines_.empty() && !is_writing_ && dropped_ == told_; });
+  lock.release();  // to the caller
 }
 
-void LogWriter::write(std::string line) {
-  {
-    const std::lock_guard lock(state_->mutex);
-    if (line.size() > state_->room - state_->bytes) {
-      ++state_->dropped;
-      return;
-    }
-    state_->bytes += line.size();
-    state_->lines.push_back(std::move(line));
+void LogWriter::sink_it_(const spdlog::details::log_msg& message) {
+  std::string line = format(message);
+  if (line.size() > room_ - bytes_) {
+    ++dropped_;
+    return;
   }
-  state_->changed.notify_all();
+  bytes_ += line.size();
+  lines_.push_back(std::move(line));
+  changed_.notify_all();
 }
 
-u64 LogWriter::dropped() const {
-  const std::lock_guard lock(state_->mutex);
-  return state_->dropped;
+std::string LogWriter::format(const spdlog::details::log_msg& message) const {
+  spdlog::memory_buf_t text;
+  formatter_->format(message, text);
+  return {text.data(), text.size()};
 }
 
-double LogWriter::still_seconds() const {
-  const std::lock_guard lock(state_->mutex);
-  if (!state_->is_writing) return 0;
-  return std::chrono::duration<double>(Clock::now() - state_->began).count();
+void LogWriter::lose() {
+  const std::lock_guard lock(mutex_);
+  ++dropped_;
+  changed_.notify_all();
 }
 
-void LogWriter::work(const std::shared_ptr<State>& state) {
-  std::unique_lock lock(state->mutex);
-  while (true) {
-    if (state->is_over) return;
-    const bool is_line = !state->lines.empty();
-    const std::string text = state->next();
+u64 LogWriter::dropped() {
+  const std::lock_guard lock(mutex_);
+  return dropped_;
+}
+
+double LogWriter::still_seconds() {
+  const std::lock_guard lock(mutex_);
+  if (!is_writing_) return 0;
+  return std::chrono::duration<double>(Clock::now() - began_).count();
+}
+
+/// Of the lines the first, or how many were dropped; "": nothing.
+std::string LogWriter::next() {
+  if (lines_.empty() && dropped_ == told_) return "";
+  if (!lines_.empty()) return lines_.front();
+  const std::string said = dropped_line_(dropped_ - told_);
+  told_ = dropped_;
+  return format({"", spdlog::level::warn, said});
+}
+
+void LogWriter::work() {
+  std::unique_lock lock(mutex_);
+  while (!is_over_) {
+    const bool is_line = !lines_.empty();
+    const std::string text = next();
     if (text.empty()) {
-      state->changed.wait(lock);
+      changed_.wait(lock);
       continue;
     }
-    state->is_writing = true;
-    state->began = Clock::now();
+    is_writing_ = true;
+    began_ = Clock::now();
     lock.unlock();
-    const bool is_written = write_all(state->fd, text);
+    const bool is_written = write_all(fd_, text);
     lock.lock();
-    state->is_writing = false;
+    is_writing_ = false;
     if (is_line) {
-      if (!is_written) state->told = ++state->dropped;  // nobody can be told
-      state->bytes -= text.size();
-      state->lines.pop_front();
+      if (!is_written) told_ = ++dropped_;  // nobody can be told
+      bytes_ -= text.size();
+      lines_.pop_front();
     }
-    state->changed.notify_all();
+    changed_.notify_all();
   }
 }
 

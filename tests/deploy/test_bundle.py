@@ -1,6 +1,8 @@
 """A bundle starts in a root that has the C library and nothing else, and shows there what the build
 tree's programs show here, to the bit. It is made without the Python client, which pip fetches."""
 
+import hashlib
+import json
 import os
 import pathlib
 import re
@@ -88,6 +90,32 @@ def test_it_carries_a_licence_for_each_library(root):
     assert all((licences / line.split()[0]).stat().st_size for line in packages)
     assert {"libgcc-s1", "libstdc++6", "libtbb12"} <= {line.split()[0] for line in packages}
     assert not list(root.glob("opt/heliograph/lib/libc.so*"))
+
+
+def test_it_names_all_that_is_inside(root):
+    """Every program and library by its hash, every package as dpkg knows it."""
+    folder = root / "opt/heliograph"
+    document = json.loads((folder / "sbom.cdx.json").read_text())
+    assert (document["bomFormat"], document["specVersion"]) == ("CycloneDX", "1.5")
+    parts = [document["metadata"]["component"], *document["components"]]
+    listed = {
+        file["name"]: file["hashes"][0]["content"]
+        for part in parts
+        for file in part.get("components", ())
+    }
+    here = {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in folder.rglob("*")
+        if path.is_file() and path.read_bytes()[:4] == b"\x7fELF"
+    }
+    assert listed == here and any(name.startswith("lib/libgrpc++.so") for name in here)
+    names = [part["name"] for part in document["components"]]
+    query = ["dpkg-query", "-W", "-f", "${Package} ${Version}\n", *names]
+    known = subprocess.run(query, capture_output=True, text=True, check=True).stdout.splitlines()
+    assert sorted(known) == sorted(f"{p['name']} {p['version']}" for p in document["components"])
+    assert {"nlohmann-json3-dev", "libglm-dev", "libspdlog-dev"} <= set(names)
+    assert len({part["purl"] for part in document["components"]}) == len(names)
+    assert all(part["licenses"] and part["purl"].startswith("pkg:deb/") for part in parts[1:])
 
 
 def test_it_names_what_would_not_start_on_an_older_system(tmp_path):

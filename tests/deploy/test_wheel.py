@@ -2,7 +2,9 @@
 show a picture there. The dependencies are those of .venv, so that nothing is fetched. That for GPUs
 is made of the same programs: only its name, its metadata and who finds it are tried here."""
 
+import hashlib
 import importlib.metadata
+import json
 import os
 import pathlib
 import re
@@ -157,3 +159,25 @@ def test_what_they_are_and_how_large(wheels):
         assert f"\nName: {package.replace('_', '-')}\n" in metadata
         assert ("architectures" in metadata) == (package == "heliograph_server_cuda")
     assert any("/_proto/" in name for name in zipfile.ZipFile(client).namelist())
+
+
+def test_each_says_what_it_is_made_of(wheels):
+    for path in sorted(wheels.iterdir()):
+        package = path.name.split("-")[0]
+        info = "-".join(path.name.split("-")[:2]) + ".dist-info"
+        with zipfile.ZipFile(path) as archive:
+            document = json.loads(archive.read(f"{info}/sboms/{package}.cdx.json"))
+            files = {name: archive.read(name) for name in archive.namelist()}
+        parts = [document["metadata"]["component"], *document["components"]]
+        listed = {
+            file["name"]: file["hashes"][0]["content"]
+            for part in parts
+            for file in part.get("components", ())
+        }
+        here = {
+            name: hashlib.sha256(data).hexdigest()
+            for name, data in files.items()
+            if data.startswith(b"\x7fELF")
+        }
+        assert listed == here and bool(here) == (package != "heliograph")
+        assert f"{info}/sboms/{package}.cdx.json,sha256=" in files[f"{info}/RECORD"].decode()

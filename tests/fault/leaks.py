@@ -13,6 +13,7 @@ import numpy as np
 import served
 
 MARK = "marked-bytes-of-an-asset"
+NAME = "a-name"  # names are in the log: refusals say them
 
 
 def session(daemon, tls, token, folder):
@@ -36,7 +37,7 @@ def session(daemon, tls, token, folder):
         marked = np.frombuffer((MARK * 4000).encode(), "u1")[: 128 * 128 * 4]
         with scene.edit() as edit:
             edit.texture("marked", marked.reshape(128, 128, 4))
-        wrong(lambda: client.open_scene(MARK))
+        wrong(lambda: client.open_scene(NAME))
         wrong(lambda: scene.render("nothing"))
         wrong(lambda: client.connection.call("Apply", broken(scene)))
         path = str(folder / "model.obj")
@@ -66,7 +67,7 @@ def broken(scene):
     from heliograph._wire._proto import service_pb2 as service
 
     request = service.ApplyRequest(scene=scene.id, number=1 << 30)
-    request.transaction.edits.add().target.name = MARK
+    request.transaction.edits.add().target.name = NAME
     return request
 
 

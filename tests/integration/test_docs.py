@@ -92,6 +92,14 @@ def test_flags_are_those_of_the_daemon():
     assert seen > 10
 
 
+def test_each_promise_stands_in_the_manual_with_its_command():
+    """Every program of tests/fault but their common parts, and none that is not there."""
+    manual = (pages.DOCS / "operations.md").read_text()
+    told = set(re.findall(r"^\| `\.venv/bin/python tests/fault/(\w+)\.py", manual, re.MULTILINE))
+    programs = [path for path in (pages.ROOT / "tests/fault").glob("*.py") if path.stem != "common"]
+    assert told == {path.stem for path in programs if "Report(" in path.read_text()}
+
+
 def test_settings_are_those_of_the_daemon():
     toml = pytest.importorskip("tomllib" if sys.version_info >= (3, 11) else "tomli")
     blocks = [b for page in pages.PAGES for b in pages.blocks_of(page) if b.language == "toml"]

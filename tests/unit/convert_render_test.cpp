@@ -206,6 +206,27 @@ TEST_CASE("render: a manifest asks for the same frame again") {
   CHECK(text.find("\"backend\":\"embree\"") != std::string::npos);
 }
 
+TEST_CASE(
+    "render: a manifest names the caller's trace beside the request, and only where there is one") {
+  const auto request = parse<v1::RenderRequest>(
+      "scene: 5 cameras { name: 'left' } spp: 16 planes { plane: PLANE_BEAUTY }");
+  const auto made = to_job(request, snapshot(), {});
+  REQUIRE(made);
+  FrameContext context{request, std::make_shared<const RenderJob>(*made), "1", "embree", "v3"};
+  const Frame frame = frame_header(*made, 0);
+  const std::string again = json_of(request_again(frame, context));
+  const std::string plain = manifest(frame, context, again);
+  CHECK(plain.find("trace") == std::string::npos);
+  context.trace = {.parent = "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01",
+                   .state = "a=1"};
+  const std::string traced = manifest(frame, context, again);
+  CHECK(
+      traced.find(
+          R"("trace":{"traceparent":"00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01","tracestate":"a=1"})") !=
+      std::string::npos);
+  CHECK(traced.substr(traced.find("\"request\":")) == plain.substr(plain.find("\"request\":")));
+}
+
 TEST_CASE("render: a manifest that was written ahead is that of the frame, or is written again") {
   const auto request = parse<v1::RenderRequest>(
       "scene: 5 cameras { name: 'left' } cameras { name: 'right' } spp: 16 "

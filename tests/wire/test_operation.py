@@ -1,4 +1,4 @@
-"""What an operator sees: health, --probe, logs with request ids, metrics, reflection, the group."""
+"""What an operator sees: health, --probe, metrics, reflection, the group."""
 
 import contextlib
 import grp
@@ -53,55 +53,6 @@ def test_probe_tells_live_and_ready(start):
     assert probe(daemon, "live") == 0
     daemon.stop()
     assert probe(daemon, "live") == 1
-
-
-# ---------------------------------------------------------------- logs and request ids
-
-
-@pytest.fixture
-def logged(start):
-    daemon = start("--log-level", "debug", "--log-json")
-    client = Client(daemon)
-
-    def lines():
-        client.close()
-        daemon.stop()
-        return [json.loads(line) for line in daemon.process.stderr.read().splitlines()]
-
-    return client, lines
-
-
-def trailing_id(call) -> str:
-    return dict(call.trailing_metadata())["heliograph-request-id"]
-
-
-def test_each_call_has_a_line_with_its_request_id(logged):
-    client, lines = logged
-    info = client.stub.GetServerInfo.with_call
-    asked = service_pb2.GetServerInfoRequest()
-    _, own = info(asked, metadata=[("heliograph-request-id", "epoch-3.17:a_b")])
-    _, made = info(asked)
-    _, bad = info(asked, metadata=[("heliograph-request-id", 'no "quotes"')])
-    _, long = info(asked, metadata=[("heliograph-request-id", "x" * 65)])
-    ids = [trailing_id(call) for call in (own, made, bad, long)]
-    assert ids[0] == "epoch-3.17:a_b"
-    assert len(set(ids)) == 4 and all(re.fullmatch(r"[0-9a-f]+-[0-9a-f]+", i) for i in ids[1:])
-    with pytest.raises(grpc.RpcError) as error:
-        client.call("DescribeScene", scene=12345)
-    refused = trailing_id(error.value)
-    by_id = {line["request"]: line for line in lines() if line["event"] == "call"}
-    for number in ids:
-        line = by_id[number]
-        assert line["method"] == "/heliograph.v1.Renderer/GetServerInfo" and line["code"] == "OK"
-        assert line["level"] == "debug" and float(line["seconds"]) < 5
-        assert int(line["sent_bytes"]) > 0
-    assert by_id[refused]["code"] == "NOT_FOUND" and by_id[refused]["level"] == "info"
-
-
-def test_a_session_is_a_secret_of_the_log(logged):
-    client, lines = logged
-    session = str(client.opened.session)
-    assert not any(session in json.dumps(line) for line in lines())
 
 
 # ---------------------------------------------------------------- metrics

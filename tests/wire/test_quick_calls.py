@@ -284,7 +284,9 @@ def test_they_are_counted_and_logged_as_all_calls_are(start):
     client.close()
     assert daemon.stop() == 0
     log = daemon.process.stderr.read()
-    assert "ABORTED" in log and "/heliograph.v1.Renderer/Apply" in log
+    refused = next(line for line in log.splitlines() if "ABORTED" in line)
+    assert 'method="/heliograph.v1.Renderer/Apply"' in refused and f'scene="{scene}"' in refused
+    assert 'tenant="local" client="test" peer="unix:"' in refused
 
 
 def test_a_frame_of_a_job_that_ends_with_time(client, line):

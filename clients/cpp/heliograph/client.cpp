@@ -83,6 +83,7 @@ Client launch(const LaunchOptions& options) {
   const std::string address = daemon->address();
   ConnectOptions connecting;
   connecting.timeout = patience.left();
+  connecting.trace = options.trace;
   return Client(std::make_shared<wire::Session>(address, connecting, std::move(daemon)));
 }
 

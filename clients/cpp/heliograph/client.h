@@ -71,10 +71,16 @@ struct Tls {
   std::string server_name{};  // the name in the daemon's certificate, where the address has another
 };
 
+/// Called before each call, in its thread, for the headers of W3C Trace Context, {"traceparent",
+/// ...} and perhaps "tracestate", which the daemon's log and the frames' manifests then name. Edits
+/// go over streams, which have the trace of the moment when they began. Empty: none.
+using TraceHeaders = std::function<std::map<std::string, std::string>()>;
+
 struct ConnectOptions {
   std::string token{};  // who this client is
   std::optional<Tls> tls{};
   double timeout = 10;  // seconds that connecting may take
+  TraceHeaders trace{};
 };
 
 /// A daemon that runs: "unix:///run/heliograph.sock" (Linux), or "node7:7443".
@@ -87,6 +93,7 @@ struct LaunchOptions {
   double timeout = 30;                   // seconds that it may take to start and to connect
   std::function<void(const std::string&)>
       log{};  // gets each line of its log, in a thread of its own
+  TraceHeaders trace{};
 };
 
 /// Starts a private daemon, which ends with this client, or with this process however that ends.

@@ -9,6 +9,8 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <map>
+#include <mutex>
 
 #include "fixture.h"
 
@@ -102,6 +104,32 @@ TEST_CASE("a private daemon that never listens is killed in time, with what it s
   std::ifstream(program.string() + ".pid") >> pid;
   for (int i = 0; i < 200 && fs::exists("/proc/" + pid + "/exe"); ++i) ::usleep(10'000);
   CHECK_FALSE(fs::exists("/proc/" + pid + "/exe"));
+}
+
+TEST_CASE("calls carry the trace that the caller tells") {
+  const std::string trace = "4bf92f3577b34da6a3ce929d0e0e4736";
+  std::mutex mutex;
+  std::string log;
+  LaunchOptions options;
+  options.arguments = {"--log-level", "debug", "--threads", "1"};
+  options.log = [&](const std::string& line) {
+    const std::lock_guard lock(mutex);
+    log += line + "\n";
+  };
+  options.trace = [&] {
+    return std::map<std::string, std::string>{
+        {"traceparent", "00-" + trace + "-00f067aa0ba902b7-01"}, {"baggage", "secret=1"}};
+  };
+  {
+    Client client = launch(options);
+    (void)client.create_scene();
+    client.close();
+  }
+  const std::lock_guard lock(mutex);
+  const auto at = log.find("/CreateScene");
+  REQUIRE(at != std::string::npos);
+  CHECK(contains(log.substr(at, log.find('\n', at) - at), "trace_id=\"" + trace + "\""));
+  CHECK_FALSE(contains(log, "baggage"));
 }
 
 TEST_CASE("a private daemon starts whatever the folder for temporary files is") {

@@ -119,7 +119,10 @@ std::string make_request_id() {
 
 Session::Session(std::string address, const ConnectOptions& options,
                  std::unique_ptr<PrivateDaemon> daemon)
-    : address_(std::move(address)), token_(options.token), daemon_(std::move(daemon)) {
+    : address_(std::move(address)),
+      token_(options.token),
+      trace_(options.trace),
+      daemon_(std::move(daemon)) {
   const Target target = target_of(address_);
   socket_ = target.socket;
   channel_ = open_channel(target, options.tls);
@@ -222,6 +225,9 @@ void Session::prepare(grpc::ClientContext& context) const {
 void Session::authorize(grpc::ClientContext& context) const {
   context.AddMetadata("heliograph-session", session_);
   if (!token_.empty()) context.AddMetadata("authorization", "Bearer " + token_);
+  if (!trace_) return;
+  for (const auto& [name, value] : trace_())
+    if (name == "traceparent" || name == "tracestate") context.AddMetadata(name, value);
 }
 
 void Session::retry(const std::function<grpc::Status(grpc::ClientContext&)>& attempt) {

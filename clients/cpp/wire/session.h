@@ -121,6 +121,7 @@ class Session : public std::enable_shared_from_this<Session> {
 
   std::string address_;
   std::string token_;
+  TraceHeaders trace_;
   std::unique_ptr<PrivateDaemon> daemon_;
   std::string socket_;  // path of the Unix socket, or ""
   std::shared_ptr<grpc::Channel> channel_;

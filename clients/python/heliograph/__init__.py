@@ -28,7 +28,7 @@ from .errors import (
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from ._wire.access import TLS
     from ._wire.device import DeviceArray
@@ -183,6 +183,7 @@ def connect(
     tls: TLS | None = None,
     arguments: Sequence[str] = (),
     timeout: float | None = None,
+    trace: Callable[[], Mapping[str, str] | None] | None = None,
 ) -> Client:
     """A client of a daemon.
 
@@ -190,7 +191,9 @@ def connect(
     more, and with this process; `arguments` are more of its flags, `("--threads", "4")`. Otherwise
     "unix:///path/heliograph.sock" or "host:port". `token`: who this client is, or a path to a file
     with it, which may change while the client runs. `tls`: of "host:port", see TLS. `timeout`:
-    seconds that connecting may take, by default 30 for a private daemon, else 10. The daemon's
+    seconds that connecting may take, by default 30 for a private daemon, else 10. `trace`: called
+    before each call, in its thread, for the headers of W3C Trace Context, {"traceparent": ...} and
+    perhaps "tracestate", which the daemon's log and the frames' manifests then name. The daemon's
     log goes to logging.getLogger("heliograph").
     """
     if isinstance(arguments, str):
@@ -213,7 +216,7 @@ def connect(
         if daemon is not None and deadline is not None:
             address = daemon.address(deadline)
         assert address is not None
-        return open_client(Access(address, token, tls), daemon, deadline)
+        return open_client(Access(address, token, tls, trace), daemon, deadline)
     except BaseException:
         if daemon is not None:
             daemon.give_up()

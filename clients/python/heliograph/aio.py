@@ -13,6 +13,7 @@ started; cancelling a render cancels the job.
 from __future__ import annotations
 
 import asyncio
+import contextvars
 import functools
 import os
 import weakref
@@ -51,12 +52,15 @@ class _Pool:
 
     async def call(self, work: Callable[..., Any], *args: Any, **options: Any) -> Any:
         loop = asyncio.get_running_loop()
-        return await loop.run_in_executor(self._calls, functools.partial(work, *args, **options))
+        context = contextvars.copy_context()  # which a trace may be in
+        call = functools.partial(context.run, work, *args, **options)
+        return await loop.run_in_executor(self._calls, call)
 
     async def edit(self, work: Callable[[], Any]) -> Any:
         """Not interrupted half way: an edit that was started is awaited."""
         loop = asyncio.get_running_loop()
-        return await asyncio.shield(loop.run_in_executor(self._edits, work))
+        context = contextvars.copy_context()
+        return await asyncio.shield(loop.run_in_executor(self._edits, context.run, work))
 
     def close(self) -> None:
         self._calls.shutdown(wait=False)

@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Union
+from typing import Any, Optional, Union
 from urllib.parse import quote
 
 import grpc
@@ -27,6 +28,9 @@ _OPTIONS = (
 )
 Token = Union[str, "os.PathLike[str]", None]
 File = Union[str, "os.PathLike[str]", None]
+Headers = tuple[tuple[str, str], ...]
+Trace = Callable[[], Optional[Mapping[str, str]]]
+_OF_TRACES = ("traceparent", "tracestate")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,11 +62,17 @@ class Access:
 
     token: itself, or (a path) the file that it is in, read again for each call, so that it may be
     replaced while the client runs.
+    trace: tells, in the thread of each call, the headers of the trace that it is part of. It is not
+    pickled.
     """
 
     address: str
     token: Token = dataclasses.field(default=None, repr=False)
     tls: TLS | None = None
+    trace: Trace | None = dataclasses.field(default=None, repr=False, compare=False)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Access, (self.address, self.token, self.tls)
 
     @property
     def socket(self) -> str:
@@ -84,10 +94,16 @@ class Access:
             return Path(self.token).read_text(encoding="utf-8").strip()
         return self.token or ""
 
-    def metadata(self) -> tuple[tuple[str, str], ...]:
-        """What each call carries of the token."""
+    def traced(self) -> Headers:
+        """What the caller says of its trace at this moment."""
+        told = self.trace() if self.trace is not None else None
+        headers = ((name.lower(), value) for name, value in (told or {}).items())
+        return tuple(header for header in headers if header[0] in _OF_TRACES)
+
+    def metadata(self) -> Headers:
+        """What each call carries of the token and the trace."""
         token = self.bearer()
-        return (("authorization", f"Bearer {token}"),) if token else ()
+        return (*((("authorization", f"Bearer {token}"),) if token else ()), *self.traced())
 
 
 def target_of(address: str) -> tuple[str, str]:

@@ -176,7 +176,7 @@ class Link:
     ) -> service.QuickReply | None:
         """An Apply or Render by the shortest way; raises what refuses it. None: ask by gRPC, which
         knows how to take a session up again, and how to wait with what is done once."""
-        if self.quick is None:
+        if self.quick is None or self._access.traced():  # a packet has no room for a trace
             return None
         call.token = self._access.bearer()
         reply = self.quick.ask(call, on_progress)

@@ -321,9 +321,10 @@ class Run:
 
 
 def _portable(manifest: str) -> str:
-    """A manifest without the numbers that this daemon gave the scene and its revision: the same
-    image has the same bytes wherever it is made."""
+    """A manifest without the numbers that this daemon gave the scene and its revision, and without
+    the trace that asked for it: the same image has the same bytes wherever it is made."""
     fields = json.loads(manifest)
+    fields.pop("trace", None)
     for name in ("scene", "revision"):
         fields["request"].pop(name, None)
     return json.dumps(fields, separators=(",", ":"), sort_keys=True)
