@@ -11,6 +11,7 @@ Status start_render(Daemon& daemon, const v1::RenderRequest& request,
                     const std::shared_ptr<FrameStream>& stream) {
   auto task = to_task(daemon, *stream->scope().session(), request);
   if (!task) return std::unexpected(task.error());
+  HELIO_TRY(task->charge(request.ByteSizeLong()));
   task->job->deadline = stream->scope().deadline();
   HELIO_TRY(stream->provide(*task));
   stream->expect(*task);

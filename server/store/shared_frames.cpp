@@ -45,9 +45,10 @@ SharedFrames::Buffers::iterator SharedFrames::make(u64 bytes, const Source& sour
   const u64 size = (bytes + step - 1) / step * step;
   forget_lost_ones(source);
   forget_free_ones(size);
-  if (bytes_ + size > limit_) return buffers_.end();
-  auto charge = Charge::take(budget_, size);
-  if (!charge) return buffers_.end();
+  if (bytes_ + size > room_.limit) return buffers_.end();
+  auto charge = Charge::take(room_.bytes, size);
+  auto descriptor = Charge::take(room_.descriptors, 1);
+  if (!charge || !descriptor) return buffers_.end();
   source->know(weak_from_this());
   maker_ = std::this_thread::get_id();
   auto memory = source->make(size);
@@ -55,7 +56,9 @@ SharedFrames::Buffers::iterator SharedFrames::make(u64 bytes, const Source& sour
   maker_ = std::thread::id();
   if (!memory || !tell_(last_buffer_ + 1, memory.get())) return buffers_.end();
   bytes_ += size;
-  return buffers_.emplace(++last_buffer_, Buffer{source, std::move(memory), *std::move(charge)})
+  return buffers_
+      .emplace(++last_buffer_,
+               Buffer{source, std::move(memory), *std::move(charge), *std::move(descriptor)})
       .first;
 }
 
@@ -67,7 +70,7 @@ void SharedFrames::forget(Buffers::iterator which) {
 
 /// Makes room for a new buffer, if that is what it takes.
 void SharedFrames::forget_free_ones(u64 bytes_needed) {
-  while (bytes_ + bytes_needed > limit_) {
+  while (bytes_ + bytes_needed > room_.limit) {
     const auto unused = std::ranges::find_if(buffers_, [](auto& b) { return b.second.call == 0; });
     if (unused == buffers_.end()) return;
     forget(unused);
@@ -164,7 +167,7 @@ Expected<BufferPtr> SharedFrames::take(const v1::BufferRef& ref, Numbers kind) c
     Charge charge;
     BufferPtr bytes;
   };
-  auto charge = Charge::take(budget_, kind == Numbers::kFloats ? ref.size() : 0);
+  auto charge = Charge::take(room_.bytes, kind == Numbers::kFloats ? ref.size() : 0);
   if (!charge) return std::unexpected(std::move(charge).error());
   auto taken = (*memory)->take(ref.offset(), ref.size(), kind);
   if (!taken || !*taken) return taken;
@@ -181,7 +184,7 @@ Expected<BufferPtr> SharedFrames::copy(const v1::BufferRef& ref) const {
     Charge charge;
     std::unique_ptr<std::byte[]> bytes;
   };
-  auto charge = Charge::take(budget_, ref.size());
+  auto charge = Charge::take(room_.bytes, ref.size());
   if (!charge) return std::unexpected(std::move(charge).error());
   auto copy = std::make_shared<Copy>(*std::move(charge),
                                      std::make_unique_for_overwrite<std::byte[]>(ref.size()));

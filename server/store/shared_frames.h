@@ -68,9 +68,13 @@ class SharedFrames final : public SharedMemoryKeeper,
   /// when the socket takes nothing.
   using Tell = std::function<bool(u64 buffer, const SharedMemory* memory)>;
 
-  /// limit: bytes of all its buffers
-  SharedFrames(u64 limit, std::shared_ptr<Budget> budget, Tell tell)
-      : limit_(limit), budget_(std::move(budget)), tell_(std::move(tell)) {}
+  /// What its buffers may take.
+  struct Room {
+    u64 limit = 0;  // bytes of all of them
+    std::shared_ptr<Budget> bytes;
+    std::shared_ptr<Budget> descriptors;
+  };
+  SharedFrames(Room room, Tell tell) : room_(std::move(room)), tell_(std::move(tell)) {}
 
   /// A number that no other call of the session has.
   [[nodiscard]] u64 new_call();
@@ -100,7 +104,8 @@ class SharedFrames final : public SharedMemoryKeeper,
   struct Buffer {
     Source source;
     std::shared_ptr<SharedMemory> memory;
-    Charge charge;
+    Charge bytes;
+    Charge descriptor;
     u64 generation = 0;
     u64 call = 0;  // 0: free
   };
@@ -114,8 +119,7 @@ class SharedFrames final : public SharedMemoryKeeper,
   [[nodiscard]] bool forget_free_of(const SharedMemorySource& source);
   void forget_lost_ones(const Source& source);
 
-  const u64 limit_;
-  const std::shared_ptr<Budget> budget_;
+  const Room room_;
   const Tell tell_;
   const Source host_ = std::make_shared<SealedMemorySource>();
   mutable std::mutex mutex_;
