@@ -51,7 +51,7 @@ SERVER = {
     "server/store": "os quota convert",
     "server/access": "os config quota store",
     "server/observe": "os convert",
-    "server/session": "os convert store access",
+    "server/session": "os convert quota store access",
     "server/net": "os config access",
     "server/journal": "os convert quota decode store access session",
     "server/scene": "os convert quota store access session journal",

@@ -3,71 +3,46 @@
 
 namespace heliograph::server {
 
-Tenant::Tenant(u64 number, std::string called, const Limits& limits,
-               const std::shared_ptr<Budget>& store)
+Tenant::Tenant(u64 number, std::string called, const Limits& limits, const Ledger& all)
     : id(number),
       name(std::move(called)),
-      bytes(std::make_shared<Budget>(
-          limits.tenant_bytes,
-          Budget::Words{"bytes", "remove what is not used any more, close other sessions",
-                        "tenant_bytes"},
-          store)),
-      entities(std::make_shared<Budget>(
-          limits.tenant_entities,
-          Budget::Words{"entities", "remove entities or scenes", "tenant_entities"})),
-      streams(std::make_shared<Budget>(
-          limits.tenant_streams,
-          Budget::Words{"streams", "close a stream, a batch or a watch", "tenant_streams"})),
-      jobs(std::make_shared<Budget>(limits.tenant_jobs,
-                                    Budget::Words{"jobs", "wait for some to end", "tenant_jobs"})),
-      disk(std::make_shared<Budget>(
-          limits.tenant_disk_bytes,
-          Budget::Words{"bytes of disk", "delete durable scenes or what is in them",
-                        "tenant_disk_bytes"})),
+      ledger(Ledger::of_tenant(limits, all)),
       edits(limits.tenant_edits_per_second, "tenant_edits_per_second"),
       samples(limits.tenant_samples_per_second, "tenant_samples_per_second"),
       blobs({.bytes = limits.blob_store_bytes,
              .blob_bytes = limits.blob_bytes,
              .window_bytes = limits.upload_window_bytes,
              .recent = {.seconds = limits.recent_seconds, .bytes = limits.recent_bytes}},
-            store) {}
+            ledger.bytes) {}
 
 void Tenant::give(const Grant& grant) {
   weight_ = grant.weight;
-  bytes->set_limit(grant.limits.tenant_bytes);
-  entities->set_limit(grant.limits.tenant_entities);
-  streams->set_limit(grant.limits.tenant_streams);
-  jobs->set_limit(grant.limits.tenant_jobs);
-  disk->set_limit(grant.limits.tenant_disk_bytes);
+  ledger.set_limits(grant.limits);
   edits.set_limit(grant.limits.tenant_edits_per_second);
   samples.set_limit(grant.limits.tenant_samples_per_second);
 }
 
 std::map<std::string, u64> Tenant::limits() const {
   std::map<std::string, u64> all;
-  for (const auto& budget : {bytes, entities, streams, jobs, disk})
-    all[budget->name()] = budget->limit();
+  for (const auto& budget : ledger.list()) all[budget->name()] = budget->limit();
   for (const Rate* rate : {&edits, &samples}) all[rate->name()] = rate->limit();
   return all;
 }
 
 std::map<std::string, u64> Tenant::used() const {
   std::map<std::string, u64> all;
-  for (const auto& budget : {bytes, entities, streams, jobs, disk})
-    all[budget->name()] = budget->used();
+  for (const auto& budget : ledger.list()) all[budget->name()] = budget->used();
   return all;
 }
 
 Tenants::Tenants(const Limits& limits, Identities identities)
-    : limits_(limits),
-      store_(BlobStore::make_budget(limits.blob_store_bytes)),
-      identities_(std::move(identities)) {
+    : limits_(limits), all_(Ledger::of_all(limits)), identities_(std::move(identities)) {
   give_all();
 }
 
 TenantPtr& Tenants::give(const std::string& name) {
   auto& tenant = tenants_[name];
-  if (!tenant) tenant = std::make_shared<Tenant>(tenants_.size(), name, limits_, store_);
+  if (!tenant) tenant = std::make_shared<Tenant>(tenants_.size(), name, limits_, all_);
   tenant->give(identities_.grant_of(name, limits_));
   return tenant;
 }

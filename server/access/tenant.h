@@ -11,7 +11,7 @@
 #include "renderer/frame/job.h"
 #include "server/access/identity.h"
 #include "server/config/config.h"
-#include "server/quota/budget.h"
+#include "server/quota/ledger.h"
 #include "server/store/assets.h"
 #include "server/store/blobs.h"
 
@@ -20,19 +20,15 @@ namespace heliograph::server {
 /// An owner with its quotas and its bytes. Thread: any.
 class Tenant {
  public:
-  /// `store`: the budget of all blobs, of which its own is a part.
-  Tenant(u64 id, std::string name, const Limits& limits, const std::shared_ptr<Budget>& store);
+  /// all   totals, of which its own ledger is a part
+  Tenant(u64 id, std::string name, const Limits& limits, const Ledger& all);
 
   /// From now on this holds. What is used stays used; the weight counts for next jobs.
   void give(const Grant& grant);
 
   const u64 id;  // of this daemon's life
   const std::string name;
-  const std::shared_ptr<Budget> bytes;     // of uploads, blobs, assets, inline arrays, events
-  const std::shared_ptr<Budget> entities;  // of all its scenes
-  const std::shared_ptr<Budget> streams;   // calls of Stream, RenderBatch and Watch
-  const std::shared_ptr<Budget> jobs;      // that wait or run
-  const std::shared_ptr<Budget> disk;      // bytes of its durable scenes
+  Ledger ledger;  // const but for its limits
   Rate edits;
   Rate samples;  // of all pixels
   // Its own: that another tenant has the same bytes cannot be seen.
@@ -70,8 +66,8 @@ class Tenants {
   /// Whether there is more than one.
   [[nodiscard]] bool are_several() const;
   [[nodiscard]] std::vector<TenantPtr> all() const;
-  /// Of all blobs, uploads and assets.
-  [[nodiscard]] const Budget& store() const { return *store_; }
+  /// What all use together.
+  [[nodiscard]] const Ledger& ledger() const { return all_; }
 
  private:
   // Both under mutex_.
@@ -79,7 +75,7 @@ class Tenants {
   void give_all();                           // those that identities_ names, and that were there
 
   const Limits limits_;
-  const std::shared_ptr<Budget> store_;
+  const Ledger all_;
   mutable std::mutex mutex_;
   Identities identities_;
   std::map<std::string, TenantPtr> tenants_;

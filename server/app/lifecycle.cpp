@@ -17,6 +17,7 @@
 #include "server/calls/daemon.h"
 #include "server/calls/decode_trial.h"
 #include "server/calls/quick_calls.h"
+#include "server/config/container.h"
 #include "server/net/metrics_port.h"
 #include "server/net/socket_files.h"
 
@@ -156,7 +157,7 @@ void Life::on_word(u64 id, const BufferWord& word, ForeignFd fd) {
 
 Status Life::start_listening(Sockets sockets) {
   const Limits& limits = daemon_.config.limits;
-  const u32 limit = connection_limit(limits);
+  const u32 limit = u32(limits.connections);
   auto lifelines = Lifelines::start(*daemon_.loop, daemon_.log, std::move(sockets.lifeline), limit,
                                     {[this](u64 session) { daemon_.sessions.detach(session); },
                                      [this](u64 session, const BufferWord& word, ForeignFd fd) {
@@ -369,7 +370,9 @@ int run(Config config) {
     if (!opened) return refuse(opened.error());
     root = std::move(*opened);
   }
+  const std::vector<Fitted> fitted = fit(config, this_machine());
   Daemon daemon(std::move(config), std::move(*identities), std::move(*loop));
+  daemon.tell_fitted(fitted);
   daemon.asset_root = std::move(root);
   if (!daemon.config.state_dir.empty())
     if (auto opened = daemon.open_journal(); !opened) return refuse(opened.error());

@@ -114,7 +114,7 @@ std::vector<MetricValue> metric_values(const Daemon& daemon, u32 connections) {
   all.push_back({"heliograph_sessions", "Open sessions", double(daemon.sessions.count())});
   all.push_back({"heliograph_scenes", "Scenes", double(daemon.scenes.all().size())});
   all.push_back({"heliograph_blob_bytes", "Bytes of all blobs, uploads and assets",
-                 double(daemon.tenants.store().used())});
+                 double(daemon.tenants.ledger().bytes->used())});
   if (const Engine* engine = daemon.engine->get()) add_engine(*engine, all);
   for (const TenantPtr& tenant : daemon.tenants.all()) add_tenant(*tenant, all);
   add_process(all);

@@ -1,21 +1,13 @@
 // See sockets.h.
 #include "server/app/sockets.h"
 
-#include <sys/resource.h>
 #include <sys/socket.h>
 
-#include <algorithm>
 #include <filesystem>
 
 #include "server/net/metrics_port.h"
 
 namespace heliograph::server {
-namespace {
-
-constexpr u64 kOwnDescriptors = 64;     // of gRPC, the decoder, logs
-constexpr u64 kDescriptorsAClient = 3;  // its connection, our duplicate, its lifeline
-
-}  // namespace
 
 Expected<Sockets> open_sockets(const Config& config, SocketFiles& files) {
   Sockets sockets;
@@ -54,17 +46,6 @@ void announce(const Config& config, const Sockets& sockets) {
   if (config.ready_fd < 0) return;
   const UniqueFd fd(config.ready_fd);
   [[maybe_unused]] const auto written = ::write(fd.get(), line.data(), line.size());
-}
-
-u32 connection_limit(const Limits& limits) {
-  rlimit files{};
-  ::getrlimit(RLIMIT_NOFILE, &files);
-  files.rlim_cur = files.rlim_max;
-  ::setrlimit(RLIMIT_NOFILE, &files);
-  ::getrlimit(RLIMIT_NOFILE, &files);
-  const u64 spare =
-      files.rlim_cur > 2 * kOwnDescriptors ? files.rlim_cur - kOwnDescriptors : files.rlim_cur / 2;
-  return u32(std::min<u64>(limits.connections, std::max<u64>(spare / kDescriptorsAClient, 4)));
 }
 
 }  // namespace heliograph::server

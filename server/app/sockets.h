@@ -25,7 +25,4 @@ struct Sockets {
 /// Writes one line of JSON to --ready-fd: clients may connect from now on.
 void announce(const Config& config, const Sockets& sockets);
 
-/// As many connections as the descriptors allow, after raising the soft limit.
-[[nodiscard]] u32 connection_limit(const Limits& limits);
-
 }  // namespace heliograph::server

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "server/convert/error.h"
+#include "server/convert/fields.h"
 #include "server/quota/credits.h"
 
 namespace heliograph::server {
@@ -49,6 +50,7 @@ class BatchCall::Item final : public JobSink, public std::enable_shared_from_thi
     auto task =
         to_task(call_->daemon_, *scope.session(), request_.job(), record_of(scope.context()));
     if (!task) return std::unexpected(std::move(task).error().at("job"));
+    HELIO_CHECK(task->charge(bytes()), "job");
     task->job->deadline = scope.deadline();
     if (auto provided = call_->cutter_.provide(*task->job, *task->engine); !provided)
       return std::unexpected(std::move(provided).error().at("job"));
@@ -68,6 +70,7 @@ BatchCall* BatchCall::start(Daemon& daemon, grpc::CallbackServerContext& context
   std::shared_ptr<BatchCall> made(new BatchCall(daemon, context, std::move(call)));
   made->self_ = made;
   made->counted_ = std::move(counted);
+  made->waiting_charge_ = Charge::none(made->scope_.session()->tenant()->ledger.bytes);
   daemon.watch.add(made);
   made->StartRead(&made->request_);
   return made.get();
@@ -108,6 +111,7 @@ Status BatchCall::take(v1::RenderBatchRequest request) {
   waiting_bytes_ += item->bytes();
   HELIO_TRY(check_waiting(waiting_bytes_, limits,
                           {"", "more items", "send the next one when an item was answered"}));
+  HELIO_TRY(waiting_charge_.resize(charged(waiting_bytes_)));
   waiting_.push_back(std::move(item));
   return {};
 }
@@ -133,6 +137,7 @@ BatchCall::ItemPtr BatchCall::next_item() {
   ItemPtr item = std::move(waiting_.front());
   waiting_.pop_front();
   waiting_bytes_ -= item->bytes();
+  [[maybe_unused]] const auto given_back = waiting_charge_.resize(charged(waiting_bytes_));
   --credits_;
   ++in_work_;
   return item;

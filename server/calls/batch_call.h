@@ -57,6 +57,7 @@ class BatchCall final
   std::mutex mutex_;
   std::deque<ItemPtr> waiting_;
   u64 waiting_bytes_ = 0;
+  Charge waiting_charge_;
   std::deque<ItemPtr> done_;
   ItemPtr sending_;
   FrameCutter cutter_;

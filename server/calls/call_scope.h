@@ -22,6 +22,8 @@ class CallScope {
 
   [[nodiscard]] grpc::CallbackServerContext& context() const { return context_; }
   [[nodiscard]] const std::shared_ptr<Session>& session() const { return call_.session(); }
+  /// Call::charge(), for the request that is in work now.
+  [[nodiscard]] Status charge(u64 request_bytes) { return call_.charge(request_bytes); }
   /// When the client gives up.
   [[nodiscard]] std::optional<std::chrono::steady_clock::time_point> deadline() const {
     return deadline_of(context_);

@@ -1,6 +1,7 @@
 // Config to the parts of the daemon. Called by main.
 #include "server/calls/daemon.h"
 
+#include <fmt/format.h>
 #include <sys/random.h>
 #include <unistd.h>
 
@@ -26,8 +27,7 @@ u64 random_number() {
 ReplyLimits reply_limits(const Limits& limits) { return {limits.replies, limits.reply_bytes}; }
 
 Scenes::Options scene_options(const Limits& limits) {
-  return {.limit = u32(limits.scenes),
-          .scene = {.entities = u32(limits.entities),
+  return {.scene = {.entities = u32(limits.entities),
                     .array_bytes = limits.array_bytes,
                     .revisions = u32(limits.revisions)},
           .replies = reply_limits(limits),
@@ -36,8 +36,7 @@ Scenes::Options scene_options(const Limits& limits) {
 }
 
 Sessions::Options session_options(const Config& config) {
-  return {.limit = u32(config.limits.sessions),
-          .grace_seconds = config.grace_seconds,
+  return {.grace_seconds = config.grace_seconds,
           .session = {.calls = u32(config.limits.calls_per_session),
                       .shared_bytes = config.limits.shared_bytes,
                       .replies = reply_limits(config.limits)}};
@@ -91,10 +90,13 @@ Status Daemon::open_journal() {
        .snapshot_bytes = config.limits.snapshot_bytes,
        .reserve = config.limits.disk_reserve_bytes,
        .spare = config.limits.disk_spare_bytes,
-       .disk = [this](const std::string& tenant) { return tenants.named(tenant)->disk; }},
+       .disk = [this](const std::string& tenant) { return tenants.named(tenant)->ledger.disk; }},
       pool, log);
   if (!opened) return std::unexpected(std::move(opened).error());
+  // What is there was let in by a daemon before: nothing of it is refused.
+  tenants.ledger().lift();
   auto recovered = recover(**opened, {.scenes = scenes, .tenants = tenants});
+  tenants.ledger().set_totals(config.limits);
   if (!recovered) return std::unexpected(std::move(recovered).error());
   journal = std::move(*opened);
   log.info(
@@ -141,6 +143,18 @@ void Daemon::save_scenes() {
   if (saved.lost > 0)
     log.error("scenes are lost: they could not be saved",
               {{"scenes", saved.lost}, {"reason", saved.because.error().message}});
+}
+
+void Daemon::tell_fitted(const std::vector<Fitted>& limits) {
+  std::string lowered;
+  for (const Fitted& each : limits) {
+    if (each.is_kept)
+      log.warning("a limit is set to more than its part of what there is",
+                  {{"limit", each.name}, {"value", each.from}, {"part", each.to}});
+    else
+      lowered += fmt::format("{}{}={}", lowered.empty() ? "" : " ", each.name, each.to);
+  }
+  if (!lowered.empty()) log.info("limits are lowered to what there is", {{"limits", lowered}});
 }
 
 Status Daemon::open_recorder() {

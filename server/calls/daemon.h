@@ -6,6 +6,7 @@
 #include <string>
 
 #include "server/config/config.h"
+#include "server/config/container.h"
 #include "server/decode/decoder.h"
 #include "server/device/engine_slot.h"
 #include "server/device/health.h"
@@ -57,6 +58,8 @@ struct Daemon {
   /// Saves the scenes that are not durable for the next daemon, and refuses what comes from now on;
   /// the process ends when that takes longer than it may. The log says what is lost.
   void save_scenes();
+  /// Logs limits that were larger than their part of what there is.
+  void tell_fitted(const std::vector<Fitted>& limits);
   /// Begins to record. INVALID_ARGUMENT: there is no place for it.
   [[nodiscard]] Status open_recorder();
   /// A question is answered from this revision, which a recording keeps.

@@ -26,6 +26,7 @@ Status DecodeCall::gather() {
   if (!daemon_.decoder)
     return fail(Code::kUnavailable, "",
                 "the decoder could not be started: " + daemon_.decoder.error().message);
+  HELIO_TRY(call_.session()->tenant()->ledger.bytes->admit(Work::kUploads));
   named_ = request_;
   named_.clear_server_path();
   if (request_.server_path().empty()) return gather_bundle();
@@ -38,7 +39,7 @@ Status DecodeCall::gather() {
 Status DecodeCall::gather_file(const std::string& path, const std::string& name) {
   const auto file = daemon_.asset_root.find(path, daemon_.config.limits.blob_bytes);
   if (!file) return std::unexpected(file.error());
-  auto charge = Charge::take(call_.session()->tenant()->bytes, file->size);
+  auto charge = Charge::take(call_.session()->tenant()->ledger.bytes, file->size);
   if (!charge) return std::unexpected(std::move(charge).error().at("server_path"));
   read_.push_back(std::move(*charge));
   auto bytes = file->read();
@@ -91,7 +92,7 @@ void DecodeCall::submit() {
                 .hash = hash_,
                 .tenant = call_.session()->tenant()->id,
                 .pay = [tenant = call_.session()->tenant()](u64 bytes) {
-                  return Charge::hold(tenant->bytes, bytes);
+                  return Charge::hold(tenant->ledger.bytes, bytes);
                 }};
   (*daemon_.decoder)
       ->decode(
@@ -112,7 +113,7 @@ Status DecodeCall::charge_copy() {
     error.available = most;
     return std::unexpected(std::move(error));
   }
-  auto charge = Charge::take(call_.session()->tenant()->bytes, bytes);
+  auto charge = Charge::take(call_.session()->tenant()->ledger.bytes, bytes);
   if (!charge) return std::unexpected(std::move(charge).error());
   copy_ = std::move(*charge);
   return {};

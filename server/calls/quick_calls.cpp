@@ -52,7 +52,13 @@ bool send(int socket, const std::string& reply) {
 /// one may come. Lifetime: held by that thread, and by who works for the call.
 class QuickCalls::Line final : public JobSink, public std::enable_shared_from_this<Line> {
  public:
-  Line(Daemon& daemon, std::shared_ptr<Session> session, ForeignFd socket)
+  /// With its charges.
+  struct Socket {
+    ForeignFd fd;
+    Charge counted;
+    Charge descriptor;
+  };
+  Line(Daemon& daemon, std::shared_ptr<Session> session, Socket socket)
       : daemon_(daemon), session_(std::move(session)), socket_(std::move(socket)) {}
 
   /// Until the socket is closed. A call that is under way then is cancelled.
@@ -60,7 +66,7 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
     const std::stop_callback on_end(session_->ended(), [this] { close(); });
     std::array<char, kPacketBytes> packet;
     while (true) {
-      const ssize_t size = receive_packet(socket_.get(), packet, 0, daemon_.loop->closer()).size;
+      const ssize_t size = receive_packet(socket_.fd.get(), packet, 0, daemon_.loop->closer()).size;
       if (size <= 0 || std::size_t(size) > packet.size() || is_busy_.exchange(true)) break;
       if (!call_.ParseFromArray(packet.data(), int(size))) break;
       begin(u64(size));
@@ -69,14 +75,14 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
     const std::lock_guard lock(mutex_);
     stop_.request_stop();
   }
-  void close() { ::shutdown(socket_.get(), SHUT_RDWR); }
+  void close() { ::shutdown(socket_.fd.get(), SHUT_RDWR); }
 
   /// What there is no room for is left out.
   void progress(const Progress& progress) override {
     if (!call_.progress()) return;
     v1::QuickReply reply;
     *reply.mutable_progress() = to_proto(progress);
-    (void)send(socket_.get(), reply.SerializeAsString());
+    (void)send(socket_.fd.get(), reply.SerializeAsString());
   }
   void frame(std::shared_ptr<const Frame> frame) override {
     if (frame->final) frames_.push_back(std::move(frame));
@@ -163,7 +169,7 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
     daemon_.call_log.end(std::move(facts), outcome);
     forget();
     is_busy_ = false;
-    if (!send(socket_.get(), bytes)) close();
+    if (!send(socket_.fd.get(), bytes)) close();
   }
   /// A session that asks nothing holds neither a scene nor memory for it.
   void forget() {
@@ -177,7 +183,7 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
 
   Daemon& daemon_;
   const std::shared_ptr<Session> session_;
-  const ForeignFd socket_;
+  const Socket socket_;
   std::mutex mutex_;
   std::stop_source stop_;              // of the call; guarded by mutex_
   std::atomic<bool> is_busy_ = false;  // what is below is the call's
@@ -195,12 +201,17 @@ bool QuickCalls::are_possible(const Daemon& daemon) { return !daemon.recorder; }
 
 void QuickCalls::serve(const std::shared_ptr<Session>& session, ForeignFd socket) {
   if (!are_possible(daemon_) || !is_packet_socket(socket.get())) return;
-  const auto line = std::make_shared<Line>(daemon_, session, std::move(socket));
+  const Ledger& ledger = session->tenant()->ledger;
+  auto counted = Charge::take(ledger.quick_calls, 1);
+  auto descriptor = Charge::take(ledger.descriptors, 1);
+  if (!counted || !descriptor) return;
+  const auto line = std::make_shared<Line>(
+      daemon_, session,
+      Line::Socket{std::move(socket), std::move(*counted), std::move(*descriptor)});
   const std::lock_guard lock(mutex_);
   const auto before = lines_.find(session->id());
   if (before != lines_.end()) before->second->close();
-  if (is_stopped_ || (before == lines_.end() && lines_.size() >= daemon_.config.limits.quick_calls))
-    return;
+  if (is_stopped_) return;
   try {
     std::thread([this, line, id = session->id()] {
       line->run();

@@ -9,6 +9,7 @@
 #include "server/convert/limits.h"
 #include "server/convert/render.h"
 #include "server/convert/worlds.h"
+#include "server/quota/credits.h"
 
 namespace heliograph::server {
 namespace {
@@ -41,8 +42,8 @@ Expected<SnapshotPtr> with_overlay(Daemon& daemon, Session& session, const Snaps
   return snapshot;
 }
 
-/// RESOURCE_EXHAUSTED when the frames of all cameras would take too many bytes.
-Status check_size(const RenderJob& job, u64 limit) {
+/// Of the frames of all cameras and worlds.
+u64 frame_bytes_of(const RenderJob& job) {
   u64 pixel = 0;
   for (const Plane plane : job.planes)
     pixel += size_of(plane_info(plane).dtype) * plane_info(plane).channels;
@@ -52,7 +53,10 @@ Status check_size(const RenderJob& job, u64 limit) {
     bytes += pixel * (job.width != 0 ? job.width : camera.width) *
              (job.height != 0 ? job.height : camera.height);
   }
-  if (job.worlds) bytes *= job.worlds->rendered.size();
+  return job.worlds ? bytes * job.worlds->rendered.size() : bytes;
+}
+
+Status check_size(u64 bytes, u64 limit) {
   if (bytes <= limit) return {};
   Error error{
       .code = Code::kResourceExhausted,
@@ -84,41 +88,85 @@ Expected<std::shared_ptr<RenderJob>> make_job(Daemon& daemon, Session& session,
     worlds->limits = daemon.scenes.scene_limits();
     job->worlds = std::make_shared<const Worlds>(*std::move(worlds));
   }
-  HELIO_TRY(check_size(*job, limits.frame_bytes));
+  HELIO_TRY(check_size(frame_bytes_of(*job), limits.frame_bytes));
   job->origin = session.tenant()->origin(session.id(), job->scene, job->origin.priority);
   return std::make_shared<RenderJob>(std::move(*job));
 }
 
-/// Counts a job while it waits and runs, charges what it took, and tells its call.
+/// Of its planes that are no leases, which are charged by SharedFrames.
+u64 heap_bytes(const Frame& frame) {
+  u64 bytes = 0;
+  for (const PlaneData& plane : frame.planes)
+    if (dynamic_cast<LeasedPixels*>(plane.pixels.memory()) == nullptr) bytes += plane.pixels.size();
+  return bytes;
+}
+
+/// Room for the frames of a job that have no leases. One that writes leases is refused when its
+/// tenant has more than it may: the leases failed, and frames went to the heap.
+Expected<Charge> frame_room(const RenderTask& task) {
+  const Budget& bytes = *task.tenant->ledger.bytes;
+  const bool is_leased = task.job->memory && bytes.used() <= bytes.limit();
+  auto room = Charge::take(task.tenant->ledger.bytes, is_leased ? 0 : charged(task.frame_bytes));
+  if (room) return room;
+  Error error = std::move(room).error().at("planes");
+  if (task.tenant->ledger.jobs->used() > 1) error.retry_seconds = retry_seconds(*task.engine);
+  return std::unexpected(std::move(error));
+}
+
+/// Counts a job while it waits and runs, its frames until they are sent, charges what it took, and
+/// tells its call.
 class Metered final : public JobSink {
  public:
-  Metered(std::shared_ptr<JobSink> sink, Daemon& daemon, const RenderTask& task, Charge running)
+  struct Charges {
+    Charge running;
+    Charge request;
+    Charge frames;  // that are not there yet
+  };
+  Metered(std::shared_ptr<JobSink> sink, Daemon& daemon, const RenderTask& task, Charges charges)
       : sink_(std::move(sink)),
         daemon_(daemon),
         tenant_(task.tenant),
         call_(task.call),
-        running_(std::move(running)) {
+        charges_(std::move(charges)) {
     call_->begin_job();
   }
   void progress(const Progress& progress) override { sink_->progress(progress); }
-  void frame(std::shared_ptr<const Frame> frame) override { sink_->frame(std::move(frame)); }
+  void frame(std::shared_ptr<const Frame> frame) override {
+    sink_->frame(counted(std::move(frame)));
+  }
   void done(Status status, const Spent& spent) override {
     tenant_->samples.charge(spent.samples);
     daemon_.metrics.job(tenant_->name, status, spent);
     call_->end_job(spent);
     const std::chrono::duration<double> took = CallClock::now() - queued_;
     daemon_.call_log.end_job(*call_, took.count(), spent);
-    [[maybe_unused]] const auto given_back = running_.resize(0);
+    charges_ = {};
     sink_->done(std::move(status), spent);
   }
 
  private:
+  /// The frame, charged as long as somebody has it: from what was set aside for the job, and beyond
+  /// that (a frame of each step) whatever the limit is.
+  std::shared_ptr<const Frame> counted(std::shared_ptr<const Frame> frame) {
+    struct Counted {
+      std::shared_ptr<const Frame> frame;
+      Charge charge;
+    };
+    const u64 bytes = charged(heap_bytes(*frame));
+    if (bytes == 0) return frame;
+    Charge charge = charges_.frames.split(bytes);
+    if (const u64 set_aside = charge.amount(); set_aside < bytes)
+      charge.merge(Charge::count(tenant_->ledger.bytes, bytes - set_aside));
+    const auto held = std::make_shared<const Counted>(std::move(frame), std::move(charge));
+    return {held, held->frame.get()};
+  }
+
   std::shared_ptr<JobSink> sink_;
   Daemon& daemon_;
   TenantPtr tenant_;
   CallRecordPtr call_;
   const CallClock::time_point queued_ = CallClock::now();
-  Charge running_;
+  Charges charges_;
 };
 
 }  // namespace
@@ -135,8 +183,20 @@ Expected<RenderTask> to_task(Daemon& daemon, Session& session, const v1::RenderR
                        .backend = std::string((*engine)->backend_name()),
                        .cpu_features = (*engine)->cpu_features(),
                        .trace = call->trace()};
-  return RenderTask{*std::move(job), std::make_shared<FrameHeaders>(std::move(context)), *engine,
-                    session.tenant(), std::move(call)};
+  const u64 frame_bytes = frame_bytes_of(**job);
+  return RenderTask{.job = *std::move(job),
+                    .headers = std::make_shared<FrameHeaders>(std::move(context)),
+                    .engine = *engine,
+                    .tenant = session.tenant(),
+                    .call = std::move(call),
+                    .frame_bytes = frame_bytes};
+}
+
+Status RenderTask::charge(u64 request_bytes) {
+  auto taken = Charge::take(tenant->ledger.bytes, charged(request_bytes));
+  if (!taken) return std::unexpected(std::move(taken).error());
+  request = std::move(*taken);
+  return {};
 }
 
 FrameCutter::Begun note_frames(const Daemon& daemon, const grpc::ServerContextBase& context) {
@@ -146,16 +206,23 @@ FrameCutter::Begun note_frames(const Daemon& daemon, const grpc::ServerContextBa
   };
 }
 
-Status submit(Daemon& daemon, const RenderTask& task, std::shared_ptr<JobSink> sink,
+Expected<Charge> count_job(const Engine& engine, Tenant& tenant) {
+  HELIO_TRY(tenant.samples.admit());
+  HELIO_TRY(tenant.ledger.bytes->admit(Work::kJobs));
+  auto running = Charge::take(tenant.ledger.jobs, 1);
+  if (!running) running.error().retry_seconds = retry_seconds(engine);
+  return running;
+}
+
+Status submit(Daemon& daemon, RenderTask& task, std::shared_ptr<JobSink> sink,
               std::stop_token stop) {
-  HELIO_TRY(check_queue(*task.engine, daemon.config.limits.jobs));
-  HELIO_TRY(task.tenant->samples.admit());
-  auto running = Charge::take(task.tenant->jobs, 1);
-  if (!running) {
-    running.error().retry_seconds = retry_seconds(*task.engine);
-    return std::unexpected(std::move(running).error());
-  }
-  auto metered = std::make_shared<Metered>(std::move(sink), daemon, task, std::move(*running));
+  auto running = count_job(*task.engine, *task.tenant);
+  if (!running) return std::unexpected(std::move(running).error());
+  auto frames = frame_room(task);
+  if (!frames) return std::unexpected(std::move(frames).error());
+  auto metered = std::make_shared<Metered>(
+      std::move(sink), daemon, task,
+      Metered::Charges{std::move(*running), std::move(task.request), std::move(*frames)});
   HELIO_TRY(task.engine->submit(task.job, std::move(metered), std::move(stop)));
   task.headers->write_ahead();
   return {};

@@ -15,6 +15,11 @@ struct RenderTask {
   Engine* engine = nullptr;
   TenantPtr tenant;
   CallRecordPtr call;
+  u64 frame_bytes = 0;
+  Charge request{};  // of a call of many
+
+  /// Charges its request to its tenant, until it ends. RESOURCE_EXHAUSTED.
+  [[nodiscard]] Status charge(u64 request_bytes);
 };
 
 /// Resolves the revision, applies the overlay, checks every field. Waits for the engine to start,
@@ -26,8 +31,12 @@ struct RenderTask {
 
 /// Queues it and counts it for its tenant; RESOURCE_EXHAUSTED with a retry time when too much waits
 /// or runs.
-[[nodiscard]] Status submit(Daemon& daemon, const RenderTask& task, std::shared_ptr<JobSink> sink,
+[[nodiscard]] Status submit(Daemon& daemon, RenderTask& task, std::shared_ptr<JobSink> sink,
                             std::stop_token stop);
+
+/// Counts a job or a query for its tenant, while it waits and runs. RESOURCE_EXHAUSTED with a retry
+/// time.
+[[nodiscard]] Expected<Charge> count_job(const Engine& engine, Tenant& tenant);
 
 /// What a call tells the recorder of its frames; empty when nothing is recorded.
 [[nodiscard]] FrameCutter::Begun note_frames(const Daemon& daemon,

@@ -58,13 +58,16 @@ Reactor* let_in(Gate& gate, grpc::CallbackServerContext* context, Needs needs, c
   return start(std::move(*admitted));
 }
 
-/// The same for a call whose request is here; UNIMPLEMENTED when it has a field we do not know.
+/// The same for a call whose request is here, and charged while it lasts; UNIMPLEMENTED when it has
+/// a field we do not know.
 template <class Reactor, class Start>
 Reactor* let_in(Gate& gate, grpc::CallbackServerContext* context,
                 const google::protobuf::Message& request, Needs needs, const Start& start) {
   return let_in<Reactor>(gate, context, needs, [&](Call call) -> Reactor* {
     if (auto known = check_known(request); !known)
       return new Refusal<Reactor>(*context, known.error());
+    if (auto room = call.charge(request.ByteSizeLong()); !room)
+      return new Refusal<Reactor>(*context, room.error());
     return start(std::move(call));
   });
 }
@@ -91,12 +94,16 @@ class UnaryCall final : public grpc::ServerUnaryReactor {
     if (auto posted = pool.post(std::move(task)); !posted) finish(posted);
   }
 
+  /// Until the reply was sent.
+  void hold(Charge reply) { reply_ = std::move(reply); }
+
   void OnCancel() override { stop_.request_stop(); }
   void OnDone() override { delete this; }
 
  private:
   grpc::CallbackServerContext& context_;
   Call call_;
+  Charge reply_;
   std::stop_source stop_;
 };
 

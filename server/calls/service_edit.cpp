@@ -109,7 +109,9 @@ void apply_numbered(Daemon& daemon, const std::shared_ptr<Session>& session,
 grpc::ServerUnaryReactor* Service::Apply(Context* context, const v1::ApplyRequest* request,
                                          v1::ApplyReply* reply) {
   using Reactor = grpc::ServerUnaryReactor;
-  return let_in<Reactor>(daemon_.gate, context, Needs::kSession, [&](Call admitted) {
+  return let_in<Reactor>(daemon_.gate, context, Needs::kSession, [&](Call admitted) -> Reactor* {
+    if (auto room = admitted.charge(request->ByteSizeLong()); !room)
+      return new Refusal<Reactor>(*context, room.error());
     auto* call = new UnaryCall(*context, std::move(admitted));
     apply_numbered(daemon_, call->session(), *request, [call, reply](const EditLog::Reply& answer) {
       if (!*answer) return call->finish(std::unexpected(answer->error()));
@@ -151,6 +153,8 @@ void ApplyStreamCall::OnReadDone(bool ok) {
     if (is_finished_) return;
     ++busy_;
   }
+  if (auto room = scope_.charge(request_.ByteSizeLong()); !room)
+    return answer(refuse(std::move(room).error()));
   apply_numbered(daemon_, scope_.session(), request_,
                  [this](const EditLog::Reply& reply) { answer(reply); });
 }

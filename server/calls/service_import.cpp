@@ -18,7 +18,8 @@ class ImportCall final : public WatchedReader<v1::SceneChunk> {
         daemon_(daemon),
         call_(std::move(call)),
         reply_(reply),
-        file_(std::in_place, call_.session()->holdings()) {}
+        file_(std::in_place, call_.session()->holdings(),
+              Charge::none(call_.tenant()->ledger.bytes)) {}
 
  private:
   void came(bool ok) override {

@@ -1,11 +1,28 @@
 // Query and Tracks: spatial questions, answered by the device between jobs.
+#include "server/calls/render_task.h"
 #include "server/calls/rpc.h"
 #include "server/calls/service.h"
 #include "server/convert/query.h"
 #include "server/convert/tracks.h"
+#include "server/quota/credits.h"
 
 namespace heliograph::server {
 namespace {
+
+constexpr u64 kAnswerBytes = 128;  // of one item, in the reply and before
+
+/// What a question is charged as, in samples.
+u64 items_of(const QueryJob& job) {
+  struct Count {
+    u64 operator()(const CastRays& q) const { return q.origins.size(); }
+    u64 operator()(const Pick& q) const { return q.pixels.size(); }
+    u64 operator()(const Visible& q) const { return q.entities.size(); }
+    u64 operator()(const Overlaps& q) const { return q.a.size(); }
+    u64 operator()(const SampleSurface& q) const { return q.entities.size() * q.count; }
+    u64 operator()(const Tracks& q) const { return q.points.size() * q.times.size(); }
+  };
+  return std::visit(Count(), job.query);
+}
 
 /// Checks a request with `to_job(snapshot, holdings)`, has the device answer it, and makes the
 /// reply with `to_reply(result, revision)`.
@@ -24,10 +41,15 @@ void start_query(Daemon& daemon, UnaryCall& call, const Request& request, Reply&
   job->origin = session.tenant()->origin(session.id(), request.scene());
   const auto engine = daemon.engine->wait();
   if (!engine) return call.finish(std::unexpected(engine.error()));
-  if (auto room = check_queue(**engine, daemon.config.limits.jobs); !room) return call.finish(room);
+  auto counted = count_job(**engine, *call.tenant());
+  if (!counted) return call.finish(std::unexpected(std::move(counted).error()));
+  auto answer = Charge::take(call.tenant()->ledger.bytes, charged(kAnswerBytes * items_of(*job)));
+  if (!answer) return call.finish(std::unexpected(std::move(answer).error()));
+  call.hold(std::move(*answer));
+  call.tenant()->samples.charge(items_of(*job));
   (*engine)->submit(
       std::make_shared<const QueryJob>(std::move(*job)),
-      [&call, &reply, to_reply,
+      [&call, &reply, to_reply, counted = std::make_shared<Charge>(std::move(*counted)),
        revision = (*snapshot)->revision](const Expected<QueryResult>& result) {
         if (!result) return call.finish(std::unexpected(result.error()));
         reply = to_reply(*result, revision);

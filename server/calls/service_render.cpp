@@ -12,6 +12,7 @@ Status start_render(Daemon& daemon, const v1::RenderRequest& request,
   const CallScope& scope = stream->scope();
   auto task = to_task(daemon, *scope.session(), request, record_of(scope.context()));
   if (!task) return std::unexpected(task.error());
+  HELIO_TRY(task->charge(request.ByteSizeLong()));
   task->job->deadline = scope.deadline();
   HELIO_TRY(stream->provide(*task));
   stream->expect(*task);

@@ -11,7 +11,7 @@ grpc::ServerBidiReactor<typename Started::Request, typename Started::Reply>* adm
     Daemon& daemon, Context* context) {
   using Reactor = grpc::ServerBidiReactor<typename Started::Request, typename Started::Reply>;
   return let_in<Reactor>(daemon.gate, context, Needs::kSession, [&](Call call) -> Reactor* {
-    auto counted = Charge::take(call.tenant()->streams, 1);
+    auto counted = Charge::take(call.tenant()->ledger.streams, 1);
     if (!counted) return new Refusal<Reactor>(*context, counted.error());
     return Started::start(daemon, *context, std::move(call), std::move(*counted));
   });

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "server/convert/error.h"
+#include "server/convert/fields.h"
 #include "server/quota/credits.h"
 
 namespace heliograph::server {
@@ -57,6 +58,7 @@ class StreamCall::Job final : public JobSink, public std::enable_shared_from_thi
     const CallScope& scope = call_->scope_;
     auto task = to_task(call_->daemon_, *scope.session(), *settings_, record_of(scope.context()));
     if (!task) return std::unexpected(std::move(task).error().at("settings"));
+    HELIO_CHECK(task->charge(settings_->ByteSizeLong()), "settings");
     headers_ = task->headers;
     task->job->origin.session ^= call_->line_;
     if (auto provided = call_->cutter_.provide(*task->job, *task->engine); !provided)
@@ -82,6 +84,7 @@ StreamCall* StreamCall::start(Daemon& daemon, grpc::CallbackServerContext& conte
   std::shared_ptr<StreamCall> made(new StreamCall(daemon, context, std::move(call)));
   made->self_ = made;
   made->counted_ = std::move(counted);
+  made->pending_charge_ = Charge::none(made->scope_.session()->tenant()->ledger.bytes);
   daemon.watch.add(made);
   made->StartSendInitialMetadata();
   made->StartRead(&made->request_);
@@ -140,6 +143,7 @@ Status StreamCall::add(v1::RenderRequest settings) {
   pending_bytes_ += settings.ByteSizeLong();
   HELIO_TRY(check_waiting(pending_bytes_, daemon_.config.limits,
                           {"settings", "more settings", "send the next ones when a frame came"}));
+  HELIO_TRY(pending_charge_.resize(charged(pending_bytes_)));
   pending_.push_back(std::make_shared<const v1::RenderRequest>(std::move(settings)));
   return {};
 }
@@ -175,6 +179,7 @@ std::shared_ptr<StreamCall::Job> StreamCall::next_job() {
     settings_ = std::move(pending_.front());
     pending_.pop_front();
     pending_bytes_ -= settings_->ByteSizeLong();
+    [[maybe_unused]] const auto given_back = pending_charge_.resize(charged(pending_bytes_));
   }
   job_ = std::make_shared<Job>(shared_from_this(), settings_);
   return job_;

@@ -64,6 +64,7 @@ class StreamCall final : public grpc::ServerBidiReactor<v1::StreamRequest, v1::F
   std::mutex mutex_;
   std::deque<Settings> pending_;  // latest: at most one
   u64 pending_bytes_ = 0;
+  Charge pending_charge_;
   Settings settings_;  // of the last job
   u64 scene_ = 0;
   SceneEntry::Watch watch_;

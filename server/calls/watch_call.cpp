@@ -28,7 +28,7 @@ Expected<WatchOrder> to_order(Daemon& daemon, const Session& session,
   order.next = request.from_revision() == 0 ? order.events->head() + 1 : request.from_revision();
   if (const auto first = order.events->at(order.next); !first)
     return std::unexpected(first.error());
-  auto counted = Charge::take(session.tenant()->streams, 1);
+  auto counted = Charge::take(session.tenant()->ledger.streams, 1);
   if (!counted) return std::unexpected(std::move(counted).error());
   order.counted = std::move(*counted);
   return order;

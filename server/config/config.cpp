@@ -26,14 +26,15 @@ std::string default_socket() {
   return folder + "/heliograph.sock";
 }
 
-Status set_limit(Limits& limits, const std::string& setting) {
+Status set_limit(Config& config, const std::string& setting) {
   const auto equals = setting.find('=');
   if (equals == std::string::npos)
     return fail(Code::kInvalidArgument, "--limit", "'" + setting + "' is not NAME=NUMBER");
   const std::string_view view = setting;
   const auto parsed = parse_limit(view.substr(0, equals), view.substr(equals + 1));
   if (!parsed) return std::unexpected(parsed.error());
-  limits.*parsed->limit = parsed->value;
+  config.limits.*parsed->limit = parsed->value;
+  config.limits_set.insert(setting.substr(0, equals));
   return {};
 }
 
@@ -188,7 +189,7 @@ Status complete(const CLI::App& app, const Extra& extra, Config& config) {
     config.socket_group = *group;
   }
   for (const auto* limits : {&extra.file_limits, &extra.limits})  // flags win
-    for (const std::string& limit : *limits) HELIO_TRY(set_limit(config.limits, limit));
+    for (const std::string& limit : *limits) HELIO_TRY(set_limit(config, limit));
   return check(config);
 }
 

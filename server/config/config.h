@@ -4,6 +4,7 @@
 #include <sys/types.h>
 
 #include <optional>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -39,7 +40,13 @@ enum ExitCode : int {
   X(log_value_bytes, 1024, "bytes of one value in the log")                             \
   X(slow_call_seconds, 5, "seconds after which the log warns of a call")                \
   X(slow_render_seconds, 60, "the same of what waits for the device or the decoder")    \
+  X(overload_sessions, 85, "percent of bytes or memory in use: no new sessions")        \
+  X(overload_uploads, 92, "the same: no uploads and decodes")                           \
+  X(overload_jobs, 97, "the same: no render jobs and queries")                          \
+  X(memory_bytes, 1ull << 50, "bytes of memory of the daemon, or what there is")        \
   X(jobs, 256, "render jobs and queries that wait for the device")                      \
+  X(descriptors, 65'536, "descriptors of frames in shared memory and of quick calls")   \
+  X(reserved_parts, 8, "of each total a tenant has 1 / this that others cannot take")   \
   X(scenes, 4096, "scenes, private and shared")                                         \
   X(revisions, 64, "recent revisions a scene keeps")                                    \
   X(entities, 4'000'000, "entities of a scene")                                         \
@@ -140,6 +147,7 @@ struct Config {
   std::string log_level = "warning";
   bool log_json = false;
   Limits limits;
+  std::set<std::string> limits_set;  // those that the operator set
 
   /// Whether others than this machine's users can read and use what travels.
   [[nodiscard]] bool is_exposed() const;

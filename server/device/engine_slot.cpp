@@ -101,16 +101,4 @@ double retry_seconds(const Engine& engine) {
   return std::max(engine.load().seconds_a_job, kSoonest);
 }
 
-Status check_queue(const Engine& engine, u64 limit) {
-  const Load load = engine.load();
-  if (load.jobs < limit) return {};
-  Error error{.code = Code::kResourceExhausted,
-              .message = fmt::format("{} jobs wait already; retry later (limit jobs)", limit),
-              .where = ""};
-  error.needed = load.jobs + 1;
-  error.available = limit;
-  error.retry_seconds = retry_seconds(engine);
-  return std::unexpected(std::move(error));
-}
-
 }  // namespace heliograph::server

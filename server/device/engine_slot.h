@@ -51,7 +51,5 @@ class EngineSlot {
 
 /// When a job that runs will have made room: the seconds a job takes.
 [[nodiscard]] double retry_seconds(const Engine& engine);
-/// RESOURCE_EXHAUSTED when as many jobs wait as `limit` allows.
-[[nodiscard]] Status check_queue(const Engine& engine, u64 limit);
 
 }  // namespace heliograph::server

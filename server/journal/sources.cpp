@@ -149,7 +149,8 @@ Expected<BufferPtr> RecoveringSource::load(const std::string& hash) {
   }
   auto bytes = content(hash);
   if (!bytes) return std::unexpected(std::move(bytes).error());
-  auto incoming = owner_.blobs.begin("", bytes->size(), owner_.bytes);  // its hash was checked
+  auto incoming =
+      owner_.blobs.begin("", bytes->size(), owner_.ledger.bytes);  // its hash was checked
   if (!incoming) return std::unexpected(std::move(incoming).error());
   HELIO_TRY(incoming->append(*bytes));
   auto buffer = incoming->finish();

@@ -50,7 +50,7 @@ class RecordingSource final : public ArraySource {
 class RecoveringSource final : public ArraySource {
  public:
   RecoveringSource(Tenant& owner, BlobFiles& files)
-      : owner_(owner), inlines_(owner.blobs, owner.assets, owner.bytes), files_(files) {}
+      : owner_(owner), inlines_(owner.blobs, owner.assets, owner.ledger.bytes), files_(files) {}
 
   /// The assets of the transaction that is read next.
   void expect(const journal::Record& record);

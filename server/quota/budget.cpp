@@ -13,35 +13,92 @@ constexpr double kBucketSeconds = 10;  // what a bucket holds
 
 }  // namespace
 
+Budget::Budget(u64 limit, Words words, std::shared_ptr<Budget> total)
+    : limit_(limit), words_(std::move(words)), total_(std::move(total)) {
+  if (!total_) return;
+  const std::lock_guard lock(mutex());
+  total_->tenants_.push_back(this);
+}
+
+Budget::~Budget() {
+  if (!total_) return;
+  const std::lock_guard lock(mutex());
+  std::erase(total_->tenants_, this);
+}
+
+u64 Budget::share() const {
+  const u64 limit = limit_;
+  return limit / std::max<u64>({std::min(parts_, limit), tenants_.size(), 1});
+}
+
+u64 Budget::available(const Budget& tenant) const {
+  const u64 each = share();
+  u64 kept = 0;  // for others
+  for (const Budget* other : tenants_)
+    if (other != &tenant) kept += each - std::min<u64>(each, other->used_);
+  return limit_ - std::min<u64>(limit_, used_ + kept);
+}
+
+std::unexpected<Error> Budget::refuse(u64 amount, u64 available) const {
+  Error error{.code = Code::kResourceExhausted,
+              .message = fmt::format("needs {} {}, {} are available ({} of {} are in use); {}, or "
+                                     "raise the limit {}",
+                                     amount, words_.unit, available, used_.load(), limit_.load(),
+                                     words_.remedy, words_.limit),
+              .where = ""};
+  error.needed = amount;
+  error.available = available;
+  return std::unexpected(std::move(error));
+}
+
 Status Budget::take(u64 amount) {
-  u64 used = used_;
-  do {
-    const u64 limit = limit_;
-    const u64 available = limit - std::min(used, limit);
-    if (amount <= available) continue;
-    Error error{.code = Code::kResourceExhausted,
-                .message = fmt::format("needs {} {}, {} are available; {}, or raise "
-                                       "the limit {}",
-                                       amount, words_.unit, available, words_.remedy, words_.limit),
-                .where = ""};
-    error.needed = amount;
-    error.available = available;
-    return std::unexpected(std::move(error));
-  } while (!used_.compare_exchange_weak(used, used + amount));
-  if (!parent_) return {};
-  auto status = parent_->take(amount);
-  if (!status) used_ -= amount;
-  return status;
+  const std::lock_guard lock(mutex());
+  const u64 own = limit_ - std::min<u64>(used_, limit_);
+  if (amount > own) return refuse(amount, own);
+  if (total_) {
+    if (const u64 left = total_->available(*this); amount > left)
+      return total_->refuse(amount, left);
+    total_->used_ += amount;
+  }
+  used_ += amount;
+  return {};
 }
 
 void Budget::count(u64 amount) {
+  const std::lock_guard lock(mutex());
   used_ += amount;
-  if (parent_) parent_->count(amount);
+  if (total_) total_->used_ += amount;
 }
 
 void Budget::give_back(u64 amount) {
+  const std::lock_guard lock(mutex());
   used_ -= amount;
-  if (parent_) parent_->give_back(amount);
+  if (total_) total_->used_ -= amount;
+}
+
+Status Budget::check_memory(Work work, u64 bytes) const {
+  if (!total_ || !total_->overload_) return {};
+  return total_->overload_->check_memory(work, bytes);
+}
+
+Status Budget::admit(Work work, u64 bytes) const {
+  HELIO_TRY(check_memory(work, bytes));
+  if (!total_ || !total_->overload_) return {};
+  const std::lock_guard lock(mutex());
+  const u64 limit = total_->limit_, used = total_->used_;
+  if (!total_->overload_->is_full(work, used, limit) || used_ <= total_->share()) return {};
+  const u64 allowed = total_->overload_->allowed(work, limit);
+  Error error{.code = Code::kResourceExhausted,
+              .message = fmt::format("the daemon is too full for {}: {} of {} {} are in use, {} by "
+                                     "this tenant, and {} is where they end; {}, retry in {} s, or "
+                                     "raise the limit {}",
+                                     name_of(work), used, limit, words_.unit, used_.load(), allowed,
+                                     words_.remedy, kFullSeconds, total_->words_.limit),
+              .where = ""};
+  error.needed = used;
+  error.available = allowed;
+  error.retry_seconds = kFullSeconds;
+  return std::unexpected(std::move(error));
 }
 
 Expected<Charge> Charge::take(std::shared_ptr<Budget> budget, u64 amount) {
@@ -77,6 +134,7 @@ Charge::~Charge() {
 }
 
 Status Charge::resize(u64 amount) {
+  if (!budget_) return {};
   if (amount > amount_)
     HELIO_TRY(budget_->take(amount - amount_));
   else
@@ -88,6 +146,14 @@ Status Charge::resize(u64 amount) {
 void Charge::merge(Charge other) {
   if (!budget_) return std::swap(*this, other);
   amount_ += std::exchange(other.amount_, 0);
+}
+
+Charge Charge::split(u64 amount) {
+  Charge part;
+  part.budget_ = budget_;
+  part.amount_ = std::min(amount, amount_);
+  amount_ -= part.amount_;
+  return part;
 }
 
 void Rate::refill(Clock::time_point now) {

@@ -11,6 +11,11 @@ namespace heliograph::server {
 /// Of a call whose first message names none.
 inline constexpr u32 kDefaultCredits = 2;
 
+/// Of each call's requests, replies and frames so many bytes are not charged to its tenant, which
+/// can look and ask when it has used up what it has.
+inline constexpr u64 kFreeBytes = 64 << 10;
+[[nodiscard]] inline u64 charged(u64 bytes) { return bytes > kFreeBytes ? bytes : 0; }
+
 /// `credits`: of the call in all, those in use included.
 [[nodiscard]] inline Status check_credits(u64 credits, const Limits& limits) {
   if (credits <= limits.credits) return {};

@@ -63,8 +63,7 @@ void SceneEntry::end(const Expected<Prepared>& prepared, SceneEvents::Event even
 
 void SceneEntry::drop_pending(Revision first) {
   scene.drop_pending(first);
-  // Fewer entities than were counted: this gives some back, or counts those that came back.
-  [[maybe_unused]] const auto room = entities_.resize(scene.pending()->entities.count());
+  charges_.drop(first, *scene.pending());
 }
 
 }  // namespace heliograph::server

@@ -19,7 +19,7 @@ constexpr SceneLimits kNoLimits{.entities = std::numeric_limits<u32>::max(),
 /// The same of what tenants are given, until all is there.
 Limits no_limits() {
   Limits limits;
-  limits.tenant_bytes = limits.tenant_entities = std::numeric_limits<u64>::max();
+  limits.tenant_bytes = limits.tenant_entities = limits.scenes = std::numeric_limits<u64>::max();
   return limits;
 }
 

@@ -78,6 +78,8 @@ Status SceneImport::append(const v1::SceneChunk& chunk) {
       if (header_bytes_.size() + chunk.header_chunk().size() > kLargestHeader)
         return fail(Code::kResourceExhausted, "header_chunk",
                     fmt::format("grows past {} bytes; split the scene", kLargestHeader));
+      HELIO_CHECK(header_charge_.resize(header_bytes_.size() + chunk.header_chunk().size()),
+                  "header_chunk");
       header_bytes_ += chunk.header_chunk();
       return {};
     case v1::SceneChunk::kChunk:

@@ -21,7 +21,9 @@ struct ImportedScene {
 /// the session. Thread: one at a time; the holdings outlive it.
 class SceneImport {
  public:
-  explicit SceneImport(Holdings& holdings) : holdings_(holdings) {}
+  /// header   charge of the owner's bytes, for a header in chunks
+  explicit SceneImport(Holdings& holdings, Charge header = {})
+      : holdings_(holdings), header_charge_(std::move(header)) {}
   /// INVALID_ARGUMENT (out of order, not this format, not what a hash names), RESOURCE_EXHAUSTED.
   [[nodiscard]] Status append(const v1::SceneChunk& chunk);
   /// The scene, when all has come.
@@ -37,6 +39,7 @@ class SceneImport {
 
   Holdings& holdings_;
   std::string header_bytes_;
+  Charge header_charge_;
   std::optional<v1::SceneChunk::Header> header_;
   std::size_t blob_ = 0;
   u64 left_ = 0;                      // bytes of the present blob to come

@@ -38,9 +38,10 @@ journal::SceneRow row_of(const SceneEntry& entry) {
 
 Expected<Prepared> SceneEntry::prepare(const Transaction& transaction,
                                        std::optional<Revision> expected) {
+  const auto before = scene.pending();
   auto prepared = scene.prepare(transaction, expected);
   if (!prepared) return prepared;
-  if (auto room = entities_.resize(prepared->snapshot->entities.count()); !room) {
+  if (auto room = charges_.add(*before, transaction, *prepared); !room) {
     scene.drop_pending(prepared->snapshot->revision);
     return std::unexpected(std::move(room).error().at("edits"));
   }
@@ -63,6 +64,7 @@ Expected<Prepared> SceneEntry::commit(const Transaction& transaction,
 
 void SceneEntry::publish(const Prepared& prepared, SceneEvents::Event event) {
   auto forgotten = scene.publish(prepared);
+  if (!forgotten.empty()) charges_.forget(forgotten.back()->revision);
   events->add(prepared.snapshot->revision, std::move(event));
   if (prepared.snapshot->entities.capacity() >= kManyEntities) free_aside(std::move(forgotten));
 }
@@ -134,20 +136,17 @@ u64 Scenes::new_id() const {
 
 Expected<ScenePtr> Scenes::add(SceneEntry::Identity identity,
                                std::shared_ptr<const Snapshot> first) {
-  auto entities = Charge::take(identity.tenant->entities, first->entities.count());
-  if (!entities) return std::unexpected(std::move(entities).error());
+  auto charges = SceneCharges::take(identity.tenant->ledger, *first);
+  if (!charges) return std::unexpected(std::move(charges).error());
   if (!identity.events) identity.events = make_events(*identity.tenant, first->revision);
   if (identity.owner == 0) identity.events->keep();
   const std::lock_guard lock(mutex_);
   if (!identity.name.empty() && named(identity.name, *identity.tenant))
     return fail(Code::kAlreadyExists, "name",
                 "a scene '" + identity.name + "' exists; open it, or choose another name");
-  if (scenes_.size() >= options_.limit)
-    return fail(Code::kResourceExhausted, "",
-                fmt::format("{} scenes exist; delete one (limit scenes)", scenes_.size()));
   if (identity.id == 0) identity.id = new_id();
   identity.number = ++last_number_;
-  auto entry = std::make_shared<SceneEntry>(std::move(identity), std::move(*entities),
+  auto entry = std::make_shared<SceneEntry>(std::move(identity), std::move(*charges),
                                             std::move(first), options_.scene, pool_);
   scenes_.emplace(entry->id, entry);
   return entry;
@@ -208,7 +207,7 @@ Status Scenes::restore(SceneState state, const TenantPtr& tenant) {
 }
 
 std::shared_ptr<SceneEvents> Scenes::make_events(const Tenant& tenant, Revision head) const {
-  return std::make_shared<SceneEvents>(options_.events, tenant.bytes, head);
+  return std::make_shared<SceneEvents>(options_.events, tenant.ledger.bytes, head);
 }
 
 std::vector<SceneState> Scenes::capture(const std::set<u64>& scenes) const {
@@ -333,7 +332,9 @@ void Scenes::free_later(std::vector<ScenePtr> scenes) {
 std::shared_ptr<EditLog> Scenes::edits(SceneEntry& scene, u64 session) {
   const std::lock_guard lock(scene.mutex_);
   auto& log = scene.edits_[session];
-  if (!log) log = std::make_shared<EditLog>(pool_, options_.replies, options_.queue);
+  if (!log)
+    log = std::make_shared<EditLog>(std::make_shared<Strand>(pool_, options_.queue),
+                                    options_.replies, Charge::none(scene.tenant->ledger.bytes));
   return log;
 }
 

@@ -13,6 +13,7 @@
 #include "renderer/scene/scene.h"
 #include "server/journal/journal.h"
 #include "server/scene/changes.h"
+#include "server/scene/scene_charges.h"
 #include "server/session/request_log.h"
 #include "server/session/session.h"
 #include "server/store/scene_events.h"
@@ -49,7 +50,7 @@ class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
     std::shared_ptr<SceneEvents> events = {};  // null: none so far
   };
   /// pool   frees old revisions
-  SceneEntry(Identity identity, Charge entities, std::shared_ptr<const Snapshot> first,
+  SceneEntry(Identity identity, SceneCharges charges, std::shared_ptr<const Snapshot> first,
              const SceneLimits& limits, WorkPool& pool)
       : id(identity.id),
         name(std::move(identity.name)),
@@ -62,7 +63,7 @@ class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
         events(std::move(identity.events)),
         scene(first, limits),
         pool_(pool),
-        entities_(std::move(entities)) {}
+        charges_(std::move(charges)) {}
 
   const u64 id;
   const std::string name;  // "": anonymous
@@ -108,7 +109,7 @@ class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
   WorkPool& pool_;
   const std::shared_ptr<std::atomic<bool>> is_freeing_ = std::make_shared<std::atomic<bool>>(false);
   std::mutex commit_mutex_;
-  Charge entities_;                     // guarded by commit_mutex_
+  SceneCharges charges_;                // guarded by commit_mutex_
   std::atomic<bool> is_there_ = false;  // found by its id and its name
   std::mutex mutex_;
   std::unordered_map<u64, std::shared_ptr<EditLog>> edits_;  // by session
@@ -130,7 +131,6 @@ struct NewScene {
 class Scenes {
  public:
   struct Options {
-    u32 limit = 4096;
     SceneLimits scene;
     ReplyLimits replies;
     u32 queue = 64;  // edits of one session and scene that may wait

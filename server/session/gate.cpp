@@ -3,6 +3,9 @@
 
 #include <charconv>
 #include <string_view>
+
+#include "server/quota/credits.h"
+
 namespace heliograph::server {
 namespace {
 
@@ -26,6 +29,16 @@ Caller caller_of(const grpc::CallbackServerContext& context) {
 }
 
 }  // namespace
+
+Status Call::charge(u64 request_bytes) {
+  auto taken = Charge::take(tenant_->ledger.bytes, charged(request_bytes));
+  if (!taken) {
+    taken.error().retry_seconds = kBusySeconds;  // others' requests end
+    return std::unexpected(std::move(taken).error());
+  }
+  request_ = std::move(*taken);
+  return {};
+}
 
 std::vector<std::string_view> names_of(const grpc::AuthContext& context) {
   const auto kinds = context.FindPropertyValues(kSecurity);

@@ -28,6 +28,8 @@ class Call {
   [[nodiscard]] const TenantPtr& tenant() const { return tenant_; }
   /// Never null where the call needs a session; one of the tenant's.
   [[nodiscard]] const std::shared_ptr<Session>& session() const { return session_; }
+  /// Charges its request to its tenant until it is destroyed. RESOURCE_EXHAUSTED with a retry time.
+  [[nodiscard]] Status charge(u64 request_bytes);
   /// Its answer is about to go, after which the session may make another in its place; at most
   /// once.
   void answered() {
@@ -46,6 +48,7 @@ class Call {
   TenantPtr tenant_;
   std::shared_ptr<Session> session_;
   std::shared_ptr<std::atomic<u32>> active_;
+  Charge request_;
   bool is_answered_ = false;
 };
 

@@ -7,6 +7,7 @@
 
 #include "server/convert/limits.h"
 #include "server/os/mutant.h"
+#include "server/quota/credits.h"
 
 namespace heliograph::server {
 namespace {
@@ -61,12 +62,15 @@ void RequestLog::finish(const std::string& id, std::optional<std::string> reply)
   bytes_ += id.size() + reply->size();
   entry->second.reply = std::move(reply);
   done_.push_back(id);
-  while (done_.size() > limits_.replies || bytes_ > limits_.bytes) {
-    const auto oldest = entries_.find(done_.front());
-    bytes_ -= oldest->first.size() + oldest->second.reply->size();
-    entries_.erase(oldest);
-    done_.pop_front();
-  }
+  while (done_.size() > limits_.replies || bytes_ > limits_.bytes) forget_oldest();
+  while (!charge_.resize(charged(bytes_)) && done_.size() > 1) forget_oldest();
+}
+
+void RequestLog::forget_oldest() {
+  const auto oldest = entries_.find(done_.front());
+  bytes_ -= oldest->first.size() + oldest->second.reply->size();
+  entries_.erase(oldest);
+  done_.pop_front();
 }
 
 void RequestLog::restore(const std::string& id, const std::string& method, std::string reply) {
@@ -127,11 +131,15 @@ void EditLog::finish(const EditPtr& edit, Expected<v1::ApplyReply> made) {
 
 void EditLog::keep(const Reply& reply) {
   bytes_ += bytes_of(*reply);
-  while (kept_.size() > 1 && kept_.front()->reply &&
-         (kept_.size() > limits_.replies || bytes_ > limits_.bytes)) {
-    bytes_ -= bytes_of(*kept_.front()->reply);
-    kept_.pop_front();
-  }
+  while ((kept_.size() > limits_.replies || bytes_ > limits_.bytes) && forget_oldest()) continue;
+  while (!charge_.resize(charged(bytes_)) && forget_oldest()) continue;
+}
+
+bool EditLog::forget_oldest() {
+  if (kept_.size() < 2 || !kept_.front()->reply) return false;
+  bytes_ -= bytes_of(*kept_.front()->reply);
+  kept_.pop_front();
+  return true;
 }
 
 EditLog::State EditLog::state() const {

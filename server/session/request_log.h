@@ -13,6 +13,7 @@
 #include "heliograph/v1/service.pb.h"
 #include "renderer/base/error.h"
 #include "server/os/work_pool.h"
+#include "server/quota/budget.h"
 
 namespace heliograph::server {
 
@@ -26,7 +27,9 @@ struct ReplyLimits {
 /// Thread: any.
 class RequestLog {
  public:
-  explicit RequestLog(ReplyLimits limits) : limits_(limits) {}
+  /// charge   of its tenant's bytes, for the replies that are kept
+  explicit RequestLog(ReplyLimits limits, Charge charge = {})
+      : limits_(limits), charge_(std::move(charge)) {}
 
   /// A serialised reply when the call was done; nothing when it is new, and then finish() must
   /// follow. ABORTED while the first one runs, INVALID_ARGUMENT when another method used the id.
@@ -42,11 +45,14 @@ class RequestLog {
     std::string method;
     std::optional<std::string> reply;  // nothing while it runs
   };
+  void forget_oldest();  // under mutex_
+
   const ReplyLimits limits_;
   std::mutex mutex_;
   std::map<std::string, Entry> entries_;
   std::deque<std::string> done_;  // oldest first
   u64 bytes_ = 0;
+  Charge charge_;
 };
 
 /// Whether a reply settles what became of an edit; one with retry_seconds says that nothing did.
@@ -66,8 +72,9 @@ class EditLog : public std::enable_shared_from_this<EditLog> {
     std::vector<Reply> kept;
   };
 
-  EditLog(WorkPool& pool, ReplyLimits limits, u32 queue)
-      : strand_(std::make_shared<Strand>(pool, queue)), limits_(limits) {}
+  /// charge   of its tenant's bytes, for the replies that are kept
+  EditLog(std::shared_ptr<Strand> strand, ReplyLimits limits, Charge charge)
+      : strand_(std::move(strand)), limits_(limits), charge_(std::move(charge)) {}
 
   [[nodiscard]] Strand& strand() { return *strand_; }
   /// The number the next edit must carry.
@@ -88,7 +95,9 @@ class EditLog : public std::enable_shared_from_this<EditLog> {
   };
   using EditPtr = std::shared_ptr<Edit>;
   void finish(const EditPtr& edit, Expected<v1::ApplyReply> reply);
-  void keep(const Reply& reply);  // under mutex_
+  // Both under mutex_.
+  void keep(const Reply& reply);
+  bool forget_oldest();  // false: it is the last one, or not done
 
   std::shared_ptr<Strand> strand_;
   const ReplyLimits limits_;
@@ -96,6 +105,7 @@ class EditLog : public std::enable_shared_from_this<EditLog> {
   u64 last_ = 0;
   std::deque<EditPtr> kept_;  // the last is number last_
   u64 bytes_ = 0;
+  Charge charge_;
 };
 
 }  // namespace heliograph::server

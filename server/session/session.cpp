@@ -62,8 +62,11 @@ Expected<std::shared_ptr<SharedFrames>> Session::lending_frames() const {
 
 void Session::share_frames(SharedFrames::Tell tell) {
   if (!shared_frames_.load())
-    shared_frames_ =
-        std::make_shared<SharedFrames>(limits_.shared_bytes, tenant_->bytes, std::move(tell));
+    shared_frames_ = std::make_shared<SharedFrames>(
+        SharedRoom::Limits{.bytes = limits_.shared_bytes,
+                           .budget = tenant_->ledger.bytes,
+                           .descriptors = tenant_->ledger.descriptors},
+        std::move(tell));
 }
 
 void Sessions::resume_for(double seconds, std::map<u64, TenantPtr> kept) {
@@ -135,15 +138,16 @@ Expected<std::shared_ptr<Session>> Sessions::take_up(const SessionOwner& owner) 
 
 Expected<std::shared_ptr<Session>> Sessions::open(SessionOwner owner) {
   if (find(owner.resume)) return take_up(owner);
+  HELIO_TRY(owner.tenant->ledger.bytes->admit(Work::kSessions));
+  auto counted = Charge::take(owner.tenant->ledger.sessions, 1);
+  if (!counted) return std::unexpected(std::move(counted).error());
   const auto made = new_id(owner);
   if (!made) return std::unexpected(made.error());
   const u64 id = *made;
   auto session = std::make_shared<Session>(id, std::move(owner), options_.session);
+  session->counted_ = std::move(*counted);
   {
     const std::lock_guard lock(mutex_);
-    if (open_.size() >= options_.limit)
-      return fail(Code::kResourceExhausted, "",
-                  fmt::format("{} sessions are open; close one (limit sessions)", open_.size()));
     if (!open_.emplace(id, session).second) return carried();  // resumed meanwhile
   }
   start_grace(id, 0);
@@ -197,6 +201,7 @@ void Sessions::close(u64 id) {
     open_.erase(found);
   }
   session->stop_.request_stop();
+  session->counted_ = Charge();
   ended_({.id = id, .client = session->client(), .tenant = session->tenant()});
 }
 

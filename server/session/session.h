@@ -43,8 +43,8 @@ class Session {
         client_(std::move(owner.client)),
         tenant_(std::move(owner.tenant)),
         limits_(limits),
-        requests_(limits.replies),
-        holdings_(tenant_->blobs, tenant_->assets, tenant_->bytes) {
+        requests_(limits.replies, Charge::none(tenant_->ledger.bytes)),
+        holdings_(tenant_->blobs, tenant_->assets, tenant_->ledger.bytes) {
     holdings_.shared().lend(
         {.copy = [this](const v1::BufferRef& ref) -> Expected<BufferPtr> {
            const auto frames = lending_frames();
@@ -103,6 +103,7 @@ class Session {
   const EventLoop::Clock::time_point opened_ = EventLoop::Clock::now();
   std::atomic<u32> calls_ = 0;
   std::atomic<std::shared_ptr<SharedFrames>> shared_frames_;
+  Charge counted_;                          // while it is open; Sessions' alone
   std::atomic<bool> is_shut_down_ = false;  // the daemon ended it
   u32 carriers_ = 0;  // lifelines and KeepSession streams; guarded by Sessions::mutex_
   u64 losses_ = 0;    // how often the last carrier ended
@@ -125,7 +126,6 @@ struct EndedSession {
 class Sessions {
  public:
   struct Options {
-    u32 limit = 256;
     double grace_seconds = 10;
     Session::Limits session;
   };

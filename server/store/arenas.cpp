@@ -35,7 +35,8 @@ std::optional<u64> Arenas::take(Arena& arena, u64 bytes) {
 Arenas::Places::iterator Arenas::make(u64 bytes) {
   Charge charge;
   if (arenas_.size() >= kArenas + room_.limit() / (kLargest / 2)) return arenas_.end();
-  if (!room_.take(charge, round_up(bytes, kPage))) return arenas_.end();
+  auto descriptor = room_.take_descriptor();
+  if (!descriptor || !room_.take(charge, round_up(bytes, kPage))) return arenas_.end();
   const u64 size = std::max(round_up(bytes, kPage), std::clamp(size_, kSmallest, kLargest));
   auto memory = SealedMemory::create(size);
   const auto number = memory ? room_.announce(*memory) : std::nullopt;
@@ -44,7 +45,10 @@ Arenas::Places::iterator Arenas::make(u64 bytes) {
     return arenas_.end();
   }
   size_ += size;
-  return arenas_.emplace(*number, Arena{std::move(memory), Ranges(size), std::move(charge)}).first;
+  return arenas_
+      .emplace(*number,
+               Arena{std::move(memory), Ranges(size), std::move(charge), *std::move(descriptor)})
+      .first;
 }
 
 std::optional<Lease> Arenas::lease(u64 bytes, u64 call) {

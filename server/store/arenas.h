@@ -44,6 +44,7 @@ class Arenas {
     std::shared_ptr<SealedMemory> memory;
     Ranges free;
     Charge charge;  // of the bytes up to the last that was ever in use
+    Charge descriptor;
     u64 uses = 0;
     bool is_retired = false;  // handed out no more
   };

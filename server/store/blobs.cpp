@@ -37,6 +37,7 @@ Status Incoming::append(std::string_view chunk) {
         Code::kInvalidArgument, "size",
         fmt::format("announced {} bytes, and more came; announce them all", storage_->size));
   HELIO_TRY(charge(filled_ + chunk.size()));
+  HELIO_TRY(storage_->charge.check_memory(Work::kUploads));
   std::memcpy(storage_->bytes.get() + filled_, chunk.data(), chunk.size());
   if (!hash_.empty()) digest_.add(chunk);
   filled_ += chunk.size();

@@ -30,7 +30,7 @@ struct BlobLimits {
 class Incoming {
  public:
   /// INVALID_ARGUMENT when more comes than was announced, RESOURCE_EXHAUSTED when the room that was
-  /// there at the beginning is others' now.
+  /// there at the beginning is others' now, or when the daemon's memory is nearly used up.
   [[nodiscard]] Status append(std::string_view chunk);
   /// The bytes; INVALID_ARGUMENT when fewer came than announced, or others than `hash` names.
   [[nodiscard]] Expected<BufferPtr> finish();

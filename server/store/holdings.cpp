@@ -35,6 +35,11 @@ void Holdings::bring(Recent::Kind kind, const std::string& name, BufferPtr bytes
   recent_.bring(kind, name, std::move(bytes), size);
 }
 
+Expected<Incoming> Holdings::make_room(const v1::UploadBlobRequest& first) const {
+  HELIO_TRY(budget_->admit(Work::kUploads, first.size()));
+  return blobs_.begin(first.sha256(), first.size(), budget_);
+}
+
 Expected<std::optional<Incoming>> Holdings::begin(const v1::UploadBlobRequest& first) {
   const std::string& hash = first.sha256();
   if (hash.empty() && first.request_id().empty())
@@ -50,9 +55,9 @@ Expected<std::optional<Incoming>> Holdings::begin(const v1::UploadBlobRequest& f
     const std::lock_guard lock(mutex_);
     if (recent_.find(Recent::Kind::kUpload, first.request_id())) return std::nullopt;
   }
-  auto incoming = blobs_.begin(hash, first.size(), budget_);
+  auto incoming = make_room(first);
   if (!incoming && incoming.error().code == Code::kResourceExhausted && forget_named())
-    incoming = blobs_.begin(hash, first.size(), budget_);
+    incoming = make_room(first);
   if (!incoming) return std::unexpected(std::move(incoming).error());
   incoming->hold(bringing_);
   return std::optional(std::move(*incoming));

@@ -70,6 +70,7 @@ class Holdings final : public ArraySource {
 
  private:
   [[nodiscard]] Expected<BufferPtr> copy(std::string_view bytes) const;
+  [[nodiscard]] Expected<Incoming> make_room(const v1::UploadBlobRequest& first) const;
   [[nodiscard]] Expected<BufferPtr> find_blob(const std::string& hash);
   /// Makes room; false: there was nothing.
   bool forget_named();

@@ -21,7 +21,7 @@ std::unexpected<Error> out_of_range(std::string message, Revision nearest) {
 }  // namespace
 
 SceneEvents::SceneEvents(EventLimits limits, std::shared_ptr<Budget> budget, Revision head)
-    : limits_(limits), head_(head), charge_(Charge::take(std::move(budget), 0).value()) {}
+    : limits_(limits), head_(head), charge_(Charge::none(std::move(budget))) {}
 
 bool SceneEvents::is_kept() const {
   const std::lock_guard lock(mutex_);

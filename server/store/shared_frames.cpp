@@ -37,14 +37,18 @@ SharedFrames::Buffers::iterator SharedFrames::make(u64 bytes, const Source& sour
   const u64 size = (bytes + step - 1) / step * step;
   forget_lost_ones(source);
   Charge charge;
-  if (!room_.take(charge, size)) return buffers_.end();
+  auto descriptor = room_.take_descriptor();
+  if (!descriptor || !room_.take(charge, size)) return buffers_.end();
   auto memory = ask(size, *source);
   const auto number = memory ? room_.announce(*memory) : std::nullopt;
   if (!number) {
     room_.give_up(charge);
     return buffers_.end();
   }
-  return buffers_.emplace(*number, Buffer{source, std::move(memory), std::move(charge)}).first;
+  return buffers_
+      .emplace(*number,
+               Buffer{source, std::move(memory), std::move(charge), *std::move(descriptor)})
+      .first;
 }
 
 void SharedFrames::forget(Buffers::iterator which) {

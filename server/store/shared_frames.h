@@ -29,9 +29,8 @@ class SharedFrames final : public SharedMemoryKeeper,
   using Source = std::shared_ptr<SharedMemorySource>;
   using Tell = SharedRoom::Tell;
 
-  /// limit: bytes of all its buffers
-  SharedFrames(u64 limit, std::shared_ptr<Budget> budget, Tell tell)
-      : room_(limit, std::move(budget), std::move(tell),
+  SharedFrames(SharedRoom::Limits limits, Tell tell)
+      : room_(std::move(limits), std::move(tell),
               [this] { return forget_free_one() || arenas_.let_go(); }) {}
 
   /// A number that no other call of the session has.
@@ -66,7 +65,8 @@ class SharedFrames final : public SharedMemoryKeeper,
   struct Buffer {
     Source source;
     std::shared_ptr<SharedMemory> memory;
-    Charge charge;
+    Charge bytes;
+    Charge descriptor;
     u64 generation = 0;
     u64 call = 0;  // 0: free
   };

@@ -32,12 +32,13 @@ class SharedRoom {
   /// Lets go of a buffer that nobody uses; false when there is none.
   using LetGo = std::function<bool()>;
 
-  /// limit: bytes of all buffers
-  SharedRoom(u64 limit, std::shared_ptr<Budget> budget, Tell tell, LetGo let_go)
-      : limit_(limit),
-        budget_(std::move(budget)),
-        tell_(std::move(tell)),
-        let_go_(std::move(let_go)) {}
+  struct Limits {
+    u64 bytes = 0;  // of all buffers
+    std::shared_ptr<Budget> budget;
+    std::shared_ptr<Budget> descriptors;
+  };
+  SharedRoom(Limits limits, Tell tell, LetGo let_go)
+      : limits_(std::move(limits)), tell_(std::move(tell)), let_go_(std::move(let_go)) {}
 
   /// Adds bytes to the charge of a buffer. False when limit or budget have none, and nothing is
   /// left to let go of.
@@ -45,6 +46,13 @@ class SharedRoom {
     while (!take_now(charge, bytes))
       if (!let_go_()) return false;
     return true;
+  }
+  /// One for a new buffer; none when nothing is left to let go of.
+  [[nodiscard]] std::optional<Charge> take_descriptor() {
+    for (;;) {
+      if (auto one = Charge::take(limits_.descriptors, 1)) return *std::move(one);
+      if (!let_go_()) return std::nullopt;
+    }
   }
   /// A charge that was taken ends without a buffer.
   void give_up(const Charge& charge) { used_ -= charge.amount(); }
@@ -66,22 +74,21 @@ class SharedRoom {
   /// Of a call, or a generation: above all before it.
   [[nodiscard]] u64 next_number() { return ++last_number_; }
 
-  [[nodiscard]] u64 limit() const { return limit_; }
+  [[nodiscard]] u64 limit() const { return limits_.bytes; }
   [[nodiscard]] u64 used() const { return used_; }
-  [[nodiscard]] const std::shared_ptr<Budget>& budget() const { return budget_; }
+  [[nodiscard]] const std::shared_ptr<Budget>& budget() const { return limits_.budget; }
 
  private:
   [[nodiscard]] bool take_now(Charge& charge, u64 bytes) {
-    if (bytes > limit_ - std::min(used_, limit_)) return false;
-    auto more = Charge::take(budget_, bytes);
+    if (bytes > limits_.bytes - std::min(used_, limits_.bytes)) return false;
+    auto more = Charge::take(limits_.budget, bytes);
     if (!more) return false;
     charge.merge(*std::move(more));
     used_ += bytes;
     return true;
   }
 
-  const u64 limit_;
-  const std::shared_ptr<Budget> budget_;
+  const Limits limits_;
   const Tell tell_;
   const LetGo let_go_;
   u64 used_ = 0;

@@ -54,6 +54,7 @@ SharedUploads::Taken SharedUploads::read(u64 bytes, int fd) const {
   if (bytes == 0 || u64(file.st_size) != bytes)
     return fail(Code::kInvalidArgument, "buffer.buffer",
                 fmt::format("was announced with {} bytes and has {}", bytes, file.st_size));
+  HELIO_TRY(budget_->admit(Work::kUploads, bytes));
   auto charge = Charge::take(budget_, bytes);
   if (!charge) return std::unexpected(std::move(charge).error());
   auto memory = std::make_shared<Memory>(std::move(*charge));

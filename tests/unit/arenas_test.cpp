@@ -18,10 +18,12 @@ constexpr u64 kMiB = 1 << 20;
 constexpr u64 kPage = 4096;
 
 struct Stage {
-  explicit Stage(u64 limit = 4096 * kMiB, u64 tenant = 4096 * kMiB)
+  explicit Stage(u64 limit = 4096 * kMiB, u64 tenant = 4096 * kMiB, u64 most_descriptors = 4096)
       : budget(std::make_shared<Budget>(tenant,
                                         Budget::Words{"bytes", "remove some", "tenant_bytes"})),
-        frames(std::make_shared<SharedFrames>(limit, budget,
+        descriptors(std::make_shared<Budget>(
+            most_descriptors, Budget::Words{"descriptors", "give some back", "descriptors"})),
+        frames(std::make_shared<SharedFrames>(SharedRoom::Limits{limit, budget, descriptors},
                                               [this](u64 buffer, const SharedMemory* memory) {
                                                 if (!takes) return false;
                                                 if (memory) {
@@ -45,6 +47,7 @@ struct Stage {
   u64 announced = 0;
   bool takes = true;  // the socket
   std::shared_ptr<Budget> budget;
+  std::shared_ptr<Budget> descriptors;
   std::shared_ptr<SharedFrames> frames;
 };
 
@@ -203,4 +206,12 @@ TEST_CASE("arenas: their numbers are those of no device's buffer, their generati
   stage.frames->give_up(lease->buffer + 1000);
   CHECK(stage.frames->used().second == 1);
   CHECK((::fcntl(lease->memory->fd(), F_GET_SEALS) & F_SEAL_FUTURE_WRITE) != 0);
+}
+
+TEST_CASE("arenas: each takes a descriptor of the tenant's, for as long as it lives") {
+  Stage stage(4096 * kMiB, 4096 * kMiB, 2);
+  std::vector<Lease> held;
+  while (auto lease = stage.sent(kMiB / 4)) held.push_back(*lease);
+  CHECK(stage.announced == 2);
+  CHECK(stage.descriptors->used() == 2);
 }

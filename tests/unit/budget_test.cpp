@@ -25,7 +25,8 @@ TEST_CASE("budget: says what is needed, what there is, and which limit") {
   CHECK(refused.error().needed == 4);
   CHECK(refused.error().available == 3);
   CHECK(refused.error().message ==
-        "needs 4 things, 3 are available; remove some, or raise the limit tenant_things");
+        "needs 4 things, 3 are available (7 of 10 are in use); remove some, or raise the limit "
+        "tenant_things");
   CHECK(things.used() == 7);
   things.give_back(7);
   CHECK(things.take(10).has_value());
@@ -41,6 +42,92 @@ TEST_CASE("budget: a part of another one takes from both or from none") {
   part->give_back(8);
   CHECK(part->used() == 0);
   CHECK(whole->used() == 0);
+}
+
+TEST_CASE("budget: no tenant takes the share of another") {
+  const auto total = budget(80), a = budget(80, total), b = budget(80, total);
+  REQUIRE(a->take(70));
+  CHECK(a->take(1).error().available == 0);
+  CHECK(b->take(10));
+  CHECK(!b->take(1));
+  a->give_back(70);
+  CHECK(b->take(60));  // all but a's share
+  CHECK(!b->take(1));
+  CHECK(a->take(10));
+}
+
+TEST_CASE("budget: more tenants than parts have smaller shares, and one tenant has all") {
+  const auto total = budget(80), a = budget(80, total);
+  CHECK(a->take(80));
+  a->give_back(80);
+  std::vector<std::shared_ptr<Budget>> others;
+  for (int i = 0; i < 15; ++i) others.push_back(budget(80, total));
+  CHECK(!a->take(6));
+  CHECK(a->take(5));
+  for (const auto& other : others) CHECK(other->take(5));
+}
+
+TEST_CASE("budget: the full total refuses sessions, then uploads, then jobs, of who has most") {
+  const auto total = budget(100), a = budget(100, total), b = budget(100, total);
+  total->set_overload(std::make_shared<const Overload>(Overload::Options{}));
+  const auto refused = [&](Work work) { return !a->admit(work); };
+  REQUIRE(a->take(85));
+  CHECK(!refused(Work::kSessions));
+  REQUIRE(a->take(1));
+  CHECK(refused(Work::kSessions));
+  CHECK(!refused(Work::kUploads));
+  REQUIRE(b->take(7));
+  CHECK(refused(Work::kUploads));
+  CHECK(!refused(Work::kJobs));
+  REQUIRE(b->take(5));
+  CHECK(refused(Work::kJobs));
+  const Error error = a->admit(Work::kUploads).error();
+  CHECK(error.code == Code::kResourceExhausted);
+  CHECK(error.retry_seconds > 0);
+  CHECK(error.needed == 98);
+  CHECK(error.available == 92);
+  CHECK(
+      error.message.find("too full for uploads: 98 of 100 things are in use, 86 by this tenant") !=
+      std::string::npos);
+  for (const Work work : {Work::kSessions, Work::kUploads, Work::kJobs}) CHECK(b->admit(work));
+}
+
+TEST_CASE("budget: full memory refuses everybody, in the same order, and lets go again") {
+  const auto total = budget(100), a = budget(100, total);
+  u64 resident = 0;
+  const auto overload = [&](u64 bytes) {
+    resident = bytes;
+    total->set_overload(std::make_shared<const Overload>(
+        Overload::Options{.memory_bytes = 1000, .resident = [&resident] { return resident; }}));
+  };
+  overload(850);
+  CHECK(a->admit(Work::kSessions));
+  overload(921);
+  CHECK(!a->admit(Work::kSessions));
+  CHECK(!a->check_memory(Work::kUploads));
+  CHECK(a->admit(Work::kJobs));
+  const Error error = a->admit(Work::kUploads).error();
+  CHECK(error.code == Code::kResourceExhausted);
+  CHECK(error.retry_seconds > 0);
+  CHECK(error.message.find("limit memory_bytes") != std::string::npos);
+  overload(971);
+  CHECK(!a->admit(Work::kJobs));
+  overload(100);
+  CHECK(a->admit(Work::kSessions));
+}
+
+TEST_CASE("budget: a charge is split, and both parts are given back") {
+  const auto things = budget(10);
+  {
+    auto whole = Charge::take(things, 8);
+    REQUIRE(whole);
+    Charge part = whole->split(5);
+    CHECK(part.amount() == 5);
+    CHECK(whole->amount() == 3);
+    CHECK(whole->split(9).amount() == 3);
+    CHECK(things->used() == 5);
+  }
+  CHECK(things->used() == 0);
 }
 
 TEST_CASE("budget: a lower limit refuses new work only, a higher one lets it in") {

@@ -142,29 +142,29 @@ TEST_CASE("tenants: lines give a weight and limits, others have the daemon's") {
   CHECK(robots->limits().at("tenant_jobs") == 7);
   CHECK(robots->limits().at("tenant_edits_per_second") == 9);
   CHECK(robots->limits().at("tenant_bytes") == limits.tenant_bytes);
-  CHECK(robots->limits().size() == 7);
+  CHECK(robots->limits().size() == 11);
   CHECK(ops->weight() == 1);
   CHECK(ops->limits().at("tenant_jobs") == 5);
 }
 
 TEST_CASE("tenants: a grant that is replaced holds at once, what is used stays used") {
-  const std::string more = "robots weight 4\nrobots limit tenant_jobs 300\n";
+  const std::string more = "robots weight 4\nrobots limit tenant_jobs 150\n";
   const std::string less = "robots limit tenant_jobs 2\n";
   Tenants tenants(Limits{}, *Identities::parse(kFile + more));
   const TenantPtr robots = *tenants.of({.token = kToken});
-  REQUIRE(robots->jobs->take(300));
+  REQUIRE(robots->ledger.jobs->take(150));
   CHECK(tenants.replace(*Identities::parse(kFile + less)).empty());
   CHECK(robots->weight() == 1);
-  CHECK(robots->used().at("tenant_jobs") == 300);
-  CHECK(robots->jobs->take(1).error().available == 0);
-  robots->jobs->give_back(299);
-  CHECK(robots->jobs->take(1));
-  CHECK(!robots->jobs->take(1));
+  CHECK(robots->used().at("tenant_jobs") == 150);
+  CHECK(robots->ledger.jobs->take(1).error().available == 0);
+  robots->ledger.jobs->give_back(149);
+  CHECK(robots->ledger.jobs->take(1));
+  CHECK(!robots->ledger.jobs->take(1));
   CHECK(tenants.replace(*Identities::parse(kFile)).empty());
-  CHECK(robots->jobs->limit() == Limits{}.tenant_jobs);
+  CHECK(robots->ledger.jobs->limit() == Limits{}.tenant_jobs);
   // Without an identity it keeps what its other lines say: its durable scenes are there.
   CHECK(tenants.replace(*Identities::parse("ops socket\n" + more)).size() == 2);
-  CHECK(robots->jobs->limit() == 300);
+  CHECK(robots->ledger.jobs->limit() == 150);
   CHECK(tenants.named("robots") == robots);
 }
 
@@ -172,7 +172,8 @@ TEST_CASE("tenants: the same bytes of two tenants are two blobs") {
   Tenants tenants(Limits{}, *Identities::parse(kFile));
   const TenantPtr a = *tenants.of({.token = kToken}), b = *tenants.of({.is_local = true});
   const std::string hash = sha256("the same bytes");
-  Holdings first(a->blobs, a->assets, a->bytes), second(b->blobs, b->assets, b->bytes);
+  Holdings first(a->blobs, a->assets, a->ledger.bytes),
+      second(b->blobs, b->assets, b->ledger.bytes);
   v1::UploadBlobRequest request;
   request.set_sha256(hash);
   request.set_size(14);

@@ -142,7 +142,7 @@ TEST_CASE("journal: what is superseded leaves the disk") {
       REQUIRE(*reply);
       if (number % 10 == 0) most = std::max(most, size_of(folder));
     }
-    CHECK(tenant->disk->used() < 40 * kMega);
+    CHECK(tenant->ledger.disk->used() < 40 * kMega);
     daemon.journal->stop();
   }
   fmt::print("{} edits of {} bytes: {} bytes at most, {} after the end\n", edits, bytes, most,
@@ -195,7 +195,7 @@ TEST_CASE("journal: a tenant's quota of disk binds it alone, and comes back with
   REQUIRE(daemon.scenes.remove(scene->id, *session));
   const TenantPtr large = daemon.tenants.named("large");
   daemon.journal->want_room();
-  CHECK(becomes([&] { return large->disk->used() < kMega; }));
+  CHECK(becomes([&] { return large->ledger.disk->used() < kMega; }));
   CHECK(becomes([&] { return size_of(folder) < 3 * kMega; }));
 }
 

@@ -176,9 +176,9 @@ TEST_CASE("journal: scenes come back whatever a tenant's limits are now, which b
   Daemon daemon(std::move(config), Identities(), EventLoop::create().value());
   REQUIRE(daemon.open_journal());
   const TenantPtr tenant = daemon.tenants.named("tester");
-  CHECK(tenant->entities->used() == 2);
-  CHECK(tenant->entities->limit() == 1);
-  CHECK(tenant->bytes->limit() == 1);
+  CHECK(tenant->ledger.entities->used() == 2);
+  CHECK(tenant->ledger.entities->limit() == 1);
+  CHECK(tenant->ledger.bytes->limit() == 1);
 }
 
 TEST_CASE("journal: a damaged file, a second daemon, a scene that was deleted") {
@@ -193,9 +193,9 @@ TEST_CASE("journal: a damaged file, a second daemon, a scene that was deleted") 
     REQUIRE(*apply(server, session, placed(gone->id, 1, "a", 1)));
     REQUIRE(server.daemon.scenes.remove(gone->id, *session));
     gone.reset();
-    for (int k = 0; k < 200 && server.tenant->entities->used() > 0; ++k)
+    for (int k = 0; k < 200 && server.tenant->ledger.entities->used() > 0; ++k)
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    CHECK(server.tenant->entities->used() == 0);
+    CHECK(server.tenant->ledger.entities->used() == 0);
     REQUIRE(*apply(server, session, placed(scene->id, 1, "a", 1)));
   }
   {

@@ -25,7 +25,7 @@ EditLog::Reply reply_of(EditLog& log, u64 number, const Apply& apply) {
 }
 
 std::shared_ptr<EditLog> make_log(WorkPool& pool, ReplyLimits limits = {}) {
-  return std::make_shared<EditLog>(pool, limits, 4);
+  return std::make_shared<EditLog>(std::make_shared<Strand>(pool, 4), limits, Charge());
 }
 
 }  // namespace

@@ -68,7 +68,10 @@ struct Stage {
   std::shared_ptr<Budget> budget =
       std::make_shared<Budget>(64 * kStep, Budget::Words{"bytes", "remove some", "tenant_bytes"});
   std::shared_ptr<FakeSource> gpu = std::make_shared<FakeSource>();
-  SharedFrames frames{8 * kStep, budget, [this](u64 buffer, const SharedMemory* memory) {
+  std::shared_ptr<Budget> descriptors =
+      std::make_shared<Budget>(16, Budget::Words{"descriptors", "let go of frames", "descriptors"});
+  SharedFrames frames{{8 * kStep, budget, descriptors},
+                      [this](u64 buffer, const SharedMemory* memory) {
                         if (memory)
                           told[buffer] = memory->bytes().size();
                         else
@@ -212,8 +215,9 @@ TEST_CASE("shared frames: a full device gets back what the session keeps for lat
 
 TEST_CASE("shared frames: what is kept for later makes room for others") {
   Stage stage;
-  const auto frames = std::make_shared<SharedFrames>(8 * kStep, stage.budget,
-                                                     [](u64, const SharedMemory*) { return true; });
+  const auto frames =
+      std::make_shared<SharedFrames>(SharedRoom::Limits{8 * kStep, stage.budget, stage.descriptors},
+                                     [](u64, const SharedMemory*) { return true; });
   const auto held = frames->lease(kStep, 1, stage.gpu);
   const auto free = frames->lease(kStep, 1, stage.gpu);
   const auto host = frames->lease(kStep, 1);

@@ -1,0 +1,149 @@
+// See container.h.
+#include "server/config/container.h"
+
+#include <fmt/format.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <charconv>
+#include <fstream>
+#include <limits>
+#include <sstream>
+#include <utility>
+
+namespace heliograph::server {
+namespace {
+
+constexpr u64 kNoLimit = std::numeric_limits<u64>::max();
+constexpr u64 kOwnDescriptors = 64;     // of gRPC, the decoder, the journal, logs, metrics
+constexpr u64 kFewDescriptors = 8;      // are left to frames in any case
+constexpr u64 kDescriptorsAClient = 3;  // its connection, our duplicate, its lifeline
+
+/// A number in a file of the kernel; "max" and what is not there are no limit.
+u64 number_in(const std::string& path) {
+  std::ifstream file(path);
+  std::string text;
+  file >> text;
+  u64 number = kNoLimit;
+  const auto parsed = std::from_chars(text.data(), text.data() + text.size(), number);
+  return parsed.ec == std::errc() ? number : kNoLimit;
+}
+
+/// From a group up to the root of its hierarchy.
+u64 least_upwards(const std::string& root, std::string group, const std::string& name) {
+  u64 least = number_in(root + "/" + name);
+  while (!group.empty() && group != "/") {
+    least = std::min(least, number_in(root + group + "/" + name));
+    group.resize(group.rfind('/') == std::string::npos ? 0 : group.rfind('/'));
+  }
+  return least;
+}
+
+struct Share {
+  const char* name;
+  u64 Limits::* limit;
+  u64 parts;  // of the memory, in 32nds
+};
+// blob_store, derived, frame, shared and both quotas make 24; decoders have half of the memory as
+// address space, of which they seldom use much.
+constexpr Share kShares[] = {
+    {"blob_store_bytes", &Limits::blob_store_bytes, 12},
+    {"tenant_bytes", &Limits::tenant_bytes, 12},
+    {"blob_bytes", &Limits::blob_bytes, 8},
+    {"array_bytes", &Limits::array_bytes, 8},
+    {"derived_bytes", &Limits::derived_bytes, 4},
+    {"frame_bytes", &Limits::frame_bytes, 4},
+    {"shared_bytes", &Limits::shared_bytes, 2},
+    {"recent_bytes", &Limits::recent_bytes, 1},
+    {"quota_bytes", &Limits::quota_bytes, 1},
+    {"tcp_quota_bytes", &Limits::tcp_quota_bytes, 1},
+    {"decode_bytes", &Limits::decode_bytes, 8},
+    {"decode_result_bytes", &Limits::decode_result_bytes, 4},
+};
+
+/// Lowers limits one by one, and notes which.
+class Fitting {
+ public:
+  explicit Fitting(Config& config) : config_(config) {}
+
+  /// Whether it was lowered: not when the operator set it.
+  bool lower(const char* name, u64 Limits::* limit, u64 most) {
+    const bool is_kept = config_.limits_set.contains(name);
+    const u64 from = config_.limits.*limit;
+    if (from <= most) return false;
+    if (!is_kept) config_.limits.*limit = most;
+    all_.push_back({.name = name, .from = from, .to = most, .is_kept = is_kept});
+    return !is_kept;
+  }
+  void lower_anyway(const char* name, u64 Limits::* limit, u64 most) {
+    const u64 from = config_.limits.*limit;
+    if (from <= most) return;
+    config_.limits.*limit = most;
+    all_.push_back({.name = name, .from = from, .to = most});
+  }
+  [[nodiscard]] std::vector<Fitted> all() && { return std::move(all_); }
+
+ private:
+  Config& config_;
+  std::vector<Fitted> all_;
+};
+
+void fit_memory(Fitting& fitting, const Limits& limits, u64 machine) {
+  fitting.lower("memory_bytes", &Limits::memory_bytes, machine);
+  const u64 memory = limits.memory_bytes;
+  for (const Share& each : kShares) fitting.lower(each.name, each.limit, memory / 32 * each.parts);
+  if (fitting.lower("decodes", &Limits::decodes,
+                    std::max<u64>(2, memory / 2 / limits.decode_bytes)))
+    fitting.lower("decodes_per_tenant", &Limits::decodes_per_tenant, limits.decodes - 1);
+}
+
+void fit_descriptors(Fitting& fitting, const Limits& limits, u64 machine) {
+  const u64 spare = machine > 2 * kOwnDescriptors ? machine - kOwnDescriptors : machine / 2;
+  const u64 connections = std::max<u64>(spare / 8 * 7 / kDescriptorsAClient, 4);
+  fitting.lower_anyway("connections", &Limits::connections, connections);
+  const u64 taken = kOwnDescriptors + kDescriptorsAClient * limits.connections;
+  fitting.lower("descriptors", &Limits::descriptors,
+                machine > taken + kFewDescriptors ? machine - taken : kFewDescriptors);
+}
+
+}  // namespace
+
+u64 cgroup_memory(const std::string& own, const std::string& root) {
+  u64 least = kNoLimit;
+  std::istringstream lines(own);
+  for (std::string line; std::getline(lines, line);) {  // NUMBER:CONTROLLERS:GROUP
+    const auto first = line.find(':'), second = line.find(':', first + 1);
+    if (second == std::string::npos) continue;
+    const std::string controllers = fmt::format(",{},", line.substr(first + 1, second - first - 1));
+    const std::string group = line.substr(second + 1);
+    if (controllers == ",,")
+      least = std::min(least, least_upwards(root, group, "memory.max"));
+    else if (controllers.find(",memory,") != std::string::npos)
+      least = std::min(least, least_upwards(root + "/memory", group, "memory.limit_in_bytes"));
+  }
+  return least;
+}
+
+Machine this_machine() {
+  std::ifstream file("/proc/self/cgroup");
+  std::ostringstream own;
+  own << file.rdbuf();
+  const u64 machine = u64(::sysconf(_SC_PHYS_PAGES)) * u64(::sysconf(_SC_PAGESIZE));
+  rlimit files{};
+  ::getrlimit(RLIMIT_NOFILE, &files);
+  files.rlim_cur = files.rlim_max;
+  ::setrlimit(RLIMIT_NOFILE, &files);
+  ::getrlimit(RLIMIT_NOFILE, &files);
+  return {.memory = std::min(machine, cgroup_memory(own.str(), "/sys/fs/cgroup")),
+          .descriptors = files.rlim_cur};
+}
+
+std::vector<Fitted> fit(Config& config, const Machine& machine) {
+  Fitting fitting(config);
+  fit_memory(fitting, config.limits, machine.memory);
+  fit_descriptors(fitting, config.limits, machine.descriptors);
+  return std::move(fitting).all();
+}
+
+}  // namespace heliograph::server
