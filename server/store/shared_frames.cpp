@@ -52,7 +52,7 @@ SharedFrames::Buffers::iterator SharedFrames::make(u64 bytes, const Source& sour
 }
 
 void SharedFrames::forget(Buffers::iterator which) {
-  room_.end(which->first, which->second.charge);
+  room_.end(which->first, which->second.bytes);
   buffers_.erase(which);
 }
 
