@@ -90,9 +90,14 @@ Expected<std::shared_ptr<Journal::Control>> Journal::encode(std::vector<SceneSta
   return control;
 }
 
+/// Appends take the lock for a look-up, so no file is removed under it. No entry ever goes.
 void Journal::sweep() {
-  const std::lock_guard lock(files_mutex_);
-  for (const auto& [tenant, store] : files_) store->sweep();
+  std::vector<BlobFiles*> stores;
+  {
+    const std::lock_guard lock(files_mutex_);
+    for (const auto& [tenant, store] : files_) stores.push_back(store.get());
+  }
+  for (BlobFiles* store : stores) store->sweep();
 }
 
 /// A part at a time, when no old record is left.
