@@ -49,15 +49,20 @@ void Health::stand_still(std::string fault) {
   tell();
 }
 
-/// What changed since it was told last; looked at again and again, so that the last word holds.
+/// What changed since it was told last. One thread tells at a time, until the last word holds;
+/// another that comes meanwhile leaves it to that one.
 void Health::tell() {
-  bool is_now;
-  {
-    const std::lock_guard lock(mutex_);
-    is_now = reason_.empty() && still_.empty();
-    if (std::exchange(was_told_, is_now) == is_now) return;
+  std::unique_lock lock(mutex_);
+  if (is_telling_) return;
+  is_telling_ = true;
+  while (true) {
+    const bool is_now = reason_.empty() && still_.empty();
+    if (std::exchange(was_told_, is_now) == is_now) break;
+    lock.unlock();
+    told_.ready(is_now);
+    lock.lock();
   }
-  told_.ready(is_now);
+  is_telling_ = false;
 }
 
 void Health::look() {

@@ -21,7 +21,7 @@ class Health {
   };
   /// What follows from a change.
   struct Told {
-    std::function<void(bool)> ready;
+    std::function<void(bool)> ready;  // by one thread at a time, the loop's or the watchdog's
     std::function<void()> lost;  // the device does not come back; once
   };
   Health(EventLoop& loop, const Log& log, Options options);
@@ -70,6 +70,7 @@ class Health {
   std::string reason_ = kStarts;  // guarded by mutex_, as what is below
   std::string still_;             // what the watchdog says
   bool was_told_ = false;         // to be ready
+  bool is_telling_ = false;       // somebody calls told_.ready()
 };
 
 }  // namespace heliograph::server
