@@ -17,8 +17,6 @@
 namespace heliograph::server {
 namespace {
 
-constexpr u64 kMessageBytes = 64ull << 20;  // of a result, beside its arrays
-
 /// A duplicate whose number is none of those that the child's get.
 Fd above(const Fd& fd) { return Fd(fcntl(fd.get(), F_DUPFD_CLOEXEC, kResultRegion + 1)); }
 

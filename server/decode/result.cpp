@@ -59,6 +59,7 @@ Expected<Decoded> read_result(const std::shared_ptr<const Region>& region, const
                               std::shared_ptr<const void> paid) {
   decode::Result result;
   const Bytes message = region->message();
+  if (message.size() > kMessageBytes) return broken("as large as no message");
   if (!result.ParseFromArray(message.data(), int(message.size()))) return broken("unreadable");
   if (result.code() != 0) {
     Error error{

@@ -60,6 +60,10 @@ struct Packet {
 /// A connected pair of SOCK_SEQPACKET sockets, closed on exec.
 [[nodiscard]] Expected<std::pair<Fd, Fd>> socket_pair();
 
+/// Of a result, beside its arrays. In memory a message takes many times its bytes here: an empty
+/// string 2 of them and 32 or more there.
+inline constexpr std::uint64_t kMessageBytes = 64ull << 20;
+
 using Bytes = std::span<const std::byte>;
 
 /// Where arrays go in a data section: next(0) is 0, then multiples of 64.

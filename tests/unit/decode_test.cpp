@@ -97,7 +97,7 @@ pid_t the_only_child() {
 std::shared_ptr<const Region> region_of(const decode::Result& result) {
   auto fd = write_region(result, {});
   REQUIRE(fd);
-  auto region = Region::map(fd->get(), 1 << 20);
+  auto region = Region::map(fd->get(), 1 << 30);
   REQUIRE(region);
   return *region;
 }
@@ -195,6 +195,14 @@ TEST_CASE("decode: room for a result is asked for, and its refusal is the decode
     return fail(Code::kResourceExhausted, "", "no room");
   };
   CHECK_THAT(said(decode_now(*decoder, job)), Contains("8 gradient16.png: no room"));
+}
+
+TEST_CASE("decode: a message that is larger than one may be is not read") {
+  decode::Result much;
+  for (u64 bytes = 0; bytes <= kMessageBytes; bytes += 1 << 20)
+    much.add_missing(std::string(1 << 20, 'a'));
+  CHECK_THAT(said(read_result(region_of(much), DecodeJob(), nullptr)),
+             Contains("as large as no message"));
 }
 
 TEST_CASE("decode: each child has an address layout of its own") {
