@@ -95,16 +95,22 @@ std::string Holdings::hold(BufferPtr bytes) {
 
 std::shared_ptr<const StoredAsset> Holdings::hold(std::shared_ptr<const StoredAsset> asset) {
   asset = assets_.put(std::move(asset));
-  const std::lock_guard lock(mutex_);
-  recent_.bring(Recent::Kind::kAsset, asset->info.sha256(), asset, asset->bytes);
+  keep(asset);
   return asset;
+}
+
+/// Edits name a picture by its texels, which are a blob: the asset itself waits for no use.
+void Holdings::keep(const std::shared_ptr<const StoredAsset>& asset) {
+  const std::string& hash = asset->info.sha256();
+  const std::lock_guard lock(mutex_);
+  if (!asset->texels) return recent_.bring(Recent::Kind::kAsset, hash, asset, asset->bytes);
+  recent_.bring(Recent::Kind::kBlob, asset->info.texels().blob(), asset->texels, asset->bytes);
+  recent_.use(Recent::Kind::kAsset, hash, asset, asset->bytes);
 }
 
 std::shared_ptr<const StoredAsset> Holdings::find_asset(std::string_view hash) {
   auto found = assets_.find(hash);
-  if (!found) return nullptr;
-  const std::lock_guard lock(mutex_);
-  recent_.bring(Recent::Kind::kAsset, found->info.sha256(), found, found->bytes);
+  if (found) keep(found);
   return found;
 }
 

@@ -74,6 +74,7 @@ class Holdings final : public ArraySource {
   [[nodiscard]] Expected<BufferPtr> find_blob(const std::string& hash);
   /// Makes room; false: there was nothing.
   bool forget_named();
+  void keep(const std::shared_ptr<const StoredAsset>& asset);
   void bring(Recent::Kind kind, const std::string& name, BufferPtr bytes);
   [[nodiscard]] Expected<BufferPtr> take_upload(const std::string& request_id);
 

@@ -262,6 +262,29 @@ TEST_CASE("stores: assets live as long as a session holds them") {
   CHECK(assets.find(hash) == nullptr);
 }
 
+TEST_CASE("stores: a picture goes once its texels were used, though others are decoded meanwhile") {
+  BlobStore blobs({.recent = {.seconds = 1000, .bytes = 100}});
+  AssetStore assets;
+  Holdings a(blobs, assets);
+  for (int i = 0; i < 5; ++i) {
+    const std::string texels(60, char('a' + i));
+    REQUIRE(upload(a, texels));
+    auto stored = std::make_shared<StoredAsset>();
+    stored->texels = *a.blob(sha256(texels));
+    stored->info.set_sha256(std::string(32, char('A' + i)));
+    stored->info.mutable_texels()->set_blob(sha256(texels));
+    stored->bytes = texels.size();
+    (void)a.hold(std::move(stored));
+    a.sweep();
+    CHECK(a.blob(sha256(texels)));  // it waits for its edit
+    v1::Array array;
+    array.set_blob(sha256(texels));
+    REQUIRE(a.bytes(array));
+    a.sweep();
+  }
+  CHECK(blobs.budget()->used() == 60 + kOverhead);
+}
+
 TEST_CASE("stores: an asset is named by its files and options") {
   v1::DecodeAssetRequest request;
   request.add_files()->set_path("a.glb");
