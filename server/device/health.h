@@ -22,7 +22,7 @@ class Health {
   /// What follows from a change.
   struct Told {
     std::function<void(bool)> ready;  // by one thread at a time, the loop's or the watchdog's
-    std::function<void()> lost;  // the device does not come back; once
+    std::function<void()> lost;       // the device does not come back; once
   };
   Health(EventLoop& loop, const Log& log, Options options);
 
