@@ -2,6 +2,7 @@
 // gate's callers and the render tasks.
 #pragma once
 
+#include <grpcpp/generic/async_generic_service.h>
 #include <grpcpp/server_context.h>
 
 #include <chrono>
@@ -95,12 +96,16 @@ class RecordedContext final : public grpc::CallbackServerContext {
   const CallRecordPtr record = std::make_shared<CallRecord>();
 };
 
-/// gRPC makes every context of a call here.
+/// gRPC makes every context of a call here. One of a method that is not known has no record, but is
+/// made here too: what gRPC 1.51 makes beside an allocator it ends twice.
 class RecordedContexts final : public grpc::ContextAllocator {
  public:
-  using ContextAllocator::Release;
   grpc::CallbackServerContext* NewCallbackServerContext() override { return new RecordedContext; }
+  grpc::GenericCallbackServerContext* NewGenericCallbackServerContext() override {
+    return new grpc::GenericCallbackServerContext;
+  }
   void Release(grpc::CallbackServerContext* context) override { delete context; }
+  void Release(grpc::GenericCallbackServerContext* context) override { delete context; }
 };
 
 /// That of a call, made by RecordedContexts.
