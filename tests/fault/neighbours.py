@@ -89,7 +89,7 @@ def bring_decodes(scene):
         for i, path in enumerate(paths):
             path.write_bytes(decodes.picture(SIDE, i))
         yield
-        with concurrent.futures.ThreadPoolExecutor(PICTURES) as pool:
+        with concurrent.futures.ThreadPoolExecutor(min(PICTURES, 32)) as pool:
             list(pool.map(lambda path: decodes.seconds_of(scene.client, path), paths))
 
 
@@ -187,7 +187,7 @@ def crowd(client, count, static):
             poses = np.tile(np.eye(4), (40, 1, 1))
             poses[:, :3, 3] = np.random.default_rng(i).uniform(-4, 4, (40, 3))
             edit.instances("thing", mesh=mesh, transforms=poses, static=static)
-            lens = hg.Camera.from_fov(60, 64, 64, degrees=True)
+            lens = hg.Camera.from_fov(60, 256, 256, degrees=True)
             edit.entity("cam", camera=lens, transform=hg.look_at((0, -12, 4), (0, 0, 0)))
         scenes.append(scene)
     return scenes
