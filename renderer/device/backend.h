@@ -192,8 +192,8 @@ class Backend {
   [[nodiscard]] virtual std::shared_ptr<SharedMemorySource> shared_memory() const {
     return nullptr;
   }
-  /// Whether the two below may be called. They make the same by the threads of the caller's arena.
-  /// Thread: any.
+  /// Whether labels_elsewhere() and resolve_elsewhere() may be called: labels() and resolve() by
+  /// the threads of the caller's arena. Thread: any.
   [[nodiscard]] virtual bool finishes_elsewhere() const { return false; }
   [[nodiscard]] virtual Expected<std::vector<std::vector<Column>>> labels_elsewhere(
       Film& film, const Interrupt& interrupt) {

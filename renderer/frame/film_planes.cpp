@@ -1,4 +1,4 @@
-// What each post plane is computed from.
+// The inputs of post planes, and the planes of a film that follow from them.
 #include "renderer/frame/film_planes.h"
 
 #include <algorithm>
@@ -17,7 +17,7 @@ constexpr std::array kDepthSensorInputs{Plane::DEPTH,      Plane::NORMAL_CAMERA,
                                         Plane::BASE_COLOR, Plane::ROUGHNESS,
                                         Plane::METALLIC,   Plane::TRANSMISSION};
 
-/// What a post plane is computed from.
+/// Inputs of a post plane.
 std::span<const Plane> inputs_of(Plane plane) {
   if (plane == Plane::DENOISED) return kDenoiserInputs;
   if (plane == Plane::SENSOR_RGB || plane == Plane::SENSOR_MOSAIC) return kRgbSensorInputs;

@@ -6,7 +6,7 @@
 
 namespace heliograph {
 
-/// Whether a job asks for planes that are made of others.
+/// Whether a job asks for a post plane.
 [[nodiscard]] bool wants_post(const RenderJob& job);
 /// The planes that a backend makes for a job: those it asks for that are no post planes, in its
 /// order, then what the post planes are computed from.

@@ -10,7 +10,7 @@ namespace heliograph {
 
 /// Open Image Denoise on its CPU device.
 ///
-/// Owns: the library and its device. Thread: any; one call is served at a time.
+/// Owns: the library and its device. Thread: any; one picture is denoised at a time.
 class Denoiser {
  public:
   /// library: a path, a name that the loader finds, or "off". Nothing is loaded yet.
