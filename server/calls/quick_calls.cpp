@@ -142,16 +142,14 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
     const std::string* hidden = nullptr;
     if (!status) {
       const Error& error = status.error();
-      reply_.set_code(u32(error.code));
-      reply_.set_message(message_of(error));
-      *reply_.mutable_detail() = to_proto(error);
+      *reply_.mutable_status() = to_proto(error);
       if (is_hidden(error)) hidden = &error.message;
     }
     const std::string bytes = reply_.SerializeAsString();
     const std::chrono::duration<double> took = Clock::now() - start_;
     note_call(daemon_.log, daemon_.metrics, new_request_id(),
               {.method = call_.has_render() ? kRender : kApply,
-               .code = int(reply_.code()),
+               .code = reply_.status().code(),
                .seconds = took.count(),
                .sent_bytes = bytes.size()},
               hidden);

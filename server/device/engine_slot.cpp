@@ -107,6 +107,7 @@ Status check_queue(const Engine& engine, u64 limit) {
   Error error{.code = Code::kResourceExhausted,
               .message = fmt::format("{} jobs wait already; retry later (limit jobs)", limit),
               .where = ""};
+  error.limit = "jobs";
   error.needed = load.jobs + 1;
   error.available = limit;
   error.retry_seconds = retry_seconds(engine);

@@ -24,8 +24,10 @@ Status Budget::take(u64 amount) {
                                        "the limit {}",
                                        amount, words_.unit, available, words_.remedy, words_.limit),
                 .where = ""};
+    error.limit = words_.limit;
     error.needed = amount;
     error.available = available;
+    error.allowed = limit;
     return std::unexpected(std::move(error));
   } while (!used_.compare_exchange_weak(used, used + amount));
   if (!parent_) return {};
@@ -108,7 +110,9 @@ Status Rate::admit(Clock::time_point now) {
                                      "limit {}",
                                      limit, seconds, name_),
               .where = ""};
+  error.limit = name_;
   error.needed = u64(debt * double(limit)) + 1;
+  error.allowed = limit;
   error.retry_seconds = seconds;
   return std::unexpected(std::move(error));
 }

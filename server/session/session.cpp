@@ -32,6 +32,7 @@ std::unexpected<Error> shutting_down() {
       Error{.code = Code::kUnavailable,
             .message = "this daemon is shutting down; connect to another, or retry when it is back",
             .where = "",
+            .reason = "SHUTTING_DOWN",
             .retry_seconds = kRestartSeconds});
 }
 
@@ -49,6 +50,7 @@ Status Session::begin_call() {
                                      limits_.calls),
               .where = ""};
   error.retry_seconds = kBusySeconds;
+  error.limit = "calls_per_session";
   error.needed = limits_.calls + 1;
   error.available = limits_.calls;
   return std::unexpected(std::move(error));
@@ -142,8 +144,13 @@ Expected<std::shared_ptr<Session>> Sessions::open(SessionOwner owner) {
   {
     const std::lock_guard lock(mutex_);
     if (open_.size() >= options_.limit)
-      return fail(Code::kResourceExhausted, "",
-                  fmt::format("{} sessions are open; close one (limit sessions)", open_.size()));
+      return std::unexpected(Error{
+          .code = Code::kResourceExhausted,
+          .message = fmt::format("{} sessions are open; close one (limit sessions)", open_.size()),
+          .where = "",
+          .limit = "sessions",
+          .needed = 1,
+          .allowed = options_.limit});
     if (!open_.emplace(id, session).second) return carried();  // resumed meanwhile
   }
   start_grace(id, 0);

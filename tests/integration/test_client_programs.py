@@ -76,7 +76,7 @@ def test_a_reader_that_has_seen_enough_is_no_error():
 
 
 def test_info_tells_who_uses_what(client):
-    with client.create_scene("farm", shared=True), client.create_scene():
+    with client.create_scene("farm", lifetime="daemon"), client.create_scene():
         run = heliograph("info", "--address", client.address)
         assert run.returncode == 0, run.stderr
         lines = [line.split() for line in run.stdout.splitlines()]

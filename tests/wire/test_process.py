@@ -130,7 +130,8 @@ def test_tcp_needs_the_token(start):
                 stub.GetServerInfo(service.GetServerInfoRequest(), metadata=metadata, timeout=5)
             assert error.value.code() == grpc.StatusCode.UNAUTHENTICATED
         bearer = [("authorization", "Bearer " + token)]
-        assert stub.GetServerInfo(service.GetServerInfoRequest(), metadata=bearer, timeout=5).api
+        info = stub.GetServerInfo(service.GetServerInfoRequest(), metadata=bearer, timeout=5)
+        assert info.version
         opened = stub.OpenSession(service.OpenSessionRequest(), metadata=bearer, timeout=5)
         session = [*bearer, ("heliograph-session", str(opened.session))]
         assert stub.CreateScene(service.CreateSceneRequest(), metadata=session, timeout=5).scene
