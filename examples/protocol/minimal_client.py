@@ -225,7 +225,7 @@ def follow(client, scene, request):
     watch = client.call("Watch", service_pb2.WatchRequest(scene=scene, from_revision=3))
     assert next(watch).revision == 2  # a bookmark
     messages = queue.SimpleQueue()
-    first = service_pb2.StreamRequest(settings=request, policy="lossless", credits=1)
+    first = service_pb2.StreamRequest(settings=request, policy="POLICY_LOSSLESS", credits=1)
     messages.put(first)
     frames = client.frames(client.call("Stream", iter(messages.get, None)))
     shown = [next(frames)[0].revision]
@@ -251,7 +251,7 @@ def batch(client, request):
         if not reply.done:
             parts[reply.tag].append(reply.part)
             continue
-        assert reply.code == 0, reply.message
+        assert not reply.HasField("status"), reply.status.message
         [(_, planes)] = client.frames(parts[reply.tag])
         print("item", reply.tag, "mean", planes["beauty"][..., :3].mean())
 

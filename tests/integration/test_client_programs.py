@@ -82,7 +82,7 @@ def test_info_tells_who_uses_what(client):
         lines = [line.split() for line in run.stdout.splitlines()]
         mine = [line for line in lines if line[:1] == ["python"]]
         assert [line[-1] for line in mine] == ["1", "0"]  # private scenes; the command has none
-        assert ["farm", "shared,", "revision", "0"] in lines
+        assert ["farm", "daemon,", "revision", "0"] in lines
         assert any(line[:1] == ["tenant_bytes"] and len(line) == 3 for line in lines)
         assert str(client.connection.link.session) not in run.stdout
 

@@ -267,7 +267,7 @@ def test_edits_that_were_refused_for_now_are_left_out(recorded):
             for each in edits:
                 each.transaction.edits.add().advance.dt = 1
             replies = list(client.connection.stream("ApplyStream", iter(edits)))
-            codes = [reply.code for reply in replies]
+            codes = [reply.status.code for reply in replies]
             assert 0 < codes.index(8) and codes[-1] in (8, 10)
             time.sleep(1)
     daemon.stop()
