@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 from .._wire._proto import types_pb2 as types
 from ..errors import InvalidArgument
@@ -16,7 +16,7 @@ NAMES: dict[int, Lifetime] = {
 }
 
 
-def lifetime_of(name: str) -> types.Lifetime:
+def lifetime_of(name: str) -> Any:
     """The contract's value."""
     if name not in NAMES.values():
         known = ", ".join(NAMES.values())

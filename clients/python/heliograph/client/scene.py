@@ -199,11 +199,12 @@ class Scene:
     def _info(self) -> service.SceneInfo:
         return self.describe().scene
 
-    def describe(self, **fields: Any) -> Any:
+    def describe(self, **fields: Any) -> service.DescribeSceneReply:
         """DescribeScene as it is: counts, objects (tree=True, pattern=), memory, categories; all
         pages in one."""
         request = service.DescribeSceneRequest(scene=self.id, **fields)
-        return self.client.whole("DescribeScene", request)
+        reply: service.DescribeSceneReply = self.client.whole("DescribeScene", request)
+        return reply
 
     @property
     def revision(self) -> int:
