@@ -8,7 +8,7 @@
 #include <functional>
 #include <vector>
 
-namespace hg = heliograph;
+namespace hg = heliograph::client;
 using Clock = std::chrono::steady_clock;
 
 namespace {

@@ -24,8 +24,8 @@ class Timed final : public Accelerator {
  public:
   explicit Timed(const Accelerator& other) : other_(other) {}
   [[nodiscard]] Expected<std::shared_ptr<const MeshAccelerator>> build(
-      const DeviceMesh& mesh) const override {
-    return other_.build(mesh);
+      const DeviceMesh& mesh, const Interrupt& interrupt) const override {
+    return other_.build(mesh, interrupt);
   }
   [[nodiscard]] Expected<std::shared_ptr<const SceneAccelerator>> build(
       const Snapshot& snapshot, const Placement& placement, const Kept& kept,

@@ -25,7 +25,8 @@ function(heliograph_generate out_var root)
 endfunction()
 
 heliograph_generate(proto_sources ${PROJECT_SOURCE_DIR}/proto
-  heliograph/v1/types.proto heliograph/v1/geometry.proto heliograph/v1/material.proto
+  google/rpc/status.proto google/rpc/error_details.proto
+  heliograph/v1/types.proto heliograph/v1/errors.proto heliograph/v1/geometry.proto heliograph/v1/material.proto
   heliograph/v1/scene.proto heliograph/v1/render.proto heliograph/v1/reading.proto
   heliograph/v1/service.proto heliograph/v1/recording.proto)
 add_library(heliograph_proto STATIC ${proto_sources})

@@ -35,7 +35,7 @@ def render(client: hg.Client) -> None:
 
 
 def keep(client: hg.Client) -> None:
-    stage(client.create_scene("kept", shared=True, durability="fsync"))
+    stage(client.create_scene("kept", lifetime="disk_synced"))
 
 
 def finish(client: hg.Client) -> None:

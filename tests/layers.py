@@ -75,14 +75,18 @@ ALLOWED = (
     | arrows(
         SERVER,
         "server",
-        {*SEEN_BY_THE_SERVER, "heliograph/v1", *ROOMS_OF_KERNELS},
+        {*SEEN_BY_THE_SERVER, "heliograph/v1", "google/rpc", *ROOMS_OF_KERNELS},
     )
 )
 ALLOWED["server/decode"] |= {"renderer/assets"}
 ALLOWED["renderer/base"] = set()
-ALLOWED["server/os"] -= {"renderer/schedule", "heliograph/v1"}
-ALLOWED["server/config"] -= {"heliograph/v1"}
-LAYERS = sorted({*ALLOWED, "heliograph/v1", "kernels", "renderer", "server"}, key=len, reverse=True)
+ALLOWED["server/os"] -= {"renderer/schedule", "heliograph/v1", "google/rpc"}
+ALLOWED["server/config"] -= {"heliograph/v1", "google/rpc"}
+LAYERS = sorted(
+    {*ALLOWED, "heliograph/v1", "google/rpc", "kernels", "renderer", "server"},
+    key=len,
+    reverse=True,
+)
 GRPC = {f"server/{room}" for room in "app calls convert net observe session".split()}
 LIBRARIES = {
     "embree3": {"renderer/backend/embree"},

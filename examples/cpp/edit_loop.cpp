@@ -7,7 +7,7 @@
 #include <iostream>
 #include <vector>
 
-namespace hg = heliograph;
+namespace hg = heliograph::client;
 
 constexpr int kSide = 20;
 constexpr int kRows = 10;

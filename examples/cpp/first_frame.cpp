@@ -3,7 +3,7 @@
 
 #include <iostream>
 
-namespace hg = heliograph;
+namespace hg = heliograph::client;
 
 int main(int argc, char** argv) try {
   hg::Client client =

@@ -6,7 +6,7 @@
 #include <iostream>
 #include <string>
 
-namespace hg = heliograph;
+namespace hg = heliograph::client;
 
 hg::Entity build(hg::Scene& scene) {
   hg::Transaction edit = scene.edit();

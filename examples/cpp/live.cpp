@@ -5,7 +5,7 @@
 #include <cstdlib>
 #include <iostream>
 
-namespace hg = heliograph;
+namespace hg = heliograph::client;
 
 int main(int argc, char** argv) try {
   hg::Client client = argc > 1 ? hg::connect(argv[1]) : hg::launch();

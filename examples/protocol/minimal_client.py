@@ -1,4 +1,5 @@
-"""A client that knows docs/protocol.md and proto/heliograph/v1 alone: grpcio, protobuf, numpy.
+"""A client that knows docs/protocol.md and proto/heliograph/v1 alone: grpcio, protobuf,
+googleapis-common-protos, numpy.
 
 usage: minimal_client.py SOCKET [OUT.npz]     with the stubs' folder in PYTHONPATH
 
@@ -19,6 +20,7 @@ import threading
 
 import grpc
 import numpy as np
+from google.rpc import error_details_pb2, status_pb2
 from heliograph.v1 import render_pb2, scene_pb2, service_pb2, service_pb2_grpc, types_pb2
 from heliograph.v1.scene_pb2 import Edit, Entity
 from heliograph.v1.types_pb2 import Ref
@@ -145,9 +147,14 @@ def column(labels, name):
     return np.frombuffer(found.data, DTYPES[found.dtype]).reshape(found.shape)
 
 
-def detail(error):
-    found = dict(error.trailing_metadata())["heliograph-error-bin"]
-    return types_pb2.ErrorDetail.FromString(found)
+def told(error):
+    """The field in the way and the nearest names, of an error's google.rpc.Status."""
+    found = dict(error.trailing_metadata())["grpc-status-details-bin"]
+    info, bad = error_details_pb2.ErrorInfo(), error_details_pb2.BadRequest()
+    for detail in status_pb2.Status.FromString(found).details:
+        _ = detail.Unpack(info) or detail.Unpack(bad)
+    near = [value for key, value in sorted(info.metadata.items()) if key.startswith("nearest_")]
+    return bad.field_violations[0].field, near
 
 
 def furniture():
@@ -210,7 +217,7 @@ def refuse(client, scene):
     try:
         client.apply(scene, 3, update)
     except grpc.RpcError as error:
-        print(error.code().name, detail(error).field, list(detail(error).nearest))
+        print(error.code().name, *told(error))
 
 
 def follow(client, scene, request):
@@ -218,7 +225,7 @@ def follow(client, scene, request):
     watch = client.call("Watch", service_pb2.WatchRequest(scene=scene, from_revision=3))
     assert next(watch).revision == 2  # a bookmark
     messages = queue.SimpleQueue()
-    first = service_pb2.StreamRequest(settings=request, policy="lossless", credits=1)
+    first = service_pb2.StreamRequest(settings=request, policy="POLICY_LOSSLESS", credits=1)
     messages.put(first)
     frames = client.frames(client.call("Stream", iter(messages.get, None)))
     shown = [next(frames)[0].revision]
@@ -244,7 +251,7 @@ def batch(client, request):
         if not reply.done:
             parts[reply.tag].append(reply.part)
             continue
-        assert reply.code == 0, reply.message
+        assert not reply.HasField("status"), reply.status.message
         [(_, planes)] = client.frames(parts[reply.tag])
         print("item", reply.tag, "mean", planes["beauty"][..., :3].mean())
 

@@ -34,10 +34,13 @@ struct Error {
   std::string where;                   // path in the request: "edits[3].mesh.indices"; may be empty
   std::vector<std::string> users{};    // who still refers to the object
   std::vector<std::string> nearest{};  // the nearest names
-  u64 needed = 0;
-  u64 available = 0;
-  u64 expected = 0;
-  double retry_seconds = 0;  // when it may work; 0: not known
+  std::string reason{};                // "STALE_EDIT"; empty: the one that follows from the rest
+  std::string limit{};                 // the limit that is in the way, by its name
+  u64 needed = 0;                      // what the request needs of it, and
+  u64 available = 0;                   // what is left of it, in the unit that the message names
+  u64 allowed = 0;                     // the limit itself; 0: `available`, as nothing is used
+  u64 expected = 0;                    // a number of an edit, or a revision
+  double retry_seconds = 0;            // when it may work; 0: not known
 
   /// Prefixes the path: at("edits[3]") turns "mesh.indices" into "edits[3].mesh.indices", and
   /// at("ids") turns "[7]" into "ids[7]".

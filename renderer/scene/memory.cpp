@@ -81,6 +81,7 @@ Status check_memory(const Draft& draft) {
             .message = fmt::format("the scene's arrays would take {} bytes; {} are allowed", bytes,
                                    draft.limits.array_bytes),
             .where = "edits",
+            .limit = "array_bytes",
             .needed = bytes,
             .available = draft.limits.array_bytes});
 }

@@ -213,6 +213,7 @@ Expected<EntityId> create_entity(Draft& draft, const std::string& name, const En
         Error{.code = Code::kResourceExhausted,
               .message = fmt::format("the scene may have {} entities", draft.limits.entities),
               .where = {},
+              .limit = "entities",
               .needed = u64(scene.entities.count()) + 1,
               .available = draft.limits.entities});
   const u32 index = scene.entities.insert({});

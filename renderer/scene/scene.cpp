@@ -27,6 +27,7 @@ Expected<Prepared> Scene::prepare(const Transaction& transaction,
                   .message = fmt::format("the scene is at revision {}, not {}; read and try again",
                                          base->revision, *expected),
                   .where = "expected_revision"};
+      error.reason = "STALE_REVISION";
       error.expected = base->revision;
       return std::unexpected(std::move(error));
     }

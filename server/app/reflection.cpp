@@ -18,15 +18,20 @@ using Response = Reflection::Response;
 
 const pb::FileDescriptor& contract() { return *v1::GetServerInfoRequest::descriptor()->file(); }
 
+/// The file, if it is one of the contract or of the details of its errors.
+const pb::FileDescriptor* if_ours(const pb::FileDescriptor* file) {
+  const bool is_ours = file != nullptr &&
+                       (file->package() == contract().package() || file->package() == "google.rpc");
+  return is_ours ? file : nullptr;
+}
+
 /// Service, message or enum of the contract, by its full name.
 const pb::FileDescriptor* file_of(const std::string& symbol) {
-  const pb::FileDescriptor* file = contract().pool()->FindFileContainingSymbol(symbol);
-  return file != nullptr && file->package() == contract().package() ? file : nullptr;
+  return if_ours(contract().pool()->FindFileContainingSymbol(symbol));
 }
 
 const pb::FileDescriptor* file_named(const std::string& name) {
-  const pb::FileDescriptor* file = contract().pool()->FindFileByName(name);
-  return file != nullptr && file->package() == contract().package() ? file : nullptr;
+  return if_ours(contract().pool()->FindFileByName(name));
 }
 
 void add_files(const pb::FileDescriptor& file, std::set<std::string>& seen,

@@ -191,11 +191,8 @@ bool BatchCall::next_reply() {
   }
   reply_.clear_part();
   reply_.set_done(true);
-  if (const Status& status = sending_->status(); !status) {
-    reply_.set_code(u32(status.error().code));
-    reply_.set_message(message_of(status.error()));
-    *reply_.mutable_detail() = to_proto(status.error());
-  }
+  if (const Status& status = sending_->status(); !status)
+    *reply_.mutable_status() = to_proto(status.error());
   sending_.reset();
   if (is_read_) ++credits_;
   return true;

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <set>
 
 #include "server/convert/asset.h"
@@ -14,6 +15,20 @@ namespace {
 
 /// The folder part of a path, with its slash.
 std::string folder_of(const std::string& path) { return path.substr(0, path.rfind('/') + 1); }
+
+/// The decoder's words for the axes.
+constexpr std::array kAxes{"", "x", "y", "z"};
+static_assert(kAxes.size() == v1::DecodeAssetRequest::Axis_ARRAYSIZE);
+
+std::deque<v1::DecodeAssetReply> replies_of(const v1::AssetInfo& info) {
+  std::deque<v1::DecodeAssetReply> replies;
+  for (v1::AssetInfo& piece : cut(info)) {
+    v1::DecodeAssetReply& reply = replies.emplace_back();
+    reply.set_done(1);
+    *reply.mutable_asset() = std::move(piece);
+  }
+  return replies;
+}
 
 }  // namespace
 
@@ -76,10 +91,7 @@ void DecodeCall::submit() {
   }
   hash_ = asset_hash(named_);
   if (const auto known = call_.session()->holdings().find_asset(hash_)) {
-    v1::DecodeAssetReply reply;
-    reply.set_done(1);
-    *reply.mutable_asset() = known->info;
-    return finish(std::move(reply));
+    return finish(replies_of(known->info));
   }
   if (auto charged = charge_copy(); !charged)
     return finish(std::unexpected(
@@ -87,7 +99,7 @@ void DecodeCall::submit() {
   send_progress(0);
   DecodeJob job{.files = files_,
                 .format = request_.format(),
-                .up = request_.up(),
+                .up = kAxes[std::size_t(request_.up())],
                 .units = request_.units(),
                 .hash = hash_,
                 .tenant = call_.session()->tenant()->id,
@@ -111,6 +123,7 @@ Status DecodeCall::charge_copy() {
                 .where = ""};
     error.needed = bytes;
     error.available = most;
+    error.limit = "decode_bytes";
     return std::unexpected(std::move(error));
   }
   auto charge = Charge::take(call_.session()->tenant()->ledger.bytes, bytes);
@@ -144,10 +157,12 @@ Expected<bool> DecodeCall::gather_missing(const std::vector<std::string>& missin
 }
 
 DecodeCall::Result DecodeCall::store(const Decoded& decoded) {
-  v1::DecodeAssetReply reply;
-  reply.set_done(1);
-  for (const std::string& path : decoded.missing) reply.add_missing(path);
-  if (!decoded.missing.empty()) return reply;
+  if (!decoded.missing.empty()) {
+    v1::DecodeAssetReply reply;
+    reply.set_done(1);
+    reply.mutable_missing()->Add(decoded.missing.begin(), decoded.missing.end());
+    return Replies{std::move(reply)};
+  }
   Holdings& holdings = call_.session()->holdings();
   for (int i = 0; i < request_.files_size(); ++i)
     holdings.used(request_.files(i).sha256(), files_[std::size_t(i)].bytes);
@@ -163,8 +178,7 @@ DecodeCall::Result DecodeCall::store(const Decoded& decoded) {
   stored->bytes = decoded.bytes;
   stored->info.set_sha256(hash_);
   for (const std::string& warning : decoded.warnings) stored->info.add_warnings(warning);
-  *reply.mutable_asset() = holdings.hold(std::move(stored))->info;
-  return reply;
+  return replies_of(holdings.hold(std::move(stored))->info);
 }
 
 void DecodeCall::send_progress(double done) {
@@ -199,8 +213,15 @@ void DecodeCall::finish(Result result) {
 
 void DecodeCall::finish_now() {
   if (!*result_) return Finish(to_status(result_->error(), context_));
-  reply_ = **result_;
-  StartWriteAndFinish(&reply_, grpc::WriteOptions(), grpc::Status::OK);
+  Replies& left = **result_;
+  reply_ = std::move(left.front());
+  left.pop_front();
+  if (left.empty()) return StartWriteAndFinish(&reply_, grpc::WriteOptions(), grpc::Status::OK);
+  {
+    const std::lock_guard lock(mutex_);
+    is_writing_ = true;
+  }
+  StartWrite(&reply_);
 }
 
 }  // namespace heliograph::server

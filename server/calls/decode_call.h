@@ -1,6 +1,7 @@
 // DecodeAsset in flight: gathers the files, has them decoded, stores the asset, tells the client.
 #pragma once
 
+#include <deque>
 #include <mutex>
 #include <optional>
 
@@ -29,7 +30,8 @@ class DecodeCall final : public Writer<v1::DecodeAssetReply> {
   void OnDone() override { delete this; }
 
  private:
-  using Result = Expected<v1::DecodeAssetReply>;
+  using Replies = std::deque<v1::DecodeAssetReply>;
+  using Result = Expected<Replies>;
 
   void start();
   [[nodiscard]] Status gather();
@@ -60,7 +62,7 @@ class DecodeCall final : public Writer<v1::DecodeAssetReply> {
   std::string hash_;
   std::mutex mutex_;
   bool is_writing_ = false;
-  std::optional<Result> result_;
+  std::optional<Result> result_;  // replies that are still to be sent
   v1::DecodeAssetReply reply_;
 };
 

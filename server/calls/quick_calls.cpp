@@ -156,11 +156,9 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
     CallOutcome outcome;
     if (!status) {
       const Error& error = status.error();
-      reply_.set_code(u32(error.code));
-      reply_.set_message(message_of(error));
-      *reply_.mutable_detail() = to_proto(error);
+      *reply_.mutable_status() = to_proto(error);
       outcome = {.code = int(error.code),
-                 .reason = is_hidden(error) ? error.message : reply_.message(),
+                 .reason = is_hidden(error) ? error.message : reply_.status().message(),
                  .is_hidden = is_hidden(error)};
     }
     const std::string bytes = reply_.SerializeAsString();

@@ -64,6 +64,7 @@ Status check_size(u64 bytes, u64 limit) {
                              "worlds, cameras, planes or pixels (limit frame_bytes)",
                              bytes, limit),
       .where = "planes"};
+  error.limit = "frame_bytes";
   error.needed = bytes;
   error.available = limit;
   return std::unexpected(std::move(error));

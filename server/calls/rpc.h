@@ -94,16 +94,12 @@ class UnaryCall final : public grpc::ServerUnaryReactor {
     if (auto posted = pool.post(std::move(task)); !posted) finish(posted);
   }
 
-  /// Until the reply was sent.
-  void hold(Charge reply) { reply_ = std::move(reply); }
-
   void OnCancel() override { stop_.request_stop(); }
   void OnDone() override { delete this; }
 
  private:
   grpc::CallbackServerContext& context_;
   Call call_;
-  Charge reply_;
   std::stop_source stop_;
 };
 
@@ -127,14 +123,30 @@ class PullStream final : public grpc::ServerWriteReactor<Reply>, public Watched 
   /// Fills the next message; false when there is none.
   using Next = std::function<Expected<bool>(Reply&)>;
 
-  static PullStream* start(Daemon& daemon, grpc::CallbackServerContext& context, Call call,
-                           Next next) {
-    std::shared_ptr<PullStream> made(
-        new PullStream(daemon, context, std::move(call), std::move(next)));
+  /// One that waits for pull() or finish(), either of which is called once.
+  static PullStream* make(Daemon& daemon, grpc::CallbackServerContext& context, Call call) {
+    std::shared_ptr<PullStream> made(new PullStream(daemon, context, std::move(call)));
     made->self_ = made;
     daemon.watch.add(made);
-    made->step();
     return made.get();
+  }
+
+  [[nodiscard]] const TenantPtr& tenant() const { return call_.tenant(); }
+  [[nodiscard]] const std::shared_ptr<Session>& session() const { return call_.session(); }
+  [[nodiscard]] grpc::CallbackServerContext& context() const { return context_; }
+  /// Stops when the client cancels, its deadline passes or its connection ends.
+  [[nodiscard]] std::stop_token stop() const { return stop_.get_token(); }
+
+  /// What is charged until the call ends.
+  void hold(Charge answer) { answer_ = std::move(answer); }
+  /// Sends what `next` makes, until there is no more.
+  void pull(Next next) {
+    next_ = std::move(next);
+    step();
+  }
+  void finish(const Status& status) {
+    call_.answered();
+    this->Finish(to_status(status, context_));
   }
 
   void OnWriteDone(bool ok) override {
@@ -145,6 +157,7 @@ class PullStream final : public grpc::ServerWriteReactor<Reply>, public Watched 
     if (ok) return step();
     this->Finish(grpc::Status::CANCELLED);
   }
+  void OnCancel() override { stop_.request_stop(); }
   void OnDone() override { self_.reset(); }
   void look(EventLoop::Clock::time_point now) override {
     bool is_stuck;
@@ -156,12 +169,11 @@ class PullStream final : public grpc::ServerWriteReactor<Reply>, public Watched 
   }
 
  private:
-  PullStream(Daemon& daemon, grpc::CallbackServerContext& context, Call call, Next next)
+  PullStream(Daemon& daemon, grpc::CallbackServerContext& context, Call call)
       : context_(context),
         call_(std::move(call)),
         pool_(daemon.pool),
-        stall_seconds_(double(daemon.config.limits.stall_seconds)),
-        next_(std::move(next)) {}
+        stall_seconds_(double(daemon.config.limits.stall_seconds)) {}
 
   void step() {
     if (auto posted = pool_.post([this] { advance(); }); !posted) finish(posted);
@@ -179,10 +191,11 @@ class PullStream final : public grpc::ServerWriteReactor<Reply>, public Watched 
     }
     this->StartWrite(&reply_);
   }
-  void finish(const Status& status) { this->Finish(to_status(status, context_)); }
 
   grpc::CallbackServerContext& context_;
   Call call_;
+  Charge answer_;
+  std::stop_source stop_;
   WorkPool& pool_;
   const double stall_seconds_;
   Next next_;
@@ -201,7 +214,9 @@ grpc::ServerWriteReactor<Reply>* pull(Daemon& daemon, grpc::CallbackServerContex
   using Reactor = grpc::ServerWriteReactor<Reply>;
   return let_in<Reactor>(daemon.gate, context, request, Needs::kSession, [&](Call call) {
     auto next = prepare(call.session());
-    return PullStream<Reply>::start(daemon, *context, std::move(call), std::move(next));
+    auto* stream = PullStream<Reply>::make(daemon, *context, std::move(call));
+    stream->pull(std::move(next));
+    return stream;
   });
 }
 

@@ -20,6 +20,7 @@ class Service final : public v1::Renderer::CallbackService {
 
   using Unary = grpc::ServerUnaryReactor;
   Unary* GetServerInfo(Context*, const v1::GetServerInfoRequest*, v1::GetServerInfoReply*) override;
+  Unary* ListSessions(Context*, const v1::ListSessionsRequest*, v1::ListSessionsReply*) override;
 
   Unary* OpenSession(Context*, const v1::OpenSessionRequest*, v1::OpenSessionReply*) override;
   Writer<v1::KeepSessionReply>* KeepSession(Context*, const v1::KeepSessionRequest*) override;
@@ -42,8 +43,8 @@ class Service final : public v1::Renderer::CallbackService {
   Writer<v1::ReadReply>* Read(Context*, const v1::ReadRequest*) override;
   Writer<v1::SceneChunk>* ExportScene(Context*, const v1::ExportSceneRequest*) override;
   Reader<v1::SceneChunk>* ImportScene(Context*, v1::SceneInfo*) override;
-  Unary* Query(Context*, const v1::QueryRequest*, v1::QueryReply*) override;
-  Unary* Tracks(Context*, const v1::TracksRequest*, v1::TracksReply*) override;
+  Writer<v1::QueryReply>* Query(Context*, const v1::QueryRequest*) override;
+  Writer<v1::TracksReply>* Tracks(Context*, const v1::TracksRequest*) override;
 
   Writer<v1::FramePart>* Render(Context*, const v1::RenderRequest*) override;
 

@@ -38,7 +38,7 @@ Expected<v1::ApplyReply> apply_now(Session& session, SceneEntry& entry,
   if (!transaction) return std::unexpected(transaction.error());
   const auto prepared = entry.commit(*transaction, expected_of(request), request.transaction());
   if (!prepared) return std::unexpected(prepared.error());
-  return apply_reply(request.number(), *prepared, "");
+  return apply_reply(request.number(), *prepared);
 }
 
 void apply_durably(const std::shared_ptr<Session>& session, SceneEntry& entry,
@@ -165,9 +165,7 @@ void ApplyStreamCall::answer(const EditLog::Reply& answer) {
     reply_ = **answer;
   } else {
     reply_.set_number(request_.number());
-    reply_.set_code(u32(answer->error().code));
-    reply_.set_message(message_of(answer->error()));
-    *reply_.mutable_detail() = to_proto(answer->error());
+    *reply_.mutable_status() = to_proto(answer->error());
   }
   {
     const std::lock_guard lock(mutex_);

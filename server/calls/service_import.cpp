@@ -51,8 +51,7 @@ class ImportCall final : public WatchedReader<v1::SceneChunk> {
     if (!made) return std::unexpected(std::move(made).error().at("header"));
     const Session& session = *call_.session();
     auto entry = daemon_.scenes.create({.name = scene.name,
-                                        .is_shared = scene.shared,
-                                        .durability = scene.durability,
+                                        .lifetime = scene.lifetime,
                                         .first = *std::move(made),
                                         .request_id = scene.request_id,
                                         .method = "ImportScene"},

@@ -3,6 +3,7 @@
 #include "server/calls/rpc.h"
 #include "server/calls/service.h"
 #include "server/convert/query.h"
+#include "server/convert/table_rows.h"
 #include "server/convert/tracks.h"
 #include "server/quota/credits.h"
 
@@ -24,11 +25,20 @@ u64 items_of(const QueryJob& job) {
   return std::visit(Count(), job.query);
 }
 
-/// Checks a request with `to_job(snapshot, holdings)`, has the device answer it, and makes the
-/// reply with `to_reply(result, revision)`.
-template <class Request, class Reply, class ToJob, class ToReply>
-void start_query(Daemon& daemon, UnaryCall& call, const Request& request, Reply& reply,
-                 const ToJob& to_job, ToReply to_reply) {
+template <class Reply>
+void send(PullStream<Reply>& call, const QueryResult& result, Revision revision) {
+  const auto rows = std::make_shared<TableRows>(result);
+  call.pull([rows, revision](Reply& reply) -> Expected<bool> {
+    reply.set_revision(revision);
+    return rows->next(*reply.mutable_columns());
+  });
+}
+
+/// Checks a request with `to_job(snapshot, holdings)`, has the device answer it, and sends the
+/// answer.
+template <class Request, class Reply, class ToJob>
+void start_query(Daemon& daemon, PullStream<Reply>& call, const Request& request,
+                 const ToJob& to_job) {
   Session& session = *call.session();
   const auto entry = daemon.scenes.find(request.scene(), session);
   if (!entry) return call.finish(std::unexpected(entry.error()));
@@ -49,42 +59,45 @@ void start_query(Daemon& daemon, UnaryCall& call, const Request& request, Reply&
   call.tenant()->samples.charge(items_of(*job));
   (*engine)->submit(
       std::make_shared<const QueryJob>(std::move(*job)),
-      [&call, &reply, to_reply, counted = std::make_shared<Charge>(std::move(*counted)),
+      [&call, counted = std::make_shared<Charge>(std::move(*counted)),
        revision = (*snapshot)->revision](const Expected<QueryResult>& result) {
         if (!result) return call.finish(std::unexpected(result.error()));
-        reply = to_reply(*result, revision);
-        call.finish({});
+        send(call, *result, revision);
       },
       call.stop());
 }
 
-}  // namespace
-
-grpc::ServerUnaryReactor* Service::Query(Context* context, const v1::QueryRequest* request,
-                                         v1::QueryReply* reply) {
-  return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
-    call.post(daemon_.pool, [this, request, reply, &call] {
-      const QueryLimits limits{.items = daemon_.config.limits.query_items};
-      const auto to_job = [&](std::shared_ptr<const Snapshot> snapshot, ArraySource& source) {
-        return to_query(*request, std::move(snapshot), source, limits);
-      };
-      start_query(daemon_, call, *request, *reply, to_job, to_reply);
-    });
+/// Lets a question in, and has it answered from the pool.
+template <class Reply, class Request, class ToJob>
+Writer<Reply>* ask(Daemon& daemon, Context* context, const Request& request, ToJob to_job) {
+  return let_in<Writer<Reply>>(daemon.gate, context, request, Needs::kSession, [&](Call admitted) {
+    auto* call = PullStream<Reply>::make(daemon, *context, std::move(admitted));
+    const auto posted = daemon.pool.post(
+        [&daemon, call, &request, to_job] { start_query(daemon, *call, request, to_job); });
+    if (!posted) call->finish(posted);
+    return call;
   });
 }
 
-grpc::ServerUnaryReactor* Service::Tracks(Context* context, const v1::TracksRequest* request,
-                                          v1::TracksReply* reply) {
-  return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
-    call.post(daemon_.pool, [this, request, reply, &call] {
-      const TrackLimits limits{.items = daemon_.config.limits.query_items,
-                               .times = daemon_.config.limits.track_times};
-      const auto to_job = [&](std::shared_ptr<const Snapshot> snapshot, ArraySource& source) {
+}  // namespace
+
+Writer<v1::QueryReply>* Service::Query(Context* context, const v1::QueryRequest* request) {
+  const QueryLimits limits{.items = daemon_.config.limits.query_items};
+  return ask<v1::QueryReply>(
+      daemon_, context, *request,
+      [request, limits](std::shared_ptr<const Snapshot> snapshot, ArraySource& source) {
+        return to_query(*request, std::move(snapshot), source, limits);
+      });
+}
+
+Writer<v1::TracksReply>* Service::Tracks(Context* context, const v1::TracksRequest* request) {
+  const TrackLimits limits{.items = daemon_.config.limits.query_items,
+                           .times = daemon_.config.limits.track_times};
+  return ask<v1::TracksReply>(
+      daemon_, context, *request,
+      [request, limits](std::shared_ptr<const Snapshot> snapshot, ArraySource& source) {
         return to_tracks(*request, std::move(snapshot), source, limits);
-      };
-      start_query(daemon_, call, *request, *reply, to_job, to_tracks_reply);
-    });
-  });
+      });
 }
 
 }  // namespace heliograph::server

@@ -3,6 +3,7 @@
 
 #include "server/calls/rpc.h"
 #include "server/calls/service.h"
+#include "server/convert/page.h"
 #include "server/scene/describe_scene.h"
 #include "server/scene/scene_info.h"
 #include "server/session/once.h"
@@ -26,8 +27,7 @@ Expected<v1::SceneInfo> create_scene(Daemon& daemon, const Session& session,
                                      const v1::CreateSceneRequest& request) {
   return create(daemon, session,
                 {.name = request.name(),
-                 .is_shared = request.shared(),
-                 .durability = request.durability(),
+                 .lifetime = request.lifetime(),
                  .first = std::make_shared<const Snapshot>(),
                  .request_id = request.request_id(),
                  .method = "CreateScene"});
@@ -42,8 +42,7 @@ Expected<v1::SceneInfo> branch_scene(Daemon& daemon, const Session& session,
   if (!snapshot) return std::unexpected(std::move(snapshot).error().at("revision"));
   return create(daemon, session,
                 {.name = request.name(),
-                 .is_shared = request.shared(),
-                 .durability = request.durability(),
+                 .lifetime = request.lifetime(),
                  .first = std::move(*snapshot),
                  .request_id = request.request_id(),
                  .method = "BranchScene"});
@@ -53,6 +52,20 @@ Expected<v1::DeleteSceneReply> delete_scene(Daemon& daemon, const Session& sessi
                                             const v1::DeleteSceneRequest& request) {
   HELIO_TRY(daemon.scenes.remove(request.scene(), session));
   return v1::DeleteSceneReply();
+}
+
+Status list_scenes(Daemon& daemon, const Session& session, const v1::ListScenesRequest& request,
+                   v1::ListScenesReply& reply) {
+  auto page = Page::open(request.page_size(), request.page_token());
+  if (!page) return std::unexpected(std::move(page).error());
+  for (const ScenePtr& scene : daemon.scenes.list(session)) {
+    if (scene->number < page->first()) continue;
+    v1::SceneInfo info = scene_info(daemon.scenes, *scene, session);
+    if (!page->take(scene->number, info.ByteSizeLong())) break;
+    *reply.add_scenes() = std::move(info);
+  }
+  reply.set_next_page_token(page->next());
+  return {};
 }
 
 Status describe_scene(Daemon& daemon, const UnaryCall& call,
@@ -66,19 +79,22 @@ Status describe_scene(Daemon& daemon, const UnaryCall& call,
   info = scene_info(daemon.scenes, **entry, session);
   info.set_revision(snapshot->revision);  // all of the answer is of one revision
   info.set_time(snapshot->time);
-  describe_counts(*snapshot, reply);
+  describe_counts(*snapshot, *reply.mutable_counts());
+  if (request.page_token().empty()) describe_categories(*snapshot, reply);
   if (request.pattern().size() > kMostNameBytes)
     return fail(Code::kInvalidArgument, "pattern",
                 fmt::format("has {} bytes; names, and patterns of them, have at most {}",
                             request.pattern().size(), kMostNameBytes));
-  if (request.tree()) describe_objects(*snapshot, request.pattern(), reply);
+  auto page = Page::open(request.page_size(), request.page_token());
+  if (!page) return std::unexpected(std::move(page).error());
+  if (request.tree()) describe_objects(*snapshot, request.pattern(), *page, reply);
   if (!request.memory()) return {};
   auto& memory = *reply.mutable_memory();
-  memory["arrays"] = array_bytes(*snapshot);
-  memory["rows"] = row_bytes(*snapshot);
+  memory.set_arrays(array_bytes(*snapshot));
+  memory.set_rows(row_bytes(*snapshot));
   const Engine* engine = daemon.engine->get();
   if (engine != nullptr && !daemon.tenants.are_several())  // it counts everybody's
-    memory["derived"] = engine->derived_bytes();
+    memory.set_derived(engine->derived_bytes());
   return {};
 }
 
@@ -139,10 +155,7 @@ grpc::ServerUnaryReactor* Service::ListScenes(Context* context,
                                               const v1::ListScenesRequest* request,
                                               v1::ListScenesReply* reply) {
   return unary(daemon_.gate, context, *request, Needs::kSession, [&](UnaryCall& call) {
-    const Session& session = *call.session();
-    for (const ScenePtr& scene : daemon_.scenes.list(session))
-      *reply->add_scenes() = scene_info(daemon_.scenes, *scene, session);
-    call.finish({});
+    call.finish(list_scenes(daemon_, *call.session(), *request, *reply));
   });
 }
 

@@ -1,4 +1,4 @@
-// GetServerInfo, OpenSession, KeepSession, CloseSession.
+// GetServerInfo, ListSessions, OpenSession, KeepSession, CloseSession.
 #include <fmt/ranges.h>
 
 #include <algorithm>
@@ -10,6 +10,7 @@
 #include "server/calls/rpc.h"
 #include "server/calls/service.h"
 #include "server/config/version.h"
+#include "server/convert/page.h"
 
 namespace heliograph::server {
 namespace {
@@ -38,7 +39,6 @@ void describe_sharing(const Daemon& daemon, v1::GetServerInfoReply& reply) {
 
 void describe_server(const Daemon& daemon, const Tenant& tenant, v1::GetServerInfoReply& reply) {
   reply.set_version(kVersion);
-  reply.set_api("v1");
   reply.set_min_api(1);
   reply.set_max_api(1);
   reply.set_instance(daemon.instance);
@@ -57,7 +57,11 @@ void describe_server(const Daemon& daemon, const Tenant& tenant, v1::GetServerIn
   for (const auto& [name, amount] : tenant.used()) (*reply.mutable_used())[name] = amount;
   if (daemon.journal) {
     const Status writing = daemon.journal->status();
-    reply.set_journal(writing ? "writing" : "read-only: " + writing.error().message);
+    reply.set_journal(writing ? v1::GetServerInfoReply::JOURNAL_WRITING
+                              : v1::GetServerInfoReply::JOURNAL_READ_ONLY);
+    if (!writing) reply.set_journal_reason(writing.error().message);
+  } else {
+    reply.set_journal(v1::GetServerInfoReply::JOURNAL_NONE);
   }
   reply.set_not_ready(daemon.health.not_ready());
   reply.set_ready(reply.not_ready().empty());
@@ -67,21 +71,28 @@ void describe_server(const Daemon& daemon, const Tenant& tenant, v1::GetServerIn
 }
 
 /// The sessions of a tenant, the oldest first. Their numbers are secrets.
-void describe_sessions(const Daemon& daemon, const TenantPtr& tenant,
-                       v1::GetServerInfoReply& reply) {
+Status list_sessions(const Daemon& daemon, const TenantPtr& tenant,
+                     const v1::ListSessionsRequest& request, v1::ListSessionsReply& reply) {
+  auto page = Page::open(request.page_size(), request.page_token());
+  if (!page) return std::unexpected(std::move(page).error());
   auto sessions = daemon.sessions.list();
-  std::erase_if(sessions, [&](const auto& session) { return session->tenant() != tenant; });
-  std::ranges::sort(sessions, std::ranges::greater{},
-                    [](const auto& session) { return session->open_seconds(); });
+  std::erase_if(sessions, [&](const auto& session) {
+    return session->tenant() != tenant || session->opened() < page->first();
+  });
+  std::ranges::sort(sessions, {}, [](const auto& session) { return session->opened(); });
   std::unordered_map<u64, u32> scenes;
   for (const ScenePtr& scene : daemon.scenes.all()) ++scenes[scene->owner];
   for (const auto& session : sessions) {
-    v1::SessionUse* use = reply.add_sessions();
-    use->set_client(session->client());
-    use->set_open_seconds(session->open_seconds());
-    use->set_calls(session->calls());
-    use->set_scenes(scenes[session->id()]);
+    v1::SessionUse use;
+    use.set_client(session->client());
+    use.set_open_seconds(session->open_seconds());
+    use.set_calls(session->calls());
+    use.set_scenes(scenes[session->id()]);
+    if (!page->take(session->opened(), use.ByteSizeLong())) break;
+    *reply.add_sessions() = std::move(use);
   }
+  reply.set_next_page_token(page->next());
+  return {};
 }
 
 /// A TCP session's carrier: stays open until either side ends it.
@@ -139,8 +150,15 @@ grpc::ServerUnaryReactor* Service::GetServerInfo(Context* context,
                                                  v1::GetServerInfoReply* reply) {
   return unary(daemon_.gate, context, *request, Needs::kNothing, [&](UnaryCall& call) {
     describe_server(daemon_, *call.tenant(), *reply);
-    describe_sessions(daemon_, call.tenant(), *reply);
     call.finish({});
+  });
+}
+
+grpc::ServerUnaryReactor* Service::ListSessions(Context* context,
+                                                const v1::ListSessionsRequest* request,
+                                                v1::ListSessionsReply* reply) {
+  return unary(daemon_.gate, context, *request, Needs::kNothing, [&](UnaryCall& call) {
+    call.finish(list_sessions(daemon_, call.tenant(), *request, *reply));
   });
 }
 

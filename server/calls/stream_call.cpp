@@ -126,10 +126,7 @@ Status StreamCall::take(v1::StreamRequest request) {
 Status StreamCall::begin(const v1::StreamRequest& first) {
   if (!first.has_settings())
     return fail(Code::kInvalidArgument, "settings", "is missing; the first message has it");
-  if (!first.policy().empty() && first.policy() != "latest" && first.policy() != "lossless")
-    return fail(Code::kInvalidArgument, "policy",
-                "'" + first.policy() + "' is not one of latest, lossless");
-  is_lossless_ = first.policy() == "lossless";
+  is_lossless_ = first.policy() == v1::StreamRequest::POLICY_LOSSLESS;
   if (first.credits() == 0) credits_ = kDefaultCredits;
   has_begun_ = true;
   return {};

@@ -27,6 +27,31 @@ struct AddName {
   void operator()(const auto&) const {}
 };
 
+constexpr std::size_t kPieceBytes = 1u << 20;
+
+/// Moves the names of a list, at its end, to pieces.
+class Cutter {
+ public:
+  explicit Cutter(std::vector<v1::AssetInfo>& pieces) : pieces_(pieces) {}
+
+  using Names = google::protobuf::RepeatedPtrField<std::string>;
+  void take(Names& names, Names* (v1::AssetInfo::*list)()) {
+    for (std::string& name : names) {
+      if (bytes_ > 0 && bytes_ + name.size() > kPieceBytes) {
+        pieces_.emplace_back();
+        bytes_ = 0;
+      }
+      bytes_ += name.size() + 8;
+      *(pieces_.back().*list)()->Add() = std::move(name);
+    }
+    names.Clear();
+  }
+
+ private:
+  std::vector<v1::AssetInfo>& pieces_;
+  std::size_t bytes_ = 0;
+};
+
 void inline_sink(const BufferPtr& bytes, v1::Array& array) {
   array.set_inline_(bytes->bytes().data(), bytes->bytes().size());
 }
@@ -50,8 +75,25 @@ v1::AssetInfo to_info(const ImageData& image, bool srgb, const std::string& blob
   v1::AssetInfo info;
   *info.mutable_texels() =
       to_proto(image, [&](const BufferPtr&, v1::Array& array) { array.set_blob(blob); });
-  info.set_encoding(srgb ? "srgb" : "linear");
+  info.set_encoding(srgb ? v1::Texture::ENCODING_SRGB : v1::Texture::ENCODING_LINEAR);
   return info;
+}
+
+std::vector<v1::AssetInfo> cut(const v1::AssetInfo& info) {
+  v1::AssetInfo rest = info;
+  std::vector<v1::AssetInfo> pieces(1);
+  Cutter cutter(pieces);
+  using Info = v1::AssetInfo;
+  cutter.take(*rest.mutable_entities(), &Info::mutable_entities);
+  cutter.take(*rest.mutable_meshes(), &Info::mutable_meshes);
+  cutter.take(*rest.mutable_materials(), &Info::mutable_materials);
+  cutter.take(*rest.mutable_textures(), &Info::mutable_textures);
+  cutter.take(*rest.mutable_cameras(), &Info::mutable_cameras);
+  cutter.take(*rest.mutable_animations(), &Info::mutable_animations);
+  cutter.take(*rest.mutable_volumes(), &Info::mutable_volumes);
+  cutter.take(*rest.mutable_warnings(), &Info::mutable_warnings);
+  pieces.back().MergeFrom(rest);
+  return pieces;
 }
 
 }  // namespace heliograph::server

@@ -1,6 +1,8 @@
 // What clients are told about a decoded asset. Called by DecodeAsset.
 #pragma once
 
+#include <vector>
+
 #include "heliograph/v1/service.pb.h"
 #include "renderer/scene/transaction.h"
 
@@ -11,5 +13,7 @@ namespace heliograph::server {
                                     const vec3& bounds_max);
 /// A lone picture, whose texels are the blob of this hash.
 [[nodiscard]] v1::AssetInfo to_info(const ImageData& image, bool srgb, const std::string& blob);
+/// Pieces of about 1 MiB, at least one, whose merger it is.
+[[nodiscard]] std::vector<v1::AssetInfo> cut(const v1::AssetInfo& info);
 
 }  // namespace heliograph::server

@@ -158,7 +158,7 @@ Status check_target(const Edit& edit, bool given) {
   return {};
 }
 
-constexpr std::array kModes{Mode::kUpsert, Mode::kCreate, Mode::kUpdate};
+constexpr std::array kModes{Mode::kUpsert, Mode::kCreate, Mode::kUpdate, Mode::kUpsert};
 static_assert(kModes.size() == v1::Edit::Mode_ARRAYSIZE);
 
 Expected<Edit> to_edit(const v1::Edit& message, ArraySource& source) {

@@ -12,18 +12,18 @@
 namespace heliograph::server {
 namespace {
 
-const char* fold_text(kernels::Fold fold) {
+v1::Fold to_proto(kernels::Fold fold) {
   switch (fold) {
     case kernels::Fold::kMean:
-      return "mean";
+      return v1::FOLD_MEAN;
     case kernels::Fold::kCentre:
-      return "centre";
+      return v1::FOLD_CENTRE;
     case kernels::Fold::kFilm:
-      return "film";
+      return v1::FOLD_FILM;
     case kernels::Fold::kPost:
-      return "post";
+      return v1::FOLD_POST;
   }
-  return "";
+  return v1::FOLD_UNSPECIFIED;
 }
 
 template <class T>
@@ -62,7 +62,7 @@ v1::PlaneInfo to_proto(const PlaneData& data, const v1::PlaneRequest& request) {
   message.set_dtype(request.half() ? v1::D_TYPE_F16 : server::to_proto(info.dtype));
   message.set_channels(info.channels);
   message.set_unit(info.unit);
-  message.set_fold(fold_text(info.fold));
+  message.set_fold(to_proto(info.fold));
   message.set_size(WirePlane(data, request.half()).size());
   message.set_argument(argument_text(request));
   return message;

@@ -15,11 +15,17 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 using google::protobuf::Reflection;
 
+std::unexpected<Error> unknown(std::string message) {
+  return std::unexpected(Error{.code = Code::kUnimplemented,
+                               .message = std::move(message),
+                               .where = "",
+                               .reason = "UNKNOWN_TO_DAEMON"});
+}
+
 Status check_enum(const FieldDescriptor& field, int value) {
   if (field.enum_type()->FindValueByNumber(value)) return {};
-  return fail(Code::kUnimplemented, "",
-              fmt::format("value {} of {} is not known to this version; update the daemon", value,
-                          field.enum_type()->full_name()));
+  return unknown(fmt::format("value {} of {} is not known to this version; update the daemon",
+                             value, field.enum_type()->full_name()));
 }
 
 Status check_repeated(const Message& message, const FieldDescriptor& field) {
@@ -48,31 +54,39 @@ const std::vector<const FieldDescriptor*>& fields_to_check(const Message& messag
   return found->second;
 }
 
+Status check_unknown(const Message& message) {
+  const auto& fields = message.GetReflection()->GetUnknownFields(message);
+  if (fields.empty()) return {};
+  return unknown(
+      fmt::format("field {} of {} is not known to this version; update the daemon or "
+                  "leave the field out",
+                  fields.field(0).number(), message.GetTypeName()));
+}
+
+Status check_field(const Message& message, const FieldDescriptor& field) {
+  if (field.is_repeated()) return check_repeated(message, field);
+  const Reflection& reflection = *message.GetReflection();
+  if (!reflection.HasField(message, &field)) return {};
+  if (field.cpp_type() == FieldDescriptor::CPPTYPE_ENUM)
+    HELIO_CHECK(check_enum(field, reflection.GetEnumValue(message, &field)), field.name());
+  else
+    HELIO_CHECK(check_known(reflection.GetMessage(message, &field)), field.name());
+  return {};
+}
+
 }  // namespace
 
 Status check_own_fields(const Message& message) {
-  const auto& unknown = message.GetReflection()->GetUnknownFields(message);
-  if (unknown.empty()) return {};
-  return fail(Code::kUnimplemented, "",
-              fmt::format("field {} of {} is not known to this version; update the daemon or "
-                          "leave the field out",
-                          unknown.field(0).number(), message.GetTypeName()));
+  HELIO_TRY(check_unknown(message));
+  for (const FieldDescriptor* field : fields_to_check(message))
+    if (field->cpp_type() == FieldDescriptor::CPPTYPE_ENUM) HELIO_TRY(check_field(message, *field));
+  return {};
 }
 
 Status check_known(const Message& message) {
-  HELIO_TRY(check_own_fields(message));
-  const Reflection& reflection = *message.GetReflection();
-  for (const FieldDescriptor* field : fields_to_check(message)) {
-    if (field->is_repeated()) {
-      HELIO_TRY(check_repeated(message, *field));
-      continue;
-    }
-    if (!reflection.HasField(message, field)) continue;
-    if (field->cpp_type() == FieldDescriptor::CPPTYPE_ENUM)
-      HELIO_CHECK(check_enum(*field, reflection.GetEnumValue(message, field)), field->name());
-    else
-      HELIO_CHECK(check_known(reflection.GetMessage(message, field)), field->name());
-  }
+  HELIO_TRY(check_unknown(message));
+  for (const FieldDescriptor* field : fields_to_check(message))
+    HELIO_TRY(check_field(message, *field));
   return {};
 }
 

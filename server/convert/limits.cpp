@@ -13,6 +13,7 @@ Status check_count(const v1::Transaction& message, u64 most) {
       .message = fmt::format(
           "has {} edits, {} are allowed: send several transactions (limit edits)", count, most),
       .where = "edits"};
+  error.limit = "edits";
   error.needed = count;
   error.available = most;
   return std::unexpected(std::move(error));

@@ -23,6 +23,7 @@ Status check_count(u64 count, const QueryLimits& limits) {
   auto error =
       fail(Code::kResourceExhausted, "",
            fmt::format("asks for {} at once, {} are allowed; ask in parts", count, limits.items));
+  error.error().limit = "query_items";
   error.error().needed = count;
   error.error().available = limits.items;
   return error;
@@ -119,13 +120,6 @@ Expected<QueryJob> to_query(const v1::QueryRequest& request,
       return fail(Code::kInvalidArgument, "query", "is not set; set one of its cases");
   }
   return job;
-}
-
-v1::QueryReply to_reply(const QueryResult& result, Revision revision) {
-  v1::QueryReply reply;
-  reply.set_revision(revision);
-  for (const Column& column : result) *reply.add_columns() = to_proto(column);
-  return reply;
 }
 
 }  // namespace heliograph::server

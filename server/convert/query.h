@@ -1,4 +1,4 @@
-// Spatial queries: requests to jobs, columns to replies. Called by Query.
+// Spatial queries: requests to jobs. Called by Query.
 #pragma once
 
 #include "heliograph/v1/service.pb.h"
@@ -16,6 +16,5 @@ struct QueryLimits {
 [[nodiscard]] Expected<QueryJob> to_query(const v1::QueryRequest& request,
                                           std::shared_ptr<const Snapshot> snapshot,
                                           ArraySource& source, const QueryLimits& limits);
-[[nodiscard]] v1::QueryReply to_reply(const QueryResult& result, Revision revision);
 
 }  // namespace heliograph::server

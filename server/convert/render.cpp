@@ -94,9 +94,14 @@ Status read_planes(const v1::RenderRequest& request, const RenderLimits& limits,
     job.planes.push_back(plane);
   }
   if (job.groups.size() > limits.groups)
-    return fail(Code::kInvalidArgument, "planes",
-                fmt::format("has {} light groups; ask for at most {} (limit groups)",
-                            job.groups.size(), limits.groups));
+    return std::unexpected(
+        Error{.code = Code::kInvalidArgument,
+              .message = fmt::format("has {} light groups; ask for at most {} (limit groups)",
+                                     job.groups.size(), limits.groups),
+              .where = "planes",
+              .limit = "groups",
+              .needed = job.groups.size(),
+              .available = limits.groups});
   return {};
 }
 

@@ -42,6 +42,7 @@ Expected<std::vector<double>> read_instants(const Reader& in, const TrackLimits&
     auto error =
         fail(Code::kResourceExhausted, "",
              fmt::format("has {} times, {} are allowed; ask in parts", count, limits.times));
+    error.error().limit = "track_times";
     error.error().needed = count;
     error.error().available = limits.times;
     return error;
@@ -174,6 +175,7 @@ Expected<QueryJob> to_tracks(const v1::TracksRequest& request,
     auto error = fail(Code::kResourceExhausted, "times",
                       fmt::format("{} points at {} times, {} in all are allowed; ask in parts",
                                   count, tracks.times.size(), limits.items));
+    error.error().limit = "query_items";
     error.error().needed =
         count > ~u64{0} / tracks.times.size() ? ~u64{0} : count * tracks.times.size();
     error.error().available = limits.items;
@@ -184,13 +186,6 @@ Expected<QueryJob> to_tracks(const v1::TracksRequest& request,
   tracks.points = *std::move(points);
   job.query = std::move(tracks);
   return job;
-}
-
-v1::TracksReply to_tracks_reply(const QueryResult& result, Revision revision) {
-  v1::TracksReply reply;
-  reply.set_revision(revision);
-  for (const Column& column : result) *reply.add_columns() = to_proto(column);
-  return reply;
 }
 
 }  // namespace heliograph::server

@@ -1,4 +1,4 @@
-// Point tracks: requests to jobs, columns to replies. Called by Tracks.
+// Point tracks: requests to jobs. Called by Tracks.
 #pragma once
 
 #include "server/convert/query.h"
@@ -15,6 +15,5 @@ struct TrackLimits {
 [[nodiscard]] Expected<QueryJob> to_tracks(const v1::TracksRequest& request,
                                            std::shared_ptr<const Snapshot> snapshot,
                                            ArraySource& source, const TrackLimits& limits);
-[[nodiscard]] v1::TracksReply to_tracks_reply(const QueryResult& result, Revision revision);
 
 }  // namespace heliograph::server

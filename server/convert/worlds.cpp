@@ -19,6 +19,7 @@ Expected<u32> read_count(u64 count, u64 most) {
               .message = fmt::format("is {}; {} are allowed: send several requests (limit worlds)",
                                      count, most),
               .where = ""};
+  error.limit = "worlds";
   error.needed = count;
   error.available = most;
   return std::unexpected(std::move(error));

@@ -128,6 +128,7 @@ void run_job(const Region& job, Helpers& helpers) {
                     "the decoded arrays are larger than a result may be "
                     "(limit decode_result_bytes)",
                 .where = ""};
+    error.limit = "decode_result_bytes";
     error.needed = arrays.size();
     error.available = result_bytes;
     return send_result(refusal(error), {});

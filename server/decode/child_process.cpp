@@ -122,6 +122,7 @@ Status ChildProcess::grant(u64 bytes) {
                                        "(limit decode_result_bytes)",
                                        bytes, limit.rlim_max),
                 .where = ""};
+    error.limit = "decode_result_bytes";
     error.needed = bytes;
     error.available = limit.rlim_max;
     return std::unexpected(std::move(error));

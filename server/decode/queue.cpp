@@ -19,7 +19,9 @@ Status DecodeQueue::push(DecodeTask& task) {
                                          "(limit decode_queue)",
                                          lane.waiting.size()),
                   .where = ""};
+      error.limit = "decode_queue";
       error.needed = 1;
+      error.allowed = limits_.waiting;
       error.retry_seconds = kRetrySeconds;
       return std::unexpected(std::move(error));
     }

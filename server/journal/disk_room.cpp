@@ -30,6 +30,7 @@ std::unexpected<Error> too_little(u64 needed, u64 available) {
                                      "is left to others: limit disk_spare_bytes)",
                                      available, needed),
               .where = ""};
+  error.limit = "disk_spare_bytes";
   error.needed = needed;
   error.available = available;
   error.retry_seconds = kRetrySeconds;

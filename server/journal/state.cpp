@@ -1,7 +1,6 @@
 // See state.h.
 #include "server/journal/state.h"
 
-#include "server/convert/error.h"
 #include "server/convert/export.h"
 #include "server/convert/scene_file.h"
 #include "server/os/hash.h"
@@ -114,19 +113,32 @@ journal::Refusal encode_refusal(const Error& error) {
   journal::Refusal refusal;
   refusal.set_code(u32(error.code));
   refusal.set_message(error.message);
-  *refusal.mutable_detail() = server::to_proto(error);
+  journal::Refusal::Detail& detail = *refusal.mutable_detail();
+  detail.set_field(error.where);
+  detail.mutable_users()->Add(error.users.begin(), error.users.end());
+  detail.mutable_nearest()->Add(error.nearest.begin(), error.nearest.end());
+  detail.set_reason(error.reason);
+  detail.set_limit(error.limit);
+  detail.set_needed(error.needed);
+  detail.set_available(error.available);
+  detail.set_allowed(error.allowed);
+  detail.set_expected(error.expected);
+  detail.set_retry_seconds(error.retry_seconds);
   return refusal;
 }
 
 Error decode_refusal(const journal::Refusal& refusal) {
-  const v1::ErrorDetail& detail = refusal.detail();
+  const journal::Refusal::Detail& detail = refusal.detail();
   return {.code = Code(refusal.code()),
           .message = refusal.message(),
           .where = detail.field(),
           .users = {detail.users().begin(), detail.users().end()},
           .nearest = {detail.nearest().begin(), detail.nearest().end()},
+          .reason = detail.reason(),
+          .limit = detail.limit(),
           .needed = detail.needed(),
           .available = detail.available(),
+          .allowed = detail.allowed(),
           .expected = detail.expected(),
           .retry_seconds = detail.retry_seconds()};
 }

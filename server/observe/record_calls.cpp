@@ -239,11 +239,9 @@ class Tap final : public grpc::experimental::Interceptor {
     v1::RecordStatus& item = *note.item.mutable_status();
     item.set_call(call_);
     const grpc::Status status = methods.GetSendStatus();
-    item.set_code(u32(status.error_code()));
-    item.set_message(status.error_message());
-    const auto& metadata = *methods.GetSendTrailingMetadata();
-    if (const auto detail = metadata.find("heliograph-error-bin"); detail != metadata.end())
-      item.mutable_detail()->ParseFromString(detail->second);
+    item.mutable_status()->ParseFromString(status.error_details());
+    item.mutable_status()->set_code(int(status.error_code()));
+    item.mutable_status()->set_message(status.error_message());
     if (const auto revision = recorder_.take_revision(context_)) item.set_revision(*revision);
     recorder_.note(std::move(note));
   }

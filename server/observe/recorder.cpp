@@ -114,7 +114,7 @@ Expected<std::unique_ptr<Recorder>> Recorder::open(Options options, const Log& l
   std::unique_ptr<Recorder> made(
       new Recorder(std::move(file), room - std::min(room, kLastBytes), log));
   options.header.set_format("heliograph.recording");
-  options.header.set_version(1);
+  options.header.set_version(2);
   options.header.set_time(double(std::time(nullptr)));
   Note first;
   *first.item.mutable_header() = std::move(options.header);

@@ -5,8 +5,9 @@
 
 namespace heliograph::server {
 
-std::unexpected<Error> busy(std::string message) {
+std::unexpected<Error> busy(std::string message, std::string limit) {
   Error error{.code = Code::kResourceExhausted, .message = std::move(message), .where = ""};
+  error.limit = std::move(limit);
   error.retry_seconds = kBusySeconds;
   return std::unexpected(std::move(error));
 }
@@ -30,7 +31,8 @@ Status WorkPool::post(Task task) {
     const std::lock_guard lock(mutex_);
     if (tasks_.size() >= capacity_)
       return busy(
-          fmt::format("{} requests wait already; retry later (limit pool_queue)", tasks_.size()));
+          fmt::format("{} requests wait already; retry later (limit pool_queue)", tasks_.size()),
+          "pool_queue");
     push(std::move(task));
   }
   ready_.notify_one();
@@ -79,7 +81,8 @@ Status Strand::run(WorkPool::Task task, bool is_short) {
       return busy(
           fmt::format("{} requests of this session and scene wait already; wait for their "
                       "replies (limit calls_per_session)",
-                      tasks_.size()));
+                      tasks_.size()),
+          "calls_per_session");
     if (!busy_ && is_short)
       now = std::move(task);
     else

@@ -16,8 +16,8 @@ namespace heliograph::server {
 
 constexpr double kBusySeconds = 0.1;  // after which a call that was one too many may come again
 
-/// RESOURCE_EXHAUSTED, with that.
-[[nodiscard]] std::unexpected<Error> busy(std::string message);
+/// RESOURCE_EXHAUSTED, with that. `limit`: the one that is in the way.
+[[nodiscard]] std::unexpected<Error> busy(std::string message, std::string limit = "");
 
 /// Owns: its threads. Thread: any. The queue is bounded; what does not fit is refused.
 class WorkPool {

@@ -46,8 +46,10 @@ std::unexpected<Error> Budget::refuse(u64 amount, u64 available) const {
                                      amount, words_.unit, available, used_.load(), limit_.load(),
                                      words_.remedy, words_.limit),
               .where = ""};
+  error.limit = words_.limit;
   error.needed = amount;
   error.available = available;
+  error.allowed = limit_;
   return std::unexpected(std::move(error));
 }
 
@@ -95,8 +97,9 @@ Status Budget::admit(Work work, u64 bytes) const {
                                      name_of(work), used, limit, words_.unit, used_.load(), allowed,
                                      words_.remedy, kFullSeconds, total_->words_.limit),
               .where = ""};
-  error.needed = used;
-  error.available = allowed;
+  error.limit = total_->words_.limit;
+  error.needed = 1;
+  error.allowed = allowed;
   error.retry_seconds = kFullSeconds;
   return std::unexpected(std::move(error));
 }
@@ -174,7 +177,9 @@ Status Rate::admit(Clock::time_point now) {
                                      "limit {}",
                                      limit, seconds, name_),
               .where = ""};
+  error.limit = name_;
   error.needed = u64(debt * double(limit)) + 1;
+  error.allowed = limit;
   error.retry_seconds = seconds;
   return std::unexpected(std::move(error));
 }

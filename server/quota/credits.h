@@ -19,8 +19,13 @@ inline constexpr u64 kFreeBytes = 64 << 10;
 /// `credits`: of the call in all, those in use included.
 [[nodiscard]] inline Status check_credits(u64 credits, const Limits& limits) {
   if (credits <= limits.credits) return {};
-  return fail(Code::kInvalidArgument, "credits",
-              fmt::format("a call may have {} credits in all (limit credits)", limits.credits));
+  return std::unexpected(Error{
+      .code = Code::kInvalidArgument,
+      .message = fmt::format("a call may have {} credits in all (limit credits)", limits.credits),
+      .where = "credits",
+      .limit = "credits",
+      .needed = credits,
+      .available = limits.credits});
 }
 
 /// How the refusal of what waits is worded.
@@ -36,6 +41,7 @@ struct Waiting {
               .message = fmt::format("{} wait than the daemon keeps; {} (limit waiting_bytes)",
                                      words.what, words.remedy),
               .where = words.where};
+  error.limit = "waiting_bytes";
   error.needed = bytes;
   error.available = limits.waiting_bytes;
   return std::unexpected(std::move(error));

@@ -69,8 +69,10 @@ Status Overload::check_memory(Work work, u64 bytes) const {
                   "more memory (limit memory_bytes)",
                   name_of(work), used, options_.memory_bytes, bytes, most, name_of(work)),
               .where = ""};
+  error.limit = "memory_bytes";
   error.needed = std::max<u64>(bytes, 1);
   error.available = room;
+  error.allowed = most;
   if (bytes <= most) error.retry_seconds = kFullSeconds;
   return std::unexpected(std::move(error));
 }

@@ -3,50 +3,66 @@
 
 #include <fnmatch.h>
 
+#include <algorithm>
+
 namespace heliograph::server {
 namespace {
 
+/// Lists kinds one after another; a key is the kind's number in this order, then the index.
 class Lister {
  public:
-  Lister(const std::string& pattern, v1::DescribeSceneReply& reply)
-      : pattern_(pattern), reply_(reply) {}
+  Lister(const std::string& pattern, Page& page, v1::DescribeSceneReply& reply)
+      : pattern_(pattern), page_(page), reply_(reply) {}
 
-  void entity(const Snapshot& snapshot, u32 index, const Entity& row) {
-    v1::ObjectInfo* object = add(snapshot.entity_id(index), row.name);
-    if (object == nullptr) return;
-    object->set_parent(row.parent.value);
-    object->set_uses(row.children);
+  void entities(const Snapshot& snapshot) {
+    list(snapshot.entities, [&](u32 index, const Entity& row, v1::ObjectInfo& object) {
+      object.set_id(snapshot.entity_id(index).value);
+      object.set_parent(row.parent.value);
+      object.set_uses(row.children);
+    });
   }
   template <Kind K, class T>
   void shared(const Table<Shared<T>>& table) {
-    table.for_each([&](u32 index, const Shared<T>& row) {
-      v1::ObjectInfo* object = add(Id::make(K, table.version(index), index), row.name);
-      if (object != nullptr) object->set_uses(row.uses);
+    list(table, [&](u32 index, const Shared<T>& row, v1::ObjectInfo& object) {
+      object.set_id(Id::make(K, table.version(index), index).value);
+      object.set_uses(row.uses);
     });
   }
 
  private:
-  v1::ObjectInfo* add(Id id, const std::shared_ptr<const std::string>& name) {
-    const char* text = name ? name->c_str() : "";
-    if (!pattern_.empty() && ::fnmatch(pattern_.c_str(), text, 0) != 0) return nullptr;
-    v1::ObjectInfo* object = reply_.add_objects();
-    object->set_id(id.value);
-    object->set_name(text);
-    return object;
+  template <class T, class Fill>
+  void list(const Table<T>& table, const Fill& fill) {
+    const u64 base = kinds_++ << 32;
+    const u64 first = std::max(page_.first(), base) - base;
+    for (u64 index = first; index < table.capacity() && page_.next().empty(); ++index) {
+      if (!table.alive(u32(index))) continue;
+      const T& row = table.at(u32(index));
+      const char* name = row.name ? row.name->c_str() : "";
+      if (!pattern_.empty() && ::fnmatch(pattern_.c_str(), name, 0) != 0) continue;
+      v1::ObjectInfo object;
+      object.set_name(name);
+      fill(u32(index), row, object);
+      if (page_.take(base + index, object.ByteSizeLong())) *reply_.add_objects() = object;
+    }
   }
+
   const std::string& pattern_;
+  Page& page_;
   v1::DescribeSceneReply& reply_;
+  u64 kinds_ = 0;
 };
 
 }  // namespace
 
-void describe_counts(const Snapshot& snapshot, v1::DescribeSceneReply& reply) {
-  auto& counts = *reply.mutable_counts();
-  counts["entities"] = snapshot.entities.count();
-  counts["meshes"] = snapshot.meshes.count();
-  counts["materials"] = snapshot.materials.count();
-  counts["textures"] = snapshot.textures.count();
-  counts["volumes"] = snapshot.volumes.count();
+void describe_counts(const Snapshot& snapshot, v1::ObjectCounts& counts) {
+  counts.set_entities(snapshot.entities.count());
+  counts.set_meshes(snapshot.meshes.count());
+  counts.set_materials(snapshot.materials.count());
+  counts.set_textures(snapshot.textures.count());
+  counts.set_volumes(snapshot.volumes.count());
+}
+
+void describe_categories(const Snapshot& snapshot, v1::DescribeSceneReply& reply) {
   if (!snapshot.categories) return;
   u32 id = 0;
   for (const std::string& name : *snapshot.categories) {
@@ -56,15 +72,15 @@ void describe_counts(const Snapshot& snapshot, v1::DescribeSceneReply& reply) {
   }
 }
 
-void describe_objects(const Snapshot& snapshot, const std::string& pattern,
+void describe_objects(const Snapshot& snapshot, const std::string& pattern, Page& page,
                       v1::DescribeSceneReply& reply) {
-  Lister lister(pattern, reply);
-  snapshot.entities.for_each(
-      [&](u32 index, const Entity& row) { lister.entity(snapshot, index, row); });
+  Lister lister(pattern, page, reply);
+  lister.entities(snapshot);
   lister.shared<Kind::kMesh>(snapshot.meshes);
   lister.shared<Kind::kMaterial>(snapshot.materials);
   lister.shared<Kind::kTexture>(snapshot.textures);
   lister.shared<Kind::kVolume>(snapshot.volumes);
+  reply.set_next_page_token(page.next());
 }
 
 u64 row_bytes(const Snapshot& snapshot) {

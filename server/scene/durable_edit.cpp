@@ -9,7 +9,7 @@ namespace heliograph::server {
 void SceneEntry::commit(DurableEdit edit, const EditLog::Finish& finish) {
   Entry entry{.scene = id,
               .tenant = tenant->name,
-              .sync = durability == "fsync",
+              .sync = lifetime == v1::LIFETIME_DISK_SYNCED,
               .files = std::move(edit.files),
               .done = {}};
   Status appended;
@@ -39,11 +39,11 @@ void SceneEntry::commit(DurableEdit edit, const EditLog::Finish& finish) {
       self->end(prepared, event, committed);
       if (!committed) return finish(std::unexpected(committed.error()));
       if (!prepared) return finish(std::unexpected(prepared.error()));
-      finish(apply_reply(number, *prepared, self->durability));
+      finish(apply_reply(number, *prepared));
     };
     if (has_bug("publish_before_commit") && prepared) scene.publish(*prepared);
     if (has_bug("ack_before_append") && prepared)
-      finish(apply_reply(edit.record.number(), *prepared, ""));
+      finish(apply_reply(edit.record.number(), *prepared));
     appended = journal->append(std::move(entry));
     if (!appended && prepared) drop_pending(prepared->snapshot->revision);
   }

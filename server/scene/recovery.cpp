@@ -165,8 +165,7 @@ Expected<EditLog::Reply> Recovery::apply_record(u64 id, const journal::Record& r
   scene.events->add(record.revision(), event_of(message ? record.transaction() : file, *prepared));
   if (auto files = source.take_files(); !files.empty())
     journal_.hold(record.scene(), id, std::move(files));
-  return std::make_shared<const Expected<v1::ApplyReply>>(
-      apply_reply(record.number(), *prepared, scene.row.durability()));
+  return std::make_shared<const Expected<v1::ApplyReply>>(apply_reply(record.number(), *prepared));
 }
 
 Expected<Recovered> Recovery::finish() {

@@ -105,8 +105,7 @@ Expected<ImportedScene> SceneImport::finish() {
   return ImportedScene{.description = std::move(*description),
                        .request_id = header_->request_id(),
                        .name = header_->name(),
-                       .durability = header_->durability(),
-                       .shared = header_->shared()};
+                       .lifetime = header_->lifetime()};
 }
 
 }  // namespace heliograph::server

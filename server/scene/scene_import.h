@@ -13,8 +13,7 @@ struct ImportedScene {
   SceneDescription description;
   std::string request_id;
   std::string name;
-  std::string durability;
-  bool shared = false;
+  v1::Lifetime lifetime = v1::LIFETIME_UNSPECIFIED;
 };
 
 /// The chunks of a scene file on their way in. Blobs are checked against their hashes and held by

@@ -16,8 +16,7 @@ v1::SceneInfo scene_info(Scenes& scenes, SceneEntry& scene, const Session& sessi
   info.set_scene(scene.id);
   info.set_name(scene.name);
   info.set_revision(head->revision);
-  info.set_shared(scene.owner == 0);
-  info.set_durability(scene.durability.empty() ? "none" : scene.durability);
+  info.set_lifetime(scene.lifetime);
   info.set_time(head->time);
   info.set_next_edit(scenes.next_edit(scene, session.id()));
   return info;
@@ -28,13 +27,12 @@ void bring_up_to_date(Scenes& scenes, const Session& session, v1::SceneInfo& inf
     info = scene_info(scenes, **scene, session);
 }
 
-v1::ApplyReply apply_reply(u64 number, const Prepared& prepared, const std::string& durability) {
+v1::ApplyReply apply_reply(u64 number, const Prepared& prepared) {
   v1::ApplyReply reply;
   reply.set_number(number);
   reply.set_revision(prepared.snapshot->revision);
   reply.set_ids(prepared.ids.data(), prepared.ids.size() * sizeof(Id));
   reply.mutable_counts()->Add(prepared.counts.begin(), prepared.counts.end());
-  reply.set_durability(durability);
   return reply;
 }
 

@@ -9,9 +9,8 @@ namespace heliograph::server {
 [[nodiscard]] v1::SceneInfo scene_info(Scenes& scenes, SceneEntry& scene, const Session& session);
 /// The reply to a call that made a scene, now or when it came the first time: the scene as it is.
 void bring_up_to_date(Scenes& scenes, const Session& session, v1::SceneInfo& info);
-/// The acknowledgement of an edit; `durability` "": none.
-[[nodiscard]] v1::ApplyReply apply_reply(u64 number, const Prepared& prepared,
-                                         const std::string& durability);
+/// The acknowledgement of an edit.
+[[nodiscard]] v1::ApplyReply apply_reply(u64 number, const Prepared& prepared);
 /// What Watch tells of it. `sent`: the transaction, serialised.
 [[nodiscard]] SceneEvents::Event event_of(std::string_view sent, const Prepared& prepared);
 

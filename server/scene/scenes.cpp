@@ -7,6 +7,7 @@
 #include <algorithm>
 
 #include "server/os/mutant.h"
+#include "server/scene/lifetime.h"
 #include "server/scene/scene_info.h"
 
 namespace heliograph::server {
@@ -26,7 +27,7 @@ journal::SceneRow row_of(const SceneEntry& entry) {
   row.set_scene(entry.id);
   row.set_tenant(entry.tenant->name);
   row.set_name(entry.name);
-  row.set_durability(entry.durability);
+  row.set_durability(durability_of(entry.lifetime));
   row.set_session(entry.made_by.session);
   row.set_request_id(entry.made_by.request_id);
   row.set_method(entry.made_by.method);
@@ -110,18 +111,10 @@ void SceneEntry::tell(Revision revision) {
 
 void Scenes::use(Journal& journal) { journal_ = &journal; }
 
-Status Scenes::check_durability(const NewScene& scene) const {
-  if (scene.durability.empty() || scene.durability == "none") return {};
-  if (scene.durability != "os" && scene.durability != "fsync")
-    return fail(Code::kInvalidArgument, "durability",
-                "'" + scene.durability + "' is not one of none, os, fsync");
-  if (!scene.is_shared)
-    return fail(Code::kInvalidArgument, "durability",
-                "a private scene dies with its session; set shared too");
-  if (!journal_)
-    return fail(Code::kFailedPrecondition, "durability",
-                "this daemon has no state directory; start it with --state-dir DIR");
-  return {};
+Status Scenes::check_lifetime(v1::Lifetime lifetime) const {
+  if (!is_durable(lifetime) || journal_) return {};
+  return fail(Code::kFailedPrecondition, "lifetime",
+              "this daemon has no state directory; start it with --state-dir DIR");
 }
 
 /// Says nothing of other scenes, and is not met again by chance. 53 bits: a number of JavaScript's.
@@ -145,7 +138,9 @@ Expected<ScenePtr> Scenes::add(SceneEntry::Identity identity,
     return fail(Code::kAlreadyExists, "name",
                 "a scene '" + identity.name + "' exists; open it, or choose another name");
   if (identity.id == 0) identity.id = new_id();
-  identity.number = ++last_number_;
+  for (const auto& [id, scene] : scenes_)
+    if (scene->tenant == identity.tenant)
+      identity.number = std::max(identity.number, scene->number + 1);
   auto entry = std::make_shared<SceneEntry>(std::move(identity), std::move(*charges),
                                             std::move(first), options_.scene, pool_);
   scenes_.emplace(entry->id, entry);
@@ -155,20 +150,18 @@ Expected<ScenePtr> Scenes::add(SceneEntry::Identity identity,
 Expected<ScenePtr> Scenes::create(NewScene scene, const Session& session) {
   if (scene.name.size() > kNameBytes)
     return fail(Code::kInvalidArgument, "name", fmt::format("is longer than {} bytes", kNameBytes));
-  HELIO_TRY(check_durability(scene));
+  HELIO_TRY(check_lifetime(scene.lifetime));
   const auto change = changes_.begin();
   if (!change) return std::unexpected(change.error());
-  const bool is_durable = !scene.durability.empty() && scene.durability != "none";
+  const v1::Lifetime lifetime = or_default(scene.lifetime);
   SceneEntry::Identity identity{.name = std::move(scene.name),
-                                .owner = scene.is_shared ? 0 : session.id(),
+                                .owner = lifetime == v1::LIFETIME_SESSION ? session.id() : 0,
                                 .tenant = session.tenant(),
+                                .lifetime = lifetime,
+                                .journal = is_durable(lifetime) ? journal_ : nullptr,
                                 .made_by = {.session = session.id(),
                                             .request_id = std::move(scene.request_id),
                                             .method = std::move(scene.method)}};
-  if (is_durable) {
-    identity.durability = scene.durability;
-    identity.journal = journal_;
-  }
   auto entry = add(std::move(identity), scene.first);
   if (!entry) return entry;
   if (auto open = check_open(session); !open) {  // one that ends later frees it
@@ -176,7 +169,7 @@ Expected<ScenePtr> Scenes::create(NewScene scene, const Session& session) {
     scenes_.erase((*entry)->id);
     return std::unexpected(std::move(open).error());
   }
-  if (is_durable) {
+  if (is_durable(lifetime)) {
     SceneState state{.row = row_of(**entry), .head = std::move(scene.first), .logs = {}};
     if (auto added = journal_->add(std::move(state)); !added) {
       const std::lock_guard lock(mutex_);
@@ -193,7 +186,7 @@ Status Scenes::restore(SceneState state, const TenantPtr& tenant) {
                     .name = state.row.name(),
                     .owner = state.row.owner(),
                     .tenant = tenant,
-                    .durability = state.row.durability(),
+                    .lifetime = lifetime_of(state.row),
                     .journal = state.row.saved() ? nullptr : journal_,
                     .made_by = {.session = state.row.session(),
                                 .request_id = state.row.request_id(),

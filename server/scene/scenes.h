@@ -43,7 +43,7 @@ class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
     std::string name;
     u64 owner = 0;
     TenantPtr tenant;
-    std::string durability;
+    v1::Lifetime lifetime = v1::LIFETIME_SESSION;
     Journal* journal = nullptr;
     Origin made_by = {};
     u64 number = 0;
@@ -56,7 +56,7 @@ class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
         name(std::move(identity.name)),
         owner(identity.owner),
         tenant(std::move(identity.tenant)),
-        durability(std::move(identity.durability)),
+        lifetime(identity.lifetime),
         journal(identity.journal),
         made_by(std::move(identity.made_by)),
         number(identity.number),
@@ -67,12 +67,12 @@ class SceneEntry : public std::enable_shared_from_this<SceneEntry> {
 
   const u64 id;
   const std::string name;  // "": anonymous
-  const u64 owner;         // the session that a private scene dies with; 0: shared
+  const u64 owner;         // the session that it dies with; 0: none
   const TenantPtr tenant;
-  const std::string durability;  // "": none
-  Journal* const journal;        // of a durable scene
+  const v1::Lifetime lifetime;
+  Journal* const journal;  // of a durable scene
   const Origin made_by;
-  const u64 number;  // in the order in which scenes were made, or came back
+  const u64 number;  // grows in the order in which its tenant's scenes were made, or came back
   const std::shared_ptr<SceneEvents> events;
   Scene scene;
 
@@ -119,8 +119,7 @@ using ScenePtr = std::shared_ptr<SceneEntry>;
 
 struct NewScene {
   std::string name;
-  bool is_shared = false;
-  std::string durability;  // "none" or "": none
+  v1::Lifetime lifetime = v1::LIFETIME_UNSPECIFIED;
   std::shared_ptr<const Snapshot> first;
   std::string request_id = {};  // by which call
   std::string method = {};
@@ -175,7 +174,7 @@ class Scenes {
   [[nodiscard]] ScenePtr named(const std::string& name, const Tenant& tenant) const;
   [[nodiscard]] Expected<ScenePtr> add(SceneEntry::Identity identity,
                                        std::shared_ptr<const Snapshot> first);
-  [[nodiscard]] Status check_durability(const NewScene& scene) const;
+  [[nodiscard]] Status check_lifetime(v1::Lifetime lifetime) const;
   [[nodiscard]] static SceneState state_of(SceneEntry& entry);
   void free_later(std::vector<ScenePtr> scenes);
 
@@ -185,7 +184,6 @@ class Scenes {
   Changes changes_;
   mutable std::mutex mutex_;
   std::map<u64, ScenePtr> scenes_;
-  u64 last_number_ = 0;
 };
 
 /// The revision asked for, or the head.

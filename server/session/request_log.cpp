@@ -30,6 +30,7 @@ EditLog::Reply refused(u64 number, u64 next) {
   Error error{.code = number == 0 ? Code::kInvalidArgument : Code::kAborted,
               .message = why_not(number, next),
               .where = "number"};
+  if (error.code == Code::kAborted) error.reason = "STALE_EDIT";
   error.expected = next;
   return std::make_shared<const Expected<v1::ApplyReply>>(std::unexpected(std::move(error)));
 }

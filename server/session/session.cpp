@@ -32,6 +32,7 @@ std::unexpected<Error> shutting_down() {
       Error{.code = Code::kUnavailable,
             .message = "this daemon is shutting down; connect to another, or retry when it is back",
             .where = "",
+            .reason = "SHUTTING_DOWN",
             .retry_seconds = kRestartSeconds});
 }
 
@@ -49,6 +50,7 @@ Status Session::begin_call() {
                                      limits_.calls),
               .where = ""};
   error.retry_seconds = kBusySeconds;
+  error.limit = "calls_per_session";
   error.needed = limits_.calls + 1;
   error.available = limits_.calls;
   return std::unexpected(std::move(error));

@@ -86,6 +86,8 @@ class Session {
   [[nodiscard]] double open_seconds() const {
     return std::chrono::duration<double>(EventLoop::Clock::now() - opened_).count();
   }
+  /// When, in nanoseconds of a clock that only sessions share.
+  [[nodiscard]] u64 opened() const { return u64(opened_.time_since_epoch().count()); }
   /// `status`, but a call that was cancelled because the daemon ends is UNAVAILABLE and says so.
   [[nodiscard]] Status told(Status status) const;
 

@@ -60,6 +60,7 @@ Expected<AssetFile> AssetRoot::find(const std::string& path, u64 max_bytes) cons
                 .message = fmt::format("the file has {} bytes; {} are allowed (limit blob_bytes)",
                                        info.st_size, max_bytes),
                 .where = kField};
+    error.limit = "blob_bytes";
     error.needed = u64(info.st_size);
     error.available = max_bytes;
     return std::unexpected(std::move(error));

@@ -74,6 +74,7 @@ Expected<Incoming> BlobStore::begin(std::string hash, u64 size,
                       fmt::format("is {} bytes; one blob may have {}: split it, or raise the "
                                   "daemon's limit",
                                   size, limits_.blob_bytes));
+    error.error().limit = "blob_bytes";
     error.error().needed = size;
     error.error().available = limits_.blob_bytes;
     return error;

@@ -23,7 +23,10 @@ DAEMON = pathlib.Path(os.environ.get("HELIOGRAPHD", ROOT / "build/cpu/bin/heliog
 PYTHON = pathlib.Path(sys.executable).resolve()
 STDLIB = pathlib.Path(sysconfig.get_path("stdlib"))
 UNUSED = "test", "tests", "*-packages", "idlelib", "tkinter", "config-*", "EXTERNALLY-MANAGED"
-DEPENDENCIES = "numpy", "grpcio", "protobuf", "pillow", "tqdm", "typing_extensions", "pip"
+DEPENDENCIES = (
+    *("numpy", "grpcio", "protobuf", "googleapis-common-protos", "pillow", "tqdm"),
+    *("typing_extensions", "pip"),
+)
 PICTURE = """
 import heliograph as hg
 with hg.connect() as client, client.create_scene() as scene:

@@ -25,11 +25,13 @@ from authz_rows import (
     upload_of,
 )
 from google.protobuf import message_factory
-from heliograph._wire._proto import scene_pb2, types_pb2
+from google.rpc import status_pb2
+from heliograph._wire._proto import scene_pb2
 from heliograph._wire._proto import service_pb2 as service
+from heliograph._wire.status import fields_of
 
 METHODS = service.DESCRIPTOR.services_by_name["Renderer"].methods_by_name
-WITHOUT_SESSION = ("GetServerInfo", "OpenSession")
+WITHOUT_SESSION = ("GetServerInfo", "ListSessions", "OpenSession")
 
 
 @dataclasses.dataclass
@@ -42,12 +44,12 @@ class Answer:
 
     @staticmethod
     def of(error):
-        detail = types_pb2.ErrorDetail()
-        for key, value in error.trailing_metadata() or ():
-            if key == "heliograph-error-bin":
-                detail.ParseFromString(value)
+        data = dict(error.trailing_metadata() or ()).get("grpc-status-details-bin", b"")
+        told = fields_of(status_pb2.Status.FromString(data))
         words = re.sub(r"\b[0-9a-f]{64}\b|\b\d+\b|'[^']*'", "#", error.details() or "")
-        return Answer(error.code().name, words, (detail.field, tuple(detail.nearest)))
+        return Answer(
+            error.code().name, words, (told.get("field", ""), tuple(told.get("nearest", ())))
+        )
 
 
 class Caller:
@@ -112,10 +114,10 @@ class Caller:
             return Answer.of(error)
         facts: tuple = ()
         for reply in replies:
-            if getattr(reply, "code", 0):
-                words = re.sub(r"\b[0-9a-f]{64}\b|\b\d+\b|'[^']*'", "#", reply.message)
+            if (status := getattr(reply, "status", None)) and status.code:
+                words = re.sub(r"\b[0-9a-f]{64}\b|\b\d+\b|'[^']*'", "#", status.message)
                 names = {code.value[0]: code.name for code in grpc.StatusCode}
-                return Answer(names[reply.code], words, (reply.detail.field,))
+                return Answer(names[status.code], words, (fields_of(status).get("field", ""),))
             facts += (getattr(reply, "existed", None),)
         return Answer("OK", "", facts)
 

@@ -110,6 +110,7 @@ class Row:
 
 ROWS: dict[str, list[Row]] = {
     "GetServerInfo": [Row("nothing", lambda me, _: [service.GetServerInfoRequest()])],
+    "ListSessions": [Row("nothing", lambda me, _: [service.ListSessionsRequest()])],
     "OpenSession": [
         Row(
             "ticket",

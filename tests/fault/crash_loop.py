@@ -64,7 +64,7 @@ def check(editors):
         mine = [e for e in editors if e.number % 2 == room]
         scene = mine[0].scene
         made = sum(len(e.acknowledged) for e in mine)
-        entities = scene.describe().counts["entities"]
+        entities = scene.describe().counts.entities
         twice += max(0, entities - made - 2 * len(mine))
         lost += max(0, made + 2 * len(mine) - entities)
         for editor in mine:
@@ -102,8 +102,8 @@ def main():
         flags = ("--state-dir", f"{folder}/state", "--limit", "snapshot_edits=2000")
         daemon = Served(folder, *flags)
         with hg.connect(daemon.socket) as client:
-            for room, durability in enumerate(("os", "fsync")):
-                client.create_scene(f"room {room}", durability=durability, shared=True)
+            for room, lifetime in enumerate(("disk", "disk_synced")):
+                client.create_scene(f"room {room}", lifetime=lifetime)
         editors = [Editor(daemon.socket, number) for number in range(STREAMS)]
         alive = 0.0
         for _ in range(KILLS):

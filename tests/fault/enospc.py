@@ -74,7 +74,7 @@ def main():
         state = disk / "state"
         daemon = Served(folder, "--state-dir", state)
         client = hg.connect(daemon.socket)
-        scene = client.create_scene("room", durability="os", shared=True)
+        scene = client.create_scene("room", lifetime="disk")
         ballast = disk / "ballast"
         ballast.write_bytes(bytes(MEBIBYTES << 19))
         acknowledged = count_until_refused(scene, 0, vertices=25_000)

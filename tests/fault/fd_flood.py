@@ -8,7 +8,7 @@ import time
 
 import common
 import heliograph as hg
-from served import served
+from served import few_descriptors, served
 
 DESCRIPTORS = 256
 
@@ -32,13 +32,10 @@ def flood(daemon, kind):
 
 
 def main():
-    def limit():
-        resource.setrlimit(resource.RLIMIT_NOFILE, (DESCRIPTORS, DESCRIPTORS))
-
     resource.setrlimit(resource.RLIMIT_NOFILE, (8192, 8192))
     with (
         common.Report("S2 floods of connections") as report,
-        served("--listen", "127.0.0.1:0", preexec_fn=limit) as daemon,
+        served("--listen", "127.0.0.1:0", under=few_descriptors(DESCRIPTORS)) as daemon,
     ):
         with hg.connect(daemon.socket) as client:
             common.stage(client)

@@ -84,13 +84,12 @@ def weight(method):
 
 def refusals(kind, data):
     """What a reply of a stream refuses: an edit, or an item of a batch."""
-    if "code" not in kind.fields_by_name:
+    if "status" not in kind.fields_by_name:
         return []
     reply = message_factory.GetMessageClass(kind).FromString(data)
-    if not reply.code:
+    if not reply.status.code:
         return []
-    error = _status.status_error(reply.code, reply.message, reply.detail)
-    return [(_status._CODES[reply.code], error)]
+    return [(_status._CODES[reply.status.code], _status.status_error(reply.status))]
 
 
 class Worker:
@@ -167,9 +166,9 @@ class Worker:
         reply = line._exchange(packet, None)
         if reply is None:
             return [("CLOSED", None)]
-        name = _status._CODES[reply.code]
-        error = _status.status_error(reply.code, reply.message, reply.detail)
-        return [(name, error if reply.code else None)]
+        name = _status._CODES[reply.status.code]
+        error = _status.status_error(reply.status)
+        return [(name, error if reply.status.code else None)]
 
     def delete(self, scene):
         """What a mutant made, unless another's has deleted it; OpenScene gives what others need."""

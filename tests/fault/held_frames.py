@@ -5,14 +5,13 @@ them."""
 
 import gc
 import os
-import resource
 import time
 
 import common
 import heliograph as hg
 import numpy as np
 from health import Health
-from served import served
+from served import few_descriptors, served
 
 DESCRIPTORS = 8192  # of deploy/heliographd.service
 FRAMES = common.size(100_000, 2_500)
@@ -61,13 +60,10 @@ def hold(scene, report):
 
 
 def main():
-    def limit():
-        resource.setrlimit(resource.RLIMIT_NOFILE, (DESCRIPTORS, DESCRIPTORS))
-
     flags = [f"--limit={name}={ROOM}" for name in ("shared_bytes", "tenant_bytes")]
     with (
         common.Report("frames that are held") as report,
-        served(*flags, preexec_fn=limit) as daemon,
+        served(*flags, under=few_descriptors(DESCRIPTORS)) as daemon,
         hg.connect(daemon.socket) as client,
     ):
         health = Health(client)

@@ -65,7 +65,7 @@ def growth(report, folder):
     daemon = Served(folder, "--state-dir", state)
     most = 0
     with hg.connect(daemon.socket) as client:
-        scene = client.create_scene("room", durability="os", shared=True)
+        scene = client.create_scene("room", lifetime="disk")
         for number in range(EDITS):
             scene.apply(entity_of("one", number, ATTRIBUTE))
             most = max(most, on_disk(state))
@@ -87,7 +87,7 @@ def many_scenes(report, folder):
     daemon = Served(folder, "--state-dir", state)
     with hg.connect(daemon.socket) as client:
         for k in range(size(16, 8)):
-            scene = client.create_scene(f"room {k}", durability="os", shared=True)
+            scene = client.create_scene(f"room {k}", lifetime="disk")
             for number in range(4):
                 scene.apply(entity_of(f"e{number}", number, 2 * ATTRIBUTE // 5))
         daemon.process.kill()
@@ -119,7 +119,7 @@ class Tenant:
 
     def __init__(self, daemon, name):
         self.client = hg.connect(daemon.socket, token=TOKENS[name])
-        self.scene = self.client.create_scene(name, durability="os", shared=True)
+        self.scene = self.client.create_scene(name, lifetime="disk")
         self.made = 0
 
     def make(self, length=0):
@@ -209,7 +209,7 @@ def filled_by_others(report, disk, tenants):
     daemon.process.wait()
     daemon = Served(disk.parent, *flags)
     with hg.connect(daemon.socket, token=TOKENS["vision"]) as client:
-        entities = client.open_scene("vision").describe().counts["entities"]
+        entities = client.open_scene("vision").describe().counts.entities
         report.figure("edits lost", made - entities, 0, slack=False)
     ballast.unlink()
     daemon.stop()

@@ -7,7 +7,6 @@ import contextlib
 import fcntl
 import os
 import pathlib
-import resource
 import socket
 import struct
 import subprocess
@@ -284,26 +283,24 @@ def removed(group):
 
 @contextlib.contextmanager
 def pod(limit):
-    """What a process calls to enter a container of this much memory; None where none can be
-    made."""
+    """What a process is executed under to be in a container of this much memory; () where none can
+    be made."""
     if (GROUPS / "memory").is_dir():
         root, file = GROUPS / "memory", "memory.limit_in_bytes"
     else:
         root, file = GROUPS, "memory.max"
     group = root / f"heliograph-{os.getpid()}"
 
-    def enter():
-        (group / "cgroup.procs").write_text(str(os.getpid()))
-
+    enter = ("sh", "-c", f'echo $$ > {group}/cgroup.procs && exec "$@"', "sh")
     possible = False
     with contextlib.suppress(OSError, subprocess.SubprocessError):
         group.mkdir()
         (group / file).write_text(str(limit))
-        subprocess.run(["true"], check=True, preexec_fn=enter)
+        subprocess.run([*enter, "true"], check=True, stderr=subprocess.DEVNULL)
         possible = True
     if not possible:
         print("    no container can be made here: the limit memory_bytes stands for it")
-    yield enter if possible else None
+    yield enter if possible else ()
     with contextlib.suppress(TimeoutError):
         common.seconds_until(lambda: removed(group))
 
@@ -347,9 +344,9 @@ def memory(report):
     high = {"tenant_bytes": 16 << 30, "blob_store_bytes": 16 << 30}
     for what, limits in (("memory", {}), ("limits above the memory", high)):
         with pod(POD) as enter:
-            if enter is None:
+            if not enter:
                 limits = {**limits, "memory_bytes": POD}
-            with served.served("--grace", "0", *limit_flags(**limits), preexec_fn=enter) as daemon:
+            with served.served("--grace", "0", *limit_flags(**limits), under=enter) as daemon:
                 with hg.connect(daemon.socket) as client:
                     told = refused(lambda c=client: fill(c))
                     print("   ", told)
@@ -368,8 +365,10 @@ def memory(report):
 def descriptors(report):
     """Small frames that are held leave descriptors for others."""
     few = 256
-    lower = lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (few, few))  # noqa: E731
-    with served.served(preexec_fn=lower) as daemon, hg.connect(daemon.socket) as client:
+    with (
+        served.served(under=served.few_descriptors(few)) as daemon,
+        hg.connect(daemon.socket) as client,
+    ):
         scene = common.stage(client, 128, 128)
         held = [scene.render("cam", planes=["depth"], labels=False)["depth"] for _ in range(300)]
         report.figure("held frames: descriptors", daemon.descriptors(), few - 32, slack=False)

@@ -236,7 +236,7 @@ def furnish(scene, model):
 def tour(client, model, folder):
     """Every call of the Python client: its requests are the seeds. Gives the names of objects and
     their ids."""
-    scene = client.create_scene("tour", shared=True)
+    scene = client.create_scene("tour", lifetime="daemon")
     furnish(scene, model)
     with scene.overlay() as overlay:
         overlay.entity("ball", visible=False)

@@ -51,7 +51,7 @@ class Editor(Worker):
         """How many edits are lost, twice, or not where they were."""
         count = len(self.acknowledged)
         gaps = [r for r, _ in self.acknowledged] != list(range(1, count + 1))
-        extra = abs(self.scene.describe().counts["entities"] - count)
+        extra = abs(self.scene.describe().counts.entities - count)
         poses = self.scene.transforms([made for _, made in self.acknowledged])
         return gaps + extra + int((poses[:, 0, 3] != range(1, count + 1)).sum())
 
@@ -108,9 +108,9 @@ def losses(report, folder):
     with hg.connect(daemon.socket) as first, hg.connect(daemon.socket) as second:
         stages = [common.stage(client) for client in (first, second)]
         branch = stages[0].branch()
-        shown = [*stages, branch, common.stage(second, name="room", shared=True)]
+        shown = [*stages, branch, common.stage(second, name="room", lifetime="daemon")]
         before = [scene.render("cam", seed=k, **PICTURE) for k, scene in enumerate(shown)]
-        shared = first.create_scene("edited", shared=True)
+        shared = first.create_scene("edited", lifetime="daemon")
         editors = [Editor(first.create_scene()), Editor(second.create_scene()), Editor(shared)]
         for k in range(LOSSES):
             common.seconds_until(lambda: all(len(e.acknowledged) > 20 * (k + 1) for e in editors))
@@ -140,9 +140,9 @@ def vanished(report, folder):
     daemon = start(folder)
     came = time.perf_counter()
     goes.connection.link.close()  # as if it had been killed
-    assert kept.describe().counts["entities"] > 0
+    assert kept.describe().counts.entities > 0
     everybody = common.used(stays, "tenant_entities")
-    both = gone_entities = kept.describe().counts["entities"]
+    both = gone_entities = kept.describe().counts.entities
     report.figure("entities that did not come back", 2 * both - everybody, 0, slack=False)
     common.seconds_until(lambda: common.used(stays, "tenant_entities") <= gone_entities)
     took = time.perf_counter() - came

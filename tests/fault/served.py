@@ -74,9 +74,10 @@ class Authority:
 
 class Served:
     """A heliographd with these flags; `.socket` is its address and `.path` the socket's, `.tcp` the
-    address when it listens on TCP, `.metrics` that of its metrics. `popen`: of its process."""
+    address when it listens on TCP, `.metrics` that of its metrics. `under`: a command that executes
+    it, as `prlimit` does; `popen`: of its process."""
 
-    def __init__(self, folder, *flags, **popen):
+    def __init__(self, folder, *flags, under=(), **popen):
         self.folder = pathlib.Path(folder)
         self.path = f"{folder}/run/heliograph.sock"
         self.socket = f"unix://{self.path}"
@@ -84,7 +85,7 @@ class Served:
         read, ready = os.pipe()
         with open(self._log, "wb") as log:
             self.process = subprocess.Popen(
-                [DAEMON, "--socket", self.path, "--ready-fd", str(ready), *map(str, flags)],
+                [*under, DAEMON, "--socket", self.path, "--ready-fd", str(ready), *map(str, flags)],
                 pass_fds=(ready,),
                 **{"stderr": log, **popen},
             )
@@ -129,13 +130,18 @@ class Served:
 
 
 @contextlib.contextmanager
-def served(*flags, folder=None, **popen):
+def served(*flags, folder=None, **options):
     """Served, in a folder of its own, stopped at the end."""
     with contextlib.ExitStack() as stack:
         place = folder or stack.enter_context(tempfile.TemporaryDirectory(prefix="hg-"))
-        daemon = Served(place, *flags, **popen)
+        daemon = Served(place, *flags, **options)
         stack.callback(daemon.stop)
         yield daemon
+
+
+def few_descriptors(most):
+    """What a daemon is executed under to have no more."""
+    return ("prlimit", f"--nofile={most}")
 
 
 @contextlib.contextmanager

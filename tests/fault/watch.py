@@ -131,7 +131,7 @@ def run(folder, seconds, kept, counts):
     flags += ["--limit", f"watch_events={kept}"] if kept else []
     daemon = Served(folder, *flags)
     with hg.connect(daemon.socket) as client:
-        scene = client.create_scene("room", durability="os", shared=True)
+        scene = client.create_scene("room", lifetime="disk")
         last = []
         kinds = [Watcher, Watcher, Resuming, *([Slow] if kept else [])]
         watchers = [kind(daemon.socket, lambda: last[0] if last else None) for kind in kinds]
@@ -201,7 +201,7 @@ def memory(report):
     """Watchers that read nothing while events of 1 MB pass."""
     limits = {"stall_seconds": 30, "watch_bytes": 48 * EVENT}
     with common.daemon(**limits) as client:
-        scene = client.create_scene("room", shared=True)
+        scene = client.create_scene("room", lifetime="daemon")
 
         def put(count):
             for _ in range(count):

@@ -17,6 +17,8 @@ import contracts
 
 def extend(message) -> None:
     """Sets the field of the future in a message and all beneath it."""
+    if "future" not in message.DESCRIPTOR.fields_by_name:
+        return  # google.rpc.Status, google.protobuf.Any
     message.future = 1 << 40
     for field, value in message.ListFields():
         if field.message_type is None or field.message_type.GetOptions().map_entry:

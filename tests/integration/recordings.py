@@ -59,7 +59,7 @@ def furnish(scene):
 def shared_room(daemon):
     """A furnished scene, as the two sessions that share it see it."""
     with hg.connect(daemon.socket) as one, hg.connect(daemon.socket) as two:
-        mine = one.create_scene("room", shared=True)
+        mine = one.create_scene("room", lifetime="daemon")
         furnish(mine)
         yield mine, two.open_scene("room")
 

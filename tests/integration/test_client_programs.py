@@ -76,13 +76,13 @@ def test_a_reader_that_has_seen_enough_is_no_error():
 
 
 def test_info_tells_who_uses_what(client):
-    with client.create_scene("farm", shared=True), client.create_scene():
+    with client.create_scene("farm", lifetime="daemon"), client.create_scene():
         run = heliograph("info", "--address", client.address)
         assert run.returncode == 0, run.stderr
         lines = [line.split() for line in run.stdout.splitlines()]
         mine = [line for line in lines if line[:1] == ["python"]]
         assert [line[-1] for line in mine] == ["1", "0"]  # private scenes; the command has none
-        assert ["farm", "shared,", "revision", "0"] in lines
+        assert ["farm", "daemon,", "revision", "0"] in lines
         assert any(line[:1] == ["tenant_bytes"] and len(line) == 3 for line in lines)
         assert str(client.connection.link.session) not in run.stdout
 

@@ -158,7 +158,7 @@ def test_threads_share_a_session(scene, asked):
 
 def test_an_interrupt_cancels_the_call(scene):
     def calls():
-        return sum(use.calls for use in scene.client.info().sessions)
+        return sum(use.calls for use in scene.client.sessions())
 
     def interrupt(*_):
         raise KeyboardInterrupt

@@ -249,7 +249,7 @@ def test_tcp_with_a_token(tmp_path):
                     assert scene.revision == 1
             shared = f"unix://{tmp_path}/heliograph.sock"
             with hg.connect(shared) as client:
-                client.create_scene("kept", shared=True)
+                client.create_scene("kept", lifetime="daemon")
             with hg.connect(shared) as client:
                 client.open_scene("kept").delete()
         finally:
@@ -286,7 +286,7 @@ def test_a_client_grows_with_no_scene_that_is_gone():
 def test_a_child_awaits_edits_of_a_scene_of_its_parent(client):
     async def begin():
         connected = await aio.connect(client.address)
-        return connected, await connected.create_scene("awaited", shared=True)
+        return connected, await connected.create_scene("awaited", lifetime="daemon")
 
     async def entity(name):
         async with scene.edit() as edit:

@@ -139,7 +139,7 @@ def test_a_daemon_that_comes_back_serves_the_same_scene(stage, tmp_path):
     daemons = [Served(tmp_path, *flags)]
     try:
         with hg.connect(daemons[0].socket) as client:
-            scene = client.create_scene("room", durability="os", shared=True)
+            scene = client.create_scene("room", lifetime="disk")
             balls, _ = furnished(scene)
             dies = before_image(hd.Coco, 4, daemons[0].process.kill)
             with pytest.raises(hg.Unavailable, match="images that are done stay"):

@@ -175,7 +175,7 @@ def test_a_durable_scene_keeps_what_came_from_the_gpu(stub, monkeypatch, tmp_pat
     monkeypatch.setenv("HELIOGRAPHD", str(DAEMON.with_name("heliographd-faulty")))
     arguments = ["--state-dir", str(tmp_path / "state")]
     with hg.connect(arguments=arguments) as client:
-        scene, balls = build(client, name="kept", shared=True, durability="fsync")
+        scene, balls = build(client, name="kept", lifetime="disk_synced")
         for k in (1, 2, 3):
             with scene.edit() as edit:
                 edit.set_transforms(balls, OnGpu(places(k)))

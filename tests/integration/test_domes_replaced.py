@@ -76,7 +76,10 @@ def test_no_dome_and_a_texture_of_ones_own(scene, end):
 
 
 def test_clients_in_turn(client):
-    with client.create_scene("both", shared=True) as scene, hg.connect(client.address) as other:
+    with (
+        client.create_scene("both", lifetime="daemon") as scene,
+        hg.connect(client.address) as other,
+    ):
         theirs = other.open_scene("both")
         for _ in range(3):
             put(scene, image())
@@ -121,7 +124,7 @@ def test_files_and_helpers(scene):
         with scene.edit() as edit:
             edit.sample_studio()
     assert len(names(scene)) == 1
-    assert scene.describe().counts["textures"] == 1
+    assert scene.describe().counts.textures == 1
 
 
 def test_overlays_leave_nothing(scene):

@@ -40,11 +40,11 @@ def place(scene, name, x):
 
 
 @pytest.mark.parametrize("kill", [True, False], ids=["kill", "drain"])
-@pytest.mark.parametrize("durability", ["os", "fsync"])
-def test_a_client_goes_on_after_a_restart(daemons, kill, durability):
+@pytest.mark.parametrize("lifetime", ["disk", "disk_synced"])
+def test_a_client_goes_on_after_a_restart(daemons, kill, lifetime):
     with hg.connect(daemons()) as client:
-        scene = client.create_scene("room", durability=durability, shared=True)
-        assert scene.durability == durability
+        scene = client.create_scene("room", lifetime=lifetime)
+        assert scene.lifetime == lifetime
         thing = place(scene, "thing", 1)
         session = client.connection.link.session
         daemons(kill)
@@ -56,7 +56,7 @@ def test_a_client_goes_on_after_a_restart(daemons, kill, durability):
 
 def test_a_retry_after_a_restart_is_answered_not_applied(daemons):
     with hg.connect(daemons()) as client:
-        scene = client.create_scene("room", durability="os", shared=True)
+        scene = client.create_scene("room", lifetime="disk")
         place(scene, "thing", 1)
         state = client.state_of(scene.id)
         state.next -= 1  # as if the reply had been lost
@@ -69,7 +69,7 @@ def test_a_retry_after_a_restart_is_answered_not_applied(daemons):
 def test_a_repeated_creation_is_answered_with_the_scene_as_it_is(daemons):
     with hg.connect(daemons()) as client:
         request = service.CreateSceneRequest(
-            name="room", shared=True, durability="os", request_id="once"
+            name="room", lifetime="LIFETIME_DISK", request_id="once"
         )
         scene = client.open_scene(client.connection.call("CreateScene", request).name)
         place(scene, "thing", 1)
@@ -82,11 +82,11 @@ def test_a_repeated_creation_is_answered_with_the_scene_as_it_is(daemons):
             place(scene, "thing", 2)
 
 
-@pytest.mark.parametrize("durability", ["none", "os"])
-def test_an_edit_refused_for_now_leaves_its_number_free(daemons, durability):
+@pytest.mark.parametrize("lifetime", ["daemon", "disk"])
+def test_an_edit_refused_for_now_leaves_its_number_free(daemons, lifetime):
     rate = ("--limit", "tenant_edits_per_second=10")
     with hg.connect(daemons(flags=rate)) as client:
-        scene = client.create_scene("room", durability=durability, shared=True)
+        scene = client.create_scene("room", lifetime=lifetime)
         for number in range(1, 1000):
             request = service.ApplyRequest(scene=scene.id, number=number)
             request.transaction.edits.add().advance.dt = 1
@@ -111,7 +111,7 @@ def test_an_edit_refused_for_now_leaves_its_number_free(daemons, durability):
 
 def test_what_was_not_durable_is_gone(daemons):
     with hg.connect(daemons()) as client:
-        client.create_scene("kept", durability="os", shared=True)
+        client.create_scene("kept", lifetime="disk")
         plain = client.create_scene("plain")
         daemons()
         with pytest.raises(hg.NotFound):
@@ -123,7 +123,7 @@ def test_what_was_not_durable_is_gone(daemons):
 
 def test_pictures_are_the_same_after_a_restart(daemons):
     with hg.connect(daemons()) as client:
-        scene = client.create_scene("room", durability="os", shared=True)
+        scene = client.create_scene("room", lifetime="disk")
         with scene.edit() as edit:
             edit.sample_studio()
             mesh = edit.mesh("mesh", **hg.shapes.sphere(0.5))
@@ -151,7 +151,7 @@ def test_large_arrays_are_there_after_a_restart(daemons, where):
     with hg.connect(daemons()) as client:
         if where == "upload":
             client.connection.link.shared = None
-        scene = client.create_scene("room", durability="os", shared=True)
+        scene = client.create_scene("room", lifetime="disk")
         with scene.edit() as edit:
             faces = np.arange(len(vertices), dtype=np.uint32).reshape(-1, 3)
             mesh = edit.mesh("mesh", positions=vertices, indices=faces)
@@ -165,10 +165,10 @@ def test_large_arrays_are_there_after_a_restart(daemons, where):
 
 def test_branches_are_durable_when_asked(daemons):
     with hg.connect(daemons()) as client:
-        scene = client.create_scene("room", durability="os", shared=True)
+        scene = client.create_scene("room", lifetime="disk")
         place(scene, "thing", 1)
-        assert scene.branch("not", shared=True).durability == "none"
-        branch = scene.branch("too", durability="fsync", shared=True)
+        assert scene.branch("not", lifetime="daemon").lifetime == "daemon"
+        branch = scene.branch("too", lifetime="disk_synced")
         place(branch, "thing", 2)
         scene.delete()
         daemons()
@@ -178,7 +178,7 @@ def test_branches_are_durable_when_asked(daemons):
 
 def test_a_session_is_not_resumed_for_ever(daemons):
     with hg.connect(daemons()) as client:
-        scene = client.create_scene("room", durability="os", shared=True)
+        scene = client.create_scene("room", lifetime="disk")
         place(scene, "thing", 1)
         daemons(flags=("--limit", "resume_seconds=1"))
         time.sleep(2)
@@ -188,18 +188,16 @@ def test_a_session_is_not_resumed_for_ever(daemons):
         assert scene.revision == 2
 
 
-def test_durability_without_a_state_directory(client):
+def test_scenes_on_disk_need_a_state_directory(client):
     with pytest.raises(hg.FailedPrecondition, match="--state-dir"):
-        client.create_scene("room", durability="os", shared=True)
-    with pytest.raises(hg.InvalidArgument, match="shared"):
-        client.create_scene("room", durability="os")
-    with pytest.raises(hg.InvalidArgument, match="one of none, os, fsync"):
-        client.create_scene("room", durability="maybe", shared=True)
+        client.create_scene("room", lifetime="disk")
+    with pytest.raises(hg.InvalidArgument, match="one of session, daemon, disk, disk_synced"):
+        client.create_scene("room", lifetime="maybe")
 
 
 def test_a_ticket_of_the_daemon_before_costs_nothing(daemons):
     with hg.connect(daemons()) as client:
-        scene = client.create_scene("room", durability="os", shared=True)
+        scene = client.create_scene("room", lifetime="disk")
         place(scene, "thing", 1)
         session = client.connection.link.session
         address = daemons()
@@ -214,7 +212,7 @@ def test_a_ticket_of_the_daemon_before_costs_nothing(daemons):
 
 def test_a_session_is_resumed_again_when_the_reply_was_lost(daemons):
     with hg.connect(daemons()) as client:
-        scene = client.create_scene("room", durability="os", shared=True)
+        scene = client.create_scene("room", lifetime="disk")
         place(scene, "thing", 1)
         old = client.connection.link
         access = client.connection.access
@@ -241,6 +239,6 @@ def test_a_state_directory_may_be_relative(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     daemon = Served(tmp_path, "--state-dir", "state")
     with hg.connect(daemon.socket) as client:
-        client.create_scene("room", durability="os", shared=True)
+        client.create_scene("room", lifetime="disk")
     daemon.stop()
     assert (tmp_path / "state" / "journal.db").exists()

@@ -193,5 +193,5 @@ def test_a_loaded_scene_shares_the_model_again(client, scene, model, tmp_path):
         with loaded.edit() as edit:
             copy = edit.import_file(model.path, name="copy", transform=pose((9, 0, 0)))
         assert not loaded.find("*~2")
-        assert loaded.describe().counts["meshes"] == 1
+        assert loaded.describe().counts.meshes == 1
         assert [m.id for m in copy.meshes.values()] == [loaded["banner/sheet"].id]

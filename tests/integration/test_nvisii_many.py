@@ -47,7 +47,7 @@ def test_more_than_a_message_takes_is_shown_at_once(camera, client, sent):
     nvisii.render(8, 8, 1)
     sizes = [transaction.ByteSize() for _, transaction in sent]
     assert len(sizes) >= 2 and max(sizes) < 2 * nvisii.parts.PART_BYTES
-    assert scene_of().describe().counts["entities"] == MANY + 1  # and the camera
+    assert scene_of().describe().counts.entities == MANY + 1  # and the camera
     for i, place in enumerate(places):
         place.set_position((i % 400 * 0.01 - 2, 0, i // 400 * 0.01 - 2))
     sent.clear()
@@ -100,7 +100,7 @@ def test_parts_are_all_or_nothing(camera, client, sent, small_parts, monkeypatch
     for i in range(400):
         nvisii.entity.remove(f"e{i}")
     nvisii.render(8, 8, 1)
-    assert scene_of().describe().counts["entities"] == 1
+    assert scene_of().describe().counts.entities == 1
 
 
 def visit(number):
@@ -127,7 +127,7 @@ def test_what_comes_and_goes_leaves_nothing(camera, client):
     daemon = client.connection.daemon._process.pid
     for number in range(60):
         visit(number)
-    counts = dict(scene_of().describe().counts)
+    counts = scene_of().describe().counts
     gc.collect()
     tracemalloc.start()
     there = resident(daemon)
@@ -136,6 +136,6 @@ def test_what_comes_and_goes_leaves_nothing(camera, client):
     gc.collect()
     grown = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
-    assert dict(scene_of().describe().counts) == counts
+    assert scene_of().describe().counts == counts
     assert grown < 300_000  # a texture alone has 64 KiB, a visit's components 5 KiB
     assert resident(daemon) - there < 8 << 20  # of 200 textures and meshes: 50 MiB

@@ -81,7 +81,7 @@ def ask(scene):
     points = scene.sample_surface(["ball"], 20, seed=3)
     scene.tracks("cam", points, [0.0, 0.5])
     assert ball in scene.find("b*")
-    assert scene.describe(tree=True, memory=True).memory["arrays"] > 0
+    assert scene.describe(tree=True, memory=True).memory.arrays > 0
     with pytest.raises(hg.NotFound):
         scene.read(["nobody"], ["pose"])
     with pytest.raises(hg.NotFound):
@@ -198,7 +198,7 @@ def test_damaged_bytes_are_named(short):
 def test_a_daemon_that_was_killed_leaves_what_it_had(recorded):
     daemon = recorded()
     with hg.connect(daemon.socket) as client:
-        scene = client.create_scene("room", shared=True)
+        scene = client.create_scene("room", lifetime="daemon")
         furnish(scene)
         for x in range(20):
             place(scene, x)
@@ -218,7 +218,7 @@ def test_a_daemon_that_was_killed_leaves_what_it_had(recorded):
 def test_it_keeps_up_after_much_came_at_once(recorded):
     daemon = recorded()
     with hg.connect(daemon.socket) as client:
-        scene = client.create_scene("room", shared=True)
+        scene = client.create_scene("room", lifetime="daemon")
         with scene.edit() as edit:
             edit.mesh("cloth", positions=np.zeros((1_000_000, 3), "f4"), indices=[(0, 1, 2)])
         for x in range(1000):
@@ -267,7 +267,7 @@ def test_edits_that_were_refused_for_now_are_left_out(recorded):
             for each in edits:
                 each.transaction.edits.add().advance.dt = 1
             replies = list(client.connection.stream("ApplyStream", iter(edits)))
-            codes = [reply.code for reply in replies]
+            codes = [reply.status.code for reply in replies]
             assert 0 < codes.index(8) and codes[-1] in (8, 10)
             time.sleep(1)
     daemon.stop()

@@ -130,11 +130,11 @@ def test_a_changed_description_is_found(asked):
     call = call_of(items, "DescribeScene")
     item = [i.reply for i in items if i.HasField("reply") and i.reply.call == call][0]
     reply = service.DescribeSceneReply.FromString(item.message)
-    reply.counts["meshes"] += 1
+    reply.counts.meshes += 1
     item.message = reply.SerializeToString()
     write_items(asked, items)
     (line,) = played(asked)[DIFFERS]
-    assert line.startswith(f"call {call} DescribeScene") and "counts[meshes] is 2; it was 3" in line
+    assert line.startswith(f"call {call} DescribeScene") and "counts.meshes is 2; it was 3" in line
 
 
 def test_questions_about_an_altered_scene_differ(asked):
@@ -221,7 +221,7 @@ def test_scenes_from_before_are_said_not_to_be_played(recorded, tmp_path):
     state = ("--state-dir", tmp_path / "state")
     before = Served(tmp_path, *state)
     with hg.connect(before.socket) as client:
-        furnish(client.create_scene("room", shared=True, durability="os"))
+        furnish(client.create_scene("room", lifetime="disk"))
     assert before.stop() == 0
     daemon = recorded(*state)
     with hg.connect(daemon.socket) as client:

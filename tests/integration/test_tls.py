@@ -49,7 +49,7 @@ def tls(authority):
 
 def test_a_certificate_says_who_a_client_is_and_a_token_wins(daemon, tls):
     with hg.connect(daemon.tcp, tls=tls) as robots:
-        robots.create_scene("shared name", shared=True)
+        robots.create_scene("shared name", lifetime="daemon")
         with hg.connect(daemon.tcp, tls=tls, token=served.TOKENS["vision"]) as vision:
             assert vision.scenes() == []
             with vision.create_scene("shared name"):
@@ -69,7 +69,7 @@ def test_a_token_in_a_file_is_read_again(daemon, tls, place):
     path = place / "client-token"
     path.write_text(served.TOKENS["robots"] + "\n")
     with hg.connect(daemon.tcp, tls=tls, token=path) as client:
-        assert client.info().api == "v1"
+        assert client.info().max_api == 1
         path.write_text("a-token-that-nobody-has")
         with pytest.raises(hg.Unauthenticated, match="who makes it"):
             client.scenes()
@@ -134,6 +134,6 @@ def test_the_commands_of_the_operators_page_work(place):
     with served.served("--listen", "127.0.0.1:0", *flags, folder=folder) as running:
         tls = hg.TLS(ca=folder / "server.pem")
         with hg.connect(running.tcp, token=token, tls=tls) as client:
-            assert client.info().api == "v1"
+            assert client.info().max_api == 1
         with hg.connect(running.socket) as client:  # "ops socket"
-            assert client.info().api == "v1"
+            assert client.info().max_api == 1

@@ -71,7 +71,7 @@ def test_a_recording_of_traced_calls_is_played(tmp_path):
     path = tmp_path / "session.recording"
     with (
         hg.connect(arguments=("--record", str(path)), trace=headers) as client,
-        client.create_scene("room", shared=True) as scene,
+        client.create_scene("room", lifetime="daemon") as scene,
     ):
         furnish(scene)
         scene.render("cam", spp=2, planes=["beauty"])

@@ -29,7 +29,7 @@ FRUGAL = ["--threads", "1", *(word for limit in LIMITS for word in ("--limit", l
 def far():
     """A client whose session may end, and a scene that does not end with it."""
     with hg.connect(arguments=[*FRUGAL, "--grace", "0"]) as client:
-        scene = client.create_scene("shared", shared=True)
+        scene = client.create_scene("shared", lifetime="daemon")
         with scene.edit() as edit:
             mesh = edit.mesh("m", **hg.shapes.plane(2))
             edit.entity("q", mesh=mesh, material=edit.material("k"), category="plane")

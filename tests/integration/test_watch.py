@@ -17,7 +17,7 @@ from served import Served  # noqa: E402
 
 @pytest.fixture
 def shared(client):
-    made = client.create_scene(shared=True)
+    made = client.create_scene(lifetime="daemon")
     yield made
     made.delete()
 
@@ -93,7 +93,7 @@ def test_what_cannot_be_had_is_refused(client, scene):
         scene.watch(0)
     with pytest.raises(hg.InvalidArgument, match="bookmark_seconds"):
         scene.watch(bookmark_seconds=0.1)
-    gone = client.create_scene(shared=True)
+    gone = client.create_scene(lifetime="daemon")
     with gone.watch() as watch:
         gone.delete()
         with pytest.raises(hg.NotFound):
@@ -102,7 +102,7 @@ def test_what_cannot_be_had_is_refused(client, scene):
 
 def test_a_reader_that_falls_behind_is_told_the_oldest():
     with hg.connect(arguments=["--limit", "watch_events=4"]) as client:
-        scene = client.create_scene(shared=True)
+        scene = client.create_scene(lifetime="daemon")
         mesh = hg.shapes.sphere(0.5, segments=64)
         with scene.watch(1) as watch:
             for _ in range(400):  # together far more than connections hold
@@ -120,7 +120,7 @@ def test_it_goes_on_after_a_restart_and_begins_before_it(tmp_path, kill):
     state = ("--state-dir", tmp_path / "state", "--limit", "snapshot_edits=5")
     daemon = Served(tmp_path, *state)
     with hg.connect(daemon.socket) as client:
-        scene = client.create_scene("room", durability="os", shared=True)
+        scene = client.create_scene("room", lifetime="disk")
         with scene.watch() as watch:
             for x in range(13):
                 place(scene, x)

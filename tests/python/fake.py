@@ -14,6 +14,7 @@ import grpc
 import numpy as np
 from heliograph._wire._proto import render_pb2, service_pb2, service_pb2_grpc, types_pb2
 from heliograph._wire.arrays import inline
+from statuses import status
 
 U = service_pb2
 
@@ -29,8 +30,8 @@ class FakeDaemon(service_pb2_grpc.RendererServicer):
         self.replies = {}
         self.fail_applies = 0  # how many Apply calls get lost after they were done
         self.loss = grpc.StatusCode.UNAVAILABLE  # how, and
-        self.loss_detail = types_pb2.ErrorDetail()
-        self.refusal = None  # (code, text, ErrorDetail)
+        self.loss_told = {}
+        self.refusal = None  # a google.rpc.Status
         self.last = {}
         self.cancelled = threading.Event()
         self.tickets = set()
@@ -87,7 +88,10 @@ class FakeDaemon(service_pb2_grpc.RendererServicer):
         return U.CloseSessionReply()
 
     def GetServerInfo(self, request, context):
-        return U.GetServerInfoReply(version="fake", api="v1")
+        return U.GetServerInfoReply(version="fake", min_api=1, max_api=1)
+
+    def ListSessions(self, request, context):
+        return U.ListSessionsReply(sessions=[U.SessionUse(client=name) for name in self.sessions])
 
     def ListScenes(self, request, context):
         return U.ListScenesReply()
@@ -127,23 +131,25 @@ class FakeDaemon(service_pb2_grpc.RendererServicer):
         session = self._session(context)
         last = self.last.get(session, 0)
         if request.number != last + 1 and (session, request.number) not in self.replies:
-            detail = types_pb2.ErrorDetail(field="number", expected=last + 1)
-            self._abort(context, grpc.StatusCode.ABORTED, "gap", detail)
+            told = {"field": "number", "expected": last + 1}
+            self._abort(context, status(grpc.StatusCode.ABORTED, "gap", **told))
         if request.number == last + 1:
             self.last[session] = request.number
             if self.refusal:
-                code, text, detail = self.refusal
-                self._abort(context, code, text, detail)
+                self._abort(context, self.refusal)
             self.replies[(session, request.number)] = self._apply(request)
         if self.fail_applies:
             self.fail_applies -= 1
-            self._abort(context, self.loss, "lost on the way back", self.loss_detail)
+            lost = status(self.loss, "lost on the way back", **self.loss_told)
+            self._abort(context, lost)
         return self.replies[(session, request.number)]
 
-    def _abort(self, context, code, text, detail):
-        data = detail.SerializeToString()
-        context.set_trailing_metadata((("heliograph-error-bin", data),))
-        context.abort(code, text)
+    def _abort(self, context, told):
+        """told: a google.rpc.Status."""
+        data = told.SerializeToString()
+        context.set_trailing_metadata((("grpc-status-details-bin", data),))
+        codes = {code.value[0]: code for code in grpc.StatusCode}
+        context.abort(codes[told.code], told.message)
 
     def _apply(self, request):
         self.transactions.append(request.transaction)
@@ -220,7 +226,7 @@ class FakeDaemon(service_pb2_grpc.RendererServicer):
         column = render_pb2.LabelColumn(name="t", dtype=types_pb2.D_TYPE_F32, shape=[count])
         origins = np.frombuffer(request.cast_rays.origins.inline, dtype="<f4").reshape(-1, 3)
         column.data = origins[:, 2].astype("<f4").tobytes()
-        return U.QueryReply(revision=5, columns=[column])
+        yield U.QueryReply(revision=5, columns=[column])
 
     def Render(self, request, context):
         self.requests.append(request)
@@ -238,10 +244,9 @@ class FakeDaemon(service_pb2_grpc.RendererServicer):
         for request in requests:
             self.requests.append(request)
             if request.job.seed == 13:
-                detail = types_pb2.ErrorDetail(field="job.seed", retry_seconds=2.5)
-                yield U.RenderBatchReply(
-                    tag=request.tag, code=8, message="unlucky", detail=detail, done=True
-                )
+                told = {"field": "job.seed", "retry_seconds": 2.5}
+                unlucky = status(grpc.StatusCode.RESOURCE_EXHAUSTED, "unlucky", **told)
+                yield U.RenderBatchReply(tag=request.tag, status=unlucky, done=True)
                 continue
             for frame in range(len(request.job.cameras)):
                 for part in self._frame(request.job, frame):

@@ -57,7 +57,7 @@ def test_a_stream_sends_settings_whole_and_returns_credits(daemon, scene):
         live.finish()
         assert list(live) == []
     first, *rest = sent(daemon, service_pb2.StreamRequest)
-    assert first.policy == "latest" and first.credits == 3
+    assert first.policy == service_pb2.StreamRequest.POLICY_LATEST and first.credits == 3
     assert first.settings.progressive and first.settings.seed == 1
     changed = next(request for request in rest if request.HasField("settings"))
     assert changed.settings.seed == 2 and changed.settings.spp == 8
@@ -68,7 +68,9 @@ def test_lossless_asks_for_final_frames(daemon, scene):
     with scene.stream("cam", policy="lossless", spp=1) as live:
         next(live)
     (first,) = [r for r in sent(daemon, service_pb2.StreamRequest) if r.policy]
-    assert first.policy == "lossless" and not first.settings.progressive
+    assert (
+        first.policy == service_pb2.StreamRequest.POLICY_LOSSLESS and not first.settings.progressive
+    )
 
 
 def test_what_is_not_for_them_is_refused(scene):

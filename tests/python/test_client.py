@@ -65,7 +65,7 @@ def test_scenes_made_here_are_deleted_at_the_end(daemon, client):
         pass
     assert isinstance(daemon.requests[-1], service_pb2.DeleteSceneRequest)
     count = len(daemon.requests)
-    with client.create_scene("b", shared=True):
+    with client.create_scene("b", lifetime="daemon"):
         pass
     assert len(daemon.requests) == count + 1
 

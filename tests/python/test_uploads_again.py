@@ -14,6 +14,7 @@ from heliograph import aio
 from heliograph._wire import uploads
 from heliograph._wire._proto import render_pb2, service_pb2, types_pb2
 from heliograph.datasets.uploads import named
+from statuses import status
 
 LARGE = (700, 700, 3)  # texels of more than 1 MiB
 RNG = np.random.default_rng(0)
@@ -44,9 +45,9 @@ class Frugal(fake.FakeDaemon):
                 self.refused += 1
                 in_field = self.way == WAYS[1]
                 told = f"sha256 {digest.hex()}"
-                detail = types_pb2.ErrorDetail(field=told if in_field else "edits[0].blob")
-                code = self.way.split()[0]
-                self._abort(context, grpc.StatusCode[code], "" if in_field else told, detail)
+                field = told if in_field else "edits[0].blob"
+                code = grpc.StatusCode[self.way.split()[0]]
+                self._abort(context, status(code, "" if in_field else told, field=field))
 
     def Apply(self, request, context):
         session = self._session(context)
@@ -73,8 +74,8 @@ class Frugal(fake.FakeDaemon):
             gone = [d for d in named(request.job.overlay) if d not in self.blobs]
             if gone:
                 self.refused += 1
-                text = f"sha256 {gone[0].hex()}"
-                yield service_pb2.RenderBatchReply(tag=request.tag, code=5, message=text, done=True)
+                lost = status(grpc.StatusCode.NOT_FOUND, f"sha256 {gone[0].hex()}")
+                yield service_pb2.RenderBatchReply(tag=request.tag, status=lost, done=True)
                 continue
             for part in self._frame(request.job, 0):
                 yield service_pb2.RenderBatchReply(tag=request.tag, part=part)
@@ -87,7 +88,7 @@ class Frugal(fake.FakeDaemon):
             digest = hashlib.sha256(b"texels of " + data).digest()
             self.assets.add(digest)
             array = types_pb2.Array(dtype=types_pb2.D_TYPE_U8, shape=LARGE, blob=digest)
-            info = service_pb2.AssetInfo(texels=array, encoding="srgb")
+            info = service_pb2.AssetInfo(texels=array, encoding="ENCODING_SRGB")
             yield service_pb2.DecodeAssetReply(done=1, asset=info)
             return
         for reply in super().DecodeAsset(request, context):

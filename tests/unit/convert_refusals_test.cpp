@@ -3,7 +3,10 @@
 #include <google/protobuf/text_format.h>
 
 #include <cmath>
+#include <optional>
 
+#include "google/rpc/error_details.pb.h"
+#include "heliograph/v1/errors.pb.h"
 #include "server/convert/error.h"
 #include "server/convert/transaction.h"
 #include "tests/unit/catch.h"
@@ -239,14 +242,67 @@ TEST_CASE("refusals: unknown fields and enum values, by path and number") {
   check(refusal(edit), Code::kUnimplemented, "edits[3].instantiate.materials[0].value", "field 9");
 }
 
+template <class Detail>
+std::optional<Detail> detail_of(const google::rpc::Status& status) {
+  Detail detail;
+  for (const google::protobuf::Any& any : status.details())
+    if (any.UnpackTo(&detail)) return detail;
+  return std::nullopt;
+}
+
 TEST_CASE("errors: details are bounded and inner errors are not spelled out") {
   Error error{Code::kFailedPrecondition, "in use; remove the users first", "edits[0]"};
   for (int i = 0; i < 10000; ++i) error.users.push_back(fmt::format("user {}", i));
-  const v1::ErrorDetail detail = to_proto(error);
-  CHECK(detail.field() == "edits[0]");
-  CHECK(detail.users(1) == "user 1");
-  CHECK(detail.ByteSizeLong() < 4096);
-  CHECK(message_of(error) == "edits[0]: in use; remove the users first");
-  CHECK(message_of({Code::kInternal, "/root/secret: oops", ""}).find("secret") ==
+  const google::rpc::Status status = to_proto(error);
+  CHECK(detail_of<google::rpc::BadRequest>(status)->field_violations(0).field() == "edits[0]");
+  const auto failure = detail_of<google::rpc::PreconditionFailure>(status);
+  CHECK(failure->violations(1).subject() == "user 1");
+  CHECK(failure->violations(1).type() == "IN_USE");
+  CHECK(status.ByteSizeLong() < 4096);
+  CHECK(status.message() == "edits[0]: in use; remove the users first");
+  CHECK(detail_of<google::rpc::ErrorInfo>(status)->reason() == "IN_USE");
+  CHECK(to_proto({Code::kInternal, "/root/secret: oops", ""}).message().find("secret") ==
         std::string::npos);
+  const std::string much(100'000, 'x');
+  Error long_one{Code::kNotFound, much, much};
+  long_one.nearest = {std::string(1000, 'y'), std::string(1000, 'z')};
+  CHECK(to_proto(long_one).ByteSizeLong() < 4096);
+}
+
+TEST_CASE("errors: a limit is told with its name, and when to retry") {
+  const Error error{.code = Code::kResourceExhausted,
+                    .message = "too many",
+                    .where = "",
+                    .limit = "tenant_jobs",
+                    .needed = 3,
+                    .available = 2,
+                    .allowed = 10,
+                    .retry_seconds = 1.25};
+  const google::rpc::Status status = to_proto(error);
+  const auto info = detail_of<google::rpc::ErrorInfo>(status);
+  CHECK(info->domain() == "heliograph");
+  CHECK(info->reason() == "BUSY");
+  CHECK(info->metadata().at("limit") == "tenant_jobs");
+  CHECK(info->metadata().at("needed") == "3");
+  CHECK(info->metadata().at("used") == "8");
+  CHECK(info->metadata().at("allowed") == "10");
+  const auto quota = detail_of<google::rpc::QuotaFailure>(status);
+  CHECK(quota->violations(0).quota_metric() == "tenant_jobs");
+  CHECK(quota->violations(0).quota_value() == 10);
+  const auto retry = detail_of<google::rpc::RetryInfo>(status)->retry_delay();
+  CHECK(retry.seconds() == 1);
+  CHECK(retry.nanos() == 250'000'000);
+  CHECK_FALSE(detail_of<google::rpc::BadRequest>(status));
+}
+
+TEST_CASE("errors: every code has a reason of the contract") {
+  for (int code = 1; code <= 16; ++code) {
+    v1::ErrorReason reason;
+    CHECK(v1::ErrorReason_Parse(
+        "ERROR_REASON_" + reason_of({.code = Code(code), .message = "", .where = ""}), &reason));
+  }
+  CHECK(reason_of({.code = Code::kNotFound, .message = "", .where = "", .nearest = {"a"}}) ==
+        "UNKNOWN_NAME");
+  CHECK(reason_of({.code = Code::kResourceExhausted, .message = "", .where = "", .needed = 1}) ==
+        "LIMIT_EXCEEDED");
 }

@@ -264,7 +264,7 @@ TEST_CASE("render: a frame's header and chunks carry it whole") {
   CHECK(header.planes(0).dtype() == v1::D_TYPE_F32);
   CHECK(header.planes(0).size() == 8);
   CHECK(header.planes(0).argument() == "right");
-  CHECK(header.planes(0).fold() == "centre");
+  CHECK(header.planes(0).fold() == v1::FOLD_CENTRE);
   CHECK(header.categories(0).id() == 1);
   double k[9];
   REQUIRE(header.k().inline_().size() == sizeof k);

@@ -291,7 +291,7 @@ TEST_CASE("stores: an asset is named by its files and options") {
   const std::string hash = asset_hash(request);
   request.set_server_path("/models/a.glb");
   CHECK(asset_hash(request) == hash);
-  request.set_up("z");
+  request.set_up(v1::DecodeAssetRequest::AXIS_Z);
   CHECK(asset_hash(request) != hash);
 }
 

@@ -56,7 +56,7 @@ TEST_CASE("journal: a write or an fsync fails; edits go on when it works again")
   Server server(folder.path());
   REQUIRE(server.opened);
   const auto session = server.session();
-  const ScenePtr scene = server.create(*session, "room", "fsync");
+  const ScenePtr scene = server.create(*session, "room", v1::LIFETIME_DISK_SYNCED);
   for (u64 number = 1; number <= 20; ++number)
     REQUIRE(*apply(server, session, placed(scene->id, number, "a", float(number))));
   const std::string before = fingerprint(*scene->scene.head());
@@ -91,7 +91,7 @@ TEST_CASE("journal: an edit that was not committed finds its upload when it is s
   Server server(folder.path());
   REQUIRE(server.opened);
   const auto session = server.session();
-  const ScenePtr scene = server.create(*session, "room", "fsync");
+  const ScenePtr scene = server.create(*session, "room", v1::LIFETIME_DISK_SYNCED);
   v1::UploadBlobRequest upload;
   upload.set_request_id("positions");
   upload.set_size(9 * sizeof(float));
@@ -123,7 +123,7 @@ TEST_CASE("journal: after a loss of power every edit acknowledged as fsync is th
   Server server(folder.path(), 60);
   REQUIRE(server.opened);
   const auto session = server.session();
-  const ScenePtr scene = server.create(*session, "room", "fsync");
+  const ScenePtr scene = server.create(*session, "room", v1::LIFETIME_DISK_SYNCED);
   std::map<u64, std::string> states{{0, fingerprint(*scene->scene.head())}};
   u32 lost = 0, wrong = 0, refused = 0;
   constexpr u64 kEdits = 200;

@@ -65,13 +65,9 @@ class Server {
   [[nodiscard]] std::shared_ptr<Session> session(u64 resume = 0) {
     return daemon.sessions.open({.client = "test", .tenant = tenant, .resume = resume}).value();
   }
-  [[nodiscard]] ScenePtr create(const Session& by, const std::string& name,
-                                const std::string& durability) {
-    auto made = daemon.scenes.create({.name = name,
-                                      .is_shared = true,
-                                      .durability = durability,
-                                      .first = std::make_shared<const Snapshot>()},
-                                     by);
+  [[nodiscard]] ScenePtr create(const Session& by, const std::string& name, v1::Lifetime lifetime) {
+    auto made = daemon.scenes.create(
+        {.name = name, .lifetime = lifetime, .first = std::make_shared<const Snapshot>()}, by);
     INFO((made ? "" : made.error().message));
     REQUIRE(made);
     return *made;

@@ -87,7 +87,7 @@ TEST_CASE("journal: a state directory of the first format is read, and has this 
     CHECK(room->scene.head()->revision == 6 + u64(start));
     CHECK(hall->scene.head()->revision == 2);
     CHECK(hall->scene.head()->meshes.count() == 1);
-    CHECK(hall->durability == "fsync");
+    CHECK(hall->lifetime == v1::LIFETIME_DISK_SYNCED);
     CHECK(room->scene.head()->entities.count() == 2 + u64(start));
     REQUIRE(*apply(server, *session, placed(room->id, 1, fmt::format("new{}", start), 1)));
   }
@@ -127,8 +127,7 @@ TEST_CASE("journal: what is superseded leaves the disk") {
     const TenantPtr tenant = daemon.tenants.named("tester");
     const auto session = daemon.sessions.open({.client = "test", .tenant = tenant, .resume = 0});
     const auto scene = daemon.scenes.create({.name = "room",
-                                             .is_shared = true,
-                                             .durability = "os",
+                                             .lifetime = v1::LIFETIME_DISK,
                                              .first = std::make_shared<const Snapshot>()},
                                             **session);
     REQUIRE(scene);
@@ -163,8 +162,7 @@ TEST_CASE("journal: a tenant's quota of disk binds it alone, and comes back with
             .value();
     scene = daemon.scenes
                 .create({.name = name,
-                         .is_shared = true,
-                         .durability = "os",
+                         .lifetime = v1::LIFETIME_DISK,
                          .first = std::make_shared<const Snapshot>()},
                         *session)
                 .value();

@@ -70,13 +70,13 @@ u64 memory(const std::string& key) {
   return 0;
 }
 
-Latency measure(Server& server, const std::string& durability, u64 edits) {
+Latency measure(Server& server, v1::Lifetime lifetime, u64 edits) {
   constexpr int kStreams = 64;
   std::vector<std::unique_ptr<Stream>> streams;
   const auto session = server.session();
   for (int k = 0; k < kStreams; ++k)
-    streams.push_back(std::make_unique<Stream>(server, server.create(*session, "", durability),
-                                               edits / kStreams));
+    streams.push_back(
+        std::make_unique<Stream>(server, server.create(*session, "", lifetime), edits / kStreams));
   const auto start = Clock::now();
   for (const auto& stream : streams) stream->next();
   std::vector<double> all;
@@ -114,16 +114,16 @@ double raw_sync(const Folder& folder) {
 }
 
 TEST_CASE("journal: acknowledgements of 64 streams") {
-  const std::string durability = GENERATE("os", "fsync");
+  const v1::Lifetime lifetime = GENERATE(v1::LIFETIME_DISK, v1::LIFETIME_DISK_SYNCED);
   const Folder folder(false);
   Server server(folder.path());
   REQUIRE(server.opened);
   const double before = raw_sync(folder);
-  const Latency seen = measure(server, durability, is_long() ? 400'000 : 12'800);
+  const Latency seen = measure(server, lifetime, is_long() ? 400'000 : 12'800);
   const double disk = (before + raw_sync(folder)) / 2;
   fmt::print("{}: median {:.2f} ms (<= 1), p99 {:.2f} ms (<= 20), {:.0f} edits/s (>= 20000)\n",
-             durability, seen.median * 1e3, seen.p99 * 1e3, seen.rate);
-  if (durability == "fsync")
+             v1::Lifetime_Name(lifetime), seen.median * 1e3, seen.p99 * 1e3, seen.rate);
+  if (lifetime == v1::LIFETIME_DISK_SYNCED)
     fmt::print(
         "a bare write and fdatasync: {:.2f} ms before and after; a median is {:.1f} of them\n",
         disk * 1e3, seen.median / disk);
@@ -139,7 +139,7 @@ TEST_CASE("journal: recovery of many edits") {
   const Folder folder, crashed;
   Server server(folder.path(), 10'000'000);
   REQUIRE(server.opened);
-  measure(server, "os", edits);
+  measure(server, v1::LIFETIME_DISK, edits);
   crashed.copy(folder.path());
   std::ofstream("/proc/self/clear_refs") << "5";  // the peak begins here
   const u64 before = memory("VmRSS");

@@ -60,20 +60,19 @@ ScenePtr scene_of(Server& server, u64 id) {
 }  // namespace
 
 TEST_CASE("journal: after a crash the scene, its ids and its replies are the same") {
-  const std::string durability = GENERATE("os", "fsync");
+  const v1::Lifetime lifetime = GENERATE(v1::LIFETIME_DISK, v1::LIFETIME_DISK_SYNCED);
   const u64 snapshot_edits = GENERATE(100'000, 40);
   const Folder folder, crashed;
   Server server(folder.path(), snapshot_edits);
   REQUIRE(server.opened);
   const auto session = server.session();
-  const ScenePtr scene = server.create(*session, "room", durability);
+  const ScenePtr scene = server.create(*session, "room", lifetime);
   std::mt19937 random(3);
   std::vector<std::string> replies;
   u32 refused = 0;
   for (u64 number = 1; number <= 300; ++number) {
     const auto reply = apply(server, session, random_edit(scene->id, number, random));
     refused += *reply ? 0 : 1;
-    if (*reply) CHECK((*reply)->durability() == durability);
     replies.push_back(bytes_of(*reply));
   }
   CHECK(refused > 30);
@@ -86,7 +85,7 @@ TEST_CASE("journal: after a crash the scene, its ids and its replies are the sam
   const auto resumed = next.session(session->id());
   const ScenePtr found = next.daemon.scenes.open("room", *resumed).value();
   CHECK(found->id == scene->id);
-  CHECK(found->durability == durability);
+  CHECK(found->lifetime == lifetime);
   CHECK(fingerprint(*found->scene.head()) == fingerprint(*scene->scene.head()));
   for (const u64 number : {1ull, 150ull, 300ull})
     CHECK(bytes_of(*apply(next, resumed, placed(scene->id, number, "other", 1))) ==
@@ -104,7 +103,7 @@ TEST_CASE("journal: a snapshot at the end, and nothing to replay after it") {
   {
     Server server(folder.path());
     const auto session = server.session();
-    const ScenePtr scene = server.create(*session, "room", "os");
+    const ScenePtr scene = server.create(*session, "room", v1::LIFETIME_DISK);
     for (u64 number = 1; number <= 50; ++number)
       REQUIRE(*apply(server, session, placed(scene->id, number, "a", float(number))));
     before = fingerprint(*scene->scene.head());
@@ -123,7 +122,7 @@ TEST_CASE("journal: arrays are files, and go when nothing needs them") {
   const Folder folder;
   Server server(folder.path(), 10);
   const auto session = server.session();
-  const ScenePtr scene = server.create(*session, "room", "os");
+  const ScenePtr scene = server.create(*session, "room", v1::LIFETIME_DISK);
   v1::ApplyRequest request;
   request.set_scene(scene->id);
   request.set_number(1);
@@ -167,7 +166,7 @@ TEST_CASE("journal: scenes come back whatever a tenant's limits are now, which b
   {
     Server server(folder.path());
     const auto session = server.session();
-    scene = server.create(*session, "room", "os")->id;
+    scene = server.create(*session, "room", v1::LIFETIME_DISK)->id;
     REQUIRE(*apply(server, session, placed(scene, 1, "a", 1)));
     REQUIRE(*apply(server, session, placed(scene, 2, "b", 1)));
   }
@@ -187,9 +186,9 @@ TEST_CASE("journal: a damaged file, a second daemon, a scene that was deleted") 
   {
     Server server(folder.path());
     const auto session = server.session();
-    const ScenePtr scene = server.create(*session, "room", "os");
+    const ScenePtr scene = server.create(*session, "room", v1::LIFETIME_DISK);
     CHECK(Server(folder.path()).opened.error().code == Code::kAlreadyExists);
-    ScenePtr gone = server.create(*session, "gone", "fsync");
+    ScenePtr gone = server.create(*session, "gone", v1::LIFETIME_DISK_SYNCED);
     REQUIRE(*apply(server, session, placed(gone->id, 1, "a", 1)));
     REQUIRE(server.daemon.scenes.remove(gone->id, *session));
     gone.reset();
@@ -216,7 +215,7 @@ TEST_CASE("journal: who watches is told of each revision, once it is there") {
   const Folder folder;
   Server server(folder.path());
   const auto session = server.session();
-  const ScenePtr scene = server.create(*session, "room", "os");
+  const ScenePtr scene = server.create(*session, "room", v1::LIFETIME_DISK);
   std::vector<Revision> told;
   const auto watch = scene->watch([&](Revision revision) {
     if (scene->scene.head()->revision == revision) told.push_back(revision);
@@ -260,24 +259,10 @@ TEST_CASE("journal: who may be durable") {
   const Folder folder;
   Server server(folder.path());
   const auto session = server.session();
-  const auto code = [&](bool is_shared, const std::string& durability) {
-    return server.daemon.scenes
-        .create({.name = "",
-                 .is_shared = is_shared,
-                 .durability = durability,
-                 .first = std::make_shared<const Snapshot>()},
-                *session)
-        .error()
-        .code;
-  };
-  CHECK(code(false, "os") == Code::kInvalidArgument);
-  CHECK(code(true, "always") == Code::kInvalidArgument);
   Scenes plain(server.daemon.pool, {});
-  const auto refused = plain.create({.name = "",
-                                     .is_shared = true,
-                                     .durability = "os",
-                                     .first = std::make_shared<const Snapshot>()},
-                                    *session);
+  const auto refused = plain.create(
+      {.name = "", .lifetime = v1::LIFETIME_DISK, .first = std::make_shared<const Snapshot>()},
+      *session);
   CHECK(refused.error().code == Code::kFailedPrecondition);
   CHECK(refused.error().message.find("--state-dir") != std::string::npos);
 }

@@ -35,7 +35,7 @@ void make(Crashed& crashed, u64 edits) {
   Server server(folder.path(), 150);
   REQUIRE(server.opened);
   const auto session = server.session();
-  const ScenePtr scene = server.create(*session, "room", "os");
+  const ScenePtr scene = server.create(*session, "room", v1::LIFETIME_DISK);
   crashed.states[0] = fingerprint(*scene->scene.head());
   for (u64 number = 1; number <= edits; ++number) {
     REQUIRE(*apply(server, session,

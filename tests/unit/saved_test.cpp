@@ -12,15 +12,15 @@ namespace {
 /// A scene with `edits` entities, by its session.
 ScenePtr furnished(Server& server, const std::shared_ptr<Session>& session, bool is_shared,
                    u64 edits) {
-  const ScenePtr scene = server.daemon.scenes
-                             .create({.name = is_shared ? "room" : "",
-                                      .is_shared = is_shared,
-                                      .durability = "none",
-                                      .first = std::make_shared<const Snapshot>(),
-                                      .request_id = "made",
-                                      .method = "CreateScene"},
-                                     *session)
-                             .value();
+  const ScenePtr scene =
+      server.daemon.scenes
+          .create({.name = is_shared ? "room" : "",
+                   .lifetime = is_shared ? v1::LIFETIME_DAEMON : v1::LIFETIME_SESSION,
+                   .first = std::make_shared<const Snapshot>(),
+                   .request_id = "made",
+                   .method = "CreateScene"},
+                  *session)
+          .value();
   for (u64 number = 1; number <= edits; ++number)
     REQUIRE(*apply(server, session, placed(scene->id, number, fmt::format("e{}", number), 1)));
   return scene;
@@ -101,7 +101,7 @@ TEST_CASE("saved: as much as may be, the small ones first; durable scenes are as
   {
     Server server(folder.path());
     const auto session = server.session();
-    durable = server.create(*session, "kept", "os")->id;
+    durable = server.create(*session, "kept", v1::LIFETIME_DISK)->id;
     REQUIRE(*apply(server, session, placed(durable, 1, "a", 1)));
     large = furnished(server, session, false, 1)->id;
     v1::ApplyRequest request;
@@ -132,7 +132,7 @@ TEST_CASE("saved: a crash while it saves, and a file that is damaged, leave the 
   const Folder folder, crashed;
   Server server(folder.path());
   const auto session = server.session();
-  const u64 durable = server.create(*session, "kept", "os")->id;
+  const u64 durable = server.create(*session, "kept", v1::LIFETIME_DISK)->id;
   REQUIRE(*apply(server, session, placed(durable, 1, "a", 1)));
   const u64 plain = furnished(server, session, true, 3)->id;
   auto states = server.daemon.scenes.capture_last();

@@ -92,7 +92,7 @@ TEST_CASE("events: a commit's event is what was sent, with its ids, for one revi
   const Folder folder;
   Server server(folder.path());
   const auto session = server.session();
-  const ScenePtr shared = server.create(*session, "room", "");
+  const ScenePtr shared = server.create(*session, "room", v1::LIFETIME_DAEMON);
   for (u64 number = 1; number <= 40; ++number)
     REQUIRE(*apply(server, session, placed(shared->id, number, "a", float(number))));
   for (Revision r = 1; r <= 40; ++r) {
@@ -115,8 +115,7 @@ TEST_CASE("events: a private scene has those since it is watched") {
   const auto session = server.session();
   const ScenePtr scene =
       server.daemon.scenes
-          .create({.name = "", .durability = "", .first = std::make_shared<const Snapshot>()},
-                  *session)
+          .create({.name = "", .first = std::make_shared<const Snapshot>()}, *session)
           .value();
   REQUIRE(*apply(server, session, placed(scene->id, 1, "a", 1)));
   CHECK(scene->events->list(1).empty());
@@ -132,7 +131,7 @@ TEST_CASE("events: after a crash or a drain they are the same") {
   Server server(folder.path(), has_snapshots ? 30 : 100'000);
   REQUIRE(server.opened);
   const auto session = server.session();
-  const ScenePtr scene = server.create(*session, "room", "os");
+  const ScenePtr scene = server.create(*session, "room", v1::LIFETIME_DISK);
   for (u64 number = 1; number <= 100; ++number)
     REQUIRE(*apply(server, session, placed(scene->id, number, "a", float(number))));
   const auto check = [&](const std::string& place) {

@@ -3,6 +3,7 @@
 The stubs are generated here by protoc, so that these tests need no client package.
 """
 
+import dataclasses
 import json
 import os
 import pathlib
@@ -22,7 +23,7 @@ STUBS = ROOT / "build/stubs"
 
 
 def generate_stubs() -> None:
-    protos = sorted((ROOT / "proto").rglob("*.proto"))
+    protos = sorted((ROOT / "proto/heliograph").rglob("*.proto"))  # google.rpc is a package
     package = STUBS / "heliograph/v1"
     newest = max(p.stat().st_mtime for p in protos)
     made = package / "service_pb2_grpc.py"
@@ -48,19 +49,21 @@ generate_stubs()
 sys.path.insert(0, str(STUBS))
 
 import grpc  # noqa: E402
+from google.rpc import error_details_pb2 as details  # noqa: E402
+from google.rpc import status_pb2  # noqa: E402
+from heliograph.v1 import errors_pb2, service_pb2_grpc  # noqa: E402
 from heliograph.v1 import service_pb2 as service  # noqa: E402
-from heliograph.v1 import service_pb2_grpc, types_pb2  # noqa: E402
 
 
 class Daemon:
     """One heliographd process."""
 
-    def __init__(self, *flags: str, folder: str, limits: dict | None = None, **popen):
+    def __init__(self, *flags: str, folder: str, limits: dict | None = None, under=(), **popen):
         self.socket = os.path.join(folder, "heliograph.sock")
         read, write = os.pipe()
         named = [f"--limit={name}={value}" for name, value in (limits or {}).items()]
         self.process = subprocess.Popen(
-            [DAEMON, "--socket", self.socket, "--ready-fd", str(write), *named, *flags],
+            [*under, DAEMON, "--socket", self.socket, "--ready-fd", str(write), *named, *flags],
             pass_fds=(write, *popen.pop("pass_fds", ())),
             stderr=subprocess.PIPE,
             text=True,
@@ -111,7 +114,8 @@ class Client:
         rpc = getattr(self.stub, method)
         if request is None:
             request = getattr(service, method + "Request")(**fields)
-        return rpc(request, metadata=self.metadata, timeout=timeout)
+        reply = rpc(request, metadata=self.metadata, timeout=timeout)
+        return joined(reply) if method in ("Query", "Tracks") else reply
 
     def create(self, name: str = "", **fields) -> int:
         return self.call("CreateScene", name=name, **fields).scene
@@ -130,6 +134,21 @@ class Client:
         self.channel.close()
         if self.lifeline:
             self.lifeline.close()
+
+
+def joined(replies):
+    """One QueryReply or TracksReply of those that have some rows each."""
+    whole = None
+    for reply in replies:
+        if whole is None:
+            whole = reply
+            continue
+        assert reply.revision == whole.revision
+        for column, more in zip(whole.columns, reply.columns, strict=True):
+            assert column.name == more.name and column.shape[1:] == more.shape[1:]
+            column.shape[0] += more.shape[0]
+            column.data += more.data
+    return whole
 
 
 class Replies:
@@ -158,12 +177,61 @@ class Replies:
         self.thread.join()
 
 
-def detail(error: grpc.RpcError) -> types_pb2.ErrorDetail:
-    """The ErrorDetail that travels with every error."""
+@dataclasses.dataclass
+class Detail:
+    """What a google.rpc.Status says, as errors.proto has it."""
+
+    field: str = ""
+    reason: str = ""
+    limit: str = ""
+    needed: int = 0
+    used: int = 0
+    allowed: int = 0
+    expected: int = 0
+    retry_seconds: float = 0.0
+    users: list[str] = dataclasses.field(default_factory=list)
+    nearest: list[str] = dataclasses.field(default_factory=list)
+
+
+def told(status: status_pb2.Status) -> Detail:
+    """Checks what holds of every one."""
+    out = Detail()
+    kinds = [getattr(details, each.type_url.rpartition(".")[2])() for each in status.details]
+    for kind, packed in zip(kinds, status.details, strict=True):
+        assert packed.Unpack(kind)
+    info = next(kind for kind in kinds if isinstance(kind, details.ErrorInfo))
+    assert info.domain == "heliograph"
+    assert f"ERROR_REASON_{info.reason}" in errors_pb2.ErrorReason.keys()
+    out.reason, out.limit = info.reason, info.metadata.get("limit", "")
+    for name in ("needed", "used", "allowed", "expected"):
+        setattr(out, name, int(info.metadata.get(name, 0)))
+    out.nearest = [v for k, v in sorted(info.metadata.items()) if k.startswith("nearest_")]
+    for kind in kinds:
+        if isinstance(kind, details.BadRequest):
+            out.field = kind.field_violations[0].field
+            assert kind.field_violations[0].reason == info.reason
+        elif isinstance(kind, details.QuotaFailure):
+            quota = kind.violations[0]
+            assert (quota.quota_metric, quota.quota_value) == (out.limit, out.allowed)
+        elif isinstance(kind, details.RetryInfo):
+            out.retry_seconds = kind.retry_delay.ToTimedelta().total_seconds()
+        elif isinstance(kind, details.PreconditionFailure):
+            out.users = [violation.subject for violation in kind.violations]
+    return out
+
+
+def status_of(error: grpc.RpcError) -> status_pb2.Status:
+    """The google.rpc.Status that travels with every error of the daemon."""
     for key, value in error.trailing_metadata() or ():
-        if key == "heliograph-error-bin":
-            return types_pb2.ErrorDetail.FromString(value)
-    raise AssertionError("the error carries no detail")
+        if key == "grpc-status-details-bin":
+            status = status_pb2.Status.FromString(value)
+            assert (status.code, status.message) == (error.code().value[0], error.details())
+            return status
+    raise AssertionError("the error carries no status")
+
+
+def detail(error: grpc.RpcError) -> Detail:
+    return told(status_of(error))
 
 
 def eventually(condition, seconds: float = 5.0):

@@ -22,12 +22,13 @@ def golden(name: str) -> descriptor_pb2.FileDescriptorSet:
     return descriptor_pb2.FileDescriptorSet.FromString(data)
 
 
-def today() -> descriptor_pb2.FileDescriptorSet:
-    """Of proto/, by protoc."""
+def today(comments: bool = False) -> descriptor_pb2.FileDescriptorSet:
+    """Of proto/ and what it imports, by protoc."""
     protos = sorted((ROOT / "proto").rglob("*.proto"))
+    flags = ["--include_imports", *(["--include_source_info"] if comments else [])]
     with tempfile.NamedTemporaryFile() as out:
         subprocess.check_call(
-            ["protoc", f"-I{ROOT / 'proto'}", f"--descriptor_set_out={out.name}", *protos]
+            ["protoc", f"-I{ROOT / 'proto'}", f"--descriptor_set_out={out.name}", *flags, *protos]
         )
         return descriptor_pb2.FileDescriptorSet.FromString(pathlib.Path(out.name).read_bytes())
 
@@ -65,6 +66,8 @@ def next_version(contract: descriptor_pb2.FileDescriptorSet) -> descriptor_pb2.F
     out = descriptor_pb2.FileDescriptorSet()
     out.CopyFrom(contract)
     for file in out.file:
+        if file.package != PACKAGE:
+            continue
         for message in file.message_type:
             _grow_message(message, message.name)
         for enum in file.enum_type:

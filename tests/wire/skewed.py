@@ -1,5 +1,5 @@
-"""A client of any version of the contract, and what it does with a daemon: every call of First
-light on a scene that has one of each of its things. Used by test_skew.py."""
+"""A client of any version of the contract, and what it does with a daemon: the calls that scenes
+are made and shown with, on a scene that has one of each of its things. Used by test_skew.py."""
 
 import base64
 import hashlib
@@ -165,7 +165,7 @@ def decode(client: Client):
 
 
 def tour(client: Client) -> dict:
-    """Every call that First light served; what came of each."""
+    """The calls; what came of each."""
     found = {}
     scene = client.call("CreateScene", request_id="tour", name="tour").scene
     found["revision"] = client.apply(scene, edits()).revision
@@ -184,7 +184,8 @@ def tour(client: Client) -> dict:
     found["pose"] = np.frombuffer(read[0].array.inline, "<f4").reshape(4, 4)
     found["label"] = read[1].object.entity.label.value
     rays = {"origins": array([[0, 0, 0]], "f4"), "directions": array([[0, 0, -1]], "f4")}
-    found["ray"] = columns(client.call("Query", scene=scene, cast_rays=rays))
+    (answer,) = client.call("Query", scene=scene, cast_rays=rays)
+    found["ray"] = columns(answer)
     branch = client.call("BranchScene", request_id="branch", scene=scene).scene
     move = {"edits": [{"target": named("wall"), "entity": {"pose": pose(0, 0, -5)}}]}
     stream = [client.make("ApplyStream", scene=branch, number=1, transaction=move)]

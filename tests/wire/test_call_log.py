@@ -66,7 +66,7 @@ def traced(client, *headers):
 
 def test_a_line_names_tenant_client_scene_and_reason(logged):
     client, lines = logged
-    scene = client.create(name="room", shared=True)
+    scene = client.create(name="room", lifetime="LIFETIME_DAEMON")
     with pytest.raises(grpc.RpcError):
         client.apply(scene, entity("a"), number=9)
     anonymous = camera_scene(client)

@@ -4,7 +4,7 @@ import struct
 
 import grpc
 import pytest
-from conftest import Client, detail
+from conftest import Client, detail, told
 from heliograph.v1 import render_pb2, scene_pb2, types_pb2
 from heliograph.v1 import service_pb2 as service
 
@@ -61,7 +61,7 @@ def test_a_transaction_gives_ids_and_a_revision(client, scene):
     assert mesh and thing and mesh != thing
     tree = client.call("DescribeScene", scene=scene, tree=True)
     assert {o.name: o.id for o in tree.objects} == {"t": mesh, "e": thing}
-    assert tree.counts["entities"] == 1 and tree.counts["meshes"] == 1
+    assert tree.counts.entities == 1 and tree.counts.meshes == 1
 
 
 def test_a_repeated_number_is_answered_not_done_again(client, scene):
@@ -105,7 +105,7 @@ def test_a_refusal_uses_its_number_up_and_is_answered_again(client, scene):
 
 def test_sessions_number_their_edits_of_a_shared_scene_apart(daemon, client):
     other = Client(daemon)
-    scene = client.create("counted", shared=True)
+    scene = client.create("counted", lifetime="LIFETIME_DAEMON")
     client.apply(scene, entity("a"))
     assert other.call("OpenScene", name="counted").next_edit == 1
     other.apply(scene, entity("b"))
@@ -169,11 +169,13 @@ def test_the_edits_of_a_transaction_are_limited(start):
     three = [entity(name) for name in "abc"]
     error = refused(lambda: client.apply(scene, *three))
     assert error.code() == grpc.StatusCode.RESOURCE_EXHAUSTED and "limit edits" in error.details()
-    assert (detail(error).field, detail(error).needed, detail(error).available) == ("edits", 3, 2)
+    found = detail(error)
+    assert (found.field, found.needed, found.allowed, found.limit) == ("edits", 3, 2, "edits")
+    assert found.reason == "LIMIT_EXCEEDED"
     streamed = service.ApplyRequest(scene=scene, number=2)
     streamed.transaction.edits.extend(three)
     (reply,) = client.stub.ApplyStream(iter([streamed]), metadata=client.metadata, timeout=20)
-    assert reply.code == 8 and reply.detail.field == "edits"
+    assert reply.status.code == 8 and told(reply.status).field == "edits"
     camera = scene_pb2.Camera(width=2, height=2, fx=2, fy=2, cx=0.5, cy=0.5)
     client.numbers[scene] = 2
     client.apply(scene, entity("cam", camera=camera), entity("a"))
@@ -217,8 +219,9 @@ def test_a_stream_answers_in_order_and_goes_on_after_a_refusal(client, scene):
 
     replies = list(client.stub.ApplyStream(requests(), metadata=client.metadata, timeout=20))
     assert [r.number for r in replies] == list(range(1, 101))
-    assert [r.number for r in replies if r.code] == [50]
-    assert replies[49].code == 5 and replies[49].detail.field.startswith("edits[0]")
+    assert [r.number for r in replies if r.HasField("status")] == [50]
+    assert replies[49].status.code == 5
+    assert told(replies[49].status).field.startswith("edits[0]")
     assert replies[-1].revision == 99
 
 

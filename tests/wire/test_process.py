@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-import resource
 import signal
 import socket
 import stat
@@ -130,7 +129,8 @@ def test_tcp_needs_the_token(start):
                 stub.GetServerInfo(service.GetServerInfoRequest(), metadata=metadata, timeout=5)
             assert error.value.code() == grpc.StatusCode.UNAUTHENTICATED
         bearer = [("authorization", "Bearer " + token)]
-        assert stub.GetServerInfo(service.GetServerInfoRequest(), metadata=bearer, timeout=5).api
+        info = stub.GetServerInfo(service.GetServerInfoRequest(), metadata=bearer, timeout=5)
+        assert info.version
         opened = stub.OpenSession(service.OpenSessionRequest(), metadata=bearer, timeout=5)
         session = [*bearer, ("heliograph-session", str(opened.session))]
         assert stub.CreateScene(service.CreateSceneRequest(), metadata=session, timeout=5).scene
@@ -163,8 +163,7 @@ def test_a_signal_ends_an_idle_daemon_with_0(start, number):
 
 
 def test_a_flood_of_connections_leaves_the_daemon_answering(start):
-    limit = lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (128, 128))  # noqa: E731
-    daemon = start(preexec_fn=limit)
+    daemon = start(under=("prlimit", "--nofile=128"))
     flood = []
     for _ in range(400):
         connection = socket.socket(socket.AF_UNIX)

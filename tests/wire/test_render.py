@@ -170,7 +170,7 @@ def test_frames_over_the_byte_limit_are_refused(start):
     scene = setup(client)
     error = refused(lambda: render(client, request(scene, "POSITION", width=640, height=480)))
     assert error.code() == grpc.StatusCode.RESOURCE_EXHAUSTED
-    assert detail(error).needed == 640 * 480 * 12 and detail(error).available == 100_000
+    assert detail(error).needed == 640 * 480 * 12 and detail(error).allowed == 100_000
     client.close()
 
 

@@ -3,6 +3,7 @@
 import grpc
 import pytest
 from conftest import Client, detail
+from heliograph.v1 import types_pb2
 
 NOT_FOUND = grpc.StatusCode.NOT_FOUND
 
@@ -22,7 +23,8 @@ def code_of(call) -> grpc.StatusCode:
 
 def test_a_scene_is_created_opened_and_deleted(client):
     info = client.call("CreateScene", name="demo")
-    assert (info.name, info.revision, info.shared, info.durability) == ("demo", 0, False, "none")
+    assert (info.name, info.revision) == ("demo", 0)
+    assert info.lifetime == types_pb2.LIFETIME_SESSION
     assert info.next_edit == 1
     assert client.call("OpenScene", name="demo").scene == info.scene
     client.call("DeleteScene", scene=info.scene)
@@ -67,11 +69,11 @@ def test_sessions_of_a_tenant_see_each_others_scenes(client, other):
 
 def test_a_shared_scene_outlives_its_session(daemon, other):
     client = Client(daemon)
-    scene = client.create("common", shared=True)
+    scene = client.create("common", lifetime="LIFETIME_DAEMON")
     assert other.call("OpenScene", name="common").scene == scene
     client.call("CloseSession")
     client.close()
-    assert other.call("OpenScene", name="common").shared
+    assert other.call("OpenScene", name="common").lifetime == types_pb2.LIFETIME_DAEMON
     other.call("DeleteScene", scene=scene)
 
 
@@ -99,18 +101,18 @@ def test_a_failed_call_may_be_tried_again_under_its_request_id(client):
 
 
 @pytest.mark.parametrize(
-    "durability,code",
+    "lifetime,code",
     [
-        ("os", "FAILED_PRECONDITION"),
-        ("fsync", "FAILED_PRECONDITION"),
-        ("never", "INVALID_ARGUMENT"),
+        ("LIFETIME_DISK", "FAILED_PRECONDITION"),
+        ("LIFETIME_DISK_SYNCED", "FAILED_PRECONDITION"),
+        (99, "UNIMPLEMENTED"),
     ],
 )
-def test_durability_is_none_or_refused(client, durability, code):
+def test_a_scene_on_disk_needs_a_state_directory(client, lifetime, code):
     with pytest.raises(grpc.RpcError) as error:
-        client.call("CreateScene", shared=True, durability=durability)
+        client.call("CreateScene", lifetime=lifetime)
     assert error.value.code().name == code
-    assert detail(error.value).field == "durability"
+    assert detail(error.value).field == "lifetime"
 
 
 def test_scenes_are_limited(start):

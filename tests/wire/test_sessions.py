@@ -8,7 +8,7 @@ import textwrap
 
 import grpc
 import pytest
-from conftest import STUBS, Client, eventually
+from conftest import STUBS, Client, detail, eventually
 from heliograph.v1 import service_pb2 as service
 
 UNAUTHENTICATED = grpc.StatusCode.UNAUTHENTICATED
@@ -32,7 +32,7 @@ def test_a_guessed_session_is_refused(client, session):
 
 def test_the_server_tells_versions_and_limits(client):
     info = client.call("GetServerInfo")
-    assert info.api == "v1" and info.version
+    assert info.max_api == 1 and info.version
     assert info.limits["message_bytes"] == 16 << 20
     assert info.limits["replies"] == 1024
     assert info.instance == client.opened.instance
@@ -135,6 +135,9 @@ def test_sessions_are_limited(start):
         Client(daemon)
     assert error.value.code() == grpc.StatusCode.RESOURCE_EXHAUSTED
     assert "limit sessions" in error.value.details()
+    found = detail(error.value)
+    assert (found.reason, found.limit, found.allowed) == ("LIMIT_EXCEEDED", "sessions", 2)
+    assert (found.needed, found.used) == (1, 2)
     for client in clients:
         client.close()
 

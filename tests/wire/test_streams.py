@@ -7,7 +7,7 @@ import time
 
 import grpc
 import pytest
-from conftest import Client, Replies, eventually
+from conftest import Client, Replies, eventually, told
 from heliograph.v1 import service_pb2 as service
 from test_edits import entity, pose
 from test_render import request, setup
@@ -85,7 +85,7 @@ def test_the_parts_of_an_item_come_before_its_status(converse, scene):
     assert sorted(done(batch)) == list(range(6))
     for tag in range(6):
         mine = [reply for reply in batch.replies if reply.tag == tag]
-        assert mine[0].part.HasField("header") and mine[-1].done and mine[-1].code == 0
+        assert mine[0].part.HasField("header") and mine[-1].done and not mine[-1].HasField("status")
         assert len([reply for reply in mine if reply.done]) == 1
 
 
@@ -99,11 +99,11 @@ def test_an_item_has_a_status_of_its_own(converse, scene):
     batch.half_close()
     eventually(lambda: batch.is_over)
     ends = {reply.tag: reply for reply in batch.replies if reply.done}
-    assert ends[1].code == grpc.StatusCode.NOT_FOUND.value[0]
-    assert ends[1].detail.field == "job.scene" and "no scene" in ends[1].message
-    assert ends[2].code == grpc.StatusCode.INVALID_ARGUMENT.value[0]
-    assert ends[2].detail.field == "job.progressive"
-    assert ends[3].code == 0
+    assert ends[1].status.code == grpc.StatusCode.NOT_FOUND.value[0]
+    assert told(ends[1].status).field == "job.scene" and "no scene" in ends[1].status.message
+    assert ends[2].status.code == grpc.StatusCode.INVALID_ARGUMENT.value[0]
+    assert told(ends[2].status).field == "job.progressive"
+    assert not ends[3].HasField("status")
 
 
 @pytest.mark.parametrize("method", ["RenderBatch", "Stream"])
@@ -158,9 +158,9 @@ def test_a_frame_waits_for_its_credit(client, converse, scene):
     "first,field",
     [
         (service.StreamRequest(credits=1), "settings"),
-        (service.StreamRequest(settings={"scene": 1}, policy="some"), "policy"),
+        (service.StreamRequest(settings={"scene": 1}, policy=99), "policy"),
         (
-            service.StreamRequest(settings={"progressive": True}, policy="lossless"),
+            service.StreamRequest(settings={"progressive": True}, policy="POLICY_LOSSLESS"),
             "settings.progressive",
         ),
         (service.StreamRequest(settings={"scene": 10**9}), "settings.scene"),
@@ -209,17 +209,17 @@ class Edits:
     """An ApplyStream of a shared scene that has taken one edit, and waits."""
 
     def __init__(self, client: Client):
-        self.scene = client.create("shared", shared=True)
+        self.scene = client.create("shared", lifetime="LIFETIME_DAEMON")
         self.stream = Conversation(client, "ApplyStream")
         self.stream.send(numbered(self.scene, 1))
-        assert self.stream.wait(1)[0].code == 0
+        assert self.stream.wait(1)[0].status.code == 0
 
     def try_another(self) -> int:
         """The status of a second edit, whether as a reply or as the stream's end."""
         self.stream.send(numbered(self.scene, 2))
         eventually(lambda: self.stream.is_over or len(self.stream.replies) == 2)
         if len(self.stream.replies) == 2:
-            return self.stream.replies[1].code
+            return self.stream.replies[1].status.code
         return self.stream.error.code().value[0]
 
     def end(self) -> grpc.RpcError:

@@ -45,7 +45,7 @@ def test_a_blob_is_uploaded_in_chunks_once_and_used(client):
     assert reply.existed and reply.size == len(data)
     scene = client.create()
     client.apply(scene, texture(texels(1024, blob=digest(data))))
-    assert client.call("DescribeScene", scene=scene, memory=True).memory["arrays"] >= len(data)
+    assert client.call("DescribeScene", scene=scene, memory=True).memory.arrays >= len(data)
 
 
 def test_an_anonymous_upload_is_consumed_by_its_use(client):
@@ -143,7 +143,7 @@ def test_a_bundle_is_decoded_and_placed(client):
     client.apply(scene, scene_pb2.Edit(target=named("one"), instantiate=place))
     client.apply(scene, scene_pb2.Edit(target=named("two"), instantiate=place))
     counts = client.call("DescribeScene", scene=scene).counts
-    assert counts["meshes"] == 1 and counts["entities"] >= 4
+    assert counts.meshes == 1 and counts.entities >= 4
 
 
 def test_a_bundle_that_lacks_a_file_names_it(client):

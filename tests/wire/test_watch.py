@@ -38,7 +38,7 @@ def refused(client: Client, **fields) -> grpc.RpcError:
 
 
 def test_events_are_what_was_sent_with_its_ids(client, watch):
-    scene = client.create(shared=True)
+    scene = client.create(lifetime="LIFETIME_DAEMON")
     sent = [entity("thing", pose=pose(1, 2, 3)), entity("other", visible=False)]
     reply = client.apply(scene, *sent)
     found = watch(scene, from_revision=1)
@@ -61,7 +61,7 @@ def test_a_refused_edit_is_no_event(client, watch):
 
 
 def test_it_begins_now_when_no_revision_is_named(client, watch):
-    scene = client.create(shared=True)
+    scene = client.create(lifetime="LIFETIME_DAEMON")
     edit(client, scene)
     found = watch(scene)
     assert found.wait(1)[0].revision == 1
@@ -70,7 +70,7 @@ def test_it_begins_now_when_no_revision_is_named(client, watch):
 
 
 def test_several_clients_edit_and_several_watch(daemon, client, watch):
-    scene = client.create(shared=True)
+    scene = client.create(lifetime="LIFETIME_DAEMON")
     clients = [Client(daemon) for _ in range(3)]
     watches = [watch(scene, of, from_revision=1) for of in clients]
 
@@ -113,7 +113,7 @@ def test_bookmarks_have_bounds(client, seconds):
 
 def test_what_is_not_there_is_named(client):
     assert refused(client, scene=10**9).code() == grpc.StatusCode.NOT_FOUND
-    scene = client.create(shared=True)
+    scene = client.create(lifetime="LIFETIME_DAEMON")
     error = refused(client, scene=scene, from_revision=2)
     assert error.code() == grpc.StatusCode.OUT_OF_RANGE
     assert (detail(error).field, detail(error).expected) == ("from_revision", 1)
@@ -130,7 +130,7 @@ def test_a_private_scene_keeps_those_since_its_first_watch(client, watch):
 
 def test_compacted_revisions_are_told_with_the_oldest(start, watch):
     client = Client(start(limits={"watch_events": 5}))
-    scene = client.create(shared=True)
+    scene = client.create(lifetime="LIFETIME_DAEMON")
     for x in range(20):
         edit(client, scene, x)
     error = refused(client, scene=scene, from_revision=15)
@@ -143,7 +143,7 @@ def test_compacted_revisions_are_told_with_the_oldest(start, watch):
 
 
 def test_the_end_of_the_scene_ends_it_after_its_last_event(client, watch):
-    scene = client.create(shared=True)
+    scene = client.create(lifetime="LIFETIME_DAEMON")
     found = watch(scene)
     found.wait(1)
     edit(client, scene)
@@ -156,7 +156,7 @@ def test_the_end_of_the_scene_ends_it_after_its_last_event(client, watch):
 def test_the_daemon_drains_after_the_last_event(start):
     daemon = start()
     client = Client(daemon)
-    scene = client.create(shared=True)
+    scene = client.create(lifetime="LIFETIME_DAEMON")
     found = watching(client, scene)
     found.wait(1)
     for x in range(100):

@@ -6,7 +6,7 @@
 
 #include "heliograph/error.h"
 
-namespace heliograph {
+namespace heliograph::client {
 
 std::size_t size_of(DType dtype) {
   switch (dtype) {
@@ -140,4 +140,4 @@ const Columns::Column& Columns::at(const std::string& name) const {
                     std::move(details));
 }
 
-}  // namespace heliograph
+}  // namespace heliograph::client

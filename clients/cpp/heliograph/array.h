@@ -11,7 +11,7 @@
 
 #include "heliograph/pose.h"
 
-namespace heliograph {
+namespace heliograph::client {
 
 /// Numbers as in types.proto.
 enum class DType : int {
@@ -203,4 +203,4 @@ class Columns {
   std::vector<Column> columns_;
 };
 
-}  // namespace heliograph
+}  // namespace heliograph::client

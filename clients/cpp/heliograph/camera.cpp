@@ -6,7 +6,7 @@
 
 #include "heliograph/error.h"
 
-namespace heliograph {
+namespace heliograph::client {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
@@ -80,4 +80,4 @@ Mat3 Camera::K() const {
   return out;
 }
 
-}  // namespace heliograph
+}  // namespace heliograph::client

@@ -9,7 +9,7 @@
 
 #include "heliograph/pose.h"
 
-namespace heliograph {
+namespace heliograph::client {
 
 /// A linear colour sensor, for the planes sensor_rgb and sensor_mosaic; a signal of 1 fills its
 /// wells.
@@ -97,4 +97,4 @@ struct Camera {
 /// Radians of degrees.
 constexpr double degrees(double angle) { return angle * (3.14159265358979323846 / 180.0); }
 
-}  // namespace heliograph
+}  // namespace heliograph::client

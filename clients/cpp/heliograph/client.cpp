@@ -7,7 +7,7 @@
 #include "wire/scene_file.h"
 #include "wire/session.h"
 
-namespace heliograph {
+namespace heliograph::client {
 namespace {
 
 Scene scene_of(const std::shared_ptr<wire::Session>& session, const v1::SceneInfo& info,
@@ -17,13 +17,13 @@ Scene scene_of(const std::shared_ptr<wire::Session>& session, const v1::SceneInf
 
 }  // namespace
 
-Scene Client::create_scene(const std::string& name, bool shared, Durability durability) {
+Scene Client::create_scene(const std::string& name, Lifetime lifetime) {
   v1::CreateSceneRequest request;
   request.set_request_id(wire::make_request_id());
   request.set_name(name);
-  request.set_shared(shared);
-  request.set_durability(wire::text_of(durability));
-  return scene_of(session_, session_->call(&wire::Session::Stub::CreateScene, request), !shared);
+  request.set_lifetime(v1::Lifetime(int(lifetime)));
+  return scene_of(session_, session_->call(&wire::Session::Stub::CreateScene, request),
+                  lifetime == Lifetime::kSession);
 }
 
 Scene Client::open_scene(const std::string& name) {
@@ -32,15 +32,19 @@ Scene Client::open_scene(const std::string& name) {
   return scene_of(session_, session_->call(&wire::Session::Stub::OpenScene, request), false);
 }
 
-Scene Client::load_scene(const std::string& path, const std::string& name, bool shared,
-                         Durability durability) {
-  return scene_of(session_, wire::load_scene(*session_, path, {name, shared, durability}), !shared);
+Scene Client::load_scene(const std::string& path, const std::string& name, Lifetime lifetime) {
+  return scene_of(session_, wire::load_scene(*session_, path, {name, lifetime}),
+                  lifetime == Lifetime::kSession);
 }
 
 std::vector<Scene> Client::scenes() {
-  const auto reply = session_->call(&wire::Session::Stub::ListScenes, v1::ListScenesRequest());
   std::vector<Scene> out;
-  for (const v1::SceneInfo& info : reply.scenes()) out.push_back(scene_of(session_, info, false));
+  v1::ListScenesRequest request;
+  do {
+    const auto reply = session_->call(&wire::Session::Stub::ListScenes, request);
+    for (const v1::SceneInfo& info : reply.scenes()) out.push_back(scene_of(session_, info, false));
+    request.set_page_token(reply.next_page_token());
+  } while (!request.page_token().empty());
   return out;
 }
 
@@ -49,8 +53,8 @@ ServerInfo Client::info() const {
       session_->call(&wire::Session::Stub::GetServerInfo, v1::GetServerInfoRequest());
   ServerInfo out;
   out.version = reply.version();
-  out.api = reply.api();
-  if (reply.max_api() > 0) out.min_api = reply.min_api(), out.max_api = reply.max_api();
+  out.min_api = reply.min_api();
+  out.max_api = reply.max_api();
   out.backend = reply.backend();
   out.cpu_features = reply.cpu_features();
   out.threads = reply.threads();
@@ -61,7 +65,8 @@ ServerInfo Client::info() const {
   out.tenant = reply.tenant();
   out.weight = reply.weight();
   out.ready = reply.ready();
-  out.journal = reply.journal();
+  out.journal = Journal(reply.journal());
+  out.journal_reason = reply.journal_reason();
   return out;
 }
 
@@ -87,4 +92,4 @@ Client launch(const LaunchOptions& options) {
   return Client(std::make_shared<wire::Session>(address, connecting, std::move(daemon)));
 }
 
-}  // namespace heliograph
+}  // namespace heliograph::client

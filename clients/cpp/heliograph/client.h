@@ -12,15 +12,22 @@
 
 #include "heliograph/scene.h"
 
-namespace heliograph {
+namespace heliograph::client {
 
 namespace wire {
 class Session;
 }
 
+/// Whether durable scenes take edits.
+enum class Journal : int {
+  kUnknown = 0,
+  kNone = 1,      // there is no --state-dir, so there are none
+  kWriting = 2,   // they do
+  kReadOnly = 3,  // not until the daemon can write again
+};
+
 struct ServerInfo {
   std::string version;
-  std::string api;
   std::uint32_t min_api = 1;  // the versions of the contract, heliograph.vN, that it speaks
   std::uint32_t max_api = 1;
   std::string backend;
@@ -31,9 +38,10 @@ struct ServerInfo {
   std::map<std::string, std::uint64_t> limits{};  // in force for this client's tenant
   std::map<std::string, std::uint64_t> used{};    // what the tenant uses of them
   std::string tenant{};
-  double weight = 1;      // the tenant's share of the device against others'
-  bool ready = false;     // a pixel was rendered
-  std::string journal{};  // of durable scenes: "" (none), "writing" or "read-only: REASON"
+  double weight = 1;   // the tenant's share of the device against others'
+  bool ready = false;  // a pixel was rendered
+  Journal journal = Journal::kUnknown;
+  std::string journal_reason{};  // why it is read-only
 };
 
 /// A session with a daemon. Copies are the same session; it ends, with its private scenes and a
@@ -43,14 +51,13 @@ class Client {
  public:
   explicit Client(std::shared_ptr<wire::Session> session) : session_(std::move(session)) {}
 
-  /// An empty scene. Private ones die with this session, shared ones live until they are deleted.
-  Scene create_scene(const std::string& name = "", bool shared = false,
-                     Durability durability = Durability::kNone);
+  /// An empty scene.
+  Scene create_scene(const std::string& name = "", Lifetime lifetime = Lifetime::kSession);
   /// A scene by its name; kNotFound lists the nearest.
   Scene open_scene(const std::string& name);
   /// A new scene from a file that Scene::save, of any client, wrote.
-  Scene load_scene(const std::string& path, const std::string& name = "", bool shared = false,
-                   Durability durability = Durability::kNone);
+  Scene load_scene(const std::string& path, const std::string& name = "",
+                   Lifetime lifetime = Lifetime::kSession);
   /// Every scene that this client may open.
   std::vector<Scene> scenes();
   [[nodiscard]] ServerInfo info() const;
@@ -100,4 +107,4 @@ struct LaunchOptions {
 /// Linux 5.3 and later.
 Client launch(const LaunchOptions& options = {});
 
-}  // namespace heliograph
+}  // namespace heliograph::client

@@ -14,7 +14,7 @@
 #include "heliograph/pose.h"
 #include "heliograph/ref.h"
 
-namespace heliograph {
+namespace heliograph::client {
 
 /// Joints of a mesh, and (J, 4, 4) joint_from_mesh in the bind pose.
 struct Skin {
@@ -117,4 +117,4 @@ class Components {
   Fields fields_;
 };
 
-}  // namespace heliograph
+}  // namespace heliograph::client

@@ -11,7 +11,7 @@
 #include "wire/convert.h"
 #include "wire/studio.h"
 
-namespace heliograph {
+namespace heliograph::client {
 namespace {
 
 using wire::Draft;
@@ -89,12 +89,17 @@ std::shared_ptr<wire::PendingEdit> hand_over(const std::shared_ptr<Draft>& draft
   draft->open = false;
   const auto limit = session.server().limits().find("message_bytes");
   const std::size_t bytes = pending->request.ByteSizeLong();
-  if (limit != session.server().limits().end() && bytes > limit->second)
+  if (limit != session.server().limits().end() && bytes > limit->second) {
+    ErrorDetails details{"message"};
+    details.limit = limit->first;
+    details.needed = bytes;
+    details.allowed = limit->second;
     throw ClientError(Code::kResourceExhausted,
                       "message: the transaction has " + std::to_string(bytes) +
                           " bytes, the daemon takes " + std::to_string(limit->second) +
                           "; split it into several, or raise the daemon's limit message_bytes",
-                      {"message", bytes, limit->second});
+                      std::move(details));
+  }
   session.lane_of(draft->scene->id).submit(pending);
   return pending;
 }
@@ -263,7 +268,7 @@ void Edits::remove(const std::vector<Ref>& things, bool cascade) {
 }
 
 void Edits::sky(double elevation, double azimuth, const Air& air, const std::string& sun) {
-  const Sky made = heliograph::sky(elevation, azimuth, air);
+  const Sky made = client::sky(elevation, azimuth, air);
   Dome whole;
   whole.image.texels = made.radiance;
   whole.color = Color(1);
@@ -297,4 +302,4 @@ std::uint64_t Receipt::wait() {
   return pending_->revision;
 }
 
-}  // namespace heliograph
+}  // namespace heliograph::client

@@ -17,7 +17,7 @@
 #include "heliograph/material.h"
 #include "heliograph/sky.h"
 
-namespace heliograph {
+namespace heliograph::client {
 
 namespace wire {
 struct Draft;
@@ -147,4 +147,4 @@ class Overlay final : public Edits {
   explicit Overlay(std::shared_ptr<wire::Draft> draft) : Edits(std::move(draft)) {}
 };
 
-}  // namespace heliograph
+}  // namespace heliograph::client

@@ -1,7 +1,7 @@
 // Codes by name, and remedies.
 #include "heliograph/error.h"
 
-namespace heliograph {
+namespace heliograph::client {
 
 std::string name_of(Code code) {
   switch (code) {
@@ -45,4 +45,4 @@ std::string ClientError::remedy() const {
   return at == std::string::npos ? message : message.substr(at + 2);
 }
 
-}  // namespace heliograph
+}  // namespace heliograph::client

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-namespace heliograph {
+namespace heliograph::client {
 
 /// gRPC's codes and numbers; docs/protocol.md says what each means.
 enum class Code : int {
@@ -34,12 +34,15 @@ std::string name_of(Code code);
 
 /// More about an error, where there is more.
 struct ErrorDetails {
-  std::string field;                   // path of the offending value: "edits[3].mesh.indices"
-  std::uint64_t needed = 0;            // kResourceExhausted: what is needed, and
-  std::uint64_t available = 0;         // what there is, in the unit that the message names
-  std::uint64_t expected = 0;          // kAborted: the edit number or revision expected;
-                                       // kOutOfRange: the nearest revision that there is
-  double retry_seconds = 0;            // when the same call may work; 0: not known
+  std::string field;           // path of the offending value: "edits[3].mesh.indices"
+  std::string reason{};        // docs/protocol.md lists them: "LIMIT_EXCEEDED"; "": gRPC's own
+  std::string limit{};         // the limit that is in the way, by its name
+  std::uint64_t needed = 0;    // kResourceExhausted: what is needed of it,
+  std::uint64_t used = 0;      // what is used by others, and
+  std::uint64_t allowed = 0;   // the limit, in the unit that the message names
+  std::uint64_t expected = 0;  // kAborted: the edit number or revision expected;
+                               // kOutOfRange: the nearest revision that there is
+  double retry_seconds = 0;    // when the same call may work; 0: not known
   std::vector<std::string> users{};    // kFailedPrecondition: who still refers to the object
   std::vector<std::string> nearest{};  // kNotFound: the nearest names
   std::optional<int> exit_code{};      // of a private daemon that died; negative: the signal
@@ -55,6 +58,7 @@ class ClientError : public std::runtime_error {
 
   [[nodiscard]] Code code() const noexcept { return code_; }
   [[nodiscard]] const std::string& field() const noexcept { return details_.field; }
+  [[nodiscard]] const std::string& reason() const noexcept { return details_.reason; }
   [[nodiscard]] const ErrorDetails& details() const noexcept { return details_; }
 
   /// What to do about it: the message from its first semicolon on, or all of it without one.
@@ -65,4 +69,4 @@ class ClientError : public std::runtime_error {
   ErrorDetails details_;
 };
 
-}  // namespace heliograph
+}  // namespace heliograph::client

@@ -8,7 +8,7 @@
 
 #include "heliograph/error.h"
 
-namespace heliograph {
+namespace heliograph::client {
 namespace {
 
 /// IEC 61966-2-1
@@ -97,4 +97,4 @@ void Frame::save(const std::string& path, double exposure) const {
                       "path: cannot write " + path + "; is its folder there?", {"path"});
 }
 
-}  // namespace heliograph
+}  // namespace heliograph::client

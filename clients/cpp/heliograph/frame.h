@@ -11,7 +11,7 @@
 #include "heliograph/array.h"
 #include "heliograph/pose.h"
 
-namespace heliograph {
+namespace heliograph::client {
 
 /// One output image. docs/planes.md has every one with its unit and frame.
 struct Plane {
@@ -93,4 +93,4 @@ class Frame {
   std::shared_ptr<const Data> data_ = std::make_shared<const Data>();
 };
 
-}  // namespace heliograph
+}  // namespace heliograph::client

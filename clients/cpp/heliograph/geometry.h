@@ -10,7 +10,7 @@
 #include "heliograph/array.h"
 #include "heliograph/pose.h"
 
-namespace heliograph {
+namespace heliograph::client {
 
 /// A motion that maps a mesh onto itself: a matrix, or any rotation about an axis through a point.
 struct Symmetry {
@@ -93,4 +93,4 @@ Geometry torus(double radius = 0.35, double tube = 0.15, int segments = 96);
 Geometry cylinder(double radius = 0.5, double height = 1, int segments = 64);
 }  // namespace shapes
 
-}  // namespace heliograph
+}  // namespace heliograph::client

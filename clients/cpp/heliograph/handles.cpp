@@ -9,7 +9,7 @@
 #include "wire/convert.h"
 #include "wire/read.h"
 
-namespace heliograph {
+namespace heliograph::client {
 namespace {
 
 using wire::Node;
@@ -218,4 +218,4 @@ std::optional<std::array<Vec3, 2>> Asset::bounds() const {
   return corners_of(wire::array_of(state_->info.bounds()));
 }
 
-}  // namespace heliograph
+}  // namespace heliograph::client

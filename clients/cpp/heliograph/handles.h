@@ -16,7 +16,7 @@
 #include "heliograph/pose.h"
 #include "heliograph/ref.h"
 
-namespace heliograph {
+namespace heliograph::client {
 
 class Mesh;
 class Material;
@@ -114,4 +114,4 @@ class Asset {
   std::shared_ptr<wire::AssetState> state_;
 };
 
-}  // namespace heliograph
+}  // namespace heliograph::client

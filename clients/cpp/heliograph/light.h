@@ -7,7 +7,7 @@
 #include "heliograph/pose.h"
 #include "heliograph/ref.h"
 
-namespace heliograph {
+namespace heliograph::client {
 
 /// Light that an entity's mesh gives off, besides what its material emits; a shape about the
 /// entity's origin; or, with a sun_angle, a sun. Discs, rectangles, cones and suns shine along the
@@ -67,4 +67,4 @@ struct Visibility {
   bool volume = true;
 };
 
-}  // namespace heliograph
+}  // namespace heliograph::client

@@ -2,7 +2,7 @@
 
 #include "wire/live.h"
 
-namespace heliograph {
+namespace heliograph::client {
 
 const Frame& Result::frame() const {
   if (error) throw ClientError(*error);
@@ -21,4 +21,4 @@ RenderOptions Live::options() const { return call_->options(); }
 void Live::finish() { call_->finish(); }
 void Live::close() { call_->close(); }
 
-}  // namespace heliograph
+}  // namespace heliograph::client

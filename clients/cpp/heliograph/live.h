@@ -15,7 +15,7 @@
 #include "heliograph/ref.h"
 #include "heliograph/render.h"
 
-namespace heliograph {
+namespace heliograph::client {
 
 namespace wire {
 class BatchCall;
@@ -127,4 +127,4 @@ class Live {
   std::shared_ptr<wire::LiveCall> call_;
 };
 
-}  // namespace heliograph
+}  // namespace heliograph::client

@@ -12,7 +12,7 @@
 #include "heliograph/pose.h"
 #include "heliograph/ref.h"
 
-namespace heliograph {
+namespace heliograph::client {
 
 /// A texture that drives a parameter: (texel[channel] * scale + offset) * factor, looked up at
 /// uv (u, v, 1).
@@ -138,4 +138,4 @@ Parameters skin();
 Parameters milk();
 }  // namespace materials
 
-}  // namespace heliograph
+}  // namespace heliograph::client

@@ -4,7 +4,7 @@
 
 #include <utility>
 
-namespace heliograph {
+namespace heliograph::client {
 namespace {
 
 template <class T>
@@ -87,4 +87,4 @@ Parameters milk() {
 }
 
 }  // namespace materials
-}  // namespace heliograph
+}  // namespace heliograph::client

@@ -7,7 +7,7 @@
 
 #include "heliograph/error.h"
 
-namespace heliograph {
+namespace heliograph::client {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
@@ -130,4 +130,4 @@ Keys moving(const Pose& pose, const std::vector<double>& times, const Motion& mo
   return out;
 }
 
-}  // namespace heliograph
+}  // namespace heliograph::client

@@ -9,7 +9,7 @@
 #include <map>
 #include <vector>
 
-namespace heliograph {
+namespace heliograph::client {
 
 struct Vec3 {
   double x = 0;
@@ -93,4 +93,4 @@ struct Motion {
 /// of them: at each time, and in between where the rotation exceeds 60 degrees.
 Keys moving(const Pose& pose, const std::vector<double>& times, const Motion& motion);
 
-}  // namespace heliograph
+}  // namespace heliograph::client

@@ -9,18 +9,11 @@
 #include "wire/draft.h"
 #include "wire/session.h"
 
-namespace heliograph {
+namespace heliograph::client {
 namespace {
 
 constexpr std::size_t kRows = 65536;      // of a message: 768 KiB of origins, as many of directions
 constexpr std::size_t kTracksTimes = 64;  // of a message
-
-v1::QueryReply ask(const wire::SceneCore& scene, v1::QueryRequest& request) {
-  request.set_scene(scene.id);
-  auto reply = scene.session->call(&wire::Session::Stub::Query, request);
-  request.set_revision(reply.revision());  // what is asked next is of the same one
-  return reply;
-}
 
 /// Arrays that differ in the length of one axis, one after another along it.
 Array join(const std::vector<const Array*>& parts, std::size_t axis) {
@@ -51,6 +44,26 @@ Columns join(const std::vector<Columns>& replies, std::size_t axis) {
   return Columns(std::move(out));
 }
 
+/// The rows of an answer, which come in pieces; what is asked next is of the same revision.
+template <class Request, class Reply>
+Columns ask(const wire::SceneCore& scene,
+            std::unique_ptr<grpc::ClientReader<Reply>> (wire::Session::Stub::*method)(
+                grpc::ClientContext*, const Request&),
+            Request& request) {
+  request.set_scene(scene.id);
+  const std::vector<Reply> replies = scene.session->call(method, request);
+  if (replies.empty())
+    throw ClientError(Code::kInternal, "the daemon gave no answer; client and daemon do not fit");
+  request.set_revision(replies.front().revision());
+  std::vector<Columns> pieces;
+  for (const Reply& reply : replies) pieces.push_back(wire::columns_of(reply.columns()));
+  return join(pieces, 0);
+}
+
+Columns ask(const wire::SceneCore& scene, v1::QueryRequest& request) {
+  return ask(scene, &wire::Session::Stub::Query, request);
+}
+
 void put_refs(const std::vector<Ref>& refs, const std::string& field,
               google::protobuf::RepeatedPtrField<v1::Ref>* out) {
   for (const Ref& ref : refs) wire::put_ref(ref, nullptr, field, out->Add());
@@ -65,7 +78,7 @@ Columns in_pieces(const wire::SceneCore& scene, std::size_t rows, const Fill& fi
   do {
     const std::size_t last = std::min(rows, first + kRows);
     fill(request, first, last);
-    replies.push_back(wire::columns_of(ask(scene, request).columns()));
+    replies.push_back(ask(scene, request));
     first = last;
   } while (first < rows);
   return join(replies, 0);
@@ -108,14 +121,14 @@ Columns Scene::visible(const Ref& camera, const std::vector<Ref>& entities) cons
   v1::Visible* visible = request.mutable_visible();
   wire::put_ref(camera, nullptr, "camera", visible->mutable_camera());
   put_refs(entities, "entities", visible->mutable_entities());
-  return wire::columns_of(ask(*core_, request).columns());
+  return ask(*core_, request);
 }
 
 Array Scene::overlaps(const std::vector<Ref>& a, const std::vector<Ref>& b) const {
   v1::QueryRequest request;
   put_refs(a, "a", request.mutable_overlaps()->mutable_a());
   put_refs(b, "b", request.mutable_overlaps()->mutable_b());
-  return wire::columns_of(ask(*core_, request).columns())["overlaps"];
+  return ask(*core_, request)["overlaps"];
 }
 
 Columns Scene::sample_surface(const std::vector<Ref>& entities, std::uint32_t count,
@@ -125,7 +138,7 @@ Columns Scene::sample_surface(const std::vector<Ref>& entities, std::uint32_t co
   put_refs(entities, "entities", sample->mutable_entities());
   sample->set_count(count);
   sample->set_seed(seed);
-  return wire::columns_of(ask(*core_, request).columns());
+  return ask(*core_, request);
 }
 
 Columns Scene::tracks(const Ref& camera, const SurfacePoints& points,
@@ -135,7 +148,6 @@ Columns Scene::tracks(const Ref& camera, const SurfacePoints& points,
   const std::size_t count = first.shape()[0];
   const std::size_t across = kRows / std::min(kTracksTimes, std::max<std::size_t>(1, times.size()));
   v1::TracksRequest request;
-  request.set_scene(core_->id);
   request.set_through_transmission(through_transmission);
   wire::put_ref(camera, nullptr, "camera", request.mutable_camera());
   put_refs(points.entities, "points.entities", request.mutable_entities());
@@ -156,9 +168,7 @@ Columns Scene::tracks(const Ref& camera, const SurfacePoints& points,
     for (std::size_t t = 0; t == 0 || t < times.size(); t += kTracksTimes) {
       const std::size_t end = std::min(times.size(), t + kTracksTimes);
       wire::put_inline(wire::rows_of(Array(times), t, end), request.mutable_times());
-      const auto reply = core_->session->call(&wire::Session::Stub::Tracks, request);
-      request.set_revision(reply.revision());
-      replies.push_back(wire::columns_of(reply.columns()));
+      replies.push_back(ask(*core_, &wire::Session::Stub::Tracks, request));
     }
     rows.push_back(join(replies, 1));
     from = to;
@@ -166,4 +176,4 @@ Columns Scene::tracks(const Ref& camera, const SurfacePoints& points,
   return join(rows, 0);
 }
 
-}  // namespace heliograph
+}  // namespace heliograph::client

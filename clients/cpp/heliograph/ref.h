@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-namespace heliograph {
+namespace heliograph::client {
 
 namespace wire {
 struct Node;
@@ -49,4 +49,4 @@ class Ref {
   std::string name_;
 };
 
-}  // namespace heliograph
+}  // namespace heliograph::client

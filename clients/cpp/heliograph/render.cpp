@@ -4,7 +4,7 @@
 #include "heliograph/edit.h"
 #include "wire/raw_stream.h"
 
-namespace heliograph {
+namespace heliograph::client {
 
 Cancellation::Cancellation() : state_(std::make_shared<wire::Cancelling>()) {}
 
@@ -15,4 +15,4 @@ RenderOptions& RenderOptions::overlay(const Overlay& v) {
   return *this;
 }
 
-}  // namespace heliograph
+}  // namespace heliograph::client

@@ -11,7 +11,7 @@
 
 #include "heliograph/frame.h"
 
-namespace heliograph {
+namespace heliograph::client {
 
 class Overlay;
 namespace wire {
@@ -149,4 +149,4 @@ class RenderOptions {
   Fields fields_;
 };
 
-}  // namespace heliograph
+}  // namespace heliograph::client

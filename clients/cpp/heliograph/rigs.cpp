@@ -2,7 +2,7 @@
 
 #include "heliograph/error.h"
 
-namespace heliograph {
+namespace heliograph::client {
 
 Rig stereo(Transaction& edit, const std::string& name, const Camera& camera, double baseline,
            const Components& placement) {
@@ -19,4 +19,4 @@ Rig stereo(Transaction& edit, const std::string& name, const Camera& camera, dou
   return rig;
 }
 
-}  // namespace heliograph
+}  // namespace heliograph::client

@@ -8,7 +8,7 @@
 #include "heliograph/edit.h"
 #include "heliograph/handles.h"
 
-namespace heliograph {
+namespace heliograph::client {
 
 /// Two cameras side by side, and the entity that both are fixed to.
 struct Rig {
@@ -24,4 +24,4 @@ struct Rig {
 Rig stereo(Transaction& edit, const std::string& name, const Camera& camera, double baseline,
            const Components& placement);
 
-}  // namespace heliograph
+}  // namespace heliograph::client

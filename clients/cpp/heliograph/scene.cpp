@@ -17,7 +17,7 @@
 #include "wire/session.h"
 #include "wire/watch.h"
 
-namespace heliograph {
+namespace heliograph::client {
 namespace {
 
 template <class T>
@@ -30,11 +30,6 @@ T typed(const std::shared_ptr<wire::SceneCore>& core, const std::string& name) {
 }
 
 std::vector<Ref> refs_of(const Group& entities) { return {entities.begin(), entities.end()}; }
-
-std::map<std::string, std::uint64_t> map_of(
-    const google::protobuf::Map<std::string, google::protobuf::uint64>& values) {
-  return {values.begin(), values.end()};
-}
 
 v1::RenderRequest request_of(const std::string& manifest) {
   using google::protobuf::util::JsonStringToMessage;
@@ -127,11 +122,8 @@ Frame Scene::rerender(const std::string& manifest) const {
 std::uint64_t Scene::revision() const {
   return core_->describe([](auto&) {}).scene().revision();
 }
-Durability Scene::durability() const {
-  const std::string text = core_->describe([](auto&) {}).scene().durability();
-  for (const Durability each : {Durability::kOs, Durability::kFsync})
-    if (text == wire::text_of(each)) return each;
-  return Durability::kNone;
+Lifetime Scene::lifetime() const {
+  return Lifetime(core_->describe([](auto&) {}).scene().lifetime());
 }
 double Scene::time() const {
   return core_->describe([](auto&) {}).scene().time();
@@ -145,11 +137,20 @@ std::map<std::uint32_t, std::string> Scene::categories() const {
 }
 
 std::map<std::string, std::uint64_t> Scene::counts() const {
-  return map_of(core_->describe([](auto&) {}).counts());
+  const v1::ObjectCounts counts = core_->describe([](auto&) {}).counts();
+  return {{"entities", counts.entities()},
+          {"meshes", counts.meshes()},
+          {"materials", counts.materials()},
+          {"textures", counts.textures()},
+          {"volumes", counts.volumes()}};
 }
 
 std::map<std::string, std::uint64_t> Scene::memory() const {
-  return map_of(core_->describe([](auto& request) { request.set_memory(true); }).memory());
+  const v1::SceneMemory memory =
+      core_->describe([](auto& request) { request.set_memory(true); }).memory();
+  std::map<std::string, std::uint64_t> out{{"rows", memory.rows()}, {"arrays", memory.arrays()}};
+  if (memory.has_derived()) out["derived"] = memory.derived();
+  return out;
 }
 
 Entity Scene::entity(const std::string& name) const { return typed<Entity>(core_, name); }
@@ -159,12 +160,8 @@ Texture Scene::texture(const std::string& name) const { return typed<Texture>(co
 Volume Scene::volume(const std::string& name) const { return typed<Volume>(core_, name); }
 
 std::vector<Handle> Scene::find(const std::string& pattern) const {
-  const auto reply = core_->describe([&](auto& request) {
-    request.set_tree(true);
-    request.set_pattern(pattern);
-  });
   std::vector<Handle> out;
-  for (const v1::ObjectInfo& object : reply.objects())
+  for (const v1::ObjectInfo& object : core_->objects(pattern))
     out.emplace_back(wire::make_node(core_, Kind(object.id() >> 56), object.name(), object.id()));
   return out;
 }
@@ -196,17 +193,17 @@ Array Scene::transforms(const Group& entities) const {
 
 // ---------------------------------------------------------------- life
 
-Scene Scene::branch(const std::string& name, std::optional<std::uint64_t> revision, bool shared,
-                    Durability durability) const {
+Scene Scene::branch(const std::string& name, std::optional<std::uint64_t> revision,
+                    Lifetime lifetime) const {
   v1::BranchSceneRequest request;
   request.set_request_id(wire::make_request_id());
   request.set_scene(core_->id);
   request.set_name(name);
-  request.set_shared(shared);
-  request.set_durability(wire::text_of(durability));
+  request.set_lifetime(v1::Lifetime(int(lifetime)));
   if (revision) request.set_revision(*revision);
   const auto info = core_->session->call(&wire::Session::Stub::BranchScene, request);
-  return Scene(std::make_shared<wire::SceneCore>(core_->session, info, !shared));
+  return Scene(
+      std::make_shared<wire::SceneCore>(core_->session, info, lifetime == Lifetime::kSession));
 }
 
 void Scene::save(const std::string& path, std::optional<std::uint64_t> revision) const {
@@ -215,4 +212,4 @@ void Scene::save(const std::string& path, std::optional<std::uint64_t> revision)
 
 void Scene::remove() { core_->remove(); }
 
-}  // namespace heliograph
+}  // namespace heliograph::client

@@ -16,7 +16,7 @@
 #include "heliograph/render.h"
 #include "heliograph/watch.h"
 
-namespace heliograph {
+namespace heliograph::client {
 
 namespace wire {
 struct SceneCore;
@@ -31,10 +31,15 @@ struct SurfacePoints {
   Array vertices{};     // (N,) u32, instead of these
 };
 
-/// What an acknowledged edit survives: nothing; the end of the daemon, kill -9 too; a loss of power
-/// too. Durable scenes are shared, and need a daemon with --state-dir. When it is restarted,
-/// clients go on: their edits are answered or applied, once.
-enum class Durability : int { kNone, kOs, kFsync };
+/// How long a scene lives, and what its acknowledged edits survive. Those on disk need a daemon
+/// with
+/// --state-dir. When it is restarted, clients go on: their edits are answered or applied, once.
+enum class Lifetime : int {
+  kSession = 1,     // until it is deleted, or its session ends
+  kDaemon = 2,      // until it is deleted, or the daemon ends
+  kDisk = 3,        // until it is deleted; edits survive the end of the daemon, kill -9 too
+  kDiskSynced = 4,  // until it is deleted; edits survive a loss of power, too
+};
 
 /// A scene of a daemon. Copies are the same scene; a private one that this client made is deleted
 /// when the last copy and the last handle are gone. Thread: any; edits go out in one order.
@@ -76,7 +81,7 @@ class Scene {
   // ---------------------------------------------------------------- reading
 
   [[nodiscard]] std::uint64_t revision() const;
-  [[nodiscard]] Durability durability() const;
+  [[nodiscard]] Lifetime lifetime() const;
   [[nodiscard]] double time() const;                                      // seconds
   [[nodiscard]] std::map<std::uint32_t, std::string> categories() const;  // class id to name
   [[nodiscard]] std::map<std::string, std::uint64_t> counts() const;      // objects by kind
@@ -126,8 +131,8 @@ class Scene {
 
   /// A copy-on-write branch; handles of this scene serve it too, by their ids.
   [[nodiscard]] Scene branch(const std::string& name = "",
-                             std::optional<std::uint64_t> revision = {}, bool shared = false,
-                             Durability durability = Durability::kNone) const;
+                             std::optional<std::uint64_t> revision = {},
+                             Lifetime lifetime = Lifetime::kSession) const;
   /// Writes the whole scene, arrays and textures included, to one file: all or nothing.
   void save(const std::string& path, std::optional<std::uint64_t> revision = {}) const;
   /// Deletes the scene in the daemon.
@@ -139,4 +144,4 @@ class Scene {
   std::shared_ptr<wire::SceneCore> core_;
 };
 
-}  // namespace heliograph
+}  // namespace heliograph::client

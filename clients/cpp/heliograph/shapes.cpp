@@ -6,7 +6,7 @@
 
 #include "heliograph/geometry.h"
 
-namespace heliograph::shapes {
+namespace heliograph::client::shapes {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
@@ -171,4 +171,4 @@ Geometry cylinder(double radius, double height, int segments) {
   return out.finish();
 }
 
-}  // namespace heliograph::shapes
+}  // namespace heliograph::client::shapes

@@ -10,7 +10,7 @@
 
 #include "heliograph/error.h"
 
-namespace heliograph {
+namespace heliograph::client {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
@@ -330,4 +330,4 @@ Sky sky(double elevation, double azimuth, const Air& air) {
           {level * std::cos(azimuth), level * std::sin(azimuth), up}};
 }
 
-}  // namespace heliograph
+}  // namespace heliograph::client

@@ -5,7 +5,7 @@
 #include "heliograph/array.h"
 #include "heliograph/pose.h"
 
-namespace heliograph {
+namespace heliograph::client {
 
 struct Air {
   double aerosol = 1;   // haze, [0, 20]; 0: none, 1: clear air
@@ -27,4 +27,4 @@ constexpr double kSunAngle = 0.0093;  // radians, angular diameter
 /// 2020).
 Sky sky(double elevation, double azimuth = 0, const Air& air = {});
 
-}  // namespace heliograph
+}  // namespace heliograph::client

@@ -10,7 +10,7 @@
 
 #include "heliograph/live.h"
 
-namespace heliograph {
+namespace heliograph::client {
 
 namespace wire {
 class WatchCall;
@@ -62,4 +62,4 @@ class Watch {
   std::shared_ptr<wire::WatchCall> call_;
 };
 
-}  // namespace heliograph
+}  // namespace heliograph::client

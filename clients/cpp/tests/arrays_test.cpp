@@ -3,7 +3,7 @@
 
 #include "fixture.h"
 
-using namespace heliograph;
+using namespace heliograph::client;
 
 TEST_CASE("an array has the dtype and the shape of its C++ type") {
   const Array points(std::vector<std::array<float, 3>>{{1, 2, 3}, {4, 5, 6}});

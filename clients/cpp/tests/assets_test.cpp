@@ -5,7 +5,7 @@
 
 #include "fixture.h"
 
-using namespace heliograph;
+using namespace heliograph::client;
 
 namespace {
 

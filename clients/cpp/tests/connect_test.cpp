@@ -14,7 +14,7 @@
 
 #include "fixture.h"
 
-using namespace heliograph;
+using namespace heliograph::client;
 
 namespace {
 

@@ -15,7 +15,7 @@
 
 extern char** environ;
 
-using namespace heliograph;
+using namespace heliograph::client;
 using namespace std::chrono_literals;
 
 namespace {
@@ -82,9 +82,9 @@ Entity place(Scene& scene, const std::string& name, double x) {
 TEST_CASE("durable: a client goes on after the daemon was killed") {
   Durable daemon;
   Client own = connect(daemon.address());
-  CHECK(own.info().journal == "writing");
-  Scene scene = own.create_scene("room", true, Durability::kFsync);
-  CHECK(scene.durability() == Durability::kFsync);
+  CHECK(own.info().journal == Journal::kWriting);
+  Scene scene = own.create_scene("room", Lifetime::kDiskSynced);
+  CHECK(scene.lifetime() == Lifetime::kDiskSynced);
   const std::uint64_t id = place(scene, "thing", 1).id();
   daemon.restart();
   CHECK(scene.revision() == 1);  // a call that resumes the session
@@ -97,7 +97,7 @@ TEST_CASE("durable: a client goes on after the daemon was killed") {
 TEST_CASE("durable: edits on their way when the daemon is killed are applied once") {
   Durable daemon;
   Client own = connect(daemon.address());
-  Scene scene = own.create_scene("room", true, Durability::kOs);
+  Scene scene = own.create_scene("room", Lifetime::kDisk);
   std::vector<Receipt> receipts;
   for (int round = 0; round < 3; ++round) {
     for (int i = 0; i < 40; ++i) {
@@ -115,14 +115,14 @@ TEST_CASE("durable: edits on their way when the daemon is killed are applied onc
 TEST_CASE("durable: what was not is gone, branches are when they are asked to be") {
   Durable daemon;
   Client own = connect(daemon.address());
-  Scene plain = own.create_scene("plain", true);
-  CHECK(plain.durability() == Durability::kNone);
+  Scene plain = own.create_scene("plain", Lifetime::kDaemon);
+  CHECK(plain.lifetime() == Lifetime::kDaemon);
   place(plain, "thing", 1);
-  const Scene branch = plain.branch("kept", {}, true, Durability::kOs);
-  const Scene lost = plain.branch("lost", {}, true);
+  const Scene branch = plain.branch("kept", {}, Lifetime::kDisk);
+  const Scene lost = plain.branch("lost", {}, Lifetime::kDaemon);
   const std::string file = daemon.address().substr(7) + ".scene";
   plain.save(file);
-  const Scene loaded = own.load_scene(file, "loaded", true, Durability::kFsync);
+  const Scene loaded = own.load_scene(file, "loaded", Lifetime::kDiskSynced);
   daemon.restart();
   CHECK(error_of([&] { place(plain, "thing", 2); }).code() == Code::kNotFound);
   std::vector<std::string> names;
@@ -130,13 +130,13 @@ TEST_CASE("durable: what was not is gone, branches are when they are asked to be
   std::sort(names.begin(), names.end());
   CHECK(names == std::vector<std::string>{"kept", "loaded"});
   CHECK(branch.contains("thing"));
-  CHECK(loaded.durability() == Durability::kFsync);
+  CHECK(loaded.lifetime() == Lifetime::kDiskSynced);
 }
 
 TEST_CASE("durable: a stream of frames is told that the daemon was restarted, once") {
   Durable daemon;
   Client own = connect(daemon.address());
-  Scene scene = own.create_scene("room", true, Durability::kOs);
+  Scene scene = own.create_scene("room", Lifetime::kDisk);
   Transaction edit = scene.edit();
   edit.entity("cam", Components().camera(Camera::from_fov(degrees(50), 16, 16)));
   edit.commit();
@@ -149,7 +149,7 @@ TEST_CASE("durable: a stream of frames is told that the daemon was restarted, on
 }
 
 TEST_CASE("durable: a daemon without a state directory refuses") {
-  const auto error = error_of([] { client().create_scene("room", true, Durability::kOs); });
+  const auto error = error_of([] { client().create_scene("room", Lifetime::kDisk); });
   CHECK(error.code() == Code::kFailedPrecondition);
-  CHECK(client().info().journal.empty());
+  CHECK(client().info().journal == Journal::kNone);
 }

@@ -1,7 +1,7 @@
 // Transactions: atomic, pipelined, conditional; handles and ids.
 #include "fixture.h"
 
-using namespace heliograph;
+using namespace heliograph::client;
 
 TEST_CASE("what is put can be read back, by handle and by name") {
   Ball world;

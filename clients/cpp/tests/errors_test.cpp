@@ -3,7 +3,7 @@
 
 #include "fixture.h"
 
-using namespace heliograph;
+using namespace heliograph::client;
 
 TEST_CASE("the daemon's refusals name the field and the remedy") {
   Ball world;
@@ -81,7 +81,7 @@ TEST_CASE("a transaction above the daemon's limit is refused alone") {
   for (int i = 0; i < 17; ++i) edit.entity("", Components().attributes(text));
   const ClientError error = error_of([&] { edit.commit(); });
   CHECK(error.code() == Code::kResourceExhausted);
-  CHECK(error.details().needed > error.details().available);
+  CHECK(error.details().needed > error.details().allowed);
   Transaction next = world.scene.edit();
   next.time(1);
   next.commit();

@@ -10,7 +10,7 @@
 
 #include "tests/unit/catch.h"
 
-namespace heliograph {
+namespace heliograph::client {
 
 /// The daemon that all tests of this program share; $HELIOGRAPHD names it.
 inline Client& client() {
@@ -60,4 +60,4 @@ ClientError error_of(const Call& call) {
   throw std::logic_error("unreachable");
 }
 
-}  // namespace heliograph
+}  // namespace heliograph::client

@@ -18,7 +18,7 @@
 #include <thread>
 #include <vector>
 
-namespace heliograph {
+namespace heliograph::client {
 
 /// Connect to address() instead of the daemon's; the second socket is the daemon's own.
 class FlakyProxy {
@@ -110,4 +110,4 @@ class FlakyProxy {
   std::vector<std::thread> pumps_;
 };
 
-}  // namespace heliograph
+}  // namespace heliograph::client

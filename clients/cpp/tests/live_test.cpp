@@ -7,7 +7,7 @@
 
 #include "fixture.h"
 
-using namespace heliograph;
+using namespace heliograph::client;
 using std::chrono::steady_clock;
 
 namespace {

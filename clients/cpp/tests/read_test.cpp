@@ -6,7 +6,7 @@
 
 #include "fixture.h"
 
-using namespace heliograph;
+using namespace heliograph::client;
 
 TEST_CASE("a scene tells its objects, counts and memory") {
   Ball world;
@@ -135,7 +135,7 @@ TEST_CASE("a scene file gives the same bytes again") {
 
 TEST_CASE("two clients edit one shared scene, each under numbers of its own") {
   Client other = connect(client().address());
-  Scene shared = client().create_scene("shared", true);
+  Scene shared = client().create_scene("shared", Lifetime::kDaemon);
   Scene opened = other.open_scene("shared");
   Transaction edit = opened.edit();
   edit.entity("from the other", Components());
@@ -165,7 +165,7 @@ TEST_CASE("a private scene is deleted with its last handle") {
 
 TEST_CASE("the daemon tells of itself") {
   const ServerInfo info = client().info();
-  CHECK(info.api == "v1");
+  CHECK((info.min_api == 1 && info.max_api == 1));
   CHECK(info.limits.at("message_bytes") == 16 << 20);
   CHECK(info.threads > 0);
 }

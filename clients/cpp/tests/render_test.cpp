@@ -6,7 +6,7 @@
 
 #include "fixture.h"
 
-using namespace heliograph;
+using namespace heliograph::client;
 using std::chrono::steady_clock;
 
 TEST_CASE("planes have their dtypes and shapes, labels match pixels") {

@@ -9,7 +9,7 @@
 #include "fixture.h"
 #include "flaky_proxy.h"
 
-using namespace heliograph;
+using namespace heliograph::client;
 using namespace std::chrono_literals;
 
 namespace {
@@ -107,7 +107,7 @@ TEST_CASE("a ticket of a daemon that ended is asked for again") {
 TEST_CASE("edits whose replies were lost are answered, not applied again") {
   FlakyProxy proxy(client().address());
   Client flaky = connect(proxy.address());
-  Scene scene = flaky.create_scene("lost replies", true);
+  Scene scene = flaky.create_scene("lost replies", Lifetime::kDaemon);
   const Scene seen = client().open_scene("lost replies");
   advance(scene, 1).wait();
   proxy.lose_replies(true);

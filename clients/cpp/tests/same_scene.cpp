@@ -5,7 +5,7 @@
 #include <fstream>
 #include <iostream>
 
-namespace hg = heliograph;
+namespace hg = heliograph::client;
 
 namespace {
 

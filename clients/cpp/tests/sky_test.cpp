@@ -3,7 +3,7 @@
 
 #include "fixture.h"
 
-using namespace heliograph;
+using namespace heliograph::client;
 
 namespace {
 

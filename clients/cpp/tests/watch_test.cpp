@@ -5,7 +5,7 @@
 #include "fixture.h"
 #include "flaky_proxy.h"
 
-using namespace heliograph;
+using namespace heliograph::client;
 using namespace std::chrono_literals;
 
 namespace {
@@ -19,7 +19,7 @@ void put(const Scene& scene, const std::string& name) {
 }  // namespace
 
 TEST_CASE("a watch tells each change from a revision on, what it did, and to what") {
-  const Scene scene = client().create_scene("watched", true);
+  const Scene scene = client().create_scene("watched", Lifetime::kDaemon);
   put(scene, "before");
   Watch watch = scene.watch({1, {}});
   CHECK(watch.revision() == 0);
@@ -72,7 +72,7 @@ TEST_CASE("a watch begins now by default, gives bookmarks when asked, and ends b
 TEST_CASE("a watch whose connection breaks all the time loses and doubles nothing") {
   FlakyProxy proxy(client().address());
   Client flaky = connect(proxy.address());
-  const Scene scene = flaky.create_scene("flaky", true);
+  const Scene scene = flaky.create_scene("flaky", Lifetime::kDaemon);
   const Scene other = client().open_scene("flaky");
   constexpr int kEdits = 300;
   std::thread editor([&] {

@@ -9,7 +9,7 @@
 
 #include "wire/draft.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 namespace {
 
 constexpr std::size_t kAhead = 256;  // edits on their way; the daemon remembers 1,024 replies
@@ -213,9 +213,9 @@ void ApplyLane::take_reply() {
   waiting_.pop_front();
   --sent_;
   patience_.reset();
-  if (reply.code() != 0) {
-    edit->error = to_error(int(reply.code()), reply.message(), reply.detail());
-    if (reply.detail().field() == "number" || reply.detail().retry_seconds() > 0)
+  if (reply.status().code() != 0) {
+    edit->error = to_error(reply.status());
+    if (edit->error->field() == "number" || edit->error->details().retry_seconds > 0)
       next_.erase(edit->request.scene());  // the number is still free, and all after it
   } else {
     edit->revision = reply.revision();
@@ -235,15 +235,14 @@ void ApplyLane::end_stream(Lock& lock) {
   if (!patience_ || is_lost_session) patience_.emplace();  // the daemon is back, for however long
   if (again) {
     lock.unlock();
-    again = is_lost_session ? session_.resume(stream->openings,
-                                              session_.error_of(stream->status, stream->context))
+    again = is_lost_session ? session_.resume(stream->openings, session_.error_of(stream->status))
                             : !session_.is_daemon_dead() && patience_->wait();
     lock.lock();
   }
   if (again && !session_.is_closed()) return open();
   const grpc::Status status =
       stream->status.ok() ? grpc::Status(grpc::UNAVAILABLE, "the daemon stopped") : stream->status;
-  fail_all(session_.error_of(status, stream->context));
+  fail_all(session_.error_of(status));
 }
 
 void ApplyLane::fail_all(const ClientError& error) {
@@ -257,4 +256,4 @@ void ApplyLane::fail_all(const ClientError& error) {
   patience_.reset();
 }
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

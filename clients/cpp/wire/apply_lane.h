@@ -13,7 +13,7 @@
 
 #include "wire/session.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 
 struct PendingEdit;
 
@@ -64,4 +64,4 @@ class ApplyLane {
   std::optional<Patience> patience_;
 };
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -6,7 +6,7 @@
 
 #include "heliograph/error.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 
 void describe(const Array& array, v1::Array* out) {
   out->set_dtype(v1::DType(array.dtype()));
@@ -87,4 +87,4 @@ Array rows_of(const Array& array, std::size_t first, std::size_t last) {
           std::move(shape)};
 }
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -7,7 +7,7 @@
 #include "heliograph/ref.h"
 #include "heliograph/v1/service.pb.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 
 constexpr std::size_t kInlineBytes = 1 << 20;
 
@@ -40,4 +40,4 @@ M matrix_of(const Array& array) {
   return out;
 }
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -6,7 +6,7 @@
 #include "heliograph/error.h"
 #include "wire/arrays.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 namespace {
 
 FrameInfo info_of(const v1::FrameHeader& header) {
@@ -135,4 +135,4 @@ std::vector<Frame> FinalFrames::take() {
   return out;
 }
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

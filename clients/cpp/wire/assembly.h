@@ -16,7 +16,7 @@
 #include "heliograph/render.h"
 #include "heliograph/v1/service.grpc.pb.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 
 /// Reads the bytes of a message, which lie in several slices.
 class Cursor {
@@ -120,4 +120,4 @@ class FinalFrames {
   std::vector<std::optional<Frame>> frames_;
 };
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

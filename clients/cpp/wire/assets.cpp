@@ -11,7 +11,7 @@
 #include "wire/convert.h"
 #include "wire/uploads.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 namespace {
 
 namespace fs = std::filesystem;
@@ -41,6 +41,14 @@ fs::path companion(const fs::path& folder, const std::string& name) {
   return path;
 }
 
+v1::DecodeAssetRequest::Axis axis_of(const std::string& name) {
+  const std::vector<std::string> names{"", "x", "y", "z"};
+  const auto found = std::find(names.begin(), names.end(), name);
+  if (found == names.end())
+    throw ClientError(Code::kInvalidArgument, "up: \"" + name + "\" is not one of x, y, z", {"up"});
+  return v1::DecodeAssetRequest::Axis(found - names.begin());
+}
+
 void add_file(Session& session, const std::string& name, const fs::path& path,
               v1::DecodeAssetRequest* request) {
   std::ifstream file(path, std::ios::binary);
@@ -59,9 +67,9 @@ v1::DecodeAssetReply ask(Session& session, const v1::DecodeAssetRequest& request
   v1::DecodeAssetReply out;
   for (v1::DecodeAssetReply reply; reader->Read(&reply);) {
     out.mutable_missing()->MergeFrom(reply.missing());
-    if (reply.has_asset()) *out.mutable_asset() = reply.asset();
+    if (reply.has_asset()) out.mutable_asset()->MergeFrom(reply.asset());  // it comes in pieces
   }
-  session.check(reader->Finish(), context);
+  session.check(reader->Finish());
   return out;
 }
 
@@ -72,7 +80,7 @@ v1::AssetInfo decode_bundle(Session& session, const Source& source) {
     refuse(Code::kInvalidArgument, "give path or server_path, one of them");
   v1::DecodeAssetRequest request;
   request.set_server_path(source.server_path);
-  request.set_up(source.up);
+  request.set_up(axis_of(source.up));
   request.set_units(source.units);
   const fs::path model(source.path);
   if (!source.path.empty()) {
@@ -143,4 +151,4 @@ std::size_t known(const std::vector<std::string>& names, const std::string& name
       std::move(details));
 }
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -7,7 +7,7 @@
 #include "wire/draft.h"
 #include "wire/session.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 
 /// What to decode.
 struct Source {
@@ -28,4 +28,4 @@ void list_library(AssetState& asset, const std::string& stem);
 void put_placement(const AssetState& asset, const Placement& placement, Draft& draft,
                    v1::Instantiate* out);
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -11,7 +11,7 @@
 #include "heliograph/v1/service.pb.h"
 #include "wire/draft.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 
 v1::Vec3 to_proto(Vec3 v);
 v1::Vec3 to_proto(Color c);
@@ -41,4 +41,4 @@ v1::RenderRequest to_request(std::uint64_t scene, const std::vector<Ref>& camera
 void put_edited(const Array& array, Draft& draft, v1::Array* out);
 void put_asset(const Array& array, Draft& draft, v1::Array* out);
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -4,7 +4,7 @@
 
 #include "wire/convert.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 namespace {
 
 void put_rgb(const RgbSensor& sensor, v1::RgbSensor* out) {
@@ -109,4 +109,4 @@ Camera camera_of(const v1::Camera& message) {
   return out;
 }
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

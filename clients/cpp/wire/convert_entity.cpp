@@ -6,7 +6,7 @@
 #include "wire/session.h"
 #include "wire/uploads.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 namespace {
 
 void put_keys(const Keys& keys, Draft& draft, v1::Pose* out) {
@@ -168,4 +168,4 @@ Light light_of(const v1::Light& message) {
   return out;
 }
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -9,7 +9,7 @@
 #include "wire/session.h"
 #include "wire/uploads.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 namespace {
 
 void put_topology(const Geometry& geometry, Draft& draft, v1::Mesh* out) {
@@ -111,9 +111,7 @@ void put_image(const Image& image, Draft& draft, v1::Texture* out) {
       throw ClientError(Code::kInvalidArgument,
                         "image: " + image.path + " is no picture; use import_file()", {"image"});
     *out->mutable_texels() = info.texels();
-    if (!info.encoding().empty())
-      out->set_encoding(info.encoding() == "srgb" ? v1::Texture::ENCODING_SRGB
-                                                  : v1::Texture::ENCODING_LINEAR);
+    out->set_encoding(info.encoding());
   } else if (!image.texels.empty()) {
     put_asset(image.texels, draft, out->mutable_texels());
   }
@@ -134,4 +132,4 @@ void put_dome(const Dome& dome, v1::Dome* out) {
   for (const std::string& name : dome.reset) out->add_clear(name);
 }
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -1,7 +1,7 @@
 // Parameters to a Material, by the names of its fields.
 #include "wire/convert.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 namespace {
 
 using Field = google::protobuf::FieldDescriptor;
@@ -64,4 +64,4 @@ void put_material(const Parameters& parameters, const Draft& draft, v1::Material
   }
 }
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

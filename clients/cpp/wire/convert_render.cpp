@@ -6,7 +6,7 @@
 #include "heliograph/error.h"
 #include "wire/convert.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 namespace {
 
 constexpr std::uint32_t kDefaultSpp = 64;
@@ -141,4 +141,4 @@ v1::RenderRequest to_request(std::uint64_t scene, const std::vector<Ref>& camera
   return out;
 }
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

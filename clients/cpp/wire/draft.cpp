@@ -4,7 +4,7 @@
 #include "wire/apply_lane.h"
 #include "wire/session.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 
 SceneCore::SceneCore(std::shared_ptr<Session> of, const v1::SceneInfo& info, bool is_owned)
     : session(std::move(of)), id(info.scene()), name(info.name()), owned(is_owned) {
@@ -24,15 +24,26 @@ v1::DescribeSceneReply SceneCore::ask(const v1::DescribeSceneRequest& request) c
   return session->call(&Session::Stub::DescribeScene, request);
 }
 
+std::vector<v1::ObjectInfo> SceneCore::objects(const std::string& pattern) const {
+  std::vector<v1::ObjectInfo> out;
+  std::string token;
+  do {
+    const auto reply = describe([&](auto& request) {
+      request.set_tree(true);
+      request.set_pattern(pattern);
+      request.set_page_token(token);
+    });
+    out.insert(out.end(), reply.objects().begin(), reply.objects().end());
+    token = reply.next_page_token();
+  } while (!token.empty());
+  return out;
+}
+
 std::uint64_t SceneCore::resolve(const std::string& object) const {
   std::string pattern;
   for (const char c : object)
     pattern += c == '*' || c == '?' || c == '[' ? std::string("[") + c + "]" : std::string(1, c);
-  const auto found = describe([&](auto& described) {
-    described.set_tree(true);
-    described.set_pattern(pattern);
-  });
-  for (const v1::ObjectInfo& info : found.objects())
+  for (const v1::ObjectInfo& info : objects(pattern))
     if (info.name() == object) return info.id();
   v1::ReadRequest request;  // a Read of a name that is not there lists the nearest
   request.set_scene(id);
@@ -43,7 +54,7 @@ std::uint64_t SceneCore::resolve(const std::string& object) const {
   const auto reader = session->stub().Read(&context, request);
   for (v1::ReadReply reply; reader->Read(&reply);) {
   }
-  session->check(reader->Finish(), context);
+  session->check(reader->Finish());
   throw ClientError(Code::kNotFound, "name: no object called \"" + object + "\"; find() lists all",
                     {"name"});
 }
@@ -86,4 +97,4 @@ void put_ref(const Ref& ref, const Draft* within, const std::string& field, v1::
                     {field});
 }
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

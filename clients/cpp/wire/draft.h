@@ -15,7 +15,7 @@
 #include "heliograph/ref.h"
 #include "heliograph/v1/service.pb.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 
 class Session;
 
@@ -40,6 +40,8 @@ struct SceneCore {
     return ask(request);
   }
   [[nodiscard]] v1::DescribeSceneReply ask(const v1::DescribeSceneRequest& request) const;
+  /// Those whose names match a glob, by kind and in id order.
+  [[nodiscard]] std::vector<v1::ObjectInfo> objects(const std::string& pattern) const;
   /// The id of a name; kNotFound lists the nearest.
   [[nodiscard]] std::uint64_t resolve(const std::string& object) const;
   void remove();
@@ -104,4 +106,4 @@ struct PendingEdit {
   std::optional<ClientError> error{};
 };
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -3,7 +3,7 @@
 #include "wire/launch.h"
 #include "wire/lifeline.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 namespace {
 
 [[noreturn]] void refuse() {
@@ -25,4 +25,4 @@ bool PrivateDaemon::is_dead() { refuse(); }
 ClientError PrivateDaemon::death(const std::string&, double) { refuse(); }
 void PrivateDaemon::stop() {}
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -4,7 +4,7 @@
 #include "wire/assembly.h"
 #include "wire/raw_stream.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 
 std::vector<Frame> render(const std::shared_ptr<Session>& session, const v1::RenderRequest& request,
                           const RenderOptions::Fields& options) {
@@ -21,4 +21,4 @@ std::vector<Frame> render(const std::shared_ptr<Session>& session, const v1::Ren
   return frames.take();
 }
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -9,10 +9,10 @@
 #include "heliograph/v1/render.pb.h"
 #include "wire/session.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 
 /// The final frames of a request, in the order of its cameras.
 std::vector<Frame> render(const std::shared_ptr<Session>& session, const v1::RenderRequest& request,
                           const RenderOptions::Fields& options);
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

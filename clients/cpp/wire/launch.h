@@ -7,7 +7,7 @@
 #include "heliograph/client.h"
 #include "heliograph/error.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 
 /// Owns: the process, its socket's folder, the thread that reads its log. The daemon watches this
 /// process by pidfd and ends with it.
@@ -33,4 +33,4 @@ class PrivateDaemon {
   std::unique_ptr<Process> process_;
 };
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

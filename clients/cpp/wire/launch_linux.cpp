@@ -26,7 +26,7 @@
 
 extern char** environ;
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 namespace {
 
 constexpr std::size_t kLogLines = 20;
@@ -291,4 +291,4 @@ void PrivateDaemon::stop() {
   if (!process_->folder.empty()) std::filesystem::remove_all(process_->folder, ignored);
 }
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

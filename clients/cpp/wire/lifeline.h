@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 
 /// Owns: the socket. A platform without such sockets throws kUnimplemented.
 class Lifeline {
@@ -23,4 +23,4 @@ class Lifeline {
   std::string ticket_;
 };
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -12,7 +12,7 @@
 #include "heliograph/error.h"
 #include "wire/lifeline.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 namespace {
 
 constexpr std::size_t kTicketBytes = 16;
@@ -52,4 +52,4 @@ Lifeline::Lifeline(const std::string& path, double seconds) {
 
 Lifeline::~Lifeline() { ::close(socket_); }
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -4,7 +4,7 @@
 
 #include "wire/convert.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 namespace {
 
 void refuse(bool is_given, const std::string& name, const std::string& why) {
@@ -115,8 +115,8 @@ void BatchCall::take(const grpc::ByteBuffer& reply) {
 void BatchCall::end(const v1::RenderBatchReply& reply) {
   Item& item = item_of(reply.tag());
   Result result{item.tag, {}, {}};
-  if (reply.code() != 0)
-    result.error = to_error(int(reply.code()), reply.message(), reply.detail());
+  if (reply.status().code() != 0)
+    result.error = to_error(reply.status());
   else
     result.frames = item.frames.take();
   items_.erase(reply.tag());
@@ -137,7 +137,8 @@ LiveCall::LiveCall(std::shared_ptr<SceneCore> scene, std::vector<Ref> cameras,
   v1::StreamRequest request;
   *request.mutable_settings() = settings();
   request.set_credits(credits);
-  request.set_policy(policy == Policy::kLatest ? "latest" : "lossless");
+  request.set_policy(policy == Policy::kLatest ? v1::StreamRequest::POLICY_LATEST
+                                               : v1::StreamRequest::POLICY_LOSSLESS);
   stream_.send(request);
 }
 
@@ -177,4 +178,4 @@ RenderOptions LiveCall::options() const {
   return options_;
 }
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -14,7 +14,7 @@
 #include "wire/draft.h"
 #include "wire/raw_stream.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 
 /// Sends the next job when an item was answered, so that `credits` of them are under way.
 class BatchCall {
@@ -68,4 +68,4 @@ class LiveCall {
   bool has_frame_ = false;  // whose credit next() gives back
 };
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -3,7 +3,7 @@
 #include <chrono>
 #include <utility>
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 
 void Cancelling::cancel() {
   const std::lock_guard lock(mutex_);
@@ -100,7 +100,7 @@ bool RawStream::read(grpc::ByteBuffer* out) {
   const grpc::Status status = finish();
   if (status.error_code() == grpc::CANCELLED && is_cancelled())
     throw ClientError(Code::kCancelled, "the call was cancelled");
-  session_->check(status, context_);
+  session_->check(status);
   return false;
 }
 
@@ -128,4 +128,4 @@ grpc::Status RawStream::finish() {
   return status;
 }
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

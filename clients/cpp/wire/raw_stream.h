@@ -14,7 +14,7 @@
 #include "heliograph/render.h"
 #include "wire/session.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 
 /// Ends calls from any thread.
 class Cancelling {
@@ -74,4 +74,4 @@ class RawStream {
   bool is_closed_ = false;   // the daemon knows, or the call ended
 };
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -6,7 +6,7 @@
 #include "wire/arrays.h"
 #include "wire/session.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 namespace {
 
 void take(const v1::ReadReply& part, Found* found) {
@@ -38,7 +38,7 @@ std::vector<Found> read(const SceneCore& scene, const std::vector<Ref>& things,
   const auto reader = scene.session->stub().Read(&context, request);
   for (v1::ReadReply part; reader->Read(&part);)
     if (part.ref() < out.size()) take(part, &out[part.ref()]);
-  scene.session->check(reader->Finish(), context);
+  scene.session->check(reader->Finish());
   return out;
 }
 
@@ -49,4 +49,4 @@ Found read(const Handle& handle, const std::string& field) {
   return read(*handle.node()->scene, {Ref(handle)}, field).front();
 }
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

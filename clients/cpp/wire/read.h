@@ -7,7 +7,7 @@
 
 #include "wire/draft.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 
 /// What a field answers: an array, or the object as an edit, or neither.
 struct Found {
@@ -21,4 +21,4 @@ std::vector<Found> read(const SceneCore& scene, const std::vector<Ref>& things,
 /// Of one object.
 Found read(const Handle& handle, const std::string& field);
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -8,7 +8,7 @@
 
 #include "wire/session.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 namespace {
 
 const std::string kMagic = "HELIOSC1";
@@ -107,7 +107,7 @@ void save_scene(const SceneCore& scene, const std::string& path,
   if (status.ok() && file) std::filesystem::rename(partial, path, error);
   const bool is_written = file && !error;
   std::filesystem::remove(partial, error);
-  scene.session->check(status, context);
+  scene.session->check(status);
   if (!is_written)
     refuse(Code::kFailedPrecondition, path, "cannot be written; is its folder there?");
 }
@@ -118,8 +118,7 @@ v1::SceneInfo load_scene(Session& session, const std::string& path, const Import
   v1::SceneChunk::Header header = read_header(reader, path, &chunk);
   header.set_request_id(make_request_id());
   header.set_name(as.name);
-  header.set_shared(as.shared);
-  header.set_durability(text_of(as.durability));
+  header.set_lifetime(v1::Lifetime(int(as.lifetime)));
   grpc::ClientContext context;
   session.prepare(context);
   v1::SceneInfo info;
@@ -134,8 +133,8 @@ v1::SceneInfo load_scene(Session& session, const std::string& path, const Import
     throw;
   }
   writer->WritesDone();
-  session.check(writer->Finish(), context);
+  session.check(writer->Finish());
   return info;
 }
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -2,30 +2,22 @@
 // the same as the Python client's. Called by Scene::save and Client::load_scene.
 #pragma once
 
-#include <array>
 #include <optional>
 #include <string>
 
 #include "heliograph/scene.h"
 #include "wire/draft.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 
 /// All or nothing: the file takes its name when it is complete.
 void save_scene(const SceneCore& scene, const std::string& path,
                 std::optional<std::uint64_t> revision);
 
-/// As CreateSceneRequest has it.
-inline const char* text_of(Durability durability) {
-  constexpr std::array<const char*, 3> kTexts{"none", "os", "fsync"};
-  return kTexts[std::size_t(durability)];
-}
-
 struct ImportAs {
   std::string name;
-  bool shared = false;
-  Durability durability = Durability::kNone;
+  Lifetime lifetime = Lifetime::kSession;
 };
 v1::SceneInfo load_scene(Session& session, const std::string& path, const ImportAs& as);
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

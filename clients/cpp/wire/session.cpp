@@ -13,7 +13,7 @@
 #include "wire/apply_lane.h"
 #include "wire/uploads.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 namespace {
 
 constexpr std::size_t kLanes = 4;
@@ -179,13 +179,15 @@ v1::OpenSessionReply Session::open(const std::string& ticket, std::uint64_t resu
     throw ClientError(Code::kUnavailable, "no daemon answers at " + address_ +
                                               "; start heliographd, correct the address, or "
                                               "raise the timeout");
-  if (!status.ok()) throw error_of(status, context);
+  if (!status.ok()) throw error_of(status);
   check_api(reply.server());
   return reply;
 }
 
 bool Session::resume(std::uint64_t openings, const ClientError& failure) {
-  if (failure.code() != Code::kUnauthenticated || server_.journal().empty()) return false;
+  if (failure.code() != Code::kUnauthenticated ||
+      server_.journal() == v1::GetServerInfoReply::JOURNAL_NONE)
+    return false;
   const std::lock_guard lock(opening_);
   if (closed_ || openings_ != openings) return !closed_;  // another thread was here
   for (Patience patience;;) {
@@ -237,7 +239,7 @@ void Session::retry(const std::function<grpc::Status(grpc::ClientContext&)>& att
     prepare(context);
     const grpc::Status status = attempt(context);
     if (status.ok()) return;
-    ClientError error = error_of(status, context);
+    ClientError error = error_of(status);
     if (resume(openings, error)) {
       patience = Patience();  // the daemon is back, for however long
       continue;
@@ -247,11 +249,15 @@ void Session::retry(const std::function<grpc::Status(grpc::ClientContext&)>& att
   }
 }
 
-void Session::check(const grpc::Status& status, const grpc::ClientContext& context) {
+void Session::check(const grpc::Status& status) {
   if (status.ok()) return;
-  const ClientError error = error_of(status, context);
-  if (error.code() != Code::kUnauthenticated || server_.journal().empty()) throw error;
-  call(&Stub::ListScenes, v1::ListScenesRequest());  // resumes the session, or throws
+  const ClientError error = error_of(status);
+  if (error.code() != Code::kUnauthenticated ||
+      server_.journal() == v1::GetServerInfoReply::JOURNAL_NONE)
+    throw error;
+  v1::ListScenesRequest any;
+  any.set_page_size(1);
+  call(&Stub::ListScenes, any);  // resumes the session, or throws
   throw ClientError(Code::kUnavailable,
                     "the daemon was restarted, and the session goes on: ask again; what was not "
                     "durable is gone");
@@ -259,22 +265,21 @@ void Session::check(const grpc::Status& status, const grpc::ClientContext& conte
 
 bool Session::is_daemon_dead() { return daemon_ && daemon_->is_dead(); }
 
-ClientError Session::error_of(const grpc::Status& status, const grpc::ClientContext& context) {
+ClientError Session::error_of(const grpc::Status& status) {
   const bool is_cut = status.error_code() == grpc::CANCELLED;  // not by us
   if ((is_cut || status.error_code() == grpc::UNAVAILABLE) && is_daemon_dead())
     return daemon_->death("heliographd died");
   if (is_cut)
     return {Code::kUnavailable,
             "the daemon cut the call off, because it ends or what it sent was not read"};
-  v1::ErrorDetail detail;
-  const auto& trailers = context.GetServerTrailingMetadata();
-  const auto found = trailers.find("heliograph-error-bin");
-  std::string text = status.error_message();
-  if (found != trailers.end())
-    detail.ParseFromArray(found->second.data(), int(found->second.size()));
-  else if (status.error_code() == grpc::UNAVAILABLE)  // gRPC's own words
-    text = "there is no connection to the daemon, or it was lost in the middle: " + text;
-  return to_error(int(status.error_code()), text, detail);
+  google::rpc::Status told;
+  told.ParseFromString(status.error_details());
+  told.set_code(int(status.error_code()));
+  told.set_message(status.error_message());
+  if (told.details().empty() && status.error_code() == grpc::UNAVAILABLE)  // gRPC's own words
+    told.set_message("there is no connection to the daemon, or it was lost in the middle: " +
+                     status.error_message());
+  return to_error(told);
 }
 
 ApplyLane& Session::lane_of(std::uint64_t scene) const { return *lanes_[scene % kLanes]; }
@@ -298,22 +303,4 @@ void Session::close() {
   if (daemon_) daemon_->stop();
 }
 
-ClientError to_error(int code, const std::string& message, const v1::ErrorDetail& detail) {
-  ErrorDetails details;
-  details.field = detail.field();
-  details.needed = detail.needed();
-  details.available = detail.available();
-  details.expected = detail.expected();
-  details.retry_seconds = detail.retry_seconds();
-  details.users.assign(detail.users().begin(), detail.users().end());
-  details.nearest.assign(detail.nearest().begin(), detail.nearest().end());
-  std::string text = message.empty() ? name_of(Code(code)) : message;
-  if (text.find("message larger than max") != std::string::npos) {  // gRPC's own words
-    details.field = "message";
-    text =
-        "message: " + text + "; split it into several, or raise the daemon's limit message_bytes";
-  }
-  return {Code(code), text, std::move(details)};
-}
-
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

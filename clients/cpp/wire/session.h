@@ -16,19 +16,20 @@
 #include <thread>
 #include <vector>
 
+#include "google/rpc/status.pb.h"
 #include "heliograph/client.h"
 #include "heliograph/error.h"
 #include "heliograph/v1/service.grpc.pb.h"
 #include "wire/launch.h"
 #include "wire/lifeline.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 
 class ApplyLane;
 class Uploads;
 
-/// The error of a status, or of a reply that holds one.
-ClientError to_error(int code, const std::string& message, const v1::ErrorDetail& detail);
+/// The error of a status that is not OK.
+ClientError to_error(const google::rpc::Status& status);
 
 constexpr double kRetrySeconds = 10;  // how long a daemon that is unavailable is tried again
 
@@ -84,6 +85,21 @@ class Session : public std::enable_shared_from_this<Session> {
     return reply;
   }
 
+  /// The same for a call that is answered by several messages.
+  template <class Request, class Reply>
+  std::vector<Reply> call(std::unique_ptr<grpc::ClientReader<Reply>> (Stub::*method)(
+                              grpc::ClientContext*, const Request&),
+                          const Request& request) {
+    std::vector<Reply> replies;
+    retry([&](grpc::ClientContext& context) {
+      replies.clear();
+      const auto reader = (stub_.get()->*method)(&context, request);
+      for (Reply reply; reader->Read(&reply);) replies.push_back(std::move(reply));
+      return reader->Finish();
+    });
+    return replies;
+  }
+
   /// Throws kUnavailable once it is closed.
   void check_open() const;
   /// Puts the session into a call. Throws kUnavailable once it is closed.
@@ -96,9 +112,9 @@ class Session : public std::enable_shared_from_this<Session> {
   /// the session goes on: with the numbering of the edits of durable scenes, without anything else.
   bool resume(std::uint64_t openings, const ClientError& failure);
   /// Throws the error of a call that failed; kUnavailable where the session was resumed.
-  void check(const grpc::Status& status, const grpc::ClientContext& context);
+  void check(const grpc::Status& status);
   /// The same error, with how a private daemon died where that is why.
-  ClientError error_of(const grpc::Status& status, const grpc::ClientContext& context);
+  ClientError error_of(const grpc::Status& status);
   [[nodiscard]] bool is_daemon_dead();
 
   [[nodiscard]] Stub& stub() const { return *stub_; }
@@ -139,4 +155,4 @@ class Session : public std::enable_shared_from_this<Session> {
   std::atomic<bool> closed_{false};
 };
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -10,7 +10,7 @@
 #include "wire/convert.h"
 #include "wire/uploads.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
@@ -76,4 +76,4 @@ DomeTexture dome_texture(const Image& image, Draft& draft) {
   return out;
 }
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -6,7 +6,7 @@
 #include "heliograph/geometry.h"
 #include "wire/draft.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 
 /// (256, 512, 3) f16 radiance, lat-long, row 0 at +Z: a room with soft boxes.
 Array studio_dome();
@@ -17,4 +17,4 @@ struct DomeTexture {
 };
 DomeTexture dome_texture(const Image& image, Draft& draft);
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

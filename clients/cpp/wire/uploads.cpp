@@ -8,7 +8,7 @@
 #include "wire/arrays.h"
 #include "wire/session.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 namespace {
 
 constexpr std::size_t kChunkBytes = 1 << 20;
@@ -75,7 +75,7 @@ void Uploads::push(std::string_view bytes, v1::UploadBlobRequest first) {
     at += chunk.size();
   } while (at < bytes.size());
   writer->WritesDone();
-  session_.check(writer->Finish(), context);
+  session_.check(writer->Finish());
 }
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -7,7 +7,7 @@
 #include "heliograph/array.h"
 #include "heliograph/v1/service.pb.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 
 class Session;
 
@@ -31,4 +31,4 @@ class Uploads {
   Session& session_;
 };
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -8,7 +8,7 @@
 #include "wire/assembly.h"
 #include "wire/session.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 namespace {
 
 std::vector<std::uint64_t> ids_in(const std::string& bytes) {
@@ -120,4 +120,4 @@ void WatchCall::close() {
   ending_.cancel();
 }
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -1,4 +1,4 @@
-// Watch: a stream of changes that is begun again where it was cut off. Behind heliograph::Watch.
+// Watch: a stream of changes that is begun again where it was cut off. Behind client::Watch.
 #pragma once
 
 #include <atomic>
@@ -10,7 +10,7 @@
 #include "wire/draft.h"
 #include "wire/raw_stream.h"
 
-namespace heliograph::wire {
+namespace heliograph::client::wire {
 
 class WatchCall {
  public:
@@ -36,4 +36,4 @@ class WatchCall {
   std::atomic<bool> is_closed_{false};
 };
 
-}  // namespace heliograph::wire
+}  // namespace heliograph::client::wire

@@ -118,11 +118,11 @@ class _Twin:
 
 
 class Client(_Twin):
-    """create_scene, open_scene, load_scene, scenes, info, close: all awaited."""
+    """create_scene, open_scene, load_scene, scenes, sessions, info, close: all awaited."""
 
     sync: _Client
     _scenes = frozenset({"create_scene", "open_scene", "load_scene", "scenes"})
-    _awaited = frozenset({"info"})
+    _awaited = frozenset({"info", "sessions"})
 
     @property
     def address(self) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 
 class HeliographError(Exception):
@@ -10,6 +11,10 @@ class HeliographError(Exception):
 
     field: path of the offending value, e.g. "edits[3].mesh.indices", or "".
     code: the gRPC code's name, e.g. "NOT_FOUND".
+    reason: why, e.g. "LIMIT_EXCEEDED"; docs/protocol.md lists them; "": gRPC's or the client's own.
+    limit: the name of the limit that is in the way, or "".
+    needed, used, allowed: what is needed of it, what is used of it, and the limit itself, in the
+    unit that the message names.
     retry_seconds: when the same call may work; 0.0: not known.
     """
 
@@ -20,8 +25,11 @@ class HeliographError(Exception):
         message: str,
         *,
         field: str = "",
+        reason: str = "",
+        limit: str = "",
         needed: int = 0,
-        available: int = 0,
+        used: int = 0,
+        allowed: int = 0,
         users: Sequence[str] = (),
         nearest: Sequence[str] = (),
         expected: int = 0,
@@ -29,12 +37,20 @@ class HeliographError(Exception):
     ) -> None:
         super().__init__(message)
         self.field = field
+        self.reason = reason
+        self.limit = limit
         self.needed = needed
-        self.available = available
+        self.used = used
+        self.allowed = allowed
         self.users = list(users)
         self.nearest = list(nearest)
         self.expected = expected
         self.retry_seconds = retry_seconds
+
+    @property
+    def available(self) -> int:
+        """What is left of the limit."""
+        return self.allowed - self.used
 
     def __str__(self) -> str:
         return str(self.args[0]) if self.args else ""
@@ -83,8 +99,8 @@ class Unauthenticated(HeliographError):
 
 
 class ResourceExhausted(HeliographError):
-    """Over a limit: `.needed` against `.available`, in the unit the message names, and
-    `.retry_seconds` when waiting helps."""
+    """Over a limit: `.limit` is its name; `.needed` against `.available`, which is `.allowed` less
+    `.used`, and `.retry_seconds` when waiting helps."""
 
     code = "RESOURCE_EXHAUSTED"
 
@@ -133,10 +149,9 @@ class Unavailable(HeliographError, ConnectionError):
         *,
         exit_code: int | None = None,
         log: Sequence[str] = (),
-        field: str = "",
-        retry_seconds: float = 0.0,
+        **fields: Any,
     ) -> None:
-        super().__init__(message, field=field, retry_seconds=retry_seconds)
+        super().__init__(message, **fields)
         self.exit_code = exit_code
         self.log = list(log)
 

@@ -3,7 +3,7 @@
 
 #include <iostream>
 
-namespace hg = heliograph;
+namespace hg = heliograph::client;
 
 /// The arguments after the address; files of certificates mean TLS.
 hg::ConnectOptions options_of(int argc, char** argv) {

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from .start import Deadline
 
 
+_NO_JOURNAL = service.GetServerInfoReply.JOURNAL_NONE
+
+
 class Connection:
     """Calls of one client. Opens a session when first used, and again in a forked child.
 
@@ -67,7 +70,7 @@ class Connection:
     def resume(self, link: Link, failure: HeliographError) -> bool:
         """Whether the daemon was restarted and opened the session again: with the numbering of the
         edits of durable scenes, without anything else."""
-        if not isinstance(failure, Unauthenticated) or not link.server.journal:
+        if not isinstance(failure, Unauthenticated) or link.server.journal == _NO_JOURNAL:
             return False
         with self._lock:
             if self._link is not link:
@@ -110,11 +113,24 @@ class Connection:
     def call(self, name: str, request: Any, timeout: float | None = None) -> Any:
         """A unary call, repeated while the daemon is unavailable: edits are numbered and creations
         carry a request id, so that a repetition is answered, not done twice."""
+
+        def ask(link: Link) -> Any:
+            return link.method(name)(request, timeout=timeout, metadata=link.metadata)
+
+        return self._repeat(ask, timeout)
+
+    def call_all(self, name: str, request: Any) -> list[Any]:
+        """The replies of a server stream that changes nothing, repeated likewise."""
+        return list(
+            self._repeat(lambda link: list(link.method(name)(request, metadata=link.metadata)))
+        )
+
+    def _repeat(self, ask: Callable[[Link], Any], timeout: float | None = None) -> Any:
         patience = Patience(timeout)
         while True:
             link = self.link
             try:
-                return link.method(name)(request, timeout=timeout, metadata=link.metadata)
+                return ask(link)
             except grpc.RpcError as error:
                 failure = to_error(error)
             if self.resume(link, failure):

@@ -180,12 +180,12 @@ class Link:
             return None
         call.token = self._access.bearer()
         reply = self.quick.ask(call, on_progress)
-        if reply is None or not reply.code:
+        if reply is None or not reply.HasField("status"):
             return reply
-        waits = call.HasField("apply") and reply.code == _UNAVAILABLE
-        if waits or reply.code == _UNAUTHENTICATED:
+        waits = call.HasField("apply") and reply.status.code == _UNAVAILABLE
+        if waits or reply.status.code == _UNAUTHENTICATED:
             return None
-        raise status_error(reply.code, reply.message, reply.detail)
+        raise status_error(reply.status)
 
     @property
     def metadata(self) -> tuple[tuple[str, str], ...]:

@@ -2,66 +2,86 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from typing import Any
 
 import grpc
+from google.rpc import error_details_pb2 as details_pb
+from google.rpc import status_pb2
 
 from ..errors import BY_CODE, HeliographError, Internal, Unavailable
-from ._proto import types_pb2 as types
 
 _CODES = {code.value[0]: code.name for code in grpc.StatusCode}
 _TOO_LONG = re.compile(r"(Received|Sent) message larger than max \((\d+) vs\. (\d+)\)")
+_DETAILS = "grpc-status-details-bin"
 
 
 def to_error(error: grpc.RpcError) -> HeliographError:
-    """The typed error of a failed call, with the fields of its ErrorDetail."""
-    detail = types.ErrorDetail()
+    """The typed error of a failed call."""
     trailers = dict(error.trailing_metadata() or ())
-    detail.ParseFromString(trailers.get("heliograph-error-bin", b""))
+    told = status_pb2.Status.FromString(trailers.get(_DETAILS, b""))
     name = error.code().name
     text = error.details() or name
-    if name == "UNAVAILABLE" and "heliograph-error-bin" not in trailers:  # gRPC's own words
+    if name == "UNAVAILABLE" and _DETAILS not in trailers:  # gRPC's own words
         text = f"there is no connection to the daemon, or it was lost in the middle: {text}"
     if name == "CANCELLED" and not error.cancelled():
         name = "UNAVAILABLE"
         text = f"the daemon cut the call off, because it ends or what it sent was not read: {text}"
+    fields = fields_of(told)
     too_long = _TOO_LONG.search(text)  # gRPC's own words, before the daemon sees the request
     if too_long:
-        detail.field = "message"
-        detail.needed, detail.available = int(too_long[2]), int(too_long[3])
+        needed, allowed = int(too_long[2]), int(too_long[3])
+        fields.update(field="message", needed=needed, allowed=allowed)
         text = (
-            f"message: the request has {detail.needed} bytes, the daemon takes {detail.available}; "
+            f"message: the request has {needed} bytes, the daemon takes {allowed}; "
             "split it into several (transactions, queries), or raise the daemon's limit "
             "message_bytes"
             if too_long[1] == "Received"
-            else f"message: the answer has {detail.needed} bytes, {detail.available} may travel at "
+            else f"message: the answer has {needed} bytes, {allowed} may travel at "
             "once; ask for less (amodal_masks of many instances are large)"
         )
-    return _typed(name, text, detail)
+    return _typed(name, text, fields)
 
 
-def status_error(code: int, text: str, detail: types.ErrorDetail) -> HeliographError:
-    """The typed error of a status that travels in a message; `code`: gRPC's number."""
-    return _typed(_CODES.get(code, "UNKNOWN"), text, detail)
+def status_error(status: status_pb2.Status) -> HeliographError:
+    """The typed error of a status that travels in a message."""
+    name = _CODES.get(status.code, "UNKNOWN")
+    return _typed(name, status.message, fields_of(status))
 
 
-def _typed(name: str, text: str, detail: types.ErrorDetail) -> HeliographError:
+def _typed(name: str, text: str, fields: dict[str, Any]) -> HeliographError:
     if name == "UNAVAILABLE":
-        return Unavailable(text, field=detail.field, retry_seconds=detail.retry_seconds)
+        return Unavailable(text, **fields)
     if name in BY_CODE:
-        return BY_CODE[name](text, **detail_fields(detail))
-    return Internal(f"{name}: {text}", **detail_fields(detail))
+        return BY_CODE[name](text, **fields)
+    return Internal(f"{name}: {text}", **fields)
 
 
-def detail_fields(detail: types.ErrorDetail) -> dict[str, Any]:
-    """Keyword arguments of HeliographError."""
+def fields_of(status: status_pb2.Status) -> dict[str, Any]:
+    """Keyword arguments of HeliographError, of the details that proto/heliograph/v1/errors.proto
+    describes."""
+    out: dict[str, Any] = {}
+    info, bad = details_pb.ErrorInfo(), details_pb.BadRequest()
+    retry, failure = details_pb.RetryInfo(), details_pb.PreconditionFailure()
+    for detail in status.details:
+        if detail.Unpack(info):
+            out.update(_of_info(info))
+        elif detail.Unpack(bad) and bad.field_violations:
+            out["field"] = bad.field_violations[0].field
+        elif detail.Unpack(retry):
+            out["retry_seconds"] = retry.retry_delay.ToTimedelta().total_seconds()
+        elif detail.Unpack(failure):
+            out["users"] = [each.subject for each in failure.violations if each.type == "IN_USE"]
+    return out
+
+
+def _of_info(info: details_pb.ErrorInfo) -> dict[str, Any]:
+    told = info.metadata
+    names = (f"nearest_{i}" for i in itertools.count())
     return {
-        "field": detail.field,
-        "needed": detail.needed,
-        "available": detail.available,
-        "users": list(detail.users),
-        "nearest": list(detail.nearest),
-        "expected": detail.expected,
-        "retry_seconds": detail.retry_seconds,
+        "reason": info.reason,
+        "limit": told.get("limit", ""),
+        "nearest": [told[name] for name in itertools.takewhile(told.__contains__, names)],
+        **{name: int(told.get(name, 0)) for name in ("needed", "used", "allowed", "expected")},
     }

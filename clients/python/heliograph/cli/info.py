@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import json
 from typing import Any
 
-from .._wire._proto import service_pb2 as service
+from .._wire._proto import types_pb2 as types
 from ._daemon import add_connection, connect
 
 _LONG_SECONDS = 5400.0  # from here on hours
@@ -27,14 +28,18 @@ def run(arguments: argparse.Namespace) -> int:
     client: Any = connect(arguments)
     with client:
         info = client.info()
-        scenes = client.connection.call("ListScenes", service.ListScenesRequest()).scenes
+        scenes, sessions = client.scene_infos(), client.sessions()
     if arguments.json:
-        from google.protobuf.json_format import MessageToJson
+        from google.protobuf.json_format import MessageToDict
 
-        print(MessageToJson(info, preserving_proto_field_name=True))
+        told = MessageToDict(info, preserving_proto_field_name=True)
+        told["sessions"] = [
+            MessageToDict(use, preserving_proto_field_name=True) for use in sessions
+        ]
+        print(json.dumps(told, indent=2))
         return 0
     _print_server(info)
-    _print_sessions(info.sessions)
+    _print_sessions(sessions)
     _print_scenes(scenes)
     print("limits of this tenant, and what it uses of them")
     for name in sorted(info.limits):
@@ -45,11 +50,20 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _apis(info: Any) -> str:
     """ "v1", or "v1 to v2"."""
-    return info.api if info.max_api <= 1 else f"v{info.min_api} to v{info.max_api}"
+    one = info.min_api == info.max_api
+    return f"v{info.max_api}" if one else f"v{info.min_api} to v{info.max_api}"
 
 
 def _tenant(info: Any) -> str:
     return f"{info.tenant}, weight {info.weight:g}" if info.tenant else "an older daemon: not told"
+
+
+def _durable(info: Any) -> str:
+    if info.journal == info.JOURNAL_NONE:
+        return "no scenes: it has no --state-dir"
+    return (
+        "writing" if info.journal == info.JOURNAL_WRITING else f"read-only: {info.journal_reason}"
+    )
 
 
 def _print_server(info: Any) -> None:
@@ -59,7 +73,7 @@ def _print_server(info: Any) -> None:
         ("threads", str(info.threads)),
         ("tenant", _tenant(info)),
         ("ready", "yes" if info.ready else f"no: {info.not_ready}"),
-        ("durable", info.journal or "no scenes: it has no --state-dir"),
+        ("durable", _durable(info)),
         ("decoder", info.decoder),
         ("capabilities", ", ".join(info.capabilities) or "none"),
         ("refused", ", ".join(info.refused) or "nothing"),
@@ -79,8 +93,8 @@ def _print_sessions(sessions: Any) -> None:
 def _print_scenes(scenes: Any) -> None:
     print(f"scenes: {len(scenes)}")
     for scene in scenes:
-        kind = "shared" if scene.shared else "private"
-        print(f"  {scene.name or '(no name)':<44.44} {kind}, revision {scene.revision:,}")
+        lifetime = types.Lifetime.Name(scene.lifetime).removeprefix("LIFETIME_").lower()
+        print(f"  {scene.name or '(no name)':<44.44} {lifetime}, revision {scene.revision:,}")
 
 
 def _duration(seconds: float) -> str:

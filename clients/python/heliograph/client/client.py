@@ -14,12 +14,14 @@ from .._wire.access import TLS, Access
 from .._wire.arrays import Store
 from .._wire.connection import Connection
 from ..errors import InvalidArgument
+from .lifetime import Lifetime, lifetime_of
 from .scene import Scene, SceneState
 
 if TYPE_CHECKING:
     from .._wire.launch import PrivateDaemon
     from .._wire.start import Deadline
 
+_LISTS = ("objects", "scenes", "sessions")  # that come in pages
 _clients: weakref.WeakValueDictionary[tuple[int, Access], Client] = weakref.WeakValueDictionary()
 _inherited: weakref.WeakSet[Client] = weakref.WeakSet()  # every one, for forked children
 
@@ -43,18 +45,19 @@ class Client:
         """ "unix:///path" or "host:port"."""
         return self.connection.access.address
 
-    def create_scene(
-        self, name: str = "", *, durability: str = "none", shared: bool = False
-    ) -> Scene:
-        """An empty scene. Private ones die with this session; shared ones live until deleted.
+    def create_scene(self, name: str = "", *, lifetime: Lifetime = "session") -> Scene:
+        """An empty scene.
 
-        durability: what an acknowledged edit survives. "none"; "os": the end of the daemon, kill -9
-        too; "fsync": a loss of power too. Durable scenes are shared; the daemon has --state-dir.
+        lifetime: until when it lives, if it is not deleted before. "session": the end of this
+        session; "daemon": that of the daemon; "disk": for ever, and its acknowledged edits survive
+        the end of the daemon, kill -9 too; "disk_synced": a loss of power, too. The last two need a
+        daemon with --state-dir.
         """
         request = service.CreateSceneRequest(
-            request_id=uuid.uuid4().hex, name=name, shared=shared, durability=durability
+            request_id=uuid.uuid4().hex, name=name, lifetime=lifetime_of(lifetime)
         )
-        return self.scene_of(self.connection.call("CreateScene", request), owned=not shared)
+        info = self.connection.call("CreateScene", request)
+        return self.scene_of(info, owned=lifetime == "session")
 
     def open_scene(self, name: str) -> Scene:
         """A scene by its name; NotFound lists the nearest."""
@@ -65,26 +68,44 @@ class Client:
         path: str | os.PathLike[str],
         *,
         name: str = "",
-        durability: str = "none",
-        shared: bool = False,
+        lifetime: Lifetime = "session",
     ) -> Scene:
-        """A new scene from a file that Scene.save wrote. durability: see create_scene."""
+        """A new scene from a file that Scene.save wrote. lifetime: see create_scene."""
         from ..scene import scene_file
 
         chunks = scene_file.read(
             path,
             request_id=uuid.uuid4().hex,
             name=name,
-            durability=durability,
-            shared=shared,
+            lifetime=lifetime_of(lifetime),
         )
         info = self.connection.push("ImportScene", chunks)
-        return self.scene_of(info, owned=not shared)
+        return self.scene_of(info, owned=lifetime == "session")
 
     def scenes(self) -> list[Scene]:
         """Every scene this client may open."""
-        reply = self.connection.call("ListScenes", service.ListScenesRequest())
-        return [self.scene_of(info) for info in reply.scenes]
+        return [self.scene_of(info) for info in self.scene_infos()]
+
+    def scene_infos(self) -> list[service.SceneInfo]:
+        """The same as the daemon tells of them, the oldest first."""
+        return list(self.whole("ListScenes", service.ListScenesRequest()).scenes)
+
+    def sessions(self) -> list[service.SessionUse]:
+        """The sessions of this client's tenant, the oldest first, and what each uses."""
+        return list(self.whole("ListSessions", service.ListSessionsRequest()).sessions)
+
+    def whole(self, name: str, request: Any) -> Any:
+        """The reply of a call that lists, with all pages of the list in it; what else it has is
+        that of the first page."""
+        reply = page = self.connection.call(name, request)
+        while page.next_page_token:
+            request.page_token = page.next_page_token
+            page = self.connection.call(name, request)
+            for field, value in page.ListFields():
+                if field.name in _LISTS:
+                    getattr(reply, field.name).extend(value)
+        reply.ClearField("next_page_token")
+        return reply
 
     def info(self) -> service.GetServerInfoReply:
         """Version, backend, limits, capabilities, and what the kernel refused."""

@@ -23,6 +23,7 @@ from ..render.worlds import WorldFrame, Worlds
 from ..scene import _domes, query
 from ..scene.handles import KINDS, Handle, Named, flatten
 from .edit import Edits
+from .lifetime import NAMES, Lifetime, lifetime_of
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -199,9 +200,10 @@ class Scene:
         return self.describe().scene
 
     def describe(self, **fields: Any) -> service.DescribeSceneReply:
-        """DescribeScene as it is: counts, objects (tree=True, pattern=), memory, categories."""
+        """DescribeScene as it is: counts, objects (tree=True, pattern=), memory, categories; all
+        pages in one."""
         request = service.DescribeSceneRequest(scene=self.id, **fields)
-        reply: service.DescribeSceneReply = self.client.connection.call("DescribeScene", request)
+        reply: service.DescribeSceneReply = self.client.whole("DescribeScene", request)
         return reply
 
     @property
@@ -210,9 +212,9 @@ class Scene:
         return self._info().revision
 
     @property
-    def durability(self) -> str:
-        """What an acknowledged edit survives: "none", "os" or "fsync"; see Client.create_scene."""
-        return self._info().durability
+    def lifetime(self) -> Lifetime:
+        """Until when it lives; see Client.create_scene."""
+        return NAMES[self._info().lifetime]
 
     @property
     def time(self) -> float:
@@ -263,7 +265,7 @@ class Scene:
 
     def memory(self) -> dict[str, int]:
         """Bytes: "rows", "arrays" (shared ones counted once), "derived"."""
-        return dict(self.describe(memory=True).memory)
+        return {f.name: v for f, v in self.describe(memory=True).memory.ListFields()}
 
     def transforms(self, entities: Any) -> NdArray:
         """(N, 4, 4) float32 poses relative to the parents."""
@@ -341,21 +343,19 @@ class Scene:
         name: str = "",
         *,
         revision: int | None = None,
-        durability: str = "none",
-        shared: bool = False,
+        lifetime: Lifetime = "session",
     ) -> Scene:
-        """A copy-on-write branch; handles of this scene serve it too, by their ids. durability: of
-        the branch, see Client.create_scene."""
+        """A copy-on-write branch; handles of this scene serve it too, by their ids. lifetime: its
+        own, see Client.create_scene."""
         request = service.BranchSceneRequest(
             request_id=uuid.uuid4().hex,
             scene=self.id,
             name=name,
-            durability=durability,
-            shared=shared,
+            lifetime=lifetime_of(lifetime),
             revision=revision,
         )
         info = self.client.connection.call("BranchScene", request)
-        return self.client.scene_of(info, owned=not shared)
+        return self.client.scene_of(info, owned=lifetime == "session")
 
     def save(self, path: str | os.PathLike[str], *, revision: int | None = None) -> None:
         """Writes the whole scene, arrays and textures included, to one file."""

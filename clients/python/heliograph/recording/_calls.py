@@ -29,12 +29,12 @@ _BEFORE = (
     "save it, and load it while the daemon records"
 )
 COMPARED = {  # fields of replies
-    "CreateScene": ("revision", "shared", "durability", "name"),
-    "BranchScene": ("revision", "shared", "durability", "name"),
-    "ImportScene": ("revision", "shared", "durability", "name"),
-    "OpenScene": ("shared", "durability", "name"),
+    "CreateScene": ("revision", "lifetime", "name"),
+    "BranchScene": ("revision", "lifetime", "name"),
+    "ImportScene": ("revision", "lifetime", "name"),
+    "OpenScene": ("lifetime", "name"),
     "DeleteScene": (),
-    "Apply": ("revision", "ids", "counts", "durability"),
+    "Apply": ("revision", "ids", "counts"),
     "UploadBlob": ("size",),
     "DecodeAsset": ("missing", "asset"),
 }
@@ -72,7 +72,7 @@ class Calls:
     def _find_blobs(self) -> Iterator[tuple[bytes, Call]]:
         """The uploads that brought a blob whole, by its hash."""
         for call in self._recording.calls.values():
-            if call.method != "UploadBlob" or call.status is None or call.status.item.code:
+            if call.method != "UploadBlob" or call.status is None or call.status.item.status.code:
                 continue
             if not call.replies or not call.requests:
                 continue
@@ -89,13 +89,13 @@ class Calls:
         return self._sessions[call.session].connection.link
 
     def _ask(self, call: Call, method: str, requests: Iterable[Any]) -> Any:
-        """The last reply, or the HeliographError that came instead."""
+        """The reply, or the HeliographError that came instead."""
         link = self.link(call)
         kind = _METHODS[method]
         argument = iter(requests) if kind.client_streaming else next(iter(requests))
         try:
             reply = link.method(method)(argument, metadata=link.metadata)
-            return list(reply)[-1] if kind.server_streaming else reply
+            return merged(reply) if kind.server_streaming else reply
         except grpc.RpcError as error:
             return to_error(error)
 
@@ -167,12 +167,12 @@ class Calls:
     def whole(self, call: Call) -> None:
         """Asks all that the call asked."""
         assert call.status is not None
-        status = call.status.item
-        was: Any = status_error(status.code, status.message, status.detail)
+        status = call.status.item.status
+        was: Any = status_error(status)
         if status.code == 0:
             if not call.replies:
                 raise Damaged("its reply is not in the recording")
-            was = self._recording.reply(call, call.replies[-1])
+            was = merged(self._recording.reply(call, part) for part in call.replies)
         if call.method == "OpenScene" and status.code == 0 and was.scene not in self._scenes:
             raise NotPlayed(_BEFORE)
         self._compare(call, was, list(self._requests(call, was)))
@@ -263,8 +263,8 @@ class Calls:
             else:
                 replies = link.method("Render")(request, metadata=link.metadata)
             for reply in replies:
-                if is_item and reply.code:
-                    return status_error(reply.code, reply.message, reply.detail)
+                if is_item and reply.HasField("status"):
+                    return status_error(reply.status)
                 frame = assembly.add_part(reply.part if is_item else reply)
                 if isinstance(frame, Rendered) and frame.is_final:
                     found[frame.index] = frame
@@ -274,6 +274,16 @@ class Calls:
 
 
 # ---------------------------------------------------------------- parts of messages
+
+
+def merged(replies: Iterable[Any]) -> Any:
+    """One reply of those in which a DecodeAsset tells of its asset."""
+    whole: Any = None
+    for reply in replies:
+        if whole is None:
+            whole = type(reply)()
+        whole.MergeFrom(reply)
+    return whole
 
 
 def arrays_of(message: Any) -> Iterator[types.Array]:

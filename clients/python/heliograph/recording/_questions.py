@@ -42,7 +42,7 @@ class Questions:
         assert call.status is not None
         status = call.status.item
         recorded: list[Any] = [self._recording.reply(call, part) for part in call.replies]
-        end = status_error(status.code, status.message, status.detail) if status.code else None
+        end = status_error(status.status) if status.status.code else None
         if end is not None:
             recorded.append(end)
         request = self._recording.request(call, call.requests[0])

@@ -16,7 +16,7 @@ from .._wire._proto import recording_pb2 as pb
 from .._wire._proto import service_pb2 as service
 from ..errors import InvalidArgument
 
-FORMAT, VERSION = "heliograph.recording", 1
+FORMAT, VERSION = "heliograph.recording", 2
 _METHODS = service.DESCRIPTOR.services_by_name["Renderer"].methods_by_name
 
 

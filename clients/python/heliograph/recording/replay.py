@@ -146,10 +146,9 @@ class _Player:
         self._steps.append(_Step(call, what, at, play, *shows, at_head))
 
     def _refusal(self, call: Call) -> HeliographError | None:
-        if call.status is None or call.status.item.code == 0:
+        if call.status is None or call.status.item.status.code == 0:
             return None
-        status = call.status.item
-        return status_error(status.code, status.message, status.detail)
+        return status_error(call.status.item.status)
 
     def _reason(self, call: Call) -> str:
         """Why a call is left out; "": it is not."""
@@ -186,8 +185,8 @@ class _Player:
                 self._add(call, call.end, partial(_skip, "it was not answered"), part=name)
                 continue
             was: Any = self._recording.reply(call, answer) if answer else refused
-            if answer and was.code:
-                was = status_error(was.code, was.message, was.detail)
+            if answer and was.HasField("status"):
+                was = status_error(was.status)
             is_refused = isinstance(was, HeliographError)
             reason = _by_time(was) if is_refused else ""
             self._add(
@@ -242,8 +241,8 @@ class _Player:
         self, call: Call, part: Part, name: str, answer: tuple[int, Any, list[Any]]
     ) -> None:
         end, reply, frames = answer
-        if reply.code:
-            refused = status_error(reply.code, reply.message, reply.detail)
+        if reply.HasField("status"):
+            refused = status_error(reply.status)
             reason = _by_time(refused)
             play = partial(self._calls.item, call, part, refused)
             return self._add(call, end, partial(_skip, reason) if reason else play, part=name)

@@ -115,9 +115,9 @@ class _Batch:
             here.assembly.add_part(reply.part)
             return None
         del self._open[reply.tag]
-        if not reply.code:
+        if not reply.HasField("status"):
             return Result(here.job.tag, here.assembly.frames())
-        error = status_error(reply.code, reply.message, reply.detail)
+        error = status_error(reply.status)
         try:
             return Result(here.job.tag, self._completed(here.job, error))
         except HeliographError as failure:

@@ -58,7 +58,9 @@ class Live:
         outbox: queue.SimpleQueue[service.StreamRequest | None] = queue.SimpleQueue()
         outbox.put(
             service.StreamRequest(
-                settings=self._settings(), credits=self._credits, policy=self._policy
+                settings=self._settings(),
+                credits=self._credits,
+                policy=f"POLICY_{self._policy.upper()}",
             )
         )
         if self._is_finished:

@@ -59,7 +59,8 @@ class Source:
             raise InvalidArgument(
                 f"units: metres a unit, such as 0.001, not {self.units!r}", field="units"
             ) from None
-        return service.DecodeAssetRequest(server_path=self.server_path, up=self.up, units=units)
+        up = f"AXIS_{self.up.upper() or 'UNSPECIFIED'}"
+        return service.DecodeAssetRequest(server_path=self.server_path, up=up, units=units)
 
 
 @dataclass(frozen=True)
@@ -147,8 +148,9 @@ def _answer(
     found: service.AssetInfo | None = None
     for reply in client.connection.stream("DecodeAsset", request):
         missing.extend(reply.missing)
-        if reply.HasField("asset"):
-            found = reply.asset
+        if reply.HasField("asset"):  # it comes in pieces
+            found = found or service.AssetInfo()
+            found.MergeFrom(reply.asset)
     return found, missing
 
 

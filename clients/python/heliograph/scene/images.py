@@ -85,6 +85,13 @@ def dome_texture(edits: Edits, image: Any) -> tuple[str, pb.Texture]:
     return f"dome/{stem}-{digest}", message
 
 
+_ENCODINGS: dict[int, str] = {
+    pb.Texture.ENCODING_UNSPECIFIED: "",
+    pb.Texture.ENCODING_LINEAR: "linear",
+    pb.Texture.ENCODING_SRGB: "srgb",
+}
+
+
 def texels_of(edits: Edits, image: Any) -> tuple[types.Array, str]:
     """The texels of a file or an array, and their encoding ("": by dtype)."""
     if isinstance(image, (str, os.PathLike)):
@@ -92,7 +99,7 @@ def texels_of(edits: Edits, image: Any) -> tuple[types.Array, str]:
         if not info.HasField("texels"):
             raise InvalidArgument(f"{image} is no picture", field="image")
         edits.note_decoding(info.texels.blob)
-        return info.texels, info.encoding
+        return info.texels, _ENCODINGS[info.encoding]
     return edits.asset(_checked_texels(image)), ""
 
 

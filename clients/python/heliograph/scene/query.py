@@ -36,9 +36,9 @@ def _refs(things: Any, field: str) -> list[types.Ref]:
 
 def _ask(scene: Scene, requests: list[service.QueryRequest]) -> list[service.QueryReply]:
     """Sends requests a few at a time, all of the revision that the first one saw."""
-    replies = [scene.client.connection.call("Query", requests[0])]
+    replies = scene.client.connection.call_all("Query", requests[0])
     link = scene.client.connection.link
-    ask = link.method("Query").future
+    ask = link.method("Query")
     flying: list[Any] = []
     for request in [*requests[1:], *[None] * _IN_FLIGHT]:
         if request is not None:
@@ -46,7 +46,7 @@ def _ask(scene: Scene, requests: list[service.QueryRequest]) -> list[service.Que
             flying.append(ask(request, metadata=link.metadata))
         if flying and (request is None or len(flying) == _IN_FLIGHT):
             try:
-                replies.append(flying.pop(0).result())
+                replies.extend(flying.pop(0))
             except BaseException as error:
                 for call in flying:
                     call.cancel()
@@ -56,7 +56,8 @@ def _ask(scene: Scene, requests: list[service.QueryRequest]) -> list[service.Que
     return replies
 
 
-def _joined(replies: list[service.QueryReply]) -> Columns:
+def _joined(replies: list[Any]) -> Columns:
+    """Of replies that have some rows each."""
     parts = [Columns.of(reply.columns) for reply in replies]
     if len(parts) == 1:
         return parts[0]
@@ -143,9 +144,9 @@ def tracks(
             for name, array in part.items():
                 getattr(request, name).CopyFrom(inline(array))
             request.times.CopyFrom(inline(instants[first : first + _TRACK_TIMES]))
-            reply = scene.client.connection.call("Tracks", request)
-            common.revision = reply.revision  # the rest of one revision
-            replies.append(Columns.of(reply.columns))
+            pieces = scene.client.connection.call_all("Tracks", request)
+            common.revision = pieces[0].revision  # the rest of one revision
+            replies.append(_joined(pieces))
         rows.append({n: np.concatenate([r[n] for r in replies], axis=1) for n in replies[0]})
     out = {name: np.concatenate([row[name] for row in rows]) for name in rows[0]}
     return Columns({**out, "visible": out["visible"].astype(bool)})
