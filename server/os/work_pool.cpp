@@ -78,11 +78,10 @@ Status Strand::run(WorkPool::Task task, bool is_short) {
   {
     const std::lock_guard lock(mutex_);
     if (tasks_.size() >= capacity_)
-      return busy(
-          fmt::format("{} requests of this session and scene wait already; wait for their "
-                      "replies (limit calls_per_session)",
-                      tasks_.size()),
-          "calls_per_session");
+      return busy(fmt::format("{} requests of this session and scene wait already; wait for their "
+                              "replies (limit calls_per_session)",
+                              tasks_.size()),
+                  "calls_per_session");
     if (!busy_ && is_short)
       now = std::move(task);
     else

@@ -150,7 +150,8 @@ def filled_by_a_tenant(report, disk, tenants):
     print(f"  the first is refused after {large.made} edits: {said}")
     refused = sum(small.make() is not None for _ in range(200))
     report.figure("edits of another tenant that were refused", refused, 0, slack=False)
-    writing = large.client.info().journal == "writing"
+    info = large.client.info()
+    writing = info.journal == info.JOURNAL_WRITING
     report.figure("not writing", not writing, 0, slack=False)
     report.figure("not told by name", "disk_spare_bytes" not in str(said), 0, slack=False)
     large.scene.delete()

@@ -81,9 +81,9 @@ def test_a_cancelled_query_frees_the_device(scenes):
     refs = [types.Ref(name=f"ball/{i}") for i in range(1000)]
     question = service.SampleSurface(entities=refs, count=1 << 20)
     request = service.QueryRequest(scene=heavy.id, sample_surface=question)
-    future = link.method("Query").future(request, metadata=link.metadata)
+    call = link.method("Query")(request, metadata=link.metadata)
     time.sleep(0.2)
     start = time.monotonic()
-    future.cancel()
+    call.cancel()
     tiny.render("cam", planes=["depth"])
     assert time.monotonic() - start < SOON
