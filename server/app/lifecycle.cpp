@@ -66,6 +66,7 @@ class Life {
   void on_lost();
   void on_ready(bool is_ready);
   void warn_exposed();
+  static void end_at_signal();
   void end();
 
   Daemon& daemon_;
@@ -158,7 +159,8 @@ void Life::on_word(u64 id, const BufferWord& word, ForeignFd fd) {
 Status Life::start_listening(Sockets sockets) {
   const Limits& limits = daemon_.config.limits;
   const u32 limit = u32(limits.connections);
-  auto lifelines = Lifelines::start(*daemon_.loop, daemon_.log, std::move(sockets.lifeline), limit,
+  auto lifelines = Lifelines::start(*daemon_.loop, daemon_.log, std::move(sockets.lifeline),
+                                    {.total = limit, .per_peer = u32(limits.connections_per_peer)},
                                     {[this](u64 session) { daemon_.sessions.detach(session); },
                                      [this](u64 session, const BufferWord& word, ForeignFd fd) {
                                        on_word(session, word, std::move(fd));
@@ -300,12 +302,24 @@ int Life::run() {
   return exit_code_;
 }
 
-/// Jobs are cancelled first, so that every call can end before gRPC does. A device that hangs
-/// cannot be waited for.
+/// The loop hears no signal any more: one that comes from now on ends the process. What the journal
+/// acknowledged is on the disk, whatever it still does.
+void Life::end_at_signal() {
+  for (const int signal : {SIGTERM, SIGINT}) std::signal(signal, [](int) { ::_exit(kExitOk); });
+  sigset_t set;
+  sigemptyset(&set);
+  sigaddset(&set, SIGTERM);
+  sigaddset(&set, SIGINT);
+  ::pthread_sigmask(SIG_UNBLOCK, &set, nullptr);
+}
+
+/// Jobs are cancelled first, so that every call can end before gRPC does. A device or a disk that
+/// hangs cannot be waited for.
 void Life::end() {
+  end_within(kLastSeconds);
+  end_at_signal();
   daemon_.watchdog.stop();
   if (daemon_.journal) daemon_.journal->stop();  // while the sessions still have their edits
-  end_within(kLastSeconds);
   daemon_.gate.close();
   listeners_.clear();
   metrics_.reset();
