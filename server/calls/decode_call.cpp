@@ -18,14 +18,25 @@ std::string folder_of(const std::string& path) { return path.substr(0, path.rfin
 }  // namespace
 
 void DecodeCall::start() {
+  if (!daemon_.decoder)
+    return finish(
+        fail(Code::kUnavailable, "",
+             "the decoder could not be started: " + daemon_.decoder.error().message));
+  if (request_.server_path().empty()) return gather_all();
+  (*daemon_.decoder)
+      ->read(
+          call_.session()->tenant()->id, [this] { gather_all(); },
+          [this](const Status& refused) { finish(std::unexpected(refused.error())); });
+}
+
+void DecodeCall::gather_all() {
+  if (stop_.stop_requested())
+    return finish(fail(Code::kCancelled, "", "the decode was cancelled"));
   if (auto gathered = gather(); !gathered) return finish(std::unexpected(gathered.error()));
   submit();
 }
 
 Status DecodeCall::gather() {
-  if (!daemon_.decoder)
-    return fail(Code::kUnavailable, "",
-                "the decoder could not be started: " + daemon_.decoder.error().message);
   HELIO_TRY(call_.session()->tenant()->ledger.bytes->admit(Work::kUploads));
   named_ = request_;
   named_.clear_server_path();

@@ -32,6 +32,8 @@ class DecodeCall final : public Writer<v1::DecodeAssetReply> {
   using Result = Expected<v1::DecodeAssetReply>;
 
   void start();
+  /// A file of the asset root is read by the decoder, for the disk may take its time.
+  void gather_all();
   [[nodiscard]] Status gather();
   [[nodiscard]] Status gather_bundle();
   /// Charges and reads a file beneath the asset root.
@@ -40,7 +42,6 @@ class DecodeCall final : public Writer<v1::DecodeAssetReply> {
   /// Charges the copy of all files that the decoder gets.
   [[nodiscard]] Status charge_copy();
   void on_decoded(Expected<Decoded> decoded);
-  /// Charges what the child is about to write.
   /// Reads companions that a server_path's model lacks; whether there were any.
   [[nodiscard]] Expected<bool> gather_missing(const std::vector<std::string>& missing);
   [[nodiscard]] Result store(const Decoded& decoded);
