@@ -222,6 +222,7 @@ void BatchCall::OnCancel() {
 }
 
 void BatchCall::OnDone() {
+  end_looks();
   if (scope_.is_stopped()) cutter_.abandon();
   self_.reset();
 }

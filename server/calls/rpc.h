@@ -145,7 +145,10 @@ class PullStream final : public grpc::ServerWriteReactor<Reply>, public Watched 
     if (ok) return step();
     this->Finish(grpc::Status::CANCELLED);
   }
-  void OnDone() override { self_.reset(); }
+  void OnDone() override {
+    end_looks();
+    self_.reset();
+  }
   void look(EventLoop::Clock::time_point now) override {
     bool is_stuck;
     {

@@ -293,6 +293,7 @@ void StreamCall::close(Status status) {
 }
 
 void StreamCall::OnDone() {
+  end_looks();
   if (scope_.is_stopped()) cutter_.abandon();
   self_.reset();
 }
