@@ -19,9 +19,8 @@ std::string folder_of(const std::string& path) { return path.substr(0, path.rfin
 
 void DecodeCall::start() {
   if (!daemon_.decoder)
-    return finish(
-        fail(Code::kUnavailable, "",
-             "the decoder could not be started: " + daemon_.decoder.error().message));
+    return finish(fail(Code::kUnavailable, "",
+                       "the decoder could not be started: " + daemon_.decoder.error().message));
   if (request_.server_path().empty()) return gather_all();
   (*daemon_.decoder)
       ->read(
@@ -30,8 +29,7 @@ void DecodeCall::start() {
 }
 
 void DecodeCall::gather_all() {
-  if (stop_.stop_requested())
-    return finish(fail(Code::kCancelled, "", "the decode was cancelled"));
+  if (stop_.stop_requested()) return finish(fail(Code::kCancelled, "", "the decode was cancelled"));
   if (auto gathered = gather(); !gathered) return finish(std::unexpected(gathered.error()));
   submit();
 }

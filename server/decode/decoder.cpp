@@ -292,9 +292,8 @@ void Decoder::read(u64 tenant, std::function<void()> work, std::function<void(St
   DecodeJob job;
   job.tenant = tenant;
   impl_->push({.job = std::move(job),
-               .done = [refused = std::move(refused)](const Expected<Decoded>& why) {
-                 refused(std::unexpected(why.error()));
-               },
+               .done = [refused = std::move(refused)](
+                           const Expected<Decoded>& why) { refused(std::unexpected(why.error())); },
                .stop = {},
                .read = std::move(work)});
 }

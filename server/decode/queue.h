@@ -1,5 +1,5 @@
-// Decodes, and reading for them, that wait for a process: tenants take turns, and none has all processes. Filled by
-// Decoder, emptied by its threads.
+// Decodes, and reading for them, that wait for a process: tenants take turns, and none has all
+// processes. Filled by Decoder, emptied by its threads.
 #pragma once
 
 #include <condition_variable>

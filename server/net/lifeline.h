@@ -73,7 +73,7 @@ class Lifelines {
   using Lines = std::unordered_map<int, Line>;
 
   Lifelines(EventLoop& loop, Limits limits, Handlers handlers);
-  [[nodiscard]] Lines::iterator find(u64 session);  // under mutex_
+  [[nodiscard]] Lines::iterator find(u64 session);   // under mutex_
   [[nodiscard]] bool has_room(pid_t process) const;  // the same
   void take(ForeignFd connection, const Peer& peer);
   void end_unbound(int fd, u64 number);

@@ -179,7 +179,7 @@ Expected<ListeningSocket> listen_unix(const std::string& path, int type,
   if (answers(address, type))
     return fail(Code::kAlreadyExists, "--socket",
                 "a daemon already listens on " + path + "; stop it or choose another --socket");
-  struct stat info{};
+  struct stat info {};
   if (::lstat(path.c_str(), &info) == 0 && !S_ISSOCK(info.st_mode))
     return fail(Code::kAlreadyExists, "--socket", path + " exists and is not a socket");
   ::unlink(path.c_str());
@@ -268,8 +268,7 @@ void Listener::pause() {
 void Listener::accept_some() {
   for (int i = 0; i < kAcceptsPerRound; ++i) {
     if (loop_.closer().is_full()) return pause();
-    UniqueFd accepted(
-        ::accept4(socket_.fd.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+    UniqueFd accepted(::accept4(socket_.fd.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
     if (!accepted) {
       if (errno == EAGAIN || errno == EINTR || errno == ECONNABORTED) return;
       log_.warning("accepting connections pauses", {{"reason", std::strerror(errno)}});

@@ -23,7 +23,9 @@ Expected<std::unique_ptr<EventLoop>> EventLoop::create(Closer::Close close) {
 }
 
 EventLoop::EventLoop(UniqueFd epoll, UniqueFd wake, Closer::Close close)
-    : closer_(Closer::Limits(), std::move(close)), epoll_(std::move(epoll)), wake_(std::move(wake)) {}
+    : closer_(Closer::Limits(), std::move(close)),
+      epoll_(std::move(epoll)),
+      wake_(std::move(wake)) {}
 
 Status EventLoop::watch(int fd, u32 events, Handler handler) {
   epoll_event event{.events = events, .data = {.u64 = ++last_number_}};

@@ -36,9 +36,8 @@ struct Daemon {
                ("heliograph-lifeline-" + std::to_string(::getpid()))) {
     auto listener = listen_unix(path, SOCK_SEQPACKET, std::nullopt);
     REQUIRE(listener);
-    auto started =
-        Lifelines::start(*loop, log, std::move(*listener), limits,
-                         {[](u64) {}, [](u64, const BufferWord&, const ForeignFd&) {}});
+    auto started = Lifelines::start(*loop, log, std::move(*listener), limits,
+                                    {[](u64) {}, [](u64, const BufferWord&, const ForeignFd&) {}});
     REQUIRE(started);
     lines = std::move(*started);
     thread = std::thread([this] { loop->run(); });
@@ -103,8 +102,7 @@ TEST_CASE("lifelines: a process whose descriptors hang is refused, and needs no 
   Closer& closer = daemon.loop->closer();
   const auto me = u64(::getpid());
   daemon.is_held = true;
-  while (!closer.is_full(me))
-    closer.close(UniqueFd(::open("/dev/null", O_RDONLY | O_CLOEXEC)), me);
+  while (!closer.is_full(me)) closer.close(UniqueFd(::open("/dev/null", O_RDONLY | O_CLOEXEC)), me);
   const u32 open = closer.open();
   for (int i = 0; i < 10; ++i) CHECK(received(daemon.connect()).empty());
   CHECK(closer.open() == open);

@@ -78,8 +78,8 @@ TEST_CASE("watchdog: parts count by what hangs on them") {
   std::atomic<double> calls = 0, pool = 0, other = 0;
   using Needs = Watchdog::Needs;
   WatchedLoop watched({{"calls", Needs::kReadiness, [&] { return calls.load(); }},
-                   {"pool", Needs::kLiveness, [&] { return pool.load(); }},
-                   {"log", Needs::kNothing, [&] { return other.load(); }}});
+                       {"pool", Needs::kLiveness, [&] { return pool.load(); }},
+                       {"log", Needs::kNothing, [&] { return other.load(); }}});
   other = 100;
   pool = 0.5;
   await([&] { return watched.looks > 3; });
