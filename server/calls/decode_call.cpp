@@ -21,11 +21,11 @@ void DecodeCall::start() {
   if (!daemon_.decoder)
     return finish(fail(Code::kUnavailable, "",
                        "the decoder could not be started: " + daemon_.decoder.error().message));
+  decoder_ = daemon_.decoder->get();
   if (request_.server_path().empty()) return gather_all();
-  (*daemon_.decoder)
-      ->read(
-          call_.session()->tenant()->id, [this] { gather_all(); },
-          [this](const Status& refused) { finish(std::unexpected(refused.error())); });
+  decoder_->read(
+      call_.session()->tenant()->id, [this] { gather_all(); },
+      [this](const Status& refused) { finish(std::unexpected(refused.error())); });
 }
 
 void DecodeCall::gather_all() {
@@ -103,10 +103,9 @@ void DecodeCall::submit() {
                 .pay = [tenant = call_.session()->tenant()](u64 bytes) {
                   return Charge::hold(tenant->ledger.bytes, bytes);
                 }};
-  (*daemon_.decoder)
-      ->decode(
-          std::move(job), [this](Expected<Decoded> decoded) { on_decoded(std::move(decoded)); },
-          stop_.get_token());
+  decoder_->decode(
+      std::move(job), [this](Expected<Decoded> decoded) { on_decoded(std::move(decoded)); },
+      stop_.get_token());
 }
 
 Status DecodeCall::charge_copy() {

@@ -54,6 +54,7 @@ class DecodeCall final : public Writer<v1::DecodeAssetReply> {
   Call call_;
   const v1::DecodeAssetRequest& request_;
   std::stop_source stop_;
+  Decoder* decoder_ = nullptr;    // whose threads may have this call while the daemon lets go of it
   v1::DecodeAssetRequest named_;  // what was decoded: its files, by hash, and its options
   std::vector<DecodeFile> files_;
   std::vector<Charge> read_;  // files of the asset root
