@@ -31,6 +31,7 @@ class WatchedReader : public grpc::ServerReadReactor<Message>, public Watched {
   }
   void OnDone() override {
     end_looks();
+    let_go();  // here: the last to hold it may be a look
     self_.reset();
   }
   void look(EventLoop::Clock::time_point now) override {

@@ -20,8 +20,7 @@ class Watched {
   }
 
  protected:
-  /// Waits for the look that is under way; none follows. gRPC calls OnDone from a thread of its
-  /// own, never within what a look calls.
+  /// Waits for the look that another thread takes; none follows. Called with no lock held.
   void end_looks() {
     const std::lock_guard lock(looking_);
     has_ended_ = true;
@@ -31,7 +30,7 @@ class Watched {
   /// Thread: the event loop. Must not block.
   virtual void look(EventLoop::Clock::time_point now) = 0;
 
-  std::mutex looking_;
+  std::recursive_mutex looking_;  // of a call that ends within its look, in the look's thread
   bool has_ended_ = false;
 };
 

@@ -134,6 +134,19 @@ TEST_CASE("call watch: the end of a call waits for the look that is under way, a
   CHECK(call.looks == 1);
 }
 
+TEST_CASE("call watch: a call may end within its look") {
+  struct Call final : Watched {
+    int looks = 0;
+    void look(EventLoop::Clock::time_point) override {
+      ++looks;
+      end_looks();
+    }
+  } call;
+  call.look_at({});
+  call.look_at({});
+  CHECK(call.looks == 1);
+}
+
 TEST_CASE("busy times: the longest counts") {
   BusyTimes times;
   CHECK(times.longest_seconds() == 0);
