@@ -153,7 +153,7 @@ void Life::on_word(u64 id, const BufferWord& word, ForeignFd fd) {
   if (word.number != BufferWord::kUnmapped) return frames->give_back(word.buffer, word.number);
   // To give an arena's pages back takes milliseconds.
   if (auto freed = frames->unmapped(word.buffer))
-    (void)daemon_.pool.post([freed = std::move(freed)] {});
+    (void)daemon_.pool.post(session->tenant()->id, [freed = std::move(freed)] {});
 }
 
 Status Life::start_listening(Sockets sockets) {

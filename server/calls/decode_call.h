@@ -20,7 +20,7 @@ class DecodeCall final : public Writer<v1::DecodeAssetReply> {
 
   /// Starts on the pool; a full one ends the call.
   void post(WorkPool& pool) {
-    if (auto posted = pool.post([this] { start(); }); !posted)
+    if (auto posted = pool.post(call_.tenant()->id, [this] { start(); }); !posted)
       finish(std::unexpected(posted.error()));
   }
 

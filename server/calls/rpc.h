@@ -91,7 +91,7 @@ class UnaryCall final : public grpc::ServerUnaryReactor {
   }
   /// Posts work that finishes the call; a full pool does too.
   void post(WorkPool& pool, WorkPool::Task task) {
-    if (auto posted = pool.post(std::move(task)); !posted) finish(posted);
+    if (auto posted = pool.post(tenant()->id, std::move(task)); !posted) finish(posted);
   }
 
   /// Until the reply was sent.
@@ -167,7 +167,8 @@ class PullStream final : public grpc::ServerWriteReactor<Reply>, public Watched 
         next_(std::move(next)) {}
 
   void step() {
-    if (auto posted = pool_.post([this] { advance(); }); !posted) finish(posted);
+    if (auto posted = pool_.post(call_.tenant()->id, [this] { advance(); }); !posted)
+      finish(posted);
   }
   void advance() {
     if (context_.IsCancelled()) return this->Finish(grpc::Status::CANCELLED);

@@ -38,7 +38,7 @@ class WatchedReader : public grpc::ServerReadReactor<Message>, public Watched {
     const std::lock_guard lock(mutex_);
     if (is_finished_ || !is_reading_ || !standstill_.is_longer_than(stall_seconds_, now)) return;
     // It frees what may be gigabytes. Where the pool is full, the next look comes back to it.
-    is_finished_ = bool(pool_.post([self = self_] { self->end_stalled(); }));
+    is_finished_ = bool(pool_.post(WorkPool::kDaemon, [self = self_] { self->end_stalled(); }));
   }
 
  protected:

@@ -96,11 +96,11 @@ TEST_CASE("work pool: it stands still while what waits is not begun") {
   WorkPool pool(1, 16);
   CHECK(pool.still_seconds() == 0);
   std::atomic<bool> is_held = true;
-  REQUIRE(pool.post([&] {
+  REQUIRE(pool.post(1, [&] {
     while (is_held) std::this_thread::sleep_for(milliseconds(1));
   }));
   await([&] { return pool.still_seconds() == 0; });
-  REQUIRE(pool.post([] {}));
+  REQUIRE(pool.post(1, [] {}));
   await([&] { return pool.still_seconds() > 0.05; });
   is_held = false;
   await([&] { return pool.still_seconds() == 0; });
