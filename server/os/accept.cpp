@@ -179,7 +179,7 @@ Expected<ListeningSocket> listen_unix(const std::string& path, int type,
   if (answers(address, type))
     return fail(Code::kAlreadyExists, "--socket",
                 "a daemon already listens on " + path + "; stop it or choose another --socket");
-  struct stat info {};
+  struct stat info{};
   if (::lstat(path.c_str(), &info) == 0 && !S_ISSOCK(info.st_mode))
     return fail(Code::kAlreadyExists, "--socket", path + " exists and is not a socket");
   ::unlink(path.c_str());
