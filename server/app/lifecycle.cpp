@@ -6,13 +6,13 @@
 #include <sys/signalfd.h>
 #include <sys/socket.h>
 
-#include <csignal>
 #include <filesystem>
 
 #include "server/app/grpc_server.h"
 #include "server/app/metric_values.h"
 #include "server/app/notify.h"
 #include "server/app/reload.h"
+#include "server/app/signals.h"
 #include "server/app/sockets.h"
 #include "server/calls/daemon.h"
 #include "server/calls/decode_trial.h"
@@ -35,7 +35,7 @@ using std::chrono::milliseconds;
 constexpr auto kDrainPoll = milliseconds(10);
 constexpr auto kLastCalls = milliseconds(500);
 constexpr double kUnheardSeconds = 2;  // the loop owes an answer, and a signal waits
-constexpr unsigned kLastSeconds = 8;   // for the device and whatever else has to end
+constexpr unsigned kLastSeconds = 8;   // for the device, the disk and whatever else has to end
 constexpr auto kWarnEvery = std::chrono::hours(1);
 
 /// Everything that runs, once the sockets listen.
@@ -78,6 +78,7 @@ class Life {
   std::vector<std::unique_ptr<Listener>> listeners_;
   std::unique_ptr<MetricsPort> metrics_;
   bool is_draining_ = false;
+  bool is_hurried_ = false;  // by a second signal
   std::optional<EventLoop::Clock::time_point>
       unheard_;  // since when a signal waits; the watchdog's
   int exit_code_ = kExitOk;
@@ -152,13 +153,14 @@ void Life::on_word(u64 id, const BufferWord& word, ForeignFd fd) {
   if (word.number != BufferWord::kUnmapped) return frames->give_back(word.buffer, word.number);
   // To give an arena's pages back takes milliseconds.
   if (auto freed = frames->unmapped(word.buffer))
-    (void)daemon_.pool.post([freed = std::move(freed)] {});
+    (void)daemon_.pool.post(session->tenant()->id, [freed = std::move(freed)] {});
 }
 
 Status Life::start_listening(Sockets sockets) {
   const Limits& limits = daemon_.config.limits;
   const u32 limit = u32(limits.connections);
-  auto lifelines = Lifelines::start(*daemon_.loop, daemon_.log, std::move(sockets.lifeline), limit,
+  auto lifelines = Lifelines::start(*daemon_.loop, daemon_.log, std::move(sockets.lifeline),
+                                    {.total = limit, .per_peer = u32(limits.connections_per_peer)},
                                     {[this](u64 session) { daemon_.sessions.detach(session); },
                                      [this](u64 session, const BufferWord& word, ForeignFd fd) {
                                        on_word(session, word, std::move(fd));
@@ -222,8 +224,9 @@ void Life::on_signal() {
   if (::read(signals_.get(), &info, sizeof info) != sizeof info) return;
   daemon_.log.info(is_draining_ ? "second signal: ending at once" : "signal: draining",
                    {{"signal", info.ssi_signo}});
-  if (is_draining_) return daemon_.loop->quit();
-  drain();
+  if (!is_draining_) return drain();
+  is_hurried_ = true;
+  daemon_.loop->quit();
 }
 
 void Life::start_watchdog() {
@@ -300,12 +303,13 @@ int Life::run() {
   return exit_code_;
 }
 
-/// Jobs are cancelled first, so that every call can end before gRPC does. A device that hangs
-/// cannot be waited for.
+/// Jobs are cancelled first, so that every call can end before gRPC does. A device or a disk that
+/// hangs cannot be waited for.
 void Life::end() {
+  is_hurried_ ? hurry() : end_within(kLastSeconds);
+  hurry_at_signal();
   daemon_.watchdog.stop();
   if (daemon_.journal) daemon_.journal->stop();  // while the sessions still have their edits
-  end_within(kLastSeconds);
   daemon_.gate.close();
   listeners_.clear();
   metrics_.reset();
@@ -319,15 +323,6 @@ void Life::end() {
   connections_.reset();
   tcp_.reset();
   local_.reset();
-}
-
-UniqueFd block_signals() {
-  sigset_t set;
-  sigemptyset(&set);
-  sigaddset(&set, SIGTERM);
-  sigaddset(&set, SIGINT);
-  ::sigprocmask(SIG_BLOCK, &set, nullptr);  // before any thread starts, so that all inherit it
-  return UniqueFd(::signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK));
 }
 
 int refuse(const Error& error) {

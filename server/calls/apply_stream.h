@@ -22,7 +22,10 @@ class ApplyStreamCall final : public grpc::ServerBidiReactor<v1::ApplyRequest, v
 
   void OnReadDone(bool ok) override;
   void OnWriteDone(bool ok) override;
-  void OnDone() override { self_.reset(); }
+  void OnDone() override {
+    end_looks();
+    self_.reset();
+  }
   void look(EventLoop::Clock::time_point now) override;
 
  private:

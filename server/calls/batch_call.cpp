@@ -126,8 +126,10 @@ void BatchCall::end_reading() {
 u32 BatchCall::outstanding() const { return in_work_ + u32(done_.size()) + (sending_ ? 1 : 0); }
 
 void BatchCall::advance() {
+  const u64 tenant = scope_.session()->tenant()->id;
   while (const ItemPtr item = next_item())
-    if (auto posted = daemon_.pool.post([item] { item->start(); }); !posted) item->done(posted, {});
+    if (auto posted = daemon_.pool.post(tenant, [item] { item->start(); }); !posted)
+      item->done(posted, {});
   pump();
 }
 
@@ -219,6 +221,7 @@ void BatchCall::OnCancel() {
 }
 
 void BatchCall::OnDone() {
+  end_looks();
   if (scope_.is_stopped()) cutter_.abandon();
   self_.reset();
 }

@@ -175,7 +175,7 @@ Status Daemon::open_recorder() {
 
 void Daemon::sweep_uploads() {
   // A full pool frees no memory now; the next turn does.
-  [[maybe_unused]] const auto posted = pool.post([this] {
+  [[maybe_unused]] const auto posted = pool.post(WorkPool::kDaemon, [this] {
     for (const auto& session : sessions.list()) session->holdings().sweep();
   });
   loop->after(std::chrono::seconds(kSweepSeconds), [this] { sweep_uploads(); });

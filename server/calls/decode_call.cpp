@@ -33,14 +33,23 @@ std::deque<v1::DecodeAssetReply> replies_of(const v1::AssetInfo& info) {
 }  // namespace
 
 void DecodeCall::start() {
+  if (!daemon_.decoder)
+    return finish(fail(Code::kUnavailable, "",
+                       "the decoder could not be started: " + daemon_.decoder.error().message));
+  decoder_ = daemon_.decoder->get();
+  if (request_.server_path().empty()) return gather_all();
+  decoder_->read(
+      call_.session()->tenant()->id, [this] { gather_all(); },
+      [this](const Status& refused) { finish(std::unexpected(refused.error())); });
+}
+
+void DecodeCall::gather_all() {
+  if (stop_.stop_requested()) return finish(fail(Code::kCancelled, "", "the decode was cancelled"));
   if (auto gathered = gather(); !gathered) return finish(std::unexpected(gathered.error()));
   submit();
 }
 
 Status DecodeCall::gather() {
-  if (!daemon_.decoder)
-    return fail(Code::kUnavailable, "",
-                "the decoder could not be started: " + daemon_.decoder.error().message);
   HELIO_TRY(call_.session()->tenant()->ledger.bytes->admit(Work::kUploads));
   named_ = request_;
   named_.clear_server_path();
@@ -106,10 +115,9 @@ void DecodeCall::submit() {
                 .pay = [tenant = call_.session()->tenant()](u64 bytes) {
                   return Charge::hold(tenant->ledger.bytes, bytes);
                 }};
-  (*daemon_.decoder)
-      ->decode(
-          std::move(job), [this](Expected<Decoded> decoded) { on_decoded(std::move(decoded)); },
-          stop_.get_token());
+  decoder_->decode(
+      std::move(job), [this](Expected<Decoded> decoded) { on_decoded(std::move(decoded)); },
+      stop_.get_token());
 }
 
 Status DecodeCall::charge_copy() {

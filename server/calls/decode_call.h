@@ -21,7 +21,7 @@ class DecodeCall final : public Writer<v1::DecodeAssetReply> {
 
   /// Starts on the pool; a full one ends the call.
   void post(WorkPool& pool) {
-    if (auto posted = pool.post([this] { start(); }); !posted)
+    if (auto posted = pool.post(call_.tenant()->id, [this] { start(); }); !posted)
       finish(std::unexpected(posted.error()));
   }
 
@@ -34,6 +34,8 @@ class DecodeCall final : public Writer<v1::DecodeAssetReply> {
   using Result = Expected<Replies>;
 
   void start();
+  /// A file of the asset root is read by the decoder, for the disk may take its time.
+  void gather_all();
   [[nodiscard]] Status gather();
   [[nodiscard]] Status gather_bundle();
   /// Charges and reads a file beneath the asset root.
@@ -42,7 +44,6 @@ class DecodeCall final : public Writer<v1::DecodeAssetReply> {
   /// Charges the copy of all files that the decoder gets.
   [[nodiscard]] Status charge_copy();
   void on_decoded(Expected<Decoded> decoded);
-  /// Charges what the child is about to write.
   /// Reads companions that a server_path's model lacks; whether there were any.
   [[nodiscard]] Expected<bool> gather_missing(const std::vector<std::string>& missing);
   [[nodiscard]] Result store(const Decoded& decoded);
@@ -55,6 +56,7 @@ class DecodeCall final : public Writer<v1::DecodeAssetReply> {
   Call call_;
   const v1::DecodeAssetRequest& request_;
   std::stop_source stop_;
+  Decoder* decoder_ = nullptr;    // whose threads may have this call while the daemon lets go of it
   v1::DecodeAssetRequest named_;  // what was decoded: its files, by hash, and its options
   std::vector<DecodeFile> files_;
   std::vector<Charge> read_;  // files of the asset root

@@ -70,6 +70,7 @@ void FrameStream::OnWriteDone(bool ok) {
 }
 
 void FrameStream::OnDone() {
+  end_looks();
   if (scope_.is_stopped()) cutter_.abandon();
   self_.reset();
 }

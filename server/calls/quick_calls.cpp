@@ -66,7 +66,9 @@ class QuickCalls::Line final : public JobSink, public std::enable_shared_from_th
     const std::stop_callback on_end(session_->ended(), [this] { close(); });
     std::array<char, kPacketBytes> packet;
     while (true) {
-      const ssize_t size = receive_packet(socket_.fd.get(), packet, 0, daemon_.loop->closer()).size;
+      const auto got = receive_packet(socket_.fd, packet, 0, daemon_.loop->closer());
+      if (!got.descriptors.empty()) break;  // none belong to a call
+      const ssize_t size = got.size;
       if (size <= 0 || std::size_t(size) > packet.size() || is_busy_.exchange(true)) break;
       if (!call_.ParseFromArray(packet.data(), int(size))) break;
       begin(u64(size));

@@ -91,7 +91,7 @@ class UnaryCall final : public grpc::ServerUnaryReactor {
   }
   /// Posts work that finishes the call; a full pool does too.
   void post(WorkPool& pool, WorkPool::Task task) {
-    if (auto posted = pool.post(std::move(task)); !posted) finish(posted);
+    if (auto posted = pool.post(tenant()->id, std::move(task)); !posted) finish(posted);
   }
 
   void OnCancel() override { stop_.request_stop(); }
@@ -158,7 +158,10 @@ class PullStream final : public grpc::ServerWriteReactor<Reply>, public Watched 
     this->Finish(grpc::Status::CANCELLED);
   }
   void OnCancel() override { stop_.request_stop(); }
-  void OnDone() override { self_.reset(); }
+  void OnDone() override {
+    end_looks();
+    self_.reset();
+  }
   void look(EventLoop::Clock::time_point now) override {
     bool is_stuck;
     {
@@ -176,7 +179,8 @@ class PullStream final : public grpc::ServerWriteReactor<Reply>, public Watched 
         stall_seconds_(double(daemon.config.limits.stall_seconds)) {}
 
   void step() {
-    if (auto posted = pool_.post([this] { advance(); }); !posted) finish(posted);
+    if (auto posted = pool_.post(call_.tenant()->id, [this] { advance(); }); !posted)
+      finish(posted);
   }
   void advance() {
     if (context_.IsCancelled()) return this->Finish(grpc::Status::CANCELLED);

@@ -36,7 +36,8 @@ class ImportCall final : public WatchedReader<v1::SceneChunk> {
       return finish(fail(Code::kCancelled, "", "the import was cancelled"));
     if (auto known = daemon_.gate.check(Credentials(context()), call_.tenant()); !known)
       return finish(known);
-    if (auto posted = daemon_.pool.post([this] { finish(build()); }); !posted) finish(posted);
+    const auto posted = daemon_.pool.post(call_.tenant()->id, [this] { finish(build()); });
+    if (!posted) finish(posted);
   }
   Status build() {
     const auto scene = file_->finish();

@@ -73,6 +73,7 @@ Writer<Reply>* ask(Daemon& daemon, Context* context, const Request& request, ToJ
   return let_in<Writer<Reply>>(daemon.gate, context, request, Needs::kSession, [&](Call admitted) {
     auto* call = PullStream<Reply>::make(daemon, *context, std::move(admitted));
     const auto posted = daemon.pool.post(
+        call->tenant()->id,
         [&daemon, call, &request, to_job] { start_query(daemon, *call, request, to_job); });
     if (!posted) call->finish(posted);
     return call;

@@ -30,7 +30,8 @@ Writer<v1::FramePart>* Service::Render(Context* context, const v1::RenderRequest
         return stream->refuse(fail(Code::kCancelled, "", "cancelled"));
       if (auto started = start_render(daemon_, *request, stream); !started) stream->refuse(started);
     };
-    if (auto posted = daemon_.pool.post(std::move(task)); !posted) stream->refuse(posted);
+    const u64 tenant = stream->scope().session()->tenant()->id;
+    if (auto posted = daemon_.pool.post(tenant, std::move(task)); !posted) stream->refuse(posted);
     return stream.get();
   });
 }

@@ -161,9 +161,11 @@ void StreamCall::advance() {
     else if (!is_lossless_ && has_news() && job_->has_shown_all())
       job_->stop();
   }
-  if (started)
-    if (auto posted = daemon_.pool.post([started] { started->start(); }); !posted)
+  if (started) {
+    const u64 tenant = scope_.session()->tenant()->id;
+    if (auto posted = daemon_.pool.post(tenant, [started] { started->start(); }); !posted)
       started->done(posted, {});
+  }
   pump();
 }
 
@@ -290,6 +292,7 @@ void StreamCall::close(Status status) {
 }
 
 void StreamCall::OnDone() {
+  end_looks();
   if (scope_.is_stopped()) cutter_.abandon();
   self_.reset();
 }

@@ -71,7 +71,8 @@ void WatchCall::advance() {
 }
 
 void WatchCall::post_work() {
-  if (auto posted = daemon_.pool.post([call = shared_from_this()] { call->work(); }); !posted)
+  const u64 tenant = scope_.session()->tenant()->id;
+  if (!daemon_.pool.post(tenant, [call = shared_from_this()] { call->work(); }))
     work();  // an event is never lost to a full pool
 }
 

@@ -29,7 +29,10 @@ class WatchCall final : public grpc::ServerWriteReactor<v1::WatchReply>,
 
   void OnWriteDone(bool ok) override;
   void OnCancel() override;
-  void OnDone() override { self_.reset(); }
+  void OnDone() override {
+    end_looks();
+    self_.reset();
+  }
   void look(EventLoop::Clock::time_point now) override;
 
  private:

@@ -29,15 +29,16 @@ class WatchedReader : public grpc::ServerReadReactor<Message>, public Watched {
     }
     came(ok);
   }
-  void OnDone() override { self_.reset(); }
+  void OnDone() override {
+    end_looks();
+    let_go();  // here: the last to hold it may be a look
+    self_.reset();
+  }
   void look(EventLoop::Clock::time_point now) override {
-    {
-      const std::lock_guard lock(mutex_);
-      if (is_finished_ || !is_reading_ || !standstill_.is_longer_than(stall_seconds_, now)) return;
-      is_finished_ = true;
-    }
-    const auto end = [self = self_] { self->end_stalled(); };  // frees what may be gigabytes
-    if (!pool_.post(end)) end();
+    const std::lock_guard lock(mutex_);
+    if (is_finished_ || !is_reading_ || !standstill_.is_longer_than(stall_seconds_, now)) return;
+    // It frees what may be gigabytes. Where the pool is full, the next look comes back to it.
+    is_finished_ = bool(pool_.post(WorkPool::kDaemon, [self = self_] { self->end_stalled(); }));
   }
 
  protected:

@@ -34,7 +34,7 @@ enum ExitCode : int {
   X(calls_per_session, 64, "calls and streams of one session at a time")                \
   X(quick_calls, 256, "sessions that have a socket for quick calls")                    \
   X(streams_per_connection, 64, "calls and streams of one connection at a time")        \
-  X(pool_queue, 4096, "requests that wait for a thread")                                \
+  X(pool_queue, 8192, "requests that wait for a thread, half of them of one tenant")    \
   X(client_bytes, 256, "bytes of the name that a client gives itself")                  \
   X(log_bytes, 1ull << 20, "bytes of log lines that wait to be written")                \
   X(log_value_bytes, 1024, "bytes of one value in the log")                             \

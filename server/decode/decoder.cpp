@@ -152,7 +152,10 @@ class Decoder::Impl {
   void work(const std::stop_token& stop) {
     while (auto task = queue_.take(stop)) {
       ChildPtr child;
-      task->done(run(*task, child, stop));
+      if (task->read)
+        task->read();
+      else
+        task->done(run(*task, child, stop));
       child.reset();  // its memory is given back after the answer
       queue_.end(task->job.tenant);
     }
@@ -283,6 +286,16 @@ Decoder::~Decoder() = default;
 void Decoder::decode(DecodeJob job, std::function<void(Expected<Decoded>)> done,
                      std::stop_token stop) {
   impl_->push({.job = std::move(job), .done = std::move(done), .stop = std::move(stop)});
+}
+
+void Decoder::read(u64 tenant, std::function<void()> work, std::function<void(Status)> refused) {
+  DecodeJob job;
+  job.tenant = tenant;
+  impl_->push({.job = std::move(job),
+               .done = [refused = std::move(refused)](
+                           const Expected<Decoded>& why) { refused(std::unexpected(why.error())); },
+               .stop = {},
+               .read = std::move(work)});
 }
 
 void Decoder::try_out(std::function<void(Status)> done) {

@@ -79,6 +79,10 @@ class Decoder {
   /// FAILED_PRECONDITION: the kernel refuses a layer of the sandbox.
   void decode(DecodeJob job, std::function<void(Expected<Decoded>)> done, std::stop_token stop);
 
+  /// Calls `work`, which reads files that may be slow, when it is the tenant's turn. `refused` is
+  /// called in its place when too many wait or the decoder ends.
+  void read(u64 tenant, std::function<void()> work, std::function<void(Status)> refused);
+
   /// Decodes a triangle: whether files can be decoded at all.
   void try_out(std::function<void(Status)> done);
 

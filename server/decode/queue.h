@@ -1,5 +1,5 @@
-// Decodes that wait for a process: tenants take turns, and none has all processes. Filled by
-// Decoder, emptied by its threads.
+// Decodes, and reading for them, that wait for a process: tenants take turns, and none has all
+// processes. Filled by Decoder, emptied by its threads.
 #pragma once
 
 #include <condition_variable>
@@ -19,6 +19,7 @@ struct DecodeTask {
   DecodeJob job;
   std::function<void(Expected<Decoded>)> done;
   std::stop_token stop;
+  std::function<void()> read = nullptr;  // in place of a decode; `done` is told a refusal only
 };
 
 /// Thread: any.

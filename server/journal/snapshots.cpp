@@ -49,8 +49,8 @@ void Journal::snapshot_if_due() {
     is_encoding_ = false;
     ready_.notify_all();
   };
-  const auto posted =
-      pool_.post([this, end, states, record = head_.last(), sum = head_.last_sum()] {
+  const auto posted = pool_.post(
+      WorkPool::kDaemon, [this, end, states, record = head_.last(), sum = head_.last_sum()] {
         auto control = encode(std::move(*states), record, sum);
         Status made;
         if (control)

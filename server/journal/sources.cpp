@@ -149,17 +149,13 @@ Expected<BufferPtr> RecoveringSource::load(const std::string& hash) {
   }
   auto bytes = content(hash);
   if (!bytes) return std::unexpected(std::move(bytes).error());
-  auto incoming =
-      owner_.blobs.begin("", bytes->size(), owner_.ledger.bytes);  // its hash was checked
-  if (!incoming) return std::unexpected(std::move(incoming).error());
-  HELIO_TRY(incoming->append(*bytes));
-  auto buffer = incoming->finish();
-  if (!buffer) return buffer;
-  return owner_.blobs.put(hash, std::move(*buffer));
+  return owner_.blobs.put(hash, BlobStore::restore(std::move(*bytes), owner_.ledger.bytes));
 }
 
 Expected<BufferPtr> RecoveringSource::bytes(const v1::Array& array) {
-  return array.has_blob() ? load(array.blob()) : inlines_.bytes(array);
+  if (array.has_blob()) return load(array.blob());
+  if (array.has_inline_()) return BlobStore::restore(array.inline_(), owner_.ledger.bytes);
+  return fail(Code::kInternal, "", "names bytes that no file holds");
 }
 
 Expected<std::shared_ptr<const Asset>> RecoveringSource::asset(std::string_view hash) {

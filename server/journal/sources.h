@@ -45,12 +45,12 @@ class RecordingSource final : public ArraySource {
   std::vector<UsedUpload> used_;
 };
 
-/// Gives what the files hold, counted against the owner's budget like uploads. It keeps none but
-/// the last models: bytes live as long as what was made of them. Thread: one.
+/// Gives what the files hold, counted against the owner's budget like uploads, whatever its limits
+/// and the daemon's are now. It keeps none but the last models: bytes live as long as what was made
+/// of them. Thread: one.
 class RecoveringSource final : public ArraySource {
  public:
-  RecoveringSource(Tenant& owner, BlobFiles& files)
-      : owner_(owner), inlines_(owner.blobs, owner.assets, owner.ledger.bytes), files_(files) {}
+  RecoveringSource(Tenant& owner, BlobFiles& files) : owner_(owner), files_(files) {}
 
   /// The assets of the transaction that is read next.
   void expect(const journal::Record& record);
@@ -65,7 +65,6 @@ class RecoveringSource final : public ArraySource {
   [[nodiscard]] Expected<BufferPtr> load(const std::string& hash);
 
   Tenant& owner_;
-  Holdings inlines_;  // arrays that are in their messages
   BlobFiles& files_;
   std::map<std::string, std::string, std::less<>> expected_;  // asset -> file
   struct Loaded {

@@ -20,49 +20,85 @@ constexpr auto kPause = std::chrono::milliseconds(100);
 }  // namespace
 
 Expected<std::unique_ptr<Lifelines>> Lifelines::start(EventLoop& loop, const Log& log,
-                                                      ListeningSocket listener, u32 limit,
+                                                      ListeningSocket listener, Limits limits,
                                                       Handlers handlers) {
-  std::unique_ptr<Lifelines> lifelines(new Lifelines(loop, limit, std::move(handlers)));
+  std::unique_ptr<Lifelines> lifelines(new Lifelines(loop, limits, std::move(handlers)));
   auto started = Listener::start(loop, log, std::move(listener),
-                                 [self = lifelines.get()](ForeignFd connection, const Peer&) {
-                                   self->take(std::move(connection));
+                                 [self = lifelines.get()](ForeignFd connection, const Peer& peer) {
+                                   self->take(std::move(connection), peer);
                                  });
   if (!started) return std::unexpected(started.error());
   lifelines->listener_ = std::move(*started);
   return lifelines;
 }
 
-Lifelines::Lifelines(EventLoop& loop, u32 limit, Handlers handlers)
-    : loop_(loop), limit_(limit), handlers_(std::move(handlers)) {}
+Lifelines::Lifelines(EventLoop& loop, Limits limits, Handlers handlers)
+    : loop_(loop), limits_(limits), handlers_(std::move(handlers)) {}
 
 Lifelines::~Lifelines() {
   for (const auto& [fd, line] : lines_) loop_.forget(fd);
 }
 
-void Lifelines::take(ForeignFd connection) {
+bool Lifelines::has_room(pid_t process) const {
+  if (lines_.size() >= limits_.total) return false;
+  const auto of_peer = std::ranges::count_if(
+      lines_, [&](const auto& entry) { return entry.second.process == process; });
+  return process == 0 || u64(of_peer) < limits_.per_peer;
+}
+
+void Lifelines::take(ForeignFd connection, const Peer& peer) {
   const int fd = connection.get();
   std::string ticket(kTicketBytes, '\0');
   if (::getrandom(ticket.data(), ticket.size(), 0) != ssize_t(ticket.size())) return;
   {
     const std::lock_guard lock(mutex_);
-    if (lines_.size() >= limit_) return;
-    lines_.emplace(fd, Line{std::move(connection), ticket, 0});
+    if (!has_room(peer.process)) return;
+    lines_.emplace(fd, Line{.fd = std::move(connection),
+                            .process = peer.process,
+                            .number = ++last_number_,
+                            .ticket = ticket});
   }
   const bool sent = ::send(fd, ticket.data(), ticket.size(), MSG_NOSIGNAL) > 0;
-  if (!sent || !watch(fd)) on_event(fd, EPOLLHUP);
+  if (!sent || !watch(fd)) return on_event(fd, EPOLLHUP);
+  loop_.after(limits_.unbound, [this, fd, number = last_number_, alive = std::weak_ptr(alive_)] {
+    if (!alive.expired()) end_unbound(fd, number);
+  });
+}
+
+void Lifelines::end_unbound(int fd, u64 number) {
+  {
+    const std::lock_guard lock(mutex_);
+    const auto line = lines_.find(fd);
+    if (line == lines_.end() || line->second.number != number || line->second.session != 0) return;
+    line->second.ticket.clear();  // nobody binds it from now on
+  }
+  on_event(fd, EPOLLHUP);
 }
 
 Status Lifelines::watch(int fd) {
   return loop_.watch(fd, EPOLLIN | EPOLLRDHUP, [this, fd](u32 events) { on_event(fd, events); });
 }
 
-/// What waits there stays until others' descriptors were closed.
+bool Lifelines::is_full(int fd) {
+  const std::lock_guard lock(mutex_);
+  const auto line = lines_.find(fd);
+  return line != lines_.end() && loop_.closer().is_full(line->second.fd.sender());
+}
+
+/// What waits there stays until descriptors of its sender were closed.
 void Lifelines::pause(int fd) {
   loop_.forget(fd);
-  loop_.after(kPause, [this, fd] {
+  u64 number = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    number = lines_.at(fd).number;
+  }
+  loop_.after(kPause, [this, fd, number, alive = std::weak_ptr(alive_)] {
+    if (alive.expired()) return;
     {
       const std::lock_guard lock(mutex_);
-      if (!lines_.contains(fd)) return;
+      const auto line = lines_.find(fd);
+      if (line == lines_.end() || line->second.number != number) return;  // another has its place
     }
     if (!watch(fd)) on_event(fd, EPOLLHUP);
   });
@@ -70,7 +106,7 @@ void Lifelines::pause(int fd) {
 
 void Lifelines::on_event(int fd, u32 events) {
   if ((events & (EPOLLHUP | EPOLLRDHUP | EPOLLERR)) == 0)
-    return loop_.closer().is_full() ? pause(fd) : listen_to(fd);
+    return is_full(fd) ? pause(fd) : listen_to(fd);
   loop_.forget(fd);
   u64 session = 0;
   {
@@ -88,7 +124,7 @@ std::optional<Lifelines::Heard> Lifelines::receive(int fd) {
   const std::lock_guard lock(mutex_);
   const auto line = lines_.find(fd);
   if (line == lines_.end()) return std::nullopt;
-  auto packet = receive_packet(fd, data, MSG_DONTWAIT, loop_.closer());
+  auto packet = receive_packet(line->second.fd, data, MSG_DONTWAIT, loop_.closer());
   if (packet.size <= 0) return std::nullopt;
   heard.session = line->second.session;
   if (!packet.descriptors.empty()) heard.fd = std::move(packet.descriptors.back());
@@ -99,7 +135,7 @@ std::optional<Lifelines::Heard> Lifelines::receive(int fd) {
 
 void Lifelines::listen_to(int fd) {
   constexpr int kWordsAtOnce = 64;  // then it is others' turn
-  for (int i = 0; i < kWordsAtOnce && !loop_.closer().is_full(); ++i) {
+  for (int i = 0; i < kWordsAtOnce && !is_full(fd); ++i) {
     const std::lock_guard lock(hearing_);
     auto heard = receive(fd);
     if (!heard) return;

@@ -4,6 +4,7 @@
 // After that both sides talk about shared buffers, a BufferWord a packet.
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -30,7 +31,8 @@ struct BufferWord {
   static constexpr u64 kUnmapped = ~u64(0);
 };
 
-/// Owns: the listener and its connections. Thread: the loop's, but for bind(), tell(), hear() and
+/// Owns: the listener and its connections. One that no session has is closed after a while.
+/// Thread: the loop's, but for bind(), tell(), hear() and
 /// release(), which any thread may call.
 class Lifelines {
  public:
@@ -39,9 +41,14 @@ class Lifelines {
     std::function<void(u64 session)> lost;  // its connection ended; in the loop's thread
     std::function<void(u64 session, const BufferWord& word, ForeignFd fd)> said;
   };
+  struct Limits {
+    u32 total = 256;
+    u32 per_peer = 64;  // of a process; those that the kernel does not name have no limit
+    std::chrono::seconds unbound{30};
+  };
   [[nodiscard]] static Expected<std::unique_ptr<Lifelines>> start(EventLoop& loop, const Log& log,
                                                                   ListeningSocket listener,
-                                                                  u32 limit, Handlers handlers);
+                                                                  Limits limits, Handlers handlers);
   ~Lifelines();
 
   /// UNAUTHENTICATED when the ticket was never given out, was used, or its connection ended.
@@ -58,14 +65,18 @@ class Lifelines {
  private:
   struct Line {
     ForeignFd fd;
+    pid_t process = 0;
+    u64 number = 0;  // never used again, as a descriptor's is
     std::string ticket;
     u64 session = 0;  // 0: not bound
   };
   using Lines = std::unordered_map<int, Line>;
 
-  Lifelines(EventLoop& loop, u32 limit, Handlers handlers);
-  [[nodiscard]] Lines::iterator find(u64 session);  // under mutex_
-  void take(ForeignFd connection);
+  Lifelines(EventLoop& loop, Limits limits, Handlers handlers);
+  [[nodiscard]] Lines::iterator find(u64 session);   // under mutex_
+  [[nodiscard]] bool has_room(pid_t process) const;  // the same
+  void take(ForeignFd connection, const Peer& peer);
+  void end_unbound(int fd, u64 number);
   void on_event(int fd, u32 events);
   /// A packet of a connection, if one waits there.
   struct Heard {
@@ -75,17 +86,20 @@ class Lifelines {
     bool is_word = false;
   };
   [[nodiscard]] std::optional<Heard> receive(int fd);
+  [[nodiscard]] bool is_full(int fd);  // of its sender's descriptors as many wait as may
   void listen_to(int fd);
   void pause(int fd);
   [[nodiscard]] Status watch(int fd);
 
   EventLoop& loop_;
-  const u32 limit_;
+  const Limits limits_;
   const Handlers handlers_;
   std::unique_ptr<Listener> listener_;
   std::mutex hearing_;  // held until what was received was said; before mutex_
   std::mutex mutex_;
   Lines lines_;
+  u64 last_number_ = 0;
+  std::shared_ptr<int> alive_ = std::make_shared<int>(0);  // timers check it
 };
 
 }  // namespace heliograph::server

@@ -27,7 +27,7 @@ void CallWatch::look() {
       if (auto found = call.lock()) alive.push_back(std::move(found));
   }
   const auto now = EventLoop::Clock::now();
-  for (const auto& call : alive) call->look(now);
+  for (const auto& call : alive) call->look_at(now);
   loop_->after(kEvery, [this] { look(); });
 }
 

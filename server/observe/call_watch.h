@@ -9,12 +9,29 @@
 
 namespace heliograph::server {
 
-/// A call in flight.
+/// A call in flight. A look may use its context: OnDone, after which gRPC frees that, ends looks.
 class Watched {
  public:
   virtual ~Watched() = default;
+  /// Looks, unless looks have ended.
+  void look_at(EventLoop::Clock::time_point now) {
+    const std::lock_guard lock(looking_);
+    if (!has_ended_) look(now);
+  }
+
+ protected:
+  /// Waits for the look that another thread takes; none follows. Called with no lock held.
+  void end_looks() {
+    const std::lock_guard lock(looking_);
+    has_ended_ = true;
+  }
+
+ private:
   /// Thread: the event loop. Must not block.
   virtual void look(EventLoop::Clock::time_point now) = 0;
+
+  std::recursive_mutex looking_;  // of a call that ends within its look, in the look's thread
+  bool has_ended_ = false;
 };
 
 /// Thread: any. The event loop must outlive its use.

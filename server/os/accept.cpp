@@ -27,6 +27,7 @@ namespace {
 constexpr int kBacklog = 128;
 constexpr auto kAcceptPause = std::chrono::milliseconds(100);
 constexpr int kAcceptsPerRound = 64;
+constexpr u64 kRefused = ~u64(0) - 1;  // sender of what other users sent
 
 std::unexpected<Error> system_error(const std::string& what) {
   return fail(Code::kUnavailable, "", what + ": " + std::strerror(errno));
@@ -70,6 +71,24 @@ void refuse_descriptors(int fd) {
   constexpr int kPassRights = 83;  // SO_PASSRIGHTS of Linux 6.16; ones before refuse the option
   const int no = 0;
   ::setsockopt(fd, SOL_SOCKET, kPassRights, &no, sizeof no);
+}
+
+/// Ends a Unix connection; whether closing it waits for nobody: nothing that came over it is left
+/// in its queue. A packet without bytes looks like the end, but for the credentials beside it.
+bool is_clean(int fd) {
+  const int yes = 1;
+  int type = 0;
+  socklen_t size = sizeof type;
+  ::getsockopt(fd, SOL_SOCKET, SO_TYPE, &type, &size);
+  ::setsockopt(fd, SOL_SOCKET, SO_PASSCRED, &yes, sizeof yes);
+  ::shutdown(fd, SHUT_RDWR);
+  char byte = 0;
+  iovec piece{&byte, 1};
+  msghdr message{};
+  message.msg_iov = &piece;
+  message.msg_iovlen = 1;
+  if (::recvmsg(fd, &message, MSG_PEEK | MSG_DONTWAIT) != 0) return false;
+  return type == SOCK_STREAM || (message.msg_flags & MSG_CTRUNC) == 0;
 }
 
 bool answers(const sockaddr_un& address, int type) {
@@ -249,14 +268,18 @@ void Listener::pause() {
 void Listener::accept_some() {
   for (int i = 0; i < kAcceptsPerRound; ++i) {
     if (loop_.closer().is_full()) return pause();
-    ForeignFd connection(loop_.closer(), UniqueFd(::accept4(socket_.fd.get(), nullptr, nullptr,
-                                                            SOCK_NONBLOCK | SOCK_CLOEXEC)));
-    if (!connection) {
+    UniqueFd accepted(::accept4(socket_.fd.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+    if (!accepted) {
       if (errno == EAGAIN || errno == EINTR || errno == ECONNABORTED) return;
       log_.warning("accepting connections pauses", {{"reason", std::strerror(errno)}});
       return pause();
     }
-    if (const auto peer = admit(connection.get())) take_(std::move(connection), *peer);
+    const auto peer = admit(accepted.get());
+    const u64 sender = peer ? peer->sender() : kRefused;
+    const bool is_full = is_unix_ && loop_.closer().is_full(sender);
+    if (is_full && is_clean(accepted.get())) continue;  // else it waits with the others
+    ForeignFd connection(loop_.closer(), std::move(accepted), sender);
+    if (peer && !is_full) take_(std::move(connection), *peer);
   }
 }
 
@@ -298,7 +321,7 @@ bool ConnectionCount::add(int connection, const Peer& peer) {
   const int fd = duplicate.get();
   if (!duplicate) return false;
   if (!loop_.watch(fd, 0, [this, fd](u32) { remove(fd); })) return false;
-  open_.emplace(fd, Entry{ForeignFd(loop_.closer(), std::move(duplicate)), peer});
+  open_.emplace(fd, Entry{ForeignFd(loop_.closer(), std::move(duplicate), peer.sender()), peer});
   ++by_peer_[peer];
   if (!peer.is_local()) ++remote_;
   return true;

@@ -49,12 +49,15 @@ struct Peer {
   pid_t process = 0;    // over the Unix socket; 0: of another PID namespace
   std::string network;  // over TCP: the IPv4 address, or the IPv6 /64; "": Unix
   [[nodiscard]] bool is_local() const { return network.empty(); }
+  /// Whose its descriptors are (closer.h). Nothing comes over TCP that hangs: all are one sender.
+  [[nodiscard]] u64 sender() const { return is_local() ? u64(process) : ~u64(0); }
   friend std::strong_ordering operator<=>(const Peer&, const Peer&) = default;
 };
 
 /// Accepts connections of one listening socket and gives them away. Owns: the listener. Thread: the
-/// loop's. Unix peers who may not connect are closed; out of descriptors, or while as many wait to
-/// be closed as may, it pauses, not spins.
+/// loop's. Unix peers who may not connect are closed, and so are those of whose descriptors as many
+/// wait to be closed as may; out of descriptors, or while that many of all peers wait, it pauses,
+/// not spins.
 class Listener {
  public:
   using Take = std::function<void(ForeignFd connection, const Peer& peer)>;

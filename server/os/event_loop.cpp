@@ -11,18 +11,21 @@
 
 namespace heliograph::server {
 
-Expected<std::unique_ptr<EventLoop>> EventLoop::create() {
+Expected<std::unique_ptr<EventLoop>> EventLoop::create(Closer::Close close) {
   UniqueFd epoll(::epoll_create1(EPOLL_CLOEXEC));
   UniqueFd wake(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
   if (!epoll || !wake) return fail(Code::kInternal, "", std::strerror(errno));
   const int wake_fd = wake.get();
-  std::unique_ptr<EventLoop> loop(new EventLoop(std::move(epoll), std::move(wake)));
+  std::unique_ptr<EventLoop> loop(
+      new EventLoop(std::move(epoll), std::move(wake), std::move(close)));
   HELIO_TRY(loop->watch(wake_fd, EPOLLIN, [self = loop.get()](u32) { self->run_posted(); }));
   return loop;
 }
 
-EventLoop::EventLoop(UniqueFd epoll, UniqueFd wake)
-    : epoll_(std::move(epoll)), wake_(std::move(wake)) {}
+EventLoop::EventLoop(UniqueFd epoll, UniqueFd wake, Closer::Close close)
+    : closer_(Closer::Limits(), std::move(close)),
+      epoll_(std::move(epoll)),
+      wake_(std::move(wake)) {}
 
 Status EventLoop::watch(int fd, u32 events, Handler handler) {
   epoll_event event{.events = events, .data = {.u64 = ++last_number_}};

@@ -22,7 +22,9 @@ class EventLoop {
   using Handler = std::function<void(u32 events)>;
   using Clock = std::chrono::steady_clock;
 
-  [[nodiscard]] static Expected<std::unique_ptr<EventLoop>> create();
+  /// `close`: of others' descriptors.
+  [[nodiscard]] static Expected<std::unique_ptr<EventLoop>> create(
+      Closer::Close close = Closer::close_now);
 
   /// Calls `handler` with epoll's events (EPOLLHUP and EPOLLERR always) until forget(fd).
   [[nodiscard]] Status watch(int fd, u32 events, Handler handler);
@@ -37,12 +39,12 @@ class EventLoop {
   [[nodiscard]] Closer& closer() { return closer_; }
 
  private:
-  EventLoop(UniqueFd epoll, UniqueFd wake);
+  EventLoop(UniqueFd epoll, UniqueFd wake, Closer::Close close);
   [[nodiscard]] int wait_ms() const;
   void run_timers();
   void run_posted();
 
-  Closer closer_{Closer::Limits()};  // what handlers hold ends there
+  Closer closer_;  // what handlers hold ends there
   UniqueFd epoll_;
   UniqueFd wake_;  // an eventfd
   // By a number that is never used again, so that a late event cannot reach a descriptor's heir.

@@ -40,9 +40,10 @@ struct ReceivedPacket {
 };
 
 /// Takes one packet and all descriptors that came with it: those there is no room for the kernel
-/// would close before recvmsg() returns, which may take long.
-[[nodiscard]] inline ReceivedPacket receive_packet(int socket, std::span<char> data, int flags,
-                                                   Closer& closer) {
+/// would close before recvmsg() returns, which may take long. Their sender is
+/// the socket's.
+[[nodiscard]] inline ReceivedPacket receive_packet(const ForeignFd& socket, std::span<char> data,
+                                                   int flags, Closer& closer) {
   constexpr std::size_t kMost = 253;  // SCM_MAX_FD
   alignas(cmsghdr) std::array<char, CMSG_SPACE(kMost * sizeof(int))> control;
   iovec piece{data.data(), data.size()};
@@ -52,14 +53,14 @@ struct ReceivedPacket {
   message.msg_control = control.data();
   message.msg_controllen = control.size();
   ReceivedPacket packet;
-  packet.size = ::recvmsg(socket, &message, flags | MSG_TRUNC | MSG_CMSG_CLOEXEC);
+  packet.size = ::recvmsg(socket.get(), &message, flags | MSG_TRUNC | MSG_CMSG_CLOEXEC);
   if (packet.size < 0) return packet;
   for (cmsghdr* each = CMSG_FIRSTHDR(&message); each; each = CMSG_NXTHDR(&message, each)) {
     if (each->cmsg_level != SOL_SOCKET || each->cmsg_type != SCM_RIGHTS) continue;
     for (std::size_t i = 0; CMSG_LEN((i + 1) * sizeof(int)) <= each->cmsg_len; ++i) {
       int fd = -1;
       std::memcpy(&fd, CMSG_DATA(each) + i * sizeof fd, sizeof fd);
-      packet.descriptors.emplace_back(closer, UniqueFd(fd));
+      packet.descriptors.emplace_back(closer, UniqueFd(fd), socket.sender());
     }
   }
   return packet;

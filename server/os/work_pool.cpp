@@ -4,6 +4,11 @@
 #include <fmt/format.h>
 
 namespace heliograph::server {
+namespace {
+
+constexpr int kTasksATurn = 16;  // of a strand, then it is others' turn
+
+}  // namespace
 
 std::unexpected<Error> busy(std::string message, std::string limit) {
   Error error{.code = Code::kResourceExhausted, .message = std::move(message), .where = ""};
@@ -26,45 +31,65 @@ void WorkPool::stop() {
   threads_.clear();
 }
 
-Status WorkPool::post(Task task) {
+Status WorkPool::post(u64 tenant, Task task) {
   {
     const std::lock_guard lock(mutex_);
-    if (tasks_.size() >= capacity_)
+    const auto found = tasks_.find(tenant);
+    const std::size_t own = found == tasks_.end() ? 0 : found->second.size();
+    if (own + waiting_ >= capacity_)
       return busy(
-          fmt::format("{} requests wait already; retry later (limit pool_queue)", tasks_.size()),
+          fmt::format("{} requests wait already, {} of this tenant; retry later (limit "
+                      "pool_queue)",
+                      waiting_, own),
           "pool_queue");
-    push(std::move(task));
+    push(tenant, std::move(task));
   }
   ready_.notify_one();
   return {};
 }
 
-void WorkPool::post_anyway(Task task) {
+void WorkPool::post_anyway(u64 tenant, Task task) {
   {
     const std::lock_guard lock(mutex_);
-    push(std::move(task));
+    push(tenant, std::move(task));
   }
   ready_.notify_one();
 }
 
-void WorkPool::push(Task task) {
-  if (tasks_.empty()) moved_ = std::chrono::steady_clock::now();
-  tasks_.push_back(std::move(task));
+void WorkPool::push(u64 tenant, Task task) {
+  if (waiting_ == 0) moved_ = std::chrono::steady_clock::now();
+  std::deque<Task>& own = tasks_[tenant];
+  if (own.empty()) turns_.push_back(tenant);
+  own.push_back(std::move(task));
+  ++waiting_;
+}
+
+/// The oldest of the tenant whose turn it is.
+WorkPool::Task WorkPool::next() {
+  const auto own = tasks_.find(turns_.front());
+  turns_.pop_front();
+  Task task = std::move(own->second.front());
+  own->second.pop_front();
+  if (own->second.empty())
+    tasks_.erase(own);
+  else
+    turns_.push_back(own->first);
+  --waiting_;
+  return task;
 }
 
 double WorkPool::still_seconds() const {
   const std::lock_guard lock(mutex_);
-  if (tasks_.empty()) return 0;
+  if (waiting_ == 0) return 0;
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - moved_).count();
 }
 
 void WorkPool::work() {
   std::unique_lock lock(mutex_);
   while (true) {
-    ready_.wait(lock, [this] { return stopping_ || !tasks_.empty(); });
-    if (tasks_.empty()) return;
-    Task task = std::move(tasks_.front());
-    tasks_.pop_front();
+    ready_.wait(lock, [this] { return stopping_ || waiting_ > 0; });
+    if (waiting_ == 0) return;
+    Task task = next();
     moved_ = std::chrono::steady_clock::now();
     lock.unlock();
     task();
@@ -96,12 +121,16 @@ Status Strand::run(WorkPool::Task task, bool is_short) {
     more = !tasks_.empty();
     if (!more) busy_ = false;
   }
-  if (more) pool_.post_anyway([self = shared_from_this()] { self->drain(); });
+  if (more) post_drain();
   return {};
 }
 
+void Strand::post_drain() {
+  pool_.post_anyway(tenant_, [self = shared_from_this()] { self->drain(); });
+}
+
 void Strand::drain() {
-  while (true) {
+  for (int i = 0; i < kTasksATurn; ++i) {
     WorkPool::Task task;
     {
       const std::lock_guard lock(mutex_);
@@ -114,6 +143,7 @@ void Strand::drain() {
     }
     task();
   }
+  post_drain();
 }
 
 }  // namespace heliograph::server

@@ -74,10 +74,11 @@ void SceneEntry::publish(const Prepared& prepared, SceneEvents::Event event) {
 /// are these when the pool is full.
 void SceneEntry::free_aside(std::vector<std::shared_ptr<const Snapshot>> forgotten) {
   if (forgotten.empty() || is_freeing_->exchange(true)) return;
-  const auto posted = pool_.post([held = std::move(forgotten), is_freeing = is_freeing_]() mutable {
-    held.clear();
-    *is_freeing = false;
-  });
+  const auto posted =
+      pool_.post(tenant->id, [held = std::move(forgotten), is_freeing = is_freeing_]() mutable {
+        held.clear();
+        *is_freeing = false;
+      });
   if (!posted) *is_freeing_ = false;
 }
 
@@ -319,15 +320,16 @@ void Scenes::free_later(std::vector<ScenePtr> scenes) {
   if (has_bug("leak_scene")) new std::vector<ScenePtr>(scenes);
   auto held = std::make_shared<std::vector<ScenePtr>>(std::move(scenes));
   // When the pool is full they are freed here, at the end of this function.
-  [[maybe_unused]] const auto posted = pool_.post([held] { held->clear(); });
+  [[maybe_unused]] const auto posted = pool_.post(WorkPool::kDaemon, [held] { held->clear(); });
 }
 
 std::shared_ptr<EditLog> Scenes::edits(SceneEntry& scene, u64 session) {
   const std::lock_guard lock(scene.mutex_);
   auto& log = scene.edits_[session];
   if (!log)
-    log = std::make_shared<EditLog>(std::make_shared<Strand>(pool_, options_.queue),
-                                    options_.replies, Charge::none(scene.tenant->ledger.bytes));
+    log =
+        std::make_shared<EditLog>(std::make_shared<Strand>(pool_, scene.tenant->id, options_.queue),
+                                  options_.replies, Charge::none(scene.tenant->ledger.bytes));
   return log;
 }
 

@@ -6,13 +6,17 @@
 #include <algorithm>
 #include <cstring>
 #include <new>
+#include <span>
 #include <utility>
 
 namespace heliograph::server {
 namespace {
 
-/// What a blob costs besides its bytes, so that many tiny ones count too.
-constexpr u64 kOverhead = 256;
+/// Bytes that were counted, and their share of the budget.
+struct Restored {
+  std::string bytes;
+  Charge charge;
+};
 
 }  // namespace
 
@@ -23,7 +27,7 @@ struct Incoming::Storage {
   u64 charged = 0;  // of the size
 
   [[nodiscard]] Status set_charged(u64 amount) {
-    HELIO_TRY(charge.resize(amount + kOverhead));
+    HELIO_TRY(charge.resize(amount + BlobStore::kOverhead));
     charged = amount;
     return {};
   }
@@ -90,6 +94,13 @@ Expected<Incoming> BlobStore::begin(std::string hash, u64 size,
   storage->charge = std::move(*charge);
   HELIO_TRY(storage->set_charged(std::min(limits_.window_bytes, size)));
   return Incoming(std::move(storage), std::move(hash), limits_.window_bytes);
+}
+
+BufferPtr BlobStore::restore(std::string bytes, std::shared_ptr<Budget> budget) {
+  const u64 size = bytes.size() + kOverhead;
+  const auto owner = std::make_shared<const Restored>(
+      Restored{.bytes = std::move(bytes), .charge = Charge::count(std::move(budget), size)});
+  return std::make_shared<const Buffer>(owner, std::as_bytes(std::span(owner->bytes)));
 }
 
 BufferPtr BlobStore::find(std::string_view hash) const {

@@ -62,6 +62,9 @@ class BlobStore {
       : limits_(limits), budget_(std::move(budget)) {}
   explicit BlobStore(BlobLimits limits) : BlobStore(limits, make_budget(limits.bytes)) {}
 
+  /// What a blob costs besides its bytes, so that many tiny ones count too.
+  static constexpr u64 kOverhead = 256;
+
   [[nodiscard]] static std::shared_ptr<Budget> make_budget(u64 bytes) {
     return std::make_shared<Budget>(
         bytes, Budget::Words{"bytes", "remove what is not used any more, close other sessions",
@@ -72,6 +75,8 @@ class BlobStore {
   /// anything. Fails with INVALID_ARGUMENT, RESOURCE_EXHAUSTED.
   [[nodiscard]] Expected<Incoming> begin(std::string hash, u64 size,
                                          std::shared_ptr<Budget> budget) const;
+  /// Bytes that were accepted once: they count, whatever the limits are now.
+  [[nodiscard]] static BufferPtr restore(std::string bytes, std::shared_ptr<Budget> budget);
   /// The blob of this hash, or null.
   [[nodiscard]] BufferPtr find(std::string_view hash) const;
   /// The Buffer that stands for this content from now on: `buffer`, or one that was there before.

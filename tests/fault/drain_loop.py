@@ -1,7 +1,9 @@
 """R11: on SIGTERM, at any moment, readiness is gone within 100 ms while liveness stays, frames in
 flight come or end with UNAVAILABLE and a retry time, and the daemon ends with 0 within 30 s; a
-second SIGTERM ends it at once."""
+second SIGTERM ends it at once. A disk that hangs is left behind 8 s later, or then."""
 
+import os
+import pathlib
 import random
 import signal
 import subprocess
@@ -11,8 +13,8 @@ import time
 import common
 import grpc
 import heliograph as hg
+import served
 from health import Health
-from served import served
 
 MOMENTS = ("starting", "loading", "rendering", "rendering for ever")
 
@@ -30,11 +32,17 @@ def main():
         report.figure("frames that ended in another way", found["wrong"], 0, slack=False)
         print(f"  {found['frames']} frames came, {found['cut']} were cut off")
         report.figure("second SIGTERM: ended after", twice(), 2, "s")
+        served.DAEMON = str(pathlib.Path(served.DAEMON).with_name("heliographd-faulty"))
+        report.figure("a disk that hangs: ended after", hanging(75), 9, "s")
+        report.figure("second SIGTERM at its end: ended after", hanging(0), 2, "s")
+        with served.folder() as folder:
+            took = twice(still_disk(folder), "--state-dir", folder / "state")
+        report.figure("second SIGTERM before that: ended after", took, 2, "s")
 
 
 def drain(moment, found):
     limit = "2" if moment == "rendering for ever" else "20"
-    with served("--drain", limit) as daemon:
+    with served.served("--drain", limit) as daemon:
         work = [threading.Thread(target=load, args=(daemon, moment, found)) for _ in range(2)]
         health = Health(daemon.socket)
         watch = health.watch()
@@ -91,14 +99,46 @@ def is_gone(daemon):
     return True
 
 
-def twice():
-    with served("--drain", "60") as daemon:
+def still_disk(folder):
+    """The file that makes the disk of heliographd-faulty hang while it is there."""
+    os.environ["HELIOGRAPH_TEST_DISK"] = str(folder / "disk")
+    return folder / "disk"
+
+
+def edit_durable(daemon):
+    with hg.connect(daemon.socket) as client:
+        common.furnish(client.create_scene("room", lifetime="disk"), 64, 64)
+
+
+def hanging(code):
+    """Seconds from the last SIGTERM to the end, which has this code: 0 after a second one."""
+    with served.folder() as folder:
+        disk = still_disk(folder)
+        daemon = served.Served(folder, "--state-dir", folder / "state")
+        edit_durable(daemon)
+        disk.touch()
+        start = time.perf_counter()
+        daemon.process.terminate()
+        if code == 0:
+            time.sleep(1)
+            start = time.perf_counter()
+            daemon.process.terminate()
+        assert daemon.process.wait(60) == code
+        return time.perf_counter() - start
+
+
+def twice(disk=None, *flags):
+    with served.served("--drain", "60", *flags) as daemon:
+        if disk:
+            edit_durable(daemon)
         health = Health(daemon.socket)
         health.wait(True)
         found = {"frames": 0, "cut": 0, "wrong": 0}
         thread = threading.Thread(target=load, args=(daemon, "rendering for ever", found))
         thread.start()
         time.sleep(1)
+        if disk:
+            disk.touch()
         daemon.process.terminate()
         health.wait(False)
         start = time.perf_counter()

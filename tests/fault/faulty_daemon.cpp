@@ -6,10 +6,12 @@
 // SIGUSR1: the device is lost, once the backend is next called; a GPU by a program that reads where
 // there is no memory. It comes back, unless HELIOGRAPH_TEST_LOSS is set: then not in this process,
 // as most GPUs do. SIGUSR2: it hangs there, until the next SIGUSR2. While there is a file of the
-// name in HELIOGRAPH_TEST_FREEZE the event loop stands still.
+// name in HELIOGRAPH_TEST_FREEZE the event loop stands still; of the name in HELIOGRAPH_TEST_DISK
+// the disk does, for who reads a file or waits for what was written.
 #include <signal.h>
 #include <sys/epoll.h>
 #include <sys/mman.h>
+#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -260,16 +262,48 @@ std::vector<std::string_view> backend_names() { return {"embree", "cuda"}; }
 
 }  // namespace heliograph
 
+namespace {
+
+void wait_while_there(const char* file) {
+  while (file && ::access(file, F_OK) == 0)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+}
+
+void wait_for_disk() {
+  static const char* const file = std::getenv("HELIOGRAPH_TEST_DISK");
+  wait_while_there(file);
+}
+
+bool is_on_disk(int fd) {
+  struct stat info{};
+  return ::fstat(fd, &info) == 0 && S_ISREG(info.st_mode);
+}
+
+}  // namespace
+
 /// The C library's, which the event loop waits in: of the main thread it does not return while
 /// there is such a file.
 extern "C" int epoll_wait(int epoll, epoll_event* events, int most, int milliseconds) {
   const long count =
       ::syscall(SYS_epoll_pwait, epoll, events, most, milliseconds, nullptr, sizeof(long));
   static const char* const freeze = std::getenv("HELIOGRAPH_TEST_FREEZE");
-  const bool is_main = ::syscall(SYS_gettid) == ::getpid();
-  while (is_main && freeze && ::access(freeze, F_OK) == 0)
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  if (::syscall(SYS_gettid) == ::getpid()) wait_while_there(freeze);
   return int(count);
+}
+
+extern "C" ssize_t read(int fd, void* bytes, size_t size) {
+  if (is_on_disk(fd)) wait_for_disk();
+  return ::syscall(SYS_read, fd, bytes, size);
+}
+
+extern "C" int fsync(int fd) {
+  wait_for_disk();
+  return int(::syscall(SYS_fsync, fd));
+}
+
+extern "C" int fdatasync(int fd) {
+  wait_for_disk();
+  return int(::syscall(SYS_fdatasync, fd));
 }
 
 int main(int argc, char** argv) {

@@ -7,6 +7,7 @@
 #include <sys/socket.h>
 
 #include <array>
+#include <atomic>
 #include <chrono>
 #include <thread>
 
@@ -69,23 +70,27 @@ TEST_CASE("closer: what lingers is closed at once, and the caller does not wait"
   CHECK(seconds_since(start) < 5);
 }
 
-TEST_CASE("closer: it is full while as many wait as may") {
-  Closer closer{Closer::Limits{.lanes = 1, .waiting = 2}};
-  // The socket that holds the lingering one in its queue is what its lane waits for.
-  Stuck stuck(1);
-  std::array<int, 2> pair{};
-  REQUIRE(::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, pair.data()) == 0);
-  char byte = 0;
-  iovec piece{&byte, 1};
-  UniqueFd sender(pair[0]);
-  REQUIRE(send_packet(sender.get(), std::span(&piece, 1), stuck.socket.get()));
-  stuck.socket.reset();
-  const auto start = Clock::now();
-  closer.close(UniqueFd(pair[1]));
-  for (int i = 0; i < 2; ++i) closer.close(UniqueFd(::open("/dev/null", O_RDONLY | O_CLOEXEC)));
+TEST_CASE("closer: who sends what hangs waits for itself alone") {
+  std::atomic<bool> is_held = true;
+  const int hangs = ::open("/dev/null", O_RDONLY | O_CLOEXEC);
+  Closer closer({.lanes = 2, .waiting = 2, .open = 4}, [&](const UniqueFd& fd) {
+    while (fd.get() == hangs && is_held) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  });
+  const auto any = [] { return UniqueFd(::open("/dev/null", O_RDONLY | O_CLOEXEC)); };
+  closer.close(UniqueFd(hangs), 1);
+  for (int i = 0; i < 2; ++i) closer.close(any(), 1);
+  CHECK(closer.is_full(1));
+  for (int i = 0; i < 100; ++i) {  // others' go meanwhile
+    closer.close(any(), 2);
+    CHECK_FALSE(closer.is_full(2));
+    await([&] { return closer.open() == 3; });
+  }
+  CHECK_FALSE(closer.is_full());
+  closer.close(any(), 1);
   CHECK(closer.is_full());
-  CHECK(seconds_since(start) < 0.5);
+  is_held = false;
   await([&] { return closer.open() == 0; });
+  CHECK_FALSE(closer.is_full(1));
   CHECK_FALSE(closer.is_full());
 }
 
@@ -93,7 +98,8 @@ TEST_CASE("packets: each descriptor that came is taken, more than one too") {
   Closer closer{Closer::Limits()};
   std::array<int, 2> pair{};
   REQUIRE(::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, pair.data()) == 0);
-  const UniqueFd sender(pair[0]), receiver(pair[1]);
+  const UniqueFd sender(pair[0]);
+  const ForeignFd receiver(closer, UniqueFd(pair[1]));
   constexpr std::size_t kMany = 253;
   alignas(cmsghdr) std::array<char, CMSG_SPACE(kMany * sizeof(int))> control{};
   char byte = 7;
@@ -112,7 +118,7 @@ TEST_CASE("packets: each descriptor that came is taken, more than one too") {
   std::memcpy(CMSG_DATA(header), fds.data(), sizeof fds);
   REQUIRE(::sendmsg(sender.get(), &message, 0) == 1);
   std::array<char, 8> data{};
-  const auto packet = receive_packet(receiver.get(), data, MSG_DONTWAIT, closer);
+  const auto packet = receive_packet(receiver, data, MSG_DONTWAIT, closer);
   CHECK(packet.size == 1);
   CHECK(packet.descriptors.size() == kMany);
 }

@@ -44,7 +44,7 @@ class Stream {
     refused += reply ? 0 : 1;
     if (--left_ == 0) return done_.set_value();
     // The journal's thread has no time for the client's part.
-    REQUIRE(server_.daemon.pool.post([this] { next(); }));
+    REQUIRE(server_.daemon.pool.post(WorkPool::kDaemon, [this] { next(); }));
   }
 
   Server& server_;

@@ -47,6 +47,25 @@ v1::ApplyRequest random_edit(u64 scene, u64 number, std::mt19937& random) {
   return request;
 }
 
+/// The scene's first edit: a mesh whose positions are an upload of these bytes.
+v1::ApplyRequest uploaded(Session& session, u64 scene, const std::string& bytes) {
+  v1::UploadBlobRequest first;
+  first.set_request_id("up");
+  first.set_size(bytes.size());
+  auto incoming = session.holdings().begin(first).value();
+  REQUIRE(incoming->append(bytes));
+  REQUIRE(session.holdings().finish(first, std::move(*incoming)));
+  v1::ApplyRequest request;
+  request.set_scene(scene);
+  request.set_number(1);
+  v1::Mesh* mesh = add(request, "mesh")->mutable_mesh();
+  *mesh = triangle();
+  mesh->mutable_positions()->clear_source();
+  mesh->mutable_positions()->set_upload("up");
+  mesh->mutable_positions()->set_shape(0, bytes.size() / 12);
+  return request;
+}
+
 std::string bytes_of(const Expected<v1::ApplyReply>& reply) {
   return reply ? serialize(*reply)
                : fmt::format("{} {} {}", int(reply.error().code), reply.error().where,
@@ -123,22 +142,8 @@ TEST_CASE("journal: arrays are files, and go when nothing needs them") {
   Server server(folder.path(), 10);
   const auto session = server.session();
   const ScenePtr scene = server.create(*session, "room", v1::LIFETIME_DISK);
-  v1::ApplyRequest request;
-  request.set_scene(scene->id);
-  request.set_number(1);
-  v1::Mesh* mesh = add(request, "mesh")->mutable_mesh();
-  *mesh = triangle();
   const std::string upload(3 * 4 * 1000, '\0');
-  v1::UploadBlobRequest first;
-  first.set_request_id("up");
-  first.set_size(upload.size());
-  auto incoming = session->holdings().begin(first).value();
-  REQUIRE(incoming->append(upload));
-  REQUIRE(session->holdings().finish(first, std::move(*incoming)));
-  mesh->mutable_positions()->clear_source();
-  mesh->mutable_positions()->set_upload("up");
-  mesh->mutable_positions()->set_shape(0, 1000);
-  REQUIRE(*apply(server, session, request));
+  REQUIRE(*apply(server, session, uploaded(*session, scene->id, upload)));
   const std::string file = folder / ("blobs/tester/" + hex(sha256(upload)));
   CHECK(std::filesystem::file_size(file) == upload.size());
 
@@ -160,24 +165,27 @@ TEST_CASE("journal: arrays are files, and go when nothing needs them") {
   CHECK(!std::filesystem::exists(file));
 }
 
-TEST_CASE("journal: scenes come back whatever a tenant's limits are now, which bind it then") {
+TEST_CASE("journal: scenes come back whatever the limits are now, which bind then") {
   const Folder folder;
   u64 scene = 0;
   {
     Server server(folder.path());
     const auto session = server.session();
     scene = server.create(*session, "room", v1::LIFETIME_DISK)->id;
-    REQUIRE(*apply(server, session, placed(scene, 1, "a", 1)));
-    REQUIRE(*apply(server, session, placed(scene, 2, "b", 1)));
+    REQUIRE(*apply(server, session, uploaded(*session, scene, std::string(12'000, '\0'))));
+    REQUIRE(*apply(server, session, placed(scene, 2, "a", 1)));
+    REQUIRE(*apply(server, session, placed(scene, 3, "b", 1)));
   }
   Config config = state_config(folder.path(), 100'000);
   config.limits.tenant_entities = config.limits.tenant_bytes = 1;
+  config.limits.blob_bytes = config.limits.blob_store_bytes = 1;
   Daemon daemon(std::move(config), Identities(), EventLoop::create().value());
   REQUIRE(daemon.open_journal());
   const TenantPtr tenant = daemon.tenants.named("tester");
   CHECK(tenant->ledger.entities->used() == 2);
   CHECK(tenant->ledger.entities->limit() == 1);
   CHECK(tenant->ledger.bytes->limit() == 1);
+  CHECK(tenant->ledger.bytes->used() > 12'000);
 }
 
 TEST_CASE("journal: a damaged file, a second daemon, a scene that was deleted") {

@@ -39,7 +39,8 @@ TEST_CASE("old revisions: they do not pile up while the work pool is busy") {
   const auto scene = server.daemon.scenes.create({.first = with_entities(count)}, *session).value();
   const u64 kept = server.daemon.config.limits.revisions;
   std::latch free(1);
-  for (u32 i = 0; i < kPoolThreads; ++i) REQUIRE(server.daemon.pool.post([&free] { free.wait(); }));
+  for (u32 i = 0; i < kPoolThreads; ++i)
+    REQUIRE(server.daemon.pool.post(WorkPool::kDaemon, [&free] { free.wait(); }));
   Heads heads;
   for (u64 number = 1; number <= kept + 30; ++number) {
     heads.all.push_back(scene->scene.head());

@@ -1,5 +1,9 @@
 #include "server/session/request_log.h"
 
+#include <atomic>
+#include <mutex>
+#include <thread>
+
 #include "tests/unit/catch.h"
 
 using namespace heliograph;
@@ -25,7 +29,7 @@ EditLog::Reply reply_of(EditLog& log, u64 number, const Apply& apply) {
 }
 
 std::shared_ptr<EditLog> make_log(WorkPool& pool, ReplyLimits limits = {}) {
-  return std::make_shared<EditLog>(std::make_shared<Strand>(pool, 4), limits, Charge());
+  return std::make_shared<EditLog>(std::make_shared<Strand>(pool, 1, 4), limits, Charge());
 }
 
 }  // namespace
@@ -163,7 +167,7 @@ TEST_CASE("request log: done once, failures not kept, oldest forgotten") {
 
 TEST_CASE("strand: tasks run in order, one at a time") {
   WorkPool pool(4, 4);
-  const auto strand = std::make_shared<Strand>(pool, 1000);
+  const auto strand = std::make_shared<Strand>(pool, 1, 1000);
   std::vector<int> order;
   for (int i = 0; i < 500; ++i)
     REQUIRE(strand->run([&order, i] { order.push_back(i); }, i % 3 == 0));
@@ -172,18 +176,47 @@ TEST_CASE("strand: tasks run in order, one at a time") {
   CHECK(std::ranges::is_sorted(order));
 }
 
-TEST_CASE("work pool: what does not fit is refused") {
-  WorkPool pool(1, 2);
+namespace {
+
+/// A pool whose one thread is busy until release().
+struct BusyPool {
+  explicit BusyPool(u32 capacity) : pool(1, capacity) {
+    gate.lock();
+    REQUIRE(pool.post(WorkPool::kDaemon, [this] {
+      is_running = true;
+      const std::lock_guard wait(gate);
+    }));
+    while (!is_running) std::this_thread::yield();
+  }
+  void release() {
+    gate.unlock();
+    pool.stop();
+  }
   std::mutex gate;
-  gate.lock();
   std::atomic<bool> is_running = false;
-  REQUIRE(pool.post([&] {
-    is_running = true;
-    const std::lock_guard wait(gate);
-  }));
-  while (!is_running) std::this_thread::yield();
-  CHECK(pool.post([] {}));
-  CHECK(pool.post([] {}));
-  CHECK(pool.post([] {}).error().code == Code::kResourceExhausted);
-  gate.unlock();
+  WorkPool pool;
+};
+
+}  // namespace
+
+TEST_CASE("work pool: a tenant fills half of the queue, and others find room") {
+  BusyPool busy(16);
+  for (int i = 0; i < 8; ++i) CHECK(busy.pool.post(1, [] {}));
+  CHECK(busy.pool.post(1, [] {}).error().code == Code::kResourceExhausted);
+  for (int i = 0; i < 4; ++i) CHECK(busy.pool.post(2, [] {}));
+  CHECK_FALSE(busy.pool.post(2, [] {}));
+  CHECK(busy.pool.post(3, [] {}));
+  busy.release();
+}
+
+TEST_CASE("work pool: tenants take turns, and so do strands") {
+  BusyPool busy(1000);
+  std::string order;
+  for (int i = 0; i < 4; ++i) REQUIRE(busy.pool.post(1, [&] { order += 'a'; }));
+  for (int i = 0; i < 2; ++i) REQUIRE(busy.pool.post(2, [&] { order += 'b'; }));
+  const auto strand = std::make_shared<Strand>(busy.pool, 3, 100);
+  for (int i = 0; i < 40; ++i) REQUIRE(strand->run([&] { order += 's'; }, false));
+  busy.release();
+  const std::string turn(16, 's');
+  CHECK(order == "ab" + turn + "ab" + turn + "a" + std::string(8, 's') + "a");
 }

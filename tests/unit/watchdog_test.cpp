@@ -7,6 +7,7 @@
 #include <chrono>
 #include <thread>
 
+#include "server/observe/call_watch.h"
 #include "server/os/busy_times.h"
 #include "server/os/work_pool.h"
 #include "tests/unit/catch.h"
@@ -23,7 +24,7 @@ void await(const auto& condition) {
 }
 
 /// A loop that runs in a thread of its own, and what its watchdog says.
-struct Watched {
+struct WatchedLoop {
   std::unique_ptr<EventLoop> loop = *EventLoop::create();
   const UniqueFd nowhere{::open("/dev/null", O_WRONLY | O_CLOEXEC)};
   const Log log{"off", false, {}, nowhere.get()};
@@ -34,7 +35,7 @@ struct Watched {
   std::atomic<int> looks = 0;
   std::thread thread;
 
-  explicit Watched(std::vector<Watchdog::Part> parts = {}) {
+  explicit WatchedLoop(std::vector<Watchdog::Part> parts = {}) {
     thread = std::thread([this] { loop->run(); });
     watchdog.start(std::move(parts), {.ready =
                                           [this](const std::string& now) {
@@ -44,7 +45,7 @@ struct Watched {
                                       .live = [this](bool live) { is_live = live; },
                                       .looked = [this](double) { ++looks; }});
   }
-  ~Watched() {
+  ~WatchedLoop() {
     watchdog.stop();
     loop->quit();
     thread.join();
@@ -58,7 +59,7 @@ struct Watched {
 }  // namespace
 
 TEST_CASE("watchdog: a loop that stands still is neither ready nor, later, live, until it moves") {
-  Watched watched;
+  WatchedLoop watched;
   await([&] { return watched.looks > 3; });
   CHECK(watched.told().empty());
   std::atomic<bool> is_held = true;
@@ -76,9 +77,9 @@ TEST_CASE("watchdog: a loop that stands still is neither ready nor, later, live,
 TEST_CASE("watchdog: parts count by what hangs on them") {
   std::atomic<double> calls = 0, pool = 0, other = 0;
   using Needs = Watchdog::Needs;
-  Watched watched({{"calls", Needs::kReadiness, [&] { return calls.load(); }},
-                   {"pool", Needs::kLiveness, [&] { return pool.load(); }},
-                   {"log", Needs::kNothing, [&] { return other.load(); }}});
+  WatchedLoop watched({{"calls", Needs::kReadiness, [&] { return calls.load(); }},
+                       {"pool", Needs::kLiveness, [&] { return pool.load(); }},
+                       {"log", Needs::kNothing, [&] { return other.load(); }}});
   other = 100;
   pool = 0.5;
   await([&] { return watched.looks > 3; });
@@ -95,14 +96,55 @@ TEST_CASE("work pool: it stands still while what waits is not begun") {
   WorkPool pool(1, 16);
   CHECK(pool.still_seconds() == 0);
   std::atomic<bool> is_held = true;
-  REQUIRE(pool.post([&] {
+  REQUIRE(pool.post(1, [&] {
     while (is_held) std::this_thread::sleep_for(milliseconds(1));
   }));
   await([&] { return pool.still_seconds() == 0; });
-  REQUIRE(pool.post([] {}));
+  REQUIRE(pool.post(1, [] {}));
   await([&] { return pool.still_seconds() > 0.05; });
   is_held = false;
   await([&] { return pool.still_seconds() == 0; });
+}
+
+TEST_CASE("call watch: the end of a call waits for the look that is under way, and none follows") {
+  struct Call final : Watched {
+    std::atomic<bool> is_looking = false, is_held = true, has_ended = false;
+    std::atomic<int> looks = 0;
+    void look(EventLoop::Clock::time_point) override {
+      ++looks;
+      is_looking = true;
+      while (is_held) std::this_thread::sleep_for(milliseconds(1));
+      is_looking = false;
+    }
+    void end() {
+      end_looks();
+      has_ended = true;
+    }
+  } call;
+  std::thread looking([&] { call.look_at({}); });
+  await([&] { return call.is_looking.load(); });
+  std::thread ending([&] { call.end(); });
+  std::this_thread::sleep_for(milliseconds(20));
+  CHECK_FALSE(call.has_ended);
+  call.is_held = false;
+  await([&] { return call.has_ended.load(); });
+  looking.join();
+  ending.join();
+  call.look_at({});
+  CHECK(call.looks == 1);
+}
+
+TEST_CASE("call watch: a call may end within its look") {
+  struct Call final : Watched {
+    int looks = 0;
+    void look(EventLoop::Clock::time_point) override {
+      ++looks;
+      end_looks();
+    }
+  } call;
+  call.look_at({});
+  call.look_at({});
+  CHECK(call.looks == 1);
 }
 
 TEST_CASE("busy times: the longest counts") {
