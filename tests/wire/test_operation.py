@@ -322,6 +322,7 @@ def endless(client):
     job = request(scene, "BEAUTY", progressive=True, seconds=600)
     stream = client.call("Render", job, timeout=None)
     next(stream)
+    eventually(lambda: health(client.channel, RENDERER) == SERVING)  # a drain is seen by its end
     return stream
 
 
