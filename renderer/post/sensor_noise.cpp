@@ -19,6 +19,12 @@ double small_poisson(SensorNoise& noise, double mean) {
   return count;
 }
 
+/// std::lgamma() writes a global, too.
+double log_gamma(double x) {
+  int sign = 0;
+  return ::lgamma_r(x, &sign);
+}
+
 /// Source: Hoermann 1993, "The Transformed Rejection Method for Generating Poisson Random
 /// Variables", algorithm PTRS, for means of at least 10.
 double large_poisson(SensorNoise& noise, double mean) {
@@ -33,7 +39,7 @@ double large_poisson(SensorNoise& noise, double mean) {
     if (us >= 0.07 && v <= sure) return k;
     if (k < 0 || (us < 0.013 && v > us)) continue;
     if (std::log(v * inverse_alpha / (a / (us * us) + b)) <=
-        k * std::log(mean) - mean - std::lgamma(k + 1))
+        k * std::log(mean) - mean - log_gamma(k + 1))
       return k;
   }
 }

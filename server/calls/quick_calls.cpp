@@ -205,7 +205,7 @@ void QuickCalls::serve(const std::shared_ptr<Session>& session, ForeignFd socket
   auto counted = Charge::take(ledger.quick_calls, 1);
   auto descriptor = Charge::take(ledger.descriptors, 1);
   if (!counted || !descriptor) return;
-  const auto line = std::make_shared<Line>(
+  auto line = std::make_shared<Line>(
       daemon_, session,
       Line::Socket{std::move(socket), std::move(*counted), std::move(*descriptor)});
   const std::lock_guard lock(mutex_);
@@ -213,9 +213,9 @@ void QuickCalls::serve(const std::shared_ptr<Session>& session, ForeignFd socket
   if (before != lines_.end()) before->second->close();
   if (is_stopped_) return;
   try {
-    std::thread([this, line, id = session->id()] {
+    std::thread([this, line, id = session->id()]() mutable {
       line->run();
-      forget(id, *line);
+      forget(id, std::move(line));
     }).detach();
   } catch (const std::system_error& error) {
     return daemon_.log.error("no thread for quick calls", {{"reason", error.what()}});
@@ -224,10 +224,15 @@ void QuickCalls::serve(const std::shared_ptr<Session>& session, ForeignFd socket
   lines_[session->id()] = line;
 }
 
-void QuickCalls::forget(u64 session, const Line& line) {
+/// The line goes while stop() still waits: its socket and its charges are the daemon's.
+void QuickCalls::forget(u64 session, std::shared_ptr<Line> line) {
+  {
+    const std::lock_guard lock(mutex_);
+    const auto found = lines_.find(session);
+    if (found != lines_.end() && found->second == line) lines_.erase(found);
+  }
+  line.reset();
   const std::lock_guard lock(mutex_);
-  const auto found = lines_.find(session);
-  if (found != lines_.end() && found->second.get() == &line) lines_.erase(found);
   if (--threads_ == 0) ended_.notify_all();
 }
 

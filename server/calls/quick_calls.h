@@ -32,7 +32,7 @@ class QuickCalls {
 
  private:
   class Line;
-  void forget(u64 session, const Line& line);
+  void forget(u64 session, std::shared_ptr<Line> line);
 
   Daemon& daemon_;
   std::mutex mutex_;

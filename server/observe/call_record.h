@@ -35,8 +35,12 @@ struct CallJobs {
   double device_seconds = 0;
 };
 
+/// The method of a call that none of the services has: what its caller names it ends before the
+/// call does, and would be a series of the metrics for each name.
+constexpr std::string_view kUnknownMethod = "/unknown";
+
 struct CallFacts {
-  std::string_view method;  // "/heliograph.v1.Renderer/Apply"; whose is it lives on
+  std::string_view method;  // "/heliograph.v1.Renderer/Apply", kUnknownMethod; outlives the call
   CallClock::time_point start;
   std::string request;  // its id
   Trace trace;

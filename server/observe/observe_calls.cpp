@@ -48,14 +48,23 @@ Trace trace_of(const Metadata& metadata) {
 
 class Observer final : public grpc::experimental::Interceptor {
  public:
-  Observer(const CallLog& log, const ServerRpcInfo& info, CallRecordPtr record, std::string peer)
-      : log_(log), method_(find_call_method(info.method())), record_(std::move(record)) {
+  Observer(const CallLog& log, const ServerRpcInfo& info, const RecordedContext& context)
+      : log_(log), method_(find_call_method(info.method())), record_(context.record) {
     record_->note([&](CallFacts& facts) {
       facts.method = info.method();
       facts.start = CallClock::now();
-      facts.peer = std::move(peer);
+      facts.peer = context.peer();
       if (method_ != nullptr) facts.pace = method_->pace;
     });
+  }
+  /// Of a method that no service has.
+  Observer(const CallLog& log, const ServerRpcInfo& info)
+      : log_(log), method_(nullptr), record_(std::make_shared<CallRecord>()) {
+    record_->note([](CallFacts& facts) {
+      facts.method = kUnknownMethod;
+      facts.start = CallClock::now();
+    });
+    outcome_.reason = fmt::format("there is no method {}", info.method());
   }
   Observer(const Observer&) = delete;
   Observer& operator=(const Observer&) = delete;
@@ -109,7 +118,7 @@ class Observer final : public grpc::experimental::Interceptor {
   void on_status(InterceptorBatchMethods& methods) {
     const grpc::Status status = methods.GetSendStatus();
     outcome_.code = status.error_code();
-    outcome_.reason = status.error_message();
+    if (!status.error_message().empty()) outcome_.reason = status.error_message();
     auto& metadata = *methods.GetSendTrailingMetadata();
     metadata.emplace(kRequestId, id_);
     if (auto hidden = metadata.extract(kHiddenMessage)) {
@@ -134,9 +143,8 @@ std::string new_request_id() {
 }
 
 grpc::experimental::Interceptor* ObserveCalls::CreateServerInterceptor(ServerRpcInfo* info) {
-  auto* context = dynamic_cast<RecordedContext*>(info->server_context());
-  return new Observer(log_, *info, context ? context->record : std::make_shared<CallRecord>(),
-                      context ? context->peer() : "");
+  const auto* context = dynamic_cast<const RecordedContext*>(info->server_context());
+  return context ? new Observer(log_, *info, *context) : new Observer(log_, *info);
 }
 
 }  // namespace heliograph::server

@@ -81,6 +81,15 @@ def test_a_line_names_tenant_client_scene_and_reason(logged):
     assert of["Render"]["scene"] == str(anonymous) and "scene_name" not in of["Render"]
 
 
+def test_a_line_of_a_method_that_is_not_known_says_its_name(logged):
+    client, lines = logged
+    with pytest.raises(grpc.RpcError):
+        client.channel.unary_unary("/heliograph.v1.Renderer/Future")(b"", timeout=10)
+    line = next(line for line in lines() if line.get("code") == "UNIMPLEMENTED")
+    assert line["method"] == "/unknown"
+    assert line["reason"] == "there is no method /heliograph.v1.Renderer/Future"
+
+
 def test_a_trace_is_in_the_line_and_in_the_manifest(logged):
     client, lines = logged
     states = ("tracestate", "a=1"), ("tracestate", "b=2")

@@ -125,6 +125,19 @@ def test_metrics_count_what_happens(start):
     client.close()
 
 
+def test_methods_that_are_not_known_are_one_series(start):
+    daemon = start("--metrics", "127.0.0.1:0")
+    client = Client(daemon)
+    for i in range(20):
+        with pytest.raises(grpc.RpcError) as error:
+            client.channel.unary_unary(f"/heliograph.v1.Renderer/Future{i}")(b"", timeout=10)
+        assert error.value.code() == grpc.StatusCode.UNIMPLEMENTED
+    unknown = 'heliograph_calls_total{code="UNIMPLEMENTED",method="unknown"}'
+    eventually(lambda: scrape(daemon).get(unknown) == 20)
+    assert not [name for name in scrape(daemon) if "Future" in name]
+    client.close()
+
+
 def test_every_metric_is_in_the_manual(start):
     daemon = start("--metrics", "127.0.0.1:0")
     client = Client(daemon)
@@ -309,6 +322,7 @@ def endless(client):
     job = request(scene, "BEAUTY", progressive=True, seconds=600)
     stream = client.call("Render", job, timeout=None)
     next(stream)
+    eventually(lambda: health(client.channel, RENDERER) == SERVING)  # a drain is seen by its end
     return stream
 
 
