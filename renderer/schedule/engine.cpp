@@ -27,6 +27,8 @@ constexpr auto kRemake = std::chrono::milliseconds(500);
 constexpr auto kIdleCheck = std::chrono::milliseconds(10);
 /// Jobs of a session that may be away at once: each may have a film and its planes.
 constexpr std::ptrdiff_t kMostAway = 8;
+/// Seconds of a device: a job that had less may be short, also when it comes back from the workers.
+constexpr double kLittle = 0.002;
 
 using Queue = FairQueue<std::unique_ptr<Work>>;
 
@@ -144,7 +146,7 @@ void Engine::Impl::push(std::unique_ptr<Work> work) {
   const bool is_short = work->is_short(), is_back = work->begun.has_value();
   Work& pushed = *work;
   const bool is_next = ready_.push(origin, is_short, std::move(work), is_back);
-  set_fresh(pushed, is_next && !is_back);
+  set_fresh(pushed, is_next && pushed.seconds < kLittle);
   count_waiting();
 }
 

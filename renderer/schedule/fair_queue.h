@@ -19,7 +19,8 @@ namespace heliograph {
 /// level: the child that used least for its weight goes first, and one that comes back after it had
 /// nothing to do starts where the others are, less `credit`. So who asks for less than its share is
 /// served at once, and nobody saves up more than the credit. Among equals the one that was served
-/// goes on until it is a `turn` ahead: what it works on is in the caches.
+/// goes on until it is a `turn` ahead, as what it works on is in the caches; one that came since and
+/// used less does not wait for that.
 ///
 /// A lane is a priority, and whether the work is short (labels, queries): a higher priority goes
 /// first always; short work shares evenly with long work, whatever the number of long jobs.
@@ -45,7 +46,8 @@ class FairQueue {
   /// Seconds of the device.
   FairQueue(double credit, double turn) : credit_(credit), turn_(turn) {}
 
-  /// first   before what its scene has: it was here before
+  /// first   it was here before: it goes before what its scene has, and brings no credit from where
+  ///         others worked for it
   /// Returns whether nothing of its scene is before it.
   bool push(const Origin& origin, bool is_short, T item, bool first = false) {
     Share* tenant = child(root_, origin.tenant);
@@ -55,8 +57,10 @@ class FairQueue {
     Share* session = child(*lane, origin.session);
     Share* line = child(*session, origin.scene);
     for (Share* share : {tenant, lane, session, line}) {
-      if (share->count == 0) share->used = std::max(share->used, share->parent->reached - credit_);
-      ++share->count;
+      if (share->count++ > 0) continue;
+      share->used = std::max(share->used, share->parent->reached - (first ? 0 : credit_));
+      share->is_served = false;  // its turn ended when it left
+      share->is_new = true;
     }
     ++root_.count;
     const bool is_next = first || line->items.empty();
@@ -105,6 +109,7 @@ class FairQueue {
     double reached = 0;  // the virtual time of its children
     std::size_t count = 0;
     bool is_served = false;  // the last of its parent's children to be
+    bool is_new = false;     // it was not served since it came
     std::map<u64, Share> children;
     std::list<T> items;  // of a line
   };
@@ -124,6 +129,15 @@ class FairQueue {
   [[nodiscard]] bool goes_before(const Share& a, const Share& b) const {
     return a.rank != b.rank ? a.rank > b.rank : place(a) < place(b);
   }
+  /// Puts who came during a turn, and used less, before it. Sorted.
+  static void let_in(std::vector<Share*>& waiting) {
+    if (waiting.empty() || !waiting.front()->is_served) return;
+    const Share& served = *waiting.front();
+    const auto first = std::ranges::find_if(waiting, [&](const Share* each) {
+      return each->is_new && each->rank == served.rank && each->used < served.used;
+    });
+    if (first != waiting.end()) std::rotate(waiting.begin(), first, first + 1);
+  }
   template <class May>
   std::optional<Turn> next_in(Share& share, const May& may) {
     if (share.children.empty()) {
@@ -135,11 +149,13 @@ class FairQueue {
       if (each.count > 0) waiting.push_back(&each);
     std::ranges::stable_sort(waiting,
                              [&](const Share* a, const Share* b) { return goes_before(*a, *b); });
+    let_in(waiting);
     for (Share* each : waiting) {
       const auto found = next_in(*each, may);
       if (!found) continue;
       share.reached = std::max(share.reached, each->used);
       for (auto& [key, other] : share.children) other.is_served = &other == each;
+      each->is_new = false;
       return found;
     }
     return std::nullopt;

@@ -50,7 +50,7 @@ class Work {
   std::optional<Clock::time_point> begun{};  // when a device first had it
   u32 place = kernels::kNone;                // the index of that device: it stays there
   bool runs = false;                         // a slice of it
-  bool is_fresh = false;                     // no device had it yet, and it is its scene's next
+  bool is_fresh = false;                     // it may be short, and is its scene's next
 
  private:
   const Clock::time_point queued_ = Clock::now();

@@ -86,6 +86,31 @@ TEST_CASE("fair queue: equals go on for a turn, and who used less does not wait 
   CHECK(device.used[5] == Approx(0.03));
 }
 
+TEST_CASE("fair queue: who asks again and again waits for nobody's turn") {
+  constexpr double kTurn = 0.05, kFrame = 0.002;
+  Device device(kTurn);
+  device.push(of(0, 1), 100);
+  device.run(1);
+  device.push(of(0, 2), kFrame);
+  double longest = 0;
+  while (device.now < 3) {
+    const auto ended = device.slice();
+    if (!ended) continue;
+    longest = std::max(longest, device.now - ended->arrived);
+    device.push(of(0, 2), kFrame);
+  }
+  CHECK(longest <= kFrame + 1.01 * kSlice);
+}
+
+TEST_CASE("fair queue: who comes back from elsewhere shares evenly from then on") {
+  Device device;
+  device.push(of(0, 1), 100);
+  device.run(5);
+  device.queue.push(of(0, 2), false, {2, 100, device.now}, true);
+  device.run(1);
+  CHECK(device.used[2] == Approx(0.5).margin(1.01 * kSlice));
+}
+
 TEST_CASE("fair queue: one line is served in order") {
   Device device;
   for (const double seconds : {0.03, 0.02, 0.01}) device.push(of(0, 1), seconds);
