@@ -69,7 +69,7 @@ struct FilmPart {
 /// Jobs that wait for a device. Thread: any.
 struct WaitingJobs {
   std::atomic<u32> all = 0;
-  std::atomic<u32> fresh = 0;  // those that hardly had a device yet, one for each scene: may be short
+  std::atomic<u32> fresh = 0;  // those that may be short, one for each scene
 };
 
 /// How long a job has a device.

@@ -19,16 +19,14 @@ namespace {
 
 using Clock = Work::Clock;
 
-/// How much a job counts in the mean of their seconds.
-constexpr double kNewest = 0.1;
+constexpr double kNewest = 0.1;  // how much a job counts in the mean of their seconds
 /// Between two attempts to make a backend in the place of a lost one.
 constexpr auto kRemake = std::chrono::milliseconds(500);
 /// How often a device's thread looks after jobs that are away, when it has no work.
 constexpr auto kIdleCheck = std::chrono::milliseconds(10);
-/// Jobs of a session that may be away at once: each may have a film and its planes.
+// Jobs of a session that may be away at once: each may have a film and its planes.
 constexpr std::ptrdiff_t kMostAway = 8;
-/// Seconds of a device: a job that had less may be short, also when it comes back from the workers.
-constexpr double kLittle = 0.002;
+constexpr double kLittle = 0.002;  // seconds of a device: a job that had less may be short
 
 using Queue = FairQueue<std::unique_ptr<Work>>;
 

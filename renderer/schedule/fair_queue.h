@@ -19,8 +19,8 @@ namespace heliograph {
 /// level: the child that used least for its weight goes first, and one that comes back after it had
 /// nothing to do starts where the others are, less `credit`. So who asks for less than its share is
 /// served at once, and nobody saves up more than the credit. Among equals the one that was served
-/// goes on until it is a `turn` ahead, as what it works on is in the caches; one that came since and
-/// used less does not wait for that.
+/// goes on until it is a `turn` ahead, as what it works on is in the caches; one that came since
+/// and used less does not wait for that.
 ///
 /// A lane is a priority, and whether the work is short (labels, queries): a higher priority goes
 /// first always; short work shares evenly with long work, whatever the number of long jobs.

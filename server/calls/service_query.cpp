@@ -72,9 +72,9 @@ template <class Reply, class Request, class ToJob>
 Writer<Reply>* ask(Daemon& daemon, Context* context, const Request& request, ToJob to_job) {
   return let_in<Writer<Reply>>(daemon.gate, context, request, Needs::kSession, [&](Call admitted) {
     auto* call = PullStream<Reply>::make(daemon, *context, std::move(admitted));
-    const auto posted = daemon.pool.post(
-        call->tenant()->id,
-        [&daemon, call, &request, to_job] { start_query(daemon, *call, request, to_job); });
+    const auto posted = daemon.pool.post(call->tenant()->id, [&daemon, call, &request, to_job] {
+      start_query(daemon, *call, request, to_job);
+    });
     if (!posted) call->finish(posted);
     return call;
   });

@@ -37,11 +37,10 @@ Status WorkPool::post(u64 tenant, Task task) {
     const auto found = tasks_.find(tenant);
     const std::size_t own = found == tasks_.end() ? 0 : found->second.size();
     if (own + waiting_ >= capacity_)
-      return busy(
-          fmt::format("{} requests wait already, {} of this tenant; retry later (limit "
-                      "pool_queue)",
-                      waiting_, own),
-          "pool_queue");
+      return busy(fmt::format("{} requests wait already, {} of this tenant; retry later (limit "
+                              "pool_queue)",
+                              waiting_, own),
+                  "pool_queue");
     push(tenant, std::move(task));
   }
   ready_.notify_one();

@@ -13,11 +13,14 @@ import time
 import heliograph as hg
 from common import Report, percentile, seconds_until, size
 from heliograph._wire._proto import scene_pb2 as pb
+from heliograph._wire._proto import service_pb2 as service
 from served import TOKENS, Served, tenants_file
 
 MEGA = 1 << 20
 ATTRIBUTE = 10 * MEGA
-EDITS = size(220, 30)
+EDITS = size(1000, 30)
+SMALL = size(1_000_000, 2_000)  # edits of a few bytes
+PLACES = 100  # entities that they move
 DISK = 96  # MiB
 
 
@@ -79,6 +82,37 @@ def growth(report, folder):
     daemon.stop()
     live = on_disk(state) / ATTRIBUTE
     report.figure("disk after a drain, of the live state", live, 3, slack=False)
+
+
+def many_edits(report, folder):
+    """Small edits of one scene, sent without a wait for their replies."""
+    state = folder / "state"
+    daemon = Served(folder, "--state-dir", state)
+    most = 0
+    with hg.connect(daemon.socket) as client:
+        scene = client.create_scene("room", lifetime="disk")
+
+        def requests():
+            for number in range(1, SMALL + 1):
+                edits = entity_of(f"e{number % PLACES}", number, 8)
+                yield service.ApplyRequest(scene=scene.id, number=number, transaction=edits)
+
+        link = client.connection.link
+        begun = time.perf_counter()
+        for reply in link.method("ApplyStream")(requests(), metadata=link.metadata):
+            if reply.HasField("status"):
+                raise RuntimeError(reply.status)
+            if reply.revision % 10_000 == 0:
+                most = max(most, on_disk(state))
+        took = time.perf_counter() - begun
+        daemon.process.kill()
+        daemon.process.wait()
+    print(f"  {SMALL} edits, {SMALL / took:.0f} a second: {most / MEGA:.1f} MiB of disk at most")
+    daemon = restarted(report, folder, state, "small edits")
+    with hg.connect(daemon.socket) as client:
+        revision = client.open_scene("room").revision
+        report.figure("small edits lost", SMALL - revision, 0, slack=False)
+    daemon.stop()
 
 
 def many_scenes(report, folder):
@@ -227,7 +261,7 @@ def deleted(scene):
 
 def main():
     with Report("journal") as report:
-        for part in (growth, many_scenes, beside):
+        for part in (growth, many_edits, many_scenes, beside):
             with tempfile.TemporaryDirectory(prefix="hg-") as folder:
                 part(report, pathlib.Path(folder))
         for part in (filled_by_a_tenant, filled_by_others):

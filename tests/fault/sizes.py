@@ -2,7 +2,7 @@
 and a pixel does not depend on how many others there are.
 
 Every size from 1x1 to 33x33, then 1xN and Nx1 up to 16,384, with every filter. HELIOGRAPHD may name
-a daemon of a sanitizer's build; HELIOGRAPH_DEVICES=cuda:0 tries a GPU.
+a daemon of a sanitizer's build; HELIOGRAPH_BACKEND=cuda tries a GPU.
 """
 
 import os
@@ -46,8 +46,7 @@ class Pictures:
 
 
 def main():
-    devices = os.environ.get("HELIOGRAPH_DEVICES")
-    flags = ("--devices", devices) if devices else ()
+    flags = ("--backend", os.environ.get("HELIOGRAPH_BACKEND", "embree"))
     squares = range(1, LARGEST + 1) if not common.SHORT else (1, 2, 3, 5, 17, LARGEST)
     lengths = common.size([1, 2, 31, 64, 100, 255, 1000, 4097, 16384], [1, 100, 1031])
     with common.Report("pictures of every size") as report, common.daemon(*flags) as client:
