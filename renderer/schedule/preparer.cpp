@@ -7,13 +7,21 @@ namespace {
 
 constexpr double kQuick = 1e-3;  // seconds that a device may wait: a tenth of a slice
 
+double seconds_of(const Preparation& needed) {
+  double sum = needed.seconds;
+  for (const Errand& piece : needed.pieces) sum += piece.seconds;
+  return sum;
+}
+
 }  // namespace
 
-/// First the pieces that others may want, too, then all else.
+/// First the pieces that others may want, too, then all else. What is quick in all is left to
+/// take(): on busy cores it would wait longer for a worker than it takes.
 std::vector<Errand> Preparer::next() {
   if (!seconds_) {
     Preparation needed = backend_.preparation(scene_);
     seconds_ = needed.seconds;
+    if (seconds_of(needed) < kQuick) return {};
     if (!needed.pieces.empty()) return std::move(needed.pieces);
   } else if (!made_) {  // a piece that is gone again, for want of room, is made with the rest
     for (const Errand& piece : backend_.preparation(scene_).pieces) *seconds_ += piece.seconds;

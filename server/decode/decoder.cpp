@@ -23,7 +23,7 @@ using Clock = std::chrono::steady_clock;
 using ChildPtr = std::unique_ptr<ChildProcess>;
 
 constexpr double kHelloSeconds = 5;
-constexpr int kNice = 5;  // rendering goes on beside it: a third of the weight of a render thread
+constexpr int kNice = 10;  // rendering goes on beside it: a ninth of the weight of a render thread
 
 decode::Limits to_proto(const LoadLimits& limits) {
   decode::Limits message;
