@@ -1,8 +1,6 @@
 // Errands and who waits for them.
 #include "renderer/schedule/workers.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <chrono>
 #include <limits>
@@ -18,7 +16,6 @@ using Clock = std::chrono::steady_clock;
 // Seconds of a core: what is shorter is done by threads that longer work never has.
 constexpr double kShort = 0.02, kMedium = 1;
 constexpr u32 kManyCores = 8;  // from then on two threads take long work
-constexpr int kNice = 5;       // of threads that do: a third of the weight of a device's
 
 }  // namespace
 
@@ -100,7 +97,6 @@ void Workers::forget(const std::shared_ptr<Task>& task) {
 
 void Workers::loop(const Post& post) {
   tbb::task_arena arena(int(post.threads), 1, tbb::task_arena::priority::low);  // devices go first
-  if (post.most_seconds > kShort) (void)!nice(kNice);  // of this thread alone
   const auto may_take = [&](const std::shared_ptr<Task>& task) {
     return !task->runs && task->errand.seconds <= post.most_seconds;
   };

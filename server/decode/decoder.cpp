@@ -23,7 +23,6 @@ using Clock = std::chrono::steady_clock;
 using ChildPtr = std::unique_ptr<ChildProcess>;
 
 constexpr double kHelloSeconds = 5;
-constexpr int kNice = 10;  // rendering goes on beside it: a ninth of the weight of a render thread
 
 decode::Limits to_proto(const LoadLimits& limits) {
   decode::Limits message;
@@ -151,7 +150,6 @@ class Decoder::Impl {
 
  private:
   void work(const std::stop_token& stop) {
-    (void)!nice(kNice);  // of this thread and the children that it starts
     while (auto task = queue_.take(stop)) {
       ChildPtr child;
       if (task->read)

@@ -19,6 +19,7 @@ namespace heliograph::server {
 namespace {
 
 constexpr unsigned kMostThreads = 8;  // their stacks share the address space limit
+constexpr int kNice = 10;  // rendering goes on beside it: a ninth of the weight of a render thread
 
 u64 number(const char* text) {
   u64 value = 0;
@@ -63,6 +64,7 @@ int run(int count, char** arguments) {
     (void)send_packet(kSocket, PacketKind::kHello, refused.SerializeAsString());
     return 0;
   }
+  (void)!nice(kNice);
   mallopt(M_ARENA_MAX, 2);  // an arena for each thread would not fit the address space
   static Helpers helpers;
   const unsigned threads = std::clamp(std::thread::hardware_concurrency(), 1u, kMostThreads);
