@@ -192,8 +192,8 @@ class Backend {
   [[nodiscard]] virtual std::shared_ptr<SharedMemorySource> shared_memory() const {
     return nullptr;
   }
-  /// Whether labels_elsewhere() and resolve_elsewhere() may be called: labels() and resolve() by
-  /// the threads of the caller's arena. Thread: any.
+  /// Whether labels_elsewhere(), resolve_elsewhere() and query_elsewhere() may be called: labels(),
+  /// resolve() and query() by the threads of the caller's arena. Thread: any.
   [[nodiscard]] virtual bool finishes_elsewhere() const { return false; }
   [[nodiscard]] virtual Expected<std::vector<std::vector<Column>>> labels_elsewhere(
       Film& film, const Interrupt& interrupt) {
@@ -208,6 +208,10 @@ class Backend {
 
   [[nodiscard]] virtual Expected<QueryResult> query(const QueryJob& job,
                                                     const Interrupt& interrupt) = 0;
+  [[nodiscard]] virtual Expected<QueryResult> query_elsewhere(const QueryJob& job,
+                                                              const Interrupt& interrupt) {
+    return query(job, interrupt);
+  }
   /// Bytes of derived data resident now.
   [[nodiscard]] virtual u64 derived_bytes() const = 0;
   /// Scenes that were made again, as there had been no room to keep them. Thread: any.

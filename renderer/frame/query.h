@@ -51,6 +51,19 @@ struct QueryJob {
   Origin origin;
 };
 
+/// Rows of its answer, about.
+[[nodiscard]] inline u64 items_of(const QueryJob& job) {
+  struct Count {
+    u64 operator()(const CastRays& q) const { return q.origins.size(); }
+    u64 operator()(const Pick& q) const { return q.pixels.size(); }
+    u64 operator()(const Visible& q) const { return q.entities.size(); }
+    u64 operator()(const Overlaps& q) const { return q.a.size(); }
+    u64 operator()(const SampleSurface& q) const { return q.entities.size() * q.count; }
+    u64 operator()(const Tracks& q) const { return q.points.size() * q.times.size(); }
+  };
+  return std::visit(Count(), job.query);
+}
+
 /// Columns as service.proto names them.
 using QueryResult = std::vector<Column>;
 

@@ -66,7 +66,7 @@ struct Load {
 /// What takes long and no device is done by the workers (workers.h), while the device has other
 /// jobs: derived data and scenes before a job, labels and planes of large pictures after it.
 ///
-/// What cannot be left half way is one slice, however long: a query, labels on a GPU.
+/// What cannot be left half way is one slice, however long: a query or labels on a GPU.
 ///
 /// When a backend says that its device is lost, work that had begun there ends with UNAVAILABLE, a
 /// new backend is made, as often as it takes, and what waits goes on: all of it is in its

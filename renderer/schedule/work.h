@@ -143,14 +143,24 @@ class QueryWork final : public Work {
   QueryWork(std::shared_ptr<const QueryJob> query, Done done, std::stop_token stop)
       : Work({std::move(stop), std::nullopt}), query_(std::move(query)), done_(std::move(done)) {}
   bool step(const Device& device) override {
+    if (is_answered_) return true;
     const TimeSpan span{query_->time, query_->time};
     if (!preparer_) preparer_.emplace(device.backend, SceneAt{query_->snapshot, span}, interrupt());
     result_ = guard([&]() -> Expected<QueryResult> {
       errands_ = preparer_->next();
       if (!errands_.empty()) return QueryResult{};
-      const auto scene = preparer_->take();  // kept for the query
-      if (!scene) return std::unexpected(scene.error());
-      return device.backend.query(*query_, interrupt());
+      auto scene = preparer_->take();
+      if (!scene) return std::unexpected(std::move(scene).error());
+      scene_ = *std::move(scene);
+      if (seconds_of_query() < kQuickQuery || !device.backend.finishes_elsewhere())
+        return device.backend.query(*query_, interrupt());
+      errands_.push_back({.seconds = seconds_of_query(),
+                          .run = [this, &backend = device.backend](const Interrupt&) {
+                            result_ = guard(
+                                [&] { return backend.query_elsewhere(*query_, interrupt()); });
+                          }});
+      is_answered_ = true;
+      return fail(Code::kCancelled, "", "the query was given up");
     });
     return errands_.empty();
   }
@@ -161,10 +171,17 @@ class QueryWork final : public Work {
   [[nodiscard]] bool is_short() const override { return true; }
 
  private:
+  static constexpr double kQuickQuery = 1e-3;  // seconds that a device may have for it
+  static constexpr double kOfItem = 5e-7;      // of a core, about
+
+  [[nodiscard]] double seconds_of_query() const { return kOfItem * double(items_of(*query_)); }
+
   std::shared_ptr<const QueryJob> query_;
   Done done_;
   std::optional<Preparer> preparer_;
+  std::shared_ptr<const DeviceScene> scene_;  // kept for the query
   std::vector<Errand> errands_;
+  bool is_answered_ = false;  // once the errand ran
   Expected<QueryResult> result_;
 };
 

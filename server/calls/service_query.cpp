@@ -12,19 +12,6 @@ namespace {
 
 constexpr u64 kAnswerBytes = 128;  // of one item, in the reply and before
 
-/// What a question is charged as, in samples.
-u64 items_of(const QueryJob& job) {
-  struct Count {
-    u64 operator()(const CastRays& q) const { return q.origins.size(); }
-    u64 operator()(const Pick& q) const { return q.pixels.size(); }
-    u64 operator()(const Visible& q) const { return q.entities.size(); }
-    u64 operator()(const Overlaps& q) const { return q.a.size(); }
-    u64 operator()(const SampleSurface& q) const { return q.entities.size() * q.count; }
-    u64 operator()(const Tracks& q) const { return q.points.size() * q.times.size(); }
-  };
-  return std::visit(Count(), job.query);
-}
-
 template <class Reply>
 void send(PullStream<Reply>& call, const QueryResult& result, Revision revision) {
   const auto rows = std::make_shared<TableRows>(result);

@@ -134,6 +134,8 @@ class EmbreeBackend final : public Backend {
   [[nodiscard]] Noise noise(const Film& film) override;
   [[nodiscard]] Expected<QueryResult> query(const QueryJob& job,
                                             const Interrupt& interrupt) override;
+  [[nodiscard]] Expected<QueryResult> query_elsewhere(const QueryJob& job,
+                                                      const Interrupt& interrupt) override;
   [[nodiscard]] u64 derived_bytes() const override { return cache_.bytes() + store_.bytes(); }
   [[nodiscard]] u64 scenes_made_again() const override { return store_.made_again(); }
 
@@ -233,17 +235,20 @@ Noise EmbreeBackend::noise(const Film& film) {
 }
 
 Expected<QueryResult> EmbreeBackend::query(const QueryJob& job, const Interrupt& interrupt) {
+  return run_in(arena_, [&] { return query_elsewhere(job, interrupt); });
+}
+
+Expected<QueryResult> EmbreeBackend::query_elsewhere(const QueryJob& job,
+                                                     const Interrupt& interrupt) {
   const auto scene_at = [&](Time time) -> Expected<host::SceneRays> {
     auto scene = store_.prepare(job.snapshot, {time, time}, interrupt);
     if (!scene) return std::unexpected(std::move(scene).error());
     return rays_of(*std::move(scene));
   };
-  return run_in(arena_, [&]() -> Expected<QueryResult> {
-    const auto scene = scene_at(job.time);
-    if (!scene) return std::unexpected(scene.error());
-    const FlushDenormals flush;
-    return host::answer(*scene, job, scene_at, interrupt);
-  });
+  const auto scene = scene_at(job.time);
+  if (!scene) return std::unexpected(scene.error());
+  const FlushDenormals flush;
+  return host::answer(*scene, job, scene_at, interrupt);
 }
 
 }  // namespace
