@@ -65,12 +65,17 @@ def pid_of(client):
     return client.connection.daemon._process.pid
 
 
-def resident(pid):
-    """Bytes."""
+def resident(pid, key="VmRSS"):
+    """Bytes that a process has; with the key VmHWM the most that it had."""
     for line in pathlib.Path(f"/proc/{pid}/status").read_text().splitlines():
-        if line.startswith("VmRSS"):
+        if line.startswith(key + ":"):
             return int(line.split()[1]) << 10
     raise ProcessLookupError(pid)
+
+
+def peak(pid):
+    """Bytes that a process had at most."""
+    return resident(pid, "VmHWM")
 
 
 def used(client, name):

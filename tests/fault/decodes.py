@@ -3,7 +3,6 @@ beneath the asset root costs is charged before it is read.
 """
 
 import concurrent.futures
-import pathlib
 import struct
 import time
 import zlib
@@ -100,15 +99,9 @@ def check_charges(report, place):
         before = common.resident(common.pid_of(client))
         wrong = sum(not each for each in pool.map(lambda i: refused(client, i), range(16)))
         report.figure("of 16 files over the quota, read", wrong, 0)
-        grown = (peak(common.pid_of(client)) - before) >> 20
+        grown = (common.peak(common.pid_of(client)) - before) >> 20
         report.figure("the daemon grew by, MiB", grown, 64, slack=False)
         report.figure("bytes charged after it", common.used(client, "tenant_bytes"), 0)
-
-
-def peak(pid):
-    """Bytes."""
-    lines = pathlib.Path(f"/proc/{pid}/status").read_text().splitlines()
-    return next(int(line.split()[1]) << 10 for line in lines if line.startswith("VmHWM"))
 
 
 def main():

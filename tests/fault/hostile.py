@@ -227,7 +227,7 @@ def main():
                 unready = sum(not ready for _, ready in watch.seen)
                 report.figure("times not ready", unready, 0, slack=False)
                 report.figure("not live", not live, 0, slack=False)
-                most = ledger.peak(daemon.pid) / MEMORY
+                most = common.peak(daemon.pid) / MEMORY
                 report.figure("memory, of what it may have", most, 1.1, slack=False)
                 watch.close()
 

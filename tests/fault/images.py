@@ -4,7 +4,6 @@ client take no more memory for many than for a hundred.
 
 import gc
 import os
-import pathlib
 
 import common
 import heliograph as hg
@@ -29,14 +28,6 @@ def draw(scene, number):
     return scene.render("cam", spp=1, planes=["beauty", "instance"])
 
 
-def resident(pid):
-    """Bytes."""
-    for line in pathlib.Path(f"/proc/{pid}/status").read_text().splitlines():
-        if line.startswith("VmRSS:"):
-            return int(line.split()[1]) << 10
-    raise KeyError(pid)
-
-
 def main():
     with (
         common.Report("pictures of new things") as report,
@@ -52,7 +43,7 @@ def main():
                 continue
             gc.collect()
             for name, pid in pids.items():
-                seen[name].append(resident(pid) / MEBIBYTE)
+                seen[name].append(common.resident(pid) / MEBIBYTE)
         for name, sizes in seen.items():
             half = len(sizes) // 2
             grown = max(sizes[half:]) - max(sizes[:half])

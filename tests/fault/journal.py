@@ -11,7 +11,7 @@ import threading
 import time
 
 import heliograph as hg
-from common import Report, percentile, seconds_until, size
+from common import Report, peak, percentile, resident, seconds_until, size
 from heliograph._wire._proto import scene_pb2 as pb
 from heliograph._wire._proto import service_pb2 as service
 from served import TOKENS, Served, tenants_file
@@ -37,14 +37,6 @@ def entity_of(name, number, length):
     return transaction
 
 
-def status(pid, key):
-    """Bytes."""
-    for line in pathlib.Path(f"/proc/{pid}/status").read_text().splitlines():
-        if line.startswith(key + ":"):
-            return int(line.split()[1]) << 10
-    raise KeyError(key)
-
-
 def on_disk(folder):
     return sum(p.stat().st_size for p in folder.rglob("*") if p.is_file())
 
@@ -55,9 +47,9 @@ def restarted(report, folder, state, name):
     daemon = Served(folder, "--state-dir", state)
     with hg.connect(daemon.socket):
         took = time.perf_counter() - begun
-    settled, peak = status(daemon.pid, "VmRSS"), status(daemon.pid, "VmHWM")
-    print(f"  {name}: {settled / MEGA:.0f} MiB, {peak / MEGA:.0f} at most")
-    report.figure(f"{name}: memory, of what the daemon has then", peak / settled, 2, slack=False)
+    settled, most = resident(daemon.pid), peak(daemon.pid)
+    print(f"  {name}: {settled / MEGA:.0f} MiB, {most / MEGA:.0f} at most")
+    report.figure(f"{name}: memory, of what the daemon has then", most / settled, 2, slack=False)
     report.figure(f"{name}: recovered after", took, 5, "s")
     return daemon
 

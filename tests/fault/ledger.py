@@ -209,17 +209,11 @@ def in_order(report):
         report.figure("sessions, uploads, jobs: not xxx", state() != "xxx", 0)
 
 
-def peak(pid):
-    """Bytes."""
-    lines = pathlib.Path(f"/proc/{pid}/status").read_text().splitlines()
-    return next(int(line.split()[1]) << 10 for line in lines if line.startswith("VmHWM"))
-
-
 def kept(report):
     """Attributes and older revisions are counted, and bounded."""
     most = 64 * MIB
     with common.daemon(tenant_bytes=most) as client:
-        before = peak(common.pid_of(client))
+        before = common.peak(common.pid_of(client))
         used = lambda: common.used(client, "tenant_bytes")  # noqa: E731
 
         def check_scene(what, name_of):
@@ -243,7 +237,7 @@ def kept(report):
                 with scene.edit() as edit:
                     edit.remove(f"root{i}", cascade=True)
             report.figure("removed entities: not counted", used() < 3 * 10_000 * 300, 0)
-        grown = (peak(common.pid_of(client)) - before) / MIB
+        grown = (common.peak(common.pid_of(client)) - before) / MIB
         report.figure("memory beside the limit of 64 MiB", grown, 64 + 100, "MiB", slack=False)
 
 
