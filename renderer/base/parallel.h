@@ -7,6 +7,7 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <semaphore>
 #include <thread>
 
 #ifdef __SANITIZE_THREAD__
@@ -48,6 +49,11 @@ decltype(auto) run_in(tbb::task_arena&, const F& f) {
 }
 
 template <class F>
+void run_beside(tbb::task_arena&, const F& f) {
+  f();
+}
+
+template <class F>
 decltype(auto) run_alone(const F& f) {
   return f();
 }
@@ -75,6 +81,17 @@ void parallel_invoke(const F& f, const G& g) {
 template <class F>
 decltype(auto) run_in(tbb::task_arena& arena, const F& f) {
   return arena.execute(f);
+}
+
+/// The same, but by TBB's own threads alone, of which there is one less than cores; this one waits.
+template <class F>
+void run_beside(tbb::task_arena& arena, const F& f) {
+  std::binary_semaphore over(0);
+  arena.enqueue([&] {
+    f();
+    over.release();
+  });
+  over.acquire();
 }
 
 /// f() and its parallel parts, while this thread takes up nothing else: for what holds a lock.

@@ -1,4 +1,4 @@
-// A device with its thread, and a job while it is away from there. Kept by engine.cpp.
+// A device with its thread, and a job while it is away from there. Kept by engine_impl.cpp.
 #pragma once
 
 #include <thread>
@@ -16,6 +16,24 @@ struct DeviceThread {
   bool is_lost = false;
   bool is_beyond_us = false;  // lost, and not to be had again in this process
   std::thread thread{};
+};
+
+/// When devices last had work of whom.
+class LastServed {
+ public:
+  void note(u64 session, Work::Clock::time_point now) {
+    if (session != session_) others_ = at_;
+    session_ = session;
+    at_ = now;
+  }
+  /// The last time that it was of another.
+  [[nodiscard]] Work::Clock::time_point others(u64 session) const {
+    return session == session_ ? others_ : at_;
+  }
+
+ private:
+  u64 session_ = 0;
+  Work::Clock::time_point at_{}, others_{};
 };
 
 /// A job whose errands are done by others.

@@ -1,4 +1,4 @@
-// What waits for a device: render jobs and queries. Kept by engine.cpp.
+// What waits for a device: render jobs and queries. Kept by engine_impl.cpp.
 #pragma once
 
 #include <functional>
@@ -36,6 +36,8 @@ class Work {
   /// What is to be done away from the device before the next step.
   [[nodiscard]] virtual std::vector<Errand> take_errands() = 0;
   virtual void finish() = 0;
+  /// After finish(): what may take long to free.
+  [[nodiscard]] virtual std::shared_ptr<const void> take_remains() { return nullptr; }
   virtual void refuse(Error error) = 0;
   [[nodiscard]] virtual const Origin& origin() const = 0;
   /// Whether it goes in the lane of labels and queries.
@@ -67,9 +69,10 @@ class RenderWork final : public Work {
   bool step(const Device& device) override {
     result_ = guard([&]() -> Status {
       if (!runner_)
-        runner_.emplace(job_, RunnerContext{device.backend, device.denoiser, sink_.get(),
-                                            interrupt(), device.slice, &device.waiting,
-                                            device.others, device.spread_samples});
+        runner_ = std::make_shared<Runner>(
+            job_,
+            RunnerContext{device.backend, device.denoiser, sink_.get(), interrupt(), device.slice,
+                          &device.waiting, device.others, device.spread_samples});
       is_done_ = runner_->step();
       return is_done_ ? runner_->result() : Status{};
     });
@@ -79,6 +82,7 @@ class RenderWork final : public Work {
     return runner_ ? runner_->take_errands() : std::vector<Errand>();
   }
   void finish() override { sink_->done(result_, spent()); }
+  std::shared_ptr<const void> take_remains() override { return std::move(runner_); }
   void refuse(Error error) override { sink_->done(std::unexpected(std::move(error)), spent()); }
   [[nodiscard]] const Origin& origin() const override { return job_->origin; }
   [[nodiscard]] bool is_short() const override { return !wants_samples(*job_); }
@@ -97,7 +101,7 @@ class RenderWork final : public Work {
 
   std::shared_ptr<const RenderJob> job_;
   std::shared_ptr<JobSink> sink_;
-  std::optional<Runner> runner_;
+  std::shared_ptr<Runner> runner_;
   Status result_;
   bool is_done_ = false;
 };

@@ -17,6 +17,10 @@ using Clock = std::chrono::steady_clock;
 constexpr double kShort = 0.02, kMedium = 1;
 constexpr u32 kManyCores = 8;  // from then on two threads take long work
 
+bool is_medium(const Errand& errand) {
+  return errand.seconds > kShort && errand.seconds <= kMedium;
+}
+
 }  // namespace
 
 /// Long work is seldom, and has all cores that are free; short work is not worth a second one.
@@ -31,7 +35,7 @@ std::vector<Workers::Post> Workers::posts(u32 threads) {
 }
 
 Workers::Workers(const Options& options)
-    : limit_(options.threads), queue_(options.credit, options.turn) {
+    : limit_(options.threads), is_alone_(options.is_alone), queue_(options.credit, options.turn) {
   for (const Post& post : posts(options.threads))
     threads_.emplace_back([this, post] { loop(post); });
 }
@@ -52,7 +56,7 @@ void Workers::run(const std::shared_ptr<Group>& group, const Origin& origin,
     for (Errand& errand : errands) {
       if (join(group, errand)) continue;
       auto task = std::make_shared<Task>(
-          Task{.errand = std::move(errand), .owner = owner, .groups = {group}});
+          Task{.errand = std::move(errand), .origin = origin, .owner = owner, .groups = {group}});
       if (task->is_shared()) shared_[task->errand.key] = task;
       const bool is_short = task->errand.seconds <= kShort;
       queue_.push(origin, is_short, std::move(task));
@@ -95,31 +99,53 @@ void Workers::forget(const std::shared_ptr<Task>& task) {
   if (known != shared_.end() && known->second == task) shared_.erase(known);
 }
 
-void Workers::loop(const Post& post) {
-  tbb::task_arena arena(int(post.threads), 1, tbb::task_arena::priority::low);  // devices go first
-  const auto may_take = [&](const std::shared_ptr<Task>& task) {
-    return !task->runs && task->errand.seconds <= post.most_seconds;
+/// Of medium errands so many run at once as there are threads for long ones: a second one has a
+/// thread only where the other is long.
+bool Workers::may_take(const Task& task, const Post& post) const {
+  if (task.runs || task.errand.seconds > post.most_seconds) return false;
+  return !is_medium(task.errand) || medium_ < (post.threads < kManyCores ? 1 : 2);
+}
+
+/// Memory that ran out here runs out again, and is told, when the job needs what was to be made.
+void Workers::run(const Task& task, const Post& post, tbb::task_arena& arena) {
+  const Interrupt interrupt{.stop = task.stop.get_token(), .deadline = {}};
+  const auto errand = [&] {
+    (void)guard([&]() -> Status { return task.errand.run(interrupt), Status{}; });
   };
+  if (task.errand.seconds <= kShort || is_alone_(task.origin)) return run_in(arena, errand);
+  if (++beside_ < post.threads)
+    run_beside(arena, errand);
+  else
+    run_in(arena, errand);
+  --beside_;
+}
+
+void Workers::loop(const Post& post) {
+  tbb::task_arena arena(int(post.threads), 0, tbb::task_arena::priority::low);  // devices go first
   std::unique_lock lock(mutex_);
   for (;;) {
     std::optional<Queue::Turn> turn;
-    changed_.wait(lock, [&] { return closing_ || (turn = queue_.next(may_take)); });
+    const auto has_turn = [&] {
+      turn = queue_.next([&](const auto& task) { return may_take(*task, post); });
+      return turn.has_value();
+    };
+    changed_.wait(lock, [&] { return closing_ || has_turn(); });
     if (closing_) return;
     const std::shared_ptr<Task> task = turn->item();
     task->runs = true;
+    medium_ += u32(is_medium(task->errand));
     lock.unlock();
     const auto start = Clock::now();
-    const Interrupt interrupt{.stop = task->stop.get_token(), .deadline = {}};
-    // Memory that ran out here runs out again, and is told, when the job needs what was to be made.
-    (void)guard(
-        [&]() -> Status { return run_in(arena, [&] { task->errand.run(interrupt); }), Status{}; });
+    run(*task, post, arena);
     lock.lock();
     queue_.charge(*turn, std::chrono::duration<double>(Clock::now() - start).count());
     (void)queue_.pop(*turn);
+    medium_ -= u32(is_medium(task->errand));
     forget(task);
     auto done = std::move(task->groups);
     std::erase_if(done, [](const auto& group) { return --group->left_ > 0; });
     lock.unlock();
+    if (is_medium(task->errand)) changed_.notify_all();
     task->errand.run = nullptr;  // what it holds goes before the others go on
     task->owner.reset();
     for (const auto& group : done) group->done_();

@@ -2,7 +2,9 @@
 // by the engine.
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -16,7 +18,8 @@
 namespace heliograph {
 
 /// Does errands, by tenants in turn (fair_queue.h). Long ones never have all of its threads: one
-/// thread does only what is short, so that it waits for nothing that is not.
+/// thread does only what is short, so that it waits for nothing that is not. Where devices have
+/// work of others, a core is left to them.
 ///
 /// Owns: the threads. Thread: any. Errands throw std::bad_alloc at most.
 class Workers {
@@ -25,6 +28,8 @@ class Workers {
     u32 threads = 0;      // that the parts of one errand may have; 0: as many as there are cores
     double credit = 0.5;  // FairQueue
     double turn = 0.05;   // the same
+    /// Whether devices have had no work of others lately. Called from any thread.
+    std::function<bool(const Origin&)> is_alone = [](const Origin&) { return true; };
   };
   /// Errands that somebody waits for.
   class Group {
@@ -51,6 +56,7 @@ class Workers {
  private:
   struct Task {
     Errand errand;
+    Origin origin;  // of who wanted it first
     std::shared_ptr<const void> owner;
     std::vector<std::shared_ptr<Group>> groups;
     std::stop_source stop{};
@@ -65,14 +71,19 @@ class Workers {
   };
   [[nodiscard]] static std::vector<Post> posts(u32 threads);
   void loop(const Post& post);
+  [[nodiscard]] bool may_take(const Task& task, const Post& post) const;  // under mutex_
+  void run(const Task& task, const Post& post, tbb::task_arena& arena);
   void forget(const std::shared_ptr<Task>& task);  // under mutex_
   [[nodiscard]] bool join(const std::shared_ptr<Group>& group, const Errand& errand);
 
   const ThreadLimit limit_;  // of devices and workers
+  const std::function<bool(const Origin&)> is_alone_;
   std::mutex mutex_;
   std::condition_variable changed_;
   Queue queue_;
   std::map<decltype(Errand::key), std::shared_ptr<Task>> shared_;  // that wait or run
+  u32 medium_ = 0;                                                 // that run
+  std::atomic<u32> beside_ = 0;                                    // that TBB's own threads run
   bool closing_ = false;
   std::vector<std::jthread> threads_;
 };

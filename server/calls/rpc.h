@@ -186,8 +186,10 @@ class PullStream final : public grpc::ServerWriteReactor<Reply>, public Watched 
     if (context_.IsCancelled()) return this->Finish(grpc::Status::CANCELLED);
     reply_.Clear();
     const auto more = next_(reply_);
-    if (!more) return finish(std::unexpected(more.error()));
-    if (!*more) return finish({});
+    if (!more || !*more) {
+      next_ = nullptr;  // what it holds may be large, and goes here
+      return finish(more ? Status{} : std::unexpected(more.error()));
+    }
     {
       const std::lock_guard lock(mutex_);
       is_writing_ = true;

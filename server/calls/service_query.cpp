@@ -13,8 +13,8 @@ namespace {
 constexpr u64 kAnswerBytes = 128;  // of one item, in the reply and before
 
 template <class Reply>
-void send(PullStream<Reply>& call, const QueryResult& result, Revision revision) {
-  const auto rows = std::make_shared<TableRows>(result);
+void send(PullStream<Reply>& call, QueryResult result, Revision revision) {
+  const auto rows = std::make_shared<TableRows>(std::move(result));
   call.pull([rows, revision](Reply& reply) -> Expected<bool> {
     reply.set_revision(revision);
     return rows->next(*reply.mutable_columns());
@@ -47,9 +47,9 @@ void start_query(Daemon& daemon, PullStream<Reply>& call, const Request& request
   (*engine)->submit(
       std::make_shared<const QueryJob>(std::move(*job)),
       [&call, counted = std::make_shared<Charge>(std::move(*counted)),
-       revision = (*snapshot)->revision](const Expected<QueryResult>& result) {
-        if (!result) return call.finish(std::unexpected(result.error()));
-        send(call, *result, revision);
+       revision = (*snapshot)->revision](Expected<QueryResult>&& result) {
+        if (!result) return call.finish(std::unexpected(std::move(result).error()));
+        send(call, *std::move(result), revision);
       },
       call.stop());
 }

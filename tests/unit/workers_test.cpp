@@ -29,11 +29,11 @@ std::vector<Errand> errands(double seconds, std::function<void()> run, u64 key =
            }}};
 }
 
-/// Long work that runs until it is let go.
+/// Work that runs until it is let go.
 struct Held {
-  explicit Held(Workers& workers) {
+  explicit Held(Workers& workers, double seconds = 10) {
     workers.run(waiting.group, {.tenant = 1},
-                errands(10,
+                errands(seconds,
                         [this] {
                           began.set_value();
                           go.get_future().wait();
@@ -62,6 +62,21 @@ TEST_CASE("workers: short errands are done while a long one runs and others wait
   CHECK_FALSE(second.is_done());
   held.end();
   second.done.wait();
+}
+
+TEST_CASE("workers: medium errands go one by one, and wait for no long one") {
+  const bool is_alone = GENERATE(true, false);
+  Workers workers({.threads = 2, .is_alone = [is_alone](const Origin&) { return is_alone; }});
+  Held held(workers), medium(workers, 0.5);
+  Waiting second, small;
+  workers.run(second.group, {.tenant = 2}, errands(0.5, [] {}), nullptr);
+  workers.run(small.group, {.tenant = 2}, errands(1e-3, [] {}), nullptr);
+  small.done.wait();
+  CHECK_FALSE(second.is_done());
+  medium.end();
+  second.done.wait();
+  CHECK_FALSE(held.waiting.is_done());
+  held.end();
 }
 
 TEST_CASE("workers: tenants take turns, whoever asked first and for how much") {
