@@ -158,18 +158,23 @@ std::string EmbreeBackend::cpu_features() const {
                      version % 100, widest_isa());
 }
 
-/// From where the range was left. Each thread takes one piece at least.
+/// From where the range was left. One piece is done at least, however late it is.
 template <class F>
 Expected<bool> EmbreeBackend::for_each_piece(host::HostFilm& film, const WorkRange& range,
                                              const Slice& slice, const Interrupt& interrupt,
                                              const F& trace) {
   const Pieces pieces(range.sample_count);
   const u32 count = range.tile_count * pieces.of_tile();
-  std::atomic<u32> next = film.left().done;
+  const u32 first = film.left().done;
+  std::atomic<u32> next = first;
+  const auto goes_on = [&] {
+    return !interrupt.requested() &&
+           (next.load(std::memory_order_relaxed) == first || !slice.is_over());
+  };
   run_in(arena_, [&] {
     parallel_for(u32(arena_.max_concurrency()), [&](u32) {
       const FlushDenormals flush;
-      for (bool goes_on = true; goes_on && !interrupt.requested(); goes_on = !slice.is_over()) {
+      while (goes_on()) {
         const u32 piece = next.fetch_add(1, std::memory_order_relaxed);
         if (piece >= count) return;
         const PixelRect tile = film.tile(range.first_tile + piece / pieces.of_tile());
