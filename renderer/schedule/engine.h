@@ -39,8 +39,9 @@ struct EngineOptions {
   BackendOptions device;
   JobLimits limits;
   std::chrono::milliseconds slice{10};  // how long a job has the device where others wait
-  double credit = 0.5;  // seconds of the device that one may be served ahead of the others
-  double turn = 0.05;   // seconds of the device that one goes on for among equals
+  double credit = 0.5;    // seconds of the device that one may be served ahead of the others
+  double turn = 0.05;     // seconds of the device that one goes on for among equals
+  double little = 0.002;  // seconds of the device: a job that had less may be short
   /// Of all pixels of a picture: one that takes as many is rendered by all devices that are idle.
   u64 spread_samples = 16'000'000;
 };

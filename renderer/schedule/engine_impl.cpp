@@ -17,7 +17,6 @@ constexpr auto kIdleCheck = std::chrono::milliseconds(10);
 constexpr auto kLately = std::chrono::milliseconds(100);
 // Jobs of a session that may be away at once: each may have a film and its planes.
 constexpr std::ptrdiff_t kMostAway = 8;
-constexpr double kLittle = 0.002;  // seconds of a device: a job that had less may be short
 
 }  // namespace
 
@@ -85,7 +84,7 @@ void Engine::Impl::push(std::unique_ptr<Work> work) {
   const bool is_short = work->is_short(), is_back = work->begun.has_value();
   Work& pushed = *work;
   const bool is_next = ready_.push(origin, is_short, std::move(work), is_back);
-  set_fresh(pushed, is_next && pushed.seconds < kLittle);
+  set_fresh(pushed, is_next && pushed.seconds < options_.little);
   count_waiting();
 }
 
@@ -116,7 +115,7 @@ void Engine::Impl::device_loop(u32 index) {
 void Engine::Impl::end(u32 index, Work& work) {
   work.finish();
   const auto& backend = devices_[index].backend;
-  if (work.seconds < kLittle || !backend->finishes_elsewhere()) return;
+  if (work.seconds < options_.little || !backend->finishes_elsewhere()) return;
   const auto nobody = std::make_shared<Workers::Group>([] {});
   workers_->run(nobody, work.origin(), {{.run = [remains = work.take_remains()](const auto&) {}}},
                 backend);
@@ -127,6 +126,7 @@ void Engine::Impl::send_away(u32 index, const Queue::Turn& turn, std::vector<Err
   std::unique_lock lock(mutex_);
   const auto away =
       away_.insert(away_.end(), Away{.backend = devices_[index].backend, .work = ready_.pop(turn)});
+  set_fresh(*away->work, false);
   away->errands = std::make_shared<Workers::Group>([this, away] { come_back(away); });
   const auto group = away->errands;
   const Origin origin = away->work->origin();
@@ -222,6 +222,7 @@ std::unique_ptr<Work> Engine::Impl::account(u32 index, const Queue::Turn& turn, 
   last_served_.note(work.origin().session, Clock::now());
   work.seconds += cost;
   work.runs = false;
+  set_fresh(work, !is_done && work.seconds < options_.little);
   if (!is_done) return nullptr;
   seconds_a_job_ += kNewest * (work.seconds - seconds_a_job_);
   return ready_.pop(turn);
@@ -243,6 +244,7 @@ void Engine::Impl::replace_backend(u32 index) {
     ++losses_;
     begun = ready_.take_if(
         [&](const auto& work) { return work->begun.has_value() && work->place == index; });
+    for (const auto& work : begun) set_fresh(*work, false);
     for (Away& away : away_) away.has_lost_device |= away.work->place == index;
   }
   for (auto& work : begun) work->refuse(lost_error());

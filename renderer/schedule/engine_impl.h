@@ -64,7 +64,7 @@ class Engine::Impl final : public Others {
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::vector<DeviceThread> devices_;
-  Queue ready_{options_.credit, options_.turn};
+  Queue ready_{options_.credit, options_.turn, options_.little};
   std::list<Away> away_;
   LastServed last_served_;
   WaitingJobs waiting_;

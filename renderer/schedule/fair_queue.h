@@ -19,8 +19,8 @@ namespace heliograph {
 /// level: the child that used least for its weight goes first, and one that comes back after it had
 /// nothing to do starts where the others are, less `credit`. So who asks for less than its share is
 /// served at once, and nobody saves up more than the credit. Among equals the one that was served
-/// goes on until it is a `turn` ahead, as what it works on is in the caches; one that came since
-/// and used less does not wait for that.
+/// goes on until it is a `turn` ahead, as what it works on is in the caches; one that used less,
+/// and `little` since it came, does not wait for that.
 ///
 /// A lane is a priority, and whether the work is short (labels, queries): a higher priority goes
 /// first always; short work shares evenly with long work, whatever the number of long jobs.
@@ -44,7 +44,8 @@ class FairQueue {
   };
 
   /// Seconds of the device.
-  FairQueue(double credit, double turn) : credit_(credit), turn_(turn) {}
+  FairQueue(double credit, double turn, double little)
+      : credit_(credit), turn_(turn), little_(little) {}
 
   /// first   it was here before: it goes before what its scene has, and brings no credit from where
   ///         others worked for it
@@ -60,7 +61,7 @@ class FairQueue {
       if (share->count++ > 0) continue;
       share->used = std::max(share->used, share->parent->reached - (first ? 0 : credit_));
       share->is_served = false;  // its turn ended when it left
-      share->is_new = true;
+      share->came = share->used;
     }
     ++root_.count;
     const bool is_next = first || line->items.empty();
@@ -106,10 +107,10 @@ class FairQueue {
     i32 rank = 0;
     double weight = 1;
     double used = 0;     // cost over weight: its virtual time
+    double came = 0;     // the same when it last began to have something to do
     double reached = 0;  // the virtual time of its children
     std::size_t count = 0;
     bool is_served = false;  // the last of its parent's children to be
-    bool is_new = false;     // it was not served since it came
     std::map<u64, Share> children;
     std::list<T> items;  // of a line
   };
@@ -129,12 +130,13 @@ class FairQueue {
   [[nodiscard]] bool goes_before(const Share& a, const Share& b) const {
     return a.rank != b.rank ? a.rank > b.rank : place(a) < place(b);
   }
-  /// Puts who came during a turn, and used less, before it. Sorted.
-  static void let_in(std::vector<Share*>& waiting) {
+  /// Puts who has had little yet, and used less, before whose turn it is. Sorted.
+  void let_in(std::vector<Share*>& waiting) const {
     if (waiting.empty() || !waiting.front()->is_served) return;
     const Share& served = *waiting.front();
     const auto first = std::ranges::find_if(waiting, [&](const Share* each) {
-      return each->is_new && each->rank == served.rank && each->used < served.used;
+      return each->used - each->came <= little_ / each->weight && each->rank == served.rank &&
+             each->used < served.used;
     });
     if (first != waiting.end()) std::rotate(waiting.begin(), first, first + 1);
   }
@@ -155,7 +157,6 @@ class FairQueue {
       if (!found) continue;
       share.reached = std::max(share.reached, each->used);
       for (auto& [key, other] : share.children) other.is_served = &other == each;
-      each->is_new = false;
       return found;
     }
     return std::nullopt;
@@ -185,7 +186,7 @@ class FairQueue {
     }
   }
 
-  const double credit_, turn_;
+  const double credit_, turn_, little_;
   Share root_;
 };
 

@@ -35,7 +35,9 @@ std::vector<Workers::Post> Workers::posts(u32 threads) {
 }
 
 Workers::Workers(const Options& options)
-    : limit_(options.threads), is_alone_(options.is_alone), queue_(options.credit, options.turn) {
+    : limit_(options.threads),
+      is_alone_(options.is_alone),
+      queue_(options.credit, options.turn, 0) {
   for (const Post& post : posts(options.threads))
     threads_.emplace_back([this, post] { loop(post); });
 }

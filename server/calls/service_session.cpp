@@ -49,8 +49,7 @@ void describe_server(const Daemon& daemon, const Tenant& tenant, v1::GetServerIn
     reply.set_cpu_features(engine->cpu_features());
     if (!daemon.tenants.are_several()) reply.set_uploaded_bytes(engine->uploaded_bytes());
   }
-  reply.set_threads(daemon.config.threads != 0 ? daemon.config.threads
-                                               : std::thread::hardware_concurrency());
+  reply.set_threads(daemon.config.threads);
   for (const auto& [name, value] : list_limits(daemon.config.limits))
     (*reply.mutable_limits())[name] = value;
   for (const auto& [name, value] : tenant.limits()) (*reply.mutable_limits())[name] = value;

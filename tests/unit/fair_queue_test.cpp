@@ -25,7 +25,7 @@ struct Item {
 /// A device that runs slices of what the queue says. Seconds.
 class Device {
  public:
-  explicit Device(double turn = 0) : queue(kCredit, turn) {}
+  explicit Device(double turn = 0, double little = 0) : queue(kCredit, turn, little) {}
 
   void push(const Origin& origin, double seconds, bool is_short = false) {
     queue.push(origin, is_short, {origin.session, seconds, now});
@@ -100,6 +100,18 @@ TEST_CASE("fair queue: who asks again and again waits for nobody's turn") {
     device.push(of(0, 2), kFrame);
   }
   CHECK(longest <= kFrame + 1.01 * kSlice);
+}
+
+TEST_CASE("fair queue: who has had little yet waits for nobody's turn, also after a slice") {
+  const double little = GENERATE(0.0, 2 * kSlice);
+  Device device(50 * kSlice, little);
+  device.push(of(0, 1), 100 * kSlice);
+  device.slice();
+  device.push(of(0, 2), 1.5 * kSlice);
+  device.slice();
+  device.push(of(0, 3), 100 * kSlice);  // one that is new
+  device.run(2 * kSlice);
+  CHECK((device.used[2] > 1.1 * kSlice) == (little > 0));
 }
 
 TEST_CASE("fair queue: who comes back from elsewhere shares evenly from then on") {
@@ -225,7 +237,7 @@ TEST_CASE("fair queue: what is taken out is gone, the others go on") {
 }
 
 TEST_CASE("fair queue: items may own things") {
-  FairQueue<std::unique_ptr<int>> queue(kCredit, 0);
+  FairQueue<std::unique_ptr<int>> queue(kCredit, 0, 0);
   queue.push({}, false, std::make_unique<int>(7));
   const auto turn = *queue.next(kAny);
   CHECK(*turn.item() == 7);
@@ -236,7 +248,7 @@ TEST_CASE("fair queue: items may own things") {
 }
 
 TEST_CASE("fair queue: who may not is passed over, and those behind it are not") {
-  FairQueue<Item> queue(kCredit, 0);
+  FairQueue<Item> queue(kCredit, 0, 0);
   for (const u64 session : {1, 1, 2}) queue.push(of(0, session), false, {session, 1, 0});
   const auto turn = *queue.next(kAny);
   CHECK(turn.item().owner == 1);
