@@ -109,21 +109,22 @@ bool Workers::may_take(const Task& task, const Post& post) const {
 }
 
 /// Memory that ran out here runs out again, and is told, when the job needs what was to be made.
-void Workers::run(const Task& task, const Post& post, tbb::task_arena& arena) {
+void Workers::run(const Task& task, const Post& post, Arenas& arenas) {
   const Interrupt interrupt{.stop = task.stop.get_token(), .deadline = {}};
   const auto errand = [&] {
     (void)guard([&]() -> Status { return task.errand.run(interrupt), Status{}; });
   };
-  if (task.errand.seconds <= kShort || is_alone_(task.origin)) return run_in(arena, errand);
+  if (task.errand.seconds <= kShort || is_alone_(task.origin)) return run_in(arenas.all, errand);
   if (++beside_ < post.threads)
-    run_beside(arena, errand);
+    run_beside(arenas.half, errand);
   else
-    run_in(arena, errand);
+    run_in(arenas.half, errand);
   --beside_;
 }
 
 void Workers::loop(const Post& post) {
-  tbb::task_arena arena(int(post.threads), 0, tbb::task_arena::priority::low);  // devices go first
+  constexpr auto kLow = tbb::task_arena::priority::low;  // devices go first
+  Arenas arenas{.all{int(post.threads), 0, kLow}, .half{int(post.threads + 1) / 2, 0, kLow}};
   std::unique_lock lock(mutex_);
   for (;;) {
     std::optional<Queue::Turn> turn;
@@ -138,7 +139,7 @@ void Workers::loop(const Post& post) {
     medium_ += u32(is_medium(task->errand));
     lock.unlock();
     const auto start = Clock::now();
-    run(*task, post, arena);
+    run(*task, post, arenas);
     lock.lock();
     queue_.charge(*turn, std::chrono::duration<double>(Clock::now() - start).count());
     (void)queue_.pop(*turn);

@@ -19,7 +19,7 @@ namespace heliograph {
 
 /// Does errands, by tenants in turn (fair_queue.h). Long ones never have all of its threads: one
 /// thread does only what is short, so that it waits for nothing that is not. Where devices have
-/// work of others, a core is left to them.
+/// work of others, it has half of the threads, and leaves a core to them.
 ///
 /// Owns: the threads. Thread: any. Errands throw std::bad_alloc at most.
 class Workers {
@@ -69,10 +69,14 @@ class Workers {
     double most_seconds;
     u32 threads;
   };
+  /// Where it does errands: with all threads, and beside devices that are busy for others.
+  struct Arenas {
+    tbb::task_arena all, half;
+  };
   [[nodiscard]] static std::vector<Post> posts(u32 threads);
   void loop(const Post& post);
   [[nodiscard]] bool may_take(const Task& task, const Post& post) const;  // under mutex_
-  void run(const Task& task, const Post& post, tbb::task_arena& arena);
+  void run(const Task& task, const Post& post, Arenas& arenas);
   void forget(const std::shared_ptr<Task>& task);  // under mutex_
   [[nodiscard]] bool join(const std::shared_ptr<Group>& group, const Errand& errand);
 
