@@ -21,18 +21,18 @@ struct DeviceThread {
 /// When devices last had work of whom.
 class LastServed {
  public:
-  void note(u64 session, Work::Clock::time_point now) {
-    if (session != session_) others_ = at_;
-    session_ = session;
+  void note(u64 who, Work::Clock::time_point now) {
+    if (who != who_) others_ = at_;
+    who_ = who;
     at_ = now;
   }
   /// The last time that it was of another.
-  [[nodiscard]] Work::Clock::time_point others(u64 session) const {
-    return session == session_ ? others_ : at_;
+  [[nodiscard]] Work::Clock::time_point others(u64 who) const {
+    return who == who_ ? others_ : at_;
   }
 
  private:
-  u64 session_ = 0;
+  u64 who_ = 0;
   Work::Clock::time_point at_{}, others_{};
 };
 

@@ -155,7 +155,8 @@ void Engine::Impl::come_back(std::list<Away>::iterator away) {
 
 bool Engine::Impl::is_alone(const Origin& origin) const {
   const std::scoped_lock lock(mutex_);
-  return Clock::now() - last_served_.others(origin.session) > kLately;
+  return Clock::now() - sessions_.others(origin.session) > kLately &&
+         Clock::now() - scenes_at_once_.others(origin.scene) > kLately;
 }
 
 /// Work stays on the device that began it, or whose memory it is for. Other work goes to the idle
@@ -219,7 +220,8 @@ std::unique_ptr<Work> Engine::Impl::account(u32 index, const Queue::Turn& turn, 
   Work& work = *turn.item();
   devices_[index].step_began.reset();
   ready_.charge(turn, cost);
-  last_served_.note(work.origin().session, Clock::now());
+  sessions_.note(work.origin().session, Clock::now());
+  if (ready_.size() + away_.size() > 1) scenes_at_once_.note(work.origin().scene, Clock::now());
   work.seconds += cost;
   work.runs = false;
   set_fresh(work, !is_done && work.seconds < options_.little);

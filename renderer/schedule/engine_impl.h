@@ -44,7 +44,7 @@ class Engine::Impl final : public Others {
   void set_fresh(Work& work, bool is_fresh) {  // under mutex_
     waiting_.fresh += u32(is_fresh) - u32(std::exchange(work.is_fresh, is_fresh));
   }
-  /// Whether no other session had a device lately.
+  /// Whether no other session had a device lately, nor, at the same time, another of its scenes.
   [[nodiscard]] bool is_alone(const Origin& origin) const;
   [[nodiscard]] std::optional<Queue::Turn> next(u32 index);
   [[nodiscard]] bool may_take(u32 index, const Work& work) const;  // under mutex_
@@ -66,7 +66,7 @@ class Engine::Impl final : public Others {
   std::vector<DeviceThread> devices_;
   Queue ready_{options_.credit, options_.turn, options_.little};
   std::list<Away> away_;
-  LastServed last_served_;
+  LastServed sessions_, scenes_at_once_;
   WaitingJobs waiting_;
   double seconds_a_job_ = 0;
   u32 losses_ = 0;
