@@ -89,7 +89,8 @@ struct ParameterPatch {
   std::optional<TextureUsePatch> texture;
 };
 struct PutMaterial {
-  std::array<ParameterPatch, kMaterialParameters> parameters;
+  /// By MaterialParameter. Not in the patch itself, as an Edit is as large as its largest action.
+  std::vector<ParameterPatch> parameters = std::vector<ParameterPatch>(kMaterialParameters);
 #define HELIO_MAP(name) std::optional<TextureUsePatch> name;
   HELIO_NORMAL_MAPS(HELIO_MAP)
 #undef HELIO_MAP

@@ -59,7 +59,9 @@ vec3 default_value(int components, float value) {
 
 template <MaterialParameter P>
 void reset(PutMaterial& patch, vec3 value) {
-  patch.parameters[std::size_t(P)] = {value, TextureUsePatch{}};
+  ParameterPatch& parameter = patch.parameters[std::size_t(P)];
+  parameter.value = value;
+  parameter.texture.emplace();
 }
 
 constexpr std::array<Clear<PutMaterial>, kMaterialParameters + 6 + kNormalMaps> kClear{{
