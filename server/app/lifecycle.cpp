@@ -22,9 +22,11 @@
 #include "server/net/socket_files.h"
 
 extern "C" {
-// jemalloc's, which reads it before main(): freed pages go back to the system after a second.
+// jemalloc's, which reads it before main(): freed pages go back to the system after a second, those
+// of large pieces at once, as each thread's arena would keep some of them.
 extern const char* const malloc_conf;
-const char* const malloc_conf = "background_thread:true,dirty_decay_ms:1000,muzzy_decay_ms:0";
+const char* const malloc_conf =
+    "background_thread:true,dirty_decay_ms:1000,muzzy_decay_ms:0,oversize_threshold:2097152";
 }
 
 namespace heliograph::server {
