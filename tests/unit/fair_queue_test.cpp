@@ -110,7 +110,7 @@ TEST_CASE("fair queue: who has had little yet waits for nobody's turn, also afte
   device.push(of(0, 2), 1.5 * kSlice);
   device.slice();
   device.push(of(0, 3), 100 * kSlice);  // one that is new
-  device.run(2 * kSlice);
+  device.run(4 * kSlice);
   CHECK((device.used[2] > 1.1 * kSlice) == (little > 0));
 }
 
