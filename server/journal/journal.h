@@ -172,7 +172,8 @@ class Journal {
   [[nodiscard]] std::vector<SceneState> capture(const std::set<u64>& scenes);
   [[nodiscard]] Expected<std::shared_ptr<Control>> encode(std::vector<SceneState> states,
                                                           u64 record, u64 sum);
-  [[nodiscard]] Status last_snapshot();
+  void snapshot_here();  // by the caller, while the thread does not run
+  [[nodiscard]] Status encode_here();
   [[nodiscard]] Status shrink_wholly();
   /// Of SQLite's log, before they are moved into the database: what half the reserve has.
   [[nodiscard]] int log_pages() const { return int(room_->reserve() / 2 / kPageBytes) + 1; }

@@ -231,6 +231,9 @@ Status Journal::start(Capture capture, Changed changed) {
   for (const auto& tenant :
        std::filesystem::directory_iterator(options_.folder + "/blobs", ignored))
     files(tenant.path().filename().string()).sweep(true);
+  // Of so many records the next start would take as long, and a daemon that soon ends again adds
+  // more.
+  if (head_.last() - snapshot_at_ >= options_.snapshot_records) snapshot_here();
   thread_ = std::thread([this] { work(); });
   return {};
 }

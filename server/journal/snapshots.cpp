@@ -122,8 +122,7 @@ void Journal::stop() {
   thread_.join();
   room_->release_reserve();
   if (!database_) return;
-  if (auto made = last_snapshot(); !made)
-    log_.warning("the journal has no last snapshot", {{"reason", made.error().message}});
+  snapshot_here();
   if (auto shrunk = shrink_wholly(); !shrunk)
     log_.warning("the journal keeps what it does not need", {{"reason", shrunk.error().message}});
   database_.reset();
@@ -137,7 +136,12 @@ Status Journal::shrink_wholly() {
   return database_->checkpoint(true);
 }
 
-Status Journal::last_snapshot() {
+void Journal::snapshot_here() {
+  if (auto made = encode_here(); !made)
+    log_.warning("the journal has no new snapshot", {{"reason", made.error().message}});
+}
+
+Status Journal::encode_here() {
   if (changed_scenes_.empty()) return {};
   auto control = encode(capture(changed_scenes_), head_.last(), head_.last_sum());
   if (!control) return std::unexpected(std::move(control).error());
@@ -148,6 +152,9 @@ Status Journal::last_snapshot() {
        .control = std::move(*control)});
   commit(std::move(group));
   HELIO_TRY(committed);
+  changed_scenes_.clear();
+  snapshot_at_ = head_.last();
+  bytes_since_ = 0;
   sweep();
   return {};
 }

@@ -15,7 +15,7 @@ from worker import Worker
 
 STREAMS = 8
 KILLS = size(200, 6)
-ALIVE_SECONDS = size(0.7, 0.4)
+ALIVE_SECONDS = 0.4
 
 
 class Editor(Worker):
@@ -47,6 +47,9 @@ class Editor(Worker):
 
 
 def acknowledged(editors):
+    for editor in editors:
+        if editor.failed:
+            raise editor.failed
     return sum(len(editor.acknowledged) for editor in editors)
 
 

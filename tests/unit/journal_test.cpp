@@ -137,6 +137,41 @@ TEST_CASE("journal: a snapshot at the end, and nothing to replay after it") {
   CHECK(fingerprint(*found->scene.head()) == before);
 }
 
+TEST_CASE("journal: a start that has many edits to replay makes a snapshot of them at once") {
+  const u64 snapshot_edits = GENERATE(40, 60);
+  const Folder folder, crashed, killed;
+  Server server(folder.path());
+  const auto session = server.session();
+  const ScenePtr scene = server.create(*session, "room", v1::LIFETIME_DISK);
+  for (u64 number = 1; number <= 50; ++number)
+    REQUIRE(*apply(server, session, placed(scene->id, number, "a", float(number))));
+  crashed.copy(folder.path());
+  {
+    Server next(crashed.path(), snapshot_edits);
+    REQUIRE(next.opened);
+    killed.copy(crashed.path());
+  }
+  u64 replayed = 0;
+  {
+    Daemon& daemon = server.daemon;
+    const auto disk = [&](const std::string& name) {
+      return daemon.tenants.named(name)->ledger.disk;
+    };
+    const auto journal =
+        Journal::open({.folder = killed.path(), .disk = disk}, daemon.pool, daemon.log).value();
+    const auto count = [&](u64, const journal::Record&, const v1::Transaction*) {
+      ++replayed;
+      return Status();
+    };
+    REQUIRE(journal->read([](const journal::SceneRow&) { return Status(); }, count));
+  }
+  CHECK(replayed == (snapshot_edits < 50 ? 0 : 50));
+  Server last(killed.path());
+  REQUIRE(last.opened);
+  const ScenePtr found = last.daemon.scenes.open("room", *last.session()).value();
+  CHECK(fingerprint(*found->scene.head()) == fingerprint(*scene->scene.head()));
+}
+
 TEST_CASE("journal: arrays are files, and go when nothing needs them") {
   const Folder folder;
   Server server(folder.path(), 10);
