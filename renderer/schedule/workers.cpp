@@ -124,7 +124,9 @@ void Workers::run(const Task& task, const Post& post, Arenas& arenas) {
 
 void Workers::loop(const Post& post) {
   constexpr auto kLow = tbb::task_arena::priority::low;  // devices go first
-  Arenas arenas{.all{int(post.threads), 0, kLow}, .half{int(post.threads + 1) / 2, 0, kLow}};
+  const int all = int(post.threads);
+  // The second number: slots of callers. TBB warns where the others are more than its threads.
+  Arenas arenas{.all{all, 1, kLow}, .half{(all + 1) / 2, all > 1 ? 0u : 1u, kLow}};
   std::unique_lock lock(mutex_);
   for (;;) {
     std::optional<Queue::Turn> turn;

@@ -15,7 +15,7 @@ from worker import Worker
 
 STREAMS = 8
 KILLS = size(200, 6)
-ALIVE_SECONDS = 0.4
+ALIVE_SECONDS = 0.3
 
 
 class Editor(Worker):
