@@ -128,7 +128,7 @@ struct Config {
   bool is_private = false;
   int owner_pidfd = -1;
   int ready_fd = -1;
-  u32 threads = 0;                  // that render; 0: all cores
+  u32 threads = 0;                  // that render; 0: see --threads
   u32 devices = 0;                  // 0: all
   u64 spread_samples = 16'000'000;  // over all pixels of a picture
   u64 device_memory = 0;            // bytes of each; 0: nine tenths of what is free

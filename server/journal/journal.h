@@ -168,6 +168,7 @@ class Journal {
   // snapshots.cpp
   [[nodiscard]] bool is_due();  // under mutex_
   void snapshot_if_due();
+  void begin_snapshot();
   void shrink();
   [[nodiscard]] std::vector<SceneState> capture(const std::set<u64>& scenes);
   [[nodiscard]] Expected<std::shared_ptr<Control>> encode(std::vector<SceneState> states,

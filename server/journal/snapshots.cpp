@@ -34,10 +34,7 @@ void Journal::snapshot_if_due() {
     is_encoding_ = true;
     scenes.swap(changed_scenes_);
   }
-  snapshot_at_ = head_.last();
-  bytes_since_ = 0;
-  for (auto& [tenant, charge] : charges_) old_charges_[tenant].merge(std::move(charge));
-  charges_.clear();
+  begin_snapshot();
   auto states = std::make_shared<std::vector<SceneState>>(capture(scenes));
   const auto end = [this, scenes](const Status& made) {
     if (!made) log_.warning("the journal has no new snapshot", {{"reason", made.error().message}});
@@ -61,6 +58,14 @@ void Journal::snapshot_if_due() {
         end(made);
       });
   if (!posted) end(posted);
+}
+
+/// What is counted from now on is for the one after it.
+void Journal::begin_snapshot() {
+  snapshot_at_ = head_.last();
+  bytes_since_ = 0;
+  for (auto& [tenant, charge] : charges_) old_charges_[tenant].merge(std::move(charge));
+  charges_.clear();
 }
 
 std::vector<SceneState> Journal::capture(const std::set<u64>& scenes) {
@@ -145,6 +150,7 @@ Status Journal::encode_here() {
   if (changed_scenes_.empty()) return {};
   auto control = encode(capture(changed_scenes_), head_.last(), head_.last_sum());
   if (!control) return std::unexpected(std::move(control).error());
+  begin_snapshot();
   std::vector<Item> group;
   Status committed;
   group.push_back(
@@ -153,8 +159,6 @@ Status Journal::encode_here() {
   commit(std::move(group));
   HELIO_TRY(committed);
   changed_scenes_.clear();
-  snapshot_at_ = head_.last();
-  bytes_since_ = 0;
   sweep();
   return {};
 }
