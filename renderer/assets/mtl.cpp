@@ -152,7 +152,7 @@ class Maker {
   }
 
  private:
-  void use(std::optional<TextureUsePatch>& out, const std::optional<Map>& map, bool srgb) {
+  void use(Boxed<TextureUsePatch>& out, const std::optional<Map>& map, bool srgb) {
     if (!map) return;
     const Wrap wrap = map->clamp ? Wrap::kClamp : Wrap::kRepeat;
     out = textures_.use({map->path, map->where, srgb, wrap, wrap});

@@ -4,11 +4,11 @@
 
 namespace heliograph::assets {
 
-std::optional<TextureUsePatch> TextureFiles::use(const TextureFile& file) {
+Boxed<TextureUsePatch> TextureFiles::use(const TextureFile& file) {
   const BundleFile* found = builder_.bundle.find(file.path);
   if (!found) {
     builder_.missing(file.path);
-    return std::nullopt;
+    return {};
   }
   const auto key = std::tuple(file.path, file.srgb, file.wrap_u, file.wrap_v);
   auto known = textures_.find(key);

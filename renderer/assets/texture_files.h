@@ -24,8 +24,8 @@ class TextureFiles {
  public:
   explicit TextureFiles(Builder& builder) : builder_(builder) {}
 
-  /// nullopt: the bundle lacks the file, which the builder now knows.
-  [[nodiscard]] std::optional<TextureUsePatch> use(const TextureFile& file);
+  /// Nothing: the bundle lacks the file, which the builder now knows.
+  [[nodiscard]] Boxed<TextureUsePatch> use(const TextureFile& file);
   /// The channel that an opacity is in: alpha where there is one.
   [[nodiscard]] u32 opacity_channel(const TextureUsePatch& use) const;
 

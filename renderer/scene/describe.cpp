@@ -10,12 +10,12 @@
 namespace heliograph {
 namespace {
 
-/// Owns: the edits so far. Objects are created in the order of their indices, kind by kind, so
+/// Objects are created in the order of their indices, kind by kind, so
 /// that they get the same order again. An entity whose ancestors come later gets its parent and its
 /// mesh or volume in a second edit, when they are there: the default of its label depends on them.
 class Description {
  public:
-  explicit Description(const Snapshot& snapshot) : scene_(snapshot) {}
+  Description(const Snapshot& snapshot, const TakeEdit& take) : scene_(snapshot), take_(take) {}
 
   SceneDescription make() {
     scene_.textures.for_each([&](u32 i, const Shared<Texture>& row) {
@@ -33,15 +33,18 @@ class Description {
     });
     settings();
     entities();
-    return {.scene = std::move(transaction_), .previous = previous(), .libraries = libraries()};
+    return {.scene = {}, .previous = previous(), .libraries = libraries()};
   }
 
  private:
   void add(Id id, Action action) {
     const std::string name = scene_.name_of(id);
-    edit_of_[id] = u32(transaction_.edits.size());
-    transaction_.edits.push_back(
-        {.target = name.empty() ? Ref() : Ref(name), .action = std::move(action)});
+    edit_of_[id] = made_;
+    give({.target = name.empty() ? Ref() : Ref(name), .action = std::move(action)});
+  }
+  void give(Edit edit) {
+    take_(std::move(edit));
+    ++made_;
   }
   [[nodiscard]] Ref ref(Id id) const {
     return id ? Ref(CreatedByEdit{edit_of_.at(id)}) : Ref(Id{});
@@ -93,7 +96,7 @@ class Description {
                            .world_from_dome = dome->world_from_dome,
                            .camera_visible = dome->camera_visible,
                            .light_group = dome->light_group};
-    transaction_.edits.push_back({.target = {}, .action = std::move(patch)});
+    give({.target = {}, .action = std::move(patch)});
   }
 
   // -------------------------------------------------------------- entities
@@ -121,9 +124,9 @@ class Description {
     });
   }
   void change(u32 index, PutEntity patch) {
-    transaction_.edits.push_back({.mode = Mode::kUpdate,
-                                  .target = ref(scene_.entity_id(index)),
-                                  .action = std::move(patch)});
+    give({.mode = Mode::kUpdate,
+          .target = ref(scene_.entity_id(index)),
+          .action = std::move(patch)});
   }
   [[nodiscard]] u32 depth(u32 index) const {
     u32 above = 0;
@@ -187,9 +190,9 @@ class Description {
   }
   /// An entity that lost its labelled ancestor since it got its mesh or volume opts out, which
   /// shows the same.
-  [[nodiscard]] std::optional<LabelPatch> label(const Entity& e) const {
+  [[nodiscard]] Boxed<LabelPatch> label(const Entity& e) const {
     const bool says = e.label.set || ((e.mesh || e.volume) && !labelled_above(e));
-    if (!says && e.label.category == 0 && e.label.part == 0) return std::nullopt;
+    if (!says && e.label.category == 0 && e.label.part == 0) return {};
     LabelPatch patch{.kind = says ? LabelPatch::Kind::kValue : LabelPatch::Kind::kInherit,
                      .value = e.label.value,
                      .group = e.label.group,
@@ -256,12 +259,23 @@ class Description {
   }
 
   const Snapshot& scene_;
-  Transaction transaction_;
+  const TakeEdit& take_;
+  u32 made_ = 0;  // edits
   std::unordered_map<Id, u32> edit_of_;
 };
 
 }  // namespace
 
-SceneDescription describe(const Snapshot& snapshot) { return Description(snapshot).make(); }
+SceneDescription describe(const Snapshot& snapshot, const TakeEdit& take) {
+  return Description(snapshot, take).make();
+}
+
+SceneDescription describe(const Snapshot& snapshot) {
+  Transaction scene;
+  SceneDescription all =
+      describe(snapshot, [&](Edit edit) { scene.edits.push_back(std::move(edit)); });
+  all.scene = std::move(scene);
+  return all;
+}
 
 }  // namespace heliograph

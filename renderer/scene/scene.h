@@ -2,6 +2,7 @@
 #pragma once
 
 #include <deque>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -87,6 +88,10 @@ struct SceneDescription {
   std::vector<KeptLibrary> libraries;  // ordered by hash
 };
 [[nodiscard]] SceneDescription describe(const Snapshot& snapshot);
+/// The same, but for `scene`, whose edits go to `take` one by one: a large scene is not there
+/// twice.
+using TakeEdit = std::function<void(Edit)>;
+[[nodiscard]] SceneDescription describe(const Snapshot& snapshot, const TakeEdit& take);
 
 /// The snapshot of a description, at revision 1. Fails as apply() does, with `where` beneath
 /// "transaction", "previous" or "libraries[i]"; INVALID_ARGUMENT when the parts do not fit

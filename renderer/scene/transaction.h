@@ -9,6 +9,7 @@
 #include <variant>
 #include <vector>
 
+#include "renderer/base/boxed.h"
 #include "renderer/scene/components.h"
 
 namespace heliograph {
@@ -62,20 +63,20 @@ struct PutEntity {
   std::optional<PosePatch> pose;
   std::optional<Ref> mesh;
   std::optional<std::vector<Ref>> materials;
-  std::optional<std::optional<LightPatch>> light;  // inner nullopt: removed
-  std::optional<std::optional<Portal>> portal;
-  std::optional<std::optional<Camera>> camera;
-  std::optional<Ref> volume;
-  std::optional<std::optional<SkinPatch>> skin;
-  std::optional<std::optional<MorphWeights>> morph_weights;
-  std::optional<LabelPatch> label;
+  Boxed<std::optional<LightPatch>> light;  // inner nullopt: removed
+  Boxed<std::optional<Portal>> portal;
+  Boxed<std::optional<Camera>> camera;
+  Boxed<Ref> volume;
+  Boxed<std::optional<SkinPatch>> skin;
+  Boxed<std::optional<MorphWeights>> morph_weights;
+  Boxed<LabelPatch> label;
   std::optional<bool> visible;
   std::optional<u8> visibility;  // RayMask bits
   std::optional<bool> is_static;
   std::optional<bool> shadow_catcher;
   bool teleport = false;
-  std::optional<Attributes> attributes;
-  std::optional<std::string> light_group;
+  Boxed<Attributes> attributes;
+  Boxed<std::string> light_group;
 };
 
 /// A whole topology, or only new vertices for the present one; a new mesh needs both.
@@ -86,12 +87,12 @@ struct PutMesh {
 
 struct ParameterPatch {
   std::optional<vec3> value;
-  std::optional<TextureUsePatch> texture;
+  Boxed<TextureUsePatch> texture;
 };
 struct PutMaterial {
   /// By MaterialParameter. Not in the patch itself, as an Edit is as large as its largest action.
   std::vector<ParameterPatch> parameters = std::vector<ParameterPatch>(kMaterialParameters);
-#define HELIO_MAP(name) std::optional<TextureUsePatch> name;
+#define HELIO_MAP(name) Boxed<TextureUsePatch> name;
   HELIO_NORMAL_MAPS(HELIO_MAP)
 #undef HELIO_MAP
   std::optional<AlphaMode> alpha_mode;
@@ -146,7 +147,7 @@ struct Instantiate {
   std::shared_ptr<const Asset> asset;
   std::optional<Ref> parent;
   std::optional<PosePatch> pose;
-  std::optional<LabelPatch> label;
+  Boxed<LabelPatch> label;
   std::vector<std::pair<std::string, Ref>> materials;  // overrides, by the asset's material name
   std::optional<u32> animation;                        // clip to bind; nullopt: none
 };

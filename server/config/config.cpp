@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <charconv>
 #include <cstdlib>
-#include <thread>
 
 #include "renderer/device/backend.h"
 #include "server/config/config_file.h"
@@ -18,15 +17,6 @@
 
 namespace heliograph::server {
 namespace {
-
-constexpr u32 kManyCores = 8;
-
-/// All cores. Of many, one is left to what is quick: without, threads that answer calls wait for
-/// the kernel to take a core from one that renders.
-u32 default_threads() {
-  const u32 cores = std::max(1u, std::thread::hardware_concurrency());
-  return cores < kManyCores ? cores : cores - 1;
-}
 
 std::string default_socket() {
   const char* runtime = std::getenv("XDG_RUNTIME_DIR");
@@ -116,8 +106,10 @@ void add_flags(CLI::App& app, Config& config) {
   app.add_option("--owner-pidfd", config.owner_pidfd, "Inherited pidfd of the owner");
   app.add_option("--ready-fd", config.ready_fd,
                  "Inherited descriptor that gets one line of JSON when connections are taken");
-  app.add_option("--threads", config.threads,
-                 "Render threads; 0: as many as there are cores, of 8 or more one less")
+  app.add_option(
+         "--threads", config.threads,
+         "Render threads; 0: as many as there are cores (or the container's quota makes), of 8 "
+         "or more one less")
       ->capture_default_str();
   app.add_option("--backend", config.backend, "Render backend")->capture_default_str();
   app.add_option("--devices", config.devices,
@@ -190,7 +182,6 @@ Status complete(const CLI::App& app, const Extra& extra, Config& config) {
   if (config.socket.empty())
     config.socket =
         extra.socket_dir.empty() ? default_socket() : extra.socket_dir + "/heliograph.sock";
-  if (config.threads == 0) config.threads = default_threads();
   HELIO_TRY(check_security(config));
   if (config.token_file.empty())
     config.token_file = config.socket.substr(0, config.socket.rfind('/') + 1) + "token";

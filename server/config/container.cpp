@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 #include <sys/resource.h>
+#include <tbb/info.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -19,6 +20,7 @@ constexpr u64 kNoLimit = std::numeric_limits<u64>::max();
 constexpr u64 kOwnDescriptors = 64;     // of gRPC, the decoder, the journal, logs, metrics
 constexpr u64 kFewDescriptors = 8;      // are left to frames in any case
 constexpr u64 kDescriptorsAClient = 3;  // its connection, our duplicate, its lifeline
+constexpr u64 kManyCores = 8;
 
 /// A number in a file of the kernel; "max" and what is not there are no limit.
 u64 number_in(const std::string& path) {
@@ -30,12 +32,57 @@ u64 number_in(const std::string& path) {
   return parsed.ec == std::errc() ? number : kNoLimit;
 }
 
-/// From a group up to the root of its hierarchy.
-u64 least_upwards(const std::string& root, std::string group, const std::string& name) {
-  u64 least = number_in(root + "/" + name);
+u64 cores_of(u64 quota, u64 period) {
+  return quota == kNoLimit || period == 0 ? kNoLimit
+                                          : std::max<u64>(1, (quota + period - 1) / period);
+}
+/// "max 100000" or "150000 100000": microseconds in so many.
+u64 cores_in(const std::string& path) {
+  std::ifstream file(path);
+  u64 quota = 0, period = 0;
+  return file >> quota >> period ? cores_of(quota, period) : kNoLimit;
+}
+
+/// The least of a group and those above it, up to the root of its hierarchy.
+template <class Read>
+u64 least_upwards(const std::string& root, std::string group, const Read& read) {
+  u64 least = read(root);
   while (!group.empty() && group != "/") {
-    least = std::min(least, number_in(root + group + "/" + name));
+    least = std::min(least, read(root + group));
     group.resize(group.rfind('/') == std::string::npos ? 0 : group.rfind('/'));
+  }
+  return least;
+}
+
+/// How one controller's limit is read from a group's folder, version 1 or 2.
+struct Controller {
+  const char* name;
+  u64 (*now)(const std::string& folder);
+  u64 (*version_1)(const std::string& folder);
+};
+constexpr Controller kMemory{
+    "memory", [](const std::string& f) { return number_in(f + "/memory.max"); },
+    [](const std::string& f) { return number_in(f + "/memory.limit_in_bytes"); }};
+constexpr Controller kCores{"cpu", [](const std::string& f) { return cores_in(f + "/cpu.max"); },
+                            [](const std::string& f) {
+                              return cores_of(number_in(f + "/cpu.cfs_quota_us"),
+                                              number_in(f + "/cpu.cfs_period_us"));
+                            }};
+
+/// own   lines of NUMBER:CONTROLLERS:GROUP
+u64 least_of(const Controller& controller, const std::string& own, const std::string& root) {
+  u64 least = kNoLimit;
+  std::istringstream lines(own);
+  for (std::string line; std::getline(lines, line);) {
+    const auto first = line.find(':'), second = line.find(':', first + 1);
+    if (second == std::string::npos) continue;
+    const std::string names = fmt::format(",{},", line.substr(first + 1, second - first - 1));
+    const std::string group = line.substr(second + 1);
+    if (names == ",,")
+      least = std::min(least, least_upwards(root, group, controller.now));
+    else if (names.find(fmt::format(",{},", controller.name)) != std::string::npos)
+      least = std::min(least, least_upwards(fmt::format("{}/{}", root, controller.name), group,
+                                            controller.version_1));
   }
   return least;
 }
@@ -107,22 +154,18 @@ void fit_descriptors(Fitting& fitting, const Limits& limits, u64 machine) {
                 machine > taken + kFewDescriptors ? machine - taken : kFewDescriptors);
 }
 
+/// Of many cores, one is left to what is quick: without, threads that answer calls wait for the
+/// kernel to take a core from one that renders.
+u32 threads_of(u64 cores) { return u32(cores < kManyCores ? cores : cores - 1); }
+
 }  // namespace
 
 u64 cgroup_memory(const std::string& own, const std::string& root) {
-  u64 least = kNoLimit;
-  std::istringstream lines(own);
-  for (std::string line; std::getline(lines, line);) {  // NUMBER:CONTROLLERS:GROUP
-    const auto first = line.find(':'), second = line.find(':', first + 1);
-    if (second == std::string::npos) continue;
-    const std::string controllers = fmt::format(",{},", line.substr(first + 1, second - first - 1));
-    const std::string group = line.substr(second + 1);
-    if (controllers == ",,")
-      least = std::min(least, least_upwards(root, group, "memory.max"));
-    else if (controllers.find(",memory,") != std::string::npos)
-      least = std::min(least, least_upwards(root + "/memory", group, "memory.limit_in_bytes"));
-  }
-  return least;
+  return least_of(kMemory, own, root);
+}
+
+u64 cgroup_cores(const std::string& own, const std::string& root) {
+  return least_of(kCores, own, root);
 }
 
 Machine this_machine() {
@@ -136,13 +179,16 @@ Machine this_machine() {
   ::setrlimit(RLIMIT_NOFILE, &files);
   ::getrlimit(RLIMIT_NOFILE, &files);
   return {.memory = std::min(machine, cgroup_memory(own.str(), "/sys/fs/cgroup")),
-          .descriptors = files.rlim_cur};
+          .descriptors = files.rlim_cur,
+          .cores = std::min(u64(tbb::info::default_concurrency()),
+                            cgroup_cores(own.str(), "/sys/fs/cgroup"))};
 }
 
 std::vector<Fitted> fit(Config& config, const Machine& machine) {
   Fitting fitting(config);
   fit_memory(fitting, config.limits, machine.memory);
   fit_descriptors(fitting, config.limits, machine.descriptors);
+  if (config.threads == 0) config.threads = threads_of(machine.cores);
   return std::move(fitting).all();
 }
 

@@ -16,9 +16,14 @@ namespace heliograph::server {
 /// Returns the largest u64 where there is no limit.
 [[nodiscard]] u64 cgroup_memory(const std::string& own, const std::string& root);
 
+/// Processors that the quotas of the cgroup and those above it make, rounded up, version 1 or 2.
+/// The largest u64 where there is no quota.
+[[nodiscard]] u64 cgroup_cores(const std::string& own, const std::string& root);
+
 struct Machine {
   u64 memory = 0;       // bytes: the cgroup's, or the machine's where that is less
   u64 descriptors = 0;  // RLIMIT_NOFILE
+  u64 cores = 1;        // that this process may run on, or its quota where that is less
 };
 /// Raises the soft limit of descriptors to the hard one.
 [[nodiscard]] Machine this_machine();
@@ -31,7 +36,8 @@ struct Fitted {
   bool is_kept = false;  // the operator set it, so it stays what it was
 };
 /// Lowers limits that nobody set to their part of the machine: the parts of one kind add up to what
-/// there is. `connections` is lowered in any case, because more cannot be open.
+/// there is. `connections` is lowered in any case, because more cannot be open. Sets `threads`
+/// where nobody did: all cores, or of 8 and more all but one, for what is quick.
 [[nodiscard]] std::vector<Fitted> fit(Config& config, const Machine& machine);
 
 }  // namespace heliograph::server

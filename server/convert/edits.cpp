@@ -200,9 +200,10 @@ struct WriteAction {
   void operator()(const Prune&) const { edit.mutable_prune(); }
 };
 
-}  // namespace
-
-Expected<Transaction> to_transaction(const v1::Transaction& message, ArraySource& source) {
+/// Reads each edit, then does `after` with its index.
+template <class After>
+Expected<Transaction> read_edits(const v1::Transaction& message, ArraySource& source,
+                                 const After& after) {
   HELIO_TRY(check_known(message));
   Transaction transaction;
   transaction.edits.reserve(std::size_t(message.edits_size()));
@@ -210,19 +211,33 @@ Expected<Transaction> to_transaction(const v1::Transaction& message, ArraySource
     auto edit = to_edit(message.edits(i), source);
     if (!edit) return std::unexpected(std::move(edit).error().at(indexed("edits", u64(i))));
     transaction.edits.push_back(std::move(*edit));
+    after(i);
   }
   return transaction;
 }
 
+}  // namespace
+
+Expected<Transaction> to_transaction(const v1::Transaction& message, ArraySource& source) {
+  return read_edits(message, source, [](int) {});
+}
+
+Expected<Transaction> to_transaction(v1::Transaction&& message, ArraySource& source) {
+  return read_edits(message, source, [&](int i) { message.mutable_edits(i)->Clear(); });
+}
+
+v1::Edit to_proto(const Edit& edit, const ArraySink& sink) {
+  v1::Edit message;
+  message.set_mode(v1::Edit::Mode(edit.mode));
+  if (!std::holds_alternative<std::monostate>(edit.target))
+    *message.mutable_target() = to_proto(edit.target);
+  std::visit(WriteAction{message, sink}, edit.action);
+  return message;
+}
+
 v1::Transaction to_proto(const Transaction& transaction, const ArraySink& sink) {
   v1::Transaction message;
-  for (const Edit& edit : transaction.edits) {
-    v1::Edit* out = message.add_edits();
-    out->set_mode(v1::Edit::Mode(edit.mode));
-    if (!std::holds_alternative<std::monostate>(edit.target))
-      *out->mutable_target() = to_proto(edit.target);
-    std::visit(WriteAction{*out, sink}, edit.action);
-  }
+  for (const Edit& edit : transaction.edits) *message.add_edits() = to_proto(edit, sink);
   return message;
 }
 

@@ -58,7 +58,7 @@ Status read_bindings(const v1::Entity& message, ArraySource& source, PutEntity& 
 
 /// Writes a component, or its name into `clear` when it is taken away.
 template <class T, class Write>
-void write_component(const std::optional<std::optional<T>>& component, const char* name,
+void write_component(const Boxed<std::optional<T>>& component, const char* name,
                      v1::Entity& message, Write&& write) {
   if (component && *component)
     write(**component);

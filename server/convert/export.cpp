@@ -10,8 +10,9 @@ namespace heliograph::server {
 v1::SceneChunk::Header scene_header(const Snapshot& snapshot, const ArraySink& sink) {
   v1::SceneChunk::Header header;
   header.set_format(kSceneFormat);
-  const SceneDescription description = describe(snapshot);
-  *header.mutable_transaction() = to_proto(description.scene, sink);
+  v1::Transaction& scene = *header.mutable_transaction();
+  const SceneDescription description =
+      describe(snapshot, [&](const Edit& edit) { *scene.add_edits() = to_proto(edit, sink); });
   if (!description.previous.edits.empty())
     *header.mutable_previous() = to_proto(description.previous, sink);
   for (const auto& kept : description.libraries) {

@@ -13,9 +13,10 @@
 
 namespace heliograph::server {
 
-/// The header of a scene file without its blobs: the edits that make the scene. And back.
+/// The header of a scene file without its blobs: the edits that make the scene. And back, which
+/// takes the edits out of the header.
 [[nodiscard]] v1::SceneChunk::Header scene_header(const Snapshot& snapshot, const ArraySink& sink);
-[[nodiscard]] Expected<SceneDescription> to_description(const v1::SceneChunk::Header& header,
+[[nodiscard]] Expected<SceneDescription> to_description(v1::SceneChunk::Header&& header,
                                                         ArraySource& source);
 
 /// A snapshot as a self-contained sequence of chunks, made one at a time: the header with the edits

@@ -24,11 +24,12 @@ Expected<SceneDescription::KeptLibrary> to_library(const v1::SceneChunk::Library
 
 }  // namespace
 
-Expected<SceneDescription> to_description(const v1::SceneChunk::Header& header,
-                                          ArraySource& source) {
+Expected<SceneDescription> to_description(v1::SceneChunk::Header&& header, ArraySource& source) {
   SceneDescription description;
-  HELIO_TAKE(description.scene, to_transaction(header.transaction(), source), "transaction");
-  HELIO_TAKE(description.previous, to_transaction(header.previous(), source), "previous");
+  HELIO_TAKE(description.scene, to_transaction(std::move(*header.mutable_transaction()), source),
+             "transaction");
+  HELIO_TAKE(description.previous, to_transaction(std::move(*header.mutable_previous()), source),
+             "previous");
   for (int i = 0; i < header.libraries_size(); ++i)
     HELIO_TAKE(description.libraries.emplace_back(), to_library(header.libraries(i)),
                indexed("libraries", u64(i)));

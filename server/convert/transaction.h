@@ -46,8 +46,11 @@ using ArraySink = std::function<void(const BufferPtr& bytes, v1::Array& array)>;
 /// what is wrong and the remedy; UNIMPLEMENTED names an unknown field by its path and number.
 [[nodiscard]] Expected<Transaction> to_transaction(const v1::Transaction& message,
                                                    ArraySource& source);
+/// The same; each edit of the message is freed when it is read: a large scene is not there twice.
+[[nodiscard]] Expected<Transaction> to_transaction(v1::Transaction&& message, ArraySource& source);
 /// The inverse: to_transaction(to_proto(t)) equals t.
 [[nodiscard]] v1::Transaction to_proto(const Transaction& transaction, const ArraySink& sink);
+[[nodiscard]] v1::Edit to_proto(const Edit& edit, const ArraySink& sink);
 
 /// A pose or morph weights on their own, for animations and Read.
 [[nodiscard]] Expected<PosePatch> to_pose(const v1::Pose& message, ArraySource& source);

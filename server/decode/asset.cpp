@@ -19,7 +19,8 @@ bool within(const Ref& ref, u64 limit) {
   return created && created->edit < limit;
 }
 bool within(const std::optional<Ref>& ref, u64 limit) { return !ref || within(*ref, limit); }
-bool within(const std::optional<TextureUsePatch>& use, u64 limit) {
+bool within(const Boxed<Ref>& ref, u64 limit) { return !ref || within(*ref, limit); }
+bool within(const Boxed<TextureUsePatch>& use, u64 limit) {
   return !use || within(use->texture, limit);
 }
 

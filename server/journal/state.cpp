@@ -91,7 +91,7 @@ Expected<std::vector<BlobFilePtr>> store_state(SceneState& state, BlobFiles& fil
 
 Expected<std::shared_ptr<const Snapshot>> decode_scene(journal::State& state, ArraySource& source,
                                                        const SceneLimits& limits) {
-  auto description = to_description(state.scene(), source);
+  auto description = to_description(std::move(*state.mutable_scene()), source);
   if (!description) return std::unexpected(std::move(description).error());
   state.clear_scene();
   auto numbers = from_proto(state.numbers());

@@ -100,12 +100,14 @@ Expected<ImportedScene> SceneImport::finish() {
   if (left_ > 0)
     return fail(Code::kInvalidArgument, "chunk",
                 fmt::format("blob {} lacks {} bytes; the file is cut short", blob_ - 1, left_));
-  auto description = to_description(*header_, holdings_);
+  ImportedScene scene{.description = {},
+                      .request_id = header_->request_id(),
+                      .name = header_->name(),
+                      .lifetime = header_->lifetime()};
+  auto description = to_description(std::move(*header_), holdings_);
   if (!description) return std::unexpected(std::move(description).error().at("header"));
-  return ImportedScene{.description = std::move(*description),
-                       .request_id = header_->request_id(),
-                       .name = header_->name(),
-                       .lifetime = header_->lifetime()};
+  scene.description = std::move(*description);
+  return scene;
 }
 
 }  // namespace heliograph::server

@@ -89,6 +89,7 @@ def seconds_until(condition, limit=30.0):
     while not condition():
         if time.perf_counter() - start > limit:
             raise TimeoutError("did not come true")
+        time.sleep(0.001)
     return time.perf_counter() - start
 
 

@@ -114,8 +114,7 @@ def main():
             seconds_until(lambda before=before: acknowledged(editors) > before)
             start = time.perf_counter()
             time.sleep(ALIVE_SECONDS)
-            daemon.process.kill()
-            daemon.process.wait()
+            daemon.kill()
             alive += time.perf_counter() - start
             daemon = Served(folder, *flags)
         for editor in editors:

@@ -114,8 +114,7 @@ def main():
         report.figure("until health says so", said, 1, "s")
         info = client.info()
         report.figure("journal is not writing", info.journal != info.JOURNAL_WRITING, 0)
-        daemon.process.kill()
-        daemon.process.wait()
+        daemon.kill()
         client.connection.close()
         daemon = Served(folder, "--state-dir", state)
         with hg.connect(daemon.socket) as client:

@@ -64,8 +64,7 @@ def growth(report, folder):
         for number in range(EDITS):
             scene.apply(entity_of("one", number, ATTRIBUTE))
             most = max(most, on_disk(state))
-        daemon.process.kill()
-        daemon.process.wait()
+        daemon.kill()
     print(f"  {EDITS} edits of {ATTRIBUTE / MEGA:.0f} MiB: {most / MEGA:.0f} MiB of disk at most")
     daemon = restarted(report, folder, state, "large edits")
     with hg.connect(daemon.socket) as client:
@@ -97,14 +96,35 @@ def many_edits(report, folder):
             if reply.revision % 10_000 == 0:
                 most = max(most, on_disk(state))
         took = time.perf_counter() - begun
-        daemon.process.kill()
-        daemon.process.wait()
+        daemon.kill()
     print(f"  {SMALL} edits, {SMALL / took:.0f} a second: {most / MEGA:.1f} MiB of disk at most")
     daemon = restarted(report, folder, state, "small edits")
     with hg.connect(daemon.socket) as client:
         revision = client.open_scene("room").revision
         report.figure("small edits lost", SMALL - revision, 0, slack=False)
     daemon.stop()
+
+
+def one_scene(report, folder):
+    """A scene of many entities, made by so many edits that recovery writes a snapshot as well."""
+    state = folder / "state"
+    edits = size(110_000, 5_000)
+    daemon = Served(folder, "--state-dir", state, "--limit", f"snapshot_edits={edits * 10 // 11}")
+    with hg.connect(daemon.socket) as client:
+        scene = client.create_scene("room", lifetime="disk")
+        for number in range(edits):
+            with scene.edit() as edit:
+                for name in (f"a{number}", f"b{number}"):
+                    edit.entity(name, attributes={"text": "x"})
+                if number % 10 == 0:
+                    edit.material(f"m{number}", base_color=(0.5, 0.5, 0.5))
+        daemon.kill()
+    for name in ("one scene", "its snapshot"):
+        daemon = restarted(report, folder, state, name)
+        with hg.connect(daemon.socket) as client:
+            entities = client.open_scene("room").describe().counts.entities
+            report.figure(f"{name}: entities lost", 2 * edits - entities, 0, slack=False)
+        daemon.kill()
 
 
 def many_scenes(report, folder):
@@ -116,8 +136,7 @@ def many_scenes(report, folder):
             scene = client.create_scene(f"room {k}", lifetime="disk")
             for number in range(4):
                 scene.apply(entity_of(f"e{number}", number, 2 * ATTRIBUTE // 5))
-        daemon.process.kill()
-        daemon.process.wait()
+        daemon.kill()
     restarted(report, folder, state, "many scenes").stop()
 
 
@@ -232,8 +251,7 @@ def filled_by_others(report, disk, tenants):
     took = seconds_until(lambda: small.make() is None)
     report.figure("edits go on after", took, 5, "s")
     made = small.made
-    daemon.process.kill()
-    daemon.process.wait()
+    daemon.kill()
     daemon = Served(disk.parent, *flags)
     with hg.connect(daemon.socket, token=TOKENS["vision"]) as client:
         entities = client.open_scene("vision").describe().counts.entities
@@ -253,7 +271,7 @@ def deleted(scene):
 
 def main():
     with Report("journal") as report:
-        for part in (growth, many_edits, many_scenes, beside):
+        for part in (growth, many_edits, one_scene, many_scenes, beside):
             with tempfile.TemporaryDirectory(prefix="hg-") as folder:
                 part(report, pathlib.Path(folder))
         for part in (filled_by_a_tenant, filled_by_others):

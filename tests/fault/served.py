@@ -104,6 +104,10 @@ class Served:
     def token(self):
         return (self.folder / "run/token").read_text()
 
+    def kill(self):
+        self.process.kill()
+        self.process.wait()
+
     @property
     def pid(self):
         return self.process.pid

@@ -50,6 +50,36 @@ TEST_CASE("container: version 1, and a container that sees only its own root") {
   CHECK(cgroup_memory("", tree.root) == kNone);
 }
 
+TEST_CASE("container: a quota of processors, of both versions, is rounded up") {
+  const Tree tree;
+  CHECK(cgroup_cores("0::/pods/one\n", tree.root) == kNone);
+  tree.write("pods/one/cpu.max", "max 100000");
+  CHECK(cgroup_cores("0::/pods/one\n", tree.root) == kNone);
+  tree.write("pods/cpu.max", "350000 100000");
+  CHECK(cgroup_cores("0::/pods/one\n", tree.root) == 4);
+  tree.write("pods/one/cpu.max", "50000 100000");
+  CHECK(cgroup_cores("0::/pods/one\n", tree.root) == 1);
+  tree.write("cpu/docker/abc/cpu.cfs_quota_us", "-1");
+  tree.write("cpu/docker/abc/cpu.cfs_period_us", "100000");
+  CHECK(cgroup_cores("4:cpu,cpuacct:/docker/abc\n", tree.root) == kNone);
+  tree.write("cpu/docker/abc/cpu.cfs_quota_us", "600000");
+  CHECK(cgroup_cores("4:cpu,cpuacct:/docker/abc\n", tree.root) == 6);
+}
+
+TEST_CASE("container: threads are as many as cores, of many all but one, or what was set") {
+  const auto threads = [](u64 cores, u32 set) {
+    Config config;
+    config.threads = set;
+    (void)fit(config, {.memory = 1ull << 40, .descriptors = 1 << 20, .cores = cores});
+    return config.threads;
+  };
+  CHECK(threads(1, 0) == 1);
+  CHECK(threads(7, 0) == 7);
+  CHECK(threads(8, 0) == 7);
+  CHECK(threads(64, 0) == 63);
+  CHECK(threads(64, 3) == 3);
+}
+
 TEST_CASE("container: limits are lowered to their part of what there is") {
   Config config;
   const auto fitted = fit(config, {.memory = 8ull << 30, .descriptors = 8192});

@@ -15,7 +15,7 @@ using enum MaterialParameter;
 /// A colour or a texture, whichever the file gives.
 struct Value {
   vec4 color{1};
-  std::optional<TextureUsePatch> texture;
+  Boxed<TextureUsePatch> texture;
 };
 
 Wrap wrap_of(const Node& sampler, const char* key) {
@@ -96,7 +96,7 @@ class Reader {
   }
 
   /// By a sampler and its surface, or by the image itself.
-  std::optional<TextureUsePatch> use(std::string_view name, bool srgb, const std::string& where) {
+  Boxed<TextureUsePatch> use(std::string_view name, bool srgb, const std::string& where) {
     const Node sampler = parameter(name).child("sampler2D");
     Node image;
     if (const Node direct = sampler.child("instance_image")) {
@@ -108,7 +108,7 @@ class Reader {
     if (!image) {
       builder_.warn(fmt::format("{}: texture '{}' has no image and is left out", where,
                                 clean_name(name, "?")));
-      return std::nullopt;
+      return {};
     }
     const Node from = image.child("init_from");
     std::string path(trimmed(from.child("ref") ? from.child_value("ref") : from.text().get()));

@@ -55,9 +55,9 @@ class Reader {
     if (info) put_.parameters[std::size_t(parameter)].texture = textures_.use(*info, srgb, channel);
   }
 
-  std::optional<TextureUsePatch> normal_map(const Value& owner, const std::string& key) {
+  Boxed<TextureUsePatch> normal_map(const Value& owner, const std::string& key) {
     const auto info = owner.find(key);
-    if (!info) return std::nullopt;
+    if (!info) return {};
     auto map = textures_.use(*info, false, 0);
     if (map) map->use.scale = float(info->number("scale", 1));
     return map;

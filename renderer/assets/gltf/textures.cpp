@@ -66,10 +66,10 @@ std::optional<Textures::Slot> Textures::slot_of(const Value& texture, u32 index)
   return slot;
 }
 
-std::optional<TextureUsePatch> Textures::use(const Value& info, bool srgb, u32 channel) {
+Boxed<TextureUsePatch> Textures::use(const Value& info, bool srgb, u32 channel) {
   const u32 index = info.at("index").index(document_.count("textures"));
   std::optional<Slot> slot = slot_of(document_.item("textures", index), index);
-  if (!slot) return std::nullopt;
+  if (!slot) return {};
   slot->srgb = srgb;
   const auto same = [&](const Slot& other) {
     Slot a = other;

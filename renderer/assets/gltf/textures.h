@@ -14,10 +14,10 @@ class Textures {
  public:
   Textures(Document& document, Builder& builder) : document_(document), builder_(builder) {}
 
-  /// The use that a textureInfo describes; nullopt when its image cannot be had (reported).
+  /// The use that a textureInfo describes; nothing when its image cannot be had (reported).
   ///
   /// channel  the component a scalar parameter reads; ignored for colours
-  [[nodiscard]] std::optional<TextureUsePatch> use(const Value& info, bool srgb, u32 channel);
+  [[nodiscard]] Boxed<TextureUsePatch> use(const Value& info, bool srgb, u32 channel);
 
   /// Decodes what was used, on all processors, and adds the texture edits to the library.
   void make_library();
