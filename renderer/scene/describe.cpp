@@ -10,9 +10,9 @@
 namespace heliograph {
 namespace {
 
-/// Objects are created in the order of their indices, kind by kind, so
-/// that they get the same order again. An entity whose ancestors come later gets its parent and its
-/// mesh or volume in a second edit, when they are there: the default of its label depends on them.
+/// Objects are created in the order of their indices, kind by kind, so that they get the same order
+/// again. An entity whose ancestors come later gets its parent and its mesh or volume in a second
+/// edit, when they are there: the default of its label depends on them.
 class Description {
  public:
   Description(const Snapshot& snapshot, const TakeEdit& take) : scene_(snapshot), take_(take) {}

@@ -88,9 +88,8 @@ struct SceneDescription {
   std::vector<KeptLibrary> libraries;  // ordered by hash
 };
 [[nodiscard]] SceneDescription describe(const Snapshot& snapshot);
-/// The same, but for `scene`, whose edits go to `take` one by one: a large scene is not there
-/// twice.
 using TakeEdit = std::function<void(Edit)>;
+/// The same, but for `scene`: its edits go to `take` one by one, and so need no room.
 [[nodiscard]] SceneDescription describe(const Snapshot& snapshot, const TakeEdit& take);
 
 /// The snapshot of a description, at revision 1. Fails as apply() does, with `where` beneath

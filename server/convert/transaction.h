@@ -46,7 +46,7 @@ using ArraySink = std::function<void(const BufferPtr& bytes, v1::Array& array)>;
 /// what is wrong and the remedy; UNIMPLEMENTED names an unknown field by its path and number.
 [[nodiscard]] Expected<Transaction> to_transaction(const v1::Transaction& message,
                                                    ArraySource& source);
-/// The same; each edit of the message is freed when it is read: a large scene is not there twice.
+/// The same, which frees each edit of the message when it has read it.
 [[nodiscard]] Expected<Transaction> to_transaction(v1::Transaction&& message, ArraySource& source);
 /// The inverse: to_transaction(to_proto(t)) equals t.
 [[nodiscard]] v1::Transaction to_proto(const Transaction& transaction, const ArraySink& sink);

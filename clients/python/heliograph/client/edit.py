@@ -278,9 +278,9 @@ class Edits(DomeEdits, RobotEdits):
     ) -> Texture:
         """Creates or changes a texture.
 
-        image: a file's path (decoded by the daemon; .ies: a luminaire's candela), or an array
-        (H, W) or (H, W, C), row 0 at the top; u8 and u16 are normalised, f16 and f32 taken as they
-        are.
+        image: a file's path (decoded by the daemon; .ies: a luminaire's candela), an array (H, W)
+        or (H, W, C), row 0 at the top, or a PIL image; u8 and u16 are normalised, f16 and f32 taken
+        as they are. A PIL image of another mode than grey or RGB, with alpha or not, is converted.
         encoding: "srgb" or "linear"; default: u8 is sRGB. wrap: "repeat", "clamp" or "mirror", or
         one for each axis. filter: "linear" or "nearest".
         """

@@ -103,8 +103,38 @@ def texels_of(edits: Edits, image: Any) -> tuple[types.Array, str]:
     return edits.asset(_checked_texels(image)), ""
 
 
-def _checked_texels(image: Any) -> np.ndarray[Any, np.dtype[Any]]:
-    texels = np.asarray(image)
+#: What a PIL image of each mode is converted to, but for those whose numbers are no colours.
+_PIL_MODES = {"1": "L", "L": "L", "La": "LA", "LA": "LA"}
+_PIL_MODES |= dict.fromkeys(("PA", "RGBa", "RGBA"), "RGBA")
+_PIL_MODES |= dict.fromkeys(("RGB", "RGBX", "P", "CMYK", "YCbCr", "HSV"), "RGB")
+
+
+def is_pil(image: Any) -> bool:
+    """Whether it is a PIL image, which is known without loading PIL."""
+    return isinstance(getattr(image, "mode", None), str) and hasattr(image, "convert")
+
+
+def array_of(image: Any) -> NdArray:
+    """An array, or the texels of a PIL image: u8 (H, W) or (H, W, C), u16 for 16 bits."""
+    if not is_pil(image):
+        return np.asarray(image)
+    mode: str = image.mode
+    if mode.startswith("I;16"):
+        return np.asarray(image).astype("<u2")
+    if mode not in _PIL_MODES:
+        raise InvalidArgument(
+            f"image: the numbers of a PIL image of mode {mode!r} are no colours that can be shown;"
+            " give the image converted to RGB, or an array",
+            field="image",
+        )
+    wanted = _PIL_MODES[mode]
+    if "transparency" in image.info and wanted in ("L", "RGB"):
+        wanted += "A"
+    return np.asarray(image if mode == wanted else image.convert(wanted))
+
+
+def _checked_texels(image: Any) -> NdArray:
+    texels = array_of(image)
     if texels.dtype not in (np.uint8, np.uint16, np.float16, np.float32):
         if texels.dtype.kind != "f":
             raise InvalidArgument(

@@ -14,6 +14,7 @@ from ..._wire._proto import scene_pb2 as pb
 from ..._wire._proto import service_pb2 as service
 from ..._wire.arrays import NdArray, dtype_of, from_message
 from ...errors import InvalidArgument, NotFound
+from ...scene.images import array_of, is_pil
 from ...values.checks import whole_of
 from .ranges import linear
 
@@ -35,8 +36,8 @@ class Pictures:
     def __init__(
         self, images: Any, endings: tuple[str, ...], cache_bytes: int = CACHE_BYTES
     ) -> None:
-        """images: a file, an array, a callable () -> array, the same at each call, or several of
-        these; or a folder, whose files with those endings it means."""
+        """images: a file, an array, a PIL image, a callable () -> array, the same at each call, or
+        several of these; or a folder, whose files with those endings it means."""
         self.listed = _listed(images, endings)
         self.cache_bytes = whole_of(cache_bytes, "cache_bytes", 0, 2**63)
         self._texels: OrderedDict[int, tuple[NdArray, bool]] = OrderedDict()
@@ -68,7 +69,7 @@ class Pictures:
 def _texels_of(client: Client, image: Any) -> tuple[NdArray, bool]:
     if isinstance(image, (str, os.PathLike)):
         return decoded(client, image)
-    texels = np.asarray(image() if callable(image) else image)
+    texels = array_of(image() if callable(image) else image)
     return texels, texels.dtype == np.uint8
 
 
@@ -98,7 +99,8 @@ def _listed(images: Any, endings: tuple[str, ...]) -> Sequence[Any]:
             images = sorted(p for p in path.iterdir() if p.suffix.lower() in endings)
         else:
             images = [path]
-    listed = [images] if isinstance(images, np.ndarray) or callable(images) else list(images)
+    is_one = isinstance(images, np.ndarray) or callable(images) or is_pil(images)
+    listed = [images] if is_one else list(images)
     if not listed:
         raise InvalidArgument("images: needs at least one picture", field="images")
     return [
