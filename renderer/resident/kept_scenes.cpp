@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <tuple>
 
+#include "renderer/resident/scene.h"
+
 namespace heliograph::resident {
 namespace {
 
@@ -23,8 +25,6 @@ auto likeness(const SceneState& state, const Snapshot& snapshot, const TimeSpan&
   return std::tuple(same_poses(state, snapshot, span), shared_chunks(before, snapshot),
                     same_materials(before, snapshot), before.dome == snapshot.dome);
 }
-
-bool is_used(const KeptScenes::Kept& kept) { return !kept.scene.expired(); }
 
 }  // namespace
 
@@ -56,6 +56,13 @@ KeptScenes::Kept* KeptScenes::find(const State& state) {
   if (found == scene->second.states.end()) return nullptr;
   scene->second.used = ++uses_;
   return &*found;
+}
+
+bool KeptScenes::has(const ResidentScene& scene) const {
+  const auto of = scenes_.find(scene.snapshot().scene);
+  return of != scenes_.end() && std::ranges::any_of(of->second.states, [&](const Kept& kept) {
+           return kept.scene.lock().get() == &scene;
+         });
 }
 
 void KeptScenes::count(OfScene& of) {
@@ -112,7 +119,8 @@ KeptScenes::Dropped KeptScenes::drop_oldest() {
   const auto may_go = [&](const auto& entry) {
     const auto life = entry.first.lock();
     return entry.second.used != uses_ && !(life && life->is_pinned) &&
-           std::ranges::none_of(entry.second.states, is_used);
+           std::ranges::none_of(entry.second.states,
+                                [&](const Kept& kept) { return is_used(kept); });
   };
   auto oldest = scenes_.end();
   for (auto each = scenes_.begin(); each != scenes_.end(); ++each)

@@ -22,6 +22,9 @@ class KeptScenes {
   /// What was kept. It may take a millisecond to free.
   using Dropped = std::vector<Kept>;
 
+  /// copies   that a device keeps of each scene, none of which is a use
+  explicit KeptScenes(long copies = 0) : copies_(copies) {}
+
   /// The state of the same Scene that shares most with a snapshot; of those the latest. Null: there
   /// is none.
   [[nodiscard]] State nearest_of_scene(const Snapshot& snapshot, const TimeSpan& span) const;
@@ -29,6 +32,7 @@ class KeptScenes {
   [[nodiscard]] State nearest(const Snapshot& snapshot, const TimeSpan& span) const;
   /// Null: it is not kept. Its Scene counts as used.
   [[nodiscard]] Kept* find(const State& state);
+  [[nodiscard]] bool has(const ResidentScene& scene) const;
   /// Keeps one as the latest of its Scene. Older ones go that show what the Scene has no more, or
   /// that are too many.
   [[nodiscard]] Dropped add(Kept kept);
@@ -50,7 +54,9 @@ class KeptScenes {
     u64 used = 0;  // when: a number that grows
   };
   void count(OfScene& of);
+  [[nodiscard]] bool is_used(const Kept& kept) const { return kept.scene.use_count() > copies_; }
 
+  const long copies_;
   std::map<Key, OfScene, std::owner_less<>> scenes_;
   std::set<Key, std::owner_less<>> dropped_;  // by drop_oldest()
   u64 bytes_ = 0;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <utility>
 
 #include "renderer/base/parallel.h"
 
@@ -96,6 +97,24 @@ void SceneStore::free_later(std::shared_ptr<const ResidentScene> scene) {
   gone_.push_back(std::move(scene));
 }
 
+bool SceneStore::keeps(const ResidentScene& scene) const {
+  const std::scoped_lock lock(mutex_);
+  return kept_.has(scene);
+}
+
+std::vector<std::shared_ptr<const ResidentScene>> SceneStore::let_go() {
+  std::vector<std::shared_ptr<const ResidentScene>> all;
+  const std::scoped_lock lock(mutex_);
+  for (const auto& each : std::exchange(let_go_, {}))
+    if (auto scene = each.lock()) all.push_back(std::move(scene));
+  return all;
+}
+
+void SceneStore::note(const KeptScenes::Dropped& dropped) {
+  if (copies_ == Copies::kNever) return;
+  for (const auto& kept : dropped) let_go_.push_back(kept.scene);
+}
+
 void SceneStore::free_dead() {
   KeptScenes::Dropped dropped, dead;  // these without the lock
   std::vector<std::shared_ptr<const ResidentScene>> gone;
@@ -103,6 +122,7 @@ void SceneStore::free_dead() {
   gone.swap(gone_);
   dropped.swap(dropped_);
   dead = kept_.drop_dead();
+  note(dead);
   bytes_ = kept_.bytes();
 }
 
@@ -118,6 +138,7 @@ void SceneStore::make_room() {
     const u64 room = limit_ - std::min(limit_, kept_.bytes());
     if (kept_.bytes() + cache_.shrink(room, gone) <= limit_) return;
     dropped = kept_.drop_oldest();
+    note(dropped);
   } while (!dropped.empty());
 }
 
@@ -133,7 +154,9 @@ std::shared_ptr<const ResidentScene> SceneStore::scene_of(const State& state) {
       known->scene = scene;
       return scene;
     }
-    std::ranges::move(kept_.add({state, scene}), std::back_inserter(dropped_));
+    auto dropped = kept_.add({state, scene});
+    note(dropped);
+    std::ranges::move(dropped, std::back_inserter(dropped_));
     made_again_ = kept_.made_again();
   }
   make_room();

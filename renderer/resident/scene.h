@@ -50,12 +50,17 @@ class ResidentScene final : public DeviceScene {
 /// Makes scenes, and keeps those used last to start from. Thread: any.
 class SceneStore {
  public:
+  enum class Copies : u8 { kNever, kOfEach };
   /// cache_bytes   of the scenes kept and of derived data
-  SceneStore(const Accelerator& accelerator, DerivedCache& cache, u64 cache_bytes)
+  /// copies        whether the device keeps a copy of each scene, which holds it
+  SceneStore(const Accelerator& accelerator, DerivedCache& cache, u64 cache_bytes,
+             Copies copies = Copies::kNever)
       : accelerator_(accelerator),
         cache_(cache),
         builder_(accelerator, cache),
-        limit_(cache_bytes) {}
+        limit_(cache_bytes),
+        copies_(copies),
+        kept_(copies == Copies::kOfEach ? 1 : 0) {}
 
   [[nodiscard]] Expected<std::shared_ptr<const ResidentScene>> prepare(
       const std::shared_ptr<const Snapshot>& snapshot, const TimeSpan& span,
@@ -66,6 +71,10 @@ class SceneStore {
   /// Frees a scene that is used no more, if that is so, while the next one is made: tables of many
   /// objects take a millisecond.
   void free_later(std::shared_ptr<const ResidentScene> scene);
+  /// Whether a copy of this one is to be kept until it is let go.
+  [[nodiscard]] bool keeps(const ResidentScene& scene) const;
+  /// Scenes that are kept no more since the last call: their copies are to go.
+  [[nodiscard]] std::vector<std::shared_ptr<const ResidentScene>> let_go();
   /// What prepare() would have to make.
   [[nodiscard]] Preparation preparation(const SceneAt& wanted) const;
   [[nodiscard]] u64 bytes() const { return bytes_.load(std::memory_order_relaxed) + flat_.bytes(); }
@@ -83,6 +92,8 @@ class SceneStore {
   void free_dead();
   /// Drops what nobody uses until all that is kept has room.
   void make_room();
+  /// Notes whose copies are to go. By mutex_.
+  void note(const KeptScenes::Dropped& dropped);
   /// The scene of a state, which is kept if it is new.
   [[nodiscard]] std::shared_ptr<const ResidentScene> scene_of(const State& state);
 
@@ -90,11 +101,13 @@ class SceneStore {
   DerivedCache& cache_;
   const MeshBuilder builder_;
   const u64 limit_;
+  const Copies copies_;
   FlatRows<kernels::InstanceView> flat_;
   mutable std::mutex mutex_;
   KeptScenes kept_;                                         // by mutex_
   KeptScenes::Dropped dropped_;                             // the same
   std::vector<std::shared_ptr<const ResidentScene>> gone_;  // the same
+  std::vector<std::weak_ptr<const ResidentScene>> let_go_;  // the same
   std::atomic<u64> bytes_{0}, made_again_{0};
 };
 

@@ -13,7 +13,8 @@ namespace {
 using SnapshotPtr = std::shared_ptr<const Snapshot>;
 
 struct Store {
-  explicit Store(u64 bytes) : cache(bytes), store(accelerator, cache, bytes) {}
+  explicit Store(u64 bytes, SceneStore::Copies copies = SceneStore::Copies::kNever)
+      : cache(bytes), store(accelerator, cache, bytes, copies) {}
   std::shared_ptr<const ResidentScene> operator()(const SnapshotPtr& snapshot, Time time = 0) {
     auto scene = store.prepare(snapshot, {time, time}, Interrupt{});
     REQUIRE(scene);
@@ -156,4 +157,41 @@ TEST_CASE("kept scenes: what a scene needs first is told by asset, and once it i
   const double of_static = seconds_after(Edits().pose("ball3", translation({0, 0, 9})));
   CHECK(of_static > 0);
   CHECK(seconds_after(Edits().camera("camera", mat4x3(1), 8, 8, 8)) < of_static / 2);
+}
+
+TEST_CASE("kept scenes: a device's copy is no use of a scene, and goes with it") {
+  Store store(1, SceneStore::Copies::kOfEach);
+  const Life first(balls(4)), second(balls(5)), third(balls(6));
+  const auto a = store(first.snapshot);
+  CHECK(store.store.keeps(*a));
+  CHECK(store.store.let_go().empty());
+  const auto b = store(second.snapshot), used = b;
+  CHECK_FALSE(store.store.keeps(*a));
+  REQUIRE(store.store.let_go() == std::vector{a});
+  CHECK(store.store.let_go().empty());
+  const auto c = store(third.snapshot);
+  CHECK(store.store.keeps(*b));
+  CHECK(store.store.keeps(*c));
+  CHECK(store.store.let_go().empty());
+}
+
+TEST_CASE("kept scenes: what a scene has no more is let go, though a device has a copy") {
+  Store store(u64(1) << 30, SceneStore::Copies::kOfEach);
+  Edits edits = balls(4);
+  const Life life(edits);
+  const auto with = store(life.snapshot);
+  const auto without = store(of_scene(edits.mesh("sphere", sphere(5)).apply(), life.life));
+  CHECK_FALSE(store.store.keeps(*with));
+  CHECK(store.store.keeps(*without));
+  CHECK(store.store.let_go() == std::vector{with});
+}
+
+TEST_CASE("kept scenes: the copies of a Scene that is gone are let go") {
+  Store store(u64(1) << 30, SceneStore::Copies::kOfEach);
+  std::optional<Life> life(balls(4));
+  const auto first = store(life->snapshot);
+  life.reset();
+  const Life other(balls(5));
+  (void)store(other.snapshot);
+  CHECK(store.store.let_go() == std::vector{first});
 }

@@ -24,6 +24,7 @@ struct Held {
   u64 bytes;
   ~Held() { budget.give_back(bytes); }
 };
+using Until = Recent<Held>::Until;
 
 struct Stage {
   explicit Stage(u64 budget) {
@@ -60,7 +61,7 @@ TEST_CASE("device memory: the oldest that nobody uses makes room, and only as ma
   const auto make = [&](u64 bytes) {
     REQUIRE(budget.take(bytes));
     auto made = std::make_shared<const Held>(budget, bytes);
-    recent.keep(made);
+    recent.keep(made, Until::kOthersCame);
     return made;
   };
   const auto find = [&](u64 bytes) {
@@ -86,14 +87,34 @@ TEST_CASE("device memory: where too many are kept the oldest goes, and lives whi
   Recent<Held> recent(2);
   REQUIRE(budget.take(30));
   const auto first = std::make_shared<const Held>(budget, 10);
-  recent.keep(first);
-  for (int i = 0; i < 2; ++i) recent.keep(std::make_shared<const Held>(budget, 10));
+  recent.keep(first, Until::kOthersCame);
+  for (int i = 0; i < 2; ++i)
+    recent.keep(std::make_shared<const Held>(budget, 10), Until::kOthersCame);
   CHECK_FALSE(recent.find([&](const Held& each) { return &each == first.get(); }));
   CHECK(budget.used() == 30);
   CHECK(recent.drop_unused());
   CHECK(recent.drop_unused());
   CHECK_FALSE(recent.drop_unused());
   CHECK(budget.used() == 10);
+}
+
+TEST_CASE("device memory: what is kept until it is dropped stays, however many others come") {
+  MemoryBudget budget(100);
+  Recent<Held> recent(2);
+  REQUIRE(budget.take(60));
+  const auto make = [&](Until until) {
+    auto made = std::make_shared<const Held>(budget, 10);
+    (void)recent.keep(made, until);
+    return made.get();
+  };
+  const Held* stays = make(Until::kDropped);
+  const auto is_it = [&](const Held& each) { return &each == stays; };
+  for (int i = 0; i < 5; ++i) (void)make(Until::kOthersCame);
+  CHECK(budget.used() == 30);
+  CHECK(recent.find(is_it));
+  CHECK(recent.drop(is_it).get() == stays);
+  CHECK_FALSE(recent.drop(is_it));
+  CHECK(budget.used() == 20);
 }
 
 TEST_CASE("device memory: the driver is not asked for more than the budget, and its pool shrinks") {

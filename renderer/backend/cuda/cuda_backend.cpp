@@ -17,8 +17,9 @@
 namespace heliograph::cuda {
 namespace {
 
-/// Scenes whose copies stay, so that the next one finds what it has in common with them.
-constexpr std::size_t kScenesKept = 8;
+/// Copies of scenes that the store does not keep, so that the next one finds what it has in common
+/// with them.
+constexpr std::size_t kOthersKept = 8;
 /// Of the device's memory, this share at most is of arrays that are on the host, too.
 constexpr u64 kTwinShare = 16;
 /// Of the pictures of a film: as many as a wave has paths.
@@ -56,7 +57,7 @@ class CudaBackend final : public Backend {
         denoiser_library_(options.denoiser),
         cache_(options.cache_bytes),
         accelerator_(options.static_triangles),
-        store_(accelerator_, cache_, options.cache_bytes),
+        store_(accelerator_, cache_, options.cache_bytes, SceneStore::Copies::kOfEach),
         arena_(options.threads ? int(options.threads) : tbb::task_arena::automatic, 1,
                tbb::task_arena::priority::high) {
     if (exports_) exports_->set_takes(takes, twins_);
@@ -124,6 +125,9 @@ class CudaBackend final : public Backend {
 
  private:
   [[nodiscard]] Expected<std::shared_ptr<const CudaScene>> copy_of(const SceneOrder& order);
+  void keep(const std::shared_ptr<const CudaScene>& scene);
+  /// Those of scenes that the store keeps no more.
+  void drop_copies();
   /// f() and its parallel parts, by a thread that has entered the context: where the arena is full
   /// that is not the caller.
   template <class F>
@@ -150,7 +154,7 @@ class CudaBackend final : public Backend {
   tbb::task_arena arena_;
   /// Of the budget, too, which outlives this while a client has a frame.
   const std::shared_ptr<Recent<CudaScene>> recent_ =
-      std::make_shared<Recent<CudaScene>>(kScenesKept);
+      std::make_shared<Recent<CudaScene>>(kOthersKept);
 };
 
 Expected<std::shared_ptr<const CudaScene>> CudaBackend::copy_of(const SceneOrder& order) {
@@ -162,6 +166,7 @@ Expected<std::shared_ptr<const CudaScene>> CudaBackend::copy_of(const SceneOrder
 }
 
 Expected<std::unique_ptr<Film>> CudaBackend::begin(std::span<const Shot> shots) {
+  drop_copies();
   std::vector<Expected<std::unique_ptr<host::HostFilm>>> made(shots.size());
   for_each(u32(shots.size()), [&](u32 i) {
     made[i] = host::HostFilm::create(shots[i]);
@@ -178,9 +183,21 @@ Expected<std::unique_ptr<Film>> CudaBackend::begin(std::span<const Shot> shots) 
                             [&](const SceneOrder& order) { return copy_of(order); });
   });
   if (film)
-    for (const auto& scene : (*film)->scenes())
-      if (const auto dropped = recent_->keep(scene)) store_.free_later(dropped->host());
+    for (const auto& scene : (*film)->scenes()) keep(scene);
   return film;
+}
+
+void CudaBackend::keep(const std::shared_ptr<const CudaScene>& scene) {
+  using Until = Recent<CudaScene>::Until;
+  const auto until = store_.keeps(*scene->host()) ? Until::kDropped : Until::kOthersCame;
+  if (const auto dropped = recent_->keep(scene, until)) store_.free_later(dropped->host());
+}
+
+void CudaBackend::drop_copies() {
+  for (auto& host : store_.let_go()) {
+    (void)recent_->drop([&](const CudaScene& copy) { return copy.host() == host; });
+    store_.free_later(std::move(host));
+  }
 }
 
 Expected<bool> CudaBackend::render(Film& film, const WorkRange& range, const Slice& slice,
