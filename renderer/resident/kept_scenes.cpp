@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <tuple>
+#include <utility>
 
 #include "renderer/resident/scene.h"
 
@@ -76,6 +77,19 @@ void KeptScenes::count(OfScene& of) {
   bytes_ += of.bytes;
 }
 
+KeptScenes::Dropped KeptScenes::noted(Dropped dropped) {
+  if (copies_ > 0)
+    for (const Kept& kept : dropped) let_go_.push_back(kept.scene);
+  return dropped;
+}
+
+std::vector<std::shared_ptr<const ResidentScene>> KeptScenes::let_go() {
+  std::vector<std::shared_ptr<const ResidentScene>> all;
+  for (const auto& each : std::exchange(let_go_, {}))
+    if (auto scene = each.lock()) all.push_back(std::move(scene));
+  return all;
+}
+
 KeptScenes::Dropped KeptScenes::add(Kept kept) {
   const Snapshot& newest = kept.state->snapshot();
   const Key key = newest.scene;
@@ -96,7 +110,7 @@ KeptScenes::Dropped KeptScenes::add(Kept kept) {
   of.states.push_back(std::move(kept));
   of.used = ++uses_;
   count(of);
-  return dropped;
+  return noted(std::move(dropped));
 }
 
 KeptScenes::Dropped KeptScenes::drop_dead() {
@@ -112,7 +126,7 @@ KeptScenes::Dropped KeptScenes::drop_dead() {
     return true;
   });
   std::erase_if(dropped_, is_dead);
-  return dropped;
+  return noted(std::move(dropped));
 }
 
 KeptScenes::Dropped KeptScenes::drop_oldest() {
@@ -131,7 +145,7 @@ KeptScenes::Dropped KeptScenes::drop_oldest() {
   Dropped dropped = std::move(oldest->second.states);
   dropped_.insert(oldest->first);
   scenes_.erase(oldest);
-  return dropped;
+  return noted(std::move(dropped));
 }
 
 }  // namespace heliograph::resident

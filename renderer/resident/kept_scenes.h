@@ -32,6 +32,7 @@ class KeptScenes {
   [[nodiscard]] State nearest(const Snapshot& snapshot, const TimeSpan& span) const;
   /// Null: it is not kept. Its Scene counts as used.
   [[nodiscard]] Kept* find(const State& state);
+  /// Whether it is kept.
   [[nodiscard]] bool has(const ResidentScene& scene) const;
   /// Keeps one as the latest of its Scene. Older ones go that show what the Scene has no more, or
   /// that are too many.
@@ -41,6 +42,10 @@ class KeptScenes {
   /// Drops all of the Scene that was used least lately, where nobody uses a scene of it: but for
   /// the latest used. Empty: there is none.
   [[nodiscard]] Dropped drop_oldest();
+
+  /// Scenes that were dropped since the last call while somebody, or a copy, held them; none where
+  /// a device keeps no copies.
+  [[nodiscard]] std::vector<std::shared_ptr<const ResidentScene>> let_go();
 
   [[nodiscard]] u64 bytes() const { return bytes_; }
   /// Scenes that were added again after drop_oldest().
@@ -56,7 +61,11 @@ class KeptScenes {
   void count(OfScene& of);
   [[nodiscard]] bool is_used(const Kept& kept) const { return kept.scene.use_count() > copies_; }
 
+  /// What was dropped, whose copies let_go() will name.
+  [[nodiscard]] Dropped noted(Dropped dropped);
+
   const long copies_;
+  std::vector<std::weak_ptr<const ResidentScene>> let_go_;
   std::map<Key, OfScene, std::owner_less<>> scenes_;
   std::set<Key, std::owner_less<>> dropped_;  // by drop_oldest()
   u64 bytes_ = 0;

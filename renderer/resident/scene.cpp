@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <iterator>
-#include <utility>
 
 #include "renderer/base/parallel.h"
 
@@ -103,16 +102,8 @@ bool SceneStore::keeps(const ResidentScene& scene) const {
 }
 
 std::vector<std::shared_ptr<const ResidentScene>> SceneStore::let_go() {
-  std::vector<std::shared_ptr<const ResidentScene>> all;
   const std::scoped_lock lock(mutex_);
-  for (const auto& each : std::exchange(let_go_, {}))
-    if (auto scene = each.lock()) all.push_back(std::move(scene));
-  return all;
-}
-
-void SceneStore::note(const KeptScenes::Dropped& dropped) {
-  if (copies_ == Copies::kNever) return;
-  for (const auto& kept : dropped) let_go_.push_back(kept.scene);
+  return kept_.let_go();
 }
 
 void SceneStore::free_dead() {
@@ -122,7 +113,6 @@ void SceneStore::free_dead() {
   gone.swap(gone_);
   dropped.swap(dropped_);
   dead = kept_.drop_dead();
-  note(dead);
   bytes_ = kept_.bytes();
 }
 
@@ -138,7 +128,6 @@ void SceneStore::make_room() {
     const u64 room = limit_ - std::min(limit_, kept_.bytes());
     if (kept_.bytes() + cache_.shrink(room, gone) <= limit_) return;
     dropped = kept_.drop_oldest();
-    note(dropped);
   } while (!dropped.empty());
 }
 
@@ -154,9 +143,7 @@ std::shared_ptr<const ResidentScene> SceneStore::scene_of(const State& state) {
       known->scene = scene;
       return scene;
     }
-    auto dropped = kept_.add({state, scene});
-    note(dropped);
-    std::ranges::move(dropped, std::back_inserter(dropped_));
+    std::ranges::move(kept_.add({state, scene}), std::back_inserter(dropped_));
     made_again_ = kept_.made_again();
   }
   make_room();

@@ -59,7 +59,6 @@ class SceneStore {
         cache_(cache),
         builder_(accelerator, cache),
         limit_(cache_bytes),
-        copies_(copies),
         kept_(copies == Copies::kOfEach ? 1 : 0) {}
 
   [[nodiscard]] Expected<std::shared_ptr<const ResidentScene>> prepare(
@@ -71,9 +70,9 @@ class SceneStore {
   /// Frees a scene that is used no more, if that is so, while the next one is made: tables of many
   /// objects take a millisecond.
   void free_later(std::shared_ptr<const ResidentScene> scene);
-  /// Whether a copy of this one is to be kept until it is let go.
+  /// Whether it is kept; if not, let_go() will never name it.
   [[nodiscard]] bool keeps(const ResidentScene& scene) const;
-  /// Scenes that are kept no more since the last call: their copies are to go.
+  /// Scenes that were dropped since the last call and are still held: drop their copies.
   [[nodiscard]] std::vector<std::shared_ptr<const ResidentScene>> let_go();
   /// What prepare() would have to make.
   [[nodiscard]] Preparation preparation(const SceneAt& wanted) const;
@@ -92,8 +91,6 @@ class SceneStore {
   void free_dead();
   /// Drops what nobody uses until all that is kept has room.
   void make_room();
-  /// Notes whose copies are to go. By mutex_.
-  void note(const KeptScenes::Dropped& dropped);
   /// The scene of a state, which is kept if it is new.
   [[nodiscard]] std::shared_ptr<const ResidentScene> scene_of(const State& state);
 
@@ -101,13 +98,11 @@ class SceneStore {
   DerivedCache& cache_;
   const MeshBuilder builder_;
   const u64 limit_;
-  const Copies copies_;
   FlatRows<kernels::InstanceView> flat_;
   mutable std::mutex mutex_;
   KeptScenes kept_;                                         // by mutex_
   KeptScenes::Dropped dropped_;                             // the same
   std::vector<std::shared_ptr<const ResidentScene>> gone_;  // the same
-  std::vector<std::weak_ptr<const ResidentScene>> let_go_;  // the same
   std::atomic<u64> bytes_{0}, made_again_{0};
 };
 

@@ -60,7 +60,7 @@ void Journal::snapshot_if_due() {
   if (!posted) end(posted);
 }
 
-/// What is counted from now on is for the one after it.
+/// Counts records and bytes from here on for the snapshot after this one.
 void Journal::begin_snapshot() {
   snapshot_at_ = head_.last();
   bytes_since_ = 0;

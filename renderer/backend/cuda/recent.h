@@ -17,11 +17,11 @@ class Recent {
  public:
   using Ptr = std::shared_ptr<const T>;
   enum class Until : u8 {
-    kDropped,    // drop() finds it
-    kOthersCame  // so many others that are kept thus
+    kDropped,    // by drop() or drop_unused()
+    kOthersCame  // or dropped: by then `most` later ones of this kind
   };
 
-  /// most   of those that are kept until others came
+  /// most   entries of kOthersCame
   explicit Recent(std::size_t most) : most_(most) {}
 
   /// The latest that is_it() is true of, which is the latest of all from now on; null: there is
