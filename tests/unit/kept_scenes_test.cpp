@@ -165,7 +165,7 @@ TEST_CASE("kept scenes: a device's copy is no use of a scene, and goes with it")
   const auto a = store(first.snapshot);
   CHECK(store.store.keeps(*a));
   CHECK(store.store.let_go().empty());
-  const auto b = store(second.snapshot), used = b;
+  const auto b = store(second.snapshot);
   CHECK_FALSE(store.store.keeps(*a));
   REQUIRE(store.store.let_go() == std::vector{a});
   CHECK(store.store.let_go().empty());
