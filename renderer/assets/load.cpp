@@ -1,14 +1,10 @@
 #include "renderer/assets/load.h"
 
-#include <cmath>
-#include <cstddef>
-#include <cstdio>
-// jpeglib.h expects the two before it.
-#include <OpenEXRConfig.h>
+#include <OpenImageIO/oiioversion.h>
 #include <blosc.h>
-#include <jpeglib.h>
-#include <png.h>
-#include <tiffvers.h>
+
+#include <array>
+#include <cmath>
 #include <pugixml.hpp>
 
 #include "renderer/assets/builder.h"
@@ -28,22 +24,32 @@ void check_options(const LoadOptions& options) {
   }
 }
 
+constexpr std::array<std::pair<std::string_view, void (*)(Builder&)>, 8> kModels = {{
+    {"gltf", load_gltf},
+    {"glb", load_gltf},
+    {"dae", load_dae},
+    {"obj", load_obj},
+    {"ply", load_ply},
+    {"stl", load_stl},
+    {"nvdb", load_volume},
+    {"vdb", load_volume},
+}};
+
 void load(Builder& builder) {
   const std::string& path = builder.bundle.model().path;
   const std::string format =
       builder.options.format.empty() ? extension_of(path) : builder.options.format;
-  if (format == "gltf" || format == "glb") return load_gltf(builder);
-  if (format == "dae") return load_dae(builder);
-  if (format == "obj") return load_obj(builder);
-  if (format == "ply") return load_ply(builder);
-  if (format == "stl") return load_stl(builder);
-  if (format == "nvdb" || format == "vdb") return load_volume(builder);
-  if (format == "ies" || picture_format(format) != PictureFormat::kNone)
+  for (const auto& [ending, load_model] : kModels) {
+    if (format != ending) continue;
+    if (!builder.options.layer.empty()) refuse("layer", "is of pictures; a model has none");
+    return load_model(builder);
+  }
+  if (format == "ies" || is_picture_name(format) || is_picture(builder.bundle.model().bytes)) {
     return load_picture(builder);
+  }
   refuse_unimplemented(
-      "format", fmt::format("'{}' is not one of gltf, glb, obj, ply, stl, dae, exr, hdr, png, "
-                            "jpeg, tiff, nvdb, vdb, ies",
-                            clean_name(format, "")));
+      "format", fmt::format("'{}' is not one of gltf, glb, obj, ply, stl, dae, nvdb, vdb, ies, {}",
+                            clean_name(format, ""), picture_formats()));
 }
 
 Loaded load_bundle(std::span<const BundleFile> files, const LoadOptions& options) {
@@ -79,7 +85,8 @@ void load_picture(Builder& builder) {
       builder.options.format.empty() ? extension_of(file.path) : builder.options.format;
   const std::string where;
   Picture picture = format == "ies" ? decode_ies({file.bytes, where, builder.budget})
-                                    : decode_picture(file.bytes, format, where, builder.budget);
+                                    : decode_picture(file.bytes, format, where, builder.budget,
+                                                     builder.options.layer);
   for (const std::string& warning : picture.warnings) builder.warn(warning);
   builder.loaded.image = std::move(picture.image);
   builder.loaded.image_srgb = picture.srgb;
@@ -100,9 +107,8 @@ Expected<Loaded> load_asset(std::span<const BundleFile> bundle, const LoadOption
 }
 
 std::string decoder_versions() {
-  return fmt::format("libpng {}, libjpeg {}, OpenEXR {}, libtiff of {}, blosc {}, pugixml {}",
-                     PNG_LIBPNG_VER_STRING, JPEG_LIB_VERSION, OPENEXR_VERSION_STRING,
-                     TIFFLIB_VERSION, BLOSC_VERSION_STRING, PUGIXML_VERSION);
+  return fmt::format("OpenImageIO {}, blosc {}, pugixml {}", OIIO_VERSION_STRING_MMPT,
+                     BLOSC_VERSION_STRING, PUGIXML_VERSION);
 }
 
 }  // namespace heliograph

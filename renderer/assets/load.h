@@ -36,7 +36,8 @@ struct LoadOptions {
   // "x", "y", "z" for formats that name no axis, and instead of what COLLADA names; "": nothing is
   // turned, COLLADA as it says.
   std::string up;
-  double units = 0;  // metres a unit, for the same formats; 0: 1, COLLADA as it says
+  double units = 0;   // metres a unit, for the same formats; 0: 1, COLLADA as it says
+  std::string layer;  // of a lone picture with several; "": its colours
   LoadLimits limits{};
   /// Calls a function in as many threads as there are, and returns when all have ended.
   std::function<void(const std::function<void()>&)> in_threads = [](const auto& work) { work(); };
@@ -59,6 +60,10 @@ struct Loaded {
 /// RESOURCE_EXHAUSTED (it would decode to more than the limits allow).
 [[nodiscard]] Expected<Loaded> load_asset(std::span<const BundleFile> bundle,
                                           const LoadOptions& options);
+
+/// Starts and ends the threads that the picture library insists on, so that it starts none later.
+/// Call it before anything is loaded, where threads will be refused.
+void end_picture_threads();
 
 /// Versions of the libraries in use, for GetServerInfo.
 [[nodiscard]] std::string decoder_versions();

@@ -1,113 +1,341 @@
 #include "renderer/assets/picture.h"
 
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+
 #include <algorithm>
 #include <array>
-#include <cstring>
+#include <map>
+#include <memory>
+#include <optional>
+
+#include "renderer/assets/bundle.h"
+#include "renderer/assets/picture_headers.h"
+#include "renderer/assets/picture_layers.h"
+#include "renderer/assets/picture_texels.h"
 
 namespace heliograph::assets {
 namespace {
 
-constexpr u32 kLargestSide = 1 << 16;
+using Input = std::unique_ptr<OIIO::ImageInput>;
+using Extensions = std::map<std::string, std::vector<std::string>>;
 
-constexpr std::array<const char*, 6> kFormatNames = {"none", "PNG", "JPEG", "EXR", "HDR", "TIFF"};
-
-bool starts_with(Bytes bytes, std::string_view magic) {
-  return bytes.size() >= magic.size() && std::memcmp(bytes.data(), magic.data(), magic.size()) == 0;
+/// Extensions by format: those that are read from memory.
+Extensions extensions() {
+  Extensions all = OIIO::get_extension_map();
+  for (const char* format : {"null", "term", "cineon", "fits", "softimage", "zfile"}) {
+    all.erase(format);
+  }
+  return all;
 }
 
-/// Whether a half (10 bits of mantissa) or a float (23) is NaN or infinite.
-template <class Word, u32 kMantissaBits>
-u64 clear_non_finite(std::vector<std::byte>& texels) {
-  constexpr Word kExponent = Word(Word(~Word(0)) << kMantissaBits) & Word(Word(~Word(0)) >> 1);
-  u64 count = 0;
-  for (std::size_t i = 0; i + sizeof(Word) <= texels.size(); i += sizeof(Word)) {
-    Word word;
-    std::memcpy(&word, &texels[i], sizeof(Word));
-    if ((word & kExponent) != kExponent) continue;
-    std::memset(&texels[i], 0, sizeof(Word));
-    ++count;
+constexpr u64 kTexelBytes = 16;  // four floats
+
+std::string_view ending_of(std::string_view name) {
+  if (name.starts_with("image/")) name.remove_prefix(6);
+  return name;
+}
+
+/// The format that a name is one of; "": none.
+std::string format_named(std::string_view name) {
+  for (const auto& [format, endings] : extensions()) {
+    if (format == ending_of(name) || std::ranges::find(endings, ending_of(name)) != endings.end()) {
+      return format;
+    }
   }
-  return count;
+  return {};
+}
+
+std::string in_words(std::string_view format) {
+  std::string text(format);
+  std::ranges::transform(text, text.begin(), [](char c) { return char(std::toupper(u8(c))); });
+  return text;
+}
+
+/// Of a colour space or a profile; CMYK was converted.
+bool is_srgb(const std::string& name) {
+  constexpr std::array kNames = {"sRGB", "srgb_rec709", "Rec709", "rec709", "CMYK"};
+  const auto has = [&](const char* part) { return name.find(part) != std::string::npos; };
+  return std::ranges::any_of(kNames, has);
+}
+
+/// Reads one file.
+class Reader {
+ public:
+  Reader(const PictureSource& source, std::string_view name)
+      : source_(source), memory_(source.bytes.data(), source.bytes.size()) {
+    OIIO::attribute("limits:imagesize_MB", int(source.budget.limits().texels * kTexelBytes >> 20));
+    const std::string named = format_named(name);
+    input_ = open("picture");  // by its content
+    if (!input_ && !named.empty()) input_ = open("picture." + extensions().at(named).front());
+    if (!input_) refuse_unread(named, name);
+    if (!named.empty() && named != input_->format_name()) {
+      warnings.push_back(fmt::format("is named as {} and is {} by its content", in_words(named),
+                                     in_words(input_->format_name())));
+    }
+  }
+
+  /// Chooses one of several parts. Refuses what is no plain picture.
+  void choose(std::string_view layer) {
+    if (is("ico")) seek_largest();
+    if (is("openexr")) seek_part(layer);
+    if (spec().deep) refuse_unimplemented(source_.where, "a deep picture; flatten it");
+    if (spec().depth > 1) refuse_unimplemented(source_.where, "a picture of volume; save a slice");
+    if (text("textureformat").starts_with("CubeFace")) {
+      refuse_unimplemented(source_.where, "a cube map; save it as latitude and longitude");
+    }
+    const std::string space = text("tiff:ColorSpace");
+    if (space.find("LAB") != std::string::npos || space.starts_with("LOG")) {
+      refuse_unimplemented(source_.where, fmt::format("a TIFF in {}; save it as RGB", space));
+    }
+    select(layer);
+  }
+
+  [[nodiscard]] Canvas texels() {
+    const auto [begin, end] = std::ranges::minmax(selection_.channels);
+    Canvas read({.texels = nullptr,
+                 .width = u32(std::max(spec().width, 0)),
+                 .height = u32(std::max(spec().height, 0)),
+                 .channels = end + 1 - begin,
+                 .type = type()},
+                source_);
+    const bool ok =
+        input_->read_image(subimage_, 0, int(begin), int(end + 1), oiio_type(), read.texels.data());
+    if (!ok) refuse_broken();
+    return windowed(picked(std::move(read), begin));
+  }
+
+  /// The others' alpha is straight, or was asked to stay so.
+  [[nodiscard]] bool is_premultiplied() const {
+    return selection_.channels.size() % 2 == 0 && (is("openexr") || is("tiff") || is("targa")) &&
+           !spec().get_int_attribute("oiio:UnassociatedAlpha");
+  }
+  [[nodiscard]] u32 orientation() const { return u32(spec().get_int_attribute("Orientation", 1)); }
+  [[nodiscard]] std::optional<Chromaticities> chromaticities() const {
+    Chromaticities found;
+    const OIIO::TypeDesc eight(OIIO::TypeDesc::FLOAT, int(found.size()));
+    if (is("hdr")) return radiance_header(source_.bytes).primaries;
+    if (!spec().getattribute("chromaticities", eight, found.data())) return std::nullopt;
+    return found;
+  }
+  [[nodiscard]] double exposure() const {
+    return is("hdr") ? radiance_header(source_.bytes).exposure : 1;
+  }
+  /// Integers are sRGB unless the file says that they are linear.
+  [[nodiscard]] bool srgb() {
+    const std::string space = text("oiio:ColorSpace");
+    const bool linear = space.starts_with("lin_") || space.find("inear") != std::string::npos;
+    if (is_float() || linear) return false;
+    warn_of_profile(space);
+    return true;
+  }
+
+  std::vector<std::string> warnings;
+
+ private:
+  [[nodiscard]] const OIIO::ImageSpec& spec() const { return input_->spec(); }
+  [[nodiscard]] bool is(std::string_view format) const { return input_->format_name() == format; }
+  [[nodiscard]] std::string text(const char* attribute) const {
+    return std::string(spec().get_string_attribute(attribute));
+  }
+  [[nodiscard]] bool is_float() const {
+    return spec().format == OIIO::TypeDesc::HALF || spec().format == OIIO::TypeDesc::FLOAT ||
+           spec().format == OIIO::TypeDesc::DOUBLE;
+  }
+
+  Input open(const std::string& name) {
+    OIIO::ImageSpec config;
+    config.attribute("oiio:UnassociatedAlpha", 1);
+    memory_.seek(0);
+    Input input = OIIO::ImageInput::create(name, true, &config, &memory_);
+    if (const std::string error = OIIO::geterror(); !input && !error.empty()) message_ = error;
+    return input;
+  }
+  [[noreturn]] void refuse_unread(const std::string& named, std::string_view name) const {
+    if (message_.find("limits:") != std::string::npos) {
+      refuse(source_.where,
+             fmt::format("would decode to more than {} texels; reduce the picture, or raise the "
+                         "daemon's decode_ limit",
+                         source_.budget.limits().texels),
+             Code::kResourceExhausted);
+    }
+    if (!named.empty() && message_.find("does not exist") == std::string::npos) {
+      refuse(source_.where, fmt::format("broken {}: {}", in_words(named), message_));
+    }
+    const std::string what = named.empty()
+                                 ? fmt::format("'{}' names no format", clean_name(name, ""))
+                                 : "it is named as " + in_words(named);
+    refuse(source_.where,
+           fmt::format("its content is no picture that can be read ({}); pictures are {}", what,
+                       picture_formats()));
+  }
+  [[noreturn]] void refuse_broken() const {
+    std::string message = input_->geterror();
+    message = message.substr(0, message.find('\n'));
+    refuse(source_.where, fmt::format("broken {}: {}", in_words(input_->format_name()),
+                                      message.empty() ? "cannot be read" : message));
+  }
+
+  void seek(int subimage) {
+    if (!input_->seek_subimage(subimage, 0)) refuse_broken();
+    subimage_ = subimage;
+  }
+  void seek_largest() {
+    constexpr int kMost = 256;
+    int largest = 0;
+    for (int i = 0, width = 0; i < kMost && input_->seek_subimage(i, 0); ++i) {
+      if (spec().width > width) largest = i, width = spec().width;
+    }
+    (void)input_->geterror();  // of the one behind the last
+    seek(largest);
+  }
+  /// The part with a layer's name, else the first.
+  void seek_part(std::string_view layer) {
+    constexpr int kMost = 1024;
+    const int count = std::min(spec().get_int_attribute("oiio:subimages", 1), kMost);
+    std::vector<std::string> names;
+    for (int i = 0; count > 1 && i < count; ++i) {
+      seek(i);
+      names.push_back(text("oiio:subimagename"));
+      if (!layer.empty() && names.back() == layer) return;
+    }
+    if (count <= 1) return;
+    seek(0);
+    if (layer.empty()) {
+      warnings.push_back(fmt::format("its part '{}' is taken of {} ({}); choose with layer=",
+                                     clean_name(names[0], ""), count, listed(names)));
+    }
+  }
+  void select(std::string_view layer) {
+    const bool is_part = !layer.empty() && text("oiio:subimagename") == layer;
+    selection_ = select_channels(spec().channelnames, is_part ? "" : layer, source_.where);
+    if (!selection_.warning.empty()) warnings.push_back(selection_.warning);
+    for (const u32 channel : selection_.channels) {
+      if (is("openexr") && spec().channelformat(int(channel)) == OIIO::TypeDesc::UINT32) {
+        refuse_unimplemented(source_.where,
+                             fmt::format("an EXR channel of integers ({})",
+                                         clean_name(spec().channelnames[channel], "?")));
+      }
+    }
+  }
+
+  [[nodiscard]] TexelType type() const {
+    if (spec().format == OIIO::TypeDesc::UINT8) return TexelType::kU8;
+    if (spec().format == OIIO::TypeDesc::UINT16) return TexelType::kU16;
+    if (spec().format == OIIO::TypeDesc::HALF) return TexelType::kF16;
+    return TexelType::kF32;
+  }
+  [[nodiscard]] OIIO::TypeDesc oiio_type() const {
+    return type() == TexelType::kF32 ? OIIO::TypeDesc(OIIO::TypeDesc::FLOAT) : spec().format;
+  }
+
+  /// The selected channels of those that were read.
+  [[nodiscard]] Canvas picked(Canvas read, u32 begin) const {
+    std::vector<u32> order = selection_.channels;
+    for (u32& channel : order) channel -= begin;
+    if (order.size() == read.image.channels && std::ranges::is_sorted(order)) return read;
+    ImageData layout = read.image;
+    layout.channels = u32(order.size());
+    Canvas canvas(layout, source_);
+    const u32 size = component_bytes(layout.type);
+    const std::byte* from = read.texels.data();
+    for (std::byte* to = canvas.texels.data(); to != canvas.texels.data() + canvas.texels.size();
+         from += read.texel_size()) {
+      for (const u32 channel : order) to = std::copy_n(from + channel * size, size, to);
+    }
+    return canvas;
+  }
+
+  /// An EXR's data window in its display window: overscan is cut, what is missing is 0.
+  [[nodiscard]] Canvas windowed(Canvas pixels) const {
+    const OIIO::ImageSpec& at = spec();
+    const bool same = at.x == at.full_x && at.y == at.full_y && at.width == at.full_width &&
+                      at.height == at.full_height;
+    if (same || !is("openexr")) return pixels;
+    ImageData layout = pixels.image;
+    layout.width = u32(at.full_width);
+    layout.height = u32(at.full_height);
+    Canvas canvas(layout, source_);
+    place(pixels, {at.x - at.full_x, at.y - at.full_y}, canvas);
+    return canvas;
+  }
+
+  void warn_of_profile(const std::string& space) {
+    const std::string profile = text("ICCProfile:profile_description");
+    const std::string& said = profile.empty() ? space : profile;
+    if (said.empty() || is_srgb(said)) return;
+    warnings.push_back(fmt::format("is in the colour space '{}'; its numbers are taken as sRGB",
+                                   clean_name(said, "?")));
+  }
+
+  const PictureSource& source_;
+  OIIO::Filesystem::IOMemReader memory_;
+  Input input_;
+  Selection selection_;
+  int subimage_ = 0;
+  std::string message_;
+};
+
+Picture decode(const PictureSource& source, std::string_view name, std::string_view layer) {
+  Reader reader(source, name);
+  if (is_cut_jpeg(source.bytes)) refuse(source.where, "broken JPEG: the file is truncated");
+  reader.choose(layer);
+  Canvas canvas = reader.texels();
+  if (reader.is_premultiplied()) make_alpha_straight(canvas);
+  if (reader.exposure() != 1) scale_colors(canvas, 1 / reader.exposure());
+  const auto chromaticities = reader.chromaticities();
+  const auto matrix = chromaticities ? rec709_from(*chromaticities) : std::nullopt;
+  if (matrix && canvas.image.channels >= 3) {
+    transform_colors(canvas, *matrix);
+    reader.warnings.emplace_back("was converted from its own primaries to Rec.709");
+  }
+  if (reader.orientation() > 1 && reader.orientation() <= 8) {
+    canvas = upright(std::move(canvas), reader.orientation(), source);
+  }
+  const bool srgb = reader.srgb();
+  Picture picture = std::move(canvas).finish(srgb);
+  std::ranges::move(reader.warnings, std::back_inserter(picture.warnings));
+  return picture;
 }
 
 }  // namespace
 
-PictureFormat picture_format(Bytes bytes) {
-  using namespace std::string_view_literals;
-  if (starts_with(bytes, "\x89PNG\r\n\x1a\n"sv)) return PictureFormat::kPng;
-  if (starts_with(bytes, "\xff\xd8\xff"sv)) return PictureFormat::kJpeg;
-  if (starts_with(bytes, "\x76\x2f\x31\x01"sv)) return PictureFormat::kExr;
-  if (starts_with(bytes, "#?RADIANCE"sv) || starts_with(bytes, "#?RGBE"sv)) {
-    return PictureFormat::kHdr;
-  }
-  if (starts_with(bytes, "II*\0"sv) || starts_with(bytes, "MM\0*"sv)) return PictureFormat::kTiff;
-  return PictureFormat::kNone;
+bool is_picture(Bytes bytes) {
+  OIIO::Filesystem::IOMemReader memory(bytes.data(), bytes.size());
+  const Input input = OIIO::ImageInput::create("picture", false, nullptr, &memory);
+  (void)OIIO::geterror();
+  return input != nullptr;
 }
 
-PictureFormat picture_format(std::string_view name) {
-  if (name.starts_with("image/")) name.remove_prefix(6);
-  if (name == "png") return PictureFormat::kPng;
-  if (name == "jpg" || name == "jpeg") return PictureFormat::kJpeg;
-  if (name == "exr") return PictureFormat::kExr;
-  if (name == "hdr" || name == "pic") return PictureFormat::kHdr;
-  if (name == "tif" || name == "tiff") return PictureFormat::kTiff;
-  return PictureFormat::kNone;
+bool is_picture_name(std::string_view name) { return !format_named(name).empty(); }
+
+std::string picture_formats() {
+  std::string text;
+  for (const auto& [format, endings] : extensions()) text += (text.empty() ? "" : ", ") + format;
+  return text;
 }
 
-Canvas::Canvas(const ImageData& layout, const PictureSource& source) : image(layout) {
-  const auto& [bytes, where, budget] = source;
-  if (image.width == 0 || image.height == 0) refuse(where, "the picture has a side of 0 pixels");
-  Budget::check(std::max(image.width, image.height), kLargestSide, "pixels on a side", where);
-  Budget::check(u64(image.width) * image.height, budget.limits().texels, "texels", where);
-  const u64 size = u64(image.width) * image.height * image.channels * texel_bytes(image.type);
-  budget.take(size, 1, where);
-  texels.resize(size);
-}
-
-Picture Canvas::finish(bool srgb) && {
-  Picture picture{.image = image, .srgb = srgb, .warnings = {}};
-  u64 cleared = 0;
-  if (image.type == TexelType::kF16) cleared = clear_non_finite<u16, 10>(texels);
-  if (image.type == TexelType::kF32) cleared = clear_non_finite<u32, 23>(texels);
-  if (cleared > 0) {
-    picture.warnings.push_back(
-        fmt::format("{} texel values are NaN or infinite and were set to 0", cleared));
-  }
-  picture.image.texels = ArrayOf<std::byte>(std::move(texels)).buffer();
-  return picture;
-}
-
-Picture decode_picture(Bytes bytes, std::string_view name, const std::string& where,
-                       Budget& budget) {
-  const PictureFormat named = picture_format(name);
-  const PictureFormat found = picture_format(bytes);
-  if (named == PictureFormat::kNone) {
-    refuse_unimplemented(where,
-                         fmt::format("pictures are PNG, JPEG, EXR, HDR or TIFF, not '{}'", name));
-  }
-  if (found != named) {
-    refuse(where, fmt::format("is named as {} but its first bytes are {}; rename or re-export it",
-                              kFormatNames[std::size_t(named)],
-                              found == PictureFormat::kNone
-                                  ? "those of no picture format"
-                                  : std::string(kFormatNames[std::size_t(found)]) + "'s"));
-  }
+Picture decode_picture(Bytes bytes, std::string_view name, const std::string& where, Budget& budget,
+                       std::string_view layer) {
   const PictureSource source{bytes, where, budget};
-  switch (found) {
-    case PictureFormat::kPng:
-      return decode_png(source);
-    case PictureFormat::kJpeg:
-      return decode_jpeg(source);
-    case PictureFormat::kExr:
-      return decode_exr(source);
-    case PictureFormat::kHdr:
-      return decode_hdr(source);
-    case PictureFormat::kTiff:
-      return decode_tiff(source);
-    case PictureFormat::kNone:
-      break;
+  try {
+    return decode(source, name, layer);
+  } catch (const Refused&) {
+    throw;
+  } catch (const std::bad_alloc&) {
+    throw;
+  } catch (const std::exception& error) {
+    refuse(where, fmt::format("broken picture: {}", error.what()));
   }
-  refuse(where, "is no picture");
 }
 
 }  // namespace heliograph::assets
+
+namespace heliograph {
+
+void end_picture_threads() {
+  OIIO::attribute("threads", 1);  // the caller's own: those of its pool end
+  OIIO::attribute("exr_threads", -1);
+}
+
+}  // namespace heliograph

@@ -1,5 +1,5 @@
-// Pictures to texels: PNG, JPEG, EXR, Radiance HDR, TIFF, and nothing else. Called by image.cpp for
-// lone pictures and by the model loaders for textures.
+// Pictures to texels, by OpenImageIO. Called by load.cpp for lone pictures and by the model loaders
+// for textures.
 #pragma once
 
 #include <span>
@@ -13,12 +13,12 @@ namespace heliograph::assets {
 
 using Bytes = std::span<const std::byte>;
 
-enum class PictureFormat : u8 { kNone, kPng, kJpeg, kExr, kHdr, kTiff };
-
-/// By the first bytes.
-[[nodiscard]] PictureFormat picture_format(Bytes bytes);
+/// By its content.
+[[nodiscard]] bool is_picture(Bytes bytes);
 /// By a file's extension ("png") or a media type ("image/png").
-[[nodiscard]] PictureFormat picture_format(std::string_view name);
+[[nodiscard]] bool is_picture_name(std::string_view name);
+/// "png, jpeg, ..."
+[[nodiscard]] std::string picture_formats();
 
 struct Picture {
   ImageData image;
@@ -26,27 +26,27 @@ struct Picture {
   std::vector<std::string> warnings;
 };
 
-/// Decodes a picture whose content and whose name say the same allowed format.
+/// Decodes the first picture of a file, at its full resolution. The content says what the format
+/// is; a name of another one is a warning.
 ///
-/// name   a file's path, or a media type
+/// name   a file's extension, or a media type
 /// where  for messages
-/// Size and total are checked before anything is allocated. Non-finite texels become 0, with a
-/// warning that counts them. Texels stay as stored: alpha straight or premultiplied as in the file,
-/// no gamma; 1, 2, 4 bits and palettes become 8 bits, other primaries than Rec.709 are converted.
+/// layer  of a file with several: its name, that of a part, or of a channel; "": the colours
+///
+/// Rows run from the top, as the file's orientation says. Alpha is straight: colours that were
+/// multiplied by it are divided. 8 and 16 bits, halves and floats stay, other numbers become floats
+/// (integers of full range 1); palettes, CMYK and 1 to 7 bits become 8 bits of grey or RGB.
+/// Infinite texels become the largest finite value and NaN 0, other primaries Rec.709's, each with
+/// a warning. Size and total are checked before texels are allocated.
 [[nodiscard]] Picture decode_picture(Bytes bytes, std::string_view name, const std::string& where,
-                                     Budget& budget);
+                                     Budget& budget, std::string_view layer = {});
 
-/// The input of one codec.
+/// A file that becomes a picture.
 struct PictureSource {
   Bytes bytes;
   const std::string& where;
   Budget& budget;
 };
-[[nodiscard]] Picture decode_png(const PictureSource& source);
-[[nodiscard]] Picture decode_jpeg(const PictureSource& source);
-[[nodiscard]] Picture decode_exr(const PictureSource& source);
-[[nodiscard]] Picture decode_hdr(const PictureSource& source);
-[[nodiscard]] Picture decode_tiff(const PictureSource& source);
 /// Of an LM-63 file, for a light's profile.
 [[nodiscard]] Picture decode_ies(const PictureSource& source);
 
@@ -57,12 +57,14 @@ struct Canvas {
   std::vector<std::byte> texels;
 
   Canvas(const ImageData& layout, const PictureSource& source);
+  [[nodiscard]] std::size_t texel_size() const;
   [[nodiscard]] std::size_t row_bytes() const { return texels.size() / image.height; }
   [[nodiscard]] std::byte* row(u32 y) { return texels.data() + y * row_bytes(); }
+  /// Makes every texel finite.
   [[nodiscard]] Picture finish(bool srgb) &&;
 };
 
-[[nodiscard]] constexpr u32 texel_bytes(TexelType type) {
+[[nodiscard]] constexpr u32 component_bytes(TexelType type) {
   return type == TexelType::kU8 ? 1 : type == TexelType::kF32 ? 4 : 2;
 }
 

@@ -110,6 +110,7 @@ void DecodeCall::submit() {
                 .format = request_.format(),
                 .up = kAxes[std::size_t(request_.up())],
                 .units = request_.units(),
+                .layer = request_.layer(),
                 .hash = hash_,
                 .tenant = call_.session()->tenant()->id,
                 .pay = [tenant = call_.session()->tenant()](u64 bytes) {

@@ -92,6 +92,7 @@ Expected<Loaded> load(const Region& region, Helpers& helpers, u64& result_bytes)
   return load_asset(files, {.format = job->format(),
                             .up = job->up(),
                             .units = job->units(),
+                            .layer = job->layer(),
                             .limits = limits_of(job->limits()),
                             .in_threads = [&](const auto& work) { helpers.run(work); }});
 }

@@ -61,7 +61,10 @@ Expected<pid_t> spawn(const DecoderOptions& options, const SpawnSettings& settin
     argv[i] = const_cast<char*>(arguments[i].c_str());
   }
   char locale[] = "LC_ALL=C";
-  char* const environment[] = {locale, nullptr};
+  // The picture library fills 25 MB of tables as it loads: in huge pages in a third of the time.
+  char pages[] = "GLIBC_TUNABLES=glibc.malloc.hugetlb=1:glibc.malloc.top_pad=33554432";
+  char threads[] = "OPENIMAGEIO_THREADS=1";  // that end_picture_threads() ends
+  char* const environment[] = {locale, pages, threads, nullptr};
   pid_t process = 0;
   const int code = posix_spawn(&process, options.program.c_str(), &settings.actions_,
                                &settings.attributes_, argv.data(), environment);

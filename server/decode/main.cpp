@@ -68,7 +68,10 @@ int run(int count, char** arguments) {
   mallopt(M_ARENA_MAX, 2);  // an arena for each thread would not fit the address space
   static Helpers helpers;
   const unsigned threads = std::clamp(std::thread::hardware_concurrency(), 1u, kMostThreads);
-  const SandboxReport report = sandbox->enter([&] { helpers.start(threads - 1); });
+  const SandboxReport report = sandbox->enter([&] {
+    end_picture_threads();
+    helpers.start(threads - 1);
+  });
   const decode::Hello hello = hello_of(report, arguments[4]);
   if (!send_packet(kSocket, PacketKind::kHello, hello.SerializeAsString())) return 0;
   if (hello.missing_size() > 0) return 0;

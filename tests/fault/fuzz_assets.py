@@ -29,6 +29,8 @@ SAMPLES = {
     "tif": "picture/gradient_tiled.tif",
     "ies": "profile/batwing.ies",
 }
+PICTURES = "bmp dds dpx gif ico iff jp2 jxl ppm psd rla sgi tga webp"
+SAMPLES |= {ending: f"picture/gradient.{ending}" for ending in PICTURES.split()}
 REFUSALS = (hg.InvalidArgument, hg.NotFound, hg.Unimplemented, hg.ResourceExhausted)
 SECONDS = 5.0
 TOKENS = [b"0", b"-1", b"1e999", b"nan", b"4294967295", b"99999999999", b"[", b"{", b'"', b"\0"]

@@ -95,8 +95,8 @@ TEST_CASE("fuzz: profiles of luminaires") {
 
 TEST_CASE("fuzz: pictures") {
   const std::filesystem::path folder = test_assets() / "picture";
-  for (const char* name : {"gradient16.png", "gradient.jpg", "gradient_tiled.tif",
-                           "gradient_planar.tif", "gradient.hdr", "stripes.exr", "windowed.exr"}) {
-    (void)fuzz(folder / name, 800);
+  for (const auto& file : std::filesystem::directory_iterator(folder)) {
+    if (std::filesystem::file_size(file) > 10'000) continue;
+    (void)fuzz(file.path(), 500);
   }
 }

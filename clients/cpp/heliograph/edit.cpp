@@ -259,6 +259,8 @@ Entity Edits::instance(const Asset& asset, const std::string& name, const Placem
   return root;
 }
 
+const std::vector<std::string>& Edits::warnings() const { return draft_->warnings; }
+
 void Edits::remove(const std::vector<Ref>& things, bool cascade) {
   for (const Ref& thing : things) {
     v1::Edit* edit = add_edit(*draft_);

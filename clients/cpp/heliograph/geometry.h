@@ -50,7 +50,8 @@ struct Image {
 
   /// (H, W) or (H, W, C), row 0 at the top: u8 and u16 are normalised, f16 and f32 are as they are.
   Array texels{};
-  std::string path{};  // instead: a file, which the daemon decodes; .ies: a luminaire's candela
+  std::string path{};   // instead: a file, which the daemon decodes; .ies: a luminaire's candela
+  std::string layer{};  // of a file with several: "diffuse" of diffuse.R, a part, or a channel
   std::optional<Encoding> encoding{};  // default: u8 is sRGB
   std::optional<Wrap> wrap_u{};
   std::optional<Wrap> wrap_v{};

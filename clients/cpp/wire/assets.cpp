@@ -82,6 +82,7 @@ v1::AssetInfo decode_bundle(Session& session, const Source& source) {
   request.set_server_path(source.server_path);
   request.set_up(axis_of(source.up));
   request.set_units(source.units);
+  request.set_layer(source.layer);
   const fs::path model(source.path);
   if (!source.path.empty()) {
     std::error_code error;

@@ -15,6 +15,7 @@ struct Source {
   std::string server_path{};
   std::string up{};
   double units = 0;
+  std::string layer{};
 };
 
 /// DecodeAsset, uploading what the daemon says is missing until nothing is.

@@ -106,7 +106,10 @@ void put_volume(const Medium& medium, Draft& draft, v1::Volume* out) {
 
 void put_image(const Image& image, Draft& draft, v1::Texture* out) {
   if (!image.path.empty()) {
-    const v1::AssetInfo info = decode_bundle(*draft.scene->session, {image.path});
+    const v1::AssetInfo info =
+        decode_bundle(*draft.scene->session, {image.path, "", "", 0, image.layer});
+    for (const std::string& text : info.warnings())
+      draft.warnings.push_back(image.path + ": " + text);
     if (!info.has_texels())
       throw ClientError(Code::kInvalidArgument,
                         "image: " + image.path + " is no picture; use import_file()", {"image"});

@@ -80,6 +80,7 @@ struct Draft {
   std::optional<std::uint64_t> expected_revision{};
   v1::Transaction transaction{};
   std::vector<IdTarget> targets{};
+  std::vector<std::string> warnings{};  // about files of pictures
   bool open = true;
 };
 

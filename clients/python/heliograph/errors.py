@@ -2,8 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import sys
+import warnings
+from collections.abc import Iterable, Sequence
 from typing import Any
+
+
+class FileWarning(UserWarning):
+    """What was assumed of a picture's file, or changed in it. `warnings.filterwarnings("error",
+    category=hg.FileWarning)` refuses such files."""
+
+
+def warn_of_file(path: object, texts: Iterable[str]) -> None:
+    """Warns where the user's own code called."""
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and frame.f_globals["__name__"].split(".")[0] in _OWN:
+        level, frame = level + 1, frame.f_back
+    for text in texts:
+        warnings.warn(f"{path}: {text}", FileWarning, stacklevel=level)
+
+
+_OWN = ("heliograph", "nvisii")
 
 
 class HeliographError(Exception):

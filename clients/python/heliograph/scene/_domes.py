@@ -37,12 +37,14 @@ class DomeEdits:
 
     _domes: list[str]  # names of the textures that this transaction's domes made, "" for none
 
-    def dome(self, image: Any = _UNSET, **light: Unpack[images.DomeOptions]) -> None:
+    def dome(
+        self, image: Any = _UNSET, *, layer: str = "", **light: Unpack[images.DomeOptions]
+    ) -> None:
         """Changes the light from infinitely far.
 
         image: a lat-long file's path, an array, or a texture handle; None: no dome at all. The
         texture that a file or an array makes goes with the next image, unless something else uses
-        it.
+        it. layer: as of texture().
         color: radiance (3,), or a number; it multiplies the image. intensity: a factor.
         rotation: radians about +Z, or (3, 3) world_from_dome. light_group: as of an entity.
         """
@@ -54,7 +56,7 @@ class DomeEdits:
         elif isinstance(image, Handle):
             out.texture.CopyFrom(edits.ref(image, "image"))
         elif image is not _UNSET:
-            name, message = images.dome_texture(edits, image)
+            name, message = images.dome_texture(edits, image, layer)
             edits._add(name).texture.CopyFrom(message)
             out.texture.CopyFrom(edits._handle(Texture, name).ref(edits))
         edits._add(None).settings.dome.CopyFrom(out)

@@ -47,6 +47,7 @@ class Source:
     server_path: str = ""
     up: str = ""
     units: float = 0.0
+    layer: str = ""
 
     def request(self) -> service.DecodeAssetRequest:
         if (self.path is None) == (not self.server_path):
@@ -60,7 +61,9 @@ class Source:
                 f"units: metres a unit, such as 0.001, not {self.units!r}", field="units"
             ) from None
         up = f"AXIS_{self.up.upper() or 'UNSPECIFIED'}"
-        return service.DecodeAssetRequest(server_path=self.server_path, up=up, units=units)
+        return service.DecodeAssetRequest(
+            server_path=self.server_path, up=up, units=units, layer=self.layer
+        )
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import numpy as np
 from .._wire._proto import scene_pb2 as pb
 from .._wire._proto import types_pb2 as types
 from .._wire.arrays import NdArray, checked, inline
-from ..errors import InvalidArgument
+from ..errors import InvalidArgument, warn_of_file
 from ..values.checks import color_of, number_of, refuse_unknown, text_of
 from .assets import Source, decode_bundle
 
@@ -56,12 +56,12 @@ class Sampler(NamedTuple):
     filter: str | None
 
 
-def texture_message(edits: Edits, image: Any, sampler: Sampler) -> pb.Texture:
+def texture_message(edits: Edits, image: Any, sampler: Sampler, layer: str) -> pb.Texture:
     """The Texture of a file or an array (None: texels stay)."""
     out = pb.Texture()
     encoding = sampler.encoding
     if image is not None:
-        texels, found = texels_of(edits, image)
+        texels, found = texels_of(edits, image, layer)
         out.texels.CopyFrom(texels)
         encoding = encoding or found or None
     if encoding is not None:
@@ -75,9 +75,9 @@ def texture_message(edits: Edits, image: Any, sampler: Sampler) -> pb.Texture:
     return out
 
 
-def dome_texture(edits: Edits, image: Any) -> tuple[str, pb.Texture]:
+def dome_texture(edits: Edits, image: Any, layer: str) -> tuple[str, pb.Texture]:
     """A texture and its name, which tells its content: the same dome is the same object."""
-    texels, encoding = texels_of(edits, image)
+    texels, encoding = texels_of(edits, image, layer)
     digest = hashlib.sha256(texels.SerializeToString()).hexdigest()[:12]
     stem = Path(image).stem if isinstance(image, (str, os.PathLike)) else "array"
     message = pb.Texture(texels=texels, wrap_v=pb.Texture.WRAP_CLAMP)
@@ -92,14 +92,17 @@ _ENCODINGS: dict[int, str] = {
 }
 
 
-def texels_of(edits: Edits, image: Any) -> tuple[types.Array, str]:
+def texels_of(edits: Edits, image: Any, layer: str) -> tuple[types.Array, str]:
     """The texels of a file or an array, and their encoding ("": by dtype)."""
     if isinstance(image, (str, os.PathLike)):
-        info = decode_bundle(edits.scene.client, Source(image))
+        info = decode_bundle(edits.scene.client, Source(image, layer=text_of(layer, "layer")))
+        warn_of_file(image, info.warnings)
         if not info.HasField("texels"):
             raise InvalidArgument(f"{image} is no picture", field="image")
         edits.note_decoding(info.texels.blob)
         return info.texels, _ENCODINGS[info.encoding]
+    if layer:
+        raise InvalidArgument("layer: is of a picture's file; select the array's", field="layer")
     return edits.asset(_checked_texels(image)), ""
 
 

@@ -1,0 +1,73 @@
+#include "renderer/assets/picture_headers.h"
+
+#include <charconv>
+#include <cmath>
+#include <string_view>
+
+namespace heliograph::assets {
+namespace {
+
+std::string_view take_line(std::string_view& text) {
+  const std::string_view line = text.substr(0, text.find('\n'));
+  text.remove_prefix(std::min(text.size(), line.size() + 1));
+  return line;
+}
+
+std::optional<float> take_number(std::string_view& text) {
+  while (text.starts_with(' ')) text.remove_prefix(1);
+  float value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  text.remove_prefix(std::size_t(end - text.data()));
+  if (error != std::errc() || !std::isfinite(value)) return std::nullopt;
+  return value;
+}
+
+std::optional<Chromaticities> chromaticities_of(std::string_view text) {
+  Chromaticities found{};
+  for (float& coordinate : found) {
+    const auto number = take_number(text);
+    if (!number) return std::nullopt;
+    coordinate = *number;
+  }
+  return found;
+}
+
+}  // namespace
+
+RadianceHeader radiance_header(Bytes bytes) {
+  RadianceHeader header;
+  std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  for (auto line = take_line(text); !line.empty(); line = take_line(text)) {
+    const std::string_view key = line.substr(0, line.find('='));
+    std::string_view value = line.substr(std::min(line.size(), key.size() + 1));
+    if (key == "PRIMARIES") header.primaries = chromaticities_of(value);
+    if (key != "EXPOSURE") continue;
+    if (const auto factor = take_number(value); factor && *factor > 0) header.exposure *= *factor;
+  }
+  return header;
+}
+
+bool is_cut_jpeg(Bytes bytes) {
+  const auto byte = [&](std::size_t i) { return u8(bytes[i]); };
+  if (bytes.size() < 4 || byte(0) != 0xff || byte(1) != 0xd8 || byte(2) != 0xff) return false;
+  constexpr u8 kEnd = 0xd9, kScan = 0xda;
+  std::size_t at = 2;
+  bool in_scan = false;
+  while (at + 1 < bytes.size()) {
+    const u8 marker = byte(at + 1);
+    const bool is_marker = byte(at) == 0xff && marker != 0 && marker != 0xff;
+    const bool restart = marker >= 0xd0 && marker <= 0xd7;
+    if (!is_marker || restart) {
+      if (!in_scan && byte(at) != 0xff) return false;  // libjpeg decides
+      at += is_marker ? 2 : 1;
+      continue;
+    }
+    if (marker == kEnd) return false;
+    if (at + 3 >= bytes.size()) return true;
+    in_scan = marker == kScan;
+    at += 2 + (std::size_t(byte(at + 2)) << 8 | byte(at + 3));
+  }
+  return true;
+}
+
+}  // namespace heliograph::assets
