@@ -59,6 +59,12 @@ bool is_srgb(const std::string& name) {
   return std::ranges::any_of(kNames, has);
 }
 
+/// Whether OpenImageIO says so.
+bool is_too_large(const std::string& message) {
+  return message.find("limits:") != std::string::npos ||
+         message.find("may not exceed") != std::string::npos;
+}
+
 /// Reads one file.
 class Reader {
  public:
@@ -152,7 +158,7 @@ class Reader {
     return input;
   }
   [[noreturn]] void refuse_unread(const std::string& named, std::string_view name) const {
-    if (message_.find("limits:") != std::string::npos) {
+    if (is_too_large(message_)) {
       refuse(source_.where,
              fmt::format("would decode to more than {} texels; reduce the picture, or raise the "
                          "daemon's decode_ limit",

@@ -175,8 +175,9 @@ TEST_CASE("picture: the content says what the format is, a wrong name is a warni
 }
 
 TEST_CASE("picture: truncated files are refused") {
-  for (const char* name : {"gradient16.png", "gradient.jpg", "gradient_tiled.tif", "gradient.hdr",
-                           "gradient_rec2020.exr", "stripes.exr"}) {
+  for (const auto& file : std::filesystem::directory_iterator(test_assets() / "picture")) {
+    const std::string name = file.path().filename();
+    if (name == "orm.png") continue;  // its last tenth is the end marker
     auto bytes = read_file(test_assets() / "picture" / name);
     for (const double share : {0.3, 0.6, 0.9}) {
       INFO(name << " " << share);
@@ -196,7 +197,7 @@ TEST_CASE("picture: a bomb is refused by its header") {
   const auto hdr = TestBundle()
                        .add("a.hdr", "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 100000 +X 100000\n")
                        .load();
-  CHECK_THAT(refusal(hdr), Contains("100000x100000"));
+  CHECK_THAT(refusal(hdr), Contains("8 a.hdr") && Contains("texels"));
   const auto wide =
       TestBundle().add("a.hdr", "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 60000 +X 60000\n").load();
   CHECK_THAT(refusal(wide), Contains("texels"));
