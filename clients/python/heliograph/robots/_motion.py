@@ -12,7 +12,7 @@ import numpy as np
 
 from .._wire.arrays import NdArray
 from .._wire.tensors import is_tensor
-from .urdf import Joint
+from .description import Joint
 
 _TOLERANCE = 1e-6  # of limits: values may come as float32
 
@@ -32,10 +32,15 @@ class Motion:
         slides, crosses = np.zeros((count, 3)), np.zeros((count, 3, 3))
         self._planar: dict[int, tuple[int, Any]] = {}  # by joint: its first column, its plane
         self._floating: dict[int, int] = {}
+        self._quaternions: dict[int, int] = {}
         by_name = {joint.name: joint for joint in joints}
         for i, joint in enumerate(joints):
+            if joint.kind == "spherical":
+                self._quaternions[i] = first[joint.name]
+                continue
             if joint.kind == "floating":
                 self._floating[i] = first[joint.name]
+                self._quaternions[i] = first[joint.name] + 3
                 continue
             if joint.kind == "planar":
                 self._planar[i] = first[joint.name], _plane(joint.axis)
@@ -82,8 +87,8 @@ class Motion:
         return self._library.asarray(array, **self._kind)
 
     def quaternions(self) -> Iterator[tuple[int, int]]:
-        """Joints that float, and the column where the quaternion w x y z of each begins."""
-        return ((i, at + 3) for i, at in self._floating.items())
+        """Joints that turn freely, and the column where the quaternion w x y z of each begins."""
+        return iter(self._quaternions.items())
 
     def follows(self, columns: Sequence[int]) -> NdArray:
         """(M,) bool: which joints are turned or slid by one of these columns."""
@@ -114,7 +119,8 @@ class Motion:
             out[..., i, :3, 3] = values[..., at : at + 2] @ plane
         for i, at in self._floating.items():
             out[..., i, :3, 3] = values[..., at : at + 3]
-            out[..., i, :3, :3] = self._rotations(values[..., at + 3 : at + 7])
+        for i, at in self._quaternions.items():
+            out[..., i, :3, :3] = self._rotations(values[..., at : at + 4])
         return origins @ out
 
     def _rotations(self, wxyz: Any) -> Any:

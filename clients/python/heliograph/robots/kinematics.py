@@ -18,11 +18,12 @@ from .._wire.tensors import is_tensor, on_host
 from ..errors import InvalidArgument
 from ..values.pose import Pose
 from ._motion import Motion
-from .urdf import ONE_AXIS, Joint, Urdf
+from .description import ONE_AXIS, Joint, Urdf
 
 _COLUMNS = {
     "planar": ("x", "y", "angle"),
     "floating": ("x", "y", "z", "qw", "qx", "qy", "qz"),
+    "spherical": ("qw", "qx", "qy", "qz"),
 }
 _SHORTEST = 1e-9  # quaternion
 
@@ -32,7 +33,8 @@ class Kinematics:
 
     joint_names: of the C columns of an array of values: joints in the file's order, but fixed ones
     and those that mimic others. A planar joint has columns "<name>/x", "/y" (metres in the plane
-    across its axis) and "/angle"; a floating one "/x", "/y", "/z", "/qw", "/qx", "/qy", "/qz".
+    across its axis) and "/angle"; a floating one "/x", "/y", "/z", "/qw", "/qx", "/qy", "/qz",
+    a spherical one the last four.
     limits: (C, 2). rest: (C,), 0 or the limit next to it. moving: the M joints that are not fixed.
     """
 
@@ -60,8 +62,8 @@ class Kinematics:
             if joint.kind in ONE_AXIS:
                 self.limits[at] = joint.lower, joint.upper
                 self.rest[at] = np.clip(0.0, joint.lower, joint.upper)
-            elif joint.kind == "floating":
-                self.rest[at + 3] = 1.0
+            elif joint.kind != "planar":
+                self.rest[at + _columns(joint).index(f"{joint.name}/qw")] = 1.0
 
     def _fill_tree(self) -> None:
         rows = {name: i for i, name in enumerate(self.link_names)}
@@ -163,6 +165,8 @@ class Kinematics:
             row = np.moveaxis(np.asarray(value, dtype="f8"), -1, 0)
             if row.shape[:1] != (3,):
                 raise InvalidArgument(f"{field}: needs (x, y, angle), or (N, 3)", field=field)
+        elif joint.kind == "spherical":
+            row = np.moveaxis(_quaternions(_rotations(value, field)), -1, 0)
         else:
             row = np.moveaxis(_floating_values(value, field), -1, 0)
         return {at + i: number for i, number in enumerate(row)}
@@ -226,13 +230,27 @@ def _columns(joint: Joint) -> list[str]:
 def _floating_values(value: Any, field: str) -> NdArray:
     """(..., 7): position, and the quaternion w x y z, of a Pose, (4, 4) or (N, 4, 4)."""
     given = value.matrix if isinstance(value, Pose) else value
-    leading = (None,) if np.ndim(given) == 3 else ()
-    matrices = checked(given, field, "f8", (*leading, 4, 4))
-    rotation = matrices[..., :3, :3]
+    matrices = _matrices(given, field, 4)
+    rotation = _rotations(matrices[..., :3, :3], field)
+    return np.concatenate([matrices[..., :3, 3], _quaternions(rotation)], axis=-1)
+
+
+def _rotations(value: Any, field: str) -> NdArray:
+    """(..., 3, 3), of a Pose that turns alone, (3, 3) or (N, 3, 3)."""
+    if isinstance(value, Pose):
+        if np.abs(value.matrix[:3, 3]).max() > 0:
+            raise InvalidArgument(f"{field}: turns, and stays in its place", field=field)
+        value = value.matrix[:3, :3]
+    rotation = _matrices(value, field, 3)
     error = np.abs(rotation @ np.swapaxes(rotation, -1, -2) - np.eye(3)).max(initial=0)
     if error > 1e-5 or (np.linalg.det(rotation) < 0).any():
         raise InvalidArgument(f"{field}: needs a rotation without scale", field=field)
-    return np.concatenate([matrices[..., :3, 3], _quaternions(rotation)], axis=-1)
+    return rotation
+
+
+def _matrices(value: Any, field: str, size: int) -> NdArray:
+    leading = (None,) if np.ndim(value) == 3 else ()
+    return checked(value, field, "f8", (*leading, size, size))
 
 
 def _quaternions(rotation: NdArray) -> NdArray:

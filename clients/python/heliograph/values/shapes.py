@@ -88,6 +88,23 @@ def cylinder(radius: float = 0.5, height: float = 1.0, segments: int = 64) -> Ge
     }
 
 
+def capsule(radius: float = 0.25, length: float = 0.5, segments: int = 64) -> Geometry:
+    """A cylinder of `length` along +Z between two halves of a sphere; u around +Z, v from the lower
+    pole, even along the surface."""
+    quarter = np.linspace(0, 0.5 * math.pi, segments // 4 + 1)
+    theta = np.concatenate([quarter, quarter + 0.5 * math.pi])[:, None]  # from the lower pole
+    lift = length * np.repeat([0.0, 1.0], len(quarter))[:, None]
+    around, _ = _grid(segments, len(theta) - 1)
+    phi = 2 * math.pi * around
+    normals = np.stack(
+        [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), -np.cos(theta) + 0 * phi], -1
+    )
+    positions = radius * normals
+    positions[..., 2] += lift - 0.5 * length
+    along = (radius * theta + lift) / (math.pi * radius + length)
+    return _surface(positions, normals, (around, along + 0 * phi))
+
+
 def _disc(radius: float, z: float, segments: int) -> Geometry:
     """A disc at height z that faces away from the origin."""
     phi = 2 * math.pi * np.arange(segments) / segments
