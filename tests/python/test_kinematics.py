@@ -296,9 +296,9 @@ def test_shapes_without_size_are_left_out(tmp_path):
 
 
 def test_unknown_shapes_are_unimplemented(tmp_path):
-    capsule = '<link name="a"><visual><geometry><capsule radius="1"/></geometry></visual></link>'
-    with pytest.raises(hg.Unimplemented, match="<capsule>"):
-        urdf.read(written(tmp_path, capsule, links=""), {})
+    cone = '<link name="a"><visual><geometry><cone radius="1"/></geometry></visual></link>'
+    with pytest.raises(hg.Unimplemented, match="<cone>"):
+        urdf.read(written(tmp_path, cone, links=""), {})
 
 
 def test_a_name_is_no_robot():
