@@ -9,8 +9,7 @@ import json
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Union, cast
 
 import numpy as np
@@ -18,12 +17,11 @@ import numpy as np
 from .._wire.arrays import NdArray
 from .._wire.tensors import is_tensor, on_host
 from ..errors import InvalidArgument
-from ..image.tonemap import decode_srgb
-from ..scene import assets, patches
-from ..scene.handles import Asset, Entity, Group, Material, Mesh
-from ..values import shapes
+from ..scene import patches
+from ..scene.handles import Entity, Group, Material
 from ..values.checks import refuse_unknown
 from . import urdf
+from ._library import Library
 from .kinematics import Kinematics
 
 if TYPE_CHECKING:
@@ -33,17 +31,7 @@ if TYPE_CHECKING:
     from ..client.scene import Scene
 
 _STEP = math.pi / 3  # the most that a joint turns from key to key
-
-
-@dataclass
-class Library:
-    """What the robots of one file share."""
-
-    assets: dict[Path, Asset] = field(default_factory=dict)
-    meshes: dict[tuple[str, tuple[float, ...]], Mesh] = field(default_factory=dict)
-    materials: dict[urdf.Look, Material] = field(default_factory=dict)
-    keypoints: dict[str, Mesh] = field(default_factory=dict)
-    names: set[str] = field(default_factory=set)  # of materials
+_SEEN = 0.5  # the least opacity that labels take for a surface
 
 
 class Robot:
@@ -54,7 +42,7 @@ class Robot:
     parts: {link name: its number in the plane "part"}; link_of() turns these round.
     keypoints: the joints that labels report, and skeleton: pairs of them that are neighbours.
     moving: the M links below joints that are not fixed, as a Group.
-    warnings: what the file left open.
+    warnings: what the file left open, what was left out, and links that alpha hides from labels.
     """
 
     def __init__(
@@ -140,6 +128,7 @@ class Options:
     packages: Mapping[str, str | os.PathLike[str]]
     keypoints: Sequence[str] | None
     mesh_materials: bool
+    strict: bool
 
 
 class RobotEdits:
@@ -153,6 +142,7 @@ class RobotEdits:
         packages: Mapping[str, str | os.PathLike[str]] | None = None,
         keypoints: Sequence[str] | None = None,
         mesh_materials: bool = False,
+        strict: bool = False,
         **components: Unpack[patches.Components],
     ) -> Robot:
         """Reads a robot from a URDF file and places it: entities `name`, and "<name>/<link>". Of
@@ -161,17 +151,20 @@ class RobotEdits:
         packages: folders by package name, for package:// references; the package that the file is
         in need not be named. keypoints: names of the joints that labels report, by default all.
         mesh_materials: where a mesh has materials, they are kept; by default the URDF's come first.
+        strict: what is odd about the file, or missing of it, is refused; by default it is left out,
+        or taken for what was meant, and `warnings` of the robot say so.
         components: of the root, as edit.entity() takes them: transform, parent, category, ...
-        Refused: xacro, files outside the URDF's folder and packages (InvalidArgument).
+        Refused: xacro, and a robot of which nothing may be read that is to be seen: files outside
+        the URDF's folder and packages are not (InvalidArgument, NotFound).
         """
-        options = Options(packages or {}, keypoints, mesh_materials)
+        options = Options(packages or {}, keypoints, mesh_materials, strict)
         edits = cast("Edits", self)
         if isinstance(path, Robot):
             robot = Robot(edits.scene, name or path.name, path.model, path.library)
         else:
-            model = urdf.read(path, options.packages)
+            model = urdf.read(path, options.packages, options.strict)
             robot = Robot(edits.scene, name or model.name, model)
-        return _Builder(edits, robot).build(options, components)
+        return _Builder(edits, robot, options).build(components)
 
     def set_joints(
         self,
@@ -186,7 +179,8 @@ class RobotEdits:
 
         values: (C,) in the order of robot.joint_names, (N, C) for N robots; or {name: number}, or
         (N,) for N robots, where joints without a name stay. Radians and metres. A floating joint
-        takes a hg.Pose or (4, 4), a planar one (x, y, angle).
+        takes a hg.Pose or (4, 4), a spherical one a rotation (3, 3) or a hg.Pose that only turns, a
+        planar one (x, y, angle).
         A tensor of PyTorch: poses are worked out where it is, and stay there on a GPU.
         keys: {seconds: values} instead, for motion blur; joints move evenly between them.
         clamp: values beyond the limits are put on them; otherwise InvalidArgument names the joint,
@@ -246,16 +240,17 @@ def _set_keys(edits: Edits, robots: Sequence[Robot], keys: Mapping[float, NdArra
 class _Builder:
     """Puts the entities of one robot."""
 
-    def __init__(self, edits: Edits, robot: Robot) -> None:
+    def __init__(self, edits: Edits, robot: Robot, options: Options) -> None:
         self.edits = edits
+        self.options = options
         self.robot = robot
         self.model = robot.model
         self.library = robot.library
 
-    def build(self, options: Options, components: patches.Components) -> Robot:
+    def build(self, components: patches.Components) -> Robot:
         robot = self.robot
         refuse_unknown(components, patches.Components, "an entity")
-        self._choose_keypoints(options.keypoints)
+        self._choose_keypoints(self.options.keypoints)
         given: Any = {"label": "auto", **components}
         if robot.skeleton:
             own = {"skeleton": json.dumps(robot.skeleton)}
@@ -278,28 +273,32 @@ class _Builder:
             )
             for number, visual in enumerate(self.model.visuals[link]):
                 name = f"{robot.name}/{link}/{number}"
-                self._put_visual(visual, name, (robot.links[link], part), options.mesh_materials)
+                self._put_visual(visual, name, (robot.links[link], part))
         robot.moving = Group([robot.links[j.child] for j in robot.kinematics.moving])
         self._put_keypoints()
+        robot.warnings.extend(self.library.warnings)
         return robot
 
     # ------------------------------------------------------------ visuals
 
-    def _put_visual(
-        self, visual: urdf.Visual, name: str, link: tuple[Entity, int], mesh_materials: bool
-    ) -> None:
+    def _put_visual(self, visual: urdf.Visual, name: str, link: tuple[Entity, int]) -> None:
         parent, part = link
-        material = self._material(visual.look) if visual.look is not None else None
+        material = None if visual.look is None else self._material(visual.look)
         given: Any = {} if material is None else {"material": material}
         if visual.file is None:
-            given["mesh"] = self._mesh(visual, name)
+            self._tell_if_hidden(visual, parent)
+            given["mesh"] = self.library.mesh(self.edits, visual, name)
             at = visual.origin
             self.edits.entity(name, exist_ok=False, parent=parent, transform=at, part=part, **given)
             return
-        asset = self._asset(visual.file, name)
+        asset = self.library.asset(self.edits, visual.file, name, self.options.strict)
+        if asset is None:
+            return
         overrides = {}
-        if material is not None and not mesh_materials:
+        if material is not None and not self.options.mesh_materials:
             overrides = dict.fromkeys(asset.materials, material)
+        if overrides or not asset.materials:
+            self._tell_if_hidden(visual, parent)
         pose = visual.origin @ np.diag([*visual.size, 1.0])
         root = self.edits.instance(asset, name, transform=pose, parent=parent, materials=overrides)
         self.edits.update(root, label=None)  # that of the robot
@@ -307,37 +306,16 @@ class _Builder:
         for entity in asset._placed[-1]:
             self.edits.update(entity, part=part, **given)
 
-    def _asset(self, file: Path, name: str) -> Asset:
-        if file not in self.library.assets:
-            asset = assets.decode(self.edits.scene, _source(file), name)
-            self.robot.warnings.extend(f"{file.name}: {text}" for text in asset.warnings)
-            self.library.assets[file] = asset
-        return self.library.assets[file]
-
-    def _mesh(self, visual: urdf.Visual, name: str) -> Mesh:
-        key = visual.shape, visual.size
-        if key not in self.library.meshes:
-            geometry = _shape(*key)
-            self.library.meshes[key] = self.edits.mesh(f"{name}/mesh", exist_ok=False, **geometry)
-        return self.library.meshes[key]
-
     def _material(self, look: urdf.Look) -> Material:
-        if look in self.library.materials:
-            return self.library.materials[look]
-        given: Any = {}
-        if look.color is not None:
-            *rgb, alpha = look.color
-            given["base_color"] = decode_srgb(np.array(rgb))
-            if alpha < 1:
-                given.update(alpha=alpha, alpha_mode="blend")
-        name = f"{self.robot.name}/material/{look.name or len(self.library.materials)}"
-        if name in self.library.names:
-            name = f"{name}_{len(self.library.materials)}"
-        self.library.names.add(name)
-        if look.texture is not None:
-            given["base_color"] = self.edits.texture(f"{name}/texture", look.texture)
-        self.library.materials[look] = self.edits.material(name, exist_ok=False, **given)
-        return self.library.materials[look]
+        return self.library.material(self.edits, look, self.robot.name, self.options.strict)
+
+    def _tell_if_hidden(self, visual: urdf.Visual, link: Entity) -> None:
+        look = visual.look
+        alpha = look.color[3] if look is not None and look.color is not None else 1.0
+        if alpha < _SEEN:
+            text = f"{link.name}: of alpha {alpha:g}, labels show what is behind it"
+            if text not in self.robot.warnings:
+                self.robot.warnings.append(text)
 
     # ------------------------------------------------------------ keypoints
 
@@ -374,17 +352,3 @@ class _Builder:
             mesh = self.library.keypoints[name]
             part = self.robot.parts[below[name]]
             self.edits.entity(f"{link.name}/keypoint", parent=link, mesh=mesh, part=part)
-
-
-def _source(file: Path) -> assets.Source:
-    """COLLADA's numbers are in the link's frame whatever its up_axis says, as RViz has it."""
-    return assets.Source(file, up="z" if file.suffix.lower() == ".dae" else "")
-
-
-def _shape(shape: str, size: tuple[float, ...]) -> patches.Geometry:
-    if shape == "box":
-        cube = shapes.cube()
-        return {**cube, "positions": np.asarray(cube["positions"]) * size}
-    if shape == "cylinder":
-        return shapes.cylinder(size[0], size[1])
-    return shapes.sphere(size[0])

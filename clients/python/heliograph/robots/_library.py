@@ -1,0 +1,111 @@
+"""Meshes and materials that the robots of one file share. Used by robot.py."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from ..errors import InvalidArgument
+from ..image.tonemap import decode_srgb
+from ..scene import assets, patches
+from ..scene.handles import Asset, Material, Mesh, Texture
+from ..values import shapes
+from . import urdf
+from ._notes import FAULTS
+
+if TYPE_CHECKING:
+    from ..client.edit import Edits
+
+_Made = TypeVar("_Made", Asset, Texture)
+
+
+class Library:
+    """warnings: what was left out of files that could not be read, or that these say themselves."""
+
+    def __init__(self) -> None:
+        self.assets: dict[Path, Asset] = {}
+        self.meshes: dict[tuple[str, tuple[float, ...]], Mesh] = {}
+        self.materials: dict[urdf.Look, Material] = {}
+        self.keypoints: dict[str, Mesh] = {}
+        self.warnings: list[str] = []
+        self._names: set[str] = set()  # of materials
+        self._failed: set[Path] = set()
+
+    def asset(self, edits: Edits, file: Path, name: str, strict: bool) -> Asset | None:
+        """A mesh file, decoded once; None: it cannot be."""
+        if file not in self.assets:
+            asset = self._made(
+                file, strict, lambda: assets.decode(edits.scene, _source(file), name)
+            )
+            if asset is None:
+                return None
+            told = [f"{file.name}: {text}" for text in asset.warnings]
+            if strict and told:
+                raise InvalidArgument(told[0], field="path")
+            self.warnings.extend(told)
+            self.assets[file] = asset
+        return self.assets[file]
+
+    def mesh(self, edits: Edits, visual: urdf.Visual, name: str) -> Mesh:
+        key = visual.shape, visual.size
+        if key not in self.meshes:
+            geometry = _shape(*key)
+            self.meshes[key] = edits.mesh(f"{name}/mesh", exist_ok=False, **geometry)
+        return self.meshes[key]
+
+    def material(self, edits: Edits, look: urdf.Look, prefix: str, strict: bool) -> Material:
+        """That of a look, called "<prefix>/material/<its name>"."""
+        if look in self.materials:
+            return self.materials[look]
+        given: Any = {}
+        if look.color is not None:
+            *rgb, alpha = look.color
+            given["base_color"] = decode_srgb(np.array(rgb))
+            if alpha < 1:
+                given.update(alpha=alpha, alpha_mode="blend")
+        name = self._free(f"{prefix}/material/{look.name or len(self.materials)}")
+        file = look.texture
+        if file is not None:
+            texture = self._made(file, strict, lambda: edits.texture(f"{name}/texture", file))
+            if texture is not None:
+                given["base_color"] = texture
+        self.materials[look] = edits.material(name, exist_ok=False, **given)
+        return self.materials[look]
+
+    def _free(self, name: str) -> str:
+        if name in self._names:
+            name = f"{name}_{len(self.materials)}"
+        self._names.add(name)
+        return name
+
+    def _made(self, file: Path, strict: bool, make: Callable[[], _Made]) -> _Made | None:
+        """What is made of a file, which is tried once; None: nothing can be."""
+        if file in self._failed and not strict:
+            return None
+        try:
+            return make()
+        except FAULTS as error:
+            if strict:
+                raise
+            self._failed.add(file)
+            self.warnings.append(f"{file.name} is left out: {error}")
+            return None
+
+
+def _source(file: Path) -> assets.Source:
+    """COLLADA's numbers are in the link's frame whatever its up_axis says, as RViz has it."""
+    return assets.Source(file, up="z" if file.suffix.lower() == ".dae" else "")
+
+
+def _shape(shape: str, size: tuple[float, ...]) -> patches.Geometry:
+    if shape == "box":
+        cube = shapes.cube()
+        return {**cube, "positions": np.asarray(cube["positions"]) * size}
+    if shape == "cylinder":
+        return shapes.cylinder(size[0], size[1])
+    if shape == "capsule":
+        return shapes.capsule(size[0], size[1])
+    return shapes.sphere(size[0])
