@@ -255,7 +255,7 @@ def test_leftovers_of_xacro_that_nothing_needs_are_passed_over(tmp_path):
         '<xacro:property name="w" value="${1 + 2}"/><xacro:arg name="g" default="x"/>'
         + '<gazebo><plugin file="$(find p)/a.yaml"/><xacro:if value="1"/></gazebo>'
         + '<link name="a"><collision><geometry><box size="${w} 1 1"/></geometry></collision></link>'
-        + link(name="b")
+        + link(BOX, name="b")
         + joint("fixed", '<origin xyz="$(optenv HELIO_X 0.19 0 0.149)" rpy="$(optenv R 0 0 0)"/>')
     )
     path = written(tmp_path / "r.urdf", body, head='<robot name="r" xmlns:xacro="http://x">')
@@ -375,6 +375,21 @@ def test_capsules_are_read_and_unknown_shapes_left_out(tmp_path):
     assert [(v.shape, v.size) for v in found.visuals["a"]] == [("capsule", (0.2, 1))]
     assert "<cone>" in found.warnings[0]
     strictly_refused(path, "<cone>", hg.Unimplemented)
+
+
+def test_a_robot_without_visuals_is_seen_by_its_collision_shapes(tmp_path):
+    solid = '<collision><origin xyz="0 0 1"/><geometry><{}/></geometry></collision>'
+    ball = solid.format('sphere radius="2"')
+    body = link(ball, solid.format('mesh filename="no.stl"')) + link(name="b") + joint("fixed")
+    found = urdf.read(written(tmp_path / "r.urdf", body), {})
+    (seen,) = found.visuals["a"]
+    assert (seen.shape, seen.size, seen.origin[2, 3]) == ("sphere", (2,), 1)
+    assert "no file" in found.warnings[0] and "collision shapes are shown" in found.warnings[1]
+    body = link(ball) + link(BOX, name="b") + joint("fixed")
+    found = urdf.read(written(tmp_path / "r.urdf", body), {}, strict=True)
+    assert not found.visuals["a"] and [v.shape for v in found.visuals["b"]] == ["box"]
+    lost = link(solid.format('mesh filename="no.stl"'))
+    assert urdf.read(written(tmp_path / "r.urdf", lost), {}).visuals["a"] == []
 
 
 def test_a_capsule_is_a_cylinder_between_two_halves_of_a_sphere():

@@ -6,7 +6,7 @@ capsule of PyBullet.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -29,7 +29,8 @@ _BRIGHTEST = 2  # a number of a color above it is one of 0 to 255
 
 
 class Visuals:
-    """Materials by their names, and the visuals that have them. lost: why others are left out."""
+    """Materials by their names, and the visuals that have them; a robot without any is seen by
+    its collision shapes. lost: why some are left out."""
 
     def __init__(self, notes: Notes, files: Files) -> None:
         self.notes = notes
@@ -45,12 +46,22 @@ class Visuals:
             if look.color is not None or look.texture is not None:
                 self.looks.setdefault(look.name, look)
 
-    def of(self, link: Element, name: str) -> list[Visual]:
-        """Those of a link that can be shown."""
+    def of(self, links: Mapping[str, Element]) -> dict[str, list[Visual]]:
+        """Those of each link that can be shown."""
+        seen = any(link.find("visual") is not None for link in links.values())
+        kind = "visual" if seen else "collision"
+        found = {name: self._of(link, kind, f"link {name!r}") for name, link in links.items()}
+        if seen and self.lost and not any(found.values()):
+            raise self.lost[0]
+        if not seen and any(found.values()):
+            self.notes.warn("has no <visual>; its collision shapes are shown")
+        return found
+
+    def _of(self, link: Element, kind: str, where: str) -> list[Visual]:
         found = []
-        for element in link.findall("visual"):
+        for element in link.findall(kind):
             try:
-                visual = self._visual(element, f"link {name!r}")
+                visual = self._visual(element, where)
             except FAULTS as error:
                 self.notes.leave_out(error)
                 self.lost.append(error)
@@ -63,7 +74,7 @@ class Visuals:
         geometry = element.find("geometry")
         shape = next(iter(geometry), None) if geometry is not None else None
         if shape is None:
-            raise self.notes.refusal("a <visual> has no geometry", where)
+            raise self.notes.refusal(f"a <{element.tag}> has no geometry", where)
         origin = self.numbers.origin(element, where)
         visual = Visual(shape.tag, (), origin, look=self._look_of(element))
         if shape.tag == "mesh":

@@ -49,9 +49,7 @@ class _Reader:
             raise self.notes.refusal(f"the root element is <{root.tag}>, not <robot>; is it URDF?")
         self.visuals.define([*root.findall("material"), *root.findall("link/visual/material")])
         links = self._named(root, "link")
-        visuals = {name: self.visuals.of(link, name) for name, link in links.items()}
-        if self.visuals.lost and not any(visuals.values()):
-            raise self.visuals.lost[0]
+        visuals = self.visuals.of(links)
         found = {name: self._joint(e, name) for name, e in self._named(root, "joint").items()}
         joints = _mimics.settled(found, self.notes)
         order = self._parents_first(list(links), joints)
