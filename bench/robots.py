@@ -28,6 +28,7 @@ from heliograph.robots.description import ONE_AXIS
 from heliograph.robots.kinematics import Kinematics
 
 TRIES, TOLERANCE = 8, 1e-6
+MOST_JOINTS = 127  # of more, PyBullet tells no poses
 WIDTH, HEIGHT, FIELD = 240, 180, 50
 NEAR, FAR = 0.01, 100.0
 
@@ -91,7 +92,12 @@ def loaded(path):
     """The body in PyBullet; None: refused."""
     bullet.connect(bullet.DIRECT)
     try:
-        return bullet.loadURDF(str(path), useFixedBase=True)
+        body = bullet.loadURDF(str(path), useFixedBase=True)
+        if bullet.getNumJoints(body) > MOST_JOINTS:
+            bullet.removeBody(body)
+            flags = bullet.URDF_MERGE_FIXED_LINKS
+            body = bullet.loadURDF(str(path), useFixedBase=True, flags=flags)
+        return body
     except bullet.error:
         return None
 
@@ -102,14 +108,14 @@ def loaded(path):
 def disagreement(model, body):
     k = Kinematics(model)
     places = links_of(body)
-    alone = set(k.link_names[1:]) ^ (set(places) - {base_of(body)})
+    alone = set(places) - set(k.link_names) | {j.child for j in k.moving} - set(places)
     if alone:
         return {"links of one alone": sorted(alone)}
     worst = collections.Counter()
     for row in random_rows(k, TRIES):
         move(body, k, row)
         for name, ours in zip(k.link_names, k.forward(row), strict=True):
-            if places[name] >= 0:
+            if places.get(name, -1) >= 0:
                 off = np.abs(pose_of(body, places[name]) - ours).max()
                 worst[name] = max(worst[name], float(off))
     far = {name: worst[name] for name in k.link_names if worst[name] > TOLERANCE}

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from ..errors import InvalidArgument
 from ..image.tonemap import decode_srgb
 from ..scene import assets, patches
 from ..scene.handles import Asset, Material, Mesh, Texture
@@ -42,10 +41,7 @@ class Library:
             )
             if asset is None:
                 return None
-            told = [f"{file.name}: {text}" for text in asset.warnings]
-            if strict and told:
-                raise InvalidArgument(told[0], field="path")
-            self.warnings.extend(told)
+            self.warnings.extend(f"{file.name}: {text}" for text in asset.warnings)
             self.assets[file] = asset
         return self.assets[file]
 
