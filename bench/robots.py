@@ -9,7 +9,8 @@ a metre from where PyBullet has it, or as much in a term of its rotation, is a d
 --import: a daemon takes the robot, and reads its meshes and textures.
 --seen: that, and pictures of both: the share of pixels where both see the robot among those where
 one does, of these the share that show the same link, and the median of the difference in depth, m.
-PyBullet's spheres and capsules have few facets, and it does not draw the backs of faces.
+PyBullet's spheres and capsules have few facets, it does not draw the backs of faces, and it draws
+the collision shapes of every link without visuals.
 """
 
 import argparse

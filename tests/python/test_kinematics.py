@@ -122,7 +122,12 @@ def test_floating_joints_take_poses(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name", ["kuka_iiwa/model", "r2d2", "franka_panda/panda", "quadruped/minitaur", "a1/a1", "own"]
+    "name",
+    [
+        *("kuka_iiwa/model", "r2d2", "franka_panda/panda", "quadruped/minitaur", "a1/a1", "own"),
+        *("bicycle/bike", "biped/biped2d_pybullet", "quadruped/microtaur/microtaur"),
+        *("differential/diff_ring", "racecar/racecar_differential"),
+    ],
 )
 def test_links_are_where_pybullet_has_them(name):
     bullet = pytest.importorskip("pybullet", reason="the extra `physics` is not installed")

@@ -364,6 +364,25 @@ def test_spherical_joints_turn_as_pybullet_has_them(tmp_path):
             k.values({"s": wrong})
 
 
+def test_quaternions_turn_evenly_the_shorter_way(tmp_path):
+    body = link() + link(name="b") + link(name="c")
+    body += joint("spherical", "", "s", "ab") + joint("floating", "", "f", "bc")
+    k = Kinematics(urdf.read(written(tmp_path / "r.urdf", body), {}))
+    axis = np.array((0.6, 0, 0.8))
+
+    def row(angle, sign=1):
+        turn = sign * np.array((np.cos(angle / 2), *np.sin(angle / 2) * axis))
+        return np.concatenate([turn, (angle, 0, 0), turn])
+
+    for sign in (1, -1):
+        begin, end = row(0.2), row(2.6, sign)
+        assert k.turned(begin, end) == pytest.approx(2.4)
+        for share in (0, 0.25, 1):
+            expected = k.local(row(0.2 + share * 2.4))
+            np.testing.assert_allclose(k.local(k.between(begin, end, share)), expected, atol=1e-12)
+    np.testing.assert_allclose(k.between(begin, begin, 0.5), begin)
+
+
 # ---------------------------------------------------------------- shapes
 
 

@@ -81,9 +81,21 @@ class Kinematics:
         """(..., M, 4, 4) float64 parent_from_child of the moving joints, of (..., C) values."""
         return self._motion.on(values).local(values)
 
-    def angles(self, values: NdArray) -> NdArray:
-        """(..., M) radians that the moving joints are turned about their axes."""
-        return self._motion.angles(values)
+    def turned(self, begin: NdArray, end: NdArray) -> float:
+        """The most radians that a joint turns from some values to others, (..., C)."""
+        turns = [self._motion.angles(end) - self._motion.angles(begin)]
+        for _, at in self._motion.quaternions():
+            cosine = np.sum(begin[..., at : at + 4] * end[..., at : at + 4], axis=-1)
+            turns.append(2 * np.arccos(np.minimum(np.abs(cosine), 1)))
+        return max(float(np.abs(turn).max(initial=0)) for turn in turns)
+
+    def between(self, begin: NdArray, end: NdArray, share: float) -> NdArray:
+        """Values on the way from some to others; quaternions turn evenly, the shorter way."""
+        out = begin + share * (end - begin)
+        for _, at in self._motion.quaternions():
+            part = np.s_[..., at : at + 4]
+            out[part] = _slerp(begin[part], end[part], share)
+        return np.asarray(out)
 
     def forward(self, values: Any) -> Any:
         """(..., L, 4, 4) float64 root_from_link, of (..., C) values."""
@@ -265,3 +277,15 @@ def _quaternions(rotation: NdArray) -> NdArray:
     best = np.diagonal(products, axis1=-2, axis2=-1).argmax(axis=-1)
     column = np.take_along_axis(products, best[..., None, None], axis=-1)[..., 0]
     return np.asarray(column / np.linalg.norm(column, axis=-1, keepdims=True))
+
+
+def _slerp(begin: NdArray, end: NdArray, share: float) -> NdArray:
+    """Unit quaternions (..., 4) on the shorter arc between two (Shoemake 1985)."""
+    cosine = np.sum(begin * end, axis=-1, keepdims=True)
+    angle = np.arccos(np.minimum(np.abs(cosine), 1))
+    near = angle < 1e-6
+    sine = np.sin(np.where(near, 1, angle))
+    first = np.where(near, 1 - share, np.sin((1 - share) * angle) / sine)
+    second = np.where(near, share, np.sin(share * angle) / sine)
+    out = first * begin + np.where(cosine < 0, -second, second) * end
+    return np.asarray(out / np.linalg.norm(out, axis=-1, keepdims=True))

@@ -226,11 +226,11 @@ def _set_keys(edits: Edits, robots: Sequence[Robot], keys: Mapping[float, NdArra
     times = sorted(keys)
     rows = {t: keys[t] for t in times}
     for begin, end in zip(times[:-1], times[1:]):
-        turned = kinematics.angles(keys[end]) - kinematics.angles(keys[begin])
-        parts = math.ceil(float(np.abs(turned).max(initial=0)) / _STEP - 1e-9)
+        parts = math.ceil(kinematics.turned(keys[begin], keys[end]) / _STEP - 1e-9)
         for i in range(1, parts):
             share = i / parts
-            rows[begin + share * (end - begin)] = keys[begin] + share * (keys[end] - keys[begin])
+            time = begin + share * (end - begin)
+            rows[time] = kinematics.between(keys[begin], keys[end], share)
     local = {t: kinematics.local(rows[t]) for t in sorted(rows)}
     for n, robot in enumerate(robots):
         for i, entity in enumerate(robot.moving):
