@@ -35,7 +35,7 @@ class Files:
         if scheme not in ("", "file"):
             raise self.notes.refusal(f"{reference!r}: only files are read; download it", where)
         for root in (self.folder, *self.own):
-            found = _existing(root / rest, self._roots())
+            found = _existing(root / rest, self.roots())
             if found is not None:
                 return found
         if re.match("/|[A-Za-z]:", rest):
@@ -43,7 +43,7 @@ class Files:
             if found is not None:
                 return found
         path = (self.folder / rest).resolve()
-        if not _is_within(path, self._roots()):
+        if not _is_within(path, self.roots()):
             raise self.notes.refusal(
                 f"{reference!r} lies outside the file's own folder and package; allow its folder "
                 f'with packages={{"meshes": {str(path.parent)!r}}}',
@@ -51,14 +51,15 @@ class Files:
             )
         raise self.notes.missing(f"no file {path}", where)
 
-    def _roots(self) -> list[Path]:
+    def roots(self) -> list[Path]:
+        """Folders whose files may be read."""
         return [self.folder, *self.packages.values(), *self.own]
 
     def _in_package(self, rest: str, where: str) -> Path:
         name, _, within = rest.partition("/")
         folders = [self.packages[name]] if name in self.packages else [*self._called(name)]
         for folder in (*folders, *self.own):
-            found = _existing(folder / within, [folder, *self._roots()])
+            found = _existing(folder / within, [folder, *self.roots()])
             if found is not None:
                 self.packages.setdefault(name, folder)
                 return found
@@ -82,7 +83,7 @@ class Files:
         parts = PurePosixPath(absolute).parts[1:]
         for start in range(len(parts)):
             for root in (self.folder, *self.own):
-                found = _existing(root.joinpath(*parts[start:]), self._roots())
+                found = _existing(root.joinpath(*parts[start:]), self.roots())
                 if found is not None:
                     self.notes.warn(f"{where}: {absolute!r} is taken to be {found}")
                     return found

@@ -60,10 +60,12 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class Urdf:
-    """links: names, parents first; joints in the file's order."""
+    """links: names, parents first; joints in the file's order; roots: folders whose files may be
+    read."""
 
     name: str
     links: list[str]
     visuals: dict[str, list[Visual]]
     joints: list[Joint]
+    roots: list[Path]
     warnings: list[str] = field(default_factory=list)

@@ -40,7 +40,8 @@ class _Reader:
     def __init__(self, notes: Notes, packages: Mapping[str, str | os.PathLike[str]]) -> None:
         self.notes = notes
         self.numbers = Numbers(notes)
-        self.visuals = Visuals(notes, Files(notes, packages))
+        self.files = Files(notes, packages)
+        self.visuals = Visuals(notes, self.files)
 
     def robot(self) -> Urdf:
         root = _xml.read(self.notes.path)
@@ -54,7 +55,7 @@ class _Reader:
         joints = _mimics.settled(found, self.notes)
         order = self._parents_first(list(links), joints)
         name = root.get("name") or self.notes.path.stem
-        return Urdf(name, order, visuals, joints, self.notes.warnings)
+        return Urdf(name, order, visuals, joints, self.files.roots(), self.notes.warnings)
 
     def _named(self, root: Element, tag: str) -> dict[str, Element]:
         out: dict[str, Element] = {}
