@@ -59,6 +59,17 @@ def test_a_python_package_is_one(tmp_path):
     assert urdf.read(path, {}).visuals["a"][0].file == file
 
 
+@pytest.mark.parametrize("mark", ["package.xml", "__init__.py", "urdf"])
+def test_packages_beside_the_own_one_are_found_by_their_names(tmp_path, mark):
+    file = stl(tmp_path / "src/hand/meshes/a.stl")
+    path = written(tmp_path / "src/arm/urdf/r.urdf", link(mesh("package://hand/meshes/a.stl")))
+    with pytest.raises(hg.NotFound, match=r"packages=\{\"hand\""):
+        urdf.read(path, {})
+    made = tmp_path / "src/hand" / mark
+    made.touch() if made.suffix else made.mkdir()
+    assert urdf.read(path, {}, strict=True).visuals["a"][0].file == file
+
+
 @pytest.mark.parametrize("place", ["/home/x/ws/robot", "C:\\Users\\x\\robot", "file:///C:/robot"])
 def test_files_of_another_machine_are_found_by_the_ends_of_their_paths(tmp_path, place):
     file = stl(tmp_path / "robot/meshes/fine/a.stl")
@@ -84,6 +95,7 @@ def test_nothing_else_is_read(tmp_path):
         *("link.stl", "folder/a.stl", "folded/A.stl", "LINK.STL"),
         *("package://../secret/a.stl", "package://robot/../secret/a.stl", "package://./../a.stl"),
         *("package://urdf/folder/a.stl", "model://folder/a.stl"),
+        *("package://secret/a.stl", f"package://{tmp_path.name}/secret/a.stl"),
     ):
         path = written(own / "r.urdf", link(mesh(reference), BOX))
         found = urdf.read(path, {})

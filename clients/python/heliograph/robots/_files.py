@@ -72,10 +72,12 @@ class Files:
         )
 
     def _called(self, name: str) -> Iterator[Path]:
-        """Folders of a name above the file, or within those above."""
+        """Packages of a name above the file, or within folders above it, and the file's own folder
+        and what is in it."""
         for folder in (self.folder, *self.folder.parents):
             for found in (folder, folder / name):
-                if found.name == name and found.is_dir():
+                is_own = folder == self.folder and found.is_dir()
+                if found.name == name and (is_own or _is_package(found)):
                     yield found
 
     def _of_another_machine(self, absolute: str, where: str) -> Path | None:
@@ -112,6 +114,10 @@ def _own_packages(folder: Path) -> Iterator[Path]:
     for mark in _MARKS:
         yield from [at for at in above if (at / mark).is_file()][:1]
     yield from [at for at in above[:3] if _has_meshes_beside(at)][:1]
+
+
+def _is_package(folder: Path) -> bool:
+    return any((folder / mark).is_file() for mark in _MARKS) or _has_meshes_beside(folder)
 
 
 def _has_meshes_beside(folder: Path) -> bool:
