@@ -91,8 +91,7 @@ GRPC = {f"server/{room}" for room in "app calls convert net observe session".spl
 LIBRARIES = {
     "embree3": {"renderer/backend/embree"},
     "embree4": {"renderer/backend/embree"},
-    "OpenImageIO": set(),
-    "OpenEXR": {"renderer/assets"},
+    "OpenImageIO": {"renderer/assets"},
     "openvdb": {"renderer/assets"},
     "nanovdb": {"renderer/assets"},
     "tiny_gltf.h": {"renderer/assets"},
