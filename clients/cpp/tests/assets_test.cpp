@@ -63,6 +63,15 @@ TEST_CASE("pictures become textures and domes") {
   dome.image.path = kAssets + "picture/gradient.hdr";
   dome.rotation = Mat3::identity();
   edit.dome(dome);
+  CHECK(edit.warnings().empty());
+  Image infinite;
+  infinite.path = kAssets + "picture/AllHalfValues.exr";
+  infinite.layer = "R";
+  edit.texture("infinite", infinite);
+  REQUIRE(edit.warnings().size() == 2);
+  CHECK(edit.warnings().front() == infinite.path +
+                                       ": 2 infinite texel values became the largest "
+                                       "finite one");
   edit.commit();
   const auto texels = world.scene.read({texture}, "texture.texels");
   CHECK(texels.front().shape().size() >= 2);
