@@ -30,14 +30,16 @@ class Measure {
     for (const Edit& edit : asset_.entities) {
       const auto& put = std::get<PutEntity>(edit.action);
       root_from_.push_back(pose_of(put));
+      shown_.push_back(put.visible.value_or(true) &&
+                       (!put.parent || shown_[index_of(*put.parent)]));
+      if (!shown_.back()) continue;
       if (put.volume) {
         const auto& ref = std::get<CreatedByEdit>(*put.volume);
         const auto& volume = std::get<PutVolume>(asset_.library[ref.edit].action);
         for (const vec3& corner : box_corners(*volume.density))
           box_.add(root_from_.back() * vec4(corner, 1));
       }
-      const bool shown = put.visible.value_or(true);
-      if (!shown || !put.mesh || std::holds_alternative<std::monostate>(*put.mesh)) continue;
+      if (!put.mesh || std::holds_alternative<std::monostate>(*put.mesh)) continue;
       const auto& mesh =
           std::get<PutMesh>(asset_.library[std::get<CreatedByEdit>(*put.mesh).edit].action);
       if (put.skin && *put.skin) {
@@ -50,8 +52,11 @@ class Measure {
   }
 
  private:
+  [[nodiscard]] std::size_t index_of(const Ref& ref) const {
+    return std::get<CreatedByEdit>(ref).edit - asset_.library.size();
+  }
   [[nodiscard]] const mat4x3& entity_pose(const Ref& ref) const {
-    return root_from_[std::get<CreatedByEdit>(ref).edit - asset_.library.size()];
+    return root_from_[index_of(ref)];
   }
   [[nodiscard]] mat4x3 pose_of(const PutEntity& put) const {
     const mat4x3 local = put.pose ? put.pose->matrices.front() : mat4x3(1);
@@ -95,6 +100,7 @@ class Measure {
 
   const Asset& asset_;
   std::vector<mat4x3> root_from_;
+  std::vector<bool> shown_;  // itself and all above it
   Box box_;
   std::size_t visited_ = 0;
 };

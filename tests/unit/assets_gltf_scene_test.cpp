@@ -72,6 +72,38 @@ TEST_CASE("gltf: node graphs that are no trees are refused") {
   CHECK_THAT(refused(R"({"matrix":[1,0,0,1,0,1,0,0,0,0,1,0,0,0,0,1]})"), Contains("last row"));
 }
 
+TEST_CASE("gltf: a scale of 0 across what is flat leaves it where it is") {
+  for (const char* node : {R"("scale":[1,2,0])", R"("matrix":[1,0,0,0,0,2,0,0,0,0,0,0,0,0,0,1])"}) {
+    CAPTURE(node);
+    const auto loaded =
+        triangle().load(with_triangle(R"({"name":"flat","mesh":0,)" + std::string(node) + "}"));
+    REQUIRE(loaded);
+    CHECK(loaded->warnings.empty());
+    const PutEntity& flat = entity_named(*loaded, "flat");
+    CHECK_FALSE(flat.visible);
+    CHECK(flat.pose->matrices[0] * vec4(1, 2, 0, 1) == vec3(1, 4, 0));
+    CHECK(flat.pose->matrices[0][2].z == Approx(2e-4f));
+    CHECK(loaded->bounds_max == vec3(1, 0, 4));
+  }
+}
+
+TEST_CASE("gltf: the last row of a matrix may be rounded") {
+  const auto load = [](const std::string& last) {
+    return triangle().load(with_triangle(
+        R"({"name":"m","mesh":0,"matrix":[2,0,0,0,0,2,0,0,0,0,2,0,1,2,3,)" + last + "]}"));
+  };
+  REQUIRE(load("0.9999999"));
+  CHECK(entity_named(*load("0.9999999"), "m").pose->matrices[0][3] == vec3(1, 2, 3));
+  CHECK_THAT(refusal(load("0.999")), Contains("last row"));
+}
+
+TEST_CASE("gltf: what is hidden is not in the box") {
+  const auto loaded = triangle().load(with_triangle(
+      R"({"mesh":0},{"scale":[0,0,0],"children":[2]},{"mesh":0,"translation":[9,9,9]})"));
+  REQUIRE(loaded);
+  CHECK(glm::distance(loaded->bounds_max, vec3(1, 0, 2)) < 1e-5f);
+}
+
 TEST_CASE("gltf: a node scaled to nothing, or beyond f32, is hidden, not refused") {
   for (const char* scale : {"[0,0,0]", "[1e-11,1e-11,1e-11]", "[2e10,1e10,1e10]"}) {
     CAPTURE(scale);
@@ -174,6 +206,46 @@ TEST_CASE("gltf: EXT_lights_ies makes luminaires, whose files are linked or in t
   CHECK(last_candela(trough) == 2);
   CHECK_THAT(refusal(bundle(profile("-4")).add("lamps/a b.ies", profile("2")).load()),
              Contains("EXT_lights_ies.lights[1]: line 5") && Contains("-4, below 0"));
+}
+
+namespace {
+
+/// The pose of an entity in the scene, +Z up.
+mat4x3 world_pose(const Loaded& loaded, std::size_t index) {
+  mat4 pose(1);
+  for (bool more = true; more;) {
+    const auto& put = std::get<PutEntity>(loaded.asset.entities[index].action);
+    if (put.pose) pose = mat4(put.pose->matrices[0]) * pose;
+    more = put.parent.has_value();
+    if (more) index = entity_of(loaded, *put.parent);
+  }
+  return mat4x3(pose);
+}
+
+}  // namespace
+
+TEST_CASE("gltf: lights take the place and turn of scaled nodes, not their scale") {
+  const std::string light = R"("extensions":{"KHR_lights_punctual":{"light":0}}})";
+  const std::string lights =
+      R"(,"extensions":{"KHR_lights_punctual":{"lights":[{"type":"spot","name":"l","spot":{}}]}})";
+  const auto load = [&](const std::string& nodes) {
+    const auto loaded = triangle().load(with_triangle(nodes + light, lights));
+    REQUIRE(loaded);
+    return world_pose(*loaded, entity_index(*loaded, "l"));
+  };
+  const mat4x3 plain = load(R"({"translation":[0,0,2],)");
+  CHECK(near(load(R"({"translation":[0,0,2],"scale":[1,3,0.3],)"), plain));
+  CHECK(near(load(R"({"translation":[0,0,2],"scale":[100,100,100],)"), plain));
+  CHECK(near(load(R"({"scale":[1,1,0],"children":[1]},{)"), load("{")));
+  CHECK(near(load(R"({"scale":[1,1,4],"children":[1]},{"translation":[0,0,0.5],)"), plain));
+  // Turned by 45 degrees about x below a scale of 3 along y: -z leads to (0, 3, -1).
+  const mat4x3 sheared = load(R"({"scale":[1,3,1],"children":[1]},)"
+                              R"({"rotation":[0.38268343,0,0,0.92387953],)");
+  CHECK(glm::distance(-sheared[2], glm::normalize(vec3(0, 1, 3))) < 1e-5f);
+  for (int i = 0; i < 3; ++i) {
+    CHECK(glm::length(sheared[i]) == Approx(1));
+    CHECK(glm::dot(sheared[i], sheared[(i + 1) % 3]) == Approx(0).margin(1e-6));
+  }
 }
 
 TEST_CASE("gltf: EXT_mesh_gpu_instancing makes an entity each") {

@@ -92,7 +92,8 @@ class Loader {
         builder_(builder),
         nodes_(nodes),
         entities_(entities),
-        meshes_(meshes) {}
+        meshes_(meshes),
+        lit_(find_lit(nodes)) {}
 
   Asset::Animation load(const Value& animation, u32 index) {
     std::map<u32, Track> tracks;
@@ -102,6 +103,10 @@ class Loader {
         .name = clean_name(animation.text("name", ""), fmt::format("animation_{}", index)),
         .channels = {}};
     for (const auto& [node, track] : tracks) {
+      if (track.scale && lit_[node]) {
+        builder_.warn(fmt::format("node '{}': lights below its animated scale take that scale",
+                                  nodes_[node].name));
+      }
       if (track.translation || track.rotation || track.scale) {
         result.channels.push_back({*entities_.node[node], poses(nodes_[node], track)});
       }
@@ -113,6 +118,16 @@ class Loader {
   }
 
  private:
+  /// Whether a node or one below it has lights, by index.
+  static std::vector<bool> find_lit(const std::vector<Node>& nodes) {
+    std::vector<bool> lit(nodes.size());
+    for (u32 i = 0; i < nodes.size(); ++i) {
+      if (!has_lights(nodes[i].value)) continue;
+      for (std::optional<u32> at = i; at && !lit[*at]; at = nodes[*at].parent) lit[*at] = true;
+    }
+    return lit;
+  }
+
   void add_channel(const Value& animation, const Value& channel, std::map<u32, Track>& tracks) {
     const Value target = channel.at("target");
     const auto node = target.find("node");
@@ -246,6 +261,7 @@ class Loader {
   const std::vector<Node>& nodes_;
   const Entities& entities_;
   const std::vector<Mesh>& meshes_;
+  const std::vector<bool> lit_;
   u64 keys_ = 0;
 };
 

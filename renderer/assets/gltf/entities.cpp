@@ -16,6 +16,7 @@ class Maker {
       : document_(document), builder_(builder), nodes_(nodes), library_(library) {
     entities_.node.resize(nodes.size());
     entities_.mesh.resize(nodes.size());
+    poses_.resize(nodes.size(), mat4x3(1));
   }
 
   Entities make() {
@@ -103,6 +104,7 @@ class Maker {
   void add_node(u32 index, u32 z_up) {
     const Node& node = nodes_[index];
     PutEntity put = placed(index, z_up);
+    poses_[index] = node.parent ? affine_product(poses_[*node.parent], node.local) : node.local;
     const bool has_mesh = node.value.find("mesh") && !has_skin(node);
     const auto instancing = node.value.extension("EXT_mesh_gpu_instancing");
     const bool plain = has_mesh && !instancing;
@@ -114,7 +116,10 @@ class Maker {
     entities_.node[index] = builder_.entity(node.name, std::move(put));
     if (plain) entities_.mesh[index] = entities_.node[index];
     if (has_mesh && instancing) add_instances(node, *instancing, *entities_.node[index]);
-    add_lights(document_, builder_, library_.profiles, node.value, *entities_.node[index]);
+    add_lights(document_, builder_, library_.profiles,
+               {.node = node.value,
+                .entity = *entities_.node[index],
+                .node_from_light = unscaled(poses_[index])});
   }
 
   /// Source: EXT_mesh_gpu_instancing.
@@ -145,7 +150,7 @@ class Maker {
       const quat rotation(r.w / length, r.x / length, r.y / length, r.z / length);
       PutEntity put;
       put.parent = builder_.entity_ref(parent);
-      put.pose = constant_pose(compose_trs(translations[i], rotation, scales[i]));
+      put.pose = constant_pose(thickened(compose_trs(translations[i], rotation, scales[i])));
       if (!invertible(put.pose->matrices.front())) {
         builder_.warn(fmt::format("instances of node '{}' whose scale has no inverse are left out",
                                   node.name));
@@ -165,7 +170,7 @@ class Maker {
     bind_mesh(node, put);
     put.skin = read_skin_patch(node);
     const mat4x3 bound =
-        affine_product(pose_of(first_joint(node)), (*put.skin)->inverse_binds.front());
+        affine_product(poses_[first_joint(node)], (*put.skin)->inverse_binds.front());
     if (invertible(bound)) put.pose = constant_pose(bound);
     const std::string name = builder_.claim_name(node.name + ".skin", "skin");
     entities_.mesh[index] = builder_.entity(name, std::move(put));
@@ -176,13 +181,6 @@ class Maker {
   }
   u32 first_joint(const Node& node) const {
     return skin_of(node).at("joints")[0].index(nodes_.size());
-  }
-  /// A node's pose in the scene, as the file has it.
-  mat4x3 pose_of(u32 index) const {
-    mat4x3 pose = nodes_[index].local;
-    for (auto above = nodes_[index].parent; above; above = nodes_[*above].parent)
-      pose = affine_product(nodes_[*above].local, pose);
-    return pose;
   }
 
   SkinPatch read_skin_patch(const Node& node) const {
@@ -210,6 +208,7 @@ class Maker {
   const std::vector<Node>& nodes_;
   const Library& library_;
   Entities entities_;
+  std::vector<mat4x3> poses_;  // scene_from_node, of those in the scene
 };
 
 }  // namespace

@@ -9,6 +9,7 @@
 
 #include "renderer/assets/gltf/nodes.h"
 #include "renderer/assets/picture.h"
+#include "renderer/scene/invertible.h"
 
 namespace heliograph::assets::gltf {
 namespace {
@@ -49,16 +50,18 @@ void read_color(const Value& value, Light& light, const std::string& strength) {
   light.intensity = float(intensity);
 }
 
-void add_light(Builder& builder, LightPatch light, const std::string& name, u32 node_entity) {
+void add_light(Builder& builder, LightPatch light, const std::string& name,
+               const NodeLights& lights) {
   PutEntity put;
-  put.parent = builder.entity_ref(node_entity);
+  put.parent = builder.entity_ref(lights.entity);
+  if (lights.node_from_light != mat4x3(1)) put.pose = constant_pose(lights.node_from_light);
   put.light = std::move(light);
   put.label = LabelPatch{.kind = LabelPatch::Kind::kValue, .value = 0, .category = {}};
   put.visibility = u8(kAllRays & ~kCameraRay & ~kShadowRay);
   builder.entity(name, std::move(put));
 }
 
-void add_punctual(Builder& builder, const Value& value, u32 node_entity) {
+void add_punctual(Builder& builder, const Value& value, const NodeLights& lights) {
   const std::string type = value.at("type").text();
   Light light;
   if (type == "directional") {
@@ -73,7 +76,7 @@ void add_punctual(Builder& builder, const Value& value, u32 node_entity) {
   }
   read_color(value, light, "intensity");
   const std::string name = builder.claim_name(value.text("name", ""), type + "_light");
-  add_light(builder, {.light = light, .texture = {}}, name, node_entity);
+  add_light(builder, {.light = light, .texture = {}}, name, lights);
 }
 
 }  // namespace
@@ -96,17 +99,34 @@ std::vector<Ref> load_profiles(Document& document, Builder& builder) {
   return profiles;
 }
 
+bool has_lights(const Value& node) {
+  return node.extension(kPunctual).has_value() || node.extension(kProfiles).has_value();
+}
+
+mat4x3 unscaled(const mat4x3& scene_from_node) {
+  const mat3 linear(scene_from_node);
+  if (!invertible(scene_from_node)) return mat4x3(1);
+  const vec3 z = glm::normalize(linear[2]);
+  const vec3 x = glm::normalize(linear[0] - z * glm::dot(linear[0], z));
+  const mat3 turned(x, glm::cross(z, x), z);
+  const auto pose = mat4x3(glm::inverse(linear) * turned);
+  const bool same = glm::all(glm::lessThan(glm::abs(linear[0] - x), vec3(1e-5f))) &&
+                    glm::all(glm::lessThan(glm::abs(linear[1] - turned[1]), vec3(1e-5f))) &&
+                    glm::all(glm::lessThan(glm::abs(linear[2] - z), vec3(1e-5f)));
+  return same || !invertible(pose) ? mat4x3(1) : pose;
+}
+
 void add_lights(const Document& document, Builder& builder, const std::vector<Ref>& profiles,
-                const Value& node, u32 node_entity) {
-  if (const auto punctual = node.extension(kPunctual))
-    add_punctual(builder, listed_light(document, kPunctual, punctual->at("light")), node_entity);
-  if (const auto luminaire = node.extension(kProfiles)) {
+                const NodeLights& lights) {
+  if (const auto punctual = lights.node.extension(kPunctual))
+    add_punctual(builder, listed_light(document, kPunctual, punctual->at("light")), lights);
+  if (const auto luminaire = lights.node.extension(kProfiles)) {
     Light light = small_sphere();
     light.unit = LightUnit::kProfileScale;
     read_color(*luminaire, light, "multiplier");
     const Ref& profile = profiles[luminaire->at("light").index(profiles.size())];
     add_light(builder, {.light = light, .texture = {}, .profile = profile},
-              builder.claim_name("luminaire", "luminaire"), node_entity);
+              builder.claim_name("luminaire", "luminaire"), lights);
   }
 }
 

@@ -3,13 +3,16 @@
 #include <cmath>
 
 #include "renderer/assets/gltf/nodes.h"
+#include "renderer/scene/invertible.h"
 
 namespace heliograph::assets::gltf {
 namespace {
 
 void read_matrix(const Value& matrix_value, const std::array<float, 16>& m, Node& node) {
-  if (m[3] != 0 || m[7] != 0 || m[11] != 0 || m[15] != 1) {
-    refuse(matrix_value.where(), "the last row must be 0 0 0 1");
+  constexpr float kRounding = 1e-5f;
+  for (const std::size_t column : {0, 1, 2, 3}) {
+    if (std::abs(m[4 * column + 3] - (column == 3 ? 1.0f : 0.0f)) > kRounding)
+      refuse(matrix_value.where(), "the last row must be 0 0 0 1");
   }
   node.has_matrix = true;
   for (int column = 0; column < 4; ++column) {
@@ -68,6 +71,22 @@ mat4x3 compose_trs(vec3 translation, quat rotation, vec3 scale) {
   return {r[0] * scale.x, r[1] * scale.y, r[2] * scale.z, translation};
 }
 
+mat4x3 thickened(const mat4x3& pose) {
+  constexpr float kThickness = 1e-4f;
+  if (invertible(pose)) return pose;
+  mat4x3 result = pose;
+  vec3 best(0);
+  int flat = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const vec3 across = glm::cross(pose[(axis + 1) % 3], pose[(axis + 2) % 3]);
+    if (glm::length(across) > glm::length(best)) best = across, flat = axis;
+  }
+  const float longest =
+      std::max({glm::length(pose[0]), glm::length(pose[1]), glm::length(pose[2])});
+  if (glm::length(best) > 0) result[flat] += kThickness * longest * glm::normalize(best);
+  return result;
+}
+
 std::vector<Node> read_nodes(const Document& document, Builder& builder) {
   std::vector<Node> nodes;
   Budget::check(document.count("nodes"), builder.options.limits.entities, "entities", "nodes");
@@ -79,6 +98,7 @@ std::vector<Node> read_nodes(const Document& document, Builder& builder) {
     } else {
       read_trs(value, node);
     }
+    node.local = thickened(node.local);
     node.name = builder.claim_name(value.text("name", ""), fmt::format("node_{}", i));
     nodes.push_back(std::move(node));
   }
