@@ -123,6 +123,72 @@ TEST_CASE("gltf: one mesh with its primitives as parts; a part without normals i
   CHECK(std::get<CreatedByEdit>(node.materials->at(1)).edit == 1);
 }
 
+TEST_CASE("gltf: a part without tangents beside one with them has its triangles' own") {
+  GltfFile file;
+  file.floats("VEC3", kQuad);
+  file.floats("VEC3", {0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1});
+  file.floats("VEC2", {0, 1, 0, 0, 1, 0, 1, 1});  // u along y, up in the picture along x
+  file.floats("VEC4", {1, 0, 0, -1, 1, 0, 0, -1, 1, 0, 0, -1, 1, 0, 0, -1});
+  file.indices({0, 1, 2});
+  file.indices({0, 2, 3});
+  const std::string given = R"({"attributes":{"POSITION":0,"NORMAL":1,"TANGENT":3},"indices":4})";
+  const auto load = [&](const std::string& attributes) {
+    const auto loaded = file.load(
+        mesh_json(given + R"(,{"attributes":{"POSITION":0)" + attributes + R"(},"indices":5})"));
+    REQUIRE(loaded);
+    CHECK(loaded->warnings.empty());
+    return library_item<PutMesh>(*loaded);
+  };
+  const auto tangent = [](const PutMesh& mesh, std::size_t triangle) {
+    return mesh.topology->tangents[mesh.topology->triangles[triangle].y];
+  };
+  const PutMesh mesh = load(R"(,"NORMAL":1,"TEXCOORD_0":2)");
+  CHECK(mesh.topology->vertex_count == 7);
+  CHECK(tangent(mesh, 0) == vec4(1, 0, 0, -1));
+  const vec4 own = tangent(mesh, 1);
+  CHECK(vec3(own) == vec3(0, 1, 0));
+  CHECK(glm::cross(vec3(0, 0, 1), vec3(own)) * own.w == vec3(1, 0, 0));
+  CHECK(tangent(load(R"(,"NORMAL":1)"), 1) == vec4(0, 0, 0, 1));
+  CHECK(tangent(load(R"(,"TEXCOORD_0":2)"), 1) == own);
+}
+
+TEST_CASE("gltf: normals and tangents without a direction become those of the faces") {
+  constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
+  GltfFile file;
+  // A quad in the plane y = 0 that faces +y, and a triangle without an area.
+  file.floats("VEC3", {0, 0, 0, 0, 0, 1, 1, 0, 1, 1, 0, 0, 5, 0, 0, 5, 0, 0, 5, 0, 0});
+  file.floats("VEC3", {0, 0, 0, 0, 0, 0, 0, kNaN, 0, 0, 1, 0, kNaN, 0, 0, 0, 1, 0, 0, 1, 0});
+  file.floats("VEC4", {1, 0, 0,    1, 0, 0, 0, 0, kNaN, 0, 0, 1, 1, 0,
+                       0, 1, kNaN, 0, 0, 1, 1, 0, 0,    1, 1, 0, 0, 1});
+  file.floats("VEC2", {0, 0, 0, 1, 1, 1, 1, 0, 0, 0, 0, 0, kNaN, 0});
+  file.indices({0, 1, 2, 0, 2, 3, 4, 5, 6});
+  const auto loaded = file.load(mesh_json(
+      R"({"attributes":{"POSITION":0,"NORMAL":1,"TANGENT":2,"TEXCOORD_0":3},"indices":4})"));
+  INFO(refusal(loaded));
+  REQUIRE(loaded);
+  const PutMesh& mesh = library_item<PutMesh>(*loaded);
+  for (std::size_t v = 0; v < 4; ++v) {
+    CAPTURE(v);
+    CHECK(mesh.vertices->normals[v] == vec3(0, 1, 0));
+    CHECK(mesh.topology->tangents[v] == vec4(1, 0, 0, 1));
+  }
+  CHECK(glm::length(mesh.vertices->normals[4]) == 1);
+  CHECK(mesh.topology->uvs[6] == vec2(0, 1));
+  CHECK_THAT(loaded->warnings.at(0), Contains("meshes[0]: 4 normals"));
+}
+
+TEST_CASE("gltf: colours above 1 are clamped with a warning") {
+  GltfFile file;
+  file.floats("VEC3", {0, 0, 0, 1, 0, 0, 0, 1, 0});
+  file.floats("VEC3", {255, 0, 0.5f, 1, 1, 1, -1, 0, 0});
+  const auto loaded = file.load(mesh_json(R"({"attributes":{"POSITION":0,"COLOR_0":1}})"));
+  REQUIRE(loaded);
+  const auto& colors = library_item<PutMesh>(*loaded).topology->colors;
+  CHECK(colors[0] == vec4(1, 0, 0.5f, 1));
+  CHECK(colors[2] == vec4(0, 0, 0, 1));
+  CHECK_THAT(loaded->warnings.at(0), Contains("COLOR_0") && Contains("clamped"));
+}
+
 TEST_CASE("gltf: primitives that share attributes share vertices") {
   GltfFile file;
   file.floats("VEC3", kQuad);

@@ -165,7 +165,7 @@ u32 accessor_components(const Document& document, const Value& accessor) {
 }
 
 std::vector<float> read_floats(const Document& document, const Value& index, u32 components,
-                               Budget& budget) {
+                               Budget& budget, NonFinite non_finite) {
   const Accessor accessor = open(document, index, components);
   if (components > 4 && accessor.type != Component::kF32) {
     refuse(accessor.value.key_where("componentType"), "matrices must be of floats");
@@ -173,12 +173,15 @@ std::vector<float> read_floats(const Document& document, const Value& index, u32
   budget.take(accessor.count, u64(components) * sizeof(float), accessor.value.where());
   std::vector<float> result(accessor.count * components);
   for_each_component(document, accessor, [&](u64 element, u32 c, const std::byte* at) {
-    const float value = component_as_float(at, accessor.type, accessor.normalized);
-    if (!std::isfinite(value)) {
-      refuse(accessor.value.where(), fmt::format("element {} is not finite", element));
-    }
-    result[element * components + c] = value;
+    result[element * components + c] = component_as_float(at, accessor.type, accessor.normalized);
   });
+  for (u64 element = 0; element < accessor.count; ++element) {
+    const std::span<float> values(&result[element * components], components);
+    if (std::ranges::all_of(values, [](float value) { return std::isfinite(value); })) continue;
+    if (non_finite == NonFinite::kRefused)
+      refuse(accessor.value.where(), fmt::format("element {} is not finite", element));
+    std::ranges::fill(values, 0.0f);
+  }
   return result;
 }
 

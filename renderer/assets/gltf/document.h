@@ -60,12 +60,16 @@ struct Shape {
   const char* name;
 };
 
+/// What an element with a number that is NaN or infinite is.
+enum class NonFinite : u8 { kRefused, kZeros };
+
 /// All components as floats, normalised integers mapped to [0, 1] or [-1, 1]; finite.
 ///
 /// accessor   holds the accessor's index
 /// components how many an element must have
 [[nodiscard]] std::vector<float> read_floats(const Document& document, const Value& accessor,
-                                             u32 components, Budget& budget);
+                                             u32 components, Budget& budget,
+                                             NonFinite non_finite = NonFinite::kRefused);
 /// Unsigned integers as they are.
 [[nodiscard]] std::vector<u32> read_integers(const Document& document, const Value& accessor,
                                              u32 components, Budget& budget);
@@ -76,9 +80,9 @@ struct Shape {
 /// Floats as vectors: read_as<vec3>.
 template <class T>
 [[nodiscard]] std::vector<T> read_as(const Document& document, const Value& accessor,
-                                     Budget& budget) {
+                                     Budget& budget, NonFinite non_finite = NonFinite::kRefused) {
   const std::vector<float> floats =
-      read_floats(document, accessor, sizeof(T) / sizeof(float), budget);
+      read_floats(document, accessor, sizeof(T) / sizeof(float), budget, non_finite);
   std::vector<T> result(floats.size() / (sizeof(T) / sizeof(float)));
   if (!floats.empty())
     std::memcpy(static_cast<void*>(result.data()), floats.data(), floats.size() * sizeof(float));

@@ -4,6 +4,7 @@
 #include <map>
 
 #include "renderer/assets/gltf/primitive.h"
+#include "renderer/assets/gltf/shading.h"
 
 namespace heliograph::assets::gltf {
 namespace {
@@ -33,7 +34,7 @@ void append(std::vector<T>& all, std::vector<T>& some, std::size_t count, const 
 /// Which optional arrays the merged mesh has: those that any piece has.
 struct Present {
   bool normals = false, uvs = false, uvs1 = false, colors = false, skin = false;
-  bool tangents = true, morph_normals = false;
+  bool tangents = false, morph_normals = false;
   explicit Present(const std::vector<Piece>& pieces) {
     for (const auto& [mesh, first] : pieces) {
       normals |= !mesh.normals.empty();
@@ -41,7 +42,7 @@ struct Present {
       uvs1 |= !mesh.uvs1.empty();
       colors |= !mesh.colors.empty();
       skin |= !mesh.joints.empty();
-      tangents &= !mesh.tangents.empty();
+      tangents |= !mesh.tangents.empty();
       morph_normals |= !mesh.morph_normals.empty();
     }
   }
@@ -63,7 +64,7 @@ MeshData merge(std::vector<Piece>& pieces) {
     if (present.uvs) append(all.uvs, mesh.uvs, count, vec2(0));
     if (present.uvs1) append(all.uvs1, mesh.uvs1, count, vec2(0));
     if (present.colors) append(all.colors, mesh.colors, count, vec4(1));
-    if (present.tangents) append(all.tangents, mesh.tangents, count, vec4(1, 0, 0, 1));
+    if (present.tangents) append(all.tangents, mesh.tangents, count, vec4(0, 0, 0, 1));
     if (present.skin) {
       append(all.joints, mesh.joints, count, glm::u16vec4(0));
       append(all.weights, mesh.weights, count, vec4(1, 0, 0, 0));
@@ -106,6 +107,10 @@ class Loader {
     mesh.morph_count = u32(data.morph_positions.size());
     mesh.morph_weights = read_weights(value, mesh.morph_count);
     if (data.triangles.empty()) return mesh;
+    if (const std::size_t mended = mend_directions(data); mended > 0) {
+      builder_.warn(fmt::format("{}: {} normals without a direction became those of their faces",
+                                value.where(), mended));
+    }
     PutMesh put = finish_mesh(std::move(data), value.where(), builder_.budget);
     mesh.topology = put.topology;
     mesh.vertices = put.vertices;
@@ -131,7 +136,8 @@ class Loader {
       const MeshData& shared = pieces_[part.piece].vertices;
       part.triangles =
           read_triangles(document_, primitive, u32(shared.positions.size()), builder_.budget);
-      if (any_normals && !has_normals(primitive)) make_flat(part);
+      // Beside parts with normals, a part without takes its triangles' own.
+      if (any_normals && !has_normals(primitive)) unshare(part, flat_shaded);
       const auto& first = pieces_.front().vertices.morph_positions;
       if (pieces_[part.piece].vertices.morph_positions.size() != first.size()) {
         refuse(primitive.where(), "has another number of morph targets than the first primitive");
@@ -140,12 +146,36 @@ class Loader {
       Budget::check(vertices, builder_.options.limits.vertices, "vertices", primitive.where());
       parts_.push_back(std::move(part));
     }
+    share_tangents();
+    drop_unused();
   }
 
-  /// Beside parts with normals, a part without takes its triangles' own.
-  void make_flat(Part& part) {
+  /// Empties what parts shared before they got vertices of their own.
+  void drop_unused() {
+    for (std::size_t i = 0; i < pieces_.size(); ++i) {
+      if (std::ranges::count(parts_, i, &Part::piece) > 0) continue;
+      const std::size_t targets = pieces_[i].vertices.morph_positions.size();
+      pieces_[i].vertices = {};
+      pieces_[i].vertices.morph_positions.resize(targets);
+    }
+  }
+
+  /// Beside parts with tangents, a part without takes its triangles' own.
+  void share_tangents() {
+    const auto has_tangents = [this](const Part& part) {
+      return !pieces_[part.piece].vertices.tangents.empty();
+    };
+    if (std::ranges::none_of(parts_, has_tangents)) return;
+    for (Part& part : parts_) {
+      if (!has_tangents(part)) unshare(part, with_own_tangents);
+    }
+  }
+
+  /// Gives a part vertices of its own, as `shaded` makes them of its triangles.
+  template <class Shaded>
+  void unshare(Part& part, const Shaded& shaded) {
     pieces_.push_back(
-        {.vertices = flat_shaded(pieces_[part.piece].vertices, part.triangles, builder_.budget)});
+        {.vertices = shaded(pieces_[part.piece].vertices, part.triangles, builder_.budget)});
     part.piece = pieces_.size() - 1;
     for (std::size_t i = 0; i < part.triangles.size(); ++i) {
       part.triangles[i] = uvec3(3 * i, 3 * i + 1, 3 * i + 2);

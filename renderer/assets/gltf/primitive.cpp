@@ -12,12 +12,21 @@ void flip_v(std::vector<vec2>& uvs) {
   for (vec2& uv : uvs) uv.y = 1 - uv.y;
 }
 
-std::vector<vec4> read_colors(const Document& document, const Value& accessor, Budget& budget) {
-  if (accessor_components(document, accessor) == 4) {
-    return read_as<vec4>(document, accessor, budget);
-  }
+std::vector<vec4> read_colors(const Document& document, const Value& accessor, Builder& builder) {
   std::vector<vec4> colors;
-  for (const vec3& rgb : read_as<vec3>(document, accessor, budget)) colors.emplace_back(rgb, 1);
+  if (accessor_components(document, accessor) == 4) {
+    colors = read_as<vec4>(document, accessor, builder.budget);
+  } else {
+    for (const vec3& rgb : read_as<vec3>(document, accessor, builder.budget))
+      colors.emplace_back(rgb, 1);
+  }
+  bool clamped = false;
+  for (vec4& color : colors) {
+    const vec4 inside = glm::clamp(color, 0.0f, 1.0f);
+    clamped |= inside != color;
+    color = inside;
+  }
+  if (clamped) builder.warn(fmt::format("{}: colours were clamped to [0, 1]", accessor.where()));
   return colors;
 }
 
@@ -101,17 +110,6 @@ void read_targets(const Document& document, const Value& primitive, Budget& budg
   if (!any_normals || mesh.normals.empty()) mesh.morph_normals.clear();
 }
 
-template <class T>
-void expand(std::vector<T>& values, const std::vector<uvec3>& triangles) {
-  if (values.empty()) return;
-  std::vector<T> corners;
-  corners.reserve(triangles.size() * 3);
-  for (const uvec3& t : triangles) {
-    for (int i = 0; i < 3; ++i) corners.push_back(values[t[i]]);
-  }
-  values = std::move(corners);
-}
-
 }  // namespace
 
 std::vector<uvec3> read_triangles(const Document& document, const Value& primitive, u32 vertices,
@@ -160,49 +158,26 @@ MeshData read_vertices(const Document& document, const Value& primitive, Builder
   const auto read = [&]<class T>(const std::string& key, std::vector<T>& out) {
     const auto accessor = attributes.find(key);
     if (!accessor) return;
-    out = read_as<T>(document, *accessor, budget);
+    out = read_as<T>(document, *accessor, budget, NonFinite::kZeros);
     if (out.size() != mesh.positions.size()) {
       refuse(accessor->where(), fmt::format("has {} elements, but POSITION has {}", out.size(),
                                             mesh.positions.size()));
     }
   };
   read("NORMAL", mesh.normals);
-  read("TANGENT", mesh.tangents);
+  if (!mesh.normals.empty()) read("TANGENT", mesh.tangents);
   read("TEXCOORD_0", mesh.uvs);
   read("TEXCOORD_1", mesh.uvs1);
   flip_v(mesh.uvs);
   flip_v(mesh.uvs1);
   if (const auto color = attributes.find("COLOR_0")) {
-    mesh.colors = read_colors(document, *color, budget);
+    mesh.colors = read_colors(document, *color, builder);
     if (mesh.colors.size() != mesh.positions.size()) {
       refuse(color->where(), "has another count than POSITION");
     }
   }
   read_influences(document, attributes, builder, mesh);
   read_targets(document, primitive, budget, mesh);
-  return mesh;
-}
-
-MeshData flat_shaded(const MeshData& vertices, const std::vector<uvec3>& triangles,
-                     Budget& budget) {
-  budget.take(triangles.size() * 3, sizeof(vec3) * (3 + 2 * vertices.morph_positions.size()),
-              "normals");
-  MeshData mesh = vertices;
-  expand(mesh.positions, triangles);
-  expand(mesh.uvs, triangles);
-  expand(mesh.uvs1, triangles);
-  expand(mesh.colors, triangles);
-  expand(mesh.joints, triangles);
-  expand(mesh.weights, triangles);
-  for (auto& target : mesh.morph_positions) expand(target, triangles);
-  mesh.morph_normals.clear();
-  mesh.tangents.clear();  // they belong to the smooth normals that are not there
-  mesh.normals.clear();
-  for (std::size_t i = 0; i + 2 < mesh.positions.size(); i += 3) {
-    const vec3 n = glm::cross(mesh.positions[i + 1] - mesh.positions[i],
-                              mesh.positions[i + 2] - mesh.positions[i]);
-    mesh.normals.insert(mesh.normals.end(), 3, n);
-  }
   return mesh;
 }
 

@@ -10,12 +10,9 @@ namespace heliograph::assets::gltf {
 [[nodiscard]] std::vector<uvec3> read_triangles(const Document& document, const Value& primitive,
                                                 u32 vertices, Budget& budget);
 
-/// The vertices of a primitive, as stored: no triangles, no parts.
+/// The vertices of a primitive, as stored: no triangles, no parts. Normals, tangents and texture
+/// coordinates that are not finite are zeros; tangents without normals are not read.
 [[nodiscard]] MeshData read_vertices(const Document& document, const Value& primitive,
                                      Builder& builder);
-
-/// A vertex of its own for every corner, and each triangle's own normal.
-[[nodiscard]] MeshData flat_shaded(const MeshData& vertices, const std::vector<uvec3>& triangles,
-                                   Budget& budget);
 
 }  // namespace heliograph::assets::gltf

@@ -1,0 +1,21 @@
+// Normals and tangents that a glTF leaves out, or that have no direction.
+#pragma once
+
+#include "renderer/assets/mesh_data.h"
+
+namespace heliograph::assets::gltf {
+
+/// A vertex of its own for every corner, and each triangle's own normal.
+[[nodiscard]] MeshData flat_shaded(const MeshData& vertices, const std::vector<uvec3>& triangles,
+                                   Budget& budget);
+
+/// A vertex of its own for every corner, and each triangle's own tangent, along u of the first
+/// texture coordinates; zeros without those.
+[[nodiscard]] MeshData with_own_tangents(const MeshData& vertices,
+                                         const std::vector<uvec3>& triangles, Budget& budget);
+
+/// Normals and tangents of length 0 become those of the triangles about the vertex. Returns how
+/// many normals did.
+[[nodiscard]] std::size_t mend_directions(MeshData& mesh);
+
+}  // namespace heliograph::assets::gltf
