@@ -12,36 +12,12 @@ namespace {
 constexpr std::array<Shape, 7> kShapes = {
     {{1, "SCALAR"}, {2, "VEC2"}, {3, "VEC3"}, {4, "VEC4"}, {4, "MAT2"}, {9, "MAT3"}, {16, "MAT4"}}};
 
-enum class Component : u32 {
-  kI8 = 5120,
-  kU8 = 5121,
-  kI16 = 5122,
-  kU16 = 5123,
-  kU32 = 5125,
-  kF32 = 5126,
-};
-
 Component component_of(const Value& value) {
   const u64 type = value.whole();
   if (type < 5120 || type > 5126 || type == 5124) {
     refuse(value.where(), fmt::format("{} is not a component type", type));
   }
   return Component(type);
-}
-
-u32 bytes_of(Component type) {
-  switch (type) {
-    case Component::kI8:
-    case Component::kU8:
-      return 1;
-    case Component::kI16:
-    case Component::kU16:
-      return 2;
-    case Component::kU32:
-    case Component::kF32:
-      return 4;
-  }
-  return 0;
 }
 
 template <class T>
@@ -82,6 +58,7 @@ u32 component_as_integer(const std::byte* at, Component type) {
 
 struct Accessor {
   Value value;
+  const Unpacked* unpacked;
   u64 count;
   u32 components;
   Component type;
@@ -93,9 +70,10 @@ struct Accessor {
 Accessor open(const Document& document, const Value& index, u32 components) {
   const Value value = document.item("accessors", index.index(document.count("accessors")));
   Accessor accessor{.value = value,
-                    .count = value.at("count").whole(),
+                    .unpacked = document.find_unpacked(index),
+                    .count = accessor_count(document, index),
                     .components = accessor_components(document, index),
-                    .type = component_of(value.at("componentType")),
+                    .type = accessor_type(document, index),
                     .normalized = value.flag("normalized", false)};
   if (accessor.components != components) {
     refuse(value.key_where("type"), fmt::format("has {} components, but {} needs {}",
@@ -111,8 +89,13 @@ void for_each_component(const Document& document, const Accessor& accessor, cons
   const auto put_element = [&](u64 element, const std::byte* at) {
     for (u32 c = 0; c < accessor.components; ++c) put(element, c, at + c * size);
   };
+  if (accessor.unpacked) {
+    const std::byte* bytes = accessor.unpacked->bytes.data();
+    for (u64 i = 0; i < accessor.count; ++i) put_element(i, bytes + i * accessor.element_bytes());
+    return;
+  }
   if (const auto view = accessor.value.find("bufferView")) {
-    const u64 stride = std::max(document.view_stride(*view), u64(0));
+    const u64 stride = document.view_stride(*view);
     const u64 step = stride ? stride : accessor.element_bytes();
     if (step < accessor.element_bytes()) {
       refuse(accessor.value.where(), "its elements are longer than the view's byteStride");
@@ -149,10 +132,32 @@ void for_each_component(const Document& document, const Accessor& accessor, cons
 
 }  // namespace
 
+u32 bytes_of(Component type) {
+  switch (type) {
+    case Component::kI8:
+    case Component::kU8:
+      return 1;
+    case Component::kI16:
+    case Component::kU16:
+      return 2;
+    case Component::kU32:
+    case Component::kF32:
+      return 4;
+  }
+  return 0;
+}
+
 u64 accessor_count(const Document& document, const Value& accessor) {
+  if (const Unpacked* unpacked = document.find_unpacked(accessor)) return unpacked->count;
   return document.item("accessors", accessor.index(document.count("accessors")))
       .at("count")
       .whole();
+}
+
+Component accessor_type(const Document& document, const Value& accessor) {
+  if (const Unpacked* unpacked = document.find_unpacked(accessor)) return unpacked->type;
+  return component_of(
+      document.item("accessors", accessor.index(document.count("accessors"))).at("componentType"));
 }
 
 u32 accessor_components(const Document& document, const Value& accessor) {

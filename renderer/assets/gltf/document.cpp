@@ -8,18 +8,30 @@
 namespace heliograph::assets::gltf {
 namespace {
 
-// Extensions that are honoured, and those whose effect is left out with a warning.
-constexpr std::array<std::string_view, 16> kHonoured = {
-    "KHR_texture_transform",     "KHR_lights_punctual",
-    "KHR_materials_unlit",       "KHR_materials_emissive_strength",
-    "KHR_materials_ior",         "KHR_materials_transmission",
-    "KHR_materials_specular",    "KHR_materials_pbrSpecularGlossiness",
-    "KHR_materials_clearcoat",   "KHR_materials_sheen",
-    "KHR_materials_volume",      "KHR_materials_anisotropy",
-    "KHR_materials_iridescence", "EXT_mesh_gpu_instancing",
-    "KHR_mesh_quantization",     "EXT_lights_ies"};
-constexpr std::array<std::string_view, 3> kLeftOut = {"KHR_materials_dispersion",
-                                                      "KHR_materials_variants", "KHR_xmp_json_ld"};
+// Others are left out with a warning, or refused where the file requires them.
+constexpr std::array kHonoured = std::to_array<std::string_view>({
+    "EXT_lights_ies",
+    "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
+    "KHR_draco_mesh_compression",
+    "KHR_lights_punctual",
+    "KHR_materials_anisotropy",
+    "KHR_materials_clearcoat",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_iridescence",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_sheen",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_volume",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+    "KHR_xmp_json_ld",  // says nothing of what is seen
+});
+
+constexpr const char* kMeshopt = "EXT_meshopt_compression";
 
 constexpr u32 kJsonChunk = 0x4E4F534A;
 constexpr u32 kBinChunk = 0x004E4942;
@@ -50,6 +62,7 @@ Document::Document(Builder& builder) : builder_(builder) {
   }
   check_extensions();
   load_buffers();
+  if (builder_.complete()) unpack_views();
 }
 
 void Document::parse_container(Bytes file) {
@@ -81,13 +94,13 @@ void Document::parse_container(Bytes file) {
 }
 
 void Document::check_extensions() const {
-  const auto known = [](const auto& list, const std::string& name) {
-    return std::ranges::find(list, name) != list.end();
+  const auto known = [](const std::string& name) {
+    return std::ranges::find(kHonoured, name) != kHonoured.end();
   };
   if (const auto required = root().find("extensionsRequired")) {
     for (std::size_t i = 0; i < required->size(); ++i) {
       const std::string name = (*required)[i].text();
-      if (known(kHonoured, name) || known(kLeftOut, name)) continue;
+      if (known(name)) continue;
       refuse_unimplemented((*required)[i].where(),
                            fmt::format("the file requires the extension {}; export it without",
                                        clean_name(name, "?")));
@@ -96,7 +109,7 @@ void Document::check_extensions() const {
   if (const auto used = root().find("extensionsUsed")) {
     for (std::size_t i = 0; i < used->size(); ++i) {
       const std::string name = (*used)[i].text();
-      if (known(kHonoured, name)) continue;
+      if (known(name)) continue;
       builder_.warn(fmt::format("extension {} is left out", clean_name(name, "?")));
     }
   }
@@ -106,6 +119,11 @@ void Document::load_buffers() {
   for (u32 i = 0; i < count("buffers"); ++i) {
     const Value buffer = item("buffers", i);
     const u64 length = buffer.at("byteLength").whole();
+    const auto meshopt = buffer.extension(kMeshopt);
+    if (meshopt && meshopt->flag("fallback", false)) {  // for readers without the extension
+      buffers_.emplace_back();
+      continue;
+    }
     Bytes bytes;
     if (const auto uri = buffer.find("uri")) {
       const auto found = uri_bytes(*uri);
@@ -125,6 +143,24 @@ void Document::load_buffers() {
     }
     buffers_.push_back(bytes.first(length));
   }
+}
+
+void Document::unpack_views() {
+  for (u32 i = 0; i < count("bufferViews"); ++i) {
+    const auto packed = item("bufferViews", i).extension(kMeshopt);
+    if (!packed) continue;
+    owned_.push_back(decode_meshopt(*packed, range_of(*packed), builder_.budget));
+    views_[i] = owned_.back();
+  }
+}
+
+void Document::unpacked(const Value& accessor, Unpacked elements) {
+  accessors_[accessor.index(count("accessors"))] = std::move(elements);
+}
+
+const Unpacked* Document::find_unpacked(const Value& accessor) const {
+  const auto found = accessors_.find(accessor.index(count("accessors")));
+  return found == accessors_.end() ? nullptr : &found->second;
 }
 
 std::optional<Document::LinkedBytes> Document::uri_bytes(const Value& uri) {
@@ -170,14 +206,19 @@ u64 Document::view_stride(const Value& view) const {
 }
 
 Bytes Document::whole_view(const Value& view) const {
-  const Value item_view = item("bufferViews", view.index(count("bufferViews")));
-  const u32 buffer = item_view.at("buffer").index(buffers_.size());
-  const u64 offset = item_view.whole("byteOffset", 0);
-  const u64 size = item_view.at("byteLength").whole();
+  const u32 index = view.index(count("bufferViews"));
+  const auto unpacked = views_.find(index);
+  return unpacked == views_.end() ? range_of(item("bufferViews", index)) : unpacked->second;
+}
+
+Bytes Document::range_of(const Value& value) const {
+  const u32 buffer = value.at("buffer").index(buffers_.size());
+  const u64 offset = value.whole("byteOffset", 0);
+  const u64 size = value.at("byteLength").whole();
   const Bytes bytes = buffers_[buffer];
   if (offset > bytes.size() || size > bytes.size() - offset) {
-    refuse(item_view.where(), fmt::format("bytes {} to {} leave the buffer of {} bytes", offset,
-                                          offset + size, bytes.size()));
+    refuse(value.where(), fmt::format("bytes {} to {} leave the buffer of {} bytes", offset,
+                                      offset + size, bytes.size()));
   }
   return bytes.subspan(offset, size);
 }

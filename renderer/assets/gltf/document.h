@@ -4,6 +4,7 @@
 
 #include <cstring>
 #include <list>
+#include <map>
 
 #include "renderer/assets/builder.h"
 #include "renderer/assets/gltf/value.h"
@@ -11,6 +12,24 @@
 namespace heliograph::assets::gltf {
 
 using Bytes = std::span<const std::byte>;
+
+/// componentType, as OpenGL numbers it.
+enum class Component : u32 {
+  kI8 = 5120,
+  kU8 = 5121,
+  kI16 = 5122,
+  kU16 = 5123,
+  kU32 = 5125,
+  kF32 = 5126,
+};
+[[nodiscard]] u32 bytes_of(Component type);
+
+/// What an accessor has that was packed: elements without gaps.
+struct Unpacked {
+  std::vector<std::byte> bytes;
+  u64 count = 0;
+  Component type = Component::kF32;
+};
 
 /// Owns: the JSON and decoded data URIs. Borrows: the bundle.
 class Document {
@@ -24,10 +43,15 @@ class Document {
   [[nodiscard]] std::size_t count(const std::string& key) const;
   [[nodiscard]] Value item(const std::string& key, u32 index) const;
 
-  /// Bytes [offset, offset + size) of a buffer view; `view` holds its index.
+  /// Bytes [offset, offset + size) of a buffer view, unpacked; `view` holds its index.
   [[nodiscard]] Bytes view_bytes(const Value& view, u64 offset, u64 size) const;
   [[nodiscard]] u64 view_stride(const Value& view) const;  // 0: tightly packed
   [[nodiscard]] Bytes whole_view(const Value& view) const;
+
+  /// From now on the accessor that this value names has these elements, whatever its view holds.
+  void unpacked(const Value& accessor, Unpacked elements);
+  /// Those of an accessor; null: what its view holds.
+  [[nodiscard]] const Unpacked* find_unpacked(const Value& accessor) const;
 
   /// The bytes of an image or a light profile, whose `uri` or `bufferView` says where they are, and
   /// the media type or file name that says what they are; nullopt when the bundle lacks the file
@@ -42,6 +66,9 @@ class Document {
   void parse_container(Bytes file);
   void check_extensions() const;
   void load_buffers();
+  void unpack_views();
+  /// The bytes of a buffer that `value` names by buffer, byteOffset and byteLength.
+  [[nodiscard]] Bytes range_of(const Value& value) const;
   /// The bytes a uri names: a data URI or a file of the bundle; nullopt: missing, reported.
   [[nodiscard]] std::optional<LinkedBytes> uri_bytes(const Value& uri);
 
@@ -50,7 +77,13 @@ class Document {
   std::optional<Bytes> glb_chunk_;
   std::vector<Bytes> buffers_;
   std::list<std::vector<std::byte>> owned_;
+  std::map<u32, Bytes> views_;  // those that were packed
+  std::map<u32, Unpacked> accessors_;
 };
+
+/// What a buffer view with EXT_meshopt_compression, which `value` is, packs into `bytes`.
+[[nodiscard]] std::vector<std::byte> decode_meshopt(const Value& value, Bytes bytes,
+                                                    Budget& budget);
 
 // ---------------------------------------------------------------- accessors
 
@@ -74,6 +107,7 @@ enum class NonFinite : u8 { kRefused, kZeros };
 [[nodiscard]] std::vector<u32> read_integers(const Document& document, const Value& accessor,
                                              u32 components, Budget& budget);
 [[nodiscard]] u64 accessor_count(const Document& document, const Value& accessor);
+[[nodiscard]] Component accessor_type(const Document& document, const Value& accessor);
 /// Components of an element, from the accessor's type.
 [[nodiscard]] u32 accessor_components(const Document& document, const Value& accessor);
 

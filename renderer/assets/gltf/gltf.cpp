@@ -3,6 +3,7 @@
 // The root entity is the user's: its pose is left alone. Below it the entity "z_up" turns glTF's +Y
 // up to the world's +Z, and the scene's nodes hang below that.
 #include "renderer/assets/gltf/animation.h"
+#include "renderer/assets/gltf/draco.h"
 
 namespace heliograph::assets {
 
@@ -12,6 +13,7 @@ void load_gltf(Builder& builder) {
     builder.warn("up and units are ignored: glTF is +Y up and in metres");
   }
   Document document(builder);
+  if (builder.complete()) unpack_draco(document, builder.budget);
   const Materials materials = load_materials(document, builder, any_without_material(document));
   Library library{.meshes = {}, .profiles = load_profiles(document, builder)};
   if (!builder.complete()) return;
