@@ -118,6 +118,18 @@ class GltfFile {
   u32 count_ = 0, view_count_ = 0;
 };
 
+/// Nodes over a mesh 0 of the triangle that triangle() has.
+inline std::string with_triangle(const std::string& nodes, const std::string& more = "") {
+  return R"("meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"nodes":[)" + nodes + "]" +
+         more;
+}
+
+inline GltfFile triangle() {
+  GltfFile file;
+  file.floats("VEC3", {0, 0, 0, 1, 0, 0, 0, 2, 0});
+  return file;
+}
+
 /// The k-th action of type T in the library, in order.
 template <class T>
 const T& library_item(const Loaded& loaded, std::size_t k = 0) {

@@ -255,6 +255,8 @@ TEST_CASE("gltf: containers that are broken or of another version are refused") 
   CHECK_THAT(load("[]"), Contains("object"));
   CHECK_THAT(load("{}"), Contains("asset: is missing"));
   CHECK_THAT(load(R"({"asset":{"version":"1.0"}})"), Contains("12 m.gltf: asset.version"));
+  CHECK_THAT(load(R"({"asset":{"version":"2.0","minVersion":"2.1"}})"),
+             Contains("12 m.gltf: asset.minVersion: glTF 2.1"));
   CHECK_THAT(load(R"({"asset":{"version":"2.0"},"extensionsRequired":["KHR_foo"]})"),
              Contains("12 ") && Contains("KHR_foo"));
   CHECK_THAT(load(std::string(100000, '['), "m.gltf"), Contains("not valid JSON"));

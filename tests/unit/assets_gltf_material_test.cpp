@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "renderer/assets/load.h"
+#include "renderer/assets/picture.h"
 #include "tests/unit/asset_fixture.h"
 #include "tests/unit/catch.h"
 
@@ -208,10 +209,169 @@ TEST_CASE("gltf: specular-glossiness becomes a dielectric of that reflection") {
 TEST_CASE("gltf: what is left out or clamped says so") {
   const auto loaded =
       load_material(R"("pbrMetallicRoughness":{"roughnessFactor":3})",
-                    R"(,"extensionsUsed":["KHR_materials_dispersion","KHR_materials_variants"])");
+                    R"(,"extensionsUsed":["KHR_materials_dispersion","KHR_xmp_json_ld"])");
   REQUIRE(loaded);
   CHECK(parameter(library_item<PutMaterial>(*loaded), roughness).value->x == 1);
-  CHECK(loaded->warnings.size() == 3);
+  REQUIRE(loaded->warnings.size() == 2);
+  CHECK_THAT(loaded->warnings[0], Contains("KHR_materials_dispersion"));
+  const auto required = [](const std::string& name) {
+    return refusal(load_material("", R"(,"extensionsRequired":[")" + name + "\"]"));
+  };
+  for (const char* name : {"KHR_materials_dispersion", "KHR_materials_diffuse_transmission",
+                           "KHR_texture_basisu", "MSFT_texture_dds"}) {
+    CHECK_THAT(required(name), Contains("12 ") && Contains(name));
+  }
+}
+
+TEST_CASE("gltf: a sheen too smooth for the model says so, where there is one") {
+  const auto warnings = [](const std::string& sheen) {
+    return load_material(R"("extensions":{"KHR_materials_sheen":{)" + sheen + "}}")->warnings;
+  };
+  CHECK(warnings(R"("sheenColorFactor":[1,1,1],"sheenRoughnessFactor":0.25)").empty());
+  CHECK(warnings("").empty());
+  CHECK_THAT(warnings(R"("sheenColorFactor":[1,0,0],"sheenRoughnessFactor":0.1)").at(0),
+             Contains("materials[0]: a sheen roughness of 0.1 acts as 0.25"));
+}
+
+TEST_CASE("gltf: one filter of a texture's two") {
+  const auto load = [](const std::string& sampler) {
+    TestBundle bundle;
+    bundle.add("m.gltf",
+               R"({"asset":{"version":"2.0"},"images":[{"uri":"orm.png"}],"samplers":[{)" +
+                   sampler +
+                   R"(}],"textures":[{"source":0,"sampler":0}],)"
+                   R"("materials":[{"normalTexture":{"index":0}}]})");
+    bundle.add("orm.png", read_file(test_assets() / "picture/orm.png"));
+    return bundle.load();
+  };
+  const auto nearest = [&](const std::string& sampler, std::size_t warnings = 0) {
+    CAPTURE(sampler);
+    const auto loaded = load(sampler);
+    REQUIRE(loaded);
+    CHECK(loaded->warnings.size() == warnings);
+    return *library_item<PutTexture>(*loaded).nearest;
+  };
+  CHECK_FALSE(nearest(""));
+  CHECK_FALSE(nearest(R"("magFilter":9729,"minFilter":9987)"));
+  CHECK_FALSE(nearest(R"("magFilter":9729,"minFilter":9729)"));
+  CHECK_FALSE(nearest(R"("minFilter":9985)"));
+  CHECK(nearest(R"("minFilter":9728)"));
+  CHECK(nearest(R"("minFilter":9986)"));
+  CHECK(nearest(R"("magFilter":9728,"minFilter":9987)"));
+  CHECK_FALSE(nearest(R"("magFilter":9729,"minFilter":9728)", 1));
+  CHECK_THAT(refusal(load(R"("minFilter":9988)")), Contains("samplers[0].minFilter"));
+  CHECK_THAT(refusal(load(R"("magFilter":9987)")), Contains("samplers[0].magFilter"));
+}
+
+namespace {
+
+/// A material over a picture of 2 x 1 texels: at the left along u + v with full strength, at the
+/// right along -u with a strength of 1/5.
+Expected<Loaded> load_brushed(const std::string& roughness, const std::string& brushed) {
+  const std::string png =
+      "iVBORw0KGgoAAAANSUhEUgAAAAIAAAABCAIAAAB7QOjdAAAAD0lEQVR42mP4//8/"
+      "Q4MxABArA7FYuHeOAAAAAElFTkSuQmCC";
+  TestBundle bundle;
+  bundle.add("m.gltf",
+             R"({"asset":{"version":"2.0"},"images":[{"uri":"data:image/png;base64,)" + png +
+                 R"("}],"samplers":[{"wrapS":33071}],"textures":[{"source":0,"sampler":0}],)"
+                 R"("materials":[{"pbrMetallicRoughness":{)" +
+                 roughness + R"(},"extensions":{"KHR_materials_anisotropy":{)" + brushed + "}}}]}");
+  return bundle.load();
+}
+
+double texel_of(const Loaded& loaded, const PutMaterial& material, MaterialParameter p, u32 x) {
+  const ParameterPatch& own = parameter(material, p);
+  const auto& put = std::get<PutTexture>(
+      loaded.asset.library[std::get<CreatedByEdit>(own.texture->texture).edit].action);
+  CHECK_FALSE(*put.srgb);
+  CHECK(*put.nearest == (p == anisotropic_rotation));
+  CHECK(*put.wrap_u == Wrap::kClamp);
+  REQUIRE(put.image->type == TexelType::kU16);
+  u16 value;
+  std::memcpy(
+      &value,
+      put.image->texels->bytes().data() + 2 * (x * put.image->channels + own.texture->use.channel),
+      2);
+  return own.value->x * value / 65535.0;
+}
+
+}  // namespace
+
+TEST_CASE("gltf: a texture's directions and strengths of anisotropy") {
+  const double pi = 3.14159265358979;
+  const auto loaded = load_brushed(R"("roughnessFactor":0.7)",
+                                   fmt::format(R"("anisotropyStrength":1,"anisotropyRotation":{},)"
+                                               R"("anisotropyTexture":{{"index":0}})",
+                                               pi / 2));
+  INFO(refusal(loaded));
+  REQUIRE(loaded);
+  CHECK(loaded->warnings.empty());
+  const PutMaterial& material = library_item<PutMaterial>(*loaded);
+  const auto at = [&](MaterialParameter p, u32 x) { return texel_of(*loaded, material, p, x); };
+  CHECK(at(anisotropic_rotation, 0) == Approx(0.25 + 0.125).margin(1e-3));
+  CHECK(at(anisotropic_rotation, 1) == Approx(0.25 + 0.5).margin(1e-3));
+  for (const u32 x : {0u, 1u}) {
+    const double strength = x == 0 ? 1 : 0.2;
+    const double a = std::sqrt(1 - 0.9 * at(anisotropic, x));
+    const double alpha = std::pow(at(roughness, x), 2);
+    CHECK(alpha * a == Approx(0.49).epsilon(1e-3));
+    CHECK(alpha / a == Approx(0.49 + 0.51 * strength * strength).epsilon(1e-3));
+  }
+  // A texture of the roughness that lies as the anisotropy's does.
+  const std::string both = R"("anisotropyStrength":1,"anisotropyTexture":{"index":0})";
+  const auto textured = load_brushed(R"("metallicRoughnessTexture":{"index":0})", both);
+  REQUIRE(textured);
+  const PutMaterial& rough = library_item<PutMaterial>(*textured);
+  const double a = std::sqrt(1 - 0.9 * texel_of(*textured, rough, anisotropic, 1));
+  const double green = 128 / 255.0;
+  CHECK(std::pow(texel_of(*textured, rough, roughness, 1), 2) * a ==
+        Approx(green * green).epsilon(1e-3));
+  const auto apart = load_brushed(
+      R"("metallicRoughnessTexture":{"index":0,"extensions":{"KHR_texture_transform":{"scale":[2,2]}}})",
+      both);
+  REQUIRE(apart);
+  CHECK_THAT(apart->warnings.at(0), Contains("anisotropy texture is left out"));
+  CHECK_FALSE(parameter(library_item<PutMaterial>(*apart), anisotropic).texture);
+}
+
+TEST_CASE("gltf: anisotropy beyond the model's says so") {
+  const auto loaded = load_brushed(R"("roughnessFactor":0.2)", R"("anisotropyStrength":1)");
+  REQUIRE(loaded);
+  CHECK(parameter(library_item<PutMaterial>(*loaded), anisotropic).value->x == 1);
+  CHECK_THAT(loaded->warnings.at(0), Contains("by 10 at most, the file says 25"));
+}
+
+TEST_CASE("gltf: WebP of EXT_texture_webp, where it is read, else the texture's own picture") {
+  const bool reads_webp = assets::picture_format("webp") != assets::PictureFormat::kNone;
+  const auto load = [](const std::string& source, const std::string& more = "") {
+    TestBundle bundle;
+    bundle.add("m.gltf", R"({"asset":{"version":"2.0"},"images":[{"uri":"a.png"},{"uri":"b.png"}],)"
+                         R"("textures":[{)" +
+                             source +
+                             R"("extensions":{"EXT_texture_webp":{"source":1}}}],)"
+                             R"("materials":[{"normalTexture":{"index":0}}])" +
+                             more + "}");
+    return bundle.load();
+  };
+  CHECK(load(R"("source":0,)")->missing ==
+        std::vector<std::string>{reads_webp ? "b.png" : "a.png"});
+  if (reads_webp) {
+    CHECK(load("")->missing == std::vector<std::string>{"b.png"});
+  } else {
+    CHECK_THAT(refusal(load("")), Contains("12 ") && Contains("EXT_texture_webp"));
+    CHECK_THAT(refusal(load(R"("source":0,)", R"(,"extensionsRequired":["EXT_texture_webp"])")),
+               Contains("12 ") && Contains("EXT_texture_webp"));
+  }
+}
+
+TEST_CASE("gltf: variants are named, the default is shown") {
+  const auto loaded = load_material(
+      "", R"(,"extensionsRequired":["KHR_materials_variants"],"extensions":{)"
+          R"("KHR_materials_variants":{"variants":[{"name":"red"},{"name":"blue"}]}})");
+  REQUIRE(loaded);
+  CHECK_THAT(loaded->warnings.at(0),
+             Contains("KHR_materials_variants") && Contains("'red', 'blue'"));
 }
 
 TEST_CASE("gltf: broken materials and pictures are refused by name") {

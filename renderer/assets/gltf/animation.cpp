@@ -5,6 +5,8 @@
 #include "renderer/assets/gltf/animation.h"
 
 #include <algorithm>
+#include <array>
+#include <charconv>
 #include <cmath>
 #include <map>
 #include <set>
@@ -128,16 +130,48 @@ class Loader {
     return lit;
   }
 
+  struct Property {
+    u32 node;
+    std::string path;
+  };
+
+  /// What a channel animates; nullopt, with a warning: not a property of a node.
+  std::optional<Property> property_of(const Value& target) {
+    const std::string path = target.at("path").text();
+    if (const auto extension = target.extension("KHR_animation_pointer");
+        extension && path == "pointer")
+      return pointed(extension->at("pointer"));
+    if (const auto node = target.find("node")) return Property{node->index(nodes_.size()), path};
+    builder_.warn(fmt::format("animation channels for '{}' are left out", clean_name(path, "?")));
+    return std::nullopt;
+  }
+
+  /// "/nodes/<index>/translation", or rotation, scale, weights. Source: KHR_animation_pointer.
+  std::optional<Property> pointed(const Value& pointer) {
+    static constexpr std::array<std::string_view, 4> kPaths = {"translation", "rotation", "scale",
+                                                               "weights"};
+    constexpr std::string_view kNodes = "/nodes/";
+    const std::string text = pointer.text();
+    const std::size_t slash = text.rfind('/');
+    const std::string path = text.substr(slash + 1);
+    if (text.starts_with(kNodes) && slash > kNodes.size() && std::ranges::count(kPaths, path) > 0) {
+      u32 node = 0;
+      const char* end = text.data() + slash;
+      const auto [at, error] = std::from_chars(text.data() + kNodes.size(), end, node);
+      if (error == std::errc() && at == end && node < nodes_.size()) return Property{node, path};
+      refuse(pointer.where(), fmt::format("names none of the {} nodes", nodes_.size()));
+    }
+    builder_.warn(
+        fmt::format("animation channels for '{}' are left out", clean_text(text, kLongestPointer)));
+    return std::nullopt;
+  }
+  static constexpr std::size_t kLongestPointer = 200;
+
   void add_channel(const Value& animation, const Value& channel, std::map<u32, Track>& tracks) {
     const Value target = channel.at("target");
-    const auto node = target.find("node");
-    const std::string path = target.at("path").text();
-    if (!node) {
-      builder_.warn(fmt::format("animation channels for '{}' are left out", clean_name(path, "?")));
-      return;
-    }
-    const u32 index = node->index(nodes_.size());
-    if (!entities_.node[index]) return;
+    const auto property = property_of(target);
+    if (!property || !entities_.node[property->node]) return;
+    const auto& [index, path] = *property;
     Track& track = tracks[index];
     std::optional<Curve>* slot = nullptr;
     u32 width = 3;

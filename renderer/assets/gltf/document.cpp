@@ -5,29 +5,20 @@
 #include <cstring>
 #include <string_view>
 
+#include "renderer/assets/picture.h"
+
 namespace heliograph::assets::gltf {
 namespace {
 
 // Others are left out with a warning, or refused where the file requires them.
 constexpr std::array kHonoured = std::to_array<std::string_view>({
-    "EXT_lights_ies",
-    "EXT_mesh_gpu_instancing",
-    "EXT_meshopt_compression",
-    "KHR_draco_mesh_compression",
-    "KHR_lights_punctual",
-    "KHR_materials_anisotropy",
-    "KHR_materials_clearcoat",
-    "KHR_materials_emissive_strength",
-    "KHR_materials_ior",
-    "KHR_materials_iridescence",
-    "KHR_materials_pbrSpecularGlossiness",
-    "KHR_materials_sheen",
-    "KHR_materials_specular",
-    "KHR_materials_transmission",
-    "KHR_materials_unlit",
-    "KHR_materials_volume",
-    "KHR_mesh_quantization",
-    "KHR_texture_transform",
+    "EXT_lights_ies",           "EXT_mesh_gpu_instancing",    "EXT_meshopt_compression",
+    "KHR_animation_pointer",    "KHR_draco_mesh_compression", "KHR_lights_punctual",
+    "KHR_materials_anisotropy", "KHR_materials_clearcoat",    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",        "KHR_materials_iridescence",  "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_sheen",      "KHR_materials_specular",     "KHR_materials_transmission",
+    "KHR_materials_unlit",      "KHR_materials_variants",     "KHR_materials_volume",
+    "KHR_mesh_quantization",    "KHR_node_visibility",        "KHR_texture_transform",
     "KHR_xmp_json_ld",  // says nothing of what is seen
 });
 
@@ -59,6 +50,10 @@ Document::Document(Builder& builder) : builder_(builder) {
   const std::string version = root().at("asset").at("version").text();
   if (!version.starts_with("2.")) {
     refuse_unimplemented("asset.version", fmt::format("glTF {}; only 2.x is read", version));
+  }
+  if (const std::string least = root().at("asset").text("minVersion", "2.0"); least != "2.0") {
+    refuse_unimplemented("asset.minVersion",
+                         fmt::format("glTF {}; only 2.0 is read", clean_name(least, "?")));
   }
   check_extensions();
   load_buffers();
@@ -95,6 +90,7 @@ void Document::parse_container(Bytes file) {
 
 void Document::check_extensions() const {
   const auto known = [](const std::string& name) {
+    if (name == "EXT_texture_webp") return picture_format("webp") != PictureFormat::kNone;
     return std::ranges::find(kHonoured, name) != kHonoured.end();
   };
   if (const auto required = root().find("extensionsRequired")) {

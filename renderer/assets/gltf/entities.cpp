@@ -16,6 +16,7 @@ class Maker {
       : document_(document), builder_(builder), nodes_(nodes), library_(library) {
     entities_.node.resize(nodes.size());
     entities_.mesh.resize(nodes.size());
+    shown_.resize(nodes.size(), true);
     poses_.resize(nodes.size(), mat4x3(1));
   }
 
@@ -40,6 +41,12 @@ class Maker {
  private:
   static bool has_skin(const Node& node) {
     return node.value.find("skin") && node.value.find("mesh");
+  }
+
+  /// Source: KHR_node_visibility. Of the node alone; those below follow it.
+  static bool is_visible(const Node& node) {
+    const auto own = node.value.extension("KHR_node_visibility");
+    return !own || own->flag("visible", true);
   }
 
   std::vector<u32> scene_roots() const {
@@ -68,6 +75,7 @@ class Maker {
     PutEntity put;
     const auto parent = node.parent ? entities_.node[*node.parent] : std::optional<u32>(z_up);
     put.parent = builder_.entity_ref(*parent);
+    if (!is_visible(node)) put.visible = false;
     if (!invertible(node.local)) {
       builder_.warn(
           fmt::format("node '{}' has a scale without an inverse and is hidden", node.name));
@@ -104,6 +112,7 @@ class Maker {
   void add_node(u32 index, u32 z_up) {
     const Node& node = nodes_[index];
     PutEntity put = placed(index, z_up);
+    shown_[index] = is_visible(node) && (!node.parent || shown_[*node.parent]);
     poses_[index] = node.parent ? affine_product(poses_[*node.parent], node.local) : node.local;
     const bool has_mesh = node.value.find("mesh") && !has_skin(node);
     const auto instancing = node.value.extension("EXT_mesh_gpu_instancing");
@@ -167,6 +176,7 @@ class Maker {
   void add_skinned(const Node& node, u32 index, u32 z_up) {
     PutEntity put;
     put.parent = builder_.entity_ref(z_up);
+    if (!shown_[index]) put.visible = false;
     bind_mesh(node, put);
     put.skin = read_skin_patch(node);
     const mat4x3 bound =
@@ -209,6 +219,7 @@ class Maker {
   const Library& library_;
   Entities entities_;
   std::vector<mat4x3> poses_;  // scene_from_node, of those in the scene
+  std::vector<bool> shown_;    // with all nodes above
 };
 
 }  // namespace

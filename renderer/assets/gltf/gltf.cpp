@@ -6,6 +6,21 @@
 #include "renderer/assets/gltf/draco.h"
 
 namespace heliograph::assets {
+namespace {
+
+/// The default materials are shown; those of variants are in the asset, where the `materials` of an
+/// import can put them instead.
+void name_variants(const gltf::Document& document, Builder& builder) {
+  const auto extension = document.root().extension("KHR_materials_variants");
+  if (!extension) return;
+  std::string names;
+  const gltf::Value variants = extension->at("variants");
+  for (std::size_t i = 0; i < variants.size(); ++i)
+    names += (i == 0 ? "'" : ", '") + clean_name(variants[i].at("name").text(), "?") + "'";
+  builder.warn(fmt::format("KHR_materials_variants: the default is shown, not {}", names));
+}
+
+}  // namespace
 
 void load_gltf(Builder& builder) {
   using namespace gltf;
@@ -14,6 +29,7 @@ void load_gltf(Builder& builder) {
   }
   Document document(builder);
   if (builder.complete()) unpack_draco(document, builder.budget);
+  name_variants(document, builder);
   const Materials materials = load_materials(document, builder, any_without_material(document));
   Library library{.meshes = {}, .profiles = load_profiles(document, builder)};
   if (!builder.complete()) return;

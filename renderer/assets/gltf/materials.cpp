@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "renderer/assets/gltf/anisotropy.h"
+
 namespace heliograph::assets::gltf {
 namespace {
 
@@ -25,7 +27,13 @@ class Reader {
   Reader(const Value& value, Textures& textures, Builder& builder)
       : value_(value), textures_(textures), builder_(builder) {}
 
-  PutMaterial read() {
+  /// `anisotropy` is applied later, when pictures are decoded.
+  struct Result {
+    PutMaterial put;
+    std::optional<Anisotropy> anisotropy;
+  };
+
+  Result read() {
     alpha();
     if (const auto old = value_.extension("KHR_materials_pbrSpecularGlossiness")) {
       specular_glossiness(*old);
@@ -36,7 +44,7 @@ class Reader {
     extensions();
     put_.normal_map = normal_map(value_, "normalTexture");
     put_.two_sided_emission = value_.flag("doubleSided", false);
-    return std::move(put_);
+    return {.put = std::move(put_), .anisotropy = std::move(anisotropy_)};
   }
 
  private:
@@ -134,7 +142,8 @@ class Reader {
     }
     if (const auto coat = value_.extension("KHR_materials_clearcoat")) clearcoating(*coat);
     if (const auto cloth = value_.extension("KHR_materials_sheen")) sheen_of(*cloth);
-    if (const auto brushed = value_.extension("KHR_materials_anisotropy")) anisotropy(*brushed);
+    if (const auto brushed = value_.extension("KHR_materials_anisotropy"))
+      anisotropy_ = read_anisotropy(*brushed, textures_);
     if (const auto film = value_.extension("KHR_materials_iridescence")) thin_film(*film);
     if (const auto index = value_.extension("KHR_materials_ior")) {
       set(ior, vec3(float(index->number("ior", 1.5))));
@@ -161,7 +170,8 @@ class Reader {
     set(attenuation_color, {color[0], color[1], color[2]});
     set(attenuation_distance, vec3(float(distance)));
   }
-  static constexpr double kFarthest = 1e9;  // of attenuation_distance, metres
+  static constexpr double kFarthest = 1e9;     // of attenuation_distance, metres
+  static constexpr float kLeastSheen = 0.25f;  // of the model, see docs/materials.md
 
   void clearcoating(const Value& coat) {
     set(clearcoat, vec3(float(coat.number("clearcoatFactor", 0))));
@@ -176,29 +186,13 @@ class Reader {
     set(sheen, vec3(1));
     set(sheen_color, {color[0], color[1], color[2]});
     set_texture(sheen_color, cloth, "sheenColorTexture", true, 0);
-    set(sheen_roughness, vec3(float(cloth.number("sheenRoughnessFactor", 0))));
-    set_texture(sheen_roughness, cloth, "sheenRoughnessTexture", false, 3);
-  }
-
-  /// glTF stretches alpha to mix(alpha, 1, strength^2) along the tangent and leaves it across. Ours
-  /// has the same ratio, as far as it goes, and the same geometric mean. The ratio depends on a
-  /// texture of the roughness, of which the factor is taken.
-  void anisotropy(const Value& brushed) {
-    const double strength = std::clamp(brushed.number("anisotropyStrength", 0), 0.0, 1.0);
-    ParameterPatch& rough = put_.parameters[std::size_t(roughness)];
-    const double across = std::max(double(rough.value->x) * double(rough.value->x), 1e-4);
-    const double along = across + (1 - across) * strength * strength;
-    set(anisotropic, vec3(float(std::min((1 - across / along) / 0.9, 1.0))));
-    rough.value->x = float(std::min(std::pow(across * along, 0.25), 1.0));
-    const double turns = brushed.number("anisotropyRotation", 0) / 6.283185307179586;
-    set(anisotropic_rotation, vec3(float(turns - std::floor(turns))));
-    if (brushed.find("anisotropyTexture")) {
-      set_texture(anisotropic, brushed, "anisotropyTexture", false, 2);
-      builder_.warn(
-          fmt::format("{}: directions in the anisotropy texture are left out; its strength "
-                      "scales ours",
-                      value_.where()));
+    const auto spread = float(cloth.number("sheenRoughnessFactor", 0));
+    set(sheen_roughness, vec3(spread));
+    if (spread < kLeastSheen && *std::ranges::max_element(color) > 0) {
+      builder_.warn(fmt::format("{}: a sheen roughness of {:.3g} acts as {}", value_.where(),
+                                spread, kLeastSheen));
     }
+    set_texture(sheen_roughness, cloth, "sheenRoughnessTexture", false, 3);
   }
 
   /// A texture mixes two thicknesses [nm]; without one the film has the maximum.
@@ -221,6 +215,7 @@ class Reader {
   Textures& textures_;
   Builder& builder_;
   PutMaterial put_;
+  std::optional<Anisotropy> anisotropy_;
 };
 
 /// Points channels at what the decoded image has: gray serves for red, green and blue; without an
@@ -229,7 +224,7 @@ void adapt_channels(PutMaterial& put, const Textures& textures) {
   for (ParameterPatch& parameter : put.parameters) {
     if (!parameter.texture) continue;
     TextureUse& use = parameter.texture->use;
-    const u32 channels = textures.channels(*parameter.texture);
+    const u32 channels = textures.image(*parameter.texture)->channels;
     if (use.channel == 3) {
       if (channels == 2 || channels == 4) {
         use.channel = channels - 1;
@@ -248,28 +243,28 @@ void adapt_channels(PutMaterial& put, const Textures& textures) {
 
 Materials load_materials(Document& document, Builder& builder, bool needs_fallback) {
   Textures textures(document, builder);
-  std::vector<PutMaterial> puts;
+  std::vector<Reader::Result> read;
   Materials materials;
   for (u32 i = 0; i < document.count("materials"); ++i) {
-    puts.push_back(Reader(document.item("materials", i), textures, builder).read());
-    materials.normal_mapped.push_back(puts.back().normal_map.has_value());
+    read.push_back(Reader(document.item("materials", i), textures, builder).read());
   }
   std::vector<std::string> names;  // before the textures', which nobody addresses
-  for (u32 i = 0; i < puts.size(); ++i) {
+  for (u32 i = 0; i < read.size(); ++i) {
     names.push_back(builder.claim_name(document.item("materials", i).text("name", ""),
                                        fmt::format("material_{}", i)));
   }
   textures.make_library();
   if (!builder.complete()) return materials;
-  for (u32 i = 0; i < puts.size(); ++i) {
-    adapt_channels(puts[i], textures);
-    materials.refs.push_back(builder.library(names[i], std::move(puts[i])));
+  for (u32 i = 0; i < read.size(); ++i) {
+    adapt_channels(read[i].put, textures);
+    if (read[i].anisotropy) apply_anisotropy(*read[i].anisotropy, textures, builder, read[i].put);
+    materials.refs.push_back(builder.library(names[i], std::move(read[i].put)));
   }
   if (needs_fallback) {
     static const nlohmann::json kDefault = nlohmann::json::object();
     const Value value(kDefault, "materials");
     materials.fallback = builder.library(builder.claim_name("default", "default"),
-                                         Reader(value, textures, builder).read());
+                                         Reader(value, textures, builder).read().put);
   }
   return materials;
 }

@@ -8,8 +8,7 @@ namespace heliograph::assets::gltf {
 /// What the rest of the loader asks about materials.
 struct Materials {
   std::vector<Ref> refs;  // by glTF material index
-  std::vector<bool> normal_mapped;
-  Ref fallback;  // for primitives without a material; may be monostate
+  Ref fallback;           // for primitives without a material; may be monostate
 };
 
 /// Adds textures, then materials to the library. `needs_fallback`: some primitive names no

@@ -10,6 +10,9 @@
 namespace heliograph::assets::gltf {
 namespace {
 
+// Filters, as OpenGL numbers them; of those with mipmaps the even ones begin with NEAREST.
+constexpr u64 kNearest = 9728, kLinear = 9729, kFirstMipmap = 9984, kLastMipmap = 9987;
+
 Wrap wrap_of(const Value& sampler, const std::string& key) {
   switch (sampler.whole(key, 10497)) {
     case 10497:
@@ -21,6 +24,35 @@ Wrap wrap_of(const Value& sampler, const std::string& key) {
     default:
       refuse(sampler.key_where(key), "must be 10497, 33071 or 33648");
   }
+}
+
+/// A texture has one filter here: that of magnification, and where none is named that of
+/// minification. Mipmaps are no question: a linear texture is always filtered over what is seen.
+bool is_nearest(const Value& sampler, Builder& builder) {
+  const u64 magnified = sampler.whole("magFilter", 0);
+  const u64 minified = sampler.whole("minFilter", 0);
+  if (magnified != 0 && magnified != kNearest && magnified != kLinear)
+    refuse(sampler.key_where("magFilter"), "must be 9728 or 9729");
+  if (minified != 0 && minified != kNearest && minified != kLinear &&
+      !(minified >= kFirstMipmap && minified <= kLastMipmap)) {
+    refuse(sampler.key_where("minFilter"), "must be 9728, 9729 or 9984 to 9987");
+  }
+  const bool minified_nearest =
+      minified == kNearest || (minified >= kFirstMipmap && minified % 2 == 0);
+  if (magnified == kLinear && minified == kNearest) {
+    builder.warn(fmt::format("{}: NEAREST is left out; its textures are LINEAR as magFilter says",
+                             sampler.key_where("minFilter")));
+  }
+  return magnified == kNearest || (magnified == 0 && minified_nearest);
+}
+
+/// The image of a texture: that of EXT_texture_webp where WebP is read, else its own.
+std::optional<Value> source_of(const Value& texture) {
+  const auto webp = texture.extension("EXT_texture_webp");
+  if (webp && picture_format("webp") != PictureFormat::kNone) {
+    if (const auto source = webp->find("source")) return source;
+  }
+  return texture.find("source");
 }
 
 /// uv_transform in our texture space, whose v runs up: F M F with F (u, v) = (u, 1 - v) and M the
@@ -43,7 +75,7 @@ glm::mat3x2 uv_transform_of(const Value& transform) {
 }  // namespace
 
 std::optional<Textures::Slot> Textures::slot_of(const Value& texture, u32 index) const {
-  const auto source = texture.find("source");
+  const auto source = source_of(texture);
   if (!source) {
     const auto extensions = texture.find("extensions");
     const auto members = extensions ? extensions->members() : decltype(extensions->members()){};
@@ -61,7 +93,7 @@ std::optional<Textures::Slot> Textures::slot_of(const Value& texture, u32 index)
         document_.item("samplers", sampler_index->index(document_.count("samplers")));
     slot.wrap_u = wrap_of(sampler, "wrapS");
     slot.wrap_v = wrap_of(sampler, "wrapT");
-    slot.nearest = sampler.whole("magFilter", 9729) == 9728;
+    slot.nearest = is_nearest(sampler, builder_);
   }
   return slot;
 }
@@ -145,18 +177,20 @@ void Textures::make_library() {
     std::string name = texture.text("name", image.text("name", ""));
     const std::string uri = image.text("uri", "");
     if (name.empty() && !uri.empty() && !uri.starts_with("data:")) name = stem_of(uri);
-    PutTexture put{.image = images_[slot.image]};
-    put.srgb = slot.srgb;
-    put.nearest = slot.nearest;
-    put.wrap_u = slot.wrap_u;
-    put.wrap_v = slot.wrap_v;
+    PutTexture put = layout(slot);
+    put.image = images_[slot.image];
     builder_.library(builder_.claim_name(name, fmt::format("texture_{}", slot.texture)),
                      std::move(put));
   }
 }
 
-u32 Textures::channels(const TextureUsePatch& use) const {
-  return images_[slots_[std::get<CreatedByEdit>(use.texture).edit].image]->channels;
+PutTexture Textures::layout(const Slot& slot) {
+  PutTexture put;
+  put.srgb = slot.srgb;
+  put.nearest = slot.nearest;
+  put.wrap_u = slot.wrap_u;
+  put.wrap_v = slot.wrap_v;
+  return put;
 }
 
 }  // namespace heliograph::assets::gltf

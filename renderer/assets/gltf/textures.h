@@ -22,8 +22,12 @@ class Textures {
   /// Decodes what was used, on all processors, and adds the texture edits to the library.
   void make_library();
 
-  /// Channels of the decoded image behind a use.
-  [[nodiscard]] u32 channels(const TextureUsePatch& use) const;
+  /// The decoded image behind a use.
+  [[nodiscard]] const std::shared_ptr<const ImageData>& image(const TextureUsePatch& use) const {
+    return images_[slot(use).image];
+  }
+  /// The texture behind a use, without its image.
+  [[nodiscard]] PutTexture layout(const TextureUsePatch& use) const { return layout(slot(use)); }
 
  private:
   struct Slot {
@@ -36,6 +40,10 @@ class Textures {
     bool operator==(const Slot&) const = default;
   };
   [[nodiscard]] std::optional<Slot> slot_of(const Value& texture, u32 index) const;
+  [[nodiscard]] const Slot& slot(const TextureUsePatch& use) const {
+    return slots_[std::get<CreatedByEdit>(use.texture).edit];
+  }
+  [[nodiscard]] static PutTexture layout(const Slot& slot);
   void decode_images();
 
   Document& document_;
