@@ -148,7 +148,7 @@ class Baker {
   }
   void warn_capped(double most) {
     if (most <= 1.0001) return;
-    builder_.warn(fmt::format("{}: anisotropy is stretched by 10 at most, the file says {:.3g}",
+    builder_.warn(fmt::format("{}: anisotropy is stretched by 10 at most, the file says {:.0f}",
                               anisotropy_.where, 1 / (1 - 0.9 * most)));
   }
 
