@@ -2,6 +2,8 @@
 
 #include <OpenImageIO/oiioversion.h>
 #include <blosc.h>
+#include <draco/core/draco_version.h>
+#include <meshoptimizer.h>
 
 #include <array>
 #include <cmath>
@@ -107,8 +109,10 @@ Expected<Loaded> load_asset(std::span<const BundleFile> bundle, const LoadOption
 }
 
 std::string decoder_versions() {
-  return fmt::format("OpenImageIO {}, blosc {}, pugixml {}", OIIO_VERSION_STRING_MMPT,
-                     BLOSC_VERSION_STRING, PUGIXML_VERSION);
+  return fmt::format("OpenImageIO {}.{}.{}, blosc {}, pugixml {}, Draco {}, meshoptimizer {}",
+                     OIIO_VERSION_MAJOR, OIIO_VERSION_MINOR, OIIO_VERSION_PATCH,
+                     BLOSC_VERSION_STRING, PUGIXML_VERSION, draco::kDracoVersion,
+                     MESHOPTIMIZER_VERSION);
 }
 
 }  // namespace heliograph

@@ -15,7 +15,6 @@ namespace {
 
 /// Files that cannot be shown, and the words that say why.
 const std::map<std::string, std::string> kRefused = {
-    {"heart_draco.glb", "KHR_draco_mesh_compression"},
     {"points_emptyface.ply", "point clouds are not rendered"}};
 
 void check_file(const std::filesystem::path& path) {

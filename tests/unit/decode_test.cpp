@@ -155,8 +155,11 @@ TEST_CASE("decode: pictures, volumes, missing files, refusals") {
   DecodeJob alone = job_of("gltf/03_skinned_cylinder/03_skinned_cylinder.gltf");
   alone.files.resize(1);
   CHECK(decode_now(*decoder, alone)->missing.size() == 1);
-  CHECK_THAT(said(decode_now(*decoder, job_of("gltf/heart_draco.glb"))),
-             Contains("12 heart_draco.glb") && Contains("KHR_draco_mesh_compression"));
+  CHECK(decode_now(*decoder, job_of("gltf/heart_draco.glb")));
+  DecodeJob unknown = job_of("gltf/Lights.glb");
+  unknown.format = "fbx";
+  CHECK_THAT(said(decode_now(*decoder, unknown)),
+             Contains("12 Lights.glb") && Contains("'fbx' is not one of"));
   CHECK_THAT(said(decode_now(*decoder, {})), Contains("empty"));
 }
 
