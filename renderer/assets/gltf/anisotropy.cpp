@@ -112,7 +112,7 @@ class Baker {
     const PutTexture like = textures_.layout(*anisotropy_.texture);
     const Ref both = std::move(shape).put(builder_, like, like.nearest.value_or(false));
     use_texture(roughness, both, 0);
-    use_texture(anisotropic, both, 1);
+    use_texture(anisotropic, both, 3);  // the second of two channels is alpha
     // Angles of a whole turn and of none are one direction, and their mean is the opposite one.
     use_texture(anisotropic_rotation, std::move(turns).put(builder_, like, true), 0);
     warn_capped(most);

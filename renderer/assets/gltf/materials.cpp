@@ -226,13 +226,10 @@ void adapt_channels(PutMaterial& put, const Textures& textures) {
     TextureUse& use = parameter.texture->use;
     const u32 channels = textures.image(*parameter.texture)->channels;
     if (use.channel == 3) {
-      if (channels == 2 || channels == 4) {
-        use.channel = channels - 1;
-      } else {
-        const float constant = use.scale + use.offset;
-        parameter.texture.reset();
-        parameter.value = parameter.value.value_or(vec3(1)) * constant;
-      }
+      if (channels == 2 || channels == 4) continue;  // both have it there
+      const float constant = use.scale + use.offset;
+      parameter.texture.reset();
+      parameter.value = parameter.value.value_or(vec3(1)) * constant;
     } else if (channels < 3) {
       use.channel = 0;
     }
