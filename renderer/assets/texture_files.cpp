@@ -31,7 +31,7 @@ Boxed<TextureUsePatch> TextureFiles::use(const TextureFile& file) {
 
 u32 TextureFiles::opacity_channel(const TextureUsePatch& use) const {
   const u32 channels = channels_[std::get<CreatedByEdit>(use.texture).edit];
-  return channels % 2 == 0 ? channels - 1 : 0;
+  return channels % 2 == 0 ? 3 : 0;  // kernels read grey with alpha as three colours and alpha
 }
 
 }  // namespace heliograph::assets

@@ -12,13 +12,28 @@ namespace {
 
 // Others are left out with a warning, or refused where the file requires them.
 constexpr std::array kHonoured = std::to_array<std::string_view>({
-    "EXT_lights_ies",           "EXT_mesh_gpu_instancing",    "EXT_meshopt_compression",
-    "KHR_animation_pointer",    "KHR_draco_mesh_compression", "KHR_lights_punctual",
-    "KHR_materials_anisotropy", "KHR_materials_clearcoat",    "KHR_materials_emissive_strength",
-    "KHR_materials_ior",        "KHR_materials_iridescence",  "KHR_materials_pbrSpecularGlossiness",
-    "KHR_materials_sheen",      "KHR_materials_specular",     "KHR_materials_transmission",
-    "KHR_materials_unlit",      "KHR_materials_variants",     "KHR_materials_volume",
-    "KHR_mesh_quantization",    "KHR_node_visibility",        "KHR_texture_transform",
+    "EXT_lights_ies",
+    "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
+    "EXT_texture_webp",
+    "KHR_animation_pointer",
+    "KHR_draco_mesh_compression",
+    "KHR_lights_punctual",
+    "KHR_materials_anisotropy",
+    "KHR_materials_clearcoat",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_iridescence",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_sheen",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_variants",
+    "KHR_materials_volume",
+    "KHR_mesh_quantization",
+    "KHR_node_visibility",
+    "KHR_texture_transform",
     "KHR_xmp_json_ld",  // says nothing of what is seen
 });
 
@@ -90,7 +105,6 @@ void Document::parse_container(Bytes file) {
 
 void Document::check_extensions() const {
   const auto known = [](const std::string& name) {
-    if (name == "EXT_texture_webp") return picture_format("webp") != PictureFormat::kNone;
     return std::ranges::find(kHonoured, name) != kHonoured.end();
   };
   if (const auto required = root().find("extensionsRequired")) {

@@ -46,10 +46,9 @@ bool is_nearest(const Value& sampler, Builder& builder) {
   return magnified == kNearest || (magnified == 0 && minified_nearest);
 }
 
-/// The image of a texture: that of EXT_texture_webp where WebP is read, else its own.
+/// The image of a texture: that of EXT_texture_webp, else its own.
 std::optional<Value> source_of(const Value& texture) {
-  const auto webp = texture.extension("EXT_texture_webp");
-  if (webp && picture_format("webp") != PictureFormat::kNone) {
+  if (const auto webp = texture.extension("EXT_texture_webp")) {
     if (const auto source = webp->find("source")) return source;
   }
   return texture.find("source");
