@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import warnings
 from collections.abc import Iterable, Sequence
+from types import FrameType
 from typing import Any
 
 
@@ -12,14 +13,21 @@ class FileWarning(UserWarning):
     """What was assumed of a picture's file, or changed in it. `warnings.filterwarnings("error",
     category=hg.FileWarning)` refuses such files."""
 
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+
 
 def warn_of_file(path: object, texts: Iterable[str]) -> None:
     """Warns where the user's own code called."""
     level, frame = 1, sys._getframe()
-    while frame.f_back is not None and frame.f_globals["__name__"].split(".")[0] in _OWN:
+    while frame.f_back is not None and _package_of(frame) in _OWN:
         level, frame = level + 1, frame.f_back
     for text in texts:
         warnings.warn(f"{path}: {text}", FileWarning, stacklevel=level)
+
+
+def _package_of(frame: FrameType) -> str:
+    return str(frame.f_globals.get("__name__", "")).split(".")[0]
 
 
 _OWN = ("heliograph", "nvisii")
