@@ -20,6 +20,7 @@ LAYERS = (
     ("scene",),
     ("image",),
     ("robots",),
+    ("usd",),
     ("render",),
     ("client",),
     ("__init__",),  # gives the names of all folders, those of later ones on demand only

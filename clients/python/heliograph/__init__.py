@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from .scene import studio
     from .scene.handles import Asset, Entity, Group, Handle, Material, Mesh, Texture
     from .scene.rigs import stereo
+    from .usd.asset import UsdAsset
     from .values import framing, lights, materials, shapes, sky
     from .values.components import Camera, Tex, Visibility
     from .values.lights import Light, Portal
@@ -80,6 +81,7 @@ _LAZY = {
     "TLS": "_wire.access",
     "Tex": "values.components",
     "Texture": "scene.handles",
+    "UsdAsset": "usd.asset",
     "Visibility": "values.components",
     "Viewer": "viewer",
     "WorldFrame": "render.worlds",
@@ -142,6 +144,7 @@ __all__ = [
     "Unauthenticated",
     "Unavailable",
     "Unimplemented",
+    "UsdAsset",
     "Viewer",
     "Visibility",
     "WorldFrame",

@@ -36,6 +36,7 @@ from ..scene.handles import (
     flatten,
     give_ids,
 )
+from ..usd.edits import UsdEdits
 from ..values.checks import number_of, text_of
 from ..values.pose import packed_matrices
 
@@ -47,7 +48,7 @@ if TYPE_CHECKING:
 _H = TypeVar("_H", bound=Handle)
 
 
-class Edits(DomeEdits, RobotEdits):
+class Edits(DomeEdits, RobotEdits, UsdEdits):
     """A list of edits; `with` sends them as one transaction, or drops them on an exception.
 
     In every call: what is given changes, what is absent stays, None resets to the default; the

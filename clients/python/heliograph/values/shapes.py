@@ -55,7 +55,7 @@ def sphere(radius: float = 0.5, segments: int = 64) -> Geometry:
     normals = np.stack(
         [np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), -np.cos(theta)], axis=-1
     )
-    return _surface(radius * normals, normals, (around, along))
+    return grid_surface(radius * normals, normals, (around, along))
 
 
 def torus(radius: float = 0.35, tube: float = 0.15, segments: int = 96) -> Geometry:
@@ -65,7 +65,7 @@ def torus(radius: float = 0.35, tube: float = 0.15, segments: int = 96) -> Geome
     outward = np.stack([np.cos(phi), np.sin(phi), np.zeros_like(phi)], axis=-1)
     up = np.array([0.0, 0.0, 1.0])
     normals = outward * np.cos(theta)[..., None] + up * np.sin(theta)[..., None]
-    return _surface(radius * outward + tube * normals, normals, (around, along))
+    return grid_surface(radius * outward + tube * normals, normals, (around, along))
 
 
 def cylinder(radius: float = 0.5, height: float = 1.0, segments: int = 64) -> Geometry:
@@ -75,7 +75,7 @@ def cylinder(radius: float = 0.5, height: float = 1.0, segments: int = 64) -> Ge
     outward = np.stack([np.cos(phi), np.sin(phi), np.zeros_like(phi)], axis=-1)
     body = radius * outward
     body[..., 2] = (along - 0.5) * height
-    side = _surface(body, outward, (around, along))
+    side = grid_surface(body, outward, (around, along))
     parts = [side, _disc(radius, 0.5 * height, segments), _disc(radius, -0.5 * height, segments)]
     starts = np.cumsum([0] + [len(np.asarray(part["positions"])) for part in parts])
     return {
@@ -128,7 +128,7 @@ def _grid(columns: int, rows: int) -> tuple[NdArray, NdArray]:
     return u, v
 
 
-def _surface(positions: NdArray, normals: NdArray, uv: tuple[NdArray, NdArray]) -> Geometry:
+def grid_surface(positions: NdArray, normals: NdArray, uv: tuple[NdArray, NdArray]) -> Geometry:
     """Quads of a grid as triangles, without those that a pole makes degenerate."""
     rows, columns = positions.shape[0] - 1, positions.shape[1] - 1
     a = (np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)).ravel()

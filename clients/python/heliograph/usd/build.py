@@ -1,0 +1,125 @@
+"""A Model to edits."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import HeliographError
+from ..scene import patches
+from ..scene.handles import Entity, Material, Texture
+from ..values.checks import refuse_unknown
+from ..values.components import Tex
+from ..values.pose import matrix_of
+from .asset import UsdAsset
+from .model import Image, Node, Sampled
+
+if TYPE_CHECKING:
+    from ..client.edit import Edits
+
+
+class Builder:
+    """Puts the entities of one placement; meshes, materials and textures with the first."""
+
+    def __init__(self, edits: Edits, asset: UsdAsset) -> None:
+        self.edits = edits
+        self.asset = asset
+        self.model = asset.model
+        self.library = asset.library
+
+    def build(self, components: patches.Components) -> UsdAsset:
+        refuse_unknown(components, patches.Components, "an entity")
+        given: Any = {"label": "auto", **components}
+        self.asset.root = self.edits.entity(self.asset.name, exist_ok=False, **given)
+        for node in self.model.nodes:
+            self._put(node)
+        for node in self.model.nodes:
+            if node.joints is not None:
+                joints = [self.asset.entities[path] for path in node.joints[0]]
+                self.edits.update(self.asset.entities[node.path], skin=(joints, node.joints[1]))
+        self._put_dome(components)
+        return self.asset
+
+    # ------------------------------------------------------------ entities
+
+    def _put(self, node: Node) -> None:
+        given: dict[str, Any] = {"parent": self._parent(node), **node.rest}
+        if node.mesh is not None:
+            given["mesh"] = self._mesh(node.mesh)
+            given["materials"] = [self._material(look) for look in node.looks]
+        name = f"{self.asset.name}{node.path}"
+        if node.transforms is not None:
+            group = self.edits.instances(name, transforms=node.transforms, **given)
+            self.asset.instances[node.path] = group
+            return
+        moves = isinstance(node.pose, Mapping)
+        given["keys" if moves else "transform"] = node.pose
+        entity = self.edits.entity(name, exist_ok=False, **given)
+        self.asset.entities[node.path] = entity
+        if "camera" in node.rest:
+            self.asset.cameras[node.path] = entity
+        if "light" in node.rest:
+            self.asset.lights[node.path] = entity
+
+    def _parent(self, node: Node) -> Entity:
+        return self.asset.root if node.parent is None else self.asset.entities[node.parent]
+
+    def _put_dome(self, components: Mapping[str, Any]) -> None:
+        """The first placement's, turned as the root is in its parent."""
+        dome = self.model.dome
+        if dome is None:
+            return
+        at = components.get("transform")
+        u, _, v = np.linalg.svd(np.eye(3) if at is None else matrix_of(at)[:3, :3])
+        options = {**dome.options, "rotation": u @ v @ dome.rotation}
+        if dome.image is None:
+            self.edits.dome(None)
+            self.edits.dome(**options)
+        else:
+            self.edits.dome(dome.image, **options)
+
+    # ------------------------------------------------------------ what is shared
+
+    def _mesh(self, key: str) -> Any:
+        if key not in self.library.meshes:
+            name = f"{self.asset.name}{key}"
+            geometry = self.model.meshes[key]
+            self.library.meshes[key] = self.edits.mesh(name, exist_ok=False, **geometry)
+        return self.library.meshes[key]
+
+    def _material(self, key: str) -> Material:
+        if key not in self.library.materials:
+            name = f"{self.asset.name}/{key.lstrip('/')}"
+            look = self.model.looks[key]
+            given: Any = {k: self._parameter(k, v) for k, v in look.parameters.items()}
+            given = {k: v for k, v in given.items() if v is not None}
+            self.library.materials[key] = self.edits.material(name, exist_ok=False, **given)
+        return self.library.materials[key]
+
+    def _parameter(self, name: str, value: Any) -> Any:
+        """None: it is left to its default, as the image cannot be read."""
+        if not isinstance(value, Sampled):
+            return value
+        texture = self._texture(value.image)
+        if texture is None:
+            return value.fallback
+        fields = dataclasses.asdict(value)
+        del fields["image"], fields["fallback"]
+        return Tex(texture, **fields)
+
+    def _texture(self, image: Image) -> Texture | None:
+        if image not in self.library.textures:
+            name = f"{self.asset.name}/textures/{len(self.library.textures)}/{image.file.name}"
+            try:
+                found = self.edits.texture(
+                    name, image.file, encoding=image.encoding, wrap=image.wrap, exist_ok=False
+                )
+            except HeliographError as error:
+                self.model.notes.add(image.file.name, f"a texture cannot be decoded: {error}")
+                self.library.textures[image] = None
+            else:
+                self.library.textures[image] = found
+        return self.library.textures[image]

@@ -1,0 +1,109 @@
+"""What the readers of a stage share: its time, what is asked of it, what is noted. Needs pxr."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from .._wire.arrays import NdArray
+from ..errors import InvalidArgument
+from ..values.checks import number_of
+from .files import Files
+from .model import Model, Options, Pose
+
+_FRAMES = 100_000  # whole codes between the samples of one prim that become keys
+
+
+@dataclass
+class Context:
+    """One reading of one stage."""
+
+    stage: Any
+    options: Options
+    model: Model
+    files: Files
+    time: Any = field(init=False)  # Usd.TimeCode of what does not move
+    up: NdArray = field(init=False)  # (4, 4) root_from_stage
+
+    def __post_init__(self) -> None:
+        self.time = Usd.TimeCode.EarliestTime()
+        if self.options.time is not None:
+            self.time = Usd.TimeCode(self.code(number_of(self.options.time, "time")))
+        turn = [[1, 0, 0], [0, 0, -1], [0, 1, 0]] if self.model.up == "y" else np.eye(3)
+        self.up = np.eye(4)
+        self.up[:3, :3] = self.model.metres_per_unit * np.asarray(turn)
+
+    def note(self, prim: Any, text: str) -> None:
+        self.model.notes.add(prim, text)
+
+    def value(self, attribute: Any) -> Any:
+        """Of an attribute, at the time of what does not move; None: it has none."""
+        return attribute.Get(self.time) if attribute else None
+
+    def number(self, attribute: Any, default: float = 0.0) -> float:
+        """A finite number; what is none is noted and taken to be the default."""
+        found = self.value(attribute)
+        if found is None:
+            return default
+        if not math.isfinite(found):
+            self.note(
+                attribute.GetPrim(), f"{attribute.GetName()} is not finite; {default:g} taken"
+            )
+            return default
+        return float(found)
+
+    # ------------------------------------------------------------ time
+
+    def code(self, seconds: float) -> float:
+        return float(seconds * self.stage.GetTimeCodesPerSecond())
+
+    def seconds(self, code: float) -> float:
+        return float(code / self.stage.GetTimeCodesPerSecond())
+
+    def codes(self, samples: Sequence[float], steps: bool = True) -> list[float]:
+        """The time codes of the keys of what has these samples; fewer than 2: it stands still.
+
+        steps: whole codes between the samples count too, as frames do, so that turns stay whole.
+        """
+        times = self.options.times
+        if times is None or len(samples) < 2:
+            return []
+        if isinstance(times, str):
+            if times != "all":
+                raise InvalidArgument(f'times: seconds, or "all", not {times!r}', field="times")
+            first, last = math.ceil(samples[0]), math.floor(samples[-1])
+            between = range(first, last) if steps and last - first <= _FRAMES else range(0)
+            return sorted({*map(float, samples), *map(float, between)})
+        return sorted({self.code(number_of(t, "times")) for t in times})
+
+    # ------------------------------------------------------------ poses
+
+    def pose(self, xformable: Any, at_root: bool) -> Pose:
+        """parent_from_local of a prim, or root_from_local where there is no node above."""
+        codes = self.codes(xformable.GetTimeSamples())
+        if len(codes) < 2:
+            if xformable.TransformMightBeTimeVarying() and self.options.times is None:
+                self.note(xformable, 'it moves, and is taken as at one time: give times="all"')
+            return self._matrix(xformable, self.time, at_root)
+        return {self.seconds(c): self._matrix(xformable, Usd.TimeCode(c), at_root) for c in codes}
+
+    def _matrix(self, xformable: Any, time: Any, at_root: bool) -> NdArray:
+        local = matrix_of(xformable.GetLocalTransformation(time))
+        if not np.isfinite(local).all():
+            self.note(xformable, "its transform is not finite; the identity taken")
+            local = np.eye(4)
+        return self.up @ local if at_root else local
+
+    def world(self, prim: Any) -> NdArray:
+        """(4, 4) root_from_local at the time of what does not move."""
+        return self.up @ matrix_of(UsdGeom.XformCache(self.time).GetLocalToWorldTransform(prim))
+
+
+def matrix_of(matrix: Any) -> NdArray:
+    """(4, 4) float64 for column vectors of a Gf.Matrix4d, which is for rows."""
+    return np.array(matrix, dtype="f8").T

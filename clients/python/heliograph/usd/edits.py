@@ -1,0 +1,74 @@
+"""The part of Edits that reads USD. The rest of this folder needs pxr, the package usd-core."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from .._optional import needed
+from ..scene import patches
+from .asset import UsdAsset
+from .model import Options
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from ..client.edit import Edits
+
+NIT = 1 / 683  #: W sr^-1 m^-2 in each channel of white of 1 cd/m^2
+
+
+class UsdEdits:
+    """The part of Edits that reads USD."""
+
+    def import_usd(
+        self,
+        path: str | os.PathLike[str] | UsdAsset,
+        *,
+        name: str | None = None,
+        variants: Mapping[str, Mapping[str, str]] | None = None,
+        payloads: bool = True,
+        purposes: Sequence[str] = ("default", "render"),
+        time: float | None = None,
+        times: str | Sequence[float] | None = None,
+        units: float = 0.0,
+        folders: Sequence[str | os.PathLike[str]] = (),
+        semantics: str | None = "class",
+        nit: float = NIT,
+        lights: bool = True,
+        camera_width: int = 960,
+        **components: Unpack[patches.Components],
+    ) -> UsdAsset:
+        """Reads a USD file (.usd, .usda, .usdc, .usdz) and places it: entities `name`, by default
+        the file's stem, and "<name>/<prim path>". Of another UsdAsset: places it again, with the
+        same meshes and materials.
+
+        The file is read in this process by the package usd-core, not in the daemon's sandbox.
+        variants: {prim path: {variant set: variant}}, instead of the file's choice. payloads: False
+        leaves them out. purposes: of "default", "render", "proxy", "guide". time: seconds at which
+        it is read, by default its earliest. times: seconds of the keys of what moves, or "all":
+        those of the file. units: metres a unit where the file names none (0.01).
+        folders: whose textures may be read, besides the file's own and what is beneath it.
+        semantics: the type or taxonomy of labels that become categories; None: none.
+        nit: radiance, W sr^-1 m^-2, of what the file says is 1 cd/m^2. lights: False leaves out
+        UsdLux. camera_width: pixels of its cameras; the height follows from their apertures.
+        components: of the root, as edit.entity() takes them: transform, parent, category, ...
+        Unimplemented without the package pxr, NotFound and InvalidArgument of the file.
+        """
+        needed("pxr", "USD files need", "usd")
+        from . import build, stage
+
+        edits = cast("Edits", self)
+        if isinstance(path, UsdAsset):
+            asset = UsdAsset(edits.scene, name or path.name, path.model, path.library)
+        else:
+            options = Options(
+                *(variants or {}, payloads, tuple(purposes), time, times, units),
+                *([Path(folder) for folder in folders], semantics, nit, lights, camera_width),
+            )
+            model = stage.read(Path(path), options)
+            asset = UsdAsset(edits.scene, name or model.stem, model, None)
+        given: Any = components
+        return build.Builder(edits, asset).build(given)

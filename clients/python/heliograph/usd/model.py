@@ -1,0 +1,126 @@
+"""What a USD stage holds, in this project's terms: metres and +Z up from the root on. Made by
+stage.read(), put into scenes by build.Builder. Knows nothing of pxr."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Union
+
+import numpy as np
+
+from .._wire.arrays import NdArray
+
+if TYPE_CHECKING:
+    from ..scene.patches import Geometry
+
+Pose = Union[NdArray, Mapping[float, NdArray]]  # (4, 4), or keys {seconds: (4, 4)}
+
+
+class Notes:
+    """What is left out or taken to be otherwise: one text, many prims."""
+
+    def __init__(self) -> None:
+        self._prims: dict[str, dict[str, None]] = {}
+
+    def add(self, prim: Any, text: str) -> None:
+        """prim: its path, or what has GetPath()."""
+        path = str(prim.GetPath()) if hasattr(prim, "GetPath") else str(prim)
+        self._prims.setdefault(text, {})[path] = None
+
+    def texts(self) -> list[str]:
+        """ "/World/Lamp: text", or "/World/Lamp and 3 more: text"."""
+        found = []
+        for text, prims in self._prims.items():
+            more = f" and {len(prims) - 1} more" if len(prims) > 1 else ""
+            found.append(f"{next(iter(prims))}{more}: {text}")
+        return found
+
+
+@dataclass(frozen=True)
+class Image:
+    """A texture's file and how it is read; encoding None: by its bit depth."""
+
+    file: Path
+    encoding: str | None = None
+    wrap: tuple[str, str] = ("repeat", "repeat")
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """An image that drives a parameter, as hg.Tex has it; fallback: when it cannot be read."""
+
+    image: Image
+    factor: Any = 1.0
+    channel: int = 0
+    scale: float = 1.0
+    offset: float = 0.0
+    uv: Any = None
+    uv_set: int = 0
+    fallback: Any = None
+
+
+@dataclass
+class Look:
+    """A material. parameters: constants and Sampled. primvars: names of its texture coordinates,
+    two at most, in the order of uv_set. colors: it shows the primvar displayColor."""
+
+    parameters: dict[str, Any] = field(default_factory=dict)
+    primvars: list[str] = field(default_factory=list)
+    colors: bool = False
+
+
+@dataclass
+class Node:
+    """An entity. parent: the path of another node, None: the root. transforms: (N, 4, 4) of a
+    packed group instead of a pose. mesh, looks: keys of the model's. rest: more Components."""
+
+    path: str
+    parent: str | None
+    pose: Pose = field(default_factory=lambda: np.eye(4))
+    transforms: NdArray | None = None
+    mesh: str | None = None
+    looks: Sequence[str] = ()
+    joints: tuple[Sequence[str], NdArray] | None = None  # paths of nodes, inverse binds
+    rest: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass
+class Dome:
+    """Light from infinitely far. rotation: (3, 3) root_from_dome."""
+
+    image: Path | None
+    options: dict[str, Any]
+    rotation: NdArray
+
+
+@dataclass
+class Model:
+    """A stage as it was read."""
+
+    stem: str
+    metres_per_unit: float
+    up: str
+    nodes: list[Node] = field(default_factory=list)
+    meshes: dict[str, Geometry] = field(default_factory=dict)
+    looks: dict[str, Look] = field(default_factory=dict)
+    dome: Dome | None = None
+    notes: Notes = field(default_factory=Notes)
+
+
+@dataclass(frozen=True)
+class Options:
+    """Of import_usd()."""
+
+    variants: Mapping[str, Mapping[str, str]]
+    payloads: bool
+    purposes: Sequence[str]
+    time: float | None
+    times: Any
+    units: float
+    folders: Sequence[Path]
+    semantics: str | None
+    nit: float
+    lights: bool
+    camera_width: int
