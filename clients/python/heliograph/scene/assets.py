@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ..client.edit import Edits
     from ..client.scene import Scene
 
+_USD = (".usd", ".usda", ".usdc", ".usdz")
 _ROUNDS = 64  # of naming missing companions
 
 
@@ -52,6 +53,8 @@ class Source:
     def request(self) -> service.DecodeAssetRequest:
         if (self.path is None) == (not self.server_path):
             raise InvalidArgument("give path or server_path", field="path")
+        if Path(self.path or self.server_path).suffix.lower() in _USD:
+            raise InvalidArgument("USD files: use edit.import_usd()", field="path")
         if self.up not in ("", "x", "y", "z"):
             raise InvalidArgument(f'up: "x", "y" or "z", not {self.up!r}', field="up")
         try:

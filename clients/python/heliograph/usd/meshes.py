@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 
 def geometry(
     context: Context, mesh: Any, subsets: Sequence[NdArray | None], looks: Sequence[Look]
-) -> Geometry | None:
-    """The arrays of a mesh whose parts are subsets of its faces; None: it has nothing to show."""
+) -> tuple[Geometry, NdArray] | None:
+    """The arrays of a mesh whose parts are subsets of its faces, and the point of each vertex;
+    None: it has nothing to show."""
     points = np.asarray(context.value(mesh.GetPointsAttr()) or (), dtype="f8").reshape(-1, 3)
     corners = _corners(context, mesh, points)
     if corners is None or not len(corners.points):
@@ -39,7 +40,7 @@ def geometry(
     if len(subsets) > 1:
         out["parts"] = parts[::3].astype("<u4")
     _put_positions(context, mesh, out, (points, corners.points[first]))
-    return out
+    return out, corners.points[first]
 
 
 def _corners(context: Context, mesh: Any, points: NdArray) -> Corners | None:

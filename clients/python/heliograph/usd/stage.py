@@ -12,7 +12,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom
 
 from ..errors import InvalidArgument, NotFound
 from ..values.checks import number_of
-from . import cameras, instancers, labels, lights, surfaces
+from . import cameras, instancers, labels, lights, skeletons, surfaces
 from .context import Context
 from .files import Files
 from .model import Model, Node, Options
@@ -37,7 +37,9 @@ def read(path: Path, options: Options) -> Model:
         context.note("/", "it names no metersPerUnit: 0.01 taken; give units= for another")
     for error in stage.GetCompositionErrors():
         context.note("/", f"it does not compose: {error}")
-    _Walk(context).children(stage.GetPseudoRoot(), _Above())
+    walk = _Walk(context)
+    walk.children(stage.GetPseudoRoot(), _Above())
+    skeletons.put(context, walk.surfaces.vertices)
     return model
 
 

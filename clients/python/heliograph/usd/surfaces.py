@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pxr import UsdGeom, UsdShade
@@ -12,6 +12,9 @@ from .._wire.arrays import NdArray
 from . import gprims, materials, meshes
 from .context import Context
 from .model import Look, Node
+
+if TYPE_CHECKING:
+    from ..scene.patches import Geometry
 
 _GREY = (0.18, 0.18, 0.18)  # of what has neither material nor displayColor, as in usdview
 
@@ -31,6 +34,7 @@ class Surfaces:
     def __init__(self, context: Context) -> None:
         self.context = context
         self.looks = materials.Looks(context)
+        self.vertices: dict[str, NdArray] = {}  # the points that those of a mesh are
         self._meshes: dict[Any, str | None] = {}
 
     def put(self, node: Node, prim: Any) -> None:
@@ -54,10 +58,13 @@ class Surfaces:
         return (*found.primvars, found.colors)
 
     def _made(self, path: str, prim: Any, parts: list[Part]) -> str | None:
-        looks = [self.context.model.looks[part.look] for part in parts]
+        geometry: Geometry | None
+        vertices = np.zeros(0, int)
         if prim.IsA(UsdGeom.Mesh):
+            looks = [self.context.model.looks[part.look] for part in parts]
             faces = [part.faces for part in parts]
-            geometry = meshes.geometry(self.context, UsdGeom.Mesh(prim), faces, looks)
+            found = meshes.geometry(self.context, UsdGeom.Mesh(prim), faces, looks)
+            geometry, vertices = found or (None, vertices)
         else:
             geometry = gprims.geometry(self.context, prim)
         if geometry is None:
@@ -68,6 +75,7 @@ class Surfaces:
         while name in self.context.model.meshes:
             name += "'"
         self.context.model.meshes[name] = geometry
+        self.vertices[name] = vertices
         return name
 
     def _parts(self, prim: Any) -> list[Part]:
