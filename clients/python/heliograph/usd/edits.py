@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import weakref
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -68,7 +69,8 @@ class UsdEdits:
                 *(variants or {}, payloads, tuple(purposes), time, times, units),
                 *([Path(folder) for folder in folders], semantics, nit, lights, camera_width),
             )
-            model = stage.read(Path(path), options)
+            model, files = stage.read(Path(path), options)
+            weakref.finalize(edits.scene.client, files.close)  # it may have to send them again
             asset = UsdAsset(edits.scene, name or model.stem, model, None)
         given: Any = components
         return build.Builder(edits, asset).build(given)

@@ -19,6 +19,10 @@ class Files:
         self._unpacked = tempfile.TemporaryDirectory(prefix="heliograph-usd-")
         self._members: dict[str, Path] = {}
 
+    def close(self) -> None:
+        """Removes the copies."""
+        self._unpacked.cleanup()
+
     def found(self, authored: str, resolved: str) -> tuple[Path | None, str]:
         """The file of an asset path, or None and why there is none."""
         if not resolved:

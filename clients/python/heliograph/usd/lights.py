@@ -145,7 +145,7 @@ def _tube(radius: float, length: float) -> Any:
     a, b = np.arange(_SEGMENTS), (np.arange(_SEGMENTS) + 1) % _SEGMENTS
     c, d = b + _SEGMENTS, a + _SEGMENTS
     faces = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
-    return {"positions": np.concatenate(ends).astype("f4"), "indices": faces[:, ::-1].astype("<u4")}
+    return {"positions": np.concatenate(ends).astype("f4"), "indices": faces.astype("<u4")}
 
 
 def _distant(context: Context, node: Node, prim: Any) -> None:

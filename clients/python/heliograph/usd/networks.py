@@ -107,7 +107,7 @@ class Textures:
         if (factor < 0).any() or not np.isfinite(offsets).all() or np.ptp(offsets) > 1e-6:
             self.context.note(shader, "its scale and bias differ by channel; bias is left out")
             factor, offsets = np.abs(factor), np.zeros(3)
-        return Sampled(image, tuple(factor), 0, most, float(offsets[0]), uv, uv_set, fallback)
+        return Sampled(image, plain(factor), 0, most, float(offsets[0]), uv, uv_set, fallback)
 
     def image(
         self, shader: Any, file: Any, encoding: str | None, wrap: tuple[str, str]

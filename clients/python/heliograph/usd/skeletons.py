@@ -149,7 +149,7 @@ class _Skins:
 
         def weights(time: Any) -> NdArray:
             own = animation.ComputeBlendShapeWeights(time)
-            mapped = target.GetBlendShapeMapper().Remap(own, 1, 0.0)
+            mapped = target.GetBlendShapeMapper().Remap(own)
             return np.asarray(mapped, dtype="f4")
 
         node.rest["morph_weights"] = weights(self.context.time)

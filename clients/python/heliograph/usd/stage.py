@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pxr import Sdf, Tf, Usd, UsdGeom
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics
 
 from ..errors import InvalidArgument, NotFound
 from ..values.checks import number_of
@@ -21,8 +21,8 @@ PURPOSES = ("default", "render", "proxy", "guide")
 INSTANCES = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 
 
-def read(path: Path, options: Options) -> Model:
-    """All that a USD file has of what is asked."""
+def read(path: Path, options: Options) -> tuple[Model, Files]:
+    """All that a USD file has of what is asked, and the files that its textures are."""
     for purpose in options.purposes:
         if purpose not in PURPOSES:
             raise InvalidArgument(
@@ -32,7 +32,8 @@ def read(path: Path, options: Options) -> Model:
     _choose(stage, options.variants)
     up = UsdGeom.GetStageUpAxis(stage).lower()
     model = Model(path.stem, _metres(stage, options.units), up)
-    context = Context(stage, options, model, Files(path, options.folders))
+    files = Files(path, options.folders)
+    context = Context(stage, options, model, files)
     if not (UsdGeom.StageHasAuthoredMetersPerUnit(stage) or options.units):
         context.note("/", "it names no metersPerUnit: 0.01 taken; give units= for another")
     for error in stage.GetCompositionErrors():
@@ -40,7 +41,7 @@ def read(path: Path, options: Options) -> Model:
     walk = _Walk(context)
     walk.children(stage.GetPseudoRoot(), _Above())
     skeletons.put(context, walk.surfaces.vertices)
-    return model
+    return model, files
 
 
 def _opened(path: Path, options: Options) -> Any:
@@ -116,6 +117,8 @@ class _Walk:
         hidden = self._hidden(imageable) or above.hidden
         purpose = above.purpose
         info = imageable.ComputePurposeInfo(purpose) if purpose else imageable.ComputePurposeInfo()
+        if prim.IsA(UsdPhysics.Joint):
+            self.context.note(prim, f"{prim.GetTypeName()} is left out")
         if not prim.IsA(UsdGeom.Xformable):
             self.children(prim, _Above(above.node, hidden, info))
             return
