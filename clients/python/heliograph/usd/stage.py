@@ -38,6 +38,8 @@ def read(path: Path, options: Options) -> tuple[Model, Files]:
         context.note("/", "it names no metersPerUnit: 0.01 taken; give units= for another")
     for error in stage.GetCompositionErrors():
         context.note("/", f"it does not compose: {error}")
+    for left in () if options.payloads else stage.FindLoadable():
+        context.note(left, "its payload is left out, as payloads=False asks")
     walk = _Walk(context)
     walk.children(stage.GetPseudoRoot(), _Above())
     skeletons.put(context, walk.surfaces.vertices)
@@ -108,8 +110,6 @@ class _Walk:
             self.visit(child, above)
 
     def visit(self, prim: Any, above: _Above) -> None:
-        if prim.HasAuthoredPayloads() and not prim.IsLoaded():
-            self.context.note(prim, "its payload is left out, as payloads=False asks")
         imageable = UsdGeom.Imageable(prim)
         if not imageable:
             self.children(prim, above)
