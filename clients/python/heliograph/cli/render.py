@@ -13,6 +13,8 @@ from ..errors import InvalidArgument
 from ..image.tonemap import VIEWS
 from ..render.frame import Frame
 from ..scene import studio
+from ..scene.assets import USD_ENDINGS
+from ..usd.asset import UsdAsset
 from ..values import components, framing
 from ._daemon import add_connection, connect
 
@@ -21,7 +23,7 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "render",
         help="render a model file",
-        description="Renders a model (glTF, GLB, DAE, OBJ, PLY, STL). The camera frames it; a "
+        description="Renders a model (glTF, GLB, DAE, OBJ, PLY, STL, USD). The camera frames it; a "
         "model without a light stands in the bundled studio.",
     )
     parser.add_argument("model", help="the model file")
@@ -120,13 +122,11 @@ def _exposure_of(text: str) -> float | str:
 def build(scene: Any, arguments: argparse.Namespace) -> Any:
     """Imports the model, lights it where it has no light, and places the camera."""
     with scene.edit() as edit:
-        asset = edit.import_file(
-            arguments.model, up=arguments.up, units=arguments.units, animation=arguments.animation
-        )
+        asset = _imported(edit, arguments)
     for warning in asset.warnings:
         print(f"heliograph: {arguments.model}: {warning}", file=sys.stderr)
-    bounds = np.asarray(asset.root.aabb if asset.bounds is None else asset.bounds, dtype="f8")
-    has_light = any(entity.light is not None for entity in asset.entities)
+    bounds = np.asarray(_bounds(asset), dtype="f8")
+    has_light = _has_light(asset)
     with scene.edit() as edit:
         if arguments.dome:
             edit.dome(arguments.dome)
@@ -144,11 +144,36 @@ def build(scene: Any, arguments: argparse.Namespace) -> Any:
         return edit.entity("render/camera", camera=lens, transform=pose)
 
 
+def _imported(edit: Any, arguments: argparse.Namespace) -> Any:
+    if Path(arguments.model).suffix.lower() not in USD_ENDINGS:
+        return edit.import_file(
+            arguments.model, up=arguments.up, units=arguments.units, animation=arguments.animation
+        )
+    for name in ("up", "animation"):
+        if getattr(arguments, name):
+            raise InvalidArgument(f"--{name}: USD files have their own; leave it out", field=name)
+    times = None if arguments.time is None else "all"
+    return edit.import_usd(arguments.model, units=arguments.units, times=times)
+
+
+def _bounds(asset: Any) -> Any:
+    if isinstance(asset, UsdAsset) or asset.bounds is None:
+        return asset.root.aabb
+    return asset.bounds
+
+
+def _has_light(asset: Any) -> bool:
+    if isinstance(asset, UsdAsset):
+        return bool(asset.lights) or asset.model.dome is not None
+    return any(entity.light is not None for entity in asset.entities)
+
+
 def _camera_named(asset: Any, name: str) -> Any:
-    for camera in asset.cameras:
+    cameras = asset.cameras.values() if isinstance(asset, UsdAsset) else asset.cameras
+    for camera in cameras:
         if camera.name.rpartition("/")[2] == name or camera.name == name:
             return camera
-    have = ", ".join(c.name.rpartition("/")[2] for c in asset.cameras) or "none"
+    have = ", ".join(c.name.rpartition("/")[2] for c in cameras) or "none"
     raise InvalidArgument(f"--camera {name!r}: the model has {have}", field="camera")
 
 

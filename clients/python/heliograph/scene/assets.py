@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ..client.edit import Edits
     from ..client.scene import Scene
 
-_USD = (".usd", ".usda", ".usdc", ".usdz")
+USD_ENDINGS = (".usd", ".usda", ".usdc", ".usdz")
 _ROUNDS = 64  # of naming missing companions
 
 
@@ -53,7 +53,7 @@ class Source:
     def request(self) -> service.DecodeAssetRequest:
         if (self.path is None) == (not self.server_path):
             raise InvalidArgument("give path or server_path", field="path")
-        if Path(self.path or self.server_path).suffix.lower() in _USD:
+        if Path(self.path or self.server_path).suffix.lower() in USD_ENDINGS:
             raise InvalidArgument("USD files: use edit.import_usd()", field="path")
         if self.up not in ("", "x", "y", "z"):
             raise InvalidArgument(f'up: "x", "y" or "z", not {self.up!r}', field="up")

@@ -68,7 +68,7 @@ class Builder:
         return self.asset.root if node.parent is None else self.asset.entities[node.parent]
 
     def _put_dome(self, components: Mapping[str, Any]) -> None:
-        """The first placement's, turned as the root is in its parent."""
+        """The scene's: the last placement's, turned as its root is in its parent."""
         dome = self.model.dome
         if dome is None:
             return

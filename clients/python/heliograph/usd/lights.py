@@ -37,6 +37,8 @@ def put(context: Context, node: Node, prim: Any) -> None:
         _note_rest(context, prim)
     elif prim.HasAPI(UsdLux.MeshLightAPI):
         node.rest["light"] = Light(radiance=_radiance(context, prim, 1.0), **_color(context, prim))
+        if context.value(prim.GetAttribute("inputs:normalize")):
+            context.note(prim, "normalize of a mesh's light is left out")
         _note_rest(context, prim)
     elif prim.HasAPI(UsdLux.LightAPI):
         context.note(prim, f"{kind or 'a light without a type'} is left out")

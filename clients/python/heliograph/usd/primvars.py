@@ -44,6 +44,8 @@ def spread(context: Context, prim: Any, name: str, corners: Corners) -> Spread |
     primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
     if not primvar or not primvar.HasValue():
         return None
+    if primvar.ValueMightBeTimeVarying():
+        context.note(prim, f"the primvar {name} changes, and is taken as at one time")
     indices = primvar.GetIndices(context.time)
     values = context.value(primvar.GetAttr())
     return fitted(context, prim, (name, primvar.GetInterpolation()), (values, indices), corners)

@@ -6,7 +6,7 @@ it in the bind pose, G the mesh's geomBindTransform.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,13 +19,11 @@ from .model import Node
 _INFLUENCES = 4
 
 
-def put(context: Context, vertices: Mapping[str, NdArray]) -> None:
-    """Skins of all that the walk has found below SkelRoots. vertices: the points of each mesh's."""
+def put(context: Context, roots: Sequence[Any], vertices: Mapping[str, NdArray]) -> None:
+    """Skins of all that is below SkelRoots. vertices: which points those of each mesh are."""
     skins = _Skins(context, vertices)
-    for node in list(context.model.nodes):
-        root = UsdSkel.Root(context.stage.GetPrimAtPath(node.path))
-        if root:
-            skins.add(root)
+    for root in roots:
+        skins.add(root)
 
 
 class _Skins:
@@ -43,7 +41,9 @@ class _Skins:
             skeleton = self.cache.GetSkelQuery(binding.GetSkeleton())
             for target in binding.GetSkinningTargets():
                 node = self.nodes.get(str(target.GetPrim().GetPath()))
-                if node is not None and node.mesh is not None:
+                if node is None:
+                    self.context.note(target.GetPrim(), "skins of instances are left out")
+                elif node.mesh is not None:
                     self._bind(skeleton, target, node)
 
     def _bind(self, skeleton: Any, target: Any, node: Node) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdSkel
 
 from ..errors import InvalidArgument, NotFound
 from ..values.checks import number_of
@@ -42,7 +42,7 @@ def read(path: Path, options: Options) -> tuple[Model, Files]:
         context.note(left, "its payload is left out, as payloads=False asks")
     walk = _Walk(context)
     walk.children(stage.GetPseudoRoot(), _Above())
-    skeletons.put(context, walk.surfaces.vertices)
+    skeletons.put(context, walk.skinned, walk.surfaces.vertices)
     return model, files
 
 
@@ -104,6 +104,7 @@ class _Walk:
     def __init__(self, context: Context) -> None:
         self.context = context
         self.surfaces = surfaces.Surfaces(context)
+        self.skinned: list[Any] = []  # SkelRoots
 
     def children(self, prim: Any, above: _Above) -> None:
         for child in prim.GetFilteredChildren(INSTANCES):
@@ -123,6 +124,8 @@ class _Walk:
             self.children(prim, _Above(above.node, hidden, info))
             return
         node = self._node(prim, above, hidden)
+        if prim.IsA(UsdSkel.Root):
+            self.skinned.append(UsdSkel.Root(prim))
         wanted = str(info.purpose) in self.context.options.purposes
         self._fill(node, prim, wanted)
         if not prim.IsA(UsdGeom.PointInstancer):
