@@ -3,7 +3,10 @@
 import itertools
 import math
 
+import heliograph as hg
+
 _NUMBERS = itertools.count()
+ABOVE = hg.look_at((0, 0, 2), (0, 0, 0), up=(0, 1, 0))  # x to the right, y up in its image
 
 
 def written(folder, body, *metadata):
@@ -14,6 +17,14 @@ def written(folder, body, *metadata):
     path = folder / f"stage{next(_NUMBERS)}.usda"
     path.write_text("#usda 1.0\n(\n" + "\n".join(own) + "\n)\n" + body)
     return path
+
+
+def put(scene, path, **options):
+    """Imports a file and a camera above it that sees x and y from -1 to 1 in 64 pixels."""
+    with scene.edit() as edit:
+        asset = edit.import_usd(path, name="it", **options)
+        edit.entity("above", camera=hg.Camera.orthographic(32, 64, 64), transform=ABOVE)
+    return asset
 
 
 def moved(at, op="translate", kind="double3"):
@@ -50,23 +61,6 @@ def Material "{name}"
         token outputs:surface
     }}
     {more}
-}}
-"""
-
-
-def mdl(name, module, inputs):
-    return f"""
-def Material "{name}"
-{{
-    token outputs:mdl:surface.connect = </{name}/S.outputs:out>
-    def Shader "S"
-    {{
-        uniform token info:implementationSource = "sourceAsset"
-        uniform asset info:mdl:sourceAsset = @{module}.mdl@
-        uniform token info:mdl:sourceAsset:subIdentifier = "{module}"
-        {inputs}
-        token outputs:out
-    }}
 }}
 """
 
@@ -346,205 +340,4 @@ def Cube "Old"
     double3 xformOp:translate = (0.7, 0, 0)
     uniform token[] xformOpOrder = ["xformOp:translate"]
 }
-"""
-
-TURNING = """
-def Cube "Turn"
-{
-    double size = 0.5
-    float xformOp:rotateZ.timeSamples = { 0: 0, 24: 360 }
-    double3 xformOp:translate = (1, 0, 0)
-    uniform token[] xformOpOrder = ["xformOp:rotateZ", "xformOp:translate"]
-}
-"""
-
-_SKIN = 'prepend apiSchemas = ["SkelBindingAPI"]'
-_ONE = "((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))"
-_UP = "((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 1, 1))"
-SKINNED = f"""
-def SkelRoot "Arm" ({_SKIN})
-{{{moved((1, 0, 0))}
-    rel skel:skeleton = </Arm/Skel>
-    def Skeleton "Skel" ({_SKIN})
-    {{
-        uniform token[] joints = ["a", "a/b"]
-        uniform matrix4d[] bindTransforms = [{_ONE}, {_UP}]
-        uniform matrix4d[] restTransforms = [{_ONE}, {_UP}]
-        rel skel:animationSource = </Arm/Skel/Anim>
-        def SkelAnimation "Anim"
-        {{
-            uniform token[] joints = ["a", "a/b"]
-            uniform token[] blendShapes = ["lift"]
-            float3[] translations = [(0, 0, 0), (0, 0, 1)]
-            quatf[] rotations.timeSamples = {{
-                0: [(1, 0, 0, 0), (1, 0, 0, 0)],
-                24: [(1, 0, 0, 0), (0.70710678, 0, 0.70710678, 0)]
-            }}
-            half3[] scales = [(1, 1, 1), (1, 1, 1)]
-            float[] blendShapeWeights = [0.5]
-        }}
-    }}
-    def Mesh "Body" ({_SKIN})
-    {{
-        uniform token subdivisionScheme = "none"
-        int[] faceVertexCounts = [4, 4]
-        int[] faceVertexIndices = [0, 1, 2, 3, 4, 5, 6, 7]
-        point3f[] points = [(-0.1, 0, 0), (0.1, 0, 0), (0.1, 0, 1), (-0.1, 0, 1),
-                            (-0.1, 0, 1), (0.1, 0, 1), (0.1, 0, 2), (-0.1, 0, 2)]
-        int[] primvars:skel:jointIndices = [0, 0, 0, 0, 1, 1, 1, 1] (
-            elementSize = 1
-            interpolation = "vertex"
-        )
-        float[] primvars:skel:jointWeights = [1, 1, 1, 1, 1, 1, 1, 1] (
-            elementSize = 1
-            interpolation = "vertex"
-        )
-        matrix4d primvars:skel:geomBindTransform = {_ONE}
-    }}
-    def Mesh "Face" ({_SKIN})
-    {{{quad()}{moved((-1, 0, 0))}
-        uniform token[] skel:blendShapes = ["lift"]
-        rel skel:blendShapeTargets = [</Arm/Face/Lift>]
-        def BlendShape "Lift"
-        {{
-            uniform vector3f[] offsets = [(0, 1, 0), (0, 1, 0)]
-            uniform int[] pointIndices = [2, 3]
-        }}
-    }}
-}}
-"""
-
-CAMERA = f"""
-def Mesh "M"
-{{{quad(z=-4)}
-}}
-def Camera "Cam"
-{{
-    float focalLength = 20
-    float horizontalAperture = 20
-    float verticalAperture = 10
-    float2 clippingRange = (1, 1000)
-}}
-def Camera "Shifted"
-{{
-    float focalLength = 20
-    float horizontalAperture = 20
-    float verticalAperture = 10
-    float horizontalApertureOffset = 2
-    float2 clippingRange = (1, 1000)
-}}
-"""
-
-_AT = moved((0, 0, 4))
-# Text of a light, and the irradiance that it gives at the origin of a floor 4 m below.
-LIGHTS = {
-    "rectangle": (
-        f'RectLight "L" {{ float inputs:intensity = 100\nfloat inputs:width = 0.2\n'
-        f"float inputs:height = 0.2\n{_AT}\n}}",
-        100 * 0.04 / 16,
-    ),
-    "sphere": (
-        f'SphereLight "L" {{ float inputs:intensity = 25\nfloat inputs:exposure = 2\n'
-        f"float inputs:radius = 0.1\n{_AT}\n}}",
-        100 * math.pi * 0.01 / 16,
-    ),
-    "sphere, normalized": (
-        f'SphereLight "L" {{ float inputs:intensity = 100\nbool inputs:normalize = 1\n'
-        f"float inputs:radius = 0.3\n{_AT}\n}}",
-        100 / (4 * 16),
-    ),
-    "disk": (
-        f'DiskLight "L" {{ float inputs:intensity = 100\nfloat inputs:radius = 0.1\n{_AT}\n}}',
-        100 * math.pi * 0.01 / 16.01,
-    ),
-    "cylinder": (
-        f'CylinderLight "L" {{ float inputs:intensity = 100\nfloat inputs:radius = 0.02\n'
-        f"float inputs:length = 0.2\n{_AT}\n}}",
-        100 * 0.04 * 0.2 / 16,
-    ),
-    "distant": (
-        'DistantLight "L" { float inputs:intensity = 10\nfloat inputs:angle = 10\n}',
-        10 * math.pi * math.sin(math.radians(5)) ** 2,
-    ),
-    "distant, normalized": (
-        'DistantLight "L" { float inputs:intensity = 10\nbool inputs:normalize = 1\n}',
-        10.0,
-    ),
-    "dome": (
-        'DomeLight "L" { float inputs:intensity = 1\nfloat inputs:exposure = 1\n'
-        "color3f inputs:color = (1, 0.5, 0.25)\n}",
-        (2 * math.pi, math.pi, 0.5 * math.pi),
-    ),
-}
-
-
-def lit(kind):
-    white = "color3f inputs:diffuseColor = (1, 1, 1)\nfloat inputs:ior = 1"
-    floor = f'def Mesh "Floor" ({BOUND})\n{{{quad("rel material:binding = </White>")}\n}}\n'
-    return f"{floor}{preview('White', white)}\ndef {LIGHTS[kind][0]}\n"
-
-
-DOME = """
-def DomeLight "Sky"
-{
-    float inputs:intensity = 2
-    asset inputs:texture:file = @sky.png@
-}
-"""
-
-
-def _bound(name, x):
-    binding = f"rel material:binding = </{name}>"
-    return f'def Mesh "M{name}" ({BOUND})\n{{{quad(binding, 0.1)}{moved((x, 0, 0))}\n}}\n'
-
-
-_NAMES = ("Preview", "Omni", "Glass", "Mine")
-MATERIALS = "".join(
-    [
-        *(_bound(name, 0.3 * i) for i, name in enumerate(_NAMES)),
-        preview(
-            "Preview",
-            "float inputs:metallic = 1\nfloat inputs:roughness = 0.25\n"
-            "float inputs:clearcoat = 0.5\ncolor3f inputs:emissiveColor = (1, 2, 3)",
-        ),
-        mdl(
-            "Omni",
-            "OmniPBR",
-            "color3f inputs:diffuse_color_constant = (0.5, 0.4, 0.2)\n"
-            "color3f inputs:diffuse_tint = (0.5, 0.5, 0.5)\n"
-            "float inputs:reflection_roughness_constant = 0.3\n"
-            "float inputs:metallic_constant = 0.9\nbool inputs:enable_emission = 1\n"
-            "float inputs:emissive_intensity = 683",
-        ),
-        mdl("Glass", "OmniGlass", "float inputs:glass_ior = 1.3"),
-        mdl("Mine", "MyOwn", ""),
-    ]
-)
-
-LEFT_OUT = f"""
-def BasisCurves "Curves"
-{{
-    int[] curveVertexCounts = [2]
-    point3f[] points = [(0, 0, 0), (1, 0, 0)]
-}}
-def Mesh "Ball"
-{{
-    int[] faceVertexCounts = [3]
-    int[] faceVertexIndices = [0, 1, 2]
-    point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0)]
-}}
-def Mesh "Broken"
-{{
-    int[] faceVertexCounts = [3]
-    int[] faceVertexIndices = [0, 1, 9]
-    point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0)]
-}}
-def SphereLight "Lamp" ( prepend apiSchemas = ["ShapingAPI"] )
-{{
-    asset inputs:shaping:ies:file = @lamp.ies@
-}}
-def PhysicsRevoluteJoint "Hinge"
-{{
-}}
-{textured(file="none.png")}
 """

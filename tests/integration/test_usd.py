@@ -1,10 +1,9 @@
 """USD files in a real daemon: against arithmetic, and against what pxr says of the same stage."""
 
 import math
-import subprocess
-import sys
 
 import heliograph as hg
+import moving_stages
 import numpy as np
 import pytest
 import stages
@@ -14,15 +13,6 @@ pytest.importorskip("pxr", reason="the extra `usd` is not installed")
 from pxr import Usd, UsdGeom
 
 RED, GREEN, BLUE = (0.8, 0.1, 0.1), (0.1, 0.7, 0.2), (0.1, 0.2, 0.9)
-ABOVE = hg.look_at((0, 0, 2), (0, 0, 0), up=(0, 1, 0))  # x to the right, y up in its image
-
-
-def put(scene, path, **options):
-    """Imports a file and a camera above it that sees x and y from -1 to 1 in 64 pixels."""
-    with scene.edit() as edit:
-        asset = edit.import_usd(path, name="it", **options)
-        edit.entity("above", camera=hg.Camera.orthographic(32, 64, 64), transform=ABOVE)
-    return asset
 
 
 def color_at(frame, x, y):
@@ -32,7 +22,7 @@ def color_at(frame, x, y):
 
 def test_poses_and_boxes_are_those_of_pxr(scene, tmp_path):
     path = stages.written(tmp_path, stages.NESTED, "metersPerUnit = 0.01", 'upAxis = "Y"')
-    asset = put(scene, path)
+    asset = stages.put(scene, path)
     stage = Usd.Stage.Open(str(path))
     from_stage = np.array([[0.01, 0, 0, 0], [0, 0, -0.01, 0], [0, 0.01, 0, 0], [0, 0, 0, 1]])
     cache = UsdGeom.XformCache(Usd.TimeCode.EarliestTime())
@@ -50,7 +40,7 @@ def test_poses_and_boxes_are_those_of_pxr(scene, tmp_path):
 
 def test_the_root_moves_all_of_it_and_placing_again_shares(scene, tmp_path):
     path = stages.written(tmp_path, stages.TILES)
-    first = put(scene, path)
+    first = stages.put(scene, path)
     with scene.edit() as edit:
         second = edit.import_usd(first, name="again", transform=hg.Pose((10, 0, 0)))
     one, other = first.entities["/Tiles"], second.entities["/Tiles"]
@@ -59,7 +49,7 @@ def test_the_root_moves_all_of_it_and_placing_again_shares(scene, tmp_path):
 
 
 def test_subsets_have_their_materials_and_the_rest_the_mesh_s(scene, tmp_path):
-    asset = put(scene, stages.written(tmp_path, stages.TILES))
+    asset = stages.put(scene, stages.written(tmp_path, stages.TILES))
     frame = scene.render("above", spp=1, planes=["base_color", "part", "depth"])
     np.testing.assert_allclose(color_at(frame, -0.75, 0), RED, atol=1e-3)
     np.testing.assert_allclose(color_at(frame, 0.1, 0), GREEN, atol=1e-3)
@@ -71,7 +61,7 @@ def test_subsets_have_their_materials_and_the_rest_the_mesh_s(scene, tmp_path):
 
 @pytest.mark.parametrize("kind", ["vertex", "faceVarying", "indexed", "uniform"])
 def test_display_colors_of_each_interpolation(scene, tmp_path, kind):
-    put(scene, stages.written(tmp_path, stages.colored(kind, RED, BLUE)))
+    stages.put(scene, stages.written(tmp_path, stages.colored(kind, RED, BLUE)))
     frame = scene.render("above", spp=1, planes=["base_color"])
     left, right = color_at(frame, -0.99, 0.2), color_at(frame, 0.99, 0.2)
     np.testing.assert_allclose(left, RED, atol=0.03)
@@ -85,7 +75,7 @@ def test_textures_st_transforms_wraps_and_scale(scene, tmp_path):
     """2 x 2 texels: red, green above; blue, white below."""
     texels = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]], np.uint8)
     Image.fromarray(texels).save(tmp_path / "tex.png")
-    put(scene, stages.written(tmp_path, stages.textured()))
+    stages.put(scene, stages.written(tmp_path, stages.textured()))
     frame = scene.render("above", spp=1, planes=["base_color"])
     corners = [(-0.5, 0.5), (0.5, 0.5), (-0.5, -0.5), (0.5, -0.5)]
     for (x, y), color in zip(corners, texels.reshape(4, 3) / 255, strict=True):
@@ -96,7 +86,7 @@ def test_textures_st_transforms_wraps_and_scale(scene, tmp_path):
     with scene.edit() as edit:
         edit.remove("it", cascade=True)
         edit.prune()
-    put(scene, stages.written(tmp_path, more))
+    stages.put(scene, stages.written(tmp_path, more))
     frame = scene.render("above", spp=1, planes=["base_color"])
     # (u, v) becomes (-v, u): what was at (1/4, 3/4) shows (-3/4, 1/4), which repeats blue
     for at, texel in {(-0.5, 0.5): (0, 0, 1), (0.5, 0.5): (1, 0, 0)}.items():
@@ -113,7 +103,7 @@ def test_a_usdz_has_its_textures_and_those_outside_the_folder_are_refused(scene,
     path = stages.written(inside, stages.textured())
     packed = tmp_path / "packed.usdz"
     assert UsdUtils.CreateNewUsdzPackage(str(path), str(packed))
-    asset = put(scene, packed)
+    asset = stages.put(scene, packed)
     frame = scene.render("above", spp=1, planes=["base_color"])
     np.testing.assert_allclose(color_at(frame, 0, 0), (0, 1, 0), atol=1e-3)
     assert asset.warnings == []
@@ -127,7 +117,7 @@ def test_a_usdz_has_its_textures_and_those_outside_the_folder_are_refused(scene,
 
 
 def test_polygons_that_are_not_convex_and_handedness(scene, tmp_path):
-    asset = put(scene, stages.written(tmp_path, stages.ARROW))
+    asset = stages.put(scene, stages.written(tmp_path, stages.ARROW))
     frame = scene.render("above", spp=1, planes=["normal", "instance"])
     seen = frame["instance"] > 0
     assert abs(seen.sum() - stages.ARROW_AREA * 32**2) < 64  # of 1300
@@ -140,7 +130,7 @@ def test_polygons_that_are_not_convex_and_handedness(scene, tmp_path):
 
 def test_shapes_have_the_boxes_and_areas_of_their_formulae(scene, tmp_path):
     path = stages.written(tmp_path, stages.SHAPES)
-    asset = put(scene, path)
+    asset = stages.put(scene, path)
     stage = Usd.Stage.Open(str(path))
     cache = UsdGeom.BBoxCache(Usd.TimeCode.Default(), ["default"])
     for prim_path, entity in asset.entities.items():
@@ -162,7 +152,7 @@ def test_shapes_have_the_boxes_and_areas_of_their_formulae(scene, tmp_path):
 
 
 def test_instances_share_meshes_and_are_where_pxr_has_them(scene, tmp_path):
-    asset = put(scene, stages.written(tmp_path, stages.INSTANCES))
+    asset = stages.put(scene, stages.written(tmp_path, stages.INSTANCES))
     left, right = asset.entities["/Left/Ball"], asset.entities["/Right/Ball"]
     assert left.mesh == right.mesh and len(asset.meshes) == 4
     group = asset.instances["/Many/Cube"]
@@ -175,7 +165,7 @@ def test_instances_share_meshes_and_are_where_pxr_has_them(scene, tmp_path):
 def test_purposes_visibility_variants_and_payloads(scene, tmp_path):
     (tmp_path / "far.usda").write_text('#usda 1.0\n(\ndefaultPrim = "F"\n)\ndef Cube "F"\n{\n}\n')
     path = stages.written(tmp_path, stages.CHOICES)
-    asset = put(scene, path)
+    asset = stages.put(scene, path)
     frame = scene.render("above", spp=1, planes=["base_color"])
     np.testing.assert_allclose(color_at(frame, -0.5, 0.5), RED, atol=1e-3)  # the file's variant
     np.testing.assert_allclose(color_at(frame, 0.5, 0.5), 0, atol=1e-3)  # invisible
@@ -185,7 +175,7 @@ def test_purposes_visibility_variants_and_payloads(scene, tmp_path):
         edit.remove("it", cascade=True)
         edit.prune()
     chosen = {"/Choice": {"look": "blue"}}
-    asset = put(scene, path, variants=chosen, payloads=False, purposes=("default", "proxy"))
+    asset = stages.put(scene, path, variants=chosen, payloads=False, purposes=("default", "proxy"))
     frame = scene.render("above", spp=1, planes=["base_color"])
     np.testing.assert_allclose(color_at(frame, -0.5, 0.5), BLUE, atol=1e-3)
     np.testing.assert_allclose(color_at(frame, -0.5, -0.5), GREEN, atol=1e-3)
@@ -195,7 +185,7 @@ def test_purposes_visibility_variants_and_payloads(scene, tmp_path):
 
 
 def test_semantics_become_categories(scene, tmp_path):
-    put(scene, stages.written(tmp_path, stages.SEMANTICS))
+    stages.put(scene, stages.written(tmp_path, stages.SEMANTICS))
     frame = scene.render("above", spp=1, planes=["instance"], labels=True)
     rows = dict(zip(frame.labels["name"], frame.labels["category"], strict=True))
     named = {name: frame.categories[number] for name, number in rows.items() if number}
@@ -206,8 +196,8 @@ def test_semantics_become_categories(scene, tmp_path):
 
 
 def test_keys_are_what_pxr_says_at_each_frame(scene, tmp_path):
-    path = stages.written(tmp_path, stages.TURNING, "timeCodesPerSecond = 24")
-    still = put(scene, path)
+    path = stages.written(tmp_path, moving_stages.TURNING, "timeCodesPerSecond = 24")
+    still = stages.put(scene, path)
     assert still.warnings == ['/Turn: it moves, and is taken as at one time: give times="all"']
     with scene.edit() as edit:
         moving = edit.import_usd(path, name="moving", times="all")
@@ -221,8 +211,8 @@ def test_keys_are_what_pxr_says_at_each_frame(scene, tmp_path):
 
 
 def test_skins_and_blend_shapes_move_points_as_their_formulae_say(scene, tmp_path):
-    path = stages.written(tmp_path, stages.SKINNED, "timeCodesPerSecond = 24")
-    asset = put(scene, path, times="all")
+    path = stages.written(tmp_path, moving_stages.SKINNED, "timeCodesPerSecond = 24")
+    asset = stages.put(scene, path, times="all")
     body = asset.entities["/Arm/Body"]
     np.testing.assert_allclose(body.aabb, [(0.9, 0, 0), (1.1, 0, 2)], atol=1e-5)
     with scene.edit() as edit:
@@ -231,112 +221,3 @@ def test_skins_and_blend_shapes_move_points_as_their_formulae_say(scene, tmp_pat
     face = asset.entities["/Arm/Face"]
     np.testing.assert_allclose(face.aabb[1], (1, 1 + 0.5, 0), atol=1e-5)  # half of 1 along y
     assert asset.warnings == []
-
-
-# ---------------------------------------------------------------- cameras and lights
-
-
-def test_a_camera_sees_what_its_apertures_say(scene, tmp_path):
-    """A square of side 2 at a distance of 4, focal length and apertures 20: half of the width."""
-    path = stages.written(tmp_path, stages.CAMERA, "metersPerUnit = 0.01", 'upAxis = "Y"')
-    asset = put(scene, path, camera_width=80)
-    camera = asset.cameras["/Cam"]
-    assert (camera.camera.width, camera.camera.height) == (80, 40)
-    assert camera.camera.near == pytest.approx(0.01)
-    frame = scene.render(camera, spp=1, planes=["depth", "instance"])
-    seen = frame["instance"] > 0
-    assert seen.any(axis=0).sum() == 40 and seen.any(axis=1).sum() == 40
-    np.testing.assert_allclose(frame["depth"][20, 40], 0.04, rtol=1e-5)
-    shifted = scene.render(asset.cameras["/Shifted"], spp=1, planes=["instance"])["instance"] > 0
-    assert np.flatnonzero(shifted.any(axis=0))[0] == 20 - 8  # the offset is a tenth of the width
-
-
-@pytest.mark.parametrize("kind", list(stages.LIGHTS))
-def test_lights_give_the_irradiance_of_their_formulae(scene, tmp_path, kind):
-    """On a white matt floor: radiance = irradiance / pi."""
-    path = stages.written(tmp_path, stages.lit(kind))
-    asset = put(scene, path, nit=1.0)
-    frame = scene.render("above", spp=256, planes=["beauty"], seed=1)
-    found = frame["beauty"][28:36, 28:36, :3].mean(axis=(0, 1))
-    expected = np.divide(stages.LIGHTS[kind][1], math.pi)
-    np.testing.assert_allclose(found, np.broadcast_to(expected, 3), rtol=0.03)
-    assert asset.warnings == []
-
-
-def test_a_dome_s_picture_is_turned_as_openexr_has_it(scene, tmp_path):
-    """+Z of a stage with +Y up is the picture's middle, +X is a quarter to the left."""
-    texels = np.zeros((8, 16, 3), np.uint8)
-    texels[:, 7:9], texels[:, 3:5] = (255, 0, 0), (0, 255, 0)
-    Image.fromarray(texels).save(tmp_path / "sky.png")
-    path = stages.written(tmp_path, stages.DOME, 'upAxis = "Y"', "metersPerUnit = 1")
-    put(scene, path, nit=1.0)
-    with scene.edit() as edit:
-        for name, at in {"z": (0, -1, 0), "x": (1, 0, 0)}.items():  # of the stage, in our world
-            lens = hg.Camera.from_fov(10, 8, 8, degrees=True)
-            edit.entity(name, camera=lens, transform=hg.look_at((0, 0, 0), at))
-    seen = {n: scene.render(n, spp=4, planes=["beauty"])["beauty"][4, 4, :3] for n in "zx"}
-    np.testing.assert_allclose(seen["z"], (2, 0, 0), atol=0.02)
-    np.testing.assert_allclose(seen["x"], (0, 2, 0), atol=0.02)
-
-
-# ---------------------------------------------------------------- materials, faults
-
-
-def test_parameters_of_preview_surface_omnipbr_and_omniglass(scene, tmp_path):
-    asset = put(scene, stages.written(tmp_path, stages.MATERIALS))
-    preview = asset.materials["/Preview"].parameters
-    assert preview["metallic"] == 1 and preview["roughness"] == pytest.approx(0.25)
-    assert preview["clearcoat"] == pytest.approx(0.5)
-    assert preview["emission_strength"] == pytest.approx(1 / 683, rel=1e-5)
-    omni = asset.materials["/Omni"].parameters
-    np.testing.assert_allclose(omni["base_color"], np.multiply((0.5, 0.4, 0.2), 0.5), rtol=1e-5)
-    assert omni["roughness"] == pytest.approx(0.3) and omni["metallic"] == pytest.approx(0.9)
-    assert omni["emission_strength"] == pytest.approx(683 / 683, rel=1e-5)
-    assert asset.materials["/Glass"].parameters["ior"] == pytest.approx(1.3)
-    assert any("MyOwn is left out: grey taken" in warning for warning in asset.warnings)
-
-
-def test_what_is_left_out_is_named(scene, tmp_path):
-    asset = put(scene, stages.written(tmp_path, stages.LEFT_OUT))
-    text = "\n".join(asset.warnings)
-    for what in (
-        "/Curves: BasisCurves is left out",
-        "/Ball: catmullClark is not subdivided",
-        "/Broken: a mesh without faces",
-        "/Lamp: shaping:ies is left out",
-        "/Hinge: PhysicsRevoluteJoint is left out",
-        "a texture is left out: the file 'none.png' is not there",
-    ):
-        assert what in text, text
-
-
-def test_faults_are_named(scene, tmp_path):
-    bad = tmp_path / "bad.usda"
-    bad.write_text("#usda 1.0\ndef {\n")
-    for path, error in ((bad, hg.InvalidArgument), (tmp_path / "none.usd", hg.NotFound)):
-        with pytest.raises(error, match=path.name), scene.edit() as edit:
-            edit.import_usd(path)
-    with pytest.raises(hg.InvalidArgument, match="import_usd"), scene.edit() as edit:
-        edit.import_file(bad)
-    good = stages.written(tmp_path, stages.TILES)
-    for wrong in ({"purposes": ["all"]}, {"times": "some"}, {"colour": 1}):
-        with pytest.raises(hg.InvalidArgument), scene.edit() as edit:
-            edit.import_usd(stages.written(tmp_path, stages.TURNING), name="no", **wrong)
-    assert good.exists()
-
-
-def test_without_the_package_it_says_how_to_install_it(tmp_path):
-    program = """
-import sys
-sys.modules["pxr"] = None
-import heliograph as hg
-from heliograph.usd.edits import UsdEdits
-try:
-    UsdEdits().import_usd("x.usd")
-except hg.Unimplemented as error:
-    print(error)
-"""
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True
-    )
-    assert "pip install 'heliograph[usd]'" in done.stdout
