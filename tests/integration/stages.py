@@ -195,6 +195,22 @@ def Mesh "Arrow"
 """
 ARROW_AREA = 0.5 * 0.8 * (1.8 - 0.9) + (0.8 * 1.8 - 0.5 * 0.8 * 1.4)
 
+
+def cage(creases):
+    """A cube of side 2 as a subdivision surface; corners by the bits of x, y, z."""
+    corners = ", ".join(f"({x}, {y}, {z})" for z in (-1, 1) for y in (-1, 1) for x in (-1, 1))
+    return f"""
+def Mesh "Cage"
+{{
+    int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]
+    int[] faceVertexIndices = [0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4,
+                               2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5]
+    point3f[] points = [{corners}]
+    {creases}
+}}
+"""
+
+
 SHAPES = """
 def Cube "Cube"
 {

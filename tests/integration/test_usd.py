@@ -128,6 +128,31 @@ def test_polygons_that_are_not_convex_and_handedness(scene, tmp_path):
     assert up.sum() / 2 == pytest.approx(stages.ARROW_AREA, rel=1e-5)
 
 
+def test_subdivision_is_that_of_catmull_and_clark(scene, tmp_path):
+    """Of a cube: faces' middles, (edge's + 2 faces') / 4, and (F + 2 R + 0 P) / 3 at corners."""
+    with scene.edit() as edit:
+        path = stages.written(tmp_path, stages.cage(""))
+        smooth = edit.import_usd(path, name="smooth", subdivision=1)
+        finer = edit.import_usd(path, name="finer", subdivision=4)
+        creased = "int[] creaseLengths = [5]\nint[] creaseIndices = [0, 2, 3, 1, 0]"
+        path = stages.written(tmp_path, stages.cage(f"{creased}\nfloat[] creaseSharpnesses = [9]"))
+        base = edit.import_usd(path, name="base", subdivision=4)
+    faces = [sign * axis for axis in np.eye(3) for sign in (-1, 1)]
+    signs = np.array(np.meshgrid(*[(-1, 1)] * 3)).reshape(3, -1).T
+    edges = [0.75 * s * (1 - a) for a in np.eye(3) for s in signs]
+    expected = np.unique(np.round([*faces, *edges, *(signs * 5 / 9)], 5), axis=0)
+    found = np.unique(np.round(smooth.entities["/Cage"].mesh.positions, 5), axis=0)
+    np.testing.assert_allclose(found, expected, atol=2e-5)
+    assert len(found) == 26 and smooth.warnings == []
+    radii = np.linalg.norm(finer.entities["/Cage"].mesh.positions, axis=1)
+    assert 0.84 < radii.min() and radii.max() < 0.88  # nearly a ball
+    below = base.entities["/Cage"].mesh.positions
+    on_floor = below[
+        below[:, 2] < -0.999
+    ]  # the ring of creases keeps it flat, and its border sharp
+    assert len(on_floor) == 17**2 and np.ptp(on_floor[:, 0]) < 2 and below[:, 2].max() < 0.9
+
+
 def test_shapes_have_the_boxes_and_areas_of_their_formulae(scene, tmp_path):
     path = stages.written(tmp_path, stages.SHAPES)
     asset = stages.put(scene, path)

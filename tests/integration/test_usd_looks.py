@@ -83,7 +83,7 @@ def test_what_is_left_out_is_named(scene, tmp_path):
     text = "\n".join(asset.warnings)
     for what in (
         "/Curves: BasisCurves is left out",
-        "/Ball: catmullClark is not subdivided",
+        "/Ball: catmullClark is not subdivided (give subdivision=)",
         "/Broken: a mesh without faces",
         "/Lamp: shaping:ies is left out",
         "/Hinge: PhysicsRevoluteJoint is left out",

@@ -12,6 +12,7 @@ from ..values.components import Camera
 from .context import Context
 from .model import Node
 
+_FAR = 1e9  # metres: nothing is farther
 _TENTH = 0.1  # apertures and focal lengths are in tenths of a unit
 
 
@@ -49,7 +50,8 @@ def put(context: Context, node: Node, prim: Any) -> None:
 def _lens(context: Context, camera: Any, unit: float) -> dict[str, Any]:
     """Clipping, aperture and focus, metres."""
     near, far = context.value(camera.GetClippingRangeAttr()) or (1.0, 1e6)
-    found: dict[str, Any] = {"near": near * unit, "far": far * unit if far < 1e9 else math.inf}
+    near, far = max(near * unit, 0.0), far * unit
+    found: dict[str, Any] = {"near": near, "far": far if near < far < _FAR else math.inf}
     stop = context.number(camera.GetFStopAttr())
     focus = context.number(camera.GetFocusDistanceAttr())
     if stop > 0 and focus > 0:

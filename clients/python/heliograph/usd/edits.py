@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from .._optional import needed
 from ..scene import patches
+from ..values.checks import number_of, whole_of
 from .asset import UsdAsset
 from .model import Options
 
@@ -40,6 +41,7 @@ class UsdEdits:
         nit: float = NIT,
         lights: bool = True,
         camera_width: int = 960,
+        subdivision: int = 0,
         **components: Unpack[patches.Components],
     ) -> UsdAsset:
         """Reads a USD file (.usd, .usda, .usdc, .usdz) and places it: entities `name`, by default
@@ -55,6 +57,7 @@ class UsdEdits:
         semantics: the type or taxonomy of labels that become categories; None: none.
         nit: radiance, W sr^-1 m^-2, of what the file says is 1 cd/m^2. lights: False leaves out
         UsdLux. camera_width: pixels of its cameras; the height follows from their apertures.
+        subdivision: steps of Catmull-Clark, up to 6; 0: the cages of such surfaces are shown.
         components: of the root, as edit.entity() takes them: transform, parent, category, ...
         Unimplemented without the package pxr, NotFound and InvalidArgument of the file.
         """
@@ -66,8 +69,18 @@ class UsdEdits:
             asset = UsdAsset(edits.scene, name or path.name, path.model, path.library)
         else:
             options = Options(
-                *(variants or {}, payloads, tuple(purposes), time, times, units),
-                *([Path(folder) for folder in folders], semantics, nit, lights, camera_width),
+                variants=variants or {},
+                payloads=payloads,
+                purposes=tuple(purposes),
+                time=time,
+                times=times,
+                units=units,
+                folders=[Path(folder) for folder in folders],
+                semantics=semantics,
+                nit=number_of(nit, "nit"),
+                lights=lights,
+                camera_width=whole_of(camera_width, "camera_width", 1, 16384),
+                subdivision=whole_of(subdivision, "subdivision", 0, 6),
             )
             model, files = stage.read(Path(path), options)
             weakref.finalize(edits.scene.client, files.close)  # it may have to send them again

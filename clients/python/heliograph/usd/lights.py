@@ -17,6 +17,7 @@ from .._wire.arrays import NdArray
 from ..values.lights import Light, Portal
 from .context import Context
 from .model import Dome, Look, Node
+from .networks import plain
 
 _SEGMENTS = 48
 _SMALL = 1e-4  # radians: a sun is no smaller
@@ -53,7 +54,7 @@ def _number(context: Context, prim: Any, name: str, default: float) -> float:
 
 def _size(context: Context, prim: Any, name: str, default: float = 1.0) -> float:
     """Of a shape: at least what is allowed, in its own units."""
-    return max(_number(context, prim, name, default), 1e-6)
+    return min(max(_number(context, prim, name, default), 1e-6), 1e6)
 
 
 def _level(context: Context, prim: Any) -> float:
@@ -72,7 +73,7 @@ def _radiance(context: Context, prim: Any, area: float) -> float:
 def _color(context: Context, prim: Any) -> dict[str, Any]:
     color = context.value(prim.GetAttribute("inputs:color"))
     found: dict[str, Any] = {
-        "color": (1.0, 1.0, 1.0) if color is None else tuple(map(float, color))
+        "color": (1.0, 1.0, 1.0) if color is None else plain(np.maximum(color, 0))
     }
     if context.value(prim.GetAttribute("inputs:enableColorTemperature")):
         kelvin = _number(context, prim, "colorTemperature", 6500.0)

@@ -13,6 +13,7 @@ from .context import Context
 from .model import Look
 from .polygons import triangles
 from .primvars import Corners, Spread, fitted, joined, spread, weld
+from .refining import refinement
 
 if TYPE_CHECKING:
     from ..scene.patches import Geometry
@@ -28,6 +29,7 @@ def geometry(
     if corners is None or not len(corners.points):
         context.note(mesh, "a mesh without faces, or whose faces name points it lacks, is left out")
         return None
+    points = _fine(corners, points)
     parts = _parts(corners.faces, subsets)
     columns = _columns(context, mesh, corners, parts, looks)
     normals = _normals(context, mesh, corners, points)
@@ -39,7 +41,8 @@ def geometry(
         out[name] = column.values[column.which[first]]  # type: ignore[literal-required]
     if len(subsets) > 1:
         out["parts"] = parts[::3].astype("<u4")
-    _put_positions(context, mesh, out, (points, corners.points[first]))
+    out["positions"] = points[corners.points[first]].astype("f4")
+    _put_motion(context, mesh, out, (corners, corners.points[first]))
     return out, corners.points[first]
 
 
@@ -51,12 +54,22 @@ def _corners(context: Context, mesh: Any, points: NdArray) -> Corners | None:
         return None
     if not np.isfinite(points).all():
         return None
+    refined = refinement(context, mesh, len(points), (counts, indices))
+    if refined is not None:
+        points, indices = refined.at_points(points), refined.indices
+        counts = np.full(len(indices) // 4, 4)
     slots, faces = triangles(points, counts, indices)
+    faces = faces if refined is None else refined.faces[faces]
     kept = ~np.isin(faces, np.asarray(context.value(mesh.GetHoleIndicesAttr()) or (), dtype=int))
     slots, faces = slots[kept], faces[kept]
     if context.value(mesh.GetOrientationAttr()) == UsdGeom.Tokens.leftHanded:
         slots = slots[:, ::-1]
-    return Corners(indices[slots.ravel()], slots.ravel(), np.repeat(faces, 3))
+    return Corners(indices[slots.ravel()], slots.ravel(), np.repeat(faces, 3), refined)
+
+
+def _fine(corners: Corners, points: NdArray) -> NdArray:
+    """The cage's points, or those that they become."""
+    return points if corners.refinement is None else corners.refinement.at_points(points)
 
 
 def _parts(faces: NdArray, subsets: Sequence[NdArray | None]) -> NdArray:
@@ -112,15 +125,11 @@ def _with_alpha(color: Spread | None, opacity: Spread) -> Spread:
 
 
 def _normals(context: Context, mesh: Any, corners: Corners, points: NdArray) -> Spread | None:
-    """Authored normals; smooth ones of a subdivision surface's cage; None: flat."""
+    """Authored normals; smooth ones of what is subdivided or should be; None: flat."""
     prim = mesh.GetPrim()
-    found = spread(context, prim, "normals", corners)
-    if found is None and context.value(mesh.GetNormalsAttr()):
-        what = ("normals", mesh.GetNormalsInterpolation())
-        found = fitted(context, prim, what, (context.value(mesh.GetNormalsAttr()), None), corners)
-    scheme = context.value(mesh.GetSubdivisionSchemeAttr())
-    if scheme != UsdGeom.Tokens.none and found is None:
-        context.note(prim, f"{scheme} is not subdivided: its cage is shown, with smooth normals")
+    found = None if corners.refinement else _authored(context, mesh, corners)
+    is_smooth = context.value(mesh.GetSubdivisionSchemeAttr()) != UsdGeom.Tokens.none
+    if is_smooth and found is None:
         found = Spread(_smooth(points, corners.points), corners.points)
     if found is None or found.values.shape[1] != 3:
         return None
@@ -129,6 +138,16 @@ def _normals(context: Context, mesh: Any, corners: Corners, points: NdArray) -> 
         context.note(prim, "some of its normals have no length; flat faces are shown")
         return None
     return Spread((found.values / length).astype("f4"), found.which)
+
+
+def _authored(context: Context, mesh: Any, corners: Corners) -> Spread | None:
+    """primvars:normals, which come before normals."""
+    found = spread(context, mesh.GetPrim(), "normals", corners)
+    given = context.value(mesh.GetNormalsAttr())
+    if found is not None or given is None:
+        return found
+    what = ("normals", mesh.GetNormalsInterpolation())
+    return fitted(context, mesh.GetPrim(), what, (given, None), corners)
 
 
 def _smooth(points: NdArray, corners: NdArray) -> NdArray:
@@ -142,24 +161,22 @@ def _smooth(points: NdArray, corners: NdArray) -> NdArray:
     return sums
 
 
-def _put_positions(context: Context, mesh: Any, out: Geometry, at: tuple[NdArray, NdArray]) -> None:
-    """(V, 3), or (K, V, 3) at times."""
-    points, vertices = at
+def _put_motion(context: Context, mesh: Any, out: Geometry, which: tuple[Corners, NdArray]) -> None:
+    """positions (K, V, 3) at times, where the points move."""
+    corners, vertices = which
     attribute = mesh.GetPointsAttr()
-    out["positions"] = points[vertices].astype("f4")
     if attribute.GetNumTimeSamples() < 2:
         return
     codes = context.codes(attribute.GetTimeSamples(), steps=False)
     if not codes:
         context.note(mesh, 'its points move, and are taken as at one time: give times="all"')
         return
-    moved = [np.asarray(attribute.Get(Usd.TimeCode(code)) or (), dtype="f4") for code in codes]
-    if any(one.shape != points.shape for one in moved) or not all(
-        np.isfinite(one).all() for one in moved
-    ):
+    moved = [np.asarray(attribute.Get(Usd.TimeCode(code)) or (), dtype="f8") for code in codes]
+    known = np.asarray(context.value(attribute)).shape
+    if any(one.shape != known or not np.isfinite(one).all() for one in moved):
         context.note(mesh, "the number of its points changes; taken as at one time")
         return
-    out["positions"] = np.stack([one[vertices] for one in moved])
+    out["positions"] = np.stack([_fine(corners, one)[vertices] for one in moved]).astype("f4")
     out["times"] = [context.seconds(code) for code in codes]
     if out.pop("normals", None) is not None:
         out["normals"] = np.stack([_of_vertices(one, out["indices"]) for one in out["positions"]])

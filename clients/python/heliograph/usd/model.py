@@ -124,3 +124,4 @@ class Options:
     nit: float
     lights: bool
     camera_width: int
+    subdivision: int

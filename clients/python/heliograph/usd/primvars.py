@@ -10,15 +10,20 @@ from pxr import UsdGeom
 
 from .._wire.arrays import NdArray
 from .context import Context
+from .subdivision import Refinement
+
+_REFINED = (UsdGeom.Tokens.vertex, UsdGeom.Tokens.varying, UsdGeom.Tokens.faceVarying)
 
 
 @dataclass(frozen=True)
 class Corners:
-    """C corners of triangles: (C,) places in the points, in faceVertexIndices, and faces."""
+    """C corners of triangles: (C,) places in the points, in faceVertexIndices, and faces. Where
+    there is a refinement, places in the points and corners of its quads; faces are the cage's."""
 
     points: NdArray
     slots: NdArray
     faces: NdArray
+    refinement: Refinement | None = None
 
     def of(self, interpolation: str) -> NdArray:
         """(C,) places in the values of a primvar."""
@@ -63,6 +68,8 @@ def fitted(
     values, indices = given
     table = np.array(values, dtype="f4")
     table = table.reshape(len(table), -1) if table.ndim else table.reshape(1, 1)
+    if corners.refinement is not None and interpolation in _REFINED:
+        table, indices = _refined(corners.refinement, interpolation, table, indices), None
     which = corners.of(interpolation)
     if indices is not None and len(indices):
         listed = np.asarray(indices, dtype=int)
@@ -74,6 +81,17 @@ def fitted(
         context.note(prim, f"the primvar {name} is not finite; left out")
         return None
     return Spread(table, which)
+
+
+def _refined(refinement: Refinement, interpolation: str, table: NdArray, indices: Any) -> NdArray:
+    """Values at the points or corners of the quads; none where there are too few."""
+    cage = refinement.cages[0]
+    if indices is not None and len(indices):
+        table = table[np.clip(np.asarray(indices, dtype=int), 0, len(table) - 1)]
+    is_corners = interpolation == UsdGeom.Tokens.faceVarying
+    if len(table) != (len(cage.indices) if is_corners else cage.points):
+        return table[:0]
+    return (refinement.at_corners if is_corners else refinement.at_points)(table)
 
 
 def joined(spreads: list[Spread | None], parts: NdArray, default: NdArray) -> Spread:
