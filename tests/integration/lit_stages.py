@@ -151,8 +151,86 @@ def SphereLight "Lamp" ( prepend apiSchemas = ["ShapingAPI"] )
 {{
     asset inputs:shaping:ies:file = @lamp.ies@
 }}
+def Xform "Gone" ( references = @gone.usda@ )
+{{
+}}
 def PhysicsRevoluteJoint "Hinge"
 {{
 }}
 {textured(file="none.png")}
+"""
+
+# Numbers that are none, faces that are none, a prototype that contains itself.
+BROKEN = """
+def Xform "Zero"
+{
+    float3 xformOp:scale = (0, 0, 0)
+    uniform token[] xformOpOrder = ["xformOp:scale"]
+    def Cube "C"
+    {
+    }
+}
+def Xform "Nan"
+{
+    double3 xformOp:translate = (nan, 0, 0)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+def Cube "Inf"
+{
+    double size = inf
+}
+def Mesh "NanPoints"
+{
+    int[] faceVertexCounts = [3]
+    int[] faceVertexIndices = [0, 1, 2]
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (nan, 1, 0)]
+}
+def Mesh "Neg"
+{
+    int[] faceVertexCounts = [-3, 6]
+    int[] faceVertexIndices = [0, 1, 2]
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0)]
+}
+def Mesh "Two"
+{
+    int[] faceVertexCounts = [2, 1, 0]
+    int[] faceVertexIndices = [0, 1, 2]
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0)]
+}
+def Mesh "Flat"
+{
+    int[] faceVertexCounts = [3, 5]
+    int[] faceVertexIndices = [0, 0, 0, 0, 0, 1, 1, 0]
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0)]
+    normal3f[] normals = [(0, 0, 1)] (interpolation = "vertex")
+}
+def Camera "Cam"
+{
+    float focalLength = nan
+    float horizontalAperture = -3
+    float2 clippingRange = (-1, -2)
+}
+def Camera "Cam2"
+{
+    float2 clippingRange = (-1, -2)
+    float fStop = 1e-9
+    float focusDistance = 1e30
+}
+def SphereLight "L"
+{
+    float inputs:radius = -1
+    float inputs:intensity = -5
+    color3f inputs:color = (-1, 1, 1)
+}
+def PointInstancer "I"
+{
+    point3f[] positions = [(0, 0, 0)]
+    int[] protoIndices = [7]
+}
+def PointInstancer "Self"
+{
+    point3f[] positions = [(0, 0, 0)]
+    int[] protoIndices = [0]
+    rel prototypes = [</Self>]
+}
 """

@@ -86,10 +86,29 @@ def test_what_is_left_out_is_named(scene, tmp_path):
         "/Ball: catmullClark is not subdivided (give subdivision=)",
         "/Broken: a mesh without faces",
         "/Lamp: shaping:ies is left out",
+        "/Gone: it is not composed whole: Could not open asset @",
         "/Hinge: PhysicsRevoluteJoint is left out",
         "a texture is left out: the file 'none.png' is not there",
     ):
         assert what in text, text
+
+
+def test_a_broken_stage_is_read_as_far_as_it_goes(scene, tmp_path):
+    asset = stages.put(scene, stages.written(tmp_path, lit_stages.BROKEN))
+    text = "\n".join(asset.warnings)
+    for what in (
+        "/Zero: an axis of its transform has no length",
+        "/Nan: its transform is not finite",
+        "/Inf: size is not finite; 2 taken",
+        "/NanPoints and 2 more: a mesh without faces",
+        "/Flat: the primvar normals has too few vertex values",
+        "/Cam: a camera without an aperture",
+        "/I: its instances and their prototypes do not fit",
+        "/Self: a prototype within itself is left out",
+    ):
+        assert what in text, text
+    assert np.ptp(asset.entities["/Zero/C"].aabb, axis=0).max() < 1e-4
+    scene.render("above", spp=1)
 
 
 def test_faults_are_named(scene, tmp_path):

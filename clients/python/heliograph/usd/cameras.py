@@ -56,7 +56,8 @@ def _lens(context: Context, camera: Any, unit: float) -> dict[str, Any]:
     focus = context.number(camera.GetFocusDistanceAttr())
     if stop > 0 and focus > 0:
         focal = context.number(camera.GetFocalLengthAttr(), 50.0)
-        found.update(aperture=_TENTH * unit * focal / stop, focus_distance=focus * unit)
+        found["aperture"] = min(_TENTH * unit * focal / stop, 1e3)
+        found["focus_distance"] = min(max(focus * unit, 1e-6), _FAR)
     opens = context.number(camera.GetShutterOpenAttr())
     closes = context.number(camera.GetShutterCloseAttr())
     if closes > opens:

@@ -16,6 +16,7 @@ from ..values.checks import number_of
 from .files import Files
 from .model import Model, Options, Pose
 
+_THIN = 1e-5
 _FRAMES = 100_000  # whole codes between the samples of one prim that become keys
 
 
@@ -97,7 +98,18 @@ class Context:
         if not np.isfinite(local).all():
             self.note(xformable, "its transform is not finite; the identity taken")
             local = np.eye(4)
-        return self.up @ local if at_root else local
+        return self.up @ self.thick(xformable, local) if at_root else self.thick(xformable, local)
+
+    def thick(self, prim: Any, matrices: NdArray) -> NdArray:
+        """(..., 4, 4) whose axes all have a length, be it one that nobody sees."""
+        u, sizes, v = np.linalg.svd(matrices[..., :3, :3])
+        if not (sizes[..., 2] <= _THIN * sizes[..., 0]).any():
+            return matrices
+        self.note(prim, f"an axis of its transform has no length: {_THIN:g} taken")
+        least = _THIN * np.maximum(1.0, sizes[..., :1])
+        out = matrices.copy()
+        out[..., :3, :3] = (u * np.maximum(sizes, least)[..., None, :]) @ v
+        return out
 
     def world(self, prim: Any) -> NdArray:
         """(4, 4) root_from_local at the time of what does not move."""

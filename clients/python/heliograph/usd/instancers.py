@@ -34,8 +34,9 @@ def read(
     for number, target in enumerate(targets):
         here = np.flatnonzero((which == number) & shown)
         root = prim.GetStage().GetPrimAtPath(target)
-        if root and len(here):
-            _place(context, node, prototype(root, node.path), (here, matrices[here]))
+        nodes = prototype(root, node.path) if root and len(here) else []
+        if nodes:
+            _place(context, node, nodes, (here, matrices[here]))
 
 
 def _matrices(context: Context, instancer: Any) -> NdArray:
@@ -46,7 +47,8 @@ def _matrices(context: Context, instancer: Any) -> NdArray:
         UsdGeom.PointInstancer.ExcludeProtoXform,
         UsdGeom.PointInstancer.IgnoreMask,
     )
-    return np.array([matrix_of(matrix) for matrix in found]).reshape(-1, 4, 4)
+    matrices = np.array([matrix_of(matrix) for matrix in found]).reshape(-1, 4, 4)
+    return context.thick(instancer, matrices)
 
 
 def _place(context: Context, above: Node, nodes: list[Node], at: tuple[NdArray, NdArray]) -> None:

@@ -54,7 +54,7 @@ def _number(context: Context, prim: Any, name: str, default: float) -> float:
 
 def _size(context: Context, prim: Any, name: str, default: float = 1.0) -> float:
     """Of a shape: at least what is allowed, in its own units."""
-    return min(max(_number(context, prim, name, default), 1e-6), 1e6)
+    return min(max(_number(context, prim, name, default), 2e-6), 1e6)
 
 
 def _level(context: Context, prim: Any) -> float:
@@ -214,8 +214,8 @@ def _dome_rotation(context: Context, prim: Any) -> NdArray:
 
 def _note_rest(context: Context, prim: Any) -> None:
     """What of a light is not read."""
-    for name, plain in (("diffuse", 1.0), ("specular", 1.0), ("shaping:focus", 0.0)):
-        if _number(context, prim, name, plain) != plain:
+    for name, default in (("diffuse", 1.0), ("specular", 1.0), ("shaping:focus", 0.0)):
+        if _number(context, prim, name, default) != default:
             context.note(prim, f"inputs:{name} of lights is left out")
     for name in ("shaping:ies:file", "shaping:cone:softness"):
         found = context.value(prim.GetAttribute(f"inputs:{name}"))

@@ -36,8 +36,6 @@ def read(path: Path, options: Options) -> tuple[Model, Files]:
     context = Context(stage, options, model, files)
     if not (UsdGeom.StageHasAuthoredMetersPerUnit(stage) or options.units):
         context.note("/", "it names no metersPerUnit: 0.01 taken; give units= for another")
-    for error in stage.GetCompositionErrors():
-        context.note("/", f"it does not compose: {error}")
     for left in () if options.payloads else stage.FindLoadable():
         context.note(left, "its payload is left out, as payloads=False asks")
     walk = _Walk(context)
@@ -105,12 +103,15 @@ class _Walk:
         self.context = context
         self.surfaces = surfaces.Surfaces(context)
         self.skinned: list[Any] = []  # SkelRoots
+        self.prototypes: list[Any] = []  # that are being read, each within the one before
 
     def children(self, prim: Any, above: _Above) -> None:
         for child in prim.GetFilteredChildren(INSTANCES):
             self.visit(child, above)
 
     def visit(self, prim: Any, above: _Above) -> None:
+        for error in prim.GetPrimIndex().localErrors:
+            self.context.note(prim, f"it is not composed whole: {error}")
         imageable = UsdGeom.Imageable(prim)
         if not imageable:
             self.children(prim, above)
@@ -160,9 +161,14 @@ class _Walk:
 
     def _prototype(self, prim: Any, above: str) -> list[Node]:
         """The nodes of a prototype, its own first; they are taken from the model again."""
+        if prim.GetPath() in self.prototypes:
+            self.context.note(prim, "a prototype within itself is left out")
+            return []
         nodes = self.context.model.nodes
         start = len(nodes)
+        self.prototypes.append(prim.GetPath())
         self.visit(prim, _Above(above))
+        self.prototypes.pop()
         found = nodes[start:]
         del nodes[start:]
         return found
