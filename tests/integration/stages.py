@@ -283,10 +283,17 @@ class Xform "Kept"
 }
 def PointInstancer "Many"
 {
-    point3f[] positions = [(0, 0, 1), (1, 0, 1), (2, 0, 1), (3, 0, 1)]
-    int[] protoIndices = [0, 0, 0, 1]
+    point3f[] positions = [(0, 0, 1), (1, 0, 1), (2, 0, 1), (3, 0, 1), (4, 0, 1)]
+    int[] protoIndices = [0, 0, 0, 1, 2]
     int64[] invisibleIds = [1]
-    rel prototypes = [</Many/Cube>, </Many/Pair>]
+    rel prototypes = [</Many/Cube>, </Many/Pair>, </Many/Others/Cube>]
+    def Scope "Others"
+    {
+        def Cube "Cube"
+        {
+            double size = 0.2
+        }
+    }
     def Cube "Cube"
     {
         double size = 0.1

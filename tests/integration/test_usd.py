@@ -179,7 +179,9 @@ def test_shapes_have_the_boxes_and_areas_of_their_formulae(scene, tmp_path):
 def test_instances_share_meshes_and_are_where_pxr_has_them(scene, tmp_path):
     asset = stages.put(scene, stages.written(tmp_path, stages.INSTANCES))
     left, right = asset.entities["/Left/Ball"], asset.entities["/Right/Ball"]
-    assert left.mesh == right.mesh and len(asset.meshes) == 4
+    assert left.mesh == right.mesh and len(asset.meshes) == 5
+    [other] = asset.instances["/Many/Cube'"]  # a prototype of the same name
+    np.testing.assert_allclose(other.aabb, [(3.9, -0.1, 0.9), (4.1, 0.1, 1.1)], atol=1e-6)
     group = asset.instances["/Many/Cube"]
     expected = [(0, 0, 1), (2, 0, 1)]  # of three cubes the invisible one is left out
     np.testing.assert_allclose([e.world_transform[:3, 3] for e in group], expected, atol=1e-6)

@@ -30,13 +30,14 @@ def read(
     ):
         context.note(prim, "its instances and their prototypes do not fit; it is left out")
         return
+    taken: set[str] = set()
     shown = np.asarray(instancer.ComputeMaskAtTime(context.time) or np.ones(len(which)), dtype=bool)
     for number, target in enumerate(targets):
         here = np.flatnonzero((which == number) & shown)
         root = prim.GetStage().GetPrimAtPath(target)
         nodes = prototype(root, node.path) if root and len(here) else []
         if nodes:
-            _place(context, node, nodes, (here, matrices[here]))
+            _place(context, node, nodes, (here, matrices[here]), taken)
 
 
 def _matrices(context: Context, instancer: Any) -> NdArray:
@@ -51,11 +52,21 @@ def _matrices(context: Context, instancer: Any) -> NdArray:
     return context.thick(instancer, matrices)
 
 
-def _place(context: Context, above: Node, nodes: list[Node], at: tuple[NdArray, NdArray]) -> None:
-    """A packed group of a prototype that is one entity, else its entities for each instance."""
+def _place(
+    context: Context,
+    above: Node,
+    nodes: list[Node],
+    at: tuple[NdArray, NdArray],
+    taken: set[str],
+) -> None:
+    """A packed group of a prototype that is one entity, else its entities for each instance.
+    taken: paths of groups; prototypes may share their last name."""
     root, nodes_of = nodes[0], context.model.nodes
     if len(nodes) == 1 and not isinstance(root.pose, Mapping):
         path = f"{above.path}/{root.path.rpartition('/')[2]}"
+        while path in taken:
+            path += "'"
+        taken.add(path)
         group = dataclasses.replace(root, path=path, transforms=at[1] @ root.pose)
         nodes_of.append(group)
         return

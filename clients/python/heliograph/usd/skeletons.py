@@ -32,7 +32,7 @@ class _Skins:
         self.vertices = vertices
         self.cache = UsdSkel.Cache()
         self.nodes = {node.path: node for node in context.model.nodes}
-        self.done: dict[str, bool] = {}  # skeletons; whether they have joints
+        self.done: dict[str, str] = {}  # what paths of a skeleton's joints begin with; "": none
 
     def add(self, root: Any) -> None:
         predicate = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
@@ -61,8 +61,8 @@ class _Skins:
         geometry = matrix_of(target.GetGeomBindTransform(self.context.time))
         binds = [matrix_of(m) for m in skeleton.GetJointWorldBindTransforms()]
         inverse = [np.linalg.inv(binds[order.index(joint)]) @ geometry for joint in own]
-        path = str(skeleton.GetPrim().GetPath())
-        node.joints = [f"{path}/{joint}" for joint in own], np.array(inverse)
+        above = self.done[str(skeleton.GetPrim().GetPath())]
+        node.joints = [f"{above}/{joint}" for joint in own], np.array(inverse)
 
     # ------------------------------------------------------------ joints
 
@@ -72,22 +72,26 @@ class _Skins:
         if path not in self.done:
             joints = self._joints(skeleton, path) if path in self.nodes else []
             self.context.model.nodes.extend(joints)
-            self.done[path] = bool(joints)
             if not joints:
+                self.done[path] = ""
                 self.context.note(path, "a skeleton without rest or bind transforms is left out")
-        return self.done[path]
+        return bool(self.done[path])
 
     def _joints(self, skeleton: Any, path: str) -> list[Node]:
         poses = self._poses(skeleton)
         order = [str(joint) for joint in skeleton.GetJointOrder()]
         if len(poses) != len(order) or not skeleton.HasBindPose():
             return []
+        above = path
+        while any(f"{above}/{joint}" in self.nodes for joint in order):
+            above += "'"
+        self.done[path] = above
         topology = skeleton.GetTopology()
         nodes = []
         for number, (joint, pose) in enumerate(zip(order, poses)):
-            above = topology.GetParent(number)
-            parent = path if above < 0 else f"{path}/{order[above]}"
-            nodes.append(Node(f"{path}/{joint}", parent, pose))
+            place = topology.GetParent(number)
+            parent = path if place < 0 else f"{above}/{order[place]}"
+            nodes.append(Node(f"{above}/{joint}", parent, pose))
         return nodes
 
     def _poses(self, skeleton: Any) -> list[Any]:
