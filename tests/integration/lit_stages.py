@@ -86,11 +86,26 @@ LIGHTS = {
 }
 
 
-def lit(kind):
-    white = "color3f inputs:diffuseColor = (1, 1, 1)\nfloat inputs:ior = 1"
-    floor = f'def Mesh "Floor" ({BOUND})\n{{{quad("rel material:binding = </White>")}\n}}\n'
-    return f"{floor}{preview('White', white)}\ndef {LIGHTS[kind][0]}\n"
+_WHITE = "color3f inputs:diffuseColor = (1, 1, 1)\nfloat inputs:ior = 1"
 
+
+def lit(kind):
+    floor = f'def Mesh "Floor" ({BOUND})\n{{{quad("rel material:binding = </White>")}\n}}\n'
+    return f"{floor}{preview('White', _WHITE)}\ndef {LIGHTS[kind][0]}\n"
+
+
+IN_CENTIMETRES = f"""
+def Mesh "Floor" ({BOUND})
+{{{quad("rel material:binding = </White>", half=100)}
+}}
+{preview("White", _WHITE)}
+def SphereLight "L"
+{{
+    float inputs:intensity = 100
+    float inputs:radius = 10
+    {moved((0, 0, 400))}
+}}
+"""
 
 DOME = """
 def DomeLight "Sky"

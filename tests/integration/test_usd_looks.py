@@ -45,6 +45,16 @@ def test_lights_give_the_irradiance_of_their_formulae(scene, tmp_path, kind):
     assert asset.warnings == []
 
 
+def test_lights_of_a_stage_in_centimetres_are_as_bright(scene, tmp_path):
+    path = stages.written(
+        tmp_path, lit_stages.IN_CENTIMETRES, "metersPerUnit = 0.01", 'upAxis = "Z"'
+    )
+    stages.put(scene, path, nit=1.0)
+    frame = scene.render("above", spp=256, planes=["beauty"], seed=1)
+    found = frame["beauty"][28:36, 28:36, :3].mean(axis=(0, 1))
+    np.testing.assert_allclose(found, lit_stages.LIGHTS["sphere"][1] / math.pi, rtol=0.03)
+
+
 def test_a_dome_s_picture_is_turned_as_openexr_has_it(scene, tmp_path):
     """+Z of a stage with +Y up is the picture's middle, +X is a quarter to the left."""
     texels = np.zeros((8, 16, 3), np.uint8)

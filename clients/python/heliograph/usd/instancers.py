@@ -10,7 +10,7 @@ import numpy as np
 from pxr import UsdGeom
 
 from .._wire.arrays import NdArray
-from .context import Context, matrix_of
+from .context import Context
 from .model import Node, Pose
 
 
@@ -48,8 +48,8 @@ def _matrices(context: Context, instancer: Any) -> NdArray:
         UsdGeom.PointInstancer.ExcludeProtoXform,
         UsdGeom.PointInstancer.IgnoreMask,
     )
-    matrices = np.array([matrix_of(matrix) for matrix in found]).reshape(-1, 4, 4)
-    return context.thick(instancer, matrices)
+    rows = np.array(found, dtype="f8").reshape(-1, 4, 4)
+    return context.thick(instancer, rows.transpose(0, 2, 1))
 
 
 def _place(
