@@ -38,7 +38,7 @@ def test_poses_and_boxes_are_those_of_pxr(scene, tmp_path):
     assert (asset.metres_per_unit, asset.up, asset.warnings) == (0.01, "y", [])
 
 
-def test_the_root_moves_all_of_it_and_placing_again_shares(scene, tmp_path):
+def test_the_root_moves_all_of_it_and_placing_again_shares(client, scene, tmp_path):
     path = stages.written(tmp_path, stages.TILES)
     first = stages.put(scene, path)
     with scene.edit() as edit:
@@ -46,6 +46,10 @@ def test_the_root_moves_all_of_it_and_placing_again_shares(scene, tmp_path):
     one, other = first.entities["/Tiles"], second.entities["/Tiles"]
     np.testing.assert_allclose(other.aabb - one.aabb, np.tile((10, 0, 0), (2, 1)), atol=1e-6)
     assert one.mesh == other.mesh and one.materials == other.materials
+    with client.create_scene() as elsewhere:
+        with elsewhere.edit() as edit:
+            third = edit.import_usd(first)
+        np.testing.assert_allclose(third.root.aabb, first.root.aabb)
 
 
 def test_subsets_have_their_materials_and_the_rest_the_mesh_s(scene, tmp_path):

@@ -45,8 +45,8 @@ class UsdEdits:
         **components: Unpack[patches.Components],
     ) -> UsdAsset:
         """Reads a USD file (.usd, .usda, .usdc, .usdz) and places it: entities `name`, by default
-        the file's stem, and "<name>/<prim path>". Of another UsdAsset: places it again, with the
-        same meshes and materials.
+        the file's stem, and "<name>/<prim path>". Of another UsdAsset: places it again, not read
+        again, with the same meshes and materials; in another scene with its own.
 
         The file is read in this process by the package usd-core, not in the daemon's sandbox.
         variants: {prim path: {variant set: variant}}, instead of the file's choice. payloads: False
@@ -66,7 +66,8 @@ class UsdEdits:
 
         edits = cast("Edits", self)
         if isinstance(path, UsdAsset):
-            asset = UsdAsset(edits.scene, name or path.name, path.model, path.library)
+            library = path.library if path.scene.id == edits.scene.id else None
+            asset = UsdAsset(edits.scene, name or path.name, path.model, library)
         else:
             options = Options(
                 variants=variants or {},
