@@ -249,3 +249,16 @@ def PointInstancer "Self"
     rel prototypes = [</Self>]
 }
 """
+
+_TEXTURED = """
+        asset inputs:diffuse_texture = @color.png@
+        color3f inputs:diffuse_tint = (1, 0.5, 1)
+        bool inputs:enable_ORM_texture = 1
+        asset inputs:ORM_texture = @orm.png@
+        """
+OMNI_TEXTURES = f"""
+def Mesh "M" ({BOUND})
+{{{quad("rel material:binding = </Omni>")}
+}}
+{mdl("Omni", "OmniPBR", _TEXTURED)}
+"""

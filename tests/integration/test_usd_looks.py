@@ -88,6 +88,17 @@ def test_parameters_of_preview_surface_omnipbr_and_omniglass(scene, tmp_path):
     assert any("MyOwn is left out: grey taken" in warning for warning in asset.warnings)
 
 
+def test_textures_of_omnipbr(scene, tmp_path):
+    Image.new("RGB", (4, 4), (255, 128, 64)).save(tmp_path / "orm.png")
+    Image.new("RGB", (4, 4), (255, 255, 0)).save(tmp_path / "color.png")
+    asset = stages.put(scene, stages.written(tmp_path, lit_stages.OMNI_TEXTURES))
+    frame = scene.render("above", spp=1, planes=["base_color", "roughness", "metallic"])
+    np.testing.assert_allclose(frame["base_color"][32, 32], (1, 0.5, 0), atol=1e-3)
+    assert frame["roughness"][32, 32] == pytest.approx(128 / 255, abs=1e-3)
+    assert frame["metallic"][32, 32] == pytest.approx(64 / 255, abs=1e-3)
+    assert asset.warnings == []
+
+
 def test_what_is_left_out_is_named(scene, tmp_path):
     asset = stages.put(scene, stages.written(tmp_path, lit_stages.LEFT_OUT))
     text = "\n".join(asset.warnings)
