@@ -33,6 +33,7 @@ class Builder {
 
   /// Says it once, however often it is found.
   void warn(const std::string& warning);
+  /// A companion that the bundle lacks: it is asked for, or left out if nobody has it.
   void missing(const std::string& path);
   [[nodiscard]] bool complete() const { return missing_.empty(); }
 

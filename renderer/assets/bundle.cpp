@@ -24,7 +24,8 @@ bool has_scheme(std::string_view path) {
 }
 
 /// Resolves "." and ".." in directory + "/" + path.
-std::string normalise(std::string_view directory, std::string_view path, const std::string& where) {
+std::string normalise(std::string_view directory, std::string_view path, const std::string& where,
+                      bool may_leave = false) {
   if (path.empty() || path.size() > kLongestPath || path.front() == '/' || has_scheme(path) ||
       path.find('\0') != std::string_view::npos) {
     refuse_path(where);
@@ -35,9 +36,11 @@ std::string normalise(std::string_view directory, std::string_view path, const s
       const std::size_t slash = std::min(text.find('/'), text.size());
       const std::string_view part = text.substr(0, slash);
       text.remove_prefix(std::min(slash + 1, text.size()));
-      if (part == "..") {
-        if (parts.empty()) refuse_path(where);
+      const bool is_up = part == "..";
+      if (is_up && !parts.empty() && parts.back() != "..") {
         parts.pop_back();
+      } else if (is_up && !may_leave) {
+        refuse_path(where);
       } else if (!part.empty() && part != ".") {
         parts.push_back(part);
       }
@@ -107,13 +110,34 @@ std::size_t utf8_length(std::string_view text) {
   return code < kSmallest[length] || surrogate || code > 0x10ffff ? 0 : length;
 }
 
+/// Bytes that are no UTF-8 read as Latin-1.
+std::string readable(std::string_view text) {
+  std::string out;
+  while (!text.empty()) {
+    const std::size_t length = utf8_length(text);
+    const auto c = u8(text.front());
+    if (length > 0) {
+      out += text.substr(0, length);
+    } else {
+      out += {char(0xc0 | c >> 6), char(0x80 | (c & 0x3f))};
+    }
+    text.remove_prefix(std::max<std::size_t>(length, 1));
+  }
+  return out;
+}
+
+std::string_view folder_of(std::string_view path) {
+  const std::size_t slash = path.rfind('/');
+  return slash == path.npos ? "" : path.substr(0, slash);
+}
+
 }  // namespace
 
 Bundle::Bundle(std::span<const BundleFile> files) : files_(files) {
   if (files.empty()) refuse("files", "the bundle is empty; the first file is the model");
   for (std::size_t i = 0; i < files.size(); ++i) {
     const std::string where = fmt::format("files[{}].path", i);
-    if (normalise("", files[i].path, where) != files[i].path) refuse_path(where);
+    if (normalise("", files[i].path, where, i > 0) != files[i].path) refuse_path(where);
     if (find(files[i].path) != &files[i]) refuse(where, "this path is in the bundle twice");
   }
 }
@@ -125,8 +149,19 @@ const BundleFile* Bundle::find(std::string_view path) const {
 
 std::string Bundle::resolve(std::string_view from, std::string_view reference,
                             const std::string& where) {
-  const std::size_t slash = from.rfind('/');
-  return normalise(slash == std::string_view::npos ? "" : from.substr(0, slash), reference, where);
+  return normalise(folder_of(from), readable(reference), where);
+}
+
+std::string Bundle::companion(std::string_view from, std::string_view reference,
+                              const std::string& where) {
+  constexpr std::string_view kAround = " \t\r\n\"'";
+  std::string path = readable(reference.substr(0, reference.find('\0')));
+  std::ranges::replace(path, '\\', '/');
+  path.erase(0, std::min(path.find_first_not_of(kAround), path.size()));
+  path.erase(path.find_last_not_of(kAround) + 1);
+  if (path.starts_with('/') || has_scheme(path)) path.erase(0, path.find_last_of("/:") + 1);
+  if (path.empty()) return path;
+  return normalise(folder_of(from), path, where, true);
 }
 
 std::string percent_decode(std::string_view text, const std::string& where) {

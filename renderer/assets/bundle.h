@@ -13,7 +13,8 @@ namespace heliograph::assets {
 
 class Bundle {
  public:
-  /// Refuses an empty bundle, and paths that are absolute, leave the bundle, or are not clean.
+  /// Refuses an empty bundle, and paths that are absolute or not clean. Only companions may begin
+  /// with "..": whoever sends them has decided that they may be read.
   explicit Bundle(std::span<const BundleFile> files);
 
   [[nodiscard]] const BundleFile& model() const { return files_.front(); }
@@ -24,6 +25,11 @@ class Bundle {
   /// same words whether or not such a file exists.
   [[nodiscard]] static std::string resolve(std::string_view from, std::string_view reference,
                                            const std::string& where);
+  /// The same for formats whose programs write what they like: quotes, backslashes, paths of another
+  /// machine, of which the last name is taken, ways out of the folder, bytes that are no UTF-8, which
+  /// are read as Latin-1. "": `reference` is blank.
+  [[nodiscard]] static std::string companion(std::string_view from, std::string_view reference,
+                                             const std::string& where);
 
  private:
   std::span<const BundleFile> files_;

@@ -5,6 +5,7 @@
 
 #include <functional>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -38,6 +39,7 @@ struct LoadOptions {
   std::string up;
   double units = 0;   // metres a unit, for the same formats; 0: 1, COLLADA as it says
   std::string layer;  // of a lone picture with several; "": its colours
+  std::set<std::string, std::less<>> absent{};  // companions that nobody has: done without
   LoadLimits limits{};
   /// Calls a function in as many threads as there are, and returns when all have ended.
   std::function<void(const std::function<void()>&)> in_threads = [](const auto& work) { work(); };

@@ -1,8 +1,7 @@
-// A mesh while it is being put together, and the steps every format shares: triangulation, axes,
-// and the checks before it becomes a PutMesh.
+// A mesh while it is being put together, and the steps every format shares: axes, and
+// the checks before it becomes a PutMesh.
 #pragma once
 
-#include <span>
 #include <string>
 #include <vector>
 
@@ -27,16 +26,11 @@ struct MeshData {
   std::vector<std::vector<vec3>> morph_normals;    // empty, or as long as `positions` each
 };
 
-/// Checks counts and indices, makes normals unit, and takes the arrays.
+/// Checks counts and indices, makes normals unit, and takes the arrays. A normal without a direction
+/// becomes that of its triangles.
 [[nodiscard]] PutMesh finish_mesh(MeshData mesh, const std::string& where, Budget& budget);
 
-/// Cuts a simple polygon into triangles by ear clipping, in its own plane; fans what is convex.
-/// Appends indices 0 .. polygon.size() - 1.
-void triangulate(std::span<const vec3> polygon, std::vector<uvec3>& triangles);
-
-/// Turns the up axis ("x", "y", "z", "") to +Z and scales to metres, in the vertices.
-void to_world_axes(MeshData& mesh, const LoadOptions& options);
-/// The rotation of that: z_up_from("y") maps (x, y, z) to (x, -z, y).
+/// Turns the up axis ("x", "y", "z", "") to +Z: z_up_from("y") maps (x, y, z) to (x, -z, y).
 [[nodiscard]] mat3 z_up_from(const std::string& up);
 
 }  // namespace heliograph::assets

@@ -19,10 +19,9 @@ struct Map {
 
 struct Entry {
   std::string name;
-  vec3 kd{0.8f}, ke{0};
-  std::optional<vec3> ks;
-  std::optional<float> ns, pr, pm, ni;
-  float alpha = 1;
+  vec3 ke{0};
+  std::optional<vec3> kd, ks;
+  std::optional<float> ns, pr, pm, ni, d, tr;
   std::optional<Map> map_kd, map_ke, map_d, map_pr, map_pm, normal;
 };
 
@@ -64,52 +63,68 @@ class Parser {
   }
   float number(std::string_view rest) { return take_number(rest, where_); }
 
-  Map map(std::string_view rest) {
-    Map result;
-    while (trimmed(rest).starts_with('-')) {
-      const std::string_view option = take_word(rest);
-      if (option == "-s") {
-        result.scale = take_pair(rest, result.scale);
-      } else if (option == "-o") {
-        result.offset = take_pair(rest, result.offset);
-      } else if (option == "-t") {
-        (void)take_pair(rest, {});
-      } else if (option == "-bm") {
-        result.strength = take_number(rest, where_);
-      } else if (option == "-mm") {
-        (void)take_pair(rest, {});
-      } else {
-        const std::string_view value = take_word(rest);
-        if (option == "-clamp") result.clamp = value == "on";
-      }
+  /// What one option is followed by.
+  void option(std::string_view name, std::string_view& rest, Map& out) {
+    if (name == "-s") {
+      out.scale = take_pair(rest, out.scale);
+    } else if (name == "-o") {
+      out.offset = take_pair(rest, out.offset);
+    } else if (name == "-t" || name == "-mm") {
+      (void)take_pair(rest, {});
+    } else if (name == "-bm") {
+      out.strength = take_number(rest, where_);
+    } else {
+      const std::string_view value = take_word(rest);
+      if (name == "-clamp") out.clamp = value == "on";
     }
-    std::string path(trimmed(rest));
-    std::ranges::replace(path, '\\', '/');
-    result.where = where_;
-    result.path = Bundle::resolve(file_, path, where_);
-    return result;
   }
 
-  void statement(std::string_view key, std::string_view rest, Entry& entry) {
-    if (key == "Kd") entry.kd = color(rest);
-    if (key == "Ks") entry.ks = color(rest);
-    if (key == "Ke") entry.ke = color(rest);
-    if (key == "Ns") entry.ns = number(rest);
-    if (key == "Ni") entry.ni = number(rest);
-    if (key == "Pr") entry.pr = number(rest);
-    if (key == "Pm") entry.pm = number(rest);
-    if (key == "d" && !trimmed(rest).starts_with("-halo")) entry.alpha = number(rest);
-    if (key == "Tr") entry.alpha = 1 - number(rest);
-    if (key == "map_Kd") entry.map_kd = map(rest);
-    if (key == "map_Ke") entry.map_ke = map(rest);
-    if (key == "map_d") entry.map_d = map(rest);
-    if (key == "map_Pr") entry.map_pr = map(rest);
-    if (key == "map_Pm") entry.map_pm = map(rest);
-    if (key == "norm") entry.normal = map(rest);
-    for (const std::string_view left_out :
-         {"map_Ks", "map_Ns", "map_Bump", "map_bump", "bump", "disp", "refl"}) {
-      if (key == left_out) builder_.warn(fmt::format("MTL {} is left out", left_out));
+  /// Some programs write options behind the name. nullopt: no name.
+  std::optional<Map> map(std::string_view rest) {
+    Map result{.path = "", .where = where_};
+    rest = rest.substr(0, rest.find(" # "));
+    while (trimmed(rest).starts_with('-')) {
+      const std::string_view name = take_word(rest);
+      option(name, rest, result);
     }
+    std::string_view behind = rest.substr(std::min(start_of_options(rest), rest.size()));
+    const std::string_view name = trimmed(rest.substr(0, rest.size() - behind.size()));
+    while (!trimmed(behind).empty()) {
+      const std::string_view word = take_word(behind);
+      option(word, behind, result);
+    }
+    result.path = Bundle::companion(file_, name, where_);
+    return result.path.empty() ? std::nullopt : std::optional(result);
+  }
+
+  static std::size_t start_of_options(std::string_view rest) {
+    std::size_t first = rest.npos;
+    for (const std::string_view option : {"-s", "-o", "-t", "-mm", "-bm", "-clamp", "-blendu",
+                                          "-blendv", "-boost", "-texres", "-imfchan", "-type"})
+      first = std::min(first, rest.find(fmt::format(" {} ", option)));
+    return first;
+  }
+
+  /// Programs disagree about the case of keys.
+  void statement(std::string_view given, std::string_view rest, Entry& entry) {
+    const std::string key = lower(given);
+    if (key == "kd") entry.kd = color(rest);
+    if (key == "ks") entry.ks = color(rest);
+    if (key == "ke") entry.ke = color(rest);
+    if (key == "ns") entry.ns = number(rest);
+    if (key == "ni") entry.ni = number(rest);
+    if (key == "pr") entry.pr = number(rest);
+    if (key == "pm") entry.pm = number(rest);
+    if (key == "d" && !trimmed(rest).starts_with("-halo")) entry.d = number(rest);
+    if (key == "tr") entry.tr = number(rest);
+    if (key == "map_kd") entry.map_kd = map(rest);
+    if (key == "map_ke") entry.map_ke = map(rest);
+    if (key == "map_d") entry.map_d = map(rest);
+    if (key == "map_pr") entry.map_pr = map(rest);
+    if (key == "map_pm") entry.map_pm = map(rest);
+    if (key == "norm") entry.normal = map(rest);
+    for (const std::string_view left_out : {"map_ks", "map_ns", "map_bump", "bump", "disp", "refl"})
+      if (key == left_out) builder_.warn(fmt::format("MTL {} is left out", given));
   }
 
   Builder& builder_;
@@ -119,7 +134,7 @@ class Parser {
 
 class Maker {
  public:
-  explicit Maker(Builder& builder) : textures_(builder) {}
+  explicit Maker(Builder& builder) : builder_(builder), textures_(builder) {}
 
   /// Textures go to the library here, materials after all of them.
   PutMaterial make(const Entry& entry) {
@@ -128,8 +143,8 @@ class Maker {
       put.parameters[std::size_t(p)].value = glm::clamp(value, low, high);
     };
     using enum MaterialParameter;
-    const bool black_under_map = entry.map_kd && entry.kd == vec3(0);
-    set(base_color, black_under_map ? vec3(1) : entry.kd, 0, 1);
+    const vec3 kd = entry.kd.value_or(vec3(entry.map_kd ? 1 : 0.8f));
+    set(base_color, entry.map_kd && kd == vec3(0) ? vec3(1) : kd, 0, 1);
     set(emission, entry.map_ke && entry.ke == vec3(0) ? vec3(1) : entry.ke, 0, 1e9f);
     const float shininess = std::max(entry.ns.value_or(0), 0.0f);
     const float from_ns = std::pow(2 / (shininess + 2), 0.25f);
@@ -137,8 +152,9 @@ class Maker {
     set(metallic, vec3(entry.map_pm ? 1 : entry.pm.value_or(0)), 0, 1);
     if (entry.ks) set(specular, vec3(2 * (entry.ks->x + entry.ks->y + entry.ks->z) / 3), 0, 1);
     if (entry.ni) set(ior, vec3(*entry.ni), 1, 4);
-    if (entry.alpha < 1 || entry.map_d) put.alpha_mode = AlphaMode::kBlend;
-    if (put.alpha_mode) set(alpha, vec3(entry.alpha), 0, 1);
+    const float visible = opacity_of(entry);
+    if (visible < 1 || entry.map_d) put.alpha_mode = AlphaMode::kBlend;
+    if (put.alpha_mode) set(alpha, vec3(visible), 0, 1);
     use(put.parameters[std::size_t(base_color)].texture, entry.map_kd, true);
     use(put.parameters[std::size_t(emission)].texture, entry.map_ke, true);
     use(put.parameters[std::size_t(roughness)].texture, entry.map_pr, false);
@@ -152,6 +168,18 @@ class Maker {
   }
 
  private:
+  /// `d` goes before `Tr`. Programs disagree about the sense of the latter, and none means that
+  /// nothing is to be seen.
+  float opacity_of(const Entry& entry) {
+    if (entry.d && *entry.d <= 0)
+      builder_.warn(fmt::format("material '{}' is invisible: d 0", clean_name(entry.name, "?")));
+    if (entry.d || !entry.tr) return entry.d.value_or(1);
+    if (*entry.tr < 1) return 1 - *entry.tr;
+    builder_.warn(fmt::format("material '{}' has Tr 1 and no d, and is taken as opaque",
+                              clean_name(entry.name, "?")));
+    return 1;
+  }
+
   void use(Boxed<TextureUsePatch>& out, const std::optional<Map>& map, bool srgb) {
     if (!map) return;
     const Wrap wrap = map->clamp ? Wrap::kClamp : Wrap::kRepeat;
@@ -160,6 +188,7 @@ class Maker {
       out->use.uv_transform = {map->scale.x, 0, 0, map->scale.y, map->offset.x, map->offset.y};
   }
 
+  Builder& builder_;
   TextureFiles textures_;
 };
 
@@ -168,15 +197,26 @@ class Maker {
 std::map<std::string, Ref> load_materials(Builder& builder, const std::vector<std::string>& files,
                                           const std::set<std::string>& used) {
   std::vector<Entry> entries;
+  bool any_missing = false;
   for (const std::string& path : files) {
     const BundleFile* file = builder.bundle.find(path);
-    if (!file) {
+    if (file) {
+      Parser(builder, path).parse(as_text(file->bytes), entries);
+    } else {
+      any_missing = true;
       builder.missing(path);
-      continue;
     }
-    Parser(builder, path).parse(as_text(file->bytes), entries);
   }
-  std::erase_if(entries, [&](const Entry& entry) { return !used.contains(entry.name); });
+  const bool names_none = used == std::set<std::string>{""};
+  const std::string only = names_none && entries.size() == 1 ? entries[0].name : "";
+  if (!only.empty())
+    builder.warn(fmt::format("no face names a material: all take '{}', the only one of the MTL",
+                             clean_name(only, "?")));
+  if (names_none && entries.size() > 1)
+    builder.warn("no face names a material (usemtl): the default is used");
+  std::erase_if(entries, [&](const Entry& entry) {
+    return entry.name != only && !used.contains(entry.name);
+  });
   Maker maker(builder);
   std::vector<std::pair<std::string, PutMaterial>> puts;
   std::vector<std::string> names;
@@ -189,8 +229,9 @@ std::map<std::string, Ref> load_materials(Builder& builder, const std::vector<st
   for (std::size_t i = 0; i < puts.size(); ++i) {
     refs[puts[i].first] = builder.library(names[i], std::move(puts[i].second));
   }
+  if (!only.empty()) refs[""] = refs[only];
   for (const std::string& name : used) {
-    if (name.empty() || refs.contains(name)) continue;
+    if (name.empty() || refs.contains(name) || any_missing) continue;
     builder.warn(fmt::format("material '{}' is defined nowhere; the default is used",
                              clean_name(name, "?")));
   }

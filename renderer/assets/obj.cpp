@@ -4,8 +4,9 @@
 #include <map>
 #include <unordered_map>
 
-#include "renderer/assets/mesh_data.h"
+#include "renderer/assets/model.h"
 #include "renderer/assets/mtl.h"
+#include "renderer/assets/polygon.h"
 #include "renderer/assets/text_scan.h"
 
 namespace heliograph::assets {
@@ -27,20 +28,37 @@ struct CornerHash {
   }
 };
 
+/// Whether a line begins with "vn".
+bool gives_normals(std::string_view text) {
+  constexpr std::string_view kSpace = " \t\r\n";
+  for (std::size_t at = text.find("vn"); at + 2 < text.size(); at = text.find("vn", at + 2)) {
+    const bool starts = at == 0 || kSpace.find(text[at - 1]) != kSpace.npos;
+    if (starts && kSpace.find(text[at + 2]) != kSpace.npos) return true;
+  }
+  return false;
+}
+
+/// Up to a comment at the line's end.
+std::string_view uncommented(std::string_view line) { return line.substr(0, line.find('#')); }
+
 class Reader {
  public:
   explicit Reader(Builder& builder) : builder_(builder), limits_(builder.options.limits) {}
 
   void read() {
     const std::string_view text = as_text(builder_.bundle.model().bytes);
-    has_normals_ = text.starts_with("vn ") || text.find("\nvn ") != text.npos;
+    has_normals_ = gives_normals(without_mark(text));
     Lines lines(text);
     while (auto line = lines.next()) {
       std::string_view rest = *line;
       const std::string_view key = take_word(rest);
       if (key.empty() || key.starts_with('#')) continue;
-      where_ = lines.where();
-      statement(key, rest);
+      try {
+        statement(key, rest);
+      } catch (Refused& refused) {
+        refused.error.where = lines.where();
+        throw;
+      }
     }
     if (mesh_.triangles.empty()) refuse("f", "the file has no faces");
     if (skipped_ > 0)
@@ -61,31 +79,27 @@ class Reader {
     }
     if (!any_uv_) mesh_.uvs.clear();
     if (!any_normal_) mesh_.normals.clear();
-    if (colors_.size() != positions_.size()) mesh_.colors.clear();
-    to_world_axes(mesh_, builder_.options);
-    const std::string stem = stem_of(builder_.bundle.model().path);
-    PutEntity root;
-    root.mesh = builder_.library(builder_.claim_name(stem, "mesh"),
-                                 finish_mesh(std::move(mesh_), "mesh", builder_.budget));
-    const bool any_material = std::ranges::any_of(
-        by_part, [](const Ref& ref) { return !std::holds_alternative<std::monostate>(ref); });
-    if (any_material) root.materials = std::move(by_part);
-    builder_.entity("", std::move(root));
+    finish_colors();
+    put_model(builder_, {.mesh = std::move(mesh_),
+                         .positions = std::move(placed_),
+                         .materials = std::move(by_part),
+                         .where = "mesh"});
   }
 
  private:
   void statement(std::string_view key, std::string_view rest) {
     if (key == "v") {
-      position(rest);
+      position(uncommented(rest));
     } else if (key == "vt") {
-      const float u = take_number(rest, where_);
-      uvs_.emplace_back(u, trimmed(rest).empty() ? 0 : take_number(rest, where_));
+      rest = uncommented(rest);
+      const float u = number(rest);
+      uvs_.emplace_back(u, trimmed(rest).empty() ? 0 : number(rest));
     } else if (key == "vn") {
-      const float x = take_number(rest, where_);
-      const float y = take_number(rest, where_);
-      normals_.emplace_back(x, y, take_number(rest, where_));
+      const float x = number(rest);
+      const float y = number(rest);
+      normals_.emplace_back(x, y, number(rest));
     } else if (key == "f" || key == "fo") {
-      face(rest);
+      face(uncommented(rest));
     } else if (key == "o" || key == "g") {
       group_ = trimmed(rest);
       part_.reset();
@@ -93,49 +107,63 @@ class Reader {
       material_ = trimmed(rest);
       part_.reset();
     } else if (key == "mtllib") {
-      material_library(trimmed(rest));
+      material_libraries(rest);
     } else if (key == "l" || key == "p") {
       builder_.warn("points and lines are left out");
     } else if (key.starts_with("curv") || key == "surf" || key == "cstype") {
-      refuse_unimplemented(where_, "free-form curves and surfaces; tessellate them");
+      refuse_unimplemented("", "free-form curves and surfaces; tessellate them");
     }
+  }
+
+  /// Of a normal or a texture coordinate, which faces may do without: 0 for what is not finite.
+  float number(std::string_view& rest) {
+    std::string_view ahead = rest;
+    if (!is_no_number(take_word(ahead))) return take_number(rest, "");
+    builder_.warn("numbers of vn or vt that are not finite are taken as 0");
+    rest = ahead;
+    return 0;
   }
 
   void position(std::string_view rest) {
-    const float x = take_number(rest, where_);
-    const float y = take_number(rest, where_);
-    positions_.emplace_back(x, y, take_number(rest, where_));
-    Budget::check(positions_.size(), limits_.vertices, "vertices", where_);
+    const double x = take_double(rest, "");
+    const double y = take_double(rest, "");
+    positions_.emplace_back(x, y, take_double(rest, ""));
+    Budget::check(positions_.size(), limits_.vertices, "vertices", "");
     float numbers[4] = {};
     int count = 0;
-    while (count < 4 && !trimmed(rest).empty()) numbers[count++] = take_number(rest, where_);
+    while (count < 4 && !trimmed(rest).empty()) numbers[count++] = take_number(rest, "");
     if (count < 3) return;  // none, or a weight
     const float* rgb = numbers + (count == 4 ? 1 : 0);
-    colors_.emplace_back(linear_from_srgb(rgb[0]), linear_from_srgb(rgb[1]),
-                         linear_from_srgb(rgb[2]), 1);
+    colors_.resize(positions_.size(), vec4(1));
+    colors_.back() = vec4(rgb[0], rgb[1], rgb[2], 1);
   }
 
-  /// A whole line may be one name with spaces, or several names.
-  void material_library(std::string_view names) {
-    const std::string& from = builder_.bundle.model().path;
-    const std::string whole = Bundle::resolve(from, names, where_);
-    if (builder_.bundle.find(whole)) {
-      libraries_.push_back(whole);
-      return;
+  /// Names may have spaces, and a line several names: each ends with ".mtl", or with the line.
+  void material_libraries(std::string_view rest) {
+    std::string name;
+    while (!trimmed(rest).empty()) {
+      const std::string_view word = take_word(rest);
+      if (!name.empty()) name += ' ';
+      name += word;
+      if (!lower(word).ends_with(".mtl") && !lower(word).ends_with(".mtl\"")) continue;
+      material_library(name);
+      name.clear();
     }
-    while (!trimmed(names).empty()) {
-      libraries_.push_back(Bundle::resolve(from, take_word(names), where_));
-    }
+    if (!name.empty()) material_library(name);
+  }
+  void material_library(std::string_view name) {
+    const std::string path = Bundle::companion(builder_.bundle.model().path, name, "");
+    if (!path.empty()) libraries_.push_back(path);
   }
 
   /// 1 is the first, -1 the last so far.
-  u32 index(std::string_view text, std::size_t count, const char* what) const {
+  static u32 index(std::string_view text, std::size_t count, const char* what) {
     i64 value = 0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
     const i64 zero_based = value > 0 ? value - 1 : i64(count) + value;
     if (error != std::errc() || end != text.data() + text.size() || value == 0 || zero_based < 0 ||
         zero_based >= i64(count)) {
-      refuse(where_,
+      refuse("",
              fmt::format("{} '{}' is not one of the {} so far", what, clean_name(text, ""), count));
     }
     return u32(zero_based);
@@ -148,7 +176,7 @@ class Reader {
     word.remove_prefix(first + 1);
     const std::size_t second = std::min(word.find('/'), word.size());
     if (second > 0) result.uv = index(word.substr(0, second), uvs_.size(), "texture coordinate");
-    if (second < word.size()) {
+    if (second + 1 < word.size()) {
       result.normal = index(word.substr(second + 1), normals_.size(), "normal");
     }
     return result;
@@ -171,7 +199,7 @@ class Reader {
     if (!all_normals) give_flat_normal();
     local_.clear();
     triangulate(polygon_, local_);
-    Budget::check(mesh_.triangles.size() + local_.size(), limits_.triangles, "triangles", where_);
+    Budget::check(mesh_.triangles.size() + local_.size(), limits_.triangles, "triangles", "");
     if (!part_) {
       part_ = parts_.try_emplace({group_, material_}, u32(parts_.size())).first->second;
     }
@@ -186,20 +214,20 @@ class Reader {
   /// In a file with normals, a face without takes its own.
   void give_flat_normal() {
     if (!has_normals_) return;
-    flat_normals_.push_back(glm::cross(polygon_[1] - polygon_[0], polygon_[2] - polygon_[0]));
+    flat_normals_.emplace_back(normal_of(polygon_));
     for (Corner& c : corners_) c.normal = kFlat | u32(flat_normals_.size() - 1);
   }
 
   [[nodiscard]] vec3 normal(const Corner& c) const {
-    if (c.normal == kNone) return {0, 0, 1};
+    if (c.normal == kNone) return vec3(0);
     return c.normal & kFlat ? flat_normals_[c.normal & ~kFlat] : normals_[c.normal];
   }
 
   u32 vertex(const Corner& c) {
-    const auto [at, is_new] = vertices_.try_emplace(c, u32(mesh_.positions.size()));
+    const auto [at, is_new] = vertices_.try_emplace(c, u32(placed_.size()));
     if (!is_new) return at->second;
-    Budget::check(mesh_.positions.size() + 1, limits_.vertices, "vertices", where_);
-    mesh_.positions.push_back(positions_[c.position]);
+    Budget::check(placed_.size() + 1, limits_.vertices, "vertices", "");
+    placed_.push_back(positions_[c.position]);
     mesh_.uvs.push_back(c.uv == kNone ? vec2(0) : uvs_[c.uv]);
     mesh_.normals.push_back(normal(c));
     mesh_.colors.push_back(c.position < colors_.size() ? colors_[c.position] : vec4(1));
@@ -207,10 +235,18 @@ class Reader {
     return at->second;
   }
 
+  /// They are sRGB; a vertex without one is white.
+  void finish_colors() {
+    if (colors_.empty()) mesh_.colors.clear();
+    clamp_colors(mesh_.colors, builder_);
+    for (vec4& color : mesh_.colors)
+      for (int i = 0; i < 3; ++i) color[i] = linear_from_srgb(color[i]);
+  }
+
   Builder& builder_;
   const LoadLimits& limits_;
-  std::string where_;
-  std::vector<vec3> positions_, normals_, flat_normals_;
+  std::vector<glm::dvec3> positions_, placed_;  // of the file, of the mesh
+  std::vector<vec3> normals_, flat_normals_;
   std::vector<vec2> uvs_;
   std::vector<vec4> colors_;
   std::vector<std::string> libraries_;
@@ -219,7 +255,7 @@ class Reader {
   std::map<std::pair<std::string, std::string>, u32> parts_;  // (group, material)
   std::unordered_map<Corner, u32, CornerHash> vertices_;
   std::vector<Corner> corners_;
-  std::vector<vec3> polygon_;
+  std::vector<glm::dvec3> polygon_;
   std::vector<uvec3> local_;
   MeshData mesh_;
   u64 skipped_ = 0;

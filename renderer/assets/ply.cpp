@@ -1,180 +1,28 @@
-// PLY, ASCII and binary of both byte orders: polygons with normals, texture coordinates, colours.
-// Chosen by load.cpp. Source: Turk 1994, "The PLY Polygon File Format".
-#include <algorithm>
-#include <array>
-#include <bit>
-#include <cstring>
+// PLY, ASCII and binary of both byte orders: polygons with normals, texture coordinates, colours and
+// textures. Chosen by load.cpp.
+// Source: Turk 1994, "The PLY Polygon File Format"; `comment TextureFile`, `texcoord` and `texnumber`
+// as MeshLab writes them.
+#include "renderer/assets/ply_header.h"
 
-#include "renderer/assets/builder.h"
-#include "renderer/assets/mesh_data.h"
+#include <algorithm>
+#include <bit>
+#include <unordered_map>
+
+#include "renderer/assets/model.h"
+#include "renderer/assets/polygon.h"
 #include "renderer/assets/text_scan.h"
+#include "renderer/assets/texture_files.h"
 
 namespace heliograph::assets {
 namespace {
 
-enum class Type : u8 { kI8, kU8, kI16, kU16, kI32, kU32, kF32, kF64 };
-constexpr std::array<u8, 8> kTypeBytes = {1, 1, 2, 2, 4, 4, 4, 8};
+using namespace ply;
 
-Type type_of(std::string_view name, const std::string& where) {
-  constexpr std::array<std::array<std::string_view, 2>, 8> kNames = {{{"char", "int8"},
-                                                                      {"uchar", "uint8"},
-                                                                      {"short", "int16"},
-                                                                      {"ushort", "uint16"},
-                                                                      {"int", "int32"},
-                                                                      {"uint", "uint32"},
-                                                                      {"float", "float32"},
-                                                                      {"double", "float64"}}};
-  for (std::size_t i = 0; i < kNames.size(); ++i) {
-    if (std::ranges::find(kNames[i], name) != kNames[i].end()) return Type(i);
-  }
-  refuse(where, fmt::format("'{}' is not a PLY type", clean_name(name, "")));
-}
-
-struct Property {
-  std::string name;
-  Type type = Type::kF32;
-  std::optional<Type> count;  // of a list
-};
-struct Element {
-  std::string name;
-  u64 count = 0;
-  std::vector<Property> properties;
-};
-
-enum class Encoding : u8 { kAscii, kLittle, kBig };
-
-struct Header {
-  Encoding encoding = Encoding::kAscii;
-  std::vector<Element> elements;
-  std::size_t size = 0;
-};
-
-u64 parse_count(std::string_view word, const std::string& where) {
-  u64 value = 0;
-  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-  if (error != std::errc() || end != word.data() + word.size()) {
-    refuse(where, "the count is not a whole number");
-  }
-  return value;
-}
-
-void header_line(std::string_view line, const std::string& where, Header& header) {
-  const std::string_view key = take_word(line);
-  if (key == "format") {
-    const std::string_view name = take_word(line);
-    if (name == "binary_little_endian") {
-      header.encoding = Encoding::kLittle;
-    } else if (name == "binary_big_endian") {
-      header.encoding = Encoding::kBig;
-    } else if (name != "ascii") {
-      refuse(where, "the format is not ascii, binary_little_endian or binary_big_endian");
-    }
-  } else if (key == "element") {
-    const std::string name(take_word(line));
-    header.elements.push_back({name, parse_count(take_word(line), where), {}});
-  } else if (key == "property") {
-    if (header.elements.empty()) refuse(where, "a property comes before any element");
-    Property property;
-    std::string_view type = take_word(line);
-    if (type == "list") {
-      property.count = type_of(take_word(line), where);
-      type = take_word(line);
-    }
-    property.type = type_of(type, where);
-    property.name = take_word(line);
-    header.elements.back().properties.push_back(std::move(property));
-  } else if (key != "comment" && key != "obj_info" && !key.empty()) {
-    refuse(where, fmt::format("'{}' is not a PLY header line", clean_name(key, "")));
-  }
-}
-
-Header read_header(std::string_view text) {
-  Header header;
-  u32 number = 0;
-  while (true) {
-    const std::size_t end = text.find('\n', header.size);
-    if (end == text.npos) refuse("header", "end_header is missing");
-    const std::string_view line = trimmed(text.substr(header.size, end - header.size));
-    header.size = end + 1;
-    ++number;
-    if (number == 1 && line != "ply") refuse("line 1", "a PLY file begins with 'ply'");
-    if (line == "end_header") return header;
-    if (number > 1) header_line(line, fmt::format("line {}", number), header);
-  }
-}
-
-/// The numbers after the header, one by one.
-class Numbers {
- public:
-  Numbers(std::string_view rest, Encoding encoding) : rest_(rest), encoding_(encoding) {}
-
-  double next(Type type) {
-    if (encoding_ == Encoding::kAscii) return ascii();
-    const std::size_t size = kTypeBytes[std::size_t(type)];
-    if (size > rest_.size()) refuse("data", "the file is truncated");
-    std::array<char, 8> bytes{};
-    const bool same =
-        (std::endian::native == std::endian::little) == (encoding_ == Encoding::kLittle);
-    for (std::size_t i = 0; i < size; ++i) bytes[i] = rest_[same ? i : size - 1 - i];
-    rest_.remove_prefix(size);
-    return value(bytes, type);
-  }
-  u64 next_count(Type type) {
-    const double number = next(type);
-    if (!(number >= 0) || number > 4294967295.0 || number != std::floor(number)) {
-      refuse("data", "a count or an index is not a whole number, 0 or more");
-    }
-    return u64(number);
-  }
-  /// Whether `count` more of at least `bytes` each can be there.
-  [[nodiscard]] bool has(u64 count, u64 bytes) const {
-    return count <= rest_.size() / std::max<u64>(bytes, 1);
-  }
-
- private:
-  double ascii() {
-    const std::string_view word = take_word(rest_);
-    if (word.empty()) refuse("data", "the file is truncated");
-    double number = 0;
-    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), number);
-    if (error != std::errc() || end != word.data() + word.size()) {
-      refuse("data", fmt::format("'{}' is not a number", clean_name(word, "")));
-    }
-    return number;
-  }
-  template <class T>
-  static double as(const std::array<char, 8>& bytes) {
-    T number;
-    std::memcpy(&number, bytes.data(), sizeof number);
-    return double(number);
-  }
-  static double value(const std::array<char, 8>& bytes, Type type) {
-    switch (type) {
-      case Type::kI8:
-        return as<std::int8_t>(bytes);
-      case Type::kU8:
-        return as<u8>(bytes);
-      case Type::kI16:
-        return as<std::int16_t>(bytes);
-      case Type::kU16:
-        return as<u16>(bytes);
-      case Type::kI32:
-        return as<i32>(bytes);
-      case Type::kU32:
-        return as<u32>(bytes);
-      case Type::kF32:
-        return as<float>(bytes);
-      case Type::kF64:
-        return as<double>(bytes);
-    }
-    return 0;
-  }
-  std::string_view rest_;
-  Encoding encoding_;
-};
-
-/// What a vertex property means: an index into a row of twelve numbers; -1: nothing to us.
+/// What a property means: an index into a row of twelve numbers; -1: nothing to us.
 constexpr std::size_t kSlots = 12;
+constexpr int kNormal = 3, kUv = 6, kColor = 8, kAlpha = 11;
+using Row = std::array<double, kSlots>;
+
 int slot_of(const std::string& name) {
   constexpr std::array<std::array<std::string_view, 4>, kSlots> kNames = {{
       {"x"},
@@ -196,15 +44,56 @@ int slot_of(const std::string& name) {
   return -1;
 }
 
+/// The slot of each property of an element.
+std::vector<int> slots_of(const Element& element) {
+  std::vector<int> slots;
+  for (const Property& property : element.properties)
+    slots.push_back(property.count ? -1 : slot_of(property.name));
+  return slots;
+}
+
+bool has_slots(const std::vector<int>& slots, int first, int count) {
+  for (int slot = first; slot < first + count; ++slot)
+    if (std::ranges::find(slots, slot) == slots.end()) return false;
+  return true;
+}
+
+/// Integers are sRGB, floats linear; alpha is linear always.
+double color_of(double number, const Property& property, int slot) {
+  if (property.type == Type::kF32 || property.type == Type::kF64) return number;
+  const double largest = property.type == Type::kU16 || property.type == Type::kI16 ? 65535 : 255;
+  const auto unit = float(std::clamp(number / largest, 0.0, 1.0));
+  return slot == kAlpha ? unit : linear_from_srgb(unit);
+}
+
+bool is_indices(const Property& p) {
+  return p.count && (p.name == "vertex_indices" || p.name == "vertex_index");
+}
+bool is_texcoord(const Property& p) { return p.count && p.name == "texcoord"; }
+
+/// A vertex as a face has it, where faces have colours or texture coordinates of their own.
+struct Wedge {
+  u32 vertex = 0;
+  vec2 uv{0};
+  vec4 color{1};
+  bool operator==(const Wedge&) const = default;
+};
+struct WedgeHash {
+  std::size_t operator()(const Wedge& w) const {
+    u64 h = w.vertex;
+    for (const float number : {w.uv.x, w.uv.y, w.color.x, w.color.y, w.color.z, w.color.w})
+      h = (h ^ std::bit_cast<u32>(number)) * 0x9E3779B97F4A7C15ull, h ^= h >> 29;
+    return std::size_t(h);
+  }
+};
+
 class Reader {
  public:
-  explicit Reader(Builder& builder) : builder_(builder) {}
+  Reader(Builder& builder, const Header& header) : builder_(builder), header_(header) {}
 
-  MeshData read() {
-    const std::string_view text = as_text(builder_.bundle.model().bytes);
-    const Header header = read_header(text);
-    Numbers numbers(text.substr(header.size), header.encoding);
-    for (const Element& element : header.elements) {
+  Model read(std::string_view data) {
+    Numbers numbers(data, header_.encoding);
+    for (const Element& element : header_.elements) {
       if (element.name == "vertex") {
         read_vertices(element, numbers);
       } else if (element.name == "face") {
@@ -221,7 +110,11 @@ class Reader {
     if (empty_faces_ > 0) {
       builder_.warn(fmt::format("{} faces of fewer than 3 corners are left out", empty_faces_));
     }
-    return std::move(mesh_);
+    if (own_uvs_ || own_colors_) split();
+    return {.mesh = std::move(mesh_),
+            .positions = std::move(positions_),
+            .materials = {},
+            .where = "mesh"};
   }
 
  private:
@@ -239,136 +132,230 @@ class Reader {
     }
   }
 
-  /// Bytes or characters that one of the element takes at least.
-  static u64 smallest(const Element& element) {
-    return std::max<u64>(element.properties.size(), 1);
+  /// Whether the file can hold an element, each at least a byte or character a property.
+  static void check_size(const Element& element, const Numbers& numbers) {
+    if (!numbers.has(element.count, std::max<u64>(element.properties.size(), 1)))
+      refuse("data", "the file is truncated");
+  }
+
+  static void set(Row& row, int slot, const Property& property, double number) {
+    if (slot >= 0)
+      row[std::size_t(slot)] = slot < kColor ? number : color_of(number, property, slot);
   }
 
   void read_vertices(const Element& element, Numbers& numbers) {
     Budget::check(element.count, builder_.options.limits.vertices, "vertices", "element vertex");
-    if (!numbers.has(element.count, smallest(element))) refuse("data", "the file is truncated");
+    check_size(element, numbers);
     builder_.budget.take(element.count, kSlots * sizeof(float), "element vertex");
-    std::vector<int> slots;
-    for (const Property& property : element.properties) {
-      slots.push_back(property.count ? -1 : slot_of(property.name));
-    }
-    const auto has = [&](int first, int count) {
-      for (int slot = first; slot < first + count; ++slot) {
-        if (std::ranges::find(slots, slot) == slots.end()) return false;
-      }
-      return true;
-    };
-    const bool normals = has(3, 3), uvs = has(6, 2), colors = has(8, 3);
-    if (!has(0, 3)) refuse("element vertex", "has no x, y, z");
+    const std::vector<int> slots = slots_of(element);
+    if (!has_slots(slots, 0, 3)) refuse("element vertex", "has no x, y, z");
+    const bool normals = has_slots(slots, kNormal, 3);
+    const bool uvs = has_slots(slots, kUv, 2), colors = has_slots(slots, kColor, 3);
     for (u64 i = 0; i < element.count; ++i) {
-      std::array<float, kSlots> row{};
-      row[11] = 1;
+      Row row{};
+      row[kAlpha] = 1;
       for (std::size_t k = 0; k < slots.size(); ++k) {
-        const Property& property = element.properties[k];
-        const double number = skip_property(property, numbers);
-        if (slots[k] < 0) continue;
-        row[std::size_t(slots[k])] =
-            slots[k] < 8 ? float(number) : color(number, property, slots[k]);
+        const double number = skip_property(element.properties[k], numbers);
+        set(row, slots[k], element.properties[k], number);
       }
-      for (const float number : row) {
-        if (!std::isfinite(number)) refuse(fmt::format("vertex {}", i), "a number is not finite");
-      }
-      mesh_.positions.emplace_back(row[0], row[1], row[2]);
+      check_numbers(row, i);
+      positions_.emplace_back(row[0], row[1], row[2]);
       if (normals) mesh_.normals.emplace_back(row[3], row[4], row[5]);
       if (uvs) mesh_.uvs.emplace_back(row[6], row[7]);
       if (colors) mesh_.colors.emplace_back(row[8], row[9], row[10], row[11]);
     }
   }
 
-  /// Integers are sRGB, floats linear; alpha is linear always.
-  static float color(double number, const Property& property, int slot) {
-    if (property.type == Type::kF32 || property.type == Type::kF64) return float(number);
-    const double largest = property.type == Type::kU16 || property.type == Type::kI16 ? 65535 : 255;
-    const auto unit = float(std::clamp(number / largest, 0.0, 1.0));
-    return slot == 11 ? unit : linear_from_srgb(unit);
+  /// All but positions may be no number, and are 0 then.
+  void check_numbers(Row& row, u64 vertex) {
+    for (std::size_t k = 0; k < kSlots; ++k) {
+      if (std::isfinite(float(row[k]))) continue;
+      if (k < kNormal) refuse(fmt::format("vertex {}", vertex), "a number is not finite");
+      row[k] = 0;
+      builder_.warn("normals, colours or texture coordinates that are not finite are taken as 0");
+    }
   }
 
   void read_faces(const Element& element, Numbers& numbers) {
     Budget::check(element.count, builder_.options.limits.triangles, "triangles", "element face");
-    if (!numbers.has(element.count, smallest(element))) refuse("data", "the file is truncated");
-    const auto is_indices = [](const Property& p) {
-      return p.count && (p.name == "vertex_indices" || p.name == "vertex_index");
-    };
+    check_size(element, numbers);
     if (std::ranges::none_of(element.properties, is_indices)) {
       if (element.count > 0) refuse("element face", "has no list vertex_indices");
       return;
     }
+    const std::vector<int> slots = slots_of(element);
+    own_colors_ = has_slots(slots, kColor, 3);
+    own_uvs_ = std::ranges::any_of(element.properties, is_texcoord);
     for (u64 i = 0; i < element.count; ++i) {
-      for (const Property& property : element.properties) {
+      Row row{};
+      row[kAlpha] = 1;
+      texcoords_.clear();
+      texture_ = 0;
+      for (std::size_t k = 0; k < slots.size(); ++k) {
+        const Property& property = element.properties[k];
         if (is_indices(property)) {
-          read_face(property, i, numbers);
+          read_indices(property, i, numbers);
+        } else if (is_texcoord(property)) {
+          read_texcoords(property, numbers);
         } else {
           if (property.count)
-            builder_.warn("lists of faces other than vertex_indices are left out");
-          (void)skip_property(property, numbers);
+            builder_.warn("lists of faces other than vertex_indices and texcoord are left out");
+          const double number = skip_property(property, numbers);
+          if (property.name == "texnumber" && number > 0) texture_ = u32(std::min(number, 1e6));
+          set(row, slots[k], property, number);
         }
       }
+      add_face(vec4(row[8], row[9], row[10], row[11]));
     }
   }
 
-  void read_face(const Property& property, u64 face, Numbers& numbers) {
+  void read_indices(const Property& property, u64 face, Numbers& numbers) {
     const u64 corners = numbers.next_count(*property.count);
     if (!numbers.has(corners, 1)) refuse("data", "the file is truncated");
     indices_.clear();
-    polygon_.clear();
     for (u64 k = 0; k < corners; ++k) {
       const u64 index = numbers.next_count(property.type);
-      if (index >= mesh_.positions.size()) {
+      if (index >= positions_.size()) {
         refuse(fmt::format("face {}", face),
-               fmt::format("index {} is not below the {} vertices", index, mesh_.positions.size()));
+               fmt::format("index {} is not below the {} vertices", index, positions_.size()));
       }
       indices_.push_back(u32(index));
-      polygon_.push_back(mesh_.positions[index]);
     }
-    if (corners < 3) {
+  }
+
+  void read_texcoords(const Property& property, Numbers& numbers) {
+    const u64 count = numbers.next_count(*property.count);
+    if (!numbers.has(count, 1)) refuse("data", "the file is truncated");
+    for (u64 k = 0; k < count; ++k) {
+      const auto number = float(numbers.next(property.type));
+      texcoords_.push_back(std::isfinite(number) ? number : 0);
+    }
+  }
+
+  void add_face(const vec4& color) {
+    if (indices_.size() < 3) {
       ++empty_faces_;
       return;
     }
-    if (corners == 3) {
-      add(uvec3(indices_[0], indices_[1], indices_[2]));
-      return;
-    }
+    polygon_.clear();
+    for (const u32 index : indices_) polygon_.push_back(positions_[index]);
     local_.clear();
     triangulate(polygon_, local_);
-    for (const uvec3& t : local_) add(uvec3(indices_[t.x], indices_[t.y], indices_[t.z]));
+    Budget::check(mesh_.triangles.size() + local_.size(), builder_.options.limits.triangles,
+                  "triangles", "element face");
+    if (own_uvs_ || own_colors_) take_wedges(color);
+    for (const uvec3& t : local_)
+      mesh_.triangles.emplace_back(indices_[t.x], indices_[t.y], indices_[t.z]);
+    if (header_.textures.size() > 1)
+      mesh_.parts.resize(mesh_.triangles.size(),
+                         std::min(texture_, u32(header_.textures.size() - 1)));
   }
 
-  void add(const uvec3& triangle) {
-    Budget::check(mesh_.triangles.size() + 1, builder_.options.limits.triangles, "triangles",
-                  "element face");
-    mesh_.triangles.push_back(triangle);
+  /// Puts wedges in the place of the face's vertices.
+  void take_wedges(const vec4& color) {
+    for (std::size_t k = 0; k < indices_.size(); ++k) {
+      Wedge wedge{.vertex = indices_[k]};
+      if (2 * k + 1 < texcoords_.size()) wedge.uv = {texcoords_[2 * k], texcoords_[2 * k + 1]};
+      if (own_colors_) wedge.color = color;
+      const auto [at, is_new] = known_.try_emplace(wedge, u32(wedges_.size()));
+      Budget::check(wedges_.size() + 1, builder_.options.limits.vertices, "vertices",
+                    "element face");
+      if (is_new) wedges_.push_back(wedge);
+      indices_[k] = at->second;
+    }
+  }
+
+  /// From here on every wedge is a vertex.
+  void split() {
+    const auto spread = [&](auto& values) {
+      if (values.empty()) return;
+      auto old = std::exchange(values, {});
+      for (const Wedge& wedge : wedges_) values.push_back(old[wedge.vertex]);
+    };
+    if (own_uvs_) mesh_.uvs.clear();
+    if (own_colors_) mesh_.colors.clear();
+    spread(positions_);
+    spread(mesh_.normals);
+    spread(mesh_.uvs);
+    spread(mesh_.colors);
+    for (const Wedge& wedge : wedges_) {
+      if (own_uvs_) mesh_.uvs.push_back(wedge.uv);
+      if (own_colors_) mesh_.colors.push_back(wedge.color);
+    }
   }
 
   Builder& builder_;
+  const Header& header_;
   MeshData mesh_;
-  std::vector<u32> indices_;
-  std::vector<vec3> polygon_;
+  std::vector<glm::dvec3> positions_;
+  std::vector<u32> indices_;      // of the face
+  std::vector<float> texcoords_;  // of the face
+  u32 texture_ = 0;               // of the face
+  std::vector<glm::dvec3> polygon_;
   std::vector<uvec3> local_;
+  std::vector<Wedge> wedges_;
+  std::unordered_map<Wedge, u32, WedgeHash> known_;
+  bool own_uvs_ = false, own_colors_ = false;  // of faces
   u64 empty_faces_ = 0;
 };
+
+bool has_uvs(const Header& header) {
+  return std::ranges::any_of(header.elements, [](const Element& element) {
+    return (element.name == "vertex" && has_slots(slots_of(element), kUv, 2)) ||
+           (element.name == "face" && std::ranges::any_of(element.properties, is_texcoord));
+  });
+}
+
+/// A material for each texture that the header names.
+std::vector<Ref> load_textures(Builder& builder, const Header& header) {
+  const std::string& model = builder.bundle.model().path;
+  TextureFiles files(builder);
+  std::vector<std::pair<std::string, PutMaterial>> puts;
+  for (const std::string& name : header.textures) {
+    PutMaterial put;
+    ParameterPatch& color = put.parameters[std::size_t(MaterialParameter::base_color)];
+    color.value = vec3(1);
+    const std::string path = Bundle::companion(model, name, "comment TextureFile");
+    if (!path.empty())
+      color.texture = files.use({.path = path, .where = "comment TextureFile", .srgb = true});
+    puts.emplace_back(builder.claim_name(stem_of(path), "material"), std::move(put));
+  }
+  std::vector<Ref> materials;
+  if (!builder.complete()) return materials;
+  for (auto& [name, put] : puts) materials.push_back(builder.library(name, std::move(put)));
+  return materials;
+}
+
+/// Those of faces, or of vertices. Beside a texture they would darken it: it has them in it.
+void finish_colors(Model& model, Builder& builder) {
+  std::vector<vec4>& colors = model.mesh.colors;
+  if (!colors.empty() && !model.materials.empty()) {
+    builder.warn("colours of vertices are left out beside a texture");
+    colors.clear();
+  }
+  if (!clamp_colors(colors, builder)) return;
+  for (vec4& color : colors)
+    for (int i = 0; i < 3; ++i) color[i] = linear_from_srgb(color[i]);
+}
 
 }  // namespace
 
 void load_ply(Builder& builder) {
-  MeshData mesh = Reader(builder).read();
-  to_world_axes(mesh, builder.options);
-  const bool colored = !mesh.colors.empty();
-  PutEntity root;
-  if (colored) {  // the colours are the colour, not a tint of the default grey
-    PutMaterial white;
-    white.parameters[std::size_t(MaterialParameter::base_color)].value = vec3(1);
-    root.materials = std::vector<Ref>{
-        builder.library(builder.claim_name("vertex_colors", "vertex_colors"), white)};
+  const std::string_view text = as_text(builder.bundle.model().bytes);
+  const Header header = read_header(text);
+  const bool textured = has_uvs(header) && !header.textures.empty();
+  if (!textured && !header.textures.empty())
+    builder.warn("TextureFile without texture coordinates is left out");
+  std::vector<Ref> materials = textured ? load_textures(builder, header) : std::vector<Ref>();
+  if (!builder.complete()) return;
+  Model model = Reader(builder, header).read(text.substr(header.size));
+  model.materials = std::move(materials);
+  if (header.textures.size() > 1 && textured) {
+    for (std::size_t i = 0; i < header.textures.size(); ++i)
+      model.mesh.part_names.push_back(clean_name(header.textures[i], fmt::format("part_{}", i)));
   }
-  const std::string stem = stem_of(builder.bundle.model().path);
-  root.mesh = builder.library(builder.claim_name(stem, "mesh"),
-                              finish_mesh(std::move(mesh), "mesh", builder.budget));
-  builder.entity("", std::move(root));
+  finish_colors(model, builder);
+  put_model(builder, std::move(model));
 }
 
 }  // namespace heliograph::assets

@@ -1,10 +1,11 @@
 // STL, ASCII and binary. Equal vertices are welded; shading is flat. Chosen by load.cpp.
+#include <algorithm>
 #include <array>
+#include <bit>
 #include <cstring>
 #include <unordered_map>
 
-#include "renderer/assets/builder.h"
-#include "renderer/assets/mesh_data.h"
+#include "renderer/assets/model.h"
 #include "renderer/assets/text_scan.h"
 
 namespace heliograph::assets {
@@ -13,10 +14,10 @@ namespace {
 constexpr std::size_t kHeaderBytes = 84;
 constexpr std::size_t kFacetBytes = 50;
 
-using Bits = std::array<u32, 3>;
+using Bits = std::array<u64, 3>;
 struct BitsHash {
   std::size_t operator()(const Bits& b) const {
-    u64 h = (u64(b[0]) << 32 | b[1]) * 0x9E3779B97F4A7C15ull;
+    u64 h = (b[0] ^ b[1] * 0xC2B2AE3D27D4EB4Full) * 0x9E3779B97F4A7C15ull;
     h ^= h >> 29;
     return std::size_t((h ^ b[2]) * 0xBF58476D1CE4E5B9ull);
   }
@@ -25,18 +26,18 @@ struct BitsHash {
 /// Makes one vertex of equal positions.
 class Welder {
  public:
-  u32 vertex(vec3 p, const std::string& where) {
+  u32 vertex(glm::dvec3 p, const std::string& where) {
     if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z)) {
       refuse(where, "a vertex is not finite");
     }
-    p += 0.0f;  // -0 equals 0
-    Bits bits;
-    std::memcpy(bits.data(), &p, sizeof bits);
-    const auto [at, is_new] = known_.try_emplace(bits, u32(mesh.positions.size()));
-    if (is_new) mesh.positions.push_back(p);
+    p += 0.0;  // -0 equals 0
+    const Bits bits{std::bit_cast<u64>(p.x), std::bit_cast<u64>(p.y), std::bit_cast<u64>(p.z)};
+    const auto [at, is_new] = known_.try_emplace(bits, u32(model.positions.size()));
+    if (is_new) model.positions.push_back(p);
     return at->second;
   }
-  MeshData mesh;
+  void triangle(u32 a, u32 b, u32 c) { model.mesh.triangles.emplace_back(a, b, c); }
+  Model model{.mesh = {}, .positions = {}, .materials = {}, .where = "facets"};
 
  private:
   std::unordered_map<Bits, u32, BitsHash> known_;
@@ -48,73 +49,78 @@ u32 facets_of(std::span<const std::byte> bytes) {
   return count;
 }
 
-/// Binary by its size: many binary files begin with "solid" too.
-bool is_binary(std::span<const std::byte> bytes) {
-  return bytes.size() >= kHeaderBytes &&
-         (bytes.size() - kHeaderBytes) / kFacetBytes >= facets_of(bytes) &&
-         ((bytes.size() - kHeaderBytes) == kFacetBytes * u64(facets_of(bytes)) ||
-          !as_text(bytes).starts_with("solid"));
+u64 facets_in(std::span<const std::byte> bytes) {
+  return (bytes.size() - kHeaderBytes) / kFacetBytes;
 }
 
-MeshData read_binary(Builder& builder) {
+/// Begins with "solid" and has characters only: the facets of a binary file are counted in four
+/// bytes of which one is 0, and many of these files begin with "solid" too.
+bool is_ascii(std::span<const std::byte> bytes) {
+  constexpr std::size_t kLooked = 1024;
+  const std::string_view text = without_mark(as_text(bytes.first(std::min(kLooked, bytes.size()))));
+  const auto is_binary = [](char c) { return u8(c) < ' ' && !(c >= '\t' && c <= '\r'); };
+  return lower(trimmed(text).substr(0, 5)) == "solid" && std::ranges::none_of(text, is_binary);
+}
+
+/// As the header says, but for programs that leave the count at 0.
+u64 count_facets(Builder& builder) {
   const auto bytes = builder.bundle.model().bytes;
-  const u32 count = facets_of(bytes);
+  if (bytes.size() < kHeaderBytes || facets_of(bytes) > facets_in(bytes))
+    refuse("facets", "is neither binary STL of its size nor ASCII STL; the file may be truncated");
+  if (facets_of(bytes) > 0 || facets_in(bytes) == 0) return facets_of(bytes);
+  builder.warn(fmt::format("the header counts no facets; the {} behind it are read",
+                           facets_in(bytes)));
+  return facets_in(bytes);
+}
+
+Model read_binary(Builder& builder) {
+  const auto bytes = builder.bundle.model().bytes;
+  const u64 count = count_facets(builder);
   Budget::check(count, builder.options.limits.triangles, "triangles", "facets");
   builder.budget.take(count, sizeof(uvec3) + 3 * sizeof(vec3), "facets");
   Welder welder;
-  for (u32 i = 0; i < count; ++i) {
+  for (u64 i = 0; i < count; ++i) {
     std::array<vec3, 3> corners;
-    std::memcpy(corners.data(), bytes.data() + kHeaderBytes + kFacetBytes * u64(i) + 12,
+    std::memcpy(corners.data(), bytes.data() + kHeaderBytes + kFacetBytes * i + 12,
                 sizeof corners);
     const std::string where = fmt::format("facet {}", i);
     const u32 a = welder.vertex(corners[0], where);
     const u32 b = welder.vertex(corners[1], where);
-    welder.mesh.triangles.emplace_back(a, b, welder.vertex(corners[2], where));
+    welder.triangle(a, b, welder.vertex(corners[2], where));
   }
-  return std::move(welder.mesh);
+  return std::move(welder.model);
 }
 
-MeshData read_ascii(Builder& builder) {
+Model read_ascii(Builder& builder) {
   Welder welder;
   std::vector<u32> corners;
   Lines lines(as_text(builder.bundle.model().bytes));
   while (auto line = lines.next()) {
     std::string_view rest = *line;
-    const std::string_view key = take_word(rest);
+    const std::string key = lower(take_word(rest));
     if (key == "vertex") {
-      const float x = take_number(rest, lines.where());
-      const float y = take_number(rest, lines.where());
-      corners.push_back(welder.vertex({x, y, take_number(rest, lines.where())}, lines.where()));
+      const double x = take_double(rest, lines.where());
+      const double y = take_double(rest, lines.where());
+      corners.push_back(welder.vertex({x, y, take_double(rest, lines.where())}, lines.where()));
     } else if (key == "endloop" || key == "outer") {
       if (key == "endloop" && corners.size() != 3) {
         refuse(lines.where(), fmt::format("a facet has {} vertices, not 3", corners.size()));
       }
-      if (corners.size() == 3)
-        welder.mesh.triangles.emplace_back(corners[0], corners[1], corners[2]);
+      if (corners.size() == 3) welder.triangle(corners[0], corners[1], corners[2]);
       corners.clear();
-      Budget::check(welder.mesh.triangles.size(), builder.options.limits.triangles, "triangles",
+      Budget::check(welder.model.mesh.triangles.size(), builder.options.limits.triangles, "triangles",
                     lines.where());
     }
   }
   if (!corners.empty()) refuse(lines.where(), "the file is truncated");
-  return std::move(welder.mesh);
+  return std::move(welder.model);
 }
 
 }  // namespace
 
 void load_stl(Builder& builder) {
-  const auto bytes = builder.bundle.model().bytes;
-  const bool binary = is_binary(bytes);
-  if (!binary && !trimmed(as_text(bytes)).starts_with("solid")) {
-    refuse("facets", "is neither binary STL of its size nor ASCII STL; the file may be truncated");
-  }
-  MeshData mesh = binary ? read_binary(builder) : read_ascii(builder);
-  to_world_axes(mesh, builder.options);
-  const std::string stem = stem_of(builder.bundle.model().path);
-  PutEntity root;
-  root.mesh = builder.library(builder.claim_name(stem, "mesh"),
-                              finish_mesh(std::move(mesh), "facets", builder.budget));
-  builder.entity("", std::move(root));
+  const bool ascii = is_ascii(builder.bundle.model().bytes);
+  put_model(builder, ascii ? read_ascii(builder) : read_binary(builder));
 }
 
 }  // namespace heliograph::assets

@@ -39,31 +39,59 @@ namespace heliograph::assets {
   return word;
 }
 
-/// A finite number that is the whole word.
-[[nodiscard]] inline std::optional<float> parse_number(std::string_view word) {
+[[nodiscard]] inline std::string lower(std::string_view text) {
+  std::string out(text);
+  for (char& c : out) c = c >= 'A' && c <= 'Z' ? char(c + ('a' - 'A')) : c;
+  return out;
+}
+
+/// Without the byte order mark that some editors put before UTF-8.
+[[nodiscard]] inline std::string_view without_mark(std::string_view text) {
+  constexpr std::string_view kMark = "\xef\xbb\xbf";
+  return text.starts_with(kMark) ? text.substr(kMark.size()) : text;
+}
+
+/// A number that is the whole word and that f32 can hold.
+[[nodiscard]] inline std::optional<double> parse_double(std::string_view word) {
   if (word.starts_with('+')) word.remove_prefix(1);
   double value = 0;
   const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
   const bool whole = end == word.data() + word.size() && !word.empty();
   const bool tiny = word.find("e-") != word.npos || word.find("E-") != word.npos;
-  if (error == std::errc::result_out_of_range && whole && tiny) return 0.0f;
+  if (error == std::errc::result_out_of_range && whole && tiny) return 0.0;
   if (error != std::errc() || !whole || !std::isfinite(float(value))) return std::nullopt;
-  return float(value);
+  return value;
+}
+[[nodiscard]] inline std::optional<float> parse_number(std::string_view word) {
+  const std::optional<double> value = parse_double(word);
+  return value ? std::optional(float(*value)) : std::nullopt;
 }
 
-[[nodiscard]] inline float take_number(std::string_view& text, const std::string& where) {
+[[nodiscard]] inline double take_double(std::string_view& text, const std::string& where) {
   const std::string_view word = take_word(text);
-  const std::optional<float> value = parse_number(word);
+  const std::optional<double> value = parse_double(word);
   if (!value) {
     refuse(where, word.empty() ? "a number is missing" : "is not a finite number");
   }
   return *value;
 }
+[[nodiscard]] inline float take_number(std::string_view& text, const std::string& where) {
+  return float(take_double(text, where));
+}
 
-/// Lines of a text, without their ends; a backslash at the end joins the next line.
+/// Whether a program wrote this word for a number that is none: nan, -nan(ind), inf, 1.#QNAN.
+[[nodiscard]] inline bool is_no_number(std::string_view word) {
+  if (word.starts_with('-') || word.starts_with('+')) word.remove_prefix(1);
+  const std::string start = lower(word.substr(0, 3));
+  return start == "nan" || start == "inf" || start == "1.#";
+}
+
+/// Lines of a text, without their ends; a backslash at the end joins the next line. Lines of a text
+/// without line feeds end with carriage returns.
 class Lines {
  public:
-  explicit Lines(std::string_view text) : rest_(text) {}
+  explicit Lines(std::string_view text)
+      : rest_(without_mark(text)), end_(rest_.find('\n') == rest_.npos ? '\r' : '\n') {}
 
   /// The next line, trimmed; nullopt at the end. Valid until the next call.
   [[nodiscard]] std::optional<std::string_view> next() {
@@ -84,13 +112,14 @@ class Lines {
 
  private:
   std::string_view one() {
-    const std::size_t end = std::min(rest_.find('\n'), rest_.size());
+    const std::size_t end = std::min(rest_.find(end_), rest_.size());
     const std::string_view line = trimmed(rest_.substr(0, end));
     rest_.remove_prefix(std::min(end + 1, rest_.size()));
     ++number_;
     return line;
   }
   std::string_view rest_;
+  char end_;
   std::string joined_;
   u64 number_ = 0;
 };

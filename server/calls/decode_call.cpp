@@ -54,10 +54,12 @@ Status DecodeCall::gather() {
   named_ = request_;
   named_.clear_server_path();
   if (request_.server_path().empty()) return gather_bundle();
-  if (request_.files_size() > 0)
+  if (std::ranges::any_of(request_.files(), [](const auto& f) { return !f.sha256().empty(); }))
     return fail(Code::kInvalidArgument, "files", "goes without server_path; send one of them");
   const std::string& path = request_.server_path();
-  return gather_file(path, path.substr(folder_of(path).size()));
+  HELIO_TRY(gather_file(path, path.substr(folder_of(path).size())));
+  for (const v1::BundleFile& file : request_.files()) files_.push_back({file.path(), nullptr});
+  return {};
 }
 
 Status DecodeCall::gather_file(const std::string& path, const std::string& name) {
@@ -81,6 +83,10 @@ Status DecodeCall::gather_bundle() {
     if (!paths.insert(file.path()).second)
       return fail(Code::kInvalidArgument, fmt::format("files[{}].path", i),
                   fmt::format("'{}' is in the bundle twice; send each path once", file.path()));
+    if (i > 0 && file.sha256().empty()) {
+      files_.push_back({file.path(), nullptr});
+      continue;
+    }
     auto bytes = call_.session()->holdings().blob(file.sha256());
     if (!bytes)
       return std::unexpected(std::move(bytes).error().at(fmt::format("files[{}].sha256", i)));
@@ -95,7 +101,7 @@ void DecodeCall::submit() {
     for (const DecodeFile& file : files_) {
       v1::BundleFile* named = named_.add_files();
       named->set_path(file.path);
-      named->set_sha256(sha256(file.bytes->bytes()));
+      if (file.bytes) named->set_sha256(sha256(file.bytes->bytes()));
     }
   }
   hash_ = asset_hash(named_);
@@ -123,7 +129,7 @@ void DecodeCall::submit() {
 
 Status DecodeCall::charge_copy() {
   u64 bytes = 0;
-  for (const DecodeFile& file : files_) bytes += file.bytes->bytes().size();
+  for (const DecodeFile& file : files_) bytes += file.bytes ? file.bytes->bytes().size() : 0;
   if (const u64 most = daemon_.config.limits.decode_bytes; bytes > most) {
     Error error{.code = Code::kResourceExhausted,
                 .message = fmt::format("have {} bytes in all, {} are allowed: send smaller files, "
@@ -173,8 +179,9 @@ DecodeCall::Result DecodeCall::store(const Decoded& decoded) {
     return Replies{std::move(reply)};
   }
   Holdings& holdings = call_.session()->holdings();
-  for (int i = 0; i < request_.files_size(); ++i)
-    holdings.used(request_.files(i).sha256(), files_[std::size_t(i)].bytes);
+  for (int i = 0; request_.server_path().empty() && i < request_.files_size(); ++i)
+    if (const BufferPtr& bytes = files_[std::size_t(i)].bytes)
+      holdings.used(request_.files(i).sha256(), bytes);
   auto stored = std::make_shared<StoredAsset>();
   if (decoded.image) {
     stored->texels = decoded.image->texels;

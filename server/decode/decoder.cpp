@@ -40,6 +40,8 @@ Status begin(ChildProcess& child, const DecodeJob& job, const LoadLimits& limits
   decode::Job message;
   std::vector<Bytes> files;
   for (const DecodeFile& file : job.files) {
+    if (!file.bytes) message.add_absent(file.path);
+    if (!file.bytes) continue;
     message.add_paths(file.path);
     message.add_sizes(file.bytes->bytes().size());
     files.push_back(file.bytes->bytes());

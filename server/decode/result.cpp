@@ -45,6 +45,7 @@ class RegionSource : public ArraySource {
 Code code_of(u32 code) {
   switch (Code(code)) {
     case Code::kInvalidArgument:
+    case Code::kNotFound:
     case Code::kUnimplemented:
     case Code::kResourceExhausted:
       return Code(code);

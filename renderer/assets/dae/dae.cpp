@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "renderer/assets/dae/document.h"
-#include "renderer/assets/mesh_data.h"
+#include "renderer/assets/model.h"
 #include "renderer/assets/text_scan.h"
 
 namespace heliograph::assets {
@@ -63,6 +63,11 @@ std::vector<Node> used_materials(const Document& document, const std::vector<Sho
   return used;
 }
 
+mat4x3 about(const glm::dvec3& centre, mat4x3 pose) {
+  pose[3] = vec3(glm::dmat4x3(pose) * glm::dvec4(centre, 1));
+  return pose;
+}
+
 }  // namespace
 
 void load_dae(Builder& builder) {
@@ -76,27 +81,31 @@ void load_dae(Builder& builder) {
   for (const Shown& shown : all)
     if (!geometries.contains(shown.geometry))
       geometries.emplace(shown.geometry, load_geometry(document, builder, shown.geometry));
-  const u32 root = builder.entity("", PutEntity{});
-  bool any = false;
+  White white;
+  std::vector<std::pair<std::string_view, PutEntity>> puts;
   for (const Shown& shown : all) {
     const std::optional<Geometry>& geometry = geometries.at(shown.geometry);
     if (!geometry) continue;
     PutEntity put;
-    put.parent = builder.entity_ref(root);
     put.mesh = geometry->mesh;
-    const mat4x3 pose = affine_product(world, shown.pose);
+    const mat4x3 pose = about(geometry->centre, affine_product(world, shown.pose));
     if (pose != mat4x3(1)) put.pose = constant_pose(pose);
     std::vector<Ref> parts;
-    bool bound = false;
+    bool bound = geometry->colored;
     for (const Node& material : materials_of(document, shown, geometry->symbols)) {
       parts.push_back(material ? materials.at(material) : Ref());
       bound |= bool(material);
     }
+    if (geometry->colored) white.fill(parts, builder);
     if (bound) put.materials = std::move(parts);
-    builder.entity(builder.claim_name(shown.name, "node"), std::move(put));
-    any = true;
+    puts.emplace_back(shown.name, std::move(put));
   }
-  if (!any) refuse("scene", "the file shows no geometry");
+  if (puts.empty()) refuse("scene", "the file shows no geometry");
+  const u32 root = builder.entity("", PutEntity{});
+  for (auto& [name, put] : puts) {
+    put.parent = builder.entity_ref(root);
+    builder.entity(builder.claim_name(name, "node"), std::move(put));
+  }
 }
 
 }  // namespace heliograph::assets

@@ -1,6 +1,7 @@
 #include "renderer/assets/dae/document.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "renderer/assets/text_scan.h"
 
@@ -85,6 +86,22 @@ std::string place(const Node& node) {
     if (!id.empty()) return fmt::format("{} '{}'", at.name(), clean_name(id, "?"));
   }
   return fmt::format("<{}>", clean_name(node.name(), "?"));
+}
+
+std::vector<double> read_doubles(const Node& node, Budget& budget) {
+  std::string_view text = text_of(node);
+  const u64 count = words_in(text);
+  budget.take(count, sizeof(double), place(node));
+  std::vector<double> numbers;
+  numbers.reserve(count);
+  const std::string where = place(node);
+  for (u64 i = 0; i < count; ++i) {
+    std::string_view ahead = text;
+    const bool none = is_no_number(take_word(ahead));
+    numbers.push_back(none ? std::numeric_limits<double>::quiet_NaN() : take_double(text, where));
+    if (none) text = ahead;
+  }
+  return numbers;
 }
 
 std::vector<float> read_floats(const Node& node, Budget& budget) {

@@ -33,6 +33,8 @@ class Document {
 /// "geometry 'wheel'", for messages.
 [[nodiscard]] std::string place(const Node& node);
 
+/// All numbers of an <float_array>; what a program wrote for a number that is none is NaN.
+[[nodiscard]] std::vector<double> read_doubles(const Node& node, Budget& budget);
 /// All numbers of an element; finite.
 [[nodiscard]] std::vector<float> read_floats(const Node& node, Budget& budget);
 /// As many as are asked for.
@@ -51,6 +53,8 @@ using Materials = std::map<Node, Ref>;
 struct Geometry {
   Ref mesh;
   std::vector<std::string> symbols;  // of materials, by part
+  glm::dvec3 centre{0};              // that its vertices are about
+  bool colored = false;
 };
 /// nullopt: it has no faces.
 [[nodiscard]] std::optional<Geometry> load_geometry(const Document& document, Builder& builder,

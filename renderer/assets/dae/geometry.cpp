@@ -4,7 +4,8 @@
 #include <map>
 
 #include "renderer/assets/dae/document.h"
-#include "renderer/assets/mesh_data.h"
+#include "renderer/assets/model.h"
+#include "renderer/assets/polygon.h"
 #include "renderer/assets/text_scan.h"
 
 namespace heliograph::assets::dae {
@@ -14,11 +15,19 @@ constexpr u32 kNone = ~0u;
 
 /// What an <input> refers to: rows of numbers.
 struct Source {
-  const std::vector<float>* numbers = nullptr;
+  const std::vector<double>* numbers = nullptr;
   u32 count = 0, stride = 1, offset = 0, width = 0;
 
-  [[nodiscard]] float at(u32 row, u32 column) const {
+  [[nodiscard]] double exact(u32 row, u32 column) const {
     return column < width ? (*numbers)[offset + u64(row) * stride + column] : 1;
+  }
+  [[nodiscard]] glm::dvec3 position(u32 row) const {
+    return {exact(row, 0), exact(row, 1), exact(row, 2)};
+  }
+  /// 0 for what is not finite, which only a place may not be.
+  [[nodiscard]] float at(u32 row, u32 column) const {
+    const double number = exact(row, column);
+    return std::isfinite(number) ? float(number) : 0;
   }
   [[nodiscard]] vec3 three(u32 row) const { return {at(row, 0), at(row, 1), at(row, 2)}; }
 };
@@ -75,8 +84,11 @@ class Reader {
       return std::nullopt;
     }
     if (!any_[kUv]) mesh_.uvs.clear();
-    if (!any_[kColor]) mesh_.colors.clear();
+    finish_colors();
     if (!any_[kNormal]) mesh_.normals.clear();
+    Centred placed = centred(positions_, builder_);
+    mesh_.positions = std::move(placed.positions);
+    out_.centre = placed.centre;
     for (std::size_t i = 0; i < out_.symbols.size(); ++i)
       mesh_.part_names.push_back(clean_name(out_.symbols[i], fmt::format("part_{}", i)));
     const std::string_view name = geometry_.attribute("name").value();
@@ -192,7 +204,7 @@ class Reader {
         document_.linked(accessor.attribute("source").value(), "float_array", where_);
     auto known = arrays_.find(array);
     if (known == arrays_.end())
-      known = arrays_.emplace(array, read_floats(array, builder_.budget)).first;
+      known = arrays_.emplace(array, read_doubles(array, builder_.budget)).first;
     Source out{.numbers = &known->second,
                .count = whole_attribute(accessor, "count", 0),
                .stride = whole_attribute(accessor, "stride", 1),
@@ -215,12 +227,12 @@ class Reader {
     polygon_.resize(count);
     for (std::size_t i = 0; i < count; ++i) {
       corners_[i] = corner(indices.subspan(i * stride_, stride_));
-      polygon_[i] = inputs_[kPosition].source.three(corners_[i].rows[kPosition]);
+      polygon_[i] = inputs_[kPosition].source.position(corners_[i].rows[kPosition]);
     }
     const bool bare = inputs_[kNormal].offset == kNone;
     const bool flat = bare && has_normals_;
     any_[kNormal] |= !bare;
-    if (flat) flat_normal_ = glm::cross(polygon_[1] - polygon_[0], polygon_[2] - polygon_[0]);
+    if (flat) flat_normal_ = normal_of(polygon_);
     local_.clear();
     triangulate(polygon_, local_);
     Budget::check(mesh_.triangles.size() + local_.size(), builder_.options.limits.triangles,
@@ -252,23 +264,30 @@ class Reader {
       const auto known = vertices_.find(c);
       if (known != vertices_.end()) return known->second;
     }
-    const auto index = u32(mesh_.positions.size());
+    const auto index = u32(positions_.size());
     Budget::check(u64(index) + 1, builder_.options.limits.vertices, "vertices", where_);
     const auto three = [&](Attribute a, vec3 absent) {
       return c.rows[a] == kNone ? absent : inputs_[a].source.three(c.rows[a]);
     };
-    mesh_.positions.push_back(three(kPosition, vec3(0)));
+    positions_.push_back(inputs_[kPosition].source.position(c.rows[kPosition]));
     mesh_.normals.push_back(three(kNormal, flat_normal_));
     mesh_.uvs.emplace_back(vec2(three(kUv, vec3(0))));
     const u32 color = c.rows[kColor];
     const vec3 rgb = three(kColor, vec3(1));
-    mesh_.colors.emplace_back(linear_from_srgb(rgb.x), linear_from_srgb(rgb.y),
-                              linear_from_srgb(rgb.z),
-                              color == kNone ? 1 : inputs_[kColor].source.at(color, 3));
+    mesh_.colors.emplace_back(rgb, color == kNone ? 1 : inputs_[kColor].source.at(color, 3));
     any_[kUv] |= c.rows[kUv] != kNone;
     any_[kColor] |= color != kNone;
     if (!flat) vertices_.emplace(c, index);
     return index;
+  }
+
+  /// They are sRGB.
+  void finish_colors() {
+    out_.colored = any_[kColor];
+    if (!any_[kColor]) return mesh_.colors.clear();
+    clamp_colors(mesh_.colors, builder_);
+    for (vec4& color : mesh_.colors)
+      for (int i = 0; i < 3; ++i) color[i] = linear_from_srgb(color[i]);
   }
 
   const Document& document_;
@@ -278,12 +297,12 @@ class Reader {
   Geometry out_;
   MeshData mesh_;
   std::map<std::string, u32> parts_;  // by symbol
-  std::map<Node, std::vector<float>> arrays_;
+  std::map<Node, std::vector<double>> arrays_;
   Inputs inputs_;
   u32 stride_ = 1, part_ = 0, primitive_ = 0;
   std::unordered_map<Corner, u32, CornerHash> vertices_;
   std::vector<Corner> corners_;
-  std::vector<vec3> polygon_;
+  std::vector<glm::dvec3> polygon_, positions_;
   std::vector<uvec3> local_;
   std::vector<u32> made_;  // vertex of each corner of a face
   vec3 flat_normal_{0, 0, 1};

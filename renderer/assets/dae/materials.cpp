@@ -112,11 +112,11 @@ class Reader {
     }
     const Node from = image.child("init_from");
     std::string path(trimmed(from.child("ref") ? from.child_value("ref") : from.text().get()));
-    std::ranges::replace(path, '\\', '/');
-    if (path.starts_with("./")) path.erase(0, 2);
     const std::string inside = place(image);
-    return textures_.use({.path = Bundle::resolve(builder_.bundle.model().path,
-                                                  percent_decode(path, inside), inside),
+    const std::string found = Bundle::companion(builder_.bundle.model().path,
+                                                percent_decode(path, inside), inside);
+    if (found.empty()) return {};
+    return textures_.use({.path = found,
                           .where = inside,
                           .srgb = srgb,
                           .wrap_u = wrap_of(sampler, "wrap_s"),

@@ -3,8 +3,8 @@
 #include <glm/gtc/matrix_transform.hpp>
 
 #include "renderer/assets/dae/document.h"
+#include "renderer/assets/flat.h"
 #include "renderer/assets/text_scan.h"
-#include "renderer/scene/invertible.h"
 
 namespace heliograph::assets::dae {
 namespace {
@@ -59,7 +59,9 @@ class Walker {
   std::optional<mat4x3> transform(std::string_view tag, const Node& node) {
     if (tag == "matrix") {
       const auto m = numbers(node, 16);
-      if (m[12] != 0 || m[13] != 0 || m[14] != 0 || m[15] != 1)
+      constexpr float kRounding = 1e-5f;
+      const vec4 off(m[12], m[13], m[14], m[15] - 1);
+      if (glm::any(glm::greaterThan(glm::abs(off), vec4(kRounding))))
         refuse(place(node), "the last row of a <matrix> must be 0 0 0 1");
       return mat4x3(m[0], m[4], m[8], m[1], m[5], m[9], m[2], m[6], m[10], m[3], m[7], m[11]);
     }
@@ -87,14 +89,17 @@ class Walker {
     for (int column = 0; column < 4; ++column)
       if (!std::isfinite(glm::dot(pose[column], vec3(1))))
         refuse(where, "its transforms reach beyond what f32 can hold");
-    if (!invertible(pose)) {
+    const auto thick = with_thickness(pose);
+    if (!thick) {
       builder_.warn(fmt::format("{} has a scale without an inverse and is left out", where));
       return;
     }
+    if (*thick != pose)
+      builder_.warn(fmt::format("{} has a scale of 0 along one axis and is kept flat", where));
     const std::string_view name = node.attribute("name").value();
     Shown out{.geometry = document_.linked(instance.attribute("url").value(), "geometry", where),
               .name = std::string(name.empty() ? node.attribute("id").value() : name),
-              .pose = pose,
+              .pose = *thick,
               .material = {}};
     const Node bound = instance.child("bind_material").child("technique_common");
     for (const Node& material : bound.children("instance_material"))

@@ -138,6 +138,8 @@ void Document::load_buffers() {
     if (const auto uri = buffer.find("uri")) {
       const auto found = uri_bytes(*uri);
       if (!found) {
+        if (builder_.complete())
+          refuse(buffer.key_where("uri"), "names a file that is not there", Code::kNotFound);
         buffers_.emplace_back();
         continue;
       }

@@ -63,6 +63,10 @@ def add_view(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument("--up", default="", choices=["x", "y", "z"], help="for formats without one")
     group.add_argument("--units", type=float, default=0.0, help="metres a unit, likewise")
+    group.add_argument(
+        "--folder", action="append", default=[], help="a further one that has the model's textures"
+    )
+    group.add_argument("--strict", action="store_true", help="refuse a model that lacks textures")
     group.add_argument("--animation", metavar="NAME", help="a clip to bind; see --time")
     group.add_argument("--time", type=float, metavar="SECONDS", help="default 0")
 
@@ -147,9 +151,14 @@ def build(scene: Any, arguments: argparse.Namespace) -> Any:
 def _imported(edit: Any, arguments: argparse.Namespace) -> Any:
     if Path(arguments.model).suffix.lower() not in USD_ENDINGS:
         return edit.import_file(
-            arguments.model, up=arguments.up, units=arguments.units, animation=arguments.animation
+            arguments.model,
+            up=arguments.up,
+            units=arguments.units,
+            folders=arguments.folder,
+            strict=arguments.strict,
+            animation=arguments.animation,
         )
-    for name in ("up", "animation"):
+    for name in ("up", "animation", "folder", "strict"):
         if getattr(arguments, name):
             raise InvalidArgument(f"--{name}: USD files have their own; leave it out", field=name)
     times = None if arguments.time is None else "all"

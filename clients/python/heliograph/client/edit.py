@@ -321,16 +321,21 @@ class Edits(DomeEdits, RobotEdits, UsdEdits):
         up: str = "",
         units: float = 0.0,
         server_path: str = "",
+        folders: Sequence[str | os.PathLike[str]] = (),
+        strict: bool = False,
         **placement: Unpack[assets.Placement],
     ) -> Asset:
         """Decodes a model (glTF, GLB, DAE, OBJ, PLY, STL) and places it `count` times.
 
-        Companions are uploaded from beneath the model's folder only. up ("x", "y", "z") and units
-        (metres a unit) serve formats that name none, and go before a DAE's own. server_path: a file
-        under the daemon's asset root instead. Roots are called `name`, or "<name>/0" .. for a count
-        above 1.
+        up ("x", "y", "z") and units (metres a unit) serve formats that name none, and go before a
+        DAE's own. server_path: a file under the daemon's asset root instead. Roots are called
+        `name`, or "<name>/0" .. for a count above 1.
+
+        Textures and other companions are read from beneath the model's folder, and beneath
+        `folders`: where the model says they are, else a file of the same name. Without one the model
+        loads, and asset.warnings names it; strict=True refuses the model (NotFound).
         """
-        source = assets.Source(path, server_path, up, units)
+        source = assets.Source(path, server_path, up, units, folders, strict)
         asset = assets.decode(self.scene, source, name)
         for i in range(count):
             root = asset.name if count == 1 else f"{asset.name}/{i}"

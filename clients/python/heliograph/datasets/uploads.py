@@ -48,9 +48,9 @@ class Uploads:
 
     def _keep_files(self, folder: Folder, decoding: assets.Decoding) -> None:
         for file in decoding.request.files:
-            if folder.has_blob(file.sha256):
+            if not file.sha256 or folder.has_blob(file.sha256):
                 continue
-            data = self._blobs.get(file.sha256) or _unchanged(decoding.folder / file.path, file)
+            data = self._blobs.get(file.sha256) or _unchanged(decoding.paths[file.path], file)
             folder.keep_blob(file.sha256, data)
 
 
@@ -90,7 +90,7 @@ class Kept:
             send(data, digest)
         elif decoding is not None:
             request = service.DecodeAssetRequest.FromString(decoding)
-            for file in request.files:
+            for file in filter(lambda file: file.sha256, request.files):
                 send(_kept(self._folder, file), file.sha256)
             self.complete(lambda: assets.decode_again(self._client, digest, request))
         return data is not None or decoding is not None

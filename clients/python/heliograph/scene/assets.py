@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict
 
 from .._wire._proto import scene_pb2 as pb
@@ -16,6 +16,7 @@ from .._wire.uploads import repeated
 from ..errors import FailedPrecondition, InvalidArgument, NotFound
 from ..values.checks import refuse_unknown
 from ..values.pose import matrix_of
+from . import companions
 from .handles import Asset, Named
 from .patches import entity_message
 
@@ -49,6 +50,8 @@ class Source:
     up: str = ""
     units: float = 0.0
     layer: str = ""
+    folders: Sequence[str | os.PathLike[str]] = ()  #: further ones whose files may be read
+    strict: bool = False  #: refuse a model whose companions are not all there
 
     def request(self) -> service.DecodeAssetRequest:
         if (self.path is None) == (not self.server_path):
@@ -71,16 +74,24 @@ class Source:
 
 @dataclass(frozen=True)
 class Decoding:
-    """What the daemon decoded, and the folder that its files are in."""
+    """What the daemon decoded, and where its files are, by their names in the request."""
 
     request: service.DecodeAssetRequest
-    folder: Path
+    paths: dict[str, Path] = field(default_factory=dict)
 
     def send_again(self, client: Client, digest: bytes) -> None:
         """Has the files decoded that the daemon has decoded before."""
         for file in self.request.files:
-            _send_file(client, self, file.sha256)
+            if file.sha256:
+                _send_file(client, self, file.sha256)
         decode_again(client, digest, self.request)
+
+    def add(self, client: Client, name: str, path: Path | None) -> None:
+        """None: there is no such companion."""
+        digest = b"" if path is None else client.store.blob(path.read_bytes())
+        self.request.files.append(service.BundleFile(path=name, sha256=digest))
+        if path is not None:
+            self.paths[name] = path.absolute()
 
 
 def decode(scene: Scene, source: Source, name: str | None) -> Asset:
@@ -97,26 +108,41 @@ def decode(scene: Scene, source: Source, name: str | None) -> Asset:
 
 def decode_bundle(client: Client, source: Source) -> service.AssetInfo:
     """DecodeAsset, uploading what the daemon says is missing until nothing is."""
-    request = source.request()
+    decoding = Decoding(source.request())
     if source.path is not None:
         model = Path(source.path)
-        _add_file(client, request, model.name, _existing(model))
-    folder = Path(source.path).parent if source.path is not None else Path()
+        decoding.add(client, companions.readable(model.name), _existing(model))
     for _ in range(_ROUNDS):
         found, missing = repeated(
-            lambda: _answer(client, request),
-            lambda digest: _send_file(client, Decoding(request, folder), digest),
+            lambda: _answer(client, decoding.request),
+            lambda digest: _send_file(client, decoding, digest),
         )
         if found is not None:
-            client.store.decodings[_digest(found)] = Decoding(request, folder.absolute())
+            client.store.decodings[_digest(found)] = decoding
             return found
-        sent = {file.path for file in request.files}
+        sent = {file.path for file in decoding.request.files}
         new = [name for name in dict.fromkeys(missing) if name not in sent]
         if not new:
             raise NotFound(f"{source.path}: the daemon still misses {', '.join(missing)}")
         for name in new:
-            _add_file(client, request, name, companion(folder, name))
+            decoding.add(client, name, _companion(source, name))
     raise InvalidArgument(f"{source.path}: names companions in more than {_ROUNDS} rounds")
+
+
+def _companion(source: Source, name: str) -> Path | None:
+    """Where a companion is; None: it is not there, or may not be read."""
+    if source.path is not None:
+        found = companions.find(Path(source.path).parent, name, source.folders)
+        if found is not None:
+            return found
+    if source.strict:
+        raise NotFound(
+            f"the model refers to {name!r}, which is neither beneath its folder nor beneath "
+            f"folders={[os.fspath(folder) for folder in source.folders]}: put it beside the model, "
+            "or give its folder",
+            field="folders",
+        )
+    return None
 
 
 def decode_again(client: Client, digest: bytes, request: service.DecodeAssetRequest) -> None:
@@ -135,7 +161,7 @@ def _send_file(client: Client, decoding: Decoding, digest: bytes) -> bool:
     named = [file.path for file in decoding.request.files if file.sha256 == digest]
     if not named:
         return False
-    path = decoding.folder / named[0]
+    path = decoding.paths[named[0]]
     data = path.read_bytes() if path.is_file() else b""
     if hashlib.sha256(data).digest() != digest:
         raise FailedPrecondition(
@@ -169,33 +195,6 @@ def _existing(path: Path) -> Path:
     if not path.is_file():
         raise NotFound(f"no file {path}", field="path")
     return path
-
-
-def companion(folder: Path, name: str) -> Path:
-    """The file `name` beneath `folder`. Refuses whatever would leave the folder."""
-    relative = PurePosixPath(name)
-    absolute = relative.is_absolute() or "\\" in name or "\0" in name or ":" in name
-    if absolute or ".." in relative.parts or not relative.parts:
-        raise InvalidArgument(
-            f"the model refers to {name!r}: only files beneath its own folder are read; copy it "
-            "there and correct the reference",
-            field="path",
-        )
-    base = folder.resolve()
-    path = (base / relative).resolve()
-    if base not in path.parents:
-        raise InvalidArgument(
-            f"the model refers to {name!r}, a link that leaves its folder; copy the file there",
-            field="path",
-        )
-    if not path.is_file():
-        raise NotFound(f"the model refers to {name!r}, which is not in {folder}", field="path")
-    return path
-
-
-def _add_file(client: Client, request: service.DecodeAssetRequest, name: str, path: Path) -> None:
-    digest = client.store.blob(path.read_bytes())
-    request.files.append(service.BundleFile(path=name, sha256=digest))
 
 
 def instantiate_message(edits: Edits, asset: Asset, placement: Placement) -> pb.Instantiate:

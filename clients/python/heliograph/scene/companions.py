@@ -1,0 +1,59 @@
+"""Where the files are that a model refers to. Used by assets.py."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path, PurePosixPath
+
+#: Where textures are kept beneath a folder; the second is Gazebo's place.
+_PLACES = ("", "materials/textures", "textures")
+
+
+def find(folder: Path, name: str, folders: Sequence[str | os.PathLike[str]] = ()) -> Path | None:
+    """The file that a model in `folder` calls `name`: where it says, else the file of the same name
+    beneath a folder that may be read. Only what lies beneath `folder` or `folders` is found, links
+    followed. The case of letters may differ.
+
+    name: relative, "/" separates; it may begin with "..". Bytes that are no UTF-8 read as Latin-1.
+    """
+    roots = [folder, *map(Path, folders)]
+    real = [root.resolve() for root in roots]
+    for path in _candidates(roots, PurePosixPath(name)):
+        found = _on_disk(path)
+        if found is not None and any(root in found.resolve().parents for root in real):
+            return found
+    return None
+
+
+def _candidates(roots: Sequence[Path], name: PurePosixPath) -> Iterator[Path]:
+    for root in roots:
+        yield root / name
+        for place in _PLACES:
+            yield root / place / name.name
+
+
+def _on_disk(path: Path) -> Path | None:
+    """The file itself, or the one whose path reads the same but for the case of letters."""
+    if path.is_file():
+        return path
+    parts = path.parts
+    found = Path(parts[0])
+    for part in parts[1:]:
+        step = found / part
+        found = step if part == ".." or step.exists() else _same_name(found, part) or step
+    return found if found.is_file() else None
+
+
+def _same_name(folder: Path, name: str) -> Path | None:
+    try:
+        there = sorted(os.listdir(folder))
+    except OSError:
+        return None
+    wanted = name.casefold()
+    return next((folder / other for other in there if readable(other).casefold() == wanted), None)
+
+
+def readable(name: str) -> str:
+    """A file's name as text: bytes that are no UTF-8 read as Latin-1."""
+    return "".join(chr(ord(c) - 0xDC00) if 0xDC80 <= ord(c) <= 0xDCFF else c for c in name)

@@ -1,0 +1,37 @@
+#include "renderer/assets/flat.h"
+
+#include <algorithm>
+
+namespace heliograph::assets {
+namespace {
+
+/// The direction across the plane that three vectors span; 0: they span none.
+glm::dvec3 across(const glm::dmat3& vectors) {
+  glm::dvec3 longest(0);
+  for (int i = 0; i < 3; ++i) {
+    const glm::dvec3 normal = glm::cross(vectors[i], vectors[(i + 1) % 3]);
+    if (glm::length(normal) > glm::length(longest)) longest = normal;
+  }
+  const double length = glm::length(longest);
+  return length > 0 ? longest / length : longest;
+}
+
+}  // namespace
+
+std::optional<mat4x3> with_thickness(const mat4x3& pose) {
+  if (invertible(pose)) return pose;
+  constexpr double kThickness = 1e-5;
+  glm::dmat3 linear(pose);
+  const double size =
+      std::max({glm::length(linear[0]), glm::length(linear[1]), glm::length(linear[2])});
+  // What the matrix takes to 0 goes across the plane that it takes the rest to.
+  const glm::dmat3 thick =
+      kThickness * size * glm::outerProduct(across(linear), across(glm::transpose(linear)));
+  const bool mirrors = glm::determinant(linear + thick) < 0;
+  linear += mirrors ? -thick : thick;
+  const mat3 rounded(linear);
+  const mat4x3 out(rounded[0], rounded[1], rounded[2], pose[3]);
+  return invertible(out) ? std::optional(out) : std::nullopt;
+}
+
+}  // namespace heliograph::assets

@@ -1,0 +1,14 @@
+// Poses that flatten what they hold. Used by loaders of scenes.
+#pragma once
+
+#include <optional>
+
+#include "renderer/scene/invertible.h"
+
+namespace heliograph::assets {
+
+/// `pose` if f32 can invert it. One that flattens along a single direction, as a scale of 0 along
+/// one axis does, keeps 1e-5 of its size there; nullopt for others.
+[[nodiscard]] std::optional<mat4x3> with_thickness(const mat4x3& pose);
+
+}  // namespace heliograph::assets
