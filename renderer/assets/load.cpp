@@ -5,6 +5,7 @@
 #include <draco/core/draco_version.h>
 #include <meshoptimizer.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <pugixml.hpp>
@@ -37,16 +38,44 @@ constexpr std::array<std::pair<std::string_view, void (*)(Builder&)>, 8> kModels
     {"vdb", load_volume},
 }};
 
+std::string format_of(const Builder& builder) {
+  const std::string& given = builder.options.format;
+  return given.empty() ? extension_of(builder.bundle.model().path) : given;
+}
+bool is_gltf(const std::string& format) { return format == "gltf" || format == "glb"; }
+
+/// Of formats that say themselves what the numbers mean.
+void refuse_axes(const LoadOptions& options, const char* message) {
+  if (options.up.empty() && options.units <= 0) return;
+  refuse(options.up.empty() ? "units" : "up", message);
+}
+
+/// A size that few models have: the unit may be another one.
+void check_size(Builder& builder) {
+  constexpr float kSmall = 1e-3f, kLarge = 1e3f;
+  const vec3 sides = builder.loaded.bounds_max - builder.loaded.bounds_min;
+  const float size = std::max({sides.x, sides.y, sides.z});
+  if (size <= 0 || (size >= kSmall && size <= kLarge)) return;
+  const bool says = is_gltf(format_of(builder)) || format_of(builder) == "dae";
+  builder.warn(fmt::format(
+      "the model is {:.3g} m across{}", size,
+      says ? ""
+           : ": a unit was taken as 1 m, and +Z as up, unless given; units= and up= say others"));
+}
+
 void load(Builder& builder) {
-  const std::string& path = builder.bundle.model().path;
-  const std::string format =
-      builder.options.format.empty() ? extension_of(path) : builder.options.format;
+  const std::string format = format_of(builder);
   for (const auto& [ending, load_model] : kModels) {
     if (format != ending) continue;
     if (!builder.options.layer.empty()) refuse("layer", "is of pictures; a model has none");
+    if (is_gltf(format)) {
+      refuse_axes(builder.options,
+                  "glTF is +Y up and in metres: leave it out, and give transform= instead");
+    }
     return load_model(builder);
   }
   if (format == "ies" || is_picture_name(format) || is_picture(builder.bundle.model().bytes)) {
+    refuse_axes(builder.options, "a picture has none: leave it out");
     return load_picture(builder);
   }
   refuse_unimplemented(
@@ -60,7 +89,10 @@ Loaded load_bundle(std::span<const BundleFile> files, const LoadOptions& options
   const std::string path = builder.bundle.model().path;
   try {
     load(builder);
-    if (builder.complete()) measure(builder.loaded);
+    if (builder.complete()) {
+      measure(builder.loaded);
+      check_size(builder);
+    }
   } catch (Refused& refused) {
     constexpr std::size_t kLongestMessage = 2000;
     Error& error = refused.error;

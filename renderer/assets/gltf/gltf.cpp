@@ -24,9 +24,6 @@ void name_variants(const gltf::Document& document, Builder& builder) {
 
 void load_gltf(Builder& builder) {
   using namespace gltf;
-  if (!builder.options.up.empty() || builder.options.units > 0) {
-    builder.warn("up and units are ignored: glTF is +Y up and in metres");
-  }
   Document document(builder);
   if (builder.complete()) unpack_draco(document, builder.budget);
   name_variants(document, builder);
