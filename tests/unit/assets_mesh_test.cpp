@@ -119,7 +119,6 @@ TEST_CASE("obj: what is broken is refused with its line") {
   CHECK_THAT(refused("v 0 0 nan\n"), Contains("line 1"));
   CHECK_THAT(refused("v 0 0 1e999\n"), Contains("line 1"));
   CHECK_THAT(refused("v 0 0\n"), Contains("missing"));
-  CHECK_THAT(refused("mtllib ../a.mtl\n"), Contains("inside the bundle"));
   CHECK_THAT(refused("cstype bezier\n"), Contains("12 ") && Contains("tessellate"));
 }
 

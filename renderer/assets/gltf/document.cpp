@@ -139,7 +139,9 @@ void Document::load_buffers() {
       const auto found = uri_bytes(*uri);
       if (!found) {
         if (builder_.complete())
-          refuse(buffer.key_where("uri"), "names a file that is not there", Code::kNotFound);
+          refuse(buffer.key_where("uri"),
+                 fmt::format("there is no file '{}'", clean_text(uri->text(), 120)),
+                 Code::kNotFound);
         buffers_.emplace_back();
         continue;
       }

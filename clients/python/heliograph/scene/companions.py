@@ -19,27 +19,26 @@ def find(folder: Path, name: str, folders: Sequence[str | os.PathLike[str]] = ()
     """
     roots = [folder, *map(Path, folders)]
     real = [root.resolve() for root in roots]
-    for path in _candidates(roots, PurePosixPath(name)):
-        found = _on_disk(path)
-        if found is not None and any(root in found.resolve().parents for root in real):
+    for root, relative in _candidates(roots, PurePosixPath(name)):
+        found = _on_disk(root, relative)
+        if found is not None and any(above in found.resolve().parents for above in real):
             return found
     return None
 
 
-def _candidates(roots: Sequence[Path], name: PurePosixPath) -> Iterator[Path]:
+def _candidates(roots: Sequence[Path], name: PurePosixPath) -> Iterator[tuple[Path, PurePosixPath]]:
     for root in roots:
-        yield root / name
+        yield root, name
         for place in _PLACES:
-            yield root / place / name.name
+            yield root, PurePosixPath(place, name.name)
 
 
-def _on_disk(path: Path) -> Path | None:
+def _on_disk(root: Path, name: PurePosixPath) -> Path | None:
     """The file itself, or the one whose path reads the same but for the case of letters."""
-    if path.is_file():
-        return path
-    parts = path.parts
-    found = Path(parts[0])
-    for part in parts[1:]:
+    if (root / name).is_file():
+        return root / name
+    found = root
+    for part in name.parts:
         step = found / part
         found = step if part == ".." or step.exists() else _same_name(found, part) or step
     return found if found.is_file() else None
