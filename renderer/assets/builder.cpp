@@ -43,10 +43,11 @@ void Builder::warn(const std::string& warning) {
 }
 
 void Builder::missing(const std::string& path) {
-  if (options.absent.contains(path)) {
-    return warn(fmt::format("there is no file '{}': it is left out; put it beside the model, or give "
-                            "the folder that it is in (folders=)",
-                            path));
+  if (bundle.lacks(path)) {
+    return warn(
+        fmt::format("there is no file '{}': it is left out; put it beside the model, or give "
+                    "the folder that it is in (folders=)",
+                    path));
   }
   if (missing_.insert(path).second) loaded.missing.push_back(path);
 }

@@ -138,13 +138,22 @@ Bundle::Bundle(std::span<const BundleFile> files) : files_(files) {
   for (std::size_t i = 0; i < files.size(); ++i) {
     const std::string where = fmt::format("files[{}].path", i);
     if (normalise("", files[i].path, where, i > 0) != files[i].path) refuse_path(where);
-    if (find(files[i].path) != &files[i]) refuse(where, "this path is in the bundle twice");
+    if (&*at(files[i].path) != &files[i]) refuse(where, "this path is in the bundle twice");
   }
 }
 
+std::span<const BundleFile>::iterator Bundle::at(std::string_view path) const {
+  return std::ranges::find(files_, path, &BundleFile::path);
+}
+
 const BundleFile* Bundle::find(std::string_view path) const {
-  const auto at = std::ranges::find(files_, path, &BundleFile::path);
-  return at == files_.end() ? nullptr : &*at;
+  const auto found = at(path);
+  return found == files_.end() || found->bytes.empty() ? nullptr : &*found;
+}
+
+bool Bundle::lacks(std::string_view path) const {
+  const auto found = at(path);
+  return found != files_.end() && found->bytes.empty();
 }
 
 std::string Bundle::resolve(std::string_view from, std::string_view reference,

@@ -18,20 +18,24 @@ class Bundle {
   explicit Bundle(std::span<const BundleFile> files);
 
   [[nodiscard]] const BundleFile& model() const { return files_.front(); }
+  /// Null where there is none, and for one that nobody has.
   [[nodiscard]] const BundleFile* find(std::string_view path) const;
+  /// Whether the bundle says, by an empty file, that nobody has this one.
+  [[nodiscard]] bool lacks(std::string_view path) const;
 
   /// The bundle path of `reference`, as written in the file `from`; `where` is for the message.
   /// A reference that is absolute, has a scheme or a NUL, or leaves the bundle is refused, in the
   /// same words whether or not such a file exists.
   [[nodiscard]] static std::string resolve(std::string_view from, std::string_view reference,
                                            const std::string& where);
-  /// The same for formats whose programs write what they like: quotes, backslashes, paths of another
-  /// machine, of which the last name is taken, ways out of the folder, bytes that are no UTF-8, which
-  /// are read as Latin-1. "": `reference` is blank.
+  /// The same for formats whose programs write what they like: quotes, backslashes, paths of
+  /// another machine, of which the last name is taken, ways out of the folder, bytes that are no
+  /// UTF-8, which are read as Latin-1. "": `reference` is blank.
   [[nodiscard]] static std::string companion(std::string_view from, std::string_view reference,
                                              const std::string& where);
 
  private:
+  [[nodiscard]] std::span<const BundleFile>::iterator at(std::string_view path) const;
   std::span<const BundleFile> files_;
 };
 

@@ -5,7 +5,6 @@
 
 #include <functional>
 #include <optional>
-#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -35,11 +34,10 @@ struct LoadLimits {
 struct LoadOptions {
   std::string format;  // "": by the first file's extension
   // "x", "y", "z" for formats that name no axis, and instead of what COLLADA names; "": nothing is
-  // turned, COLLADA as it says. glTF refuses both.
+  // turned, COLLADA as it says.
   std::string up;
   double units = 0;   // metres a unit, for the same formats; 0: 1, COLLADA as it says
   std::string layer;  // of a lone picture with several; "": its colours
-  std::set<std::string, std::less<>> absent{};  // companions that nobody has: done without
   LoadLimits limits{};
   /// Calls a function in as many threads as there are, and returns when all have ended.
   std::function<void(const std::function<void()>&)> in_threads = [](const auto& work) { work(); };

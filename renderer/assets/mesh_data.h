@@ -26,8 +26,8 @@ struct MeshData {
   std::vector<std::vector<vec3>> morph_normals;    // empty, or as long as `positions` each
 };
 
-/// Checks counts and indices, makes normals unit, and takes the arrays. A normal without a direction
-/// becomes that of its triangles.
+/// Checks counts and indices, makes normals unit, and takes the arrays. A normal without a
+/// direction becomes that of its triangles.
 [[nodiscard]] PutMesh finish_mesh(MeshData mesh, const std::string& where, Budget& budget);
 
 /// Turns the up axis ("x", "y", "z", "") to +Z: z_up_from("y") maps (x, y, z) to (x, -z, y).

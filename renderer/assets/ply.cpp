@@ -1,7 +1,6 @@
-// PLY, ASCII and binary of both byte orders: polygons with normals, texture coordinates, colours and
-// textures. Chosen by load.cpp.
-// Source: Turk 1994, "The PLY Polygon File Format"; `comment TextureFile`, `texcoord` and `texnumber`
-// as MeshLab writes them.
+// PLY, ASCII and binary of both byte orders: polygons with normals, texture coordinates, colours
+// and textures. Chosen by load.cpp. Source: Turk 1994, "The PLY Polygon File Format"; `comment
+// TextureFile`, `texcoord` and `texnumber` as MeshLab writes them.
 #include "renderer/assets/ply_header.h"
 
 #include <algorithm>

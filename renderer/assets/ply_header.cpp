@@ -125,7 +125,8 @@ double Numbers::next(Type type) {
   const std::size_t size = kTypeBytes[std::size_t(type)];
   if (size > rest_.size()) refuse("data", "the file is truncated");
   std::array<char, 8> bytes{};
-  const bool same = (std::endian::native == std::endian::little) == (encoding_ == Encoding::kLittle);
+  const bool same =
+      (std::endian::native == std::endian::little) == (encoding_ == Encoding::kLittle);
   for (std::size_t i = 0; i < size; ++i) bytes[i] = rest_[same ? i : size - 1 - i];
   rest_.remove_prefix(size);
   return value(bytes, type);

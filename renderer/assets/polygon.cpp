@@ -48,7 +48,8 @@ class Grid {
     for (const Point& p : points) low_ = glm::min(low_, p), high_ = glm::max(high_, p);
     side_ = std::max<u32>(1, u32(std::sqrt(double(members.size()))));
     cells_.resize(std::size_t(side_) * side_);
-    for (const u32 i : members) cells_[cell(points[i].x, 0) + side_ * cell(points[i].y, 1)].push_back(i);
+    for (const u32 i : members)
+      cells_[cell(points[i].x, 0) + side_ * cell(points[i].y, 1)].push_back(i);
   }
 
   /// Whether any corner whose cell meets the box is one that `holds`. Those that `gone` tells are
@@ -125,8 +126,7 @@ class Clipper {
       return leniency_ == 0 ? least >= 0 : least > 0;
     };
     const auto gone = [&](u32 k) { return is_gone(k) || is_convex(k); };
-    return !grid_.any(glm::min(glm::min(a, b), c), glm::max(glm::max(a, b), c), gone,
-                              holds);
+    return !grid_.any(glm::min(glm::min(a, b), c), glm::max(glm::max(a, b), c), gone, holds);
   }
 
   /// Returns the corner after it.

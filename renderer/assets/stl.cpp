@@ -68,8 +68,8 @@ u64 count_facets(Builder& builder) {
   if (bytes.size() < kHeaderBytes || facets_of(bytes) > facets_in(bytes))
     refuse("facets", "is neither binary STL of its size nor ASCII STL; the file may be truncated");
   if (facets_of(bytes) > 0 || facets_in(bytes) == 0) return facets_of(bytes);
-  builder.warn(fmt::format("the header counts no facets; the {} behind it are read",
-                           facets_in(bytes)));
+  builder.warn(
+      fmt::format("the header counts no facets; the {} behind it are read", facets_in(bytes)));
   return facets_in(bytes);
 }
 
@@ -81,8 +81,7 @@ Model read_binary(Builder& builder) {
   Welder welder;
   for (u64 i = 0; i < count; ++i) {
     std::array<vec3, 3> corners;
-    std::memcpy(corners.data(), bytes.data() + kHeaderBytes + kFacetBytes * i + 12,
-                sizeof corners);
+    std::memcpy(corners.data(), bytes.data() + kHeaderBytes + kFacetBytes * i + 12, sizeof corners);
     const std::string where = fmt::format("facet {}", i);
     const u32 a = welder.vertex(corners[0], where);
     const u32 b = welder.vertex(corners[1], where);
@@ -108,8 +107,8 @@ Model read_ascii(Builder& builder) {
       }
       if (corners.size() == 3) welder.triangle(corners[0], corners[1], corners[2]);
       corners.clear();
-      Budget::check(welder.model.mesh.triangles.size(), builder.options.limits.triangles, "triangles",
-                    lines.where());
+      Budget::check(welder.model.mesh.triangles.size(), builder.options.limits.triangles,
+                    "triangles", lines.where());
     }
   }
   if (!corners.empty()) refuse(lines.where(), "the file is truncated");

@@ -93,7 +93,6 @@ Expected<Loaded> load(const Region& region, Helpers& helpers, u64& result_bytes)
                             .up = job->up(),
                             .units = job->units(),
                             .layer = job->layer(),
-                            .absent = {job->absent().begin(), job->absent().end()},
                             .limits = limits_of(job->limits()),
                             .in_threads = [&](const auto& work) { helpers.run(work); }});
 }

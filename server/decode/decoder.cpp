@@ -40,11 +40,9 @@ Status begin(ChildProcess& child, const DecodeJob& job, const LoadLimits& limits
   decode::Job message;
   std::vector<Bytes> files;
   for (const DecodeFile& file : job.files) {
-    if (!file.bytes) message.add_absent(file.path);
-    if (!file.bytes) continue;
     message.add_paths(file.path);
-    message.add_sizes(file.bytes->bytes().size());
-    files.push_back(file.bytes->bytes());
+    files.push_back(file.bytes ? file.bytes->bytes() : Bytes());
+    message.add_sizes(files.back().size());
   }
   message.set_format(job.format);
   message.set_up(job.up);

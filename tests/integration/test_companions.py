@@ -1,5 +1,5 @@
-"""Textures and MTL files that a model names: found as other programs find them, only beneath folders
-that may be read, and named by a warning where they are not there."""
+"""Textures and MTL files that a model names: found as other programs find them, only beneath
+folders that may be read, and named by a warning where they are not there."""
 
 import os
 

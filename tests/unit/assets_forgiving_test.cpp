@@ -1,5 +1,5 @@
-// What other programs write and read, and formats do not say: each loads, as these programs have it,
-// and a warning tells what was guessed.
+// What other programs write and read, and formats do not say: each loads, as these programs have
+// it, and a warning tells what was guessed.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -25,12 +25,13 @@ Expected<Loaded> load_text(const std::string& name, std::string_view text) {
 
 /// A quad of one material.
 Expected<Loaded> with_mtl(const std::string& mtl, const std::string& line = "mtllib m.mtl\n",
-                          const LoadOptions& options = {}) {
+                          const std::string& absent = "none.png") {
   return TestBundle()
       .add("m.obj", line + kQuad + "usemtl a\nf 1/1 2/1 3/1 4/1\n")
       .add("m.mtl", mtl)
       .add("t.png", read_file(test_assets() / "picture/orm.png"))
-      .load(options);
+      .add(absent, "")
+      .load();
 }
 
 double area(const Loaded& loaded) {
@@ -118,9 +119,9 @@ TEST_CASE("forgiving: lines of MTL") {
   CHECK(color("newmtl a\nKd 1 0 0\n", "mtllib /home/me/m.mtl\n") == red);
   CHECK(color("newmtl a\nmap_Kd t.png\n") == vec3(1));
   CHECK(color("newmtl a\n") == vec3(0.8f));
-  for (const char* map : {"t.png", "\"t.png\"", "t.png -bm 1", "-s 1 1 1 t.png", "t.png # a picture",
-                          ".\\t.png", "C:\\Users\\me\\t.png", "/home/me/t.png",
-                          "file:///home/me/t.png"}) {
+  for (const char* map :
+       {"t.png", "\"t.png\"", "t.png -bm 1", "-s 1 1 1 t.png", "t.png # a picture", ".\\t.png",
+        "C:\\Users\\me\\t.png", "/home/me/t.png", "file:///home/me/t.png"}) {
     INFO(map);
     const auto loaded = with_mtl(std::string("newmtl a\nmap_kd ") + map + "\n");
     INFO(refusal(loaded));
@@ -154,17 +155,15 @@ TEST_CASE("forgiving: Tr 1 is opaque, and d goes before it") {
 }
 
 TEST_CASE("forgiving: a companion that nobody has is done without") {
-  LoadOptions options;
   CHECK(with_mtl("newmtl a\nKd 0 0 1\nmap_Kd ../x.png\n")->missing ==
         std::vector<std::string>{"../x.png"});
-  options.absent = {"../x.png"};
-  const auto loaded = with_mtl("newmtl a\nKd 0 0 1\nmap_Kd ../x.png\n", "mtllib m.mtl\n", options);
+  const auto loaded =
+      with_mtl("newmtl a\nKd 0 0 1\nmap_Kd ../x.png\n", "mtllib m.mtl\n", "../x.png");
   REQUIRE(loaded);
   CHECK(loaded->missing.empty());
   CHECK(value(library_item<PutMaterial>(*loaded), base_color) == vec3(0, 0, 1));
   CHECK_THAT(warnings(*loaded), Contains("'../x.png'") && Contains("folders="));
-  options.absent = {"none.mtl"};
-  const auto bare = with_mtl("", "mtllib none.mtl\n", options);
+  const auto bare = with_mtl("", "mtllib none.mtl\n", "none.mtl");
   REQUIRE(bare);
   CHECK_THAT(warnings(*bare), Contains("none.mtl") && !Contains("defined nowhere"));
 }
@@ -200,8 +199,9 @@ TEST_CASE("forgiving: colours of vertices are not tinted, and in [0, 1]") {
 
 TEST_CASE("forgiving: a normal without a direction is that of its faces") {
   const std::string wall = "v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\n";
-  for (const char* rest : {"vn 0 0 0\nf 1//1 2//1 3//1 4//1\n", "vn nan nan nan\nf 1//1 2//1 3//1\n",
-                           "vn\t0 -1 0\nf 1//1 2//1 3//1\nf 1 3 4\n"}) {
+  for (const char* rest :
+       {"vn 0 0 0\nf 1//1 2//1 3//1 4//1\n", "vn nan nan nan\nf 1//1 2//1 3//1\n",
+        "vn\t0 -1 0\nf 1//1 2//1 3//1\nf 1 3 4\n"}) {
     INFO(rest);
     const auto loaded = load_text("a.obj", wall + rest);
     REQUIRE(loaded);
@@ -225,9 +225,8 @@ TEST_CASE("forgiving: PLY names its texture, and faces have colours and coordina
     REQUIRE(loaded);
     return std::move(*loaded);
   };
-  const Loaded textured =
-      load(head + "property list uchar float texcoord\nend_header\n" + points +
-           "3 0 1 2 6 0 0 1 0 1 1\n3 0 2 3 6 0.5 0.5 1 1 0 1\n");
+  const Loaded textured = load(head + "property list uchar float texcoord\nend_header\n" + points +
+                               "3 0 1 2 6 0 0 1 0 1 1\n3 0 2 3 6 0.5 0.5 1 1 0 1\n");
   const PutMesh& mesh = library_item<PutMesh>(textured);
   CHECK(library_item<PutMaterial>(textured).parameters[std::size_t(base_color)].texture);
   CHECK(mesh.topology->vertex_count == 5);  // the first corner has two coordinates
@@ -301,8 +300,8 @@ TEST_CASE("forgiving: a scale of 0 along one axis keeps a plane flat") {
 
 TEST_CASE("forgiving: a hole that a bridge joins to the outline stays open") {
   std::vector<glm::dvec3> window;
-  for (const auto& [x, y] : std::vector<std::pair<int, int>>{{0, 0}, {4, 0}, {4, 4}, {0, 4}, {0, 0},
-                                                             {1, 1}, {1, 3}, {3, 3}, {3, 1}, {1, 1}})
+  for (const auto& [x, y] : std::vector<std::pair<int, int>>{
+           {0, 0}, {4, 0}, {4, 4}, {0, 4}, {0, 0}, {1, 1}, {1, 3}, {3, 3}, {3, 1}, {1, 1}})
     window.emplace_back(x, y, 0);
   const Cover cover = cover_of(window);
   CHECK(cover.least == 0);
@@ -315,9 +314,8 @@ TEST_CASE("forgiving: a hole that a bridge joins to the outline stays open") {
       ring.emplace_back(-9, -9, 0);
       const glm::dvec3 centre(x, 4 + x / 2, 0);
       std::vector<glm::dvec3> hole = star(random, centre, 2, 5 + trial % 20);
-      const auto nearest = std::ranges::min_element(hole, {}, [&](const glm::dvec3& p) {
-        return glm::dot(p, centre - ring.front());
-      });
+      const auto nearest = std::ranges::min_element(
+          hole, {}, [&](const glm::dvec3& p) { return glm::dot(p, centre - ring.front()); });
       std::ranges::rotate(hole, nearest);
       std::ranges::reverse(hole);
       hole.insert(hole.begin(), hole.back());

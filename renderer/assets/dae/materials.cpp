@@ -113,8 +113,8 @@ class Reader {
     const Node from = image.child("init_from");
     std::string path(trimmed(from.child("ref") ? from.child_value("ref") : from.text().get()));
     const std::string inside = place(image);
-    const std::string found = Bundle::companion(builder_.bundle.model().path,
-                                                percent_decode(path, inside), inside);
+    const std::string found =
+        Bundle::companion(builder_.bundle.model().path, percent_decode(path, inside), inside);
     if (found.empty()) return {};
     return textures_.use({.path = found,
                           .where = inside,

@@ -332,8 +332,8 @@ class Edits(DomeEdits, RobotEdits, UsdEdits):
         `name`, or "<name>/0" .. for a count above 1.
 
         Textures and other companions are read from beneath the model's folder, and beneath
-        `folders`: where the model says they are, else a file of the same name. Without one the model
-        loads, and asset.warnings names it; strict=True refuses the model (NotFound).
+        `folders`: where the model says they are, else a file of the same name. Without one the
+        model loads, and asset.warnings names it; strict=True refuses the model (NotFound).
         """
         source = assets.Source(path, server_path, up, units, folders, strict)
         asset = assets.decode(self.scene, source, name)
