@@ -31,9 +31,10 @@ struct CornerHash {
 /// Whether a line begins with "vn".
 bool gives_normals(std::string_view text) {
   constexpr std::string_view kSpace = " \t\r\n";
-  for (std::size_t at = text.find("vn"); at + 2 < text.size(); at = text.find("vn", at + 2)) {
+  for (std::size_t at = text.find("vn"); at != text.npos; at = text.find("vn", at + 2)) {
     const bool starts = at == 0 || kSpace.find(text[at - 1]) != kSpace.npos;
-    if (starts && kSpace.find(text[at + 2]) != kSpace.npos) return true;
+    const std::string_view next = text.substr(at + 2, 1);
+    if (starts && !next.empty() && kSpace.find(next[0]) != kSpace.npos) return true;
   }
   return false;
 }
