@@ -14,7 +14,8 @@
 
 namespace heliograph {
 
-/// A file of a bundle, by its path relative to the bundle's folder.
+/// A file of a bundle, by its path relative to the bundle's folder. An empty companion is one that
+/// nobody has: what refers to it is left out with a warning.
 struct BundleFile {
   std::string path;
   std::span<const std::byte> bytes;
@@ -34,7 +35,7 @@ struct LoadLimits {
 struct LoadOptions {
   std::string format;  // "": by the first file's extension
   // "x", "y", "z" for formats that name no axis, and instead of what COLLADA names; "": nothing is
-  // turned, COLLADA as it says.
+  // turned, COLLADA as it says. glTF refuses both.
   std::string up;
   double units = 0;   // metres a unit, for the same formats; 0: 1, COLLADA as it says
   std::string layer;  // of a lone picture with several; "": its colours

@@ -17,7 +17,7 @@ namespace heliograph::server {
 
 struct DecodeFile {
   std::string path;
-  BufferPtr bytes;
+  BufferPtr bytes;  // null: a companion that nobody has
 };
 struct DecodeJob {
   std::vector<DecodeFile> files;  // the first is the model

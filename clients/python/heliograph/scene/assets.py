@@ -102,7 +102,7 @@ def decode(scene: Scene, source: Source, name: str | None) -> Asset:
             f"{source.path or source.server_path} is a picture: use edit.texture() or edit.dome()",
             field="path",
         )
-    stem = Path(source.path or source.server_path).stem
+    stem = companions.readable(Path(source.path or source.server_path).stem)
     return Asset(scene, name or stem, stem, info)
 
 
