@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <bit>
 #include <unordered_map>
+#include <utility>
 
 #include "renderer/assets/model.h"
 #include "renderer/assets/polygon.h"
