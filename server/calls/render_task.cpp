@@ -10,6 +10,7 @@
 #include "server/convert/render.h"
 #include "server/convert/worlds.h"
 #include "server/quota/credits.h"
+#include "server/store/used_uploads.h"
 
 namespace heliograph::server {
 namespace {
@@ -33,8 +34,12 @@ Expected<SnapshotPtr> base_of(const SceneEntry& entry, const v1::RenderRequest& 
 Expected<SnapshotPtr> with_overlay(Daemon& daemon, Session& session, const SnapshotPtr& base,
                                    const v1::Transaction& overlay) {
   HELIO_CHECK(check_count(overlay, daemon.config.limits.edits), "overlay");
-  const auto transaction = to_transaction(overlay, session.holdings());
-  if (!transaction) return std::unexpected(Error(transaction.error()).at("overlay"));
+  UsedUploads source(session.holdings());
+  const auto transaction = to_transaction(overlay, source);
+  if (!transaction) {
+    source.give_back();
+    return std::unexpected(Error(transaction.error()).at("overlay"));
+  }
   const auto prepared = apply(*base, *transaction, daemon.scenes.scene_limits());
   if (!prepared) return std::unexpected(Error(prepared.error()).at("overlay"));
   auto snapshot = std::make_shared<Snapshot>(*prepared->snapshot);
@@ -83,9 +88,13 @@ Expected<std::shared_ptr<RenderJob>> make_job(Daemon& daemon, Session& session,
                     {.spp = u32(limits.samples), .groups = u32(limits.groups)});
   if (!job) return std::unexpected(job.error());
   if (request.has_worlds()) {
-    auto worlds = to_worlds(request.worlds(), *job->snapshot, session.holdings(),
+    UsedUploads source(session.holdings());
+    auto worlds = to_worlds(request.worlds(), *job->snapshot, source,
                             {.worlds = limits.worlds, .edits = limits.edits});
-    if (!worlds) return std::unexpected(std::move(worlds).error().at("worlds"));
+    if (!worlds) {
+      source.give_back();
+      return std::unexpected(std::move(worlds).error().at("worlds"));
+    }
     worlds->limits = daemon.scenes.scene_limits();
     job->worlds = std::make_shared<const Worlds>(*std::move(worlds));
   }

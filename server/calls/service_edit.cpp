@@ -6,6 +6,7 @@
 #include "server/convert/render.h"
 #include "server/journal/sources.h"
 #include "server/scene/scene_info.h"
+#include "server/store/used_uploads.h"
 
 namespace heliograph::server {
 namespace {
@@ -34,10 +35,15 @@ std::optional<Revision> expected_of(const v1::ApplyRequest& request) {
 
 Expected<v1::ApplyReply> apply_now(Session& session, SceneEntry& entry,
                                    const v1::ApplyRequest& request, const Limits& limits) {
-  const auto transaction = read(session, request, session.holdings(), limits);
-  if (!transaction) return std::unexpected(transaction.error());
-  const auto prepared = entry.commit(*transaction, expected_of(request), request.transaction());
-  if (!prepared) return std::unexpected(prepared.error());
+  UsedUploads source(session.holdings());
+  const auto transaction = read(session, request, source, limits);
+  const auto prepared =
+      transaction ? entry.commit(*transaction, expected_of(request), request.transaction())
+                  : std::unexpected(transaction.error());
+  if (!prepared) {
+    source.give_back();
+    return std::unexpected(prepared.error());
+  }
   return apply_reply(request.number(), *prepared);
 }
 
@@ -46,14 +52,14 @@ void apply_durably(const std::shared_ptr<Session>& session, SceneEntry& entry,
                    const EditLog::Finish& finish) {
   if (auto writing = entry.journal->status(); !writing)
     return finish(std::unexpected(writing.error()));
-  RecordingSource source(session->holdings(), entry.journal->files(entry.tenant->name));
+  UsedUploads uses(session->holdings());
+  RecordingSource source(uses, entry.journal->files(entry.tenant->name));
   DurableEdit edit{.transaction = read(*session, request, source, limits),
                    .expected = expected_of(request),
                    .record = {},
                    .sent = {},
                    .files = {}};
-  // An edit that did not happen is sent again, and finds its uploads.
-  const auto end = [session, finish, used = source.take_used()](Expected<v1::ApplyReply> reply) {
+  const auto end = [session, finish, used = uses.take_used()](Expected<v1::ApplyReply> reply) {
     if (!is_kept(reply)) session->holdings().give_back(used);
     finish(std::move(reply));
   };

@@ -71,10 +71,7 @@ Expected<BufferPtr> RecordingSource::bytes(const v1::Array& array) {
   auto buffer = inner_.bytes(array);
   if (!buffer || array.has_inline_()) return buffer;
   const std::string hash = array.has_blob() ? array.blob() : files_.hash_of(*buffer);
-  if (const std::string place = consumed_by(array); !place.empty()) {
-    consumed_[place] = hash;
-    used_.push_back({.array = array, .bytes = *buffer});
-  }
+  if (const std::string place = consumed_by(array); !place.empty()) consumed_[place] = hash;
   HELIO_TRY(store(hash, (*buffer)->bytes()));
   return buffer;
 }

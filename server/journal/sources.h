@@ -29,8 +29,6 @@ class RecordingSource final : public ArraySource {
   /// large one is stored as a file, which the record names, and returned; "": the record holds it.
   [[nodiscard]] std::string fill(const v1::Transaction& transaction, journal::Record& record);
   [[nodiscard]] std::vector<BlobFilePtr> take_files() { return std::move(held_); }
-  /// The uploads that were used up.
-  [[nodiscard]] std::vector<UsedUpload> take_used() { return std::move(used_); }
 
  private:
   [[nodiscard]] Status store(const std::string& hash, std::span<const std::byte> bytes);
@@ -42,7 +40,6 @@ class RecordingSource final : public ArraySource {
   std::map<std::string, std::string> consumed_;  // upload or buffer -> hash
   std::map<std::string, std::string> assets_;    // hash -> file
   std::vector<BlobFilePtr> held_;
-  std::vector<UsedUpload> used_;
 };
 
 /// Gives what the files hold, counted against the owner's budget like uploads, whatever its limits

@@ -11,6 +11,11 @@
 namespace heliograph::server {
 namespace {
 
+/// The bytes that it means.
+std::string name_of(const v1::BufferRef& ref) {
+  return fmt::format("{} {} {}", ref.buffer(), ref.offset(), ref.size());
+}
+
 /// Bytes of a message, and their share of the owner's budget.
 struct Copied {
   std::vector<std::byte> bytes;
@@ -127,6 +132,7 @@ Expected<BufferPtr> Holdings::bytes(const v1::Array& array) {
     case v1::Array::kUpload:
       return take_upload(array.upload());
     case v1::Array::kBuffer:
+      if (auto found = take_returned(array.buffer())) return found;
       return shared_.use(array.buffer());
     case v1::Array::SOURCE_NOT_SET:
       break;
@@ -142,6 +148,12 @@ Expected<bool> Holdings::read(const v1::Array& array, u64 bytes, const TakePiece
 Expected<BufferPtr> Holdings::take(const v1::Array& array, u64 bytes, Numbers kind) {
   if (!array.has_buffer() || array.buffer().size() != bytes) return nullptr;
   return shared_.take_lent(array.buffer(), kind);
+}
+
+BufferPtr Holdings::take_returned(const v1::BufferRef& ref) {
+  if (ref.generation() != 0) return nullptr;  // lent
+  const std::lock_guard lock(mutex_);
+  return std::static_pointer_cast<const Buffer>(recent_.take(Recent::Kind::kBuffer, name_of(ref)));
 }
 
 Expected<BufferPtr> Holdings::take_upload(const std::string& request_id) {
@@ -162,7 +174,7 @@ void Holdings::give_back(const std::vector<UsedUpload>& uploads) {
   for (const UsedUpload& used : uploads) {
     if (used.array.buffer().generation() != 0) continue;  // lent: it is still there
     if (used.array.has_buffer())
-      shared_.give_back(used.array.buffer(), used.bytes);
+      bring(Recent::Kind::kBuffer, name_of(used.array.buffer()), used.bytes);
     else
       bring(Recent::Kind::kUpload, used.array.upload(), used.bytes);
   }

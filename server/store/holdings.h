@@ -76,6 +76,8 @@ class Holdings final : public ArraySource {
   bool forget_named();
   void keep(const std::shared_ptr<const StoredAsset>& asset);
   void bring(Recent::Kind kind, const std::string& name, BufferPtr bytes);
+  /// What give_back() has of it; null: nothing.
+  [[nodiscard]] BufferPtr take_returned(const v1::BufferRef& ref);
   [[nodiscard]] Expected<BufferPtr> take_upload(const std::string& request_id);
 
   BlobStore& blobs_;

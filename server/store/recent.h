@@ -27,7 +27,7 @@ class Recent {
   using Clock = std::chrono::steady_clock;
   using Thing = std::shared_ptr<const void>;
   using Things = std::vector<Thing>;
-  enum class Kind : u8 { kBlob, kUpload, kAsset };
+  enum class Kind : u8 { kBlob, kUpload, kBuffer, kAsset };
 
   explicit Recent(RecentLimits limits) : limits_(limits) {}
 

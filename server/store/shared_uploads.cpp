@@ -78,22 +78,6 @@ std::shared_ptr<const SharedUploads::Taken> SharedUploads::extract(u64 buffer) {
   return node ? std::move(node.mapped()) : nullptr;
 }
 
-BufferPtr SharedUploads::extract(const v1::BufferRef& ref) {
-  const std::lock_guard lock(mutex_);
-  const auto found = returned_.find(ref.buffer());
-  if (found == returned_.end()) return nullptr;
-  const v1::BufferRef& before = found->second.ref;
-  if (ref.offset() != before.offset() || ref.size() != before.size()) return nullptr;
-  BufferPtr bytes = std::move(found->second.bytes);
-  returned_.erase(found);
-  return bytes;
-}
-
-void SharedUploads::give_back(const v1::BufferRef& ref, BufferPtr bytes) {
-  const std::lock_guard lock(mutex_);
-  returned_.insert_or_assign(ref.buffer(), Returned{ref, std::move(bytes)});
-}
-
 Expected<bool> SharedUploads::read_lent(const v1::BufferRef& ref, const TakePiece& take) const {
   if (ref.generation() == 0 || !lender_.read) return false;
   HELIO_TRY(lender_.read(ref, take));
@@ -107,7 +91,6 @@ Expected<BufferPtr> SharedUploads::take_lent(const v1::BufferRef& ref, Numbers k
 
 Expected<BufferPtr> SharedUploads::use(const v1::BufferRef& ref) {
   if (ref.generation() != 0 && lender_.copy) return lender_.copy(ref);
-  if (BufferPtr returned = extract(ref)) return returned;
   auto taken = extract(ref.buffer());
   if (!taken && hear_) {
     hear_();

@@ -44,27 +44,19 @@ class SharedUploads {
   [[nodiscard]] Expected<bool> read_lent(const v1::BufferRef& ref, const TakePiece& take) const;
   /// The numbers that an array names there as LentMemory::take() has them; null where it has not.
   [[nodiscard]] Expected<BufferPtr> take_lent(const v1::BufferRef& ref, Numbers kind) const;
-  /// The use of these bytes did not happen: the same reference names them again.
-  void give_back(const v1::BufferRef& ref, BufferPtr bytes);
 
  private:
   struct Memory;
-  struct Returned {
-    v1::BufferRef ref;
-    BufferPtr bytes;
-  };
   using Taken = Expected<std::shared_ptr<const Memory>>;
 
   [[nodiscard]] Taken read(u64 bytes, int fd) const;
   [[nodiscard]] std::shared_ptr<const Taken> extract(u64 buffer);
-  [[nodiscard]] BufferPtr extract(const v1::BufferRef& ref);
 
   const std::shared_ptr<Budget> budget_;
   std::function<void()> hear_;
   Lender lender_;
   std::mutex mutex_;
   std::map<u64, std::shared_ptr<const Taken>> taken_;
-  std::map<u64, Returned> returned_;
 };
 
 }  // namespace heliograph::server

@@ -5,6 +5,7 @@ from pathlib import Path
 import heliograph as hg
 import numpy as np
 import pytest
+from PIL import Image
 
 ASSETS = Path(__file__).resolve().parents[2] / "examples/assets"
 BOX = "<geometry><box size='1 1 1'/></geometry>"
@@ -106,3 +107,22 @@ def test_spherical_joints_are_set(scene, tmp_path):
         edit.set_joints(robot, {"s": turn})
     expected = turn.matrix + np.array([[0, 0, 0, 0]] * 2 + [[0, 0, 0, 1], [0, 0, 0, 0]])
     np.testing.assert_allclose(robot.links["b"].transform, expected, atol=1e-6)
+
+
+def test_textures_of_meshes_are_read_from_the_package(scene, tmp_path):
+    for folder in ("urdf", "meshes", "textures"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "meshes/a.obj").write_text(
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl paint\nf 1/1 2/1 3/1\n"
+    )
+    (tmp_path / "meshes/a.mtl").write_text("newmtl paint\nmap_Kd ../textures/red.png\n")
+    path = written(tmp_path / "urdf", mesh("package://robot/meshes/a.obj"))
+    with pytest.raises(hg.NotFound, match="red.png"), scene.edit() as edit:
+        edit.import_urdf(path, name="strict", strict=True)
+    with scene.edit() as edit:
+        robot = edit.import_urdf(path, name="without")
+    assert any("red.png" in told for told in robot.warnings)
+    Image.new("RGB", (2, 2), (255, 0, 0)).save(tmp_path / "textures/red.png")
+    with scene.edit() as edit:
+        robot = edit.import_urdf(path, name="with", strict=True)
+    assert robot.warnings == [] and scene["with/a/0"].mesh is not None

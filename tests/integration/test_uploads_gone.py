@@ -63,6 +63,20 @@ def forget(client, scene):
     wait_until_freed(client)
 
 
+def test_an_edit_that_is_sent_again_has_its_buffers(far):
+    """Vertices of 64 KiB and more lie in shared memory, and a use consumes them; the texture, which
+    was sent before, is gone, so that the edit is refused once."""
+    client, _ = far
+    picture, ball = texels(), hg.shapes.sphere(segments=128)
+    for name in ("first", "second"):
+        with client.create_scene(name) as scene:
+            with scene.edit() as edit:
+                mesh = edit.mesh("ball", **ball)
+                edit.material("paint", base_color=edit.texture("t", picture))
+            assert len(mesh.positions) == len(ball["positions"])
+        wait_until_freed(client)
+
+
 def test_edits_overlays_and_assets(far, tmp_path):
     client, scene = far
     model = tmp_path / "model.obj"

@@ -3,7 +3,7 @@
 #include <sys/mman.h>
 
 #include "server/os/unique_fd.h"
-#include "server/store/shared_uploads.h"
+#include "server/store/used_uploads.h"
 #include "tests/unit/catch.h"
 
 using namespace heliograph;
@@ -58,17 +58,32 @@ TEST_CASE("shared uploads: the bytes are those of the memory, and count until no
 
 TEST_CASE("shared uploads: what was not used after all is there for the same reference") {
   const auto budget = room(1000);
-  SharedUploads uploads(budget);
-  uploads.take(5, kText.size(), memory(kSeals).get());
-  {
-    auto used = uploads.use(ref(5, 100, 64));
-    REQUIRE(used);
-    uploads.give_back(ref(5, 100, 64), *used);
-  }
+  BlobStore blobs({.recent = {.seconds = 0}});
+  AssetStore assets;
+  Holdings holdings(blobs, assets, budget);
+  const auto array = [](const v1::BufferRef& named) {
+    v1::Array made;
+    *made.mutable_buffer() = named;
+    return made;
+  };
+  const v1::Array part = array(ref(5, 100, 64));
+  const auto use_and_give_back = [&] {
+    UsedUploads uses(holdings);
+    REQUIRE(uses.bytes(part));
+    uses.give_back();
+  };
+  holdings.shared().take(5, kText.size(), memory(kSeals).get());
+  use_and_give_back();
   CHECK(budget->used() == kText.size());
-  refused(uploads.use(ref(5, 100)), Code::kNotFound, "buffer.buffer");
-  CHECK((*uploads.use(ref(5, 100, 64)))->bytes().size() == 100);
-  refused(uploads.use(ref(5, 100, 64)), Code::kNotFound, "buffer.buffer");
+  refused(holdings.bytes(array(ref(5, 100))), Code::kNotFound, "buffer.buffer");
+  use_and_give_back();
+  CHECK((*holdings.bytes(part))->bytes().size() == 100);
+  refused(holdings.bytes(part), Code::kNotFound, "buffer.buffer");
+  CHECK(budget->used() == 0);
+
+  holdings.shared().take(5, kText.size(), memory(kSeals).get());
+  use_and_give_back();
+  holdings.sweep();
   CHECK(budget->used() == 0);
 }
 

@@ -39,6 +39,8 @@ struct ImportOptions {
   std::string up{};           // "x", "y" or "z", for formats that name no axis
   double units = 0;           // metres a unit, for formats that name none; 0: 1
   std::string server_path{};  // instead of the path: a file under the daemon's asset root
+  std::vector<std::string> folders{};  // further ones whose files the model may refer to
+  bool strict = false;                 // refuse a model whose companions are not all there
 };
 
 /// Where a copy of an asset goes.
@@ -80,7 +82,8 @@ class Edits {
   Entity sample_studio(double floor = 40);
 
   /// Decodes a model (glTF, GLB, DAE, OBJ, PLY, STL, VDB, ..) and places it. Companions are
-  /// uploaded from beneath the model's folder only.
+  /// uploaded from beneath the model's folder and `folders` only; Asset::warnings() names those
+  /// that are not there.
   Asset import_file(const std::string& path, const Placement& placement = {},
                     const ImportOptions& options = {});
   /// Places an asset again, without decoding it again.

@@ -107,6 +107,30 @@ TEST_CASE("a model that names files outside its folder is refused") {
   CHECK(error_of([&] { edit.import_file("/no/such/model.glb"); }).code() == Code::kNotFound);
 }
 
+TEST_CASE("a model without its texture loads, and says so") {
+  const auto folder = std::filesystem::temp_directory_path() /
+                      ("heliograph-texture-" + std::to_string(client().create_scene().id()));
+  std::filesystem::create_directories(folder / "model");
+  std::filesystem::create_directories(folder / "textures");
+  std::ofstream(folder / "model/m.obj") << "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\n"
+                                           "vt 0 0\nusemtl a\nf 1/1 2/1 3/1\n";
+  std::ofstream(folder / "model/m.mtl") << "newmtl a\nmap_Kd ../textures/wood.png\n";
+  std::filesystem::copy(kAssets + "picture/gradient16.png", folder / "textures/wood.png");
+  const std::string model = (folder / "model/m.obj").string();
+  Scene scene = client().create_scene();
+  Transaction edit = scene.edit();
+  const Asset without = edit.import_file(model);
+  REQUIRE(without.warnings().size() == 1);
+  CHECK(without.warnings().front().find("wood.png") != std::string::npos);
+  ImportOptions options;
+  options.name = "again";
+  options.strict = true;
+  CHECK(error_of([&] { edit.import_file(model, {}, options); }).code() == Code::kNotFound);
+  options.folders = {folder.string()};
+  CHECK(edit.import_file(model, {}, options).warnings().empty());
+  std::filesystem::remove_all(folder);
+}
+
 TEST_CASE("volumes fill the box of their density") {
   Scene scene = client().create_scene();
   Transaction edit = scene.edit();

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <set>
 #include <sstream>
 #include <vector>
@@ -21,24 +22,31 @@ constexpr int kRounds = 64;  // of naming missing companions
   throw ClientError(code, "path: " + message, {"path"});
 }
 
-/// The file `name` beneath `folder`. Refuses whatever would leave the folder.
-fs::path companion(const fs::path& folder, const std::string& name) {
-  const fs::path relative(name);
-  bool leaves = relative.is_absolute() || relative.empty() ||
-                name.find_first_of(std::string("\\:\0", 3)) != std::string::npos;
-  for (const fs::path& part : relative) leaves = leaves || part == "..";
+bool is_inside(const fs::path& path, const fs::path& folder) {
   std::error_code error;
-  const fs::path base = fs::weakly_canonical(folder, error);
-  const fs::path path = fs::weakly_canonical(base / relative, error);
-  const fs::path inside = path.lexically_relative(base);
-  if (leaves || inside.empty() || *inside.begin() == ".." || inside == ".")
-    refuse(Code::kInvalidArgument, "the model refers to \"" + name +
-                                       "\": only files beneath its own folder are read; copy it "
-                                       "there and correct the reference");
-  if (!fs::is_regular_file(path, error))
-    refuse(Code::kNotFound, "the model refers to \"" + name + "\", which is not in " +
-                                folder.string() + "; copy it there");
-  return path;
+  const fs::path inside = path.lexically_relative(fs::weakly_canonical(folder, error));
+  return !inside.empty() && *inside.begin() != ".." && inside != ".";
+}
+
+fs::path folder_of(const Source& source) { return fs::absolute(source.path).parent_path(); }
+
+/// The file at `path`, links followed, if it may be read.
+std::optional<fs::path> readable(const fs::path& path, const Source& source) {
+  std::error_code error;
+  fs::path found = fs::weakly_canonical(path, error);
+  bool may = is_inside(found, folder_of(source));
+  for (const std::string& folder : source.folders) may = may || is_inside(found, folder);
+  if (error || !may || !fs::is_regular_file(found, error)) return std::nullopt;
+  return found;
+}
+
+/// Where a companion is: where the model says, else beside it; nothing: it is not there, or may not
+/// be read.
+std::optional<fs::path> companion(const Source& source, const std::string& name) {
+  if (source.path.empty() || name.find('\0') != std::string::npos) return std::nullopt;
+  const fs::path folder = folder_of(source);
+  if (auto found = readable(folder / name, source)) return found;
+  return readable(folder / name.substr(name.find_last_of("/\\") + 1), source);
 }
 
 v1::DecodeAssetRequest::Axis axis_of(const std::string& name) {
@@ -98,7 +106,15 @@ v1::AssetInfo decode_bundle(Session& session, const Source& source) {
     for (const std::string& name : reply.missing()) {
       if (!sent.insert(name).second) continue;
       has_new = true;
-      add_file(session, name, companion(model.parent_path(), name), &request);
+      const auto found = companion(source, name);
+      if (found)
+        add_file(session, name, *found, &request);
+      else if (source.strict)
+        refuse(Code::kNotFound, "the model refers to \"" + name +
+                                    "\", which is neither beneath "
+                                    "its folder nor beneath `folders`; copy it there");
+      else
+        request.add_files()->set_path(name);  // without a hash: nobody has it
     }
     if (!has_new) break;
   }

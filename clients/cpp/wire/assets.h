@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "heliograph/v1/service.pb.h"
 #include "wire/draft.h"
@@ -16,6 +17,8 @@ struct Source {
   std::string up{};
   double units = 0;
   std::string layer{};
+  std::vector<std::string> folders{};
+  bool strict = false;
 };
 
 /// DecodeAsset, uploading what the daemon says is missing until nothing is.

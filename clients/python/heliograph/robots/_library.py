@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -22,9 +22,11 @@ _Made = TypeVar("_Made", Asset, Texture)
 
 
 class Library:
-    """warnings: what was left out of files that could not be read, or that these say themselves."""
+    """roots: folders whose files may be read. warnings: what was left out of files that could not
+    be read, or that these say themselves."""
 
-    def __init__(self) -> None:
+    def __init__(self, roots: Sequence[Path]) -> None:
+        self.roots = roots
         self.assets: dict[Path, Asset] = {}
         self.meshes: dict[tuple[str, tuple[float, ...]], Mesh] = {}
         self.materials: dict[urdf.Look, Material] = {}
@@ -36,9 +38,8 @@ class Library:
     def asset(self, edits: Edits, file: Path, name: str, strict: bool) -> Asset | None:
         """A mesh file, decoded once; None: it cannot be."""
         if file not in self.assets:
-            asset = self._made(
-                file, strict, lambda: assets.decode(edits.scene, _source(file), name)
-            )
+            source = self._source(file, strict)
+            asset = self._made(file, strict, lambda: assets.decode(edits.scene, source, name))
             if asset is None:
                 return None
             self.warnings.extend(f"{file.name}: {text}" for text in asset.warnings)
@@ -77,6 +78,11 @@ class Library:
         self._names.add(name)
         return name
 
+    def _source(self, file: Path, strict: bool) -> assets.Source:
+        """COLLADA's numbers are in the link's frame whatever its up_axis says, as RViz has it."""
+        up = "z" if file.suffix.lower() == ".dae" else ""
+        return assets.Source(file, up=up, folders=self.roots, strict=strict)
+
     def _made(self, file: Path, strict: bool, make: Callable[[], _Made]) -> _Made | None:
         """What is made of a file, which is tried once; None: nothing can be."""
         if file in self._failed and not strict:
@@ -89,11 +95,6 @@ class Library:
             self._failed.add(file)
             self.warnings.append(f"{file.name} is left out: {error}")
             return None
-
-
-def _source(file: Path) -> assets.Source:
-    """COLLADA's numbers are in the link's frame whatever its up_axis says, as RViz has it."""
-    return assets.Source(file, up="z" if file.suffix.lower() == ".dae" else "")
 
 
 def _shape(shape: str, size: tuple[float, ...]) -> patches.Geometry:

@@ -51,7 +51,7 @@ class Robot:
         self.scene = scene
         self.name = name
         self.model = model
-        self.library = library or Library()
+        self.library = library or Library(model.roots)
         self.kinematics = Kinematics(model)
         self.warnings = list(model.warnings)
         self.links: dict[str, Entity] = {}

@@ -102,7 +102,7 @@ def capsule(radius: float = 0.25, length: float = 0.5, segments: int = 64) -> Ge
     positions = radius * normals
     positions[..., 2] += lift - 0.5 * length
     along = (radius * theta + lift) / (math.pi * radius + length)
-    return _surface(positions, normals, (around, along + 0 * phi))
+    return grid_surface(positions, normals, (around, along + 0 * phi))
 
 
 def _disc(radius: float, z: float, segments: int) -> Geometry:
