@@ -49,9 +49,9 @@ class Source:
     server_path: str = ""
     up: str = ""
     units: float = 0.0
-    layer: str = ""
     folders: Sequence[str | os.PathLike[str]] = ()  #: further ones whose files may be read
     strict: bool = False  #: refuse a model whose companions are not all there
+    layer: str = ""  #: of a picture
 
     def request(self) -> service.DecodeAssetRequest:
         if (self.path is None) == (not self.server_path):
