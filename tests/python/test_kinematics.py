@@ -6,6 +6,7 @@ import heliograph as hg
 import numpy as np
 import pytest
 from heliograph.robots import urdf
+from heliograph.robots.description import Joint, Look, RobotModel
 from heliograph.robots.kinematics import Kinematics
 from heliograph.robots.robot import listed
 
@@ -99,6 +100,39 @@ def test_planar_joints_move_across_their_axis(tmp_path):
     )
     with pytest.raises(hg.InvalidArgument, match="all columns of 'p'"):
         k.moved_by(["p/x"])
+
+
+def test_balls_and_joints_that_rest_elsewhere():
+    z, x = np.array([0, 0, 1.0]), np.array([1.0, 0, 0])
+    turn = Joint("turn", "revolute", "a", "b", pose((1, 0, 0)), z, 0.5, 2.0, rest=(0.25,))
+    ball = Joint("ball", "spherical", "b", "c", pose((0, 1, 0)), x)
+    for soft in (False, True):
+        k = Kinematics(RobotModel("r", list("abc"), {}, [turn, ball], soft_limits=soft))
+        assert k.joint_names == ["turn", "ball/qw", "ball/qx", "ball/qy", "ball/qz"]
+        np.testing.assert_array_equal(k.rest, [0.25 if soft else 0.5, 1, 0, 0, 0])
+        half = [np.cos(0.35), 0, 0, np.sin(0.35)]
+        found = k.forward(k.values({"turn": 0.75, "ball": half}))
+        expected = pose((1, 0, 0), about_z(0.5)) @ pose((0, 1, 0), about_z(0.7))
+        np.testing.assert_allclose(found[2], expected, atol=1e-12)
+        if soft:
+            assert k.values({"turn": 9})[0] == 9 and k.values({"turn": 9}, clamp=True)[0] == 2
+        else:
+            with pytest.raises(hg.InvalidArgument, match="outside its limits"):
+                k.values({"turn": 9})
+
+
+def test_quaternions_are_taken_by_name(tmp_path):
+    k = kinematics_of(tmp_path, joint("f", "floating", "ab") + joint("s", "spherical", "bc"), "abc")
+    q = np.random.default_rng(5).normal(size=(4, 4))
+    q /= np.linalg.norm(q, axis=1, keepdims=True)
+    expected = [hg.Pose((1, 2, 3), wxyz=each).matrix for each in q]
+    rows = k.values({"f": np.column_stack([np.tile((1, 2, 3), (4, 1)), q]), "s": q})
+    np.testing.assert_allclose(k.local(rows)[:, 0], expected, atol=1e-14)
+    np.testing.assert_allclose(k.local(rows)[:, 1, :3, :3], np.array(expected)[:, :3, :3])
+    np.testing.assert_allclose(k.values({"f": (1, 2, 3, *q[2]), "s": q[2]}), rows[2])
+    for name, wrong in {"f": ["a"] * 7, "s": [1, 0, 0, np.nan]}.items():
+        with pytest.raises(hg.InvalidArgument, match=rf"values\['{name}'\]"):
+            k.values({name: wrong})
 
 
 def test_floating_joints_take_poses(tmp_path):
@@ -227,7 +261,7 @@ def test_what_is_seen_is_read(tmp_path):
     assert error.value.field == "packages"
     (seen,) = urdf.read(path, {"arm_description": package}).visuals["a"]
     assert (seen.shape, seen.size, seen.file) == ("mesh", (1, 2, 3), package / "meshes/a.stl")
-    assert seen.look == urdf.Look("red", (1, 0, 0, 0.5))
+    assert seen.look == Look("red", (1, 0, 0, 0.5))
     np.testing.assert_allclose(seen.origin, pose((1, 2, 3), about_z(1)))
     (package / "urdf").mkdir()
     inside = package / "urdf/r.urdf"  # its own package by the name of a folder above it

@@ -5,6 +5,7 @@ import heliograph as hg
 import numpy as np
 import pytest
 from heliograph.robots import urdf
+from heliograph.robots.description import Look
 from heliograph.robots.kinematics import Kinematics
 from urdf_text import BOX, LIMIT, joint, link, mesh, stl, strictly_refused, written
 
@@ -122,7 +123,7 @@ def test_a_texture_that_is_not_there_leaves_the_color(tmp_path):
         body = link(BOX.replace("</visual>", paint.format(texture) + "</visual>"))
         path = written(tmp_path / "r.urdf", body)
         found = urdf.read(path, {})
-        assert found.visuals["a"][0].look == urdf.Look("m", (1, 0, 0, 1))
+        assert found.visuals["a"][0].look == Look("m", (1, 0, 0, 1))
         assert len(found.warnings) == len(told) and all(t in found.warnings[0] for t in told)
     strictly_refused(path, "no file", hg.NotFound)
 

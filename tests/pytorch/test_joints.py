@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 from heliograph.robots import urdf
+from heliograph.robots.description import Joint, RobotModel
 from heliograph.robots.kinematics import Kinematics
 
 ARM = Path(__file__).resolve().parents[2] / "examples/assets/arm/arm.urdf"
@@ -39,6 +40,14 @@ def values_of(kinematics, count):
     rows = np.random.default_rng(3).uniform(-0.9, 0.9, (count, len(kinematics.joint_names)))
     rows[:, -4:] += 0.2  # the quaternion, of any length
     return rows
+
+
+def test_spherical_joints_are_those_of_numpy():
+    ball = Joint("ball", "spherical", "a", "b", np.eye(4), np.array([1.0, 0, 0]))
+    k = Kinematics(RobotModel("r", ["a", "b"], {}, [ball], soft_limits=True))
+    rows = np.random.default_rng(1).normal(size=(20, 4))
+    theirs = k.local(k.values(torch.from_numpy(rows)))
+    np.testing.assert_allclose(theirs.numpy(), k.local(k.values(rows)), atol=1e-14)
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])

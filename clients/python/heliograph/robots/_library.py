@@ -1,4 +1,4 @@
-"""Meshes and materials that the robots of one file share. Used by robot.py."""
+"""Meshes and materials that the robots of one file share. Used by building.py."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from ..image.tonemap import decode_srgb
 from ..scene import assets, patches
 from ..scene.handles import Asset, Material, Mesh, Texture
 from ..values import shapes
-from . import urdf
 from ._notes import FAULTS
+from .description import Look, Visual
 
 if TYPE_CHECKING:
     from ..client.edit import Edits
@@ -29,7 +29,7 @@ class Library:
         self.roots = roots
         self.assets: dict[Path, Asset] = {}
         self.meshes: dict[tuple[str, tuple[float, ...]], Mesh] = {}
-        self.materials: dict[urdf.Look, Material] = {}
+        self.materials: dict[Look, Material] = {}
         self.keypoints: dict[str, Mesh] = {}
         self.warnings: list[str] = []
         self._names: set[str] = set()  # of materials
@@ -46,14 +46,14 @@ class Library:
             self.assets[file] = asset
         return self.assets[file]
 
-    def mesh(self, edits: Edits, visual: urdf.Visual, name: str) -> Mesh:
+    def mesh(self, edits: Edits, visual: Visual, name: str) -> Mesh:
         key = visual.shape, visual.size
         if key not in self.meshes:
             geometry = _shape(*key)
             self.meshes[key] = edits.mesh(f"{name}/mesh", exist_ok=False, **geometry)
         return self.meshes[key]
 
-    def material(self, edits: Edits, look: urdf.Look, prefix: str, strict: bool) -> Material:
+    def material(self, edits: Edits, look: Look, prefix: str, strict: bool) -> Material:
         """That of a look, called "<prefix>/material/<its name>"."""
         if look in self.materials:
             return self.materials[look]

@@ -21,10 +21,17 @@ class Motion:
     """How M joints move with C values, a joint's from column `first[name]` on; a mimic's follow.
 
     Angles and lengths are values @ weights + offsets, (C, M) and (M,).
+    soft: values may be beyond the limits.
     bounds: (C,) each: the limits, below and above, and what values may be without being clamped.
     """
 
-    def __init__(self, joints: Sequence[Joint], first: Mapping[str, int], limits: NdArray) -> None:
+    def __init__(
+        self,
+        joints: Sequence[Joint],
+        first: Mapping[str, int],
+        limits: NdArray,
+        soft: bool = False,
+    ) -> None:
         self._kind: dict[str, Any] = {}  # of tensors that are made; empty: by numpy
         self._tensors: dict[Any, Motion] = {}  # by device
         count = len(joints)
@@ -46,7 +53,7 @@ class Motion:
                 self._planar[i] = first[joint.name], _plane(joint.axis)
             source, factor, offset = _followed(joint, by_name)
             column = first[source.name] + (2 if joint.kind == "planar" else 0)
-            weights[column, i], offsets[i] = factor, offset
+            weights[column, i], offsets[i] = factor, offset - (joint.rest[0] if joint.rest else 0)
             if joint.kind == "prismatic":
                 slides[i] = joint.axis
             else:
@@ -54,7 +61,8 @@ class Motion:
         origins = np.array([joint.origin for joint in joints]).reshape(count, 4, 4)
         self._arrays: Any = weights, offsets, slides, crosses, origins, np.eye(4)
         slack = _TOLERANCE * np.maximum(1, np.abs(np.nan_to_num(limits, posinf=1, neginf=1)))
-        self.bounds: Any = *limits.T, *(limits + slack * (-1, 1)).T
+        most = np.full_like(limits, (-np.inf, np.inf)) if soft else limits + slack * (-1, 1)
+        self.bounds: Any = *limits.T, *most.T
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_tensors": {}}

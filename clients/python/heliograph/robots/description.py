@@ -1,10 +1,13 @@
-"""A robot as its file describes it: links, joints and what is to be seen of them."""
+"""A robot as its file describes it: links, joints and what is to be seen of them. Made by urdf.py
+and mjcf/."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from .._wire.arrays import NdArray
 
@@ -44,8 +47,9 @@ class Mimic:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """origin: (4, 4) parent_from_joint. axis: (3,) unit, in the joint's frame. lower, upper:
-    radians or metres."""
+    """kind: of KINDS; MuJoCo's ball is "spherical". origin: (4, 4) parent_from_joint. axis: (3,)
+    unit, in the joint's frame. lower, upper: radians or metres. rest: the values that it is
+    imported with, () for 0 or no rotation; at that value a joint of one axis is in its origin."""
 
     name: str
     kind: str
@@ -56,16 +60,20 @@ class Joint:
     lower: float = -math.inf
     upper: float = math.inf
     mimic: Mimic | None = None
+    rest: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
-class Urdf:
-    """links: names, parents first; joints in the file's order; roots: folders whose files may be
-    read."""
+class RobotModel:
+    """links: names, parents first; visuals: by link, as the file's reader has them; joints in the
+    file's order; roots: folders whose files may be read; soft_limits: values may be beyond the
+    limits; keyframes: (C,) values by name, in the order of Kinematics.joint_names."""
 
     name: str
     links: list[str]
-    visuals: dict[str, list[Visual]]
+    visuals: Mapping[str, Sequence[Any]]
     joints: list[Joint]
-    roots: list[Path]
+    roots: list[Path] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    soft_limits: bool = False
+    keyframes: Mapping[str, NdArray] = field(default_factory=dict)

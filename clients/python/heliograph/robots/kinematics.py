@@ -18,7 +18,7 @@ from .._wire.tensors import is_tensor, on_host
 from ..errors import InvalidArgument
 from ..values.pose import Pose
 from ._motion import Motion
-from .description import ONE_AXIS, Joint, Urdf
+from .description import ONE_AXIS, Joint, RobotModel
 
 _COLUMNS = {
     "planar": ("x", "y", "angle"),
@@ -35,24 +35,25 @@ class Kinematics:
     and those that mimic others. A planar joint has columns "<name>/x", "/y" (metres in the plane
     across its axis) and "/angle"; a floating one "/x", "/y", "/z", "/qw", "/qx", "/qy", "/qz",
     a spherical one the last four.
-    limits: (C, 2). rest: (C,), 0 or the limit next to it. moving: the M joints that are not fixed.
+    limits: (C, 2). rest: (C,), that of the joints, or the limit next to it where limits are not
+    soft. moving: the M joints that are not fixed.
     """
 
-    def __init__(self, urdf: Urdf) -> None:
-        self.link_names = urdf.links
-        self.joints = urdf.joints
-        self.moving = [joint for joint in urdf.joints if joint.kind != "fixed"]
+    def __init__(self, model: RobotModel) -> None:
+        self.link_names = model.links
+        self.joints = model.joints
+        self.moving = [joint for joint in model.joints if joint.kind != "fixed"]
         self.joint_names: list[str] = []
         self._first: dict[str, int] = {}  # column of a joint
         for joint in self.moving:
             if joint.mimic is None:
                 self._first[joint.name] = len(self.joint_names)
                 self.joint_names.extend(_columns(joint))
-        self._fill_limits()
-        self._motion = Motion(self.moving, self._first, self.limits)
+        self._fill_limits(model.soft_limits)
+        self._motion = Motion(self.moving, self._first, self.limits, model.soft_limits)
         self._fill_tree()
 
-    def _fill_limits(self) -> None:
+    def _fill_limits(self, soft: bool) -> None:
         self.limits = np.tile((-math.inf, math.inf), (len(self.joint_names), 1))
         self.rest = np.zeros(len(self.joint_names))
         for joint in self.moving:
@@ -61,9 +62,12 @@ class Kinematics:
                 continue
             if joint.kind in ONE_AXIS:
                 self.limits[at] = joint.lower, joint.upper
-                self.rest[at] = np.clip(0.0, joint.lower, joint.upper)
             elif joint.kind != "planar":
-                self.rest[at + _columns(joint).index(f"{joint.name}/qw")] = 1.0
+                self.rest[at + _COLUMNS[joint.kind].index("qw")] = 1.0
+            if joint.rest:
+                self.rest[at : at + len(joint.rest)] = joint.rest
+        if not soft:
+            self.rest = np.clip(self.rest, *self.limits.T)
 
     def _fill_tree(self) -> None:
         rows = {name: i for i, name in enumerate(self.link_names)}
@@ -178,7 +182,7 @@ class Kinematics:
             if row.shape[:1] != (3,):
                 raise InvalidArgument(f"{field}: needs (x, y, angle), or (N, 3)", field=field)
         elif joint.kind == "spherical":
-            row = np.moveaxis(_quaternions(_rotations(value, field)), -1, 0)
+            row = np.moveaxis(_spherical_values(value, field), -1, 0)
         else:
             row = np.moveaxis(_floating_values(value, field), -1, 0)
         return {at + i: number for i, number in enumerate(row)}
@@ -240,11 +244,27 @@ def _columns(joint: Joint) -> list[str]:
 
 
 def _floating_values(value: Any, field: str) -> NdArray:
-    """(..., 7): position, and the quaternion w x y z, of a Pose, (4, 4) or (N, 4, 4)."""
+    """(..., 7): position, and the quaternion w x y z, of a Pose, (4, 4) or (N, 4, 4); or as they
+    are, (7,) or (N, 7)."""
     given = value.matrix if isinstance(value, Pose) else value
+    if np.shape(given)[-1:] == (7,):
+        return checked(given, field, "f8", np.shape(given))
     matrices = _matrices(given, field, 4)
     rotation = _rotations(matrices[..., :3, :3], field)
     return np.concatenate([matrices[..., :3, 3], _quaternions(rotation)], axis=-1)
+
+
+def _spherical_values(value: Any, field: str) -> NdArray:
+    """(..., 4): the quaternion w x y z of a rotation; or as they are, (4,) or (N, 4)."""
+    shape = np.shape(value)
+    if isinstance(value, Pose) or shape[-2:] == (3, 3):
+        return _quaternions(_rotations(value, field))
+    is_pose = shape == (4, 4) and np.array_equal(value[3], (0, 0, 0, 1))
+    if shape[-1:] != (4,) or is_pose:
+        raise InvalidArgument(
+            f"{field}: needs a rotation (3, 3) or (qw, qx, qy, qz), or N of them", field=field
+        )
+    return checked(value, field, "f8", shape)
 
 
 def _rotations(value: Any, field: str) -> NdArray:

@@ -5,11 +5,9 @@ Made by edit.import_urdf(); docs/robots.md.
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Union, cast
 
 import numpy as np
@@ -18,10 +16,11 @@ from .._wire.arrays import NdArray
 from .._wire.tensors import is_tensor, on_host
 from ..errors import InvalidArgument
 from ..scene import patches
-from ..scene.handles import Entity, Group, Material
-from ..values.checks import refuse_unknown
+from ..scene.handles import Entity, Group
 from . import urdf
 from ._library import Library
+from .building import Options, UrdfBuilder
+from .description import RobotModel
 from .kinematics import Kinematics
 
 if TYPE_CHECKING:
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
     from ..client.scene import Scene
 
 _STEP = math.pi / 3  # the most that a joint turns from key to key
-_SEEN = 0.5  # the least opacity that labels take for a surface
 
 
 class Robot:
@@ -46,7 +44,7 @@ class Robot:
     """
 
     def __init__(
-        self, scene: Scene, name: str, model: urdf.Urdf, library: Library | None = None
+        self, scene: Scene, name: str, model: RobotModel, library: Library | None = None
     ) -> None:
         self.scene = scene
         self.name = name
@@ -78,7 +76,8 @@ class Robot:
 
     @property
     def rest(self) -> NdArray:
-        """(C,) float64: the values it is imported with: 0, or the limit next to it."""
+        """(C,) float64: the values it is imported with: 0, or the limit next to it; of an MJCF file
+        qpos0."""
         return self.kinematics.rest.copy()
 
     def link_of(self, part: Any) -> NdArray:
@@ -121,16 +120,6 @@ def listed(robots: Robots) -> list[Robot]:
     return found
 
 
-@dataclass(frozen=True)
-class Options:
-    """Of import_urdf()."""
-
-    packages: Mapping[str, str | os.PathLike[str]]
-    keypoints: Sequence[str] | None
-    mesh_materials: bool
-    strict: bool
-
-
 class RobotEdits:
     """The part of Edits that makes and moves robots."""
 
@@ -157,14 +146,14 @@ class RobotEdits:
         Refused: xacro, and a robot of which nothing may be read that is to be seen: files outside
         the URDF's folder and packages are not (InvalidArgument, NotFound).
         """
-        options = Options(packages or {}, keypoints, mesh_materials, strict)
+        options = Options(packages or {}, mesh_materials, strict)
         edits = cast("Edits", self)
         if isinstance(path, Robot):
             robot = Robot(edits.scene, name or path.name, path.model, path.library)
         else:
             model = urdf.read(path, options.packages, options.strict)
             robot = Robot(edits.scene, name or model.name, model)
-        return _Builder(edits, robot, options).build(components)
+        return UrdfBuilder(edits, robot, options).build(keypoints, components)
 
     def set_joints(
         self,
@@ -179,8 +168,9 @@ class RobotEdits:
 
         values: (C,) in the order of robot.joint_names, (N, C) for N robots; or {name: number}, or
         (N,) for N robots, where joints without a name stay. Radians and metres. A floating joint
-        takes a hg.Pose or (4, 4), a spherical one a rotation (3, 3) or a hg.Pose that only turns, a
-        planar one (x, y, angle).
+        takes a hg.Pose, (4, 4), or position and quaternion w x y z, (7,); a spherical one (a ball
+        of MJCF) a rotation (3, 3), a hg.Pose that only turns, or a quaternion (4,); a planar one
+        (x, y, angle).
         A tensor of PyTorch: poses are worked out where it is, and stay there on a GPU.
         keys: {seconds: values} instead, for motion blur; joints move evenly between them.
         clamp: values beyond the limits are put on them; otherwise InvalidArgument names the joint,
@@ -235,120 +225,3 @@ def _set_keys(edits: Edits, robots: Sequence[Robot], keys: Mapping[float, NdArra
     for n, robot in enumerate(robots):
         for i, entity in enumerate(robot.moving):
             edits.update(entity, keys={t: local[t][n, i] for t in local})
-
-
-class _Builder:
-    """Puts the entities of one robot."""
-
-    def __init__(self, edits: Edits, robot: Robot, options: Options) -> None:
-        self.edits = edits
-        self.options = options
-        self.robot = robot
-        self.model = robot.model
-        self.library = robot.library
-
-    def build(self, components: patches.Components) -> Robot:
-        robot = self.robot
-        refuse_unknown(components, patches.Components, "an entity")
-        self._choose_keypoints(self.options.keypoints)
-        given: Any = {"label": "auto", **components}
-        if robot.skeleton:
-            own = {"skeleton": json.dumps(robot.skeleton)}
-            given["attributes"] = {**own, **(components.get("attributes") or {})}
-        robot.root = self.edits.entity(robot.name, exist_ok=False, **given)
-        local = dict(
-            zip(
-                (joint.child for joint in robot.kinematics.moving),
-                robot.kinematics.local(robot.kinematics.rest),
-            )
-        )
-        above = {joint.child: joint for joint in self.model.joints}
-        for link, part in robot.parts.items():
-            joint = above.get(link)
-            robot.links[link] = self.edits.entity(
-                f"{robot.name}/{link}",
-                exist_ok=False,
-                parent=robot.links[joint.parent] if joint else robot.root,
-                transform=local.get(link, joint.origin if joint else np.eye(4)),
-            )
-            for number, visual in enumerate(self.model.visuals[link]):
-                name = f"{robot.name}/{link}/{number}"
-                self._put_visual(visual, name, (robot.links[link], part))
-        robot.moving = Group([robot.links[j.child] for j in robot.kinematics.moving])
-        self._put_keypoints()
-        robot.warnings.extend(self.library.warnings)
-        return robot
-
-    # ------------------------------------------------------------ visuals
-
-    def _put_visual(self, visual: urdf.Visual, name: str, link: tuple[Entity, int]) -> None:
-        parent, part = link
-        material = None if visual.look is None else self._material(visual.look)
-        given: Any = {} if material is None else {"material": material}
-        if visual.file is None:
-            self._tell_if_hidden(visual, parent)
-            given["mesh"] = self.library.mesh(self.edits, visual, name)
-            at = visual.origin
-            self.edits.entity(name, exist_ok=False, parent=parent, transform=at, part=part, **given)
-            return
-        asset = self.library.asset(self.edits, visual.file, name, self.options.strict)
-        if asset is None:
-            return
-        overrides = {}
-        if material is not None and not self.options.mesh_materials:
-            overrides = dict.fromkeys(asset.materials, material)
-        if overrides or not asset.materials:
-            self._tell_if_hidden(visual, parent)
-        pose = visual.origin @ np.diag([*visual.size, 1.0])
-        root = self.edits.instance(asset, name, transform=pose, parent=parent, materials=overrides)
-        self.edits.update(root, label=None)  # that of the robot
-        given = {} if asset.materials else given
-        for entity in asset._placed[-1]:
-            self.edits.update(entity, part=part, **given)
-
-    def _material(self, look: urdf.Look) -> Material:
-        return self.library.material(self.edits, look, self.robot.name, self.options.strict)
-
-    def _tell_if_hidden(self, visual: urdf.Visual, link: Entity) -> None:
-        look = visual.look
-        alpha = look.color[3] if look is not None and look.color is not None else 1.0
-        if alpha < _SEEN:
-            text = f"{link.name}: of alpha {alpha:g}, labels show what is behind it"
-            if text not in self.robot.warnings:
-                self.robot.warnings.append(text)
-
-    # ------------------------------------------------------------ keypoints
-
-    def _choose_keypoints(self, wanted: Sequence[str] | None) -> None:
-        robot = self.robot
-        joints = {joint.name: joint for joint in self.model.joints}
-        for name in wanted or ():
-            if name not in joints:
-                have = ", ".join(joints)
-                raise InvalidArgument(
-                    f"keypoints: there is no joint {name!r}; it has {have}", field="keypoints"
-                )
-        above = {joint.child: joint for joint in self.model.joints}
-        robot.keypoints = [name for name in joints if wanted is None or name in wanted]
-        for name in robot.keypoints:
-            up = above.get(joints[name].parent)
-            while up is not None and up.name not in robot.keypoints:
-                up = above.get(up.parent)
-            if up is not None:
-                robot.skeleton.append((up.name, name))
-
-    def _put_keypoints(self) -> None:
-        """A keypoint lives in a mesh: a triangle without area in the origin of the joint."""
-        below = {joint.name: joint.child for joint in self.model.joints}
-        for name in self.robot.keypoints:
-            link = self.robot.links[below[name]]
-            if name not in self.library.keypoints:
-                self.library.keypoints[name] = self.edits.mesh(
-                    f"{link.name}/keypoint/mesh",
-                    positions=np.zeros((3, 3)),
-                    indices=[[0, 1, 2]],
-                    keypoints={name: (0, 0, 0)},
-                )
-            mesh = self.library.keypoints[name]
-            part = self.robot.parts[below[name]]
-            self.edits.entity(f"{link.name}/keypoint", parent=link, mesh=mesh, part=part)

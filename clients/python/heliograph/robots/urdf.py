@@ -21,16 +21,14 @@ from ._files import Files
 from ._notes import Notes
 from ._numbers import Numbers
 from ._visuals import Visuals
-from .description import KINDS, Joint, Look, Mimic, Urdf, Visual
-
-__all__ = ["Joint", "Look", "Mimic", "Urdf", "Visual", "read"]
+from .description import KINDS, Joint, Mimic, RobotModel
 
 
 def read(
     path: str | os.PathLike[str],
     packages: Mapping[str, str | os.PathLike[str]],
     strict: bool = False,
-) -> Urdf:
+) -> RobotModel:
     """Parses a file. packages: folders by the names in package:// references. strict: refuses what
     is told in warnings otherwise."""
     return _Reader(Notes(Path(path), strict), packages).robot()
@@ -43,7 +41,7 @@ class _Reader:
         self.files = Files(notes, packages)
         self.visuals = Visuals(notes, self.files)
 
-    def robot(self) -> Urdf:
+    def robot(self) -> RobotModel:
         root = _xml.read(self.notes.path)
         _xacro.settle(root, self.notes)
         if root.tag != "robot":
@@ -55,7 +53,7 @@ class _Reader:
         joints = _mimics.settled(found, self.notes)
         order = self._parents_first(list(links), joints)
         name = root.get("name") or self.notes.path.stem
-        return Urdf(name, order, visuals, joints, self.files.roots(), self.notes.warnings)
+        return RobotModel(name, order, visuals, joints, self.files.roots(), self.notes.warnings)
 
     def _named(self, root: Element, tag: str) -> dict[str, Element]:
         out: dict[str, Element] = {}
