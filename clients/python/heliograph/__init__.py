@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from .render.frame import Frame
     from .render.progress import Progress
     from .render.worlds import WorldFrame, Worlds
+    from .robots.mjcf.robot import MjcfRobot
     from .robots.robot import Robot
     from .scene import studio
     from .scene.handles import Asset, Entity, Group, Handle, Material, Mesh, Texture
@@ -72,6 +73,7 @@ _LAZY = {
     "Portal": "values.lights",
     "Material": "scene.handles",
     "Mesh": "scene.handles",
+    "MjcfRobot": "robots.mjcf.robot",
     "Picture": "image.picture",
     "Pose": "values.pose",
     "Progress": "render.progress",
@@ -128,6 +130,7 @@ __all__ = [
     "Light",
     "Material",
     "Mesh",
+    "MjcfRobot",
     "NotFound",
     "OutOfRange",
     "PermissionDenied",

@@ -19,6 +19,7 @@ from .._wire.arrays import MESSAGE_BYTES, NdArray
 from .._wire.lent import GpuArray, Loan
 from .._wire.uploads import Sources
 from ..errors import FailedPrecondition, HeliographError, InvalidArgument
+from ..robots.mjcf.edits import MjcfEdits
 from ..robots.robot import RobotEdits
 from ..scene import _poses, assets, images, patches, studio, volumes
 from ..scene._domes import DomeEdits
@@ -48,7 +49,7 @@ if TYPE_CHECKING:
 _H = TypeVar("_H", bound=Handle)
 
 
-class Edits(DomeEdits, RobotEdits, UsdEdits):
+class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
     """A list of edits; `with` sends them as one transaction, or drops them on an exception.
 
     In every call: what is given changes, what is absent stays, None resets to the default; the

@@ -1,0 +1,49 @@
+"""edit.import_mjcf(): the scene and the robots of an MJCF file; docs/mjcf.md."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, cast
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from ...client.edit import Edits
+    from ...scene import patches
+    from .robot import MjcfRobot
+
+
+class MjcfEdits:
+    """The part of Edits that reads MJCF files."""
+
+    def import_mjcf(
+        self,
+        path: str | os.PathLike[str] | MjcfRobot | Any,
+        *,
+        name: str | None = None,
+        groups: Sequence[int] = (0, 1, 2),
+        sites: bool = False,
+        lights: bool = True,
+        size: tuple[int, int] = (640, 480),
+        keypoints: Sequence[str] | None = None,
+        **components: Unpack[patches.Components],
+    ) -> MjcfRobot:
+        """Reads a scene or a robot from an MJCF file, by MuJoCo's compiler, and places it: entities
+        `name`, and "<name>/<body>". Units are metres, +Z is up in both.
+
+        path: a file; a mujoco.MjModel or MjSpec; or another MjcfRobot, which is placed again, with
+        the same meshes and materials.
+        groups: of geoms, sites, tendons and skins that are seen; MuJoCo shows 0, 1 and 2.
+        sites: whether they are seen. lights: whether there are the file's lights and its sky.
+        size: width and height of cameras whose resolution the file leaves open, pixels.
+        keypoints: names of the joints that labels report, by default the first one of each body.
+        components: of the root, as edit.entity() takes them; but label, category, group and
+        attributes are those of each body beneath the world, which by default is an instance.
+        What is left out is in `warnings`. InvalidArgument: what MuJoCo refuses. Unimplemented:
+        without the package mujoco.
+        """
+        from .building import Wanted, placed
+
+        wanted = Wanted(tuple(groups), sites, lights, size, keypoints)
+        return placed(cast("Edits", self), path, name, wanted, components)
