@@ -336,7 +336,7 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
         `folders`: where the model says they are, else a file of the same name. Without one the
         model loads, and asset.warnings names it; strict=True refuses the model (NotFound).
         """
-        source = assets.Source(path, server_path, up, units, folders, strict)
+        source = assets.Source(path, server_path, up, units, folders=folders, strict=strict)
         asset = assets.decode(self.scene, source, name)
         for i in range(count):
             root = asset.name if count == 1 else f"{asset.name}/{i}"
