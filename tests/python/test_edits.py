@@ -327,16 +327,17 @@ def test_companions_stay_beneath_the_models_folder(daemon, scene, tmp_path, name
     (tmp_path / "b").write_bytes(b"secret")
     (folder / "link.png").symlink_to(tmp_path / "secret")
     daemon.needs = [name]
-    with pytest.raises(hg.InvalidArgument, match="folder"), scene.edit() as edit:
+    with scene.edit() as edit:
         edit.import_file(folder / "model.gltf")
+    assert daemon.bundles[-1] == ["model.gltf", name]
     assert b"secret" not in daemon.blobs.values()
 
 
-def test_a_missing_companion_is_named(daemon, scene, tmp_path):
+def test_a_missing_companion_is_named_where_all_are_asked_for(daemon, scene, tmp_path):
     (tmp_path / "model.gltf").write_bytes(b"{}")
     daemon.needs = ["gone.png"]
     with pytest.raises(hg.NotFound, match=r"gone\.png"), scene.edit() as edit:
-        edit.import_file(tmp_path / "model.gltf")
+        edit.import_file(tmp_path / "model.gltf", strict=True)
 
 
 def test_handles_pickle(daemon, scene):

@@ -35,9 +35,11 @@ struct Influence {
   float weight;
 };
 
-/// The four strongest of a vertex's influences, weights summing to 1.
+/// The four strongest of a vertex's influences, of equal ones the first joints; weights summing
+/// to 1.
 void keep_strongest(std::vector<Influence>& influences, MeshData& mesh) {
-  std::ranges::stable_sort(influences, std::greater{}, &Influence::weight);
+  std::ranges::sort(influences, {},
+                    [](const Influence& i) { return std::pair(-i.weight, i.joint); });
   glm::u16vec4 joints(0);
   vec4 weights(0);
   for (int i = 0; i < 4; ++i) {
