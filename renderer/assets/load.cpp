@@ -27,7 +27,8 @@ void check_options(const LoadOptions& options) {
   }
 }
 
-constexpr std::array<std::pair<std::string_view, void (*)(Builder&)>, 8> kModels = {{
+using Model = std::pair<std::string_view, void (*)(Builder&)>;
+constexpr std::array<Model, 8> kModels = {{
     {"gltf", load_gltf},
     {"glb", load_gltf},
     {"dae", load_dae},
@@ -63,19 +64,25 @@ void check_size(Builder& builder) {
            : ": a unit was taken as 1 m, and +Z as up, unless given; units= and up= say others"));
 }
 
+const Model* model_of(const std::string& format) {
+  const auto* found = std::ranges::find(kModels, format, &Model::first);
+  return found == kModels.end() ? nullptr : found;
+}
+
+/// Of the request, whatever is in the file.
+void check_options_of(const std::string& format, const LoadOptions& options) {
+  const bool is_model = model_of(format) != nullptr;
+  if (is_model && !options.layer.empty()) refuse("layer", "is of pictures; a model has none");
+  if (!is_model) refuse_axes(options, "only models have it: leave it out");
+  if (is_gltf(format)) {
+    refuse_axes(options, "glTF is +Y up and in metres: leave it out, and give transform= instead");
+  }
+}
+
 void load(Builder& builder) {
   const std::string format = format_of(builder);
-  for (const auto& [ending, load_model] : kModels) {
-    if (format != ending) continue;
-    if (!builder.options.layer.empty()) refuse("layer", "is of pictures; a model has none");
-    if (is_gltf(format)) {
-      refuse_axes(builder.options,
-                  "glTF is +Y up and in metres: leave it out, and give transform= instead");
-    }
-    return load_model(builder);
-  }
+  if (const Model* model = model_of(format)) return model->second(builder);
   if (format == "ies" || is_picture_name(format) || is_picture(builder.bundle.model().bytes)) {
-    refuse_axes(builder.options, "a picture has none: leave it out");
     return load_picture(builder);
   }
   refuse_unimplemented(
@@ -87,6 +94,7 @@ Loaded load_bundle(std::span<const BundleFile> files, const LoadOptions& options
   check_options(options);
   Builder builder(Bundle(files), options);
   const std::string path = builder.bundle.model().path;
+  check_options_of(format_of(builder), options);
   try {
     load(builder);
     if (builder.complete()) {

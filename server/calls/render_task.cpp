@@ -37,7 +37,7 @@ Expected<SnapshotPtr> with_overlay(Daemon& daemon, Session& session, const Snaps
   UsedUploads source(session.holdings());
   const auto transaction = to_transaction(overlay, source);
   if (!transaction) {
-    source.give_back();
+    source.give_back(transaction.error());
     return std::unexpected(Error(transaction.error()).at("overlay"));
   }
   const auto prepared = apply(*base, *transaction, daemon.scenes.scene_limits());
@@ -92,7 +92,7 @@ Expected<std::shared_ptr<RenderJob>> make_job(Daemon& daemon, Session& session,
     auto worlds = to_worlds(request.worlds(), *job->snapshot, source,
                             {.worlds = limits.worlds, .edits = limits.edits});
     if (!worlds) {
-      source.give_back();
+      source.give_back(worlds.error());
       return std::unexpected(std::move(worlds).error().at("worlds"));
     }
     worlds->limits = daemon.scenes.scene_limits();

@@ -41,7 +41,7 @@ Expected<v1::ApplyReply> apply_now(Session& session, SceneEntry& entry,
       transaction ? entry.commit(*transaction, expected_of(request), request.transaction())
                   : std::unexpected(transaction.error());
   if (!prepared) {
-    source.give_back();
+    source.give_back(prepared.error());
     return std::unexpected(prepared.error());
   }
   return apply_reply(request.number(), *prepared);
@@ -60,7 +60,7 @@ void apply_durably(const std::shared_ptr<Session>& session, SceneEntry& entry,
                    .sent = {},
                    .files = {}};
   const auto end = [session, finish, used = uses.take_used()](Expected<v1::ApplyReply> reply) {
-    if (!is_kept(reply)) session->holdings().give_back(used);
+    if (!reply && may_be_sent_again(reply.error())) session->holdings().give_back(used);
     finish(std::move(reply));
   };
   edit.record.set_session(session->id());

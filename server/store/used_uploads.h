@@ -8,8 +8,14 @@
 
 namespace heliograph::server {
 
-/// Gives what a session's holdings give. A request that is refused gives its uploads and buffers
-/// back, for it is sent again with the same. Thread: one at a time.
+/// Whether a request that was refused so is sent again as it is: what it lacked is brought first,
+/// or some time passes.
+[[nodiscard]] inline bool may_be_sent_again(const Error& why) {
+  return why.code == Code::kNotFound || why.retry_seconds > 0;
+}
+
+/// Gives what a session's holdings give. A request that may be sent again gives its uploads and
+/// buffers back. Thread: one at a time.
 class UsedUploads final : public ArraySource {
  public:
   explicit UsedUploads(Holdings& holdings) : holdings_(holdings) {}
@@ -21,7 +27,9 @@ class UsedUploads final : public ArraySource {
   [[nodiscard]] Expected<std::shared_ptr<const Asset>> asset(std::string_view hash) override;
 
   [[nodiscard]] std::vector<UsedUpload> take_used() { return std::move(used_); }
-  void give_back() { holdings_.give_back(take_used()); }
+  void give_back(const Error& why) {
+    if (may_be_sent_again(why)) holdings_.give_back(take_used());
+  }
 
  private:
   Holdings& holdings_;

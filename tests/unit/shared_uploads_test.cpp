@@ -70,7 +70,7 @@ TEST_CASE("shared uploads: what was not used after all is there for the same ref
   const auto use_and_give_back = [&] {
     UsedUploads uses(holdings);
     REQUIRE(uses.bytes(part));
-    uses.give_back();
+    uses.give_back(Error{.code = Code::kNotFound, .message = "", .where = ""});
   };
   holdings.shared().take(5, kText.size(), memory(kSeals).get());
   use_and_give_back();
@@ -85,6 +85,12 @@ TEST_CASE("shared uploads: what was not used after all is there for the same ref
   use_and_give_back();
   holdings.sweep();
   CHECK(budget->used() == 0);
+
+  holdings.shared().take(5, kText.size(), memory(kSeals).get());
+  UsedUploads uses(holdings);
+  REQUIRE(uses.bytes(part));
+  uses.give_back(Error{.code = Code::kInvalidArgument, .message = "", .where = ""});
+  CHECK_FALSE(holdings.bytes(part));
 }
 
 TEST_CASE("shared uploads: what waits in the socket is heard first") {
