@@ -18,15 +18,14 @@ glm::dvec3 across(const glm::dmat3& vectors) {
 
 }  // namespace
 
-std::optional<mat4x3> with_thickness(const mat4x3& pose) {
+std::optional<mat4x3> with_thickness(const mat4x3& pose, double share) {
   if (invertible(pose)) return pose;
-  constexpr double kThickness = 1e-5;
   glm::dmat3 linear(pose);
   const double size =
       std::max({glm::length(linear[0]), glm::length(linear[1]), glm::length(linear[2])});
-  // What the matrix takes to 0 goes across the plane that it takes the rest to.
+  // The direction that becomes 0 is turned across the plane that the others become.
   const glm::dmat3 thick =
-      kThickness * size * glm::outerProduct(across(linear), across(glm::transpose(linear)));
+      share * size * glm::outerProduct(across(linear), across(glm::transpose(linear)));
   const bool mirrors = glm::determinant(linear + thick) < 0;
   linear += mirrors ? -thick : thick;
   const mat3 rounded(linear);

@@ -8,7 +8,8 @@
 namespace heliograph::assets {
 
 /// `pose` if f32 can invert it. One that flattens along a single direction, as a scale of 0 along
-/// one axis does, keeps 1e-5 of its size there; nullopt for others.
-[[nodiscard]] std::optional<mat4x3> with_thickness(const mat4x3& pose);
+/// one axis does, keeps a share of its longest axis there, so that what is flat already stays where
+/// it is; nullopt for others.
+[[nodiscard]] std::optional<mat4x3> with_thickness(const mat4x3& pose, double share = 1e-5);
 
 }  // namespace heliograph::assets

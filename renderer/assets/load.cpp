@@ -123,8 +123,7 @@ namespace assets {
 
 void load_picture(Builder& builder) {
   const BundleFile& file = builder.bundle.model();
-  const std::string format =
-      builder.options.format.empty() ? extension_of(file.path) : builder.options.format;
+  const std::string format = format_of(builder);
   const std::string where;
   Picture picture = format == "ies" ? decode_ies({file.bytes, where, builder.budget})
                                     : decode_picture(file.bytes, format, where, builder.budget,

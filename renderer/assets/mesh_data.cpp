@@ -10,12 +10,6 @@ bool finite(const vec3& v) {
   return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
 
-/// Of length 1; 0 for what has no direction, a NaN too.
-vec3 unit(const vec3& v) {
-  const float length = std::hypot(v.x, v.y, v.z);
-  return length > 1e-20f && std::isfinite(length) ? v / length : vec3(0);
-}
-
 /// Unit normals. One without a direction takes the one of its triangles, by area; +Z where these
 /// have none, so that shading never sees a NaN.
 void normalise(MeshData& mesh) {
@@ -48,6 +42,11 @@ std::vector<vec3> concatenate(const std::vector<std::vector<vec3>>& targets) {
 }
 
 }  // namespace
+
+vec3 unit(const vec3& v) {
+  const float length = std::hypot(v.x, v.y, v.z);
+  return length > 1e-20f && std::isfinite(length) ? v / length : vec3(0);
+}
 
 PutMesh finish_mesh(MeshData mesh, const std::string& where, Budget& budget) {
   const LoadLimits& limits = budget.limits();

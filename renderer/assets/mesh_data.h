@@ -26,6 +26,9 @@ struct MeshData {
   std::vector<std::vector<vec3>> morph_normals;    // empty, or as long as `positions` each
 };
 
+/// Of length 1; 0 for what has no direction, a NaN too.
+[[nodiscard]] vec3 unit(const vec3& v);
+
 /// Checks counts and indices, makes normals unit, and takes the arrays. A normal without a
 /// direction becomes that of its triangles.
 [[nodiscard]] PutMesh finish_mesh(MeshData mesh, const std::string& where, Budget& budget);

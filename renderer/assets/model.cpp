@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "renderer/assets/text_scan.h"
+
 namespace heliograph::assets {
 namespace {
 
@@ -82,6 +84,11 @@ bool clamp_colors(std::vector<vec4>& colors, Builder& builder) {
   for (vec4& color : colors)
     color = vec4(glm::clamp(scale * vec3(color), 0.0f, 1.0f), std::clamp(color.w, 0.0f, 1.0f));
   return bytes;
+}
+
+void make_linear(std::vector<vec4>& colors) {
+  for (vec4& color : colors)
+    for (int i = 0; i < 3; ++i) color[i] = linear_from_srgb(color[i]);
 }
 
 }  // namespace heliograph::assets

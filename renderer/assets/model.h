@@ -43,5 +43,7 @@ class White {
 /// Colours in [0, 1]. Those of 0 to 255 are scaled, and others above 1 cut off, with a warning.
 /// Returns whether they were of 0 to 255.
 bool clamp_colors(std::vector<vec4>& colors, Builder& builder);
+/// Of sRGB; alpha stays.
+void make_linear(std::vector<vec4>& colors);
 
 }  // namespace heliograph::assets

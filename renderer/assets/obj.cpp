@@ -240,8 +240,7 @@ class Reader {
   void finish_colors() {
     if (colors_.empty()) mesh_.colors.clear();
     clamp_colors(mesh_.colors, builder_);
-    for (vec4& color : mesh_.colors)
-      for (int i = 0; i < 3; ++i) color[i] = linear_from_srgb(color[i]);
+    make_linear(mesh_.colors);
   }
 
   Builder& builder_;

@@ -288,7 +288,7 @@ Picture decode(const PictureSource& source, std::string_view name, std::string_v
   reader.choose(layer);
   Canvas canvas = reader.texels();
   if (reader.is_premultiplied()) make_alpha_straight(canvas);
-  if (reader.exposure() != 1) scale_colors(canvas, 1 / reader.exposure());
+  if (const double exposure = reader.exposure(); exposure != 1) scale_colors(canvas, 1 / exposure);
   const auto chromaticities = reader.chromaticities();
   const auto matrix = chromaticities ? rec709_from(*chromaticities) : std::nullopt;
   if (matrix && canvas.image.channels >= 3) {

@@ -333,9 +333,7 @@ void finish_colors(Model& model, Builder& builder) {
     builder.warn("colours of vertices are left out beside a texture");
     colors.clear();
   }
-  if (!clamp_colors(colors, builder)) return;
-  for (vec4& color : colors)
-    for (int i = 0; i < 3; ++i) color[i] = linear_from_srgb(color[i]);
+  if (clamp_colors(colors, builder)) make_linear(colors);
 }
 
 }  // namespace

@@ -139,6 +139,17 @@ const T& library_item(const Loaded& loaded, std::size_t k = 0) {
   throw std::out_of_range("the library has fewer of these");
 }
 
+/// Of the triangles of the first mesh.
+inline double area(const Loaded& loaded) {
+  const PutMesh& mesh = library_item<PutMesh>(loaded);
+  double sum = 0;
+  for (const uvec3& t : mesh.topology->triangles) {
+    const auto& p = mesh.vertices->positions;
+    sum += 0.5 * glm::length(glm::cross(p[t.y] - p[t.x], p[t.z] - p[t.x]));
+  }
+  return sum;
+}
+
 /// Index of the entity of that name.
 inline std::size_t entity_index(const Loaded& loaded, const std::string& name) {
   for (std::size_t i = 0; i < loaded.asset.entities.size(); ++i) {

@@ -34,16 +34,6 @@ Expected<Loaded> with_mtl(const std::string& mtl, const std::string& line = "mtl
       .load();
 }
 
-double area(const Loaded& loaded) {
-  const PutMesh& mesh = library_item<PutMesh>(loaded);
-  double sum = 0;
-  for (const uvec3& t : mesh.topology->triangles) {
-    const auto& p = mesh.vertices->positions;
-    sum += 0.5 * glm::length(glm::cross(p[t.y] - p[t.x], p[t.z] - p[t.x]));
-  }
-  return sum;
-}
-
 vec3 value(const PutMaterial& m, MaterialParameter p) {
   return m.parameters[std::size_t(p)].value.value_or(vec3(-1));
 }

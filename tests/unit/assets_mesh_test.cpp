@@ -21,16 +21,6 @@ Expected<Loaded> load_text(const std::string& name, std::string_view text,
 
 constexpr const char* kQuad = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
 
-double area(const Loaded& loaded) {
-  const PutMesh& mesh = library_item<PutMesh>(loaded);
-  double sum = 0;
-  for (const uvec3& t : mesh.topology->triangles) {
-    const auto& p = mesh.vertices->positions;
-    sum += 0.5 * glm::length(glm::cross(p[t.y] - p[t.x], p[t.z] - p[t.x]));
-  }
-  return sum;
-}
-
 std::string little(const std::vector<float>& values) {
   return {reinterpret_cast<const char*>(values.data()), values.size() * 4};
 }

@@ -37,6 +37,19 @@ u64 words_in(std::string_view text) {
   return count;
 }
 
+/// The numbers of a node's text, as `take` takes one off it.
+template <class T, class Take>
+std::vector<T> read_all(const Node& node, Budget& budget, const Take& take) {
+  std::string_view text = text_of(node);
+  const u64 count = words_in(text);
+  budget.take(count, sizeof(T), place(node));
+  std::vector<T> numbers;
+  numbers.reserve(count);
+  const std::string where = place(node);
+  for (u64 i = 0; i < count; ++i) numbers.push_back(take(text, where));
+  return numbers;
+}
+
 }  // namespace
 
 Document::Document(Builder& builder) {
@@ -89,30 +102,16 @@ std::string place(const Node& node) {
 }
 
 std::vector<double> read_doubles(const Node& node, Budget& budget) {
-  std::string_view text = text_of(node);
-  const u64 count = words_in(text);
-  budget.take(count, sizeof(double), place(node));
-  std::vector<double> numbers;
-  numbers.reserve(count);
-  const std::string where = place(node);
-  for (u64 i = 0; i < count; ++i) {
+  return read_all<double>(node, budget, [](std::string_view& text, const std::string& where) {
     std::string_view ahead = text;
-    const bool none = is_no_number(take_word(ahead));
-    numbers.push_back(none ? std::numeric_limits<double>::quiet_NaN() : take_double(text, where));
-    if (none) text = ahead;
-  }
-  return numbers;
+    if (!is_no_number(take_word(ahead))) return take_double(text, where);
+    text = ahead;
+    return std::numeric_limits<double>::quiet_NaN();
+  });
 }
 
 std::vector<float> read_floats(const Node& node, Budget& budget) {
-  std::string_view text = text_of(node);
-  const u64 count = words_in(text);
-  budget.take(count, sizeof(float), place(node));
-  std::vector<float> numbers;
-  numbers.reserve(count);
-  const std::string where = place(node);
-  for (u64 i = 0; i < count; ++i) numbers.push_back(take_number(text, where));
-  return numbers;
+  return read_all<float>(node, budget, take_number);
 }
 
 std::vector<float> read_floats(const Node& node, std::size_t count, Budget& budget) {

@@ -286,8 +286,7 @@ class Reader {
     out_.colored = any_[kColor];
     if (!any_[kColor]) return mesh_.colors.clear();
     clamp_colors(mesh_.colors, builder_);
-    for (vec4& color : mesh_.colors)
-      for (int i = 0; i < 3; ++i) color[i] = linear_from_srgb(color[i]);
+    make_linear(mesh_.colors);
   }
 
   const Document& document_;

@@ -120,7 +120,7 @@ class Loader {
   }
 
  private:
-  /// Whether a node or one below it has lights, by index.
+  /// By index: a node has lights, or one below it.
   static std::vector<bool> find_lit(const std::vector<Node>& nodes) {
     std::vector<bool> lit(nodes.size());
     for (u32 i = 0; i < nodes.size(); ++i) {

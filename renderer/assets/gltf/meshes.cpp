@@ -107,9 +107,11 @@ class Loader {
     mesh.morph_count = u32(data.morph_positions.size());
     mesh.morph_weights = read_weights(value, mesh.morph_count);
     if (data.triangles.empty()) return mesh;
-    if (const std::size_t mended = mend_directions(data); mended > 0) {
+    mend_tangents(data);
+    const auto lost = std::ranges::count(data.normals, vec3(0), unit);
+    if (lost > 0) {
       builder_.warn(fmt::format("{}: {} normals without a direction became those of their faces",
-                                value.where(), mended));
+                                value.where(), lost));
     }
     PutMesh put = finish_mesh(std::move(data), value.where(), builder_.budget);
     mesh.topology = put.topology;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "renderer/assets/flat.h"
 #include "renderer/assets/gltf/nodes.h"
 #include "renderer/scene/invertible.h"
 
@@ -72,19 +73,8 @@ mat4x3 compose_trs(vec3 translation, quat rotation, vec3 scale) {
 }
 
 mat4x3 thickened(const mat4x3& pose) {
-  constexpr float kThickness = 1e-4f;
-  if (invertible(pose)) return pose;
-  mat4x3 result = pose;
-  vec3 best(0);
-  int flat = 0;
-  for (int axis = 0; axis < 3; ++axis) {
-    const vec3 across = glm::cross(pose[(axis + 1) % 3], pose[(axis + 2) % 3]);
-    if (glm::length(across) > glm::length(best)) best = across, flat = axis;
-  }
-  const float longest =
-      std::max({glm::length(pose[0]), glm::length(pose[1]), glm::length(pose[2])});
-  if (glm::length(best) > 0) result[flat] += kThickness * longest * glm::normalize(best);
-  return result;
+  constexpr double kShare = 1e-4;
+  return with_thickness(pose, kShare).value_or(pose);
 }
 
 std::vector<Node> read_nodes(const Document& document, Builder& builder) {

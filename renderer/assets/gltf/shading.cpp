@@ -6,8 +6,6 @@
 namespace heliograph::assets::gltf {
 namespace {
 
-constexpr float kShortest = 1e-20f;
-
 template <class T>
 void expand(std::vector<T>& values, const std::vector<uvec3>& triangles) {
   if (values.empty()) return;
@@ -55,8 +53,8 @@ vec4 tangent_of(const MeshData& mesh, const uvec3& t) {
 }
 
 vec4 unit_tangent(const vec4& tangent) {
-  const float length = glm::length(vec3(tangent));
-  return length > kShortest ? vec4(vec3(tangent) / length, tangent.w) : vec4(0, 0, 0, 1);
+  const vec3 along = unit(vec3(tangent));
+  return along == vec3(0) ? vec4(0, 0, 0, 1) : vec4(along, tangent.w);
 }
 
 uvec3 corners_of(std::size_t triangle) {
@@ -87,28 +85,18 @@ MeshData with_own_tangents(const MeshData& vertices, const std::vector<uvec3>& t
   return mesh;
 }
 
-std::size_t mend_directions(MeshData& mesh) {
-  const auto lost = [](const auto& v) { return !(glm::length(vec3(v)) > kShortest); };
-  const auto lost_normals = std::size_t(std::ranges::count_if(mesh.normals, lost));
-  const bool lost_tangents = std::ranges::any_of(mesh.tangents, lost);
-  if (lost_normals == 0 && !lost_tangents) return 0;
-  std::vector<vec3> normals(mesh.normals.size(), vec3(0));
-  std::vector<vec4> tangents(mesh.tangents.size(), vec4(0));
+void mend_tangents(MeshData& mesh) {
+  const auto lost = [](const vec4& tangent) { return unit(vec3(tangent)) == vec3(0); };
+  if (std::ranges::none_of(mesh.tangents, lost)) return;
+  std::vector<vec4> own(mesh.tangents.size(), vec4(0));
   for (const uvec3& t : mesh.triangles) {
-    for (int i = 0; i < 3; ++i) {
-      if (!normals.empty()) normals[t[i]] += normal_of(mesh, t);
-      if (!tangents.empty()) tangents[t[i]] += tangent_of(mesh, t);
-    }
+    for (int i = 0; i < 3; ++i) own[t[i]] += tangent_of(mesh, t);
   }
-  for (std::size_t v = 0; v < normals.size(); ++v) {
-    if (lost(mesh.normals[v])) mesh.normals[v] = normals[v];
-  }
-  for (std::size_t v = 0; v < tangents.size(); ++v) {
+  for (std::size_t v = 0; v < own.size(); ++v) {
     if (!lost(mesh.tangents[v])) continue;
-    tangents[v].w = tangents[v].w < 0 ? -1.0f : 1.0f;
-    mesh.tangents[v] = unit_tangent(tangents[v]);
+    own[v].w = own[v].w < 0 ? -1.0f : 1.0f;
+    mesh.tangents[v] = unit_tangent(own[v]);
   }
-  return lost_normals;
 }
 
 }  // namespace heliograph::assets::gltf

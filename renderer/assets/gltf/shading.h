@@ -14,8 +14,8 @@ namespace heliograph::assets::gltf {
 [[nodiscard]] MeshData with_own_tangents(const MeshData& vertices,
                                          const std::vector<uvec3>& triangles, Budget& budget);
 
-/// Normals and tangents of length 0 become those of the triangles about the vertex. Returns how
-/// many normals did.
-[[nodiscard]] std::size_t mend_directions(MeshData& mesh);
+/// Tangents without a direction become those of the triangles about the vertex; normals do in
+/// finish_mesh().
+void mend_tangents(MeshData& mesh);
 
 }  // namespace heliograph::assets::gltf
