@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
+from ..scene.companions import alike, names_in
 from ._notes import Notes
 
 _MARKS = ("package.xml", "__init__.py")  # of packages of ROS and of Python
@@ -121,7 +122,7 @@ def _is_package(folder: Path) -> bool:
 
 
 def _has_meshes_beside(folder: Path) -> bool:
-    names = {name.lower() for name in _names(folder)}
+    names = {name.lower() for name in names_in(folder)}
     return not (names.isdisjoint(_DESCRIPTIONS) or names.isdisjoint(_MESHES))
 
 
@@ -130,17 +131,9 @@ def _ignoring_case(path: Path) -> Path | None:
     at = Path(path.anchor)
     for part in path.parts[1:]:
         if not (at / part).exists():
-            same = [name for name in _names(at) if name.casefold() == part.casefold()]
+            same = alike(at, part)
             if len(same) != 1:
                 return None
             part = same[0]
         at = at / part
     return at if at.is_file() else None
-
-
-def _names(folder: Path) -> list[str]:
-    """What is in a folder; nothing, where that is not to be known."""
-    try:
-        return os.listdir(folder)
-    except OSError:
-        return []

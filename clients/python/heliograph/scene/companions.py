@@ -45,12 +45,21 @@ def _on_disk(root: Path, name: PurePosixPath) -> Path | None:
 
 
 def _same_name(folder: Path, name: str) -> Path | None:
+    return next((folder / other for other in alike(folder, name)), None)
+
+
+def alike(folder: Path, name: str) -> list[str]:
+    """What a folder has by this name, but for the case of letters."""
+    wanted = readable(name).casefold()
+    return [other for other in names_in(folder) if readable(other).casefold() == wanted]
+
+
+def names_in(folder: Path) -> list[str]:
+    """What is in a folder, sorted; nothing, where that is not to be known."""
     try:
-        there = sorted(os.listdir(folder))
+        return sorted(os.listdir(folder))
     except OSError:
-        return None
-    wanted = name.casefold()
-    return next((folder / other for other in there if readable(other).casefold() == wanted), None)
+        return []
 
 
 def readable(name: str) -> str:

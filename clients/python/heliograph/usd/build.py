@@ -103,12 +103,11 @@ class Builder:
         """None: it is left to its default, as the image cannot be read."""
         if not isinstance(value, Sampled):
             return value
-        texture = self._texture(value.image)
+        texture = self._texture(value.texture)
         if texture is None:
             return value.fallback
-        fields = dataclasses.asdict(value)
-        del fields["image"], fields["fallback"]
-        return Tex(texture, **fields)
+        fields = {f.name: getattr(value, f.name) for f in dataclasses.fields(Tex)}
+        return Tex(**{**fields, "texture": texture})
 
     def _texture(self, image: Image) -> Texture | None:
         if image not in self.library.textures:

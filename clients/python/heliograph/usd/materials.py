@@ -176,5 +176,5 @@ def put_normal(context: Context, shader: Any, look: Look, sampled: Sampled) -> N
         context.note(shader, "a normal map whose green runs down is left out: turn it over")
         return
     look.parameters["normal_map"] = Sampled(
-        sampled.image, uv=sampled.uv, uv_set=sampled.uv_set, scale=1.0
+        sampled.texture, uv=sampled.uv, uv_set=sampled.uv_set, scale=1.0
     )

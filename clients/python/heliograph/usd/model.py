@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Union
 import numpy as np
 
 from .._wire.arrays import NdArray
+from ..values.components import Tex
 
 if TYPE_CHECKING:
     from ..scene.patches import Geometry
@@ -48,16 +49,11 @@ class Image:
 
 
 @dataclass(frozen=True)
-class Sampled:
-    """An image that drives a parameter, as hg.Tex has it; fallback: when it cannot be read."""
+class Sampled(Tex):
+    """A texture that is not made yet: its image. fallback: the parameter when that cannot be
+    read."""
 
-    image: Image
-    factor: Any = 1.0
-    channel: int = 0
-    scale: float = 1.0
-    offset: float = 0.0
-    uv: Any = None
-    uv_set: int = 0
+    texture: Image
     fallback: Any = None
 
 

@@ -13,6 +13,7 @@ from .context import Context
 from .model import Image, Look, Sampled
 
 _WRAPS = {"repeat": "repeat", "clamp": "clamp", "mirror": "mirror", "useMetadata": "repeat"}
+ENCODINGS = {"raw": "linear", "sRGB": "srgb"}  #: by names of colour spaces
 _CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
 
 
@@ -123,7 +124,7 @@ class Textures:
 
     def _encoding(self, shader: Any) -> str | None:
         space = constant(self.context, shader, "sourceColorSpace", "auto")
-        return {"raw": "linear", "sRGB": "srgb"}.get(str(space))
+        return ENCODINGS.get(str(space))
 
     def _wraps(self, shader: Any) -> tuple[str, str]:
         modes = [str(constant(self.context, shader, f"wrap{x}", "useMetadata")) for x in "ST"]

@@ -10,7 +10,7 @@ from pxr import Sdf
 
 from .context import Context
 from .model import Image, Look, Sampled
-from .networks import Output, Textures, constant, fed
+from .networks import ENCODINGS, Output, Textures, constant, fed
 
 _LEFT_OUT = (
     *("albedo_add", "albedo_desaturation", "detail_bump_factor", "detail_normalmap_texture"),
@@ -40,7 +40,7 @@ class _Mdl:
         attribute = self.shader.GetInput(name).GetAttr()
         space = attribute.GetColorSpace() if attribute.HasColorSpace() else ""
         own = "linear" if linear else None
-        encoding = {"raw": "linear", "sRGB": "srgb"}.get(space, own)
+        encoding = ENCODINGS.get(space, own)
         return self.textures.image(self.shader, found, encoding, ("repeat", "repeat"))
 
     def sampled(self, image: Image, **given: Any) -> Sampled:

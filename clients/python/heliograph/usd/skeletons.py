@@ -13,10 +13,9 @@ import numpy as np
 from pxr import Usd, UsdSkel
 
 from .._wire.arrays import NdArray
+from ..values.skins import INFLUENCES, strongest
 from .context import Context, matrix_of
 from .model import Node
-
-_INFLUENCES = 4
 
 
 def put(context: Context, roots: Sequence[Any], vertices: Mapping[str, NdArray]) -> None:
@@ -129,9 +128,9 @@ class _Skins:
             points = np.zeros_like(points)
         if points.max() >= len(weights) or not 0 <= indices.min() <= indices.max() < joints:
             return False
-        if count > _INFLUENCES:
+        if count > INFLUENCES:
             self.context.note(node.path, "a vertex follows 4 joints at most: the strongest taken")
-        indices, weights = _strongest(indices[points], weights[points])
+        indices, weights = strongest(indices[points], weights[points])
         geometry = self.context.model.meshes[mesh]
         geometry["joints"], geometry["weights"] = indices, weights
         return True
@@ -175,14 +174,3 @@ class _Skins:
         moved[places] = given
         found: NdArray = moved[points]
         return found
-
-
-def _strongest(indices: NdArray, weights: NdArray) -> tuple[NdArray, NdArray]:
-    """(V, 4) of each row's largest weights, which then sum to 1."""
-    order = np.argsort(-weights, axis=1, kind="stable")[:, :_INFLUENCES]
-    out_i, out_w = np.zeros((len(weights), 4), "<u2"), np.zeros((len(weights), 4), "<f4")
-    width = order.shape[1]
-    out_w[:, :width] = np.maximum(np.take_along_axis(weights, order, 1), 0)
-    out_i[:, :width] = np.take_along_axis(indices, order, 1) * (out_w[:, :width] > 0)
-    out_w[out_w.sum(axis=1) == 0, 0] = 1
-    return out_i, out_w / out_w.sum(axis=1, keepdims=True)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..._wire.arrays import NdArray
+from ...values.skins import INFLUENCES, strongest
 from .looks import look_of
 from .reading import mujoco, pose
 
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from .building import MjcfBuilder
 
 _AROUND = 8  # corners of a tube
-_MOST = 4  # joints that a vertex of a skin follows
 
 
 def put(builder: MjcfBuilder, groups: Sequence[int]) -> None:
@@ -121,10 +121,13 @@ def _put_skin(builder: MjcfBuilder, number: int, name: str) -> None:
         np.linalg.inv(pose(model.skin_bonebindpos[b], model.skin_bonebindquat[b])) for b in bones
     ]
     mesh: Any = _skin_mesh(model, number)
-    mesh["joints"], mesh["weights"], is_cut = _strongest(_weights(model, number, bones))
-    if is_cut:
+    weights = _weights(model, number, bones)
+    all_joints = np.broadcast_to(np.arange(weights.shape[1]), weights.shape)
+    mesh["joints"], mesh["weights"] = strongest(all_joints, weights)
+    if (np.sort(weights, axis=1)[:, :-INFLUENCES].sum(1) > 1e-3).any():
         builder.robot.warnings.append(
-            f"skin {name!r} has vertices of more than {_MOST} bones: the strongest {_MOST} count"
+            f"skin {name!r} has vertices of more than {INFLUENCES} bones: the strongest "
+            f"{INFLUENCES} count"
         )
     if model.skin_inflate[number]:
         builder.robot.warnings.append(f"skin {name!r}: inflate is left out")
@@ -169,16 +172,6 @@ def _weights(model: Any, number: int, bones: range) -> NdArray:
         own = slice(first, first + int(model.skin_bonevertnum[bone]))
         out[model.skin_bonevertid[own], j] = model.skin_bonevertweight[own]
     return out
-
-
-def _strongest(weights: NdArray) -> tuple[NdArray, NdArray, bool]:
-    """(V, 4) joints and weights, and whether others had to be cut."""
-    padded = np.pad(weights, ((0, 0), (0, max(0, _MOST - weights.shape[1]))))
-    joints = np.argsort(-padded, axis=1)[:, :_MOST]
-    kept = np.take_along_axis(padded, joints, axis=1)
-    is_cut = bool((weights.sum(1) - kept.sum(1) > 1e-3).any())
-    joints = np.where(kept > 0, joints, 0)
-    return joints, kept / kept.sum(1, keepdims=True), is_cut
 
 
 # ------------------------------------------------------------ both
