@@ -102,7 +102,8 @@ class Edits {
   /// Registers classes in this order; those that are known keep their ids.
   void categories(const std::vector<std::string>& names);
 
-  /// What was assumed of the files of textures and domes, or changed in them: "sky.exr: ..".
+  /// Remarks on the files of textures and domes, each after its path: what their decoder assumed or
+  /// changed.
   [[nodiscard]] const std::vector<std::string>& warnings() const;
 
   [[nodiscard]] const std::shared_ptr<wire::Draft>& draft() const { return draft_; }

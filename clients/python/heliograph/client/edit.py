@@ -284,7 +284,7 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
         image: a file's path (decoded by the daemon; .ies: a luminaire's candela), an array (H, W)
         or (H, W, C), row 0 at the top, or a PIL image; u8 and u16 are normalised, f16 and f32 taken
         as they are. A PIL image of another mode than grey or RGB, with alpha or not, is converted.
-        What is assumed of a file, or changed in it, is a hg.FileWarning.
+        A hg.FileWarning tells what was assumed of a file, or changed in it.
         layer: of a file with several: "diffuse" of an EXR's channels diffuse.R, diffuse.G,
         diffuse.B, the name of a part, or of a channel ("Z").
         encoding: "srgb" or "linear"; default: u8 is sRGB. wrap: "repeat", "clamp" or "mirror", or
