@@ -8,6 +8,7 @@
 #include "wire/apply_lane.h"
 #include "wire/arrays.h"
 #include "wire/assets.h"
+#include "wire/companions.h"
 #include "wire/convert.h"
 #include "wire/studio.h"
 
@@ -229,7 +230,7 @@ Asset Edits::import_file(const std::string& path, const Placement& placement,
     throw ClientError(Code::kInvalidArgument,
                       "path: " + path + " is a picture; use texture() or dome()", {"path"});
   const std::string& file = path.empty() ? options.server_path : path;
-  const std::string stem = std::filesystem::path(file).stem().string();
+  const std::string stem = wire::readable(std::filesystem::path(file).stem().string());
   asset->name = options.name.empty() ? stem : options.name;
   wire::list_library(*asset, stem);
   Asset out(asset);

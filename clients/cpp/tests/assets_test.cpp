@@ -128,6 +128,28 @@ TEST_CASE("a model without its texture loads, and says so") {
   CHECK(error_of([&] { edit.import_file(model, {}, options); }).code() == Code::kNotFound);
   options.folders = {folder.string()};
   CHECK(edit.import_file(model, {}, options).warnings().empty());
+  std::filesystem::create_directories(folder / "model/Materials/textures");
+  std::filesystem::rename(folder / "textures/wood.png",
+                          folder / "model/Materials/textures/Wood.PNG");
+  options.folders = {};
+  CHECK(edit.import_file(model, {}, options).warnings().empty());
+  std::filesystem::remove_all(folder);
+}
+
+TEST_CASE("names of files that are no UTF-8 read as Latin-1") {
+  const auto folder = std::filesystem::temp_directory_path() /
+                      ("heliograph-names-" + std::to_string(client().create_scene().id()));
+  std::filesystem::create_directories(folder);
+  const std::string model = (folder / "m\xfcll.obj").string();
+  std::ofstream(model) << "mtllib m\xfcll.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n";
+  std::ofstream(folder / "m\xfcll.mtl") << "newmtl a\nKd 1 0 0\n";
+  Scene scene = client().create_scene();
+  Transaction edit = scene.edit();
+  const Asset asset = edit.import_file(model);
+  CHECK(asset.warnings().empty());
+  CHECK(asset.materials() == std::vector<std::string>{"a"});
+  CHECK(edit.commit() > 0);
+  CHECK(scene.contains("m\u00fcll"));
   std::filesystem::remove_all(folder);
 }
 

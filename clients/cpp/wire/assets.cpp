@@ -9,6 +9,7 @@
 #include <sstream>
 #include <vector>
 
+#include "wire/companions.h"
 #include "wire/convert.h"
 #include "wire/uploads.h"
 
@@ -22,31 +23,10 @@ constexpr int kRounds = 64;  // of naming missing companions
   throw ClientError(code, "path: " + message, {"path"});
 }
 
-bool is_inside(const fs::path& path, const fs::path& folder) {
-  std::error_code error;
-  const fs::path inside = path.lexically_relative(fs::weakly_canonical(folder, error));
-  return !inside.empty() && *inside.begin() != ".." && inside != ".";
-}
-
-fs::path folder_of(const Source& source) { return fs::absolute(source.path).parent_path(); }
-
-/// The file at `path`, links followed, if it may be read.
-std::optional<fs::path> readable(const fs::path& path, const Source& source) {
-  std::error_code error;
-  fs::path found = fs::weakly_canonical(path, error);
-  bool may = is_inside(found, folder_of(source));
-  for (const std::string& folder : source.folders) may = may || is_inside(found, folder);
-  if (error || !may || !fs::is_regular_file(found, error)) return std::nullopt;
-  return found;
-}
-
-/// Where a companion is: where the model says, else beside it; nothing: it is not there, or may not
-/// be read.
+/// Where a companion is; nothing: it is not there, or may not be read.
 std::optional<fs::path> companion(const Source& source, const std::string& name) {
-  if (source.path.empty() || name.find('\0') != std::string::npos) return std::nullopt;
-  const fs::path folder = folder_of(source);
-  if (auto found = readable(folder / name, source)) return found;
-  return readable(folder / name.substr(name.find_last_of("/\\") + 1), source);
+  if (source.path.empty()) return std::nullopt;
+  return find_companion(fs::absolute(source.path).parent_path(), name, source.folders);
 }
 
 v1::DecodeAssetRequest::Axis axis_of(const std::string& name) {
@@ -96,7 +76,7 @@ v1::AssetInfo decode_bundle(Session& session, const Source& source) {
     std::error_code error;
     if (!fs::is_regular_file(model, error))
       refuse(Code::kNotFound, "no file " + source.path + "; correct the path");
-    add_file(session, model.filename().string(), model, &request);
+    add_file(session, readable(model.filename().string()), model, &request);
   }
   std::set<std::string> sent;
   for (int round = 0; round < kRounds; ++round) {

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <vector>
 
+#include "wire/companions.h"
 #include "wire/convert.h"
 #include "wire/uploads.h"
 
@@ -69,7 +70,7 @@ DomeTexture dome_texture(const Image& image, Draft& draft) {
   DomeTexture out;
   put_image(image, draft, &out.message);
   const std::string stem =
-      image.path.empty() ? "array" : std::filesystem::path(image.path).stem().string();
+      image.path.empty() ? "array" : readable(std::filesystem::path(image.path).stem().string());
   out.name = "dome/" + stem + "-" + short_hash(out.message.texels().SerializeAsString());
   if (!image.wrap_v) out.message.set_wrap_v(v1::Texture::WRAP_CLAMP);
   if (!out.message.has_encoding()) out.message.set_encoding(v1::Texture::ENCODING_LINEAR);
