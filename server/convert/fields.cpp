@@ -4,12 +4,16 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
+
 namespace heliograph::server {
 
 Expected<double> in_range(double value, Range range) {
   if (!std::isfinite(value))
     return fail(Code::kInvalidArgument, "", fmt::format("is {}; give a finite number", value));
-  if (value >= range.low && value <= range.high) return value;
+  const double low = std::min(range.low, double(float(range.low)));
+  const double high = std::max(range.high, double(float(range.high)));
+  if (value >= low && value <= high) return value;
   const bool bounded = range.high < kNotNegative.high;
   return fail(Code::kInvalidArgument, "",
               bounded

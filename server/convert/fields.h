@@ -31,7 +31,7 @@
 
 namespace heliograph::server {
 
-/// A closed interval.
+/// A closed interval. As an f32, an end may lie a little outside of it: it is accepted.
 struct Range {
   double low;
   double high;

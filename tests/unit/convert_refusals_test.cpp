@@ -306,3 +306,13 @@ TEST_CASE("errors: every code has a reason of the contract") {
   CHECK(reason_of({.code = Code::kResourceExhausted, .message = "", .where = "", .needed = 1}) ==
         "LIMIT_EXCEEDED");
 }
+
+TEST_CASE("the ends of a range are accepted as f32") {
+  InlineSource source;
+  for (const float angle : {1e-4f, 3.14f}) {
+    CAPTURE(angle);
+    v1::Transaction message;
+    message.add_edits()->mutable_entity()->mutable_light()->set_sun_angle(angle);
+    CHECK(to_transaction(message, source).has_value());
+  }
+}
