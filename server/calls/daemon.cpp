@@ -88,6 +88,7 @@ Status Daemon::open_journal() {
       {.folder = config.state_dir,
        .snapshot_records = config.limits.snapshot_edits,
        .snapshot_bytes = config.limits.snapshot_bytes,
+       .queue = config.limits.journal_queue,
        .reserve = config.limits.disk_reserve_bytes,
        .spare = config.limits.disk_spare_bytes,
        .disk = [this](const std::string& tenant) { return tenants.named(tenant)->ledger.disk; }},

@@ -53,6 +53,8 @@ struct Daemon {
   std::function<void(bool is_writing)> journal_changed;
 
   Daemon(Config settings, Identities identities, std::unique_ptr<EventLoop> event_loop);
+  Daemon(const Daemon&) = delete;
+  ~Daemon() { pool.stop(); }  // its tasks use members that go before it
   /// Recovers what the state directory holds. INTERNAL: it is damaged.
   [[nodiscard]] Status open_journal();
   /// Saves the scenes that are not durable for the next daemon, and refuses what comes from now on;

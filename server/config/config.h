@@ -82,6 +82,7 @@ enum ExitCode : int {
   X(resume_seconds, 600, "seconds after its start in which sessions are resumed")       \
   X(snapshot_edits, 100'000, "edits of durable scenes between two snapshots")           \
   X(snapshot_bytes, 64ull << 20, "bytes of these edits, or as many as the scenes have") \
+  X(journal_queue, 65'536, "edits of one tenant that wait for the disk")                \
   X(disk_reserve_bytes, 16ull << 20, "bytes of disk kept for deletions on a full disk") \
   X(disk_spare_bytes, 1ull << 30, "bytes of disk left to tenants with little on it")    \
   X(saved_bytes, 16ull << 30, "bytes of other scenes, saved when the device is lost")   \

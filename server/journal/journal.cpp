@@ -33,7 +33,10 @@ Status Journal::push(Item item, bool is_ours) {
     if (!status_ && !(is_full_ && frees)) return status_;
     if (is_refusing_ && !is_ours) return shutting_down();
     if (queue_.size_of(item.entry.tenant) >= options_.queue)
-      return busy("too many edits wait for the disk; retry later");
+      return busy(
+          fmt::format("{} edits wait for the disk already; retry later (limit journal_queue)",
+                      options_.queue),
+          "journal_queue");
     const std::string tenant = item.entry.tenant;
     queue_.push(tenant, bytes, std::move(item));
     if (queue_.size() < wanted_) return {};

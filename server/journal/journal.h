@@ -60,7 +60,7 @@ class Journal {
     std::string folder;
     u64 snapshot_records = 100'000;    // between two snapshots
     u64 snapshot_bytes = 64ull << 20;  // the same, and more where scenes have more
-    u32 queue = 65'536;                // entries of one tenant that may wait
+    u64 queue = 65'536;                // entries of one tenant that may wait
     u64 reserve = 16ull << 20;         // bytes: see DiskRoom
     u64 spare = 1ull << 30;
     /// A tenant's share of the disk, by its name.

@@ -58,7 +58,9 @@ inline Config state_config(const std::string& folder, u64 snapshot_edits) {
 class Server {
  public:
   explicit Server(const std::string& folder, u64 snapshot_edits = 100'000)
-      : daemon(state_config(folder, snapshot_edits), Identities(), EventLoop::create().value()),
+      : Server(state_config(folder, snapshot_edits)) {}
+  explicit Server(const Config& config)
+      : daemon(config, Identities(), EventLoop::create().value()),
         opened(daemon.open_journal()),
         tenant(daemon.tenants.named("tester")) {}
 

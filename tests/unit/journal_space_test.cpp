@@ -210,3 +210,30 @@ TEST_CASE("journal: who has had fewer bytes is written first") {
   CHECK(queue.take(1000) == std::vector<std::string>{"L"});
   CHECK(queue.take(1000).empty());
 }
+
+TEST_CASE("journal: a tenant's edits that wait for the disk are limited, and may be sent again") {
+  const Folder folder;
+  Config config = state_config(folder.path(), 100'000);
+  config.limits.journal_queue = 1;
+  Server server(config);
+  REQUIRE(server.opened);
+  const auto session = server.session();
+  const ScenePtr scene = server.create(*session, "room", v1::LIFETIME_DISK_SYNCED);
+  constexpr u64 kEdits = 500;
+  std::vector<std::promise<EditLog::Reply>> replies(kEdits);
+  for (u64 k = 0; k < kEdits; ++k)
+    apply_numbered(server.daemon, session, placed(scene->id, k + 1, "a", float(k)),
+                   [&replies, k](const EditLog::Reply& reply) { replies[k].set_value(reply); });
+  u64 done = 0;
+  EditLog::Reply reply;
+  for (auto& promise : replies) {
+    reply = promise.get_future().get();
+    if (!*reply) break;
+    ++done;
+  }
+  REQUIRE(done < kEdits);
+  CHECK(reply->error().limit == "journal_queue");
+  CHECK(reply->error().retry_seconds > 0);
+  for (u64 k = done + 1; k < kEdits; ++k) replies[k].get_future().wait();
+  CHECK((*apply(server, session, placed(scene->id, done + 1, "a", 1)))->revision() == done + 1);
+}
