@@ -8,9 +8,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <deque>
 #include <pugixml.hpp>
 
 #include "renderer/assets/builder.h"
+#include "renderer/assets/content.h"
 #include "renderer/assets/picture.h"
 
 namespace heliograph {
@@ -52,12 +54,12 @@ void refuse_axes(const LoadOptions& options, const char* message) {
 }
 
 /// A size that few models have: the unit may be another one.
-void check_size(Builder& builder) {
+void check_size(Builder& builder, const std::string& format) {
   constexpr float kSmall = 1e-3f, kLarge = 1e3f;
   const vec3 sides = builder.loaded.bounds_max - builder.loaded.bounds_min;
   const float size = std::max({sides.x, sides.y, sides.z});
   if (size <= 0 || (size >= kSmall && size <= kLarge)) return;
-  const bool says = is_gltf(format_of(builder)) || format_of(builder) == "dae";
+  const bool says = is_gltf(format) || format == "dae";
   builder.warn(fmt::format(
       "the model is {:.3g} m across{}", size,
       says ? ""
@@ -79,8 +81,17 @@ void check_options_of(const std::string& format, const LoadOptions& options) {
   }
 }
 
-void load(Builder& builder) {
-  const std::string format = format_of(builder);
+/// What the name says, or the bytes where they say something else.
+std::string checked_format(Builder& builder) {
+  const std::string named = format_of(builder);
+  const std::string format = format_of_content(builder.bundle.model().bytes);
+  const bool is_same = format == named || (is_gltf(format) && is_gltf(named));
+  if (is_same || !model_of(format) || !builder.options.format.empty()) return named;
+  builder.warn(fmt::format("the file is {}, which its name does not say", format));
+  return format;
+}
+
+void load(Builder& builder, const std::string& format) {
   if (const Model* model = model_of(format)) return model->second(builder);
   if (format == "ies" || is_picture_name(format) || is_picture(builder.bundle.model().bytes)) {
     return load_picture(builder);
@@ -92,14 +103,17 @@ void load(Builder& builder) {
 
 Loaded load_bundle(std::span<const BundleFile> files, const LoadOptions& options) {
   check_options(options);
-  Builder builder(Bundle(files), options);
+  std::deque<std::string> texts;
+  const std::vector<BundleFile> readable = in_utf8(files, texts);
+  Builder builder(Bundle(readable), options);
   const std::string path = builder.bundle.model().path;
-  check_options_of(format_of(builder), options);
+  const std::string format = checked_format(builder);
+  check_options_of(format, options);
   try {
-    load(builder);
+    load(builder, format);
     if (builder.complete()) {
       measure(builder.loaded);
-      check_size(builder);
+      check_size(builder, format);
     }
   } catch (Refused& refused) {
     constexpr std::size_t kLongestMessage = 2000;

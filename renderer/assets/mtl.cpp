@@ -55,13 +55,26 @@ class Parser {
   }
 
  private:
-  vec3 color(std::string_view rest) {
-    const float r = take_number(rest, where_);
-    if (trimmed(rest).empty()) return vec3(r);
-    const float g = take_number(rest, where_);
-    return {r, g, take_number(rest, where_)};
+  /// r, or r g b; nullopt: others, left out with a warning.
+  std::optional<vec3> color(std::string_view statement) {
+    std::string_view rest = statement;
+    const auto r = parse_number(take_word(rest));
+    if (r && trimmed(rest).empty()) return vec3(*r);
+    const auto g = parse_number(take_word(rest)), b = parse_number(take_word(rest));
+    if (r && g && b) return vec3(*r, *g, *b);
+    warn_of_numbers(statement);
+    return std::nullopt;
   }
-  float number(std::string_view rest) { return take_number(rest, where_); }
+  std::optional<float> number(std::string_view statement) {
+    std::string_view rest = statement;
+    const auto value = parse_number(take_word(rest));
+    if (!value) warn_of_numbers(statement);
+    return value;
+  }
+  void warn_of_numbers(std::string_view statement) {
+    builder_.warn(fmt::format("{}: '{}' is no number, or not as many as it takes: left out", where_,
+                              clean_text(trimmed(statement), 40)));
+  }
 
   /// What one option is followed by.
   void option(std::string_view name, std::string_view& rest, Map& out) {
@@ -97,6 +110,15 @@ class Parser {
     return result.path.empty() ? std::nullopt : std::optional(result);
   }
 
+  /// "-halo": more opaque towards the rim, which is left out.
+  std::string_view without_halo(std::string_view rest) {
+    constexpr std::string_view kHalo = "-halo";
+    rest = trimmed(rest);
+    if (!rest.starts_with(kHalo)) return rest;
+    builder_.warn("MTL d -halo is taken as d");
+    return rest.substr(kHalo.size());
+  }
+
   static std::size_t start_of_options(std::string_view rest) {
     std::size_t first = rest.npos;
     for (const std::string_view option : {"-s", "-o", "-t", "-mm", "-bm", "-clamp", "-blendu",
@@ -110,12 +132,12 @@ class Parser {
     const std::string key = lower(given);
     if (key == "kd") entry.kd = color(rest);
     if (key == "ks") entry.ks = color(rest);
-    if (key == "ke") entry.ke = color(rest);
+    if (key == "ke") entry.ke = color(rest).value_or(vec3(0));
     if (key == "ns") entry.ns = number(rest);
     if (key == "ni") entry.ni = number(rest);
     if (key == "pr") entry.pr = number(rest);
     if (key == "pm") entry.pm = number(rest);
-    if (key == "d" && !trimmed(rest).starts_with("-halo")) entry.d = number(rest);
+    if (key == "d") entry.d = number(without_halo(rest));
     if (key == "tr") entry.tr = number(rest);
     if (key == "map_kd") entry.map_kd = map(rest);
     if (key == "map_ke") entry.map_ke = map(rest);

@@ -67,6 +67,9 @@ u64 count_facets(Builder& builder) {
   const auto bytes = builder.bundle.model().bytes;
   if (bytes.size() < kHeaderBytes || facets_of(bytes) > facets_in(bytes))
     refuse("facets", "is neither binary STL of its size nor ASCII STL; the file may be truncated");
+  if (facets_of(bytes) > 0 && facets_of(bytes) < facets_in(bytes))
+    builder.warn(fmt::format("the header counts {} facets; the {} behind them are left out",
+                             facets_of(bytes), facets_in(bytes) - facets_of(bytes)));
   if (facets_of(bytes) > 0 || facets_in(bytes) == 0) return facets_of(bytes);
   builder.warn(
       fmt::format("the header counts no facets; the {} behind it are read", facets_in(bytes)));
@@ -79,47 +82,71 @@ Model read_binary(Builder& builder) {
   Budget::check(count, builder.options.limits.triangles, "triangles", "facets");
   builder.budget.take(count, sizeof(uvec3) + 3 * sizeof(vec3), "facets");
   Welder welder;
+  bool has_colors = false;
   for (u64 i = 0; i < count; ++i) {
     std::array<vec3, 3> corners;
-    std::memcpy(corners.data(), bytes.data() + kHeaderBytes + kFacetBytes * i + 12, sizeof corners);
+    const std::byte* facet = bytes.data() + kHeaderBytes + kFacetBytes * i;
+    has_colors = has_colors || (facet[kFacetBytes - 1] & std::byte{0x80}) != std::byte{0};
+    std::memcpy(corners.data(), facet + 12, sizeof corners);
     const std::string where = fmt::format("facet {}", i);
     const u32 a = welder.vertex(corners[0], where);
     const u32 b = welder.vertex(corners[1], where);
     welder.triangle(a, b, welder.vertex(corners[2], where));
   }
+  if (has_colors) builder.warn("colours of facets are left out");
   return std::move(welder.model);
 }
 
-Model read_ascii(Builder& builder) {
-  Welder welder;
-  std::vector<u32> corners;
-  Lines lines(as_text(builder.bundle.model().bytes));
-  while (auto line = lines.next()) {
-    std::string_view rest = *line;
-    const std::string key = lower(take_word(rest));
+/// Statements of ASCII STL, which need not be on lines of their own.
+class AsciiReader {
+ public:
+  explicit AsciiReader(Builder& builder)
+      : builder_(builder), lines_(as_text(builder.bundle.model().bytes)) {}
+
+  Model read() {
+    while (auto line = lines_.next()) {
+      std::string_view rest = *line;
+      while (!rest.empty()) statement(lower(take_word(rest)), rest);
+    }
+    if (!corners_.empty()) refuse(lines_.where(), "the file is truncated");
+    return std::move(welder_.model);
+  }
+
+ private:
+  void statement(const std::string& key, std::string_view& rest) {
     if (key == "vertex") {
-      const double x = take_double(rest, lines.where());
-      const double y = take_double(rest, lines.where());
-      corners.push_back(welder.vertex({x, y, take_double(rest, lines.where())}, lines.where()));
-    } else if (key == "endloop" || key == "outer") {
-      if (key == "endloop" && corners.size() != 3) {
-        refuse(lines.where(), fmt::format("a facet has {} vertices, not 3", corners.size()));
-      }
-      if (corners.size() == 3) welder.triangle(corners[0], corners[1], corners[2]);
-      corners.clear();
-      Budget::check(welder.model.mesh.triangles.size(), builder.options.limits.triangles,
-                    "triangles", lines.where());
+      const double x = take_double(rest, lines_.where());
+      const double y = take_double(rest, lines_.where());
+      const double z = take_double(rest, lines_.where());
+      corners_.push_back(welder_.vertex({x, y, z}, lines_.where()));
+    } else if (key == "outer") {
+      corners_.clear();
+    } else if (key == "endloop") {
+      facet();
+    } else if (key == "solid" || key == "endsolid") {  // a name follows
+      rest.remove_prefix(std::min(lower(rest).find("facet"), rest.size()));
     }
   }
-  if (!corners.empty()) refuse(lines.where(), "the file is truncated");
-  return std::move(welder.model);
-}
+  void facet() {
+    if (corners_.size() != 3)
+      refuse(lines_.where(), fmt::format("a facet has {} vertices, not 3", corners_.size()));
+    welder_.triangle(corners_[0], corners_[1], corners_[2]);
+    corners_.clear();
+    Budget::check(welder_.model.mesh.triangles.size(), builder_.options.limits.triangles,
+                  "triangles", lines_.where());
+  }
+
+  Builder& builder_;
+  Lines lines_;
+  Welder welder_;
+  std::vector<u32> corners_;
+};
 
 }  // namespace
 
 void load_stl(Builder& builder) {
   const bool ascii = is_ascii(builder.bundle.model().bytes);
-  put_model(builder, ascii ? read_ascii(builder) : read_binary(builder));
+  put_model(builder, ascii ? AsciiReader(builder).read() : read_binary(builder));
 }
 
 }  // namespace heliograph::assets

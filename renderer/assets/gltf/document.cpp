@@ -49,6 +49,8 @@ u32 word_at(Bytes bytes, std::size_t at) {
   return value;
 }
 
+bool is_data(const Value& uri) { return uri.text().starts_with("data:"); }
+
 nlohmann::json parse_json(Bytes text, const LoadLimits& limits) {
   Budget::check(text.size(), limits.json_bytes, "bytes of JSON", "document");
   const auto* begin = reinterpret_cast<const char*>(text.data());
@@ -136,7 +138,10 @@ void Document::load_buffers() {
     }
     Bytes bytes;
     if (const auto uri = buffer.find("uri")) {
-      const auto found = uri_bytes(*uri);
+      auto found = own_data(*uri);
+      if (!found)
+        found = file_bytes(Bundle::resolve(
+            builder_.bundle.model().path, percent_decode(uri->text(), uri->where()), uri->where()));
       if (!found) {
         if (builder_.complete())
           refuse(buffer.key_where("uri"),
@@ -177,21 +182,32 @@ const Unpacked* Document::find_unpacked(const Value& accessor) const {
   return found == accessors_.end() ? nullptr : &found->second;
 }
 
-std::optional<Document::LinkedBytes> Document::uri_bytes(const Value& uri) {
-  const std::string text = uri.text();
-  if (text.starts_with("data:")) {
-    DataUri data = decode_data_uri(text, uri.where());
-    owned_.push_back(std::move(data.bytes));
-    return LinkedBytes{.bytes = owned_.back(), .name = data.media_type};
-  }
-  const std::string path =
-      Bundle::resolve(builder_.bundle.model().path, percent_decode(text, uri.where()), uri.where());
+std::optional<Document::LinkedBytes> Document::own_data(const Value& uri) {
+  if (!is_data(uri)) return std::nullopt;
+  DataUri data = decode_data_uri(uri.text(), uri.where());
+  owned_.push_back(std::move(data.bytes));
+  return LinkedBytes{.bytes = owned_.back(), .name = data.media_type};
+}
+
+std::optional<Document::LinkedBytes> Document::file_bytes(const std::string& path) {
   const BundleFile* file = builder_.bundle.find(path);
-  if (!file) {
-    builder_.missing(path);
-    return std::nullopt;
-  }
-  return LinkedBytes{.bytes = file->bytes, .name = extension_of(path)};
+  if (file) return LinkedBytes{.bytes = file->bytes, .name = extension_of(path)};
+  builder_.missing(path);
+  return std::nullopt;
+}
+
+std::string Document::companion(const Value& uri) const {
+  return Bundle::companion(builder_.bundle.model().path, percent_decode(uri.text(), uri.where()),
+                           uri.where());
+}
+
+bool Document::is_lacking(const Value& value) {
+  const auto uri = value.find("uri");
+  if (!uri || is_data(*uri)) return false;
+  const std::string path = companion(*uri);
+  if (path.empty()) builder_.warn(fmt::format("{} is empty: it is left out", uri->where()));
+  if (builder_.bundle.lacks(path)) builder_.missing(path);
+  return path.empty() || builder_.bundle.lacks(path);
 }
 
 std::size_t Document::count(const std::string& key) const {
@@ -239,13 +255,14 @@ Bytes Document::range_of(const Value& value) const {
 
 std::optional<Document::LinkedBytes> Document::linked_bytes(const Value& value) {
   if (const auto uri = value.find("uri")) {
-    auto found = uri_bytes(*uri);
+    auto found = own_data(*uri);
+    if (!found) found = file_bytes(companion(*uri));
     if (found && found->name.empty()) found->name = value.text("mimeType", "");
     return found;
   }
   if (!builder_.complete()) return std::nullopt;  // its buffer may be what is missing
   return LinkedBytes{.bytes = whole_view(value.at("bufferView")),
-                     .name = value.at("mimeType").text()};
+                     .name = value.text("mimeType", "")};
 }
 
 }  // namespace heliograph::assets::gltf

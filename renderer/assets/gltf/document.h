@@ -61,6 +61,8 @@ class Document {
     std::string name;
   };
   [[nodiscard]] std::optional<LinkedBytes> linked_bytes(const Value& value);
+  /// Nobody has the file of an image or a light profile: it is left out, with a warning.
+  [[nodiscard]] bool is_lacking(const Value& value);
 
  private:
   void parse_container(Bytes file);
@@ -69,8 +71,12 @@ class Document {
   void unpack_views();
   /// The bytes of a buffer that `value` names by buffer, byteOffset and byteLength.
   [[nodiscard]] Bytes range_of(const Value& value) const;
-  /// The bytes a uri names: a data URI or a file of the bundle; nullopt: missing, reported.
-  [[nodiscard]] std::optional<LinkedBytes> uri_bytes(const Value& uri);
+  /// The bytes within a data URI; nullopt: it is none.
+  [[nodiscard]] std::optional<LinkedBytes> own_data(const Value& uri);
+  /// nullopt: missing, reported.
+  [[nodiscard]] std::optional<LinkedBytes> file_bytes(const std::string& path);
+  /// The bundle path of an image or profile; "": it names none.
+  [[nodiscard]] std::string companion(const Value& uri) const;
 
   Builder& builder_;
   nlohmann::json json_;

@@ -81,19 +81,23 @@ void add_punctual(Builder& builder, const Value& value, const NodeLights& lights
 
 }  // namespace
 
-std::vector<Ref> load_profiles(Document& document, Builder& builder) {
-  std::vector<Ref> profiles;
+std::vector<std::optional<Ref>> load_profiles(Document& document, Builder& builder) {
+  std::vector<std::optional<Ref>> profiles;
   const auto extension = document.root().extension(kProfiles);
   if (!extension) return profiles;
   const Value lights = extension->at("lights");
   for (std::size_t i = 0; i < lights.size(); ++i) {
     const Value value = lights[i];
+    if (document.is_lacking(value)) {
+      profiles.emplace_back();
+      continue;
+    }
     const auto file = document.linked_bytes(value);
     if (!builder.complete()) continue;
     Picture picture = decode_ies({file->bytes, value.where(), builder.budget});
     for (const std::string& warning : picture.warnings) builder.warn(warning);
     PutTexture put{.image = std::make_shared<const ImageData>(std::move(picture.image))};
-    profiles.push_back(builder.library(
+    profiles.emplace_back(builder.library(
         builder.claim_name(value.text("name", ""), fmt::format("profile_{}", i)), std::move(put)));
   }
   return profiles;
@@ -116,16 +120,17 @@ mat4x3 unscaled(const mat4x3& scene_from_node) {
   return same || !invertible(pose) ? mat4x3(1) : pose;
 }
 
-void add_lights(const Document& document, Builder& builder, const std::vector<Ref>& profiles,
-                const NodeLights& lights) {
+void add_lights(const Document& document, Builder& builder,
+                const std::vector<std::optional<Ref>>& profiles, const NodeLights& lights) {
   if (const auto punctual = lights.node.extension(kPunctual))
     add_punctual(builder, listed_light(document, kPunctual, punctual->at("light")), lights);
   if (const auto luminaire = lights.node.extension(kProfiles)) {
+    const auto& profile = profiles[luminaire->at("light").index(profiles.size())];
+    if (!profile) return;
     Light light = small_sphere();
     light.unit = LightUnit::kProfileScale;
     read_color(*luminaire, light, "multiplier");
-    const Ref& profile = profiles[luminaire->at("light").index(profiles.size())];
-    add_light(builder, {.light = light, .texture = {}, .profile = profile},
+    add_light(builder, {.light = light, .texture = {}, .profile = *profile},
               builder.claim_name("luminaire", "luminaire"), lights);
   }
 }

@@ -28,7 +28,7 @@ struct Entities {
 /// What entities name.
 struct Library {
   std::vector<Mesh> meshes;
-  std::vector<Ref> profiles;  // of lights
+  std::vector<std::optional<Ref>> profiles;  // of lights; without: nobody has its file
 };
 /// Adds the root, the turn to +Z up below it, and every node of the scene.
 [[nodiscard]] Entities make_entities(const Document& document, Builder& builder,
@@ -49,8 +49,8 @@ struct SkinData {
 [[nodiscard]] mat4x3 thickened(const mat4x3& pose);
 
 // lights.cpp
-/// Adds the profiles of EXT_lights_ies to the library, unless a file is missing; by their index.
-[[nodiscard]] std::vector<Ref> load_profiles(Document& document, Builder& builder);
+/// Adds the profiles of EXT_lights_ies to the library, but those that nobody has; by their index.
+[[nodiscard]] std::vector<std::optional<Ref>> load_profiles(Document& document, Builder& builder);
 /// A node whose lights are wanted.
 struct NodeLights {
   Value node;
@@ -61,8 +61,8 @@ struct NodeLights {
 /// back: -Z looks where the node's does. Identity where that has no inverse.
 [[nodiscard]] mat4x3 unscaled(const mat4x3& scene_from_node);
 /// Adds the entities of a node's lights below it.
-void add_lights(const Document& document, Builder& builder, const std::vector<Ref>& profiles,
-                const NodeLights& lights);
+void add_lights(const Document& document, Builder& builder,
+                const std::vector<std::optional<Ref>>& profiles, const NodeLights& lights);
 [[nodiscard]] bool has_lights(const Value& node);
 [[nodiscard]] Camera read_camera(const Value& camera);
 

@@ -100,7 +100,7 @@ std::optional<Textures::Slot> Textures::slot_of(const Value& texture, u32 index)
 Boxed<TextureUsePatch> Textures::use(const Value& info, bool srgb, u32 channel) {
   const u32 index = info.at("index").index(document_.count("textures"));
   std::optional<Slot> slot = slot_of(document_.item("textures", index), index);
-  if (!slot) return {};
+  if (!slot || document_.is_lacking(document_.item("images", slot->image))) return {};
   slot->srgb = srgb;
   const auto same = [&](const Slot& other) {
     Slot a = other;

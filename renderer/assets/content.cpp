@@ -1,0 +1,110 @@
+#include "renderer/assets/content.h"
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <optional>
+
+#include "renderer/assets/text_scan.h"
+
+namespace heliograph::assets {
+namespace {
+
+constexpr std::size_t kLooked = 4096;  // bytes at the beginning
+
+using Bytes = std::span<const std::byte>;
+
+struct Magic {
+  std::string_view bytes;
+  const char* format;
+};
+constexpr std::array kMagics = std::to_array<Magic>({
+    {"glTF", "glb"},
+    {"ply\n", "ply"},
+    {"ply\r", "ply"},
+    {"Kaydara FBX Binary", "fbx"},
+    {"; FBX", "fbx"},
+    {"xof 03", "x"},
+    {"OFF\n", "off"},
+    {"OFF\r", "off"},
+    {" BDV", "vdb"},
+    {"NanoVDB", "nvdb"},
+});
+
+bool has_controls(std::string_view text) {
+  return std::ranges::any_of(text, [](char c) { return u8(c) < ' ' && !(c >= '\t' && c <= '\r'); });
+}
+
+/// The count of facets says how long the file is.
+bool is_binary_stl(Bytes file) {
+  constexpr std::size_t kHeader = 84, kFacet = 50;
+  if (file.size() <= kHeader) return false;
+  u32 facets;
+  std::memcpy(&facets, file.data() + kHeader - sizeof facets, sizeof facets);
+  return file.size() == kHeader + kFacet * u64(facets);
+}
+
+/// Statements that only OBJ has come first, and a vertex is one of them.
+bool is_obj(std::string_view text) {
+  constexpr std::array<std::string_view, 12> kKeys = {"v", "vt", "vn", "vp", "f",      "l",
+                                                      "p", "g",  "o",  "s",  "usemtl", "mtllib"};
+  Lines lines(text.substr(0, text.rfind('\n')));
+  bool has_vertex = false;
+  while (auto line = lines.next()) {
+    const std::string_view key = take_word(*line);
+    if (key.empty() || key.starts_with('#')) continue;
+    if (std::ranges::find(kKeys, key) == kKeys.end()) return false;
+    has_vertex = has_vertex || key == "v";
+  }
+  return has_vertex;
+}
+
+/// UTF-16 as UTF-8; nullopt: it is none.
+std::optional<std::string> utf8_of(Bytes bytes, bool is_big) {
+  std::string out;
+  const auto unit = [&](std::size_t at) {
+    return u32(bytes[at + (is_big ? 0 : 1)]) << 8 | u32(bytes[at + (is_big ? 1 : 0)]);
+  };
+  if (bytes.size() % 2 != 0) return std::nullopt;
+  for (std::size_t at = 0; at < bytes.size(); at += 2) {
+    u32 code = unit(at);
+    if (code >= 0xD800 && code < 0xE000) {
+      const u32 low = at + 2 < bytes.size() ? unit(at += 2) : 0;
+      if (code >= 0xDC00 || low < 0xDC00 || low >= 0xE000) return std::nullopt;
+      code = 0x10000 + ((code & 0x3FF) << 10 | (low & 0x3FF));
+    }
+    if (code == 0) return std::nullopt;
+    const int extra = code < 0x80 ? 0 : code < 0x800 ? 1 : code < 0x10000 ? 2 : 3;
+    constexpr u32 kLead[] = {0, 0xC0, 0xE0, 0xF0};
+    out += char(kLead[extra] | code >> 6 * extra);
+    for (int i = extra - 1; i >= 0; --i) out += char(0x80 | (code >> 6 * i & 0x3F));
+  }
+  return out;
+}
+
+}  // namespace
+
+std::string format_of_content(Bytes bytes) {
+  const std::string_view head = without_mark(as_text(bytes.first(std::min(kLooked, bytes.size()))));
+  for (const Magic& magic : kMagics)
+    if (head.starts_with(magic.bytes)) return magic.format;
+  if (has_controls(head)) return is_binary_stl(bytes) ? "stl" : "";
+  const std::string start = lower(trimmed(head).substr(0, 5));
+  if (start == "solid" && lower(head).find("facet") != head.npos) return "stl";
+  if (start == "<?xml" || start == "<coll") return head.find("<COLLADA") != head.npos ? "dae" : "";
+  if (start.starts_with('{')) return "gltf";
+  return is_obj(head) ? "obj" : "";
+}
+
+std::vector<BundleFile> in_utf8(std::span<const BundleFile> files, std::deque<std::string>& texts) {
+  std::vector<BundleFile> out(files.begin(), files.end());
+  for (BundleFile& file : out) {
+    const std::string_view mark = as_text(file.bytes).substr(0, 2);
+    if (mark != "\xFE\xFF" && mark != "\xFF\xFE") continue;
+    auto text = utf8_of(file.bytes.subspan(2), mark == "\xFE\xFF");
+    if (text) file.bytes = std::as_bytes(std::span(texts.emplace_back(*std::move(text))));
+  }
+  return out;
+}
+
+}  // namespace heliograph::assets
