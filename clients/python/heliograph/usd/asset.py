@@ -10,7 +10,9 @@ from ..scene.handles import Entity, Group, Material, Mesh, Texture
 
 if TYPE_CHECKING:
     from ..client.scene import Scene
+    from ..robots._library import Library as RobotLibrary
     from .model import Image, Model
+    from .robots import UsdRobot
 
 
 @dataclass
@@ -20,6 +22,7 @@ class Library:
     meshes: dict[str, Mesh] = field(default_factory=dict)
     materials: dict[str, Material] = field(default_factory=dict)
     textures: dict[Image, Texture | None] = field(default_factory=dict)  # None: not readable
+    robots: dict[str, RobotLibrary] = field(default_factory=dict)
 
 
 class UsdAsset:
@@ -27,6 +30,7 @@ class UsdAsset:
 
     root: the entity with the pose of all of it, metres and +Z up. entities: {prim path: Entity} of
     every transformable prim. instances: {prim path: Group} of point instancers' prototypes.
+    robots: bodies that joints connect, by the path of their articulation.
     meshes, materials: by prim path. cameras, lights: the entities that have one, by prim path.
     metres_per_unit, up: of the file. warnings: what was left out or is otherwise.
     """
@@ -42,6 +46,7 @@ class UsdAsset:
         self.instances: dict[str, Group] = {}
         self.cameras: dict[str, Entity] = {}
         self.lights: dict[str, Entity] = {}
+        self.robots: dict[str, UsdRobot] = {}
         self.root: Entity
 
     @property

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import HeliographError
+from ..errors import HeliographError, InvalidArgument
 from ..scene import patches
 from ..scene.handles import Entity, Material, Texture
 from ..values.checks import refuse_unknown
 from ..values.components import Tex
 from ..values.pose import matrix_of
 from .asset import UsdAsset
-from .model import Image, Node, Sampled
+from .model import Articulation, Image, Node, Pose, Sampled
+from .robots import RobotBuilder, UsdRobot, components_of
 
 if TYPE_CHECKING:
     from ..client.edit import Edits
@@ -24,14 +25,22 @@ if TYPE_CHECKING:
 class Builder:
     """Puts the entities of one placement; meshes, materials and textures with the first."""
 
-    def __init__(self, edits: Edits, asset: UsdAsset) -> None:
+    def __init__(
+        self, edits: Edits, asset: UsdAsset, keypoints: Sequence[str] | None = None
+    ) -> None:
         self.edits = edits
         self.asset = asset
         self.model = asset.model
         self.library = asset.library
+        self.keypoints = keypoints
+        self.components: Mapping[str, Any] = {}
+        self.articulated = {path: one for one in self.model.articulations for path in one.bodies}
 
     def build(self, components: patches.Components) -> UsdAsset:
+        """keypoints: names of robots' joints, None for all."""
         refuse_unknown(components, patches.Components, "an entity")
+        self._check_keypoints()
+        self.components = components
         given: Any = {"label": "auto", **components}
         self.asset.root = self.edits.entity(self.asset.name, exist_ok=False, **given)
         for node in self.model.nodes:
@@ -46,7 +55,8 @@ class Builder:
     # ------------------------------------------------------------ entities
 
     def _put(self, node: Node) -> None:
-        given: dict[str, Any] = {"parent": self._parent(node), **node.rest}
+        parent, pose = self._place(node)
+        given: dict[str, Any] = {"parent": parent, **node.rest}
         if node.mesh is not None:
             given["mesh"] = self._mesh(node.mesh)
             given["materials"] = [self._material(look) for look in node.looks]
@@ -55,8 +65,8 @@ class Builder:
             group = self.edits.instances(name, transforms=node.transforms, **given)
             self.asset.instances[node.path] = group
             return
-        moves = isinstance(node.pose, Mapping)
-        given["keys" if moves else "transform"] = node.pose
+        moves = isinstance(pose, Mapping)
+        given["keys" if moves else "transform"] = pose
         entity = self.edits.entity(name, exist_ok=False, **given)
         self.asset.entities[node.path] = entity
         if "camera" in node.rest:
@@ -64,8 +74,43 @@ class Builder:
         if "light" in node.rest:
             self.asset.lights[node.path] = entity
 
-    def _parent(self, node: Node) -> Entity:
-        return self.asset.root if node.parent is None else self.asset.entities[node.parent]
+    def _place(self, node: Node) -> tuple[Entity, Pose]:
+        """What it is beneath, and where there: bodies beneath the links of their robot."""
+        found = self.articulated.get(node.path)
+        if found is None:
+            return self._entity(node.parent), node.pose
+        if found.path not in self.asset.robots:
+            self._put_robot(found)
+        link, pose = found.bodies[node.path]
+        return self.asset.robots[found.path].links[link], pose
+
+    def _entity(self, path: str | None) -> Entity:
+        return self.asset.root if path is None else self.asset.entities[path]
+
+    def _put_robot(self, found: Articulation) -> None:
+        """Its links; the stage may have a prim that is called as what they are beneath."""
+        folder = "robots"
+        while any(f"{node.path}/".startswith(f"/{folder}/") for node in self.model.nodes):
+            folder += "'"
+        name = f"{self.asset.name}/{folder}{found.path}"
+        robot = UsdRobot(self.edits.scene, name, found, self.library.robots.get(found.path))
+        wanted = self.keypoints
+        if wanted is not None:
+            wanted = [joint.name for joint in found.robot.joints if joint.name in wanted]
+        given: Any = components_of(self.components, found, self._entity(found.above))
+        RobotBuilder(self.edits, robot).build(wanted, given)
+        self.asset.robots[found.path] = robot
+        self.library.robots[found.path] = robot.library
+
+    def _check_keypoints(self) -> None:
+        have = [joint.name for one in self.model.articulations for joint in one.robot.joints]
+        for name in self.keypoints or ():
+            if name not in have:
+                listed = ", ".join(have) or "none"
+                raise InvalidArgument(
+                    f"keypoints: there is no joint {name!r}; the stage has {listed}",
+                    field="keypoints",
+                )
 
     def _put_dome(self, components: Mapping[str, Any]) -> None:
         """The scene's: the last placement's, turned as its root is in its parent."""

@@ -42,6 +42,7 @@ class UsdEdits:
         lights: bool = True,
         camera_width: int = 960,
         subdivision: int = 0,
+        keypoints: Sequence[str] | None = None,
         **components: Unpack[patches.Components],
     ) -> UsdAsset:
         """Reads a USD file (.usd, .usda, .usdc, .usdz) and places it: entities `name`, by default
@@ -58,7 +59,9 @@ class UsdEdits:
         nit: radiance, W sr^-1 m^-2, of what the file says is 1 cd/m^2. lights: False leaves out
         UsdLux. camera_width: pixels of its cameras; the height follows from their apertures.
         subdivision: steps of Catmull-Clark, up to 6; 0: the cages of such surfaces are shown.
+        keypoints: names of robots' joints that labels report, by default all.
         components: of the root, as edit.entity() takes them: transform, parent, category, ...
+        Robots have the same label, category, group and attributes.
         Unimplemented without the package pxr, NotFound and InvalidArgument of the file.
         """
         needed("pxr", "USD files need", "usd")
@@ -87,4 +90,4 @@ class UsdEdits:
             weakref.finalize(edits.scene.client, files.close)  # it may have to send them again
             asset = UsdAsset(edits.scene, name or model.stem, model, None)
         given: Any = components
-        return build.Builder(edits, asset).build(given)
+        return build.Builder(edits, asset, keypoints).build(given)

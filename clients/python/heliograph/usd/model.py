@@ -14,6 +14,7 @@ from .._wire.arrays import NdArray
 from ..values.components import Tex
 
 if TYPE_CHECKING:
+    from ..robots.description import RobotModel
     from ..scene.patches import Geometry
 
 Pose = Union[NdArray, Mapping[float, NdArray]]  # (4, 4), or keys {seconds: (4, 4)}
@@ -82,6 +83,22 @@ class Node:
     rest: dict[str, Any] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, eq=False)
+class Articulation:
+    """Bodies that joints connect. path: what it is called by. above: the path of the node that it
+    is beneath, None: the root; pose: (4, 4) of its first link there. bodies: by the path of their
+    nodes the link, and (4, 4) link_from_node. targets: of drives, by the joint's name. category:
+    that of its instance, "": what the call says."""
+
+    path: str
+    above: str | None
+    pose: NdArray
+    robot: RobotModel
+    bodies: Mapping[str, tuple[str, NdArray]]
+    targets: Mapping[str, float]
+    category: str = ""
+
+
 @dataclass
 class Dome:
     """Light from infinitely far. rotation: (3, 3) root_from_dome."""
@@ -101,6 +118,7 @@ class Model:
     nodes: list[Node] = field(default_factory=list)
     meshes: dict[str, Geometry] = field(default_factory=dict)
     looks: dict[str, Look] = field(default_factory=dict)
+    articulations: list[Articulation] = field(default_factory=list)
     dome: Dome | None = None
     notes: Notes = field(default_factory=Notes)
 

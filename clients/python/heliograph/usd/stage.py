@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdSkel
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdSkel
 
 from ..errors import InvalidArgument, NotFound
 from ..values.checks import number_of
-from . import cameras, instancers, labels, lights, skeletons, surfaces
+from . import articulations, cameras, instancers, labels, lights, skeletons, surfaces
 from .context import Context
 from .files import Files
 from .model import Model, Node, Options
@@ -41,6 +41,7 @@ def read(path: Path, options: Options) -> tuple[Model, Files]:
     walk = _Walk(context)
     walk.children(stage.GetPseudoRoot(), _Above())
     skeletons.put(context, walk.skinned, walk.surfaces.vertices)
+    articulations.put(context)
     return model, files
 
 
@@ -119,8 +120,6 @@ class _Walk:
         hidden = self._hidden(imageable) or above.hidden
         purpose = above.purpose
         info = imageable.ComputePurposeInfo(purpose) if purpose else imageable.ComputePurposeInfo()
-        if prim.IsA(UsdPhysics.Joint):
-            self.context.note(prim, f"{prim.GetTypeName()} is left out")
         if not prim.IsA(UsdGeom.Xformable):
             self.children(prim, _Above(above.node, hidden, info))
             return
