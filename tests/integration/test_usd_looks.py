@@ -108,7 +108,7 @@ def test_what_is_left_out_is_named(scene, tmp_path):
         "/Broken: a mesh without faces",
         "/Lamp: shaping:ies is left out",
         "/Gone: it is not composed whole: Could not open asset @",
-        "/Hinge: PhysicsRevoluteJoint is left out",
+        "/Hinge: a joint that connects no two bodies is left out",
         "a texture is left out: the file 'none.png' is not there",
     ):
         assert what in text, text
