@@ -38,7 +38,7 @@ from ..scene.handles import (
     give_ids,
 )
 from ..usd.edits import UsdEdits
-from ..values.checks import number_of, text_of
+from ..values.checks import number_of, text_of, whole_of
 from ..values.pose import packed_matrices
 
 if TYPE_CHECKING:
@@ -336,6 +336,7 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
         `folders`: where the model says they are, else a file of the same name. Without one the
         model loads, and asset.warnings names it; strict=True refuses the model (NotFound).
         """
+        count = whole_of(count, "count")
         source = assets.Source(path, server_path, up, units, folders=folders, strict=strict)
         asset = assets.decode(self.scene, source, name)
         for i in range(count):

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
+from ..scene import companions
 from ..scene.companions import alike, names_in
 from ._notes import Notes
 
@@ -23,7 +24,8 @@ class Files:
     def __init__(self, notes: Notes, packages: Mapping[str, str | os.PathLike[str]]) -> None:
         self.notes = notes
         self.folder = notes.path.parent.resolve()
-        self.packages = {name: Path(folder).resolve() for name, folder in packages.items()}
+        given = companions.allowed(list(packages.values()), "packages")
+        self.packages = {name: at.resolve() for name, at in zip(packages, given)}
         self.own = list(_own_packages(self.folder))
 
     def find(self, reference: str, where: str) -> Path:

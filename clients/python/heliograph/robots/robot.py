@@ -17,6 +17,7 @@ from .._wire.tensors import is_tensor, on_host
 from ..errors import InvalidArgument
 from ..scene import patches
 from ..scene.handles import Entity, Group
+from ..values.checks import refuse_given
 from . import urdf
 from ._library import Library
 from .building import Options, UrdfBuilder
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from ..client.edit import Edits
     from ..client.scene import Scene
 
+_AS_READ = {"packages": {}, "strict": False}
 _STEP = math.pi / 3  # the most that a joint turns from key to key
 
 
@@ -149,6 +151,14 @@ class RobotEdits:
         options = Options(packages or {}, mesh_materials, strict)
         edits = cast("Edits", self)
         if isinstance(path, Robot):
+            if type(path) is not Robot:
+                raise InvalidArgument(
+                    f"path: {path!r} is of no URDF file; place it as it was read, with import_mjcf "
+                    "or, its whole asset, import_usd",
+                    field="path",
+                )
+            why = "a robot is placed again as it was read; give it with the file"
+            refuse_given({"packages": options.packages, "strict": strict}, _AS_READ, why)
             robot = Robot(edits.scene, name or path.name, path.model, path.library)
         else:
             model = urdf.read(path, options.packages, options.strict)

@@ -51,6 +51,8 @@ class DomeEdits:
         edits = cast("Edits", self)
         out = images.dome_message(light)
         name = ""
+        if image is None or image is _UNSET or isinstance(image, Handle):
+            images.refuse_layer(layer)
         if image is None:
             out.clear.extend(field.name for field in out.DESCRIPTOR.fields if field.name != "clear")
         elif isinstance(image, Handle):

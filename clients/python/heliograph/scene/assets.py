@@ -56,6 +56,12 @@ class Source:
     def request(self) -> service.DecodeAssetRequest:
         if (self.path is None) == (not self.server_path):
             raise InvalidArgument("give path or server_path", field="path")
+        if companions.allowed(self.folders) and self.path is None:
+            raise InvalidArgument(
+                "folders: serve files of this machine; the daemon reads what is beneath its asset "
+                "root",
+                field="folders",
+            )
         if Path(self.path or self.server_path).suffix.lower() in USD_ENDINGS:
             raise InvalidArgument("USD files: use edit.import_usd()", field="path")
         if self.up not in ("", "x", "y", "z"):

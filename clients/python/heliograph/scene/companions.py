@@ -5,21 +5,36 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath
+from urllib.parse import unquote
+
+from ..errors import InvalidArgument, NotFound
 
 #: Where textures are kept beneath a folder; the second is Gazebo's place.
 _PLACES = ("", "materials/textures", "textures")
 
 
+def allowed(folders: Sequence[str | os.PathLike[str]], field: str = "folders") -> list[Path]:
+    """Folders whose files may be read. InvalidArgument, NotFound: they are none."""
+    if isinstance(folders, (str, os.PathLike)):
+        raise InvalidArgument(f"{field}: a list of folders, [{str(folders)!r}]", field=field)
+    found = [Path(folder) for folder in folders]
+    for folder in found:
+        if not folder.is_dir():
+            raise NotFound(f"{field}: there is no folder {folder}", field=field)
+    return found
+
+
 def find(folder: Path, name: str, folders: Sequence[str | os.PathLike[str]] = ()) -> Path | None:
     """The file that a model in `folder` calls `name`: where it says, else the file of the same name
     beneath a folder that may be read. Only what lies beneath `folder` or `folders` is found, links
-    followed. The case of letters may differ.
+    followed. The case of letters may differ, and letters be written as %20.
 
     name: relative, "/" separates; it may begin with "..". Bytes that are no UTF-8 read as Latin-1.
     """
     roots = [folder, *map(Path, folders)]
     real = [root.resolve() for root in roots]
-    for root, relative in _candidates(roots, PurePosixPath(name)):
+    spelled = dict.fromkeys((name, unquote(name)))
+    for root, relative in (c for one in spelled for c in _candidates(roots, PurePosixPath(one))):
         found = _on_disk(root, relative)
         if found is not None and any(above in found.resolve().parents for above in real):
             return found

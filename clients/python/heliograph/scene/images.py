@@ -60,16 +60,19 @@ def texture_message(edits: Edits, image: Any, sampler: Sampler, layer: str) -> p
     """The Texture of a file or an array (None: texels stay)."""
     out = pb.Texture()
     encoding = sampler.encoding
-    if image is not None:
+    if image is None:
+        refuse_layer(layer)
+    else:
         texels, found = texels_of(edits, image, layer)
         out.texels.CopyFrom(texels)
         encoding = encoding or found or None
     if encoding is not None:
         out.encoding = choice(pb.Texture.Encoding, "ENCODING", encoding)
     if sampler.wrap is not None:
-        u, v = (sampler.wrap, sampler.wrap) if isinstance(sampler.wrap, str) else sampler.wrap
-        out.wrap_u = choice(pb.Texture.Wrap, "WRAP", u)
-        out.wrap_v = choice(pb.Texture.Wrap, "WRAP", v)
+        both = (sampler.wrap, sampler.wrap) if isinstance(sampler.wrap, str) else sampler.wrap
+        if len(both) != 2:
+            raise InvalidArgument(f"wrap: one, or one each for u and v, not {both}", field="wrap")
+        out.wrap_u, out.wrap_v = (choice(pb.Texture.Wrap, "WRAP", one) for one in both)
     if sampler.filter is not None:
         out.filter = choice(pb.Texture.Filter, "FILTER", sampler.filter)
     return out
@@ -101,9 +104,14 @@ def texels_of(edits: Edits, image: Any, layer: str) -> tuple[types.Array, str]:
             raise InvalidArgument(f"{image} is no picture", field="image")
         edits.note_decoding(info.texels.blob)
         return info.texels, _ENCODINGS[info.encoding]
+    refuse_layer(layer)
+    return edits.asset(_checked_texels(image)), ""
+
+
+def refuse_layer(layer: str) -> None:
+    """Where there is no file."""
     if layer:
         raise InvalidArgument("layer: is of a picture's file; select the array's", field="layer")
-    return edits.asset(_checked_texels(image)), ""
 
 
 #: What a PIL image of each mode is converted to, but for those whose numbers are no colours.
@@ -138,6 +146,7 @@ def array_of(image: Any) -> NdArray:
 
 def _checked_texels(image: Any) -> NdArray:
     texels = array_of(image)
+    texels = texels.astype(texels.dtype.newbyteorder("="), copy=False)
     if texels.dtype not in (np.uint8, np.uint16, np.float16, np.float32):
         if texels.dtype.kind != "f":
             raise InvalidArgument(

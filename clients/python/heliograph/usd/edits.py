@@ -9,17 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from .._optional import needed
-from ..scene import patches
-from ..values.checks import number_of, whole_of
+from ..scene import companions, patches
+from ..values.checks import number_of, refuse_given, whole_of
 from .asset import UsdAsset
-from .model import Options
+from .model import NIT, Options
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from ..client.edit import Edits
-
-NIT = 1 / 683  #: W sr^-1 m^-2 in each channel of white of 1 cd/m^2
 
 
 class UsdEdits:
@@ -68,24 +66,26 @@ class UsdEdits:
         from . import build, stage
 
         edits = cast("Edits", self)
+        options = Options(
+            variants=variants or {},
+            payloads=payloads,
+            purposes=tuple(purposes),
+            time=time,
+            times=times if times is None or isinstance(times, str) else tuple(times),
+            units=units,
+            folders=companions.allowed(folders),
+            semantics=semantics,
+            nit=number_of(nit, "nit"),
+            lights=lights,
+            camera_width=whole_of(camera_width, "camera_width", 1, 16384),
+            subdivision=whole_of(subdivision, "subdivision", 0, 6),
+        )
         if isinstance(path, UsdAsset):
+            why = "an asset is placed again as it was read; give it with the file"
+            refuse_given(vars(options), vars(Options()), why)
             library = path.library if path.scene.id == edits.scene.id else None
             asset = UsdAsset(edits.scene, name or path.name, path.model, library)
         else:
-            options = Options(
-                variants=variants or {},
-                payloads=payloads,
-                purposes=tuple(purposes),
-                time=time,
-                times=times,
-                units=units,
-                folders=[Path(folder) for folder in folders],
-                semantics=semantics,
-                nit=number_of(nit, "nit"),
-                lights=lights,
-                camera_width=whole_of(camera_width, "camera_width", 1, 16384),
-                subdivision=whole_of(subdivision, "subdivision", 0, 6),
-            )
             model, files = stage.read(Path(path), options)
             weakref.finalize(edits.scene.client, files.close)  # it may have to send them again
             asset = UsdAsset(edits.scene, name or model.stem, model, None)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ..robots.description import RobotModel
     from ..scene.patches import Geometry
 
+NIT = 1 / 683  #: W sr^-1 m^-2 in each channel of white of 1 cd/m^2
 Pose = Union[NdArray, Mapping[float, NdArray]]  # (4, 4), or keys {seconds: (4, 4)}
 
 
@@ -127,15 +128,15 @@ class Model:
 class Options:
     """Of import_usd()."""
 
-    variants: Mapping[str, Mapping[str, str]]
-    payloads: bool
-    purposes: Sequence[str]
-    time: float | None
-    times: Any
-    units: float
-    folders: Sequence[Path]
-    semantics: str | None
-    nit: float
-    lights: bool
-    camera_width: int
-    subdivision: int
+    variants: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    payloads: bool = True
+    purposes: Sequence[str] = ("default", "render")
+    time: float | None = None
+    times: Any = None
+    units: float = 0.0
+    folders: Sequence[Path] = field(default_factory=list)
+    semantics: str | None = "class"
+    nit: float = NIT
+    lights: bool = True
+    camera_width: int = 960
+    subdivision: int = 0

@@ -26,6 +26,13 @@ def refuse_unknown(given: Mapping[str, Any], known: type, what: str) -> None:
             raise InvalidArgument(f"{what} has no {name!r}; {hint}", field=name)
 
 
+def refuse_given(given: Mapping[str, Any], defaults: Mapping[str, Any], why: str) -> None:
+    """InvalidArgument for what is not as by default, where it would change nothing."""
+    for name, value in given.items():
+        if value != defaults[name]:
+            raise InvalidArgument(f"{name}: {why}", field=name)
+
+
 def color_of(value: Any, field: str) -> types.Vec3:
     """A Vec3 of a number (grey) or (3,)."""
     if _is_float(value):
