@@ -233,9 +233,11 @@ def test_wrong_values_are_refused_by_name(given, message):
 def test_joints_without_usable_limits_move_freely_and_say_so(tmp_path):
     backwards = '<limit lower="2" upper="1"/>'
     body = joint("j", "revolute", "ab", backwards) + joint("k", "prismatic", "bc")
-    found = urdf.read(written(tmp_path, body, "abc"), {})
+    body += joint("l", "revolute", "cd", '<limit effort="1" velocity="1"/>')
+    found = urdf.read(written(tmp_path, body, "abcd"), {})
     assert not np.isfinite(Kinematics(found).limits).any()
-    assert [w.split(" has ")[0] for w in found.warnings] == ["joint 'j'", "joint 'k'"]
+    told = [w.split(" has ")[0] for w in found.warnings]
+    assert told == ["joint 'j'", "joint 'k'", "joint 'l'"]
 
 
 def test_rest_is_within_the_limits(tmp_path):

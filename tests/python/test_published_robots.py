@@ -19,6 +19,9 @@ from urdf_text import BOX, LIMIT, joint, link, mesh, stl, strictly_refused, writ
         '\ufeff<?xml version="1.0"?><robot name="r"><link name="a"/></robot>',
         '\ufeff\n<robot name="r"><link name="a"/></robot>\n\0\0',
         '<robot name="r"><link name="a"/></robot>\r\n\0',
+        '<!-- mine --><?xml version="1.0"?>\n<robot name="r"><link name="a"/></robot>',
+        '<robot name="r"><!-- a -- b --- --><link name="a"/></robot>',
+        '<!DOCTYPE robot><robot name="r"><link name="a"/></robot>',
     ],
 )
 def test_blanks_marks_and_zeros_around_a_document_are_passed_over(tmp_path, text):
@@ -31,6 +34,25 @@ def test_letters_are_read_in_the_encoding_that_they_are_in(tmp_path, encoding):
     text = '<robot name="r"><!-- Käfer --><link name="Käfer"/></robot>'
     (tmp_path / "r.urdf").write_bytes(text.encode(encoding))
     assert urdf.read(tmp_path / "r.urdf", {}).links == ["Käfer"]
+
+
+@pytest.mark.parametrize(
+    ("said", "encoding"),
+    [
+        *((name, name) for name in ("shift_jis", "gb2312", "windows-1252", "utf-16", "utf-16-le")),
+        ("utf-16", "utf-8"),  # as writers of texts in memory leave it
+        ("us-ascii", "utf-8"),
+        ("no such", "utf-8"),
+        ("utf-8", "latin-1"),
+    ],
+)
+def test_documents_that_say_their_encoding_are_read_whether_it_is_so_or_not(
+    tmp_path, said, encoding
+):
+    name = "青" if encoding in ("shift_jis", "gb2312") else "Käfer"
+    text = f'<?xml version="1.0" encoding="{said}"?><robot name="r"><link name="{name}"/></robot>'
+    (tmp_path / "r.urdf").write_bytes(text.encode(encoding))
+    assert urdf.read(tmp_path / "r.urdf", {}).links == [name]
 
 
 # ---------------------------------------------------------------- numbers

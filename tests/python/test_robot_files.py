@@ -42,12 +42,30 @@ def test_a_robot_of_which_nothing_is_found_is_refused(tmp_path):
         ("robot/r.urdf", "robot/my meshes/a b.stl", "my%20meshes/a%20b.stl"),
         ("robot/r.urdf", "robot/my meshes/a b.stl", "my meshes/a b.stl"),
         ("robot/r.urdf", "robot/a%20b.stl", "a%20b.stl"),
+        ("robot/urdf/r.urdf", "robot/meshes/a.stl", "package://robot//meshes/a.stl"),
     ],
 )
 def test_files_of_the_package_are_found(tmp_path, model, file, reference):
     file = stl(tmp_path / file)
     found = urdf.read(written(tmp_path / model, link(mesh(reference))), {}, strict=True)
     assert found.visuals["a"][0].file == file
+
+
+def test_urls_of_files(tmp_path):
+    file = stl(tmp_path / "my meshes/a.stl")
+    place = str(file).replace(" ", "%20")
+    for url in (f"file:{place}", f"file://{place}", f"file://localhost{place}"):
+        found = urdf.read(written(tmp_path / "r.urdf", link(mesh(url))), {}, strict=True)
+        assert found.visuals["a"][0].file == file
+
+
+@pytest.mark.parametrize(
+    ("scale", "size"), [("2 0 1", (2, 2e-4, 1)), ("0 1 3", (3e-4, 1, 3)), ("", (1, 1, 1))]
+)
+def test_a_scale_of_0_is_flat_and_an_empty_one_none(tmp_path, scale, size):
+    stl(tmp_path / "a.stl")
+    path = written(tmp_path / "r.urdf", link(mesh("a.stl", f' scale="{scale}"')))
+    np.testing.assert_allclose(urdf.read(path, {}, strict=True).visuals["a"][0].size, size)
 
 
 def test_a_python_package_is_one(tmp_path):

@@ -30,7 +30,7 @@ class Files:
 
     def find(self, reference: str, where: str) -> Path:
         """The file of a reference. Raises NotFound, InvalidArgument where it is not to be read."""
-        scheme, _, rest = reference.strip().replace("\\", "/").rpartition("://")
+        scheme, _, rest = _as_url(reference.strip().replace("\\", "/")).rpartition("://")
         if not rest.strip("/"):
             raise self.notes.refusal("a filename is missing", where)
         if scheme in ("package", "model"):
@@ -62,7 +62,7 @@ class Files:
         name, _, within = rest.partition("/")
         folders = [self.packages[name]] if name in self.packages else [*self._called(name)]
         for folder in (*folders, *self.own):
-            found = _existing(folder / within, [folder, *self.roots()])
+            found = _existing(folder / within.lstrip("/"), [folder, *self.roots()])
             if found is not None:
                 self.packages.setdefault(name, folder)
                 return found
@@ -93,6 +93,11 @@ class Files:
                     self.notes.warn(f"{where}: {absolute!r} is taken to be {found}")
                     return found
         return None
+
+
+def _as_url(reference: str) -> str:
+    """file:/place and file://localhost/place are file:///place."""
+    return re.sub("^file:(//localhost)?(?=/[^/])", "file://", reference)
 
 
 def _existing(path: Path, roots: Sequence[Path]) -> Path | None:

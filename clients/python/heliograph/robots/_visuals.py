@@ -25,6 +25,7 @@ _SIZES = {
 }
 
 
+_FLAT = 1e-4  # of the largest scale: what is left of a scale of 0, as in glTF files
 _BRIGHTEST = 2  # a number of a color above it is one of 0 to 255
 
 
@@ -94,16 +95,17 @@ class Visuals:
         return replace(visual, size=tuple(size))
 
     def _mesh(self, mesh: Element, visual: Visual, where: str) -> Visual:
-        x, y, z = self._scale(mesh, where)
-        if 0 in (x, y, z):
-            raise self.notes.refusal("the scale of a mesh is 0", where)
+        scale = self._scale(mesh, where)
+        if scale.count(0) > 1:
+            raise self.notes.refusal("the scale of a mesh is 0 along more than one axis", where)
+        x, y, z = (n or _FLAT * max(map(abs, scale)) for n in scale)
         return replace(
             visual, size=(x, y, z), file=self.files.find(mesh.get("filename", ""), where)
         )
 
     def _scale(self, mesh: Element, where: str) -> list[float]:
-        text = mesh.get("scale")
-        if text is None:
+        text = mesh.get("scale", "")
+        if not text.strip():
             return [1.0, 1.0, 1.0]
         if len(text.replace(",", " ").split()) > 1:
             return self.numbers.several(mesh, "scale", 3, where)

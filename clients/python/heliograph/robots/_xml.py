@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import codecs
+import contextlib
+import re
 from pathlib import Path
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
@@ -11,8 +13,17 @@ from ..errors import InvalidArgument, NotFound
 
 MAX_BYTES = 64 << 20
 MAX_DEPTH = 64
-_WIDE = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-_BLANKS = b" \t\r\n\0"
+_MARKS = {
+    codecs.BOM_UTF8: "utf-8",
+    codecs.BOM_UTF16_LE: "utf-16-le",
+    codecs.BOM_UTF16_BE: "utf-16-be",
+    b"<\0": "utf-16-le",
+    b"\0<": "utf-16-be",
+}
+_BLANKS = " \t\r\n\0"
+_DECLARATION = re.compile(r"<\?xml\s[^>]*\?>")
+_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+_ENCODING = re.compile(rb"""<\?xml[^>]*?encoding\s*=\s*["']([\w.:-]+)["']""")
 
 
 def read(path: Path) -> Element:
@@ -31,9 +42,10 @@ def read(path: Path) -> Element:
 
 def parse(text: bytes, where: str) -> Element:
     """The root element of a document; `where` is for messages. Blanks before it and zeros behind
-    it are passed over; what says that it is UTF-8 and is not, is taken as Latin-1."""
-    if not text.startswith(_WIDE):
-        text = text.removeprefix(codecs.BOM_UTF8).strip(_BLANKS)
+    it are passed over, and so are comments, which others close with more dashes."""
+    plain = _decoded(text).strip(_BLANKS)
+    for unread in (_COMMENT, _DECLARATION):
+        plain = unread.sub(lambda found: "\n" * found.group().count("\n"), plain)
     builder = TreeBuilder()
     depth = 0
 
@@ -49,31 +61,35 @@ def parse(text: bytes, where: str) -> Element:
         depth -= 1
         builder.end(name)
 
-    def refuse_type(*_: object) -> None:
-        raise _refusal(where, parser, "has a document type, which is not read; delete <!DOCTYPE>")
+    def refuse_type(name: str, system: str, public: str, has_subset: int) -> None:
+        if has_subset:
+            raise _refusal(where, parser, "has a document type of its own; delete <!DOCTYPE>")
 
-    parser = expat.ParserCreate(_encoding(text))
+    parser = expat.ParserCreate("utf-8")
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.CharacterDataHandler = builder.data
     parser.StartDoctypeDeclHandler = refuse_type
     try:
-        parser.Parse(text, True)
+        parser.Parse(plain.encode(), True)
     except expat.ExpatError as error:
         raise InvalidArgument(f"{where}: is no XML: {error}", field="path") from None
     root: Element = builder.close()
     return root
 
 
-def _encoding(text: bytes) -> str | None:
-    """What to read a document as, whatever it says of itself; None: as it says."""
-    head = text[:200].partition(b"?>")[0].lower()
-    if text.startswith(_WIDE) or (b"encoding" in head and b"utf-8" not in head):
-        return None
-    try:
-        text.decode()
-    except UnicodeDecodeError:
-        return "iso-8859-1"
-    return None
+def _decoded(data: bytes) -> str:
+    """By a byte order mark or the width of letters, else as the document says of itself; what that
+    does not fit is UTF-8, or else Latin-1."""
+    for mark, name in _MARKS.items():
+        if data.startswith(mark):
+            return data.decode(name, "replace").removeprefix("\ufeff")
+    said = _ENCODING.search(data[:200])
+    names = [said.group(1).decode().lower()] if said else []
+    for name in (*names, "utf-8"):
+        if not name.startswith(("utf-16", "utf-32", "ucs")):
+            with contextlib.suppress(LookupError, UnicodeDecodeError):
+                return data.decode(name)
+    return data.decode("iso-8859-1")
 
 
 def _refusal(where: str, parser: expat.XMLParserType, message: str) -> InvalidArgument:

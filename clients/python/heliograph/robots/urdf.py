@@ -109,8 +109,8 @@ class _Reader:
 
     def _limits(self, element: Element, where: str) -> tuple[float, float]:
         limit = element.find("limit")
-        if limit is None:
-            self.notes.warn(f"{where} has no <limit>; it moves without limits")
+        if limit is None or not {"lower", "upper"} & set(limit.keys()):
+            self.notes.warn(f"{where} has no limits; it moves without them")
             return -math.inf, math.inf
         lower, upper = (self.numbers.bound(limit, key, where) for key in ("lower", "upper"))
         if lower > upper:
