@@ -74,6 +74,29 @@ def test_of_a_robot_that_is_placed_again(scene, option):
             edit.import_urdf(arm, name="again", **option)
 
 
+@pytest.mark.parametrize(
+    "option",
+    [{"groups": 1}, {"groups": (9,)}, {"groups": "a"}, {"size": 3}, {"size": (0, 3)}],
+)
+def test_of_mjcf_files(world, tmp_path, option):
+    pytest.importorskip("mujoco", reason="the extra `mjcf` is not installed")
+    path = tmp_path / "ball.xml"
+    path.write_text('<mujoco><worldbody><geom size="1"/></worldbody></mujoco>')
+    [name] = option
+    check(world, edited(lambda edit: edit.import_mjcf(path, **option)), (INVALID, name))
+
+
+def test_a_pointer_of_git_lfs_is_said_to_be_one(world, tmp_path):
+    for name in ("a.png", "a.stl"):
+        path = tmp_path / name
+        path.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 1\n")
+
+        def call(edit, path=path):
+            edit.texture("t", path) if path.suffix == ".png" else edit.import_file(path)
+
+        check(world, edited(call), (INVALID, "path"), "git lfs pull")
+
+
 AGAIN = {
     **{"variants": {"/A": {"look": "red"}}, "payloads": False, "purposes": ["proxy"], "time": 1.0},
     **{"times": "all", "units": 1.0, "semantics": None, "nit": 1.0, "lights": False},
@@ -81,14 +104,38 @@ AGAIN = {
 }
 
 
-def test_of_a_stage_that_is_placed_again(scene, tmp_path):
+@pytest.fixture
+def cube(tmp_path):
     pytest.importorskip("pxr", reason="the extra `usd` is not installed")
     path = tmp_path / "cube.usda"
     path.write_text('#usda 1.0\n(\nmetersPerUnit = 1\n)\ndef Cube "A"\n{\n}\n')
+    return path
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        *({"times": times} for times in ("some", 3, [], [0, "a"])),
+        *({"time": "x"}, {"units": -1}, {"nit": -1.0}, {"nit": 0}, {"semantics": 3}),
+        *({"variants": {"/A": "red"}}, {"camera_width": 0}, {"subdivision": 9}),
+    ],
+)
+def test_of_stages(world, cube, option):
+    [name] = option
+    check(world, edited(lambda edit: edit.import_usd(cube, **option)), (INVALID, name))
+
+
+def test_units_beside_those_of_a_stage_are_told(scene, cube):
     with scene.edit() as edit:
-        cube = edit.import_usd(path)
-        edit.import_usd(cube, name="again", purposes=["default", "render"])  # as by default
+        asset = edit.import_usd(cube, units=0.5)
+    assert asset.warnings == ["/: it names its metersPerUnit, which comes before units="]
+
+
+def test_of_a_stage_that_is_placed_again(scene, cube, tmp_path):
+    with scene.edit() as edit:
+        first = edit.import_usd(cube)
+        edit.import_usd(first, name="again", purposes=["default", "render"])  # as by default
     for name, value in {**AGAIN, "folders": [tmp_path]}.items():
         with pytest.raises(INVALID, match=f"{name}: an asset is placed again as it was read"):
             with scene.edit() as edit:
-                edit.import_usd(cube, name="third", **{name: value})
+                edit.import_usd(first, name="third", **{name: value})

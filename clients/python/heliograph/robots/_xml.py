@@ -61,7 +61,7 @@ def parse(text: bytes, where: str) -> Element:
         depth -= 1
         builder.end(name)
 
-    def refuse_type(name: str, system: str, public: str, has_subset: int) -> None:
+    def refuse_type(name: str, system: str | None, public: str | None, has_subset: bool) -> None:
         if has_subset:
             raise _refusal(where, parser, "has a document type of its own; delete <!DOCTYPE>")
 

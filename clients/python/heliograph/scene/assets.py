@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from ..client.scene import Scene
 
 USD_ENDINGS = (".usd", ".usda", ".usdc", ".usdz")
+_POINTER = b"version https://git-lfs.github.com/spec/"
 _ROUNDS = 64  # of naming missing companions
 
 
@@ -94,7 +95,7 @@ class Decoding:
 
     def add(self, client: Client, name: str, path: Path | None) -> None:
         """None: there is no such companion."""
-        digest = b"" if path is None else client.store.blob(path.read_bytes())
+        digest = b"" if path is None else client.store.blob(_content(path))
         self.request.files.append(service.BundleFile(path=name, sha256=digest))
         if path is not None:
             self.paths[name] = path.absolute()
@@ -195,6 +196,16 @@ def _answer(
 def _digest(info: service.AssetInfo) -> bytes:
     """What edits name it by: a picture by its texels."""
     return info.texels.blob if info.HasField("texels") else info.sha256
+
+
+def _content(path: Path) -> bytes:
+    data = path.read_bytes()
+    if data.startswith(_POINTER):
+        raise InvalidArgument(
+            f"{path} is a pointer of Git LFS, not the file itself: fetch it with `git lfs pull`",
+            field="path",
+        )
+    return data
 
 
 def _existing(path: Path) -> Path:

@@ -11,8 +11,6 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from .._wire.arrays import NdArray
-from ..errors import InvalidArgument
-from ..values.checks import number_of
 from .files import Files
 from .model import Model, Options, Pose
 
@@ -34,7 +32,7 @@ class Context:
     def __post_init__(self) -> None:
         self.time = Usd.TimeCode.EarliestTime()
         if self.options.time is not None:
-            self.time = Usd.TimeCode(self.code(number_of(self.options.time, "time")))
+            self.time = Usd.TimeCode(self.code(self.options.time))
         turn = [[1, 0, 0], [0, 0, -1], [0, 1, 0]] if self.model.up == "y" else np.eye(3)
         self.up = np.eye(4)
         self.up[:3, :3] = self.model.metres_per_unit * np.asarray(turn)
@@ -74,13 +72,11 @@ class Context:
         times = self.options.times
         if times is None or len(samples) < 2:
             return []
-        if isinstance(times, str):
-            if times != "all":
-                raise InvalidArgument(f'times: seconds, or "all", not {times!r}', field="times")
+        if isinstance(times, str):  # "all"
             first, last = math.ceil(samples[0]), math.floor(samples[-1])
             between = range(first, last) if steps and last - first <= _FRAMES else range(0)
             return sorted({*map(float, samples), *map(float, between)})
-        return sorted({self.code(number_of(t, "times")) for t in times})
+        return sorted({self.code(t) for t in times})
 
     # ------------------------------------------------------------ poses
 

@@ -8,9 +8,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+import numpy as np
+
 from .._optional import needed
+from ..errors import InvalidArgument
 from ..scene import companions, patches
-from ..values.checks import number_of, refuse_given, whole_of
+from ..values.checks import number_of, refuse_given, text_of, whole_of
 from .asset import UsdAsset
 from .model import NIT, Options
 
@@ -67,15 +70,15 @@ class UsdEdits:
 
         edits = cast("Edits", self)
         options = Options(
-            variants=variants or {},
+            variants=_variants(variants or {}),
             payloads=payloads,
             purposes=tuple(purposes),
-            time=time,
-            times=times if times is None or isinstance(times, str) else tuple(times),
-            units=units,
+            time=None if time is None else number_of(time, "time"),
+            times=_times(times),
+            units=_above_zero(units, "units") if units else 0.0,
             folders=companions.allowed(folders),
-            semantics=semantics,
-            nit=number_of(nit, "nit"),
+            semantics=None if semantics is None else text_of(semantics, "semantics"),
+            nit=_above_zero(nit, "nit"),
             lights=lights,
             camera_width=whole_of(camera_width, "camera_width", 1, 16384),
             subdivision=whole_of(subdivision, "subdivision", 0, 6),
@@ -91,3 +94,29 @@ class UsdEdits:
             asset = UsdAsset(edits.scene, name or model.stem, model, None)
         given: Any = components
         return build.Builder(edits, asset, keypoints).build(given)
+
+
+def _times(times: Any) -> Any:
+    """None, "all", or seconds."""
+    if times is None or (isinstance(times, str) and times == "all"):
+        return times
+    if isinstance(times, str) or np.ndim(times) != 1 or not len(times):
+        raise InvalidArgument(f'times: seconds, [0.0, 0.5], or "all", not {times!r}', field="times")
+    return tuple(number_of(time, "times") for time in times)
+
+
+def _variants(variants: Mapping[str, Mapping[str, str]]) -> Mapping[str, Mapping[str, str]]:
+    for path, wanted in variants.items():
+        if not isinstance(wanted, Mapping):
+            raise InvalidArgument(
+                f"variants: {{prim path: {{set: variant}}}}, not {wanted!r} for {path}",
+                field="variants",
+            )
+    return variants
+
+
+def _above_zero(value: Any, field: str) -> float:
+    number = number_of(value, field)
+    if not number > 0:
+        raise InvalidArgument(f"{field}: a number above 0, not {value!r}", field=field)
+    return number

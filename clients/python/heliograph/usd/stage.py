@@ -11,7 +11,6 @@ from typing import Any
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdSkel
 
 from ..errors import InvalidArgument, NotFound
-from ..values.checks import number_of
 from . import articulations, cameras, instancers, labels, lights, skeletons, surfaces
 from .context import Context
 from .files import Files
@@ -34,7 +33,10 @@ def read(path: Path, options: Options) -> tuple[Model, Files]:
     model = Model(path.stem, _metres(stage, options.units), up)
     files = Files(path, options.folders)
     context = Context(stage, options, model, files)
-    if not (UsdGeom.StageHasAuthoredMetersPerUnit(stage) or options.units):
+    if UsdGeom.StageHasAuthoredMetersPerUnit(stage):
+        if options.units:
+            context.note("/", "it names its metersPerUnit, which comes before units=")
+    elif not options.units:
         context.note("/", "it names no metersPerUnit: 0.01 taken; give units= for another")
     for left in () if options.payloads else stage.FindLoadable():
         context.note(left, "its payload is left out, as payloads=False asks")
@@ -82,7 +84,7 @@ def _metres(stage: Any, units: float) -> float:
     """Metres a unit; `units` where the file says nothing."""
     found = float(UsdGeom.GetStageMetersPerUnit(stage))
     if units and not UsdGeom.StageHasAuthoredMetersPerUnit(stage):
-        found = number_of(units, "units")
+        found = units
     if not (math.isfinite(found) and found > 0):
         raise InvalidArgument(f"metersPerUnit: {found} is not above 0; correct it", field="units")
     return found

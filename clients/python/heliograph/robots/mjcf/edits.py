@@ -6,12 +6,21 @@ import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, cast
 
+import numpy as np
+
+from ...errors import InvalidArgument
+from ...values.checks import whole_of
+
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from ...client.edit import Edits
     from ...scene import patches
     from .robot import MjcfRobot
+
+
+_GROUPS = 6  # mjNGROUP
+_LARGEST = 16384  # pixels
 
 
 class MjcfEdits:
@@ -45,5 +54,20 @@ class MjcfEdits:
         """
         from .building import Wanted, placed
 
-        wanted = Wanted(tuple(groups), sites, lights, size, keypoints)
+        wanted = Wanted(
+            _whole(groups, "groups", (0, _GROUPS - 1)), sites, lights, _size(size), keypoints
+        )
         return placed(cast("Edits", self), path, name, wanted, components)
+
+
+def _whole(values: Any, field: str, bounds: tuple[int, int]) -> tuple[int, ...]:
+    if np.ndim(values) != 1:
+        raise InvalidArgument(f"{field}: needs whole numbers, not {values!r}", field=field)
+    return tuple(whole_of(value, field, *bounds) for value in values)
+
+
+def _size(size: Any) -> tuple[int, int]:
+    numbers = _whole(size, "size", (1, _LARGEST))
+    if len(numbers) != 2:
+        raise InvalidArgument(f"size: width and height, not {size!r}", field="size")
+    return numbers[0], numbers[1]
