@@ -194,6 +194,48 @@ def test_several_joints_of_two_bodies_go_one_after_another(scene, tmp_path):
     np.testing.assert_allclose(robot.forward([0.3, 0.9])[-1], expected, atol=1e-6)
 
 
+def test_prims_of_one_name_are_called_by_their_paths(scene, tmp_path):
+    """Each body has a joint of the same name beneath it, fixed and not, and one a body's name."""
+    made = Jointed(tmp_path)
+    bodies = ["/Base", "/Left/hand", "/Right/hand", "/Left/tip", "/Right/tip"]
+    for body in bodies:
+        made.body(body, pose())
+    for side in ("Left", "Right"):
+        made.joint("RevoluteJoint", f"/{side}/hand/joint", ("/Base", f"/{side}/hand"))
+        made.joint("FixedJoint", f"/{side}/tip/joint", (f"/{side}/hand", f"/{side}/tip"))
+    asset = put(scene, made.saved())
+    robot = asset.robots["/Base"]
+    assert robot.joint_names == ["Left/hand/joint", "Right/hand/joint"]
+    assert robot.link_names == ["Base", "Left/hand", "Left/tip", "Right/hand", "Right/tip"]
+    with scene.edit() as edit:
+        edit.set_joints(robot, {"Right/hand/joint": 0.5})
+    turned = in_metres(pose(turn=about("X", 0.5)))
+    found = {body: robot.links[robot.bodies[body]].world_transform for body in bodies}
+    np.testing.assert_allclose(found["/Right/tip"], turned, atol=1e-6)
+    np.testing.assert_allclose(found["/Left/tip"], in_metres(pose()), atol=1e-6)
+
+
+def test_copies_of_one_robot_are_each_their_own(scene, tmp_path):
+    """A reference to the robot's file, twice, one of them as scenegraph instance."""
+    chain = Chain(tmp_path)
+    chain.made.stage.SetDefaultPrim(chain.made.stage.GetPrimAtPath("/World"))
+    file = chain.made.saved()
+    room = Jointed(tmp_path)
+    for name, at in {"one": 500, "two": -500}.items():
+        prim = room.group(f"/Room/{name}", pose((at, 0, 0)))
+        prim.GetReferences().AddReference(str(file))
+        prim.SetInstanceable(name == "two")
+    asset = put(scene, room.saved())
+    one, two = (asset.robots[f"/Room/{name}/Arm"] for name in ("one", "two"))
+    values = {"turn": 1.1, "slide": -0.1, "free": np.eye(3)}
+    with scene.edit() as edit:
+        edit.set_joints(two, values)
+    for robot, at, expected in ((one, 500, chain.rest), (two, -500, values)):
+        frame = pose((at, 0, 0)) @ chain.frames(expected)[-1]
+        np.testing.assert_allclose(robot.links["ball"].world_transform, in_metres(frame), atol=2e-5)
+    assert asset.warnings == []
+
+
 # ---------------------------------------------------------------- values and what is left out
 
 

@@ -48,8 +48,8 @@ class Chains:
         self.rest = joints.rest
         self.links = _short(bodies)
         self.targets: dict[str, float] = {}
-        short = _short([joint.path for joint in found])
-        self.names = {one.path: _names(short[one.path], one.freedoms) for one in found}
+        self._joints = _short([joint.path for joint in found])
+        self.names = {one.path: _names(self._joints[one.path], one.freedoms) for one in found}
 
     def in_file_order(self, joints: Sequence[Joint]) -> list[Joint]:
         names = [name for own in self.names.values() for name in own.values()]
@@ -62,7 +62,7 @@ class Chains:
         steps, after = self._steps(edge)
         parent, child = self.links[edge.parent], self.links[edge.child]
         if not steps:
-            name = edge.joints[0].path.rpartition("/")[2]
+            name = self._joints[edge.joints[0].path]
             return [Joint(name, "fixed", parent, child, after, np.array([1.0, 0, 0]))]
         made = []
         for one in steps:
