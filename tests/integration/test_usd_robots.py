@@ -295,13 +295,18 @@ def test_what_is_no_part_of_an_articulation_is_named(scene, tmp_path):
     made.joint("FixedJoint", "/off", ("/A", "/D")).CreateJointEnabledAttr(False)
     made.joint("FixedJoint", "/lost", ("/A", "/Nowhere"))
     made.joint("DistanceJoint", "/rope", ("/A", "/D"))
+    made.joint("FixedJoint", "/nan", ("/A", "/D"), ((math.nan, 0, 0), (0, 0, 0)))
+    made.joint("FixedJoint", "/alone", ("/A", ""))
+    made.joint("RevoluteJoint", "/none", ("", ""))
     asset = put(scene, made.saved())
     assert asset.robots["/A"].joint_names == ["AB", "BC", "CD"]
     assert set(asset.warnings) == {
         "/loop: a joint that closes a loop is left out",
         "/excluded: a joint that is excluded from its articulation is left out",
         "/off: a joint that is not enabled is left out",
-        "/lost: a joint whose body is not there is left out",
+        "/lost and 1 more: a joint whose body is not there, or whose frame is not finite, is left "
+        "out",
+        "/none: a joint that connects no two bodies is left out",
         "/rope: PhysicsDistanceJoint is left out",
     }
 
@@ -354,6 +359,27 @@ def test_links_are_parts_and_copies_share(scene, tmp_path):
     mine = frame["instance"] == frame.labels["label"][row]
     seen = set(robot.link_of(frame["part"][mine]).tolist())
     assert robot.link_names.index("ball") in seen and -1 not in seen
+
+
+def test_what_hides_a_body_still_does(scene, tmp_path):
+    made = Jointed(tmp_path)
+    hidden = made.group("/Hidden")
+    UsdGeom.Imageable(hidden).MakeInvisible()
+    made.body("/A", pose())
+    made.body("/Hidden/B", pose((0, 10, 0)))
+    made.joint("PrismaticJoint", "/joint", ("/A", "/Hidden/B"), ((0, 10, 0), (0, 0, 0)))
+    asset = put(scene, made.saved())
+    assert asset.robots["/A"].joint_names == ["joint"]
+    with scene.edit() as edit:
+        eye = hg.look_at((0, -0.3, 0.2), (0, 0, 0.05))
+        edit.entity("cam", camera=hg.Camera.from_fov(60, 64, 64, degrees=True), transform=eye)
+    part = scene.render("cam", spp=1, planes=["part"])["part"]
+    links = asset.robots["/A"].link_of(part)
+    assert set(links.ravel().tolist()) == {-1, 0}
+    with scene.edit() as edit:
+        edit.update(asset.entities["/Hidden/B"], visible=True)
+    part = scene.render("cam", spp=1, planes=["part"])["part"]
+    assert set(asset.robots["/A"].link_of(part).ravel().tolist()) == {-1, 0, 1}
 
 
 def test_keypoints_that_no_robot_has_are_refused(scene, tmp_path):

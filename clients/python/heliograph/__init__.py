@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from .scene.handles import Asset, Entity, Group, Handle, Material, Mesh, Texture
     from .scene.rigs import stereo
     from .usd.asset import UsdAsset
+    from .usd.robots import UsdRobot
     from .values import framing, lights, materials, shapes, sky
     from .values.components import Camera, Tex, Visibility
     from .values.lights import Light, Portal
@@ -84,6 +85,7 @@ _LAZY = {
     "Tex": "values.components",
     "Texture": "scene.handles",
     "UsdAsset": "usd.asset",
+    "UsdRobot": "usd.robots",
     "Visibility": "values.components",
     "Viewer": "viewer",
     "WorldFrame": "render.worlds",
@@ -148,6 +150,7 @@ __all__ = [
     "Unavailable",
     "Unimplemented",
     "UsdAsset",
+    "UsdRobot",
     "Viewer",
     "Visibility",
     "WorldFrame",

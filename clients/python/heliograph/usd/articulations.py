@@ -9,7 +9,6 @@ import os.path
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from pxr import UsdPhysics
@@ -159,6 +158,7 @@ class _Maker:
         if why:
             self.context.note(path, f"its joints are left out: {why}")
             return None
+        self._keep_hidden(above)
         anchor = group.pairs[group.anchor] if group.anchor else []
         root = WORLD if any(joint.freedoms for joint in anchor) else base
         chains = Chains(self.context, self.joints, [root, *group.bodies], list(group.joints()))
@@ -228,9 +228,20 @@ class _Maker:
         for body in self.group.bodies:
             if body not in self.nodes:
                 return f"{body} is a prototype of instances, or nothing that has a place"
-            at: Any = body
-            while at is not None and at != above:
+            for at in self._between(body, above):
                 if isinstance(self.nodes[at].pose, Mapping):
                     return f"{at} moves by itself; without times= it does not"
-                at = self.nodes[at].parent
         return ""
+
+    def _between(self, body: str, above: str | None) -> Iterator[str]:
+        """A body's node and those that it is in, up to the one above all bodies."""
+        at: str | None = body
+        while at is not None and at != above:
+            yield at
+            at = self.nodes[at].parent
+
+    def _keep_hidden(self, above: str | None) -> None:
+        """What is above a body hides it, though its entity will be beneath a link."""
+        for body in self.group.bodies:
+            if any(self.nodes[a].rest.get("visible") is False for a in self._between(body, above)):
+                self.nodes[body].rest["visible"] = False

@@ -67,8 +67,9 @@ class Joints:
         return [joint for prim in self.context.stage.Traverse(PRIMS) for joint in self._read(prim)]
 
     def world(self, prim: Any) -> NdArray:
-        """(4, 4) root_from_local, with its scale."""
-        return self.context.up @ matrix_of(self._cache.GetLocalToWorldTransform(prim))
+        """(4, 4) root_from_local, with its scale; what is not finite is in the stage's origin."""
+        local = matrix_of(self._cache.GetLocalToWorldTransform(prim))
+        return self.context.up @ (local if np.isfinite(local).all() else np.eye(4))
 
     def _read(self, prim: Any) -> Iterator[Found]:
         if not prim.IsA(UsdPhysics.Joint):
@@ -78,7 +79,7 @@ class Joints:
         why = self._left_out(prim)
         ends = [self._end(prim, side) for side in (0, 1)]
         if not why and None in ends:
-            why = "a joint whose body is not there is left out"
+            why = "a joint whose body is not there, or whose frame is not finite, is left out"
         bodies = tuple(end[0] for end in ends if end is not None)
         if not why and bodies[0] == bodies[1]:
             why = "a joint that connects no two bodies is left out"
@@ -101,18 +102,21 @@ class Joints:
     # ------------------------------------------------------------ frames
 
     def _end(self, prim: Any, side: int) -> tuple[str, NdArray] | None:
-        """The body on one side, and body_from_joint; None: what is named is not there."""
+        """The body on one side, and body_from_joint; None: there is no such."""
         at = prim.GetStage().GetPseudoRoot()
         targets = prim.GetRelationship(f"physics:body{side}").GetForwardedTargets()
         if targets:
-            at = prim.GetStage().GetPrimAtPath(targets[0])
+            at = prim.GetStage().GetPrimAtPath(targets[0].GetPrimPath())
         if not at or len(targets) > 1:
+            return None
+        frame = self._frame(prim, side, self.world(at))
+        if not np.isfinite(frame).all():
             return None
         body = _body(at)
         path = str(body.GetPath()) if body else WORLD
         if path not in self.rest:
             self.rest[path] = rigid(self.world(body))
-        return path, np.linalg.inv(self.rest[path]) @ self._frame(prim, side, self.world(at))
+        return path, np.linalg.inv(self.rest[path]) @ frame
 
     def _frame(self, prim: Any, side: int, world: NdArray) -> NdArray:
         """(4, 4) root_from_joint: its place is in the scaled frame of its body."""
