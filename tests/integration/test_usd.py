@@ -193,6 +193,17 @@ def test_instances_share_meshes_and_are_where_pxr_has_them(scene, tmp_path):
     np.testing.assert_allclose(pair.world_transform[:3, 3], (3, 0, 1.5), atol=1e-6)
 
 
+def test_prims_with_equal_arrays_share_a_mesh(scene, tmp_path):
+    cubes = "".join(
+        f'def Cube "{name}"\n{{\ndouble size = {size}\n}}\n'
+        for name, size in (("A", 1), ("B", 1), ("C", 2))
+    )
+    asset = stages.put(scene, stages.written(tmp_path, cubes))
+    a, b, c = (asset.entities[f"/{name}"].mesh for name in "ABC")
+    assert a == b and a != c and list(asset.meshes) == ["/A", "/B", "/C"]
+    np.testing.assert_allclose(np.abs(c.positions).max(0), 1, atol=1e-6)
+
+
 def test_purposes_visibility_variants_and_payloads(scene, tmp_path):
     (tmp_path / "far.usda").write_text('#usda 1.0\n(\ndefaultPrim = "F"\n)\ndef Cube "F"\n{\n}\n')
     path = stages.written(tmp_path, stages.CHOICES)

@@ -19,7 +19,7 @@ from . import mimics
 from .chains import Chains, Edge
 from .context import Context
 from .joints import WORLD, Found, Joints, goes_on
-from .model import Articulation, Node
+from .model import Articulation, Model, Node
 
 
 def put(context: Context) -> None:
@@ -31,18 +31,19 @@ def put(context: Context) -> None:
         found = _Maker(context, joints, group, nodes).made(path)
         if found is not None:
             context.model.articulations.append(found)
-            _number_parts(context.model.nodes, found)
+    _number_parts(context.model)
 
 
-def _number_parts(nodes: list[Node], found: Articulation) -> None:
+def _number_parts(model: Model) -> None:
     """Of all that is to be seen beneath the bodies: parents are before children."""
-    numbers = {link: number for number, link in enumerate(found.robot.links, 1)}
-    part: dict[str | None, int] = {}
-    for node in nodes:
-        body = found.bodies.get(node.path)
-        number = numbers[body[0]] if body else part.get(node.parent)
+    numbers: dict[str | None, int] = {}
+    for found in model.articulations:
+        of_links = {link: number for number, link in enumerate(found.robot.links, 1)}
+        numbers.update({path: of_links[link] for path, (link, _) in found.bodies.items()})
+    for node in model.nodes:
+        number = numbers.get(node.path) or numbers.get(node.parent)
         if number is not None:
-            part[node.path] = number
+            numbers[node.path] = number
             if node.mesh is not None:
                 node.rest["part"] = number
 

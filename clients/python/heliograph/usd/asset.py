@@ -20,6 +20,7 @@ class Library:
     """What the placements of one stage share."""
 
     meshes: dict[str, Mesh] = field(default_factory=dict)
+    alike: dict[bytes, str] = field(default_factory=dict)  # by what it is made of, the first mesh
     materials: dict[str, Material] = field(default_factory=dict)
     textures: dict[Image, Texture | None] = field(default_factory=dict)  # None: not readable
     robots: dict[str, RobotLibrary] = field(default_factory=dict)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from ..errors import HeliographError, InvalidArgument
 from ..scene import patches
-from ..scene.handles import Entity, Material, Texture
+from ..scene.handles import Entity, Material, Mesh, Texture
 from ..values.checks import refuse_unknown
 from ..values.components import Tex
 from ..values.pose import matrix_of
@@ -34,6 +35,10 @@ class Builder:
         self.library = asset.library
         self.keypoints = keypoints
         self.components: Mapping[str, Any] = {}
+        tops = {node.path.split("/")[1] for node in self.model.nodes}
+        self.folder = "robots"  # that their links are beneath
+        while self.folder in tops:
+            self.folder += "'"
         self.articulated = {path: one for one in self.model.articulations for path in one.bodies}
 
     def build(self, components: patches.Components) -> UsdAsset:
@@ -88,11 +93,7 @@ class Builder:
         return self.asset.root if path is None else self.asset.entities[path]
 
     def _put_robot(self, found: Articulation) -> None:
-        """Its links; the stage may have a prim that is called as what they are beneath."""
-        folder = "robots"
-        while any(f"{node.path}/".startswith(f"/{folder}/") for node in self.model.nodes):
-            folder += "'"
-        name = f"{self.asset.name}/{folder}{found.path}"
+        name = f"{self.asset.name}/{self.folder}{found.path}"
         robot = UsdRobot(self.edits.scene, name, found, self.library.robots.get(found.path))
         wanted = self.keypoints
         if wanted is not None:
@@ -128,11 +129,17 @@ class Builder:
 
     # ------------------------------------------------------------ what is shared
 
-    def _mesh(self, key: str) -> Any:
+    def _mesh(self, key: str) -> Mesh:
+        """Prims with equal arrays share one, as 64 copies of a robot do."""
         if key not in self.library.meshes:
-            name = f"{self.asset.name}{key}"
             geometry = self.model.meshes[key]
-            self.library.meshes[key] = self.edits.mesh(name, exist_ok=False, **geometry)
+            first = self.library.alike.setdefault(_digest(geometry), key)
+            if first == key:
+                name = f"{self.asset.name}{key}"
+                made = self.edits.mesh(name, exist_ok=False, **geometry)
+            else:
+                made = self.library.meshes[first]
+            self.library.meshes[key] = made
         return self.library.meshes[key]
 
     def _material(self, key: str) -> Material:
@@ -167,3 +174,13 @@ class Builder:
             else:
                 self.library.textures[image] = found
         return self.library.textures[image]
+
+
+def _digest(geometry: Mapping[str, Any]) -> bytes:
+    """Of what a mesh is made of."""
+    out = hashlib.sha256()
+    for name, value in sorted(geometry.items()):
+        array = np.ascontiguousarray(value)
+        out.update(f"{name} {array.dtype} {array.shape}".encode())
+        out.update(repr(value).encode() if array.dtype.hasobject else array.tobytes())
+    return out.digest()
