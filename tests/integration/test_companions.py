@@ -54,6 +54,7 @@ def white(path):
         (b"tex.png", "materials/textures/tex.png"),
         (b"../elsewhere/tex.png", "tex.png"),
         (b"bl\xe4u.png", "bl\xe4u.png"),
+        (b"my%20tex.png", "my tex.png"),
     ],
 )
 def test_it_is_found_beneath_the_model_s_folder(scene, tmp_path, written, there):
@@ -72,6 +73,18 @@ def test_it_is_found_by_bytes_that_are_no_text(scene, tmp_path):
     renamed = os.fsdecode(os.fsencode(tmp_path) + b"/caf\xe9.obj")
     os.rename(path, renamed)
     np.testing.assert_allclose(look(scene, renamed)[0], RED, atol=2e-3)
+
+
+@pytest.mark.parametrize("encoding", ["shift_jis", "gbk"])
+def test_letters_of_two_bytes_of_which_one_is_a_backslash(scene, tmp_path, encoding):
+    name = {"shift_jis": "表", "gbk": "俓"}[encoding].encode(encoding) + b".png"
+    assert b"\\" in name
+    path = white(model(tmp_path, name))
+    red_png(tmp_path / "t.png")
+    os.rename(tmp_path / "t.png", os.fsencode(tmp_path) + b"/" + name)
+    color, told = look(scene, path)
+    np.testing.assert_allclose(color, RED, atol=2e-3)
+    assert told == ""
 
 
 def test_without_it_the_model_loads_and_a_warning_names_it(scene, tmp_path):

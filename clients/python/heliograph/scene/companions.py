@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
 from ..errors import InvalidArgument, NotFound
 
+#: Shift-JIS and GBK have letters whose second byte is that of a backslash, which is taken for "/".
+_DOUBLE_BYTE = re.compile("(?<=[\x80-\xff])/")
 #: Where textures are kept beneath a folder; the second is Gazebo's place.
 _PLACES = ("", "materials/textures", "textures")
 
@@ -33,7 +36,7 @@ def find(folder: Path, name: str, folders: Sequence[str | os.PathLike[str]] = ()
     """
     roots = [folder, *map(Path, folders)]
     real = [root.resolve() for root in roots]
-    spelled = dict.fromkeys((name, unquote(name)))
+    spelled = dict.fromkeys((name, unquote(name), _DOUBLE_BYTE.sub(r"\\", name)))
     for root, relative in (c for one in spelled for c in _candidates(roots, PurePosixPath(one))):
         found = _on_disk(root, relative)
         if found is not None and any(above in found.resolve().parents for above in real):

@@ -134,8 +134,8 @@ def array_of(image: Any) -> NdArray:
         return np.asarray(image).astype("<u2")
     if mode not in _PIL_MODES:
         raise InvalidArgument(
-            f"image: the numbers of a PIL image of mode {mode!r} are no colours that can be shown;"
-            " give the image converted to RGB, or an array",
+            f"image: the numbers of a PIL image of mode {mode!r} are no colours that can be shown; "
+            "give numpy.asarray(image) as u8, u16 or f32 if they are, or an image of mode RGB",
             field="image",
         )
     wanted = _PIL_MODES[mode]
