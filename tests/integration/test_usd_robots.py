@@ -114,10 +114,11 @@ def test_links_are_where_matrices_have_them_in_scaled_bodies_and_other_units(sce
 
 
 def test_joints_written_from_the_lower_body_keep_their_sense(scene, tmp_path):
-    """body0 is the lower one: a turn by +q of body1 in body0 turns the lower one by -q."""
+    """body0 is the lower one: a turn by +q of body1 in body0 turns the lower one by -q. But what
+    turns freely has the value of the lower one in the upper."""
     chain = Chain(tmp_path)
     stage = chain.made.stage
-    for name in ("turn", "slide"):
+    for name in ("turn", "slide", "free"):
         prim = stage.GetPrimAtPath(f"{ARM}/joints/{name}")
         for what in ("body0 body1", "localPos0 localPos1", "localRot0 localRot1"):
             first, second = (prim.GetProperty(f"physics:{part}") for part in what.split())
@@ -131,7 +132,8 @@ def test_joints_written_from_the_lower_body_keep_their_sense(scene, tmp_path):
     asset = put(scene, chain.made.saved())
     robot = asset.robots[ARM]
     np.testing.assert_allclose(robot.rest[:2], [-0.7, -0.08], atol=1e-5)
-    values = {"turn": 0.3, "slide": -0.2, "free": np.eye(3)}
+    assert_seen(asset, chain, chain.frames(chain.rest))
+    values = {"turn": 0.3, "slide": -0.2, "free": about("Y", 0.8)}
     with scene.edit() as edit:
         edit.set_joints(robot, values)
     assert_seen(asset, chain, chain.frames(values, sense=-1.0))
