@@ -21,6 +21,7 @@ LAYERS = (
     ("image",),
     ("robots",),
     ("usd",),
+    ("export",),
     ("render",),
     ("client",),
     ("__init__",),  # gives the names of all folders, those of later ones on demand only

@@ -148,7 +148,7 @@ class Scene(_Twin):
         {
             *("describe", "resolve", "handle", "find", "tree", "memory", "transforms", "read"),
             *("cast_rays", "pick", "visible", "overlaps", "sample_surface", "tracks"),
-            *("save", "delete", "rerender"),
+            *("save", "export", "delete", "rerender"),
         }
     )
 

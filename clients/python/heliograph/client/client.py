@@ -15,7 +15,8 @@ from .._wire.arrays import Store
 from .._wire.connection import Connection
 from ..errors import InvalidArgument
 from .lifetime import Lifetime, lifetime_of
-from .scene import Scene, SceneState
+from .scene import Scene
+from .state import SceneState
 
 if TYPE_CHECKING:
     from .._wire.launch import PrivateDaemon

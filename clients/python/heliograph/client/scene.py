@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import os
-import threading
 import uuid
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
@@ -20,7 +19,7 @@ from ..render import batch, call, live
 from ..render import watch as _watch
 from ..render.frame import Frame
 from ..render.worlds import WorldFrame, Worlds
-from ..scene import _domes, query
+from ..scene import query
 from ..scene.handles import KINDS, Handle, Named, flatten
 from .edit import Edits
 from .lifetime import NAMES, Lifetime, lifetime_of
@@ -29,17 +28,6 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from .client import Client
-
-
-class SceneState:
-    """What one session knows of one scene: the numbering of its edits, contiguous, one at a time;
-    and its dome."""
-
-    def __init__(self) -> None:
-        self.lock = threading.Lock()
-        self.session = 0
-        self.next = 1
-        self.dome = _domes.Last()
 
 
 class Overlay(Edits):
@@ -363,6 +351,18 @@ class Scene:
 
         request = service.ExportSceneRequest(scene=self.id, revision=revision)
         scene_file.write(path, self.client.connection.stream("ExportScene", request))
+
+    def export(self, path: str | os.PathLike[str], *, revision: int | None = None) -> None:
+        """Writes the scene for other programs, as its ending says: .glb (glTF 2.0) or .usdz.
+
+        Units are metres. What the format cannot say is left out with a FileWarning that names it:
+        docs/formats.md, "Writing". A .usdz needs the extra `usd`; NotFound, InvalidArgument: path.
+        """
+        from ..export.write import checked_path, write
+
+        final = checked_path(path)
+        request = service.ExportSceneRequest(scene=self.id, revision=revision)
+        write(final, self.name, self.client.connection.stream("ExportScene", request))
 
     def delete(self) -> None:
         """Deletes the scene in the daemon."""

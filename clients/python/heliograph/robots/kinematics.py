@@ -17,6 +17,7 @@ from .._wire.arrays import NdArray, checked
 from .._wire.tensors import is_tensor, on_host
 from ..errors import InvalidArgument
 from ..values.pose import Pose
+from ..values.rotations import quaternions_of, slerp
 from ._motion import Motion
 from .description import ONE_AXIS, Joint, RobotModel
 
@@ -98,7 +99,7 @@ class Kinematics:
         out = begin + share * (end - begin)
         for _, at in self._motion.quaternions():
             part = np.s_[..., at : at + 4]
-            out[part] = _slerp(begin[part], end[part], share)
+            out[part] = slerp(begin[part], end[part], share)
         return np.asarray(out)
 
     def forward(self, values: Any) -> Any:
@@ -251,14 +252,14 @@ def _floating_values(value: Any, field: str) -> NdArray:
         return checked(given, field, "f8", np.shape(given))
     matrices = _matrices(given, field, 4)
     rotation = _rotations(matrices[..., :3, :3], field)
-    return np.concatenate([matrices[..., :3, 3], _quaternions(rotation)], axis=-1)
+    return np.concatenate([matrices[..., :3, 3], quaternions_of(rotation)], axis=-1)
 
 
 def _spherical_values(value: Any, field: str) -> NdArray:
     """(..., 4): the quaternion w x y z of a rotation; or as they are, (4,) or (N, 4)."""
     shape = np.shape(value)
     if isinstance(value, Pose) or shape[-2:] == (3, 3):
-        return _quaternions(_rotations(value, field))
+        return quaternions_of(_rotations(value, field))
     is_pose = shape == (4, 4) and np.array_equal(value[3], (0, 0, 0, 1))
     if shape[-1:] != (4,) or is_pose:
         raise InvalidArgument(
@@ -283,29 +284,3 @@ def _rotations(value: Any, field: str) -> NdArray:
 def _matrices(value: Any, field: str, size: int) -> NdArray:
     leading = (None,) if np.ndim(value) == 3 else ()
     return checked(value, field, "f8", (*leading, size, size))
-
-
-def _quaternions(rotation: NdArray) -> NdArray:
-    """(..., 4) w x y z: the column of the largest element of 4 q q^T (Shepperd 1978)."""
-    r = rotation
-    trace = np.trace(r, axis1=-2, axis2=-1)[..., None, None]
-    skew = np.stack([r[..., j, i] - r[..., i, j] for i, j in ((1, 2), (2, 0), (0, 1))], axis=-1)
-    products = np.empty((*r.shape[:-2], 4, 4))
-    products[..., 0, 0] = 1 + trace[..., 0, 0]
-    products[..., 0, 1:] = products[..., 1:, 0] = skew
-    products[..., 1:, 1:] = r + np.swapaxes(r, -1, -2) + (1 - trace) * np.eye(3)
-    best = np.diagonal(products, axis1=-2, axis2=-1).argmax(axis=-1)
-    column = np.take_along_axis(products, best[..., None, None], axis=-1)[..., 0]
-    return np.asarray(column / np.linalg.norm(column, axis=-1, keepdims=True))
-
-
-def _slerp(begin: NdArray, end: NdArray, share: float) -> NdArray:
-    """Unit quaternions (..., 4) on the shorter arc between two (Shoemake 1985)."""
-    cosine = np.sum(begin * end, axis=-1, keepdims=True)
-    angle = np.arccos(np.minimum(np.abs(cosine), 1))
-    near = angle < 1e-6
-    sine = np.sin(np.where(near, 1, angle))
-    first = np.where(near, 1 - share, np.sin((1 - share) * angle) / sine)
-    second = np.where(near, share, np.sin(share * angle) / sine)
-    out = first * begin + np.where(cosine < 0, -second, second) * end
-    return np.asarray(out / np.linalg.norm(out, axis=-1, keepdims=True))

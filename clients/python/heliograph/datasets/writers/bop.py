@@ -15,10 +15,11 @@ from ..._wire.arrays import NdArray
 from ...client.client import Client
 from ...client.scene import Scene
 from ...errors import InvalidArgument
+from ...image import png
 from ...render.frame import Frame
 from ...values.checks import whole_of
 from ..writer import Dataset, Image, Picture, Records, Writer
-from . import png, rle
+from . import rle
 from .drawn import check_pinhole
 from .encoded import depth_steps
 from .instances import Instance, check_categories, instances

@@ -7,7 +7,7 @@ import struct
 import numpy as np
 
 from ..._wire.arrays import NdArray
-from . import png
+from ...image import png
 
 UNKNOWN_FLOW = 1e10  # above 1e9 Middlebury's code says unknown
 

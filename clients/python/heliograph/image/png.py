@@ -7,23 +7,23 @@ import zlib
 
 import numpy as np
 
-from ..._wire.arrays import NdArray
-from ...errors import InvalidArgument
+from .._wire.arrays import NdArray
+from ..errors import InvalidArgument
 
-_COLOR_TYPES = {1: 0, 3: 2, 4: 6}  # channels to grey, RGB, RGBA
+_COLOR_TYPES = {1: 0, 2: 4, 3: 2, 4: 6}  # channels to grey, grey and alpha, RGB, RGBA
 _UP = 2  # each byte less the one above it
 _LEVEL = 6
 
 
 def encode(pixels: NdArray) -> bytes:
-    """The PNG file of (H, W) or (H, W, 3 or 4) uint8 or uint16 (PNG, third edition, W3C 2025).
+    """The PNG file of (H, W) or (H, W, 2 to 4) uint8 or uint16 (PNG, third edition, W3C 2025).
 
     The same pixels give the same bytes for one version of zlib.
     """
     channels = 1 if pixels.ndim == 2 else pixels.shape[-1]
     if pixels.dtype not in (np.uint8, np.uint16) or channels not in _COLOR_TYPES:
         raise InvalidArgument(
-            f"pixels: {pixels.dtype} of shape {pixels.shape}; needs (H, W) or (H, W, 3 or 4) "
+            f"pixels: {pixels.dtype} of shape {pixels.shape}; needs (H, W) or (H, W, 2 to 4) "
             "uint8 or uint16",
             field="pixels",
         )

@@ -1,0 +1,18 @@
+"""What a session knows of a scene. Kept by client.py, used by scene.py."""
+
+from __future__ import annotations
+
+import threading
+
+from ..scene import _domes
+
+
+class SceneState:
+    """What one session knows of one scene: the numbering of its edits, contiguous, one at a time;
+    and its dome."""
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+        self.session = 0
+        self.next = 1
+        self.dome = _domes.Last()

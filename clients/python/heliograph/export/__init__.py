@@ -1,0 +1,1 @@
+"""Scenes as files of others: scene.export(). docs/formats.md, "Writing"."""

@@ -1,0 +1,235 @@
+"""A world to a GLB file: nodes with what they have. Source: glTF 2.0, 3.5."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..._wire._proto import scene_pb2 as pb
+from ..._wire.arrays import NdArray
+from ...values.rotations import quaternions_of
+from ..emission import Emission, emission_of
+from ..geometry import Geometries, Geometry
+from ..motion import Poses, Track, mixed_at
+from ..notes import note_rest
+from ..world import Entity, World, key_of
+from .document import Document
+from .lights import Lights, camera_of
+from .materials import Materials
+from .meshes import Meshes
+from .motion import Clip, weights_of
+from .textures import Textures
+
+# +Z up to glTF's +Y up, column by column.
+_UP = [1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1]
+_HIDDEN = "KHR_node_visibility"
+
+
+def write(world: World, path: Path) -> None:
+    """Writes the file; what it cannot say is in world.notes."""
+    writer = _Writer(world)
+    writer.put()
+    writer.document.write(path)
+
+
+class _Writer:
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.document = Document()
+        self.poses = Poses(world)
+        self.geometries = Geometries(world)
+        textures = Textures(world, self.document)
+        self.materials = Materials(world, self.document, textures)
+        self.meshes = Meshes(self.document)
+        self.lights = Lights(world, self.document)
+        self.clip = Clip(world, self.document)
+        self.nodes: dict[int, int] = {}  # by entity: the node whose children are its own
+        self.top: list[int] = []
+        self.skinned: list[Entity] = []
+
+    def put(self) -> None:
+        root = self.document.add("nodes", {"name": self.world.name or "scene", "matrix": _UP})
+        for entity in self.world.entities.values():
+            self._put(entity)
+        for entity in self.skinned:
+            self._put_skinned(entity)
+        if self.top:
+            self.document.json["nodes"][root]["children"] = self.top
+        self.clip.write()
+        self.document.json["scene"] = 0
+        self.document.add("scenes", {"name": self.world.name or "scene", "nodes": [root]})
+        if self.world.dome.ByteSize():
+            self._note_dome()
+
+    def _note_dome(self) -> None:
+        dome = self.world.dome
+        has_color = any((dome.color.x, dome.color.y, dome.color.z))
+        if has_color and (dome.intensity or not dome.HasField("intensity")):
+            self.world.notes.add("the dome", "is left out")
+
+    # ------------------------------------------------------------ nodes
+
+    def _put(self, entity: Entity) -> None:
+        message = entity.message
+        note_rest(self.world, entity)
+        index = self._place(entity)
+        node = self.document.json["nodes"][index]
+        extras = _extras(message)
+        if extras:
+            node["extras"] = extras
+        below: dict[str, Any] | None = None
+        if message.HasField("camera"):
+            camera = camera_of(self.world, entity)
+            if camera is not None:
+                node["camera"] = self.document.add("cameras", camera)
+        if message.HasField("light"):
+            below = self.lights.put(node, entity, self.poses.world_now(entity.key))
+        if message.HasField("portal"):
+            self.world.notes.add(entity.name, "portals are left out")
+        if entity.is_mesh and message.HasField("skin"):
+            self.skinned.append(entity)
+        elif entity.is_mesh:
+            self._bind(entity, node, index)
+        if below is not None:
+            self._attach(index, self.document.add("nodes", below))
+
+    def _place(self, entity: Entity) -> int:
+        """Adds a node, or two where the pose is sheared: its index, that of the inner one."""
+        node: dict[str, Any] = {"name": entity.name} if entity.name else {}
+        if entity.message.HasField("visible") and not entity.message.visible:
+            self._hide(node)
+        track, index = self.poses.tracks[entity.key], self.document.add("nodes", node)
+        if entity.parent is None:
+            self.top.append(index)
+        else:
+            self._attach(self.nodes[entity.parent], index)
+        inner = self._pose(node, entity, track)
+        if inner is not None:
+            outer, index = index, self.document.add("nodes", inner)
+            self._attach(outer, index)
+        elif track.moves:
+            self.clip.put_pose(index, track)
+        self.nodes[entity.key] = index
+        return index
+
+    def _pose(self, node: dict[str, Any], entity: Entity, track: Track) -> dict[str, Any] | None:
+        """The pose as it is now; what a sheared one has below it."""
+        now = track.at(self.world.time)
+        if track.is_sheared and not track.moves:
+            outer, inner = unsheared(now)
+            node.update(_trs(outer))
+            return {"name": f"{entity.name}.turned", **_trs(inner)}
+        if track.is_sheared:
+            self.world.notes.add(entity.name, "the shear of a pose that moves is left out")
+        node.update(_trs(_rigid(track, self.world.time) if track.is_sheared else now))
+        return None
+
+    def _attach(self, parent: int, child: int) -> None:
+        self.document.json["nodes"][parent].setdefault("children", []).append(child)
+
+    def _hide(self, node: dict[str, Any]) -> None:
+        name = self.document.extension(_HIDDEN)
+        node.setdefault("extensions", {})[name] = {"visible": False}
+        self.world.notes.add(
+            node.get("name", "an entity"), f"is hidden by {_HIDDEN}, which not every program reads"
+        )
+
+    # ------------------------------------------------------------ meshes
+
+    def _bind(self, entity: Entity, node: dict[str, Any], index: int, skin: bool = False) -> None:
+        key = key_of(entity.message.mesh)
+        assert key is not None
+        geometry = self.geometries[key]
+        node["mesh"] = self.meshes.of(key, geometry, self._looks(entity, geometry), skin)
+        if not len(geometry.morphs) and len(geometry.times) == 1:
+            return
+        times, weights = weights_of(self.world, entity, geometry)
+        node["weights"] = mixed_at(times, weights, self.world.time).tolist()
+        if len(times) > 1:
+            self.clip.put_weights(index, times, weights)
+
+    def _looks(self, entity: Entity, geometry: Geometry) -> list[int]:
+        emission: Emission | None = None
+        if entity.message.HasField("light"):
+            emission = emission_of(self.world, entity, self.poses, self.geometries)
+        thickness = float(np.ptp(geometry.keyed[0], axis=0).min())
+        bound = [key_of(ref) for ref in entity.message.materials.parts] or [None]
+        return [self.materials.of(key, emission, thickness) for key in bound]
+
+    def _put_skinned(self, entity: Entity) -> None:
+        """A node of its own: it follows the joints alone."""
+        node: dict[str, Any] = {"name": f"{entity.name}.skin"}
+        skin = entity.message.skin
+        joints = [self.nodes[joint] for joint in map(key_of, skin.joints) if joint is not None]
+        binds = np.asarray(self.world.array(skin.inverse_binds), dtype="<f4")
+        found: dict[str, Any] = {"joints": joints}
+        found["inverseBindMatrices"] = self.document.accessor(binds.transpose(0, 2, 1))
+        node["skin"] = self.document.add("skins", found)
+        if not self._is_shown(entity):
+            self._hide(node)
+        index = self.document.add("nodes", node)
+        self.top.append(index)
+        self._bind(entity, node, index, skin=True)
+
+    def _is_shown(self, entity: Entity) -> bool:
+        at: Entity | None = entity
+        while at is not None:
+            if at.message.HasField("visible") and not at.message.visible:
+                return False
+            at = None if at.parent is None else self.world.entities[at.parent]
+        return True
+
+
+def unsheared(matrix: NdArray) -> tuple[NdArray, NdArray]:
+    """(4, 4) of translation, rotation and scale, and a rotation, whose product it is."""
+    u, sizes, v = np.linalg.svd(matrix[:3, :3])
+    outer, inner = np.eye(4), np.eye(4)
+    inner[:3, :3] = v * np.sign(np.linalg.det(v))
+    outer[:3, :3] = u * sizes * np.sign(np.linalg.det(v))
+    outer[:3, 3] = matrix[:3, 3]
+    return outer, inner
+
+
+def _rigid(track: Track, time: float) -> NdArray:
+    """A pose without its shear."""
+    scales = mixed_at(track.times, track.scales, time)
+    pose = track.at(time)
+    out = pose.copy()
+    stretch = mixed_at(track.times, track.stretches, time)
+    out[:3, :3] = pose[:3, :3] @ np.linalg.inv(stretch) * scales
+    return out
+
+
+def _trs(matrix: NdArray) -> dict[str, Any]:
+    """What of translation, rotation and scale is not the default."""
+    scale = np.linalg.norm(matrix[:3, :3], axis=0)
+    if np.linalg.det(matrix[:3, :3]) < 0:
+        scale = -scale
+    w, x, y, z = quaternions_of(matrix[:3, :3] / scale)
+    found = {"translation": matrix[:3, 3], "rotation": np.array([x, y, z, w]), "scale": scale}
+    plain: Mapping[str, Any] = {"translation": 0, "rotation": (0, 0, 0, 1), "scale": 1}
+    return {
+        name: [float(x) for x in values]
+        for name, values in found.items()
+        if not np.array_equal(values, np.broadcast_to(plain[name], values.shape))
+    }
+
+
+def _extras(message: pb.Entity) -> dict[str, Any]:
+    """What labels say, for programs that keep it."""
+    label = message.label
+    found: dict[str, Any] = {}
+    if label.category:
+        found["category"] = label.category
+    if label.WhichOneof("instance") == "value":
+        found["instance"] = label.value
+    if label.part:
+        found["part"] = label.part
+    if message.light_group:
+        found["light_group"] = message.light_group
+    if message.attributes.values:
+        found["attributes"] = dict(sorted(message.attributes.values.items()))
+    return found

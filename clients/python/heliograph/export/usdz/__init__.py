@@ -1,0 +1,1 @@
+"""Scenes as USDZ files. Needs pxr."""

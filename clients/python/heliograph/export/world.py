@@ -1,0 +1,131 @@
+"""A scene read back: its objects as the messages that make them. Used by the writers of files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .._wire._proto import scene_pb2 as pb
+from .._wire._proto import service_pb2 as service
+from .._wire._proto import types_pb2 as types
+from .._wire.arrays import NdArray, dtype_of
+from ..usd.model import Notes
+
+SHARED = ("texture", "material", "mesh", "volume")  #: kinds of objects that entities share
+
+
+@dataclass
+class Entity:
+    """An entity. parent: the key of another one, None: the world."""
+
+    key: int
+    name: str
+    message: pb.Entity
+    parent: int | None = None
+    children: list[int] = field(default_factory=list)
+
+    @property
+    def is_mesh(self) -> bool:
+        return key_of(self.message.mesh) is not None
+
+
+@dataclass
+class Shared:
+    """A texture, material, mesh or volume."""
+
+    name: str
+    message: Any
+
+
+def key_of(ref: types.Ref) -> int | None:
+    """The key of the object that a Ref of a scene file names; None: nothing."""
+    return ref.created_by_edit if ref.WhichOneof("target") == "created_by_edit" else None
+
+
+@dataclass
+class World:
+    """All of a scene, by keys. entities: parents before their children. time: seconds. notes: what
+    a file cannot say."""
+
+    name: str
+    blobs: dict[bytes, bytearray]
+    entities: dict[int, Entity] = field(default_factory=dict)
+    shared: dict[int, Shared] = field(default_factory=dict)
+    dome: pb.Dome = field(default_factory=pb.Dome)
+    time: float = 0.0
+    notes: Notes = field(default_factory=Notes)
+
+    def array(self, message: types.Array) -> NdArray:
+        """Read-only, as the daemon has it."""
+        held = message.WhichOneof("source") == "blob"
+        data = self.blobs[message.blob] if held else message.inline
+        return np.frombuffer(data, dtype_of(message.dtype)).reshape(tuple(message.shape))
+
+    def optional(self, owner: Any, name: str) -> NdArray | None:
+        """An array of a message that may not have it."""
+        return self.array(getattr(owner, name)) if owner.HasField(name) else None
+
+    @property
+    def roots(self) -> list[Entity]:
+        return [entity for entity in self.entities.values() if entity.parent is None]
+
+
+def read(name: str, chunks: Iterable[service.SceneChunk]) -> World:
+    """Of the answer to an ExportScene."""
+    header, blobs = _received(chunks)
+    world = World(name, blobs)
+    found: dict[int, Entity] = {}
+    for number, edit in enumerate(header.transaction.edits):
+        _take(world, found, number, edit)
+    for entity in found.values():
+        entity.parent = key_of(entity.message.parent)
+    _put_in_order(world, found)
+    return world
+
+
+def _received(chunks: Iterable[service.SceneChunk]) -> tuple[Any, dict[bytes, bytearray]]:
+    header, pieces, data = service.SceneChunk.Header(), b"", bytearray()
+    blobs: dict[bytes, bytearray] = {}
+    for chunk in chunks:
+        part = chunk.WhichOneof("part")
+        if part == "header_chunk":
+            pieces += chunk.header_chunk
+            continue
+        if part == "header":
+            header = chunk.header
+            continue
+        if pieces:
+            header, pieces = service.SceneChunk.Header.FromString(pieces), b""
+        data += chunk.chunk
+        if len(data) == header.sizes[len(blobs)]:
+            blobs[header.blobs[len(blobs)]], data = data, bytearray()
+    return (service.SceneChunk.Header.FromString(pieces) if pieces else header), blobs
+
+
+def _take(world: World, found: dict[int, Entity], number: int, edit: pb.Edit) -> None:
+    """An object that an edit makes, or what it adds to one."""
+    kind = edit.WhichOneof("action")
+    if kind == "settings":
+        world.time = edit.settings.time
+        world.dome = edit.settings.dome
+    elif kind in SHARED:
+        world.shared[number] = Shared(edit.target.name, getattr(edit, kind))
+    elif kind == "entity" and edit.mode == pb.Edit.MODE_UPDATE:
+        found[edit.target.created_by_edit].message.MergeFrom(edit.entity)
+    elif kind == "entity":
+        found[number] = Entity(number, edit.target.name, edit.entity)
+
+
+def _put_in_order(world: World, found: dict[int, Entity]) -> None:
+    """Fills world.entities, parents first."""
+    for entity in found.values():
+        if entity.parent is not None:
+            found[entity.parent].children.append(entity.key)
+    waiting = [entity.key for entity in reversed(found.values()) if entity.parent is None]
+    while waiting:
+        key = waiting.pop()
+        world.entities[key] = found[key]
+        waiting += reversed(found[key].children)

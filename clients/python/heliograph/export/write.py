@@ -1,0 +1,45 @@
+"""scene.export(): a scene to a file of another format. Called by Scene."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from .._wire._proto import service_pb2 as service
+from ..errors import InvalidArgument, NotFound, warn_of_file
+from .world import read
+
+ENDINGS = (".glb", ".usdz")
+
+
+def checked_path(path: str | os.PathLike[str]) -> Path:
+    """A path whose ending says a format that is written, in a folder that is there."""
+    found = Path(path)
+    if found.suffix.lower() not in ENDINGS:
+        raise InvalidArgument(
+            f"path: {found} ends neither in .glb nor in .usdz; scene.save() writes .helio files",
+            field="path",
+        )
+    if not found.parent.is_dir():
+        raise NotFound(f"path: there is no folder {found.parent}", field="path")
+    return found
+
+
+def write(path: Path, name: str, chunks: Iterable[service.SceneChunk]) -> None:
+    """All or nothing: the file takes its name when it is complete. Warns of what it cannot say."""
+    partial = path.with_name(f"{path.stem}.partial{path.suffix}")
+    world = read(name, chunks)
+    try:
+        if path.suffix.lower() == ".glb":
+            from .gltf.write import write as write_glb
+
+            write_glb(world, partial)
+        else:
+            from .usdz.write import write as write_usdz
+
+            write_usdz(world, partial)
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+    warn_of_file(path, world.notes.texts())
