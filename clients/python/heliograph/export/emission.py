@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .geometry import Geometries
 from .lamps import Lamp, mesh_area, mesh_extent, radiance
 from .looks import Field, Look, Use, use_of
 from .motion import Poses
 from .world import Entity, World, key_of
-from .geometry import Geometries
 
 
 @dataclass(frozen=True)

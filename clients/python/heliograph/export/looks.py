@@ -55,7 +55,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Look:
-    """A material. fields: all its parameters. maps: normals and heights. flags: the rest, numbers."""
+    """A material. fields: all its parameters. maps: normals and heights, those that it has."""
 
     name: str
     fields: dict[str, Field]
@@ -211,4 +211,4 @@ def to_srgb(linear: NdArray) -> NdArray:
 def quantized(levels: NdArray, deep: bool) -> NdArray:
     """[0, 1] as 8 bits, or as 16."""
     dtype = np.uint16 if deep else np.uint8
-    return np.rint(np.clip(levels, 0, 1) * np.iinfo(dtype).max).astype(dtype)
+    return np.asarray(np.rint(np.clip(levels, 0, 1) * np.iinfo(dtype).max), dtype)

@@ -11,29 +11,29 @@ from .world import Entity, World, key_of
 def note_lamp(world: World, entity: Entity, lamp: Lamp) -> None:
     """Of a light with a shape, or a sun."""
     if key_of(lamp.message.profile) is not None:
-        world.notes.add(entity.name, "the profile of a light is left out")
+        world.notes.add(entity.title, "the profile of a light is left out")
     if key_of(lamp.message.texture.texture) is not None:
-        world.notes.add(entity.name, "the texture of a light is left out")
+        world.notes.add(entity.title, "the texture of a light is left out")
 
 
 def note_camera(world: World, entity: Entity, camera: Camera) -> None:
     if len(camera.distortion):
-        world.notes.add(entity.name, "the lens's distortion is left out")
+        world.notes.add(entity.title, "the lens's distortion is left out")
     if camera.rgb_sensor is not None or camera.depth_sensor is not None:
-        world.notes.add(entity.name, "models of sensors are left out")
+        world.notes.add(entity.title, "models of sensors are left out")
     if camera.rolling:
-        world.notes.add(entity.name, "the rolling shutter is left out")
+        world.notes.add(entity.title, "the rolling shutter is left out")
 
 
-def note_rest(world: World, entity: Entity) -> None:
-    """What every entity may have."""
+def note_rest(world: World, entity: Entity, is_seen: bool) -> None:
+    """What every entity may have. is_seen: the file has something there that rays meet."""
     message = entity.message
     if key_of(message.volume) is not None:
-        world.notes.add(entity.name, "volumes are left out")
-    if message.HasField("visibility") and not _is_full(message.visibility):
-        world.notes.add(entity.name, "visibility by kind of ray is left out")
+        world.notes.add(entity.title, "volumes are left out")
+    if is_seen and message.HasField("visibility") and not _is_full(message.visibility):
+        world.notes.add(entity.title, "visibility by kind of ray is left out")
     if message.shadow_catcher:
-        world.notes.add(entity.name, "a shadow catcher is written as any other entity")
+        world.notes.add(entity.title, "a shadow catcher is written as any other entity")
 
 
 def _is_full(visibility: pb.Visibility) -> bool:

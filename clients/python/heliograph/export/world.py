@@ -31,6 +31,16 @@ class Entity:
     def is_mesh(self) -> bool:
         return key_of(self.message.mesh) is not None
 
+    @property
+    def is_hidden(self) -> bool:
+        """By itself; what is above it may hide it, too."""
+        return self.message.HasField("visible") and not self.message.visible
+
+    @property
+    def title(self) -> str:
+        """Its name in notes."""
+        return self.name or f"entity {self.key}"
+
 
 @dataclass
 class Shared:
@@ -45,6 +55,17 @@ def key_of(ref: types.Ref) -> int | None:
     return ref.created_by_edit if ref.WhichOneof("target") == "created_by_edit" else None
 
 
+@dataclass(frozen=True)
+class Dome:
+    """Light from infinitely far. color: (3,) radiance, times the texture's. rotation: (3, 3)
+    world_from_dome."""
+
+    color: NdArray
+    texture: int | None
+    rotation: NdArray
+    camera_visible: bool
+
+
 @dataclass
 class World:
     """All of a scene, by keys. entities: parents before their children. time: seconds. notes: what
@@ -54,7 +75,7 @@ class World:
     blobs: dict[bytes, bytearray]
     entities: dict[int, Entity] = field(default_factory=dict)
     shared: dict[int, Shared] = field(default_factory=dict)
-    dome: pb.Dome = field(default_factory=pb.Dome)
+    dome: Dome | None = None
     time: float = 0.0
     notes: Notes = field(default_factory=Notes)
 
@@ -68,9 +89,11 @@ class World:
         """An array of a message that may not have it."""
         return self.array(getattr(owner, name)) if owner.HasField(name) else None
 
-    @property
-    def roots(self) -> list[Entity]:
-        return [entity for entity in self.entities.values() if entity.parent is None]
+    def shows(self, entity: Entity) -> bool:
+        """Whether neither it nor what is above it is hidden."""
+        while not entity.is_hidden and entity.parent is not None:
+            entity = self.entities[entity.parent]
+        return not entity.is_hidden
 
 
 def read(name: str, chunks: Iterable[service.SceneChunk]) -> World:
@@ -110,13 +133,26 @@ def _take(world: World, found: dict[int, Entity], number: int, edit: pb.Edit) ->
     kind = edit.WhichOneof("action")
     if kind == "settings":
         world.time = edit.settings.time
-        world.dome = edit.settings.dome
+        world.dome = _dome(world, edit.settings.dome)
     elif kind in SHARED:
         world.shared[number] = Shared(edit.target.name, getattr(edit, kind))
     elif kind == "entity" and edit.mode == pb.Edit.MODE_UPDATE:
         found[edit.target.created_by_edit].message.MergeFrom(edit.entity)
     elif kind == "entity":
         found[number] = Entity(number, edit.target.name, edit.entity)
+
+
+def _dome(world: World, message: pb.Dome) -> Dome | None:
+    """None: there is no light from it."""
+    texture, rotation = key_of(message.texture), world.optional(message, "rotation")
+    color = np.full(3, 0.0 if texture is None else 1.0)
+    if message.HasField("color"):
+        color = np.array([message.color.x, message.color.y, message.color.z], "f8")
+    color = color * (message.intensity if message.HasField("intensity") else 1.0)
+    if not color.any():
+        return None
+    visible = message.camera_visible or not message.HasField("camera_visible")
+    return Dome(color, texture, np.eye(3) if rotation is None else rotation, visible)
 
 
 def _put_in_order(world: World, found: dict[int, Entity]) -> None:

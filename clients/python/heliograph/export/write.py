@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
+from .._optional import needed
 from .._wire._proto import service_pb2 as service
 from ..errors import InvalidArgument, NotFound, warn_of_file
 from .world import read
@@ -28,6 +29,8 @@ def checked_path(path: str | os.PathLike[str]) -> Path:
 
 def write(path: Path, name: str, chunks: Iterable[service.SceneChunk]) -> None:
     """All or nothing: the file takes its name when it is complete. Warns of what it cannot say."""
+    if path.suffix.lower() == ".usdz":
+        needed("pxr", "writing .usdz files needs", "usd")
     partial = path.with_name(f"{path.stem}.partial{path.suffix}")
     world = read(name, chunks)
     try:

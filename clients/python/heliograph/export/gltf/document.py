@@ -81,8 +81,8 @@ class Document:
         total = 12 + 8 + len(head) + (8 + self._size if self._size else 0)
         if total > _LARGEST:
             raise InvalidArgument(
-                f"{path}: {total} bytes; a GLB file has 4 GiB at most: export a .usdz, or a part of "
-                "the scene",
+                f"{path}: {total} bytes; a GLB file has 4 GiB at most: export a .usdz, or a "
+                "part of the scene",
                 field="path",
             )
         with open(path, "wb") as file:

@@ -60,12 +60,12 @@ class Lights:
             inner = min(lamp.message.inner_cone_angle, outer * (1 - 1e-6))
             found["spot"] = {"innerConeAngle": inner, "outerConeAngle": outer}
             if lamp.shape != "sphere" or lamp.size("radius") > _POINT:
-                self.world.notes.add(entity.name, "a spot light is written as a point with a cone")
+                self.world.notes.add(entity.title, "a spot light is written as a point with a cone")
         self._punctual(node, entity, found, watts * LUMENS_PER_WATT)
 
     def _sun(self, node: dict[str, Any], entity: Entity, lamp: Lamp) -> None:
         if abs(lamp.message.sun_angle - 0.0093) > 1e-4:
-            self.world.notes.add(entity.name, "the angle of a sun is left out")
+            self.world.notes.add(entity.title, "the angle of a sun is left out")
         self._punctual(node, entity, {"type": "directional"}, irradiance(lamp) * LUMENS_PER_WATT)
 
     def _punctual(
@@ -154,14 +154,14 @@ def camera_of(world: World, entity: Entity) -> dict[str, Any] | None:
     message: pb.Camera = entity.message.camera
     camera = Camera.from_message(message)
     if camera.projection not in ("perspective", "orthographic"):
-        world.notes.add(entity.name, f"{camera.projection} cameras are left out")
+        world.notes.add(entity.title, f"{camera.projection} cameras are left out")
         return None
     note_camera(world, entity, camera)
     middle = 0.5 * camera.width - 0.5, 0.5 * camera.height - 0.5
     if np.abs(np.subtract((camera.cx, camera.cy), middle)).max() > 1e-3:
-        world.notes.add(entity.name, "the principal point is taken to be the image's centre")
+        world.notes.add(entity.title, "the principal point is taken to be the image's centre")
     if camera.aperture:
-        world.notes.add(entity.name, "the lens's aperture is left out")
+        world.notes.add(entity.title, "the lens's aperture is left out")
     near = camera.near or _NEAR
     found: dict[str, Any] = {"type": camera.projection, "extras": {}}
     found["extras"] = {"width": camera.width, "height": camera.height}

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..._wire._proto import scene_pb2 as pb
 from ..emission import Emission, lit
+from ..inside import without_inside
 from ..looks import Field, Look, look_of
 from ..world import World
 from .document import Document
@@ -61,7 +62,7 @@ class _Writer:
         self.world = materials.world
         self.document = materials.document
         self.textures = materials.textures
-        self.look = _without_inside(materials.world, look)
+        self.look = without_inside(materials.world, look)
         self.extensions: dict[str, Any] = {}
 
     def made(self, thickness: float) -> dict[str, Any]:
@@ -264,18 +265,6 @@ class _Writer:
             self.world.notes.add(self.look.name, "bump_map is left out")
         if self.look.priority:
             self.world.notes.add(self.look.name, "priority is left out")
-
-
-def _without_inside(world: World, look: Look) -> Look:
-    """With subsurface_color where there is no inside for light to travel in."""
-    share = look.number("subsurface")
-    if share == 0:
-        return look
-    if look["base_color"].use or look["subsurface_color"].use:
-        return look
-    base, inside = (np.array(look[name].value) for name in ("base_color", "subsurface_color"))
-    world.notes.add(look.name, "subsurface_color is taken into base_color")
-    return look.with_fields(base_color=Field(tuple(base + (inside - base) * share)))
 
 
 def _is_one(field: Field) -> bool:

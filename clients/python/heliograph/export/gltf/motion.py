@@ -1,7 +1,7 @@
 """Animations of glTF: keys of poses, of morph weights and of vertices, as one clip.
 
-Source: glTF 2.0, 3.11. Between keys both mix translations and scales linearly and rotations by slerp,
-vertices and weights linearly.
+Source: glTF 2.0, 3.11. Between keys both mix translations and scales linearly and rotations by
+slerp, vertices and weights linearly.
 """
 
 from __future__ import annotations
@@ -45,7 +45,9 @@ class Clip:
             return
         first = min(times[0] for _, _, times, _ in self._channels)
         if first < 0:
-            self.world.notes.add("its clip", f"times begin at 0: {-first:g} s are added to all keys")
+            self.world.notes.add(
+                "its clip", f"times begin at 0: {-first:g} s are added to all keys"
+            )
         found: dict[str, Any] = {"name": "motion", "channels": [], "samplers": []}
         inputs: dict[bytes, int] = {}
         for node, path, times, values in self._channels:
@@ -70,7 +72,7 @@ class Clip:
 
 
 def weights_of(world: World, entity: Entity, geometry: Geometry) -> tuple[NdArray, NdArray]:
-    """(K,) times and (K, T) weights of the targets of gltf.meshes: morphs, then keys of vertices."""
+    """(K,) times and (K, T) weights of the targets in meshes.py: morphs, then keys of vertices."""
     message = entity.message.morph_weights
     given = world.optional(message, "weights")
     own = np.zeros((1, len(geometry.morphs))) if given is None else np.atleast_2d(given)

@@ -129,9 +129,7 @@ class Textures:
         """A picture of the values themselves."""
         pictures = [self.picture(field.use.texture) for field in fields.values() if field.use]
         values = {place: self._values(field) for place, field in fields.items() if field.use}
-        most = {
-            place: max(1.0, float(one.max())) if peak else 1.0 for place, one in values.items()
-        }
+        most = {place: max(1.0, float(one.max())) if peak else 1.0 for place, one in values.items()}
         size = tuple(max(p.texels.shape[i] for p in pictures) for i in (0, 1))
         levels = np.ones((*size, 4 if "a" in fields else 3), "f4")
         for place, one in values.items():
@@ -181,7 +179,9 @@ class Textures:
     def _info(self, owner: str, use: Use, image: int) -> dict[str, Any]:
         key = image, self._sampler(self.picture(use.texture))
         if key not in self._textures:
-            self._textures[key] = self.document.add("textures", {"source": key[0], "sampler": key[1]})
+            self._textures[key] = self.document.add(
+                "textures", {"source": key[0], "sampler": key[1]}
+            )
         found: dict[str, Any] = {"index": self._textures[key]}
         if use.uv_set:
             found["texCoord"] = use.uv_set

@@ -61,20 +61,13 @@ class _Writer:
         self.clip.write()
         self.document.json["scene"] = 0
         self.document.add("scenes", {"name": self.world.name or "scene", "nodes": [root]})
-        if self.world.dome.ByteSize():
-            self._note_dome()
-
-    def _note_dome(self) -> None:
-        dome = self.world.dome
-        has_color = any((dome.color.x, dome.color.y, dome.color.z))
-        if has_color and (dome.intensity or not dome.HasField("intensity")):
-            self.world.notes.add("the dome", "is left out")
+        if self.world.dome is not None:
+            self.world.notes.add("dome", "glTF has none: it is left out")
 
     # ------------------------------------------------------------ nodes
 
     def _put(self, entity: Entity) -> None:
         message = entity.message
-        note_rest(self.world, entity)
         index = self._place(entity)
         node = self.document.json["nodes"][index]
         extras = _extras(message)
@@ -87,19 +80,21 @@ class _Writer:
                 node["camera"] = self.document.add("cameras", camera)
         if message.HasField("light"):
             below = self.lights.put(node, entity, self.poses.world_now(entity.key))
-        if message.HasField("portal"):
-            self.world.notes.add(entity.name, "portals are left out")
         if entity.is_mesh and message.HasField("skin"):
             self.skinned.append(entity)
         elif entity.is_mesh:
             self._bind(entity, node, index)
         if below is not None:
             self._attach(index, self.document.add("nodes", below))
+        is_seen = entity.is_mesh or below is not None
+        note_rest(self.world, entity, is_seen)
+        if message.HasField("portal"):
+            self.world.notes.add(entity.title, "portals are left out")
 
     def _place(self, entity: Entity) -> int:
         """Adds a node, or two where the pose is sheared: its index, that of the inner one."""
         node: dict[str, Any] = {"name": entity.name} if entity.name else {}
-        if entity.message.HasField("visible") and not entity.message.visible:
+        if entity.is_hidden:
             self._hide(node)
         track, index = self.poses.tracks[entity.key], self.document.add("nodes", node)
         if entity.parent is None:
@@ -123,7 +118,7 @@ class _Writer:
             node.update(_trs(outer))
             return {"name": f"{entity.name}.turned", **_trs(inner)}
         if track.is_sheared:
-            self.world.notes.add(entity.name, "the shear of a pose that moves is left out")
+            self.world.notes.add(entity.title, "the shear of a pose that moves is left out")
         node.update(_trs(_rigid(track, self.world.time) if track.is_sheared else now))
         return None
 
@@ -168,19 +163,11 @@ class _Writer:
         found: dict[str, Any] = {"joints": joints}
         found["inverseBindMatrices"] = self.document.accessor(binds.transpose(0, 2, 1))
         node["skin"] = self.document.add("skins", found)
-        if not self._is_shown(entity):
+        if not self.world.shows(entity):
             self._hide(node)
         index = self.document.add("nodes", node)
         self.top.append(index)
         self._bind(entity, node, index, skin=True)
-
-    def _is_shown(self, entity: Entity) -> bool:
-        at: Entity | None = entity
-        while at is not None:
-            if at.message.HasField("visible") and not at.message.visible:
-                return False
-            at = None if at.parent is None else self.world.entities[at.parent]
-        return True
 
 
 def unsheared(matrix: NdArray) -> tuple[NdArray, NdArray]:
