@@ -137,7 +137,10 @@ class Textures:
             at = slice(0, 3) if place == "rgb" else _CHANNELS.index(place)
             levels[..., at] = to_srgb(level) if srgb and place != "a" else level
         texels = quantized(levels, self._is_deep(owner, pictures, srgb))
-        factors = {place: most.get(place, field.value) for place, field in fields.items()}
+        factors = {
+            place: np.full(np.shape(field.value), most[place]) if place in most else field.value
+            for place, field in fields.items()
+        }
         return self._info(owner, lead, self._made_image(owner, texels)), factors
 
     def _values(self, field: Field) -> NdArray:

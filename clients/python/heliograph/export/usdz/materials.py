@@ -19,6 +19,7 @@ from .stage import TOP, Stage
 NIT = LUMENS_PER_WATT  #: what of USD's numbers is 1 W sr^-1 m^-2: USD counts in cd/m^2
 _TYPES = Sdf.ValueTypeNames
 _SHEAR = 1e-5
+_FAINT = 0.1  # opacity of glass, so that programs that show no reflection of it show it
 # Parameters that UsdPreviewSurface has none for, besides the subsurface.
 _LEFT_OUT = (
     *("sheen", "anisotropic", "iridescence", "medium_density", "transmission_roughness"),
@@ -144,8 +145,10 @@ class _Writer:
     def _opacity(self) -> None:
         """alpha, less what passes through."""
         alpha, passing = self.look["alpha"], self.look["transmission"]
-        share = 1 - self._mean("transmission") * (1 - self._mean("metallic"))
+        share = 1.0
         if not passing.is_zero:
+            share -= self._mean("transmission") * (1 - self._mean("metallic"))
+            share = max(share, _FAINT)
             self._note("transmission is written as opacity: light goes straight on")
         if self.look.alpha_mode == "opaque":
             alpha = Field(1.0)
