@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -88,6 +89,19 @@ class World:
     def optional(self, owner: Any, name: str) -> NdArray | None:
         """An array of a message that may not have it."""
         return self.array(getattr(owner, name)) if owner.HasField(name) else None
+
+    @cached_property
+    def joints(self) -> set[int]:
+        """Keys of entities that skins follow."""
+        skins = (entity.message.skin for entity in self.entities.values())
+        return {key for skin in skins for key in map(key_of, skin.joints) if key is not None}
+
+    def is_skin_alone(self, entity: Entity) -> bool:
+        """Whether nothing of an entity depends on its own pose."""
+        message = entity.message
+        others = any(message.HasField(name) for name in ("camera", "light", "portal"))
+        is_needed = entity.children or others or entity.key in self.joints
+        return entity.is_mesh and message.HasField("skin") and not is_needed
 
     def shows(self, entity: Entity) -> bool:
         """Whether neither it nor what is above it is hidden."""

@@ -68,6 +68,10 @@ class _Writer:
 
     def _put(self, entity: Entity) -> None:
         message = entity.message
+        if self.world.is_skin_alone(entity):
+            self.skinned.append(entity)
+            note_rest(self.world, entity, True)
+            return
         index = self._place(entity)
         node = self.document.json["nodes"][index]
         extras = _extras(message)
@@ -156,7 +160,11 @@ class _Writer:
 
     def _put_skinned(self, entity: Entity) -> None:
         """A node of its own: it follows the joints alone."""
-        node: dict[str, Any] = {"name": f"{entity.name}.skin"}
+        is_alone = entity.key not in self.nodes
+        node: dict[str, Any] = {"name": entity.name if is_alone else f"{entity.name}.skin"}
+        extras = _extras(entity.message)
+        if extras and is_alone:
+            node["extras"] = extras
         skin = entity.message.skin
         joints = [self.nodes[joint] for joint in map(key_of, skin.joints) if joint is not None]
         binds = np.asarray(self.world.array(skin.inverse_binds), dtype="<f4")

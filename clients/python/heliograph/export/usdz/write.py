@@ -68,6 +68,10 @@ class _Writer:
     # ------------------------------------------------------------ prims
 
     def _put(self, entity: Entity) -> None:
+        if self.world.is_skin_alone(entity):
+            self._put_skinned(entity, entity.name)
+            note_rest(self.world, entity, True)
+            return
         parent = TOP if entity.parent is None else self.paths[entity.parent]
         path = self.paths[entity.key] = self.stage.path(parent, entity.name)
         prim = self._prim(entity, path)
@@ -92,7 +96,7 @@ class _Writer:
         for name, make in makers:
             make(self.stage.path(path, name))
         if entity.is_mesh and entity.message.HasField("skin"):
-            self._put_skinned(entity)
+            self._put_skinned(entity, f"{entity.name}_skin")
         return prim
 
     def _makers(self, entity: Entity) -> list[tuple[str, Any]]:
@@ -162,9 +166,9 @@ class _Writer:
         times = self.world.array(message.times) if len(weights) > 1 else np.zeros(1)
         return Morphs(np.asarray(times, dtype="f8"), weights)
 
-    def _put_skinned(self, entity: Entity) -> None:
+    def _put_skinned(self, entity: Entity, name: str) -> None:
         """Beside all else, as it follows its joints alone."""
-        path = self.stage.path(TOP, f"{entity.name or 'entity'}_skin")
+        path = self.stage.path(TOP, name)
         root = self.skeletons.root(path)
         if not self.world.shows(entity):
             UsdGeom.Imageable(root).MakeInvisible()
