@@ -170,13 +170,11 @@ class _Preview:
 
 
 def put_normal(context: Context, shader: Any, look: Look, sampled: Sampled) -> None:
-    """A normal map; texel 2 - 1 is what it means, a bias below 0 tells its strength: scale / 2."""
+    """A normal map; texel 2 - 1 is what it means, whatever scale and bias say but for the sign."""
     scale = np.array(constant(context, shader, "scale", (2.0,) * 4))
-    bias = constant(context, shader, "bias", (-1.0,) * 4)
     if scale[1] < 0 < scale[0]:
         context.note(shader, "a normal map whose green runs down is left out: turn it over")
         return
-    strength = float(scale[0] / 2) if bias[0] < 0 else 1.0
     look.parameters["normal_map"] = Sampled(
-        sampled.texture, uv=sampled.uv, uv_set=sampled.uv_set, scale=strength
+        sampled.texture, uv=sampled.uv, uv_set=sampled.uv_set, scale=1.0
     )

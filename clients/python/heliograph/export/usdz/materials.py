@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,13 +13,15 @@ from pxr import Gf, Sdf, UsdShade
 from ..._wire._proto import scene_pb2 as pb
 from ..inside import without_inside
 from ..lamps import LUMENS_PER_WATT
-from ..looks import Field, Look, Picture, Use, look_of, picture_of
+from ..looks import Field, Look, Picture, Use, look_of, picture_of, quantized
 from ..world import World
 from .stage import TOP, Stage
 
 NIT = LUMENS_PER_WATT  #: what of USD's numbers is 1 W sr^-1 m^-2: USD counts in cd/m^2
 _TYPES = Sdf.ValueTypeNames
 _SHEAR = 1e-5
+_SIGNED, _BELOW = (2.0, 2.0, 2.0, 1.0), (-1.0, -1.0, -1.0, 0.0)  # of normal maps
+Affine = tuple[tuple[float, ...], tuple[float, ...]]  # scale and bias
 _FAINT = 0.1  # opacity of glass, so that programs that show no reflection of it show it
 # Parameters that UsdPreviewSurface has none for, besides the subsurface.
 _LEFT_OUT = (
@@ -36,6 +39,7 @@ class Materials:
         self._made: dict[tuple[int | None, bool], Any] = {}
         self._pictures: dict[int, Picture] = {}
         self._files: dict[int, Any] = {}
+        self._normals: dict[tuple[int, float], Any] = {}
         self._looks: dict[int | None, Look] = {}
 
     def look(self, key: int | None) -> Look:
@@ -64,6 +68,20 @@ class Materials:
         if key not in self._files:
             self._files[key] = self.stage.picture(self.picture(key))
         return self._files[key]
+
+    def normals(self, key: int, strength: float) -> Any:
+        """The asset path of a normal map whose slopes are so many times as steep: USD has no
+        strength beside it."""
+        picture = self.picture(key)
+        if strength == 1 and not picture.srgb:
+            return self.file(key)
+        if (key, strength) not in self._normals:
+            steep = (picture.rgba()[..., :3] * 2 - 1) * (strength, strength, 1)
+            unit = steep / np.maximum(np.linalg.norm(steep, axis=-1, keepdims=True), 1e-6)
+            texels = quantized(0.5 + 0.5 * unit, picture.texels.dtype != np.uint8)
+            made = replace(picture, texels=texels, srgb=False)
+            self._normals[key, strength] = self.stage.picture(made)
+        return self._normals[key, strength]
 
 
 class _Writer:
@@ -162,9 +180,8 @@ class _Writer:
         use = self.look.maps.get("normal_map")
         if use is None:
             return
-        s = use.scale
-        scale, bias = (2 * s, 2 * s, 2.0, 1.0), (-s, -s, -1.0, 0.0)
-        output = self._texture(use, (scale, bias), "rgb", "raw")
+        file = self.materials.normals(use.texture, use.scale)
+        output = self._texture(use, (_SIGNED, _BELOW), "rgb", "raw", file)
         self.surface.CreateInput("normal", _TYPES.Normal3f).ConnectToSource(output)
 
     def _mean(self, name: str) -> float:
@@ -214,23 +231,22 @@ class _Writer:
         port.ConnectToSource(self._texture(use, affine, "rgba"[use.channel], space))
 
     def _texture(
-        self, use: Use, affine: tuple[tuple[float, ...], tuple[float, ...]], output: str, space: str
+        self, use: Use, affine: Affine, output: str, space: str, file: Any = None
     ) -> Any:
         """The output of a UsdUVTexture: texel scale + bias."""
-        key = (use.texture, use.uv, use.uv_set, affine, space)
+        file = file or self.materials.file(use.texture)
+        key = (file.path, use.uv, use.uv_set, affine, space)
         if key not in self._textures:
-            self._textures[key] = self._made(use, affine, space)
+            self._textures[key] = self._made(use, affine, space, file)
         kind = _TYPES.Float3 if output == "rgb" else _TYPES.Float
         return self._textures[key].CreateOutput(output, kind)
 
-    def _made(
-        self, use: Use, affine: tuple[tuple[float, ...], tuple[float, ...]], space: str
-    ) -> Any:
+    def _made(self, use: Use, affine: Affine, space: str, file: Any) -> Any:
         picture = self.materials.picture(use.texture)
         if picture.nearest:
             self._note("textures that are not filtered are enlarged: USD filters all")
         shader = self._shader("Texture", "UsdUVTexture")
-        shader.CreateInput("file", _TYPES.Asset).Set(self.materials.file(use.texture))
+        shader.CreateInput("file", _TYPES.Asset).Set(file)
         shader.CreateInput("sourceColorSpace", _TYPES.Token).Set(space)
         for axis, wrap in zip("ST", picture.wrap):
             shader.CreateInput(f"wrap{axis}", _TYPES.Token).Set(wrap)
