@@ -17,7 +17,18 @@ EXIT_INTERRUPTED = 130
 
 def make_parser() -> argparse.ArgumentParser:
     """All subcommands."""
-    from . import dataset, info, open_image, render, replay, rerender, serve, validate, view
+    from . import (
+        dataset,
+        export,
+        info,
+        open_image,
+        render,
+        replay,
+        rerender,
+        serve,
+        validate,
+        view,
+    )
 
     parser = argparse.ArgumentParser(
         prog="heliograph",
@@ -26,7 +37,7 @@ def make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"heliograph {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for module in (render, view, dataset, info, serve, validate, rerender, open_image, replay):
+    for module in (render, view, export, dataset, info, serve, validate, rerender, open_image, replay):
         module.add(commands)
     return parser
 

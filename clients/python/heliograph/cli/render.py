@@ -61,14 +61,19 @@ def add_view(parser: argparse.ArgumentParser) -> None:
         action=argparse.BooleanOptionalAction,
         help="stand it on a floor; default: where the model has no light",
     )
+    add_model(group)
+    group.add_argument("--time", type=float, metavar="SECONDS", help="default 0")
+
+
+def add_model(group: Any) -> None:
+    """How a model file is read."""
     group.add_argument("--up", default="", choices=["x", "y", "z"], help="for formats without one")
     group.add_argument("--units", type=float, default=0.0, help="metres a unit, likewise")
     group.add_argument(
         "--folder", action="append", default=[], help="a further one that has the model's textures"
     )
     group.add_argument("--strict", action="store_true", help="refuse a model that lacks textures")
-    group.add_argument("--animation", metavar="NAME", help="a clip to bind; see --time")
-    group.add_argument("--time", type=float, metavar="SECONDS", help="default 0")
+    group.add_argument("--animation", metavar="NAME", help="a clip to bind")
 
 
 def _add_picture(parser: argparse.ArgumentParser) -> None:
@@ -126,7 +131,7 @@ def _exposure_of(text: str) -> float | str:
 def build(scene: Any, arguments: argparse.Namespace) -> Any:
     """Imports the model, lights it where it has no light, and places the camera."""
     with scene.edit() as edit:
-        asset = _imported(edit, arguments)
+        asset = imported(edit, arguments)
     for warning in asset.warnings:
         print(f"heliograph: {arguments.model}: {warning}", file=sys.stderr)
     bounds = np.asarray(_bounds(asset), dtype="f8")
@@ -148,7 +153,8 @@ def build(scene: Any, arguments: argparse.Namespace) -> Any:
         return edit.entity("render/camera", camera=lens, transform=pose)
 
 
-def _imported(edit: Any, arguments: argparse.Namespace) -> Any:
+def imported(edit: Any, arguments: argparse.Namespace) -> Any:
+    """The asset of a model file."""
     if Path(arguments.model).suffix.lower() not in USD_ENDINGS:
         return edit.import_file(
             arguments.model,
