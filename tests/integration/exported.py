@@ -153,7 +153,8 @@ def seen(scene, camera, size=(96, 72)):
     """The name of what is seen at each pixel of a picture of that size."""
     lens = scene[camera].camera if isinstance(camera, str) else camera.camera
     x, y = (
-        (np.arange(n) + 0.5) * whole / n - 0.5 for n, whole in zip(size, (lens.width, lens.height))
+        (np.arange(n) + 0.5) * whole / n - 0.5
+        for n, whole in zip(size, (lens.width, lens.height), strict=True)
     )
     grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     found = scene.pick(camera, grid)

@@ -4,6 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import heliograph as hg
 import numpy as np
 import pytest
 from PIL import Image
@@ -96,3 +97,22 @@ def test_examples(name, tmp_path):
     run = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert run.returncode == 0, run.stderr
     assert list(tmp_path.glob("*.png"))
+
+
+def test_export_a_model_and_a_scene_file(tmp_path):
+    fox = ROOT / "tests/assets/gltf/Fox.glb"
+    run = heliograph("export", fox, "-o", tmp_path / "fox.glb", "--animation", "Run")
+    assert run.returncode == 0, run.stderr
+    assert (tmp_path / "fox.glb").read_bytes()[:4] == b"glTF"
+    run = heliograph("export", tmp_path / "fox.glb", "-o", tmp_path / "fox.obj")
+    assert run.returncode == 2 and "neither in .glb nor in .usdz" in run.stderr
+    with hg.connect() as client, client.create_scene("lamp") as scene:
+        with scene.edit() as edit:
+            edit.dome(color=1.0)
+            edit.entity("ball", mesh=edit.mesh("m", **hg.shapes.sphere()))
+        scene.save(tmp_path / "scene.helio")
+    run = heliograph("export", tmp_path / "scene.helio", "-o", tmp_path / "ball.glb")
+    assert run.returncode == 0 and "dome: glTF has none: it is left out" in run.stderr
+    assert b'"ball"' in (tmp_path / "ball.glb").read_bytes()
+    run = heliograph("export", "--scene", "lamp", "-o", tmp_path / "ball.glb")
+    assert run.returncode == 2 and "--address" in run.stderr

@@ -115,7 +115,9 @@ def test_materials_keep_their_parameters(client, scene, tmp_path):
             message = back.read([asset.materials[name]], ["material"])[0][0].material
             for key, value in given.items():
                 if key in found:
-                    np.testing.assert_allclose(found[key], value, atol=1e-5, err_msg=f"{name} {key}")
+                    np.testing.assert_allclose(
+                        found[key], value, atol=1e-5, err_msg=f"{name} {key}"
+                    )
             assert message.thin_walled == given.get("thin_walled", False)
             assert message.unlit == given.get("unlit", False)
             if "alpha_mode" in given:
@@ -239,7 +241,8 @@ def test_what_gltf_cannot_say_is_named(scene, tmp_path):
     found = "\n".join(notes)
     for text in ("dome: glTF has none", "bent: the lens's distortion", "round: fisheye cameras",
                  "window: portals", "smoke: volumes", "away: is hidden by KHR_node_visibility",
-                 "ghost: visibility by kind of ray", "wax: subsurface is", "wax: priority"):  # fmt: skip
+                 "ghost: visibility by kind of ray", "wax: subsurface is",
+                 "wax: priority"):  # fmt: skip
         assert text in found
 
 

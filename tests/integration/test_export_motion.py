@@ -1,5 +1,5 @@
-"""Motion in exported files: keys, morph targets, keys of vertices and skins, where they are at times
-between the keys."""
+"""Motion in exported files: keys, morph targets, keys of vertices and skins, where they are at
+times between the keys."""
 
 import math
 

@@ -37,7 +37,8 @@ def make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"heliograph {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for module in (render, view, export, dataset, info, serve, validate, rerender, open_image, replay):
+    looking = (render, view, export, dataset, info, serve)
+    for module in (*looking, validate, rerender, open_image, replay):
         module.add(commands)
     return parser
 

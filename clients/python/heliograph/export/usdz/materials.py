@@ -230,9 +230,7 @@ class _Writer:
         space = "sRGB" if picture.srgb and use.channel < 3 else "raw"
         port.ConnectToSource(self._texture(use, affine, "rgba"[use.channel], space))
 
-    def _texture(
-        self, use: Use, affine: Affine, output: str, space: str, file: Any = None
-    ) -> Any:
+    def _texture(self, use: Use, affine: Affine, output: str, space: str, file: Any = None) -> Any:
         """The output of a UsdUVTexture: texel scale + bias."""
         file = file or self.materials.file(use.texture)
         key = (file.path, use.uv, use.uv_set, affine, space)
