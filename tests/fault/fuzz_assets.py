@@ -1,67 +1,115 @@
-"""S5: mutants of files of every format, through DecodeAsset: each loads or is refused with its name
-and a reason, soon; the daemon lives, and the next request is answered as before."""
+"""S5: mutants of files of every format: each loads or is refused by its name and a reason, soon and
+within the memory of a decoder; the daemon lives, and the next request is answered as before.
 
+usage: fuzz_assets.py [--short] [--count N] [--formats a,b] [--seeds FOLDER] [--keep FOLDER]
+
+Most go to decode-each (tests/fuzz), which gives each a process with a decoder's limits; one in
+twenty goes through DecodeAsset to a daemon's sandbox. Mutant k of a format is the same in every
+run. --seeds: files of a folder are seeds too, and lie by their endings; --keep: the files of what
+ended its process are written there. A decoder that crashes is not the daemon's end; it is a fault
+of the parser all the same, and counts as missed.
+"""
+
+import argparse
 import collections
+import concurrent.futures
 import hashlib
+import os
 import pathlib
-import random
+import struct
+import subprocess
 import time
 
 import common
+import file_mutants
 import heliograph as hg
 import numpy as np
 from heliograph._wire._proto import service_pb2 as service
+from heliograph._wire.launch import find_program
 
-ASSETS = pathlib.Path(__file__).parents[1] / "assets"
-SAMPLES = {
-    "glb": "gltf/simple-instancing.glb",
-    "gltf": "gltf/01_morphed_cube/01_morphed_cube.gltf",
-    "dae": "dae/bracket.dae",
-    "obj": "mesh/spot_control_mesh.obj",
-    "ply": "mesh/cube_blender_uv.ply",
-    "stl": "mesh/link_6.stl",
-    "vdb": "volume/smoke.vdb",
-    "nvdb": "volume/torus.nvdb",
-    "exr": "picture/stripes.exr",
-    "hdr": "picture/gradient.hdr",
-    "png": "picture/gradient16.png",
-    "jpg": "picture/gradient.jpg",
-    "tif": "picture/gradient_tiled.tif",
-    "ies": "profile/batwing.ies",
-}
-PICTURES = "bmp dds dpx gif ico iff jp2 jxl ppm psd rla sgi tga webp"
-SAMPLES |= {ending: f"picture/gradient.{ending}" for ending in PICTURES.split()}
-REFUSALS = (hg.InvalidArgument, hg.NotFound, hg.Unimplemented, hg.ResourceExhausted)
 SECONDS = 5.0
-TOKENS = [b"0", b"-1", b"1e999", b"nan", b"4294967295", b"99999999999", b"[", b"{", b'"', b"\0"]
+MEMORY_MIB, CPU_SECONDS = 2048, 20  # of a decoder
+SHARE = 20  # one in so many goes through the daemon
+REFUSALS = (hg.InvalidArgument, hg.NotFound, hg.Unimplemented, hg.ResourceExhausted)
+GLB = file_mutants.ASSETS / "gltf/simple-instancing.glb"
+COLUMNS = ("format", "mutants", "decoded", "refused", "crashes", "slowest ms", "most MiB")
 
-WORDS = [b"\xff" * 4, bytes(4), b"\x7f\xff\xff\xff", b"\0\0\0\x80"]
+
+class Tally:
+    """What became of the mutants of a format."""
+
+    def __init__(self, kind):
+        self.kind = kind
+        self.counts = collections.Counter()
+        self.slowest_ms, self.most_mib = 0.0, 0
+        self.crashes, self.faults = [], []  # (trial, how it ended), words
+
+    def check(self, files, where_and_why):
+        """A refusal names the file and says why."""
+        where, _, why = where_and_why.partition(": ")
+        if not why or not any(name in where_and_why for name in files):
+            self.faults.append(f"refused without its name or a reason: {where_and_why!r}")
+
+    def row(self):
+        found = [self.counts[key] for key in ("decoded", "refused", "ended")]
+        return [self.kind, sum(found), *found, round(self.slowest_ms), self.most_mib or ""]
 
 
-def mutate(data, dice):
-    """One to eight edits: bytes, numbers, stretches, the end."""
-    out = bytearray(data)
-    for _ in range(1 + dice.randrange(8)):
-        if len(out) < 16:
-            break
-        # half of the edits hit the head, where the claims are
-        at = dice.randrange(min(len(out) - 8, 512) if dice.random() < 0.5 else len(out) - 8)
-        kind = dice.randrange(7)
-        if kind == 0:
-            out[at] = dice.randrange(256)
-        elif kind == 1:
-            out[at] ^= 1 << dice.randrange(8)
-        elif kind == 2:
-            out[at : at + 4] = dice.choice(WORDS)
-        elif kind == 3:
-            out[at : at + 1] = dice.choice(TOKENS)
-        elif kind == 4:
-            del out[at : at + 1 + dice.randrange(16)]
-        elif kind == 5:
-            out[at:at] = out[at : at + 1 + dice.randrange(64)]
-        elif dice.random() < 0.3:
-            del out[at:]
-    return bytes(out)
+# ---------------------------------------------------------------- without the daemon
+
+
+class Decodes:
+    """decode-each: an answer for each bundle."""
+
+    def __init__(self):
+        program = pathlib.Path(find_program()).with_name("decode-each")
+        command = [str(program), str(MEMORY_MIB << 20), str(CPU_SECONDS)]
+        pipe, nothing = subprocess.PIPE, subprocess.DEVNULL  # a decoder is silent too
+        self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=nothing)
+
+    def __call__(self, files):
+        """code, signal, CPU ms, wall ms, peak MiB, "where: message"."""
+        parts = [struct.pack("<I", len(files))]
+        for name, data in files.items():
+            for part in (name.encode(), data):
+                parts += [struct.pack("<I", len(part)), part]
+        self.process.stdin.write(b"".join(parts))
+        self.process.stdin.flush()
+        code, signal, cpu, wall, mib, said = self.process.stdout.readline().decode().split("\t", 5)
+        return int(code), int(signal), float(cpu), float(wall), int(mib), said.rstrip("\n")
+
+    def end(self):
+        self.process.stdin.close()
+        self.process.wait()
+
+
+def fuzz(kind, seeds, count, keep):
+    """Mutants of one format, without the daemon."""
+    tally, decode = Tally(kind), Decodes()
+    for trial in range(count):
+        files = file_mutants.mutant(seeds, trial, kind)
+        code, signal, cpu, wall, mib, said = decode(files)
+        tally.slowest_ms, tally.most_mib = max(tally.slowest_ms, cpu), max(tally.most_mib, mib)
+        tally.counts["decoded" if code == 0 else "ended" if code < 0 else "refused"] += 1
+        if code > 0:
+            tally.check(files, said)
+        elif code < 0:
+            tally.crashes.append((trial, signal, round(wall)))
+            store(files, keep, f"{kind}-{trial}")
+    decode.end()
+    return tally
+
+
+def store(files, keep, name):
+    """A mutant as a folder, for whoever mends its parser."""
+    if keep is not None:
+        for path, data in files.items():
+            place = keep / name / path
+            place.parent.mkdir(parents=True, exist_ok=True)
+            place.write_bytes(data)
+
+
+# ---------------------------------------------------------------- through the daemon
 
 
 class Files:
@@ -71,6 +119,8 @@ class Files:
         self.connection = client.connection
 
     def upload(self, data):
+        if not data:
+            return b""  # one that nobody has
         digest = hashlib.sha256(data).digest()
         request = service.UploadBlobRequest(sha256=digest, size=len(data), chunk=data)
         self.connection.push("UploadBlob", iter([request]))
@@ -84,60 +134,98 @@ class Files:
         return last
 
 
-def bundle(kind):
-    """Name -> bytes of a sample; the model is first, its companions come along."""
-    path = ASSETS / SAMPLES[kind]
-    files = {path.name: path.read_bytes()}
-    for companion in (path.with_suffix(".bin"), path.parent / "checker.png"):
-        if companion.exists():
-            files[companion.name] = companion.read_bytes()
-    return files
+def fuzz_daemon(client, kind, seeds, trials):
+    """Mutants of one format, through a session of their own: blobs live as long as it."""
+    tally = Tally(kind)
+    with hg.connect(client.address) as own:
+        files = Files(own)
+        for trial in trials:
+            bundle = file_mutants.mutant(seeds, trial, kind)
+            if not next(iter(bundle.values())):
+                continue  # there is no empty blob
+            start = time.perf_counter()
+            try:
+                files.decode(bundle)
+                tally.counts["decoded"] += 1
+            except REFUSALS as error:
+                tally.counts["ended" if "its decoder" in str(error) else "refused"] += 1
+                tally.check(bundle, str(error))
+            tally.slowest_ms = max(tally.slowest_ms, 1e3 * (time.perf_counter() - start))
+    return tally
 
 
-def fuzz(client, kind, count, report):
-    """What became of the mutants of one format."""
-    sample, dice = bundle(kind), random.Random(kind)
-    name, data = next(iter(sample.items()))
-    seen, slow, unnamed = collections.Counter(), 0.0, []
-    own = None
-    for trial in range(count):
-        if trial % 500 == 0:  # blobs live as long as their session
-            if own is not None:
-                own.close()
-            own = hg.connect(client.address)
-            files = Files(own)
-        start = time.perf_counter()
-        try:
-            files.decode({**sample, name: mutate(data, dice)})
-            seen["loaded"] += 1
-        except REFUSALS as error:
-            seen["died" if "its decoder" in str(error) else "refused"] += 1
-            if name not in str(error) and "the model refers to" not in str(error):
-                unnamed.append(str(error))
-        slow = max(slow, time.perf_counter() - start)
-    own.close()
-    shown = ", ".join(f"{n} {what}" for what, n in sorted(seen.items()))
-    report.figure(f"{kind}: slowest of {shown}", slow, SECONDS, "s", slack=False)
-    if unnamed:
-        report.figure(f"{kind}: refused without its name, e.g. {unnamed[0]}", len(unnamed), 0)
+def beside_a_scene(client, seeds, count, report):
+    """The daemon's share, with a picture before and after it. The tallies."""
+    with hg.connect(client.address) as own:
+        scene = common.stage(own, 32, 24)
+        before = scene.render("cam", planes=["beauty"], spp=2)["beauty"]
+        size = common.resident(common.pid_of(client))
+        step = 1 if common.SHORT else SHARE
+        trials = range(0, count, step) if not common.SHORT else range(4)
+        tallies = table(
+            "through the daemon",
+            (fuzz_daemon(client, kind, listed, trials) for kind, listed in seeds.items()),
+        )
+        after = scene.render("cam", planes=["beauty"], spp=2)["beauty"]
+        report.figure("the next request differs", not np.array_equal(before, after), 0)
+        with scene.edit() as edit:
+            edit.import_file(GLB)
+    report.figure("crashes", client.connection.daemon.exit_code() is not None, 0, slack=False)
+    grown = (common.resident(common.pid_of(client)) - size) / 1e6
+    report.figure("growth of the daemon's memory", grown, 100, "MB", slack=False)
+    return tallies
+
+
+# ---------------------------------------------------------------- report
+
+
+def table(title, tallies):
+    """Prints a row as soon as it is there; the tallies."""
+    print(f"\n{title}")
+    print(line(COLUMNS))
+    return [tally for tally in tallies if print(line(tally.row()), flush=True) is None]
+
+
+def line(cells):
+    return f"  {cells[0]:8}" + "".join(f"{cell:>12}" for cell in cells[1:])
+
+
+def judge(tallies, report):
+    """What each format owes."""
+    for tally in tallies:
+        name = tally.kind
+        slow = tally.slowest_ms / 1e3
+        if slow > SECONDS:
+            report.figure(f"{name}: slowest", slow, SECONDS, "s")
+        for trial, signal, wall in tally.crashes:
+            print(f"  {name}-{trial}: ended by {signal} after {wall} ms")
+        if tally.counts["ended"]:
+            report.figure(f"{name}: decoders that crashed", tally.counts["ended"], 0)
+        if tally.faults:
+            report.figure(f"{name}: {tally.faults[0]}", len(tally.faults), 0)
+    most = max(tally.most_mib for tally in tallies)  # the daemon tells none
+    report.figure("most memory of a decoder", most, MEMORY_MIB, "MiB", slack=False)
+
+
+def arguments():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("--short", action="store_true")
+    parser.add_argument("--count", type=int, default=common.size(10_000, 40))
+    parser.add_argument("--formats", type=lambda text: text.split(","))
+    parser.add_argument("--seeds", type=pathlib.Path)
+    parser.add_argument("--keep", type=pathlib.Path)
+    return parser.parse_args()
 
 
 def main():
-    count = common.size(10_000, 40)
+    given = arguments()
+    seeds = file_mutants.seeds(given.seeds)
+    seeds = {kind: seeds[kind] for kind in given.formats or seeds}
     with common.Report("S5 malformed assets") as report, common.daemon("--grace", "0") as client:
-        with hg.connect(client.address) as own:
-            scene = common.stage(own, 32, 24)
-            before = scene.render("cam", planes=["beauty"], spp=2)["beauty"]
-            size = common.resident(common.pid_of(client))
-            for kind in SAMPLES:
-                fuzz(client, kind, count, report)
-            after = scene.render("cam", planes=["beauty"], spp=2)["beauty"]
-            report.figure("the next request differs", not np.array_equal(before, after), 0)
-            with scene.edit() as edit:
-                edit.import_file(ASSETS / SAMPLES["glb"])
-        report.figure("crashes", client.connection.daemon.exit_code() is not None, 0, slack=False)
-        grown = (common.resident(common.pid_of(client)) - size) / 1e6
-        report.figure("growth of the daemon's memory", grown, 100, "MB", slack=False)
+        with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+            tallies = pool.map(lambda k: fuzz(k, seeds[k], given.count, given.keep), seeds)
+            judge(table("in processes of their own", tallies), report)
+        judge(beside_a_scene(client, seeds, given.count, report), report)
 
 
 if __name__ == "__main__":
