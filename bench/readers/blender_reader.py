@@ -5,9 +5,23 @@ import sys
 
 import bpy
 import numpy as np
+from io_scene_gltf2.blender.imp.blender_gltf import BlenderGlTF
 
 sys.path.append(str(pathlib.Path(__file__).parents[1]))
 import model_facts  # noqa: E402
+
+FOUND = []  # animations of the file
+PREPARE = BlenderGlTF.pre_compute
+
+
+def without_animations(gltf):
+    """They would pose what is compared at rest."""
+    FOUND.extend(gltf.data.animations or [])
+    gltf.data.animations = None
+    PREPARE(gltf)
+
+
+BlenderGlTF.pre_compute = staticmethod(without_animations)
 
 AXES = {"forward_axis": "Y", "up_axis": "Z"}  # as they are
 IMPORTERS = {
@@ -25,36 +39,27 @@ def read(path):
     importer = IMPORTERS.get(pathlib.Path(path).suffix.lower())
     if importer is None:
         return {"refusal": "Blender has no importer for it"}
+    FOUND.clear()
     importer(path)
-    animations = len(bpy.data.actions)
-    rest()
+    is_gltf = path.lower().endswith((".gltf", ".glb"))
     kinds = [thing.type for thing in bpy.data.objects]
     return {
         **surface(),
         "textures": sorted(pictures()),
         "joints": sum(len(thing.bones) for thing in bpy.data.armatures),
-        "animated": animations > 0,
+        "animations": len(FOUND) if is_gltf else None,
         "cameras": kinds.count("CAMERA"),
         "lights": kinds.count("LIGHT"),
     }
-
-
-def rest():
-    """Nothing moves: poses are those that the importer gave."""
-    for thing in [*bpy.data.objects, *bpy.data.shape_keys]:
-        thing.animation_data_clear()
-    bpy.context.view_layer.update()
 
 
 def surface():
     found = model_facts.Surface()
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
         thing = instance.object
-        if thing.type != "MESH" or thing.hide_get() if not instance.is_instance else False:
+        if thing.type != "MESH":
             continue
         mesh = thing.to_mesh()
-        if mesh is None:
-            continue
         mesh.calc_loop_triangles()
         positions = np.empty(3 * len(mesh.vertices))
         mesh.vertices.foreach_get("co", positions)

@@ -18,6 +18,7 @@ PICTURES = (
     "emissiveTexture",
     "occlusionTexture",
 )
+NONE = trimesh.visual.material.empty_material().image.tobytes()  # what it gives those without one
 
 
 def read(path):
@@ -36,7 +37,7 @@ def read(path):
     for material in materials.values():
         for key in PICTURES:
             picture = getattr(material, key, None)
-            if picture is not None:
+            if picture is not None and picture.tobytes() != NONE:
                 colours = picture if picture.mode != "P" else picture.convert("RGBA")
                 pictures[id(picture)] = model_facts.mean_colour(np.asarray(colours))
     return {

@@ -116,11 +116,11 @@ class Reader {
     }
   }
 
-  /// Of a normal or a texture coordinate, which faces may do without: 0 for what is not finite.
+  /// Of a normal, a colour or a texture coordinate: 0 for what is not finite.
   float number(std::string_view& rest) {
     std::string_view ahead = rest;
     if (!is_no_number(take_word(ahead))) return take_number(rest, "");
-    builder_.warn("numbers of vn or vt that are not finite are taken as 0");
+    builder_.warn("normals, colours or texture coordinates that are not finite are taken as 0");
     rest = ahead;
     return 0;
   }
@@ -132,7 +132,7 @@ class Reader {
     Budget::check(positions_.size(), limits_.vertices, "vertices", "");
     float numbers[4] = {};
     int count = 0;
-    while (count < 4 && !trimmed(rest).empty()) numbers[count++] = take_number(rest, "");
+    while (count < 4 && !trimmed(rest).empty()) numbers[count++] = number(rest);
     if (count < 3) return;  // none, or a weight
     const float* rgb = numbers + (count == 4 ? 1 : 0);
     colors_.resize(positions_.size(), vec4(1));
@@ -157,29 +157,38 @@ class Reader {
     if (!path.empty()) libraries_.push_back(path);
   }
 
-  /// 1 is the first, -1 the last so far.
-  static u32 index(std::string_view text, std::size_t count, const char* what) {
+  /// 1 is the first, -1 the last so far; kNone for one that is not there.
+  static u32 index(std::string_view text, std::size_t count) {
     i64 value = 0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
     const i64 zero_based = value > 0 ? value - 1 : i64(count) + value;
-    if (error != std::errc() || end != text.data() + text.size() || value == 0 || zero_based < 0 ||
-        zero_based >= i64(count)) {
-      refuse("",
-             fmt::format("{} '{}' is not one of the {} so far", what, clean_name(text, ""), count));
-    }
-    return u32(zero_based);
+    const bool is_there = error == std::errc() && end == text.data() + text.size() && value != 0 &&
+                          zero_based >= 0 && zero_based < i64(count);
+    return is_there ? u32(zero_based) : kNone;
   }
 
-  Corner corner(std::string_view word) const {
+  u32 position_index(std::string_view text) const {
+    const u32 found = index(text, positions_.size());
+    if (found != kNone) return found;
+    refuse("", fmt::format("vertex '{}' is not one of the {} so far", clean_text(text, 120),
+                           positions_.size()));
+  }
+  /// Faces may do without.
+  u32 other_index(std::string_view text, std::size_t count) {
+    const u32 found = index(text, count);
+    if (found == kNone) builder_.warn("faces name vn or vt that are not there: they go without");
+    return found;
+  }
+
+  Corner corner(std::string_view word) {
     const std::size_t first = std::min(word.find('/'), word.size());
-    Corner result{.position = index(word.substr(0, first), positions_.size(), "vertex")};
+    Corner result{.position = position_index(word.substr(0, first))};
     if (first == word.size()) return result;
     word.remove_prefix(first + 1);
     const std::size_t second = std::min(word.find('/'), word.size());
-    if (second > 0) result.uv = index(word.substr(0, second), uvs_.size(), "texture coordinate");
-    if (second + 1 < word.size()) {
-      result.normal = index(word.substr(second + 1), normals_.size(), "normal");
-    }
+    if (second > 0) result.uv = other_index(word.substr(0, second), uvs_.size());
+    if (second + 1 < word.size())
+      result.normal = other_index(word.substr(second + 1), normals_.size());
     return result;
   }
 

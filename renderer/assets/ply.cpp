@@ -125,11 +125,17 @@ class Reader {
     }
     return 0;
   }
-  static void skip(const Element& element, Numbers& numbers) {
+  void skip(const Element& element, Numbers& numbers) {
     if (element.properties.empty()) return;
     for (u64 i = 0; i < element.count; ++i) {
       for (const Property& property : element.properties) (void)skip_property(property, numbers);
+      end_element(numbers);
     }
+  }
+  /// Some programs write a list where their header has a single number.
+  void end_element(Numbers& numbers) {
+    if (numbers.end_element())
+      builder_.warn("lines have more numbers than the header says: these are left out");
   }
 
   /// Whether the file can hold an element, each at least a byte or character a property.
@@ -158,6 +164,7 @@ class Reader {
         const double number = skip_property(element.properties[k], numbers);
         set(row, slots[k], element.properties[k], number);
       }
+      end_element(numbers);
       check_numbers(row, i);
       positions_.emplace_back(row[0], row[1], row[2]);
       if (normals) mesh_.normals.emplace_back(row[3], row[4], row[5]);
@@ -205,6 +212,7 @@ class Reader {
           set(row, slots[k], property, number);
         }
       }
+      end_element(numbers);
       add_face(vec4(row[8], row[9], row[10], row[11]));
     }
   }

@@ -140,6 +140,13 @@ u64 Numbers::next_count(Type type) {
   return u64(number);
 }
 
+bool Numbers::end_element() {
+  if (encoding_ != Encoding::kAscii) return false;
+  const std::string_view line = rest_.substr(0, rest_.find_first_of("\r\n"));
+  rest_.remove_prefix(line.size());
+  return !trimmed(line).empty();
+}
+
 double Numbers::ascii() {
   const std::string_view word = take_word(rest_);
   if (word.empty()) refuse("data", "the file is truncated");

@@ -44,6 +44,8 @@ class Numbers {
   /// NaN for what a program wrote for a number that is none.
   double next(Type type);
   u64 next_count(Type type);
+  /// Leaves out what an ASCII line has beyond its element; whether there was any.
+  bool end_element();
   /// Whether `count` more of at least `bytes` each can be there.
   [[nodiscard]] bool has(u64 count, u64 bytes) const {
     return count <= rest_.size() / (bytes > 1 ? bytes : 1);

@@ -99,13 +99,34 @@ TEST_CASE("obj: groups and materials are parts; MTL maps to parameters") {
   CHECK(value(shiny, ior).x == 1.3f);
 }
 
+TEST_CASE("obj: a colour that is not finite is 0") {
+  const auto loaded =
+      load_text("a.obj", "v 0 0 0 nan 1 1\nv 1 0 0 1 1 1\nv 0 1 0 1 1 1\nf 1 2 3\n");
+  INFO(refusal(loaded));
+  REQUIRE(loaded);
+  CHECK(library_item<PutMesh>(*loaded).topology->colors[0] == vec4(0, 1, 1, 1));
+  CHECK(loaded->warnings.size() == 1);
+}
+
+TEST_CASE("obj: a face goes without the normals and texture coordinates that are not there") {
+  const std::string quad = std::string(kQuad) + "vt 0.5 0.5\nvn 1 0 0\n";
+  const auto loaded = load_text("a.obj", quad + "f 1/7/1 2/1/-2 3/1/0\n");
+  INFO(refusal(loaded));
+  REQUIRE(loaded);
+  CHECK(loaded->warnings ==
+        std::vector<std::string>{"faces name vn or vt that are not there: they go without"});
+  const PutMesh& mesh = library_item<PutMesh>(*loaded);
+  CHECK(mesh.topology->uvs[0] == vec2(0));
+  CHECK(mesh.topology->uvs[1] == vec2(0.5f));
+  CHECK(mesh.vertices->normals.empty());  // flat
+}
+
 TEST_CASE("obj: what is broken is refused with its line") {
   const auto refused = [](const std::string& text) { return refusal(load_text("a.obj", text)); };
   CHECK_THAT(refused(kQuad), Contains("no faces"));
   CHECK_THAT(refused(std::string(kQuad) + "f 1 2 5\n"), Contains("a.obj: line 5: vertex '5'"));
   CHECK_THAT(refused(std::string(kQuad) + "f 1 2 0\n"), Contains("line 5"));
   CHECK_THAT(refused(std::string(kQuad) + "f -5 2 1\n"), Contains("line 5"));
-  CHECK_THAT(refused(std::string(kQuad) + "f 1/7 2 1\n"), Contains("texture coordinate"));
   CHECK_THAT(refused("v 0 0 nan\n"), Contains("line 1"));
   CHECK_THAT(refused("v 0 0 1e999\n"), Contains("line 1"));
   CHECK_THAT(refused("v 0 0\n"), Contains("missing"));
@@ -173,6 +194,18 @@ TEST_CASE("ply: the same mesh in ASCII and both byte orders") {
     CHECK_THAT(refusal(load_text("a.ply", binary(big).substr(0, binary(big).size() - 1))),
                Contains("truncated"));
   }
+}
+
+TEST_CASE("ply: numbers beyond those of the header end with their line") {
+  const auto loaded = load_text(
+      "a.ply",
+      "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+      "property float z\nelement face 2\nproperty list uchar int vertex_indices\n"
+      "property uchar flags\nend_header\n0 0 0\r\n2 0 0\n0 3 0\n3 0 1 2 9 1 1 1\n3 2 1 0 0");
+  INFO(refusal(loaded));
+  REQUIRE(loaded);
+  CHECK(area(*loaded) == Approx(6));  // two faces of 2 x 3 / 2
+  CHECK(loaded->warnings.size() == 1);
 }
 
 TEST_CASE("ply: what is broken is refused") {
