@@ -1,5 +1,5 @@
-"""What a reader found in a model, as numbers that another reader's can be compared with. Used by the
-readers of bench/models.py; needs numpy alone, so that it runs in anybody's Python.
+"""What a reader found in a model, as numbers that another reader's can be compared with. Used by
+the readers of bench/models.py; needs numpy alone, so that it runs in anybody's Python.
 
 A reader is a program: it takes the path of a file a line on stdin, and answers each with a line of
 JSON on stdout: the facts, or {"refusal": why}.
@@ -40,7 +40,7 @@ class Surface:
 
 
 def mean_colour(texels):
-    """Of a picture, (H, W) or (H, W, C) of any dtype: red, green, blue as they are stored, 0 to 1."""
+    """[red, green, blue] of (H, W) or (H, W, C) texels of any dtype, as they are stored, 0 to 1."""
     texels = np.asarray(texels)
     scale = np.iinfo(texels.dtype).max if texels.dtype.kind == "u" else 1
     planes = texels.reshape(*texels.shape[:2], -1).astype(np.float64) / scale

@@ -349,6 +349,8 @@ void finish_colors(Model& model, Builder& builder) {
 void load_ply(Builder& builder) {
   const std::string_view text = as_text(builder.bundle.model().bytes);
   const Header header = read_header(text);
+  for (const std::string& word : header.unread)
+    builder.warn(fmt::format("'{}' begins no line of a PLY header: it is left out", word));
   const bool textured = has_uvs(header) && !header.textures.empty();
   if (!textured && !header.textures.empty())
     builder.warn("TextureFile without texture coordinates is left out");

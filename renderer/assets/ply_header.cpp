@@ -67,7 +67,7 @@ void header_line(std::string_view line, const std::string& where, Header& header
   } else if (key == "comment") {
     if (take_word(line) == "TextureFile") header.textures.emplace_back(trimmed(line));
   } else if (key != "obj_info" && !key.empty()) {
-    refuse(where, fmt::format("'{}' is not a PLY header line", clean_name(key, "")));
+    header.unread.push_back(clean_name(key, ""));
   }
 }
 

@@ -30,6 +30,7 @@ struct Header {
   Encoding encoding = Encoding::kAscii;
   std::vector<Element> elements;
   std::vector<std::string> textures;  // of "comment TextureFile <name>"
+  std::vector<std::string> unread;    // words that begin a line and mean nothing
   std::size_t size = 0;
 };
 

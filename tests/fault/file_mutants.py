@@ -13,7 +13,6 @@ import struct
 from dataclasses import dataclass
 
 ASSETS = pathlib.Path(__file__).parents[1] / "assets"
-COMPANIONS = (".bin", ".mtl", ".png", ".jpg")
 HEAD = 512  # bytes, where the claims are: half of the edits hit them
 LARGEST = 200_000  # bytes of a seed
 
@@ -139,15 +138,20 @@ SAMPLES |= {ending: [f"picture/gradient.{ending}"] for ending in PICTURES.split(
 
 
 def seed_of(path: pathlib.Path) -> Seed:
-    """A file with what lies beside it and may belong to it; buffers and MTL are changed too."""
-    files = {path.name: path.read_bytes()}
-    for other in sorted(path.parent.iterdir()):
-        is_its_own = other.stem == path.stem or other.suffix.lower() in (".png", ".jpg")
-        if path.parent.name in ("picture", "mesh") and other.stem != path.stem:
-            continue
-        if other != path and other.suffix.lower() in COMPANIONS and is_its_own:
-            files[other.name] = other.read_bytes()
-    return Seed(files, tuple(n for n in files if not n.endswith((".png", ".jpg")) or n == path.name))
+    """A file with those beside it that may be its own. Of these, pictures are not changed."""
+    others = [other for other in sorted(path.parent.iterdir()) if belongs(other, path)]
+    files = {each.name: each.read_bytes() for each in (path, *others)}
+    return Seed(files, tuple(e.name for e in (path, *others) if e == path or not is_picture(e)))
+
+
+def is_picture(path: pathlib.Path) -> bool:
+    return path.suffix.lower() in (".png", ".jpg")
+
+
+def belongs(other: pathlib.Path, path: pathlib.Path) -> bool:
+    is_model = path.suffix.lower() in (".gltf", ".dae", ".obj")
+    buffer = other.suffix.lower() in (".bin", ".mtl") and other.stem == path.stem
+    return is_model and (buffer or is_picture(other))
 
 
 def seeds(folder: pathlib.Path | None) -> dict[str, list[Seed]]:
