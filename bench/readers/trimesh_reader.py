@@ -10,13 +10,12 @@ import trimesh
 sys.path.append(str(pathlib.Path(__file__).parents[1]))
 import model_facts  # noqa: E402
 
-PICTURES = (
+PICTURES = (  # occlusion is none of Heliograph's
     "image",
     "baseColorTexture",
     "metallicRoughnessTexture",
     "normalTexture",
     "emissiveTexture",
-    "occlusionTexture",
 )
 NONE = trimesh.visual.material.empty_material().image.tobytes()  # what it gives those without one
 
