@@ -116,7 +116,10 @@ SAMPLES: dict[str, list[str | Seed]] = {
     "draco": ["gltf/heart_draco.glb"],
     "meshopt": [f"gltf/packed/{kind}.gltf" for kind in PACKED],
     "dae": ["dae/bracket.dae"],
-    "obj": [made("quad.obj", QUAD, others=checker()), "mesh/spot_control_mesh.obj"],
+    "obj": [
+        made("quad.obj", QUAD, others={"quad.mtl": MTL.encode(), **checker()}),
+        "mesh/spot_control_mesh.obj",
+    ],
     "mtl": [material()],
     "ply": [
         "mesh/cube_blender_uv.ply",
