@@ -1,5 +1,5 @@
 """Models as trimesh has them: a reader of bench/models.py. Its Python needs trimesh with pillow,
-networkx, scipy and, for COLLADA, pycollada."""
+networkx, scipy, charset_normalizer and, for COLLADA, pycollada."""
 
 import pathlib
 import sys
