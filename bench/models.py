@@ -2,8 +2,8 @@
 has, their area and box, its textures' mean colours, its joints, cameras and lights.
 
 usage: models.py [--trimesh PYTHON] [--blender PYTHON] [--explained FILE] FILE_OR_FOLDER...
-Run with .venv/bin/python. PYTHON is one with trimesh (and pillow, networkx, scipy, charset_normalizer, pycollada), or
-with bpy. HELIOGRAPHD names the daemon.
+Run with .venv/bin/python. PYTHON is one with trimesh (and pillow, networkx, scipy,
+charset_normalizer, pycollada), or with bpy. HELIOGRAPHD names the daemon.
 
 A line for each difference, "file: reader: what: ours / theirs", then the counts. --explained: lines
 of "reader file-pattern what: reason", where reader and what may be *, take differences out of those
