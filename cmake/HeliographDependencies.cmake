@@ -39,6 +39,17 @@ find_library(OPENIMAGEIO_UTIL_LIBRARY OpenImageIO_Util HINTS ${openimageio}/lib 
 add_library(openimageio INTERFACE)
 target_include_directories(openimageio SYSTEM INTERFACE ${OPENIMAGEIO_INCLUDE})
 target_link_libraries(openimageio INTERFACE ${OPENIMAGEIO_LIBRARY} ${OPENIMAGEIO_UTIL_LIBRARY})
+# scripts/basis_universal.py puts it there. Of the formats that GPUs take none is written.
+set(basis_universal ${PROJECT_SOURCE_DIR}/.venv/basis_universal)
+find_path(BASIS_UNIVERSAL_SOURCE basisu_transcoder.cpp HINTS ${basis_universal}/transcoder REQUIRED)
+find_library(ZSTD_LIBRARY zstd REQUIRED)
+add_library(basis_universal STATIC ${BASIS_UNIVERSAL_SOURCE}/basisu_transcoder.cpp)
+target_include_directories(basis_universal SYSTEM PUBLIC ${BASIS_UNIVERSAL_SOURCE})
+foreach(target ASTC DXT1 DXT5A BC7_MODE5 PVRTC1 PVRTC2 ETC2_EAC_A8 ETC2_EAC_RG11 ATC FXT1)
+  target_compile_definitions(basis_universal PRIVATE BASISD_SUPPORT_${target}=0)
+endforeach()
+target_compile_options(basis_universal PRIVATE -w -fno-strict-aliasing)
+target_link_libraries(basis_universal PUBLIC ${ZSTD_LIBRARY})
 
 if(HELIOGRAPH_TESTS)
   find_package(Catch2 REQUIRED)

@@ -9,20 +9,18 @@ usage: scripts/openimageio.py [--requirement]   what pip installs
 
 from __future__ import annotations
 
-import hashlib
 import importlib.metadata
-import io
 import pathlib
 import re
 import shutil
 import sys
-import tarfile
-import urllib.request
+
+from pypi_source import pypi_source
 
 VERSION = "3.2.2.0"
 SOURCE = (
-    "https://files.pythonhosted.org/packages/c3/7f/"
-    f"7a49e65b7f49f859c213e1d6ce19d32ce568d4ed15385898c2f65314e536/openimageio-{VERSION}.tar.gz"
+    "c3/7f/7a49e65b7f49f859c213e1d6ce19d32ce568d4ed15385898c2f65314e536/"
+    f"openimageio-{VERSION}.tar.gz"
 )
 SHA256 = "d66c829016b4f092c443b7f7896f06d0ab6af02a103d635d1b0b841c14bfd7c1"
 ROOT = pathlib.Path(__file__).resolve().parent.parent / ".venv/openimageio"
@@ -42,15 +40,6 @@ VALUES = {
 }
 
 
-def source() -> tarfile.TarFile:
-    with urllib.request.urlopen(SOURCE, timeout=120) as reply:
-        data = reply.read()
-    found = hashlib.sha256(data).hexdigest()
-    if found != SHA256:
-        raise SystemExit(f"openimageio: {SOURCE} has the SHA-256 {found}, not {SHA256}")
-    return tarfile.open(fileobj=io.BytesIO(data))
-
-
 def configured(template: str) -> str:
     """A header as CMake's configure_file makes it."""
     text = re.sub(r"@(\w+)@", lambda found: VALUES[found[1]], template)
@@ -59,7 +48,7 @@ def configured(template: str) -> str:
 
 def put_headers(folder: pathlib.Path) -> None:
     prefix = f"openimageio-{VERSION}/src/include/"
-    with source() as archive:
+    with pypi_source(SOURCE, SHA256) as archive:
         for member in archive.getmembers():
             name = member.name.removeprefix(prefix)
             if name == member.name or not member.isfile():

@@ -1,6 +1,7 @@
 #include "renderer/assets/load.h"
 
 #include <OpenImageIO/oiioversion.h>
+#include <basisu_transcoder_internal.h>
 #include <blosc.h>
 #include <draco/core/draco_version.h>
 #include <meshoptimizer.h>
@@ -162,10 +163,12 @@ Expected<Loaded> load_asset(std::span<const BundleFile> bundle, const LoadOption
 }
 
 std::string decoder_versions() {
-  return fmt::format("OpenImageIO {}.{}.{}, blosc {}, pugixml {}, Draco {}, meshoptimizer {}",
-                     OIIO_VERSION_MAJOR, OIIO_VERSION_MINOR, OIIO_VERSION_PATCH,
-                     BLOSC_VERSION_STRING, PUGIXML_VERSION, draco::kDracoVersion,
-                     MESHOPTIMIZER_VERSION);
+  return fmt::format(
+      "OpenImageIO {}.{}.{}, Basis Universal {}.{}, blosc {}, pugixml {}, Draco {}, meshoptimizer "
+      "{}",
+      OIIO_VERSION_MAJOR, OIIO_VERSION_MINOR, OIIO_VERSION_PATCH, BASISD_LIB_VERSION / 100,
+      BASISD_LIB_VERSION % 100, BLOSC_VERSION_STRING, PUGIXML_VERSION, draco::kDracoVersion,
+      MESHOPTIMIZER_VERSION);
 }
 
 }  // namespace heliograph

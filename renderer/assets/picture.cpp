@@ -11,6 +11,7 @@
 
 #include "renderer/assets/bundle.h"
 #include "renderer/assets/picture_headers.h"
+#include "renderer/assets/picture_ktx2.h"
 #include "renderer/assets/picture_layers.h"
 #include "renderer/assets/picture_texels.h"
 
@@ -20,9 +21,12 @@ namespace {
 using Input = std::unique_ptr<OIIO::ImageInput>;
 using Extensions = std::map<std::string, std::vector<std::string>>;
 
+constexpr const char* kKtx2 = "ktx2";  // the one that OpenImageIO has not
+
 /// Extensions by format: those that are read from memory.
 Extensions extensions() {
   Extensions all = OIIO::get_extension_map();
+  all[kKtx2] = {kKtx2};
   for (const char* format : {"null", "term", "cineon", "fits", "softimage", "zfile"}) {
     all.erase(format);
   }
@@ -52,6 +56,15 @@ std::string in_words(std::string_view format) {
   return text;
 }
 
+/// Warns of a name that is another format's.
+void check_name(std::string_view name, std::string_view content,
+                std::vector<std::string>& warnings) {
+  const std::string named = format_named(name);
+  if (named.empty() || named == content) return;
+  warnings.push_back(
+      fmt::format("is named as {} and is {} by its content", in_words(named), in_words(content)));
+}
+
 /// Of a colour space or a profile; CMYK was converted.
 bool is_srgb(const std::string& name) {
   constexpr std::array kNames = {"sRGB", "srgb_rec709", "Rec709", "rec709", "CMYK"};
@@ -73,12 +86,10 @@ class Reader {
     OIIO::attribute("limits:imagesize_MB", int(source.budget.limits().texels * kTexelBytes >> 20));
     const std::string named = format_named(name);
     input_ = open("picture");  // by its content
-    if (!input_ && !named.empty()) input_ = open("picture." + extensions().at(named).front());
+    if (!input_ && !named.empty() && named != kKtx2)
+      input_ = open("picture." + extensions().at(named).front());
     if (!input_) refuse_unread(named, name);
-    if (!named.empty() && named != input_->format_name()) {
-      warnings.push_back(fmt::format("is named as {} and is {} by its content", in_words(named),
-                                     in_words(input_->format_name())));
-    }
+    check_name(name, input_->format_name(), warnings);
   }
 
   /// Chooses one of several parts. Refuses what is no plain picture.
@@ -108,7 +119,9 @@ class Reader {
     const bool ok =
         input_->read_image(subimage_, 0, int(begin), int(end + 1), oiio_type(), read.texels.data());
     if (!ok) refuse_broken();
-    return windowed(picked(std::move(read), begin));
+    std::vector<u32> channels = selection_.channels;
+    for (u32& channel : channels) channel -= begin;
+    return windowed(picked(std::move(read), channels, source_));
   }
 
   /// The others' alpha is straight, or was asked to stay so.
@@ -235,23 +248,6 @@ class Reader {
     return type() == TexelType::kF32 ? OIIO::TypeDesc(OIIO::TypeDesc::FLOAT) : spec().format;
   }
 
-  /// The selected channels of those that were read.
-  [[nodiscard]] Canvas picked(Canvas read, u32 begin) const {
-    std::vector<u32> order = selection_.channels;
-    for (u32& channel : order) channel -= begin;
-    if (order.size() == read.image.channels && std::ranges::is_sorted(order)) return read;
-    ImageData layout = read.image;
-    layout.channels = u32(order.size());
-    Canvas canvas(layout, source_);
-    const u32 size = component_bytes(layout.type);
-    const std::byte* from = read.texels.data();
-    for (std::byte* to = canvas.texels.data(); to != canvas.texels.data() + canvas.texels.size();
-         from += read.texel_size()) {
-      for (const u32 channel : order) to = std::copy_n(from + channel * size, size, to);
-    }
-    return canvas;
-  }
-
   /// An EXR's data window in its display window: overscan is cut, what is missing is 0.
   [[nodiscard]] Canvas windowed(Canvas pixels) const {
     const OIIO::ImageSpec& at = spec();
@@ -307,6 +303,7 @@ Picture decode(const PictureSource& source, std::string_view name, std::string_v
 }  // namespace
 
 bool is_picture(Bytes bytes) {
+  if (is_ktx2(bytes)) return true;
   OIIO::Filesystem::IOMemReader memory(bytes.data(), bytes.size());
   const Input input = OIIO::ImageInput::create("picture", false, nullptr, &memory);
   (void)OIIO::geterror();
@@ -325,7 +322,10 @@ Picture decode_picture(Bytes bytes, std::string_view name, const std::string& wh
                        std::string_view layer) {
   const PictureSource source{bytes, where, budget};
   try {
-    return decode(source, name, layer);
+    if (!is_ktx2(bytes)) return decode(source, name, layer);
+    Picture picture = decode_ktx2(source, layer);
+    check_name(name, kKtx2, picture.warnings);
+    return picture;
   } catch (const Refused&) {
     throw;
   } catch (const std::bad_alloc&) {

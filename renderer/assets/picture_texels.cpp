@@ -75,6 +75,20 @@ glm::dmat3 xyz_from(const Chromaticities& at) {
 
 }  // namespace
 
+Canvas picked(Canvas canvas, std::span<const u32> channels, const PictureSource& source) {
+  if (channels.size() == canvas.image.channels && std::ranges::is_sorted(channels)) return canvas;
+  ImageData layout = canvas.image;
+  layout.channels = u32(channels.size());
+  Canvas result(layout, source);
+  const u32 size = component_bytes(layout.type);
+  const std::byte* from = canvas.texels.data();
+  for (std::byte* to = result.texels.data(); to != result.texels.data() + result.texels.size();
+       from += canvas.texel_size()) {
+    for (const u32 channel : channels) to = std::copy_n(from + channel * size, size, to);
+  }
+  return result;
+}
+
 void place(const Canvas& pixels, Window at, Canvas& canvas) {
   const std::size_t texel = canvas.texel_size();
   const i64 left = std::max<i64>(at.x, 0);

@@ -14,6 +14,10 @@ struct Window {
   i32 x = 0, y = 0;  // of its first texel
 };
 
+/// A canvas of some of the channels, in this order.
+[[nodiscard]] Canvas picked(Canvas canvas, std::span<const u32> channels,
+                            const PictureSource& source);
+
 /// Copies the part of `pixels` that lies in `canvas`; the rest stays as it is.
 void place(const Canvas& pixels, Window at, Canvas& canvas);
 

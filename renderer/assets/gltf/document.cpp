@@ -33,6 +33,7 @@ constexpr std::array kHonoured = std::to_array<std::string_view>({
     "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_node_visibility",
+    "KHR_texture_basisu",
     "KHR_texture_transform",
     "KHR_xmp_json_ld",  // says nothing of what is seen
 });

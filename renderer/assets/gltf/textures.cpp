@@ -46,10 +46,12 @@ bool is_nearest(const Value& sampler, Builder& builder) {
   return magnified == kNearest || (magnified == 0 && minified_nearest);
 }
 
-/// The image of a texture: that of EXT_texture_webp, else its own.
+/// The image of a texture: that of an extension, else its own.
 std::optional<Value> source_of(const Value& texture) {
-  if (const auto webp = texture.extension("EXT_texture_webp")) {
-    if (const auto source = webp->find("source")) return source;
+  for (const char* name : {"KHR_texture_basisu", "EXT_texture_webp"}) {
+    const auto extension = texture.extension(name);
+    if (!extension) continue;
+    if (const auto source = extension->find("source")) return source;
   }
   return texture.find("source");
 }
