@@ -7,11 +7,12 @@ import io
 import tarfile
 import urllib.request
 
+PACKAGES = "https://files.pythonhosted.org/packages/"
+
 
 def pypi_source(path: str, sha256: str) -> tarfile.TarFile:
-    """The archive at a path below https://files.pythonhosted.org/packages/; ends the program when
-    it is another one."""
-    url = f"https://files.pythonhosted.org/packages/{path}"
+    """The archive at a path below PACKAGES; ends the program when it is another one."""
+    url = PACKAGES + path
     with urllib.request.urlopen(url, timeout=120) as reply:
         data = reply.read()
     found = hashlib.sha256(data).hexdigest()

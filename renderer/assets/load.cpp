@@ -76,6 +76,9 @@ const Model* model_of(const std::string& format) {
 void check_options_of(const std::string& format, const LoadOptions& options) {
   const bool is_model = model_of(format) != nullptr;
   if (is_model && !options.layer.empty()) refuse("layer", "is of pictures; a model has none");
+  if (!is_gltf(format) && !options.variant.empty()) {
+    refuse("variant", "is of glTF (KHR_materials_variants); other files have none");
+  }
   if (!is_model) refuse_axes(options, "only models have it: leave it out");
   if (is_gltf(format)) {
     refuse_axes(options, "glTF is +Y up and in metres: leave it out, and give transform= instead");

@@ -37,8 +37,9 @@ struct LoadOptions {
   // "x", "y", "z" for formats that name no axis, and instead of what COLLADA names; "": nothing is
   // turned, COLLADA as it says. glTF refuses both.
   std::string up;
-  double units = 0;   // metres a unit, for the same formats; 0: 1, COLLADA as it says
-  std::string layer;  // of a lone picture with several; "": its colours
+  double units = 0;     // metres a unit, for the same formats; 0: 1, COLLADA as it says
+  std::string layer;    // of a lone picture with several; "": its colours
+  std::string variant;  // of a glTF with KHR_materials_variants; "": its default
   LoadLimits limits{};
   /// Calls a function in as many threads as there are, and returns when all have ended.
   std::function<void(const std::function<void()>&)> in_threads = [](const auto& work) { work(); };

@@ -117,6 +117,7 @@ void DecodeCall::submit() {
                 .up = kAxes[std::size_t(request_.up())],
                 .units = request_.units(),
                 .layer = request_.layer(),
+                .variant = request_.variant(),
                 .hash = hash_,
                 .tenant = call_.session()->tenant()->id,
                 .pay = [tenant = call_.session()->tenant()](u64 bytes) {

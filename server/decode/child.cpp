@@ -93,6 +93,7 @@ Expected<Loaded> load(const Region& region, Helpers& helpers, u64& result_bytes)
                             .up = job->up(),
                             .units = job->units(),
                             .layer = job->layer(),
+                            .variant = job->variant(),
                             .limits = limits_of(job->limits()),
                             .in_threads = [&](const auto& work) { helpers.run(work); }});
 }

@@ -48,6 +48,7 @@ Status begin(ChildProcess& child, const DecodeJob& job, const LoadLimits& limits
   message.set_up(job.up);
   message.set_units(job.units);
   message.set_layer(job.layer);
+  message.set_variant(job.variant);
   *message.mutable_limits() = to_proto(limits);
   return child.begin(message, files);
 }

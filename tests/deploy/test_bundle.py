@@ -109,8 +109,11 @@ def test_it_names_all_that_is_inside(root):
         if path.is_file() and path.read_bytes()[:4] == b"\x7fELF"
     }
     assert listed == here and any(name.startswith("lib/libgrpc++.so") for name in here)
-    components = [part for part in document["components"] if part["name"] != "openimageio"]
-    [library] = [part for part in document["components"] if part not in components]
+    others = ("basis-universal", "openimageio")
+    components = [part for part in document["components"] if part["name"] not in others]
+    basis, library = [part for part in document["components"] if part not in components][::-1]
+    assert basis["purl"].startswith("pkg:generic/basis-universal@") and basis["licenses"]
+    assert (folder / "licences/basis_universal/LICENSE").stat().st_size > 10_000
     assert library["purl"].startswith("pkg:pypi/openimageio@") and len(library["components"]) == 2
     names = [part["name"] for part in components]
     query = ["dpkg-query", "-W", "-f", "${Package} ${Version}\n", *names]

@@ -233,7 +233,7 @@ TEST_CASE("gltf: what is left out or clamped says so") {
     return refusal(load_material("", R"(,"extensionsRequired":[")" + name + "\"]"));
   };
   for (const char* name : {"KHR_materials_dispersion", "KHR_materials_diffuse_transmission",
-                           "KHR_texture_basisu", "MSFT_texture_dds"}) {
+                           "EXT_texture_avif", "MSFT_texture_dds"}) {
     CHECK_THAT(required(name), Contains("12 ") && Contains(name));
   }
 }
@@ -299,7 +299,38 @@ TEST_CASE("gltf: variants are named, the default is shown") {
           R"("KHR_materials_variants":{"variants":[{"name":"red"},{"name":"blue"}]}})");
   REQUIRE(loaded);
   CHECK_THAT(loaded->warnings.at(0),
-             Contains("KHR_materials_variants") && Contains("'red', 'blue'"));
+             Contains("KHR_materials_variants") && Contains("red, blue") && Contains("variant="));
+}
+
+TEST_CASE("gltf: the variant that was asked for is shown") {
+  GltfFile file;
+  file.floats("VEC3", {0, 0, 0, 1, 0, 0, 0, 1, 0});
+  const TestBundle bundle = file.bundle(
+      R"("extensions":{"KHR_materials_variants":{"variants":[{"name":"red"},{"name":"blue"}]}},)"
+      R"("materials":[{"name":"plain"},{"name":"painted"}],"scenes":[{"nodes":[0]}],)"
+      R"("nodes":[{"mesh":0}],"meshes":[{"primitives":[{"attributes":{"POSITION":0},)"
+      R"("material":0,"extensions":{"KHR_materials_variants":{"mappings":[)"
+      R"({"material":1,"variants":[1]}]}}}]}]})");
+  const auto shown = [&](const std::string& variant) {
+    const auto loaded = bundle.load({.variant = variant});
+    INFO(refusal(loaded));
+    REQUIRE(loaded);
+    CHECK(loaded->warnings.size() == (variant.empty() ? 1 : 0));
+    for (const Edit& edit : loaded->asset.entities) {
+      const auto* put = std::get_if<PutEntity>(&edit.action);
+      if (!put || !put->materials) continue;
+      const Ref& ref = put->materials->at(0);
+      return loaded->asset.library.at(std::get<CreatedByEdit>(ref).edit).name;
+    }
+    return std::string("none");
+  };
+  CHECK(shown("") == "plain");
+  CHECK(shown("red") == "plain");  // it maps nothing
+  CHECK(shown("blue") == "painted");
+  CHECK_THAT(refusal(bundle.load({.variant = "green"})),
+             Contains("variant: the file has no green; it has red, blue"));
+  CHECK_THAT(refusal(TestBundle().add("a.stl", "solid").load({.variant = "red"})),
+             Contains("variant: is of glTF"));
 }
 
 TEST_CASE("gltf: broken materials and pictures are refused by name") {

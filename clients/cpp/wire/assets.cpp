@@ -71,6 +71,7 @@ v1::AssetInfo decode_bundle(Session& session, const Source& source) {
   request.set_up(axis_of(source.up));
   request.set_units(source.units);
   request.set_layer(source.layer);
+  request.set_variant(source.variant);
   const fs::path model(source.path);
   if (!source.path.empty()) {
     std::error_code error;

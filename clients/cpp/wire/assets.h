@@ -17,6 +17,7 @@ struct Source {
   std::string up{};
   double units = 0;
   std::string layer{};
+  std::string variant{};
   std::vector<std::string> folders{};
   bool strict = false;
 };

@@ -7,8 +7,9 @@ namespace heliograph::assets::gltf {
 
 /// What the rest of the loader asks about materials.
 struct Materials {
-  std::vector<Ref> refs;  // by glTF material index
-  Ref fallback;           // for primitives without a material; may be monostate
+  std::vector<Ref> refs;         // by glTF material index
+  Ref fallback;                  // for primitives without a material; may be monostate
+  std::optional<u32> variant{};  // that is shown; see variants.h
 };
 
 /// Adds textures, then materials to the library. `needs_fallback`: some primitive names no

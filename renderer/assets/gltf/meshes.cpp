@@ -5,6 +5,7 @@
 
 #include "renderer/assets/gltf/primitive.h"
 #include "renderer/assets/gltf/shading.h"
+#include "renderer/assets/gltf/variants.h"
 
 namespace heliograph::assets::gltf {
 namespace {
@@ -188,7 +189,7 @@ class Loader {
     const u32 first = pieces_[part.piece].first;
     for (const uvec3& t : part.triangles) data.triangles.push_back(t + first);
     data.parts.insert(data.parts.end(), part.triangles.size(), u32(mesh.materials.size()));
-    const auto material = primitive.find("material");
+    const auto material = material_of(primitive, materials_.variant);
     std::string name = fmt::format("part_{}", mesh.materials.size());
     if (material) {
       const u32 index = material->index(document_.count("materials"));
@@ -229,11 +230,11 @@ std::vector<Mesh> load_meshes(const Document& document, Builder& builder,
   return meshes;
 }
 
-bool any_without_material(const Document& document) {
+bool any_without_material(const Document& document, std::optional<u32> variant) {
   for (u32 i = 0; i < document.count("meshes"); ++i) {
     const Value primitives = document.item("meshes", i).at("primitives");
     for (std::size_t k = 0; k < primitives.size(); ++k) {
-      if (!primitives[k].find("material")) return true;
+      if (!material_of(primitives[k], variant)) return true;
     }
   }
   return false;

@@ -20,6 +20,6 @@ struct Mesh {
                                             const Materials& materials);
 
 /// Whether some primitive names no material.
-[[nodiscard]] bool any_without_material(const Document& document);
+[[nodiscard]] bool any_without_material(const Document& document, std::optional<u32> variant);
 
 }  // namespace heliograph::assets::gltf

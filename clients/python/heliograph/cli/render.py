@@ -72,6 +72,7 @@ def add_model(group: Any) -> None:
     group.add_argument(
         "--folder", action="append", default=[], help="a further one that has the model's textures"
     )
+    group.add_argument("--variant", default="", metavar="NAME", help="of a glTF that has several")
     group.add_argument("--strict", action="store_true", help="refuse a model that lacks textures")
     group.add_argument("--animation", metavar="NAME", help="a clip to bind")
 
@@ -160,11 +161,12 @@ def imported(edit: Any, arguments: argparse.Namespace) -> Any:
             arguments.model,
             up=arguments.up,
             units=arguments.units,
+            variant=arguments.variant,
             folders=arguments.folder,
             strict=arguments.strict,
             animation=arguments.animation,
         )
-    for name in ("up", "animation", "folder", "strict"):
+    for name in ("up", "variant", "animation", "folder", "strict"):
         if getattr(arguments, name):
             raise InvalidArgument(f"--{name}: USD files have their own; leave it out", field=name)
     times = None if arguments.time is None else "all"

@@ -321,6 +321,7 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
         count: int = 1,
         up: str = "",
         units: float = 0.0,
+        variant: str = "",
         server_path: str = "",
         folders: Sequence[str | os.PathLike[str]] = (),
         strict: bool = False,
@@ -329,15 +330,19 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
         """Decodes a model (glTF, GLB, DAE, OBJ, PLY, STL) and places it `count` times.
 
         up ("x", "y", "z") and units (metres a unit) serve formats that name none, and go before a
-        DAE's own. server_path: a file under the daemon's asset root instead. Roots are called
-        `name`, or "<name>/0" .. for a count above 1.
+        DAE's own. variant: of a glTF with KHR_materials_variants, the name of the one that is
+        shown instead of the default; NotFound lists those that there are. server_path: a file
+        under the daemon's asset root instead. Roots are called `name`, or "<name>/0" .. for a
+        count above 1.
 
         Textures and other companions are read from beneath the model's folder, and beneath
         `folders`: where the model says they are, else a file of the same name. Without one the
         model loads, and asset.warnings names it; strict=True refuses the model (NotFound).
         """
         count = whole_of(count, "count")
-        source = assets.Source(path, server_path, up, units, folders=folders, strict=strict)
+        source = assets.Source(
+            path, server_path, up, units, folders=folders, strict=strict, variant=variant
+        )
         asset = assets.decode(self.scene, source, name)
         for i in range(count):
             root = asset.name if count == 1 else f"{asset.name}/{i}"

@@ -14,7 +14,7 @@ from .._wire._proto import service_pb2 as service
 from .._wire.arrays import inline
 from .._wire.uploads import repeated
 from ..errors import FailedPrecondition, InvalidArgument, NotFound
-from ..values.checks import refuse_unknown
+from ..values.checks import refuse_unknown, text_of
 from ..values.pose import matrix_of
 from . import companions
 from .handles import Asset, Named
@@ -53,6 +53,7 @@ class Source:
     folders: Sequence[str | os.PathLike[str]] = ()  #: further ones whose files may be read
     strict: bool = False  #: refuse a model whose companions are not all there
     layer: str = ""  #: of a picture
+    variant: str = ""  #: of a glTF
 
     def request(self) -> service.DecodeAssetRequest:
         if (self.path is None) == (not self.server_path):
@@ -75,7 +76,11 @@ class Source:
             ) from None
         up = f"AXIS_{self.up.upper() or 'UNSPECIFIED'}"
         return service.DecodeAssetRequest(
-            server_path=self.server_path, up=up, units=units, layer=self.layer
+            server_path=self.server_path,
+            up=up,
+            units=units,
+            layer=self.layer,
+            variant=text_of(self.variant, "variant"),
         )
 
 
