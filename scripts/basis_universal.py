@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Puts the Basis Universal transcoder where CMake finds it: .venv/basis_universal.
 
-No distribution has it. The source package of `opengl-basisu` on PyPI carries the transcoder of Basis
-Universal's tag v2_50 (commit 9bebe16), byte for byte; nothing else of it is taken, and Zstandard is
-the distribution's (docs/decisions/051). Run by scripts/setup.
+No distribution has it. The source package of `opengl-basisu` on PyPI carries the transcoder of
+Basis Universal's tag v2_50 (commit 9bebe16), byte for byte; nothing else of it is taken, and
+Zstandard is the distribution's (docs/decisions/051). Run by scripts/setup.
 """
 
 from __future__ import annotations
