@@ -11,19 +11,20 @@ from __future__ import annotations
 import pathlib
 import shutil
 
-from pypi_source import PACKAGES, pypi_source
+from sources import PYPI, source
 
 VERSION = "2.50"  # of Basis Universal
 PACKAGE = "opengl_basisu-0.1.0a2"
-SOURCE = f"a8/6a/b242409d87a74b0f7715af6e26a888d3eaa443fee738fa1b28f32ec27bec/{PACKAGE}.tar.gz"
-URL = PACKAGES + SOURCE
+SOURCE = (
+    PYPI + f"a8/6a/b242409d87a74b0f7715af6e26a888d3eaa443fee738fa1b28f32ec27bec/{PACKAGE}.tar.gz"
+)
 SHA256 = "7364dc63ac0e65f1d32306236514b834e06a22081d1019e8241d8f0a2a6cfeb5"
 ROOT = pathlib.Path(__file__).resolve().parent.parent / ".venv/basis_universal"
 
 
 def put_files(folder: pathlib.Path) -> None:
     prefix = f"{PACKAGE}/vendor/basis_universal/"
-    with pypi_source(SOURCE, SHA256) as archive:
+    with source(SOURCE, SHA256) as archive:
         for member in archive.getmembers():
             name = member.name.removeprefix(prefix)
             wanted = name.startswith("transcoder/") or name in ("LICENSE", "NOTICE")

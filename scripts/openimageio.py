@@ -15,7 +15,7 @@ import re
 import shutil
 import sys
 
-from pypi_source import pypi_source
+from sources import PYPI, source
 
 VERSION = "3.2.2.0"
 SOURCE = (
@@ -48,7 +48,7 @@ def configured(template: str) -> str:
 
 def put_headers(folder: pathlib.Path) -> None:
     prefix = f"openimageio-{VERSION}/src/include/"
-    with pypi_source(SOURCE, SHA256) as archive:
+    with source(PYPI + SOURCE, SHA256) as archive:
         for member in archive.getmembers():
             name = member.name.removeprefix(prefix)
             if name == member.name or not member.isfile():

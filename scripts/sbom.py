@@ -1,9 +1,9 @@
 """What a bundle or a wheel is made of, as CycloneDX 1.5 JSON. Used by scripts/bundle and
 scripts/wheel.
 
-Nothing is listed by hand but the pinned source (basis_universal.py): packages are those that
-brought the files inside (dpkg), those whose headers the build tree says were compiled in (Ninja),
-and those that pip unpacked. A file that nobody brought ends the program.
+Nothing is listed by hand: packages are those that brought the files inside (dpkg), those whose
+headers the build tree says were compiled in (Ninja), and those that pip unpacked; beside them
+sources that were compiled in. A file that nobody brought ends the program.
 """
 
 from __future__ import annotations
@@ -223,12 +223,14 @@ class Sbom:
             component(name, dist.version, f"pkg:pypi/{name}@{dist.version}", **more)
         )
 
-    def add_source(self, name: str, version: str, url: str, licence: str) -> None:
-        """A library that was compiled from the source at a URL."""
-        purl = f"pkg:generic/{name}@{version}?download_url={urllib.parse.quote(url, safe='')}"
-        self._components.append(
-            component(name, version, purl, licenses=[{"license": {"id": licence}}])
-        )
+    def add_source(self, name: str, version: str, licence: str, where: str) -> None:
+        """What was compiled in from an archive of sources, and where that is to be had."""
+        purl = f"pkg:generic/{name}@{version}?download_url={urllib.parse.quote(where, safe='')}"
+        more = {
+            "licenses": [{"expression": licence}],
+            "properties": [{"name": "heliograph:linkage", "value": "static"}],
+        }
+        self._components.append(component(name, version, purl, **more))
 
     def add_unpacked(self, folder: pathlib.Path) -> None:
         """All that pip unpacked in a folder."""

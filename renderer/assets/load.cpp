@@ -15,6 +15,7 @@
 #include "renderer/assets/builder.h"
 #include "renderer/assets/content.h"
 #include "renderer/assets/picture.h"
+#include "renderer/assets/volume_file.h"
 
 namespace heliograph {
 namespace {
@@ -167,11 +168,11 @@ Expected<Loaded> load_asset(std::span<const BundleFile> bundle, const LoadOption
 
 std::string decoder_versions() {
   return fmt::format(
-      "OpenImageIO {}.{}.{}, Basis Universal {}.{}, blosc {}, pugixml {}, Draco {}, meshoptimizer "
-      "{}",
+      "OpenImageIO {}.{}.{}, Basis Universal {}.{}, {}, blosc {}, pugixml {}, Draco {}, "
+      "meshoptimizer {}",
       OIIO_VERSION_MAJOR, OIIO_VERSION_MINOR, OIIO_VERSION_PATCH, BASISD_LIB_VERSION / 100,
-      BASISD_LIB_VERSION % 100, BLOSC_VERSION_STRING, PUGIXML_VERSION, draco::kDracoVersion,
-      MESHOPTIMIZER_VERSION);
+      BASISD_LIB_VERSION % 100, openvdb_version(), BLOSC_VERSION_STRING, PUGIXML_VERSION,
+      draco::kDracoVersion, MESHOPTIMIZER_VERSION);
 }
 
 }  // namespace heliograph

@@ -1,70 +1,91 @@
 // Volumes: .nvdb and .vdb to a Volume and the entity that shows it. Chosen by load.cpp.
-#include <algorithm>
-#include <cmath>
+#include <tbb/task_arena.h>
 
 #include "renderer/assets/builder.h"
 #include "renderer/assets/mesh_data.h"
-#include "renderer/assets/volume_bricks.h"
+#include "renderer/assets/volume_file.h"
 
 namespace heliograph::assets {
 namespace {
 
+constexpr std::size_t kNone = ~std::size_t(0);
+
 /// The first grid of a file that has so many channels and one of these names.
-FileGrid* named(VolumeFile& file, u32 channels, std::initializer_list<std::string_view> names) {
+std::size_t named(const VolumeFile& file, u32 channels,
+                  std::initializer_list<std::string_view> names) {
   for (const std::string_view name : names)
-    for (FileGrid& grid : file.grids)
-      if (grid.channels() == channels && grid.name() == name) return &grid;
-  return nullptr;
+    for (std::size_t i = 0; i < file.entries().size(); ++i)
+      if (file.entries()[i].channels == channels && file.entries()[i].name == name) return i;
+  return kNone;
 }
 
-FileGrid& density_of(VolumeFile& file, const FileGrid* temperature) {
-  if (FileGrid* grid = named(file, 1, {"density", "Density"})) return *grid;
-  for (FileGrid& grid : file.grids)
-    if (grid.channels() == 1 && &grid != temperature) return grid;
+std::size_t density_of(const VolumeFile& file, std::size_t temperature) {
+  const std::size_t grid = named(file, 1, {"density", "Density"});
+  if (grid != kNone) return grid;
+  for (std::size_t i = 0; i < file.entries().size(); ++i)
+    if (file.entries()[i].channels == 1 && i != temperature) return i;
   std::string names;
-  for (const FileGrid& grid : file.grids) names += fmt::format(" {}", grid.name());
-  for (const std::string& name : file.skipped) names += fmt::format(" {}", clean_text(name, 200));
-  refuse("grids", "no grid of floats could be the density; there are:" + names);
+  for (const FileEntry& entry : file.entries())
+    names += fmt::format(" '{}'{}", entry.name, entry.why.empty() ? "" : " (" + entry.why + ")");
+  refuse("grids", "no grid of numbers could be the density; there are:" + names);
 }
 
-std::shared_ptr<const Grid> take(Builder& builder, FileGrid* grid, float most) {
-  if (!grid) return nullptr;
-  if (grid->level_set)
-    builder.warn(fmt::format("grid '{}' is a level set: shown as fog", grid->name()));
-  else if (grid->background != 0)
-    builder.warn(fmt::format("grid '{}': its background is not 0, but nothing is outside of it",
-                             grid->name()));
-  if (grid->make_fog(most))
-    builder.warn(fmt::format("grid '{}': values outside [0, {}] are clamped", grid->name(), most));
-  return std::make_shared<const Grid>(grid->finish());
+/// What it does not show of a grid.
+void warn_of(Builder& builder, const std::string& name, const FileGrid& read, float most) {
+  if (read.look.level_set)
+    builder.warn(fmt::format("grid '{}' is a level set: shown as fog", name));
+  else if (read.look.background != 0)
+    builder.warn(
+        fmt::format("grid '{}': its background is not 0, but nothing is outside of it", name));
+  if (read.clamped)
+    builder.warn(fmt::format("grid '{}': values outside [0, {}] are clamped", name, most));
+}
+
+std::shared_ptr<const Grid> take(Builder& builder, VolumeFile& file, std::size_t entry,
+                                 float most) {
+  if (entry == kNone) return nullptr;
+  FileGrid read = file.read(entry, most);
+  warn_of(builder, file.entries()[entry].name, read, most);
+  return std::make_shared<const Grid>(std::move(read.grid));
 }
 
 PutVolume to_volume(Builder& builder, VolumeFile& file) {
   constexpr float kMost = 1e9f;
-  FileGrid* temperature = named(file, 1, {"temperature", "Temperature"});
-  FileGrid* color = named(file, 3, {"color", "Cd", "albedo"});
-  FileGrid* density = &density_of(file, temperature);
-  for (const FileGrid& grid : file.grids)
-    if (&grid != density && &grid != temperature && &grid != color)
-      builder.warn(fmt::format("grid '{}' is not used", grid.name()));
-  for (const std::string& name : file.skipped)
-    builder.warn("not read: grid " + clean_text(name, 200));
-  PutVolume put{.density = take(builder, density, kMost)};
-  if (auto grid = take(builder, temperature, kMost)) put.temperature = grid;
-  if (auto grid = take(builder, color, 1)) put.color = grid;
+  const std::size_t temperature = named(file, 1, {"temperature", "Temperature"});
+  const std::size_t color = named(file, 3, {"color", "Cd", "albedo"});
+  const std::size_t density = density_of(file, temperature);
+  for (std::size_t i = 0; i < file.entries().size(); ++i) {
+    const auto& [name, channels, why] = file.entries()[i];
+    if (channels == 0)
+      builder.warn(fmt::format("not read: grid '{}' ({})", name, why));
+    else if (i != density && i != temperature && i != color)
+      builder.warn(fmt::format("grid '{}' is not used", name));
+  }
+  PutVolume put{.density = take(builder, file, density, kMost)};
+  if (auto grid = take(builder, file, temperature, kMost)) put.temperature = grid;
+  if (auto grid = take(builder, file, color, 1)) put.color = grid;
+  return put;
+}
+
+/// The library's own threads are as many as there may be in the sandbox: none. Its trees are freed
+/// by them, too.
+PutVolume read_volume(Builder& builder) {
+  const BundleFile& file = builder.bundle.model();
+  const std::string format =
+      builder.options.format.empty() ? extension_of(file.path) : builder.options.format;
+  PutVolume put;
+  tbb::task_arena(1).execute([&] {
+    const auto open = format == "nvdb" ? open_nvdb : open_vdb;
+    put = to_volume(builder, *open(file.bytes, builder.budget));
+  });
   return put;
 }
 
 }  // namespace
 
 void load_volume(Builder& builder) {
-  const BundleFile& file = builder.bundle.model();
-  const std::string format =
-      builder.options.format.empty() ? extension_of(file.path) : builder.options.format;
-  VolumeFile read = format == "nvdb" ? read_nvdb(file.bytes, builder.budget)
-                                     : read_vdb(file.bytes, builder.budget);
-  const std::string stem = stem_of(file.path);
-  const Ref ref = builder.library(builder.claim_name(stem, "volume"), to_volume(builder, read));
+  const std::string stem = stem_of(builder.bundle.model().path);
+  const Ref ref = builder.library(builder.claim_name(stem, "volume"), read_volume(builder));
   PutEntity root;
   const float metres = builder.options.units > 0 ? float(builder.options.units) : 1.0f;
   const mat3 turned = z_up_from(builder.options.up) * metres;

@@ -1,63 +1,70 @@
-// A grid while a volume's file is read: index space as in OpenVDB, sample (i, j, k) at that place.
-// Filled by the readers of .nvdb and .vdb, turned into a Grid by volume.cpp.
+// Bricks of 8^3 voxels on their way from a file's tree to a Grid. Index space is that of OpenVDB:
+// sample (i, j, k) lies at that place. Used by the readers of .nvdb and .vdb.
 #pragma once
 
+#include <array>
+#include <functional>
 #include <string>
 #include <vector>
 
 #include "renderer/assets/budget.h"
-#include "renderer/assets/bundle.h"
 #include "renderer/scene/components.h"
 
 namespace heliograph::assets {
 
-/// Owns: the bricks so far, in any order.
-class FileGrid {
- public:
-  FileGrid(const std::string& name, u32 channels, Budget& budget)
-      : name_(clean_name(name, "grid")), channels_(channels), budget_(&budget) {}
-
+/// What values mean, and where they lie.
+struct GridLook {
+  u32 channels = 1;
   bool level_set = false;
   float background = 0;  // first channel
   mat4x3 object_from_index{1};
+};
 
-  [[nodiscard]] const std::string& name() const { return name_; }
-  [[nodiscard]] u32 channels() const { return channels_; }
+/// A grid as scenes have it, and what its warnings are about.
+struct FileGrid {
+  GridLook look;
+  Grid grid;
+  bool clamped = false;
+};
 
-  /// Room for the kBrickVoxels * channels values of the brick whose first voxel is `origin`.
-  [[nodiscard]] float* add_brick(ivec3 origin);
-  /// The same value over a cube. What stays 0 takes no room: outside of level sets what is not
-  /// active is left out.
-  struct Tile {
-    ivec3 origin;
-    i32 side;  // voxels
-    bool active;
-  };
-  void add_tile(const Tile& tile, const float* value);
+/// Owns: where bricks are, not their values. Memory is paid for as they are added.
+class Bricks {
+ public:
+  Bricks(std::string name, const GridLook& look, Budget& budget)
+      : name_(std::move(name)), look_(look), budget_(&budget) {}
 
-  /// Level sets become fog: 0 at the surface, 1 from `background` inside on; of other grids values
-  /// outside [0, most] are clamped. Says whether some were. Refuses numbers that are not finite.
-  bool make_fog(float most);
-  /// The sparse grid of what is not 0, its box a voxel wider, so that it fades to 0. `this` is
-  /// empty afterwards.
-  [[nodiscard]] Grid finish();
+  /// A node of 8^3 voxels whose first is `origin`; it is read when the grid is made.
+  void add_leaf(ivec3 origin, const void* leaf);
+  /// The same value over a cube of `side` voxels. What stays 0 takes no room: outside of level sets
+  /// what is not active is left out.
+  void add_tile(ivec3 origin, i32 side, bool active, std::array<float, 3> value);
+
+  /// Writes the kBrickVoxels * channels values of a leaf.
+  using Read = std::function<void(const void* leaf, float* out)>;
+  /// The sparse grid of what is not 0, its box a voxel wider, so that it fades to 0. Level sets
+  /// become fog: 0 at the surface, 1 from the background's value inside on; of other grids values
+  /// outside [0, most] are clamped. Refuses numbers that are not finite.
+  [[nodiscard]] FileGrid make(const Read& read, float most);
 
  private:
-  [[nodiscard]] std::size_t brick_size() const { return std::size_t(kBrickVoxels) * channels_; }
+  struct Brick {
+    ivec3 at;
+    const void* leaf;            // null: `value` everywhere
+    std::array<float, 3> value;  // of `channels` numbers
+  };
+
+  [[nodiscard]] std::size_t brick_size() const {
+    return std::size_t(kBrickVoxels) * look_.channels;
+  }
+  void check_place(ivec3 origin, i32 side) const;
+  void sort();
+  bool make_fog(std::span<float> brick, float most) const;
+  void place(Grid& grid, ivec3 low, ivec3 high) const;
 
   std::string name_;
-  u32 channels_;
+  GridLook look_;
   Budget* budget_;
-  std::vector<ivec3> bricks_;
-  std::vector<float> values_;
+  std::vector<Brick> bricks_;
 };
-
-/// The fields of a .nvdb or .vdb file that could be read; the names of the others in `skipped`.
-struct VolumeFile {
-  std::vector<FileGrid> grids;
-  std::vector<std::string> skipped;  // "name (why)"
-};
-[[nodiscard]] VolumeFile read_nvdb(std::span<const std::byte> file, Budget& budget);
-[[nodiscard]] VolumeFile read_vdb(std::span<const std::byte> file, Budget& budget);
 
 }  // namespace heliograph::assets

@@ -1,217 +1,255 @@
-// NanoVDB files of version 32: grids of float, vec3f, fp4, fp8, fp16 and fpN.
-// Source of the layout: NanoVDB 32, NanoVDB.h (GridData, TreeData, RootData, InternalData,
-// LeafData) and util/IO.h (FileHeader, FileMetaData, the codecs).
-#include <zlib.h>
+// .nvdb through NanoVDB's headers. They trust what a file says of places within it, so a tree is
+// walked here, each node checked to be inside of its grid; what a node holds, they read.
+#include <nanovdb/NanoVDB.h>
+#include <nanovdb/util/GridHandle.h>
+#include <nanovdb/util/IO.h>
 
 #include <algorithm>
+#include <spanstream>
 
-#include "renderer/assets/volume_bricks.h"
-#include "renderer/assets/volume_bytes.h"
+#include "renderer/assets/bundle.h"
+#include "renderer/assets/volume_file.h"
 
 namespace heliograph::assets {
 namespace {
 
-using Bytes = std::span<const std::byte>;
+using nanovdb::GridType;
+namespace io = nanovdb::io;
 
-constexpr u64 kMagic = 0x304244566f6e614eull;      // "NanoVDB0"
-constexpr u64 kFileMagic = 0x324244566f6e614eull;  // "NanoVDB2"
-constexpr u32 kMajor = 32;
+constexpr u64 kFileMagic = 0x324244566f6e614eull;  // "NanoVDB2", of files since 32.6
+constexpr u32 kMajor = NANOVDB_MAJOR_VERSION_NUMBER;
+constexpr u32 kLongestName = 1 << 16;
 
-enum GridType : u32 { kFloat = 1, kVec3f = 6, kFp4 = 13, kFp8 = 14, kFp16 = 15, kFpN = 16 };
-enum Codec : u16 { kNone = 0, kZip = 1, kBlosc = 2 };
-
-struct FileMeta {
-  u64 grid_bytes, file_bytes, name_key, voxels;
-  u32 type, grid_class;
-  double world_box[6];
-  i32 index_box[6];
-  double voxel_size[3];
-  u32 name_bytes, nodes[4], tiles[3];
-  u16 codec, padding;
-  u32 version;
-};
-static_assert(sizeof(FileMeta) == 176);
-
-// Offsets within a grid.
-constexpr u64 kGridBytes = 672, kMap = 296, kMatD = kMap + 88, kVecD = kMatD + 144;
-constexpr u64 kTreeRoot = 24;  // of the root's offset, within the tree
-// The root: a box, the table's size, then five values or statistics; tiles of 32 bytes.
-constexpr u64 kTableSize = 24, kBackground = 28, kTileBytes = 32;
-
-constexpr u64 round_up(u64 size) { return (size + 31) / 32 * 32; }
-
-/// How the nodes of one type of grid lie in memory.
-struct Layout {
-  u32 type;
-  u32 channels;
-  u64 value;  // bytes of a value in root and internal nodes
-
-  [[nodiscard]] u64 root_header() const { return round_up(kBackground + 3 * value + 8); }
-  /// Box, flags and two masks of side^3 bits, then minimum, maximum, average and deviation.
-  [[nodiscard]] u64 internal_header(u32 side) const {
-    return round_up(32 + 2 * u64(side) * side * side / 8 + 2 * value + 8);
+template <class Value>
+std::array<float, 3> components(const Value& value) {
+  if constexpr (nanovdb::TensorTraits<Value>::IsVector) {
+    return {float(value[0]), float(value[1]), float(value[2])};
+  } else {
+    return {float(value)};
   }
-  [[nodiscard]] u64 entry() const { return value > 8 ? 16 : 8; }  // a value or a child's offset
-  /// Where a leaf's values or codes begin.
-  [[nodiscard]] u64 leaf_header() const { return type == kVec3f ? 128 : 96; }
-};
+}
 
-class NanoReader {
+template <class Leaf>
+void write_leaf(const void* node, float* out) {
+  constexpr u32 kChannels = nanovdb::TensorTraits<typename Leaf::ValueType>::IsVector ? 3 : 1;
+  const Leaf& leaf = *static_cast<const Leaf*>(node);
+  for (u32 i = 0; i < kBrickVoxels; ++i)
+    std::copy_n(components(leaf.getValue(i)).data(), kChannels, out + i * kChannels);
+}
+
+/// The nodes of one grid.
+template <class Build>
+class Nodes {
  public:
-  NanoReader(Bytes bytes, const Layout& layout, FileGrid& grid)
-      : bytes_(bytes), layout_(layout), grid_(grid) {}
+  using Root = typename nanovdb::NanoRoot<Build>::DataType;
+  using Upper = typename nanovdb::NanoUpper<Build>::DataType;
+  using Lower = typename nanovdb::NanoLower<Build>::DataType;
+  using Leaf = typename nanovdb::NanoLeaf<Build>::DataType;
 
-  void read() {
-    const u64 root = kGridBytes + read_at<u64>(bytes_, kGridBytes + kTreeRoot);
-    const u32 tiles = read_at<u32>(bytes_, root + kTableSize);
-    grid_.background = std::abs(read_at<float>(bytes_, root + kBackground));
-    for (u32 i = 0; i < tiles; ++i) {
-      const u64 tile = root + layout_.root_header() + i * kTileBytes;
-      const u64 key = read_at<u64>(bytes_, tile);
-      const auto axis = [key](u32 shift) { return i32(u32((key >> shift) & 0x1fffff) << 12); };
-      const ivec3 origin(axis(42), axis(21), axis(0));
-      const u64 child = read_at<u64>(bytes_, tile + 8);
-      if (child != 0)
-        internal<32>(root + child, origin);
-      else
-        add_tile({origin, 4096, read_at<u32>(bytes_, tile + 16) != 0}, tile + 20);
+  Nodes(std::span<const u8> bytes, std::string name) : bytes_(bytes), name_(std::move(name)) {}
+
+  [[nodiscard]] const Root& root() const {
+    const auto& tree = at<nanovdb::TreeData<3>>(bytes_.data(), sizeof(nanovdb::GridData));
+    const auto& root = at<Root>(&tree, i64(tree.mNodeOffset[3]));
+    check(&root, i64(sizeof(Root)), root.mTableSize * sizeof(typename Root::Tile));
+    return root;
+  }
+
+  void gather(Bricks& bricks) const {
+    const Root& top = root();
+    for (u32 i = 0; i < top.mTableSize; ++i) {
+      const auto& tile = *top.tile(i);
+      const ivec3 origin(tile.origin()[0], tile.origin()[1], tile.origin()[2]);
+      if (tile.isChild()) {
+        gather(at<Upper>(&top, tile.child), 5, 7, origin, bricks);
+      } else {
+        bricks.add_tile(origin, 1 << 12, tile.state != 0, components(tile.value));
+      }
     }
   }
 
  private:
-  void add_tile(const FileGrid::Tile& tile, u64 at) {
-    float value[3];
-    for (u32 c = 0; c < layout_.channels; ++c) value[c] = read_at<float>(bytes_, at + 4ull * c);
-    grid_.add_tile(tile, value);
-  }
-
-  /// A node of Side^3 children: of 32 nodes of 16, of 16 leaves.
-  template <u32 Side>
-  void internal(u64 node, ivec3 origin) {
-    constexpr u32 count = Side * Side * Side;
-    constexpr i32 child_side = Side == 32 ? 128 : kBrickSide;
-    const u64 table = node + layout_.internal_header(Side);
-    const Bytes active = part_of(bytes_, node + 32, count / 8);
-    const Bytes children = part_of(bytes_, node + 32 + count / 8, count / 8);
-    for (u32 i = 0; i < count; ++i) {
-      const ivec3 at(i / (Side * Side), i / Side % Side, i % Side);
-      const ivec3 first = origin + at * child_side;
-      const u64 entry = table + i * layout_.entry();
-      if (!bit_at(children, i)) {
-        add_tile({first, child_side, bit_at(active, i)}, entry);
-        continue;
+  /// `bits`: of a child's place along an axis; `child_bits`: of a voxel within it.
+  template <class Node>
+  void gather(const Node& node, u32 bits, u32 child_bits, ivec3 origin, Bricks& bricks) const {
+    const u32 mask = (1u << bits) - 1;
+    for (u32 n = 0; n < 1u << (3 * bits); ++n) {
+      const ivec3 place(n >> (2 * bits), (n >> bits) & mask, n & mask);
+      const ivec3 first = origin + (place << i32(child_bits));
+      if (!node.isChild(n)) {
+        bricks.add_tile(first, 1 << child_bits, node.isActive(n), components(node.getValue(n)));
+      } else if constexpr (std::is_same_v<Node, Upper>) {
+        gather(at<Lower>(&node, node.mTable[n].child), 4, 3, first, bricks);
+      } else {
+        const Leaf& leaf = at<Leaf>(&node, node.mTable[n].child);
+        check(&leaf, 0, leaf.memUsage());
+        bricks.add_leaf(first, &leaf);
       }
-      const u64 child = node + read_at<u64>(bytes_, entry);
-      if constexpr (Side == 32)
-        internal<16>(child, first);
-      else
-        leaf(child, first);
     }
   }
 
-  void leaf(u64 node, ivec3 origin) {
-    float* out = grid_.add_brick(origin);
-    const u64 values = node + layout_.leaf_header();
-    if (layout_.type == kFloat || layout_.type == kVec3f) {
-      const u64 size = u64(kBrickVoxels) * layout_.channels * sizeof(float);
-      std::memcpy(out, part_of(bytes_, values, size).data(), size);
-      return;
-    }
-    const auto minimum = read_at<float>(bytes_, node + 80);
-    const auto quantum = read_at<float>(bytes_, node + 84);
-    const u32 bits = layout_.type == kFp4    ? 4
-                     : layout_.type == kFp8  ? 8
-                     : layout_.type == kFp16 ? 16
-                                             : 1u << (read_at<u8>(bytes_, node + 15) >> 5);
-    if (bits > 16) refuse(grid_.name(), "has a leaf of more than 16 bits a voxel");
-    for (u32 i = 0; i < kBrickVoxels; ++i)
-      out[i] = float(code(values, i, bits)) * quantum + minimum;
+  void check(const void* from, i64 offset, u64 size) const {
+    const i64 begin = i64(static_cast<const u8*>(from) - bytes_.data());
+    const i64 end = i64(bytes_.size());
+    if (offset < -begin || offset > end - begin || size > u64(end - begin - offset) ||
+        (begin + offset) % NANOVDB_DATA_ALIGNMENT != 0)
+      refuse(name_, "a node leaves its grid");
+  }
+  template <class Node>
+  const Node& at(const void* from, i64 offset) const {
+    check(from, offset, sizeof(Node));
+    return *reinterpret_cast<const Node*>(static_cast<const u8*>(from) + offset);
   }
 
-  [[nodiscard]] u32 code(u64 codes, u32 i, u32 bits) const {
-    const u32 first = i * bits;
-    if (bits == 16) return read_at<u16>(bytes_, codes + first / 8);
-    return (u32(read_at<u8>(bytes_, codes + first / 8)) >> (first % 8)) & ((1u << bits) - 1);
-  }
-
-  const Bytes bytes_;
-  const Layout layout_;
-  FileGrid& grid_;
+  std::span<const u8> bytes_;
+  std::string name_;
 };
 
-std::vector<std::byte> unpack(const FileMeta& meta, u16 codec, Bytes packed, Budget& budget) {
-  budget.take(meta.grid_bytes, 1, "grids");
-  if (codec == kNone) return {packed.begin(), packed.end()};
-  if (codec != kZip)
-    refuse_unimplemented("header", codec == kBlosc ? "compression by BLOSC; use ZIP or none"
-                                                   : fmt::format("codec {}", codec));
-  Cursor cursor(packed);
-  return inflate(cursor.span(cursor.take<u64>()), meta.grid_bytes);
-}
-
-mat4x3 transform_of(Bytes grid) {
+mat4x3 to_glm(const nanovdb::Map& map) {
   mat4x3 m;
   for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column)
-      m[column][row] = float(read_at<double>(grid, kMatD + 8 * u64(3 * row + column)));
-    m[3][row] = float(read_at<double>(grid, kVecD + 8 * u64(row)));
+    for (int column = 0; column < 3; ++column) m[column][row] = float(map.mMatD[3 * row + column]);
+    m[3][row] = float(map.mVecD[row]);
   }
   return m;
 }
 
-void read_grid(const FileMeta& meta, std::string name, Bytes bytes, VolumeFile& file,
-               Budget& budget) {
-  constexpr u32 kLevelSet = 1;
-  constexpr std::array kTypes{Layout{kFloat, 1, 4}, Layout{kVec3f, 3, 12}, Layout{kFp4, 1, 4},
-                              Layout{kFp8, 1, 4},   Layout{kFp16, 1, 4},   Layout{kFpN, 1, 4}};
-  const auto layout = std::ranges::find(kTypes, meta.type, &Layout::type);
-  if (layout == kTypes.end()) {
-    file.skipped.push_back(fmt::format("{} (values of type {})", name, meta.type));
-    return;
+/// The types that a volume can show.
+template <class... Builds>
+struct Types {
+  /// Calls visit(Build()) for that of the grid; whether it is one of them.
+  static bool visit(GridType type, const auto& visitor) {
+    const auto call = [&]<class Build> { visitor.template operator()<Build>(); };
+    return (
+        (nanovdb::mapToGridType<Builds>() == type && (call.template operator()<Builds>(), true)) ||
+        ...);
   }
-  if (const u64 magic = read_at<u64>(bytes, 0); magic != kMagic && magic >> 8 != kMagic >> 8)
-    refuse(name, "is not a NanoVDB grid");
-  FileGrid& grid = file.grids.emplace_back(name, layout->channels, budget);
-  grid.level_set = meta.grid_class == kLevelSet;
-  grid.object_from_index = transform_of(bytes);
-  NanoReader(bytes, *layout, grid).read();
+};
+using Shown =
+    Types<float, double, std::int16_t, i32, i64, u32, bool, nanovdb::ValueMask, nanovdb::Vec3f,
+          nanovdb::Vec3d, nanovdb::Fp4, nanovdb::Fp8, nanovdb::Fp16, nanovdb::FpN>;
+
+u32 channels_of(GridType type) {
+  const bool is_vector = type == GridType::Vec3f || type == GridType::Vec3d;
+  return Shown::visit(type, []<class> {}) ? (is_vector ? 3 : 1) : 0;
 }
+
+class NvdbFile final : public VolumeFile {
+ public:
+  NvdbFile(std::span<const std::byte> bytes, Budget& budget)
+      : size_(bytes.size()),
+        stream_(std::span(reinterpret_cast<const char*>(bytes.data()), bytes.size())),
+        budget_(budget) {
+    stream_.exceptions(std::ios::eofbit | std::ios::failbit | std::ios::badbit);
+    guarded("header", [&] {
+      do read_segment();
+      while (u64(stream_.tellg()) < size_);
+    });
+  }
+
+  FileGrid read(std::size_t entry, float most) override {
+    const std::string& name = entries_[entry].name;
+    const Place& place = places_[entry];
+    budget_.take(place.meta.gridSize, 1, name);
+    return guarded(name, [&] {
+      nanovdb::GridHandle<> handle(nanovdb::HostBuffer::create(place.meta.gridSize));
+      if (!handle) throw std::bad_alloc();
+      check_packed(place, name);
+      stream_.seekg(std::streamoff(place.offset));
+      io::Internal::read(stream_, handle, place.codec);
+      FileGrid made;
+      Shown::visit(place.meta.gridType, [&]<class Build> {
+        made = bricks_of<Build>({handle.data(), handle.size()}, name, most);
+      });
+      return made;
+    });
+  }
+
+ private:
+  struct Place {
+    io::MetaData meta;
+    io::Codec codec;
+    u64 offset;
+  };
+
+  template <class T>
+  T take() {
+    T value;
+    stream_.read(reinterpret_cast<char*>(&value), sizeof value);
+    return value;
+  }
+
+  /// The library believes how much packed data there is.
+  void check_packed(const Place& place, const std::string& name) {
+    if (place.codec == io::Codec::NONE) return;
+    stream_.seekg(std::streamoff(place.offset));
+    if (take<u64>() > place.meta.fileSize) refuse(name, "compressed data is damaged");
+  }
+
+  void read_segment() {
+    const auto header = take<io::Header>();
+    if (header.magic != NANOVDB_MAGIC_NUMBER && header.magic != kFileMagic)
+      refuse("header", "is not a NanoVDB file");
+    if (header.version.getMajor() != kMajor)
+      refuse_unimplemented("header", fmt::format("NanoVDB version {}; {} is read",
+                                                 header.version.getMajor(), kMajor));
+    if (header.codec >= io::Codec::END)
+      refuse_unimplemented("header", fmt::format("compression {}", u32(header.codec)));
+    if (header.gridCount == 0) refuse("header", "the file has no grids");
+    for (u32 i = 0; i < header.gridCount; ++i) add_entry(header.codec);
+    u64 offset = u64(stream_.tellg());
+    for (std::size_t i = places_.size() - header.gridCount; i < places_.size(); ++i) {
+      if (places_[i].meta.fileSize > size_ - offset)
+        refuse(entries_[i].name, "the file is truncated");
+      places_[i].offset = offset;
+      offset += places_[i].meta.fileSize;
+    }
+    stream_.seekg(std::streamoff(offset));
+  }
+
+  void add_entry(io::Codec codec) {
+    const auto meta = take<io::MetaData>();
+    if (meta.nameSize > kLongestName) refuse("header", "a name is too long");
+    std::string name(meta.nameSize, '\0');
+    stream_.read(name.data(), std::streamsize(name.size()));
+    const u32 channels = channels_of(meta.gridType);
+    entries_.push_back(
+        {.name = clean_name(name.substr(0, name.find('\0')), "grid"),
+         .channels = channels,
+         .why = channels ? "" : fmt::format("values of NanoVDB's type {}", u32(meta.gridType))});
+    places_.push_back({.meta = meta, .codec = codec, .offset = 0});
+  }
+
+  template <class Build>
+  FileGrid bricks_of(std::span<const u8> bytes, const std::string& name, float most) {
+    if (bytes.size() < sizeof(nanovdb::GridData)) refuse(name, "is not a NanoVDB grid");
+    const auto& grid = *reinterpret_cast<const nanovdb::GridData*>(bytes.data());
+    const u64 magic = grid.mMagic;
+    if (magic >> 8 != NANOVDB_MAGIC_NUMBER >> 8 && magic << 8 != u64(NANOVDB_MAGIC_NUMBER) << 8)
+      refuse(name, "is not a NanoVDB grid");
+    const Nodes<Build> nodes(bytes, name);
+    const float background = components(nodes.root().mBackground)[0];
+    const GridLook look{
+        .channels =
+            nanovdb::TensorTraits<typename Nodes<Build>::Leaf::ValueType>::IsVector ? 3u : 1u,
+        .level_set = grid.mGridClass == nanovdb::GridClass::LevelSet,
+        .background = std::abs(background),
+        .object_from_index = to_glm(grid.mMap)};
+    Bricks bricks(name, look, budget_);
+    nodes.gather(bricks);
+    return bricks.make(write_leaf<typename Nodes<Build>::Leaf>, most);
+  }
+
+  const u64 size_;
+  std::ispanstream stream_;
+  Budget& budget_;
+  std::vector<Place> places_;
+};
 
 }  // namespace
 
-std::vector<std::byte> inflate(Bytes packed, u64 size) {
-  std::vector<std::byte> out(size);
-  auto length = uLongf(size);
-  const int code = uncompress(reinterpret_cast<Bytef*>(out.data()), &length,
-                              reinterpret_cast<const Bytef*>(packed.data()), packed.size());
-  if (code != Z_OK || length != size) refuse("nodes", "compressed data is damaged");
-  return out;
-}
-
-VolumeFile read_nvdb(Bytes bytes, Budget& budget) {
-  Cursor cursor(bytes);
-  const u64 magic = cursor.take<u64>();
-  if (magic != kMagic && magic != kFileMagic) refuse("header", "is not a NanoVDB file");
-  const u32 version = cursor.take<u32>();
-  if (version >> 21 != kMajor)
-    refuse_unimplemented("header",
-                         fmt::format("NanoVDB version {}; {} is read", version >> 21, kMajor));
-  const u16 count = cursor.take<u16>();
-  const u16 codec = cursor.take<u16>();
-  if (count == 0) refuse("header", "the file has no grids");
-  std::vector<std::pair<FileMeta, std::string>> metas;
-  for (u32 i = 0; i < count; ++i) {
-    const auto meta = cursor.take<FileMeta>();
-    std::string name = cursor.text(meta.name_bytes);
-    metas.emplace_back(meta, name.substr(0, name.find('\0')));
-  }
-  VolumeFile file;
-  file.grids.reserve(metas.size());
-  for (auto& [meta, name] : metas) {
-    const std::vector<std::byte> grid = unpack(meta, codec, cursor.span(meta.file_bytes), budget);
-    read_grid(meta, std::move(name), grid, file, budget);
-  }
-  return file;
+std::unique_ptr<VolumeFile> open_nvdb(std::span<const std::byte> file, Budget& budget) {
+  return std::make_unique<NvdbFile>(file, budget);
 }
 
 }  // namespace heliograph::assets

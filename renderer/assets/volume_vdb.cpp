@@ -1,285 +1,178 @@
-// OpenVDB files since version 222 (OpenVDB 3): trees 5-4-3 of float and vec3s, also as halves,
-// compressed by ZIP, BLOSC or not. docs/decisions/009 says why this is not OpenVDB itself.
-// Source of the format: OpenVDB 10, io/Archive.cc, io/Compression.h, tree/RootNode.h,
-// tree/InternalNode.h, tree/LeafNode.h, math/Maps.h.
-#include <blosc.h>
+// .vdb through OpenVDB. docs/decisions/048 says which part of it is linked.
+#include <openvdb/io/Archive.h>
+#include <openvdb/io/GridDescriptor.h>
+#include <openvdb/io/io.h>
+#include <openvdb/openvdb.h>
 
+#include <algorithm>
 #include <array>
+#include <mutex>
+#include <spanstream>
 
 #include "renderer/assets/bundle.h"
-#include "renderer/assets/volume_bricks.h"
-#include "renderer/assets/volume_bytes.h"
-#include "renderer/base/half.h"
+#include "renderer/assets/volume_file.h"
+#include "renderer/assets/volume_trees.h"
 
 namespace heliograph::assets {
 namespace {
 
-using Bytes = std::span<const std::byte>;
+namespace vdb = openvdb;
 
-constexpr i64 kMagic = 0x56444220;
-constexpr u32 kOldest = 222;  // masks in nodes, compression by grid, a UUID as text
-constexpr u32 kMostGrids = 4096;
+constexpr i32 kMostGrids = 4096;
 
-enum Compression : u32 { kZip = 1, kActiveMask = 2, kBlosc = 4 };
-/// What a node says of its inactive values.
-enum NodeData : u8 {
-  kBackgroundOnly,
-  kMinusBackground,
-  kOneInactive,
-  kMaskOfBackgrounds,
-  kMaskAndOne,
-  kMaskAndTwo,
-  kAllValues
+template <class Metadata>
+struct RegisterMetadata {
+  void operator()() const { Metadata::registerType(); }
+};
+template <class Map>
+struct RegisterMap {
+  void operator()() const { Map::registerMap(); }
+};
+template <class Grid>
+struct RegisterGrid {
+  void operator()() const { Grid::registerGrid(); }
 };
 
-struct Entry {
-  std::string name, type, parent;
-  u64 begin, end;
-};
-
-std::vector<Entry> read_entries(Cursor& cursor) {
-  if (cursor.take<i64>() != kMagic) refuse("header", "is not a VDB file");
-  const u32 version = cursor.take<u32>();
-  if (version < kOldest) refuse_unimplemented("header", fmt::format("VDB version {}", version));
-  (void)cursor.skip(8);  // the library's version
-  const bool has_offsets = cursor.take<u8>() != 0;
-  (void)cursor.text(36);  // UUID
-  for (u32 left = cursor.take<u32>(); left > 0; --left) {
-    (void)cursor.text();  // name
-    (void)cursor.text();  // type
-    (void)cursor.skip(cursor.take<u32>());
-  }
-  const u32 count = cursor.take<u32>();
-  if (count > kMostGrids) refuse("header", fmt::format("claims {} grids", count));
-  if (!has_offsets) refuse_unimplemented("header", "a VDB stream without grid offsets");
-  std::vector<Entry> entries;
-  for (u32 i = 0; i < count; ++i) {
-    Entry entry;
-    entry.name = cursor.text();
-    entry.name = entry.name.substr(0, entry.name.find('\x1e'));  // keeps equal names apart
-    entry.type = cursor.text();
-    entry.parent = cursor.text();
-    entry.begin = cursor.take<u64>();
-    (void)cursor.take<u64>();  // where its blocks begin
-    entry.end = cursor.take<u64>();
-    if (entry.end < entry.begin) refuse("header", "a grid ends before it begins");
-    cursor.seek(entry.end);
-    entries.push_back(std::move(entry));
-  }
-  return entries;
+/// The types that are read, and no others: points would bring a third of the library.
+void register_types() {
+  static std::once_flag once;
+  std::call_once(once, [] {
+    vdb::MetaTypes::Remove<vdb::io::DelayedLoadMetadata>::foreach<RegisterMetadata>();
+    vdb::MapTypes::foreach<RegisterMap>();
+    ShownGrids::foreach<RegisterGrid>();
+  });
 }
 
-/// The map from index space, row vectors as in OpenVDB turned to columns.
-mat4x3 read_transform(Cursor& cursor, const std::string& grid) {
-  const std::string type = cursor.text();
-  const auto vector = [&] {
-    vec3 v;
-    for (int i = 0; i < 3; ++i) v[i] = float(cursor.take<double>());
-    return v;
-  };
-  mat4x3 m(1);
-  if (type == "AffineMap" || type == "UnitaryMap") {
-    for (int row = 0; row < 4; ++row) {
-      m[row] = vector();
-      (void)cursor.take<double>();
-    }
-    return m;
-  }
-  if (type == "TranslationMap" || type == "ScaleTranslateMap" || type == "UniformScaleTranslateMap")
-    m[3] = vector();
-  if (type != "TranslationMap") {
-    if (type.find("Scale") == std::string::npos)
-      refuse_unimplemented(
-          grid, fmt::format("a transform of type {}", clean_name(type.substr(0, 64), "map")));
-    const vec3 scale = vector();
-    for (int i = 0; i < 3; ++i) m[i][i] = scale[i];
-    (void)cursor.skip(12 * sizeof(double));  // voxel size, inverses
-  }
-  return m;
+/// What no volume shows, and what to do about it.
+std::string why_not(std::string_view type) {
+  if (type.find("ptdataidx") != type.npos || type.find("ptidx") != type.npos)
+    return "points: turn them into a density in the program that wrote them";
+  return "values of type " + std::string(type);
 }
 
-/// Reads the tree of one grid, front to back.
-class TreeReader {
+/// Reads the grids of a file one by one.
+class VdbFile final : public VolumeFile, private vdb::io::Archive {
  public:
-  TreeReader(Cursor& cursor, u32 compression, bool half, FileGrid& grid)
-      : cursor_(cursor), compression_(compression), half_(half), grid_(grid) {}
+  VdbFile(std::span<const std::byte> bytes, Budget& budget)
+      : size_(i64(bytes.size())),
+        stream_(std::span(reinterpret_cast<const char*>(bytes.data()), bytes.size())),
+        budget_(budget) {
+    register_types();
+    stream_.exceptions(std::ios::eofbit | std::ios::failbit | std::ios::badbit);
+    guarded("header", [&] { read_header(); });
+    for (i32 left = guarded("header", [&] { return count(); }); left > 0; --left) add_entry();
+  }
 
-  void read() {
-    if (cursor_.take<u32>() != 1) refuse(grid_.name(), "has several buffers a voxel");
-    background_ = value();
-    grid_.background = std::abs(background_[0]);
-    const u32 tiles = cursor_.take<u32>();
-    const u32 children = cursor_.take<u32>();
-    for (u32 i = 0; i < tiles; ++i) {
-      const auto origin = cursor_.take<ivec3>();
-      const Value tile = value();
-      const bool is_active = cursor_.take<u8>() != 0;
-      grid_.add_tile({origin, 4096, is_active}, tile.data());
-    }
-    for (u32 i = 0; i < children; ++i) {
-      const auto origin = cursor_.take<ivec3>();
-      internal<32>(origin);
-    }
-    for (const ivec3 origin : leaves_) leaf(origin);
+  FileGrid read(std::size_t entry, float most) override {
+    return guarded(entries_[entry].name, [&] {
+      load(entry);
+      const vdb::GridBase::Ptr grid = has_instances_ ? grids_[entry] : std::move(grids_[entry]);
+      return to_bricks(*grid, entries_[entry].name, budget_, most);
+    });
   }
 
  private:
-  using Value = std::array<float, 3>;
-
-  [[nodiscard]] u32 channels() const { return grid_.channels(); }
-  Value value() {
-    Value v{};
-    for (u32 c = 0; c < channels(); ++c) v[c] = cursor_.take<float>();
-    return v;
+  void read_header() {
+    readHeader(stream_);
+    if (fileVersion() > vdb::OPENVDB_FILE_VERSION)
+      refuse_unimplemented("header", fmt::format("VDB version {}; up to {} is read", fileVersion(),
+                                                 vdb::OPENVDB_FILE_VERSION));
+    metadata_->setSeekable(true);
+    vdb::io::setStreamMetadataPtr(stream_, metadata_, false);
+    setFormatVersion(stream_);
+    setLibraryVersion(stream_);
+    setDataCompression(stream_);
+    vdb::MetaMap().readMeta(stream_);
   }
 
-  /// The topology beneath a node of Side^3 children: of 32 nodes of 16, of 16 leaves.
-  template <u32 Side>
-  void internal(ivec3 origin) {
-    constexpr u32 kCount = Side * Side * Side;
-    constexpr i32 kChildSide = Side == 32 ? 128 : kBrickSide;
-    const Bytes children = cursor_.span(kCount / 8);
-    const Bytes active = cursor_.span(kCount / 8);
-    std::vector<float> tiles(std::size_t(kCount) * channels());
-    values(active, tiles);
-    const auto at = [&](u32 i) {
-      return origin + ivec3(i / (Side * Side), i / Side % Side, i % Side) * kChildSide;
-    };
-    for (u32 i = 0; i < kCount; ++i)
-      if (!bit_at(children, i))
-        grid_.add_tile({at(i), kChildSide, bit_at(active, i)}, tiles.data() + i * channels());
-    for (u32 i = 0; i < kCount; ++i) {
-      if (!bit_at(children, i)) continue;
-      if constexpr (Side == 32) {
-        internal<16>(at(i));
-      } else {
-        (void)cursor_.skip(kBrickVoxels / 8);  // its mask comes again with its values
-        leaves_.push_back(at(i));
-      }
-    }
+  i32 count() {
+    const i32 count = readGridCount(stream_);
+    if (count < 0 || count > kMostGrids) refuse("header", fmt::format("claims {} grids", count));
+    if (count == 0) refuse("header", "the file has no grids");
+    return count;
   }
 
-  void leaf(ivec3 origin) {
-    const Bytes active = cursor_.span(kBrickVoxels / 8);
-    float* out = grid_.add_brick(origin);
-    values(active, {out, std::size_t(kBrickVoxels) * channels()});
-  }
-
-  /// The values of a node, inactive ones filled in.
-  void values(Bytes active, std::span<float> out) {
-    const u32 count = u32(out.size() / channels());
-    const u8 data = cursor_.take<u8>();
-    if (data > kAllValues) refuse(grid_.name(), "has a node of an unknown kind");
-    Value inactive[2] = {background_, background_};
-    if (data != kBackgroundOnly)
-      for (float& v : inactive[0]) v = -v;
-    if (data == kOneInactive || data == kMaskAndOne || data == kMaskAndTwo) inactive[0] = value();
-    if (data == kMaskAndTwo) inactive[1] = value();
-    const bool masked = data == kMaskOfBackgrounds || data == kMaskAndOne || data == kMaskAndTwo;
-    const Bytes choice = masked ? cursor_.span(count / 8) : Bytes();
-    const bool sparse = (compression_ & kActiveMask) && data != kAllValues;
-    u32 stored = count;
-    if (sparse) {
-      stored = 0;
-      for (u32 i = 0; i < count; ++i) stored += bit_at(active, i);
-    }
-    const std::vector<float> read = floats(std::size_t(stored) * channels());
-    const float* next = read.data();
-    for (u32 i = 0; i < count; ++i) {
-      const bool is_stored = !sparse || bit_at(active, i);
-      const float* from = is_stored ? next : inactive[masked && bit_at(choice, i)].data();
-      if (is_stored) next += channels();
-      std::copy_n(from, channels(), out.data() + i * channels());
+  /// A stream is read as it comes: it does not say where its grids end.
+  void add_entry() {
+    vdb::io::GridDescriptor& at = descriptors_.emplace_back();
+    guarded("header", [&] { add_descriptor(at); });
+    const std::string& name = entries_.back().name;
+    if (inputHasGridOffsets()) {
+      if (at.getGridPos() < 0 || at.getEndPos() < at.getGridPos() || at.getEndPos() > size_)
+        refuse(name, "a grid leaves the file");
+      at.seekToEnd(stream_);
+    } else if (grids_.back()) {
+      guarded(name, [&] { read_values(descriptors_.size() - 1); });
+    } else {
+      refuse_unimplemented(name, "in a VDB stream without offsets, " + entries_.back().why);
     }
   }
 
-  std::vector<float> floats(std::size_t count) {
-    std::vector<float> out(count);
-    if (!half_) {
-      unpack(std::as_writable_bytes(std::span(out)));
-      return out;
+  void add_descriptor(vdb::io::GridDescriptor& at) {
+    vdb::GridBase::Ptr grid;
+    std::string why;
+    try {
+      grid = at.read(stream_);
+    } catch (const vdb::LookupError&) {
+      why = why_not(at.gridType());
+      skip_offsets(at);
     }
-    if (count == 0) return out;  // of halves not even a size is written
-    std::vector<u16> halves(count);
-    unpack(std::as_writable_bytes(std::span(halves)));
-    for (std::size_t i = 0; i < count; ++i) out[i] = float_of_half(halves[i]);
-    return out;
+    entries_.push_back({.name = clean_name(at.gridName(), "grid"),
+                        .channels = grid ? channels_of(*grid) : 0,
+                        .why = why});
+    grids_.push_back(std::move(grid));
+    is_read_.push_back(false);
+    has_instances_ |= at.isInstance();
   }
 
-  void unpack(std::span<std::byte> out) {
-    if (!(compression_ & (kZip | kBlosc))) {
-      if (!out.empty()) std::memcpy(out.data(), cursor_.skip(out.size()), out.size());
-      return;
-    }
-    const i64 size = cursor_.take<i64>();
-    if (size <= 0) {  // not worth packing
-      if (u64(-size) != out.size()) refuse(grid_.name(), "has a block of the wrong size");
-      if (!out.empty()) std::memcpy(out.data(), cursor_.skip(out.size()), out.size());
-      return;
-    }
-    const Bytes packed = cursor_.span(u64(size));
-    if (compression_ & kBlosc) {
-      std::size_t bytes = 0;
-      if (blosc_cbuffer_validate(packed.data(), packed.size(), &bytes) < 0 || bytes != out.size() ||
-          blosc_decompress_ctx(packed.data(), out.data(), out.size(), 1) != int(out.size()))
-        refuse(grid_.name(), "compressed data is damaged");
-      return;
-    }
-    const std::vector<std::byte> bytes = inflate(packed, out.size());
-    std::memcpy(out.data(), bytes.data(), bytes.size());
+  /// What the library leaves unread of a grid whose type it does not know.
+  void skip_offsets(vdb::io::GridDescriptor& at) {
+    std::array<i64, 3> offsets{};
+    stream_.read(reinterpret_cast<char*>(offsets.data()), sizeof offsets);
+    at.setGridPos(offsets[0]);
+    at.setBlockPos(offsets[1]);
+    at.setEndPos(offsets[2]);
   }
 
-  Cursor& cursor_;
-  const u32 compression_;
-  const bool half_;
-  FileGrid& grid_;
-  Value background_{};
-  std::vector<ivec3> leaves_;  // in the order of their values
+  void read_values(std::size_t entry) {
+    is_read_[entry] = true;
+    readGrid(grids_[entry], descriptors_[entry], stream_);
+  }
+
+  /// Reads the grid unless it was; an instance shares the tree of another.
+  void load(std::size_t entry) {
+    const vdb::io::GridDescriptor& at = descriptors_[entry];
+    if (!is_read_[entry]) {
+      at.seekToGrid(stream_);
+      read_values(entry);
+    }
+    if (!at.isInstance()) return;
+    const auto parent = std::ranges::find(descriptors_, at.instanceParentName(),
+                                          &vdb::io::GridDescriptor::uniqueName);
+    if (parent == descriptors_.end() || parent->isInstance())
+      refuse(entries_[entry].name, "shares the tree of a grid that is not there");
+    const auto of = std::size_t(parent - descriptors_.begin());
+    if (!grids_[of]) refuse(entries_[entry].name, "shares the tree of a grid that is not read");
+    load(of);
+    grids_[entry]->setTree(grids_[of]->baseTreePtr());
+  }
+
+  const i64 size_;
+  std::ispanstream stream_;
+  Budget& budget_;
+  vdb::io::StreamMetadata::Ptr metadata_ = std::make_shared<vdb::io::StreamMetadata>();
+  std::vector<vdb::io::GridDescriptor> descriptors_;
+  std::vector<vdb::GridBase::Ptr> grids_;  // null: of a type that is not read
+  std::vector<bool> is_read_;
+  bool has_instances_ = false;
 };
-
-bool read_is_level_set(Cursor& cursor) {
-  bool level_set = false;
-  for (u32 left = cursor.take<u32>(); left > 0; --left) {
-    const std::string name = cursor.text();
-    (void)cursor.text();  // type
-    const u32 size = cursor.take<u32>();
-    const Bytes value = cursor.span(size);
-    const std::string_view text(reinterpret_cast<const char*>(value.data()), value.size());
-    level_set = level_set || (name == "class" && text == "level set");
-  }
-  return level_set;
-}
-
-void read_grid(const Entry& entry, Bytes bytes, VolumeFile& file, Budget& budget) {
-  constexpr std::string_view kHalf = "_HalfFloat";
-  std::string type = entry.type;
-  const bool half = type.ends_with(kHalf);
-  if (half) type.resize(type.size() - kHalf.size());
-  const u32 channels = type == "Tree_float_5_4_3" ? 1 : type == "Tree_vec3s_5_4_3" ? 3 : 0;
-  if (channels == 0 || !entry.parent.empty()) {
-    file.skipped.push_back(fmt::format(
-        "{} ({})", entry.name, channels == 0 ? "of type " + type : "shares another's tree"));
-    return;
-  }
-  Cursor cursor(bytes.first(entry.end));
-  cursor.seek(entry.begin);
-  const u32 compression = cursor.take<u32>();
-  FileGrid& grid = file.grids.emplace_back(entry.name, channels, budget);
-  grid.level_set = read_is_level_set(cursor);
-  grid.object_from_index = read_transform(cursor, entry.name);
-  TreeReader(cursor, compression, half, grid).read();
-}
 
 }  // namespace
 
-VolumeFile read_vdb(Bytes bytes, Budget& budget) {
-  Cursor cursor(bytes);
-  const std::vector<Entry> entries = read_entries(cursor);
-  if (entries.empty()) refuse("header", "the file has no grids");
-  VolumeFile file;
-  file.grids.reserve(entries.size());
-  for (const Entry& entry : entries) read_grid(entry, bytes, file, budget);
-  return file;
+std::unique_ptr<VolumeFile> open_vdb(std::span<const std::byte> file, Budget& budget) {
+  return std::make_unique<VdbFile>(file, budget);
 }
+
+std::string openvdb_version() { return "OpenVDB " OPENVDB_LIBRARY_VERSION_STRING; }
 
 }  // namespace heliograph::assets

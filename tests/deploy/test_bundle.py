@@ -93,7 +93,8 @@ def test_it_carries_a_licence_for_each_library(root):
 
 
 def test_it_names_all_that_is_inside(root):
-    """Every program and library by its hash, every package as dpkg knows it, and one of PyPI."""
+    """Every program and library by its hash, every package as dpkg knows it, one of PyPI and one
+    that was compiled in."""
     folder = root / "opt/heliograph"
     document = json.loads((folder / "sbom.cdx.json").read_text())
     assert (document["bomFormat"], document["specVersion"]) == ("CycloneDX", "1.5")
@@ -109,12 +110,16 @@ def test_it_names_all_that_is_inside(root):
         if path.is_file() and path.read_bytes()[:4] == b"\x7fELF"
     }
     assert listed == here and any(name.startswith("lib/libgrpc++.so") for name in here)
-    others = ("basis-universal", "openimageio")
+    others = {"basis-universal", "openimageio", "openvdb"}
     components = [part for part in document["components"] if part["name"] not in others]
-    basis, library = [part for part in document["components"] if part not in components][::-1]
-    assert basis["purl"].startswith("pkg:generic/basis-universal@") and basis["licenses"]
+    named = {part["name"]: part for part in document["components"]}
+    pictures, textures, volumes = (named[n] for n in ("openimageio", "basis-universal", "openvdb"))
+    assert pictures["purl"].startswith("pkg:pypi/openimageio@") and len(pictures["components"]) == 2
+    for part, licence in ((textures, "Apache-2.0"), (volumes, "MPL-2.0")):
+        assert part["purl"].startswith(f"pkg:generic/{part['name']}@")
+        assert part["licenses"] == [{"expression": licence}]
+    assert (folder / "licences/openvdb").read_text().startswith("Mozilla Public License")
     assert (folder / "licences/basis_universal/LICENSE").stat().st_size > 10_000
-    assert library["purl"].startswith("pkg:pypi/openimageio@") and len(library["components"]) == 2
     names = [part["name"] for part in components]
     query = ["dpkg-query", "-W", "-f", "${Package} ${Version}\n", *names]
     known = subprocess.run(query, capture_output=True, text=True, check=True).stdout.splitlines()

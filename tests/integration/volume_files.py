@@ -73,20 +73,23 @@ def nvdb(brick, scale, translation, kind=FLOAT, packed=False, name="density"):
     return file + meta + name.encode() + b"\0" + stored
 
 
-# ---------------------------------------------------------------- OpenVDB, version 224
+# ---------------------------------------------------------------- OpenVDB
 
 ZIP, ACTIVE_MASK = 1, 2
+OLD, NEW = 220, 224  # since 222 each grid has its compression, and nodes say what they leave out
 
 
 def _text(value: str) -> bytes:
     return struct.pack("<I", len(value)) + value.encode()
 
 
-def _values(values, active, compression, half):
+def _values(values, active, compression, half, version=NEW):
     """A node's values: inactive ones are all background (0), which ACTIVE_MASK leaves out."""
     kept = values[active] if compression & ACTIVE_MASK else values
     data = kept.astype("<f2" if half else "<f4").tobytes()
     out = b"\0" if compression & ACTIVE_MASK else b"\6"
+    if version == OLD:
+        out = b""
     if compression & ZIP and not (half and not data):
         packed = zlib.compress(data)
         if len(packed) < len(data):
@@ -99,7 +102,16 @@ def _bits(mask):
     return np.packbits(mask, bitorder="little").tobytes()
 
 
-def vdb(brick, scale, translation, compression=0, half=False, kind="fog volume", background=0.0):
+def vdb(
+    brick,
+    scale,
+    translation,
+    compression=0,
+    half=False,
+    kind="fog volume",
+    background=0.0,
+    version=NEW,
+):
     """The file's bytes, as for nvdb()."""
     flat = brick.reshape(-1)
     active = flat != 0
@@ -108,18 +120,25 @@ def vdb(brick, scale, translation, compression=0, half=False, kind="fog volume",
         nothing = np.zeros(side**3, bool)
         first = nothing.copy()
         first[0] = True
-        tiles = _values(np.full(side**3, background, "f4"), nothing, compression, half)
-        topology += _bits(first) + _bits(nothing) + tiles
+        stored = nothing[1:] if version == OLD else nothing  # not those of children
+        tiles = np.full(stored.size, background, "f4")
+        topology += _bits(first) + _bits(nothing)
+        topology += _values(tiles, stored, compression, half, version)
     topology += _bits(active)
-    blocks = _bits(active) + _values(flat, active, compression, half)
+    blocks = _bits(active) + (bytes(3 * 4) + b"\1" if version == OLD else b"")
+    blocks += _values(flat, active, compression, half, version)
     transform = _text("UniformScaleTranslateMap") + struct.pack("<3d", *translation)
     transform += struct.pack("<3d", *[scale] * 3) + bytes(12 * 8)
-    grid = struct.pack("<I", compression)
-    grid += struct.pack("<I", 1) + _text("class") + _text("string") + _text(kind) + transform
-    grid += struct.pack("<IfII3i", 1, background, 0, 1, 0, 0, 0) + topology
+    grid = struct.pack("<I", compression) if version == NEW else b""
+    grid += struct.pack("<I", 2) + _text("class") + _text("string") + _text(kind)
+    grid += _text("is_saved_as_half_float") + _text("bool") + struct.pack("<I?", 1, half)
+    grid += transform + struct.pack("<IfII3i", 1, background, 0, 1, 0, 0, 0) + topology
     suffix = "_HalfFloat" if half else ""
     entry = _text("density") + _text("Tree_float_5_4_3" + suffix) + _text("")
-    head = struct.pack("<qIII?", 0x56444220, 224, 10, 0, True) + b"0" * 36
+    head = struct.pack("<qIII?", 0x56444220, version, 10, 0, True)
+    if version == OLD:
+        head += struct.pack("<?", bool(compression & ZIP))
+    head += b"00000000-0000-0000-0000-000000000000"
     head += struct.pack("<II", 0, 1) + entry
     begin = len(head) + 24
     blocks_at = begin + len(grid)

@@ -1,4 +1,4 @@
-"""Source packages of PyPI, by their SHA-256. Used by openimageio.py and basis_universal.py."""
+"""Archives of sources, by their SHA-256. Used by openimageio.py, basis_universal.py, openvdb.py."""
 
 from __future__ import annotations
 
@@ -7,12 +7,11 @@ import io
 import tarfile
 import urllib.request
 
-PACKAGES = "https://files.pythonhosted.org/packages/"
+PYPI = "https://files.pythonhosted.org/packages/"
 
 
-def pypi_source(path: str, sha256: str) -> tarfile.TarFile:
-    """The archive at a path below PACKAGES; ends the program when it is another one."""
-    url = PACKAGES + path
+def source(url: str, sha256: str) -> tarfile.TarFile:
+    """The archive at a URL; ends the program when it is another one."""
     with urllib.request.urlopen(url, timeout=120) as reply:
         data = reply.read()
     found = hashlib.sha256(data).hexdigest()

@@ -1,0 +1,64 @@
+#!/usr/bin/env python3
+"""Puts the sources of OpenVDB and NanoVDB where CMake finds them: .venv/openvdb.
+
+They are those that Debian's package `openvdb` is built from. Its library is not used: it loads a
+logger that starts threads (docs/decisions/048). Run by scripts/setup.
+
+usage: scripts/openvdb.py
+"""
+
+from __future__ import annotations
+
+import pathlib
+import shutil
+
+from sources import source
+
+VERSION = "10.0.1"
+SOURCE = f"https://deb.debian.org/debian/pool/main/o/openvdb/openvdb_{VERSION}.orig.tar.xz"
+SHA256 = "776706ca285a43b53e24c28d8f8b2112aea3dbf94c3c5f399cf6ff43403f5ace"
+# What io/Compression.cc does before it looks at a size that the file claims, and what it does here.
+WRONG = 'if (size_t(-{0}) != numBytes) OPENVDB_THROW(RuntimeError, "a block has a wrong size"); '
+REPAIRS = {
+    "is.read(data, -numZippedBytes);": WRONG.format("numZippedBytes"),
+    "is.read(data, -numCompressedBytes);": WRONG.format("numCompressedBytes"),
+    "const int numUncompressedBytes = blosc_decompress_ctx(": "size_t claimed = 0; "
+    "if (blosc_cbuffer_validate(compressedData.get(), numCompressedBytes, &claimed) < 0) "
+    'OPENVDB_THROW(RuntimeError, "a block is damaged"); ',
+}
+ROOT = pathlib.Path(__file__).resolve().parent.parent / ".venv/openvdb"
+
+
+def put_sources(folder: pathlib.Path) -> None:
+    """The folders openvdb/ and nanovdb/ of the library, and its licence."""
+    prefixes = {
+        f"openvdb-{VERSION}/openvdb/openvdb/": "openvdb/",
+        f"openvdb-{VERSION}/nanovdb/nanovdb/": "nanovdb/",
+        f"openvdb-{VERSION}/LICENSE": "LICENSE",
+    }
+    with source(SOURCE, SHA256) as archive:
+        for member in archive.getmembers():
+            for prefix, to in prefixes.items():
+                if not member.isfile() or not member.name.startswith(prefix):
+                    continue
+                path = folder / to / member.name.removeprefix(prefix)
+                path.parent.mkdir(parents=True, exist_ok=True)
+                data = archive.extractfile(member)
+                assert data is not None
+                path.write_bytes(data.read())
+
+
+def repair(path: pathlib.Path) -> None:
+    """Puts a check before each of REPAIRS."""
+    text = path.read_text()
+    for place, check in REPAIRS.items():
+        if text.count(place) != 1:
+            raise SystemExit(f"openvdb: {path} has not what is repaired: {place}")
+        text = text.replace(place, check + place)
+    path.write_text(text)
+
+
+if __name__ == "__main__":
+    shutil.rmtree(ROOT, ignore_errors=True)
+    put_sources(ROOT)
+    repair(ROOT / "openvdb/io/Compression.cc")
