@@ -1,6 +1,7 @@
 #include "renderer/assets/mtl.h"
 
 #include <algorithm>
+#include <array>
 
 #include "renderer/assets/text_scan.h"
 #include "renderer/assets/texture_files.h"
@@ -145,8 +146,14 @@ class Parser {
     if (key == "map_pr") entry.map_pr = map(rest);
     if (key == "map_pm") entry.map_pm = map(rest);
     if (key == "norm") entry.normal = map(rest);
-    for (const std::string_view left_out : {"map_ks", "map_ns", "map_bump", "bump", "disp", "refl"})
-      if (key == left_out) builder_.warn(fmt::format("MTL {} is left out", given));
+    constexpr std::array<std::string_view, 15> kRead = {
+        "kd", "ks",     "ke",     "ns",    "ni",     "pr",     "pm",  "d",
+        "tr", "map_kd", "map_ke", "map_d", "map_pr", "map_pm", "norm"};
+    constexpr std::array<std::string_view, 6> kUnseen = {"illum", "ka",        "map_ka",
+                                                         "tf",    "sharpness", "map_aat"};
+    if (std::ranges::find(kRead, key) == kRead.end() &&
+        std::ranges::find(kUnseen, key) == kUnseen.end())
+      builder_.warn(fmt::format("MTL {} is left out", clean_name(given, "?")));
   }
 
   Builder& builder_;

@@ -134,9 +134,8 @@ class Reader {
     int count = 0;
     while (count < 4 && !trimmed(rest).empty()) numbers[count++] = number(rest);
     if (count < 3) return;  // none, or a weight
-    const float* rgb = numbers + (count == 4 ? 1 : 0);
     colors_.resize(positions_.size(), vec4(1));
-    colors_.back() = vec4(rgb[0], rgb[1], rgb[2], 1);
+    colors_.back() = vec4(numbers[0], numbers[1], numbers[2], 1);  // a fourth is alpha
   }
 
   /// Names may have spaces, and a line several names: each ends with ".mtl", or with the line.

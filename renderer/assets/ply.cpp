@@ -92,18 +92,12 @@ class Reader {
   Reader(Builder& builder, const Header& header) : builder_(builder), header_(header) {}
 
   Model read(std::string_view data) {
-    Numbers numbers(data, header_.encoding);
-    for (const Element& element : header_.elements) {
-      if (element.name == "vertex") {
-        read_vertices(element, numbers);
-      } else if (element.name == "face") {
-        read_faces(element, numbers);
-      } else if (element.name == "tristrips") {
-        refuse_unimplemented("element tristrips", "triangle strips; export a list of faces");
-      } else {
-        skip(element, numbers);
-      }
-    }
+    const auto place = [&](const char* name) {
+      return std::ranges::find(header_.elements, name, &Element::name) - header_.elements.begin();
+    };
+    const bool is_in_order = place("vertex") <= place("face");
+    read_elements(data, true, is_in_order);
+    if (!is_in_order) read_elements(data, false, true);
     if (mesh_.triangles.empty()) {
       refuse("element face", "the file has no faces; point clouds are not rendered");
     }
@@ -118,6 +112,20 @@ class Reader {
   }
 
  private:
+  void read_elements(std::string_view data, bool vertices, bool faces) {
+    Numbers numbers(data, header_.encoding);
+    for (const Element& element : header_.elements) {
+      if (element.name == "vertex" && vertices) {
+        read_vertices(element, numbers);
+      } else if (element.name == "face" && faces) {
+        read_faces(element, numbers);
+      } else if (element.name == "tristrips") {
+        refuse_unimplemented("element tristrips", "triangle strips; export a list of faces");
+      } else {
+        skip(element, numbers);
+      }
+    }
+  }
   static double skip_property(const Property& property, Numbers& numbers) {
     if (!property.count) return numbers.next(property.type);
     for (u64 left = numbers.next_count(*property.count); left > 0; --left) {

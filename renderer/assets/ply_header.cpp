@@ -65,7 +65,7 @@ void header_line(std::string_view line, const std::string& where, Header& header
     property.name = take_word(line);
     header.elements.back().properties.push_back(std::move(property));
   } else if (key == "comment") {
-    if (take_word(line) == "TextureFile") header.textures.emplace_back(trimmed(line));
+    if (lower(take_word(line)) == "texturefile") header.textures.emplace_back(trimmed(line));
   } else if (key != "obj_info" && !key.empty()) {
     header.unread.push_back(clean_name(key, ""));
   }

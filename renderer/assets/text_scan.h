@@ -86,8 +86,8 @@ namespace heliograph::assets {
   return start == "nan" || start == "inf" || start == "1.#";
 }
 
-/// Lines of a text, without their ends; a backslash at the end joins the next line. Lines of a text
-/// without line feeds end with carriage returns.
+/// Lines of a text, without their ends; a backslash at the end joins the next line, but for a
+/// comment's. Lines of a text without line feeds end with carriage returns.
 class Lines {
  public:
   explicit Lines(std::string_view text)
@@ -97,7 +97,7 @@ class Lines {
   [[nodiscard]] std::optional<std::string_view> next() {
     if (rest_.empty()) return std::nullopt;
     std::string_view line = one();
-    if (!line.ends_with('\\')) return line;
+    if (!line.ends_with('\\') || line.starts_with('#')) return line;
     joined_.clear();
     while (line.ends_with('\\')) {
       joined_ += line.substr(0, line.size() - 1);

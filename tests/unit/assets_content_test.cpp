@@ -154,3 +154,30 @@ TEST_CASE("content: a light of glTF whose profile nobody has is left out") {
   for (const Edit& edit : loaded->asset.entities)
     if (const auto* put = std::get_if<PutEntity>(&edit.action)) CHECK_FALSE(put->light);
 }
+
+TEST_CASE("content: faces of PLY may come before vertices") {
+  const std::string text =
+      "ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int vertex_indices\n"
+      "element vertex 3\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
+      "3 0 1 2\n0 0 0\n1 0 0\n0 1 0\n";
+  CHECK(triangles(TestBundle().add("a.ply", text).load()) == 1);
+}
+
+TEST_CASE("content: OBJ colours with alpha, and comments that end with a backslash") {
+  const auto loaded = TestBundle()
+                          .add("a.obj",
+                               "# made in C:\\\nv 0 0 0 1 0 0 0.5\nv 1 0 0 1 0 0 1\n"
+                               "v 0 1 0 1 0 0 1\nf 1 2 3\n")
+                          .load();
+  CHECK(triangles(loaded) == 1);
+  CHECK(library_item<PutMesh>(*loaded).topology->colors[0] == vec4(1, 0, 0, 1));
+}
+
+TEST_CASE("content: MTL statements that nothing reads are named") {
+  const auto loaded = TestBundle()
+                          .add("a.obj", "mtllib a.mtl\nusemtl m\n" + std::string(kObj))
+                          .add("a.mtl", "newmtl m\nKd 1 0 0\nillum 2\nKa 1 1 1\ndecal t.png\n")
+                          .load();
+  CHECK(triangles(loaded) == 1);
+  CHECK(warnings(*loaded) == "MTL decal is left out");
+}

@@ -131,13 +131,13 @@ TEST_CASE("ktx2: plain texels of every packing") {
 }
 
 TEST_CASE("ktx2: the descriptor says what the numbers are") {
-  Ktx2 file{37, text_of({10, 20, 30, 128, 1, 2, 3, 255, 9, 9, 9, 0, 50, 50, 50, 100})};
+  Ktx2 file{37, text_of({10, 20, 30, 128, 1, 2, 3, 255, 9, 9, 9, 0, 60, 60, 60, 100})};
   CHECK(file.load()->image_srgb);
   file.transfer = 1;
   CHECK_FALSE(file.load()->image_srgb);
   file.flags = 1;
   CHECK(texels_of(file.load()) ==
-        text_of({20, 40, 60, 128, 1, 2, 3, 255, 9, 9, 9, 0, 128, 128, 128, 100}));
+        text_of({20, 40, 60, 128, 1, 2, 3, 255, 9, 9, 9, 0, 153, 153, 153, 100}));
   file.primaries = 4;
   file.transfer = 3;
   const auto loaded = file.load();
