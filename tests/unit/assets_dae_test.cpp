@@ -167,6 +167,7 @@ TEST_CASE("dae: axes and units are the file's, unless the caller names others") 
   check_near(corner("<up_axis>Z_UP</up_axis>"), vec3(1, 2, 3));
   check_near(corner(""), vec3(1, -3, 2));
   check_near(corner("<up_axis> Y_UP </up_axis>" + inch), 0.0254f * vec3(1, -3, 2));
+  check_near(corner(R"(<up_axis>Z_UP</up_axis><unit meter="0,5"/>)"), 0.5f * vec3(1, 2, 3));
   check_near(corner("<up_axis>X_UP</up_axis>"), vec3(-3, 2, 1) * vec3(1, 1, 1));
   check_near(corner("<up_axis>Y_UP</up_axis>" + inch, {.format = "", .up = "z", .units = 2}),
              2.0f * vec3(1, 2, 3));
@@ -174,6 +175,20 @@ TEST_CASE("dae: axes and units are the file's, unless the caller names others") 
   for (const char* unit : {"0", "x", "1e99", "-1"})
     CHECK_THAT(refusal(load_text(document(cube(), fmt::format("<unit meter=\"{}\"/>", unit)))),
                Contains("asset.unit.meter"));
+}
+
+TEST_CASE("dae: a material that is not there is the default, with a warning") {
+  std::string text = document(cube());
+  const std::string plain = R"(<instance_geometry url="#g"/>)";
+  text.replace(text.find(plain), plain.size(),
+               R"(<instance_geometry url="#g"><bind_material><technique_common>
+                  <instance_material symbol="a" target="#gone"/>
+                  </technique_common></bind_material></instance_geometry>)");
+  const auto loaded = load_text(text);
+  INFO(refusal(loaded));
+  REQUIRE(loaded);
+  CHECK_FALSE(shown(*loaded).materials.has_value());
+  CHECK_THAT(loaded->warnings.at(0), Contains("no <material> '#gone'"));
 }
 
 TEST_CASE("dae: transforms of a node apply from the last to the first") {

@@ -25,7 +25,8 @@ mat4x3 world_from_file(const Document& document, const Builder& builder) {
   }
   double metres = builder.options.units;
   if (!(metres > 0)) {
-    const std::string_view meter = trimmed(asset.child("unit").attribute("meter").value());
+    std::string meter(trimmed(asset.child("unit").attribute("meter").value()));
+    std::ranges::replace(meter, ',', '.');  // of programs in some languages
     metres = meter.empty() ? 1 : double(parse_number(meter).value_or(0));
     constexpr double kSmallest = 1e-9, kLargest = 1e9;
     if (!(metres >= kSmallest && metres <= kLargest))

@@ -102,9 +102,14 @@ class Walker {
               .pose = *thick,
               .material = {}};
     const Node bound = instance.child("bind_material").child("technique_common");
-    for (const Node& material : bound.children("instance_material"))
-      out.material[material.attribute("symbol").value()] =
-          document_.linked(material.attribute("target").value(), "material", where);
+    for (const Node& material : bound.children("instance_material")) {
+      const std::string_view target = material.attribute("target").value();
+      const Node found = document_.find(target.substr(target.starts_with('#')), "material");
+      if (!found)
+        builder_.warn(fmt::format("{}: there is no <material> '{}'; the default is used", where,
+                                  clean_name(target, "?")));
+      out.material[material.attribute("symbol").value()] = found;
+    }
     shown_.push_back(std::move(out));
   }
 
