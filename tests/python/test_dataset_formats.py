@@ -11,10 +11,11 @@ import heliograph as hg
 import heliograph.datasets as hd
 import numpy as np
 import pytest
-from heliograph.datasets.writers import bop, colmap, kitti, models, ndds, nerf, png
+from heliograph.datasets.writers import bop, colmap, kitti, models, ndds, nerf
 from heliograph.datasets.writers.encoded import depth_steps, flo, kitti_disparity, kitti_flow
 from heliograph.datasets.writers.instances import instances, quaternion_wxyz
 from heliograph.datasets.writers.symmetries import Axis, Symmetries
+from heliograph.image import png
 from PIL import Image
 
 W, H = hand_made.SIZE
