@@ -17,14 +17,20 @@ from sources import source
 VERSION = "10.0.1"
 SOURCE = f"https://deb.debian.org/debian/pool/main/o/openvdb/openvdb_{VERSION}.orig.tar.xz"
 SHA256 = "776706ca285a43b53e24c28d8f8b2112aea3dbf94c3c5f399cf6ff43403f5ace"
-# What io/Compression.cc does before it looks at a size that the file claims, and what it does here.
+# Where a file is believed what size it claims, and the check that is put before.
+LONG = 'if ({0} > 1u << 24) OPENVDB_THROW(IoError, "a text is longer than 16 MiB"); '
 WRONG = 'if (size_t(-{0}) != numBytes) OPENVDB_THROW(RuntimeError, "a block has a wrong size"); '
 REPAIRS = {
-    "is.read(data, -numZippedBytes);": WRONG.format("numZippedBytes"),
-    "is.read(data, -numCompressedBytes);": WRONG.format("numCompressedBytes"),
-    "const int numUncompressedBytes = blosc_decompress_ctx(": "size_t claimed = 0; "
-    "if (blosc_cbuffer_validate(compressedData.get(), numCompressedBytes, &claimed) < 0) "
-    'OPENVDB_THROW(RuntimeError, "a block is damaged"); ',
+    "io/Compression.cc": {
+        "is.read(data, -numZippedBytes);": WRONG.format("numZippedBytes"),
+        "is.read(data, -numCompressedBytes);": WRONG.format("numCompressedBytes"),
+        "const int numUncompressedBytes = blosc_decompress_ctx(": "size_t claimed = 0; "
+        "if (blosc_cbuffer_validate(compressedData.get(), numCompressedBytes, &claimed) < 0) "
+        'OPENVDB_THROW(RuntimeError, "a block is damaged"); ',
+    },
+    "util/Name.h": {"std::string buffer(size, ' ');": LONG.format("size")},
+    "Metadata.h": {"mValue.resize(size, '\\0');": LONG.format("size")},
+    "Metadata.cc": {"ByteVec buffer(numBytes);": LONG.format("numBytes")},
 }
 ROOT = pathlib.Path(__file__).resolve().parent.parent / ".venv/openvdb"
 
@@ -48,10 +54,9 @@ def put_sources(folder: pathlib.Path) -> None:
                 path.write_bytes(data.read())
 
 
-def repair(path: pathlib.Path) -> None:
-    """Puts a check before each of REPAIRS."""
+def repair(path: pathlib.Path, checks: dict[str, str]) -> None:
     text = path.read_text()
-    for place, check in REPAIRS.items():
+    for place, check in checks.items():
         if text.count(place) != 1:
             raise SystemExit(f"openvdb: {path} has not what is repaired: {place}")
         text = text.replace(place, check + place)
@@ -61,4 +66,5 @@ def repair(path: pathlib.Path) -> None:
 if __name__ == "__main__":
     shutil.rmtree(ROOT, ignore_errors=True)
     put_sources(ROOT)
-    repair(ROOT / "openvdb/io/Compression.cc")
+    for name, checks in REPAIRS.items():
+        repair(ROOT / "openvdb" / name, checks)

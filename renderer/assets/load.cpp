@@ -91,7 +91,8 @@ std::string checked_format(Builder& builder) {
   const std::string named = format_of(builder);
   const std::string format = format_of_content(builder.bundle.model().bytes);
   const bool is_same = format == named || (is_gltf(format) && is_gltf(named));
-  if (is_same || !model_of(format) || !builder.options.format.empty()) return named;
+  const bool is_asked = named == "ies" || is_picture_name(named) || !builder.options.format.empty();
+  if (is_same || is_asked || !model_of(format)) return named;
   builder.warn(fmt::format("the file is {}, which its name does not say", format));
   return format;
 }

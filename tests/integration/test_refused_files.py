@@ -28,6 +28,7 @@ SAMPLES = {
     "ies": ASSETS / "profile/batwing.ies",
 }
 PICTURES = {"exr", "hdr", "png", "jpg", "tif", "ies"}
+MODELS = set(SAMPLES) - PICTURES
 REFUSALS = (hg.InvalidArgument, hg.NotFound, hg.Unimplemented, hg.ResourceExhausted)
 
 
@@ -65,14 +66,24 @@ def test_a_truncated_file_is_refused(world, tmp_path, kind, share):
 @pytest.mark.parametrize("content", SAMPLES)
 @pytest.mark.parametrize("kind", SAMPLES)
 def test_a_file_of_another_kind_is_refused(world, tmp_path, kind, content):
-    if {kind, content} <= {"glb", "gltf"}:
-        return  # glTF is known by its content
+    if {kind, content} <= MODELS:
+        return  # they are known by their content
     if {kind, content} <= PICTURES - {"ies"}:
         return  # so are pictures: test_picture_files.py
     if kind == content:
         return
     path = written(tmp_path, f"mistyped.{kind}", SAMPLES[content].read_bytes())
     check(world, load(path), (hg.InvalidArgument, f"mistyped.{kind}"))
+
+
+@pytest.mark.parametrize("content", sorted(MODELS - {"gltf"}))  # which names its buffer
+@pytest.mark.parametrize("kind", sorted(MODELS))
+def test_a_model_is_known_by_its_content(scene, tmp_path, kind, content):
+    path = written(tmp_path, f"mistyped.{kind}", SAMPLES[content].read_bytes())
+    with scene.edit() as edit:
+        warnings = " ".join(edit.import_file(path).warnings)
+    is_named = kind == content or {kind, content} == {"glb", "gltf"}
+    assert (f"the file is {content}" in warnings) == (not is_named)
 
 
 @pytest.mark.parametrize("kind", SAMPLES)
