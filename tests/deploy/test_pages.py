@@ -10,8 +10,9 @@ import sys
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 DAEMON = pathlib.Path(os.environ.get("HELIOGRAPHD", ROOT / "build/cpu/bin/heliographd"))
 PAGE = (ROOT / "docs/operations.md").read_text()
-# Of docker.
+# Of docker, and of tests/fault/fuzz_assets.py.
 OTHERS = {"--read-only", "--network", "--cap-drop", "--security-opt", "--stop-timeout"}
+OTHERS |= {"--seeds", "--keep"}
 UNITS = {"MiB": 2**20, "GiB": 2**30, "M": 10**6}
 
 
