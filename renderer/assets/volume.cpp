@@ -2,6 +2,7 @@
 #include <tbb/task_arena.h>
 
 #include "renderer/assets/builder.h"
+#include "renderer/assets/content.h"
 #include "renderer/assets/mesh_data.h"
 #include "renderer/assets/volume_file.h"
 
@@ -71,8 +72,10 @@ PutVolume to_volume(Builder& builder, VolumeFile& file) {
 /// by them, too.
 PutVolume read_volume(Builder& builder) {
   const BundleFile& file = builder.bundle.model();
-  const std::string format =
+  const std::string named =
       builder.options.format.empty() ? extension_of(file.path) : builder.options.format;
+  const std::string content = format_of_content(file.bytes);
+  const std::string& format = content.empty() ? named : content;
   PutVolume put;
   tbb::task_arena(1).execute([&] {
     const auto open = format == "nvdb" ? open_nvdb : open_vdb;
