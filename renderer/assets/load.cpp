@@ -156,14 +156,16 @@ void load_picture(Builder& builder) {
 }  // namespace assets
 
 Expected<Loaded> load_asset(std::span<const BundleFile> bundle, const LoadOptions& options) {
+  constexpr std::size_t kLongestPath = 2000;
+  const std::string where = bundle.empty() ? "files" : clean_text(bundle[0].path, kLongestPath);
   try {
     return load_bundle(bundle, options);
   } catch (Refused& refused) {
     return std::unexpected(std::move(refused.error));
   } catch (const std::bad_alloc&) {
-    return fail(Code::kResourceExhausted, "files", "out of memory while decoding");
+    return fail(Code::kResourceExhausted, where, "out of memory while decoding");
   } catch (const std::length_error&) {
-    return fail(Code::kResourceExhausted, "files", "an array is too long to decode");
+    return fail(Code::kResourceExhausted, where, "an array is too long to decode");
   }
 }
 

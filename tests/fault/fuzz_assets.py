@@ -221,7 +221,9 @@ def main():
     given = arguments()
     seeds = file_mutants.seeds(given.seeds)
     seeds = {kind: seeds[kind] for kind in given.formats or seeds}
-    with common.Report("S5 malformed assets") as report, common.daemon("--grace", "0") as client:
+    # Less than by default: a volume may be just below it, and copies of 1 GiB take seconds.
+    flags = ("--grace", "0", "--limit", f"decode_result_bytes={256 << 20}")
+    with common.Report("S5 malformed assets") as report, common.daemon(*flags) as client:
         with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
             tallies = pool.map(lambda k: fuzz(k, seeds[k], given.count, given.keep), seeds)
             judge(table("in processes of their own", tallies), report)
