@@ -184,13 +184,13 @@ class Entity(Handle):
 
 
 class Mesh(Handle):
-    """A triangle mesh. Arrays are read-only copies at the scene's time."""
+    """A triangle mesh. Arrays are read-only copies of what it was given."""
 
     kind = "mesh"
 
     @property
     def positions(self) -> NdArray:
-        """(V, 3) float32, mesh coordinates, metres."""
+        """(V, 3) float32, mesh coordinates, metres; (K, V, 3) of a mesh with K times."""
         return np.asarray(self._read("mesh.positions")[0])
 
     @property
@@ -200,7 +200,7 @@ class Mesh(Handle):
 
     @property
     def normals(self) -> NdArray | None:
-        """(V, 3) float32; None: flat."""
+        """(V, 3) float32, or (K, V, 3) of a mesh with K times; None: flat."""
         return self._array("mesh.normals")
 
     @property
