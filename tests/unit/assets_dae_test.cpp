@@ -168,6 +168,10 @@ TEST_CASE("dae: axes and units are the file's, unless the caller names others") 
   check_near(corner(""), vec3(1, -3, 2));
   check_near(corner("<up_axis> Y_UP </up_axis>" + inch), 0.0254f * vec3(1, -3, 2));
   check_near(corner(R"(<up_axis>Z_UP</up_axis><unit meter="0,5"/>)"), 0.5f * vec3(1, 2, 3));
+  const auto comma =
+      load_text(document(cube(), "<up_axis>Z_UP</up_axis>", "<translate>0,5 -1,25 3</translate>"));
+  REQUIRE(comma);
+  check_near(pose_of(*comma) * vec4(0, 0, 0, 1), vec3(0.5f, -1.25f, 3));
   check_near(corner("<up_axis>X_UP</up_axis>"), vec3(-3, 2, 1) * vec3(1, 1, 1));
   check_near(corner("<up_axis>Y_UP</up_axis>" + inch, {.format = "", .up = "z", .units = 2}),
              2.0f * vec3(1, 2, 3));

@@ -50,6 +50,14 @@ std::vector<T> read_all(const Node& node, Budget& budget, const Take& take) {
   return numbers;
 }
 
+/// A number; programs in some languages write 0,5.
+double take_any(std::string_view& text, const std::string& where) {
+  std::string word(take_word(text));
+  std::ranges::replace(word, ',', '.');
+  std::string_view rest = word;
+  return take_double(rest, where);
+}
+
 }  // namespace
 
 Document::Document(Builder& builder) {
@@ -104,14 +112,16 @@ std::string place(const Node& node) {
 std::vector<double> read_doubles(const Node& node, Budget& budget) {
   return read_all<double>(node, budget, [](std::string_view& text, const std::string& where) {
     std::string_view ahead = text;
-    if (!is_no_number(take_word(ahead))) return take_double(text, where);
+    if (!is_no_number(take_word(ahead))) return take_any(text, where);
     text = ahead;
     return std::numeric_limits<double>::quiet_NaN();
   });
 }
 
 std::vector<float> read_floats(const Node& node, Budget& budget) {
-  return read_all<float>(node, budget, take_number);
+  return read_all<float>(node, budget, [](std::string_view& text, const std::string& where) {
+    return float(take_any(text, where));
+  });
 }
 
 std::vector<float> read_floats(const Node& node, std::size_t count, Budget& budget) {
