@@ -11,7 +11,7 @@ from __future__ import annotations
 import pathlib
 import shutil
 
-from sources import PYPI, source
+from sources import PYPI, source, unpack
 
 VERSION = "2.50"  # of Basis Universal
 PACKAGE = "opengl_basisu-0.1.0a2"
@@ -23,18 +23,10 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent / ".venv/basis_universal"
 
 
 def put_files(folder: pathlib.Path) -> None:
-    prefix = f"{PACKAGE}/vendor/basis_universal/"
+    top = f"{PACKAGE}/vendor/basis_universal/"
+    names = ("transcoder/", "LICENSE", "NOTICE")
     with source(SOURCE, SHA256) as archive:
-        for member in archive.getmembers():
-            name = member.name.removeprefix(prefix)
-            wanted = name.startswith("transcoder/") or name in ("LICENSE", "NOTICE")
-            if name == member.name or not wanted or not member.isfile():
-                continue
-            data = archive.extractfile(member)
-            assert data is not None
-            path = folder / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(data.read())
+        unpack(archive, {top + name: name for name in names}, folder)
     header = folder / "zstd/zstd.h"
     header.parent.mkdir()
     header.write_text("#include <zstd.h>\n")

@@ -12,7 +12,7 @@ from __future__ import annotations
 import pathlib
 import shutil
 
-from sources import source
+from sources import source, unpack
 
 VERSION = "10.0.1"
 SOURCE = f"https://deb.debian.org/debian/pool/main/o/openvdb/openvdb_{VERSION}.orig.tar.xz"
@@ -43,15 +43,7 @@ def put_sources(folder: pathlib.Path) -> None:
         f"openvdb-{VERSION}/LICENSE": "LICENSE",
     }
     with source(SOURCE, SHA256) as archive:
-        for member in archive.getmembers():
-            for prefix, to in prefixes.items():
-                if not member.isfile() or not member.name.startswith(prefix):
-                    continue
-                path = folder / to / member.name.removeprefix(prefix)
-                path.parent.mkdir(parents=True, exist_ok=True)
-                data = archive.extractfile(member)
-                assert data is not None
-                path.write_bytes(data.read())
+        unpack(archive, prefixes, folder)
 
 
 def repair(path: pathlib.Path, checks: dict[str, str]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import pathlib
 import tarfile
 import urllib.request
 
@@ -18,3 +19,17 @@ def source(url: str, sha256: str) -> tarfile.TarFile:
     if found != sha256:
         raise SystemExit(f"{url} has the SHA-256 {found}, not {sha256}")
     return tarfile.open(fileobj=io.BytesIO(data))
+
+
+def unpack(archive: tarfile.TarFile, places: dict[str, str], folder: pathlib.Path) -> None:
+    """Puts files whose names in the archive begin with a key of `places` into `folder`, where
+    its value takes the key's place."""
+    for member in archive.getmembers():
+        for prefix, to in places.items():
+            if not member.isfile() or not member.name.startswith(prefix):
+                continue
+            data = archive.extractfile(member)
+            assert data is not None
+            path = folder / to / member.name.removeprefix(prefix)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(data.read())

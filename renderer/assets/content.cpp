@@ -31,10 +31,6 @@ constexpr std::array kMagics = std::to_array<Magic>({
     {"NanoVDB", "nvdb"},
 });
 
-bool has_controls(std::string_view text) {
-  return std::ranges::any_of(text, [](char c) { return u8(c) < ' ' && !(c >= '\t' && c <= '\r'); });
-}
-
 /// The count of facets says how long the file is.
 bool is_binary_stl(Bytes file) {
   constexpr std::size_t kHeader = 84, kFacet = 50;

@@ -58,8 +58,7 @@ u64 facets_in(std::span<const std::byte> bytes) {
 bool is_ascii(std::span<const std::byte> bytes) {
   constexpr std::size_t kLooked = 1024;
   const std::string_view text = without_mark(as_text(bytes.first(std::min(kLooked, bytes.size()))));
-  const auto is_binary = [](char c) { return u8(c) < ' ' && !(c >= '\t' && c <= '\r'); };
-  return lower(trimmed(text).substr(0, 5)) == "solid" && std::ranges::none_of(text, is_binary);
+  return lower(trimmed(text).substr(0, 5)) == "solid" && !has_controls(text);
 }
 
 /// As the header says, but for programs that leave the count at 0.

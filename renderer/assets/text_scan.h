@@ -2,6 +2,7 @@
 // and COLLADA.
 #pragma once
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <optional>
@@ -43,6 +44,11 @@ namespace heliograph::assets {
   std::string out(text);
   for (char& c : out) c = c >= 'A' && c <= 'Z' ? char(c + ('a' - 'A')) : c;
   return out;
+}
+
+/// Characters that no text has.
+[[nodiscard]] inline bool has_controls(std::string_view text) {
+  return std::ranges::any_of(text, [](char c) { return u8(c) < ' ' && !(c >= '\t' && c <= '\r'); });
 }
 
 /// Without the byte order mark that some editors put before UTF-8.

@@ -40,6 +40,14 @@ def add_connection(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def check_source(arguments: argparse.Namespace, command: str) -> None:
+    """A file, or a scene of a daemon that is named."""
+    if (arguments.model is None) == (arguments.scene is None):
+        raise InvalidArgument(f"{command}: give a file, or --scene NAME with --address")
+    if arguments.scene is not None and arguments.address is None:
+        raise InvalidArgument("--scene: needs the --address of the daemon that has it")
+
+
 def connect(arguments: argparse.Namespace, flags: Sequence[str] = ()) -> Client:
     """The client those flags name; `flags`: more of a private daemon's."""
     from pathlib import Path

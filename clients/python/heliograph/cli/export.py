@@ -9,9 +9,8 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from ..errors import InvalidArgument
 from ..export.write import checked_path
-from ._daemon import add_connection, connect
+from ._daemon import add_connection, check_source, connect
 from .render import add_model, imported
 
 
@@ -39,10 +38,7 @@ def add(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    if (arguments.model is None) == (arguments.scene is None):
-        raise InvalidArgument("export: give a file, or --scene NAME with --address")
-    if arguments.scene is not None and arguments.address is None:
-        raise InvalidArgument("--scene: needs the --address of the daemon that has it")
+    check_source(arguments, "export")
     output = checked_path(arguments.output)
     client: Any = connect(arguments)
     with client, contextlib.ExitStack() as stack:

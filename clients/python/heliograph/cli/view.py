@@ -8,8 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ..errors import InvalidArgument
-from ._daemon import add_connection, connect
+from ._daemon import add_connection, check_source, connect
 from .render import add_view, build
 
 
@@ -37,10 +36,7 @@ def add(commands: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    if (arguments.model is None) == (arguments.scene is None):
-        raise InvalidArgument("view: give a file, or --scene NAME with --address")
-    if arguments.scene is not None and arguments.address is None:
-        raise InvalidArgument("--scene: needs the --address of the daemon that has it")
+    check_source(arguments, "view")
     client: Any = connect(arguments)
     with client, contextlib.ExitStack() as stack:
         if arguments.scene is not None:
