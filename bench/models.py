@@ -1,9 +1,10 @@
 """Models beside other programs that read them: which of them load each file, how many triangles it
 has, their area and box, its textures' mean colours, its joints, cameras and lights.
 
-usage: models.py [--trimesh PYTHON] [--blender PYTHON] [--explained FILE] FILE_OR_FOLDER...
+usage: models.py [--trimesh PYTHON] [--blender PYTHON] [--assimp PYTHON] [--explained FILE]
+       FILE_OR_FOLDER...
 Run with .venv/bin/python. PYTHON is one with trimesh (and pillow, networkx, scipy,
-charset_normalizer, pycollada), or with bpy. HELIOGRAPHD names the daemon.
+charset_normalizer, pycollada), with bpy, or with assimp_py. HELIOGRAPHD names the daemon.
 
 A line for each difference, "file: reader: what: ours / theirs", then the counts. --explained: lines
 of "reader file-pattern what: reason", where reader and what may be *, take differences out of those
@@ -24,7 +25,7 @@ import threading
 import numpy as np
 
 READERS = pathlib.Path(__file__).parent / "readers"
-ENDINGS = (".gltf", ".glb", ".obj", ".ply", ".stl", ".dae")
+ENDINGS = ".gltf .glb .obj .ply .stl .dae .fbx .3ds .3mf .x .off .amf".split()
 RELATIVE = 1e-4  # of areas, and of places to the size of the box
 COLOUR = 0.01  # of a mean of 0 to 1
 COUNTS = ("triangles", "joints", "animations", "cameras", "lights")
@@ -35,6 +36,7 @@ def arguments():
     parser.add_argument("places", nargs="+", type=pathlib.Path)
     parser.add_argument("--trimesh", help="a Python with trimesh")
     parser.add_argument("--blender", help="a Python with bpy")
+    parser.add_argument("--assimp", help="a Python with assimp_py")
     parser.add_argument("--explained", type=pathlib.Path)
     parser.add_argument("--seconds", type=float, default=60.0)
     return parser.parse_args()
@@ -43,7 +45,7 @@ def arguments():
 def main():
     given = arguments()
     ours = Reader("heliograph", sys.executable, given.seconds)
-    pythons = {"trimesh": given.trimesh, "blender": given.blender}
+    pythons = {name: getattr(given, name) for name in ("trimesh", "blender", "assimp")}
     others = [Reader(name, python, given.seconds) for name, python in pythons.items() if python]
     explained = explanations(given.explained)
     counts, reasons = collections.Counter(), collections.Counter()
@@ -135,7 +137,7 @@ def compared(ours, theirs):
         yield "area", f"{ours['area']:.7g} / {theirs['area']:.7g}"
     if box_is_off(ours["bounds"], theirs["bounds"]):
         yield "bounds", f"{rounded(ours['bounds'])} / {rounded(theirs['bounds'])}"
-    for colour in theirs["textures"]:
+    for colour in theirs.get("textures", ()):
         if not any(np.abs(np.subtract(colour, own)).max() < COLOUR for own in ours["textures"]):
             yield "textures", f"{ours['textures'][:8]} / {colour}"
 

@@ -32,6 +32,7 @@ find_library(BLOSC_LIBRARY blosc REQUIRED)
 find_library(DRACO_LIBRARY libdraco.a REQUIRED)  # 0.8 MB of it are used; 2.8 MB as a shared one
 find_package(meshoptimizer REQUIRED)
 find_package(Boost REQUIRED)  # headers, for OpenVDB
+include(HeliographAssimp)
 include(HeliographOpenvdb)
 # scripts/openimageio.py puts it there; distributions have it without formats that people use.
 set(openimageio ${PROJECT_SOURCE_DIR}/.venv/openimageio)

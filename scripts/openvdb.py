@@ -12,7 +12,7 @@ from __future__ import annotations
 import pathlib
 import shutil
 
-from sources import source, unpack
+from sources import repair, source, unpack
 
 VERSION = "10.0.1"
 SOURCE = f"https://deb.debian.org/debian/pool/main/o/openvdb/openvdb_{VERSION}.orig.tar.xz"
@@ -46,17 +46,8 @@ def put_sources(folder: pathlib.Path) -> None:
         unpack(archive, prefixes, folder)
 
 
-def repair(path: pathlib.Path, checks: dict[str, str]) -> None:
-    text = path.read_text()
-    for place, check in checks.items():
-        if text.count(place) != 1:
-            raise SystemExit(f"openvdb: {path} has not what is repaired: {place}")
-        text = text.replace(place, check + place)
-    path.write_text(text)
-
-
 if __name__ == "__main__":
     shutil.rmtree(ROOT, ignore_errors=True)
     put_sources(ROOT)
     for name, checks in REPAIRS.items():
-        repair(ROOT / "openvdb" / name, checks)
+        repair(ROOT / "openvdb" / name, {place: check + place for place, check in checks.items()})

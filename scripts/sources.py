@@ -1,4 +1,5 @@
-"""Archives of sources, by their SHA-256. Used by openimageio.py, basis_universal.py, openvdb.py."""
+"""Archives of sources, by their SHA-256. Used by assimp.py, basis_universal.py, openimageio.py,
+openvdb.py."""
 
 from __future__ import annotations
 
@@ -19,6 +20,16 @@ def source(url: str, sha256: str) -> tarfile.TarFile:
     if found != sha256:
         raise SystemExit(f"{url} has the SHA-256 {found}, not {sha256}")
     return tarfile.open(fileobj=io.BytesIO(data))
+
+
+def repair(path: pathlib.Path, changes: dict[str, str]) -> None:
+    """Replaces what a file has; ends the program where it has it not."""
+    text = path.read_text()
+    for old, new in changes.items():
+        if old not in text:
+            raise SystemExit(f"{path} has not what is repaired: {old}")
+        text = text.replace(old, new)
+    path.write_text(text)
 
 
 def unpack(archive: tarfile.TarFile, places: dict[str, str], folder: pathlib.Path) -> None:

@@ -92,6 +92,7 @@ LIBRARIES = {
     "embree3": {"renderer/backend/embree"},
     "embree4": {"renderer/backend/embree"},
     "OpenImageIO": {"renderer/assets"},
+    "assimp": {"renderer/assets"},
     "basisu_transcoder.h": {"renderer/assets"},
     "openvdb": {"renderer/assets"},
     "nanovdb": {"renderer/assets"},

@@ -30,6 +30,7 @@ IMPORTERS = {
     ".obj": lambda path: bpy.ops.wm.obj_import(filepath=path, validate_meshes=False, **AXES),
     ".ply": lambda path: bpy.ops.wm.ply_import(filepath=path, **AXES),
     ".stl": lambda path: bpy.ops.wm.stl_import(filepath=path, use_mesh_validate=False, **AXES),
+    ".fbx": lambda path: bpy.ops.import_scene.fbx(filepath=path, use_anim=False),
     ".dae": lambda path: bpy.ops.wm.collada_import(filepath=path),
 }
 

@@ -19,6 +19,7 @@ class Builder {
 
   const Bundle bundle;
   const LoadOptions& options;
+  std::string format;  // of the model, as files end; once it is known
   Budget budget;
 
   /// A name nobody has yet, of the library and the entities together: "Cube", "Cube_2".
@@ -59,6 +60,7 @@ class Builder {
 /// Sets the box of all meshes at rest, relative to the root; lights do not count.
 void measure(Loaded& loaded);
 
+void load_assimp(Builder& builder);
 void load_dae(Builder& builder);
 void load_gltf(Builder& builder);
 void load_obj(Builder& builder);

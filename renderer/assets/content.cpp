@@ -87,7 +87,8 @@ std::string format_of_content(Bytes bytes) {
   if (has_controls(head)) return is_binary_stl(bytes) ? "stl" : "";
   const std::string start = lower(trimmed(head).substr(0, 5));
   if (start == "solid" && lower(head).find("facet") != head.npos) return "stl";
-  if (start == "<?xml" || start == "<coll") return head.find("<COLLADA") != head.npos ? "dae" : "";
+  if (start == "<?xml" || start == "<coll")
+    return head.find("<COLLADA") != head.npos ? "dae" : head.find("<amf") != head.npos ? "amf" : "";
   if (start.starts_with('{')) return "gltf";
   return is_obj(head) ? "obj" : "";
 }

@@ -1,6 +1,7 @@
 #include "renderer/assets/load.h"
 
 #include <OpenImageIO/oiioversion.h>
+#include <assimp/version.h>
 #include <basisu_transcoder_internal.h>
 #include <blosc.h>
 #include <draco/core/draco_version.h>
@@ -32,7 +33,7 @@ void check_options(const LoadOptions& options) {
 }
 
 using Model = std::pair<std::string_view, void (*)(Builder&)>;
-constexpr std::array<Model, 8> kModels = {{
+constexpr std::array<Model, 14> kModels = {{
     {"gltf", load_gltf},
     {"glb", load_gltf},
     {"dae", load_dae},
@@ -41,6 +42,12 @@ constexpr std::array<Model, 8> kModels = {{
     {"stl", load_stl},
     {"nvdb", load_volume},
     {"vdb", load_volume},
+    {"fbx", load_assimp},
+    {"3ds", load_assimp},
+    {"3mf", load_assimp},
+    {"x", load_assimp},
+    {"off", load_assimp},
+    {"amf", load_assimp},
 }};
 
 std::string format_of(const Builder& builder) {
@@ -56,16 +63,24 @@ void refuse_axes(const LoadOptions& options, const char* message) {
 }
 
 /// A size that few models have: the unit may be another one.
-void check_size(Builder& builder, const std::string& format) {
+void check_size(Builder& builder) {
   constexpr float kSmall = 1e-3f, kLarge = 1e3f;
   const vec3 sides = builder.loaded.bounds_max - builder.loaded.bounds_min;
   const float size = std::max({sides.x, sides.y, sides.z});
   if (size <= 0 || (size >= kSmall && size <= kLarge)) return;
-  const bool says = is_gltf(format) || format == "dae";
+  constexpr std::array<std::string_view, 6> kSay = {"gltf", "glb", "dae", "fbx", "3mf", "amf"};
+  const bool says = std::ranges::find(kSay, builder.format) != kSay.end();
   builder.warn(fmt::format(
       "the model is {:.3g} m across{}", size,
       says ? ""
            : ": a unit was taken as 1 m, and +Z as up, unless given; units= and up= say others"));
+}
+
+std::string model_formats() {
+  std::string out;
+  for (const auto& [name, load] : kModels)
+    fmt::format_to(std::back_inserter(out), "{}{}", out.empty() ? "" : ", ", name);
+  return out;
 }
 
 const Model* model_of(const std::string& format) {
@@ -97,14 +112,15 @@ std::string checked_format(Builder& builder) {
   return format;
 }
 
-void load(Builder& builder, const std::string& format) {
+void load(Builder& builder) {
+  const std::string& format = builder.format;
   if (const Model* model = model_of(format)) return model->second(builder);
   if (format == "ies" || is_picture_name(format) || is_picture(builder.bundle.model().bytes)) {
     return load_picture(builder);
   }
-  refuse_unimplemented(
-      "format", fmt::format("'{}' is not one of gltf, glb, obj, ply, stl, dae, nvdb, vdb, ies, {}",
-                            clean_name(format, ""), picture_formats()));
+  refuse_unimplemented("format",
+                       fmt::format("'{}' is not one of {}, ies, {}", clean_name(format, ""),
+                                   model_formats(), picture_formats()));
 }
 
 Loaded load_bundle(std::span<const BundleFile> files, const LoadOptions& options) {
@@ -113,13 +129,13 @@ Loaded load_bundle(std::span<const BundleFile> files, const LoadOptions& options
   const std::vector<BundleFile> readable = in_utf8(files, texts);
   Builder builder(Bundle(readable), options);
   const std::string path = builder.bundle.model().path;
-  const std::string format = checked_format(builder);
-  check_options_of(format, options);
+  builder.format = checked_format(builder);
+  check_options_of(builder.format, options);
   try {
-    load(builder, format);
+    load(builder);
     if (builder.complete()) {
       measure(builder.loaded);
-      check_size(builder, format);
+      check_size(builder);
     }
   } catch (Refused& refused) {
     constexpr std::size_t kLongestMessage = 2000;
@@ -143,7 +159,7 @@ namespace assets {
 
 void load_picture(Builder& builder) {
   const BundleFile& file = builder.bundle.model();
-  const std::string format = format_of(builder);
+  const std::string& format = builder.format;
   const std::string where;
   Picture picture = format == "ies" ? decode_ies({file.bytes, where, builder.budget})
                                     : decode_picture(file.bytes, format, where, builder.budget,
@@ -172,10 +188,11 @@ Expected<Loaded> load_asset(std::span<const BundleFile> bundle, const LoadOption
 std::string decoder_versions() {
   return fmt::format(
       "OpenImageIO {}.{}.{}, Basis Universal {}.{}, {}, blosc {}, pugixml {}, Draco {}, "
-      "meshoptimizer {}",
+      "meshoptimizer {}, assimp {}.{}.{}",
       OIIO_VERSION_MAJOR, OIIO_VERSION_MINOR, OIIO_VERSION_PATCH, BASISD_LIB_VERSION / 100,
       BASISD_LIB_VERSION % 100, openvdb_version(), BLOSC_VERSION_STRING, PUGIXML_VERSION,
-      draco::kDracoVersion, MESHOPTIMIZER_VERSION);
+      draco::kDracoVersion, MESHOPTIMIZER_VERSION, aiGetVersionMajor(), aiGetVersionMinor(),
+      aiGetVersionPatch());
 }
 
 }  // namespace heliograph

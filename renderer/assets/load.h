@@ -1,4 +1,4 @@
-// Files to assets: glTF, COLLADA, OBJ, PLY, STL, images, IES profiles, volumes. Linked only by
+// Files to assets: models, pictures, IES profiles, volumes. Linked only by
 // heliograph-decode, which runs it inside the sandbox; what comes out is checked again by the
 // daemon.
 #pragma once
@@ -34,10 +34,10 @@ struct LoadLimits {
 
 struct LoadOptions {
   std::string format;  // "": by the first file's extension
-  // "x", "y", "z" for formats that name no axis, and instead of what COLLADA names; "": nothing is
-  // turned, COLLADA as it says. glTF refuses both.
+  // "x", "y", "z": instead of what the file says, or its format's custom; "": these. glTF refuses
+  // it.
   std::string up;
-  double units = 0;     // metres a unit, for the same formats; 0: 1, COLLADA as it says
+  double units = 0;     // metres a unit, likewise; 0: what the file says, without that 1
   std::string layer;    // of a lone picture with several; "": its colours
   std::string variant;  // of a glTF with KHR_materials_variants; "": its default
   LoadLimits limits{};

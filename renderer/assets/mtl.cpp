@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "renderer/assets/phong.h"
 #include "renderer/assets/text_scan.h"
 #include "renderer/assets/texture_files.h"
 
@@ -175,11 +176,10 @@ class Maker {
     const vec3 kd = entry.kd.value_or(vec3(entry.map_kd ? 1 : 0.8f));
     set(base_color, entry.map_kd && kd == vec3(0) ? vec3(1) : kd, 0, 1);
     set(emission, entry.map_ke && entry.ke == vec3(0) ? vec3(1) : entry.ke, 0, 1e9f);
-    const float shininess = std::max(entry.ns.value_or(0), 0.0f);
-    const float from_ns = std::pow(2 / (shininess + 2), 0.25f);
+    const float from_ns = roughness_of(entry.ns.value_or(0));
     set(roughness, vec3(entry.map_pr ? 1 : entry.pr.value_or(entry.ns ? from_ns : 0.5f)), 0, 1);
     set(metallic, vec3(entry.map_pm ? 1 : entry.pm.value_or(0)), 0, 1);
-    if (entry.ks) set(specular, vec3(2 * (entry.ks->x + entry.ks->y + entry.ks->z) / 3), 0, 1);
+    if (entry.ks) set(specular, vec3(specular_of(*entry.ks)), 0, 1);
     if (entry.ni) set(ior, vec3(*entry.ni), 1, 4);
     const float visible = opacity_of(entry);
     if (visible < 1 || entry.map_d) put.alpha_mode = AlphaMode::kBlend;

@@ -5,16 +5,19 @@
 namespace heliograph::assets {
 
 Boxed<TextureUsePatch> TextureFiles::use(const TextureFile& file) {
-  const BundleFile* found = builder_.bundle.find(file.path);
-  if (!found) {
-    builder_.missing(file.path);
-    return {};
+  std::span<const std::byte> bytes = file.embedded;
+  if (bytes.empty()) {
+    const BundleFile* found = builder_.bundle.find(file.path);
+    if (!found) {
+      builder_.missing(file.path);
+      return {};
+    }
+    bytes = found->bytes;
   }
   const auto key = std::tuple(file.path, file.srgb, file.wrap_u, file.wrap_v);
   auto known = textures_.find(key);
   if (known == textures_.end()) {
-    Picture picture =
-        decode_picture(found->bytes, extension_of(file.path), file.where, builder_.budget);
+    Picture picture = decode_picture(bytes, extension_of(file.path), file.where, builder_.budget);
     for (const std::string& warning : picture.warnings) {
       builder_.warn(fmt::format("{}: {}", file.path, warning));
     }

@@ -1,4 +1,5 @@
-// Textures that a model names by their files, each decoded once. Used by MTL and COLLADA.
+// Textures that a model names by their files, each decoded once. Used by MTL, COLLADA and the
+// formats of assimp.
 #pragma once
 
 #include <map>
@@ -13,10 +14,11 @@ namespace heliograph::assets {
 
 /// How a material uses a file.
 struct TextureFile {
-  std::string path;  // in the bundle
+  std::string path;  // in the bundle; of an embedded one, its name in the model
   std::string where;
   bool srgb = false;
   Wrap wrap_u = Wrap::kRepeat, wrap_v = Wrap::kRepeat;
+  std::span<const std::byte> embedded{};  // its bytes, when it is within the model
 };
 
 /// Adds textures to the library, whose first edits they are.

@@ -110,15 +110,19 @@ def test_it_names_all_that_is_inside(root):
         if path.is_file() and path.read_bytes()[:4] == b"\x7fELF"
     }
     assert listed == here and any(name.startswith("lib/libgrpc++.so") for name in here)
-    others = {"basis-universal", "openimageio", "openvdb"}
+    others = {"assimp", "basis-universal", "openimageio", "openvdb"}
     components = [part for part in document["components"] if part["name"] not in others]
     named = {part["name"]: part for part in document["components"]}
-    pictures, textures, volumes = (named[n] for n in ("openimageio", "basis-universal", "openvdb"))
+    pictures, textures, volumes, models = (
+        named[n] for n in ("openimageio", "basis-universal", "openvdb", "assimp")
+    )
     assert pictures["purl"].startswith("pkg:pypi/openimageio@") and len(pictures["components"]) == 2
-    for part, licence in ((textures, "Apache-2.0"), (volumes, "MPL-2.0")):
+    licences = (textures, "Apache-2.0"), (volumes, "MPL-2.0"), (models, "BSD-3-Clause")
+    for part, licence in licences:
         assert part["purl"].startswith(f"pkg:generic/{part['name']}@")
         assert part["licenses"] == [{"expression": licence}]
     assert (folder / "licences/openvdb").read_text().startswith("Mozilla Public License")
+    assert (folder / "licences/assimp").read_text().startswith("Open Asset Import Library")
     assert (folder / "licences/basis_universal/LICENSE").stat().st_size > 10_000
     names = [part["name"] for part in components]
     query = ["dpkg-query", "-W", "-f", "${Package} ${Version}\n", *names]

@@ -116,6 +116,7 @@ SAMPLES: dict[str, list[str | Seed]] = {
     "draco": ["gltf/heart_draco.glb"],
     "meshopt": [f"gltf/packed/{kind}.gltf" for kind in PACKED],
     "dae": ["dae/bracket.dae"],
+    "fbx": ["fbx/arm.fbx"],
     "obj": [
         made("quad.obj", QUAD, others={"quad.mtl": MTL.encode(), **checker()}),
         "mesh/spot_control_mesh.obj",
@@ -137,6 +138,7 @@ SAMPLES: dict[str, list[str | Seed]] = {
     "tif": [f"picture/gradient_{kind}.tif" for kind in ("tiled", "palette", "planar", "float")],
 }
 PICTURES = "bmp dds dpx gif hdr ico iff jp2 jxl ppm psd rla sgi tga webp"
+SAMPLES |= {ending: [f"mesh/box.{ending}"] for ending in "off x amf 3ds 3mf".split()}
 SAMPLES |= {ending: [f"picture/gradient.{ending}"] for ending in PICTURES.split()}
 
 

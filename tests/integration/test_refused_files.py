@@ -237,8 +237,8 @@ def test_what_is_not_there_is_named(world, tmp_path):
     check(world, load(tmp_path / "none.glb"), (hg.NotFound, "none.glb"))
     model = gltf(buffers=[{"uri": "gone.bin", "byteLength": 36}])
     check(world, load(written(tmp_path, "m.gltf", model)), (hg.NotFound, "gone.bin"))
-    fbx = written(tmp_path, "model.fbx", b"Kaydara FBX Binary")
-    check(world, load(fbx), (hg.Unimplemented, "model.fbx"), "gltf, glb, obj")
+    blend = written(tmp_path, "model.blend", b"BLENDER-v300")
+    check(world, load(blend), (hg.Unimplemented, "model.blend"), "gltf, glb, obj")
 
 
 def test_a_volume_and_a_mesh_do_not_go_together(world):

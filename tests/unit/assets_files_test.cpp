@@ -149,7 +149,7 @@ TEST_CASE("paths: a bundle's own paths are clean") {
 }
 
 TEST_CASE("files: formats that are not on the list are refused by name") {
-  for (const char* name : {"a.fbx", "a.3ds", "a.usd", "a.abc", "noextension"}) {
+  for (const char* name : {"a.blend", "a.lwo", "a.usd", "a.abc", "noextension"}) {
     CHECK_THAT(refusal(TestBundle().add(name, "x").load()), Contains("12 "));
   }
 }

@@ -5,9 +5,9 @@
 #include <numbers>
 #include <random>
 
-#include "renderer/assets/flat.h"
 #include "renderer/assets/load.h"
 #include "renderer/assets/polygon.h"
+#include "renderer/assets/poses.h"
 #include "tests/unit/asset_fixture.h"
 #include "tests/unit/catch.h"
 

@@ -157,9 +157,9 @@ TEST_CASE("decode: pictures, volumes, missing files, refusals") {
   CHECK(decode_now(*decoder, alone)->missing.size() == 1);
   CHECK(decode_now(*decoder, job_of("gltf/heart_draco.glb")));
   DecodeJob unknown = job_of("gltf/Lights.glb");
-  unknown.format = "fbx";
+  unknown.format = "blend";
   CHECK_THAT(said(decode_now(*decoder, unknown)),
-             Contains("12 Lights.glb") && Contains("'fbx' is not one of"));
+             Contains("12 Lights.glb") && Contains("'blend' is not one of"));
   CHECK_THAT(said(decode_now(*decoder, {})), Contains("empty"));
 }
 

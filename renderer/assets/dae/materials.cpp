@@ -1,9 +1,9 @@
 // Source: COLLADA 1.5.0, chapter 8 (FX), profile_COMMON. Shininess and specular become roughness
 // and specular as in MTL.
 #include <algorithm>
-#include <cmath>
 
 #include "renderer/assets/dae/document.h"
+#include "renderer/assets/phong.h"
 #include "renderer/assets/text_scan.h"
 #include "renderer/assets/texture_files.h"
 
@@ -53,10 +53,11 @@ class Reader {
       set(emission, vec3(glow->color), 0, 1e9f);
       put.parameters[std::size_t(emission)].texture = glow->texture;
     }
-    set(roughness, vec3(roughness_of(number("shininess"))), 0, 1);
+    const auto shininess = number("shininess");
+    set(roughness, vec3(shininess ? roughness_of(*shininess) : 0.5f), 0, 1);
     set(metallic, vec3(0), 0, 1);
     if (const auto shine = value("specular", true); shine && !shine->texture)
-      set(specular, vec3(2 * (shine->color.x + shine->color.y + shine->color.z) / 3), 0, 1);
+      set(specular, vec3(specular_of(vec3(shine->color))), 0, 1);
     if (const auto index = number("index_of_refraction"); index && *index > 1)
       set(ior, vec3(*index), 1, 4);
     transparency(put);
@@ -64,10 +65,6 @@ class Reader {
   }
 
  private:
-  static float roughness_of(std::optional<float> shininess) {
-    return shininess ? std::pow(2 / (std::max(*shininess, 0.0f) + 2), 0.25f) : 0.5f;
-  }
-
   std::optional<float> number(const char* key) {
     const Node node = shading_.child(key).child("float");
     if (!node) return std::nullopt;

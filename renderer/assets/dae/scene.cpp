@@ -3,7 +3,7 @@
 #include <glm/gtc/matrix_transform.hpp>
 
 #include "renderer/assets/dae/document.h"
-#include "renderer/assets/flat.h"
+#include "renderer/assets/poses.h"
 #include "renderer/assets/text_scan.h"
 
 namespace heliograph::assets::dae {

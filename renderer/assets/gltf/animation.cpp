@@ -1,7 +1,4 @@
-// Source: glTF 2.0, 3.11 (Animations) and appendix C (interpolation).
-//
-// Our keys interpolate translation and stretch linearly and rotation by slerp, so LINEAR channels
-// keep their own times. STEP gets a second key just before each jump; CUBICSPLINE is resampled.
+// Source: glTF 2.0, 3.11 (Animations).
 #include "renderer/assets/gltf/animation.h"
 
 #include <algorithm>
@@ -11,80 +8,10 @@
 #include <map>
 #include <set>
 
-#include "renderer/scene/invertible.h"
+#include "renderer/assets/curves.h"
 
 namespace heliograph::assets::gltf {
 namespace {
-
-constexpr double kJump = 1e-5;  // seconds a STEP takes
-constexpr double kSplineStep = 1 / 60.0;
-constexpr int kMostSplineSteps = 64;  // of one segment
-
-/// A sampler: `width` floats at each key; splines have in-tangent, value, out-tangent.
-struct Curve {
-  enum class Kind : u8 { kStep, kLinear, kSpline } kind = Kind::kLinear;
-  bool rotation = false;
-  u32 width = 0;
-  std::vector<float> times;
-  std::vector<float> values;
-
-  [[nodiscard]] const float* value(std::size_t key) const {
-    return values.data() + (kind == Kind::kSpline ? 3 * key + 1 : key) * width;
-  }
-  [[nodiscard]] const float* in_tangent(std::size_t key) const { return value(key) - width; }
-  [[nodiscard]] const float* out_tangent(std::size_t key) const { return value(key) + width; }
-
-  /// The times at which our keys must lie.
-  void add_times(std::set<double>& out) const {
-    for (std::size_t k = 0; k < times.size(); ++k) {
-      out.insert(times[k]);
-      if (k == 0) continue;
-      const double span = double(times[k]) - times[k - 1];
-      if (kind == Kind::kStep) out.insert(times[k] - std::min(kJump, span / 2));
-      if (kind != Kind::kSpline) continue;
-      const int steps = std::clamp(int(std::ceil(span / kSplineStep)), 2, kMostSplineSteps);
-      for (int i = 1; i < steps; ++i) out.insert(times[k - 1] + span * i / steps);
-    }
-  }
-  void evaluate(double time, float* out) const;
-};
-
-void slerp(const float* a, const float* b, float u, float* out) {
-  const quat q = glm::slerp(quat(a[3], a[0], a[1], a[2]), quat(b[3], b[0], b[1], b[2]), u);
-  out[0] = q.x, out[1] = q.y, out[2] = q.z, out[3] = q.w;
-}
-
-void Curve::evaluate(double time, float* out) const {
-  const auto after = std::upper_bound(times.begin(), times.end(), float(time));
-  const std::size_t next = std::size_t(after - times.begin());
-  if (next == 0 || next == times.size()) {
-    std::copy_n(value(next == 0 ? 0 : next - 1), width, out);
-    return;
-  }
-  const std::size_t last = next - 1;
-  const double span = double(times[next]) - times[last];
-  const auto u = float((time - times[last]) / span);
-  if (kind == Kind::kStep) {
-    std::copy_n(value(last), width, out);
-  } else if (kind == Kind::kLinear && rotation) {
-    slerp(value(last), value(next), u, out);
-  } else if (kind == Kind::kLinear) {
-    for (u32 i = 0; i < width; ++i) out[i] = std::lerp(value(last)[i], value(next)[i], u);
-  } else {
-    const float u2 = u * u;
-    const float u3 = u2 * u;
-    for (u32 i = 0; i < width; ++i) {
-      out[i] = (2 * u3 - 3 * u2 + 1) * value(last)[i] +
-               float(span) * (u3 - 2 * u2 + u) * out_tangent(last)[i] +
-               (3 * u2 - 2 * u3) * value(next)[i] + float(span) * (u3 - u2) * in_tangent(next)[i];
-    }
-  }
-}
-
-/// The curves of one node.
-struct Track {
-  std::optional<Curve> translation, rotation, scale, weights;
-};
 
 class Loader {
  public:
@@ -95,7 +22,8 @@ class Loader {
         nodes_(nodes),
         entities_(entities),
         meshes_(meshes),
-        lit_(find_lit(nodes)) {}
+        lit_(find_lit(nodes)),
+        keys_(builder) {}
 
   Asset::Animation load(const Value& animation, u32 index) {
     std::map<u32, Track> tracks;
@@ -110,10 +38,11 @@ class Loader {
                                   nodes_[node].name));
       }
       if (track.translation || track.rotation || track.scale) {
-        result.channels.push_back({*entities_.node[node], poses(nodes_[node], track)});
+        result.channels.push_back(
+            {*entities_.node[node], keys_.poses(rest_of(nodes_[node]), track)});
       }
       if (track.weights) {
-        result.channels.push_back({*entities_.mesh[node], weights(*track.weights)});
+        result.channels.push_back({*entities_.mesh[node], keys_.weights(*track.weights)});
       }
     }
     return result;
@@ -128,6 +57,14 @@ class Loader {
       for (std::optional<u32> at = i; at && !lit[*at]; at = nodes[*at].parent) lit[*at] = true;
     }
     return lit;
+  }
+
+  static Rest rest_of(const Node& node) {
+    return {.name = node.name,
+            .where = node.value.where(),
+            .translation = node.translation,
+            .rotation = node.rotation,
+            .scale = node.scale};
   }
 
   struct Property {
@@ -225,78 +162,13 @@ class Loader {
     return curve;
   }
 
-  /// Our key times: strictly increasing, and counted.
-  std::vector<Time> key_times(std::initializer_list<const std::optional<Curve>*> curves) {
-    std::set<double> all;
-    for (const auto* curve : curves) {
-      if (*curve) (*curve)->add_times(all);
-    }
-    keys_ += all.size();
-    Budget::check(keys_, builder_.options.limits.keys, "animation keys", "animations");
-    std::vector<Time> times;
-    for (const double time : all) {
-      if (times.empty() || time > times.back()) times.push_back(time);
-    }
-    return times;
-  }
-
-  PosePatch poses(const Node& node, const Track& track) {
-    PosePatch patch{.times = key_times({&track.translation, &track.rotation, &track.scale}),
-                    .matrices = {}};
-    builder_.budget.take(patch.times.size(), sizeof(mat4x3) + sizeof(Time), "animations");
-    for (const Time time : patch.times) {
-      float t[3] = {node.translation.x, node.translation.y, node.translation.z};
-      float r[4] = {node.rotation.x, node.rotation.y, node.rotation.z, node.rotation.w};
-      float s[3] = {node.scale.x, node.scale.y, node.scale.z};
-      if (track.translation) track.translation->evaluate(time, t);
-      if (track.rotation) track.rotation->evaluate(time, r);
-      if (track.scale) track.scale->evaluate(time, s);
-      const quat rotation(r[3], r[0], r[1], r[2]);
-      const float length = glm::length(rotation);
-      if (!(length > 1e-6f)) refuse(node.value.where(), "is animated by a rotation of length 0");
-      const vec3 scale = visible_scale(node, s);
-      patch.matrices.push_back(compose_trs({t[0], t[1], t[2]}, rotation / length, scale));
-      if (!invertible(patch.matrices.back()))
-        refuse(node.value.where(), "is animated by a scale without an inverse");
-    }
-    if (patch.times.size() == 1) patch.times.clear();  // one key is a constant pose
-    return patch;
-  }
-
-  /// A scale of 0 has no inverse; a ten-thousandth cannot be seen either.
-  vec3 visible_scale(const Node& node, const float* s) {
-    constexpr float kSmallest = 1e-4f;
-    vec3 scale(s[0], s[1], s[2]);
-    const float largest = std::max({std::abs(s[0]), std::abs(s[1]), std::abs(s[2]), 1.0f});
-    for (int i = 0; i < 3; ++i) {
-      if (std::abs(scale[i]) >= kSmallest * largest) continue;
-      scale[i] = std::copysign(kSmallest * largest, scale[i]);
-      builder_.warn(
-          fmt::format("node '{}': a scale of 0 in an animation became {}", node.name, kSmallest));
-    }
-    return scale;
-  }
-
-  MorphWeights weights(const Curve& curve) {
-    const std::optional<Curve> held = curve;
-    MorphWeights result{.times = key_times({&held}), .weights = {}};
-    const std::size_t count = result.times.size();
-    builder_.budget.take(count, sizeof(float) * curve.width, "animations");
-    result.weights.resize(count * curve.width);
-    for (std::size_t k = 0; k < count; ++k) {
-      curve.evaluate(result.times[k], result.weights.data() + k * curve.width);
-    }
-    if (count == 1) result.times.clear();
-    return result;
-  }
-
   const Document& document_;
   Builder& builder_;
   const std::vector<Node>& nodes_;
   const Entities& entities_;
   const std::vector<Mesh>& meshes_;
   const std::vector<bool> lit_;
-  u64 keys_ = 0;
+  Keys keys_;
 };
 
 }  // namespace

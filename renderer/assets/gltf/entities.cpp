@@ -4,6 +4,7 @@
 
 #include "renderer/assets/gltf/nodes.h"
 #include "renderer/assets/mesh_data.h"
+#include "renderer/assets/poses.h"
 #include "renderer/scene/invertible.h"
 
 namespace heliograph::assets::gltf {
@@ -126,9 +127,7 @@ class Maker {
     if (plain) entities_.mesh[index] = entities_.node[index];
     if (has_mesh && instancing) add_instances(node, *instancing, *entities_.node[index]);
     add_lights(document_, builder_, library_.profiles,
-               {.node = node.value,
-                .entity = *entities_.node[index],
-                .node_from_light = unscaled(poses_[index])});
+               {.node = node.value, .below = {*entities_.node[index], unscaled(poses_[index])}});
   }
 
   /// Source: EXT_mesh_gpu_instancing.

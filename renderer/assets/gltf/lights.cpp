@@ -8,14 +8,12 @@
 #include <numbers>
 
 #include "renderer/assets/gltf/nodes.h"
+#include "renderer/assets/lamps.h"
 #include "renderer/assets/picture.h"
-#include "renderer/scene/invertible.h"
 
 namespace heliograph::assets::gltf {
 namespace {
 
-constexpr float kRadius = 0.01f;      // metres, of point and spot lights
-constexpr float kSunAngle = 0.0093f;  // radians, our sun's angular diameter
 constexpr double kPi = std::numbers::pi;
 constexpr const char* kPunctual = "KHR_lights_punctual";
 constexpr const char* kProfiles = "EXT_lights_ies";
@@ -30,8 +28,6 @@ void read_cone(const Value& value, Light& light) {
   light.outer_cone_angle = float(std::clamp(outer, 1e-3, kPi / 2));
   light.inner_cone_angle = std::min(float(inner), light.outer_cone_angle);
 }
-
-Light small_sphere() { return {.shape = LightShape::kSphere, .radius = kRadius}; }
 
 /// The object that an index names in a list of the document's own extension.
 Value listed_light(const Document& document, const std::string& extension, const Value& index) {
@@ -50,17 +46,6 @@ void read_color(const Value& value, Light& light, const std::string& strength) {
   light.intensity = float(intensity);
 }
 
-void add_light(Builder& builder, LightPatch light, const std::string& name,
-               const NodeLights& lights) {
-  PutEntity put;
-  put.parent = builder.entity_ref(lights.entity);
-  if (lights.node_from_light != mat4x3(1)) put.pose = constant_pose(lights.node_from_light);
-  put.light = std::move(light);
-  put.label = LabelPatch{.kind = LabelPatch::Kind::kValue, .value = 0, .category = {}};
-  put.visibility = u8(kAllRays & ~kCameraRay & ~kShadowRay);
-  builder.entity(name, std::move(put));
-}
-
 void add_punctual(Builder& builder, const Value& value, const NodeLights& lights) {
   const std::string type = value.at("type").text();
   Light light;
@@ -76,7 +61,7 @@ void add_punctual(Builder& builder, const Value& value, const NodeLights& lights
   }
   read_color(value, light, "intensity");
   const std::string name = builder.claim_name(value.text("name", ""), type + "_light");
-  add_light(builder, {.light = light, .texture = {}}, name, lights);
+  put_light(builder, {.light = light, .texture = {}}, name, lights.below);
 }
 
 }  // namespace
@@ -107,19 +92,6 @@ bool has_lights(const Value& node) {
   return node.extension(kPunctual).has_value() || node.extension(kProfiles).has_value();
 }
 
-mat4x3 unscaled(const mat4x3& scene_from_node) {
-  const mat3 linear(scene_from_node);
-  if (!invertible(scene_from_node)) return mat4x3(1);
-  const vec3 z = glm::normalize(linear[2]);
-  const vec3 x = glm::normalize(linear[0] - z * glm::dot(linear[0], z));
-  const mat3 turned(x, glm::cross(z, x), z);
-  const auto pose = mat4x3(glm::inverse(linear) * turned);
-  const bool same = glm::all(glm::lessThan(glm::abs(linear[0] - x), vec3(1e-5f))) &&
-                    glm::all(glm::lessThan(glm::abs(linear[1] - turned[1]), vec3(1e-5f))) &&
-                    glm::all(glm::lessThan(glm::abs(linear[2] - z), vec3(1e-5f)));
-  return same || !invertible(pose) ? mat4x3(1) : pose;
-}
-
 void add_lights(const Document& document, Builder& builder,
                 const std::vector<std::optional<Ref>>& profiles, const NodeLights& lights) {
   if (const auto punctual = lights.node.extension(kPunctual))
@@ -130,43 +102,29 @@ void add_lights(const Document& document, Builder& builder,
     Light light = small_sphere();
     light.unit = LightUnit::kProfileScale;
     read_color(*luminaire, light, "multiplier");
-    add_light(builder, {.light = light, .texture = {}, .profile = *profile},
-              builder.claim_name("luminaire", "luminaire"), lights);
+    put_light(builder, {.light = light, .texture = {}, .profile = *profile},
+              builder.claim_name("luminaire", "luminaire"), lights.below);
   }
 }
 
 Camera read_camera(const Value& value) {
-  constexpr double kHeight = 1080;
-  constexpr double kWidest = 65536;
   const std::string type = value.at("type").text();
-  Camera camera{.height = u32(kHeight)};
-  const auto set_width = [&](double aspect) {
-    camera.width = u32(std::clamp(std::round(kHeight * aspect), 1.0, kWidest));
-    camera.cx = (camera.width - 1) / 2.0;
-    camera.cy = (camera.height - 1) / 2.0;
-  };
   if (type == "perspective") {
     const Value lens = value.at("perspective");
     const double yfov = lens.at("yfov").number();
     const double aspect = lens.number("aspectRatio", 16.0 / 9.0);
     if (!(yfov > 0 && yfov < kPi)) refuse(lens.key_where("yfov"), "must be between 0 and pi");
     if (!(aspect > 0)) refuse(lens.key_where("aspectRatio"), "must be positive");
-    set_width(aspect);
-    camera.fy = 0.5 * camera.height / std::tan(0.5 * yfov);
-    camera.fx = 0.5 * camera.width / (aspect * std::tan(0.5 * yfov));
-  } else if (type == "orthographic") {
+    return perspective_camera(yfov, aspect);
+  }
+  if (type == "orthographic") {
     const Value lens = value.at("orthographic");
     const double xmag = std::abs(lens.at("xmag").number());
     const double ymag = std::abs(lens.at("ymag").number());
     if (!(xmag > 0 && ymag > 0)) refuse(lens.where(), "xmag and ymag must not be 0");
-    set_width(xmag / ymag);
-    camera.projection = Projection::kOrthographic;
-    camera.fx = camera.width / (2 * xmag);
-    camera.fy = camera.height / (2 * ymag);
-  } else {
-    refuse(value.key_where("type"), "must be perspective or orthographic");
+    return orthographic_camera(xmag, ymag);
   }
-  return camera;
+  refuse(value.key_where("type"), "must be perspective or orthographic");
 }
 
 }  // namespace heliograph::assets::gltf

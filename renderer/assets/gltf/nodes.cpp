@@ -2,8 +2,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "renderer/assets/flat.h"
 #include "renderer/assets/gltf/nodes.h"
+#include "renderer/assets/poses.h"
 #include "renderer/scene/invertible.h"
 
 namespace heliograph::assets::gltf {
@@ -66,16 +66,6 @@ void link(std::vector<Node>& nodes) {
 }
 
 }  // namespace
-
-mat4x3 compose_trs(vec3 translation, quat rotation, vec3 scale) {
-  const mat3 r = glm::mat3_cast(rotation);
-  return {r[0] * scale.x, r[1] * scale.y, r[2] * scale.z, translation};
-}
-
-mat4x3 thickened(const mat4x3& pose) {
-  constexpr double kShare = 1e-4;
-  return with_thickness(pose, kShare).value_or(pose);
-}
 
 std::vector<Node> read_nodes(const Document& document, Builder& builder) {
   std::vector<Node> nodes;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "renderer/assets/gltf/meshes.h"
+#include "renderer/assets/lamps.h"
 
 namespace heliograph::assets::gltf {
 
@@ -42,24 +43,14 @@ struct SkinData {
 [[nodiscard]] SkinData read_skin(const Document& document, const Value& skin, std::size_t nodes,
                                  Budget& budget);
 
-[[nodiscard]] mat4x3 compose_trs(vec3 translation, quat rotation, vec3 scale);
-/// A pose that makes things flat gets a ten-thousandth of its longest axis across them: what is
-/// flat already stays where it is, and the pose has an inverse. One that leaves a line, a point or
-/// nothing that f32 can hold still has none.
-[[nodiscard]] mat4x3 thickened(const mat4x3& pose);
-
 // lights.cpp
 /// Adds the profiles of EXT_lights_ies to the library, but those that nobody has; by their index.
 [[nodiscard]] std::vector<std::optional<Ref>> load_profiles(Document& document, Builder& builder);
 /// A node whose lights are wanted.
 struct NodeLights {
   Value node;
-  u32 entity;
-  mat4x3 node_from_light;
+  Place below;
 };
-/// The pose below a node, at its origin, that takes scale and shear of the node's pose in the scene
-/// back: -Z looks where the node's does. Identity where that has no inverse.
-[[nodiscard]] mat4x3 unscaled(const mat4x3& scene_from_node);
 /// Adds the entities of a node's lights below it.
 void add_lights(const Document& document, Builder& builder,
                 const std::vector<std::optional<Ref>>& profiles, const NodeLights& lights);

@@ -327,13 +327,13 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
         strict: bool = False,
         **placement: Unpack[assets.Placement],
     ) -> Asset:
-        """Decodes a model (glTF, GLB, DAE, OBJ, PLY, STL) and places it `count` times.
+        """Decodes a model (glTF, FBX, OBJ, .. : docs/formats.md) and places it `count` times.
 
-        up ("x", "y", "z") and units (metres a unit) serve formats that name none, and go before a
-        DAE's own. variant: of a glTF with KHR_materials_variants, the name of the one that is
-        shown instead of the default; NotFound lists those that there are. server_path: a file
-        under the daemon's asset root instead. Roots are called `name`, or "<name>/0" .. for a
-        count above 1.
+        up ("x", "y", "z") and units (metres a unit) serve formats that name none, and go before
+        what a file says; glTF refuses them. variant: of a glTF with KHR_materials_variants, the
+        name of the one that is shown instead of the default; NotFound lists those that there are.
+        server_path: a file under the daemon's asset root instead. Roots are called `name`, or
+        "<name>/0" .. for a count above 1.
 
         Textures and other companions are read from beneath the model's folder, and beneath
         `folders`: where the model says they are, else a file of the same name. Without one the

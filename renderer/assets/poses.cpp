@@ -1,4 +1,4 @@
-#include "renderer/assets/flat.h"
+#include "renderer/assets/poses.h"
 
 #include <algorithm>
 
@@ -31,6 +31,29 @@ std::optional<mat4x3> with_thickness(const mat4x3& pose, double share) {
   const mat3 rounded(linear);
   const mat4x3 out(rounded[0], rounded[1], rounded[2], pose[3]);
   return invertible(out) ? std::optional(out) : std::nullopt;
+}
+
+mat4x3 compose_trs(vec3 translation, quat rotation, vec3 scale) {
+  const mat3 r = glm::mat3_cast(rotation);
+  return {r[0] * scale.x, r[1] * scale.y, r[2] * scale.z, translation};
+}
+
+mat4x3 thickened(const mat4x3& pose) {
+  constexpr double kShare = 1e-4;
+  return with_thickness(pose, kShare).value_or(pose);
+}
+
+mat4x3 unscaled(const mat4x3& scene_from_node) {
+  const mat3 linear(scene_from_node);
+  if (!invertible(scene_from_node)) return mat4x3(1);
+  const vec3 z = glm::normalize(linear[2]);
+  const vec3 x = glm::normalize(linear[0] - z * glm::dot(linear[0], z));
+  const mat3 turned(x, glm::cross(z, x), z);
+  const auto pose = mat4x3(glm::inverse(linear) * turned);
+  const bool same = glm::all(glm::lessThan(glm::abs(linear[0] - x), vec3(1e-5f))) &&
+                    glm::all(glm::lessThan(glm::abs(linear[1] - turned[1]), vec3(1e-5f))) &&
+                    glm::all(glm::lessThan(glm::abs(linear[2] - z), vec3(1e-5f)));
+  return same || !invertible(pose) ? mat4x3(1) : pose;
 }
 
 }  // namespace heliograph::assets
