@@ -27,6 +27,19 @@ REPAIRS = {
         OFFSET + "bone->mOffsetMatrix * matrix;": OFFSET + "cluster->Transform();",
         f"shapeGeometries.size() > 1 ? {PERCENT} : 1.0f": PERCENT,
     },
+    "X/XFileImporter.cpp": {
+        f"{array}[{index}]": f"{array}.at({index})"
+        for array, index in (
+            ("mPosFaces", "c"),
+            ("mPosFaces", "f"),
+            ("mNormFaces", "f"),
+            ("sourceMesh->mMaterials", "b"),
+            ("mTexCoords[e]", "pf.mIndices[d]"),
+            ("mColors[e]", "pf.mIndices[d]"),
+            ("oldWeights", "obone.mWeights[d].mVertex"),
+            ("oldWeights", "orgPoints[d]"),
+        )
+    },
     "3MF/XmlSerializer.cpp": {
         "aiMatrix4x4 transformMatrix;": "numbers.resize(12); aiMatrix4x4 transformMatrix;",
         **{
