@@ -2,7 +2,6 @@
 #include <tbb/task_arena.h>
 
 #include "renderer/assets/builder.h"
-#include "renderer/assets/content.h"
 #include "renderer/assets/mesh_data.h"
 #include "renderer/assets/volume_file.h"
 
@@ -71,15 +70,10 @@ PutVolume to_volume(Builder& builder, VolumeFile& file) {
 /// The library's own threads are as many as there may be in the sandbox: none. Its trees are freed
 /// by them, too.
 PutVolume read_volume(Builder& builder) {
-  const BundleFile& file = builder.bundle.model();
-  const std::string named =
-      builder.options.format.empty() ? extension_of(file.path) : builder.options.format;
-  const std::string content = format_of_content(file.bytes);
-  const std::string& format = content.empty() ? named : content;
   PutVolume put;
   tbb::task_arena(1).execute([&] {
-    const auto open = format == "nvdb" ? open_nvdb : open_vdb;
-    put = to_volume(builder, *open(file.bytes, builder.budget));
+    const auto open = builder.format == "nvdb" ? open_nvdb : open_vdb;
+    put = to_volume(builder, *open(builder.bundle.model().bytes, builder.budget));
   });
   return put;
 }
