@@ -4,6 +4,7 @@
 #include <assimp/postprocess.h>
 
 #include <array>
+#include <assimp/DefaultLogger.hpp>
 #include <cmath>
 
 #include "renderer/assets/assimp/scene.h"
@@ -29,6 +30,44 @@ class OneFile : public Assimp::IOSystem {
  private:
   const std::string name_;
   const std::span<const std::byte> bytes_;
+};
+
+/// What a reader says that it leaves out or mends, while it lives.
+class Said : public Assimp::Logger {
+ public:
+  explicit Said(Builder& builder) : builder_(builder) {}
+
+  bool attachStream(Assimp::LogStream*, u32) override { return false; }
+  bool detachStream(Assimp::LogStream*, u32) override { return false; }
+
+ protected:
+  void OnDebug(const char*) override {}
+  void OnVerboseDebug(const char*) override {}
+  void OnInfo(const char*) override {}
+  void OnWarn(const char* message) override { warn(message); }
+  void OnError(const char* message) override { warn(message); }
+
+ private:
+  void warn(std::string_view message) {
+    constexpr u32 kMost = 20;
+    constexpr std::array<std::string_view, 3> kNothingLost = {
+        "Validation warning", "newer format version", "Ignored file of un"};
+    for (const std::string_view part : kNothingLost)
+      if (message.find(part) != message.npos) return;
+    if (++count_ <= kMost) builder_.warn(fmt::format("the reader says: {}", message));
+  }
+
+  Builder& builder_;
+  u32 count_ = 0;
+};
+
+/// The library has one logger, which it owns.
+class Listening {
+ public:
+  explicit Listening(Builder& builder) { Assimp::DefaultLogger::set(new Said(builder)); }
+  ~Listening() { Assimp::DefaultLogger::set(nullptr); }
+  Listening(const Listening&) = delete;
+  Listening& operator=(const Listening&) = delete;
 };
 
 std::string name_of(const std::string& format) { return "model." + format; }
@@ -105,6 +144,7 @@ const aiScene& import_scene(Assimp::Importer& importer, Builder& builder) {
   importer.SetIOHandler(new OneFile(name, builder.bundle.model().bytes));
   importer.SetPropertyBool(AI_CONFIG_IMPORT_FBX_PRESERVE_PIVOTS, false);
   importer.SetPropertyBool(AI_CONFIG_IMPORT_REMOVE_EMPTY_BONES, false);
+  const Listening listening(builder);
   const aiScene* scene =
       importer.ReadFile(name, aiProcess_JoinIdenticalVertices | aiProcess_ValidateDataStructure);
   if (scene && scene->mRootNode) return *scene;
