@@ -36,8 +36,8 @@ using Model = std::pair<std::string_view, void (*)(Builder&)>;
 constexpr std::array<Model, 14> kModels = {{
     {"gltf", load_gltf},
     {"glb", load_gltf},
-    {"dae", load_dae},
     {"obj", load_obj},
+    {"dae", load_dae},
     {"ply", load_ply},
     {"stl", load_stl},
     {"nvdb", load_volume},

@@ -27,6 +27,7 @@ WRITERS = {
     "ascii.ply": {"encoding": "ascii"},
     "stl": {},
     "ascii.stl": {"file_type": "stl_ascii"},
+    "off": {},
 }
 
 
@@ -48,13 +49,13 @@ def test_what_trimesh_writes_loads_as_it_has_it(tmp_path):
             shape.export(tmp_path / f"{name}.{ending}", **options)
     status, lines, counts = compare(tmp_path)
     assert (status, lines) == (0, [])
-    assert counts == {"files": 30, "refused by us": 0, "as trimesh": 30}
+    assert counts == {"files": 35, "refused by us": 0, "as trimesh": 35}
 
 
 def test_our_files_load_as_trimesh_has_them_or_for_a_reason():
     status, lines, counts = compare(ASSETS / "gltf", ASSETS / "mesh")
     assert status == 0, lines
-    assert counts["files"] == 21 and counts["refused by us"] == 1
+    assert counts["files"] == 26 and counts["refused by us"] == 1
     assert counts["as trimesh"] >= 13
 
 
