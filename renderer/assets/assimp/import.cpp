@@ -76,9 +76,9 @@ struct Custom {
   const char* format;
   const char* up;
 };
-/// What readers of these formats take as up; that of FBX says the file.
-constexpr std::array kCustoms = std::to_array<Custom>(
-    {{"fbx", "y"}, {"3ds", "z"}, {"3mf", "z"}, {"x", "y"}, {"off", "z"}, {"amf", "z"}});
+/// What readers of these formats take as up.
+constexpr std::array kCustoms =
+    std::to_array<Custom>({{"3ds", "z"}, {"3mf", "z"}, {"x", "y"}, {"off", "z"}, {"amf", "z"}});
 
 /// Metres of a unit by its name. Source: 3MF core specification 1.3, 3.4 (model); ISO/ASTM 52915,
 /// "amf".
