@@ -49,7 +49,7 @@ bool read(Files& files) {
 }
 
 void confine(rlim_t memory_bytes, rlim_t cpu_seconds) {
-#if !defined(__SANITIZE_ADDRESS__)  // its shadow fits no limit
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // their shadow fits no limit
   const rlimit memory{memory_bytes, memory_bytes};
   setrlimit(RLIMIT_AS, &memory);
 #endif
