@@ -19,7 +19,7 @@ SOURCE = (
     PYPI + f"0b/6c/bfab1e914dc0b93a482f8093d4f04c85e8c58f0c9de341291e3d6f00744d/{PACKAGE}.tar.gz"
 )
 SHA256 = "ad982d33ba9ff836749a6475e145e8dcdfc106e174876ac035662301707c967c"
-# What is read wrong, or by an index that a file claims.
+# Changes to its sources: what it reads wrong, and indices that it believes as a file claims them.
 OFFSET = "bone->mOffsetMatrix = "
 PERCENT = "blendShapeChannel->DeformPercent() / 100.0f"
 REPAIRS = {

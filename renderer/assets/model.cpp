@@ -16,8 +16,6 @@ void to_world(Model& model, const LoadOptions& options) {
   for (vec3& n : model.mesh.normals) n = turn_up * n;
 }
 
-bool is_nothing(const Ref& ref) { return std::holds_alternative<std::monostate>(ref); }
-
 }  // namespace
 
 void put_model(Builder& builder, Model model) {

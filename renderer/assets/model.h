@@ -10,6 +10,11 @@
 
 namespace heliograph::assets {
 
+/// Of a part without a material.
+[[nodiscard]] inline bool is_nothing(const Ref& ref) {
+  return std::holds_alternative<std::monostate>(ref);
+}
+
 /// A mesh that is not placed yet.
 struct Model {
   MeshData mesh;                      // without positions

@@ -1,4 +1,4 @@
-// What materials of Phong's and Blinn's time become. Used by MTL, COLLADA and the formats of
+// Phong's and Blinn's materials as roughness and specular. Used by MTL, COLLADA and the formats of
 // assimp.
 #pragma once
 

@@ -8,15 +8,16 @@
 namespace heliograph::assets::assimp {
 namespace {
 
-/// Keys in the order of their times; of several at one time the last counts.
+/// Keys in the order of their times; of several at one time the last counts. nullopt: there are
+/// none whose time is a number.
 template <class Key, class Read>
 std::optional<Curve> curve_of(const Key* keys, u32 count, double seconds, u32 width, Read read) {
-  if (count == 0) return std::nullopt;
   std::map<float, std::size_t> order;
   for (u32 k = 0; k < count; ++k) {
     const auto time = float(keys[k].mTime * seconds);
     if (std::isfinite(time)) order[time] = k;
   }
+  if (order.empty()) return std::nullopt;
   Curve curve{.width = width, .times = {}, .values = {}};
   for (const auto& [time, k] : order) {
     curve.times.push_back(time);
@@ -97,7 +98,7 @@ class Loader {
         values.insert(values.end(), weights.begin(), weights.end());
       };
       const auto curve = curve_of(channel.mKeys, channel.mNumKeys, seconds_, count, read);
-      if (curve && !curve->times.empty()) out.channels.push_back({entity, keys_.weights(*curve)});
+      if (curve) out.channels.push_back({entity, keys_.weights(*curve)});
     }
   }
 

@@ -107,9 +107,6 @@ class Maker {
 
   static void show(const Shape& shape, PutEntity& put) {
     put.mesh = shape.mesh;
-    const auto is_nothing = [](const Ref& ref) {
-      return std::holds_alternative<std::monostate>(ref);
-    };
     if (!std::ranges::all_of(shape.materials, is_nothing)) put.materials = shape.materials;
     if (!shape.morph_weights.empty())
       put.morph_weights = MorphWeights{.times = {}, .weights = shape.morph_weights};

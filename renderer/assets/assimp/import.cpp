@@ -32,7 +32,7 @@ class OneFile : public Assimp::IOSystem {
   const std::span<const std::byte> bytes_;
 };
 
-/// What a reader says that it leaves out or mends, while it lives.
+/// Passes on as warnings what a reader says that it leaves out or mends.
 class Said : public Assimp::Logger {
  public:
   explicit Said(Builder& builder) : builder_(builder) {}
@@ -76,7 +76,7 @@ struct Custom {
   const char* format;
   const char* up;
 };
-/// What readers of these formats take as up.
+/// The up axis that readers of these formats assume.
 constexpr std::array kCustoms =
     std::to_array<Custom>({{"3ds", "z"}, {"3mf", "z"}, {"x", "y"}, {"off", "z"}, {"amf", "z"}});
 

@@ -187,7 +187,7 @@ class Reader {
   const bool is_tinted_;
 };
 
-/// What assimp makes where a file has none.
+/// The material that assimp makes for a file without one.
 bool is_made_up(const aiMaterial& material, const std::string& format) {
   return format == "off" || text_of(material.GetName()) == AI_DEFAULT_MATERIAL_NAME;
 }

@@ -44,7 +44,7 @@ class Merger {
     data.part_names.push_back(part);
   }
 
-  /// What a part lacks is 0, a normal then that of its faces.
+  /// Fills what a part lacks with 0; such a normal becomes that of its faces.
   void finish() {
     const std::size_t count = data.positions.size();
     fit(data.normals, count);
