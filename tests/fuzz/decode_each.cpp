@@ -48,7 +48,7 @@ bool read(Files& files) {
   return true;
 }
 
-void confine(rlim_t memory_bytes, rlim_t cpu_seconds) {
+void confine([[maybe_unused]] rlim_t memory_bytes, rlim_t cpu_seconds) {
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // their shadow fits no limit
   const rlimit memory{memory_bytes, memory_bytes};
   setrlimit(RLIMIT_AS, &memory);
