@@ -32,6 +32,13 @@ REPAIRS = {
     "Metadata.h": {"mValue.resize(size, '\\0');": LONG.format("size")},
     "Metadata.cc": {"ByteVec buffer(numBytes);": LONG.format("numBytes")},
 }
+# Boost 1.74's header for this does not compile with clang 20 or later, thus not with clang-tidy.
+PROMOTED = """typename std::conditional_t<std::is_class_v<S>, std::common_type<S>,
+        std::conditional_t<std::is_class_v<T>, std::common_type<T>, std::common_type<S, T>>>::type"""
+REPLACED = {
+    "#include <boost/numeric/conversion/conversion_traits.hpp>": "#include <type_traits>",
+    "typename boost::numeric::conversion_traits<S, T>::supertype": PROMOTED,
+}
 ROOT = pathlib.Path(__file__).resolve().parent.parent / ".venv/openvdb"
 
 
@@ -51,3 +58,4 @@ if __name__ == "__main__":
     put_sources(ROOT)
     for name, checks in REPAIRS.items():
         repair(ROOT / "openvdb" / name, {place: check + place for place, check in checks.items()})
+    repair(ROOT / "openvdb/math/Math.h", REPLACED)

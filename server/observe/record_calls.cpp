@@ -9,7 +9,6 @@
 #include <string_view>
 
 #include "heliograph/v1/service.pb.h"
-#include "server/os/hash.h"
 
 namespace heliograph::server {
 namespace {
@@ -17,9 +16,6 @@ namespace {
 using grpc::experimental::InterceptionHookPoints;
 using grpc::experimental::InterceptorBatchMethods;
 using grpc::experimental::ServerRpcInfo;
-
-using google::protobuf::FieldDescriptor;
-using google::protobuf::Message;
 
 // ---------------------------------------------------------------- requests
 
@@ -90,33 +86,9 @@ bool take_reply(const v1::RenderBatchReply& message, const FramePtr& frame, Note
 
 // ---------------------------------------------------------------- questions
 
-/// Puts the SHA-256 of each long field of bytes in its place.
-void shorten(Message& message) {
-  const auto& reflection = *message.GetReflection();
-  std::vector<const FieldDescriptor*> fields;
-  reflection.ListFields(message, &fields);
-  for (const FieldDescriptor* field : fields) {
-    const bool is_message = field->cpp_type() == FieldDescriptor::CPPTYPE_MESSAGE;
-    if (is_message && field->is_repeated()) {
-      for (int i = 0; i < reflection.FieldSize(message, field); ++i)
-        shorten(*reflection.MutableRepeatedMessage(&message, field, i));
-    } else if (is_message) {
-      shorten(*reflection.MutableMessage(&message, field));
-    } else if (field->type() == FieldDescriptor::TYPE_BYTES && !field->is_repeated()) {
-      std::string bytes = reflection.GetString(message, field);
-      if (bytes.size() > kWorthNaming) reflection.SetString(&message, field, sha256(bytes));
-    }
-  }
-}
-
-/// Hashing is the call's: who reads much is slowed, and the writer never has too much.
 template <class Reply>
 bool take_answer(const void* message, const FramePtr&, Note& note) {
-  Reply reply = *static_cast<const Reply*>(message);
-  shorten(reply);
-  std::string bytes = serialize(reply);
-  v1::RecordReply& item = *note.item.mutable_reply();
-  (bytes.size() < kWorthNaming ? *item.mutable_message() : note.bulk) = std::move(bytes);
+  note.answer = std::make_unique<Reply>(*static_cast<const Reply*>(message));
   return true;
 }
 

@@ -19,35 +19,12 @@ using google::protobuf::io::CodedOutputStream;
 
 constexpr auto kPause = std::chrono::milliseconds(50);
 constexpr u64 kWakeBytes = 4 << 20;      // then it does not pause
+constexpr u64 kMuchWaiting = 64 << 20;   // bytes; then calls hash
 constexpr u64 kMostWaiting = 256 << 20;  // bytes
 constexpr u64 kLastBytes = 512;          // kept for the end
 constexpr std::size_t kPiece = 1 << 20;
 constexpr const char* kLate = "the disk is too slow";
 constexpr const char* kSuffix = ".recording";
-
-u64 cost_of(const Note& note) {
-  u64 bytes = sizeof(Note) + note.bulk.size();
-  if (note.item.has_request()) bytes += note.item.request().message().size();
-  if (note.item.has_reply()) bytes += note.item.reply().message().size();
-  if (note.frame)
-    for (const PlaneData& plane : note.frame->planes) bytes += plane.pixels.size();
-  struct stat file{};
-  if (note.memory && ::fstat(note.memory.get(), &file) == 0) bytes += u64(file.st_size);
-  return bytes;
-}
-
-/// As recording.proto says.
-std::string hash_of(const Frame& frame) {
-  Sha256 digest;
-  for (const PlaneData& plane : frame.planes)
-    digest.add(std::span<const std::byte>(plane.pixels.data(), plane.pixels.size()));
-  for (const Column& column : frame.labels) {
-    digest.add(column.name);
-    digest.add(std::span(column.data));
-    for (const std::string& text : column.strings) digest.add(text);
-  }
-  return digest.finish();
-}
 
 namespace fs = std::filesystem;
 
@@ -127,12 +104,14 @@ Expected<std::unique_ptr<Recorder>> Recorder::open(Options options, const Log& l
 
 void Recorder::note(Note note) {
   if (!is_on_) return;
-  const u64 cost = cost_of(note);
+  if (is_busy_) hash(note);
+  const u64 cost = bytes_of(note);
   const std::lock_guard lock(mutex_);
   if (is_late_) return;
   is_late_ = waiting_bytes_ > 0 && waiting_bytes_ + cost > kMostWaiting;
   if (is_late_) return wake_.notify_all();
   waiting_bytes_ += cost;
+  is_busy_ = waiting_bytes_ > kMuchWaiting;
   notes_.push_back(std::move(note));
   if (waiting_bytes_ > kWakeBytes) wake_.notify_all();
 }
@@ -218,6 +197,7 @@ void Recorder::work() {
                      [&] { return waiting_bytes_ > kWakeBytes || is_late_ || !reason_.empty(); });
       notes.swap(notes_);
       waiting_bytes_ = 0;
+      is_busy_ = false;
       reason = is_late_ ? kLate : reason_;
     }
     if (reason == kLate) warn(reason);
@@ -239,7 +219,7 @@ void Recorder::write(std::vector<Note> notes) {
 }
 
 void Recorder::complete(Note& note) {
-  if (note.frame) note.item.mutable_frame()->set_sha256(hash_of(*note.frame));
+  hash(note);
   if (!note.bulk.empty()) {
     const std::string hash = store(std::move(note.bulk));
     if (note.item.has_request())

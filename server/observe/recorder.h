@@ -14,24 +14,13 @@
 #include <unordered_set>
 #include <vector>
 
-#include "heliograph/v1/recording.pb.h"
-#include "renderer/frame/frame.h"
+#include "server/observe/note.h"
 #include "server/os/log.h"
-#include "server/os/unique_fd.h"
 
 namespace heliograph::server {
 
-constexpr std::size_t kWorthNaming = 4 << 10;  // bytes; what is shorter may stand there twice
-
-/// An item, and what the writer completes it with.
-struct Note {
-  v1::RecordItem item;
-  std::string bulk = {};                         // of a request or reply; stored by its hash
-  std::shared_ptr<const Frame> frame = nullptr;  // of a frame; hashed
-  UniqueFd memory = {};                          // of a buffer; its bytes are stored
-};
-
-/// Owns: the file and the thread that writes it, twenty times a second. Hashing is that thread's.
+/// Owns: the file and the thread that writes it, twenty times a second. Hashing is that thread's,
+/// or the call's while much waits: who asks for much is slowed, and the writer never has too much.
 /// Ends with a line in the log when the file is as long as it may be, when the disk fails, or when
 /// it is too slow for what waits. Thread: any.
 class Recorder {
@@ -83,6 +72,7 @@ class Recorder {
 
   const Log& log_;
   std::atomic<bool> is_on_ = true;
+  std::atomic<bool> is_busy_ = false;  // much waits
   std::atomic<u64> last_call_ = 0;
 
   // The writer's alone.

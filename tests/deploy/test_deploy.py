@@ -30,7 +30,6 @@ NOT_IN_AN_IMAGE = {
     "git",
     "python3",
     "clang-format-19",
-    "clang-tidy-19",
     "xz-utils",
 }
 

@@ -4,8 +4,9 @@
 
 #include <sstream>
 
+#include "tests/unit/asset_fixture.h"
 #include "tests/unit/catch.h"
-#include "tests/unit/vdb_fixture.h"
+#include "tests/unit/voxels.h"
 
 using namespace heliograph;
 using namespace heliograph::test;

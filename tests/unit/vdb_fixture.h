@@ -1,14 +1,13 @@
-// Volume files written by OpenVDB itself, and voxels of what was read of them.
+// Volume files written by OpenVDB itself.
 #pragma once
 
 #include <openvdb/io/Archive.h>
 #include <openvdb/openvdb.h>
 
-#include <algorithm>
 #include <sstream>
 
-#include "renderer/scene/components.h"
 #include "tests/unit/asset_fixture.h"
+#include "tests/unit/voxels.h"
 
 namespace heliograph::test {
 
@@ -31,26 +30,6 @@ struct VdbWriter : vdb::io::Archive {
   if (!loaded) throw std::runtime_error(loaded.error().where + ": " + loaded.error().message);
   return std::move(*loaded);
 }
-
-/// Value of a voxel; 0 where there is none.
-[[nodiscard]] inline float voxel(const Grid& grid, ivec3 at, u32 channel = 0) {
-  const auto bricks = grid.bricks.span();
-  const auto brick = std::ranges::find(bricks, at >> 3);
-  if (brick == bricks.end()) return 0;
-  const ivec3 in = at & 7;
-  const auto row = std::size_t(brick - bricks.begin()) * kBrickVoxels +
-                   std::size_t((in.x * 8 + in.y) * 8 + in.z);
-  return grid.values[row * grid.channels + channel];
-}
-
-/// Calls with every voxel of a box that spans several bricks, on both sides of 0.
-template <class Visit>
-void each_voxel(const Visit& visit) {
-  for (int x = -9; x < 7; ++x)
-    for (int y = -3; y < 10; ++y)
-      for (int z = 5; z < 18; ++z) visit(ivec3(x, y, z));
-}
-[[nodiscard]] inline int count_at(ivec3 at) { return (at.x * 7 + at.y * 3 + at.z * 5 + 200) % 16; }
 
 /// A grid of what value(voxel) gives, active where that is not 0.
 template <class GridType, class Value>
