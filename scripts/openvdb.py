@@ -34,7 +34,8 @@ REPAIRS = {
 }
 # Boost 1.74's header for this does not compile with clang 20 or later, thus not with clang-tidy.
 PROMOTED = """typename std::conditional_t<std::is_class_v<S>, std::common_type<S>,
-        std::conditional_t<std::is_class_v<T>, std::common_type<T>, std::common_type<S, T>>>::type"""
+        std::conditional_t<std::is_class_v<T>, std::common_type<T>,
+            std::common_type<S, T>>>::type"""
 REPLACED = {
     "#include <boost/numeric/conversion/conversion_traits.hpp>": "#include <type_traits>",
     "typename boost::numeric::conversion_traits<S, T>::supertype": PROMOTED,
