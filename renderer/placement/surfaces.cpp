@@ -69,9 +69,10 @@ std::shared_ptr<const Surfaces> make_surfaces(const Structure& structure,
     if (traits[i] & kFocuses) surfaces->focusing.push_back(i);
   if (!(all & kHole)) return surfaces;
   for (u8& trait : traits) trait &= kHole;
-  surfaces->holes = before && before->holes && *before->holes == traits
-                        ? before->holes
-                        : std::make_shared<const std::vector<u8>>(std::move(traits));
+  if (before && before->holes && *before->holes == traits)
+    surfaces->holes = before->holes;
+  else
+    surfaces->holes = std::make_shared<const std::vector<u8>>(std::move(traits));
   return surfaces;
 }
 
