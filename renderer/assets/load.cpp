@@ -32,6 +32,9 @@ void check_options(const LoadOptions& options) {
   }
 }
 
+/// Of the request; all else that is refused is in the file.
+bool is_option(std::string_view where) { return where == "variant"; }
+
 using Model = std::pair<std::string_view, void (*)(Builder&)>;
 constexpr std::array<Model, 14> kModels = {{
     {"gltf", load_gltf},
@@ -142,7 +145,8 @@ Loaded load_bundle(std::span<const BundleFile> files, const LoadOptions& options
     Error& error = refused.error;
     error.message = clean_text(error.message, kLongestMessage);
     const std::string element = clean_text(error.where, kLongestMessage);
-    error.where = clean_text(path, kLongestMessage) + (element.empty() ? "" : ": ") + element;
+    if (!is_option(element))
+      error.where = clean_text(path, kLongestMessage) + (element.empty() ? "" : ": ") + element;
     throw Refused{std::move(error)};
   }
   if (!builder.complete()) {

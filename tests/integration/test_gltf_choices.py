@@ -83,7 +83,7 @@ def test_the_variant_that_was_asked_for_is_shown(scene, shoe, variant, seen):
 def test_a_variant_that_is_not_there_is_refused_with_those_that_are(scene, shoe, tmp_path):
     with pytest.raises(hg.NotFound, match="green, red") as refused:
         color(scene, shoe, variant="blue")
-    assert refused.value.field.endswith("variant")
+    assert refused.value.field == "variant"
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     with pytest.raises(hg.InvalidArgument, match="variant"):
         color(scene, tmp_path / "a.obj", variant="red")
