@@ -267,8 +267,9 @@ TEST_CASE("render: a frame's header and chunks carry it whole") {
   CHECK(header.planes(0).fold() == v1::FOLD_CENTRE);
   CHECK(header.categories(0).id() == 1);
   double k[9];
-  REQUIRE(header.k().inline_().size() == sizeof k);
-  std::memcpy(k, header.k().inline_().data(), sizeof k);
+  constexpr std::size_t kBytes = sizeof k;
+  REQUIRE(header.k().inline_().size() == kBytes);
+  std::memcpy(k, header.k().inline_().data(), kBytes);
   CHECK(k[2] == 31.5);
   const WirePlane plane(frame.planes[0], false);
   std::string bytes;
