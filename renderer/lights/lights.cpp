@@ -383,10 +383,8 @@ void Lighter::distribute(double dome) {
   made_->dome.probability = sky > 0 ? float(shares.z / sky) : 0;
   const double dome_needs = made_->dome_tables ? dome : kEvenDome * dome;
   made_->sky_power = float(4 * M_PI * (all_suns + dome_needs));
-  if (before_ && before_->tree->bounds == bounds_)
-    made_->tree = before_->tree;
-  else
-    made_->tree = make_top_tree(std::move(bounds_));
+  if (before_) made_->tree = before_->tree;
+  if (!before_ || made_->tree->bounds != bounds_) made_->tree = make_top_tree(std::move(bounds_));
   for (std::size_t i = 0; i < made_->lights.size(); ++i)
     made_->lights[i].leaf = made_->tree->leaves[i];
 }
