@@ -1,4 +1,4 @@
-// What a recording holds of one message: an item, and what it is completed with.
+// Note: an item of a recording, and the data that its hashes are of.
 #pragma once
 
 #include <memory>

@@ -58,13 +58,11 @@ def known_path(descriptor, path):
 
 def is_placed(message, path):
     """Whether `path` names something of a request; of a transaction, it starts at its edits; of a
-    bundle it may be a file's name, and an element of it; of an empty message there is nothing to
-    name."""
+    bundle it may be a file's name; of an empty message there is nothing to name."""
     descriptor = message.DESCRIPTOR
     if not path:
         return not message.ListFields()
-    file = path.partition(": ")[0]
-    if any(file in getattr(f, "path", "") for f in getattr(message, "files", ())):
+    if any(path in getattr(f, "path", "") for f in getattr(message, "files", ())):
         return True
     inner = [descriptor.fields_by_name.get(name) for name in ("transaction", "header")]
     return any(
