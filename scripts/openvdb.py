@@ -20,10 +20,19 @@ SHA256 = "776706ca285a43b53e24c28d8f8b2112aea3dbf94c3c5f399cf6ff43403f5ace"
 # Where a file is believed what size it claims, and the check that is put before.
 LONG = 'if ({0} > 1u << 24) OPENVDB_THROW(IoError, "a text is longer than 16 MiB"); '
 WRONG = 'if (size_t(-{0}) != numBytes) OPENVDB_THROW(RuntimeError, "a block has a wrong size"); '
+LARGE = (
+    "if (size_t({0}) > numBytes + 4096) "
+    'OPENVDB_THROW(RuntimeError, "a block is larger than its voxels"); '
+)
 REPAIRS = {
     "io/Compression.cc": {
         "is.read(data, -numZippedBytes);": WRONG.format("numZippedBytes"),
         "is.read(data, -numCompressedBytes);": WRONG.format("numCompressedBytes"),
+        "std::unique_ptr<Bytef[]> zippedData(new Bytef[numZippedBytes]);\n"
+        "            is.read": LARGE.format("numZippedBytes"),
+        "std::unique_ptr<char[]> compressedData(new char[numCompressedBytes])": LARGE.format(
+            "numCompressedBytes"
+        ),
         "const int numUncompressedBytes = blosc_decompress_ctx(": "size_t claimed = 0; "
         "if (blosc_cbuffer_validate(compressedData.get(), numCompressedBytes, &claimed) < 0) "
         'OPENVDB_THROW(RuntimeError, "a block is damaged"); ',
