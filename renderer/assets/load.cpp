@@ -33,25 +33,38 @@ void check_options(const LoadOptions& options) {
 }
 
 /// Of the request; all else that is refused is in the file.
-bool is_option(std::string_view where) { return where == "variant"; }
+bool is_option(std::string_view where) { return where == "variant" || where == "surface"; }
 
-using Model = std::pair<std::string_view, void (*)(Builder&)>;
-constexpr std::array<Model, 14> kModels = {{
+/// A format of models.
+struct Format {
+  std::string_view name;
+  void (*load)(Builder&);
+  /// What is taken for granted of its unit and axes; "": files say them, or cannot.
+  std::string_view assumed = "";
+};
+constexpr std::string_view kUpZ = ": a unit was taken as 1 m, and +Z as up";
+constexpr std::array<Format, 14> kFormats = {{
     {"gltf", load_gltf},
     {"glb", load_gltf},
-    {"obj", load_obj},
+    {"obj", load_obj, kUpZ},
     {"dae", load_dae},
-    {"ply", load_ply},
-    {"stl", load_stl},
-    {"nvdb", load_volume},
-    {"vdb", load_volume},
+    {"ply", load_ply, kUpZ},
+    {"stl", load_stl, kUpZ},
+    {"nvdb", load_volume, kUpZ},
+    {"vdb", load_volume, kUpZ},
     {"fbx", load_assimp},
-    {"3ds", load_assimp},
+    {"3ds", load_assimp, kUpZ},
     {"3mf", load_assimp},
-    {"x", load_assimp},
-    {"off", load_assimp},
+    {"x", load_assimp, ": a unit was taken as 1 m, and +Y as up"},
+    {"off", load_assimp, kUpZ},
     {"amf", load_assimp},
 }};
+
+/// Null: it is no format of models.
+const Format* format_named(const std::string& name) {
+  const auto* found = std::ranges::find(kFormats, name, &Format::name);
+  return found == kFormats.end() ? nullptr : found;
+}
 
 std::string format_of(const Builder& builder) {
   const std::string& given = builder.options.format;
@@ -71,33 +84,27 @@ void check_size(Builder& builder) {
   const vec3 sides = builder.loaded.bounds_max - builder.loaded.bounds_min;
   const float size = std::max({sides.x, sides.y, sides.z});
   if (size <= 0 || (size >= kSmall && size <= kLarge)) return;
-  constexpr std::array<std::string_view, 6> kSay = {"gltf", "glb", "dae", "fbx", "3mf", "amf"};
-  const bool says = std::ranges::find(kSay, builder.format) != kSay.end();
-  builder.warn(fmt::format(
-      "the model is {:.3g} m across{}", size,
-      says ? ""
-           : ": a unit was taken as 1 m, and +Z as up, unless given; units= and up= say others"));
+  const std::string_view assumed = format_named(builder.format)->assumed;
+  builder.warn(fmt::format("the model is {:.3g} m across{}{}", size, assumed,
+                           assumed.empty() ? "" : ", unless given; units= and up= say others"));
 }
 
 std::string model_formats() {
   std::string out;
-  for (const auto& [name, load] : kModels)
-    fmt::format_to(std::back_inserter(out), "{}{}", out.empty() ? "" : ", ", name);
+  for (const Format& format : kFormats)
+    fmt::format_to(std::back_inserter(out), "{}{}", out.empty() ? "" : ", ", format.name);
   return out;
-}
-
-const Model* model_of(const std::string& format) {
-  const auto* found = std::ranges::find(kModels, format, &Model::first);
-  return found == kModels.end() ? nullptr : found;
 }
 
 /// Of the request, whatever is in the file.
 void check_options_of(const std::string& format, const LoadOptions& options) {
-  const bool is_model = model_of(format) != nullptr;
+  const bool is_model = format_named(format) != nullptr;
   if (is_model && !options.layer.empty()) refuse("layer", "is of pictures; a model has none");
   if (!is_gltf(format) && !options.variant.empty()) {
     refuse("variant", "is of glTF (KHR_materials_variants); other files have none");
   }
+  if (options.surface && format != "vdb" && format != "nvdb")
+    refuse("surface", "is of level sets (.vdb, .nvdb); other files have none");
   if (!is_model) refuse_axes(options, "only models have it: leave it out");
   if (is_gltf(format)) {
     refuse_axes(options, "glTF is +Y up and in metres: leave it out, and give transform= instead");
@@ -110,14 +117,14 @@ std::string checked_format(Builder& builder) {
   const std::string format = format_of_content(builder.bundle.model().bytes);
   const bool is_same = format == named || (is_gltf(format) && is_gltf(named));
   const bool is_asked = named == "ies" || is_picture_name(named) || !builder.options.format.empty();
-  if (is_same || is_asked || !model_of(format)) return named;
+  if (is_same || is_asked || !format_named(format)) return named;
   builder.warn(fmt::format("the file is {}, which its name does not say", format));
   return format;
 }
 
 void load(Builder& builder) {
   const std::string& format = builder.format;
-  if (const Model* model = model_of(format)) return model->second(builder);
+  if (const Format* model = format_named(format)) return model->load(builder);
   if (format == "ies" || is_picture_name(format) || is_picture(builder.bundle.model().bytes)) {
     return load_picture(builder);
   }

@@ -37,9 +37,10 @@ struct LoadOptions {
   // "x", "y", "z": instead of what the file says, or its format's custom; "": these. glTF refuses
   // it.
   std::string up;
-  double units = 0;     // metres a unit, likewise; 0: what the file says, without that 1
-  std::string layer;    // of a lone picture with several; "": its colours
-  std::string variant;  // of a glTF with KHR_materials_variants; "": its default
+  double units = 0;      // metres a unit, likewise; 0: what the file says, without that 1
+  std::string layer;     // of a lone picture with several; "": its colours
+  std::string variant;   // of a glTF with KHR_materials_variants; "": its default
+  bool surface = false;  // of a volume file: its level sets as a mesh, not as fog
   LoadLimits limits{};
   /// Calls a function in as many threads as there are, and returns when all have ended.
   std::function<void(const std::function<void()>&)> in_threads = [](const auto& work) { work(); };

@@ -1,9 +1,12 @@
-// Volumes: .nvdb and .vdb to a Volume and the entity that shows it. Chosen by load.cpp.
+// Volumes: .nvdb and .vdb to a Volume, or to the surface of their level sets, and the entity that
+// shows it. Chosen by load.cpp.
 #include <tbb/task_arena.h>
 
 #include "renderer/assets/builder.h"
 #include "renderer/assets/mesh_data.h"
+#include "renderer/assets/model.h"
 #include "renderer/assets/volume_file.h"
+#include "renderer/assets/volume_surface.h"
 
 namespace heliograph::assets {
 namespace {
@@ -33,7 +36,8 @@ std::size_t density_of(const VolumeFile& file, std::size_t temperature) {
 /// What it does not show of a grid.
 void warn_of(Builder& builder, const std::string& name, const FileGrid& read, float most) {
   if (read.look.level_set)
-    builder.warn(fmt::format("grid '{}' is a level set: shown as fog", name));
+    builder.warn(fmt::format(
+        "grid '{}' is a level set: shown as fog; surface=True makes a mesh of it", name));
   else if (read.look.background != 0)
     builder.warn(
         fmt::format("grid '{}': its background is not 0, but nothing is outside of it", name));
@@ -44,7 +48,9 @@ void warn_of(Builder& builder, const std::string& name, const FileGrid& read, fl
 std::shared_ptr<const Grid> take(Builder& builder, VolumeFile& file, std::size_t entry,
                                  float most) {
   if (entry == kNone) return nullptr;
-  FileGrid read = file.read(entry, most);
+  FileGrid read;
+  file.read(entry,
+            [&](Bricks& bricks, const Bricks::Read& values) { read = bricks.make(values, most); });
   warn_of(builder, file.entries()[entry].name, read, most);
   return std::make_shared<const Grid>(std::move(read.grid));
 }
@@ -67,22 +73,46 @@ PutVolume to_volume(Builder& builder, VolumeFile& file) {
   return put;
 }
 
-/// The library's own threads are as many as there may be in the sandbox: none. Its trees are freed
-/// by them, too.
-PutVolume read_volume(Builder& builder) {
-  PutVolume put;
-  tbb::task_arena(1).execute([&] {
+/// Every level set as a part of one mesh.
+Model to_surface(Builder& builder, VolumeFile& file) {
+  Model model{.mesh = {}, .positions = {}, .materials = {}, .where = "grids"};
+  std::string others;
+  for (std::size_t i = 0; i < file.entries().size(); ++i) {
+    const auto& [name, channels, why] = file.entries()[i];
+    bool is_shown = false;
+    if (channels == 1)
+      file.read(i, [&](Bricks& bricks, const Bricks::Read& values) {
+        is_shown = bricks.look().level_set;
+        if (is_shown) add_surface(bricks, values, name, model, builder.budget);
+      });
+    if (!is_shown) others += fmt::format(" '{}'", name);
+  }
+  if (model.mesh.triangles.empty())
+    refuse("surface", "no grid is a level set, leave it out; there are:" + others);
+  if (!others.empty()) builder.warn("no level sets, and left out:" + others);
+  return model;
+}
+
+/// Opens the file for `read(VolumeFile&)`. The library's own threads are as many as there may be in
+/// the sandbox: none. Its trees are freed by them, too.
+template <class Read>
+auto read_file(Builder& builder, const Read& read) {
+  return tbb::task_arena(1).execute([&] {
     const auto open = builder.format == "nvdb" ? open_nvdb : open_vdb;
-    put = to_volume(builder, *open(builder.bundle.model().bytes, builder.budget));
+    return read(*open(builder.bundle.model().bytes, builder.budget));
   });
-  return put;
 }
 
 }  // namespace
 
 void load_volume(Builder& builder) {
+  if (builder.options.surface)
+    return put_model(
+        builder, read_file(builder, [&](VolumeFile& file) { return to_surface(builder, file); }));
   const std::string stem = stem_of(builder.bundle.model().path);
-  const Ref ref = builder.library(builder.claim_name(stem, "volume"), read_volume(builder));
+  const Ref ref = builder.library(
+      builder.claim_name(stem, "volume"),
+      read_file(builder, [&](VolumeFile& file) { return to_volume(builder, file); }));
   PutEntity root;
   const float metres = builder.options.units > 0 ? float(builder.options.units) : 1.0f;
   const mat3 turned = z_up_from(builder.options.up) * metres;

@@ -51,12 +51,31 @@ void Bricks::add_tile(ivec3 origin, i32 side, bool active, std::array<float, 3> 
       look_.level_set ? !(value[0] < 0) : !active || is_zero({value.data(), look_.channels});
   if (zero) return;
   check_place(origin, side);
-  const i32 across = side / kBrickSide;
-  budget_->take(u64(across) * u64(across) * u64(across) * brick_size(), sizeof(float), name_);
-  const ivec3 first = origin >> 3;
-  for (i32 x = 0; x < across; ++x)
-    for (i32 y = 0; y < across; ++y)
-      for (i32 z = 0; z < across; ++z) bricks_.push_back({first + ivec3(x, y, z), nullptr, value});
+  tiles_.push_back({origin, side, value});
+}
+
+void Bricks::expand() {
+  for (const Tile& tile : tiles_) {
+    const i32 across = tile.side / kBrickSide;
+    budget_->take(u64(across) * u64(across) * u64(across) * brick_size(), sizeof(float), name_);
+    const ivec3 first = tile.origin >> 3;
+    for (i32 x = 0; x < across; ++x)
+      for (i32 y = 0; y < across; ++y)
+        for (i32 z = 0; z < across; ++z)
+          bricks_.push_back({first + ivec3(x, y, z), nullptr, tile.value});
+  }
+  tiles_.clear();
+}
+
+void Bricks::each_leaf(
+    const Read& read,
+    const std::function<void(ivec3 origin, std::span<const float>)>& visit) const {
+  std::vector<float> values(brick_size());
+  for (const Brick& brick : bricks_) {
+    if (!brick.leaf) continue;
+    read(brick.leaf, values.data());
+    visit(brick.at * kBrickSide, values);
+  }
 }
 
 void Bricks::sort() {
@@ -81,6 +100,7 @@ bool Bricks::make_fog(std::span<float> brick, float most) const {
 }
 
 FileGrid Bricks::make(const Read& read, float most) {
+  expand();
   sort();
   FileGrid made{.look = look_, .grid = {.channels = look_.channels}};
   std::vector<ivec3> kept;

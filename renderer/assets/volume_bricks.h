@@ -4,6 +4,7 @@
 
 #include <array>
 #include <functional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -27,7 +28,8 @@ struct FileGrid {
   bool clamped = false;
 };
 
-/// Owns: where bricks are, not their values. Memory is paid for as they are added.
+/// Owns: where bricks are, not their values. Memory is paid for as leaves are added, and tiles
+/// become bricks.
 class Bricks {
  public:
   Bricks(std::string name, const GridLook& look, Budget& budget)
@@ -45,6 +47,10 @@ class Bricks {
   /// become fog: 0 at the surface, 1 from the background's value inside on; of other grids values
   /// outside [0, most] are clamped. Refuses numbers that are not finite.
   [[nodiscard]] FileGrid make(const Read& read, float most);
+  [[nodiscard]] const GridLook& look() const { return look_; }
+  /// Calls with the first voxel and the values of each leaf.
+  void each_leaf(const Read& read,
+                 const std::function<void(ivec3 origin, std::span<const float>)>& visit) const;
 
  private:
   struct Brick {
@@ -56,7 +62,14 @@ class Bricks {
   [[nodiscard]] std::size_t brick_size() const {
     return std::size_t(kBrickVoxels) * look_.channels;
   }
+  struct Tile {
+    ivec3 origin;
+    i32 side;  // voxels
+    std::array<float, 3> value;
+  };
+
   void check_place(ivec3 origin, i32 side) const;
+  void expand();
   void sort();
   bool make_fog(std::span<float> brick, float most) const;
   void place(Grid& grid, ivec3 low, ivec3 high) const;
@@ -65,6 +78,7 @@ class Bricks {
   GridLook look_;
   Budget* budget_;
   std::vector<Brick> bricks_;
+  std::vector<Tile> tiles_;
 };
 
 }  // namespace heliograph::assets

@@ -42,8 +42,9 @@ class VolumeFile {
   virtual ~VolumeFile() = default;
 
   [[nodiscard]] const std::vector<FileEntry>& entries() const { return entries_; }
-  /// Values above `most` are clamped.
-  [[nodiscard]] virtual FileGrid read(std::size_t entry, float most) = 0;
+  using Use = std::function<void(Bricks&, const Bricks::Read&)>;
+  /// Calls once, with the bricks of a grid while they can be read.
+  virtual void read(std::size_t entry, const Use& use) = 0;
 
  protected:
   std::vector<FileEntry> entries_;

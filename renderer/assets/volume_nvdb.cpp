@@ -147,21 +147,19 @@ class NvdbFile final : public VolumeFile {
     });
   }
 
-  FileGrid read(std::size_t entry, float most) override {
+  void read(std::size_t entry, const Use& use) override {
     const std::string& name = entries_[entry].name;
     const Place& place = places_[entry];
     budget_.take(place.meta.gridSize, 1, name);
-    return guarded(name, [&] {
+    guarded(name, [&] {
       nanovdb::GridHandle<> handle(nanovdb::HostBuffer::create(place.meta.gridSize));
       if (!handle) throw std::bad_alloc();
       check_packed(place, name);
       stream_.seekg(std::streamoff(place.offset));
       io::Internal::read(stream_, handle, place.codec);
-      FileGrid made;
       Shown::visit(place.meta.gridType, [&]<class Build> {
-        made = bricks_of<Build>({handle.data(), handle.size()}, name, most);
+        use_bricks_of<Build>({handle.data(), handle.size()}, name, use);
       });
-      return made;
     });
   }
 
@@ -221,7 +219,7 @@ class NvdbFile final : public VolumeFile {
   }
 
   template <class Build>
-  FileGrid bricks_of(std::span<const u8> bytes, const std::string& name, float most) {
+  void use_bricks_of(std::span<const u8> bytes, const std::string& name, const Use& use) {
     if (bytes.size() < sizeof(nanovdb::GridData)) refuse(name, "is not a NanoVDB grid");
     const auto& grid = *reinterpret_cast<const nanovdb::GridData*>(bytes.data());
     const u64 magic = grid.mMagic;
@@ -237,7 +235,7 @@ class NvdbFile final : public VolumeFile {
         .object_from_index = to_glm(grid.mMap)};
     Bricks bricks(name, look, budget_);
     nodes.gather(bricks);
-    return bricks.make(write_leaf<typename Nodes<Build>::Leaf>, most);
+    use(bricks, write_leaf<typename Nodes<Build>::Leaf>);
   }
 
   const u64 size_;

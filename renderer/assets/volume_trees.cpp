@@ -53,7 +53,8 @@ mat4x3 to_glm(const vdb::math::Transform& transform) {
 }
 
 template <class GridType>
-FileGrid bricks_of(const GridType& grid, const std::string& name, Budget& budget, float most) {
+void use_bricks_of(const GridType& grid, const std::string& name, Budget& budget,
+                   const VolumeFile::Use& use) {
   using Leaf = typename GridType::TreeType::LeafNodeType;
   using Value = typename GridType::ValueType;
   const bool level_set =
@@ -70,7 +71,7 @@ FileGrid bricks_of(const GridType& grid, const std::string& name, Budget& budget
   } else {
     add_tiles(grid.tree().cbeginValueOn(), bricks);
   }
-  return bricks.make(write_leaf<Leaf>, most);
+  use(bricks, write_leaf<Leaf>);
 }
 
 /// What a frustum covers, in voxels as large as those in the middle of what is active.
@@ -126,12 +127,12 @@ typename GridType::Ptr resampled(const GridType& grid, const std::string& name) 
 
 u32 channels_of(const vdb::GridBase& grid) { return grid.valueType().starts_with("vec3") ? 3 : 1; }
 
-FileGrid to_bricks(const vdb::GridBase& grid, const std::string& name, Budget& budget, float most) {
-  FileGrid made;
-  const auto show = [&](const auto& typed) { made = bricks_of(typed, name, budget, most); };
+void use_bricks(const vdb::GridBase& grid, const std::string& name, Budget& budget,
+                const VolumeFile::Use& use) {
+  const auto show = [&](const auto& typed) { use_bricks_of(typed, name, budget, use); };
   if (grid.transform().isLinear()) {
     grid.apply<ShownGrids>(show);
-    return made;
+    return;
   }
   const bool resamples = grid.apply<vdb::TypeList<vdb::FloatGrid, vdb::Vec3SGrid>>(
       [&](const auto& typed) { show(*resampled(typed, name)); });
@@ -139,7 +140,6 @@ FileGrid to_bricks(const vdb::GridBase& grid, const std::string& name, Budget& b
     refuse_unimplemented(name,
                          fmt::format("a frustum of values of type {}; write them as float or vec3s",
                                      grid.valueType()));
-  return made;
 }
 
 }  // namespace heliograph::assets

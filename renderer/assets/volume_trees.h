@@ -3,7 +3,7 @@
 
 #include <openvdb/openvdb.h>
 
-#include "renderer/assets/volume_bricks.h"
+#include "renderer/assets/volume_file.h"
 
 namespace heliograph::assets {
 
@@ -15,8 +15,9 @@ using ShownGrids = openvdb::TypeList<openvdb::FloatGrid, openvdb::DoubleGrid, op
 /// Of one of ShownGrids: 1 or 3.
 [[nodiscard]] u32 channels_of(const openvdb::GridBase& grid);
 
-/// One of ShownGrids. A frustum becomes a box of voxels as large as those in its middle.
-[[nodiscard]] FileGrid to_bricks(const openvdb::GridBase& grid, const std::string& name,
-                                 Budget& budget, float most);
+/// Calls with the bricks of one of ShownGrids. A frustum becomes a box of voxels as large as those
+/// in its middle.
+void use_bricks(const openvdb::GridBase& grid, const std::string& name, Budget& budget,
+                const VolumeFile::Use& use);
 
 }  // namespace heliograph::assets

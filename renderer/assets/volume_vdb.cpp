@@ -63,11 +63,11 @@ class VdbFile final : public VolumeFile, private vdb::io::Archive {
     for (i32 left = guarded("header", [&] { return count(); }); left > 0; --left) add_entry();
   }
 
-  FileGrid read(std::size_t entry, float most) override {
-    return guarded(entries_[entry].name, [&] {
+  void read(std::size_t entry, const Use& use) override {
+    guarded(entries_[entry].name, [&] {
       load(entry);
       const vdb::GridBase::Ptr grid = has_instances_ ? grids_[entry] : std::move(grids_[entry]);
-      return to_bricks(*grid, entries_[entry].name, budget_, most);
+      use_bricks(*grid, entries_[entry].name, budget_, use);
     });
   }
 

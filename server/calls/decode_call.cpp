@@ -118,6 +118,7 @@ void DecodeCall::submit() {
                 .units = request_.units(),
                 .layer = request_.layer(),
                 .variant = request_.variant(),
+                .surface = request_.surface(),
                 .hash = hash_,
                 .tenant = call_.session()->tenant()->id,
                 .pay = [tenant = call_.session()->tenant()](u64 bytes) {

@@ -94,6 +94,7 @@ Expected<Loaded> load(const Region& region, Helpers& helpers, u64& result_bytes)
                             .units = job->units(),
                             .layer = job->layer(),
                             .variant = job->variant(),
+                            .surface = job->surface(),
                             .limits = limits_of(job->limits()),
                             .in_threads = [&](const auto& work) { helpers.run(work); }});
 }

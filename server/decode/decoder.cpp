@@ -49,6 +49,7 @@ Status begin(ChildProcess& child, const DecodeJob& job, const LoadLimits& limits
   message.set_units(job.units);
   message.set_layer(job.layer);
   message.set_variant(job.variant);
+  message.set_surface(job.surface);
   *message.mutable_limits() = to_proto(limits);
   return child.begin(message, files);
 }

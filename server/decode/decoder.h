@@ -26,6 +26,7 @@ struct DecodeJob {
   double units = 0;
   std::string layer;
   std::string variant;
+  bool surface = false;
   std::string hash;  // becomes Asset::hash
   u64 tenant = 0;    // whose turn it takes; 0: the daemon's own
   /// Pays for so many bytes of arrays, before the child writes them: a refusal ends the decode,

@@ -9,6 +9,7 @@ import volume_files as files
 from refusals import NAN, check, edited
 
 ASSETS = Path(__file__).parent.parent / "assets/volume"
+LINK = ASSETS.parent / "mesh/link_6.stl"
 PLANES = ["beauty", "depth", "instance", "direct_volume"]
 SCALE, ORIGIN = 0.25, (-1.0, -1.0, -1.0)
 TRANSLATION = tuple(o + 0.5 * SCALE for o in ORIGIN)  # samples lie at the voxels' centres
@@ -109,6 +110,31 @@ def test_level_sets_become_fog(client, brick, tmp_path):
     frame = shot(client, lambda edit: assets.append(put(edit)))
     assert any("level set" in warning for warning in assets[0].warnings)
     assert_same(frame, shot(client, of_array(np.clip(brick - 1, 0, 1))))
+
+
+def test_level_sets_become_a_mesh(scene, tmp_path):
+    """A ball of 2.5 voxels is seen where it is; what has no level set is refused by name."""
+    radius, band = 2.5, 3.0
+    place = np.stack(np.meshgrid(*[np.arange(8)] * 3, indexing="ij"), axis=-1) - 3.5
+    distance = np.clip(np.linalg.norm(place, axis=-1) - radius, -band, band).astype("f4")
+    ball, fog = tmp_path / "ball.vdb", tmp_path / "fog.vdb"
+    ball.write_bytes(files.vdb(distance, SCALE, TRANSLATION, kind="level set", background=band))
+    fog.write_bytes(files.vdb(distance + band, SCALE, TRANSLATION))
+    with scene.edit() as edit:
+        asset = edit.import_file(ball, surface=True, label=3)
+        lens = hg.Camera.from_fov(45, 33, 33, degrees=True)
+        edit.entity("cam", camera=lens, transform=hg.look_at((0, -4, 0), (0, 0, 0)))
+    assert not asset.warnings and len(asset.meshes) == 1
+    frame = scene.render("cam", planes=["depth", "normal", "instance"])
+    assert frame["instance"][16, 16] == 3
+    assert frame["depth"][16, 16] == pytest.approx(4 - radius * SCALE, abs=0.1 * SCALE)
+    np.testing.assert_allclose(frame["normal"][16, 16], (0, -1, 0), atol=0.02)
+    for path, message in (fog, "no grid is a level set"), (LINK, "other files have none"):
+        with (
+            pytest.raises(hg.InvalidArgument, match=f"surface: .*{message}"),
+            scene.edit() as edit,
+        ):
+            edit.import_file(path, surface=True)
 
 
 def test_axes_say_how_arrays_run(client, brick):

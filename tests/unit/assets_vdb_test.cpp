@@ -1,4 +1,7 @@
 // .vdb: what OpenVDB wrote is read as the numbers that went in, of every type and compression.
+#include <numbers>
+#include <set>
+
 #include "tests/unit/catch.h"
 #include "tests/unit/vdb_fixture.h"
 
@@ -174,7 +177,9 @@ TEST_CASE("vdb: level sets become fog, tiles are filled in") {
         wrong += std::abs(voxel(*density, {x, y, z}) - std::clamp(-d / kBand, 0.0f, 1.0f)) > 1e-6f;
       }
   CHECK(wrong == 0);
-  CHECK(loaded.warnings == std::vector<std::string>{"grid 'ball' is a level set: shown as fog"});
+  CHECK(loaded.warnings ==
+        std::vector<std::string>{
+            "grid 'ball' is a level set: shown as fog; surface=True makes a mesh of it"});
 
   auto smoke = vdb::FloatGrid::create();
   smoke->tree().addTile(1, vdb::Coord(8, 0, -8), 2, true);
@@ -183,6 +188,107 @@ TEST_CASE("vdb: level sets become fog, tiles are filled in") {
   CHECK(tile->bricks.size() == 1);
   CHECK(tile->bricks[0] == ivec3(1, 0, -1));
   CHECK(std::ranges::all_of(tile->values.span(), [](float v) { return v == 2; }));
+}
+
+namespace {
+
+constexpr float kRadius = 20;  // voxels
+const vec3 kCentre(3, 1, 2);   // voxels
+
+/// A ball, whose inside becomes tiles.
+vdb::FloatGrid::Ptr ball(const std::string& name, const vdb::Mat4d& placed) {
+  constexpr float kBand = 3;
+  auto grid = vdb::FloatGrid::create(kBand);
+  grid->setName(name);
+  grid->setGridClass(vdb::GRID_LEVEL_SET);
+  grid->setTransform(vdb::math::Transform::createLinearTransform(placed));
+  for (int x = -30; x <= 30; ++x)
+    for (int y = -30; y <= 30; ++y)
+      for (int z = -30; z <= 30; ++z) {
+        const float d = glm::length(vec3(x, y, z) - kCentre) - kRadius;
+        if (d <= -kBand)
+          grid->tree().setValueOff({x, y, z}, -kBand);
+        else if (d < kBand)
+          grid->tree().setValueOn({x, y, z}, d);
+      }
+  grid->pruneGrid();
+  return grid;
+}
+
+/// Above 0 where triangles are seen from outside.
+double volume_of(const Loaded& loaded) {
+  const PutMesh& mesh = library_item<PutMesh>(loaded);
+  double sum = 0;
+  for (const uvec3& t : mesh.topology->triangles) {
+    const auto& p = mesh.vertices->positions;
+    sum += glm::dot(glm::dvec3(p[t.x]), glm::cross(glm::dvec3(p[t.y]), glm::dvec3(p[t.z]))) / 6;
+  }
+  return sum;
+}
+
+}  // namespace
+
+TEST_CASE("vdb: level sets become a mesh") {
+  constexpr double kPi = std::numbers::pi, kVoxel = 0.05, kR = kRadius * kVoxel;
+  const bool mirrored = GENERATE(false, true);
+  vdb::Mat4d placed = vdb::Mat4d::identity();
+  placed.preScale(vdb::Vec3d(mirrored ? -kVoxel : kVoxel, kVoxel, kVoxel));
+  placed.setTranslation({1, 2, 3});
+  const auto loaded = VdbWriter().bundle({ball("ball", placed)}).load({.surface = true});
+  INFO(refusal(loaded));
+  REQUIRE(loaded);
+  CHECK(loaded->warnings.empty());
+  CHECK(volume_of(*loaded) == Approx(4 * kPi / 3 * kR * kR * kR).epsilon(0.005));
+  CHECK(area(*loaded) == Approx(4 * kPi * kR * kR).epsilon(0.005));
+  const PutMesh& mesh = library_item<PutMesh>(*loaded);
+  const vec3 centre = vec3(mirrored ? -1 : 1, 1, 1) * kCentre * float(kVoxel) + vec3(1, 2, 3);
+  std::set<std::pair<u32, u32>> edges;
+  for (const uvec3& t : mesh.topology->triangles)
+    for (int i = 0; i < 3; ++i) edges.insert(std::minmax({t[i], t[(i + 1) % 3]}));
+  const auto& positions = mesh.vertices->positions;
+  const auto& normals = mesh.vertices->normals;
+  CHECK(i64(positions.size()) - i64(edges.size()) + i64(mesh.topology->triangles.size()) == 2);
+  int wrong = 0;
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    const vec3 out = positions[i] - centre;
+    wrong += std::abs(glm::length(out) - kR) > 0.1 * kVoxel;
+    wrong += glm::dot(glm::normalize(out), normals[i]) < 0.999f;
+  }
+  CHECK(wrong == 0);
+}
+
+TEST_CASE("vdb: each level set is a part, and what is none is named") {
+  const auto whole = vdb::Mat4d::identity();
+  const auto fog = grid_of<vdb::FloatGrid>("density", [](int) { return 1; });
+  const auto loaded =
+      VdbWriter().bundle({ball("a", whole), fog, ball("b", whole)}).load({.surface = true});
+  INFO(refusal(loaded));
+  REQUIRE(loaded);
+  CHECK(library_item<PutMesh>(*loaded).topology->part_names == std::vector<std::string>{"a", "b"});
+  CHECK(loaded->warnings == std::vector<std::string>{"no level sets, and left out: 'density'"});
+
+  CHECK_THAT(refusal(VdbWriter().bundle({fog}).load({.surface = true})),
+             Contains("surface: no grid is a level set, leave it out; there are: 'density'"));
+  auto full = vdb::FloatGrid::create(3);
+  full->setName("full");
+  full->setGridClass(vdb::GRID_LEVEL_SET);
+  full->tree().setValueOn({0, 0, 0}, 1);
+  CHECK_THAT(refusal(VdbWriter().bundle({full}).load({.surface = true})),
+             Contains("full: has no surface"));
+  CHECK_THAT(refusal(TestBundle().add("a.off", "OFF\n0 0 0\n").load({.surface = true})),
+             Contains("surface: is of level sets"));
+}
+
+TEST_CASE("nvdb: level sets become a mesh") {
+  const auto loaded = bundle_of(test_assets() / "volume/torus.nvdb").load({.surface = true});
+  INFO(refusal(loaded));
+  REQUIRE(loaded);
+  const vec3 size = loaded->bounds_max - loaded->bounds_min;
+  const double r = std::min({size.x, size.y, size.z}) / 2;
+  const double R = std::max({size.x, size.y, size.z}) / 2 - r;
+  const double kPi = std::numbers::pi;
+  CHECK(volume_of(*loaded) == Approx(2 * kPi * kPi * R * r * r).epsilon(0.02));
+  CHECK(area(*loaded) == Approx(4 * kPi * kPi * R * r).epsilon(0.02));
 }
 
 TEST_CASE("vdb: what cannot be shown is refused by the grid's name") {

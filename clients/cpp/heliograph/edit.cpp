@@ -223,9 +223,9 @@ Asset Edits::import_file(const std::string& path, const Placement& placement,
                          const ImportOptions& options) {
   auto asset = std::make_shared<wire::AssetState>();
   asset->scene = draft_->scene;
-  asset->info = wire::decode_bundle(*draft_->scene->session,
-                                    {path, options.server_path, options.up, options.units, "",
-                                     options.variant, options.folders, options.strict});
+  asset->info = wire::decode_bundle(
+      *draft_->scene->session, {path, options.server_path, options.up, options.units, "",
+                                options.variant, options.surface, options.folders, options.strict});
   if (asset->info.has_texels())
     throw ClientError(Code::kInvalidArgument,
                       "path: " + path + " is a picture; use texture() or dome()", {"path"});

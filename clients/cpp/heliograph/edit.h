@@ -39,6 +39,7 @@ struct ImportOptions {
   std::string up{};           // "x", "y" or "z", for formats that name no axis
   double units = 0;           // metres a unit, for formats that name none; 0: 1
   std::string variant{};      // of a glTF with KHR_materials_variants; "": its default
+  bool surface = false;       // of a volume file: its level sets as a mesh, not as fog
   std::string server_path{};  // instead of the path: a file under the daemon's asset root
   std::vector<std::string> folders{};  // further ones whose files the model may refer to
   bool strict = false;                 // refuse a model whose companions are not all there

@@ -72,6 +72,7 @@ v1::AssetInfo decode_bundle(Session& session, const Source& source) {
   request.set_units(source.units);
   request.set_layer(source.layer);
   request.set_variant(source.variant);
+  request.set_surface(source.surface);
   const fs::path model(source.path);
   if (!source.path.empty()) {
     std::error_code error;

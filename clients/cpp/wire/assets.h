@@ -18,6 +18,7 @@ struct Source {
   double units = 0;
   std::string layer{};
   std::string variant{};
+  bool surface = false;
   std::vector<std::string> folders{};
   bool strict = false;
 };

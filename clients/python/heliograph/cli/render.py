@@ -73,6 +73,7 @@ def add_model(group: Any) -> None:
         "--folder", action="append", default=[], help="a further one that has the model's textures"
     )
     group.add_argument("--variant", default="", metavar="NAME", help="of a glTF that has several")
+    group.add_argument("--surface", action="store_true", help="of a volume: level sets as a mesh")
     group.add_argument("--strict", action="store_true", help="refuse a model that lacks textures")
     group.add_argument("--animation", metavar="NAME", help="a clip to bind")
 
@@ -162,11 +163,12 @@ def imported(edit: Any, arguments: argparse.Namespace) -> Any:
             up=arguments.up,
             units=arguments.units,
             variant=arguments.variant,
+            surface=arguments.surface,
             folders=arguments.folder,
             strict=arguments.strict,
             animation=arguments.animation,
         )
-    for name in ("up", "variant", "animation", "folder", "strict"):
+    for name in ("up", "variant", "surface", "animation", "folder", "strict"):
         if getattr(arguments, name):
             raise InvalidArgument(f"--{name}: USD files have their own; leave it out", field=name)
     times = None if arguments.time is None else "all"

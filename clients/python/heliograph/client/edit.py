@@ -322,6 +322,7 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
         up: str = "",
         units: float = 0.0,
         variant: str = "",
+        surface: bool = False,
         server_path: str = "",
         folders: Sequence[str | os.PathLike[str]] = (),
         strict: bool = False,
@@ -332,8 +333,9 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
         up ("x", "y", "z") and units (metres a unit) serve formats that name none, and go before
         what a file says; glTF refuses them. variant: of a glTF with KHR_materials_variants, the
         name of the one that is shown instead of the default; NotFound lists those that there are.
-        server_path: a file under the daemon's asset root instead. Roots are called `name`, or
-        "<name>/0" .. for a count above 1.
+        surface: of a volume file, its level sets as a mesh, a part each, instead of one of them as
+        fog; refused where there is none. server_path: a file under the daemon's asset root instead.
+        Roots are called `name`, or "<name>/0" .. for a count above 1.
 
         Textures and other companions are read from beneath the model's folder, and beneath
         `folders`: where the model says they are, else a file of the same name. Without one the
@@ -341,7 +343,14 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
         """
         count = whole_of(count, "count")
         source = assets.Source(
-            path, server_path, up, units, folders=folders, strict=strict, variant=variant
+            path,
+            server_path,
+            up,
+            units,
+            folders=folders,
+            strict=strict,
+            variant=variant,
+            surface=surface,
         )
         asset = assets.decode(self.scene, source, name)
         for i in range(count):

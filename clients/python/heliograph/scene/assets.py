@@ -54,6 +54,7 @@ class Source:
     strict: bool = False  #: refuse a model whose companions are not all there
     layer: str = ""  #: of a picture
     variant: str = ""  #: of a glTF
+    surface: bool = False  #: of a volume file: its level sets as a mesh
 
     def request(self) -> service.DecodeAssetRequest:
         if (self.path is None) == (not self.server_path):
@@ -81,6 +82,7 @@ class Source:
             units=units,
             layer=self.layer,
             variant=text_of(self.variant, "variant"),
+            surface=bool(self.surface),
         )
 
 
