@@ -153,3 +153,20 @@ TEST_CASE("files: formats that are not on the list are refused by name") {
     CHECK_THAT(refusal(TestBundle().add(name, "x").load()), Contains("12 "));
   }
 }
+
+TEST_CASE("files: of a model of an odd size it is told what was assumed") {
+  const auto warnings = [](const std::string& name, std::string_view text) {
+    const auto loaded = TestBundle().add(name, text).load();
+    INFO(refusal(loaded));
+    REQUIRE(loaded);
+    return loaded->warnings;
+  };
+  const std::string large = "the model is 5e+03 m across: a unit was taken as 1 m, and ";
+  const std::string remedy = " as up, unless given; units= and up= say others";
+  CHECK(warnings("a.off", "OFF\n3 1 0\n0 0 0\n5000 0 0\n0 5000 0\n3 0 1 2\n") ==
+        std::vector{large + "+Z" + remedy});
+  CHECK(warnings("a.x",
+                 "xof 0303txt 0032\n"
+                 "Mesh m { 3; 0;0;0;, 5000;0;0;, 0;5000;0;; 1; 3;0,1,2;; }\n") ==
+        std::vector{large + "+Y" + remedy});
+}
