@@ -41,6 +41,34 @@ REPAIRS = {
     "Metadata.h": {"mValue.resize(size, '\\0');": LONG.format("size")},
     "Metadata.cc": {"ByteVec buffer(numBytes);": LONG.format("numBytes")},
 }
+# A bool is a byte of the file, which may have any value: not 0 becomes true.
+MEND = """
+template<typename T> inline void mendBools(T* values, size_t count)
+{
+    if constexpr (std::is_same_v<T, bool>)
+        for (size_t i = 0; values && i < count; ++i) {
+            unsigned char byte;
+            std::memcpy(&byte, values + i, 1);
+            values[i] = byte != 0;
+        }
+}
+"""
+VALUE = "is.read(reinterpret_cast<char*>(&{0}), sizeof(ValueType));"
+INACTIVE = "is.read(reinterpret_cast<char*>(&{0}), /*bytes=*/sizeof(ValueT));"
+BOOLS = {
+    "Metadata.h": {"is.read(reinterpret_cast<char*>(&mValue), this->size());": "&mValue, 1"},
+    "tree/RootNode.h": {
+        VALUE.format("mBackground"): "&mBackground, 1",
+        VALUE.format("value"): "&value, 1",
+        "is.read(reinterpret_cast<char*>(&active), sizeof(bool));": "&active, 1",
+    },
+    "tree/InternalNode.h": {VALUE.format("value"): "&value, 1"},
+    "io/Compression.h": {
+        INACTIVE.format("inactiveVal0"): "&inactiveVal0, 1",
+        INACTIVE.format("inactiveVal1"): "&inactiveVal1, 1",
+        "        readData(is, data, count, compression, metadata, metadataOffset);": "data, count",
+    },
+}
 # Boost 1.74's header for this does not compile with clang 20 or later, thus not with clang-tidy.
 PROMOTED = """typename std::conditional_t<std::is_class_v<S>, std::common_type<S>,
         std::conditional_t<std::is_class_v<T>, std::common_type<T>,
@@ -69,3 +97,13 @@ if __name__ == "__main__":
     for name, checks in REPAIRS.items():
         repair(ROOT / "openvdb" / name, {place: check + place for place, check in checks.items()})
     repair(ROOT / "openvdb/math/Math.h", REPLACED)
+    scalars = "// One-dimensional scalar types"
+    repair(
+        ROOT / "openvdb/Types.h",
+        {scalars: MEND + scalars, "<memory>": "<memory>\n#include <cstring>"},
+    )
+    for name, places in BOOLS.items():
+        repair(
+            ROOT / "openvdb" / name,
+            {place: f"{place} mendBools({what});" for place, what in places.items()},
+        )

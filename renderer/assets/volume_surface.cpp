@@ -81,9 +81,9 @@ void add_surface(const Bricks& bricks, const Bricks::Read& read, const std::stri
     mesh.normals.push_back(unit(turned * gradient(p)));
   }
   const bool is_mirrored = glm::determinant(mat3(placed)) < 0;
-  const auto add = [&](u32 a, u32 b, u32 c) {  // the library's are seen from the inside
+  const auto add = [&](u32 a, u32 b, u32 c) {
     if (is_mirrored) std::swap(b, c);
-    mesh.triangles.emplace_back(first + a, first + c, first + b);
+    mesh.triangles.emplace_back(first + a, first + b, first + c);
     mesh.parts.push_back(u32(mesh.part_names.size()));
   };
   for (const vdb::Vec3I& t : triangles) add(t[0], t[1], t[2]);
