@@ -85,11 +85,9 @@ PosePatch Keys::poses(const Rest& rest, const Track& track) {
     if (track.translation) track.translation->evaluate(time, t);
     if (track.rotation) track.rotation->evaluate(time, r);
     if (track.scale) track.scale->evaluate(time, s);
-    const quat rotation(r[3], r[0], r[1], r[2]);
-    const float length = glm::length(rotation);
-    if (!(length > 1e-6f)) refuse(rest.where, "is animated by a rotation of length 0");
+    const quat rotation = unit_rotation(quat(r[3], r[0], r[1], r[2]), rest.where, builder_);
     const vec3 scale = visible_scale(rest, s);
-    patch.matrices.push_back(compose_trs({t[0], t[1], t[2]}, rotation / length, scale));
+    patch.matrices.push_back(compose_trs({t[0], t[1], t[2]}, rotation, scale));
     if (!invertible(patch.matrices.back()))
       refuse(rest.where, "is animated by a scale without an inverse");
   }

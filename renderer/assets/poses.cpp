@@ -1,6 +1,7 @@
 #include "renderer/assets/poses.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace heliograph::assets {
 namespace {
@@ -31,6 +32,15 @@ std::optional<mat4x3> with_thickness(const mat4x3& pose, double share) {
   const mat3 rounded(linear);
   const mat4x3 out(rounded[0], rounded[1], rounded[2], pose[3]);
   return invertible(out) ? std::optional(out) : std::nullopt;
+}
+
+quat unit_rotation(const quat& rotation, const std::string& where, Builder& builder) {
+  constexpr float kSmallest = 1e-6f;
+  const float length = glm::length(rotation);
+  if (length > kSmallest) return rotation / length;
+  if (!std::isfinite(length)) refuse(where, "a rotation is not finite");
+  builder.warn(fmt::format("{}: a rotation of length 0 turns nothing", where));
+  return {1, 0, 0, 0};
 }
 
 mat4x3 compose_trs(vec3 translation, quat rotation, vec3 scale) {

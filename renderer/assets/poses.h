@@ -3,6 +3,7 @@
 
 #include <optional>
 
+#include "renderer/assets/builder.h"
 #include "renderer/scene/invertible.h"
 
 namespace heliograph::assets {
@@ -12,6 +13,8 @@ namespace heliograph::assets {
 /// it is; nullopt for others.
 [[nodiscard]] std::optional<mat4x3> with_thickness(const mat4x3& pose, double share = 1e-5);
 
+/// Of length 1; one of length 0 turns nothing, with a warning.
+[[nodiscard]] quat unit_rotation(const quat& rotation, const std::string& where, Builder& builder);
 [[nodiscard]] mat4x3 compose_trs(vec3 translation, quat rotation, vec3 scale);
 /// A pose that makes things flat gets a ten-thousandth of its longest axis across them: what is
 /// flat already stays where it is, and the pose has an inverse. One that leaves a line, a point or

@@ -250,6 +250,57 @@ TEST_CASE("dae: nodes, instances of nodes, materials by symbol, textures") {
   CHECK(lacking->missing == std::vector<std::string>{"checker.png"});
 }
 
+namespace {
+
+/// The cube as two joints move it. The second is under the first, and is where it was bound.
+std::string skinned(const std::string& joints, const std::string& skin_source = "#g",
+                    const std::string& more = "") {
+  return "<COLLADA><asset><up_axis>Z_UP</up_axis></asset><library_geometries><geometry "
+         "id='g'><mesh>" +
+         source("xyz", kCube, 8) +
+         "<vertices id='v'><input semantic='POSITION' source='#xyz'/></vertices>" + cube() +
+         "</mesh></geometry></library_geometries><library_controllers>"
+         "<controller id='c'><skin source='" +
+         skin_source +
+         "'><bind_shape_matrix>2 0 0 0 0 2 0 0 0 0 2 0 0 0 0 1</bind_shape_matrix>"
+         "<source id='j'><Name_array>" +
+         joints +
+         "</Name_array></source><source id='i'><float_array>1 0 0 -1 0 1 0 0 0 0 1 0 0 0 0 1 "
+         "1 0 0 -1 0 1 0 -1 0 0 1 0 0 0 0 1</float_array></source>"
+         "<joints><input semantic='JOINT' source='#j'/><input semantic='INV_BIND_MATRIX' "
+         "source='#i'/></joints></skin></controller>" +
+         more +
+         "</library_controllers><library_visual_scenes><visual_scene id='s'>"
+         "<node><translate>0 0 7</translate><node id='h' sid='hip'><translate>1 0 0</translate>"
+         "<node sid='knee'><translate>0 1 0</translate></node></node></node>"
+         "<node><translate>9 9 9</translate><instance_controller url='#c'/></node>"
+         "</visual_scene></library_visual_scenes><scene><instance_visual_scene url='#s'/></scene>"
+         "</COLLADA>";
+}
+
+}  // namespace
+
+TEST_CASE("dae: skins and morph targets are shown at rest, where their joints are") {
+  const auto corner = [](const std::string& text) {
+    const auto loaded = load_text(text);
+    INFO(refusal(loaded));
+    REQUIRE(loaded);
+    CHECK(loaded->warnings ==
+          std::vector<std::string>{"COLLADA skins and morph targets do not move: they are shown at "
+                                   "rest"});
+    return pose_of(*loaded) * vec4(1, 1, 1, 1);
+  };
+  check_near(corner(skinned("hip knee")), vec3(2, 2, 9));
+  check_near(corner(skinned("h knee")), vec3(2, 2, 9));
+  check_near(corner(skinned("nobody knee")), vec3(2, 2, 2));
+  check_near(
+      corner(skinned("hip knee", "#m", "<controller id='m'><morph source='#g'/></controller>")),
+      vec3(2, 2, 9));
+  CHECK_THAT(refusal(load_text(skinned("hip knee", "#c"))), Contains("within each other"));
+  CHECK_THAT(refusal(load_text(skinned("hip knee", "#nothing"))),
+             Contains("there is no <controller> 'nothing'"));
+}
+
 TEST_CASE("dae: transparency in its four senses") {
   const auto opacity = [](const std::string& inner) {
     const auto loaded = load_text(document(

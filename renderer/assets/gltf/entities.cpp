@@ -153,9 +153,7 @@ class Maker {
     read("ROTATION", rotations);
     for (std::size_t i = 0; i < total; ++i) {
       const vec4 r = rotations[i];
-      const float length = glm::length(r);
-      if (!(length > 1e-6f)) refuse(instancing.where(), "a rotation is not a unit quaternion");
-      const quat rotation(r.w / length, r.x / length, r.y / length, r.z / length);
+      const quat rotation = unit_rotation(quat(r.w, r.x, r.y, r.z), instancing.where(), builder_);
       PutEntity put;
       put.parent = builder_.entity_ref(parent);
       put.pose = constant_pose(thickened(compose_trs(translations[i], rotation, scales[i])));

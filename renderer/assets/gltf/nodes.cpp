@@ -21,18 +21,13 @@ void read_matrix(const Value& matrix_value, const std::array<float, 16>& m, Node
   }
 }
 
-void read_trs(const Value& value, Node& node) {
+void read_trs(const Value& value, Node& node, Builder& builder) {
   const auto t = value.numbers<3>("translation", {0, 0, 0});
   const auto r = value.numbers<4>("rotation", {0, 0, 0, 1});
   const auto s = value.numbers<3>("scale", {1, 1, 1});
   node.translation = {t[0], t[1], t[2]};
-  node.rotation = quat(r[3], r[0], r[1], r[2]);
+  node.rotation = unit_rotation(quat(r[3], r[0], r[1], r[2]), value.key_where("rotation"), builder);
   node.scale = {s[0], s[1], s[2]};
-  const float length = glm::length(node.rotation);
-  if (!(length > 1e-6f) || !std::isfinite(length)) {
-    refuse(value.key_where("rotation"), "must be a unit quaternion");
-  }
-  node.rotation = node.rotation / length;
   node.local = compose_trs(node.translation, node.rotation, node.scale);
 }
 
@@ -76,7 +71,7 @@ std::vector<Node> read_nodes(const Document& document, Builder& builder) {
     if (const auto matrix = value.find("matrix")) {
       read_matrix(*matrix, value.numbers<16>("matrix", {}), node);
     } else {
-      read_trs(value, node);
+      read_trs(value, node, builder);
     }
     node.local = thickened(node.local);
     node.name = builder.claim_name(value.text("name", ""), fmt::format("node_{}", i));
