@@ -7,14 +7,16 @@ when a size changes.
 
 import pathlib
 import sys
+from collections.abc import Callable
 
 import numpy as np
 
-MU, ROUGHNESS = 32, 32  # reflection: cosines (sqrt-spaced), roughnesses
-GLASS_MU, GLASS_ROUGHNESS, GLASS_IOR = 16, 16, 16
+MU, ROUGHNESS = 32, 32  # reflection: cosines, roughnesses
+GLASS_MU, GLASS_ROUGHNESS, GLASS_IOR = 25, 16, 16  # the middle cosine is the critical one's
+GLASS_GRID = 128
 FILTER = 128  # intervals of one half
-ANISOTROPY, ANISOTROPIC_ROUGHNESS, ANISOTROPIC_PHI, ANISOTROPIC_MU = 9, 16, 4, 12
-SHEEN_MU, SHEEN_ROUGHNESS = 32, 16
+ANISOTROPY, ANISOTROPIC_ROUGHNESS, ANISOTROPIC_PHI, ANISOTROPIC_MU = 9, 16, 8, 20
+SHEEN_MU, SHEEN_ROUGHNESS = 64, 16
 SHEEN_SMOOTHEST = 0.25  # below, the model reflects more than it gets
 GRID = 96  # per side, quadrature points over the sampling square
 
@@ -73,9 +75,9 @@ def direction(mu: float, cos_phi: float = 1) -> np.ndarray:
     return np.array([sine * cos_phi, sine * np.sqrt(1 - cos_phi**2), mu])
 
 
-def visible_normals(wo: np.ndarray, alpha: Alpha) -> np.ndarray:
+def visible_normals(wo: np.ndarray, alpha: Alpha, grid: int = GRID) -> np.ndarray:
     """Half vectors distributed by GGX's visible normals (Dupuy and Benyoub 2023)."""
-    u = (np.arange(GRID) + 0.5) / GRID
+    u = (np.arange(grid) + 0.5) / grid
     u1, u2 = (a.ravel() for a in np.meshgrid(u, u))
     stretch = np.array([*alpha, 1])
     s = wo * stretch
@@ -105,18 +107,18 @@ def fresnel(c: np.ndarray, eta: float) -> tuple[np.ndarray, np.ndarray]:
     return np.where(t2 > 0, (parallel**2 + perpendicular**2) / 2, 1), t
 
 
-def glass(wo: np.ndarray, alpha: Alpha, eta: float) -> tuple[float, float]:
-    """Shares of light that a rough interface reflects and refracts in one scattering."""
-    h = visible_normals(wo, alpha)
+def glass(wo: np.ndarray, alpha: Alpha, eta: float) -> tuple[float, ...]:
+    """Shares of light in one scattering, as kGlassAlbedo has them."""
+    h = visible_normals(wo, alpha, GLASS_GRID)
     c = h @ wo
     f, t = fresnel(c, eta)
     lo = lambda_ggx(wo, alpha)
     up = 2 * c[:, None] * h - wo
     down = (c / eta - t)[:, None] * h - wo / eta
-    g_up = (1 + lo) / (1 + lo + lambda_ggx(up, alpha))
-    g_down = (1 + lo) / (1 + lo + lambda_ggx(down, alpha))
-    refracted = (1 - f) * g_down * ((down[:, 2] < 0) & (f < 1))
-    return (f * g_up * (up[:, 2] > 0)).mean(), refracted.mean()
+    g_up = (1 + lo) / (1 + lo + lambda_ggx(up, alpha)) * (up[:, 2] > 0)
+    g_down = (1 + lo) / (1 + lo + lambda_ggx(down, alpha)) * ((down[:, 2] < 0) & (f < 1))
+    shares = (f * g_up * (f < 1), g_up * (f == 1), (1 - f) * g_down, f * g_down, g_up * (f < 1))
+    return tuple(share.mean() for share in shares)
 
 
 def sheen_lambda(c: np.ndarray, alpha: float) -> np.ndarray:
@@ -167,11 +169,37 @@ def mu_of(i: int, n: int) -> float:
     return max((i / (n - 1)) ** 2, 1e-4)
 
 
-def cosine_average(row: np.ndarray) -> float:
-    """Of a row over sqrt(cos), interpolated as kernels do, so that the furnace closes with it."""
+def axis(x: np.ndarray, alpha: float) -> np.ndarray:
+    """Where cosines lie in a table: axis_place() of ggx.h."""
+    return (x * (1 + alpha) / (x + alpha) + np.sqrt(x)) / 2
+
+
+def glass_axis(mu: np.ndarray, alpha: float, eta: float) -> np.ndarray:
+    """glass_place() of ggx.h."""
+    if eta > 1:
+        return axis(mu, alpha)
+    critical = np.sqrt(1 - eta * eta)
+    below, above = np.clip(mu / critical, 0, 1), np.clip((mu - critical) / (1 - critical), 0, 1)
+    low = (axis(below, alpha / critical) + 1 - axis(1 - below, alpha / critical)) / 2
+    return np.where(mu < critical, low, 1 + axis(above, alpha / (1 - critical))) / 2
+
+
+def cosine_at(place: float, axis_of: Callable[[float], float]) -> float:
+    """The cosine that an axis has at a place."""
+    low, high = 1e-6, 1.0
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if axis_of(middle) < place else (low, middle)
+    return low
+
+
+def cosine_average(row: np.ndarray, alpha: float) -> float:
+    """Of a row over axis(), interpolated as kernels do, so that the furnace closes with it."""
     x, w = np.polynomial.legendre.leggauss(400)
-    mu = (x + 1) / 2
-    return np.sum(w * mu * np.interp(np.sqrt(mu), np.arange(len(row)) / (len(row) - 1), row))
+    root = (x + 1) / 2  # of the cosine: the ends count
+    mu = root**2
+    places = np.arange(len(row)) / (len(row) - 1)
+    return np.sum(w * 2 * root * mu * np.interp(axis(mu, alpha), places, row))
 
 
 def cos_phi_average(values: np.ndarray) -> np.ndarray:
@@ -180,43 +208,44 @@ def cos_phi_average(values: np.ndarray) -> np.ndarray:
     return np.interp(cos_phi, np.arange(len(values)) / (len(values) - 1), values).mean()
 
 
+def reflection_row(alpha: Alpha, cosines: int, cos_phi: float = 1) -> tuple[np.ndarray, float]:
+    """Albedos over axis(), and the alpha that wo sees, which is the axis'."""
+    seen = float(np.hypot(alpha[0] * cos_phi, alpha[1] * np.sqrt(1 - cos_phi**2)))
+    places = np.arange(cosines) / (cosines - 1)
+    mu = [cosine_at(place, lambda x: float(axis(np.array(x), seen))) for place in places]
+    return np.array([reflection(direction(m, cos_phi), alpha) for m in mu]), seen
+
+
+def averages(row: tuple[np.ndarray, float]) -> list[float]:
+    return [cosine_average(row[0][:, k], row[1]) for k in (0, 1)]
+
+
 def reflection_tables() -> str:
-    albedo = np.array(
-        [
-            [reflection(direction(mu_of(m, MU)), isotropic(r, ROUGHNESS)) for m in range(MU)]
-            for r in range(ROUGHNESS)
-        ]
-    )
-    average = [[cosine_average(row[:, k]) for k in (0, 1)] for row in albedo]
-    stretched = np.array(
+    rows = [reflection_row(isotropic(r, ROUGHNESS), MU) for r in range(ROUGHNESS)]
+    albedo = np.array([row[0] for row in rows])
+    average = [averages(row) for row in rows]
+    stretched_rows = [
         [
             [
-                [
-                    [
-                        reflection(
-                            direction(mu_of(m, ANISOTROPIC_MU), p / (ANISOTROPIC_PHI - 1)),
-                            anisotropic(i, r),
-                        )
-                        for m in range(ANISOTROPIC_MU)
-                    ]
-                    for p in range(ANISOTROPIC_PHI)
-                ]
-                for r in range(ANISOTROPIC_ROUGHNESS)
+                reflection_row(anisotropic(i, r), ANISOTROPIC_MU, p / (ANISOTROPIC_PHI - 1))
+                for p in range(ANISOTROPIC_PHI)
             ]
-            for i in range(ANISOTROPY)
+            for r in range(ANISOTROPIC_ROUGHNESS)
         ]
-    )
+        for i in range(ANISOTROPY)
+    ]
+    stretched = np.array([[[row[0] for row in rows] for rows in plane] for plane in stretched_rows])
     stretched_average = [
         [
-            [cos_phi_average(np.array([cosine_average(row[:, k]) for row in rows])) for k in (0, 1)]
+            [cos_phi_average(np.array([averages(row)[k] for row in rows])) for k in (0, 1)]
             for rows in plane
         ]
-        for plane in stretched
+        for plane in stretched_rows
     ]
     return (
         constant("kAlbedoCosines", MU)
         + constant("kAlbedoRoughnesses", ROUGHNESS)
-        + table("kReflectionAlbedo", albedo, "[roughness][sqrt(cos)][Fresnel 1, (1 - cos_h)^5]")
+        + table("kReflectionAlbedo", albedo, "[roughness][axis_place()][Fresnel 1, (1 - cos_h)^5]")
         + table(
             "kReflectionAverage",
             average,
@@ -229,10 +258,15 @@ def reflection_tables() -> str:
         + table(
             "kAnisotropicAlbedo",
             stretched,
-            "[aspect, from 1 to sqrt(0.1)][roughness][cos(phi)][sqrt(cos)][the same two]",
+            "[aspect, from 1 to sqrt(0.1)][roughness][cos(phi)][axis_place()][the same two]",
         )
         + table("kAnisotropicAverage", stretched_average, "[aspect][roughness][the same two]")
     )
+
+
+def glass_row(m: int, alpha: Alpha, eta: float) -> tuple[float, ...]:
+    mu = cosine_at(m / (GLASS_MU - 1), lambda x: float(glass_axis(np.array(x), alpha[0], eta)))
+    return glass(direction(mu), alpha, eta)
 
 
 def glass_table() -> str:
@@ -242,10 +276,7 @@ def glass_table() -> str:
         [
             [
                 [
-                    [
-                        glass(direction(mu_of(m, GLASS_MU)), isotropic(r, GLASS_ROUGHNESS), eta)
-                        for m in range(GLASS_MU)
-                    ]
+                    [glass_row(m, isotropic(r, GLASS_ROUGHNESS), eta) for m in range(GLASS_MU)]
                     for r in range(GLASS_ROUGHNESS)
                 ]
                 for eta in (ior, 1 / ior)
@@ -261,7 +292,8 @@ def glass_table() -> str:
             "kGlassAlbedo",
             inside,
             "[sqrt((ior - 1) / (ior + 1)), from 0 to sqrt(3 / 5)]"
-            "[entering, leaving][roughness][sqrt(cos)][reflected, refracted]",
+            "[entering, leaving][roughness][glass_place()][of facets that could refract: reflected;"
+            " of others; refracted; what Fresnel reflects of it; reflected in full by the first]",
         )
     )
 

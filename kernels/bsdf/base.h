@@ -52,7 +52,7 @@ struct Base : OpaqueBase<float> {
   vec3 glass_specular;         // scales the exact Fresnel reflectance
   vec3 glass_reflectance;      // where what passes is a lobe of its own: constant over microfacets
   float glass;                 // weight of the interface; 0: none
-  float glass_scale;           // makes up for light that a rough interface scatters more than once
+  vec3 glass_scale;            // makes up for light that a rough interface scatters more than once
   float through_scale;         // the same of what passes by itself
   ThinFilm glass_film;         // on the interface
   float eta;                   // index of the far side over that of wo's side

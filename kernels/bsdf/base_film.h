@@ -3,6 +3,7 @@
 #pragma once
 
 #include "kernels/bsdf/base.h"
+#include "kernels/core/sampler.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
@@ -39,40 +40,36 @@ HELIO_CALL KERNEL Reflectances average_film(const Base& b) {
   return sum;
 }
 
-/// Some of the microfacets that wo sees, as often as it sees them: their cosines to wo, and shares
-/// of the light that they reflect to it which no other one holds up.
-inline constexpr u32 kSeenFacets = 8;
-struct SeenFacets {
-  u32 count;
-  float cosine[kSeenFacets];
-  float open[kSeenFacets];
-};
-KERNEL SeenFacets see_facets(const Base& b) {
-  if (b.delta) return {1, {b.wo.z}, {1}};
-  SeenFacets seen;
-  seen.count = kSeenFacets;
-  const float out = 1 + ggx_lambda(b.wo, b.facets);
-  for (u32 i = 0; i < kSeenFacets; ++i) {
-    const u32 reversed = (i & 1) << 2 | (i & 2) | i >> 2;
-    const vec2 u = (vec2(float(i), float(reversed)) + 0.5f) / float(kSeenFacets);
-    const vec3 h = sample_ggx(b.wo, b.facets, u);
-    seen.cosine[i] = max2(dot(b.wo, h), 0.0f);
-    const vec3 wi = h * (2 * seen.cosine[i]) - b.wo;
-    seen.open[i] = wi.z > 0 ? out / (out + ggx_lambda(wi, b.facets)) : 0;
+/// Calls with some of the microfacets that wo sees, as often as it sees them: their normals.
+inline constexpr u32 kSeenFacets = 32;
+template <class Visit>
+KERNEL void see_facets(const Base& b, const Visit& visit) {
+  const u32 count = b.delta ? 1 : kSeenFacets;
+  const float step = 1 / float(kSeenFacets);
+  for (u32 i = 0; i < count; ++i) {
+    const vec2 u(float(i) * step, float(reverse_bits(i)) * 0x1p-32f);
+    visit(b.delta ? vec3(0, 0, 1) : sample_ggx(b.wo, b.facets, u + 0.5f * step), 1 / float(count));
   }
-  return seen;
+}
+/// Share of the light between wo and wi that no other microfacet holds up, of what wo sees.
+KERNEL float open_to(const Base& b, vec3 wi) {
+  if (b.delta) return 1;
+  const float out = 1 + ggx_lambda(b.wo, b.facets);
+  return out / (out + ggx_lambda(wi, b.facets));
 }
 
 /// Averages of the film over the light that leaves to wo.
 HELIO_CALL KERNEL Reflectances seen_film(const Base& b) {
-  const SeenFacets seen = see_facets(b);
   Reflectances sum;
-  float open = 1e-6f;
-  for (u32 i = 0; i < seen.count; ++i) {
-    add(sum, film_at(b, seen.cosine[i]), seen.open[i]);
-    open += seen.open[i];
-  }
-  return {sum.coat / open, sum.metal / open};
+  float all = 1e-6f;
+  see_facets(b, [&](vec3 h, float) {
+    const float c = max2(dot(b.wo, h), 0.0f);
+    const vec3 wi = h * (2 * c) - b.wo;
+    const float open = wi.z > 0 ? open_to(b, wi) : 0;
+    add(sum, film_at(b, c), open);
+    all += open;
+  });
+  return {sum.coat / all, sum.metal / all};
 }
 
 /// Reflectance of the interface of glass at cosine c, where it is `bare` without the film.
@@ -83,14 +80,25 @@ KERNEL vec3 glass_at(const Base& b, float c, float bare) {
 }
 
 /// What the film adds to the reflectance of the interface, on average over what wo sees.
-HELIO_CALL KERNEL vec3 film_on_face(const Base& b) {
-  const SeenFacets seen = see_facets(b);
-  vec3 sum(0);
-  for (u32 i = 0; i < seen.count; ++i) {
-    const float bare = fresnel_dielectric(seen.cosine[i], b.eta).reflectance;
-    sum += glass_at(b, seen.cosine[i], bare) - vec3(bare);
-  }
-  return sum / float(seen.count);
+struct FilmOnFace {
+  vec3 whole{0};
+  vec3 reflected{0};  // of light that is reflected, by facets at which it could refract
+  vec3 refracted{0};  // of light that refracts: lost
+};
+HELIO_CALL KERNEL FilmOnFace film_on_face(const Base& b) {
+  FilmOnFace sum;
+  see_facets(b, [&](vec3 h, float weight) {
+    const float c = max2(dot(b.wo, h), 0.0f);
+    const Fresnel bare = fresnel_dielectric(c, b.eta);
+    const vec3 added = (glass_at(b, c, bare.reflectance) - vec3(bare.reflectance)) * weight;
+    sum.whole += added;
+    if (!(bare.cos_t > 0)) return;
+    const vec3 up = h * (2 * c) - b.wo;
+    const vec3 down = h * (c / b.eta - bare.cos_t) - b.wo * (1 / b.eta);
+    if (up.z > 0) sum.reflected += added * open_to(b, up);
+    if (down.z < 0) sum.refracted += added * open_to(b, down);
+  });
+  return sum;
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

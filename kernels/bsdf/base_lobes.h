@@ -58,7 +58,7 @@ KERNEL Facet facet_of(const Base& b, float c) {
     f.reflected += (covered - f.reflected) * b.film.weight;
   }
   if (b.glass <= 0) return f;
-  const float glass = b.glass * b.glass_scale;
+  const vec3 glass = b.glass_scale * b.glass;
   if (passes_apart(b)) {
     f.reflected += b.glass_reflectance * glass;
     return f;
@@ -70,7 +70,7 @@ KERNEL Facet facet_of(const Base& b, float c) {
     f.reflected += r * glass;
     f.transmitted = b.glass_tint * (vec3(1) - r) * glass;
   } else {
-    f.reflected += vec3(glass);
+    f.reflected += glass;
   }
   const float up = luminance(f.reflected);
   const float down = luminance(f.transmitted);

@@ -147,7 +147,8 @@ KERNEL vec2 set_reflection(Base& b, const MaterialValues& m, const ShadingPoint&
 KERNEL float face_reflectance(const Base& b, float roughness) {
   if (b.delta) return fresnel_dielectric(b.wo.z, b.eta).reflectance;
   const GlassAlbedo share = glass_albedo(b.wo.z, roughness, b.eta);
-  return share.reflected / (share.reflected + share.refracted);
+  const float reflected = share.reflected + share.totally;
+  return reflected / (reflected + share.refracted);
 }
 
 /// Bounds the weight of light that refracts by itself.
@@ -157,7 +158,8 @@ inline constexpr float kMostThrough = 1.25f;
 /// its roughness. Returns as set_interface().
 HELIO_CALL KERNEL vec2 set_apart(Base& b, const MaterialValues& m, float through) {
   vec3 reflected(face_reflectance(b, m.roughness));
-  if (has_film(b.glass_film)) reflected = glm::clamp(reflected + film_on_face(b), vec3(0), vec3(1));
+  if (has_film(b.glass_film))
+    reflected = glm::clamp(reflected + film_on_face(b).whole, vec3(0), vec3(1));
   float smallest = 0;
   b.through_scale = 1;
   if (b.interface == Interface::kSheet) {
@@ -178,7 +180,7 @@ HELIO_CALL KERNEL vec2 set_apart(Base& b, const MaterialValues& m, float through
     smallest = 1 - kMostThrough * refracted;
   }
   b.glass_reflectance = glm::max(b.glass_specular * reflected, vec3(smallest));
-  b.glass_scale = 1 / base_albedo(b, b.wo).total;
+  b.glass_scale = vec3(1 / base_albedo(b, b.wo).total);
   const vec3 passing = b.glass_tint * (vec3(1) - b.glass_reflectance);
   // Refraction is chosen by its largest weight, not its albedo: few of its samples may succeed.
   return vec2(luminance(b.glass_reflectance), luminance(passing) * b.through_scale) * b.glass;
@@ -205,19 +207,18 @@ HELIO_STEP KERNEL vec2 set_interface(Base& b, const MaterialValues& m, const Sha
   b.glass_specular = glm::min(m.specular_color * m.specular, vec3(1));
   if (b.interface != Interface::kJoint) return set_apart(b, m, through);
   b.through = b.facets;
-  b.glass_scale = 1;
+  b.glass_scale = vec3(1);
   if (!b.delta) {
     const GlassAlbedo share = glass_albedo(b.wo.z, m.roughness, b.eta);
-    // What a low `specular` takes from the reflection refracts: all but that if nothing is held up.
-    const float least = min_component(b.glass_specular);
-    const float whole = share.reflected + share.refracted;
-    float albedo = glm::mix(1 - share.refracted, share.reflected, least) + share.refracted;
+    // What a low `specular` takes from the reflection refracts, and the film's share reflects.
+    vec3 reflected = b.glass_specular * share.reflected;
+    vec3 kept = (vec3(1) - b.glass_specular) * share.kept;
     if (has_film(b.glass_film)) {
-      // What the film adds to the reflection is held up as that is, not as what refracts.
-      const vec3 added = film_on_face(b) * (base_albedo(b, b.wo).total - whole);
-      albedo += max_component(added);
+      const FilmOnFace film = film_on_face(b);
+      reflected += b.glass_specular * film.reflected;
+      kept -= b.glass_specular * film.refracted;
     }
-    b.glass_scale = 1 / albedo;
+    b.glass_scale = 1.0f / (vec3(share.totally + share.refracted) + reflected + kept);
   }
   return vec2(b.glass, 0);
 }

@@ -94,6 +94,7 @@ template <class F>
 struct AlbedoRowOf {
   IntOf<F> row;
   F weight;  // of the next row
+  F alpha;
 };
 using AlbedoRow = AlbedoRowOf<float>;
 /// Share of light that single scattering reflects with Fresnel 1, and the same weighted by Schlick.
@@ -108,8 +109,15 @@ template <class F>
 KERNEL AlbedoRowOf<F> albedo_row(F roughness) {
   const F place = clamp01(roughness) * float(kAlbedoRoughnesses - 1);
   const IntOf<F> row = min2(to_int(place), IntOf<F>(kAlbedoRoughnesses - 2));
-  return {row, place - to_float(row)};
+  return {row, place - to_float(row), sqr(roughness)};
 }
+
+/// Where a number in [0, 1] lies in a table that is as dense about 0 as `scale` asks for.
+template <class F>
+KERNEL F axis_place(F x, F scale) {
+  return 0.5f * (x * (1 + scale) / (x + scale) + root(x));
+}
+
 /// Over all directions, by their cosines.
 template <class F>
 KERNEL AlbedoOf<F> albedo_average(const AlbedoRowOf<F>& row) {
@@ -120,7 +128,7 @@ KERNEL AlbedoOf<F> albedo_average(const AlbedoRowOf<F>& row) {
 }
 template <class F>
 KERNEL AlbedoOf<F> albedo_at(const AlbedoRowOf<F>& row, F cosine) {
-  const F place = root(clamp01(cosine)) * float(kAlbedoCosines - 1);
+  const F place = axis_place(clamp01(cosine), row.alpha) * float(kAlbedoCosines - 1);
   const IntOf<F> column = min2(to_int(place), IntOf<F>(kAlbedoCosines - 2));
   const F w = place - to_float(column);
   const IntOf<F> first = (row.row * i32(kAlbedoCosines) + column) * 2;
@@ -160,8 +168,11 @@ HELIO_CALL KERNEL Albedo albedo_at(const AnisotropicRow& row, vec3 w) {
   const Place a = aspect_place(row.aspect);
   const Place r = place_at(row.roughness * (kAnisotropicRoughnesses - 1), kAnisotropicRoughnesses);
   const Place p = place_at(cos_phi * (kAnisotropicPhis - 1), kAnisotropicPhis);
+  const float alpha = sqr(row.roughness);
+  const float seen =
+      std::sqrt(sqr(alpha / row.aspect * cos_phi) + sqr(alpha * row.aspect) * (1 - sqr(cos_phi)));
   const Place c =
-      place_at(std::sqrt(clamp01(w.z)) * (kAnisotropicCosines - 1), kAnisotropicCosines);
+      place_at(axis_place(clamp01(w.z), seen) * (kAnisotropicCosines - 1), kAnisotropicCosines);
   Albedo sum{0, 0};
   for (u32 corner = 0; corner < 16; ++corner) {
     const u32 da = corner & 1;
@@ -195,9 +206,26 @@ HELIO_CALL KERNEL Albedo albedo_average(const AnisotropicRow& row) {
   return sum;
 }
 
+/// Where a cosine lies in kGlassAlbedo: total reflection begins at the middle, whatever eta is, and
+/// as sharply as alpha lets it.
+KERNEL float glass_place(float cosine, float alpha, float eta) {
+  if (eta > 1) return axis_place(cosine, alpha);
+  const float critical = safe_sqrt(1 - eta * eta);
+  const float above = 1 - critical;
+  if (cosine >= critical)
+    return 0.5f + 0.5f * axis_place((cosine - critical) / above, alpha / above);
+  const float x = cosine / critical;
+  const float scale = alpha / critical;
+  return 0.25f * (axis_place(x, scale) + 1 - axis_place(1 - x, scale));
+}
+
 /// Shares of light that leave a rough interface after one scattering.
 struct GlassAlbedo {
-  float reflected, refracted;
+  float reflected;  // by facets at which it could refract too
+  float totally;    // by the others
+  float refracted;
+  float kept;  // what refracts more if those facets reflect nothing
+  float full;  // what they reflect if nothing refracts
 };
 /// eta   index of the far side over the near side's
 HELIO_CALL KERNEL GlassAlbedo glass_albedo(float cosine, float roughness, float eta) {
@@ -205,9 +233,10 @@ HELIO_CALL KERNEL GlassAlbedo glass_albedo(float cosine, float roughness, float 
   const Place i =
       place_at(std::sqrt((ior - 1) / (ior + 1)) * (1.29099445f * (kGlassIors - 1)), kGlassIors);
   const Place j = place_at(roughness * (kGlassRoughnesses - 1), kGlassRoughnesses);
-  const Place k = place_at(std::sqrt(clamp01(cosine)) * (kGlassCosines - 1), kGlassCosines);
+  const Place k = place_at(glass_place(clamp01(cosine), sqr(roughness), eta) * (kGlassCosines - 1),
+                           kGlassCosines);
   const u32 side = eta > 1 ? 0 : 1;
-  GlassAlbedo sum{0, 0};
+  float sum[5]{};
   for (u32 corner = 0; corner < 8; ++corner) {
     const u32 dx = corner & 1;
     const u32 dy = corner >> 1 & 1;
@@ -215,11 +244,10 @@ HELIO_CALL KERNEL GlassAlbedo glass_albedo(float cosine, float roughness, float 
     const float weight = (dx ? i.weight : 1 - i.weight) * (dy ? j.weight : 1 - j.weight) *
                          (dz ? k.weight : 1 - k.weight);
     const u32 row = ((i.index + dx) * 2 + side) * kGlassRoughnesses + j.index + dy;
-    const float* at = kGlassAlbedo + 2 * (row * kGlassCosines + k.index + dz);
-    sum.reflected += at[0] * weight;
-    sum.refracted += at[1] * weight;
+    const float* at = kGlassAlbedo + 5 * (row * kGlassCosines + k.index + dz);
+    for (u32 n = 0; n < 5; ++n) sum[n] += at[n] * weight;
   }
-  return sum;
+  return {sum[0], sum[1], sum[2], sum[3], sum[4]};
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA
