@@ -99,10 +99,14 @@ KERNEL vec3 transform_normal(const mat4x3& inverse, vec3 n) {
   return vec3(dot(inverse[0], n), dot(inverse[1], n), dot(inverse[2], n));
 }
 
-/// Unit vector along v, or `otherwise` when v has no direction.
+/// Unit vector along v, whatever its length, or `otherwise` when v has no direction.
 KERNEL vec3 normalize_or(vec3 v, vec3 otherwise) {
   const float length2 = dot(v, v);
-  return length2 > 0 ? v * (1 / std::sqrt(length2)) : otherwise;
+  if (length2 > 1e-30f && length2 < 1e30f) return v * (1 / std::sqrt(length2));
+  const float largest = max_component(abs3(v));
+  if (!(largest > 0 && largest < INFINITY)) return otherwise;
+  const vec3 scaled = v / largest;
+  return scaled * (1 / std::sqrt(dot(scaled, scaled)));
 }
 
 /// An orthonormal, right-handed basis; local z is n.
