@@ -2,6 +2,7 @@
 // read by a backend's resolve().
 #pragma once
 
+#include "kernels/core/finite.h"
 #include "kernels/core/math.h"
 #include "kernels/scene/planes.h"
 
@@ -34,9 +35,9 @@ struct FilmView {
   const u32* rank_of_group;  // by light group of the scene: which of them, kNone: not wanted
   u32 groups;                // how many are wanted
   float* moment;             // the same two for the squared luminance of beauty; null unless
-  float* moment_partial;     // VARIANCE or a noise stop rule is wanted (then BEAUTY is there too)
-  float* catcher;            // (2) of each pixel: light on shadow catchers, with other entities and
-  float* catcher_partial;    // without; null unless SHADOW_CATCHER is wanted
+  float* moment_partial;   // VARIANCE or a noise stop rule is wanted (then BEAUTY and COVERAGE are)
+  float* catcher;          // (2) of each pixel: light on shadow catchers, with other entities and
+  float* catcher_partial;  // without; null unless SHADOW_CATCHER is wanted
   PlaneSet wanted;
   u32 width;
   u32 height;
@@ -48,9 +49,10 @@ namespace heliograph::kernels::inline HELIO_ISA {
 
 KERNEL bool wants(const FilmView& film, Plane plane) { return film.wanted & plane_bit(plane); }
 
-/// Adds a sample's value to a pixel's sums. `whole`: it is the last one of its block.
+/// Adds a sample's value to a pixel's sums; what no f32 can hold counts as 0. `whole`: it is the
+/// last one of its block.
 KERNEL void add_to_sum(float& sum, float& partial, float value, bool whole) {
-  partial += value;
+  partial += is_finite(value) ? value : 0;
   if (whole) {
     sum += partial;
     partial = 0;
@@ -112,12 +114,6 @@ KERNEL PixelStatistics pixel_statistics(const FilmView& film, u64 pixel, u32 sam
   return {mean, max2(moment - mean * mean, 0.0f) / float(samples - 1)};
 }
 
-/// Standard error of a pixel's mean luminance over that luminance; 0 where it is black.
-KERNEL float relative_error(const FilmView& film, u64 pixel, u32 samples) {
-  const PixelStatistics s = pixel_statistics(film, pixel, samples);
-  return s.mean > 0 ? std::sqrt(s.variance) / s.mean : 0;
-}
-
 KERNEL u32 tiles_across(const FilmView& film) { return (film.width + kTileSide - 1) / kTileSide; }
 KERNEL u32 tiles_of(const FilmView& film) {
   return tiles_across(film) * ((film.height + kTileSide - 1) / kTileSide);
@@ -127,14 +123,42 @@ KERNEL PixelRect tile_rect(const FilmView& film, u32 tile) {
   return {x, y, min2(x + kTileSide, film.width), min2(y + kTileSide, film.height)};
 }
 
-/// Relative errors of a tile's pixels after `samples` samples, summed up.
-KERNEL double tile_noise(const FilmView& film, u32 tile, u32 samples) {
+/// What a tile's pixels tell of their noise. Of a pixel that none or few of its samples have lit
+/// neither mean nor variance is known: how many lit it is, and all of them together tell more.
+struct TileNoise {
+  double light;      // means of luminance, summed up
+  double errors;     // standard errors over means of the pixels that are known, summed up
+  double dim_light;  // means of the others, summed up
+  double dim_hits;   // samples that lit them, summed up
+  u32 dim;           // how many these are
+};
+/// So many samples make a pixel known.
+inline constexpr float kKnownFrom = 4;
+/// How many samples would tell what a pixel's have, if each gave the same and all others nothing.
+KERNEL float hits_of(const PixelStatistics& s, u32 samples) {
+  const float square = s.mean * s.mean;
+  const float moment = square + s.variance * float(samples - 1);
+  return s.mean > 0 && moment < INFINITY ? square * float(samples) / moment : 0;
+}
+KERNEL TileNoise tile_noise(const FilmView& film, u32 tile, u32 samples) {
   const PixelRect rect = tile_rect(film, tile);
-  double sum = 0;
-  for (u32 y = rect.y0; y < rect.y1; ++y)
-    for (u32 x = rect.x0; x < rect.x1; ++x)
-      sum += double(relative_error(film, u64(y) * film.width + x, samples));
-  return sum;
+  TileNoise out{};
+  for (u32 y = rect.y0; y < rect.y1; ++y) {
+    for (u32 x = rect.x0; x < rect.x1; ++x) {
+      const u64 pixel = u64(y) * film.width + x;
+      const PixelStatistics s = pixel_statistics(film, pixel, samples);
+      const float hits = hits_of(s, samples);
+      out.light += double(s.mean);
+      if (hits >= kKnownFrom) {
+        out.errors += double(std::sqrt(s.variance) / s.mean);
+      } else if (s.mean > 0 || mean_value(film, Plane::COVERAGE, pixel, samples) > 0) {
+        ++out.dim;
+        out.dim_light += double(s.mean);
+        out.dim_hits += double(hits);
+      }
+    }
+  }
+  return out;
 }
 
 /// A plane that samples made, of the folds kMean and kFilm, and the array that it goes to.

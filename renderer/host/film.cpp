@@ -9,6 +9,7 @@
 #include "renderer/frame/film_planes.h"
 #include "renderer/frame/motion_keys.h"
 #include "renderer/frame/shutter.h"
+#include "renderer/host/noise.h"
 
 namespace heliograph::host {
 namespace {
@@ -24,7 +25,7 @@ kernels::PlaneSet wanted_planes(const RenderJob& job) {
   kernels::PlaneSet wanted = 0;
   for (const Plane plane : film_planes(job)) wanted |= plane_bit(plane);
   if (wants_label_pixels(job.labels)) wanted |= plane_bit(Plane::INSTANCE);
-  if (measures_noise(job)) wanted |= plane_bit(Plane::BEAUTY);
+  if (measures_noise(job)) wanted |= plane_bit(Plane::BEAUTY) | plane_bit(Plane::COVERAGE);
   return wanted;
 }
 
@@ -305,22 +306,11 @@ std::vector<PlaneData> HostFilm::resolve() const {
 }
 
 Noise HostFilm::noise() const {
-  std::vector<double> sums(tiles());
+  std::vector<kernels::TileNoise> told(tiles());
   parallel_for(tiles(), [&](u32 index) {
-    sums[index] = kernels::tile_noise(view_, index, tile_samples_[index]);
+    told[index] = kernels::tile_noise(view_, index, tile_samples_[index]);
   });
-  return noise_of(sums);
-}
-
-Noise HostFilm::noise_of(std::span<const double> sums) const {
-  Noise noise{.mean = 0};
-  for (u32 i = 0; i < tiles(); ++i) {
-    const PixelRect rect = tile(i);
-    noise.mean += sums[i];
-    noise.tiles.push_back(float(sums[i] / double((rect.x1 - rect.x0) * (rect.y1 - rect.y0))));
-  }
-  noise.mean /= double(view_.width) * view_.height;
-  return noise;
+  return noise_of(told, view_);
 }
 
 }  // namespace heliograph::host

@@ -108,8 +108,6 @@ class HostFilm final : public Film {
   /// The planes of film_planes() after the samples that each tile has.
   [[nodiscard]] std::vector<PlaneData> resolve() const;
   [[nodiscard]] Noise noise() const;
-  /// Of sums over tiles (kernels::tile_noise).
-  [[nodiscard]] Noise noise_of(std::span<const double> sums) const;
 
  private:
   explicit HostFilm(const Shot& shot);

@@ -6,6 +6,7 @@
 
 #include "renderer/base/parallel.h"
 #include "renderer/frame/film_planes.h"
+#include "renderer/host/noise.h"
 
 namespace heliograph::cuda {
 
@@ -321,15 +322,15 @@ Status CudaFilm::download(std::vector<Download> pieces) {
 Expected<Noise> CudaFilm::noise(const Programs& programs) const {
   auto launch = resolve_launch();
   if (!launch) return std::unexpected(std::move(launch).error());
-  std::vector<double> sums(pictures_[0]->tiles());
-  auto memory = context_.allocate(sums.size() * sizeof(double));
+  std::vector<kernels::TileNoise> told(pictures_[0]->tiles());
+  auto memory = context_.allocate(told.size() * sizeof(kernels::TileNoise));
   if (!memory) return std::unexpected(std::move(memory).error());
-  launch->noise = memory->as<double>();
+  launch->noise = memory->as<kernels::TileNoise>();
   void* arguments[] = {&*launch};
-  HELIO_TRY(context_.launch(programs.noise.function, Programs::size(programs.noise, sums.size()),
+  HELIO_TRY(context_.launch(programs.noise.function, Programs::size(programs.noise, told.size()),
                             arguments));
-  HELIO_TRY(context_.download(std::as_writable_bytes(std::span(sums)), memory->at()));
-  return pictures_[0]->noise_of(sums);
+  HELIO_TRY(context_.download(std::as_writable_bytes(std::span(told)), memory->at()));
+  return host::noise_of(told, view_);
 }
 
 Status CudaFilm::fetch_instances() {
