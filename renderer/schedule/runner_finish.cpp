@@ -2,6 +2,7 @@
 #include "renderer/base/guard.h"
 #include "renderer/frame/check.h"
 #include "renderer/frame/frame_header.h"
+#include "renderer/frame/remarks.h"
 #include "renderer/schedule/runner.h"
 
 namespace heliograph {
@@ -106,6 +107,7 @@ Steps Runner::emit(Film& film, bool final) {
   frame.render_seconds = seconds_in_film();
   frame.rays = film.rays();
   if (!packed_) {
+    if (final) std::ranges::move(remarks(*job_, frame), std::back_inserter(frame.warnings));
     context_.sink->frame(std::make_shared<const Frame>(std::move(frame)));
     co_return Status{};
   }
