@@ -13,9 +13,9 @@ using kernels::Fold;
 constexpr std::array kDenoiserInputs{Plane::BEAUTY, Plane::ALBEDO_MEAN, Plane::NORMAL_MEAN};
 
 constexpr std::array kRgbSensorInputs{Plane::BEAUTY};
-constexpr std::array kDepthSensorInputs{Plane::DEPTH,      Plane::NORMAL_CAMERA,
-                                        Plane::BASE_COLOR, Plane::ROUGHNESS,
-                                        Plane::METALLIC,   Plane::TRANSMISSION};
+constexpr std::array kDepthSensorInputs{Plane::DEPTH,       Plane::DISTANCE,  Plane::NORMAL_CAMERA,
+                                        Plane::BASE_COLOR,  Plane::ROUGHNESS, Plane::METALLIC,
+                                        Plane::TRANSMISSION};
 
 /// Inputs of a post plane.
 std::span<const Plane> inputs_of(Plane plane) {

@@ -27,6 +27,7 @@ Status fill(Plane plane, std::vector<PlaneData>& made, const PostContext& contex
   if (plane == Plane::SENSOR_DEPTH)
     return sense_depth(*context.model.depth_sensor,
                        {.depth = floats(Plane::DEPTH),
+                        .distance = floats(Plane::DISTANCE),
                         .normal_camera = floats(Plane::NORMAL_CAMERA),
                         .base_color = floats(Plane::BASE_COLOR),
                         .roughness = floats(Plane::ROUGHNESS),

@@ -20,6 +20,7 @@ struct RgbImage {
 };
 struct DepthImage {
   const float* depth;
+  const float* distance;
   const float* normal_camera;  // 3 a pixel
   const float* base_color;     // 3 a pixel
   const float* roughness;
@@ -45,7 +46,8 @@ struct DepthImage {
 [[nodiscard]] Status sense_mosaic(const RgbSensor& sensor, const RgbImage& image,
                                   const SensorContext& context, float* out);
 
-/// Depth in metres as a depth camera measures it; 0 where it has no measurement.
+/// Metres as a depth camera measures them: along the optical axis, of fisheye and equirectangular
+/// cameras along the ray; 0 where it has no measurement.
 [[nodiscard]] Status sense_depth(const DepthSensor& sensor, const DepthImage& image,
                                  const SensorContext& context, float* out);
 

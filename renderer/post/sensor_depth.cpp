@@ -16,7 +16,7 @@ constexpr double kEdge = 1;  // pixels of disparity by which a surface must be n
 
 /// What a pixel sends back to the sensor.
 struct Echo {
-  double depth = 0;     // metres along the optical axis
+  double measure = 0;   // metres: what the sensor tells
   double distance = 0;  // metres along the ray
   double signal = 0;    // of a white, matt surface at 1 m that faces the sensor: 1; 0: nothing
 };
@@ -25,15 +25,18 @@ struct Echo {
 /// smooth metal mirrors goes elsewhere; clear glass neither answers nor casts a shadow.
 Echo echo_at(const DepthSensor& sensor, const DepthImage& image, const ImageCamera& camera,
              u64 pixel) {
-  Echo echo{.depth = double(image.depth[pixel])};
-  if (!std::isfinite(echo.depth) || image.transmission[pixel] >= 0.5f) return {};
+  const kernels::Projection projection = camera.lens.projection;
+  const bool along_ray = projection == kernels::Projection::kFisheye ||
+                         projection == kernels::Projection::kEquirectangular;
+  Echo echo{.measure = double(along_ray ? image.distance[pixel] : image.depth[pixel]),
+            .distance = double(image.distance[pixel])};
+  if (!std::isfinite(echo.distance) || image.transmission[pixel] >= 0.5f) return {};
   const u64 column = pixel % camera.width, row = pixel / camera.width;
   const glm::dvec2 m((double(column) - camera.k[2][0]) / camera.k[0][0],
                      (double(row) - camera.k[2][1]) / camera.k[1][1]);
   glm::dvec3 d;
   if (!kernels::unproject(camera.lens, m, d)) return {};
   const double length = glm::length(d);
-  echo.distance = echo.depth * length / d.z;
   const float* n = image.normal_camera + 3 * pixel;
   const double cosine = -glm::dot(glm::dvec3(double(n[0]), double(n[1]), double(n[2])), d) / length;
   if (!(cosine > std::cos(sensor.max_angle))) return echo;
@@ -58,7 +61,7 @@ class DisparityMap {
       : width_(i32(camera.width)), height_(i32(camera.height)), values_(echoes.size()) {
     const double scale = camera.k[0][0] * sensor.baseline;
     for (u64 i = 0; i < echoes.size(); ++i)
-      if (echoes[i].depth > 0) values_[i] = scale / echoes[i].depth;
+      if (echoes[i].measure > 0) values_[i] = scale / echoes[i].measure;
     surfaces_ = values_;
     drop_shadows();
     for (u64 i = 0; i < echoes.size(); ++i)
@@ -163,7 +166,7 @@ Status time_of_flight(const DepthSensor& sensor, const SensorContext& context,
       const double area = double((2 * reach + 1) * (2 * reach + 1));
       distance = distance / signal + sensor.range_noise / std::sqrt(signal / area) * noise.normal();
       if (distance > 0)
-        out[pixel] = float(within_range(sensor, distance * own.depth / own.distance));
+        out[pixel] = float(within_range(sensor, distance * own.measure / own.distance));
     }
   });
   return context.interrupt.status();

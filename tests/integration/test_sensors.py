@@ -86,6 +86,20 @@ def test_depth_noise_and_holes(wall):
     assert abs(score.mean()) < 0.1
 
 
+def test_a_panorama_is_measured_whole(scene):
+    """From the middle of a white ball of 3 m, behind the camera too."""
+    ball = hg.shapes.sphere(3.0, segments=64)
+    with scene.edit() as edit:
+        white = edit.material("white", base_color=1.0)
+        edit.entity("ball", mesh=edit.mesh("ball", **ball), material=white)
+        sensor = hg.DepthSensor("time_of_flight", range_noise=0.0)
+        lens = hg.Camera.equirectangular(64, 32, depth_sensor=sensor)
+        edit.entity("cam", camera=lens)
+    frame = scene.render("cam", planes=["sensor_depth", "distance"])
+    np.testing.assert_allclose(frame["sensor_depth"], frame["distance"], rtol=1e-6)
+    assert np.abs(frame["distance"] - 3).max() < 0.02
+
+
 def test_eyes_of_a_rig_have_noise_of_their_own(wall):
     with wall.edit() as edit:
         both = hg.RgbSensor(full_well=1000)

@@ -46,18 +46,23 @@ std::vector<float> sense(const RgbSensor& sensor, vec3 radiance, u64 seed = 1) {
 /// A surface that fills the image, facing the camera, its depth a function of the column.
 template <class F>
 std::vector<float> measure(const DepthSensor& sensor, const F& depth_at, float white = 1) {
-  std::vector<float> depth(kPixels), normal(3 * kPixels), color(3 * kPixels, white);
+  std::vector<float> depth(kPixels), distance(kPixels), normal(3 * kPixels),
+      color(3 * kPixels, white);
+  const ImageCamera seen_by = camera();
   const std::vector<float> rough(kPixels, 1), none(kPixels, 0);
   for (u64 i = 0; i < kPixels; ++i) {
     depth[i] = depth_at(u32(i % kWidth));
+    const glm::dvec2 m((double(i % kWidth) - seen_by.k[2][0]) / seen_by.k[0][0],
+                       (double(i / kWidth) - seen_by.k[2][1]) / seen_by.k[1][1]);
+    distance[i] = float(double(depth[i]) * glm::length(glm::dvec3(m, 1)));
     normal[3 * i + 2] = -1;
   }
   std::vector<float> out(kPixels);
-  const ImageCamera seen_by = camera();
   const Interrupt interrupt;
-  REQUIRE(sense_depth(
-      sensor, {depth.data(), normal.data(), color.data(), rough.data(), none.data(), none.data()},
-      {seen_by, 7, interrupt}, out.data()));
+  REQUIRE(sense_depth(sensor,
+                      {depth.data(), distance.data(), normal.data(), color.data(), rough.data(),
+                       none.data(), none.data()},
+                      {seen_by, 7, interrupt}, out.data()));
   return out;
 }
 
