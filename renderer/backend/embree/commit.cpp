@@ -7,9 +7,12 @@
 
 namespace heliograph::embree {
 
-void commit(RTCScene scene) {
+RTCError commit(RTCScene scene, RTCDevice device) {
   tbb::task_arena here(tbb::task_arena::attach{});  // tasks begin anew in it, below no other
-  run_in(here, [&] { rtcCommitScene(scene); });
+  return run_in(here, [&] {
+    rtcCommitScene(scene);
+    return rtcGetDeviceError(device);
+  });
 }
 
 Status commit(RTCScene scene, RTCDevice device, const Interrupt& interrupt) {
@@ -18,9 +21,8 @@ Status commit(RTCScene scene, RTCDevice device, const Interrupt& interrupt) {
     return !static_cast<const Interrupt*>(asked)->requested();
   };
   rtcSetSceneProgressMonitorFunction(scene, go_on, const_cast<Interrupt*>(&interrupt));
-  commit(scene);
+  const RTCError error = commit(scene, device);
   rtcSetSceneProgressMonitorFunction(scene, nullptr, nullptr);
-  const RTCError error = rtcGetDeviceError(device);
   HELIO_TRY(interrupt.status());
   if (error != RTC_ERROR_NONE)
     return fail(

@@ -6,10 +6,10 @@
 
 namespace heliograph::embree {
 
-/// Builds the acceleration structure of a scene; the caller asks the device for errors. Apart from
-/// the TBB task that calls it: Embree's task group lives as long as the scene, and below that task
-/// it would keep a pointer to its context, which TBB follows when any other build is given up.
-void commit(RTCScene scene);
+/// Builds the acceleration structure of a scene. Returns the error of whichever thread did. Apart
+/// from the TBB task that calls it: Embree's task group lives as long as the scene, and below that
+/// task it would keep a pointer to its context, which TBB follows when any other build is given up.
+RTCError commit(RTCScene scene, RTCDevice device);
 
 /// The same, until the interrupt says that it is given up. Fails as the interrupt says, or with
 /// RESOURCE_EXHAUSTED.
