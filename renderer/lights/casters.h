@@ -11,7 +11,8 @@ namespace heliograph::resident {
 [[nodiscard]] std::vector<kernels::CasterView> find_casters(const Placement& placement,
                                                             const Materials& materials,
                                                             std::span<const u32> slots);
-/// Of more than kMostCasters those that catch the most light stay: the largest as seen from a light.
+/// Of more than kMostCasters those that catch the most light stay: the largest as seen from a
+/// light.
 void keep_strongest(std::vector<kernels::CasterView>& casters,
                     std::span<const kernels::CastLightView> lights);
 /// Spheres about the lights and suns of a scene; none where there are more than kMostCastLights.

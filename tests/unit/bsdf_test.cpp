@@ -161,7 +161,8 @@ TEST_CASE("bsdf: rough refraction is reciprocal but for eta squared and the comp
     if (!sample_bsdf(b, choice, vec2(u, v), s) || s.lobe != Lobe::kTransmission) continue;
     const Bsdf back = make_bsdf(m, {s.wi, kUp, kUp});
     const float there = evaluate_bsdf(b, s.wi).glossy.x / (std::fabs(s.wi.z) * b.glass_scale.x);
-    const float here = evaluate_bsdf(back, direction_at(0.7f)).glossy.x / (0.7f * back.glass_scale.x);
+    const float here =
+        evaluate_bsdf(back, direction_at(0.7f)).glossy.x / (0.7f * back.glass_scale.x);
     REQUIRE(there * 1.5f * 1.5f == Approx(here).epsilon(2e-3));
     ++seen;
   }

@@ -343,14 +343,7 @@ class Edits(DomeEdits, RobotEdits, MjcfEdits, UsdEdits):
         """
         count = whole_of(count, "count")
         source = assets.Source(
-            path,
-            server_path,
-            up,
-            units,
-            folders=folders,
-            strict=strict,
-            variant=variant,
-            surface=surface,
+            path, server_path, up, units, folders, strict, variant=variant, surface=surface
         )
         asset = assets.decode(self.scene, source, name)
         for i in range(count):
