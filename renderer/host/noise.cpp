@@ -25,6 +25,14 @@ struct Dim {
   }
 };
 
+/// So many tell of all.
+constexpr double kEnoughHits = 4;
+
+Dim of(const TileNoise& tile) {
+  Dim dim;
+  dim.add(tile);
+  return dim;
+}
 Dim around(std::span<const TileNoise> tiles, u32 across, u32 index) {
   const u32 down = u32(tiles.size()) / across;
   const u32 x = index % across, y = index / across;
@@ -51,8 +59,9 @@ Noise noise_of(std::span<const TileNoise> tiles, const kernels::FilmView& film) 
   for (u32 i = 0; i < tiles.size(); ++i) {
     double errors = tiles[i].errors;
     if (tiles[i].dim > 0) {
-      const Dim near = around(tiles, kernels::tiles_across(film), i);
-      errors += tiles[i].dim * (near.hits > 0 ? near : all).error(floor);
+      Dim known = of(tiles[i]);
+      if (known.hits < kEnoughHits) known = around(tiles, kernels::tiles_across(film), i);
+      errors += tiles[i].dim * (known.hits > 0 ? known : all).error(floor);
     }
     noise.mean += errors / pixels;
     const kernels::PixelRect rect = kernels::tile_rect(film, i);

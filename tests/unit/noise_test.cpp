@@ -30,10 +30,10 @@ TEST_CASE("noise: of known pixels it is the mean of their errors") {
 }
 
 TEST_CASE("noise: what a tenth of the pixels tell counts for the black ones beside them") {
-  const TileNoise dim{.light = 50, .dim_light = 50, .dim_hits = 25, .dim = 250};
+  const TileNoise dim{.light = 50, .dim_light = 50, .dim_hits = 3, .dim = 250};
   const TileNoise black{.dim = 120};
   const Noise noise = host::noise_of(std::vector{dim, black, dim, black}, film());
-  const double error = std::sqrt(740.0 / 50);
+  const double error = std::sqrt(740.0 / 6);
   CHECK(noise.tiles[0] == Approx(error * 250 / kWide));
   CHECK(noise.tiles[1] == Approx(error * 120 / kNarrow));
 }
