@@ -1,8 +1,6 @@
 #include "renderer/lights/casters.h"
 
 #include <algorithm>
-#include <functional>
-#include <numeric>
 
 #include "kernels/scene/ray.h"
 
@@ -32,6 +30,7 @@ std::vector<kernels::CasterView> find_casters(const Placement& placement,
     const auto material =
         std::ranges::find_if(parts, [&](u32 row) { return focuses(materials.materials[row]); });
     if (!(instance.visibility & kernels::kDiffuseRay) || mesh.rest.empty()) continue;
+    if (casters.size() == kernels::kMostCasters) return {};
     const mat4x3& world = instance.world_from_object;
     const vec3 half = 0.5f * (mesh.rest.upper - mesh.rest.lower);
     const kernels::MaterialValues& values = materials.materials[*material].constant;
@@ -43,27 +42,6 @@ std::vector<kernels::CasterView> find_casters(const Placement& placement,
          .spread = kSpread * values.roughness * values.roughness});
   }
   return casters;
-}
-
-void keep_strongest(std::vector<kernels::CasterView>& casters,
-                    std::span<const kernels::CastLightView> lights) {
-  if (casters.size() <= kernels::kMostCasters) return;
-  std::vector<float> catches(casters.size());
-  std::vector<u32> order(casters.size());
-  std::iota(order.begin(), order.end(), 0);
-  for (std::size_t i = 0; i < casters.size(); ++i) {
-    const float size2 = casters[i].radius * casters[i].radius;
-    if (lights.empty()) catches[i] = size2;
-    for (const kernels::CastLightView& light : lights) {
-      const vec3 d = light.center - casters[i].center;
-      catches[i] = std::max(catches[i], size2 / (glm::dot(d, d) + size2));
-    }
-  }
-  std::ranges::stable_sort(order, std::greater(), [&](u32 i) { return catches[i]; });
-  order.resize(kernels::kMostCasters);
-  std::ranges::sort(order);
-  for (std::size_t i = 0; i < order.size(); ++i) casters[i] = casters[order[i]];
-  casters.resize(order.size());
 }
 
 std::vector<kernels::CastLightView> find_cast_lights(const Lights& lights, const Box& scene) {

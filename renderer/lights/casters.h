@@ -5,16 +5,13 @@
 
 namespace heliograph::resident {
 
-/// Spheres about the entities whose material is a mirror or a lens.
+/// Spheres about the entities whose material is a mirror or a lens; none where there are more than
+/// kMostCasters.
 ///
 /// slots   Surfaces::focusing
 [[nodiscard]] std::vector<kernels::CasterView> find_casters(const Placement& placement,
                                                             const Materials& materials,
                                                             std::span<const u32> slots);
-/// Of more than kMostCasters those that catch the most light stay: the largest as seen from a
-/// light.
-void keep_strongest(std::vector<kernels::CasterView>& casters,
-                    std::span<const kernels::CastLightView> lights);
 /// Spheres about the lights and suns of a scene; none where there are more than kMostCastLights.
 [[nodiscard]] std::vector<kernels::CastLightView> find_cast_lights(const Lights& lights,
                                                                    const Box& scene);

@@ -50,10 +50,9 @@ SceneState::SceneState(std::shared_ptr<const Snapshot> snapshot, const TimeSpan&
   view_.sun_count = u32(lights->suns.size());
   view_.sky_power = lights->sky_power;
   casters_ = find_casters(*placement, *materials, surfaces->focusing);
-  if (!casters_.empty()) cast_lights_ = find_cast_lights(*lights, placement->bounds);
-  keep_strongest(casters_, cast_lights_);
   view_.casters = casters_.data();
   view_.caster_count = u32(casters_.size());
+  if (!casters_.empty()) cast_lights_ = find_cast_lights(*lights, placement->bounds);
   view_.cast_lights = cast_lights_.data();
   view_.cast_light_count = u32(cast_lights_.size());
   view_.caster_probability = caster_probability(*lights);
