@@ -51,9 +51,10 @@ std::vector<float> measure(const DepthSensor& sensor, const F& depth_at, float w
   const ImageCamera seen_by = camera();
   const std::vector<float> rough(kPixels, 1), none(kPixels, 0);
   for (u64 i = 0; i < kPixels; ++i) {
-    depth[i] = depth_at(u32(i % kWidth));
-    const glm::dvec2 m((double(i % kWidth) - seen_by.k[2][0]) / seen_by.k[0][0],
-                       (double(i / kWidth) - seen_by.k[2][1]) / seen_by.k[1][1]);
+    const u64 x = i % kWidth, y = i / kWidth;
+    depth[i] = depth_at(u32(x));
+    const glm::dvec2 m((double(x) - seen_by.k[2][0]) / seen_by.k[0][0],
+                       (double(y) - seen_by.k[2][1]) / seen_by.k[1][1]);
     distance[i] = float(double(depth[i]) * glm::length(glm::dvec3(m, 1)));
     normal[3 * i + 2] = -1;
   }
