@@ -145,19 +145,22 @@ KERNEL vec2 set_reflection(Base& b, const MaterialValues& m, const ShadingPoint&
 
 /// Share of light that a face of glass without a film reflects, of all that it gives off.
 KERNEL float face_reflectance(const Base& b, float roughness) {
-  if (b.delta) return fresnel_dielectric(b.wo.z, b.eta).reflectance;
+  if (sqr(roughness) < kDeltaAlpha) return fresnel_dielectric(b.wo.z, b.eta).reflectance;
   const GlassAlbedo share = glass_albedo(b.wo.z, roughness, b.eta);
   const float reflected = share.reflected + share.totally;
   return reflected / (reflected + share.refracted);
 }
 
 /// Bounds the weight of light that refracts by itself.
-inline constexpr float kMostThrough = 1.25f;
+inline constexpr float kMostThrough = 2;
 
 /// Reflection and what passes as lobes of their own: each is scaled to give off its share whatever
 /// its roughness. Returns as set_interface().
 HELIO_CALL KERNEL vec2 set_apart(Base& b, const MaterialValues& m, float through) {
-  vec3 reflected(face_reflectance(b, m.roughness));
+  // From inside what refracts roughly would be caught by a polished face: light that came in at an
+  // angle must get out at it.
+  const bool leaves = b.interface == Interface::kSplit && b.eta < 1;
+  vec3 reflected(face_reflectance(b, leaves ? through : m.roughness));
   if (has_film(b.glass_film))
     reflected = glm::clamp(reflected + film_on_face(b).whole, vec3(0), vec3(1));
   float smallest = 0;
@@ -182,8 +185,9 @@ HELIO_CALL KERNEL vec2 set_apart(Base& b, const MaterialValues& m, float through
   b.glass_reflectance = glm::max(b.glass_specular * reflected, vec3(smallest));
   b.glass_scale = vec3(1 / base_albedo(b, b.wo).total);
   const vec3 passing = b.glass_tint * (vec3(1) - b.glass_reflectance);
-  // Refraction is chosen by its largest weight, not its albedo: few of its samples may succeed.
-  return vec2(luminance(b.glass_reflectance), luminance(passing) * b.through_scale) * b.glass;
+  // Each is chosen by the root of its second moment: few samples of refraction may succeed.
+  return vec2(luminance(b.glass_reflectance), luminance(passing) * std::sqrt(b.through_scale)) *
+         b.glass;
 }
 
 /// The interface of glass. Returns shares of sampling for its microfacets and for what passes

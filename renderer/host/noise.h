@@ -4,7 +4,7 @@
 #include <span>
 
 #include "kernels/scene/film.h"
-#include "renderer/device/backend.h"
+#include "renderer/resident/scene.h"
 
 namespace heliograph::host {
 

@@ -64,6 +64,8 @@ TEST_CASE("furnace: a white sphere vanishes before a uniform sky") {
       {"clearcoat", with(white(0.6f, 1, 0), &MaterialValues::clearcoat, 1), 0.01f},
       {"sheen", with(white(0.6f, 0, 0), &MaterialValues::sheen, 1), 0.01f},
       {"rough inside", with(white(0, 0, 1), &MaterialValues::transmission_roughness, 0.4f), 0.015f},
+      {"rougher inside", with(white(0, 0, 1), &MaterialValues::transmission_roughness, 0.9f),
+       0.02f},
       {"sheet", sheet(white(0.3f, 0, 1)), 0.01f}};
   for (const Row& row : rows) {
     INFO(row.name);

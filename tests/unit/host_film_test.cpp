@@ -93,10 +93,11 @@ TEST_CASE("host film: arrays moved elsewhere lie apart, within as many bytes") {
   const kernels::FilmView view = film->moved(film->view(), {device.sums, device.centres});
   std::vector<const std::byte*> arrays;
   for (const void* plane : view.planes) arrays.push_back(static_cast<const std::byte*>(plane));
-  for (const float* partial : {view.partial[u32(Plane::BEAUTY)], view.moment, view.moment_partial})
+  for (const float* partial : {view.partial[u32(Plane::BEAUTY)], view.partial[u32(Plane::COVERAGE)],
+                               view.moment, view.moment_partial})
     arrays.push_back(reinterpret_cast<const std::byte*>(partial));
   std::erase(arrays, nullptr);
-  CHECK(arrays.size() == 5 + 3);  // VARIANCE has no array of its own
+  CHECK(arrays.size() == 6 + 4);  // COVERAGE comes along, VARIANCE has no array of its own
   std::ranges::sort(arrays);
   for (std::size_t i = 0; i + 1 < arrays.size(); ++i)
     CHECK(arrays[i + 1] - arrays[i] >= kPixels * 4);
