@@ -32,9 +32,6 @@ void check_options(const LoadOptions& options) {
   }
 }
 
-/// Of the request; all else that is refused is in the file.
-bool is_option(std::string_view where) { return where == "variant" || where == "surface"; }
-
 /// A format of models.
 struct Format {
   std::string_view name;
@@ -101,10 +98,10 @@ void check_options_of(const std::string& format, const LoadOptions& options) {
   const bool is_model = format_named(format) != nullptr;
   if (is_model && !options.layer.empty()) refuse("layer", "is of pictures; a model has none");
   if (!is_gltf(format) && !options.variant.empty()) {
-    refuse("variant", "is of glTF (KHR_materials_variants); other files have none");
+    refuse_option("variant", "is of glTF (KHR_materials_variants); other files have none");
   }
   if (options.surface && format != "vdb" && format != "nvdb")
-    refuse("surface", "is of level sets (.vdb, .nvdb); other files have none");
+    refuse_option("surface", "is of level sets (.vdb, .nvdb); other files have none");
   if (!is_model) refuse_axes(options, "only models have it: leave it out");
   if (is_gltf(format)) {
     refuse_axes(options, "glTF is +Y up and in metres: leave it out, and give transform= instead");
@@ -152,9 +149,9 @@ Loaded load_bundle(std::span<const BundleFile> files, const LoadOptions& options
     Error& error = refused.error;
     error.message = clean_text(error.message, kLongestMessage);
     const std::string element = clean_text(error.where, kLongestMessage);
-    if (!is_option(element))
+    if (!refused.is_option)
       error.where = clean_text(path, kLongestMessage) + (element.empty() ? "" : ": ") + element;
-    throw Refused{std::move(error)};
+    throw;
   }
   if (!builder.complete()) {
     builder.loaded.asset = {};

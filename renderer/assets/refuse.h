@@ -13,6 +13,7 @@ namespace heliograph::assets {
 
 struct Refused {
   Error error;
+  bool is_option = false;  // it is the request's, whatever is in the file
 };
 
 /// where   element of the file: "accessors[3].count", "line 17"
@@ -20,6 +21,13 @@ struct Refused {
 [[noreturn]] inline void refuse(std::string where, std::string message,
                                 Code code = Code::kInvalidArgument) {
   throw Refused{Error{.code = code, .message = std::move(message), .where = std::move(where)}};
+}
+
+/// Of a field of LoadOptions.
+[[noreturn]] inline void refuse_option(std::string name, std::string message,
+                                       Code code = Code::kInvalidArgument) {
+  throw Refused{.error = {.code = code, .message = std::move(message), .where = std::move(name)},
+                .is_option = true};
 }
 
 [[noreturn]] inline void refuse_unimplemented(std::string where, std::string message) {

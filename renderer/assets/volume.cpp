@@ -88,7 +88,7 @@ Model to_surface(Builder& builder, VolumeFile& file) {
     if (!is_shown) others += fmt::format(" '{}'", name);
   }
   if (model.mesh.triangles.empty())
-    refuse("surface", "no grid is a level set, leave it out; there are:" + others);
+    refuse_option("surface", "no grid is a level set, leave it out; there are:" + others);
   if (!others.empty()) builder.warn("no level sets, and left out:" + others);
   return model;
 }

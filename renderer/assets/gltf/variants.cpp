@@ -40,10 +40,10 @@ std::optional<u32> choose_variant(const Document& document, Builder& builder) {
   }
   const auto found = std::ranges::find(names, wanted);
   if (found == names.end()) {
-    refuse("variant",
-           fmt::format("the file has no {}; it has {}", clean_name(wanted, "?"),
-                       names.empty() ? "none" : listed(names)),
-           Code::kNotFound);
+    refuse_option("variant",
+                  fmt::format("the file has no {}; it has {}", clean_name(wanted, "?"),
+                              names.empty() ? "none" : listed(names)),
+                  Code::kNotFound);
   }
   return u32(found - names.begin());
 }
