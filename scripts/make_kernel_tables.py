@@ -117,7 +117,7 @@ def glass(wo: np.ndarray, alpha: Alpha, eta: float) -> tuple[float, ...]:
     down = (c / eta - t)[:, None] * h - wo / eta
     g_up = (1 + lo) / (1 + lo + lambda_ggx(up, alpha)) * (up[:, 2] > 0)
     g_down = (1 + lo) / (1 + lo + lambda_ggx(down, alpha)) * ((down[:, 2] < 0) & (f < 1))
-    shares = (f * g_up * (f < 1), g_up * (f == 1), (1 - f) * g_down, f * g_down, g_up * (f < 1))
+    shares = (f * g_up * (f < 1), g_up * (f == 1), (1 - f) * g_down, f * g_down)
     return tuple(share.mean() for share in shares)
 
 
@@ -293,7 +293,7 @@ def glass_table() -> str:
             inside,
             "[sqrt((ior - 1) / (ior + 1)), from 0 to sqrt(3 / 5)]"
             "[entering, leaving][roughness][glass_place()][of facets that could refract: reflected;"
-            " of others; refracted; what Fresnel reflects of it; reflected in full by the first]",
+            " of others; refracted; what Fresnel reflects of it]",
         )
     )
 

@@ -225,7 +225,6 @@ struct GlassAlbedo {
   float totally;    // by the others
   float refracted;
   float kept;  // what refracts more if those facets reflect nothing
-  float full;  // what they reflect if nothing refracts
 };
 /// eta   index of the far side over the near side's
 HELIO_CALL KERNEL GlassAlbedo glass_albedo(float cosine, float roughness, float eta) {
@@ -236,7 +235,7 @@ HELIO_CALL KERNEL GlassAlbedo glass_albedo(float cosine, float roughness, float 
   const Place k = place_at(glass_place(clamp01(cosine), sqr(roughness), eta) * (kGlassCosines - 1),
                            kGlassCosines);
   const u32 side = eta > 1 ? 0 : 1;
-  float sum[5]{};
+  float sum[4]{};
   for (u32 corner = 0; corner < 8; ++corner) {
     const u32 dx = corner & 1;
     const u32 dy = corner >> 1 & 1;
@@ -244,10 +243,10 @@ HELIO_CALL KERNEL GlassAlbedo glass_albedo(float cosine, float roughness, float 
     const float weight = (dx ? i.weight : 1 - i.weight) * (dy ? j.weight : 1 - j.weight) *
                          (dz ? k.weight : 1 - k.weight);
     const u32 row = ((i.index + dx) * 2 + side) * kGlassRoughnesses + j.index + dy;
-    const float* at = kGlassAlbedo + 5 * (row * kGlassCosines + k.index + dz);
-    for (u32 n = 0; n < 5; ++n) sum[n] += at[n] * weight;
+    const float* at = kGlassAlbedo + 4 * (row * kGlassCosines + k.index + dz);
+    for (u32 n = 0; n < 4; ++n) sum[n] += at[n] * weight;
   }
-  return {sum[0], sum[1], sum[2], sum[3], sum[4]};
+  return {sum[0], sum[1], sum[2], sum[3]};
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA
