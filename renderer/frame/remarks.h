@@ -9,8 +9,9 @@
 namespace heliograph {
 
 /// Of a frame whose planes are made, a sentence each, with the remedy: a light that shines nowhere,
-/// and of a beauty that is black all over why: there is no light, nothing to see, or neither is
-/// known. None for planes that the host cannot read.
+/// a signal of a sensor that is saturated for the most part, and of a beauty that is black all over
+/// why: there is no light, nothing to see, the camera is inside of something, or none is known.
+/// None for planes that the host cannot read.
 [[nodiscard]] std::vector<std::string> remarks(const RenderJob& job, const Frame& frame);
 
 }  // namespace heliograph

@@ -47,7 +47,7 @@ def glow(edit):
     "change, message",
     [
         (lambda edit: None, "the scene has no light; add a dome"),
-        (box_around_the_camera, "no light reaches what the camera sees"),
+        (box_around_the_camera, "the camera is inside 'box'"),
         (turn_away, "all of the scene is behind the camera"),
         (look_beside, "if it sees anything"),
         (hide_the_ball, "nothing in the scene has a mesh and is visible"),
@@ -88,3 +88,15 @@ def test_a_lit_picture_says_nothing(scene, change):
 
 def test_labels_alone_say_nothing(scene):
     assert not warnings_of(scene, lambda edit: None, planes=("depth", "instance"))
+
+
+@pytest.mark.parametrize("exposure, saturated", [(0, False), (8, True)])
+def test_a_saturated_sensor_says_so(scene, exposure, saturated):
+    def dazzle(edit):
+        edit.dome(color=0.2)
+        sensor = hg.RgbSensor(exposure=exposure)
+        camera = hg.Camera.from_fov(45, 32, 24, degrees=True, rgb_sensor=sensor)
+        edit.entity("cam", camera=camera)
+
+    warnings = warnings_of(scene, dazzle, ["sensor_rgb"])
+    assert [("of sensor_rgb is saturated" in each) for each in warnings] == [True] * saturated
