@@ -35,9 +35,9 @@ struct alignas(16) BvhNode {
 struct alignas(16) BvhTriangle {
   vec3 a;
   u32 number;  // in the mesh
-  vec3 ab;
+  vec3 b;
   u32 visibility;  // ray mask bits; this and the next in StaticBvh alone
-  vec3 ac;
+  vec3 c;
   u32 member;
 };
 

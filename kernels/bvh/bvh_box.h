@@ -115,8 +115,8 @@ KERNEL BvhBox triangle_box(const MeshView& mesh, u32 number) {
 /// A triangle of a mesh that does not deform while the shutter is open.
 KERNEL BvhTriangle bvh_triangle(const MeshView& mesh, u32 number) {
   const uvec3 corners = mesh.triangles[number];
-  const vec3 a = mesh.positions[corners.x];
-  return {a, number, mesh.positions[corners.y] - a, 0, mesh.positions[corners.z] - a, 0};
+  return {mesh.positions[corners.x], number, mesh.positions[corners.y], 0,
+          mesh.positions[corners.z], 0};
 }
 
 /// What a ray needs to enter an instance.

@@ -302,32 +302,61 @@ struct TriangleHit {
   float u, v;
 };
 
-/// Whether a ray meets a triangle, from either side, at t in (0, t_max].
+/// a * b, never joined with a sum that follows.
+KERNEL float product(float a, float b) {
+#if defined(__CUDA_ARCH__)
+  return __fmul_rn(a, b);
+#else
+  return a * b;
+#endif
+}
+
+/// A plane across a ray: what lies along the ray is one point of it.
+struct Across {
+  vec3 x, y;
+};
+/// d, inverse   the ray's direction, as in BoxRay
+KERNEL Across across(vec3 d, vec3 inverse) {
+  const vec3 size = abs3(d);
+  if (size.z >= size.x && size.z >= size.y)
+    return {vec3(1, 0, -d.x * inverse.z), vec3(0, 1, -d.y * inverse.z)};
+  if (size.y >= size.x) return {vec3(1, -d.x * inverse.y, 0), vec3(0, -d.z * inverse.y, 1)};
+  return {vec3(-d.y * inverse.x, 1, 0), vec3(-d.z * inverse.x, 0, 1)};
+}
+KERNEL vec2 place(const Across& across, vec3 p) {
+  return {mul_add(across.x.z, p.z, mul_add(across.x.y, p.y, across.x.x * p.x)),
+          mul_add(across.y.z, p.z, mul_add(across.y.y, p.y, across.y.x * p.x))};
+}
+/// On which side of an edge across a ray the ray passes: its sign. Rounding makes it 0, never the
+/// other one, and the edge from b to a has the other sign.
+KERNEL float side(vec2 a, vec2 b) { return product(a.x, b.y) - product(a.y, b.x); }
+
+/// Whether a ray meets a triangle, from either side, at t in (0, t_max]. No ray passes between
+/// triangles that share vertices: each vertex has one place across the ray, and an edge that the
+/// ray is on belongs to both triangles.
 ///
-/// The signs and the order of operations are those of Embree's default intersector, which the CPU
-/// backend uses.
-/// Source: Möller and Trumbore 1997, "Fast, Minimum Storage Ray-Triangle Intersection", JGT 2(1).
-KERNEL bool meet_triangle(const BvhTriangle& triangle, vec3 origin, vec3 direction, float t_max,
-                          TriangleHit& hit) {
-  const vec3 normal = cross(triangle.ab, triangle.ac);
+/// across   the ray's
+/// Source: Woop, Benthin and Wald 2013, "Watertight Ray/Triangle Intersection", JCGT 2(1), without
+/// its double precision: what that decides, both triangles take here.
+KERNEL bool meet_triangle(const BvhTriangle& triangle, vec3 origin, vec3 direction,
+                          const Across& across, float t_max, TriangleHit& hit) {
   const vec3 to_a = triangle.a - origin;
-  const vec3 r = cross(to_a, direction);
-  const float signed_den = dot(normal, direction);
-  const float den = std::fabs(signed_den);
-  const float u = std::copysign(1.0f, signed_den) * dot(r, triangle.ac);
-  const float v = std::copysign(1.0f, signed_den) * -dot(r, triangle.ab);
-  if (!(den != 0 && u >= 0 && v >= 0 && u + v <= den)) return false;
-  const float t = std::copysign(1.0f, signed_den) * dot(normal, to_a);
-  if (!(t > 0)) return false;
-  hit = {t / den, u / den, v / den};
-  return hit.t <= t_max;  // equals are equal whichever comes first
+  const vec2 a = place(across, to_a);
+  const vec2 b = place(across, triangle.b - origin), c = place(across, triangle.c - origin);
+  const float of_a = side(b, c), of_b = side(c, a), of_c = side(a, b);
+  if (fewer(fewer(of_a, of_b), of_c) < 0 && greater(greater(of_a, of_b), of_c) > 0) return false;
+  const vec3 normal = cross(triangle.b - triangle.a, triangle.c - triangle.a);
+  const float t = dot(normal, to_a) / dot(normal, direction), all = of_a + of_b + of_c;
+  if (!(t > 0 && t <= t_max && all != 0)) return false;  // equals are equal whichever comes first
+  hit = {t, of_b / all, of_c / all};
+  return true;
 }
 
 /// Item i of a tree that has triangles.
 KERNEL BvhTriangle load_triangle(const BvhTriangle* triangles, u32 i) {
   const auto* words = reinterpret_cast<const Words4*>(triangles + i);
-  const Words4 a = load_words(words), ab = load_words(words + 1), ac = load_words(words + 2);
-  return {vec3_of_bits(a), a.w, vec3_of_bits(ab), ab.w, vec3_of_bits(ac), ac.w};
+  const Words4 a = load_words(words), b = load_words(words + 1), c = load_words(words + 2);
+  return {vec3_of_bits(a), a.w, vec3_of_bits(b), b.w, vec3_of_bits(c), c.w};
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -4,7 +4,7 @@
 
 #include "kernels/bvh/bvh_meet.h"
 #include "kernels/geometry/accept.h"
-#include "kernels/geometry/surface.h"
+#include "kernels/geometry/exact.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
@@ -17,6 +17,16 @@ HELIO_RARE KERNEL bool is_hole(const SceneView& scene, HoleKey holes, Hit hit) {
   return !accepts(scene, ray, hit);
 }
 
+/// Where a vertex of a mesh that deforms is, the same for each triangle at it.
+KERNEL vec3 vertex_at(const MeshView& mesh, u32 vertex, float time) {
+  const Segment s = segment_at(mesh.segments, time);
+  const vec3* from = mesh.positions + u64(s.index) * mesh.vertex_count + vertex;
+  const vec3 to = from[mesh.vertex_count];
+  return {product(from->x, 1 - s.u) + product(to.x, s.u),
+          product(from->y, 1 - s.u) + product(to.y, s.u),
+          product(from->z, 1 - s.u) + product(to.z, s.u)};
+}
+
 /// An item of a mesh that deforms.
 struct DeformedItem {
   u32 i;
@@ -26,8 +36,9 @@ HELIO_RARE KERNEL BvhTriangle deformed_triangle(const SceneView& scene, const Bv
                                                 u32 mesh, DeformedItem item) {
   const u32 number = bvh.meshes[mesh].triangle_numbers[item.i];
   const MeshView& view = scene.meshes[mesh];
-  const Corners c = corners_at(view, view.triangles[number], item.time);
-  return {c.a, number, c.ab, 0, c.ac, 0};
+  const uvec3 vertices = view.triangles[number];
+  return {vertex_at(view, vertices.x, item.time), number, vertex_at(view, vertices.y, item.time), 0,
+          vertex_at(view, vertices.z, item.time), 0};
 }
 
 /// A ray in an object's space.
@@ -68,14 +79,20 @@ struct BvhStack {
   BvhGroup groups[2 * kBvhDepth + 8];
 };
 
-/// One ray's walk through a scene. Lifetime: of the views, their arrays and the stack.
+/// Who answers for pictures, and who for labels: these compare surfaces that are nearly at the same
+/// distance by comes_before().
+enum class Answers : u8 { kPictures, kLabels };
+
+/// One ray's walk through a scene. Lifetime: of the views, their arrays, the stack and, for labels,
+/// the ray.
 ///
-/// Of two surfaces at the same distance the one of the lower instance is met, and of one instance
-/// the lower primitive, in whatever order they come.
+/// Of two surfaces at the same distance pictures take the one of the lower instance, and of one
+/// instance the lower primitive, in whatever order they come.
 /// Source: Ylitie, Karras and Laine 2017, section 3.3.
-class BvhWalk {
+template <Answers kFor>
+class BvhWalkFor {
  public:
-  KERNEL BvhWalk(const SceneView& scene, const BvhView& bvh, BvhStack& stack)
+  KERNEL BvhWalkFor(const SceneView& scene, const BvhView& bvh, BvhStack& stack)
       : scene_(&scene), bvh_(&bvh), stack_(stack.groups) {}
 
   /// The next walk is through another scene.
@@ -155,12 +172,19 @@ class BvhWalk {
 
   /// The nearest surface met so far; the answer once step() returned false.
   [[nodiscard]] KERNEL Hit hit() const {
-    return hit_.instance == kNone ? Hit{INFINITY, kNone, kNone, 0, 0} : hit_;
+    if (hit_.instance == kNone) return {INFINITY, kNone, kNone, 0, 0};
+    if constexpr (kFor == Answers::kLabels)
+      return {t_, hit_.instance, hit_.primitive, hit_.u, hit_.v};
+    return hit_;
   }
 
  private:
   KERNEL void start(const Ray& ray, u32 mask, bool any, bool sound) {
     hit_ = {sound ? ray.t_max : -1, kNone, kNone, 0, 0};
+    if constexpr (kFor == Answers::kLabels) {
+      ray_ = &ray;
+      t_ = 0;
+    }
     holes_ = ray.holes;
     time_ = ray.time;
     mask_ = mask;
@@ -211,6 +235,10 @@ class BvhWalk {
   /// The nearer of two hits, see the class.
   KERNEL void keep(const Hit& hit) {
     if (!(hit.t <= hit_.t)) return;
+    if constexpr (kFor == Answers::kLabels) {
+      keep_label(hit);
+      return;
+    }
     if (hit.t == hit_.t && (hit.instance > hit_.instance ||
                             (hit.instance == hit_.instance && hit.primitive >= hit_.primitive)))
       return;
@@ -218,7 +246,19 @@ class BvhWalk {
     hit_ = hit;
   }
 
+  /// The walk goes on a little beyond the hit, where others may come before it.
+  KERNEL void keep_label(const Hit& hit) {
+    if (kRichRays && scene_->any_holes && is_hole(*scene_, holes_, hit)) return;
+    if (hit_.instance != kNone && hit.t >= t_ * (1 - kUnclear) &&
+        !comes_before(*scene_, *ray_, hit, this->hit()))
+      return;
+    hit_ = hit;
+    hit_.t *= 1 + kUnclear;
+    t_ = hit.t;
+  }
+
   KERNEL void meet_triangles(BvhGroup items) {
+    const Across plane = across(direction_, space_.inverse);
     while (items.bits != 0) {
       const u32 bit = highest_bit(items.bits);
       items.bits ^= 1u << bit;
@@ -228,7 +268,7 @@ class BvhWalk {
               ? deformed_triangle(*scene_, *bvh_, bvh_->items[item_].mesh, {i, time_})
               : load_triangle(triangles_, i);
       TriangleHit met;
-      if (!meet_triangle(triangle, space_.origin, direction_, hit_.t, met)) continue;
+      if (!meet_triangle(triangle, space_.origin, direction_, plane, hit_.t, met)) continue;
       u32 instance = instance_;
       if (instance == kNone) {
         if (!(triangles_[i].visibility & mask_)) continue;
@@ -293,16 +333,20 @@ class BvhWalk {
   HoleKey holes_;
   float time_;
   bool any_;
+  const Ray* ray_;  // for labels: of the world; and how far away the hit is
+  float t_;
 };
+using BvhWalk = BvhWalkFor<Answers::kPictures>;
 
 /// A Tracer on the BVH. Thread: any. Lifetime: of the views and their arrays.
-class BvhTracer {
+template <Answers kFor>
+class BvhTracerFor {
  public:
-  KERNEL BvhTracer(const SceneView& scene, const BvhView& bvh) : scene_(&scene), bvh_(&bvh) {}
+  KERNEL BvhTracerFor(const SceneView& scene, const BvhView& bvh) : scene_(&scene), bvh_(&bvh) {}
 
   [[nodiscard]] KERNEL Hit closest(const Ray& ray, u32 mask) const {
     BvhStack stack;
-    BvhWalk walk(*scene_, *bvh_, stack);
+    BvhWalkFor<kFor> walk(*scene_, *bvh_, stack);
     walk.begin(ray, mask, false);
     return finish(walk);
   }
@@ -331,7 +375,8 @@ class BvhTracer {
   }
 
  private:
-  KERNEL static Hit finish(BvhWalk& walk) {
+  template <class Walk>
+  KERNEL static Hit finish(Walk& walk) {
     while (walk.step()) {
     }
     return walk.hit();
@@ -341,6 +386,7 @@ class BvhTracer {
   const BvhView* bvh_;
 };
 
+using BvhTracer = BvhTracerFor<Answers::kPictures>;
 static_assert(Tracer<BvhTracer>);
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "kernels/camera/rolling.h"
+#include "kernels/geometry/exact.h"
 #include "kernels/light/light.h"
 #include "kernels/media/inside.h"
 #include "kernels/media/volume_march.h"
@@ -60,31 +61,13 @@ KERNEL Sight centre_sight(const CameraView& camera, vec2 centre) {
   return {ray, kCameraRay, near_of(camera, ray.direction), centre_direction(camera, centre, ray)};
 }
 
-/// A hit with its distance and its place in the triangle worked out again, in double precision: by
-/// meet_triangle() in single precision a place on a floor of two triangles, a kilometre wide, may
-/// be off by a millimetre. A ray that passes far beside the triangle keeps what the tracer said.
-///
-/// direction   of the ray, unit
+/// A hit with its distance and its place in the triangle as meet_exactly() has them.
 KERNEL Hit refined(const SceneView& scene, const Ray& ray, glm::dvec3 direction, Hit hit) {
-  using glm::dvec3;
-  if (hit.instance == kNone) return hit;
-  const InstanceView& instance = scene.instances[hit.instance];
-  const MeshView& mesh = scene.meshes[instance.mesh];
-  if (mesh.shape != Shape::kTriangles) return hit;
-  const auto c = corners_at<dvec3>(mesh, mesh.triangles[hit.primitive], ray.time);
-  const glm::dmat4x3 pose(pose_at(scene, instance, ray.time).world_from_object);
-  const glm::dmat3 linear{pose[0], pose[1], pose[2]};
-  const dvec3 ab = linear * c.ab, ac = linear * c.ac;
-  const dvec3 to_a = linear * c.a + (pose[3] - dvec3(ray.origin));
-  const dvec3 normal = cross(ab, ac), r = cross(to_a, direction);
-  const double inverse = 1 / dot(normal, direction);
-  const double t = dot(normal, to_a) * inverse;
-  const double u = dot(r, ac) * inverse, v = -dot(r, ab) * inverse;
-  constexpr double kBeside = -0.125;
-  if (!(t > 0 && u > kBeside && v > kBeside && 1 - u - v > kBeside)) return hit;
-  hit.t = float(t);
-  hit.u = clamp01(float(u));
-  hit.v = min2(max2(float(v), 0.0f), 1 - hit.u);
+  ExactHit exact;
+  if (hit.instance == kNone || !meet_exactly(scene, ray, direction, hit, exact)) return hit;
+  hit.t = float(exact.t);
+  hit.u = clamp01(float(exact.u));
+  hit.v = min2(max2(float(exact.v), 0.0f), 1 - hit.u);
   return hit;
 }
 

@@ -4,7 +4,9 @@
 
 #include <immintrin.h>
 
+#include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <initializer_list>
@@ -81,7 +83,9 @@ inline Floats inverse_of(const Floats& d) {
 /// Volume Hierarchies", ACM TOG 26(1), section 4.
 class PacketWalk {
  public:
-  /// first   one of the rays that are asked for
+  /// Whether the rays that are asked for go along the same axis more than along the others: others
+  /// do not go together.
+  static bool go_together(const host::RayPacket& rays, u32 lanes);
   PacketWalk(const host::RayPacket& rays, u32 lanes);
 
   /// Which of `lanes` meet the tree over triangles that triangle(i) gives.
@@ -89,6 +93,8 @@ class PacketWalk {
   [[nodiscard]] u32 meets(const kernels::BvhNode* nodes, F&& triangle) const;
 
  private:
+  /// As kernels::across() chooses it.
+  static int axis_of(const host::RayPacket& rays, u32 i);
   /// A node as each ray sees it: the distance of a plane is byte * scale + offset.
   struct Seen {
     Floats scale[3], offset[3];
@@ -101,15 +107,31 @@ class PacketWalk {
   [[nodiscard]] u32 rays_to(const kernels::BvhTriangle& triangle) const;
 
   Floats origin_[3], direction_[3], inverse_[3];
-  Floats t_max_;
+  int axis_, axis_x_, axis_y_;  // the axis along which the rays go, and those across
+  Floats shear_x_, shear_y_;
+  Floats t_min_, t_max_;
   struct Bounds {
     float least, most;
   };
   Bounds origins_[3], inverses_[3];
-  float most_t_;
+  float least_t_, most_t_;
   u32 lanes_;
   u32 octant_;  // of the first ray, as in BoxRay
 };
+
+inline int PacketWalk::axis_of(const host::RayPacket& rays, u32 i) {
+  const float x = std::fabs(rays.direction_x[i]), y = std::fabs(rays.direction_y[i]),
+              z = std::fabs(rays.direction_z[i]);
+  if (z >= x && z >= y) return 2;
+  return y >= x ? 1 : 0;
+}
+
+inline bool PacketWalk::go_together(const host::RayPacket& rays, u32 lanes) {
+  const int axis = axis_of(rays, u32(std::countr_zero(lanes)));
+  for (; lanes; lanes &= lanes - 1)
+    if (axis_of(rays, u32(std::countr_zero(lanes))) != axis) return false;
+  return true;
+}
 
 inline PacketWalk::PacketWalk(const host::RayPacket& rays, u32 lanes) : lanes_(lanes) {
   const float* origin[]{rays.origin_x, rays.origin_y, rays.origin_z};
@@ -131,6 +153,13 @@ inline PacketWalk::PacketWalk(const host::RayPacket& rays, u32 lanes) : lanes_(l
     inverses_[k] = {least_of(inverse_[k]), most_of(inverse_[k])};
     octant_ |= u32(inverse_[k][first] > 0) << (2 - k);
   }
+  axis_ = axis_of(rays, u32(first));
+  axis_x_ = axis_ == 0 ? 1 : 0;
+  axis_y_ = axis_ == 2 ? 1 : 2;
+  shear_x_ = -direction_[axis_x_] * inverse_[axis_];
+  shear_y_ = -direction_[axis_y_] * inverse_[axis_];
+  t_min_ = load(rays.t_min);
+  least_t_ = least_of(t_min_);
   t_max_ = load(rays.t_max);
   most_t_ = most_of(t_max_);
 }
@@ -149,7 +178,7 @@ inline PacketWalk::Seen PacketWalk::seen(const kernels::BvhNode& node) const {
 }
 
 inline u32 PacketWalk::children(const kernels::BvhNode& node) const {
-  Floats near = Floats{}, far = Floats{} + most_t_;
+  Floats near = Floats{} + least_t_, far = Floats{} + most_t_;
   for (int k = 0; k < 3; ++k) {
     const Bounds& inverse = inverses_[k];
     const float scale = plane_scale(node, k);
@@ -168,7 +197,7 @@ inline u32 PacketWalk::children(const kernels::BvhNode& node) const {
 }
 
 inline u32 PacketWalk::rays_to(const kernels::BvhNode& node, u32 child, const Seen& seen) const {
-  Floats near = Floats{}, far = t_max_;
+  Floats near = t_min_, far = t_max_;
   for (int k = 0; k < 3; ++k) {
     const Floats a = float(node.low[k][child]) * seen.scale[k] + seen.offset[k];
     const Floats b = float(node.high[k][child]) * seen.scale[k] + seen.offset[k];
@@ -178,23 +207,26 @@ inline u32 PacketWalk::rays_to(const kernels::BvhNode& node, u32 child, const Se
   return bits_of(near <= far * kernels::kBeyond);
 }
 
-/// The operations of kernels::meet_triangle() in its order.
+/// The operations of kernels::meet_triangle() in its order, but for products with 0 and 1.
 inline u32 PacketWalk::rays_to(const kernels::BvhTriangle& triangle) const {
-  const kernels::vec3 normal = cross(triangle.ab, triangle.ac);
-  const Floats ax = triangle.a.x - origin_[0], ay = triangle.a.y - origin_[1],
-               az = triangle.a.z - origin_[2];
-  const Floats rx = ay * direction_[2] - direction_[1] * az;
-  const Floats ry = az * direction_[0] - direction_[2] * ax;
-  const Floats rz = ax * direction_[1] - direction_[0] * ay;
-  Floats den = normal.x * direction_[0] + normal.y * direction_[1] + normal.z * direction_[2];
-  Floats u = rx * triangle.ac.x + ry * triangle.ac.y + rz * triangle.ac.z;
-  Floats v = -(rx * triangle.ab.x + ry * triangle.ab.y + rz * triangle.ab.z);
-  Floats t = normal.x * ax + normal.y * ay + normal.z * az;
-  const Ints sign = Ints(den) & INT32_MIN;
-  for (Floats* value : {&den, &u, &v, &t}) *value = Floats(Ints(*value) ^ sign);
+  const kernels::vec3 corners[3]{triangle.a, triangle.b, triangle.c};
+  Floats to_a[3], x[3], y[3];
+  for (int i = 0; i < 3; ++i) {
+    Floats p[3];
+    for (int k = 0; k < 3; ++k) p[k] = corners[i][k] - origin_[k];
+    x[i] = p[axis_x_] + shear_x_ * p[axis_];
+    y[i] = p[axis_y_] + shear_y_ * p[axis_];
+    if (i == 0) std::ranges::copy(p, to_a);
+  }
+  const auto side = [&](int i, int j) { return x[i] * y[j] - y[i] * x[j]; };
+  const Floats a = side(1, 2), b = side(2, 0), c = side(0, 1);
+  const Floats least = lesser(lesser(a, b), c), most = greater(greater(a, b), c);
+  const kernels::vec3 normal = cross(triangle.b - triangle.a, triangle.c - triangle.a);
+  const Floats den = normal.x * direction_[0] + normal.y * direction_[1] + normal.z * direction_[2];
+  const Floats t = (normal.x * to_a[0] + normal.y * to_a[1] + normal.z * to_a[2]) / den;
   const Floats zero{};
-  return bits_of((den != zero) & (u >= zero) & (v >= zero) & (u + v <= den) & (t > zero) &
-                 (t <= den * t_max_));
+  return bits_of(((least >= zero) | (most <= zero)) & (a + b + c != zero) & (t > t_min_) &
+                 (t <= t_max_));
 }
 
 template <class F>

@@ -7,7 +7,9 @@
 
 namespace heliograph::bvh::inline HELIO_ISA {
 
-inline kernels::BvhTracer tracer_of(const TracedViews& views) { return {*views.scene, *views.bvh}; }
+inline kernels::BvhTracerFor<kernels::Answers::kLabels> tracer_of(const TracedViews& views) {
+  return {*views.scene, *views.bvh};
+}
 
 inline kernels::Hit closest(const TracedViews& views, const kernels::Ray& ray, u32 mask) {
   return tracer_of(views).closest(ray, mask);
@@ -26,7 +28,7 @@ inline u32 meets_of(const TracedViews& views, u32 instance, const host::RayPacke
                     u32 lanes) {
   if (lanes == 0) return 0;
   const kernels::BvhInstance& item = views.bvh->items[views.bvh->item_of_instance[instance]];
-  if (item.flags & kernels::kBvhShape) {
+  if ((item.flags & kernels::kBvhShape) || !PacketWalk::go_together(rays, lanes)) {
     u32 met = 0;
     for (; lanes; lanes &= lanes - 1) {
       const u32 i = u32(std::countr_zero(lanes));

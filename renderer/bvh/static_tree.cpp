@@ -33,8 +33,7 @@ class Triangles {
   [[nodiscard]] kernels::BvhTriangle triangle(u32 i) const {
     const Corners corners = at(i);
     const vec3(&p)[3] = corners.world;
-    return {p[0],        corners.number, p[1] - p[0], members_[corners.member].visibility,
-            p[2] - p[0], corners.member};
+    return {p[0], corners.number, p[1], members_[corners.member].visibility, p[2], corners.member};
   }
 
  private:

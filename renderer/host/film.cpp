@@ -25,6 +25,7 @@ kernels::PlaneSet wanted_planes(const RenderJob& job) {
   kernels::PlaneSet wanted = 0;
   for (const Plane plane : film_planes(job)) wanted |= plane_bit(plane);
   if (wants_label_pixels(job.labels)) wanted |= plane_bit(Plane::INSTANCE);
+  if (job.labels.amodal || job.labels.amodal_masks) wanted |= plane_bit(Plane::DISTANCE);
   if (measures_noise(job)) wanted |= plane_bit(Plane::BEAUTY) | plane_bit(Plane::COVERAGE);
   return wanted;
 }

@@ -40,10 +40,15 @@ Expected<std::vector<Column>> labels(const HostFilm& film, const SceneRays& rays
   const kernels::CameraView& camera = film.still().camera;
   const auto* plane = static_cast<const u32*>(film.view().planes[u32(Plane::INSTANCE)]);
   const u64 pixels = plane ? u64(film.view().width) * film.view().height : 0;
+  const auto* distances = static_cast<const float*>(film.view().planes[u32(Plane::DISTANCE)]);
+  // Before what a pixel shows there may be glass, or the displaced part of a body.
+  const bool seen_through = film.job().settings.through_transmission || scene.view().any_priority;
   std::vector<Silhouette> silhouettes;
   std::vector<KeypointLabel> keypoints;
   if (options.amodal || options.amodal_masks)
-    silhouettes = trace_silhouettes(rays, {camera, options, {plane, pixels}}, interrupt);
+    silhouettes = trace_silhouettes(
+        rays, {camera, options, {plane, pixels}, {distances, seen_through ? 0 : pixels}},
+        interrupt);
   HELIO_TRY(interrupt.status());
   if (options.keypoints) keypoints = trace_keypoints(rays, camera, film.image_camera(), options);
   return label_columns({.snapshot = scene.snapshot(),

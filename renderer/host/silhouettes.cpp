@@ -7,6 +7,7 @@
 #include "kernels/camera/rolling.h"
 #include "kernels/media/volume_march.h"
 #include "renderer/base/parallel.h"
+#include "renderer/host/object_rays.h"
 #include "renderer/placement/canvas.h"
 
 namespace heliograph::host {
@@ -14,7 +15,6 @@ namespace heliograph::host {
 namespace {
 
 constexpr i32 kLines = 8;  // a task: so many image lines start at a whole byte of a packed mask
-constexpr kernels::HoleKey kProbe{0, true};
 
 /// Lines of one instance, and what they hold.
 struct Task {
@@ -90,65 +90,6 @@ std::vector<Task> make_tasks(const std::vector<std::vector<Reach>>& reaches) {
   return tasks;
 }
 
-/// A camera's rays through pixel centres in the space of one object, not normalised. Those of a
-/// camera that sees straight lines straight are affine in the pixel. The camera stands still.
-class ObjectRays {
- public:
-  ObjectRays(const kernels::CameraView& camera, const mat4x3& object_from_world)
-      : camera_(&camera),
-        object_from_world_(object_from_world),
-        straight_(kernels::is_rectilinear(camera.lens)) {
-    const mat4x3 object_from_camera = multiply(object_from_world_, camera.world_from_camera);
-    const mat3 linear(object_from_camera);
-    const vec3 along_x = linear[0] / camera.fx, along_y = -linear[1] / camera.fy;
-    const vec2 centre = kernels::beside_centre(camera) + 0.5f;
-    const vec3 corner = along_x * (centre.x - camera.cx) + along_y * (centre.y - camera.cy);
-    const bool perspective = camera.lens.projection == kernels::Projection::kPerspective;
-    direction_ = -linear[2] + (perspective ? corner : vec3(0));
-    origin_ = object_from_camera[3] + (perspective ? vec3(0) : corner);
-    (perspective ? direction_x_ : origin_x_) = along_x;
-    (perspective ? direction_y_ : origin_y_) = along_y;
-    if (camera.far > 0) t_max_ = camera.far - camera.near;
-  }
-  /// t_max is 0 where the camera sees nothing.
-  [[nodiscard]] kernels::Ray through(float x, float y) const {
-    if (!straight_) {
-      kernels::Ray ray = kernels::centre_ray(*camera_, vec2(x, y) + 0.5f);
-      ray.origin = kernels::transform_point(object_from_world_, ray.origin);
-      ray.direction = kernels::transform_vector(object_from_world_, ray.direction);
-      return ray;
-    }
-    const vec3 direction = direction_ + direction_x_ * x + direction_y_ * y;
-    return {origin_ + origin_x_ * x + origin_y_ * y + direction * camera_->near, direction, t_max_,
-            camera_->time, kProbe};
-  }
-  /// The rays through (x, y) ... (x + 7, y). Returns a bit for each where the camera sees.
-  u32 through(float x, float y, RayPacket& rays) const {
-    u32 lanes = 0;
-    for (u32 i = 0; i < RayPacket::kRays; ++i) {
-      const kernels::Ray ray = through(x + float(i), y);
-      lanes |= u32(ray.t_max > 0) << i;
-      rays.origin_x[i] = ray.origin.x;
-      rays.origin_y[i] = ray.origin.y;
-      rays.origin_z[i] = ray.origin.z;
-      rays.direction_x[i] = ray.direction.x;
-      rays.direction_y[i] = ray.direction.y;
-      rays.direction_z[i] = ray.direction.z;
-      rays.t_max[i] = ray.t_max;
-    }
-    rays.time = camera_->time;
-    return lanes;
-  }
-
- private:
-  const kernels::CameraView* camera_;
-  mat4x3 object_from_world_;
-  bool straight_;
-  float t_max_ = INFINITY;
-  vec3 origin_, origin_x_{0}, origin_y_{0};
-  vec3 direction_, direction_x_{0}, direction_y_{0};
-};
-
 class SilhouetteTracer {
  public:
   SilhouetteTracer(const SceneRays& scene, const SilhouetteInputs& in)
@@ -156,7 +97,8 @@ class SilhouetteTracer {
         scene_(scene.scene->view()),
         instances_(scene_.instances),
         camera_(in.camera),
-        plane_(in.instance_plane) {}
+        plane_(in.instance_plane),
+        distances_(in.distance_plane) {}
 
   /// Traces the task's pixels; sets their bits in `mask` unless it is null. A pixel whose centre
   /// ray met the instance belongs to it without another ray.
@@ -210,6 +152,13 @@ class SilhouetteTracer {
         bits |= 1u << i;
     return bits;
   }
+  /// How far away what the pixels from (x, y) on show is; 0 outside of the image.
+  [[nodiscard]] Distances distances(i32 x, i32 y) const {
+    Distances out{};
+    for (i32 i = 0; i < kLanes && !distances_.empty(); ++i)
+      if (in_image(x + i, y)) out[std::size_t(i)] = distances_[u64(y) * camera_.width + u64(x + i)];
+    return out;
+  }
   void add(Task& task, i32 x, i32 y, u8* mask) const {
     ++task.canvas;
     task.box_canvas.extend(x, y);
@@ -239,16 +188,16 @@ class SilhouetteTracer {
       wanted |= u32(want) << i;
     }
     if (wanted == 0) return 0;
+    RayPacket rays_behind;
+    wanted &=
+        rays.through(float(first.x), float(first.y), distances(first.x, first.y), rays_behind);
     const bool is_volume = reach.slot == kNone;
-    if (!is_volume && !(instances_[reach.slot].flags & kernels::kMayBeHole)) {
-      RayPacket packet;
-      wanted &= rays.through(float(first.x), float(first.y), packet);
-      return tracer_.meets_of(reach.slot, packet, wanted);
-    }
+    if (!is_volume && !(instances_[reach.slot].flags & kernels::kMayBeHole))
+      return tracer_.meets_of(reach.slot, rays_behind, wanted);
     u32 met = 0;
-    for (i32 i = 0; i < kLanes; ++i) {
-      const kernels::Ray ray = rays.through(float(first.x + i), float(first.y));
-      if (!(wanted >> i & 1) || !(ray.t_max > 0)) continue;
+    for (; wanted; wanted &= wanted - 1) {
+      const u32 i = u32(std::countr_zero(wanted));
+      const kernels::Ray ray = rays_behind.ray(i);
       if (is_volume ? meets(reach.volume, ray) : tracer_.meets(reach.slot, ray)) met |= 1u << i;
     }
     return met;
@@ -259,6 +208,7 @@ class SilhouetteTracer {
   const kernels::InstanceView* instances_;
   const kernels::CameraView& camera_;
   std::span<const u32> plane_;
+  std::span<const float> distances_;
 };
 
 void merge(PixelBox& into, const PixelBox& box) {

@@ -368,7 +368,7 @@ TEST_CASE("build programs: a mesh's tree is refitted where it bends a little, or
     if (made.triangles)
       for (u32 i = 0; i < order.size(); ++i)
         if (const auto now = kernels::bvh_triangle(soup.view, order[i]); now.a == now.a)
-          REQUIRE((made.triangles[i].a == now.a && made.triangles[i].ac == now.ac));
+          REQUIRE((made.triangles[i].a == now.a && made.triangles[i].c == now.c));
     for (u32 i = 0; i < soup.view.triangle_count; i += 13) {
       const BvhBox box = kernels::triangle_box(soup.view, i);
       if (box.empty()) continue;

@@ -11,16 +11,6 @@ using host::RayPacket;
 
 namespace {
 
-void set_ray(RayPacket& packet, u32 i, const kernels::Ray& ray) {
-  packet.origin_x[i] = ray.origin.x;
-  packet.origin_y[i] = ray.origin.y;
-  packet.origin_z[i] = ray.origin.z;
-  packet.direction_x[i] = ray.direction.x;
-  packet.direction_y[i] = ray.direction.y;
-  packet.direction_z[i] = ray.direction.z;
-  packet.t_max[i] = ray.t_max;
-}
-
 /// Rays of one object's space towards its middle: nearly alike as a rule, from anywhere now and
 /// then, along an axis, or too short to meet anything.
 RayPacket random_packet(Random& random) {
@@ -79,7 +69,7 @@ TEST_CASE("bvh rays: the same bits for every instruction set") {
   Random random(7);
   const BothScenes scenes(random_scene(random, {.count = 30, .fixed = true}), {0, 1}, 1'000'000);
   REQUIRE(scenes.bvh_view().fixed.nodes);
-  const kernels::BvhTracer kernel = scenes.bvh();
+  const kernels::BvhTracerFor<kernels::Answers::kLabels> kernel(scenes.view(), scenes.bvh_view());
   for (const bvh::RayFunctions* level : levels()) {
     const bvh::BvhHostTracer tracer(scenes.own(), *level);
     u32 wrong = 0, met = 0;

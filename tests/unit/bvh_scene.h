@@ -6,6 +6,7 @@
 #include "kernels/core/warp.h"
 #include "renderer/backend/embree/top_level.h"
 #include "renderer/bvh/accelerator.h"
+#include "renderer/host/ray_packet.h"
 #include "tests/unit/random.h"
 #include "tests/unit/render_scene.h"
 
@@ -16,6 +17,9 @@ using kernels::kNone;
 inline vec3 random_vec3(Random& random, float reach) {
   const vec2 xy = random.next2();
   return (vec3(xy, random.next()) * 2.0f - 1.0f) * reach;
+}
+inline u32 random_below(Random& random, u32 count) {
+  return std::min(count - 1, u32(random.next() * float(count)));
 }
 inline vec3 random_direction(Random& random) { return kernels::sample_sphere(random.next2()); }
 
@@ -134,7 +138,9 @@ class BothScenes {
     traced_ = embree::traced(*embree_);
     bvh_ = bvh::world_view(own_->placement());
   }
-  [[nodiscard]] embree::EmbreeTracer embree() const { return embree::EmbreeTracer(traced_); }
+  [[nodiscard]] embree::EmbreeTracer embree(const embree::SecondLook& look = {}) const {
+    return embree::EmbreeTracer(traced_, look);
+  }
   [[nodiscard]] kernels::BvhTracer bvh() const { return {own_->view(), bvh_}; }
   [[nodiscard]] const kernels::SceneView& view() const { return own_->view(); }
   [[nodiscard]] const kernels::BvhView& bvh_view() const { return bvh_; }
@@ -162,6 +168,16 @@ inline kernels::Ray random_ray(Random& random, float reach) {
   ray.time = random.next();
   ray.holes = {u32(random.next() * 1e6f), random.next() < 0.3f};
   return ray;
+}
+
+inline void set_ray(host::RayPacket& packet, u32 i, const kernels::Ray& ray) {
+  packet.origin_x[i] = ray.origin.x;
+  packet.origin_y[i] = ray.origin.y;
+  packet.origin_z[i] = ray.origin.z;
+  packet.direction_x[i] = ray.direction.x;
+  packet.direction_y[i] = ray.direction.y;
+  packet.direction_z[i] = ray.direction.z;
+  packet.t_max[i] = ray.t_max;
 }
 
 /// Steps of a walk, all of which look at a node or at items that were put off.

@@ -34,10 +34,6 @@ u32 count_rays(F&& differs) {
   return count;
 }
 
-u32 random_below(Random& random, u32 count) {
-  return std::min(count - 1, u32(random.next() * float(count)));
-}
-
 /// All four kinds of rays.
 void compare(const BothScenes& scenes, Random& random) {
   const auto embree = scenes.embree();

@@ -27,7 +27,7 @@ __device__ void arrive_all(const WaveLaunch& l) {
     if (i < active) {
       item = l.arrived[i < hits ? i : items_of(l.work) - 1 - (i - hits)];
       const WaveShot& shot = shot_of<kMany>(l, item);
-      const CalledTracer tracer{{shot.view.scene, shot.bvh}};
+      const CalledTracer<Answers::kPictures> tracer{{shot.view.scene, shot.bvh}};
       arrival = Wave(shot.view, l.work, l.wave, tracer).arrive(item);
     }
     const Places at = take_places(next.active, arrival.goes_on, arrival.takes_light);

@@ -10,7 +10,7 @@ template <bool kMany>
 __device__ void begin_all(const WaveLaunch& l) {
   for (u32 item = thread(); item < items_of(l.work); item += threads()) {
     const WaveShot& shot = shot_of<kMany>(l, item);
-    const CalledTracer tracer{{shot.view.scene, shot.bvh}};
+    const CalledTracer<Answers::kPictures> tracer{{shot.view.scene, shot.bvh}};
     if (Wave(shot.view, l.work, l.wave, tracer).begin(item))
       l.active[l.round][atomicAdd(&l.counters->rounds[l.round].active, 1)] = item;
   }

@@ -227,7 +227,7 @@ Expected<bool> CudaBackend::probe(Film& film, const Slice&, const Interrupt& int
 Expected<std::vector<std::vector<Column>>> CudaBackend::labels(Film& film,
                                                                const Interrupt& interrupt) {
   auto& own = static_cast<CudaFilm&>(film);
-  HELIO_TRY(on_device([&] { return own.fetch_instances(); }));
+  HELIO_TRY(on_device([&] { return own.fetch_label_planes(); }));
   std::vector<Expected<std::vector<Column>>> made(own.pictures());
   for_each(own.pictures(), [&](u32 i) {
     const host::HostFilm& seen = own.picture(i);

@@ -333,17 +333,21 @@ Expected<Noise> CudaFilm::noise(const Programs& programs) const {
   return host::noise_of(told, view_);
 }
 
-Status CudaFilm::fetch_instances() {
-  constexpr u32 kFrom = u32(kernels::Plane::INSTANCE);
-  if (fetched_ || !view_.planes[kFrom]) return {};
-  HELIO_TRY(join_probes());
+Status CudaFilm::fetch_label_planes() {
+  if (fetched_) return {};
+  static_assert(sizeof(u32) == sizeof(float));
   const u64 bytes = pixels() * sizeof(u32);
-  const auto all = std::make_unique_for_overwrite<std::byte[]>(pictures_.size() * bytes);
-  HELIO_TRY(
-      context_.download({all.get(), pictures_.size() * bytes}, DevicePointer(view_.planes[kFrom])));
-  parallel_for(pictures_.size(), [&](std::size_t i) {
-    std::memcpy(pictures_[i]->view().planes[kFrom], all.get() + i * bytes, bytes);
-  });
+  for (const u32 plane : {u32(kernels::Plane::INSTANCE), u32(kernels::Plane::DISTANCE)}) {
+    const bool silhouettes = job().labels.amodal || job().labels.amodal_masks;
+    if (!view_.planes[plane] || (plane == u32(kernels::Plane::DISTANCE) && !silhouettes)) continue;
+    HELIO_TRY(join_probes());
+    const auto all = std::make_unique_for_overwrite<std::byte[]>(pictures_.size() * bytes);
+    HELIO_TRY(context_.download({all.get(), pictures_.size() * bytes},
+                                DevicePointer(view_.planes[plane])));
+    parallel_for(pictures_.size(), [&](std::size_t i) {
+      std::memcpy(pictures_[i]->view().planes[plane], all.get() + i * bytes, bytes);
+    });
+  }
   fetched_ = true;
   return {};
 }

@@ -65,7 +65,7 @@ class CudaFilm final : public Film {
   /// Of the first picture.
   [[nodiscard]] Expected<Noise> noise(const Programs& programs) const;
   /// Brings the centre plane that labels read to the pictures on the host.
-  [[nodiscard]] Status fetch_instances();
+  [[nodiscard]] Status fetch_label_planes();
 
  private:
   CudaFilm(Pictures pictures, Mirror& mirror)

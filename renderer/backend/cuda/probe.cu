@@ -9,12 +9,13 @@ namespace {
 
 template <bool kLater>
 __device__ u32 probe_item(const ProbeLaunch& l, const ItemPlace& at) {
-  const auto tracer_of = [](const ProbeEnd& end) { return CalledTracer{{end.scene, end.bvh}}; };
+  using LabelTracer = CalledTracer<Answers::kLabels>;
+  const auto tracer_of = [](const ProbeEnd& end) { return LabelTracer{{end.scene, end.bvh}}; };
   const auto scene_of = [](const ProbeEnd& end) {
     return end.wanted ? ProbeScene{&end.scene, &end.camera, end.camera_jumped} : ProbeScene{};
   };
-  const CalledTracer now = tracer_of(l.now), forward = tracer_of(l.forward),
-                     backward = tracer_of(l.backward);
+  const LabelTracer now = tracer_of(l.now), forward = tracer_of(l.forward),
+                    backward = tracer_of(l.backward);
   const ProbeContext context{scene_of(l.now),      scene_of(l.forward),
                              scene_of(l.backward), l.wants_disparity ? &l.disparity : nullptr,
                              &l.settings,          l.rest_boxes};

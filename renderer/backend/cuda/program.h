@@ -16,8 +16,9 @@
 namespace heliograph::cuda {
 
 /// A BvhTracer whose walks are there once.
+template <kernels::Answers kFor>
 struct CalledTracer {
-  kernels::BvhTracer tracer;
+  kernels::BvhTracerFor<kFor> tracer;
   HELIO_CALL __device__ kernels::Hit closest(const kernels::Ray& ray, u32 mask) const {
     return tracer.closest(ray, mask);
   }

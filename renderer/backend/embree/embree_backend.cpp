@@ -6,6 +6,7 @@
 
 #include "renderer/backend/embree/host_tracer.h"
 #include "renderer/backend/embree/pixel_loop.h"
+#include "renderer/backend/embree/room.h"
 #include "renderer/backend/embree/top_level.h"
 #include "renderer/base/parallel.h"
 #include "renderer/host/labels.h"
@@ -64,7 +65,8 @@ struct Pieces {
 };
 
 RenderTask for_embree(const host::RenderTask& task) {
-  return {traced(*task.scene), task.camera, task.settings, task.film};
+  const TracedScene scene = traced(*task.scene);
+  return {scene, second_look(scene, *task.camera), task.camera, task.settings, task.film};
 }
 
 ProbeTask for_embree(const host::ProbeTask& task) {

@@ -9,7 +9,8 @@ namespace heliograph::embree {
 /// Lifetime: of the TracedScene's parts.
 class EmbreeHostTracer final : public host::HostTracer {
  public:
-  explicit EmbreeHostTracer(const TracedScene& scene) : tracer_(scene) {}
+  explicit EmbreeHostTracer(const TracedScene& scene)
+      : scene_(scene), tracer_(scene, kAlwaysAgain) {}
 
   [[nodiscard]] kernels::Hit closest(const kernels::Ray& ray, u32 mask) const override {
     return tracer_.closest(ray, mask);
@@ -27,6 +28,7 @@ class EmbreeHostTracer final : public host::HostTracer {
                              u32 lanes) const override;
 
  private:
+  TracedScene scene_;
   EmbreeTracer tracer_;
 };
 

@@ -12,6 +12,7 @@ using host::PixelRect;
 /// host::RenderTask, and host::ProbeTask below, for an EmbreeTracer.
 struct RenderTask {
   TracedScene scene;
+  SecondLook look;
   const kernels::CameraView* camera;
   const kernels::Settings* settings;
   const kernels::FilmView* film;

@@ -2,47 +2,87 @@
 #pragma once
 
 #include "kernels/geometry/accept.h"
+#include "kernels/geometry/exact.h"
 #include "kernels/geometry/motion.h"
 #include "kernels/scene/ray.h"
-#include "renderer/backend/embree/embree.h"
+#include "renderer/backend/embree/second_look.h"
 
 namespace heliograph::embree {
 
-/// What an EmbreeTracer needs of a scene.
-struct TracedScene {
-  RTCScene top = nullptr;                     // null: nothing to hit
-  const RTCScene* instance_scenes = nullptr;  // by instance: the scene its mesh lies in
-  const kernels::SceneView* view = nullptr;
-  // The static entities, one instance of the top level: by geometry within it, their instances.
-  kernels::u32 group = kernels::kNone;
-  const kernels::u32* group_instances = nullptr;
+inline void fill(RTCRay& query, const kernels::Ray& ray, kernels::u32 mask) {
+  query.org_x = ray.origin.x;
+  query.org_y = ray.origin.y;
+  query.org_z = ray.origin.z;
+  query.dir_x = ray.direction.x;
+  query.dir_y = ray.direction.y;
+  query.dir_z = ray.direction.z;
+  query.tnear = 0;
+  query.tfar = ray.t_max;
+  query.mask = mask;
+  query.time = ray.time;
+}
 
-  [[nodiscard]] kernels::u32 instance_of(kernels::u32 instance, kernels::u32 geometry) const {
-    return instance == group ? group_instances[geometry] : instance;
-  }
-  [[nodiscard]] kernels::u32 instance_of(const RTCHit& hit) const {
-    return instance_of(hit.instID[0], hit.geomID);
-  }
+inline void fill(RTCRay8& query, kernels::u32 i, const kernels::Ray& ray, kernels::u32 mask) {
+  query.org_x[i] = ray.origin.x;
+  query.org_y[i] = ray.origin.y;
+  query.org_z[i] = ray.origin.z;
+  query.dir_x[i] = ray.direction.x;
+  query.dir_y[i] = ray.direction.y;
+  query.dir_z[i] = ray.direction.z;
+  query.tnear[i] = 0;
+  query.tfar[i] = ray.t_max;
+  query.mask[i] = mask;
+  query.time[i] = ray.time;
+  query.flags[i] = 0;
+  query.id[i] = i;
+}
+
+inline constexpr kernels::Hit kMiss{INFINITY, kernels::kNone, kernels::kNone, 0, 0};
+
+/// What ray i of a packet met.
+inline kernels::Hit hit_of(const RTCRayHit8& query, kernels::u32 i, const TracedScene& scene) {
+  if (query.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) return kMiss;
+  return {query.ray.tfar[i], scene.instance_of(query.hit.instID[0][i], query.hit.geomID[i]),
+          query.hit.primID[i], query.hit.u[i], query.hit.v[i]};
+}
+
+/// Surfaces that rays of labels meet: of those that are nearly at the same distance the one that
+/// comes_before() the others.
+struct Contest {
+  const kernels::Ray* ray[8];  // by RTCRay::id
+  kernels::Hit best[8];
 };
+
+/// Lanes of a packet that are all there.
+alignas(32) inline constexpr int kEvery[8] = {-1, -1, -1, -1, -1, -1, -1, -1};
 
 inline namespace HELIO_ISA {
 
 /// Thread: any. Lifetime: of the TracedScene's parts.
 class EmbreeTracer {
  public:
-  explicit EmbreeTracer(const TracedScene& scene) : scene_(scene) {}
+  explicit EmbreeTracer(const TracedScene& scene, const SecondLook& look = {})
+      : scene_(scene), look_(look) {}
 
   [[nodiscard]] kernels::Hit closest(const kernels::Ray& ray, kernels::u32 mask) const {
-    if (!scene_.top || !kernels::is_sound(ray)) return miss();
+    if (!scene_.top || !kernels::is_sound(ray)) return kMiss;
     RTCRayHit query{};
     fill(query.ray, ray, mask);
     query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
     Context context(scene_, ray, kernels::kNone);
+    if (look_.of == SecondLook::Of::kAll) {
+      Contest contest{{&ray}, {kMiss}};
+      context.contest = &contest;
+      context.intersect(scene_.top, query, true);
+      return look_again(scene_, ray, mask, contest.best[0]);
+    }
     context.intersect(scene_.top, query, scene_.view->any_holes);
-    if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return miss();
-    return {query.ray.tfar, scene_.instance_of(query.hit), query.hit.primID, query.hit.u,
-            query.hit.v};
+    const bool met = query.hit.geomID != RTC_INVALID_GEOMETRY_ID;
+    return checked(ray, mask,
+                   met ? kernels::Hit{query.ray.tfar, scene_.instance_of(query.hit),
+                                      query.hit.primID, query.hit.u, query.hit.v}
+                       : kMiss);
   }
 
   void closest(const kernels::CameraRays& rays) const {
@@ -61,15 +101,28 @@ class EmbreeTracer {
       query.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
     }
     Context context(scene_, *rays.ray[0], kernels::kNone);
-    context.intersect8(scene_.top, query, valid);
-    for (kernels::u32 i = 0; i < rays.count; ++i) {
-      const bool met = valid[i] && query.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID;
+    context.intersect8(scene_.top, query, valid, false);
+    for (kernels::u32 i = 0; i < rays.count; ++i)
       *rays.hit[i] =
-          met ? kernels::Hit{query.ray.tfar[i],
-                             scene_.instance_of(query.hit.instID[0][i], query.hit.geomID[i]),
-                             query.hit.primID[i], query.hit.u[i], query.hit.v[i]}
-              : miss();
-    }
+          checked(*rays.ray[i], kernels::kCameraRay, valid[i] ? hit_of(query, i, scene_) : kMiss);
+  }
+  /// 8 sound rays at once, to whom holes are what they are to `ray`; lane i of `valid` is -1 where
+  /// there is one. Nothing is looked at again.
+  void closest(RTCRayHit8& query, const int* valid, const kernels::Ray& ray) const {
+    Context context(scene_, ray, kernels::kNone);
+    context.intersect8(scene_.top, query, valid, scene_.view->any_holes);
+  }
+  /// The same; what they meet is in `contest`.
+  void closest(RTCRayHit8& query, const int* valid, Contest& contest) const {
+    Context context(scene_, *contest.ray[0], kernels::kNone);
+    context.contest = &contest;
+    context.intersect8(scene_.top, query, valid, true);
+  }
+  /// The same in the object space of one instance alone.
+  void closest_in(kernels::u32 instance, RTCRayHit8& query, const kernels::Ray& ray_object) const {
+    Context context(scene_, ray_object, instance);
+    context.intersect8(scene_.instance_scenes[instance], query, kEvery,
+                       (scene_.view->instances[instance].flags & kernels::kMayBeHole) != 0);
   }
 
   [[nodiscard]] bool occluded(const kernels::Ray& ray, kernels::u32 mask) const {
@@ -78,7 +131,7 @@ class EmbreeTracer {
     fill(query, ray, mask);
     Context context(scene_, ray, kernels::kNone);
     context.occluded(scene_.top, query, scene_.view->any_holes);
-    return query.tfar < 0;
+    return query.tfar < 0 || checked(ray, mask, kMiss).instance != kernels::kNone;
   }
 
   [[nodiscard]] kernels::Hit closest_in(kernels::u32 instance, const kernels::Ray& ray) const {
@@ -88,14 +141,14 @@ class EmbreeTracer {
         kernels::pose_at(*scene_.view, view, ray.time).object_from_world;
     local.origin = object_from_world * kernels::vec4(ray.origin, 1);
     local.direction = kernels::mat3(object_from_world) * ray.direction;
-    if (!kernels::is_sound(local, kernels::kFarthest, kernels::kFarthest)) return miss();
+    if (!kernels::is_sound(local, kernels::kFarthest, kernels::kFarthest)) return kMiss;
     RTCRayHit query{};
     fill(query.ray, local, kernels::kNone);
     query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     Context context(scene_, ray, instance);
     context.intersect(scene_.instance_scenes[instance], query,
                       (view.flags & kernels::kMayBeHole) != 0);
-    if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return miss();
+    if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return kMiss;
     return {query.ray.tfar, instance, query.hit.primID, query.hit.u, query.hit.v};
   }
 
@@ -107,7 +160,8 @@ class EmbreeTracer {
     Context context(scene_, ray_object, instance);
     context.occluded(scene_.instance_scenes[instance], query,
                      (scene_.view->instances[instance].flags & kernels::kMayBeHole) != 0);
-    return query.tfar < 0;
+    return query.tfar < 0 ||
+           (look_.of == SecondLook::Of::kAll && meets_after_all(scene_, instance, ray_object));
   }
   /// The same for 8 rays that start and go nearly alike, of an instance without holes; lane i of
   /// `valid` is -1 where there is a ray. Returns a bit for each.
@@ -120,34 +174,11 @@ class EmbreeTracer {
   }
 
  private:
-  static kernels::Hit miss() { return {INFINITY, kernels::kNone, kernels::kNone, 0, 0}; }
-
-  static void fill(RTCRay& query, const kernels::Ray& ray, kernels::u32 mask) {
-    query.org_x = ray.origin.x;
-    query.org_y = ray.origin.y;
-    query.org_z = ray.origin.z;
-    query.dir_x = ray.direction.x;
-    query.dir_y = ray.direction.y;
-    query.dir_z = ray.direction.z;
-    query.tnear = 0;
-    query.tfar = ray.t_max;
-    query.mask = mask;
-    query.time = ray.time;
-  }
-
-  static void fill(RTCRay8& query, kernels::u32 i, const kernels::Ray& ray, kernels::u32 mask) {
-    query.org_x[i] = ray.origin.x;
-    query.org_y[i] = ray.origin.y;
-    query.org_z[i] = ray.origin.z;
-    query.dir_x[i] = ray.direction.x;
-    query.dir_y[i] = ray.direction.y;
-    query.dir_z[i] = ray.direction.z;
-    query.tnear[i] = 0;
-    query.tfar[i] = ray.t_max;
-    query.mask[i] = mask;
-    query.time[i] = ray.time;
-    query.flags[i] = 0;
-    query.id[i] = 0;
+  /// An answer of Embree, looked at again where it should be.
+  [[nodiscard]] kernels::Hit checked(const kernels::Ray& ray, kernels::u32 mask,
+                                     const kernels::Hit& hit) const {
+    const bool due = look_.is_due(ray, kernels::min2(hit.t, ray.t_max));
+    return due ? look_again(scene_, ray, mask, hit) : hit;
   }
 
   /// Embree's context, followed by what the filter function reads.
@@ -160,6 +191,7 @@ class EmbreeTracer {
     const TracedScene* traced;
     kernels::Ray ray;
     kernels::u32 instance;  // of closest_in(); kNone: Embree's own
+    Contest* contest = nullptr;
 
     Context(const TracedScene& s, const kernels::Ray& r, kernels::u32 i)
         : traced(&s), ray(r), instance(i) {
@@ -171,31 +203,36 @@ class EmbreeTracer {
     }
 
 #if RTC_VERSION_MAJOR >= 4
-    void intersect(RTCScene scene, RTCRayHit& query, bool holes) {
+    void intersect(RTCScene scene, RTCRayHit& query, bool filtered) {
       RTCIntersectArguments arguments;
       rtcInitIntersectArguments(&arguments);
       arguments.context = &base;
-      if (holes) {
+      if (filtered) {
         arguments.filter = filter;
         arguments.flags = RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER;
       }
       rtcIntersect1(scene, &query, &arguments);
     }
-    void occluded(RTCScene scene, RTCRay& query, bool holes) {
+    void occluded(RTCScene scene, RTCRay& query, bool filtered) {
       RTCOccludedArguments arguments;
       rtcInitOccludedArguments(&arguments);
       arguments.context = &base;
-      if (holes) {
+      if (filtered) {
         arguments.filter = filter;
         arguments.flags = RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER;
       }
       rtcOccluded1(scene, &query, &arguments);
     }
-    void intersect8(RTCScene scene, RTCRayHit8& query, const int* valid) {
+    void intersect8(RTCScene scene, RTCRayHit8& query, const int* valid, bool filtered) {
       RTCIntersectArguments arguments;
       rtcInitIntersectArguments(&arguments);
       arguments.context = &base;
       arguments.flags = RTC_RAY_QUERY_FLAG_COHERENT;
+      if (filtered) {
+        arguments.filter = filter;
+        arguments.flags =
+            RTCRayQueryFlags(arguments.flags | RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER);
+      }
       rtcIntersect8(valid, scene, &query, &arguments);
     }
     void occluded8(RTCScene scene, RTCRay8& rays, const int* valid) {
@@ -206,15 +243,16 @@ class EmbreeTracer {
       rtcOccluded8(valid, scene, &rays, &arguments);
     }
 #else
-    void intersect(RTCScene scene, RTCRayHit& query, bool holes) {
-      if (holes) base.filter = filter;
+    void intersect(RTCScene scene, RTCRayHit& query, bool filtered) {
+      if (filtered) base.filter = filter;
       rtcIntersect1(scene, &base, &query);
     }
-    void occluded(RTCScene scene, RTCRay& query, bool holes) {
-      if (holes) base.filter = filter;
+    void occluded(RTCScene scene, RTCRay& query, bool filtered) {
+      if (filtered) base.filter = filter;
       rtcOccluded1(scene, &base, &query);
     }
-    void intersect8(RTCScene scene, RTCRayHit8& query, const int* valid) {
+    void intersect8(RTCScene scene, RTCRayHit8& query, const int* valid, bool filtered) {
+      if (filtered) base.filter = filter;
       base.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
       rtcIntersect8(valid, scene, &base, &query);
     }
@@ -225,20 +263,43 @@ class EmbreeTracer {
 #endif
   };
 
-  /// Refuses hits that kernels::accepts() sees through. Embree calls it for single rays only.
+  /// Refuses hits that kernels::accepts() sees through, and those that lose a contest.
   static void filter(const RTCFilterFunctionNArguments* arguments) {
     const auto* context = reinterpret_cast<const Context*>(arguments->context);
-    const RTCHit hit = rtcGetHitFromHitN(arguments->hit, arguments->N, 0);
-    const kernels::u32 instance =
-        context->instance == kernels::kNone ? context->traced->instance_of(hit) : context->instance;
     const kernels::SceneView& view = *context->traced->view;
-    if (!(view.instances[instance].flags & kernels::kMayBeHole)) return;
-    const float t = RTCRayN_tfar(arguments->ray, arguments->N, 0);
-    const kernels::Hit candidate{t, instance, hit.primID, hit.u, hit.v};
-    if (!kernels::accepts(view, context->ray, candidate)) arguments->valid[0] = 0;
+    for (unsigned i = 0; i < arguments->N; ++i) {
+      if (!arguments->valid[i]) continue;
+      const RTCHit hit = rtcGetHitFromHitN(arguments->hit, arguments->N, i);
+      const kernels::u32 instance = context->instance == kernels::kNone
+                                        ? context->traced->instance_of(hit)
+                                        : context->instance;
+      float& t = RTCRayN_tfar(arguments->ray, arguments->N, i);
+      const kernels::Hit candidate{t, instance, hit.primID, hit.u, hit.v};
+      const bool may_be_hole = (view.instances[instance].flags & kernels::kMayBeHole) != 0;
+      if (may_be_hole && !kernels::accepts(view, context->ray, candidate)) {
+        arguments->valid[i] = 0;
+      } else if (context->contest) {
+        const kernels::u32 ray = RTCRayN_id(arguments->ray, arguments->N, i);
+        if (wins(view, *context->contest, ray, candidate))
+          t *= 1 + kernels::kUnclear;  // others as far away may come before it
+        else
+          arguments->valid[i] = 0;
+      }
+    }
+  }
+
+  static bool wins(const kernels::SceneView& view, Contest& contest, kernels::u32 ray,
+                   const kernels::Hit& hit) {
+    kernels::Hit& best = contest.best[ray];
+    if (best.instance != kernels::kNone && hit.t >= best.t * (1 - kernels::kUnclear) &&
+        !kernels::comes_before(view, *contest.ray[ray], hit, best))
+      return false;
+    best = hit;
+    return true;
   }
 
   TracedScene scene_;
+  SecondLook look_;
 };
 
 }  // namespace HELIO_ISA

@@ -1,0 +1,58 @@
+// Where a ray meets a triangle, worked out again in double precision, and which of two surfaces a
+// label takes where single precision cannot tell. Called by probe_sight.h and by tracers.
+#pragma once
+
+#include "kernels/geometry/motion.h"
+#include "kernels/geometry/surface.h"
+#include "kernels/scene/ray.h"
+
+namespace heliograph::kernels::inline HELIO_ISA {
+
+/// A hit's distance and the weights of vertices 1 and 2.
+struct ExactHit {
+  double t, u, v;
+};
+
+/// By meet_triangle() in single precision a place on a floor of two triangles, a kilometre wide,
+/// may be off by a millimetre. False for a shape, and where the ray passes far beside the triangle.
+///
+/// direction   of the ray, unit
+KERNEL bool meet_exactly(const SceneView& scene, const Ray& ray, glm::dvec3 direction,
+                         const Hit& hit, ExactHit& exact) {
+  using glm::dvec3;
+  const InstanceView& instance = scene.instances[hit.instance];
+  const MeshView& mesh = scene.meshes[instance.mesh];
+  if (mesh.shape != Shape::kTriangles) return false;
+  const auto c = corners_at<dvec3>(mesh, mesh.triangles[hit.primitive], ray.time);
+  const glm::dmat4x3 pose(pose_at(scene, instance, ray.time).world_from_object);
+  const glm::dmat3 linear{pose[0], pose[1], pose[2]};
+  const dvec3 ab = linear * c.ab, ac = linear * c.ac;
+  const dvec3 to_a = linear * c.a + (pose[3] - dvec3(ray.origin));
+  const dvec3 normal = cross(ab, ac), r = cross(to_a, direction);
+  const double inverse = 1 / dot(normal, direction);
+  exact = {dot(normal, to_a) * inverse, dot(r, ac) * inverse, -dot(r, ab) * inverse};
+  constexpr double kBeside = -0.125;
+  return exact.t > 0 && exact.u > kBeside && exact.v > kBeside && 1 - exact.u - exact.v > kBeside;
+}
+
+/// Relative distances within which single precision may not tell which of two surfaces is nearer.
+inline constexpr float kUnclear = 0x1p-18f;
+
+/// Whether a label takes surface `a` rather than `b`, which are within kUnclear: the nearer one in
+/// double precision; of two at one place, as far as their vertices tell, that of the smaller label,
+/// 0 coming last.
+HELIO_RARE KERNEL bool comes_before(const SceneView& scene, const Ray& ray, const Hit& a,
+                                    const Hit& b) {
+  if (a.instance == b.instance) return a.t < b.t || (a.t == b.t && a.primitive < b.primitive);
+  constexpr double kAtOnePlace = 0x1p-22;
+  const glm::dvec3 direction(ray.direction);
+  ExactHit of_a{a.t, 0, 0}, of_b{b.t, 0, 0};
+  if (ExactHit exact; meet_exactly(scene, ray, direction, a, exact)) of_a = exact;
+  if (ExactHit exact; meet_exactly(scene, ray, direction, b, exact)) of_b = exact;
+  if (std::fabs(of_a.t - of_b.t) > kAtOnePlace * of_a.t) return of_a.t < of_b.t;
+  const u32 label_a = scene.instances[a.instance].label - 1;
+  const u32 label_b = scene.instances[b.instance].label - 1;
+  return label_a != label_b ? label_a < label_b : a.instance < b.instance;
+}
+
+}  // namespace heliograph::kernels::inline HELIO_ISA
