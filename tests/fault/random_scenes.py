@@ -1,7 +1,7 @@
 """Scenes at the ends of every range: no daemon ends, every plane has numbers, and normals are those
 of the triangles.
 
-20,000 scenes of a closed mesh of 1e-6 to 1e6 m in its own frame and 1e-4 to 1e4 m in the world,
+20,000 scenes of a closed mesh of 1e-5 to 1e5 m in its own frame and 1e-4 to 1e4 m in the world,
 with random materials, lights, poses and cameras. HELIOGRAPHD may name a daemon of a sanitizer's
 build; HELIOGRAPH_BACKEND=cuda tries a GPU.
 """
@@ -77,7 +77,7 @@ def crumpled_ball(rng, size):
 
 def furnish(scene, random):
     """Returns the mesh and the poses of its objects."""
-    rng, size = random.rng, random.power(-6, 6)
+    rng, size = random.rng, random.power(-5, 5)
     positions, faces = crumpled_ball(rng, size)
     poses = []
     with scene.edit() as edit:
@@ -85,7 +85,7 @@ def furnish(scene, random):
         for i in range(OBJECTS):
             edit.material(f"m{i}", **random.material())
             pose = np.eye(4)
-            stretch = random.one_of(np.ones(3), rng.uniform(0.1, 1, 3))
+            stretch = random.one_of(np.ones(3), rng.uniform(0.3, 1, 3))
             pose[:3, :3] = random.turn() * stretch * (random.power(-4, 4) / size)
             pose[:3, 3] = rng.normal(size=3) * random.power(-3, 6)
             poses.append(pose)

@@ -35,7 +35,7 @@ class ProbeTracer {
     ahead_ = sights;
     bool any = false;
     for (kernels::u32 i = 0; i < sights.size(); ++i) {
-      hits_[i] = contest.best[i];
+      hits_[i] = contest.winner(i, hit_of(packet.query, i, scene_), *scene_.view);
       any |= hits_[i].instance != kernels::kNone;
     }
     for (kernels::u32 i = 0; any && i < sights.size(); ++i) {

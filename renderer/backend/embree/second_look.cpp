@@ -83,8 +83,10 @@ Hit look(const TracedScene& scene, const Ray& ray, u32 mask, vec2 first, Hit& ne
   for (u32 i = 0; i < kBeside; ++i) {
     const Hit seen = beside.hit(i, scene);
     if (!(seen.t < before)) continue;
-    ++nearer;
-    other = seen;
+    if (seen.t < before * (1 - kernels::kUnclear)) {
+      ++nearer;
+      other = seen;
+    }
     if (seen.instance == nearest.instance && seen.primitive == nearest.primitive) continue;
     Ray local = in_object(*scene.view, seen.instance, ray);
     local.t_max = std::min(ray.t_max, nearest.t);

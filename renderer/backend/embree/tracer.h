@@ -39,6 +39,10 @@ inline void fill(RTCRay8& query, kernels::u32 i, const kernels::Ray& ray, kernel
 
 inline constexpr kernels::Hit kMiss{INFINITY, kernels::kNone, kernels::kNone, 0, 0};
 
+inline kernels::Hit hit_of(const RTCRayHit& query, const TracedScene& scene) {
+  if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return kMiss;
+  return {query.ray.tfar, scene.instance_of(query.hit), query.hit.primID, query.hit.u, query.hit.v};
+}
 /// What ray i of a packet met.
 inline kernels::Hit hit_of(const RTCRayHit8& query, kernels::u32 i, const TracedScene& scene) {
   if (query.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) return kMiss;
@@ -51,6 +55,15 @@ inline kernels::Hit hit_of(const RTCRayHit8& query, kernels::u32 i, const Traced
 struct Contest {
   const kernels::Ray* ray[8];  // by RTCRay::id
   kernels::Hit best[8];
+
+  /// What ray i met, of which Embree says `last`: shapes take no part in contests.
+  [[nodiscard]] kernels::Hit winner(kernels::u32 i, const kernels::Hit& last,
+                                    const kernels::SceneView& scene) const {
+    if (last.instance == kernels::kNone) return last;
+    const bool is_shape =
+        scene.meshes[scene.instances[last.instance].mesh].shape != kernels::Shape::kTriangles;
+    return is_shape ? last : best[i];
+  }
 };
 
 /// Lanes of a packet that are all there.
@@ -75,14 +88,11 @@ class EmbreeTracer {
       Contest contest{{&ray}, {kMiss}};
       context.contest = &contest;
       context.intersect(scene_.top, query, true);
-      return look_again(scene_, ray, mask, contest.best[0]);
+      const kernels::Hit met = contest.winner(0, hit_of(query, scene_), *scene_.view);
+      return look_again(scene_, ray, mask, met);
     }
     context.intersect(scene_.top, query, scene_.view->any_holes);
-    const bool met = query.hit.geomID != RTC_INVALID_GEOMETRY_ID;
-    return checked(ray, mask,
-                   met ? kernels::Hit{query.ray.tfar, scene_.instance_of(query.hit),
-                                      query.hit.primID, query.hit.u, query.hit.v}
-                       : kMiss);
+    return checked(ray, mask, hit_of(query, scene_));
   }
 
   void closest(const kernels::CameraRays& rays) const {
