@@ -73,7 +73,7 @@ u32 leaks(ToEdges rays, u32 count, const Closest& closest) {
 
 TEST_CASE("watertight: no ray leaves a closed mesh") {
   Random random(4);
-  constexpr u32 kRays = 300'000;
+  constexpr u32 kRays = 80'000;
   u32 slipped = 0;
   for (const Closed& closed : closed_meshes(random))
     for (const bool fixed : {false, true})
