@@ -17,8 +17,9 @@ HELIO_RARE KERNEL bool is_hole(const SceneView& scene, HoleKey holes, Hit hit) {
   return !accepts(scene, ray, hit);
 }
 
-/// Where a vertex of a mesh that deforms is, the same for each triangle at it.
+/// Where a vertex of a mesh that may deform is, the same for each triangle at it.
 KERNEL vec3 vertex_at(const MeshView& mesh, u32 vertex, float time) {
+  if (mesh.segments == 0) return mesh.positions[vertex];
   const Segment s = segment_at(mesh.segments, time);
   const vec3* from = mesh.positions + u64(s.index) * mesh.vertex_count + vertex;
   const vec3 to = from[mesh.vertex_count];
@@ -79,8 +80,7 @@ struct BvhStack {
   BvhGroup groups[2 * kBvhDepth + 8];
 };
 
-/// Who answers for pictures, and who for labels: these compare surfaces that are nearly at the same
-/// distance by comes_before().
+/// What rays are traced for. Labels compare surfaces at nearly the same distance by takes_over().
 enum class Answers : u8 { kPictures, kLabels };
 
 /// One ray's walk through a scene. Lifetime: of the views, their arrays, the stack and, for labels,
@@ -249,9 +249,7 @@ class BvhWalkFor {
   /// The walk goes on a little beyond the hit, where others may come before it.
   KERNEL void keep_label(const Hit& hit) {
     if (kRichRays && scene_->any_holes && is_hole(*scene_, holes_, hit)) return;
-    if (hit_.instance != kNone && hit.t >= t_ * (1 - kUnclear) &&
-        !comes_before(*scene_, *ray_, hit, this->hit()))
-      return;
+    if (!takes_over(*scene_, *ray_, hit, this->hit())) return;
     hit_ = hit;
     hit_.t *= 1 + kUnclear;
     t_ = hit.t;

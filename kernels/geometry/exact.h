@@ -55,4 +55,10 @@ HELIO_RARE KERNEL bool comes_before(const SceneView& scene, const Ray& ray, cons
   return label_a != label_b ? label_a < label_b : a.instance < b.instance;
 }
 
+/// Whether a label takes `hit` in place of the best one so far, which may be none.
+KERNEL bool takes_over(const SceneView& scene, const Ray& ray, const Hit& hit, const Hit& best) {
+  return best.instance == kNone || hit.t < best.t * (1 - kUnclear) ||
+         comes_before(scene, ray, hit, best);
+}
+
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -60,9 +60,6 @@ class EverySurface {
       return;
     best = hit;
   }
-  static vec3 at(const kernels::MeshView& mesh, u32 vertex, float time) {
-    return mesh.segments == 0 ? mesh.positions[vertex] : kernels::vertex_at(mesh, vertex, time);
-  }
   void look(u32 instance, const kernels::ObjectRay& local, const Ray& ray, Hit& best) const {
     const kernels::MeshView& mesh = view_.meshes[view_.instances[instance].mesh];
     if (mesh.shape != kernels::Shape::kTriangles) {
@@ -74,8 +71,9 @@ class EverySurface {
     const vec3 inverse = kernels::box_ray(local.origin, local.direction).inverse;
     for (u32 t = 0; t < mesh.triangle_count; ++t) {
       const uvec3 c = mesh.triangles[t];
-      const kernels::BvhTriangle triangle{at(mesh, c.x, ray.time), t, at(mesh, c.y, ray.time), 0,
-                                          at(mesh, c.z, ray.time), 0};
+      const kernels::BvhTriangle triangle{kernels::vertex_at(mesh, c.x, ray.time), t,
+                                          kernels::vertex_at(mesh, c.y, ray.time), 0,
+                                          kernels::vertex_at(mesh, c.z, ray.time), 0};
       kernels::TriangleHit hit;
       if (kernels::meet_triangle(triangle, local.origin, local.direction,
                                  kernels::across(local.direction, inverse), best.t, hit))

@@ -19,7 +19,7 @@ class ProbeTracer {
   void trace_ahead(std::span<const kernels::Sight> sights) {
     ahead_ = {};
     if (!scene_.top) return;
-    Packet packet, beside;
+    RTCRayHit8 packet, beside;
     Contest contest;
     for (kernels::u32 i = 0; i < 8; ++i) {
       const kernels::Ray& ray = sights[i < sights.size() ? i : 0].ray;
@@ -27,19 +27,21 @@ class ProbeTracer {
       const kernels::Frame frame = kernels::make_frame(ray.direction);
       contest.ray[i] = &ray;
       contest.best[i] = kMiss;
-      packet.set(i, ray, kernels::vec3(0));
-      beside.set(i, ray, (frame.s * 0.43f + frame.t * 0.9f) * 0x1p-16f);
+      kernels::Ray aside = ray;
+      aside.direction += (frame.s * 0.43f + frame.t * 0.9f) * 0x1p-16f;
+      fill(packet, i, ray, kernels::kCameraRay);
+      fill(beside, i, aside, kernels::kCameraRay);
     }
-    tracer_.closest(packet.query, valid_, contest);
-    tracer_.closest(beside.query, valid_, sights[0].ray);
+    tracer_.closest(packet, valid_, contest);
+    tracer_.closest(beside, valid_, sights[0].ray);
     ahead_ = sights;
     bool any = false;
     for (kernels::u32 i = 0; i < sights.size(); ++i) {
-      hits_[i] = contest.winner(i, hit_of(packet.query, i, scene_), *scene_.view);
+      hits_[i] = contest.winner(i, hit_of(packet, i, scene_), *scene_.view);
       any |= hits_[i].instance != kernels::kNone;
     }
     for (kernels::u32 i = 0; any && i < sights.size(); ++i) {
-      const kernels::Hit next = hit_of(beside.query, i, scene_);
+      const kernels::Hit next = hit_of(beside, i, scene_);
       const bool other = next.primitive != hits_[i].primitive || next.instance != hits_[i].instance;
       if (valid_[i] && (hits_[i].instance == kernels::kNone || (next.t < hits_[i].t && other)))
         hits_[i] = look_again(scene_, sights[i].ray, kernels::kCameraRay, hits_[i]);
@@ -62,16 +64,6 @@ class ProbeTracer {
   }
 
  private:
-  struct Packet {
-    RTCRayHit8 query;
-    void set(kernels::u32 i, kernels::Ray ray, kernels::vec3 aside) {
-      ray.direction += aside;
-      fill(query.ray, i, ray, kernels::kCameraRay);
-      query.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
-      query.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
-    }
-  };
-
   TracedScene scene_;
   EmbreeTracer tracer_;
   std::span<const kernels::Sight> ahead_;

@@ -32,9 +32,7 @@ class Beside {
       Ray next = ray;
       next.direction += frame.s * aside.x + frame.t * aside.y;
       aside = {aside.x * turn.x - aside.y * turn.y, aside.x * turn.y + aside.y * turn.x};
-      fill(query_.ray, i, next, mask);
-      query_.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
-      query_.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+      fill(query_, i, next, mask);
     }
   }
   RTCRayHit8& query() { return query_; }
@@ -50,26 +48,19 @@ bool meet(const SceneView& scene, u32 instance, u32 primitive, const Ray& ray,
   const kernels::MeshView& mesh = scene.meshes[scene.instances[instance].mesh];
   if (mesh.shape != kernels::Shape::kTriangles) return false;
   const uvec3 vertices = mesh.triangles[primitive];
-  const auto at = [&](u32 vertex) {
-    return mesh.segments == 0 ? mesh.positions[vertex] : kernels::vertex_at(mesh, vertex, ray.time);
-  };
+  const auto at = [&](u32 vertex) { return kernels::vertex_at(mesh, vertex, ray.time); };
   const vec3 inverse = kernels::box_ray(ray.origin, ray.direction).inverse;
   return kernels::meet_triangle({at(vertices.x), 0, at(vertices.y), 0, at(vertices.z), 0},
                                 ray.origin, ray.direction, kernels::across(ray.direction, inverse),
                                 ray.t_max, hit);
 }
 
-bool is_hole(const SceneView& scene, const Ray& ray, const Hit& hit) {
-  return (scene.instances[hit.instance].flags & kernels::kMayBeHole) &&
-         !kernels::accepts(scene, ray, hit);
-}
-
-Ray in_object(const SceneView& scene, u32 instance, const Ray& ray) {
-  const mat4x3 m = kernels::pose_at(scene, scene.instances[instance], ray.time).object_from_world;
-  Ray local = ray;
-  local.origin = kernels::transform_point(m, ray.origin);
-  local.direction = kernels::transform_vector(m, ray.direction);
-  return local;
+Ray in_object(const SceneView& scene, u32 instance, Ray ray) {
+  const kernels::ObjectRay local =
+      kernels::moving_object_ray(scene, instance, ray.time, {ray.origin, ray.direction});
+  ray.origin = local.origin;
+  ray.direction = local.direction;
+  return ray;
 }
 
 /// Replaces `nearest` by what the rays beside tell of. Where most of them met something nearer, and
@@ -93,9 +84,8 @@ Hit look(const TracedScene& scene, const Ray& ray, u32 mask, vec2 first, Hit& ne
     kernels::TriangleHit met;
     if (!meet(*scene.view, seen.instance, seen.primitive, local, met)) continue;
     const Hit hit{met.t, seen.instance, seen.primitive, met.u, met.v};
-    const bool clear = hit.t < nearest.t * (1 - kernels::kUnclear);
-    if (!is_hole(*scene.view, ray, hit) &&
-        (clear || kernels::comes_before(*scene.view, ray, hit, nearest)))
+    if (!kernels::is_hole(*scene.view, ray.holes, hit) &&
+        kernels::takes_over(*scene.view, ray, hit, nearest))
       nearest = hit;
   }
   return nearer >= kMost && nearest.t == before ? other : kMiss;
@@ -126,7 +116,9 @@ bool meets_after_all(const TracedScene& scene, u32 instance, const Ray& ray_obje
     kernels::TriangleHit met;
     if (primitive == kernels::kNone || !meet(*scene.view, instance, primitive, ray_object, met))
       continue;
-    if (!is_hole(*scene.view, ray_object, {met.t, instance, primitive, met.u, met.v})) return true;
+    if (!kernels::is_hole(*scene.view, ray_object.holes,
+                          {met.t, instance, primitive, met.u, met.v}))
+      return true;
   }
   return false;
 }

@@ -36,6 +36,11 @@ inline void fill(RTCRay8& query, kernels::u32 i, const kernels::Ray& ray, kernel
   query.flags[i] = 0;
   query.id[i] = i;
 }
+inline void fill(RTCRayHit8& query, kernels::u32 i, const kernels::Ray& ray, kernels::u32 mask) {
+  fill(query.ray, i, ray, mask);
+  query.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
+  query.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+}
 
 inline constexpr kernels::Hit kMiss{INFINITY, kernels::kNone, kernels::kNone, 0, 0};
 
@@ -106,9 +111,7 @@ class EmbreeTracer {
     for (kernels::u32 i = 0; i < 8; ++i) {
       const kernels::Ray& ray = *rays.ray[i < rays.count ? i : 0];
       valid[i] = i < rays.count && kernels::is_sound(ray) ? -1 : 0;
-      fill(query.ray, i, ray, kernels::kCameraRay);
-      query.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
-      query.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+      fill(query, i, ray, kernels::kCameraRay);
     }
     Context context(scene_, *rays.ray[0], kernels::kNone);
     context.intersect8(scene_.top, query, valid, false);
@@ -301,11 +304,9 @@ class EmbreeTracer {
   static bool wins(const kernels::SceneView& view, Contest& contest, kernels::u32 ray,
                    const kernels::Hit& hit) {
     kernels::Hit& best = contest.best[ray];
-    if (best.instance != kernels::kNone && hit.t >= best.t * (1 - kernels::kUnclear) &&
-        !kernels::comes_before(view, *contest.ray[ray], hit, best))
-      return false;
-    best = hit;
-    return true;
+    const bool takes = kernels::takes_over(view, *contest.ray[ray], hit, best);
+    if (takes) best = hit;
+    return takes;
   }
 
   TracedScene scene_;
