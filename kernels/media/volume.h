@@ -9,7 +9,7 @@
 #include "kernels/core/hash.h"
 #include "kernels/geometry/motion.h"
 #include "kernels/media/volume_grid.h"
-#include "kernels/scene/ray.h"
+#include "kernels/media/volume_tree.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
@@ -111,23 +111,22 @@ struct Collision {
 HELIO_CALL KERNEL Collision collide(const SceneView& scene, const Ray& ray, u32 mask, float t_max,
                                     u32 seed) {
   Collision nearest{kNone, t_max};
-  for (u32 i = 0; i < scene.volume_count; ++i) {
-    const VolumeView& volume = scene.volumes[i];
-    if (!(volume.instance.visibility & mask)) continue;
-    const float t = collide(scene, volume, ray, nearest.t, HashSequence(seed + i));
-    if (t < nearest.t) nearest = {i, t};
-  }
+  visit_volumes(scene, ray, mask, t_max, [&](u32 i, float& end) {
+    const float t = collide(scene, scene.volumes[i], ray, end, HashSequence(seed + i));
+    if (t < end) nearest = {i, t};
+    end = nearest.t;
+    return true;
+  });
   return nearest;
 }
 
 /// The share of light that passes all volumes on a shadow ray.
 HELIO_CALL KERNEL float transmittance(const SceneView& scene, const Ray& ray, u32 seed) {
   float result = 1;
-  for (u32 i = 0; i < scene.volume_count && result > 0; ++i) {
-    const VolumeView& volume = scene.volumes[i];
-    if (!(volume.instance.visibility & kShadowRay)) continue;
-    result *= transmittance(scene, volume, ray, HashSequence(seed + i));
-  }
+  visit_volumes(scene, ray, kShadowRay, ray.t_max, [&](u32 i, float&) {
+    result *= transmittance(scene, scene.volumes[i], ray, HashSequence(seed + i));
+    return result > 0;
+  });
   return result;
 }
 

@@ -50,7 +50,7 @@ struct MarchedSet {
   }
 };
 
-/// Extinction where the ray is at t, 1/m, and the volume with most of it.
+/// Extinction where the ray is at t, 1/m, and the volume with most of it, of equals the first.
 struct MarchPoint {
   float extinction;
   u32 volume;
@@ -63,7 +63,7 @@ KERNEL MarchPoint march_point(const SceneView& scene, const MarchedSet& set, flo
     if (t < m.span.begin || t > m.span.end) continue;
     const float own = extinction_at(scene.volumes[m.volume], m.ray, t);
     point.extinction += own;
-    if (own > most) {
+    if (own > most || (own == most && own > 0 && m.volume < point.volume)) {
       most = own;
       point.volume = m.volume;
     }
@@ -105,11 +105,11 @@ KERNEL Collision march(const SceneView& scene, const MarchedSet& set) {
 /// t_max.
 HELIO_CALL KERNEL Collision half_way(const SceneView& scene, const Ray& ray, float t_max) {
   MarchedSet set;
-  for (u32 i = 0; i < scene.volume_count; ++i) {
-    if (!(scene.volumes[i].instance.visibility & kCameraRay)) continue;
+  visit_volumes(scene, ray, kCameraRay, t_max, [&](u32 i, float&) {
     const Marched m = make_marched(scene, i, ray, t_max);
     if (m.bound > 0) set.add(m);
-  }
+    return true;
+  });
   return march(scene, set);
 }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "renderer/derived/black_body.h"
+#include "renderer/placement/volume_tree.h"
 #include "renderer/scene/grid.h"
 
 namespace heliograph::resident {
@@ -56,6 +57,12 @@ kernels::VolumeView view_of(const Volume& volume) {
   return view;
 }
 
+kernels::BvhBox object_box(const Grid& density) {
+  kernels::BvhBox box = kernels::no_box();
+  for (const vec3& corner : box_corners(density)) box.extend(corner);
+  return box;
+}
+
 }  // namespace
 
 DerivedKey key_of(const Grid& grid) {
@@ -105,6 +112,7 @@ std::vector<const Grid*> grids_of(const Volume& volume) {
 std::shared_ptr<const Volumes> make_volumes(const Snapshot& snapshot, const Placement& placement,
                                             DerivedCache& cache) {
   auto volumes = std::make_shared<Volumes>();
+  std::vector<kernels::BvhBox> boxes;
   for (const kernels::InstanceView& instance : placement.volumes) {
     const Volume& volume = *snapshot.find(snapshot.entities.at(instance.entity).volume)->value;
     kernels::VolumeView view = view_of(volume);
@@ -118,7 +126,9 @@ std::shared_ptr<const Volumes> make_volumes(const Snapshot& snapshot, const Plac
     take(volume.temperature, view.temperature);
     take(volume.color, view.color);
     volumes->views.push_back(view);
+    boxes.push_back(ray_box(instance, placement.motion_keys.data(), object_box(*volume.density)));
   }
+  volumes->nodes = make_volume_tree(boxes);
   return volumes;
 }
 

@@ -23,6 +23,7 @@ struct GridTable {
 
 struct Volumes {
   std::vector<kernels::VolumeView> views;  // in the order of Structure::volumes
+  std::vector<kernels::VolumeNode> nodes;  // the tree over them
   std::vector<std::shared_ptr<const GridTable>> tables;
 };
 [[nodiscard]] std::shared_ptr<const Volumes> make_volumes(const Snapshot& snapshot,

@@ -1,7 +1,11 @@
 // Volumes in kernels: grids against their definition, tracking against integrals. Pictures are in
 // volume_picture_test.cpp.
 #include "kernels/media/volume_march.h"
+
+#include <set>
+
 #include "renderer/derived/black_body.h"
+#include "renderer/placement/volume_tree.h"
 #include "renderer/placement/volumes.h"
 #include "renderer/scene/grid.h"
 #include "tests/unit/catch.h"
@@ -57,12 +61,28 @@ kernels::VolumeView volume_of(const Held& held, float density_scale) {
   view.albedo = vec3(1);
   return view;
 }
-kernels::SceneView scene_of(std::span<const kernels::VolumeView> volumes) {
-  kernels::SceneView scene{};
-  scene.volumes = volumes.data();
-  scene.volume_count = u32(volumes.size());
-  return scene;
+kernels::BvhBox box_of(const kernels::VolumeView& volume) {
+  const kernels::BvhBox box{vec3(volume.density.lower), vec3(volume.density.upper)};
+  return kernels::ray_box(volume.instance, nullptr, box);
 }
+
+/// Volumes whose voxels are those of their objects, and the tree over them.
+struct Cloud {
+  std::vector<kernels::VolumeView> volumes;
+  std::vector<kernels::VolumeNode> nodes = tree_of(volumes);
+  kernels::SceneView scene{};
+
+  explicit Cloud(std::vector<kernels::VolumeView> all) : volumes(std::move(all)) {
+    scene.volumes = volumes.data();
+    scene.volume_count = u32(volumes.size());
+    scene.volume_nodes = nodes.data();
+  }
+  static std::vector<kernels::VolumeNode> tree_of(std::span<const kernels::VolumeView> volumes) {
+    std::vector<kernels::BvhBox> boxes;
+    for (const kernels::VolumeView& volume : volumes) boxes.push_back(box_of(volume));
+    return resident::make_volume_tree(boxes);
+  }
+};
 double optical_depth(const kernels::VolumeView& volume, const kernels::Ray& ray, float from,
                      float to) {
   constexpr int kSteps = 20000;
@@ -141,7 +161,8 @@ TEST_CASE("volume: a walk covers its span, cell by cell") {
 TEST_CASE("volume: free paths and ratio tracking agree with fine marching") {
   const Held held{random_grid({33, 20, 26}, 1)};
   const kernels::VolumeView volume = volume_of(held, 0.2f);
-  const kernels::SceneView scene = scene_of({&volume, 1});
+  const Cloud cloud({volume});
+  const kernels::SceneView& scene = cloud.scene;
   const vec3 from(-3, 2, 4);
   const kernels::Ray ray{from, glm::normalize(vec3(36, 18, 22) - from), 30, 0, {0, false}};
   const double expected = std::exp(-optical_depth(volume, ray, 0, 30));
@@ -163,8 +184,8 @@ TEST_CASE("volume: free paths and ratio tracking agree with fine marching") {
 TEST_CASE("volume: overlapping volumes add up, and each collides by its share") {
   const Held a{dense_grid(std::vector<float>(512, 1), ivec3(8), 1)},
       b{dense_grid(std::vector<float>(512, 1), ivec3(8), 1)};
-  const std::array volumes{volume_of(a, 0.1f), volume_of(b, 0.3f)};
-  const kernels::SceneView scene = scene_of(volumes);
+  const Cloud cloud({volume_of(a, 0.1f), volume_of(b, 0.3f)});
+  const kernels::SceneView& scene = cloud.scene;
   const kernels::Ray ray{{-1, 4, 4}, {1, 0, 0}, INFINITY, 0, {0, false}};
   constexpr int kRuns = 40000;
   double first = 0, second = 0, passed = 0;
@@ -180,12 +201,64 @@ TEST_CASE("volume: overlapping volumes add up, and each collides by its share") 
   CHECK(passed / kRuns == Approx(t).margin(kSigmas * 0.0011));
 }
 
+TEST_CASE("volume: through the tree a ray finds what it finds in the list, every volume once") {
+  const Held held{dense_grid(std::vector<float>(512, 1), ivec3(8), 1)};
+  Random random(7);
+  std::vector<kernels::VolumeView> volumes;
+  for (u32 i = 0; i < 300; ++i) {
+    kernels::VolumeView view = volume_of(held, 0.05f);
+    const vec3 place = 100.0f * vec3(random.next(), random.next(), random.next());
+    const mat4x3 world(vec3(0.5f, 0, 0), vec3(0, 2, 0), vec3(0, 0, 1), i < 20 ? vec3(50) : place);
+    view.instance.world_from_object = world;
+    view.instance.object_from_world = inverse(world);
+    if (i % 10 == 9) view.instance.visibility = kernels::kShadowRay;
+    if (i == 30) view.instance.visibility = 0;
+    volumes.push_back(view);
+  }
+  const Cloud cloud(volumes);
+  u32 met = 0, through_tree = 0;
+  for (u32 i = 0; i < 2000; ++i) {
+    const vec3 from = 120.0f * vec3(random.next(), random.next(), random.next()) - 10.0f;
+    const vec3 to = 100.0f * vec3(random.next(), random.next(), random.next());
+    const vec3 along = i % 5 == 0 ? vec3(i % 2, 1 - i % 2, 0) : glm::normalize(to - from);
+    const kernels::Ray ray{from, along, i % 3 == 0 ? 40.0f : INFINITY, 0, {0, false}};
+    std::set<u32> visited;
+    visit_volumes(cloud.scene, ray, kernels::kCameraRay, ray.t_max, [&](u32 volume, float&) {
+      CHECK(visited.insert(volume).second);
+      return true;
+    });
+    through_tree += u32(visited.size());
+    float passes = 1, nearest = ray.t_max;
+    for (u32 k = 0; k < volumes.size(); ++k) {
+      const kernels::VolumeView& view = volumes[k];
+      const kernels::HashSequence sequence(i + k);
+      const auto local = kernels::to_volume(cloud.scene, view, ray);
+      const auto span = kernels::span_in_box(view.density, local, ray.t_max);
+      const bool camera = view.instance.visibility & kernels::kCameraRay;
+      if (span.begin < span.end && camera) {
+        CHECK(visited.contains(k));
+        ++met;
+      }
+      if (camera) nearest = std::min(nearest, collide(cloud.scene, view, ray, ray.t_max, sequence));
+      if (view.instance.visibility & kernels::kShadowRay)
+        passes *= transmittance(cloud.scene, view, ray, sequence);
+    }
+    const auto at = collide(cloud.scene, ray, kernels::kCameraRay, ray.t_max, i);
+    CHECK(at.t == Approx(nearest));
+    CHECK((at.volume == kernels::kNone) == (nearest == ray.t_max));
+    CHECK(transmittance(cloud.scene, ray, i) == Approx(passes));
+  }
+  CHECK(met > 1000);
+  CHECK(through_tree < 2 * met);
+}
+
 TEST_CASE("volume: a majorant without bound ends in time") {
   std::vector<float> values(512, 0);
   values[0] = 1e9f;
   const Held held{dense_grid(values, ivec3(8), 1)};
   const kernels::VolumeView volume = volume_of(held, 1e9f);
-  const kernels::SceneView scene = scene_of({&volume, 1});
+  const Cloud cloud({volume});
+  const kernels::SceneView& scene = cloud.scene;
   const kernels::Ray ray{{-1, 7.5f, 7.5f}, {1, 0, 0}, INFINITY, 0, {0, false}};
   CHECK(collide(scene, ray, kernels::kCameraRay, INFINITY, 1).volume == kernels::kNone);
   CHECK(transmittance(scene, ray, 1) == 1);

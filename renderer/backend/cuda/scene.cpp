@@ -253,6 +253,8 @@ void CudaScene::copy_volumes() {
     copy(volume.color, volumes_[i].color);
   }
   view_.volumes = copies_.of(volumes_.data(), volumes_.size());
+  const u64 nodes = volumes_.empty() ? 0 : 2 * volumes_.size() - 1;
+  view_.volume_nodes = copies_.of(view_.volume_nodes, nodes);
 }
 
 void CudaScene::copy_bvh(const TreeBuilder& builder, const CudaScene* like) {
