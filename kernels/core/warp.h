@@ -35,11 +35,12 @@ KERNEL vec3 sample_sphere(vec2 u) {
 }
 
 /// Uniform in a cone about a unit axis. depth: 1 - cosine of its half angle
-KERNEL vec3 sample_cone(vec3 axis, float depth, vec2 u) {
-  const float drop = u.x * depth;
-  const float r = safe_sqrt(drop * (2 - drop));
-  const SinCos phi = sincos_turns(u.y);
-  return to_world(make_frame(axis), vec3(r * phi.cos, r * phi.sin, 1 - drop));
+template <class F>
+KERNEL Vec3<F> sample_cone(Vec3<F> axis, F depth, Vec2<F> u) {
+  const F drop = u.x * depth;
+  const F r = safe_sqrt(drop * (2 - drop));
+  const SinCosOf<F> phi = sincos_turns(u.y);
+  return to_world(make_frame(axis), Vec3<F>(r * phi.cos, r * phi.sin, 1 - drop));
 }
 
 /// Weights of a triangle's vertices 1 and 2, uniform in area.

@@ -93,6 +93,21 @@ KERNEL vec3 unshadowed(const PathContext<T>& c, const Ray& ray, Inside& inside,
   return transmittance(inside, ray.t_max);
 }
 
+/// Collects what of a light comes along a ray: surfaces hold it up, media and volumes weaken it.
+///
+/// inside   what the ray starts inside of
+template <Tracer T>
+KERNEL void send(const PathContext<T>& c, const Path& path, const Ray& ray, Inside& inside,
+                 Contribution light, const Route& route, SampleValues& sample) {
+  light.radiance *= unshadowed(c, ray, inside, sample);
+  if (is_black(light.radiance)) return;
+  if (kRich && c.scene.volume_count > 0) {
+    light.radiance *=
+        transmittance(c.scene, ray, c.sampler.hash_of(kShadowCollisionHash + path.edges));
+  }
+  collect(c, sample, light, route);
+}
+
 /// Light that comes to a point straight from one light.
 template <Tracer T, class Point>
 KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Point& at,
@@ -109,19 +124,14 @@ KERNEL void sample_light(const PathContext<T>& c, const Path& path, const Point&
   const vec3 origin = leave_towards(at, light.direction, inside);
   Ray ray{origin, light.direction, INFINITY, c.time, hole_key(c, kShadowHoleHash + path.edges)};
   if (!shadow_ray(origin, light, ray)) return;
-  const vec3 share = unshadowed(c, ray, inside, sample);
-  if (is_black(share)) return;
-  float weight = shows_to_all(light.visibility) ? mis_weight(light.pdf, f.pdf) : 1;
-  if (kRich && c.scene.volume_count > 0) {
-    weight *= transmittance(c.scene, ray, c.sampler.hash_of(kShadowCollisionHash + path.edges));
-    if (!(weight > 0)) return;
-  }
+  const float weight = shows_to_all(light.visibility) ? mis_weight(light.pdf, f.pdf) : 1;
   const vec3 radiance =
       path.throughput * total * light_radiance(c.scene, light) * (weight / light.pdf);
   const bool routed = path.edges == 1 && wants_rare(c.film, kLightPlaneSet);
   const Route route = routed ? route_of(at, light.direction, f) : path.route;
   const u32 group = light_group(c.scene, light);
-  collect(c, sample, {radiance * share, path.edges + 1, light.light == kNone, group}, route);
+  send(c, path, ray, inside, {radiance, path.edges + 1, light.light == kNone, group}, route,
+       sample);
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -167,7 +167,7 @@ HELIO_STEP KERNEL void record_guides(Path& path, const Vertex& v, const BsdfSamp
 HELIO_STEP KERNEL bool mix_casters(const Vertex& v, bool aimed, float choice, vec2 u,
                                    BsdfSample& s) {
   if (aimed) {
-    const CasterDirection to = sample_casters(*v.casters, choice, u);
+    const CasterDirectionOf<float> to = sample_casters(*v.casters, choice, u);
     const BsdfValue f = evaluate_bsdf(v.bsdf, to.wi);
     if (!(f.pdf > 0) || dot(v.bsdf.ng, to.wi) <= 0) return false;
     const float diffuse = v.bsdf.diffuse_probability * dot(v.bsdf.frame.n, to.wi) * kInvPi;

@@ -18,96 +18,128 @@ inline constexpr u32 kCasterEdges = 2;
 
 inline constexpr u32 kMostCones = 16;
 
-/// The cones in which a point sees the scene's casters, and images of lights in them.
-struct CasterCones {
-  u32 count = 0;
-  float probability = 0;    // of a direction towards one of them; the rest are the surface's own
-  vec3 axis[kMostCones];    // unit, world
-  float depth[kMostCones];  // 1 - cosine of the half angle: the solid angle over 2 pi
-  float sum[kMostCones];    // running, of their weights
-};
+/// Squares of lengths in metres between which directions are exact enough to aim.
+inline constexpr float kShortest2 = 1e-30f, kLongest2 = 1e30f;
 
-KERNEL void add_cone(CasterCones& cones, vec3 axis, float depth, float weight) {
-  const float before = cones.count > 0 ? cones.sum[cones.count - 1] : 0;
+/// The cones in which a point sees the scene's casters, and images of lights in them. Which cone is
+/// whose does not depend on the point; those that it does not see weigh nothing.
+template <class F>
+struct CasterConesOf {
+  u32 count = 0;
+  F probability{0};          // of a direction towards one of them; the rest are the surface's own
+  Vec3<F> axis[kMostCones];  // unit, world
+  F depth[kMostCones];       // 1 - cosine of the half angle: the solid angle over 2 pi
+  F sum[kMostCones];         // running, of their weights
+};
+using CasterCones = CasterConesOf<float>;
+
+template <class F>
+KERNEL void add_cone(CasterConesOf<F>& cones, BoolOf<F> seen, Vec3<F> axis, F depth, F weight) {
+  if (!any(seen)) return;
+  const F before = cones.count > 0 ? cones.sum[cones.count - 1] : F(0);
   cones.axis[cones.count] = axis;
-  cones.depth[cones.count] = depth;
-  cones.sum[cones.count++] = before + weight;
+  cones.depth[cones.count] = select(seen, depth, F(1));
+  cones.sum[cones.count++] = before + select(seen, weight, F(0));
+}
+
+/// The direction of a vector; a shorter one where that is hardly known.
+template <class F>
+KERNEL Vec3<F> towards(Vec3<F> v) {
+  return v * (1 / root(max2(dot(v, v), F(kShortest2))));
 }
 
 /// Adds a cone in which p sees a light in a caster, unless it is little smaller than the caster.
 ///
 /// whole    depth of the caster's own cone
-KERNEL void add_image(CasterCones& cones, const CasterView& caster, const CastLightView& light,
-                      vec3 p, float whole, float weight) {
+template <class F>
+KERNEL void add_image(CasterConesOf<F>& cones, const CasterView& caster, const CastLightView& light,
+                      Vec3<F> p, BoolOf<F> seen, F whole, F weight) {
   constexpr u32 kSteps = 2;  // the error is then small against the images of lamps
   constexpr float kLargest = 0.5f, kSmallest = 1e-4f;  // of a smaller one rounding shows
-  vec3 normal = normalize_or(normalize_or(p - caster.center, vec3(0)) +
-                                 normalize_or(light.center - caster.center, vec3(0)),
-                             vec3(0));
-  vec3 q = caster.center + caster.radius * normal;
+  const Vec3<F> center(caster.center), lamp(light.center);
+  const F radius(caster.radius);
+  Vec3<F> normal = towards(towards(p - center) + towards(lamp - center));
+  Vec3<F> q = center + normal * radius;
   for (u32 i = 0; i < kSteps; ++i) {
-    normal = normalize_or(normalize_or(p - q, vec3(0)) + normalize_or(light.center - q, vec3(0)),
-                          normal);
-    q = caster.center + caster.radius * normal;
+    normal = towards(towards(p - q) + towards(lamp - q));
+    q = center + normal * radius;
   }
-  const vec3 d = q - p;
-  const float distance = length(d);
-  const float cosine = -dot(normal, d) / distance;
-  if (!(cosine > 0)) return;
-  const float seen = light.radius / max2(length(light.center - q), light.radius) + caster.spread;
-  const float angle = seen / (1 + 2 * distance * cosine / caster.radius);
-  const float depth = max2(0.5f * sqr(angle), kSmallest);
-  if (depth < kLargest * whole) add_cone(cones, d / distance, depth, weight);
+  const Vec3<F> d = q - p, from_lamp = lamp - q;
+  const F distance2 = dot(d, d), distance = root(distance2);
+  const F cosine = -dot(normal, d) / distance;
+  const F angular = light.radius / max2(root(dot(from_lamp, from_lamp)), F(light.radius));
+  const F angle = (angular + caster.spread) / (1 + 2 * distance * cosine / radius);
+  const F depth = max2(0.5f * sqr(angle), F(kSmallest));
+  const BoolOf<F> known = (distance2 > F(kShortest2)) & (distance2 < F(kLongest2));
+  add_cone(cones, seen & known & (cosine > F(0)) & (depth < kLargest * whole), d / distance, depth,
+           weight);
 }
 
 /// n   unit, at p; world
-HELIO_STEP KERNEL void see_casters(CasterCones& cones, const SceneView& scene, vec3 p, vec3 n) {
+template <class F>
+HELIO_STEP KERNEL void see_casters(CasterConesOf<F>& cones, const SceneView& scene, Vec3<F> p,
+                                   Vec3<F> n) {
   constexpr float kFlattest = 0.1f;  // cosine that the weight of a low one has
   // What the casters' own cones add up to, as shares of the hemisphere weighed by the cosine, for
   // the whole probability. Of 0.01 to 0.1 the most that has no more variance in W1; a plain with a
   // few small casters (W4) takes 1.08 times as long as without any, where it took 1.47 times.
   constexpr float kLarge = 0.03f;
-  float seen = 0;
+  F sum(0);
+  u32 room = kMostCones - scene.caster_count;  // each has its own cone
   for (u32 i = 0; i < scene.caster_count; ++i) {
     const CasterView& caster = scene.casters[i];
-    const vec3 d = caster.center - p;
-    const float distance2 = dot(d, d);
-    const float height = dot(d, n);
-    if (distance2 <= sqr(caster.radius) || height <= -caster.radius) continue;
-    const float inverse = 1 / std::sqrt(distance2);
-    const float sine2 = sqr(caster.radius * inverse);
-    const float depth = sine2 / (1 + std::sqrt(1 - sine2));
-    const float weight = depth * max2(height * inverse, kFlattest);
-    seen += weight;
-    add_cone(cones, d * inverse, depth, weight);
-    if (caster.mirror == 0) continue;
-    const u32 most = kMostCones - (scene.caster_count - 1 - i);  // each has its own cone
-    for (u32 k = 0; k < scene.cast_light_count && cones.count < most; ++k)
-      add_image(cones, caster, scene.cast_lights[k], p, depth, caster.mirror * weight);
+    const u32 images = caster.mirror > 0 ? min2(scene.cast_light_count, room) : 0;
+    room -= images;
+    const Vec3<F> d = Vec3<F>(caster.center) - p;
+    const F distance2 = dot(d, d), height = dot(d, n);
+    const BoolOf<F> seen = (distance2 > F(max2(sqr(caster.radius), kShortest2))) &
+                           (distance2 < F(kLongest2)) & (height > F(-caster.radius));
+    if (!any(seen)) continue;
+    const F inverse = 1 / root(distance2);
+    const F sine2 = sqr(caster.radius * inverse);
+    const F depth = sine2 / (1 + safe_sqrt(1 - sine2));
+    const F weight = depth * max2(height * inverse, F(kFlattest));
+    sum += select(seen, weight, F(0));
+    add_cone(cones, seen, d * inverse, depth, weight);
+    for (u32 k = 0; k < images; ++k)
+      add_image(cones, caster, scene.cast_lights[k], p, seen, depth, caster.mirror * weight);
   }
-  cones.probability = scene.caster_probability * min2(1.0f, seen / kLarge);
+  cones.probability = scene.caster_probability * min2(F(1), sum / kLarge);
 }
 
-/// Density of sample_casters(), 1/sr. wi: unit, world
-HELIO_STEP KERNEL float casters_pdf(const CasterCones& cones, vec3 wi) {
-  float pdf = 0;
-  float before = 0;
+/// Density of sample_casters(), 1/sr; 0 where no caster is seen. wi: unit, world
+template <class F>
+HELIO_STEP KERNEL F casters_pdf(const CasterConesOf<F>& cones, Vec3<F> wi) {
+  F pdf(0), before(0);
   for (u32 i = 0; i < cones.count; ++i) {
-    if (1 - dot(wi, cones.axis[i]) <= cones.depth[i])
-      pdf += (cones.sum[i] - before) / cones.depth[i];
+    const F weight = cones.sum[i] - before;
     before = cones.sum[i];
+    pdf += select(1 - dot(wi, cones.axis[i]) <= cones.depth[i], weight / cones.depth[i], F(0));
   }
-  return pdf / (2 * kPi * cones.sum[cones.count - 1]);
+  return select(before > F(0), pdf / (2 * kPi * before), F(0));
 }
 
 /// A direction towards a caster, and what is left of the choice, in [0, 1).
-struct CasterDirection {
-  vec3 wi;  // unit, world
-  float rest;
+template <class F>
+struct CasterDirectionOf {
+  Vec3<F> wi;  // unit, world
+  F rest;
 };
-KERNEL CasterDirection sample_casters(const CasterCones& cones, float choice, vec2 u) {
-  const Choice caster = choose(cones.sum, cones.count, choice * cones.sum[cones.count - 1]);
-  return {sample_cone(cones.axis[caster.index], cones.depth[caster.index], u), caster.rest};
+/// Where a caster is seen.
+template <class F>
+KERNEL CasterDirectionOf<F> sample_casters(const CasterConesOf<F>& cones, F choice, Vec2<F> u) {
+  const F whole = cones.sum[cones.count - 1];
+  const F at = min2(choice, F(1 - 0x1p-22f)) * whole;  // below the whole when rounded, too
+  Vec3<F> axis = cones.axis[0];
+  F depth = cones.depth[0], start(0), end = cones.sum[0];
+  for (u32 i = 1; i < cones.count; ++i) {
+    const BoolOf<F> later = at >= end;
+    axis = select(later, cones.axis[i], axis);
+    depth = select(later, cones.depth[i], depth);
+    start = select(later, cones.sum[i - 1], start);
+    end = select(later, cones.sum[i], end);
+  }
+  return {sample_cone(axis, depth, u), stretched(at - start, end - start)};
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -182,6 +182,16 @@ struct VolumeView {
   float emission_scale;     // 0 where nothing glows
 };
 
+/// A box about some volumes, in the world and over their whole motion.
+struct VolumeNode {
+  vec3 lower;
+  u32 first;  // inner: the first child, the other one follows; leaf: the volume
+  vec3 upper;
+  bool is_leaf;
+};
+/// No tree of the builder is deeper.
+inline constexpr u32 kVolumeTreeDepth = 32;
+
 // ---------------------------------------------------------------- lights
 
 /// A subtree of a light tree: bounds of what emits there, and how strongly.
@@ -284,7 +294,7 @@ struct SunView {
   u32 light_group;
 };
 
-/// The most entities of a scene that paths look for; where there are more, they look for none.
+/// The most entities of a scene that paths look for, and the most lights in each.
 inline constexpr u32 kMostCasters = 8;
 inline constexpr u32 kMostCastLights = 4;
 
@@ -327,15 +337,16 @@ struct SceneView {
   u32 light_count;
   const VolumeView* volumes;
   u32 volume_count;
-  const vec4* black_body;  // kBlackBodyEntries
-  bool only_spheres;       // every light has a sphere_radius
-  bool any_holes;          // some instance has kMayBeHole
-  bool any_media;          // paths keep track of what they are inside of
-  bool any_passable;       // some instance has a passable material
-  bool any_priority;       // some instance has a material with a priority
-  bool any_rich;           // some instance has a material that is_rich()
-  bool plain_rays;         // no instance moves, deforms or has kMayBeHole
-  float radius;            // of a sphere about the scene's bounds, metres
+  const VolumeNode* volume_nodes;  // the tree over the volumes; node 0 is its root
+  const vec4* black_body;          // kBlackBodyEntries
+  bool only_spheres;               // every light has a sphere_radius
+  bool any_holes;                  // some instance has kMayBeHole
+  bool any_media;                  // paths keep track of what they are inside of
+  bool any_passable;               // some instance has a passable material
+  bool any_priority;               // some instance has a material with a priority
+  bool any_rich;                   // some instance has a material that is_rich()
+  bool plain_rays;                 // no instance moves, deforms or has kMayBeHole
+  float radius;                    // of a sphere about the scene's bounds, metres
   vec3 center;
 };
 

@@ -45,14 +45,33 @@ KERNEL void collect(const PathContext<LaterTracer<T>>& c, SampleValues& sample, 
     collect(with_tracer(c, later.tracer), sample, light, route);
 }
 
+/// Calls f with a context in which light whose ray is asked for is left in `light`.
+template <Tracer T, class F>
+KERNEL void leave_for_later(const PathContext<T>& c, LaterLight& light, const F& f) {
+  Ray asked;
+  asked.t_max = 0;
+  const LaterTracer<T> later{c.tracer, asked, light};
+  f(with_tracer(c, later));
+}
+
 /// sample_light() at a vertex; what its ray decides is left in `light`.
 template <Tracer T>
 KERNEL void sample_light_later(const PathContext<T>& c, const Path& path, const Vertex& v,
                                SampleValues& sample, LaterLight& light) {
-  Ray asked;
-  asked.t_max = 0;
-  const LaterTracer<T> later{c.tracer, asked, light};
-  sample_light(with_tracer(c, later), path, v, sample);
+  leave_for_later(c, light, [&](const auto& later) { sample_light(later, path, v, sample); });
+}
+/// send(); what its ray decides is left in `light`.
+template <Tracer T>
+KERNEL void send_later(const PathContext<T>& c, const Path& path, const Ray& ray, Inside& inside,
+                       const Contribution& sent, const Route& route, SampleValues& sample,
+                       LaterLight& light) {
+  if (!has_media(c.scene) && c.scene.volume_count == 0) {  // as below, but sooner
+    ++sample.rays;
+    light = {ray, sent, route};
+    return;
+  }
+  leave_for_later(c, light,
+                  [&](const auto& later) { send(later, path, ray, inside, sent, route, sample); });
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

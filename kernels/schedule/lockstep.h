@@ -39,7 +39,6 @@ class Lockstep {
         tracer_(tracer),
         film_(film),
         plain_camera_(is_plain(camera)),
-        plain_air_(has_plain_air(scene)),
         plain_lights_(has_plain_lights(scene)) {}
 
   [[nodiscard]] bool is_full() const {
@@ -214,7 +213,7 @@ class Lockstep {
         sample_light_later(c, path, v, item.values, item.light);
       };
       const auto take = [&](const Path& path, const Vertex& v) {
-        if (!plain_air_ || !is_plain(scene_, path, v)) return false;
+        if (!is_plain(v)) return false;
         plain_items_[plain_.count] = active_[i];
         kernels::add(plain_, c, path, v, plain_lights_);
         return true;
@@ -238,6 +237,7 @@ class Lockstep {
       sort(plain_items_[i], kernels::go_on(plain_, i, c, item.path, item.values), left);
     }
     plain_.count = 0;
+    plain_.any_looks = false;
   }
   void sort(u32 index, bool goes_on, u32& left) {
     const Item& item = items_[index];
@@ -258,7 +258,7 @@ class Lockstep {
   const Settings& settings_;
   const T& tracer_;
   const FilmView& film_;
-  const bool plain_camera_, plain_air_, plain_lights_;
+  const bool plain_camera_, plain_lights_;
   Item items_[kPaths];
   u32 active_[kPaths];  // items on their way
   u32 lit_[kPaths];

@@ -4,6 +4,7 @@
 // Tested: tests/unit/lockstep_test.cpp, against render_pixel().
 #pragma once
 
+#include "kernels/schedule/plain_casters.h"
 #include "kernels/schedule/plain_lights.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
@@ -72,25 +73,35 @@ KERNEL Mask set_rays_of_light(PlainVertices& v) {
   return (!near) | (distance > 0);
 }
 
-/// sample_light() at each, but for its ray and what it brings, then scatter().
-KERNEL void scatter_all(const SceneView& scene, bool plain_lights, PlainVertices& v) {
-  const Mask all = first_lanes(v.count);
-  const OpaqueBase<Floats> b = plain_base(v);
+/// sample_light() at each, but for its ray and what it brings.
+HELIO_ONCE KERNEL void take_lights(const SceneView& scene, bool plain_lights,
+                                   const OpaqueBase<Floats>& b, PlainVertices& v) {
   if (plain_lights) sample_lights(scene, b, v);
-  const Vec3<Floats> throughput = v.throughput;
-
   const Floats light_pdf = v.light_pdf;
   BsdfValueOf<Floats> f = evaluate(b, v.light_direction);
+  if (v.any_looks) f.pdf = scatter_pdf(v, v.light_direction, f.pdf);
   f.diffuse *= Floats(v.diffuse_sees);
   f.glossy *= Floats(v.glossy_sees);
   const Vec3<Floats> total = f.diffuse + f.glossy;
   const Floats weight = select(Floats(v.weighed) > 0, mis_weight(light_pdf, f.pdf), Floats(1));
-  v.light_seen = throughput * total;
+  v.light_seen = Vec3<Floats>(v.throughput) * total;
   v.light_weight = weight / light_pdf;
   v.light_total = total;
   v.light_diffuse = f.diffuse;
-  v.lit = bits_of(all & (light_pdf > 0) & (max_component(total) > 0) & set_rays_of_light(v));
+  v.lit = bits_of(first_lanes(v.count) & (light_pdf > 0) & (max_component(total) > 0) &
+                  set_rays_of_light(v));
+}
 
+/// A direction in which each goes on, of the surface's choice.
+struct Scattered {
+  Mask valid;
+  Mask facets;  // by microfacets
+  Vec3<Floats> direction;
+  BsdfValueOf<Floats> f;
+};
+/// sample_bsdf()
+HELIO_ONCE KERNEL Scattered sample_own(const OpaqueBase<Floats>& b, const PlainVertices& v) {
+  const Mask all = first_lanes(v.count);
   const Vec2<Floats> u(v.scatter_u, v.scatter_v);
   const Mask facets = Floats(v.lobe_u) >= b.diffuse_probability;
   Vec3<Floats> wi(0, 0, 1);
@@ -104,24 +115,61 @@ KERNEL void scatter_all(const SceneView& scene, bool plain_lights, PlainVertices
     wi = select(facets, mirrored, wi);
   }
   const Vec3<Floats> direction = to_world(b.frame, wi);
-  const BsdfValueOf<Floats> g = evaluate(b, direction);
-  valid = valid & (g.pdf > 0);
-  const Floats scale = 1 / g.pdf;
-  const Vec3<Floats> sent = (g.diffuse + g.glossy) * scale;
-  v.weight = sent;
-  v.diffuse_weight = g.diffuse * scale;
-  v.origin = origin_towards(v, direction);
-  v.direction = direction;
-  v.pdf = g.pdf;
-  v.sampled = bits_of(valid);
-  v.glossy = bits_of(facets);
+  const BsdfValueOf<Floats> f = evaluate(b, direction);
+  return {valid & (f.pdf > 0), facets, direction, f};
+}
 
-  const Vec3<Floats> carried = throughput * sent;
+/// Turns samples of the surface's own into those towards casters, where lanes aim at one.
+HELIO_RARE KERNEL void turn_to_casters(const OpaqueBase<Floats>& b, const Aimed& aimed,
+                                       Scattered& s) {
+  const auto& [wi, rest] = aimed.to;
+  const Mask lanes = aimed.lanes;
+  const BsdfValueOf<Floats> f = evaluate(b, wi);
+  const Mask facets = rest * f.pdf >= b.diffuse_probability * dot(b.frame.n, wi) * kInvPi;
+  s.valid = (lanes & (f.pdf > 0)) | (s.valid & !lanes);
+  s.facets = (lanes & facets) | (s.facets & !lanes);
+  s.direction = select(lanes, wi, s.direction);
+  s.f.diffuse = select(lanes, f.diffuse, s.f.diffuse);
+  s.f.glossy = select(lanes, f.glossy, s.f.glossy);
+  s.f.pdf = select(lanes, f.pdf, s.f.pdf);
+}
+
+/// scatter() at each.
+HELIO_ONCE KERNEL void scatter_on(const OpaqueBase<Floats>& b, PlainVertices& v) {
+  Aimed aimed{};
+  if (v.any_looks) aimed = aim(v);
+  Scattered s = sample_own(b, v);
+  Floats scale = 1 / s.f.pdf;
+  Vec3<Floats> sent = (s.f.diffuse + s.f.glossy) * scale;
+  v.own_weight = select(s.valid, sent, Vec3<Floats>(0));
+  v.diffuse_weight = s.f.diffuse * scale;
+  v.pdf = s.f.pdf;
+  if (v.any_looks) {
+    if (any(aimed.lanes)) turn_to_casters(b, aimed, s);
+    const Floats pdf = scatter_pdf(v, s.direction, s.f.pdf), mixed = s.f.pdf / pdf;
+    scale = 1 / s.f.pdf;
+    sent = (s.f.diffuse + s.f.glossy) * scale * mixed;
+    v.diffuse_weight = s.f.diffuse * scale * mixed;
+    v.pdf = pdf;
+  }
+  v.weight = sent;
+  v.origin = origin_towards(v, s.direction);
+  v.direction = s.direction;
+  v.glossy = bits_of(s.facets);
+
+  const Vec3<Floats> carried = Vec3<Floats>(v.throughput) * sent;
   const Floats chance =
       select(Floats(v.ends_by_chance) > 0,
              survival_chance(max_component(carried) * Floats(v.radiance_scale)), Floats(1));
-  v.survive = bits_of(valid & (Floats(v.chance_u) < chance));
+  v.survive = bits_of(s.valid & (Floats(v.chance_u) < chance));
   v.throughput = carried * (1 / chance);
+}
+
+KERNEL void scatter_all(const SceneView& scene, bool plain_lights, PlainVertices& v) {
+  const OpaqueBase<Floats> b = plain_base(v);
+  if (v.any_looks) see_casters(scene, b, v);
+  take_lights(scene, plain_lights, b, v);
+  scatter_on(b, v);
 }
 
 /// What lights send to a lane that is lit.
@@ -138,27 +186,26 @@ KERNEL u32 group_of(const SceneView& scene, bool plain_lights, const LightSample
 template <Tracer T>
 KERNEL void take_light(const PlainVertices& v, u32 i, bool plain_lights, const PathContext<T>& c,
                        const Path& path, SampleValues& sample, LaterLight& later) {
-  ++sample.rays;
-  later.ray = {v.ray_origin.get(i), v.ray_direction.get(i), v.ray_end.of[i], c.time,
-               hole_key(c, kShadowHoleHash + path.edges)};
+  const Ray ray{v.ray_origin.get(i), v.ray_direction.get(i), v.ray_end.of[i], c.time,
+                hole_key(c, kShadowHoleHash + path.edges)};
   const LightSample& light = v.light[i];
-  later.light = {
+  const Contribution sent{
       v.light_seen.get(i) * radiance_of(c.scene, plain_lights, light) * v.light_weight.of[i],
       path.edges + 1, light.light == kNone, group_of(c.scene, plain_lights, light)};
-  later.route = path.route;
+  Route route = path.route;
   if (path.edges == 1 && wants_rare(c.film, kLightPlaneSet)) {
-    later.route = {share_of(v.light_diffuse.get(i), v.light_total.get(i)), FirstVertex::kReflects};
+    route = {share_of(v.light_diffuse.get(i), v.light_total.get(i)), FirstVertex::kReflects};
   }
+  Inside inside;
+  if (has_media(c.scene)) inside = path.inside;
+  send_later(c, path, ray, inside, sent, route, sample, later);
 }
 
 /// The path of a lane goes on; false when it ends.
 template <Tracer T>
 KERNEL bool go_on(const PlainVertices& v, u32 i, const PathContext<T>& c, Path& path,
                   SampleValues& sample) {
-  const bool sampled = v.sampled >> i & 1;
-  if (!path.guided) {
-    record_guides(path, sampled ? v.weight.get(i) : vec3(0), v.n.get(i), sample);
-  }
+  if (!path.guided) record_guides(path, v.own_weight.get(i), v.n.get(i), sample);
   if (!(v.survive >> i & 1)) return false;
   if (path.edges == 1 && wants_rare(c.film, kLightPlaneSet)) {
     path.route = {share_of(v.diffuse_weight.get(i), v.weight.get(i)), FirstVertex::kReflects};

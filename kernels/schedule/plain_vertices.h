@@ -7,22 +7,15 @@
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
-/// Whether paths that meet plain surfaces of a scene can go on side by side: rays of light are
-/// asked whether something is in the way, and nothing more.
-KERNEL bool has_plain_air(const SceneView& scene) {
-  return !scene.any_media && scene.volume_count == 0;
-}
-
 /// Whether a surface that a path has come to is plain.
-KERNEL bool is_plain(const SceneView& scene, const Path& path, const Vertex& v) {
+KERNEL bool is_plain(const Vertex& v) {
   const MaterialValues& m = v.material;
   if (v.surface.material->unlit || m.transmission > 0 || m.subsurface > 0 || m.anisotropic > 0 ||
       m.iridescence > 0 || has_layers(m)) {
     return false;
   }
   const bool facets = m.specular > 0 || m.metallic > 0;
-  if (facets ? sqr(m.roughness) < kDeltaAlpha : is_black(m.base_color)) return false;
-  return path.edges > kCasterEdges || scene.caster_count == 0;
+  return facets ? sqr(m.roughness) >= kDeltaAlpha : !is_black(m.base_color);
 }
 
 /// Up to kLanes of them. Lanes beyond those that were added hold numbers, which mean nothing.
@@ -40,6 +33,7 @@ struct PlainVertices {
   Row radiance_scale;
   Row light_u, light_v, scatter_u, scatter_v, lobe_u, chance_u;  // uniform in [0, 1)
   Row ends_by_chance;                                            // 1: roulette has begun
+  Row looks;                                                     // 1: for casters
   // light, one way or the other: where it is, and how often it is taken
   Row surface_share;          // Receiver::surface_share
   LightSample light[kLanes];  // of plain lights `light` alone
@@ -48,6 +42,8 @@ struct PlainVertices {
   Row light_pdf;                  // 0: there is none
   Row diffuse_sees, glossy_sees;  // 1 or 0
   Row weighed;                    // 1: multiple importance sampling counts it; 0: nothing else does
+  bool any_looks = false;
+  CasterConesOf<Floats> casters;  // where any vertex looks for them
 
   // what becomes of them: bit i is lane i
   u32 lit;                          // light may come along
@@ -56,9 +52,9 @@ struct PlainVertices {
   Row3 light_total, light_diffuse;  // f |cos| of it, and what of that is diffuse
   Row3 light_seen;                  // throughput times that
   Row light_weight;                 // of the strategy, over its density
-  u32 sampled;                      // a direction was chosen
+  u32 survive;                      // it goes on
   u32 glossy;                       // by microfacets
-  u32 survive;                      // and goes on
+  Row3 own_weight;                  // BsdfSample::weight of the surface's own choice; 0: none
   Row3 weight, diffuse_weight;      // BsdfSample::weight, diffuse
   Row3 origin, direction;
   Row pdf;
@@ -100,6 +96,9 @@ KERNEL void add(PlainVertices& all, const PathContext<T>& c, const Path& path, c
   all.lobe_u.of[i] = chance.x;
   all.chance_u.of[i] = chance.y;
   all.ends_by_chance.of[i] = path.edges + 1 > c.settings.roulette_depth ? 1 : 0;
+  const bool looks = c.scene.caster_count > 0 && path.edges <= kCasterEdges;
+  all.looks.of[i] = looks ? 1 : 0;
+  all.any_looks |= looks;
   if (light) return;
   const Receiver receiver = receiver_at(c.scene, s.p, n, Facing::kFront, c.time);
   LightSample& sample = all.light[i];

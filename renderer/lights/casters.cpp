@@ -1,6 +1,8 @@
 #include "renderer/lights/casters.h"
 
 #include <algorithm>
+#include <functional>
+#include <numeric>
 
 #include "kernels/scene/ray.h"
 
@@ -15,11 +17,8 @@ float mirror_share(const kernels::MaterialValues& material) {
   return material.metallic > 0.5f ? 1.0f : 0.25f;  // glass reflects less
 }
 
-}  // namespace
-
-std::vector<kernels::CasterView> find_casters(const Placement& placement,
-                                              const Materials& materials,
-                                              std::span<const u32> slots) {
+std::vector<kernels::CasterView> all_casters(const Placement& placement, const Materials& materials,
+                                             std::span<const u32> slots) {
   const Structure& structure = *placement.structure;
   std::vector<kernels::CasterView> casters;
   for (const u32 slot : slots) {
@@ -30,7 +29,6 @@ std::vector<kernels::CasterView> find_casters(const Placement& placement,
     const auto material =
         std::ranges::find_if(parts, [&](u32 row) { return focuses(materials.materials[row]); });
     if (!(instance.visibility & kernels::kDiffuseRay) || mesh.rest.empty()) continue;
-    if (casters.size() == kernels::kMostCasters) return {};
     const mat4x3& world = instance.world_from_object;
     const vec3 half = 0.5f * (mesh.rest.upper - mesh.rest.lower);
     const kernels::MaterialValues& values = materials.materials[*material].constant;
@@ -44,21 +42,83 @@ std::vector<kernels::CasterView> find_casters(const Placement& placement,
   return casters;
 }
 
-std::vector<kernels::CastLightView> find_cast_lights(const Lights& lights, const Box& scene) {
-  std::vector<kernels::CastLightView> found;
-  if (lights.lights.size() + lights.suns.size() > kernels::kMostCastLights || scene.empty())
-    return found;
+/// A light as casters show it, and what it gives.
+struct CastLight {
+  kernels::CastLightView view;
+  double power;     // as a light tree counts it
+  bool is_distant;  // then it is what it gives to a square metre
+};
+
+std::vector<CastLight> all_lights(const Lights& lights, const Box& scene) {
+  std::vector<CastLight> found;
   for (const kernels::LightBounds& bounds : lights.tree->bounds)
-    found.push_back({.center = 0.5f * (bounds.lower + bounds.upper),
-                     .radius = 0.5f * glm::length(bounds.upper - bounds.lower)});
+    found.push_back({{.center = 0.5f * (bounds.lower + bounds.upper),
+                      .radius = 0.5f * glm::length(bounds.upper - bounds.lower)},
+                     double(bounds.power),
+                     false});
   const vec3 middle = 0.5f * (scene.lower + scene.upper);
   const float distance = kDistant * 0.5f * glm::length(scene.upper - scene.lower);
   for (const kernels::SunView& sun : lights.suns)
-    found.push_back({.center = middle + distance * sun.direction,
-                     .radius = distance * std::sqrt(2 * sun.depth)});
+    found.push_back({{.center = middle + distance * sun.direction,
+                      .radius = distance * std::sqrt(2 * sun.depth)},
+                     2 * M_PI * M_PI * double(sun.depth * kernels::luminance(sun.radiance)),
+                     true});
   return found;
 }
 
-float caster_probability(const Lights& lights) { return kProbability * (1 - lights.dome_share); }
+/// What a caster catches of a light.
+double caught(const kernels::CasterView& caster, const CastLight& light) {
+  const double size2 = double(caster.radius) * double(caster.radius);
+  if (light.is_distant) return size2 * light.power;
+  const glm::dvec3 d(light.view.center - caster.center);
+  return light.power * size2 / (glm::dot(d, d) + size2);
+}
+
+/// Leaves the strongest `most`, in the order in which they were. Returns how much they stand out:
+/// from 1, where they are all, to 0, where they have no more than half of the strength.
+template <class T>
+float keep_strongest(std::vector<T>& all, std::span<const double> strength, u32 most) {
+  constexpr double kCrowd = 0.5;
+  if (all.size() <= most) return 1;
+  std::vector<u32> order(all.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::ranges::stable_sort(order, std::greater(), [&](u32 i) { return strength[i]; });
+  const double whole = std::accumulate(strength.begin(), strength.end(), 0.0);
+  order.resize(most);
+  std::ranges::sort(order);
+  double kept = 0;
+  for (u32 i = 0; i < most; ++i) {
+    kept += strength[order[i]];
+    all[i] = all[order[i]];
+  }
+  all.resize(most);
+  return whole > 0 ? float(std::max(kept / whole - kCrowd, 0.0) / (1 - kCrowd)) : 0;
+}
+
+}  // namespace
+
+Casters find_casters(const Placement& placement, const Materials& materials,
+                     std::span<const u32> slots, const Lights& lights) {
+  Casters found{.casters = all_casters(placement, materials, slots)};
+  if (found.casters.empty()) return found;
+  std::vector<CastLight> cast = all_lights(lights, placement.bounds);
+  std::vector<double> catches, gives(cast.size());
+  for (const kernels::CasterView& caster : found.casters) {
+    double sum = 0;
+    for (std::size_t i = 0; i < cast.size(); ++i) {
+      const double one = caught(caster, cast[i]);
+      sum += one;
+      gives[i] += one;
+    }
+    catches.push_back(sum);
+  }
+  const float standing = keep_strongest(found.casters, catches, kernels::kMostCasters);
+  if (!(standing > 0)) return {};
+  const float shown = keep_strongest(cast, gives, kernels::kMostCastLights);
+  for (kernels::CasterView& caster : found.casters) caster.mirror *= shown;
+  for (const CastLight& light : cast) found.lights.push_back(light.view);
+  found.probability = kProbability * standing * (1 - lights.dome_share);
+  return found;
+}
 
 }  // namespace heliograph::resident

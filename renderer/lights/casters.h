@@ -5,18 +5,21 @@
 
 namespace heliograph::resident {
 
-/// Spheres about the entities whose material is a mirror or a lens; none where there are more than
-/// kMostCasters.
+/// What paths look for, and the lights whose images they look for in it.
+struct Casters {
+  std::vector<kernels::CasterView> casters;
+  std::vector<kernels::CastLightView> lights;  // empty where there are no casters
+  float probability = 0;                       // with which a path looks for them
+};
+
+/// Spheres about the entities whose material is a mirror or a lens, and about lights and suns. Of
+/// more than kMostCasters those that catch the most light stay, of more than kMostCastLights those
+/// that give the most. The smaller their share of what all catch or give, the less are they looked
+/// for; below a half, not at all. A path looks for them less, too, the more light comes from the
+/// dome, which rough surfaces find through a mirror in any case.
 ///
 /// slots   Surfaces::focusing
-[[nodiscard]] std::vector<kernels::CasterView> find_casters(const Placement& placement,
-                                                            const Materials& materials,
-                                                            std::span<const u32> slots);
-/// Spheres about the lights and suns of a scene; none where there are more than kMostCastLights.
-[[nodiscard]] std::vector<kernels::CastLightView> find_cast_lights(const Lights& lights,
-                                                                   const Box& scene);
-/// How often a path looks for them: less the more light comes from the dome, which rough surfaces
-/// find through a mirror in any case.
-[[nodiscard]] float caster_probability(const Lights& lights);
+[[nodiscard]] Casters find_casters(const Placement& placement, const Materials& materials,
+                                   std::span<const u32> slots, const Lights& lights);
 
 }  // namespace heliograph::resident

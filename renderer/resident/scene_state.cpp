@@ -2,7 +2,6 @@
 #include <algorithm>
 
 #include "renderer/derived/black_body.h"
-#include "renderer/lights/casters.h"
 #include "renderer/resident/scene.h"
 
 namespace heliograph::resident {
@@ -44,18 +43,18 @@ SceneState::SceneState(std::shared_ptr<const Snapshot> snapshot, const TimeSpan&
     volumes_[i].instance.light_group = structure.group_of_volume[i];
   view_.volumes = volumes_.data();
   view_.volume_count = u32(volumes_.size());
+  view_.volume_nodes = volumes->nodes.data();
   view_.black_body = black_body_table().data();
   view_.dome = lights->dome;
   view_.suns = lights->suns.data();
   view_.sun_count = u32(lights->suns.size());
   view_.sky_power = lights->sky_power;
-  casters_ = find_casters(*placement, *materials, surfaces->focusing);
-  view_.casters = casters_.data();
-  view_.caster_count = u32(casters_.size());
-  if (!casters_.empty()) cast_lights_ = find_cast_lights(*lights, placement->bounds);
-  view_.cast_lights = cast_lights_.data();
-  view_.cast_light_count = u32(cast_lights_.size());
-  view_.caster_probability = caster_probability(*lights);
+  casters_ = find_casters(*placement, *materials, surfaces->focusing, *lights);
+  view_.casters = casters_.casters.data();
+  view_.caster_count = u32(casters_.casters.size());
+  view_.cast_lights = casters_.lights.data();
+  view_.cast_light_count = u32(casters_.lights.size());
+  view_.caster_probability = casters_.probability;
   view_.instance_count = placement->slots.size();
   view_.light_count = u32(lights->lights.size());
   view_.only_spheres = std::ranges::all_of(

@@ -1,7 +1,7 @@
 // A snapshot in a span of time as kernels read it: pieces that scenes share. Called by scene.h.
 #pragma once
 
-#include "renderer/lights/lights.h"
+#include "renderer/lights/casters.h"
 #include "renderer/placement/volumes.h"
 
 namespace heliograph::resident {
@@ -36,8 +36,7 @@ class SceneState {
   ScenePieces pieces_;
   std::vector<kernels::MeshView> meshes_;
   std::vector<kernels::VolumeView> volumes_;  // the pieces', with their light groups
-  std::vector<kernels::CasterView> casters_;
-  std::vector<kernels::CastLightView> cast_lights_;
+  Casters casters_;
   kernels::SceneView view_{};
 };
 

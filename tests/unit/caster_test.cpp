@@ -65,7 +65,7 @@ TEST_CASE("casters: directions to them follow their density, level 1e-6") {
   Random random;
   const auto sample = [&](double& x, double& y) {
     const float choice = random.next();
-    const CasterDirection to = sample_casters(cones, choice, random.next2());
+    const CasterDirectionOf<float> to = sample_casters(cones, choice, random.next2());
     CHECK((to.rest >= 0 && to.rest < 1));
     to_square(to.wi, x, y);
     return true;
@@ -112,7 +112,7 @@ TEST_CASE("casters: the image of a lamp in a mirror ball is where its light is r
                              .radius = 0.05f};
     const vec3 p = ball.center + 2.0f * glm::normalize(place());
     CasterCones cones;
-    add_image(cones, ball, lamp, p, 1, 1);
+    add_image(cones, ball, lamp, p, true, 1.0f, 1.0f);
     if (cones.count == 0) continue;
     // The ray to the image's middle, reflected by the ball, passes through the lamp or near it.
     const vec3 d = cones.axis[0], to = p - ball.center;

@@ -122,7 +122,6 @@ TEST_CASE("lockstep: plain surfaces side by side, of every kind, among others") 
   TestScene scene;
   furnish_plainly(scene, 3);
   const SceneView& view = scene.finish();
-  REQUIRE(has_plain_air(view));
   REQUIRE(has_plain_lights(view));
   REQUIRE(is_plain(shot_of(view, 7, TestFilm(kSize, kBeauty)).camera));
   check_same(view, kBeauty);
@@ -159,8 +158,41 @@ TEST_CASE("lockstep: lamps that are no even spheres are sampled one by one") {
     scene.instances[scene.lights[1].instance].visibility = kAllRays & ~kDiffuseRay;
   }
   const SceneView& view = scene.finish();
-  REQUIRE(has_plain_air(view));
   REQUIRE_FALSE(has_plain_lights(view));
+  check_same(view, kEverything & ~plane_bit(Plane::BEAUTY_GROUP));
+}
+
+TEST_CASE("lockstep: plain surfaces look for what focuses light") {
+  constexpr CasterView casters[] = {
+      {.center = {-1.2f, -0.5f, -0.6f}, .radius = 0.4f, .mirror = 1},
+      {{1.2f, 0.6f, -0.6f}, 0.4f},
+      {.center = {0.4f, 0.6f, 0.2f}, .radius = 0.5f, .mirror = 0.25f}};
+  constexpr CastLightView lamps[] = {{{-1, 1, 1.5f}, 0.2f}, {{0, 0, 1.8f}, 0.3f}};
+  TestScene scene;
+  furnish_plainly(scene, 2);
+  SceneView view = scene.finish();
+  view.casters = casters;
+  view.caster_count = 3;
+  view.cast_lights = lamps;
+  view.cast_light_count = 2;
+  for (const float probability : {0.2f, 0.9f, 0.0f}) {
+    view.caster_probability = probability;
+    check_same(view, kEverything);
+    check_same(view, kEverything & ~plane_bit(Plane::BEAUTY_GROUP));
+  }
+}
+
+TEST_CASE("lockstep: plain surfaces under tinted glass, and behind what light passes") {
+  TestScene scene;
+  furnish_plainly(scene, 2);
+  MaterialView tinted = plastic(0, 1);
+  tinted.constant.attenuation_distance = 0.5f;
+  tinted.constant.attenuation_color = vec3(0.9f, 0.4f, 0.2f);
+  SECTION("glass") {}
+  SECTION("a boundary") { tinted.constant.ior = 1; }
+  scene.add_instance(scene.add(sphere(12)), scene.add(tinted), pose(mat3(0.5f), {0.2f, 0, 0.4f}));
+  const SceneView& view = scene.finish();
+  REQUIRE(view.any_media);
   check_same(view, kEverything & ~plane_bit(Plane::BEAUTY_GROUP));
 }
 

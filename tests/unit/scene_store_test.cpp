@@ -121,24 +121,53 @@ TEST_CASE("scene store: scenes that are left to it go when the next ones are mad
   CHECK(std::ranges::all_of(all, [](const auto& each) { return each.expired(); }));
 }
 
-TEST_CASE("scene store: mirrors and lenses are casters, as long as they are few") {
-  const auto surface = [](float metallic, float roughness) {
-    PutMaterial material;
-    material.parameters[std::size_t(MaterialParameter::metallic)].value = vec3(metallic);
-    material.parameters[std::size_t(MaterialParameter::roughness)].value = vec3(roughness);
-    return material;
-  };
+PutMaterial surface(float metallic, float roughness) {
+  PutMaterial material;
+  material.parameters[std::size_t(MaterialParameter::metallic)].value = vec3(metallic);
+  material.parameters[std::size_t(MaterialParameter::roughness)].value = vec3(roughness);
+  return material;
+}
+
+TEST_CASE("scene store: mirrors and lenses are casters") {
   Edits edits;
   edits.mesh("cube", cube()).put("mirror", surface(1, 0.1f)).put("brushed", surface(1, 0.6f));
   edits.object("a", "cube", scaled({1, 4, 2}, {5, 6, 7}), "mirror");
   edits.object("b", "cube", mat4x3(1), "brushed").object("c", "cube", mat4x3(1));
-  const auto few = edits.apply();
-  for (u32 i = 0; i < kernels::kMostCasters; ++i)
-    edits.object("more" + std::to_string(i), "cube", mat4x3(1), "mirror");
   Device device;
-  const auto scene = device(few, 0);
+  const auto scene = device(edits.apply(), 0);
   REQUIRE(scene->view().caster_count == 1);
   CHECK(scene->view().casters[0].center == vec3(5, 6, 7));
   CHECK(scene->view().casters[0].radius == 2);
-  CHECK(device(edits.apply(), 0)->view().caster_count == 0);
+  CHECK(scene->view().caster_probability == 0.2f);
+}
+
+TEST_CASE("scene store: of many casters those stay that catch the most light, if they stand out") {
+  Light lamp;
+  lamp.shape = LightShape::kSphere;
+  Edits edits;
+  edits.mesh("cube", cube()).put("mirror", surface(1, 0.1f));
+  edits.pose("lamp", scaled(vec3(1), {0, 0, 5})).light("lamp", lamp);
+  const auto view_of = [&](u32 near, u32 far) {
+    Edits all = edits;
+    for (u32 i = 0; i < far; ++i)  // these come first
+      all.object("far" + std::to_string(i), "cube", scaled(vec3(1), {100, float(i), 0}), "mirror");
+    for (u32 i = 0; i < near; ++i) {
+      const vec3 place(std::cos(float(i)), std::sin(float(i)), 0);
+      all.object("near" + std::to_string(i), "cube", scaled(vec3(1), place), "mirror");
+    }
+    return Device()(all.apply(), 0);
+  };
+  const u32 most = kernels::kMostCasters;
+  const auto probability = [&](u32 near, u32 far) {
+    return view_of(near, far)->view().caster_probability;
+  };
+  const auto crowded = view_of(most, 20);
+  REQUIRE(crowded->view().caster_count == most);
+  for (u32 i = 0; i < most; ++i) CHECK(crowded->view().casters[i].center.x < 10);
+  CHECK(probability(most, 0) == 0.2f);
+  CHECK(probability(most, 1) > 0.19f);  // one that is far away changes little
+  CHECK(probability(most + 1, 0) > 0.1f);
+  CHECK(probability(most + 1, 0) < 0.2f);
+  CHECK(probability(100 * most, 0) == 0);
+  CHECK(view_of(100 * most, 0)->view().caster_count == 0);
 }
