@@ -65,13 +65,17 @@ std::vector<Time> Keys::times(std::initializer_list<const std::optional<Curve>*>
   for (const auto* curve : curves) {
     if (*curve) (*curve)->add_times(all);
   }
-  count_ += all.size();
-  Budget::check(count_, builder_.options.limits.keys, "animation keys", "animations");
+  add(all.size());
   std::vector<Time> out;
   for (const double time : all) {
     if (out.empty() || time > out.back()) out.push_back(time);
   }
   return out;
+}
+
+void Keys::add(u64 keys) {
+  count_ += keys;
+  Budget::check(count_, builder_.options.limits.keys, "animation keys", "animations");
 }
 
 PosePatch Keys::poses(const Rest& rest, const Track& track) {
@@ -86,7 +90,7 @@ PosePatch Keys::poses(const Rest& rest, const Track& track) {
     if (track.rotation) track.rotation->evaluate(time, r);
     if (track.scale) track.scale->evaluate(time, s);
     const quat rotation = unit_rotation(quat(r[3], r[0], r[1], r[2]), rest.where, builder_);
-    const vec3 scale = visible_scale(rest, s);
+    const vec3 scale = visible_scale(rest.name, s);
     patch.matrices.push_back(compose_trs({t[0], t[1], t[2]}, rotation, scale));
     if (!invertible(patch.matrices.back()))
       refuse(rest.where, "is animated by a scale without an inverse");
@@ -95,8 +99,7 @@ PosePatch Keys::poses(const Rest& rest, const Track& track) {
   return patch;
 }
 
-/// A scale of 0 has no inverse; a ten-thousandth cannot be seen either.
-vec3 Keys::visible_scale(const Rest& rest, const float* s) {
+vec3 Keys::visible_scale(const std::string& name, const float* s) {
   constexpr float kSmallest = 1e-4f;
   vec3 scale(s[0], s[1], s[2]);
   const float largest = std::max({std::abs(s[0]), std::abs(s[1]), std::abs(s[2]), 1.0f});
@@ -104,7 +107,7 @@ vec3 Keys::visible_scale(const Rest& rest, const float* s) {
     if (std::abs(scale[i]) >= kSmallest * largest) continue;
     scale[i] = std::copysign(kSmallest * largest, scale[i]);
     builder_.warn(
-        fmt::format("node '{}': a scale of 0 in an animation became {}", rest.name, kSmallest));
+        fmt::format("node '{}': a scale of 0 in an animation became {}", name, kSmallest));
   }
   return scale;
 }

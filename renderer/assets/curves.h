@@ -1,5 +1,5 @@
-// Curves of animated properties, and the keys that they become. Used by glTF and by the formats of
-// assimp.
+// Curves of animated properties, and the keys that they become. Used by glTF, COLLADA and the
+// formats of assimp.
 //
 // Our keys interpolate translation and stretch linearly and rotation by slerp, so linear curves
 // keep their own times. Steps get a second key just before each jump; splines are resampled.
@@ -55,10 +55,13 @@ class Keys {
 
   [[nodiscard]] PosePatch poses(const Rest& rest, const Track& track);
   [[nodiscard]] MorphWeights weights(const Curve& curve);
+  /// For loaders that make keys themselves: these count too.
+  void add(u64 keys);
+  /// A scale of 0 has no inverse; a ten-thousandth cannot be seen either.
+  [[nodiscard]] vec3 visible_scale(const std::string& name, const float* s);
 
  private:
   [[nodiscard]] std::vector<Time> times(std::initializer_list<const std::optional<Curve>*> curves);
-  [[nodiscard]] vec3 visible_scale(const Rest& rest, const float* s);
 
   Builder& builder_;
   u64 count_ = 0;

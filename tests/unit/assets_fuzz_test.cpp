@@ -83,8 +83,8 @@ TEST_CASE("fuzz: models") {
         "gltf/03_skinned_cylinder/03_skinned_cylinder.gltf",
         "gltf/09_texture_transform/09_texture_transform.gltf", "gltf/simple-instancing.glb",
         "gltf/Lights.glb", "gltf/heart_draco.glb", "mesh/cube_blender_uv.ply",
-        "mesh/spot_control_mesh.obj", "mesh/link_6.stl", "dae/bracket.dae", "volume/torus.nvdb",
-        "volume/smoke.vdb"}) {
+        "mesh/spot_control_mesh.obj", "mesh/link_6.stl", "dae/bracket.dae", "dae/banner.dae",
+        "dae/bones.dae", "volume/torus.nvdb", "volume/smoke.vdb"}) {
     loaded += fuzz(folder / name, 1500);
   }
   CHECK(loaded > 100);  // the mutants are not all nonsense

@@ -1,11 +1,12 @@
 // COLLADA to an asset: the order of the steps. Chosen by load.cpp.
 //
 // The root entity is the user's. Below it each geometry that a node shows is an entity, whose pose
-// holds the transforms of the nodes, the turn to +Z up and the scale to metres.
+// holds the transforms of the nodes, the turn to +Z up and the scale to metres. A file with a skin,
+// morph targets or animations of what it shows has an entity for each node instead (moving.cpp).
 #include <algorithm>
 
 #include "renderer/assets/dae/document.h"
-#include "renderer/assets/model.h"
+#include "renderer/assets/poses.h"
 #include "renderer/assets/text_scan.h"
 
 namespace heliograph::assets {
@@ -35,77 +36,51 @@ mat4x3 world_from_file(const Document& document, const Builder& builder) {
   return mat4x3(mat4(float(metres) * z_up_from(up)));
 }
 
-/// The element of each part's material, null where the file binds none.
-std::vector<Node> materials_of(const Document& document, const Shown& shown,
-                               const std::vector<std::string>& symbols) {
-  std::vector<Node> out;
-  for (const std::string& symbol : symbols) {
-    const auto bound = shown.material.find(symbol);
-    out.push_back(bound == shown.material.end() ? document.find(symbol, "material")
-                                                : bound->second);
-  }
-  return out;
+/// What stands still has no use for nodes: each geometry is placed by all of those above it.
+std::vector<Shown> placed(std::vector<Shown> all, Builder& builder) {
+  std::erase_if(all, [&](Shown& shown) {
+    const std::string where = place(shown.instance.parent());
+    const auto thick = with_thickness(shown.pose);
+    if (!thick) {
+      builder.warn(fmt::format("{} has a scale without an inverse and is left out", where));
+      return true;
+    }
+    if (*thick != shown.pose)
+      builder.warn(fmt::format("{} has a scale of 0 along one axis and is kept flat", where));
+    shown.pose = *thick;
+    return false;
+  });
+  return all;
 }
 
-/// The materials of all that is shown, each once, in the file's order of use.
-std::vector<Node> used_materials(const Document& document, const std::vector<Shown>& all,
-                                 Budget& budget) {
-  std::vector<Node> used;
-  std::set<Node> known;
-  for (const Shown& shown : all) {
-    std::vector<std::string> symbols;
-    for (const Node& primitive : shown.geometry.child("mesh").children())
-      if (const pugi::xml_attribute symbol = primitive.attribute("material"))
-        symbols.emplace_back(symbol.value());
-    budget.take(symbols.size(), sizeof(Ref), place(shown.geometry));  // of the entity
-    for (const Node& material : materials_of(document, shown, symbols))
-      if (material && known.insert(material).second) used.push_back(material);
+void put_standing(const Document& document, Builder& builder, const std::vector<Shown>& all,
+                  const mat4x3& world) {
+  std::vector<std::optional<Look>> looks = load_looks(document, builder, all);
+  if (!builder.complete()) return;
+  const u32 root = builder.entity("", PutEntity{});
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (!looks[i]) continue;
+    PutEntity& put = looks[i]->put;
+    const mat4x3 pose = about(looks[i]->geometry.centre, affine_product(world, all[i].pose));
+    if (pose != mat4x3(1)) put.pose = constant_pose(pose);
+    put.parent = builder.entity_ref(root);
+    builder.entity(builder.claim_name(all[i].name, "node"), std::move(put));
   }
-  return used;
 }
 
-mat4x3 about(const glm::dvec3& centre, mat4x3 pose) {
-  pose[3] = vec3(glm::dmat4x3(pose) * glm::dvec4(centre, 1));
-  return pose;
-}
+bool is_deformed(const Shown& shown) { return shown.skin || shown.morph; }
 
 }  // namespace
 
 void load_dae(Builder& builder) {
   const Document document(builder);
   const mat4x3 world = world_from_file(document, builder);
-  const std::vector<Shown> all = read_scene(document, builder);
-  const Materials materials =
-      load_materials(document, builder, used_materials(document, all, builder.budget));
-  if (!builder.complete()) return;
-  std::map<Node, std::optional<Geometry>> geometries;
-  for (const Shown& shown : all)
-    if (!geometries.contains(shown.geometry))
-      geometries.emplace(shown.geometry, load_geometry(document, builder, shown.geometry));
-  White white;
-  std::vector<std::pair<std::string_view, PutEntity>> puts;
-  for (const Shown& shown : all) {
-    const std::optional<Geometry>& geometry = geometries.at(shown.geometry);
-    if (!geometry) continue;
-    PutEntity put;
-    put.mesh = geometry->mesh;
-    const mat4x3 pose = about(geometry->centre, affine_product(world, shown.pose));
-    if (pose != mat4x3(1)) put.pose = constant_pose(pose);
-    std::vector<Ref> parts;
-    bool bound = geometry->colored;
-    for (const Node& material : materials_of(document, shown, geometry->symbols)) {
-      parts.push_back(material ? materials.at(material) : Ref());
-      bound |= bool(material);
-    }
-    if (geometry->colored) white.fill(parts, builder);
-    if (bound) put.materials = std::move(parts);
-    puts.emplace_back(shown.name, std::move(put));
-  }
-  if (puts.empty()) refuse("scene", "the file shows no geometry");
-  const u32 root = builder.entity("", PutEntity{});
-  for (auto& [name, put] : puts) {
-    put.parent = builder.entity_ref(root);
-    builder.entity(builder.claim_name(name, "node"), std::move(put));
+  const Scene scene = read_scene(document, builder);
+  const std::vector<Clip> clips = read_clips(document, builder, scene);
+  if (clips.empty() && std::ranges::none_of(scene.shown, is_deformed)) {
+    put_standing(document, builder, placed(scene.shown, builder), world);
+  } else {
+    put_moving(document, builder, scene, clips, world);
   }
 }
 

@@ -132,6 +132,14 @@ std::vector<float> read_floats(const Node& node, std::size_t count, Budget& budg
   return numbers;
 }
 
+u32 index_of(std::string_view word, const std::string& where) {
+  u32 value = 0;
+  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  if (error != std::errc() || end != word.data() + word.size())
+    refuse(where, fmt::format("'{}' is no index", clean_name(word, "")));
+  return value;
+}
+
 std::vector<u32> read_indices(const Node& node, Budget& budget) {
   std::string_view text = text_of(node);
   const u64 count = words_in(text);
@@ -139,14 +147,7 @@ std::vector<u32> read_indices(const Node& node, Budget& budget) {
   budget.take(count, sizeof(u32), where);
   std::vector<u32> numbers;
   numbers.reserve(count);
-  for (u64 i = 0; i < count; ++i) {
-    const std::string_view word = take_word(text);
-    u32 value = 0;
-    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-    if (error != std::errc() || end != word.data() + word.size())
-      refuse(where, fmt::format("'{}' is no index", clean_name(word, "")));
-    numbers.push_back(value);
-  }
+  for (u64 i = 0; i < count; ++i) numbers.push_back(index_of(take_word(text), where));
   return numbers;
 }
 

@@ -66,8 +66,11 @@ std::optional<Attribute> attribute_of(std::string_view semantic) {
 
 class Reader {
  public:
-  Reader(const Document& document, Builder& builder, const Node& geometry)
-      : document_(document), builder_(builder), geometry_(geometry), where_(place(geometry)) {}
+  Reader(const Document& document, Builder& builder, const Node& geometry,
+         std::shared_ptr<const Deformation> deformation)
+      : document_(document), builder_(builder), geometry_(geometry), where_(place(geometry)) {
+    out_.deformation = std::move(deformation);
+  }
 
   std::optional<Geometry> read() {
     const Node mesh = geometry_.child("mesh");
@@ -89,6 +92,7 @@ class Reader {
     Centred placed = centred(positions_, builder_);
     mesh_.positions = std::move(placed.positions);
     out_.centre = placed.centre;
+    if (out_.deformation) deform(mesh_, *out_.deformation, rows_, builder_.budget);
     for (std::size_t i = 0; i < out_.symbols.size(); ++i)
       mesh_.part_names.push_back(clean_name(out_.symbols[i], fmt::format("part_{}", i)));
     const std::string_view name = geometry_.attribute("name").value();
@@ -270,6 +274,7 @@ class Reader {
       return c.rows[a] == kNone ? absent : inputs_[a].source.three(c.rows[a]);
     };
     positions_.push_back(inputs_[kPosition].source.position(c.rows[kPosition]));
+    if (out_.deformation) rows_.push_back({c.rows[kPosition], c.rows[kNormal]});
     mesh_.normals.push_back(three(kNormal, flat_normal_));
     mesh_.uvs.emplace_back(vec2(three(kUv, vec3(0))));
     const u32 color = c.rows[kColor];
@@ -303,7 +308,8 @@ class Reader {
   std::vector<Corner> corners_;
   std::vector<glm::dvec3> polygon_, positions_;
   std::vector<uvec3> local_;
-  std::vector<u32> made_;  // vertex of each corner of a face
+  std::vector<u32> made_;   // vertex of each corner of a face
+  std::vector<Rows> rows_;  // of vertices, where a skin or a morph needs them
   vec3 flat_normal_{0, 0, 1};
   bool has_normals_ = false;
   std::array<bool, kAttributes> any_{};
@@ -312,8 +318,9 @@ class Reader {
 }  // namespace
 
 std::optional<Geometry> load_geometry(const Document& document, Builder& builder,
-                                      const Node& geometry) {
-  return Reader(document, builder, geometry).read();
+                                      const Node& geometry,
+                                      std::shared_ptr<const Deformation> deformation) {
+  return Reader(document, builder, geometry, std::move(deformation)).read();
 }
 
 }  // namespace heliograph::assets::dae

@@ -1,9 +1,8 @@
 // The scene's nodes, walked down to the geometries they show. Source: COLLADA 1.5.0, chapter 5.
 #include <cmath>
-#include <glm/gtc/matrix_transform.hpp>
 
 #include "renderer/assets/dae/document.h"
-#include "renderer/assets/poses.h"
+#include "renderer/assets/dae/transforms.h"
 #include "renderer/assets/text_scan.h"
 
 namespace heliograph::assets::dae {
@@ -15,76 +14,63 @@ class Walker {
  public:
   Walker(const Document& document, Builder& builder) : document_(document), builder_(builder) {}
 
-  std::vector<Shown> walk() {
+  Scene walk() {
     const Node root = document_.root();
     const Node instance = root.child("scene").child("instance_visual_scene");
     const Node scene =
         instance ? document_.linked(instance.attribute("url").value(), "visual_scene", "scene")
                  : root.child("library_visual_scenes").child("visual_scene");
     if (!scene) refuse("library_visual_scenes", "the file has no scene; export its objects");
-    for (const Node& node : scene.children("node")) visit(node, mat4x3(1), 0);
-    if (root.child("library_animations").child("animation"))
-      builder_.warn("COLLADA animations are left out");
-    return std::move(shown_);
+    for (const Node& node : scene.children("node")) visit(node, {});
+    return std::move(scene_);
   }
 
  private:
-  void visit(const Node& node, const mat4x3& above, u32 depth) {
-    Budget::check(++visited_, builder_.options.limits.entities, "nodes", "nodes");
-    if (depth > kDeepest)
+  struct Above {
+    std::optional<u32> node;
+    mat4x3 pose{1};
+    u32 depth = 0;
+  };
+
+  void visit(const Node& node, const Above& above) {
+    const auto index = u32(scene_.nodes.size());
+    Budget::check(u64(index) + 1, builder_.options.limits.entities, "nodes", "nodes");
+    if (above.depth > kDeepest)
       refuse(place(node), "is nested deeper than 128 nodes, or is within itself");
-    mat4x3 pose = above;
+    scene_.nodes.push_back({.node = node, .parent = above.node});
+    mat4x3 pose = above.pose, own(1);
     for (const Node& child : node.children()) {
       const std::string_view tag = child.name();
-      if (const auto step = transform(tag, child)) {
+      if (const auto step = transform_of(child, builder_.budget)) {
         pose = affine_product(pose, *step);
+        own = affine_product(own, *step);
       } else if (tag == "instance_geometry") {
-        show(node, child, geometry_of(child, node), pose);
+        show(
+            child,
+            {.geometry = geometry_of(child, node), .pose = pose, .node = index, .instance = child});
       } else if (tag == "instance_controller") {
-        show_at_rest(node, child, pose);
+        show_deformed(child, {.pose = pose, .node = index, .instance = child});
       } else if (tag == "node") {
-        visit(child, pose, depth + 1);
+        visit(child, {index, pose, above.depth + 1});
       } else if (tag == "instance_node") {
-        visit(document_.linked(child.attribute("url").value(), "node", place(node)), pose,
-              depth + 1);
+        visit(document_.linked(child.attribute("url").value(), "node", place(node)),
+              {index, pose, above.depth + 1});
       } else if (tag.starts_with("instance_")) {
         builder_.warn(fmt::format("COLLADA {} is left out: {}", clean_name(tag, "?"), place(node)));
       }
     }
+    scene_.nodes[index].pose = own;
+    scene_.nodes[index].end = u32(scene_.nodes.size());
+  }
+
+  static bool is_finite(const mat4x3& pose) {
+    for (int column = 0; column < 4; ++column)
+      if (!std::isfinite(glm::dot(pose[column], vec3(1)))) return false;
+    return true;
   }
 
   std::vector<float> numbers(const Node& node, std::size_t count) {
     return read_floats(node, count, builder_.budget);
-  }
-
-  static mat4x3 matrix(std::span<const float> m, const Node& node) {
-    constexpr float kRounding = 1e-5f;
-    const vec4 off(m[12], m[13], m[14], m[15] - 1);
-    if (glm::any(glm::greaterThan(glm::abs(off), vec4(kRounding))))
-      refuse(place(node), "the last row of a matrix must be 0 0 0 1");
-    return mat4x3(m[0], m[4], m[8], m[1], m[5], m[9], m[2], m[6], m[10], m[3], m[7], m[11]);
-  }
-
-  /// parent_from_child of one transformation; nullopt: the element is none.
-  std::optional<mat4x3> transform(std::string_view tag, const Node& node) {
-    if (tag == "matrix") return matrix(numbers(node, 16), node);
-    if (tag == "translate") {
-      const auto t = numbers(node, 3);
-      return mat4x3(glm::translate(mat4(1), vec3(t[0], t[1], t[2])));
-    }
-    if (tag == "scale") {
-      const auto s = numbers(node, 3);
-      return mat4x3(glm::scale(mat4(1), vec3(s[0], s[1], s[2])));
-    }
-    if (tag == "rotate") {
-      const auto r = numbers(node, 4);
-      const glm::dvec3 axis(r[0], r[1], r[2]);
-      if (glm::length(axis) == 0) return mat4x3(1);
-      return mat4x3(mat4(glm::rotate(glm::dmat4(1), glm::radians(double(r[3])), axis)));
-    }
-    if (tag == "lookat" || tag == "skew")
-      refuse_unimplemented(place(node), fmt::format("<{}>; export matrices", tag));
-    return std::nullopt;
   }
 
   Node geometry_of(const Node& instance, const Node& node) const {
@@ -93,27 +79,36 @@ class Walker {
 
   // ---------------------------------------------------------------- skins and morph targets
 
-  /// What a controller deforms, as its first joint has it.
-  void show_at_rest(const Node& node, const Node& instance, const mat4x3& pose) {
-    const std::string where = place(node);
-    builder_.warn("COLLADA skins and morph targets do not move: they are shown at rest");
+  /// What a controller deforms; where nothing says how, as its first joint has it.
+  void show_deformed(const Node& instance, Shown shown) {
+    const std::string where = place(instance.parent());
     Node controller = document_.linked(instance.attribute("url").value(), "controller", where);
-    mat4x3 placed = pose;
-    for (u32 depth = 0;; ++depth) {
-      const Node skin = controller.child("skin");
-      if (skin) placed = scene_from_skinned(skin);
-      const std::string_view source =
-          (skin ? skin : controller.child("morph")).attribute("source").value();
-      const Node geometry = document_.find(source.substr(source.starts_with('#')), "geometry");
-      if (geometry) return show(node, instance, geometry, placed);
-      if (depth == kDeepest) refuse(where, "its controllers are within each other");
-      controller = document_.linked(source, "controller", where);
+    for (u32 depth = 0; !shown.geometry; ++depth) {
+      if (depth > kDeepest) refuse(where, "its controllers are within each other");
+      const Node skin = controller.child("skin"), morph = controller.child("morph");
+      if (skin && !shown.skin) take_skin(skin, shown);
+      if (!shown.morph && input_of(morph.child("targets"), "MORPH_TARGET")) shown.morph = morph;
+      const std::string_view source = (skin ? skin : morph).attribute("source").value();
+      shown.geometry = document_.find(source.substr(source.starts_with('#')), "geometry");
+      if (!shown.geometry) controller = document_.linked(source, "controller", where);
+    }
+    if (!shown.skin && !shown.morph)
+      builder_.warn("COLLADA skins and morph targets do not move: they are shown at rest");
+    show(instance, std::move(shown));
+  }
+
+  void take_skin(const Node& skin, Shown& shown) {
+    if (skin.child("vertex_weights")) {
+      shown.skin = skin;
+    } else {
+      shown.pose = scene_from_skinned(skin);
+      shown.stands = true;
     }
   }
 
   mat4x3 scene_from_skinned(const Node& skin) {
     const Node bind = skin.child("bind_shape_matrix");
-    const mat4x3 bound = bind ? matrix(numbers(bind, 16), bind) : mat4x3(1);
+    const mat4x3 bound = bind ? matrix_of(numbers(bind, 16), bind) : mat4x3(1);
     Node names, inverse_binds;
     for (const Node& input : skin.child("joints").children("input")) {
       const std::string_view semantic = input.attribute("semantic").value();
@@ -126,7 +121,8 @@ class Walker {
     const Node joint = joint_of(take_word(list));
     const std::vector<float> all = read_floats(inverse_binds, builder_.budget);
     if (!joint || all.size() < 16) return bound;
-    const mat4x3 scene_from_bound = affine_product(scene_from(joint), matrix(all, inverse_binds));
+    const mat4x3 scene_from_bound =
+        affine_product(scene_from(joint), matrix_of(all, inverse_binds));
     return affine_product(scene_from_bound, bound);
   }
 
@@ -153,7 +149,8 @@ class Walker {
     for (; std::string_view(node.name()) == "node"; node = node.parent()) {
       mat4x3 local(1);
       for (const Node& child : node.children())
-        if (const auto step = transform(child.name(), child)) local = affine_product(local, *step);
+        if (const auto step = transform_of(child, builder_.budget))
+          local = affine_product(local, *step);
       pose = affine_product(local, pose);
     }
     return pose;
@@ -161,23 +158,12 @@ class Walker {
 
   // ---------------------------------------------------------------- geometries
 
-  void show(const Node& node, const Node& instance, const Node& geometry, const mat4x3& pose) {
+  void show(const Node& instance, Shown out) {
+    const Node node = instance.parent();
     const std::string where = place(node);
-    for (int column = 0; column < 4; ++column)
-      if (!std::isfinite(glm::dot(pose[column], vec3(1))))
-        refuse(where, "its transforms reach beyond what f32 can hold");
-    const auto thick = with_thickness(pose);
-    if (!thick) {
-      builder_.warn(fmt::format("{} has a scale without an inverse and is left out", where));
-      return;
-    }
-    if (*thick != pose)
-      builder_.warn(fmt::format("{} has a scale of 0 along one axis and is kept flat", where));
+    if (!is_finite(out.pose)) refuse(where, "its transforms reach beyond what f32 can hold");
     const std::string_view name = node.attribute("name").value();
-    Shown out{.geometry = geometry,
-              .name = std::string(name.empty() ? node.attribute("id").value() : name),
-              .pose = *thick,
-              .material = {}};
+    out.name = std::string(name.empty() ? node.attribute("id").value() : name);
     const Node bound = instance.child("bind_material").child("technique_common");
     for (const Node& material : bound.children("instance_material")) {
       const std::string_view target = material.attribute("target").value();
@@ -187,19 +173,18 @@ class Walker {
                                   clean_name(target, "?")));
       out.material[material.attribute("symbol").value()] = found;
     }
-    shown_.push_back(std::move(out));
+    scene_.shown.push_back(std::move(out));
   }
 
   const Document& document_;
   Builder& builder_;
-  std::vector<Shown> shown_;
+  Scene scene_;
   std::unordered_map<std::string_view, Node> joints_;
-  u64 visited_ = 0;
 };
 
 }  // namespace
 
-std::vector<Shown> read_scene(const Document& document, Builder& builder) {
+Scene read_scene(const Document& document, Builder& builder) {
   return Walker(document, builder).walk();
 }
 

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "renderer/assets/influences.h"
+
 namespace heliograph::assets::gltf {
 namespace {
 
@@ -28,29 +30,6 @@ std::vector<vec4> read_colors(const Document& document, const Value& accessor, B
   }
   if (clamped) builder.warn(fmt::format("{}: colours were clamped to [0, 1]", accessor.where()));
   return colors;
-}
-
-struct Influence {
-  u32 joint;
-  float weight;
-};
-
-/// The four strongest of a vertex's influences, of equal ones the first joints; weights summing
-/// to 1.
-void keep_strongest(std::vector<Influence>& influences, MeshData& mesh) {
-  std::ranges::sort(influences, {},
-                    [](const Influence& i) { return std::pair(-i.weight, i.joint); });
-  glm::u16vec4 joints(0);
-  vec4 weights(0);
-  for (int i = 0; i < 4; ++i) {
-    const Influence& influence = influences[std::size_t(i)];
-    if (influence.weight <= 0) break;
-    joints[i] = u16(influence.joint);
-    weights[i] = influence.weight;
-  }
-  const float sum = weights.x + weights.y + weights.z + weights.w;
-  mesh.joints.push_back(joints);
-  mesh.weights.push_back(sum > 0 ? weights / sum : vec4(1, 0, 0, 0));
 }
 
 void read_influences(const Document& document, const Value& attributes, Builder& builder,
