@@ -115,7 +115,7 @@ SAMPLES: dict[str, list[str | Seed]] = {
     ],
     "draco": ["gltf/heart_draco.glb"],
     "meshopt": [f"gltf/packed/{kind}.gltf" for kind in PACKED],
-    "dae": ["dae/bracket.dae"],
+    "dae": ["dae/bracket.dae", "dae/banner.dae", "dae/bones.dae"],
     "fbx": ["fbx/arm.fbx"],
     "obj": [
         made("quad.obj", QUAD, others={"quad.mtl": MTL.encode(), **checker()}),
