@@ -14,6 +14,7 @@
 #include "renderer/assets/picture_ktx2.h"
 #include "renderer/assets/picture_layers.h"
 #include "renderer/assets/picture_texels.h"
+#include "renderer/assets/text_scan.h"
 
 namespace heliograph::assets {
 namespace {
@@ -278,7 +279,12 @@ class Reader {
   std::string message_;
 };
 
-Picture decode(const PictureSource& source, std::string_view name, std::string_view layer) {
+Picture decode(const PictureSource& file, std::string_view name, std::string_view layer) {
+  const std::vector<std::byte> mended = without_last_line_end(file.bytes);
+  file.budget.take(mended.size(), 1, file.where);
+  const PictureSource source{mended.empty() ? file.bytes : Bytes(mended), file.where, file.budget};
+  if (as_text(source.bytes).starts_with("#?") && radiance_header(source.bytes).is_xyze)
+    refuse_unimplemented(source.where, "a Radiance picture in XYZE; save it as RGBE");
   Reader reader(source, name);
   if (is_cut_jpeg(source.bytes)) refuse(source.where, "broken JPEG: the file is truncated");
   reader.choose(layer);

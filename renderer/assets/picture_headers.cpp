@@ -40,6 +40,7 @@ RadianceHeader radiance_header(Bytes bytes) {
   for (auto line = take_line(text); !line.empty(); line = take_line(text)) {
     const std::string_view key = line.substr(0, line.find('='));
     std::string_view value = line.substr(std::min(line.size(), key.size() + 1));
+    if (key == "FORMAT") header.is_xyze = value.starts_with("32-bit_rle_xyze");
     if (key == "PRIMARIES") header.primaries = chromaticities_of(value);
     if (key != "EXPOSURE") continue;
     if (const auto factor = take_number(value); factor && *factor > 0) header.exposure *= *factor;
@@ -68,6 +69,35 @@ bool is_cut_jpeg(Bytes bytes) {
     at += 2 + (std::size_t(byte(at + 2)) << 8 | byte(at + 3));
   }
   return true;
+}
+
+std::vector<std::byte> without_last_line_end(Bytes bytes) {
+  constexpr std::size_t kHeader = 34;  // with the kind of compression
+  constexpr u32 kRle8 = 1, kRle4 = 2;
+  if (bytes.size() < kHeader || char(bytes[0]) != 'B' || char(bytes[1]) != 'M') return {};
+  const auto word = [&](std::size_t at) {
+    u32 value = 0;
+    for (std::size_t i = 4; i-- > 0;) value = value << 8 | u8(bytes[at + i]);
+    return value;
+  };
+  const u32 kind = word(30);
+  if (kind != kRle8 && kind != kRle4) return {};
+  std::size_t line_end = 0;  // where the codes before ended a line; 0: they did not
+  for (std::size_t at = word(10); at + 1 < bytes.size();) {
+    const u8 count = u8(bytes[at]), code = u8(bytes[at + 1]);
+    if (count == 0 && code == 1) {
+      if (line_end == 0) return {};
+      std::vector<std::byte> out(bytes.begin(), bytes.end());
+      out.erase(out.begin() + std::ptrdiff_t(line_end), out.begin() + std::ptrdiff_t(at));
+      return out;
+    }
+    line_end = count == 0 && code == 0 ? at : 0;
+    at += 2;
+    if (count == 0 && code == 2) at += 2;
+    const std::size_t plain = kind == kRle8 ? code : (code + 1u) / 2;  // texels as they are
+    if (count == 0 && code > 2) at += plain + plain % 2;
+  }
+  return {};
 }
 
 }  // namespace heliograph::assets

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import struct
 import warnings
 
 import heliograph as hg
@@ -238,3 +239,23 @@ def test_kinds_that_are_no_texels_are_refused_by_name(read):
         read("a.tif", saved(drawn().convert("LAB"), "TIFF"))
     with pytest.raises(hg.Unimplemented, match=r"'xyz' is not one of .*gltf.*webp"):
         read("a.xyz", b"words")
+
+
+@pytest.mark.parametrize("ends", [b"\0\0\0\1", b"\0\1"], ids=["line and picture", "picture"])
+def test_a_run_length_bmp_may_end_its_last_line(read, ends):
+    rows = [[3, 3, 3, 7, 8, 9, 7], [0, 1, 2, 3, 0, 0, 0]]  # upwards
+    codes = b"\3\3\0\4\7\10\11\7\0\0" + b"\0\4\0\1\2\3\3\0" + ends
+    palette = b"".join(bytes([i, 2 * i, 3 * i, 0]) for i in range(16))
+    head = struct.pack("<IiiHHIIiiII", 40, 7, 2, 1, 8, 1, len(codes), 0, 0, 16, 0)
+    start = 14 + len(head) + len(palette)
+    file = struct.pack("<2sIHHI", b"BM", start + len(codes), 0, 0, start) + head + palette + codes
+    texels, _, told = read("a.bmp", file)
+    grey = np.array(rows[::-1])[..., None]
+    np.testing.assert_array_equal(texels[..., :3], np.concatenate([3 * grey, 2 * grey, grey], -1))
+    assert told == []
+
+
+def test_a_radiance_picture_in_xyze_is_refused_by_name(read):
+    file = b"#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n\x80\x80\x80\x81"
+    with pytest.raises(hg.Unimplemented, match="XYZE"):
+        read("a.hdr", file)
