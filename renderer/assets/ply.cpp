@@ -95,7 +95,7 @@ class Reader {
     const auto place = [&](const char* name) {
       return std::ranges::find(header_.elements, name, &Element::name) - header_.elements.begin();
     };
-    const bool is_in_order = place("vertex") <= place("face");
+    const bool is_in_order = place("vertex") <= std::min(place("face"), place("tristrips"));
     read_elements(data, true, is_in_order);
     if (!is_in_order) read_elements(data, false, true);
     if (mesh_.triangles.empty()) {
@@ -119,8 +119,8 @@ class Reader {
         read_vertices(element, numbers);
       } else if (element.name == "face" && faces) {
         read_faces(element, numbers);
-      } else if (element.name == "tristrips") {
-        refuse_unimplemented("element tristrips", "triangle strips; export a list of faces");
+      } else if (element.name == "tristrips" && faces) {
+        read_strips(element, numbers);
       } else {
         skip(element, numbers);
       }
@@ -239,6 +239,29 @@ class Reader {
     }
   }
 
+  void read_strips(const Element& element, Numbers& numbers) {
+    check_size(element, numbers);
+    texcoords_.clear();
+    for (u64 i = 0; i < element.count; ++i, end_element(numbers))
+      for (const Property& property : element.properties) {
+        u64 left = is_indices(property) ? numbers.next_count(*property.count) : 0;
+        if (!is_indices(property)) (void)skip_property(property, numbers);
+        for (strip_.clear(); left > 0; --left) add_to_strip(numbers.next(property.type));
+      }
+  }
+
+  void add_to_strip(double index) {
+    if (!(index >= 0)) return strip_.clear();  // -1 ends a strip
+    if (index >= double(positions_.size()))
+      refuse("element tristrips", fmt::format("index {} is of no vertex", index));
+    strip_.push_back(u32(index));
+    if (strip_.size() < 3) return;
+    indices_.assign(strip_.end() - 3, strip_.end());
+    if (strip_.size() % 2 == 0) std::swap(indices_[0], indices_[1]);
+    const uvec3 t(indices_[0], indices_[1], indices_[2]);
+    if (t.x != t.y && t.y != t.z && t.z != t.x) add_face(vec4(1));
+  }
+
   void read_texcoords(const Property& property, Numbers& numbers) {
     const u64 count = numbers.next_count(*property.count);
     if (!numbers.has(count, 1)) refuse("data", "the file is truncated");
@@ -304,9 +327,9 @@ class Reader {
   const Header& header_;
   MeshData mesh_;
   std::vector<glm::dvec3> positions_;
-  std::vector<u32> indices_;      // of the face
-  std::vector<float> texcoords_;  // of the face
-  u32 texture_ = 0;               // of the face
+  std::vector<u32> indices_, strip_;  // of the face
+  std::vector<float> texcoords_;      // of the face
+  u32 texture_ = 0;                   // of the face
   std::vector<glm::dvec3> polygon_;
   std::vector<uvec3> local_;
   std::vector<Wedge> wedges_;

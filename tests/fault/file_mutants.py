@@ -68,6 +68,21 @@ end_header
 0 1 0 9 9 9 0 1
 4 0 1 2 3 8 0 0 1 0 1 1 0 1
 """
+STRIPS_PLY = """ply
+format ascii 1.0
+element vertex 4
+property float x
+property float y
+property float z
+element tristrips 1
+property list int int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 1 0
+1 1 0
+9 0 1 2 3 -1 0 2 3 1
+"""
 BIG_PLY = (
     b"ply\nformat binary_big_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
     b"property float z\nelement face 1\nproperty list uint8 uint32 vertex_index\nend_header\n"
@@ -127,6 +142,7 @@ SAMPLES: dict[str, list[str | Seed]] = {
         "mesh/points_emptyface.ply",
         made("ascii.ply", ASCII_PLY, others=checker()),
         made("big.ply", BIG_PLY),
+        made("strips.ply", STRIPS_PLY),
     ],
     "stl": ["mesh/link_6.stl", made("solid.stl", SOLID + "endsolid quad\n")],
     "vdb": ["volume/smoke.vdb", "volume/sphere.vdb"],

@@ -208,6 +208,36 @@ TEST_CASE("ply: what the header has no words for is left out") {
   CHECK(loaded->warnings.size() == 2);
 }
 
+TEST_CASE("ply: triangle strips turn one way, end at -1 and leave out what joins them") {
+  const auto strips = [](const std::string& rows, u32 count) {
+    return load_text(
+        "a.ply",
+        fmt::format("ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float "
+                    "y\nproperty float z\nelement tristrips {}\nproperty list int int "
+                    "vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n1 1 0\n{}",
+                    count, rows));
+  };
+  for (const auto& [rows, count] : {std::pair("5 0 1 2 3 -1\n", 1u),
+                                    {"7 0 1 2 -1 2 1 3\n", 1u},
+                                    {"3 0 1 2\n3 2 1 3\n", 2u},
+                                    {"6 0 0 1 2 3 3\n", 1u}}) {
+    INFO(rows);
+    const auto loaded = strips(rows, count);
+    REQUIRE(loaded);
+    const PutMesh& mesh = library_item<PutMesh>(*loaded);
+    CHECK(mesh.topology->triangles.size() == 2);
+    CHECK(area(*loaded) == Approx(1));
+  }
+  const auto loaded = strips("5 0 1 2 3 -1\n", 1);
+  const PutMesh& mesh = library_item<PutMesh>(*loaded);
+  for (const uvec3& t : mesh.topology->triangles) {
+    const auto& p = mesh.vertices->positions;
+    CHECK(glm::cross(p[t.y] - p[t.x], p[t.z] - p[t.x]).z > 0);
+  }
+  CHECK_THAT(refusal(strips("3 0 1 9\n", 1)), Contains("index 9 is of no vertex"));
+  CHECK_THAT(refusal(strips("9 0 1 2\n", 1)), Contains("a.ply"));
+}
+
 TEST_CASE("ply: what is broken is refused") {
   const auto refused = [](const std::string& body) {
     return refusal(load_text("a.ply", "ply\nformat ascii 1.0\n" + body));
