@@ -14,6 +14,7 @@
 #include "renderer/frame/frame.h"
 #include "renderer/frame/interrupt.h"
 #include "renderer/frame/query.h"
+#include "renderer/frame/remarks.h"
 #include "renderer/frame/shared_memory.h"
 #include "renderer/scene/motion.h"
 
@@ -23,6 +24,8 @@ namespace heliograph {
 class DeviceScene {
  public:
   virtual ~DeviceScene() = default;
+  /// Valid as long as the scene.
+  [[nodiscard]] virtual SceneSummary summary() const = 0;
 };
 
 /// What is to be resident.

@@ -3,10 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <bit>
 #include <cstring>
 #include <glm/glm.hpp>
+#include <ranges>
 
+#include "renderer/base/half.h"
 #include "renderer/scene/light_shapes.h"
 #include "renderer/scene/motion.h"
 
@@ -29,31 +30,47 @@ bool is_black(const Pixels& pixels, u64 count) {
   return true;
 }
 
-bool is_black(vec3 color) { return !(color.x > 0 || color.y > 0 || color.z > 0); }
-
-struct Lamps {
-  bool any = false;
-  u32 idle = 0;            // with neither a mesh nor a shape
-  std::string first_idle;  // its name
-};
-Lamps lamps_of(const Snapshot& snapshot) {
-  Lamps lamps;
-  snapshot.entities.for_each([&](u32 index, const Entity& entity) {
-    if (!entity.light || is_black(entity.light->color) || !(entity.light->intensity > 0)) return;
-    if (entity.light->sun_angle > 0 || shown_mesh(snapshot, entity)) {
-      lamps.any = true;
-    } else if (lamps.idle++ == 0) {
-      lamps.first_idle = snapshot.name_of(snapshot.entity_id(index));
-    }
-  });
-  if (const Dome* dome = snapshot.dome.get())
-    lamps.any |=
-        dome->intensity > 0 && !is_black(dome->color.value_or(vec3(dome->texture ? 1 : 0)));
-  snapshot.materials.for_each([&](u32, const Shared<Material>& row) {
-    lamps.any |= !is_black((*row.value)[MaterialParameter::emission].value);
-  });
-  return lamps;
+/// The first entity of some and how many others there are.
+std::string named(const Snapshot& snapshot, std::span<const u32> entities) {
+  const std::string& first = snapshot.name_of(snapshot.entity_id(entities.front()));
+  if (entities.size() == 1) return fmt::format("'{}'", first);
+  return fmt::format("'{}' (and {} more)", first, entities.size() - 1);
 }
+
+/// Lights with a strength that shine nowhere; "": there are none.
+std::string about_idle(const Snapshot& snapshot, std::span<const u32> idle) {
+  std::vector<u32> strong;
+  for (const u32 entity : idle)
+    if (emits(*snapshot.entities.at(entity).light)) strong.push_back(entity);
+  if (strong.empty()) return "";
+  return fmt::format(
+      "light {} has neither a mesh nor a shape and shines nowhere: "
+      "give it shape=\"sphere\", or its entity a mesh",
+      named(snapshot, strong));
+}
+
+/// Why nothing in a scene gives off light.
+///
+/// idle   lights that are told of by themselves, ascending
+std::string why_dark(const Snapshot& snapshot, std::span<const u32> idle) {
+  std::vector<u32> weak, hidden;
+  snapshot.entities.for_each([&](u32 index, const Entity& entity) {
+    if (!entity.light || std::ranges::binary_search(idle, index)) return;
+    (emits(*entity.light) ? hidden : weak).push_back(index);
+  });
+  if (!hidden.empty())
+    return fmt::format("light {} is not visible or has no area; show it, or add a dome",
+                       named(snapshot, hidden));
+  if (!weak.empty())
+    return fmt::format("light {} has a strength or a colour of 0; give it power, or add a dome",
+                       named(snapshot, weak));
+  if (snapshot.dome)
+    return "the dome has no colour, or an intensity of 0, and there is no other light; set both";
+  return "the scene has no light; add a dome, a sun or a light";
+}
+
+constexpr const char* kBehind =
+    "all of the scene is behind the camera, which looks along its -Z axis; hg.look_at() aims it";
 
 /// Whether a mesh is behind a camera as far as some hundreds of its vertices tell.
 bool is_behind(const Mesh& mesh, const mat4x3& world, const mat4x3& camera) {
@@ -118,61 +135,104 @@ std::string why_empty(const RenderJob& job, const Frame& frame) {
   if (const std::string body = body_around(snapshot, frame.time, camera); !behind && !body.empty())
     return fmt::format("the camera is inside '{}': move either, or hide it from the camera", body);
   if (!behind) return "";
-  return "all of the scene is behind the camera, which looks along its -Z axis; hg.look_at() aims "
-         "it";
+  return kBehind;
 }
 
-/// How many of the values of a plane, of f32 or f16, are 1.
-u64 count_ones(const Pixels& pixels, u64 values) {
-  u64 ones = 0;
-  const auto count = [&]<class T>(T one) {
-    for (u64 i = 0; i < values; ++i) {
-      T value;
-      std::memcpy(&value, pixels.data() + i * sizeof(T), sizeof(T));
-      ones += value == one;
-    }
-  };
-  if (pixels.size() / values == sizeof(float))
-    count(std::bit_cast<u32>(1.0f));
-  else
-    count(u16(0x3c00));
-  return ones;
+/// What a camera whose image is flat sees of a box: the range of depths, and its size in pixels.
+struct Extent {
+  double nearest = INFINITY, farthest = -INFINITY;
+  glm::dvec2 lower{INFINITY}, upper{-INFINITY};
+};
+Extent extent_of(const resident::Box& box, const Frame& frame, bool perspective) {
+  Extent extent;
+  for (int corner = 0; corner < 8; ++corner) {
+    const auto side = [&](int axis) {
+      return double((corner >> axis & 1 ? box.upper : box.lower)[axis]);
+    };
+    const glm::dvec3 p = frame.camera_from_world_cv * glm::dvec4(side(0), side(1), side(2), 1);
+    extent.nearest = std::min(extent.nearest, p.z);
+    extent.farthest = std::max(extent.farthest, p.z);
+    const glm::dvec2 at = glm::dvec2(frame.k[0][0] * p.x, frame.k[1][1] * p.y);
+    extent.lower = glm::min(extent.lower, perspective ? at / p.z : at);
+    extent.upper = glm::max(extent.upper, perspective ? at / p.z : at);
+  }
+  return extent;
+}
+
+/// Why a picture shows nothing of a scene that fills a box; "": it may.
+std::string why_out_of_sight(const Camera& camera, const resident::Box& box, const Frame& frame) {
+  const bool perspective = camera.projection == Projection::kPerspective;
+  if (box.empty() || !(perspective || camera.projection == Projection::kOrthographic)) return "";
+  const Extent extent = extent_of(box, frame, perspective);
+  if (extent.farthest <= 0) return kBehind;
+  if (extent.farthest < camera.near)
+    return fmt::format("all of the scene is nearer than the camera's near of {} m", camera.near);
+  if (camera.far > 0 && extent.nearest > camera.far)
+    return fmt::format("all of the scene is farther than the camera's far of {} m", camera.far);
+  const glm::dvec2 size = extent.upper - extent.lower;
+  if (extent.nearest > 0 && std::max(size.x, size.y) < 1)
+    return "all of the scene is smaller than a pixel: is it in metres, and the camera near it?";
+  return "";
+}
+
+/// The values of a plane of f32 or f16.
+auto values_of(const Pixels& pixels, u64 count) {
+  const bool is_half = pixels.size() / count == sizeof(u16);
+  return std::views::iota(u64(0), count) | std::views::transform([&pixels, is_half](u64 i) {
+           u16 half;
+           float value;
+           if (!is_half) {
+             std::memcpy(&value, pixels.data() + i * sizeof value, sizeof value);
+             return value;
+           }
+           std::memcpy(&half, pixels.data() + i * sizeof half, sizeof half);
+           return float_of_half(half);
+         });
 }
 
 /// What a camera's exposure does to its signal; "": nothing to speak of.
-std::string about_exposure(const Frame& frame) {
+std::string about_exposure(const Camera& camera, const Frame& frame) {
   const PlaneData* signal = plane_of(frame, Plane::SENSOR_RGB);
   if (!signal) return "";
-  const u64 values = 3 * u64(frame.width) * frame.height;
-  const u64 full = count_ones(signal->pixels, values);
-  if (2 * full < values) return "";
-  return fmt::format("{} % of sensor_rgb is saturated: lower the exposure of the camera's sensor",
-                     100 * full / values);
+  const u64 count = 3 * u64(frame.width) * frame.height;
+  const auto values = values_of(signal->pixels, count);
+  const auto full = u64(std::ranges::count(values, 1.0f));
+  if (2 * full >= count)
+    return fmt::format("{} % of sensor_rgb is saturated: lower the exposure of the camera's sensor",
+                       100 * full / count);
+  // Noise about black is no picture.
+  const auto black = float(camera.rgb_sensor->black_level);
+  const float dark = black + (1 - black) / 256;
+  if (std::ranges::any_of(values, [&](float value) { return value > dark; })) return "";
+  return "sensor_rgb is black: raise the exposure of the camera's sensor, or light the scene";
 }
 
-}  // namespace
-
-std::vector<std::string> remarks(const RenderJob& job, const Frame& frame) {
-  if (job.on_device) return {};
-  std::vector<std::string> out;
-  if (std::string exposure = about_exposure(frame); !exposure.empty())
-    out.push_back(std::move(exposure));
+/// What a picture shows nothing of, and why; "": it shows something.
+std::string about_sight(const RenderJob& job, const SceneSummary& scene, const Frame& frame) {
   const PlaneData* beauty = plane_of(frame, Plane::BEAUTY);
-  if (!beauty) return out;
-  const Lamps lamps = lamps_of(*job.snapshot);
-  if (lamps.idle > 0)
-    out.push_back(fmt::format(
-        "light '{}'{} has neither a mesh nor a shape and shines nowhere: "
-        "give it shape=\"sphere\", or its entity a mesh",
-        lamps.first_idle, lamps.idle > 1 ? fmt::format(" (and {} more)", lamps.idle - 1) : ""));
-  if (!is_black(beauty->pixels, u64(frame.width) * frame.height)) return out;
-  std::string why = why_empty(job, frame);
-  if (!lamps.any) why = "the scene has no light; add a dome, a sun or a light";
+  const EntityId camera = job.cameras[frame.index];
+  std::string why = why_out_of_sight(*job.snapshot->find(camera)->camera, scene.bounds, frame);
+  if (!beauty || !is_black(beauty->pixels, u64(frame.width) * frame.height))
+    return why.empty() ? "" : "nothing of the scene is in sight: " + why;
+  if (!scene.lit) why = why_dark(*job.snapshot, scene.idle);
+  if (why.empty()) why = why_empty(job, frame);
   if (why.empty())
     why =
         "no light reaches what the camera sees, if it sees anything: something may be in the way, "
         "or max_depth or the number of samples too small";
-  out.push_back("the picture is black: " + why);
+  return "the picture is black: " + why;
+}
+
+}  // namespace
+
+std::vector<std::string> remarks(const RenderJob& job, const SceneSummary& scene,
+                                 const Frame& frame) {
+  if (job.on_device) return {};
+  const Camera& camera = *job.snapshot->find(job.cameras[frame.index])->camera;
+  std::vector<std::string> out = {about_exposure(camera, frame)};
+  if (plane_of(frame, Plane::BEAUTY)) out.push_back(about_idle(*job.snapshot, scene.idle));
+  out.push_back(about_sight(job, scene, frame));
+  std::erase(out, "");
   return out;
 }
 

@@ -1,17 +1,27 @@
 // What a picture does not say of itself: why it is black or empty. Called by the runner.
 #pragma once
 
+#include <span>
 #include <string>
 #include <vector>
 
+#include "renderer/base/box.h"
 #include "renderer/frame/frame.h"
 
 namespace heliograph {
 
+/// What remarks need of a scene that a device has.
+struct SceneSummary {
+  bool lit = false;           // something gives off light
+  std::span<const u32> idle;  // shown entities with a light that has neither a mesh nor a shape
+  resident::Box bounds;       // of all that is shown, m
+};
+
 /// Of a frame whose planes are made, a sentence each, with the remedy: a light that shines nowhere,
-/// a signal of a sensor that is saturated for the most part, and of a beauty that is black all over
-/// why: there is no light, nothing to see, the camera is inside of something, or none is known.
-/// None for planes that the host cannot read.
-[[nodiscard]] std::vector<std::string> remarks(const RenderJob& job, const Frame& frame);
+/// a sensor's signal that is saturated for the most part or black, a camera that all of the scene
+/// is out of sight of, and why a beauty is black all over: nothing shines, there is nothing to see,
+/// the camera is inside of something, or none is known. None for planes that the host cannot read.
+[[nodiscard]] std::vector<std::string> remarks(const RenderJob& job, const SceneSummary& scene,
+                                               const Frame& frame);
 
 }  // namespace heliograph

@@ -54,8 +54,6 @@ vec3 material_emission(const Snapshot& snapshot, const Material& material, Deriv
          mean_factor(snapshot, strength.texture, cache).channel;
 }
 
-bool emits(const Light& light) { return !black(light.color) && light.intensity > 0; }
-
 /// sin^2 of an angle's quarter, twice: 1 - the cosine of its half.
 double disc_depth(double angle) { return 2 * std::pow(std::sin(0.25 * angle), 2); }
 

@@ -45,6 +45,11 @@ struct Lights {
   std::shared_ptr<const DomeTables> dome_tables;  // null: constant
   std::vector<kernels::PortalView> portals;
   std::vector<std::shared_ptr<const PortalMap>> portal_maps;
+
+  /// Whether there is any.
+  [[nodiscard]] bool any() const {
+    return !lights.empty() || !suns.empty() || dome.radiance != vec3(0);
+  }
 };
 
 /// What lights are made of.

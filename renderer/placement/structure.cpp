@@ -241,6 +241,9 @@ Expected<std::shared_ptr<const Structure>> make_structure(const Snapshot& snapsh
   }
 
   structure->suns = shown_among(snapshot, is_sun);
+  structure->idle = shown_among(snapshot, [&](const Entity& entity) {
+    return entity.light && !is_sun(entity) && !shown_mesh(snapshot, entity);
+  });
   structure->portals =
       shown_among(snapshot, [](const Entity& entity) { return bool(entity.portal); });
   std::vector<u32> row_of_entity;

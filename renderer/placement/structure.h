@@ -44,8 +44,9 @@ struct Structure {
   std::vector<u32> group_of_volume;  // of `volumes`
   // Row of the material table; its capacity: the default material; one more: absorbs all light.
   std::vector<u32> part_materials;
-  std::vector<u32> suns;            // entities that are shown and have a sun
-  std::vector<u32> portals;         // entities that are shown and have a portal
+  std::vector<u32> suns;     // entities that are shown and have a sun
+  std::vector<u32> idle;     // shown, with a light that is no sun and has nothing to shine from
+  std::vector<u32> portals;  // entities that are shown and have a portal
   std::vector<VolumeSlot> volumes;  // entities that are shown and have a volume
   Labelling labelling;
 };

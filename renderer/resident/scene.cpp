@@ -150,4 +150,11 @@ std::shared_ptr<const ResidentScene> SceneStore::scene_of(const State& state) {
   return scene;
 }
 
+SceneSummary ResidentScene::summary() const {
+  const auto glows = [](const kernels::VolumeView& volume) { return volume.emission_scale > 0; };
+  return {.lit = lights().any() || std::ranges::any_of(pieces().volumes->views, glows),
+          .idle = structure().idle,
+          .bounds = placement().bounds};
+}
+
 }  // namespace heliograph::resident

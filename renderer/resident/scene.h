@@ -29,6 +29,7 @@ class ResidentScene final : public DeviceScene {
   [[nodiscard]] const Placement& placement() const { return *pieces().placement; }
   [[nodiscard]] const Structure& structure() const { return *placement().structure; }
   [[nodiscard]] const Lights& lights() const { return *pieces().lights; }
+  [[nodiscard]] SceneSummary summary() const override;
   /// Fails as the interrupt says. Thread: any, while the store is there.
   [[nodiscard]] Expected<const LabelFrames*> labels(const Interrupt& interrupt) const {
     return placement().labels(snapshot(), builder_, interrupt);

@@ -2,6 +2,7 @@
 #include "renderer/scene/light_shapes.h"
 
 #include <array>
+#include <glm/glm.hpp>
 
 namespace heliograph {
 namespace {
@@ -35,6 +36,10 @@ const Mesh* shape_mesh(LightShape shape) {
 
 bool has_light_shape(const Entity& entity) {
   return entity.light && entity.light->shape != LightShape::kMesh;
+}
+
+bool emits(const Light& light) {
+  return light.intensity > 0 && glm::any(glm::greaterThan(light.color, vec3(0)));
 }
 
 const Mesh* shown_mesh(const Snapshot& snapshot, const Entity& entity) {

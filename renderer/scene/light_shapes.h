@@ -18,6 +18,9 @@ inline constexpr u32 kLightShapes = 3;
 /// Whether its light has a shape of its own.
 [[nodiscard]] bool has_light_shape(const Entity& entity);
 
+/// Whether a light has a strength and a colour.
+[[nodiscard]] bool emits(const Light& light);
+
 /// Size of what an entity shows over that of its mesh, along the axes.
 [[nodiscard]] vec3 shown_scale(const Entity& entity);
 

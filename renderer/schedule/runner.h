@@ -109,6 +109,8 @@ class Runner {
   [[nodiscard]] Steps emit(Film& film, bool final);
   [[nodiscard]] Expected<std::vector<PlaneData>> finish(const Shot& shot,
                                                         std::vector<PlaneData> made);
+  /// Adds the remarks on a frame whose planes are made.
+  void remark(const Shot& shot, Frame& frame) const;
   /// Where the job may be left until the next step(), once the slice is used up or nearly so.
   struct Pause {
     Runner& runner;

@@ -73,6 +73,12 @@ Expected<std::vector<PlaneData>> Runner::finish(const Shot& shot, std::vector<Pl
                         .sensor_seed = sensor_seed(job, camera)});
 }
 
+void Runner::remark(const Shot& shot, Frame& frame) const {
+  const auto& scene = shot.open ? shot.open : shot.still;
+  if (!scene) return;
+  std::ranges::move(remarks(*job_, scene->summary(), frame), std::back_inserter(frame.warnings));
+}
+
 /// What is of the whole film is told of its first picture.
 Steps Runner::emit(Film& film, bool final) {
   const Shot& shot = begun_.shots.front();
@@ -107,7 +113,7 @@ Steps Runner::emit(Film& film, bool final) {
   frame.render_seconds = seconds_in_film();
   frame.rays = film.rays();
   if (!packed_) {
-    if (final) std::ranges::move(remarks(*job_, frame), std::back_inserter(frame.warnings));
+    if (final) remark(shot, frame);
     context_.sink->frame(std::make_shared<const Frame>(std::move(frame)));
     co_return Status{};
   }

@@ -1,4 +1,4 @@
-"""Frames say why they are black or empty, and which light shines nowhere."""
+"""Frames say why they are black or show nothing, and which light shines nowhere."""
 
 import heliograph as hg
 import numpy as np
@@ -43,6 +43,33 @@ def glow(edit):
     edit.entity("ball", material=edit.material("glow", emission=1.0))
 
 
+def lamp(**light):
+    return lambda edit: edit.entity("key", light=hg.Light(**light), transform=hg.Pose((1, -3, 2)))
+
+
+def hide_the_lamp(edit):
+    lamp(power=9.0, shape="sphere", radius=0.1)(edit)
+    edit.entity("key", visible=False)
+
+
+def clip(**planes):
+    def clipped(edit):
+        edit.dome(color=1.0, camera_visible=False)
+        edit.entity("cam", camera=hg.Camera.from_fov(45, 32, 24, degrees=True, **planes))
+
+    return clipped
+
+
+def shrink(edit):
+    edit.dome(color=1.0, camera_visible=False)
+    edit.entity("ball", transform=np.diag([1e-6, 1e-6, 1e-6, 1]))
+
+
+def swell(edit):
+    edit.dome(color=1.0)
+    edit.entity("ball", transform=np.diag([1e6, 1e6, 1e6, 1]))
+
+
 @pytest.mark.parametrize(
     "change, message",
     [
@@ -51,11 +78,34 @@ def glow(edit):
         (turn_away, "all of the scene is behind the camera"),
         (look_beside, "if it sees anything"),
         (hide_the_ball, "nothing in the scene has a mesh and is visible"),
+        (lamp(power=0, shape="sphere"), "light 'key' has a strength or a colour of 0"),
+        (lamp(power=9, color=0, shape="sphere"), "light 'key' has a strength or a colour of 0"),
+        (hide_the_lamp, "light 'key' is not visible"),
+        (
+            lambda edit: edit.dome(color=1.0, intensity=0.0),
+            "the dome has no colour, or an intensity",
+        ),
+        (lambda edit: edit.material("m", emission=1.0), "the scene has no light; add a dome"),
+        (clip(far=1.0), "all of the scene is farther than the camera's far of 1 m"),
+        (clip(near=50.0), "all of the scene is nearer than the camera's near of 50 m"),
+        (shrink, "all of the scene is smaller than a pixel"),
+        (swell, "the camera is inside 'ball'"),
     ],
 )
 def test_a_black_picture_says_why(scene, change, message):
     (warning,) = warnings_of(scene, change)
     assert message in warning
+
+
+def test_a_picture_of_the_sky_alone_says_what_is_not_in_it(scene):
+    def beyond(edit):
+        edit.dome(color=1.0)
+        edit.entity("cam", transform=hg.look_at((0, -4, 0), (0, -8, 0)))
+
+    (warning,) = warnings_of(scene, beyond)
+    assert warning.startswith("nothing of the scene is in sight: all of the scene is behind")
+    (warning,) = warnings_of(scene, beyond, planes=["depth"])
+    assert warning.startswith("nothing of the scene is in sight: all of the scene is behind")
 
 
 def test_a_light_without_a_shape_is_named(scene):
@@ -88,6 +138,19 @@ def test_a_lit_picture_says_nothing(scene, change):
 
 def test_labels_alone_say_nothing(scene):
     assert not warnings_of(scene, lambda edit: None, planes=("depth", "instance"))
+
+
+@pytest.mark.parametrize("model", [{}, {"full_well": 8000, "read_noise": 3, "black_level": 0.05}])
+@pytest.mark.parametrize("exposure, black", [(-20, True), (-2, False)])
+def test_a_black_sensor_says_so(scene, exposure, black, model):
+    def dim(edit):
+        edit.dome(color=0.2)
+        sensor = hg.RgbSensor(exposure=exposure, bits=12, **model)
+        camera = hg.Camera.from_fov(45, 32, 24, degrees=True, rgb_sensor=sensor)
+        edit.entity("cam", camera=camera)
+
+    warnings = warnings_of(scene, dim, ["sensor_rgb"])
+    assert [("sensor_rgb is black" in each) for each in warnings] == [True] * black
 
 
 @pytest.mark.parametrize("exposure, saturated", [(0, False), (8, True)])

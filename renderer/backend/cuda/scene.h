@@ -56,6 +56,7 @@ class CudaScene final : public DeviceScene {
   /// Makes what create() needs of the host alone. Thread: any.
   static void make_host_trees(const ResidentScene& host);
 
+  [[nodiscard]] SceneSummary summary() const override { return host_->summary(); }
   [[nodiscard]] const std::shared_ptr<const ResidentScene>& host() const { return host_; }
   /// Pointers are the device's.
   [[nodiscard]] const kernels::SceneView& view() const { return view_; }
