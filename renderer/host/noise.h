@@ -14,7 +14,9 @@ namespace heliograph::host {
 /// Of pixels that too few samples have lit it is that of a pixel which as many have lit as on
 /// average these, in the tile, with its eight neighbours or in the image where those are black;
 /// over at least a hundredth of the image's mean luminance, so that shadows in which nothing is to
-/// be found come to an end. A pixel that meets nothing has none.
+/// be found come to an end. Where these are brighter than the others in the tile, the variance that
+/// they have is that of all in part, of the more the more hits there are. A pixel that meets
+/// nothing has none.
 [[nodiscard]] Noise noise_of(std::span<const kernels::TileNoise> tiles,
                              const kernels::FilmView& film);
 

@@ -38,6 +38,30 @@ TEST_CASE("noise: what a tenth of the pixels tell counts for the black ones besi
   CHECK(noise.tiles[1] == Approx(error * 120 / kNarrow));
 }
 
+TEST_CASE("noise: rare light on pixels that are known may hit each of them") {
+  // One pixel in a hundred has been hit, by as much light as it had.
+  constexpr double kError = 0.02, kRare = 2.56;
+  TileNoise hit{.light = kWide + kRare, .errors = kError * (kWide - kRare)};
+  hit.dim_light = 2 * kRare;
+  hit.dim_hits = kRare;
+  hit.dim = u32(std::lround(kRare));
+  const TileNoise narrow{.light = kNarrow, .errors = kError * kNarrow};
+  const std::vector tiles = {hit, narrow, hit, narrow};
+  const Noise noise = host::noise_of(tiles, film());
+  // Between the error if those pixels alone may be hit, and that if all may.
+  CHECK(noise.tiles[0] > 1.5 * (kError + kRare / kWide));
+  CHECK(noise.tiles[0] < 0.2);
+  // The more hits there are, the nearer to the second.
+  TileNoise sure = hit;
+  sure.dim = 128;
+  sure.dim_hits = 3 * 128;
+  sure.dim_light = 3 * 128;
+  sure.light = 4 * 128;
+  sure.errors = kError * 128;
+  const double all = std::sqrt(0.5 * (std::pow(kError, 2) + 9.0 / 3)) / 2;
+  CHECK(host::noise_of(std::vector(4, sure), film()).tiles[0] == Approx(all).epsilon(0.02));
+}
+
 TEST_CASE("noise: a shadow beside light comes to an end, and what meets nothing has none") {
   const TileNoise lit{.light = 200, .errors = 0.01 * kWide};
   const TileNoise shadow{.light = 1e-4, .dim_light = 1e-4, .dim_hits = 2, .dim = kNarrow};
