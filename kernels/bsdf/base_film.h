@@ -3,7 +3,6 @@
 #pragma once
 
 #include "kernels/bsdf/base.h"
-#include "kernels/core/sampler.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
@@ -40,15 +39,27 @@ HELIO_CALL KERNEL Reflectances average_film(const Base& b) {
   return sum;
 }
 
-/// Calls with some of the microfacets that wo sees, as often as it sees them: their normals.
-inline constexpr u32 kSeenFacets = 32;
+/// Calls with some of the microfacets that wo sees: wo, a normal, and its share of all.
+///
+/// Gauss-Legendre with 8 points over the height of the spherical cap from which sample_ggx() takes
+/// them, and 8 evenly around. What is isotropic is the same on both sides of wo: half a turn is
+/// all.
 template <class Visit>
 KERNEL void see_facets(const Base& b, const Visit& visit) {
-  const u32 count = b.delta ? 1 : kSeenFacets;
-  const float step = 1 / float(kSeenFacets);
-  for (u32 i = 0; i < count; ++i) {
-    const vec2 u(float(i) * step, float(reverse_bits(i)) * 0x1p-32f);
-    visit(b.delta ? vec3(0, 0, 1) : sample_ggx(b.wo, b.facets, u + 0.5f * step), 1 / float(count));
+  if (b.delta) return visit(b.wo, vec3(0, 0, 1), 1.0f);
+  const float places[8] = {0.01985507f, 0.10166676f, 0.23723380f, 0.40828268f,
+                           0.59171732f, 0.76276620f, 0.89833324f, 0.98014493f};
+  const float weights[8] = {0.05061427f, 0.11119052f, 0.15685332f, 0.18134189f,
+                            0.18134189f, 0.15685332f, 0.11119052f, 0.05061427f};
+  const bool stretched = is_stretched(b);
+  const vec3 wo = stretched ? b.wo : vec3(safe_sqrt(1 - sqr(b.wo.z)), 0, b.wo.z);
+  const float step = stretched ? 0.125f : 0.0625f;
+  for (u32 i = 0; i < 8; ++i) {
+    const float first = stretched && i % 2 == 0 ? 0 : 0.5f;
+    for (u32 j = 0; j < 8; ++j) {
+      const vec2 u((float(j) + first) * step, places[i]);
+      visit(wo, sample_ggx(wo, b.facets, u), 0.125f * weights[i]);
+    }
   }
 }
 /// Share of the light between wo and wi that no other microfacet holds up, of what wo sees.
@@ -62,10 +73,10 @@ KERNEL float open_to(const Base& b, vec3 wi) {
 HELIO_CALL KERNEL Reflectances seen_film(const Base& b) {
   Reflectances sum;
   float all = 1e-6f;
-  see_facets(b, [&](vec3 h, float) {
-    const float c = max2(dot(b.wo, h), 0.0f);
-    const vec3 wi = h * (2 * c) - b.wo;
-    const float open = wi.z > 0 ? open_to(b, wi) : 0;
+  see_facets(b, [&](vec3 wo, vec3 h, float weight) {
+    const float c = max2(dot(wo, h), 0.0f);
+    const vec3 wi = h * (2 * c) - wo;
+    const float open = wi.z > 0 ? open_to(b, wi) * weight : 0;
     add(sum, film_at(b, c), open);
     all += open;
   });
@@ -87,14 +98,14 @@ struct FilmOnFace {
 };
 HELIO_CALL KERNEL FilmOnFace film_on_face(const Base& b) {
   FilmOnFace sum;
-  see_facets(b, [&](vec3 h, float weight) {
-    const float c = max2(dot(b.wo, h), 0.0f);
+  see_facets(b, [&](vec3 wo, vec3 h, float weight) {
+    const float c = max2(dot(wo, h), 0.0f);
     const Fresnel bare = fresnel_dielectric(c, b.eta);
     const vec3 added = (glass_at(b, c, bare.reflectance) - vec3(bare.reflectance)) * weight;
     sum.whole += added;
     if (!(bare.cos_t > 0)) return;
-    const vec3 up = h * (2 * c) - b.wo;
-    const vec3 down = h * (c / b.eta - bare.cos_t) - b.wo * (1 / b.eta);
+    const vec3 up = h * (2 * c) - wo;
+    const vec3 down = h * (c / b.eta - bare.cos_t) - wo * (1 / b.eta);
     if (up.z > 0) sum.reflected += added * open_to(b, up);
     if (down.z < 0) sum.refracted += added * open_to(b, down);
   });

@@ -94,7 +94,7 @@ HELIO_STEP KERNEL void add_refraction(const Base& b, vec3 wi, BsdfValue& out) {
   vec3 color;
   float probability;
   if (passes_apart(b)) {
-    color = through_color(b) * (1 - fresnel_dielectric(wo_h, b.eta).reflectance);
+    color = through_color(b);
     probability = through_probability(b);
   } else {
     const Facet f = facet_of(b, wo_h);

@@ -52,8 +52,6 @@ struct OpaqueMaterial {
   F plastic;  // weight of the coat
 };
 
-inline constexpr float kSchlickMean = 1 / 21.0f;  // the average of Schlick's weight
-
 /// Their Fresnel. Returns its averages by cosine.
 template <class F>
 KERNEL ReflectancesOf<F> set_fresnel(OpaqueBase<F>& b, const OpaqueMaterial<F>& m) {
@@ -177,10 +175,11 @@ HELIO_CALL KERNEL vec2 set_apart(Base& b, const MaterialValues& m, float through
     }
   } else {
     b.through = {sqr(through), sqr(through)};
-    const float refracted = max2(glass_albedo(b.wo.z, through, b.eta).refracted, 1e-6f);
-    b.through_scale = 1 / refracted;
+    const GlassAlbedo share = glass_albedo(b.wo.z, through, b.eta);
+    const float passes = max2(share.refracted + share.kept, 1e-6f);
+    b.through_scale = 1 / passes;
     // Near total reflection few facets refract: they need not carry more than this.
-    smallest = 1 - kMostThrough * refracted;
+    smallest = 1 - kMostThrough * passes;
   }
   b.glass_reflectance = glm::max(b.glass_specular * reflected, vec3(smallest));
   b.glass_scale = vec3(1 / base_albedo(b, b.wo).total);

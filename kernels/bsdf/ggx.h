@@ -112,33 +112,33 @@ KERNEL AlbedoRowOf<F> albedo_row(F roughness) {
   return {row, place - to_float(row), sqr(roughness)};
 }
 
-/// Where a number in [0, 1] lies in a table that is as dense about 0 as `scale` asks for.
-template <class F>
-KERNEL F axis_place(F x, F scale) {
-  return 0.5f * (x * (1 + scale) / (x + scale) + root(x));
-}
+inline constexpr float kSchlickMean = 1 / 21.0f;  // the average of Schlick's weight
 
 /// Over all directions, by their cosines.
 template <class F>
 KERNEL AlbedoOf<F> albedo_average(const AlbedoRowOf<F>& row) {
   const IntOf<F> i = row.row * 2;
-  const F total = at(kReflectionAverage, i), schlick = at(kReflectionAverage, i + 1);
-  return {total + (at(kReflectionAverage, i + 2) - total) * row.weight,
-          schlick + (at(kReflectionAverage, i + 3) - schlick) * row.weight};
+  const F total = at(kReflectionAverageLoss, i), schlick = at(kReflectionAverageLoss, i + 1);
+  const F scale = sqr(row.alpha);
+  return {1 - (total + (at(kReflectionAverageLoss, i + 2) - total) * row.weight) * scale,
+          kSchlickMean -
+              (schlick + (at(kReflectionAverageLoss, i + 3) - schlick) * row.weight) * scale};
 }
 template <class F>
 KERNEL AlbedoOf<F> albedo_at(const AlbedoRowOf<F>& row, F cosine) {
-  const F place = axis_place(clamp01(cosine), row.alpha) * float(kAlbedoCosines - 1);
+  const F c = clamp01(cosine);
+  const F place = axis_place(c, row.alpha) * float(kAlbedoCosines - 1);
   const IntOf<F> column = min2(to_int(place), IntOf<F>(kAlbedoCosines - 2));
   const F w = place - to_float(column);
   const IntOf<F> first = (row.row * i32(kAlbedoCosines) + column) * 2;
   const IntOf<F> second = first + i32(2 * kAlbedoCosines);
   const auto between = [&](i32 k) {
-    const F a = at(kReflectionAlbedo, first + k);
-    return a + (at(kReflectionAlbedo, second + k) - a) * row.weight;
+    const F a = at(kReflectionLoss, first + k);
+    return a + (at(kReflectionLoss, second + k) - a) * row.weight;
   };
-  const F total = between(0), schlick = between(1);
-  return {total + (between(2) - total) * w, schlick + (between(3) - schlick) * w};
+  const F total = between(0), schlick = between(1), scale = loss_scale(c, row.alpha);
+  return {1 - (total + (between(2) - total) * w) * scale,
+          schlick_weight(c) - (schlick + (between(3) - schlick) * w) * scale};
 }
 
 /// A row of the tables for anisotropic microfacets.
@@ -157,23 +157,19 @@ KERNEL Place place_at(float x, u32 n) {
   return {index, clamp01(x - float(index))};
 }
 
-KERNEL Place aspect_place(float aspect) {
-  return place_at((1 - aspect) * (float(kAnisotropies - 1) / 0.683772234f), kAnisotropies);
-}
-
 /// w: unit, local
 HELIO_CALL KERNEL Albedo albedo_at(const AnisotropicRow& row, vec3 w) {
   const float sine = std::sqrt(w.x * w.x + w.y * w.y);
   const float cos_phi = sine > 0 ? std::fabs(w.x) / sine : 0.5f;
-  const Place a = aspect_place(row.aspect);
+  const Place a = place_at(aspect_place(row.aspect) * (kAnisotropies - 1), kAnisotropies);
   const Place r = place_at(row.roughness * (kAnisotropicRoughnesses - 1), kAnisotropicRoughnesses);
   const Place p = place_at(cos_phi * (kAnisotropicPhis - 1), kAnisotropicPhis);
-  const float alpha = sqr(row.roughness);
-  const float seen =
-      std::sqrt(sqr(alpha / row.aspect * cos_phi) + sqr(alpha * row.aspect) * (1 - sqr(cos_phi)));
+  const float alpha = sqr(row.roughness), along = alpha / row.aspect;
+  const float seen = std::sqrt(sqr(along * cos_phi) + sqr(alpha * row.aspect) * (1 - sqr(cos_phi)));
+  const float cosine = clamp01(w.z);
   const Place c =
-      place_at(axis_place(clamp01(w.z), seen) * (kAnisotropicCosines - 1), kAnisotropicCosines);
-  Albedo sum{0, 0};
+      place_at(axis_place(cosine, seen) * (kAnisotropicCosines - 1), kAnisotropicCosines);
+  Albedo loss{0, 0};
   for (u32 corner = 0; corner < 16; ++corner) {
     const u32 da = corner & 1;
     const u32 dr = corner >> 1 & 1;
@@ -183,40 +179,29 @@ HELIO_CALL KERNEL Albedo albedo_at(const AnisotropicRow& row, vec3 w) {
                          (dp ? p.weight : 1 - p.weight) * (dc ? c.weight : 1 - c.weight);
     const u32 row_index = (a.index + da) * kAnisotropicRoughnesses + r.index + dr;
     const float* at =
-        kAnisotropicAlbedo +
+        kAnisotropicLoss +
         2 * ((row_index * kAnisotropicPhis + p.index + dp) * kAnisotropicCosines + c.index + dc);
-    sum.total += at[0] * weight;
-    sum.schlick += at[1] * weight;
+    loss.total += at[0] * weight;
+    loss.schlick += at[1] * weight;
   }
-  return sum;
+  const float scale = loss_scale(cosine, along);
+  return {1 - loss.total * scale, schlick_weight(cosine) - loss.schlick * scale};
 }
 HELIO_CALL KERNEL Albedo albedo_average(const AnisotropicRow& row) {
-  const Place a = aspect_place(row.aspect);
+  const Place a = place_at(aspect_place(row.aspect) * (kAnisotropies - 1), kAnisotropies);
   const Place r = place_at(row.roughness * (kAnisotropicRoughnesses - 1), kAnisotropicRoughnesses);
-  Albedo sum{0, 0};
+  Albedo loss{0, 0};
   for (u32 corner = 0; corner < 4; ++corner) {
     const u32 da = corner & 1;
     const u32 dr = corner >> 1;
     const float weight = (da ? a.weight : 1 - a.weight) * (dr ? r.weight : 1 - r.weight);
     const float* at =
-        kAnisotropicAverage + 2 * ((a.index + da) * kAnisotropicRoughnesses + r.index + dr);
-    sum.total += at[0] * weight;
-    sum.schlick += at[1] * weight;
+        kAnisotropicAverageLoss + 2 * ((a.index + da) * kAnisotropicRoughnesses + r.index + dr);
+    loss.total += at[0] * weight;
+    loss.schlick += at[1] * weight;
   }
-  return sum;
-}
-
-/// Where a cosine lies in kGlassAlbedo: total reflection begins at the middle, whatever eta is, and
-/// as sharply as alpha lets it.
-KERNEL float glass_place(float cosine, float alpha, float eta) {
-  if (eta > 1) return axis_place(cosine, alpha);
-  const float critical = safe_sqrt(1 - eta * eta);
-  const float above = 1 - critical;
-  if (cosine >= critical)
-    return 0.5f + 0.5f * axis_place((cosine - critical) / above, alpha / above);
-  const float x = cosine / critical;
-  const float scale = alpha / critical;
-  return 0.25f * (axis_place(x, scale) + 1 - axis_place(1 - x, scale));
+  const float scale = sqr(sqr(row.roughness));
+  return {1 - loss.total * scale, kSchlickMean - loss.schlick * scale};
 }
 
 /// Shares of light that leave a rough interface after one scattering.
@@ -226,15 +211,12 @@ struct GlassAlbedo {
   float refracted;
   float kept;  // what refracts more if those facets reflect nothing
 };
-/// eta   index of the far side over the near side's
-HELIO_CALL KERNEL GlassAlbedo glass_albedo(float cosine, float roughness, float eta) {
-  const float ior = max2(eta, 1 / eta);
-  const Place i =
-      place_at(std::sqrt((ior - 1) / (ior + 1)) * (1.29099445f * (kGlassIors - 1)), kGlassIors);
-  const Place j = place_at(roughness * (kGlassRoughnesses - 1), kGlassRoughnesses);
-  const Place k = place_at(glass_place(clamp01(cosine), sqr(roughness), eta) * (kGlassCosines - 1),
-                           kGlassCosines);
-  const u32 side = eta > 1 ? 0 : 1;
+/// Between the entries of a table with so many iors, roughnesses and cosines; places from 0 to 1.
+HELIO_CALL KERNEL GlassAlbedo glass_between(const float* table, u32 iors, u32 roughnesses,
+                                            u32 cosines, vec3 places) {
+  const Place i = place_at(places.x * float(iors - 1), iors);
+  const Place j = place_at(places.y * float(roughnesses - 1), roughnesses);
+  const Place k = place_at(places.z * float(cosines - 1), cosines);
   float sum[4]{};
   for (u32 corner = 0; corner < 8; ++corner) {
     const u32 dx = corner & 1;
@@ -242,11 +224,20 @@ HELIO_CALL KERNEL GlassAlbedo glass_albedo(float cosine, float roughness, float 
     const u32 dz = corner >> 2;
     const float weight = (dx ? i.weight : 1 - i.weight) * (dy ? j.weight : 1 - j.weight) *
                          (dz ? k.weight : 1 - k.weight);
-    const u32 row = ((i.index + dx) * 2 + side) * kGlassRoughnesses + j.index + dy;
-    const float* at = kGlassAlbedo + 4 * (row * kGlassCosines + k.index + dz);
+    const u32 row = (i.index + dx) * roughnesses + j.index + dy;
+    const float* at = table + 4 * (row * cosines + k.index + dz);
     for (u32 n = 0; n < 4; ++n) sum[n] += at[n] * weight;
   }
   return {sum[0], sum[1], sum[2], sum[3]};
+}
+/// eta   index of the far side over the near side's
+KERNEL GlassAlbedo glass_albedo(float cosine, float roughness, float eta) {
+  const vec3 places(ior_place(max2(eta, 1 / eta)), roughness,
+                    glass_place(clamp01(cosine), sqr(roughness), eta));
+  return eta > 1 ? glass_between(kEnteringAlbedo, kEnteringIors, kEnteringRoughnesses,
+                                 kEnteringCosines, places)
+                 : glass_between(kLeavingAlbedo, kLeavingIors, kLeavingRoughnesses, kLeavingCosines,
+                                 places);
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA
