@@ -1,5 +1,6 @@
 // All parameters of the material: furnaces, sampling against densities, reciprocity, bounded
 // weights.
+#include "tests/unit/principled.h"
 #include "kernels/bsdf/bsdf.h"
 #include "tests/unit/catch.h"
 #include "tests/unit/chi2.h"
@@ -9,23 +10,6 @@ using namespace heliograph::kernels;
 using namespace heliograph::test;
 
 namespace {
-
-const vec3 kUp(0, 0, 1);
-
-MaterialValues standard() {
-  MaterialValues m{};
-#define HELIO_PARAMETER(name, components, standard, ...) \
-  m.name = ParameterType<components>::type(standard);
-  HELIO_MATERIAL_PARAMETERS(HELIO_PARAMETER)
-#undef HELIO_PARAMETER
-  return m;
-}
-
-struct Config {
-  const char* name;
-  MaterialValues m;
-  bool thin_walled = false;
-};
 
 /// The standard material with some changes.
 template <class F>
@@ -94,20 +78,6 @@ std::vector<Config> configs() {
         m.transmission_roughness = 0.2f;
         m.anisotropic = 0.5f, m.sheen = 0.6f, m.clearcoat = 0.7f, m.clearcoat_roughness = 0.3f;
       })};
-}
-
-vec3 direction_at(float cosine, bool front = true) {
-  const float sine = std::sqrt(1 - cosine * cosine);
-  return vec3(0.6f * sine, 0.8f * sine, front ? cosine : -cosine);
-}
-
-Bsdf bsdf_of(const Config& c, vec3 wo, vec3 clearcoat_normal = kUp) {
-  return make_bsdf(c.m, {.wo = wo,
-                         .ng = kUp,
-                         .ns = kUp,
-                         .tangent = vec3(0.8f, -0.6f, 0),
-                         .clearcoat_normal = clearcoat_normal,
-                         .thin_walled = c.thin_walled});
 }
 
 /// The ends of a range more often than by chance.
@@ -233,78 +203,6 @@ TEST_CASE("principled: 1,000 random materials are finite and give off at most wh
   }
   CHECK(may_be(bright, 0.002));  // see docs/materials.md
   CHECK(may_be(heavy, 0.005));   // heavier than 16 is one of 2,304 samples
-}
-
-namespace {
-
-/// A number as often 0 as not, else anywhere in [0, 1).
-float sometimes(Random& random, float standard = 0) {
-  return random.next() < 0.5f ? standard : random.next();
-}
-
-/// All of a white material that scatters, at random.
-Config white(Random& random) {
-  Config c{"white", standard(), random.next() < 0.2f};
-  MaterialValues& m = c.m;
-  m.base_color = m.sheen_color = m.subsurface_color = vec3(1);
-  m.roughness = random.next() < 0.15f ? 0 : random.next();
-  m.metallic = sometimes(random);
-  m.specular = sometimes(random, 1);
-  m.ior = 1.01f + 2 * sqr(random.next());
-  m.transmission = sometimes(random, 1);
-  m.transmission_roughness = sometimes(random);
-  m.anisotropic = sometimes(random);
-  m.sheen = sometimes(random);
-  m.sheen_roughness = random.next();
-  m.clearcoat = sometimes(random);
-  m.clearcoat_roughness = random.next();
-  m.iridescence = sometimes(random);
-  m.iridescence_ior = 1 + 2 * random.next();
-  m.iridescence_thickness = 1000 * random.next();
-  return c;
-}
-
-/// Over points of Roberts' sequence, whose error is below 2e-3 here.
-double white_albedo(const Bsdf& b, int n) {
-  double sum = 0;
-  for (int i = 0; i < n; ++i) {
-    const auto u = [i](double step) { return float(std::fmod(0.5 + i * step, 1.0) * 0.9999999); };
-    BsdfSample s;
-    if (sample_bsdf(b, u(0.8191725134), vec2(u(0.6710436067), u(0.5497004779)), s))
-      sum += double(s.weight.y * sqr(s.eta));
-  }
-  return sum / n;
-}
-
-void check_whole_disc(int count, bool inside) {
-  Random random(inside ? 11 : 12);
-  int off = 0;
-  for (int i = 0; i < count; ++i) {
-    Config c = white(random);
-    const float cosine = std::max(std::sqrt(random.next()), 0.02f);
-    if (inside) c.m.transmission = 1, c.m.metallic = 0;
-    const double albedo = white_albedo(bsdf_of(c, direction_at(cosine, !inside)), 8192);
-    const MaterialValues& m = c.m;
-    CAPTURE(inside, cosine, m.metallic, m.roughness, m.specular, m.transmission, m.ior,
-            m.transmission_roughness, m.anisotropic, m.sheen, m.sheen_roughness, m.clearcoat,
-            m.clearcoat_roughness, m.iridescence, m.iridescence_ior, m.iridescence_thickness,
-            c.thin_walled, albedo);
-    CHECK(std::fabs(albedo - 1) < 0.04);
-    off += std::fabs(albedo - 1) > 0.012;
-  }
-  INFO(off << " of " << count << " are off by more than 1 %");
-  CHECK(off <= (inside ? 1 + count / 50 : count / 200));
-}
-
-}  // namespace
-
-TEST_CASE("principled: white ones neither lose nor gain over the whole disc, from either side") {
-  check_whole_disc(400, false);
-  check_whole_disc(400, true);
-}
-TEST_CASE("principled: 5,000 white ones from outside, 1,000 from inside", "[.long]") {
-  check_whole_disc(5000, false);
-  check_whole_disc(1000, true);
 }
 
 TEST_CASE("principled: white and lossless loses and gains at most 1 %") {
