@@ -27,13 +27,14 @@ sys.path.insert(0, str(HERE))
 import materials  # noqa: E402
 import numpy as np  # noqa: E402
 import setting  # noqa: E402
+import side  # noqa: E402
 
 Found = dict[str, Any]  # what a renderer's script writes
 RENDERERS = ("ours", "mitsuba", "cycles")
 
 
 def render(python: str, renderer: str, options: argparse.Namespace, folder: pathlib.Path) -> None:
-    """Writes the pictures' statistics, by a process of the renderer's own Python."""
+    """Adds what is missing, by a process of the renderer's own Python."""
     out, log = folder / f"{renderer}.npz", folder / f"{renderer}.log"
     counts = [str(options.spp), str(options.chunks)]
     command = [python, str(HERE / f"{renderer}_side.py"), *counts, str(out), *options.material]
@@ -44,16 +45,13 @@ def render(python: str, renderer: str, options: argparse.Namespace, folder: path
 
 
 def measured(options: argparse.Namespace, folder: pathlib.Path) -> dict[str, Found]:
-    """By renderer. What is in the folder already is not measured again."""
+    """By renderer."""
     folder.mkdir(parents=True, exist_ok=True)
     found = {}
     pythons = (sys.executable, options.mitsuba_python, options.bpy_python)
     for renderer, python in zip(RENDERERS, pythons, strict=True):
-        path = folder / f"{renderer}.npz"
-        if not path.exists():
-            render(python, renderer, options, folder)
-        with np.load(path) as values:
-            found[renderer] = dict(values)
+        render(python, renderer, options, folder)
+        found[renderer] = side.load(str(folder / f"{renderer}.npz"))
     return found
 
 
@@ -104,13 +102,13 @@ def stored(found: dict[str, Found], options: argparse.Namespace) -> Found:
     """The peers' statistics, and the conditions under which they hold."""
     values: Found = {}
     for row, light in materials.pictures(options.material):
-        for peer in row.bounds:
+        for peer in RENDERERS[1:]:
             got = figures(found[peer], row.name, light)
-            assert got is not None
-            values.setdefault(f"{row.name}, {light}", {})[peer] = {
-                "mean": rounded(got[0]),
-                "error": rounded(got[1]),
-            }
+            if got is not None:
+                values.setdefault(f"{row.name}, {light}", {})[peer] = {
+                    "mean": rounded(got[0]),
+                    "error": rounded(got[1]),
+                }
     return {
         "made by": "bench/materials_beside.py",
         "versions": {peer: str(found[peer]["version"]) for peer in RENDERERS[1:]},

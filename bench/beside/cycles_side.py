@@ -1,7 +1,4 @@
-"""Materials in Blender's Cycles. Run by materials_beside.py.
-
-usage: cycles_side.py SPP CHUNKS OUT.npz [NAME...]
-"""
+"""Materials in Blender's Cycles. Run by materials_beside.py; side.py tells how."""
 
 from __future__ import annotations
 
@@ -14,6 +11,7 @@ import bpy
 import materials
 import numpy as np
 import setting
+import side
 from mathutils import Matrix
 
 
@@ -159,19 +157,15 @@ class Studio:
         return values.reshape(setting.SIZE, setting.SIZE, 4)[::-1, :, :3]
 
 
-def main(spp: int, chunks: int, out: str, names: list[str]) -> None:
+def main() -> None:
     studio = Studio()
-    found = {"version": np.array("cycles bpy " + bpy.app.version_string)}
-    for row, light in materials.pictures(names):
-        if row.cycles is None:
-            continue
-        studio.show(row.cycles, setting.LIGHTS[light])
-        measured = setting.measure(lambda seed: studio.picture(spp, seed), chunks)
-        for part, values in measured.items():
-            found[f"{row.name}|{light}|{part}"] = values
-        print(f"{row.name}, {light}", flush=True)
-    np.savez(out, **found)
+
+    def prepare(row: materials.Row, light: str) -> side.PictureOf:
+        studio.show(row.cycles or {}, setting.LIGHTS[light])
+        return studio.picture
+
+    side.run("cycles", "cycles bpy " + bpy.app.version_string, prepare)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3], sys.argv[4:])
+    main()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 Values = dict[str, Any]
@@ -24,9 +24,7 @@ CLEAR = ("dome", "lamp", "back")
 
 @dataclass(frozen=True)
 class Row:
-    """A material. why: what makes the models differ by design. bounds: by peer, the largest part by
-    which its figures may differ from ours where both are the same model; a peer that is not there
-    has another one."""
+    """A material; None: the renderer has no such. why: what makes the models differ by design."""
 
     name: str
     ours: Values
@@ -34,7 +32,6 @@ class Row:
     cycles: Values | None
     lights: tuple[str, ...] = SOLID
     why: str = ""
-    bounds: dict[str, float] = field(default_factory=dict)
 
 
 def core_scale(row: Row, light: str) -> float:
@@ -241,7 +238,12 @@ def _absorbing() -> Row:
             "type": "dielectric",
             "int_ior": 1.5,
             "ext_ior": 1.0,
-            "interior": {"type": "homogeneous", "albedo": 0.0, "sigma_t": rgb(*sigma)},
+            "interior": {
+                "type": "homogeneous",
+                "albedo": 0.0,
+                "sigma_t": rgb(*(s / density for s in sigma)),
+                "scale": density,
+            },
         },
         cycles,
         CLEAR,

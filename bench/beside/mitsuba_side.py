@@ -1,7 +1,4 @@
-"""Materials in Mitsuba 3. Run by materials_beside.py.
-
-usage: mitsuba_side.py SPP CHUNKS OUT.npz [NAME...]
-"""
+"""Materials in Mitsuba 3. Run by materials_beside.py; side.py tells how."""
 
 from __future__ import annotations
 
@@ -14,6 +11,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import materials
 import numpy as np
 import setting
+import side
 
 
 def choose_variant() -> Any:
@@ -132,23 +130,17 @@ def scene_of(mi: Any, balls: Balls, row: materials.Row, light: str) -> Any:
     )
 
 
-def main(spp: int, chunks: int, out: str, names: list[str]) -> None:
+def main() -> None:
     mi = choose_variant()
-    found: dict[str, np.ndarray] = {"version": np.array(f"mitsuba {mi.__version__} {mi.variant()}")}
     with tempfile.TemporaryDirectory() as folder:
         balls = Balls(mi, folder)
-        for row, light in materials.pictures(names):
-            if row.mitsuba is None:
-                continue
+
+        def prepare(row: materials.Row, light: str) -> side.PictureOf:
             scene = scene_of(mi, balls, row, light)
-            measured = setting.measure(
-                lambda seed: np.array(mi.render(scene, spp=spp, seed=seed)), chunks
-            )
-            for part, values in measured.items():
-                found[f"{row.name}|{light}|{part}"] = values
-            print(f"{row.name}, {light}", flush=True)
-    np.savez(out, **found)
+            return lambda spp, seed: np.array(mi.render(scene, spp=spp, seed=seed))
+
+        side.run("mitsuba", f"mitsuba {mi.__version__} {mi.variant()}", prepare)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3], sys.argv[4:])
+    main()

@@ -1,7 +1,4 @@
-"""Materials here. Run by materials_beside.py.
-
-usage: ours_side.py SPP CHUNKS OUT.npz [NAME...]
-"""
+"""Materials here. Run by materials_beside.py; side.py tells how."""
 
 from __future__ import annotations
 
@@ -14,33 +11,32 @@ import heliograph as hg
 import materials
 import numpy as np
 import setting
+import side
 
 
 class Studio:
-    """The ball in a scene of its own for every picture."""
+    """The ball in a scene that changes with every material and light."""
 
     def __init__(self, client: hg.Client) -> None:
-        self.client = client
+        self.client, self.scene = client, client.create_scene()
         self.version = f"heliograph {client.info().version}"
 
-    def measure(
-        self, row: materials.Row, light: str, spp: int, chunks: int
-    ) -> dict[str, np.ndarray]:
+    def prepare(self, row: materials.Row, light: str) -> side.PictureOf:
+        self.scene.delete()
+        self.scene = self.client.create_scene()
         setup = setting.LIGHTS[light]
-        with self.client.create_scene() as scene:
-            with scene.edit() as edit:
-                self.add_ball(edit, row.ours, setup)
-                self.add_lights(edit, setup, materials.core_scale(row, light))
-            return setting.measure(lambda seed: self.picture(scene, spp, seed), chunks)
+        with self.scene.edit() as edit:
+            self.add_ball(edit, row.ours, setup)
+            self.add_lights(edit, setup, materials.core_scale(row, light))
+        return self.picture
 
     def add_ball(self, edit: Any, given: materials.Values, light: setting.Light) -> None:
         edit.mesh("ball", **setting.ball(1, light.inside))
         edit.material("shown", **given)
         edit.material("black", base_color=0, specular=0)
         edit.entity("ball", mesh="ball", material="shown")
-        camera = hg.Camera.orthographic(
-            setting.SIZE / (2 * setting.HALF_VIEW), setting.SIZE, setting.SIZE
-        )
+        scale = setting.SIZE / (2 * setting.HALF_VIEW)
+        camera = hg.Camera.orthographic(scale, setting.SIZE, setting.SIZE)
         edit.entity("camera", camera=camera, transform=setting.camera_pose())
 
     def add_lights(self, edit: Any, light: setting.Light, scale: float) -> None:
@@ -60,8 +56,8 @@ class Studio:
             glow = hg.Light(radiance=light.core * scale) if light.core else None
             edit.entity("core", mesh="core", material="black", light=glow)
 
-    def picture(self, scene: hg.Scene, spp: int, seed: int) -> np.ndarray:
-        frame = scene.render(
+    def picture(self, spp: int, seed: int) -> np.ndarray:
+        frame = self.scene.render(
             "camera",
             spp=spp,
             seed=seed,
@@ -75,17 +71,11 @@ class Studio:
         return np.array(frame["beauty"][..., :3])
 
 
-def main(spp: int, chunks: int, out: str, names: list[str]) -> None:
+def main() -> None:
     with hg.connect(arguments=["--threads", "2"]) as client:
         studio = Studio(client)
-        found = {"version": np.array(studio.version)}
-        for row, light in materials.pictures(names):
-            measured = studio.measure(row, light, spp, chunks)
-            for part, values in measured.items():
-                found[f"{row.name}|{light}|{part}"] = values
-            print(f"{row.name}, {light}", flush=True)
-    np.savez(out, **found)
+        side.run("ours", studio.version, studio.prepare)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3], sys.argv[4:])
+    main()
