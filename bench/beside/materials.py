@@ -14,7 +14,7 @@ from typing import Any
 
 Values = dict[str, Any]
 ONCE = "Mitsuba: scatters once, so loses light; Smith's shadowing uncorrelated"
-ROUGH_GLASS = ONCE + ". Cycles: scales the single scattering to the whole, by facing"
+ROUGH_GLASS = ONCE + ". Cycles: some light lost inside; by lamps too bright where very rough"
 METAL = ONCE + ". Cycles: multiple scattering in the highlight, ours in all directions"
 COAT = "exact Fresnel there, Schlick's here. " + ONCE
 PASSAGES = ("reflects", "refracts", "reflects inside", "refracts outwards")

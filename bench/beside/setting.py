@@ -15,7 +15,7 @@ import numpy as np
 
 SIZE = 64  # pixels, square
 HALF_VIEW = 1.1  # metres from the middle of the picture to its edge; the ball's radius is 1
-RINGS = 6  # of equal width
+RINGS = 6  # of equal width: 7, 15, 24, 35, 47 and 63 degrees to the normal on average
 DISC = 1 - 2 * HALF_VIEW / SIZE  # radius of what is measured: a pixel less than the ball's
 SPOT_DEGREES = (0, 6, 12, 20, 30, 45, 60)  # of the normal to the half vector of lamp and camera
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -124,12 +124,6 @@ def _masks() -> dict[str, np.ndarray]:
 
 MASKS = _masks()
 STATISTICS = ("red", "green", "blue", *MASKS)
-
-
-def ring_cosines() -> list[float]:
-    """Mean cosine of the view to the normal, by ring."""
-    cosine = -_normals()[..., 1]
-    return [float(cosine[MASKS[f"ring {k}"]].mean()) for k in range(RINGS)]
 
 
 def statistics(picture: np.ndarray) -> np.ndarray:
