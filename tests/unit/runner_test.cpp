@@ -30,6 +30,11 @@ class SlowFilm final : public Film {
   u32 next = 0;  // tile of the range that was left
 };
 
+class EmptyScene final : public DeviceScene {
+ public:
+  [[nodiscard]] SceneSummary summary() const override { return {}; }
+};
+
 /// Sleeps for as long as an uneven image takes, a tile at a time.
 class SlowBackend final : public Backend {
  public:
@@ -37,7 +42,7 @@ class SlowBackend final : public Backend {
   [[nodiscard]] std::string cpu_features() const override { return ""; }
   [[nodiscard]] Expected<std::shared_ptr<const DeviceScene>> prepare(
       const std::shared_ptr<const Snapshot>&, const TimeSpan&, const Interrupt&) override {
-    return std::make_shared<const DeviceScene>();
+    return std::make_shared<const EmptyScene>();
   }
   [[nodiscard]] Expected<std::unique_ptr<Film>> begin(std::span<const Shot>) override {
     return std::make_unique<SlowFilm>();
