@@ -157,7 +157,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--keep", type=pathlib.Path, help="folder for what each has rendered")
     parser.add_argument("--store", type=pathlib.Path)
     parser.add_argument("--pictures", type=pathlib.Path)
-    return parser.parse_args()
+    return parser.parse_intermixed_args()
 
 
 def main() -> None:
