@@ -1,8 +1,8 @@
 #include "renderer/lights/casters.h"
 
 #include <algorithm>
-#include <functional>
 #include <numeric>
+#include <utility>
 
 #include "kernels/scene/ray.h"
 
@@ -82,7 +82,7 @@ float keep_strongest(std::vector<T>& all, std::span<const double> strength, u32 
   if (all.size() <= most) return 1;
   std::vector<u32> order(all.size());
   std::iota(order.begin(), order.end(), 0);
-  std::ranges::stable_sort(order, std::greater(), [&](u32 i) { return strength[i]; });
+  std::ranges::sort(order, {}, [&](u32 i) { return std::pair(-strength[i], i); });
   const double whole = std::accumulate(strength.begin(), strength.end(), 0.0);
   order.resize(most);
   std::ranges::sort(order);
