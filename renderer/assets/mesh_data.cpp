@@ -44,7 +44,7 @@ std::vector<vec3> concatenate(const std::vector<std::vector<vec3>>& targets) {
 }  // namespace
 
 vec3 unit(const vec3& v) {
-  const float length = std::hypot(v.x, v.y, v.z);
+  const float length = float(glm::length(glm::dvec3(v)));  // no square is beyond a double
   return length > 1e-20f && std::isfinite(length) ? v / length : vec3(0);
 }
 

@@ -19,24 +19,22 @@ namespace heliograph::assets {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 
+[[nodiscard]] constexpr bool is_space(char c) { return c == ' ' || (c >= '\t' && c <= '\r'); }
+[[nodiscard]] constexpr bool is_no_space(char c) { return !is_space(c); }
+
 [[nodiscard]] inline std::string_view trimmed(std::string_view text) {
-  constexpr std::string_view kSpace = " \t\r\n\v\f";
-  const std::size_t first = text.find_first_not_of(kSpace);
-  if (first == std::string_view::npos) return {};
-  return text.substr(first, text.find_last_not_of(kSpace) - first + 1);
+  const auto first = std::ranges::find_if(text, is_no_space);
+  auto last = text.end();
+  while (last != first && is_space(last[-1])) --last;
+  return {first, last};
 }
 
 /// Takes the next word off the front of `text`; empty at the end.
 [[nodiscard]] inline std::string_view take_word(std::string_view& text) {
-  constexpr std::string_view kSpace = " \t\r\n\v\f";
-  const std::size_t first = text.find_first_not_of(kSpace);
-  if (first == std::string_view::npos) {
-    text = {};
-    return {};
-  }
-  const std::size_t end = std::min(text.find_first_of(kSpace, first), text.size());
-  const std::string_view word = text.substr(first, end - first);
-  text.remove_prefix(end);
+  const auto first = std::ranges::find_if(text, is_no_space);
+  const auto last = std::find_if(first, text.end(), is_space);
+  const std::string_view word(first, last);
+  text = {last, text.end()};
   return word;
 }
 
