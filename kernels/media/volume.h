@@ -8,7 +8,6 @@
 
 #include "kernels/core/hash.h"
 #include "kernels/geometry/motion.h"
-#include "kernels/media/volume_grid.h"
 #include "kernels/media/volume_tree.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {

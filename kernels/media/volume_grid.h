@@ -88,25 +88,27 @@ struct Span {
   float end;
 };
 
-/// Where the ray is within the grid's box, between 0 and t_max.
+/// Where a ray is within a box, between 0 and t_max.
 ///
 /// Source: Kay and Kajiya 1986, "Ray Tracing Complex Scenes", section 3 (slabs).
-KERNEL Span span_in_box(const GridView& grid, const GridRay& ray, float t_max) {
+KERNEL Span span_in_box(vec3 lower, vec3 upper, vec3 origin, vec3 direction, float t_max) {
   Span span{0, t_max};
   for (int i = 0; i < 3; ++i) {
-    const float lower = float(grid.lower[i]);
-    const float upper = float(grid.upper[i]);
-    if (ray.direction[i] == 0) {
-      if (ray.origin[i] < lower || ray.origin[i] > upper) return {0, 0};
+    if (direction[i] == 0) {
+      if (origin[i] < lower[i] || origin[i] > upper[i]) return {0, 0};
       continue;
     }
-    const float inverse = 1 / ray.direction[i];
-    const float a = (lower - ray.origin[i]) * inverse;
-    const float b = (upper - ray.origin[i]) * inverse;
+    const float inverse = 1 / direction[i];
+    const float a = (lower[i] - origin[i]) * inverse;
+    const float b = (upper[i] - origin[i]) * inverse;
     span.begin = max2(span.begin, min2(a, b));
     span.end = min2(span.end, max2(a, b));
   }
   return span;
+}
+/// The same of the grid's box.
+KERNEL Span span_in_box(const GridView& grid, const GridRay& ray, float t_max) {
+  return span_in_box(vec3(grid.lower), vec3(grid.upper), ray.origin, ray.direction, t_max);
 }
 
 /// A walk through the cells that a span of a ray crosses.

@@ -2,29 +2,15 @@
 // and volume_march.h.
 #pragma once
 
+#include "kernels/media/volume_grid.h"
 #include "kernels/scene/ray.h"
-#include "kernels/scene/scene_view.h"
 
 namespace heliograph::kernels::inline HELIO_ISA {
 
 /// Where a ray enters a box before t_max; INFINITY: nowhere.
-///
-/// Source: Kay and Kajiya 1986, "Ray Tracing Complex Scenes", section 3 (slabs).
 KERNEL float entry_of(const VolumeNode& node, const Ray& ray, float t_max) {
-  float begin = 0, end = t_max;
-  for (int i = 0; i < 3; ++i) {
-    const float origin = ray.origin[i];
-    if (ray.direction[i] == 0) {
-      if (origin < node.lower[i] || origin > node.upper[i]) return INFINITY;
-      continue;
-    }
-    const float inverse = 1 / ray.direction[i];
-    const float a = (node.lower[i] - origin) * inverse;
-    const float b = (node.upper[i] - origin) * inverse;
-    begin = max2(begin, min2(a, b));
-    end = min2(end, max2(a, b));
-  }
-  return begin <= end ? begin : INFINITY;
+  const Span span = span_in_box(node.lower, node.upper, ray.origin, ray.direction, t_max);
+  return span.begin < span.end ? span.begin : INFINITY;
 }
 
 /// Calls visit(volume, t_max) for the volumes whose boxes a ray of these kinds meets before t_max,
