@@ -123,42 +123,12 @@ KERNEL PixelRect tile_rect(const FilmView& film, u32 tile) {
   return {x, y, min2(x + kTileSide, film.width), min2(y + kTileSide, film.height)};
 }
 
-/// What a tile's pixels tell of their noise. Of a pixel that none or few of its samples have lit
-/// neither mean nor variance is known: how many lit it is, and all of them together tell more.
-struct TileNoise {
-  double light;      // means of luminance, summed up
-  double errors;     // standard errors over means of the pixels that are known, summed up
-  double dim_light;  // means of the others, summed up
-  double dim_hits;   // samples that lit them, summed up
-  u32 dim;           // how many these are
-};
-/// So many samples make a pixel known.
-inline constexpr float kKnownFrom = 4;
-/// How many samples would tell what a pixel's have, if each gave the same and all others nothing.
-KERNEL float hits_of(const PixelStatistics& s, u32 samples) {
-  const float square = s.mean * s.mean;
-  const float moment = square + s.variance * float(samples - 1);
-  return s.mean > 0 && moment < INFINITY ? square * float(samples) / moment : 0;
-}
-KERNEL TileNoise tile_noise(const FilmView& film, u32 tile, u32 samples) {
-  const PixelRect rect = tile_rect(film, tile);
-  TileNoise out{};
-  for (u32 y = rect.y0; y < rect.y1; ++y) {
-    for (u32 x = rect.x0; x < rect.x1; ++x) {
-      const u64 pixel = u64(y) * film.width + x;
-      const PixelStatistics s = pixel_statistics(film, pixel, samples);
-      const float hits = hits_of(s, samples);
-      out.light += double(s.mean);
-      if (hits >= kKnownFrom) {
-        out.errors += double(std::sqrt(s.variance) / s.mean);
-      } else if (s.mean > 0 || mean_value(film, Plane::COVERAGE, pixel, samples) > 0) {
-        ++out.dim;
-        out.dim_light += double(s.mean);
-        out.dim_hits += double(hits);
-      }
-    }
-  }
-  return out;
+/// What the noise of a picture is worked out from: the statistics of a pixel, or a negative mean
+/// where it meets nothing.
+KERNEL PixelStatistics noise_statistics(const FilmView& film, u64 pixel, u32 samples) {
+  const PixelStatistics s = pixel_statistics(film, pixel, samples);
+  const bool meets = s.mean > 0 || mean_value(film, Plane::COVERAGE, pixel, samples) > 0;
+  return meets ? s : PixelStatistics{-1, 0};
 }
 
 /// A plane that samples made, of the folds kMean and kFilm, and the array that it goes to.

@@ -307,11 +307,16 @@ std::vector<PlaneData> HostFilm::resolve() const {
 }
 
 Noise HostFilm::noise() const {
-  std::vector<kernels::TileNoise> told(tiles());
+  std::vector<kernels::PixelStatistics> told(u64(view_.width) * view_.height);
   parallel_for(tiles(), [&](u32 index) {
-    told[index] = kernels::tile_noise(view_, index, tile_samples_[index]);
+    const PixelRect rect = tile(index);
+    for (u32 y = rect.y0; y < rect.y1; ++y)
+      for (u32 x = rect.x0; x < rect.x1; ++x) {
+        const u64 pixel = u64(y) * view_.width + x;
+        told[pixel] = kernels::noise_statistics(view_, pixel, tile_samples_[index]);
+      }
   });
-  return noise_of(told, view_);
+  return noise_of({view_, told, tile_samples_});
 }
 
 }  // namespace heliograph::host

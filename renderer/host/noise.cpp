@@ -3,99 +3,130 @@
 #include <algorithm>
 #include <cmath>
 
-#include "renderer/base/tiles.h"
+#include "renderer/base/parallel.h"
+#include "renderer/host/noise_tree.h"
 
 namespace heliograph::host {
 namespace {
 
-using kernels::TileNoise;
+using kernels::PixelStatistics;
 
-struct Dim {
-  double light = 0, hits = 0;  // sums
-  u64 pixels = 0;
+/// How many samples would tell what a pixel's have, if each gave the same and all others nothing.
+double hits_of(const PixelStatistics& s, u32 samples) {
+  const double square = double(s.mean) * s.mean;
+  return square * samples / (square + double(s.variance) * (samples - 1));
+}
 
-  void add(const TileNoise& tile) {
-    light += tile.dim_light;
-    hits += tile.dim_hits;
-    pixels += tile.dim;
+class Picture {
+ public:
+  explicit Picture(const NoiseTask& task) : task_(task) {
+    double light = 0;
+    u64 meeting = 0;
+    for (const PixelStatistics& s : task.pixels) {
+      if (!meets(s)) continue;
+      light += s.mean;
+      ++meeting;
+    }
+    mean_ = meeting > 0 ? light / double(meeting) : 0;
+    constexpr double kFloor = 0.01;
+    floor_ = kFloor * light / double(task.pixels.size());
   }
-  [[nodiscard]] double mean() const { return light / double(pixels); }
-  /// That of one with the mean number of hits, over no less than `floor`.
-  [[nodiscard]] double error(double floor) const {
-    if (!(hits > 0)) return 0;
-    return std::sqrt(double(pixels) / hits) * mean() / std::max(mean(), floor);
+
+  [[nodiscard]] bool is_black() const { return !(mean_ > 0); }
+  [[nodiscard]] kernels::PixelRect rect(u32 tile) const {
+    return kernels::tile_rect(task_.film, tile);
   }
-  /// The variances of such pixels, summed up.
-  [[nodiscard]] double variances() const { return light * light / hits; }
+
+  /// The tree over a tile's pixels.
+  [[nodiscard]] NoiseTree tree(u32 tile) const {
+    const kernels::PixelRect r = rect(tile);
+    NoiseTree tree(r.x1 - r.x0, r.y1 - r.y0);
+    for (u32 y = r.y0; y < r.y1; ++y)
+      for (u32 x = r.x0; x < r.x1; ++x)
+        tree.leaf(x - r.x0, y - r.y0) = cell_of(at(x, y), task_.tile_samples[tile]);
+    tree.gather();
+    return tree;
+  }
+
+  /// The errors of a tile's pixels, summed up. above: what the image's tree gives to each of them,
+  /// left: what it has not shared, for those that no sample has lit.
+  [[nodiscard]] double errors(u32 tile, const NoiseShare& above, const NoiseShare& left) const {
+    const kernels::PixelRect r = rect(tile);
+    NoiseTree pixels = tree(tile);
+    pixels.share(above);
+    double sum = 0;
+    for (u32 y = r.y0; y < r.y1; ++y)
+      for (u32 x = r.x0; x < r.x1; ++x)
+        sum += error(at(x, y), task_.tile_samples[tile], pixels.share_of(x - r.x0, y - r.y0), left);
+    return sum;
+  }
+
+ private:
+  static bool meets(const PixelStatistics& s) { return s.mean >= 0; }
+  [[nodiscard]] const PixelStatistics& at(u32 x, u32 y) const {
+    return task_.pixels[u64(y) * task_.film.width + x];
+  }
+  static bool is_known(const PixelStatistics& s, u32 samples) {
+    return s.mean > 0 && (!(s.variance > 0) || hits_of(s, samples) >= kKnownFrom);
+  }
+
+  [[nodiscard]] NoiseCell cell_of(const PixelStatistics& s, u32 samples) const {
+    if (!meets(s)) return {};
+    NoiseCell cell{.variance = s.variance};
+    if (s.variance > 0) cell.spread = cell.variance * cell.variance / hits_of(s, samples);
+    const bool known = is_known(s, samples);
+    cell.weight = known ? double(s.mean) * s.mean : mean_ * mean_;
+    if (!known) {
+      cell.dark = 1;
+      cell.pending_variance = s.variance;
+      cell.pending_light = s.mean;
+    }
+    return cell;
+  }
+
+  [[nodiscard]] double error(const PixelStatistics& s, u32 samples, const NoiseShare& share,
+                             const NoiseShare& left) const {
+    if (!meets(s)) return 0;
+    double variance = s.variance + share.variance * s.mean * s.mean, light = s.mean;
+    if (!is_known(s, samples)) {
+      const bool lit = s.mean > 0;
+      const double shared = share.variance + (lit ? 0 : left.variance);
+      variance = shared * mean_ * mean_ + share.own * s.variance;
+      light = share.light + (lit ? share.own * s.mean : left.light);
+    }
+    return std::sqrt(variance) / std::max(light, floor_);
+  }
+
+  const NoiseTask& task_;
+  double mean_;   // luminance of what meets something
+  double floor_;  // that errors are over
 };
-
-/// So many tell of all.
-constexpr double kEnoughHits = 4;
-
-Dim of(const TileNoise& tile) {
-  Dim dim;
-  dim.add(tile);
-  return dim;
-}
-Dim around(std::span<const TileNoise> tiles, u32 across, u32 index) {
-  Dim dim;
-  for_each_near({across, u32(tiles.size())}, index, [&](u32 near) { dim.add(tiles[near]); });
-  return dim;
-}
-
-/// What tiles that few samples have lit are judged by.
-struct Picture {
-  const kernels::FilmView& film;
-  Dim dim;           // of all tiles
-  double floor = 0;  // of luminance
-  [[nodiscard]] double pixels_of(u32 tile) const {
-    const kernels::PixelRect rect = kernels::tile_rect(film, tile);
-    return double((rect.x1 - rect.x0) * (rect.y1 - rect.y0));
-  }
-};
-
-/// The same if the dim pixels are like the others, but for what happened to hit them: then they are
-/// brighter, and the variance of each is the mean over the tile. 0: they are not.
-double errors_if_alike(const TileNoise& tile, double pixels, double floor) {
-  const Dim dim = of(tile);
-  const double known = pixels - double(dim.pixels);
-  if (!(dim.hits > 0 && known > 0)) return 0;
-  const double light = (tile.light - dim.light) / known;
-  if (dim.mean() <= light) return 0;
-  const double variances = known * std::pow(tile.errors / known * light, 2) + dim.variances();
-  return pixels * std::sqrt(variances / pixels) / std::max(tile.light / pixels, floor);
-}
-
-/// The errors of a tile's pixels, summed up. Whether light that few samples brought may hit all of
-/// them or those alone that it has hit the samples do not tell: the more there are, the more does
-/// the first count.
-double errors_of(std::span<const TileNoise> tiles, u32 index, const Picture& picture) {
-  const TileNoise& tile = tiles[index];
-  if (tile.dim == 0) return tile.errors;
-  Dim dim = of(tile);
-  if (dim.hits < kEnoughHits) dim = around(tiles, kernels::tiles_across(picture.film), index);
-  const double apart =
-      tile.errors + tile.dim * (dim.hits > 0 ? dim : picture.dim).error(picture.floor);
-  const double alike = errors_if_alike(tile, picture.pixels_of(index), picture.floor);
-  if (!(alike > apart)) return apart;
-  return apart * std::pow(alike / apart, tile.dim_hits / (tile.dim_hits + kEnoughHits));
-}
 
 }  // namespace
 
-Noise noise_of(std::span<const TileNoise> tiles, const kernels::FilmView& film) {
-  constexpr double kFloor = 0.01;
-  const double pixels = double(film.width) * film.height;
-  Picture picture{.film = film, .dim = {}};
-  for (const TileNoise& tile : tiles) {
-    picture.floor += kFloor * tile.light / pixels;
-    picture.dim.add(tile);
-  }
+Noise noise_of(const NoiseTask& task) {
+  const u32 across = kernels::tiles_across(task.film), tiles = kernels::tiles_of(task.film);
+  const Picture picture(task);
+  if (picture.is_black()) return {.mean = 0, .tiles = std::vector<float>(tiles)};
+
+  NoiseTree tree(across, tiles / across);
+  parallel_for(tiles, [&](u32 i) { tree.leaf(i % across, i / across) = picture.tree(i).root(); });
+  tree.gather();
+  tree.share({});
+  const NoiseCell& all = tree.root();
+  NoiseShare left;
+  if (all.dark > 0)
+    left = {.variance = all.pending_variance / all.weight, .light = all.pending_light / all.dark};
+
+  std::vector<double> errors(tiles);
+  parallel_for(tiles, [&](u32 i) {
+    errors[i] = picture.errors(i, tree.share_of(i % across, i / across), left);
+  });
   Noise noise{.mean = 0};
-  for (u32 i = 0; i < tiles.size(); ++i) {
-    const double errors = errors_of(tiles, i, picture);
-    noise.mean += errors / pixels;
-    noise.tiles.push_back(float(errors / picture.pixels_of(i)));
+  for (u32 i = 0; i < tiles; ++i) {
+    const kernels::PixelRect rect = picture.rect(i);
+    noise.mean += errors[i] / double(task.pixels.size());
+    noise.tiles.push_back(float(errors[i] / double((rect.x1 - rect.x0) * (rect.y1 - rect.y0))));
   }
   return noise;
 }

@@ -12,6 +12,7 @@ namespace {
 constexpr float kProbability = 0.2f;  // measured on W1
 constexpr float kSpread = 0.5f;       // of an image, in slopes alpha; wider is no better (W1)
 constexpr float kDistant = 1e5f;      // radii of the scene that a sun is away
+constexpr u32 kMostWeighed = 64;      // lights that each mirror is weighed against
 
 float mirror_share(const kernels::MaterialValues& material) {
   return material.metallic > 0.5f ? 1.0f : 0.25f;  // glass reflects less
@@ -48,6 +49,7 @@ struct CastLight {
   double power;     // as a light tree counts it
   bool is_distant;  // then it is what it gives to a square metre
 };
+double size_of(const Box& scene) { return 0.5 * glm::length(scene.upper - scene.lower); }
 
 std::vector<CastLight> all_lights(const Lights& lights, const Box& scene) {
   std::vector<CastLight> found;
@@ -57,7 +59,7 @@ std::vector<CastLight> all_lights(const Lights& lights, const Box& scene) {
                      double(bounds.power),
                      false});
   const vec3 middle = 0.5f * (scene.lower + scene.upper);
-  const float distance = kDistant * 0.5f * glm::length(scene.upper - scene.lower);
+  const float distance = kDistant * float(size_of(scene));
   for (const kernels::SunView& sun : lights.suns)
     found.push_back({{.center = middle + distance * sun.direction,
                       .radius = distance * std::sqrt(2 * sun.depth)},
@@ -102,6 +104,11 @@ Casters find_casters(const Placement& placement, const Materials& materials,
   Casters found{.casters = all_casters(placement, materials, slots)};
   if (found.casters.empty()) return found;
   std::vector<CastLight> cast = all_lights(lights, placement.bounds);
+  std::vector<double> powers;
+  const double size = size_of(placement.bounds);
+  for (const CastLight& light : cast)
+    powers.push_back(light.power * (light.is_distant ? size * size : 1));
+  keep_strongest(cast, powers, kMostWeighed);
   std::vector<double> catches, gives(cast.size());
   for (const kernels::CasterView& caster : found.casters) {
     double sum = 0;

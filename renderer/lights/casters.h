@@ -14,9 +14,9 @@ struct Casters {
 
 /// Spheres about the entities whose material is a mirror or a lens, and about lights and suns. Of
 /// more than kMostCasters those that catch the most light stay, of more than kMostCastLights those
-/// that give the most. The smaller their share of what all catch or give, the less are they looked
-/// for; below a half, not at all. A path looks for them less, too, the more light comes from the
-/// dome, which rough surfaces find through a mirror in any case.
+/// that give the most (of 64, the most powerful). The smaller their share of what all catch or
+/// give, the less are they looked for; below a half, not at all. A path looks for them less, too,
+/// the more light comes from the dome, which rough surfaces find through a mirror in any case.
 ///
 /// slots   Surfaces::focusing
 [[nodiscard]] Casters find_casters(const Placement& placement, const Materials& materials,

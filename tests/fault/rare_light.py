@@ -77,7 +77,7 @@ def ring_caustic(edit):
     floor(edit)
     tube = hg.shapes.torus(0.6, 0.12, 128)
     put(edit, "ring", tube, MIRROR | {"roughness": 0.05}, (0, 0, 0.15), (1, 1, 2))
-    lamp(edit, (-2, 0.8, 1.6), 60.0, 0.04)
+    lamp(edit, (-2, 0.8, 1.6), 60.0, 0.15)
     camera(edit, (0, -2.2, 1.8), (0, 0, 0))
 
 
@@ -118,7 +118,7 @@ def corner_mirror(edit):
     box(edit, "block", (0.3, 0.4, 0), (0.5, 0.6, 0.4))
     plate = hg.shapes.cube(1.0)
     put(edit, "mirror", plate, MIRROR, (0.45, 2.55, 0.9), (1.2, 0.02, 1.8), np.pi / 4)
-    lamp(edit, (3.5, 2.5, 1.2), 80.0, 0.05)
+    lamp(edit, (3.5, 2.5, 1.2), 80.0, 0.4)
     camera(edit, (0.5, -2.8, 1.4), (0.5, 1.0, 0.0))
 
 
@@ -140,8 +140,8 @@ def bright_texel(edit):
     for i in range(9):
         look = (GLASS, GREY, MIRROR)[i % 3]
         put(edit, f"ball {i}", hg.shapes.sphere(0.35), look, (i % 3 - 1, i // 3 - 1, 0.36))
-    sky = np.full((64, 128, 3), 0.05, "f4")
-    sky[14, 70] = 1e4
+    sky = np.full((32, 64, 3), 0.05, "f4")
+    sky[7, 35] = 1e4
     edit.dome(sky)
     camera(edit, (0, -3.6, 2.2), (0, 0, 0.2))
 
@@ -182,10 +182,10 @@ def rough_plates(edit):
         ("north", (-0.55, 0.5, 1.5), (0.55, 0.55, 2.6)),
     ):
         box(edit, name, low, high, BLACK)
-    rough = GLASS | {"roughness": 0.25}
+    rough = GLASS | {"roughness": 0.4}
     box(edit, "plate 1", (-0.5, -0.5, 1.55), (0.5, 0.5, 1.6), rough)
     box(edit, "plate 2", (-0.5, -0.5, 1.7), (0.5, 0.5, 1.75), rough)
-    lamp(edit, (0.1, 0, 2.3), 100.0, 0.04)
+    lamp(edit, (0.1, 0, 2.2), 100.0, 0.35)
     box(edit, "block", (0.3, 0.2, 0), (0.8, 0.7, 0.5))
     camera(edit, (0, -3.5, 1.6), (0, 0, 0.4))
 

@@ -1,74 +1,120 @@
 // The noise of films: of pixels that are known, and of those that light has hardly found.
 #include "renderer/host/noise.h"
 
+#include "renderer/host/noise_tree.h"
 #include "tests/unit/catch.h"
 
 using namespace heliograph;
-using kernels::TileNoise;
+using kernels::PixelStatistics;
 
 namespace {
 
-/// Two by two tiles, of which those to the right are 8 pixels wide.
-kernels::FilmView film() {
-  kernels::FilmView view{};
-  view.width = 24;
-  view.height = 32;
-  return view;
+constexpr u32 kWidth = 40, kHeight = 32, kPixels = kWidth * kHeight, kSamples = 64;
+
+/// Pixels of luminance 1 with a standard error.
+std::vector<PixelStatistics> lit(float error) {
+  return std::vector(kPixels, PixelStatistics{1, error * error});
 }
-constexpr u32 kWide = 256, kNarrow = 128;
+
+/// What a pixel's statistics become when another sample brings `light`, times the samples.
+void hit(PixelStatistics& s, float light) {
+  const float n = kSamples, mean = light / n;
+  s.variance += (light * light / n - mean * mean) / (n - 1);
+  s.mean += mean;
+}
+
+Noise noise_of(const std::vector<PixelStatistics>& pixels) {
+  kernels::FilmView film{};
+  film.width = kWidth;
+  film.height = kHeight;
+  const std::vector<u32> samples(kernels::tiles_of(film), kSamples);
+  return host::noise_of({film, pixels, samples});
+}
 
 }  // namespace
 
-TEST_CASE("noise: of known pixels it is the mean of their errors") {
-  const std::vector<TileNoise> tiles = {{.light = 9, .errors = 0.5 * kWide},
-                                        {.light = 9, .errors = 0.25 * kNarrow},
-                                        {.light = 9, .errors = 0},
-                                        {.light = 9, .errors = kNarrow}};
-  const Noise noise = host::noise_of(tiles, film());
-  CHECK(noise.tiles == std::vector{0.5f, 0.25f, 0.0f, 1.0f});
-  CHECK(noise.mean == Approx((0.5 * kWide + 0.25 * kNarrow + kNarrow) / (2 * kWide + 2 * kNarrow)));
+TEST_CASE("noise: of known pixels it is the mean of their errors, over the picture and each tile") {
+  std::vector pixels = lit(0.1f);
+  for (u32 i = 0; i < kPixels; ++i)
+    if (i % kWidth >= 32) pixels[i] = {9, 0};
+  const Noise noise = noise_of(pixels);
+  REQUIRE(noise.tiles.size() == 6);
+  for (u32 tile = 0; tile < 6; ++tile) CHECK(noise.tiles[tile] == Approx(tile % 3 < 2 ? 0.1 : 0));
+  CHECK(noise.mean == Approx(0.1 * 32 / 40));
 }
 
-TEST_CASE("noise: what a tenth of the pixels tell counts for the black ones beside them") {
-  const TileNoise dim{.light = 50, .dim_light = 50, .dim_hits = 3, .dim = 250};
-  const TileNoise black{.dim = 120};
-  const Noise noise = host::noise_of(std::vector{dim, black, dim, black}, film());
-  const double error = std::sqrt(740.0 / 6);
-  CHECK(noise.tiles[0] == Approx(error * 250 / kWide));
-  CHECK(noise.tiles[1] == Approx(error * 120 / kNarrow));
+TEST_CASE("noise: a tenth of the pixels that are lit tell of all") {
+  std::vector pixels = std::vector(kPixels, PixelStatistics{0, 0});
+  for (u32 i = 0; i < kPixels; i += 10) hit(pixels[i + i / kWidth % 7], 5);
+  CHECK(noise_of(pixels).mean == Approx(std::sqrt(10)).epsilon(0.1));
 }
 
-TEST_CASE("noise: rare light on pixels that are known may hit each of them") {
-  // One pixel in a hundred has been hit, by as much light as it had.
-  constexpr double kError = 0.02, kRare = 2.56;
-  TileNoise hit{.light = kWide + kRare, .errors = kError * (kWide - kRare)};
-  hit.dim_light = 2 * kRare;
-  hit.dim_hits = kRare;
-  hit.dim = u32(std::lround(kRare));
-  const TileNoise narrow{.light = kNarrow, .errors = kError * kNarrow};
-  const std::vector tiles = {hit, narrow, hit, narrow};
-  const Noise noise = host::noise_of(tiles, film());
-  // Between the error if those pixels alone may be hit, and that if all may.
-  CHECK(noise.tiles[0] > 1.5 * (kError + kRare / kWide));
-  CHECK(noise.tiles[0] < 0.2);
-  // The more hits there are, the nearer to the second.
-  TileNoise sure = hit;
-  sure.dim = 128;
-  sure.dim_hits = 3 * 128;
-  sure.dim_light = 3 * 128;
-  sure.light = 4 * 128;
-  sure.errors = kError * 128;
-  const double all = std::sqrt(0.5 * (std::pow(kError, 2) + 9.0 / 3)) / 2;
-  CHECK(host::noise_of(std::vector(4, sure), film()).tiles[0] == Approx(all).epsilon(0.02));
+TEST_CASE("noise: rare light that is found on known pixels is on all of them") {
+  std::vector pixels = lit(0.05f);
+  for (u32 i = 0; i < kPixels; i += 20) hit(pixels[i + i / kWidth % 13], 2 * kSamples);
+  // Of pixels that are lit by 1 and one hit in 20 of 2.
+  const double error = std::sqrt(0.05 * 0.05 + 4.0 / 20) / 1.1, noise = noise_of(pixels).mean;
+  CHECK(noise > error / 1.5);
+  CHECK(noise < error * 1.5);
 }
 
-TEST_CASE("noise: a shadow beside light comes to an end, and what meets nothing has none") {
-  const TileNoise lit{.light = 200, .errors = 0.01 * kWide};
-  const TileNoise shadow{.light = 1e-4, .dim_light = 1e-4, .dim_hits = 2, .dim = kNarrow};
-  const Noise noise = host::noise_of(std::vector{lit, shadow, lit, TileNoise{}}, film());
-  const double floor = 0.01 * 400.0001 / (24 * 32);
-  CHECK(noise.tiles[1] == Approx(std::sqrt(kNarrow / 2.0) * 1e-4 / kNarrow / floor).epsilon(1e-3));
-  CHECK(noise.tiles[1] < 0.002);
-  CHECK(noise.tiles[3] == 0);
-  CHECK(host::noise_of(std::vector<TileNoise>(4), film()).mean == 0);
+TEST_CASE("noise: one bright hit is that of its pixel") {
+  std::vector pixels = lit(0.05f);
+  hit(pixels[333], 1e6f * kSamples);
+  const double floor = 0.01 * (1e6 + kPixels) / kPixels;
+  CHECK(noise_of(pixels).mean == Approx((kPixels * 0.05 / floor + 1) / kPixels).epsilon(0.01));
+}
+
+TEST_CASE("noise: black beside light has none, nor has what meets nothing, nor a black picture") {
+  std::vector pixels = lit(0.1f);
+  for (u32 i = 0; i < kPixels; ++i) {
+    if (i % kWidth < 16) pixels[i] = {0, 0};
+    if (i % kWidth >= 32) pixels[i] = {-1, 0};
+  }
+  const Noise noise = noise_of(pixels);
+  CHECK(noise.tiles[0] == 0);
+  CHECK(noise.tiles[1] == Approx(0.1));
+  CHECK(noise.tiles[2] == 0);
+  CHECK(noise.mean == Approx(0.1 * 16 / 40));
+  CHECK(noise_of(std::vector(kPixels, PixelStatistics{0, 0})).mean == 0);
+  CHECK(noise_of(std::vector(kPixels, PixelStatistics{-1, 0})).mean == 0);
+}
+
+TEST_CASE("noise: it does not depend on the unit of light") {
+  std::vector pixels = lit(0.05f);
+  for (u32 i = 0; i < kPixels; i += 37) hit(pixels[i], 100);
+  const double noise = noise_of(pixels).mean;
+  for (PixelStatistics& s : pixels) s = {s.mean * 1e-12f, s.variance * 1e-24f};
+  CHECK(noise_of(pixels).mean == Approx(noise).epsilon(1e-4));
+}
+
+TEST_CASE("noise tree: what is shared and what is pending are all there was") {
+  host::NoiseTree tree(7, 5);
+  double variance = 0, light = 0;
+  for (u32 y = 0; y < 5; ++y)
+    for (u32 x = 0; x < 7; ++x) {
+      const double v = (x * 3 + y * 5) % 11;
+      tree.leaf(x, y) = {.variance = v,
+                         .spread = v * v / 2,
+                         .weight = 1.0 + x,
+                         .dark = 1,
+                         .pending_variance = v,
+                         .pending_light = double(y)};
+      variance += v;
+      light += y;
+    }
+  tree.gather();
+  tree.share({});
+  double given = 0, lit = 0, kept = 0;
+  for (u32 y = 0; y < 5; ++y)
+    for (u32 x = 0; x < 7; ++x) {
+      const host::NoiseShare& share = tree.share_of(x, y);
+      given += share.variance * tree.leaf(x, y).weight;
+      lit += share.light;
+      kept += share.own * tree.leaf(x, y).variance;
+    }
+  CHECK(given > 0);
+  CHECK(given + kept == Approx(variance));
+  CHECK(kept == Approx(tree.root().pending_variance).margin(1e-9));
+  CHECK(lit + tree.root().pending_light == Approx(light));
 }

@@ -322,15 +322,15 @@ Status CudaFilm::download(std::vector<Download> pieces) {
 Expected<Noise> CudaFilm::noise(const Programs& programs) const {
   auto launch = resolve_launch();
   if (!launch) return std::unexpected(std::move(launch).error());
-  std::vector<kernels::TileNoise> told(pictures_[0]->tiles());
-  auto memory = context_.allocate(told.size() * sizeof(kernels::TileNoise));
+  std::vector<kernels::PixelStatistics> told(pixels());
+  auto memory = context_.allocate(told.size() * sizeof(kernels::PixelStatistics));
   if (!memory) return std::unexpected(std::move(memory).error());
-  launch->noise = memory->as<kernels::TileNoise>();
+  launch->noise = memory->as<kernels::PixelStatistics>();
   void* arguments[] = {&*launch};
   HELIO_TRY(context_.launch(programs.noise.function, Programs::size(programs.noise, told.size()),
                             arguments));
   HELIO_TRY(context_.download(std::as_writable_bytes(std::span(told)), memory->at()));
-  return host::noise_of(told, view_);
+  return host::noise_of({view_, told, tile_samples_});
 }
 
 Status CudaFilm::fetch_label_planes() {

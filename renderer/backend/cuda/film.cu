@@ -30,22 +30,26 @@ extern "C" __global__ void __launch_bounds__(kThreads)
   fold_all<true>(l);
 }
 
+__device__ u32 tile_of(const FilmView& film, u32 pixel) {
+  return pixel / film.width / kTileSide * tiles_across(film) + pixel % film.width / kTileSide;
+}
+
 // A plane that samples made.
 extern "C" __global__ void __launch_bounds__(kThreads)
     film_resolve(const __grid_constant__ ResolveLaunch l) {
-  const u32 width = l.films->width, pixels = width * l.films->height;
-  const u32 tiles = tiles_of(*l.films), across = tiles_across(*l.films);
+  const u32 pixels = l.films->width * l.films->height, tiles = tiles_of(*l.films);
   for (u64 i = thread(); i < u64(l.pictures) * pixels; i += threads()) {
     const u32 picture = u32(i / pixels), pixel = u32(i % pixels);
-    const u32 tile = pixel / width / kTileSide * across + pixel % width / kTileSide;
     PlaneOut out = l.out;
     out.to = static_cast<std::byte*>(out.to) + picture * l.out_bytes;
-    resolve_pixel(l.films[picture], out, pixel, l.tile_samples[picture * tiles + tile]);
+    const u32 tile = picture * tiles + tile_of(*l.films, pixel);
+    resolve_pixel(l.films[picture], out, pixel, l.tile_samples[tile]);
   }
 }
 
 extern "C" __global__ void __launch_bounds__(kThreads)
     film_noise(const __grid_constant__ ResolveLaunch l) {
-  for (u32 i = thread(); i < tiles_of(*l.films); i += threads())
-    l.noise[i] = tile_noise(*l.films, i, l.tile_samples[i]);
+  const u32 pixels = l.films->width * l.films->height;
+  for (u32 i = thread(); i < pixels; i += threads())
+    l.noise[i] = noise_statistics(*l.films, i, l.tile_samples[tile_of(*l.films, i)]);
 }

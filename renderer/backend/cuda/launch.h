@@ -55,7 +55,7 @@ struct ResolveLaunch {
   const u32* tile_samples;  // of all films
   kernels::PlaneOut out;  // of film_resolve: of the first picture, whose pixels the others' follow
   u64 out_bytes;          // of a picture
-  kernels::TileNoise* noise;  // of film_noise: by tile of the first picture
+  kernels::PixelStatistics* noise;  // of film_noise: by pixel of the first picture
 };
 
 /// One end of a probe: a scene and the camera in it.
