@@ -113,8 +113,9 @@ std::string checked_format(Builder& builder) {
   const std::string named = format_of(builder);
   const std::string format = format_of_content(builder.bundle.model().bytes);
   const bool is_same = format == named || (is_gltf(format) && is_gltf(named));
-  const bool is_asked = named == "ies" || is_picture_name(named) || !builder.options.format.empty();
-  if (is_same || is_asked || !format_named(format)) return named;
+  if (is_same || !format_named(format)) return named;
+  const bool is_asked = named == "ies" || !builder.options.format.empty() || is_picture_name(named);
+  if (is_asked) return named;
   builder.warn(fmt::format("the file is {}, which its name does not say", format));
   return format;
 }

@@ -3,19 +3,21 @@
 #include <algorithm>
 #include <cmath>
 
+#include "renderer/base/finite.h"
+
 namespace heliograph::assets {
 namespace {
 
-bool finite(const vec3& v) {
-  return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
-}
-
 /// Unit normals. One without a direction takes the one of its triangles, by area; +Z where these
-/// have none, so that shading never sees a NaN.
-void normalise(MeshData& mesh) {
+/// have none, so that shading never sees a NaN. Returns how many had none.
+u64 normalise(MeshData& mesh) {
   std::vector<vec3>& normals = mesh.normals;
-  for (vec3& normal : normals) normal = unit(normal);
-  if (std::ranges::find(normals, vec3(0)) == normals.end()) return;
+  u64 lost = 0;
+  for (vec3& normal : normals) {
+    normal = unit(normal);
+    lost += normal == vec3(0);
+  }
+  if (lost == 0) return lost;
   std::vector<glm::dvec3> own(normals.size());
   for (const uvec3& t : mesh.triangles) {
     const glm::dvec3 a(mesh.positions[t.x]), b(mesh.positions[t.y]), c(mesh.positions[t.z]);
@@ -26,6 +28,7 @@ void normalise(MeshData& mesh) {
     const double length = glm::length(own[i]);
     normals[i] = length > 0 ? vec3(own[i] / length) : vec3(0, 0, 1);
   }
+  return lost;
 }
 
 template <class T>
@@ -48,13 +51,14 @@ vec3 unit(const vec3& v) {
   return length > 1e-20f && std::isfinite(length) ? v / length : vec3(0);
 }
 
-PutMesh finish_mesh(MeshData mesh, const std::string& where, Budget& budget) {
+FinishedMesh finish_mesh(MeshData mesh, const std::string& where, Budget& budget) {
   const LoadLimits& limits = budget.limits();
   const std::size_t count = mesh.positions.size();
   Budget::check(count, limits.vertices, "vertices", where);
   Budget::check(mesh.triangles.size(), limits.triangles, "triangles", where);
   if (mesh.triangles.empty()) refuse(where, "the mesh has no triangles");
-  if (!std::ranges::all_of(mesh.positions, finite)) refuse(where, "a position is not finite");
+  if (!all_finite({reinterpret_cast<const float*>(mesh.positions.data()), 3 * count}))
+    refuse(where, "a position is not finite");
   for (const uvec3& t : mesh.triangles) {
     if (t.x >= count || t.y >= count || t.z >= count) {
       refuse(where, fmt::format("an index is not below the {} vertices", count));
@@ -65,7 +69,7 @@ PutMesh finish_mesh(MeshData mesh, const std::string& where, Budget& budget) {
   check_length(mesh.uvs1, mesh, where + ".uvs1");
   check_length(mesh.colors, mesh, where + ".colors");
   check_length(mesh.tangents, mesh, where + ".tangents");
-  normalise(mesh);
+  const u64 mended = normalise(mesh);
 
   auto topology = std::make_shared<MeshTopology>();
   topology->vertex_count = u32(count);
@@ -86,7 +90,7 @@ PutMesh finish_mesh(MeshData mesh, const std::string& where, Budget& budget) {
   vertices->times = {0};
   vertices->positions = ArrayOf<vec3>(std::move(mesh.positions));
   vertices->normals = ArrayOf<vec3>(std::move(mesh.normals));
-  return PutMesh{.topology = std::move(topology), .vertices = std::move(vertices)};
+  return {{.topology = std::move(topology), .vertices = std::move(vertices)}, mended};
 }
 
 mat3 z_up_from(const std::string& up) {

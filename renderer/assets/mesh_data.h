@@ -29,9 +29,12 @@ struct MeshData {
 /// Of length 1; 0 for what has no direction, a NaN too.
 [[nodiscard]] vec3 unit(const vec3& v);
 
-/// Checks counts and indices, makes normals unit, and takes the arrays. A normal without a
-/// direction becomes that of its triangles.
-[[nodiscard]] PutMesh finish_mesh(MeshData mesh, const std::string& where, Budget& budget);
+struct FinishedMesh {
+  PutMesh put;
+  u64 mended_normals = 0;  // that had no direction, and have that of their triangles
+};
+/// Checks counts and indices, makes normals unit, and takes the arrays.
+[[nodiscard]] FinishedMesh finish_mesh(MeshData mesh, const std::string& where, Budget& budget);
 
 /// Turns the up axis ("x", "y", "z", "") to +Z: z_up_from("y") maps (x, y, z) to (x, -z, y).
 [[nodiscard]] mat3 z_up_from(const std::string& up);

@@ -26,7 +26,7 @@ void put_model(Builder& builder, Model model) {
   const std::string stem = stem_of(builder.bundle.model().path);
   PutEntity shown;
   shown.mesh = builder.library(builder.claim_name(stem, "mesh"),
-                               finish_mesh(std::move(model.mesh), model.where, builder.budget));
+                               finish_mesh(std::move(model.mesh), model.where, builder.budget).put);
   if (!std::ranges::all_of(model.materials, is_nothing))
     shown.materials = std::move(model.materials);
   if (placed.centre == glm::dvec3(0)) {

@@ -227,7 +227,7 @@ Shape Meshes::make(const std::vector<u32>& parts, const std::string& name) {
   shape.morph_weights = std::move(merger.morph_weights);
   const std::string where = fmt::format("mesh '{}'", clean_name(name, "?"));
   shape.mesh = builder_.library(builder_.claim_name(name, "mesh"),
-                                finish_mesh(std::move(merger.data), where, builder_.budget));
+                                finish_mesh(std::move(merger.data), where, builder_.budget).put);
   return shape;
 }
 

@@ -98,7 +98,8 @@ class Reader {
     const std::string_view name = geometry_.attribute("name").value();
     const std::string claimed =
         builder_.claim_name(name.empty() ? geometry_.attribute("id").value() : name, "mesh");
-    out_.mesh = builder_.library(claimed, finish_mesh(std::move(mesh_), where_, builder_.budget));
+    out_.mesh =
+        builder_.library(claimed, finish_mesh(std::move(mesh_), where_, builder_.budget).put);
     return std::move(out_);
   }
 

@@ -1,10 +1,11 @@
 // Accessors: strided, sparse, normalised; every byte range checked before it is read.
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstring>
+#include <limits>
 
 #include "renderer/assets/gltf/document.h"
+#include "renderer/base/finite.h"
 
 namespace heliograph::assets::gltf {
 namespace {
@@ -27,27 +28,34 @@ T load(const std::byte* at) {
   return value;
 }
 
-/// Source: glTF 2.0, 3.6.2.2 and 3.11 (normalised integers).
-float component_as_float(const std::byte* at, Component type, bool normalized) {
+/// Calls f with a number of the type, whatever its value.
+template <class F>
+void with_type(Component type, const F& f) {
   switch (type) {
-    case Component::kI8: {
-      const auto value = float(load<std::int8_t>(at));
-      return normalized ? std::max(value / 127.0f, -1.0f) : value;
-    }
+    case Component::kI8:
+      return f(std::int8_t());
     case Component::kU8:
-      return float(load<u8>(at)) / (normalized ? 255.0f : 1.0f);
-    case Component::kI16: {
-      const auto value = float(load<std::int16_t>(at));
-      return normalized ? std::max(value / 32767.0f, -1.0f) : value;
-    }
+      return f(u8());
+    case Component::kI16:
+      return f(std::int16_t());
     case Component::kU16:
-      return float(load<u16>(at)) / (normalized ? 65535.0f : 1.0f);
+      return f(u16());
     case Component::kU32:
-      return float(load<u32>(at));
+      return f(u32());
     case Component::kF32:
-      return load<float>(at);
+      return f(float());
   }
-  return 0;
+}
+
+/// Source: glTF 2.0, 3.6.2.2 and 3.11 (normalised integers).
+template <class T>
+float as_float(T number, bool normalized) {
+  if constexpr (sizeof(T) == sizeof(float)) {
+    return float(number);
+  } else {
+    constexpr auto kLargest = float(std::numeric_limits<T>::max());
+    return normalized ? std::max(float(number) / kLargest, -1.0f) : float(number);
+  }
 }
 
 u32 component_as_integer(const std::byte* at, Component type) {
@@ -82,16 +90,14 @@ Accessor open(const Document& document, const Value& index, u32 components) {
   return accessor;
 }
 
-/// Calls put(element, component, bytes) for every component stored, dense first, then sparse.
+/// Calls put(first, count, bytes) for every run of components that lie side by side: first those of
+/// all elements, then what replaces some of them. Most files have the former as one run, which
+/// takes a tenth of the time of a call for each component.
 template <class Put>
-void for_each_component(const Document& document, const Accessor& accessor, const Put& put) {
-  const u32 size = bytes_of(accessor.type);
-  const auto put_element = [&](u64 element, const std::byte* at) {
-    for (u32 c = 0; c < accessor.components; ++c) put(element, c, at + c * size);
-  };
+void for_each_run(const Document& document, const Accessor& accessor, const Put& put) {
+  const u32 components = accessor.components;
   if (accessor.unpacked) {
-    const std::byte* bytes = accessor.unpacked->bytes.data();
-    for (u64 i = 0; i < accessor.count; ++i) put_element(i, bytes + i * accessor.element_bytes());
+    put(0, accessor.count * components, accessor.unpacked->bytes.data());
     return;
   }
   if (const auto view = accessor.value.find("bufferView")) {
@@ -102,7 +108,12 @@ void for_each_component(const Document& document, const Accessor& accessor, cons
     }
     const u64 length = accessor.count ? (accessor.count - 1) * step + accessor.element_bytes() : 0;
     const Bytes bytes = document.view_bytes(*view, accessor.value.whole("byteOffset", 0), length);
-    for (u64 i = 0; i < accessor.count; ++i) put_element(i, bytes.data() + i * step);
+    if (step == accessor.element_bytes()) {
+      put(0, accessor.count * components, bytes.data());
+    } else {
+      for (u64 i = 0; i < accessor.count; ++i)
+        put(i * components, components, bytes.data() + i * step);
+    }
   }
   const auto sparse = accessor.value.find("sparse");
   if (!sparse) return;
@@ -126,8 +137,43 @@ void for_each_component(const Document& document, const Accessor& accessor, cons
       refuse(indices.where(),
              fmt::format("element {} names vertex {} of {}", i, element, accessor.count));
     }
-    put_element(element, value_bytes.data() + i * accessor.element_bytes());
+    put(u64(element) * components, components, value_bytes.data() + i * accessor.element_bytes());
   }
+}
+
+/// All components, one after another, each as `convert` makes it of a number of the file.
+template <class To, class Convert>
+void read_components(const Document& document, const Accessor& accessor, To* out,
+                     const Convert& convert) {
+  with_type(accessor.type, [&]<class From>(From) {
+    for_each_run(document, accessor, [&](u64 first, u64 count, const std::byte* at) {
+      for (u64 i = 0; i < count; ++i) out[first + i] = convert(load<From>(at + i * sizeof(From)));
+    });
+  });
+}
+
+/// Elements as T, a float or as many as an element has.
+template <class T>
+std::vector<T> read_vectors(const Document& document, const Value& index, u32 components,
+                            Budget& budget, NonFinite non_finite) {
+  const Accessor accessor = open(document, index, components);
+  if (components > 4 && accessor.type != Component::kF32) {
+    refuse(accessor.value.key_where("componentType"), "matrices must be of floats");
+  }
+  budget.take(accessor.count, u64(components) * sizeof(float), accessor.value.where());
+  std::vector<T> result(accessor.count * components * sizeof(float) / sizeof(T));
+  auto* const floats = reinterpret_cast<float*>(result.data());
+  read_components(document, accessor, floats,
+                  [&](auto number) { return as_float(number, accessor.normalized); });
+  if (all_finite({floats, accessor.count * components})) return result;
+  for (u64 element = 0; element < accessor.count; ++element) {
+    const std::span<float> values(floats + element * components, components);
+    if (all_finite(values)) continue;
+    if (non_finite == NonFinite::kRefused)
+      refuse(accessor.value.where(), fmt::format("element {} is not finite", element));
+    std::ranges::fill(values, 0.0f);
+  }
+  return result;
 }
 
 }  // namespace
@@ -170,39 +216,35 @@ u32 accessor_components(const Document& document, const Value& accessor) {
 }
 
 std::vector<float> read_floats(const Document& document, const Value& index, u32 components,
-                               Budget& budget, NonFinite non_finite) {
-  const Accessor accessor = open(document, index, components);
-  if (components > 4 && accessor.type != Component::kF32) {
-    refuse(accessor.value.key_where("componentType"), "matrices must be of floats");
-  }
-  budget.take(accessor.count, u64(components) * sizeof(float), accessor.value.where());
-  std::vector<float> result(accessor.count * components);
-  for_each_component(document, accessor, [&](u64 element, u32 c, const std::byte* at) {
-    result[element * components + c] = component_as_float(at, accessor.type, accessor.normalized);
-  });
-  for (u64 element = 0; element < accessor.count; ++element) {
-    const std::span<float> values(&result[element * components], components);
-    if (std::ranges::all_of(values, [](float value) { return std::isfinite(value); })) continue;
-    if (non_finite == NonFinite::kRefused)
-      refuse(accessor.value.where(), fmt::format("element {} is not finite", element));
-    std::ranges::fill(values, 0.0f);
-  }
-  return result;
+                               Budget& budget) {
+  return read_vectors<float>(document, index, components, budget, NonFinite::kRefused);
 }
 
-std::vector<u32> read_integers(const Document& document, const Value& index, u32 components,
-                               Budget& budget) {
+template <class T>
+std::vector<T> read_as(const Document& document, const Value& index, Budget& budget,
+                       NonFinite non_finite) {
+  return read_vectors<T>(document, index, sizeof(T) / sizeof(float), budget, non_finite);
+}
+template std::vector<vec2> read_as(const Document&, const Value&, Budget&, NonFinite);
+template std::vector<vec3> read_as(const Document&, const Value&, Budget&, NonFinite);
+template std::vector<vec4> read_as(const Document&, const Value&, Budget&, NonFinite);
+template std::vector<mat4> read_as(const Document&, const Value&, Budget&, NonFinite);
+template <class T>
+std::vector<T> read_integers(const Document& document, const Value& index, u32 components,
+                             Budget& budget) {
   const Accessor accessor = open(document, index, components);
   if (accessor.type != Component::kU8 && accessor.type != Component::kU16 &&
       accessor.type != Component::kU32) {
     refuse(accessor.value.key_where("componentType"), "must be an unsigned integer");
   }
   budget.take(accessor.count, u64(components) * sizeof(u32), accessor.value.where());
-  std::vector<u32> result(accessor.count * components);
-  for_each_component(document, accessor, [&](u64 element, u32 c, const std::byte* at) {
-    result[element * components + c] = component_as_integer(at, accessor.type);
-  });
+  const u64 bytes = accessor.count * components * sizeof(u32);
+  std::vector<T> result((bytes + sizeof(T) - 1) / sizeof(T));
+  read_components(document, accessor, reinterpret_cast<u32*>(result.data()),
+                  [](auto number) { return u32(number); });
   return result;
 }
+template std::vector<u32> read_integers(const Document&, const Value&, u32, Budget&);
+template std::vector<uvec3> read_integers(const Document&, const Value&, u32, Budget&);
 
 }  // namespace heliograph::assets::gltf

@@ -2,7 +2,6 @@
 // checked. Source: Khronos, glTF 2.0 Specification (2021).
 #pragma once
 
-#include <cstring>
 #include <list>
 #include <map>
 
@@ -107,26 +106,18 @@ enum class NonFinite : u8 { kRefused, kZeros };
 /// accessor   holds the accessor's index
 /// components how many an element must have
 [[nodiscard]] std::vector<float> read_floats(const Document& document, const Value& accessor,
-                                             u32 components, Budget& budget,
-                                             NonFinite non_finite = NonFinite::kRefused);
-/// Unsigned integers as they are.
-[[nodiscard]] std::vector<u32> read_integers(const Document& document, const Value& accessor,
                                              u32 components, Budget& budget);
+/// Floats as vectors: vec2, vec3, vec4 or mat4.
+template <class T>
+[[nodiscard]] std::vector<T> read_as(const Document& document, const Value& accessor,
+                                     Budget& budget, NonFinite non_finite = NonFinite::kRefused);
+/// Unsigned integers as they are: one by one, or in threes as uvec3, the last filled up with zeros.
+template <class T = u32>
+[[nodiscard]] std::vector<T> read_integers(const Document& document, const Value& accessor,
+                                           u32 components, Budget& budget);
 [[nodiscard]] u64 accessor_count(const Document& document, const Value& accessor);
 [[nodiscard]] Component accessor_type(const Document& document, const Value& accessor);
 /// Components of an element, from the accessor's type.
 [[nodiscard]] u32 accessor_components(const Document& document, const Value& accessor);
-
-/// Floats as vectors: read_as<vec3>.
-template <class T>
-[[nodiscard]] std::vector<T> read_as(const Document& document, const Value& accessor,
-                                     Budget& budget, NonFinite non_finite = NonFinite::kRefused) {
-  const std::vector<float> floats =
-      read_floats(document, accessor, sizeof(T) / sizeof(float), budget, non_finite);
-  std::vector<T> result(floats.size() / (sizeof(T) / sizeof(float)));
-  if (!floats.empty())
-    std::memcpy(static_cast<void*>(result.data()), floats.data(), floats.size() * sizeof(float));
-  return result;
-}
 
 }  // namespace heliograph::assets::gltf

@@ -109,12 +109,11 @@ class Loader {
     mesh.morph_weights = read_weights(value, mesh.morph_count);
     if (data.triangles.empty()) return mesh;
     mend_tangents(data);
-    const auto lost = std::ranges::count(data.normals, vec3(0), unit);
-    if (lost > 0) {
+    auto [put, mended] = finish_mesh(std::move(data), value.where(), builder_.budget);
+    if (mended > 0) {
       builder_.warn(fmt::format("{}: {} normals without a direction became those of their faces",
-                                value.where(), lost));
+                                value.where(), mended));
     }
-    PutMesh put = finish_mesh(std::move(data), value.where(), builder_.budget);
     mesh.topology = put.topology;
     mesh.vertices = put.vertices;
     mesh.ref = builder_.library(
@@ -185,10 +184,14 @@ class Loader {
     }
   }
 
-  void add_part(const Value& primitive, const Part& part, MeshData& data, Mesh& mesh) {
+  void add_part(const Value& primitive, Part& part, MeshData& data, Mesh& mesh) {
     const u32 first = pieces_[part.piece].first;
-    for (const uvec3& t : part.triangles) data.triangles.push_back(t + first);
-    data.parts.insert(data.parts.end(), part.triangles.size(), u32(mesh.materials.size()));
+    if (parts_.size() == 1) {
+      data.triangles = std::move(part.triangles);
+    } else {
+      for (const uvec3& t : part.triangles) data.triangles.push_back(t + first);
+      data.parts.insert(data.parts.end(), part.triangles.size(), u32(mesh.materials.size()));
+    }
     const auto material = material_of(primitive, materials_.variant);
     std::string name = fmt::format("part_{}", mesh.materials.size());
     if (material) {

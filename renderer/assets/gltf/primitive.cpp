@@ -2,7 +2,7 @@
 #include "renderer/assets/gltf/primitive.h"
 
 #include <algorithm>
-#include <cmath>
+#include <numeric>
 
 #include "renderer/assets/influences.h"
 
@@ -91,40 +91,66 @@ void read_targets(const Document& document, const Value& primitive, Budget& budg
   if (!any_normals || mesh.normals.empty()) mesh.morph_normals.clear();
 }
 
+/// The vertices of a primitive in the order of its indices, each below `vertices`: one by one, or
+/// in threes.
+template <class T>
+std::vector<T> read_order(const Document& document, const Value& primitive, u32 vertices,
+                          Budget& budget) {
+  std::vector<T> order;
+  const auto words = [&] {
+    return std::span(reinterpret_cast<u32*>(order.data()), order.size() * sizeof(T) / sizeof(u32));
+  };
+  if (const auto indices = primitive.find("indices")) {
+    order = read_integers<T>(document, *indices, 1, budget);
+    const auto beyond = std::ranges::find_if(words(), [&](u32 i) { return i >= vertices; });
+    if (beyond != words().end()) {
+      refuse(indices->where(), fmt::format("element {} is {}, but there are {} vertices",
+                                           beyond - words().begin(), *beyond, vertices));
+    }
+  } else {
+    budget.take(vertices, sizeof(u32), primitive.where());
+    order.resize((vertices * sizeof(u32) + sizeof(T) - 1) / sizeof(T));
+    std::iota(words().begin(), words().end(), 0u);
+  }
+  return order;
+}
+
+/// Those of a strip (mode 5) or a fan.
+std::vector<uvec3> joined(const std::vector<u32>& order, bool is_strip, std::size_t count) {
+  std::vector<uvec3> triangles;
+  triangles.reserve(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t odd = i % 2;
+    const uvec3 t = is_strip ? uvec3(order[i], order[i + 1 + odd], order[i + 2 - odd])
+                             : uvec3(order[i + 1], order[i + 2], order[0]);
+    const bool joins_strips = is_strip && (t.x == t.y || t.y == t.z || t.z == t.x);
+    if (!joins_strips) triangles.push_back(t);
+  }
+  return triangles;
+}
+
 }  // namespace
 
 std::vector<uvec3> read_triangles(const Document& document, const Value& primitive, u32 vertices,
                                   Budget& budget) {
   const u64 mode = primitive.whole("mode", 4);
-  std::vector<u32> order;
-  if (const auto indices = primitive.find("indices")) {
-    order = read_integers(document, *indices, 1, budget);
-    for (std::size_t i = 0; i < order.size(); ++i) {
-      if (order[i] < vertices) continue;
-      refuse(indices->where(),
-             fmt::format("element {} is {}, but there are {} vertices", i, order[i], vertices));
-    }
-  } else {
-    budget.take(vertices, sizeof(u32), primitive.where());
-    for (u32 i = 0; i < vertices; ++i) order.push_back(i);
-  }
-  if (mode == 4 && order.size() % 3 != 0) {
-    refuse(primitive.where(), fmt::format("{} indices do not make triangles", order.size()));
-  }
-  const std::size_t count =
-      mode == 4 ? order.size() / 3 : std::max<std::size_t>(order.size(), 2) - 2;
-  Budget::check(count, budget.limits().triangles, "triangles", primitive.where());
-  budget.take(count, sizeof(uvec3), primitive.where());
+  const auto indices = primitive.find("indices");
+  const bool is_list = mode == 4;
   std::vector<uvec3> triangles;
-  triangles.reserve(count);
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::size_t odd = i % 2;
-    const uvec3 t = mode == 4   ? uvec3(order[3 * i], order[3 * i + 1], order[3 * i + 2])
-                    : mode == 5 ? uvec3(order[i], order[i + 1 + odd], order[i + 2 - odd])
-                                : uvec3(order[i + 1], order[i + 2], order[0]);
-    const bool joins_strips = mode == 5 && (t.x == t.y || t.y == t.z || t.z == t.x);
-    if (!joins_strips) triangles.push_back(t);
+  std::vector<u32> order;
+  if (is_list) {
+    triangles = read_order<uvec3>(document, primitive, vertices, budget);
+  } else {
+    order = read_order<u32>(document, primitive, vertices, budget);
   }
+  const u64 corners = indices ? accessor_count(document, *indices) : vertices;
+  if (is_list && corners % 3 != 0) {
+    refuse(primitive.where(), fmt::format("{} indices do not make triangles", corners));
+  }
+  const u64 count = is_list ? corners / 3 : std::max<u64>(corners, 2) - 2;
+  Budget::check(count, budget.limits().triangles, "triangles", primitive.where());
+  budget.take(count, sizeof(uvec3), primitive.where());  // of a strip, or where parts are joined
+  if (!is_list) triangles = joined(order, mode == 5, count);
   return triangles;
 }
 
