@@ -1,7 +1,9 @@
 #include <algorithm>
-#include <cstring>
+#include <cstdlib>
+#include <new>
 
 #include "renderer/assets/picture.h"
+#include "renderer/base/finite.h"
 
 namespace heliograph::assets {
 namespace {
@@ -13,41 +15,24 @@ struct NonFinite {
   u64 nan = 0;
 };
 
-/// The bits of halves (10 of mantissa) or floats (23), which are ordered as the magnitudes are.
-template <class Word, u32 kMantissaBits>
-struct Bits {
-  static constexpr Word kMagnitude = Word(~Word(0)) >> 1;
-  static constexpr Word kInfinity = Word(Word(~Word(0)) << kMantissaBits) & kMagnitude;
-
-  static Word at(const std::vector<std::byte>& texels, std::size_t i) {
-    Word word;
-    std::memcpy(&word, &texels[i], sizeof(Word));
-    return word;
-  }
-  static Word largest_finite(const std::vector<std::byte>& texels, Word at_least) {
-    for (std::size_t i = 0; i < texels.size(); i += sizeof(Word)) {
-      const Word magnitude = at(texels, i) & kMagnitude;
-      if (magnitude < kInfinity) at_least = std::max(at_least, magnitude);
-    }
-    return at_least;
-  }
-};
-
 /// Infinite texels become the largest finite one of the picture, which is `at_least`; NaN 0.
 template <class Word, u32 kMantissaBits>
-NonFinite make_finite(std::vector<std::byte>& texels, Word at_least) {
-  using Of = Bits<Word, kMantissaBits>;
+NonFinite make_finite(std::span<std::byte> texels, Word at_least) {
+  using Of = FloatBits<Word, kMantissaBits>;
+  const std::span words(reinterpret_cast<Word*>(texels.data()), texels.size() / sizeof(Word));
   NonFinite found;
-  Word largest = 0;
-  for (std::size_t i = 0; i < texels.size(); i += sizeof(Word)) {
-    const Word word = Of::at(texels, i);
+  if (Of::all_finite(words)) return found;
+  Word largest = at_least;
+  for (const Word word : words) {
+    const Word magnitude = word & Of::kMagnitude;
+    if (magnitude < Of::kInfinity) largest = std::max(largest, magnitude);
+  }
+  for (Word& word : words) {
     const Word magnitude = word & Of::kMagnitude;
     if (magnitude < Of::kInfinity) continue;
     const bool infinite = magnitude == Of::kInfinity;
     ++(infinite ? found.infinite : found.nan);
-    if (infinite && largest == 0) largest = Of::largest_finite(texels, at_least);
-    const Word finite = infinite ? Word((word ^ magnitude) | largest) : Word(0);
-    std::memcpy(&texels[i], &finite, sizeof(Word));
+    word = infinite ? Word((word ^ magnitude) | largest) : Word(0);
   }
   return found;
 }
@@ -64,7 +49,9 @@ Canvas::Canvas(const ImageData& layout, const PictureSource& source) : image(lay
   Budget::check(u64(image.width) * image.height, budget.limits().texels, "texels", where);
   const u64 size = u64(image.width) * image.height * texel_size();
   budget.take(size, 1, where);
-  texels.resize(size);
+  owner_.reset(static_cast<std::byte*>(std::calloc(size, 1)));
+  if (!owner_) throw std::bad_alloc();
+  texels = {owner_.get(), size};
 }
 
 std::size_t Canvas::texel_size() const {
@@ -83,7 +70,8 @@ Picture Canvas::finish(bool srgb) && {
   if (found.nan > 0) {
     picture.warnings.push_back(fmt::format("{} texel values that are NaN became 0", found.nan));
   }
-  picture.image.texels = ArrayOf<std::byte>(std::move(texels)).buffer();
+  picture.image.texels =
+      std::make_shared<const Buffer>(std::shared_ptr<const void>(std::move(owner_)), texels);
   return picture;
 }
 

@@ -25,13 +25,16 @@ using Extensions = std::map<std::string, std::vector<std::string>>;
 constexpr const char* kKtx2 = "ktx2";  // the one that OpenImageIO has not
 
 /// Extensions by format: those that are read from memory.
-Extensions extensions() {
-  Extensions all = OIIO::get_extension_map();
-  all[kKtx2] = {kKtx2};
-  for (const char* format : {"null", "term", "cineon", "fits", "softimage", "zfile"}) {
-    all.erase(format);
-  }
-  return all;
+const Extensions& extensions() {
+  static const Extensions known = [] {
+    Extensions all = OIIO::get_extension_map();
+    all[kKtx2] = {kKtx2};
+    for (const char* format : {"null", "term", "cineon", "fits", "softimage", "zfile"}) {
+      all.erase(format);
+    }
+    return all;
+  }();
+  return known;
 }
 
 constexpr u64 kTexelBytes = 16;  // four floats

@@ -2,6 +2,8 @@
 // for textures.
 #pragma once
 
+#include <cstdlib>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -54,7 +56,7 @@ struct PictureSource {
 /// were asked.
 struct Canvas {
   ImageData image;
-  std::vector<std::byte> texels;
+  std::span<std::byte> texels;
 
   Canvas(const ImageData& layout, const PictureSource& source);
   [[nodiscard]] std::size_t texel_size() const;
@@ -62,6 +64,13 @@ struct Canvas {
   [[nodiscard]] std::byte* row(u32 y) { return texels.data() + y * row_bytes(); }
   /// Makes every texel finite.
   [[nodiscard]] Picture finish(bool srgb) &&;
+
+ private:
+  struct Free {
+    void operator()(std::byte* bytes) const { std::free(bytes); }
+  };
+  /// Of calloc(): large ones are new pages, which are zeros before anybody writes them.
+  std::unique_ptr<std::byte, Free> owner_;
 };
 
 [[nodiscard]] constexpr u32 component_bytes(TexelType type) {

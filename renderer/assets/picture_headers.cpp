@@ -4,6 +4,8 @@
 #include <cmath>
 #include <string_view>
 
+#include "renderer/assets/text_scan.h"
+
 namespace heliograph::assets {
 namespace {
 
@@ -36,7 +38,7 @@ std::optional<Chromaticities> chromaticities_of(std::string_view text) {
 
 RadianceHeader radiance_header(Bytes bytes) {
   RadianceHeader header;
-  std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  std::string_view text = as_text(bytes);
   for (auto line = take_line(text); !line.empty(); line = take_line(text)) {
     const std::string_view key = line.substr(0, line.find('='));
     std::string_view value = line.substr(std::min(line.size(), key.size() + 1));
@@ -52,14 +54,19 @@ bool is_cut_jpeg(Bytes bytes) {
   const auto byte = [&](std::size_t i) { return u8(bytes[i]); };
   if (bytes.size() < 4 || byte(0) != 0xff || byte(1) != 0xd8 || byte(2) != 0xff) return false;
   constexpr u8 kEnd = 0xd9, kScan = 0xda;
+  const std::string_view text = as_text(bytes);
   std::size_t at = 2;
   bool in_scan = false;
   while (at + 1 < bytes.size()) {
     const u8 marker = byte(at + 1);
     const bool is_marker = byte(at) == 0xff && marker != 0 && marker != 0xff;
     const bool restart = marker >= 0xd0 && marker <= 0xd7;
+    if (!in_scan && byte(at) != 0xff) return false;  // libjpeg decides
+    if (byte(at) != 0xff) {
+      at = std::min(text.find('\xff', at), text.size());
+      continue;
+    }
     if (!is_marker || restart) {
-      if (!in_scan && byte(at) != 0xff) return false;  // libjpeg decides
       at += is_marker ? 2 : 1;
       continue;
     }

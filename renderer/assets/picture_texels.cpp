@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 #include <glm/matrix.hpp>
+#include <limits>
 #include <utility>
 
 #include "renderer/base/half.h"
@@ -11,55 +12,63 @@
 namespace heliograph::assets {
 namespace {
 
-/// Integers as they are, which no caller mixes with others.
-double component(const std::byte* at, TexelType type) {
-  u16 word = 0;
-  float number = 0;
-  if (type == TexelType::kU8) return double(u8(*at));
-  if (type == TexelType::kF32) {
-    std::memcpy(&number, at, 4);
-    return number;
-  }
-  std::memcpy(&word, at, 2);
-  return type == TexelType::kU16 ? word : double(float_of_half(word));
-}
+struct Half {
+  u16 bits;
+};
 
-void put_component(std::byte* at, TexelType type, double value) {
-  const auto rounded = [&](double largest) {
-    return std::clamp(std::nearbyint(value), 0., largest);
-  };
-  const float number = float(value);
-  u16 word = 0;
-  switch (type) {
-    case TexelType::kU8:
-      *at = std::byte(u8(rounded(255)));
-      return;
-    case TexelType::kF32:
-      std::memcpy(at, &number, 4);
-      return;
-    case TexelType::kU16:
-      word = u16(rounded(65535));
-      break;
-    case TexelType::kF16:
-      word = half_of_float(number);
-      break;
+/// Integers as they are, which no caller mixes with others.
+template <class T>
+double number_of(T component) {
+  return double(component);
+}
+double number_of(Half component) { return double(float_of_half(component.bits)); }
+
+template <class T>
+void put_number(T& component, double value) {
+  component = T(std::clamp(std::nearbyint(value), 0., double(std::numeric_limits<T>::max())));
+}
+void put_number(float& component, double value) { component = float(value); }
+void put_number(Half& component, double value) { component.bits = half_of_float(float(value)); }
+
+/// change_colors() of texels of a known layout: what is fixed here is not asked for each of them.
+template <class T, u32 kChannels, class F>
+void change_colors_of(Canvas& canvas, const F& f) {
+  constexpr u32 kColors = kChannels < 3 ? 1 : 3;
+  const std::span all(reinterpret_cast<T*>(canvas.texels.data()), canvas.texels.size() / sizeof(T));
+  glm::dvec3 color(0);
+  for (std::size_t at = 0; at < all.size(); at += kChannels) {
+    T* const texel = &all[at];
+    for (u32 c = 0; c < kColors; ++c) color[int(c)] = number_of(texel[c]);
+    if (!f(color, kChannels % 2 == 0 ? number_of(texel[kChannels - 1]) : 1)) continue;
+    for (u32 c = 0; c < kColors; ++c) put_number(texel[c], color[int(c)]);
   }
-  std::memcpy(at, &word, 2);
+}
+template <class T, class F>
+void change_colors_of(Canvas& canvas, const F& f) {
+  switch (canvas.image.channels) {
+    case 1:
+      return change_colors_of<T, 1>(canvas, f);
+    case 2:
+      return change_colors_of<T, 2>(canvas, f);
+    case 3:
+      return change_colors_of<T, 3>(canvas, f);
+    default:
+      return change_colors_of<T, 4>(canvas, f);
+  }
 }
 
 /// Calls f(colors, alpha) for each texel with its color components, which it may change.
 template <class F>
 void change_colors(Canvas& canvas, const F& f) {
-  const ImageData& image = canvas.image;
-  const u32 size = component_bytes(image.type);
-  const u32 colors = image.channels < 3 ? 1 : 3;
-  const bool has_alpha = image.channels % 2 == 0;
-  glm::dvec3 color(0);
-  for (std::byte* at = canvas.texels.data(); at != canvas.texels.data() + canvas.texels.size();
-       at += canvas.texel_size()) {
-    for (u32 c = 0; c < colors; ++c) color[int(c)] = component(at + c * size, image.type);
-    if (!f(color, has_alpha ? component(at + colors * size, image.type) : 1)) continue;
-    for (u32 c = 0; c < colors; ++c) put_component(at + c * size, image.type, color[int(c)]);
+  switch (canvas.image.type) {
+    case TexelType::kU8:
+      return change_colors_of<u8>(canvas, f);
+    case TexelType::kU16:
+      return change_colors_of<u16>(canvas, f);
+    case TexelType::kF16:
+      return change_colors_of<Half>(canvas, f);
+    case TexelType::kF32:
+      return change_colors_of<float>(canvas, f);
   }
 }
 
