@@ -18,7 +18,7 @@ import rare_light
 
 LEVELS = common.size((0.4, 0.2, 0.1), (0.4,))
 MOST_SAMPLES = common.size(4096, 256)
-REFERENCE = common.size(16384, 4096)
+REFERENCE = common.size(65536, 4096)
 PICTURES = 4
 QUICK = ("small_hole", "lamp_in_fog", "blinds")
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], "f4")
