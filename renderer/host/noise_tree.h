@@ -9,7 +9,7 @@
 namespace heliograph::host {
 
 /// So many samples that lit a pixel make it known: that one keeps what it has.
-inline constexpr double kKnownFrom = 8;
+inline constexpr double kKnownFrom = 12;
 
 /// Sums over the pixels of a cell.
 struct NoiseCell {

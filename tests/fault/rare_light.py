@@ -1,9 +1,10 @@
 """Scenes in which few of the paths find the light, of stop_rule.py. SCENES: what builds each."""
 
+import common
 import heliograph as hg
 import numpy as np
 
-SIZE = (48, 32)
+SIZE = common.size((96, 64), (48, 32))
 GREY = {"base_color": 0.7, "specular": 0.0}
 BLACK = {"base_color": 0.0, "specular": 0.0}
 MIRROR = {"base_color": 0.95, "metallic": 1.0, "roughness": 0.02}
@@ -157,7 +158,7 @@ def lamp_in_fog(edit):
 
 
 def tiny_among_dim(edit):
-    """One glowing triangle of 1 cm among 100 balls that glow faintly, most of them hidden."""
+    """One glowing triangle of 5 cm among 100 balls that glow faintly, most of them hidden."""
     room(edit, None)
     rng = np.random.default_rng(5)
     edit.material("dim", emission=0.02, base_color=0.4)
@@ -165,9 +166,9 @@ def tiny_among_dim(edit):
     for i in range(100):
         at = hg.Pose(rng.uniform((-2.3, -1, 0.1), (2.3, 2.3, 2.8)))
         edit.entity(f"ball {i}", mesh=ball, material="dim", transform=at)
-    corners = np.array([[0, 0, 0], [0.01, 0, 0], [0, 0.01, 0]], "f4")
+    corners = np.array([[0, 0, 0], [0.05, 0, 0], [0, 0.05, 0]], "f4")
     spark = {"positions": corners, "indices": np.array([[0, 2, 1]], "u4")}
-    put(edit, "spark", spark, {"emission": 4e4, "two_sided_emission": True}, (0.5, 0.8, 1.2))
+    put(edit, "spark", spark, {"emission": 1600, "two_sided_emission": True}, (0.5, 0.8, 1.2))
     camera(edit, (1.5, -2.3, 1.6), (-0.4, 0.8, 1.2), 70)
 
 
