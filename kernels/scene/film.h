@@ -123,8 +123,8 @@ KERNEL PixelRect tile_rect(const FilmView& film, u32 tile) {
   return {x, y, min2(x + kTileSide, film.width), min2(y + kTileSide, film.height)};
 }
 
-/// What the noise of a picture is worked out from: the statistics of a pixel, or a negative mean
-/// where it meets nothing.
+/// The statistics of a pixel, for the noise of its picture; the mean is negative where it meets
+/// nothing.
 KERNEL PixelStatistics noise_statistics(const FilmView& film, u64 pixel, u32 samples) {
   const PixelStatistics s = pixel_statistics(film, pixel, samples);
   const bool meets = s.mean > 0 || mean_value(film, Plane::COVERAGE, pixel, samples) > 0;

@@ -59,10 +59,10 @@ bool is_cut_jpeg(Bytes bytes) {
   bool in_scan = false;
   while (at + 1 < bytes.size()) {
     const u8 marker = byte(at + 1);
-    const bool is_marker = byte(at) == 0xff && marker != 0 && marker != 0xff;
+    const bool is_marker = marker != 0 && marker != 0xff;
     const bool restart = marker >= 0xd0 && marker <= 0xd7;
-    if (!in_scan && byte(at) != 0xff) return false;  // libjpeg decides
     if (byte(at) != 0xff) {
+      if (!in_scan) return false;  // libjpeg decides
       at = std::min(text.find('\xff', at), text.size());
       continue;
     }

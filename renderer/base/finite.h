@@ -1,4 +1,4 @@
-// Whether numbers are neither infinite nor NaN: many at once, without a branch for each.
+// Finds numbers that are infinite or NaN among many, without a branch for each.
 #pragma once
 
 #include <algorithm>

@@ -50,11 +50,18 @@ class Picture {
 
   /// The errors of a tile's pixels, summed up. above: what the image's tree gives to each of them,
   /// left: what it has not shared, for those that no sample has lit.
-  [[nodiscard]] double errors(u32 tile, const NoiseShare& above, const NoiseShare& left) const {
+  [[nodiscard]] double errors(u32 tile, bool all_known, const NoiseShare& above,
+                              const NoiseShare& left) const {
     const kernels::PixelRect r = rect(tile);
+    double sum = 0;
+    if (all_known) {  // no cell of the tile has anything to share
+      for (u32 y = r.y0; y < r.y1; ++y)
+        for (u32 x = r.x0; x < r.x1; ++x)
+          sum += error(at(x, y), task_.tile_samples[tile], above, left);
+      return sum;
+    }
     NoiseTree pixels = tree(tile);
     pixels.share(above);
-    double sum = 0;
     for (u32 y = r.y0; y < r.y1; ++y)
       for (u32 x = r.x0; x < r.x1; ++x)
         sum += error(at(x, y), task_.tile_samples[tile], pixels.share_of(x - r.x0, y - r.y0), left);
@@ -120,7 +127,8 @@ Noise noise_of(const NoiseTask& task) {
 
   std::vector<double> errors(tiles);
   parallel_for(tiles, [&](u32 i) {
-    errors[i] = picture.errors(i, tree.share_of(i % across, i / across), left);
+    const u32 x = i % across, y = i / across;
+    errors[i] = picture.errors(i, tree.leaf(x, y).dark == 0, tree.share_of(x, y), left);
   });
   Noise noise{.mean = 0};
   for (u32 i = 0; i < tiles; ++i) {

@@ -22,7 +22,7 @@ struct NoiseCell {
   double pending_light = 0;
 };
 
-/// What a pixel gets of the cells about it.
+/// A pixel's part of what the cells over it share.
 struct NoiseShare {
   double variance = 0;  // over its weight
   double light = 0;     // if it is not known

@@ -16,7 +16,7 @@ std::vector<PixelStatistics> lit(float error) {
   return std::vector(kPixels, PixelStatistics{1, error * error});
 }
 
-/// What a pixel's statistics become when another sample brings `light`, times the samples.
+/// Adds a sample of luminance `light` to a pixel's statistics.
 void hit(PixelStatistics& s, float light) {
   const float n = kSamples, mean = light / n;
   s.variance += (light * light / n - mean * mean) / (n - 1);
@@ -52,7 +52,7 @@ TEST_CASE("noise: a tenth of the pixels that are lit tell of all") {
 TEST_CASE("noise: rare light that is found on known pixels is on all of them") {
   std::vector pixels = lit(0.05f);
   for (u32 i = 0; i < kPixels; i += 20) hit(pixels[i + i / kWidth % 13], 2 * kSamples);
-  // Of pixels that are lit by 1 and one hit in 20 of 2.
+  // Each pixel has a mean of 1, and in one picture of 20 a hit that adds 2.
   const double error = std::sqrt(0.05 * 0.05 + 4.0 / 20) / 1.1, noise = noise_of(pixels).mean;
   CHECK(noise > error / 1.5);
   CHECK(noise < error * 1.5);
