@@ -98,6 +98,10 @@ KERNEL F set_diffuse(OpaqueBase<F>& b, Vec3<F> under, F lost, const AlbedoOf<F>&
   return share;
 }
 
+/// Share of light that rough glass gives up, and stretched microfacets of what they scatter more
+/// than once: tables give up to so much too much between their entries.
+inline constexpr float kTableMargin = 4e-3f;
+
 /// The lobes that reflect. Returns the albedo of those sampled by cosine and by microfacets.
 KERNEL vec2 set_reflection(Base& b, const MaterialValues& m, const ShadingPoint& at) {
   const Body body = body_of(m, at);
@@ -123,12 +127,14 @@ KERNEL vec2 set_reflection(Base& b, const MaterialValues& m, const ShadingPoint&
   if (!b.delta) {
     multiple = set_multiple(b, opaque, mean, average);
     lost = max2(1 - out.total, 0.0f);
+    if (is_stretched(b)) lost *= 1 - kTableMargin;
   }
   vec3 coat(coat_albedo(b, out));
   float facets = facets_reflect(b, out);
   if (covered) {
     const Reflectances film = seen_film(b);
-    coat += (film.coat * out.total + multiple * lost - coat) * b.film.weight;
+    const vec3 once = coat - vec3(b.coat_multiple * lost);
+    coat = once + (film.coat * out.total - once) * b.film.weight + multiple * lost;
     facets +=
         (max_component(film.coat * b.plastic + film.metal * m.metallic) * out.total - facets) *
         b.film.weight;
@@ -195,6 +201,7 @@ HELIO_STEP KERNEL vec2 set_interface(Base& b, const MaterialValues& m, const Sha
   const bool enters = at.thin_walled || dot(at.wo, at.ng) >= 0;
   const float through = 1 - (1 - m.roughness) * (1 - m.transmission_roughness);
   b.through_delta = sqr(through) < kDeltaAlpha;
+  if (!b.through_delta) b.glass *= 1 - kTableMargin;
   const bool apart = kRich && (m.transmission_roughness > 0 || is_stretched(b));
   b.interface = kRich && at.thin_walled     ? Interface::kSheet
                 : apart && !b.through_delta ? Interface::kSplit

@@ -48,7 +48,10 @@ KERNEL float sheen_reflection(const Sheen& s, vec3 wo, vec3 wi) {
   return density / (4 * wo.z * (1 + sheen_lambda(s, wo.z) + sheen_lambda(s, wi.z)));
 }
 
-/// Share of light that white sheen reflects.
+/// Share by which albedos between the entries of the table may be too small.
+inline constexpr float kSheenMargin = 1e-3f;
+
+/// Share of light that white sheen reflects, never too small.
 KERNEL float sheen_albedo(const Sheen& s, float cosine) {
   const Place r = place_at(
       (s.roughness - kSheenSmoothest) * (float(kSheenRoughnesses - 1) / (1 - kSheenSmoothest)),
@@ -58,7 +61,7 @@ KERNEL float sheen_albedo(const Sheen& s, float cosine) {
   const float* b = a + kSheenCosines;
   const float low = a[0] + (a[1] - a[0]) * c.weight;
   const float high = b[0] + (b[1] - b[0]) * c.weight;
-  return low + (high - low) * r.weight;
+  return min2((low + (high - low) * r.weight) * (1 + kSheenMargin), 1.0f);
 }
 
 }  // namespace heliograph::kernels::inline HELIO_ISA

@@ -99,14 +99,18 @@ KERNEL vec3 transform_normal(const mat4x3& inverse, vec3 n) {
   return vec3(dot(inverse[0], n), dot(inverse[1], n), dot(inverse[2], n));
 }
 
-/// Unit vector along v, whatever its length, or `otherwise` when v has no direction.
+/// Unit vector along v, or `otherwise` when v has no direction. Lengths from 1e-18 to 1e18; see
+/// near_one().
 KERNEL vec3 normalize_or(vec3 v, vec3 otherwise) {
   const float length2 = dot(v, v);
-  if (length2 > 1e-30f && length2 < 1e30f) return v * (1 / std::sqrt(length2));
-  const float largest = max_component(abs3(v));
-  if (!(largest > 0 && largest < INFINITY)) return otherwise;
-  const vec3 scaled = v / largest;
-  return scaled * (1 / std::sqrt(dot(scaled, scaled)));
+  return length2 > 0 ? v * (1 / std::sqrt(length2)) : otherwise;
+}
+
+/// v times a power of two that brings its largest component into [1, 2): the same direction to the
+/// last bit. Of a component in [2^-126, 2^127).
+KERNEL vec3 near_one(vec3 v) {
+  const u32 exponent = __builtin_bit_cast(u32, max_component(abs3(v))) & 0x7f800000u;
+  return v * __builtin_bit_cast(float, 0x7f000000u - exponent);
 }
 
 /// An orthonormal, right-handed basis; local z is n.

@@ -234,7 +234,7 @@ HELIO_STEP KERNEL Surface locate(const SceneView& scene, u32 instance_index, u32
     n = cross(c.ab, c.ac);
   }
   s.p = transform_point(s.pose.world_from_object, p);
-  s.ng = normalize_or(transform_normal(s.pose.object_from_world, n), vec3(0, 0, 1));
+  s.ng = normalize_or(transform_normal(s.pose.object_from_world, near_one(n)), vec3(0, 0, 1));
   s.offset = plane_error(s.pose.world_from_object, c, s.ng);
   s.ns = s.ng;
   return s;

@@ -79,7 +79,7 @@ KERNEL LightBounds triangle_bounds(vec3 a, vec3 b, vec3 c) {
   bounds.lower = glm::min(a, glm::min(b, c));
   bounds.upper = glm::max(a, glm::max(b, c));
   const vec3 n = cross(b - a, c - a);
-  bounds.axis = normalize_or(n, vec3(0, 0, 1));
+  bounds.axis = normalize_or(near_one(n), vec3(0, 0, 1));
   bounds.cos_spread = 1;
   bounds.power = 0.5f * length(n);
   return bounds;

@@ -13,7 +13,7 @@ import served
 from heliograph._wire._proto import service_pb2 as service
 from heliograph.scene import assets
 
-SIDE = common.size(5000, 1700)  # pixels of a picture, each way
+SIDE = common.size(5000, 3400)  # pixels of a picture, each way: long beside a triangle
 PICTURES = common.size(60, 24)
 TRIALS = common.size(20, 5)
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n# {}\n"

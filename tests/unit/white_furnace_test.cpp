@@ -14,7 +14,7 @@ using namespace heliograph::test;
 namespace {
 
 /// What tables and means over microfacets may give a disc too much.
-constexpr double kAbove = 3e-3;
+constexpr double kAbove = 2e-4;
 
 /// A number as often 0 as not, else anywhere in [0, 1).
 float sometimes(Random& random, float standard = 0) {
