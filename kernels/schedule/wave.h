@@ -98,7 +98,7 @@ class Wave {
     return sets_out;
   }
   /// The item's ray has met its hit.
-  KERNEL Arrival arrive(u32 item) const {
+  HELIO_ONCE KERNEL Arrival arrive(u32 item) const {
     Path path;
     take_up(load_whole(view_.paths[item]), load_whole(view_.rays[item]), path);
     path.route = route_of(2 * item);
