@@ -98,9 +98,10 @@ KERNEL F set_diffuse(OpaqueBase<F>& b, Vec3<F> under, F lost, const AlbedoOf<F>&
   return share;
 }
 
-/// Share of light that rough glass gives up, and stretched microfacets of what they scatter more
-/// than once: tables give up to so much too much between their entries.
-inline constexpr float kTableMargin = 4e-3f;
+/// Share of light that rough glass gives up: tables give up to so much too much between their
+/// entries, and more where they stand for stretched microfacets, a lobe apart or a film.
+inline constexpr float kTableMargin = 1e-3f;
+inline constexpr float kWideTableMargin = 4e-3f;
 
 /// The lobes that reflect. Returns the albedo of those sampled by cosine and by microfacets.
 KERNEL vec2 set_reflection(Base& b, const MaterialValues& m, const ShadingPoint& at) {
@@ -127,7 +128,7 @@ KERNEL vec2 set_reflection(Base& b, const MaterialValues& m, const ShadingPoint&
   if (!b.delta) {
     multiple = set_multiple(b, opaque, mean, average);
     lost = max2(1 - out.total, 0.0f);
-    if (is_stretched(b)) lost *= 1 - kTableMargin;
+    if (is_stretched(b)) lost *= 1 - kWideTableMargin;
   }
   vec3 coat(coat_albedo(b, out));
   float facets = facets_reflect(b, out);
@@ -201,11 +202,14 @@ HELIO_STEP KERNEL vec2 set_interface(Base& b, const MaterialValues& m, const Sha
   const bool enters = at.thin_walled || dot(at.wo, at.ng) >= 0;
   const float through = 1 - (1 - m.roughness) * (1 - m.transmission_roughness);
   b.through_delta = sqr(through) < kDeltaAlpha;
-  if (!b.through_delta) b.glass *= 1 - kTableMargin;
   const bool apart = kRich && (m.transmission_roughness > 0 || is_stretched(b));
   b.interface = kRich && at.thin_walled     ? Interface::kSheet
                 : apart && !b.through_delta ? Interface::kSplit
                                             : Interface::kJoint;
+  if (!b.through_delta) {
+    const bool wide = b.interface != Interface::kJoint || has_film(b.film);
+    b.glass *= 1 - (wide ? kWideTableMargin : kTableMargin);
+  }
   float ior = m.ior / at.outside;
   // A rough interface of index 1 has no half vector: the smallest step that still has one.
   if (!b.through_delta) ior = ior < 1 ? min2(ior, 1 / 1.01f) : max2(ior, 1.01f);
