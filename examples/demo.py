@@ -1,4 +1,4 @@
-"""The main job on real input: a picture, its planes, a labelled sequence, and how fast it was.
+"""Renders a helmet: a picture, its planes, a labelled sequence, and the time that each took.
 
 Run by scripts/demo. usage: demo.py [OUT_DIR]
 """

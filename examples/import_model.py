@@ -1,4 +1,4 @@
-"""Imports a glTF model, looks into it, changes a material, and saves the scene.
+"""Imports a glTF model, prints its contents, changes a material, and saves the scene.
 
 usage: import_model.py [OUT_DIR] [MODEL]
 """

@@ -1,4 +1,4 @@
-"""Every label column of one frame, and three of frames.md's invariants checked on it.
+"""Prints every label column of one frame, and checks three invariants of labels on it.
 
 usage: labels.py [OUT_DIR]
 """

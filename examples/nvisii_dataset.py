@@ -1,4 +1,4 @@
-"""A small data set as NViSII scripts make it: a picture, ids, depth and a JSON file a frame.
+"""A small data set as NViSII scripts make it: picture, ids, depth and JSON per frame.
 
 usage: nvisii_dataset.py [--out DIR] [--frames N] [--size N] [--spp N]
 """

@@ -1,4 +1,4 @@
-"""Domain randomisation: every frame is an overlay of one scene, which stays as it is.
+"""Domain randomisation: every frame is an overlay of one scene, which never changes.
 
 usage: randomize.py [OUT_DIR] [FRAMES]
 """

@@ -1,4 +1,4 @@
-"""A robot of a URDF file: where its joints are in the picture, and how its links move in it.
+"""A robot of a URDF file: draws its joints into the picture, and the motion of its links.
 
 usage: robot.py [OUT_DIR] [FRAMES]
 """

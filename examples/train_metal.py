@@ -1,6 +1,6 @@
-"""What path tracing is worth for metal: a detector and a pose network learn to find a metallic can,
-once from path-traced pictures and once from flat-shaded ones of the very same draws, and are tested
-on path-traced pictures under lights and with materials that neither has seen.
+"""Path-traced against flat-shaded training pictures of metal: a detector and a pose network learn
+to find a metallic can from either kind of the same draws, and are tested on path-traced pictures
+under lights and with materials that neither has seen.
 
 usage: train_metal.py [IMAGES] [TESTS]     (needs PyTorch; default 6000 and 500)
 """

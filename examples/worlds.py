@@ -1,5 +1,5 @@
-"""Worlds: a simulation moves the balls of many copies of one scene, and each step renders them all
-in one call.
+"""A simulation moves the balls of many worlds, copies of one scene, and renders all in one call per
+step.
 
 usage: worlds.py [OUT_DIR] [WORLDS] [STEPS]
 """

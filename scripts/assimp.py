@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Puts the sources of assimp where CMake finds them: .venv/assimp.
 
-Only the readers of some formats are built of them (cmake/HeliographAssimp.cmake). The source
+Only the readers of some formats are built (cmake/HeliographAssimp.cmake). The source
 package of `assimp-py` on PyPI carries the library as it was published; Debian's is two years
 older (docs/decisions/049). Run by scripts/setup.
 """

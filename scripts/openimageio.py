@@ -4,7 +4,7 @@
 The library is that of the wheel in .venv, which needs no other package (docs/decisions/047). Wheels
 have no headers: those come from the source package of the same version. Run by scripts/setup.
 
-usage: scripts/openimageio.py [--requirement]   what pip installs
+usage: scripts/openimageio.py [--requirement]   --requirement: prints what pip installs
 """
 
 from __future__ import annotations

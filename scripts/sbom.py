@@ -1,9 +1,9 @@
-"""What a bundle or a wheel is made of, as CycloneDX 1.5 JSON. Used by scripts/bundle and
+"""The contents of a bundle or a wheel, as CycloneDX 1.5 JSON. Used by scripts/bundle and
 scripts/wheel.
 
 Nothing is listed by hand: packages are those that brought the files inside (dpkg), those whose
 headers the build tree says were compiled in (Ninja), and those that pip unpacked; beside them
-sources that were compiled in. A file that nobody brought ends the program.
+sources that were compiled in. A file of unknown origin ends the program.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-// Training data: each job moves the block and the light in an overlay of its own, several are under
-// way at a time. Prints what each picture's labels say. usage: batch [ADDRESS [JOBS]]
+// Training data: each job moves the block and the light in an overlay of its own, several jobs in
+// flight. Prints each picture's labels. usage: batch [ADDRESS [JOBS]]
 #include <heliograph/heliograph.h>
 
 #include <cmath>

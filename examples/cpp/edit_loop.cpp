@@ -1,5 +1,5 @@
-// A simulation's loop: 200 poses a step in one packed message, sent ahead of the frames, with flow.
-// usage: edit_loop [ADDRESS [STEPS]]
+// A simulation's loop: 200 poses per step in one packed message, sent ahead of the frames, with
+// flow. usage: edit_loop [ADDRESS [STEPS]]
 #include <heliograph/heliograph.h>
 
 #include <cmath>

@@ -1,4 +1,4 @@
-"""The picture of docs/materials.md on what is inside: rows of things that vary one parameter.
+"""The picture of docs/materials.md on interiors: rows of things that vary one parameter.
 
 usage: interiors.py OUT.png [SPP]
 """

@@ -1,4 +1,4 @@
-"""The picture of docs/lights.md on portals: one room, as many samples, without and with them.
+"""The picture of docs/lights.md on portals: one room without and with them, at equal samples.
 
 usage: portals.py OUT.png [SPP]
 """

@@ -3,7 +3,7 @@ googleapis-common-protos, numpy.
 
 usage: minimal_client.py SOCKET [OUT.npz]     with the stubs' folder in PYTHONPATH
 
-It opens a session with its second socket, edits a scene, sends one edit twice, hands a mesh over
+It opens a session with its local channel, edits a scene, sends one edit twice, hands over a mesh
 in shared memory, renders planes and labels, takes a frame from shared memory, reads an error,
 follows the scene by Watch and Stream, runs a batch, branches, and closes.
 """

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# A data set by an array of SLURM jobs, each of which makes its share of the images.
+# Makes a data set by an array of SLURM jobs, each with a share of the images.
 #
 #   sbatch --array=0-15 examples/slurm/make.sh /shared/dice 100000
 #
-# Submit it again to go on where it ended; to run some of the jobs only, say how many there were:
+# Submit it again to go on where it ended. To run some of the jobs only, give the number of all:
 #
 #   TASKS=16 sbatch --array=3,7 examples/slurm/make.sh /shared/dice 100000
 #
