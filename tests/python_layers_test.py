@@ -1,4 +1,4 @@
-"""Plants breaches of the Python client's dependency rule in a small tree; python_layers.py must
+"""Plants breaches of the Python packages' dependency rules in a small tree; python_layers.py must
 name each one."""
 
 import pathlib
@@ -21,6 +21,7 @@ CLEAN = {
     "client/__init__.py": "",
     "client/scene.py": "from ..scene.edit import pose\n",
     "cli/__init__.py": "import heliograph\n",
+    "../nvisii/__init__.py": "import heliograph.client.scene\n",
 }
 BREACHES = {
     "values/light.py": "from ..errors import Error\nfrom ..scene import edit\n",
@@ -29,12 +30,21 @@ BREACHES = {
     "client/name.py": "from .. import Error\n",
     "robots/arm.py": "import numpy\nif True:\n    from ..client import scene\n",
     "newcomer.py": "",
+    "scene/named.py": 'import importlib\nimportlib.import_module("heliograph.client.scene")\n',
+    "scene/dotted.py": 'from importlib import import_module\nimport_module("..client", "x")\n',
+    "values/unchecked.py": "if not TYPE_CHECKING:\n    from ..scene import edit\n",
+    "scene/user.py": "import nvisii\n",
 }
-CIRCLE = {
-    "scene/a.py": "from .b import x\n",
-    "scene/b.py": "from .c import x\n",
-    "scene/c.py": "def call():\n    from . import a\n",
-}
+CIRCLES = (
+    {
+        "scene/a.py": "from .b import x\n",
+        "scene/b.py": "from .c import x\n",
+        "scene/c.py": "def call():\n    from . import a\n",
+    },
+    {"scene/a.py": "from . import b\n", "scene/b.py": "from .a import x\n"},
+    {"values/__init__.py": "from .a import x\n", "values/a.py": "from . import x\n"},
+    {"../nvisii/a.py": "from .b import x\n", "../nvisii/b.py": "import nvisii.a\n"},
+)
 
 
 def run(files: dict[str, str]) -> tuple[int, str]:
@@ -49,6 +59,11 @@ def run(files: dict[str, str]) -> tuple[int, str]:
         return done.returncode, done.stdout
 
 
+def modules_of(files: dict[str, str]) -> list[str]:
+    """Dotted names without the package's."""
+    return [name.removesuffix(".py").removesuffix("/__init__").replace("/", ".") for name in files]
+
+
 def main() -> int:
     code, out = run(CLEAN)
     assert code == 0 and not out, out
@@ -57,10 +72,11 @@ def main() -> int:
         line = max(1, text.count("\n"))
         assert code == 1 and out.startswith(f"{PACKAGE / name}:{line}: "), (name, code, out)
         assert out.count("\n") == 1, out
-    code, out = run({**CLEAN, **CIRCLE})
-    named = all(f"heliograph.scene.{module}" in out for module in "abc")
-    assert code == 1 and named and out.count("\n") == 1, out
-    print(f"{len(BREACHES) + 1} planted breaches found")
+    for circle in CIRCLES:
+        code, out = run({**CLEAN, **circle})
+        named = all(module.strip("./") in out for module in modules_of(circle))
+        assert code == 1 and named and out.count("\n") == 1, (circle, out)
+    print(f"{len(BREACHES) + len(CIRCLES)} planted breaches found")
     return 0
 
 
