@@ -14,7 +14,7 @@ import sys
 # Package: its folder, and which of the others it may import.
 PACKAGES: dict[str, tuple[str, tuple[str, ...]]] = {
     "heliograph": ("clients/python", ()),
-    "nvisii": ("clients/python", ("heliograph",)),
+    "nvisii": ("clients/nvisii", ("heliograph",)),
 }
 # Of heliograph: each may import itself and those before it.
 LAYERS = (
