@@ -15,6 +15,7 @@ import sys
 PACKAGES: dict[str, tuple[str, tuple[str, ...]]] = {
     "heliograph": ("clients/python", ()),
     "nvisii": ("clients/nvisii", ("heliograph",)),
+    "heliograph_replay": ("scripts", ("heliograph",)),
 }
 # Of heliograph: each may import itself and those before it.
 LAYERS = (
@@ -30,7 +31,6 @@ LAYERS = (
     ("render",),
     ("client",),
     ("__init__",),  # gives the names of all folders, those of later ones on demand only
-    ("recording",),
     ("datasets",),
     ("torch",),
     ("cluster",),
