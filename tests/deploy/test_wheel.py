@@ -24,7 +24,7 @@ PYTHON = pathlib.Path(sys.executable).resolve()
 STDLIB = pathlib.Path(sysconfig.get_path("stdlib"))
 UNUSED = "test", "tests", "*-packages", "idlelib", "tkinter", "config-*", "EXTERNALLY-MANAGED"
 DEPENDENCIES = (
-    *("numpy", "grpcio", "protobuf", "googleapis-common-protos", "pillow", "tqdm"),
+    *("numpy", "grpcio", "protobuf", "googleapis-common-protos", "pillow", "pyyaml", "tqdm"),
     *("typing_extensions", "pip"),
 )
 PICTURE = """
